@@ -1,0 +1,46 @@
+# Everything handsim needs, each missing piece named in one sentence that says how to get it.
+
+# Stops the configure step with one sentence.
+function(handsim_need condition what package)
+  if(NOT ${condition})
+    message(FATAL_ERROR "handsim needs ${what}: install the Debian package ${package}, or run ./dev, which installs all it needs.")
+  endif()
+endfunction()
+
+find_package(PkgConfig QUIET)
+handsim_need(PKG_CONFIG_FOUND "pkg-config" pkg-config)
+
+pkg_check_modules(ODE QUIET IMPORTED_TARGET ode>=0.16)
+handsim_need(ODE_FOUND "the Open Dynamics Engine (pkg-config ode, 0.16 or newer)" libode-dev)
+# ODE's precision is fixed when ODE is built and its headers follow the flag that pkg-config hands out.
+include(CheckCXXSourceCompiles)
+set(CMAKE_REQUIRED_LIBRARIES PkgConfig::ODE)
+check_cxx_source_compiles("
+  #include <ode/ode.h>
+  static_assert(sizeof(dReal) == sizeof(double), \"single precision\");
+  int main() { return dCheckConfiguration(\"ODE_double_precision\") ? 0 : 1; }" HANDSIM_ODE_IS_DOUBLE)
+unset(CMAKE_REQUIRED_LIBRARIES)
+handsim_need(HANDSIM_ODE_IS_DOUBLE "ODE built in double precision (this one is single precision or does not link)" libode-dev)
+
+foreach(entry "Eigen3;Eigen 3;libeigen3-dev" "yaml-cpp;yaml-cpp;libyaml-cpp-dev" "fmt;fmt;libfmt-dev"
+              "nlohmann_json;nlohmann-json;nlohmann-json3-dev" "PNG;libpng;libpng-dev" "CLI11;CLI11;libcli11-dev")
+  list(GET entry 0 package)
+  list(GET entry 1 what)
+  list(GET entry 2 debian)
+  find_package(${package} QUIET)
+  handsim_need(${package}_FOUND "${what}" ${debian})
+endforeach()
+
+pkg_check_modules(OSMESA QUIET IMPORTED_TARGET osmesa)
+handsim_need(OSMESA_FOUND "OSMesa (off-screen OpenGL)" libosmesa6-dev)
+pkg_check_modules(CAIRO QUIET IMPORTED_TARGET cairo)
+handsim_need(CAIRO_FOUND "cairo (text and layout of contact sheets)" libcairo2-dev)
+
+if(HANDSIM_TESTS)
+  find_package(GTest QUIET)
+  handsim_need(GTest_FOUND "GoogleTest" libgtest-dev)
+endif()
+if(HANDSIM_BENCHMARKS)
+  find_package(benchmark QUIET)
+  handsim_need(benchmark_FOUND "Google Benchmark" libbenchmark-dev)
+endif()

@@ -1,0 +1,20 @@
+# One object library per folder of src/. A folder sees its own headers and those of the folders it links,
+# and no others: each has an include root that holds only itself, so a wrong include does not build.
+
+add_library(handsim_flags INTERFACE)
+target_compile_options(handsim_flags INTERFACE -Wall -Wextra -Wconversion -Wshadow
+                       $<$<BOOL:${HANDSIM_WERROR}>:-Werror> -ffp-contract=off)
+# GCC 12 reports Eigen's fixed-size temporaries as maybe-uninitialized at -O2.
+target_compile_options(handsim_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
+
+# handsim_folder(NAME SOURCES file... USES folder... LIBRARIES public library... PRIVATE library...)
+function(handsim_folder folder)
+  cmake_parse_arguments(arg "" "" "SOURCES;USES;LIBRARIES;PRIVATE" ${ARGN})
+  set(root ${PROJECT_BINARY_DIR}/include/${folder})
+  file(MAKE_DIRECTORY ${root}/handsim)
+  file(CREATE_LINK ${PROJECT_SOURCE_DIR}/src/${folder} ${root}/handsim/${folder} SYMBOLIC)
+  add_library(handsim_${folder} OBJECT ${arg_SOURCES})
+  target_include_directories(handsim_${folder} PUBLIC ${root})
+  list(TRANSFORM arg_USES PREPEND handsim_)
+  target_link_libraries(handsim_${folder} PUBLIC ${arg_USES} ${arg_LIBRARIES} PRIVATE handsim_flags ${arg_PRIVATE})
+endfunction()

@@ -1,0 +1,39 @@
+#include "handsim/core/error.h"
+
+#include <fmt/format.h>
+
+namespace handsim {
+
+namespace {
+
+std::string joined(const std::vector<Problem>& problems) {
+  std::string text;
+  for (const Problem& problem : problems) {
+    if (!text.empty()) text += '\n';
+    text += problem.text();
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string Problem::text() const {
+  std::string out;
+  if (place) out += fmt::format("{}:{}:{}: ", place->file, place->line, place->column);
+  if (!key.empty()) out += key + ": ";
+  return out + fmt::format("got {}, need {}", got, need);
+}
+
+Error::Error(std::vector<Problem> problems)
+    : std::runtime_error(joined(problems)), problems_(std::move(problems)) {}
+
+Error::Error(PhysicsFault fault)
+    : std::runtime_error(fmt::format("at t = {:.6g} s: {}: {}: {}", fault.time, fault.where, fault.quantity,
+                                     fault.detail)),
+      fault_(std::move(fault)) {}
+
+Error input_error(std::string key, std::string got, std::string need) {
+  return Error(std::vector<Problem>{{std::nullopt, std::move(key), std::move(got), std::move(need)}});
+}
+
+}  // namespace handsim

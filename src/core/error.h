@@ -1,0 +1,64 @@
+// What can go wrong, as one type: `handsim::Error`. Input problems carry the place in the file, what
+// was found and what was needed, many at once; physics faults carry time, body or joint, quantity and
+// value. Nothing in handsim aborts the process and nothing is thrown but this (and std::bad_alloc).
+#pragma once
+
+#include <optional>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace handsim {
+
+/// A place in a text file; line and column count from 1.
+struct Place {
+  std::string file;
+  int line = 1;
+  int column = 1;
+};
+
+/// One thing wrong with an input, printed as `file:line:column: key: got X, need Y`.
+struct Problem {
+  std::optional<Place> place;  ///< absent for problems that stand in no file
+  std::string key;             ///< dotted path, e.g. `hands.0.wrist.position`; may be empty
+  std::string got;             ///< what was found
+  std::string need;            ///< what would have been accepted
+
+  std::string text() const;
+};
+
+/// A simulation that went wrong.
+struct PhysicsFault {
+  double time = 0;       ///< simulated time [s]
+  std::string where;     ///< name of the body or joint
+  std::string quantity;  ///< what left its bounds, with unit
+  std::string detail;    ///< value, bound and remedy
+};
+
+enum class ErrorKind {
+  input,    ///< a file, a key, a number, an argument: exit status 2
+  physics,  ///< the simulation diverged: exit status 1
+};
+
+/// The only exception type of handsim.
+class Error : public std::runtime_error {
+ public:
+  /// Input problems, at least one.
+  explicit Error(std::vector<Problem> problems);
+  explicit Error(PhysicsFault fault);
+
+  ErrorKind kind() const { return fault_ ? ErrorKind::physics : ErrorKind::input; }
+  /// Empty for a physics fault.
+  const std::vector<Problem>& problems() const { return problems_; }
+  /// Set for a physics fault.
+  const std::optional<PhysicsFault>& fault() const { return fault_; }
+
+ private:
+  std::vector<Problem> problems_;
+  std::optional<PhysicsFault> fault_;
+};
+
+/// An input error that stands in no file: `key: got X, need Y`.
+Error input_error(std::string key, std::string got, std::string need);
+
+}  // namespace handsim

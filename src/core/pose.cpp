@@ -1,0 +1,24 @@
+#include "handsim/core/pose.h"
+
+#include <cmath>
+
+namespace handsim {
+
+Vec3 rotation_vector(const Quat& q) {
+  // The half with w >= 0 is the short way round.
+  const double sign = q.w() < 0 ? -1.0 : 1.0;
+  const Vec3 v = sign * q.vec();
+  const double s = v.norm();
+  // 2 atan2(s, w) / s tends to 2 / w as s goes to 0.
+  if (s < 1e-12) return 2.0 * v;
+  return 2.0 * std::atan2(s, sign * q.w()) / s * v;
+}
+
+Quat rotation_quaternion(const Vec3& r) {
+  const double angle = r.norm();
+  if (angle < 1e-12) return Quat(1, 0.5 * r.x(), 0.5 * r.y(), 0.5 * r.z()).normalized();
+  const Vec3 v = std::sin(0.5 * angle) / angle * r;
+  return {std::cos(0.5 * angle), v.x(), v.y(), v.z()};
+}
+
+}  // namespace handsim

@@ -1,0 +1,85 @@
+// What every engine offers: a Model and its start in, one step at a time out. Engines own their own
+// representation (ODE ids, reduced coordinates) and hand out poses and velocities as a State.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "handsim/model/effects.h"
+#include "handsim/model/state.h"
+
+namespace handsim::engine {
+
+enum class Method {
+  world_step,  ///< ODE's direct LCP solver (Dantzig): exact, cost grows with the cube of the rows
+  quick_step,  ///< ODE's iterative solver (projected SOR): cost grows with rows times iterations
+};
+
+/// How the engine advances the state.
+struct Settings {
+  Method method = Method::world_step;
+  double step = 1e-3;  ///< [s], > 0
+  /// Share of a joint's positional error that one step corrects, 0..1. Low: joints drift apart under
+  /// load; high (above about 0.8): jitter and restitution at stops.
+  double erp = 0.2;
+  /// Constraint force mixing (inverse stiffness of every constraint row per step), > 0. Low: redundant
+  /// rows make the LCP fail; high: joints feel like rubber.
+  double cfm = 1e-9;
+  int iterations = 20;      ///< quick_step only
+  std::uint64_t seed = 1;   ///< quick_step shuffles its rows with ODE's random generator
+  model::Effects effects;
+};
+
+/// What acts on the model during one step.
+struct StepInput {
+  /// Joint torques [N m] or forces [N], size model.dof_count() or empty, positive along the coordinate.
+  std::span<const double> torques;
+};
+
+/// What one step did.
+struct StepReport {
+  int lcp_failures = 0;   ///< times the direct solver gave up
+  int contacts = 0;       ///< contact points
+  int stop_rows = 0;      ///< joint stops in force
+  int collide_calls = 0;  ///< pairs given to the narrow phase
+  double collide_ns = 0;  ///< time in collision detection [ns]
+  double tissue_ns = 0;   ///< time in setting passive tissue [ns]
+};
+
+/// A contact point of the last step.
+struct Contact {
+  int shape_a = 0;
+  int shape_b = 0;
+  Vec3 position = Vec3::Zero();  ///< world [m]
+  Vec3 normal = Vec3::Zero();    ///< world, unit, out of b into a
+  double depth = 0;              ///< penetration, > 0 [m]
+};
+
+class Engine {
+ public:
+  virtual ~Engine() = default;
+
+  /// Advances by settings().step.
+  /// @throws Error (physics) naming time, body or joint and quantity when the state leaves its bounds;
+  ///         the engine is then unusable, other engines are not affected.
+  virtual StepReport step(const StepInput& input) = 0;
+
+  virtual const model::State& state() const = 0;
+  /// Replaces poses, velocities and time.
+  virtual void set_state(const model::State& state) = 0;
+  virtual std::span<const Contact> contacts() const = 0;
+  virtual const Settings& settings() const = 0;
+  /// True where a collision space exists.
+  virtual bool tests_contacts() const = 0;
+  /// Name, version and build of the engine, e.g. `ODE 0.16.2 double`.
+  virtual std::string version() const = 0;
+};
+
+/// Builds the engine and puts it at model::initial_state(model).
+/// @throws Error (input) naming every invalid part of the model or setting.
+/// The model must outlive the engine.
+std::unique_ptr<Engine> make_engine(const model::Model& model, const Settings& settings);
+
+}  // namespace handsim::engine

@@ -1,0 +1,161 @@
+#include "handsim/model/kinematics.h"
+
+#include <cmath>
+
+namespace handsim::model {
+
+namespace {
+
+/// Angle [rad] of a rotation about a given unit axis.
+double angle_about(const Quat& q, const Vec3& axis) {
+  const double angle = 2.0 * std::atan2(q.vec().dot(axis), q.w());
+  // atan2 gives (-pi, pi], so the double of it may lie one turn off.
+  if (angle > M_PI) return angle - 2 * M_PI;
+  return angle <= -M_PI ? angle + 2 * M_PI : angle;
+}
+
+Pose frame_in_world(const State& state, int body, const Pose& frame) {
+  return state.bodies[static_cast<std::size_t>(body)].pose() * frame;
+}
+
+/// X_FM.
+Pose relative_pose(const Joint& joint, const State& state) {
+  return frame_in_world(state, joint.parent, joint.parent_frame).inverse() *
+         frame_in_world(state, joint.child, joint.child_frame);
+}
+
+/// Coordinates of R_FM = Rot(a, q0) Rot(b, q1) with a perpendicular to b: with c = a x b,
+/// R b = cos q0 b + sin q0 c and R^T a = cos q1 a + sin q1 (a x b)... read off both.
+void universal_angles(const Quat& q_FM, const Vec3& a, const Vec3& b, std::span<double> out) {
+  const Vec3 c = a.cross(b);
+  const Vec3 b_F = q_FM * b;
+  const Vec3 a_M = q_FM.conjugate() * a;
+  out[0] = std::atan2(b_F.dot(c), b_F.dot(b));
+  out[1] = std::atan2(a_M.dot(c), a_M.dot(a));
+}
+
+}  // namespace
+
+void joint_coordinates(const Joint& joint, const State& state, std::span<double> out) {
+  const Pose x_FM = relative_pose(joint, state);
+  switch (joint.kind) {
+    case JointKind::hinge:
+      out[0] = angle_about(x_FM.q, joint.axes[0].axis);
+      return;
+    case JointKind::universal:
+      universal_angles(x_FM.q, joint.axes[0].axis, joint.axes[1].axis, out);
+      return;
+    case JointKind::slider:
+      out[0] = x_FM.p.dot(joint.axes[0].axis);
+      return;
+    case JointKind::ball: {
+      const Vec3 r = rotation_vector(x_FM.q);
+      for (int i = 0; i < 3; ++i) out[static_cast<std::size_t>(i)] = r[i];
+      return;
+    }
+  }
+}
+
+void joint_rates(const Joint& joint, const State& state, std::span<double> out) {
+  const BodyState& parent = state.bodies[static_cast<std::size_t>(joint.parent)];
+  const BodyState& child = state.bodies[static_cast<std::size_t>(joint.child)];
+  const Quat q_WF = parent.q * joint.parent_frame.q;
+  const Vec3 w_F = q_WF.conjugate() * (child.w - parent.w);
+  switch (joint.kind) {
+    case JointKind::hinge:
+      out[0] = w_F.dot(joint.axes[0].axis);
+      return;
+    case JointKind::universal: {
+      // w = q0' a + q1' b_F with a and b_F perpendicular.
+      const Quat q_WM = child.q * joint.child_frame.q;
+      const Vec3 b_F = q_WF.conjugate() * (q_WM * joint.axes[1].axis);
+      out[0] = w_F.dot(joint.axes[0].axis);
+      out[1] = w_F.dot(b_F);
+      return;
+    }
+    case JointKind::slider: {
+      const Vec3 r_child = child.q * joint.child_frame.p;
+      // Velocity of M's origin seen from the parent.
+      const Vec3 at = child.p + r_child;
+      const Vec3 carried = parent.v + parent.w.cross(at - parent.p);
+      const Vec3 v = child.v + child.w.cross(r_child) - carried;
+      out[0] = (q_WF.conjugate() * v).dot(joint.axes[0].axis);
+      return;
+    }
+    case JointKind::ball:
+      for (int i = 0; i < 3; ++i) out[static_cast<std::size_t>(i)] = w_F[i];
+      return;
+  }
+}
+
+std::vector<double> coordinates(const Model& model, const State& state) {
+  std::vector<double> q(static_cast<std::size_t>(model.dof_count()));
+  for (const Joint& joint : model.joints)
+    joint_coordinates(joint, state, std::span(q).subspan(static_cast<std::size_t>(joint.first_dof)));
+  return q;
+}
+
+std::vector<double> rates(const Model& model, const State& state) {
+  std::vector<double> u(static_cast<std::size_t>(model.dof_count()));
+  for (const Joint& joint : model.joints)
+    joint_rates(joint, state, std::span(u).subspan(static_cast<std::size_t>(joint.first_dof)));
+  return u;
+}
+
+double joint_gap(const Joint& joint, const State& state) {
+  const BodyState& parent = state.bodies[static_cast<std::size_t>(joint.parent)];
+  const BodyState& child = state.bodies[static_cast<std::size_t>(joint.child)];
+  Vec3 gap = child.p + child.q * joint.child_frame.p - parent.p - parent.q * joint.parent_frame.p;
+  if (joint.kind == JointKind::slider) {
+    const Vec3 axis = parent.q * (joint.parent_frame.q * joint.axes[0].axis);
+    gap -= gap.dot(axis) * axis;
+  }
+  return gap.norm();
+}
+
+Pose joint_transform(const Joint& joint, std::span<const double> q) {
+  switch (joint.kind) {
+    case JointKind::hinge:
+      return {Vec3::Zero(), rotation_quaternion(q[0] * joint.axes[0].axis)};
+    case JointKind::universal:
+      return {Vec3::Zero(),
+              rotation_quaternion(q[0] * joint.axes[0].axis) * rotation_quaternion(q[1] * joint.axes[1].axis)};
+    case JointKind::slider:
+      return {q[0] * joint.axes[0].axis, Quat::Identity()};
+    case JointKind::ball:
+      return {Vec3::Zero(), rotation_quaternion({q[0], q[1], q[2]})};
+  }
+  return {};
+}
+
+State state_at(const Model& model, std::span<const double> q) {
+  State state;
+  state.bodies.resize(model.bodies.size());
+  for (std::size_t i = 0; i < model.bodies.size(); ++i) {
+    state.bodies[i].p = model.bodies[i].zero_pose.p;
+    state.bodies[i].q = model.bodies[i].zero_pose.q;
+  }
+  for (const Joint& joint : model.joints) {
+    if (joint.closes_loop) continue;
+    const Pose x_FM = joint_transform(joint, q.subspan(static_cast<std::size_t>(joint.first_dof)));
+    const Pose x_WB = frame_in_world(state, joint.parent, joint.parent_frame) * x_FM * joint.child_frame.inverse();
+    state.bodies[static_cast<std::size_t>(joint.child)].p = x_WB.p;
+    state.bodies[static_cast<std::size_t>(joint.child)].q = x_WB.q;
+  }
+  return state;
+}
+
+State initial_state(const Model& model) {
+  std::vector<double> q(static_cast<std::size_t>(model.dof_count()), 0.0);
+  for (const Joint& joint : model.joints)
+    for (std::size_t a = 0; a < joint.axes.size(); ++a)
+      q[static_cast<std::size_t>(joint.first_dof) + a] = joint.axes[a].initial;
+  State state = state_at(model, q);
+  for (std::size_t i = 0; i < model.bodies.size(); ++i) {
+    state.bodies[i].v = model.bodies[i].initial_velocity;
+    state.bodies[i].w = model.bodies[i].initial_angular_velocity;
+  }
+  return state;
+}
+
+}  // namespace handsim::model

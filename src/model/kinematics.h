@@ -1,0 +1,33 @@
+// Joint coordinates from body poses and back, without any engine. Coordinates of a joint: hinge,
+// universal, slider as in `Joint`; ball: the rotation vector of R_FM. Angles are in (-pi, pi].
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "handsim/model/state.h"
+
+namespace handsim::model {
+
+/// Joint coordinates [rad] or [m], size dof_count(joint.kind), into `out`.
+void joint_coordinates(const Joint& joint, const State& state, std::span<double> out);
+/// Joint rates [rad/s] or [m/s] (ball: angular velocity of the child relative to the parent in F).
+void joint_rates(const Joint& joint, const State& state, std::span<double> out);
+/// All coordinates, size model.dof_count().
+std::vector<double> coordinates(const Model& model, const State& state);
+/// All rates, size model.dof_count().
+std::vector<double> rates(const Model& model, const State& state);
+
+/// How far the joint has come apart [m]: distance between the two anchor points (slider: its part
+/// perpendicular to the axis).
+double joint_gap(const Joint& joint, const State& state);
+
+/// X_FM for given coordinates of this joint.
+Pose joint_transform(const Joint& joint, std::span<const double> q);
+/// State with the given coordinates (size model.dof_count()), at rest. Bodies without a joint to a
+/// parent stay at their zero pose; loop-closing joints are not solved for.
+State state_at(const Model& model, std::span<const double> q);
+/// The start: every axis at its `initial` coordinate, drives at time 0, bodies at their initial velocities.
+State initial_state(const Model& model);
+
+}  // namespace handsim::model

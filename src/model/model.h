@@ -1,0 +1,156 @@
+// The compiled description of everything a scene simulates: bodies, joints, shapes, materials, contact
+// rules and driven bodies, in SI and radians. Constant once built; knows no engine, YAML or OpenGL.
+// Body 0 is the world. Every joint's parent stands before its child, loop-closing joints excepted.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/core/pose.h"
+#include "handsim/model/motion.h"
+
+namespace handsim::model {
+
+/// Index of the world in `Model::bodies`.
+inline constexpr int kWorld = 0;
+
+/// What a thing is painted as; also tells fingers apart in tables.
+enum class Tint { palm, thumb, index, middle, ring, little, object, ground, mechanism };
+
+enum class Side { right, left };
+
+/// One rigid body. The body frame has its origin at the centre of mass.
+struct Body {
+  std::string name;             ///< unique, e.g. `right.index_proximal`
+  double mass = 0;              ///< [kg], > 0 (the world: 0)
+  Mat3 inertia = Mat3::Zero();  ///< about the centre of mass in body axes [kg m^2]
+  Pose zero_pose;               ///< X_WB with every joint coordinate at zero
+  Vec3 initial_velocity = Vec3::Zero();          ///< of the centre of mass, in world axes [m/s]
+  Vec3 initial_angular_velocity = Vec3::Zero();  ///< in world axes [rad/s]
+  /// Moves only as told (a `driven` body) or not at all: infinite mass to the others.
+  bool kinematic = false;
+};
+
+enum class ShapeKind { box, capsule, cylinder, sphere, plane };
+
+/// A geometric shape fixed to a body. Capsules and cylinders lie along their local z axis; a plane is
+/// z = 0 of its frame with the solid below.
+struct Shape {
+  std::string name;
+  ShapeKind kind = ShapeKind::sphere;
+  int body = kWorld;
+  Pose pose;                  ///< X_BS, shape frame (origin at the shape's centre) in the body frame
+  double radius = 0;          ///< capsule, cylinder, sphere [m]
+  double length = 0;          ///< capsule: between the cap centres; cylinder: full height [m]
+  Vec3 edges = Vec3::Zero();  ///< box: full edge lengths [m]
+  int group = 0;              ///< index into `Model::groups`
+  int material = 0;           ///< index into `Model::materials`
+  Tint tint = Tint::object;
+};
+
+enum class JointKind {
+  hinge,      ///< one rotation
+  universal,  ///< two rotations: the first axis fixed in the parent, the second in the child
+  ball,       ///< free rotation about a point
+  slider,     ///< one translation
+};
+
+/// Number of degrees of freedom: 1, 2, 3, 1.
+int dof_count(JointKind kind);
+
+/// Limits of one joint coordinate.
+struct Stop {
+  double low = 0;            ///< [rad] or [m], below `high`
+  double high = 0;           ///< [rad] or [m]
+  double bounce = 0;         ///< restitution at the stop, 0..1
+  double fudge_factor = 1;   ///< ODE's: scales a motor's force when it leaves a stop, 0..1
+};
+
+/// Linear passive tissue across one joint coordinate: torque = -stiffness (q - rest) - damping qdot.
+struct Tissue {
+  double stiffness = 0;  ///< [N m/rad] or [N/m]
+  double damping = 0;    ///< [N m s/rad] or [N s/m]
+  double rest = 0;       ///< [rad] or [m]
+};
+
+/// One axis of a hinge, universal or slider joint.
+struct JointAxis {
+  std::string name;           ///< e.g. `flexion`
+  Vec3 axis = Vec3::UnitX();  ///< unit; axis 0 in the joint's parent frame F, axis 1 in its child frame M
+  std::optional<Stop> stop;
+  std::optional<Tissue> tissue;
+  double initial = 0;  ///< coordinate at the start [rad] or [m]
+};
+
+/// A joint. Frame F is fixed in the parent, M in the child; at zero coordinates they coincide. Hinge:
+/// R_FM = Rot(axis0, q0). Universal: R_FM = Rot(axis0, q0) Rot(axis1, q1). Ball: R_FM free. Slider:
+/// p_FM = q0 axis0.
+struct Joint {
+  std::string name;  ///< unique, e.g. `right.index_mcp`
+  JointKind kind = JointKind::hinge;
+  int parent = kWorld;
+  int child = 0;
+  Pose parent_frame;            ///< X_PF
+  Pose child_frame;             ///< X_CM
+  std::vector<JointAxis> axes;  ///< hinge, slider 1; universal 2; ball 0
+  int first_dof = 0;            ///< index of its first coordinate in vectors of `Model::dof_count()`
+  bool closes_loop = false;     ///< its child already hangs on another joint
+};
+
+/// Surface of a shape.
+struct Material {
+  std::string name;
+  double friction = 0.8;           ///< Coulomb coefficient, >= 0
+  double restitution = 0;          ///< 0..1
+  double restitution_speed = 0.05; ///< impacts slower than this do not bounce [m/s]
+};
+
+/// A named set of shapes that contact rules speak of.
+struct ContactGroup {
+  std::string name;
+};
+
+/// Two groups whose shapes are tested against each other (a group may meet itself). Jointed bodies and
+/// pairs of immovable bodies are never tested.
+struct ContactRule {
+  int group_a = 0;
+  int group_b = 0;
+};
+
+/// A kinematic body that follows a timed trajectory of its joint centre frame.
+struct Drive {
+  int body = 0;
+  Pose frame;         ///< X_BD: the frame D that the motion moves, in the body frame
+  PoseMotion motion;  ///< X_WD over time
+};
+
+/// A hand's place in the model.
+struct HandIndex {
+  std::string name;  ///< `right`, `left`, or with a number where a scene has several of a side
+  Side side = Side::right;
+  int palm = 0;                  ///< body
+  Pose wrist_frame;              ///< X_PH: hand frame H (origin at the wrist joint centre) in the palm body
+  std::vector<int> bodies;       ///< palm first, then segments
+  std::vector<int> joints;       ///< finger joints, and the wrist joint where it has one
+};
+
+/// Everything a scene simulates.
+struct Model {
+  Vec3 gravity = {0, 0, -9.80665};  ///< [m/s^2]; acts only where the gravity effect is on
+  std::vector<Body> bodies;         ///< [0] is the world
+  std::vector<Joint> joints;
+  std::vector<Shape> shapes;
+  std::vector<Material> materials;
+  std::vector<ContactGroup> groups;
+  std::vector<ContactRule> contact_rules;  ///< empty: nothing is ever tested for contact
+  std::vector<Drive> drives;
+  std::vector<HandIndex> hands;
+
+  int dof_count() const;
+};
+
+/// Adds the world body to an empty model.
+Model make_model();
+
+}  // namespace handsim::model

@@ -1,0 +1,32 @@
+// A timed trajectory of a frame: keyframes joined by straight lines or minimum-jerk curves. Before the
+// first keyframe and after the last the frame stands still.
+#pragma once
+
+#include <vector>
+
+#include "handsim/core/pose.h"
+
+namespace handsim::model {
+
+enum class Interpolation {
+  linear,
+  minimum_jerk,  ///< 10 s^3 - 15 s^4 + 6 s^5 (Flash & Hogan 1985, J Neurosci 5:1688)
+};
+
+struct PoseKey {
+  double time = 0;  ///< [s], rising
+  Pose pose;        ///< X_WD
+};
+
+struct PoseMotion {
+  std::vector<PoseKey> keys;  ///< at least one
+  Interpolation interpolation = Interpolation::minimum_jerk;
+
+  /// Pose at a time [s].
+  Pose at(double time) const;
+};
+
+/// Fraction of the way, 0..1, after fraction `s` (0..1) of the time.
+double eased(Interpolation interpolation, double s);
+
+}  // namespace handsim::model

@@ -1,0 +1,183 @@
+#include "handsim/model/validate.h"
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+
+#include <fmt/format.h>
+
+namespace handsim::model {
+
+namespace {
+
+// Beyond these ODE's own checks abort (mass 1e-12) or lose all digits.
+constexpr double kMassMin = 1e-9, kMassMax = 1e6;
+constexpr double kSizeMin = 1e-6, kSizeMax = 1e4;
+constexpr double kFar = 1e6;
+constexpr double kUnitTolerance = 1e-9;
+
+class Checker {
+ public:
+  explicit Checker(const Model& model) : model_(model) {}
+
+  std::vector<Problem> run() {
+    check_vector("gravity", model_.gravity);
+    if (model_.bodies.empty()) add("bodies", "none", "the world as body 0");
+    for (std::size_t i = 1; i < model_.bodies.size(); ++i) check_body(model_.bodies[i]);
+    for (const Joint& joint : model_.joints) check_joint(joint);
+    check_order();
+    for (const Shape& shape : model_.shapes) check_shape(shape);
+    for (const Material& material : model_.materials) check_material(material);
+    for (const ContactRule& rule : model_.contact_rules)
+      if (!in(rule.group_a, model_.groups) || !in(rule.group_b, model_.groups))
+        add("contact_rules", fmt::format("groups {}, {}", rule.group_a, rule.group_b), "indices of groups");
+    for (const Drive& drive : model_.drives) check_drive(drive);
+    return std::move(problems_);
+  }
+
+ private:
+  template <class T>
+  static bool in(int index, const std::vector<T>& list) {
+    return index >= 0 && static_cast<std::size_t>(index) < list.size();
+  }
+
+  void add(std::string key, std::string got, std::string need) {
+    problems_.push_back({std::nullopt, std::move(key), std::move(got), std::move(need)});
+  }
+
+  void check_vector(const std::string& key, const Vec3& v) {
+    if (!v.allFinite() || v.norm() > kFar)
+      add(key, fmt::format("({}, {}, {})", v.x(), v.y(), v.z()), fmt::format("finite numbers below {:g}", kFar));
+  }
+
+  void check_pose(const std::string& key, const Pose& pose) {
+    check_vector(key + ".position", pose.p);
+    if (!pose.q.coeffs().allFinite() || std::abs(pose.q.norm() - 1) > kUnitTolerance)
+      add(key + ".rotation", fmt::format("a quaternion of length {:.12g}", pose.q.norm()), "a unit quaternion");
+  }
+
+  void check_range(const std::string& key, double value, double low, double high, const char* unit) {
+    if (!(value >= low && value <= high))
+      add(key, fmt::format("{:g} {}", value, unit), fmt::format("{:g} to {:g} {}", low, high, unit));
+  }
+
+  void check_body(const Body& body) {
+    check_pose(body.name + ".zero_pose", body.zero_pose);
+    check_vector(body.name + ".initial_velocity", body.initial_velocity);
+    check_vector(body.name + ".initial_angular_velocity", body.initial_angular_velocity);
+    check_range(body.name + ".mass", body.mass, kMassMin, kMassMax, "kg");
+    check_inertia(body);
+  }
+
+  void check_inertia(const Body& body) {
+    const std::string key = body.name + ".inertia";
+    if (!body.inertia.allFinite()) return add(key, "a number that is not finite", "finite numbers");
+    const double scale = body.inertia.cwiseAbs().maxCoeff();
+    if (!(body.inertia - body.inertia.transpose()).isZero(1e-9 * scale))
+      return add(key, "a matrix that is not symmetric", "a symmetric matrix");
+    const Vec3 principal = Eigen::SelfAdjointEigenSolver<Mat3>(body.inertia, Eigen::EigenvaluesOnly).eigenvalues();
+    // A rigid body's two smaller principal moments sum to at least the largest.
+    if (!(principal[0] > 0) || principal[2] > (principal[0] + principal[1]) * (1 + 1e-9))
+      add(key, fmt::format("principal moments {:g}, {:g}, {:g} kg m^2", principal[0], principal[1], principal[2]),
+          "positive moments of which none exceeds the sum of the other two");
+  }
+
+  void check_axis(const std::string& key, const Vec3& axis) {
+    if (!axis.allFinite() || std::abs(axis.norm() - 1) > kUnitTolerance)
+      add(key, fmt::format("({}, {}, {})", axis.x(), axis.y(), axis.z()), "a unit vector");
+  }
+
+  void check_joint(const Joint& joint) {
+    const int child_dofs = dof_count(joint.kind);
+    if (!in(joint.parent, model_.bodies) || !in(joint.child, model_.bodies) || joint.parent == joint.child ||
+        joint.child == kWorld)
+      add(joint.name, fmt::format("bodies {} and {}", joint.parent, joint.child), "two different bodies, the child not the world");
+    check_pose(joint.name + ".parent_frame", joint.parent_frame);
+    check_pose(joint.name + ".child_frame", joint.child_frame);
+    const std::size_t axes = joint.kind == JointKind::ball ? 0 : static_cast<std::size_t>(child_dofs);
+    if (joint.axes.size() != axes)
+      return add(joint.name + ".axes", fmt::format("{} axes", joint.axes.size()), fmt::format("{}", axes));
+    for (const JointAxis& axis : joint.axes) check_joint_axis(joint.name + "." + axis.name, axis);
+    if (joint.kind == JointKind::universal &&
+        !(std::abs(joint.axes[0].axis.dot(joint.axes[1].axis)) < kUnitTolerance))
+      add(joint.name + ".axes", fmt::format("axes with cosine {:g}", joint.axes[0].axis.dot(joint.axes[1].axis)),
+          "perpendicular axes");
+  }
+
+  void check_joint_axis(const std::string& key, const JointAxis& axis) {
+    check_axis(key + ".axis", axis.axis);
+    check_range(key + ".initial", axis.initial, -kFar, kFar, "rad or m");
+    if (axis.stop) {
+      if (!(axis.stop->low < axis.stop->high))
+        add(key + ".stop", fmt::format("{:g}..{:g}", axis.stop->low, axis.stop->high), "low below high");
+      check_range(key + ".stop.bounce", axis.stop->bounce, 0, 1, "");
+      check_range(key + ".stop.fudge_factor", axis.stop->fudge_factor, 0, 1, "");
+    }
+    if (axis.tissue) {
+      check_range(key + ".tissue.stiffness", axis.tissue->stiffness, 0, kFar, "N m/rad");
+      check_range(key + ".tissue.damping", axis.tissue->damping, 0, kFar, "N m s/rad");
+      check_range(key + ".tissue.rest", axis.tissue->rest, -kFar, kFar, "rad");
+    }
+  }
+
+  void check_order() {
+    std::vector<bool> placed(model_.bodies.size(), false);
+    std::vector<bool> is_child(model_.bodies.size(), false);
+    for (const Joint& joint : model_.joints)
+      if (!joint.closes_loop && in(joint.child, model_.bodies)) {
+        if (is_child[static_cast<std::size_t>(joint.child)])
+          add(joint.name, "a child that already hangs on another joint", "closes_loop");
+        is_child[static_cast<std::size_t>(joint.child)] = true;
+      }
+    for (std::size_t i = 0; i < placed.size(); ++i) placed[i] = !is_child[i];
+    for (const Joint& joint : model_.joints) {
+      if (joint.closes_loop || !in(joint.child, model_.bodies) || !in(joint.parent, model_.bodies)) continue;
+      if (!placed[static_cast<std::size_t>(joint.parent)])
+        add(joint.name, "a parent that comes later", "parents before children");
+      placed[static_cast<std::size_t>(joint.child)] = true;
+    }
+  }
+
+  void check_shape(const Shape& shape) {
+    check_pose(shape.name + ".pose", shape.pose);
+    if (!in(shape.body, model_.bodies) || !in(shape.group, model_.groups) || !in(shape.material, model_.materials))
+      add(shape.name, fmt::format("body {}, group {}, material {}", shape.body, shape.group, shape.material),
+          "indices within the model");
+    const bool round = shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::cylinder ||
+                       shape.kind == ShapeKind::sphere;
+    if (round) check_range(shape.name + ".radius", shape.radius, kSizeMin, kSizeMax, "m");
+    if (shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::cylinder)
+      check_range(shape.name + ".length", shape.length, kSizeMin, kSizeMax, "m");
+    if (shape.kind == ShapeKind::box)
+      for (int i = 0; i < 3; ++i) check_range(shape.name + ".edges", shape.edges[i], kSizeMin, kSizeMax, "m");
+  }
+
+  void check_material(const Material& material) {
+    check_range(material.name + ".friction", material.friction, 0, 1e3, "");
+    check_range(material.name + ".restitution", material.restitution, 0, 1, "");
+    check_range(material.name + ".restitution_speed", material.restitution_speed, 0, kFar, "m/s");
+  }
+
+  void check_drive(const Drive& drive) {
+    const bool known = in(drive.body, model_.bodies);
+    const std::string key = known ? model_.bodies[static_cast<std::size_t>(drive.body)].name + ".drive" : "drive";
+    if (!known || !model_.bodies[static_cast<std::size_t>(drive.body)].kinematic)
+      add(key, fmt::format("body {}", drive.body), "a kinematic body");
+    check_pose(key + ".frame", drive.frame);
+    if (drive.motion.keys.empty()) add(key + ".motion", "no keyframe", "at least one");
+    for (std::size_t i = 0; i < drive.motion.keys.size(); ++i) {
+      check_pose(key + ".motion", drive.motion.keys[i].pose);
+      if (i > 0 && !(drive.motion.keys[i].time > drive.motion.keys[i - 1].time))
+        add(key + ".motion", fmt::format("time {:g} after {:g}", drive.motion.keys[i].time, drive.motion.keys[i - 1].time),
+            "rising times");
+    }
+  }
+
+  const Model& model_;
+  std::vector<Problem> problems_;
+};
+
+}  // namespace
+
+std::vector<Problem> defects(const Model& model) { return Checker(model).run(); }
+
+}  // namespace handsim::model

@@ -1,0 +1,77 @@
+// What a picture shows, free of OpenGL: shapes, arrows and points in the world, and a camera. Made from a
+// Model and a State; the renderer turns it into an Image.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/model/state.h"
+
+namespace handsim::output {
+
+/// Linear colour components 0..1.
+struct Colour {
+  float r = 0.8F, g = 0.8F, b = 0.8F;
+};
+
+struct DrawShape {
+  model::ShapeKind kind = model::ShapeKind::sphere;  ///< any but plane
+  double radius = 0;          ///< as in model::Shape
+  double length = 0;
+  Vec3 edges = Vec3::Zero();
+  Pose pose;                  ///< X_WS
+  Colour colour;
+};
+
+/// A shaft with a head, e.g. a joint axis or a contact force.
+struct DrawArrow {
+  Vec3 from = Vec3::Zero();
+  Vec3 to = Vec3::Zero();
+  double radius = 0.001;  ///< of the shaft [m]
+  Colour colour;
+};
+
+struct DrawPoint {
+  Vec3 position = Vec3::Zero();
+  double radius = 0.002;  ///< [m]
+  Colour colour;
+};
+
+struct DrawList {
+  std::vector<DrawShape> shapes;
+  std::vector<DrawArrow> arrows;
+  std::vector<DrawPoint> points;
+  std::optional<double> ground_height;  ///< z of the ground with its grid [m]; absent: no ground
+};
+
+enum class View { dorsal, palmar, radial, three_quarter };
+
+/// A pinhole camera.
+struct Camera {
+  Vec3 position = {0.4, -0.6, 0.4};
+  Vec3 target = Vec3::Zero();
+  Vec3 up = Vec3::UnitZ();
+  double field_of_view = 0.6;  ///< vertical [rad]
+};
+
+struct DrawOptions {
+  bool joint_axes = false;
+};
+
+/// Shapes of the model at the state, coloured by tint; planes become the ground.
+DrawList draw_list(const model::Model& model, const model::State& state, const DrawOptions& options);
+
+/// The axis-aligned box of all shapes (not the ground), as two corners [m].
+struct Bounds {
+  Vec3 low = Vec3::Zero();
+  Vec3 high = Vec3::Zero();
+};
+Bounds bounds(const DrawList& list);
+
+/// A camera on the named side of `hand_frame` (X_WH; x ulnar, y distal, z dorsal on a right hand) that
+/// sees all of `lists` with a margin. `side` turns radial to the thumb's side.
+Camera framed_camera(View view, const Pose& hand_frame, model::Side side, const std::vector<DrawList>& lists,
+                     double aspect);
+
+}  // namespace handsim::output

@@ -1,0 +1,26 @@
+// An 8-bit RGB picture in memory and its PNG file.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace handsim::output {
+
+/// Rows from the top, three bytes a pixel.
+struct Image {
+  int width = 0;
+  int height = 0;
+  std::vector<std::uint8_t> rgb;
+
+  const std::uint8_t* pixel(int x, int y) const { return &rgb[static_cast<std::size_t>(3 * (y * width + x))]; }
+};
+
+/// Writes a PNG; the file appears under its name only when complete.
+/// @throws Error (input) where the path cannot be written.
+void write_png(const Image& image, const std::filesystem::path& path);
+/// @throws Error (input) where the file is missing or no PNG.
+Image read_png(const std::filesystem::path& path);
+
+}  // namespace handsim::output
