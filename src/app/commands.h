@@ -1,0 +1,48 @@
+// The command line: subcommands that read files, call the library and print. Exit status 0: done, and every
+// criterion held; 1: ran, but a criterion failed or the simulation diverged; 2: bad input or usage.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace handsim::app {
+
+int run_command_line(int argc, const char* const* argv);
+
+struct HandArguments {
+  std::optional<std::filesystem::path> person;  ///< a file, in place of the numbers
+  std::optional<std::string> stature, mass, sex;
+  std::optional<std::string> hand_length, hand_breadth, hand_circumference, hand_mass, hand_length_percentile;
+  std::optional<std::filesystem::path> model;  ///< absent: the anatomical hand that ships with handsim
+  std::string side = "both";
+  std::optional<std::filesystem::path> out;  ///< absent: only the table
+};
+int hand_command(const HandArguments& arguments);
+
+int check_command(const std::vector<std::filesystem::path>& files);
+
+struct RunArguments {
+  std::filesystem::path scene;
+  std::filesystem::path out;
+  std::vector<std::string> overrides;
+  int frames = 0;
+  bool quiet = false;
+  bool json = false;
+};
+int run_scene_command(const RunArguments& arguments);
+
+struct RenderArguments {
+  std::filesystem::path scene;
+  std::filesystem::path out;
+  std::vector<std::string> overrides;
+  double time = 0;  ///< [s]
+};
+int render_command(const RenderArguments& arguments);
+
+/// Folder with handmodels/ and config/: the installed one, or the source tree's.
+/// @throws Error (input) where neither is there.
+std::filesystem::path data_folder();
+
+}  // namespace handsim::app

@@ -1,0 +1,14 @@
+#include "handsim/app/commands.h"
+#include "handsim/core/error.h"
+
+namespace handsim::app {
+
+std::filesystem::path data_folder() {
+  for (const char* folder : {HANDSIM_INSTALLED_DATA, HANDSIM_SOURCE_DATA}) {
+    std::error_code failure;
+    if (std::filesystem::is_directory(std::filesystem::path(folder) / "handmodels", failure)) return folder;
+  }
+  throw input_error("--model", "nothing, and no shipped hand model at " HANDSIM_INSTALLED_DATA, "the path of a hand model");
+}
+
+}  // namespace handsim::app

@@ -1,0 +1,101 @@
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+
+#include <fmt/format.h>
+
+#include "handsim/app/commands.h"
+#include "handsim/engine/overlap.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/output/atomic_file.h"
+#include "handsim/simulation/run.h"
+
+namespace handsim::app {
+
+namespace {
+
+/// A bar on a terminal for what takes longer than a second; nothing where standard error is no terminal.
+class ProgressBar {
+ public:
+  void show(double share) {
+    const auto now = std::chrono::steady_clock::now();
+    if (!terminal_ || now - start_ < std::chrono::seconds(1) || now - shown_ < std::chrono::milliseconds(100)) return;
+    shown_ = now;
+    drawn_ = true;
+    constexpr int kWidth = 40;
+    const int full = static_cast<int>(share * kWidth);
+    fmt::print(stderr, "\r[{:#<{}}{:.<{}}] {:3.0f} %", "", full, "", kWidth - full, 100 * share);
+  }
+  ~ProgressBar() {
+    if (drawn_) fmt::print(stderr, "\r{:60}\r", "");
+  }
+  ProgressBar() = default;
+  ProgressBar(const ProgressBar&) = delete;
+  ProgressBar& operator=(const ProgressBar&) = delete;
+
+ private:
+  bool terminal_ = isatty(STDERR_FILENO) == 1;
+  bool drawn_ = false;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  std::chrono::steady_clock::time_point shown_;
+};
+
+void print_warnings(const scene::Scene& scene) {
+  for (const std::string& warning : scene.warnings) fmt::print(stderr, "warning: {}\n", warning);
+  for (const engine::Overlap& overlap : engine::initial_overlaps(scene.model, model::initial_state(scene.model)))
+    fmt::print(stderr, "warning: {} and {} overlap by {:.2g} mm at the start\n",
+               scene.model.shapes[static_cast<std::size_t>(overlap.shape_a)].name,
+               scene.model.shapes[static_cast<std::size_t>(overlap.shape_b)].name, 1e3 * overlap.depth);
+}
+
+void print_result(const scene::Scene& scene, const simulation::RunResult& result, const std::filesystem::path& out) {
+  fmt::print("{}\n", scene.spec.title);
+  fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", "criterion", "measured", "limit", "verdict", "where");
+  for (const simulation::Verdict& v : result.verdicts) {
+    const std::string limit = v.limit ? fmt::format("{:.4g} {}", *v.limit, v.unit) : "-";
+    const std::string where = v.where.empty() ? "" : fmt::format("{} at {:.3f} s", v.where, v.time);
+    fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", v.name, fmt::format("{:.4g} {}", v.measured, v.unit), limit,
+               !v.limit ? "-" : v.held() ? "held" : "FAILED", where);
+  }
+  if (result.fault) {
+    const PhysicsFault fault = *result.fault;
+    fmt::print(stderr, "{}\n", Error(fault).what());
+  }
+  fmt::print("  {:.3g} s simulated in {:.3g} s ({:.0f} times real time); files in {}\n", result.simulated, result.wall,
+             result.wall > 0 ? result.simulated / result.wall : 0, out.string());
+}
+
+}  // namespace
+
+int run_scene_command(const RunArguments& arguments) {
+  const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
+  print_warnings(scene);
+  simulation::RunResult result;
+  {
+    ProgressBar bar;
+    simulation::RunOptions options;
+    options.out = arguments.out;
+    options.frames = arguments.frames;
+    if (!arguments.quiet) options.progress = [&bar](double share) { bar.show(share); };
+    result = simulation::run(scene, options);
+  }
+  if (arguments.json)
+    fmt::print("{}", result.summary);
+  else if (!arguments.quiet)
+    print_result(scene, result, arguments.out);
+  else if (result.fault)
+    fmt::print(stderr, "{}\n", Error(*result.fault).what());
+  return result.passed() ? 0 : 1;
+}
+
+int render_command(const RenderArguments& arguments) {
+  const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
+  print_warnings(scene);
+  if (arguments.time > scene.spec.duration)
+    throw input_error("--time", fmt::format("{:g} s", arguments.time), fmt::format("0 to the scene's duration of {:g} s", scene.spec.duration));
+  output::write_png(simulation::picture(scene, arguments.time), arguments.out);
+  return 0;
+}
+
+}  // namespace handsim::app

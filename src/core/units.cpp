@@ -1,0 +1,137 @@
+#include "handsim/core/units.h"
+
+#include <array>
+#include <charconv>
+#include <cmath>
+
+#include <fmt/format.h>
+
+namespace handsim {
+
+namespace {
+
+struct Unit {
+  std::string_view name;
+  Dimension dimension;
+  double factor;
+};
+
+constexpr double kDegree = 0.017453292519943295769;
+
+constexpr std::array kUnits = {
+    Unit{"m", Dimension::length, 1},
+    Unit{"cm", Dimension::length, 1e-2},
+    Unit{"mm", Dimension::length, 1e-3},
+    Unit{"um", Dimension::length, 1e-6},
+    Unit{"rad", Dimension::angle, 1},
+    Unit{"deg", Dimension::angle, kDegree},
+    Unit{"s", Dimension::time, 1},
+    Unit{"ms", Dimension::time, 1e-3},
+    Unit{"us", Dimension::time, 1e-6},
+    Unit{"kg", Dimension::mass, 1},
+    Unit{"g", Dimension::mass, 1e-3},
+    Unit{"kg/m3", Dimension::density, 1},
+    Unit{"g/cm3", Dimension::density, 1e3},
+    Unit{"m/s", Dimension::speed, 1},
+    Unit{"mm/s", Dimension::speed, 1e-3},
+    Unit{"rad/s", Dimension::angular_speed, 1},
+    Unit{"deg/s", Dimension::angular_speed, kDegree},
+    Unit{"m/s2", Dimension::acceleration, 1},
+    Unit{"N m", Dimension::torque, 1},
+    Unit{"N mm", Dimension::torque, 1e-3},
+    Unit{"N m/rad", Dimension::rotational_stiffness, 1},
+    Unit{"N m/deg", Dimension::rotational_stiffness, 1 / kDegree},
+    Unit{"N m s/rad", Dimension::rotational_damping, 1},
+};
+
+struct DimensionText {
+  std::string_view name;
+  std::string_view unit;
+  std::string_view example;
+};
+
+DimensionText describe(Dimension dimension) {
+  switch (dimension) {
+    case Dimension::none:
+      return {"a number", "", "0.5"};
+    case Dimension::length:
+      return {"a length", "m", "0.02 or \"20 mm\""};
+    case Dimension::angle:
+      return {"an angle", "rad", "1.57 or \"90 deg\""};
+    case Dimension::time:
+      return {"a time", "s", "0.001 or \"1 ms\""};
+    case Dimension::mass:
+      return {"a mass", "kg", "0.4 or \"400 g\""};
+    case Dimension::density:
+      return {"a density", "kg/m3", "1148 or \"1.148 g/cm3\""};
+    case Dimension::speed:
+      return {"a speed", "m/s", "0.1 or \"100 mm/s\""};
+    case Dimension::angular_speed:
+      return {"an angular speed", "rad/s", "6 or \"6 rad/s\""};
+    case Dimension::acceleration:
+      return {"an acceleration", "m/s2", "9.81 or \"9.81 m/s2\""};
+    case Dimension::torque:
+      return {"a torque", "N m", "0.5 or \"0.5 N m\""};
+    case Dimension::rotational_stiffness:
+      return {"a stiffness", "N m/rad", "0.04 or \"0.04 N m/rad\""};
+    case Dimension::rotational_damping:
+      return {"a damping", "N m s/rad", "0.001 or \"0.001 N m s/rad\""};
+  }
+  return {};
+}
+
+std::string_view trimmed(std::string_view text) {
+  while (!text.empty() && text.front() == ' ') text.remove_prefix(1);
+  while (!text.empty() && text.back() == ' ') text.remove_suffix(1);
+  return text;
+}
+
+/// Reads a number off the front of `text` and leaves the rest.
+std::optional<double> take_number(std::string_view& text) {
+  double value = 0;
+  const auto result = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (result.ec != std::errc() || !std::isfinite(value)) return std::nullopt;
+  text.remove_prefix(static_cast<std::size_t>(result.ptr - text.data()));
+  return value;
+}
+
+}  // namespace
+
+std::optional<double> parse_number(std::string_view text) {
+  const std::optional<double> value = take_number(text);
+  return text.empty() ? value : std::nullopt;
+}
+
+std::optional<double> parse_quantity(std::string_view text, Dimension dimension) {
+  text = trimmed(text);
+  const std::optional<double> value = take_number(text);
+  text = trimmed(text);
+  if (!value || text.empty()) return value;
+  for (const Unit& unit : kUnits)
+    if (unit.name == text && unit.dimension == dimension) return *value * unit.factor;
+  return std::nullopt;
+}
+
+std::string number_text(double value) { return fmt::format("{}", value); }
+
+bool Quantity::allows(double value) const {
+  return std::isfinite(value) && value <= max && (above_min ? value > min : value >= min);
+}
+
+std::string Quantity::need() const {
+  const DimensionText text = describe(dimension);
+  const std::string unit = text.unit.empty() ? "" : fmt::format(" {}", text.unit);
+  std::string out(text.name);
+  if (std::isfinite(min) && std::isfinite(max))
+    out += fmt::format(", {}{:g} to {:g}{}", above_min ? "above " : "", min, max, unit);
+  else if (std::isfinite(min))
+    out += fmt::format(", {} {:g}{}", above_min ? "above" : "at least", min, unit);
+  else if (std::isfinite(max))
+    out += fmt::format(", at most {:g}{}", max, unit);
+  else if (!unit.empty())
+    out += fmt::format(" in{}", unit);
+  if (dimension != Dimension::none) out += fmt::format(", such as {}", text.example);
+  return out;
+}
+
+}  // namespace handsim

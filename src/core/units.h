@@ -1,0 +1,48 @@
+// Numbers with units, as YAML files and command lines write them: `"35 mm"` or a bare SI number in,
+// SI out. Knows the units of mechanics that hand models need and no others.
+#pragma once
+
+#include <limits>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace handsim {
+
+enum class Dimension {
+  none,
+  length,
+  angle,
+  time,
+  mass,
+  density,
+  speed,
+  angular_speed,
+  acceleration,
+  torque,
+  rotational_stiffness,
+  rotational_damping,
+};
+
+/// What a number must be: its dimension and range in SI.
+struct Quantity {
+  Dimension dimension = Dimension::none;
+  double min = -std::numeric_limits<double>::infinity();
+  double max = std::numeric_limits<double>::infinity();
+  bool above_min = false;  ///< the minimum itself is not allowed
+
+  /// For messages, e.g. `a length, above 0 to 0.5 m, such as 0.02 or "20 mm"`.
+  std::string need() const;
+  bool allows(double value) const;
+};
+
+/// Parses a bare finite number (SI) or a number and a unit of this dimension; nothing otherwise.
+std::optional<double> parse_quantity(std::string_view text, Dimension dimension);
+
+/// Parses all of the text as one finite number, with `.` as the decimal point whatever the locale.
+std::optional<double> parse_number(std::string_view text);
+
+/// Shortest text that reads back as the same double.
+std::string number_text(double value);
+
+}  // namespace handsim

@@ -1,0 +1,78 @@
+// YAML text into a tree of nodes that know their place in the file, and back. Strict where YAML is lax:
+// keys stand once, aliases may not recur, files and nesting are bounded. Reading values out of the tree is
+// yaml_reader's work.
+#pragma once
+
+#include <filesystem>
+#include <list>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "handsim/core/error.h"
+
+namespace handsim {
+
+struct YamlEntry;
+
+/// One value of a YAML document.
+struct YamlNode {
+  enum class Kind { null, scalar, sequence, map };
+
+  Kind kind = Kind::null;
+  std::string text;                         ///< scalar
+  bool quoted = false;                      ///< scalar in quotes: text, never a number or a truth value
+  std::vector<YamlNode> items;              ///< sequence
+  std::list<YamlEntry> entries;             ///< map, in the order of the file; stays put while keys are added
+  std::shared_ptr<const std::string> file;  ///< name as given by the user
+  int line = 1;
+  int column = 1;
+
+  Place place() const { return {file ? *file : std::string(), line, column}; }
+  YamlNode* find(std::string_view key);
+  const YamlNode* find(std::string_view key) const;
+  /// For messages: `0.5`, `"x"`, `a list`, `a mapping`, `nothing`.
+  std::string described() const;
+};
+
+struct YamlEntry {
+  std::string key;
+  int line = 1;
+  int column = 1;
+  YamlNode value;
+};
+
+/// Largest file and deepest nesting accepted, and most nodes after aliases are expanded.
+inline constexpr std::size_t kYamlMaxBytes = 4U << 20U;
+inline constexpr int kYamlMaxDepth = 64;
+inline constexpr int kYamlMaxNodes = 200'000;
+
+/// @param name the file's name in messages.
+/// @throws Error (input) with every syntax error, duplicate key and bad alias.
+YamlNode parse_yaml(const std::string& text, const std::string& name);
+
+/// @throws Error (input) where the file is missing, no regular file, too large, or bad YAML.
+YamlNode load_yaml(const std::filesystem::path& path);
+
+/// Canonical YAML that parses back to the same tree.
+std::string emit_yaml(const YamlNode& node);
+
+/// Scalars and containers for trees made in code.
+YamlNode yaml_scalar(std::string text, bool quoted = false);
+YamlNode yaml_map();
+YamlNode yaml_sequence();
+/// Adds or replaces `key` in a map.
+YamlNode& yaml_put(YamlNode& map, std::string key, YamlNode value);
+
+/// Replaces a scalar that names a YAML file (relative to the file it stands in) by that file's tree; other
+/// nodes stay as they are.
+/// @throws Error (input) at the scalar's place where the file cannot be read, or the file's own problems.
+void follow_reference(YamlNode& node, const std::string& key);
+
+/// Sets the value at a dotted path, e.g. `solver.step=5 ms` or `hands.0.side=left`, following file
+/// references and adding map keys on the way.
+/// @throws Error (input) naming the path where it leads through something that is no map or list.
+void apply_override(YamlNode& root, std::string_view assignment);
+
+}  // namespace handsim

@@ -1,0 +1,249 @@
+#include "handsim/core/yaml_reader.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+namespace handsim {
+
+namespace {
+
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t above = row[j];
+      row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0U : 1U)});
+      diagonal = above;
+    }
+  }
+  return row[b.size()];
+}
+
+std::string list_of(const std::vector<std::string>& words) {
+  return words.size() == 1 ? words.front() : "one of " + fmt::format("{}", fmt::join(words, ", "));
+}
+
+/// `step (did you mean it?)` first, then all that is known.
+std::string need_word(std::string_view got, const std::vector<std::string>& known) {
+  const std::optional<std::string> near = nearest_word(got, known);
+  return near ? fmt::format("{} (nearest: {})", list_of(known), *near) : list_of(known);
+}
+
+YamlNode vector_node(const Vec3& v) {
+  YamlNode list = yaml_sequence();
+  for (int i = 0; i < 3; ++i) list.items.push_back(yaml_scalar(number_text(v[i])));
+  return list;
+}
+
+}  // namespace
+
+std::optional<std::string> nearest_word(std::string_view word, const std::vector<std::string>& known) {
+  std::optional<std::string> best;
+  std::size_t best_distance = std::max<std::size_t>(1, std::min<std::size_t>(3, word.size() / 2)) + 1;
+  for (const std::string& candidate : known) {
+    const std::size_t distance = edit_distance(word, candidate);
+    if (distance < best_distance) {
+      best_distance = distance;
+      best = candidate;
+    }
+  }
+  return best;
+}
+
+std::optional<double> read_number(const YamlNode& node, const std::string& path, const Quantity& quantity,
+                                  Diagnostics& diagnostics) {
+  if (node.kind == YamlNode::Kind::scalar)
+    if (const std::optional<double> value = parse_quantity(node.text, quantity.dimension))
+      if (quantity.allows(*value)) return value;
+  diagnostics.problems.push_back({node.place(), path, node.described(), quantity.need()});
+  return std::nullopt;
+}
+
+MapReader::MapReader(YamlNode& node, std::string path, Diagnostics& diagnostics)
+    : node_(&node), path_(std::move(path)), diagnostics_(&diagnostics) {
+  if (node.kind == YamlNode::Kind::map) return;
+  broken_ = true;
+  diagnostics.problems.push_back({node.place(), path_, node.described(), "a mapping (key: value)"});
+}
+
+std::string MapReader::path_of(std::string_view key) const {
+  return path_.empty() ? std::string(key) : fmt::format("{}.{}", path_, key);
+}
+
+bool MapReader::has(std::string_view key) const { return node_->find(key) != nullptr; }
+
+YamlNode* MapReader::child(std::string_view key) {
+  known_.emplace(key);
+  return node_->find(key);
+}
+
+YamlNode* MapReader::wanted(std::string_view key, bool required, const std::string& need) {
+  YamlNode* found = child(key);
+  if (!found && required && !broken_)
+    diagnostics_->problems.push_back({node_->place(), path_of(key), "nothing", need});
+  return found;
+}
+
+void MapReader::write_default(std::string_view key, YamlNode value) {
+  if (!broken_) yaml_put(*node_, std::string(key), std::move(value));
+}
+
+double MapReader::number(std::string_view key, const Quantity& quantity, std::optional<double> fallback) {
+  const double harmless = fallback.value_or(std::isfinite(quantity.min) && std::isfinite(quantity.max)
+                                                ? 0.5 * (quantity.min + quantity.max)
+                                                : 1.0);
+  const YamlNode* found = wanted(key, !fallback, quantity.need());
+  if (found) return read_number(*found, path_of(key), quantity, *diagnostics_).value_or(harmless);
+  if (fallback) write_default(key, yaml_scalar(number_text(*fallback)));
+  return harmless;
+}
+
+std::optional<double> MapReader::maybe_number(std::string_view key, const Quantity& quantity) {
+  const YamlNode* found = child(key);
+  return found ? read_number(*found, path_of(key), quantity, *diagnostics_) : std::nullopt;
+}
+
+int MapReader::integer(std::string_view key, int min, int max, int fallback) {
+  const YamlNode* found = child(key);
+  if (!found) {
+    write_default(key, yaml_scalar(std::to_string(fallback)));
+    return fallback;
+  }
+  const std::optional<double> value = found->kind == YamlNode::Kind::scalar ? parse_number(found->text) : std::nullopt;
+  if (value && *value >= min && *value <= max && *value == std::floor(*value)) return static_cast<int>(*value);
+  problem(key, found->described(), fmt::format("a whole number, {} to {}", min, max));
+  return fallback;
+}
+
+std::string MapReader::text(std::string_view key, std::optional<std::string> fallback) {
+  const YamlNode* found = wanted(key, !fallback, "a text");
+  if (!found) {
+    if (fallback) write_default(key, yaml_scalar(*fallback, true));
+    return fallback.value_or("");
+  }
+  if (found->kind == YamlNode::Kind::scalar && !found->text.empty()) return found->text;
+  problem(key, found->described(), "a text");
+  return fallback.value_or("");
+}
+
+bool MapReader::flag(std::string_view key, bool fallback) {
+  const YamlNode* found = child(key);
+  if (!found) {
+    write_default(key, yaml_scalar(fallback ? "true" : "false"));
+    return fallback;
+  }
+  if (found->kind == YamlNode::Kind::scalar && !found->quoted && (found->text == "true" || found->text == "false"))
+    return found->text == "true";
+  problem(key, found->described(), "true or false");
+  return fallback;
+}
+
+Vec3 MapReader::vector(std::string_view key, const Quantity& quantity, std::optional<Vec3> fallback) {
+  const std::string need = "a list of three numbers, each " + quantity.need();
+  const YamlNode* found = wanted(key, !fallback, need);
+  Vec3 out = fallback.value_or(Vec3::UnitX());
+  if (!found) {
+    if (fallback) write_default(key, vector_node(*fallback));
+    return out;
+  }
+  if (found->kind != YamlNode::Kind::sequence || found->items.size() != 3) {
+    problem(key, found->described(), need);
+    return out;
+  }
+  for (int i = 0; i < 3; ++i)
+    out[i] = read_number(found->items[static_cast<std::size_t>(i)], path_of(key) + "." + std::to_string(i), quantity,
+                         *diagnostics_)
+                 .value_or(out[i]);
+  return out;
+}
+
+std::optional<std::pair<double, double>> MapReader::maybe_range(std::string_view key, const Quantity& quantity) {
+  const YamlNode* found = child(key);
+  if (!found) return std::nullopt;
+  if (found->kind != YamlNode::Kind::sequence || found->items.size() != 2) {
+    problem(key, found->described(), "a list of two, low then high, each " + quantity.need());
+    return std::nullopt;
+  }
+  const auto low = read_number(found->items[0], path_of(key) + ".0", quantity, *diagnostics_);
+  const auto high = read_number(found->items[1], path_of(key) + ".1", quantity, *diagnostics_);
+  if (!low || !high) return std::nullopt;
+  if (!(*low < *high)) {
+    problem(key, fmt::format("{} to {}", found->items[0].text, found->items[1].text), "the lower value first");
+    return std::nullopt;
+  }
+  return std::pair(*low, *high);
+}
+
+Quat MapReader::rotation(std::string_view key) {
+  YamlNode* found = child(key);
+  if (!found) return Quat::Identity();
+  MapReader reader(*found, path_of(key), *diagnostics_);
+  const Vec3 axis = reader.vector("axis", {Dimension::none, -1e6, 1e6});
+  const double angle = reader.number("angle", {Dimension::angle, -100, 100});
+  reader.finish();
+  if (axis.norm() < 1e-9) {
+    reader.problem("axis", "a vector of length 0", "a direction");
+    return Quat::Identity();
+  }
+  return Quat(Eigen::AngleAxisd(angle, axis.normalized()));
+}
+
+std::size_t MapReader::choice_index(std::string_view key, const std::vector<std::string_view>& names,
+                                    std::optional<std::string_view> fallback) {
+  const std::vector<std::string> known(names.begin(), names.end());
+  const YamlNode* found = wanted(key, !fallback, list_of(known));
+  if (!found && fallback) write_default(key, yaml_scalar(std::string(*fallback)));
+  if (found && found->kind == YamlNode::Kind::scalar) {
+    const auto at = std::find(names.begin(), names.end(), found->text);
+    if (at != names.end()) return static_cast<std::size_t>(at - names.begin());
+  }
+  if (found) problem(key, found->described(), need_word(found->text, known));
+  if (!fallback) return 0;
+  return static_cast<std::size_t>(std::find(names.begin(), names.end(), *fallback) - names.begin());
+}
+
+YamlNode* MapReader::list(std::string_view key, bool required) {
+  YamlNode* found = wanted(key, required, "a list");
+  if (!found || found->kind == YamlNode::Kind::sequence) return found;
+  problem(key, found->described(), "a list");
+  return nullptr;
+}
+
+MapReader MapReader::map(std::string_view key) {
+  known_.emplace(key);
+  YamlNode* found = node_->find(key);
+  // A broken parent has said so already; its children hang on a throw-away map.
+  if (!found) found = &yaml_put(*node_, std::string(key), yaml_map());
+  return {*found, path_of(key), *diagnostics_};
+}
+
+void MapReader::problem(std::string_view key, std::string got, std::string need) {
+  if (broken_) return;
+  const YamlNode* found = node_->find(key);
+  diagnostics_->problems.push_back({(found ? *found : *node_).place(), path_of(key), std::move(got), std::move(need)});
+}
+
+void MapReader::warning(std::string_view key, const std::string& text) {
+  const YamlNode* found = node_->find(key);
+  const Place place = (found ? *found : *node_).place();
+  diagnostics_->warnings.push_back(
+      fmt::format("{}:{}:{}: {}: {}", place.file, place.line, place.column, path_of(key), text));
+}
+
+void MapReader::finish() {
+  if (broken_) return;
+  const std::vector<std::string> known(known_.begin(), known_.end());
+  for (const YamlEntry& entry : node_->entries) {
+    if (known_.contains(entry.key)) continue;
+    const Place place{entry.value.file ? *entry.value.file : node_->place().file, entry.line, entry.column};
+    diagnostics_->problems.push_back({place, path_of(entry.key), "an unknown key", need_word(entry.key, known)});
+  }
+}
+
+}  // namespace handsim

@@ -1,0 +1,110 @@
+// Values out of a YAML tree, strictly: every problem of a file is collected with its place, unknown keys are
+// problems with the nearest known key named, and each default that is used is written back into the tree, so
+// that the tree read is the resolved input.
+#pragma once
+
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "handsim/core/pose.h"
+#include "handsim/core/units.h"
+#include "handsim/core/yaml.h"
+
+namespace handsim {
+
+/// Everything found while reading: problems stop the work once all are known, warnings do not.
+struct Diagnostics {
+  std::vector<Problem> problems;
+  std::vector<std::string> warnings;
+
+  void throw_if_any() const {
+    if (!problems.empty()) throw Error(problems);
+  }
+  /// Keeps the problems of an Error thrown by a part.
+  void take(const Error& error) {
+    problems.insert(problems.end(), error.problems().begin(), error.problems().end());
+  }
+};
+
+/// Reads one map of a tree. A value that is missing or wrong becomes a problem, and a harmless value is
+/// returned in its stead so that reading can go on. Call finish() last.
+class MapReader {
+ public:
+  /// A node that is no map is a problem; `path` is its dotted path in messages.
+  MapReader(YamlNode& node, std::string path, Diagnostics& diagnostics);
+
+  /// A number in SI; without a fallback the key must be there.
+  double number(std::string_view key, const Quantity& quantity, std::optional<double> fallback = {});
+  /// A number that may be absent.
+  std::optional<double> maybe_number(std::string_view key, const Quantity& quantity);
+  int integer(std::string_view key, int min, int max, int fallback);
+  std::string text(std::string_view key, std::optional<std::string> fallback = {});
+  bool flag(std::string_view key, bool fallback);
+  Vec3 vector(std::string_view key, const Quantity& quantity, std::optional<Vec3> fallback = {});
+  /// Two numbers, low then high.
+  std::optional<std::pair<double, double>> maybe_range(std::string_view key, const Quantity& quantity);
+  /// `{axis: [x, y, z], angle: "90 deg"}`; the axis is normalised. Absent: no rotation.
+  Quat rotation(std::string_view key);
+  /// One word of a list.
+  template <class E>
+  E choice(std::string_view key, const std::vector<std::pair<std::string_view, E>>& words,
+           std::optional<E> fallback = {}) {
+    std::vector<std::string_view> names;
+    for (const auto& word : words) names.push_back(word.first);
+    const std::optional<std::string_view> default_name =
+        fallback ? std::optional(name_of(words, *fallback)) : std::nullopt;
+    const std::size_t index = choice_index(key, names, default_name);
+    return words[index].second;
+  }
+
+  bool has(std::string_view key) const;
+  /// The value of a key, counted as known; null where absent.
+  YamlNode* child(std::string_view key);
+  /// The value of a key that must be there and be a list; null otherwise.
+  YamlNode* list(std::string_view key, bool required);
+  /// A map under this key; absent: an empty one is written, so that its defaults land in the tree.
+  MapReader map(std::string_view key);
+
+  void problem(std::string_view key, std::string got, std::string need);
+  void warning(std::string_view key, const std::string& text);
+  /// Dotted path of a key of this map.
+  std::string path_of(std::string_view key) const;
+  Diagnostics& diagnostics() { return *diagnostics_; }
+  YamlNode& node() { return *node_; }
+
+  /// Every key that nothing asked for becomes a problem.
+  void finish();
+
+ private:
+  template <class E>
+  static std::string_view name_of(const std::vector<std::pair<std::string_view, E>>& words, E value) {
+    for (const auto& word : words)
+      if (word.second == value) return word.first;
+    return {};
+  }
+  std::size_t choice_index(std::string_view key, const std::vector<std::string_view>& names,
+                           std::optional<std::string_view> fallback);
+  /// The node of a key, with a problem where it is missing and no default exists.
+  YamlNode* wanted(std::string_view key, bool required, const std::string& need);
+  void write_default(std::string_view key, YamlNode value);
+
+  YamlNode* node_;
+  std::string path_;
+  Diagnostics* diagnostics_;
+  bool broken_ = false;  ///< not a map: said once, nothing else is
+  std::set<std::string, std::less<>> known_;
+};
+
+/// A number at a node, for items of lists.
+/// @returns nothing, and a problem, where it is none or out of range.
+std::optional<double> read_number(const YamlNode& node, const std::string& path, const Quantity& quantity,
+                                  Diagnostics& diagnostics);
+
+/// The word of `known` nearest to `word`, if any is near enough to be meant.
+std::optional<std::string> nearest_word(std::string_view word, const std::vector<std::string>& known);
+
+}  // namespace handsim

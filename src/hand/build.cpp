@@ -1,0 +1,333 @@
+#include "handsim/hand/build.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/model/kinematics.h"
+
+namespace handsim::hand {
+
+namespace {
+
+using model::Body;
+using model::Joint;
+using model::Shape;
+using model::ShapeKind;
+
+/// Capsules and cylinders lie along z, segments along y.
+const Quat kZToY(Eigen::AngleAxisd(-M_PI / 2, Vec3::UnitX()));
+
+Vec3 place(const std::array<LengthRule, 3>& rules, const HandSize& size) {
+  return {rules[0].value(size), rules[1].value(size), rules[2].value(size)};
+}
+
+/// Frames of every segment in the hand frame and their lengths.
+struct Layout {
+  std::vector<Pose> frames;  ///< X_HS, origin at the proximal joint
+  std::vector<double> lengths, radii;
+  /// Length of the capsule's axis: a fingertip's cap ends at the tip, other caps are centred on the joints.
+  double axis(const HandSpec& spec, std::size_t i) const {
+    return spec.segments[i].has_child ? lengths[i] : lengths[i] - radii[i];
+  }
+};
+
+Layout lay_out(const HandSpec& spec, const HandSize& size) {
+  Layout out;
+  std::vector<Problem> problems;
+  for (const SegmentSpec& row : spec.segments) {
+    const bool on_palm = row.parent == kPalm;
+    const auto parent = static_cast<std::size_t>(row.parent);
+    const Pose parent_frame = on_palm ? Pose{} : out.frames[parent];
+    const Vec3 at = row.at ? place(*row.at, size) : Vec3(0, out.lengths[parent], 0);
+    out.frames.push_back(parent_frame * Pose{at, row.rotation});
+    out.lengths.push_back(row.length.value(size));
+    out.radii.push_back(row.radius.value(size));
+    if (out.axis(spec, out.frames.size() - 1) < 1e-5)
+      problems.push_back({row.place, row.name, fmt::format("a length of {:.3g} m with a radius of {:.3g} m", out.lengths.back(), out.radii.back()),
+                          "a fingertip longer than its radius"});
+  }
+  if (!problems.empty()) throw Error(problems);
+  return out;
+}
+
+Shape capsule(std::string name, model::Tint tint, double radius, double axis) {
+  Shape shape;
+  shape.name = std::move(name);
+  shape.kind = ShapeKind::capsule;
+  shape.pose.q = kZToY;
+  shape.radius = radius;
+  shape.length = axis;
+  shape.tint = tint;
+  return shape;
+}
+
+void add_palm(BuiltHand& hand, const HandSpec& spec) {
+  const HandSize& size = hand.size;
+  Shape box;
+  box.name = "palm";
+  box.kind = ShapeKind::box;
+  box.edges = {spec.palm.breadth.value(size), spec.palm.length.value(size), spec.palm.thickness.value(size)};
+  box.tint = model::Tint::palm;
+  Body palm;
+  palm.name = "palm";
+  palm.zero_pose.p = Vec3(0, 0.5 * box.edges.y(), 0) + place(spec.palm.offset, size);
+  hand.shapes.push_back(box);
+  hand.bodies.push_back(palm);
+}
+
+void add_segments(BuiltHand& hand, const HandSpec& spec) {
+  const Layout layout = lay_out(spec, hand.size);
+  for (std::size_t i = 0; i < spec.segments.size(); ++i) {
+    const SegmentSpec& row = spec.segments[i];
+    const double axis = layout.axis(spec, i);
+    Body body;
+    body.name = row.name;
+    body.zero_pose = layout.frames[i] * Pose{{0, 0.5 * axis, 0}, Quat::Identity()};
+    Joint joint;
+    joint.name = row.joint.name;
+    joint.kind = row.joint.kind;
+    joint.axes = row.joint.axes;
+    joint.parent = row.parent + 1;
+    joint.child = static_cast<int>(hand.bodies.size());
+    joint.parent_frame = hand.bodies[static_cast<std::size_t>(joint.parent)].zero_pose.inverse() * layout.frames[i];
+    joint.child_frame.p = {0, -0.5 * axis, 0};
+    hand.bodies.push_back(body);
+    hand.joints.push_back(joint);
+    hand.shapes.push_back(capsule(row.name, row.finger, layout.radii[i], axis));
+  }
+}
+
+double volume(const Shape& shape) {
+  return shape.kind == ShapeKind::box ? shape.edges.prod() : capsule_inertia(shape.radius, shape.length).volume;
+}
+
+double share_of(const MassRule& rule, Sex sex) {
+  switch (sex) {
+    case Sex::male:
+      return rule.male;
+    case Sex::female:
+      return rule.female;
+    case Sex::unknown:
+      return rule.unknown;
+  }
+  return 0;
+}
+
+/// Masses by share of the hand; the palm takes what is left, so that the parts sum to the hand.
+void spread_by_share(BuiltHand& hand, const HandSpec& spec, const Person& person) {
+  hand.mass = person.hand_mass.value_or(share_of(spec.mass, person.sex) * person.mass);
+  double rest = hand.mass;
+  for (std::size_t i = 0; i < spec.segments.size(); ++i) {
+    hand.bodies[i + 1].mass = spec.segments[i].mass_share * hand.mass;
+    rest -= hand.bodies[i + 1].mass;
+  }
+  hand.bodies[0].mass = rest;
+}
+
+/// Masses by volume; a measured hand mass scales them.
+void spread_by_volume(BuiltHand& hand, const HandSpec& spec, const Person& person) {
+  double total = 0;
+  for (const Shape& shape : hand.shapes) total += volume(shape);
+  hand.mass = person.hand_mass.value_or(spec.mass.density * total);
+  for (std::size_t i = 0; i < hand.bodies.size(); ++i) hand.bodies[i].mass = hand.mass * volume(hand.shapes[i]) / total;
+}
+
+void set_inertias(BuiltHand& hand) {
+  for (std::size_t i = 0; i < hand.bodies.size(); ++i) {
+    Body& body = hand.bodies[i];
+    const Shape& shape = hand.shapes[i];
+    if (shape.kind == ShapeKind::box) {
+      const Vec3 e2 = shape.edges.cwiseAbs2();
+      body.inertia = (body.mass / 12 * Vec3(e2.y() + e2.z(), e2.z() + e2.x(), e2.x() + e2.y())).asDiagonal();
+    } else {
+      const CapsuleInertia solid = capsule_inertia(shape.radius, shape.length);
+      body.inertia = (body.mass * Vec3(solid.transverse, solid.axial, solid.transverse)).asDiagonal();
+    }
+  }
+}
+
+/// The fragment as it is (right) or mirrored (left).
+BuiltHand sided(BuiltHand hand, model::Side side) {
+  if (side == model::Side::right) return hand;
+  for (Body& body : hand.bodies) body.zero_pose = mirrored(body.zero_pose);
+  for (Shape& shape : hand.shapes) shape.pose = mirrored(shape.pose);
+  hand.joints.push_back(hand.wrist);
+  for (Joint& joint : hand.joints) {
+    joint.parent_frame = mirrored(joint.parent_frame);
+    joint.child_frame = mirrored(joint.child_frame);
+    for (model::JointAxis& axis : joint.axes) axis.axis = mirrored_axis(axis.axis);
+  }
+  hand.wrist = hand.joints.back();
+  hand.joints.pop_back();
+  return hand;
+}
+
+/// The wrist joint for a mount, none for those that need none.
+std::optional<Joint> wrist_joint(const BuiltHand& hand, const Placement& placement) {
+  if (placement.mount != Mount::hinge && placement.mount != Mount::universal) return std::nullopt;
+  Joint joint = hand.wrist;
+  joint.kind = placement.mount == Mount::hinge ? model::JointKind::hinge : model::JointKind::universal;
+  const auto wanted = static_cast<std::size_t>(model::dof_count(joint.kind));
+  if (joint.axes.size() < wanted)
+    throw input_error("wrist.mount", "universal with a hand model whose wrist has one axis",
+                      "hinge, or a hand model whose wrist has two axes");
+  joint.axes.resize(wanted);
+  joint.parent_frame = placement.pose;
+  return joint;
+}
+
+void apply_start(Joint& joint, const Placement& placement) {
+  const auto found = placement.start.find(joint.name);
+  if (found == placement.start.end()) return;
+  if (found->second.size() > joint.axes.size())
+    throw input_error("pose." + joint.name, fmt::format("{} angles", found->second.size()),
+                      fmt::format("at most {}", joint.axes.size()));
+  for (std::size_t i = 0; i < found->second.size(); ++i) joint.axes[i].initial = found->second[i];
+}
+
+void check_start_names(const std::vector<Joint>& joints, const Placement& placement) {
+  std::vector<std::string> known;
+  for (const Joint& joint : joints) known.push_back(joint.name);
+  for (const auto& [name, angles] : placement.start) {
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    const auto near = nearest_word(name, known);
+    throw input_error("pose." + name, "an unknown joint",
+                      near ? fmt::format("a joint of the hand model or its wrist mount (nearest: {})", *near)
+                           : "a joint of the hand model or its wrist mount");
+  }
+}
+
+void set_palm(model::Model& model, int palm, const BuiltHand& hand, const Placement& placement) {
+  Body& body = model.bodies[static_cast<std::size_t>(palm)];
+  body.kinematic = placement.mount == Mount::fixed || placement.mount == Mount::driven;
+  if (placement.mount == Mount::driven)
+    model.drives.push_back({palm, hand.bodies[0].zero_pose.inverse(), placement.motion});
+}
+
+/// A free hand starts as one rigid body.
+void set_velocities(model::Model& model, const model::HandIndex& index, const Placement& placement) {
+  if (placement.mount != Mount::free) return;
+  const model::State start = model::initial_state(model);
+  for (const int body : index.bodies) {
+    const auto i = static_cast<std::size_t>(body);
+    model.bodies[i].initial_angular_velocity = placement.angular_velocity;
+    model.bodies[i].initial_velocity =
+        placement.velocity + placement.angular_velocity.cross(start.bodies[i].p - placement.pose.p);
+  }
+}
+
+}  // namespace
+
+const std::vector<std::pair<std::string_view, Mount>>& mounts() {
+  static const std::vector<std::pair<std::string_view, Mount>> words = {{"fixed", Mount::fixed},
+                                                                        {"hinge", Mount::hinge},
+                                                                        {"universal", Mount::universal},
+                                                                        {"free", Mount::free},
+                                                                        {"driven", Mount::driven}};
+  return words;
+}
+
+CapsuleInertia capsule_inertia(double radius, double length) {
+  const double r2 = radius * radius;
+  const double cylinder = M_PI * r2 * length;
+  const double caps = 4.0 / 3.0 * M_PI * r2 * radius;
+  const double total = cylinder + caps;
+  CapsuleInertia out;
+  out.volume = total;
+  out.axial = (cylinder * r2 / 2 + caps * 2 * r2 / 5) / total;
+  // Two half spheres, each with its centre of mass 3/8 r beyond its flat side.
+  out.transverse = (cylinder * (length * length / 12 + r2 / 4) +
+                    caps * (2 * r2 / 5 + length * length / 4 + 3 * length * radius / 8)) /
+                   total;
+  return out;
+}
+
+BuiltHand build_hand(const HandSpec& spec, const Person& person) {
+  BuiltHand hand;
+  hand.size = hand_size(spec.anthropometry, person);
+  hand.skin = spec.skin;
+  add_palm(hand, spec);
+  add_segments(hand, spec);
+  switch (spec.mass.kind) {
+    case MassRule::Kind::body_mass_share:
+      spread_by_share(hand, spec, person);
+      break;
+    case MassRule::Kind::density:
+      spread_by_volume(hand, spec, person);
+      break;
+  }
+  set_inertias(hand);
+  hand.wrist.name = spec.wrist.name;
+  hand.wrist.kind = spec.wrist.kind;
+  hand.wrist.axes = spec.wrist.axes;
+  hand.wrist.child_frame = hand.bodies[0].zero_pose.inverse();
+  return hand;
+}
+
+void add_hand(model::Model& model, const BuiltHand& right, const Placement& placement) {
+  const BuiltHand hand = sided(right, placement.side);
+  const int first_body = static_cast<int>(model.bodies.size());
+  model::HandIndex index;
+  index.name = placement.name;
+  index.side = placement.side;
+  index.palm = first_body;
+  index.wrist_frame = hand.bodies[0].zero_pose.inverse();
+  const std::string prefix = placement.name + ".";
+
+  for (Body body : hand.bodies) {
+    body.name = prefix + body.name;
+    body.zero_pose = placement.pose * body.zero_pose;
+    index.bodies.push_back(static_cast<int>(model.bodies.size()));
+    model.bodies.push_back(std::move(body));
+  }
+  model.groups.push_back({"hand-" + placement.name});
+  model.materials.push_back(hand.skin);
+  for (std::size_t i = 0; i < hand.shapes.size(); ++i) {
+    Shape shape = hand.shapes[i];
+    shape.name = prefix + shape.name;
+    shape.body = first_body + static_cast<int>(i);
+    shape.group = static_cast<int>(model.groups.size()) - 1;
+    shape.material = static_cast<int>(model.materials.size()) - 1;
+    model.shapes.push_back(std::move(shape));
+  }
+
+  std::vector<Joint> joints = hand.joints;
+  for (Joint& joint : joints) {
+    joint.parent += first_body;
+    joint.child += first_body;
+  }
+  if (std::optional<Joint> wrist = wrist_joint(hand, placement)) {
+    wrist->parent = model::kWorld;
+    wrist->child = first_body;
+    joints.insert(joints.begin(), std::move(*wrist));
+  }
+  check_start_names(joints, placement);
+  for (Joint& joint : joints) {
+    apply_start(joint, placement);
+    joint.name = prefix + joint.name;
+    joint.first_dof = model.dof_count();
+    index.joints.push_back(static_cast<int>(model.joints.size()));
+    model.joints.push_back(std::move(joint));
+  }
+  set_palm(model, first_body, hand, placement);
+  set_velocities(model, index, placement);
+  model.hands.push_back(std::move(index));
+}
+
+WholeHand whole_hand(const BuiltHand& hand) {
+  WholeHand out;
+  for (const Body& body : hand.bodies) out.centre_of_mass += body.mass / hand.mass * body.zero_pose.p;
+  Mat3 inertia = Mat3::Zero();
+  for (const Body& body : hand.bodies) {
+    const Mat3 r = body.zero_pose.q.toRotationMatrix();
+    const Vec3 d = body.zero_pose.p - out.centre_of_mass;
+    inertia += r * body.inertia * r.transpose() +
+               body.mass * (d.squaredNorm() * Mat3::Identity() - d * d.transpose());
+  }
+  const auto gyration = [&](int axis) { return std::sqrt(inertia(axis, axis) / hand.mass) / hand.size.length; };
+  out.shares = {out.centre_of_mass.y() / hand.size.length, gyration(2), gyration(0), gyration(1)};
+  return out;
+}
+
+}  // namespace handsim::hand

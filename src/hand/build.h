@@ -1,0 +1,71 @@
+// Person + hand model into a Model fragment. The right hand is computed; the left one is its mirror image, sign
+// flips only, so that the two are bit-equal up to sign.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "handsim/hand/hand_spec.h"
+
+namespace handsim::hand {
+
+/// How the palm hangs in the world.
+enum class Mount {
+  fixed,      ///< the palm does not move: no constraint rows
+  hinge,      ///< the wrist's first axis (flexion)
+  universal,  ///< the wrist's two axes
+  free,       ///< nothing holds the palm
+  driven,     ///< the hand frame follows a timed trajectory
+};
+
+const std::vector<std::pair<std::string_view, Mount>>& mounts();
+
+/// Where and how a hand is put into the world.
+struct Placement {
+  std::string name = "right";  ///< prefix of all its bodies and joints
+  model::Side side = model::Side::right;
+  Mount mount = Mount::fixed;
+  Pose pose;                                         ///< X_WH at the start
+  Vec3 velocity = Vec3::Zero();                      ///< `free`: of the wrist at the start, world axes [m/s]
+  Vec3 angular_velocity = Vec3::Zero();              ///< `free`: of the whole hand at the start [rad/s]
+  model::PoseMotion motion;                          ///< `driven`: X_WH over time
+  std::map<std::string, std::vector<double>> start;  ///< coordinates by joint name [rad]; others are 0
+};
+
+/// One hand of a person, right, in the hand frame.
+struct BuiltHand {
+  HandSize size;
+  double mass = 0;                   ///< of the whole hand [kg]; the bodies' masses sum to it
+  std::vector<model::Body> bodies;   ///< [0] the palm, then the segments as in the spec; zero_pose is X_HB
+  std::vector<model::Shape> shapes;  ///< one a body, at the same index
+  std::vector<model::Joint> joints;  ///< of the segments; `parent` and `child` index `bodies`
+  model::Joint wrist;                ///< parent frame: the hand frame; child: the palm
+  model::Material skin;
+};
+
+/// @throws Error (input) naming rows that make no body for this person: a fingertip shorter than its radius,
+///         dimensions that fit no hand.
+BuiltHand build_hand(const HandSpec& spec, const Person& person);
+
+/// Appends the hand to the model, with a contact group `hand-NAME` and its skin as material.
+/// @throws Error (input) where `start` names no joint or has the wrong number of coordinates, or the hand model's
+///         wrist lacks the axes that the mount needs.
+void add_hand(model::Model& model, const BuiltHand& hand, const Placement& placement);
+
+/// Centre of mass and radii of gyration of the whole hand with straight fingers.
+struct WholeHand {
+  Vec3 centre_of_mass = Vec3::Zero();  ///< in the hand frame [m]
+  HandInertiaShares shares;            ///< of the hand's length
+};
+WholeHand whole_hand(const BuiltHand& hand);
+
+/// Mass and moments of a solid capsule along z.
+struct CapsuleInertia {
+  double volume = 0;                   ///< [m^3]
+  double axial = 0, transverse = 0;    ///< about its centre, per mass [m^2]
+};
+/// @param length between the centres of the half spheres [m].
+CapsuleInertia capsule_inertia(double radius, double length);
+
+}  // namespace handsim::hand

@@ -1,0 +1,36 @@
+#include "handsim/hand/person.h"
+
+namespace handsim::hand {
+
+namespace {
+
+const std::vector<std::pair<std::string_view, Sex>> kSexes = {
+    {"male", Sex::male}, {"female", Sex::female}, {"unknown", Sex::unknown}};
+
+}  // namespace
+
+std::string_view name(Sex sex) {
+  for (const auto& entry : kSexes)
+    if (entry.second == sex) return entry.first;
+  return {};
+}
+
+Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
+  MapReader reader(node, path, diagnostics);
+  Person person;
+  person.title = reader.text("title", "a person");
+  person.stature = reader.number("stature", {Dimension::length, 0.5, 2.5});
+  person.mass = reader.number("mass", {Dimension::mass, 2, 400});
+  person.sex = reader.choice<Sex>("sex", kSexes);
+  person.hand_length = reader.maybe_number("hand_length", {Dimension::length, 0.03, 0.5});
+  person.hand_breadth = reader.maybe_number("hand_breadth", {Dimension::length, 0.01, 0.3});
+  person.hand_circumference = reader.maybe_number("hand_circumference", {Dimension::length, 0.03, 0.8});
+  person.hand_mass = reader.maybe_number("hand_mass", {Dimension::mass, 0.005, 5});
+  person.hand_length_percentile = reader.maybe_number("hand_length_percentile", {Dimension::none, 0.01, 99.99});
+  if (person.hand_length && person.hand_length_percentile)
+    reader.problem("hand_length_percentile", "a percentile beside a measured hand_length", "one of the two");
+  reader.finish();
+  return person;
+}
+
+}  // namespace handsim::hand

@@ -1,0 +1,33 @@
+// A person, as the `person` block or file of a scene says it.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "handsim/core/yaml_reader.h"
+
+namespace handsim::hand {
+
+enum class Sex { male, female, unknown };
+
+struct Person {
+  std::string title;
+  double stature = 1.75;  ///< [m], 0.5..2.5
+  double mass = 72;       ///< [kg], 2..400
+  Sex sex = Sex::unknown;
+  // Measured values take the place of predicted ones.
+  std::optional<double> hand_length;         ///< wrist crease to tip of the middle finger [m]
+  std::optional<double> hand_breadth;        ///< across the metacarpal heads [m]
+  std::optional<double> hand_circumference;  ///< around the metacarpal heads [m]
+  std::optional<double> hand_mass;           ///< [kg]
+  /// Where in the spread of people of this stature, mass and sex the hand's length lies, 0..100 (50: as
+  /// predicted).
+  std::optional<double> hand_length_percentile;
+};
+
+std::string_view name(Sex sex);
+
+/// Reads a person; every defect goes into the diagnostics.
+Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
+
+}  // namespace handsim::hand

@@ -1,0 +1,132 @@
+#include "handsim/scene/scene.h"
+
+#include "handsim/model/validate.h"
+
+namespace handsim::scene {
+
+namespace {
+
+using model::Effect;
+
+Mat3 solid_inertia(const model::Shape& shape, double mass) {
+  const double r2 = shape.radius * shape.radius;
+  switch (shape.kind) {
+    case model::ShapeKind::box: {
+      const Vec3 e2 = shape.edges.cwiseAbs2();
+      return (mass / 12 * Vec3(e2.y() + e2.z(), e2.z() + e2.x(), e2.x() + e2.y())).asDiagonal();
+    }
+    case model::ShapeKind::sphere:
+      return 0.4 * mass * r2 * Mat3::Identity();
+    case model::ShapeKind::cylinder: {
+      const double across = mass * (r2 / 4 + shape.length * shape.length / 12);
+      return Vec3(across, across, mass * r2 / 2).asDiagonal();
+    }
+    case model::ShapeKind::capsule: {
+      const hand::CapsuleInertia solid = hand::capsule_inertia(shape.radius, shape.length);
+      return (mass * Vec3(solid.transverse, solid.transverse, solid.axial)).asDiagonal();
+    }
+    case model::ShapeKind::plane:
+      return Mat3::Zero();
+  }
+  return Mat3::Zero();
+}
+
+void add_object(model::Model& model, const ObjectSpec& object, int group) {
+  model::Shape shape = object.shape;
+  shape.name = object.name;
+  shape.tint = model::Tint::object;
+  shape.group = group;
+  shape.material = static_cast<int>(model.materials.size());
+  model.materials.push_back(object.material);
+  if (object.is_static) {
+    shape.pose = object.pose;
+  } else {
+    model::Body body;
+    body.name = object.name;
+    body.mass = object.mass;
+    body.inertia = solid_inertia(object.shape, object.mass);
+    body.zero_pose = object.pose;
+    body.initial_velocity = object.velocity;
+    body.initial_angular_velocity = object.angular_velocity;
+    shape.body = static_cast<int>(model.bodies.size());
+    model.bodies.push_back(std::move(body));
+  }
+  model.shapes.push_back(std::move(shape));
+}
+
+void add_ground(model::Model& model, const GroundSpec& ground) {
+  model::Shape plane;
+  plane.name = "ground";
+  plane.kind = model::ShapeKind::plane;
+  plane.pose.p.z() = ground.height;
+  plane.tint = model::Tint::ground;
+  plane.group = static_cast<int>(model.groups.size());
+  plane.material = static_cast<int>(model.materials.size());
+  model.groups.push_back({"ground"});
+  model.materials.push_back(ground.material);
+  model.shapes.push_back(std::move(plane));
+}
+
+/// Who meets whom, as the effects say. Groups: the hands, then objects, then ground, where there are any.
+void add_contact_rules(model::Model& model, const SceneSpec& spec) {
+  const model::Effects& effects = spec.solver.effects;
+  const int hands = static_cast<int>(spec.hands.size());
+  const int objects = spec.objects.empty() ? 0 : 1;
+  const int ground = hands + objects;
+  if (effects.has(Effect::self_contact))
+    for (int a = 0; a < hands; ++a)
+      for (int b = a; b < hands; ++b) model.contact_rules.push_back({a, b});
+  if (effects.has(Effect::object_contact))
+    for (int a = 0; a <= hands; ++a) model.contact_rules.push_back({a, hands});
+  if (effects.has(Effect::ground_contact))
+    for (int a = 0; a < ground; ++a) model.contact_rules.push_back({a, ground});
+}
+
+void add_hands(model::Model& model, const SceneSpec& spec, Diagnostics& diagnostics) {
+  for (std::size_t i = 0; i < spec.hands.size(); ++i) {
+    const HandEntry& entry = spec.hands[i];
+    try {
+      hand::add_hand(model, hand::build_hand(entry.model, entry.person), entry.placement);
+    } catch (const Error& error) {
+      // Builders speak of their own keys; put them under this hand.
+      for (Problem problem : error.problems()) {
+        if (!problem.place) problem.place = entry.place;
+        problem.key = "hands." + std::to_string(i) + "." + problem.key;
+        diagnostics.problems.push_back(std::move(problem));
+      }
+    }
+  }
+}
+
+}  // namespace
+
+Scene compile_scene(YamlNode root) {
+  Diagnostics diagnostics;
+  Scene scene;
+  scene.spec = read_scene(root, diagnostics);
+  diagnostics.throw_if_any();
+  scene.model = model::make_model();
+  scene.model.gravity = scene.spec.gravity;
+  add_hands(scene.model, scene.spec, diagnostics);
+  if (!scene.spec.objects.empty()) {
+    scene.model.groups.push_back({"objects"});
+    for (const ObjectSpec& object : scene.spec.objects)
+      add_object(scene.model, object, static_cast<int>(scene.model.groups.size()) - 1);
+  }
+  if (scene.spec.ground) add_ground(scene.model, *scene.spec.ground);
+  diagnostics.throw_if_any();
+  add_contact_rules(scene.model, scene.spec);
+  diagnostics.problems = model::defects(scene.model);
+  diagnostics.throw_if_any();
+  scene.resolved = emit_yaml(root);
+  scene.warnings = std::move(diagnostics.warnings);
+  return scene;
+}
+
+Scene load_scene(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
+  YamlNode root = load_yaml(path);
+  for (const std::string& assignment : overrides) apply_override(root, assignment);
+  return compile_scene(std::move(root));
+}
+
+}  // namespace handsim::scene

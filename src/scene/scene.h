@@ -1,0 +1,28 @@
+// A scene file into all that a run needs: the Model, the solver settings with their effects, the run settings and
+// the resolved text that repeats it.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "handsim/scene/scene_spec.h"
+
+namespace handsim::scene {
+
+/// A compiled scene.
+struct Scene {
+  SceneSpec spec;
+  model::Model model;
+  std::string resolved;               ///< YAML with defaults filled in and references inlined
+  std::vector<std::string> warnings;  ///< e.g. a person outside the survey
+};
+
+/// @param overrides `key.path=value`, applied before reading.
+/// @throws Error (input) with every problem of the file and the files it names.
+Scene load_scene(const std::filesystem::path& path, const std::vector<std::string>& overrides = {});
+
+/// The same from a tree in memory.
+Scene compile_scene(YamlNode root);
+
+}  // namespace handsim::scene

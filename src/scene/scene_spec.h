@@ -1,0 +1,80 @@
+// What a scene file says, as plain structs in SI, and its reader.
+#pragma once
+
+#include <array>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/hand/build.h"
+#include "handsim/model/solver.h"
+
+namespace handsim::scene {
+
+struct HandEntry {
+  hand::HandSpec model;
+  hand::Person person;
+  hand::Placement placement;
+  Place place;  ///< in the file, for problems found later
+};
+
+struct ObjectSpec {
+  std::string name;
+  model::Shape shape;      ///< kind, size and nothing else
+  double mass = 0;         ///< [kg]
+  bool is_static = false;  ///< does not move
+  Pose pose;               ///< X_WO at the start
+  Vec3 velocity = Vec3::Zero();          ///< [m/s]
+  Vec3 angular_velocity = Vec3::Zero();  ///< world axes [rad/s]
+  model::Material material;
+};
+
+struct GroundSpec {
+  double height = 0;  ///< z of the plane [m]
+  model::Material material;
+};
+
+/// Limits that decide whether a run has succeeded; absent ones are measured but not judged.
+struct Criteria {
+  std::optional<double> joint_gap;       ///< largest gap of any joint at any step [m]
+  std::optional<double> stop_overshoot;  ///< largest overshoot of a stop beyond impact rate times step [rad]
+  std::optional<double> stop_rest;       ///< largest overshoot of a stop at the end [rad]
+  std::optional<int> lcp_failures;       ///< in all
+};
+
+enum class View { dorsal, palmar, radial, three_quarter };
+
+struct CameraSpec {
+  Vec3 position = {0.5, -0.7, 0.5};  ///< [m]
+  Vec3 target = Vec3::Zero();        ///< [m]
+  double field_of_view = 0.6;        ///< vertical [rad]
+};
+
+struct PictureSpec {
+  std::array<int, 2> size = {1280, 960};  ///< pixels
+  View view = View::three_quarter;        ///< framed to all that moves
+  std::optional<CameraSpec> camera;       ///< in place of the view
+  bool floor = true;                      ///< a floor to cast shadows on where the scene has no ground
+  bool joint_axes = false;
+  bool contact_points = false;
+};
+
+struct SceneSpec {
+  std::string title;
+  std::vector<HandEntry> hands;
+  std::vector<ObjectSpec> objects;
+  std::optional<GroundSpec> ground;
+  Vec3 gravity = {0, 0, -9.80665};  ///< [m/s^2]
+  model::SolverSettings solver;     ///< with the effects, `auto` resolved
+  double duration = 1;              ///< [s]
+  double record_every = 0.01;       ///< [s]
+  PictureSpec pictures;
+  Criteria criteria;
+};
+
+/// Reads a scene, following its references. Problems go into the diagnostics, and defaults and referenced files
+/// into the tree, which is then the resolved scene.
+SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics);
+
+}  // namespace handsim::scene

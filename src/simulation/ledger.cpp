@@ -1,0 +1,96 @@
+#include "handsim/simulation/ledger.h"
+
+#include <array>
+
+namespace handsim::simulation {
+
+using model::Effect;
+
+Ledger::Ledger(const model::Model& model, const model::Effects& effects) : model_(model), effects_(effects) {
+  for (const model::Joint& joint : model.joints) {
+    // A slider holds five of six relative freedoms, as a hinge does.
+    joint_rows_ += 6 - model::dof_count(joint.kind);
+    for (const model::JointAxis& axis : joint.axes) tissue_rows_ += axis.tissue ? 1 : 0;
+  }
+}
+
+Effect Ledger::kind_of(const engine::Contact& contact) const {
+  const model::Tint a = model_.shapes[static_cast<std::size_t>(contact.shape_a)].tint;
+  const model::Tint b = model_.shapes[static_cast<std::size_t>(contact.shape_b)].tint;
+  if (a == model::Tint::ground || b == model::Tint::ground) return Effect::ground_contact;
+  if (a == model::Tint::object || b == model::Tint::object) return Effect::object_contact;
+  return Effect::self_contact;
+}
+
+void Ledger::book(const engine::StepReport& report, std::span<const engine::Contact> contacts, double step_ns,
+                  double check_ns) {
+  ++steps_;
+  step_ns_ += step_ns;
+  check_ns_ += check_ns;
+  collide_ns_ += report.collide_ns;
+  tissue_ns_ += report.tissue_ns;
+  lcp_failures_ += report.lcp_failures;
+  contacts_ += report.contacts;
+  collide_calls_ += report.collide_calls;
+  const auto book_rows = [&](Effect effect, long rows) {
+    if (rows == 0) return;
+    ++count(effect).steps;
+    count(effect).rows += rows;
+  };
+  book_rows(Effect::joint_stops, report.stop_rows);
+  if (effects_.has(Effect::passive_tissue)) book_rows(Effect::passive_tissue, tissue_rows_);
+  std::array<long, model::kEffectCount> touching{};
+  for (const engine::Contact& contact : contacts) ++touching[static_cast<std::size_t>(kind_of(contact))];
+  for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact})
+    book_rows(effect, touching[static_cast<std::size_t>(effect)]);
+  if (effects_.has(Effect::friction)) book_rows(Effect::friction, 2L * report.contacts);
+}
+
+std::vector<LedgerEntry> Ledger::phases() const {
+  const double n = steps_ > 0 ? static_cast<double>(steps_) : 1.0;
+  std::vector<LedgerEntry> out;
+  out.push_back({"step", steps_, 0, (step_ns_ - collide_ns_ - tissue_ns_) / n, "timed: the engine without the phases below"});
+  if (effects_.any_contact()) out.push_back({"collide", steps_, 0, collide_ns_ / n, "timed"});
+  if (effects_.has(Effect::passive_tissue)) out.push_back({"tissue", steps_, 0, tissue_ns_ / n, "timed"});
+  out.push_back({"check", steps_, 0, check_ns_ / n, "timed"});
+  return out;
+}
+
+LedgerEntry Ledger::entry(Effect effect) const {
+  const double n = steps_ > 0 ? static_cast<double>(steps_) : 1.0;
+  LedgerEntry out;
+  out.name = model::name(effect);
+  switch (effect) {
+    case Effect::gravity:
+    case Effect::wrist_motion:
+    case Effect::actuation:
+      out.ran = steps_;
+      out.how = "acts within the step without rows of its own: not told apart";
+      return out;
+    case Effect::object_contact:
+    case Effect::self_contact:
+    case Effect::ground_contact:
+    case Effect::friction:
+    case Effect::joint_stops:
+    case Effect::passive_tissue:
+      break;
+  }
+  long all_rows = joint_rows_ * steps_;
+  for (const Count& any : counts_) all_rows += any.rows;
+  const Count& mine = counts_[static_cast<std::size_t>(effect)];
+  const double share = all_rows > 0 ? static_cast<double>(mine.rows) / static_cast<double>(all_rows) : 0;
+  out.ran = mine.steps;
+  out.rows = static_cast<double>(mine.rows) / n;
+  out.ns_per_step = share * (step_ns_ - collide_ns_ - tissue_ns_) / n;
+  out.how = "the step's time by share of constraint rows";
+  return out;
+}
+
+std::vector<LedgerEntry> Ledger::effects() const {
+  std::vector<LedgerEntry> out;
+  for (int i = 0; i < model::kEffectCount; ++i)
+    if (effects_.has(static_cast<Effect>(i))) out.push_back(entry(static_cast<Effect>(i)));
+  return out;
+}
+
+}  // namespace handsim::simulation

@@ -1,0 +1,55 @@
+// What a run's effects and phases cost. Phases are timed. Effects that live inside the solver cannot be timed on
+// their own: they get the solver's time by their share of its constraint rows, and the entry says so.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "handsim/engine/engine.h"
+
+namespace handsim::simulation {
+
+struct LedgerEntry {
+  std::string name;                   ///< effect or phase
+  long ran = 0;                       ///< steps in which it acted
+  double rows = 0;                    ///< constraint rows per step
+  std::optional<double> ns_per_step;  ///< absent where it cannot be told apart
+  std::string how;                    ///< how the cost was found
+};
+
+class Ledger {
+ public:
+  Ledger(const model::Model& model, const model::Effects& effects);
+
+  /// Books one step: what the engine reported, its contacts, and the time in engine and checks [ns].
+  void book(const engine::StepReport& report, std::span<const engine::Contact> contacts, double step_ns,
+            double check_ns);
+
+  std::vector<LedgerEntry> phases() const;
+  std::vector<LedgerEntry> effects() const;
+  long steps() const { return steps_; }
+  long lcp_failures() const { return lcp_failures_; }
+  long contacts() const { return contacts_; }
+  long collide_calls() const { return collide_calls_; }
+
+ private:
+  struct Count {
+    long steps = 0;  ///< in which it acted
+    long rows = 0;   ///< in all
+  };
+  model::Effect kind_of(const engine::Contact& contact) const;
+  Count& count(model::Effect effect) { return counts_[static_cast<std::size_t>(effect)]; }
+  LedgerEntry entry(model::Effect effect) const;
+
+  const model::Model& model_;
+  model::Effects effects_;
+  long joint_rows_ = 0;   ///< of the joints themselves, each step
+  long tissue_rows_ = 0;  ///< each step
+  long steps_ = 0, lcp_failures_ = 0, contacts_ = 0, collide_calls_ = 0;
+  double step_ns_ = 0, check_ns_ = 0, collide_ns_ = 0, tissue_ns_ = 0;
+  Count counts_[model::kEffectCount];
+};
+
+}  // namespace handsim::simulation

@@ -1,0 +1,55 @@
+// One execution of a scene with its files: trajectory.csv, summary.json, resolved.yaml, pictures.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/core/error.h"
+#include "handsim/output/image.h"
+#include "handsim/scene/scene.h"
+#include "handsim/simulation/ledger.h"
+#include "handsim/simulation/monitor.h"
+
+namespace handsim::simulation {
+
+struct RunOptions {
+  std::filesystem::path out;  ///< folder for the run's files; made where it is missing
+  int frames = 0;             ///< pictures over the run; 0: no OpenGL context is made
+  /// Told the share done, 0..1, now and then.
+  std::function<void(double)> progress;
+};
+
+/// A criterion's figure beside its limit.
+struct Verdict {
+  std::string name;
+  std::string unit;
+  double measured = 0;
+  std::optional<double> limit;  ///< absent: measured, not judged
+  double time = 0;              ///< of the figure [s]
+  std::string where;            ///< joint or body of the figure
+
+  bool held() const { return !limit || measured <= *limit; }
+};
+
+struct RunResult {
+  std::vector<Verdict> verdicts;
+  std::optional<PhysicsFault> fault;  ///< set where the simulation diverged; the files are complete up to then
+  double simulated = 0;               ///< [s]
+  double wall = 0;                    ///< of the loop [s]
+  std::string summary;                ///< text of summary.json
+
+  bool passed() const;
+};
+
+/// Runs the scene and writes its files.
+/// @throws Error (input) where the folder cannot be written; nothing is run then.
+RunResult run(const scene::Scene& scene, const RunOptions& options);
+
+/// One picture of the scene at a time [s] of its motion, 0 to its duration.
+/// @throws Error (physics) where the simulation diverges before that.
+output::Image picture(const scene::Scene& scene, double time);
+
+}  // namespace handsim::simulation
