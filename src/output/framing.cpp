@@ -44,7 +44,7 @@ Direction direction(View view, const Pose& hand_frame, model::Side side) {
     case View::three_quarter:
       break;
   }
-  const Vec3 back = from_above((0.55 * radial - 0.62 * distal + 0.56 * dorsal).normalized());
+  const Vec3 back = from_above((0.52 * radial + 0.52 * distal + 0.68 * dorsal).normalized());
   return {back, back.z() < 0.95 ? Vec3(Vec3::UnitZ()) : distal};
 }
 

@@ -15,7 +15,7 @@ namespace {
 /// As in the shaders: tangent of the angle of half the key light, and how far, in thicknesses, a solid
 /// darkens the sky.
 constexpr double kLightSize = 0.11;
-constexpr double kSkyReach = 2.6;
+constexpr double kSkyReach = 2.2;
 /// The key light over a ground stands at least this high (sine of its elevation).
 constexpr double kLowestKey = 0.62;
 
@@ -64,38 +64,58 @@ Vec3 key_direction(const Eye& eye, bool over_ground) {
   return std::sqrt(1 - kLowestKey * kLowestKey) * level + kLowestKey * Vec3::UnitZ();
 }
 
-void append_rows(const Solid& solid, OccluderRows& rows) {
-  const Pose x_SW = solid.pose.inverse();
-  const Mat3 r = x_SW.q.toRotationMatrix();
-  for (int i = 0; i < 3; ++i)
-    rows.push_back(Eigen::Vector4d(r(i, 0), r(i, 1), r(i, 2), x_SW.p[i]).cast<float>());
-  rows.push_back(Eigen::Vector4d(solid.half.x(), solid.half.y(), solid.half.z(), solid.round).cast<float>());
-  rows.push_back(
-      Eigen::Vector4d(solid.core == Core::cylinder ? 1 : 0, solid.thickness(), 0, 0).cast<float>());
+/// Sixteen directions across the light, opposite ones half the list apart.
+std::vector<Vec3> separating_directions(const Vec3& to_key) {
+  std::vector<Vec3> directions;
+  const Vec3 u = to_key.unitOrthogonal();
+  const Vec3 v = to_key.cross(u);
+  for (int i = 0; i < 16; ++i) directions.push_back(std::cos(i * M_PI / 8) * u + std::sin(i * M_PI / 8) * v);
+  return directions;
 }
 
-/// Can `other` take key light or sky from `solid`? Never says no wrongly.
-bool shades(const Solid& other, const Solid& solid, const Vec3& to_key) {
-  const Vec3 v = other.pose.p - solid.pose.p;
-  const double touch = other.reach() + solid.reach();
-  if (v.norm() < touch + kSkyReach * other.thickness()) return true;
-  const double along = v.dot(to_key);
-  return along > 0 && (v - along * to_key).norm() < touch + kLightSize * (along + touch);
+/// Supports of one solid along each separating direction, then along the light and against it.
+std::vector<double> supports(const Solid& solid, const std::vector<Vec3>& across, const Vec3& to_key) {
+  std::vector<double> out;
+  for (const Vec3& n : across) out.push_back(support(solid, n));
+  out.push_back(support(solid, to_key));
+  out.push_back(support(solid, -to_key));
+  return out;
+}
+
+/// Can `other` take key light or sky from the solid with supports `mine`? Never says no wrongly: a plane
+/// that parts them by more than the half shadow and the sky's reach proves it.
+bool shades(const std::vector<double>& theirs, const std::vector<double>& mine, double sky_reach) {
+  const std::size_t count = mine.size() - 2;
+  // Positive: the occluder lies that far up the light from the receiver's lowest point.
+  const double above = theirs[count] + mine[count + 1];
+  if (above < -sky_reach) return false;
+  const double half_shadow = kLightSize * std::max(above, 0.0);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double gap = -theirs[(i + count / 2) % count] - mine[i];
+    if (gap > std::max(half_shadow, sky_reach)) return false;
+  }
+  return true;
 }
 
 void find_occluders(std::vector<LitSolid>& solids, const Vec3& to_key) {
+  const std::vector<Vec3> across = separating_directions(to_key);
+  std::vector<std::vector<double>> reaches;
+  for (const LitSolid& lit : solids) reaches.push_back(supports(lit.solid, across, to_key));
   std::vector<std::pair<double, const Solid*>> found;
-  for (LitSolid& lit : solids) {
+  for (std::size_t i = 0; i < solids.size(); ++i) {
     found.clear();
-    for (const LitSolid& other : solids)
-      if (&other != &lit && shades(other.solid, lit.solid, to_key))
-        found.emplace_back((other.solid.pose.p - lit.solid.pose.p).norm() - other.solid.reach(),
-                           &other.solid);
-    const std::size_t count = std::min(found.size(), static_cast<std::size_t>(kMaxOccluders));
-    std::partial_sort(found.begin(), found.begin() + static_cast<std::ptrdiff_t>(count), found.end(),
-                      [](const auto& a, const auto& b) { return a.first < b.first; });
-    for (std::size_t i = 0; i < count; ++i) append_rows(*found[i].second, lit.occluders);
-    lit.occluder_count = static_cast<int>(count);
+    for (std::size_t j = 0; j < solids.size(); ++j) {
+      const Solid& other = solids[j].solid;
+      if (j != i && shades(reaches[j], reaches[i], kSkyReach * other.thickness()))
+        found.emplace_back((other.pose.p - solids[i].solid.pose.p).norm() - other.reach(), &other);
+    }
+    std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    Occluders& kept = solids[i].occluders;
+    for (const auto& [distance, other] : found) {
+      const bool room = is_capsule(*other) ? kept.capsules.size() < 2UL * kMaxOccluders
+                                           : kept.solids.size() < 3UL * kMaxOccluders;
+      if (room) kept.add(*other);
+    }
   }
 }
 
@@ -148,7 +168,7 @@ Ground make_ground(double height, const std::vector<LitSolid>& solids, const Vec
     all.hold(area.low, area.high, 0);
     Shade& shade = ground.shades.emplace_back();
     shade.quad = area.packed();
-    append_rows(lit.solid, shade.occluder);
+    shade.occluder.add(lit.solid);
   }
   if (ground.shades.empty()) all.hold({0, 0}, {1, 1}, 0);
   ground.region = all.packed();
@@ -156,6 +176,21 @@ Ground make_ground(double height, const std::vector<LitSolid>& solids, const Vec
 }
 
 }  // namespace
+
+void Occluders::add(const Solid& solid) {
+  const auto row = [](const Vec3& v, double w) {
+    return Eigen::Vector4f(Eigen::Vector4d(v.x(), v.y(), v.z(), w).cast<float>());
+  };
+  if (is_capsule(solid)) {
+    const Vec3 half = solid.pose.q * Vec3(0, 0, solid.half.z());
+    capsules.push_back(row(solid.pose.p - half, solid.round));
+    capsules.push_back(row(2 * half, 0));
+    return;
+  }
+  solids.push_back(row(solid.pose.p, solid.round));
+  solids.push_back(solid.pose.q.coeffs().cast<float>());
+  solids.push_back(row(solid.half, solid.core == Core::cylinder ? 1 : 0));
+}
 
 Scene::Scene(const DrawList& drawn, const Camera& camera, double aspect) : list(&drawn) {
   const Eye axes = eye_of(camera);
@@ -173,8 +208,7 @@ Scene::Scene(const DrawList& drawn, const Camera& camera, double aspect) : list(
   const double radius = empty ? distance / 4 : (box.high - box.low).norm() / 2;
 
   for (const DrawShape& shape : drawn.shapes)
-    if (shape.kind != model::ShapeKind::plane)
-      solids.push_back({bevelled(solid(shape)), shape.colour, {}, 0});
+    if (shape.kind != model::ShapeKind::plane) solids.push_back({bevelled(solid(shape)), shape.colour, {}});
   std::stable_sort(solids.begin(), solids.end(), [&](const LitSolid& a, const LitSolid& b) {
     return (a.solid.pose.p - b.solid.pose.p).dot(axes.z) > 0;
   });

@@ -11,21 +11,27 @@
 
 namespace handsim::output {
 
-/// Five rows as the shaders read them: X_SW (three), half extents and radius, (core, thickness).
-using OccluderRows = std::vector<Eigen::Vector4f>;
+/// What takes light away, in rows as the shaders read them.
+struct Occluders {
+  /// Two rows each: (one end of the axis, radius), (from there to the other end, 0).
+  std::vector<Eigen::Vector4f> capsules;
+  /// Three rows each: (centre, radius), quaternion q_WS (x, y, z, w), (half extents, 1 for a cylinder).
+  std::vector<Eigen::Vector4f> solids;
 
-/// A solid, its colour and the solids that take light from it.
+  void add(const Solid& solid);
+};
+
+/// A solid, its colour and the solids that take light from it (kMaxOccluders of each form at most).
 struct LitSolid {
   Solid solid;
   Colour colour;
-  OccluderRows occluders;  ///< five rows for each
-  int occluder_count = 0;  ///< at most kMaxOccluders
+  Occluders occluders;
 };
 
 /// The part of the ground that a solid can darken.
 struct Shade {
   Eigen::Vector4f quad;  ///< x and y of the low corner, width, depth [m]
-  OccluderRows occluder;
+  Occluders occluder;    ///< just the one
 };
 
 struct Ground {

@@ -79,7 +79,7 @@ struct Renderer::Impl {
   void draw_solids(const Scene& scene, const Eigen::Matrix4f& projection);
   void draw_annotations(const DrawList& list);
   void draw_ground(const Scene& scene, const Eigen::Matrix4f& projection);
-  void place(const Solid& solid, const Colour& colour);
+  void place(const Program& program, const Solid& solid, const Colour& colour);
   void draw(const Buffer& buffer) {
     glBindVertexArray(buffer.array);
     glDrawElements(GL_TRIANGLES, buffer.count, GL_UNSIGNED_INT, nullptr);
@@ -92,8 +92,11 @@ struct Renderer::Impl {
 
   int width, height;
   Canvas canvas;
-  Program solid_program{kSolidVertex, {kLightFunctions, kOcclusionFunctions, kSolidFragment}};
-  Program shade_program{kShadeVertex, {kLightFunctions, kOcclusionFunctions, kShadeFragment}};
+  /// Capsules as the only occluders cost less than all forms.
+  Program capsule_lit{kSolidVertex, {kLightFunctions, kOcclusionFunctions, kSolidFragment}};
+  Program solid_lit{kSolidVertex, {kLightFunctions, kWithSolids, kOcclusionFunctions, kSolidFragment}};
+  Program capsule_shade{kShadeVertex, {kLightFunctions, kOcclusionFunctions, kShadeFragment}};
+  Program solid_shade{kShadeVertex, {kLightFunctions, kWithSolids, kOcclusionFunctions, kShadeFragment}};
   Program ground_program{kGroundVertex, {kLightFunctions, kGroundFragment}};
   Program background_program{kBackgroundVertex, {kLightFunctions, kBackgroundFragment}};
   Target drawn, resolved, shade;
@@ -141,14 +144,18 @@ void Renderer::Impl::draw_shade(const Scene& scene) {
   glEnable(GL_BLEND);
   glBlendEquationSeparate(GL_MIN, GL_FUNC_ADD);
   glBlendFuncSeparate(GL_ONE, GL_ONE, GL_DST_ALPHA, GL_ZERO);
-  shade_program.use();
-  shade_program.set("to_key", scene.to_key);
-  shade_program.set("region", scene.ground->region);
-  shade_program.set("ground_height", scene.ground->height);
-  for (const Shade& part : scene.ground->shades) {
-    shade_program.set("quad", part.quad);
-    shade_program.set("occluders", part.occluder);
-    draw_quad();
+  for (const Program* program : {&capsule_shade, &solid_shade}) {
+    program->use();
+    program->set("to_key", scene.to_key);
+    program->set("region", scene.ground->region);
+    program->set("ground_height", scene.ground->height);
+    for (const Shade& part : scene.ground->shades) {
+      if (part.occluder.solids.empty() != (program == &capsule_shade)) continue;
+      program->set("quad", part.quad);
+      program->set("capsules", part.occluder.capsules);
+      program->set("solids", part.occluder.solids);
+      draw_quad();
+    }
   }
   glDisable(GL_BLEND);
 }
@@ -180,40 +187,47 @@ void Renderer::Impl::draw_tile(const Scene& scene, const Tile& tile) {
   draw_background();
 }
 
-void Renderer::Impl::place(const Solid& solid, const Colour& colour) {
-  solid_program.set("rotation", Eigen::Matrix3f(solid.pose.q.toRotationMatrix().cast<float>()));
-  solid_program.set("origin", Eigen::Vector3f(solid.pose.p.cast<float>()));
-  solid_program.set("half_size", Eigen::Vector3f(solid.half.cast<float>()));
-  solid_program.set("rounding", static_cast<float>(solid.round));
-  solid_program.set("colour", Eigen::Vector3f(colour.r, colour.g, colour.b));
+void Renderer::Impl::place(const Program& program, const Solid& solid, const Colour& colour) {
+  program.set("rotation", Eigen::Matrix3f(solid.pose.q.toRotationMatrix().cast<float>()));
+  program.set("origin", Eigen::Vector3f(solid.pose.p.cast<float>()));
+  program.set("half_size", Eigen::Vector3f(solid.half.cast<float>()));
+  program.set("rounding", static_cast<float>(solid.round));
+  program.set("colour", Eigen::Vector3f(colour.r, colour.g, colour.b));
 }
 
 void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& projection) {
   glEnable(GL_CULL_FACE);
-  solid_program.use();
-  solid_program.set("view_projection", projection);
-  solid_program.set("to_key", scene.to_key);
-  solid_program.set("to_fill", scene.to_fill);
-  solid_program.set("sky_up", scene.sky_up);
-  solid_program.set("eye", scene.eye);
+  for (const Program* program : {&solid_lit, &capsule_lit}) {
+    program->use();
+    program->set("view_projection", projection);
+    program->set("to_key", scene.to_key);
+    program->set("to_fill", scene.to_fill);
+    program->set("sky_up", scene.sky_up);
+    program->set("eye", scene.eye);
+  }
   for (const LitSolid& lit : scene.solids) {
-    place(lit.solid, lit.colour);
+    const Program& program = lit.occluders.solids.empty() ? capsule_lit : solid_lit;
+    program.use();
+    place(program, lit.solid, lit.colour);
     Eigen::Vector2f ground_shade(0, 0);
     if (scene.ground) ground_shade << scene.ground->height, 3 * static_cast<float>(lit.solid.thickness());
-    solid_program.set("ground", ground_shade);
-    solid_program.set("occluder_count", lit.occluder_count);
-    solid_program.set("occluders", lit.occluders);
-    const bool segment = lit.solid.half.head<2>().isZero();
-    draw(segment ? capsule : lit.solid.core == Core::box ? box : cylinder);
+    program.set("ground", ground_shade);
+    program.set("capsule_count", static_cast<int>(lit.occluders.capsules.size() / 2));
+    program.set("capsules", lit.occluders.capsules);
+    program.set("solid_count", static_cast<int>(lit.occluders.solids.size() / 3));
+    program.set("solids", lit.occluders.solids);
+    draw(is_capsule(lit.solid) ? capsule : lit.solid.core == Core::box ? box : cylinder);
   }
-  solid_program.set("occluder_count", 0);
-  solid_program.set("ground", Eigen::Vector2f(0, 0));
+  capsule_lit.use();
+  capsule_lit.set("capsule_count", 0);
+  capsule_lit.set("ground", Eigen::Vector2f(0, 0));
   draw_annotations(*scene.list);
 }
 
 void Renderer::Impl::draw_annotations(const DrawList& list) {
   for (const DrawPoint& point : list.points) {
-    place({Core::box, Vec3::Zero(), point.radius, {point.position, Quat::Identity()}}, point.colour);
+    place(capsule_lit, {Core::box, Vec3::Zero(), point.radius, {point.position, Quat::Identity()}},
+          point.colour);
     draw(capsule);
   }
   for (const DrawArrow& arrow : list.arrows) {
@@ -225,10 +239,11 @@ void Renderer::Impl::draw_annotations(const DrawList& list) {
     const double head = std::min(kHeadLength * width_of_head, 0.6 * length);
     const double shaft = length - head;
     const Vec3 neck = arrow.from + along * (shaft / length);
-    place({Core::cylinder, {arrow.radius, arrow.radius, shaft / 2}, 0, {(arrow.from + neck) / 2, q}},
+    place(capsule_lit,
+          {Core::cylinder, {arrow.radius, arrow.radius, shaft / 2}, 0, {(arrow.from + neck) / 2, q}},
           arrow.colour);
     draw(cylinder);
-    place({Core::cylinder, {width_of_head, width_of_head, head}, 0, {neck, q}}, arrow.colour);
+    place(capsule_lit, {Core::cylinder, {width_of_head, width_of_head, head}, 0, {neck, q}}, arrow.colour);
     draw(cone);
   }
 }

@@ -26,61 +26,75 @@ vec3 background() {
 )";
 
 const char* const kOcclusionFunctions = R"(
+// No branches: llvmpipe runs both sides of every `if`. No tall tables: it gathers each component.
 const float kLightSize = 0.11;  // tangent of the angle of half the key light
-const int kCylinder = 1;
+const float kSkyReach = 2.2;    // how far a solid darkens the sky, in its thicknesses
 
+// Share of the key light that passes a solid with this gap beside the ray at a distance s along it.
+float passing(float gap, float s, float thickness) {
+  float blur = 0.04 * thickness;
+  return smoothstep(-1.0, 1.0, (gap + blur) / (kLightSize * s + blur));
+}
 
-float core_distance(vec3 p, vec3 half_size, int core) {
-  if (core == kCylinder) {
-    vec2 q = vec2(length(p.xy), abs(p.z)) - half_size.xz;
-    return length(max(q, 0.0)) + min(max(q.x, q.y), 0.0);
-  }
-  vec3 q = abs(p) - half_size;
+// Share of the sky left open, from the gaps at a third of the reach and at all of it.
+float open_sky(float near_gap, float far_gap, float reach) {
+  return 1.0 - 0.44 * clamp(1.0 - near_gap / (0.33 * reach), 0.0, 1.0) - 0.41 * clamp(1.0 - far_gap / reach, 0.0, 1.0);
+}
+
+float segment_gap(vec3 w, vec3 ab, float inverse, float r) {
+  return length(w - clamp(dot(w, ab) * inverse, 0.0, 1.0) * ab) - r;
+}
+
+// Shares (key, sky) that a capsule leaves at p with normal n; start (a, r), span b - a.
+vec2 past_capsule(vec3 p, vec3 n, vec4 start, vec3 span) {
+  float r = start.w;
+  vec3 w = p - start.xyz;
+  float square = max(dot(span, span), 1e-12);
+  float inverse = 1.0 / square;
+  float across = dot(to_key, span);
+  float along = dot(to_key, w);
+  // Closest approach of the ray p + s to_key, s >= 0, to the segment.
+  float t = clamp((dot(span, w) - across * along) / max(square - across * across, 1e-6 * square), 0.0, 1.0);
+  float s = max(t * across - along, 0.0);
+  float key = passing(segment_gap(w + s * to_key, span, inverse, r), s, r);
+  float reach = kSkyReach * r;
+  return vec2(key, open_sky(segment_gap(w + 0.33 * reach * n, span, inverse, r),
+                            segment_gap(w + reach * n, span, inverse, r), reach));
+}
+
+vec3 unrotated(vec4 q, vec3 v) {
+  vec3 u = 2.0 * cross(v, q.xyz);
+  return v + q.w * u + cross(u, q.xyz);
+}
+
+float core_distance(vec3 p, vec3 size, bool cylinder) {
+  vec3 q = cylinder ? vec3(length(p.xy) - size.x, abs(p.z) - size.z, -1e9) : abs(p) - size;
   return length(max(q, 0.0)) + min(max(q.x, max(q.y, q.z)), 0.0);
 }
 
-// Closest approach of the ray o + s d, s >= 0, to the core: (distance, s).
-vec2 closest_to_segment(vec3 o, vec3 d, float half_length) {
-  float along = dot(o, d);
-  float t = clamp((o.z - d.z * along) / max(1.0 - d.z * d.z, 1e-6), -half_length, half_length);
-  float s = max(t * d.z - along, 0.0);
-  t = clamp(o.z + s * d.z, -half_length, half_length);
-  return vec2(length(o + s * d - vec3(0.0, 0.0, t)), s);
-}
-
-// The distance from a convex solid is convex along a ray: halve the interval on the sign of its slope.
-vec2 closest_to_solid(vec3 o, vec3 d, vec3 half_size, int core) {
-  float middle = -dot(o, d);
-  float extent = length(half_size);
-  float low = max(middle - extent, 0.0);
-  float high = max(middle + extent, 0.0);
-  float step_size = 1e-3 * extent;
-  for (int i = 0; i < 8; ++i) {
-    float s = 0.5 * (low + high);
-    vec3 p = o + s * d;
-    if (core_distance(p + step_size * d, half_size, core) > core_distance(p, half_size, core)) high = s;
-    else low = s;
-  }
-  float s = 0.5 * (low + high);
-  return vec2(core_distance(o + s * d, half_size, core), s);
-}
-
-// Share of the key light that passes the solid, 0..1.
-float key_share(vec3 o, vec3 d, vec4 size, float thickness, int core) {
-  bool segment = size.x <= 0.0 && size.y <= 0.0;
-  vec2 near = segment ? closest_to_segment(o, d, size.z) : closest_to_solid(o, d, size.xyz, core);
-  float blur = 0.04 * thickness;
-  return smoothstep(-1.0, 1.0, (near.x - size.w + blur) / (kLightSize * near.y + blur));
-}
-
-// Share of the sky about the normal n that the solid leaves open, from distances at three heights.
-float sky_share(vec3 o, vec3 n, vec4 size, float thickness, int core) {
-  float height = 2.6 * thickness;
-  float closed = 0.0;
-  closed += 0.34 * clamp(1.0 - (core_distance(o + 0.15 * height * n, size.xyz, core) - size.w) / (0.15 * height), 0.0, 1.0);
-  closed += 0.33 * clamp(1.0 - (core_distance(o + 0.45 * height * n, size.xyz, core) - size.w) / (0.45 * height), 0.0, 1.0);
-  closed += 0.33 * clamp(1.0 - (core_distance(o + height * n, size.xyz, core) - size.w) / height, 0.0, 1.0);
-  return 1.0 - 0.85 * closed;
+// The same for a rounded box or cylinder; place (centre, radius), quaternion q_WS, size (half extents, core).
+vec2 past_solid(vec3 p, vec3 n, vec4 place, vec4 q, vec4 size) {
+  bool cylinder = size.w > 0.5;
+  float thickness = place.w + min(size.x, min(size.y, size.z));
+  vec3 o = unrotated(q, p - place.xyz);
+  vec3 d = unrotated(q, to_key);
+  vec3 up = unrotated(q, n);
+  // Between the last slab entered and the first one left, closest to the edge where the two meet.
+  d += vec3(1e-5) * (step(0.0, d) * 2.0 - 1.0);
+  vec3 m = 1.0 / d;
+  vec3 enter = -m * o - abs(m) * size.xyz;
+  vec3 leave = -m * o + abs(m) * size.xyz;
+  float t_enter = max(enter.x, max(enter.y, enter.z));
+  float t_leave = min(leave.x, min(leave.y, leave.z));
+  float w_enter = t_enter == enter.x ? d.x : t_enter == enter.y ? d.y : d.z;
+  float w_leave = t_leave == leave.x ? d.x : t_leave == leave.y ? d.y : d.z;
+  w_enter *= w_enter;
+  w_leave *= w_leave;
+  float s = max((w_enter * t_enter + w_leave * t_leave) / (w_enter + w_leave), 0.0);
+  float key = passing(core_distance(o + s * d, size.xyz, cylinder) - place.w, s, thickness);
+  float reach = kSkyReach * thickness;
+  return vec2(key, open_sky(core_distance(o + 0.33 * reach * up, size.xyz, cylinder) - place.w,
+                            core_distance(o + reach * up, size.xyz, cylinder) - place.w, reach));
 }
 )";
 
@@ -101,15 +115,19 @@ void main() {
 }
 )";
 
-static_assert(kMaxOccluders == 24, "the size of `occluders` below");
+static_assert(kMaxOccluders == 24, "the sizes of `capsules` and `solids` below");
 const char* const kSolidFragment = R"(
 uniform vec3 colour;
 uniform vec3 eye;
 uniform vec3 to_fill;
 uniform vec3 sky_up;
-uniform int occluder_count;
-uniform vec4 occluders[5 * 24];  // three rows of X_SW, half extents and radius, (core, thickness)
-uniform vec2 ground;             // (height, reach of its shade), reach 0: no ground
+uniform int capsule_count;
+uniform vec4 capsules[2 * 24];
+#ifdef WITH_SOLIDS
+uniform int solid_count;
+uniform vec4 solids[3 * 24];
+#endif
+uniform vec2 ground;  // height, and reach of its shade; reach 0: no ground
 in vec3 world_normal;
 in vec3 world_point;
 out vec4 pixel;
@@ -119,27 +137,28 @@ void main() {
   vec3 v = normalize(eye - world_point);
   float key = 1.0;
   float sky = 1.0;
-  float facing = dot(n, to_key);
-  for (int i = 0; i < occluder_count; ++i) {
-    vec4 x = occluders[5 * i], y = occluders[5 * i + 1], z = occluders[5 * i + 2];
-    vec4 size = occluders[5 * i + 3];
-    vec4 more = occluders[5 * i + 4];
-    vec4 p = vec4(world_point, 1.0);
-    vec3 o = vec3(dot(x, p), dot(y, p), dot(z, p));
-    vec3 n_s = vec3(dot(x.xyz, n), dot(y.xyz, n), dot(z.xyz, n));
-    vec3 d_s = vec3(dot(x.xyz, to_key), dot(y.xyz, to_key), dot(z.xyz, to_key));
-    if (facing > 0.0) key = min(key, key_share(o, d_s, size, more.y, int(more.x)));
-    sky *= sky_share(o, n_s, size, more.y, int(more.x));
+  for (int i = 0; i < capsule_count; ++i) {
+    vec2 share = past_capsule(world_point, n, capsules[2 * i], capsules[2 * i + 1].xyz);
+    key = min(key, share.x);
+    sky *= share.y;
   }
-  if (ground.y > 0.0) {
-    float open = clamp((world_point.z - ground.x) / ground.y, 0.0, 1.0);
-    sky *= mix(1.0 - 0.55 * max(-n.z, 0.0) - 0.15, 1.0, open);
+#ifdef WITH_SOLIDS
+  for (int i = 0; i < solid_count; ++i) {
+    vec2 share = past_solid(world_point, n, solids[3 * i], solids[3 * i + 1], solids[3 * i + 2]);
+    key = min(key, share.x);
+    sky *= share.y;
   }
+#endif
+  float open = ground.y > 0.0 ? clamp((world_point.z - ground.x) / ground.y, 0.0, 1.0) : 1.0;
+  sky *= mix(0.85 - 0.55 * max(-n.z, 0.0), 1.0, open);
+  float facing = max(dot(n, to_key), 0.0);
   float up = 0.5 + 0.5 * dot(n, sky_up);
-  vec3 light = kKey * max(facing, 0.0) * key + mix(kBounce, kSky, up) * sky + 0.20 * max(dot(n, to_fill), 0.0) * (0.4 + 0.6 * sky);
-  vec3 h = normalize(to_key + v);
-  float fresnel = pow(1.0 - max(dot(n, v), 0.0), 4.0);
-  float shine = 0.13 * pow(max(dot(n, h), 0.0), 36.0) * key * step(0.0, facing) + 0.10 * fresnel * sky * up;
+  float fill = 0.20 * max(dot(n, to_fill), 0.0) * (0.4 + 0.6 * sky);
+  vec3 light = kKey * facing * key + mix(kBounce, kSky, up) * sky + fill;
+  float rim = 1.0 - max(dot(n, v), 0.0);
+  rim *= rim;
+  float glance = max(dot(n, normalize(to_key + v)), 0.0);
+  float shine = 0.13 * pow(glance, 36.0) * key * step(1e-4, facing) + 0.10 * rim * rim * sky * up;
   pixel = vec4(to_srgb(colour * light + shine), 1.0);
 }
 )";
@@ -158,17 +177,21 @@ void main() {
 )";
 
 const char* const kShadeFragment = R"(
-uniform vec4 occluders[5];
+#ifdef WITH_SOLIDS
+uniform vec4 solids[3];
+#else
+uniform vec4 capsules[2];
+#endif
 in vec3 point;
 out vec4 shade;
 void main() {
-  vec4 x = occluders[0], y = occluders[1], z = occluders[2], size = occluders[3], more = occluders[4];
-  vec4 p = vec4(point, 1.0);
-  vec3 o = vec3(dot(x, p), dot(y, p), dot(z, p));
-  vec3 n_s = vec3(x.z, y.z, z.z);
-  vec3 d_s = vec3(dot(x.xyz, to_key), dot(y.xyz, to_key), dot(z.xyz, to_key));
-  float key = key_share(o, d_s, size, more.y, int(more.x));
-  shade = vec4(key, key, key, sky_share(o, n_s, size, more.y, int(more.x)));
+  vec3 n = vec3(0.0, 0.0, 1.0);
+#ifdef WITH_SOLIDS
+  vec2 share = past_solid(point, n, solids[0], solids[1], solids[2]);
+#else
+  vec2 share = past_capsule(point, n, capsules[0], capsules[1].xyz);
+#endif
+  shade = vec4(share.xxx, share.y);
 }
 )";
 

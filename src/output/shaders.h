@@ -5,15 +5,17 @@
 
 namespace handsim::output {
 
-/// Most solids that one drawn solid can be shaded by; the nearest are kept.
+/// Most capsules, and most other solids, that one drawn solid can be shaded by; the nearest are kept.
 inline constexpr int kMaxOccluders = 24;
 
 /// Start of every fragment shader: version, lights, background, conversion to sRGB.
 extern const char* const kLightFunctions;
-/// What follows it where solids take light from each other.
+/// Follows it where other solids than capsules are among the occluders.
+inline constexpr const char* kWithSolids = "#define WITH_SOLIDS\n";
+/// Follows where solids take light from each other.
 extern const char* const kOcclusionFunctions;
 
-/// Solids: vertices of a Mesh, lit and shaded by `occluders`.
+/// Solids: vertices of a Mesh, lit and shaded by `capsules` and `solids`.
 extern const char* const kSolidVertex;
 extern const char* const kSolidFragment;
 /// One solid's shade on the ground: red the key light, alpha the sky, 1 where it is open.

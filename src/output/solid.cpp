@@ -30,6 +30,8 @@ Solid bevelled(const Solid& exact) {
   return {exact.core, exact.half - Vec3::Constant(bevel), exact.round + bevel, exact.pose};
 }
 
+bool is_capsule(const Solid& solid) { return solid.half.x() <= 0 && solid.half.y() <= 0; }
+
 double support(const Solid& solid, const Vec3& n) {
   const Vec3 m = solid.pose.q.conjugate() * n;
   const double core = solid.core == Core::box

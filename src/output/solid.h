@@ -27,6 +27,9 @@ Solid solid(const DrawShape& shape);
 /// inside the exact one.
 Solid bevelled(const Solid& exact);
 
+/// Is its core a line or a point (a capsule or a sphere)?
+bool is_capsule(const Solid& solid);
+
 /// Largest n . x over the solid, x in the world (support function; n need not be unit) [m].
 double support(const Solid& solid, const Vec3& n);
 /// Largest n . x over all shapes, arrows and points of the list; -infinity for an empty one [m].
