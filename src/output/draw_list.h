@@ -17,10 +17,10 @@ struct Colour {
 
 struct DrawShape {
   model::ShapeKind kind = model::ShapeKind::sphere;  ///< any but plane
-  double radius = 0;          ///< as in model::Shape
+  double radius = 0;                                 ///< as in model::Shape
   double length = 0;
   Vec3 edges = Vec3::Zero();
-  Pose pose;                  ///< X_WS
+  Pose pose;  ///< X_WS
   Colour colour;
 };
 
@@ -62,7 +62,8 @@ struct DrawOptions {
 /// Shapes of the model at the state, coloured by tint; planes become the ground.
 DrawList draw_list(const model::Model& model, const model::State& state, const DrawOptions& options);
 
-/// The axis-aligned box of all shapes (not the ground), as two corners [m].
+/// The axis-aligned box of all shapes, arrows and points (not the ground), as two corners [m]; both at the
+/// origin for an empty list.
 struct Bounds {
   Vec3 low = Vec3::Zero();
   Vec3 high = Vec3::Zero();

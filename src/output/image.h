@@ -14,7 +14,9 @@ struct Image {
   int height = 0;
   std::vector<std::uint8_t> rgb;
 
-  const std::uint8_t* pixel(int x, int y) const { return &rgb[static_cast<std::size_t>(3 * (y * width + x))]; }
+  const std::uint8_t* pixel(int x, int y) const {
+    return &rgb[static_cast<std::size_t>(3 * (y * width + x))];
+  }
 };
 
 /// Writes a PNG; the file appears under its name only when complete.

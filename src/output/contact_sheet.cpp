@@ -1,0 +1,190 @@
+#include "handsim/output/contact_sheet.h"
+
+#include <cairo.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include <fmt/format.h>
+
+#include "handsim/core/error.h"
+
+namespace handsim::output {
+
+namespace {
+
+struct FreeSurface {
+  void operator()(cairo_surface_t* surface) const { cairo_surface_destroy(surface); }
+};
+struct FreePen {
+  void operator()(cairo_t* pen) const { cairo_destroy(pen); }
+};
+using Surface = std::unique_ptr<cairo_surface_t, FreeSurface>;
+using Pen = std::unique_ptr<cairo_t, FreePen>;
+
+/// Sizes of the page [pixels].
+struct Layout {
+  int columns, rows;
+  int margin, gap;
+  int cell_width, cell_height;
+  int title_height, caption_height;
+  int width, height;
+};
+
+/// Most cells in one row and fewest, where there is a choice.
+constexpr int kWidestRow = 5;
+constexpr int kNarrowestRow = 3;
+
+/// About four to a row: of 4, 3 and 5 the one that leaves the fewest places empty, in this order.
+int columns_for(int cells) {
+  if (cells <= kWidestRow) return cells;
+  int best = 4;
+  for (const int columns : {kNarrowestRow, kWidestRow})
+    if ((columns - cells % columns) % columns < (best - cells % best) % best) best = columns;
+  return best;
+}
+
+Layout layout_of(const std::vector<SheetCell>& cells, bool titled, int width) {
+  const Image& first = cells.front().image;
+  Layout page{};
+  page.columns = columns_for(static_cast<int>(cells.size()));
+  page.rows = (static_cast<int>(cells.size()) + page.columns - 1) / page.columns;
+  page.margin = std::max(8, width / 50);
+  page.gap = std::max(4, width / 100);
+  const int room = (width - 2 * page.margin - (page.columns - 1) * page.gap) / page.columns;
+  // Pictures are only ever made smaller.
+  page.cell_width = std::min(room, first.width);
+  page.cell_height = std::max(
+      1, static_cast<int>(std::lround(static_cast<double>(first.height) * page.cell_width / first.width)));
+  page.title_height = titled ? std::max(24, width / 26) : 0;
+  page.caption_height = std::max(16, width / 50);
+  page.width = 2 * page.margin + page.columns * page.cell_width + (page.columns - 1) * page.gap;
+  page.height = 2 * page.margin + page.title_height + page.rows * (page.cell_height + page.caption_height) +
+                (page.rows - 1) * page.gap;
+  return page;
+}
+
+/// All that can be wrong with the arguments.
+void check(const std::vector<SheetCell>& cells, int width) {
+  if (cells.empty()) throw input_error("contact sheet", "no pictures", "at least one");
+  if (width < 160 || width > 16384)
+    throw input_error("contact sheet width", fmt::format("{}", width), "160..16384 pixels");
+  const Image& first = cells.front().image;
+  for (const SheetCell& cell : cells) {
+    const Image& image = cell.image;
+    if (image.width != first.width || image.height != first.height || image.width < 1 || image.height < 1 ||
+        image.rgb.size() !=
+            3UL * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height))
+      throw input_error(fmt::format("picture `{}` of the contact sheet", cell.caption),
+                        fmt::format("{} x {} pixels", image.width, image.height),
+                        fmt::format("the size of the first, {} x {} pixels", first.width, first.height));
+  }
+}
+
+/// cairo's pixels are 32-bit words 0x00RRGGBB, rows `stride` bytes apart.
+Surface surface_of(const Image& image) {
+  Surface surface(cairo_image_surface_create(CAIRO_FORMAT_RGB24, image.width, image.height));
+  if (cairo_surface_status(surface.get()) != CAIRO_STATUS_SUCCESS)
+    throw input_error("contact sheet", cairo_status_to_string(cairo_surface_status(surface.get())),
+                      "a page that fits cairo");
+  cairo_surface_flush(surface.get());
+  unsigned char* data = cairo_image_surface_get_data(surface.get());
+  const auto stride = static_cast<std::size_t>(cairo_image_surface_get_stride(surface.get()));
+  for (int y = 0; y < image.height && !image.rgb.empty(); ++y) {
+    auto* row = reinterpret_cast<std::uint32_t*>(data + static_cast<std::size_t>(y) * stride);
+    const std::uint8_t* from = image.pixel(0, y);
+    for (int x = 0; x < image.width; ++x, from += 3)
+      row[x] = static_cast<std::uint32_t>(from[0] << 16 | from[1] << 8 | from[2]);
+  }
+  cairo_surface_mark_dirty(surface.get());
+  return surface;
+}
+
+Image image_of(cairo_surface_t* surface) {
+  cairo_surface_flush(surface);
+  Image image{cairo_image_surface_get_width(surface), cairo_image_surface_get_height(surface), {}};
+  image.rgb.reserve(3UL * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height));
+  const unsigned char* data = cairo_image_surface_get_data(surface);
+  const auto stride = static_cast<std::size_t>(cairo_image_surface_get_stride(surface));
+  for (int y = 0; y < image.height; ++y) {
+    const auto* row = reinterpret_cast<const std::uint32_t*>(data + static_cast<std::size_t>(y) * stride);
+    for (int x = 0; x < image.width; ++x)
+      for (const int shift : {16, 8, 0}) image.rgb.push_back(static_cast<std::uint8_t>(row[x] >> shift));
+  }
+  return image;
+}
+
+/// Shortens the text (UTF-8) with an ellipsis until it fits [pixels].
+std::string fitted(cairo_t* pen, std::string text, double room) {
+  const auto width_of = [pen](const std::string& s) {
+    cairo_text_extents_t extents;
+    cairo_text_extents(pen, s.c_str(), &extents);
+    return extents.x_advance;
+  };
+  if (width_of(text) <= room) return text;
+  while (!text.empty() && width_of(text + "…") > room) {
+    // Continuation bytes of a character go with its first byte.
+    while (text.size() > 1 && (static_cast<unsigned char>(text.back()) & 0xC0U) == 0x80U) text.pop_back();
+    text.pop_back();
+  }
+  return text + "…";
+}
+
+struct TextStyle {
+  double size;  ///< of the font [pixels]
+  cairo_font_weight_t weight;
+  double grey;
+};
+
+/// Text with its left end and baseline at x, y.
+void write(cairo_t* pen, const std::string& text, double x, double y, double room, const TextStyle& style) {
+  cairo_select_font_face(pen, "DejaVu Sans", CAIRO_FONT_SLANT_NORMAL, style.weight);
+  cairo_set_font_size(pen, style.size);
+  cairo_set_source_rgb(pen, style.grey, style.grey, style.grey);
+  cairo_move_to(pen, x, y);
+  cairo_show_text(pen, fitted(pen, text, room).c_str());
+}
+
+void put_cell(cairo_t* pen, const SheetCell& cell, const Layout& page, int x, int y) {
+  const Surface picture = surface_of(cell.image);
+  cairo_save(pen);
+  cairo_rectangle(pen, x, y, page.cell_width, page.cell_height);
+  cairo_clip(pen);
+  cairo_translate(pen, x, y);
+  cairo_scale(pen, static_cast<double>(page.cell_width) / cell.image.width,
+              static_cast<double>(page.cell_height) / cell.image.height);
+  cairo_set_source_surface(pen, picture.get(), 0, 0);
+  cairo_pattern_set_filter(cairo_get_source(pen), CAIRO_FILTER_BEST);
+  // Keeps the edge from fading into the page.
+  cairo_pattern_set_extend(cairo_get_source(pen), CAIRO_EXTEND_PAD);
+  cairo_paint(pen);
+  cairo_restore(pen);
+  write(pen, cell.caption, x + 1, y + page.cell_height + 0.74 * page.caption_height, page.cell_width - 2,
+        {0.52 * page.caption_height, CAIRO_FONT_WEIGHT_NORMAL, 0.25});
+}
+
+}  // namespace
+
+Image contact_sheet(const std::vector<SheetCell>& cells, const std::string& title, int width) {
+  check(cells, width);
+  const Layout page = layout_of(cells, !title.empty(), width);
+  const Surface surface = surface_of({page.width, page.height, {}});
+  const Pen pen(cairo_create(surface.get()));
+  cairo_set_source_rgb(pen.get(), 1, 1, 1);
+  cairo_paint(pen.get());
+  write(pen.get(), title, page.margin, page.margin + 0.5 * page.title_height, page.width - 2 * page.margin,
+        {0.46 * page.title_height, CAIRO_FONT_WEIGHT_BOLD, 0.1});
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const int column = static_cast<int>(i) % page.columns;
+    const int row = static_cast<int>(i) / page.columns;
+    put_cell(pen.get(), cells[i], page, page.margin + column * (page.cell_width + page.gap),
+             page.margin + page.title_height + row * (page.cell_height + page.caption_height + page.gap));
+  }
+  if (cairo_status(pen.get()) != CAIRO_STATUS_SUCCESS)
+    throw input_error("contact sheet", cairo_status_to_string(cairo_status(pen.get())),
+                      "captions and title in UTF-8, and a page that fits memory");
+  return image_of(surface.get());
+}
+
+}  // namespace handsim::output

@@ -1,0 +1,52 @@
+// OpenGL 3.3 declarations and the few wrappers the renderer needs. Objects live and die with the context
+// of their Canvas, so nothing here frees anything.
+#pragma once
+
+#ifndef GL_GLEXT_PROTOTYPES
+#define GL_GLEXT_PROTOTYPES
+#endif
+#include <GL/gl.h>
+#include <GL/glext.h>
+
+#include <Eigen/Core>
+#include <vector>
+
+namespace handsim::output {
+
+/// A linked vertex and fragment shader.
+class Program {
+ public:
+  /// The fragment shader's parts follow each other. @throws Error where the driver rejects the source.
+  Program(const char* vertex, const std::vector<const char*>& fragment);
+
+  void use() const;
+  /// Sets a uniform of the program in use.
+  void set(const char* name, int value) const;
+  void set(const char* name, float value) const;
+  void set(const char* name, const Eigen::Vector2f& value) const;
+  void set(const char* name, const Eigen::Vector3f& value) const;
+  void set(const char* name, const Eigen::Vector4f& value) const;
+  void set(const char* name, const Eigen::Matrix3f& value) const;
+  void set(const char* name, const Eigen::Matrix4f& value) const;
+  void set(const char* name, const std::vector<Eigen::Vector4f>& values) const;
+
+ private:
+  GLint location(const char* name) const;
+  GLuint id_ = 0;
+};
+
+/// A frame buffer to draw into: colour, and depth where asked for.
+struct Target {
+  GLuint framebuffer = 0;
+  GLuint texture = 0;  ///< 0 where the colour is not to be sampled
+  int width = 0;
+  int height = 0;
+
+  /// Several samples a pixel, with depth. @throws Error where the driver has no memory for it.
+  static Target multisampled(int width, int height, int samples);
+  /// One RGBA sample a pixel in a texture, no depth. @throws Error as above.
+  static Target sampled(int width, int height);
+  void bind() const;
+};
+
+}  // namespace handsim::output

@@ -1,0 +1,32 @@
+// Triangle meshes of unit solids. A vertex is a corner of the core and a normal; the shader puts it at
+// core * half + round * normal, so one mesh serves every size of its kind without distorting roundings.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+namespace handsim::output {
+
+struct Vertex {
+  Eigen::Vector3f core;    ///< in units of the core's half extents, each -1..1
+  Eigen::Vector3f normal;  ///< unit, outward
+};
+
+/// Triangles, counter-clockwise seen from outside.
+struct Mesh {
+  std::vector<Vertex> vertices;
+  std::vector<std::uint32_t> indices;
+};
+
+/// Core: the segment z = -1..1 (with half height 0: a sphere).
+Mesh capsule_mesh();
+/// Core: the cube of edge 2.
+Mesh box_mesh();
+/// Core: the cylinder of radius 1, z = -1..1.
+Mesh cylinder_mesh();
+/// A cone with its base circle of radius 1 at z = 0 and its tip at z = 1, with normals for a scale of
+/// (1, 1, length); `round` must be 0.
+Mesh cone_mesh(float length);
+
+}  // namespace handsim::output
