@@ -2,35 +2,25 @@
 // representation (ODE ids, reduced coordinates) and hand out poses and velocities as a State.
 #pragma once
 
-#include <cstdint>
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
-#include "handsim/model/effects.h"
+#include "handsim/core/error.h"
+#include "handsim/model/solver.h"
 #include "handsim/model/state.h"
 
 namespace handsim::engine {
 
-enum class Method {
-  world_step,  ///< ODE's direct LCP solver (Dantzig): exact, cost grows with the cube of the rows
-  quick_step,  ///< ODE's iterative solver (projected SOR): cost grows with rows times iterations
-};
+inline constexpr double kMaxStep = 0.1;  ///< [s]
+inline constexpr int kMaxIterations = 100000;
 
-/// How the engine advances the state.
-struct Settings {
-  Method method = Method::world_step;
-  double step = 1e-3;  ///< [s], > 0
-  /// Share of a joint's positional error that one step corrects, 0..1. Low: joints drift apart under
-  /// load; high (above about 0.8): jitter and restitution at stops.
-  double erp = 0.2;
-  /// Constraint force mixing (inverse stiffness of every constraint row per step), > 0. Low: redundant
-  /// rows make the LCP fail; high: joints feel like rubber.
-  double cfm = 1e-9;
-  int iterations = 20;      ///< quick_step only
-  std::uint64_t seed = 1;   ///< quick_step shuffles its rows with ODE's random generator
-  model::Effects effects;
-};
+using Method = model::Method;
+using Settings = model::SolverSettings;
+
+/// Settings out of range. Empty for settings that every engine takes.
+std::vector<Problem> defects(const Settings& settings);
 
 /// What acts on the model during one step.
 struct StepInput {
@@ -62,12 +52,14 @@ class Engine {
   virtual ~Engine() = default;
 
   /// Advances by settings().step.
-  /// @throws Error (physics) naming time, body or joint and quantity when the state leaves its bounds;
-  ///         the engine is then unusable, other engines are not affected.
+  /// @throws Error (physics) naming time, body or joint and quantity when the state leaves its bounds or a
+  ///         torque is not finite; every later step throws the same error, state() stays the last good
+  ///         one, other engines are not affected. Error (input) for a wrong number of torques.
   virtual StepReport step(const StepInput& input) = 0;
 
   virtual const model::State& state() const = 0;
-  /// Replaces poses, velocities and time.
+  /// Replaces poses, velocities and time. Kinematic bodies may be put elsewhere; those that no drive moves
+  /// stay there, at rest. @throws Error (input) for a state of another model or with non-finite numbers.
   virtual void set_state(const model::State& state) = 0;
   virtual std::span<const Contact> contacts() const = 0;
   virtual const Settings& settings() const = 0;
@@ -75,6 +67,8 @@ class Engine {
   virtual bool tests_contacts() const = 0;
   /// Name, version and build of the engine, e.g. `ODE 0.16.2 double`.
   virtual std::string version() const = 0;
+  /// Where the engine departs from the model, one sentence each, e.g. a stop that it moved.
+  virtual std::vector<std::string> notes() const = 0;
 };
 
 /// Builds the engine and puts it at model::initial_state(model).

@@ -34,6 +34,30 @@ void universal_angles(const Quat& q_FM, const Vec3& a, const Vec3& b, std::span<
   out[1] = std::atan2(a_M.dot(c), a_M.dot(a));
 }
 
+void place(State& state, int body, const Pose& x_WB) {
+  BodyState& target = state.bodies[static_cast<std::size_t>(body)];
+  target.p = x_WB.p;
+  target.q = x_WB.q;
+}
+
+/// Every body at rest at its zero pose.
+State zero_state(const Model& model) {
+  State state;
+  state.bodies.resize(model.bodies.size());
+  for (std::size_t i = 0; i < model.bodies.size(); ++i) place(state, static_cast<int>(i), model.bodies[i].zero_pose);
+  return state;
+}
+
+/// Places every child where its joint at coordinates q puts it, from the roots outward.
+void hang_children(const Model& model, std::span<const double> q, State& state) {
+  for (const Joint& joint : model.joints) {
+    if (joint.closes_loop) continue;
+    const Pose x_FM = joint_transform(joint, q.subspan(static_cast<std::size_t>(joint.first_dof)));
+    place(state, joint.child,
+          frame_in_world(state, joint.parent, joint.parent_frame) * x_FM * joint.child_frame.inverse());
+  }
+}
+
 }  // namespace
 
 void joint_coordinates(const Joint& joint, const State& state, std::span<double> out) {
@@ -129,19 +153,8 @@ Pose joint_transform(const Joint& joint, std::span<const double> q) {
 }
 
 State state_at(const Model& model, std::span<const double> q) {
-  State state;
-  state.bodies.resize(model.bodies.size());
-  for (std::size_t i = 0; i < model.bodies.size(); ++i) {
-    state.bodies[i].p = model.bodies[i].zero_pose.p;
-    state.bodies[i].q = model.bodies[i].zero_pose.q;
-  }
-  for (const Joint& joint : model.joints) {
-    if (joint.closes_loop) continue;
-    const Pose x_FM = joint_transform(joint, q.subspan(static_cast<std::size_t>(joint.first_dof)));
-    const Pose x_WB = frame_in_world(state, joint.parent, joint.parent_frame) * x_FM * joint.child_frame.inverse();
-    state.bodies[static_cast<std::size_t>(joint.child)].p = x_WB.p;
-    state.bodies[static_cast<std::size_t>(joint.child)].q = x_WB.q;
-  }
+  State state = zero_state(model);
+  hang_children(model, q, state);
   return state;
 }
 
@@ -150,7 +163,9 @@ State initial_state(const Model& model) {
   for (const Joint& joint : model.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
       q[static_cast<std::size_t>(joint.first_dof) + a] = joint.axes[a].initial;
-  State state = state_at(model, q);
+  State state = zero_state(model);
+  for (const Drive& drive : model.drives) place(state, drive.body, drive.motion.at(0) * drive.frame.inverse());
+  hang_children(model, q, state);
   for (std::size_t i = 0; i < model.bodies.size(); ++i) {
     state.bodies[i].v = model.bodies[i].initial_velocity;
     state.bodies[i].w = model.bodies[i].initial_angular_velocity;

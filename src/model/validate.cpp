@@ -23,7 +23,14 @@ class Checker {
     check_vector("gravity", model_.gravity);
     if (model_.bodies.empty()) add("bodies", "none", "the world as body 0");
     for (std::size_t i = 1; i < model_.bodies.size(); ++i) check_body(model_.bodies[i]);
-    for (const Joint& joint : model_.joints) check_joint(joint);
+    int first_dof = 0;
+    for (const Joint& joint : model_.joints) {
+      check_joint(joint);
+      if (joint.first_dof != first_dof)
+        add(joint.name + ".first_dof", fmt::format("{}", joint.first_dof),
+            fmt::format("{}, the coordinates of the joints before it", first_dof));
+      first_dof += dof_count(joint.kind);
+    }
     check_order();
     for (const Shape& shape : model_.shapes) check_shape(shape);
     for (const Material& material : model_.materials) check_material(material);
@@ -96,7 +103,10 @@ class Checker {
     const std::size_t axes = joint.kind == JointKind::ball ? 0 : static_cast<std::size_t>(child_dofs);
     if (joint.axes.size() != axes)
       return add(joint.name + ".axes", fmt::format("{} axes", joint.axes.size()), fmt::format("{}", axes));
-    for (const JointAxis& axis : joint.axes) check_joint_axis(joint.name + "." + axis.name, axis);
+    for (const JointAxis& axis : joint.axes) {
+      check_joint_axis(joint.name + "." + axis.name, axis);
+      if (axis.stop && joint.kind != JointKind::slider) check_turn(joint.name + "." + axis.name, *axis.stop);
+    }
     if (joint.kind == JointKind::universal &&
         !(std::abs(joint.axes[0].axis.dot(joint.axes[1].axis)) < kUnitTolerance))
       add(joint.name + ".axes", fmt::format("axes with cosine {:g}", joint.axes[0].axis.dot(joint.axes[1].axis)),
@@ -117,6 +127,13 @@ class Checker {
       check_range(key + ".tissue.damping", axis.tissue->damping, 0, kFar, "N m s/rad");
       check_range(key + ".tissue.rest", axis.tissue->rest, -kFar, kFar, "rad");
     }
+  }
+
+  /// Angles live in (-pi, pi]: a finite stop beyond would be passed by a wrap and never act.
+  void check_turn(const std::string& key, const Stop& stop) {
+    for (const double value : {stop.low, stop.high})
+      if (std::isfinite(value) && std::abs(value) > M_PI)
+        add(key + ".stop", fmt::format("{:g} rad", value), "-pi to pi, or infinite for no stop on that side");
   }
 
   void check_order() {
@@ -160,12 +177,13 @@ class Checker {
   void check_drive(const Drive& drive) {
     const bool known = in(drive.body, model_.bodies);
     const std::string key = known ? model_.bodies[static_cast<std::size_t>(drive.body)].name + ".drive" : "drive";
-    if (!known || !model_.bodies[static_cast<std::size_t>(drive.body)].kinematic)
-      add(key, fmt::format("body {}", drive.body), "a kinematic body");
+    if (!known || drive.body == kWorld || !model_.bodies[static_cast<std::size_t>(drive.body)].kinematic)
+      add(key, fmt::format("body {}", drive.body), "a kinematic body other than the world");
     check_pose(key + ".frame", drive.frame);
     if (drive.motion.keys.empty()) add(key + ".motion", "no keyframe", "at least one");
     for (std::size_t i = 0; i < drive.motion.keys.size(); ++i) {
       check_pose(key + ".motion", drive.motion.keys[i].pose);
+      check_range(key + ".motion.time", drive.motion.keys[i].time, -kFar, kFar, "s");
       if (i > 0 && !(drive.motion.keys[i].time > drive.motion.keys[i - 1].time))
         add(key + ".motion", fmt::format("time {:g} after {:g}", drive.motion.keys[i].time, drive.motion.keys[i - 1].time),
             "rising times");

@@ -1,0 +1,107 @@
+#include "handsim/engine/ode/bodies.h"
+
+#include <algorithm>
+
+namespace handsim::engine::ode {
+
+namespace {
+
+dBodyID make_kinematic(dWorldID world) {
+  const dBodyID id = dBodyCreate(world);
+  dBodySetKinematic(id);
+  dBodySetGyroscopicMode(id, 0);
+  // Exact rotation by w h, so that a driven body meets its pose at the end of the step.
+  dBodySetFiniteRotationMode(id, 1);
+  return id;
+}
+
+dBodyID make_dynamic(dWorldID world, const model::Body& body) {
+  const dBodyID id = dBodyCreate(world);
+  const Mat3& I = body.inertia;
+  dMass mass;
+  dMassSetParameters(&mass, body.mass, 0, 0, 0, I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2));
+  dBodySetMass(id, &mass);
+  return id;
+}
+
+/// The immovable bodies that joints need as ODE bodies: children of joints with a movable parent.
+std::vector<bool> closed_onto(const model::Model& model, const std::vector<bool>& immovable) {
+  std::vector<bool> needed(model.bodies.size(), false);
+  for (const model::Joint& joint : model.joints)
+    if (!immovable[static_cast<std::size_t>(joint.parent)])
+      needed[static_cast<std::size_t>(joint.child)] = true;
+  return needed;
+}
+
+}  // namespace
+
+OdeIds make_world() {
+  OdeIds ids;
+  ids.threading.reset(dThreadingAllocateSelfThreadedImplementation());
+  ids.world.reset(dWorldCreate());
+  dWorldSetStepThreadingImplementation(
+      ids.world.get(), dThreadingImplementationGetFunctions(ids.threading.get()), ids.threading.get());
+  return ids;
+}
+
+std::vector<bool> immovable_bodies(const model::Model& model, const model::Effects& effects) {
+  std::vector<bool> immovable(model.bodies.size());
+  for (std::size_t i = 0; i < immovable.size(); ++i) immovable[i] = model.bodies[i].kinematic;
+  if (effects.has(model::Effect::wrist_motion))
+    for (const model::Drive& drive : model.drives) immovable[static_cast<std::size_t>(drive.body)] = false;
+  immovable[model::kWorld] = true;
+  return immovable;
+}
+
+OdeBody handle(dBodyID id) {
+  // ODE hands out const pointers to its own storage; writing there is the only bit-exact way in.
+  OdeBody body;
+  body.id = id;
+  body.p = const_cast<double*>(dBodyGetPosition(id));
+  body.q = const_cast<double*>(dBodyGetQuaternion(id));
+  body.R = const_cast<double*>(dBodyGetRotation(id));
+  body.v = const_cast<double*>(dBodyGetLinearVel(id));
+  body.w = const_cast<double*>(dBodyGetAngularVel(id));
+  return body;
+}
+
+std::vector<OdeBody> make_bodies(dWorldID world, const model::Model& model,
+                                 const std::vector<bool>& immovable) {
+  const std::vector<bool> needed = closed_onto(model, immovable);
+  std::vector<OdeBody> bodies(model.bodies.size());
+  for (std::size_t i = 1; i < bodies.size(); ++i) {
+    const model::Body& body = model.bodies[i];
+    if (!body.kinematic) {
+      bodies[i] = handle(make_dynamic(world, body));
+    } else if (!immovable[i] || needed[i]) {
+      bodies[i] = handle(make_kinematic(world));
+      bodies[i].driven = !immovable[i];
+    }
+  }
+  std::vector<int> hanging(bodies.size(), 0);
+  for (const model::Joint& joint : model.joints) {
+    OdeBody& parent = bodies[static_cast<std::size_t>(joint.parent)];
+    if (parent.driven && hanging[static_cast<std::size_t>(joint.parent)]++ > 0)
+      parent.copies.push_back(make_kinematic(world));
+  }
+  return bodies;
+}
+
+void write_state(const OdeBody& body, const model::BodyState& state) {
+  if (body.id == nullptr) return;
+  const dQuaternion q = {state.q.w(), state.q.x(), state.q.y(), state.q.z()};
+  std::copy(q, q + 4, body.q);
+  dQtoR(q, body.R);
+  std::copy(state.v.data(), state.v.data() + 3, body.v);
+  std::copy(state.w.data(), state.w.data() + 3, body.w);
+  // Copies the position as it is and tells the body's geoms that it moved.
+  dBodySetPosition(body.id, state.p.x(), state.p.y(), state.p.z());
+  for (const dBodyID copy : body.copies) write_state(handle(copy), state);
+}
+
+model::BodyState read_state(const OdeBody& body) {
+  return {Vec3(body.p[0], body.p[1], body.p[2]), Quat(body.q[0], body.q[1], body.q[2], body.q[3]),
+          Vec3(body.v[0], body.v[1], body.v[2]), Vec3(body.w[0], body.w[1], body.w[2])};
+}
+
+}  // namespace handsim::engine::ode

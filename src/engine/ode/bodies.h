@@ -1,0 +1,65 @@
+// The ODE ids of one engine and their single owner; bodies built from a Model, their state read and
+// written bit for bit. A body that never moves (the world, kinematic bodies without an acting drive) has
+// no ODE body: what hangs on it hangs on ODE's world, so that each finger of a still palm is an island of
+// its own (the direct solver's cost grows with the cube of an island's rows).
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include <ode/ode.h>
+
+#include "handsim/engine/engine.h"
+
+namespace handsim::engine::ode {
+
+template <auto Destroy>
+struct Destroyer {
+  template <class T>
+  void operator()(T* id) const {
+    Destroy(id);
+  }
+};
+
+/// Owns all ODE objects of an engine; bodies and joints die with the world. Move-only.
+struct OdeIds {
+  /// Runs the steps of this world in the calling thread. ODE's default is one such object for all worlds of
+  /// the process, without a lock: worlds stepped in two threads at once crash on it, and a step left by an
+  /// exception leaves its jobs there for other worlds to find.
+  std::unique_ptr<dxThreadingImplementation, Destroyer<dThreadingFreeImplementation>> threading;
+  std::unique_ptr<dxWorld, Destroyer<dWorldDestroy>> world;
+  std::unique_ptr<dxJointGroup, Destroyer<dJointGroupDestroy>> contact_joints;  ///< with the space only
+  std::unique_ptr<dxSpace, Destroyer<dSpaceDestroy>> space;                     ///< where contacts are tested
+};
+
+/// An ODE body and its state in place.
+struct OdeBody {
+  dBodyID id = nullptr;  ///< null: never moves
+  double* p = nullptr;   ///< position, 3
+  double* q = nullptr;   ///< quaternion w, x, y, z
+  double* R = nullptr;   ///< rotation matrix, 3 rows of 4
+  double* v = nullptr;   ///< velocity, 3
+  double* w = nullptr;   ///< angular velocity, 3
+  bool driven = false;
+  /// Kinematic bodies that repeat this driven one, one for each of its joints after the first: they keep
+  /// the islands of its children apart.
+  std::vector<dBodyID> copies;
+};
+
+/// A world with threading of its own.
+OdeIds make_world();
+
+/// True for bodies that no effect in force moves.
+std::vector<bool> immovable_bodies(const model::Model& model, const model::Effects& effects);
+
+/// Creates the bodies, in the order of Model::bodies, at the origin.
+/// @throws OdeFault
+std::vector<OdeBody> make_bodies(dWorldID world, const model::Model& model,
+                                 const std::vector<bool>& immovable);
+OdeBody handle(dBodyID id);
+
+/// Sets pose and velocities to the very bits given; the rotation matrix is what ODE derives from q.
+void write_state(const OdeBody& body, const model::BodyState& state);
+model::BodyState read_state(const OdeBody& body);
+
+}  // namespace handsim::engine::ode

@@ -1,0 +1,30 @@
+#include "handsim/engine/ode/drives.h"
+
+namespace handsim::engine::ode {
+
+namespace {
+
+void set_velocity(dBodyID id, const Vec3& v, const Vec3& w) {
+  dBodySetLinearVel(id, v.x(), v.y(), v.z());
+  dBodySetAngularVel(id, w.x(), w.y(), w.z());
+}
+
+}  // namespace
+
+Drives::Drives(const model::Model& model, const std::vector<OdeBody>& bodies)
+    : model_(model), bodies_(bodies) {}
+
+void Drives::aim(double end, double step) const {
+  for (const model::Drive& drive : model_.drives) {
+    const OdeBody& body = bodies_[static_cast<std::size_t>(drive.body)];
+    if (!body.driven) continue;
+    const Pose target = drive.motion.at(end) * drive.frame.inverse();
+    const model::BodyState now = read_state(body);
+    const Vec3 v = (target.p - now.p) / step;
+    const Vec3 w = rotation_vector(target.q * now.q.conjugate()) / step;
+    set_velocity(body.id, v, w);
+    for (const dBodyID copy : body.copies) set_velocity(copy, v, w);
+  }
+}
+
+}  // namespace handsim::engine::ode

@@ -1,0 +1,23 @@
+// Driven bodies: each step they get the velocities that carry them exactly to their drive's pose at the
+// end of the step. The error of one step is made good in the next, so none adds up.
+#pragma once
+
+#include <vector>
+
+#include "handsim/engine/ode/bodies.h"
+
+namespace handsim::engine::ode {
+
+class Drives {
+ public:
+  /// The model and the bodies must outlive this.
+  Drives(const model::Model& model, const std::vector<OdeBody>& bodies);
+  /// Sets the velocities for the step that ends at time `end` [s] and takes `step` [s].
+  void aim(double end, double step) const;
+
+ private:
+  const model::Model& model_;
+  const std::vector<OdeBody>& bodies_;
+};
+
+}  // namespace handsim::engine::ode

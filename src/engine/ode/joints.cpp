@@ -1,0 +1,300 @@
+#include "handsim/engine/ode/joints.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/engine/ode/spring.h"
+#include "handsim/model/kinematics.h"
+
+namespace handsim::engine::ode {
+
+namespace {
+
+using model::JointKind;
+
+constexpr int kParamGroup = dParamLoStop2 - dParamLoStop;
+
+/// ODE's number (0 or 1) of one of our axes.
+int ode_axis(JointKind kind, std::size_t axis) {
+  return kind == JointKind::universal ? 1 - static_cast<int>(axis) : static_cast<int>(axis);
+}
+
+/// Axes with an end that passive tissue pulls at.
+bool acts(const std::optional<model::Tissue>& tissue) {
+  return tissue && (tissue->stiffness > 0 || tissue->damping > 0);
+}
+
+dJointID create(dWorldID world, JointKind kind) {
+  switch (kind) {
+    case JointKind::hinge:
+      return dJointCreateHinge(world, nullptr);
+    case JointKind::universal:
+      return dJointCreateUniversal(world, nullptr);
+    case JointKind::ball:
+      return dJointCreateBall(world, nullptr);
+    case JointKind::slider:
+      return dJointCreateSlider(world, nullptr);
+  }
+  return nullptr;
+}
+
+void set_parameter(dJointID id, JointKind kind, int parameter, double value) {
+  switch (kind) {
+    case JointKind::hinge:
+      return dJointSetHingeParam(id, parameter, value);
+    case JointKind::universal:
+      return dJointSetUniversalParam(id, parameter, value);
+    case JointKind::slider:
+      return dJointSetSliderParam(id, parameter, value);
+    case JointKind::ball:
+      return;
+  }
+}
+
+/// Anchor and axes of a joint whose bodies stand in its zero configuration.
+void set_geometry(dJointID id, const model::Joint& joint, const Pose& x_WF) {
+  const Vec3& p = x_WF.p;
+  const auto axis = [&](std::size_t i) -> Vec3 { return x_WF.q * joint.axes[i].axis; };
+  switch (joint.kind) {
+    case JointKind::hinge: {
+      const Vec3 a = axis(0);
+      dJointSetHingeAnchor(id, p.x(), p.y(), p.z());
+      dJointSetHingeAxis(id, a.x(), a.y(), a.z());
+      return;
+    }
+    case JointKind::universal: {
+      const Vec3 a = axis(0);
+      const Vec3 b = axis(1);
+      dJointSetUniversalAnchor(id, p.x(), p.y(), p.z());
+      dJointSetUniversalAxis1(id, b.x(), b.y(), b.z());
+      dJointSetUniversalAxis2(id, a.x(), a.y(), a.z());
+      return;
+    }
+    case JointKind::slider: {
+      const Vec3 a = axis(0);
+      dJointSetSliderAxis(id, a.x(), a.y(), a.z());
+      return;
+    }
+    case JointKind::ball:
+      dJointSetBallAnchor(id, p.x(), p.y(), p.z());
+      return;
+  }
+}
+
+/// Axes of a joint's tissue motor, in the same configuration.
+void set_motor_axes(dJointID motor, const model::Joint& joint, const std::vector<std::size_t>& axes,
+                    bool parent_is_body, const Pose& x_WF) {
+  for (std::size_t i = 0; i < axes.size(); ++i) {
+    const Vec3 a = x_WF.q * joint.axes[axes[i]].axis;
+    // ODE: 0 fixed in the world, 1 in our child, 2 in our parent.
+    const bool in_child = joint.kind == JointKind::universal && axes[i] == 1;
+    const int frame = in_child ? 1 : (parent_is_body ? 2 : 0);
+    if (joint.kind == JointKind::slider)
+      dJointSetLMotorAxis(motor, static_cast<int>(i), frame, a.x(), a.y(), a.z());
+    else
+      dJointSetAMotorAxis(motor, static_cast<int>(i), frame, a.x(), a.y(), a.z());
+  }
+}
+
+void add_torque(const OdeBody& body, const Vec3& torque) {
+  if (body.id != nullptr) dBodyAddTorque(body.id, torque.x(), torque.y(), torque.z());
+}
+
+}  // namespace
+
+Joints::Joints(dWorldID world, const model::Model& model, const Settings& settings,
+               const std::vector<OdeBody>& bodies, const model::State& start) {
+  std::vector<std::size_t> copies_used(bodies.size(), 0);
+  for (const model::Joint& joint : model.joints) {
+    links_.push_back(make_link(world, joint, bodies, copies_used));
+    Link& link = links_.back();
+    if (link.id == nullptr) continue;
+    if (settings.effects.has(model::Effect::joint_stops)) add_stops(link, settings);
+    if (settings.effects.has(model::Effect::passive_tissue)) add_tissue(world, link, settings);
+    place(link, start);
+    watch(links_.size() - 1, settings);
+  }
+}
+
+Joints::Link Joints::make_link(dWorldID world, const model::Joint& joint, const std::vector<OdeBody>& bodies,
+                               std::vector<std::size_t>& copies_used) const {
+  const auto parent_index = static_cast<std::size_t>(joint.parent);
+  Link link;
+  link.joint = &joint;
+  link.child = bodies[static_cast<std::size_t>(joint.child)];
+  link.parent = bodies[parent_index];
+  // The first joint of a driven body hangs on the body, every other on a copy of its own.
+  if (link.parent.driven && copies_used[parent_index]++ > 0)
+    link.parent = handle(bodies[parent_index].copies[copies_used[parent_index] - 2]);
+  const auto moves = [](const OdeBody& body) { return body.id != nullptr && !dBodyIsKinematic(body.id); };
+  if (!moves(link.child) && !moves(link.parent)) return link;
+  link.id = create(world, joint.kind);
+  dJointAttach(link.id, link.child.id, link.parent.id);
+  return link;
+}
+
+void Joints::place(const Link& link, const model::State& state) const {
+  const model::Joint& joint = *link.joint;
+  // A parent with an ODE body may stand anywhere: at the origin its anchors do not depend on the scene.
+  model::BodyState parent;
+  if (link.parent.id == nullptr) parent = state.bodies[static_cast<std::size_t>(joint.parent)];
+  const Pose x_WF = parent.pose() * joint.parent_frame;
+  const Pose x_WC = x_WF * joint.child_frame.inverse();
+  model::BodyState child;
+  child.p = x_WC.p;
+  child.q = x_WC.q;
+  write_state(link.parent, parent);
+  write_state(link.child, child);
+  set_geometry(link.id, joint, x_WF);
+  if (link.motor != nullptr)
+    set_motor_axes(link.motor, joint, link.motor_axes, link.parent.id != nullptr, x_WF);
+}
+
+void Joints::reanchor(const model::State& state) {
+  for (const Link& link : links_)
+    if (link.id != nullptr && link.parent.id == nullptr) place(link, state);
+}
+
+model::Stop Joints::widened(const model::Joint& joint, const model::JointAxis& axis, bool note) {
+  const bool slider = joint.kind == JointKind::slider;
+  const double margin = slider ? kSliderStopMargin : kStopMargin;
+  const auto moved = [&](const char* end, double value, double outward) {
+    if (std::abs(value) >= margin) return value;
+    if (note)
+      notes_.push_back(
+          fmt::format("{}.{}: {} stop {:g} {unit} moved to {:g} {unit}, clear of a start at zero", joint.name,
+                      axis.name, end, value, value + outward, fmt::arg("unit", slider ? "m" : "rad")));
+    return value + outward;
+  };
+  model::Stop stop = *axis.stop;
+  stop.low = moved("low", stop.low, -margin);
+  stop.high = moved("high", stop.high, margin);
+  return stop;
+}
+
+void Joints::add_stops(const Link& link, const Settings& settings) {
+  const model::Joint& joint = *link.joint;
+  for (std::size_t i = 0; i < joint.axes.size(); ++i) {
+    if (!joint.axes[i].stop) continue;
+    const model::Stop stop = widened(joint, joint.axes[i], true);
+    const int group = kParamGroup * ode_axis(joint.kind, i);
+    const auto set = [&](int parameter, double value) {
+      set_parameter(link.id, joint.kind, parameter + group, value);
+    };
+    set(dParamLoStop, stop.low);
+    set(dParamHiStop, stop.high);
+    set(dParamBounce, stop.bounce);
+    set(dParamFudgeFactor, stop.fudge_factor);
+    set(dParamStopERP, settings.erp);
+    set(dParamStopCFM, settings.cfm);
+  }
+}
+
+void Joints::add_tissue(dWorldID world, Link& link, const Settings& settings) {
+  const model::Joint& joint = *link.joint;
+  for (std::size_t i = 0; i < joint.axes.size(); ++i)
+    if (acts(joint.axes[i].tissue)) link.motor_axes.push_back(i);
+  if (link.motor_axes.empty()) return;
+  has_tissue_ = true;
+  const bool slider = joint.kind == JointKind::slider;
+  link.motor = slider ? dJointCreateLMotor(world, nullptr) : dJointCreateAMotor(world, nullptr);
+  dJointAttach(link.motor, link.child.id, link.parent.id);
+  const int axes = static_cast<int>(link.motor_axes.size());
+  if (slider) {
+    dJointSetLMotorNumAxes(link.motor, axes);
+  } else {
+    dJointSetAMotorMode(link.motor, dAMotorUser);
+    dJointSetAMotorNumAxes(link.motor, axes);
+  }
+  for (int i = 0; i < axes; ++i) {
+    const model::Tissue& tissue = *joint.axes[link.motor_axes[static_cast<std::size_t>(i)]].tissue;
+    const SoftRow row = soft_row(tissue.stiffness, tissue.damping, settings.step);
+    const int group = kParamGroup * i;
+    if (slider) {
+      // An LMotor has no position: it gets the speed that the same row would ask for.
+      dJointSetLMotorParam(link.motor, dParamFMax + group, dInfinity);
+      dJointSetLMotorParam(link.motor, dParamCFM + group, row.cfm);
+      continue;
+    }
+    dJointSetAMotorParam(link.motor, dParamLoStop + group, tissue.rest);
+    dJointSetAMotorParam(link.motor, dParamHiStop + group, tissue.rest);
+    dJointSetAMotorParam(link.motor, dParamStopERP + group, row.erp);
+    dJointSetAMotorParam(link.motor, dParamStopCFM + group, row.cfm);
+  }
+}
+
+void Joints::watch(std::size_t link_index, const Settings& settings) {
+  const Link& link = links_[link_index];
+  const model::Joint& joint = *link.joint;
+  const bool with_stops = settings.effects.has(model::Effect::joint_stops);
+  bool needed = link.motor != nullptr;
+  for (const model::JointAxis& axis : joint.axes) needed = needed || (with_stops && axis.stop);
+  if (!needed) return;
+  if (joint.kind == JointKind::slider) {
+    SliderWatch slider{link_index, {}, 0, 0};
+    if (with_stops && joint.axes[0].stop) slider.stop = widened(joint, joint.axes[0], false);
+    if (link.motor != nullptr) {
+      const model::Tissue& tissue = *joint.axes[0].tissue;
+      slider.rest = tissue.rest;
+      slider.rate = soft_row(tissue.stiffness, tissue.damping, settings.step).erp / settings.step;
+    }
+    slider_watches_.push_back(slider);
+    return;
+  }
+  Watch watched{link_index, AngleSensor(joint), {}};
+  for (std::size_t i = 0; i < joint.axes.size(); ++i) {
+    if (!with_stops || !joint.axes[i].stop) continue;
+    const model::Stop stop = widened(joint, joint.axes[i], false);
+    watched.stops[i].emplace(stop.low, stop.high);
+  }
+  watches_.push_back(watched);
+}
+
+int Joints::prepare(const model::State& state) const {
+  int reached = 0;
+  for (const Watch& watched : watches_) {
+    const std::array<Direction, 2> at = watched.sensor.read(state);
+    for (std::size_t i = 0; i < 2; ++i)
+      if (watched.stops[i] && watched.stops[i]->reached(at[i])) ++reached;
+    const Link& link = links_[watched.link];
+    for (std::size_t i = 0; i < link.motor_axes.size(); ++i)
+      dJointSetAMotorAngle(link.motor, static_cast<int>(i), at[link.motor_axes[i]].angle());
+  }
+  for (const SliderWatch& slider : slider_watches_) {
+    const Link& link = links_[slider.link];
+    double q = 0;
+    model::joint_coordinates(*link.joint, state, std::span(&q, 1));
+    if (slider.stop && (q <= slider.stop->low || q >= slider.stop->high)) ++reached;
+    if (link.motor != nullptr) dJointSetLMotorParam(link.motor, dParamVel, -slider.rate * (q - slider.rest));
+  }
+  return reached;
+}
+
+void Joints::add_torques(std::span<const double> torques, const model::State& state) const {
+  for (const Link& link : links_) {
+    if (link.id == nullptr) continue;
+    const double* tau = torques.data() + link.joint->first_dof;
+    switch (link.joint->kind) {
+      case JointKind::hinge:
+        dJointAddHingeTorque(link.id, tau[0]);
+        break;
+      case JointKind::universal:
+        dJointAddUniversalTorques(link.id, tau[1], tau[0]);
+        break;
+      case JointKind::slider:
+        dJointAddSliderForce(link.id, tau[0]);
+        break;
+      case JointKind::ball: {
+        const Quat q_WF =
+            state.bodies[static_cast<std::size_t>(link.joint->parent)].q * link.joint->parent_frame.q;
+        const Vec3 torque = q_WF * Vec3(tau[0], tau[1], tau[2]);
+        add_torque(link.child, torque);
+        add_torque(link.parent, -torque);
+        break;
+      }
+    }
+  }
+}
+
+}  // namespace handsim::engine::ode

@@ -1,0 +1,81 @@
+// Joints of a Model as ODE joints: stops, passive tissue and torques on their coordinates. Body 1 of
+// every ODE joint is our child and body 2 our parent, so that ODE's angles and rates carry our signs and
+// no joint is one of ODE's reversed ones. For a universal joint ODE's axis 1 is therefore our axis 1 (in
+// the child) and ODE's axis 2 our axis 0.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "handsim/engine/ode/bodies.h"
+#include "handsim/engine/ode/coordinates.h"
+
+namespace handsim::engine::ode {
+
+/// A stop nearer to zero than this is moved outward by as much: a stop of exactly 0 is in force from the
+/// first step of a joint that starts at 0, and one of 1e-9 after the first rounding.
+inline constexpr double kStopMargin = 1e-3;        ///< hinge and universal [rad]
+inline constexpr double kSliderStopMargin = 1e-5;  ///< slider [m]
+
+class Joints {
+ public:
+  /// Creates all joints between bodies that may move against each other, each in its zero configuration.
+  /// Leaves the bodies wherever that takes them. The model must outlive this. @param start poses of
+  /// immovable parents. @throws OdeFault
+  Joints(dWorldID world, const model::Model& model, const Settings& settings,
+         const std::vector<OdeBody>& bodies, const model::State& start);
+
+  /// Creates anew the geometry of joints whose parent has no ODE body, with the parent where the state has
+  /// it. Leaves their children wherever that takes them.
+  void reanchor(const model::State& state);
+  bool has_tissue() const { return has_tissue_; }
+  /// Adds torques, size model.dof_count(), to the bodies for the next step.
+  void add_torques(std::span<const double> torques, const model::State& state) const;
+  /// Tells the tissue where its joints are and counts the stops that the next step finds in force.
+  int prepare(const model::State& state) const;
+  /// What was widened, one sentence each.
+  const std::vector<std::string>& notes() const { return notes_; }
+  /// ODE's joint of a joint of the model; null where neither side can move.
+  dJointID id(std::size_t joint) const { return links_[joint].id; }
+
+ private:
+  struct Link {
+    const model::Joint* joint = nullptr;
+    dJointID id = nullptr;  ///< null: neither side can move
+    OdeBody child;
+    OdeBody parent;                       ///< without id: the world or a body that has no ODE body
+    dJointID motor = nullptr;             ///< tissue: AMotor, or LMotor of a slider
+    std::vector<std::size_t> motor_axes;  ///< our axis of each of the motor's axes
+  };
+  /// Angles to read at every step, for tissue, stops or both.
+  struct Watch {
+    std::size_t link = 0;
+    AngleSensor sensor;
+    std::array<std::optional<StopArc>, 2> stops;
+  };
+  struct SliderWatch {
+    std::size_t link = 0;
+    std::optional<model::Stop> stop;
+    double rest = 0;  ///< [m]
+    double rate = 0;  ///< speed towards rest per distance [1/s]
+  };
+
+  Link make_link(dWorldID world, const model::Joint& joint, const std::vector<OdeBody>& bodies,
+                 std::vector<std::size_t>& copies_used) const;
+  void place(const Link& link, const model::State& state) const;
+  void add_stops(const Link& link, const Settings& settings);
+  void add_tissue(dWorldID world, Link& link, const Settings& settings);
+  void watch(std::size_t link, const Settings& settings);
+  model::Stop widened(const model::Joint& joint, const model::JointAxis& axis, bool note);
+
+  std::vector<Link> links_;  ///< as Model::joints
+  std::vector<Watch> watches_;
+  std::vector<SliderWatch> slider_watches_;
+  std::vector<std::string> notes_;
+  bool has_tissue_ = false;
+};
+
+}  // namespace handsim::engine::ode

@@ -1,0 +1,129 @@
+#include "handsim/engine/ode/ode_engine.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/engine/ode/handlers.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/model/validate.h"
+
+namespace handsim::engine::ode {
+
+namespace {
+
+constexpr double kUnitTolerance = 1e-6;
+
+std::vector<Problem> all_defects(const model::Model& model, const Settings& settings) {
+  std::vector<Problem> problems = defects(settings);
+  std::vector<Problem> of_model = model::defects(model);
+  // Contact defects read indices that only a sound model has right.
+  if (of_model.empty()) of_model = contact_defects(model, settings.effects);
+  problems.insert(problems.end(), of_model.begin(), of_model.end());
+  return problems;
+}
+
+bool finite(const model::BodyState& body) {
+  return body.p.allFinite() && body.v.allFinite() && body.w.allFinite() &&
+         std::abs(body.q.norm() - 1) <= kUnitTolerance;
+}
+
+}  // namespace
+
+OdeEngine::OdeEngine(const model::Model& model, const Settings& settings)
+    : model_(model), settings_(settings) {
+  std::vector<Problem> problems = all_defects(model, settings);
+  if (!problems.empty()) throw Error(std::move(problems));
+  enter_ode();
+  try {
+    build();
+  } catch (const OdeFault& fault) {
+    throw input_error("model", "ODE: " + fault.message, "a model that ODE accepts");
+  }
+}
+
+void OdeEngine::build() {
+  ids_ = make_world();
+  const dWorldID world = ids_.world.get();
+  const Vec3 gravity = settings_.effects.has(model::Effect::gravity) ? model_.gravity : Vec3::Zero();
+  dWorldSetGravity(world, gravity.x(), gravity.y(), gravity.z());
+  dWorldSetERP(world, settings_.erp);
+  dWorldSetCFM(world, settings_.cfm);
+  dWorldSetQuickStepNumIterations(world, settings_.iterations);
+  immovable_ = immovable_bodies(model_, settings_.effects);
+  bodies_ = make_bodies(world, model_, immovable_);
+  for (std::size_t i = 0; i < bodies_.size(); ++i)
+    if (bodies_[i].id != nullptr) moving_.push_back(i);
+  state_ = model::initial_state(model_);
+  joints_ = std::make_unique<Joints>(world, model_, settings_, bodies_, state_);
+  if (settings_.effects.has(model::Effect::wrist_motion)) drives_ = std::make_unique<Drives>(model_, bodies_);
+  if (needs_contacts(model_, settings_.effects))
+    contacts_ = std::make_unique<Contacts>(ids_, model_, settings_, bodies_, immovable_);
+  write(state_);
+  if (contacts_) contacts_->place_immovable(state_);
+}
+
+/// Takes a state over into ODE; kinematic bodies that stand still have no velocity, whatever it says.
+void OdeEngine::write(const model::State& state) {
+  state_ = state;
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    if (immovable_[i]) state_.bodies[i].v = state_.bodies[i].w = Vec3::Zero();
+    write_state(bodies_[i], state_.bodies[i]);
+  }
+}
+
+bool OdeEngine::immovable_moved(const model::State& state) const {
+  for (std::size_t i = 0; i < bodies_.size(); ++i)
+    if (immovable_[i] && (state.bodies[i].p != state_.bodies[i].p ||
+                          state.bodies[i].q.coeffs() != state_.bodies[i].q.coeffs()))
+      return true;
+  return false;
+}
+
+void OdeEngine::check_state(const model::State& state) const {
+  if (state.bodies.size() != bodies_.size())
+    throw input_error("state", fmt::format("{} bodies", state.bodies.size()),
+                      fmt::format("{}", bodies_.size()));
+  if (!std::isfinite(state.time))
+    throw input_error("state.time", fmt::format("{}", state.time), "a finite time");
+  for (std::size_t i = 0; i < bodies_.size(); ++i)
+    if (!finite(state.bodies[i]))
+      throw input_error("state." + model_.bodies[i].name, "a pose or velocity that is not finite or not unit",
+                        "finite numbers and a unit quaternion");
+  if (state.bodies[model::kWorld].p != Vec3::Zero() || std::abs(state.bodies[model::kWorld].q.w()) != 1)
+    throw input_error("state.world", "a pose away from the origin", "the world at the origin");
+}
+
+void OdeEngine::set_state(const model::State& state) {
+  if (failure_) throw Error(*failure_);
+  check_state(state);
+  enter_ode();
+  try {
+    const bool moved = immovable_moved(state);
+    if (moved) joints_->reanchor(state);
+    write(state);
+    if (moved && contacts_) contacts_->place_immovable(state_);
+  } catch (const OdeFault& fault) {
+    fail(fault);
+  }
+}
+
+std::span<const Contact> OdeEngine::contacts() const {
+  return contacts_ ? std::span<const Contact>(contacts_->list()) : std::span<const Contact>();
+}
+
+std::string OdeEngine::version() const {
+  return fmt::format("ODE {} {}", dODE_VERSION, sizeof(dReal) == sizeof(double) ? "double" : "single");
+}
+
+std::vector<std::string> OdeEngine::notes() const { return joints_->notes(); }
+
+}  // namespace handsim::engine::ode
+
+namespace handsim::engine {
+
+std::unique_ptr<Engine> make_engine(const model::Model& model, const Settings& settings) {
+  return std::make_unique<ode::OdeEngine>(model, settings);
+}
+
+}  // namespace handsim::engine

@@ -1,0 +1,72 @@
+// The engine on the Open Dynamics Engine. One ODE world per engine, built from the model with the effects
+// asked for and nothing else.
+//
+// world_step is bit-reproducible in any number of threads. quick_step draws from ODE's one process-wide
+// random generator: each step seeds it from (seed, step number) under a process-wide lock, so runs are
+// bit-reproducible too, also from a saved state, but quick_step steps of several threads take turns.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/engine/engine.h"
+#include "handsim/engine/ode/bodies.h"
+#include "handsim/engine/ode/contacts.h"
+#include "handsim/engine/ode/drives.h"
+#include "handsim/engine/ode/handlers.h"
+#include "handsim/engine/ode/joints.h"
+
+namespace handsim::engine::ode {
+
+/// Faster than this and a body counts as run away.
+inline constexpr double kMaxSpeed = 1e3;         ///< [m/s]
+inline constexpr double kMaxAngularSpeed = 1e5;  ///< [rad/s]
+
+class OdeEngine final : public Engine {
+ public:
+  /// @throws Error (input); the model must outlive the engine.
+  OdeEngine(const model::Model& model, const Settings& settings);
+
+  StepReport step(const StepInput& input) override;
+  const model::State& state() const override { return state_; }
+  /// Bit-exact: going on from a saved state gives the bits of never having stopped.
+  void set_state(const model::State& state) override;
+  std::span<const Contact> contacts() const override;
+  const Settings& settings() const override { return settings_; }
+  bool tests_contacts() const override { return contacts_ != nullptr; }
+  std::string version() const override;
+  std::vector<std::string> notes() const override;
+
+  /// For tests and measurements.
+  dWorldID world_id() const { return ids_.world.get(); }
+  const Joints& joints() const { return *joints_; }
+
+ private:
+  void build();
+  void write(const model::State& state);
+  bool immovable_moved(const model::State& state) const;
+  void check_state(const model::State& state) const;
+  void prepare(const StepInput& input, StepReport& report);
+  void check_torques(std::span<const double> torques);
+  void advance();
+  void check_bodies(double time);
+  void read(double time);
+  [[noreturn]] void fail(PhysicsFault fault);
+  [[noreturn]] void fail(const OdeFault& fault);
+
+  const model::Model& model_;
+  Settings settings_;
+  OdeIds ids_;
+  std::vector<bool> immovable_;
+  std::vector<OdeBody> bodies_;      ///< as Model::bodies
+  std::vector<std::size_t> moving_;  ///< indices of bodies that have an ODE body
+  std::unique_ptr<Joints> joints_;
+  std::unique_ptr<Drives> drives_;      ///< with wrist_motion only
+  std::unique_ptr<Contacts> contacts_;  ///< with contact effects and rules only
+  model::State state_;
+  std::optional<Error> failure_;
+};
+
+}  // namespace handsim::engine::ode

@@ -1,0 +1,59 @@
+#include "handsim/engine/ode/shapes.h"
+
+namespace handsim::engine::ode {
+
+dGeomID make_geom(dSpaceID space, const model::Shape& shape, std::size_t index) {
+  dGeomID geom = nullptr;
+  switch (shape.kind) {
+    case model::ShapeKind::box:
+      geom = dCreateBox(space, shape.edges.x(), shape.edges.y(), shape.edges.z());
+      break;
+    case model::ShapeKind::capsule:
+      geom = dCreateCapsule(space, shape.radius, shape.length);
+      break;
+    case model::ShapeKind::cylinder:
+      geom = dCreateCylinder(space, shape.radius, shape.length);
+      break;
+    case model::ShapeKind::sphere:
+      geom = dCreateSphere(space, shape.radius);
+      break;
+    case model::ShapeKind::plane:
+      geom = dCreatePlane(space, 0, 0, 1, 0);
+      break;
+  }
+  dGeomSetData(geom, reinterpret_cast<void*>(index));
+  return geom;
+}
+
+void fix_geom(dGeomID geom, const model::Shape& shape, dBodyID body) {
+  const dQuaternion q = {shape.pose.q.w(), shape.pose.q.x(), shape.pose.q.y(), shape.pose.q.z()};
+  dGeomSetBody(geom, body);
+  dGeomSetOffsetPosition(geom, shape.pose.p.x(), shape.pose.p.y(), shape.pose.p.z());
+  dGeomSetOffsetQuaternion(geom, q);
+}
+
+void place_geom(dGeomID geom, const model::Shape& shape, const Pose& x_WB) {
+  const Pose x_WS = x_WB * shape.pose;
+  if (shape.kind == model::ShapeKind::plane) {
+    const Vec3 normal = x_WS.q * Vec3::UnitZ();
+    dGeomPlaneSetParams(geom, normal.x(), normal.y(), normal.z(), normal.dot(x_WS.p));
+    return;
+  }
+  const dQuaternion q = {x_WS.q.w(), x_WS.q.x(), x_WS.q.y(), x_WS.q.z()};
+  dGeomSetPosition(geom, x_WS.p.x(), x_WS.p.y(), x_WS.p.z());
+  dGeomSetQuaternion(geom, q);
+}
+
+UntestedPairs::UntestedPairs(const model::Model& model, const std::vector<bool>& immovable)
+    : count_(model.bodies.size()), untested_(count_ * count_, false) {
+  for (std::size_t a = 0; a < count_; ++a)
+    for (std::size_t b = 0; b < count_; ++b)
+      untested_[a * count_ + b] = a == b || (immovable[a] && immovable[b]);
+  for (const model::Joint& joint : model.joints) {
+    const auto a = static_cast<std::size_t>(joint.parent);
+    const auto b = static_cast<std::size_t>(joint.child);
+    untested_[a * count_ + b] = untested_[b * count_ + a] = true;
+  }
+}
+
+}  // namespace handsim::engine::ode

@@ -1,0 +1,36 @@
+// Shapes of a Model as ODE geoms.
+#pragma once
+
+#include <ode/ode.h>
+
+#include "handsim/engine/ode/bodies.h"
+
+namespace handsim::engine::ode {
+
+/// Creates the geom of a shape, its index as user data, at the origin.
+/// @throws OdeFault
+dGeomID make_geom(dSpaceID space, const model::Shape& shape, std::size_t index);
+
+/// Fixes a geom to the ODE body of its shape. Planes cannot be.
+void fix_geom(dGeomID geom, const model::Shape& shape, dBodyID body);
+
+/// Puts a geom that is fixed to nothing where its shape is at a pose of its body.
+void place_geom(dGeomID geom, const model::Shape& shape, const Pose& x_WB);
+
+inline std::size_t shape_index(dGeomID geom) { return reinterpret_cast<std::size_t>(dGeomGetData(geom)); }
+
+/// Pairs of bodies whose shapes are never tested against each other: a body and itself, jointed bodies,
+/// two immovable bodies.
+class UntestedPairs {
+ public:
+  UntestedPairs(const model::Model& model, const std::vector<bool>& immovable);
+  bool operator()(int body_a, int body_b) const {
+    return untested_[static_cast<std::size_t>(body_a) * count_ + static_cast<std::size_t>(body_b)];
+  }
+
+ private:
+  std::size_t count_;
+  std::vector<bool> untested_;  ///< count_ by count_, symmetric
+};
+
+}  // namespace handsim::engine::ode

@@ -1,0 +1,22 @@
+// Which shapes of a model penetrate each other at a state: a scene that starts so explodes or is refused.
+// Independent of effects and contact rules.
+#pragma once
+
+#include <vector>
+
+#include "handsim/model/state.h"
+
+namespace handsim::engine {
+
+struct Overlap {
+  int shape_a = 0;  ///< index into Model::shapes, below shape_b
+  int shape_b = 0;
+  double depth = 0;  ///< deepest penetration [m]
+};
+
+/// Every pair of shapes that penetrate by more than 1e-9 m, except on one body, on two bodies with a joint
+/// between them, or on two kinematic bodies (the world is one). In order of the indices.
+/// @param model without model::defects. @throws Error (input) where a shape cannot be tested.
+std::vector<Overlap> initial_overlaps(const model::Model& model, const model::State& state);
+
+}  // namespace handsim::engine

@@ -1,0 +1,233 @@
+// ODE's angles, stops and torques against the model's own joint coordinates.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "engine/models.h"
+#include "handsim/engine/ode/ode_engine.h"
+
+namespace handsim::engine {
+namespace {
+
+using model::Effect;
+using model::JointKind;
+using test::settings;
+
+/// A joint of the given kind between random frames, on the world or on a free body.
+model::Model random_joint(std::mt19937& random, JointKind kind, bool on_world) {
+  model::Model model = model::make_model();
+  int parent = 0;
+  if (!on_world)
+    parent = test::add_body(model, test::body("parent", 0.4, {3e-4, 4e-4, 5e-4}, test::random_pose(random)));
+  const int child = test::add_body(model, test::body("child", 0.2, {1e-4, 2e-4, 2.5e-4}));
+  std::vector<Vec3> axes;
+  const Vec3 a = test::random_vector(random).normalized();
+  if (kind != JointKind::ball) axes.push_back(a);
+  if (kind == JointKind::universal) axes.push_back(a.unitOrthogonal());
+  test::add_joint(model, "joint", kind, parent, child, test::random_pose(random), test::random_pose(random),
+                  axes);
+  return model;
+}
+
+double ode_coordinate(dJointID id, JointKind kind, std::size_t axis) {
+  switch (kind) {
+    case JointKind::hinge:
+      return dJointGetHingeAngle(id);
+    case JointKind::universal:
+      return axis == 1 ? dJointGetUniversalAngle1(id) : dJointGetUniversalAngle2(id);
+    case JointKind::slider:
+      return dJointGetSliderPosition(id);
+    case JointKind::ball:
+      break;
+  }
+  return 0;
+}
+
+struct Case {
+  JointKind kind;
+  bool on_world;
+};
+
+class EveryJoint : public testing::TestWithParam<Case> {};
+
+const std::vector<Case> kAxial = {{JointKind::hinge, false},     {JointKind::hinge, true},
+                                  {JointKind::universal, false}, {JointKind::universal, true},
+                                  {JointKind::slider, false},    {JointKind::slider, true}};
+
+// Oracle: two independent ways that must agree; ODE's own angle from its own reference rotation.
+TEST_P(EveryJoint, HasTheModelsCoordinatesInOde) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> angle(-1.5, 1.5);
+  for (int trial = 0; trial < 50; ++trial) {
+    model::Model model = random_joint(random, GetParam().kind, GetParam().on_world);
+    for (model::JointAxis& axis : model.joints[0].axes) axis.initial = angle(random);
+    ode::OdeEngine engine(model, settings({}));
+    const std::vector<double> q = model::coordinates(model, engine.state());
+    for (std::size_t i = 0; i < model.joints[0].axes.size(); ++i) {
+      EXPECT_NEAR(q[i], model.joints[0].axes[i].initial, 1e-12);
+      EXPECT_NEAR(ode_coordinate(engine.joints().id(0), GetParam().kind, i), q[i], 1e-12) << "axis " << i;
+    }
+  }
+}
+
+// Oracle: closed form; the coordinate must come to rest inside its stop, a push outward on each side, for
+// each axis by itself. Tolerances of HARD_CASES row 9: past the stop by at most one step's travel.
+TEST_P(EveryJoint, HoldsEachStopOnItsOwnSide) {
+  std::mt19937 random(11);
+  const double step = 1e-3;
+  for (int trial = 0; trial < 8; ++trial) {
+    model::Model model = random_joint(random, GetParam().kind, GetParam().on_world);
+    const std::size_t axes = model.joints[0].axes.size();
+    for (model::JointAxis& axis : model.joints[0].axes) axis.stop = model::Stop{-0.11, 0.17, 0, 1};
+    for (std::size_t i = 0; i < axes; ++i)
+      for (const double side : {-1.0, 1.0}) {
+        ode::OdeEngine engine(model, settings({Effect::joint_stops}, step));
+        std::vector<double> tau(axes, 0.0);
+        tau[i] = side * (GetParam().kind == JointKind::slider ? 0.2 : 0.01);
+        const double bound = side < 0 ? 0.11 : 0.17;
+        double fastest = 0;
+        bool reached = false;
+        for (int k = 0; k < 3000; ++k) {
+          const StepReport report = engine.step({tau});
+          const double rate = side * model::rates(model, engine.state())[i];
+          fastest = std::max(fastest, rate);
+          reached = reached || report.stop_rows > 0;
+          ASSERT_LE(side * model::coordinates(model, engine.state())[i], bound + fastest * step + 1e-6);
+        }
+        EXPECT_TRUE(reached);
+        EXPECT_NEAR(side * model::coordinates(model, engine.state())[i], bound, 1e-3);
+      }
+  }
+}
+
+// Oracle: closed form, the torque does work tau qdot on the joint alone: from rest, in one step, the pair's
+// generalised momentum is h tau, so kinetic energy = h tau qdot / 2; and momentum of the pair stays zero.
+TEST_P(EveryJoint, TurnsTorqueIntoMotionAlongItsCoordinateAndReactsOnItsParent) {
+  std::mt19937 random(5);
+  for (int trial = 0; trial < 20; ++trial) {
+    model::Model model = random_joint(random, GetParam().kind, GetParam().on_world);
+    const double step = 1e-4;
+    Settings exact = settings({}, step);
+    exact.cfm = 1e-13;
+    ode::OdeEngine engine(model, exact);
+    std::vector<double> tau(model.joints[0].axes.size());
+    for (double& t : tau) t = std::copysign(0.01, test::random_vector(random).x());
+    engine.step({tau});
+    const std::vector<double> rate = model::rates(model, engine.state());
+    double power = 0;
+    double energy = 0;
+    Vec3 momentum = Vec3::Zero();
+    for (std::size_t i = 0; i < tau.size(); ++i) power += tau[i] * rate[i];
+    for (std::size_t i = 1; i < model.bodies.size(); ++i) {
+      const model::BodyState& b = engine.state().bodies[i];
+      const Vec3 w_B = b.q.conjugate() * b.w;
+      energy += 0.5 * model.bodies[i].mass * b.v.squaredNorm() + 0.5 * w_B.dot(model.bodies[i].inertia * w_B);
+      momentum += model.bodies[i].mass * b.v;
+    }
+    EXPECT_GT(energy, 0);
+    // 1e-5: the turn of the lever arms within the step, and rounding of a gap over the step.
+    EXPECT_NEAR(energy, 0.5 * step * power, 1e-5 * energy);
+    if (!GetParam().on_world) {
+      EXPECT_LT(momentum.norm(), 1e-12);
+    }
+  }
+}
+
+std::string case_name(const testing::TestParamInfo<Case>& info) {
+  const char* kinds[] = {"Hinge", "Universal", "Ball", "Slider"};
+  return std::string(kinds[static_cast<int>(info.param.kind)]) + (info.param.on_world ? "OnWorld" : "OnBody");
+}
+
+INSTANTIATE_TEST_SUITE_P(Joints, EveryJoint, testing::ValuesIn(kAxial), case_name);
+
+// Oracle: closed form, q'' = tau / I, and the semi-implicit Euler recurrence q_n = h^2 n (n + 1) / 2 q''.
+TEST(Torque, GivesAHingeTheAccelerationTauOverI) {
+  const model::Model model = test::hinged_body();
+  ode::OdeEngine engine(model, settings({}));
+  const double tau = 2e-5;
+  for (int n = 1; n <= 100; ++n) {
+    engine.step({std::span(&tau, 1)});
+    // cfm 1e-9 softens no row along the axis; the rest is rounding.
+    EXPECT_NEAR(model::rates(model, engine.state())[0], 1e-3 * n * tau / 1e-4, 1e-12);
+  }
+  // ODE's infinitesimal rotation turns by atan(w h / 2) * 2: w^3 h^3 / 12 short a step, 1e-13 in all.
+  EXPECT_NEAR(model::coordinates(model, engine.state())[0], 1e-6 * 5050 * 0.2, 1e-10);
+}
+
+// Oracle: closed form, three torques on a ball joint of a body with equal moments turn it about their sum.
+TEST(Torque, OnABallActsInTheParentFrame) {
+  std::mt19937 random(3);
+  model::Model model = model::make_model();
+  test::add_body(model, test::body("bob", 0.1, {1e-4, 1e-4, 1e-4}));
+  const Pose frame = test::random_pose(random);
+  test::add_joint(model, "ball", JointKind::ball, 0, 1, frame, {Vec3::Zero(), test::random_pose(random).q},
+                  {});
+  ode::OdeEngine engine(model, settings({}));
+  const std::vector<double> tau = {1e-5, -2e-5, 3e-5};
+  engine.step({tau});
+  const std::vector<double> rate = model::rates(model, engine.state());
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(rate[i], 1e-3 * tau[i] / 1e-4, 1e-13);
+  EXPECT_LT((engine.state().bodies[1].w - frame.q * Vec3(1e-4, -2e-4, 3e-4)).norm(), 1e-13);
+}
+
+// Oracle: conservation; a free pair has no outside force, so both momenta keep their start.
+TEST(Pair, KeepsItsMomentumWhileTheJointWorks) {
+  std::mt19937 random(2);
+  model::Model model = random_joint(random, JointKind::universal, false);
+  ode::OdeEngine engine(model, settings({}, 1e-4));
+  const auto momenta = [&] {
+    Vec3 linear = Vec3::Zero();
+    Vec3 angular = Vec3::Zero();
+    for (std::size_t i = 1; i < model.bodies.size(); ++i) {
+      const model::BodyState& b = engine.state().bodies[i];
+      const Mat3 R = b.q.toRotationMatrix();
+      linear += model.bodies[i].mass * b.v;
+      angular += model.bodies[i].mass * b.p.cross(b.v) + R * model.bodies[i].inertia * R.transpose() * b.w;
+    }
+    return std::pair(linear, angular);
+  };
+  const std::vector<double> tau = {2e-2, -1e-2};
+  for (int i = 0; i < 1000; ++i) engine.step({tau});
+  EXPECT_LT(momenta().first.norm(), 1e-12);
+  // The bodies turn at tens of rad/s, so each carries about 2e-3 kg m^2/s; angular momentum errs by the
+  // first-order treatment of the gyroscopic torque, below 2 % at this step.
+  EXPECT_GT(engine.state().bodies[1].w.norm(), 1);
+  EXPECT_LT(momenta().second.norm(), 4e-5);
+}
+
+// Oracle: Newton's law of restitution at the stop, within 0.05 (HARD_CASES row 9).
+TEST(Stop, BouncesByItsRatio) {
+  for (const double bounce : {0.3, 0.5, 0.8}) {
+    model::Model model = test::hinged_body();
+    model.joints[0].axes[0].stop = model::Stop{-1, 0.3, bounce, 1};
+    model.bodies[1].initial_angular_velocity = Vec3(0, 10, 0);
+    ode::OdeEngine engine(model, settings({Effect::joint_stops}));
+    test::run(engine, 60);
+    EXPECT_NEAR(model::rates(model, engine.state())[0], -10 * bounce, 0.5);
+  }
+}
+
+// Oracle: the model; a joint that starts at rest on a stop of zero must move freely off it, and says why.
+TEST(Stop, AtZeroIsMovedOutwardAndSaysSo) {
+  model::Model model = test::hinged_body();
+  model.joints[0].axes[0].stop = model::Stop{0, 0.5, 0, 1};
+  ode::OdeEngine engine(model, settings({Effect::joint_stops}));
+  ASSERT_EQ(engine.notes().size(), 1U);
+  EXPECT_NE(engine.notes()[0].find("pin.axis0: low stop 0 rad moved to -0.001 rad"), std::string::npos);
+  const double tau = 2e-5;
+  EXPECT_EQ(engine.step({std::span(&tau, 1)}).stop_rows, 0);
+  EXPECT_NEAR(model::rates(model, engine.state())[0], 1e-3 * 0.2, 1e-13);
+}
+
+// Oracle: the effect's definition; a stop that is not asked for is not there.
+TEST(Stop, IsAbsentWithoutItsEffect) {
+  model::Model model = test::hinged_body();
+  model.joints[0].axes[0].stop = model::Stop{-0.1, 0.1, 0, 1};
+  model.bodies[1].initial_angular_velocity = Vec3(0, 2, 0);
+  ode::OdeEngine engine(model, settings({}));
+  test::run(engine, 500);
+  EXPECT_NEAR(model::coordinates(model, engine.state())[0], 1.0, 1e-6);
+}
+
+}  // namespace
+}  // namespace handsim::engine
