@@ -186,6 +186,15 @@ void apply_start(Joint& joint, const Placement& placement) {
   for (std::size_t i = 0; i < found->second.size(); ++i) joint.axes[i].initial = found->second[i];
 }
 
+void scale_tissue(Joint& joint, const Placement& placement) {
+  for (model::JointAxis& axis : joint.axes) {
+    if (!axis.tissue) continue;
+    axis.tissue->stiffness *= placement.tissue_stiffness;
+    axis.tissue->damping *= placement.tissue_damping;
+    if (axis.tissue->stiffness == 0 && axis.tissue->damping == 0) axis.tissue.reset();
+  }
+}
+
 void check_start_names(const std::vector<Joint>& joints, const Placement& placement) {
   std::vector<std::string> known;
   for (const Joint& joint : joints) known.push_back(joint.name);
@@ -305,6 +314,7 @@ void add_hand(model::Model& model, const BuiltHand& right, const Placement& plac
   check_start_names(joints, placement);
   for (Joint& joint : joints) {
     apply_start(joint, placement);
+    scale_tissue(joint, placement);
     joint.name = prefix + joint.name;
     joint.first_dof = model.dof_count();
     index.joints.push_back(static_cast<int>(model.joints.size()));

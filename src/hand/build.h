@@ -31,6 +31,8 @@ struct Placement {
   Vec3 angular_velocity = Vec3::Zero();              ///< `free`: of the whole hand at the start [rad/s]
   model::PoseMotion motion;                          ///< `driven`: X_WH over time
   std::map<std::string, std::vector<double>> start;  ///< coordinates by joint name [rad]; others are 0
+  double tissue_stiffness = 1;  ///< scale of the hand model's passive stiffness: 0 limp, above 1 stiff
+  double tissue_damping = 1;    ///< scale of its passive damping
 };
 
 /// One hand of a person, right, in the hand frame.

@@ -50,7 +50,8 @@ TrajectoryWriter::TrajectoryWriter(const std::filesystem::path& path, const mode
     : model_(model), file_(path), buffer_(header(model)) {}
 
 void TrajectoryWriter::add(const model::State& state) {
-  fmt::format_to(std::back_inserter(buffer_), "{}", state.time);
+  // Twelve digits: sums of steps carry rounding that nobody wants to read.
+  fmt::format_to(std::back_inserter(buffer_), "{:.12g}", state.time);
   for (const double q : model::coordinates(model_, state)) append(buffer_, q);
   for (const double u : model::rates(model_, state)) append(buffer_, u);
   for (std::size_t b = 1; b < state.bodies.size(); ++b) {

@@ -112,6 +112,10 @@ HandEntry read_hand(MapReader reader) {
       reader.choice<model::Side>("side", {{"right", model::Side::right}, {"left", model::Side::left}});
   read_wrist(reader.map("wrist"), entry.placement);
   read_start_pose(reader, entry.placement);
+  MapReader tissue = reader.map("tissue");
+  entry.placement.tissue_stiffness = tissue.number("stiffness", {Dimension::none, 0, 1000}, 1.0);
+  entry.placement.tissue_damping = tissue.number("damping", {Dimension::none, 0, 1000}, 1.0);
+  tissue.finish();
   reader.finish();
 
   const auto warn_outside = [&](const char* key, double value, std::pair<double, double> range, const char* unit) {

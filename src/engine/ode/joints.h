@@ -17,7 +17,7 @@ namespace handsim::engine::ode {
 
 /// A stop nearer to zero than this is moved outward by as much: a stop of exactly 0 is in force from the
 /// first step of a joint that starts at 0, and one of 1e-9 after the first rounding.
-inline constexpr double kStopMargin = 1e-3;        ///< hinge and universal [rad]
+inline constexpr double kStopMargin = 1e-5;        ///< hinge and universal [rad]
 inline constexpr double kSliderStopMargin = 1e-5;  ///< slider [m]
 
 class Joints {
