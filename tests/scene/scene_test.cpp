@@ -1,0 +1,88 @@
+#include <gtest/gtest.h>
+
+#include "handsim/model/kinematics.h"
+#include "scene_files.h"
+
+namespace handsim::scene {
+namespace {
+
+using model::Effect;
+using test::shipped_scene;
+
+Scene scene_from(const std::string& text) {
+  return compile_scene(parse_yaml(text, HANDSIM_SOURCE_DIR "/config/test.yaml"));
+}
+
+std::string with_hand(const std::string& rest) {
+  return "hands: [{model: ../handmodels/anatomical.yaml, person: persons/median_man.yaml, side: right}]\nduration: 1\n" + rest;
+}
+
+TEST(Scene, ShippedScenesCompile) {
+  for (const auto& file : std::filesystem::directory_iterator(test::source("config"))) {
+    if (file.path().extension() != ".yaml") continue;
+    EXPECT_NO_THROW(load_scene(file.path())) << file.path();
+  }
+}
+
+TEST(Scene, AutoEffectsAreWhatTheContentNeeds) {
+  const Scene hand = scene_from(with_hand("effects: auto\n"));
+  EXPECT_TRUE(hand.spec.solver.effects.has(Effect::joint_stops));
+  EXPECT_TRUE(hand.spec.solver.effects.has(Effect::passive_tissue));
+  EXPECT_FALSE(hand.spec.solver.effects.any_contact());
+  EXPECT_TRUE(hand.model.contact_rules.empty());
+  const Scene ball = scene_from(
+      "objects: [{name: ball, shape: sphere, radius: 0.1, mass: 1, position: [0, 0, 1]}]\nground: {}\nduration: 1\n");
+  EXPECT_TRUE(ball.spec.solver.effects.has(Effect::ground_contact));
+  EXPECT_TRUE(ball.spec.solver.effects.has(Effect::friction));
+  EXPECT_FALSE(ball.spec.solver.effects.has(Effect::joint_stops));
+  EXPECT_NE(ball.resolved.find("effects: [gravity, object_contact, ground_contact, friction]"), std::string::npos)
+      << ball.resolved;
+}
+
+TEST(Scene, ResolvedTextIsAFixedPoint) {
+  const Scene once = shipped_scene("two_hands");
+  const Scene twice = compile_scene(parse_yaml(once.resolved, "resolved.yaml"));
+  EXPECT_EQ(once.resolved, twice.resolved);
+}
+
+TEST(Scene, OverridesReachIntoReferencedFiles) {
+  const Scene scene = shipped_scene("two_hands", {"hands.0.person.stature=1.6", "solver.step=2 ms"});
+  EXPECT_EQ(scene.spec.hands[0].person.stature, 1.6);
+  EXPECT_EQ(scene.spec.hands[1].person.stature, 1.755);
+  EXPECT_EQ(scene.spec.solver.step, 0.002);
+}
+
+TEST(Scene, PersonsOutsideTheSurveyAreWarnedOf) {
+  const Scene child = shipped_scene("two_hands", {"hands.0.person=config/persons/child.yaml"});
+  ASSERT_EQ(child.warnings.size(), 2U);
+  EXPECT_NE(child.warnings[0].find("1.1 m is outside the survey (1.409 to 1.993 m)"), std::string::npos) << child.warnings[0];
+}
+
+TEST(Scene, StartPoseAndTissueScaleReachTheModel) {
+  const Scene scene = scene_from(
+      "hands: [{model: ../handmodels/anatomical.yaml, person: persons/median_man.yaml, side: left,"
+      " pose: {index_mcp: [0.5, \"5 deg\"], ring_dip: 0.25}, tissue: {stiffness: 2, damping: 0}}]\nduration: 1\n");
+  bool seen = false;
+  for (const model::Joint& joint : scene.model.joints) {
+    if (joint.name != "left.index_mcp") continue;
+    seen = true;
+    EXPECT_EQ(joint.axes[0].initial, 0.5);
+    EXPECT_NEAR(joint.axes[1].initial, 5 * M_PI / 180, 1e-15);
+    EXPECT_EQ(joint.axes[0].tissue->stiffness, 2 * 0.039);
+    EXPECT_EQ(joint.axes[0].tissue->damping, 0);
+  }
+  EXPECT_TRUE(seen);
+}
+
+TEST(Scene, ADrivenWristStartsOnItsTrajectory) {
+  const Scene scene = scene_from(
+      "hands: [{model: ../handmodels/anatomical.yaml, person: persons/median_man.yaml, side: right, wrist: {mount: driven,"
+      " motion: {keyframes: [{time: 0, position: [1, 2, 3]}, {time: 1, position: [1, 2, 4]}]}}}]\nduration: 1\n");
+  ASSERT_EQ(scene.model.drives.size(), 1U);
+  const model::State start = model::initial_state(scene.model);
+  const model::HandIndex& hand = scene.model.hands[0];
+  EXPECT_LT((start.bodies[static_cast<std::size_t>(hand.palm)].pose() * hand.wrist_frame.p - Vec3(1, 2, 3)).norm(), 1e-14);
+}
+
+}  // namespace
+}  // namespace handsim::scene
