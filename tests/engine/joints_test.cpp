@@ -118,13 +118,15 @@ TEST_P(EveryJoint, HoldsEachStopOnItsOwnSide) {
   for (int trial = 0; trial < 8; ++trial) {
     model::Model model = random_joint(random, GetParam().kind, GetParam().on_world);
     const std::size_t axes = model.joints[0].axes.size();
-    for (model::JointAxis& axis : model.joints[0].axes) axis.stop = model::Stop{-0.11, 0.17, 0, 1};
+    // Four different ends, so that none can stand in for another.
+    const model::Stop stops[] = {{-0.11, 0.17, 0, 1}, {-0.23, 0.07, 0, 1}};
+    for (std::size_t i = 0; i < axes; ++i) model.joints[0].axes[i].stop = stops[i];
     for (std::size_t i = 0; i < axes; ++i)
       for (const double side : {-1.0, 1.0}) {
         ode::OdeEngine engine(model, settings({Effect::joint_stops}, step));
         std::vector<double> tau(axes, 0.0);
         tau[i] = side * (GetParam().kind == JointKind::slider ? 0.2 : 0.01);
-        const double bound = side < 0 ? 0.11 : 0.17;
+        const double bound = side < 0 ? -stops[i].low : stops[i].high;
         double fastest = 0;
         bool reached = false;
         for (int k = 0; k < 3000; ++k) {
