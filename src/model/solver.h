@@ -9,7 +9,9 @@ namespace handsim::model {
 
 enum class Method {
   world_step,  ///< ODE's direct LCP solver (Dantzig): exact, cost grows with the cube of the rows
-  quick_step,  ///< ODE's iterative solver (projected SOR): cost grows with rows times iterations
+  /// ODE's iterative solver (projected SOR): cost grows with rows times iterations. Reproducible bit for bit,
+  /// for which the quick_step steps of several threads take turns (ODE has one random generator).
+  quick_step,
 };
 
 struct SolverSettings {

@@ -257,16 +257,21 @@ class BothMethods : public testing::TestWithParam<Method> {
   }
 };
 
-/// Fingers that touch one another, and a ball on the ground.
+/// Fingers that touch one another, and balls that roll on the ground into each other: enough shapes for
+/// sweep-and-prune.
 model::Model busy_hand() {
   model::Model model = test::five_fingers(true, true, true);
   model.drives = driven_hand().drives;
-  const int ball = test::add_body(
-      model, test::body("ball", 0.05, {1e-5, 1e-5, 1e-5}, {Vec3(0.3, 0, -0.28), Quat::Identity()}));
-  model.bodies[static_cast<std::size_t>(ball)].initial_velocity = Vec3(0.3, 0.1, 0);
-  model::Shape round = test::shape("round", model::ShapeKind::sphere, ball);
-  round.radius = 0.02;
-  model.shapes.push_back(round);
+  for (int i = 0; i < 10; ++i) {
+    const Pose at{Vec3(0.3 + 0.041 * (i % 5), 0.041 * (i / 5), -0.28), Quat::Identity()};
+    const int ball =
+        test::add_body(model, test::body("ball" + std::to_string(i), 0.05, {1e-5, 1e-5, 1e-5}, at));
+    model.bodies[static_cast<std::size_t>(ball)].initial_velocity =
+        Vec3(0.3 - 0.12 * (i % 5), 0.1 - 0.2 * (i / 5), 0);
+    model::Shape round = test::shape("round" + std::to_string(i), model::ShapeKind::sphere, ball);
+    round.radius = 0.02;
+    model.shapes.push_back(round);
+  }
   model::Shape ground = test::shape("ground", model::ShapeKind::plane, 0);
   ground.pose.p = Vec3(0, 0, -0.3);
   model.shapes.push_back(ground);

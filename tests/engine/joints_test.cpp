@@ -1,6 +1,7 @@
 // ODE's angles, stops and torques against the model's own joint coordinates.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "engine/models.h"
@@ -70,6 +71,45 @@ TEST_P(EveryJoint, HasTheModelsCoordinatesInOde) {
   }
 }
 
+// Oracle: as above, for axes along the frame's own, where ODE's default axes stand parallel to the new
+// ones while a universal joint is being set up, and at quarter turns and more.
+TEST(Universal, HasTheModelsCoordinatesForAxesAlongTheFrame) {
+  const Vec3 units[] = {Vec3::UnitX(), Vec3::UnitY(), Vec3::UnitZ()};
+  for (const Vec3& a : units)
+    for (const Vec3& b : units) {
+      if (a == b) continue;
+      model::Model model = model::make_model();
+      test::add_body(model, test::body("bob", 0.1, {1e-4, 1e-4, 1e-4}));
+      test::add_joint(model, "cross", JointKind::universal, 0, 1, {}, {}, {a, b});
+      for (const double q0 : {-3.0, -1.6, 0.0, 0.4, 3.0}) {
+        model.joints[0].axes[0].initial = q0;
+        model.joints[0].axes[1].initial = -0.6;
+        ode::OdeEngine engine(model, settings({}));
+        EXPECT_NEAR(dJointGetUniversalAngle2(engine.joints().id(0)), q0, 1e-12);
+        EXPECT_NEAR(dJointGetUniversalAngle1(engine.joints().id(0)), -0.6, 1e-12);
+      }
+    }
+}
+
+// Oracle: two independent ways that must agree; the fast reading against model::joint_coordinates, all round.
+TEST(AngleSensor, ReadsTheModelsCoordinatesAndStops) {
+  std::mt19937 random(9);
+  std::uniform_real_distribution<double> turn(-3.1, 3.1);
+  for (const JointKind kind : {JointKind::hinge, JointKind::universal})
+    for (int trial = 0; trial < 300; ++trial) {
+      model::Model model = random_joint(random, kind, trial % 2 == 0);
+      for (model::JointAxis& axis : model.joints[0].axes) axis.initial = turn(random);
+      const model::State state = model::initial_state(model);
+      const std::vector<double> q = model::coordinates(model, state);
+      const std::array<ode::Direction, 2> read = ode::AngleSensor(model.joints[0]).read(state);
+      for (std::size_t i = 0; i < q.size(); ++i) {
+        EXPECT_NEAR(read[i].angle(), q[i], 1e-12);
+        for (const auto& [low, high] : {std::pair(-0.2, 1.2), std::pair(-1.9, 1.9), std::pair(0.5, 3.1)})
+          EXPECT_EQ(ode::StopArc(low, high).reached(read[i]), q[i] <= low || q[i] >= high) << q[i];
+      }
+    }
+}
+
 // Oracle: closed form; the coordinate must come to rest inside its stop, a push outward on each side, for
 // each axis by itself. Tolerances of HARD_CASES row 9: past the stop by at most one step's travel.
 TEST_P(EveryJoint, HoldsEachStopOnItsOwnSide) {
@@ -78,13 +118,15 @@ TEST_P(EveryJoint, HoldsEachStopOnItsOwnSide) {
   for (int trial = 0; trial < 8; ++trial) {
     model::Model model = random_joint(random, GetParam().kind, GetParam().on_world);
     const std::size_t axes = model.joints[0].axes.size();
-    for (model::JointAxis& axis : model.joints[0].axes) axis.stop = model::Stop{-0.11, 0.17, 0, 1};
+    // Four different ends, so that none can stand in for another.
+    const model::Stop stops[] = {{-0.11, 0.17, 0, 1}, {-0.23, 0.07, 0, 1}};
+    for (std::size_t i = 0; i < axes; ++i) model.joints[0].axes[i].stop = stops[i];
     for (std::size_t i = 0; i < axes; ++i)
       for (const double side : {-1.0, 1.0}) {
         ode::OdeEngine engine(model, settings({Effect::joint_stops}, step));
         std::vector<double> tau(axes, 0.0);
         tau[i] = side * (GetParam().kind == JointKind::slider ? 0.2 : 0.01);
-        const double bound = side < 0 ? 0.11 : 0.17;
+        const double bound = side < 0 ? -stops[i].low : stops[i].high;
         double fastest = 0;
         bool reached = false;
         for (int k = 0; k < 3000; ++k) {
