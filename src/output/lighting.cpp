@@ -15,7 +15,7 @@ namespace {
 /// As in the shaders: tangent of the angle of half the key light, and how far, in thicknesses, a solid
 /// darkens the sky.
 constexpr double kLightSize = 0.11;
-constexpr double kSkyReach = 2.2;
+constexpr double kSkyReach = 1.7;
 /// The key light over a ground stands at least this high (sine of its elevation).
 constexpr double kLowestKey = 0.62;
 
@@ -192,7 +192,7 @@ void Occluders::add(const Solid& solid) {
   solids.push_back(row(solid.half, solid.core == Core::cylinder ? 1 : 0));
 }
 
-Scene::Scene(const DrawList& drawn, const Camera& camera, double aspect) : list(&drawn) {
+Scene::Scene(const DrawList& drawn, const Camera& from, double aspect) : list(&drawn), camera(from) {
   const Eye axes = eye_of(camera);
   const bool over_ground = drawn.ground_height && camera.position.z() > *drawn.ground_height;
   const Vec3 key = key_direction(axes, over_ground);

@@ -46,9 +46,10 @@ struct Ground {
 /// One picture's worth of geometry and light.
 struct Scene {
   /// @throws Error (input) for a camera that looks nowhere or has no field of view.
-  Scene(const DrawList& list, const Camera& camera, double aspect);
+  Scene(const DrawList& drawn, const Camera& from, double aspect);
 
   const DrawList* list;
+  Camera camera;
   Eigen::Matrix4f view_projection;
   Eigen::Vector3f eye, to_key, to_fill, sky_up;
   std::vector<LitSolid> solids;  ///< nearest first

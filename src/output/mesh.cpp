@@ -7,11 +7,6 @@ namespace handsim::output {
 
 namespace {
 
-/// Sides of a full circle and rings of a quarter one: a circle of 300 pixels radius is off by a third of a
-/// pixel.
-constexpr int kSides = 64;
-constexpr int kRings = 10;
-
 constexpr float kQuarter = std::numbers::pi_v<float> / 2;
 
 /// One meridian: where its part of the core stands in the x-y plane, and its longitude [rad].
@@ -56,10 +51,10 @@ Mesh lathe(const std::vector<Spoke>& spokes, int rings, bool capped) {
 }
 
 /// A spoke for each side of the circle; `core` 1 puts it on the core's rim, 0 on its axis.
-std::vector<Spoke> circle(float core) {
+std::vector<Spoke> circle(int sides, float core) {
   std::vector<Spoke> spokes;
-  for (int i = 0; i < kSides; ++i) {
-    const float longitude = 4 * kQuarter * static_cast<float>(i) / kSides;
+  for (int i = 0; i < sides; ++i) {
+    const float longitude = 4 * kQuarter * static_cast<float>(i) / static_cast<float>(sides);
     spokes.push_back({core * std::cos(longitude), core * std::sin(longitude), longitude});
   }
   return spokes;
@@ -67,12 +62,12 @@ std::vector<Spoke> circle(float core) {
 
 }  // namespace
 
-Mesh capsule_mesh() { return lathe(circle(0), kRings, false); }
+Mesh capsule_mesh(int sides) { return lathe(circle(sides, 0), sides / 5, false); }
 
-Mesh cylinder_mesh() { return lathe(circle(1), 4, true); }
+Mesh cylinder_mesh(int sides) { return lathe(circle(sides, 1), 3, true); }
 
 Mesh box_mesh() {
-  constexpr int kSteps = 5;
+  constexpr int kSteps = 4;
   std::vector<Spoke> spokes;
   for (int quadrant = 0; quadrant < 4; ++quadrant)
     for (int i = 0; i <= kSteps; ++i)
@@ -82,9 +77,10 @@ Mesh box_mesh() {
 }
 
 Mesh cone_mesh(float length) {
+  constexpr int kSides = 32;
   Mesh mesh;
   const Eigen::Vector3f tip = Eigen::Vector3f::UnitZ();
-  for (const Spoke& spoke : circle(1)) {
+  for (const Spoke& spoke : circle(kSides, 1)) {
     const Eigen::Vector3f rim = {spoke.x, spoke.y, 0};
     const Eigen::Vector3f slope = Eigen::Vector3f(length * spoke.x, length * spoke.y, 1).normalized();
     mesh.vertices.push_back({rim, slope});

@@ -19,12 +19,12 @@ struct Mesh {
   std::vector<std::uint32_t> indices;
 };
 
-/// Core: the segment z = -1..1 (with half height 0: a sphere).
-Mesh capsule_mesh();
+/// Core: the segment z = -1..1 (with half height 0: a sphere). `sides`: of its circles.
+Mesh capsule_mesh(int sides);
 /// Core: the cube of edge 2.
 Mesh box_mesh();
 /// Core: the cylinder of radius 1, z = -1..1.
-Mesh cylinder_mesh();
+Mesh cylinder_mesh(int sides);
 /// A cone with its base circle of radius 1 at z = 0 and its tip at z = 1, with normals for a scale of
 /// (1, 1, length); `round` must be 0.
 Mesh cone_mesh(float length);

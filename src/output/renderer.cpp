@@ -55,6 +55,17 @@ Buffer upload(const Mesh& mesh) {
   return buffer;
 }
 
+/// Sides of round meshes. More than a picture needs are slow, because slim triangles waste shading.
+constexpr std::array<int, 4> kSides = {20, 32, 56, 128};
+using RoundBuffers = std::array<Buffer, kSides.size()>;
+
+/// One buffer for each number of sides.
+RoundBuffers upload_round(Mesh (*make)(int)) {
+  RoundBuffers buffers;
+  for (std::size_t i = 0; i < kSides.size(); ++i) buffers[i] = upload(make(kSides[i]));
+  return buffers;
+}
+
 int checked_size(int size, const char* what) {
   if (size < kSmallest || size > kLargest)
     throw input_error(what, fmt::format("{}", size), fmt::format("{}..{} pixels", kSmallest, kLargest));
@@ -80,6 +91,8 @@ struct Renderer::Impl {
   void draw_annotations(const DrawList& list);
   void draw_ground(const Scene& scene, const Eigen::Matrix4f& projection);
   void place(const Program& program, const Solid& solid, const Colour& colour);
+  /// The coarsest whose outline is off by less than a quarter of a pixel.
+  const Buffer& fitting(const RoundBuffers& buffers, const Scene& scene, const Solid& solid) const;
   void draw(const Buffer& buffer) {
     glBindVertexArray(buffer.array);
     glDrawElements(GL_TRIANGLES, buffer.count, GL_UNSIGNED_INT, nullptr);
@@ -100,7 +113,8 @@ struct Renderer::Impl {
   Program ground_program{kGroundVertex, {kLightFunctions, kGroundFragment}};
   Program background_program{kBackgroundVertex, {kLightFunctions, kBackgroundFragment}};
   Target drawn, resolved, shade;
-  Buffer capsule, box, cylinder, cone;
+  RoundBuffers capsule, cylinder;
+  Buffer box, cone;
   GLuint empty = 0;
   std::vector<std::uint8_t> pixels;
 };
@@ -111,9 +125,9 @@ Renderer::Impl::Impl(int picture_width, int picture_height)
       drawn(Target::multisampled(std::min(width, kTile), std::min(height, kTile), kSamples)),
       resolved(Target::sampled(drawn.width, drawn.height)),
       shade(Target::sampled(kShadeSize, kShadeSize)),
-      capsule(upload(capsule_mesh())),
+      capsule(upload_round(capsule_mesh)),
+      cylinder(upload_round(cylinder_mesh)),
       box(upload(box_mesh())),
-      cylinder(upload(cylinder_mesh())),
       cone(upload(cone_mesh(static_cast<float>(kHeadLength)))) {
   glGenVertexArrays(1, &empty);
   pixels.resize(4UL * static_cast<std::size_t>(drawn.width) * static_cast<std::size_t>(drawn.height));
@@ -195,6 +209,17 @@ void Renderer::Impl::place(const Program& program, const Solid& solid, const Col
   program.set("colour", Eigen::Vector3f(colour.r, colour.g, colour.b));
 }
 
+// A circle of radius r with n sides is off by r (1 - cos(pi / n)), about r (pi / n)^2 / 2.
+const Buffer& Renderer::Impl::fitting(const RoundBuffers& buffers, const Scene& scene,
+                                      const Solid& solid) const {
+  const double nearest = std::max((solid.pose.p - scene.camera.position).norm() - solid.reach(), 1e-6);
+  const double focus = height / 2.0 / std::tan(scene.camera.field_of_view / 2);
+  const double radius = std::max(solid.round, solid.half.x()) * focus / nearest;
+  for (std::size_t i = 0; i + 1 < kSides.size(); ++i)
+    if (radius * std::pow(M_PI / kSides[i], 2) / 2 < 0.25) return buffers[i];
+  return buffers.back();
+}
+
 void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& projection) {
   glEnable(GL_CULL_FACE);
   for (const Program* program : {&solid_lit, &capsule_lit}) {
@@ -216,7 +241,10 @@ void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& proj
     program.set("capsules", lit.occluders.capsules);
     program.set("solid_count", static_cast<int>(lit.occluders.solids.size() / 3));
     program.set("solids", lit.occluders.solids);
-    draw(is_capsule(lit.solid) ? capsule : lit.solid.core == Core::box ? box : cylinder);
+    if (is_capsule(lit.solid))
+      draw(fitting(capsule, scene, lit.solid));
+    else
+      draw(lit.solid.core == Core::box ? box : fitting(cylinder, scene, lit.solid));
   }
   capsule_lit.use();
   capsule_lit.set("capsule_count", 0);
@@ -228,7 +256,7 @@ void Renderer::Impl::draw_annotations(const DrawList& list) {
   for (const DrawPoint& point : list.points) {
     place(capsule_lit, {Core::box, Vec3::Zero(), point.radius, {point.position, Quat::Identity()}},
           point.colour);
-    draw(capsule);
+    draw(capsule[1]);
   }
   for (const DrawArrow& arrow : list.arrows) {
     const Vec3 along = arrow.to - arrow.from;
@@ -242,7 +270,7 @@ void Renderer::Impl::draw_annotations(const DrawList& list) {
     place(capsule_lit,
           {Core::cylinder, {arrow.radius, arrow.radius, shaft / 2}, 0, {(arrow.from + neck) / 2, q}},
           arrow.colour);
-    draw(cylinder);
+    draw(cylinder[1]);
     place(capsule_lit, {Core::cylinder, {width_of_head, width_of_head, head}, 0, {neck, q}}, arrow.colour);
     draw(cone);
   }

@@ -28,7 +28,7 @@ vec3 background() {
 const char* const kOcclusionFunctions = R"(
 // No branches: llvmpipe runs both sides of every `if`. No tall tables: it gathers each component.
 const float kLightSize = 0.11;  // tangent of the angle of half the key light
-const float kSkyReach = 2.2;    // how far a solid darkens the sky, in its thicknesses
+const float kSkyReach = 1.7;    // how far a solid darkens the sky, in its thicknesses
 
 // Share of the key light that passes a solid with this gap beside the ray at a distance s along it.
 float passing(float gap, float s, float thickness) {

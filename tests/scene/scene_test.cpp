@@ -53,7 +53,7 @@ TEST(Scene, OverridesReachIntoReferencedFiles) {
 }
 
 TEST(Scene, PersonsOutsideTheSurveyAreWarnedOf) {
-  const Scene child = shipped_scene("two_hands", {"hands.0.person=config/persons/child.yaml"});
+  const Scene child = shipped_scene("two_hands", {"hands.0.person=" + test::source("config/persons/child.yaml").string()});
   ASSERT_EQ(child.warnings.size(), 2U);
   EXPECT_NE(child.warnings[0].find("1.1 m is outside the survey (1.409 to 1.993 m)"), std::string::npos) << child.warnings[0];
 }

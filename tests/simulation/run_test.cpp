@@ -102,8 +102,9 @@ TEST(Effects, AreBuiltOnlyWhereTheSceneListsThem) {
   Simulation still(floating);
   for (int i = 0; i < 100; ++i) still.step();
   // Without gravity, stops and tissue nothing moves a hand that starts at rest.
-  EXPECT_EQ(model::coordinates(floating.model, still.state()),
-            model::coordinates(floating.model, model::initial_state(floating.model)));
+  const std::vector<double> before = model::coordinates(floating.model, model::initial_state(floating.model));
+  const std::vector<double> after = model::coordinates(floating.model, still.state());
+  for (std::size_t i = 0; i < before.size(); ++i) EXPECT_NEAR(after[i], before[i], 1e-14);
 }
 
 TEST(Pictures, AreMadeOnRequestOnly) {
