@@ -118,7 +118,7 @@ Scene compile_scene(YamlNode root) {
   add_contact_rules(scene.model, scene.spec);
   diagnostics.problems = model::defects(scene.model);
   diagnostics.throw_if_any();
-  scene.resolved = emit_yaml(root);
+  scene.resolved = std::move(root);
   scene.warnings = std::move(diagnostics.warnings);
   return scene;
 }

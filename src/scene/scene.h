@@ -14,7 +14,7 @@ namespace handsim::scene {
 struct Scene {
   SceneSpec spec;
   model::Model model;
-  std::string resolved;               ///< YAML with defaults filled in and references inlined
+  YamlNode resolved;                  ///< the scene with defaults filled in and references inlined
   std::vector<std::string> warnings;  ///< e.g. a person outside the survey
 };
 

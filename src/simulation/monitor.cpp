@@ -1,74 +1,115 @@
 #include "handsim/simulation/monitor.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <limits>
 
 #include "handsim/model/kinematics.h"
 
 namespace handsim::simulation {
 
-Monitor::Monitor(const model::Model& model, double step, bool stops) : model_(model), step_(step), stops_(stops) {
+namespace {
+
+/// Overshoots are followed to this resolution [rad] or [m].
+constexpr double kResolution = 1e-6;
+
+/// Bound of how fast any coordinate of the joint moves. The axes of a universal joint are perpendicular, so that no
+/// rate exceeds the relative angular velocity.
+double fastest_rate(const model::Joint& joint, const model::State& state) {
+  if (joint.kind == model::JointKind::slider) {
+    double rate = 0;
+    model::joint_rates(joint, state, std::span(&rate, 1));
+    return std::abs(rate);
+  }
+  return (state.bodies[static_cast<std::size_t>(joint.child)].w - state.bodies[static_cast<std::size_t>(joint.parent)].w)
+      .norm();
+}
+
+double overshoot(const model::Stop& stop, double q) { return std::max({0.0, q - stop.high, stop.low - q}); }
+
+std::string axis_name(const model::Joint& joint, std::size_t axis) { return joint.name + "." + joint.axes[axis].name; }
+
+}  // namespace
+
+Monitor::Monitor(const model::Model& model, double step, bool stops) : model_(model), step_(step) {
   for (std::size_t i = 0; i < model.joints.size(); ++i) {
-    bool any = false;
-    for (const model::JointAxis& axis : model.joints[i].axes) any = any || axis.stop.has_value();
-    if (any && stops) watched_.push_back({static_cast<int>(i), {0, 0}, {0, 0}});
+    const auto& axes = model.joints[i].axes;
+    if (stops && std::any_of(axes.begin(), axes.end(), [](const model::JointAxis& a) { return a.stop.has_value(); }))
+      watched_.push_back({static_cast<int>(i)});
   }
 }
 
 void Monitor::look(const model::State& state) {
-  last_time_ = state.time;
-  for (std::size_t i = 0; i < model_.joints.size(); ++i) {
-    const double gap = model::joint_gap(model_.joints[i], state);
-    if (!(gap > gap_)) continue;
-    gap_ = gap;
-    gap_time_ = state.time;
-    gap_joint_ = static_cast<int>(i);
+  look_at_gaps(state);
+  for (Watched& watched : watched_) {
+    // Twice the rate, for what a rate at the step's end says of the step.
+    watched.leeway -= 2 * step_ * fastest_rate(model_.joints[static_cast<std::size_t>(watched.joint)], state);
+    if (!(watched.leeway > 0)) look_at_stops(watched, state);
   }
-  for (Watched& watched : watched_) look_at_stops(watched, state);
+}
+
+void Monitor::look_at_gaps(const model::State& state) {
+  for (std::size_t i = 0; i < model_.joints.size(); ++i) {
+    const model::Joint& joint = model_.joints[i];
+    double gap2 = 0;
+    if (joint.kind == model::JointKind::slider) {
+      gap2 = std::pow(model::joint_gap(joint, state), 2);
+    } else {
+      const model::BodyState& parent = state.bodies[static_cast<std::size_t>(joint.parent)];
+      const model::BodyState& child = state.bodies[static_cast<std::size_t>(joint.child)];
+      gap2 = (child.p + child.q * joint.child_frame.p - parent.p - parent.q * joint.parent_frame.p).squaredNorm();
+    }
+    if (!(gap2 > gap2_)) continue;
+    gap2_ = gap2;
+    gap_time_ = state.time;
+    gap_joint_ = i;
+  }
 }
 
 void Monitor::look_at_stops(Watched& watched, const model::State& state) {
   const model::Joint& joint = model_.joints[static_cast<std::size_t>(watched.joint)];
   std::array<double, 3> q{};
   model::joint_coordinates(joint, state, q);
+  watched.leeway = std::numeric_limits<double>::infinity();
   for (std::size_t a = 0; a < joint.axes.size(); ++a) {
     const auto& stop = joint.axes[a].stop;
     if (!stop) continue;
-    const double over = std::max({0.0, q[a] - stop->high, stop->low - q[a]});
-    if (over > 0 && watched.overshoot[a] <= 0) {
-      std::array<double, 3> rate{};
-      model::joint_rates(joint, state, rate);
-      watched.allowed[a] = std::abs(rate[a]) * step_;
-    }
-    watched.overshoot[a] = over;
-    const double excess = over - watched.allowed[a];
-    if (over <= 0 || excess <= excess_) continue;
-    excess_ = excess;
-    excess_time_ = state.time;
-    excess_joint_ = watched.joint;
-    excess_axis_ = static_cast<int>(a);
+    watched.leeway = std::min(watched.leeway, std::max(kResolution, std::min(stop->high - q[a], q[a] - stop->low)));
+    book(watched, a, overshoot(*stop, q[a]), state);
   }
 }
 
-Peak Monitor::named(double value, double time, int joint, int axis) const {
-  if (!(value > 0)) return {0, 0, ""};
-  const model::Joint& at = model_.joints[static_cast<std::size_t>(joint)];
-  return {value, time, at.name + "." + at.axes[static_cast<std::size_t>(axis)].name};
+void Monitor::book(Watched& watched, std::size_t axis, double over, const model::State& state) {
+  const model::Joint& joint = model_.joints[static_cast<std::size_t>(watched.joint)];
+  if (over > 0 && watched.overshoot[axis] <= 0) {
+    std::array<double, 3> rate{};
+    model::joint_rates(joint, state, rate);
+    watched.allowed[axis] = std::abs(rate[axis]) * step_ + kResolution;
+  }
+  watched.overshoot[axis] = over;
+  const double excess = over - watched.allowed[axis];
+  if (over > 0 && excess > excess_.value) excess_ = {excess, state.time, axis_name(joint, axis)};
 }
 
 Peak Monitor::joint_gap() const {
   if (model_.joints.empty()) return {};
-  return {gap_, gap_time_, model_.joints[static_cast<std::size_t>(gap_joint_)].name};
+  return {std::sqrt(gap2_), gap_time_, model_.joints[gap_joint_].name};
 }
 
-Peak Monitor::stop_overshoot() const { return named(excess_, excess_time_, excess_joint_, excess_axis_); }
+Peak Monitor::stop_overshoot() const { return excess_; }
 
-Peak Monitor::stop_rest() const {
+Peak Monitor::stop_rest(const model::State& state) const {
   Peak worst;
-  for (const Watched& watched : watched_)
-    for (int a = 0; a < 2; ++a)
-      if (watched.overshoot[a] > worst.value) worst = named(watched.overshoot[a], last_time_, watched.joint, a);
+  for (const Watched& watched : watched_) {
+    const model::Joint& joint = model_.joints[static_cast<std::size_t>(watched.joint)];
+    std::array<double, 3> q{};
+    model::joint_coordinates(joint, state, q);
+    for (std::size_t a = 0; a < joint.axes.size(); ++a) {
+      if (!joint.axes[a].stop) continue;
+      const double over = overshoot(*joint.axes[a].stop, q[a]);
+      if (over > worst.value) worst = {over, state.time, axis_name(joint, a)};
+    }
+  }
   return worst;
 }
 

@@ -1,6 +1,8 @@
-// Watches a run step by step: how far joints come apart and stops are overshot. Costs a small share of a step.
+// Watches a run step by step: how far joints come apart and stops are overshot. Costs a small share of a step: a
+// joint's coordinates are worked out only when it may have moved far enough since to matter.
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -17,7 +19,7 @@ struct Peak {
 
 class Monitor {
  public:
-  /// @param stops whether joint stops are in force.
+  /// @param step of the engine [s]. @param stops whether joint stops are in force.
   Monitor(const model::Model& model, double step, bool stops);
 
   /// Looks at the state after a step.
@@ -26,29 +28,30 @@ class Monitor {
   /// Largest joint gap so far [m].
   Peak joint_gap() const;
   /// Largest overshoot of a stop, less what the step that crossed it explains (rate at the crossing times step)
-  /// [rad] or [m]; 0 where no stop was ever overshot by more.
+  /// [rad] or [m], resolved to 1e-6; 0 where no stop was ever overshot by more.
   Peak stop_overshoot() const;
-  /// Largest overshoot of a stop in the last state seen [rad] or [m].
-  Peak stop_rest() const;
+  /// Largest overshoot of a stop in a state [rad] or [m].
+  Peak stop_rest(const model::State& state) const;
 
  private:
+  /// A joint with a stop.
   struct Watched {
     int joint = 0;
-    double overshoot[2] = {0, 0};  ///< of each axis in the last state, 0 inside the stops
-    double allowed[2] = {0, 0};    ///< rate at the crossing times step
+    /// Movement of any coordinate that cannot bring news: what is left to the nearest stop, or the resolution.
+    double leeway = 0;
+    std::array<double, 2> overshoot = {0, 0};  ///< of each axis when last worked out, 0 inside the stops
+    std::array<double, 2> allowed = {0, 0};    ///< rate at the crossing times step
   };
+  void look_at_gaps(const model::State& state);
   void look_at_stops(Watched& watched, const model::State& state);
-  Peak named(double value, double time, int joint, int axis) const;
+  void book(Watched& watched, std::size_t axis, double over, const model::State& state);
 
   const model::Model& model_;
   double step_;
-  bool stops_;
   std::vector<Watched> watched_;
-  double gap_ = 0, gap_time_ = 0;
-  int gap_joint_ = 0;
-  double excess_ = 0, excess_time_ = 0;
-  int excess_joint_ = 0, excess_axis_ = 0;
-  double last_time_ = 0;
+  double gap2_ = 0, gap_time_ = 0;
+  std::size_t gap_joint_ = 0;
+  Peak excess_;
 };
 
 }  // namespace handsim::simulation

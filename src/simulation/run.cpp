@@ -101,7 +101,7 @@ RunResult run(const scene::Scene& scene, const RunOptions& options) {
   result.summary = summary_json(scene, simulation, result);
   recorder.finish();
   write_pictures(scene, recorder.snapshots(), options.out);
-  output::write_file(options.out / "resolved.yaml", scene.resolved);
+  output::write_file(options.out / "resolved.yaml", emit_yaml(scene.resolved));
   output::write_file(options.out / "summary.json", result.summary);
   return result;
 }

@@ -64,7 +64,7 @@ std::vector<Verdict> verdicts(const Simulation& simulation, const scene::Criteri
   std::vector<Verdict> out;
   out.push_back(from_peak("joint_gap", "m", monitor.joint_gap(), criteria.joint_gap));
   out.push_back(from_peak("stop_overshoot", "rad", monitor.stop_overshoot(), criteria.stop_overshoot));
-  out.push_back(from_peak("stop_rest", "rad", monitor.stop_rest(), criteria.stop_rest));
+  out.push_back(from_peak("stop_rest", "rad", monitor.stop_rest(simulation.state()), criteria.stop_rest));
   Verdict failures;
   failures.name = "lcp_failures";
   failures.measured = static_cast<double>(simulation.ledger().lcp_failures());

@@ -1,0 +1,80 @@
+// What handsim adds to a bare ODE loop, and what the way from a person to a picture costs. Asserts nothing.
+#include <benchmark/benchmark.h>
+
+#include <ode/ode.h>
+
+#include "bench/paired.h"
+#include "handsim/engine/ode/ode_engine.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/simulation/pictures.h"
+#include "handsim/simulation/simulation.h"
+#include "scene_files.h"
+
+namespace handsim::bench {
+namespace {
+
+/// The main scene's loop without recording against dWorldStep alone on an identical world. The scene's tissue has
+/// no stiffness, so that its rows need no angle and the bare loop makes the same motion.
+void loop_against_bare_ode(benchmark::State& state, const char* method) {
+  const scene::Scene scene = test::shipped_scene("two_hands", {std::string("solver.method=") + method});
+  const model::State start = model::initial_state(scene.model);
+  engine::ode::OdeEngine bare(scene.model, scene.spec.solver);
+  const bool quick = scene.spec.solver.method == model::Method::quick_step;
+  std::unique_ptr<simulation::Simulation> simulation;
+  const long steps = simulation::Simulation(scene).step_count();
+  compare(
+      state, static_cast<double>(steps),
+      [&] {
+        bare.set_state(start);
+        simulation = std::make_unique<simulation::Simulation>(scene);
+      },
+      [&] {
+        for (long i = 0; i < steps; ++i)
+          quick ? dWorldQuickStep(bare.world_id(), scene.spec.solver.step) : dWorldStep(bare.world_id(), scene.spec.solver.step);
+      },
+      [&] {
+        for (long i = 0; i < steps; ++i) simulation->step();
+      });
+}
+BENCHMARK_CAPTURE(loop_against_bare_ode, world_step, "world_step")->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(loop_against_bare_ode, quick_step, "quick_step")->UseManualTime()->Unit(benchmark::kMillisecond);
+
+/// Both hands from YAML in memory to a world that is ready to step.
+void person_to_world(benchmark::State& state) {
+  const YamlNode root = test::shipped_scene("two_hands").resolved;
+  for (auto unused : state) {
+    (void)unused;
+    const scene::Scene scene = scene::compile_scene(root);
+    benchmark::DoNotOptimize(engine::make_engine(scene.model, scene.spec.solver));
+  }
+}
+BENCHMARK(person_to_world)->Unit(benchmark::kMicrosecond);
+
+/// One frame of two hands at 1280 x 960, the context's creation included.
+void first_frame(benchmark::State& state) {
+  const scene::Scene scene = test::shipped_scene("two_hands");
+  const simulation::Snapshot moment{model::initial_state(scene.model), {}};
+  for (auto unused : state) {
+    (void)unused;
+    benchmark::DoNotOptimize(simulation::draw(scene, {moment}));
+  }
+}
+BENCHMARK(first_frame)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+/// Eight frames with one context, per frame.
+void frame(benchmark::State& state) {
+  const scene::Scene scene = test::shipped_scene("two_hands");
+  const std::vector<simulation::Snapshot> moments(8, {model::initial_state(scene.model), {}});
+  for (auto unused : state) {
+    (void)unused;
+    const auto start = std::chrono::steady_clock::now();
+    benchmark::DoNotOptimize(simulation::draw(scene, moments));
+    state.SetIterationTime(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() / 8);
+  }
+}
+BENCHMARK(frame)->Unit(benchmark::kMillisecond)->UseManualTime();
+
+}  // namespace
+}  // namespace handsim::bench
+
+BENCHMARK_MAIN();
