@@ -71,7 +71,10 @@ struct Bounds {
 Bounds bounds(const DrawList& list);
 
 /// A camera on the named side of `hand_frame` (X_WH; x ulnar, y distal, z dorsal on a right hand) that
-/// sees all of `lists` with a margin. `side` turns radial to the thumb's side.
+/// sees all of `lists` (not the ground) with a margin of 7% of the half picture, as close as that allows.
+/// `side` turns radial to the thumb's side. Up is distal (dorsal, palmar), dorsal (radial) or the world's z
+/// (three_quarter, which looks on the back of the hand from the fingertips, never from below the horizon).
+/// @throws Error (input) for an aspect (width over height) that is not above 0.
 Camera framed_camera(View view, const Pose& hand_frame, model::Side side, const std::vector<DrawList>& lists,
                      double aspect);
 

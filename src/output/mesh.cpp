@@ -67,7 +67,7 @@ Mesh capsule_mesh(int sides) { return lathe(circle(sides, 0), sides / 5, false);
 Mesh cylinder_mesh(int sides) { return lathe(circle(sides, 1), 3, true); }
 
 Mesh box_mesh() {
-  constexpr int kSteps = 4;
+  constexpr int kSteps = 6;
   std::vector<Spoke> spokes;
   for (int quadrant = 0; quadrant < 4; ++quadrant)
     for (int i = 0; i <= kSteps; ++i)

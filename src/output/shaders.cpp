@@ -19,9 +19,7 @@ uniform vec2 picture_size;
 
 vec3 background() {
   vec2 at = (gl_FragCoord.xy + picture_origin) / picture_size;
-  vec3 c = mix(vec3(0.845, 0.862, 0.882), vec3(0.972, 0.978, 0.984), smoothstep(-0.1, 1.0, at.y));
-  vec2 off = at - 0.5;
-  return c - 0.05 * dot(off, off);
+  return mix(vec3(0.845, 0.862, 0.882), vec3(0.972, 0.978, 0.984), smoothstep(-0.1, 1.0, at.y));
 }
 )";
 
@@ -38,7 +36,9 @@ float passing(float gap, float s, float thickness) {
 
 // Share of the sky left open, from the gaps at a third of the reach and at all of it.
 float open_sky(float near_gap, float far_gap, float reach) {
-  return 1.0 - 0.44 * clamp(1.0 - near_gap / (0.33 * reach), 0.0, 1.0) - 0.41 * clamp(1.0 - far_gap / reach, 0.0, 1.0);
+  float close = clamp(1.0 - near_gap / (0.33 * reach), 0.0, 1.0);
+  float wide = clamp(1.0 - far_gap / reach, 0.0, 1.0);
+  return 1.0 - 0.44 * close - 0.41 * wide;
 }
 
 float segment_gap(vec3 w, vec3 ab, float inverse, float r) {

@@ -26,7 +26,7 @@ Solid solid(const DrawShape& shape) {
 }
 
 Solid bevelled(const Solid& exact) {
-  const double bevel = 0.2 * exact.half.minCoeff();
+  const double bevel = 0.12 * exact.half.minCoeff();
   return {exact.core, exact.half - Vec3::Constant(bevel), exact.round + bevel, exact.pose};
 }
 

@@ -23,7 +23,7 @@ struct Solid {
 
 /// The exact solid of a shape.
 Solid solid(const DrawShape& shape);
-/// The same with its edges rounded by a tenth of its thickness, so that they catch the light. It lies
+/// The same with its edges rounded by 6% of its thickness, so that they catch the light. It lies
 /// inside the exact one.
 Solid bevelled(const Solid& exact);
 
