@@ -1,0 +1,74 @@
+// The README's pictures are what the program draws today.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "handsim/output/image.h"
+#include "scene_files.h"
+
+namespace handsim {
+namespace {
+
+/// How two pictures differ: a renderer of another build moves edges by a fraction of a pixel, a wrong picture moves
+/// whole shapes.
+struct Difference {
+  double mean = 0;      ///< of all components, 0..255
+  double share = 0;     ///< of components that differ by more than 48
+  bool same_size = true;
+};
+
+Difference compare(const output::Image& a, const output::Image& b) {
+  Difference out;
+  out.same_size = a.width == b.width && a.height == b.height;
+  if (!out.same_size) return out;
+  for (std::size_t i = 0; i < a.rgb.size(); ++i) {
+    const int difference = std::abs(int{a.rgb[i]} - int{b.rgb[i]});
+    out.mean += difference;
+    out.share += difference > 48 ? 1 : 0;
+  }
+  out.mean /= static_cast<double>(a.rgb.size());
+  out.share /= static_cast<double>(a.rgb.size());
+  return out;
+}
+
+bool alike(const Difference& difference) {
+  return difference.same_size && difference.mean < 0.5 && difference.share < 0.002;
+}
+
+/// A picture in renders/ and the command that makes it; OUT stands for a folder.
+struct Render {
+  const char* picture;
+  const char* command;
+  const char* made;
+};
+void PrintTo(const Render& render, std::ostream* out) { *out << render.picture; }
+
+class Renders : public ::testing::TestWithParam<Render> {};
+constexpr Render kRenders[] = {
+    {"two_hands.png", "run config/two_hands.yaml --out OUT --frames 8", "contact_sheet.png"},
+    {"hands.png", "hand --stature 1.75 --mass 72 --sex male --out OUT", "hand.png"},
+    {"dropped_hand.png", "render config/dropped_hand.yaml --time 0.5 --out OUT/p.png", "p.png"},
+};
+INSTANTIATE_TEST_SUITE_P(, Renders, ::testing::ValuesIn(kRenders));
+
+TEST_P(Renders, AreWhatTheProgramDraws) {
+  const test::TemporaryFolder folder;
+  std::string command = GetParam().command;
+  command.replace(command.find("OUT"), 3, folder.path().string());
+  ASSERT_EQ(std::system(("cd " HANDSIM_SOURCE_DIR " && " HANDSIM_PROGRAM " " + command + " >/dev/null").c_str()), 0);
+  const output::Image made = output::read_png(folder.path() / GetParam().made);
+  const output::Image kept = output::read_png(test::source("renders") / GetParam().picture);
+  const Difference difference = compare(made, kept);
+  EXPECT_TRUE(alike(difference)) << "mean " << difference.mean << ", share " << difference.share;
+}
+
+// The comparison can fail: the same hands a little later are another picture.
+TEST(Compare, TellsMomentsApart) {
+  const test::TemporaryFolder folder;
+  const std::string program = "cd " HANDSIM_SOURCE_DIR " && " HANDSIM_PROGRAM " render config/dropped_hand.yaml";
+  ASSERT_EQ(std::system((program + " --time 0.45 --out " + (folder.path() / "p.png").string()).c_str()), 0);
+  EXPECT_FALSE(alike(compare(output::read_png(folder.path() / "p.png"), output::read_png(test::source("renders/dropped_hand.png")))));
+}
+
+}  // namespace
+}  // namespace handsim
