@@ -212,6 +212,11 @@ Effects needed_effects(const SceneSpec& scene) {
     for (const hand::SegmentSpec& segment : hand.model.segments) add_joint(segment.joint);
     if (hand.placement.mount == hand::Mount::driven) effects.add(Effect::wrist_motion);
   }
+  for (const MechanismJointSpec& joint : scene.mechanism.joints)
+    for (const model::JointAxis& axis : joint.axes) {
+      if (axis.stop) effects.add(Effect::joint_stops);
+      if (axis.torque != 0) effects.add(Effect::actuation);
+    }
   if (!scene.objects.empty()) effects.add(Effect::object_contact);
   if (scene.ground) effects.add(Effect::ground_contact);
   if (effects.any_contact()) effects.add(Effect::friction);
@@ -244,8 +249,11 @@ void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& eff
   if (effects.has(Effect::friction) && !effects.any_contact())
     reader.problem(key, "friction without contact",
                    "one of object_contact, self_contact, ground_contact with it");
-  if (effects.has(Effect::actuation))
-    reader.problem(key, "actuation without a controller", "no actuation in a scene that drives no joint");
+  bool torque = false;
+  for (const MechanismJointSpec& joint : scene.mechanism.joints)
+    for (const model::JointAxis& axis : joint.axes) torque = torque || axis.torque != 0;
+  if (effects.has(Effect::actuation) != torque)
+    reader.problem(key, torque ? "a joint with a torque without actuation" : "actuation with no joint to drive", "both or neither");
 }
 
 Effects read_effects(MapReader& reader, const SceneSpec& scene) {
@@ -344,7 +352,7 @@ bool is_other_file(const YamlNode& root, Diagnostics& diagnostics) {
   };
   if (root.kind == YamlNode::Kind::null) return say("an empty file");
   if (root.kind != YamlNode::Kind::map) return say("no mapping");
-  if (root.find("hands") || root.find("objects")) return false;
+  if (root.find("hands") || root.find("objects") || root.find("bodies")) return false;
   if (root.find("stature")) return say("a person file");
   if (root.find("segments")) return say("a hand model file");
   if (root.find("fits")) return say("an anthropometry file");
@@ -375,7 +383,9 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
     for (std::size_t i = 0; i < objects->items.size(); ++i)
       scene.objects.push_back(
           read_object(MapReader(objects->items[i], item_path("objects", i), diagnostics), scene.objects));
-  if (scene.hands.empty() && scene.objects.empty()) reader.problem("hands", "no hand and no object", "at least one");
+  scene.mechanism = read_mechanism(reader);
+  if (scene.hands.empty() && scene.objects.empty() && scene.mechanism.bodies.empty())
+    reader.problem("hands", "no hand, no object and no body", "at least one");
   if (reader.has("ground")) {
     MapReader ground = reader.map("ground");
     scene.ground = GroundSpec{ground.number("height", kCoordinate, 0.0), read_surface(ground, "ground")};
