@@ -74,6 +74,15 @@ void add_render(CLI::App& app, RenderArguments& arguments) {
   }, "simulated time (default 0)");
 }
 
+void add_accuracy(CLI::App& app, AccuracyArguments& arguments) {
+  CLI::App* accuracy = app.add_subcommand("accuracy", "What accuracy costs: errors and prices of methods and steps, as table, CSV, JSON and plots");
+  accuracy->footer("Example: handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3");
+  accuracy->add_option("study", arguments.study, "study file")->required();
+  accuracy->add_option("--out", arguments.out, "folder for the study's files")->required();
+  accuracy->add_option("--target", arguments.target, "name the cheapest method and step that reaches this error; exit 1 where none does")
+      ->check(CLI::PositiveNumber);
+}
+
 }  // namespace
 
 int run_command_line(int argc, const char* const* argv) {
@@ -86,10 +95,12 @@ int run_command_line(int argc, const char* const* argv) {
   std::vector<std::filesystem::path> files;
   RunArguments run;
   RenderArguments render;
+  AccuracyArguments accuracy;
   add_hand(app, hand);
   add_check(app, files);
   add_run(app, run);
   add_render(app, render);
+  add_accuracy(app, accuracy);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -99,6 +110,7 @@ int run_command_line(int argc, const char* const* argv) {
   if (app.got_subcommand("hand")) return guarded([&] { return hand_command(hand); });
   if (app.got_subcommand("check")) return guarded([&] { return check_command(files); });
   if (app.got_subcommand("run")) return guarded([&] { return run_scene_command(run); });
+  if (app.got_subcommand("accuracy")) return guarded([&] { return accuracy_command(accuracy); });
   return guarded([&] { return render_command(render); });
 }
 
