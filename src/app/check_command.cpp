@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
+#include "handsim/scene/file_kind.h"
 #include "handsim/scene/scene.h"
 
 namespace handsim::app {
@@ -10,21 +11,22 @@ namespace {
 /// Reads a file of any kind that handsim has; the kind shows in its keys.
 std::string check_file(const std::filesystem::path& path, Diagnostics& diagnostics) {
   YamlNode root = load_yaml(path);
-  if (root.find("stature") && !root.find("hands")) {
-    hand::read_person(root, "", diagnostics);
-    return "person";
+  const scene::FileKind kind = scene::kind_of(root).value_or(scene::FileKind::scene);
+  switch (kind) {
+    case scene::FileKind::person:
+      hand::read_person(root, "", diagnostics);
+      break;
+    case scene::FileKind::hand_model:
+      hand::read_hand_spec(root, "", diagnostics);
+      break;
+    case scene::FileKind::anthropometry:
+      hand::read_anthropometry(root, "", diagnostics);
+      break;
+    case scene::FileKind::scene:
+      diagnostics.warnings = scene::compile_scene(std::move(root)).warnings;
+      break;
   }
-  if (root.find("segments") && !root.find("hands")) {
-    hand::read_hand_spec(root, "", diagnostics);
-    return "hand model";
-  }
-  if (root.find("fits") && !root.find("hands")) {
-    hand::read_anthropometry(root, "", diagnostics);
-    return "anthropometry";
-  }
-  const scene::Scene scene = scene::compile_scene(std::move(root));
-  diagnostics.warnings.insert(diagnostics.warnings.end(), scene.warnings.begin(), scene.warnings.end());
-  return "scene";
+  return std::string(scene::described(kind));
 }
 
 }  // namespace
@@ -36,8 +38,9 @@ int check_command(const std::vector<std::filesystem::path>& files) {
     std::string kind;
     try {
       kind = check_file(path, diagnostics);
+      diagnostics.throw_if_any();
     } catch (const Error& error) {
-      diagnostics.take(error);
+      diagnostics.problems = error.problems();
     }
     for (const std::string& warning : diagnostics.warnings) fmt::print(stderr, "warning: {}\n", warning);
     for (const Problem& problem : diagnostics.problems) fmt::print(stderr, "{}\n", problem.text());

@@ -94,11 +94,22 @@ void add_hands(model::Model& model, const SceneSpec& spec, Diagnostics& diagnost
     } catch (const Error& error) {
       // Builders speak of their own keys; put them under this hand.
       for (Problem problem : error.problems()) {
-        if (!problem.place) problem.place = entry.place;
+        if (!problem.place)
+          problem.place = problem.key.starts_with("person") ? entry.person_place : entry.place;
         problem.key = "hands." + std::to_string(i) + "." + problem.key;
         diagnostics.problems.push_back(std::move(problem));
       }
     }
+  }
+}
+
+/// What is wrong with the compiled model stands where the hand or object stands that it came from.
+void place_defects(std::vector<Problem>& problems, const SceneSpec& spec) {
+  for (Problem& problem : problems) {
+    for (const HandEntry& hand : spec.hands)
+      if (problem.key.starts_with(hand.placement.name + ".")) problem.place = hand.place;
+    for (const ObjectSpec& object : spec.objects)
+      if (problem.key.starts_with(object.name + ".")) problem.place = object.place;
   }
 }
 
@@ -122,6 +133,7 @@ Scene compile_scene(YamlNode root) {
   diagnostics.throw_if_any();
   add_contact_rules(scene.model, scene.spec);
   diagnostics.problems = model::defects(scene.model);
+  place_defects(diagnostics.problems, scene.spec);
   diagnostics.throw_if_any();
   scene.resolved = std::move(root);
   scene.warnings = std::move(diagnostics.warnings);
@@ -130,7 +142,15 @@ Scene compile_scene(YamlNode root) {
 
 Scene load_scene(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
   YamlNode root = load_yaml(path);
-  for (const std::string& assignment : overrides) apply_override(root, assignment);
+  Diagnostics diagnostics;
+  for (const std::string& assignment : overrides) {
+    try {
+      apply_override(root, assignment);
+    } catch (const Error& error) {
+      diagnostics.take(error);
+    }
+  }
+  diagnostics.throw_if_any();
   return compile_scene(std::move(root));
 }
 
