@@ -67,19 +67,23 @@ void add_ground(model::Model& model, const GroundSpec& ground) {
   model.shapes.push_back(std::move(plane));
 }
 
-/// Who meets whom, as the effects say. Groups: the hands, then objects, then ground, where there are any.
+/// Who meets whom, as the effects say. Groups: the hands, then objects, ground, mechanism, where there are any.
 void add_contact_rules(model::Model& model, const SceneSpec& spec) {
   const model::Effects& effects = spec.solver.effects;
   const int hands = static_cast<int>(spec.hands.size());
   const int objects = spec.objects.empty() ? 0 : 1;
   const int ground = hands + objects;
+  const int mechanism = ground + (spec.ground ? 1 : 0);
+  const bool has_mechanism = !spec.mechanism.bodies.empty();
   if (effects.has(Effect::self_contact))
     for (int a = 0; a < hands; ++a)
       for (int b = a; b < hands; ++b) model.contact_rules.push_back({a, b});
   if (effects.has(Effect::object_contact))
     for (int a = 0; a <= hands; ++a) model.contact_rules.push_back({a, hands});
+  if (effects.has(Effect::object_contact) && has_mechanism) model.contact_rules.push_back({hands, mechanism});
   if (effects.has(Effect::ground_contact))
     for (int a = 0; a < ground; ++a) model.contact_rules.push_back({a, ground});
+  if (effects.has(Effect::ground_contact) && has_mechanism) model.contact_rules.push_back({ground, mechanism});
 }
 
 void add_hands(model::Model& model, const SceneSpec& spec, Diagnostics& diagnostics) {
@@ -125,6 +129,7 @@ Scene compile_scene(YamlNode root) {
       add_object(scene.model, object, static_cast<int>(scene.model.groups.size()) - 1);
   }
   if (scene.spec.ground) add_ground(scene.model, *scene.spec.ground);
+  add_mechanism(scene.model, scene.spec.mechanism);
   diagnostics.throw_if_any();
   add_contact_rules(scene.model, scene.spec);
   diagnostics.problems = model::defects(scene.model);

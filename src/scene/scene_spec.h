@@ -9,6 +9,7 @@
 
 #include "handsim/hand/build.h"
 #include "handsim/model/solver.h"
+#include "handsim/scene/mechanism.h"
 
 namespace handsim::scene {
 
@@ -67,6 +68,7 @@ struct SceneSpec {
   std::vector<HandEntry> hands;
   std::vector<ObjectSpec> objects;
   std::optional<GroundSpec> ground;
+  MechanismSpec mechanism;
   Vec3 gravity = {0, 0, -9.80665};  ///< [m/s^2]
   model::SolverSettings solver;     ///< with the effects, `auto` resolved
   double duration = 1;              ///< [s]

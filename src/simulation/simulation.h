@@ -33,6 +33,7 @@ class Simulation {
   std::unique_ptr<engine::Engine> engine_;
   Monitor monitor_;
   Ledger ledger_;
+  std::vector<double> torques_;  ///< constant torques of the joints; empty without actuation
 };
 
 }  // namespace handsim::simulation
