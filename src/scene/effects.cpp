@@ -28,6 +28,11 @@ Effects needed_effects(const SceneSpec& scene) {
     for (const hand::SegmentSpec& segment : hand.model.segments) add_joint(segment.joint);
     if (hand.placement.mount == hand::Mount::driven) effects.add(Effect::wrist_motion);
   }
+  for (const MechanismJointSpec& joint : scene.mechanism.joints)
+    for (const model::JointAxis& axis : joint.axes) {
+      if (axis.stop) effects.add(Effect::joint_stops);
+      if (axis.torque != 0) effects.add(Effect::actuation);
+    }
   if (!scene.objects.empty()) effects.add(Effect::object_contact);
   if (scene.ground) effects.add(Effect::ground_contact);
   if (effects.any_contact()) effects.add(Effect::friction);
@@ -61,6 +66,14 @@ void read_effect(const YamlNode& item, const std::string& path, Effects& effects
   effects.add(effect);
 }
 
+/// True where an axis of the mechanism's joints is as asked.
+template <class Predicate>
+bool any_axis(const MechanismSpec& mechanism, Predicate predicate) {
+  return std::any_of(mechanism.joints.begin(), mechanism.joints.end(), [&](const MechanismJointSpec& joint) {
+    return std::any_of(joint.axes.begin(), joint.axes.end(), predicate);
+  });
+}
+
 bool any_tissue(const SceneSpec& scene) {
   const auto soft = [](const hand::JointSpec& joint) {
     return std::any_of(joint.axes.begin(), joint.axes.end(),
@@ -91,14 +104,20 @@ void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& eff
         "objects to touch");
   check(effects.has(Effect::self_contact) && scene.hands.empty(), "self_contact without hands",
         "a hand to touch itself");
-  check(effects.has(Effect::joint_stops) && scene.hands.empty(), "joint_stops without hands",
-        "a hand, whose joints have stops");
+  const bool stops = !scene.hands.empty() || any_axis(scene.mechanism, [](const model::JointAxis& axis) {
+    return axis.stop.has_value();
+  });
+  check(effects.has(Effect::joint_stops) && !stops, "joint_stops without a stop",
+        "a hand, or a joint with a range");
   check(effects.has(Effect::passive_tissue) && !any_tissue(scene), "passive_tissue without tissue",
         "a hand model whose joints have stiffness or damping");
   check(effects.has(Effect::friction) && !effects.any_contact(), "friction without contact",
         "one of object_contact, self_contact, ground_contact with it");
-  check(effects.has(Effect::actuation), "actuation without a controller",
-        "no actuation in a scene that drives no joint");
+  const bool torque =
+      any_axis(scene.mechanism, [](const model::JointAxis& axis) { return axis.torque != 0; });
+  check(torque && !effects.has(Effect::actuation), "a joint with a torque without actuation",
+        "both or neither");
+  check(!torque && effects.has(Effect::actuation), "actuation with no joint to drive", "both or neither");
 }
 
 }  // namespace

@@ -13,10 +13,9 @@ struct Mark {
   const char* key;
   FileKind kind;
 };
-constexpr std::array kMarks = {Mark{"hands", FileKind::scene}, Mark{"objects", FileKind::scene},
-                               Mark{"bodies", FileKind::scene},
-                               Mark{"stature", FileKind::person}, Mark{"segments", FileKind::hand_model},
-                               Mark{"fits", FileKind::anthropometry}};
+constexpr std::array kMarks = {Mark{"hands", FileKind::scene},         Mark{"objects", FileKind::scene},
+                               Mark{"bodies", FileKind::scene},        Mark{"stature", FileKind::person},
+                               Mark{"segments", FileKind::hand_model}, Mark{"fits", FileKind::anthropometry}};
 
 std::string_view keys_of(FileKind kind) {
   switch (kind) {

@@ -34,14 +34,25 @@ CameraSpec read_camera(MapReader camera) {
 }  // namespace
 
 void read_solver(MapReader reader, model::SolverSettings& solver) {
-  reader.choice<int>("engine", {{"ode", 0}}, 0);
-  solver.method = reader.choice<model::Method>(
-      "method", {{"world_step", model::Method::world_step}, {"quick_step", model::Method::quick_step}},
-      model::Method::world_step);
+  std::vector<std::pair<std::string_view, model::EngineKind>> engines;
+  for (const model::EngineKind kind : {model::EngineKind::ode, model::EngineKind::dae})
+    engines.emplace_back(model::name(kind), kind);
+  const model::EngineKind engine =
+      reader.choice<model::EngineKind>("engine", engines, model::EngineKind::ode);
+  std::vector<std::pair<std::string_view, model::Method>> methods;
+  for (std::size_t i = 0; i < model::kMethodNames.size(); ++i)
+    if (model::engine_of(static_cast<model::Method>(i)) == engine)
+      methods.emplace_back(model::kMethodNames[i], static_cast<model::Method>(i));
+  // The methods of an engine that is not known are not known either.
+  if (!reader.sound())
+    reader.child("method");
+  else
+    solver.method = reader.choice<model::Method>("method", methods, model::default_method(engine));
   solver.step = reader.number("step", {Dimension::time, 1e-6, 0.1}, 1e-3);
   solver.erp = reader.number("erp", {Dimension::none, 0, 1}, 0.2);
   solver.cfm = reader.number("cfm", {Dimension::none, 0, 1, true}, 1e-9);
   solver.iterations = reader.integer("iterations", 1, 100'000, 20);
+  solver.tolerance = reader.number("tolerance", {Dimension::none, 1e-12, 1e-2}, 1e-9);
   solver.seed = static_cast<std::uint64_t>(reader.integer("seed", 0, 2'147'483'647, 1));
   reader.finish();
 }

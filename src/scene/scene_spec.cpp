@@ -42,8 +42,9 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   scene.title = reader.text("title", "untitled");
   scene.hands = read_hands(reader);
   scene.objects = read_objects(reader);
-  if (reader.sound() && scene.hands.empty() && scene.objects.empty())
-    reader.problem("hands", "no hand and no object", "at least one");
+  scene.mechanism = read_mechanism(reader);
+  if (reader.sound() && scene.hands.empty() && scene.objects.empty() && scene.mechanism.bodies.empty())
+    reader.problem("hands", "no hand, no object and no body", "at least one");
   scene.ground = read_ground(reader);
   scene.gravity = reader.vector("gravity", {Dimension::acceleration, -1000, 1000}, scene.gravity);
   scene.solver.effects = read_effects(reader, scene);
