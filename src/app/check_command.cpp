@@ -3,6 +3,7 @@
 #include "handsim/app/commands.h"
 #include "handsim/scene/file_kind.h"
 #include "handsim/scene/scene.h"
+#include "handsim/study/accuracy.h"
 
 namespace handsim::app {
 
@@ -21,6 +22,9 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
       break;
     case scene::FileKind::anthropometry:
       hand::read_anthropometry(root, "", diagnostics);
+      break;
+    case scene::FileKind::study:
+      study::load_accuracy(path);
       break;
     case scene::FileKind::scene:
       diagnostics.warnings = scene::compile_scene(std::move(root)).warnings;

@@ -31,7 +31,7 @@ std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
                       fmt::format("one for each of {} coordinates", model.dof_count()));
   for (const model::Joint& joint : model.joints)
     for (int i = 0; i < dof_count(joint.kind); ++i) {
-      const double torque = torques[static_cast<std::size_t>(joint.first_dof + i)];
+      const double torque = torques[static_cast<std::size_t>(joint.first_dof) + static_cast<std::size_t>(i)];
       if (std::isfinite(torque)) continue;
       return PhysicsFault{
           time, joint.name, "joint torque [N m]",

@@ -19,7 +19,7 @@ std::vector<Problem> defects(const Settings& settings) {
   need(settings.iterations >= 1 && settings.iterations <= kMaxIterations, "iterations", settings.iterations,
        "1 to 100000");
   need(settings.tolerance >= kMinTolerance && settings.tolerance <= kMaxTolerance, "tolerance",
-       settings.tolerance, "1e-12 to 1e-2");
+       settings.tolerance, "1e-11 to 1e-2");
   return problems;
 }
 

@@ -15,7 +15,7 @@ namespace handsim::engine {
 
 inline constexpr double kMaxStep = 0.1;  ///< [s]
 inline constexpr int kMaxIterations = 100000;
-inline constexpr double kMinTolerance = 1e-12, kMaxTolerance = 1e-2;
+inline constexpr double kMinTolerance = 1e-11, kMaxTolerance = 1e-2;
 /// Faster than this and a body counts as run away.
 inline constexpr double kMaxSpeed = 1e3;         ///< [m/s]
 inline constexpr double kMaxAngularSpeed = 1e5;  ///< [rad/s]

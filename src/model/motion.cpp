@@ -37,10 +37,9 @@ Pose PoseMotion::at(double time) const {
 
 PoseRate PoseMotion::rate(double time, KeySide side) const {
   // The first key that lies after the time, on the side that is meant.
-  const auto next =
-      std::find_if(keys.begin(), keys.end(), [&](const PoseKey& key) {
-        return side == KeySide::after ? time < key.time : time <= key.time;
-      });
+  const auto next = std::find_if(keys.begin(), keys.end(), [&](const PoseKey& key) {
+    return side == KeySide::after ? time < key.time : time <= key.time;
+  });
   if (next == keys.begin() || next == keys.end()) return {};
   const PoseKey& a = *(next - 1);
   const PoseKey& b = *next;

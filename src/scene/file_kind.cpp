@@ -15,7 +15,8 @@ struct Mark {
 };
 constexpr std::array kMarks = {Mark{"hands", FileKind::scene},         Mark{"objects", FileKind::scene},
                                Mark{"bodies", FileKind::scene},        Mark{"stature", FileKind::person},
-                               Mark{"segments", FileKind::hand_model}, Mark{"fits", FileKind::anthropometry}};
+                               Mark{"segments", FileKind::hand_model}, Mark{"fits", FileKind::anthropometry},
+                               Mark{"methods", FileKind::study}};
 
 std::string_view keys_of(FileKind kind) {
   switch (kind) {
@@ -27,6 +28,8 @@ std::string_view keys_of(FileKind kind) {
       return "anthropometry, palm, wrist, segments";
     case FileKind::anthropometry:
       return "fits, reference";
+    case FileKind::study:
+      return "scene, reference, steps, methods";
   }
   return {};
 }
@@ -43,6 +46,8 @@ std::string_view described(FileKind kind) {
       return "a hand model";
     case FileKind::anthropometry:
       return "an anthropometry file";
+    case FileKind::study:
+      return "an accuracy study";
   }
   return {};
 }

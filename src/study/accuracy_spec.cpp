@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/yaml_reader.h"
+#include "handsim/scene/file_kind.h"
 #include "handsim/study/accuracy.h"
 
 namespace handsim::study {
@@ -68,6 +69,7 @@ AccuracyMethod read_method(MapReader reader, const std::vector<double>& steps) {
 AccuracySpec load_accuracy(const std::filesystem::path& path) {
   YamlNode root = load_yaml(path);
   Diagnostics diagnostics;
+  if (!scene::is_of_kind(root, "", scene::FileKind::study, diagnostics)) throw Error(diagnostics.problems);
   MapReader reader(root, "", diagnostics);
   AccuracySpec spec;
   spec.title = reader.text("title", "what accuracy costs");

@@ -1,6 +1,11 @@
 // The spatial slider-crank of DESIGN.md as a Model, and a planar one with redundant joints.
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
 #include "handsim/model/kinematics.h"
 #include "handsim/model/model.h"
 #include "handsim/study/slider_crank_reference.h"
@@ -91,30 +96,30 @@ inline model::Model slider_crank(const study::SliderCrankSpec& spec) {
 }
 
 /// Crank, rod and slider in the x-z plane with three hinges and a slider joint: three rows too many. Crank
-/// 0.08 m turning about y at the origin, starting up at 6 rad/s; rod 0.3 m; slider on the x axis.
-inline model::Model planar_slider_crank() {
+/// 0.08 m turning about y at the origin, starting up at 6 rad/s; rod 0.3 m; slider on the x axis. All but
+/// gravity turned by `tilt`.
+inline model::Model planar_slider_crank(const Quat& tilt = Quat::Identity()) {
   study::SliderCrankSpec spec;
   model::Model model = slider_crank_world(spec);
-  const Vec3 pin(0, 0, spec.crank_length);
-  const double x = std::sqrt(spec.rod_length * spec.rod_length - pin.z() * pin.z());
-  const Vec3 slider(x, 0, 0);
-  const double tilt = std::atan2(pin.z(), x);
-  model.bodies.push_back(
-      mechanism_body("crank", spec.crank_mass, {1e-4, 1e-4, 1e-5}, {0.5 * pin, Quat::Identity()}));
+  const double x = std::sqrt(spec.rod_length * spec.rod_length - spec.crank_length * spec.crank_length);
+  const Vec3 pin = tilt * Vec3(0, 0, spec.crank_length);
+  const Vec3 slider = tilt * Vec3(x, 0, 0);
+  const Vec3 across = tilt * Vec3::UnitY();
+  const double slope = std::atan2(spec.crank_length, x);
+  model.bodies.push_back(mechanism_body("crank", spec.crank_mass, {1e-4, 1e-4, 1e-5}, {0.5 * pin, tilt}));
   model.bodies.push_back(mechanism_body("rod", spec.rod_mass, {4e-4, 4e-3, 4e-3},
-                                        {0.5 * (pin + slider), rotation_quaternion({0, tilt, 0})}));
-  model.bodies.push_back(
-      mechanism_body("slider", spec.slider_mass, {1e-4, 1e-4, 1e-4}, {slider, Quat::Identity()}));
+                                        {0.5 * (pin + slider), tilt * rotation_quaternion({0, slope, 0})}));
+  model.bodies.push_back(mechanism_body("slider", spec.slider_mass, {1e-4, 1e-4, 1e-4}, {slider, tilt}));
   const auto add = [&](const model::Joint& joint) { model.joints.push_back(joint); };
   using model::JointKind;
-  add(joint_at(model, "crank_hinge", JointKind::hinge, 0, kCrank, Vec3::Zero(), {Vec3::UnitY()}));
-  add(joint_at(model, "pin", JointKind::hinge, kCrank, kRod, pin, {Vec3::UnitY()}));
-  add(joint_at(model, "guide", JointKind::slider, 0, kSlider, slider, {Vec3::UnitX()}));
-  add(joint_at(model, "wrist_pin", JointKind::hinge, kSlider, kRod, slider, {Vec3::UnitY()}));
+  add(joint_at(model, "crank_hinge", JointKind::hinge, 0, kCrank, Vec3::Zero(), {across}));
+  add(joint_at(model, "pin", JointKind::hinge, kCrank, kRod, pin, {across}));
+  add(joint_at(model, "guide", JointKind::slider, 0, kSlider, slider, {tilt * Vec3::UnitX()}));
+  add(joint_at(model, "wrist_pin", JointKind::hinge, kSlider, kRod, slider, {across}));
   model.joints.back().closes_loop = true;
   // At the top the pin moves along x, so rod and slider go with it and the rod does not turn.
-  const Vec3 v(6 * spec.crank_length, 0, 0);
-  model.bodies[kCrank].initial_angular_velocity = Vec3(0, 6, 0);
+  const Vec3 v = tilt * Vec3(6 * spec.crank_length, 0, 0);
+  model.bodies[kCrank].initial_angular_velocity = 6 * across;
   model.bodies[kCrank].initial_velocity = 0.5 * v;
   model.bodies[kRod].initial_velocity = v;
   model.bodies[kSlider].initial_velocity = v;

@@ -14,7 +14,7 @@ constexpr double kRankThreshold = 1e-12;
 Vector solve_constrained(const Matrix& mass, const Vector& momentum, const Matrix& jacobian,
                          const Vector& r) {
   const Eigen::PartialPivLU<Matrix> factors(mass);
-  const Vector free = factors.solve(momentum);
+  Vector free = factors.solve(momentum);
   if (r.size() == 0) return free;
   const Matrix response = factors.solve(jacobian.transpose());
   const Matrix schur = jacobian * response;
@@ -24,7 +24,8 @@ Vector solve_constrained(const Matrix& mass, const Vector& momentum, const Matri
   decomposition.setThreshold(kRankThreshold);
   decomposition.compute(scale.asDiagonal() * schur * scale.asDiagonal());
   const Vector impulses = decomposition.solve(scale.cwiseProduct(r - jacobian * free));
-  return free + response * scale.cwiseProduct(impulses);
+  free += response * scale.cwiseProduct(impulses);
+  return free;
 }
 
 }  // namespace

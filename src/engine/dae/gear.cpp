@@ -10,6 +10,8 @@ namespace handsim::engine::dae {
 
 namespace {
 
+/// Errors of single steps add up over a run: each is held to this share of the tolerance.
+constexpr double kStepShare = 0.005;
 /// Multipliers take no part in error tests; their impulses [N s] only have to be of some size.
 constexpr double kMultiplierTolerance = 1e3;
 /// The rows in use are chosen anew once they are this much less independent than the best ones.
@@ -42,8 +44,8 @@ void Gear::restart(const model::State& state) {
   problem.residual = [this](double t, const Vector& at, const Vector& moving, Vector& out) {
     residual(t, at, moving, out);
   };
-  problem.relative = tolerance_;
-  problem.absolute = Vector::Constant(y.size(), tolerance_);
+  problem.relative = kStepShare * tolerance_;
+  problem.absolute = Vector::Constant(y.size(), kStepShare * tolerance_);
   problem.absolute.tail(2 * m).setConstant(kMultiplierTolerance);
   problem.differential = Vector::Ones(y.size());
   problem.differential.tail(2 * m).setZero();

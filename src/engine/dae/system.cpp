@@ -186,7 +186,7 @@ Vector System::forces(const model::State& state, std::span<const double> torques
   if (torques.empty()) return out;
   for (const model::Joint* joint : joints_)
     for (int k = 0; k < dof_count(joint->kind); ++k) {
-      const double torque = torques[static_cast<std::size_t>(joint->first_dof + k)];
+      const double torque = torques[static_cast<std::size_t>(joint->first_dof) + static_cast<std::size_t>(k)];
       if (torque != 0) add_transposed(coordinate_row(*joint, k, state), torque, state, out);
     }
   return out;
