@@ -10,7 +10,8 @@
 
 namespace handsim::scene {
 
-/// A rigid body; its frame has the origin at the centre of mass and its axes along the principal axes of inertia.
+/// A rigid body; its frame has the origin at the centre of mass and its axes along the principal axes of
+/// inertia.
 struct BodySpec {
   std::string name;
   double mass = 0;                       ///< [kg]
@@ -21,6 +22,7 @@ struct BodySpec {
   std::optional<model::Shape> shape;     ///< kind, size and pose in the body
   bool collides = false;                 ///< the shape touches objects and ground; otherwise it is only drawn
   model::Material material;
+  Place place;
 };
 
 /// A joint; coordinates are zero as it stands.
@@ -39,8 +41,8 @@ struct MechanismSpec {
   std::vector<MechanismJointSpec> joints;
 };
 
-/// Reads `bodies` and `joints` of a scene, where it has them.
-MechanismSpec read_mechanism(MapReader& scene);
+/// Reads `bodies` and `joints` of a scene, where it has them. @param taken names that no body may have.
+MechanismSpec read_mechanism(MapReader& scene, std::vector<std::string> taken);
 
 /// Appends the mechanism. A joint whose child already hangs on another closes a loop.
 /// @throws Error (input) where a joint names no body.

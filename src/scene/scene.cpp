@@ -67,7 +67,8 @@ void add_ground(model::Model& model, const GroundSpec& ground) {
   model.shapes.push_back(std::move(plane));
 }
 
-/// Who meets whom, as the effects say. Groups: the hands, then objects, ground, mechanism, where there are any.
+/// Who meets whom, as the effects say. Groups: the hands, then objects, ground, mechanism, where there are
+/// any.
 void add_contact_rules(model::Model& model, const SceneSpec& spec) {
   const model::Effects& effects = spec.solver.effects;
   const int hands = static_cast<int>(spec.hands.size());
@@ -83,7 +84,8 @@ void add_contact_rules(model::Model& model, const SceneSpec& spec) {
   if (effects.has(Effect::object_contact) && has_mechanism) model.contact_rules.push_back({hands, mechanism});
   if (effects.has(Effect::ground_contact))
     for (int a = 0; a < ground; ++a) model.contact_rules.push_back({a, ground});
-  if (effects.has(Effect::ground_contact) && has_mechanism) model.contact_rules.push_back({ground, mechanism});
+  if (effects.has(Effect::ground_contact) && has_mechanism)
+    model.contact_rules.push_back({ground, mechanism});
 }
 
 void add_hands(model::Model& model, const SceneSpec& spec, Diagnostics& diagnostics) {
@@ -103,13 +105,16 @@ void add_hands(model::Model& model, const SceneSpec& spec, Diagnostics& diagnost
   }
 }
 
-/// What is wrong with the compiled model stands where the hand or object stands that it came from.
+/// What is wrong with the compiled model stands where the part of the scene stands that it came from.
 void place_defects(std::vector<Problem>& problems, const SceneSpec& spec) {
   for (Problem& problem : problems) {
-    for (const HandEntry& hand : spec.hands)
-      if (problem.key.starts_with(hand.placement.name + ".")) problem.place = hand.place;
-    for (const ObjectSpec& object : spec.objects)
-      if (problem.key.starts_with(object.name + ".")) problem.place = object.place;
+    const auto of = [&](const std::string& name, const Place& place) {
+      if (problem.key == name || problem.key.starts_with(name + ".")) problem.place = place;
+    };
+    for (const HandEntry& hand : spec.hands) of(hand.placement.name, hand.place);
+    for (const ObjectSpec& object : spec.objects) of(object.name, object.place);
+    for (const MechanismJointSpec& joint : spec.mechanism.joints) of(joint.name, joint.place);
+    for (const BodySpec& body : spec.mechanism.bodies) of(body.name, body.place);
   }
 }
 

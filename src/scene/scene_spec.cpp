@@ -42,7 +42,9 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   scene.title = reader.text("title", "untitled");
   scene.hands = read_hands(reader);
   scene.objects = read_objects(reader);
-  scene.mechanism = read_mechanism(reader);
+  std::vector<std::string> taken = {"world", "ground"};
+  for (const ObjectSpec& object : scene.objects) taken.push_back(object.name);
+  scene.mechanism = read_mechanism(reader, std::move(taken));
   if (reader.sound() && scene.hands.empty() && scene.objects.empty() && scene.mechanism.bodies.empty())
     reader.problem("hands", "no hand, no object and no body", "at least one");
   scene.ground = read_ground(reader);

@@ -57,11 +57,16 @@ Promise promise_of(const fs::path& file) {
   return out;
 }
 
-/// True where the line is what is expected: of this file from the place on, or of another file by name.
+/// True where the line is what is expected: of this file from the place on, or of another file by name. ` ...
+/// ` stands for anything.
 bool matches(const std::string& line, const std::string& expect, const fs::path& file) {
-  if (std::isdigit(static_cast<unsigned char>(expect.front())) != 0)
-    return line.starts_with(file.string() + ":" + expect);
-  return contains(line, expect);
+  const bool of_this_file = std::isdigit(static_cast<unsigned char>(expect.front())) != 0;
+  const std::string whole = of_this_file ? file.string() + ":" + expect : expect;
+  const std::string gap = " ... ";
+  const std::size_t cut = whole.find(gap);
+  const std::string head = whole.substr(0, cut);
+  if (of_this_file ? !line.starts_with(head) : !contains(line, head)) return false;
+  return cut == std::string::npos || contains(line, whole.substr(cut + gap.size()));
 }
 
 constexpr const char* kObject =
