@@ -12,9 +12,7 @@ namespace handsim::scene {
 namespace {
 
 using model::JointKind;
-using model::ShapeKind;
 
-const Quantity kSize = {Dimension::length, 1e-4, 100};
 constexpr std::size_t kMostBodies = 1000;
 
 /// `rotation`, or `z_axis`: the shortest turn that takes the body's z axis there.
@@ -28,18 +26,7 @@ Quat read_orientation(MapReader& reader) {
 model::Shape read_shape(MapReader reader) {
   model::Shape shape;
   shape.tint = model::Tint::mechanism;
-  shape.kind = reader.choice<ShapeKind>("kind", {{"box", ShapeKind::box},
-                                                 {"sphere", ShapeKind::sphere},
-                                                 {"cylinder", ShapeKind::cylinder},
-                                                 {"capsule", ShapeKind::capsule}});
-  // Which sizes an unknown shape has cannot be said.
-  if (!reader.sound()) return shape;
-  if (shape.kind == ShapeKind::box)
-    shape.edges = reader.vector("edges", kSize);
-  else
-    shape.radius = reader.number("radius", kSize);
-  if (shape.kind == ShapeKind::cylinder || shape.kind == ShapeKind::capsule)
-    shape.length = reader.number("length", kSize);
+  if (!read_solid(reader, "kind", shape)) return shape;
   shape.pose.p = reader.vector("position", kCoordinate, Vec3::Zero());
   shape.pose.q = reader.rotation("rotation");
   reader.finish();
@@ -58,9 +45,7 @@ BodySpec read_body(MapReader reader) {
   body.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
   if (reader.has("shape")) body.shape = read_shape(reader.map("shape"));
   body.collides = reader.flag("collides", false);
-  body.material.name = body.name;
-  body.material.friction = reader.number("friction", {Dimension::none, 0, 10}, 0.8);
-  body.material.restitution = reader.number("restitution", {Dimension::none, 0, 1}, 0.0);
+  body.material = read_surface(reader, body.name);
   if (body.collides && !body.shape)
     reader.problem("collides", "true without a shape", "a shape to touch with");
   reader.finish();

@@ -15,14 +15,6 @@ const Quantity kSize = {Dimension::length, 1e-4, 100};
 const Quantity kMass = {Dimension::mass, 1e-6, 1e4};
 constexpr std::size_t kMostObjects = 1000;
 
-model::Material read_surface(MapReader& reader, std::string name) {
-  model::Material material;
-  material.name = std::move(name);
-  material.friction = reader.number("friction", {Dimension::none, 0, 10}, 0.8);
-  material.restitution = reader.number("restitution", {Dimension::none, 0, 1}, 0.0);
-  return material;
-}
-
 double solid_volume(const model::Shape& shape) {
   switch (shape.kind) {
     case ShapeKind::box:
@@ -37,23 +29,6 @@ double solid_volume(const model::Shape& shape) {
       return 0;
   }
   return 0;
-}
-
-/// False where the kind of shape could not be told, and so neither which sizes it has.
-bool read_shape(MapReader& reader, model::Shape& shape) {
-  const std::size_t before = reader.diagnostics().problems.size();
-  shape.kind = reader.choice<ShapeKind>("shape", {{"box", ShapeKind::box},
-                                                  {"sphere", ShapeKind::sphere},
-                                                  {"cylinder", ShapeKind::cylinder},
-                                                  {"capsule", ShapeKind::capsule}});
-  if (reader.diagnostics().problems.size() > before) return false;
-  if (shape.kind == ShapeKind::box)
-    shape.edges = reader.vector("edges", kSize);
-  else
-    shape.radius = reader.number("radius", kSize);
-  if (shape.kind == ShapeKind::cylinder || shape.kind == ShapeKind::capsule)
-    shape.length = reader.number("length", kSize);
-  return true;
 }
 
 std::string read_name(MapReader& reader, const std::vector<ObjectSpec>& before) {
@@ -81,7 +56,7 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before) 
   ObjectSpec object;
   object.place = reader.node().place();
   object.name = read_name(reader, before);
-  const bool shaped = read_shape(reader, object.shape);
+  const bool shaped = read_solid(reader, "shape", object.shape);
   object.is_static = reader.flag("static", false);
   if (!object.is_static) {
     object.mass = read_mass(reader, object.shape);
@@ -98,6 +73,30 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before) 
 }
 
 }  // namespace
+
+model::Material read_surface(MapReader& reader, std::string name) {
+  model::Material material;
+  material.name = std::move(name);
+  material.friction = reader.number("friction", {Dimension::none, 0, 10}, 0.8);
+  material.restitution = reader.number("restitution", {Dimension::none, 0, 1}, 0.0);
+  return material;
+}
+
+bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shape) {
+  const std::size_t before = reader.diagnostics().problems.size();
+  shape.kind = reader.choice<ShapeKind>(kind_key, {{"box", ShapeKind::box},
+                                                   {"sphere", ShapeKind::sphere},
+                                                   {"cylinder", ShapeKind::cylinder},
+                                                   {"capsule", ShapeKind::capsule}});
+  if (reader.diagnostics().problems.size() > before) return false;
+  if (shape.kind == ShapeKind::box)
+    shape.edges = reader.vector("edges", kSize);
+  else
+    shape.radius = reader.number("radius", kSize);
+  if (shape.kind == ShapeKind::cylinder || shape.kind == ShapeKind::capsule)
+    shape.length = reader.number("length", kSize);
+  return true;
+}
 
 std::vector<ObjectSpec> read_objects(MapReader& reader) {
   std::vector<ObjectSpec> objects;

@@ -20,6 +20,12 @@ std::string item_path(std::string_view list, std::size_t i);
 /// `position` and `rotation`. @param fallback position where none is given; absent: it must be.
 Pose read_pose(MapReader& reader, std::optional<Vec3> fallback = {});
 
+/// Kind and size of a solid: `kind_key` names the kind. False, with a problem, where the kind cannot be told,
+/// and so neither which sizes it has.
+bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shape);
+/// `friction` and `restitution`.
+model::Material read_surface(MapReader& reader, std::string name);
+
 /// The `hands` and `objects` lists; absent: none.
 std::vector<HandEntry> read_hands(MapReader& reader);
 std::vector<ObjectSpec> read_objects(MapReader& reader);
