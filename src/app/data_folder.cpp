@@ -8,7 +8,8 @@ std::filesystem::path data_folder() {
     std::error_code failure;
     if (std::filesystem::is_directory(std::filesystem::path(folder) / "handmodels", failure)) return folder;
   }
-  throw input_error("--model", "nothing, and no shipped hand model at " HANDSIM_INSTALLED_DATA, "the path of a hand model");
+  throw input_error("--model", "nothing, and no shipped hand model at " HANDSIM_INSTALLED_DATA,
+                    "the path of a hand model");
 }
 
 }  // namespace handsim::app

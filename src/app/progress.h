@@ -21,7 +21,8 @@ class ProgressBar {
   /// @param share done, 0..1.
   void show(double share) {
     const auto now = std::chrono::steady_clock::now();
-    if (!terminal_ || now - start_ < std::chrono::seconds(1) || now - shown_ < std::chrono::milliseconds(100)) return;
+    if (!terminal_ || now - start_ < std::chrono::seconds(1) || now - shown_ < std::chrono::milliseconds(100))
+      return;
     shown_ = now;
     drawn_ = true;
     constexpr int kWidth = 40;

@@ -59,8 +59,8 @@ std::vector<std::string> parts_of(const std::string& path) {
 void follow_reference(YamlNode& node, const std::string& key) {
   if (node.kind != YamlNode::Kind::scalar) return;
   if (!names_file(node))
-    throw Error(std::vector<Problem>{
-        {node.place(), key, node.described() + ", which is no file", "the path of a YAML file, relative to this file"}});
+    throw Error(std::vector<Problem>{{node.place(), key, node.described() + ", which is no file",
+                                      "the path of a YAML file, relative to this file"}});
   node = load_yaml(path_beside(node));
 }
 

@@ -60,7 +60,8 @@ struct HandSize {
 Anthropometry read_anthropometry(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
 /// Predicted size, with measured dimensions as given and the others moved by the residuals of those.
-/// @throws Error (input) where the dimensions fit no hand (a circumference too small or large for the breadth).
+/// @throws Error (input) where the dimensions fit no hand (a circumference too small or large for the
+/// breadth).
 HandSize hand_size(const Anthropometry& anthropometry, const Person& person);
 
 /// Thickness of a stadium: (circumference - 2 breadth) / (pi - 2).

@@ -1,5 +1,5 @@
-// Person + hand model into a Model fragment. The right hand is computed; the left one is its mirror image, sign
-// flips only, so that the two are bit-equal up to sign.
+// Person + hand model into a Model fragment. The right hand is computed; the left one is its mirror image,
+// sign flips only, so that the two are bit-equal up to sign.
 #pragma once
 
 #include <map>
@@ -51,7 +51,8 @@ struct BuiltHand {
 BuiltHand build_hand(const HandSpec& spec, const Person& person);
 
 /// Appends the hand to the model, with a contact group `hand-NAME` and its skin as material.
-/// @throws Error (input) where `start` names no joint or has the wrong number of coordinates, or the hand model's
+/// @throws Error (input) where `start` names no joint or has the wrong number of coordinates, or the hand
+/// model's
 ///         wrist lacks the axes that the mount needs.
 void add_hand(model::Model& model, const BuiltHand& hand, const Placement& placement);
 
@@ -64,8 +65,8 @@ WholeHand whole_hand(const BuiltHand& hand);
 
 /// Mass and moments of a solid capsule along z.
 struct CapsuleInertia {
-  double volume = 0;                   ///< [m^3]
-  double axial = 0, transverse = 0;    ///< about its centre, per mass [m^2]
+  double volume = 0;                 ///< [m^3]
+  double axial = 0, transverse = 0;  ///< about its centre, per mass [m^2]
 };
 /// @param length between the centres of the half spheres [m].
 CapsuleInertia capsule_inertia(double radius, double length);

@@ -1,5 +1,5 @@
-// What a hand model file says: rows of segments with rules for their size, and their joints. One reader for any
-// hand; nothing here knows fingers by name.
+// What a hand model file says: rows of segments with rules for their size, and their joints. One reader for
+// any hand; nothing here knows fingers by name.
 #pragma once
 
 #include <map>
@@ -33,15 +33,15 @@ struct JointSpec {
 struct SegmentSpec {
   std::string name;
   model::Tint finger = model::Tint::index;
-  int parent = -1;                     ///< row in HandSpec::segments; kPalm: the palm
-  bool has_child = false;              ///< false: the last segment, whose cap ends at the fingertip
+  int parent = -1;                              ///< row in HandSpec::segments; kPalm: the palm
+  bool has_child = false;                       ///< false: the last segment, whose cap ends at the fingertip
   std::optional<std::array<LengthRule, 3>> at;  ///< joint centre in the parent's frame; absent: its far end
-  Quat rotation = Quat::Identity();    ///< q_parent_segment at zero coordinates
+  Quat rotation = Quat::Identity();             ///< q_parent_segment at zero coordinates
   LengthRule length;
   LengthRule radius;
   double mass_share = 0;  ///< of the hand's mass; body_mass_share rule only
   JointSpec joint;
-  Place place;            ///< of the row, for messages
+  Place place;  ///< of the row, for messages
 };
 
 inline constexpr int kPalm = -1;
@@ -60,7 +60,8 @@ struct MassRule {
 
 struct PalmSpec {
   LengthRule length, breadth, thickness;
-  std::array<LengthRule, 3> offset;  ///< of the box's middle from half its length distal of the wrist, hand frame
+  std::array<LengthRule, 3>
+      offset;  ///< of the box's middle from half its length distal of the wrist, hand frame
 };
 
 struct HandSpec {

@@ -44,7 +44,8 @@ void place(State& state, int body, const Pose& x_WB) {
 State zero_state(const Model& model) {
   State state;
   state.bodies.resize(model.bodies.size());
-  for (std::size_t i = 0; i < model.bodies.size(); ++i) place(state, static_cast<int>(i), model.bodies[i].zero_pose);
+  for (std::size_t i = 0; i < model.bodies.size(); ++i)
+    place(state, static_cast<int>(i), model.bodies[i].zero_pose);
   return state;
 }
 
@@ -142,8 +143,8 @@ Pose joint_transform(const Joint& joint, std::span<const double> q) {
     case JointKind::hinge:
       return {Vec3::Zero(), rotation_quaternion(q[0] * joint.axes[0].axis)};
     case JointKind::universal:
-      return {Vec3::Zero(),
-              rotation_quaternion(q[0] * joint.axes[0].axis) * rotation_quaternion(q[1] * joint.axes[1].axis)};
+      return {Vec3::Zero(), rotation_quaternion(q[0] * joint.axes[0].axis) *
+                                rotation_quaternion(q[1] * joint.axes[1].axis)};
     case JointKind::slider:
       return {q[0] * joint.axes[0].axis, Quat::Identity()};
     case JointKind::ball:
@@ -164,7 +165,8 @@ State initial_state(const Model& model) {
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
       q[static_cast<std::size_t>(joint.first_dof) + a] = joint.axes[a].initial;
   State state = zero_state(model);
-  for (const Drive& drive : model.drives) place(state, drive.body, drive.motion.at(0) * drive.frame.inverse());
+  for (const Drive& drive : model.drives)
+    place(state, drive.body, drive.motion.at(0) * drive.frame.inverse());
   hang_children(model, q, state);
   for (std::size_t i = 0; i < model.bodies.size(); ++i) {
     state.bodies[i].v = model.bodies[i].initial_velocity;

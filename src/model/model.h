@@ -22,10 +22,10 @@ enum class Side { right, left };
 
 /// One rigid body. The body frame has its origin at the centre of mass.
 struct Body {
-  std::string name;             ///< unique, e.g. `right.index_proximal`
-  double mass = 0;              ///< [kg], > 0 (the world: 0)
-  Mat3 inertia = Mat3::Zero();  ///< about the centre of mass in body axes [kg m^2]
-  Pose zero_pose;               ///< X_WB with every joint coordinate at zero
+  std::string name;                              ///< unique, e.g. `right.index_proximal`
+  double mass = 0;                               ///< [kg], > 0 (the world: 0)
+  Mat3 inertia = Mat3::Zero();                   ///< about the centre of mass in body axes [kg m^2]
+  Pose zero_pose;                                ///< X_WB with every joint coordinate at zero
   Vec3 initial_velocity = Vec3::Zero();          ///< of the centre of mass, in world axes [m/s]
   Vec3 initial_angular_velocity = Vec3::Zero();  ///< in world axes [rad/s]
   /// Moves only as told (a `driven` body) or not at all: infinite mass to the others.
@@ -61,10 +61,10 @@ int dof_count(JointKind kind);
 
 /// Limits of one joint coordinate.
 struct Stop {
-  double low = 0;            ///< [rad] or [m], below `high`
-  double high = 0;           ///< [rad] or [m]
-  double bounce = 0;         ///< restitution at the stop, 0..1
-  double fudge_factor = 1;   ///< ODE's: scales a motor's force when it leaves a stop, 0..1
+  double low = 0;           ///< [rad] or [m], below `high`
+  double high = 0;          ///< [rad] or [m]
+  double bounce = 0;        ///< restitution at the stop, 0..1
+  double fudge_factor = 1;  ///< ODE's: scales a motor's force when it leaves a stop, 0..1
 };
 
 /// Linear passive tissue across one joint coordinate: torque = -stiffness (q - rest) - damping qdot.
@@ -102,9 +102,9 @@ struct Joint {
 /// Surface of a shape.
 struct Material {
   std::string name;
-  double friction = 0.8;           ///< Coulomb coefficient, >= 0
-  double restitution = 0;          ///< 0..1
-  double restitution_speed = 0.05; ///< impacts slower than this do not bounce [m/s]
+  double friction = 0.8;            ///< Coulomb coefficient, >= 0
+  double restitution = 0;           ///< 0..1
+  double restitution_speed = 0.05;  ///< impacts slower than this do not bounce [m/s]
 };
 
 /// A named set of shapes that contact rules speak of.
@@ -130,10 +130,10 @@ struct Drive {
 struct HandIndex {
   std::string name;  ///< `right`, `left`, or with a number where a scene has several of a side
   Side side = Side::right;
-  int palm = 0;                  ///< body
-  Pose wrist_frame;              ///< X_PH: hand frame H (origin at the wrist joint centre) in the palm body
-  std::vector<int> bodies;       ///< palm first, then segments
-  std::vector<int> joints;       ///< finger joints, and the wrist joint where it has one
+  int palm = 0;             ///< body
+  Pose wrist_frame;         ///< X_PH: hand frame H (origin at the wrist joint centre) in the palm body
+  std::vector<int> bodies;  ///< palm first, then segments
+  std::vector<int> joints;  ///< finger joints, and the wrist joint where it has one
 };
 
 /// Everything a scene simulates.

@@ -17,8 +17,8 @@ struct BodyState {
 };
 
 struct State {
-  double time = 0;                 ///< [s]
-  std::vector<BodyState> bodies;   ///< as Model::bodies; [0], the world, stays at rest at the origin
+  double time = 0;                ///< [s]
+  std::vector<BodyState> bodies;  ///< as Model::bodies; [0], the world, stays at rest at the origin
 };
 
 }  // namespace handsim::model

@@ -53,13 +53,15 @@ class Checker {
 
   void check_vector(const std::string& key, const Vec3& v) {
     if (!v.allFinite() || v.norm() > kFar)
-      add(key, fmt::format("({}, {}, {})", v.x(), v.y(), v.z()), fmt::format("finite numbers below {:g}", kFar));
+      add(key, fmt::format("({}, {}, {})", v.x(), v.y(), v.z()),
+          fmt::format("finite numbers below {:g}", kFar));
   }
 
   void check_pose(const std::string& key, const Pose& pose) {
     check_vector(key + ".position", pose.p);
     if (!pose.q.coeffs().allFinite() || std::abs(pose.q.norm() - 1) > kUnitTolerance)
-      add(key + ".rotation", fmt::format("a quaternion of length {:.12g}", pose.q.norm()), "a unit quaternion");
+      add(key + ".rotation", fmt::format("a quaternion of length {:.12g}", pose.q.norm()),
+          "a unit quaternion");
   }
 
   void check_range(const std::string& key, double value, double low, double high, const char* unit) {
@@ -81,10 +83,12 @@ class Checker {
     const double scale = body.inertia.cwiseAbs().maxCoeff();
     if (!(body.inertia - body.inertia.transpose()).isZero(1e-9 * scale))
       return add(key, "a matrix that is not symmetric", "a symmetric matrix");
-    const Vec3 principal = Eigen::SelfAdjointEigenSolver<Mat3>(body.inertia, Eigen::EigenvaluesOnly).eigenvalues();
+    const Vec3 principal =
+        Eigen::SelfAdjointEigenSolver<Mat3>(body.inertia, Eigen::EigenvaluesOnly).eigenvalues();
     // A rigid body's two smaller principal moments sum to at least the largest.
     if (!(principal[0] > 0) || principal[2] > (principal[0] + principal[1]) * (1 + 1e-9))
-      add(key, fmt::format("principal moments {:g}, {:g}, {:g} kg m^2", principal[0], principal[1], principal[2]),
+      add(key,
+          fmt::format("principal moments {:g}, {:g}, {:g} kg m^2", principal[0], principal[1], principal[2]),
           "positive moments of which none exceeds the sum of the other two");
   }
 
@@ -97,7 +101,8 @@ class Checker {
     const int child_dofs = dof_count(joint.kind);
     if (!in(joint.parent, model_.bodies) || !in(joint.child, model_.bodies) || joint.parent == joint.child ||
         joint.child == kWorld)
-      add(joint.name, fmt::format("bodies {} and {}", joint.parent, joint.child), "two different bodies, the child not the world");
+      add(joint.name, fmt::format("bodies {} and {}", joint.parent, joint.child),
+          "two different bodies, the child not the world");
     check_pose(joint.name + ".parent_frame", joint.parent_frame);
     check_pose(joint.name + ".child_frame", joint.child_frame);
     const std::size_t axes = joint.kind == JointKind::ball ? 0 : static_cast<std::size_t>(child_dofs);
@@ -109,7 +114,8 @@ class Checker {
     }
     if (joint.kind == JointKind::universal &&
         !(std::abs(joint.axes[0].axis.dot(joint.axes[1].axis)) < kUnitTolerance))
-      add(joint.name + ".axes", fmt::format("axes with cosine {:g}", joint.axes[0].axis.dot(joint.axes[1].axis)),
+      add(joint.name + ".axes",
+          fmt::format("axes with cosine {:g}", joint.axes[0].axis.dot(joint.axes[1].axis)),
           "perpendicular axes");
   }
 
@@ -156,7 +162,8 @@ class Checker {
 
   void check_shape(const Shape& shape) {
     check_pose(shape.name + ".pose", shape.pose);
-    if (!in(shape.body, model_.bodies) || !in(shape.group, model_.groups) || !in(shape.material, model_.materials))
+    if (!in(shape.body, model_.bodies) || !in(shape.group, model_.groups) ||
+        !in(shape.material, model_.materials))
       add(shape.name, fmt::format("body {}, group {}, material {}", shape.body, shape.group, shape.material),
           "indices within the model");
     const bool round = shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::cylinder ||
@@ -176,7 +183,8 @@ class Checker {
 
   void check_drive(const Drive& drive) {
     const bool known = in(drive.body, model_.bodies);
-    const std::string key = known ? model_.bodies[static_cast<std::size_t>(drive.body)].name + ".drive" : "drive";
+    const std::string key =
+        known ? model_.bodies[static_cast<std::size_t>(drive.body)].name + ".drive" : "drive";
     if (!known || drive.body == kWorld || !model_.bodies[static_cast<std::size_t>(drive.body)].kinematic)
       add(key, fmt::format("body {}", drive.body), "a kinematic body other than the world");
     check_pose(key + ".frame", drive.frame);
@@ -185,7 +193,8 @@ class Checker {
       check_pose(key + ".motion", drive.motion.keys[i].pose);
       check_range(key + ".motion.time", drive.motion.keys[i].time, -kFar, kFar, "s");
       if (i > 0 && !(drive.motion.keys[i].time > drive.motion.keys[i - 1].time))
-        add(key + ".motion", fmt::format("time {:g} after {:g}", drive.motion.keys[i].time, drive.motion.keys[i - 1].time),
+        add(key + ".motion",
+            fmt::format("time {:g} after {:g}", drive.motion.keys[i].time, drive.motion.keys[i - 1].time),
             "rising times");
     }
   }

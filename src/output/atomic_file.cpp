@@ -60,8 +60,10 @@ void make_folder(const std::filesystem::path& path) {
   std::error_code failure;
   std::filesystem::create_directories(path, failure);
   if (failure || !std::filesystem::is_directory(path))
-    throw input_error(path.string(), failure ? fmt::format("a folder that cannot be made ({})", failure.message()) : "no folder",
-                      "a folder that can be made");
+    throw input_error(
+        path.string(),
+        failure ? fmt::format("a folder that cannot be made ({})", failure.message()) : "no folder",
+        "a folder that can be made");
 }
 
 }  // namespace handsim::output

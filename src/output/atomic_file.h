@@ -1,4 +1,5 @@
-// A file that appears under its name only when complete: written beside it as `.NAME.part`, renamed by commit().
+// A file that appears under its name only when complete: written beside it as `.NAME.part`, renamed by
+// commit().
 #pragma once
 
 #include <cstdio>

@@ -56,7 +56,8 @@ void TrajectoryWriter::add(const model::State& state) {
   for (const double u : model::rates(model_, state)) append(buffer_, u);
   for (std::size_t b = 1; b < state.bodies.size(); ++b) {
     const model::BodyState& body = state.bodies[b];
-    for (const double value : {body.p.x(), body.p.y(), body.p.z(), body.q.w(), body.q.x(), body.q.y(), body.q.z()})
+    for (const double value :
+         {body.p.x(), body.p.y(), body.p.z(), body.q.w(), body.q.x(), body.q.y(), body.q.z()})
       append(buffer_, value);
   }
   buffer_ += '\n';

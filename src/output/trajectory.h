@@ -1,5 +1,6 @@
-// A State per row as CSV: time, joint coordinates and rates, body poses, at full precision. Column names carry
-// units: `right.index_mcp.flexion[rad]`, `right.index_mcp.flexion.rate[rad/s]`, `right.palm.x[m]`, `right.palm.qw`.
+// A State per row as CSV: time, joint coordinates and rates, body poses, at full precision. Column names
+// carry units: `right.index_mcp.flexion[rad]`, `right.index_mcp.flexion.rate[rad/s]`, `right.palm.x[m]`,
+// `right.palm.qw`.
 #pragma once
 
 #include <string>
@@ -10,7 +11,8 @@
 
 namespace handsim::output {
 
-/// Names of a model's coordinates in their order, e.g. `right.index_mcp.flexion`; ball joints have `.x .y .z`.
+/// Names of a model's coordinates in their order, e.g. `right.index_mcp.flexion`; ball joints have `.x .y
+/// .z`.
 std::vector<std::string> coordinate_names(const model::Model& model);
 
 class TrajectoryWriter {

@@ -13,28 +13,32 @@ namespace {
 /// Overshoots are followed to this resolution [rad] or [m].
 constexpr double kResolution = 1e-6;
 
-/// Bound of how fast any coordinate of the joint moves. The axes of a universal joint are perpendicular, so that no
-/// rate exceeds the relative angular velocity.
+/// Bound of how fast any coordinate of the joint moves. The axes of a universal joint are perpendicular, so
+/// that no rate exceeds the relative angular velocity.
 double fastest_rate(const model::Joint& joint, const model::State& state) {
   if (joint.kind == model::JointKind::slider) {
     double rate = 0;
     model::joint_rates(joint, state, std::span(&rate, 1));
     return std::abs(rate);
   }
-  return (state.bodies[static_cast<std::size_t>(joint.child)].w - state.bodies[static_cast<std::size_t>(joint.parent)].w)
+  return (state.bodies[static_cast<std::size_t>(joint.child)].w -
+          state.bodies[static_cast<std::size_t>(joint.parent)].w)
       .norm();
 }
 
 double overshoot(const model::Stop& stop, double q) { return std::max({0.0, q - stop.high, stop.low - q}); }
 
-std::string axis_name(const model::Joint& joint, std::size_t axis) { return joint.name + "." + joint.axes[axis].name; }
+std::string axis_name(const model::Joint& joint, std::size_t axis) {
+  return joint.name + "." + joint.axes[axis].name;
+}
 
 }  // namespace
 
 Monitor::Monitor(const model::Model& model, double step, bool stops) : model_(model), step_(step) {
   for (std::size_t i = 0; i < model.joints.size(); ++i) {
     const auto& axes = model.joints[i].axes;
-    if (stops && std::any_of(axes.begin(), axes.end(), [](const model::JointAxis& a) { return a.stop.has_value(); }))
+    if (stops &&
+        std::any_of(axes.begin(), axes.end(), [](const model::JointAxis& a) { return a.stop.has_value(); }))
       watched_.push_back({static_cast<int>(i)});
   }
 }
@@ -57,7 +61,8 @@ void Monitor::look_at_gaps(const model::State& state) {
     } else {
       const model::BodyState& parent = state.bodies[static_cast<std::size_t>(joint.parent)];
       const model::BodyState& child = state.bodies[static_cast<std::size_t>(joint.child)];
-      gap2 = (child.p + child.q * joint.child_frame.p - parent.p - parent.q * joint.parent_frame.p).squaredNorm();
+      gap2 = (child.p + child.q * joint.child_frame.p - parent.p - parent.q * joint.parent_frame.p)
+                 .squaredNorm();
     }
     if (!(gap2 > gap2_)) continue;
     gap2_ = gap2;
@@ -74,7 +79,8 @@ void Monitor::look_at_stops(Watched& watched, const model::State& state) {
   for (std::size_t a = 0; a < joint.axes.size(); ++a) {
     const auto& stop = joint.axes[a].stop;
     if (!stop) continue;
-    watched.leeway = std::min(watched.leeway, std::max(kResolution, std::min(stop->high - q[a], q[a] - stop->low)));
+    watched.leeway =
+        std::min(watched.leeway, std::max(kResolution, std::min(stop->high - q[a], q[a] - stop->low)));
     book(watched, a, overshoot(*stop, q[a]), state);
   }
 }

@@ -1,5 +1,5 @@
-// Watches a run step by step: how far joints come apart and stops are overshot. Costs a small share of a step: a
-// joint's coordinates are worked out only when it may have moved far enough since to matter.
+// Watches a run step by step: how far joints come apart and stops are overshot. Costs a small share of a
+// step: a joint's coordinates are worked out only when it may have moved far enough since to matter.
 #pragma once
 
 #include <array>
@@ -27,8 +27,8 @@ class Monitor {
 
   /// Largest joint gap so far [m].
   Peak joint_gap() const;
-  /// Largest overshoot of a stop, less what the step that crossed it explains (rate at the crossing times step)
-  /// [rad] or [m], resolved to 1e-6; 0 where no stop was ever overshot by more.
+  /// Largest overshoot of a stop, less what the step that crossed it explains (rate at the crossing times
+  /// step) [rad] or [m], resolved to 1e-6; 0 where no stop was ever overshot by more.
   Peak stop_overshoot() const;
   /// Largest overshoot of a stop in a state [rad] or [m].
   Peak stop_rest(const model::State& state) const;
@@ -37,7 +37,8 @@ class Monitor {
   /// A joint with a stop.
   struct Watched {
     int joint = 0;
-    /// Movement of any coordinate that cannot bring news: what is left to the nearest stop, or the resolution.
+    /// Movement of any coordinate that cannot bring news: what is left to the nearest stop, or the
+    /// resolution.
     double leeway = 0;
     std::array<double, 2> overshoot = {0, 0};  ///< of each axis when last worked out, 0 inside the stops
     std::array<double, 2> allowed = {0, 0};    ///< rate at the crossing times step

@@ -43,7 +43,8 @@ std::vector<output::DrawList> draw_lists(const scene::Scene& scene, const std::v
   return lists;
 }
 
-output::Camera camera_for(const scene::Scene& scene, const std::vector<output::DrawList>& lists, double aspect) {
+output::Camera camera_for(const scene::Scene& scene, const std::vector<output::DrawList>& lists,
+                          double aspect) {
   const scene::PictureSpec& pictures = scene.spec.pictures;
   if (pictures.camera) {
     output::Camera camera;

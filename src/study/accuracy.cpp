@@ -36,7 +36,8 @@ double median(std::vector<double> values) {
 /// Whether the scene's effects keep mechanical energy but for the work of constant torques.
 bool keeps_energy(const scene::Scene& scene) {
   const model::Effects& effects = scene.spec.solver.effects;
-  if (effects.any_contact() || effects.has(Effect::joint_stops) || effects.has(Effect::wrist_motion)) return false;
+  if (effects.any_contact() || effects.has(Effect::joint_stops) || effects.has(Effect::wrist_motion))
+    return false;
   if (!effects.has(Effect::passive_tissue)) return true;
   for (const model::Joint& joint : scene.model.joints)
     for (const model::JointAxis& axis : joint.axes)
@@ -48,7 +49,9 @@ bool keeps_energy(const scene::Scene& scene) {
 class WorkMeter {
  public:
   WorkMeter(const scene::Scene& scene, const model::State& start)
-      : model_(scene.model), on_(scene.spec.solver.effects.has(Effect::actuation)), last_(model::coordinates(model_, start)) {}
+      : model_(scene.model),
+        on_(scene.spec.solver.effects.has(Effect::actuation)),
+        last_(model::coordinates(model_, start)) {}
 
   void look(const model::State& state) {
     if (!on_) return;
@@ -87,7 +90,8 @@ class Observer {
           body_ = i;
           axis_ = axis;
         }
-    if (dofs_.empty() && !body_) throw input_error("observe", *name, "a joint of the scene, or a body with .x, .y or .z");
+    if (dofs_.empty() && !body_)
+      throw input_error("observe", *name, "a joint of the scene, or a body with .x, .y or .z");
   }
 
   void add(Series& series, const model::State& state) const {

@@ -17,7 +17,8 @@ std::vector<double> read_steps(MapReader& reader, std::string_view key, bool req
   const YamlNode* list = reader.list(key, required);
   if (!list) return steps;
   for (std::size_t i = 0; i < list->items.size(); ++i)
-    if (const auto step = read_number(list->items[i], fmt::format("{}.{}", reader.path_of(key), i), kStep, reader.diagnostics()))
+    if (const auto step = read_number(list->items[i], fmt::format("{}.{}", reader.path_of(key), i), kStep,
+                                      reader.diagnostics()))
       steps.push_back(*step);
   std::sort(steps.rbegin(), steps.rend());
   if (required && steps.empty()) reader.problem(key, "no step", "at least one step");
@@ -29,7 +30,8 @@ std::vector<std::string> read_set(MapReader& reader, std::string_view key) {
   std::vector<std::string> set;
   const YamlNode* map = reader.child(key);
   if (!map) return set;
-  if (map->kind != YamlNode::Kind::map) reader.problem(key, map->described(), "a mapping of dotted keys to values");
+  if (map->kind != YamlNode::Kind::map)
+    reader.problem(key, map->described(), "a mapping of dotted keys to values");
   for (const YamlEntry& entry : map->entries) {
     if (entry.value.kind != YamlNode::Kind::scalar)
       reader.diagnostics().problems.push_back({entry.value.place(), reader.path_of(key) + "." + entry.key,
@@ -47,7 +49,8 @@ std::optional<std::filesystem::path> read_scene_path(MapReader& reader, bool req
   const YamlNode* node = reader.child("scene");
   if (!node && required) reader.problem("scene", "nothing", "the path of a scene file");
   if (!node) return std::nullopt;
-  if (node->kind == YamlNode::Kind::scalar && std::filesystem::is_regular_file(beside(*node))) return beside(*node);
+  if (node->kind == YamlNode::Kind::scalar && std::filesystem::is_regular_file(beside(*node)))
+    return beside(*node);
   reader.problem("scene", node->described(), "the path of a scene file, relative to this file");
   return std::nullopt;
 }
@@ -74,13 +77,15 @@ AccuracySpec load_accuracy(const std::filesystem::path& path) {
   AccuracySpec spec;
   spec.title = reader.text("title", "what accuracy costs");
   spec.scene = read_scene_path(reader, true).value_or("");
-  spec.reference = reader.choice<Reference>("reference", {{"slider_crank_iftomm", Reference::slider_crank_iftomm},
-                                                          {"slider_crank_torque", Reference::slider_crank_torque},
-                                                          {"method", Reference::method},
-                                                          {"smallest_step", Reference::smallest_step}});
+  spec.reference =
+      reader.choice<Reference>("reference", {{"slider_crank_iftomm", Reference::slider_crank_iftomm},
+                                             {"slider_crank_torque", Reference::slider_crank_torque},
+                                             {"method", Reference::method},
+                                             {"smallest_step", Reference::smallest_step}});
   spec.reference_set = read_set(reader, "reference_set");
   if (reader.has("reference_set") != (spec.reference == Reference::method))
-    reader.problem("reference_set", reader.has("reference_set") ? "overrides for a reference that is no method" : "nothing",
+    reader.problem("reference_set",
+                   reader.has("reference_set") ? "overrides for a reference that is no method" : "nothing",
                    "overrides exactly where reference is method");
   if (reader.has("observe")) spec.observe = reader.text("observe");
   spec.sample_every = reader.number("sample_every", kStep, 0.01);
@@ -90,7 +95,8 @@ AccuracySpec load_accuracy(const std::filesystem::path& path) {
   spec.plot_steps = read_steps(reader, "plot_steps", false);
   if (YamlNode* methods = reader.list("methods", true))
     for (std::size_t i = 0; i < methods->items.size(); ++i)
-      spec.methods.push_back(read_method(MapReader(methods->items[i], fmt::format("methods.{}", i), diagnostics), steps));
+      spec.methods.push_back(
+          read_method(MapReader(methods->items[i], fmt::format("methods.{}", i), diagnostics), steps));
   if (spec.methods.empty()) reader.problem("methods", "no method", "at least one method");
   reader.finish();
   diagnostics.throw_if_any();

@@ -1,5 +1,5 @@
-// Two pieces of work timed in turns, so that a noisy machine slows both: the benchmark reports the median of their
-// ratios beside the median times.
+// Two pieces of work timed in turns, so that a noisy machine slows both: the benchmark reports the median of
+// their ratios beside the median times.
 #pragma once
 
 #include <benchmark/benchmark.h>
@@ -11,7 +11,8 @@
 namespace handsim::bench {
 
 inline double median(std::vector<double> values) {
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2), values.end());
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
+                   values.end());
   return values[values.size() / 2];
 }
 
@@ -25,7 +26,8 @@ double seconds(Work& work) {
 /// Runs `prepare_*` untimed and `yardstick` and `candidate` timed, in turns; counters: ratio (candidate over
 /// yardstick), and the time of one of `units` (e.g. steps) of each [us].
 template <class Prepare, class Yardstick, class Candidate>
-void compare(benchmark::State& state, double units, Prepare prepare, Yardstick yardstick, Candidate candidate) {
+void compare(benchmark::State& state, double units, Prepare prepare, Yardstick yardstick,
+             Candidate candidate) {
   std::vector<double> ratios, first, second;
   prepare();
   yardstick();

@@ -14,8 +14,8 @@ TEST(Pose, InverseUndoes) {
   EXPECT_LT((((x * x.inverse()) * p) - p).norm(), 1e-14);
 }
 
-// Oracle: the mirror matrix M = diag(-1, 1, 1) itself: M R M must be the mirrored rotation, and the rotation by the
-// same angle about the mirrored axis.
+// Oracle: the mirror matrix M = diag(-1, 1, 1) itself: M R M must be the mirrored rotation, and the rotation
+// by the same angle about the mirrored axis.
 TEST(Pose, MirrorOfARotationIsTheRotationAboutTheMirroredAxis) {
   const Mat3 m = Vec3(-1, 1, 1).asDiagonal();
   const Vec3 axis = Vec3(0.2, -0.7, 0.4).normalized();

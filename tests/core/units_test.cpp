@@ -20,7 +20,8 @@ TEST(Units, NumbersWithUnitsBecomeSi) {
 }
 
 TEST(Units, OtherDimensionsAndRubbishAreRefused) {
-  for (const char* text : {"35 mm", "1 furlong", "mm", "", "1 m m", "0x10", "1,5", "nan", "inf", "1e999", "++1", "1 deg"})
+  for (const char* text :
+       {"35 mm", "1 furlong", "mm", "", "1 m m", "0x10", "1,5", "nan", "inf", "1e999", "++1", "1 deg"})
     EXPECT_FALSE(parse_quantity(text, Dimension::time)) << text;
 }
 

@@ -26,7 +26,9 @@ TEST(Yaml, NodesKnowTheirPlace) {
 
 TEST(Yaml, DuplicateKeysAreAllNamed) {
   const std::string text = failure("a: 1\nb: 2\na: 3\nc: {d: 1, d: 2}\n");
-  EXPECT_NE(text.find("f.yaml:3:1: got a second \"a\" (the first is in line 1), need each key once"), std::string::npos) << text;
+  EXPECT_NE(text.find("f.yaml:3:1: got a second \"a\" (the first is in line 1), need each key once"),
+            std::string::npos)
+      << text;
   EXPECT_NE(text.find("f.yaml:4:11: got a second \"d\""), std::string::npos) << text;
 }
 
@@ -56,7 +58,8 @@ TEST(Yaml, DeepNestingAndHugeFilesAreRefused) {
 }
 
 TEST(Yaml, EmittedTextParsesToTheSameTree) {
-  const std::string text = "a: 0.1\nb: \"quoted: yes\"\nc: [1, -2e-3, \"90 deg\"]\nd:\n  - {e: ~, f: {}}\n  - []\n";
+  const std::string text =
+      "a: 0.1\nb: \"quoted: yes\"\nc: [1, -2e-3, \"90 deg\"]\nd:\n  - {e: ~, f: {}}\n  - []\n";
   const std::string once = emit_yaml(parse_yaml(text, "f"));
   EXPECT_EQ(once, emit_yaml(parse_yaml(once, "g")));
   const YamlNode again = parse_yaml(once, "g");
@@ -74,7 +77,8 @@ TEST(Yaml, OverridesReplaceAndAdd) {
   EXPECT_EQ(root.find("solver")->find("erp")->text, "0.8");
   EXPECT_EQ(root.find("hands")->items[0].find("side")->text, "left");
   EXPECT_EQ(root.find("record")->find("every")->text, "0.1");
-  for (const char* bad : {"solver", "=1", "hands.1.side=left", "hands.x.side=left", "solver.step.deep=1", "hands.-1.side=left"})
+  for (const char* bad :
+       {"solver", "=1", "hands.1.side=left", "hands.x.side=left", "solver.step.deep=1", "hands.-1.side=left"})
     EXPECT_THROW(apply_override(root, bad), Error) << bad;
 }
 
@@ -95,11 +99,12 @@ TEST(MapReader, CollectsEveryProblemWithItsPlace) {
   reader.finish();
   std::string all;
   for (const Problem& problem : reading.diagnostics.problems) all += problem.text() + "\n";
-  EXPECT_EQ(all,
-            "f.yaml:1:7: step: got fast, need a time, 0 to 1 s, such as 0.001 or \"1 ms\"\n"
-            "f.yaml:2:6: erp: got 2, need a number, 0 to 1\n"
-            "f.yaml:1:1: duration: got nothing, need a time, 0 to 1 s, such as 0.001 or \"1 ms\"\n"
-            "f.yaml:3:1: methd: got an unknown key, need one of duration, erp, method, step (nearest: method)\n");
+  EXPECT_EQ(
+      all,
+      "f.yaml:1:7: step: got fast, need a time, 0 to 1 s, such as 0.001 or \"1 ms\"\n"
+      "f.yaml:2:6: erp: got 2, need a number, 0 to 1\n"
+      "f.yaml:1:1: duration: got nothing, need a time, 0 to 1 s, such as 0.001 or \"1 ms\"\n"
+      "f.yaml:3:1: methd: got an unknown key, need one of duration, erp, method, step (nearest: method)\n");
 }
 
 TEST(MapReader, WritesTheDefaultsItUsesIntoTheTree) {

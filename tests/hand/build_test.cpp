@@ -89,7 +89,9 @@ TEST_P(ShippedHands, SegmentLengthsAreExactJointCentreToJointCentre) {
   }
 }
 
-bool mirrored_bits(const Vec3& a, const Vec3& b) { return a.x() == -b.x() && a.y() == b.y() && a.z() == b.z(); }
+bool mirrored_bits(const Vec3& a, const Vec3& b) {
+  return a.x() == -b.x() && a.y() == b.y() && a.z() == b.z();
+}
 bool mirrored_bits(const Quat& a, const Quat& b) {
   return a.w() == b.w() && a.x() == b.x() && a.y() == -b.y() && a.z() == -b.z();
 }
@@ -103,8 +105,10 @@ TEST_P(ShippedHands, LeftIsTheMirrorOfRightToTheBit) {
     for (std::size_t i = 1; i < right.bodies.size(); ++i) {
       EXPECT_EQ(right.bodies[i].mass, left.bodies[i].mass);
       EXPECT_EQ(right.bodies[i].inertia, left.bodies[i].inertia);
-      EXPECT_TRUE(mirrored_bits(right.bodies[i].zero_pose.p, left.bodies[i].zero_pose.p)) << right.bodies[i].name;
-      EXPECT_TRUE(mirrored_bits(right.bodies[i].zero_pose.q, left.bodies[i].zero_pose.q)) << right.bodies[i].name;
+      EXPECT_TRUE(mirrored_bits(right.bodies[i].zero_pose.p, left.bodies[i].zero_pose.p))
+          << right.bodies[i].name;
+      EXPECT_TRUE(mirrored_bits(right.bodies[i].zero_pose.q, left.bodies[i].zero_pose.q))
+          << right.bodies[i].name;
     }
     for (std::size_t j = 0; j < right.joints.size(); ++j) {
       const model::Joint& r = right.joints[j];
@@ -120,8 +124,8 @@ TEST_P(ShippedHands, LeftIsTheMirrorOfRightToTheBit) {
   }
 }
 
-// Flexion is positive and moves every fingertip to the palm's side (-z); radial abduction of the index moves it
-// to the thumb's side on both hands.
+// Flexion is positive and moves every fingertip to the palm's side (-z); radial abduction of the index moves
+// it to the thumb's side on both hands.
 TEST(AnatomicalHand, FlexionCurlsTowardThePalmOnBothSides) {
   const BuiltHand hand = build_hand(shipped("anatomical"), man());
   for (const model::Side side : {model::Side::right, model::Side::left}) {
@@ -150,14 +154,16 @@ TEST(AnatomicalHand, AbductionMovesAwayFromTheMiddleFinger) {
       std::vector<double> q(static_cast<std::size_t>(model.dof_count()), 0.0);
       q[static_cast<std::size_t>(joint.first_dof) + 1] = 0.2;
       const auto child = static_cast<std::size_t>(joint.child);
-      const double moved = model::state_at(model, q).bodies[child].p.x() - model::initial_state(model).bodies[child].p.x();
+      const double moved =
+          model::state_at(model, q).bodies[child].p.x() - model::initial_state(model).bodies[child].p.x();
       EXPECT_GT(moved * radial * (index ? 1 : -1), 1e-3) << joint.name;
     }
   }
 }
 
-// Oracle: de Leva 1996. The box and capsules are no scan, and the survey's fingers are straight where de Leva's
-// subjects' were; a tenth of the hand's length tells a sound assembly from one with a misplaced or missing part.
+// Oracle: de Leva 1996. The box and capsules are no scan, and the survey's fingers are straight where de
+// Leva's subjects' were; a tenth of the hand's length tells a sound assembly from one with a misplaced or
+// missing part.
 TEST(AnatomicalHand, MassIsWhereDeLevaFoundIt) {
   const HandSpec spec = shipped("anatomical");
   const WholeHand whole = whole_hand(build_hand(spec, man()));

@@ -34,7 +34,8 @@ Model one_joint(JointKind kind) {
 
 class EveryJoint : public ::testing::TestWithParam<JointKind> {};
 INSTANTIATE_TEST_SUITE_P(, EveryJoint,
-                         ::testing::Values(JointKind::hinge, JointKind::universal, JointKind::ball, JointKind::slider));
+                         ::testing::Values(JointKind::hinge, JointKind::universal, JointKind::ball,
+                                           JointKind::slider));
 
 TEST_P(EveryJoint, CoordinatesGoToPosesAndBack) {
   const Model model = one_joint(GetParam());
@@ -50,8 +51,8 @@ TEST_P(EveryJoint, CoordinatesGoToPosesAndBack) {
   }
 }
 
-// Oracle: central differences of the coordinates along the body's motion. (A ball joint's rates are an angular
-// velocity and no derivatives.)
+// Oracle: central differences of the coordinates along the body's motion. (A ball joint's rates are an
+// angular velocity and no derivatives.)
 class EveryJointWithAxes : public ::testing::TestWithParam<JointKind> {};
 INSTANTIATE_TEST_SUITE_P(, EveryJointWithAxes,
                          ::testing::Values(JointKind::hinge, JointKind::universal, JointKind::slider));

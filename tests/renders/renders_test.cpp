@@ -9,11 +9,11 @@
 namespace handsim {
 namespace {
 
-/// How two pictures differ: a renderer of another build moves edges by a fraction of a pixel, a wrong picture moves
-/// whole shapes.
+/// How two pictures differ: a renderer of another build moves edges by a fraction of a pixel, a wrong picture
+/// moves whole shapes.
 struct Difference {
-  double mean = 0;      ///< of all components, 0..255
-  double share = 0;     ///< of components that differ by more than 48
+  double mean = 0;   ///< of all components, 0..255
+  double share = 0;  ///< of components that differ by more than 48
   bool same_size = true;
 };
 
@@ -55,7 +55,9 @@ TEST_P(Renders, AreWhatTheProgramDraws) {
   const test::TemporaryFolder folder;
   std::string command = GetParam().command;
   command.replace(command.find("OUT"), 3, folder.path().string());
-  ASSERT_EQ(std::system(("cd " HANDSIM_SOURCE_DIR " && " HANDSIM_PROGRAM " " + command + " >/dev/null").c_str()), 0);
+  ASSERT_EQ(
+      std::system(("cd " HANDSIM_SOURCE_DIR " && " HANDSIM_PROGRAM " " + command + " >/dev/null").c_str()),
+      0);
   const output::Image made = output::read_png(folder.path() / GetParam().made);
   const output::Image kept = output::read_png(test::source("renders") / GetParam().picture);
   const Difference difference = compare(made, kept);
@@ -65,9 +67,11 @@ TEST_P(Renders, AreWhatTheProgramDraws) {
 // The comparison can fail: the same hands a little later are another picture.
 TEST(Compare, TellsMomentsApart) {
   const test::TemporaryFolder folder;
-  const std::string program = "cd " HANDSIM_SOURCE_DIR " && " HANDSIM_PROGRAM " render config/dropped_hand.yaml";
+  const std::string program =
+      "cd " HANDSIM_SOURCE_DIR " && " HANDSIM_PROGRAM " render config/dropped_hand.yaml";
   ASSERT_EQ(std::system((program + " --time 0.45 --out " + (folder.path() / "p.png").string()).c_str()), 0);
-  EXPECT_FALSE(alike(compare(output::read_png(folder.path() / "p.png"), output::read_png(test::source("renders/dropped_hand.png")))));
+  EXPECT_FALSE(alike(compare(output::read_png(folder.path() / "p.png"),
+                             output::read_png(test::source("renders/dropped_hand.png")))));
 }
 
 }  // namespace

@@ -14,13 +14,16 @@ Scene scene_from(const std::string& text) {
 }
 
 std::string with_hand(const std::string& rest) {
-  return "hands: [{model: ../handmodels/anatomical.yaml, person: persons/median_man.yaml, side: right}]\nduration: 1\n" + rest;
+  return "hands: [{model: ../handmodels/anatomical.yaml, person: persons/median_man.yaml, side: "
+         "right}]\nduration: 1\n" +
+         rest;
 }
 
 TEST(Scene, ShippedScenesCompile) {
   for (const auto& file : std::filesystem::directory_iterator(test::source("config"))) {
     // Studies name scenes and are none.
-    if (file.path().extension() != ".yaml" || file.path().filename().string().starts_with("accuracy_")) continue;
+    if (file.path().extension() != ".yaml" || file.path().filename().string().starts_with("accuracy_"))
+      continue;
     EXPECT_NO_THROW(load_scene(file.path())) << file.path();
   }
 }
@@ -32,12 +35,14 @@ TEST(Scene, AutoEffectsAreWhatTheContentNeeds) {
   EXPECT_FALSE(hand.spec.solver.effects.any_contact());
   EXPECT_TRUE(hand.model.contact_rules.empty());
   const Scene ball = scene_from(
-      "objects: [{name: ball, shape: sphere, radius: 0.1, mass: 1, position: [0, 0, 1]}]\nground: {}\nduration: 1\n");
+      "objects: [{name: ball, shape: sphere, radius: 0.1, mass: 1, position: [0, 0, 1]}]\nground: "
+      "{}\nduration: 1\n");
   EXPECT_TRUE(ball.spec.solver.effects.has(Effect::ground_contact));
   EXPECT_TRUE(ball.spec.solver.effects.has(Effect::friction));
   EXPECT_FALSE(ball.spec.solver.effects.has(Effect::joint_stops));
   const std::string text = emit_yaml(ball.resolved);
-  EXPECT_NE(text.find("effects: [gravity, object_contact, ground_contact, friction]"), std::string::npos) << text;
+  EXPECT_NE(text.find("effects: [gravity, object_contact, ground_contact, friction]"), std::string::npos)
+      << text;
 }
 
 TEST(Scene, ResolvedTextIsAFixedPoint) {
@@ -54,15 +59,18 @@ TEST(Scene, OverridesReachIntoReferencedFiles) {
 }
 
 TEST(Scene, PersonsOutsideTheSurveyAreWarnedOf) {
-  const Scene child = shipped_scene("two_hands", {"hands.0.person=" + test::source("config/persons/child.yaml").string()});
+  const Scene child =
+      shipped_scene("two_hands", {"hands.0.person=" + test::source("config/persons/child.yaml").string()});
   ASSERT_EQ(child.warnings.size(), 2U);
-  EXPECT_NE(child.warnings[0].find("1.1 m is outside the survey (1.409 to 1.993 m)"), std::string::npos) << child.warnings[0];
+  EXPECT_NE(child.warnings[0].find("1.1 m is outside the survey (1.409 to 1.993 m)"), std::string::npos)
+      << child.warnings[0];
 }
 
 TEST(Scene, StartPoseAndTissueScaleReachTheModel) {
   const Scene scene = scene_from(
       "hands: [{model: ../handmodels/anatomical.yaml, person: persons/median_man.yaml, side: left,"
-      " pose: {index_mcp: [0.5, \"5 deg\"], ring_dip: 0.25}, tissue: {stiffness: 2, damping: 0}}]\nduration: 1\n");
+      " pose: {index_mcp: [0.5, \"5 deg\"], ring_dip: 0.25}, tissue: {stiffness: 2, damping: 0}}]\nduration: "
+      "1\n");
   bool seen = false;
   for (const model::Joint& joint : scene.model.joints) {
     if (joint.name != "left.index_mcp") continue;
@@ -77,12 +85,16 @@ TEST(Scene, StartPoseAndTissueScaleReachTheModel) {
 
 TEST(Scene, ADrivenWristStartsOnItsTrajectory) {
   const Scene scene = scene_from(
-      "hands: [{model: ../handmodels/anatomical.yaml, person: persons/median_man.yaml, side: right, wrist: {mount: driven,"
-      " motion: {keyframes: [{time: 0, position: [1, 2, 3]}, {time: 1, position: [1, 2, 4]}]}}}]\nduration: 1\n");
+      "hands: [{model: ../handmodels/anatomical.yaml, person: persons/median_man.yaml, side: right, wrist: "
+      "{mount: driven,"
+      " motion: {keyframes: [{time: 0, position: [1, 2, 3]}, {time: 1, position: [1, 2, 4]}]}}}]\nduration: "
+      "1\n");
   ASSERT_EQ(scene.model.drives.size(), 1U);
   const model::State start = model::initial_state(scene.model);
   const model::HandIndex& hand = scene.model.hands[0];
-  EXPECT_LT((start.bodies[static_cast<std::size_t>(hand.palm)].pose() * hand.wrist_frame.p - Vec3(1, 2, 3)).norm(), 1e-14);
+  EXPECT_LT(
+      (start.bodies[static_cast<std::size_t>(hand.palm)].pose() * hand.wrist_frame.p - Vec3(1, 2, 3)).norm(),
+      1e-14);
 }
 
 }  // namespace

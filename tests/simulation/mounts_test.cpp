@@ -28,7 +28,8 @@ void run_steps(Simulation& simulation, int steps) {
 }
 
 TEST(FixedWrist, NeverMovesThePalm) {
-  const scene::Scene scene = mounted("right", "{mount: fixed, position: [1, 2, 3]}", "[gravity, joint_stops]");
+  const scene::Scene scene =
+      mounted("right", "{mount: fixed, position: [1, 2, 3]}", "[gravity, joint_stops]");
   Simulation simulation(scene);
   run_steps(simulation, 300);
   EXPECT_EQ(hand_frame(scene, simulation.state()).p, hand_frame(scene, model::initial_state(scene.model)).p);
@@ -62,7 +63,8 @@ TEST(UniversalWrist, HoldsTheWristCentreAndKeepsItsAxesPerpendicular) {
 
 // Oracle: semi-implicit Euler of a falling point, z = -g h^2 n (n + 1) / 2, for the hand's centre of mass.
 TEST(FreeWrist, FallsAsOneBody) {
-  const scene::Scene scene = mounted("left", "{mount: free, position: [0, 0, 0], velocity: [0.3, 0, 0]}", "[gravity]");
+  const scene::Scene scene =
+      mounted("left", "{mount: free, position: [0, 0, 0], velocity: [0.3, 0, 0]}", "[gravity]");
   Simulation simulation(scene);
   const auto centre = [&] {
     Vec3 sum = Vec3::Zero();
@@ -83,17 +85,19 @@ TEST(FreeWrist, FallsAsOneBody) {
 
 // Oracle: the trajectory itself.
 TEST(DrivenWrist, FollowsItsKeyframes) {
-  const scene::Scene scene = mounted("right",
-                                     "{mount: driven, motion: {keyframes: [{time: 0, position: [0, 0, 1]},"
-                                     " {time: 0.5, position: [0.2, 0, 1.1], rotation: {axis: [1, 1, 0], angle: \"120 deg\"}}]}}",
-                                     "[gravity, joint_stops, passive_tissue, wrist_motion]");
+  const scene::Scene scene =
+      mounted("right",
+              "{mount: driven, motion: {keyframes: [{time: 0, position: [0, 0, 1]},"
+              " {time: 0.5, position: [0.2, 0, 1.1], rotation: {axis: [1, 1, 0], angle: \"120 deg\"}}]}}",
+              "[gravity, joint_stops, passive_tissue, wrist_motion]");
   Simulation simulation(scene);
   double worst = 0;
   for (int i = 0; i < 600; ++i) {
     simulation.step();
     const Pose wanted = scene.model.drives[0].motion.at(simulation.state().time);
     const Pose found = hand_frame(scene, simulation.state());
-    worst = std::max({worst, (wanted.p - found.p).norm(), rotation_vector(wanted.q.conjugate() * found.q).norm()});
+    worst = std::max(
+        {worst, (wanted.p - found.p).norm(), rotation_vector(wanted.q.conjugate() * found.q).norm()});
   }
   EXPECT_LT(worst, 1e-12);
   EXPECT_LT(simulation.monitor().joint_gap().value, 5e-4);

@@ -35,8 +35,8 @@ TEST(MainScene, HoldsItsCriteria) {
   EXPECT_TRUE(result.passed());
 }
 
-// The fingers do fall, and every finger's flexion ends on its extension stop: the scene would pass its criteria
-// with hands that never move.
+// The fingers do fall, and every finger's flexion ends on its extension stop: the scene would pass its
+// criteria with hands that never move.
 TEST(MainScene, FingersEndOnTheirStops) {
   const scene::Scene scene = shipped_scene("two_hands");
   Simulation simulation(scene);
