@@ -13,27 +13,33 @@ namespace {
 
 void print_warnings(const scene::Scene& scene) {
   for (const std::string& warning : scene.warnings) fmt::print(stderr, "warning: {}\n", warning);
-  for (const engine::Overlap& overlap : engine::initial_overlaps(scene.model, model::initial_state(scene.model)))
+  for (const engine::Overlap& overlap :
+       engine::initial_overlaps(scene.model, model::initial_state(scene.model)))
     fmt::print(stderr, "warning: {} and {} overlap by {:.2g} mm at the start\n",
                scene.model.shapes[static_cast<std::size_t>(overlap.shape_a)].name,
                scene.model.shapes[static_cast<std::size_t>(overlap.shape_b)].name, 1e3 * overlap.depth);
 }
 
-void print_result(const scene::Scene& scene, const simulation::RunResult& result, const std::filesystem::path& out) {
+void print_result(const scene::Scene& scene, const simulation::RunResult& result,
+                  const std::filesystem::path& out) {
   fmt::print("{}\n", scene.spec.title);
   fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", "criterion", "measured", "limit", "verdict", "where");
   for (const simulation::Verdict& v : result.verdicts) {
     const std::string limit = v.limit ? fmt::format("{:.4g} {}", *v.limit, v.unit) : "-";
     const std::string where = v.where.empty() ? "" : fmt::format("{} at {:.3f} s", v.where, v.time);
-    fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", v.name, fmt::format("{:.4g} {}", v.measured, v.unit), limit,
-               !v.limit ? "-" : v.held() ? "held" : "FAILED", where);
+    fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", v.name, fmt::format("{:.4g} {}", v.measured, v.unit),
+               limit,
+               !v.limit   ? "-"
+               : v.held() ? "held"
+                          : "FAILED",
+               where);
   }
   if (result.fault) {
     const PhysicsFault fault = *result.fault;
     fmt::print(stderr, "{}\n", Error(fault).what());
   }
-  fmt::print("  {:.3g} s simulated in {:.3g} s ({:.0f} times real time); files in {}\n", result.simulated, result.wall,
-             result.wall > 0 ? result.simulated / result.wall : 0, out.string());
+  fmt::print("  {:.3g} s simulated in {:.3g} s ({:.0f} times real time); files in {}\n", result.simulated,
+             result.wall, result.wall > 0 ? result.simulated / result.wall : 0, out.string());
 }
 
 }  // namespace
@@ -63,7 +69,10 @@ int render_command(const RenderArguments& arguments) {
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
   print_warnings(scene);
   if (arguments.time > scene.spec.duration)
-    throw input_error("--time", fmt::format("{:g} s", arguments.time), fmt::format("0 to the scene's duration of {:g} s", scene.spec.duration));
+    throw input_error("--time", fmt::format("{:g} s", arguments.time),
+                      fmt::format("0 to the scene's duration of {:g} s", scene.spec.duration));
+  // A path that cannot be written is better known before the simulation than after.
+  { const output::AtomicFile probe(arguments.out); }
   output::write_png(simulation::picture(scene, arguments.time), arguments.out);
   return 0;
 }

@@ -251,7 +251,7 @@ const std::vector<Usage> kUsages = {
      "--time: got 5 s, need 0 to the scene's duration of 2 s"},
     {"RenderIntoNoFolder",
      {"render", kScene, "--out", "OUT/none/a.png"},
-     "got a path that cannot be written"},
+     ".png: got a file that cannot be created"},
     {"HandOfNobody",
      {"hand", "--out", "OUT", "--stature", "1.7", "--mass", "60"},
      "--sex: got nothing, need one of male, female, unknown"},
