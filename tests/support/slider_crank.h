@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/model/energy.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/model.h"
 #include "handsim/study/slider_crank_reference.h"
@@ -134,14 +135,9 @@ inline double largest_gap(const model::Model& model, const model::State& state) 
 
 /// Kinetic and potential energy [J] with gravity.
 inline double energy(const model::Model& model, const model::State& state) {
-  double sum = 0;
-  for (std::size_t i = 1; i < model.bodies.size(); ++i) {
-    const model::BodyState& b = state.bodies[i];
-    const Vec3 w = b.q.conjugate() * b.w;
-    sum += 0.5 * model.bodies[i].mass * b.v.squaredNorm() + 0.5 * w.dot(model.bodies[i].inertia * w) -
-           model.bodies[i].mass * model.gravity.dot(b.p);
-  }
-  return sum;
+  model::Effects effects;
+  effects.add(model::Effect::gravity);
+  return model::kinetic_energy(model, state) + model::potential_energy(model, state, effects);
 }
 
 }  // namespace handsim::test
