@@ -125,11 +125,16 @@ Error command_error(const CLI::App& app, int argc, const char* const* argv) {
 }
 
 void add_accuracy(CLI::App& app, AccuracyArguments& arguments) {
-  CLI::App* accuracy = app.add_subcommand("accuracy", "What accuracy costs: errors and prices of methods and steps, as table, CSV, JSON and plots");
-  accuracy->footer("Example: handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3");
+  CLI::App* accuracy = app.add_subcommand(
+      "accuracy",
+      "What accuracy costs: errors and prices of methods and steps, as table, CSV, JSON and plots");
+  accuracy->footer(
+      "Example: handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3");
   accuracy->add_option("study", arguments.study, "study file")->required();
   accuracy->add_option("--out", arguments.out, "folder for the study's files")->required();
-  accuracy->add_option("--target", arguments.target, "name the cheapest method and step that reaches this error; exit 1 where none does")
+  accuracy
+      ->add_option("--target", arguments.target,
+                   "name the cheapest method and step that reaches this error; exit 1 where none does")
       ->check(CLI::PositiveNumber);
 }
 

@@ -1,5 +1,5 @@
-// A scene file into all that a run needs: the Model, the solver settings with their effects, the run settings and
-// the resolved text that repeats it.
+// A scene file into all that a run needs: the Model, the solver settings with their effects, the run settings
+// and the resolved text that repeats it.
 #pragma once
 
 #include <filesystem>

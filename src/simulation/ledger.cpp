@@ -49,7 +49,8 @@ void Ledger::book(const engine::StepReport& report, std::span<const engine::Cont
 std::vector<LedgerEntry> Ledger::phases() const {
   const double n = steps_ > 0 ? static_cast<double>(steps_) : 1.0;
   std::vector<LedgerEntry> out;
-  out.push_back({"step", steps_, 0, (step_ns_ - collide_ns_ - tissue_ns_) / n, "timed: the engine without the phases below"});
+  out.push_back({"step", steps_, 0, (step_ns_ - collide_ns_ - tissue_ns_) / n,
+                 "timed: the engine without the phases below"});
   if (effects_.any_contact()) out.push_back({"collide", steps_, 0, collide_ns_ / n, "timed"});
   if (effects_.has(Effect::passive_tissue)) out.push_back({"tissue", steps_, 0, tissue_ns_ / n, "timed"});
   out.push_back({"check", steps_, 0, check_ns_ / n, "timed"});

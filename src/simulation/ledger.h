@@ -1,5 +1,5 @@
-// What a run's effects and phases cost. Phases are timed. Effects that live inside the solver cannot be timed on
-// their own: they get the solver's time by their share of its constraint rows, and the entry says so.
+// What a run's effects and phases cost. Phases are timed. Effects that live inside the solver cannot be timed
+// on their own: they get the solver's time by their share of its constraint rows, and the entry says so.
 #pragma once
 
 #include <optional>

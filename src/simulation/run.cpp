@@ -21,7 +21,10 @@ namespace {
 /// Steps after which the k-th of n pictures is taken, the first at the start and the last at the end.
 std::vector<long> frame_steps(int frames, long steps) {
   std::vector<long> out;
-  for (int k = 0; k < frames; ++k) out.push_back(frames == 1 ? steps : std::lround(static_cast<double>(k) * static_cast<double>(steps) / (frames - 1)));
+  for (int k = 0; k < frames; ++k)
+    out.push_back(frames == 1
+                      ? steps
+                      : std::lround(static_cast<double>(k) * static_cast<double>(steps) / (frames - 1)));
   return out;
 }
 
@@ -52,7 +55,8 @@ class Recorder {
   std::vector<Snapshot> snapshots_;
 };
 
-void write_pictures(const scene::Scene& scene, const std::vector<Snapshot>& snapshots, const std::filesystem::path& out) {
+void write_pictures(const scene::Scene& scene, const std::vector<Snapshot>& snapshots,
+                    const std::filesystem::path& out) {
   if (snapshots.empty()) return;
   const std::vector<output::Image> images = draw(scene, snapshots);
   std::vector<output::SheetCell> cells;

@@ -36,10 +36,11 @@ struct Verdict {
 
 struct RunResult {
   std::vector<Verdict> verdicts;
-  std::optional<PhysicsFault> fault;  ///< set where the simulation diverged; the files are complete up to then
-  double simulated = 0;               ///< [s]
-  double wall = 0;                    ///< of the loop [s]
-  std::string summary;                ///< text of summary.json
+  std::optional<PhysicsFault>
+      fault;             ///< set where the simulation diverged; the files are complete up to then
+  double simulated = 0;  ///< [s]
+  double wall = 0;       ///< of the loop [s]
+  std::string summary;   ///< text of summary.json
 
   bool passed() const;
 };

@@ -19,7 +19,8 @@ double ns_between(Clock::time_point a, Clock::time_point b) {
 Simulation::Simulation(const scene::Scene& scene)
     : scene_(scene),
       engine_(engine::make_engine(scene.model, scene.spec.solver)),
-      monitor_(scene.model, scene.spec.solver.step, scene.spec.solver.effects.has(model::Effect::joint_stops)),
+      monitor_(scene.model, scene.spec.solver.step,
+               scene.spec.solver.effects.has(model::Effect::joint_stops)),
       ledger_(scene.model, scene.spec.solver.effects) {
   if (!scene.spec.solver.effects.has(model::Effect::actuation)) return;
   torques_.resize(static_cast<std::size_t>(scene.model.dof_count()));

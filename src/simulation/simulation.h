@@ -1,4 +1,5 @@
-// A scene in motion: one engine, stepped and watched. The loop and nothing else: files and pictures are run.h's.
+// A scene in motion: one engine, stepped and watched. The loop and nothing else: files and pictures are
+// run.h's.
 #pragma once
 
 #include <memory>

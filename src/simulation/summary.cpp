@@ -54,7 +54,8 @@ Json overlaps_json(const model::Model& model) {
 }
 
 Json fault_json(const PhysicsFault& fault) {
-  return {{"time_s", fault.time}, {"where", fault.where}, {"quantity", fault.quantity}, {"detail", fault.detail}};
+  return {
+      {"time_s", fault.time}, {"where", fault.where}, {"quantity", fault.quantity}, {"detail", fault.detail}};
 }
 
 }  // namespace
@@ -95,7 +96,8 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
                    {"method", model::name(solver.method)},
                    {"step_s", solver.step},
                    {"seed", solver.seed}};
-  out["versions"] = {{"handsim", HANDSIM_VERSION}, {"engine", simulation.engine().version()}, {"compiler", __VERSION__}};
+  out["versions"] = {
+      {"handsim", HANDSIM_VERSION}, {"engine", simulation.engine().version()}, {"compiler", __VERSION__}};
   out["notes"] = notes;
   out["warnings"] = scene.warnings;
   out["overlaps_at_start"] = overlaps_json(scene.model);

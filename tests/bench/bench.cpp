@@ -13,8 +13,8 @@
 namespace handsim::bench {
 namespace {
 
-/// The main scene's loop without recording against dWorldStep alone on an identical world. The scene's tissue has
-/// no stiffness, so that its rows need no angle and the bare loop makes the same motion.
+/// The main scene's loop without recording against dWorldStep alone on an identical world. The scene's tissue
+/// has no stiffness, so that its rows need no angle and the bare loop makes the same motion.
 void loop_against_bare_ode(benchmark::State& state, const char* method) {
   const scene::Scene scene = test::shipped_scene("two_hands", {std::string("solver.method=") + method});
   const model::State start = model::initial_state(scene.model);
@@ -30,14 +30,19 @@ void loop_against_bare_ode(benchmark::State& state, const char* method) {
       },
       [&] {
         for (long i = 0; i < steps; ++i)
-          quick ? dWorldQuickStep(bare.world_id(), scene.spec.solver.step) : dWorldStep(bare.world_id(), scene.spec.solver.step);
+          quick ? dWorldQuickStep(bare.world_id(), scene.spec.solver.step)
+                : dWorldStep(bare.world_id(), scene.spec.solver.step);
       },
       [&] {
         for (long i = 0; i < steps; ++i) simulation->step();
       });
 }
-BENCHMARK_CAPTURE(loop_against_bare_ode, world_step, "world_step")->UseManualTime()->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(loop_against_bare_ode, quick_step, "quick_step")->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(loop_against_bare_ode, world_step, "world_step")
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(loop_against_bare_ode, quick_step, "quick_step")
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
 
 /// Both hands from YAML in memory to a world that is ready to step.
 void person_to_world(benchmark::State& state) {
@@ -69,7 +74,8 @@ void frame(benchmark::State& state) {
     (void)unused;
     const auto start = std::chrono::steady_clock::now();
     benchmark::DoNotOptimize(simulation::draw(scene, moments));
-    state.SetIterationTime(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() / 8);
+    state.SetIterationTime(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() /
+                           8);
   }
 }
 BENCHMARK(frame)->Unit(benchmark::kMillisecond)->UseManualTime();
