@@ -49,7 +49,9 @@ class OdeEngine final : public Engine {
   bool immovable_moved(const model::State& state) const;
   void check_state(const model::State& state) const;
   void prepare(const StepInput& input, StepReport& report);
+  void actuate(const StepInput& input);
   void check_torques(std::span<const double> torques);
+  void check_servos(std::span<const model::Servo> servos);
   void advance();
   void check_bodies(double time);
   void read(double time);

@@ -61,9 +61,12 @@ StepReport OdeEngine::step(const StepInput& input) {
 }
 
 void OdeEngine::prepare(const StepInput& input, StepReport& report) {
-  if (!input.torques.empty()) {
-    check_torques(input.torques);
-    joints_->add_torques(input.torques, state_);
+  if (settings_.effects.has(model::Effect::actuation)) {
+    const Clock::time_point start = Clock::now();
+    actuate(input);
+    report.servo_ns = ns_since(start);
+  } else {
+    actuate(input);
   }
   if (joints_->has_tissue()) {
     const Clock::time_point start = Clock::now();
@@ -78,6 +81,44 @@ void OdeEngine::prepare(const StepInput& input, StepReport& report) {
     report.contacts = static_cast<int>(contacts_->list().size());
     report.collide_ns = ns_since(start);
   }
+}
+
+void OdeEngine::actuate(const StepInput& input) {
+  if (!input.torques.empty()) {
+    check_torques(input.torques);
+    joints_->add_torques(input.torques, state_);
+  }
+  if (!input.servos.empty()) check_servos(input.servos);
+  joints_->set_servos(input.servos);
+}
+
+void OdeEngine::check_servos(std::span<const model::Servo> servos) {
+  if (!settings_.effects.has(model::Effect::actuation))
+    throw input_error("servos", "servos without the actuation effect", "actuation among the effects");
+  if (servos.size() != static_cast<std::size_t>(model_.dof_count()))
+    throw input_error("servos", fmt::format("{}", servos.size()),
+                      fmt::format("one for each of {} coordinates", model_.dof_count()));
+  for (const model::Joint& joint : model_.joints)
+    for (int i = 0; i < dof_count(joint.kind); ++i) {
+      const model::Servo& servo = servos[static_cast<std::size_t>(joint.first_dof + i)];
+      if (servo.limit == 0) continue;
+      if (!std::isfinite(servo.error + servo.feed))
+        fail(PhysicsFault{
+            state_.time, joint.name, "servo",
+            fmt::format("coordinate {} has an error of {} and a feed of {}, not finite numbers: check "
+                        "the controller",
+                        i, servo.error, servo.feed)});
+      // Written so that NaN fails.
+      const bool sound = servo.stiffness >= 0 && servo.damping >= 0 && servo.limit > 0 &&
+                         servo.stiffness + servo.damping > 0 &&
+                         std::isfinite(servo.stiffness + servo.damping);
+      if (!sound || joint.axes.empty())
+        throw input_error(
+            "servos." + joint.name,
+            fmt::format("stiffness {:g}, damping {:g}, limit {:g}", servo.stiffness, servo.damping,
+                        servo.limit),
+            "a hinge, universal or slider with gains of 0 or more, not both 0, and a limit of 0 or more");
+    }
 }
 
 void OdeEngine::check_torques(std::span<const double> torques) {
