@@ -22,6 +22,14 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
     hand::read_anthropometry(root, "", diagnostics);
     return "anthropometry";
   }
+  if (root.find("gains") && !root.find("hands")) {
+    control::read_controller(root, "", diagnostics);
+    return "controller";
+  }
+  if (root.find("poses") && !root.find("hands")) {
+    control::read_pose_file(root, "", diagnostics);
+    return "poses";
+  }
   const scene::Scene scene = scene::compile_scene(std::move(root));
   diagnostics.warnings.insert(diagnostics.warnings.end(), scene.warnings.begin(), scene.warnings.end());
   return "scene";

@@ -20,6 +20,7 @@ AngleSensor::AngleSensor(const Joint& joint)
     a_C_ = m * a, b_C_ = m * b, c_C_ = m * c;
     return;
   }
+  a_P_ = f * a;
   // The coefficients of a linear map are its values on the unit vectors.
   for (int i = 0; i < 4; ++i) {
     const Quat q_FM = f.conjugate() * Quat(Eigen::Vector4d::Unit(i)) * m;
@@ -39,6 +40,13 @@ std::array<Direction, 2> AngleSensor::read(const State& state) const {
   const Vec3 b = r * b_C_;
   const Vec3 a = r.conjugate() * a_P_;
   return {Direction{b.dot(c_P_), b.dot(b_P_)}, Direction{a.dot(c_C_), a.dot(a_C_)}};
+}
+
+std::array<double, 2> AngleSensor::rates(const State& state) const {
+  const BodyState& parent = state.bodies[parent_];
+  const BodyState& child = state.bodies[child_];
+  const Vec3 w = child.w - parent.w;
+  return {w.dot(parent.q * a_P_), universal_ ? w.dot(child.q * b_C_) : 0.0};
 }
 
 }  // namespace handsim::model

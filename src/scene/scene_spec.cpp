@@ -212,6 +212,7 @@ Effects needed_effects(const SceneSpec& scene) {
     for (const hand::SegmentSpec& segment : hand.model.segments) add_joint(segment.joint);
     if (hand.placement.mount == hand::Mount::driven) effects.add(Effect::wrist_motion);
   }
+  if (scene.control) effects.add(Effect::actuation);
   if (!scene.objects.empty()) effects.add(Effect::object_contact);
   if (scene.ground) effects.add(Effect::ground_contact);
   if (effects.any_contact()) effects.add(Effect::friction);
@@ -244,8 +245,9 @@ void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& eff
   if (effects.has(Effect::friction) && !effects.any_contact())
     reader.problem(key, "friction without contact",
                    "one of object_contact, self_contact, ground_contact with it");
-  if (effects.has(Effect::actuation))
-    reader.problem(key, "actuation without a controller", "no actuation in a scene that drives no joint");
+  if (effects.has(Effect::actuation) != scene.control.has_value())
+    reader.problem(key, scene.control ? "a control block without actuation" : "actuation without a control block",
+                   "both or neither");
 }
 
 Effects read_effects(MapReader& reader, const SceneSpec& scene) {
@@ -332,6 +334,7 @@ Criteria read_criteria(MapReader reader) {
   out.stop_overshoot = reader.maybe_number("stop_overshoot", {Dimension::angle, 0, 10});
   out.stop_rest = reader.maybe_number("stop_rest", {Dimension::angle, 0, 10});
   if (reader.has("lcp_failures")) out.lcp_failures = reader.integer("lcp_failures", 0, 1'000'000'000, 0);
+  out.tracking = read_tracking_criteria(reader);
   reader.finish();
   return out;
 }
@@ -348,6 +351,8 @@ bool is_other_file(const YamlNode& root, Diagnostics& diagnostics) {
   if (root.find("stature")) return say("a person file");
   if (root.find("segments")) return say("a hand model file");
   if (root.find("fits")) return say("an anthropometry file");
+  if (root.find("gains")) return say("a controller file");
+  if (root.find("poses")) return say("a pose file");
   return false;
 }
 
@@ -383,6 +388,7 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   }
   scene.gravity = reader.vector("gravity", {Dimension::acceleration, -1000, 1000}, scene.gravity);
   read_solver(reader.map("solver"), scene.solver);
+  if (reader.has("control")) scene.control = read_control(reader.map("control"), scene.hands);
   scene.solver.effects = read_effects(reader, scene);
   scene.duration = reader.number("duration", {Dimension::time, 1e-6, 1e5});
   MapReader record = reader.map("record");

@@ -20,14 +20,38 @@ Simulation::Simulation(const scene::Scene& scene)
     : scene_(scene),
       engine_(engine::make_engine(scene.model, scene.spec.solver)),
       monitor_(scene.model, scene.spec.solver.step, scene.spec.solver.effects.has(model::Effect::joint_stops)),
-      ledger_(scene.model, scene.spec.solver.effects) {}
+      ledger_(scene.model, scene.spec.solver.effects) {
+  if (!scene.control) return;
+  controller_.emplace(scene.model, *scene.control, scene.spec.solver.step, engine_->state());
+  tracking_.emplace(*controller_, scene.spec.solver.step);
+  if (scene.control->form == control::Form::implicit_gain) ledger_.set_driven_rows(static_cast<long>(scene.control->axes.size()));
+}
 
 void Simulation::step() {
   const Clock::time_point start = Clock::now();
-  const engine::StepReport report = engine_->step({});
+  engine::StepInput input;
+  if (controller_) {
+    controller_->command(engine_->state());
+    input = {controller_->torques(), controller_->servos()};
+  }
+  const Clock::time_point commanded = Clock::now();
+  const engine::StepReport report = engine_->step(input);
   const Clock::time_point stepped = Clock::now();
+  if (controller_) controller_->observe(engine_->state());
+  const Clock::time_point observed = Clock::now();
+  if (tracking_) tracking_->look(engine_->state().time);
   monitor_.look(engine_->state());
-  ledger_.book(report, engine_->contacts(), ns_between(start, stepped), ns_between(stepped, Clock::now()));
+  ledger_.book(report, engine_->contacts(),
+               {.control = ns_between(start, commanded) + ns_between(stepped, observed),
+                .step = ns_between(commanded, stepped),
+                .check = ns_between(observed, Clock::now())});
+}
+
+std::vector<AxisTracking> Simulation::tracking() const {
+  if (!tracking_) return {};
+  Tracking closed = *tracking_;
+  closed.finish(engine_->state().time);
+  return closed.axes();
 }
 
 long Simulation::step_count() const {
