@@ -1,7 +1,9 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
+#include "handsim/scene/file_kind.h"
 #include "handsim/scene/scene.h"
+#include "handsim/study/accuracy.h"
 
 namespace handsim::app {
 
@@ -10,29 +12,31 @@ namespace {
 /// Reads a file of any kind that handsim has; the kind shows in its keys.
 std::string check_file(const std::filesystem::path& path, Diagnostics& diagnostics) {
   YamlNode root = load_yaml(path);
-  if (root.find("stature") && !root.find("hands")) {
-    hand::read_person(root, "", diagnostics);
-    return "person";
+  const scene::FileKind kind = scene::kind_of(root).value_or(scene::FileKind::scene);
+  switch (kind) {
+    case scene::FileKind::person:
+      hand::read_person(root, "", diagnostics);
+      break;
+    case scene::FileKind::hand_model:
+      hand::read_hand_spec(root, "", diagnostics);
+      break;
+    case scene::FileKind::anthropometry:
+      hand::read_anthropometry(root, "", diagnostics);
+      break;
+    case scene::FileKind::controller:
+      control::read_controller(root, "", diagnostics);
+      break;
+    case scene::FileKind::poses:
+      control::read_pose_file(root, "", diagnostics);
+      break;
+    case scene::FileKind::study:
+      study::load_accuracy(path);
+      break;
+    case scene::FileKind::scene:
+      diagnostics.warnings = scene::compile_scene(std::move(root)).warnings;
+      break;
   }
-  if (root.find("segments") && !root.find("hands")) {
-    hand::read_hand_spec(root, "", diagnostics);
-    return "hand model";
-  }
-  if (root.find("fits") && !root.find("hands")) {
-    hand::read_anthropometry(root, "", diagnostics);
-    return "anthropometry";
-  }
-  if (root.find("gains") && !root.find("hands")) {
-    control::read_controller(root, "", diagnostics);
-    return "controller";
-  }
-  if (root.find("poses") && !root.find("hands")) {
-    control::read_pose_file(root, "", diagnostics);
-    return "poses";
-  }
-  const scene::Scene scene = scene::compile_scene(std::move(root));
-  diagnostics.warnings.insert(diagnostics.warnings.end(), scene.warnings.begin(), scene.warnings.end());
-  return "scene";
+  return std::string(scene::described(kind));
 }
 
 }  // namespace
@@ -44,8 +48,9 @@ int check_command(const std::vector<std::filesystem::path>& files) {
     std::string kind;
     try {
       kind = check_file(path, diagnostics);
+      diagnostics.throw_if_any();
     } catch (const Error& error) {
-      diagnostics.take(error);
+      diagnostics.problems = error.problems();
     }
     for (const std::string& warning : diagnostics.warnings) fmt::print(stderr, "warning: {}\n", warning);
     for (const Problem& problem : diagnostics.problems) fmt::print(stderr, "{}\n", problem.text());

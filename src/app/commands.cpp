@@ -1,10 +1,12 @@
 #include "handsim/app/commands.h"
 
-#include <CLI/CLI.hpp>
-#include <fmt/format.h>
+#include <cmath>
 
-#include "handsim/core/error.h"
-#include "handsim/core/units.h"
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <CLI/CLI.hpp>
+
+#include "handsim/core/yaml_reader.h"
 
 namespace handsim::app {
 
@@ -24,11 +26,38 @@ int guarded(Command command) {
   } catch (const std::bad_alloc&) {
     fmt::print(stderr, "handsim: out of memory\n");
     return kFailed;
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "handsim: {}\n", error.what());
+    return kFailed;
   }
 }
 
+/// Usage problems in the form of all others; empty for a good value, as CLI11 wants it.
+std::string got_need(const std::string& got, const std::string& need) {
+  return fmt::format("got {}, need {}", got, need);
+}
+
+std::string check_side(const std::string& text) {
+  return text == "right" || text == "left" || text == "both" ? "" : got_need(text, "right, left or both");
+}
+
+std::string check_frames(const std::string& text) {
+  const auto value = parse_number(text);
+  const bool good = value && *value >= 0 && *value <= 10000 && *value == std::floor(*value);
+  return good ? "" : got_need(text, "a whole number of pictures, 0 to 10000");
+}
+
+std::string check_path(const std::string& text) { return text.empty() ? got_need("\"\"", "a path") : ""; }
+
+/// CLI11 lets an option that may be repeated take every word after it; this one takes one.
+void add_overrides(CLI::App& app, std::vector<std::string>& overrides) {
+  app.add_option("--set", overrides, "override a key of the scene: solver.step=\"5 ms\"; may be repeated")
+      ->allow_extra_args(false);
+}
+
 void add_hand(CLI::App& app, HandArguments& arguments) {
-  CLI::App* hand = app.add_subcommand("hand", "Hands of a person: dimensions, masses, joints; with --out also YAML and a picture");
+  CLI::App* hand = app.add_subcommand(
+      "hand", "Hands of a person: dimensions, masses, joints; with --out also YAML and a picture");
   hand->footer("Example: handsim hand --stature 1.75 --mass 72 --sex male --side both --out out/hand");
   hand->add_option("--person", arguments.person, "person file (in place of --stature, --mass, --sex)");
   hand->add_option("--stature", arguments.stature, "m, or with a unit: 1.75, \"175 cm\"");
@@ -38,27 +67,34 @@ void add_hand(CLI::App& app, HandArguments& arguments) {
   hand->add_option("--hand-breadth", arguments.hand_breadth, "measured: across the knuckles [m]");
   hand->add_option("--hand-circumference", arguments.hand_circumference, "measured: around the knuckles [m]");
   hand->add_option("--hand-mass", arguments.hand_mass, "measured [kg]");
-  hand->add_option("--hand-length-percentile", arguments.hand_length_percentile, "among people of this body, 0.01 to 99.99");
+  hand->add_option("--hand-length-percentile", arguments.hand_length_percentile,
+                   "among people of this body, 0.01 to 99.99");
   hand->add_option("--model", arguments.model, "hand model file (default: the anatomical hand)");
-  hand->add_option("--side", arguments.side, "right, left or both")->check(CLI::IsMember({"right", "left", "both"}));
-  hand->add_option("--out", arguments.out, "folder for hand.yaml and hand.png");
+  hand->add_option("--side", arguments.side, "right, left or both")->check(check_side);
+  hand->add_option("--out", arguments.out, "folder for hand.yaml and hand.png")->check(check_path);
 }
 
 void add_check(CLI::App& app, std::vector<std::filesystem::path>& files) {
-  CLI::App* check = app.add_subcommand("check", "Validate scenes, persons, hand models, controllers and poses: say every problem, run nothing");
+  CLI::App* check =
+      app.add_subcommand("check", "Validate scenes, persons, hand models, controllers and poses: say every problem, run nothing");
   check->footer("Example: handsim check config/two_hands.yaml config/persons/child.yaml");
   check->add_option("files", files, "YAML files")->required();
 }
 
 void add_run(CLI::App& app, RunArguments& arguments) {
-  CLI::App* run = app.add_subcommand("run", "Simulate a scene: trajectory.csv, summary.json, resolved.yaml, pictures");
-  run->footer("Example: handsim run config/two_hands.yaml --out out/two_hands --frames 8 --set solver.step=\"2 ms\"");
+  CLI::App* run =
+      app.add_subcommand("run", "Simulate a scene: trajectory.csv, summary.json, resolved.yaml, pictures");
+  run->footer(
+      "Example: handsim run config/two_hands.yaml --out out/two_hands --frames 8 --set solver.step=\"2 ms\"");
   run->add_option("scene", arguments.scene, "scene file")->required();
-  run->add_option("--out", arguments.out, "folder for the run's files")->required();
-  run->add_option("--set", arguments.overrides, "override a key of the scene: solver.step=\"5 ms\"; may be repeated");
-  run->add_option("--frames", arguments.frames, "pictures over the run, and a contact sheet of them")->check(CLI::Range(0, 10000));
-  run->add_flag("--poses", arguments.poses, "a picture at the end of every hold of a controlled scene, in place of --frames");
-  run->add_flag("--plots", arguments.plots, "plots of a controlled scene: angles, errors, torques (needs gnuplot)");
+  run->add_option("--out", arguments.out, "folder for the run's files")->required()->check(check_path);
+  add_overrides(*run, arguments.overrides);
+  run->add_option("--frames", arguments.frames, "pictures over the run, and a contact sheet of them")
+      ->check(check_frames);
+  run->add_flag("--poses", arguments.poses,
+                "a picture at the end of every hold of a controlled scene, in place of --frames");
+  run->add_flag("--plots", arguments.plots,
+                "plots of a controlled scene: angles, errors, torques (needs gnuplot)");
   run->add_flag("--quiet", arguments.quiet, "print nothing but problems");
   run->add_flag("--json", arguments.json, "print summary.json in place of the table");
 }
@@ -67,13 +103,38 @@ void add_render(CLI::App& app, RenderArguments& arguments) {
   CLI::App* render = app.add_subcommand("render", "One picture of a scene at a time of its motion");
   render->footer("Example: handsim render config/two_hands.yaml --out hands.png --time 0.2");
   render->add_option("scene", arguments.scene, "scene file")->required();
-  render->add_option("--out", arguments.out, "PNG file")->required();
-  render->add_option("--set", arguments.overrides, "override a key of the scene");
-  render->add_option_function<std::string>("--time", [&arguments](const std::string& text) {
-    const auto value = parse_quantity(text, Dimension::time);
-    if (!value || *value < 0) throw CLI::ValidationError("--time", "got " + text + ", need a time such as 0.2 or \"200 ms\"");
-    arguments.time = *value;
-  }, "simulated time (default 0)");
+  render->add_option("--out", arguments.out, "PNG file")->required()->check(check_path);
+  add_overrides(*render, arguments.overrides);
+  render->add_option_function<std::string>(
+      "--time",
+      [&arguments](const std::string& text) {
+        const auto value = parse_quantity(text, Dimension::time);
+        if (!value || *value < 0)
+          throw CLI::ValidationError("--time", got_need(text, "a time from 0, such as 0.2 or \"200 ms\""));
+        arguments.time = *value;
+      },
+      "simulated time (default 0)");
+}
+
+/// A missing or unknown command, which CLI11 only calls missing.
+Error command_error(const CLI::App& app, int argc, const char* const* argv) {
+  std::vector<std::string> known;
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
+    known.push_back(command->get_name());
+  const std::string got = argc > 1 ? argv[1] : "nothing";
+  const auto near = nearest_word(got, known);
+  return input_error(
+      "command", got,
+      fmt::format("one of {}{}", fmt::join(known, ", "), near ? " (nearest: " + *near + ")" : ""));
+}
+
+void add_accuracy(CLI::App& app, AccuracyArguments& arguments) {
+  CLI::App* accuracy = app.add_subcommand("accuracy", "What accuracy costs: errors and prices of methods and steps, as table, CSV, JSON and plots");
+  accuracy->footer("Example: handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3");
+  accuracy->add_option("study", arguments.study, "study file")->required();
+  accuracy->add_option("--out", arguments.out, "folder for the study's files")->required();
+  accuracy->add_option("--target", arguments.target, "name the cheapest method and step that reaches this error; exit 1 where none does")
+      ->check(CLI::PositiveNumber);
 }
 
 }  // namespace
@@ -82,25 +143,31 @@ int run_command_line(int argc, const char* const* argv) {
   CLI::App app("handsim: biomechanical hands of a given person, simulated with the Open Dynamics Engine");
   app.set_version_flag("--version", std::string("handsim ") + HANDSIM_VERSION);
   app.require_subcommand(1);
-  app.footer("handsim COMMAND --help says more. Exit status: 0 done, all criteria held; 1 a criterion failed or the "
-             "simulation diverged; 2 bad input.");
+  app.footer(
+      "handsim COMMAND --help says more. Exit status: 0 done, all criteria held; 1 a criterion failed or the "
+      "simulation diverged; 2 bad input.");
   HandArguments hand;
   std::vector<std::filesystem::path> files;
   RunArguments run;
   RenderArguments render;
+  AccuracyArguments accuracy;
   add_hand(app, hand);
   add_check(app, files);
   add_run(app, run);
   add_render(app, render);
+  add_accuracy(app, accuracy);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     // CLI11's own codes are many; usage problems are exit status 2 here.
+    if (error.get_exit_code() != 0 && app.get_subcommands().empty())
+      return guarded([&]() -> int { throw command_error(app, argc, argv); });
     return app.exit(error) == 0 ? 0 : kBadInput;
   }
   if (app.got_subcommand("hand")) return guarded([&] { return hand_command(hand); });
   if (app.got_subcommand("check")) return guarded([&] { return check_command(files); });
   if (app.got_subcommand("run")) return guarded([&] { return run_scene_command(run); });
+  if (app.got_subcommand("accuracy")) return guarded([&] { return accuracy_command(accuracy); });
   return guarded([&] { return render_command(render); });
 }
 

@@ -43,6 +43,13 @@ struct RenderArguments {
 };
 int render_command(const RenderArguments& arguments);
 
+struct AccuracyArguments {
+  std::filesystem::path study;
+  std::filesystem::path out;
+  std::optional<double> target;  ///< whole-run error that the cheapest row must reach
+};
+int accuracy_command(const AccuracyArguments& arguments);
+
 /// Folder with handmodels/ and config/: the installed one, or the source tree's.
 /// @throws Error (input) where neither is there.
 std::filesystem::path data_folder();

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -6,6 +7,7 @@
 #include "handsim/engine/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
+#include "handsim/scene/file_kind.h"
 #include "handsim/scene/scene.h"
 #include "handsim/simulation/pictures.h"
 
@@ -15,11 +17,9 @@ namespace {
 
 constexpr double kDegrees = 180 / M_PI;
 
-/// The person that the options or the file describe, as a tree so that one reader checks both.
-YamlNode person_tree(const HandArguments& arguments) {
-  if (arguments.person) return load_yaml(*arguments.person);
+/// The options that describe a person, under the keys of a person file.
+YamlNode person_of_options(const HandArguments& arguments) {
   YamlNode person = yaml_map();
-  person.file = std::make_shared<const std::string>("command line");
   const auto put = [&](const char* key, const std::optional<std::string>& value) {
     if (value) yaml_put(person, key, yaml_scalar(*value));
   };
@@ -34,22 +34,61 @@ YamlNode person_tree(const HandArguments& arguments) {
   return person;
 }
 
+/// `--hand-length` for `hand_length` or `hands.0.person.hand_length`.
+std::string option_name(const std::string& key) {
+  std::string name = key.substr(key.rfind('.') + 1);
+  std::replace(name.begin(), name.end(), '_', '-');
+  return "--" + name;
+}
+
+/// Problems of a person who stands in no file, as problems of the options.
+std::vector<Problem> of_options(std::vector<Problem> problems) {
+  for (Problem& problem : problems) {
+    if (problem.place && !problem.place->file.empty()) continue;
+    problem.place.reset();
+    problem.key = option_name(problem.key);
+  }
+  return problems;
+}
+
+/// The person that the options or the file describe, as a tree, checked by the reader of persons.
+/// @throws Error (input) that speaks of the file's keys or of the options.
+YamlNode person_tree(const HandArguments& arguments) {
+  YamlNode person = person_of_options(arguments);
+  Diagnostics diagnostics;
+  if (arguments.person) {
+    if (!person.entries.empty())
+      throw input_error(option_name(person.entries.front().key), "a value beside --person",
+                        "the one or the other");
+    person = load_yaml(*arguments.person);
+    if (!scene::is_of_kind(person, "", scene::FileKind::person, diagnostics)) diagnostics.throw_if_any();
+  }
+  // The scene reads the person again, defaults and all; this reading is for its messages.
+  YamlNode copy = person;
+  hand::read_person(copy, "", diagnostics);
+  if (!diagnostics.problems.empty()) throw Error(of_options(diagnostics.problems));
+  return person;
+}
+
 std::vector<std::string> sides(const std::string& side) {
   return side == "both" ? std::vector<std::string>{"left", "right"} : std::vector<std::string>{side};
 }
 
 /// A scene with the wanted hands, straight, side by side, backs up.
-YamlNode scene_tree(const HandArguments& arguments, const YamlNode& person, double hand_length) {
+YamlNode scene_tree(const HandArguments& arguments, const YamlNode& person) {
+  const double stature = parse_quantity(person.find("stature")->text, Dimension::length).value_or(0);
+  const double apart = 1.35 * 0.11 * stature;
   YamlNode hands = yaml_sequence();
   for (const std::string& side : sides(arguments.side)) {
-    const double x = arguments.side != "both" ? 0 : (side == "left" ? -0.5 : 0.5) * hand_length * 1.35;
+    const double x = arguments.side != "both" ? 0 : (side == "left" ? -0.5 : 0.5) * apart;
     YamlNode position = yaml_sequence();
     for (const double value : {x, 0.0, 0.2}) position.items.push_back(yaml_scalar(number_text(value)));
     YamlNode wrist = yaml_map();
     yaml_put(wrist, "mount", yaml_scalar("fixed"));
     yaml_put(wrist, "position", position);
     YamlNode hand = yaml_map();
-    yaml_put(hand, "model", load_yaml(arguments.model.value_or(data_folder() / "handmodels/anatomical.yaml")));
+    yaml_put(hand, "model",
+             load_yaml(arguments.model.value_or(data_folder() / "handmodels/anatomical.yaml")));
     yaml_put(hand, "person", person);
     yaml_put(hand, "side", yaml_scalar(side));
     yaml_put(hand, "wrist", wrist);
@@ -66,11 +105,20 @@ YamlNode scene_tree(const HandArguments& arguments, const YamlNode& person, doub
   return scene;
 }
 
+scene::Scene compiled(const HandArguments& arguments) {
+  try {
+    return scene::compile_scene(scene_tree(arguments, person_tree(arguments)));
+  } catch (const Error& error) {
+    throw Error(of_options(error.problems()));
+  }
+}
+
 std::string ranges(const model::Joint& joint) {
   std::string out;
   for (const model::JointAxis& axis : joint.axes)
     out += fmt::format("{}{} {:.0f}..{:.0f}", out.empty() ? "" : ", ", axis.name,
-                       axis.stop ? axis.stop->low * kDegrees : -180, axis.stop ? axis.stop->high * kDegrees : 180);
+                       axis.stop ? axis.stop->low * kDegrees : -180,
+                       axis.stop ? axis.stop->high * kDegrees : 180);
   return out + " deg";
 }
 
@@ -98,7 +146,8 @@ void print_parts(const hand::HandSpec& spec, const hand::BuiltHand& hand) {
   for (std::size_t i = 0; i < hand.bodies.size(); ++i) {
     const model::Body& body = hand.bodies[i];
     const Vec3 moments = 1e6 * body.inertia.diagonal();
-    const std::string inertia = fmt::format("{:9.4g}, {:9.4g}, {:9.4g}", moments.x(), moments.y(), moments.z());
+    const std::string inertia =
+        fmt::format("{:9.4g}, {:9.4g}, {:9.4g}", moments.x(), moments.y(), moments.z());
     if (i == 0) {
       const Vec3 e = 1e3 * hand.shapes[0].edges;
       fmt::print("{:<18} {:>21} {:8.2f}  {}  box (breadth, length, thickness)\n", body.name,
@@ -107,9 +156,9 @@ void print_parts(const hand::HandSpec& spec, const hand::BuiltHand& hand) {
     }
     const hand::SegmentSpec& row = spec.segments[i - 1];
     const model::Joint& joint = hand.joints[i - 1];
-    fmt::print("{:<18} {:10.2f} {:10.2f} {:8.2f}  {}  {} ({}: {})\n", body.name, 1e3 * row.length.value(hand.size),
-               1e3 * row.radius.value(hand.size), 1e3 * body.mass, inertia, joint.name,
-               joint.kind == model::JointKind::hinge ? "hinge" : "universal", ranges(joint));
+    fmt::print("{:<18} {:10.2f} {:10.2f} {:8.2f}  {}  {} ({}: {})\n", body.name,
+               1e3 * row.length.value(hand.size), 1e3 * row.radius.value(hand.size), 1e3 * body.mass, inertia,
+               joint.name, joint.kind == model::JointKind::hinge ? "hinge" : "universal", ranges(joint));
   }
   fmt::print("wrist: {} axes ({})\n", hand.wrist.axes.size(), ranges(hand.wrist));
 }
@@ -117,7 +166,8 @@ void print_parts(const hand::HandSpec& spec, const hand::BuiltHand& hand) {
 void print_whole(const hand::Person& person, const hand::HandSpec& spec, const hand::BuiltHand& hand) {
   const hand::WholeHand whole = hand::whole_hand(hand);
   const bool female = person.sex == hand::Sex::female;
-  const hand::HandInertiaShares& ref = female ? spec.anthropometry.reference_female : spec.anthropometry.reference_male;
+  const hand::HandInertiaShares& ref =
+      female ? spec.anthropometry.reference_female : spec.anthropometry.reference_male;
   fmt::print("\nwhole hand, fingers straight, in shares of hand length (reference: {}, {})\n",
              spec.anthropometry.reference_source, female ? "women" : "men");
   const auto row = [](const char* what, double mine, double theirs) {
@@ -161,7 +211,8 @@ YamlNode joint_tree(const model::Joint& joint) {
 /// Bodies of one hand in its hand frame, SI.
 YamlNode bodies_tree(const model::Model& model, const model::HandIndex& hand, const hand::BuiltHand& built,
                      const hand::HandSpec& spec) {
-  const Pose x_HW = (model.bodies[static_cast<std::size_t>(hand.palm)].zero_pose * hand.wrist_frame).inverse();
+  const Pose x_HW =
+      (model.bodies[static_cast<std::size_t>(hand.palm)].zero_pose * hand.wrist_frame).inverse();
   YamlNode bodies = yaml_sequence();
   for (std::size_t i = 0; i < hand.bodies.size(); ++i) {
     const auto at = static_cast<std::size_t>(hand.bodies[i]);
@@ -204,7 +255,8 @@ std::string hand_yaml(const scene::Scene& scene, const hand::BuiltHand& built) {
   yaml_put(out, "hand", size);
   for (const model::HandIndex& hand : scene.model.hands)
     yaml_put(out, hand.name, bodies_tree(scene.model, hand, built, entry.model));
-  return "# SI units; positions in the hand frame (origin at the wrist joint centre, y distal, z dorsal), fingers\n"
+  return "# SI units; positions in the hand frame (origin at the wrist joint centre, y distal, z dorsal), "
+         "fingers\n"
          "# straight; inertias about the centre of mass along the segment's x, y (distal) and z axes.\n" +
          emit_yaml(out);
 }
@@ -212,12 +264,7 @@ std::string hand_yaml(const scene::Scene& scene, const hand::BuiltHand& built) {
 }  // namespace
 
 int hand_command(const HandArguments& arguments) {
-  YamlNode person = person_tree(arguments);
-  Diagnostics diagnostics;
-  YamlNode copy = person;
-  const hand::Person read = hand::read_person(copy, arguments.person ? "" : "person", diagnostics);
-  diagnostics.throw_if_any();
-  const scene::Scene scene = scene::compile_scene(scene_tree(arguments, person, 0.11 * read.stature));
+  const scene::Scene scene = compiled(arguments);
   const scene::HandEntry& entry = scene.spec.hands.front();
   const hand::BuiltHand built = hand::build_hand(entry.model, entry.person);
   if (arguments.out) output::make_folder(*arguments.out);
@@ -227,14 +274,16 @@ int hand_command(const HandArguments& arguments) {
   print_size(entry.person, entry.model, built);
   print_parts(entry.model, built);
   print_whole(entry.person, entry.model, built);
-  for (const engine::Overlap& overlap : engine::initial_overlaps(scene.model, model::initial_state(scene.model)))
+  for (const engine::Overlap& overlap :
+       engine::initial_overlaps(scene.model, model::initial_state(scene.model)))
     fmt::print("overlap at the start: {} and {}, {:.2g} mm\n",
                scene.model.shapes[static_cast<std::size_t>(overlap.shape_a)].name,
                scene.model.shapes[static_cast<std::size_t>(overlap.shape_b)].name, 1e3 * overlap.depth);
   print_sources(entry.model);
   if (!arguments.out) return 0;
   output::write_file(*arguments.out / "hand.yaml", hand_yaml(scene, built));
-  output::write_png(simulation::draw(scene, {{model::initial_state(scene.model), {}}}).front(), *arguments.out / "hand.png");
+  output::write_png(simulation::draw(scene, {{model::initial_state(scene.model), {}}}).front(),
+                    *arguments.out / "hand.png");
   fmt::print("\nwritten: {} and hand.png\n", (*arguments.out / "hand.yaml").string());
   return 0;
 }

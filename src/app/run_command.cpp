@@ -1,13 +1,10 @@
-#include <unistd.h>
-
 #include <algorithm>
-#include <chrono>
 #include <cmath>
-#include <cstdio>
 
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
+#include "handsim/app/progress.h"
 #include "handsim/engine/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
@@ -16,32 +13,6 @@
 namespace handsim::app {
 
 namespace {
-
-/// A bar on a terminal for what takes longer than a second; nothing where standard error is no terminal.
-class ProgressBar {
- public:
-  void show(double share) {
-    const auto now = std::chrono::steady_clock::now();
-    if (!terminal_ || now - start_ < std::chrono::seconds(1) || now - shown_ < std::chrono::milliseconds(100)) return;
-    shown_ = now;
-    drawn_ = true;
-    constexpr int kWidth = 40;
-    const int full = static_cast<int>(share * kWidth);
-    fmt::print(stderr, "\r[{:#<{}}{:.<{}}] {:3.0f} %", "", full, "", kWidth - full, 100 * share);
-  }
-  ~ProgressBar() {
-    if (drawn_) fmt::print(stderr, "\r{:60}\r", "");
-  }
-  ProgressBar() = default;
-  ProgressBar(const ProgressBar&) = delete;
-  ProgressBar& operator=(const ProgressBar&) = delete;
-
- private:
-  bool terminal_ = isatty(STDERR_FILENO) == 1;
-  bool drawn_ = false;
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-  std::chrono::steady_clock::time_point shown_;
-};
 
 void print_warnings(const scene::Scene& scene) {
   for (const std::string& warning : scene.warnings) fmt::print(stderr, "warning: {}\n", warning);

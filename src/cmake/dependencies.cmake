@@ -31,6 +31,17 @@ foreach(entry "Eigen3;Eigen 3;libeigen3-dev" "yaml-cpp;yaml-cpp;libyaml-cpp-dev"
   handsim_need(${package}_FOUND "${what}" ${debian})
 endforeach()
 
+find_package(SUNDIALS 6 QUIET COMPONENTS ida cvode nvecserial sunmatrixdense sunlinsoldense)
+handsim_need(SUNDIALS_FOUND "SUNDIALS 6 (IDA and CVODE, the integrators of the reference solutions)" libsundials-dev)
+set(CMAKE_REQUIRED_LIBRARIES SUNDIALS::ida)
+check_cxx_source_compiles("
+  #include <ida/ida.h>
+  static_assert(sizeof(realtype) == sizeof(double), \"not double precision\");
+  int main() { return IDAGetReturnFlagName(0) == nullptr; }" HANDSIM_SUNDIALS_IS_DOUBLE)
+unset(CMAKE_REQUIRED_LIBRARIES)
+handsim_need(HANDSIM_SUNDIALS_IS_DOUBLE "SUNDIALS built in double precision (this one has another or does not link)"
+             libsundials-dev)
+
 pkg_check_modules(OSMESA QUIET IMPORTED_TARGET osmesa)
 handsim_need(OSMESA_FOUND "OSMesa (off-screen OpenGL)" libosmesa6-dev)
 pkg_check_modules(CAIRO QUIET IMPORTED_TARGET cairo)

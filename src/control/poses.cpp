@@ -167,15 +167,14 @@ ProgramSpec read_program(MapReader reader, const PoseFile& file) {
   return program;
 }
 
-void check_range(const std::string& pose, const HandAxes& hand, const HandAxis& axis, double angle,
-                 const Place& place, Diagnostics& diagnostics) {
+void check_range(const std::string& pose, const HandAxis& axis, double angle, const Place& place,
+                 Diagnostics& diagnostics) {
   if (!axis.stop || (angle >= axis.stop->low - kRangeTolerance && angle <= axis.stop->high + kRangeTolerance))
     return;
-  diagnostics.problems.push_back(
-      {place, fmt::format("poses.{}.{}", pose, axis.joint),
-       fmt::format("{:.4g} deg for {}.{}", angle / kDegree, hand.hand, axis.name()),
-       fmt::format("an angle in its range, {:.4g} to {:.4g} deg", axis.stop->low / kDegree,
-                   axis.stop->high / kDegree)});
+  diagnostics.problems.push_back({place, fmt::format("poses.{}.{}", pose, axis.joint),
+                                  fmt::format("{:.4g} deg for {}", angle / kDegree, axis.name()),
+                                  fmt::format("an angle in its range, {:.4g} to {:.4g} deg",
+                                              axis.stop->low / kDegree, axis.stop->high / kDegree)});
 }
 
 }  // namespace
@@ -221,12 +220,11 @@ std::vector<double> pose_angles(const std::string& name, const PoseSpec& pose, c
       ++count;
       if (axis.axis_index >= wanted.angles.size()) continue;
       out[i] = wanted.angles[axis.axis_index];
-      check_range(name, hand, axis, out[i], wanted.place, diagnostics);
+      check_range(name, axis, out[i], wanted.place, diagnostics);
     }
     const std::string key = fmt::format("poses.{}.{}", name, joint);
     if (count == 0 && !hand.knows(joint))
-      diagnostics.problems.push_back({wanted.place, key,
-                                      fmt::format("a joint that hand {} has not", hand.hand),
+      diagnostics.problems.push_back({wanted.place, key, "a joint that the hand has not",
                                       "a joint of its hand model" + nearest_of(joint, hand.joints())});
     else if (count == 0)
       diagnostics.warnings.push_back(

@@ -1,10 +1,15 @@
 #include "handsim/core/error.h"
 
+#include "handsim/core/text.h"
+
 #include <fmt/format.h>
 
 namespace handsim {
 
 namespace {
+
+/// Enough for any key or list of words that handsim itself writes.
+constexpr std::size_t kLongestPart = 1000;
 
 std::string joined(const std::vector<Problem>& problems) {
   std::string text;
@@ -20,16 +25,16 @@ std::string joined(const std::vector<Problem>& problems) {
 std::string Problem::text() const {
   std::string out;
   if (place) out += fmt::format("{}:{}:{}: ", place->file, place->line, place->column);
-  if (!key.empty()) out += key + ": ";
-  return out + fmt::format("got {}, need {}", got, need);
+  if (!key.empty()) out += printable(key, 200) + ": ";
+  return out + fmt::format("got {}, need {}", printable(got, kLongestPart), printable(need, kLongestPart));
 }
 
 Error::Error(std::vector<Problem> problems)
     : std::runtime_error(joined(problems)), problems_(std::move(problems)) {}
 
 Error::Error(PhysicsFault fault)
-    : std::runtime_error(fmt::format("at t = {:.6g} s: {}: {}: {}", fault.time, fault.where, fault.quantity,
-                                     fault.detail)),
+    : std::runtime_error(
+          fmt::format("at t = {:.6g} s: {}: {}: {}", fault.time, fault.where, fault.quantity, fault.detail)),
       fault_(std::move(fault)) {}
 
 Error input_error(std::string key, std::string got, std::string need) {

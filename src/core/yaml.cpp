@@ -1,17 +1,20 @@
 #include "handsim/core/yaml.h"
-#include "handsim/core/units.h"
 
 #include <yaml-cpp/emitter.h>
 #include <yaml-cpp/eventhandler.h>
 #include <yaml-cpp/exceptions.h>
 #include <yaml-cpp/parser.h>
 
+#include <algorithm>
 #include <fstream>
 #include <map>
 #include <optional>
 #include <sstream>
+#include <unordered_map>
 
 #include <fmt/format.h>
+
+#include "handsim/core/text.h"
 
 namespace handsim {
 
@@ -22,7 +25,11 @@ class TreeBuilder : public YAML::EventHandler {
  public:
   explicit TreeBuilder(std::shared_ptr<const std::string> file) : file_(std::move(file)) {}
 
-  void OnDocumentStart(const YAML::Mark&) override {}
+  void OnDocumentStart(const YAML::Mark& mark) override {
+    if (++documents_ == 1) return;
+    problem(mark, "a second document", "one document a file");
+    throw Error(problems_);
+  }
   void OnDocumentEnd() override {}
 
   void OnNull(const YAML::Mark& mark, YAML::anchor_t anchor) override { add(made(mark), anchor); }
@@ -34,7 +41,7 @@ class TreeBuilder : public YAML::EventHandler {
       throw Error(problems_);
     }
     YamlNode copy = found->second.node;
-    count(mark, found->second.nodes);
+    count(mark.line + 1, mark.column + 1, found->second.nodes);
     copy.line = mark.line + 1;
     copy.column = mark.column + 1;
     add(std::move(copy), 0, found->second.nodes);
@@ -46,17 +53,19 @@ class TreeBuilder : public YAML::EventHandler {
     node.kind = YamlNode::Kind::scalar;
     node.text = value;
     node.quoted = tag == "!";
-    if (tag.size() > 1) problem(mark, "the tag " + tag, "a value without a tag");
+    check_tag(mark, tag);
     add(std::move(node), anchor);
   }
 
-  void OnSequenceStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t anchor,
+  void OnSequenceStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
                        YAML::EmitterStyle::value) override {
+    check_tag(mark, tag);
     open(mark, YamlNode::Kind::sequence, anchor);
   }
   void OnSequenceEnd() override { close(); }
-  void OnMapStart(const YAML::Mark& mark, const std::string&, YAML::anchor_t anchor,
+  void OnMapStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
                   YAML::EmitterStyle::value) override {
+    check_tag(mark, tag);
     open(mark, YamlNode::Kind::map, anchor);
   }
   void OnMapEnd() override { close(); }
@@ -73,12 +82,13 @@ class TreeBuilder : public YAML::EventHandler {
   struct Level {
     YamlNode node;
     YAML::anchor_t anchor = 0;
-    std::optional<YamlEntry> pending;  ///< a map's key whose value comes next
+    std::optional<YamlEntry> pending;            ///< a map's key whose value comes next
+    std::unordered_map<std::string, int> lines;  ///< of the keys so far
     int nodes = 1;
   };
 
   YamlNode made(const YAML::Mark& mark) {
-    count(mark, 1);
+    count(mark.line + 1, mark.column + 1, 1);
     YamlNode node;
     node.file = file_;
     node.line = mark.line + 1;
@@ -86,15 +96,21 @@ class TreeBuilder : public YAML::EventHandler {
     return node;
   }
 
-  void count(const YAML::Mark& mark, int nodes) {
+  void count(int line, int column, int nodes) {
     total_ += nodes;
     if (total_ <= kYamlMaxNodes) return;
-    problem(mark, fmt::format("more than {} values", kYamlMaxNodes), fmt::format("at most {} values", kYamlMaxNodes));
+    problems_.push_back({Place{*file_, line, column}, "", fmt::format("more than {} values", kYamlMaxNodes),
+                         fmt::format("at most {} values", kYamlMaxNodes)});
     throw Error(problems_);
   }
 
   void problem(const YAML::Mark& mark, std::string got, std::string need) {
     problems_.push_back({Place{*file_, mark.line + 1, mark.column + 1}, "", std::move(got), std::move(need)});
+  }
+
+  /// yaml-cpp gives `?` to plain values and `!` to quoted ones.
+  void check_tag(const YAML::Mark& mark, const std::string& tag) {
+    if (tag.size() > 1) problem(mark, "the tag " + tag, "a value without a tag");
   }
 
   void open(const YAML::Mark& mark, YamlNode::Kind kind, YAML::anchor_t anchor) {
@@ -117,7 +133,11 @@ class TreeBuilder : public YAML::EventHandler {
   }
 
   void add(YamlNode node, YAML::anchor_t anchor, int nodes = 1) {
-    if (anchor != 0) anchors_[anchor] = {node, nodes};
+    if (anchor != 0) {
+      // The copy counts: anchors within anchors would grow it without bound.
+      count(node.line, node.column, nodes);
+      anchors_[anchor] = {node, nodes};
+    }
     if (levels_.empty()) {
       root = std::move(node);
       return;
@@ -130,19 +150,25 @@ class TreeBuilder : public YAML::EventHandler {
       add_key(level, node);
     } else {
       level.pending->value = std::move(node);
+      // yaml-cpp puts a missing value at whatever comes next.
+      if (YamlNode& value = level.pending->value; value.kind == YamlNode::Kind::null) {
+        value.line = level.pending->line;
+        value.column = level.pending->column;
+      }
       level.node.entries.push_back(std::move(*level.pending));
       level.pending.reset();
     }
   }
 
   void add_key(Level& level, const YamlNode& node) {
-    if (node.kind != YamlNode::Kind::scalar)
+    if (node.kind != YamlNode::Kind::scalar) {
       problems_.push_back({node.place(), "", node.described() + " as a key", "a word as a key"});
-    for (const YamlEntry& entry : level.node.entries)
-      if (entry.key == node.text && node.kind == YamlNode::Kind::scalar)
-        problems_.push_back({node.place(), "",
-                             fmt::format("a second \"{}\" (the first is in line {})", node.text, entry.line),
-                             "each key once"});
+    } else if (const auto [first, fresh] = level.lines.emplace(node.text, node.line); !fresh) {
+      problems_.push_back(
+          {node.place(), "",
+           fmt::format("a second \"{}\" (the first is in line {})", printable(node.text), first->second),
+           "each key once"});
+    }
     level.pending = YamlEntry{node.text, node.line, node.column, {}};
   }
 
@@ -151,6 +177,7 @@ class TreeBuilder : public YAML::EventHandler {
   std::map<YAML::anchor_t, Anchored> anchors_;
   std::vector<Problem> problems_;
   int total_ = 0;
+  int documents_ = 0;
 };
 
 bool plain_list(const YamlNode& node) {
@@ -185,23 +212,35 @@ void emit(YAML::Emitter& out, const YamlNode& node) {
   }
 }
 
-/// The step of an override's path from a node to its child, made where a map lacks it.
-YamlNode& child_for_override(YamlNode& node, const std::string& part, const std::string& path) {
-  if (node.kind == YamlNode::Kind::null) node.kind = YamlNode::Kind::map;
-  if (node.kind == YamlNode::Kind::sequence) {
-    std::size_t index = 0;
-    const std::optional<double> number = parse_number(part);
-    if (number && *number >= 0) index = static_cast<std::size_t>(*number);
-    if (!number || part.find_first_not_of("0123456789") != std::string::npos || index >= node.items.size())
-      throw input_error("--set " + path, fmt::format("\"{}\" for a list of {}", part, node.items.size()),
-                        fmt::format("an index from 0 to {}", static_cast<int>(node.items.size()) - 1));
-    return node.items[index];
+/// The first tab that indents a line, where there is one up to `last`: yaml-cpp only stumbles over what
+/// follows it.
+std::optional<Place> first_tab(const std::string& text, const Place& last) {
+  std::istringstream lines(text);
+  std::string line;
+  for (int number = 1; number <= last.line && std::getline(lines, line); ++number) {
+    const std::size_t at = line.find_first_not_of(' ');
+    if (at != std::string::npos && line[at] == '\t')
+      return Place{last.file, number, static_cast<int>(at) + 1};
   }
-  if (node.kind != YamlNode::Kind::map)
-    throw input_error("--set " + path, fmt::format("\"{}\" within {}", part, node.described()),
-                      "a path through mappings and lists");
-  if (YamlNode* found = node.find(part)) return *found;
-  return yaml_put(node, part, {});
+  return std::nullopt;
+}
+
+/// @throws Error (input) where the file is too large.
+void check_size(std::uintmax_t bytes, const std::string& name) {
+  if (bytes > kYamlMaxBytes)
+    throw Error(std::vector<Problem>{{Place{name, 1, 1}, "", fmt::format("a file of {} bytes", bytes),
+                                      fmt::format("at most {} bytes of YAML", kYamlMaxBytes)}});
+}
+
+/// @throws Error (input) at the first byte that is no text.
+void check_text(std::string_view text, const std::string& name) {
+  const std::optional<BadByte> bad = find_bad_byte(text);
+  if (!bad) return;
+  const std::string_view before = text.substr(0, bad->at);
+  const std::size_t line_start = before.find_last_of('\n') + 1;
+  const auto line = 1 + std::count(before.begin(), before.end(), '\n');
+  const Place place{name, static_cast<int>(line), static_cast<int>(bad->at - line_start) + 1};
+  throw Error(std::vector<Problem>{{place, "", bad->what, "a YAML file, text in UTF-8"}});
 }
 
 }  // namespace
@@ -219,11 +258,11 @@ std::string YamlNode::described() const {
     case Kind::null:
       return "nothing";
     case Kind::scalar: {
-      const std::string shown = text.size() > 60 ? text.substr(0, 57) + "..." : text;
-      return quoted ? "\"" + shown + "\"" : shown;
+      const std::string shown = printable(text);
+      return quoted || text.empty() ? "\"" + shown + "\"" : shown;
     }
     case Kind::sequence:
-      return fmt::format("a list of {}", items.size());
+      return items.empty() ? "an empty list" : fmt::format("a list of {}", items.size());
     case Kind::map:
       return entries.empty() ? "an empty mapping" : fmt::format("a mapping with \"{}\"", entries.front().key);
   }
@@ -231,17 +270,20 @@ std::string YamlNode::described() const {
 }
 
 YamlNode parse_yaml(const std::string& text, const std::string& name) {
-  if (text.size() > kYamlMaxBytes)
-    throw Error(std::vector<Problem>{{Place{name, 1, 1}, "", fmt::format("a file of {} bytes", text.size()),
-                                      fmt::format("at most {} bytes of YAML", kYamlMaxBytes)}});
+  check_size(text.size(), name);
+  check_text(text, name);
   TreeBuilder builder(std::make_shared<const std::string>(name));
   std::istringstream stream(text);
   try {
     YAML::Parser parser(stream);
-    parser.HandleNextDocument(builder);
+    while (parser.HandleNextDocument(builder)) {
+    }
   } catch (const YAML::Exception& failure) {
-    builder.problems().push_back(
-        {Place{name, failure.mark.line + 1, failure.mark.column + 1}, "", "broken YAML (" + failure.msg + ")", "valid YAML"});
+    // A mark of -1 stands for no place.
+    const Place place{name, std::max(1, failure.mark.line + 1), std::max(1, failure.mark.column + 1)};
+    const std::optional<Place> tab = first_tab(text, place);
+    builder.problems().push_back(tab ? Problem{tab, "", "a tab as indentation", "spaces"}
+                                     : Problem{place, "", "broken YAML (" + failure.msg + ")", "valid YAML"});
   }
   if (!builder.problems().empty()) throw Error(builder.problems());
   if (!builder.root.file) {
@@ -262,7 +304,8 @@ YamlNode load_yaml(const std::filesystem::path& path) {
   std::ifstream stream(path, std::ios::binary);
   if (!stream) throw bad("a file that cannot be opened");
   const std::uintmax_t size = std::filesystem::file_size(path, failure);
-  if (failure || size > kYamlMaxBytes) return parse_yaml(std::string(kYamlMaxBytes + 1, ' '), path.string());
+  if (failure) throw bad("a file of unknown size");
+  check_size(size, path.string());
   std::ostringstream text;
   text << stream.rdbuf();
   return parse_yaml(text.str(), path.string());
@@ -304,32 +347,6 @@ YamlNode& yaml_put(YamlNode& map, std::string key, YamlNode value) {
   if (YamlNode* found = map.find(key)) return *found = std::move(value);
   map.entries.push_back({std::move(key), value.line, value.column, std::move(value)});
   return map.entries.back().value;
-}
-
-void follow_reference(YamlNode& node, const std::string& key) {
-  if (node.kind != YamlNode::Kind::scalar) return;
-  const Place place = node.place();
-  const std::filesystem::path path = std::filesystem::path(place.file).parent_path() / node.text;
-  if (std::error_code failure; !std::filesystem::is_regular_file(path, failure))
-    throw Error(std::vector<Problem>{{place, key, fmt::format("\"{}\", which is no file", path.lexically_normal().string()),
-                                      "the path of a YAML file, relative to this file"}});
-  node = load_yaml(path.lexically_normal());
-}
-
-void apply_override(YamlNode& root, std::string_view assignment) {
-  const std::size_t equals = assignment.find('=');
-  if (equals == std::string_view::npos || equals == 0)
-    throw input_error("--set", fmt::format("\"{}\"", assignment), "key.path=value");
-  const std::string path(assignment.substr(0, equals));
-  YamlNode* node = &root;
-  std::istringstream parts(path);
-  std::string part;
-  while (std::getline(parts, part, '.')) {
-    follow_reference(*node, path);
-    node = &child_for_override(*node, part, path);
-  }
-  YamlNode value = parse_yaml(std::string(assignment.substr(equals + 1)), "--set " + path);
-  *node = std::move(value);
 }
 
 }  // namespace handsim

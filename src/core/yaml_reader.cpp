@@ -2,9 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+
+#include "handsim/core/text.h"
 
 namespace handsim {
 
@@ -29,7 +32,7 @@ std::string list_of(const std::vector<std::string>& words) {
   return words.size() == 1 ? words.front() : "one of " + fmt::format("{}", fmt::join(words, ", "));
 }
 
-/// `step (did you mean it?)` first, then all that is known.
+/// All that is known, and the nearest of it.
 std::string need_word(std::string_view got, const std::vector<std::string>& known) {
   const std::optional<std::string> near = nearest_word(got, known);
   return near ? fmt::format("{} (nearest: {})", list_of(known), *near) : list_of(known);
@@ -43,10 +46,42 @@ YamlNode vector_node(const Vec3& v) {
 
 }  // namespace
 
+void Diagnostics::throw_if_any() const {
+  if (problems.empty()) return;
+  std::vector<std::string> files;
+  // Order of a problem: its file as they came up, then its place.
+  const auto rank = [&](const Problem& problem) {
+    const Place place = problem.place.value_or(Place{"", 0, 0});
+    auto at = std::find(files.begin(), files.end(), place.file);
+    if (at == files.end()) at = files.insert(files.end(), place.file);
+    return std::tuple(at - files.begin(), place.line, place.column);
+  };
+  for (const Problem& problem : problems) rank(problem);
+  std::vector<Problem> sorted = problems;
+  std::stable_sort(sorted.begin(), sorted.end(),
+                   [&](const Problem& a, const Problem& b) { return rank(a) < rank(b); });
+  // The paths differ when a file is read twice, all else does not; what stands at one place stands together
+  // now.
+  const auto same = [](const Problem& a, const Problem& b) {
+    const auto last = [](const std::string& key) { return key.substr(key.rfind('.') + 1); };
+    return a.place && last(a.key) == last(b.key) && a.got == b.got;
+  };
+  std::vector<Problem> once;
+  for (Problem& problem : sorted) {
+    bool said = false;
+    for (auto other = once.rbegin(); other != once.rend() && rank(*other) == rank(problem); ++other)
+      said = said || same(*other, problem);
+    if (!said) once.push_back(std::move(problem));
+  }
+  throw Error(std::move(once));
+}
+
 std::optional<std::string> nearest_word(std::string_view word, const std::vector<std::string>& known) {
   std::optional<std::string> best;
-  std::size_t best_distance = std::max<std::size_t>(1, std::min<std::size_t>(3, word.size() / 2)) + 1;
+  std::size_t best_distance = std::clamp<std::size_t>(word.size() / 3, word.size() < 4 ? 1 : 2, 3) + 1;
   for (const std::string& candidate : known) {
+    // No word is nearer than the difference in length; this also spares the work on a word of megabytes.
+    if (word.size() >= candidate.size() + best_distance) continue;
     const std::size_t distance = edit_distance(word, candidate);
     if (distance < best_distance) {
       best_distance = distance;
@@ -66,7 +101,10 @@ std::optional<double> read_number(const YamlNode& node, const std::string& path,
 }
 
 MapReader::MapReader(YamlNode& node, std::string path, Diagnostics& diagnostics)
-    : node_(&node), path_(std::move(path)), diagnostics_(&diagnostics) {
+    : node_(&node),
+      path_(std::move(path)),
+      diagnostics_(&diagnostics),
+      problems_before_(diagnostics.problems.size()) {
   if (node.kind == YamlNode::Kind::map) return;
   broken_ = true;
   diagnostics.problems.push_back({node.place(), path_, node.described(), "a mapping (key: value)"});
@@ -95,9 +133,8 @@ void MapReader::write_default(std::string_view key, YamlNode value) {
 }
 
 double MapReader::number(std::string_view key, const Quantity& quantity, std::optional<double> fallback) {
-  const double harmless = fallback.value_or(std::isfinite(quantity.min) && std::isfinite(quantity.max)
-                                                ? 0.5 * (quantity.min + quantity.max)
-                                                : 1.0);
+  const double harmless = fallback.value_or(
+      std::isfinite(quantity.min) && std::isfinite(quantity.max) ? 0.5 * (quantity.min + quantity.max) : 1.0);
   const YamlNode* found = wanted(key, !fallback, quantity.need());
   if (found) return read_number(*found, path_of(key), quantity, *diagnostics_).value_or(harmless);
   if (fallback) write_default(key, yaml_scalar(number_text(*fallback)));
@@ -115,8 +152,10 @@ int MapReader::integer(std::string_view key, int min, int max, int fallback) {
     write_default(key, yaml_scalar(std::to_string(fallback)));
     return fallback;
   }
-  const std::optional<double> value = found->kind == YamlNode::Kind::scalar ? parse_number(found->text) : std::nullopt;
-  if (value && *value >= min && *value <= max && *value == std::floor(*value)) return static_cast<int>(*value);
+  const std::optional<double> value =
+      found->kind == YamlNode::Kind::scalar ? parse_number(found->text) : std::nullopt;
+  if (value && *value >= min && *value <= max && *value == std::floor(*value))
+    return static_cast<int>(*value);
   problem(key, found->described(), fmt::format("a whole number, {} to {}", min, max));
   return fallback;
 }
@@ -127,9 +166,24 @@ std::string MapReader::text(std::string_view key, std::optional<std::string> fal
     if (fallback) write_default(key, yaml_scalar(*fallback, true));
     return fallback.value_or("");
   }
-  if (found->kind == YamlNode::Kind::scalar && !found->text.empty()) return found->text;
-  problem(key, found->described(), "a text");
+  const bool one_value = found->kind == YamlNode::Kind::scalar && !found->text.empty();
+  if (one_value && !find_bad_byte(found->text)) return found->text;
+  problem(key, found->described(), one_value ? "a text without control characters" : "a text");
   return fallback.value_or("");
+}
+
+std::string MapReader::name(std::string_view key) {
+  constexpr std::size_t kLongest = 64;
+  const std::string need = "a name of letters, digits, _ and -, at most 64 of them";
+  const YamlNode* found = wanted(key, true, need);
+  if (!found) return "";
+  const auto plain = [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
+  };
+  const std::string& word = found->text;
+  if (!word.empty() && word.size() <= kLongest && std::all_of(word.begin(), word.end(), plain)) return word;
+  problem(key, found->described(), need);
+  return "";
 }
 
 bool MapReader::flag(std::string_view key, bool fallback) {
@@ -138,7 +192,8 @@ bool MapReader::flag(std::string_view key, bool fallback) {
     write_default(key, yaml_scalar(fallback ? "true" : "false"));
     return fallback;
   }
-  if (found->kind == YamlNode::Kind::scalar && !found->quoted && (found->text == "true" || found->text == "false"))
+  if (found->kind == YamlNode::Kind::scalar && !found->quoted &&
+      (found->text == "true" || found->text == "false"))
     return found->text == "true";
   problem(key, found->described(), "true or false");
   return fallback;
@@ -157,13 +212,14 @@ Vec3 MapReader::vector(std::string_view key, const Quantity& quantity, std::opti
     return out;
   }
   for (int i = 0; i < 3; ++i)
-    out[i] = read_number(found->items[static_cast<std::size_t>(i)], path_of(key) + "." + std::to_string(i), quantity,
-                         *diagnostics_)
+    out[i] = read_number(found->items[static_cast<std::size_t>(i)], path_of(key) + "." + std::to_string(i),
+                         quantity, *diagnostics_)
                  .value_or(out[i]);
   return out;
 }
 
-std::optional<std::pair<double, double>> MapReader::maybe_range(std::string_view key, const Quantity& quantity) {
+std::optional<std::pair<double, double>> MapReader::maybe_range(std::string_view key,
+                                                                const Quantity& quantity) {
   const YamlNode* found = child(key);
   if (!found) return std::nullopt;
   if (found->kind != YamlNode::Kind::sequence || found->items.size() != 2) {
@@ -174,7 +230,8 @@ std::optional<std::pair<double, double>> MapReader::maybe_range(std::string_view
   const auto high = read_number(found->items[1], path_of(key) + ".1", quantity, *diagnostics_);
   if (!low || !high) return std::nullopt;
   if (!(*low < *high)) {
-    problem(key, fmt::format("{} to {}", found->items[0].text, found->items[1].text), "the lower value first");
+    problem(key, fmt::format("{} to {}", found->items[0].text, found->items[1].text),
+            "the lower value first");
     return std::nullopt;
   }
   return std::pair(*low, *high);
@@ -184,14 +241,17 @@ Quat MapReader::rotation(std::string_view key) {
   YamlNode* found = child(key);
   if (!found) return Quat::Identity();
   MapReader reader(*found, path_of(key), *diagnostics_);
-  const Vec3 axis = reader.vector("axis", {Dimension::none, -1e6, 1e6});
+  const Vec3 axis = reader.direction("axis");
   const double angle = reader.number("angle", {Dimension::angle, -100, 100});
   reader.finish();
-  if (axis.norm() < 1e-9) {
-    reader.problem("axis", "a vector of length 0", "a direction");
-    return Quat::Identity();
-  }
-  return Quat(Eigen::AngleAxisd(angle, axis.normalized()));
+  return Quat(Eigen::AngleAxisd(angle, axis));
+}
+
+Vec3 MapReader::direction(std::string_view key) {
+  const Vec3 v = vector(key, {Dimension::none, -1e6, 1e6});
+  if (v.norm() >= 1e-9) return v.normalized();
+  problem(key, "a vector of length 0", "a direction");
+  return Vec3::UnitX();
 }
 
 std::size_t MapReader::choice_index(std::string_view key, const std::vector<std::string_view>& names,
@@ -216,17 +276,29 @@ YamlNode* MapReader::list(std::string_view key, bool required) {
 }
 
 MapReader MapReader::map(std::string_view key) {
-  known_.emplace(key);
-  YamlNode* found = node_->find(key);
-  // A broken parent has said so already; its children hang on a throw-away map.
+  YamlNode* found = child(key);
   if (!found) found = &yaml_put(*node_, std::string(key), yaml_map());
-  return {*found, path_of(key), *diagnostics_};
+  if (!broken_) return {*found, path_of(key), *diagnostics_};
+  // What is wrong with the parent has been said; the child says nothing more.
+  MapReader silent = *this;
+  silent.node_ = found;
+  silent.path_ = path_of(key);
+  silent.known_.clear();
+  return silent;
+}
+
+MapReader MapReader::required_map(std::string_view key, const std::string& need) {
+  if (wanted(key, true, need)) return map(key);
+  MapReader silent = map(key);
+  silent.broken_ = true;
+  return silent;
 }
 
 void MapReader::problem(std::string_view key, std::string got, std::string need) {
   if (broken_) return;
   const YamlNode* found = node_->find(key);
-  diagnostics_->problems.push_back({(found ? *found : *node_).place(), path_of(key), std::move(got), std::move(need)});
+  diagnostics_->problems.push_back(
+      {(found ? *found : *node_).place(), path_of(key), std::move(got), std::move(need)});
 }
 
 void MapReader::warning(std::string_view key, const std::string& text) {
@@ -242,7 +314,8 @@ void MapReader::finish() {
   for (const YamlEntry& entry : node_->entries) {
     if (known_.contains(entry.key)) continue;
     const Place place{entry.value.file ? *entry.value.file : node_->place().file, entry.line, entry.column};
-    diagnostics_->problems.push_back({place, path_of(entry.key), "an unknown key", need_word(entry.key, known)});
+    diagnostics_->problems.push_back(
+        {place, path_of(entry.key), "an unknown key", need_word(entry.key, known)});
   }
 }
 

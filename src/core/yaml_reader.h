@@ -21,9 +21,9 @@ struct Diagnostics {
   std::vector<Problem> problems;
   std::vector<std::string> warnings;
 
-  void throw_if_any() const {
-    if (!problems.empty()) throw Error(problems);
-  }
+  /// @throws Error with all problems; in the order of the files; what is wrong at one place of a file
+  /// that is read twice is said once.
+  void throw_if_any() const;
   /// Keeps the problems of an Error thrown by a part.
   void take(const Error& error) {
     problems.insert(problems.end(), error.problems().begin(), error.problems().end());
@@ -42,9 +42,14 @@ class MapReader {
   /// A number that may be absent.
   std::optional<double> maybe_number(std::string_view key, const Quantity& quantity);
   int integer(std::string_view key, int min, int max, int fallback);
+  /// Any text that is not empty, without control characters but line ends and tabs.
   std::string text(std::string_view key, std::optional<std::string> fallback = {});
+  /// A word that can stand in column heads, paths and other formats: letters, digits, `_` and `-`. Required.
+  std::string name(std::string_view key);
   bool flag(std::string_view key, bool fallback);
   Vec3 vector(std::string_view key, const Quantity& quantity, std::optional<Vec3> fallback = {});
+  /// Three numbers that are not all 0, normalised. Required.
+  Vec3 direction(std::string_view key);
   /// Two numbers, low then high.
   std::optional<std::pair<double, double>> maybe_range(std::string_view key, const Quantity& quantity);
   /// `{axis: [x, y, z], angle: "90 deg"}`; the axis is normalised. Absent: no rotation.
@@ -68,7 +73,12 @@ class MapReader {
   YamlNode* list(std::string_view key, bool required);
   /// A map under this key; absent: an empty one is written, so that its defaults land in the tree.
   MapReader map(std::string_view key);
+  /// A map that must be there; `need` says what it holds. Absent: one problem, and none for what it lacks.
+  MapReader required_map(std::string_view key, const std::string& need);
 
+  /// True while nothing is wrong with what was read since this reader was made: checks that compare values
+  /// hang on it, so that one slip is one message.
+  bool sound() const { return diagnostics_->problems.size() == problems_before_; }
   void problem(std::string_view key, std::string got, std::string need);
   void warning(std::string_view key, const std::string& text);
   /// Dotted path of a key of this map.
@@ -95,6 +105,7 @@ class MapReader {
   YamlNode* node_;
   std::string path_;
   Diagnostics* diagnostics_;
+  std::size_t problems_before_;
   bool broken_ = false;  ///< not a map: said once, nothing else is
   std::set<std::string, std::less<>> known_;
 };

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include "handsim/engine/checks.h"
+
 namespace handsim::engine {
 
 std::vector<Problem> defects(const Settings& settings) {
@@ -16,7 +18,19 @@ std::vector<Problem> defects(const Settings& settings) {
   need(settings.cfm > 0 && settings.cfm <= 1, "cfm", settings.cfm, "above 0, at most 1");
   need(settings.iterations >= 1 && settings.iterations <= kMaxIterations, "iterations", settings.iterations,
        "1 to 100000");
+  need(settings.tolerance >= kMinTolerance && settings.tolerance <= kMaxTolerance, "tolerance",
+       settings.tolerance, "1e-11 to 1e-2");
   return problems;
+}
+
+std::unique_ptr<Engine> make_engine(const model::Model& model, const Settings& settings) {
+  switch (model::engine_of(settings.method)) {
+    case model::EngineKind::ode:
+      return ode::make(model, settings);
+    case model::EngineKind::dae:
+      return dae::make(model, settings);
+  }
+  return nullptr;
 }
 
 }  // namespace handsim::engine

@@ -8,8 +8,8 @@ namespace handsim::hand {
 
 namespace {
 
-constexpr std::array<std::string_view, kHandDimensions> kNames = {"hand_length", "hand_breadth", "palm_length",
-                                                                  "hand_circumference"};
+constexpr std::array<std::string_view, kHandDimensions> kNames = {"hand_length", "hand_breadth",
+                                                                  "palm_length", "hand_circumference"};
 const Quantity kCoefficient = {Dimension::none, -1e3, 1e3};
 
 Allometry read_allometry(MapReader reader) {
@@ -33,17 +33,19 @@ void read_covariance(MapReader& reader, Eigen::Matrix4d& out) {
   for (int i = 0; i < kHandDimensions; ++i)
     for (int j = 0; j < kHandDimensions; ++j) {
       const YamlNode& item = rows->items[static_cast<std::size_t>(i)].items[static_cast<std::size_t>(j)];
-      out(i, j) = read_number(item, fmt::format("{}.{}.{}", reader.path_of(key), i, j), {Dimension::none, -1, 1},
-                              reader.diagnostics())
+      out(i, j) = read_number(item, fmt::format("{}.{}.{}", reader.path_of(key), i, j),
+                              {Dimension::none, -1, 1}, reader.diagnostics())
                       .value_or(i == j ? 1.0 : 0.0);
     }
+  if (!reader.sound()) return;
   const bool valid = out.isApprox(out.transpose()) && out.llt().info() == Eigen::Success;
   if (!valid) reader.problem(key, "a matrix that is no covariance", "a symmetric positive definite matrix");
 }
 
 Fit read_fit(MapReader reader) {
   Fit fit;
-  for (std::size_t i = 0; i < kNames.size(); ++i) fit.dimensions[i] = read_allometry(reader.map(kNames[i]));
+  for (std::size_t i = 0; i < kNames.size(); ++i)
+    fit.dimensions[i] = read_allometry(reader.required_map(kNames[i], "a mapping of coefficients"));
   read_covariance(reader, fit.residual_covariance);
   reader.finish();
   return fit;
@@ -96,14 +98,14 @@ Anthropometry read_anthropometry(YamlNode& node, const std::string& path, Diagno
   out.stature_range = range.maybe_range("stature", {Dimension::length, 0.1, 3}).value_or(std::pair(0.5, 2.5));
   out.mass_range = range.maybe_range("mass", {Dimension::mass, 1, 1000}).value_or(std::pair(2.0, 400.0));
   range.finish();
-  MapReader fits = reader.map("fits");
-  out.by_sex = read_fit(fits.map("by_sex"));
-  out.pooled = read_fit(fits.map("pooled"));
+  MapReader fits = reader.required_map("fits", "a mapping with by_sex and pooled");
+  out.by_sex = read_fit(fits.required_map("by_sex", "a mapping of hand dimensions"));
+  out.pooled = read_fit(fits.required_map("pooled", "a mapping of hand dimensions"));
   fits.finish();
-  MapReader reference = reader.map("reference");
+  MapReader reference = reader.required_map("reference", "a mapping with source, male and female");
   out.reference_source = reference.text("source");
-  out.reference_male = read_shares(reference.map("male"));
-  out.reference_female = read_shares(reference.map("female"));
+  out.reference_male = read_shares(reference.required_map("male", "a mapping of shares"));
+  out.reference_female = read_shares(reference.required_map("female", "a mapping of shares"));
   reference.finish();
   reader.finish();
   return out;
@@ -118,7 +120,8 @@ HandSize hand_size(const Anthropometry& anthropometry, const Person& person) {
   for (std::size_t i = 0; i < given.size(); ++i)
     if (given[i]) residuals[i] = std::log(*given[i]) - means[static_cast<Eigen::Index>(i)];
   if (person.hand_length_percentile)
-    residuals[0] = normal_quantile(0.01 * *person.hand_length_percentile) * std::sqrt(fit.residual_covariance(0, 0));
+    residuals[0] =
+        normal_quantile(0.01 * *person.hand_length_percentile) * std::sqrt(fit.residual_covariance(0, 0));
 
   const Eigen::Vector4d shift = conditional_residuals(fit.residual_covariance, residuals);
   Eigen::Vector4d y;
@@ -132,12 +135,17 @@ HandSize hand_size(const Anthropometry& anthropometry, const Person& person) {
   out.breadth = y[1];
   out.palm_length = y[2];
   out.circumference = y[3];
+  // Measured values have been checked one by one; this is for predictions far outside the survey.
+  for (std::size_t k = 0; k < kNames.size(); ++k)
+    if (const double size = y[static_cast<Eigen::Index>(k)]; !(size > 0.005 && size < 1))
+      throw input_error("person", fmt::format("a body with a predicted {} of {:.4g} m", kNames[k], size),
+                        "a body for which the anthropometry file predicts 0.005 to 1 m");
   out.thickness = stadium_thickness(out.circumference, out.breadth);
   // A hand is flatter than broad, and no hand is a sheet.
   if (!(out.thickness > 0.15 * out.breadth && out.thickness < out.breadth))
     throw input_error("person.hand_circumference",
-                      fmt::format("{:.4g} m around a breadth of {:.4g} m, a hand {:.4g} m thick", out.circumference,
-                                  out.breadth, out.thickness),
+                      fmt::format("{:.4g} m around a breadth of {:.4g} m, a hand {:.4g} m thick",
+                                  out.circumference, out.breadth, out.thickness),
                       fmt::format("a circumference of {:.4g} to {:.4g} m for this breadth",
                                   (2 + 0.15 * (M_PI - 2)) * out.breadth, M_PI * out.breadth));
   return out;

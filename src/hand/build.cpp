@@ -44,7 +44,9 @@ Layout lay_out(const HandSpec& spec, const HandSize& size) {
     out.lengths.push_back(row.length.value(size));
     out.radii.push_back(row.radius.value(size));
     if (out.axis(spec, out.frames.size() - 1) < 1e-5)
-      problems.push_back({row.place, row.name, fmt::format("a length of {:.3g} m with a radius of {:.3g} m", out.lengths.back(), out.radii.back()),
+      problems.push_back({row.place, fmt::format("model.segments.{}.length", out.frames.size() - 1),
+                          fmt::format("a length of {:.3g} m with a radius of {:.3g} m", out.lengths.back(),
+                                      out.radii.back()),
                           "a fingertip longer than its radius"});
   }
   if (!problems.empty()) throw Error(problems);
@@ -90,7 +92,8 @@ void add_segments(BuiltHand& hand, const HandSpec& spec) {
     joint.axes = row.joint.axes;
     joint.parent = row.parent + 1;
     joint.child = static_cast<int>(hand.bodies.size());
-    joint.parent_frame = hand.bodies[static_cast<std::size_t>(joint.parent)].zero_pose.inverse() * layout.frames[i];
+    joint.parent_frame =
+        hand.bodies[static_cast<std::size_t>(joint.parent)].zero_pose.inverse() * layout.frames[i];
     joint.child_frame.p = {0, -0.5 * axis, 0};
     hand.bodies.push_back(body);
     hand.joints.push_back(joint);
@@ -99,7 +102,8 @@ void add_segments(BuiltHand& hand, const HandSpec& spec) {
 }
 
 double volume(const Shape& shape) {
-  return shape.kind == ShapeKind::box ? shape.edges.prod() : capsule_inertia(shape.radius, shape.length).volume;
+  return shape.kind == ShapeKind::box ? shape.edges.prod()
+                                      : capsule_inertia(shape.radius, shape.length).volume;
 }
 
 double share_of(const MassRule& rule, Sex sex) {
@@ -130,7 +134,8 @@ void spread_by_volume(BuiltHand& hand, const HandSpec& spec, const Person& perso
   double total = 0;
   for (const Shape& shape : hand.shapes) total += volume(shape);
   hand.mass = person.hand_mass.value_or(spec.mass.density * total);
-  for (std::size_t i = 0; i < hand.bodies.size(); ++i) hand.bodies[i].mass = hand.mass * volume(hand.shapes[i]) / total;
+  for (std::size_t i = 0; i < hand.bodies.size(); ++i)
+    hand.bodies[i].mass = hand.mass * volume(hand.shapes[i]) / total;
 }
 
 void set_inertias(BuiltHand& hand) {
@@ -335,7 +340,9 @@ WholeHand whole_hand(const BuiltHand& hand) {
     inertia += r * body.inertia * r.transpose() +
                body.mass * (d.squaredNorm() * Mat3::Identity() - d * d.transpose());
   }
-  const auto gyration = [&](int axis) { return std::sqrt(inertia(axis, axis) / hand.mass) / hand.size.length; };
+  const auto gyration = [&](int axis) {
+    return std::sqrt(inertia(axis, axis) / hand.mass) / hand.size.length;
+  };
   out.shares = {out.centre_of_mass.y() / hand.size.length, gyration(2), gyration(0), gyration(1)};
   return out;
 }

@@ -1,5 +1,6 @@
 #include "handsim/hand/hand_spec.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -18,6 +19,9 @@ const std::vector<std::pair<std::string_view, Tint>> kFingers = {{"thumb", Tint:
                                                                  {"little", Tint::little}};
 const std::vector<std::pair<std::string_view, JointKind>> kKinds = {{"hinge", JointKind::hinge},
                                                                     {"universal", JointKind::universal}};
+/// Largest rule: twice a hand dimension, or half a metre.
+constexpr double kMostShares = 2, kMostMetres = 0.5;
+constexpr std::size_t kMostSegments = 100;
 const Quantity kAngle = {Dimension::angle, -M_PI, M_PI};
 const Quantity kShare = {Dimension::none, 0, 1};
 
@@ -41,19 +45,21 @@ std::optional<LengthRule> parse_rule(std::string_view text) {
     const std::string suffix = fmt::format(" {}", unit_of(base));
     if (!text.ends_with(suffix)) continue;
     const std::optional<double> factor = parse_number(text.substr(0, text.size() - suffix.size()));
-    if (factor && std::abs(*factor) <= 10) return LengthRule{*factor, base};
+    if (factor && std::abs(*factor) <= kMostShares) return LengthRule{*factor, base};
     return std::nullopt;
   }
   const std::optional<double> metres = parse_quantity(text, Dimension::length);
-  if (metres && std::abs(*metres) <= 10) return LengthRule{*metres, LengthRule::Base::metre};
+  if (metres && std::abs(*metres) <= kMostMetres) return LengthRule{*metres, LengthRule::Base::metre};
   return std::nullopt;
 }
 
-constexpr std::string_view kRuleNeed = "a length such as \"0.245 HL\" (hand length), \"0.1 HB\" (breadth), "
-                                       "\"1 HT\" (thickness) or \"45 mm\"";
+constexpr std::string_view kRuleNeed =
+    "a length such as \"0.245 HL\" (hand length), \"0.1 HB\" (breadth), "
+    "\"1 HT\" (thickness) or \"45 mm\", at most 2 of these or 0.5 m";
 
 LengthRule read_rule(const YamlNode& node, const std::string& path, bool positive, Diagnostics& diagnostics) {
-  const std::optional<LengthRule> rule = node.kind == YamlNode::Kind::scalar ? parse_rule(node.text) : std::nullopt;
+  const std::optional<LengthRule> rule =
+      node.kind == YamlNode::Kind::scalar ? parse_rule(node.text) : std::nullopt;
   if (rule && (!positive || rule->factor > 0)) return *rule;
   diagnostics.problems.push_back(
       {node.place(), path, node.described(), std::string(kRuleNeed) + (positive ? ", above 0" : "")});
@@ -61,7 +67,8 @@ LengthRule read_rule(const YamlNode& node, const std::string& path, bool positiv
 }
 
 LengthRule read_length(MapReader& reader, std::string_view key) {
-  if (const YamlNode* node = reader.child(key)) return read_rule(*node, reader.path_of(key), true, reader.diagnostics());
+  if (const YamlNode* node = reader.child(key))
+    return read_rule(*node, reader.path_of(key), true, reader.diagnostics());
   reader.problem(key, "nothing", std::string(kRuleNeed));
   return {1, LengthRule::Base::hand_breadth};
 }
@@ -75,18 +82,15 @@ std::optional<std::array<LengthRule, 3>> read_place(MapReader& reader, std::stri
   }
   std::array<LengthRule, 3> out;
   for (std::size_t i = 0; i < 3; ++i)
-    out[i] = read_rule(node->items[i], fmt::format("{}.{}", reader.path_of(key), i), false, reader.diagnostics());
+    out[i] =
+        read_rule(node->items[i], fmt::format("{}.{}", reader.path_of(key), i), false, reader.diagnostics());
   return out;
 }
 
 model::JointAxis read_axis(MapReader reader, std::vector<std::string>& sources) {
   model::JointAxis axis;
-  axis.name = reader.text("name");
-  const Vec3 direction = reader.vector("axis", {Dimension::none, -1e6, 1e6});
-  if (direction.norm() < 1e-9)
-    reader.problem("axis", "a vector of length 0", "a direction");
-  else
-    axis.axis = direction.normalized();
+  axis.name = reader.name("name");
+  axis.axis = reader.direction("axis");
   if (const auto range = reader.maybe_range("range", kAngle)) {
     model::Stop stop{range->first, range->second, 0, 1};
     stop.bounce = reader.number("bounce", kShare, 0.0);
@@ -108,33 +112,50 @@ model::JointAxis read_axis(MapReader reader, std::vector<std::string>& sources) 
   return axis;
 }
 
+/// @param any_kind one axis or two, whatever the joint's kind.
+void check_axes(MapReader& reader, const JointSpec& joint, bool any_kind) {
+  const std::size_t count = joint.axes.size();
+  const auto wanted = static_cast<std::size_t>(model::dof_count(joint.kind));
+  if (any_kind ? count < 1 || count > 2 : count != wanted)
+    return reader.problem("axes", count == 1 ? "one axis" : fmt::format("{} axes", count),
+                          any_kind      ? "one axis or two"
+                          : wanted == 1 ? "one axis for a hinge"
+                                        : "two axes for a universal joint");
+  if (count < 2) return;
+  const double cosine = joint.axes[0].axis.dot(joint.axes[1].axis);
+  if (std::abs(cosine) > 1e-9)
+    reader.problem(
+        "axes", fmt::format("axes {:.9g} deg apart", std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / M_PI),
+        "perpendicular axes");
+  if (joint.axes[0].name == joint.axes[1].name)
+    reader.problem("axes", fmt::format("two axes called {}", joint.axes[0].name),
+                   "a name of its own for each axis");
+}
+
+/// @param kind absent: the file says it as `type`; present (the wrist): one axis or two.
 JointSpec read_joint(MapReader& reader, std::optional<JointKind> kind) {
   JointSpec joint;
-  joint.name = reader.text("name");
-  if (kind) joint.kind = *kind;
-  else joint.kind = reader.choice<JointKind>("type", kKinds);
+  joint.name = reader.name("name");
+  if (kind)
+    joint.kind = *kind;
+  else
+    joint.kind = reader.choice<JointKind>("type", kKinds);
   YamlNode* axes = reader.list("axes", true);
   if (!axes) return joint;
   for (std::size_t i = 0; i < axes->items.size(); ++i)
     joint.axes.push_back(read_axis(
-        MapReader(axes->items[i], fmt::format("{}.{}", reader.path_of("axes"), i), reader.diagnostics()), joint.sources));
+        MapReader(axes->items[i], fmt::format("{}.{}", reader.path_of("axes"), i), reader.diagnostics()),
+        joint.sources));
+  if (reader.sound()) check_axes(reader, joint, kind.has_value());
   return joint;
 }
 
-void check_axes(MapReader& reader, const JointSpec& joint) {
-  const auto wanted = static_cast<std::size_t>(model::dof_count(joint.kind));
-  if (joint.axes.size() != wanted)
-    reader.problem("axes", fmt::format("{} axes", joint.axes.size()),
-                   wanted == 1 ? "one axis for a hinge" : "two axes for a universal joint");
-  else if (wanted == 2 && std::abs(joint.axes[0].axis.dot(joint.axes[1].axis)) > 1e-9)
-    reader.problem("axes", fmt::format("axes {:.3g} deg apart", std::acos(joint.axes[0].axis.dot(joint.axes[1].axis)) * 180 / M_PI),
-                   "perpendicular axes");
-}
-
-MassRule read_mass(MapReader reader) {
+/// Nothing where the rule's kind cannot be told.
+std::optional<MassRule> read_mass(MapReader reader) {
   MassRule rule;
-  rule.kind = reader.choice<MassRule::Kind>("rule", {{"body_mass_share", MassRule::Kind::body_mass_share},
-                                                     {"density", MassRule::Kind::density}});
+  rule.kind = reader.choice<MassRule::Kind>(
+      "rule", {{"body_mass_share", MassRule::Kind::body_mass_share}, {"density", MassRule::Kind::density}});
+  if (!reader.has("rule") || !reader.sound()) return std::nullopt;
   const Quantity share = {Dimension::none, 0, 0.1, true};
   if (rule.kind == MassRule::Kind::body_mass_share) {
     rule.male = reader.number("male", share);
@@ -165,7 +186,7 @@ int find_segment(const std::vector<SegmentSpec>& segments, std::string_view name
 }
 
 void read_parent(MapReader& reader, SegmentSpec& segment, HandSpec& spec) {
-  const std::string parent = reader.text("parent");
+  const std::string parent = reader.name("parent");
   segment.parent = find_segment(spec.segments, parent);
   if (segment.parent != kPalm) {
     spec.segments[static_cast<std::size_t>(segment.parent)].has_child = true;
@@ -173,54 +194,84 @@ void read_parent(MapReader& reader, SegmentSpec& segment, HandSpec& spec) {
     std::vector<std::string> known = {"palm"};
     for (const SegmentSpec& row : spec.segments) known.push_back(row.name);
     const auto near = nearest_word(parent, known);
-    reader.problem("parent", parent, "palm or a segment above this row" + (near ? " (nearest: " + *near + ")" : ""));
+    reader.problem("parent", parent,
+                   "palm or a segment above this row" + (near ? " (nearest: " + *near + ")" : ""));
   }
 }
 
-SegmentSpec read_segment(MapReader reader, HandSpec& spec) {
+/// The joint of a segment; its name may be no other joint's of the hand.
+JointSpec read_segment_joint(MapReader reader, const HandSpec& spec) {
+  JointSpec joint = read_joint(reader, std::nullopt);
+  bool taken = joint.name == spec.wrist.name;
+  for (const SegmentSpec& other : spec.segments) taken = taken || other.joint.name == joint.name;
+  if (taken && !joint.name.empty())
+    reader.problem("name", joint.name + " a second time", "a name of its own for each joint");
+  reader.finish();
+  return joint;
+}
+
+SegmentSpec read_segment(MapReader reader, HandSpec& spec, const std::optional<MassRule>& mass) {
   SegmentSpec segment;
   segment.place = reader.node().place();
-  segment.name = reader.text("name");
-  if (segment.name == "palm" || find_segment(spec.segments, segment.name) != kPalm)
+  segment.name = reader.name("name");
+  const bool taken = segment.name == "palm" || find_segment(spec.segments, segment.name) != kPalm;
+  if (taken && !segment.name.empty())
     reader.problem("name", segment.name + " a second time", "a name of its own for each segment");
   segment.finger = reader.choice<Tint>("finger", kFingers);
   read_parent(reader, segment, spec);
   segment.at = read_place(reader, "at");
-  if (segment.parent == kPalm && !segment.at) reader.problem("at", "nothing", "the joint's place in the palm");
+  if (reader.sound() && segment.parent == kPalm && !segment.at)
+    reader.problem("at", "nothing", "the joint's place in the palm");
   segment.rotation = reader.rotation("rotation");
   segment.length = read_length(reader, "length");
   segment.radius = read_length(reader, "radius");
-  if (spec.mass.kind == MassRule::Kind::body_mass_share)
+  if (!mass)
+    reader.child("mass_share");
+  else if (mass->kind == MassRule::Kind::body_mass_share)
     segment.mass_share = reader.number("mass_share", {Dimension::none, 0, 1, true});
-  MapReader joint = reader.map("joint");
-  segment.joint = read_joint(joint, std::nullopt);
-  check_axes(joint, segment.joint);
-  for (const SegmentSpec& other : spec.segments)
-    if (other.joint.name == segment.joint.name)
-      joint.problem("name", segment.joint.name + " a second time", "a name of its own for each joint");
-  joint.finish();
+  segment.joint =
+      read_segment_joint(reader.required_map("joint", "a mapping with name, type and axes"), spec);
   reader.finish();
   return segment;
 }
 
-void read_segments(MapReader& reader, HandSpec& spec) {
+void read_segments(MapReader& reader, HandSpec& spec, const std::optional<MassRule>& mass) {
   YamlNode* rows = reader.list("segments", true);
   if (!rows) return;
-  if (rows->items.empty()) reader.problem("segments", "an empty list", "at least one segment");
+  if (rows->items.empty() || rows->items.size() > kMostSegments)
+    return reader.problem("segments", rows->described(), fmt::format("1 to {} segments", kMostSegments));
   double shares = 0;
   for (std::size_t i = 0; i < rows->items.size(); ++i) {
-    spec.segments.push_back(
-        read_segment(MapReader(rows->items[i], fmt::format("segments.{}", i), reader.diagnostics()), spec));
+    const std::string path = fmt::format("{}.{}", reader.path_of("segments"), i);
+    spec.segments.push_back(read_segment(MapReader(rows->items[i], path, reader.diagnostics()), spec, mass));
     shares += spec.segments.back().mass_share;
   }
-  if (shares >= 1) reader.problem("segments", fmt::format("mass shares of {:g} in all", shares), "less than 1, the palm has the rest");
+  if (reader.sound() && shares >= 1)
+    reader.problem("segments", fmt::format("mass shares of {:g} in all", shares),
+                   "less than 1, the palm has the rest");
 }
 
 void read_wrist(MapReader reader, HandSpec& spec) {
   spec.wrist = read_joint(reader, JointKind::universal);
   if (spec.wrist.axes.size() == 1) spec.wrist.kind = JointKind::hinge;
-  check_axes(reader, spec.wrist);
   reader.finish();
+}
+
+void read_sources(MapReader& reader, HandSpec& spec) {
+  if (!reader.has("sources")) return;
+  MapReader sources = reader.map("sources");
+  for (const YamlEntry& entry : sources.node().entries) spec.sources[entry.key] = sources.text(entry.key);
+}
+
+void read_anthropometry_of(MapReader& reader, HandSpec& spec) {
+  YamlNode* file = reader.child("anthropometry");
+  if (!file) return reader.problem("anthropometry", "nothing", "the path of an anthropometry file");
+  try {
+    follow_reference(*file, reader.path_of("anthropometry"));
+    spec.anthropometry = read_anthropometry(*file, reader.path_of("anthropometry"), reader.diagnostics());
+  } catch (const Error& error) {
+    reader.diagnostics().take(error);
+  }
 }
 
 }  // namespace
@@ -251,27 +302,19 @@ HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& di
   MapReader reader(node, path, diagnostics);
   HandSpec spec;
   spec.title = reader.text("title", "a hand");
-  if (YamlNode* sources = reader.child("sources"))
-    for (const YamlEntry& entry : sources->entries) spec.sources[entry.key] = entry.value.text;
-  if (YamlNode* file = reader.child("anthropometry")) {
-    try {
-      follow_reference(*file, reader.path_of("anthropometry"));
-      spec.anthropometry = read_anthropometry(*file, reader.path_of("anthropometry"), diagnostics);
-    } catch (const Error& error) {
-      diagnostics.take(error);
-    }
-  } else {
-    reader.problem("anthropometry", "nothing", "the path of an anthropometry file");
-  }
-  spec.mass = read_mass(reader.map("mass"));
-  spec.palm = read_palm(reader.map("palm"));
-  read_wrist(reader.map("wrist"), spec);
+  read_sources(reader, spec);
+  read_anthropometry_of(reader, spec);
+  const std::optional<MassRule> mass =
+      read_mass(reader.required_map("mass", "a mapping with the rule of the hand's mass"));
+  spec.mass = mass.value_or(MassRule{});
+  spec.palm = read_palm(reader.required_map("palm", "a mapping with length, breadth and thickness"));
+  read_wrist(reader.required_map("wrist", "a mapping with name and axes"), spec);
   MapReader skin = reader.map("skin");
   spec.skin.name = "skin";
   spec.skin.friction = skin.number("friction", {Dimension::none, 0, 10}, 0.8);
   spec.skin.restitution = skin.number("restitution", kShare, 0.0);
   skin.finish();
-  read_segments(reader, spec);
+  read_segments(reader, spec, mass);
   reader.finish();
   return spec;
 }

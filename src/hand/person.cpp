@@ -1,11 +1,28 @@
 #include "handsim/hand/person.h"
 
+#include <fmt/format.h>
+
 namespace handsim::hand {
 
 namespace {
 
 const std::vector<std::pair<std::string_view, Sex>> kSexes = {
     {"male", Sex::male}, {"female", Sex::female}, {"unknown", Sex::unknown}};
+
+/// Bodies that no person has, however small or large.
+void check_body(MapReader& reader, const Person& person) {
+  const double index = person.mass / (person.stature * person.stature);
+  if (!(index >= 5 && index <= 150))
+    reader.problem("mass", fmt::format("{:g} kg at {:g} m, {:.3g} kg/m2", person.mass, person.stature, index),
+                   "a body mass index of 5 to 150 kg/m2");
+  if (person.hand_mass && *person.hand_mass > 0.05 * person.mass)
+    reader.problem("hand_mass", fmt::format("{:g} kg of a body of {:g} kg", *person.hand_mass, person.mass),
+                   "at most 5 % of the body");
+  if (person.hand_length && *person.hand_length > 0.25 * person.stature)
+    reader.problem("hand_length",
+                   fmt::format("{:g} m of a stature of {:g} m", *person.hand_length, person.stature),
+                   "at most a quarter of the stature");
+}
 
 }  // namespace
 
@@ -26,9 +43,11 @@ Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnos
   person.hand_breadth = reader.maybe_number("hand_breadth", {Dimension::length, 0.01, 0.3});
   person.hand_circumference = reader.maybe_number("hand_circumference", {Dimension::length, 0.03, 0.8});
   person.hand_mass = reader.maybe_number("hand_mass", {Dimension::mass, 0.005, 5});
-  person.hand_length_percentile = reader.maybe_number("hand_length_percentile", {Dimension::none, 0.01, 99.99});
+  person.hand_length_percentile =
+      reader.maybe_number("hand_length_percentile", {Dimension::none, 0.01, 99.99});
   if (person.hand_length && person.hand_length_percentile)
     reader.problem("hand_length_percentile", "a percentile beside a measured hand_length", "one of the two");
+  if (reader.sound()) check_body(reader, person);
   reader.finish();
   return person;
 }

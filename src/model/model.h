@@ -81,6 +81,7 @@ struct JointAxis {
   std::optional<Stop> stop;
   std::optional<Tissue> tissue;
   double initial = 0;  ///< coordinate at the start [rad] or [m]
+  double torque = 0;   ///< constant, along the coordinate, where actuation is on [N m] or [N]
 };
 
 /// A joint. Frame F is fixed in the parent, M in the child; at zero coordinates they coincide. Hinge:

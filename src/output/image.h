@@ -15,7 +15,7 @@ struct Image {
   std::vector<std::uint8_t> rgb;
 
   const std::uint8_t* pixel(int x, int y) const {
-    return &rgb[static_cast<std::size_t>(3 * (y * width + x))];
+    return &rgb[3 * (static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x))];
   }
 };
 

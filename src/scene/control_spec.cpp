@@ -82,6 +82,7 @@ ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands) 
   if (YamlNode* node = followed(reader, "poses"))
     spec.poses = control::read_pose_file(*node, reader.path_of("poses"), reader.diagnostics());
   spec.programs = read_programs(reader, hands);
+  spec.place = reader.node().place();
   spec.allow_unstable = reader.flag("allow_unstable", false);
   if (hands.empty()) reader.problem("controller", "a scene without hands", "at least one hand to drive");
   reader.finish();
@@ -101,6 +102,11 @@ TrackingCriteria read_tracking_criteria(MapReader& criteria) {
 control::Plan compile_control(const ControlSpec& spec, const std::vector<HandEntry>& hands,
                               const model::Model& model, const model::SolverSettings& solver,
                               Diagnostics& diagnostics) {
+  const bool implicit = spec.controller.form == control::Form::implicit_gain;
+  if (implicit && model::engine_of(solver.method) != model::EngineKind::ode)
+    diagnostics.problems.push_back(
+        {spec.place, "control.controller.form", fmt::format("implicit with {}", model::name(solver.method)),
+         "explicit, or a method of the ode engine, which solves implicit gains within its step"});
   control::PlanInput input;
   input.controller = &spec.controller;
   input.poses = spec.poses ? &*spec.poses : nullptr;

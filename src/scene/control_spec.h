@@ -20,6 +20,7 @@ struct ControlSpec {
   std::optional<control::PoseFile> poses;
   std::vector<control::ProgramChoice> programs;  ///< one for each hand of the scene, in their order
   bool allow_unstable = false;                   ///< lets explicit gains beyond their stability limit run
+  Place place;                                   ///< of the block
 };
 
 /// Limits of the tracking figures; absent ones are measured but not judged.

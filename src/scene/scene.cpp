@@ -67,19 +67,25 @@ void add_ground(model::Model& model, const GroundSpec& ground) {
   model.shapes.push_back(std::move(plane));
 }
 
-/// Who meets whom, as the effects say. Groups: the hands, then objects, then ground, where there are any.
+/// Who meets whom, as the effects say. Groups: the hands, then objects, ground, mechanism, where there are
+/// any.
 void add_contact_rules(model::Model& model, const SceneSpec& spec) {
   const model::Effects& effects = spec.solver.effects;
   const int hands = static_cast<int>(spec.hands.size());
   const int objects = spec.objects.empty() ? 0 : 1;
   const int ground = hands + objects;
+  const int mechanism = ground + (spec.ground ? 1 : 0);
+  const bool has_mechanism = !spec.mechanism.bodies.empty();
   if (effects.has(Effect::self_contact))
     for (int a = 0; a < hands; ++a)
       for (int b = a; b < hands; ++b) model.contact_rules.push_back({a, b});
   if (effects.has(Effect::object_contact))
     for (int a = 0; a <= hands; ++a) model.contact_rules.push_back({a, hands});
+  if (effects.has(Effect::object_contact) && has_mechanism) model.contact_rules.push_back({hands, mechanism});
   if (effects.has(Effect::ground_contact))
     for (int a = 0; a < ground; ++a) model.contact_rules.push_back({a, ground});
+  if (effects.has(Effect::ground_contact) && has_mechanism)
+    model.contact_rules.push_back({ground, mechanism});
 }
 
 void add_hands(model::Model& model, const SceneSpec& spec, Diagnostics& diagnostics) {
@@ -90,11 +96,25 @@ void add_hands(model::Model& model, const SceneSpec& spec, Diagnostics& diagnost
     } catch (const Error& error) {
       // Builders speak of their own keys; put them under this hand.
       for (Problem problem : error.problems()) {
-        if (!problem.place) problem.place = entry.place;
+        if (!problem.place)
+          problem.place = problem.key.starts_with("person") ? entry.person_place : entry.place;
         problem.key = "hands." + std::to_string(i) + "." + problem.key;
         diagnostics.problems.push_back(std::move(problem));
       }
     }
+  }
+}
+
+/// What is wrong with the compiled model stands where the part of the scene stands that it came from.
+void place_defects(std::vector<Problem>& problems, const SceneSpec& spec) {
+  for (Problem& problem : problems) {
+    const auto of = [&](const std::string& name, const Place& place) {
+      if (problem.key == name || problem.key.starts_with(name + ".")) problem.place = place;
+    };
+    for (const HandEntry& hand : spec.hands) of(hand.placement.name, hand.place);
+    for (const ObjectSpec& object : spec.objects) of(object.name, object.place);
+    for (const MechanismJointSpec& joint : spec.mechanism.joints) of(joint.name, joint.place);
+    for (const BodySpec& body : spec.mechanism.bodies) of(body.name, body.place);
   }
 }
 
@@ -114,9 +134,11 @@ Scene compile_scene(YamlNode root) {
       add_object(scene.model, object, static_cast<int>(scene.model.groups.size()) - 1);
   }
   if (scene.spec.ground) add_ground(scene.model, *scene.spec.ground);
+  add_mechanism(scene.model, scene.spec.mechanism);
   diagnostics.throw_if_any();
   add_contact_rules(scene.model, scene.spec);
   diagnostics.problems = model::defects(scene.model);
+  place_defects(diagnostics.problems, scene.spec);
   diagnostics.throw_if_any();
   if (scene.spec.control) {
     scene.control = compile_control(*scene.spec.control, scene.spec.hands, scene.model, scene.spec.solver, diagnostics);
@@ -130,7 +152,15 @@ Scene compile_scene(YamlNode root) {
 
 Scene load_scene(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
   YamlNode root = load_yaml(path);
-  for (const std::string& assignment : overrides) apply_override(root, assignment);
+  Diagnostics diagnostics;
+  for (const std::string& assignment : overrides) {
+    try {
+      apply_override(root, assignment);
+    } catch (const Error& error) {
+      diagnostics.take(error);
+    }
+  }
+  diagnostics.throw_if_any();
   return compile_scene(std::move(root));
 }
 

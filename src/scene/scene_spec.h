@@ -10,6 +10,7 @@
 #include "handsim/hand/build.h"
 #include "handsim/model/solver.h"
 #include "handsim/scene/control_spec.h"
+#include "handsim/scene/mechanism.h"
 
 namespace handsim::scene {
 
@@ -17,18 +18,20 @@ struct HandEntry {
   hand::HandSpec model;
   hand::Person person;
   hand::Placement placement;
-  Place place;  ///< in the file, for problems found later
+  Place place;         ///< in the file, for problems found later
+  Place person_place;  ///< of the person's file or block
 };
 
 struct ObjectSpec {
   std::string name;
-  model::Shape shape;      ///< kind, size and nothing else
-  double mass = 0;         ///< [kg]
-  bool is_static = false;  ///< does not move
-  Pose pose;               ///< X_WO at the start
+  model::Shape shape;                    ///< kind, size and nothing else
+  double mass = 0;                       ///< [kg]
+  bool is_static = false;                ///< does not move
+  Pose pose;                             ///< X_WO at the start
   Vec3 velocity = Vec3::Zero();          ///< [m/s]
   Vec3 angular_velocity = Vec3::Zero();  ///< world axes [rad/s]
   model::Material material;
+  Place place;  ///< in the file, for problems found later
 };
 
 struct GroundSpec {
@@ -67,6 +70,7 @@ struct SceneSpec {
   std::vector<HandEntry> hands;
   std::vector<ObjectSpec> objects;
   std::optional<GroundSpec> ground;
+  MechanismSpec mechanism;
   Vec3 gravity = {0, 0, -9.80665};  ///< [m/s^2]
   model::SolverSettings solver;     ///< with the effects, `auto` resolved
   double duration = 1;              ///< [s]
@@ -76,8 +80,8 @@ struct SceneSpec {
   Criteria criteria;
 };
 
-/// Reads a scene, following its references. Problems go into the diagnostics, and defaults and referenced files
-/// into the tree, which is then the resolved scene.
+/// Reads a scene, following its references. Problems go into the diagnostics, and defaults and referenced
+/// files into the tree, which is then the resolved scene.
 SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics);
 
 }  // namespace handsim::scene

@@ -1,4 +1,5 @@
-// A scene in motion: one engine, stepped and watched. The loop and nothing else: files and pictures are run.h's.
+// A scene in motion: one engine, stepped and watched. The loop and nothing else: files and pictures are
+// run.h's.
 #pragma once
 
 #include <memory>
@@ -37,12 +38,17 @@ class Simulation {
   long step_count() const;
 
  private:
+  void find_constant_torques();
+  engine::StepInput command();
+
   const scene::Scene& scene_;
   std::unique_ptr<engine::Engine> engine_;
   std::optional<control::Controller> controller_;
   std::optional<Tracking> tracking_;
   Monitor monitor_;
   Ledger ledger_;
+  std::vector<double> constant_;  ///< constant torques of the joints; empty where there are none
+  std::vector<double> sum_;       ///< with the controller's
 };
 
 }  // namespace handsim::simulation

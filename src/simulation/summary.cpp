@@ -160,7 +160,7 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
   if (simulation.controller()) out["control"] = control_json(simulation);
   out["ledger"] = {{"phases", ledger_json(ledger.phases())}, {"effects", ledger_json(ledger.effects())}};
   out["solver"] = {{"engine", simulation.engine().version()},
-                   {"method", solver.method == model::Method::world_step ? "world_step" : "quick_step"},
+                   {"method", model::name(solver.method)},
                    {"step_s", solver.step},
                    {"seed", solver.seed}};
   out["versions"] = {{"handsim", HANDSIM_VERSION}, {"engine", simulation.engine().version()}, {"compiler", __VERSION__}};

@@ -246,7 +246,8 @@ double excursion(double proportional, double derivative) {
   return largest;
 }
 
-// Oracle: the engine on both sides of the limit, 3 % away from it: 1 mrad stays small, or grows a hundredfold.
+// Oracle: the engine on both sides of the limit, 3 % away from it: 1 mrad stays small, or grows a
+// hundredfold.
 TEST(Stability, LimitOfExplicitGainsIsWhereTheEngineBlowsUp) {
   const Eigen::MatrixXd inertia = Eigen::MatrixXd::Constant(1, 1, kInertia);
   for (const double a : {1.999, 1.5, 1.0, 0.3}) {  // a = D h / I at the limit, b = K h^2 / I = 4 - 2 a

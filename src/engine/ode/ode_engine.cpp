@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/engine/checks.h"
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/validate.h"
@@ -12,8 +13,6 @@ namespace handsim::engine::ode {
 
 namespace {
 
-constexpr double kUnitTolerance = 1e-6;
-
 std::vector<Problem> all_defects(const model::Model& model, const Settings& settings) {
   std::vector<Problem> problems = defects(settings);
   std::vector<Problem> of_model = model::defects(model);
@@ -21,11 +20,6 @@ std::vector<Problem> all_defects(const model::Model& model, const Settings& sett
   if (of_model.empty()) of_model = contact_defects(model, settings.effects);
   problems.insert(problems.end(), of_model.begin(), of_model.end());
   return problems;
-}
-
-bool finite(const model::BodyState& body) {
-  return body.p.allFinite() && body.v.allFinite() && body.w.allFinite() &&
-         std::abs(body.q.norm() - 1) <= kUnitTolerance;
 }
 
 }  // namespace
@@ -80,23 +74,9 @@ bool OdeEngine::immovable_moved(const model::State& state) const {
   return false;
 }
 
-void OdeEngine::check_state(const model::State& state) const {
-  if (state.bodies.size() != bodies_.size())
-    throw input_error("state", fmt::format("{} bodies", state.bodies.size()),
-                      fmt::format("{}", bodies_.size()));
-  if (!std::isfinite(state.time))
-    throw input_error("state.time", fmt::format("{}", state.time), "a finite time");
-  for (std::size_t i = 0; i < bodies_.size(); ++i)
-    if (!finite(state.bodies[i]))
-      throw input_error("state." + model_.bodies[i].name, "a pose or velocity that is not finite or not unit",
-                        "finite numbers and a unit quaternion");
-  if (state.bodies[model::kWorld].p != Vec3::Zero() || std::abs(state.bodies[model::kWorld].q.w()) != 1)
-    throw input_error("state.world", "a pose away from the origin", "the world at the origin");
-}
-
 void OdeEngine::set_state(const model::State& state) {
   if (failure_) throw Error(*failure_);
-  check_state(state);
+  require_state(model_, state);
   enter_ode();
   try {
     const bool moved = immovable_moved(state);
@@ -118,12 +98,8 @@ std::string OdeEngine::version() const {
 
 std::vector<std::string> OdeEngine::notes() const { return joints_->notes(); }
 
-}  // namespace handsim::engine::ode
-
-namespace handsim::engine {
-
-std::unique_ptr<Engine> make_engine(const model::Model& model, const Settings& settings) {
-  return std::make_unique<ode::OdeEngine>(model, settings);
+std::unique_ptr<Engine> make(const model::Model& model, const Settings& settings) {
+  return std::make_unique<OdeEngine>(model, settings);
 }
 
-}  // namespace handsim::engine
+}  // namespace handsim::engine::ode

@@ -20,10 +20,6 @@
 
 namespace handsim::engine::ode {
 
-/// Faster than this and a body counts as run away.
-inline constexpr double kMaxSpeed = 1e3;         ///< [m/s]
-inline constexpr double kMaxAngularSpeed = 1e5;  ///< [rad/s]
-
 class OdeEngine final : public Engine {
  public:
   /// @throws Error (input); the model must outlive the engine.
@@ -47,11 +43,8 @@ class OdeEngine final : public Engine {
   void build();
   void write(const model::State& state);
   bool immovable_moved(const model::State& state) const;
-  void check_state(const model::State& state) const;
   void prepare(const StepInput& input, StepReport& report);
   void actuate(const StepInput& input);
-  void check_torques(std::span<const double> torques);
-  void check_servos(std::span<const model::Servo> servos);
   void advance();
   void check_bodies(double time);
   void read(double time);

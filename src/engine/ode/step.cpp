@@ -1,9 +1,11 @@
 // One step of the ODE engine: drive, tissue, collide, push, solve, check, read.
+#include <cassert>
 #include <chrono>
 #include <cmath>
 
 #include <fmt/format.h>
 
+#include "handsim/engine/checks.h"
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/ode_engine.h"
 
@@ -18,14 +20,6 @@ double ns_since(Clock::time_point start) {
 }
 
 constexpr const char* kRemedy = "use a smaller step, weaker gains or torques, or a start without overlap";
-
-/// Steps are counted from time zero, so that time neither drifts nor depends on where a run was resumed.
-long long step_number(double time, double step) { return std::llround(time / step); }
-
-double next_time(double time, double step) {
-  const auto n = static_cast<double>(step_number(time, step));
-  return std::abs(time - n * step) <= 1e-6 * step ? (n + 1) * step : time + step;
-}
 
 /// Seed of one step (splitmix64, Steele, Lea & Flood 2014): a function of the run's seed and the step's
 /// number, so that a saved state needs no generator state beside it.
@@ -85,54 +79,12 @@ void OdeEngine::prepare(const StepInput& input, StepReport& report) {
 
 void OdeEngine::actuate(const StepInput& input) {
   if (!input.torques.empty()) {
-    check_torques(input.torques);
+    if (auto fault = torque_fault(model_, state_.time, input.torques)) fail(std::move(*fault));
     joints_->add_torques(input.torques, state_);
   }
-  if (!input.servos.empty()) check_servos(input.servos);
+  if (!input.servos.empty())
+    if (auto fault = servo_fault(model_, settings_, state_.time, input.servos)) fail(std::move(*fault));
   joints_->set_servos(input.servos);
-}
-
-void OdeEngine::check_servos(std::span<const model::Servo> servos) {
-  if (!settings_.effects.has(model::Effect::actuation))
-    throw input_error("servos", "servos without the actuation effect", "actuation among the effects");
-  if (servos.size() != static_cast<std::size_t>(model_.dof_count()))
-    throw input_error("servos", fmt::format("{}", servos.size()),
-                      fmt::format("one for each of {} coordinates", model_.dof_count()));
-  for (const model::Joint& joint : model_.joints)
-    for (int i = 0; i < dof_count(joint.kind); ++i) {
-      const model::Servo& servo = servos[static_cast<std::size_t>(joint.first_dof + i)];
-      if (servo.limit == 0) continue;
-      if (!std::isfinite(servo.error + servo.feed))
-        fail(PhysicsFault{
-            state_.time, joint.name, "servo",
-            fmt::format("coordinate {} has an error of {} and a feed of {}, not finite numbers: check "
-                        "the controller",
-                        i, servo.error, servo.feed)});
-      // Written so that NaN fails.
-      const bool sound = servo.stiffness >= 0 && servo.damping >= 0 && servo.limit > 0 &&
-                         servo.stiffness + servo.damping > 0 &&
-                         std::isfinite(servo.stiffness + servo.damping);
-      if (!sound || joint.axes.empty())
-        throw input_error(
-            "servos." + joint.name,
-            fmt::format("stiffness {:g}, damping {:g}, limit {:g}", servo.stiffness, servo.damping,
-                        servo.limit),
-            "a hinge, universal or slider with gains of 0 or more, not both 0, and a limit of 0 or more");
-    }
-}
-
-void OdeEngine::check_torques(std::span<const double> torques) {
-  if (torques.size() != static_cast<std::size_t>(model_.dof_count()))
-    throw input_error("torques", fmt::format("{}", torques.size()),
-                      fmt::format("one for each of {} coordinates", model_.dof_count()));
-  for (const model::Joint& joint : model_.joints)
-    for (int i = 0; i < dof_count(joint.kind); ++i) {
-      const double torque = torques[static_cast<std::size_t>(joint.first_dof + i)];
-      if (std::isfinite(torque)) continue;
-      fail(PhysicsFault{
-          state_.time, joint.name, "joint torque [N m]",
-          fmt::format("coordinate {} has {}, not a finite number: check the controller", i, torque)});
-    }
 }
 
 void OdeEngine::advance() {
@@ -146,6 +98,12 @@ void OdeEngine::advance() {
       dWorldQuickStep(world, settings_.step);
       return;
     }
+    case Method::stabilised_gear:
+    case Method::lagrange_penalty:
+    case Method::euler_linearised:
+    case Method::euler_projected:
+      assert(false && "a method of another engine");
+      return;
   }
 }
 

@@ -1,0 +1,33 @@
+#include <fmt/format.h>
+
+#include "handsim/app/commands.h"
+#include "handsim/app/progress.h"
+#include "handsim/output/atomic_file.h"
+#include "handsim/study/accuracy_report.h"
+
+namespace handsim::app {
+
+int accuracy_command(const AccuracyArguments& arguments) {
+  const study::AccuracySpec spec = study::load_accuracy(arguments.study);
+  output::make_folder(arguments.out);
+  study::AccuracyResult result;
+  {
+    ProgressBar bar;
+    result = study::run_accuracy(spec, [&bar](double share) { bar.show(share); });
+  }
+  fmt::print("{}\nRMS rate error [{}/s] over the whole run and up to {:g} s; the whole-run figure saturates once the phase is lost.\n\n{}",
+             spec.title, result.unit, spec.early, study::accuracy_table(result, spec.early));
+  const bool plotted = study::write_accuracy(spec, result, arguments.out);
+  fmt::print("\nfiles in {}{}\n", arguments.out.string(), plotted ? "" : " (no plots: gnuplot is missing or failed; accuracy.gp is its script)");
+  if (!arguments.target) return 0;
+  const study::AccuracyRow* row = study::cheapest(result, *arguments.target);
+  if (!row) {
+    fmt::print("no row reaches an error of {:g} {}/s\n", *arguments.target, result.unit);
+    return 1;
+  }
+  fmt::print("cheapest at {:g} {}/s: {} at {:g} ms, error {:.3g}, {:.3g} CPU seconds per simulated second\n", *arguments.target,
+             result.unit, row->method, 1e3 * row->step, row->rate_error, row->cpu_per_second);
+  return 0;
+}
+
+}  // namespace handsim::app

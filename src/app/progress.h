@@ -1,0 +1,39 @@
+// A bar on a terminal for what takes longer than a second; nothing where standard error is no terminal.
+#pragma once
+
+#include <unistd.h>
+
+#include <chrono>
+
+#include <fmt/format.h>
+
+namespace handsim::app {
+
+class ProgressBar {
+ public:
+  ProgressBar() = default;
+  ProgressBar(const ProgressBar&) = delete;
+  ProgressBar& operator=(const ProgressBar&) = delete;
+  ~ProgressBar() {
+    if (drawn_) fmt::print(stderr, "\r{:60}\r", "");
+  }
+
+  /// @param share done, 0..1.
+  void show(double share) {
+    const auto now = std::chrono::steady_clock::now();
+    if (!terminal_ || now - start_ < std::chrono::seconds(1) || now - shown_ < std::chrono::milliseconds(100)) return;
+    shown_ = now;
+    drawn_ = true;
+    constexpr int kWidth = 40;
+    const int full = static_cast<int>(share * kWidth);
+    fmt::print(stderr, "\r[{:#<{}}{:.<{}}] {:3.0f} %", "", full, "", kWidth - full, 100 * share);
+  }
+
+ private:
+  bool terminal_ = isatty(STDERR_FILENO) == 1;
+  bool drawn_ = false;
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+  std::chrono::steady_clock::time_point shown_;
+};
+
+}  // namespace handsim::app

@@ -1,0 +1,72 @@
+#include "handsim/core/text.h"
+
+#include <array>
+
+#include <fmt/format.h>
+
+namespace handsim {
+
+namespace {
+
+bool is_control(unsigned char c) { return c < 0x20 || c == 0x7f; }
+bool is_continuation(unsigned char c) { return (c & 0xc0U) == 0x80; }
+
+/// Bytes of the UTF-8 character at the front, 0 where there is none.
+std::size_t character_size(std::string_view text) {
+  struct Form {
+    unsigned char mask, lead;
+    std::size_t size;
+    unsigned long least;  ///< smaller code points have a shorter form
+  };
+  constexpr std::array<Form, 4> kForms = {
+      {{0x80, 0x00, 1, 0}, {0xe0, 0xc0, 2, 0x80}, {0xf0, 0xe0, 3, 0x800}, {0xf8, 0xf0, 4, 0x10000}}};
+  const auto first = static_cast<unsigned char>(text.front());
+  for (const Form& form : kForms) {
+    if ((first & form.mask) != form.lead) continue;
+    if (text.size() < form.size) return 0;
+    unsigned long code = first & static_cast<unsigned char>(~form.mask);
+    for (const char c : text.substr(1, form.size - 1)) {
+      if (!is_continuation(static_cast<unsigned char>(c))) return 0;
+      code = (code << 6U) | (static_cast<unsigned char>(c) & 0x3fU);
+    }
+    const bool surrogate = code >= 0xd800 && code <= 0xdfff;
+    return code < form.least || code > 0x10ffff || surrogate ? 0 : form.size;
+  }
+  return 0;
+}
+
+}  // namespace
+
+std::optional<BadByte> find_bad_byte(std::string_view text) {
+  for (std::size_t at = 0; at < text.size();) {
+    const auto c = static_cast<unsigned char>(text[at]);
+    if (is_control(c) && c != '\t' && c != '\n' && c != '\r')
+      return BadByte{at, fmt::format("the control character 0x{:02x}", c)};
+    const std::size_t size = character_size(text.substr(at));
+    if (size == 0) return BadByte{at, fmt::format("the byte 0x{:02x}, which is no UTF-8", c)};
+    at += size;
+  }
+  return std::nullopt;
+}
+
+std::string printable(std::string_view text, std::size_t limit) {
+  const bool cut = text.size() > limit;
+  if (cut) {
+    while (limit > 0 && is_continuation(static_cast<unsigned char>(text[limit]))) --limit;
+    text = text.substr(0, limit);
+  }
+  std::string out;
+  for (const char c : text) {
+    if (c == '\n')
+      out += "\\n";
+    else if (c == '\t')
+      out += "\\t";
+    else if (is_control(static_cast<unsigned char>(c)))
+      out += fmt::format("\\x{:02x}", static_cast<unsigned char>(c));
+    else
+      out += c;
+  }
+  return cut ? out + "..." : out;
+}
+
+}  // namespace handsim

@@ -1,0 +1,26 @@
+// Bytes from files and command lines into text that is safe to keep and to print: finds what is no UTF-8
+// text, and writes messages' parts without control characters. Knows nothing of YAML.
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <string_view>
+
+namespace handsim {
+
+/// The first byte that is no text, with what to say of it.
+struct BadByte {
+  std::size_t at = 0;
+  std::string what;  ///< e.g. `the byte 0xff, which is no UTF-8`
+};
+
+/// First byte that is not part of valid UTF-8 (RFC 3629), or is a control character other than tab and line
+/// ends.
+std::optional<BadByte> find_bad_byte(std::string_view text);
+
+/// The text on one line: control characters as `\n`, `\t` or `\x1b`; cut after `limit` bytes, never within a
+/// character, with `...`.
+std::string printable(std::string_view text, std::size_t limit = 60);
+
+}  // namespace handsim

@@ -1,0 +1,81 @@
+// References between files and `--set`: what changes a tree before it is read.
+#include <fmt/format.h>
+
+#include "handsim/core/units.h"
+#include "handsim/core/yaml.h"
+
+namespace handsim {
+
+namespace {
+
+std::filesystem::path path_beside(const YamlNode& node) {
+  return (std::filesystem::path(node.place().file).parent_path() / node.text).lexically_normal();
+}
+
+bool names_file(const YamlNode& node) {
+  std::error_code failure;
+  return node.kind == YamlNode::Kind::scalar && std::filesystem::is_regular_file(path_beside(node), failure);
+}
+
+YamlNode& item_for_override(YamlNode& list, const std::string& part, const std::string& path) {
+  const bool digits = part.find_first_not_of("0123456789") == std::string::npos;
+  const std::optional<double> index = digits ? parse_number(part) : std::nullopt;
+  if (index && *index < static_cast<double>(list.items.size()))
+    return list.items[static_cast<std::size_t>(*index)];
+  throw input_error(
+      "--set " + path, fmt::format("\"{}\" for a list of {}", part, list.items.size()),
+      list.items.empty() ? "a list with items" : fmt::format("an index from 0 to {}", list.items.size() - 1));
+}
+
+/// The step of an override's path from a node to its child, made where a map lacks it.
+YamlNode& child_for_override(YamlNode& node, const std::string& part, const std::string& path) {
+  if (node.kind == YamlNode::Kind::null) node.kind = YamlNode::Kind::map;
+  if (node.kind == YamlNode::Kind::sequence) return item_for_override(node, part, path);
+  if (node.kind != YamlNode::Kind::map)
+    throw input_error("--set " + path, fmt::format("\"{}\" within {}", part, node.described()),
+                      "a path through mappings and lists");
+  if (YamlNode* found = node.find(part)) return *found;
+  YamlNode fresh;
+  fresh.file = std::make_shared<const std::string>("--set " + path);
+  return yaml_put(node, part, std::move(fresh));
+}
+
+std::vector<std::string> parts_of(const std::string& path) {
+  std::vector<std::string> parts(1);
+  for (const char c : path) {
+    if (c == '.')
+      parts.emplace_back();
+    else
+      parts.back() += c;
+  }
+  for (const std::string& part : parts)
+    if (part.empty())
+      throw input_error("--set", fmt::format("\"{}\"", path), "a path of keys with single dots between them");
+  return parts;
+}
+
+}  // namespace
+
+void follow_reference(YamlNode& node, const std::string& key) {
+  if (node.kind != YamlNode::Kind::scalar) return;
+  if (!names_file(node))
+    throw Error(std::vector<Problem>{
+        {node.place(), key, node.described() + ", which is no file", "the path of a YAML file, relative to this file"}});
+  node = load_yaml(path_beside(node));
+}
+
+void apply_override(YamlNode& root, std::string_view assignment) {
+  const std::size_t equals = assignment.find('=');
+  if (equals == std::string_view::npos || equals == 0)
+    throw input_error("--set", fmt::format("\"{}\"", assignment), "key.path=value");
+  const std::string path(assignment.substr(0, equals));
+  YamlNode* node = &root;
+  for (const std::string& part : parts_of(path)) {
+    // Any other text on the way is no file to be followed, and child_for_override() says so.
+    if (names_file(*node)) follow_reference(*node, path);
+    node = &child_for_override(*node, part, path);
+  }
+  *node = parse_yaml(std::string(assignment.substr(equals + 1)), "--set " + path);
+}
+
+}  // namespace handsim

@@ -1,0 +1,34 @@
+// What every engine checks and counts the same way: times of steps, torques, states handed in, and the
+// factories that make_engine chooses from. No types of any engine.
+#pragma once
+
+#include "handsim/engine/engine.h"
+
+namespace handsim::engine {
+
+/// Steps are counted from time zero, so that time neither drifts nor depends on where a run was resumed.
+long long step_number(double time, double step);
+/// End [s] of the step that starts at a time [s].
+double next_time(double time, double step);
+
+/// @throws Error (input) for a wrong number of torques.
+/// Returns the fault of the first torque that is not finite.
+std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
+                                         std::span<const double> torques);
+
+/// @throws Error (input) for a wrong number of servos, servos without actuation, negative gains or limits.
+/// Returns the fault of the first servo with an error or feed that is not finite.
+std::optional<PhysicsFault> servo_fault(const model::Model& model, const Settings& settings, double time,
+                                        std::span<const model::Servo> servos);
+
+/// @throws Error (input) for a state of another model, with non-finite numbers or a moved world.
+void require_state(const model::Model& model, const model::State& state);
+
+namespace ode {
+std::unique_ptr<Engine> make(const model::Model& model, const Settings& settings);
+}
+namespace dae {
+std::unique_ptr<Engine> make(const model::Model& model, const Settings& settings);
+}
+
+}  // namespace handsim::engine

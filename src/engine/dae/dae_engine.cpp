@@ -1,0 +1,160 @@
+#include "handsim/engine/dae/dae_engine.h"
+
+#include <fmt/format.h>
+#include <sundials/sundials_version.h>
+
+#include "handsim/engine/checks.h"
+#include "handsim/engine/dae/euler.h"
+#include "handsim/engine/dae/gear.h"
+#include "handsim/engine/dae/penalty.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/model/validate.h"
+
+namespace handsim::engine::dae {
+
+namespace {
+
+/// A start whose joints are further apart than this is said to have been moved [m].
+constexpr double kMovedGap = 1e-9;
+
+bool has_stops(const model::Model& model) {
+  for (const model::Joint& joint : model.joints)
+    for (const model::JointAxis& axis : joint.axes)
+      if (axis.stop) return true;
+  return false;
+}
+
+std::vector<Problem> all_defects(const model::Model& model, const Settings& settings) {
+  std::vector<Problem> problems = defects(settings);
+  const std::vector<Problem> of_model = model::defects(model);
+  problems.insert(problems.end(), of_model.begin(), of_model.end());
+  const auto refuse = [&](model::Effect effect) {
+    if (settings.effects.has(effect))
+      problems.push_back({std::nullopt, "effects", std::string(name(effect)),
+                          fmt::format("smooth motion for {}: leave the effect out, or use engine ode",
+                                      name(settings.method))});
+  };
+  refuse(model::Effect::object_contact);
+  refuse(model::Effect::self_contact);
+  refuse(model::Effect::ground_contact);
+  if (has_stops(model)) refuse(model::Effect::joint_stops);
+  return problems;
+}
+
+const model::Model& checked(const model::Model& model, const Settings& settings) {
+  std::vector<Problem> problems = all_defects(model, settings);
+  if (!problems.empty()) throw Error(std::move(problems));
+  return model;
+}
+
+}  // namespace
+
+std::unique_ptr<Integrator> make_integrator(System system, const Settings& settings) {
+  switch (settings.method) {
+    case Method::stabilised_gear:
+      return std::make_unique<Gear>(std::move(system), settings);
+    case Method::lagrange_penalty:
+      return std::make_unique<Penalty>(std::move(system));
+    case Method::euler_linearised:
+    case Method::euler_projected:
+      return std::make_unique<Euler>(std::move(system), settings);
+    case Method::world_step:
+    case Method::quick_step:
+      break;
+  }
+  throw input_error("solver.method", std::string(name(settings.method)), "a method of engine dae");
+}
+
+DaeEngine::DaeEngine(const model::Model& model, const Settings& settings)
+    : model_(checked(model, settings)), settings_(settings), told_(model, settings, {}, {}) {
+  for (System& island : islands(model, settings))
+    islands_.push_back(make_integrator(std::move(island), settings));
+  state_ = model::initial_state(model);
+  double gap = 0;
+  for (const model::Joint& joint : model.joints) gap = std::max(gap, model::joint_gap(joint, state_));
+  try {
+    start(state_);
+  } catch (const Error& error) {
+    throw input_error("model", error.what(), "joints that can all be closed at the start");
+  }
+  if (gap > kMovedGap && settings.method != Method::euler_linearised)
+    notes_.push_back(fmt::format("the start was moved to close a joint gap of {:g} m", gap));
+}
+
+void DaeEngine::drive(double time, model::KeySide side, model::State& state) const {
+  told_.place_driven(time, side, state);
+}
+
+/// Takes a state over, moved onto the joints; what no drive moves among kinematic bodies stands still.
+void DaeEngine::start(const model::State& state) {
+  model::State next = state;
+  for (std::size_t i = 0; i < next.bodies.size(); ++i)
+    if (model_.bodies[i].kinematic) next.bodies[i].v = next.bodies[i].w = Vec3::Zero();
+  drive(next.time, model::KeySide::after, next);
+  for (const auto& island : islands_) island->start(next);
+  state_ = std::move(next);
+}
+
+StepReport DaeEngine::step(const StepInput& input) {
+  if (failure_) throw Error(*failure_);
+  if (!input.servos.empty())
+    throw input_error("servos", "servo drives on the dae engine", "torques (form: explicit), or the ode engine");
+  if (!input.torques.empty())
+    if (auto fault = torque_fault(model_, state_.time, input.torques)) fail(Error(std::move(*fault)));
+  const double end = next_time(state_.time, settings_.step);
+  model::State next = state_;
+  try {
+    for (const auto& island : islands_) island->advance(input.torques, end, next);
+    next.time = end;
+    drive(end, model::KeySide::before, next);
+    check_bodies(next);
+  } catch (const Error& error) {
+    fail(error);
+  }
+  state_ = std::move(next);
+  return {};
+}
+
+void DaeEngine::check_bodies(const model::State& state) const {
+  for (std::size_t i = 0; i < state.bodies.size(); ++i) {
+    // Written so that NaN fails.
+    const model::BodyState& body = state.bodies[i];
+    const bool slow = body.v.norm() <= kMaxSpeed;
+    if (slow && body.w.norm() <= kMaxAngularSpeed && body.p.allFinite() && body.q.coeffs().allFinite())
+      continue;
+    throw Error(
+        PhysicsFault{state.time, model_.bodies[i].name, slow ? "angular speed [rad/s]" : "speed [m/s]",
+                     fmt::format("{:g} is beyond {:g}: use a smaller step or weaker torques",
+                                 slow ? body.w.norm() : body.v.norm(), slow ? kMaxAngularSpeed : kMaxSpeed)});
+  }
+}
+
+void DaeEngine::fail(const Error& error) {
+  failure_.emplace(error);
+  throw Error(error);
+}
+
+void DaeEngine::set_state(const model::State& state) {
+  if (failure_) throw Error(*failure_);
+  require_state(model_, state);
+  try {
+    start(state);
+  } catch (const Error& error) {
+    // Nothing is taken over: back to where the engine stood.
+    start(model::State(state_));
+    throw input_error("state", error.what(), "joints that can all be closed");
+  }
+}
+
+std::string DaeEngine::version() const {
+  char text[32] = {};
+  SUNDIALSGetVersion(text, sizeof text);
+  return fmt::format("dae (SUNDIALS {}, Eigen {}.{}.{})", text, EIGEN_WORLD_VERSION, EIGEN_MAJOR_VERSION,
+                     EIGEN_MINOR_VERSION);
+}
+
+std::unique_ptr<Engine> make(const model::Model& model, const Settings& settings) {
+  return std::make_unique<DaeEngine>(model, settings);
+}
+
+}  // namespace handsim::engine::dae

@@ -1,0 +1,135 @@
+#include "handsim/engine/dae/gear.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "handsim/engine/dae/projection.h"
+
+namespace handsim::engine::dae {
+
+namespace {
+
+/// Errors of single steps add up over a run: each is held to this share of the tolerance.
+constexpr double kStepShare = 0.005;
+/// Multipliers take no part in error tests; their impulses [N s] only have to be of some size.
+constexpr double kMultiplierTolerance = 1e3;
+/// The rows in use are chosen anew once they are this much less independent than the best ones.
+constexpr double kWornRows = 0.05;
+
+}  // namespace
+
+Gear::Gear(System system, const Settings& settings)
+    : system_(std::move(system)), tolerance_(settings.tolerance) {}
+
+void Gear::start(model::State& state) {
+  project_positions(system_, state);
+  project_velocities(system_, state);
+  ida_.reset();
+}
+
+void Gear::restart(const model::State& state) {
+  scratch_ = state;
+  system_.place_driven(state.time, model::KeySide::after, scratch_);
+  // A drive that sets off with a jerk takes the joints along at once.
+  project_velocities(system_, scratch_);
+  rows_ = independent_rows(system_, scratch_, weakest_);
+  const Accelerations start = accelerations(system_, scratch_, torques_, rows_);
+  const Vector x = system_.positions(scratch_), u = system_.velocities(scratch_);
+  const Index m = static_cast<Index>(rows_.size()), motion = x.size() + u.size();
+  Vector y = Vector::Zero(motion + 2 * m), slope = Vector::Zero(motion + 2 * m);
+  y << x, u, Vector::Zero(2 * m);
+  slope << system_.position_rates(x, u), start.acceleration, start.multipliers, Vector::Zero(m);
+  IdaProblem problem;
+  problem.residual = [this](double t, const Vector& at, const Vector& moving, Vector& out) {
+    residual(t, at, moving, out);
+  };
+  problem.relative = kStepShare * tolerance_;
+  problem.absolute = Vector::Constant(y.size(), kStepShare * tolerance_);
+  problem.absolute.tail(2 * m).setConstant(kMultiplierTolerance);
+  problem.differential = Vector::Ones(y.size());
+  problem.differential.tail(2 * m).setZero();
+  limit_ = system_.next_key(state.time);
+  ida_ = std::make_unique<Ida>(std::move(problem), state.time, y, slope);
+}
+
+void Gear::advance(std::span<const double> torques, double end, model::State& state) {
+  if (!std::equal(torques.begin(), torques.end(), torques_.begin(), torques_.end())) {
+    torques_.assign(torques.begin(), torques.end());
+    ida_.reset();
+  }
+  model::State now = state;
+  try {
+    if (!ida_) restart(now);
+    for (; limit_ <= end; restart(now))
+      read(ida_->advance(limit_, limit_), limit_, model::KeySide::before, now);
+    if (now.time < end) read(ida_->advance(end, limit_), end, model::KeySide::before, now);
+  } catch (const IdaFailure& failure) {
+    fail(failure);
+  }
+  system_.copy_bodies(now, state);
+  if (independence(system_, now, rows_) < kWornRows * weakest_) ida_.reset();
+}
+
+void Gear::read(const Vector& y, double time, model::KeySide side, model::State& state) const {
+  const Index positions = kPoseSize * system_.body_count();
+  state.time = time;
+  system_.place_driven(time, side, state);
+  system_.set_positions(y.head(positions), state);
+  system_.set_velocities(y.segment(positions, kTwistSize * system_.body_count()), state);
+  // The solution is interpolated between steps and good to the tolerance; joints are to be whole.
+  project_positions(system_, state);
+  project_velocities(system_, state);
+}
+
+Vector Gear::joint_force(const Vector& multipliers) const {
+  Vector out = Vector::Zero(kTwistSize * system_.body_count());
+  for (Index i = 0; i < multipliers.size(); ++i)
+    system_.add_transposed(scratch_rows_[static_cast<std::size_t>(rows_[static_cast<std::size_t>(i)])],
+                           multipliers[i], scratch_, out);
+  return out;
+}
+
+void Gear::residual(double t, const Vector& y, const Vector& slope, Vector& out) {
+  const Index nx = kPoseSize * system_.body_count(), nu = kTwistSize * system_.body_count();
+  const Index m = static_cast<Index>(rows_.size());
+  const Vector x = y.head(nx), u = y.segment(nx, nu);
+  system_.place_driven(t, t >= limit_ ? model::KeySide::before : model::KeySide::after, scratch_);
+  system_.set_positions(x, scratch_);
+  system_.set_velocities(u, scratch_);
+  system_.constraints(scratch_, scratch_rows_);
+  const Vector correction = system_.over_mass(joint_force(slope.tail(m)));
+  out.head(nx) = slope.head(nx) - system_.position_rates(x, u + correction);
+  out.segment(nx, nu) = slope.segment(nx, nu) - system_.over_mass(system_.all_forces(scratch_, torques_) -
+                                                                  joint_force(slope.segment(nx + nu, m)));
+  for (Index i = 0; i < m; ++i) {
+    const Row& row = scratch_rows_[static_cast<std::size_t>(rows_[static_cast<std::size_t>(i)])];
+    out[nx + nu + i] = row.value;
+    out[nx + nu + m + i] = rate(row, scratch_);
+  }
+}
+
+void Gear::fail(const IdaFailure& failure) const {
+  const Index nx = kPoseSize * system_.body_count(), nu = kTwistSize * system_.body_count();
+  const Index m = static_cast<Index>(rows_.size());
+  std::string where, quantity;
+  if (failure.worst < nx + nu) {
+    const bool position = failure.worst < nx;
+    const Index size = position ? kPoseSize : kTwistSize;
+    const Index within = position ? failure.worst : failure.worst - nx;
+    where = system_.body_name(within / size);
+    const bool linear = within % size < 3;
+    quantity = position ? (linear ? "position [m]" : "rotation")
+                        : (linear ? "velocity [m/s]" : "angular velocity [rad/s]");
+  } else {
+    where = system_.joint_of_row(rows_[static_cast<std::size_t>((failure.worst - nx - nu) % m)]).name;
+    quantity = "joint force [N or N m]";
+  }
+  throw Error(
+      PhysicsFault{failure.time, where, quantity,
+                   fmt::format("IDA cannot go on at tolerance {:g} ({}): the motion diverges or is not "
+                               "smooth, or the tolerance is too tight",
+                               tolerance_, failure.reason)});
+}
+
+}  // namespace handsim::engine::dae

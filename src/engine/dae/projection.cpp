@@ -1,0 +1,155 @@
+#include "handsim/engine/dae/projection.h"
+
+#include <cmath>
+
+#include <fmt/format.h>
+
+namespace handsim::engine::dae {
+
+namespace {
+
+constexpr int kMaxIterations = 50;
+/// Rows whose independent part is smaller than this, relative to the largest, count as redundant.
+constexpr double kRankThreshold = 1e-8;
+
+using Decomposition = Eigen::CompleteOrthogonalDecomposition<Matrix>;
+
+Decomposition decompose(const Matrix& jacobian) {
+  Decomposition out;
+  out.setThreshold(kRankThreshold);
+  out.compute(jacobian);
+  return out;
+}
+
+Vector values(const std::vector<Row>& rows) {
+  Vector out(static_cast<Index>(rows.size()));
+  for (Index i = 0; i < out.size(); ++i) out[i] = rows[static_cast<std::size_t>(i)].value;
+  return out;
+}
+
+Vector rates(const std::vector<Row>& rows, const model::State& state) {
+  Vector out(static_cast<Index>(rows.size()));
+  for (Index i = 0; i < out.size(); ++i) out[i] = rate(rows[static_cast<std::size_t>(i)], state);
+  return out;
+}
+
+/// Rounding grows with the coordinates.
+double whole(const System& system, const model::State& state) {
+  return kWhole * std::max(1.0, system.positions(state).cwiseAbs().maxCoeff());
+}
+
+[[noreturn]] void stays_apart(const System& system, const model::State& state, const Vector& error) {
+  Index worst = 0;
+  const double value = error.cwiseAbs().maxCoeff(&worst);
+  throw Error(PhysicsFault{
+      state.time, system.joint_of_row(worst).name, "joint gap [m or rad]",
+      fmt::format("{:g} is left and cannot be closed: the joints contradict each other here, or the step is "
+                  "too large",
+                  value)});
+}
+
+/// d(G u + g_t)/dt at constant u: by how much the rates would change without accelerations. Central
+/// difference along the motion; its error is (turning speed x interval)^2 of the value.
+Vector rate_drift(const System& system, const model::State& state, const Vector& u,
+                  const std::vector<Index>& rows) {
+  const double interval = 1e-4 / (1 + u.cwiseAbs().maxCoeff());
+  const auto rates_at = [&](double shift) {
+    model::State moved = state;
+    // Just after the state's time, also at a keyframe: drives have no accelerations to remember.
+    system.place_driven(state.time + shift, model::KeySide::after, moved);
+    system.displace(shift * u, moved);
+    system.set_velocities(u, moved);
+    std::vector<Row> all;
+    system.constraints(moved, all);
+    Vector out(static_cast<Index>(rows.size()));
+    for (Index i = 0; i < out.size(); ++i)
+      out[i] = rate(all[static_cast<std::size_t>(rows[static_cast<std::size_t>(i)])], moved);
+    return out;
+  };
+  // One-sided of second order, so that only what comes after the state counts.
+  return (4 * rates_at(interval) - 3 * rates_at(0) - rates_at(2 * interval)) / (2 * interval);
+}
+
+Matrix scaled_jacobian(const System& system, const model::State& state) {
+  std::vector<Row> rows;
+  system.constraints(state, rows);
+  return system.scaled(system.jacobian(rows, state));
+}
+
+/// Rows of a matrix, each made of length 1: units of different rows do not compare.
+Matrix unit_rows(Matrix matrix) {
+  for (Index i = 0; i < matrix.rows(); ++i) matrix.row(i).normalize();
+  return matrix;
+}
+
+}  // namespace
+
+void project_positions(const System& system, model::State& state) {
+  if (system.constraint_count() == 0) return;
+  std::vector<Row> rows;
+  double last = INFINITY;
+  for (int i = 0; i < kMaxIterations; ++i) {
+    system.constraints(state, rows);
+    const Vector error = values(rows);
+    const double largest = error.cwiseAbs().maxCoeff();
+    if (largest <= whole(system, state)) return;
+    // Written so that NaN fails. Slow progress from afar is fine, none near the end is not.
+    if (!(largest < last || i < kMaxIterations / 2)) stays_apart(system, state, error);
+    last = largest;
+    const Matrix scaled = system.scaled(system.jacobian(rows, state));
+    system.displace(system.from_scaled(decompose(scaled).solve(-error)), state);
+  }
+  system.constraints(state, rows);
+  stays_apart(system, state, values(rows));
+}
+
+void project_velocities(const System& system, model::State& state) {
+  if (system.constraint_count() == 0) return;
+  std::vector<Row> rows;
+  system.constraints(state, rows);
+  const Decomposition scaled = decompose(system.scaled(system.jacobian(rows, state)));
+  // Twice, for the last digits.
+  for (int i = 0; i < 2; ++i)
+    system.set_velocities(system.velocities(state) - system.from_scaled(scaled.solve(rates(rows, state))),
+                          state);
+}
+
+Accelerations accelerations(const System& system, const model::State& state, std::span<const double> torques,
+                            const std::vector<Index>& rows) {
+  Accelerations out;
+  out.acceleration = system.over_mass(system.all_forces(state, torques));
+  out.multipliers = Vector::Zero(static_cast<Index>(rows.size()));
+  if (rows.empty()) return out;
+  std::vector<Row> all;
+  system.constraints(state, all);
+  const Matrix jacobian = system.jacobian(all, state)(rows, Eigen::all);
+  const Matrix scaled = system.scaled(jacobian);
+  const Vector missing =
+      -rate_drift(system, state, system.velocities(state), rows) - jacobian * out.acceleration;
+  // z is what the joints add in scaled accelerations, and the multipliers make it: W^T lambda = -z.
+  const Vector z = decompose(scaled).solve(missing);
+  out.acceleration += system.from_scaled(z);
+  out.multipliers = -Matrix(scaled.transpose()).colPivHouseholderQr().solve(z);
+  return out;
+}
+
+std::vector<Index> independent_rows(const System& system, const model::State& state, double& weakest) {
+  weakest = 1;
+  if (system.constraint_count() == 0) return {};
+  Eigen::ColPivHouseholderQR<Matrix> qr;
+  qr.setThreshold(kRankThreshold);
+  qr.compute(unit_rows(scaled_jacobian(system, state)).transpose());
+  std::vector<Index> out;
+  for (Index i = 0; i < qr.rank(); ++i) out.push_back(qr.colsPermutation().indices()[i]);
+  weakest = std::abs(qr.matrixR()(qr.rank() - 1, qr.rank() - 1));
+  return out;
+}
+
+double independence(const System& system, const model::State& state, const std::vector<Index>& rows) {
+  if (rows.empty()) return 1;
+  const Matrix chosen = unit_rows(scaled_jacobian(system, state)(rows, Eigen::all));
+  const Eigen::ColPivHouseholderQR<Matrix> qr(chosen.transpose());
+  return std::abs(qr.matrixR()(chosen.rows() - 1, chosen.rows() - 1));
+}
+
+}  // namespace handsim::engine::dae

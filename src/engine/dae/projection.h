@@ -1,0 +1,37 @@
+// Back onto the constraints: the nearest positions (in the metric of the masses) at which every joint is
+// whole, the nearest velocities that keep it so, and the accelerations that go with them. Least squares,
+// so redundant constraints are welcome as long as they agree.
+#pragma once
+
+#include "handsim/engine/dae/system.h"
+
+namespace handsim::engine::dae {
+
+/// Largest constraint error [m, or 1] that counts as whole.
+inline constexpr double kWhole = 1e-13;
+
+/// Moves the island's bodies until every constraint error is below kWhole of the largest coordinate or 1.
+/// @throws Error (physics) naming the joint that stays apart.
+void project_positions(const System& system, model::State& state);
+
+/// Changes the velocities as an impulse would until no constraint error grows.
+void project_velocities(const System& system, model::State& state);
+
+/// What the joints make of the forces.
+struct Accelerations {
+  Vector acceleration;  ///< u', 6 per body
+  Vector multipliers;   ///< of the rows in `rows` [N or N m]
+};
+
+/// Accelerations at a state that satisfies the constraints. @param rows which constraint rows hold the
+/// joints, independent of each other.
+Accelerations accelerations(const System& system, const model::State& state, std::span<const double> torques,
+                            const std::vector<Index>& rows);
+
+/// Constraint rows that are independent of each other and that all others follow from, best first.
+/// @param weakest set to how independent the last one is, relative to the first (1: entirely)
+std::vector<Index> independent_rows(const System& system, const model::State& state, double& weakest);
+/// How independent given rows are at another state, on the same scale.
+double independence(const System& system, const model::State& state, const std::vector<Index>& rows);
+
+}  // namespace handsim::engine::dae

@@ -1,0 +1,122 @@
+#include "handsim/engine/dae/rows.h"
+
+namespace handsim::engine::dae {
+
+namespace {
+
+using model::JointKind;
+
+/// Both sides of a joint in world axes.
+struct Sides {
+  int parent, child;
+  Quat q_WF, q_WM;
+  Vec3 r_parent, r_child;  ///< from the centres of mass to the anchors
+  Vec3 gap;                ///< from the parent's anchor to the child's
+
+  Sides(const model::Joint& joint, const model::State& state) : parent(joint.parent), child(joint.child) {
+    const model::BodyState& p = state.bodies[static_cast<std::size_t>(parent)];
+    const model::BodyState& c = state.bodies[static_cast<std::size_t>(child)];
+    q_WF = p.q * joint.parent_frame.q;
+    q_WM = c.q * joint.child_frame.q;
+    r_parent = p.q * joint.parent_frame.p;
+    r_child = c.q * joint.child_frame.p;
+    gap = c.p + r_child - p.p - r_parent;
+  }
+};
+
+/// The gap's part along a direction. @param turning the direction turns with the parent
+Row along(const Sides& sides, const Vec3& direction, bool turning) {
+  Row row{sides.parent, sides.child, direction.dot(sides.gap)};
+  const Vec3 arm = turning ? Vec3(sides.r_parent + sides.gap) : sides.r_parent;
+  row.child_v = direction;
+  row.child_w = sides.r_child.cross(direction);
+  row.parent_v = -direction;
+  row.parent_w = -arm.cross(direction);
+  return row;
+}
+
+/// The cosine between a direction of the parent and one of the child: d(a.b)/dt = (w_P - w_C).(a x b).
+Row cosine(const Sides& sides, const Vec3& in_parent, const Vec3& in_child) {
+  Row row{sides.parent, sides.child, in_parent.dot(in_child)};
+  row.parent_w = in_parent.cross(in_child);
+  row.child_w = -row.parent_w;
+  return row;
+}
+
+/// Turning of the child against the parent about a direction.
+Row turn(const Sides& sides, const Vec3& direction) {
+  Row row{sides.parent, sides.child};
+  row.child_w = direction;
+  row.parent_w = -direction;
+  return row;
+}
+
+}  // namespace
+
+int constraint_count(JointKind kind) {
+  switch (kind) {
+    case JointKind::hinge:
+    case JointKind::slider:
+      return 5;
+    case JointKind::universal:
+      return 4;
+    case JointKind::ball:
+      return 3;
+  }
+  return 0;
+}
+
+void append_constraints(const model::Joint& joint, const model::State& state, std::vector<Row>& rows) {
+  const Sides sides(joint, state);
+  if (joint.kind != JointKind::slider)
+    for (int i = 0; i < 3; ++i) rows.push_back(along(sides, Vec3::Unit(i), false));
+  switch (joint.kind) {
+    case JointKind::hinge: {
+      const Vec3 axis = joint.axes[0].axis;
+      const Vec3 u = axis.unitOrthogonal();
+      rows.push_back(cosine(sides, sides.q_WF * axis, sides.q_WM * u));
+      rows.push_back(cosine(sides, sides.q_WF * axis, sides.q_WM * axis.cross(u)));
+      return;
+    }
+    case JointKind::universal:
+      rows.push_back(cosine(sides, sides.q_WF * joint.axes[0].axis, sides.q_WM * joint.axes[1].axis));
+      return;
+    case JointKind::ball:
+      return;
+    case JointKind::slider: {
+      const Vec3 axis = joint.axes[0].axis;
+      const Vec3 u = axis.unitOrthogonal();
+      const Vec3 w = axis.cross(u);
+      rows.push_back(along(sides, sides.q_WF * u, true));
+      rows.push_back(along(sides, sides.q_WF * w, true));
+      rows.push_back(cosine(sides, sides.q_WF * axis, sides.q_WM * u));
+      rows.push_back(cosine(sides, sides.q_WF * u, sides.q_WM * w));
+      rows.push_back(cosine(sides, sides.q_WF * w, sides.q_WM * axis));
+      return;
+    }
+  }
+}
+
+Row coordinate_row(const model::Joint& joint, int coordinate, const model::State& state) {
+  const Sides sides(joint, state);
+  switch (joint.kind) {
+    case JointKind::hinge:
+      return turn(sides, sides.q_WF * joint.axes[0].axis);
+    case JointKind::universal:
+      return coordinate == 0 ? turn(sides, sides.q_WF * joint.axes[0].axis)
+                             : turn(sides, sides.q_WM * joint.axes[1].axis);
+    case JointKind::ball:
+      return turn(sides, sides.q_WF * Vec3::Unit(coordinate));
+    case JointKind::slider:
+      return along(sides, sides.q_WF * joint.axes[0].axis, true);
+  }
+  return {};
+}
+
+double rate(const Row& row, const model::State& state) {
+  const model::BodyState& p = state.bodies[static_cast<std::size_t>(row.parent)];
+  const model::BodyState& c = state.bodies[static_cast<std::size_t>(row.child)];
+  return row.parent_v.dot(p.v) + row.parent_w.dot(p.w) + row.child_v.dot(c.v) + row.child_w.dot(c.w);
+}
+
+}  // namespace handsim::engine::dae

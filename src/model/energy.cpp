@@ -1,0 +1,38 @@
+#include "handsim/model/energy.h"
+
+#include <array>
+
+#include "handsim/model/kinematics.h"
+
+namespace handsim::model {
+
+double kinetic_energy(const Model& model, const State& state) {
+  double energy = 0;
+  for (std::size_t i = 1; i < model.bodies.size(); ++i) {
+    const Body& body = model.bodies[i];
+    if (body.kinematic) continue;
+    const BodyState& at = state.bodies[i];
+    const Vec3 w_B = at.q.conjugate() * at.w;
+    energy += 0.5 * (body.mass * at.v.squaredNorm() + w_B.dot(body.inertia * w_B));
+  }
+  return energy;
+}
+
+double potential_energy(const Model& model, const State& state, const Effects& effects) {
+  double energy = 0;
+  if (effects.has(Effect::gravity))
+    for (std::size_t i = 1; i < model.bodies.size(); ++i)
+      if (!model.bodies[i].kinematic) energy -= model.bodies[i].mass * model.gravity.dot(state.bodies[i].p);
+  if (!effects.has(Effect::passive_tissue)) return energy;
+  for (const Joint& joint : model.joints) {
+    std::array<double, 3> q{};
+    joint_coordinates(joint, state, q);
+    for (std::size_t a = 0; a < joint.axes.size(); ++a) {
+      const auto& tissue = joint.axes[a].tissue;
+      if (tissue) energy += 0.5 * tissue->stiffness * (q[a] - tissue->rest) * (q[a] - tissue->rest);
+    }
+  }
+  return energy;
+}
+
+}  // namespace handsim::model

@@ -1,0 +1,88 @@
+// The run settings of a scene: solver, pictures, criteria.
+#include <cmath>
+
+#include "handsim/scene/readers.h"
+
+namespace handsim::scene {
+
+namespace {
+
+void read_size(MapReader& reader, std::array<int, 2>& out) {
+  const YamlNode* size = reader.list("size", false);
+  if (!size) return;
+  bool valid = size->items.size() == 2;
+  for (std::size_t i = 0; valid && i < 2; ++i) {
+    const auto pixels = parse_number(size->items[i].text);
+    valid = pixels && *pixels >= 16 && *pixels <= 8192 && *pixels == std::floor(*pixels);
+    if (valid) out[i] = static_cast<int>(*pixels);
+  }
+  if (!valid)
+    reader.problem("size", size->described(), "[width, height] in pixels, whole numbers, 16 to 8192");
+}
+
+CameraSpec read_camera(MapReader camera) {
+  CameraSpec spec;
+  spec.position = camera.vector("position", kCoordinate);
+  spec.target = camera.vector("target", kCoordinate, Vec3::Zero());
+  spec.field_of_view = camera.number("field_of_view", {Dimension::angle, 0.01, 2.5}, 0.6);
+  if (camera.sound() && (spec.position - spec.target).norm() < 1e-6)
+    camera.problem("position", "the target itself", "a place apart from the target");
+  camera.finish();
+  return spec;
+}
+
+}  // namespace
+
+void read_solver(MapReader reader, model::SolverSettings& solver) {
+  std::vector<std::pair<std::string_view, model::EngineKind>> engines;
+  for (const model::EngineKind kind : {model::EngineKind::ode, model::EngineKind::dae})
+    engines.emplace_back(model::name(kind), kind);
+  const model::EngineKind engine =
+      reader.choice<model::EngineKind>("engine", engines, model::EngineKind::ode);
+  std::vector<std::pair<std::string_view, model::Method>> methods;
+  for (std::size_t i = 0; i < model::kMethodNames.size(); ++i)
+    if (model::engine_of(static_cast<model::Method>(i)) == engine)
+      methods.emplace_back(model::kMethodNames[i], static_cast<model::Method>(i));
+  // The methods of an engine that is not known are not known either.
+  if (!reader.sound())
+    reader.child("method");
+  else
+    solver.method = reader.choice<model::Method>("method", methods, model::default_method(engine));
+  solver.step = reader.number("step", {Dimension::time, 1e-6, 0.1}, 1e-3);
+  solver.erp = reader.number("erp", {Dimension::none, 0, 1}, 0.2);
+  solver.cfm = reader.number("cfm", {Dimension::none, 0, 1, true}, 1e-9);
+  solver.iterations = reader.integer("iterations", 1, 100'000, 20);
+  solver.tolerance = reader.number("tolerance", {Dimension::none, 1e-12, 1e-2}, 1e-9);
+  solver.seed = static_cast<std::uint64_t>(reader.integer("seed", 0, 2'147'483'647, 1));
+  reader.finish();
+}
+
+PictureSpec read_pictures(MapReader reader) {
+  PictureSpec out;
+  read_size(reader, out.size);
+  out.view = reader.choice<View>("view",
+                                 {{"dorsal", View::dorsal},
+                                  {"palmar", View::palmar},
+                                  {"radial", View::radial},
+                                  {"three_quarter", View::three_quarter}},
+                                 View::three_quarter);
+  if (reader.has("camera")) out.camera = read_camera(reader.map("camera"));
+  out.floor = reader.flag("floor", true);
+  out.joint_axes = reader.flag("joint_axes", false);
+  out.contact_points = reader.flag("contact_points", false);
+  reader.finish();
+  return out;
+}
+
+Criteria read_criteria(MapReader reader) {
+  Criteria out;
+  out.joint_gap = reader.maybe_number("joint_gap", {Dimension::length, 0, 1});
+  out.stop_overshoot = reader.maybe_number("stop_overshoot", {Dimension::angle, 0, 10});
+  out.stop_rest = reader.maybe_number("stop_rest", {Dimension::angle, 0, 10});
+  if (reader.has("lcp_failures")) out.lcp_failures = reader.integer("lcp_failures", 0, 1'000'000'000, 0);
+  out.tracking = read_tracking_criteria(reader);
+  reader.finish();
+  return out;
+}
+
+}  // namespace handsim::scene

@@ -1,0 +1,84 @@
+// What accuracy costs: one scene, many methods, many steps. Each row has its errors against a reference and its price in
+// CPU time, measured in the same process.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/core/yaml.h"
+
+namespace handsim::study {
+
+/// What a row is compared with.
+enum class Reference {
+  slider_crank_iftomm,  ///< the exact reduction, from study/slider_crank_reference.h
+  slider_crank_torque,
+  method,               ///< the scene run with `reference_set`
+  smallest_step,        ///< each method's own smallest step
+};
+
+/// A method of the study: overrides of the scene, as `key.path=value`.
+struct AccuracyMethod {
+  std::string name;
+  std::vector<std::string> set;
+  std::vector<double> steps;                  ///< [s], falling
+  std::optional<std::filesystem::path> scene;  ///< in place of the study's; then its own smallest step is the reference
+  std::optional<std::string> observe;          ///< in place of the study's
+};
+
+struct AccuracySpec {
+  std::string title;
+  std::filesystem::path scene;
+  Reference reference = Reference::smallest_step;
+  std::vector<std::string> reference_set;
+  /// A joint, whose first coordinate is compared, or a body with `.x`, `.y` or `.z`; absent: all coordinates.
+  std::optional<std::string> observe;
+  double sample_every = 0.01;          ///< times at which rows and reference are compared [s]
+  double early = 0.5;                  ///< end of the early window [s]
+  int repeats = 5;                     ///< timed runs of each row, of which the median counts
+  std::vector<double> plot_steps;      ///< steps whose motion is plotted [s]
+  std::vector<AccuracyMethod> methods;
+};
+
+/// Motion at the sample times.
+struct Series {
+  std::vector<double> time;                 ///< [s]
+  std::vector<std::vector<double>> q, rate; ///< observed coordinates less their start, and rates
+};
+
+struct AccuracyRow {
+  std::string method;
+  double step = 0;                       ///< [s]
+  bool is_reference = false;             ///< its own smallest step: error 0 by definition
+  double rate_error = 0;                 ///< RMS over the whole run [m/s] or [rad/s]
+  double early_rate_error = 0;           ///< RMS up to AccuracySpec::early
+  double position_error = 0;             ///< RMS over the whole run [m] or [rad]
+  double gap = 0;                        ///< largest joint gap [m]
+  std::optional<double> energy_error;    ///< largest energy imbalance over largest kinetic energy; where energy is kept
+  double cpu_per_second = 0;             ///< CPU seconds for a simulated second
+  std::optional<std::string> fault;      ///< why the row has no figures
+  Series series;                         ///< kept for plot_steps
+
+  double times_real_time() const { return 1 / cpu_per_second; }
+};
+
+struct AccuracyResult {
+  std::vector<AccuracyRow> rows;
+  std::optional<Series> reference;  ///< absent where every method is its own
+  std::string unit;                 ///< of the coordinates: `m` or `rad`
+};
+
+/// @throws Error (input) with every problem of the file.
+AccuracySpec load_accuracy(const std::filesystem::path& path);
+
+/// @param progress told the share done, 0..1.
+/// @throws Error (input) where a scene or an override is bad.
+AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress);
+
+/// The cheapest row whose whole-run error is at most `target`; nothing where none is.
+const AccuracyRow* cheapest(const AccuracyResult& result, double target);
+
+}  // namespace handsim::study

@@ -1,0 +1,52 @@
+// Runs the handsim program as a user does: arguments in; exit status, standard output and standard error out.
+#pragma once
+
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "scene_files.h"
+
+namespace handsim::test {
+
+struct Outcome {
+  int status = -1;  ///< exit status; -1: ended by a signal, a hang of more than 10 s among them
+  std::string out;
+  std::string err;
+
+  /// Lines of standard error but for warnings.
+  std::vector<std::string> problems() const {
+    std::vector<std::string> lines;
+    std::istringstream stream(err);
+    for (std::string line; std::getline(stream, line);)
+      if (!line.empty() && !line.starts_with("warning: ")) lines.push_back(line);
+    return lines;
+  }
+};
+
+inline Outcome run_program(const std::vector<std::string>& arguments) {
+  constexpr unsigned kHang = 10;
+  const TemporaryFolder folder;
+  const std::string out = folder.path() / "out", err = folder.path() / "err";
+  // Else the child would write what is still buffered here.
+  std::fflush(nullptr);
+  const pid_t child = fork();
+  if (child == 0) {
+    if (!std::freopen(out.c_str(), "wb", stdout) || !std::freopen(err.c_str(), "wb", stderr)) _exit(126);
+    std::vector<char*> argv = {const_cast<char*>(HANDSIM_PROGRAM)};
+    for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
+    argv.push_back(nullptr);
+    // The alarm stays set in the program.
+    alarm(kHang);
+    execv(HANDSIM_PROGRAM, argv.data());
+    _exit(127);
+  }
+  int status = 0;
+  waitpid(child, &status, 0);
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, text_of(out), text_of(err)};
+}
+
+}  // namespace handsim::test

@@ -1,0 +1,147 @@
+// The spatial slider-crank of DESIGN.md as a Model, and a planar one with redundant joints.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "handsim/model/kinematics.h"
+#include "handsim/model/model.h"
+#include "handsim/study/slider_crank_reference.h"
+
+namespace handsim::test {
+
+inline constexpr int kCrank = 1, kRod = 2, kSlider = 3;
+
+/// Gravity of a spec; world z is up.
+inline model::Model slider_crank_world(const study::SliderCrankSpec& spec) {
+  model::Model model = model::make_model();
+  model.gravity = {0, 0, -spec.gravity};
+  return model;
+}
+
+/// Joint whose frames F and M stand as the world's axes, moved to `anchor`, in the model's zero poses.
+inline model::Joint joint_at(const model::Model& model, const char* name, model::JointKind kind, int parent,
+                             int child, const Vec3& anchor, const std::vector<Vec3>& axes) {
+  model::Joint joint;
+  joint.name = name;
+  joint.kind = kind;
+  joint.parent = parent;
+  joint.child = child;
+  const Pose world{anchor, Quat::Identity()};
+  joint.parent_frame = model.bodies[static_cast<std::size_t>(parent)].zero_pose.inverse() * world;
+  joint.child_frame = model.bodies[static_cast<std::size_t>(child)].zero_pose.inverse() * world;
+  for (const Vec3& axis : axes) {
+    joint.axes.push_back({});
+    joint.axes.back().name = "axis" + std::to_string(joint.axes.size() - 1);
+    joint.axes.back().axis = axis;
+  }
+  joint.first_dof = model.dof_count();
+  return joint;
+}
+
+inline model::Body mechanism_body(const char* name, double mass, const Vec3& inertia, const Pose& pose) {
+  model::Body body;
+  body.name = name;
+  body.mass = mass;
+  body.inertia = inertia.asDiagonal();
+  body.zero_pose = pose;
+  return body;
+}
+
+/// The mechanism at its start, moving as it does there. Joint coordinates are zero at the start; the crank's
+/// is theta less the spec's angle, up to full turns.
+inline model::Model slider_crank(const study::SliderCrankSpec& spec) {
+  model::Model model = slider_crank_world(spec);
+  const double sine = std::sin(spec.angle), cosine = std::cos(spec.angle);
+  const Vec3 axis_point(0, spec.axis_y, spec.axis_z);
+  const Vec3 along_crank(0, -sine, cosine);
+  const Vec3 pin = axis_point + spec.crank_length * along_crank;
+  const study::SliderCrankState start = study::SliderCrankReference(spec).state(0, spec.angle, spec.speed);
+  const Vec3 slider(start.x, 0, 0);
+  // Rod axes: x along it, y across it and across world x, as the universal joint keeps it.
+  const Vec3 along = (pin - slider).normalized();
+  const Vec3 across = Vec3::UnitX().cross(along).normalized();
+  Mat3 rod;
+  rod << along, across, along.cross(across);
+  model.bodies.push_back(mechanism_body(
+      "crank", spec.crank_mass, {spec.crank_inertia, spec.crank_inertia, 1e-5},
+      {axis_point + 0.5 * spec.crank_length * along_crank, rotation_quaternion({spec.angle, 0, 0})}));
+  model.bodies.push_back(mechanism_body("rod", spec.rod_mass,
+                                        {spec.rod_axial_inertia, spec.rod_inertia, spec.rod_inertia},
+                                        {0.5 * (pin + slider), Quat(rod)}));
+  model.bodies.push_back(
+      mechanism_body("slider", spec.slider_mass, {1e-4, 1e-4, 1e-4}, {slider, Quat::Identity()}));
+  const auto add = [&](const model::Joint& joint) { model.joints.push_back(joint); };
+  using model::JointKind;
+  add(joint_at(model, "crank_hinge", JointKind::hinge, 0, kCrank, axis_point, {Vec3::UnitX()}));
+  add(joint_at(model, "pin", JointKind::ball, kCrank, kRod, pin, {}));
+  add(joint_at(model, "guide", JointKind::slider, 0, kSlider, slider, {Vec3::UnitX()}));
+  add(joint_at(model, "cross", JointKind::universal, kSlider, kRod, slider, {Vec3::UnitX(), across}));
+  model.joints.back().closes_loop = true;
+  // Velocities: the rod turns across itself with its ends, and along itself as the cross makes it.
+  const Vec3 v_pin = spec.speed * Vec3::UnitX().cross(spec.crank_length * along_crank);
+  const Vec3 v_slider(start.vx, 0, 0);
+  const Vec3 w_across = along.cross(v_pin - v_slider) / spec.rod_length;
+  // across stays perpendicular to x: (w x across) . x = 0.
+  const Vec3 turned = along.cross(across);
+  const double spin = -w_across.cross(across).x() / turned.x();
+  model.bodies[kCrank].initial_angular_velocity = Vec3(spec.speed, 0, 0);
+  model.bodies[kCrank].initial_velocity = 0.5 * v_pin;
+  model.bodies[kRod].initial_angular_velocity = w_across + spin * along;
+  model.bodies[kRod].initial_velocity = 0.5 * (v_pin + v_slider);
+  model.bodies[kSlider].initial_velocity = v_slider;
+  return model;
+}
+
+/// Crank, rod and slider in the x-z plane with three hinges and a slider joint: three rows too many. Crank
+/// 0.08 m turning about y at the origin, starting up at 6 rad/s; rod 0.3 m; slider on the x axis. All but
+/// gravity turned by `tilt`.
+inline model::Model planar_slider_crank(const Quat& tilt = Quat::Identity()) {
+  study::SliderCrankSpec spec;
+  model::Model model = slider_crank_world(spec);
+  const double x = std::sqrt(spec.rod_length * spec.rod_length - spec.crank_length * spec.crank_length);
+  const Vec3 pin = tilt * Vec3(0, 0, spec.crank_length);
+  const Vec3 slider = tilt * Vec3(x, 0, 0);
+  const Vec3 across = tilt * Vec3::UnitY();
+  const double slope = std::atan2(spec.crank_length, x);
+  model.bodies.push_back(mechanism_body("crank", spec.crank_mass, {1e-4, 1e-4, 1e-5}, {0.5 * pin, tilt}));
+  model.bodies.push_back(mechanism_body("rod", spec.rod_mass, {4e-4, 4e-3, 4e-3},
+                                        {0.5 * (pin + slider), tilt * rotation_quaternion({0, slope, 0})}));
+  model.bodies.push_back(mechanism_body("slider", spec.slider_mass, {1e-4, 1e-4, 1e-4}, {slider, tilt}));
+  const auto add = [&](const model::Joint& joint) { model.joints.push_back(joint); };
+  using model::JointKind;
+  add(joint_at(model, "crank_hinge", JointKind::hinge, 0, kCrank, Vec3::Zero(), {across}));
+  add(joint_at(model, "pin", JointKind::hinge, kCrank, kRod, pin, {across}));
+  add(joint_at(model, "guide", JointKind::slider, 0, kSlider, slider, {tilt * Vec3::UnitX()}));
+  add(joint_at(model, "wrist_pin", JointKind::hinge, kSlider, kRod, slider, {across}));
+  model.joints.back().closes_loop = true;
+  // At the top the pin moves along x, so rod and slider go with it and the rod does not turn.
+  const Vec3 v = tilt * Vec3(6 * spec.crank_length, 0, 0);
+  model.bodies[kCrank].initial_angular_velocity = 6 * across;
+  model.bodies[kCrank].initial_velocity = 0.5 * v;
+  model.bodies[kRod].initial_velocity = v;
+  model.bodies[kSlider].initial_velocity = v;
+  return model;
+}
+
+inline double largest_gap(const model::Model& model, const model::State& state) {
+  double gap = 0;
+  for (const model::Joint& joint : model.joints) gap = std::max(gap, model::joint_gap(joint, state));
+  return gap;
+}
+
+/// Kinetic and potential energy [J] with gravity.
+inline double energy(const model::Model& model, const model::State& state) {
+  double sum = 0;
+  for (std::size_t i = 1; i < model.bodies.size(); ++i) {
+    const model::BodyState& b = state.bodies[i];
+    const Vec3 w = b.q.conjugate() * b.w;
+    sum += 0.5 * model.bodies[i].mass * b.v.squaredNorm() + 0.5 * w.dot(model.bodies[i].inertia * w) -
+           model.bodies[i].mass * model.gravity.dot(b.p);
+  }
+  return sum;
+}
+
+}  // namespace handsim::test
