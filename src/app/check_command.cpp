@@ -23,6 +23,12 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
     case scene::FileKind::anthropometry:
       hand::read_anthropometry(root, "", diagnostics);
       break;
+    case scene::FileKind::controller:
+      control::read_controller(root, "", diagnostics);
+      break;
+    case scene::FileKind::poses:
+      control::read_pose_file(root, "", diagnostics);
+      break;
     case scene::FileKind::study:
       study::load_accuracy(path);
       break;

@@ -76,7 +76,7 @@ void add_hand(CLI::App& app, HandArguments& arguments) {
 
 void add_check(CLI::App& app, std::vector<std::filesystem::path>& files) {
   CLI::App* check =
-      app.add_subcommand("check", "Validate scenes, persons and hand models: say every problem, run nothing");
+      app.add_subcommand("check", "Validate scenes, persons, hand models, controllers and poses: say every problem, run nothing");
   check->footer("Example: handsim check config/two_hands.yaml config/persons/child.yaml");
   check->add_option("files", files, "YAML files")->required();
 }
@@ -91,6 +91,10 @@ void add_run(CLI::App& app, RunArguments& arguments) {
   add_overrides(*run, arguments.overrides);
   run->add_option("--frames", arguments.frames, "pictures over the run, and a contact sheet of them")
       ->check(check_frames);
+  run->add_flag("--poses", arguments.poses,
+                "a picture at the end of every hold of a controlled scene, in place of --frames");
+  run->add_flag("--plots", arguments.plots,
+                "plots of a controlled scene: angles, errors, torques (needs gnuplot)");
   run->add_flag("--quiet", arguments.quiet, "print nothing but problems");
   run->add_flag("--json", arguments.json, "print summary.json in place of the table");
 }

@@ -28,6 +28,8 @@ struct RunArguments {
   std::filesystem::path out;
   std::vector<std::string> overrides;
   int frames = 0;
+  bool poses = false;
+  bool plots = false;
   bool quiet = false;
   bool json = false;
 };

@@ -1,3 +1,6 @@
+#include <algorithm>
+#include <cmath>
+
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
@@ -20,8 +23,18 @@ void print_warnings(const scene::Scene& scene) {
                scene.model.shapes[static_cast<std::size_t>(overlap.shape_b)].name, 1e3 * overlap.depth);
 }
 
-void print_result(const scene::Scene& scene, const simulation::RunResult& result,
-                  const std::filesystem::path& out) {
+/// The worst joint in one line.
+void print_tracking(const simulation::RunResult& result) {
+  const simulation::AxisTracking* worst = simulation::Tracking::worst(result.tracking);
+  if (!worst) return;
+  constexpr double kDegrees = 180 / M_PI;
+  fmt::print("  worst joint {}: rms error {:.3g} deg, largest {:.3g} deg at {:.3f} s, steady {:.3g} deg, overshoot {:.2g} %, "
+             "at its torque limit {:.2g} % of the time\n",
+             worst->name, kDegrees * worst->rms_error, kDegrees * worst->largest_error.value, worst->largest_error.time,
+             kDegrees * worst->steady_error.value, 100 * worst->overshoot.value, 100 * worst->limit_share);
+}
+
+void print_result(const scene::Scene& scene, const simulation::RunResult& result, const std::filesystem::path& out) {
   fmt::print("{}\n", scene.spec.title);
   fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", "criterion", "measured", "limit", "verdict", "where");
   for (const simulation::Verdict& v : result.verdicts) {
@@ -34,6 +47,9 @@ void print_result(const scene::Scene& scene, const simulation::RunResult& result
                           : "FAILED",
                where);
   }
+  print_tracking(result);
+  const bool judged = std::any_of(result.verdicts.begin(), result.verdicts.end(), [](const simulation::Verdict& v) { return v.limit.has_value(); });
+  fmt::print("  verdict: {}\n", result.fault ? "diverged" : !judged ? "nothing was judged" : result.passed() ? "every criterion held" : "a criterion failed");
   if (result.fault) {
     const PhysicsFault fault = *result.fault;
     fmt::print(stderr, "{}\n", Error(fault).what());
@@ -53,6 +69,8 @@ int run_scene_command(const RunArguments& arguments) {
     simulation::RunOptions options;
     options.out = arguments.out;
     options.frames = arguments.frames;
+    options.pose_pictures = arguments.poses;
+    options.plots = arguments.plots;
     if (!arguments.quiet) options.progress = [&bar](double share) { bar.show(share); };
     result = simulation::run(scene, options);
   }

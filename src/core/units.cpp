@@ -42,6 +42,8 @@ constexpr std::array kUnits = {
     Unit{"N m/rad", Dimension::rotational_stiffness, 1},
     Unit{"N m/deg", Dimension::rotational_stiffness, 1 / kDegree},
     Unit{"N m s/rad", Dimension::rotational_damping, 1},
+    Unit{"N m/(rad s)", Dimension::rotational_integral, 1},
+    Unit{"Hz", Dimension::frequency, 1},
 };
 
 struct DimensionText {
@@ -76,6 +78,10 @@ DimensionText describe(Dimension dimension) {
       return {"a stiffness", "N m/rad", "0.04 or \"0.04 N m/rad\""};
     case Dimension::rotational_damping:
       return {"a damping", "N m s/rad", "0.001 or \"0.001 N m s/rad\""};
+    case Dimension::rotational_integral:
+      return {"an integral gain", "N m/(rad s)", "0.1 or \"0.1 N m/(rad s)\""};
+    case Dimension::frequency:
+      return {"a frequency", "Hz", "5 or \"5 Hz\""};
   }
   return {};
 }

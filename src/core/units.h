@@ -22,6 +22,8 @@ enum class Dimension {
   torque,
   rotational_stiffness,
   rotational_damping,
+  rotational_integral,  ///< of an integral gain, N m/(rad s)
+  frequency,
 };
 
 /// What a number must be: its dimension and range in SI.

@@ -15,6 +15,12 @@ bool finite(const model::BodyState& body) {
          std::abs(body.q.norm() - 1) <= kUnitTolerance;
 }
 
+/// Written so that NaN fails.
+bool sound(const model::Servo& servo) {
+  return servo.stiffness >= 0 && servo.damping >= 0 && servo.limit > 0 &&
+         servo.stiffness + servo.damping > 0 && std::isfinite(servo.stiffness + servo.damping);
+}
+
 }  // namespace
 
 long long step_number(double time, double step) { return std::llround(time / step); }
@@ -36,6 +42,34 @@ std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
       return PhysicsFault{
           time, joint.name, "joint torque [N m]",
           fmt::format("coordinate {} has {}, not a finite number: check the controller", i, torque)};
+    }
+  return std::nullopt;
+}
+
+std::optional<PhysicsFault> servo_fault(const model::Model& model, const Settings& settings, double time,
+                                        std::span<const model::Servo> servos) {
+  if (!settings.effects.has(model::Effect::actuation))
+    throw input_error("servos", "servos without the actuation effect", "actuation among the effects");
+  if (servos.size() != static_cast<std::size_t>(model.dof_count()))
+    throw input_error("servos", fmt::format("{}", servos.size()),
+                      fmt::format("one for each of {} coordinates", model.dof_count()));
+  for (const model::Joint& joint : model.joints)
+    for (int i = 0; i < dof_count(joint.kind); ++i) {
+      const model::Servo& servo =
+          servos[static_cast<std::size_t>(joint.first_dof) + static_cast<std::size_t>(i)];
+      if (servo.limit == 0) continue;
+      if (!std::isfinite(servo.error + servo.feed))
+        return PhysicsFault{
+            time, joint.name, "servo",
+            fmt::format(
+                "coordinate {} has an error of {} and a feed of {}, not finite numbers: check the controller",
+                i, servo.error, servo.feed)};
+      if (!sound(servo) || joint.axes.empty())
+        throw input_error(
+            "servos." + joint.name,
+            fmt::format("stiffness {:g}, damping {:g}, limit {:g}", servo.stiffness, servo.damping,
+                        servo.limit),
+            "a hinge, universal or slider with gains of 0 or more, not both 0, and a limit of 0 or more");
     }
   return std::nullopt;
 }

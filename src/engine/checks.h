@@ -16,6 +16,11 @@ double next_time(double time, double step);
 std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
                                          std::span<const double> torques);
 
+/// @throws Error (input) for a wrong number of servos, servos without actuation, negative gains or limits.
+/// Returns the fault of the first servo with an error or feed that is not finite.
+std::optional<PhysicsFault> servo_fault(const model::Model& model, const Settings& settings, double time,
+                                        std::span<const model::Servo> servos);
+
 /// @throws Error (input) for a state of another model, with non-finite numbers or a moved world.
 void require_state(const model::Model& model, const model::State& state);
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "handsim/core/error.h"
+#include "handsim/model/actuation.h"
 #include "handsim/model/solver.h"
 #include "handsim/model/state.h"
 
@@ -29,7 +30,10 @@ std::vector<Problem> defects(const Settings& settings);
 /// What acts on the model during one step.
 struct StepInput {
   /// Joint torques [N m] or forces [N], size model.dof_count() or empty, positive along the coordinate.
-  std::span<const double> torques;
+  std::span<const double> torques = {};
+  /// Spring-damper drives solved within the step, size model.dof_count() or empty; they need the actuation
+  /// effect. Only hinge, universal and slider coordinates can be driven.
+  std::span<const model::Servo> servos = {};
 };
 
 /// What one step did.
@@ -40,6 +44,7 @@ struct StepReport {
   int collide_calls = 0;  ///< pairs given to the narrow phase
   double collide_ns = 0;  ///< time in collision detection [ns]
   double tissue_ns = 0;   ///< time in setting passive tissue [ns]
+  double servo_ns = 0;    ///< time in setting servos and torques [ns]
 };
 
 /// A contact point of the last step.
@@ -57,8 +62,9 @@ class Engine {
 
   /// Advances by settings().step.
   /// @throws Error (physics) naming time, body or joint and quantity when the state leaves its bounds or a
-  ///         torque is not finite; every later step throws the same error, state() stays the last good
-  ///         one, other engines are not affected. Error (input) for a wrong number of torques.
+  ///         torque or servo is not finite; every later step throws the same error, state() stays the last
+  ///         good one, other engines are not affected. Error (input) for a wrong number of torques or servos,
+  ///         servos without actuation, negative gains or limits.
   virtual StepReport step(const StepInput& input) = 0;
 
   virtual const model::State& state() const = 0;

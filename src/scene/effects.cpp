@@ -33,6 +33,7 @@ Effects needed_effects(const SceneSpec& scene) {
       if (axis.stop) effects.add(Effect::joint_stops);
       if (axis.torque != 0) effects.add(Effect::actuation);
     }
+  if (scene.control) effects.add(Effect::actuation);
   if (!scene.objects.empty()) effects.add(Effect::object_contact);
   if (scene.ground) effects.add(Effect::ground_contact);
   if (effects.any_contact()) effects.add(Effect::friction);
@@ -117,7 +118,10 @@ void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& eff
       any_axis(scene.mechanism, [](const model::JointAxis& axis) { return axis.torque != 0; });
   check(torque && !effects.has(Effect::actuation), "a joint with a torque without actuation",
         "both or neither");
-  check(!torque && effects.has(Effect::actuation), "actuation with no joint to drive", "both or neither");
+  check(scene.control && !effects.has(Effect::actuation), "a control block without actuation",
+        "both or neither");
+  check(!torque && !scene.control && effects.has(Effect::actuation), "actuation with no joint to drive",
+        "both or neither");
 }
 
 }  // namespace

@@ -16,6 +16,7 @@ struct Mark {
 constexpr std::array kMarks = {Mark{"hands", FileKind::scene},         Mark{"objects", FileKind::scene},
                                Mark{"bodies", FileKind::scene},        Mark{"stature", FileKind::person},
                                Mark{"segments", FileKind::hand_model}, Mark{"fits", FileKind::anthropometry},
+                               Mark{"gains", FileKind::controller},    Mark{"poses", FileKind::poses},
                                Mark{"methods", FileKind::study}};
 
 std::string_view keys_of(FileKind kind) {
@@ -28,6 +29,10 @@ std::string_view keys_of(FileKind kind) {
       return "anthropometry, palm, wrist, segments";
     case FileKind::anthropometry:
       return "fits, reference";
+    case FileKind::controller:
+      return "form, gains";
+    case FileKind::poses:
+      return "poses, programs";
     case FileKind::study:
       return "scene, reference, steps, methods";
   }
@@ -46,6 +51,10 @@ std::string_view described(FileKind kind) {
       return "a hand model";
     case FileKind::anthropometry:
       return "an anthropometry file";
+    case FileKind::controller:
+      return "a controller";
+    case FileKind::poses:
+      return "a pose file";
     case FileKind::study:
       return "an accuracy study";
   }

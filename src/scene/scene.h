@@ -14,6 +14,7 @@ namespace handsim::scene {
 struct Scene {
   SceneSpec spec;
   model::Model model;
+  std::optional<control::Plan> control;  ///< where the scene drives its hands
   YamlNode resolved;                  ///< the scene with defaults filled in and references inlined
   std::vector<std::string> warnings;  ///< e.g. a person outside the survey
 };

@@ -49,6 +49,7 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
     reader.problem("hands", "no hand, no object and no body", "at least one");
   scene.ground = read_ground(reader);
   scene.gravity = reader.vector("gravity", {Dimension::acceleration, -1000, 1000}, scene.gravity);
+  if (reader.has("control")) scene.control = read_control(reader.map("control"), scene.hands);
   scene.solver.effects = read_effects(reader, scene);
   const std::size_t before_times = diagnostics.problems.size();
   read_solver(reader.map("solver"), scene.solver);

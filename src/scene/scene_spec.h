@@ -9,6 +9,7 @@
 
 #include "handsim/hand/build.h"
 #include "handsim/model/solver.h"
+#include "handsim/scene/control_spec.h"
 #include "handsim/scene/mechanism.h"
 
 namespace handsim::scene {
@@ -44,6 +45,7 @@ struct Criteria {
   std::optional<double> stop_overshoot;  ///< largest overshoot of a stop beyond impact rate times step [rad]
   std::optional<double> stop_rest;       ///< largest overshoot of a stop at the end [rad]
   std::optional<int> lcp_failures;       ///< in all
+  TrackingCriteria tracking;             ///< of a controlled scene
 };
 
 enum class View { dorsal, palmar, radial, three_quarter };
@@ -73,6 +75,7 @@ struct SceneSpec {
   model::SolverSettings solver;     ///< with the effects, `auto` resolved
   double duration = 1;              ///< [s]
   double record_every = 0.01;       ///< [s]
+  std::optional<ControlSpec> control;  ///< drives the joints; with actuation only
   PictureSpec pictures;
   Criteria criteria;
 };

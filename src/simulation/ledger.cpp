@@ -22,11 +22,12 @@ Effect Ledger::kind_of(const engine::Contact& contact) const {
   return Effect::self_contact;
 }
 
-void Ledger::book(const engine::StepReport& report, std::span<const engine::Contact> contacts, double step_ns,
-                  double check_ns) {
+void Ledger::book(const engine::StepReport& report, std::span<const engine::Contact> contacts, const StepTimes& times) {
   ++steps_;
-  step_ns_ += step_ns;
-  check_ns_ += check_ns;
+  step_ns_ += times.step;
+  check_ns_ += times.check;
+  control_ns_ += times.control;
+  servo_ns_ += report.servo_ns;
   collide_ns_ += report.collide_ns;
   tissue_ns_ += report.tissue_ns;
   lcp_failures_ += report.lcp_failures;
@@ -39,6 +40,7 @@ void Ledger::book(const engine::StepReport& report, std::span<const engine::Cont
   };
   book_rows(Effect::joint_stops, report.stop_rows);
   if (effects_.has(Effect::passive_tissue)) book_rows(Effect::passive_tissue, tissue_rows_);
+  if (effects_.has(Effect::actuation)) book_rows(Effect::actuation, driven_rows_);
   std::array<long, model::kEffectCount> touching{};
   for (const engine::Contact& contact : contacts) ++touching[static_cast<std::size_t>(kind_of(contact))];
   for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact})
@@ -49,10 +51,11 @@ void Ledger::book(const engine::StepReport& report, std::span<const engine::Cont
 std::vector<LedgerEntry> Ledger::phases() const {
   const double n = steps_ > 0 ? static_cast<double>(steps_) : 1.0;
   std::vector<LedgerEntry> out;
-  out.push_back({"step", steps_, 0, (step_ns_ - collide_ns_ - tissue_ns_) / n,
-                 "timed: the engine without the phases below"});
+  out.push_back({"step", steps_, 0, solver_ns() / n, "timed: the engine without the phases below"});
   if (effects_.any_contact()) out.push_back({"collide", steps_, 0, collide_ns_ / n, "timed"});
   if (effects_.has(Effect::passive_tissue)) out.push_back({"tissue", steps_, 0, tissue_ns_ / n, "timed"});
+  if (effects_.has(Effect::actuation))
+    out.push_back({"control", steps_, 0, (control_ns_ + servo_ns_) / n, "timed: sensing, control, setting the drives"});
   out.push_back({"check", steps_, 0, check_ns_ / n, "timed"});
   return out;
 }
@@ -64,10 +67,10 @@ LedgerEntry Ledger::entry(Effect effect) const {
   switch (effect) {
     case Effect::gravity:
     case Effect::wrist_motion:
-    case Effect::actuation:
       out.ran = steps_;
       out.how = "acts within the step without rows of its own: not told apart";
       return out;
+    case Effect::actuation:
     case Effect::object_contact:
     case Effect::self_contact:
     case Effect::ground_contact:
@@ -82,10 +85,17 @@ LedgerEntry Ledger::entry(Effect effect) const {
   const double share = all_rows > 0 ? static_cast<double>(mine.rows) / static_cast<double>(all_rows) : 0;
   out.ran = mine.steps;
   out.rows = static_cast<double>(mine.rows) / n;
-  out.ns_per_step = share * (step_ns_ - collide_ns_ - tissue_ns_) / n;
+  out.ns_per_step = share * solver_ns() / n;
   out.how = "the step's time by share of constraint rows";
+  if (effect != Effect::actuation) return out;
+  // Torques have no rows; servos have. The control phase belongs to both.
+  out.ran = steps_;
+  out.ns_per_step = *out.ns_per_step + (control_ns_ + servo_ns_) / n;
+  out.how = driven_rows_ > 0 ? "the control phase, and the step's time by share of constraint rows" : "the control phase";
   return out;
 }
+
+double Ledger::control_share() const { return step_ns_ > 0 ? (control_ns_ + servo_ns_) / (step_ns_ - servo_ns_) : 0; }
 
 std::vector<LedgerEntry> Ledger::effects() const {
   std::vector<LedgerEntry> out;

@@ -19,13 +19,23 @@ struct LedgerEntry {
   std::string how;                    ///< how the cost was found
 };
 
+/// What the parts of one step took [ns].
+struct StepTimes {
+  double control = 0;  ///< sensing joints and working out what drives them
+  double step = 0;     ///< the engine
+  double check = 0;    ///< monitoring and tracking figures
+};
+
 class Ledger {
  public:
   Ledger(const model::Model& model, const model::Effects& effects);
 
-  /// Books one step: what the engine reported, its contacts, and the time in engine and checks [ns].
-  void book(const engine::StepReport& report, std::span<const engine::Contact> contacts, double step_ns,
-            double check_ns);
+  /// @param driven_rows rows of servo drives in each step, 0 where torques act.
+  void set_driven_rows(long driven_rows) { driven_rows_ = driven_rows; }
+  /// Books one step: what the engine reported, its contacts, and what its parts took.
+  void book(const engine::StepReport& report, std::span<const engine::Contact> contacts, const StepTimes& times);
+  /// Time in control, the drives' set-up in the engine included, over the time of the step it drives.
+  double control_share() const;
 
   std::vector<LedgerEntry> phases() const;
   std::vector<LedgerEntry> effects() const;
@@ -42,13 +52,16 @@ class Ledger {
   model::Effect kind_of(const engine::Contact& contact) const;
   Count& count(model::Effect effect) { return counts_[static_cast<std::size_t>(effect)]; }
   LedgerEntry entry(model::Effect effect) const;
+  /// Time in the solver itself [ns].
+  double solver_ns() const { return step_ns_ - collide_ns_ - tissue_ns_ - servo_ns_; }
 
   const model::Model& model_;
   model::Effects effects_;
   long joint_rows_ = 0;   ///< of the joints themselves, each step
   long tissue_rows_ = 0;  ///< each step
+  long driven_rows_ = 0;  ///< each step
   long steps_ = 0, lcp_failures_ = 0, contacts_ = 0, collide_calls_ = 0;
-  double step_ns_ = 0, check_ns_ = 0, collide_ns_ = 0, tissue_ns_ = 0;
+  double step_ns_ = 0, check_ns_ = 0, collide_ns_ = 0, tissue_ns_ = 0, control_ns_ = 0, servo_ns_ = 0;
   Count counts_[model::kEffectCount];
 };
 

@@ -9,8 +9,9 @@
 
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/contact_sheet.h"
-#include "handsim/output/trajectory.h"
 #include "handsim/simulation/pictures.h"
+#include "handsim/simulation/plots.h"
+#include "handsim/simulation/recorder.h"
 #include "handsim/simulation/simulation.h"
 #include "handsim/simulation/summary.h"
 
@@ -18,51 +19,14 @@ namespace handsim::simulation {
 
 namespace {
 
-/// Steps after which the k-th of n pictures is taken, the first at the start and the last at the end.
-std::vector<long> frame_steps(int frames, long steps) {
-  std::vector<long> out;
-  for (int k = 0; k < frames; ++k)
-    out.push_back(frames == 1
-                      ? steps
-                      : std::lround(static_cast<double>(k) * static_cast<double>(steps) / (frames - 1)));
-  return out;
-}
-
-/// Keeps what a run leaves behind: rows of the trajectory and moments for pictures.
-class Recorder {
- public:
-  Recorder(const scene::Scene& scene, const RunOptions& options, long steps)
-      : trajectory_(options.out / "trajectory.csv", scene.model),
-        every_(std::max(1L, std::lround(scene.spec.record_every / scene.spec.solver.step))),
-        frames_(frame_steps(options.frames, steps)) {}
-
-  void see(long step, const engine::Engine& engine) {
-    if (step % every_ == 0) trajectory_.add(engine.state());
-    while (taken_ < frames_.size() && frames_[taken_] == step) {
-      snapshots_.push_back(snapshot(engine));
-      ++taken_;
-    }
-  }
-
-  void finish() { trajectory_.finish(); }
-  const std::vector<Snapshot>& snapshots() const { return snapshots_; }
-
- private:
-  output::TrajectoryWriter trajectory_;
-  long every_;
-  std::vector<long> frames_;
-  std::size_t taken_ = 0;
-  std::vector<Snapshot> snapshots_;
-};
-
-void write_pictures(const scene::Scene& scene, const std::vector<Snapshot>& snapshots,
-                    const std::filesystem::path& out) {
+void write_pictures(const scene::Scene& scene, const Recorder& recorder, const std::filesystem::path& out) {
+  const std::vector<Snapshot>& snapshots = recorder.snapshots();
   if (snapshots.empty()) return;
   const std::vector<output::Image> images = draw(scene, snapshots);
   std::vector<output::SheetCell> cells;
   for (std::size_t i = 0; i < images.size(); ++i) {
     output::write_png(images[i], out / fmt::format("frame_{:03d}.png", i));
-    cells.push_back({images[i], fmt::format("t = {:.3f} s", snapshots[i].state.time)});
+    cells.push_back({images[i], recorder.captions()[i]});
   }
   output::write_png(output::contact_sheet(cells, scene.spec.title), out / "contact_sheet.png");
 }
@@ -71,7 +35,7 @@ void write_pictures(const scene::Scene& scene, const std::vector<Snapshot>& snap
 void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options, RunResult& result) {
   const long steps = simulation.step_count();
   const long report_every = std::max(1L, steps / 200);
-  recorder.see(0, simulation.engine());
+  recorder.see(0);
   for (long i = 1; i <= steps; ++i) {
     try {
       simulation.step();
@@ -80,10 +44,17 @@ void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options,
       result.fault = error.fault();
       return;
     }
-    recorder.see(i, simulation.engine());
+    recorder.see(i);
     if (options.progress && i % report_every == 0)
       options.progress(static_cast<double>(i) / static_cast<double>(steps));
   }
+}
+
+/// What only a controlled scene can show.
+void check_controlled(const scene::Scene& scene, const RunOptions& options) {
+  if (!scene.control)
+    throw input_error(options.plots ? "--plots" : "--poses", "a scene without a control block", "a scene that drives its hands");
+  if (options.plots) need_gnuplot();
 }
 
 }  // namespace
@@ -93,18 +64,21 @@ bool RunResult::passed() const {
 }
 
 RunResult run(const scene::Scene& scene, const RunOptions& options) {
+  if (options.plots || options.pose_pictures) check_controlled(scene, options);
   Simulation simulation(scene);
   output::make_folder(options.out);
-  Recorder recorder(scene, options, simulation.step_count());
+  Recorder recorder(scene, options, simulation);
   RunResult result;
   const auto start = std::chrono::steady_clock::now();
   loop(simulation, recorder, options, result);
   result.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   result.simulated = simulation.state().time;
+  result.tracking = simulation.tracking();
   result.verdicts = verdicts(simulation, scene.spec.criteria);
   result.summary = summary_json(scene, simulation, result);
   recorder.finish();
-  write_pictures(scene, recorder.snapshots(), options.out);
+  write_pictures(scene, recorder, options.out);
+  if (options.plots) write_plots(scene, options.out);
   output::write_file(options.out / "resolved.yaml", emit_yaml(scene.resolved));
   output::write_file(options.out / "summary.json", result.summary);
   return result;

@@ -8,6 +8,7 @@
 #include "handsim/scene/scene.h"
 #include "handsim/simulation/ledger.h"
 #include "handsim/simulation/monitor.h"
+#include "handsim/simulation/tracking.h"
 
 namespace handsim::simulation {
 
@@ -17,7 +18,7 @@ class Simulation {
   /// @throws Error (input) where the engine refuses the model.
   explicit Simulation(const scene::Scene& scene);
 
-  /// One step of the scene's solver: collide, step, check.
+  /// One step of the scene's solver: control, collide, step, sense, check.
   /// @throws Error (physics) with time, body or joint and quantity when the state leaves its bounds.
   void step();
 
@@ -25,16 +26,29 @@ class Simulation {
   const model::Model& model() const { return scene_.model; }
   const engine::Engine& engine() const { return *engine_; }
   const Monitor& monitor() const { return monitor_; }
+  /// Null where the scene drives no joint.
+  const control::Controller* controller() const { return controller_ ? &*controller_ : nullptr; }
+  /// Figures of the driven axes up to now, holds that are under way closed.
+  std::vector<AxisTracking> tracking() const;
   const Ledger& ledger() const { return ledger_; }
+  Simulation(const Simulation&) = delete;
+  Simulation& operator=(const Simulation&) = delete;
+
   /// Steps that the scene's duration takes.
   long step_count() const;
 
  private:
+  void find_constant_torques();
+  engine::StepInput command();
+
   const scene::Scene& scene_;
   std::unique_ptr<engine::Engine> engine_;
+  std::optional<control::Controller> controller_;
+  std::optional<Tracking> tracking_;
   Monitor monitor_;
   Ledger ledger_;
-  std::vector<double> torques_;  ///< constant torques of the joints; empty without actuation
+  std::vector<double> constant_;  ///< constant torques of the joints; empty where there are none
+  std::vector<double> sum_;       ///< with the controller's
 };
 
 }  // namespace handsim::simulation

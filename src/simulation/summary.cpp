@@ -58,6 +58,72 @@ Json fault_json(const PhysicsFault& fault) {
       {"time_s", fault.time}, {"where", fault.where}, {"quantity", fault.quantity}, {"detail", fault.detail}};
 }
 
+Json peak_json(const Peak& peak, const char* key) {
+  return {{key, peak.value}, {"time_s", peak.time}, {"pose", peak.where}};
+}
+
+Json axis_json(const control::DrivenAxis& axis, const AxisTracking& figures) {
+  Json out = {{"name", axis.name}};
+  out["gains"] = {{"proportional_N_m_per_rad", axis.gains.proportional},
+                  {"derivative_N_m_s_per_rad", axis.gains.derivative},
+                  {"integral_N_m_per_rad_s", axis.gains.integral},
+                  {"torque_limit_N_m", axis.gains.torque_limit},
+                  {"effective_inertia_kg_m2", axis.inertia}};
+  out["rms_error_rad"] = figures.rms_error;
+  out["largest_error"] = {{"rad", figures.largest_error.value}, {"time_s", figures.largest_error.time}};
+  out["steady_error"] = peak_json(figures.steady_error, "rad");
+  out["overshoot"] = figures.movements > 0 ? peak_json(figures.overshoot, "share") : Json();
+  out["settling_time"] = figures.movements > figures.unsettled ? peak_json(figures.settling_time, "s") : Json();
+  out["movements"] = figures.movements;
+  out["unsettled"] = figures.unsettled;
+  out["largest_torque_N_m"] = figures.largest_torque;
+  out["share_at_torque_limit"] = figures.limit_share;
+  return out;
+}
+
+Json control_json(const Simulation& simulation) {
+  const control::Plan& plan = simulation.controller()->plan();
+  const std::vector<AxisTracking> figures = simulation.tracking();
+  const AxisTracking* worst = Tracking::worst(figures);
+  Json out;
+  out["form"] = plan.form == control::Form::implicit_gain ? "implicit" : "explicit";
+  out["gravity_compensation"] = plan.gravity.has_value();
+  out["tissue_compensation"] = plan.tissue_compensation;
+  out["share_of_step"] = simulation.ledger().control_share();
+  out["worst_joint"] = worst ? Json(worst->name) : Json();
+  out["joints"] = Json::array();
+  for (std::size_t i = 0; i < figures.size(); ++i) out["joints"].push_back(axis_json(plan.axes[i], figures[i]));
+  return out;
+}
+
+/// The worst axis of each tracking figure, where the scene is controlled.
+void add_tracking(const Simulation& simulation, const scene::TrackingCriteria& limits, std::vector<Verdict>& out) {
+  const std::vector<AxisTracking> axes = simulation.tracking();
+  if (axes.empty()) return;
+  const auto add = [&](const char* name, const char* unit, auto figure, std::optional<double> limit) {
+    Verdict verdict{name, unit, 0, limit, 0, ""};
+    for (const AxisTracking& axis : axes) {
+      const Peak peak = figure(axis);
+      if (peak.value <= verdict.measured && !verdict.where.empty()) continue;
+      verdict.measured = peak.value;
+      verdict.time = peak.time;
+      verdict.where = peak.where.empty() || peak.where == axis.name ? axis.name : axis.name + " (" + peak.where + ")";
+    }
+    out.push_back(std::move(verdict));
+  };
+  const double end = simulation.state().time;
+  add("rms_error", "rad", [&](const AxisTracking& a) { return Peak{a.rms_error, end, a.name}; }, limits.rms_error);
+  add("largest_error", "rad", [](const AxisTracking& a) { return a.largest_error; }, limits.largest_error);
+  add("steady_error", "rad", [](const AxisTracking& a) { return a.steady_error; }, limits.steady_error);
+  add("overshoot", "", [](const AxisTracking& a) { return a.overshoot; }, limits.overshoot);
+  add("settling_time", "s", [](const AxisTracking& a) { return a.settling_time; }, limits.settling_time);
+  Verdict unsettled{"unsettled", "", 0, {}, 0, ""};
+  // A movement that never settles has no settling time: where that is judged, none may be left.
+  if (limits.settling_time) unsettled.limit = 0;
+  for (const AxisTracking& axis : axes) unsettled.measured += axis.unsettled;
+  out.push_back(unsettled);
+}
+
 }  // namespace
 
 std::vector<Verdict> verdicts(const Simulation& simulation, const scene::Criteria& criteria) {
@@ -71,6 +137,7 @@ std::vector<Verdict> verdicts(const Simulation& simulation, const scene::Criteri
   failures.measured = static_cast<double>(simulation.ledger().lcp_failures());
   if (criteria.lcp_failures) failures.limit = *criteria.lcp_failures;
   out.push_back(failures);
+  add_tracking(simulation, criteria.tracking, out);
   return out;
 }
 
@@ -91,6 +158,7 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
   out["time"] = {{"simulated_s", result.simulated},
                  {"loop_wall_s", result.wall},
                  {"times_real_time", result.wall > 0 ? result.simulated / result.wall : 0.0}};
+  if (simulation.controller()) out["control"] = control_json(simulation);
   out["ledger"] = {{"phases", ledger_json(ledger.phases())}, {"effects", ledger_json(ledger.effects())}};
   out["solver"] = {{"engine", simulation.engine().version()},
                    {"method", model::name(solver.method)},

@@ -44,6 +44,29 @@ BENCHMARK_CAPTURE(loop_against_bare_ode, quick_step, "quick_step")
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
 
+/// One controlled hand through its poses: what control costs of the step it drives, from the run's ledger.
+void control_share(benchmark::State& state, const char* controller) {
+  scene::Scene scene = test::shipped_scene(
+      "every_pose", {"duration=3", "control.controller=" + test::source(std::string("controllers/") + controller + ".yaml").string()});
+  // The second hand goes, with all that is its own.
+  YamlNode root = scene.resolved;
+  root.find("hands")->items.pop_back();
+  scene = scene::compile_scene(std::move(root));
+  std::vector<double> shares, control;
+  for (auto unused : state) {
+    (void)unused;
+    simulation::Simulation simulation(scene);
+    for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
+    shares.push_back(simulation.ledger().control_share());
+    for (const simulation::LedgerEntry& phase : simulation.ledger().phases())
+      if (phase.name == "control") control.push_back(*phase.ns_per_step);
+  }
+  state.counters["share"] = median(shares);
+  state.counters["control_ns"] = median(control);
+}
+BENCHMARK_CAPTURE(control_share, implicit, "implicit")->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(control_share, explicit, "explicit")->Unit(benchmark::kMillisecond);
+
 /// Both hands from YAML in memory to a world that is ready to step.
 void person_to_world(benchmark::State& state) {
   const YamlNode root = test::shipped_scene("two_hands").resolved;

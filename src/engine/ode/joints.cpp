@@ -82,7 +82,21 @@ void set_geometry(dJointID id, const model::Joint& joint, const Pose& x_WF) {
   }
 }
 
-/// Axes of a joint's tissue motor, in the same configuration.
+/// A motor with `count` axes between the bodies of a joint: AMotor, or LMotor of a slider.
+dJointID create_motor(dWorldID world, JointKind kind, std::size_t count, dBodyID child, dBodyID parent) {
+  const bool slider = kind == JointKind::slider;
+  const dJointID motor = slider ? dJointCreateLMotor(world, nullptr) : dJointCreateAMotor(world, nullptr);
+  dJointAttach(motor, child, parent);
+  if (slider) {
+    dJointSetLMotorNumAxes(motor, static_cast<int>(count));
+  } else {
+    dJointSetAMotorMode(motor, dAMotorUser);
+    dJointSetAMotorNumAxes(motor, static_cast<int>(count));
+  }
+  return motor;
+}
+
+/// Axes of a joint's motor, in the same configuration.
 void set_motor_axes(dJointID motor, const model::Joint& joint, const std::vector<std::size_t>& axes,
                     bool parent_is_body, const Pose& x_WF) {
   for (std::size_t i = 0; i < axes.size(); ++i) {
@@ -104,7 +118,8 @@ void add_torque(const OdeBody& body, const Vec3& torque) {
 }  // namespace
 
 Joints::Joints(dWorldID world, const model::Model& model, const Settings& settings,
-               const std::vector<OdeBody>& bodies, const model::State& start) {
+               const std::vector<OdeBody>& bodies, const model::State& start)
+    : servos_(settings.step) {
   std::vector<std::size_t> copies_used(bodies.size(), 0);
   for (const model::Joint& joint : model.joints) {
     links_.push_back(make_link(world, joint, bodies, copies_used));
@@ -112,6 +127,7 @@ Joints::Joints(dWorldID world, const model::Model& model, const Settings& settin
     if (link.id == nullptr) continue;
     if (settings.effects.has(model::Effect::joint_stops)) add_stops(link, settings);
     if (settings.effects.has(model::Effect::passive_tissue)) add_tissue(world, link, settings);
+    if (settings.effects.has(model::Effect::actuation)) add_servo(world, link);
     place(link, start);
     watch(links_.size() - 1, settings);
   }
@@ -149,6 +165,11 @@ void Joints::place(const Link& link, const model::State& state) const {
   set_geometry(link.id, joint, x_WF);
   if (link.motor != nullptr)
     set_motor_axes(link.motor, joint, link.motor_axes, link.parent.id != nullptr, x_WF);
+  if (link.servo != nullptr) {
+    const std::vector<std::size_t> all =
+        joint.axes.size() == 2 ? std::vector<std::size_t>{0, 1} : std::vector<std::size_t>{0};
+    set_motor_axes(link.servo, joint, all, link.parent.id != nullptr, x_WF);
+  }
 }
 
 void Joints::reanchor(const model::State& state) {
@@ -198,15 +219,8 @@ void Joints::add_tissue(dWorldID world, Link& link, const Settings& settings) {
   if (link.motor_axes.empty()) return;
   has_tissue_ = true;
   const bool slider = joint.kind == JointKind::slider;
-  link.motor = slider ? dJointCreateLMotor(world, nullptr) : dJointCreateAMotor(world, nullptr);
-  dJointAttach(link.motor, link.child.id, link.parent.id);
+  link.motor = create_motor(world, joint.kind, link.motor_axes.size(), link.child.id, link.parent.id);
   const int axes = static_cast<int>(link.motor_axes.size());
-  if (slider) {
-    dJointSetLMotorNumAxes(link.motor, axes);
-  } else {
-    dJointSetAMotorMode(link.motor, dAMotorUser);
-    dJointSetAMotorNumAxes(link.motor, axes);
-  }
   for (int i = 0; i < axes; ++i) {
     const model::Tissue& tissue = *joint.axes[link.motor_axes[static_cast<std::size_t>(i)]].tissue;
     const SoftRow row = soft_row(tissue.stiffness, tissue.damping, settings.step);
@@ -222,6 +236,13 @@ void Joints::add_tissue(dWorldID world, Link& link, const Settings& settings) {
     dJointSetAMotorParam(link.motor, dParamStopERP + group, row.erp);
     dJointSetAMotorParam(link.motor, dParamStopCFM + group, row.cfm);
   }
+}
+
+void Joints::add_servo(dWorldID world, Link& link) {
+  const model::Joint& joint = *link.joint;
+  if (joint.axes.empty()) return;
+  link.servo = create_motor(world, joint.kind, joint.axes.size(), link.child.id, link.parent.id);
+  servos_.add(link.servo, joint);
 }
 
 void Joints::watch(std::size_t link_index, const Settings& settings) {

@@ -12,6 +12,7 @@
 
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/coordinates.h"
+#include "handsim/engine/ode/servos.h"
 
 namespace handsim::engine::ode {
 
@@ -34,6 +35,8 @@ class Joints {
   bool has_tissue() const { return has_tissue_; }
   /// Adds torques, size model.dof_count(), to the bodies for the next step.
   void add_torques(std::span<const double> torques, const model::State& state) const;
+  /// Sets the servo drives of the next step, size model.dof_count() or empty. They exist with actuation only.
+  void set_servos(std::span<const model::Servo> servos) { servos_.set(servos); }
   /// Tells the tissue where its joints are and counts the stops that the next step finds in force.
   int prepare(const model::State& state) const;
   /// What was widened, one sentence each.
@@ -49,6 +52,7 @@ class Joints {
     OdeBody parent;                       ///< without id: the world or a body that has no ODE body
     dJointID motor = nullptr;             ///< tissue: AMotor, or LMotor of a slider
     std::vector<std::size_t> motor_axes;  ///< our axis of each of the motor's axes
+    dJointID servo = nullptr;             ///< drives every axis; with actuation only
   };
   /// Angles to read at every step, for tissue, stops or both.
   struct Watch {
@@ -68,12 +72,14 @@ class Joints {
   void place(const Link& link, const model::State& state) const;
   void add_stops(const Link& link, const Settings& settings);
   void add_tissue(dWorldID world, Link& link, const Settings& settings);
+  void add_servo(dWorldID world, Link& link);
   void watch(std::size_t link, const Settings& settings);
   model::Stop widened(const model::Joint& joint, const model::JointAxis& axis, bool note);
 
   std::vector<Link> links_;  ///< as Model::joints
   std::vector<Watch> watches_;
   std::vector<SliderWatch> slider_watches_;
+  Servos servos_;
   std::vector<std::string> notes_;
   bool has_tissue_ = false;
 };

@@ -44,6 +44,7 @@ class OdeEngine final : public Engine {
   void write(const model::State& state);
   bool immovable_moved(const model::State& state) const;
   void prepare(const StepInput& input, StepReport& report);
+  void actuate(const StepInput& input);
   void advance();
   void check_bodies(double time);
   void read(double time);

@@ -55,9 +55,12 @@ StepReport OdeEngine::step(const StepInput& input) {
 }
 
 void OdeEngine::prepare(const StepInput& input, StepReport& report) {
-  if (!input.torques.empty()) {
-    if (auto fault = torque_fault(model_, state_.time, input.torques)) fail(std::move(*fault));
-    joints_->add_torques(input.torques, state_);
+  if (settings_.effects.has(model::Effect::actuation)) {
+    const Clock::time_point start = Clock::now();
+    actuate(input);
+    report.servo_ns = ns_since(start);
+  } else {
+    actuate(input);
   }
   if (joints_->has_tissue()) {
     const Clock::time_point start = Clock::now();
@@ -72,6 +75,16 @@ void OdeEngine::prepare(const StepInput& input, StepReport& report) {
     report.contacts = static_cast<int>(contacts_->list().size());
     report.collide_ns = ns_since(start);
   }
+}
+
+void OdeEngine::actuate(const StepInput& input) {
+  if (!input.torques.empty()) {
+    if (auto fault = torque_fault(model_, state_.time, input.torques)) fail(std::move(*fault));
+    joints_->add_torques(input.torques, state_);
+  }
+  if (!input.servos.empty())
+    if (auto fault = servo_fault(model_, settings_, state_.time, input.servos)) fail(std::move(*fault));
+  joints_->set_servos(input.servos);
 }
 
 void OdeEngine::advance() {

@@ -1,0 +1,129 @@
+#include "handsim/control/gains.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+
+namespace handsim::control {
+
+namespace {
+
+AxisGains read_gains(MapReader& reader) {
+  AxisGains out;
+  out.proportional = reader.maybe_number("proportional", {Dimension::rotational_stiffness, 0, 1e4});
+  out.derivative = reader.maybe_number("derivative", {Dimension::rotational_damping, 0, 1e3});
+  out.integral = reader.maybe_number("integral", {Dimension::rotational_integral, 0, 1e5});
+  out.frequency = reader.maybe_number("frequency", {Dimension::frequency, 0.01, 1000});
+  out.damping_ratio = reader.maybe_number("damping_ratio", {Dimension::none, 0, 100});
+  out.integral_time = reader.maybe_number("integral_time", {Dimension::time, 1e-3, 1e6});
+  out.torque_limit = reader.maybe_number("torque_limit", {Dimension::torque, 0, 1000, true});
+  out.derivative_cutoff = reader.maybe_number("derivative_cutoff", {Dimension::frequency, 0.01, 1e5});
+  out.integral_zone = reader.maybe_number("integral_zone", {Dimension::angle, 0, 10, true});
+  const bool given = out.proportional || out.derivative || out.integral;
+  const bool designed = out.frequency || out.damping_ratio || out.integral_time;
+  if (given && designed)
+    reader.problem(out.frequency       ? "frequency"
+                   : out.damping_ratio ? "damping_ratio"
+                                       : "integral_time",
+                   "given and designed gains in one row",
+                   "proportional, derivative, integral, or frequency, damping_ratio, integral_time");
+  return out;
+}
+
+std::vector<std::string> read_joints(MapReader& reader) {
+  YamlNode* node = reader.child("joints");
+  const char* need =
+      "all, the name of a joint (index_mcp) or of its axis (index_mcp.flexion), or a list of them";
+  std::vector<std::string> out;
+  if (!node) {
+    reader.problem("joints", "nothing", need);
+  } else if (node->kind == YamlNode::Kind::scalar && !node->text.empty()) {
+    out.push_back(node->text);
+  } else if (node->kind == YamlNode::Kind::sequence && !node->items.empty()) {
+    for (const YamlNode& item : node->items) out.push_back(item.text);
+  } else {
+    reader.problem("joints", node->described(), need);
+  }
+  return out;
+}
+
+GainRow read_row(MapReader reader) {
+  GainRow row;
+  row.place = reader.node().place();
+  row.joints = read_joints(reader);
+  row.gains = read_gains(reader);
+  if (reader.has("source")) row.source = reader.text("source");
+  reader.finish();
+  return row;
+}
+
+}  // namespace
+
+void AxisGains::overlay(const AxisGains& later) {
+  const auto take = [](std::optional<double>& mine, const std::optional<double>& theirs) {
+    if (theirs) mine = theirs;
+  };
+  if (later.proportional || later.derivative || later.integral)
+    frequency = damping_ratio = integral_time = std::nullopt;
+  if (later.frequency || later.damping_ratio || later.integral_time)
+    proportional = derivative = integral = std::nullopt;
+  take(proportional, later.proportional);
+  take(derivative, later.derivative);
+  take(integral, later.integral);
+  take(frequency, later.frequency);
+  take(damping_ratio, later.damping_ratio);
+  take(integral_time, later.integral_time);
+  take(torque_limit, later.torque_limit);
+  take(derivative_cutoff, later.derivative_cutoff);
+  take(integral_zone, later.integral_zone);
+}
+
+ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
+  ControllerSpec spec;
+  MapReader reader(node, path, diagnostics);
+  spec.title = reader.text("title", "untitled");
+  spec.form = reader.choice<Form>(
+      "form", {{"implicit", Form::implicit_gain}, {"explicit", Form::explicit_torque}}, Form::implicit_gain);
+  spec.gravity_compensation = reader.flag("gravity_compensation", false);
+  spec.tissue_compensation = reader.flag("tissue_compensation", false);
+  if (YamlNode* sources = reader.child("sources"))
+    for (const YamlEntry& entry : sources->entries) spec.sources[entry.key] = entry.value.text;
+  if (YamlNode* rows = reader.list("gains", true)) {
+    if (rows->items.empty()) reader.problem("gains", "an empty list", "at least one row of gains");
+    for (std::size_t i = 0; i < rows->items.size(); ++i)
+      spec.rows.push_back(
+          read_row(MapReader(rows->items[i], fmt::format("{}.{}", reader.path_of("gains"), i), diagnostics)));
+  }
+  reader.finish();
+  return spec;
+}
+
+void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands, Diagnostics& diagnostics) {
+  for (const GainRow& row : spec.rows)
+    for (const std::string& name : row.joints) {
+      if (std::any_of(hands.begin(), hands.end(), [&](const HandAxes& hand) { return hand.knows(name); }))
+        continue;
+      std::vector<std::string> known;
+      for (const HandAxes& hand : hands)
+        for (const HandAxis& axis : hand.axes) known.insert(known.end(), {axis.joint, axis.name()});
+      const auto near = nearest_word(name, known);
+      diagnostics.problems.push_back(
+          {row.place, "gains.joints", fmt::format("\"{}\", which no hand of the scene has", name),
+           near ? fmt::format("a joint or joint.axis of a hand (nearest: {})", *near)
+                : "a joint or joint.axis of a hand"});
+    }
+}
+
+std::optional<AxisGains> gains_of(const ControllerSpec& spec, const HandAxis& axis) {
+  std::optional<AxisGains> out;
+  for (const GainRow& row : spec.rows) {
+    if (std::none_of(row.joints.begin(), row.joints.end(),
+                     [&](const std::string& n) { return matches(axis, n); }))
+      continue;
+    if (!out) out.emplace();
+    out->overlay(row.gains);
+  }
+  return out;
+}
+
+}  // namespace handsim::control

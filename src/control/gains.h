@@ -1,0 +1,64 @@
+// What a controller file says: the form of control, what is fed forward, and rows of gains by joint. Knows no
+// person: rows may state a frequency and a damping ratio, from which plan.h makes gains for the hand that is
+// built.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/control/hand_axes.h"
+#include "handsim/core/yaml_reader.h"
+
+namespace handsim::control {
+
+enum class Form {
+  explicit_torque,  ///< torques from the state at the start of the step: unstable beyond a limit
+                    ///< (stability.h)
+  implicit_gain,    ///< spring-dampers that the engine solves within the step: stable at any step
+};
+
+/// Gains of one joint axis as rows state them. Either given (proportional, derivative, integral) or designed
+/// (frequency, damping_ratio, integral_time).
+struct AxisGains {
+  std::optional<double> proportional;   ///< [N m/rad], 0..1e4
+  std::optional<double> derivative;     ///< [N m s/rad], 0..1e3; acts on the measured rate
+  std::optional<double> integral;       ///< [N m/(rad s)], 0..1e5; absent: none
+  std::optional<double> frequency;      ///< of the undamped spring on the effective inertia [Hz], 0.01..1000
+  std::optional<double> damping_ratio;  ///< 0..100; 1 critical
+  std::optional<double> integral_time;  ///< proportional over integral gain [s], above 0; absent: no integral
+  std::optional<double> torque_limit;   ///< [N m], above 0
+  std::optional<double> derivative_cutoff;  ///< of a first-order low-pass on the rate [Hz]; absent: none
+  std::optional<double> integral_zone;  ///< the integral acts at smaller errors only [rad]; absent: at all
+
+  /// Takes over what a later row states; a given gain displaces designed ones and the other way round.
+  void overlay(const AxisGains& later);
+};
+
+struct GainRow {
+  std::vector<std::string> joints;  ///< `all`, joints, or joint.axis
+  AxisGains gains;
+  std::string source;
+  Place place;
+};
+
+struct ControllerSpec {
+  std::string title;
+  Form form = Form::implicit_gain;
+  bool gravity_compensation = false;  ///< feeds forward what holds the weight at the measured angles
+  bool tissue_compensation = false;   ///< feeds forward what holds the passive tissue at the target angles
+  std::map<std::string, std::string> sources;
+  std::vector<GainRow> rows;  ///< later rows win
+};
+
+/// Reads a controller file; every defect goes into the diagnostics.
+ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
+
+/// Rows whose joint no hand has.
+void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands, Diagnostics& diagnostics);
+
+/// What the rows say of an axis; nothing where none names it: the axis is left limp.
+std::optional<AxisGains> gains_of(const ControllerSpec& spec, const HandAxis& axis);
+
+}  // namespace handsim::control

@@ -1,0 +1,48 @@
+#include "handsim/control/hand_axes.h"
+
+#include <algorithm>
+
+namespace handsim::control {
+
+bool matches(const HandAxis& axis, std::string_view name) {
+  return name == "all" || name == axis.joint || name == axis.name();
+}
+
+bool HandAxes::knows(std::string_view name) const {
+  const auto is_absent = [&](const std::string& joint) {
+    return name == joint || name.starts_with(joint + ".");
+  };
+  return std::any_of(axes.begin(), axes.end(), [&](const HandAxis& axis) { return matches(axis, name); }) ||
+         std::any_of(absent.begin(), absent.end(), is_absent);
+}
+
+std::vector<std::string> HandAxes::joints() const {
+  std::vector<std::string> out;
+  for (const HandAxis& axis : axes)
+    if (out.empty() || out.back() != axis.joint) out.push_back(axis.joint);
+  out.insert(out.end(), absent.begin(), absent.end());
+  return out;
+}
+
+HandAxes hand_axes(const model::Model& model, const model::HandIndex& hand, std::vector<std::string> absent) {
+  HandAxes out;
+  out.hand = hand.name;
+  out.absent = std::move(absent);
+  for (const int index : hand.joints) {
+    const auto j = static_cast<std::size_t>(index);
+    const model::Joint& joint = model.joints[j];
+    for (std::size_t a = 0; a < joint.axes.size(); ++a) {
+      HandAxis axis;
+      axis.joint = joint.name.substr(hand.name.size() + 1);
+      axis.axis = joint.axes[a].name;
+      axis.joint_index = j;
+      axis.axis_index = a;
+      axis.dof = static_cast<std::size_t>(joint.first_dof) + a;
+      axis.stop = joint.axes[a].stop;
+      out.axes.push_back(std::move(axis));
+    }
+  }
+  return out;
+}
+
+}  // namespace handsim::control

@@ -1,0 +1,42 @@
+// The joint coordinates of one hand that a controller can drive, under the names that files use.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "handsim/model/model.h"
+
+namespace handsim::control {
+
+struct HandAxis {
+  std::string joint;  ///< without the hand's name, e.g. `index_mcp`
+  std::string axis;   ///< e.g. `flexion`
+  std::size_t joint_index = 0;
+  std::size_t axis_index = 0;
+  std::size_t dof = 0;  ///< in vectors of model.dof_count()
+  std::optional<model::Stop> stop;
+
+  std::string name() const { return joint + "." + axis; }
+};
+
+struct HandAxes {
+  std::string hand;                 ///< `right`, `left`, ...
+  std::vector<HandAxis> axes;       ///< in the order of the hand's joints
+  std::vector<std::string> absent;  ///< joints of the hand model that its mount leaves out, e.g. `wrist`
+
+  /// True for `all`, a joint's name, or joint.axis, absent joints included.
+  bool knows(std::string_view name) const;
+  /// Joint names that knows() accepts, absent ones included.
+  std::vector<std::string> joints() const;
+};
+
+/// True where `name` is `all`, the axis' joint or the axis itself.
+bool matches(const HandAxis& axis, std::string_view name);
+
+/// @param absent joints that the hand model has but this hand has not.
+HandAxes hand_axes(const model::Model& model, const model::HandIndex& hand,
+                   std::vector<std::string> absent = {});
+
+}  // namespace handsim::control

@@ -1,0 +1,283 @@
+#include "handsim/control/motion_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <map>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+namespace handsim::control {
+
+namespace {
+
+constexpr double kDegree = M_PI / 180;
+constexpr std::size_t kMaxProblems = 20;
+
+struct Field {
+  std::string_view text;
+  int column = 1;
+};
+
+std::string_view trimmed(std::string_view text) {
+  const auto blank = [](char c) { return c == ' ' || c == '\t' || c == '\r'; };
+  while (!text.empty() && blank(text.front())) text.remove_prefix(1);
+  while (!text.empty() && blank(text.back())) text.remove_suffix(1);
+  return text;
+}
+
+std::vector<Field> split_commas(std::string_view line) {
+  std::vector<Field> out;
+  std::size_t begin = 0;
+  while (begin <= line.size()) {
+    const std::size_t end = std::min(line.find(',', begin), line.size());
+    out.push_back({trimmed(line.substr(begin, end - begin)), static_cast<int>(begin) + 1});
+    begin = end + 1;
+  }
+  return out;
+}
+
+std::vector<Field> split_blanks(std::string_view line) {
+  std::vector<Field> out;
+  std::size_t begin = 0;
+  while ((begin = line.find_first_not_of(" \t\r", begin)) != std::string_view::npos) {
+    const std::size_t end = std::min(line.find_first_of(" \t\r", begin), line.size());
+    out.push_back({line.substr(begin, end - begin), static_cast<int>(begin) + 1});
+    begin = end;
+  }
+  return out;
+}
+
+/// `/jointset/right_index_mcp/NAME/value` is NAME.
+std::string coordinate_of(std::string_view label) {
+  if (!label.starts_with('/')) return std::string(label);
+  if (label.ends_with("/value")) label.remove_suffix(6);
+  return std::string(label.substr(label.rfind('/') + 1));
+}
+
+/// One file being read.
+class Reader {
+ public:
+  explicit Reader(const std::filesystem::path& path) : name_(path.string()) {
+    std::ifstream file(path, std::ios::binary);
+    std::error_code failure;
+    if (!file || !std::filesystem::is_regular_file(path, failure))
+      throw Error(std::vector<Problem>{
+          {Place{name_}, "", "no such file", "a table of joint angles (.csv, .mot, .sto)"}});
+    if (std::filesystem::file_size(path) > kMotionMaxBytes)
+      throw Error(std::vector<Problem>{{Place{name_}, "", "more than 256 MB", "a smaller table"}});
+    text_.assign(std::istreambuf_iterator<char>(file), {});
+    rest_ = text_;
+    table_.file = name_;
+  }
+
+  MotionTable read(bool opensim) {
+    opensim ? read_opensim_header() : read_csv_header();
+    stop_if_bad();
+    while (next_line()) {
+      const std::vector<Field> fields = opensim ? split_blanks(line_) : split_commas(line_);
+      if (!trimmed(line_).empty()) read_row(fields);
+      if (problems_.size() >= kMaxProblems) break;
+    }
+    if (problems_.empty() && table_.times.empty()) problem(1, "", "no rows", "at least one row of angles");
+    if (problems_.empty() && rows_said_ && *rows_said_ != table_.times.size())
+      problem(1, "nRows", fmt::format("{} rows", table_.times.size()),
+              fmt::format("{}, as nRows says", *rows_said_));
+    stop_if_bad();
+    return std::move(table_);
+  }
+
+ private:
+  bool next_line() {
+    if (rest_.empty()) return false;
+    const std::size_t end = std::min(rest_.find('\n'), rest_.size());
+    line_ = rest_.substr(0, end);
+    rest_.remove_prefix(std::min(end + 1, rest_.size()));
+    ++number_;
+    return true;
+  }
+
+  void problem(int column, std::string key, std::string got, std::string need) {
+    problems_.push_back({Place{name_, number_, column}, std::move(key), std::move(got), std::move(need)});
+  }
+  void stop_if_bad() const {
+    if (!problems_.empty()) throw Error(problems_);
+  }
+
+  void add_column(const std::string& name, double factor, int column) {
+    if (name.empty()) return problem(column, "", "a column without a name", "the name of a coordinate");
+    if (std::find(table_.names.begin(), table_.names.end(), name) != table_.names.end())
+      return problem(column, name, "a second column of this name", "a name of its own for each column");
+    table_.names.push_back(name);
+    factors_.push_back(factor);
+  }
+
+  void read_csv_header() {
+    if (!next_line()) return problem(1, "", "an empty file", "a line of column names, then rows");
+    const std::vector<Field> fields = split_commas(line_);
+    width_ = fields.size();
+    if (fields[0].text != "time" && fields[0].text != "time[s]")
+      problem(1, "", fmt::format("\"{}\"", fields[0].text), "time[s] as the first column");
+    for (std::size_t i = 1; i < fields.size(); ++i) {
+      const std::string_view text = fields[i].text;
+      const std::size_t bracket = text.find('[');
+      const std::string_view unit = bracket == std::string_view::npos ? "" : text.substr(bracket);
+      const bool quaternion = text.size() > 3 && text[text.size() - 3] == '.' && text[text.size() - 2] == 'q';
+      if (quaternion || unit == "[m]" || unit == "[rad/s]" || unit == "[m/s]") continue;
+      if (!unit.empty() && unit != "[rad]" && unit != "[deg]") {
+        problem(fields[i].column, std::string(text), fmt::format("the unit {}", unit), "[rad] or [deg]");
+        continue;
+      }
+      add_column(std::string(text.substr(0, bracket)), unit == "[deg]" ? kDegree : 1, fields[i].column);
+      kept_.push_back(i);
+    }
+    if (problems_.empty() && kept_.empty())
+      problem(1, "", "no column of angles", "columns such as index_mcp.flexion[deg]");
+    table_.header_line = number_;
+  }
+
+  void read_header_number(std::string_view key, std::string_view value, std::optional<std::size_t>& out) {
+    const auto number = parse_number(value);
+    if (number && *number >= 0 && *number == std::floor(*number))
+      out = static_cast<std::size_t>(*number);
+    else
+      problem(1, std::string(key), fmt::format("\"{}\"", value), "a whole number");
+  }
+
+  void read_opensim_header() {
+    bool degrees = false, ended = false;
+    std::optional<std::size_t> columns;
+    while (!ended && next_line()) {
+      const std::string_view line = trimmed(line_);
+      if (line == "endheader") {
+        ended = true;
+        continue;
+      }
+      const std::size_t equals = line.find('=');
+      if (equals == std::string_view::npos) continue;
+      const std::string_view key = trimmed(line.substr(0, equals)), value = trimmed(line.substr(equals + 1));
+      if (key == "nRows" || key == "datarows") read_header_number(key, value, rows_said_);
+      if (key == "nColumns" || key == "datacolumns") read_header_number(key, value, columns);
+      if (key == "inDegrees") {
+        degrees = value == "yes";
+        if (value != "yes" && value != "no")
+          problem(1, "inDegrees", fmt::format("\"{}\"", value), "yes or no");
+      }
+    }
+    if (!ended) return problem(1, "", "no line `endheader`", "an OpenSim header that ends with it");
+    if (!next_line()) return problem(1, "", "nothing after endheader", "a line of column labels, then rows");
+    const std::vector<Field> labels = split_blanks(line_);
+    width_ = labels.size();
+    if (labels.empty() || labels[0].text != "time")
+      return problem(1, "", labels.empty() ? "no labels" : fmt::format("\"{}\"", labels[0].text),
+                     "time as the first label");
+    if (columns && *columns != width_)
+      problem(1, "nColumns", fmt::format("{} labels", width_), fmt::format("{}, as nColumns says", *columns));
+    for (std::size_t i = 1; i < labels.size(); ++i) {
+      add_column(coordinate_of(labels[i].text), degrees ? kDegree : 1, labels[i].column);
+      kept_.push_back(i);
+    }
+    if (kept_.empty()) problem(1, "", "no column of angles", "columns of coordinates after time");
+    table_.header_line = number_;
+  }
+
+  void read_row(const std::vector<Field>& fields) {
+    if (fields.size() != width_)
+      return problem(1, "", fmt::format("{} values", fields.size()),
+                     fmt::format("{}, one for each column", width_));
+    const auto time = parse_number(fields[0].text);
+    if (!time) return problem(1, "time", fmt::format("\"{}\"", fields[0].text), "a time in s");
+    if (!table_.times.empty() && !(*time > table_.times.back()))
+      return problem(1, "time", fmt::format("{:g} s after {:g} s", *time, table_.times.back()),
+                     "times that rise");
+    const std::size_t before = table_.values.size();
+    for (std::size_t k = 0; k < kept_.size(); ++k) {
+      const Field& field = fields[kept_[k]];
+      const auto value = parse_number(field.text);
+      if (!value) {
+        problem(field.column, table_.names[k], fmt::format("\"{}\"", field.text), "a finite number");
+        table_.values.resize(before);
+        return;
+      }
+      table_.values.push_back(*value * factors_[k]);
+    }
+    table_.times.push_back(*time);
+    table_.lines.push_back(number_);
+  }
+
+  std::string name_, text_;
+  std::string_view rest_, line_;
+  int number_ = 0;
+  std::size_t width_ = 0;
+  std::vector<std::size_t> kept_;  ///< fields that are columns of the table
+  std::vector<double> factors_;    ///< of those, to rad
+  std::optional<std::size_t> rows_said_;
+  std::vector<Problem> problems_;
+  MotionTable table_;
+};
+
+std::string suffix_of(const std::string& name) { return std::filesystem::path(name).extension().string(); }
+
+/// Angle in its range; a little beyond is moved to the stop and counted.
+double in_range(const MotionTable& table, std::size_t row, const HandAxes& hand, const HandAxis& axis,
+                double angle, int& moved, Diagnostics& diagnostics) {
+  if (!axis.stop || (angle >= axis.stop->low && angle <= axis.stop->high)) return angle;
+  const double held = std::clamp(angle, axis.stop->low, axis.stop->high);
+  if (std::abs(angle - held) > kMotionRangeTolerance) {
+    if (diagnostics.problems.size() < kMaxProblems)
+      diagnostics.problems.push_back({Place{table.file, table.lines[row], 1}, hand.hand + "." + axis.name(),
+                                      fmt::format("{:.4g} deg at {:g} s", angle / kDegree, table.times[row]),
+                                      fmt::format("an angle in its range, {:.4g} to {:.4g} deg",
+                                                  axis.stop->low / kDegree, axis.stop->high / kDegree)});
+  } else if (std::abs(angle - held) > 1e-9) {
+    ++moved;
+  }
+  return held;
+}
+
+}  // namespace
+
+bool is_motion_file(const std::string& name) {
+  const std::string suffix = suffix_of(name);
+  return suffix == ".csv" || suffix == ".mot" || suffix == ".sto";
+}
+
+MotionTable read_motion(const std::filesystem::path& path) {
+  return Reader(path).read(suffix_of(path.string()) != ".csv");
+}
+
+Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, const std::vector<bool>& driven,
+                             std::span<const double> start, Diagnostics& diagnostics) {
+  std::map<std::string, std::size_t> columns;
+  for (std::size_t c = 0; c < table.names.size(); ++c) columns[table.names[c]] = c;
+  std::vector<std::optional<std::size_t>> source(hand.axes.size());
+  std::vector<std::string> missing;
+  for (std::size_t i = 0; i < hand.axes.size(); ++i) {
+    for (const std::string& name : {hand.hand + "." + hand.axes[i].name(), hand.axes[i].name()})
+      if (const auto found = columns.find(name); found != columns.end() && !source[i])
+        source[i] = found->second;
+    if (!source[i] && driven[i]) missing.push_back(hand.axes[i].name());
+  }
+  if (!missing.empty())
+    diagnostics.problems.push_back(
+        {Place{table.file, table.header_line, 1}, hand.hand,
+         fmt::format("no column for {}", fmt::join(missing, ", ")),
+         fmt::format("a column {}.JOINT.AXIS or JOINT.AXIS for every driven axis", hand.hand)});
+  Trajectory out(hand.axes.size(), model::Interpolation::linear);
+  std::vector<double> row(start.begin(), start.end());
+  int moved = 0;
+  for (std::size_t r = 0; r < table.times.size(); ++r) {
+    for (std::size_t i = 0; i < row.size(); ++i)
+      if (source[i])
+        row[i] = in_range(table, r, hand, hand.axes[i], table.at(r, *source[i]), moved, diagnostics);
+    out.add(table.times[r], row);
+  }
+  if (moved > 0)
+    diagnostics.warnings.push_back(
+        fmt::format("{}: {} angles of hand {} less than {:.2g} deg beyond their range: moved to the stop",
+                    table.file, moved, hand.hand, kMotionRangeTolerance / kDegree));
+  return out;
+}
+
+}  // namespace handsim::control

@@ -1,0 +1,229 @@
+#include "handsim/control/plan.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/control/inertia.h"
+#include "handsim/control/stability.h"
+#include "handsim/model/kinematics.h"
+
+namespace handsim::control {
+
+namespace {
+
+/// Postures of a trajectory looked at for design and stability.
+constexpr std::size_t kMaxPostures = 100;
+
+/// A hand on its way into the plan.
+struct HandWork {
+  const model::HandIndex* index = nullptr;
+  HandAxes axes;
+  std::vector<std::optional<AxisGains>> stated;  ///< by axis
+  std::vector<double> start;                     ///< angles by axis
+  std::vector<Eigen::MatrixXd> inertias;         ///< at the postures of its trajectory
+};
+
+std::string axis_name(const HandWork& hand, std::size_t i) {
+  return hand.axes.hand + "." + hand.axes.axes[i].name();
+}
+
+HandWork begin_hand(const model::Model& model, std::size_t i, const PlanInput& input,
+                    const std::vector<double>& start) {
+  HandWork out;
+  out.index = &model.hands[i];
+  out.axes = hand_axes(model, model.hands[i], input.absent[i]);
+  for (const HandAxis& axis : out.axes.axes) {
+    out.stated.push_back(gains_of(*input.controller, axis));
+    out.start.push_back(start[axis.dof]);
+  }
+  return out;
+}
+
+/// Driven axes need a limit and gains.
+void check_gains(const HandWork& hand, const PlanInput& input, Diagnostics& diagnostics) {
+  const auto say = [&](std::size_t i, const char* got, const char* need) {
+    diagnostics.problems.push_back({input.controller->rows.front().place, "gains",
+                                    fmt::format("{} for {}", got, hand.axes.axes[i].name()), need});
+  };
+  for (std::size_t i = 0; i < hand.stated.size(); ++i) {
+    if (!hand.stated[i]) continue;
+    const AxisGains& gains = *hand.stated[i];
+    if (!gains.torque_limit) say(i, "no torque_limit", "a torque_limit in some row that names it");
+    const bool designed = gains.frequency && gains.damping_ratio;
+    const bool given = gains.proportional.value_or(0) + gains.derivative.value_or(0) > 0;
+    if (!designed && !given)
+      say(i, "no gains", "frequency and damping_ratio, or proportional and derivative, above 0");
+  }
+}
+
+const PoseFile kNoPoses;
+
+/// The trajectory that a hand's choice leads to; empty, with a problem, where it leads nowhere.
+Trajectory choose(const HandWork& hand, const ProgramChoice& choice, const PlanInput& input,
+                  Diagnostics& diagnostics) {
+  const PoseFile& file = input.poses ? *input.poses : kNoPoses;
+  if (is_motion_file(choice.program)) {
+    const std::filesystem::path path =
+        std::filesystem::path(choice.place.file).parent_path() / choice.program;
+    std::vector<bool> driven;
+    for (const auto& gains : hand.stated) driven.push_back(gains.has_value());
+    try {
+      return motion_trajectory(read_motion(path), hand.axes, driven, hand.start, diagnostics);
+    } catch (const Error& error) {
+      diagnostics.take(error);
+      return {};
+    }
+  }
+  const auto found = file.programs.find(choice.program);
+  if (found == file.programs.end()) {
+    std::vector<std::string> known;
+    for (const auto& [name, program] : file.programs) known.push_back(name);
+    const auto near = nearest_word(choice.program, known);
+    diagnostics.problems.push_back({choice.place, choice.key,
+                                    fmt::format("\"{}\", an unknown program", choice.program),
+                                    fmt::format("a program of the pose file{}, or a .csv, .mot or .sto file",
+                                                near ? " (nearest: " + *near + ")" : "")});
+    return {};
+  }
+  const std::vector<ProgramKey>* keys = found->second.keys_for(hand.axes.hand);
+  if (!keys) {
+    diagnostics.problems.push_back({found->second.place, "programs." + choice.program,
+                                    fmt::format("no keys for hand {}", hand.axes.hand),
+                                    "keys for every hand of the scene"});
+    return {};
+  }
+  return program_trajectory(found->second, *keys, file, hand.axes, hand.start, diagnostics);
+}
+
+/// Joint-space inertia at the start and at the trajectory's knots, each posture once.
+void find_inertias(const model::Model& model, const Trajectory& trajectory, const std::vector<double>& start,
+                   HandWork& hand) {
+  std::vector<std::vector<double>> seen = {hand.start};
+  const std::size_t stride = 1 + trajectory.knots() / (20 * kMaxPostures);
+  for (std::size_t k = 0; k < trajectory.knots() && seen.size() < kMaxPostures; k += stride) {
+    const std::span<const double> q = trajectory.knot(k);
+    std::vector<double> posture(q.begin(), q.end());
+    if (std::find(seen.begin(), seen.end(), posture) == seen.end()) seen.push_back(std::move(posture));
+  }
+  for (const std::vector<double>& posture : seen) {
+    std::vector<double> q = start;
+    for (std::size_t i = 0; i < posture.size(); ++i) q[hand.axes.axes[i].dof] = posture[i];
+    hand.inertias.push_back(joint_inertia(model, model::state_at(model, q), *hand.index, hand.axes));
+  }
+}
+
+/// Gains as numbers. Frequency f and damping ratio z on inertia I: K = I (2 pi f)^2, D = 2 z I 2 pi f, Ki = K
+/// / Ti.
+Gains make_gains(const AxisGains& stated, double inertia) {
+  Gains out;
+  const double w = 2 * M_PI * stated.frequency.value_or(0);
+  const bool designed = stated.frequency.has_value();
+  out.proportional = designed ? inertia * w * w : stated.proportional.value_or(0);
+  out.derivative =
+      designed ? 2 * stated.damping_ratio.value_or(1) * inertia * w : stated.derivative.value_or(0);
+  out.integral =
+      stated.integral_time ? out.proportional / *stated.integral_time : stated.integral.value_or(0);
+  out.torque_limit = stated.torque_limit.value_or(0);
+  out.derivative_cutoff = stated.derivative_cutoff;
+  out.integral_zone = stated.integral_zone;
+  return out;
+}
+
+void add_axes(const HandWork& hand, std::size_t hand_index, Plan& plan) {
+  Eigen::VectorXd effective = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hand.axes.axes.size()));
+  for (const Eigen::MatrixXd& inertia : hand.inertias)
+    effective = effective.cwiseMax(effective_inertia(inertia));
+  for (std::size_t i = 0; i < hand.stated.size(); ++i) {
+    if (!hand.stated[i]) continue;
+    const HandAxis& from = hand.axes.axes[i];
+    DrivenAxis axis;
+    axis.name = axis_name(hand, i);
+    axis.hand = hand_index;
+    axis.column = i;
+    axis.joint = from.joint_index;
+    axis.axis = from.axis_index;
+    axis.dof = from.dof;
+    axis.inertia = effective[static_cast<Eigen::Index>(i)];
+    axis.gains = make_gains(*hand.stated[i], axis.inertia);
+    plan.axes.push_back(std::move(axis));
+  }
+}
+
+/// Explicit gains of one hand against their limit, at the posture that is worst.
+Stability worst_stability(const HandWork& hand, std::size_t hand_index, const Plan& plan, double step) {
+  const auto n = static_cast<Eigen::Index>(hand.axes.axes.size());
+  Eigen::VectorXd proportional = Eigen::VectorXd::Zero(n), derivative = Eigen::VectorXd::Zero(n);
+  for (const DrivenAxis& axis : plan.axes) {
+    if (axis.hand != hand_index) continue;
+    proportional[static_cast<Eigen::Index>(axis.column)] = axis.gains.proportional;
+    derivative[static_cast<Eigen::Index>(axis.column)] = axis.gains.derivative;
+  }
+  Stability worst;
+  for (const Eigen::MatrixXd& inertia : hand.inertias) {
+    const Stability at = explicit_stability(inertia, proportional, derivative, step);
+    if (at.demand > worst.demand) worst = at;
+  }
+  return worst;
+}
+
+/// Refuses explicit gains beyond their limit, or warns of them where they are allowed; names the worst joint.
+void check_stability(const std::vector<HandWork>& hands, const PlanInput& input, Plan& plan,
+                     Diagnostics& diagnostics) {
+  Stability worst;
+  std::string name;
+  for (std::size_t i = 0; i < hands.size(); ++i) {
+    const Stability at = worst_stability(hands[i], i, plan, input.step);
+    if (at.demand <= worst.demand) continue;
+    worst = at;
+    name = axis_name(hands[i], at.axis);
+  }
+  if (worst.demand < kExplicitLimit) return;
+  const std::string got = fmt::format(
+      "explicit gains beyond their limit at a step of {:g} ms: 2 D h/I + K h^2/I is {:.3g} with its "
+      "neighbours, {:.3g} alone (D h/I = {:.3g}, K h^2/I = {:.3g}, I = {:.3g} kg m^2)",
+      1e3 * input.step, worst.demand, 2 * worst.damping_number + worst.stiffness_number, worst.damping_number,
+      worst.stiffness_number, worst.inertia);
+  const std::string need =
+      fmt::format("below {:g}: form: implicit, or a step below {:.3g} ms (or lower gains)", kExplicitLimit,
+                  1e3 * worst.largest_step);
+  if (!input.allow_unstable)
+    diagnostics.problems.push_back({input.controller->rows.front().place, "gains." + name, got, need});
+  else
+    plan.warnings.push_back(
+        fmt::format("gains.{}: {}, need {}; control.allow_unstable lets it run", name, got, need));
+}
+
+}  // namespace
+
+Plan make_plan(const model::Model& model, const PlanInput& input, Diagnostics& diagnostics) {
+  Plan plan;
+  plan.form = input.controller->form;
+  plan.tissue_compensation =
+      input.controller->tissue_compensation && input.effects.has(model::Effect::passive_tissue);
+  if (input.controller->gravity_compensation && input.effects.has(model::Effect::gravity))
+    plan.gravity = model.gravity;
+  const std::vector<double> start = model::coordinates(model, model::initial_state(model));
+  std::vector<HandWork> hands;
+  for (std::size_t i = 0; i < model.hands.size(); ++i) hands.push_back(begin_hand(model, i, input, start));
+  std::vector<HandAxes> axes;
+  for (const HandWork& hand : hands) axes.push_back(hand.axes);
+  const std::size_t before = diagnostics.problems.size();
+  check_names(*input.controller, axes, diagnostics);
+  // A row that names no joint leaves another joint without gains: one slip, one message.
+  const bool named = diagnostics.problems.size() == before;
+  for (std::size_t i = 0; i < hands.size(); ++i) {
+    if (named) check_gains(hands[i], input, diagnostics);
+    Trajectory trajectory = choose(hands[i], input.programs[i], input, diagnostics);
+    if (!diagnostics.problems.empty()) continue;
+    find_inertias(model, trajectory, start, hands[i]);
+    plan.hands.push_back({hands[i].axes.hand, hands[i].index->side, std::move(trajectory)});
+    add_axes(hands[i], i, plan);
+  }
+  if (plan.form == Form::explicit_torque && diagnostics.problems.empty())
+    check_stability(hands, input, plan, diagnostics);
+  return plan;
+}
+
+}  // namespace handsim::control

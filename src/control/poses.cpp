@@ -1,0 +1,261 @@
+#include "handsim/control/poses.h"
+
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+namespace handsim::control {
+
+namespace {
+
+constexpr double kDegree = M_PI / 180;
+/// Rounding of an angle that stands in degrees, beyond a range that does too [rad].
+constexpr double kRangeTolerance = 1e-9;
+constexpr int kMaxRepeats = 10'000;
+const Quantity kTime = {Dimension::time, 0, 1e5};
+
+enum class Unit { rad, deg };
+
+/// Bare numbers are in the file's unit; a text may carry its own.
+std::optional<double> read_angle(const YamlNode& node, const std::string& path, Unit unit,
+                                 Diagnostics& diagnostics) {
+  const Quantity angle = {Dimension::angle, -M_PI, M_PI};
+  if (unit == Unit::deg && node.kind == YamlNode::Kind::scalar)
+    if (const auto number = parse_number(node.text)) {
+      if (std::abs(*number) <= 180) return *number * kDegree;
+      diagnostics.problems.push_back({node.place(), path, node.described(), "an angle, -180 to 180 deg"});
+      return std::nullopt;
+    }
+  return read_number(node, path, angle, diagnostics);
+}
+
+PoseAngles read_angles(const YamlNode& node, const std::string& path, Unit unit, Diagnostics& diagnostics) {
+  PoseAngles out;
+  out.place = node.place();
+  if (node.kind == YamlNode::Kind::sequence) {
+    for (const YamlNode& item : node.items)
+      out.angles.push_back(read_angle(item, path, unit, diagnostics).value_or(0));
+  } else {
+    out.angles.push_back(read_angle(node, path, unit, diagnostics).value_or(0));
+  }
+  return out;
+}
+
+std::string nearest_of(const std::string& word, const std::vector<std::string>& known) {
+  const auto near = nearest_word(word, known);
+  return near ? fmt::format(" (nearest: {})", *near) : "";
+}
+
+template <class Map>
+std::vector<std::string> names_of(const Map& map) {
+  std::vector<std::string> out;
+  for (const auto& entry : map) out.push_back(entry.first);
+  return out;
+}
+
+/// `like: fist` starts from an earlier pose of the file; the joints named then replace its.
+PoseSpec read_pose(YamlNode& node, const std::string& path, Unit unit, const PoseFile& before,
+                   Diagnostics& diagnostics) {
+  PoseSpec pose;
+  if (node.kind != YamlNode::Kind::map) {
+    diagnostics.problems.push_back({node.place(), path, node.described(), "a mapping of joints to angles"});
+    return pose;
+  }
+  if (const YamlNode* like = node.find("like")) {
+    const auto found = before.poses.find(like->text);
+    if (found != before.poses.end())
+      pose = found->second;
+    else
+      diagnostics.problems.push_back(
+          {like->place(), path + ".like", like->described(),
+           "a pose above this one" + nearest_of(like->text, names_of(before.poses))});
+  }
+  pose.place = node.place();
+  for (const YamlEntry& entry : node.entries)
+    if (entry.key != "like")
+      pose.joints[entry.key] = read_angles(entry.value, path + "." + entry.key, unit, diagnostics);
+  return pose;
+}
+
+void check_order(MapReader& reader, const ProgramKey& key, const std::vector<ProgramKey>& before) {
+  if (before.empty()) return;
+  const ProgramKey& last = before.back();
+  if (!(key.time > last.time))
+    reader.problem("time", fmt::format("{:g} s after {:g} s", key.time, last.time), "times that rise");
+  else if (key.time < last.time + last.move * (1 - 1e-9))
+    reader.problem(
+        "time",
+        fmt::format("{:g} s, while the movement before lasts until {:g} s", key.time, last.time + last.move),
+        "a time at or after its end, or a shorter move");
+}
+
+std::vector<ProgramKey> read_keys(YamlNode& list, const std::string& path, double move, const PoseFile& file,
+                                  Diagnostics& diagnostics) {
+  std::vector<ProgramKey> out;
+  if (list.kind != YamlNode::Kind::sequence || list.items.empty()) {
+    diagnostics.problems.push_back(
+        {list.place(), path, list.kind == YamlNode::Kind::sequence ? "an empty list" : list.described(),
+         "a list of {time, pose}"});
+    return out;
+  }
+  for (std::size_t i = 0; i < list.items.size(); ++i) {
+    MapReader reader(list.items[i], fmt::format("{}.{}", path, i), diagnostics);
+    ProgramKey key;
+    key.place = list.items[i].place();
+    key.time = reader.number("time", kTime);
+    key.move = reader.number("move", kTime, move);
+    key.pose = reader.text("pose");
+    if (!key.pose.empty() && !file.poses.contains(key.pose))
+      reader.problem("pose", fmt::format("\"{}\", an unknown pose", key.pose),
+                     "a pose of the file" + nearest_of(key.pose, names_of(file.poses)));
+    check_order(reader, key, out);
+    reader.finish();
+    out.push_back(std::move(key));
+  }
+  return out;
+}
+
+void repeat(std::vector<ProgramKey>& keys, int times, double every) {
+  const std::vector<ProgramKey> once = keys;
+  for (int n = 1; n < times; ++n)
+    for (ProgramKey key : once) {
+      key.time += n * every;
+      keys.push_back(std::move(key));
+    }
+}
+
+void read_repeat(MapReader reader, ProgramSpec& program) {
+  const int times = reader.integer("times", 1, kMaxRepeats, 1);
+  const double every = reader.number("every", kTime);
+  const auto apply = [&](std::vector<ProgramKey>& keys) {
+    if (keys.empty()) return;
+    const double length = keys.back().time + keys.back().move - keys.front().time;
+    if (every < length || every <= keys.back().time - keys.front().time)
+      return reader.problem("every", fmt::format("{:g} s", every),
+                            fmt::format("at least the program's {:g} s", length));
+    repeat(keys, times, every);
+  };
+  apply(program.keys);
+  for (auto& [hand, keys] : program.hands) apply(keys);
+  reader.finish();
+}
+
+ProgramSpec read_program(MapReader reader, const PoseFile& file) {
+  ProgramSpec program;
+  program.place = reader.node().place();
+  program.interpolation = reader.choice<model::Interpolation>(
+      "interpolation",
+      {{"minimum_jerk", model::Interpolation::minimum_jerk}, {"linear", model::Interpolation::linear}},
+      model::Interpolation::minimum_jerk);
+  const double move = reader.number("move", kTime, 0.4);
+  YamlNode* keys = reader.child("keys");
+  YamlNode* hands = reader.child("hands");
+  if ((keys != nullptr) == (hands != nullptr))
+    reader.problem("keys", keys ? "keys and hands" : "neither keys nor hands",
+                   "keys for every hand, or hands, each with its keys");
+  if (keys) program.keys = read_keys(*keys, reader.path_of("keys"), move, file, reader.diagnostics());
+  if (hands && hands->kind != YamlNode::Kind::map)
+    reader.problem("hands", hands->described(), "a mapping of hands to lists of keys");
+  else if (hands)
+    for (YamlEntry& entry : hands->entries)
+      program.hands[entry.key] =
+          read_keys(entry.value, reader.path_of("hands") + "." + entry.key, move, file, reader.diagnostics());
+  if (reader.has("repeat")) read_repeat(reader.map("repeat"), program);
+  reader.finish();
+  return program;
+}
+
+void check_range(const std::string& pose, const HandAxis& axis, double angle, const Place& place,
+                 Diagnostics& diagnostics) {
+  if (!axis.stop || (angle >= axis.stop->low - kRangeTolerance && angle <= axis.stop->high + kRangeTolerance))
+    return;
+  diagnostics.problems.push_back({place, fmt::format("poses.{}.{}", pose, axis.joint),
+                                  fmt::format("{:.4g} deg for {}", angle / kDegree, axis.name()),
+                                  fmt::format("an angle in its range, {:.4g} to {:.4g} deg",
+                                              axis.stop->low / kDegree, axis.stop->high / kDegree)});
+}
+
+}  // namespace
+
+const std::vector<ProgramKey>* ProgramSpec::keys_for(const std::string& hand) const {
+  if (!keys.empty()) return &keys;
+  const auto found = hands.find(hand);
+  return found == hands.end() ? nullptr : &found->second;
+}
+
+PoseFile read_pose_file(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
+  PoseFile file;
+  MapReader reader(node, path, diagnostics);
+  file.title = reader.text("title", "untitled");
+  const Unit unit = reader.choice<Unit>("unit", {{"rad", Unit::rad}, {"deg", Unit::deg}}, Unit::rad);
+  reader.child("sources");
+  YamlNode* poses = reader.child("poses");
+  if (!poses || poses->kind != YamlNode::Kind::map)
+    reader.problem("poses", poses ? poses->described() : "nothing", "a mapping of names to poses");
+  else
+    for (YamlEntry& entry : poses->entries)
+      file.poses[entry.key] =
+          read_pose(entry.value, reader.path_of("poses") + "." + entry.key, unit, file, diagnostics);
+  if (YamlNode* programs = reader.child("programs")) {
+    if (programs->kind != YamlNode::Kind::map)
+      reader.problem("programs", programs->described(), "a mapping of names to programs");
+    for (YamlEntry& entry : programs->entries)
+      file.programs[entry.key] = read_program(
+          MapReader(entry.value, reader.path_of("programs") + "." + entry.key, diagnostics), file);
+  }
+  reader.finish();
+  return file;
+}
+
+std::vector<double> pose_angles(const std::string& name, const PoseSpec& pose, const HandAxes& hand,
+                                Diagnostics& diagnostics) {
+  std::vector<double> out(hand.axes.size(), 0.0);
+  for (const auto& [joint, wanted] : pose.joints) {
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < hand.axes.size(); ++i) {
+      const HandAxis& axis = hand.axes[i];
+      if (axis.joint != joint) continue;
+      ++count;
+      if (axis.axis_index >= wanted.angles.size()) continue;
+      out[i] = wanted.angles[axis.axis_index];
+      check_range(name, axis, out[i], wanted.place, diagnostics);
+    }
+    const std::string key = fmt::format("poses.{}.{}", name, joint);
+    if (count == 0 && !hand.knows(joint))
+      diagnostics.problems.push_back({wanted.place, key, "a joint that the hand has not",
+                                      "a joint of its hand model" + nearest_of(joint, hand.joints())});
+    else if (count == 0)
+      diagnostics.warnings.push_back(
+          fmt::format("{}:{}:{}: {}: hand {} is mounted without this joint: not driven", wanted.place.file,
+                      wanted.place.line, wanted.place.column, key, hand.hand));
+    else if (wanted.angles.size() > count)
+      diagnostics.problems.push_back(
+          {wanted.place, key, fmt::format("{} angles", wanted.angles.size()),
+           fmt::format("at most {}: {}.{} has no more axes", count, hand.hand, joint)});
+  }
+  return out;
+}
+
+Trajectory program_trajectory(const ProgramSpec& program, const std::vector<ProgramKey>& keys,
+                              const PoseFile& file, const HandAxes& hand, std::span<const double> start,
+                              Diagnostics& diagnostics) {
+  Trajectory out(hand.axes.size(), program.interpolation);
+  std::map<std::string, std::vector<double>> angles;
+  std::vector<double> held(start.begin(), start.end());
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    const ProgramKey& key = keys[i];
+    const auto pose = file.poses.find(key.pose);
+    if (pose == file.poses.end()) continue;  // said when the file was read
+    if (!angles.contains(key.pose)) angles[key.pose] = pose_angles(key.pose, pose->second, hand, diagnostics);
+    out.add(key.time, held);
+    held = angles[key.pose];
+    out.add(key.time + key.move, held);
+    const double end = i + 1 < keys.size() ? keys[i + 1].time : std::numeric_limits<double>::infinity();
+    out.add_phase({key.pose, key.time, key.time + key.move, end});
+  }
+  return out;
+}
+
+}  // namespace handsim::control

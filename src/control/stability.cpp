@@ -1,0 +1,44 @@
+#include "handsim/control/stability.h"
+
+namespace handsim::control {
+
+namespace {
+
+/// Largest eigenvalue of M^-1 A for a diagonal A >= 0: that of the symmetric A^1/2 M^-1 A^1/2; and its
+/// eigenvector.
+std::pair<double, Eigen::VectorXd> largest(const Eigen::MatrixXd& inverse, const Eigen::VectorXd& a) {
+  const Eigen::VectorXd root = a.cwiseSqrt();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(root.asDiagonal() * inverse *
+                                                              root.asDiagonal());
+  const Eigen::Index last = a.size() - 1;
+  return {solver.eigenvalues()[last], solver.eigenvectors().col(last)};
+}
+
+}  // namespace
+
+Stability explicit_stability(const Eigen::MatrixXd& inertia, const Eigen::VectorXd& proportional,
+                             const Eigen::VectorXd& derivative, double step) {
+  const Eigen::MatrixXd inverse =
+      inertia.llt().solve(Eigen::MatrixXd::Identity(inertia.rows(), inertia.cols()));
+  const auto demand = [&](double h) { return largest(inverse, 2 * h * derivative + h * h * proportional); };
+  const auto [value, vector] = demand(step);
+  Stability out;
+  out.demand = value;
+  Eigen::Index worst = 0;
+  vector.cwiseAbs().maxCoeff(&worst);
+  out.axis = static_cast<std::size_t>(worst);
+  out.inertia = 1 / inverse(worst, worst);
+  out.damping_number = derivative[worst] * step / out.inertia;
+  out.stiffness_number = proportional[worst] * step * step / out.inertia;
+  // The demand grows with the step: halve the interval in which it crosses the limit.
+  double low = 0, high = step;
+  while (demand(high).first < kExplicitLimit && high < 1) high *= 2;
+  for (int i = 0; i < 40; ++i) {
+    const double middle = 0.5 * (low + high);
+    (demand(middle).first < kExplicitLimit ? low : high) = middle;
+  }
+  out.largest_step = low;
+  return out;
+}
+
+}  // namespace handsim::control

@@ -1,0 +1,49 @@
+// Target angles of one hand over time: knots joined by straight lines or minimum-jerk curves.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "handsim/model/motion.h"
+
+namespace handsim::control {
+
+/// One movement of a program: what figures of settling and overshoot are taken over.
+struct Phase {
+  std::string pose;   ///< name of the pose moved to
+  double start = 0;   ///< [s]: the target leaves the pose before
+  double arrive = 0;  ///< [s]: the target has reached the pose
+  double end = 0;     ///< [s]: the next movement starts; infinity for the last
+};
+
+class Trajectory {
+ public:
+  Trajectory() = default;
+  /// @param width number of coordinates in each knot.
+  Trajectory(std::size_t width, model::Interpolation interpolation)
+      : width_(width), interpolation_(interpolation) {}
+
+  /// Adds a knot; times do not fall, two knots at one time make a jump. @param q size width [rad].
+  void add(double time, std::span<const double> q);
+  void add_phase(Phase phase) { phases_.push_back(std::move(phase)); }
+
+  /// Targets at a time [s] into `out`, size width(); the first knot before the first, the last after the
+  /// last.
+  void at(double time, std::span<double> out) const;
+  /// Knot i, size width().
+  std::span<const double> knot(std::size_t i) const { return {q_.data() + i * width_, width_}; }
+  std::size_t knots() const { return times_.size(); }
+  std::size_t width() const { return width_; }
+  /// Movements in their order; empty for a motion read from a table.
+  const std::vector<Phase>& phases() const { return phases_; }
+
+ private:
+  std::size_t width_ = 0;
+  model::Interpolation interpolation_ = model::Interpolation::linear;
+  std::vector<double> times_;
+  std::vector<double> q_;  ///< knot after knot
+  std::vector<Phase> phases_;
+};
+
+}  // namespace handsim::control

@@ -1,0 +1,89 @@
+#include "handsim/simulation/recorder.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/model/kinematics.h"
+
+namespace handsim::simulation {
+
+namespace {
+
+constexpr double kDegrees = 180 / M_PI;
+
+/// OpenSim tables cannot mix angles and lengths in degrees: models with sliders have none.
+bool all_angles(const model::Model& model) {
+  return model.dof_count() > 0 &&
+         std::none_of(model.joints.begin(), model.joints.end(),
+                      [](const model::Joint& joint) { return joint.kind == model::JointKind::slider; });
+}
+
+std::vector<std::string> control_columns(const control::Plan& plan) {
+  std::vector<std::string> out;
+  for (const control::DrivenAxis& axis : plan.axes)
+    for (const char* what : {".target[deg]", ".angle[deg]", ".torque[N_m]"}) out.push_back(axis.name + what);
+  return out;
+}
+
+}  // namespace
+
+Recorder::Recorder(const scene::Scene& scene, const RunOptions& options, const Simulation& simulation)
+    : simulation_(simulation),
+      out_(options.out),
+      step_(scene.spec.solver.step),
+      trajectory_(options.out / "trajectory.csv", scene.model),
+      every_(std::max(1L, std::lround(scene.spec.record_every / step_))) {
+  if (all_angles(scene.model)) motion_.emplace(scene.spec.title, output::coordinate_names(scene.model), true);
+  if (scene.control) control_.emplace(scene.spec.title, control_columns(*scene.control), false);
+  options.pose_pictures&& scene.control ? plan_poses() : plan_frames(options.frames);
+}
+
+/// The first at the start, the last at the end.
+void Recorder::plan_frames(int frames) {
+  const long steps = simulation_.step_count();
+  for (int k = 0; k < frames; ++k) {
+    const double share = frames == 1 ? 1 : static_cast<double>(k) / (frames - 1);
+    moments_.push_back({std::lround(share * static_cast<double>(steps)), ""});
+  }
+}
+
+/// One at the end of every hold of the first hand's program.
+void Recorder::plan_poses() {
+  const long steps = simulation_.step_count();
+  for (const control::Phase& phase : simulation_.controller()->plan().hands.front().trajectory.phases()) {
+    const long step = std::isfinite(phase.end) ? std::min(steps, std::lround(phase.end / step_)) : steps;
+    if (std::lround(phase.arrive / step_) > steps) return;
+    moments_.push_back(
+        {step, fmt::format("{}, t = {:.2f} s", phase.pose, static_cast<double>(step) * step_)});
+  }
+}
+
+void Recorder::add_rows() {
+  const model::State& state = simulation_.state();
+  trajectory_.add(state);
+  if (motion_) motion_->add(state.time, model::coordinates(simulation_.model(), state));
+  if (!control_) return;
+  std::vector<double> row;
+  for (const control::AxisState& axis : simulation_.controller()->axes())
+    row.insert(row.end(), {kDegrees * axis.target, kDegrees * axis.angle, axis.torque});
+  control_->add(state.time, row);
+}
+
+void Recorder::see(long step) {
+  if (step % every_ == 0) add_rows();
+  for (; taken_ < moments_.size() && moments_[taken_].step == step; ++taken_) {
+    snapshots_.push_back(snapshot(simulation_.engine()));
+    const std::string& caption = moments_[taken_].caption;
+    captions_.push_back(caption.empty() ? fmt::format("t = {:.3f} s", simulation_.state().time) : caption);
+  }
+}
+
+void Recorder::finish() {
+  trajectory_.finish();
+  if (motion_) motion_->write(out_ / "trajectory.mot");
+  if (control_) control_->write(out_ / "control.sto");
+}
+
+}  // namespace handsim::simulation

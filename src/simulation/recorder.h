@@ -1,0 +1,53 @@
+// What a run leaves behind while it goes: rows of its tables and moments for its pictures.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/output/motion_table.h"
+#include "handsim/output/trajectory.h"
+#include "handsim/simulation/pictures.h"
+#include "handsim/simulation/run.h"
+#include "handsim/simulation/simulation.h"
+
+namespace handsim::simulation {
+
+class Recorder {
+ public:
+  /// Scene and simulation must outlive the recorder.
+  Recorder(const scene::Scene& scene, const RunOptions& options, const Simulation& simulation);
+
+  /// Sees the state after a step; step 0 is the start.
+  void see(long step);
+  /// Gives the tables their names: trajectory.csv, trajectory.mot, control.sto.
+  void finish();
+  const std::vector<Snapshot>& snapshots() const { return snapshots_; }
+  /// Of the pictures, one for each snapshot.
+  const std::vector<std::string>& captions() const { return captions_; }
+
+ private:
+  /// A step after which a picture is taken.
+  struct Moment {
+    long step = 0;
+    std::string caption;  ///< empty: the time
+  };
+  void plan_frames(int frames);
+  void plan_poses();
+  void add_rows();
+
+  const Simulation& simulation_;
+  std::filesystem::path out_;
+  double step_;
+  output::TrajectoryWriter trajectory_;
+  std::optional<output::MotionTableWriter> motion_;  ///< joint angles
+  std::optional<output::MotionTableWriter>
+      control_;  ///< target and angle [deg], torque [N m] of each driven axis
+  long every_;
+  std::vector<Moment> moments_;
+  std::size_t taken_ = 0;
+  std::vector<Snapshot> snapshots_;
+  std::vector<std::string> captions_;
+};
+
+}  // namespace handsim::simulation

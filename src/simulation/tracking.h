@@ -1,0 +1,74 @@
+// How well each driven joint axis follows its target, step by step: errors over the run; settling, overshoot
+// and steady error over each movement of its program; torques and how long they stood at their limit.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/control/controller.h"
+#include "handsim/simulation/monitor.h"
+
+namespace handsim::simulation {
+
+/// Movements smaller than this have no settling time and no overshoot: a share of nothing says nothing [rad].
+inline constexpr double kSmallestMovement = 5 * 0.017453292519943295;
+/// Settled: within this share of the movement for the rest of its hold.
+inline constexpr double kSettledShare = 0.02;
+
+/// Figures of one axis.
+struct AxisTracking {
+  std::string name;
+  double rms_error = 0;       ///< over all steps [rad]
+  Peak largest_error;         ///< [rad]
+  Peak steady_error;          ///< largest at the end of a hold [rad]
+  Peak overshoot;             ///< largest, as a share of its movement
+  Peak settling_time;         ///< longest, from the movement's start [s]
+  int movements = 0;          ///< of at least kSmallestMovement that were held to their end
+  int unsettled = 0;          ///< of those, that had not settled when their hold ended
+  double largest_torque = 0;  ///< [N m]
+  double limit_share = 0;     ///< of the steps with the torque at its limit
+};
+
+class Tracking {
+ public:
+  /// The controller must outlive this. @param step of the engine [s].
+  Tracking(const control::Controller& controller, double step);
+
+  /// Looks at the controller's axes after a step. @param time of the state [s].
+  void look(double time);
+  /// Closes holds that the end of the run cuts off. Call once, at the end.
+  void finish(double time);
+
+  /// By driven axis.
+  std::vector<AxisTracking> axes() const;
+  /// Axis with the largest RMS error; null where none is driven.
+  static const AxisTracking* worst(const std::vector<AxisTracking>& axes);
+
+ private:
+  struct Axis {
+    double square_sum = 0, largest = 0, largest_time = 0, torque = 0;
+    long at_limit = 0;
+    // Of the movement under way.
+    double from = 0, to = 0;
+    double last_outside = 0;  ///< time at which it last was outside the settled band [s]
+    double beyond = 0;        ///< farthest beyond the target [rad]
+  };
+  struct Hand {
+    std::size_t first = 0, last = 0;  ///< its axes
+    const control::Trajectory* trajectory = nullptr;
+    std::size_t phase = 0;  ///< the next to start
+    bool moving = false;    ///< phase - 1 is under way
+  };
+  void begin(Hand& hand);
+  void end(Hand& hand, double time);
+
+  const control::Controller& controller_;
+  double step_;
+  long steps_ = 0;
+  std::vector<Axis> axes_;
+  std::vector<Hand> hands_;
+  std::vector<AxisTracking> figures_;
+};
+
+}  // namespace handsim::simulation
