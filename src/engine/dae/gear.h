@@ -4,8 +4,8 @@
 // with a second set of multipliers mu:
 //   x' = T(x) (u + M^-1 G^T mu),  u' = M^-1 (f - G^T lambda),  g = 0,  G u + g_t = 0,
 // where mu = 0 in the exact solution. lambda and mu enter as rates of impulses, lambda = Lambda' and
-// mu = Mu' (Gear 1988, SIAM J Sci Stat Comput 9:39): that makes the index 1 and the Newton matrix
-// independent of the step's size, and changes nothing else.
+// mu = Mu' (Gear 1988, SIAM J Sci Stat Comput 9:39): that makes the index 1, and lets the step's size scale
+// the multipliers' columns of the Newton matrix as it does those of the motion.
 #pragma once
 
 #include <memory>

@@ -12,7 +12,7 @@ namespace handsim::engine::dae {
 namespace {
 
 constexpr long kMaxSteps = 1'000'000;
-/// Newton's error against the step's: IDA's 0.33 would spoil the long-time accuracy at tight tolerances.
+/// Newton's error against the step's; below IDA's 0.33, so that what is left is the step's own.
 constexpr double kNewtonShare = 0.05;
 /// Change of an unknown for its column of the Jacobian. The residual is of second or third degree in each,
 /// so central differences are exact to this squared, and rounding stays below 1e-9.
