@@ -75,8 +75,9 @@ void add_hand(CLI::App& app, HandArguments& arguments) {
 }
 
 void add_check(CLI::App& app, std::vector<std::filesystem::path>& files) {
-  CLI::App* check =
-      app.add_subcommand("check", "Validate scenes, persons, hand models, controllers and poses: say every problem, run nothing");
+  CLI::App* check = app.add_subcommand(
+      "check",
+      "Validate scenes, persons, hand models, controllers and poses: say every problem, run nothing");
   check->footer("Example: handsim check config/two_hands.yaml config/persons/child.yaml");
   check->add_option("files", files, "YAML files")->required();
 }

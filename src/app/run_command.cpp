@@ -28,13 +28,17 @@ void print_tracking(const simulation::RunResult& result) {
   const simulation::AxisTracking* worst = simulation::Tracking::worst(result.tracking);
   if (!worst) return;
   constexpr double kDegrees = 180 / M_PI;
-  fmt::print("  worst joint {}: rms error {:.3g} deg, largest {:.3g} deg at {:.3f} s, steady {:.3g} deg, overshoot {:.2g} %, "
-             "at its torque limit {:.2g} % of the time\n",
-             worst->name, kDegrees * worst->rms_error, kDegrees * worst->largest_error.value, worst->largest_error.time,
-             kDegrees * worst->steady_error.value, 100 * worst->overshoot.value, 100 * worst->limit_share);
+  fmt::print(
+      "  worst joint {}: rms error {:.3g} deg, largest {:.3g} deg at {:.3f} s, steady {:.3g} deg, overshoot "
+      "{:.2g} %, "
+      "at its torque limit {:.2g} % of the time\n",
+      worst->name, kDegrees * worst->rms_error, kDegrees * worst->largest_error.value,
+      worst->largest_error.time, kDegrees * worst->steady_error.value, 100 * worst->overshoot.value,
+      100 * worst->limit_share);
 }
 
-void print_result(const scene::Scene& scene, const simulation::RunResult& result, const std::filesystem::path& out) {
+void print_result(const scene::Scene& scene, const simulation::RunResult& result,
+                  const std::filesystem::path& out) {
   fmt::print("{}\n", scene.spec.title);
   fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", "criterion", "measured", "limit", "verdict", "where");
   for (const simulation::Verdict& v : result.verdicts) {
@@ -48,8 +52,12 @@ void print_result(const scene::Scene& scene, const simulation::RunResult& result
                where);
   }
   print_tracking(result);
-  const bool judged = std::any_of(result.verdicts.begin(), result.verdicts.end(), [](const simulation::Verdict& v) { return v.limit.has_value(); });
-  fmt::print("  verdict: {}\n", result.fault ? "diverged" : !judged ? "nothing was judged" : result.passed() ? "every criterion held" : "a criterion failed");
+  const bool judged = std::any_of(result.verdicts.begin(), result.verdicts.end(),
+                                  [](const simulation::Verdict& v) { return v.limit.has_value(); });
+  fmt::print("  verdict: {}\n", result.fault      ? "diverged"
+                                : !judged         ? "nothing was judged"
+                                : result.passed() ? "every criterion held"
+                                                  : "a criterion failed");
   if (result.fault) {
     const PhysicsFault fault = *result.fault;
     fmt::print(stderr, "{}\n", Error(fault).what());

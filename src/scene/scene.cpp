@@ -141,9 +141,11 @@ Scene compile_scene(YamlNode root) {
   place_defects(diagnostics.problems, scene.spec);
   diagnostics.throw_if_any();
   if (scene.spec.control) {
-    scene.control = compile_control(*scene.spec.control, scene.spec.hands, scene.model, scene.spec.solver, diagnostics);
+    scene.control =
+        compile_control(*scene.spec.control, scene.spec.hands, scene.model, scene.spec.solver, diagnostics);
     diagnostics.throw_if_any();
-    diagnostics.warnings.insert(diagnostics.warnings.end(), scene.control->warnings.begin(), scene.control->warnings.end());
+    diagnostics.warnings.insert(diagnostics.warnings.end(), scene.control->warnings.begin(),
+                                scene.control->warnings.end());
   }
   scene.resolved = std::move(root);
   scene.warnings = std::move(diagnostics.warnings);

@@ -15,8 +15,8 @@ struct Scene {
   SceneSpec spec;
   model::Model model;
   std::optional<control::Plan> control;  ///< where the scene drives its hands
-  YamlNode resolved;                  ///< the scene with defaults filled in and references inlined
-  std::vector<std::string> warnings;  ///< e.g. a person outside the survey
+  YamlNode resolved;                     ///< the scene with defaults filled in and references inlined
+  std::vector<std::string> warnings;     ///< e.g. a person outside the survey
 };
 
 /// @param overrides `key.path=value`, applied before reading.

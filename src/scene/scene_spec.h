@@ -71,10 +71,10 @@ struct SceneSpec {
   std::vector<ObjectSpec> objects;
   std::optional<GroundSpec> ground;
   MechanismSpec mechanism;
-  Vec3 gravity = {0, 0, -9.80665};  ///< [m/s^2]
-  model::SolverSettings solver;     ///< with the effects, `auto` resolved
-  double duration = 1;              ///< [s]
-  double record_every = 0.01;       ///< [s]
+  Vec3 gravity = {0, 0, -9.80665};     ///< [m/s^2]
+  model::SolverSettings solver;        ///< with the effects, `auto` resolved
+  double duration = 1;                 ///< [s]
+  double record_every = 0.01;          ///< [s]
   std::optional<ControlSpec> control;  ///< drives the joints; with actuation only
   PictureSpec pictures;
   Criteria criteria;

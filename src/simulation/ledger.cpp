@@ -22,7 +22,8 @@ Effect Ledger::kind_of(const engine::Contact& contact) const {
   return Effect::self_contact;
 }
 
-void Ledger::book(const engine::StepReport& report, std::span<const engine::Contact> contacts, const StepTimes& times) {
+void Ledger::book(const engine::StepReport& report, std::span<const engine::Contact> contacts,
+                  const StepTimes& times) {
   ++steps_;
   step_ns_ += times.step;
   check_ns_ += times.check;
@@ -55,7 +56,8 @@ std::vector<LedgerEntry> Ledger::phases() const {
   if (effects_.any_contact()) out.push_back({"collide", steps_, 0, collide_ns_ / n, "timed"});
   if (effects_.has(Effect::passive_tissue)) out.push_back({"tissue", steps_, 0, tissue_ns_ / n, "timed"});
   if (effects_.has(Effect::actuation))
-    out.push_back({"control", steps_, 0, (control_ns_ + servo_ns_) / n, "timed: sensing, control, setting the drives"});
+    out.push_back(
+        {"control", steps_, 0, (control_ns_ + servo_ns_) / n, "timed: sensing, control, setting the drives"});
   out.push_back({"check", steps_, 0, check_ns_ / n, "timed"});
   return out;
 }
@@ -91,11 +93,14 @@ LedgerEntry Ledger::entry(Effect effect) const {
   // Torques have no rows; servos have. The control phase belongs to both.
   out.ran = steps_;
   out.ns_per_step = *out.ns_per_step + (control_ns_ + servo_ns_) / n;
-  out.how = driven_rows_ > 0 ? "the control phase, and the step's time by share of constraint rows" : "the control phase";
+  out.how = driven_rows_ > 0 ? "the control phase, and the step's time by share of constraint rows"
+                             : "the control phase";
   return out;
 }
 
-double Ledger::control_share() const { return step_ns_ > 0 ? (control_ns_ + servo_ns_) / (step_ns_ - servo_ns_) : 0; }
+double Ledger::control_share() const {
+  return step_ns_ > 0 ? (control_ns_ + servo_ns_) / (step_ns_ - servo_ns_) : 0;
+}
 
 std::vector<LedgerEntry> Ledger::effects() const {
   std::vector<LedgerEntry> out;

@@ -33,7 +33,8 @@ class Ledger {
   /// @param driven_rows rows of servo drives in each step, 0 where torques act.
   void set_driven_rows(long driven_rows) { driven_rows_ = driven_rows; }
   /// Books one step: what the engine reported, its contacts, and what its parts took.
-  void book(const engine::StepReport& report, std::span<const engine::Contact> contacts, const StepTimes& times);
+  void book(const engine::StepReport& report, std::span<const engine::Contact> contacts,
+            const StepTimes& times);
   /// Time in control, the drives' set-up in the engine included, over the time of the step it drives.
   double control_share() const;
 

@@ -125,7 +125,8 @@ std::string script(const scene::Scene& scene, std::size_t hand, What what) {
       "set terminal pngcairo noenhanced size 1600,{2} font 'DejaVu Sans,10'\n"
       "set output '{0}_{1}.png'\n"
       "set multiplot layout {3},1 title '{4} hand: {5} ({6})'\n"
-      "set autoscale xfix\nset grid lc rgb '#d0d0d0'\nset key outside right top\nset lmargin 10\nset rmargin 22\nset ylabel "
+      "set autoscale xfix\nset grid lc rgb '#d0d0d0'\nset key outside right top\nset lmargin 10\nset rmargin "
+      "22\nset ylabel "
       "'{7}'\n",
       name, head.file, 60 + 250 * groups.size(), groups.size(), name, head.title, title, head.axis);
   std::size_t left = groups.size();

@@ -53,7 +53,8 @@ void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options,
 /// What only a controlled scene can show.
 void check_controlled(const scene::Scene& scene, const RunOptions& options) {
   if (!scene.control)
-    throw input_error(options.plots ? "--plots" : "--poses", "a scene without a control block", "a scene that drives its hands");
+    throw input_error(options.plots ? "--plots" : "--poses", "a scene without a control block",
+                      "a scene that drives its hands");
   if (options.plots) need_gnuplot();
 }
 

@@ -1,5 +1,6 @@
-// One execution of a scene with its files: trajectory.csv, summary.json, resolved.yaml, pictures; trajectory.mot (joint
-// angles for OpenSim, where there are joints), control.sto and plots/ where the scene is controlled.
+// One execution of a scene with its files: trajectory.csv, summary.json, resolved.yaml, pictures;
+// trajectory.mot (joint angles for OpenSim, where there are joints), control.sto and plots/ where the scene
+// is controlled.
 #pragma once
 
 #include <filesystem>
@@ -20,8 +21,9 @@ namespace handsim::simulation {
 struct RunOptions {
   std::filesystem::path out;  ///< folder for the run's files; made where it is missing
   int frames = 0;             ///< pictures over the run; 0: no OpenGL context is made
-  bool pose_pictures = false;  ///< of a controlled scene: a picture at the end of every hold in place of `frames`
-  bool plots = false;          ///< of a controlled scene: plots/ by gnuplot
+  bool pose_pictures =
+      false;           ///< of a controlled scene: a picture at the end of every hold in place of `frames`
+  bool plots = false;  ///< of a controlled scene: plots/ by gnuplot
   /// Told the share done, 0..1, now and then.
   std::function<void(double)> progress;
 };
@@ -40,11 +42,12 @@ struct Verdict {
 
 struct RunResult {
   std::vector<Verdict> verdicts;
-  std::optional<PhysicsFault> fault;  ///< set where the simulation diverged; the files are complete up to then
-  double simulated = 0;               ///< [s]
-  double wall = 0;                    ///< of the loop [s]
-  std::string summary;                ///< text of summary.json
-  std::vector<AxisTracking> tracking; ///< by driven axis; empty where the scene drives none
+  std::optional<PhysicsFault>
+      fault;             ///< set where the simulation diverged; the files are complete up to then
+  double simulated = 0;  ///< [s]
+  double wall = 0;       ///< of the loop [s]
+  std::string summary;   ///< text of summary.json
+  std::vector<AxisTracking> tracking;  ///< by driven axis; empty where the scene drives none
 
   bool passed() const;
 };

@@ -73,7 +73,8 @@ Json axis_json(const control::DrivenAxis& axis, const AxisTracking& figures) {
   out["largest_error"] = {{"rad", figures.largest_error.value}, {"time_s", figures.largest_error.time}};
   out["steady_error"] = peak_json(figures.steady_error, "rad");
   out["overshoot"] = figures.movements > 0 ? peak_json(figures.overshoot, "share") : Json();
-  out["settling_time"] = figures.movements > figures.unsettled ? peak_json(figures.settling_time, "s") : Json();
+  out["settling_time"] =
+      figures.movements > figures.unsettled ? peak_json(figures.settling_time, "s") : Json();
   out["movements"] = figures.movements;
   out["unsettled"] = figures.unsettled;
   out["largest_torque_N_m"] = figures.largest_torque;
@@ -92,12 +93,14 @@ Json control_json(const Simulation& simulation) {
   out["share_of_step"] = simulation.ledger().control_share();
   out["worst_joint"] = worst ? Json(worst->name) : Json();
   out["joints"] = Json::array();
-  for (std::size_t i = 0; i < figures.size(); ++i) out["joints"].push_back(axis_json(plan.axes[i], figures[i]));
+  for (std::size_t i = 0; i < figures.size(); ++i)
+    out["joints"].push_back(axis_json(plan.axes[i], figures[i]));
   return out;
 }
 
 /// The worst axis of each tracking figure, where the scene is controlled.
-void add_tracking(const Simulation& simulation, const scene::TrackingCriteria& limits, std::vector<Verdict>& out) {
+void add_tracking(const Simulation& simulation, const scene::TrackingCriteria& limits,
+                  std::vector<Verdict>& out) {
   const std::vector<AxisTracking> axes = simulation.tracking();
   if (axes.empty()) return;
   const auto add = [&](const char* name, const char* unit, auto figure, std::optional<double> limit) {
@@ -107,16 +110,26 @@ void add_tracking(const Simulation& simulation, const scene::TrackingCriteria& l
       if (peak.value <= verdict.measured && !verdict.where.empty()) continue;
       verdict.measured = peak.value;
       verdict.time = peak.time;
-      verdict.where = peak.where.empty() || peak.where == axis.name ? axis.name : axis.name + " (" + peak.where + ")";
+      verdict.where =
+          peak.where.empty() || peak.where == axis.name ? axis.name : axis.name + " (" + peak.where + ")";
     }
     out.push_back(std::move(verdict));
   };
   const double end = simulation.state().time;
-  add("rms_error", "rad", [&](const AxisTracking& a) { return Peak{a.rms_error, end, a.name}; }, limits.rms_error);
-  add("largest_error", "rad", [](const AxisTracking& a) { return a.largest_error; }, limits.largest_error);
-  add("steady_error", "rad", [](const AxisTracking& a) { return a.steady_error; }, limits.steady_error);
-  add("overshoot", "", [](const AxisTracking& a) { return a.overshoot; }, limits.overshoot);
-  add("settling_time", "s", [](const AxisTracking& a) { return a.settling_time; }, limits.settling_time);
+  add(
+      "rms_error", "rad",
+      [&](const AxisTracking& a) {
+        return Peak{a.rms_error, end, a.name};
+      },
+      limits.rms_error);
+  add(
+      "largest_error", "rad", [](const AxisTracking& a) { return a.largest_error; }, limits.largest_error);
+  add(
+      "steady_error", "rad", [](const AxisTracking& a) { return a.steady_error; }, limits.steady_error);
+  add(
+      "overshoot", "", [](const AxisTracking& a) { return a.overshoot; }, limits.overshoot);
+  add(
+      "settling_time", "s", [](const AxisTracking& a) { return a.settling_time; }, limits.settling_time);
   Verdict unsettled{"unsettled", "", 0, {}, 0, ""};
   // A movement that never settles has no settling time: where that is judged, none may be left.
   if (limits.settling_time) unsettled.limit = 0;

@@ -47,7 +47,9 @@ BENCHMARK_CAPTURE(loop_against_bare_ode, quick_step, "quick_step")
 /// One controlled hand through its poses: what control costs of the step it drives, from the run's ledger.
 void control_share(benchmark::State& state, const char* controller) {
   scene::Scene scene = test::shipped_scene(
-      "every_pose", {"duration=3", "control.controller=" + test::source(std::string("controllers/") + controller + ".yaml").string()});
+      "every_pose",
+      {"duration=3",
+       "control.controller=" + test::source(std::string("controllers/") + controller + ".yaml").string()});
   // The second hand goes, with all that is its own.
   YamlNode root = scene.resolved;
   root.find("hands")->items.pop_back();

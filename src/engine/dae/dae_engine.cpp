@@ -98,7 +98,8 @@ void DaeEngine::start(const model::State& state) {
 StepReport DaeEngine::step(const StepInput& input) {
   if (failure_) throw Error(*failure_);
   if (!input.servos.empty())
-    throw input_error("servos", "servo drives on the dae engine", "torques (form: explicit), or the ode engine");
+    throw input_error("servos", "servo drives on the dae engine",
+                      "torques (form: explicit), or the ode engine");
   if (!input.torques.empty())
     if (auto fault = torque_fault(model_, state_.time, input.torques)) fail(Error(std::move(*fault)));
   const double end = next_time(state_.time, settings_.step);
