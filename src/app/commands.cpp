@@ -141,6 +141,9 @@ void add_accuracy(CLI::App& app, AccuracyArguments& arguments) {
       ->add_option("--target", arguments.target,
                    "name the cheapest method and step that reaches this error; exit 1 where none does")
       ->check(CLI::PositiveNumber);
+  CLI::Option* peers = accuracy->add_option(
+      "--peers", arguments.peers, "folder of other engines' programs (default: where the build puts them)");
+  accuracy->add_flag("--no-peers", arguments.no_peers, "leave the rows of other engines out")->excludes(peers);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "handsim/core/yaml.h"
+#include "handsim/study/peer_program.h"
 
 namespace handsim::study {
 
@@ -28,6 +29,7 @@ struct AccuracyMethod {
   std::optional<std::filesystem::path>
       scene;  ///< in place of the study's; then its own smallest step is the reference
   std::optional<std::string> observe;  ///< in place of the study's
+  std::optional<PeerMethod> peer;      ///< another engine's, in place of the scene's solver
 };
 
 struct AccuracySpec {
@@ -42,6 +44,7 @@ struct AccuracySpec {
   int repeats = 5;                 ///< timed runs of each row, of which the median counts
   std::vector<double> plot_steps;  ///< steps whose motion is plotted [s]
   std::vector<AccuracyMethod> methods;
+  std::optional<std::filesystem::path> peers;  ///< folder of the peers' programs; absent: their rows are left out
 };
 
 /// Motion at the sample times.
@@ -71,11 +74,14 @@ struct AccuracyResult {
   std::vector<AccuracyRow> rows;
   std::optional<Series> reference;  ///< absent where every method is its own
   std::string unit;                 ///< of the coordinates: `m` or `rad`
+  std::vector<std::string> left_out;  ///< methods of peers without a row, and why
+  std::vector<PeerName> peers;        ///< that have rows
 };
 
 /// @throws Error (input) with every problem of the file.
 AccuracySpec load_accuracy(const std::filesystem::path& path);
 
+/// Costs are taken in rounds, each of which times every row once, so that what else the machine does falls on all.
 /// @param progress told the share done, 0..1.
 /// @throws Error (input) where a scene or an override is bad.
 AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress);

@@ -67,6 +67,32 @@ AccuracyMethod read_method(MapReader reader, const std::vector<double>& steps) {
   return method;
 }
 
+/// `{accuracy: 1e-4}` as numbers.
+std::vector<std::pair<std::string, double>> read_settings(MapReader& reader) {
+  std::vector<std::pair<std::string, double>> settings;
+  const YamlNode* map = reader.child("set");
+  if (!map) return settings;
+  if (map->kind != YamlNode::Kind::map) reader.problem("set", map->described(), "a mapping of names to numbers");
+  for (const YamlEntry& entry : map->entries)
+    if (const auto value =
+            read_number(entry.value, reader.path_of("set") + "." + entry.key, {}, reader.diagnostics()))
+      settings.emplace_back(entry.key, *value);
+  return settings;
+}
+
+AccuracyMethod read_peer(MapReader reader, const std::vector<double>& steps) {
+  AccuracyMethod method;
+  method.name = reader.text("name");
+  method.peer.emplace();
+  method.peer->program = reader.name("program");
+  method.peer->method = reader.name("method");
+  method.peer->settings = read_settings(reader);
+  method.steps = read_steps(reader, "steps", false);
+  if (method.steps.empty()) method.steps = steps;
+  reader.finish();
+  return method;
+}
+
 }  // namespace
 
 AccuracySpec load_accuracy(const std::filesystem::path& path) {
@@ -97,6 +123,10 @@ AccuracySpec load_accuracy(const std::filesystem::path& path) {
     for (std::size_t i = 0; i < methods->items.size(); ++i)
       spec.methods.push_back(
           read_method(MapReader(methods->items[i], fmt::format("methods.{}", i), diagnostics), steps));
+  if (YamlNode* peers = reader.list("peers", false))
+    for (std::size_t i = 0; i < peers->items.size(); ++i)
+      spec.methods.push_back(
+          read_peer(MapReader(peers->items[i], fmt::format("peers.{}", i), diagnostics), steps));
   if (spec.methods.empty()) reader.problem("methods", "no method", "at least one method");
   reader.finish();
   diagnostics.throw_if_any();
