@@ -143,7 +143,8 @@ void add_accuracy(CLI::App& app, AccuracyArguments& arguments) {
       ->check(CLI::PositiveNumber);
   CLI::Option* peers = accuracy->add_option(
       "--peers", arguments.peers, "folder of other engines' programs (default: where the build puts them)");
-  accuracy->add_flag("--no-peers", arguments.no_peers, "leave the rows of other engines out")->excludes(peers);
+  accuracy->add_flag("--no-peers", arguments.no_peers, "leave the rows of other engines out")
+      ->excludes(peers);
 }
 
 }  // namespace

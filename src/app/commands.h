@@ -46,7 +46,7 @@ int render_command(const RenderArguments& arguments);
 struct AccuracyArguments {
   std::filesystem::path study;
   std::filesystem::path out;
-  std::optional<double> target;  ///< whole-run error that the cheapest row must reach
+  std::optional<double> target;                ///< whole-run error that the cheapest row must reach
   std::optional<std::filesystem::path> peers;  ///< folder of other engines' programs; absent: the build's
   bool no_peers = false;                       ///< leave their rows out
 };

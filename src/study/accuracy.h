@@ -30,6 +30,9 @@ struct AccuracyMethod {
       scene;  ///< in place of the study's; then its own smallest step is the reference
   std::optional<std::string> observe;  ///< in place of the study's
   std::optional<PeerMethod> peer;      ///< another engine's, in place of the scene's solver
+  /// Title of the line that plots of cost join it to: methods of one kind that differ in their tolerance,
+  /// whose step is none of theirs. Absent: a line of its own.
+  std::optional<std::string> line;
 };
 
 struct AccuracySpec {
@@ -44,7 +47,8 @@ struct AccuracySpec {
   int repeats = 5;                 ///< timed runs of each row, of which the median counts
   std::vector<double> plot_steps;  ///< steps whose motion is plotted [s]
   std::vector<AccuracyMethod> methods;
-  std::optional<std::filesystem::path> peers;  ///< folder of the peers' programs; absent: their rows are left out
+  std::optional<std::filesystem::path>
+      peers;  ///< folder of the peers' programs; absent: their rows are left out
 };
 
 /// Motion at the sample times.
@@ -72,8 +76,8 @@ struct AccuracyRow {
 
 struct AccuracyResult {
   std::vector<AccuracyRow> rows;
-  std::optional<Series> reference;  ///< absent where every method is its own
-  std::string unit;                 ///< of the coordinates: `m` or `rad`
+  std::optional<Series> reference;    ///< absent where every method is its own
+  std::string unit;                   ///< of the coordinates: `m` or `rad`
   std::vector<std::string> left_out;  ///< methods of peers without a row, and why
   std::vector<PeerName> peers;        ///< that have rows
 };
@@ -81,7 +85,8 @@ struct AccuracyResult {
 /// @throws Error (input) with every problem of the file.
 AccuracySpec load_accuracy(const std::filesystem::path& path);
 
-/// Costs are taken in rounds, each of which times every row once, so that what else the machine does falls on all.
+/// Costs are taken in rounds, each of which times every row once, so that what else the machine does falls on
+/// all.
 /// @param progress told the share done, 0..1.
 /// @throws Error (input) where a scene or an override is bad.
 AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress);

@@ -61,6 +61,7 @@ AccuracyMethod read_method(MapReader reader, const std::vector<double>& steps) {
   method.set = read_set(reader, "set");
   method.scene = read_scene_path(reader, false);
   if (reader.has("observe")) method.observe = reader.text("observe");
+  if (reader.has("line")) method.line = reader.text("line");
   method.steps = read_steps(reader, "steps", false);
   if (method.steps.empty()) method.steps = steps;
   reader.finish();
@@ -72,7 +73,8 @@ std::vector<std::pair<std::string, double>> read_settings(MapReader& reader) {
   std::vector<std::pair<std::string, double>> settings;
   const YamlNode* map = reader.child("set");
   if (!map) return settings;
-  if (map->kind != YamlNode::Kind::map) reader.problem("set", map->described(), "a mapping of names to numbers");
+  if (map->kind != YamlNode::Kind::map)
+    reader.problem("set", map->described(), "a mapping of names to numbers");
   for (const YamlEntry& entry : map->entries)
     if (const auto value =
             read_number(entry.value, reader.path_of("set") + "." + entry.key, {}, reader.diagnostics()))
@@ -87,6 +89,7 @@ AccuracyMethod read_peer(MapReader reader, const std::vector<double>& steps) {
   method.peer->program = reader.name("program");
   method.peer->method = reader.name("method");
   method.peer->settings = read_settings(reader);
+  if (reader.has("line")) method.line = reader.text("line");
   method.steps = read_steps(reader, "steps", false);
   if (method.steps.empty()) method.steps = steps;
   reader.finish();

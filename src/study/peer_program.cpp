@@ -65,7 +65,8 @@ Json describe(const model::Body& body, const model::BodyState& state) {
           {"angular_velocity", numbers(state.w)}};
 }
 
-Json describe(const model::Joint& joint, const model::Model& model, const model::State& start, bool actuated) {
+Json describe(const model::Joint& joint, const model::Model& model, const model::State& start,
+              bool actuated) {
   const auto body = [&](int index) { return static_cast<std::size_t>(index); };
   const Pose parent = start.bodies[body(joint.parent)].pose() * joint.parent_frame;
   const Pose child = start.bodies[body(joint.child)].pose() * joint.child_frame;
@@ -187,9 +188,11 @@ Json head(Conversation& conversation) {
     throw failed(conversation.program(), 0, "answer", "none");
   }
   Json json = Json::parse(*line, nullptr, false);
-  if (json.is_object() && json.contains("engine") && json.contains("version") && json.contains("kinetic_energy"))
+  if (json.is_object() && json.contains("engine") && json.contains("version") &&
+      json.contains("kinetic_energy"))
     return json;
-  throw failed(conversation.program(), 0, "answer", fmt::format("'{:.60}' is no head of the protocol", *line));
+  throw failed(conversation.program(), 0, "answer",
+               fmt::format("'{:.60}' is no head of the protocol", *line));
 }
 
 /// @returns false where the line has other than the numbers of a state.
@@ -227,8 +230,8 @@ double distance(const model::State& a, const model::State& b) {
   double largest = 0;
   for (std::size_t i = 1; i < a.bodies.size(); ++i) {
     const model::BodyState &x = a.bodies[i], &y = b.bodies[i];
-    largest = std::max({largest, (x.p - y.p).norm(), x.q.angularDistance(y.q), (x.v - y.v).norm(),
-                        (x.w - y.w).norm()});
+    largest = std::max(
+        {largest, (x.p - y.p).norm(), x.q.angularDistance(y.q), (x.v - y.v).norm(), (x.w - y.w).norm()});
   }
   return largest;
 }
@@ -240,8 +243,9 @@ void check_start(const std::filesystem::path& program, const scene::Scene& scene
     throw failed(program, 0, "start state", fmt::format("differs from the scene's by {:.2g}", d));
   const double energy = model::kinetic_energy(scene.model, ours);
   if (!(std::abs(their_energy - energy) <= kSameEnergy * (energy + 1e-3)))
-    throw failed(program, 0, "kinetic energy at the start",
-                 fmt::format("{:.12g} J, the scene's is {:.12g} J: not the same mechanism", their_energy, energy));
+    throw failed(
+        program, 0, "kinetic energy at the start",
+        fmt::format("{:.12g} J, the scene's is {:.12g} J: not the same mechanism", their_energy, energy));
 }
 
 }  // namespace
@@ -254,7 +258,8 @@ void check_for_peers(const scene::Scene& scene) {
     if (effects.has(effect))
       problems.push_back({std::nullopt, "effects", std::string(name(effect)),
                           "gravity and actuation alone in a study with peers"});
-  if (scene.control) problems.push_back({std::nullopt, "control", "a controller", "none in a study with peers"});
+  if (scene.control)
+    problems.push_back({std::nullopt, "control", "a controller", "none in a study with peers"});
   for (std::size_t i = 1; i < scene.model.bodies.size(); ++i)
     if (scene.model.bodies[i].kinematic)
       problems.push_back({std::nullopt, "peers", scene.model.bodies[i].name + " that moves as told",
@@ -262,8 +267,8 @@ void check_for_peers(const scene::Scene& scene) {
   if (!problems.empty()) throw Error(std::move(problems));
 }
 
-PeerName follow_peer(const std::filesystem::path& program, const PeerMethod& method, const scene::Scene& scene,
-                     const std::function<void(const model::State&)>& look) {
+PeerName follow_peer(const std::filesystem::path& program, const PeerMethod& method,
+                     const scene::Scene& scene, const std::function<void(const model::State&)>& look) {
   const double h = scene.spec.solver.step;
   const long steps = std::lround(scene.spec.duration / h);
   Conversation conversation(program, request("motion", method, scene, steps).dump());
@@ -286,8 +291,8 @@ PeerName follow_peer(const std::filesystem::path& program, const PeerMethod& met
   return {answer["engine"].get<std::string>(), answer["version"].get<std::string>()};
 }
 
-double peer_cpu_seconds(const std::filesystem::path& program, const PeerMethod& method, const scene::Scene& scene,
-                        long steps) {
+double peer_cpu_seconds(const std::filesystem::path& program, const PeerMethod& method,
+                        const scene::Scene& scene, long steps) {
   Conversation conversation(program, request("cost", method, scene, steps).dump());
   const Json answer = head(conversation);
   conversation.finish(0);

@@ -1,5 +1,6 @@
-// Another engine beside handsim's own methods: a program that is told of a mechanism, simulates it, and answers
-// with its motion or its cost. The protocol stands in tests/peers/peer.h; nothing here links to any engine.
+// Another engine beside handsim's own methods: a program that is told of a mechanism, simulates it, and
+// answers with its motion or its cost. The protocol stands in tests/peers/peer.h; nothing here links to any
+// engine.
 #pragma once
 
 #include <filesystem>
@@ -33,12 +34,12 @@ void check_for_peers(const scene::Scene& scene);
 /// @param look is shown the start and the state after every step.
 /// @throws Error (physics) where the program fails, diverges, or has built something else: a start state or a
 ///         kinetic energy that is not the scene's.
-PeerName follow_peer(const std::filesystem::path& program, const PeerMethod& method, const scene::Scene& scene,
-                     const std::function<void(const model::State&)>& look);
+PeerName follow_peer(const std::filesystem::path& program, const PeerMethod& method,
+                     const scene::Scene& scene, const std::function<void(const model::State&)>& look);
 
 /// CPU seconds of so many steps from the scene's start, after a warm-up, nothing written meanwhile.
 /// @throws Error (physics) where the program fails.
-double peer_cpu_seconds(const std::filesystem::path& program, const PeerMethod& method, const scene::Scene& scene,
-                        long steps);
+double peer_cpu_seconds(const std::filesystem::path& program, const PeerMethod& method,
+                        const scene::Scene& scene, long steps);
 
 }  // namespace handsim::study

@@ -1,6 +1,7 @@
-// Bullet: a btMultiBody on a fixed base in joint coordinates, each loop closed by a btMultiBodyPoint2Point. Its one
-// integrator is semi-implicit Euler. A universal joint is two hinges with a massless link between them. Links carry
-// colliders that collide with nothing: without them Bullet ignores the constraint and says nothing.
+// Bullet: a btMultiBody on a fixed base in joint coordinates, each loop closed by a btMultiBodyPoint2Point.
+// Its one integrator is semi-implicit Euler, its solver iterative, 10 times by default. A universal joint is
+// two hinges with a massless link between them. Links carry colliders that collide with nothing: without them
+// Bullet ignores the constraint and says nothing.
 #include <BulletDynamics/Featherstone/btMultiBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyConstraintSolver.h>
 #include <BulletDynamics/Featherstone/btMultiBodyDynamicsWorld.h>
@@ -38,7 +39,6 @@ class Mechanism final : public peer::Mechanism {
     if (request.method != "semi_implicit_euler")
       throw std::runtime_error("Bullet has the method semi_implicit_euler");
     world_.setGravity(vector_of(request.gravity));
-    world_.getSolverInfo().m_numIterations = 50;
     int count = 0;
     for (const Joint& joint : request.joints) count += static_cast<int>(joint.axes.size());
     tree_ = std::make_unique<btMultiBody>(count, 0, btVector3(0, 0, 0), true, false);
@@ -77,7 +77,8 @@ class Mechanism final : public peer::Mechanism {
     tree_->compTreeLinkVelocities(omega.data(), velocity.data());
     std::vector<peer::BodyState> out;
     for (const int link : links_) {
-      const btQuaternion q = btTransform(tree_->localFrameToWorld(link, btMatrix3x3::getIdentity())).getRotation();
+      const btQuaternion q =
+          btTransform(tree_->localFrameToWorld(link, btMatrix3x3::getIdentity())).getRotation();
       const auto at = static_cast<std::size_t>(link) + 1;
       out.push_back({vector_of(tree_->localPosToWorld(link, btVector3(0, 0, 0))),
                      Eigen::Quaterniond(q.w(), q.x(), q.y(), q.z()),
@@ -93,7 +94,8 @@ class Mechanism final : public peer::Mechanism {
     tree_->compTreeLinkVelocities(omega.data(), velocity.data());
     double energy = 0;
     for (int i = 0; i < tree_->getNumLinks(); ++i) {
-      const btVector3 &v = velocity[static_cast<std::size_t>(i) + 1], &w = omega[static_cast<std::size_t>(i) + 1];
+      const btVector3 &v = velocity[static_cast<std::size_t>(i) + 1],
+                      &w = omega[static_cast<std::size_t>(i) + 1];
       energy += (tree_->getLinkMass(i) * v.dot(v) + (w * tree_->getLinkInertia(i)).dot(w)) / 2;
     }
     return energy;
@@ -106,12 +108,15 @@ class Mechanism final : public peer::Mechanism {
     const peer::Body& body = request.bodies[static_cast<std::size_t>(index)];
     return {body.position, body.orientation};
   }
-  int link_of(int index) const { return index == peer::kGround ? -1 : links_[static_cast<std::size_t>(index)]; }
+  int link_of(int index) const {
+    return index == peer::kGround ? -1 : links_[static_cast<std::size_t>(index)];
+  }
 
   void add(const Request& request, const Joint& joint) {
     const peer::Body& child = request.child(joint);
     const Eigen::Matrix3d& i = child.inertia;
-    if (!i.isDiagonal()) throw std::runtime_error("Bullet: the inertia of " + child.name + " is not diagonal");
+    if (!i.isDiagonal())
+      throw std::runtime_error("Bullet: the inertia of " + child.name + " is not diagonal");
     const std::vector<double> rates = request.rates(joint);
     int parent = link_of(joint.parent);
     Frame from = frame_of(request, joint.parent);
@@ -154,9 +159,9 @@ class Mechanism final : public peer::Mechanism {
       const Frame frame = frame_of(request, index);
       return vector_of(Vec3(frame.orientation.conjugate() * (joint.anchor - frame.position)));
     };
-    auto& constraint = constraints_.emplace_back(
-        std::make_unique<btMultiBodyPoint2Point>(tree_.get(), link_of(joint.parent), tree_.get(),
-                                                 link_of(joint.child), inside(joint.parent), inside(joint.child)));
+    auto& constraint = constraints_.emplace_back(std::make_unique<btMultiBodyPoint2Point>(
+        tree_.get(), link_of(joint.parent), tree_.get(), link_of(joint.child), inside(joint.parent),
+        inside(joint.child)));
     constraint->setMaxAppliedImpulse(1e9);
     world_.addMultiBodyConstraint(constraint.get());
     constraint->finalizeMultiDof();
@@ -174,7 +179,7 @@ class Mechanism final : public peer::Mechanism {
   std::unique_ptr<btMultiBody> tree_;
   std::vector<std::unique_ptr<btMultiBodyLinkCollider>> colliders_;
   std::vector<std::unique_ptr<btMultiBodyPoint2Point>> constraints_;
-  std::vector<int> links_;                         ///< of each body of the request
+  std::vector<int> links_;                               ///< of each body of the request
   std::vector<std::pair<int, double>> starts_, forces_;  ///< by link
 };
 
@@ -183,5 +188,6 @@ std::unique_ptr<peer::Mechanism> make(const Request& request) { return std::make
 }  // namespace
 
 int main() {
-  return peer::serve({"Bullet", std::to_string(btGetVersion() / 100) + "." + std::to_string(btGetVersion() % 100), make});
+  return peer::serve(
+      {"Bullet", std::to_string(btGetVersion() / 100) + "." + std::to_string(btGetVersion() % 100), make});
 }

@@ -1,6 +1,6 @@
-// MuJoCo: the tree in joint coordinates, each loop closed by a `connect` equality. Methods `euler` (semi-implicit)
-// and `rk4`. The constraint is as stiff as MuJoCo lets it be: impedance 0.9999, time constant 2 steps (1 with rk4,
-// where the guard against shorter ones has to be off).
+// MuJoCo: the tree in joint coordinates, each loop closed by a `connect` equality. Methods `euler`
+// (semi-implicit) and `rk4`. The constraint is as stiff as MuJoCo lets it be: impedance 0.9999, time constant
+// 2 steps (1 with rk4, where the guard against shorter ones has to be off).
 #include <mujoco/mujoco.h>
 
 #include <cstdio>
@@ -88,7 +88,9 @@ std::unique_ptr<mjModel, Free> compile(const std::string& xml) {
 class Mechanism final : public peer::Mechanism {
  public:
   explicit Mechanism(const Request& request)
-      : model_(compile(model_text(request))), data_(mj_makeData(model_.get())), view_(mj_makeData(model_.get())) {
+      : model_(compile(model_text(request))),
+        data_(mj_makeData(model_.get())),
+        view_(mj_makeData(model_.get())) {
     for (std::size_t i = 0; i < request.bodies.size(); ++i)
       ids_.push_back(mj_name2id(model_.get(), mjOBJ_BODY, std::to_string(i).c_str()));
     for (const Joint& joint : request.joints) {
@@ -105,7 +107,8 @@ class Mechanism final : public peer::Mechanism {
     mj_step(model_.get(), data_.get());
     // MuJoCo starts anew from the initial state where a state is bad.
     if (data_->warning[mjWARN_BADQPOS].number + data_->warning[mjWARN_BADQVEL].number +
-            data_->warning[mjWARN_BADQACC].number > 0)
+            data_->warning[mjWARN_BADQACC].number >
+        0)
       throw std::runtime_error("MuJoCo: the state left its bounds");
   }
 

@@ -114,9 +114,8 @@ void write_state(Mechanism& mechanism) {
 
 void write_motion(const Request& request, const Peer& peer) {
   const std::unique_ptr<Mechanism> mechanism = peer.make(request);
-  const Json head = {{"engine", peer.engine},
-                     {"version", peer.version},
-                     {"kinetic_energy", mechanism->kinetic_energy()}};
+  const Json head = {
+      {"engine", peer.engine}, {"version", peer.version}, {"kinetic_energy", mechanism->kinetic_energy()}};
   std::printf("%s\n", head.dump().c_str());
   write_state(*mechanism);
   for (long i = 0; i < request.steps; ++i) {

@@ -2,15 +2,16 @@
 // reads one request from standard input, builds the mechanism described there with its own API, and writes
 // either every state of the motion or what a step costs. Knows nothing of handsim but this protocol.
 //
-// Request, JSON in SI and world axes: `task` (`motion` or `cost`), `method`, `settings` (a map of the method's
-// own), `step`, `steps`, `gravity`, `bodies` (name, mass, inertia about the centre of mass in body axes as 9
-// numbers row by row, position of the centre of mass, orientation w x y z, velocity, angular_velocity), `joints`
-// (name, kind, parent and child by name, closes_loop, anchor, axes, forces: constant, one for each axis).
+// Request, JSON in SI and world axes: `task` (`motion` or `cost`), `method`, `settings` (a map of the
+// method's own), `step`, `steps`, `gravity`, `bodies` (name, mass, inertia about the centre of mass in body
+// axes as 9 numbers row by row, position of the centre of mass, orientation w x y z, velocity,
+// angular_velocity), `joints` (name, kind, parent and child by name, closes_loop, anchor, axes, forces:
+// constant, one for each axis).
 //
 // Answer: one line of JSON (`engine`, `version`, `kinetic_energy` at the start as the engine has it [J]; for
-// `cost` also `cpu_seconds`, of all steps) and, for `motion`, a line for the start and for each step: time, and
-// for each body in the order of the request position, orientation w x y z, velocity, angular velocity. A failure
-// is a line on standard error and exit status 1.
+// `cost` also `cpu_seconds`, of all steps) and, for `motion`, a line for the start and for each step: time,
+// and for each body in the order of the request position, orientation w x y z, velocity, angular velocity. A
+// failure is a line on standard error and exit status 1.
 #pragma once
 
 #include <memory>
@@ -30,12 +31,12 @@ inline constexpr int kGround = -1;
 
 struct Body {
   std::string name;
-  double mass = 0;                                            ///< [kg]
-  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();          ///< about the centre of mass, body axes [kg m^2]
-  Vec3 position = Vec3::Zero();                               ///< of the centre of mass [m]
+  double mass = 0;                                    ///< [kg]
+  Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();  ///< about the centre of mass, body axes [kg m^2]
+  Vec3 position = Vec3::Zero();                       ///< of the centre of mass [m]
   Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< body to world
-  Vec3 velocity = Vec3::Zero();                               ///< of the centre of mass [m/s]
-  Vec3 angular_velocity = Vec3::Zero();                       ///< [rad/s]
+  Vec3 velocity = Vec3::Zero();                                     ///< of the centre of mass [m/s]
+  Vec3 angular_velocity = Vec3::Zero();                             ///< [rad/s]
 
   Eigen::Isometry3d pose() const;
 };
@@ -49,12 +50,13 @@ struct Joint {
   int child = 0;               ///< index of a body
   bool closes_loop = false;    ///< its child hangs on an earlier joint
   Vec3 anchor = Vec3::Zero();  ///< at the start, in the world [m]
-  std::vector<Vec3> axes;      ///< at the start, in the world, unit; universal: the parent's, then the child's
+  std::vector<Vec3> axes;  ///< at the start, in the world, unit; universal: the parent's, then the child's
   std::vector<double> forces;  ///< constant, along each axis [N m] or [N]
 };
 
-/// What is asked for. Every joint's parent stands before its child, loop-closing joints excepted. Trees are of
-/// hinges, universal joints and sliders, loops are closed by ball joints: anything else is refused on reading.
+/// What is asked for. Every joint's parent stands before its child, loop-closing joints excepted. Trees are
+/// of hinges, universal joints and sliders, loops are closed by ball joints: anything else is refused on
+/// reading.
 struct Request {
   bool cost = false;
   std::string method;

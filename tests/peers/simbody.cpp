@@ -113,7 +113,8 @@ class Mechanism final : public peer::Mechanism {
     const Eigen::Vector3d in_parent = request.parent_pose(joint).inverse() * joint.anchor;
     const Eigen::Vector3d in_child = child.pose().inverse() * joint.anchor;
     if (joint.closes_loop) {
-      SimTK::Constraint::Ball(body(joint.parent), vector_of(in_parent), body(joint.child), vector_of(in_child));
+      SimTK::Constraint::Ball(body(joint.parent), vector_of(in_parent), body(joint.child),
+                              vector_of(in_child));
       return;
     }
     const Eigen::Matrix3d& i = child.inertia;
@@ -152,7 +153,8 @@ class Mechanism final : public peer::Mechanism {
     else if (request.method == "semi_explicit_euler" && fixed_)
       integrator = std::make_unique<SimTK::SemiExplicitEulerIntegrator>(system_, request.step);
     else
-      throw std::runtime_error("Simbody has methods runge_kutta_merson and, of fixed step, semi_explicit_euler");
+      throw std::runtime_error(
+          "Simbody has methods runge_kutta_merson and, of fixed step, semi_explicit_euler");
     if (!fixed_) {
       integrator->setAccuracy(request.setting("accuracy", 0));
       return integrator;

@@ -11,7 +11,7 @@ namespace handsim::study {
 namespace {
 
 AccuracyMethod method(std::string name, std::vector<std::string> set, std::vector<double> steps) {
-  return {std::move(name), std::move(set), std::move(steps), {}, {}, {}};
+  return {std::move(name), std::move(set), std::move(steps), {}, {}, {}, {}};
 }
 
 AccuracySpec slider_crank(std::vector<AccuracyMethod> methods) {
