@@ -112,12 +112,12 @@ std::vector<Line> lines_of(const AccuracySpec& spec, const AccuracyResult& resul
   return lines;
 }
 
-/// Colours that can be told apart on white; handsim's own lines are drawn through, those of peers dashed.
-std::string style(std::size_t index, bool peer) {
+/// Colours that can be told apart on white, drawn through or dashed.
+std::string style(std::size_t index, bool dashed) {
   static const char* const colours[] = {"#0060ad", "#d62728", "#2ca02c", "#ff7f0e", "#9467bd",
                                         "#8c564b", "#17becf", "#e377c2", "#7f7f7f", "#bcbd22"};
   return fmt::format("linecolor rgb '{}' dashtype {} linewidth {}", colours[index % std::size(colours)],
-                     peer ? 2 : 1, peer ? 2 : 1.5);
+                     dashed ? 2 : 1, dashed ? 2 : 1.5);
 }
 
 /// One data block a line, for gnuplot: step, error, early error, cost.
@@ -133,6 +133,7 @@ std::string blocks(const std::vector<Line>& lines) {
   return out;
 }
 
+/// Handsim's own lines are drawn through, those of peers dashed.
 std::string plot_of(const std::vector<Line>& lines, const char* columns, bool against_step) {
   std::string out;
   std::size_t own = 0, peers = 0;
@@ -166,10 +167,10 @@ std::string velocity_plots(const AccuracySpec& spec, const AccuracyResult& resul
       for (const AccuracyRow& row : result.rows)
         if (method.peer.has_value() == peer && row.method == method.name && !row.series.time.empty() &&
             std::abs(row.step - step) < 1e-12)
-          lines += (lines.empty() ? "plot " : ", ") + add(row.series, row.method, style(colour++, peer));
+          lines += (lines.empty() ? "plot " : ", ") + add(row.series, row.method, style(colour++, false));
     if (lines.empty()) return;
     if (result.reference)
-      lines += ", " + add(*result.reference, "reference", "linecolor 'black' dashtype 3 linewidth 2");
+      lines += ", " + add(*result.reference, "reference", "linecolor 'black' dashtype 3 linewidth 2.5");
     panels +=
         fmt::format("set title 'step {:g} ms{}'\n{}\n", 1e3 * step, peer ? ", other engines" : "", lines);
     ++count;
@@ -190,17 +191,18 @@ std::string velocity_plots(const AccuracySpec& spec, const AccuracyResult& resul
 std::string script(const AccuracySpec& spec, const AccuracyResult& result) {
   const std::string each =
       "do for [t in 'png svg'] {{\n  set output '{0}.'.t\n  if (t eq 'png') {{ set terminal pngcairo size "
-      "1200,800 }} else {{ set terminal svg size 1200,800 }}\n{1}  unset output\n}}\n";
+      "1400,800 }} else {{ set terminal svg size 1400,800 }}\n{1}  unset output\n}}\n";
   const std::vector<Line> lines = lines_of(spec, result);
   std::string out = "set encoding utf8\n" + blocks(lines);
-  out += "set logscale xy\nset format '10^{%L}'\nset grid\nset key outside right\n";
+  out += "set logscale xy\nset format '10^{%L}'\nset grid\nset key outside right font ',11'\n";
   out += fmt::format(
       "set title \"{}\"\nset xlabel 'CPU seconds per simulated second'\nset ylabel 'RMS rate error over the "
       "whole run [{}/s]'\n",
       "error against cost", result.unit);
   out += fmt::format(fmt::runtime(each), "error_cost", plot_of(lines, "4:2", false));
   out +=
-      "set xlabel 'step [s]'\nset ylabel 'CPU seconds per simulated second'\nset title 'cost against step'\n";
+      "set autoscale xfix\nset xlabel 'step [s]'\nset ylabel 'CPU seconds per simulated second'\nset title "
+      "'cost against step'\n";
   out += fmt::format(fmt::runtime(each), "cost_step", plot_of(lines, "1:4", true));
   out +=
       fmt::format("set ylabel 'RMS rate error up to {:g} s [{}/s]'\nset title 'early error against step'\n",

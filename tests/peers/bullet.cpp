@@ -1,7 +1,7 @@
 // Bullet: a btMultiBody on a fixed base in joint coordinates, each loop closed by a btMultiBodyPoint2Point.
-// Its one integrator is semi-implicit Euler, its solver iterative, 10 times by default. A universal joint is
-// two hinges with a massless link between them. Links carry colliders that collide with nothing: without them
-// Bullet ignores the constraint and says nothing.
+// Its one integrator is semi-implicit Euler, its solver iterative (setting `iterations`; Bullet's default:
+// 10). A universal joint is two hinges with a massless link between them. Links carry colliders that collide
+// with nothing: without them Bullet ignores the constraint and says nothing.
 #include <BulletDynamics/Featherstone/btMultiBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyConstraintSolver.h>
 #include <BulletDynamics/Featherstone/btMultiBodyDynamicsWorld.h>
@@ -41,6 +41,7 @@ class Mechanism final : public peer::Mechanism {
     world_.setGravity(vector_of(request.gravity));
     int count = 0;
     for (const Joint& joint : request.joints) count += static_cast<int>(joint.axes.size());
+    world_.getSolverInfo().m_numIterations = static_cast<int>(request.setting("iterations", 10));
     tree_ = std::make_unique<btMultiBody>(count, 0, btVector3(0, 0, 0), true, false);
     // Bullet damps and limits by default.
     tree_->setLinearDamping(0);
