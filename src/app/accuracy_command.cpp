@@ -20,6 +20,7 @@ int accuracy_command(const AccuracyArguments& arguments) {
       "{}\nRMS rate error [{}/s] over the whole run and up to {:g} s; the whole-run figure saturates once "
       "the phase is lost.\n\n{}",
       spec.title, result.unit, spec.early, study::accuracy_table(result, spec.early));
+  if (result.reference) fmt::print("\n{}", study::cheapest_table(result));
   for (const std::string& text : result.left_out) fmt::print("left out: {}\n", text);
   const bool plotted = study::write_accuracy(spec, result, arguments.out);
   fmt::print("\nfiles in {}{}\n", arguments.out.string(),

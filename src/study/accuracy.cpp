@@ -378,6 +378,7 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
       report(job, true);
     }
     const bool own = !result.reference || jobs[first].method->scene;
+    for (std::size_t i = first; i < end; ++i) jobs[i].row.own_reference = own;
     jobs[end - 1].row.is_reference = own;
     compare_all(spec, jobs, first, end, own ? Series(jobs[end - 1].row.series) : *result.reference);
   }
@@ -396,7 +397,9 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
 const AccuracyRow* cheapest(const AccuracyResult& result, double target) {
   const AccuracyRow* best = nullptr;
   for (const AccuracyRow& row : result.rows) {
-    if (row.fault || row.is_reference || !(row.rate_error <= target)) continue;
+    if (row.fault || row.is_reference || (result.reference && row.own_reference) ||
+        !(row.rate_error <= target))
+      continue;
     if (!best || row.cpu_per_second < best->cpu_per_second) best = &row;
   }
   return best;

@@ -60,6 +60,7 @@ struct Series {
 struct AccuracyRow {
   std::string method;
   double step = 0;              ///< [s]
+  bool own_reference = false;   ///< compared with its method's smallest step
   bool is_reference = false;    ///< its own smallest step: error 0 by definition
   double rate_error = 0;        ///< RMS over the whole run [m/s] or [rad/s]
   double early_rate_error = 0;  ///< RMS up to AccuracySpec::early
@@ -91,7 +92,8 @@ AccuracySpec load_accuracy(const std::filesystem::path& path);
 /// @throws Error (input) where a scene or an override is bad.
 AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress);
 
-/// The cheapest row whose whole-run error is at most `target`; nothing where none is.
+/// The cheapest row whose whole-run error is at most `target`; nothing where none is. Where the study has a
+/// reference, rows with one of their own do not compete.
 const AccuracyRow* cheapest(const AccuracyResult& result, double target);
 
 }  // namespace handsim::study

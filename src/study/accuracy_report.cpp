@@ -53,7 +53,10 @@ std::string csv(const AccuracyResult& result) {
     out += fmt::format("{},{},{},{},{},{},{},{},{},{}\n", quoted(row.method), row.step, row.rate_error,
                        row.early_rate_error, row.position_error, row.gap,
                        row.energy_error ? fmt::format("{}", *row.energy_error) : "", row.cpu_per_second,
-                       row.times_real_time(), row.is_reference ? "its own reference" : "");
+                       row.times_real_time(),
+                       row.is_reference    ? "its own reference"
+                       : row.own_reference ? "compared with its smallest step"
+                                           : "");
   }
   return out;
 }
@@ -72,6 +75,7 @@ std::string json(const AccuracySpec& spec, const AccuracyResult& result) {
       entry["energy_error"] = row.energy_error ? Json(*row.energy_error) : Json();
       entry["cpu_seconds_per_second"] = row.cpu_per_second;
       entry["times_real_time"] = row.times_real_time();
+      entry["own_reference"] = row.own_reference;
       entry["is_reference"] = row.is_reference;
     }
     rows.push_back(std::move(entry));
@@ -228,6 +232,18 @@ std::string accuracy_table(const AccuracyResult& result, double early) {
         row.is_reference ? "" : fmt::format("{:.3g}", row.early_rate_error), row.position_error, row.gap,
         row.energy_error ? fmt::format("{:.2g}", *row.energy_error) : "-", row.cpu_per_second,
         row.times_real_time());
+  }
+  return out;
+}
+
+std::string cheapest_table(const AccuracyResult& result) {
+  std::string out = fmt::format("{:<16} {:<34} {:>8} {:>12} {:>12}\n", "error at most", "cheapest", "step ms",
+                                "rate error", "CPU s per s");
+  for (const double error : {0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10}) {
+    const AccuracyRow* row = cheapest(result, error);
+    if (!row) break;
+    out += fmt::format("{:<16g} {:<34} {:>8g} {:>12.3g} {:>12.3g}\n", error, row->method, 1e3 * row->step,
+                       row->rate_error, row->cpu_per_second);
   }
   return out;
 }

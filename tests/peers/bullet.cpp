@@ -189,6 +189,8 @@ std::unique_ptr<peer::Mechanism> make(const Request& request) { return std::make
 }  // namespace
 
 int main() {
-  return peer::serve(
-      {"Bullet", std::to_string(btGetVersion() / 100) + "." + std::to_string(btGetVersion() % 100), make});
+  return peer::serve({"Bullet",
+                      std::to_string(btGetVersion() / 100) + "." + std::to_string(btGetVersion() % 100),
+                      {"iterations"},
+                      make});
 }

@@ -126,4 +126,4 @@ std::unique_ptr<peer::Mechanism> make(const Request& request) { return std::make
 
 }  // namespace
 
-int main() { return peer::serve({"DART", DART_VERSION, make}); }
+int main() { return peer::serve({"DART", DART_VERSION, {"erp"}, make}); }

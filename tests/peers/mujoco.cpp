@@ -162,5 +162,5 @@ int main() {
     std::exit(1);
   };
   mju_user_warning = [](const char* text) { std::fprintf(stderr, "MuJoCo: %s\n", text); };
-  return peer::serve({"MuJoCo", mj_versionString(), make});
+  return peer::serve({"MuJoCo", mj_versionString(), {}, make});
 }

@@ -182,6 +182,9 @@ std::vector<double> Request::rates(const Joint& joint) const {
 
 int serve(const Peer& peer) try {
   const Request request = read_request(std::cin);
+  for (const auto& setting : request.settings.items())
+    if (std::find(peer.settings.begin(), peer.settings.end(), setting.key()) == peer.settings.end())
+      throw std::runtime_error(peer.engine + " has no setting " + setting.key());
   if (request.cost)
     write_cost(request, peer);
   else

@@ -72,6 +72,7 @@ struct Request {
   Eigen::Isometry3d parent_pose(const Joint& joint) const;
   /// Rate of each axis at the start, from the bodies' velocities [rad/s] or [m/s].
   std::vector<double> rates(const Joint& joint) const;
+  bool has(const char* key) const { return settings.contains(key); }
   /// A number of `settings`.
   double setting(const char* key, double fallback) const { return settings.value(key, fallback); }
 };
@@ -104,6 +105,7 @@ class Mechanism {
 
 struct Peer {
   std::string engine, version;
+  std::vector<std::string> settings;  ///< that it knows; any other is refused
   std::unique_ptr<Mechanism> (*make)(const Request& request);
 };
 

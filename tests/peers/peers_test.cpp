@@ -182,6 +182,13 @@ TEST(PeerProtocol, SaysWhyAProgramFailed) {
             std::string::npos);
 }
 
+TEST(PeerProtocol, RefusesASettingThatTheMethodDoesNotHave) {
+  SKIP_UNLESS_BUILT("simbody");
+  const AccuracySpec spec =
+      study(kIftomm, {"peer_simbody", "runge_kutta_merson", {{"acuracy", 1e-4}}}, {1e-2});
+  EXPECT_NE(fault_of(spec).find("no setting acuracy"), std::string::npos);
+}
+
 TEST(PeerProtocol, LeavesOutAProgramThatIsNotThereAndSaysSo) {
   AccuracySpec spec = study(kIftomm, {"peer_nobody", "euler", {}}, {1e-2});
   const AccuracyResult result = run_accuracy(spec, nullptr);

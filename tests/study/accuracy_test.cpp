@@ -70,6 +70,19 @@ TEST(Cheapest, IsTheCheapestRowThatReachesTheTarget) {
   EXPECT_EQ(cheapest(result, 1e-4), nullptr);
 }
 
+// The errors of rows with and without contact are against different motions.
+TEST(Cheapest, IsNoRowWithAReferenceOfItsOwnInAStudyThatHasOne) {
+  AccuracyResult result;
+  AccuracyRow row;
+  row.rate_error = 0.01;
+  row.cpu_per_second = 1;
+  row.own_reference = true;
+  result.rows.push_back(row);
+  EXPECT_NE(cheapest(result, 0.1), nullptr);
+  result.reference.emplace();
+  EXPECT_EQ(cheapest(result, 0.1), nullptr);
+}
+
 TEST(AccuracyFiles, AreWritten) {
   const test::TemporaryFolder folder;
   const AccuracySpec spec = slider_crank({method("it's", {"duration=0.2"}, {5e-3, 1e-3})});
