@@ -11,7 +11,8 @@ namespace handsim::study {
 /// The rows as a table for the screen.
 std::string accuracy_table(const AccuracyResult& result, double early);
 
-/// The cheapest row for each of a ladder of errors, down to the smallest that any row reaches; a table, too.
+/// The cheapest row for each of a ladder of errors, down to the smallest that any row reaches, as a table; where one
+/// row is the cheapest for several, the smallest of them.
 std::string cheapest_table(const AccuracyResult& result);
 
 /// Writes accuracy.csv, accuracy.json and, where gnuplot is installed, error_cost, cost_step and velocity as

@@ -101,7 +101,8 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(FirstOrder{"mujoco", {"peer_mujoco", "euler", {}}},
                     FirstOrder{"dart", {"peer_dart", "semi_implicit_euler", {{"erp", 0.2}}}},
                     FirstOrder{"bullet", {"peer_bullet", "semi_implicit_euler", {{"iterations", 100}}}},
-                    FirstOrder{"simbody", {"peer_simbody", "semi_explicit_euler", {}}}),
+                    FirstOrder{"simbody",
+                               {"peer_simbody", "semi_explicit_euler", {{"constraint_tolerance", 1e-10}}}}),
     [](const auto& one) { return std::string(one.param.engine); });
 
 // 1e-8 m/s: two solutions of the same equations, each with error control of 1e-10 and better.
