@@ -237,10 +237,8 @@ std::string accuracy_table(const AccuracyResult& result, double early) {
 }
 
 std::string cheapest_table(const AccuracyResult& result) {
-  std::string out = fmt::format("{:<16} {:<34} {:>8} {:>12} {:>12}\n", "error at most", "cheapest", "step ms",
-                                "rate error", "CPU s per s");
   const AccuracyRow* last = nullptr;
-  std::string line;
+  std::string out, line;
   for (const double error : {0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10}) {
     const AccuracyRow* row = cheapest(result, error);
     // Of errors that one row is the cheapest for, the smallest says all.
@@ -251,7 +249,11 @@ std::string cheapest_table(const AccuracyResult& result) {
     line = fmt::format("{:<16g} {:<34} {:>8g} {:>12.3g} {:>12.3g}\n", error, row->method, 1e3 * row->step,
                        row->rate_error, row->cpu_per_second);
   }
-  return out + line;
+  out += line;
+  if (out.empty()) return "";
+  return fmt::format("{:<16} {:<34} {:>8} {:>12} {:>12}\n", "error at most", "cheapest", "step ms",
+                     "rate error", "CPU s per s") +
+         out;
 }
 
 bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result,

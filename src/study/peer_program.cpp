@@ -1,5 +1,7 @@
 #include "handsim/study/peer_program.h"
 
+#include <fcntl.h>
+#include <signal.h>
 #include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -19,8 +21,6 @@
 
 #include "handsim/model/energy.h"
 #include "handsim/model/kinematics.h"
-
-extern char** environ;
 
 namespace handsim::study {
 
@@ -113,7 +113,8 @@ class Conversation {
   Conversation(std::filesystem::path program, const std::string& request)
       : program_(std::move(program)), in_(std::tmpfile()), errors_(std::tmpfile()) {
     int ends[2] = {-1, -1};
-    if (!in_ || !errors_ || pipe(ends) != 0) throw failed(program_, 0, "start", "no pipe or temporary file");
+    if (!in_ || !errors_ || pipe2(ends, O_CLOEXEC) != 0)
+      throw failed(program_, 0, "start", "no pipe or temporary file");
     std::fwrite(request.data(), 1, request.size(), in_.get());
     std::rewind(in_.get());
     out_.reset(fdopen(ends[0], "r"));
@@ -122,7 +123,6 @@ class Conversation {
     posix_spawn_file_actions_adddup2(&actions, fileno(in_.get()), STDIN_FILENO);
     posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
     posix_spawn_file_actions_adddup2(&actions, fileno(errors_.get()), STDERR_FILENO);
-    posix_spawn_file_actions_addclose(&actions, ends[0]);
     std::string name = program_.string();
     char* arguments[] = {name.data(), nullptr};
     const int status = posix_spawn(&child_, name.c_str(), &actions, nullptr, arguments, environ);
@@ -136,9 +136,10 @@ class Conversation {
   Conversation(const Conversation&) = delete;
   Conversation& operator=(const Conversation&) = delete;
   ~Conversation() {
-    // With its reader gone a program that still writes ends.
-    out_.reset();
-    if (child_ > 0) waitpid(child_, nullptr, 0);
+    if (child_ > 0) {
+      kill(child_, SIGKILL);
+      waitpid(child_, nullptr, 0);
+    }
     std::free(line_);
   }
 
@@ -155,7 +156,7 @@ class Conversation {
     waitpid(child_, &status, 0);
     child_ = 0;
     if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
-    throw failed(program_, time, "exit status",
+    throw failed(program_, time, "failed",
                  WIFEXITED(status) ? last_words() : fmt::format("killed by signal {}", WTERMSIG(status)));
   }
 
