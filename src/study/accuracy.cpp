@@ -134,6 +134,7 @@ struct Motion {
   Series series;
   double gap = 0;
   std::optional<double> energy_error;
+  std::string engine;  ///< and its version
 };
 
 /// Makes a motion of the states after each step.
@@ -186,7 +187,9 @@ Motion follow(const scene::Scene& scene, const std::optional<std::string>& obser
     simulation.step();
     follower.look(simulation.state());
   }
-  return follower.finish(simulation.monitor().joint_gap().value);
+  Motion motion = follower.finish(simulation.monitor().joint_gap().value);
+  motion.engine = simulation.engine().version();
+  return motion;
 }
 
 /// A row on its way.
@@ -201,7 +204,7 @@ std::filesystem::path program_of(const AccuracySpec& spec, const AccuracyMethod&
   return spec.peers.value_or("") / method.peer->program;
 }
 
-Motion follow_job(const AccuracySpec& spec, const Job& job, std::vector<PeerName>& peers) {
+Motion follow_job(const AccuracySpec& spec, const Job& job) {
   const std::optional<std::string>& observe = job.method->observe ? job.method->observe : spec.observe;
   if (!job.method->peer) return follow(job.scene, observe, spec.sample_every);
   simulation::Monitor monitor(job.scene.model, job.scene.spec.solver.step, false);
@@ -215,9 +218,9 @@ Motion follow_job(const AccuracySpec& spec, const Job& job, std::vector<PeerName
     follower->look(state);
   };
   const PeerName name = follow_peer(program_of(spec, *job.method), *job.method->peer, job.scene, look);
-  const auto same = [&](const PeerName& other) { return other.engine == name.engine; };
-  if (std::none_of(peers.begin(), peers.end(), same)) peers.push_back(name);
-  return follower->finish(monitor.joint_gap().value);
+  Motion motion = follower->finish(monitor.joint_gap().value);
+  motion.engine = name.engine + " " + name.version;
+  return motion;
 }
 
 /// CPU seconds per simulated second of the bare loop: nothing recorded, nothing compared.
@@ -370,10 +373,12 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
     for (end = first; end < jobs.size() && jobs[end].method == jobs[first].method; ++end) {
       Job& job = jobs[end];
       attempt(job.row, [&] {
-        Motion motion = follow_job(spec, job, result.peers);
+        Motion motion = follow_job(spec, job);
         job.row.series = std::move(motion.series);
         job.row.gap = motion.gap;
         job.row.energy_error = motion.energy_error;
+        if (std::find(result.engines.begin(), result.engines.end(), motion.engine) == result.engines.end())
+          result.engines.push_back(motion.engine);
       });
       report(job, true);
     }

@@ -80,7 +80,7 @@ struct AccuracyResult {
   std::optional<Series> reference;    ///< absent where every method is its own
   std::string unit;                   ///< of the coordinates: `m` or `rad`
   std::vector<std::string> left_out;  ///< methods of peers without a row, and why
-  std::vector<PeerName> peers;        ///< that have rows
+  std::vector<std::string> engines;   ///< that have rows, each with its version
 };
 
 /// @throws Error (input) with every problem of the file.

@@ -86,7 +86,7 @@ std::string json(const AccuracySpec& spec, const AccuracyResult& result) {
   out["machine"] = {{"processor", processor()},
                     {"system", std::string(system.sysname) + " " + system.release}};
   out["versions"] = {{"handsim", HANDSIM_VERSION}, {"compiler", __VERSION__}};
-  for (const PeerName& peer : result.peers) out["versions"][peer.engine] = peer.version;
+  out["versions"]["engines"] = result.engines;
   out["left_out"] = result.left_out;
   out["rows"] = std::move(rows);
   return out.dump(2) + "\n";
