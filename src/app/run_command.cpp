@@ -44,11 +44,12 @@ void print_result(const scene::Scene& scene, const simulation::RunResult& result
   for (const simulation::Verdict& v : result.verdicts) {
     const std::string limit = v.limit ? fmt::format("{:.4g} {}", *v.limit, v.unit) : "-";
     const std::string where = v.where.empty() ? "" : fmt::format("{} at {:.3f} s", v.where, v.time);
-    fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", v.name, fmt::format("{:.4g} {}", v.measured, v.unit),
-               limit,
-               !v.limit   ? "-"
-               : v.held() ? "held"
-                          : "FAILED",
+    fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", v.name,
+               v.measured ? fmt::format("{:.4g} {}", *v.measured, v.unit) : "-", limit,
+               !v.limit      ? "-"
+               : !v.measured ? "NOT MEASURED"
+               : v.held()    ? "held"
+                             : "FAILED",
                where);
   }
   print_tracking(result);

@@ -1,6 +1,7 @@
 #include "handsim/simulation/run.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <cmath>
 
@@ -139,6 +140,25 @@ TEST(FailedRun, SaysWhereAndKeepsItsFiles) {
   const RunResult result = run_into(scene, folder.path());
   EXPECT_FALSE(result.passed());
   EXPECT_EQ(nlohmann::json::parse(text_of(folder.path() / "summary.json"))["verdict"], "failed");
+}
+
+/// Largest memory that the process has had [MB].
+double peak_memory() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024;
+}
+
+// 200 pictures of 0.9 MB; what may grow with their number are snapshots of 3 kB, and 100 cells of the sheet.
+TEST(Pictures, AreWrittenAsTheyAreDrawnInMemoryThatDoesNotGrowWithThem) {
+  const TemporaryFolder folder;
+  const scene::Scene scene = shipped_scene("two_hands", {"pictures.size=[640, 480]", "duration=0.5"});
+  run_into(scene, folder.path() / "a", 100);
+  const double before = peak_memory();
+  run_into(scene, folder.path() / "b", 200);
+  EXPECT_LT(peak_memory() - before, 20);
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "b/frame_199.png"));
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "b/contact_sheet.png"));
 }
 
 }  // namespace
