@@ -224,7 +224,7 @@ TEST(Poses, CountsHoldUpThatManyFingers) {
   }
 }
 
-// Half crimp: PIP at about a right angle, DIP not flexed; hook: straight MCP, bent PIP and DIP; open hand:
+// Half crimp: PIP at about a right angle, DIP hardly flexed; hook: straight MCP, bent PIP and DIP; open hand:
 // PIP flexed less than a right angle.
 TEST(Poses, GripsBendTheJointsThatTheyAreNamedFor) {
   const scene::Scene scene = test::shipped_scene("every_pose");

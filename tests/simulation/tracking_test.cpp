@@ -133,7 +133,7 @@ TEST(Verdicts, HoldNoLimitThatNothingWasMeasuredFor) {
 // Oracle: the mirror. Figures of the two hands are equal where the scene is mirrored; the bound is the
 // issue's.
 TEST(PoseTracking, FiguresOfLeftAndRightAreEqual) {
-  const scene::Scene scene = shipped_scene("pose_tracking", {"duration=30 s", "solver.step=2 ms"});
+  const scene::Scene scene = shipped_scene("pose_tracking");
   Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
   const std::vector<AxisTracking> axes = simulation.tracking();
