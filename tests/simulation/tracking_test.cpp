@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include <nlohmann/json.hpp>
 
@@ -48,6 +49,7 @@ void expect_poses_reached(const scene::Scene& scene) {
     EXPECT_LE(axis.steady_error.value, kHalfDegree) << axis.name << " " << axis.steady_error.where;
     EXPECT_LE(axis.overshoot.value, 0.05) << axis.name << " " << axis.overshoot.where;
     EXPECT_EQ(axis.unsettled, 0) << axis.name;
+    EXPECT_EQ(axis.holds, 15) << axis.name;
     EXPECT_GE(axis.movements, axis.name.find("middle_mcp.abduction") == std::string::npos ? 1 : 2)
         << axis.name;
   }
@@ -149,18 +151,28 @@ TEST(PoseTracking, FiguresOfLeftAndRightAreEqual) {
   }
 }
 
-class Prototype : public ::testing::TestWithParam<const char*> {};
-INSTANTIATE_TEST_SUITE_P(, Prototype, ::testing::Values("0.2", "0.6", "0.9"));
+/// ERP and form; explicit gains at 2 Hz, within their limit at 1 ms.
+class Prototype : public ::testing::TestWithParam<std::tuple<const char*, const char*>> {};
+INSTANTIATE_TEST_SUITE_P(, Prototype,
+                         ::testing::Combine(::testing::Values("0.2", "0.6", "0.9"),
+                                            ::testing::Values("implicit", "explicit")));
 
 TEST_P(Prototype, HoldsItsTestPoseForTenSecondsWithoutALcpFailure) {
-  const scene::Scene scene = shipped_scene(
-      "prototype_poses",
-      {"control.program=hold_test_pose", "duration=10 s", std::string("solver.erp=") + GetParam()});
+  const auto& [erp, form] = GetParam();
+  std::vector<std::string> changes = {"control.program=hold_test_pose", "duration=10 s",
+                                      std::string("solver.erp=") + erp};
+  if (form == std::string("explicit"))
+    changes.insert(changes.end(),
+                   {"control.controller.form=explicit",
+                    "control.controller.gains.0={joints: all, frequency: 2 Hz, damping_ratio: 1}"});
+  const scene::Scene scene = shipped_scene("prototype_poses", changes);
   Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
   EXPECT_EQ(simulation.ledger().lcp_failures(), 0);
-  for (const AxisTracking& axis : simulation.tracking())
+  for (const AxisTracking& axis : simulation.tracking()) {
+    EXPECT_EQ(axis.holds, 1) << axis.name;
     EXPECT_LE(axis.steady_error.value, kHalfDegree) << axis.name;
+  }
 }
 
 TEST(PrototypeScene, ControlledSceneHoldsItsCriteria) {
