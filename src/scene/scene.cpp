@@ -1,12 +1,11 @@
 #include "handsim/scene/scene.h"
 
 #include "handsim/model/validate.h"
+#include "handsim/scene/contacts.h"
 
 namespace handsim::scene {
 
 namespace {
-
-using model::Effect;
 
 Mat3 solid_inertia(const model::Shape& shape, double mass) {
   const double r2 = shape.radius * shape.radius;
@@ -67,27 +66,6 @@ void add_ground(model::Model& model, const GroundSpec& ground) {
   model.shapes.push_back(std::move(plane));
 }
 
-/// Who meets whom, as the effects say. Groups: the hands, then objects, ground, mechanism, where there are
-/// any.
-void add_contact_rules(model::Model& model, const SceneSpec& spec) {
-  const model::Effects& effects = spec.solver.effects;
-  const int hands = static_cast<int>(spec.hands.size());
-  const int objects = spec.objects.empty() ? 0 : 1;
-  const int ground = hands + objects;
-  const int mechanism = ground + (spec.ground ? 1 : 0);
-  const bool has_mechanism = !spec.mechanism.bodies.empty();
-  if (effects.has(Effect::self_contact))
-    for (int a = 0; a < hands; ++a)
-      for (int b = a; b < hands; ++b) model.contact_rules.push_back({a, b});
-  if (effects.has(Effect::object_contact))
-    for (int a = 0; a <= hands; ++a) model.contact_rules.push_back({a, hands});
-  if (effects.has(Effect::object_contact) && has_mechanism) model.contact_rules.push_back({hands, mechanism});
-  if (effects.has(Effect::ground_contact))
-    for (int a = 0; a < ground; ++a) model.contact_rules.push_back({a, ground});
-  if (effects.has(Effect::ground_contact) && has_mechanism)
-    model.contact_rules.push_back({ground, mechanism});
-}
-
 void add_hands(model::Model& model, const SceneSpec& spec, Diagnostics& diagnostics) {
   for (std::size_t i = 0; i < spec.hands.size(); ++i) {
     const HandEntry& entry = spec.hands[i];
@@ -129,9 +107,13 @@ Scene compile_scene(YamlNode root) {
   scene.model.gravity = scene.spec.gravity;
   add_hands(scene.model, scene.spec, diagnostics);
   if (!scene.spec.objects.empty()) {
+    const int all = static_cast<int>(scene.model.groups.size());
     scene.model.groups.push_back({"objects"});
-    for (const ObjectSpec& object : scene.spec.objects)
-      add_object(scene.model, object, static_cast<int>(scene.model.groups.size()) - 1);
+    for (const ObjectSpec& object : scene.spec.objects) {
+      const int group = object_group(scene.spec, object);
+      if (group != all) scene.model.groups.push_back({object.name});
+      add_object(scene.model, object, group);
+    }
   }
   if (scene.spec.ground) add_ground(scene.model, *scene.spec.ground);
   add_mechanism(scene.model, scene.spec.mechanism);
