@@ -2,6 +2,7 @@
 
 #include <spawn.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <map>
 
@@ -9,8 +10,6 @@
 
 #include "handsim/core/error.h"
 #include "handsim/output/atomic_file.h"
-
-extern char** environ;
 
 namespace handsim::simulation {
 

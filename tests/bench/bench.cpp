@@ -86,7 +86,7 @@ void first_frame(benchmark::State& state) {
   const simulation::Snapshot moment{model::initial_state(scene.model), {}};
   for (auto unused : state) {
     (void)unused;
-    benchmark::DoNotOptimize(simulation::draw(scene, {moment}));
+    benchmark::DoNotOptimize(simulation::draw(scene, moment));
   }
 }
 BENCHMARK(first_frame)->Unit(benchmark::kMillisecond)->UseRealTime();
@@ -98,7 +98,9 @@ void frame(benchmark::State& state) {
   for (auto unused : state) {
     (void)unused;
     const auto start = std::chrono::steady_clock::now();
-    benchmark::DoNotOptimize(simulation::draw(scene, moments));
+    simulation::draw(scene, moments, [](std::size_t, const output::Image& image) {
+      benchmark::DoNotOptimize(image.rgb.data());
+    });
     state.SetIterationTime(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() /
                            8);
   }
