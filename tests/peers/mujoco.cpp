@@ -3,6 +3,7 @@
 // 2 steps (1 with rk4, where the guard against shorter ones has to be off).
 #include <mujoco/mujoco.h>
 
+#include <cstddef>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -119,10 +120,10 @@ class Mechanism final : public peer::Mechanism {
     std::vector<peer::BodyState> out;
     for (const int id : ids_) {
       peer::BodyState& body = out.emplace_back();
-      const mjtNum* q = view_->xquat + 4 * id;
+      const mjtNum* q = view_->xquat + std::ptrdiff_t{4} * id;
       mjtNum twist[6];
       mj_objectVelocity(model_.get(), view_.get(), mjOBJ_BODY, id, twist, 0);
-      body.position = Eigen::Map<const Vec3>(view_->xpos + 3 * id);
+      body.position = Eigen::Map<const Vec3>(view_->xpos + std::ptrdiff_t{3} * id);
       body.orientation = Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
       body.angular_velocity = Eigen::Map<const Vec3>(twist);
       body.velocity = Eigen::Map<const Vec3>(twist + 3);
