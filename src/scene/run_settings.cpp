@@ -52,6 +52,7 @@ void read_solver(MapReader reader, model::SolverSettings& solver) {
   solver.erp = reader.number("erp", {Dimension::none, 0, 1}, 0.2);
   solver.cfm = reader.number("cfm", {Dimension::none, 0, 1, true}, 1e-9);
   solver.iterations = reader.integer("iterations", 1, 100'000, 20);
+  solver.projection = reader.flag("projection", false);
   solver.tolerance = reader.number("tolerance", {Dimension::none, 1e-11, 1e-2}, 1e-9);
   solver.seed = static_cast<std::uint64_t>(reader.integer("seed", 0, 2'147'483'647, 1));
   reader.finish();

@@ -17,6 +17,7 @@
 #include "handsim/engine/ode/drives.h"
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/joints.h"
+#include "handsim/engine/multibody/system.h"
 
 namespace handsim::engine::ode {
 
@@ -48,6 +49,7 @@ class OdeEngine final : public Engine {
   void advance();
   void check_bodies(double time);
   void read(double time);
+  void close_joints(double time);
   [[noreturn]] void fail(PhysicsFault fault);
   [[noreturn]] void fail(const OdeFault& fault);
 
@@ -60,6 +62,7 @@ class OdeEngine final : public Engine {
   std::unique_ptr<Joints> joints_;
   std::unique_ptr<Drives> drives_;      ///< with wrist_motion only
   std::unique_ptr<Contacts> contacts_;  ///< with contact effects and rules only
+  std::vector<System> closed_;          ///< islands whose joints are closed after every step; with projection
   model::State state_;
   std::optional<Error> failure_;
 };

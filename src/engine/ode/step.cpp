@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
+#include "handsim/engine/multibody/projection.h"
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/ode_engine.h"
 
@@ -50,7 +51,7 @@ StepReport OdeEngine::step(const StepInput& input) {
     fail(fault);
   }
   check_bodies(end);
-  read(end);
+  closed_.empty() ? read(end) : close_joints(end);
   return report;
 }
 
@@ -124,6 +125,21 @@ void OdeEngine::check_bodies(double time) {
 void OdeEngine::read(double time) {
   for (const std::size_t i : moving_) state_.bodies[i] = read_state(bodies_[i]);
   state_.time = time;
+}
+
+/// Takes ODE's state over with its joints closed, and gives it back to ODE.
+void OdeEngine::close_joints(double time) {
+  const model::State before = state_;
+  read(time);
+  try {
+    for (const System& island : closed_) close_step(island, before, settings_.step, state_);
+  } catch (const Error& error) {
+    state_ = before;
+    failure_.emplace(error);
+    throw;
+  }
+  for (const std::size_t i : moving_)
+    if (!bodies_[i].driven) write_state(bodies_[i], state_.bodies[i]);
 }
 
 void OdeEngine::fail(PhysicsFault fault) {
