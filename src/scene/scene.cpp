@@ -152,6 +152,22 @@ Scene compile_scene(YamlNode root) {
   return scene;
 }
 
+Scene without_effect(const Scene& scene, model::Effect effect) {
+  Scene out = scene;
+  model::Effects& effects = out.spec.solver.effects;
+  effects.remove(effect);
+  if (!effects.any_contact()) effects.remove(Effect::friction);
+  out.model.contact_rules.clear();
+  add_contact_rules(out.model, out.spec);
+  out.control.reset();
+  if (!effects.has(Effect::actuation)) out.spec.control.reset();
+  if (!out.spec.control) return out;
+  Diagnostics diagnostics;
+  out.control = compile_control(*out.spec.control, out.spec.hands, out.model, out.spec.solver, diagnostics);
+  diagnostics.throw_if_any();
+  return out;
+}
+
 Scene load_scene(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
   YamlNode root = load_yaml(path);
   Diagnostics diagnostics;

@@ -120,9 +120,10 @@ void project_velocities(const System& system, model::State& state) {
 void close_step(const System& system, const model::State& before, double step, model::State& after) {
   if (system.constraint_count() == 0) return;
   std::vector<Row> rows;
+  rows.reserve(static_cast<std::size_t>(system.constraint_count()));
   system.constraints(before, rows);
-  // One factorisation serves all corrections: the directions of the impulses are those of `before` anyway, and
-  // within a step joints turn little. The shift makes redundant rows share; it slows, but does not bend.
+  // One factorisation serves all corrections: the directions of the impulses are those of `before` anyway,
+  // and within a step joints turn little. The shift makes redundant rows share; it slows, but does not bend.
   const Matrix scaled = system.scaled(system.jacobian(rows, before));
   Matrix gram = scaled * scaled.transpose();
   gram.diagonal() *= 1 + kRedundantShift;

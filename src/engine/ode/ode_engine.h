@@ -12,12 +12,12 @@
 #include <vector>
 
 #include "handsim/engine/engine.h"
+#include "handsim/engine/multibody/system.h"
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/contacts.h"
 #include "handsim/engine/ode/drives.h"
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/joints.h"
-#include "handsim/engine/multibody/system.h"
 
 namespace handsim::engine::ode {
 
@@ -62,7 +62,8 @@ class OdeEngine final : public Engine {
   std::unique_ptr<Joints> joints_;
   std::unique_ptr<Drives> drives_;      ///< with wrist_motion only
   std::unique_ptr<Contacts> contacts_;  ///< with contact effects and rules only
-  std::vector<System> closed_;          ///< islands whose joints are closed after every step; with projection
+  std::vector<System> closed_;          ///< islands to close after every step; with projection only
+  model::State before_;                 ///< at the start of the step; with projection only
   model::State state_;
   std::optional<Error> failure_;
 };

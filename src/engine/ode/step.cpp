@@ -129,12 +129,12 @@ void OdeEngine::read(double time) {
 
 /// Takes ODE's state over with its joints closed, and gives it back to ODE.
 void OdeEngine::close_joints(double time) {
-  const model::State before = state_;
+  before_ = state_;
   read(time);
   try {
-    for (const System& island : closed_) close_step(island, before, settings_.step, state_);
+    for (const System& island : closed_) close_step(island, before_, settings_.step, state_);
   } catch (const Error& error) {
-    state_ = before;
+    state_ = before_;
     failure_.emplace(error);
     throw;
   }
