@@ -53,6 +53,9 @@ void read_solver(MapReader reader, model::SolverSettings& solver) {
   solver.cfm = reader.number("cfm", {Dimension::none, 0, 1, true}, 1e-9);
   solver.iterations = reader.integer("iterations", 1, 100'000, 20);
   solver.projection = reader.flag("projection", false);
+  if (solver.projection && engine == model::EngineKind::dae)
+    reader.problem("projection", "true on engine dae",
+                   "false: its euler_projected and others close joints themselves");
   solver.tolerance = reader.number("tolerance", {Dimension::none, 1e-11, 1e-2}, 1e-9);
   solver.seed = static_cast<std::uint64_t>(reader.integer("seed", 0, 2'147'483'647, 1));
   reader.finish();

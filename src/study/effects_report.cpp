@@ -62,6 +62,12 @@ Json peak_json(const simulation::Peak& peak, double value) {
   return out;
 }
 
+/// Three digits, without exponents in the range of readers.
+std::string figure(double value) {
+  return std::abs(value) >= 1000 && std::abs(value) < 1e6 ? fmt::format("{:.0f}", value)
+                                                          : fmt::format("{:.3g}", value);
+}
+
 /// Logarithmic range of a panel, from a decade that leaves the smallest bar some height.
 struct Decades {
   double low = 0.1, high = 1;
@@ -77,14 +83,14 @@ Decades decades(const std::vector<double>& values) {
 
 /// Height of a bar, and where above it its label stands; nothing has no place on a logarithmic axis.
 std::string bar(double value, const Decades& axis) {
-  return value > 0 ? fmt::format("{} {} \"{:.3g}\"", value, value, value)
+  return value > 0 ? fmt::format("{} {} \"{}\"", value, value, figure(value))
                    : fmt::format("NaN {} \"0\"", axis.low);
 }
 
 /// A panel of bars in differences, which range over decades.
 std::string panel(const char* title, const char* unit, int column, const Decades& axis) {
   return fmt::format(
-      "set title '{0}'\nset ylabel '{1}'\nset logscale y\nset format y '10^{{%L}}'\nset yrange [{3}:{4}]\n"
+      "set title '{0}'\nset ylabel '{1}'\nset logscale y\nset format y '%g'\nset yrange [{3}:{4}]\n"
       "plot $rows using 0:{2}:xtic(1) with boxes linecolor rgb '#c8553d' notitle, '' using 0:{5}:{6} with "
       "labels offset 0,0.7 notitle\n",
       title, unit, column, axis.low, axis.high, column + 1, column + 2);
@@ -119,7 +125,7 @@ std::string script(const scene::Scene& scene, const EffectsResult& result) {
       "unset logscale\nset format y '%g'\nset yrange [{}:{}]\n"
       "plot $rows using 0:2:xtic(1) with boxes linecolor rgb '#1b6ca8' notitle, '' using 0:2:3 with "
       "yerrorbars "
-      "linecolor 'black' pointtype 0 notitle, '' using 0:4:5 with labels offset 0,0.7 notitle\n",
+      "linecolor 'black' pointtype 7 pointsize 0 notitle, '' using 0:4:5 with labels offset 0,0.7 notitle\n",
       1e-3 * result.ns_per_step, bottom - 0.05 * room, top + 0.15 * room);
   if (result.has_angles)
     plots += panel("worth: largest difference of a joint angle", "without it [deg]", 6, of_angles);
@@ -160,10 +166,10 @@ std::string effects_table(const EffectsResult& result) {
     };
     std::string places = where(row.angle);
     if (row.displacement.value > 0) places += (places.empty() ? "" : "; ") + where(row.displacement);
-    out += fmt::format("{:<30} {:>11.0f} {:>11.0f} {:>9.0f} {:>6.1f}% {:>11} {:>9} {:>12.3g}  {}\n",
-                       label(row), row.ns_per_step, row.saved_ns, row.noise_ns,
-                       100 * row.saved_ns / result.ns_per_step, angle(row.angle.value), angle(row.angle_rms),
-                       1e3 * row.displacement.value, places.empty() ? "moves the same to the bit" : places);
+    out += fmt::format("{:<30} {:>11.0f} {:>11.0f} {:>9.0f} {:>6.1f}% {:>11} {:>9} {:>12}  {}\n", label(row),
+                       row.ns_per_step, row.saved_ns, row.noise_ns, 100 * row.saved_ns / result.ns_per_step,
+                       angle(row.angle.value), angle(row.angle_rms), figure(1e3 * row.displacement.value),
+                       places.empty() ? "moves the same to the bit" : places);
   }
   return out;
 }
