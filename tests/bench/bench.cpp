@@ -1,6 +1,8 @@
 // What handsim adds to a bare ODE loop, and what the way from a person to a picture costs. Asserts nothing.
 #include <benchmark/benchmark.h>
 
+#include <chrono>
+
 #include <ode/ode.h>
 
 #include "bench/paired.h"
@@ -13,8 +15,9 @@
 namespace handsim::bench {
 namespace {
 
-/// A scene's loop without recording against dWorldStep or dWorldQuickStep alone on an identical world. The two
-/// hands' tissue has no stiffness, so that its rows need no angle and the bare loop makes the same motion.
+/// A scene's loop without recording against dWorldStep or dWorldQuickStep alone on an identical world. The
+/// two hands' tissue has no stiffness, so that its rows need no angle and the bare loop makes the same
+/// motion.
 void loop_against_bare_ode(benchmark::State& state, const char* name, const char* method) {
   const scene::Scene scene = test::shipped_scene(name, {std::string("solver.method=") + method});
   const model::State start = model::initial_state(scene.model);
