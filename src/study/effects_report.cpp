@@ -123,9 +123,8 @@ std::string script(const scene::Scene& scene, const EffectsResult& result) {
   std::string plots = fmt::format(
       "set title 'cost: CPU time of a step, of {:.3g} µs in all'\nset ylabel 'saved without it [µs]'\n"
       "unset logscale\nset format y '%g'\nset yrange [{}:{}]\n"
-      "plot $rows using 0:2:xtic(1) with boxes linecolor rgb '#1b6ca8' notitle, '' using 0:2:3 with "
-      "yerrorbars "
-      "linecolor 'black' pointtype 7 pointsize 0 notitle, '' using 0:4:5 with labels offset 0,0.7 notitle\n",
+      "plot $rows using 0:2:3:xtic(1) with boxerrorbars linecolor rgb '#1b6ca8' notitle, "
+      "'' using 0:4:5 with labels offset 0,0.7 notitle\n",
       1e-3 * result.ns_per_step, bottom - 0.05 * room, top + 0.15 * room);
   if (result.has_angles)
     plots += panel("worth: largest difference of a joint angle", "without it [deg]", 6, of_angles);
@@ -143,7 +142,8 @@ std::string script(const scene::Scene& scene, const EffectsResult& result) {
              "1000,{0} "
              "font 'DejaVu Sans,10' }}\n"
              "  set multiplot layout {1},1 title '{2}: each effect taken away in turn'\n"
-             "set style fill solid 0.8\nset boxwidth 0.6\nset grid y\nset xrange [-0.6:{3}]\nset lmargin "
+             "set style fill solid 0.8 border linecolor 'black'\nset boxwidth 0.6\nset grid y\nset xrange "
+             "[-0.6:{3}]\nset lmargin "
              "12\n",
              60 + 300 * panels, panels, title, static_cast<double>(rows.size()) - 0.4) +
          plots + "  unset multiplot\n  unset output\n}\n";
