@@ -99,24 +99,43 @@ struct Joint {
   bool closes_loop = false;     ///< its child already hangs on another joint
 };
 
+/// A pad between two surfaces: normal force = stiffness depth + damping d(depth)/dt, never pulling. Of the
+/// whole pad: the contact points of one pair of shapes share it.
+struct Compliance {
+  double stiffness = 0;  ///< [N/m], > 0
+  double damping = 0;    ///< [N s/m], >= 0
+};
+
 /// Surface of a shape.
 struct Material {
   std::string name;
-  double friction = 0.8;            ///< Coulomb coefficient, >= 0
-  double restitution = 0;           ///< 0..1
-  double restitution_speed = 0.05;  ///< impacts slower than this do not bounce [m/s]
+  double friction = 0.8;                 ///< Coulomb coefficient, >= 0
+  double restitution = 0;                ///< 0..1
+  double restitution_speed = 0.05;       ///< impacts slower than this do not bounce [m/s]
+  std::optional<Compliance> compliance;  ///< absent: rigid
+  double rolling_friction = 0;           ///< largest rolling moment per normal force [m], >= 0
+  double spinning_friction = 0;          ///< largest moment about the normal per normal force [m], >= 0
 };
+
+/// What two surfaces are to each other: friction is the geometric mean; restitution, its speed, rolling and
+/// spinning friction the greater of the two; pads are springs and dampers in series (a rigid surface leaves
+/// the other's pad as it is, an undamped one the other's damping). The result has no name.
+Material combined(const Material& a, const Material& b);
 
 /// A named set of shapes that contact rules speak of.
 struct ContactGroup {
   std::string name;
 };
 
+/// The pair's material is combined from its shapes' own.
+inline constexpr int kCombined = -1;
+
 /// Two groups whose shapes are tested against each other (a group may meet itself). Jointed bodies and
 /// pairs of immovable bodies are never tested.
 struct ContactRule {
   int group_a = 0;
   int group_b = 0;
+  int material = kCombined;  ///< index into `Model::materials`, for the pair; kCombined: of the two shapes'
 };
 
 /// A kinematic body that follows a timed trajectory of its joint centre frame.

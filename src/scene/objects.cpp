@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/hand/material.h"
 #include "handsim/scene/readers.h"
 
 namespace handsim::scene {
@@ -52,7 +53,8 @@ double read_mass(MapReader& reader, const model::Shape& shape) {
   return result;
 }
 
-ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before) {
+ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
+                       const std::vector<model::Material>& materials) {
   ObjectSpec object;
   object.place = reader.node().place();
   object.name = read_name(reader, before);
@@ -64,7 +66,7 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before) 
     object.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
   }
   object.pose = read_pose(reader);
-  object.material = read_surface(reader, object.name);
+  object.material = read_surface(reader, object.name, materials);
   // Sizes of an unknown shape can be neither right nor wrong.
   if (!shaped)
     for (const char* key : {"edges", "radius", "length"}) reader.child(key);
@@ -74,12 +76,14 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before) 
 
 }  // namespace
 
-model::Material read_surface(MapReader& reader, std::string name) {
-  model::Material material;
-  material.name = std::move(name);
-  material.friction = reader.number("friction", {Dimension::none, 0, 10}, 0.8);
-  material.restitution = reader.number("restitution", {Dimension::none, 0, 1}, 0.0);
-  return material;
+model::Material read_surface(MapReader& reader, std::string name,
+                             const std::vector<model::Material>& materials) {
+  if (!reader.has("material")) return hand::read_material(reader, std::move(name));
+  for (const char* key : {"friction", "restitution", "restitution_speed", "rolling_friction",
+                          "spinning_friction", "stiffness", "damping"})
+    if (reader.child(key))
+      reader.problem(key, "a property beside the material that has it", "one of the two");
+  return named_material(reader, "material", materials).value_or(model::Material{});
 }
 
 bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shape) {
@@ -98,7 +102,7 @@ bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shap
   return true;
 }
 
-std::vector<ObjectSpec> read_objects(MapReader& reader) {
+std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials) {
   std::vector<ObjectSpec> objects;
   YamlNode* list = reader.list("objects", false);
   if (!list) return objects;
@@ -107,15 +111,15 @@ std::vector<ObjectSpec> read_objects(MapReader& reader) {
     return objects;
   }
   for (std::size_t i = 0; i < list->items.size(); ++i)
-    objects.push_back(
-        read_object(MapReader(list->items[i], item_path("objects", i), reader.diagnostics()), objects));
+    objects.push_back(read_object(MapReader(list->items[i], item_path("objects", i), reader.diagnostics()),
+                                  objects, materials));
   return objects;
 }
 
-std::optional<GroundSpec> read_ground(MapReader& reader) {
+std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model::Material>& materials) {
   if (!reader.has("ground")) return std::nullopt;
   MapReader ground = reader.map("ground");
-  const GroundSpec spec{ground.number("height", kCoordinate, 0.0), read_surface(ground, "ground")};
+  const GroundSpec spec{ground.number("height", kCoordinate, 0.0), read_surface(ground, "ground", materials)};
   ground.finish();
   return spec;
 }

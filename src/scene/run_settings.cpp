@@ -57,6 +57,13 @@ void read_solver(MapReader reader, model::SolverSettings& solver) {
     reader.problem("projection", "true on engine dae",
                    "false: its euler_projected and others close joints themselves");
   solver.tolerance = reader.number("tolerance", {Dimension::none, 1e-11, 1e-2}, 1e-9);
+  MapReader guard = reader.map("guard");
+  const model::GuardLimits limits;
+  solver.guard.joint_gap = guard.number("joint_gap", {Dimension::length, 1e-6, 1}, limits.joint_gap);
+  solver.guard.speed = guard.number("speed", {Dimension::speed, 0.01, 1000}, limits.speed);
+  solver.guard.angular_speed =
+      guard.number("angular_speed", {Dimension::angular_speed, 1, 1e5}, limits.angular_speed);
+  guard.finish();
   solver.seed = static_cast<std::uint64_t>(reader.integer("seed", 0, 2'147'483'647, 1));
   reader.finish();
 }

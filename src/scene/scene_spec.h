@@ -39,6 +39,18 @@ struct GroundSpec {
   model::Material material;
 };
 
+/// Who meets whom, by names of groups.
+struct ContactRuleSpec {
+  std::array<std::string, 2> between;
+  std::optional<std::string> material;  ///< absent: combined from the two surfaces
+  Place place;
+};
+
+struct ContactsSpec {
+  std::vector<model::Material> materials;             ///< by name
+  std::optional<std::vector<ContactRuleSpec>> rules;  ///< absent: all that the effects let meet
+};
+
 /// Limits that decide whether a run has succeeded; absent ones are measured but not judged.
 struct Criteria {
   std::optional<double> joint_gap;       ///< largest gap of any joint at any step [m]
@@ -70,6 +82,7 @@ struct SceneSpec {
   std::vector<HandEntry> hands;
   std::vector<ObjectSpec> objects;
   std::optional<GroundSpec> ground;
+  ContactsSpec contacts;
   MechanismSpec mechanism;
   Vec3 gravity = {0, 0, -9.80665};     ///< [m/s^2]
   model::SolverSettings solver;        ///< with the effects, `auto` resolved

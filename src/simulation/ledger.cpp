@@ -37,6 +37,8 @@ void Ledger::book(const engine::StepReport& report, std::span<const engine::Cont
   lcp_failures_ += report.lcp_failures;
   contacts_ += report.contacts;
   collide_calls_ += report.collide_calls;
+  ++rungs_[static_cast<std::size_t>(report.rung)];
+  iterative_ += report.iterative ? 1 : 0;
   const auto book_rows = [&](Effect effect, long rows) {
     if (rows == 0) return;
     ++count(effect).steps;
@@ -75,6 +77,10 @@ LedgerEntry Ledger::entry(Effect effect) const {
     case Effect::wrist_motion:
       out.ran = steps_;
       out.how = "acts within the step without rows of its own: not told apart";
+      return out;
+    case Effect::step_guard:
+      out.ran = steps_ - rungs_[0];
+      out.how = "steps that were tried again; their time is the step's: not told apart";
       return out;
     case Effect::actuation:
     case Effect::object_contact:

@@ -2,6 +2,7 @@
 // on their own: they get the solver's time by their share of its constraint rows, and the entry says so.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <span>
 #include <string>
@@ -47,6 +48,10 @@ class Ledger {
   long lcp_failures() const { return lcp_failures_; }
   long contacts() const { return contacts_; }
   long collide_calls() const { return collide_calls_; }
+  /// Guarded steps by the way they were got through.
+  const std::array<long, engine::kRungNames.size()>& rungs() const { return rungs_; }
+  /// Steps that quick_step solved.
+  long iterative_steps() const { return iterative_; }
 
  private:
   static constexpr long kCheckEvery = 16;
@@ -68,6 +73,8 @@ class Ledger {
   long checks_ = 0;       ///< timed
   long steps_ = 0, lcp_failures_ = 0, contacts_ = 0, collide_calls_ = 0;
   double step_ns_ = 0, check_ns_ = 0, collide_ns_ = 0, tissue_ns_ = 0, control_ns_ = 0, servo_ns_ = 0;
+  long iterative_ = 0;
+  std::array<long, engine::kRungNames.size()> rungs_{};
   Count counts_[model::kEffectCount];
 };
 

@@ -44,6 +44,18 @@ Json ledger_json(const std::vector<LedgerEntry>& entries) {
   return out;
 }
 
+/// Steps by how they were solved: what method auto chose, and what the guard tried.
+Json steps_json(const Ledger& ledger, const model::SolverSettings& solver) {
+  Json out;
+  if (solver.method == model::Method::automatic)
+    out["method"] = {{"world_step", ledger.steps() - ledger.iterative_steps()},
+                     {"quick_step", ledger.iterative_steps()}};
+  if (!solver.effects.has(model::Effect::step_guard)) return out;
+  for (std::size_t i = 1; i < engine::kRungNames.size(); ++i)
+    out["guard"][std::string(engine::kRungNames[i])] = ledger.rungs()[i];
+  return out;
+}
+
 Json overlaps_json(const model::Model& model) {
   Json out = Json::array();
   for (const engine::Overlap& overlap : engine::initial_overlaps(model, model::initial_state(model)))
@@ -168,6 +180,7 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
                    {"clamps", notes.size()},
                    {"contacts", ledger.contacts()},
                    {"collide_calls", ledger.collide_calls()}};
+  if (const Json steps = steps_json(ledger, solver); !steps.is_null()) out["steps"] = steps;
   out["time"] = {{"simulated_s", result.simulated},
                  {"loop_wall_s", result.wall},
                  {"times_real_time", result.wall > 0 ? result.simulated / result.wall : 0.0}};

@@ -63,6 +63,7 @@ std::unique_ptr<Integrator> make_integrator(System system, const Settings& setti
       return std::make_unique<Euler>(std::move(system), settings);
     case Method::world_step:
     case Method::quick_step:
+    case Method::automatic:
       break;
   }
   throw input_error("solver.method", std::string(name(settings.method)), "a method of engine dae");
