@@ -52,6 +52,15 @@ struct AccuracyArguments {
 };
 int accuracy_command(const AccuracyArguments& arguments);
 
+struct EffectsArguments {
+  std::filesystem::path scene;
+  std::filesystem::path out;
+  std::vector<std::string> overrides;
+  int repeats = 7;  ///< timed rounds
+  bool json = false;
+};
+int effects_command(const EffectsArguments& arguments);
+
 /// Folder with handmodels/ and config/: the installed one, or the source tree's.
 /// @throws Error (input) where neither is there.
 std::filesystem::path data_folder();

@@ -22,9 +22,9 @@ struct LedgerEntry {
 
 /// What the parts of one step took [ns].
 struct StepTimes {
-  double control = 0;  ///< sensing joints and working out what drives them
-  double step = 0;     ///< the engine
-  double check = 0;    ///< monitoring and tracking figures
+  double control = 0;           ///< sensing joints and working out what drives them
+  double step = 0;              ///< the engine
+  std::optional<double> check;  ///< monitoring and tracking figures, where timed
 };
 
 class Ledger {
@@ -33,6 +33,9 @@ class Ledger {
 
   /// @param driven_rows rows of servo drives in each step, 0 where torques act.
   void set_driven_rows(long driven_rows) { driven_rows_ = driven_rows; }
+  /// Whether the check of the step to be booked next is to be timed: one in 16, as on small scenes the clock
+  /// costs as much as the check.
+  bool times_check() const { return steps_ % kCheckEvery == 0; }
   /// Books one step: what the engine reported, its contacts, and what its parts took.
   void book(const engine::StepReport& report, std::span<const engine::Contact> contacts,
             const StepTimes& times);
@@ -51,6 +54,7 @@ class Ledger {
   long iterative_steps() const { return iterative_; }
 
  private:
+  static constexpr long kCheckEvery = 16;
   struct Count {
     long steps = 0;  ///< in which it acted
     long rows = 0;   ///< in all
@@ -66,6 +70,7 @@ class Ledger {
   long joint_rows_ = 0;   ///< of the joints themselves, each step
   long tissue_rows_ = 0;  ///< each step
   long driven_rows_ = 0;  ///< each step
+  long checks_ = 0;       ///< timed
   long steps_ = 0, lcp_failures_ = 0, contacts_ = 0, collide_calls_ = 0;
   double step_ns_ = 0, check_ns_ = 0, collide_ns_ = 0, tissue_ns_ = 0, control_ns_ = 0, servo_ns_ = 0;
   long iterative_ = 0;

@@ -1,8 +1,5 @@
 #include "handsim/study/accuracy.h"
 
-#include <time.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -13,6 +10,7 @@
 #include "handsim/model/energy.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
+#include "handsim/study/machine.h"
 #include "handsim/study/slider_crank_reference.h"
 
 namespace handsim::study {
@@ -25,17 +23,6 @@ using model::Effect;
 constexpr double kTimedSpan = 1;
 /// Steps that warm caches and branch predictors before the timed ones.
 constexpr long kWarmUpSteps = 500;
-
-double cpu_now() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
-}
 
 /// Whether the scene's effects keep mechanical energy but for the work of constant torques.
 bool keeps_energy(const scene::Scene& scene) {

@@ -1,29 +1,19 @@
 #include "handsim/study/accuracy_report.h"
 
-#include <sys/utsname.h>
-
 #include <cstdlib>
-#include <fstream>
 
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
 
 #include "handsim/output/atomic_file.h"
+#include "handsim/study/machine.h"
 
 namespace handsim::study {
 
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-std::string processor() {
-  std::ifstream file("/proc/cpuinfo");
-  std::string line;
-  while (std::getline(file, line))
-    if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
-  return "unknown";
-}
 
 /// Without what could end a quoted text of gnuplot's or begin a command.
 std::string plain(std::string text) {
@@ -80,11 +70,8 @@ std::string json(const AccuracySpec& spec, const AccuracyResult& result) {
     }
     rows.push_back(std::move(entry));
   }
-  utsname system{};
-  uname(&system);
   Json out = {{"title", spec.title}, {"unit", result.unit}, {"early_window_s", spec.early}};
-  out["machine"] = {{"processor", processor()},
-                    {"system", std::string(system.sysname) + " " + system.release}};
+  out["machine"] = {{"processor", processor()}, {"system", operating_system()}};
   out["versions"] = {{"handsim", HANDSIM_VERSION}, {"compiler", __VERSION__}};
   out["versions"]["engines"] = result.engines;
   out["left_out"] = result.left_out;
