@@ -52,21 +52,21 @@ engine::StepInput Simulation::command() {
 }
 
 void Simulation::step() {
-  const Clock::time_point start = Clock::now();
+  const bool timed = ledger_.times_next();
+  const auto now = [&] { return timed ? Clock::now() : Clock::time_point(); };
+  const Clock::time_point start = now();
   const engine::StepInput input = command();
-  // Reading the clock counts on small scenes: only where there is something between.
-  const Clock::time_point commanded = controller_ ? Clock::now() : start;
+  const Clock::time_point commanded = now();
   const engine::StepReport report = engine_->step(input);
-  const Clock::time_point stepped = Clock::now();
+  const Clock::time_point stepped = now();
   if (controller_) controller_->observe(engine_->state());
-  const Clock::time_point observed = controller_ ? Clock::now() : stepped;
+  const Clock::time_point observed = now();
   if (tracking_) tracking_->look(engine_->state().time);
   monitor_.look(engine_->state());
-  ledger_.book(
-      report, engine_->contacts(),
-      {.control = ns_between(start, commanded) + ns_between(stepped, observed),
-       .step = ns_between(commanded, stepped),
-       .check = ledger_.times_check() ? std::optional(ns_between(observed, Clock::now())) : std::nullopt});
+  ledger_.book(report, engine_->contacts(),
+               {.control = ns_between(start, commanded) + ns_between(stepped, observed),
+                .step = ns_between(commanded, stepped),
+                .check = ns_between(observed, now())});
 }
 
 std::vector<AxisTracking> Simulation::tracking() const {
