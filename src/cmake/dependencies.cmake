@@ -47,6 +47,9 @@ handsim_need(OSMESA_FOUND "OSMesa (off-screen OpenGL)" libosmesa6-dev)
 pkg_check_modules(CAIRO QUIET IMPORTED_TARGET cairo)
 handsim_need(CAIRO_FOUND "cairo (text and layout of contact sheets)" libcairo2-dev)
 
+pkg_check_modules(XXHASH QUIET IMPORTED_TARGET libxxhash)
+handsim_need(XXHASH_FOUND "xxHash (hashes of states and files)" libxxhash-dev)
+
 if(HANDSIM_TESTS)
   find_package(GTest QUIET)
   handsim_need(GTest_FOUND "GoogleTest" libgtest-dev)

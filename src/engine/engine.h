@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "handsim/core/archive.h"
 #include "handsim/core/error.h"
 #include "handsim/model/actuation.h"
 #include "handsim/model/solver.h"
@@ -91,6 +92,14 @@ class Engine {
   /// Replaces poses, velocities and time. Kinematic bodies may be put elsewhere; those that no drive moves
   /// stay there, at rest. @throws Error (input) for a state of another model or with non-finite numbers.
   virtual void set_state(const model::State& state) = 0;
+  /// What the steps to come depend on beyond state(), so that `restore` goes on to the bit. Nothing where an
+  /// engine says nothing. @throws Error (physics) of an engine that has failed.
+  virtual void save(ArchiveWriter& out) const;
+  /// Takes over a state() and what `save` wrote with it, in an engine of the same model and settings.
+  /// @throws Error (input) for a state of another model or an archive that does not fit; the engine then
+  ///         stands anywhere, and goes on only from another state. Error (physics) of an engine that has
+  ///         failed.
+  virtual void restore(const model::State& state, ArchiveReader& in);
   virtual std::span<const Contact> contacts() const = 0;
   virtual const Settings& settings() const = 0;
   /// True where a collision space exists.

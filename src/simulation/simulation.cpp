@@ -5,6 +5,9 @@
 #include <cmath>
 #include <optional>
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 namespace handsim::simulation {
 
 namespace {
@@ -23,6 +26,7 @@ Simulation::Simulation(const scene::Scene& scene)
       monitor_(scene.model, scene.spec.solver.step,
                scene.spec.solver.effects.has(model::Effect::joint_stops)),
       ledger_(scene.model, scene.spec.solver.effects) {
+  hash_.add(engine_->state());
   if (scene.spec.solver.effects.has(model::Effect::actuation)) find_constant_torques();
   if (!scene.control) return;
   controller_.emplace(scene.model, *scene.control, scene.spec.solver.step, engine_->state());
@@ -63,6 +67,7 @@ void Simulation::step() {
   const Clock::time_point observed = now();
   if (tracking_) tracking_->look(engine_->state().time);
   monitor_.look(engine_->state());
+  hash_.add(engine_->state());
   ledger_.book(report, engine_->contacts(),
                {.control = ns_between(start, commanded) + ns_between(stepped, observed),
                 .step = ns_between(commanded, stepped),
@@ -74,6 +79,54 @@ std::vector<AxisTracking> Simulation::tracking() const {
   Tracking closed = *tracking_;
   closed.finish(engine_->state().time);
   return closed.axes();
+}
+
+RunSnapshot Simulation::snapshot() const {
+  if (!fingerprint_) fingerprint_ = std::make_shared<const Fingerprint>(fingerprint(scene_, *engine_));
+  ArchiveWriter out;
+  out.word(hash_.value());
+  ledger_.save(out);
+  carry(out, engine_->state());
+  engine_->save(out);
+  if (controller_) controller_->save(out);
+  if (tracking_) tracking_->save(out);
+  monitor_.save(out);
+  return {fingerprint_, engine_->state().time, out.take()};
+}
+
+void Simulation::restore(const RunSnapshot& snapshot) {
+  const RunSnapshot before = this->snapshot();
+  if (snapshot.scene != fingerprint_) {
+    const std::vector<std::string> other = differences(*snapshot.scene, *fingerprint_);
+    if (!other.empty())
+      throw input_error("snapshot",
+                        fmt::format("one of another scene, which differs in {}", fmt::join(other, ", ")),
+                        "one of this scene");
+  }
+  try {
+    restore_parts(snapshot);
+  } catch (const Error&) {
+    restore_parts(before);
+    throw;
+  }
+}
+
+void Simulation::restore_parts(const RunSnapshot& snapshot) {
+  ArchiveReader in(snapshot.bytes, "snapshot");
+  hash_.set(in.word());
+  ledger_.restore(in);
+  model::State state = engine_->state();
+  carry(in, state);
+  const double step = scene_.spec.solver.step;
+  const double time = static_cast<double>(ledger_.steps()) * step;
+  if (state.time != snapshot.time || std::abs(time - state.time) > 1e-6 * step)
+    in.refuse(fmt::format("a state at {:g} s after {} steps", state.time, ledger_.steps()),
+              "times that agree");
+  engine_->restore(state, in);
+  if (controller_) controller_->restore(in);
+  if (tracking_) tracking_->restore(in);
+  monitor_.restore(in);
+  in.finish();
 }
 
 long Simulation::step_count() const {

@@ -2,12 +2,15 @@
 // run.h's.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 
 #include "handsim/engine/engine.h"
 #include "handsim/scene/scene.h"
 #include "handsim/simulation/ledger.h"
 #include "handsim/simulation/monitor.h"
+#include "handsim/simulation/snapshot.h"
+#include "handsim/simulation/state_hash.h"
 #include "handsim/simulation/tracking.h"
 
 namespace handsim::simulation {
@@ -31,6 +34,20 @@ class Simulation {
   /// Figures of the driven axes up to now, holds that are under way closed.
   std::vector<AxisTracking> tracking() const;
   const Ledger& ledger() const { return ledger_; }
+  /// Steps made since the start of the scene, before a snapshot too.
+  long steps() const { return ledger_.steps(); }
+  /// Of all states up to now (state_hash.h).
+  std::uint64_t state_hash() const { return hash_.value(); }
+
+  /// All that the rest of the run depends on and all that it has measured. Costs some microseconds, the first
+  /// one of a simulation some milliseconds. @throws Error (physics) of a simulation that has failed.
+  RunSnapshot snapshot() const;
+  /// Goes on from a snapshot of the same scene, to the bit as if the run had never stopped. Wall times in the
+  /// ledger are those of both.
+  /// @throws Error (input) naming what differs where the snapshot is of another scene, settings or engine, or
+  ///         where it does not hold together; the simulation then stands where it stood.
+  void restore(const RunSnapshot& snapshot);
+
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
 
@@ -38,6 +55,7 @@ class Simulation {
   long step_count() const;
 
  private:
+  void restore_parts(const RunSnapshot& snapshot);
   void find_constant_torques();
   engine::StepInput command();
 
@@ -47,6 +65,8 @@ class Simulation {
   std::optional<Tracking> tracking_;
   Monitor monitor_;
   Ledger ledger_;
+  StateHash hash_;
+  mutable std::shared_ptr<const Fingerprint> fingerprint_;  ///< made when first asked for
   std::vector<double> constant_;  ///< constant torques of the joints; empty where there are none
   std::vector<double> sum_;       ///< with the controller's
 };

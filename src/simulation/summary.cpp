@@ -199,6 +199,9 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
                    {"clamps", notes.size()},
                    {"contacts", ledger.contacts()},
                    {"collide_calls", ledger.collide_calls()}};
+  out["state_hash"] = hash_text(result.state_hash);
+  if (result.expected_hash) out["expected_hash"] = hash_text(*result.expected_hash);
+  if (result.continued_from) out["continued_from_s"] = *result.continued_from;
   if (const Json steps = steps_json(ledger, solver); !steps.is_null()) out["steps"] = steps;
   out["time"] = {{"simulated_s", result.simulated},
                  {"loop_wall_s", result.wall},

@@ -18,6 +18,16 @@ constexpr double kStill = 1e-9;
 /// Moment per normal force that stands for none [m].
 constexpr double kLeastMoment = 1e-9;
 
+template <class Archive, class T>
+void carry(Archive& archive, T& contact) {
+  archive(contact.shape_a);
+  archive(contact.shape_b);
+  archive(contact.position);
+  archive(contact.normal);
+  archive(contact.depth);
+  archive(contact.force);
+}
+
 }  // namespace
 
 PairTable::PairTable(const model::Model& model)
@@ -128,6 +138,21 @@ void Contacts::read_forces() {
     const dReal* f = feedback_[i].f1;
     const double sign = body_of(contacts_[i].shape_a) == nullptr ? -1 : 1;
     contacts_[i].force = sign * Vec3(f[0], f[1], f[2]);
+  }
+}
+
+void Contacts::save(ArchiveWriter& out) const {
+  out(contacts_.size());
+  for (const Contact& contact : contacts_) carry(out, contact);
+}
+
+void Contacts::restore(ArchiveReader& in) {
+  contacts_.resize(in.size());
+  for (Contact& contact : contacts_) {
+    carry(in, contact);
+    const auto shapes = static_cast<int>(model_.shapes.size());
+    if (contact.shape_a >= shapes || contact.shape_b >= shapes)
+      in.refuse("a contact of a shape that is not there", "contacts of this scene's shapes");
   }
 }
 

@@ -58,6 +58,9 @@ class Contacts {
   /// Length of the steps to come [s].
   void set_step(double step);
   const std::vector<Contact>& list() const { return contacts_; }
+  /// The list, which steps to come do not depend on.
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
 
  private:
   static void near(void* self, dGeomID a, dGeomID b);

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdarg>
 #include <cstdio>
+#include <vector>
 
 #include <ode/ode.h>
 
@@ -56,6 +57,14 @@ std::mutex& random_mutex() {
 void enter_ode() {
   thread_local const ThreadData data;
   static_cast<void>(data);
+}
+
+void abandon(dxThreadingImplementation* threading) {
+  static std::mutex mutex;
+  // Never freed, and so never destroyed at the process's end either.
+  static auto* const kept = new std::vector<dxThreadingImplementation*>;
+  const std::lock_guard lock(mutex);
+  kept->push_back(threading);
 }
 
 int lcp_failures() { return lcp_failure_count; }

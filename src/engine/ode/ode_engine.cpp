@@ -91,6 +91,20 @@ void OdeEngine::set_state(const model::State& state) {
   }
 }
 
+void OdeEngine::save(ArchiveWriter& out) const {
+  if (failure_) throw Error(*failure_);
+  out(contacts_ != nullptr);
+  if (contacts_) contacts_->save(out);
+}
+
+void OdeEngine::restore(const model::State& state, ArchiveReader& in) {
+  set_state(state);
+  bool with_contacts = false;
+  in(with_contacts);
+  if (with_contacts != (contacts_ != nullptr)) in.refuse("contacts of another scene", "those of this one");
+  if (contacts_) contacts_->restore(in);
+}
+
 std::span<const Contact> OdeEngine::contacts() const {
   return contacts_ ? std::span<const Contact>(contacts_->list()) : std::span<const Contact>();
 }

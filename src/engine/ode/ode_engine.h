@@ -34,6 +34,9 @@ class OdeEngine final : public Engine {
   const model::State& state() const override { return state_; }
   /// Bit-exact: going on from a saved state gives the bits of never having stopped.
   void set_state(const model::State& state) override;
+  /// The contacts of the last step: all else is in the state.
+  void save(ArchiveWriter& out) const override;
+  void restore(const model::State& state, ArchiveReader& in) override;
   std::span<const Contact> contacts() const override;
   const Settings& settings() const override { return settings_; }
   bool tests_contacts() const override { return contacts_ != nullptr; }
@@ -66,6 +69,7 @@ class OdeEngine final : public Engine {
   void check_bodies(double time);
   void read(double time);
   std::optional<PhysicsFault> take_over(double time);
+  void give_up_step();
   PhysicsFault described(const OdeFault& fault) const;
   [[noreturn]] void fail(PhysicsFault fault);
   [[noreturn]] void fail(const OdeFault& fault);

@@ -177,6 +177,13 @@ PhysicsFault OdeEngine::described(const OdeFault& fault) const {
   return {time, "the model", "ODE stopped", fmt::format("{}: {}", fault.message, kRemedy)};
 }
 
-void OdeEngine::fail(const OdeFault& fault) { fail(described(fault)); }
+void OdeEngine::fail(const OdeFault& fault) {
+  PhysicsFault told = described(fault);
+  give_up_step();
+  fail(std::move(told));
+}
+
+/// After ODE stopped in the middle of a step: the world can be destroyed, its threading cannot.
+void OdeEngine::give_up_step() { abandon(ids_.threading.release()); }
 
 }  // namespace handsim::engine::ode
