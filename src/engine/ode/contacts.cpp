@@ -6,7 +6,7 @@
 
 #include <fmt/format.h>
 
-#include "handsim/engine/manifold.h"
+#include "handsim/engine/narrow_phase.h"
 #include "handsim/engine/ode/spring.h"
 
 namespace handsim::engine::ode {
@@ -139,29 +139,19 @@ dBodyID Contacts::body_of(int shape) const {
 
 /// Appends the pair's contact points to the list. @return how many
 int Contacts::narrow_phase(std::size_t a, std::size_t b, const model::State& state) {
-  using model::ShapeKind;
   const auto pose = [&](std::size_t shape) {
     const model::Shape& of = model_.shapes[shape];
     return state.bodies[static_cast<std::size_t>(of.body)].pose() * of.pose;
   };
-  const auto is = [&](std::size_t shape, ShapeKind kind) { return model_.shapes[shape].kind == kind; };
   const auto add = [&](const Vec3& position, const Vec3& normal, double depth) {
     contacts_.push_back({static_cast<int>(a), static_cast<int>(b), position, normal, depth, Vec3::Zero()});
   };
-  for (const auto& [capsule, solid] : {std::pair(a, b), std::pair(b, a)}) {
-    const bool box = is(solid, ShapeKind::box);
-    if (!is(capsule, ShapeKind::capsule) || (!box && !is(solid, ShapeKind::cylinder))) continue;
-    const model::Shape& swept = model_.shapes[capsule];
-    const model::Shape& other = model_.shapes[solid];
-    const CapsuleAt at{pose(capsule), swept.radius, swept.length};
-    const Manifold found = box ? capsule_on_box(at, pose(solid), other.edges)
-                               : capsule_on_cylinder(at, pose(solid), other.radius, other.length);
-    const double sign = capsule == a ? 1 : -1;
-    for (int i = 0; i < found.count; ++i) {
-      const ManifoldPoint& point = found.points[static_cast<std::size_t>(i)];
-      add(point.position, sign * point.normal, point.depth);
+  if (const auto own = own_manifold(model_.shapes[a], pose(a), model_.shapes[b], pose(b))) {
+    for (int i = 0; i < own->count; ++i) {
+      const ManifoldPoint& point = own->points[static_cast<std::size_t>(i)];
+      add(point.position, point.normal, point.depth);
     }
-    return found.count;
+    return own->count;
   }
   std::array<dContactGeom, kMaxPairContacts> points;
   const int count = dCollide(geoms_[a], geoms_[b], kMaxPairContacts, points.data(), sizeof(dContactGeom));
