@@ -35,7 +35,7 @@ CameraSpec read_camera(MapReader camera) {
 
 void read_solver(MapReader reader, model::SolverSettings& solver) {
   std::vector<std::pair<std::string_view, model::EngineKind>> engines;
-  for (const model::EngineKind kind : {model::EngineKind::ode, model::EngineKind::dae})
+  for (const model::EngineKind kind : {model::EngineKind::ode, model::EngineKind::dae, model::EngineKind::articulated})
     engines.emplace_back(model::name(kind), kind);
   const model::EngineKind engine =
       reader.choice<model::EngineKind>("engine", engines, model::EngineKind::ode);

@@ -75,12 +75,23 @@ class Builder {
   /// All kinematic bodies stand for one ground.
   int merged(int body) const { return moves(body) ? body : model::kWorld; }
 
-  /// Spanning trees of the joints with the most constraints: the fewest coordinates, and cuts of few rows.
+  static bool has_forces(const model::Joint& joint) {
+    return std::any_of(joint.axes.begin(), joint.axes.end(), [](const model::JointAxis& axis) {
+      return axis.stop || axis.tissue || axis.torque != 0;
+    });
+  }
+
+  /// Spanning trees of the joints with the most constraints: the fewest coordinates, and cuts of few rows. Joints
+  /// that forces act on come first, so that they are not cut where it can be helped.
   void choose_tree() {
     std::vector<int> order(model_.joints.size());
     std::iota(order.begin(), order.end(), 0);
     std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-      return model::dof_count(model_.joints[at(a)].kind) < model::dof_count(model_.joints[at(b)].kind);
+      const auto rank = [&](int i) {
+        const model::Joint& joint = model_.joints[at(i)];
+        return model::dof_count(joint.kind) - (has_forces(joint) ? 10 : 0);
+      };
+      return rank(a) < rank(b);
     });
     Unions sets(model_.bodies.size());
     in_tree_.assign(model_.joints.size(), false);
@@ -282,32 +293,6 @@ class Builder {
 };
 
 }  // namespace
-
-int rate_count(NodeKind kind) {
-  switch (kind) {
-    case NodeKind::revolute:
-    case NodeKind::prismatic:
-      return 1;
-    case NodeKind::ball:
-      return 3;
-    case NodeKind::free:
-      return 6;
-  }
-  return 0;
-}
-
-int position_count(NodeKind kind) {
-  switch (kind) {
-    case NodeKind::revolute:
-    case NodeKind::prismatic:
-      return 1;
-    case NodeKind::ball:
-      return 4;
-    case NodeKind::free:
-      return 7;
-  }
-  return 0;
-}
 
 Topology make_topology(const model::Model& model) { return Builder(model).run(); }
 

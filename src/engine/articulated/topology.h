@@ -7,21 +7,10 @@
 #include <optional>
 #include <vector>
 
+#include "handsim/engine/articulated/batch.h"
 #include "handsim/engine/engine.h"
 
 namespace handsim::engine::articulated {
-
-enum class NodeKind {
-  revolute,   ///< a hinge, or one axis of a universal joint
-  prismatic,  ///< a slider
-  ball,
-  free,  ///< a body that hangs on nothing
-};
-
-/// Rates of a node: 1, 1, 3, 6.
-int rate_count(NodeKind kind);
-/// Numbers that hold its position: 1, 1, 4 (quaternion x, y, z, w), 7 (p and quaternion).
-int position_count(NodeKind kind);
 
 /// One node. Its link frame L has its origin at the centre of mass of the body it carries and the principal
 /// axes of that body; a node without a body (the middle of a universal joint) has no mass.

@@ -60,6 +60,9 @@ std::unique_ptr<Integrator> make_integrator(System system, const Settings& setti
       return std::make_unique<Euler>(std::move(system), settings);
     case Method::world_step:
     case Method::quick_step:
+    case Method::semi_implicit_euler:
+    case Method::rk4:
+    case Method::dormand_prince:
       break;
   }
   throw input_error("solver.method", std::string(name(settings.method)), "a method of engine dae");

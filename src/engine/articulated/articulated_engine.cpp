@@ -1,0 +1,198 @@
+#include "handsim/engine/articulated/articulated_engine.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/engine/checks.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/model/validate.h"
+
+namespace handsim::engine::articulated {
+
+namespace {
+
+/// Corrections of stops and torque limits all at once before they are made one by one, which always ends
+/// (Murty 1974, Opsearch 11:... ), and how many of these.
+constexpr int kJointCorrections = 8, kSingleCorrections = 200;
+
+std::vector<Problem> all_defects(const model::Model& model, const Settings& settings) {
+  std::vector<Problem> problems = defects(settings);
+  const std::vector<Problem> of_model = model::defects(model);
+  problems.insert(problems.end(), of_model.begin(), of_model.end());
+  for (const model::Effect effect :
+       {model::Effect::object_contact, model::Effect::self_contact, model::Effect::ground_contact})
+    if (settings.effects.has(effect))
+      problems.push_back({std::nullopt, "effects", std::string(name(effect)),
+                          "no contact with engine articulated: leave the effect out, or use engine ode"});
+  return problems;
+}
+
+const model::Model& checked(const model::Model& model, const Settings& settings) {
+  std::vector<Problem> problems = all_defects(model, settings);
+  if (!problems.empty()) throw Error(std::move(problems));
+  return model;
+}
+
+}  // namespace
+
+ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& settings, const Kernel* kernel)
+    : model_(checked(model, settings)), settings_(settings), mechanism_(model, settings, kernel) {
+  if (settings.effects.has(model::Effect::wrist_motion))
+    for (std::size_t i = 0; i < model.drives.size(); ++i) drives_.push_back(static_cast<int>(i));
+  saved_.resize(mechanism_.q().size() + mechanism_.u().size());
+  state_ = model::initial_state(model);
+  start(state_);
+}
+
+void ArticulatedEngine::start(const model::State& state) {
+  model::State next = state;
+  // What no drive moves among kinematic bodies stands still.
+  std::vector<bool> driven(model_.bodies.size(), false);
+  for (const int drive : drives_)
+    driven[static_cast<std::size_t>(model_.drives[static_cast<std::size_t>(drive)].body)] = true;
+  for (std::size_t i = 0; i < next.bodies.size(); ++i)
+    if (model_.bodies[i].kinematic && !driven[i]) next.bodies[i].v = next.bodies[i].w = Vec3::Zero();
+  mechanism_.take(next);
+  mechanism_.forget_contacts();
+  mechanism_.kernel().kinematics(mechanism_.tree());
+  time_ = next.time;
+  state_ = std::move(next);
+  fresh_ = false;
+}
+
+const model::State& ArticulatedEngine::state() const {
+  if (fresh_) return state_;
+  mechanism_.give(state_);
+  for (const int drive : drives_) {
+    const int body = model_.drives[static_cast<std::size_t>(drive)].body;
+    const BaseMotion& base = mechanism_.base(body);
+    state_.bodies[static_cast<std::size_t>(body)] = {base.pose.p, base.pose.q, base.v, base.w};
+  }
+  state_.time = time_;
+  fresh_ = true;
+  return state_;
+}
+
+void ArticulatedEngine::set_state(const model::State& state) {
+  if (failure_) throw Error(*failure_);
+  require_state(model_, state);
+  start(state);
+}
+
+void ArticulatedEngine::accept(const StepInput& input) {
+  if (!input.torques.empty() || had_torques_) {
+    if (!input.torques.empty())
+      if (auto fault = torque_fault(model_, time_, input.torques)) fail(std::move(*fault));
+    mechanism_.set_torques(input.torques);
+    had_torques_ = !input.torques.empty();
+  }
+  const bool smooth = settings_.method != Method::semi_implicit_euler;
+  const bool fits = input.servos.empty() ||
+                    (settings_.effects.has(model::Effect::actuation) &&
+                     input.servos.size() == static_cast<std::size_t>(model_.dof_count()));
+  if (!fits || !mechanism_.set_servos(input.servos, smooth))
+    if (auto fault = servo_fault(model_, settings_, time_, input.servos)) fail(std::move(*fault));
+}
+
+/// Gives driven bodies the constant velocities of a step that ends at a time. False where there are none.
+bool ArticulatedEngine::drive_bases(double end) {
+  const double h = settings_.step;
+  for (const int index : drives_) {
+    const model::Drive& drive = model_.drives[static_cast<std::size_t>(index)];
+    BaseMotion& base = mechanism_.base(drive.body);
+    const Pose target = drive.motion.at(end) * drive.frame.inverse();
+    const Vec3 v = (target.p - base.pose.p) / h;
+    const Vec3 w = rotation_vector(target.q * base.pose.q.conjugate()) / h;
+    base.dv = (v - base.v) / h;
+    base.dw = (w - base.w) / h;
+    base.v = v;
+    base.w = w;
+  }
+  return !drives_.empty();
+}
+
+int ArticulatedEngine::step_implicitly() {
+  const Kernel& kernel = mechanism_.kernel();
+  const Tree& tree = mechanism_.tree();
+  const double h = settings_.step;
+  for (int i = 0; i < kJointCorrections + kSingleCorrections; ++i) {
+    kernel.prepare(tree, h);
+    kernel.solve(tree);
+    if (kernel.revise(tree, h, i >= kJointCorrections)) return 0;
+  }
+  return 1;
+}
+
+StepReport ArticulatedEngine::step(const StepInput& input) {
+  if (failure_) throw Error(*failure_);
+  accept(input);
+  const double end = next_time(time_, settings_.step);
+  const Kernel& kernel = mechanism_.kernel();
+  const Tree& tree = mechanism_.tree();
+  StepReport report;
+  std::copy(mechanism_.q().begin(), mechanism_.q().end(), saved_.begin());
+  std::copy(mechanism_.u().begin(), mechanism_.u().end(), saved_.begin() + tree.positions);
+  if (drive_bases(end)) {
+    mechanism_.settle_bases();
+    kernel.velocities(tree);
+  }
+  report.lcp_failures = step_implicitly();
+  kernel.integrate(tree, settings_.step);
+  if (!drives_.empty()) {
+    for (const int index : drives_) {
+      const model::Drive& drive = model_.drives[static_cast<std::size_t>(index)];
+      mechanism_.base(drive.body).pose = drive.motion.at(end) * drive.frame.inverse();
+    }
+    mechanism_.settle_bases();
+  }
+  check(kernel.kinematics(tree), end);
+  if (settings_.effects.has(model::Effect::joint_stops)) report.stop_rows = mechanism_.stops_in_force();
+  time_ = end;
+  fresh_ = false;
+  return report;
+}
+
+void ArticulatedEngine::check(bool sound, double time) {
+  if (sound) return;
+  model::State bad = state_;
+  mechanism_.give(bad);
+  PhysicsFault fault{time, "the model", "speed", "beyond its bounds"};
+  for (std::size_t i = 1; i < bad.bodies.size(); ++i) {
+    if (model_.bodies[i].kinematic) continue;
+    const model::BodyState& body = bad.bodies[i];
+    // Written so that NaN fails.
+    const bool slow = body.v.norm() <= kMaxSpeed;
+    if (slow && body.w.norm() <= kMaxAngularSpeed) continue;
+    fault.where = model_.bodies[i].name;
+    fault.quantity = slow ? "angular speed [rad/s]" : "speed [m/s]";
+    fault.detail = fmt::format("{:g} is beyond {:g}: use a smaller step, or weaker gains or torques",
+                               slow ? body.w.norm() : body.v.norm(), slow ? kMaxAngularSpeed : kMaxSpeed);
+    break;
+  }
+  // state() stays the last good one.
+  std::copy_n(saved_.begin(), mechanism_.q().size(), mechanism_.q().begin());
+  std::copy_n(saved_.begin() + mechanism_.tree().positions, mechanism_.u().size(), mechanism_.u().begin());
+  if (!fresh_) {
+    mechanism_.kernel().kinematics(mechanism_.tree());
+    state();
+  }
+  fail(std::move(fault));
+}
+
+void ArticulatedEngine::fail(PhysicsFault fault) {
+  state();
+  failure_.emplace(std::move(fault));
+  throw Error(*failure_);
+}
+
+std::string ArticulatedEngine::version() const {
+  return fmt::format("articulated, {}", mechanism_.kernel().name);
+}
+
+std::unique_ptr<Engine> make(const model::Model& model, const Settings& settings) {
+  return std::make_unique<ArticulatedEngine>(model, settings);
+}
+
+}  // namespace handsim::engine::articulated
