@@ -13,9 +13,25 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-/// Corrections of stops and torque limits all at once before they are made one by one, which always ends
-/// (Murty 1974, Opsearch 11:... ), and how many of these.
+/// Corrections of stops and torque limits all at once, before they are made one by one, the first that is wrong
+/// first (Murty 1974: such a sequence ends), and how many of these.
 constexpr int kJointCorrections = 8, kSingleCorrections = 200;
+/// A start whose loops are further apart than this is said to have been moved, beyond kOpen refused [m].
+constexpr double kMovedGap = 1e-9, kOpen = 1e-8;
+
+bool smooth(const Settings& settings) { return settings.method != Method::semi_implicit_euler; }
+
+bool has_stops(const model::Model& model) {
+  for (const model::Joint& joint : model.joints)
+    for (const model::JointAxis& axis : joint.axes)
+      if (axis.stop) return true;
+  return false;
+}
+
+bool has_forces(const model::JointAxis& axis, const model::Effects& effects) {
+  return (axis.stop && effects.has(model::Effect::joint_stops)) ||
+         (axis.tissue && effects.has(model::Effect::passive_tissue));
+}
 
 std::vector<Problem> all_defects(const model::Model& model, const Settings& settings) {
   std::vector<Problem> problems = defects(settings);
@@ -26,6 +42,10 @@ std::vector<Problem> all_defects(const model::Model& model, const Settings& sett
     if (settings.effects.has(effect))
       problems.push_back({std::nullopt, "effects", std::string(name(effect)),
                           "no contact with engine articulated: leave the effect out, or use engine ode"});
+  if (smooth(settings) && settings.effects.has(model::Effect::joint_stops) && has_stops(model))
+    problems.push_back({std::nullopt, "effects", "joint_stops",
+                        fmt::format("smooth motion for {}: leave the effect out, or use semi_implicit_euler",
+                                    name(settings.method))});
   return problems;
 }
 
@@ -41,9 +61,20 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
     : model_(checked(model, settings)), settings_(settings), mechanism_(model, settings, kernel) {
   if (settings.effects.has(model::Effect::wrist_motion))
     for (std::size_t i = 0; i < model.drives.size(); ++i) drives_.push_back(static_cast<int>(i));
+  for (const Cut& cut : mechanism_.topology().cuts)
+    for (const model::JointAxis& axis : model.joints[static_cast<std::size_t>(cut.joint)].axes)
+      if (has_forces(axis, settings.effects))
+        throw input_error(model.joints[static_cast<std::size_t>(cut.joint)].name,
+                          "a stop or tissue on every joint of a loop", "one joint of each loop without");
+  if (!mechanism_.topology().cuts.empty()) loops_ = std::make_unique<Loops>(model, mechanism_);
+  if (smooth(settings)) smooth_ = std::make_unique<Smooth>(model, settings, mechanism_, loops_.get());
   saved_.resize(mechanism_.q().size() + mechanism_.u().size());
   state_ = model::initial_state(model);
+  double gap = 0;
+  for (const model::Joint& joint : model.joints) gap = std::max(gap, model::joint_gap(joint, state_));
   start(state_);
+  if (gap > kMovedGap)
+    notes_.push_back(fmt::format("the start was moved to close a joint gap of {:g} m", gap));
 }
 
 void ArticulatedEngine::start(const model::State& state) {
@@ -57,6 +88,8 @@ void ArticulatedEngine::start(const model::State& state) {
   mechanism_.take(next);
   mechanism_.forget_contacts();
   mechanism_.kernel().kinematics(mechanism_.tree());
+  if (loops_ && !(loops_->close() < kOpen))
+    throw input_error("state", "loops that are open", "joints that can all be closed");
   time_ = next.time;
   state_ = std::move(next);
   fresh_ = false;
@@ -85,19 +118,25 @@ void ArticulatedEngine::accept(const StepInput& input) {
   if (!input.torques.empty() || had_torques_) {
     if (!input.torques.empty())
       if (auto fault = torque_fault(model_, time_, input.torques)) fail(std::move(*fault));
+    for (const Cut& cut : mechanism_.topology().cuts) {
+      const model::Joint& joint = model_.joints[static_cast<std::size_t>(cut.joint)];
+      for (int k = 0; k < dof_count(joint.kind) && !input.torques.empty(); ++k)
+        if (input.torques[static_cast<std::size_t>(joint.first_dof + k)] != 0)
+          throw input_error("torques." + joint.name, "a torque on the joint that the loop is cut at",
+                            "a torque on another joint of the loop");
+    }
     mechanism_.set_torques(input.torques);
     had_torques_ = !input.torques.empty();
   }
-  const bool smooth = settings_.method != Method::semi_implicit_euler;
   const bool fits = input.servos.empty() ||
                     (settings_.effects.has(model::Effect::actuation) &&
                      input.servos.size() == static_cast<std::size_t>(model_.dof_count()));
-  if (!fits || !mechanism_.set_servos(input.servos, smooth))
+  if (!fits || !mechanism_.set_servos(input.servos, smooth(settings_)))
     if (auto fault = servo_fault(model_, settings_, time_, input.servos)) fail(std::move(*fault));
 }
 
-/// Gives driven bodies the constant velocities of a step that ends at a time. False where there are none.
-bool ArticulatedEngine::drive_bases(double end) {
+/// Gives driven bodies the constant velocities of a step that ends at a time.
+void ArticulatedEngine::aim_bases(double end) {
   const double h = settings_.step;
   for (const int index : drives_) {
     const model::Drive& drive = model_.drives[static_cast<std::size_t>(index)];
@@ -110,44 +149,56 @@ bool ArticulatedEngine::drive_bases(double end) {
     base.v = v;
     base.w = w;
   }
-  return !drives_.empty();
+  mechanism_.settle_bases();
+  mechanism_.kernel().velocities(mechanism_.tree());
 }
 
-int ArticulatedEngine::step_implicitly() {
+void ArticulatedEngine::place_bases(double end) {
+  for (const int index : drives_) {
+    const model::Drive& drive = model_.drives[static_cast<std::size_t>(index)];
+    mechanism_.base(drive.body).pose = drive.motion.at(end) * drive.frame.inverse();
+  }
+  mechanism_.settle_bases();
+}
+
+/// Accelerations of a step with the stops and torque limits that they agree with. Returns 1 where none were found.
+int ArticulatedEngine::solve_step() {
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();
   const double h = settings_.step;
   for (int i = 0; i < kJointCorrections + kSingleCorrections; ++i) {
     kernel.prepare(tree, h);
-    kernel.solve(tree);
+    if (loops_)
+      loops_->solve(h);
+    else
+      kernel.solve(tree);
     if (kernel.revise(tree, h, i >= kJointCorrections)) return 0;
   }
   return 1;
+}
+
+int ArticulatedEngine::step_implicitly(double end) {
+  const Kernel& kernel = mechanism_.kernel();
+  const Tree& tree = mechanism_.tree();
+  if (!drives_.empty()) aim_bases(end);
+  const int failures = solve_step();
+  kernel.integrate(tree, settings_.step);
+  if (!drives_.empty()) place_bases(end);
+  check(kernel.kinematics(tree) && (!loops_ || loops_->close() < kOpen), end);
+  return failures;
 }
 
 StepReport ArticulatedEngine::step(const StepInput& input) {
   if (failure_) throw Error(*failure_);
   accept(input);
   const double end = next_time(time_, settings_.step);
-  const Kernel& kernel = mechanism_.kernel();
-  const Tree& tree = mechanism_.tree();
   StepReport report;
   std::copy(mechanism_.q().begin(), mechanism_.q().end(), saved_.begin());
-  std::copy(mechanism_.u().begin(), mechanism_.u().end(), saved_.begin() + tree.positions);
-  if (drive_bases(end)) {
-    mechanism_.settle_bases();
-    kernel.velocities(tree);
-  }
-  report.lcp_failures = step_implicitly();
-  kernel.integrate(tree, settings_.step);
-  if (!drives_.empty()) {
-    for (const int index : drives_) {
-      const model::Drive& drive = model_.drives[static_cast<std::size_t>(index)];
-      mechanism_.base(drive.body).pose = drive.motion.at(end) * drive.frame.inverse();
-    }
-    mechanism_.settle_bases();
-  }
-  check(kernel.kinematics(tree), end);
+  std::copy(mechanism_.u().begin(), mechanism_.u().end(), saved_.begin() + mechanism_.tree().positions);
+  if (smooth_)
+    check(smooth_->advance(time_, end), end);
+  else
+    report.lcp_failures = step_implicitly(end);
   if (settings_.effects.has(model::Effect::joint_stops)) report.stop_rows = mechanism_.stops_in_force();
   time_ = end;
   fresh_ = false;

@@ -81,7 +81,7 @@ struct alignas(64) Batch {
   Lane<W> pv[6]; ///< velocity-product force v x* I v
   // What children hand down: A angular block (as I), B coupling (rows first), C linear block, p force.
   Lane<W> A[6], B[9], C[6], p[6];
-  Lane<W> U[6], inverse, rate;  ///< U, 1/D, and the acceleration apart from the parent's
+  Lane<W> U[6], weighted, inverse, u_force, rate;  ///< U, D with its weight, 1/D, u, and du apart from the parent's
   Frame<W> frame;
   // Last, so that every Lane is aligned.
   NodeKind kind;

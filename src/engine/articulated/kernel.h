@@ -344,7 +344,9 @@ struct Lanes {
     const V u = load(a.force) - dot(S, p);
     const V rate = inverse * u + locked * load(a.given);
     store6(b.U, U);
+    store(b.weighted, weighted);
     store(b.inverse, inverse);
+    store(b.u_force, u);
     store(b.rate, rate);
     if (b.link == ParentLink::base) return;
     const Inertia<V> handed = {less(I.A, inverse, U.n), less(I.B, inverse, U.n, U.f), less(I.C, inverse, U.f)};
@@ -355,8 +357,11 @@ struct Lanes {
   static void outward(const Tree& tree, Batches& b) {
     Frames scratch;
     const V6<V> a = load6(parent(tree, b, scratch).a) + load6(b.c);
-    const V rate = load(b.rate) - load(b.inverse) * dot(load6(b.U), a);
+    const V carried = dot(load6(b.U), a);
+    const V rate = load(b.rate) - load(b.inverse) * carried;
     store(tree.du + b.u, rate);
+    // What the law of motion lacks is the lock's force.
+    store(axis(tree, b).reaction, load(b.weighted) * rate + carried - load(b.u_force));
     store6(b.frame.a, a + rate * load6(b.S));
   }
 
@@ -435,14 +440,6 @@ struct Lanes {
 
   // Stops and torque limits ---------------------------------------------------------------------------------
 
-  /// The force that a lock takes beside the others, by the law of motion of its node.
-  static V reaction(const Tree& tree, const Batches& b, const Axes& a) {
-    const V6<V> S = load6(b.S), U = load6(b.U);
-    const V du = load(tree.du + b.u);
-    // frame.a = a' + S du, and U . S = D.
-    return dot(U, load6(b.frame.a)) + load(a.weight) * du - (load(a.force) - dot(S, bias(b)));
-  }
-
   static bool revise(const Tree& tree, double step, bool only_first) {
     const V h = step, one = 1.0, zero = 0.0;
     const V tight = 1.0 - 1e-9, loose = 1.0 + 1e-9, touch = 1e-12;
@@ -462,7 +459,7 @@ struct Lanes {
       V reached = articulated::select(then < low - touch, V(zero - one), zero);
       reached = articulated::select(then > high + touch, one, reached);
       // A stop pushes inward only: up from the low end, down from the high one.
-      const V held = articulated::select(side * reaction(tree, b, a) <= zero, side, zero);
+      const V held = articulated::select(side * load(a.reaction) <= zero, side, zero);
       reached = articulated::select(side * side > zero, held, reached);
       const auto wrong = (now != was) || (reached != side);
       if (!any(wrong)) continue;

@@ -30,6 +30,7 @@ class Mechanism {
   /// The model must outlive this. @param kernel null: the fastest for the model.
   Mechanism(const model::Model& model, const Settings& settings, const Kernel* kernel = nullptr);
 
+  const Vec3& gravity() const { return gravity_; }  ///< zero without the effect [m/s^2]
   const Topology& topology() const { return topology_; }
   const Kernel& kernel() const { return *kernel_; }
   const Tree& tree() const { return tree_; }
