@@ -69,6 +69,7 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
   if (!mechanism_.topology().cuts.empty()) loops_ = std::make_unique<Loops>(model, mechanism_);
   if (smooth(settings)) smooth_ = std::make_unique<Smooth>(model, settings, mechanism_, loops_.get());
   saved_.resize(mechanism_.q().size() + mechanism_.u().size());
+  saved_bases_.reserve(drives_.size());
   state_ = model::initial_state(model);
   double gap = 0;
   for (const model::Joint& joint : model.joints) gap = std::max(gap, model::joint_gap(joint, state_));
@@ -111,7 +112,14 @@ const model::State& ArticulatedEngine::state() const {
 void ArticulatedEngine::set_state(const model::State& state) {
   if (failure_) throw Error(*failure_);
   require_state(model_, state);
-  start(state);
+  const model::State before = this->state();
+  try {
+    start(state);
+  } catch (const Error&) {
+    // Nothing is taken over.
+    start(before);
+    throw;
+  }
 }
 
 void ArticulatedEngine::accept(const StepInput& input) {
@@ -193,8 +201,7 @@ StepReport ArticulatedEngine::step(const StepInput& input) {
   accept(input);
   const double end = next_time(time_, settings_.step);
   StepReport report;
-  std::copy(mechanism_.q().begin(), mechanism_.q().end(), saved_.begin());
-  std::copy(mechanism_.u().begin(), mechanism_.u().end(), saved_.begin() + mechanism_.tree().positions);
+  save();
   if (smooth_)
     check(smooth_->advance(time_, end), end);
   else
@@ -222,14 +229,28 @@ void ArticulatedEngine::check(bool sound, double time) {
                                slow ? body.w.norm() : body.v.norm(), slow ? kMaxAngularSpeed : kMaxSpeed);
     break;
   }
-  // state() stays the last good one.
-  std::copy_n(saved_.begin(), mechanism_.q().size(), mechanism_.q().begin());
-  std::copy_n(saved_.begin() + mechanism_.tree().positions, mechanism_.u().size(), mechanism_.u().begin());
-  if (!fresh_) {
-    mechanism_.kernel().kinematics(mechanism_.tree());
-    state();
-  }
+  restore();
   fail(std::move(fault));
+}
+
+void ArticulatedEngine::save() {
+  const std::span<double> q = mechanism_.q(), u = mechanism_.u();
+  std::copy(q.begin(), q.end(), saved_.begin());
+  std::copy(u.begin(), u.end(), saved_.begin() + static_cast<std::ptrdiff_t>(q.size()));
+  saved_bases_.clear();
+  for (const int drive : drives_)
+    saved_bases_.push_back(mechanism_.base(model_.drives[static_cast<std::size_t>(drive)].body));
+}
+
+/// Back to before the step: state() stays the last good one.
+void ArticulatedEngine::restore() {
+  const std::span<double> q = mechanism_.q(), u = mechanism_.u();
+  std::copy_n(saved_.begin(), q.size(), q.begin());
+  std::copy(saved_.begin() + static_cast<std::ptrdiff_t>(q.size()), saved_.end(), u.begin());
+  for (std::size_t i = 0; i < drives_.size(); ++i)
+    mechanism_.base(model_.drives[static_cast<std::size_t>(drives_[i])].body) = saved_bases_[i];
+  mechanism_.settle_bases();
+  mechanism_.kernel().kinematics(mechanism_.tree());
 }
 
 void ArticulatedEngine::fail(PhysicsFault fault) {

@@ -45,6 +45,8 @@ class ArticulatedEngine final : public Engine {
   int step_implicitly(double end);
   void aim_bases(double end);
   void place_bases(double end);
+  void save();
+  void restore();
   void check(bool sound, double time);
   [[noreturn]] void fail(PhysicsFault fault);
 
@@ -54,7 +56,8 @@ class ArticulatedEngine final : public Engine {
   std::unique_ptr<Loops> loops_;    ///< with loops only
   std::unique_ptr<Smooth> smooth_;  ///< with a method for smooth motion only
   std::vector<int> drives_;         ///< of the model, in force
-  std::vector<double> saved_;
+  std::vector<double> saved_;              ///< positions and rates before the step
+  std::vector<BaseMotion> saved_bases_;    ///< of the drives
   std::vector<std::string> notes_;
   double time_ = 0;
   bool had_torques_ = false;

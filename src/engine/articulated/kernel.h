@@ -34,6 +34,13 @@ struct Lanes {
     else
       v.copy_to(x, stdx::vector_aligned);
   }
+  /// Where nothing is known of the alignment.
+  static void store_loose(double* x, const V& v) {
+    if constexpr (std::is_same_v<V, double>)
+      *x = v;
+    else
+      v.copy_to(x, stdx::element_aligned);
+  }
   static V3<V> load3(const Lane<W>* x) { return {load(x[0]), load(x[1]), load(x[2])}; }
   static V6<V> load6(const Lane<W>* x) { return {load3(x), load3(x + 3)}; }
   static Q4<V> load4(const Lane<W>* x) { return {load(x[0]), load(x[1]), load(x[2]), load(x[3])}; }
@@ -556,21 +563,21 @@ struct Lanes {
       const double *u = tree.u + b.u, *q = tree.q + b.q;
       double* to = out + b.q;
       if (single(b)) {
-        store(to, load(u));
+        store_loose(to, load(u));
         continue;
       }
       if (b.kind == NodeKind::free) {
-        for (int k = 0; k < 3; ++k) store(to + k * W, load(u + (3 + k) * W));
+        for (int k = 0; k < 3; ++k) store_loose(to + k * W, load(u + (3 + k) * W));
         to += 3 * W;
         q += 3 * W;
       }
       // q' = (w, 0) q / 2 with w in the parent's axes.
       const Q4<V> half = {load(u) * 0.5, load(u + W) * 0.5, load(u + 2 * W) * 0.5, V(0.0)};
       const Q4<V> rate = half * Q4<V>{load(q), load(q + W), load(q + 2 * W), load(q + 3 * W)};
-      store(to, rate.x);
-      store(to + W, rate.y);
-      store(to + 2 * W, rate.z);
-      store(to + 3 * W, rate.w);
+      store_loose(to, rate.x);
+      store_loose(to + W, rate.y);
+      store_loose(to + 2 * W, rate.z);
+      store_loose(to + 3 * W, rate.w);
     }
   }
 

@@ -34,7 +34,9 @@ Smooth::Smooth(const model::Model& model, const Settings& settings, Mechanism& m
       y_(mechanism.q().size() + mechanism.u().size()),
       next_(y_.size()),
       before_(mechanism.u().size()),
-      driven_(settings.effects.has(model::Effect::wrist_motion) && !model.drives.empty()) {}
+      driven_(settings.effects.has(model::Effect::wrist_motion) && !model.drives.empty()) {
+  bases_before_.reserve(model.drives.size());
+}
 
 void Smooth::accelerate() {
   mechanism_.kernel().prepare_smooth(mechanism_.tree());
@@ -78,7 +80,8 @@ void Smooth::place_bases(double t, model::KeySide side) {
 /// A drive that sets off with a jerk takes the joints along at once: what a moment's acceleration by the jump of its
 /// velocity does to the rates, less what goes on without it.
 void Smooth::kick(double t) {
-  std::vector<BaseMotion> was;
+  std::vector<BaseMotion>& was = bases_before_;
+  was.clear();
   for (const model::Drive& drive : model_.drives) was.push_back(mechanism_.base(drive.body));
   place_bases(t, model::KeySide::after);
   bool jumps = false;

@@ -35,6 +35,7 @@ class Smooth {
   RungeKutta method_;
   std::vector<double> y_, next_;  ///< positions, then rates
   std::vector<double> before_;
+  std::vector<BaseMotion> bases_before_;
   double size_ = 0;               ///< step that the error control is at [s]; 0: none yet
   double limit_ = 0;              ///< end of the stretch without keyframes [s]
   long evaluations_ = 0;

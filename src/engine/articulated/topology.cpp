@@ -220,7 +220,7 @@ class Builder {
     std::iota(order.begin(), order.end(), 0);
     std::stable_sort(order.begin(), order.end(),
                      [&](int a, int b) { return out_.nodes[at(a)].depth < out_.nodes[at(b)].depth; });
-    // Siblings stand in the order of their parents, so that chains keep their lanes from level to level.
+    // Kind by kind, in the order of the parents, so that chains keep their lanes from level to level.
     std::vector<Node> sorted;
     for (std::size_t begin = 0; begin < order.size();) {
       std::size_t end = begin;
@@ -228,8 +228,9 @@ class Builder {
         ++end;
       std::stable_sort(order.begin() + static_cast<std::ptrdiff_t>(begin),
                        order.begin() + static_cast<std::ptrdiff_t>(end), [&](int a, int b) {
-                         const auto &p = out_.nodes[at(a)].parent, &q = out_.nodes[at(b)].parent;
-                         return (p ? place[at(*p)] : -1) < (q ? place[at(*q)] : -1);
+                         const Node &p = out_.nodes[at(a)], &q = out_.nodes[at(b)];
+                         if (p.kind != q.kind) return p.kind < q.kind;
+                         return (p.parent ? place[at(*p.parent)] : -1) < (q.parent ? place[at(*q.parent)] : -1);
                        });
       for (std::size_t k = begin; k < end; ++k) place[at(order[k])] = static_cast<int>(k);
       begin = end;

@@ -52,7 +52,7 @@ struct Cut {
 };
 
 struct Topology {
-  std::vector<Node> nodes;  ///< by depth
+  std::vector<Node> nodes;  ///< by depth, then kind
   std::vector<Cut> cuts;
   std::vector<int> node_of_body;            ///< as Model::bodies; kNoNode for kinematic ones
   std::vector<std::vector<int>> of_joint;   ///< nodes of each joint of the model, by axis; empty where it is cut
