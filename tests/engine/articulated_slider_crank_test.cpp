@@ -78,7 +78,7 @@ TEST(ArticulatedSliderCrank, HasTheOrdersOfItsMethods) {
     const double b = run(SliderCrankSpec::iftomm(), method, fine, 1).velocity;
     return std::log(a / b) / std::log(coarse / fine);
   };
-  EXPECT_NEAR(order(Method::rk4, 2e-3, 5e-4), 4, 0.2);
+  EXPECT_NEAR(order(Method::rk4, 2.5e-4, 1.25e-4), 4, 0.2);
   EXPECT_NEAR(order(Method::semi_implicit_euler, 2e-4, 2e-5), 1, 0.15);
 }
 
@@ -103,7 +103,6 @@ TEST(ArticulatedSliderCrank, TakesDependentRowsThroughDeadCentres) {
   EXPECT_LT(gap, 1e-12);
 }
 
-/// Two bars on the world, tied by a slider whose parent is the second's tip: cut or turned round, whatever is chosen.
 TEST(ArticulatedSliderCrank, HoldsEveryKindOfCutJoint) {
   for (const model::JointKind kind : {model::JointKind::hinge, model::JointKind::universal, model::JointKind::ball,
                                       model::JointKind::slider}) {
@@ -135,8 +134,11 @@ TEST(ArticulatedSliderCrank, HoldsEveryKindOfCutJoint) {
     tie.closes_loop = true;
     model.joints.push_back(tie);
     model.bodies[1].initial_angular_velocity = Vec3(1, 2, 3);
+    // A start whose velocities agree with the joints.
+    const model::State begin = make_engine(model, settings({}, 1e-2, Method::dormand_prince))->state();
     const auto result = [&](Method method) {
       const auto engine = make_engine(model, settings({Effect::gravity}, 1e-2, method));
+      engine->set_state(begin);
       const double start = energy(model, engine->state());
       test::run(*engine, 30);
       EXPECT_LT(largest_gap(model, engine->state()), 1e-9);

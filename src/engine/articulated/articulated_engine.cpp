@@ -216,7 +216,9 @@ void ArticulatedEngine::check(bool sound, double time) {
   if (sound) return;
   model::State bad = state_;
   mechanism_.give(bad);
-  PhysicsFault fault{time, "the model", "speed", "beyond its bounds"};
+  PhysicsFault fault{time, "the model", "motion",
+                     loops_ ? "a loop cannot be held closed, or the motion is not smooth: use a smaller step"
+                            : "too fast or not smooth enough to go on: use a smaller step or weaker torques"};
   for (std::size_t i = 1; i < bad.bodies.size(); ++i) {
     if (model_.bodies[i].kinematic) continue;
     const model::BodyState& body = bad.bodies[i];

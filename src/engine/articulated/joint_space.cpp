@@ -134,6 +134,13 @@ void JointSpace::add_row(int node, const Spatial& wrench, double sign, std::span
     out[at(dof)] += sign * axis(dof).dot(wrench);
 }
 
+double JointSpace::row_scale(int node, const Spatial& wrench) const {
+  double sum = 0;
+  for (int dof = last_[at(node)]; dof != kNone; dof = parent_dof_[at(dof)])
+    sum += axis(dof).squaredNorm() / (H_[index(dof, dof)] * H_[index(dof, dof)]);
+  return sum * wrench.squaredNorm();
+}
+
 Eigen::Matrix3Xd JointSpace::point_jacobian(int node, const Vec3& point) const {
   Eigen::Matrix3Xd out = Eigen::Matrix3Xd::Zero(3, n_);
   for (int dof = last_[at(node)]; dof != kNone; dof = parent_dof_[at(dof)]) {

@@ -7,8 +7,8 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-/// A row that adds less than this share of itself to the ones taken before is dependent on them.
-constexpr double kDependent = 1e-10;
+/// A row that adds less than this share of what it might to the ones taken before is dependent on them.
+constexpr double kDependent = 1e-12;
 constexpr int kClosings = 20;
 constexpr double kClosed = 1e-14;
 
@@ -43,6 +43,7 @@ Loops::Loops(const model::Model& model, Mechanism& mechanism)
   wanted_.resize(rows);
   multipliers_.resize(rows);
   column_.resize(rows);
+  scale_.resize(rows);
   x_.resize(n);
   delta_.resize(n);
   kept_.resize(n);
@@ -141,11 +142,20 @@ void Loops::find_jacobian() {
     const int count = 6 - model::dof_count(model_.joints[at(cut.joint)].kind);
     for (int k = 0; k < count; ++k, ++i) {
       const std::span<double> row(J_.data() + i * n, n);
-      if (cut.parent.node) space_.add_row(*cut.parent.node, rows_[i].on_parent, -1, row);
-      if (cut.child.node) space_.add_row(*cut.child.node, rows_[i].on_child, 1, row);
+      scale_[i] = 0;
+      const auto add = [&](const CutSide& side, const Spatial& wrench, double sign) {
+        if (!side.node) return;
+        space_.add_row(*side.node, wrench, sign, row);
+        scale_[i] += space_.row_scale(*side.node, wrench);
+      };
+      add(cut.parent, rows_[i].on_parent, -1);
+      add(cut.child, rows_[i].on_child, 1);
     }
   }
-  for (const int dof : locked_) J_[i++ * n + at(dof)] = 1;
+  for (const int dof : locked_) {
+    J_[i * n + at(dof)] = 1;
+    scale_[i++] = 0;
+  }
   std::copy_n(J_.begin(), total * n, Y_.begin());
   for (std::size_t k = 0; k < total; ++k) space_.solve_transposed({Y_.data() + k * n, n});
   for (std::size_t k = 0; k < total; ++k)
@@ -161,14 +171,17 @@ void Loops::find_jacobian() {
 void Loops::factor_rows() {
   const std::size_t m = rows_.size() + locked_.size();
   order_.clear();
-  // wanted_ and multipliers_ hold the diagonals meanwhile: what is left of each, and what it was.
-  for (std::size_t i = 0; i < m; ++i) wanted_[i] = multipliers_[i] = K_[i * m + i];
+  // wanted_ holds what is left of each diagonal entry meanwhile.
+  for (std::size_t i = 0; i < m; ++i) {
+    wanted_[i] = K_[i * m + i];
+    if (scale_[i] == 0) scale_[i] = wanted_[i];
+  }
   for (std::size_t step = 0; step < m; ++step) {
     std::size_t best = m;
     for (std::size_t i = 0; i < m; ++i) {
       const bool taken = std::find(order_.begin(), order_.end(), static_cast<int>(i)) != order_.end();
-      if (taken || !(wanted_[i] > kDependent * multipliers_[i])) continue;
-      if (best == m || wanted_[i] * multipliers_[best] > wanted_[best] * multipliers_[i]) best = i;
+      if (taken || !(wanted_[i] > kDependent * scale_[i])) continue;
+      if (best == m || wanted_[i] * scale_[best] > wanted_[best] * scale_[i]) best = i;
     }
     if (best == m) break;
     // Column `best` of the factor stands in K's column of that number.

@@ -9,9 +9,10 @@ namespace handsim::engine::articulated {
 namespace {
 
 /// Errors of single steps add up over a run: each is held to this share of the tolerance.
-constexpr double kStepShare = 0.1;
+constexpr double kStepShare = 0.05;
 constexpr double kSmallestStep = 1e-12;  ///< [s]
 constexpr double kRejected = 0.9;
+constexpr long kMostTries = 1'000'000;  ///< steps of the method in one of the engine
 /// Loops further apart than this after a step are not to be held.
 constexpr double kOpen = 1e-8;
 
@@ -162,13 +163,15 @@ bool Smooth::settle() {
 bool Smooth::adapt(double from, double to) {
   method_.forget_start();
   if (size_ == 0) size_ = to - from;
+  long tries = kMostTries;
   for (double t = from; t < to;) {
     // The last two steps of a stretch are equal: a short one would say little of the next.
     const double left = to - t;
     const double h = size_ >= left ? left : (2 * size_ > left ? 0.5 * left : size_);
-    if (h < kSmallestStep && h < left) return false;
+    if ((h < kSmallestStep && h < left) || --tries < 0) return false;
     const double error = method_.try_step8(t, h, y_, kStepShare * settings_.tolerance, next_);
-    if (!(error <= 1)) {
+    // Written so that NaN is rejected.
+    if (!(error >= 0 && error <= 1)) {
       size_ = h * (error > 1 ? std::min(kRejected, step_factor8(error)) : 0.1);
       continue;
     }
