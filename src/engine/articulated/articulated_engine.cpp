@@ -70,6 +70,7 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
   if (smooth(settings)) smooth_ = std::make_unique<Smooth>(model, settings, mechanism_, loops_.get());
   saved_.resize(mechanism_.q().size() + mechanism_.u().size());
   saved_bases_.reserve(drives_.size());
+  targets_.resize(drives_.size());
   state_ = model::initial_state(model);
   double gap = 0;
   for (const model::Joint& joint : model.joints) gap = std::max(gap, model::joint_gap(joint, state_));
@@ -143,29 +144,32 @@ void ArticulatedEngine::accept(const StepInput& input) {
     if (auto fault = servo_fault(model_, settings_, time_, input.servos)) fail(std::move(*fault));
 }
 
-/// Gives driven bodies the constant velocities of a step that ends at a time.
-void ArticulatedEngine::aim_bases(double end) {
+/// Gives driven bodies the constant velocities of a step that ends at a time. False where all of them stand still.
+bool ArticulatedEngine::aim_bases(double end) {
   const double h = settings_.step;
-  for (const int index : drives_) {
-    const model::Drive& drive = model_.drives[static_cast<std::size_t>(index)];
+  bool moving = false;
+  for (std::size_t i = 0; i < drives_.size(); ++i) {
+    const model::Drive& drive = model_.drives[static_cast<std::size_t>(drives_[i])];
     BaseMotion& base = mechanism_.base(drive.body);
-    const Pose target = drive.motion.at(end) * drive.frame.inverse();
-    const Vec3 v = (target.p - base.pose.p) / h;
-    const Vec3 w = rotation_vector(target.q * base.pose.q.conjugate()) / h;
+    targets_[i] = drive.motion.at(end) * drive.frame.inverse();
+    const Vec3 v = (targets_[i].p - base.pose.p) / h;
+    const Vec3 w = rotation_vector(targets_[i].q * base.pose.q.conjugate()) / h;
+    moving = moving || !v.isZero(0) || !w.isZero(0) || !base.v.isZero(0) || !base.w.isZero(0) ||
+             !base.dv.isZero(0) || !base.dw.isZero(0);
     base.dv = (v - base.v) / h;
     base.dw = (w - base.w) / h;
     base.v = v;
     base.w = w;
   }
+  if (!moving) return false;
   mechanism_.settle_bases();
   mechanism_.kernel().velocities(mechanism_.tree());
+  return true;
 }
 
-void ArticulatedEngine::place_bases(double end) {
-  for (const int index : drives_) {
-    const model::Drive& drive = model_.drives[static_cast<std::size_t>(index)];
-    mechanism_.base(drive.body).pose = drive.motion.at(end) * drive.frame.inverse();
-  }
+void ArticulatedEngine::place_bases() {
+  for (std::size_t i = 0; i < drives_.size(); ++i)
+    mechanism_.base(model_.drives[static_cast<std::size_t>(drives_[i])].body).pose = targets_[i];
   mechanism_.settle_bases();
 }
 
@@ -188,10 +192,10 @@ int ArticulatedEngine::solve_step() {
 int ArticulatedEngine::step_implicitly(double end) {
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();
-  if (!drives_.empty()) aim_bases(end);
+  const bool moving = aim_bases(end);
   const int failures = solve_step();
   kernel.integrate(tree, settings_.step);
-  if (!drives_.empty()) place_bases(end);
+  if (moving) place_bases();
   check(kernel.kinematics(tree) && (!loops_ || loops_->close() < kOpen), end);
   return failures;
 }

@@ -43,8 +43,8 @@ class ArticulatedEngine final : public Engine {
   void accept(const StepInput& input);
   int solve_step();
   int step_implicitly(double end);
-  void aim_bases(double end);
-  void place_bases(double end);
+  bool aim_bases(double end);
+  void place_bases();
   void save();
   void restore();
   void check(bool sound, double time);
@@ -58,6 +58,7 @@ class ArticulatedEngine final : public Engine {
   std::vector<int> drives_;         ///< of the model, in force
   std::vector<double> saved_;              ///< positions and rates before the step
   std::vector<BaseMotion> saved_bases_;    ///< of the drives
+  std::vector<Pose> targets_;              ///< of the drives, at the end of the step
   std::vector<std::string> notes_;
   double time_ = 0;
   bool had_torques_ = false;

@@ -87,6 +87,7 @@ struct alignas(64) Batch {
   NodeKind kind;
   ParentLink link;
   bool has_children;
+  bool massless;  ///< no lane has a body
   int parent;  ///< batch; of Base frames where link is base
   int parent_batch[W], parent_lane[W];
   int used;    ///< lanes with a node

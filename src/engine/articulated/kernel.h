@@ -163,6 +163,7 @@ struct Lanes {
     store4(b.frame.quat, quat);
     store_mat(b.frame.R, R);
     store3(b.frame.p, p);
+    if (b.massless) return;
     const V mass = load(b.mass);
     const V3<V> moments = load3(b.inertia), h = mass * p;
     const auto entry = [&](const V3<V>& a, const V3<V>& c) {
@@ -196,6 +197,9 @@ struct Lanes {
     const V zero = 0.0;
     const V6<V> c = free ? V6<V>{{zero, zero, zero}, cross(v.f, v.n)}
                          : V6<V>{cross(v.n, sum.n), cross(v.n, sum.f) + cross(v.f, sum.n)};
+    store6(b.frame.v, v);
+    store6(b.c, c);
+    if (b.massless) return true;
     const V mass = load(b.mass);
     const V3<V> p = load3(b.frame.p), h = load3(b.h);
     const V3<V> v_C = v.f + cross(v.n, p);
@@ -203,8 +207,6 @@ struct Lanes {
     // Momentum about O, L = I w + h x v; n = w x L + v x m v_C.
     const V3<V> momentum = load_sym(b.I) * v.n + cross(h, v.f);
     const V3<V> torque = cross(v.n, momentum) + mass * cross(v.f, v_C);
-    store6(b.frame.v, v);
-    store6(b.c, c);
     store6(b.pv, {torque, force});
     const V limit = tree.max_speed * tree.max_speed, turn = tree.max_turn * tree.max_turn;
     const auto bad = !(dot(v_C, v_C) <= limit) || !(dot(v.n, v.n) <= turn);
@@ -246,7 +248,8 @@ struct Lanes {
       const V pull = ks * load(a.servo_error) + load(a.servo_feed) - servo * u;
       store(a.force, load(a.tau) - k * (q - load(a.rest)) - soft * u + on * pull +
                          saturated * load(a.servo_limit));
-      store(a.weight, h * (soft + on * servo));
+      // An empty lane has to have some inertia.
+      store(a.weight, h * (soft + on * servo) + (V(1.0) - load(a.present)));
       aim(tree, b, a, step);
     }
   }
@@ -263,7 +266,7 @@ struct Lanes {
       pull = articulated::select(pull > limit, limit, pull);
       pull = articulated::select(pull < V(zero - limit), V(zero - limit), pull);
       store(a.force, load(a.tau) - load(a.stiffness) * (q - load(a.rest)) - load(a.damping) * u + pull);
-      store(a.weight, zero);
+      store(a.weight, V(1.0) - load(a.present));
       store(a.locked, V(1.0) - load(a.present));
       store(a.given, zero);
     }
@@ -272,6 +275,7 @@ struct Lanes {
   // Articulated-body algorithm (Featherstone 2008, section 7.3, Table 7.1, p. 132) -----------------------------
 
   static Inertia<V> inertia(const Batches& b) {
+    if (b.massless) return {load_sym(b.A), load_mat(b.B), load_sym(b.C)};
     const V mass = load(b.mass), zero = 0.0;
     const V3<V> h = load3(b.h);
     Inertia<V> out = {load_sym(b.I),
@@ -284,6 +288,7 @@ struct Lanes {
             out.C + load_sym(b.C)};
   }
   static V6<V> bias(const Batches& b) {
+    if (b.massless) return load6(b.p);
     const V6<V> own = load6(b.pv);
     return b.has_children ? own + load6(b.p) : own;
   }
@@ -340,11 +345,17 @@ struct Lanes {
     for (int i = 0; i < kHanded; ++i) store(&b.A[0][0] + i * W, zero);
   }
 
+  /// The same as by the 6 x 6 blocks, to the bit, without their zeros.
+  static V6<V> times_rigid(const Batches& b, const Sym3<V>& I, const V6<V>& S) {
+    const V3<V> h = load3(b.h);
+    return {I * S.n + cross(h, S.f), cross(S.n, h) + load(b.mass) * S.f};
+  }
+
   static void inward(const Tree& tree, Batches& b) {
     const Axes& a = axis(tree, b);
     const Inertia<V> I = inertia(b);
     const V6<V> S = load6(b.S), p = bias(b);
-    const V6<V> U = I * S;
+    const V6<V> U = b.has_children ? I * S : times_rigid(b, I.A, S);
     const V D = dot(S, U), locked = load(a.locked), weighted = D + load(a.weight);
     // A locked coordinate hands its whole inertia down and takes the acceleration it is given.
     const V inverse = (V(1.0) - locked) / weighted;

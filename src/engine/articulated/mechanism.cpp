@@ -183,6 +183,8 @@ void Mechanism::seat_nodes(const Settings& settings) {
       In<W>::empty(b);
       b.kind = first.kind;
       b.used = static_cast<int>(nodes.size());
+      b.massless = std::none_of(nodes.begin(), nodes.end(),
+                                [&](int node) { return topology_.nodes[at(node)].body.has_value(); });
       b.q = static_cast<int>(q);
       b.u = static_cast<int>(u);
       q += at(position_count(b.kind)) * W;

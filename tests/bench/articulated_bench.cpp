@@ -1,0 +1,93 @@
+// What a step of the articulated engine costs against a bare ODE loop on the same hand. Asserts nothing.
+#include <benchmark/benchmark.h>
+
+#include <ode/ode.h>
+
+#include "bench/paired.h"
+#include "handsim/engine/articulated/articulated_engine.h"
+#include "handsim/engine/ode/ode_engine.h"
+#include "handsim/model/kinematics.h"
+#include "scene_files.h"
+
+namespace handsim::bench {
+namespace {
+
+constexpr int kSteps = 2000;
+
+/// One anatomical hand on a still palm under gravity, with stops, tissue and servos that hold a half-closed pose.
+struct Load {
+  scene::Scene scene;
+  std::vector<model::Servo> servos;
+};
+
+Load one_hand() {
+  Load out;
+  out.scene = test::shipped_scene("two_hands", {});
+  YamlNode root = out.scene.resolved;
+  root.find("hands")->items.pop_back();
+  out.scene = scene::compile_scene(std::move(root));
+  out.scene.spec.solver.effects.add(model::Effect::actuation);
+  out.servos.resize(static_cast<std::size_t>(out.scene.model.dof_count()));
+  return out;
+}
+
+/// Servos towards a pose that changes with time: each coordinate's error as a controller would see it.
+void aim(std::vector<model::Servo>& servos, int step) {
+  for (std::size_t i = 0; i < servos.size(); ++i)
+    servos[i] = {0.05, 1e-3, 0.02 * std::sin(0.002 * step + static_cast<double>(i)), 0, 0.5};
+}
+
+/// Candidate: the engine's whole step, servos set each time. Yardstick: dWorldStep alone on the same hand, its servos
+/// set once.
+void step_against_bare_ode(benchmark::State& state, int width) {
+  Load load = one_hand();
+  const model::State start = model::initial_state(load.scene.model);
+  engine::ode::OdeEngine bare(load.scene.model, load.scene.spec.solver);
+  engine::Settings settings = load.scene.spec.solver;
+  settings.method = engine::Method::semi_implicit_euler;
+  const engine::articulated::Kernel* kernel = nullptr;
+  for (const engine::articulated::Kernel* each : engine::articulated::kernels())
+    if (each->width == width) kernel = each;
+  if (width > 0 && !kernel) return state.SkipWithError("not on this processor");
+  engine::articulated::ArticulatedEngine engine(load.scene.model, settings, kernel);
+  compare(
+      state, kSteps,
+      [&] {
+        bare.set_state(start);
+        engine.set_state(start);
+        aim(load.servos, 0);
+        bare.step({.servos = load.servos});
+      },
+      [&] {
+        for (int i = 0; i < kSteps; ++i) dWorldStep(bare.world_id(), settings.step);
+      },
+      [&] {
+        for (int i = 0; i < kSteps; ++i) {
+          aim(load.servos, i);
+          engine.step({.servos = load.servos});
+        }
+      });
+  state.SetLabel(engine.version());
+}
+BENCHMARK_CAPTURE(step_against_bare_ode, chosen, 0)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(step_against_bare_ode, one_lane, 1)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(step_against_bare_ode, two_lanes, 2)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(step_against_bare_ode, four_lanes, 4)->UseManualTime()->Unit(benchmark::kMillisecond);
+
+/// The poses of all bodies out of the joint coordinates.
+void read_state(benchmark::State& state) {
+  const Load load = one_hand();
+  engine::Settings settings = load.scene.spec.solver;
+  settings.method = engine::Method::semi_implicit_euler;
+  engine::articulated::ArticulatedEngine engine(load.scene.model, settings);
+  model::State out = engine.state();
+  for (auto unused : state) {
+    (void)unused;
+    engine.mechanism().give(out);
+    benchmark::DoNotOptimize(out.bodies.data());
+  }
+}
+BENCHMARK(read_state);
+
+}  // namespace
+}  // namespace handsim::bench
