@@ -144,7 +144,8 @@ void add_accuracy(CLI::App& app, AccuracyArguments& arguments) {
 }
 
 void add_export(CLI::App& app, ExportArguments& arguments) {
-  CLI::App* command = app.add_subcommand("export", "A scene's model as a file for other engines: MJCF or URDF");
+  CLI::App* command =
+      app.add_subcommand("export", "A scene's model as a file for other engines: MJCF or URDF");
   command->footer("Example: handsim export config/two_hands.yaml --format mjcf --out two_hands.xml");
   command->add_option("scene", arguments.scene, "scene file")->required();
   command->add_option("--format", arguments.format, "mjcf (MuJoCo) or urdf (ROS)")

@@ -10,8 +10,8 @@
 namespace handsim::model {
 
 enum class EngineKind {
-  ode,  ///< Open Dynamics Engine: contacts, stops, speed
-  dae,  ///< differential-algebraic solver: the reference for motion without contacts and stops
+  ode,          ///< Open Dynamics Engine: contacts, stops, speed
+  dae,          ///< differential-algebraic solver: the reference for motion without contacts and stops
   articulated,  ///< recursive algorithms in joint coordinates: the fastest, without contacts
 };
 
@@ -27,7 +27,8 @@ enum class Method {
   euler_linearised,
   /// DAE: the same with positions projected onto the joints after every step. Chrono's.
   euler_projected,
-  /// Articulated: first order; springs, dampers, servos and stops evaluated at the step's end, stable at any step.
+  /// Articulated: first order; springs, dampers, servos and stops evaluated at the step's end, stable at any
+  /// step.
   semi_implicit_euler,
   rk4,  ///< articulated: the classical fourth-order Runge-Kutta method, for motion without stops
   /// Articulated: Dormand and Prince's eighth-order Runge-Kutta method with error control to `tolerance`, for
@@ -37,8 +38,9 @@ enum class Method {
 
 inline constexpr std::array<std::string_view, 3> kEngineNames = {"ode", "dae", "articulated"};
 inline constexpr std::array<std::string_view, 9> kMethodNames = {
-    "world_step",       "quick_step",      "stabilised_gear",     "lagrange_penalty", "euler_linearised",
-    "euler_projected", "semi_implicit_euler", "rk4",              "dormand_prince"};
+    "world_step",       "quick_step",      "stabilised_gear",     "lagrange_penalty",
+    "euler_linearised", "euler_projected", "semi_implicit_euler", "rk4",
+    "dormand_prince"};
 
 inline std::string_view name(EngineKind kind) { return kEngineNames[static_cast<std::size_t>(kind)]; }
 inline std::string_view name(Method method) { return kMethodNames[static_cast<std::size_t>(method)]; }
@@ -87,9 +89,10 @@ struct SolverSettings {
   double cfm = 1e-9;
   int iterations = 20;     ///< quick_step only
   std::uint64_t seed = 1;  ///< quick_step shuffles its rows with ODE's random generator
-  /// stabilised_gear, dormand_prince: error aimed for in smooth motion of some seconds, relative, and absolute in
-  /// units of 1 m, 1 m/s, 1 rad, 1 rad/s; each of the integrator's own steps is held to a share of it. 1e-11 to 1e-2.
-  /// Ten times smaller costs 1.2 to 1.9 times as much. High: energy drifts; lower: drowned in rounding.
+  /// stabilised_gear, dormand_prince: error aimed for in smooth motion of some seconds, relative, and
+  /// absolute in units of 1 m, 1 m/s, 1 rad, 1 rad/s; each of the integrator's own steps is held to a share
+  /// of it. 1e-11 to 1e-2. Ten times smaller costs 1.2 to 1.9 times as much. High: energy drifts; lower:
+  /// drowned in rounding.
   double tolerance = 1e-9;
   Effects effects;
 };

@@ -1,5 +1,5 @@
-// A model's joints as a tree for file formats that know only trees: which body hangs on which, in the model's order.
-// Not for users.
+// A model's joints as a tree for file formats that know only trees: which body hangs on which, in the model's
+// order. Not for users.
 #pragma once
 
 #include <string>

@@ -57,7 +57,8 @@ class Writer {
   void check() const {
     std::vector<Problem> problems;
     if (model_.groups.size() > kMostGroups)
-      problems.push_back({std::nullopt, "groups", fmt::format("{}", model_.groups.size()), "at most 32 for MJCF"});
+      problems.push_back(
+          {std::nullopt, "groups", fmt::format("{}", model_.groups.size()), "at most 32 for MJCF"});
     for (const model::Joint& joint : model_.joints)
       if (joint.closes_loop && (joint.kind == JointKind::universal || joint.kind == JointKind::slider))
         problems.push_back({std::nullopt, joint.name, "a loop closed by a universal or slider joint",
@@ -74,11 +75,12 @@ class Writer {
     const model::Body& body = model_.bodies[at(index)];
     const std::string in(at(indent), ' ');
     const bool mocap = body.kinematic && driven(index) && settings_.effects.has(Effect::wrist_motion);
-    line(fmt::format("{}<body name=\"{}\" pos=\"{}\" quat=\"{}\"{}>", in, attribute(body.name), numbers(pose.p),
-                     wxyz(pose.q), mocap ? " mocap=\"true\"" : ""));
+    line(fmt::format("{}<body name=\"{}\" pos=\"{}\" quat=\"{}\"{}>", in, attribute(body.name),
+                     numbers(pose.p), wxyz(pose.q), mocap ? " mocap=\"true\"" : ""));
     const Mat3& I = body.inertia;
-    line(fmt::format("{}  <inertial pos=\"0 0 0\" mass=\"{:.17g}\" fullinertia=\"{} {:.17g} {:.17g} {:.17g}\"/>", in,
-                     body.mass, numbers(I.diagonal()), I(0, 1), I(0, 2), I(1, 2)));
+    line(fmt::format(
+        "{}  <inertial pos=\"0 0 0\" mass=\"{:.17g}\" fullinertia=\"{} {:.17g} {:.17g} {:.17g}\"/>", in,
+        body.mass, numbers(I.diagonal()), I(0, 1), I(0, 2), I(1, 2)));
   }
 
   /// A body that hangs on nothing.
@@ -125,10 +127,9 @@ class Writer {
     for (std::size_t i = 0; i < joint.axes.size(); ++i) {
       const model::JointAxis& axis = joint.axes[i];
       const std::string name = attribute(joint.name + "." + axis.name);
-      std::string text =
-          fmt::format("{}<joint name=\"{}\" type=\"{}\" pos=\"{}\" axis=\"{}\"", in, name,
-                      joint.kind == JointKind::slider ? "slide" : "hinge", numbers(joint.child_frame.p),
-                      numbers(joint.child_frame.q * axis.axis));
+      std::string text = fmt::format("{}<joint name=\"{}\" type=\"{}\" pos=\"{}\" axis=\"{}\"", in, name,
+                                     joint.kind == JointKind::slider ? "slide" : "hinge",
+                                     numbers(joint.child_frame.p), numbers(joint.child_frame.q * axis.axis));
       if (axis.stop && settings_.effects.has(Effect::joint_stops) && std::isfinite(axis.stop->low) &&
           std::isfinite(axis.stop->high))
         text += fmt::format(" limited=\"true\" range=\"{:.17g} {:.17g}\"", axis.stop->low, axis.stop->high);
@@ -144,8 +145,8 @@ class Writer {
     }
   }
 
-  /// Bits of the groups that a group may meet. MuJoCo lets two shapes touch where one's type meets the other's
-  /// affinity.
+  /// Bits of the groups that a group may meet. MuJoCo lets two shapes touch where one's type meets the
+  /// other's affinity.
   unsigned affinity(int group) const {
     unsigned bits = 0;
     for (const model::ContactRule& rule : model_.contact_rules) {
@@ -179,11 +180,12 @@ class Writer {
           size = fmt::format("0 0 {:g}", kPlaneSpacing);
           break;
       }
-      line(fmt::format("{}<geom name=\"{}\" type=\"{}\" size=\"{}\" pos=\"{}\" quat=\"{}\" contype=\"{}\" "
-                       "conaffinity=\"{}\" friction=\"{:.17g} 0.005 0.0001\" mass=\"0\"/>",
-                       std::string(at(indent), ' '), attribute(shape.name), type, size, numbers(shape.pose.p),
-                       wxyz(shape.pose.q), 1U << at(shape.group), affinity(shape.group),
-                       model_.materials[at(shape.material)].friction));
+      line(
+          fmt::format("{}<geom name=\"{}\" type=\"{}\" size=\"{}\" pos=\"{}\" quat=\"{}\" contype=\"{}\" "
+                      "conaffinity=\"{}\" friction=\"{:.17g} 0.005 0.0001\" mass=\"0\"/>",
+                      std::string(at(indent), ' '), attribute(shape.name), type, size, numbers(shape.pose.p),
+                      wxyz(shape.pose.q), 1U << at(shape.group), affinity(shape.group),
+                      model_.materials[at(shape.material)].friction));
     }
   }
 
@@ -209,8 +211,7 @@ class Writer {
       if (!joint.closes_loop) continue;
       connect(joint, joint.child_frame.p);
       // Two points of a hinge's axis hold it.
-      if (joint.kind == JointKind::hinge)
-        connect(joint, joint.child_frame * Vec3(0.01 * joint.axes[0].axis));
+      if (joint.kind == JointKind::hinge) connect(joint, joint.child_frame * Vec3(0.01 * joint.axes[0].axis));
     }
     if (!text.empty()) line("  <equality>\n" + text + "  </equality>");
   }

@@ -64,9 +64,10 @@ class Writer {
   }
 
   void inertial(const Pose& pose, double mass, const Mat3& I) {
-    line(fmt::format("    <inertial>{}<mass value=\"{:.17g}\"/><inertia ixx=\"{:.17g}\" ixy=\"{:.17g}\" "
-                     "ixz=\"{:.17g}\" iyy=\"{:.17g}\" iyz=\"{:.17g}\" izz=\"{:.17g}\"/></inertial>",
-                     origin(pose), mass, I(0, 0), I(0, 1), I(0, 2), I(1, 1), I(1, 2), I(2, 2)));
+    line(
+        fmt::format("    <inertial>{}<mass value=\"{:.17g}\"/><inertia ixx=\"{:.17g}\" ixy=\"{:.17g}\" "
+                    "ixz=\"{:.17g}\" iyy=\"{:.17g}\" iyz=\"{:.17g}\" izz=\"{:.17g}\"/></inertial>",
+                    origin(pose), mass, I(0, 0), I(0, 1), I(0, 2), I(1, 1), I(1, 2), I(2, 2)));
   }
 
   /// A link's frame is its joint's; X_LB of a body.
@@ -113,8 +114,9 @@ class Writer {
 
   void joint(const std::string& name, const char* type, const std::string& parent, const std::string& child,
              const Pose& pose, const std::string& more) {
-    line(fmt::format("  <joint name=\"{}\" type=\"{}\">\n    {}<parent link=\"{}\"/><child link=\"{}\"/>{}\n  </joint>",
-                     attribute(name), type, origin(pose), attribute(parent), attribute(child), more));
+    line(fmt::format(
+        "  <joint name=\"{}\" type=\"{}\">\n    {}<parent link=\"{}\"/><child link=\"{}\"/>{}\n  </joint>",
+        attribute(name), type, origin(pose), attribute(parent), attribute(child), more));
   }
 
   void hang(const model::Joint& each) {
@@ -122,7 +124,8 @@ class Writer {
     // F in the parent's link frame.
     Pose at_parent = in_link(each.parent) * each.parent_frame;
     std::string parent = model_.bodies[at(each.parent)].name;
-    if (model_.bodies[at(each.child)].kinematic) return joint(each.name, "fixed", parent, child, at_parent, "");
+    if (model_.bodies[at(each.child)].kinematic)
+      return joint(each.name, "fixed", parent, child, at_parent, "");
     for (std::size_t i = 0; i < each.axes.size(); ++i) {
       const model::JointAxis& axis = each.axes[i];
       const bool last = i + 1 == each.axes.size();
@@ -138,8 +141,9 @@ class Writer {
       std::string more = fmt::format("<axis xyz=\"{}\"/>", numbers(axis.axis));
       const double far = slider ? 1e3 : 2 * M_PI;
       if (stopped || slider)
-        more += fmt::format("<limit lower=\"{:.17g}\" upper=\"{:.17g}\" effort=\"{:g}\" velocity=\"{:g}\"/>",
-                            stopped ? axis.stop->low : -far, stopped ? axis.stop->high : far, kEffort, kVelocity);
+        more +=
+            fmt::format("<limit lower=\"{:.17g}\" upper=\"{:.17g}\" effort=\"{:g}\" velocity=\"{:g}\"/>",
+                        stopped ? axis.stop->low : -far, stopped ? axis.stop->high : far, kEffort, kVelocity);
       else
         more += fmt::format("<limit effort=\"{:g}\" velocity=\"{:g}\"/>", kEffort, kVelocity);
       if (axis.tissue && settings_.effects.has(Effect::passive_tissue))

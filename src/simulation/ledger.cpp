@@ -55,7 +55,8 @@ std::vector<LedgerEntry> Ledger::phases() const {
   std::vector<LedgerEntry> out;
   out.push_back({"step", steps_, 0, solver_ns() / n, "timed: the engine without the phases below"});
   if (effects_.any_contact()) out.push_back({"collide", steps_, 0, collide_ns_ / n, "timed"});
-  if (effects_.has(Effect::passive_tissue) && rows_) out.push_back({"tissue", steps_, 0, tissue_ns_ / n, "timed"});
+  if (effects_.has(Effect::passive_tissue) && rows_)
+    out.push_back({"tissue", steps_, 0, tissue_ns_ / n, "timed"});
   if (effects_.has(Effect::actuation))
     out.push_back(
         {"control", steps_, 0, (control_ns_ + servo_ns_) / n, "timed: sensing, control, setting the drives"});

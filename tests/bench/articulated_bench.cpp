@@ -2,6 +2,14 @@
 #include <benchmark/benchmark.h>
 
 #include <ode/ode.h>
+#ifdef HANDSIM_WITH_MUJOCO
+#include <mujoco/mujoco.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "handsim/output/mjcf.h"
+#endif
 
 #include "bench/paired.h"
 #include "handsim/engine/articulated/articulated_engine.h"
@@ -39,8 +47,8 @@ Load one_hand() {
   return out;
 }
 
-/// Candidate: the engine's whole step, servos set each time. Yardstick: dWorldStep alone on the same hand, its servos
-/// set once.
+/// Candidate: the engine's whole step, servos set each time. Yardstick: dWorldStep alone on the same hand,
+/// its servos set once.
 void step_against_bare_ode(benchmark::State& state, int width) {
   const Load load = one_hand();
   const model::State start = model::initial_state(load.scene.model);
@@ -71,6 +79,48 @@ BENCHMARK_CAPTURE(step_against_bare_ode, chosen, 0)->UseManualTime()->Unit(bench
 BENCHMARK_CAPTURE(step_against_bare_ode, one_lane, 1)->UseManualTime()->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(step_against_bare_ode, two_lanes, 2)->UseManualTime()->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(step_against_bare_ode, four_lanes, 4)->UseManualTime()->Unit(benchmark::kMillisecond);
+
+#ifdef HANDSIM_WITH_MUJOCO
+/// Yardstick: mj_step of MuJoCo with its Euler method on the exported hand, stops on, no contact tested, the
+/// same spring-dampers by its motors.
+void step_against_mujoco(benchmark::State& state) {
+  const Load load = one_hand();
+  const std::string path = "/tmp/handsim_bench_" + std::to_string(getpid()) + ".xml";
+  std::ofstream(path) << output::to_mjcf(load.scene.model, load.scene.spec.solver);
+  char error[1000] = {};
+  mjModel* other = mj_loadXML(path.c_str(), nullptr, error, sizeof error);
+  std::filesystem::remove(path);
+  if (!other) return state.SkipWithError(error);
+  other->opt.disableflags |= mjDSBL_CONTACT;
+  mjData* data = mj_makeData(other);
+  engine::Settings settings = load.scene.spec.solver;
+  settings.method = engine::Method::semi_implicit_euler;
+  engine::articulated::ArticulatedEngine engine(load.scene.model, settings);
+  const model::State start = model::initial_state(load.scene.model);
+  compare(
+      state, kSteps,
+      [&] {
+        mj_resetDataKeyframe(other, data, 0);
+        engine.set_state(start);
+      },
+      [&] {
+        for (std::size_t i = 0; i < kSteps; ++i) {
+          for (int k = 0; k < other->nu; ++k) {
+            const model::Servo& servo = load.servos[i % kTurns][static_cast<std::size_t>(k)];
+            data->ctrl[k] = servo.stiffness * servo.error - servo.damping * data->qvel[k];
+          }
+          mj_step(other, data);
+        }
+      },
+      [&] {
+        for (std::size_t i = 0; i < kSteps; ++i) engine.step({.servos = load.servos[i % kTurns]});
+      });
+  state.SetLabel(engine.version() + " against MuJoCo " + mj_versionString());
+  mj_deleteData(data);
+  mj_deleteModel(other);
+}
+BENCHMARK(step_against_mujoco)->UseManualTime()->Unit(benchmark::kMillisecond);
+#endif
 
 /// The poses of all bodies out of the joint coordinates.
 void read_state(benchmark::State& state) {

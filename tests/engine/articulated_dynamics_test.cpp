@@ -1,4 +1,5 @@
-// The recursive algorithms on random trees of every kind of joint: each against another way to the same numbers.
+// The recursive algorithms on random trees of every kind of joint: each against another way to the same
+// numbers.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -34,7 +35,8 @@ using test::random_pose;
 using test::random_vector;
 using test::settings;
 
-/// A tree of 14 bodies with every kind of joint, some hanging on the world, one on a kinematic body, one free.
+/// A tree of 14 bodies with every kind of joint, some hanging on the world, one on a kinematic body, one
+/// free.
 model::Model random_tree(std::mt19937& random) {
   model::Model model = model::make_model();
   model::Body palm = test::body("palm", 0.3, {3e-4, 3e-4, 5e-4}, random_pose(random));
@@ -46,7 +48,8 @@ model::Model random_tree(std::mt19937& random) {
   for (int i = 0; i < 12; ++i) {
     model::Body body = test::body("b" + std::to_string(i), 0.1 * u(random), Vec3::Zero());
     const Mat3 turn = rotation_quaternion(random_vector(random)).toRotationMatrix();
-    body.inertia = turn * (1e-4 * Vec3(u(random), u(random), u(random)).array() + 1e-4).matrix().asDiagonal() *
+    body.inertia = turn *
+                   (1e-4 * Vec3(u(random), u(random), u(random)).array() + 1e-4).matrix().asDiagonal() *
                    turn.transpose();
     body.inertia = 0.5 * (body.inertia + body.inertia.transpose()).eval();
     const int child = test::add_body(model, body);
@@ -57,8 +60,8 @@ model::Model random_tree(std::mt19937& random) {
     std::vector<Vec3> axes;
     if (kind != JointKind::ball) axes.push_back(a);
     if (kind == JointKind::universal) axes.push_back(a.unitOrthogonal());
-    test::add_joint(model, "j" + std::to_string(i), kind, parent, child, random_pose(random), random_pose(random),
-                    axes);
+    test::add_joint(model, "j" + std::to_string(i), kind, parent, child, random_pose(random),
+                    random_pose(random), axes);
   }
   return model;
 }
@@ -121,7 +124,8 @@ TEST(ArticulatedDynamics, InverseAfterForwardGivesTheTorquesBack) {
   }
 }
 
-// Oracle: the equation of motion, column by column: H e_i = ID(q, u, e_i) - ID(q, u, 0); and its factor undoes it.
+// Oracle: the equation of motion, column by column: H e_i = ID(q, u, e_i) - ID(q, u, 0); and its factor
+// undoes it.
 TEST(ArticulatedDynamics, InertiaMatrixIsWhatInverseDynamicsSays) {
   std::mt19937 random(2);
   for (int tree = 0; tree < 20; ++tree) {
@@ -195,9 +199,8 @@ TEST(ArticulatedDynamics, CoordinatesAndBodyPosesAreExactBothWays) {
     const BaseMotion base = mechanism.base(1);
     state.bodies[1] = {base.pose.p, base.pose.q, base.v, base.w};
     mechanism.give(state);
-    EXPECT_LT(*std::max_element(
-                  mechanism.q().begin(), mechanism.q().end(),
-                  [](double a, double b) { return std::abs(a) < std::abs(b); }),
+    EXPECT_LT(*std::max_element(mechanism.q().begin(), mechanism.q().end(),
+                                [](double a, double b) { return std::abs(a) < std::abs(b); }),
               10);
     for (const model::Joint& joint : model.joints) EXPECT_LT(model::joint_gap(joint, state), 1e-14);
     Mechanism other(model, kGravity, kernels().back());
@@ -216,10 +219,12 @@ TEST(ArticulatedDynamics, CoordinatesAndBodyPosesAreExactBothWays) {
 
 std::vector<std::uint64_t> bits_after(const model::Model& model, const Settings& with, const Kernel* kernel) {
   ArticulatedEngine engine(model, with, kernel);
-  const std::vector<model::Servo> servos(static_cast<std::size_t>(model.dof_count()), {0.2, 1e-3, 0.3, 0, 0.02});
+  const std::vector<model::Servo> servos(static_cast<std::size_t>(model.dof_count()),
+                                         {0.2, 1e-3, 0.3, 0, 0.02});
   std::vector<model::Servo> none(servos.size());
   bool driven = with.effects.has(Effect::actuation);
-  for (int i = 0; i < 200; ++i) engine.step({.servos = driven ? std::span(servos) : std::span<model::Servo>()});
+  for (int i = 0; i < 200; ++i)
+    engine.step({.servos = driven ? std::span(servos) : std::span<model::Servo>()});
   return test::bits(engine.state());
 }
 
@@ -227,8 +232,9 @@ std::vector<std::uint64_t> bits_after(const model::Model& model, const Settings&
 TEST(ArticulatedDynamics, EveryVectorUnitGivesTheSameBits) {
   ASSERT_GE(kernels().size(), 2U);
   model::Model fingers = test::five_fingers(true, true);
-  const Settings hand = settings({Effect::gravity, Effect::passive_tissue, Effect::joint_stops, Effect::actuation},
-                                 1e-3, Method::semi_implicit_euler);
+  const Settings hand =
+      settings({Effect::gravity, Effect::passive_tissue, Effect::joint_stops, Effect::actuation}, 1e-3,
+               Method::semi_implicit_euler);
   std::mt19937 random(5);
   const model::Model tree = random_tree(random);
   const Settings plain = settings({Effect::gravity}, 1e-3, Method::rk4);
@@ -264,8 +270,8 @@ TEST(ArticulatedDynamics, AStepAllocatesNothing) {
     }
     return allocations - before;
   };
-  Settings with = settings({Effect::gravity, Effect::passive_tissue, Effect::actuation, Effect::wrist_motion}, 1e-3,
-                           Method::semi_implicit_euler);
+  Settings with = settings({Effect::gravity, Effect::passive_tissue, Effect::actuation, Effect::wrist_motion},
+                           1e-3, Method::semi_implicit_euler);
   with.effects.add(Effect::joint_stops);
   EXPECT_EQ(count(with), 0);
   with.effects.remove(Effect::joint_stops);

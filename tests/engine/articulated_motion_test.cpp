@@ -1,4 +1,5 @@
-// Smooth and falling motion on the articulated engine: conservation, and engines that share nothing but the Model.
+// Smooth and falling motion on the articulated engine: conservation, and engines that share nothing but the
+// Model.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -76,8 +77,8 @@ TEST_P(FallingHand, ConvergesWithItsMethodsOrders) {
   const auto error = [&](Method method, double h) {
     return largest_distance(fallen(model_, method, h), reference);
   };
-  EXPECT_NEAR(std::log2(error(Method::semi_implicit_euler, 2e-4) / error(Method::semi_implicit_euler, 1e-4)), 1,
-              0.1);
+  EXPECT_NEAR(std::log2(error(Method::semi_implicit_euler, 2e-4) / error(Method::semi_implicit_euler, 1e-4)),
+              1, 0.1);
   EXPECT_NEAR(std::log2(error(Method::rk4, 2e-4) / error(Method::rk4, 1e-4)), 4, 0.5);
 }
 
@@ -99,7 +100,8 @@ INSTANTIATE_TEST_SUITE_P(Hands, FallingHand,
                                          std::pair("anatomical.yaml", hand::Mount::free)),
                          [](const auto& each) { return "N" + std::to_string(each.index); });
 
-// Oracle: conservation. A limp hand swings for 10 s at 1 ms; 1e-8 of the energy it swings with: the bound.
+// Oracle: conservation. A limp hand swings for 10 s at 1 ms; 1e-8 of the energy it swings with: the issue's
+// bound.
 TEST(ArticulatedMotion, KeepsEnergyForTenSecondsWithRk4) {
   const model::Model model = shipped_hand("anatomical.yaml", hand::Mount::free);
   const auto engine = make_engine(model, settings({}, 1e-3, Method::rk4));
@@ -207,7 +209,8 @@ TEST(ArticulatedMotion, GoesOnFromASavedState) {
     engine->set_state(saved);
     EXPECT_EQ(engine->state().time, saved.time);
     test::run(*engine, 20);
-    EXPECT_LT(largest_distance(model::coordinates(model, engine->state()), model::coordinates(model, want)), 1e-9);
+    EXPECT_LT(largest_distance(model::coordinates(model, engine->state()), model::coordinates(model, want)),
+              1e-9);
   }
 }
 

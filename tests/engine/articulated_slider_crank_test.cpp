@@ -23,7 +23,8 @@ struct Errors {
   double energy = 0;    ///< largest change [J]
 };
 
-Errors run(const SliderCrankSpec& spec, Method method, double step, double duration, double tolerance = 1e-9) {
+Errors run(const SliderCrankSpec& spec, Method method, double step, double duration,
+           double tolerance = 1e-9) {
   const model::Model model = handsim::test::slider_crank(spec);
   Settings with = settings({Effect::gravity}, step, method);
   with.tolerance = tolerance;
@@ -44,7 +45,8 @@ Errors run(const SliderCrankSpec& spec, Method method, double step, double durat
   return out;
 }
 
-// Oracle: the choice of cuts: 3 rows of a ball, where the model closes the loop with the 4 of a universal joint.
+// Oracle: the choice of cuts: 3 rows of a ball, where the model closes the loop with the 4 of a universal
+// joint.
 TEST(ArticulatedSliderCrank, IsCutAtItsBallJoint) {
   const model::Model model = handsim::test::slider_crank(SliderCrankSpec::iftomm());
   const articulated::Topology topology = articulated::make_topology(model);
@@ -88,10 +90,10 @@ TEST(ArticulatedSliderCrank, StaysClosedAtAnyStep) {
     EXPECT_LT(run(SliderCrankSpec::iftomm(), Method::semi_implicit_euler, step, 2).gap, 1e-12) << step;
 }
 
-// Oracle: energy, and the loop, through dead centres with three dependent rows; turned, so that no zero is exact.
+// Oracle: energy, and the loop, through dead centres with three dependent rows; turned, so that no zero is
+// exact.
 TEST(ArticulatedSliderCrank, TakesDependentRowsThroughDeadCentres) {
-  const model::Model model =
-      handsim::test::planar_slider_crank(rotation_quaternion({0.3, 0.5, -0.2}));
+  const model::Model model = handsim::test::planar_slider_crank(rotation_quaternion({0.3, 0.5, -0.2}));
   const auto engine = make_engine(model, settings({}, 1e-2, Method::dormand_prince));
   const double start = model::kinetic_energy(model, engine->state());
   double gap = 0;
@@ -104,8 +106,8 @@ TEST(ArticulatedSliderCrank, TakesDependentRowsThroughDeadCentres) {
 }
 
 TEST(ArticulatedSliderCrank, HoldsEveryKindOfCutJoint) {
-  for (const model::JointKind kind : {model::JointKind::hinge, model::JointKind::universal, model::JointKind::ball,
-                                      model::JointKind::slider}) {
+  for (const model::JointKind kind : {model::JointKind::hinge, model::JointKind::universal,
+                                      model::JointKind::ball, model::JointKind::slider}) {
     model::Model model = model::make_model();
     model.gravity = {1, 2, -9};
     for (int i = 0; i < 3; ++i)
@@ -122,8 +124,7 @@ TEST(ArticulatedSliderCrank, HoldsEveryKindOfCutJoint) {
     tie.parent = 3;
     tie.child = 1;
     tie.parent_frame = {Vec3(0.02, 0.03, 0.01), rotation_quaternion({0.4, 0.2, 0.1})};
-    tie.child_frame =
-        model.bodies[1].zero_pose.inverse() * model.bodies[3].zero_pose * tie.parent_frame;
+    tie.child_frame = model.bodies[1].zero_pose.inverse() * model.bodies[3].zero_pose * tie.parent_frame;
     const int axes = kind == model::JointKind::ball ? 0 : model::dof_count(kind);
     for (int i = 0; i < axes; ++i) {
       tie.axes.emplace_back();

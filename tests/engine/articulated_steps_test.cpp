@@ -18,7 +18,9 @@ constexpr Method kEuler = Method::semi_implicit_euler;
 double angle(const model::Model& model, const Engine& engine) {
   return model::coordinates(model, engine.state())[0];
 }
-double rate(const model::Model& model, const Engine& engine) { return model::rates(model, engine.state())[0]; }
+double rate(const model::Model& model, const Engine& engine) {
+  return model::rates(model, engine.state())[0];
+}
 
 void drive(const model::Model& model, Engine& engine, Servo servo, double target, int steps) {
   for (int i = 0; i < steps; ++i) {
@@ -33,8 +35,8 @@ model::Model hinge(std::optional<model::Stop> stop = std::nullopt) {
   return model;
 }
 
-// Oracle: the implicit spring-damper's recurrence, I (v+ - v) = h (k (target - x - h v+) - c v+), x+ = x + h v+.
-// 1e-12: rounding of 500 steps.
+// Oracle: the implicit spring-damper's recurrence, I (v+ - v) = h (k (target - x - h v+) - c v+), x+ = x + h
+// v+. 1e-12: rounding of 500 steps.
 TEST(ArticulatedServo, FollowsTheImplicitRecurrence) {
   const double w = 2 * M_PI * 8, k = kInertia * w * w, c = 2 * kInertia * w;
   for (const double h : {1e-3, 5e-3, 1e-2, 2e-2}) {
@@ -62,12 +64,12 @@ TEST(ArticulatedServo, HoldsItsTorqueLimitAndComesOffIt) {
   EXPECT_NEAR(angle(model, *engine), 0.5, 1e-9);
 }
 
-// Oracle: stiff limits of stability do not exist for the end of the step: gains a million times beyond the explicit
-// limit hold a hand at 20 ms, and it ends where its targets are.
+// Oracle: stiff limits of stability do not exist for the end of the step: gains a million times beyond the
+// explicit limit hold a hand at 20 ms, and it ends where its targets are.
 TEST(ArticulatedServo, IsStableAtTwentyMilliseconds) {
   const model::Model model = test::five_fingers(true, true);
-  Settings with =
-      settings({Effect::actuation, Effect::gravity, Effect::passive_tissue, Effect::joint_stops}, 2e-2, kEuler);
+  Settings with = settings({Effect::actuation, Effect::gravity, Effect::passive_tissue, Effect::joint_stops},
+                           2e-2, kEuler);
   const auto engine = make_engine(model, with);
   std::vector<Servo> servos(static_cast<std::size_t>(model.dof_count()), {100, 1, 0, 0, 1e6});
   for (int i = 0; i < 500; ++i) {
@@ -83,8 +85,7 @@ TEST(ArticulatedServo, IsStableAtTwentyMilliseconds) {
 TEST(ArticulatedStop, IsNeverPassed) {
   for (const double h : {1e-3, 2e-2}) {
     const model::Model model = hinge(model::Stop{-0.5, 0.5, 0, 1});
-    const auto engine =
-        make_engine(model, settings({Effect::actuation, Effect::joint_stops}, h, kEuler));
+    const auto engine = make_engine(model, settings({Effect::actuation, Effect::joint_stops}, h, kEuler));
     for (int i = 0; i < 300; ++i) {
       drive(model, *engine, {0.05, 1e-4, 0, 0, 1}, i < 150 ? 1.5 : -2, 1);
       EXPECT_LT(std::abs(angle(model, *engine)), 0.5 + 1e-12);
@@ -110,8 +111,7 @@ TEST(ArticulatedStop, LetsGoWithoutASpike) {
   for (const bool stop : {false, true}) {
     model::Model model = hinge(stop ? std::optional(model::Stop{-0.5, 0.5, 0, 1}) : std::nullopt);
     model.joints[0].axes[0].initial = 0.5;
-    const auto engine =
-        make_engine(model, settings({Effect::actuation, Effect::joint_stops}, 1e-3, kEuler));
+    const auto engine = make_engine(model, settings({Effect::actuation, Effect::joint_stops}, 1e-3, kEuler));
     drive(model, *engine, {0, 1e-3, 0, 1e-2, 1}, 0, 20);
     if (stop) {
       EXPECT_NEAR(angle(model, *engine), 0.5, 1e-12);
@@ -122,8 +122,8 @@ TEST(ArticulatedStop, LetsGoWithoutASpike) {
   EXPECT_NEAR(rates[1], -1.0 / 3.0, 1e-9);
 }
 
-// Oracle: ODE with hard stops (no pull back, so that it does not rebound): both hands come to rest on the same stops
-// on the same way. Of first order, so a tenth of the step brings them ten times as near.
+// Oracle: ODE with hard stops (no pull back, so that it does not rebound): both hands come to rest on the
+// same stops on the same way. Of first order, so a tenth of the step brings them ten times as near.
 TEST(ArticulatedStop, StopsAFallingHandAsOdeDoes) {
   const model::Model model = test::five_fingers(true, true);
   const auto fall = [&](Method method, double h) {
@@ -179,7 +179,8 @@ TEST(ArticulatedEngine, RefusesWhatItCannotDo) {
   for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact})
     EXPECT_NE(refusal(model, settings({effect}, 1e-3, kEuler)).find("no contact with engine articulated"),
               std::string::npos);
-  EXPECT_NE(refusal(model, settings({Effect::joint_stops}, 1e-3, Method::rk4)).find("joint_stops"), std::string::npos);
+  EXPECT_NE(refusal(model, settings({Effect::joint_stops}, 1e-3, Method::rk4)).find("joint_stops"),
+            std::string::npos);
   EXPECT_EQ(refusal(model, settings({Effect::joint_stops}, 1e-3, kEuler)), "");
   const auto engine = make_engine(model, settings({}, 1e-3, kEuler));
   const std::vector<Servo> servos(static_cast<std::size_t>(model.dof_count()), {1, 1, 0, 0, 1});

@@ -1,4 +1,5 @@
-// Exported models in MuJoCo: it loads them without a word and computes the same dynamics as the articulated engine.
+// Exported models in MuJoCo: it loads them without a word and computes the same dynamics as the articulated
+// engine.
 #include <gtest/gtest.h>
 
 #include <mujoco/mujoco.h>
@@ -45,10 +46,13 @@ ModelPointer load(const std::string& text, const char* name) {
 }
 
 scene::Scene hand(const std::string& model, const std::string& mount) {
-  return shipped_scene("two_hands", {"hands.0.model=" + source("handmodels/" + model + ".yaml").string(),
-                                     "hands.1.model=" + source("handmodels/" + model + ".yaml").string(),
-                                     "hands.0.pose={}", "hands.1.pose={}", "hands.0.tissue={}",
-                                     "hands.1.tissue={}", "hands.0.wrist.mount=" + mount});
+  return shipped_scene(
+      "two_hands",
+      {"hands.0.model=" + source("handmodels/" + model + ".yaml").string(),
+       "hands.1.model=" + source("handmodels/" + model + ".yaml").string(), "hands.0.pose={}",
+       "hands.1.pose={}", "hands.0.tissue={}", "hands.1.tissue={}", "hands.0.wrist.mount=" + mount,
+       model == "prototype" ? "effects=[gravity, joint_stops]"
+                            : "effects=[gravity, joint_stops, passive_tissue]"});
 }
 
 /// Where a node's rates stand in MuJoCo.
@@ -124,7 +128,8 @@ TEST_P(InMujoco, TheSameDynamicsComeOut) {
       const Quat q_WB = rotation_quaternion(Vec3(u(random), u(random), u(random)) * 2);
       const Quat q_WL = q_WB * node.q_LB.conjugate();
       const double p[3] = {u(random), u(random), u(random)};
-      for (std::size_t k = 0; k < 3; ++k) mechanism.q()[mechanism.seat(i).q + k] = data->qpos[match.q + static_cast<int>(k)] = p[k];
+      for (std::size_t k = 0; k < 3; ++k)
+        mechanism.q()[mechanism.seat(i).q + k] = data->qpos[match.q + static_cast<int>(k)] = p[k];
       const double w[4] = {q_WB.w(), q_WB.x(), q_WB.y(), q_WB.z()};
       for (int k = 0; k < 4; ++k) {
         mechanism.q()[mechanism.seat(i).q + 3 + static_cast<std::size_t>(k)] = q_WL.coeffs()[k];
@@ -172,7 +177,8 @@ TEST_P(InMujoco, TheSameDynamicsComeOut) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Hands, InMujoco,
-                         testing::Values(std::pair("anatomical", "fixed"), std::pair("anatomical", "universal"),
+                         testing::Values(std::pair("anatomical", "fixed"),
+                                         std::pair("anatomical", "universal"),
                                          std::pair("anatomical", "free"), std::pair("prototype", "fixed"),
                                          std::pair("prototype", "free")),
                          [](const auto& each) {

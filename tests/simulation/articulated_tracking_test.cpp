@@ -36,7 +36,8 @@ TEST(ArticulatedTracking, GoesWhereOdeGoesAsTheStepShrinks) {
   EXPECT_LT(fine, 0.25 * coarse);
 }
 
-// Oracle: its own motion at 1 ms. The same targets are held at 20 ms, where explicit gains would have exploded.
+// Oracle: its own motion at 1 ms. The same targets are held at 20 ms, where explicit gains would have
+// exploded.
 TEST(ArticulatedTracking, HoldsAPoseAtTwentyMilliseconds) {
   const std::vector<double> fine = tracked("articulated", "semi_implicit_euler", "1 ms");
   EXPECT_LT(distance(tracked("articulated", "semi_implicit_euler", "20 ms"), fine), 0.05);

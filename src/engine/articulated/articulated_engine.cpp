@@ -13,8 +13,8 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-/// Corrections of stops and torque limits all at once, before they are made one by one, the first that is wrong
-/// first (Murty 1974: such a sequence ends), and how many of these.
+/// Corrections of stops and torque limits all at once, before they are made one by one, the first that is
+/// wrong first (Murty 1974: such a sequence ends), and how many of these.
 constexpr int kJointCorrections = 8, kSingleCorrections = 200;
 /// A start whose loops are further apart than this is said to have been moved, beyond kOpen refused [m].
 constexpr double kMovedGap = 1e-9, kOpen = 1e-8;
@@ -57,7 +57,8 @@ const model::Model& checked(const model::Model& model, const Settings& settings)
 
 }  // namespace
 
-ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& settings, const Kernel* kernel)
+ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& settings,
+                                     const Kernel* kernel)
     : model_(checked(model, settings)), settings_(settings), mechanism_(model, settings, kernel) {
   if (settings.effects.has(model::Effect::wrist_motion))
     for (std::size_t i = 0; i < model.drives.size(); ++i) drives_.push_back(static_cast<int>(i));
@@ -137,14 +138,15 @@ void ArticulatedEngine::accept(const StepInput& input) {
     mechanism_.set_torques(input.torques);
     had_torques_ = !input.torques.empty();
   }
-  const bool fits = input.servos.empty() ||
-                    (settings_.effects.has(model::Effect::actuation) &&
-                     input.servos.size() == static_cast<std::size_t>(model_.dof_count()));
+  const bool fits =
+      input.servos.empty() || (settings_.effects.has(model::Effect::actuation) &&
+                               input.servos.size() == static_cast<std::size_t>(model_.dof_count()));
   if (!fits || !mechanism_.set_servos(input.servos, smooth(settings_)))
     if (auto fault = servo_fault(model_, settings_, time_, input.servos)) fail(std::move(*fault));
 }
 
-/// Gives driven bodies the constant velocities of a step that ends at a time. False where all of them stand still.
+/// Gives driven bodies the constant velocities of a step that ends at a time. False where all of them stand
+/// still.
 bool ArticulatedEngine::aim_bases(double end) {
   const double h = settings_.step;
   bool moving = false;
@@ -173,7 +175,8 @@ void ArticulatedEngine::place_bases() {
   mechanism_.settle_bases();
 }
 
-/// Accelerations of a step with the stops and torque limits that they agree with. Returns 1 where none were found.
+/// Accelerations of a step with the stops and torque limits that they agree with. Returns 1 where none were
+/// found.
 int ArticulatedEngine::solve_step() {
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();

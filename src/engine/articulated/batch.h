@@ -1,10 +1,10 @@
 // What the recursive algorithms work on: nodes of one kind and one depth side by side, W to a batch, every
-// quantity an array of W lanes, so that the five fingers of a hand are one pass of the vector unit. Plain data,
-// the same for every instruction set.
+// quantity an array of W lanes, so that the five fingers of a hand are one pass of the vector unit. Plain
+// data, the same for every instruction set.
 //
-// All spatial vectors are in world axes about the origin O of their island (Featherstone 2008, section 2.1, p. 7:
-// Plucker coordinates), angular part first: nothing has to be transformed from link to link. O is where the
-// island's reference node has its joint, so that distances stay as small as the mechanism.
+// All spatial vectors are in world axes about the origin O of their island (Featherstone 2008, section 2.1,
+// p. 7: Plucker coordinates), angular part first: nothing has to be transformed from link to link. O is where
+// the island's reference node has its joint, so that distances stay as small as the mechanism.
 #pragma once
 
 namespace handsim::engine::articulated {
@@ -48,17 +48,17 @@ struct alignas(64) Axis {
   Lane<W> low, high, bounce;
   Lane<W> present;  ///< 1 where the lane has a node, else 0
   // Of the step.
-  Lane<W> tau;                                                       ///< plain torque [N m] or [N]
+  Lane<W> tau;  ///< plain torque [N m] or [N]
   Lane<W> servo_stiffness, servo_damping, servo_error, servo_feed, servo_limit;
   // Kept from step to step: what the solution found in force.
   Lane<W> side;       ///< -1 on the low stop, 1 on the high one, else 0
   Lane<W> saturated;  ///< -1, 1: the servo is at its limit, else 0
   // Into the solution.
-  Lane<W> force;    ///< generalised force [N m] or [N]
-  Lane<W> weight;   ///< added to the joint-space inertia
-  Lane<W> locked;   ///< 1: the acceleration is `given`
-  Lane<W> given;    ///< [1/s^2 times the coordinate's unit]
-  Lane<W> reaction; ///< out: force of the lock
+  Lane<W> force;     ///< generalised force [N m] or [N]
+  Lane<W> weight;    ///< added to the joint-space inertia
+  Lane<W> locked;    ///< 1: the acceleration is `given`
+  Lane<W> given;     ///< [1/s^2 times the coordinate's unit]
+  Lane<W> reaction;  ///< out: force of the lock
 };
 
 enum class ParentLink {
@@ -77,22 +77,23 @@ struct alignas(64) Batch {
   Lane<W> h[3];  ///< mass times p
   Lane<W> I[6];  ///< rotational inertia about O: xx, xy, xz, yy, yz, zz
   // Of the velocity.
-  Lane<W> c[6];  ///< velocity-product acceleration
-  Lane<W> pv[6]; ///< velocity-product force v x* I v
+  Lane<W> c[6];   ///< velocity-product acceleration
+  Lane<W> pv[6];  ///< velocity-product force v x* I v
   // What children hand down: A angular block (as I), B coupling (rows first), C linear block, p force.
   Lane<W> A[6], B[9], C[6], p[6];
-  Lane<W> U[6], weighted, inverse, u_force, rate;  ///< U, D with its weight, 1/D, u, and du apart from the parent's
+  Lane<W> U[6], weighted, inverse, u_force,
+      rate;  ///< U, D with its weight, 1/D, u, and du apart from the parent's
   Frame<W> frame;
   // Last, so that every Lane is aligned.
   NodeKind kind;
   ParentLink link;
   bool has_children;
   bool massless;  ///< no lane has a body
-  int parent;  ///< batch; of Base frames where link is base
+  int parent;     ///< batch; of Base frames where link is base
   int parent_batch[W], parent_lane[W];
-  int used;    ///< lanes with a node
-  int q, u;    ///< first position and rate
-  int axis;    ///< index of its Axis or Joint3
+  int used;  ///< lanes with a node
+  int q, u;  ///< first position and rate
+  int axis;  ///< index of its Axis or Joint3
 };
 
 /// The larger blocks of ball and free nodes.
@@ -112,12 +113,12 @@ struct Tree {
   void* axis = nullptr;
   void* joint3 = nullptr;
   void* base = nullptr;
-  int rates = 0, positions = 0;  ///< sizes of the arrays below, all lanes counted
-  double* q = nullptr;           ///< positions, [batch][component][lane]
-  double* u = nullptr;           ///< rates
-  double* du = nullptr;          ///< accelerations
+  int rates = 0, positions = 0;        ///< sizes of the arrays below, all lanes counted
+  double* q = nullptr;                 ///< positions, [batch][component][lane]
+  double* u = nullptr;                 ///< rates
+  double* du = nullptr;                ///< accelerations
   double max_speed = 0, max_turn = 0;  ///< bounds of every link [m/s], [rad/s]
-  double erp = 1;                ///< share of an angle beyond its stop that a step brings back
+  double erp = 1;                      ///< share of an angle beyond its stop that a step brings back
 };
 
 /// The algorithms for one width and instruction set. Same bits from every one of them.
@@ -135,8 +136,8 @@ struct Kernel {
   void (*prepare_smooth)(const Tree&);
   /// du from q, u, forces and weights: the articulated-body algorithm.
   void (*solve)(const Tree&);
-  /// Compares du with the stops and limits that it was found with and corrects these. `single`: only the first
-  /// one that is wrong. True where nothing was wrong. @param step [s]
+  /// Compares du with the stops and limits that it was found with and corrects these. `single`: only the
+  /// first one that is wrong. True where nothing was wrong. @param step [s]
   bool (*revise)(const Tree&, double step, bool single);
   /// u += h du, then q by u.
   void (*integrate)(const Tree&, double step);

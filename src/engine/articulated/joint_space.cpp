@@ -111,20 +111,23 @@ void JointSpace::factor() {
     H_[index(k, k)] = pivot;
     for (int i = parent_dof_[at(k)]; i != kNone; i = parent_dof_[at(i)]) H_[index(k, i)] /= pivot;
     for (int i = parent_dof_[at(k)]; i != kNone; i = parent_dof_[at(i)])
-      for (int j = i; j != kNone; j = parent_dof_[at(j)]) H_[index(i, j)] -= H_[index(k, i)] * H_[index(k, j)];
+      for (int j = i; j != kNone; j = parent_dof_[at(j)])
+        H_[index(i, j)] -= H_[index(k, i)] * H_[index(k, j)];
   }
 }
 
 void JointSpace::solve_transposed(std::span<double> x) const {
   for (int i = n_ - 1; i >= 0; --i) {
     x[at(i)] /= H_[index(i, i)];
-    for (int j = parent_dof_[at(i)]; j != kNone; j = parent_dof_[at(j)]) x[at(j)] -= H_[index(i, j)] * x[at(i)];
+    for (int j = parent_dof_[at(i)]; j != kNone; j = parent_dof_[at(j)])
+      x[at(j)] -= H_[index(i, j)] * x[at(i)];
   }
 }
 
 void JointSpace::solve_factor(std::span<double> x) const {
   for (int i = 0; i < n_; ++i) {
-    for (int j = parent_dof_[at(i)]; j != kNone; j = parent_dof_[at(j)]) x[at(i)] -= H_[index(i, j)] * x[at(j)];
+    for (int j = parent_dof_[at(i)]; j != kNone; j = parent_dof_[at(j)])
+      x[at(i)] -= H_[index(i, j)] * x[at(j)];
     x[at(i)] /= H_[index(i, i)];
   }
 }

@@ -1,6 +1,6 @@
-// The equation of motion in joint space, H(q) du + C(q, u) = tau (Featherstone 2008, eq. 6.1, p. 101), of a mechanism
-// of one lane: inverse dynamics, inertia matrix, its sparse factor, Jacobians. What loops, contacts and comparisons
-// with other engines need; plain forward dynamics needs none of it.
+// The equation of motion in joint space, H(q) du + C(q, u) = tau (Featherstone 2008, eq. 6.1, p. 101), of a
+// mechanism of one lane: inverse dynamics, inertia matrix, its sparse factor, Jacobians. What loops, contacts
+// and comparisons with other engines need; plain forward dynamics needs none of it.
 #pragma once
 
 #include <span>
@@ -17,14 +17,15 @@ using Spatial = Eigen::Matrix<double, 6, 1>;
 
 class JointSpace {
  public:
-  /// @param mechanism of one lane; must outlive this. All below speak of where its `kinematics` last found it, its
+  /// @param mechanism of one lane; must outlive this. All below speak of where its `kinematics` last found
+  /// it, its
   ///        rates and its bases' motion. Rates are in the order of Mechanism::u().
   explicit JointSpace(Mechanism& mechanism);
 
   int size() const { return n_; }
 
-  /// tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3, Table 5.1, p. 96). Gravity
-  /// and the bases' accelerations included; leaves each node's acceleration for `acceleration`.
+  /// tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3, Table 5.1, p. 96).
+  /// Gravity and the bases' accelerations included; leaves each node's acceleration for `acceleration`.
   void inverse_dynamics(std::span<const double> du, std::span<double> tau);
   /// H by the composite-rigid-body algorithm (section 6.2, Table 6.2, p. 107), into `inertia()`.
   void find_inertia();
@@ -37,10 +38,11 @@ class JointSpace {
   void solve_transposed(std::span<double> x) const;
   void solve_factor(std::span<double> x) const;
 
-  /// Adds sign * J^T-row of a wrench on a node: out[i] += sign * S_i . wrench for every dof that carries the node.
+  /// Adds sign * J^T-row of a wrench on a node: out[i] += sign * S_i . wrench for every dof that carries the
+  /// node.
   void add_row(int node, const Spatial& wrench, double sign, std::span<double> out) const;
-  /// What the square of that row, by the inverse inertia, could come to; after `factor`. A row far below it is zero
-  /// but for rounding.
+  /// What the square of that row, by the inverse inertia, could come to; after `factor`. A row far below it
+  /// is zero but for rounding.
   double row_scale(int node, const Spatial& wrench) const;
   /// Spatial velocity of a node.
   Spatial velocity(int node) const;

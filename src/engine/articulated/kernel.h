@@ -1,6 +1,6 @@
-// The recursive algorithms in lanes: written once for any number type V, built for each instruction set in a file
-// of its own. Notation of Featherstone 2008; body-fixed steps in world axes about O, so that X is the identity.
-// Included by the kernel_*.cpp files only.
+// The recursive algorithms in lanes: written once for any number type V, built for each instruction set in a
+// file of its own. Notation of Featherstone 2008; body-fixed steps in world axes about O, so that X is the
+// identity. Included by the kernel_*.cpp files only.
 #pragma once
 
 #include "handsim/engine/articulated/batch.h"
@@ -112,7 +112,8 @@ struct Lanes {
         V s, c;
         sine_cosine(V(load(q) * 0.5), s, c);
         const Q4<V> k = load4(b.before), t = load4(b.turned);
-        quat = load4(from.quat) * Q4<V>{c * k.x + s * t.x, c * k.y + s * t.y, c * k.z + s * t.z, c * k.w + s * t.w};
+        quat = load4(from.quat) *
+               Q4<V>{c * k.x + s * t.x, c * k.y + s * t.y, c * k.z + s * t.z, c * k.w + s * t.w};
         const V3<V> o = load3(from.p) + load_mat(from.R) * load3(b.anchor);
         const Mat<V> R = rotation(quat);
         const V3<V> axis = R * load3(b.direction);
@@ -131,14 +132,14 @@ struct Lanes {
       }
       case NodeKind::ball: {
         const Q4<V> q_WF = load4(from.quat) * load4(b.before);
-        quat = q_WF * unit({load(q), load(q + W), load(q + 2 * W), load(q + 3 * W)}) * load4(joint3(tree, b).after);
+        quat = q_WF * unit({load(q), load(q + W), load(q + 2 * W), load(q + 3 * W)}) *
+               load4(joint3(tree, b).after);
         const V3<V> o = load3(from.p) + load_mat(from.R) * load3(b.anchor);
         const Mat<V> R = rotation(quat), R_F = rotation(q_WF);
         p = o + R * load3(b.arm);
         Joints3& joint = joint3(tree, b);
-        const V3<V> axes[3] = {{R_F.r0.x, R_F.r1.x, R_F.r2.x},
-                               {R_F.r0.y, R_F.r1.y, R_F.r2.y},
-                               {R_F.r0.z, R_F.r1.z, R_F.r2.z}};
+        const V3<V> axes[3] = {
+            {R_F.r0.x, R_F.r1.x, R_F.r2.x}, {R_F.r0.y, R_F.r1.y, R_F.r2.y}, {R_F.r0.z, R_F.r1.z, R_F.r2.z}};
         for (int k = 0; k < 3; ++k) store6(joint.S[k], {axes[k], cross(o, axes[k])});
         return settle(b, quat, R, p);
       }
@@ -171,9 +172,9 @@ struct Lanes {
     };
     const V xx = h.x * p.x, yy = h.y * p.y, zz = h.z * p.z;
     store3(b.h, h);
-    store_sym(b.I, {entry(R.r0, R.r0) + (yy + zz), entry(R.r0, R.r1) - h.x * p.y,
-                    entry(R.r0, R.r2) - h.x * p.z, entry(R.r1, R.r1) + (xx + zz),
-                    entry(R.r1, R.r2) - h.y * p.z, entry(R.r2, R.r2) + (xx + yy)});
+    store_sym(b.I,
+              {entry(R.r0, R.r0) + (yy + zz), entry(R.r0, R.r1) - h.x * p.y, entry(R.r0, R.r2) - h.x * p.z,
+               entry(R.r1, R.r1) + (xx + zz), entry(R.r1, R.r2) - h.y * p.z, entry(R.r2, R.r2) + (xx + yy)});
   }
 
   // Velocities --------------------------------------------------------------------------------------------
@@ -246,8 +247,8 @@ struct Lanes {
       const V saturated = load(a.saturated);
       const V on = V(1.0) - saturated * saturated;
       const V pull = ks * load(a.servo_error) + load(a.servo_feed) - servo * u;
-      store(a.force, load(a.tau) - k * (q - load(a.rest)) - soft * u + on * pull +
-                         saturated * load(a.servo_limit));
+      store(a.force,
+            load(a.tau) - k * (q - load(a.rest)) - soft * u + on * pull + saturated * load(a.servo_limit));
       // An empty lane has to have some inertia.
       store(a.weight, h * (soft + on * servo) + (V(1.0) - load(a.present)));
       aim(tree, b, a, step);
@@ -262,7 +263,8 @@ struct Lanes {
       Axes& a = axis(tree, b);
       const V q = load(tree.q + b.q), u = load(tree.u + b.u);
       const V limit = load(a.servo_limit);
-      V pull = load(a.servo_stiffness) * (load(a.servo_error) - q) - load(a.servo_damping) * u + load(a.servo_feed);
+      V pull = load(a.servo_stiffness) * (load(a.servo_error) - q) - load(a.servo_damping) * u +
+               load(a.servo_feed);
       pull = articulated::select(pull > limit, limit, pull);
       pull = articulated::select(pull < V(zero - limit), V(zero - limit), pull);
       store(a.force, load(a.tau) - load(a.stiffness) * (q - load(a.rest)) - load(a.damping) * u + pull);
@@ -272,7 +274,8 @@ struct Lanes {
     }
   }
 
-  // Articulated-body algorithm (Featherstone 2008, section 7.3, Table 7.1, p. 132) -----------------------------
+  // Articulated-body algorithm (Featherstone 2008, section 7.3, Table 7.1, p. 132)
+  // -----------------------------
 
   static Inertia<V> inertia(const Batches& b) {
     if (b.massless) return {load_sym(b.A), load_mat(b.B), load_sym(b.C)};
@@ -283,9 +286,8 @@ struct Lanes {
                       {mass, zero, zero, mass, zero, mass}};
     if (!b.has_children) return out;
     const Mat<V> B = load_mat(b.B);
-    return {out.A + load_sym(b.A),
-            {out.B.r0 + B.r0, out.B.r1 + B.r1, out.B.r2 + B.r2},
-            out.C + load_sym(b.C)};
+    return {
+        out.A + load_sym(b.A), {out.B.r0 + B.r0, out.B.r1 + B.r1, out.B.r2 + B.r2}, out.C + load_sym(b.C)};
   }
   static V6<V> bias(const Batches& b) {
     if (b.massless) return load6(b.p);
@@ -367,7 +369,8 @@ struct Lanes {
     store(b.u_force, u);
     store(b.rate, rate);
     if (b.link == ParentLink::base) return;
-    const Inertia<V> handed = {less(I.A, inverse, U.n), less(I.B, inverse, U.n, U.f), less(I.C, inverse, U.f)};
+    const Inertia<V> handed = {less(I.A, inverse, U.n), less(I.B, inverse, U.n, U.f),
+                               less(I.C, inverse, U.f)};
     const V6<V> c = load6(b.c);
     hand_down(tree, b, handed, p + handed * c + rate * U);
   }
@@ -549,7 +552,9 @@ struct Lanes {
     }
   }
 
-  static V wrapped(const V& angle) { return angle - 6.28318530717958647693 * rounded(V(angle * 0.159154943091895335769)); }
+  static V wrapped(const V& angle) {
+    return angle - 6.28318530717958647693 * rounded(V(angle * 0.159154943091895335769));
+  }
 
   /// q = rotation by w h, times q: exact for a constant w.
   static void turn(double* q, const V3<V>& w, const V& h) {
@@ -608,7 +613,7 @@ struct Lanes {
   }
 
   static constexpr Kernel kernel(const char* name) {
-    return {name,  W,      kinematics, velocities,     prepare, prepare_smooth,
+    return {name,  W,      kinematics, velocities,     prepare,  prepare_smooth,
             solve, revise, integrate,  position_rates, normalise};
   }
 };

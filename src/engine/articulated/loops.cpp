@@ -101,8 +101,7 @@ void Loops::add_angle_row(const Side& a, const Side& b, const Vec3& x, const Vec
   const Vec3 normal = y.cross(x);
   row.value = x.dot(y);
   row.rate = (b.w - a.w).dot(normal);
-  row.drift = (b.dw - a.dw).dot(normal) +
-              (b.w - a.w).dot(b.w.cross(y).cross(x) + y.cross(a.w.cross(x)));
+  row.drift = (b.dw - a.dw).dot(normal) + (b.w - a.w).dot(b.w.cross(y).cross(x) + y.cross(a.w.cross(x)));
   row.on_child << normal, Vec3::Zero();
   row.on_parent = row.on_child;
   rows_.push_back(row);

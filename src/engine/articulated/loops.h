@@ -1,5 +1,5 @@
-// Cut joints held by constraints in joint space: J du = -k (Featherstone 2008, section 8.4, p. 149, and 8.5). Works
-// with dependent rows: of those only an independent set takes force.
+// Cut joints held by constraints in joint space: J du = -k (Featherstone 2008, section 8.4, p. 149, and 8.5).
+// Works with dependent rows: of those only an independent set takes force.
 #pragma once
 
 #include <optional>
@@ -17,11 +17,12 @@ class Loops {
 
   JointSpace& joint_space() { return space_; }
 
-  /// du with the loops held, from the axes' forces, weights and locks: joint accelerations `a` for which the rows' own
-  /// accelerations vanish (`step` none), or their rates at the end of a step [s] do.
+  /// du with the loops held, from the axes' forces, weights and locks: joint accelerations `a` for which the
+  /// rows' own accelerations vanish (`step` none), or their rates at the end of a step [s] do.
   void solve(std::optional<double> step);
-  /// Moves positions, then rates, onto the loops, by the shortest way the inertia knows. Leaves the kinematics found.
-  /// Returns the largest error left [m, or cosine]; a rate that no row can change is not counted.
+  /// Moves positions, then rates, onto the loops, by the shortest way the inertia knows. Leaves the
+  /// kinematics found. Returns the largest error left [m, or cosine]; a rate that no row can change is not
+  /// counted.
   double close();
   /// `close` for rates alone.
   void close_rates();
@@ -53,9 +54,9 @@ class Loops {
   Mechanism& mechanism_;
   JointSpace space_;
   std::vector<Row> rows_;
-  std::vector<int> locked_;           ///< dofs on a stop
-  std::vector<double> J_, Y_, K_;     ///< rows by dofs; L^-T J^T; J H^-1 J^T and its factor
-  std::vector<int> order_;            ///< independent rows, best first
+  std::vector<int> locked_;        ///< dofs on a stop
+  std::vector<double> J_, Y_, K_;  ///< rows by dofs; L^-T J^T; J H^-1 J^T and its factor
+  std::vector<int> order_;         ///< independent rows, best first
   std::vector<double> bias_, zero_, wanted_, x_, multipliers_, scale_, column_, delta_, kept_, rates_;
 };
 

@@ -23,7 +23,8 @@ bool single(NodeKind kind) { return kind == NodeKind::revolute || kind == NodeKi
 std::vector<std::vector<int>> levels(const Topology& topology) {
   std::map<std::pair<int, int>, std::vector<int>> groups;
   for (std::size_t i = 0; i < topology.nodes.size(); ++i)
-    groups[{topology.nodes[i].depth, static_cast<int>(topology.nodes[i].kind)}].push_back(static_cast<int>(i));
+    groups[{topology.nodes[i].depth, static_cast<int>(topology.nodes[i].kind)}].push_back(
+        static_cast<int>(i));
   std::vector<std::vector<int>> out;
   for (auto& [key, nodes] : groups) out.push_back(std::move(nodes));
   return out;
@@ -148,14 +149,16 @@ void Mechanism::seat_nodes(const Settings& settings) {
   const std::size_t width = stride();
   for (const std::vector<int>& level : levels(topology_))
     for (std::size_t begin = 0; begin < level.size(); begin += width)
-      chunks_.emplace_back(level.begin() + static_cast<std::ptrdiff_t>(begin),
-                           level.begin() + static_cast<std::ptrdiff_t>(std::min(level.size(), begin + width)));
+      chunks_.emplace_back(
+          level.begin() + static_cast<std::ptrdiff_t>(begin),
+          level.begin() + static_cast<std::ptrdiff_t>(std::min(level.size(), begin + width)));
   seats_.resize(topology_.nodes.size());
   std::size_t positions = 0, rates = 0;
   for (std::size_t b = 0; b < chunks_.size(); ++b) {
     const NodeKind kind = topology_.nodes[at(chunks_[b][0])].kind;
     for (std::size_t lane = 0; lane < chunks_[b].size(); ++lane)
-      seats_[at(chunks_[b][lane])] = {static_cast<int>(b), static_cast<int>(lane), positions + lane, rates + lane};
+      seats_[at(chunks_[b][lane])] = {static_cast<int>(b), static_cast<int>(lane), positions + lane,
+                                      rates + lane};
     positions += at(position_count(kind)) * width;
     rates += at(rate_count(kind)) * width;
     ++(single(kind) ? axes_ : joints3_);
@@ -268,7 +271,8 @@ void Mechanism::settle_bases() {
         put3<W>(frame.v, lane, base.w);
         put3<W>(frame.v + 3, lane, base.v + base.w.cross(r));
         put3<W>(frame.a, lane, base.dw);
-        // Spatial acceleration: of the flow of velocity at a fixed point (Featherstone 2008, eq. 2.48, p. 28).
+        // Spatial acceleration: of the flow of velocity at a fixed point (Featherstone 2008, eq. 2.48, p.
+        // 28).
         put3<W>(frame.a + 3, lane, base.dv + base.dw.cross(r) - base.w.cross(base.v) - gravity_);
       }
     }

@@ -1,5 +1,5 @@
-// A model's moving bodies in reduced coordinates: the tree in lanes, what moves its bases, and the ways between
-// body poses and joint coordinates. Knows no method of integration and holds no loop together.
+// A model's moving bodies in reduced coordinates: the tree in lanes, what moves its bases, and the ways
+// between body poses and joint coordinates. Knows no method of integration and holds no loop together.
 #pragma once
 
 #include <cstddef>
@@ -56,7 +56,8 @@ class Mechanism {
   /// Plain joint torques, size model.dof_count() or empty.
   void set_torques(std::span<const double> torques);
   /// Servo drives, size model.dof_count() or empty; where one of them is not sound nothing is promised.
-  /// @param absolute servos hold on to where they aim in the midst of the step, too. True where all are sound.
+  /// @param absolute servos hold on to where they aim in the midst of the step, too. True where all are
+  /// sound.
   bool set_servos(std::span<const model::Servo> servos, bool absolute);
   /// Stops in force.
   int stops_in_force() const;
@@ -95,8 +96,8 @@ class Mechanism {
   int axes_ = 0, joints3_ = 0, base_frames_ = 0;
   std::vector<Seat> seats_;
   std::vector<Carried> carried_;
-  std::vector<Driven> driven_;  ///< single coordinates
-  std::vector<int> balls_;      ///< nodes
+  std::vector<Driven> driven_;     ///< single coordinates
+  std::vector<int> balls_;         ///< nodes
   std::vector<BaseMotion> bases_;  ///< as Model::bodies
   bool servos_at_rest_ = true;
 };

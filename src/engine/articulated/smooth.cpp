@@ -30,8 +30,9 @@ Smooth::Smooth(const model::Model& model, const Settings& settings, Mechanism& m
       settings_(settings),
       mechanism_(mechanism),
       loops_(loops),
-      method_(mechanism.q().size() + mechanism.u().size(), weighed(mechanism.topology()),
-              [this](double t, std::span<const double> y, std::span<double> out) { return slope(t, y, out); }),
+      method_(
+          mechanism.q().size() + mechanism.u().size(), weighed(mechanism.topology()),
+          [this](double t, std::span<const double> y, std::span<double> out) { return slope(t, y, out); }),
       y_(mechanism.q().size() + mechanism.u().size()),
       next_(y_.size()),
       before_(mechanism.u().size()),
@@ -78,8 +79,8 @@ void Smooth::place_bases(double t, model::KeySide side) {
   }
 }
 
-/// A drive that sets off with a jerk takes the joints along at once: what a moment's acceleration by the jump of its
-/// velocity does to the rates, less what goes on without it.
+/// A drive that sets off with a jerk takes the joints along at once: what a moment's acceleration by the jump
+/// of its velocity does to the rates, less what goes on without it.
 void Smooth::kick(double t) {
   std::vector<BaseMotion>& was = bases_before_;
   was.clear();

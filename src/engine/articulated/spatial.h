@@ -110,7 +110,9 @@ inline Mat<V> rotation(const Q4<V>& q) {
   const V x2 = q.x + q.x, y2 = q.y + q.y, z2 = q.z + q.z, one = 1.0;
   const V xx = x2 * q.x, yy = y2 * q.y, zz = z2 * q.z, xy = x2 * q.y, xz = x2 * q.z, yz = y2 * q.z;
   const V wx = x2 * q.w, wy = y2 * q.w, wz = z2 * q.w;
-  return {{one - (yy + zz), xy - wz, xz + wy}, {xy + wz, one - (xx + zz), yz - wx}, {xz - wy, yz + wx, one - (xx + yy)}};
+  return {{one - (yy + zz), xy - wz, xz + wy},
+          {xy + wz, one - (xx + zz), yz - wx},
+          {xz - wy, yz + wx, one - (xx + yy)}};
 }
 
 /// Articulated or rigid-body inertia (Featherstone 2008, eq. 2.63, p. 33, and section 7.1, p. 119):
@@ -152,8 +154,8 @@ inline V rounded(const V& x) {
   return (x + magic) - magic;
 }
 
-/// Sine and cosine, to 3e-16 for |x| up to 1e5: x less the nearest multiple of pi (in three parts, Cody & Waite
-/// 1980), then Taylor's series to below half a last place. The same bits on every machine.
+/// Sine and cosine, to 3e-16 for |x| up to 1e5: x less the nearest multiple of pi (in three parts, Cody &
+/// Waite 1980), then Taylor's series to below half a last place. The same bits on every machine.
 template <class V>
 inline void sine_cosine(const V& x, V& sine, V& cosine) {
   const V n = rounded(V(x * 0.31830988618379067154));

@@ -81,8 +81,8 @@ class Builder {
     });
   }
 
-  /// Spanning trees of the joints with the most constraints: the fewest coordinates, and cuts of few rows. Joints
-  /// that forces act on come first, so that they are not cut where it can be helped.
+  /// Spanning trees of the joints with the most constraints: the fewest coordinates, and cuts of few rows.
+  /// Joints that forces act on come first, so that they are not cut where it can be helped.
   void choose_tree() {
     std::vector<int> order(model_.joints.size());
     std::iota(order.begin(), order.end(), 0);
@@ -230,7 +230,8 @@ class Builder {
                        order.begin() + static_cast<std::ptrdiff_t>(end), [&](int a, int b) {
                          const Node &p = out_.nodes[at(a)], &q = out_.nodes[at(b)];
                          if (p.kind != q.kind) return p.kind < q.kind;
-                         return (p.parent ? place[at(*p.parent)] : -1) < (q.parent ? place[at(*q.parent)] : -1);
+                         return (p.parent ? place[at(*p.parent)] : -1) <
+                                (q.parent ? place[at(*q.parent)] : -1);
                        });
       for (std::size_t k = begin; k < end; ++k) place[at(order[k])] = static_cast<int>(k);
       begin = end;

@@ -1,7 +1,8 @@
 // The tree that a Model is to the recursive algorithms: one node for each degree of freedom of a hinge,
 // universal or slider joint, one for each ball joint and each free body, parents before children
-// (Featherstone 2008, Rigid Body Dynamics Algorithms, section 4.1, pp. 65-70). Loops are cut at the joints with the
-// fewest constraints, whichever way the model marks them. Resolved once; nothing here depends on a state.
+// (Featherstone 2008, Rigid Body Dynamics Algorithms, section 4.1, pp. 65-70). Loops are cut at the joints
+// with the fewest constraints, whichever way the model marks them. Resolved once; nothing here depends on a
+// state.
 #pragma once
 
 #include <optional>
@@ -54,8 +55,9 @@ struct Cut {
 struct Topology {
   std::vector<Node> nodes;  ///< by depth, then kind
   std::vector<Cut> cuts;
-  std::vector<int> node_of_body;            ///< as Model::bodies; kNoNode for kinematic ones
-  std::vector<std::vector<int>> of_joint;   ///< nodes of each joint of the model, by axis; empty where it is cut
+  std::vector<int> node_of_body;  ///< as Model::bodies; kNoNode for kinematic ones
+  std::vector<std::vector<int>>
+      of_joint;  ///< nodes of each joint of the model, by axis; empty where it is cut
   int islands = 0;
   std::vector<int> reference;  ///< of each island: the node next to a base, or free, that its origin goes by
 };
