@@ -131,7 +131,7 @@ void ArticulatedEngine::accept(const StepInput& input) {
     for (const Cut& cut : mechanism_.topology().cuts) {
       const model::Joint& joint = model_.joints[static_cast<std::size_t>(cut.joint)];
       for (int k = 0; k < dof_count(joint.kind) && !input.torques.empty(); ++k)
-        if (input.torques[static_cast<std::size_t>(joint.first_dof + k)] != 0)
+        if (input.torques[static_cast<std::size_t>(joint.first_dof) + static_cast<std::size_t>(k)] != 0)
           throw input_error("torques." + joint.name, "a torque on the joint that the loop is cut at",
                             "a torque on another joint of the loop");
     }
