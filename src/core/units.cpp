@@ -44,6 +44,10 @@ constexpr std::array kUnits = {
     Unit{"N m s/rad", Dimension::rotational_damping, 1},
     Unit{"N m/(rad s)", Dimension::rotational_integral, 1},
     Unit{"Hz", Dimension::frequency, 1},
+    Unit{"N/m", Dimension::stiffness, 1},
+    Unit{"N/mm", Dimension::stiffness, 1e3},
+    Unit{"N s/m", Dimension::damping, 1},
+    Unit{"N", Dimension::force, 1},
 };
 
 struct DimensionText {
@@ -82,6 +86,12 @@ DimensionText describe(Dimension dimension) {
       return {"an integral gain", "N m/(rad s)", "0.1 or \"0.1 N m/(rad s)\""};
     case Dimension::frequency:
       return {"a frequency", "Hz", "5 or \"5 Hz\""};
+    case Dimension::stiffness:
+      return {"a stiffness", "N/m", "2000 or \"2 N/mm\""};
+    case Dimension::damping:
+      return {"a damping", "N s/m", "5 or \"5 N s/m\""};
+    case Dimension::force:
+      return {"a force", "N", "20 or \"20 N\""};
   }
   return {};
 }

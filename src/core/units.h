@@ -24,6 +24,9 @@ enum class Dimension {
   rotational_damping,
   rotational_integral,  ///< of an integral gain, N m/(rad s)
   frequency,
+  stiffness,  ///< of a translation, N/m
+  damping,    ///< of a translation, N s/m
+  force,
 };
 
 /// What a number must be: its dimension and range in SI.

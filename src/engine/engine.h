@@ -2,9 +2,11 @@
 // representation (ODE ids, reduced coordinates) and hand out poses and velocities as a State.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "handsim/core/error.h"
@@ -36,15 +38,28 @@ struct StepInput {
   std::span<const model::Servo> servos = {};
 };
 
+/// How a guarded step was got through: the first way that kept to the limits.
+enum class Rung {
+  none,        ///< as set
+  softer,      ///< with 100 x the CFM
+  half_steps,  ///< as two steps of half the length
+  quick_step,  ///< with quick_step at 200 iterations
+  unresolved,  ///< none did; the last, which stays within an engine's bounds, was kept
+};
+inline constexpr std::array<std::string_view, 5> kRungNames = {"none", "softer", "half_steps", "quick_step",
+                                                               "unresolved"};
+
 /// What one step did.
 struct StepReport {
-  int lcp_failures = 0;   ///< times the direct solver gave up
-  int contacts = 0;       ///< contact points
-  int stop_rows = 0;      ///< joint stops in force
-  int collide_calls = 0;  ///< pairs given to the narrow phase
-  double collide_ns = 0;  ///< time in collision detection [ns]
-  double tissue_ns = 0;   ///< time in setting passive tissue [ns]
-  double servo_ns = 0;    ///< time in setting servos and torques [ns]
+  int lcp_failures = 0;    ///< times the direct solver gave up, in what was kept of the step
+  Rung rung = Rung::none;  ///< of a guarded step
+  bool iterative = false;  ///< solved by quick_step
+  int contacts = 0;        ///< contact points
+  int stop_rows = 0;       ///< joint stops in force
+  int collide_calls = 0;   ///< pairs given to the narrow phase
+  double collide_ns = 0;   ///< time in collision detection [ns]
+  double tissue_ns = 0;    ///< time in setting passive tissue [ns]
+  double servo_ns = 0;     ///< time in setting servos and torques [ns]
 };
 
 /// A contact point of the last step.
@@ -54,6 +69,11 @@ struct Contact {
   Vec3 position = Vec3::Zero();  ///< world [m]
   Vec3 normal = Vec3::Zero();    ///< world, unit, out of b into a
   double depth = 0;              ///< penetration, > 0 [m]
+  /// On a's body, normal part and friction, over the step; world [N]. Zero unless settings.contact_forces.
+  Vec3 force = Vec3::Zero();
+
+  double normal_force() const { return force.dot(normal); }
+  Vec3 friction_force() const { return force - normal_force() * normal; }
 };
 
 class Engine {

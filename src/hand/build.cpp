@@ -295,13 +295,17 @@ void add_hand(model::Model& model, const BuiltHand& right, const Placement& plac
     index.bodies.push_back(static_cast<int>(model.bodies.size()));
     model.bodies.push_back(std::move(body));
   }
-  model.groups.push_back({"hand-" + placement.name});
+  const int palm_group = static_cast<int>(model.groups.size());
+  for (const char* part : {"palm-", "fingers-", "fingertips-"})
+    model.groups.push_back({part + placement.name});
+  std::vector<bool> has_child(hand.bodies.size(), false);
+  for (const Joint& joint : hand.joints) has_child[static_cast<std::size_t>(joint.parent)] = true;
   model.materials.push_back(hand.skin);
   for (std::size_t i = 0; i < hand.shapes.size(); ++i) {
     Shape shape = hand.shapes[i];
     shape.name = prefix + shape.name;
     shape.body = first_body + static_cast<int>(i);
-    shape.group = static_cast<int>(model.groups.size()) - 1;
+    shape.group = palm_group + (i == 0 ? 0 : has_child[i] ? 1 : 2);
     shape.material = static_cast<int>(model.materials.size()) - 1;
     model.shapes.push_back(std::move(shape));
   }

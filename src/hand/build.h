@@ -50,7 +50,8 @@ struct BuiltHand {
 ///         dimensions that fit no hand.
 BuiltHand build_hand(const HandSpec& spec, const Person& person);
 
-/// Appends the hand to the model, with a contact group `hand-NAME` and its skin as material.
+/// Appends the hand to the model, with its skin as material and three contact groups: `palm-NAME`,
+/// `fingers-NAME` (all segments but the last) and `fingertips-NAME` (the last segment of each finger).
 /// @throws Error (input) where `start` names no joint or has the wrong number of coordinates, or the hand
 /// model's
 ///         wrist lacks the axes that the mount needs.

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include "handsim/hand/material.h"
+
 namespace handsim::hand {
 
 namespace {
@@ -310,9 +312,7 @@ HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& di
   spec.palm = read_palm(reader.required_map("palm", "a mapping with length, breadth and thickness"));
   read_wrist(reader.required_map("wrist", "a mapping with name and axes"), spec);
   MapReader skin = reader.map("skin");
-  spec.skin.name = "skin";
-  spec.skin.friction = skin.number("friction", {Dimension::none, 0, 10}, 0.8);
-  spec.skin.restitution = skin.number("restitution", kShare, 0.0);
+  spec.skin = read_material(skin, "skin");
   skin.finish();
   read_segments(reader, spec, mass);
   reader.finish();

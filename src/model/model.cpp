@@ -1,6 +1,32 @@
 #include "handsim/model/model.h"
 
+#include <algorithm>
+#include <cmath>
+
 namespace handsim::model {
+
+namespace {
+
+/// Two springs, or two dampers, one after the other; 0 stands for one that is not there.
+double in_series(double a, double b) { return a > 0 && b > 0 ? a * b / (a + b) : a + b; }
+
+std::optional<Compliance> in_series(const std::optional<Compliance>& a, const std::optional<Compliance>& b) {
+  if (!a || !b) return a ? a : b;
+  return Compliance{in_series(a->stiffness, b->stiffness), in_series(a->damping, b->damping)};
+}
+
+}  // namespace
+
+Material combined(const Material& a, const Material& b) {
+  Material out;
+  out.friction = std::sqrt(a.friction * b.friction);
+  out.restitution = std::max(a.restitution, b.restitution);
+  out.restitution_speed = std::max(a.restitution_speed, b.restitution_speed);
+  out.compliance = in_series(a.compliance, b.compliance);
+  out.rolling_friction = std::max(a.rolling_friction, b.rolling_friction);
+  out.spinning_friction = std::max(a.spinning_friction, b.spinning_friction);
+  return out;
+}
 
 int dof_count(JointKind kind) {
   switch (kind) {

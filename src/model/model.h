@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "handsim/core/pose.h"
+#include "handsim/model/convex_mesh.h"
 #include "handsim/model/motion.h"
 
 namespace handsim::model {
@@ -32,7 +33,7 @@ struct Body {
   bool kinematic = false;
 };
 
-enum class ShapeKind { box, capsule, cylinder, sphere, plane };
+enum class ShapeKind { box, capsule, cylinder, sphere, convex_mesh, plane };
 
 /// A geometric shape fixed to a body. Capsules and cylinders lie along their local z axis; a plane is
 /// z = 0 of its frame with the solid below.
@@ -44,8 +45,9 @@ struct Shape {
   double radius = 0;          ///< capsule, cylinder, sphere [m]
   double length = 0;          ///< capsule: between the cap centres; cylinder: full height [m]
   Vec3 edges = Vec3::Zero();  ///< box: full edge lengths [m]
-  int group = 0;              ///< index into `Model::groups`
-  int material = 0;           ///< index into `Model::materials`
+  std::shared_ptr<const ConvexMesh> mesh;  ///< convex_mesh; the shape's centre is its centroid
+  int group = 0;                           ///< index into `Model::groups`
+  int material = 0;                        ///< index into `Model::materials`
   Tint tint = Tint::object;
 };
 
@@ -99,24 +101,43 @@ struct Joint {
   bool closes_loop = false;     ///< its child already hangs on another joint
 };
 
+/// A pad between two surfaces: normal force = stiffness depth + damping d(depth)/dt, never pulling. Of the
+/// whole pad: the contact points of one pair of shapes share it.
+struct Compliance {
+  double stiffness = 0;  ///< [N/m], > 0
+  double damping = 0;    ///< [N s/m], >= 0
+};
+
 /// Surface of a shape.
 struct Material {
   std::string name;
-  double friction = 0.8;            ///< Coulomb coefficient, >= 0
-  double restitution = 0;           ///< 0..1
-  double restitution_speed = 0.05;  ///< impacts slower than this do not bounce [m/s]
+  double friction = 0.8;                 ///< Coulomb coefficient, >= 0
+  double restitution = 0;                ///< 0..1
+  double restitution_speed = 0.05;       ///< impacts slower than this do not bounce [m/s]
+  std::optional<Compliance> compliance;  ///< absent: rigid
+  double rolling_friction = 0;           ///< largest rolling moment per normal force [m], >= 0
+  double spinning_friction = 0;          ///< largest moment about the normal per normal force [m], >= 0
 };
+
+/// What two surfaces are to each other: friction is the geometric mean; restitution, its speed, rolling and
+/// spinning friction the greater of the two; pads are springs and dampers in series (a rigid surface leaves
+/// the other's pad as it is, an undamped one the other's damping). The result has no name.
+Material combined(const Material& a, const Material& b);
 
 /// A named set of shapes that contact rules speak of.
 struct ContactGroup {
   std::string name;
 };
 
+/// The pair's material is combined from its shapes' own.
+inline constexpr int kCombined = -1;
+
 /// Two groups whose shapes are tested against each other (a group may meet itself). Jointed bodies and
 /// pairs of immovable bodies are never tested.
 struct ContactRule {
   int group_a = 0;
   int group_b = 0;
+  int material = kCombined;  ///< index into `Model::materials`, for the pair; kCombined: of the two shapes'
 };
 
 /// A kinematic body that follows a timed trajectory of its joint centre frame.

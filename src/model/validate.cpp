@@ -13,6 +13,7 @@ namespace {
 constexpr double kMassMin = 1e-9, kMassMax = 1e6;
 constexpr double kSizeMin = 1e-6, kSizeMax = 1e4;
 constexpr double kFar = 1e6;
+constexpr double kSoftest = 1e-3, kStiffest = 1e12;
 constexpr double kUnitTolerance = 1e-9;
 
 class Checker {
@@ -37,6 +38,8 @@ class Checker {
     for (const ContactRule& rule : model_.contact_rules)
       if (!in(rule.group_a, model_.groups) || !in(rule.group_b, model_.groups))
         add("contact_rules", fmt::format("groups {}, {}", rule.group_a, rule.group_b), "indices of groups");
+      else if (rule.material != kCombined && !in(rule.material, model_.materials))
+        add("contact_rules", fmt::format("material {}", rule.material), "the index of a material");
     for (const Drive& drive : model_.drives) check_drive(drive);
     return std::move(problems_);
   }
@@ -171,6 +174,8 @@ class Checker {
     if (round) check_range(shape.name + ".radius", shape.radius, kSizeMin, kSizeMax, "m");
     if (shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::cylinder)
       check_range(shape.name + ".length", shape.length, kSizeMin, kSizeMax, "m");
+    if (shape.kind == ShapeKind::convex_mesh && (!shape.mesh || !(shape.mesh->volume > 0)))
+      add(shape.name + ".mesh", shape.mesh ? "a mesh without volume" : "none", "a convex mesh");
     if (shape.kind == ShapeKind::box)
       for (int i = 0; i < 3; ++i) check_range(shape.name + ".edges", shape.edges[i], kSizeMin, kSizeMax, "m");
   }
@@ -179,6 +184,11 @@ class Checker {
     check_range(material.name + ".friction", material.friction, 0, 1e3, "");
     check_range(material.name + ".restitution", material.restitution, 0, 1, "");
     check_range(material.name + ".restitution_speed", material.restitution_speed, 0, kFar, "m/s");
+    check_range(material.name + ".rolling_friction", material.rolling_friction, 0, kSizeMax, "m");
+    check_range(material.name + ".spinning_friction", material.spinning_friction, 0, kSizeMax, "m");
+    if (!material.compliance) return;
+    check_range(material.name + ".stiffness", material.compliance->stiffness, kSoftest, kStiffest, "N/m");
+    check_range(material.name + ".damping", material.compliance->damping, 0, kStiffest, "N s/m");
   }
 
   void check_drive(const Drive& drive) {

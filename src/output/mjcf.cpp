@@ -35,6 +35,7 @@ class Writer {
     line("<mujoco model=\"handsim\">");
     line("  <compiler angle=\"radian\" coordinate=\"local\" boundmass=\"0\" boundinertia=\"0\"/>");
     line(fmt::format("  <option timestep=\"{:.17g}\" gravity=\"{}\"/>", settings_.step, numbers(gravity)));
+    meshes();
     line("  <worldbody>");
     shapes(model::kWorld, 4);
     for (std::size_t i = 1; i < model_.bodies.size(); ++i)
@@ -156,6 +157,18 @@ class Writer {
     return bits;
   }
 
+  /// MuJoCo makes the hull of the corners again.
+  void meshes() {
+    std::string text;
+    for (const model::Shape& shape : model_.shapes) {
+      if (shape.kind != model::ShapeKind::convex_mesh) continue;
+      text += fmt::format("    <mesh name=\"{}\" vertex=\"", attribute(shape.name));
+      for (const Vec3& vertex : shape.mesh->vertices) text += numbers(vertex) + " ";
+      text += "\"/>\n";
+    }
+    if (!text.empty()) line("  <asset>\n" + text + "  </asset>");
+  }
+
   void shapes(int body, int indent) {
     for (const model::Shape& shape : model_.shapes) {
       if (shape.body != body) continue;
@@ -175,13 +188,18 @@ class Writer {
           type = shape.kind == model::ShapeKind::capsule ? "capsule" : "cylinder";
           size = fmt::format("{:.17g} {:.17g}", shape.radius, 0.5 * shape.length);
           break;
+        case model::ShapeKind::convex_mesh:
+          type = "mesh";
+          break;
         case model::ShapeKind::plane:
           type = "plane";
           size = fmt::format("0 0 {:g}", kPlaneSpacing);
           break;
       }
+      size = shape.kind == model::ShapeKind::convex_mesh ? fmt::format("mesh=\"{}\"", attribute(shape.name))
+                                                         : fmt::format("size=\"{}\"", size);
       line(
-          fmt::format("{}<geom name=\"{}\" type=\"{}\" size=\"{}\" pos=\"{}\" quat=\"{}\" contype=\"{}\" "
+          fmt::format("{}<geom name=\"{}\" type=\"{}\" {} pos=\"{}\" quat=\"{}\" contype=\"{}\" "
                       "conaffinity=\"{}\" friction=\"{:.17g} 0.005 0.0001\" mass=\"0\"/>",
                       std::string(at(indent), ' '), attribute(shape.name), type, size, numbers(shape.pose.p),
                       wxyz(shape.pose.q), 1U << at(shape.group), affinity(shape.group),

@@ -60,6 +60,10 @@ class Writer {
       if (each.closes_loop || each.kind == JointKind::ball)
         problems.push_back({std::nullopt, each.name, each.closes_loop ? "a loop" : "a ball joint",
                             "a tree of hinges, universal joints and sliders, for URDF"});
+    for (const model::Shape& shape : model_.shapes)
+      if (shape.kind == model::ShapeKind::convex_mesh)
+        problems.push_back({std::nullopt, shape.name, "a mesh, which URDF wants in a file of its own",
+                            "a box, sphere, cylinder or capsule, for URDF"});
     if (!problems.empty()) throw Error(std::move(problems));
   }
 
@@ -106,6 +110,8 @@ class Writer {
       case model::ShapeKind::cylinder:
         return geometry(pose, fmt::format("<cylinder radius=\"{:.17g}\" length=\"{:.17g}\"/>", shape.radius,
                                           shape.length));
+      case model::ShapeKind::convex_mesh:
+        return;  // refused
       case model::ShapeKind::plane:
         // URDF has no plane: a wide block with its top there.
         return geometry(pose * Pose{Vec3(0, 0, -0.5), Quat::Identity()}, "<box size=\"10 10 1\"/>");

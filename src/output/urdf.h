@@ -13,7 +13,7 @@ namespace handsim::output {
 /// them, a capsule a cylinder with a sphere at either end (URDF has no capsule), a free body hangs on a
 /// floating joint, a kinematic one on a fixed joint where it starts. Efforts are not limited in a Model: they
 /// are written as 1000 N m.
-/// @throws Error (input) for what URDF cannot say: ball joints, loops.
+/// @throws Error (input) for what URDF cannot say without more files: ball joints, loops, meshes.
 std::string to_urdf(const model::Model& model, const model::SolverSettings& settings);
 
 }  // namespace handsim::output

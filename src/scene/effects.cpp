@@ -14,7 +14,7 @@ using model::Effect;
 using model::Effects;
 
 /// The smallest set of effects that the scene's content needs. Contact of a hand with itself is never
-/// implied.
+/// implied, unless a contact rule asks for it.
 Effects needed_effects(const SceneSpec& scene) {
   Effects effects;
   effects.add(Effect::gravity);
@@ -34,8 +34,14 @@ Effects needed_effects(const SceneSpec& scene) {
       if (axis.torque != 0) effects.add(Effect::actuation);
     }
   if (scene.control) effects.add(Effect::actuation);
-  if (!scene.objects.empty()) effects.add(Effect::object_contact);
-  if (scene.ground) effects.add(Effect::ground_contact);
+  if (scene.contacts.rules) {
+    const Effects of_rules = effects_of_rules(scene);
+    for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact})
+      if (of_rules.has(effect)) effects.add(effect);
+  } else {
+    if (!scene.objects.empty()) effects.add(Effect::object_contact);
+    if (scene.ground) effects.add(Effect::ground_contact);
+  }
   if (effects.any_contact()) effects.add(Effect::friction);
   return effects;
 }
@@ -112,6 +118,17 @@ void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& eff
         "a hand, or a joint with a range");
   check(effects.has(Effect::passive_tissue) && !any_tissue(scene), "passive_tissue without tissue",
         "a hand model whose joints have stiffness or damping");
+  if (scene.contacts.rules) {
+    const Effects of_rules = effects_of_rules(scene);
+    for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact}) {
+      const std::string name(model::name(effect));
+      check(of_rules.has(effect) && !effects.has(effect), ("contact rules that need " + name).c_str(),
+            (name + " among the effects, or no such rule").c_str());
+      check(!of_rules.has(effect) && effects.has(effect),
+            (name + " without a contact rule that needs it").c_str(),
+            "a rule that says who meets whom, or no rules at all");
+    }
+  }
   check(effects.has(Effect::friction) && !effects.any_contact(), "friction without contact",
         "one of object_contact, self_contact, ground_contact with it");
   const bool torque =
@@ -135,6 +152,9 @@ void check_engine(MapReader& reader, const model::SolverSettings& solver) {
       reader.problem("effects", std::string(model::name(effect)),
                      fmt::format("no contact with engine {}: leave the effect out, or use engine ode",
                                  model::name(engine)));
+  if (engine == model::EngineKind::articulated && solver.effects.has(Effect::step_guard))
+    reader.problem("effects", "step_guard",
+                   "no guard with engine articulated: leave the effect out, or use engine ode");
   if (smooth && solver.effects.has(Effect::joint_stops))
     reader.problem("effects", "joint_stops",
                    fmt::format("smooth motion for {}: leave the effect out, or use engine ode, or "

@@ -27,13 +27,13 @@ model::Shape read_shape(MapReader reader) {
   model::Shape shape;
   shape.tint = model::Tint::mechanism;
   if (!read_solid(reader, "kind", shape)) return shape;
-  shape.pose.p = reader.vector("position", kCoordinate, Vec3::Zero());
-  shape.pose.q = reader.rotation("rotation");
+  const Pose at{reader.vector("position", kCoordinate, Vec3::Zero()), reader.rotation("rotation")};
+  shape.pose = at * shape.pose;
   reader.finish();
   return shape;
 }
 
-BodySpec read_body(MapReader reader) {
+BodySpec read_body(MapReader reader, const std::vector<model::Material>& materials) {
   BodySpec body;
   body.place = reader.node().place();
   body.name = reader.name("name");
@@ -45,7 +45,7 @@ BodySpec read_body(MapReader reader) {
   body.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
   if (reader.has("shape")) body.shape = read_shape(reader.map("shape"));
   body.collides = reader.flag("collides", false);
-  body.material = read_surface(reader, body.name);
+  body.material = read_surface(reader, body.name, materials);
   if (body.collides && !body.shape)
     reader.problem("collides", "true without a shape", "a shape to touch with");
   reader.finish();
@@ -188,7 +188,8 @@ void add_joint(model::Model& model, const MechanismJointSpec& spec) {
 
 }  // namespace
 
-MechanismSpec read_mechanism(MapReader& scene, std::vector<std::string> taken) {
+MechanismSpec read_mechanism(MapReader& scene, std::vector<std::string> taken,
+                             const std::vector<model::Material>& materials) {
   MechanismSpec spec;
   const std::size_t before = scene.diagnostics().problems.size();
   const auto each = [&](const char* key, auto read) {
@@ -199,7 +200,7 @@ MechanismSpec read_mechanism(MapReader& scene, std::vector<std::string> taken) {
     for (std::size_t i = 0; i < list->items.size(); ++i)
       read(MapReader(list->items[i], item_path(key, i), scene.diagnostics()));
   };
-  each("bodies", [&](MapReader reader) { spec.bodies.push_back(read_body(std::move(reader))); });
+  each("bodies", [&](MapReader reader) { spec.bodies.push_back(read_body(std::move(reader), materials)); });
   check_bodies(scene, spec.bodies, std::move(taken));
   each("joints", [&](MapReader reader) { spec.joints.push_back(read_joint(std::move(reader))); });
   if (scene.diagnostics().problems.size() == before) check_joints(scene, spec);

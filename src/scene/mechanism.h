@@ -42,7 +42,8 @@ struct MechanismSpec {
 };
 
 /// Reads `bodies` and `joints` of a scene, where it has them. @param taken names that no body may have.
-MechanismSpec read_mechanism(MapReader& scene, std::vector<std::string> taken);
+MechanismSpec read_mechanism(MapReader& scene, std::vector<std::string> taken,
+                             const std::vector<model::Material>& materials);
 
 /// Appends the mechanism. A joint whose child already hangs on another closes a loop.
 /// @throws Error (input) where a joint names no body.

@@ -20,16 +20,29 @@ std::string item_path(std::string_view list, std::size_t i);
 /// `position` and `rotation`. @param fallback position where none is given; absent: it must be.
 Pose read_pose(MapReader& reader, std::optional<Vec3> fallback = {});
 
-/// Kind and size of a solid: `kind_key` names the kind. False, with a problem, where the kind cannot be told,
+/// Kind and size of a solid: `kind_key` names the kind. The pose is that of its centre: a mesh's lies off the
+/// origin of its file. False, with a problem, where the kind cannot be told,
 /// and so neither which sizes it has.
 bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shape);
-/// `friction` and `restitution`.
-model::Material read_surface(MapReader& reader, std::string name);
+/// The surface of a thing: `material`, one of the scene's by name, or its properties.
+model::Material read_surface(MapReader& reader, std::string name,
+                             const std::vector<model::Material>& materials);
+/// The material of a name; nothing, with a problem, where there is none.
+std::optional<model::Material> named_material(MapReader& reader, std::string_view key,
+                                              const std::vector<model::Material>& materials);
+
+/// The `contacts` block: named materials, and who meets whom.
+ContactsSpec read_contacts(MapReader& reader);
+/// What the rules of the contacts block, where it has any, say by group is checked against the scene's
+/// things.
+void check_contact_groups(const SceneSpec& scene, Diagnostics& diagnostics);
+/// The effects that the rules of the contacts block need.
+model::Effects effects_of_rules(const SceneSpec& scene);
 
 /// The `hands` and `objects` lists; absent: none.
 std::vector<HandEntry> read_hands(MapReader& reader);
-std::vector<ObjectSpec> read_objects(MapReader& reader);
-std::optional<GroundSpec> read_ground(MapReader& reader);
+std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials);
+std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model::Material>& materials);
 
 /// The `effects` list, with `auto` resolved and written out. Reads nothing but the scene's content.
 model::Effects read_effects(MapReader& reader, const SceneSpec& scene);

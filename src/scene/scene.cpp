@@ -1,57 +1,40 @@
 #include "handsim/scene/scene.h"
 
 #include "handsim/model/validate.h"
+#include "handsim/scene/contacts.h"
 
 namespace handsim::scene {
 
 namespace {
 
-using model::Effect;
-
-Mat3 solid_inertia(const model::Shape& shape, double mass) {
-  const double r2 = shape.radius * shape.radius;
-  switch (shape.kind) {
-    case model::ShapeKind::box: {
-      const Vec3 e2 = shape.edges.cwiseAbs2();
-      return (mass / 12 * Vec3(e2.y() + e2.z(), e2.z() + e2.x(), e2.x() + e2.y())).asDiagonal();
-    }
-    case model::ShapeKind::sphere:
-      return 0.4 * mass * r2 * Mat3::Identity();
-    case model::ShapeKind::cylinder: {
-      const double across = mass * (r2 / 4 + shape.length * shape.length / 12);
-      return Vec3(across, across, mass * r2 / 2).asDiagonal();
-    }
-    case model::ShapeKind::capsule: {
-      const hand::CapsuleInertia solid = hand::capsule_inertia(shape.radius, shape.length);
-      return (mass * Vec3(solid.transverse, solid.transverse, solid.axial)).asDiagonal();
-    }
-    case model::ShapeKind::plane:
-      return Mat3::Zero();
-  }
-  return Mat3::Zero();
-}
-
 void add_object(model::Model& model, const ObjectSpec& object, int group) {
-  model::Shape shape = object.shape;
-  shape.name = object.name;
-  shape.tint = model::Tint::object;
-  shape.group = group;
-  shape.material = static_cast<int>(model.materials.size());
+  const int material = static_cast<int>(model.materials.size());
   model.materials.push_back(object.material);
-  if (object.is_static) {
-    shape.pose = object.pose;
-  } else {
+  Pose x_BO = object.pose;
+  int on = model::kWorld;
+  if (!object.is_static) {
     model::Body body;
     body.name = object.name;
-    body.mass = object.mass;
-    body.inertia = solid_inertia(object.shape, object.mass);
-    body.zero_pose = object.pose;
+    body.mass = object.body.mass;
+    body.inertia = object.body.inertia;
+    body.zero_pose = object.pose * object.body_frame();
     body.initial_velocity = object.velocity;
     body.initial_angular_velocity = object.angular_velocity;
-    shape.body = static_cast<int>(model.bodies.size());
+    x_BO = object.body_frame().inverse();
+    on = static_cast<int>(model.bodies.size());
     model.bodies.push_back(std::move(body));
   }
-  model.shapes.push_back(std::move(shape));
+  for (std::size_t i = 0; i < object.shapes.size(); ++i) {
+    model::Shape shape = object.shapes[i];
+    shape.name = object.name;
+    if (object.shapes.size() > 1) shape.name += ".part" + std::to_string(i);
+    shape.tint = model::Tint::object;
+    shape.group = group;
+    shape.material = material;
+    shape.body = on;
+    shape.pose = x_BO * shape.pose;
+    model.shapes.push_back(std::move(shape));
+  }
 }
 
 void add_ground(model::Model& model, const GroundSpec& ground) {
@@ -65,27 +48,6 @@ void add_ground(model::Model& model, const GroundSpec& ground) {
   model.groups.push_back({"ground"});
   model.materials.push_back(ground.material);
   model.shapes.push_back(std::move(plane));
-}
-
-/// Who meets whom, as the effects say. Groups: the hands, then objects, ground, mechanism, where there are
-/// any.
-void add_contact_rules(model::Model& model, const SceneSpec& spec) {
-  const model::Effects& effects = spec.solver.effects;
-  const int hands = static_cast<int>(spec.hands.size());
-  const int objects = spec.objects.empty() ? 0 : 1;
-  const int ground = hands + objects;
-  const int mechanism = ground + (spec.ground ? 1 : 0);
-  const bool has_mechanism = !spec.mechanism.bodies.empty();
-  if (effects.has(Effect::self_contact))
-    for (int a = 0; a < hands; ++a)
-      for (int b = a; b < hands; ++b) model.contact_rules.push_back({a, b});
-  if (effects.has(Effect::object_contact))
-    for (int a = 0; a <= hands; ++a) model.contact_rules.push_back({a, hands});
-  if (effects.has(Effect::object_contact) && has_mechanism) model.contact_rules.push_back({hands, mechanism});
-  if (effects.has(Effect::ground_contact))
-    for (int a = 0; a < ground; ++a) model.contact_rules.push_back({a, ground});
-  if (effects.has(Effect::ground_contact) && has_mechanism)
-    model.contact_rules.push_back({ground, mechanism});
 }
 
 void add_hands(model::Model& model, const SceneSpec& spec, Diagnostics& diagnostics) {
@@ -118,6 +80,31 @@ void place_defects(std::vector<Problem>& problems, const SceneSpec& spec) {
   }
 }
 
+/// @throws Error (input) with all that is wrong with it.
+model::Model compile_model(const SceneSpec& spec) {
+  Diagnostics diagnostics;
+  model::Model model = model::make_model();
+  model.gravity = spec.gravity;
+  add_hands(model, spec, diagnostics);
+  if (!spec.objects.empty()) {
+    const int all = static_cast<int>(model.groups.size());
+    model.groups.push_back({"objects"});
+    for (const ObjectSpec& object : spec.objects) {
+      const int group = object_group(spec, object);
+      if (group != all) model.groups.push_back({object.name});
+      add_object(model, object, group);
+    }
+  }
+  if (spec.ground) add_ground(model, *spec.ground);
+  add_mechanism(model, spec.mechanism);
+  diagnostics.throw_if_any();
+  add_contact_rules(model, spec);
+  diagnostics.problems = model::defects(model);
+  place_defects(diagnostics.problems, spec);
+  diagnostics.throw_if_any();
+  return model;
+}
+
 }  // namespace
 
 Scene compile_scene(YamlNode root) {
@@ -125,21 +112,7 @@ Scene compile_scene(YamlNode root) {
   Scene scene;
   scene.spec = read_scene(root, diagnostics);
   diagnostics.throw_if_any();
-  scene.model = model::make_model();
-  scene.model.gravity = scene.spec.gravity;
-  add_hands(scene.model, scene.spec, diagnostics);
-  if (!scene.spec.objects.empty()) {
-    scene.model.groups.push_back({"objects"});
-    for (const ObjectSpec& object : scene.spec.objects)
-      add_object(scene.model, object, static_cast<int>(scene.model.groups.size()) - 1);
-  }
-  if (scene.spec.ground) add_ground(scene.model, *scene.spec.ground);
-  add_mechanism(scene.model, scene.spec.mechanism);
-  diagnostics.throw_if_any();
-  add_contact_rules(scene.model, scene.spec);
-  diagnostics.problems = model::defects(scene.model);
-  place_defects(diagnostics.problems, scene.spec);
-  diagnostics.throw_if_any();
+  scene.model = compile_model(scene.spec);
   if (scene.spec.control) {
     scene.control =
         compile_control(*scene.spec.control, scene.spec.hands, scene.model, scene.spec.solver, diagnostics);
@@ -150,6 +123,21 @@ Scene compile_scene(YamlNode root) {
   scene.resolved = std::move(root);
   scene.warnings = std::move(diagnostics.warnings);
   return scene;
+}
+
+Scene without_effect(const Scene& scene, model::Effect effect) {
+  Scene out = scene;
+  model::Effects& effects = out.spec.solver.effects;
+  effects.remove(effect);
+  if (!effects.any_contact()) effects.remove(model::Effect::friction);
+  out.model = compile_model(out.spec);
+  out.control.reset();
+  if (!effects.has(model::Effect::actuation)) out.spec.control.reset();
+  if (!out.spec.control) return out;
+  Diagnostics diagnostics;
+  out.control = compile_control(*out.spec.control, out.spec.hands, out.model, out.spec.solver, diagnostics);
+  diagnostics.throw_if_any();
+  return out;
 }
 
 Scene load_scene(const std::filesystem::path& path, const std::vector<std::string>& overrides) {

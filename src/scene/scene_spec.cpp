@@ -41,14 +41,16 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   MapReader reader(root, "", diagnostics);
   scene.title = reader.text("title", "untitled");
   scene.hands = read_hands(reader);
-  scene.objects = read_objects(reader);
+  scene.contacts = read_contacts(reader);
+  scene.objects = read_objects(reader, scene.contacts.materials);
   std::vector<std::string> taken = {"world", "ground"};
   for (const ObjectSpec& object : scene.objects) taken.push_back(object.name);
-  scene.mechanism = read_mechanism(reader, std::move(taken));
+  scene.mechanism = read_mechanism(reader, std::move(taken), scene.contacts.materials);
   if (reader.sound() && scene.hands.empty() && scene.objects.empty() && scene.mechanism.bodies.empty())
     reader.problem("hands", "no hand, no object and no body", "at least one");
-  scene.ground = read_ground(reader);
+  scene.ground = read_ground(reader, scene.contacts.materials);
   scene.gravity = reader.vector("gravity", {Dimension::acceleration, -1000, 1000}, scene.gravity);
+  if (reader.sound()) check_contact_groups(scene, diagnostics);
   if (reader.has("control")) scene.control = read_control(reader.map("control"), scene.hands);
   scene.solver.effects = read_effects(reader, scene);
   const std::size_t before_times = diagnostics.problems.size();

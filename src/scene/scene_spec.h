@@ -10,6 +10,7 @@
 #include "handsim/hand/build.h"
 #include "handsim/model/solver.h"
 #include "handsim/scene/control_spec.h"
+#include "handsim/scene/mass_properties.h"
 #include "handsim/scene/mechanism.h"
 
 namespace handsim::scene {
@@ -22,21 +23,38 @@ struct HandEntry {
   Place person_place;  ///< of the person's file or block
 };
 
+/// A thing of one shape, or a compound of several that move as one. Its frame O is the one in which its
+/// shapes are given; its body's frame has O's axes and stands at the centre of mass.
 struct ObjectSpec {
   std::string name;
-  model::Shape shape;                    ///< kind, size and nothing else
-  double mass = 0;                       ///< [kg]
+  std::vector<model::Shape> shapes;      ///< kind, size and pose X_OS, nothing else; at least one
+  MassProperties body;                   ///< in O; static: none
   bool is_static = false;                ///< does not move
   Pose pose;                             ///< X_WO at the start
-  Vec3 velocity = Vec3::Zero();          ///< [m/s]
+  Vec3 velocity = Vec3::Zero();          ///< of the centre of mass [m/s]
   Vec3 angular_velocity = Vec3::Zero();  ///< world axes [rad/s]
   model::Material material;
-  Place place;  ///< in the file, for problems found later
+  std::optional<std::string> source;  ///< where its figures come from
+  Place place;                        ///< in the file, for problems found later
+
+  Pose body_frame() const { return {body.centre, Quat::Identity()}; }  ///< X_OB
 };
 
 struct GroundSpec {
   double height = 0;  ///< z of the plane [m]
   model::Material material;
+};
+
+/// Who meets whom, by names of groups.
+struct ContactRuleSpec {
+  std::array<std::string, 2> between;
+  std::optional<std::string> material;  ///< absent: combined from the two surfaces
+  Place place;
+};
+
+struct ContactsSpec {
+  std::vector<model::Material> materials;             ///< by name
+  std::optional<std::vector<ContactRuleSpec>> rules;  ///< absent: all that the effects let meet
 };
 
 /// Limits that decide whether a run has succeeded; absent ones are measured but not judged.
@@ -70,6 +88,7 @@ struct SceneSpec {
   std::vector<HandEntry> hands;
   std::vector<ObjectSpec> objects;
   std::optional<GroundSpec> ground;
+  ContactsSpec contacts;
   MechanismSpec mechanism;
   Vec3 gravity = {0, 0, -9.80665};     ///< [m/s^2]
   model::SolverSettings solver;        ///< with the effects, `auto` resolved

@@ -88,11 +88,18 @@ inline model::Shape shape(const std::string& name, model::ShapeKind kind, int on
   return out;
 }
 
+inline model::Material material(const std::string& name, double friction) {
+  model::Material out;
+  out.name = name;
+  out.friction = friction;
+  return out;
+}
+
 /// One contact group that meets itself, one material, a ground plane on the world.
 inline void add_ground(model::Model& model, double friction = 0.5, const Quat& tilt = Quat::Identity()) {
   model.groups = {{"all"}};
   model.contact_rules = {{0, 0}};
-  model.materials = {{"rubber", friction, 0, 0.05}};
+  model.materials = {material("rubber", friction)};
   model::Shape ground = shape("ground", model::ShapeKind::plane, 0);
   ground.pose.q = tilt;
   model.shapes.push_back(ground);
@@ -107,7 +114,7 @@ inline model::Model five_fingers(bool stops, bool tissue, bool shapes = false) {
   if (shapes) {
     model.groups = {{"fingers"}};
     model.contact_rules = {{0, 0}};
-    model.materials = {{"skin", 0.8, 0, 0.05}};
+    model.materials = {material("skin", 0.8)};
   }
   for (int finger = 0; finger < 5; ++finger) {
     int parent = 1;

@@ -42,6 +42,12 @@ std::vector<Problem> all_defects(const model::Model& model, const Settings& sett
     if (settings.effects.has(effect))
       problems.push_back({std::nullopt, "effects", std::string(name(effect)),
                           "no contact with engine articulated: leave the effect out, or use engine ode"});
+  if (settings.effects.has(model::Effect::step_guard))
+    problems.push_back({std::nullopt, "effects", "step_guard",
+                        "no guard with engine articulated: leave the effect out, or use engine ode"});
+  if (settings.projection)
+    problems.push_back({std::nullopt, "solver.projection", "true",
+                        "false for engine articulated, whose joints are always whole"});
   if (smooth(settings) && settings.effects.has(model::Effect::joint_stops) && has_stops(model))
     problems.push_back({std::nullopt, "effects", "joint_stops",
                         fmt::format("smooth motion for {}: leave the effect out, or use semi_implicit_euler",

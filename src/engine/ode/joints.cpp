@@ -119,14 +119,14 @@ void add_torque(const OdeBody& body, const Vec3& torque) {
 
 Joints::Joints(dWorldID world, const model::Model& model, const Settings& settings,
                const std::vector<OdeBody>& bodies, const model::State& start)
-    : servos_(settings.step) {
+    : servos_(settings.step), step_(settings.step) {
   std::vector<std::size_t> copies_used(bodies.size(), 0);
   for (const model::Joint& joint : model.joints) {
     links_.push_back(make_link(world, joint, bodies, copies_used));
     Link& link = links_.back();
     if (link.id == nullptr) continue;
     if (settings.effects.has(model::Effect::joint_stops)) add_stops(link, settings);
-    if (settings.effects.has(model::Effect::passive_tissue)) add_tissue(world, link, settings);
+    if (settings.effects.has(model::Effect::passive_tissue)) add_tissue(world, link);
     if (settings.effects.has(model::Effect::actuation)) add_servo(world, link);
     place(link, start);
     watch(links_.size() - 1, settings);
@@ -212,20 +212,24 @@ void Joints::add_stops(const Link& link, const Settings& settings) {
   }
 }
 
-void Joints::add_tissue(dWorldID world, Link& link, const Settings& settings) {
+void Joints::add_tissue(dWorldID world, Link& link) {
   const model::Joint& joint = *link.joint;
   for (std::size_t i = 0; i < joint.axes.size(); ++i)
     if (acts(joint.axes[i].tissue)) link.motor_axes.push_back(i);
   if (link.motor_axes.empty()) return;
   has_tissue_ = true;
-  const bool slider = joint.kind == JointKind::slider;
   link.motor = create_motor(world, joint.kind, link.motor_axes.size(), link.child.id, link.parent.id);
+  soften_tissue(link);
+}
+
+void Joints::soften_tissue(const Link& link) const {
+  const model::Joint& joint = *link.joint;
   const int axes = static_cast<int>(link.motor_axes.size());
   for (int i = 0; i < axes; ++i) {
     const model::Tissue& tissue = *joint.axes[link.motor_axes[static_cast<std::size_t>(i)]].tissue;
-    const SoftRow row = soft_row(tissue.stiffness, tissue.damping, settings.step);
+    const SoftRow row = soft_row(tissue.stiffness, tissue.damping, step_);
     const int group = kParamGroup * i;
-    if (slider) {
+    if (joint.kind == JointKind::slider) {
       // An LMotor has no position: it gets the speed that the same row would ask for.
       dJointSetLMotorParam(link.motor, dParamFMax + group, dInfinity);
       dJointSetLMotorParam(link.motor, dParamCFM + group, row.cfm);
@@ -236,6 +240,37 @@ void Joints::add_tissue(dWorldID world, Link& link, const Settings& settings) {
     dJointSetAMotorParam(link.motor, dParamStopERP + group, row.erp);
     dJointSetAMotorParam(link.motor, dParamStopCFM + group, row.cfm);
   }
+}
+
+void Joints::soften_slider(SliderWatch& slider) const {
+  const Link& link = links_[slider.link];
+  if (link.motor == nullptr) return;
+  const model::Tissue& tissue = *link.joint->axes[0].tissue;
+  slider.rest = tissue.rest;
+  slider.rate = soft_row(tissue.stiffness, tissue.damping, step_).erp / step_;
+}
+
+void Joints::set_step(double step) {
+  step_ = step;
+  servos_.set_step(step);
+  for (const Link& link : links_) soften_tissue(link);
+  for (SliderWatch& slider : slider_watches_) soften_slider(slider);
+}
+
+void Joints::set_stop_cfm(double cfm) {
+  for (const Link& link : links_) {
+    if (link.id == nullptr) continue;
+    for (std::size_t i = 0; i < link.joint->axes.size(); ++i)
+      set_parameter(link.id, link.joint->kind, dParamStopCFM + kParamGroup * ode_axis(link.joint->kind, i),
+                    cfm);
+  }
+}
+
+int Joints::rows(std::size_t joint) const {
+  const Link& link = links_[joint];
+  if (link.id == nullptr) return 0;
+  const std::size_t driven = link.servo != nullptr ? link.joint->axes.size() : 0;
+  return 6 - model::dof_count(link.joint->kind) + static_cast<int>(link.motor_axes.size() + driven);
 }
 
 void Joints::add_servo(dWorldID world, Link& link) {
@@ -255,11 +290,7 @@ void Joints::watch(std::size_t link_index, const Settings& settings) {
   if (joint.kind == JointKind::slider) {
     SliderWatch slider{link_index, {}, 0, 0};
     if (with_stops && joint.axes[0].stop) slider.stop = widened(joint, joint.axes[0], false);
-    if (link.motor != nullptr) {
-      const model::Tissue& tissue = *joint.axes[0].tissue;
-      slider.rest = tissue.rest;
-      slider.rate = soft_row(tissue.stiffness, tissue.damping, settings.step).erp / settings.step;
-    }
+    soften_slider(slider);
     slider_watches_.push_back(slider);
     return;
   }

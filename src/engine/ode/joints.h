@@ -37,6 +37,12 @@ class Joints {
   void add_torques(std::span<const double> torques, const model::State& state) const;
   /// Sets the servo drives of the next step, size model.dof_count() or empty. They exist with actuation only.
   void set_servos(std::span<const model::Servo> servos) { servos_.set(servos); }
+  /// Length of the steps to come [s].
+  void set_step(double step);
+  /// Softness of the stops in the steps to come.
+  void set_stop_cfm(double cfm);
+  /// Constraint rows that a joint puts into a step: its own, its tissue's and, where driven, its servo's.
+  int rows(std::size_t joint) const;
   /// Tells the tissue where its joints are and counts the stops that the next step finds in force.
   int prepare(const model::State& state) const;
   /// What was widened, one sentence each.
@@ -71,7 +77,9 @@ class Joints {
                  std::vector<std::size_t>& copies_used) const;
   void place(const Link& link, const model::State& state) const;
   void add_stops(const Link& link, const Settings& settings);
-  void add_tissue(dWorldID world, Link& link, const Settings& settings);
+  void add_tissue(dWorldID world, Link& link);
+  void soften_tissue(const Link& link) const;
+  void soften_slider(SliderWatch& slider) const;
   void add_servo(dWorldID world, Link& link);
   void watch(std::size_t link, const Settings& settings);
   model::Stop widened(const model::Joint& joint, const model::JointAxis& axis, bool note);
@@ -80,6 +88,7 @@ class Joints {
   std::vector<Watch> watches_;
   std::vector<SliderWatch> slider_watches_;
   Servos servos_;
+  double step_;  ///< [s]
   std::vector<std::string> notes_;
   bool has_tissue_ = false;
 };

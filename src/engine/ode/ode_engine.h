@@ -1,6 +1,9 @@
 // The engine on the Open Dynamics Engine. One ODE world per engine, built from the model with the effects
 // asked for and nothing else.
 //
+// With the step_guard effect a step that goes wrong is taken back to the bit and tried again (see
+// model::GuardLimits).
+//
 // world_step is bit-reproducible in any number of threads. quick_step draws from ODE's one process-wide
 // random generator: each step seeds it from (seed, step number) under a process-wide lock, so runs are
 // bit-reproducible too, also from a saved state, but quick_step steps of several threads take turns.
@@ -12,11 +15,13 @@
 #include <vector>
 
 #include "handsim/engine/engine.h"
+#include "handsim/engine/multibody/system.h"
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/contacts.h"
 #include "handsim/engine/ode/drives.h"
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/joints.h"
+#include "handsim/engine/ode/method_choice.h"
 
 namespace handsim::engine::ode {
 
@@ -43,11 +48,25 @@ class OdeEngine final : public Engine {
   void build();
   void write(const model::State& state);
   bool immovable_moved(const model::State& state) const;
+  /// One step of ODE's, ending at `end`, of length `step`; the state is not read yet.
+  StepReport plain_step(const StepInput& input, double end, double step, Method method);
+  StepReport guarded_step(const StepInput& input, double end);
+  std::optional<PhysicsFault> climb(Rung rung, const StepInput& input, double end, StepReport& report);
+  std::optional<PhysicsFault> two_half_steps(const StepInput& input, double end, StepReport& report);
+  std::optional<PhysicsFault> read_guarded(double time);
+  std::optional<PhysicsFault> guard_fault(const StepReport& report) const;
+  void restore();
+  void rebuild();
+  void set_length(double step);
+  void set_cfm(double cfm);
   void prepare(const StepInput& input, StepReport& report);
   void actuate(const StepInput& input);
-  void advance();
+  void advance(double step, Method method);
+  std::optional<PhysicsFault> body_fault(double time, double speed, double angular_speed) const;
   void check_bodies(double time);
   void read(double time);
+  std::optional<PhysicsFault> take_over(double time);
+  PhysicsFault described(const OdeFault& fault) const;
   [[noreturn]] void fail(PhysicsFault fault);
   [[noreturn]] void fail(const OdeFault& fault);
 
@@ -58,9 +77,15 @@ class OdeEngine final : public Engine {
   std::vector<OdeBody> bodies_;      ///< as Model::bodies
   std::vector<std::size_t> moving_;  ///< indices of bodies that have an ODE body
   std::unique_ptr<Joints> joints_;
-  std::unique_ptr<Drives> drives_;      ///< with wrist_motion only
-  std::unique_ptr<Contacts> contacts_;  ///< with contact effects and rules only
+  std::unique_ptr<Drives> drives_;        ///< with wrist_motion only
+  std::unique_ptr<Contacts> contacts_;    ///< with contact effects and rules only
+  std::unique_ptr<MethodChoice> choice_;  ///< with method auto only
+  std::vector<System> closed_;            ///< islands to close after every step; with projection only
+  model::State opened_;                   ///< at the start of the step; with projection only
   model::State state_;
+  model::State before_;                      ///< of a guarded step, its start
+  std::vector<double> coordinates_[2];       ///< of a step in halves, at its start and middle
+  std::vector<model::Servo> second_servos_;  ///< of its second half
   std::optional<Error> failure_;
 };
 

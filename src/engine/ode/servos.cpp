@@ -17,6 +17,11 @@ void set_parameter(dJointID motor, bool slider, int parameter, double value) {
 
 }  // namespace
 
+void Servos::set_step(double step) {
+  step_ = step;
+  for (Row& row : rows_) row.compliance = 0;
+}
+
 void Servos::add(dJointID motor, const model::Joint& joint) {
   for (std::size_t i = 0; i < joint.axes.size(); ++i) {
     Row row;

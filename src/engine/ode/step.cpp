@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
+#include "handsim/engine/multibody/projection.h"
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/ode_engine.h"
 
@@ -38,19 +39,32 @@ StepReport OdeEngine::step(const StepInput& input) {
   if (failure_) throw Error(*failure_);
   enter_ode();
   const double end = next_time(state_.time, settings_.step);
-  StepReport report;
+  if (settings_.effects.has(model::Effect::step_guard)) return guarded_step(input, end);
   try {
-    if (drives_) drives_->aim(end, settings_.step);
-    prepare(input, report);
-    const int failures = lcp_failures();
-    advance();
-    report.lcp_failures = lcp_failures() - failures;
-    if (contacts_) contacts_->release();
+    const StepReport report = plain_step(input, end, settings_.step, settings_.method);
+    check_bodies(end);
+    if (auto fault = take_over(end)) fail(std::move(*fault));
+    return report;
   } catch (const OdeFault& fault) {
     fail(fault);
   }
-  check_bodies(end);
-  read(end);
+}
+
+StepReport OdeEngine::plain_step(const StepInput& input, double end, double step, Method method) {
+  StepReport report;
+  if (drives_) drives_->aim(end, step);
+  prepare(input, report);
+  if (method == Method::automatic)
+    method =
+        choice_->pick(contacts_ ? std::span<const Contact>(contacts_->list()) : std::span<const Contact>());
+  report.iterative = method == Method::quick_step;
+  const int failures = lcp_failures();
+  advance(step, method);
+  report.lcp_failures = lcp_failures() - failures;
+  if (contacts_) {
+    contacts_->read_forces();
+    contacts_->release();
+  }
   return report;
 }
 
@@ -87,17 +101,18 @@ void OdeEngine::actuate(const StepInput& input) {
   joints_->set_servos(input.servos);
 }
 
-void OdeEngine::advance() {
+void OdeEngine::advance(double step, Method method) {
   const dWorldID world = ids_.world.get();
-  switch (settings_.method) {
+  switch (method) {
     case Method::world_step:
-      dWorldStep(world, settings_.step);
+      dWorldStep(world, step);
       return;
     case Method::quick_step: {
-      const RandomSeed seed(step_seed(settings_.seed, step_number(state_.time, settings_.step)));
-      dWorldQuickStep(world, settings_.step);
+      const RandomSeed seed(step_seed(settings_.seed, step_number(state_.time, step)));
+      dWorldQuickStep(world, step);
       return;
     }
+    case Method::automatic:
     case Method::stabilised_gear:
     case Method::lagrange_penalty:
     case Method::euler_linearised:
@@ -110,18 +125,22 @@ void OdeEngine::advance() {
   }
 }
 
-void OdeEngine::check_bodies(double time) {
+std::optional<PhysicsFault> OdeEngine::body_fault(double time, double speed, double angular_speed) const {
   for (const std::size_t i : moving_) {
     const OdeBody& body = bodies_[i];
     // Written so that NaN fails. A finite velocity within bounds leaves position and rotation finite.
-    const bool slow = squared_norm(body.v) <= kMaxSpeed * kMaxSpeed;
-    const bool calm = squared_norm(body.w) <= kMaxAngularSpeed * kMaxAngularSpeed;
+    const bool slow = squared_norm(body.v) <= speed * speed;
+    const bool calm = squared_norm(body.w) <= angular_speed * angular_speed;
     if (slow && calm && std::isfinite(body.q[0])) continue;
     const double found = std::sqrt(squared_norm(slow ? body.w : body.v));
-    fail(PhysicsFault{
-        time, model_.bodies[i].name, slow ? "angular speed [rad/s]" : "speed [m/s]",
-        fmt::format("{:g} is beyond {:g}: {}", found, slow ? kMaxAngularSpeed : kMaxSpeed, kRemedy)});
+    return PhysicsFault{time, model_.bodies[i].name, slow ? "angular speed [rad/s]" : "speed [m/s]",
+                        fmt::format("{:g} is beyond {:g}: {}", found, slow ? angular_speed : speed, kRemedy)};
   }
+  return std::nullopt;
+}
+
+void OdeEngine::check_bodies(double time) {
+  if (auto fault = body_fault(time, kMaxSpeed, kMaxAngularSpeed)) fail(std::move(*fault));
 }
 
 void OdeEngine::read(double time) {
@@ -129,16 +148,38 @@ void OdeEngine::read(double time) {
   state_.time = time;
 }
 
+/// Takes ODE's state over; with projection closed, and so given back to ODE. @return the joint that stays
+/// apart, and nothing is taken over
+std::optional<PhysicsFault> OdeEngine::take_over(double time) {
+  if (closed_.empty()) {
+    read(time);
+    return std::nullopt;
+  }
+  opened_ = state_;
+  read(time);
+  try {
+    for (const System& island : closed_) close_step(island, opened_, time - opened_.time, state_);
+  } catch (const Error& error) {
+    state_ = opened_;
+    return error.fault();
+  }
+  for (const std::size_t i : moving_)
+    if (!bodies_[i].driven) write_state(bodies_[i], state_.bodies[i]);
+  return std::nullopt;
+}
+
 void OdeEngine::fail(PhysicsFault fault) {
   failure_.emplace(std::move(fault));
   throw Error(*failure_);
 }
 
-void OdeEngine::fail(const OdeFault& fault) {
+PhysicsFault OdeEngine::described(const OdeFault& fault) const {
+  const double time = state_.time + settings_.step;
   // The body that went wrong first, where ODE stopped before telling.
-  check_bodies(state_.time + settings_.step);
-  fail(PhysicsFault{state_.time + settings_.step, "the model", "ODE stopped",
-                    fmt::format("{}: {}", fault.message, kRemedy)});
+  if (auto body = body_fault(time, kMaxSpeed, kMaxAngularSpeed)) return *body;
+  return {time, "the model", "ODE stopped", fmt::format("{}: {}", fault.message, kRemedy)};
 }
+
+void OdeEngine::fail(const OdeFault& fault) { fail(described(fault)); }
 
 }  // namespace handsim::engine::ode

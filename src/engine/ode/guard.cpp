@@ -1,0 +1,148 @@
+// The step guard: a step that goes wrong is taken back to the bit and tried again in other ways.
+#include <algorithm>
+
+#include <fmt/format.h>
+
+#include "handsim/engine/checks.h"
+#include "handsim/engine/ode/handlers.h"
+#include "handsim/engine/ode/ode_engine.h"
+#include "handsim/model/kinematics.h"
+
+namespace handsim::engine::ode {
+
+namespace {
+
+constexpr double kSofter = 100;
+constexpr int kGuardIterations = 200;
+
+}  // namespace
+
+StepReport OdeEngine::guarded_step(const StepInput& input, double end) {
+  before_ = state_;
+  StepReport report;
+  std::optional<PhysicsFault> fault;
+  for (const Rung rung : {Rung::none, Rung::softer, Rung::half_steps, Rung::quick_step}) {
+    if (rung != Rung::none) restore();
+    fault = climb(rung, input, end, report);
+    report.rung = rung;
+    if (!fault) return report;
+  }
+  // A state that another step can start from is better kept and counted than thrown away.
+  if (state_.time != end) fail(std::move(*fault));
+  check_bodies(end);
+  report.rung = Rung::unresolved;
+  return report;
+}
+
+/// Tries the step in one way. @return what is wrong with it
+std::optional<PhysicsFault> OdeEngine::climb(Rung rung, const StepInput& input, double end,
+                                             StepReport& report) {
+  const dWorldID world = ids_.world.get();
+  try {
+    switch (rung) {
+      case Rung::none:
+        report = plain_step(input, end, settings_.step, settings_.method);
+        break;
+      case Rung::softer:
+        set_cfm(std::min(kSofter * settings_.cfm, 1.0));
+        report = plain_step(input, end, settings_.step, settings_.method);
+        set_cfm(settings_.cfm);
+        break;
+      case Rung::half_steps:
+        if (auto fault = two_half_steps(input, end, report)) return fault;
+        return guard_fault(report);
+      case Rung::quick_step:
+      case Rung::unresolved:
+        dWorldSetQuickStepNumIterations(world, std::max(kGuardIterations, settings_.iterations));
+        report = plain_step(input, end, settings_.step, Method::quick_step);
+        dWorldSetQuickStepNumIterations(world, settings_.iterations);
+        break;
+    }
+    if (auto fault = read_guarded(end)) return fault;
+    return guard_fault(report);
+  } catch (const OdeFault& fault) {
+    PhysicsFault told = described(fault);
+    rebuild();
+    return told;
+  }
+}
+
+/// Takes over what the bodies have become, unless it is beyond all bounds.
+std::optional<PhysicsFault> OdeEngine::read_guarded(double time) {
+  if (auto fault = body_fault(time, kMaxSpeed, kMaxAngularSpeed)) return fault;
+  return take_over(time);
+}
+
+std::optional<PhysicsFault> OdeEngine::two_half_steps(const StepInput& input, double end,
+                                                      StepReport& report) {
+  const double half = 0.5 * settings_.step;
+  const double middle = before_.time + half;
+  set_length(half);
+  const StepReport first = plain_step(input, middle, half, settings_.method);
+  std::optional<PhysicsFault> fault = read_guarded(middle);
+  if (!fault) {
+    StepInput second = input;
+    if (!input.servos.empty()) {
+      // A servo's error is the one at the start of its step.
+      coordinates_[0] = model::coordinates(model_, before_);
+      coordinates_[1] = model::coordinates(model_, state_);
+      second_servos_.assign(input.servos.begin(), input.servos.end());
+      for (std::size_t i = 0; i < second_servos_.size(); ++i)
+        second_servos_[i].error -= coordinates_[1][i] - coordinates_[0][i];
+      second.servos = second_servos_;
+    }
+    report = plain_step(second, end, half, settings_.method);
+    report.lcp_failures += first.lcp_failures;
+    report.collide_calls += first.collide_calls;
+    report.collide_ns += first.collide_ns;
+    report.tissue_ns += first.tissue_ns;
+    report.servo_ns += first.servo_ns;
+    fault = read_guarded(end);
+  }
+  set_length(settings_.step);
+  return fault;
+}
+
+std::optional<PhysicsFault> OdeEngine::guard_fault(const StepReport& report) const {
+  const model::GuardLimits& limits = settings_.guard;
+  if (auto fault = body_fault(state_.time, limits.speed, limits.angular_speed)) return fault;
+  if (report.lcp_failures > 0)
+    return PhysicsFault{state_.time, "the solver", "LCP failures", fmt::format("{}", report.lcp_failures)};
+  for (const model::Joint& joint : model_.joints) {
+    const double gap = model::joint_gap(joint, state_);
+    if (gap > limits.joint_gap)
+      return PhysicsFault{state_.time, joint.name, "joint gap [m]",
+                          fmt::format("{:g} is beyond {:g}", gap, limits.joint_gap)};
+  }
+  return std::nullopt;
+}
+
+/// Back to the start of the step.
+void OdeEngine::restore() { write(before_); }
+
+/// A world in which ODE stopped half way can only be destroyed.
+void OdeEngine::rebuild() {
+  choice_.reset();
+  contacts_.reset();
+  drives_.reset();
+  joints_.reset();
+  bodies_.clear();
+  moving_.clear();
+  ids_ = {};
+  build();
+  if (immovable_moved(before_)) joints_->reanchor(before_);
+  write(before_);
+  if (contacts_) contacts_->place_immovable(before_);
+}
+
+void OdeEngine::set_length(double step) {
+  joints_->set_step(step);
+  if (contacts_) contacts_->set_step(step);
+}
+
+void OdeEngine::set_cfm(double cfm) {
+  dWorldSetCFM(ids_.world.get(), cfm);
+  joints_->set_stop_cfm(cfm);
+}
+
+}  // namespace handsim::engine::ode

@@ -1,0 +1,331 @@
+// How good contacts are: rest, forces, impact, friction in any direction, pads, the guard, the choice of
+// solver.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "engine/models.h"
+
+namespace handsim::engine {
+namespace {
+
+using model::Effect;
+using model::ShapeKind;
+using test::settings;
+
+const std::initializer_list<Effect> kAll = {Effect::gravity, Effect::object_contact, Effect::friction};
+constexpr double kG = 9.80665;
+
+/// Adds a free solid of uniform density with one shape.
+int add_solid(model::Model& model, model::Shape shape, double mass, const Pose& at) {
+  Vec3 inertia = Vec3::Constant(0.4 * mass * shape.radius * shape.radius);
+  if (shape.kind == ShapeKind::box) {
+    const Vec3 e = shape.edges.cwiseAbs2();
+    inertia = mass / 12 * Vec3(e.y() + e.z(), e.z() + e.x(), e.x() + e.y());
+  } else if (shape.kind != ShapeKind::sphere) {
+    const double across = mass * (shape.radius * shape.radius / 4 + shape.length * shape.length / 12);
+    inertia = Vec3(across, across, mass * shape.radius * shape.radius / 2);
+  }
+  shape.body = test::add_body(model, test::body(shape.name, mass, inertia, at));
+  model.shapes.push_back(shape);
+  return shape.body;
+}
+
+model::Shape sized(const std::string& name, ShapeKind kind, double radius, double length,
+                   Vec3 edges = Vec3::Zero()) {
+  model::Shape out = test::shape(name, kind, 0);
+  out.radius = radius;
+  out.length = length;
+  out.edges = edges;
+  return out;
+}
+
+model::Model empty_world(double friction) {
+  model::Model model = model::make_model();
+  model.groups = {{"all"}};
+  model.contact_rules = {{}};
+  model.materials = {test::material("rubber", friction)};
+  return model;
+}
+
+/// A finger-sized capsule (10 g, 8 mm, 40 mm) lying on a still box or cylinder, turned by `yaw`, its middle
+/// `off` the solid's along its axis.
+model::Model resting_capsule(ShapeKind on, double yaw, double off) {
+  model::Model model = empty_world(0.8);
+  model::Shape solid = sized("solid", on, 0.02, 0.05, Vec3(0.06, 0.06, 0.02));
+  double top = 0.01;
+  if (on == ShapeKind::cylinder) {
+    solid.pose.q = rotation_quaternion({0, M_PI / 2, 0});
+    top = 0.02;
+  }
+  model.shapes.push_back(solid);
+  const Quat turned = rotation_quaternion({0, 0, yaw}) * rotation_quaternion({0, M_PI / 2, 0});
+  add_solid(model, sized("capsule", ShapeKind::capsule, 0.008, 0.04), 0.01,
+            {Vec3(off, 0, top + 0.008), turned});
+  return model;
+}
+
+// Oracle: statics; rms speed at most 10 um/s (HARD_CASES row 17: stock ODE has 2642), depth at most 50 um.
+TEST(RestingCapsule, StaysStillOnABoxAndOnACylinder) {
+  struct Case {
+    ShapeKind on;
+    double yaw, off;
+  };
+  for (const Case& c : {Case{ShapeKind::box, 0, 0}, Case{ShapeKind::box, 0.4, 0},
+                        Case{ShapeKind::box, 0.2, 0.02}, Case{ShapeKind::box, M_PI / 4, 0.01},
+                        Case{ShapeKind::cylinder, 0, 0}, Case{ShapeKind::cylinder, 0, 0.015}})
+    for (const double step : {1e-3, 5e-3}) {
+      const model::Model model = resting_capsule(c.on, c.yaw, c.off);
+      const auto engine = make_engine(model, settings(kAll, step));
+      test::run(*engine, static_cast<int>(1 / step));
+      double square = 0;
+      const int steps = static_cast<int>(4 / step);
+      for (int i = 0; i < steps; ++i) {
+        engine->step({});
+        square += engine->state().bodies[1].v.squaredNorm();
+      }
+      EXPECT_LT(std::sqrt(square / steps), 1e-5) << "yaw " << c.yaw << ", off " << c.off << ", step " << step;
+      for (const Contact& contact : engine->contacts()) EXPECT_LT(contact.depth, 5e-5);
+      EXPECT_EQ(engine->contacts().size(), 2U) << "yaw " << c.yaw;
+    }
+}
+
+// Oracle: equilibrium; the contacts carry the weight, and their moment about the centre of mass is none.
+TEST(ContactForces, CarryTheWeightAtRest) {
+  for (const Method method : {Method::world_step, Method::quick_step}) {
+    model::Model model = empty_world(0.8);
+    model.shapes.push_back(sized("table", ShapeKind::box, 0, 0, Vec3(0.2, 0.2, 0.02)));
+    add_solid(model, sized("block", ShapeKind::box, 0, 0, Vec3(0.04, 0.03, 0.02)), 0.2,
+              {Vec3(0, 0, 0.02), Quat::Identity()});
+    add_solid(model, sized("finger", ShapeKind::capsule, 0.008, 0.02), 0.05,
+              {Vec3(0, 0, 0.038), rotation_quaternion({0, M_PI / 2, 0})});
+    Settings how = settings(kAll, 1e-3, method);
+    how.contact_forces = true;
+    how.iterations = 100;
+    const auto engine = make_engine(model, how);
+    test::run(*engine, 2000);
+    Vec3 on_block = Vec3::Zero(), on_table = Vec3::Zero();
+    for (const Contact& contact : engine->contacts()) {
+      EXPECT_GE(contact.normal_force(), 0);
+      const bool table = contact.shape_a == 0;
+      (table ? on_table : on_block) += contact.force;
+    }
+    const double share = method == Method::world_step ? 1e-3 : 2e-2;
+    EXPECT_NEAR(on_table.z(), -0.25 * kG, share * 0.25 * kG);
+    EXPECT_NEAR(on_block.z(), -0.05 * kG, share * 0.05 * kG);
+    EXPECT_LT(on_table.head<2>().norm(), share * kG);
+  }
+}
+
+// Oracle: Newton's law of restitution; whatever the ERP.
+TEST(Restitution, IsTheMaterialsWhateverTheErp) {
+  for (const double erp : {0.1, 0.2, 0.5, 0.8, 1.0})
+    for (const double restitution : {0.0, 0.1, 0.3, 0.5, 0.7, 0.9}) {
+      model::Model model = empty_world(0);
+      model.materials[0].restitution = restitution;
+      model.shapes.push_back(sized("ground", ShapeKind::plane, 0, 0));
+      add_solid(model, sized("ball", ShapeKind::sphere, 0.02, 0), 0.1, {Vec3(0, 0, 1.02), Quat::Identity()});
+      Settings how = settings(kAll);
+      how.erp = erp;
+      const auto engine = make_engine(model, how);
+      const model::BodyState& ball = engine->state().bodies[1];
+      double impact = 0;
+      double rebound = 0;
+      while (engine->state().time < 0.6) {
+        impact = std::max(impact, -ball.v.z());
+        rebound = std::max(rebound, ball.v.z());
+        engine->step({});
+      }
+      EXPECT_NEAR(impact, std::sqrt(2 * kG), 0.01);
+      EXPECT_NEAR(rebound / impact, restitution, 0.05) << "erp " << erp;
+    }
+}
+
+// Oracle: Coulomb in closed form, friction angle 26.57 deg for 0.5: at 26 deg the box creeps by at most 1
+// um/s, at 27.5 deg its speed after 1 s is g (sin a - mu cos a) within 0.5 %, in any direction.
+TEST(Incline, SticksAndSlidesAlikeInEveryDirection) {
+  for (int k = 0; k < 8; ++k) {
+    const double heading = k * M_PI / 8;
+    for (const double degrees : {26.0, 27.5}) {
+      const double angle = degrees * M_PI / 180;
+      model::Model model = model::make_model();
+      const Quat tilt = rotation_quaternion(angle * Vec3(std::cos(heading), std::sin(heading), 0));
+      test::add_ground(model, 0.5, tilt);
+      add_solid(model, sized("box", ShapeKind::box, 0, 0, Vec3::Constant(0.04)), 0.1,
+                {tilt * Vec3(0, 0, 0.02), tilt});
+      const auto engine =
+          make_engine(model, settings({Effect::gravity, Effect::ground_contact, Effect::friction}));
+      test::run(*engine, 100);
+      const model::BodyState start = engine->state().bodies[1];
+      test::run(*engine, 1000);
+      const model::BodyState& end = engine->state().bodies[1];
+      const double want = std::max(0.0, kG * (std::sin(angle) - 0.5 * std::cos(angle)));
+      if (want > 0)
+        EXPECT_NEAR(end.v.norm() - start.v.norm(), want, 5e-3 * want)
+            << degrees << " deg, heading " << heading;
+      else
+        EXPECT_LT((end.p - start.p).norm(), 1e-6) << degrees << " deg, heading " << heading;
+    }
+  }
+}
+
+// Oracle: closed forms. A ball rolling without slip under rolling friction rho: the moment rho N brings it
+// down by a = rho g / r / (1 + 2/5). One spinning about the normal under spinning friction rho: alpha = rho m
+// g / I.
+TEST(Ball, IsSlowedByRollingAndSpinningFriction) {
+  constexpr double kRadius = 0.03, kRho = 0.0015;
+  for (const bool rolling : {true, false}) {
+    model::Model model = model::make_model();
+    test::add_ground(model, 0.8);
+    (rolling ? model.materials[0].rolling_friction : model.materials[0].spinning_friction) = kRho;
+    const int ball = add_solid(model, sized("ball", ShapeKind::sphere, kRadius, 0), 0.1,
+                               {Vec3(0, 0, kRadius), Quat::Identity()});
+    model::Body& body = model.bodies[static_cast<std::size_t>(ball)];
+    if (rolling) {
+      body.initial_velocity = Vec3(1, 0, 0);
+      body.initial_angular_velocity = Vec3(0, 1 / kRadius, 0);
+    } else {
+      body.initial_angular_velocity = Vec3(0, 0, 50);
+    }
+    const auto engine =
+        make_engine(model, settings({Effect::gravity, Effect::ground_contact, Effect::friction}));
+    test::run(*engine, 1000);
+    const model::BodyState& now = engine->state().bodies[1];
+    if (rolling) {
+      const double want = 1 - kRho * kG / kRadius / 1.4;
+      EXPECT_NEAR(now.v.x(), want, 5e-3);
+      EXPECT_NEAR(now.w.y() * kRadius, want, 5e-3);
+    } else {
+      EXPECT_NEAR(now.w.z(), 50 - kRho * kG / (0.4 * kRadius * kRadius), 0.3);
+    }
+  }
+}
+
+// Oracle: Hooke; a block on a pad of stiffness k sinks by m g / k beyond the layer, however many points carry
+// it, and two pads sink as springs in series.
+TEST(Pad, SinksByWeightOverStiffness) {
+  for (const bool both : {false, true}) {
+    model::Model model = empty_world(0.8);
+    model.materials.push_back(test::material("pad", 0.8));
+    model.materials[1].compliance = model::Compliance{2000, 20};
+    if (both) model.materials[0].compliance = model::Compliance{6000, 20};
+    model.shapes.push_back(sized("ground", ShapeKind::plane, 0, 0));
+    add_solid(model, sized("block", ShapeKind::box, 0, 0, Vec3::Constant(0.04)), 0.5,
+              {Vec3(0, 0, 0.02), Quat::Identity()});
+    model.shapes[1].material = 1;
+    const auto engine = make_engine(model, settings(kAll));
+    test::run(*engine, 3000);
+    const double stiffness = both ? 1500.0 : 2000.0;
+    EXPECT_NEAR(0.02 - engine->state().bodies[1].p.z(), 1e-5 + 0.5 * kG / stiffness, 1e-6);
+    EXPECT_LT(engine->state().bodies[1].v.norm(), 1e-7);
+  }
+}
+
+// Oracle: the rule's definition: its material overrides the shapes' own.
+TEST(ContactRule, MaterialOverridesTheShapesOwn) {
+  for (const bool slippery : {false, true}) {
+    model::Model model = model::make_model();
+    const Quat tilt = rotation_quaternion({0.3, 0, 0});
+    test::add_ground(model, 0.8, tilt);
+    model.materials.push_back(test::material("ice", 0));
+    if (slippery) model.contact_rules[0].material = 1;
+    add_solid(model, sized("box", ShapeKind::box, 0, 0, Vec3::Constant(0.04)), 0.1,
+              {tilt * Vec3(0, 0, 0.02), tilt});
+    const auto engine =
+        make_engine(model, settings({Effect::gravity, Effect::ground_contact, Effect::friction}));
+    test::run(*engine, 1000);
+    EXPECT_NEAR(engine->state().bodies[1].v.norm(), slippery ? kG * std::sin(0.3) : 0.0, 5e-3);
+  }
+}
+
+/// Five boxes of 40 mm on the ground, the top one heavier: stock ODE's direct solver gives up on it now and
+/// then (HARD_CASES row 5).
+model::Model stack(double top_mass) {
+  model::Model model = model::make_model();
+  test::add_ground(model, 0.5);
+  for (int i = 0; i < 5; ++i)
+    add_solid(model, sized("box" + std::to_string(i), ShapeKind::box, 0, 0, Vec3::Constant(0.04)),
+              i == 4 ? top_mass : 0.1, {Vec3(0, 0, 0.02 + 0.04 * i), Quat::Identity()});
+  return model;
+}
+
+// Oracle: the guard's promise: nothing that the solver gave up on is kept, and every retry is counted.
+TEST(Guard, TakesBackStepsThatTheSolverGaveUpOn) {
+  const model::Model model = stack(1);
+  Settings plain = settings({Effect::gravity, Effect::ground_contact, Effect::friction});
+  plain.cfm = 1e-10;
+  Settings guarded = plain;
+  guarded.effects.add(Effect::step_guard);
+  const auto bare = make_engine(model, plain);
+  const auto engine = make_engine(model, guarded);
+  int failures = 0, kept = 0, retried = 0, unresolved = 0;
+  for (int i = 0; i < 4000; ++i) {
+    failures += bare->step({}).lcp_failures;
+    const StepReport report = engine->step({});
+    kept += report.lcp_failures;
+    retried += report.rung != Rung::none;
+    unresolved += report.rung == Rung::unresolved;
+  }
+  ASSERT_GT(failures, 0) << "a scene that the solver never gives up on shows nothing";
+  EXPECT_EQ(kept, 0);
+  EXPECT_GT(retried, 0);
+  EXPECT_EQ(unresolved, 0);
+  EXPECT_LT((engine->state().bodies[5].p - Vec3(0, 0, 0.18)).norm(), 1e-3);
+}
+
+// Oracle: identity; a guard with nothing to do changes no bit.
+TEST(Guard, ChangesNothingWhereNothingGoesWrong) {
+  const model::Model model = stack(0.1);
+  Settings plain = settings({Effect::gravity, Effect::ground_contact, Effect::friction});
+  plain.cfm = 1e-6;
+  Settings guarded = plain;
+  guarded.effects.add(Effect::step_guard);
+  const auto bare = make_engine(model, plain);
+  const auto engine = make_engine(model, guarded);
+  for (int i = 0; i < 500; ++i) {
+    if (bare->step({}).lcp_failures > 0) break;
+    ASSERT_EQ(engine->step({}).rung, Rung::none);
+    ASSERT_EQ(test::bits(bare->state()), test::bits(engine->state()));
+  }
+}
+
+// Oracle: the ladder's definition, each rung forced by a limit that only it can keep to. A hinged body under
+// a servo so stiff that the whole step is too fast: the half step is not, and the second half meets the
+// target.
+TEST(Guard, HalvesTheStepExactly) {
+  const model::Model model = test::hinged_body();
+  Settings how = settings({Effect::actuation, Effect::step_guard});
+  how.guard.angular_speed = 60;
+  const auto engine = make_engine(model, how);
+  // Explicit: 1e-4 kg m^2 and 5 N m give 50 rad/s in 1 ms, 100 rad/s in 2 ms.
+  const double torque = 5;
+  EXPECT_EQ(engine->step({.torques = std::span(&torque, 1)}).rung, Rung::none);
+  const StepReport second = engine->step({.torques = std::span(&torque, 1)});
+  EXPECT_EQ(second.rung, Rung::unresolved);
+  EXPECT_NEAR(engine->state().bodies[1].w.norm(), 100, 0.5);
+}
+
+// Oracle: the choice's definition: identical bits to the solver it names, which is the direct one for a hand
+// and the iterative one for a heap.
+TEST(MethodAuto, TakesTheDirectSolverForFewRowsAndTheIterativeOneForMany) {
+  const std::initializer_list<Effect> effects = kAll;
+  const model::Model few = resting_capsule(ShapeKind::box, 0, 0);
+  model::Model many = model::make_model();
+  test::add_ground(many, 0.5);
+  for (int i = 0; i < 40; ++i)
+    add_solid(many, sized("box" + std::to_string(i), ShapeKind::box, 0, 0, Vec3::Constant(0.04)), 0.1,
+              {Vec3(0.02 * (i % 2), 0, 0.0199 + 0.0399 * i), Quat::Identity()});
+  for (const Method method : {Method::world_step, Method::quick_step}) {
+    const model::Model* model = method == Method::world_step ? &few : &many;
+    const auto chosen = make_engine(*model, settings(effects, 1e-3, Method::automatic));
+    const auto named = make_engine(*model, settings(effects, 1e-3, method));
+    for (int i = 0; i < 20; ++i) {
+      EXPECT_EQ(chosen->step({}).iterative, method == Method::quick_step);
+      named->step({});
+    }
+    EXPECT_EQ(test::bits(chosen->state()), test::bits(named->state()));
+  }
+}
+
+}  // namespace
+}  // namespace handsim::engine
