@@ -69,7 +69,7 @@ enum class ParentLink {
 
 /// Nodes of one kind and one depth. Lanes without a node are a unit inertia at rest.
 template <int W>
-struct alignas(64) Batch {
+struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding): the lanes have to come first
   // Constants of topology.h.
   Lane<W> before[4], turned[4], direction[3], anchor[3], arm[3], mass, inertia[3];
   // Of the position.

@@ -23,7 +23,10 @@ const Kernel& choose_kernel(const std::vector<int>& level_sizes) {
   for (const Kernel* kernel : kernels()) {
     // A wider batch costs somewhat more: more cache lines, slower divisions.
     double cost = 0;
-    for (const int size : level_sizes) cost += (size + kernel->width - 1) / kernel->width;
+    for (const int size : level_sizes) {
+      const int batches = (size + kernel->width - 1) / kernel->width;
+      cost += batches;
+    }
     cost *= 1 + 0.06 * (kernel->width - 1);
     if (kernel->width > 1 && !(cost < least)) continue;
     best = kernel;
