@@ -201,9 +201,9 @@ int run_command_line(int argc, const char* const* argv) {
   add_run(app, run);
   add_render(app, render);
   add_accuracy(app, accuracy);
+  add_effects(app, effects);
   ExportArguments exported;
   add_export(app, exported);
-  add_effects(app, effects);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
