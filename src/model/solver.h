@@ -84,7 +84,10 @@ struct SolverSettings {
   /// Constraint force mixing (softness of every constraint row), above 0 to 1. Low: redundant rows make the
   /// LCP fail; high: joints feel like rubber. ODE only.
   double cfm = 1e-9;
-  int iterations = 20;     ///< quick_step and auto
+  int iterations = 20;  ///< quick_step and auto
+  /// ODE only: after every step impulses of the joints close them to 1e-13 m, positions and velocities both
+  /// (SHAKE). Contacts and stops do not see it. Off: gaps of the order of step^2 acceleration / erp.
+  bool projection = false;
   std::uint64_t seed = 1;  ///< quick_step shuffles its rows with ODE's random generator
   /// stabilised_gear only: error aimed for in smooth motion of some seconds, relative, and absolute in units
   /// of 1 m, 1 m/s, 1 rad, 1 rad/s; each of the integrator's own steps is held to 0.005 of it. 1e-11 to 1e-2.

@@ -52,6 +52,10 @@ void read_solver(MapReader reader, model::SolverSettings& solver) {
   solver.erp = reader.number("erp", {Dimension::none, 0, 1}, 0.2);
   solver.cfm = reader.number("cfm", {Dimension::none, 0, 1, true}, 1e-9);
   solver.iterations = reader.integer("iterations", 1, 100'000, 20);
+  solver.projection = reader.flag("projection", false);
+  if (solver.projection && engine == model::EngineKind::dae)
+    reader.problem("projection", "true on engine dae",
+                   "false: its euler_projected and others close joints themselves");
   solver.tolerance = reader.number("tolerance", {Dimension::none, 1e-11, 1e-2}, 1e-9);
   MapReader guard = reader.map("guard");
   const model::GuardLimits limits;

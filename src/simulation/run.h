@@ -32,12 +32,13 @@ struct RunOptions {
 struct Verdict {
   std::string name;
   std::string unit;
-  double measured = 0;
-  std::optional<double> limit;  ///< absent: measured, not judged
-  double time = 0;              ///< of the figure [s]
-  std::string where;            ///< joint or body of the figure
+  std::optional<double> measured = 0;  ///< absent: the run had nothing to measure, e.g. no hold of a pose
+  std::optional<double> limit;         ///< absent: measured, not judged
+  double time = 0;                     ///< of the figure [s]
+  std::string where;                   ///< joint or body of the figure
 
-  bool held() const { return !limit || measured <= *limit; }
+  /// A limit is held by a figure within it, not by the want of one.
+  bool held() const { return !limit || (measured && *measured <= *limit); }
 };
 
 struct RunResult {

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
 
 namespace handsim::simulation {
 
@@ -51,19 +52,21 @@ engine::StepInput Simulation::command() {
 }
 
 void Simulation::step() {
-  const Clock::time_point start = Clock::now();
+  const bool timed = ledger_.times_next();
+  const auto now = [&] { return timed ? Clock::now() : Clock::time_point(); };
+  const Clock::time_point start = now();
   const engine::StepInput input = command();
-  const Clock::time_point commanded = Clock::now();
+  const Clock::time_point commanded = now();
   const engine::StepReport report = engine_->step(input);
-  const Clock::time_point stepped = Clock::now();
+  const Clock::time_point stepped = now();
   if (controller_) controller_->observe(engine_->state());
-  const Clock::time_point observed = Clock::now();
+  const Clock::time_point observed = now();
   if (tracking_) tracking_->look(engine_->state().time);
   monitor_.look(engine_->state());
   ledger_.book(report, engine_->contacts(),
                {.control = ns_between(start, commanded) + ns_between(stepped, observed),
                 .step = ns_between(commanded, stepped),
-                .check = ns_between(observed, Clock::now())});
+                .check = ns_between(observed, now())});
 }
 
 std::vector<AxisTracking> Simulation::tracking() const {

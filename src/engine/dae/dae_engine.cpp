@@ -28,6 +28,9 @@ std::vector<Problem> all_defects(const model::Model& model, const Settings& sett
   std::vector<Problem> problems = defects(settings);
   const std::vector<Problem> of_model = model::defects(model);
   problems.insert(problems.end(), of_model.begin(), of_model.end());
+  if (settings.projection)
+    problems.push_back({std::nullopt, "solver.projection", "true",
+                        "false: engine dae has euler_projected and others that close joints by themselves"});
   const auto refuse = [&](model::Effect effect) {
     if (settings.effects.has(effect))
       problems.push_back({std::nullopt, "effects", std::string(name(effect)),
