@@ -26,6 +26,7 @@ struct Distance {
 class Places {
  public:
   static constexpr int kMost = 40;
+  static constexpr double kSame = 1e-9;
 
   /// Beyond the most that there is room for, places are left out; the ends never are.
   void add(double t) {
@@ -35,6 +36,11 @@ class Places {
     at_[static_cast<std::size_t>(count_++)] = 0;
     at_[static_cast<std::size_t>(count_++)] = 1;
     std::sort(at_.begin(), at_.begin() + count_);
+    // Two that rounding parts are one place: the least may lie beyond either.
+    const auto end = std::unique(at_.begin(), at_.begin() + count_,
+                                 [](double low, double high) { return high - low < kSame; });
+    count_ = static_cast<int>(end - at_.begin());
+    at_[static_cast<std::size_t>(count_ - 1)] = 1;
   }
   int count() const { return count_; }
   double operator[](int i) const { return at_[static_cast<std::size_t>(i)]; }
@@ -114,7 +120,7 @@ struct Cylinder {
   }
 };
 
-/// Distances up to `within` are exact; bends are those where the sphere leaves a face for its rim.
+/// Bends are those where a sphere of radius `within` that touches leaves a face for its rim.
 struct Polyhedron {
   const model::ConvexMesh& mesh;
   double within;
@@ -125,13 +131,13 @@ struct Polyhedron {
     for (int f = 1; f < mesh.face_count(); ++f)
       if (const double h = mesh.height(f, p); h > most) most = h, highest = f;
     Distance out{most, mesh.normal(highest)};
-    if (most <= 0 || most > within) return out;
+    if (most <= 0) return out;
     // The nearest point lies on a face that p is above: in it, or on its rim.
     Vec3 nearest = Vec3::Zero();
     double least = std::numeric_limits<double>::infinity();
     for (int f = 0; f < mesh.face_count(); ++f) {
       const double height = mesh.height(f, p);
-      if (height <= 0 || height > within) continue;
+      if (height <= 0) continue;
       const auto corners = mesh.corners(f);
       bool above = true;
       for (std::size_t i = 0; i < corners.size(); ++i) {

@@ -110,7 +110,7 @@ DrawArrow axis_arrow(const model::Model& model, const model::State& state, const
   }
   if (thickness <= 0) thickness = 0.008;
   return {x_WM.p - (behind + 0.5 * thickness) * n, x_WM.p + (ahead + 1.6 * thickness) * n, 0.13 * thickness,
-          axis_colour(axis)};
+          axis_colour(axis), false};
 }
 
 }  // namespace

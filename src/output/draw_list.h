@@ -32,6 +32,7 @@ struct DrawArrow {
   Vec3 to = Vec3::Zero();
   double radius = 0.001;  ///< of the shaft [m]
   Colour colour;
+  bool on_top = false;  ///< seen through whatever stands before it
 };
 
 struct DrawPoint {

@@ -277,6 +277,7 @@ void Renderer::Impl::draw_annotations(const DrawList& list) {
     const double width_of_head = kHeadWidth * arrow.radius;
     const double head = std::min(kHeadLength * width_of_head, 0.6 * length);
     const double shaft = length - head;
+    glDepthFunc(arrow.on_top ? GL_ALWAYS : GL_LEQUAL);
     const Vec3 neck = arrow.from + along * (shaft / length);
     place(capsule_lit,
           {Core::cylinder, {arrow.radius, arrow.radius, shaft / 2}, 0, {(arrow.from + neck) / 2, q}},
@@ -285,6 +286,7 @@ void Renderer::Impl::draw_annotations(const DrawList& list) {
     place(capsule_lit, {Core::cylinder, {width_of_head, width_of_head, head}, 0, {neck, q}}, arrow.colour);
     draw(cone);
   }
+  glDepthFunc(GL_LEQUAL);
 }
 
 void Renderer::Impl::draw_ground(const Scene& scene, const Eigen::Matrix4f& projection) {

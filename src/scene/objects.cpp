@@ -151,6 +151,7 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
     object.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
   }
   object.pose = read_pose(reader);
+  object.may_overlap = reader.choice<bool>("overlap", {{"refused", false}, {"allowed", true}}, false);
   object.material = read_surface(reader, object.name, materials);
   if (reader.has("source")) object.source = reader.text("source");
   reader.finish();

@@ -82,6 +82,7 @@ PictureSpec read_pictures(MapReader reader) {
   out.floor = reader.flag("floor", true);
   out.joint_axes = reader.flag("joint_axes", false);
   out.contact_points = reader.flag("contact_points", false);
+  out.contact_forces = reader.flag("contact_forces", false);
   reader.finish();
   return out;
 }

@@ -6,6 +6,7 @@
 
 #include "handsim/engine/engine.h"
 #include "handsim/scene/scene.h"
+#include "handsim/simulation/contact_sums.h"
 #include "handsim/simulation/ledger.h"
 #include "handsim/simulation/monitor.h"
 #include "handsim/simulation/tracking.h"
@@ -15,7 +16,8 @@ namespace handsim::simulation {
 class Simulation {
  public:
   /// The scene must outlive the simulation.
-  /// @throws Error (input) where the engine refuses the model.
+  /// @throws Error (input) where the engine refuses the model, or an object starts more than 1 mm inside a
+  /// hand that it can touch and is not allowed to.
   explicit Simulation(const scene::Scene& scene);
 
   /// One step of the scene's solver: control, collide, step, sense, check.
@@ -31,6 +33,8 @@ class Simulation {
   /// Figures of the driven axes up to now, holds that are under way closed.
   std::vector<AxisTracking> tracking() const;
   const Ledger& ledger() const { return ledger_; }
+  /// Null where the scene does not record contacts.
+  const ContactSums* contact_sums() const { return contact_sums_ ? &*contact_sums_ : nullptr; }
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
 
@@ -47,6 +51,7 @@ class Simulation {
   std::optional<Tracking> tracking_;
   Monitor monitor_;
   Ledger ledger_;
+  std::optional<ContactSums> contact_sums_;
   std::vector<double> constant_;  ///< constant torques of the joints; empty where there are none
   std::vector<double> sum_;       ///< with the controller's
 };
