@@ -65,6 +65,14 @@ struct EffectsArguments {
 };
 int effects_command(const EffectsArguments& arguments);
 
+struct ExportArguments {
+  std::filesystem::path scene;
+  std::filesystem::path out;
+  std::string format = "mjcf";  ///< or `urdf`
+  std::vector<std::string> overrides;
+};
+int export_command(const ExportArguments& arguments);
+
 /// Folder with handmodels/ and config/: the installed one, or the source tree's.
 /// @throws Error (input) where neither is there.
 std::filesystem::path data_folder();

@@ -23,6 +23,7 @@ struct DrawShape {
   Vec3 edges = Vec3::Zero();
   Pose pose;  ///< X_WS
   Colour colour;
+  std::shared_ptr<const model::ConvexMesh> mesh;  ///< convex_mesh
 };
 
 /// A shaft with a head, e.g. a joint axis or a contact force.
@@ -31,6 +32,7 @@ struct DrawArrow {
   Vec3 to = Vec3::Zero();
   double radius = 0.001;  ///< of the shaft [m]
   Colour colour;
+  bool on_top = false;  ///< seen through whatever stands before it
 };
 
 struct DrawPoint {

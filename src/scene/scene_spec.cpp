@@ -55,12 +55,18 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   scene.solver.effects = read_effects(reader, scene);
   const std::size_t before_times = diagnostics.problems.size();
   read_solver(reader.map("solver"), scene.solver);
+  if (reader.sound()) check_engine(reader, scene.solver);
   scene.duration = reader.number("duration", {Dimension::time, 1e-6, 1e5});
   MapReader record = reader.map("record");
   scene.record_every = record.number("every", {Dimension::time, 1e-6, 1e5}, 0.01);
+  scene.record_contacts = record.flag("contacts", false);
   record.finish();
   if (diagnostics.problems.size() == before_times) check_times(reader, scene);
   scene.pictures = read_pictures(reader.map("pictures"));
+  scene.solver.contact_forces = scene.record_contacts || scene.pictures.contact_forces;
+  if (scene.solver.contact_forces && !scene.solver.effects.any_contact())
+    reader.warning(scene.record_contacts ? "record" : "pictures",
+                   "contact forces are asked for, but no effect lets anything touch");
   scene.criteria = read_criteria(reader.map("criteria"));
   if (!scene.solver.effects.has(model::Effect::joint_stops) &&
       (scene.criteria.stop_overshoot || scene.criteria.stop_rest))

@@ -10,6 +10,7 @@
 #include "handsim/hand/build.h"
 #include "handsim/model/solver.h"
 #include "handsim/scene/control_spec.h"
+#include "handsim/scene/mass_properties.h"
 #include "handsim/scene/mechanism.h"
 
 namespace handsim::scene {
@@ -22,16 +23,22 @@ struct HandEntry {
   Place person_place;  ///< of the person's file or block
 };
 
+/// A thing of one shape, or a compound of several that move as one. Its frame O is the one in which its
+/// shapes are given; its body's frame has O's axes and stands at the centre of mass.
 struct ObjectSpec {
   std::string name;
-  model::Shape shape;                    ///< kind, size and nothing else
-  double mass = 0;                       ///< [kg]
+  std::vector<model::Shape> shapes;      ///< kind, size and pose X_OS, nothing else; at least one
+  MassProperties body;                   ///< in O; static: none
   bool is_static = false;                ///< does not move
+  bool may_overlap = false;              ///< starts inside a hand if it does
   Pose pose;                             ///< X_WO at the start
-  Vec3 velocity = Vec3::Zero();          ///< [m/s]
+  Vec3 velocity = Vec3::Zero();          ///< of the centre of mass [m/s]
   Vec3 angular_velocity = Vec3::Zero();  ///< world axes [rad/s]
   model::Material material;
-  Place place;  ///< in the file, for problems found later
+  std::optional<std::string> source;  ///< where its figures come from
+  Place place;                        ///< in the file, for problems found later
+
+  Pose body_frame() const { return {body.centre, Quat::Identity()}; }  ///< X_OB
 };
 
 struct GroundSpec {
@@ -75,6 +82,7 @@ struct PictureSpec {
   bool floor = true;                      ///< a floor to cast shadows on where the scene has no ground
   bool joint_axes = false;
   bool contact_points = false;
+  bool contact_forces = false;  ///< arrows, through whatever hides them
 };
 
 struct SceneSpec {
@@ -88,6 +96,7 @@ struct SceneSpec {
   model::SolverSettings solver;        ///< with the effects, `auto` resolved
   double duration = 1;                 ///< [s]
   double record_every = 0.01;          ///< [s]
+  bool record_contacts = false;        ///< contacts.csv, and sums of contact forces in the summary
   std::optional<ControlSpec> control;  ///< drives the joints; with actuation only
   PictureSpec pictures;
   Criteria criteria;

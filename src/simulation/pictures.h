@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -18,6 +19,10 @@ struct Snapshot {
 };
 
 Snapshot snapshot(const engine::Engine& engine);
+
+/// Length of the arrow of a contact force [m/N]: a round figure with which the largest force of the snapshots
+/// has 40 to 100 mm; nothing where the scene draws none or there is none.
+std::optional<double> force_scale(const scene::Scene& scene, std::span<const Snapshot> snapshots);
 
 /// Draws the snapshots in the scene's size, view and options with one camera that sees all of them, and hands
 /// each picture to `take` with its place among them; keeps none. Creates one OpenGL context.

@@ -28,7 +28,10 @@ void write_pictures(const scene::Scene& scene, const Recorder& recorder, const R
   if (snapshots.empty()) return;
   const std::size_t count = snapshots.size(), cells = std::min(count, kSheetCells);
   const auto [width, height] = scene.spec.pictures.size;
-  output::ContactSheet sheet({static_cast<int>(cells), width, height, scene.spec.title});
+  std::string title = scene.spec.title;
+  if (const auto scale = force_scale(scene, snapshots))
+    title += fmt::format(" (contact forces: {:g} mm for 1 N)", 1e3 * *scale);
+  output::ContactSheet sheet({static_cast<int>(cells), width, height, title});
   const std::size_t digits = std::max<std::size_t>(3, std::to_string(count - 1).size());
   std::size_t cell = 0;
   draw(scene, snapshots, [&](std::size_t i, const output::Image& image) {

@@ -1,6 +1,6 @@
 // One execution of a scene with its files: trajectory.csv, summary.json, resolved.yaml, pictures;
-// trajectory.mot (joint angles for OpenSim, where there are joints), control.sto and plots/ where the scene
-// is controlled.
+// contacts.csv where the scene records contacts; trajectory.mot (joint angles for OpenSim, where there are
+// joints), control.sto and plots/ where the scene is controlled.
 #pragma once
 
 #include <cstdint>

@@ -7,6 +7,7 @@
 
 #include "handsim/engine/engine.h"
 #include "handsim/scene/scene.h"
+#include "handsim/simulation/contact_sums.h"
 #include "handsim/simulation/ledger.h"
 #include "handsim/simulation/monitor.h"
 #include "handsim/simulation/snapshot.h"
@@ -18,7 +19,8 @@ namespace handsim::simulation {
 class Simulation {
  public:
   /// The scene must outlive the simulation.
-  /// @throws Error (input) where the engine refuses the model.
+  /// @throws Error (input) where the engine refuses the model, or an object starts more than 1 mm inside a
+  /// hand that it can touch and is not allowed to.
   explicit Simulation(const scene::Scene& scene);
 
   /// One step of the scene's solver: control, collide, step, sense, check.
@@ -48,6 +50,8 @@ class Simulation {
   ///         where it does not hold together; the simulation then stands where it stood.
   void restore(const RunSnapshot& snapshot);
 
+  /// Null where the scene does not record contacts.
+  const ContactSums* contact_sums() const { return contact_sums_ ? &*contact_sums_ : nullptr; }
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
 
@@ -67,6 +71,7 @@ class Simulation {
   Ledger ledger_;
   StateHash hash_;
   mutable std::shared_ptr<const Fingerprint> fingerprint_;  ///< made when first asked for
+  std::optional<ContactSums> contact_sums_;
   std::vector<double> constant_;  ///< constant torques of the joints; empty where there are none
   std::vector<double> sum_;       ///< with the controller's
 };

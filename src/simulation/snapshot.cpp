@@ -74,7 +74,11 @@ void carry(Archive& archive, Print& fingerprint) {
 
 Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine) {
   Fingerprint out;
-  out.emplace_back("engine " + engine.version(), 1);
+  // The articulated engine's version names an instruction set; all of them give the same bits.
+  const model::EngineKind kind = model::engine_of(scene.spec.solver.method);
+  out.emplace_back(
+      kind == model::EngineKind::articulated ? "engine articulated" : "engine " + engine.version(), 1);
+  if (scene.spec.record_contacts) out.emplace_back("record.contacts", 1);
   add_settings(scene.spec.solver, out);
   add_parts(scene.resolved, out);
   return out;

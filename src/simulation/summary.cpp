@@ -60,6 +60,33 @@ Json steps_json(const Ledger& ledger, const model::SolverSettings& solver) {
   return out;
 }
 
+Json sum_json(const ContactSum& sum, double time) {
+  return {{"contacts_at_end", sum.contacts},
+          {"normal_force_at_end_N", sum.normal},
+          {"friction_force_at_end_N", sum.friction},
+          {"force_at_end_N", {sum.force.x(), sum.force.y(), sum.force.z()}},
+          {"mean_normal_force_N", time > 0 ? sum.normal_time / time : 0.0},
+          {"largest_normal_force_N", sum.largest_normal},
+          {"largest_at_s", sum.largest_at}};
+}
+
+/// Sums of the points' normal and friction forces, and the vector of all: on the finger; on the first of a
+/// pair.
+Json contact_forces_json(const ContactSums& sums) {
+  Json out = {{"fingers", Json::array()}, {"pairs", Json::array()}};
+  for (const auto& [name, sum] : sums.fingers()) {
+    Json entry = {{"name", name}};
+    entry.update(sum_json(sum, sums.time()));
+    out["fingers"].push_back(std::move(entry));
+  }
+  for (const auto& [pair, sum] : sums.pairs()) {
+    Json entry = {{"a", pair.first}, {"b", pair.second}};
+    entry.update(sum_json(sum, sums.time()));
+    out["pairs"].push_back(std::move(entry));
+  }
+  return out;
+}
+
 Json overlaps_json(const model::Model& model) {
   Json out = Json::array();
   for (const engine::Overlap& overlap : engine::initial_overlaps(model, model::initial_state(model)))
@@ -207,6 +234,7 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
                  {"loop_wall_s", result.wall},
                  {"times_real_time", result.wall > 0 ? result.simulated / result.wall : 0.0}};
   if (simulation.controller()) out["control"] = control_json(simulation);
+  if (simulation.contact_sums()) out["contact_forces"] = contact_forces_json(*simulation.contact_sums());
   out["ledger"] = {{"phases", ledger_json(ledger.phases())}, {"effects", ledger_json(ledger.effects())}};
   out["solver"] = {{"engine", simulation.engine().version()},
                    {"method", model::name(solver.method)},
