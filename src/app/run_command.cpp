@@ -86,6 +86,7 @@ int run_scene_command(const RunArguments& arguments) {
     if (!arguments.quiet) options.progress = [&bar](double share) { bar.show(share); };
     result = simulation::run(scene, options);
   }
+  for (const std::string& warning : result.warnings) fmt::print(stderr, "warning: {}\n", warning);
   if (arguments.json)
     fmt::print("{}", result.summary);
   else if (!arguments.quiet)

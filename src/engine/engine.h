@@ -4,6 +4,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -50,17 +51,32 @@ enum class Rung {
 inline constexpr std::array<std::string_view, 5> kRungNames = {"none", "softer", "half_steps", "quick_step",
                                                                "unresolved"};
 
+/// A largest value and the index of where it was met.
+struct ResidualPeak {
+  double value = 0;
+  int where = 0;
+};
+
+/// Velocities that a step's solver should have brought to nothing.
+struct Residual {
+  ResidualPeak linear;   ///< of joints [m/s]
+  ResidualPeak angular;  ///< of joints [rad/s]
+  ResidualPeak contact;  ///< with which rigid surfaces that touch come closer; by shape [m/s]
+};
+
 /// What one step did.
 struct StepReport {
   int lcp_failures = 0;    ///< times the direct solver gave up, in what was kept of the step
   Rung rung = Rung::none;  ///< of a guarded step
   bool iterative = false;  ///< solved by quick_step
-  int contacts = 0;        ///< contact points
-  int stop_rows = 0;       ///< joint stops in force
-  int collide_calls = 0;   ///< pairs given to the narrow phase
-  double collide_ns = 0;   ///< time in collision detection [ns]
-  double tissue_ns = 0;    ///< time in setting passive tissue [ns]
-  double servo_ns = 0;     ///< time in setting servos and torques [ns]
+  /// Of steps that were solved by iteration, or in which the direct solver gave up.
+  std::optional<Residual> residual;
+  int contacts = 0;       ///< contact points
+  int stop_rows = 0;      ///< joint stops in force
+  int collide_calls = 0;  ///< pairs given to the narrow phase
+  double collide_ns = 0;  ///< time in collision detection [ns]
+  double tissue_ns = 0;   ///< time in setting passive tissue [ns]
+  double servo_ns = 0;    ///< time in setting servos and torques [ns]
 };
 
 /// A contact point of the last step.

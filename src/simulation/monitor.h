@@ -36,6 +36,8 @@ class Monitor {
   /// Looks at the state after a step.
   void look(const model::State& state);
 
+  /// Whether any joint has been further apart than this [m].
+  bool apart(double limit) const { return gap2_ > limit * limit; }
   /// Largest joint gap so far [m].
   Peak joint_gap() const;
   /// Largest overshoot of a stop, less what the step that crossed it explains (rate at the crossing times

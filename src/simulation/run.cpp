@@ -128,6 +128,7 @@ RunResult run(const scene::Scene& scene, const RunOptions& options) {
   result.simulated = simulation.state().time;
   result.tracking = simulation.tracking();
   result.state_hash = simulation.state_hash();
+  result.warnings = simulation.convergence().warnings(simulation.ledger(), scene.spec.solver);
   result.expected_hash = options.expected_hash;
   result.verdicts = verdicts(simulation, scene.spec.criteria);
   result.summary = summary_json(scene, simulation, result);

@@ -68,7 +68,8 @@ Simulation::Simulation(const scene::Scene& scene)
       monitor_(scene.model, scene.spec.solver.step,
                scene.spec.solver.effects.has(model::Effect::joint_stops)),
       ledger_(scene.model, scene.spec.solver.effects,
-              model::engine_of(scene.spec.solver.method) != model::EngineKind::articulated) {
+              model::engine_of(scene.spec.solver.method) != model::EngineKind::articulated),
+      convergence_(scene.model) {
   if (scene.spec.record_contacts) contact_sums_.emplace(scene.model);
   hash_.add(engine_->state());
   if (scene.spec.solver.effects.has(model::Effect::actuation)) find_constant_torques();
@@ -100,6 +101,7 @@ engine::StepInput Simulation::command() {
 }
 
 void Simulation::step() {
+  if (failure_) throw Error(*failure_);
   const bool timed = ledger_.times_next();
   const auto now = [&] { return timed ? Clock::now() : Clock::time_point(); };
   const Clock::time_point start = now();
@@ -111,6 +113,7 @@ void Simulation::step() {
   const Clock::time_point observed = now();
   if (tracking_) tracking_->look(engine_->state().time);
   monitor_.look(engine_->state());
+  convergence_.look(report, engine_->state().time);
   hash_.add(engine_->state());
   if (contact_sums_)
     contact_sums_->look(engine_->contacts(), engine_->state().time, engine_->settings().step);
@@ -118,6 +121,14 @@ void Simulation::step() {
                {.control = ns_between(start, commanded) + ns_between(stepped, observed),
                 .step = ns_between(commanded, stepped),
                 .check = ns_between(observed, now())});
+  if (monitor_.apart(kLargestGap)) {
+    const Peak gap = monitor_.joint_gap();
+    failure_.emplace(
+        PhysicsFault{gap.time, gap.where, "joint gap [m]",
+                     fmt::format("{:g} is beyond {:g}: use a smaller step, more iterations or weaker torques",
+                                 gap.value, kLargestGap)});
+    throw Error(*failure_);
+  }
 }
 
 std::vector<AxisTracking> Simulation::tracking() const {
@@ -128,6 +139,7 @@ std::vector<AxisTracking> Simulation::tracking() const {
 }
 
 RunSnapshot Simulation::snapshot() const {
+  if (failure_) throw Error(*failure_);
   if (!fingerprint_) fingerprint_ = std::make_shared<const Fingerprint>(fingerprint(scene_, *engine_));
   ArchiveWriter out;
   out.word(hash_.value());
@@ -138,6 +150,7 @@ RunSnapshot Simulation::snapshot() const {
   if (tracking_) tracking_->save(out);
   monitor_.save(out);
   if (contact_sums_) contact_sums_->save(out);
+  convergence_.save(out);
   return {fingerprint_, engine_->state().time, out.take()};
 }
 
@@ -174,6 +187,7 @@ void Simulation::restore_parts(const RunSnapshot& snapshot) {
   if (tracking_) tracking_->restore(in);
   monitor_.restore(in);
   if (contact_sums_) contact_sums_->restore(in);
+  convergence_.restore(in);
   in.finish();
 }
 

@@ -8,6 +8,7 @@
 #include "handsim/engine/engine.h"
 #include "handsim/scene/scene.h"
 #include "handsim/simulation/contact_sums.h"
+#include "handsim/simulation/convergence.h"
 #include "handsim/simulation/ledger.h"
 #include "handsim/simulation/monitor.h"
 #include "handsim/simulation/snapshot.h"
@@ -15,6 +16,9 @@
 #include "handsim/simulation/tracking.h"
 
 namespace handsim::simulation {
+
+/// Joints further apart than this are joints no more: a hand's bodies are no longer [m].
+inline constexpr double kLargestGap = 0.1;
 
 class Simulation {
  public:
@@ -36,6 +40,7 @@ class Simulation {
   /// Figures of the driven axes up to now, holds that are under way closed.
   std::vector<AxisTracking> tracking() const;
   const Ledger& ledger() const { return ledger_; }
+  const Convergence& convergence() const { return convergence_; }
   /// Steps made since the start of the scene, before a snapshot too.
   long steps() const { return ledger_.steps(); }
   /// Of all states up to now (state_hash.h).
@@ -65,10 +70,12 @@ class Simulation {
 
   const scene::Scene& scene_;
   std::unique_ptr<engine::Engine> engine_;
+  std::optional<Error> failure_;  ///< what the engine did not see
   std::optional<control::Controller> controller_;
   std::optional<Tracking> tracking_;
   Monitor monitor_;
   Ledger ledger_;
+  Convergence convergence_;
   StateHash hash_;
   mutable std::shared_ptr<const Fingerprint> fingerprint_;  ///< made when first asked for
   std::optional<ContactSums> contact_sums_;

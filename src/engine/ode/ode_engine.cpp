@@ -25,7 +25,7 @@ std::vector<Problem> all_defects(const model::Model& model, const Settings& sett
 }  // namespace
 
 OdeEngine::OdeEngine(const model::Model& model, const Settings& settings)
-    : model_(model), settings_(settings) {
+    : model_(model), settings_(settings), residual_(model, settings.erp) {
   std::vector<Problem> problems = all_defects(model, settings);
   if (!problems.empty()) throw Error(std::move(problems));
   enter_ode();

@@ -22,6 +22,7 @@
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/joints.h"
 #include "handsim/engine/ode/method_choice.h"
+#include "handsim/engine/ode/residual.h"
 
 namespace handsim::engine::ode {
 
@@ -81,8 +82,9 @@ class OdeEngine final : public Engine {
   std::vector<OdeBody> bodies_;      ///< as Model::bodies
   std::vector<std::size_t> moving_;  ///< indices of bodies that have an ODE body
   std::unique_ptr<Joints> joints_;
-  std::unique_ptr<Drives> drives_;        ///< with wrist_motion only
-  std::unique_ptr<Contacts> contacts_;    ///< with contact effects and rules only
+  std::unique_ptr<Drives> drives_;      ///< with wrist_motion only
+  std::unique_ptr<Contacts> contacts_;  ///< with contact effects and rules only
+  ResidualMeter residual_;
   std::unique_ptr<MethodChoice> choice_;  ///< with method auto only
   std::vector<System> closed_;            ///< islands to close after every step; with projection only
   model::State opened_;                   ///< at the start of the step; with projection only

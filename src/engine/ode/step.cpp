@@ -61,6 +61,8 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
   const int failures = lcp_failures();
   advance(step, method);
   report.lcp_failures = lcp_failures() - failures;
+  if (report.iterative || report.lcp_failures > 0)
+    report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
     contacts_->read_forces();
     contacts_->release();
