@@ -58,9 +58,9 @@ std::string object(int index) {
 }
 
 template <class Make>
-std::string list(int most, Make make) {
+std::string list(int least, int most, Make make) {
   std::string out;
-  for (int i = *rc::gen::inRange(0, most + 1); i > 0; --i) out += (out.empty() ? "" : ", ") + make(i);
+  for (int i = *rc::gen::inRange(least, most + 1); i > 0; --i) out += (out.empty() ? "" : ", ") + make(i);
   return "[" + out + "]";
 }
 
@@ -70,7 +70,7 @@ std::string random_scene() {
       "solver: {{engine: ode, method: {}, step: {:.4g}, erp: {:.3g}, cfm: {:.3g}, iterations: {}, "
       "projection: {}, "
       "seed: {}}}\nduration: 0.1\n",
-      list(2, hand), list(3, object), *rc::gen::arbitrary<bool>() ? "ground: {height: -0.1}\n" : "",
+      list(0, 2, hand), list(1, 3, object), *rc::gen::arbitrary<bool>() ? "ground: {height: -0.1}\n" : "",
       one_of({"world_step", "quick_step", "auto"}), scale(5e-4, 0.02), number(0, 1), scale(1e-10, 1e-3),
       *rc::gen::inRange(1, 100), one_of({"false", "false", "true"}), *rc::gen::inRange(0, 1000));
 }
@@ -90,8 +90,9 @@ TEST(RandomScenes, RunOrEndInATypedError) {
                   body.w.allFinite());
     } catch (const Error& error) {
       // A fault names what went wrong, an input error where.
-      RC_ASSERT(error.fault() ? !error.fault()->where.empty() && !error.fault()->quantity.empty()
-                              : !error.problems().empty());
+      const bool named = error.fault() ? !error.fault()->where.empty() && !error.fault()->quantity.empty()
+                                       : !error.problems().empty();
+      RC_ASSERT(named);
       ++(error.fault() ? diverged : refused);
     }
   });
