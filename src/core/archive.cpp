@@ -19,7 +19,8 @@ constexpr std::size_t kWord = 8;
 }  // namespace
 
 std::uint64_t hash_bytes(std::string_view bytes, std::uint64_t seed) {
-  return XXH64(bytes.data(), bytes.size(), seed);
+  // No bytes may have no address, which XXH64 does not ask for then, but must not be handed either.
+  return XXH64(bytes.empty() ? "" : bytes.data(), bytes.size(), seed);
 }
 
 void ArchiveWriter::word(std::uint64_t bits) {
