@@ -61,6 +61,9 @@ struct EffectsArguments {
 };
 int effects_command(const EffectsArguments& arguments);
 
+/// @param out folder for the study's files
+int contacts_command(const std::filesystem::path& out);
+
 /// Folder with handmodels/ and config/: the installed one, or the source tree's.
 /// @throws Error (input) where neither is there.
 std::filesystem::path data_folder();
