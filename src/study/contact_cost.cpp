@@ -98,7 +98,7 @@ std::string script(const std::vector<ContactCostRow>& rows) {
              "  set xlabel 'contact points in one island, with the 15 joints of a hand'\n"
              "  set ylabel 'CPU time of a step [us]'\n"
              "  set logscale y\n  set grid\n  set key left top\n"
-             "  plot {} 1000 with lines dt 3 lc rgb '#808080' title 'real time'\n"
+             "  plot {} 1000 with lines dt 3 lw 2 lc rgb '#606060' title 'real time'\n"
              "  unset output\n}}\n",
              curves);
 }
