@@ -147,6 +147,12 @@ void add_accuracy(CLI::App& app, AccuracyArguments& arguments) {
       ->excludes(peers);
 }
 
+void add_contacts(CLI::App& app, std::filesystem::path& out) {
+  CLI::App* contacts = app.add_subcommand("contacts", "What a step costs by method and number of contacts");
+  contacts->footer("Example: handsim contacts --out out/contacts");
+  contacts->add_option("--out", out, "folder for the study's files")->required()->check(check_path);
+}
+
 void add_effects(CLI::App& app, EffectsArguments& arguments) {
   CLI::App* effects = app.add_subcommand("effects",
                                          "What each effect of a scene costs and what it changes: table, CSV, "
@@ -196,6 +202,7 @@ int run_command_line(int argc, const char* const* argv) {
   RenderArguments render;
   AccuracyArguments accuracy;
   EffectsArguments effects;
+  std::filesystem::path contacts;
   add_hand(app, hand);
   add_check(app, files);
   add_run(app, run);
@@ -204,6 +211,7 @@ int run_command_line(int argc, const char* const* argv) {
   add_effects(app, effects);
   ExportArguments exported;
   add_export(app, exported);
+  add_contacts(app, contacts);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -217,6 +225,7 @@ int run_command_line(int argc, const char* const* argv) {
   if (app.got_subcommand("run")) return guarded([&] { return run_scene_command(run); });
   if (app.got_subcommand("accuracy")) return guarded([&] { return accuracy_command(accuracy); });
   if (app.got_subcommand("export")) return guarded([&] { return export_command(exported); });
+  if (app.got_subcommand("contacts")) return guarded([&] { return contacts_command(contacts); });
   if (app.got_subcommand("effects")) return guarded([&] { return effects_command(effects); });
   return guarded([&] { return render_command(render); });
 }

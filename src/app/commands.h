@@ -69,6 +69,9 @@ struct ExportArguments {
 };
 int export_command(const ExportArguments& arguments);
 
+/// @param out folder for the study's files
+int contacts_command(const std::filesystem::path& out);
+
 /// Folder with handmodels/ and config/: the installed one, or the source tree's.
 /// @throws Error (input) where neither is there.
 std::filesystem::path data_folder();

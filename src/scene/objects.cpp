@@ -105,8 +105,10 @@ model::Shape read_form(MapReader& reader) {
 void read_parts(MapReader& reader, ObjectSpec& object) {
   YamlNode* list = reader.list("parts", true);
   if (!list) return;
-  if (list->items.empty() || list->items.size() > kMostParts)
+  if (list->items.empty() || list->items.size() > kMostParts) {
+    for (const std::string_view key : kMassKeys) reader.child(key);
     return reader.problem("parts", list->described(), fmt::format("1 to {} parts", kMostParts));
+  }
   const bool of_whole = reader.has("mass") || reader.has("density");
   const bool weighed = !object.is_static && !of_whole;
   std::vector<MassProperties> parts;
@@ -137,9 +139,14 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
   object.place = reader.node().place();
   object.name = read_name(reader, before);
   object.is_static = reader.flag("static", false);
-  if (reader.has("shape") && reader.has("parts"))
+  if (reader.has("shape") && reader.has("parts")) {
     reader.problem("parts", "parts beside a shape", "one of the two");
-  if (reader.has("parts")) {
+    for (const std::string_view key : kSizeKeys) reader.child(key);
+    for (const std::string_view key : kMassKeys) reader.child(key);
+  }
+  if (reader.has("shape") && reader.has("parts")) {
+    object.shapes.emplace_back();
+  } else if (reader.has("parts")) {
     read_parts(reader, object);
   } else {
     object.shapes.push_back(read_form(reader));
