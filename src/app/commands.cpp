@@ -176,6 +176,17 @@ void add_effects(CLI::App& app, EffectsArguments& arguments) {
   effects->add_flag("--json", arguments.json, "print effects.json in place of the table");
 }
 
+void add_export(CLI::App& app, ExportArguments& arguments) {
+  CLI::App* command =
+      app.add_subcommand("export", "A scene's model as a file for other engines: MJCF or URDF");
+  command->footer("Example: handsim export config/two_hands.yaml --format mjcf --out two_hands.xml");
+  command->add_option("scene", arguments.scene, "scene file")->required();
+  command->add_option("--format", arguments.format, "mjcf (MuJoCo) or urdf (ROS)")
+      ->check(CLI::IsMember({"mjcf", "urdf"}));
+  command->add_option("--out", arguments.out, "file to write")->required()->check(check_path);
+  add_overrides(*command, arguments.overrides);
+}
+
 }  // namespace
 
 int run_command_line(int argc, const char* const* argv) {
@@ -198,6 +209,8 @@ int run_command_line(int argc, const char* const* argv) {
   add_render(app, render);
   add_accuracy(app, accuracy);
   add_effects(app, effects);
+  ExportArguments exported;
+  add_export(app, exported);
   add_contacts(app, contacts);
   try {
     app.parse(argc, argv);
@@ -211,6 +224,7 @@ int run_command_line(int argc, const char* const* argv) {
   if (app.got_subcommand("check")) return guarded([&] { return check_command(files); });
   if (app.got_subcommand("run")) return guarded([&] { return run_scene_command(run); });
   if (app.got_subcommand("accuracy")) return guarded([&] { return accuracy_command(accuracy); });
+  if (app.got_subcommand("export")) return guarded([&] { return export_command(exported); });
   if (app.got_subcommand("contacts")) return guarded([&] { return contacts_command(contacts); });
   if (app.got_subcommand("effects")) return guarded([&] { return effects_command(effects); });
   return guarded([&] { return render_command(render); });

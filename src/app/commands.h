@@ -61,6 +61,14 @@ struct EffectsArguments {
 };
 int effects_command(const EffectsArguments& arguments);
 
+struct ExportArguments {
+  std::filesystem::path scene;
+  std::filesystem::path out;
+  std::string format = "mjcf";  ///< or `urdf`
+  std::vector<std::string> overrides;
+};
+int export_command(const ExportArguments& arguments);
+
 /// @param out folder for the study's files
 int contacts_command(const std::filesystem::path& out);
 

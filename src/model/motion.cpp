@@ -24,6 +24,33 @@ double eased_rate(Interpolation interpolation, double s) {
   return 1;
 }
 
+double eased_acceleration(Interpolation interpolation, double s) {
+  switch (interpolation) {
+    case Interpolation::linear:
+      return 0;
+    case Interpolation::minimum_jerk:
+      return 60 * s * (1 - s) * (1 - 2 * s);
+  }
+  return 0;
+}
+
+namespace {
+
+/// The keyframes around a time, on the side that is meant; null before the first and after the last.
+const PoseKey* key_before(const std::vector<PoseKey>& keys, double time, KeySide side) {
+  const auto next = std::find_if(keys.begin(), keys.end(), [&](const PoseKey& key) {
+    return side == KeySide::after ? time < key.time : time <= key.time;
+  });
+  return next == keys.begin() || next == keys.end() ? nullptr : &*(next - 1);
+}
+
+/// The way from a keyframe to the next, `share` of it a second; the turn goes about one axis.
+PoseRate along(const PoseKey& a, const PoseKey& b, double share) {
+  return {share * (b.pose.p - a.pose.p), share * rotation_vector(b.pose.q * a.pose.q.conjugate())};
+}
+
+}  // namespace
+
 Pose PoseMotion::at(double time) const {
   if (time <= keys.front().time) return keys.front().pose;
   if (time >= keys.back().time) return keys.back().pose;
@@ -36,17 +63,17 @@ Pose PoseMotion::at(double time) const {
 }
 
 PoseRate PoseMotion::rate(double time, KeySide side) const {
-  // The first key that lies after the time, on the side that is meant.
-  const auto next = std::find_if(keys.begin(), keys.end(), [&](const PoseKey& key) {
-    return side == KeySide::after ? time < key.time : time <= key.time;
-  });
-  if (next == keys.begin() || next == keys.end()) return {};
-  const PoseKey& a = *(next - 1);
-  const PoseKey& b = *next;
-  const double span = b.time - a.time;
-  const double share = eased_rate(interpolation, (time - a.time) / span) / span;
-  // The turn from a to b goes about one axis, so its rate is that turn times the share.
-  return {share * (b.pose.p - a.pose.p), share * rotation_vector(b.pose.q * a.pose.q.conjugate())};
+  const PoseKey* key = key_before(keys, time, side);
+  if (!key) return {};
+  const double span = key[1].time - key->time;
+  return along(*key, key[1], eased_rate(interpolation, (time - key->time) / span) / span);
+}
+
+PoseRate PoseMotion::acceleration(double time, KeySide side) const {
+  const PoseKey* key = key_before(keys, time, side);
+  if (!key) return {};
+  const double span = key[1].time - key->time;
+  return along(*key, key[1], eased_acceleration(interpolation, (time - key->time) / span) / (span * span));
 }
 
 }  // namespace handsim::model

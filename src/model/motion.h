@@ -35,11 +35,15 @@ struct PoseMotion {
   Pose at(double time) const;
   /// Its rate at a time [s]: the exact derivative of `at`.
   PoseRate rate(double time, KeySide side) const;
+  /// How fast that rate changes [m/s^2], [rad/s^2]: its exact derivative.
+  PoseRate acceleration(double time, KeySide side) const;
 };
 
 /// Fraction of the way, 0..1, after fraction `s` (0..1) of the time.
 double eased(Interpolation interpolation, double s);
 /// Its derivative.
 double eased_rate(Interpolation interpolation, double s);
+/// Its second derivative.
+double eased_acceleration(Interpolation interpolation, double s);
 
 }  // namespace handsim::model

@@ -48,6 +48,8 @@ std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model
 model::Effects read_effects(MapReader& reader, const SceneSpec& scene);
 
 void read_solver(MapReader reader, model::SolverSettings& solver);
+/// Effects that the solver's engine or method does not have.
+void check_engine(MapReader& reader, const model::SolverSettings& solver);
 PictureSpec read_pictures(MapReader reader);
 Criteria read_criteria(MapReader reader);
 

@@ -55,6 +55,7 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   scene.solver.effects = read_effects(reader, scene);
   const std::size_t before_times = diagnostics.problems.size();
   read_solver(reader.map("solver"), scene.solver);
+  if (reader.sound()) check_engine(reader, scene.solver);
   scene.duration = reader.number("duration", {Dimension::time, 1e-6, 1e5});
   MapReader record = reader.map("record");
   scene.record_every = record.number("every", {Dimension::time, 1e-6, 1e5}, 0.01);

@@ -6,7 +6,8 @@ namespace handsim::simulation {
 
 using model::Effect;
 
-Ledger::Ledger(const model::Model& model, const model::Effects& effects) : model_(model), effects_(effects) {
+Ledger::Ledger(const model::Model& model, const model::Effects& effects, bool rows)
+    : model_(model), effects_(effects), rows_(rows) {
   for (const model::Joint& joint : model.joints) {
     // A slider holds five of six relative freedoms, as a hinge does.
     joint_rows_ += 6 - model::dof_count(joint.kind);
@@ -63,7 +64,7 @@ std::vector<LedgerEntry> Ledger::phases() const {
   out.push_back({"step", steps_, 0, per_step(solver_ns()),
                  "timed on every 16th step: the engine without the phases below"});
   if (effects_.any_contact()) out.push_back({"collide", steps_, 0, per_step(collide_ns_), "timed"});
-  if (effects_.has(Effect::passive_tissue))
+  if (effects_.has(Effect::passive_tissue) && rows_)
     out.push_back({"tissue", steps_, 0, per_step(tissue_ns_), "timed"});
   if (effects_.has(Effect::actuation))
     out.push_back({"control", steps_, 0, per_step(control_ns_ + servo_ns_),
@@ -94,6 +95,17 @@ LedgerEntry Ledger::entry(Effect effect) const {
     case Effect::joint_stops:
     case Effect::passive_tissue:
       break;
+  }
+  if (!rows_) {
+    const Count& acted = counts_[static_cast<std::size_t>(effect)];
+    out.ran = acted.steps;
+    out.rows = static_cast<double>(acted.rows) / n;
+    out.how = "solved with the motion, without rows of its own: not told apart";
+    if (effect != Effect::actuation) return out;
+    out.ran = steps_;
+    out.ns_per_step = per_step(control_ns_ + servo_ns_);
+    out.how = "the control phase";
+    return out;
   }
   long all_rows = joint_rows_ * steps_;
   for (const Count& any : counts_) all_rows += any.rows;

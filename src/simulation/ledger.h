@@ -29,7 +29,8 @@ struct StepTimes {
 
 class Ledger {
  public:
-  Ledger(const model::Model& model, const model::Effects& effects);
+  /// @param rows whether the engine has constraint rows to share its time by.
+  Ledger(const model::Model& model, const model::Effects& effects, bool rows = true);
 
   /// @param driven_rows rows of servo drives in each step, 0 where torques act.
   void set_driven_rows(long driven_rows) { driven_rows_ = driven_rows; }
@@ -69,6 +70,7 @@ class Ledger {
 
   const model::Model& model_;
   model::Effects effects_;
+  bool rows_;
   long joint_rows_ = 0;   ///< of the joints themselves, each step
   long tissue_rows_ = 0;  ///< each step
   long driven_rows_ = 0;  ///< each step

@@ -66,7 +66,8 @@ Simulation::Simulation(const scene::Scene& scene)
       engine_(engine::make_engine(scene.model, scene.spec.solver)),
       monitor_(scene.model, scene.spec.solver.step,
                scene.spec.solver.effects.has(model::Effect::joint_stops)),
-      ledger_(scene.model, scene.spec.solver.effects) {
+      ledger_(scene.model, scene.spec.solver.effects,
+              model::engine_of(scene.spec.solver.method) != model::EngineKind::articulated) {
   if (scene.spec.record_contacts) contact_sums_.emplace(scene.model);
   if (scene.spec.solver.effects.has(model::Effect::actuation)) find_constant_torques();
   if (!scene.control) return;

@@ -254,10 +254,11 @@ Words hand_with(const Words& rest) {
 const std::vector<Usage> kUsages = {
     {"NoCommand",
      {},
-     "command: got nothing, need one of hand, check, run, render, accuracy, effects, contacts"},
+     "command: got nothing, need one of hand, check, run, render, accuracy, effects, export, contacts"},
     {"UnknownCommand",
      {"rum"},
-     "command: got rum, need one of hand, check, run, render, accuracy, effects, contacts (nearest: run)"},
+     "command: got rum, need one of hand, check, run, render, accuracy, effects, export, contacts (nearest: "
+     "run)"},
     {"UnknownOption", run_with({"--fast"}), "--fast"},
     {"RunWithoutOut", {"run", kScene}, "--out is required"},
     {"RunWithoutScene", {"run", "--out", "OUT"}, "scene is required"},

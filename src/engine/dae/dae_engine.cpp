@@ -63,6 +63,9 @@ std::unique_ptr<Integrator> make_integrator(System system, const Settings& setti
       return std::make_unique<Euler>(std::move(system), settings);
     case Method::world_step:
     case Method::quick_step:
+    case Method::semi_implicit_euler:
+    case Method::rk4:
+    case Method::dormand_prince:
     case Method::automatic:
       break;
   }

@@ -117,6 +117,9 @@ void OdeEngine::advance(double step, Method method) {
     case Method::lagrange_penalty:
     case Method::euler_linearised:
     case Method::euler_projected:
+    case Method::semi_implicit_euler:
+    case Method::rk4:
+    case Method::dormand_prince:
       assert(false && "a method of another engine");
       return;
   }
