@@ -23,7 +23,7 @@ unset(CMAKE_REQUIRED_LIBRARIES)
 handsim_need(HANDSIM_ODE_IS_DOUBLE "ODE built in double precision (this one is single precision or does not link)" libode-dev)
 
 foreach(entry "Eigen3;Eigen 3;libeigen3-dev" "yaml-cpp;yaml-cpp;libyaml-cpp-dev" "fmt;fmt;libfmt-dev"
-              "nlohmann_json;nlohmann-json;nlohmann-json3-dev" "PNG;libpng;libpng-dev" "CLI11;CLI11;libcli11-dev")
+              "nlohmann_json;nlohmann-json;nlohmann-json3-dev" "Qhull;Qhull (convex hulls);libqhull-dev" "PNG;libpng;libpng-dev" "CLI11;CLI11;libcli11-dev")
   list(GET entry 0 package)
   list(GET entry 1 what)
   list(GET entry 2 debian)

@@ -54,7 +54,7 @@ double read_mass(MapReader& reader, const model::Shape& shape) {
 }
 
 ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
-                       const std::vector<model::Material>& materials) {
+                       const std::vector<model::Material>& materials, const std::vector<GraspSpec>& grasps) {
   ObjectSpec object;
   object.place = reader.node().place();
   object.name = read_name(reader, before);
@@ -65,7 +65,10 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
     object.velocity = reader.vector("velocity", kVelocity, Vec3::Zero());
     object.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
   }
-  object.pose = read_pose(reader);
+  if (!places_object(grasps, object.name))
+    object.pose = read_pose(reader);
+  else if (reader.child("position") || reader.child("rotation"))
+    reader.problem("position", "a place beside the grasp that gives it", "one of the two");
   object.material = read_surface(reader, object.name, materials);
   // Sizes of an unknown shape can be neither right nor wrong.
   if (!shaped)
@@ -102,7 +105,8 @@ bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shap
   return true;
 }
 
-std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials) {
+std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials,
+                                     const std::vector<GraspSpec>& grasps) {
   std::vector<ObjectSpec> objects;
   YamlNode* list = reader.list("objects", false);
   if (!list) return objects;
@@ -112,7 +116,7 @@ std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model:
   }
   for (std::size_t i = 0; i < list->items.size(); ++i)
     objects.push_back(read_object(MapReader(list->items[i], item_path("objects", i), reader.diagnostics()),
-                                  objects, materials));
+                                  objects, materials, grasps));
   return objects;
 }
 

@@ -10,6 +10,7 @@
 #include "handsim/hand/build.h"
 #include "handsim/model/solver.h"
 #include "handsim/scene/control_spec.h"
+#include "handsim/scene/grasp.h"
 #include "handsim/scene/mechanism.h"
 
 namespace handsim::scene {
@@ -57,6 +58,7 @@ struct Criteria {
   std::optional<double> stop_overshoot;  ///< largest overshoot of a stop beyond impact rate times step [rad]
   std::optional<double> stop_rest;       ///< largest overshoot of a stop at the end [rad]
   std::optional<int> lcp_failures;       ///< in all
+  std::optional<double> grasp_slip;      ///< mean drift of a grasped object in the palm during the hold [m/s]
   TrackingCriteria tracking;             ///< of a controlled scene
 };
 
@@ -89,6 +91,8 @@ struct SceneSpec {
   double duration = 1;                 ///< [s]
   double record_every = 0.01;          ///< [s]
   std::optional<ControlSpec> control;  ///< drives the joints; with actuation only
+  std::vector<GraspSpec> grasps;
+  std::vector<GraspPlan> grasp_plans;  ///< one for each of the grasps
   PictureSpec pictures;
   Criteria criteria;
 };

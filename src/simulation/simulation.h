@@ -3,9 +3,11 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "handsim/engine/engine.h"
 #include "handsim/scene/scene.h"
+#include "handsim/simulation/grasp_figures.h"
 #include "handsim/simulation/ledger.h"
 #include "handsim/simulation/monitor.h"
 #include "handsim/simulation/tracking.h"
@@ -31,6 +33,10 @@ class Simulation {
   /// Figures of the driven axes up to now, holds that are under way closed.
   std::vector<AxisTracking> tracking() const;
   const Ledger& ledger() const { return ledger_; }
+  /// Figures of the scene's grasps up to now.
+  std::vector<GraspFigures> grasps() const;
+  /// An object of a grasp is lost already.
+  bool grasp_lost() const;
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
 
@@ -45,6 +51,7 @@ class Simulation {
   std::unique_ptr<engine::Engine> engine_;
   std::optional<control::Controller> controller_;
   std::optional<Tracking> tracking_;
+  std::vector<GraspWatch> grasps_;
   Monitor monitor_;
   Ledger ledger_;
   std::vector<double> constant_;  ///< constant torques of the joints; empty where there are none
