@@ -2,6 +2,7 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/scene/file_kind.h"
+#include "handsim/scene/objects.h"
 #include "handsim/scene/scene.h"
 #include "handsim/study/accuracy.h"
 
@@ -31,6 +32,9 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
       break;
     case scene::FileKind::study:
       study::load_accuracy(path);
+      break;
+    case scene::FileKind::object:
+      scene::read_object_file(root, diagnostics);
       break;
     case scene::FileKind::scene:
       diagnostics.warnings = scene::compile_scene(std::move(root)).warnings;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -92,8 +93,9 @@ GraspSpec read_grasp(MapReader reader) {
   return grasp;
 }
 
-/// Lowest point of a solid at a pose [m].
-double lowest(const model::Shape& shape, const Pose& pose) {
+/// Lowest point of a solid whose frame is at a pose [m].
+double lowest(const model::Shape& shape, const Pose& frame) {
+  const Pose pose = frame * shape.pose;
   const Vec3 down = pose.q.conjugate() * Vec3(0, 0, -1);
   const double across = std::hypot(down.x(), down.y());
   double reach = 0;
@@ -163,12 +165,16 @@ void plan_motion(const GraspSpec& grasp, model::Side side, model::PoseMotion& mo
 ObjectSpec make_post(const PostSpec& post, const ObjectSpec& object) {
   ObjectSpec out;
   out.name = object.name + "_post";
-  out.shape.kind = model::ShapeKind::cylinder;
-  out.shape.radius = post.radius;
-  out.shape.length = post.height;
+  model::Shape cylinder;
+  cylinder.kind = model::ShapeKind::cylinder;
+  cylinder.radius = post.radius;
+  cylinder.length = post.height;
+  out.shapes.push_back(cylinder);
   out.is_static = true;
-  out.pose.p = object.pose.p;
-  out.pose.p.z() = lowest(object.shape, object.pose) - post.height / 2;
+  out.pose.p = object.pose * object.body.centre;
+  double top = std::numeric_limits<double>::infinity();
+  for (const model::Shape& shape : object.shapes) top = std::min(top, lowest(shape, object.pose));
+  out.pose.p.z() = top - post.height / 2;
   out.material.name = out.name;
   out.place = object.place;
   return out;

@@ -1,4 +1,8 @@
 // The `objects` and the `ground` of a scene.
+#include "handsim/scene/objects.h"
+
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -15,21 +19,54 @@ using model::ShapeKind;
 const Quantity kSize = {Dimension::length, 1e-4, 100};
 const Quantity kMass = {Dimension::mass, 1e-6, 1e4};
 constexpr std::size_t kMostObjects = 1000;
+constexpr std::size_t kMostParts = 200;
 
-double solid_volume(const model::Shape& shape) {
-  switch (shape.kind) {
-    case ShapeKind::box:
-      return shape.edges.prod();
-    case ShapeKind::sphere:
-      return 4.0 / 3.0 * M_PI * std::pow(shape.radius, 3);
-    case ShapeKind::cylinder:
-      return M_PI * shape.radius * shape.radius * shape.length;
-    case ShapeKind::capsule:
-      return hand::capsule_inertia(shape.radius, shape.length).volume;
-    case ShapeKind::plane:
-      return 0;
+/// Keys that say one thing in different ways: where an entry has one of them, all of them in its file are
+/// void.
+using Keys = std::vector<std::string_view>;
+const Keys kMassKeys = {"mass", "density"};
+const Keys kFormKeys = {"shape", "parts"};
+const Keys kSizeKeys = {"shape", "parts", "edges", "radius", "length"};
+const Keys kPropertyKeys = {"friction",         "restitution",       "restitution_speed",
+                            "rolling_friction", "spinning_friction", "stiffness",
+                            "damping"};
+
+bool has_any(const YamlNode& map, const Keys& keys) {
+  return std::any_of(keys.begin(), keys.end(),
+                     [&](std::string_view key) { return map.find(key) != nullptr; });
+}
+
+bool among(const std::string& key, const Keys& keys) {
+  return std::find(keys.begin(), keys.end(), key) != keys.end();
+}
+
+/// True where the entry's own keys leave the file's `key` without a say.
+bool overridden(const YamlNode& entry, const std::string& key) {
+  return entry.find(key) != nullptr || (among(key, kMassKeys) && has_any(entry, kMassKeys)) ||
+         (among(key, kSizeKeys) && has_any(entry, kFormKeys)) ||
+         (among(key, kPropertyKeys) && entry.find("material") != nullptr) ||
+         (key == "material" && has_any(entry, kPropertyKeys));
+}
+
+/// Puts what the object's file says under the keys that the entry leaves open, in place of `file`.
+/// False, with problems, where the file cannot be used.
+bool inline_file(YamlNode& entry, const std::string& path, Diagnostics& diagnostics) {
+  YamlNode* file = entry.find("file");
+  if (!file) return true;
+  const std::string key = path + ".file";
+  try {
+    follow_reference(*file, key);
+  } catch (const Error& error) {
+    diagnostics.take(error);
+    return false;
   }
-  return 0;
+  if (!is_of_kind(*file, key, FileKind::object, diagnostics)) return false;
+  YamlNode content = std::move(*file);
+  entry.entries.remove_if([](const YamlEntry& of) { return of.key == "file"; });
+  const YamlNode own = entry;
+  for (YamlEntry& of : content.entries)
+    if (!overridden(own, of.key)) entry.entries.push_back(std::move(of));
+  return true;
 }
 
 std::string read_name(MapReader& reader, const std::vector<ObjectSpec>& before) {
@@ -41,16 +78,55 @@ std::string read_name(MapReader& reader, const std::vector<ObjectSpec>& before) 
   return name;
 }
 
-double read_mass(MapReader& reader, const model::Shape& shape) {
+/// `mass` or `density` of a thing of this volume.
+double read_mass(MapReader& reader, double volume) {
   const auto mass = reader.maybe_number("mass", kMass);
   const auto density = reader.maybe_number("density", {Dimension::density, 1, 1e5});
   if (reader.has("mass") == reader.has("density"))
     reader.problem("mass", reader.has("mass") ? "a mass and a density" : "neither a mass nor a density",
                    "one of the two");
-  const double result = mass.value_or(density.value_or(1000) * solid_volume(shape));
+  const double result = mass.value_or(density.value_or(1000) * volume);
   if (reader.sound() && !kMass.allows(result))
     reader.problem("density", fmt::format("a mass of {:.3g} kg by it", result), kMass.need());
   return result;
+}
+
+/// A shape with its place in the object. Sizes of an unknown shape can be neither right nor wrong.
+model::Shape read_form(MapReader& reader) {
+  model::Shape shape;
+  if (!read_solid(reader, "shape", shape))
+    for (const char* key : {"edges", "radius", "length"}) reader.child(key);
+  return shape;
+}
+
+/// The parts of a compound. Each has a mass of its own where the first has.
+void read_parts(MapReader& reader, ObjectSpec& object) {
+  YamlNode* list = reader.list("parts", true);
+  if (!list) return;
+  if (list->items.empty() || list->items.size() > kMostParts)
+    return reader.problem("parts", list->described(), fmt::format("1 to {} parts", kMostParts));
+  const bool of_whole = reader.has("mass") || reader.has("density");
+  const bool weighed = !object.is_static && !of_whole;
+  std::vector<MassProperties> parts;
+  double whole_volume = 0;
+  for (std::size_t i = 0; i < list->items.size(); ++i) {
+    MapReader part(list->items[i], item_path(reader.path_of("parts"), i), reader.diagnostics());
+    model::Shape shape = read_form(part);
+    const Pose at{part.vector("position", kCoordinate, Vec3::Zero()), part.rotation("rotation")};
+    shape.pose = at * shape.pose;
+    const double own = volume(shape);
+    whole_volume += own;
+    parts.push_back(solid_properties(shape, weighed ? read_mass(part, own) : own));
+    part.finish();
+    object.shapes.push_back(std::move(shape));
+  }
+  if (object.is_static) return;
+  object.body = joined(parts);
+  if (!of_whole || !reader.sound()) return;
+  // The parts' masses were their volumes: one density for all.
+  const double density = read_mass(reader, whole_volume) / whole_volume;
+  object.body.mass *= density;
+  object.body.inertia *= density;
 }
 
 ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
@@ -58,10 +134,17 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
   ObjectSpec object;
   object.place = reader.node().place();
   object.name = read_name(reader, before);
-  const bool shaped = read_solid(reader, "shape", object.shape);
   object.is_static = reader.flag("static", false);
+  if (reader.has("shape") && reader.has("parts"))
+    reader.problem("parts", "parts beside a shape", "one of the two");
+  if (reader.has("parts")) {
+    read_parts(reader, object);
+  } else {
+    object.shapes.push_back(read_form(reader));
+    const model::Shape& shape = object.shapes.front();
+    if (!object.is_static) object.body = solid_properties(shape, read_mass(reader, volume(shape)));
+  }
   if (!object.is_static) {
-    object.mass = read_mass(reader, object.shape);
     object.velocity = reader.vector("velocity", kVelocity, Vec3::Zero());
     object.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
   }
@@ -70,9 +153,7 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
   else if (reader.child("position") || reader.child("rotation"))
     reader.problem("position", "a place beside the grasp that gives it", "one of the two");
   object.material = read_surface(reader, object.name, materials);
-  // Sizes of an unknown shape can be neither right nor wrong.
-  if (!shaped)
-    for (const char* key : {"edges", "radius", "length"}) reader.child(key);
+  if (reader.has("source")) object.source = reader.text("source");
   reader.finish();
   return object;
 }
@@ -82,8 +163,7 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
 model::Material read_surface(MapReader& reader, std::string name,
                              const std::vector<model::Material>& materials) {
   if (!reader.has("material")) return hand::read_material(reader, std::move(name));
-  for (const char* key : {"friction", "restitution", "restitution_speed", "rolling_friction",
-                          "spinning_friction", "stiffness", "damping"})
+  for (const std::string_view key : kPropertyKeys)
     if (reader.child(key))
       reader.problem(key, "a property beside the material that has it", "one of the two");
   return named_material(reader, "material", materials).value_or(model::Material{});
@@ -114,10 +194,21 @@ std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model:
     reader.problem("objects", list->described(), fmt::format("at most {} objects", kMostObjects));
     return objects;
   }
-  for (std::size_t i = 0; i < list->items.size(); ++i)
-    objects.push_back(read_object(MapReader(list->items[i], item_path("objects", i), reader.diagnostics()),
-                                  objects, materials, grasps));
+  for (std::size_t i = 0; i < list->items.size(); ++i) {
+    const std::string path = item_path("objects", i);
+    if (inline_file(list->items[i], path, reader.diagnostics()))
+      objects.push_back(
+          read_object(MapReader(list->items[i], path, reader.diagnostics()), objects, materials, grasps));
+  }
   return objects;
+}
+
+ObjectSpec read_object_file(YamlNode& root, Diagnostics& diagnostics) {
+  if (!is_of_kind(root, "", FileKind::object, diagnostics)) return {};
+  // What the scene gives it.
+  if (!root.find("name")) yaml_put(root, "name", yaml_scalar("object"));
+  if (!root.find("position")) yaml_put(root, "position", parse_yaml("[0, 0, 0]", ""));
+  return read_object(MapReader(root, "", diagnostics), {}, {}, {});
 }
 
 std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model::Material>& materials) {

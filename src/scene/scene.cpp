@@ -7,50 +7,34 @@ namespace handsim::scene {
 
 namespace {
 
-Mat3 solid_inertia(const model::Shape& shape, double mass) {
-  const double r2 = shape.radius * shape.radius;
-  switch (shape.kind) {
-    case model::ShapeKind::box: {
-      const Vec3 e2 = shape.edges.cwiseAbs2();
-      return (mass / 12 * Vec3(e2.y() + e2.z(), e2.z() + e2.x(), e2.x() + e2.y())).asDiagonal();
-    }
-    case model::ShapeKind::sphere:
-      return 0.4 * mass * r2 * Mat3::Identity();
-    case model::ShapeKind::cylinder: {
-      const double across = mass * (r2 / 4 + shape.length * shape.length / 12);
-      return Vec3(across, across, mass * r2 / 2).asDiagonal();
-    }
-    case model::ShapeKind::capsule: {
-      const hand::CapsuleInertia solid = hand::capsule_inertia(shape.radius, shape.length);
-      return (mass * Vec3(solid.transverse, solid.transverse, solid.axial)).asDiagonal();
-    }
-    case model::ShapeKind::plane:
-      return Mat3::Zero();
-  }
-  return Mat3::Zero();
-}
-
 void add_object(model::Model& model, const ObjectSpec& object, int group) {
-  model::Shape shape = object.shape;
-  shape.name = object.name;
-  shape.tint = model::Tint::object;
-  shape.group = group;
-  shape.material = static_cast<int>(model.materials.size());
+  const int material = static_cast<int>(model.materials.size());
   model.materials.push_back(object.material);
-  if (object.is_static) {
-    shape.pose = object.pose;
-  } else {
+  Pose x_BO = object.pose;
+  int on = model::kWorld;
+  if (!object.is_static) {
     model::Body body;
     body.name = object.name;
-    body.mass = object.mass;
-    body.inertia = solid_inertia(object.shape, object.mass);
-    body.zero_pose = object.pose;
+    body.mass = object.body.mass;
+    body.inertia = object.body.inertia;
+    body.zero_pose = object.pose * object.body_frame();
     body.initial_velocity = object.velocity;
     body.initial_angular_velocity = object.angular_velocity;
-    shape.body = static_cast<int>(model.bodies.size());
+    x_BO = object.body_frame().inverse();
+    on = static_cast<int>(model.bodies.size());
     model.bodies.push_back(std::move(body));
   }
-  model.shapes.push_back(std::move(shape));
+  for (std::size_t i = 0; i < object.shapes.size(); ++i) {
+    model::Shape shape = object.shapes[i];
+    shape.name = object.name;
+    if (object.shapes.size() > 1) shape.name += ".part" + std::to_string(i);
+    shape.tint = model::Tint::object;
+    shape.group = group;
+    shape.material = material;
+    shape.body = on;
+    shape.pose = x_BO * shape.pose;
+    model.shapes.push_back(std::move(shape));
+  }
 }
 
 void add_ground(model::Model& model, const GroundSpec& ground) {

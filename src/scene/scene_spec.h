@@ -11,6 +11,7 @@
 #include "handsim/model/solver.h"
 #include "handsim/scene/control_spec.h"
 #include "handsim/scene/grasp.h"
+#include "handsim/scene/mass_properties.h"
 #include "handsim/scene/mechanism.h"
 
 namespace handsim::scene {
@@ -23,16 +24,21 @@ struct HandEntry {
   Place person_place;  ///< of the person's file or block
 };
 
+/// A thing of one shape, or a compound of several that move as one. Its frame O is the one in which its
+/// shapes are given; its body's frame has O's axes and stands at the centre of mass.
 struct ObjectSpec {
   std::string name;
-  model::Shape shape;                    ///< kind, size and nothing else
-  double mass = 0;                       ///< [kg]
+  std::vector<model::Shape> shapes;      ///< kind, size and pose X_OS, nothing else; at least one
+  MassProperties body;                   ///< in O; static: none
   bool is_static = false;                ///< does not move
   Pose pose;                             ///< X_WO at the start
-  Vec3 velocity = Vec3::Zero();          ///< [m/s]
+  Vec3 velocity = Vec3::Zero();          ///< of the centre of mass [m/s]
   Vec3 angular_velocity = Vec3::Zero();  ///< world axes [rad/s]
   model::Material material;
-  Place place;  ///< in the file, for problems found later
+  std::optional<std::string> source;  ///< where its figures come from
+  Place place;                        ///< in the file, for problems found later
+
+  Pose body_frame() const { return {body.centre, Quat::Identity()}; }  ///< X_OB
 };
 
 struct GroundSpec {

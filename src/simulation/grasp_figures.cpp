@@ -8,7 +8,7 @@ namespace handsim::simulation {
 namespace {
 
 constexpr std::array<const char*, 6> kParts = {"palm", "thumb", "index", "middle", "ring", "little"};
-/// Contacts that bear less than this share of the grip say nothing of its friction.
+/// Parts that bear less than this share of the grip say nothing of its friction.
 constexpr double kBearing = 1e-3;
 
 int part_of(model::Tint tint) {
@@ -98,10 +98,7 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
   Grip out;
   out.time = engine.state().time;
   std::array<PartForce, kParts.size()> parts;
-  struct Bearing {
-    double normal, friction, limit;
-  };
-  std::vector<Bearing> bearings;
+  std::array<double, kParts.size()> limits{};
   std::vector<WrenchContact> wrenches;
   const Vec3 centre = engine.state().bodies[object_].p;
   for (const engine::Contact& contact : engine.contacts()) {
@@ -127,14 +124,13 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
     wrench.position = contact.position - centre;
     wrench.normal = a == object_ ? contact.normal : Vec3(-contact.normal);
     wrenches.push_back(wrench);
-    bearings.push_back({normal, friction, wrench.friction * normal});
+    limits[static_cast<std::size_t>(part)] += wrench.friction * normal;
   }
-  for (const Bearing& bearing : bearings)
-    if (bearing.normal > kBearing * out.normal && bearing.limit > 0)
-      out.friction_used = std::max(out.friction_used, bearing.friction / bearing.limit);
   for (std::size_t i = 0; i < parts.size(); ++i) {
     if (parts[i].contacts == 0) continue;
     parts[i].part = kParts[i];
+    if (parts[i].normal > kBearing * out.normal && limits[i] > 0)
+      out.friction_used = std::max(out.friction_used, parts[i].friction / limits[i]);
     out.parts.push_back(parts[i]);
   }
   out.wrenches = wrench_space(wrenches, length_);

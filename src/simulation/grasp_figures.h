@@ -35,7 +35,9 @@ struct Grip {
   int contacts = 0;
   int others = 0;  ///< contacts of the object with what is no part of the hand
   double normal = 0;  ///< sum over the hand [N]
-  /// Largest share of a contact's friction limit in use, among contacts that bear a thousandth of the sum.
+  /// Largest share of a part's friction limit in use, among parts that bear a thousandth of the sum. Can
+  /// exceed 1: friction is a pyramid (1.41 on its diagonal), and ODE takes its limits from the normal forces
+  /// of the step without friction.
   double friction_used = 0;
   WrenchSpace wrenches;
 };
