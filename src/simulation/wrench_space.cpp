@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include <Eigen/Dense>
 #include <libqhull_r/qhull_ra.h>
-
-#include "handsim/core/error.h"
 
 namespace handsim::simulation {
 
@@ -62,6 +62,18 @@ struct Hull {
   Hull& operator=(const Hull&) = delete;
 };
 
+/// The hull of points in six dimensions; null where Qhull gives up. Qx merges facets of coplanar points and
+/// keeps the hull exact to rounding; QJ moves the points by some 1e-11 instead, where nearly coplanar ones defeat
+/// the merging.
+std::unique_ptr<Hull> hull_of(std::vector<double>& coordinates, std::string options) {
+  auto hull = std::make_unique<Hull>();
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> quiet(std::fopen("/dev/null", "w"), &std::fclose);
+  const int failed = qh_new_qhull(&hull->qh, kDimension, static_cast<int>(coordinates.size()) / kDimension,
+                                  coordinates.data(), False, options.data(), nullptr, quiet.get());
+  if (failed != 0) return nullptr;
+  return hull;
+}
+
 }  // namespace
 
 WrenchSpace wrench_space(std::span<const WrenchContact> contacts, double length) {
@@ -71,14 +83,9 @@ WrenchSpace wrench_space(std::span<const WrenchContact> contacts, double length)
   if (points.size() <= kDimension || flat(points)) return out;
   std::vector<double> coordinates;
   for (const Wrench& point : points) coordinates.insert(coordinates.end(), point.begin(), point.end());
-  const auto hull = std::make_unique<Hull>();
-  // Merged facets (Qx) keep the hull of coplanar points exact to rounding; Pp and a null file: no reports.
-  char options[] = "qhull Qx Pp";
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> quiet(std::fopen("/dev/null", "w"), &std::fclose);
-  const int failed = qh_new_qhull(&hull->qh, kDimension, static_cast<int>(points.size()), coordinates.data(),
-                                  False, options, nullptr, quiet.get());
-  if (failed != 0)
-    throw Error(PhysicsFault{0, "grasp", "wrench space", "Qhull found no convex hull of the contacts' wrenches"});
+  std::unique_ptr<Hull> hull = hull_of(coordinates, "qhull Qx Pp");
+  if (!hull) hull = hull_of(coordinates, "qhull QJ Pp");
+  if (!hull) return out;
   double nearest = std::numeric_limits<double>::infinity();
   const facetT* facet = nullptr;
   for (facet = hull->qh.facet_list; facet && facet->next; facet = facet->next)

@@ -31,7 +31,7 @@ struct WrenchSpace {
 };
 
 /// @param length that torques are divided by [m], > 0: commonly the object's largest radius.
-/// @throws Error (physics) where Qhull fails.
+/// Where even Qhull's joggled input gives no hull, none is claimed: no force closure.
 WrenchSpace wrench_space(std::span<const WrenchContact> contacts, double length);
 
 }  // namespace handsim::simulation
