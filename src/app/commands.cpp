@@ -131,7 +131,8 @@ Error command_error(const CLI::App& app, int argc, const char* const* argv) {
 
 void add_grasp(CLI::App& app, GraspArguments& arguments) {
   CLI::App* grasp = app.add_subcommand(
-      "grasp", "Run grasp scenes and say in one table what was held, how firmly, and with what friction at least");
+      "grasp",
+      "Run grasp scenes and say in one table what was held, how firmly, and with what friction at least");
   grasp->footer("Example: handsim grasp config --out out/grasps --side both");
   grasp->add_option("scenes", arguments.scenes, "scene files, or folders of them")->required();
   grasp->add_option("--out", arguments.out, "folder for the runs' files, grasps.csv and grasps.json")

@@ -38,13 +38,15 @@ void print_tracking(const simulation::RunResult& result) {
 }
 
 void print_grip(const char* when, const simulation::Grip& grip) {
-  fmt::print("    {}: {} contacts, {:.3g} N, {:.0f} % of the friction limit used; {}, epsilon {:.3g}, volume {:.3g}\n", when,
-             grip.contacts, grip.normal, 100 * grip.friction_used,
-             grip.wrenches.force_closure ? "force closure" : "no force closure", grip.wrenches.epsilon,
-             grip.wrenches.volume);
+  fmt::print(
+      "    {}: {} contacts, {:.3g} N, {:.0f} % of the friction limit used; {}, epsilon {:.3g}, volume "
+      "{:.3g}\n",
+      when, grip.contacts, grip.normal, 100 * grip.friction_used,
+      grip.wrenches.force_closure ? "force closure" : "no force closure", grip.wrenches.epsilon,
+      grip.wrenches.volume);
   for (const simulation::PartForce& part : grip.parts)
-    fmt::print("      {:<7} {} contacts, normal {:.3g} N, friction {:.3g} N\n", part.part, part.contacts, part.normal,
-               part.friction);
+    fmt::print("      {:<7} {} contacts, normal {:.3g} N, friction {:.3g} N\n", part.part, part.contacts,
+               part.normal, part.friction);
 }
 
 void print_grasps(const simulation::RunResult& result) {
@@ -54,9 +56,11 @@ void print_grasps(const simulation::RunResult& result) {
       fmt::print("  grasp {}: the run ended before the grasp\n", grasp.name);
       continue;
     }
-    fmt::print("  grasp {}: {}; slip {:.3g} um/s in the hold; moved {:.2g} mm during the shake, {:.2g} mm and {:.2g} deg after it\n",
-               grasp.name, grasp.held ? "held" : "LOST", 1e6 * grasp.slip, 1e3 * grasp.shaken_shift, 1e3 * grasp.shift,
-               kDegrees * grasp.turn);
+    fmt::print(
+        "  grasp {}: {}; slip {:.3g} um/s in the hold; moved {:.2g} mm during the shake, {:.2g} mm and "
+        "{:.2g} deg after it\n",
+        grasp.name, grasp.held ? "held" : "LOST", 1e6 * grasp.slip, 1e3 * grasp.shaken_shift,
+        1e3 * grasp.shift, kDegrees * grasp.turn);
     print_grip("end of the hold", grasp.hold);
     print_grip("after the shake", grasp.after);
     if (grasp.disagree())

@@ -93,7 +93,8 @@ double shake_acceleration(int cycles) {
   double most = 0;
   for (int i = 1; i < steps; ++i) {
     const double t = i * kStep;
-    most = std::max(most, std::abs((unit.velocity(t + kStep / 2) - unit.velocity(t - kStep / 2)).x()) / kStep);
+    most =
+        std::max(most, std::abs((unit.velocity(t + kStep / 2) - unit.velocity(t - kStep / 2)).x()) / kStep);
   }
   return most;
 }

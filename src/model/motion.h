@@ -31,10 +31,10 @@ enum class KeySide { before, after };
 /// frequency (time - start) from 0 to `cycles`; w rises from 0 to 1 over the first half cycle and falls over
 /// the last by the minimum-jerk curve. Acceleration is continuous.
 struct Shake {
-  double start = 0;                ///< [s]
-  double frequency = 1;            ///< [Hz], > 0
-  int cycles = 2;                  ///< >= 1
-  Vec3 amplitude = Vec3::Zero();   ///< world [m]
+  double start = 0;               ///< [s]
+  double frequency = 1;           ///< [Hz], > 0
+  int cycles = 2;                 ///< >= 1
+  Vec3 amplitude = Vec3::Zero();  ///< world [m]
 
   double end() const { return start + cycles / frequency; }
   Vec3 displacement(double time) const;

@@ -208,7 +208,8 @@ class Checker {
     for (const Shake& shake : drive.motion.shakes) {
       check_range(key + ".motion.shake", shake.frequency, 1e-3, 1e4, "Hz");
       check_range(key + ".motion.shake", shake.amplitude.norm(), 0, kFar, "m");
-      if (shake.cycles < 1) add(key + ".motion.shake", fmt::format("{} cycles", shake.cycles), "at least one");
+      if (shake.cycles < 1)
+        add(key + ".motion.shake", fmt::format("{} cycles", shake.cycles), "at least one");
     }
   }
 

@@ -40,7 +40,8 @@ control::ProgramChoice read_choice(YamlNode& node, const std::string& key, Diagn
 }
 
 /// One program for every hand, or one for each by its name.
-std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::vector<HandEntry>& hands, bool grasped) {
+std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::vector<HandEntry>& hands,
+                                                  bool grasped) {
   std::vector<control::ProgramChoice> out(hands.size());
   YamlNode* node = reader.child("program");
   const std::string key = reader.path_of("program");

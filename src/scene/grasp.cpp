@@ -30,7 +30,8 @@ std::vector<std::string> read_closing(MapReader& reader) {
   if (node && node->kind == YamlNode::Kind::scalar) out.push_back(node->text);
   if (node && node->kind == YamlNode::Kind::sequence)
     for (const YamlNode& item : node->items) out.push_back(item.text);
-  if (out.empty() || std::any_of(out.begin(), out.end(), [](const std::string& name) { return name.empty(); }))
+  if (out.empty() ||
+      std::any_of(out.begin(), out.end(), [](const std::string& name) { return name.empty(); }))
     reader.problem("closed", node ? node->described() : "nothing", "the name of a pose, or a list of them");
   return out;
 }
@@ -152,8 +153,8 @@ void plan_motion(const GraspSpec& grasp, model::Side side, model::PoseMotion& mo
     const double reach = level.acceleration / (sharpness * level.frequency * level.frequency);
     const double span = grasp.shake_cycles / level.frequency;
     double begin = time;
-    for (const Vec3& way : {Vec3(x, 0, 0), Vec3(-x, 0, 0), Vec3(0, 1, 0), Vec3(0, -1, 0), Vec3(0, 0, 1),
-                            Vec3(0, 0, -1)}) {
+    for (const Vec3& way :
+         {Vec3(x, 0, 0), Vec3(-x, 0, 0), Vec3(0, 1, 0), Vec3(0, -1, 0), Vec3(0, 0, 1), Vec3(0, 0, -1)}) {
       motion.shakes.push_back({begin, level.frequency, grasp.shake_cycles, reach * way});
       begin += span;
     }
@@ -202,18 +203,21 @@ std::optional<std::size_t> find_hand(const SceneSpec& scene, const GraspSpec& gr
                "a hand of the scene: " + known_hands(scene));
   const hand::Placement& placement = scene.hands[*found].placement;
   if (placement.mount != hand::Mount::driven || !placement.motion.keys.empty())
-    return say("a hand whose wrist the grasp cannot move", "mount driven without a motion, and one grasp a hand");
+    return say("a hand whose wrist the grasp cannot move",
+               "mount driven without a motion, and one grasp a hand");
   return found;
 }
 
-void place_grasp(SceneSpec& scene, const GraspSpec& given, const std::string& path, Diagnostics& diagnostics) {
+void place_grasp(SceneSpec& scene, const GraspSpec& given, const std::string& path,
+                 Diagnostics& diagnostics) {
   const auto hand = find_hand(scene, given, path, diagnostics);
   const auto object = std::find_if(scene.objects.begin(), scene.objects.end(),
                                    [&](const ObjectSpec& o) { return o.name == given.object; });
   if (object == scene.objects.end() || object->is_static)
-    diagnostics.problems.push_back({given.place, path + ".object",
-                                    object == scene.objects.end() ? given.object : given.object + ", which does not move",
-                                    "the name of a free object of the scene"});
+    diagnostics.problems.push_back(
+        {given.place, path + ".object",
+         object == scene.objects.end() ? given.object : given.object + ", which does not move",
+         "the name of a free object of the scene"});
   if (!hand || object == scene.objects.end()) return;
   hand::Placement& placement = scene.hands[*hand].placement;
   const GraspSpec grasp = sided(given, placement.side);
@@ -229,8 +233,8 @@ void place_grasp(SceneSpec& scene, const GraspSpec& given, const std::string& pa
   const bool taken = std::any_of(scene.objects.begin(), scene.objects.end(),
                                  [&](const ObjectSpec& o) { return o.name == post.name; });
   if (taken)
-    diagnostics.problems.push_back({given.place, path + ".support", post.name + ", an object of the scene",
-                                    "that name for the post"});
+    diagnostics.problems.push_back(
+        {given.place, path + ".support", post.name + ", an object of the scene", "that name for the post"});
   else
     scene.objects.push_back(std::move(post));
 }
@@ -267,8 +271,8 @@ void place_grasps(SceneSpec& scene, Diagnostics& diagnostics) {
   for (std::size_t i = 0; i < scene.hands.size(); ++i) {
     const hand::Placement& placement = scene.hands[i].placement;
     if (placement.mount == hand::Mount::driven && placement.motion.keys.empty())
-      diagnostics.problems.push_back({scene.hands[i].place, item_path("hands", i) + ".wrist.motion", "nothing",
-                                      "a mapping with keyframes, or a grasp of this hand"});
+      diagnostics.problems.push_back({scene.hands[i].place, item_path("hands", i) + ".wrist.motion",
+                                      "nothing", "a mapping with keyframes, or a grasp of this hand"});
   }
 }
 

@@ -1,7 +1,7 @@
-// The `grasps:` of a scene: a hand is to grasp an object, in one block. It becomes the wrist's motion with its
-// shakes, the program of the hand's poses, the object's place and support, and a plan of phases that figures
-// are taken over. All geometry is given for a right hand; a left hand gets its mirror image in the world's
-// y-z plane.
+// The `grasps:` of a scene: a hand is to grasp an object, in one block. It becomes the wrist's motion with
+// its shakes, the program of the hand's poses, the object's place and support, and a plan of phases that
+// figures are taken over. All geometry is given for a right hand; a left hand gets its mirror image in the
+// world's y-z plane.
 #pragma once
 
 #include <optional>
@@ -29,23 +29,23 @@ struct PostSpec {
 };
 
 struct GraspSpec {
-  std::string hand;                ///< name; empty: the scene's only hand
-  std::string object;              ///< name
-  Pose wrist;                      ///< X_WH at the grasp, right hand
-  Pose at;                         ///< X_HO: where a right hand finds the object
-  std::optional<PostSpec> post;    ///< absent: the object rests on the ground or on objects of the scene
-  std::string open;                ///< pose until the hand closes
-  std::vector<std::string> closed; ///< poses that close it, one after the other
-  Vec3 from = Vec3::Zero();        ///< where the wrist comes from, in the hand frame at the grasp [m]
-  double approach_time = 0.5;      ///< [s]
-  double close_time = 0.6;         ///< of each closing pose [s]
-  double settle_time = 0.3;        ///< closed, before the lift [s]
-  double lift_height = 0.2;        ///< [m]
-  double lift_time = 0.6;          ///< [s]
-  double hold = 5;                 ///< [s]
-  std::vector<ShakeLevel> shake;   ///< one after the other, six directions each
-  int shake_cycles = 2;            ///< in each direction
-  double rest = 0.5;               ///< still, after the shake [s]
+  std::string hand;                 ///< name; empty: the scene's only hand
+  std::string object;               ///< name
+  Pose wrist;                       ///< X_WH at the grasp, right hand
+  Pose at;                          ///< X_HO: where a right hand finds the object
+  std::optional<PostSpec> post;     ///< absent: the object rests on the ground or on objects of the scene
+  std::string open;                 ///< pose until the hand closes
+  std::vector<std::string> closed;  ///< poses that close it, one after the other
+  Vec3 from = Vec3::Zero();         ///< where the wrist comes from, in the hand frame at the grasp [m]
+  double approach_time = 0.5;       ///< [s]
+  double close_time = 0.6;          ///< of each closing pose [s]
+  double settle_time = 0.3;         ///< closed, before the lift [s]
+  double lift_height = 0.2;         ///< [m]
+  double lift_time = 0.6;           ///< [s]
+  double hold = 5;                  ///< [s]
+  std::vector<ShakeLevel> shake;    ///< one after the other, six directions each
+  int shake_cycles = 2;             ///< in each direction
+  double rest = 0.5;                ///< still, after the shake [s]
   Place place;
 };
 

@@ -192,7 +192,8 @@ std::vector<HandEntry> read_hands(MapReader& reader, const std::vector<GraspSpec
     return hands;
   }
   for (std::size_t i = 0; i < list->items.size(); ++i)
-    hands.push_back(read_hand(MapReader(list->items[i], item_path("hands", i), reader.diagnostics()), !grasps.empty()));
+    hands.push_back(
+        read_hand(MapReader(list->items[i], item_path("hands", i), reader.diagnostics()), !grasps.empty()));
   name_hands(hands);
   return hands;
 }

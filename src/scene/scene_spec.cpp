@@ -54,7 +54,8 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   scene.ground = read_ground(reader, scene.contacts.materials);
   scene.gravity = reader.vector("gravity", {Dimension::acceleration, -1000, 1000}, scene.gravity);
   if (reader.sound()) check_contact_groups(scene, diagnostics);
-  if (reader.has("control")) scene.control = read_control(reader.map("control"), scene.hands, !scene.grasps.empty());
+  if (reader.has("control"))
+    scene.control = read_control(reader.map("control"), scene.hands, !scene.grasps.empty());
   if (reader.sound() && !scene.grasps.empty()) add_grasp_programs(scene, diagnostics);
   scene.solver.effects = read_effects(reader, scene);
   scene.solver.contact_forces = !scene.grasps.empty();

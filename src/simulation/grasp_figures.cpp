@@ -41,7 +41,8 @@ double reach(const model::Shape& shape) {
     case model::ShapeKind::sphere:
       return p.norm() + shape.radius;
     case model::ShapeKind::capsule:
-      return std::max((p + 0.5 * shape.length * axis).norm(), (p - 0.5 * shape.length * axis).norm()) + shape.radius;
+      return std::max((p + 0.5 * shape.length * axis).norm(), (p - 0.5 * shape.length * axis).norm()) +
+             shape.radius;
     case model::ShapeKind::cylinder: {
       const Vec3 across = p - p.dot(axis) * axis;
       return std::hypot(across.norm() + shape.radius, std::abs(p.dot(axis)) + 0.5 * shape.length);

@@ -14,15 +14,15 @@
 namespace handsim::simulation {
 
 /// Limits that make a grasp held: movement of the object relative to the palm.
-inline constexpr double kHeldShift = 2e-3;                      ///< after the shake [m]
-inline constexpr double kHeldTurn = 2 * 0.017453292519943295;   ///< after the shake [rad]
-inline constexpr double kShakenShift = 5e-3;                    ///< at any time of the shake [m]
+inline constexpr double kHeldShift = 2e-3;                     ///< after the shake [m]
+inline constexpr double kHeldTurn = 2 * 0.017453292519943295;  ///< after the shake [rad]
+inline constexpr double kShakenShift = 5e-3;                   ///< at any time of the shake [m]
 /// The hold's last part, over which the slip speed is taken [s].
 inline constexpr double kSlipSpan = 4;
 
 /// Contact of one part of the hand with the object at one time.
 struct PartForce {
-  std::string part;     ///< palm, thumb, index, ...
+  std::string part;  ///< palm, thumb, index, ...
   int contacts = 0;
   double normal = 0;    ///< sum of normal forces [N]
   double friction = 0;  ///< sum of the sizes of friction forces [N]
@@ -30,10 +30,10 @@ struct PartForce {
 
 /// The grip at one time.
 struct Grip {
-  double time = 0;  ///< [s]
+  double time = 0;               ///< [s]
   std::vector<PartForce> parts;  ///< those that touch, palm first
   int contacts = 0;
-  int others = 0;  ///< contacts of the object with what is no part of the hand
+  int others = 0;     ///< contacts of the object with what is no part of the hand
   double normal = 0;  ///< sum over the hand [N]
   /// Largest share of a part's friction limit in use, among parts that bear a thousandth of the sum. Can
   /// exceed 1: friction is a pyramid (1.41 on its diagonal), and ODE takes its limits from the normal forces
@@ -43,17 +43,17 @@ struct Grip {
 };
 
 struct GraspFigures {
-  std::string name;  ///< HAND.OBJECT
-  bool complete = false;   ///< the run got to the end of the plan
-  Grip hold;   ///< at the end of the hold
-  Grip after;  ///< at the end of the plan
-  double slip = 0;  ///< mean drift of the object's centre in the palm over the end of the hold [m/s]
-  double spin = 0;  ///< the same of its orientation [rad/s]
+  std::string name;         ///< HAND.OBJECT
+  bool complete = false;    ///< the run got to the end of the plan
+  Grip hold;                ///< at the end of the hold
+  Grip after;               ///< at the end of the plan
+  double slip = 0;          ///< mean drift of the object's centre in the palm over the end of the hold [m/s]
+  double spin = 0;          ///< the same of its orientation [rad/s]
   double shaken_shift = 0;  ///< largest movement from the end of the hold, during the shake [m]
   double shaken_time = 0;   ///< of it [s]
-  double shift = 0;   ///< movement from the end of the hold to the end of the plan [m]
-  double turn = 0;    ///< the same [rad]
-  bool held = false;  ///< within the limits, with the hand's contacts and no others
+  double shift = 0;         ///< movement from the end of the hold to the end of the plan [m]
+  double turn = 0;          ///< the same [rad]
+  bool held = false;        ///< within the limits, with the hand's contacts and no others
 
   /// Force closure and being held tell different stories.
   bool disagree() const { return complete && held != after.wrenches.force_closure; }

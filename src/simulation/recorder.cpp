@@ -72,7 +72,8 @@ void Recorder::plan_phases(const scene::GraspPlan& plan) {
   for (const scene::GraspPhase& phase : plan.phases) {
     const long step = std::lround(phase.end / step_);
     if (step <= steps)
-      moments_.push_back({step, fmt::format("{}, t = {:.2f} s", phase.name, static_cast<double>(step) * step_)});
+      moments_.push_back(
+          {step, fmt::format("{}, t = {:.2f} s", phase.name, static_cast<double>(step) * step_)});
   }
 }
 

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include <Eigen/Dense>
 #include <libqhull_r/qhull_ra.h>
+#include <Eigen/Dense>
 
 namespace handsim::simulation {
 
@@ -63,8 +63,8 @@ struct Hull {
 };
 
 /// The hull of points in six dimensions; null where Qhull gives up. Qx merges facets of coplanar points and
-/// keeps the hull exact to rounding; QJ moves the points by some 1e-11 instead, where nearly coplanar ones defeat
-/// the merging.
+/// keeps the hull exact to rounding; QJ moves the points by some 1e-11 instead, where nearly coplanar ones
+/// defeat the merging.
 std::unique_ptr<Hull> hull_of(std::vector<double>& coordinates, std::string options) {
   auto hull = std::make_unique<Hull>();
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> quiet(std::fopen("/dev/null", "w"), &std::fclose);

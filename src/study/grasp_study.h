@@ -14,9 +14,9 @@ namespace handsim::study {
 
 struct GraspStudy {
   std::vector<std::filesystem::path> scenes;  ///< files, or folders: every scene in them with grasps
-  std::vector<std::string> sides;             ///< `right`, `left` for the first hand; empty: as the scene has it
-  std::vector<std::string> overrides;         ///< `key.path=value`, for every scene
-  std::optional<double> friction;             ///< of every surface; absent: the scene's
+  std::vector<std::string> sides;      ///< `right`, `left` for the first hand; empty: as the scene has it
+  std::vector<std::string> overrides;  ///< `key.path=value`, for every scene
+  std::optional<double> friction;      ///< of every surface; absent: the scene's
   bool friction_search = false;
   bool pictures = false;  ///< at every phase
   std::filesystem::path out;
@@ -28,10 +28,11 @@ struct GraspRow {
   std::string scene;  ///< file name without extension
   std::string side;   ///< of the grasping hand
   simulation::GraspFigures figures;
-  bool passed = false;                      ///< every criterion of the run held
-  std::optional<double> smallest_friction;  ///< that still holds, of every surface, to a sixtieth of the scene's
-  double simulated = 0, wall = 0;           ///< [s]
-  std::string fault;                        ///< where the run diverged
+  bool passed = false;  ///< every criterion of the run held
+  std::optional<double>
+      smallest_friction;           ///< that still holds, of every surface, to a sixtieth of the scene's
+  double simulated = 0, wall = 0;  ///< [s]
+  std::string fault;               ///< where the run diverged
 };
 
 /// Runs the study and writes OUT/SCENE_SIDE/ for each run, and OUT/grasps.csv and OUT/grasps.json.
@@ -43,6 +44,7 @@ void set_friction(scene::Scene& scene, double friction);
 
 /// Bisects the smallest friction of every surface with which all grasps of the scene are held; nothing where
 /// its own friction does not hold them. @param told the share done, 0..1.
-std::optional<double> smallest_friction(const scene::Scene& scene, const std::function<void(double)>& told = {});
+std::optional<double> smallest_friction(const scene::Scene& scene,
+                                        const std::function<void(double)>& told = {});
 
 }  // namespace handsim::study

@@ -76,7 +76,9 @@ TEST(PoseMotion, KnowsTheLargestAccelerationOfAShake) {
     double most = 0;
     const double h = 1e-4;
     for (double t = h; t < shake.end(); t += h)
-      most = std::max(most, (shake.displacement(t + h) - 2 * shake.displacement(t) + shake.displacement(t - h)).norm() / (h * h));
+      most = std::max(
+          most, (shake.displacement(t + h) - 2 * shake.displacement(t) + shake.displacement(t - h)).norm() /
+                    (h * h));
     EXPECT_NEAR(most, 4 * shake_acceleration(cycles), 2e-3 * most) << cycles;
   }
 }

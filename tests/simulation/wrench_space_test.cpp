@@ -36,15 +36,18 @@ TEST(WrenchSpace, TwoHardPointsHaveNoForceClosure) {
 }
 
 // Oracle: by hand. With m the smallest reach of the pyramid's octagon and s the spinning friction over the
-// length, the least support lies, for small s, between the twist about the line and a sideways force (of which
-// the unit of normal force can give only one): s m / sqrt(s^2 + m^2); for large s, where one contact is pushed
-// off by a force along the line, and the other resists sideways force and torque at once: m / sqrt(2 + m^2).
+// length, the least support lies, for small s, between the twist about the line and a sideways force (of
+// which the unit of normal force can give only one): s m / sqrt(s^2 + m^2); for large s, where one contact is
+// pushed off by a force along the line, and the other resists sideways force and torque at once: m / sqrt(2 +
+// m^2).
 TEST(WrenchSpace, TwoSoftPointsHaveTheEpsilonOfTheirClosedForm) {
   const double friction = 0.5;
   const double m = friction * std::cos(M_PI / kConeEdges);
   for (const double s : {0.01, 0.05, 0.2})
-    EXPECT_NEAR(wrench_space(opposed(friction, s * kRadius), kRadius).epsilon, s * m / std::hypot(s, m), 1e-9);
-  EXPECT_NEAR(wrench_space(opposed(friction, 0.9 * kRadius), kRadius).epsilon, m / std::sqrt(2 + m * m), 1e-9);
+    EXPECT_NEAR(wrench_space(opposed(friction, s * kRadius), kRadius).epsilon, s * m / std::hypot(s, m),
+                1e-9);
+  EXPECT_NEAR(wrench_space(opposed(friction, 0.9 * kRadius), kRadius).epsilon, m / std::sqrt(2 + m * m),
+              1e-9);
 }
 
 // Oracle: a force pushes, so contacts on one side of a body hold nothing, whatever their friction.
@@ -122,12 +125,14 @@ TEST(WrenchSpace, OfSevenFrictionlessContactsIsASimplex) {
       Eigen::Matrix<double, 6, 6> corners;
       for (int i = 0, k = 0; i < 7; ++i)
         if (i != left_out) corners.row(k++) = w.col(i).transpose();
-      const Eigen::Matrix<double, 6, 1> plane = corners.fullPivLu().solve(Eigen::Matrix<double, 6, 1>::Ones());
+      const Eigen::Matrix<double, 6, 1> plane =
+          corners.fullPivLu().solve(Eigen::Matrix<double, 6, 1>::Ones());
       const bool same_side = plane.dot(w.col(left_out)) < 1;
       nearest = std::min(nearest, (same_side ? 1 : -1) / plane.norm());
     }
     const WrenchSpace space = wrench_space(contacts, 1);
-    EXPECT_NEAR(space.volume, std::abs(edges.determinant()) / 720, 1e-9 * std::abs(edges.determinant()) + 1e-12);
+    EXPECT_NEAR(space.volume, std::abs(edges.determinant()) / 720,
+                1e-9 * std::abs(edges.determinant()) + 1e-12);
     EXPECT_NEAR(space.epsilon, std::max(0.0, nearest), 1e-9);
     EXPECT_EQ(space.force_closure, nearest > 1e-9);
     closed += space.force_closure ? 1 : 0;
