@@ -8,7 +8,8 @@
 namespace handsim::app {
 
 int accuracy_command(const AccuracyArguments& arguments) {
-  const study::AccuracySpec spec = study::load_accuracy(arguments.study);
+  study::AccuracySpec spec = study::load_accuracy(arguments.study);
+  if (!arguments.no_peers) spec.peers = arguments.peers.value_or(HANDSIM_BUILT_PEERS);
   output::make_folder(arguments.out);
   study::AccuracyResult result;
   {
@@ -19,6 +20,8 @@ int accuracy_command(const AccuracyArguments& arguments) {
       "{}\nRMS rate error [{}/s] over the whole run and up to {:g} s; the whole-run figure saturates once "
       "the phase is lost.\n\n{}",
       spec.title, result.unit, spec.early, study::accuracy_table(result, spec.early));
+  if (result.reference) fmt::print("\n{}", study::cheapest_table(result));
+  for (const std::string& text : result.left_out) fmt::print("left out: {}\n", text);
   const bool plotted = study::write_accuracy(spec, result, arguments.out);
   fmt::print("\nfiles in {}{}\n", arguments.out.string(),
              plotted ? "" : " (no plots: gnuplot is missing or failed; accuracy.gp is its script)");

@@ -160,6 +160,44 @@ void add_accuracy(CLI::App& app, AccuracyArguments& arguments) {
       ->add_option("--target", arguments.target,
                    "name the cheapest method and step that reaches this error; exit 1 where none does")
       ->check(CLI::PositiveNumber);
+  CLI::Option* peers = accuracy->add_option(
+      "--peers", arguments.peers, "folder of other engines' programs (default: where the build puts them)");
+  accuracy->add_flag("--no-peers", arguments.no_peers, "leave the rows of other engines out")
+      ->excludes(peers);
+}
+
+void add_effects(CLI::App& app, EffectsArguments& arguments) {
+  CLI::App* effects = app.add_subcommand("effects",
+                                         "What each effect of a scene costs and what it changes: table, CSV, "
+                                         "JSON and a plot of the scene with each "
+                                         "effect taken away in turn");
+  effects->footer(
+      "Example: handsim effects config/dropped_hand.yaml --out out/effects --set duration=\"1 s\"");
+  effects->add_option("scene", arguments.scene, "scene file")->required();
+  effects->add_option("--out", arguments.out, "folder for the study's files")->required()->check(check_path);
+  add_overrides(*effects, arguments.overrides);
+  effects->add_option_function<std::string>(
+      "--repeats",
+      [&arguments](const std::string& text) {
+        const auto value = parse_number(text);
+        if (!value || *value < 1 || *value > 1000 || *value != std::floor(*value))
+          throw CLI::ValidationError("--repeats",
+                                     got_need(text, "a whole number of timed rounds, 1 to 1000"));
+        arguments.repeats = static_cast<int>(*value);
+      },
+      "timed rounds of which the median counts (default 7)");
+  effects->add_flag("--json", arguments.json, "print effects.json in place of the table");
+}
+
+void add_export(CLI::App& app, ExportArguments& arguments) {
+  CLI::App* command =
+      app.add_subcommand("export", "A scene's model as a file for other engines: MJCF or URDF");
+  command->footer("Example: handsim export config/two_hands.yaml --format mjcf --out two_hands.xml");
+  command->add_option("scene", arguments.scene, "scene file")->required();
+  command->add_option("--format", arguments.format, "mjcf (MuJoCo) or urdf (ROS)")
+      ->check(CLI::IsMember({"mjcf", "urdf"}));
+  command->add_option("--out", arguments.out, "file to write")->required()->check(check_path);
+  add_overrides(*command, arguments.overrides);
 }
 
 }  // namespace
@@ -177,12 +215,16 @@ int run_command_line(int argc, const char* const* argv) {
   RenderArguments render;
   AccuracyArguments accuracy;
   GraspArguments grasp;
+  EffectsArguments effects;
   add_hand(app, hand);
   add_check(app, files);
   add_run(app, run);
   add_render(app, render);
   add_accuracy(app, accuracy);
   add_grasp(app, grasp);
+  add_effects(app, effects);
+  ExportArguments exported;
+  add_export(app, exported);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -196,6 +238,8 @@ int run_command_line(int argc, const char* const* argv) {
   if (app.got_subcommand("run")) return guarded([&] { return run_scene_command(run); });
   if (app.got_subcommand("grasp")) return guarded([&] { return grasp_command(grasp); });
   if (app.got_subcommand("accuracy")) return guarded([&] { return accuracy_command(accuracy); });
+  if (app.got_subcommand("export")) return guarded([&] { return export_command(exported); });
+  if (app.got_subcommand("effects")) return guarded([&] { return effects_command(effects); });
   return guarded([&] { return render_command(render); });
 }
 

@@ -57,9 +57,28 @@ int grasp_command(const GraspArguments& arguments);
 struct AccuracyArguments {
   std::filesystem::path study;
   std::filesystem::path out;
-  std::optional<double> target;  ///< whole-run error that the cheapest row must reach
+  std::optional<double> target;                ///< whole-run error that the cheapest row must reach
+  std::optional<std::filesystem::path> peers;  ///< folder of other engines' programs; absent: the build's
+  bool no_peers = false;                       ///< leave their rows out
 };
 int accuracy_command(const AccuracyArguments& arguments);
+
+struct EffectsArguments {
+  std::filesystem::path scene;
+  std::filesystem::path out;
+  std::vector<std::string> overrides;
+  int repeats = 7;  ///< timed rounds
+  bool json = false;
+};
+int effects_command(const EffectsArguments& arguments);
+
+struct ExportArguments {
+  std::filesystem::path scene;
+  std::filesystem::path out;
+  std::string format = "mjcf";  ///< or `urdf`
+  std::vector<std::string> overrides;
+};
+int export_command(const ExportArguments& arguments);
 
 /// Folder with handmodels/ and config/: the installed one, or the source tree's.
 /// @throws Error (input) where neither is there.

@@ -282,7 +282,7 @@ int hand_command(const HandArguments& arguments) {
   print_sources(entry.model);
   if (!arguments.out) return 0;
   output::write_file(*arguments.out / "hand.yaml", hand_yaml(scene, built));
-  output::write_png(simulation::draw(scene, {{model::initial_state(scene.model), {}}}).front(),
+  output::write_png(simulation::draw(scene, {model::initial_state(scene.model), {}}),
                     *arguments.out / "hand.png");
   fmt::print("\nwritten: {} and hand.png\n", (*arguments.out / "hand.yaml").string());
   return 0;

@@ -28,13 +28,11 @@ void print_tracking(const simulation::RunResult& result) {
   const simulation::AxisTracking* worst = simulation::Tracking::worst(result.tracking);
   if (!worst) return;
   constexpr double kDegrees = 180 / M_PI;
-  fmt::print(
-      "  worst joint {}: rms error {:.3g} deg, largest {:.3g} deg at {:.3f} s, steady {:.3g} deg, overshoot "
-      "{:.2g} %, "
-      "at its torque limit {:.2g} % of the time\n",
-      worst->name, kDegrees * worst->rms_error, kDegrees * worst->largest_error.value,
-      worst->largest_error.time, kDegrees * worst->steady_error.value, 100 * worst->overshoot.value,
-      100 * worst->limit_share);
+  fmt::print("  worst joint {}: rms error {:.3g} deg, largest {:.3g} deg at {:.3f} s", worst->name,
+             kDegrees * worst->rms_error, kDegrees * worst->largest_error.value, worst->largest_error.time);
+  if (worst->holds > 0) fmt::print(", steady {:.3g} deg", kDegrees * worst->steady_error.value);
+  if (worst->movements > 0) fmt::print(", overshoot {:.2g} %", 100 * worst->overshoot.value);
+  fmt::print(", at its torque limit {:.2g} % of the time\n", 100 * worst->limit_share);
 }
 
 void print_grip(const char* when, const simulation::Grip& grip) {
@@ -76,11 +74,12 @@ void print_result(const scene::Scene& scene, const simulation::RunResult& result
   for (const simulation::Verdict& v : result.verdicts) {
     const std::string limit = v.limit ? fmt::format("{:.4g} {}", *v.limit, v.unit) : "-";
     const std::string where = v.where.empty() ? "" : fmt::format("{} at {:.3f} s", v.where, v.time);
-    fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", v.name, fmt::format("{:.4g} {}", v.measured, v.unit),
-               limit,
-               !v.limit   ? "-"
-               : v.held() ? "held"
-                          : "FAILED",
+    fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", v.name,
+               v.measured ? fmt::format("{:.4g} {}", *v.measured, v.unit) : "-", limit,
+               !v.limit      ? "-"
+               : !v.measured ? "NOT MEASURED"
+               : v.held()    ? "held"
+                             : "FAILED",
                where);
   }
   print_tracking(result);

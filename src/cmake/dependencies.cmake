@@ -23,7 +23,7 @@ unset(CMAKE_REQUIRED_LIBRARIES)
 handsim_need(HANDSIM_ODE_IS_DOUBLE "ODE built in double precision (this one is single precision or does not link)" libode-dev)
 
 foreach(entry "Eigen3;Eigen 3;libeigen3-dev" "yaml-cpp;yaml-cpp;libyaml-cpp-dev" "fmt;fmt;libfmt-dev"
-              "nlohmann_json;nlohmann-json;nlohmann-json3-dev" "Qhull;Qhull (convex hulls);libqhull-dev" "PNG;libpng;libpng-dev" "CLI11;CLI11;libcli11-dev")
+              "nlohmann_json;nlohmann-json;nlohmann-json3-dev" "PNG;libpng;libpng-dev" "CLI11;CLI11;libcli11-dev")
   list(GET entry 0 package)
   list(GET entry 1 what)
   list(GET entry 2 debian)
@@ -42,6 +42,10 @@ unset(CMAKE_REQUIRED_LIBRARIES)
 handsim_need(HANDSIM_SUNDIALS_IS_DOUBLE "SUNDIALS built in double precision (this one has another or does not link)"
              libsundials-dev)
 
+pkg_check_modules(ASSIMP QUIET IMPORTED_TARGET assimp)
+handsim_need(ASSIMP_FOUND "Assimp (meshes of objects)" libassimp-dev)
+find_package(Qhull QUIET)
+handsim_need(Qhull_FOUND "Qhull (convex hulls)" libqhull-dev)
 pkg_check_modules(OSMESA QUIET IMPORTED_TARGET osmesa)
 handsim_need(OSMESA_FOUND "OSMesa (off-screen OpenGL)" libosmesa6-dev)
 pkg_check_modules(CAIRO QUIET IMPORTED_TARGET cairo)

@@ -13,6 +13,7 @@ namespace handsim::control {
 namespace {
 
 constexpr double kDegree = M_PI / 180;
+constexpr std::string_view kTarget = ".target";
 constexpr std::size_t kMaxProblems = 20;
 
 struct Field {
@@ -113,25 +114,31 @@ class Reader {
     factors_.push_back(factor);
   }
 
+  /// A label `NAME`, `NAME[unit]` or, as control.sto has it, `NAME.target[unit]`; what is no angle is left
+  /// out.
+  /// @param bare to rad for a label without a unit.
+  void read_label(const Field& field, std::size_t index, double bare) {
+    const std::size_t bracket = field.text.find('[');
+    const std::string_view unit = bracket == std::string_view::npos ? "" : field.text.substr(bracket);
+    std::string name = coordinate_of(field.text.substr(0, bracket));
+    const bool quaternion = name.size() > 3 && name[name.size() - 3] == '.' && name[name.size() - 2] == 'q';
+    for (const std::string_view other : {"[m]", "[rad/s]", "[m/s]", "[N_m]"})
+      if (quaternion || unit == other) return;
+    if (!unit.empty() && unit != "[rad]" && unit != "[deg]")
+      return problem(field.column, std::string(field.text), fmt::format("the unit {}", unit),
+                     "[rad] or [deg]");
+    if (name.ends_with(kTarget)) name.resize(name.size() - kTarget.size());
+    add_column(name, unit == "[deg]" ? kDegree : unit == "[rad]" ? 1 : bare, field.column);
+    kept_.push_back(index);
+  }
+
   void read_csv_header() {
     if (!next_line()) return problem(1, "", "an empty file", "a line of column names, then rows");
     const std::vector<Field> fields = split_commas(line_);
     width_ = fields.size();
     if (fields[0].text != "time" && fields[0].text != "time[s]")
       problem(1, "", fmt::format("\"{}\"", fields[0].text), "time[s] as the first column");
-    for (std::size_t i = 1; i < fields.size(); ++i) {
-      const std::string_view text = fields[i].text;
-      const std::size_t bracket = text.find('[');
-      const std::string_view unit = bracket == std::string_view::npos ? "" : text.substr(bracket);
-      const bool quaternion = text.size() > 3 && text[text.size() - 3] == '.' && text[text.size() - 2] == 'q';
-      if (quaternion || unit == "[m]" || unit == "[rad/s]" || unit == "[m/s]") continue;
-      if (!unit.empty() && unit != "[rad]" && unit != "[deg]") {
-        problem(fields[i].column, std::string(text), fmt::format("the unit {}", unit), "[rad] or [deg]");
-        continue;
-      }
-      add_column(std::string(text.substr(0, bracket)), unit == "[deg]" ? kDegree : 1, fields[i].column);
-      kept_.push_back(i);
-    }
+    for (std::size_t i = 1; i < fields.size(); ++i) read_label(fields[i], i, 1);
     if (problems_.empty() && kept_.empty())
       problem(1, "", "no column of angles", "columns such as index_mcp.flexion[deg]");
     table_.header_line = number_;
@@ -174,11 +181,9 @@ class Reader {
                      "time as the first label");
     if (columns && *columns != width_)
       problem(1, "nColumns", fmt::format("{} labels", width_), fmt::format("{}, as nColumns says", *columns));
-    for (std::size_t i = 1; i < labels.size(); ++i) {
-      add_column(coordinate_of(labels[i].text), degrees ? kDegree : 1, labels[i].column);
-      kept_.push_back(i);
-    }
-    if (kept_.empty()) problem(1, "", "no column of angles", "columns of coordinates after time");
+    for (std::size_t i = 1; i < labels.size(); ++i) read_label(labels[i], i, degrees ? kDegree : 1);
+    if (problems_.empty() && kept_.empty())
+      problem(1, "", "no column of angles", "columns of coordinates after time");
     table_.header_line = number_;
   }
 

@@ -30,5 +30,8 @@ std::unique_ptr<Engine> make(const model::Model& model, const Settings& settings
 namespace dae {
 std::unique_ptr<Engine> make(const model::Model& model, const Settings& settings);
 }
+namespace articulated {
+std::unique_ptr<Engine> make(const model::Model& model, const Settings& settings);
+}
 
 }  // namespace handsim::engine

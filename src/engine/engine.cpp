@@ -29,6 +29,8 @@ std::unique_ptr<Engine> make_engine(const model::Model& model, const Settings& s
       return ode::make(model, settings);
     case model::EngineKind::dae:
       return dae::make(model, settings);
+    case model::EngineKind::articulated:
+      return articulated::make(model, settings);
   }
   return nullptr;
 }

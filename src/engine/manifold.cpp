@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace handsim::engine {
 
@@ -24,19 +25,28 @@ struct Distance {
 /// Places along a segment, fractions 0..1.
 class Places {
  public:
+  static constexpr int kMost = 40;
+  static constexpr double kSame = 1e-9;
+
+  /// Beyond the most that there is room for, places are left out; the ends never are.
   void add(double t) {
-    if (t > 0 && t < 1) at_[static_cast<std::size_t>(count_++)] = t;
+    if (t > 0 && t < 1 && count_ < kMost - 2) at_[static_cast<std::size_t>(count_++)] = t;
   }
   void sort() {
     at_[static_cast<std::size_t>(count_++)] = 0;
     at_[static_cast<std::size_t>(count_++)] = 1;
     std::sort(at_.begin(), at_.begin() + count_);
+    // Two that rounding parts are one place: the least may lie beyond either.
+    const auto end = std::unique(at_.begin(), at_.begin() + count_,
+                                 [](double low, double high) { return high - low < kSame; });
+    count_ = static_cast<int>(end - at_.begin());
+    at_[static_cast<std::size_t>(count_ - 1)] = 1;
   }
   int count() const { return count_; }
   double operator[](int i) const { return at_[static_cast<std::size_t>(i)]; }
 
  private:
-  std::array<double, 8> at_;
+  std::array<double, kMost> at_;
   int count_ = 0;
 };
 
@@ -110,6 +120,67 @@ struct Cylinder {
   }
 };
 
+/// Bends are those where a sphere of radius `within` that touches leaves a face for its rim.
+struct Polyhedron {
+  const model::ConvexMesh& mesh;
+  double within;
+
+  Distance from(const Vec3& p) const {
+    int highest = 0;
+    double most = mesh.height(0, p);
+    for (int f = 1; f < mesh.face_count(); ++f)
+      if (const double h = mesh.height(f, p); h > most) most = h, highest = f;
+    Distance out{most, mesh.normal(highest)};
+    if (most <= 0) return out;
+    // The nearest point lies on a face that p is above: in it, or on its rim.
+    Vec3 nearest = Vec3::Zero();
+    double least = std::numeric_limits<double>::infinity();
+    for (int f = 0; f < mesh.face_count(); ++f) {
+      const double height = mesh.height(f, p);
+      if (height <= 0) continue;
+      const auto corners = mesh.corners(f);
+      bool above = true;
+      for (std::size_t i = 0; i < corners.size(); ++i) {
+        const Vec3& a = mesh.vertex(corners[i]);
+        const Vec3 side = mesh.vertex(corners[(i + 1) % corners.size()]) - a;
+        if (side.cross(mesh.normal(f)).dot(p - a) <= 0) continue;
+        above = false;
+        const Vec3 on = a + std::clamp((p - a).dot(side) / side.squaredNorm(), 0.0, 1.0) * side;
+        if (const double square = (p - on).squaredNorm(); square < least) least = square, nearest = on;
+      }
+      if (above) return {height, mesh.normal(f)};
+    }
+    const double value = std::sqrt(least);
+    // On the surface there is no way to it.
+    if (value > 1e-9 * mesh.reach && std::isfinite(value)) out = {value, (p - nearest) / value};
+    return out;
+  }
+
+  Places bends(const Vec3& a, const Vec3& along) const {
+    Places places;
+    for (int f = 0; f < mesh.face_count(); ++f) {
+      const Vec3 n = mesh.normal(f);
+      if (std::min(mesh.height(f, a), mesh.height(f, a + along)) > within) continue;
+      double low = 0, high = 1;
+      const auto corners = mesh.corners(f);
+      for (std::size_t i = 0; i < corners.size() && low <= high; ++i) {
+        const Vec3& corner = mesh.vertex(corners[i]);
+        const Vec3 out = (mesh.vertex(corners[(i + 1) % corners.size()]) - corner).cross(n);
+        const double start = out.dot(a - corner);
+        const double rise = out.dot(along);
+        if (rise > 0) high = std::min(high, -start / rise);
+        if (rise < 0) low = std::max(low, -start / rise);
+        if (rise == 0 && start > 0) high = -1;
+      }
+      if (low > high) continue;
+      for (const double t : {low, high})
+        if (mesh.height(f, a + t * along) <= within) places.add(t);
+    }
+    places.sort();
+    return places;
+  }
+};
+
 /// Least of a convex function between two places.
 template <class Function>
 double least(const Function& f, double low, double high) {
@@ -141,7 +212,7 @@ Manifold sweep(const Solid& solid, const CapsuleAt& capsule, const Pose& x_WS) {
   const auto distance = [&](double t) { return solid.from(at(t)).value; };
 
   const Places places = solid.bends(start, axis);
-  std::array<double, 8> found;
+  std::array<double, Places::kMost> found;
   int nearest = 0;
   for (int i = 0; i < places.count(); ++i) {
     found[static_cast<std::size_t>(i)] = distance(places[i]);
@@ -194,6 +265,13 @@ Manifold sweep(const Solid& solid, const CapsuleAt& capsule, const Pose& x_WS) {
 
 Manifold capsule_on_box(const CapsuleAt& capsule, const Pose& pose, const Vec3& edges) {
   return sweep(Box{0.5 * edges}, capsule, pose);
+}
+
+Manifold capsule_on_mesh(const CapsuleAt& capsule, const Pose& pose, const model::ConvexMesh& mesh) {
+  // Far apart, by the spheres about both.
+  const double apart = (capsule.pose.p - pose.p).norm();
+  if (apart > mesh.reach + 0.5 * capsule.length + capsule.radius) return {};
+  return sweep(Polyhedron{mesh, capsule.radius}, capsule, pose);
 }
 
 Manifold capsule_on_cylinder(const CapsuleAt& capsule, const Pose& pose, double radius, double length) {

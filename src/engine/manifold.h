@@ -1,6 +1,6 @@
-// Contact manifolds of capsules on boxes and cylinders, for any engine. ODE gives a single point at one end
-// of a capsule, and rounding decides which; these give a capsule that lies on a face both ends of the line on
-// which it rests.
+// Contact manifolds of capsules on boxes, cylinders and convex meshes, for any engine. ODE gives a single
+// point at one end of a capsule, and rounding decides which; these give a capsule that lies on a face both
+// ends of the line on which it rests.
 //
 // A capsule is a sphere swept along a segment, and its distance from a convex solid is convex along the
 // segment. The points of contact are those of the sphere where that distance is least and at the outermost
@@ -11,6 +11,7 @@
 #include <array>
 
 #include "handsim/core/pose.h"
+#include "handsim/model/convex_mesh.h"
 
 namespace handsim::engine {
 
@@ -21,7 +22,7 @@ struct ManifoldPoint {
 };
 
 struct Manifold {
-  std::array<ManifoldPoint, 3> points;
+  std::array<ManifoldPoint, 4> points;
   int count = 0;
 };
 
@@ -34,6 +35,9 @@ struct CapsuleAt {
 
 /// @param edges full edge lengths [m]; @param pose X_WS of the box
 Manifold capsule_on_box(const CapsuleAt& capsule, const Pose& pose, const Vec3& edges);
+
+/// @param pose X_WS of the mesh
+Manifold capsule_on_mesh(const CapsuleAt& capsule, const Pose& pose, const model::ConvexMesh& mesh);
 
 /// @param radius, length (full height, along z) of the cylinder [m]; @param pose X_WS of the cylinder
 Manifold capsule_on_cylinder(const CapsuleAt& capsule, const Pose& pose, double radius, double length);

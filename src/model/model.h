@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "handsim/core/pose.h"
+#include "handsim/model/convex_mesh.h"
 #include "handsim/model/motion.h"
 
 namespace handsim::model {
@@ -32,7 +33,7 @@ struct Body {
   bool kinematic = false;
 };
 
-enum class ShapeKind { box, capsule, cylinder, sphere, plane };
+enum class ShapeKind { box, capsule, cylinder, sphere, convex_mesh, plane };
 
 /// A geometric shape fixed to a body. Capsules and cylinders lie along their local z axis; a plane is
 /// z = 0 of its frame with the solid below.
@@ -44,8 +45,9 @@ struct Shape {
   double radius = 0;          ///< capsule, cylinder, sphere [m]
   double length = 0;          ///< capsule: between the cap centres; cylinder: full height [m]
   Vec3 edges = Vec3::Zero();  ///< box: full edge lengths [m]
-  int group = 0;              ///< index into `Model::groups`
-  int material = 0;           ///< index into `Model::materials`
+  std::shared_ptr<const ConvexMesh> mesh;  ///< convex_mesh; the shape's centre is its centroid
+  int group = 0;                           ///< index into `Model::groups`
+  int material = 0;                        ///< index into `Model::materials`
   Tint tint = Tint::object;
 };
 

@@ -25,21 +25,45 @@ double eased_rate(Interpolation interpolation, double s) {
   return 1;
 }
 
+double eased_acceleration(Interpolation interpolation, double s) {
+  switch (interpolation) {
+    case Interpolation::linear:
+      return 0;
+    case Interpolation::minimum_jerk:
+      return 60 * s * (1 - s) * (1 - 2 * s);
+  }
+  return 0;
+}
+
 namespace {
 
-/// Window of a shake at n of its cycles, and its derivative by n.
+/// Window of a shake at n of its cycles, and its derivatives by n.
 struct Window {
-  double value = 0, rate = 0;
+  double value = 0, rate = 0, acceleration = 0;
 };
 
 Window window(double n, int cycles) {
   constexpr double kRamp = 0.5;
   const double inside = std::min(n, cycles - n) / kRamp;
   if (inside <= 0) return {};
-  if (inside >= 1) return {1, 0};
+  if (inside >= 1) return {1, 0, 0};
   const double sign = n < cycles - n ? 1 : -1;
   return {eased(Interpolation::minimum_jerk, inside),
-          sign * eased_rate(Interpolation::minimum_jerk, inside) / kRamp};
+          sign * eased_rate(Interpolation::minimum_jerk, inside) / kRamp,
+          eased_acceleration(Interpolation::minimum_jerk, inside) / (kRamp * kRamp)};
+}
+
+/// The keyframes around a time, on the side that is meant; null before the first and after the last.
+const PoseKey* key_before(const std::vector<PoseKey>& keys, double time, KeySide side) {
+  const auto next = std::find_if(keys.begin(), keys.end(), [&](const PoseKey& key) {
+    return side == KeySide::after ? time < key.time : time <= key.time;
+  });
+  return next == keys.begin() || next == keys.end() ? nullptr : &*(next - 1);
+}
+
+/// The way from a keyframe to the next, `share` of it a second; the turn goes about one axis.
+PoseRate along(const PoseKey& a, const PoseKey& b, double share) {
+  return {share * (b.pose.p - a.pose.p), share * rotation_vector(b.pose.q * a.pose.q.conjugate())};
 }
 
 Pose between_keys(const PoseMotion& motion, double time) {
@@ -52,21 +76,6 @@ Pose between_keys(const PoseMotion& motion, double time) {
   const PoseKey& b = *next;
   const double s = eased(motion.interpolation, (time - a.time) / (b.time - a.time));
   return {a.pose.p + s * (b.pose.p - a.pose.p), a.pose.q.slerp(s, b.pose.q)};
-}
-
-PoseRate rate_between_keys(const PoseMotion& motion, double time, KeySide side) {
-  const std::vector<PoseKey>& keys = motion.keys;
-  // The first key that lies after the time, on the side that is meant.
-  const auto next = std::find_if(keys.begin(), keys.end(), [&](const PoseKey& key) {
-    return side == KeySide::after ? time < key.time : time <= key.time;
-  });
-  if (next == keys.begin() || next == keys.end()) return {};
-  const PoseKey& a = *(next - 1);
-  const PoseKey& b = *next;
-  const double span = b.time - a.time;
-  const double share = eased_rate(motion.interpolation, (time - a.time) / span) / span;
-  // The turn from a to b goes about one axis, so its rate is that turn times the share.
-  return {share * (b.pose.p - a.pose.p), share * rotation_vector(b.pose.q * a.pose.q.conjugate())};
 }
 
 }  // namespace
@@ -83,6 +92,16 @@ Vec3 Shake::velocity(double time) const {
   return frequency * (w.rate * std::sin(phase) + 2 * M_PI * w.value * std::cos(phase)) * amplitude;
 }
 
+Vec3 Shake::acceleration(double time) const {
+  const double n = frequency * (time - start);
+  const Window w = window(n, cycles);
+  const double phase = 2 * M_PI * n;
+  return frequency * frequency *
+         ((w.acceleration - 4 * M_PI * M_PI * w.value) * std::sin(phase) +
+          4 * M_PI * w.rate * std::cos(phase)) *
+         amplitude;
+}
+
 double shake_acceleration(int cycles) {
   Shake unit;
   unit.cycles = cycles;
@@ -91,11 +110,7 @@ double shake_acceleration(int cycles) {
   constexpr double kStep = 1e-4;
   const int steps = static_cast<int>(std::min(cycles, 2) / kStep);
   double most = 0;
-  for (int i = 1; i < steps; ++i) {
-    const double t = i * kStep;
-    most =
-        std::max(most, std::abs((unit.velocity(t + kStep / 2) - unit.velocity(t - kStep / 2)).x()) / kStep);
-  }
+  for (int i = 1; i < steps; ++i) most = std::max(most, std::abs(unit.acceleration(i * kStep).x()));
   return most;
 }
 
@@ -106,8 +121,22 @@ Pose PoseMotion::at(double time) const {
 }
 
 PoseRate PoseMotion::rate(double time, KeySide side) const {
-  PoseRate out = rate_between_keys(*this, time, side);
+  PoseRate out;
+  if (const PoseKey* key = key_before(keys, time, side)) {
+    const double span = key[1].time - key->time;
+    out = along(*key, key[1], eased_rate(interpolation, (time - key->time) / span) / span);
+  }
   for (const Shake& shake : shakes) out.v += shake.velocity(time);
+  return out;
+}
+
+PoseRate PoseMotion::acceleration(double time, KeySide side) const {
+  PoseRate out;
+  if (const PoseKey* key = key_before(keys, time, side)) {
+    const double span = key[1].time - key->time;
+    out = along(*key, key[1], eased_acceleration(interpolation, (time - key->time) / span) / (span * span));
+  }
+  for (const Shake& shake : shakes) out.v += shake.acceleration(time);
   return out;
 }
 

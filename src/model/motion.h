@@ -39,6 +39,7 @@ struct Shake {
   double end() const { return start + cycles / frequency; }
   Vec3 displacement(double time) const;
   Vec3 velocity(double time) const;
+  Vec3 acceleration(double time) const;
 };
 
 /// Largest |acceleration| of a shake of unit amplitude and 1 Hz [m/s^2]; at frequency f it is f^2 times that.
@@ -53,11 +54,15 @@ struct PoseMotion {
   Pose at(double time) const;
   /// Its rate at a time [s]: the exact derivative of `at`.
   PoseRate rate(double time, KeySide side) const;
+  /// How fast that rate changes [m/s^2], [rad/s^2]: its exact derivative.
+  PoseRate acceleration(double time, KeySide side) const;
 };
 
 /// Fraction of the way, 0..1, after fraction `s` (0..1) of the time.
 double eased(Interpolation interpolation, double s);
 /// Its derivative.
 double eased_rate(Interpolation interpolation, double s);
+/// Its second derivative.
+double eased_acceleration(Interpolation interpolation, double s);
 
 }  // namespace handsim::model

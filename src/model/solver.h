@@ -10,8 +10,9 @@
 namespace handsim::model {
 
 enum class EngineKind {
-  ode,  ///< Open Dynamics Engine: contacts, stops, speed
-  dae,  ///< differential-algebraic solver: the reference for motion without contacts and stops
+  ode,          ///< Open Dynamics Engine: contacts, stops, speed
+  dae,          ///< differential-algebraic solver: the reference for motion without contacts and stops
+  articulated,  ///< recursive algorithms in joint coordinates: the fastest, without contacts
 };
 
 enum class Method {
@@ -29,12 +30,21 @@ enum class Method {
   euler_linearised,
   /// DAE: the same with positions projected onto the joints after every step. Chrono's.
   euler_projected,
+  /// Articulated: first order; springs, dampers, servos and stops evaluated at the step's end, stable at any
+  /// step.
+  semi_implicit_euler,
+  rk4,  ///< articulated: the classical fourth-order Runge-Kutta method, for motion without stops
+  /// Articulated: Dormand and Prince's eighth-order Runge-Kutta method with error control to `tolerance`, for
+  /// motion without stops.
+  dormand_prince,
 };
 
-inline constexpr std::array<std::string_view, 2> kEngineNames = {"ode", "dae"};
-inline constexpr std::array<std::string_view, 7> kMethodNames = {
-    "world_step",       "quick_step",       "auto",           "stabilised_gear",
-    "lagrange_penalty", "euler_linearised", "euler_projected"};
+inline constexpr std::array<std::string_view, 3> kEngineNames = {"ode", "dae", "articulated"};
+inline constexpr std::array<std::string_view, 10> kMethodNames = {
+    "world_step",      "quick_step",          "auto",
+    "stabilised_gear", "lagrange_penalty",    "euler_linearised",
+    "euler_projected", "semi_implicit_euler", "rk4",
+    "dormand_prince"};
 
 inline std::string_view name(EngineKind kind) { return kEngineNames[static_cast<std::size_t>(kind)]; }
 inline std::string_view name(Method method) { return kMethodNames[static_cast<std::size_t>(method)]; }
@@ -51,6 +61,10 @@ inline EngineKind engine_of(Method method) {
     case Method::euler_linearised:
     case Method::euler_projected:
       return EngineKind::dae;
+    case Method::semi_implicit_euler:
+    case Method::rk4:
+    case Method::dormand_prince:
+      return EngineKind::articulated;
   }
   return EngineKind::ode;
 }
@@ -62,6 +76,8 @@ inline Method default_method(EngineKind kind) {
       return Method::world_step;
     case EngineKind::dae:
       return Method::stabilised_gear;
+    case EngineKind::articulated:
+      return Method::semi_implicit_euler;
   }
   return Method::world_step;
 }
@@ -79,16 +95,21 @@ struct SolverSettings {
   Method method = Method::world_step;
   double step = 1e-3;  ///< [s], above 0 to 0.1
   /// Share of a joint's positional error that one step corrects, 0..1. Low: joints drift apart under
-  /// load; high (above about 0.8): jitter, and rebound at stops. ODE and euler_linearised.
+  /// load; high (above about 0.8): jitter, and rebound at stops. ODE and euler_linearised; articulated: of an
+  /// angle beyond its stop at the start.
   double erp = 0.2;
   /// Constraint force mixing (softness of every constraint row), above 0 to 1. Low: redundant rows make the
   /// LCP fail; high: joints feel like rubber. ODE only.
   double cfm = 1e-9;
-  int iterations = 20;     ///< quick_step and auto
+  int iterations = 20;  ///< quick_step and auto
+  /// ODE only: after every step impulses of the joints close them to 1e-13 m, positions and velocities both
+  /// (SHAKE). Contacts and stops do not see it. Off: gaps of the order of step^2 acceleration / erp.
+  bool projection = false;
   std::uint64_t seed = 1;  ///< quick_step shuffles its rows with ODE's random generator
-  /// stabilised_gear only: error aimed for in smooth motion of some seconds, relative, and absolute in units
-  /// of 1 m, 1 m/s, 1 rad, 1 rad/s; each of the integrator's own steps is held to 0.005 of it. 1e-11 to 1e-2.
-  /// Ten times smaller costs 1.2 to 1.9 times as much. High: energy drifts; lower: drowned in rounding.
+  /// stabilised_gear, dormand_prince: error aimed for in smooth motion of some seconds, relative, and
+  /// absolute in units of 1 m, 1 m/s, 1 rad, 1 rad/s; each of the integrator's own steps is held to a share
+  /// of it. 1e-11 to 1e-2. Ten times smaller costs 1.2 to 1.9 times as much. High: energy drifts; lower:
+  /// drowned in rounding.
   double tolerance = 1e-9;
   GuardLimits guard;
   /// Contacts tell their forces; costs some percent of a step with contacts.

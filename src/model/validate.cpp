@@ -174,6 +174,8 @@ class Checker {
     if (round) check_range(shape.name + ".radius", shape.radius, kSizeMin, kSizeMax, "m");
     if (shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::cylinder)
       check_range(shape.name + ".length", shape.length, kSizeMin, kSizeMax, "m");
+    if (shape.kind == ShapeKind::convex_mesh && (!shape.mesh || !(shape.mesh->volume > 0)))
+      add(shape.name + ".mesh", shape.mesh ? "a mesh without volume" : "none", "a convex mesh");
     if (shape.kind == ShapeKind::box)
       for (int i = 0; i < 3; ++i) check_range(shape.name + ".edges", shape.edges[i], kSizeMin, kSizeMax, "m");
   }

@@ -45,19 +45,19 @@ int columns_for(int cells) {
   return best;
 }
 
-Layout layout_of(const std::vector<SheetCell>& cells, bool titled, int width) {
-  const Image& first = cells.front().image;
+Layout layout_of(const SheetFormat& format) {
+  const int width = format.width;
   Layout page{};
-  page.columns = columns_for(static_cast<int>(cells.size()));
-  page.rows = (static_cast<int>(cells.size()) + page.columns - 1) / page.columns;
+  page.columns = columns_for(format.cells);
+  page.rows = (format.cells + page.columns - 1) / page.columns;
   page.margin = std::max(8, width / 50);
   page.gap = std::max(4, width / 100);
   const int room = (width - 2 * page.margin - (page.columns - 1) * page.gap) / page.columns;
   // Pictures are only ever made smaller.
-  page.cell_width = std::min(room, first.width);
-  page.cell_height = std::max(
-      1, static_cast<int>(std::lround(static_cast<double>(first.height) * page.cell_width / first.width)));
-  page.title_height = titled ? std::max(24, width / 26) : 0;
+  page.cell_width = std::min(room, format.cell_width);
+  page.cell_height = std::max(1, static_cast<int>(std::lround(static_cast<double>(format.cell_height) *
+                                                              page.cell_width / format.cell_width)));
+  page.title_height = format.title.empty() ? 0 : std::max(24, width / 26);
   page.caption_height = std::max(16, width / 50);
   page.width = 2 * page.margin + page.columns * page.cell_width + (page.columns - 1) * page.gap;
   page.height = 2 * page.margin + page.title_height + page.rows * (page.cell_height + page.caption_height) +
@@ -65,21 +65,14 @@ Layout layout_of(const std::vector<SheetCell>& cells, bool titled, int width) {
   return page;
 }
 
-/// All that can be wrong with the arguments.
-void check(const std::vector<SheetCell>& cells, int width) {
-  if (cells.empty()) throw input_error("contact sheet", "no pictures", "at least one");
-  if (width < 160 || width > 16384)
-    throw input_error("contact sheet width", fmt::format("{}", width), "160..16384 pixels");
-  const Image& first = cells.front().image;
-  for (const SheetCell& cell : cells) {
-    const Image& image = cell.image;
-    if (image.width != first.width || image.height != first.height || image.width < 1 || image.height < 1 ||
-        image.rgb.size() !=
-            3UL * static_cast<std::size_t>(image.width) * static_cast<std::size_t>(image.height))
-      throw input_error(fmt::format("picture `{}` of the contact sheet", cell.caption),
-                        fmt::format("{} x {} pixels", image.width, image.height),
-                        fmt::format("the size of the first, {} x {} pixels", first.width, first.height));
-  }
+void check(const SheetFormat& format) {
+  if (format.cells < 1 || format.cells > 1000)
+    throw input_error("contact sheet", fmt::format("{} pictures", format.cells), "1 to 1000");
+  if (format.cell_width < 1 || format.cell_height < 1)
+    throw input_error("contact sheet", fmt::format("{} x {} pixels", format.cell_width, format.cell_height),
+                      "pictures of at least one pixel");
+  if (format.width < 160 || format.width > 16384)
+    throw input_error("contact sheet width", fmt::format("{}", format.width), "160..16384 pixels");
 }
 
 /// cairo's pixels are 32-bit words 0x00RRGGBB, rows `stride` bytes apart.
@@ -146,45 +139,78 @@ void write(cairo_t* pen, const std::string& text, double x, double y, double roo
   cairo_show_text(pen, fitted(pen, text, room).c_str());
 }
 
-void put_cell(cairo_t* pen, const SheetCell& cell, const Layout& page, int x, int y) {
-  const Surface picture = surface_of(cell.image);
+void put_cell(cairo_t* pen, const Image& image, const std::string& caption, const Layout& page, int x,
+              int y) {
+  const Surface picture = surface_of(image);
   cairo_save(pen);
   cairo_rectangle(pen, x, y, page.cell_width, page.cell_height);
   cairo_clip(pen);
   cairo_translate(pen, x, y);
-  cairo_scale(pen, static_cast<double>(page.cell_width) / cell.image.width,
-              static_cast<double>(page.cell_height) / cell.image.height);
+  cairo_scale(pen, static_cast<double>(page.cell_width) / image.width,
+              static_cast<double>(page.cell_height) / image.height);
   cairo_set_source_surface(pen, picture.get(), 0, 0);
   cairo_pattern_set_filter(cairo_get_source(pen), CAIRO_FILTER_BEST);
   // Keeps the edge from fading into the page.
   cairo_pattern_set_extend(cairo_get_source(pen), CAIRO_EXTEND_PAD);
   cairo_paint(pen);
   cairo_restore(pen);
-  write(pen, cell.caption, x + 1, y + page.cell_height + 0.74 * page.caption_height, page.cell_width - 2,
+  write(pen, caption, x + 1, y + page.cell_height + 0.74 * page.caption_height, page.cell_width - 2,
         {0.52 * page.caption_height, CAIRO_FONT_WEIGHT_NORMAL, 0.25});
 }
 
 }  // namespace
 
-Image contact_sheet(const std::vector<SheetCell>& cells, const std::string& title, int width) {
-  check(cells, width);
-  const Layout page = layout_of(cells, !title.empty(), width);
-  const Surface surface = surface_of({page.width, page.height, {}});
-  const Pen pen(cairo_create(surface.get()));
-  cairo_set_source_rgb(pen.get(), 1, 1, 1);
-  cairo_paint(pen.get());
-  write(pen.get(), title, page.margin, page.margin + 0.5 * page.title_height, page.width - 2 * page.margin,
+struct ContactSheet::Page {
+  explicit Page(const SheetFormat& asked)
+      : format(asked),
+        layout(layout_of(asked)),
+        surface(surface_of({layout.width, layout.height, {}})),
+        pen(cairo_create(surface.get())) {}
+  SheetFormat format;
+  Layout layout;
+  Surface surface;
+  Pen pen;
+  int cells = 0;  ///< that are filled
+};
+
+ContactSheet::ContactSheet(const SheetFormat& format) {
+  check(format);
+  page_ = std::make_unique<Page>(format);
+  cairo_t* pen = page_->pen.get();
+  const Layout& page = page_->layout;
+  cairo_set_source_rgb(pen, 1, 1, 1);
+  cairo_paint(pen);
+  write(pen, format.title, page.margin, page.margin + 0.5 * page.title_height, page.width - 2 * page.margin,
         {0.46 * page.title_height, CAIRO_FONT_WEIGHT_BOLD, 0.1});
-  for (std::size_t i = 0; i < cells.size(); ++i) {
-    const int column = static_cast<int>(i) % page.columns;
-    const int row = static_cast<int>(i) / page.columns;
-    put_cell(pen.get(), cells[i], page, page.margin + column * (page.cell_width + page.gap),
-             page.margin + page.title_height + row * (page.cell_height + page.caption_height + page.gap));
-  }
-  if (cairo_status(pen.get()) != CAIRO_STATUS_SUCCESS)
-    throw input_error("contact sheet", cairo_status_to_string(cairo_status(pen.get())),
+}
+
+ContactSheet::~ContactSheet() = default;
+ContactSheet::ContactSheet(ContactSheet&&) noexcept = default;
+ContactSheet& ContactSheet::operator=(ContactSheet&&) noexcept = default;
+
+void ContactSheet::add(const Image& image, const std::string& caption) {
+  const SheetFormat& format = page_->format;
+  const auto bytes =
+      3UL * static_cast<std::size_t>(format.cell_width) * static_cast<std::size_t>(format.cell_height);
+  if (image.width != format.cell_width || image.height != format.cell_height || image.rgb.size() != bytes)
+    throw input_error(
+        fmt::format("picture `{}` of the contact sheet", caption),
+        fmt::format("{} x {} pixels", image.width, image.height),
+        fmt::format("{} x {} pixels, as the sheet's format says", format.cell_width, format.cell_height));
+  if (page_->cells == format.cells)
+    throw input_error("contact sheet", "one picture too many", fmt::format("{} pictures", format.cells));
+  const Layout& page = page_->layout;
+  const int column = page_->cells % page.columns, row = page_->cells / page.columns;
+  put_cell(page_->pen.get(), image, caption, page, page.margin + column * (page.cell_width + page.gap),
+           page.margin + page.title_height + row * (page.cell_height + page.caption_height + page.gap));
+  ++page_->cells;
+}
+
+Image ContactSheet::image() const {
+  if (cairo_status(page_->pen.get()) != CAIRO_STATUS_SUCCESS)
+    throw input_error("contact sheet", cairo_status_to_string(cairo_status(page_->pen.get())),
                       "captions and title in UTF-8, and a page that fits memory");
-  return image_of(surface.get());
+  return image_of(page_->surface.get());
 }
 
 }  // namespace handsim::output

@@ -60,7 +60,8 @@ void add_shape(const model::Shape& shape, const model::State& state, DrawList& l
     list.ground_height = std::max(list.ground_height.value_or(x_WS.p.z()), x_WS.p.z());
     return;
   }
-  list.shapes.push_back({shape.kind, shape.radius, shape.length, shape.edges, x_WS, colour(shape.tint)});
+  list.shapes.push_back(
+      {shape.kind, shape.radius, shape.length, shape.edges, x_WS, colour(shape.tint), shape.mesh});
 }
 
 /// How far from `point` along the unit vector `n` the box about the solid ends [m]; 0 from outside.
@@ -101,14 +102,15 @@ DrawArrow axis_arrow(const model::Model& model, const model::State& state, const
                               shape.length,
                               shape.edges,
                               body(state, shape.body).pose() * shape.pose,
-                              {}});
+                              {},
+                              shape.mesh});
     ahead = std::max(ahead, exit_distance(hull, x_WM.p, n));
     behind = std::max(behind, exit_distance(hull, x_WM.p, -n));
     if (shape.body == joint.child) thickness = std::max(thickness, hull.thickness());
   }
   if (thickness <= 0) thickness = 0.008;
   return {x_WM.p - (behind + 0.5 * thickness) * n, x_WM.p + (ahead + 1.6 * thickness) * n, 0.13 * thickness,
-          axis_colour(axis)};
+          axis_colour(axis), false};
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 // Model and a State; the renderer turns it into an Image.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -22,6 +23,7 @@ struct DrawShape {
   Vec3 edges = Vec3::Zero();
   Pose pose;  ///< X_WS
   Colour colour;
+  std::shared_ptr<const model::ConvexMesh> mesh = nullptr;  ///< convex_mesh
 };
 
 /// A shaft with a head, e.g. a joint axis or a contact force.
@@ -30,6 +32,7 @@ struct DrawArrow {
   Vec3 to = Vec3::Zero();
   double radius = 0.001;  ///< of the shaft [m]
   Colour colour;
+  bool on_top = false;  ///< seen through whatever stands before it
 };
 
 struct DrawPoint {
@@ -71,11 +74,23 @@ struct Bounds {
 Bounds bounds(const DrawList& list);
 
 /// A camera on the named side of `hand_frame` (X_WH; x ulnar, y distal, z dorsal on a right hand) that
-/// sees all of `lists` (not the ground) with a margin of 7% of the half picture, as close as that allows.
-/// `side` turns radial to the thumb's side. Up is distal (dorsal, palmar), dorsal (radial) or the world's z
-/// (three_quarter, which looks on the back of the hand from the fingertips, never from below the horizon).
-/// @throws Error (input) for an aspect (width over height) that is not above 0.
-Camera framed_camera(View view, const Pose& hand_frame, model::Side side, const std::vector<DrawList>& lists,
-                     double aspect);
+/// sees all lists that it is shown (not the ground) with a margin of 7% of the half picture, as close as that
+/// allows. `side` turns radial to the thumb's side. Up is distal (dorsal, palmar), dorsal (radial) or the
+/// world's z (three_quarter, which looks on the back of the hand from the fingertips, never from below the
+/// horizon). Lists are shown one after the other and not kept.
+class Framing {
+ public:
+  /// @throws Error (input) for an aspect (width over height) that is not above 0.
+  Framing(View view, const Pose& hand_frame, model::Side side, double aspect);
+  void see(const DrawList& list);
+  Camera camera() const;
+
+ private:
+  Pose hand_frame_;
+  Vec3 x_, y_, z_;               ///< right, up and back of the picture
+  double rise_, run_;            ///< slopes of its upper and right edge
+  std::array<Vec3, 6> out_;      ///< directions in which what is seen reaches farthest
+  std::array<double, 6> reach_;  ///< and how far [m]
+};
 
 }  // namespace handsim::output

@@ -48,11 +48,7 @@ Direction direction(View view, const Pose& hand_frame, model::Side side) {
   return {back, back.z() < 0.95 ? Vec3(Vec3::UnitZ()) : distal};
 }
 
-double support(const std::vector<DrawList>& lists, const Vec3& n) {
-  double most = -std::numeric_limits<double>::infinity();
-  for (const DrawList& list : lists) most = std::max(most, support(list, n));
-  return most;
-}
+constexpr double kFieldOfView = 0.5;
 
 }  // namespace
 
@@ -60,35 +56,37 @@ double support(const std::vector<DrawList>& lists, const Vec3& n) {
 // and slope t of that edge, if c_x - p_x <= t (p_z - c_z), that is p_x + t p_z >= (x + t z) . c. The worst c
 // is the support s_r of everything along x + t z; likewise s_l for the left edge. Both hold, with what is
 // left over shared evenly, at p_x = (s_r - s_l) / 2 and p_z >= (s_r + s_l) / (2 t). The same goes for y.
-Camera framed_camera(View view, const Pose& hand_frame, model::Side side, const std::vector<DrawList>& lists,
-                     double aspect) {
+Framing::Framing(View view, const Pose& hand_frame, model::Side side, double aspect)
+    : hand_frame_(hand_frame), rise_(std::tan(kFieldOfView / 2) * (1 - kMargin)), run_(rise_ * aspect) {
   if (!(aspect > 0) || !std::isfinite(aspect))
     throw input_error("aspect", fmt::format("{}", aspect), "width over height, greater than 0");
   const Direction wanted = direction(view, hand_frame, side);
-  const Vec3 z = wanted.back;
-  const Vec3 x = wanted.up.cross(z).normalized();
-  const Vec3 y = z.cross(x);
+  z_ = wanted.back;
+  x_ = wanted.up.cross(z_).normalized();
+  y_ = z_.cross(x_);
+  out_ = {x_ + run_ * z_, -x_ + run_ * z_, y_ + rise_ * z_, -y_ + rise_ * z_, z_, -z_};
+  reach_.fill(-std::numeric_limits<double>::infinity());
+}
+
+void Framing::see(const DrawList& list) {
+  for (std::size_t i = 0; i < out_.size(); ++i) reach_[i] = std::max(reach_[i], support(list, out_[i]));
+}
+
+Camera Framing::camera() const {
+  const auto [right, left, top, bottom, front, back] = reach_;
   Camera camera;
-  camera.field_of_view = 0.5;
-  camera.up = y;
-  const double front = support(lists, z);
+  camera.field_of_view = kFieldOfView;
+  camera.up = y_;
   if (!std::isfinite(front)) {
     // Nothing to see: the place where a hand would be.
-    camera.target = hand_frame * Vec3(0, 0.09, 0);
-    camera.position = camera.target + 0.6 * z;
+    camera.target = hand_frame_ * Vec3(0, 0.09, 0);
+    camera.position = camera.target + 0.6 * z_;
     return camera;
   }
-  const double rise = std::tan(camera.field_of_view / 2) * (1 - kMargin);
-  const double run = rise * aspect;
-  const double right = support(lists, x + run * z);
-  const double left = support(lists, -x + run * z);
-  const double top = support(lists, y + rise * z);
-  const double bottom = support(lists, -y + rise * z);
-  const double middle = (front - support(lists, -z)) / 2;
-  const double distance = std::max({(right + left) / (2 * run), (top + bottom) / (2 * rise), front + 0.01});
-  const Vec3 axis = (right - left) / 2 * x + (top - bottom) / 2 * y;
-  camera.position = axis + distance * z;
-  camera.target = axis + middle * z;
+  const double distance = std::max({(right + left) / (2 * run_), (top + bottom) / (2 * rise_), front + 0.01});
+  const Vec3 axis = (right - left) / 2 * x_ + (top - bottom) / 2 * y_;
+  camera.position = axis + distance * z_;
+  camera.target = axis + (front - back) / 2 * z_;
   return camera;
 }
 

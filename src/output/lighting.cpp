@@ -189,7 +189,9 @@ void Occluders::add(const Solid& solid) {
   }
   solids.push_back(row(solid.pose.p, solid.round));
   solids.push_back(solid.pose.q.coeffs().cast<float>());
-  solids.push_back(row(solid.half, solid.core == Core::cylinder ? 1 : 0));
+  // A hull shades as a box somewhat smaller than the one about it.
+  const Vec3 half = (solid.core == Core::hull ? 0.75 : 1) * solid.half;
+  solids.push_back(row(half, solid.core == Core::cylinder ? 1 : 0));
 }
 
 Scene::Scene(const DrawList& drawn, const Camera& from, double aspect) : list(&drawn), camera(from) {

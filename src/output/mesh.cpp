@@ -76,6 +76,20 @@ Mesh box_mesh() {
   return lathe(spokes, kSteps, true);
 }
 
+Mesh faceted_mesh(const model::ConvexMesh& polyhedron) {
+  Mesh mesh;
+  for (int face = 0; face < polyhedron.face_count(); ++face) {
+    const auto first = static_cast<std::uint32_t>(mesh.vertices.size());
+    const auto corners = polyhedron.corners(face);
+    for (const unsigned corner : corners)
+      mesh.vertices.push_back(
+          {polyhedron.vertex(corner).cast<float>(), polyhedron.normal(face).cast<float>()});
+    for (std::uint32_t i = 1; i + 1 < corners.size(); ++i)
+      for (const std::uint32_t v : {first, first + i, first + i + 1}) mesh.indices.push_back(v);
+  }
+  return mesh;
+}
+
 Mesh cone_mesh(float length) {
   constexpr int kSides = 32;
   Mesh mesh;

@@ -6,6 +6,8 @@
 #include <cstdint>
 #include <vector>
 
+#include "handsim/model/convex_mesh.h"
+
 namespace handsim::output {
 
 struct Vertex {
@@ -25,6 +27,8 @@ Mesh capsule_mesh(int sides);
 Mesh box_mesh();
 /// Core: the cylinder of radius 1, z = -1..1.
 Mesh cylinder_mesh(int sides);
+/// The faces of a polyhedron, flat; `half` must be (1, 1, 1) and `round` 0.
+Mesh faceted_mesh(const model::ConvexMesh& polyhedron);
 /// A cone with its base circle of radius 1 at z = 0 and its tip at z = 1, with normals for a scale of
 /// (1, 1, length); `round` must be 0.
 Mesh cone_mesh(float length);

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include <fmt/format.h>
 
@@ -93,6 +94,11 @@ struct Renderer::Impl {
   void place(const Program& program, const Solid& solid, const Colour& colour);
   /// The coarsest whose outline is off by less than a quarter of a pixel.
   const Buffer& fitting(const RoundBuffers& buffers, const Scene& scene, const Solid& solid) const;
+  const Buffer& hull_buffer(const Solid& solid) {
+    const auto [found, fresh] = hulls.try_emplace(solid.mesh);
+    if (fresh) found->second = upload(faceted_mesh(*solid.mesh));
+    return found->second;
+  }
   void draw(const Buffer& buffer) {
     glBindVertexArray(buffer.array);
     glDrawElements(GL_TRIANGLES, buffer.count, GL_UNSIGNED_INT, nullptr);
@@ -115,6 +121,8 @@ struct Renderer::Impl {
   Target drawn, resolved, shade;
   RoundBuffers capsule, cylinder;
   Buffer box, cone;
+  /// Of the polyhedra drawn so far, which stay alive with their buffers.
+  std::map<std::shared_ptr<const model::ConvexMesh>, Buffer> hulls;
   GLuint empty = 0;
   std::vector<std::uint8_t> pixels;
 };
@@ -234,6 +242,7 @@ void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& proj
     const Program& program = lit.occluders.solids.empty() ? capsule_lit : solid_lit;
     program.use();
     place(program, lit.solid, lit.colour);
+    if (lit.solid.core == Core::hull) program.set("half_size", Eigen::Vector3f(1, 1, 1));
     Eigen::Vector2f ground_shade(0, 0);
     if (scene.ground) ground_shade << scene.ground->height, 3 * static_cast<float>(lit.solid.thickness());
     program.set("ground", ground_shade);
@@ -241,7 +250,9 @@ void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& proj
     program.set("capsules", lit.occluders.capsules);
     program.set("solid_count", static_cast<int>(lit.occluders.solids.size() / 3));
     program.set("solids", lit.occluders.solids);
-    if (is_capsule(lit.solid))
+    if (lit.solid.core == Core::hull)
+      draw(hull_buffer(lit.solid));
+    else if (is_capsule(lit.solid))
       draw(fitting(capsule, scene, lit.solid));
     else
       draw(lit.solid.core == Core::box ? box : fitting(cylinder, scene, lit.solid));
@@ -266,6 +277,7 @@ void Renderer::Impl::draw_annotations(const DrawList& list) {
     const double width_of_head = kHeadWidth * arrow.radius;
     const double head = std::min(kHeadLength * width_of_head, 0.6 * length);
     const double shaft = length - head;
+    glDepthFunc(arrow.on_top ? GL_ALWAYS : GL_LEQUAL);
     const Vec3 neck = arrow.from + along * (shaft / length);
     place(capsule_lit,
           {Core::cylinder, {arrow.radius, arrow.radius, shaft / 2}, 0, {(arrow.from + neck) / 2, q}},
@@ -274,6 +286,7 @@ void Renderer::Impl::draw_annotations(const DrawList& list) {
     place(capsule_lit, {Core::cylinder, {width_of_head, width_of_head, head}, 0, {neck, q}}, arrow.colour);
     draw(cone);
   }
+  glDepthFunc(GL_LEQUAL);
 }
 
 void Renderer::Impl::draw_ground(const Scene& scene, const Eigen::Matrix4f& projection) {

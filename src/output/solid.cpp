@@ -18,6 +18,11 @@ Solid solid(const DrawShape& shape) {
       return {Core::box, {0, 0, shape.length / 2}, shape.radius, shape.pose};
     case model::ShapeKind::cylinder:
       return {Core::cylinder, {shape.radius, shape.radius, shape.length / 2}, 0, shape.pose};
+    case model::ShapeKind::convex_mesh: {
+      Vec3 half = Vec3::Zero();
+      for (const Vec3& vertex : shape.mesh->vertices) half = half.cwiseMax(vertex.cwiseAbs());
+      return {Core::hull, half, 0, shape.pose, shape.mesh};
+    }
     case model::ShapeKind::sphere:
     case model::ShapeKind::plane:
       break;
@@ -26,14 +31,16 @@ Solid solid(const DrawShape& shape) {
 }
 
 Solid bevelled(const Solid& exact) {
+  if (exact.core == Core::hull) return exact;
   const double bevel = 0.12 * exact.half.minCoeff();
-  return {exact.core, exact.half - Vec3::Constant(bevel), exact.round + bevel, exact.pose};
+  return {exact.core, exact.half - Vec3::Constant(bevel), exact.round + bevel, exact.pose, {}};
 }
 
 bool is_capsule(const Solid& solid) { return solid.half.x() <= 0 && solid.half.y() <= 0; }
 
 double support(const Solid& solid, const Vec3& n) {
   const Vec3 m = solid.pose.q.conjugate() * n;
+  if (solid.core == Core::hull) return n.dot(solid.pose.p) + solid.mesh->support(m);
   const double core = solid.core == Core::box
                           ? solid.half.dot(m.cwiseAbs())
                           : solid.half.x() * m.head<2>().norm() + solid.half.z() * std::abs(m.z());

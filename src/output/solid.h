@@ -6,14 +6,17 @@
 
 namespace handsim::output {
 
-enum class Core { box, cylinder };
+enum class Core { box, cylinder, hull };
 
-/// All points within `round` of the core, which lies about the origin of `pose`.
+/// All points within `round` of the core, which lies about the origin of `pose`. A hull is that of its mesh,
+/// with no rounding; where only size counts, the box about it stands for it.
 struct Solid {
   Core core = Core::box;
-  Vec3 half = Vec3::Zero();  ///< half edges of the core [m]; cylinder: (radius, radius, half height)
+  Vec3 half = Vec3::Zero();  ///< half edges of the core [m]; cylinder: (radius, radius, half height);
+                             ///< hull: of the box about it, as far as it reaches from the centroid
   double round = 0;          ///< [m]
   Pose pose;                 ///< X_WS
+  std::shared_ptr<const model::ConvexMesh> mesh = {};  ///< of a hull
 
   /// Half its smallest full extent [m].
   double thickness() const;

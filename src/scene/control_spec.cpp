@@ -105,10 +105,10 @@ control::Plan compile_control(const ControlSpec& spec, const std::vector<HandEnt
                               const model::Model& model, const model::SolverSettings& solver,
                               Diagnostics& diagnostics) {
   const bool implicit = spec.controller.form == control::Form::implicit_gain;
-  if (implicit && model::engine_of(solver.method) != model::EngineKind::ode)
+  if (implicit && model::engine_of(solver.method) == model::EngineKind::dae)
     diagnostics.problems.push_back(
         {spec.place, "control.controller.form", fmt::format("implicit with {}", model::name(solver.method)),
-         "explicit, or a method of the ode engine, which solves implicit gains within its step"});
+         "explicit, or the ode or articulated engine, which solve implicit gains within their step"});
   control::PlanInput input;
   input.controller = &spec.controller;
   input.poses = spec.poses ? &*spec.poses : nullptr;

@@ -143,6 +143,25 @@ void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& eff
 
 }  // namespace
 
+void check_engine(MapReader& reader, const model::SolverSettings& solver) {
+  const model::EngineKind engine = model::engine_of(solver.method);
+  if (engine == model::EngineKind::ode) return;
+  const bool smooth = solver.method != model::Method::semi_implicit_euler;
+  for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact})
+    if (solver.effects.has(effect))
+      reader.problem("effects", std::string(model::name(effect)),
+                     fmt::format("no contact with engine {}: leave the effect out, or use engine ode",
+                                 model::name(engine)));
+  if (engine == model::EngineKind::articulated && solver.effects.has(Effect::step_guard))
+    reader.problem("effects", "step_guard",
+                   "no guard with engine articulated: leave the effect out, or use engine ode");
+  if (smooth && solver.effects.has(Effect::joint_stops))
+    reader.problem("effects", "joint_stops",
+                   fmt::format("smooth motion for {}: leave the effect out, or use engine ode, or "
+                               "articulated with semi_implicit_euler",
+                               model::name(solver.method)));
+}
+
 Effects read_effects(MapReader& reader, const SceneSpec& scene) {
   YamlNode* node = reader.child("effects");
   if (!node) node = &yaml_put(reader.node(), "effects", yaml_scalar("auto"));

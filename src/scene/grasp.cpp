@@ -113,6 +113,9 @@ double lowest(const model::Shape& shape, const Pose& frame) {
     case model::ShapeKind::cylinder:
       reach = shape.radius * across + 0.5 * shape.length * std::abs(down.z());
       break;
+    case model::ShapeKind::convex_mesh:
+      for (const Vec3& vertex : shape.mesh->vertices) reach = std::max(reach, vertex.dot(down));
+      break;
     case model::ShapeKind::plane:
       break;
   }

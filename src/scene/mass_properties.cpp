@@ -26,6 +26,8 @@ Mat3 unit_inertia(const model::Shape& shape) {
       const hand::CapsuleInertia solid = hand::capsule_inertia(shape.radius, shape.length);
       return Vec3(solid.transverse, solid.transverse, solid.axial).asDiagonal();
     }
+    case model::ShapeKind::convex_mesh:
+      return shape.mesh ? shape.mesh->unit_inertia : Mat3::Zero();
     case model::ShapeKind::plane:
       return Mat3::Zero();
   }
@@ -44,6 +46,8 @@ double volume(const model::Shape& shape) {
       return M_PI * shape.radius * shape.radius * shape.length;
     case model::ShapeKind::capsule:
       return hand::capsule_inertia(shape.radius, shape.length).volume;
+    case model::ShapeKind::convex_mesh:
+      return shape.mesh ? shape.mesh->volume : 0;
     case model::ShapeKind::plane:
       return 0;
   }

@@ -27,8 +27,8 @@ model::Shape read_shape(MapReader reader) {
   model::Shape shape;
   shape.tint = model::Tint::mechanism;
   if (!read_solid(reader, "kind", shape)) return shape;
-  shape.pose.p = reader.vector("position", kCoordinate, Vec3::Zero());
-  shape.pose.q = reader.rotation("rotation");
+  const Pose at{reader.vector("position", kCoordinate, Vec3::Zero()), reader.rotation("rotation")};
+  shape.pose = at * shape.pose;
   reader.finish();
   return shape;
 }

@@ -4,10 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 
 #include <fmt/format.h>
 
 #include "handsim/hand/material.h"
+#include "handsim/scene/mesh_file.h"
 #include "handsim/scene/readers.h"
 
 namespace handsim::scene {
@@ -26,7 +28,7 @@ constexpr std::size_t kMostParts = 200;
 using Keys = std::vector<std::string_view>;
 const Keys kMassKeys = {"mass", "density"};
 const Keys kFormKeys = {"shape", "parts"};
-const Keys kSizeKeys = {"shape", "parts", "edges", "radius", "length"};
+const Keys kSizeKeys = {"shape", "parts", "edges", "radius", "length", "mesh", "scale"};
 const Keys kPropertyKeys = {"friction",         "restitution",       "restitution_speed",
                             "rolling_friction", "spinning_friction", "stiffness",
                             "damping"};
@@ -70,7 +72,7 @@ bool inline_file(YamlNode& entry, const std::string& path, Diagnostics& diagnost
 }
 
 std::string read_name(MapReader& reader, const std::vector<ObjectSpec>& before) {
-  const std::string name = reader.name("name");
+  std::string name = reader.name("name");
   const char* need = "a name of its own for each object, other than world and ground";
   if (name == "world" || name == "ground") reader.problem("name", name, need);
   for (const ObjectSpec& other : before)
@@ -95,7 +97,7 @@ double read_mass(MapReader& reader, double volume) {
 model::Shape read_form(MapReader& reader) {
   model::Shape shape;
   if (!read_solid(reader, "shape", shape))
-    for (const char* key : {"edges", "radius", "length"}) reader.child(key);
+    for (const char* key : {"edges", "radius", "length", "mesh", "scale"}) reader.child(key);
   return shape;
 }
 
@@ -152,6 +154,7 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
     object.pose = read_pose(reader);
   else if (reader.child("position") || reader.child("rotation"))
     reader.problem("position", "a place beside the grasp that gives it", "one of the two");
+  object.may_overlap = reader.choice<bool>("overlap", {{"refused", false}, {"allowed", true}}, false);
   object.material = read_surface(reader, object.name, materials);
   if (reader.has("source")) object.source = reader.text("source");
   reader.finish();
@@ -169,13 +172,40 @@ model::Material read_surface(MapReader& reader, std::string name,
   return named_material(reader, "material", materials).value_or(model::Material{});
 }
 
+namespace {
+
+/// `mesh`, named by its absolute path in the resolved scene, which stands in another folder.
+void read_mesh(MapReader& reader, model::Shape& shape) {
+  const double scale = reader.number("scale", {Dimension::none, 1e-6, 1e6}, 1.0);
+  const std::string name = reader.text("mesh");
+  if (!reader.has("mesh") || !reader.sound()) return;
+  YamlNode& node = *reader.child("mesh");
+  const std::filesystem::path beside = std::filesystem::path(node.place().file).parent_path();
+  const std::filesystem::path path = std::filesystem::absolute(beside / name).lexically_normal();
+  try {
+    LoadedMesh loaded = load_convex_mesh(path, scale);
+    shape.mesh = std::move(loaded.mesh);
+    shape.pose.p = loaded.centroid;
+  } catch (const Error& error) {
+    for (const Problem& problem : error.problems()) reader.problem("mesh", problem.got, problem.need);
+  }
+  node.text = path.string();
+}
+
+}  // namespace
+
 bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shape) {
   const std::size_t before = reader.diagnostics().problems.size();
   shape.kind = reader.choice<ShapeKind>(kind_key, {{"box", ShapeKind::box},
                                                    {"sphere", ShapeKind::sphere},
                                                    {"cylinder", ShapeKind::cylinder},
-                                                   {"capsule", ShapeKind::capsule}});
+                                                   {"capsule", ShapeKind::capsule},
+                                                   {"convex_mesh", ShapeKind::convex_mesh}});
   if (reader.diagnostics().problems.size() > before) return false;
+  if (shape.kind == ShapeKind::convex_mesh) {
+    read_mesh(reader, shape);
+    return true;
+  }
   if (shape.kind == ShapeKind::box)
     shape.edges = reader.vector("edges", kSize);
   else

@@ -20,7 +20,8 @@ std::string item_path(std::string_view list, std::size_t i);
 /// `position` and `rotation`. @param fallback position where none is given; absent: it must be.
 Pose read_pose(MapReader& reader, std::optional<Vec3> fallback = {});
 
-/// Kind and size of a solid: `kind_key` names the kind. False, with a problem, where the kind cannot be told,
+/// Kind and size of a solid: `kind_key` names the kind. The pose is that of its centre: a mesh's lies off the
+/// origin of its file. False, with a problem, where the kind cannot be told,
 /// and so neither which sizes it has.
 bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shape);
 /// The surface of a thing: `material`, one of the scene's by name, or its properties.
@@ -49,6 +50,8 @@ std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model
 model::Effects read_effects(MapReader& reader, const SceneSpec& scene);
 
 void read_solver(MapReader reader, model::SolverSettings& solver);
+/// Effects that the solver's engine or method does not have.
+void check_engine(MapReader& reader, const model::SolverSettings& solver);
 PictureSpec read_pictures(MapReader reader);
 Criteria read_criteria(MapReader reader);
 

@@ -35,7 +35,8 @@ CameraSpec read_camera(MapReader camera) {
 
 void read_solver(MapReader reader, model::SolverSettings& solver) {
   std::vector<std::pair<std::string_view, model::EngineKind>> engines;
-  for (const model::EngineKind kind : {model::EngineKind::ode, model::EngineKind::dae})
+  for (const model::EngineKind kind :
+       {model::EngineKind::ode, model::EngineKind::dae, model::EngineKind::articulated})
     engines.emplace_back(model::name(kind), kind);
   const model::EngineKind engine =
       reader.choice<model::EngineKind>("engine", engines, model::EngineKind::ode);
@@ -52,6 +53,10 @@ void read_solver(MapReader reader, model::SolverSettings& solver) {
   solver.erp = reader.number("erp", {Dimension::none, 0, 1}, 0.2);
   solver.cfm = reader.number("cfm", {Dimension::none, 0, 1, true}, 1e-9);
   solver.iterations = reader.integer("iterations", 1, 100'000, 20);
+  solver.projection = reader.flag("projection", false);
+  if (solver.projection && engine != model::EngineKind::ode)
+    reader.problem("projection", "true on engine " + std::string(model::name(engine)),
+                   "false: its euler_projected and others close joints themselves");
   solver.tolerance = reader.number("tolerance", {Dimension::none, 1e-11, 1e-2}, 1e-9);
   MapReader guard = reader.map("guard");
   const model::GuardLimits limits;
@@ -77,6 +82,7 @@ PictureSpec read_pictures(MapReader reader) {
   out.floor = reader.flag("floor", true);
   out.joint_axes = reader.flag("joint_axes", false);
   out.contact_points = reader.flag("contact_points", false);
+  out.contact_forces = reader.flag("contact_forces", false);
   reader.finish();
   return out;
 }

@@ -80,6 +80,31 @@ void place_defects(std::vector<Problem>& problems, const SceneSpec& spec) {
   }
 }
 
+/// @throws Error (input) with all that is wrong with it.
+model::Model compile_model(const SceneSpec& spec) {
+  Diagnostics diagnostics;
+  model::Model model = model::make_model();
+  model.gravity = spec.gravity;
+  add_hands(model, spec, diagnostics);
+  if (!spec.objects.empty()) {
+    const int all = static_cast<int>(model.groups.size());
+    model.groups.push_back({"objects"});
+    for (const ObjectSpec& object : spec.objects) {
+      const int group = object_group(spec, object);
+      if (group != all) model.groups.push_back({object.name});
+      add_object(model, object, group);
+    }
+  }
+  if (spec.ground) add_ground(model, *spec.ground);
+  add_mechanism(model, spec.mechanism);
+  diagnostics.throw_if_any();
+  add_contact_rules(model, spec);
+  diagnostics.problems = model::defects(model);
+  place_defects(diagnostics.problems, spec);
+  diagnostics.throw_if_any();
+  return model;
+}
+
 }  // namespace
 
 Scene compile_scene(YamlNode root) {
@@ -87,25 +112,7 @@ Scene compile_scene(YamlNode root) {
   Scene scene;
   scene.spec = read_scene(root, diagnostics);
   diagnostics.throw_if_any();
-  scene.model = model::make_model();
-  scene.model.gravity = scene.spec.gravity;
-  add_hands(scene.model, scene.spec, diagnostics);
-  if (!scene.spec.objects.empty()) {
-    const int all = static_cast<int>(scene.model.groups.size());
-    scene.model.groups.push_back({"objects"});
-    for (const ObjectSpec& object : scene.spec.objects) {
-      const int group = object_group(scene.spec, object);
-      if (group != all) scene.model.groups.push_back({object.name});
-      add_object(scene.model, object, group);
-    }
-  }
-  if (scene.spec.ground) add_ground(scene.model, *scene.spec.ground);
-  add_mechanism(scene.model, scene.spec.mechanism);
-  diagnostics.throw_if_any();
-  add_contact_rules(scene.model, scene.spec);
-  diagnostics.problems = model::defects(scene.model);
-  place_defects(diagnostics.problems, scene.spec);
-  diagnostics.throw_if_any();
+  scene.model = compile_model(scene.spec);
   if (scene.spec.control) {
     scene.control =
         compile_control(*scene.spec.control, scene.spec.hands, scene.model, scene.spec.solver, diagnostics);
@@ -116,6 +123,21 @@ Scene compile_scene(YamlNode root) {
   scene.resolved = std::move(root);
   scene.warnings = std::move(diagnostics.warnings);
   return scene;
+}
+
+Scene without_effect(const Scene& scene, model::Effect effect) {
+  Scene out = scene;
+  model::Effects& effects = out.spec.solver.effects;
+  effects.remove(effect);
+  if (!effects.any_contact()) effects.remove(model::Effect::friction);
+  out.model = compile_model(out.spec);
+  out.control.reset();
+  if (!effects.has(model::Effect::actuation)) out.spec.control.reset();
+  if (!out.spec.control) return out;
+  Diagnostics diagnostics;
+  out.control = compile_control(*out.spec.control, out.spec.hands, out.model, out.spec.solver, diagnostics);
+  diagnostics.throw_if_any();
+  return out;
 }
 
 Scene load_scene(const std::filesystem::path& path, const std::vector<std::string>& overrides) {

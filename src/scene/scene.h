@@ -26,4 +26,10 @@ Scene load_scene(const std::filesystem::path& path, const std::vector<std::strin
 /// The same from a tree in memory.
 Scene compile_scene(YamlNode root);
 
+/// The scene with an effect taken away, and with it what it leaves nothing to act on: friction goes with the
+/// last contact, control with actuation. What the effect acted on stays: stops without force, a driven palm
+/// that stands still. `resolved` stays that of the whole scene.
+/// @throws Error (input) where what drives the hands cannot do without the effect.
+Scene without_effect(const Scene& scene, model::Effect effect);
+
 }  // namespace handsim::scene

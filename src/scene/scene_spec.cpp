@@ -58,17 +58,23 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
     scene.control = read_control(reader.map("control"), scene.hands, !scene.grasps.empty());
   if (reader.sound() && !scene.grasps.empty()) add_grasp_programs(scene, diagnostics);
   scene.solver.effects = read_effects(reader, scene);
-  scene.solver.contact_forces = !scene.grasps.empty();
   const std::size_t before_times = diagnostics.problems.size();
   read_solver(reader.map("solver"), scene.solver);
+  if (reader.sound()) check_engine(reader, scene.solver);
   std::optional<double> duration;
   if (!scene.grasps.empty()) duration = std::max(grasps_end(scene), 1e-3);
   scene.duration = reader.number("duration", {Dimension::time, 1e-6, 1e5}, duration);
   MapReader record = reader.map("record");
   scene.record_every = record.number("every", {Dimension::time, 1e-6, 1e5}, 0.01);
+  scene.record_contacts = record.flag("contacts", false);
   record.finish();
   if (diagnostics.problems.size() == before_times) check_times(reader, scene);
   scene.pictures = read_pictures(reader.map("pictures"));
+  scene.solver.contact_forces =
+      scene.record_contacts || scene.pictures.contact_forces || !scene.grasps.empty();
+  if (scene.solver.contact_forces && !scene.solver.effects.any_contact())
+    reader.warning(scene.record_contacts ? "record" : "pictures",
+                   "contact forces are asked for, but no effect lets anything touch");
   scene.criteria = read_criteria(reader.map("criteria"));
   if (!scene.solver.effects.has(model::Effect::joint_stops) &&
       (scene.criteria.stop_overshoot || scene.criteria.stop_rest))

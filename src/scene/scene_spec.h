@@ -31,6 +31,7 @@ struct ObjectSpec {
   std::vector<model::Shape> shapes;      ///< kind, size and pose X_OS, nothing else; at least one
   MassProperties body;                   ///< in O; static: none
   bool is_static = false;                ///< does not move
+  bool may_overlap = false;              ///< starts inside a hand if it does
   Pose pose;                             ///< X_WO at the start
   Vec3 velocity = Vec3::Zero();          ///< of the centre of mass [m/s]
   Vec3 angular_velocity = Vec3::Zero();  ///< world axes [rad/s]
@@ -83,6 +84,7 @@ struct PictureSpec {
   bool floor = true;                      ///< a floor to cast shadows on where the scene has no ground
   bool joint_axes = false;
   bool contact_points = false;
+  bool contact_forces = false;  ///< arrows, through whatever hides them
 };
 
 struct SceneSpec {
@@ -96,6 +98,7 @@ struct SceneSpec {
   model::SolverSettings solver;        ///< with the effects, `auto` resolved
   double duration = 1;                 ///< [s]
   double record_every = 0.01;          ///< [s]
+  bool record_contacts = false;        ///< contacts.csv, and sums of contact forces in the summary
   std::optional<ControlSpec> control;  ///< drives the joints; with actuation only
   std::vector<GraspSpec> grasps;
   std::vector<GraspPlan> grasp_plans;  ///< one for each of the grasps

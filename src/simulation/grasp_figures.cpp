@@ -51,6 +51,11 @@ double reach(const model::Shape& shape) {
       const Vec3 inside = shape.pose.q.conjugate() * p;
       return (inside.cwiseAbs() + 0.5 * shape.edges).norm();
     }
+    case model::ShapeKind::convex_mesh: {
+      double most = 0;
+      for (const Vec3& vertex : shape.mesh->vertices) most = std::max(most, (shape.pose * vertex).norm());
+      return most;
+    }
     case model::ShapeKind::plane:
       return 0;
   }

@@ -6,7 +6,8 @@ namespace handsim::simulation {
 
 using model::Effect;
 
-Ledger::Ledger(const model::Model& model, const model::Effects& effects) : model_(model), effects_(effects) {
+Ledger::Ledger(const model::Model& model, const model::Effects& effects, bool rows)
+    : model_(model), effects_(effects), rows_(rows) {
   for (const model::Joint& joint : model.joints) {
     // A slider holds five of six relative freedoms, as a hinge does.
     joint_rows_ += 6 - model::dof_count(joint.kind);
@@ -24,13 +25,16 @@ Effect Ledger::kind_of(const engine::Contact& contact) const {
 
 void Ledger::book(const engine::StepReport& report, std::span<const engine::Contact> contacts,
                   const StepTimes& times) {
+  if (times_next()) {
+    ++timed_;
+    step_ns_ += times.step;
+    check_ns_ += times.check;
+    control_ns_ += times.control;
+    servo_ns_ += report.servo_ns;
+    collide_ns_ += report.collide_ns;
+    tissue_ns_ += report.tissue_ns;
+  }
   ++steps_;
-  step_ns_ += times.step;
-  check_ns_ += times.check;
-  control_ns_ += times.control;
-  servo_ns_ += report.servo_ns;
-  collide_ns_ += report.collide_ns;
-  tissue_ns_ += report.tissue_ns;
   lcp_failures_ += report.lcp_failures;
   contacts_ += report.contacts;
   collide_calls_ += report.collide_calls;
@@ -51,16 +55,21 @@ void Ledger::book(const engine::StepReport& report, std::span<const engine::Cont
   if (effects_.has(Effect::friction)) book_rows(Effect::friction, 2L * report.contacts);
 }
 
+std::optional<double> Ledger::per_step(double ns) const {
+  return timed_ > 0 ? std::optional(ns / static_cast<double>(timed_)) : std::nullopt;
+}
+
 std::vector<LedgerEntry> Ledger::phases() const {
-  const double n = steps_ > 0 ? static_cast<double>(steps_) : 1.0;
   std::vector<LedgerEntry> out;
-  out.push_back({"step", steps_, 0, solver_ns() / n, "timed: the engine without the phases below"});
-  if (effects_.any_contact()) out.push_back({"collide", steps_, 0, collide_ns_ / n, "timed"});
-  if (effects_.has(Effect::passive_tissue)) out.push_back({"tissue", steps_, 0, tissue_ns_ / n, "timed"});
+  out.push_back({"step", steps_, 0, per_step(solver_ns()),
+                 "timed on every 16th step: the engine without the phases below"});
+  if (effects_.any_contact()) out.push_back({"collide", steps_, 0, per_step(collide_ns_), "timed"});
+  if (effects_.has(Effect::passive_tissue) && rows_)
+    out.push_back({"tissue", steps_, 0, per_step(tissue_ns_), "timed"});
   if (effects_.has(Effect::actuation))
-    out.push_back(
-        {"control", steps_, 0, (control_ns_ + servo_ns_) / n, "timed: sensing, control, setting the drives"});
-  out.push_back({"check", steps_, 0, check_ns_ / n, "timed"});
+    out.push_back({"control", steps_, 0, per_step(control_ns_ + servo_ns_),
+                   "timed: sensing, control, setting the drives"});
+  out.push_back({"check", steps_, 0, per_step(check_ns_), "timed"});
   return out;
 }
 
@@ -87,18 +96,29 @@ LedgerEntry Ledger::entry(Effect effect) const {
     case Effect::passive_tissue:
       break;
   }
+  if (!rows_) {
+    const Count& acted = counts_[static_cast<std::size_t>(effect)];
+    out.ran = acted.steps;
+    out.rows = static_cast<double>(acted.rows) / n;
+    out.how = "solved with the motion, without rows of its own: not told apart";
+    if (effect != Effect::actuation) return out;
+    out.ran = steps_;
+    out.ns_per_step = per_step(control_ns_ + servo_ns_);
+    out.how = "the control phase";
+    return out;
+  }
   long all_rows = joint_rows_ * steps_;
   for (const Count& any : counts_) all_rows += any.rows;
   const Count& mine = counts_[static_cast<std::size_t>(effect)];
   const double share = all_rows > 0 ? static_cast<double>(mine.rows) / static_cast<double>(all_rows) : 0;
   out.ran = mine.steps;
   out.rows = static_cast<double>(mine.rows) / n;
-  out.ns_per_step = share * solver_ns() / n;
+  out.ns_per_step = per_step(share * solver_ns());
   out.how = "the step's time by share of constraint rows";
   if (effect != Effect::actuation) return out;
   // Torques have no rows; servos have. The control phase belongs to both.
   out.ran = steps_;
-  out.ns_per_step = *out.ns_per_step + (control_ns_ + servo_ns_) / n;
+  out.ns_per_step = per_step(share * solver_ns() + control_ns_ + servo_ns_);
   out.how = driven_rows_ > 0 ? "the control phase, and the step's time by share of constraint rows"
                              : "the control phase";
   return out;

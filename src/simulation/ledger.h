@@ -29,11 +29,15 @@ struct StepTimes {
 
 class Ledger {
  public:
-  Ledger(const model::Model& model, const model::Effects& effects);
+  /// @param rows whether the engine has constraint rows to share its time by.
+  Ledger(const model::Model& model, const model::Effects& effects, bool rows = true);
 
   /// @param driven_rows rows of servo drives in each step, 0 where torques act.
   void set_driven_rows(long driven_rows) { driven_rows_ = driven_rows; }
-  /// Books one step: what the engine reported, its contacts, and what its parts took.
+  /// Whether the step to be booked next is to be timed: one in 16, as on small scenes the clock costs as much
+  /// as a phase; not the first, which is cold.
+  bool times_next() const { return steps_ % kTimedEvery == kTimedEvery / 2; }
+  /// Books one step: what the engine reported, its contacts, and, where it is timed, what its parts took.
   void book(const engine::StepReport& report, std::span<const engine::Contact> contacts,
             const StepTimes& times);
   /// Time in control, the drives' set-up in the engine included, over the time of the step it drives.
@@ -51,6 +55,7 @@ class Ledger {
   long iterative_steps() const { return iterative_; }
 
  private:
+  static constexpr long kTimedEvery = 16;
   struct Count {
     long steps = 0;  ///< in which it acted
     long rows = 0;   ///< in all
@@ -60,12 +65,16 @@ class Ledger {
   LedgerEntry entry(model::Effect effect) const;
   /// Time in the solver itself [ns].
   double solver_ns() const { return step_ns_ - collide_ns_ - tissue_ns_ - servo_ns_; }
+  /// Per timed step; nothing where none was.
+  std::optional<double> per_step(double ns) const;
 
   const model::Model& model_;
   model::Effects effects_;
+  bool rows_;
   long joint_rows_ = 0;   ///< of the joints themselves, each step
   long tissue_rows_ = 0;  ///< each step
   long driven_rows_ = 0;  ///< each step
+  long timed_ = 0;        ///< steps
   long steps_ = 0, lcp_failures_ = 0, contacts_ = 0, collide_calls_ = 0;
   double step_ns_ = 0, check_ns_ = 0, collide_ns_ = 0, tissue_ns_ = 0, control_ns_ = 0, servo_ns_ = 0;
   long iterative_ = 0;

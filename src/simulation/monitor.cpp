@@ -35,6 +35,10 @@ std::string axis_name(const model::Joint& joint, std::size_t axis) {
 }  // namespace
 
 Monitor::Monitor(const model::Model& model, double step, bool stops) : model_(model), step_(step) {
+  for (const model::Joint& joint : model.joints)
+    slider_axes_.push_back(joint.kind == model::JointKind::slider
+                               ? Vec3(joint.parent_frame.q * joint.axes[0].axis)
+                               : Vec3(Vec3::Zero()));
   for (std::size_t i = 0; i < model.joints.size(); ++i) {
     const auto& axes = model.joints[i].axes;
     if (stops &&
@@ -55,15 +59,20 @@ void Monitor::look(const model::State& state) {
 void Monitor::look_at_gaps(const model::State& state) {
   for (std::size_t i = 0; i < model_.joints.size(); ++i) {
     const model::Joint& joint = model_.joints[i];
-    double gap2 = 0;
-    if (joint.kind == model::JointKind::slider) {
-      gap2 = std::pow(model::joint_gap(joint, state), 2);
+    const model::BodyState& child = state.bodies[static_cast<std::size_t>(joint.child)];
+    const bool slides = joint.kind == model::JointKind::slider;
+    Vec3 apart = child.p + child.q * joint.child_frame.p;
+    Vec3 axis = slides ? slider_axes_[i] : Vec3::Zero();
+    // The world stays at the origin, so that nothing is to be turned.
+    if (joint.parent == model::kWorld) {
+      apart -= joint.parent_frame.p;
     } else {
       const model::BodyState& parent = state.bodies[static_cast<std::size_t>(joint.parent)];
-      const model::BodyState& child = state.bodies[static_cast<std::size_t>(joint.child)];
-      gap2 = (child.p + child.q * joint.child_frame.p - parent.p - parent.q * joint.parent_frame.p)
-                 .squaredNorm();
+      apart -= parent.p + parent.q * joint.parent_frame.p;
+      if (slides) axis = parent.q * axis;
     }
+    if (slides) apart -= apart.dot(axis) * axis;
+    const double gap2 = apart.squaredNorm();
     if (!(gap2 > gap2_)) continue;
     gap2_ = gap2;
     gap_time_ = state.time;

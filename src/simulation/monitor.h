@@ -50,6 +50,7 @@ class Monitor {
   const model::Model& model_;
   double step_;
   std::vector<Watched> watched_;
+  std::vector<Vec3> slider_axes_;  ///< of each joint in its parent; zero where it is no slider
   double gap2_ = 0, gap_time_ = 0;
   std::size_t gap_joint_ = 0;
   Peak excess_;

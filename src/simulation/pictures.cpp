@@ -1,6 +1,8 @@
 #include "handsim/simulation/pictures.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "handsim/output/draw_list.h"
 #include "handsim/output/renderer.h"
@@ -12,6 +14,8 @@ namespace {
 /// Gap between the lowest point of all snapshots and the floor below it [m].
 constexpr double kFloorClearance = 0.01;
 constexpr double kContactPointRadius = 0.0025;
+constexpr double kForceRadius = 0.0012;
+constexpr double kLongestForce = 0.1;
 
 output::View view_of(scene::View view) {
   switch (view) {
@@ -27,39 +31,45 @@ output::View view_of(scene::View view) {
   return output::View::three_quarter;
 }
 
-std::vector<output::DrawList> draw_lists(const scene::Scene& scene, const std::vector<Snapshot>& snapshots) {
-  const scene::PictureSpec& pictures = scene.spec.pictures;
-  std::vector<output::DrawList> lists;
-  for (const Snapshot& moment : snapshots) {
-    lists.push_back(output::draw_list(scene.model, moment.state, {pictures.joint_axes}));
-    if (!pictures.contact_points) continue;
-    for (const engine::Contact& contact : moment.contacts)
-      lists.back().points.push_back({contact.position, kContactPointRadius, {0.9F, 0.05F, 0.05F}});
-  }
-  if (scene.spec.ground || !pictures.floor || lists.empty()) return lists;
-  double floor = output::bounds(lists.front()).low.z();
-  for (const output::DrawList& list : lists) floor = std::min(floor, output::bounds(list).low.z());
-  for (output::DrawList& list : lists) list.ground_height = floor - kFloorClearance;
-  return lists;
+/// On the thing that the contact pushes up or away: the one that is not the world.
+Vec3 shown_force(const model::Model& model, const engine::Contact& contact) {
+  const bool a_is_world = model.shapes[static_cast<std::size_t>(contact.shape_a)].body == model::kWorld;
+  return a_is_world ? Vec3(-contact.force) : contact.force;
 }
 
-output::Camera camera_for(const scene::Scene& scene, const std::vector<output::DrawList>& lists,
-                          double aspect) {
+output::DrawList list_of(const scene::Scene& scene, const Snapshot& moment, std::optional<double> scale) {
   const scene::PictureSpec& pictures = scene.spec.pictures;
-  if (pictures.camera) {
-    output::Camera camera;
-    camera.position = pictures.camera->position;
-    camera.target = pictures.camera->target;
-    camera.field_of_view = pictures.camera->field_of_view;
-    // Looking straight up or down leaves z no use as the picture's up.
-    const Vec3 line = (camera.target - camera.position).normalized();
-    if (std::abs(line.z()) > 0.999) camera.up = Vec3::UnitY();
-    return camera;
-  }
+  output::DrawList list = output::draw_list(scene.model, moment.state, {pictures.joint_axes});
+  if (scale)
+    for (const engine::Contact& contact : moment.contacts)
+      list.arrows.push_back({contact.position,
+                             contact.position + *scale * shown_force(scene.model, contact),
+                             kForceRadius,
+                             {0.75F, 0.0F, 0.35F},
+                             true});
+  if (!pictures.contact_points) return list;
+  for (const engine::Contact& contact : moment.contacts)
+    list.points.push_back({contact.position, kContactPointRadius, {0.9F, 0.05F, 0.05F}});
+  return list;
+}
+
+output::Camera fixed_camera(const scene::CameraSpec& spec) {
+  output::Camera camera;
+  camera.position = spec.position;
+  camera.target = spec.target;
+  camera.field_of_view = spec.field_of_view;
+  // Looking straight up or down leaves z no use as the picture's up.
+  const Vec3 line = (camera.target - camera.position).normalized();
+  if (std::abs(line.z()) > 0.999) camera.up = Vec3::UnitY();
+  return camera;
+}
+
+output::Framing framing(const scene::Scene& scene) {
   const auto& hands = scene.spec.hands;
-  const Pose frame = hands.empty() ? Pose{} : hands.front().placement.pose;
-  const model::Side side = hands.empty() ? model::Side::right : hands.front().placement.side;
-  return output::framed_camera(view_of(pictures.view), frame, side, lists, aspect);
+  const scene::PictureSpec& pictures = scene.spec.pictures;
+  return {view_of(pictures.view), hands.empty() ? Pose{} : hands.front().placement.pose,
+          hands.empty() ? model::Side::right : hands.front().placement.side,
+          static_cast<double>(pictures.size[0]) / pictures.size[1]};
 }
 
 }  // namespace
@@ -68,14 +78,44 @@ Snapshot snapshot(const engine::Engine& engine) {
   return {engine.state(), {engine.contacts().begin(), engine.contacts().end()}};
 }
 
-std::vector<output::Image> draw(const scene::Scene& scene, const std::vector<Snapshot>& snapshots) {
-  const auto [width, height] = scene.spec.pictures.size;
-  const std::vector<output::DrawList> lists = draw_lists(scene, snapshots);
-  const output::Camera camera = camera_for(scene, lists, static_cast<double>(width) / height);
-  output::Renderer renderer(width, height);
-  std::vector<output::Image> images;
-  for (const output::DrawList& list : lists) images.push_back(renderer.draw(list, camera));
-  return images;
+std::optional<double> force_scale(const scene::Scene& scene, std::span<const Snapshot> snapshots) {
+  if (!scene.spec.pictures.contact_forces) return std::nullopt;
+  double largest = 0;
+  for (const Snapshot& moment : snapshots)
+    for (const engine::Contact& contact : moment.contacts) largest = std::max(largest, contact.force.norm());
+  if (!(largest > 0)) return std::nullopt;
+  // 1, 2 or 5 times a power of ten.
+  const double most = kLongestForce / largest;
+  const double decade = std::pow(10, std::floor(std::log10(most)));
+  const double share = most / decade;
+  return decade * (share >= 5 ? 5 : share >= 2 ? 2 : 1);
+}
+
+void draw(const scene::Scene& scene, std::span<const Snapshot> snapshots,
+          const std::function<void(std::size_t, const output::Image&)>& take) {
+  if (snapshots.empty()) return;
+  const scene::PictureSpec& pictures = scene.spec.pictures;
+  output::Framing framed = framing(scene);
+  const std::optional<double> scale = force_scale(scene, snapshots);
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const Snapshot& moment : snapshots) {
+    const output::DrawList list = list_of(scene, moment, scale);
+    framed.see(list);
+    lowest = std::min(lowest, output::bounds(list).low.z());
+  }
+  const output::Camera camera = pictures.camera ? fixed_camera(*pictures.camera) : framed.camera();
+  output::Renderer renderer(pictures.size[0], pictures.size[1]);
+  for (std::size_t i = 0; i < snapshots.size(); ++i) {
+    output::DrawList list = list_of(scene, snapshots[i], scale);
+    if (!scene.spec.ground && pictures.floor) list.ground_height = lowest - kFloorClearance;
+    take(i, renderer.draw(list, camera));
+  }
+}
+
+output::Image draw(const scene::Scene& scene, const Snapshot& moment) {
+  output::Image out;
+  draw(scene, std::span(&moment, 1), [&](std::size_t, const output::Image& image) { out = image; });
+  return out;
 }
 
 }  // namespace handsim::simulation

@@ -1,41 +1,18 @@
 #include "handsim/simulation/plots.h"
 
-#include <spawn.h>
-#include <sys/wait.h>
-
 #include <map>
 
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
 #include "handsim/output/atomic_file.h"
-
-extern char** environ;
+#include "handsim/output/gnuplot.h"
 
 namespace handsim::simulation {
 
 namespace {
 
 constexpr const char* kRemedy = "gnuplot (apt-get install gnuplot-nox), or a run without --plots";
-
-/// Runs gnuplot in a folder; its exit status, -1 where it cannot be started.
-int gnuplot(std::vector<std::string> arguments, const std::filesystem::path& folder) {
-  arguments.insert(arguments.begin(), "gnuplot");
-  std::vector<char*> pointers;
-  for (std::string& argument : arguments) pointers.push_back(argument.data());
-  pointers.push_back(nullptr);
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addchdir_np(&actions, folder.c_str());
-  posix_spawn_file_actions_addopen(&actions, 1, "/dev/null", 1 /* O_WRONLY */, 0);
-  pid_t child = 0;
-  const int failure = posix_spawnp(&child, "gnuplot", &actions, nullptr, pointers.data(), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  if (failure != 0) return -1;
-  int status = 0;
-  if (waitpid(child, &status, 0) != child || !WIFEXITED(status)) return -1;
-  return WEXITSTATUS(status);
-}
 
 /// What a plot shows of each axis.
 enum class What { angles, errors, torques };
@@ -146,7 +123,8 @@ std::string script(const scene::Scene& scene, std::size_t hand, What what) {
 }  // namespace
 
 void need_gnuplot() {
-  if (gnuplot({"-e", "exit"}, ".") != 0) throw input_error("--plots", "no gnuplot that starts", kRemedy);
+  if (output::gnuplot({"-e", "exit"}, ".") != 0)
+    throw input_error("--plots", "no gnuplot that starts", kRemedy);
 }
 
 void write_plots(const scene::Scene& scene, const std::filesystem::path& out) {
@@ -156,7 +134,7 @@ void write_plots(const scene::Scene& scene, const std::filesystem::path& out) {
     for (const What what : {What::angles, What::errors, What::torques}) {
       const std::string name = scene.control->hands[hand].name + "_" + heading(what).file + ".gp";
       output::write_file(folder / name, script(scene, hand, what));
-      if (gnuplot({name}, folder) != 0)
+      if (output::gnuplot({name}, folder) != 0)
         throw input_error("--plots", "gnuplot failing on " + (folder / name).string(), kRemedy);
     }
 }

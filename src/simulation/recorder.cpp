@@ -37,6 +37,7 @@ Recorder::Recorder(const scene::Scene& scene, const RunOptions& options, const S
       every_(std::max(1L, std::lround(scene.spec.record_every / step_))) {
   if (all_angles(scene.model)) motion_.emplace(scene.spec.title, output::coordinate_names(scene.model), true);
   if (scene.control) control_.emplace(scene.spec.title, control_columns(*scene.control), false);
+  if (scene.spec.record_contacts) contacts_.emplace(options.out / "contacts.csv", scene.model);
   if (!options.pose_pictures)
     plan_frames(options.frames);
   else if (!scene.spec.grasp_plans.empty())
@@ -81,6 +82,10 @@ void Recorder::add_rows() {
   const model::State& state = simulation_.state();
   trajectory_.add(state);
   if (motion_) motion_->add(state.time, model::coordinates(simulation_.model(), state));
+  if (contacts_)
+    for (const engine::Contact& c : simulation_.engine().contacts())
+      contacts_->add(state.time, {c.shape_a, c.shape_b, c.position, c.normal, c.depth, c.normal_force(),
+                                  c.friction_force()});
   if (!control_) return;
   std::vector<double> row;
   for (const control::AxisState& axis : simulation_.controller()->axes())
@@ -100,6 +105,7 @@ void Recorder::see(long step) {
 void Recorder::finish() {
   trajectory_.finish();
   if (motion_) motion_->write(out_ / "trajectory.mot");
+  if (contacts_) contacts_->finish();
   if (control_) control_->write(out_ / "control.sto");
 }
 

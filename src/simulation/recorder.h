@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/output/contact_table.h"
 #include "handsim/output/motion_table.h"
 #include "handsim/output/trajectory.h"
 #include "handsim/simulation/pictures.h"
@@ -20,7 +21,7 @@ class Recorder {
 
   /// Sees the state after a step; step 0 is the start.
   void see(long step);
-  /// Gives the tables their names: trajectory.csv, trajectory.mot, control.sto.
+  /// Gives the tables their names: trajectory.csv, trajectory.mot, control.sto, contacts.csv.
   void finish();
   const std::vector<Snapshot>& snapshots() const { return snapshots_; }
   /// Of the pictures, one for each snapshot.
@@ -44,6 +45,7 @@ class Recorder {
   std::optional<output::MotionTableWriter> motion_;  ///< joint angles
   std::optional<output::MotionTableWriter>
       control_;  ///< target and angle [deg], torque [N m] of each driven axis
+  std::optional<output::ContactTableWriter> contacts_;
   long every_;
   std::vector<Moment> moments_;
   std::size_t taken_ = 0;

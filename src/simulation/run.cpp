@@ -19,16 +19,30 @@ namespace handsim::simulation {
 
 namespace {
 
-void write_pictures(const scene::Scene& scene, const Recorder& recorder, const std::filesystem::path& out) {
-  const std::vector<Snapshot>& snapshots = recorder.snapshots();
+/// Pictures on a contact sheet at most; more are thinned out evenly, the first and the last among them.
+constexpr std::size_t kSheetCells = 100;
+
+/// Each picture goes to its file, and smaller onto the sheet, as it is drawn.
+void write_pictures(const scene::Scene& scene, const Recorder& recorder, const RunOptions& options) {
+  const std::span<const Snapshot> snapshots = recorder.snapshots();
   if (snapshots.empty()) return;
-  const std::vector<output::Image> images = draw(scene, snapshots);
-  std::vector<output::SheetCell> cells;
-  for (std::size_t i = 0; i < images.size(); ++i) {
-    output::write_png(images[i], out / fmt::format("frame_{:03d}.png", i));
-    cells.push_back({images[i], recorder.captions()[i]});
-  }
-  output::write_png(output::contact_sheet(cells, scene.spec.title), out / "contact_sheet.png");
+  const std::size_t count = snapshots.size(), cells = std::min(count, kSheetCells);
+  const auto [width, height] = scene.spec.pictures.size;
+  std::string title = scene.spec.title;
+  if (const auto scale = force_scale(scene, snapshots))
+    title += fmt::format(" (contact forces: {:g} mm for 1 N)", 1e3 * *scale);
+  output::ContactSheet sheet({static_cast<int>(cells), width, height, title});
+  const std::size_t digits = std::max<std::size_t>(3, std::to_string(count - 1).size());
+  std::size_t cell = 0;
+  draw(scene, snapshots, [&](std::size_t i, const output::Image& image) {
+    output::write_png(image, options.out / fmt::format("frame_{:0{}d}.png", i, digits));
+    if (cells == 1 || i * (cells - 1) >= cell * (count - 1)) {
+      sheet.add(image, recorder.captions()[i]);
+      ++cell;
+    }
+    if (options.progress) options.progress(static_cast<double>(i + 1) / static_cast<double>(count));
+  });
+  output::write_png(sheet.image(), options.out / "contact_sheet.png");
 }
 
 /// Steps to the end of the scene or to the fault that stops it.
@@ -79,7 +93,7 @@ RunResult run(const scene::Scene& scene, const RunOptions& options) {
   result.verdicts = verdicts(simulation, scene.spec.criteria);
   result.summary = summary_json(scene, simulation, result);
   recorder.finish();
-  write_pictures(scene, recorder, options.out);
+  write_pictures(scene, recorder, options);
   if (options.plots) write_plots(scene, options.out);
   output::write_file(options.out / "resolved.yaml", emit_yaml(scene.resolved));
   output::write_file(options.out / "summary.json", result.summary);
@@ -90,7 +104,7 @@ output::Image picture(const scene::Scene& scene, double time) {
   Simulation simulation(scene);
   const long steps = std::lround(time / scene.spec.solver.step);
   for (long i = 0; i < steps; ++i) simulation.step();
-  return draw(scene, {snapshot(simulation.engine())}).front();
+  return draw(scene, snapshot(simulation.engine()));
 }
 
 }  // namespace handsim::simulation

@@ -1,6 +1,6 @@
 // One execution of a scene with its files: trajectory.csv, summary.json, resolved.yaml, pictures;
-// trajectory.mot (joint angles for OpenSim, where there are joints), control.sto and plots/ where the scene
-// is controlled.
+// contacts.csv where the scene records contacts; trajectory.mot (joint angles for OpenSim, where there are
+// joints), control.sto and plots/ where the scene is controlled.
 #pragma once
 
 #include <filesystem>
@@ -33,12 +33,13 @@ struct RunOptions {
 struct Verdict {
   std::string name;
   std::string unit;
-  double measured = 0;
-  std::optional<double> limit;  ///< absent: measured, not judged
-  double time = 0;              ///< of the figure [s]
-  std::string where;            ///< joint or body of the figure
+  std::optional<double> measured = 0;  ///< absent: the run had nothing to measure, e.g. no hold of a pose
+  std::optional<double> limit;         ///< absent: measured, not judged
+  double time = 0;                     ///< of the figure [s]
+  std::string where;                   ///< joint or body of the figure
 
-  bool held() const { return !limit || measured <= *limit; }
+  /// A limit is held by a figure within it, not by the want of one.
+  bool held() const { return !limit || (measured && *measured <= *limit); }
 };
 
 struct RunResult {

@@ -7,6 +7,7 @@
 
 #include "handsim/engine/engine.h"
 #include "handsim/scene/scene.h"
+#include "handsim/simulation/contact_sums.h"
 #include "handsim/simulation/grasp_figures.h"
 #include "handsim/simulation/ledger.h"
 #include "handsim/simulation/monitor.h"
@@ -17,7 +18,8 @@ namespace handsim::simulation {
 class Simulation {
  public:
   /// The scene must outlive the simulation.
-  /// @throws Error (input) where the engine refuses the model.
+  /// @throws Error (input) where the engine refuses the model, or an object starts more than 1 mm inside a
+  /// hand that it can touch and is not allowed to.
   explicit Simulation(const scene::Scene& scene);
 
   /// One step of the scene's solver: control, collide, step, sense, check.
@@ -37,6 +39,8 @@ class Simulation {
   std::vector<GraspFigures> grasps() const;
   /// An object of a grasp is lost already.
   bool grasp_lost() const;
+  /// Null where the scene does not record contacts.
+  const ContactSums* contact_sums() const { return contact_sums_ ? &*contact_sums_ : nullptr; }
   Simulation(const Simulation&) = delete;
   Simulation& operator=(const Simulation&) = delete;
 
@@ -54,6 +58,7 @@ class Simulation {
   std::vector<GraspWatch> grasps_;
   Monitor monitor_;
   Ledger ledger_;
+  std::optional<ContactSums> contact_sums_;
   std::vector<double> constant_;  ///< constant torques of the joints; empty where there are none
   std::vector<double> sum_;       ///< with the controller's
 };

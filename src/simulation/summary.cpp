@@ -20,9 +20,13 @@ Verdict from_peak(std::string name, std::string unit, const Peak& peak, std::opt
 Json criteria_json(const std::vector<Verdict>& verdicts) {
   Json out = Json::array();
   for (const Verdict& verdict : verdicts) {
-    Json entry = {{"name", verdict.name}, {"unit", verdict.unit}, {"measured", verdict.measured}};
+    Json entry = {{"name", verdict.name}, {"unit", verdict.unit}};
+    entry["measured"] = verdict.measured ? Json(*verdict.measured) : Json();
     entry["limit"] = verdict.limit ? Json(*verdict.limit) : Json();
-    entry["verdict"] = !verdict.limit ? "not judged" : verdict.held() ? "held" : "failed";
+    entry["verdict"] = !verdict.limit      ? "not judged"
+                       : !verdict.measured ? "not measured"
+                       : verdict.held()    ? "held"
+                                           : "failed";
     if (!verdict.where.empty()) {
       entry["where"] = verdict.where;
       entry["time_s"] = verdict.time;
@@ -56,6 +60,33 @@ Json steps_json(const Ledger& ledger, const model::SolverSettings& solver) {
   return out;
 }
 
+Json sum_json(const ContactSum& sum, double time) {
+  return {{"contacts_at_end", sum.contacts},
+          {"normal_force_at_end_N", sum.normal},
+          {"friction_force_at_end_N", sum.friction},
+          {"force_at_end_N", {sum.force.x(), sum.force.y(), sum.force.z()}},
+          {"mean_normal_force_N", time > 0 ? sum.normal_time / time : 0.0},
+          {"largest_normal_force_N", sum.largest_normal},
+          {"largest_at_s", sum.largest_at}};
+}
+
+/// Sums of the points' normal and friction forces, and the vector of all: on the finger; on the first of a
+/// pair.
+Json contact_forces_json(const ContactSums& sums) {
+  Json out = {{"fingers", Json::array()}, {"pairs", Json::array()}};
+  for (const auto& [name, sum] : sums.fingers()) {
+    Json entry = {{"name", name}};
+    entry.update(sum_json(sum, sums.time()));
+    out["fingers"].push_back(std::move(entry));
+  }
+  for (const auto& [pair, sum] : sums.pairs()) {
+    Json entry = {{"a", pair.first}, {"b", pair.second}};
+    entry.update(sum_json(sum, sums.time()));
+    out["pairs"].push_back(std::move(entry));
+  }
+  return out;
+}
+
 Json overlaps_json(const model::Model& model) {
   Json out = Json::array();
   for (const engine::Overlap& overlap : engine::initial_overlaps(model, model::initial_state(model)))
@@ -83,10 +114,11 @@ Json axis_json(const control::DrivenAxis& axis, const AxisTracking& figures) {
                   {"effective_inertia_kg_m2", axis.inertia}};
   out["rms_error_rad"] = figures.rms_error;
   out["largest_error"] = {{"rad", figures.largest_error.value}, {"time_s", figures.largest_error.time}};
-  out["steady_error"] = peak_json(figures.steady_error, "rad");
+  out["steady_error"] = figures.holds > 0 ? peak_json(figures.steady_error, "rad") : Json();
   out["overshoot"] = figures.movements > 0 ? peak_json(figures.overshoot, "share") : Json();
   out["settling_time"] =
       figures.movements > figures.unsettled ? peak_json(figures.settling_time, "s") : Json();
+  out["holds"] = figures.holds;
   out["movements"] = figures.movements;
   out["unsettled"] = figures.unsettled;
   out["largest_torque_N_m"] = figures.largest_torque;
@@ -160,42 +192,56 @@ void add_grasps(const Simulation& simulation, const scene::Criteria& criteria, s
   }
 }
 
+using Figure = std::optional<Peak> (*)(const AxisTracking& axis);
+
+/// The worst axis of a figure; nothing measured where no axis has it.
+Verdict worst_of(const std::vector<AxisTracking>& axes, const char* name, const char* unit, Figure figure,
+                 std::optional<double> limit) {
+  Verdict verdict{name, unit, {}, limit, 0, ""};
+  for (const AxisTracking& axis : axes) {
+    const std::optional<Peak> peak = figure(axis);
+    if (!peak || (verdict.measured && peak->value <= *verdict.measured)) continue;
+    verdict.measured = peak->value;
+    verdict.time = peak->time;
+    verdict.where =
+        peak->where.empty() || peak->where == axis.name ? axis.name : axis.name + " (" + peak->where + ")";
+  }
+  return verdict;
+}
+
+std::optional<Peak> where(bool exists, const Peak& peak) {
+  return exists ? std::optional(peak) : std::nullopt;
+}
+
 /// The worst axis of each tracking figure, where the scene is controlled.
 void add_tracking(const Simulation& simulation, const scene::TrackingCriteria& limits,
                   std::vector<Verdict>& out) {
   const std::vector<AxisTracking> axes = simulation.tracking();
   if (axes.empty()) return;
-  const auto add = [&](const char* name, const char* unit, auto figure, std::optional<double> limit) {
-    Verdict verdict{name, unit, 0, limit, 0, ""};
-    for (const AxisTracking& axis : axes) {
-      const Peak peak = figure(axis);
-      if (peak.value <= verdict.measured && !verdict.where.empty()) continue;
-      verdict.measured = peak.value;
-      verdict.time = peak.time;
-      verdict.where =
-          peak.where.empty() || peak.where == axis.name ? axis.name : axis.name + " (" + peak.where + ")";
-    }
-    out.push_back(std::move(verdict));
+  const auto add = [&](const char* name, const char* unit, Figure figure, std::optional<double> limit) {
+    out.push_back(worst_of(axes, name, unit, figure, limit));
   };
-  const double end = simulation.state().time;
+  using A = const AxisTracking&;
   add(
       "rms_error", "rad",
-      [&](const AxisTracking& a) {
-        return Peak{a.rms_error, end, a.name};
+      [](A a) {
+        return where(true, {a.rms_error, 0, a.name});
       },
       limits.rms_error);
+  out.back().time = simulation.state().time;
   add(
-      "largest_error", "rad", [](const AxisTracking& a) { return a.largest_error; }, limits.largest_error);
+      "largest_error", "rad", [](A a) { return where(true, a.largest_error); }, limits.largest_error);
   add(
-      "steady_error", "rad", [](const AxisTracking& a) { return a.steady_error; }, limits.steady_error);
+      "steady_error", "rad", [](A a) { return where(a.holds > 0, a.steady_error); }, limits.steady_error);
   add(
-      "overshoot", "", [](const AxisTracking& a) { return a.overshoot; }, limits.overshoot);
+      "overshoot", "", [](A a) { return where(a.movements > 0, a.overshoot); }, limits.overshoot);
   add(
-      "settling_time", "s", [](const AxisTracking& a) { return a.settling_time; }, limits.settling_time);
+      "settling_time", "s", [](A a) { return where(a.movements > a.unsettled, a.settling_time); },
+      limits.settling_time);
   Verdict unsettled{"unsettled", "", 0, {}, 0, ""};
   // A movement that never settles has no settling time: where that is judged, none may be left.
   if (limits.settling_time) unsettled.limit = 0;
-  for (const AxisTracking& axis : axes) unsettled.measured += axis.unsettled;
+  for (const AxisTracking& axis : axes) *unsettled.measured += axis.unsettled;
   out.push_back(unsettled);
 }
 
@@ -237,6 +283,7 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
                  {"times_real_time", result.wall > 0 ? result.simulated / result.wall : 0.0}};
   if (!result.grasps.empty()) out["grasps"] = grasps_json(result.grasps);
   if (simulation.controller()) out["control"] = control_json(simulation);
+  if (simulation.contact_sums()) out["contact_forces"] = contact_forces_json(*simulation.contact_sums());
   out["ledger"] = {{"phases", ledger_json(ledger.phases())}, {"effects", ledger_json(ledger.effects())}};
   out["solver"] = {{"engine", simulation.engine().version()},
                    {"method", model::name(solver.method)},

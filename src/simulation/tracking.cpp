@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -46,9 +47,10 @@ void Tracking::begin(Hand& hand) {
     axes_[i].from = from[column];
     axes_[i].to = to[column];
     axes_[i].last_outside = phase.start;
-    axes_[i].beyond = 0;
+    axes_[i].beyond = axes_[i].error_before = axes_[i].error_now = 0;
   }
   hand.moving = true;
+  hand.window = phase.arrive;
 }
 
 void Tracking::end(Hand& hand, double time) {
@@ -58,7 +60,8 @@ void Tracking::end(Hand& hand, double time) {
   for (std::size_t i = hand.first; i < hand.last; ++i) {
     const Axis& axis = axes_[i];
     AxisTracking& out = figures_[i];
-    raise(out.steady_error, std::abs(axis.to - controller_.axes()[i].angle), time, phase.pose);
+    raise(out.steady_error, std::max(axis.error_before, axis.error_now), time, phase.pose);
+    ++out.holds;
     const double length = std::abs(axis.to - axis.from);
     if (length < kSmallestMovement) continue;
     ++out.movements;
@@ -68,6 +71,23 @@ void Tracking::end(Hand& hand, double time) {
     else
       raise(out.settling_time, axis.last_outside - phase.start, phase.start, phase.pose);
   }
+}
+
+/// The movement under way: what it overshoots, when it settles, how far off it is held.
+void Tracking::watch(Hand& hand, double time) {
+  const control::Phase& phase = hand.trajectory->phases()[hand.phase - 1];
+  const bool next_window = time >= hand.window + kSteadyWindow;
+  for (std::size_t i = hand.first; i < hand.last; ++i) {
+    Axis& axis = axes_[i];
+    const double length = axis.to - axis.from;
+    const double left = axis.to - controller_.axes()[i].angle;
+    if (std::abs(left) > kSettledShare * std::abs(length)) axis.last_outside = time;
+    axis.beyond = std::max(axis.beyond, length > 0 ? -left : left);
+    if (time < phase.arrive) continue;
+    if (next_window) axis.error_before = std::exchange(axis.error_now, 0);
+    axis.error_now = std::max(axis.error_now, std::abs(left));
+  }
+  if (next_window) hand.window = time;
 }
 
 void Tracking::look(double time) {
@@ -82,12 +102,8 @@ void Tracking::look(double time) {
       if (error > axis.largest) axis.largest = error, axis.largest_time = time;
       axis.torque = std::max(axis.torque, std::abs(now.torque));
       axis.at_limit += now.at_limit ? 1 : 0;
-      if (!hand.moving) continue;
-      const double length = axis.to - axis.from;
-      const double left = axis.to - now.angle;
-      if (std::abs(left) > kSettledShare * std::abs(length)) axis.last_outside = time;
-      axis.beyond = std::max(axis.beyond, length > 0 ? -left : left);
     }
+    if (hand.moving) watch(hand, time);
     if (hand.moving && time >= phases[hand.phase - 1].end - 0.5 * step_) end(hand, time);
     if (hand.phase < phases.size() && time >= phases[hand.phase].start - 0.5 * step_) begin(hand);
   }

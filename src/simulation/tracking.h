@@ -16,14 +16,18 @@ inline constexpr double kSmallestMovement = 5 * 0.017453292519943295;
 /// Settled: within this share of the movement for the rest of its hold.
 inline constexpr double kSettledShare = 0.02;
 
+/// The steady error is taken over this much of the end of a hold, up to twice as much [s].
+inline constexpr double kSteadyWindow = 0.05;
+
 /// Figures of one axis.
 struct AxisTracking {
   std::string name;
   double rms_error = 0;       ///< over all steps [rad]
   Peak largest_error;         ///< [rad]
-  Peak steady_error;          ///< largest at the end of a hold [rad]
+  Peak steady_error;          ///< largest in the last kSteadyWindow of any hold [rad]
   Peak overshoot;             ///< largest, as a share of its movement
   Peak settling_time;         ///< longest, from the movement's start [s]
+  int holds = 0;              ///< of poses that the target reached
   int movements = 0;          ///< of at least kSmallestMovement that were held to their end
   int unsettled = 0;          ///< of those, that had not settled when their hold ended
   double largest_torque = 0;  ///< [N m]
@@ -53,14 +57,18 @@ class Tracking {
     double from = 0, to = 0;
     double last_outside = 0;  ///< time at which it last was outside the settled band [s]
     double beyond = 0;        ///< farthest beyond the target [rad]
+    double error_before = 0;  ///< largest error to the pose in the last whole window [rad]
+    double error_now = 0;     ///< and in the one under way [rad]
   };
   struct Hand {
     std::size_t first = 0, last = 0;  ///< its axes
     const control::Trajectory* trajectory = nullptr;
     std::size_t phase = 0;  ///< the next to start
     bool moving = false;    ///< phase - 1 is under way
+    double window = 0;      ///< start of the window under way [s]
   };
   void begin(Hand& hand);
+  void watch(Hand& hand, double time);
   void end(Hand& hand, double time);
 
   const control::Controller& controller_;

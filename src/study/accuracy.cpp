@@ -1,9 +1,8 @@
 #include "handsim/study/accuracy.h"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include <fmt/format.h>
 
@@ -11,6 +10,7 @@
 #include "handsim/model/energy.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
+#include "handsim/study/machine.h"
 #include "handsim/study/slider_crank_reference.h"
 
 namespace handsim::study {
@@ -21,17 +21,8 @@ using model::Effect;
 
 /// Simulated time that a row is timed over, where the scene lasts longer [s].
 constexpr double kTimedSpan = 1;
-
-double cpu_now() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
-}
+/// Steps that warm caches and branch predictors before the timed ones.
+constexpr long kWarmUpSteps = 500;
 
 /// Whether the scene's effects keep mechanical energy but for the work of constant torques.
 bool keeps_energy(const scene::Scene& scene) {
@@ -130,49 +121,110 @@ struct Motion {
   Series series;
   double gap = 0;
   std::optional<double> energy_error;
+  std::string engine;  ///< and its version
+};
+
+/// Makes a motion of the states after each step.
+class Follower {
+ public:
+  Follower(const scene::Scene& scene, const std::optional<std::string>& observe, double sample_every,
+           const model::State& start)
+      : scene_(scene),
+        observer_(observe, scene.model),
+        meter_(scene, start),
+        stride_(std::max(1L, std::lround(sample_every / scene.spec.solver.step))),
+        start_(energy(start)),
+        largest_(model::kinetic_energy(scene.model, start)) {
+    observer_.add(out_.series, start);
+  }
+
+  void look(const model::State& state) {
+    meter_.look(state);
+    if (++steps_ % stride_ != 0) return;
+    observer_.add(out_.series, state);
+    imbalance_ = std::max(imbalance_, std::abs(energy(state) - start_));
+    largest_ = std::max(largest_, model::kinetic_energy(scene_.model, state));
+  }
+
+  Motion finish(double gap) {
+    subtract_start(out_.series);
+    out_.gap = gap;
+    if (keeps_energy(scene_) && largest_ > 0) out_.energy_error = imbalance_ / largest_;
+    return std::move(out_);
+  }
+
+ private:
+  double energy(const model::State& state) const {
+    return model::kinetic_energy(scene_.model, state) +
+           model::potential_energy(scene_.model, state, scene_.spec.solver.effects) - meter_.work();
+  }
+
+  const scene::Scene& scene_;
+  Observer observer_;
+  WorkMeter meter_;
+  long stride_, steps_ = 0;
+  double start_, imbalance_ = 0, largest_;
+  Motion out_;
 };
 
 Motion follow(const scene::Scene& scene, const std::optional<std::string>& observe, double sample_every) {
   simulation::Simulation simulation(scene);
-  const Observer observer(observe, scene.model);
-  const long stride = std::max(1L, std::lround(sample_every / scene.spec.solver.step));
-  const model::Effects& effects = scene.spec.solver.effects;
-  WorkMeter meter(scene, simulation.state());
-  const auto energy = [&] {
-    return model::kinetic_energy(scene.model, simulation.state()) +
-           model::potential_energy(scene.model, simulation.state(), effects) - meter.work();
-  };
-  Motion out;
-  observer.add(out.series, simulation.state());
-  const double start = energy();
-  double imbalance = 0, largest = model::kinetic_energy(scene.model, simulation.state());
+  Follower follower(scene, observe, sample_every, simulation.state());
   for (long i = 1; i <= simulation.step_count(); ++i) {
     simulation.step();
-    meter.look(simulation.state());
-    if (i % stride != 0) continue;
-    observer.add(out.series, simulation.state());
-    imbalance = std::max(imbalance, std::abs(energy() - start));
-    largest = std::max(largest, model::kinetic_energy(scene.model, simulation.state()));
+    follower.look(simulation.state());
   }
-  subtract_start(out.series);
-  out.gap = simulation.monitor().joint_gap().value;
-  if (keeps_energy(scene) && largest > 0) out.energy_error = imbalance / largest;
-  return out;
+  Motion motion = follower.finish(simulation.monitor().joint_gap().value);
+  motion.engine = simulation.engine().version();
+  return motion;
+}
+
+/// A row on its way.
+struct Job {
+  const AccuracyMethod* method = nullptr;
+  scene::Scene scene;
+  AccuracyRow row;
+  std::vector<double> costs;  ///< CPU seconds for a simulated second, of each round
+};
+
+std::filesystem::path program_of(const AccuracySpec& spec, const AccuracyMethod& method) {
+  return spec.peers.value_or("") / method.peer->program;
+}
+
+Motion follow_job(const AccuracySpec& spec, const Job& job) {
+  const std::optional<std::string>& observe = job.method->observe ? job.method->observe : spec.observe;
+  if (!job.method->peer) return follow(job.scene, observe, spec.sample_every);
+  simulation::Monitor monitor(job.scene.model, job.scene.spec.solver.step, false);
+  std::optional<Follower> follower;
+  const auto look = [&](const model::State& state) {
+    if (!follower) {
+      follower.emplace(job.scene, observe, spec.sample_every, state);
+      return;
+    }
+    monitor.look(state);
+    follower->look(state);
+  };
+  const PeerName name = follow_peer(program_of(spec, *job.method), *job.method->peer, job.scene, look);
+  Motion motion = follower->finish(monitor.joint_gap().value);
+  motion.engine = name.engine + " " + name.version;
+  return motion;
 }
 
 /// CPU seconds per simulated second of the bare loop: nothing recorded, nothing compared.
-double cost(const AccuracySpec& spec, const scene::Scene& scene) {
-  const double h = scene.spec.solver.step;
-  const long steps = std::max(1L, std::lround(std::min(scene.spec.duration, kTimedSpan) / h));
-  std::vector<double> runs;
-  // The first run warms up and does not count.
-  for (int run = 0; run <= spec.repeats; ++run) {
-    simulation::Simulation simulation(scene);
-    const double start = cpu_now();
-    for (long i = 0; i < steps; ++i) simulation.step();
-    if (run > 0) runs.push_back((cpu_now() - start) / (static_cast<double>(steps) * h));
+double cost(const AccuracySpec& spec, const Job& job) {
+  const double h = job.scene.spec.solver.step;
+  const long steps = std::max(1L, std::lround(std::min(job.scene.spec.duration, kTimedSpan) / h));
+  const double simulated = static_cast<double>(steps) * h;
+  if (job.method->peer)
+    return peer_cpu_seconds(program_of(spec, *job.method), *job.method->peer, job.scene, steps) / simulated;
+  {
+    simulation::Simulation warm_up(job.scene);
+    for (long i = 0; i < std::min(steps, kWarmUpSteps); ++i) warm_up.step();
   }
-  return median(std::move(runs));
+  simulation::Simulation simulation(job.scene);
+  const double start = cpu_now();
+  for (long i = 0; i < steps; ++i) simulation.step();
+  return (cpu_now() - start) / simulated;
 }
 
 Series slider_crank_series(const SliderCrankSpec& spec, double duration, double every) {
@@ -221,24 +273,62 @@ std::optional<Series> make_reference(const AccuracySpec& spec) {
   return std::nullopt;
 }
 
-AccuracyRow make_row(const AccuracySpec& spec, const AccuracyMethod& method, double step) {
+Job make_job(const AccuracySpec& spec, const AccuracyMethod& method, double step) {
   std::vector<std::string> set = method.set;
   set.push_back("solver.step=" + number_text(step));
-  const scene::Scene scene = scene::load_scene(method.scene.value_or(spec.scene), set);
-  AccuracyRow row;
-  row.method = method.name;
-  row.step = step;
+  Job job;
+  job.method = &method;
+  job.scene = scene::load_scene(method.scene.value_or(spec.scene), set);
+  if (method.peer) check_for_peers(job.scene);
+  job.row.method = method.name;
+  job.row.step = step;
+  return job;
+}
+
+/// Does a part of a row; where the physics go wrong in it the row says so.
+void attempt(AccuracyRow& row, const std::function<void()>& part) {
+  if (row.fault) return;
   try {
-    Motion motion = follow(scene, method.observe ? method.observe : spec.observe, spec.sample_every);
-    row.series = std::move(motion.series);
-    row.gap = motion.gap;
-    row.energy_error = motion.energy_error;
-    row.cpu_per_second = cost(spec, scene);
+    part();
   } catch (const Error& error) {
     if (!error.fault()) throw;
     row.fault = error.what();
   }
-  return row;
+}
+
+/// The methods that can run here; of the others the result says why they cannot.
+std::vector<const AccuracyMethod*> methods_at_hand(const AccuracySpec& spec, AccuracyResult& result) {
+  std::vector<const AccuracyMethod*> out;
+  std::map<std::string, std::string> left_out;
+  for (const AccuracyMethod& method : spec.methods) {
+    if (!method.peer || (spec.peers && access(program_of(spec, method).c_str(), X_OK) == 0)) {
+      out.push_back(&method);
+      continue;
+    }
+    std::string& names = left_out[spec.peers ? "there is no " + program_of(spec, method).string()
+                                             : "no other engine is asked for"];
+    names += (names.empty() ? "" : "; ") + method.name;
+  }
+  for (const auto& [why, names] : left_out) result.left_out.push_back(fmt::format("{} ({})", names, why));
+  return out;
+}
+
+/// Compares the rows of one method and drops the motion that no plot shows.
+void compare_all(const AccuracySpec& spec, std::vector<Job>& jobs, std::size_t first, std::size_t end,
+                 const Series& reference) {
+  for (std::size_t i = first; i < end; ++i) {
+    AccuracyRow& row = jobs[i].row;
+    if (!row.fault && !reference.time.empty()) compare(row, reference, spec.early);
+    const bool plotted = std::any_of(spec.plot_steps.begin(), spec.plot_steps.end(),
+                                     [&](double step) { return std::abs(step - row.step) < 1e-12; });
+    if (!plotted || jobs[i].method->scene) row.series = {};
+  }
+}
+
+/// Steps of a row's motion, or of one timing: what the progress bar goes by.
+double work(const Job& job, bool motion) {
+  const double duration = job.scene.spec.duration;
+  return (motion ? duration : std::min(duration, kTimedSpan)) / job.scene.spec.solver.step;
 }
 
 std::string unit_of(const AccuracySpec& spec) {
@@ -254,24 +344,44 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
   AccuracyResult result;
   result.unit = unit_of(spec);
   result.reference = make_reference(spec);
-  std::size_t total = 0;
-  for (const AccuracyMethod& method : spec.methods) total += method.steps.size();
-  for (const AccuracyMethod& method : spec.methods) {
-    const bool own = !result.reference || method.scene;
-    const std::size_t first = result.rows.size();
-    for (const double step : method.steps) {
-      result.rows.push_back(make_row(spec, method, step));
-      if (progress) progress(static_cast<double>(result.rows.size()) / static_cast<double>(total));
+  std::vector<Job> jobs;
+  double total = 0, done = 0;
+  for (const AccuracyMethod* method : methods_at_hand(spec, result))
+    for (const double step : method->steps) {
+      jobs.push_back(make_job(spec, *method, step));
+      total += work(jobs.back(), true) + spec.repeats * work(jobs.back(), false);
     }
-    result.rows.back().is_reference = own;
-    const Series reference = own ? result.rows.back().series : *result.reference;
-    for (std::size_t i = first; i < result.rows.size(); ++i) {
-      AccuracyRow& row = result.rows[i];
-      if (!row.fault && !reference.time.empty()) compare(row, reference, spec.early);
-      const bool plotted = std::any_of(spec.plot_steps.begin(), spec.plot_steps.end(),
-                                       [&](double step) { return std::abs(step - row.step) < 1e-12; });
-      if (!plotted || method.scene) row.series = {};
+  const auto report = [&](const Job& job, bool motion) {
+    done += work(job, motion);
+    if (progress) progress(done / total);
+  };
+
+  for (std::size_t first = 0, end = 0; first < jobs.size(); first = end) {
+    for (end = first; end < jobs.size() && jobs[end].method == jobs[first].method; ++end) {
+      Job& job = jobs[end];
+      attempt(job.row, [&] {
+        Motion motion = follow_job(spec, job);
+        job.row.series = std::move(motion.series);
+        job.row.gap = motion.gap;
+        job.row.energy_error = motion.energy_error;
+        if (std::find(result.engines.begin(), result.engines.end(), motion.engine) == result.engines.end())
+          result.engines.push_back(motion.engine);
+      });
+      report(job, true);
     }
+    const bool own = !result.reference || jobs[first].method->scene;
+    for (std::size_t i = first; i < end; ++i) jobs[i].row.own_reference = own;
+    jobs[end - 1].row.is_reference = own;
+    compare_all(spec, jobs, first, end, own ? Series(jobs[end - 1].row.series) : *result.reference);
+  }
+  for (int round = 0; round < spec.repeats; ++round)
+    for (Job& job : jobs) {
+      attempt(job.row, [&] { job.costs.push_back(cost(spec, job)); });
+      report(job, false);
+    }
+  for (Job& job : jobs) {
+    if (!job.row.fault) job.row.cpu_per_second = median(std::move(job.costs));
+    result.rows.push_back(std::move(job.row));
   }
   return result;
 }
@@ -279,7 +389,9 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
 const AccuracyRow* cheapest(const AccuracyResult& result, double target) {
   const AccuracyRow* best = nullptr;
   for (const AccuracyRow& row : result.rows) {
-    if (row.fault || row.is_reference || !(row.rate_error <= target)) continue;
+    if (row.fault || row.is_reference || (result.reference && row.own_reference) ||
+        !(row.rate_error <= target))
+      continue;
     if (!best || row.cpu_per_second < best->cpu_per_second) best = &row;
   }
   return best;

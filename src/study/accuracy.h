@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "handsim/core/yaml.h"
+#include "handsim/study/peer_program.h"
 
 namespace handsim::study {
 
@@ -28,6 +29,10 @@ struct AccuracyMethod {
   std::optional<std::filesystem::path>
       scene;  ///< in place of the study's; then its own smallest step is the reference
   std::optional<std::string> observe;  ///< in place of the study's
+  std::optional<PeerMethod> peer;      ///< another engine's, in place of the scene's solver
+  /// Title of the line that plots of cost join it to: methods of one kind that differ in their tolerance,
+  /// whose step is none of theirs. Absent: a line of its own.
+  std::optional<std::string> line;
 };
 
 struct AccuracySpec {
@@ -42,6 +47,8 @@ struct AccuracySpec {
   int repeats = 5;                 ///< timed runs of each row, of which the median counts
   std::vector<double> plot_steps;  ///< steps whose motion is plotted [s]
   std::vector<AccuracyMethod> methods;
+  std::optional<std::filesystem::path>
+      peers;  ///< folder of the peers' programs; absent: their rows are left out
 };
 
 /// Motion at the sample times.
@@ -53,6 +60,7 @@ struct Series {
 struct AccuracyRow {
   std::string method;
   double step = 0;              ///< [s]
+  bool own_reference = false;   ///< compared with its method's smallest step
   bool is_reference = false;    ///< its own smallest step: error 0 by definition
   double rate_error = 0;        ///< RMS over the whole run [m/s] or [rad/s]
   double early_rate_error = 0;  ///< RMS up to AccuracySpec::early
@@ -69,18 +77,23 @@ struct AccuracyRow {
 
 struct AccuracyResult {
   std::vector<AccuracyRow> rows;
-  std::optional<Series> reference;  ///< absent where every method is its own
-  std::string unit;                 ///< of the coordinates: `m` or `rad`
+  std::optional<Series> reference;    ///< absent where every method is its own
+  std::string unit;                   ///< of the coordinates: `m` or `rad`
+  std::vector<std::string> left_out;  ///< methods of peers without a row, and why
+  std::vector<std::string> engines;   ///< that have rows, each with its version
 };
 
 /// @throws Error (input) with every problem of the file.
 AccuracySpec load_accuracy(const std::filesystem::path& path);
 
+/// Costs are taken in rounds, each of which times every row once, so that what else the machine does falls on
+/// all.
 /// @param progress told the share done, 0..1.
 /// @throws Error (input) where a scene or an override is bad.
 AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress);
 
-/// The cheapest row whose whole-run error is at most `target`; nothing where none is.
+/// The cheapest row whose whole-run error is at most `target`; nothing where none is. Where the study has a
+/// reference, rows with one of their own do not compete.
 const AccuracyRow* cheapest(const AccuracyResult& result, double target);
 
 }  // namespace handsim::study

@@ -1,29 +1,19 @@
 #include "handsim/study/accuracy_report.h"
 
-#include <sys/utsname.h>
-
 #include <cstdlib>
-#include <fstream>
 
 #include <fmt/format.h>
 
 #include <nlohmann/json.hpp>
 
 #include "handsim/output/atomic_file.h"
+#include "handsim/study/machine.h"
 
 namespace handsim::study {
 
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-std::string processor() {
-  std::ifstream file("/proc/cpuinfo");
-  std::string line;
-  while (std::getline(file, line))
-    if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
-  return "unknown";
-}
 
 /// Without what could end a quoted text of gnuplot's or begin a command.
 std::string plain(std::string text) {
@@ -53,7 +43,10 @@ std::string csv(const AccuracyResult& result) {
     out += fmt::format("{},{},{},{},{},{},{},{},{},{}\n", quoted(row.method), row.step, row.rate_error,
                        row.early_rate_error, row.position_error, row.gap,
                        row.energy_error ? fmt::format("{}", *row.energy_error) : "", row.cpu_per_second,
-                       row.times_real_time(), row.is_reference ? "its own reference" : "");
+                       row.times_real_time(),
+                       row.is_reference    ? "its own reference"
+                       : row.own_reference ? "compared with its smallest step"
+                                           : "");
   }
   return out;
 }
@@ -72,105 +65,140 @@ std::string json(const AccuracySpec& spec, const AccuracyResult& result) {
       entry["energy_error"] = row.energy_error ? Json(*row.energy_error) : Json();
       entry["cpu_seconds_per_second"] = row.cpu_per_second;
       entry["times_real_time"] = row.times_real_time();
+      entry["own_reference"] = row.own_reference;
       entry["is_reference"] = row.is_reference;
     }
     rows.push_back(std::move(entry));
   }
-  utsname system{};
-  uname(&system);
   Json out = {{"title", spec.title}, {"unit", result.unit}, {"early_window_s", spec.early}};
-  out["machine"] = {{"processor", processor()},
-                    {"system", std::string(system.sysname) + " " + system.release}};
+  out["machine"] = {{"processor", processor()}, {"system", operating_system()}};
   out["versions"] = {{"handsim", HANDSIM_VERSION}, {"compiler", __VERSION__}};
+  out["versions"]["engines"] = result.engines;
+  out["left_out"] = result.left_out;
   out["rows"] = std::move(rows);
   return out.dump(2) + "\n";
 }
 
-/// One data block a method, for gnuplot: step, error, early error, cost.
-std::string blocks(const AccuracySpec& spec, const AccuracyResult& result) {
-  std::string out;
-  for (std::size_t m = 0; m < spec.methods.size(); ++m) {
-    out += fmt::format("$m{} << EOD\n", m);
+/// A line of a plot: a method, or several that belong together.
+struct Line {
+  std::string title;
+  bool peer = false;
+  bool has_steps = true;  ///< false: its methods differ in their tolerance, and their step says nothing
+  std::vector<const AccuracyRow*> rows;
+};
+
+/// The lines of plots of errors and costs. Rows with a scene of their own have a reference of their own, and
+/// their errors do not compare.
+std::vector<Line> lines_of(const AccuracySpec& spec, const AccuracyResult& result) {
+  std::vector<Line> lines;
+  for (const AccuracyMethod& method : spec.methods) {
+    if (method.scene) continue;
+    const std::string title = method.line.value_or(method.name);
+    if (lines.empty() || lines.back().title != title)
+      lines.push_back({title, method.peer.has_value(), !method.line, {}});
     for (const AccuracyRow& row : result.rows)
-      if (row.method == spec.methods[m].name && !row.fault && !row.is_reference)
-        out +=
-            fmt::format("{} {} {} {}\n", row.step, row.rate_error, row.early_rate_error, row.cpu_per_second);
+      if (row.method == method.name && !row.fault && !row.is_reference) lines.back().rows.push_back(&row);
+  }
+  std::erase_if(lines, [](const Line& line) { return line.rows.empty(); });
+  return lines;
+}
+
+/// Colours that can be told apart on white, drawn through or dashed.
+std::string style(std::size_t index, bool dashed) {
+  static const char* const colours[] = {"#0060ad", "#d62728", "#2ca02c", "#ff7f0e", "#9467bd",
+                                        "#8c564b", "#17becf", "#e377c2", "#7f7f7f", "#bcbd22"};
+  return fmt::format("linecolor rgb '{}' dashtype {} linewidth {}", colours[index % std::size(colours)],
+                     dashed ? 2 : 1, dashed ? 2 : 1.5);
+}
+
+/// One data block a line, for gnuplot: step, error, early error, cost.
+std::string blocks(const std::vector<Line>& lines) {
+  std::string out;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    out += fmt::format("$m{} << EOD\n", i);
+    for (const AccuracyRow* row : lines[i].rows)
+      out += fmt::format("{} {} {} {}\n", row->step, row->rate_error, row->early_rate_error,
+                         row->cpu_per_second);
     out += "EOD\n";
   }
   return out;
 }
 
-std::string plot_of(const AccuracySpec& spec, const AccuracyResult& result, const char* columns) {
+/// Handsim's own lines are drawn through, those of peers dashed.
+std::string plot_of(const std::vector<Line>& lines, const char* columns, bool against_step) {
   std::string out;
-  for (std::size_t m = 0; m < spec.methods.size(); ++m) {
-    // Rows with a scene of their own have a reference of their own: their errors do not compare.
-    if (spec.methods[m].scene) continue;
-    bool any = false;
-    for (const AccuracyRow& row : result.rows)
-      any = any || (row.method == spec.methods[m].name && !row.fault && !row.is_reference);
-    if (!any) continue;
-    out +=
-        fmt::format("{} $m{} using {} with linespoints pointtype {} linewidth 1.5 title '{}' noenhanced",
-                    out.empty() ? "plot" : ", \\\n    ", m, columns, m % 14 + 1, plain(spec.methods[m].name));
+  std::size_t own = 0, peers = 0;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    const Line& line = lines[i];
+    const std::size_t colour = line.peer ? peers++ : own++;
+    if (against_step && !line.has_steps) continue;
+    out += fmt::format("{} $m{} using {} with linespoints {} pointtype {} title '{}' noenhanced",
+                       out.empty() ? "plot" : ", \\\n    ", i, columns, style(colour, line.peer), i % 15 + 1,
+                       plain(line.title));
   }
   return out + "\n";
 }
 
-/// Motion of the first observed coordinate at the plotted steps beside the reference.
+/// Motion of the first observed coordinate at the plotted steps beside the reference: for each step a panel
+/// of handsim's own methods and, where there are, one of peers.
 std::string velocity_plots(const AccuracySpec& spec, const AccuracyResult& result) {
-  std::string data, plots;
-  int block = 0;
-  const auto add = [&](const Series& series, const std::string& title, const char* style) {
+  std::string data, panels;
+  int block = 0, count = 0;
+  const auto add = [&](const Series& series, const std::string& title, const std::string& look) {
     data += fmt::format("$v{} << EOD\n", block);
     for (std::size_t i = 0; i < series.time.size(); ++i)
       data += fmt::format("{:.6g} {:.9g}\n", series.time[i], series.rate[i][0]);
     data += "EOD\n";
-    const std::string line =
-        fmt::format("$v{} using 1:2 with lines {} title '{}' noenhanced", block, style, plain(title));
-    ++block;
-    return line;
+    return fmt::format("$v{} using 1:2 with lines {} title '{}' noenhanced", block++, look, plain(title));
   };
-  for (const double step : spec.plot_steps) {
+  const auto panel = [&](double step, bool peer) {
     std::string lines;
-    for (const AccuracyRow& row : result.rows)
-      if (!row.series.time.empty() && std::abs(row.step - step) < 1e-12)
-        lines += (lines.empty() ? "plot " : ", ") + add(row.series, row.method, "linewidth 1");
-    if (lines.empty()) continue;
+    std::size_t colour = 0;
+    for (const AccuracyMethod& method : spec.methods)
+      for (const AccuracyRow& row : result.rows)
+        if (method.peer.has_value() == peer && row.method == method.name && !row.series.time.empty() &&
+            std::abs(row.step - step) < 1e-12)
+          lines += (lines.empty() ? "plot " : ", ") + add(row.series, row.method, style(colour++, false));
+    if (lines.empty()) return;
     if (result.reference)
-      lines += ", " + add(*result.reference, "reference", "linecolor 'black' dashtype 2 linewidth 2");
-    plots += fmt::format("set title 'step {:g} ms'\n{}\n", 1e3 * step, lines);
-  }
-  if (plots.empty()) return "";
+      lines += ", " + add(*result.reference, "reference", "linecolor 'black' dashtype 3 linewidth 2.5");
+    panels +=
+        fmt::format("set title 'step {:g} ms{}'\n{}\n", 1e3 * step, peer ? ", other engines" : "", lines);
+    ++count;
+  };
+  for (const double step : spec.plot_steps)
+    for (const bool peer : {false, true}) panel(step, peer);
+  if (panels.empty()) return "";
   return data +
          fmt::format(
-             "unset logscale\nset format '%g'\nset xlabel 'time [s]'\nset ylabel 'rate [{}/s]'\nset key "
-             "outside right font ',8'\n",
-             result.unit) +
-         "do for [t in 'png svg'] {\n  set output 'velocity.'.t\n  if (t eq 'png') { set terminal pngcairo "
-         "size 1400,900 } else { set terminal svg size 1400,900 }\n"
-         "  set multiplot layout " +
-         std::to_string(std::max<std::size_t>(1, spec.plot_steps.size())) + ",1\n" + plots +
-         "  unset multiplot\n  unset output\n}\n";
+             "unset logscale\nset format '%g'\nset xlabel 'time [s]'\nset ylabel 'rate [{0}/s]'\n"
+             "set key outside right font ',9'\n"
+             "do for [t in 'png svg'] {{\n  set output 'velocity.'.t\n  if (t eq 'png') {{ set terminal "
+             "pngcairo size 1400,{1} }} else {{ set terminal svg size 1400,{1} }}\n"
+             "  set multiplot layout {2},1\n{3}  unset multiplot\n  unset output\n}}\n",
+             result.unit, 380 * count, count, panels);
 }
 
 std::string script(const AccuracySpec& spec, const AccuracyResult& result) {
   const std::string each =
       "do for [t in 'png svg'] {{\n  set output '{0}.'.t\n  if (t eq 'png') {{ set terminal pngcairo size "
-      "1200,800 }} else {{ set terminal svg size 1200,800 }}\n{1}  unset output\n}}\n";
-  std::string out = "set encoding utf8\n" + blocks(spec, result);
-  out += "set logscale xy\nset format '10^{%L}'\nset grid\nset key outside right\n";
+      "1400,800 }} else {{ set terminal svg size 1400,800 }}\n{1}  unset output\n}}\n";
+  const std::vector<Line> lines = lines_of(spec, result);
+  std::string out = "set encoding utf8\n" + blocks(lines);
+  out += "set logscale xy\nset format '10^{%L}'\nset grid\nset key outside right font ',11'\n";
   out += fmt::format(
       "set title \"{}\"\nset xlabel 'CPU seconds per simulated second'\nset ylabel 'RMS rate error over the "
       "whole run [{}/s]'\n",
       "error against cost", result.unit);
-  out += fmt::format(fmt::runtime(each), "error_cost", plot_of(spec, result, "4:2"));
+  out += fmt::format(fmt::runtime(each), "error_cost", plot_of(lines, "4:2", false));
   out +=
-      "set xlabel 'step [s]'\nset ylabel 'CPU seconds per simulated second'\nset title 'cost against step'\n";
-  out += fmt::format(fmt::runtime(each), "cost_step", plot_of(spec, result, "1:4"));
+      "set autoscale xfix\nset xlabel 'step [s]'\nset ylabel 'CPU seconds per simulated second'\nset title "
+      "'cost against step'\n";
+  out += fmt::format(fmt::runtime(each), "cost_step", plot_of(lines, "1:4", true));
   out +=
       fmt::format("set ylabel 'RMS rate error up to {:g} s [{}/s]'\nset title 'early error against step'\n",
                   spec.early, result.unit);
-  out += fmt::format(fmt::runtime(each), "error_step", plot_of(spec, result, "1:3"));
+  out += fmt::format(fmt::runtime(each), "error_step", plot_of(lines, "1:3", true));
   return out + velocity_plots(spec, result);
 }
 
@@ -193,6 +221,26 @@ std::string accuracy_table(const AccuracyResult& result, double early) {
         row.times_real_time());
   }
   return out;
+}
+
+std::string cheapest_table(const AccuracyResult& result) {
+  const AccuracyRow* last = nullptr;
+  std::string out, line;
+  for (const double error : {0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10}) {
+    const AccuracyRow* row = cheapest(result, error);
+    // Of errors that one row is the cheapest for, the smallest says all.
+    if (row != last) out += line;
+    line.clear();
+    last = row;
+    if (!row) break;
+    line = fmt::format("{:<16g} {:<34} {:>8g} {:>12.3g} {:>12.3g}\n", error, row->method, 1e3 * row->step,
+                       row->rate_error, row->cpu_per_second);
+  }
+  out += line;
+  if (out.empty()) return "";
+  return fmt::format("{:<16} {:<34} {:>8} {:>12} {:>12}\n", "error at most", "cheapest", "step ms",
+                     "rate error", "CPU s per s") +
+         out;
 }
 
 bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result,

@@ -61,6 +61,35 @@ AccuracyMethod read_method(MapReader reader, const std::vector<double>& steps) {
   method.set = read_set(reader, "set");
   method.scene = read_scene_path(reader, false);
   if (reader.has("observe")) method.observe = reader.text("observe");
+  if (reader.has("line")) method.line = reader.text("line");
+  method.steps = read_steps(reader, "steps", false);
+  if (method.steps.empty()) method.steps = steps;
+  reader.finish();
+  return method;
+}
+
+/// `{accuracy: 1e-4}` as numbers.
+std::vector<std::pair<std::string, double>> read_settings(MapReader& reader) {
+  std::vector<std::pair<std::string, double>> settings;
+  const YamlNode* map = reader.child("set");
+  if (!map) return settings;
+  if (map->kind != YamlNode::Kind::map)
+    reader.problem("set", map->described(), "a mapping of names to numbers");
+  for (const YamlEntry& entry : map->entries)
+    if (const auto value =
+            read_number(entry.value, reader.path_of("set") + "." + entry.key, {}, reader.diagnostics()))
+      settings.emplace_back(entry.key, *value);
+  return settings;
+}
+
+AccuracyMethod read_peer(MapReader reader, const std::vector<double>& steps) {
+  AccuracyMethod method;
+  method.name = reader.text("name");
+  method.peer.emplace();
+  method.peer->program = reader.name("program");
+  method.peer->method = reader.name("method");
+  method.peer->settings = read_settings(reader);
+  if (reader.has("line")) method.line = reader.text("line");
   method.steps = read_steps(reader, "steps", false);
   if (method.steps.empty()) method.steps = steps;
   reader.finish();
@@ -97,6 +126,10 @@ AccuracySpec load_accuracy(const std::filesystem::path& path) {
     for (std::size_t i = 0; i < methods->items.size(); ++i)
       spec.methods.push_back(
           read_method(MapReader(methods->items[i], fmt::format("methods.{}", i), diagnostics), steps));
+  if (YamlNode* peers = reader.list("peers", false))
+    for (std::size_t i = 0; i < peers->items.size(); ++i)
+      spec.methods.push_back(
+          read_peer(MapReader(peers->items[i], fmt::format("peers.{}", i), diagnostics), steps));
   if (spec.methods.empty()) reader.problem("methods", "no method", "at least one method");
   reader.finish();
   diagnostics.throw_if_any();

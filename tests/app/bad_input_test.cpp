@@ -225,10 +225,10 @@ Words hand_with(const Words& rest) {
 }
 
 const std::vector<Usage> kUsages = {
-    {"NoCommand", {}, "command: got nothing, need one of hand, check, run, render, accuracy"},
+    {"NoCommand", {}, "command: got nothing, need one of hand, check, run, render, accuracy, effects, export"},
     {"UnknownCommand",
      {"rum"},
-     "command: got rum, need one of hand, check, run, render, accuracy (nearest: run)"},
+     "command: got rum, need one of hand, check, run, render, accuracy, effects, export (nearest: run)"},
     {"UnknownOption", run_with({"--fast"}), "--fast"},
     {"RunWithoutOut", {"run", kScene}, "--out is required"},
     {"RunWithoutScene", {"run", "--out", "OUT"}, "scene is required"},
@@ -353,11 +353,47 @@ TEST(BadInput, CheckTellsGoodFilesFromBad) {
 TEST(BadInput, HelpIsNoErrorAndHasAnExample) {
   EXPECT_EQ(run_program({"--help"}).status, 0);
   EXPECT_EQ(run_program({"--version"}).status, 0);
-  for (const char* command : {"hand", "check", "run", "render"}) {
+  for (const char* command : {"hand", "check", "run", "render", "effects"}) {
     const Outcome outcome = run_program({command, "--help"});
     EXPECT_EQ(outcome.status, 0);
     EXPECT_TRUE(contains(outcome.out, "Example: handsim " + std::string(command))) << outcome.out;
   }
+}
+
+TEST(EffectsCommand, RefusesBadInputAsEverywhereAndWritesNothing) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "out";
+  const Outcome typo = run_program({"effects", kScene, "--out", out.string(), "--set", "solver.stepp=1 ms"});
+  EXPECT_EQ(typo.status, 2);
+  EXPECT_TRUE(contains(typo.err, "solver.stepp: got")) << typo.err;
+  EXPECT_TRUE(contains(typo.err, "nearest: step")) << typo.err;
+  const Outcome repeats = run_program({"effects", kScene, "--out", out.string(), "--repeats", "0"});
+  EXPECT_EQ(repeats.status, 2);
+  EXPECT_TRUE(contains(repeats.err, "got 0, need a whole number of timed rounds")) << repeats.err;
+  EXPECT_EQ(run_program({"effects", kScene}).status, 2);
+  EXPECT_EQ(run_program({"effects", "/none.yaml", "--out", out.string()}).status, 2);
+  const Outcome none = run_program(
+      {"effects", kScene, "--out", out.string(), "--set", "effects=[]", "--set", "duration=10 ms"});
+  EXPECT_EQ(none.status, 2);
+  EXPECT_TRUE(contains(none.err, "effects: got no effect")) << none.err;
+  EXPECT_TRUE(empty_or_missing(out));
+}
+
+TEST(EffectsCommand, PrintsATableOrJsonAndLeavesItsFiles) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "out";
+  const Words words = {"effects", kScene, "--out", out.string(), "--set", "duration=50 ms", "--repeats", "1"};
+  const Outcome table = run_program(words);
+  EXPECT_EQ(table.status, 0) << table.err;
+  for (const char* effect : {"\ngravity", "\njoint_stops", "\npassive_tissue"})
+    EXPECT_TRUE(contains(table.out, effect)) << table.out;
+  for (const char* file : {"effects.csv", "effects.json", "effects.png", "effects.svg"})
+    EXPECT_TRUE(fs::exists(out / file)) << file;
+  Words json = words;
+  json.push_back("--json");
+  const Outcome printed = run_program(json);
+  EXPECT_EQ(printed.status, 0) << printed.err;
+  EXPECT_EQ(printed.out, test::text_of(out / "effects.json"));
 }
 
 // A ball in a gravity of 1000 m/s2 passes the engine's limit of 1000 m/s after 1 s.

@@ -1,6 +1,8 @@
 // What handsim adds to a bare ODE loop, and what the way from a person to a picture costs. Asserts nothing.
 #include <benchmark/benchmark.h>
 
+#include <chrono>
+
 #include <ode/ode.h>
 
 #include "bench/paired.h"
@@ -13,10 +15,11 @@
 namespace handsim::bench {
 namespace {
 
-/// The main scene's loop without recording against dWorldStep alone on an identical world. The scene's tissue
-/// has no stiffness, so that its rows need no angle and the bare loop makes the same motion.
-void loop_against_bare_ode(benchmark::State& state, const char* method) {
-  const scene::Scene scene = test::shipped_scene("two_hands", {std::string("solver.method=") + method});
+/// A scene's loop without recording against dWorldStep or dWorldQuickStep alone on an identical world. The
+/// two hands' tissue has no stiffness, so that its rows need no angle and the bare loop makes the same
+/// motion.
+void loop_against_bare_ode(benchmark::State& state, const char* name, const char* method) {
+  const scene::Scene scene = test::shipped_scene(name, {std::string("solver.method=") + method});
   const model::State start = model::initial_state(scene.model);
   engine::ode::OdeEngine bare(scene.model, scene.spec.solver);
   const bool quick = scene.spec.solver.method == model::Method::quick_step;
@@ -37,10 +40,16 @@ void loop_against_bare_ode(benchmark::State& state, const char* method) {
         for (long i = 0; i < steps; ++i) simulation->step();
       });
 }
-BENCHMARK_CAPTURE(loop_against_bare_ode, world_step, "world_step")
+BENCHMARK_CAPTURE(loop_against_bare_ode, two_hands_world_step, "two_hands", "world_step")
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(loop_against_bare_ode, quick_step, "quick_step")
+BENCHMARK_CAPTURE(loop_against_bare_ode, two_hands_quick_step, "two_hands", "quick_step")
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(loop_against_bare_ode, slider_crank_world_step, "slider_crank_iftomm", "world_step")
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(loop_against_bare_ode, slider_crank_quick_step, "slider_crank_iftomm", "quick_step")
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
 
@@ -86,7 +95,7 @@ void first_frame(benchmark::State& state) {
   const simulation::Snapshot moment{model::initial_state(scene.model), {}};
   for (auto unused : state) {
     (void)unused;
-    benchmark::DoNotOptimize(simulation::draw(scene, {moment}));
+    benchmark::DoNotOptimize(simulation::draw(scene, moment));
   }
 }
 BENCHMARK(first_frame)->Unit(benchmark::kMillisecond)->UseRealTime();
@@ -98,7 +107,9 @@ void frame(benchmark::State& state) {
   for (auto unused : state) {
     (void)unused;
     const auto start = std::chrono::steady_clock::now();
-    benchmark::DoNotOptimize(simulation::draw(scene, moments));
+    simulation::draw(scene, moments, [](std::size_t, const output::Image& image) {
+      benchmark::DoNotOptimize(image.rgb.data());
+    });
     state.SetIterationTime(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() /
                            8);
   }

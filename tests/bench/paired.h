@@ -3,9 +3,9 @@
 #pragma once
 
 #include <benchmark/benchmark.h>
+#include <time.h>
 
 #include <algorithm>
-#include <chrono>
 #include <vector>
 
 namespace handsim::bench {
@@ -16,11 +16,18 @@ inline double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
+/// CPU time of this thread, which other programs do not take from it [s].
+inline double cpu_now() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
 template <class Work>
 double seconds(Work& work) {
-  const auto start = std::chrono::steady_clock::now();
+  const double start = cpu_now();
   work();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return cpu_now() - start;
 }
 
 /// Runs `prepare_*` untimed and `yardstick` and `candidate` timed, in turns; counters: ratio (candidate over

@@ -89,6 +89,26 @@ TEST(Pid, LowPassesItsDerivative) {
   }
 }
 
+// Oracle: the same filter on the engine's own motion: I (v+ - v) = -h D d+, d+ = d + s (v+ - d).
+TEST(Pid, LowPassesItsDerivativeWithinTheStepInTheImplicitForm) {
+  Gains low = gains(0, 1e-3, 0, 10);
+  low.derivative_cutoff = 20;
+  Bench bench(low, Form::implicit_gain);
+  bench.model.bodies[1].initial_angular_velocity = Vec3(0, 3, 0);
+  const auto engine = engine::make_engine(bench.model, settings({Effect::actuation}));
+  Controller controller(bench.model, bench.plan, kStep, engine->state());
+  const double x = 2 * M_PI * 20 * kStep, s = x / (1 + x);
+  double v = 3, d = 3;
+  for (int n = 0; n < 100; ++n) {
+    v = (v - kStep / kInertia * 1e-3 * (1 - s) * d) / (1 + kStep / kInertia * 1e-3 * s);
+    d += s * (v - d);
+    controller.command(engine->state());
+    engine->step({controller.torques(), controller.servos()});
+    controller.observe(engine->state());
+    EXPECT_NEAR(controller.axes()[0].rate, v, 1e-9) << n;
+  }
+}
+
 // Oracle: the integral's limit. A joint that cannot move is pushed for 10 s; once the target turns round, an
 // integral that had wound up would push the wrong way for as long.
 TEST(Pid, DoesNotWindUpAtItsLimit) {

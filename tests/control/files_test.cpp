@@ -1,4 +1,4 @@
-// Controller files, pose files, programs and tables of angles: what is read, and what is refused with its
+// Controller files, programs and tables of angles: what is read, and what is refused with its
 // place.
 #include <gtest/gtest.h>
 
@@ -45,45 +45,6 @@ std::string problem_of(const std::filesystem::path& path) {
   }
 }
 
-TEST(Poses, AreTheSameAnglesOnBothHands) {
-  const scene::Scene scene = test::shipped_scene("every_pose");
-  std::vector<double> right(20), left(20);
-  for (double t = 0; t < 18; t += 0.1) {
-    scene.control->hands[0].trajectory.at(t, right);
-    scene.control->hands[1].trajectory.at(t, left);
-    EXPECT_EQ(right, left);
-  }
-}
-
-TEST(Poses, ArriveAtTheirAnglesAndHoldThem) {
-  const scene::Scene scene = test::shipped_scene("every_pose");
-  const Trajectory& trajectory = scene.control->hands[0].trajectory;
-  const HandAxes axes = hand_axes(scene.model, scene.model.hands[0]);
-  const auto index_pip =
-      static_cast<std::size_t>(std::find_if(axes.axes.begin(), axes.axes.end(),
-                                            [](const HandAxis& a) { return a.joint == "index_pip"; }) -
-                               axes.axes.begin());
-  std::vector<double> q(axes.axes.size());
-  for (const double t : {2.9, 3.2, 3.6}) {  // fist: from 2.4 s, half a second
-    trajectory.at(t, q);
-    EXPECT_NEAR(q[index_pip], 95 * kDegree, 1e-12) << t;
-  }
-  // Minimum jerk: half way at half time, from rest (30 deg) to fist.
-  trajectory.at(2.65, q);
-  EXPECT_NEAR(q[index_pip], 0.5 * (30 + 95) * kDegree, 1e-12);
-}
-
-TEST(Poses, OfTheShippedFileAreThoseAskedFor) {
-  YamlNode root = load_yaml(test::source("controllers/poses.yaml"));
-  Diagnostics diagnostics;
-  const PoseFile file = read_pose_file(root, "", diagnostics);
-  EXPECT_TRUE(diagnostics.problems.empty());
-  for (const char* name :
-       {"open", "rest", "fist", "point", "pinch", "tripod", "hook", "half_crimp", "open_hand_crimp",
-        "thumb_up", "count_one", "count_two", "count_three", "count_four", "count_five"})
-    EXPECT_TRUE(file.poses.contains(name)) << name;
-}
-
 TEST(BadInput, OutOfRangePoseNamesJointValueAndRange) {
   expect_text(refused({"control.poses.poses.fist.index_pip=120"}),
               {"poses.fist.index_pip", "120 deg for index_pip.flexion", "0 to 100 deg"});
@@ -118,6 +79,8 @@ TEST(BadInput, GainsThatAreNegativeOrNotANumberAreRefused) {
 TEST(BadInput, ProgramTimesMustRiseAndLeaveTimeToMove) {
   expect_text(refused({"control.poses.programs.every_pose.keys.4.time=1"}),
               {"keys.4.time", "1 s after 3.6 s", "rise"});
+  expect_text(refused({"control.poses.programs.every_pose.keys.4.time=3.6"}),
+              {"keys.4.time", "3.6 s after 3.6 s", "rise"});
   expect_text(refused({"control.poses.programs.every_pose.keys.4.time=3.7"}),
               {"keys.4.time", "lasts until 4.1 s"});
 }
@@ -200,6 +163,17 @@ TEST(MotionFile, MissingColumnsAndAnglesBeyondTheRangeAreRefused) {
   const auto near = table(folder, "c.csv", "time,index_mcp.flexion[deg]\n0,10\n1,90.3\n");
   const scene::Scene moved = test::shipped_scene("every_pose", {"control.program=" + near.string(), one});
   expect_text(moved.warnings.front(), {"c.csv", "1 angles of hand right"});
+}
+
+// control.sto as a run writes it: the targets are the angles of the program.
+TEST(MotionFile, ReadsTheTargetsOfAControlTable) {
+  const test::TemporaryFolder folder;
+  const MotionTable read = read_motion(table(folder, "control.sto",
+                                             "test\nversion=1\nnRows=1\nnColumns=4\ninDegrees=no\nendheader\n"
+                                             "time\tright.a.flexion.target[deg]\tright.a.flexion.angle[deg]"
+                                             "\tright.a.flexion.torque[N_m]\n0\t90\t80\t1\n"));
+  EXPECT_EQ(read.names, (std::vector<std::string>{"right.a.flexion", "right.a.flexion.angle"}));
+  EXPECT_DOUBLE_EQ(read.at(0, 0), M_PI / 2);
 }
 
 // Oracle: the numbers given; 1e-15 is the rounding of degrees.

@@ -90,17 +90,25 @@ int count(const Image& image, std::uint8_t r, std::uint8_t g, std::uint8_t b) {
   return n;
 }
 
+/// All pictures on one sheet, of the first one's size.
+Image sheet_of(const std::vector<Image>& images, const std::string& caption, const std::string& title,
+               int width) {
+  ContactSheet sheet(
+      {static_cast<int>(images.size()), images.front().width, images.front().height, title, width});
+  for (const Image& image : images) sheet.add(image, caption);
+  return sheet.image();
+}
+
 // Oracle: pictures that fit are not scaled, so each keeps all its pixels.
 TEST(ContactSheet, HoldsEveryPicture) {
-  const Image sheet =
-      contact_sheet({{plain(50, 40, 200, 10, 20), "one"}, {plain(50, 40, 10, 20, 200), "two"}}, "", 800);
+  const Image sheet = sheet_of({plain(50, 40, 200, 10, 20), plain(50, 40, 10, 20, 200)}, "one", "", 800);
   EXPECT_EQ(count(sheet, 200, 10, 20), 50 * 40);
   EXPECT_EQ(count(sheet, 10, 20, 200), 50 * 40);
 }
 
 TEST(ContactSheet, ShrinksPicturesToTheWidth) {
-  const std::vector<SheetCell> cells(8, {plain(640, 480, 90, 90, 200), "t = 0.25 s"});
-  const Image sheet = contact_sheet(cells, "Eight", 1000);
+  const std::vector<Image> images(8, plain(640, 480, 90, 90, 200));
+  const Image sheet = sheet_of(images, "t = 0.25 s", "Eight", 1000);
   EXPECT_LE(sheet.width, 1000);
   EXPECT_GE(sheet.width, 980);
   // Two rows of four, each at most a quarter as wide.
@@ -109,19 +117,21 @@ TEST(ContactSheet, ShrinksPicturesToTheWidth) {
 
 // The same sheet with and without words differs only where words are dark on white.
 TEST(ContactSheet, WritesCaptionAndTitle) {
-  const std::vector<SheetCell> bare = {{plain(200, 100, 255, 255, 255), ""}};
-  const std::vector<SheetCell> named = {{plain(200, 100, 255, 255, 255), "caption"}};
+  const std::vector<Image> white = {plain(200, 100, 255, 255, 255)};
   const auto ink = [](const Image& image) {
     return image.width * image.height - count(image, 255, 255, 255);
   };
-  EXPECT_EQ(ink(contact_sheet(bare, "", 800)), 0);
-  EXPECT_GT(ink(contact_sheet(named, "", 800)), 50);
-  EXPECT_GT(ink(contact_sheet(bare, "Title", 800)), 50);
+  EXPECT_EQ(ink(sheet_of(white, "", "", 800)), 0);
+  EXPECT_GT(ink(sheet_of(white, "caption", "", 800)), 50);
+  EXPECT_GT(ink(sheet_of(white, "", "Title", 800)), 50);
 }
 
-TEST(ContactSheet, RefusesNoPicturesAndMixedSizes) {
-  EXPECT_THROW(contact_sheet({}, "none", 800), Error);
-  EXPECT_THROW(contact_sheet({{plain(50, 40, 0, 0, 0), ""}, {plain(40, 50, 0, 0, 0), ""}}, "", 800), Error);
+TEST(ContactSheet, RefusesNoPicturesMixedSizesAndOneTooMany) {
+  EXPECT_THROW(ContactSheet({0, 50, 40, "none"}), Error);
+  ContactSheet sheet({1, 50, 40, ""});
+  EXPECT_THROW(sheet.add(plain(40, 50, 0, 0, 0), ""), Error);
+  sheet.add(plain(50, 40, 0, 0, 0), "");
+  EXPECT_THROW(sheet.add(plain(50, 40, 0, 0, 0), ""), Error);
 }
 
 }  // namespace

@@ -32,7 +32,7 @@ TEST(Renderer, FingersShowTheirColourWhereTheirCentresProject) {
   for (const Side side : {Side::right, Side::left}) {
     const DrawList list = hand_list(side);
     for (const View view : {View::dorsal, View::palmar}) {
-      const Camera camera = framed_camera(view, {}, side, {list}, 640.0 / 480);
+      const Camera camera = framed_camera(view, {}, side, list, 640.0 / 480);
       const Image image = renderer.draw(list, camera);
       for (const DrawShape& shape : list.shapes) {
         const Eigen::Vector2d at = Projection(camera, 640, 480)(shape.pose.p);
@@ -55,7 +55,7 @@ TEST(Renderer, ViewsDiffer) {
   const DrawList list = hand_list(Side::right);
   std::vector<Image> images;
   for (const View view : kViews)
-    images.push_back(renderer.draw(list, framed_camera(view, {}, Side::right, {list}, 320.0 / 240)));
+    images.push_back(renderer.draw(list, framed_camera(view, {}, Side::right, list, 320.0 / 240)));
   for (std::size_t i = 0; i < images.size(); ++i)
     for (std::size_t j = 0; j < i; ++j) EXPECT_GT(share_differing(images[i], images[j], 20), 0.02);
 }
@@ -67,7 +67,7 @@ TEST(Renderer, NothingIsClippedAtTheBorder) {
     for (const Side side : {Side::right, Side::left})
       for (const View view : kViews) {
         const DrawList list = hand_list(side);
-        const Camera camera = framed_camera(view, {}, side, {list}, static_cast<double>(width) / height);
+        const Camera camera = framed_camera(view, {}, side, list, static_cast<double>(width) / height);
         const Image with = renderer.draw(list, camera);
         const Image without = renderer.draw(without_shapes(list), camera);
         int at_border = 0;
@@ -219,7 +219,7 @@ TEST(Renderer, SameListGivesTheSameBytes) {
   Renderer renderer(320, 240);
   DrawList list = hand_list(Side::left);
   list.ground_height = -0.1;
-  const Camera camera = framed_camera(View::three_quarter, {}, Side::left, {list}, 320.0 / 240);
+  const Camera camera = framed_camera(View::three_quarter, {}, Side::left, list, 320.0 / 240);
   const Image first = renderer.draw(list, camera);
   renderer.draw(slanted_capsule(), straight_camera());
   EXPECT_EQ(renderer.draw(list, camera).rgb, first.rgb);
@@ -241,7 +241,7 @@ TEST(Renderer, ContextsAreCountedAndMovesMakeNone) {
 TEST(Renderer, DrawListsMakeNoContext) {
   const int before = Renderer::contexts_created();
   const DrawList list = hand_list(Side::right);
-  framed_camera(View::radial, {}, Side::right, {list}, 1);
+  framed_camera(View::radial, {}, Side::right, list, 1);
   EXPECT_EQ(Renderer::contexts_created(), before);
 }
 
@@ -278,7 +278,7 @@ TEST(Renderer, CameraThatLooksNowhereIsAnError) {
 TEST(Renderer, TiledPictureShowsWhatASmallOneShows) {
   DrawList list = hand_list(Side::right);
   list.ground_height = -0.05;
-  const Camera camera = framed_camera(View::three_quarter, {}, Side::right, {list}, 2);
+  const Camera camera = framed_camera(View::three_quarter, {}, Side::right, list, 2);
   const Image large = Renderer(2304, 1152).draw(list, camera);
   const Image small = Renderer(576, 288).draw(list, camera);
   Image shrunk{576, 288, {}};

@@ -20,6 +20,14 @@ inline DrawShape capsule(const Vec3& a, const Vec3& b, double radius, const Colo
           colour};
 }
 
+/// A camera that has seen one list.
+inline Camera framed_camera(View view, const Pose& hand_frame, model::Side side, const DrawList& list,
+                            double aspect) {
+  Framing framing(view, hand_frame, side, aspect);
+  framing.see(list);
+  return framing.camera();
+}
+
 /// A palm and five fingers in the hand frame, mirrored for a left hand; fingers in order from the thumb.
 inline model::Model hand_model(model::Side side, const Pose& x_WH) {
   model::Model model = model::make_model();

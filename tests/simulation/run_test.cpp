@@ -1,6 +1,7 @@
 #include "handsim/simulation/run.h"
 
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <cmath>
 
@@ -8,6 +9,7 @@
 
 #include "handsim/model/kinematics.h"
 #include "handsim/output/renderer.h"
+#include "handsim/simulation/pictures.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
 
@@ -30,7 +32,8 @@ TEST(MainScene, HoldsItsCriteria) {
   const RunResult result = run_into(shipped_scene("two_hands"), folder.path());
   for (const Verdict& verdict : result.verdicts) {
     EXPECT_TRUE(verdict.limit.has_value()) << verdict.name;
-    EXPECT_TRUE(verdict.held()) << verdict.name << " " << verdict.measured << " at " << verdict.where;
+    EXPECT_TRUE(verdict.held()) << verdict.name << " " << verdict.measured.value_or(NAN) << " at "
+                                << verdict.where;
   }
   EXPECT_TRUE(result.passed());
 }
@@ -139,6 +142,38 @@ TEST(FailedRun, SaysWhereAndKeepsItsFiles) {
   const RunResult result = run_into(scene, folder.path());
   EXPECT_FALSE(result.passed());
   EXPECT_EQ(nlohmann::json::parse(text_of(folder.path() / "summary.json"))["verdict"], "failed");
+}
+
+/// Largest memory that the process has had [MB].
+double peak_memory() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024;
+}
+
+// 60 pictures of 0.9 MB would be 55 MB; the first ten have warmed the renderer up.
+TEST(Pictures, AreHandedOnAsTheyAreDrawnAndNotKept) {
+  const scene::Scene scene = shipped_scene("two_hands", {"pictures.size=[640, 480]"});
+  const std::vector<Snapshot> moments(70, {model::initial_state(scene.model), {}});
+  double before = 0;
+  std::size_t drawn = 0;
+  draw(scene, moments, [&](std::size_t i, const output::Image& image) {
+    EXPECT_EQ(i, drawn++);
+    EXPECT_EQ(image.width, 640);
+    if (i == 10) before = peak_memory();
+  });
+  EXPECT_EQ(drawn, 70U);
+  EXPECT_LT(peak_memory() - before, 10);
+}
+
+// Oracle: the file names, and a sheet of no more than 100 cells for any number of pictures.
+TEST(Pictures, OfALongRunAreAllFilesAndThinnedOutOnTheSheet) {
+  const TemporaryFolder folder;
+  run_into(shipped_scene("two_hands", {"pictures.size=[32, 24]", "duration=0.5"}), folder.path(), 150);
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "frame_000.png"));
+  EXPECT_TRUE(std::filesystem::exists(folder.path() / "frame_149.png"));
+  const output::Image sheet = output::read_png(folder.path() / "contact_sheet.png");
+  EXPECT_LT(sheet.height, 100 / 4 * 100);
 }
 
 }  // namespace

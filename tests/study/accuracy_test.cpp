@@ -11,7 +11,7 @@ namespace handsim::study {
 namespace {
 
 AccuracyMethod method(std::string name, std::vector<std::string> set, std::vector<double> steps) {
-  return {std::move(name), std::move(set), std::move(steps), {}, {}};
+  return {std::move(name), std::move(set), std::move(steps), {}, {}, {}, {}};
 }
 
 AccuracySpec slider_crank(std::vector<AccuracyMethod> methods) {
@@ -70,12 +70,25 @@ TEST(Cheapest, IsTheCheapestRowThatReachesTheTarget) {
   EXPECT_EQ(cheapest(result, 1e-4), nullptr);
 }
 
+// The errors of rows with and without contact are against different motions.
+TEST(Cheapest, IsNoRowWithAReferenceOfItsOwnInAStudyThatHasOne) {
+  AccuracyResult result;
+  AccuracyRow row;
+  row.rate_error = 0.01;
+  row.cpu_per_second = 1;
+  row.own_reference = true;
+  result.rows.push_back(row);
+  EXPECT_NE(cheapest(result, 0.1), nullptr);
+  result.reference.emplace();
+  EXPECT_EQ(cheapest(result, 0.1), nullptr);
+}
+
 TEST(AccuracyFiles, AreWritten) {
   const test::TemporaryFolder folder;
   const AccuracySpec spec = slider_crank({method("it's", {"duration=0.2"}, {5e-3, 1e-3})});
   write_accuracy(spec, run_accuracy(spec, nullptr), folder.path());
   EXPECT_NE(test::text_of(folder.path() / "accuracy.csv").find("\"it's\",0.005,"), std::string::npos);
-  EXPECT_TRUE(std::filesystem::exists(folder.path() / "accuracy.json"));
+  EXPECT_NE(test::text_of(folder.path() / "accuracy.json").find("\"ODE 0.16"), std::string::npos);
 }
 
 }  // namespace

@@ -97,19 +97,22 @@ inline model::Model slider_crank(const study::SliderCrankSpec& spec) {
 }
 
 /// Crank, rod and slider in the x-z plane with three hinges and a slider joint: three rows too many. Crank
-/// 0.08 m turning about y at the origin, starting up at 6 rad/s; rod 0.3 m; slider on the x axis. All but
-/// gravity turned by `tilt`.
-inline model::Model planar_slider_crank(const Quat& tilt = Quat::Identity()) {
+/// 0.08 m about y at the origin, `angle` [rad] from up towards x, turning at `speed` [rad/s]; rod 0.3 m;
+/// slider on the x axis. Crank and rod are in one line at pi/2 and 3 pi/2. All but gravity turned by `tilt`.
+inline model::Model planar_slider_crank(const Quat& tilt = Quat::Identity(), double angle = 0,
+                                        double speed = 6) {
   study::SliderCrankSpec spec;
   model::Model model = slider_crank_world(spec);
-  const double x = std::sqrt(spec.rod_length * spec.rod_length - spec.crank_length * spec.crank_length);
-  const Vec3 pin = tilt * Vec3(0, 0, spec.crank_length);
-  const Vec3 slider = tilt * Vec3(x, 0, 0);
+  const double sine = spec.crank_length * std::sin(angle), cosine = spec.crank_length * std::cos(angle);
+  const double run = std::sqrt(spec.rod_length * spec.rod_length - cosine * cosine);
+  const Vec3 pin = tilt * Vec3(sine, 0, cosine);
+  const Vec3 slider = tilt * Vec3(sine + run, 0, 0);
   const Vec3 across = tilt * Vec3::UnitY();
-  const double slope = std::atan2(spec.crank_length, x);
-  model.bodies.push_back(mechanism_body("crank", spec.crank_mass, {1e-4, 1e-4, 1e-5}, {0.5 * pin, tilt}));
+  const auto turned = [&](double about) { return tilt * rotation_quaternion({0, about, 0}); };
+  model.bodies.push_back(
+      mechanism_body("crank", spec.crank_mass, {1e-4, 1e-4, 1e-5}, {0.5 * pin, turned(angle)}));
   model.bodies.push_back(mechanism_body("rod", spec.rod_mass, {4e-4, 4e-3, 4e-3},
-                                        {0.5 * (pin + slider), tilt * rotation_quaternion({0, slope, 0})}));
+                                        {0.5 * (pin + slider), turned(std::atan2(cosine, run))}));
   model.bodies.push_back(mechanism_body("slider", spec.slider_mass, {1e-4, 1e-4, 1e-4}, {slider, tilt}));
   const auto add = [&](const model::Joint& joint) { model.joints.push_back(joint); };
   using model::JointKind;
@@ -118,12 +121,15 @@ inline model::Model planar_slider_crank(const Quat& tilt = Quat::Identity()) {
   add(joint_at(model, "guide", JointKind::slider, 0, kSlider, slider, {tilt * Vec3::UnitX()}));
   add(joint_at(model, "wrist_pin", JointKind::hinge, kSlider, kRod, slider, {across}));
   model.joints.back().closes_loop = true;
-  // At the top the pin moves along x, so rod and slider go with it and the rod does not turn.
-  const Vec3 v = tilt * Vec3(6 * spec.crank_length, 0, 0);
-  model.bodies[kCrank].initial_angular_velocity = 6 * across;
-  model.bodies[kCrank].initial_velocity = 0.5 * v;
-  model.bodies[kRod].initial_velocity = v;
-  model.bodies[kSlider].initial_velocity = v;
+  // The rod's end keeps the slider's height: its turning takes the pin's fall.
+  const double rod_speed = -speed * sine / run;
+  const Vec3 v_pin = speed * across.cross(pin);
+  const Vec3 v_slider = v_pin + rod_speed * across.cross(slider - pin);
+  model.bodies[kCrank].initial_angular_velocity = speed * across;
+  model.bodies[kCrank].initial_velocity = 0.5 * v_pin;
+  model.bodies[kRod].initial_angular_velocity = rod_speed * across;
+  model.bodies[kRod].initial_velocity = 0.5 * (v_pin + v_slider);
+  model.bodies[kSlider].initial_velocity = v_slider;
   return model;
 }
 

@@ -28,6 +28,9 @@ std::vector<Problem> all_defects(const model::Model& model, const Settings& sett
   std::vector<Problem> problems = defects(settings);
   const std::vector<Problem> of_model = model::defects(model);
   problems.insert(problems.end(), of_model.begin(), of_model.end());
+  if (settings.projection)
+    problems.push_back({std::nullopt, "solver.projection", "true",
+                        "false: engine dae has euler_projected and others that close joints by themselves"});
   const auto refuse = [&](model::Effect effect) {
     if (settings.effects.has(effect))
       problems.push_back({std::nullopt, "effects", std::string(name(effect)),
@@ -60,6 +63,9 @@ std::unique_ptr<Integrator> make_integrator(System system, const Settings& setti
       return std::make_unique<Euler>(std::move(system), settings);
     case Method::world_step:
     case Method::quick_step:
+    case Method::semi_implicit_euler:
+    case Method::rk4:
+    case Method::dormand_prince:
     case Method::automatic:
       break;
   }

@@ -1,7 +1,7 @@
 #include "handsim/engine/dae/euler.h"
 
 #include "handsim/engine/dae/implicit.h"
-#include "handsim/engine/dae/projection.h"
+#include "handsim/engine/multibody/projection.h"
 
 namespace handsim::engine::dae {
 

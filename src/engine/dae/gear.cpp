@@ -4,7 +4,7 @@
 
 #include <fmt/format.h>
 
-#include "handsim/engine/dae/projection.h"
+#include "handsim/engine/multibody/projection.h"
 
 namespace handsim::engine::dae {
 

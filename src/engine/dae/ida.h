@@ -8,7 +8,7 @@
 
 #include <ida/ida.h>
 
-#include "handsim/engine/dae/system.h"
+#include "handsim/engine/multibody/system.h"
 
 namespace handsim::engine::dae {
 

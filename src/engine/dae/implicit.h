@@ -1,7 +1,7 @@
 // The part of the forces that the fixed-step formulations treat implicitly, linearised.
 #pragma once
 
-#include "handsim/engine/dae/system.h"
+#include "handsim/engine/multibody/system.h"
 
 namespace handsim::engine::dae {
 

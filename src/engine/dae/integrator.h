@@ -4,7 +4,7 @@
 #include <memory>
 #include <span>
 
-#include "handsim/engine/dae/system.h"
+#include "handsim/engine/multibody/system.h"
 
 namespace handsim::engine::dae {
 

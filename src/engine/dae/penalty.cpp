@@ -5,7 +5,7 @@
 #include <fmt/format.h>
 
 #include "handsim/engine/dae/implicit.h"
-#include "handsim/engine/dae/projection.h"
+#include "handsim/engine/multibody/projection.h"
 
 namespace handsim::engine::dae {
 

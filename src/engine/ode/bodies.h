@@ -29,7 +29,6 @@ struct OdeIds {
   std::unique_ptr<dxThreadingImplementation, Destroyer<dThreadingFreeImplementation>> threading;
   std::unique_ptr<dxWorld, Destroyer<dWorldDestroy>> world;
   std::unique_ptr<dxJointGroup, Destroyer<dJointGroupDestroy>> contact_joints;  ///< with the space only
-  std::unique_ptr<dxSpace, Destroyer<dSpaceDestroy>> space;                     ///< where contacts are tested
 };
 
 /// An ODE body and its state in place.

@@ -70,8 +70,7 @@ std::optional<PhysicsFault> OdeEngine::climb(Rung rung, const StepInput& input, 
 /// Takes over what the bodies have become, unless it is beyond all bounds.
 std::optional<PhysicsFault> OdeEngine::read_guarded(double time) {
   if (auto fault = body_fault(time, kMaxSpeed, kMaxAngularSpeed)) return fault;
-  read(time);
-  return std::nullopt;
+  return take_over(time);
 }
 
 std::optional<PhysicsFault> OdeEngine::two_half_steps(const StepInput& input, double end,

@@ -53,6 +53,7 @@ void OdeEngine::build() {
   if (settings_.effects.has(model::Effect::wrist_motion)) drives_ = std::make_unique<Drives>(model_, bodies_);
   if (needs_contacts(model_, settings_.effects))
     contacts_ = std::make_unique<Contacts>(ids_, model_, settings_, bodies_, immovable_);
+  if (settings_.projection) closed_ = islands(model_, settings_);
   if (settings_.method == Method::automatic)
     choice_ = std::make_unique<MethodChoice>(model_, *joints_, bodies_, settings_);
   write(state_);

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "handsim/engine/engine.h"
+#include "handsim/engine/multibody/system.h"
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/contacts.h"
 #include "handsim/engine/ode/drives.h"
@@ -64,6 +65,7 @@ class OdeEngine final : public Engine {
   std::optional<PhysicsFault> body_fault(double time, double speed, double angular_speed) const;
   void check_bodies(double time);
   void read(double time);
+  std::optional<PhysicsFault> take_over(double time);
   PhysicsFault described(const OdeFault& fault) const;
   [[noreturn]] void fail(PhysicsFault fault);
   [[noreturn]] void fail(const OdeFault& fault);
@@ -78,6 +80,8 @@ class OdeEngine final : public Engine {
   std::unique_ptr<Drives> drives_;        ///< with wrist_motion only
   std::unique_ptr<Contacts> contacts_;    ///< with contact effects and rules only
   std::unique_ptr<MethodChoice> choice_;  ///< with method auto only
+  std::vector<System> closed_;            ///< islands to close after every step; with projection only
+  model::State opened_;                   ///< at the start of the step; with projection only
   model::State state_;
   model::State before_;                      ///< of a guarded step, its start
   std::vector<double> coordinates_[2];       ///< of a step in halves, at its start and middle

@@ -17,6 +17,14 @@ dGeomID make_geom(dSpaceID space, const model::Shape& shape, std::size_t index) 
     case model::ShapeKind::sphere:
       geom = dCreateSphere(space, shape.radius);
       break;
+    case model::ShapeKind::convex_mesh: {
+      // ODE keeps the pointers, which it does not write to.
+      const model::ConvexMesh& mesh = *shape.mesh;
+      geom = dCreateConvex(space, mesh.planes.front().data(), static_cast<unsigned>(mesh.planes.size()),
+                           mesh.vertices.front().data(), static_cast<unsigned>(mesh.vertices.size()),
+                           mesh.loops.data());
+      break;
+    }
     case model::ShapeKind::plane:
       geom = dCreatePlane(space, 0, 0, 1, 0);
       break;

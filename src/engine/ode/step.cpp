@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
+#include "handsim/engine/multibody/projection.h"
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/ode_engine.h"
 
@@ -42,7 +43,7 @@ StepReport OdeEngine::step(const StepInput& input) {
   try {
     const StepReport report = plain_step(input, end, settings_.step, settings_.method);
     check_bodies(end);
-    read(end);
+    if (auto fault = take_over(end)) fail(std::move(*fault));
     return report;
   } catch (const OdeFault& fault) {
     fail(fault);
@@ -116,6 +117,9 @@ void OdeEngine::advance(double step, Method method) {
     case Method::lagrange_penalty:
     case Method::euler_linearised:
     case Method::euler_projected:
+    case Method::semi_implicit_euler:
+    case Method::rk4:
+    case Method::dormand_prince:
       assert(false && "a method of another engine");
       return;
   }
@@ -142,6 +146,26 @@ void OdeEngine::check_bodies(double time) {
 void OdeEngine::read(double time) {
   for (const std::size_t i : moving_) state_.bodies[i] = read_state(bodies_[i]);
   state_.time = time;
+}
+
+/// Takes ODE's state over; with projection closed, and so given back to ODE. @return the joint that stays
+/// apart, and nothing is taken over
+std::optional<PhysicsFault> OdeEngine::take_over(double time) {
+  if (closed_.empty()) {
+    read(time);
+    return std::nullopt;
+  }
+  opened_ = state_;
+  read(time);
+  try {
+    for (const System& island : closed_) close_step(island, opened_, time - opened_.time, state_);
+  } catch (const Error& error) {
+    state_ = opened_;
+    return error.fault();
+  }
+  for (const std::size_t i : moving_)
+    if (!bodies_[i].driven) write_state(bodies_[i], state_.bodies[i]);
+  return std::nullopt;
 }
 
 void OdeEngine::fail(PhysicsFault fault) {

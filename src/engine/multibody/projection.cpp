@@ -1,16 +1,19 @@
-#include "handsim/engine/dae/projection.h"
+#include "handsim/engine/multibody/projection.h"
 
 #include <cmath>
 
 #include <fmt/format.h>
 
-namespace handsim::engine::dae {
+namespace handsim::engine {
 
 namespace {
 
-constexpr int kMaxIterations = 50;
+constexpr int kMaxCorrections = 50;
 /// Rows whose independent part is smaller than this, relative to the largest, count as redundant.
 constexpr double kRankThreshold = 1e-8;
+/// Relative shift of the rows' own response that keeps redundant rows solvable: small beside any row that is
+/// independent, large beside rounding.
+constexpr double kRedundantShift = 1e-10;
 
 using Decomposition = Eigen::CompleteOrthogonalDecomposition<Matrix>;
 
@@ -88,13 +91,13 @@ void project_positions(const System& system, model::State& state) {
   if (system.constraint_count() == 0) return;
   std::vector<Row> rows;
   double last = INFINITY;
-  for (int i = 0; i < kMaxIterations; ++i) {
+  for (int i = 0; i < kMaxCorrections; ++i) {
     system.constraints(state, rows);
     const Vector error = values(rows);
     const double largest = error.cwiseAbs().maxCoeff();
     if (largest <= whole(system, state)) return;
     // Written so that NaN fails. Slow progress from afar is fine, none near the end is not.
-    if (!(largest < last || i < kMaxIterations / 2)) stays_apart(system, state, error);
+    if (!(largest < last || i < kMaxCorrections / 2)) stays_apart(system, state, error);
     last = largest;
     const Matrix scaled = system.scaled(system.jacobian(rows, state));
     system.displace(system.from_scaled(decompose(scaled).solve(-error)), state);
@@ -112,6 +115,32 @@ void project_velocities(const System& system, model::State& state) {
   for (int i = 0; i < 2; ++i)
     system.set_velocities(system.velocities(state) - system.from_scaled(scaled.solve(rates(rows, state))),
                           state);
+}
+
+void close_step(const System& system, const model::State& before, double step, model::State& after) {
+  if (system.constraint_count() == 0) return;
+  std::vector<Row> rows;
+  rows.reserve(static_cast<std::size_t>(system.constraint_count()));
+  system.constraints(before, rows);
+  // One factorisation serves all corrections: the directions of the impulses are those of `before` anyway,
+  // and within a step joints turn little. The shift makes redundant rows share; it slows, but does not bend.
+  const Matrix scaled = system.scaled(system.jacobian(rows, before));
+  Matrix gram = scaled * scaled.transpose();
+  gram.diagonal() *= 1 + kRedundantShift;
+  const Eigen::LLT<Matrix> factors(gram);
+  double last = INFINITY;
+  for (int i = 0; i < kMaxCorrections; ++i) {
+    system.constraints(after, rows);
+    const Vector error = values(rows);
+    const double largest = error.cwiseAbs().maxCoeff();
+    if (largest <= whole(system, after)) return;
+    // Written so that NaN fails.
+    if (!(largest < last || i < kMaxCorrections / 2)) break;
+    last = largest;
+    system.push(system.from_scaled(-(scaled.transpose() * factors.solve(error))), before, step, after);
+  }
+  system.constraints(after, rows);
+  stays_apart(system, after, values(rows));
 }
 
 Accelerations accelerations(const System& system, const model::State& state, std::span<const double> torques,
@@ -152,4 +181,4 @@ double independence(const System& system, const model::State& state, const std::
   return std::abs(qr.matrixR()(chosen.rows() - 1, chosen.rows() - 1));
 }
 
-}  // namespace handsim::engine::dae
+}  // namespace handsim::engine

@@ -1,4 +1,4 @@
-#include "handsim/engine/dae/system.h"
+#include "handsim/engine/multibody/system.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 
 #include "handsim/model/kinematics.h"
 
-namespace handsim::engine::dae {
+namespace handsim::engine {
 
 namespace {
 
@@ -42,7 +42,7 @@ System::System(const model::Model& model, const Settings& settings, std::vector<
     root_.push_back(lower.transpose().inverse());
   }
   for (const model::Joint* joint : joints_)
-    joint_of_row_.insert(joint_of_row_.end(), at(dae::constraint_count(joint->kind)), joint);
+    joint_of_row_.insert(joint_of_row_.end(), at(engine::constraint_count(joint->kind)), joint);
   constraint_count_ = static_cast<Index>(joint_of_row_.size());
 }
 
@@ -123,6 +123,19 @@ void System::displace(const Vector& displacement, model::State& state) const {
     model::BodyState& each = body(state, i);
     each.p += displacement.segment<3>(kTwistSize * i);
     each.q = (each.q * rotation_quaternion(displacement.segment<3>(kTwistSize * i + 3))).normalized();
+  }
+}
+
+void System::push(const Vector& displacement, const model::State& before, double step,
+                  model::State& after) const {
+  for (Index i = 0; i < body_count(); ++i) {
+    model::BodyState& each = body(after, i);
+    const Vec3 shift = displacement.segment<3>(kTwistSize * i);
+    const Vec3 turn = body(before, i).q * Vec3(displacement.segment<3>(kTwistSize * i + 3));
+    each.p += shift;
+    each.q = (rotation_quaternion(turn) * each.q).normalized();
+    each.v += shift / step;
+    each.w += turn / step;
   }
 }
 
@@ -294,4 +307,4 @@ std::vector<System> islands(const model::Model& model, const Settings& settings)
   return out;
 }
 
-}  // namespace handsim::engine::dae
+}  // namespace handsim::engine

@@ -12,10 +12,10 @@
 
 #include <Eigen/Dense>
 
-#include "handsim/engine/dae/rows.h"
 #include "handsim/engine/engine.h"
+#include "handsim/engine/multibody/rows.h"
 
-namespace handsim::engine::dae {
+namespace handsim::engine {
 
 using Vector = Eigen::VectorXd;
 using Matrix = Eigen::MatrixXd;
@@ -56,6 +56,9 @@ class System {
   void set_velocities(const Vector& u, model::State& state) const;
   /// Moves the bodies by a displacement: p += d, q turned by the rotation vector d (body axes).
   void displace(const Vector& displacement, model::State& state) const;
+  /// Moves the bodies by a displacement in the body axes of `before`, and changes their velocities by what
+  /// makes it in `step` [s].
+  void push(const Vector& displacement, const model::State& before, double step, model::State& after) const;
   /// Copies the island's bodies, and nothing else.
   void copy_bodies(const model::State& from, model::State& to) const;
   /// T(x) u, size 7 per body; x need not be unit.
@@ -108,4 +111,4 @@ class System {
 /// Islands of a model, each to be integrated on its own.
 std::vector<System> islands(const model::Model& model, const Settings& settings);
 
-}  // namespace handsim::engine::dae
+}  // namespace handsim::engine

@@ -3,9 +3,9 @@
 // so redundant constraints are welcome as long as they agree.
 #pragma once
 
-#include "handsim/engine/dae/system.h"
+#include "handsim/engine/multibody/system.h"
 
-namespace handsim::engine::dae {
+namespace handsim::engine {
 
 /// Largest constraint error [m, or 1] that counts as whole.
 inline constexpr double kWhole = 1e-13;
@@ -16,6 +16,12 @@ void project_positions(const System& system, model::State& state);
 
 /// Changes the velocities as an impulse would until no constraint error grows.
 void project_velocities(const System& system, model::State& state);
+
+/// Closes the joints at the end of a step from `before` to `after` [s long] by impulses of the joints as they
+/// stood in `before`: positions move by what the impulses do within the step, velocities change with them.
+/// That is SHAKE (Ryckaert, Ciccotti & Berendsen 1977, J Comput Phys 23:327) in the metric of the masses.
+/// @throws Error (physics) naming the joint that stays apart.
+void close_step(const System& system, const model::State& before, double step, model::State& after);
 
 /// What the joints make of the forces.
 struct Accelerations {
@@ -34,4 +40,4 @@ std::vector<Index> independent_rows(const System& system, const model::State& st
 /// How independent given rows are at another state, on the same scale.
 double independence(const System& system, const model::State& state, const std::vector<Index>& rows);
 
-}  // namespace handsim::engine::dae
+}  // namespace handsim::engine

@@ -1,6 +1,6 @@
-#include "handsim/engine/dae/rows.h"
+#include "handsim/engine/multibody/rows.h"
 
-namespace handsim::engine::dae {
+namespace handsim::engine {
 
 namespace {
 
@@ -119,4 +119,4 @@ double rate(const Row& row, const model::State& state) {
   return row.parent_v.dot(p.v) + row.parent_w.dot(p.w) + row.child_v.dot(c.v) + row.child_w.dot(c.w);
 }
 
-}  // namespace handsim::engine::dae
+}  // namespace handsim::engine

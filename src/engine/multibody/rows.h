@@ -6,7 +6,7 @@
 
 #include "handsim/model/state.h"
 
-namespace handsim::engine::dae {
+namespace handsim::engine {
 
 /// A scalar function of two bodies' poses. Its rate is parent_v . v_P + parent_w . w_P + child_v . v_C +
 /// child_w . w_C with velocities in world axes, so a multiplier acts on the bodies along the same four.
@@ -33,4 +33,4 @@ Row coordinate_row(const model::Joint& joint, int coordinate, const model::State
 /// Rate of a row at a state's velocities.
 double rate(const Row& row, const model::State& state);
 
-}  // namespace handsim::engine::dae
+}  // namespace handsim::engine

@@ -1,0 +1,285 @@
+#include "handsim/engine/articulated/articulated_engine.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/engine/checks.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/model/validate.h"
+
+namespace handsim::engine::articulated {
+
+namespace {
+
+/// Corrections of stops and torque limits all at once, before they are made one by one, the first that is
+/// wrong first (Murty 1974: such a sequence ends), and how many of these.
+constexpr int kJointCorrections = 8, kSingleCorrections = 200;
+/// A start whose loops are further apart than this is said to have been moved, beyond kOpen refused [m].
+constexpr double kMovedGap = 1e-9, kOpen = 1e-8;
+
+bool smooth(const Settings& settings) { return settings.method != Method::semi_implicit_euler; }
+
+bool has_stops(const model::Model& model) {
+  for (const model::Joint& joint : model.joints)
+    for (const model::JointAxis& axis : joint.axes)
+      if (axis.stop) return true;
+  return false;
+}
+
+bool has_forces(const model::JointAxis& axis, const model::Effects& effects) {
+  return (axis.stop && effects.has(model::Effect::joint_stops)) ||
+         (axis.tissue && effects.has(model::Effect::passive_tissue));
+}
+
+std::vector<Problem> all_defects(const model::Model& model, const Settings& settings) {
+  std::vector<Problem> problems = defects(settings);
+  const std::vector<Problem> of_model = model::defects(model);
+  problems.insert(problems.end(), of_model.begin(), of_model.end());
+  for (const model::Effect effect :
+       {model::Effect::object_contact, model::Effect::self_contact, model::Effect::ground_contact})
+    if (settings.effects.has(effect))
+      problems.push_back({std::nullopt, "effects", std::string(name(effect)),
+                          "no contact with engine articulated: leave the effect out, or use engine ode"});
+  if (settings.effects.has(model::Effect::step_guard))
+    problems.push_back({std::nullopt, "effects", "step_guard",
+                        "no guard with engine articulated: leave the effect out, or use engine ode"});
+  if (settings.projection)
+    problems.push_back({std::nullopt, "solver.projection", "true",
+                        "false for engine articulated, whose joints are always whole"});
+  if (smooth(settings) && settings.effects.has(model::Effect::joint_stops) && has_stops(model))
+    problems.push_back({std::nullopt, "effects", "joint_stops",
+                        fmt::format("smooth motion for {}: leave the effect out, or use semi_implicit_euler",
+                                    name(settings.method))});
+  return problems;
+}
+
+const model::Model& checked(const model::Model& model, const Settings& settings) {
+  std::vector<Problem> problems = all_defects(model, settings);
+  if (!problems.empty()) throw Error(std::move(problems));
+  return model;
+}
+
+}  // namespace
+
+ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& settings,
+                                     const Kernel* kernel)
+    : model_(checked(model, settings)), settings_(settings), mechanism_(model, settings, kernel) {
+  if (settings.effects.has(model::Effect::wrist_motion))
+    for (std::size_t i = 0; i < model.drives.size(); ++i) drives_.push_back(static_cast<int>(i));
+  for (const Cut& cut : mechanism_.topology().cuts)
+    for (const model::JointAxis& axis : model.joints[static_cast<std::size_t>(cut.joint)].axes)
+      if (has_forces(axis, settings.effects))
+        throw input_error(model.joints[static_cast<std::size_t>(cut.joint)].name,
+                          "a stop or tissue on every joint of a loop", "one joint of each loop without");
+  if (!mechanism_.topology().cuts.empty()) loops_ = std::make_unique<Loops>(model, mechanism_);
+  if (smooth(settings)) smooth_ = std::make_unique<Smooth>(model, settings, mechanism_, loops_.get());
+  saved_.resize(mechanism_.q().size() + mechanism_.u().size());
+  saved_bases_.reserve(drives_.size());
+  targets_.resize(drives_.size());
+  state_ = model::initial_state(model);
+  double gap = 0;
+  for (const model::Joint& joint : model.joints) gap = std::max(gap, model::joint_gap(joint, state_));
+  start(state_);
+  if (gap > kMovedGap)
+    notes_.push_back(fmt::format("the start was moved to close a joint gap of {:g} m", gap));
+}
+
+void ArticulatedEngine::start(const model::State& state) {
+  model::State next = state;
+  // What no drive moves among kinematic bodies stands still.
+  std::vector<bool> driven(model_.bodies.size(), false);
+  for (const int drive : drives_)
+    driven[static_cast<std::size_t>(model_.drives[static_cast<std::size_t>(drive)].body)] = true;
+  for (std::size_t i = 0; i < next.bodies.size(); ++i)
+    if (model_.bodies[i].kinematic && !driven[i]) next.bodies[i].v = next.bodies[i].w = Vec3::Zero();
+  mechanism_.take(next);
+  mechanism_.forget_contacts();
+  mechanism_.kernel().kinematics(mechanism_.tree());
+  if (loops_ && !(loops_->close() < kOpen))
+    throw input_error("state", "loops that are open", "joints that can all be closed");
+  time_ = next.time;
+  state_ = std::move(next);
+  fresh_ = false;
+}
+
+const model::State& ArticulatedEngine::state() const {
+  if (fresh_) return state_;
+  mechanism_.give(state_);
+  for (const int drive : drives_) {
+    const int body = model_.drives[static_cast<std::size_t>(drive)].body;
+    const BaseMotion& base = mechanism_.base(body);
+    state_.bodies[static_cast<std::size_t>(body)] = {base.pose.p, base.pose.q, base.v, base.w};
+  }
+  state_.time = time_;
+  fresh_ = true;
+  return state_;
+}
+
+void ArticulatedEngine::set_state(const model::State& state) {
+  if (failure_) throw Error(*failure_);
+  require_state(model_, state);
+  const model::State before = this->state();
+  try {
+    start(state);
+  } catch (const Error&) {
+    // Nothing is taken over.
+    start(before);
+    throw;
+  }
+}
+
+void ArticulatedEngine::accept(const StepInput& input) {
+  if (!input.torques.empty() || had_torques_) {
+    if (!input.torques.empty())
+      if (auto fault = torque_fault(model_, time_, input.torques)) fail(std::move(*fault));
+    for (const Cut& cut : mechanism_.topology().cuts) {
+      const model::Joint& joint = model_.joints[static_cast<std::size_t>(cut.joint)];
+      for (int k = 0; k < dof_count(joint.kind) && !input.torques.empty(); ++k)
+        if (input.torques[static_cast<std::size_t>(joint.first_dof) + static_cast<std::size_t>(k)] != 0)
+          throw input_error("torques." + joint.name, "a torque on the joint that the loop is cut at",
+                            "a torque on another joint of the loop");
+    }
+    mechanism_.set_torques(input.torques);
+    had_torques_ = !input.torques.empty();
+  }
+  const bool fits =
+      input.servos.empty() || (settings_.effects.has(model::Effect::actuation) &&
+                               input.servos.size() == static_cast<std::size_t>(model_.dof_count()));
+  if (!fits || !mechanism_.set_servos(input.servos, smooth(settings_)))
+    if (auto fault = servo_fault(model_, settings_, time_, input.servos)) fail(std::move(*fault));
+}
+
+/// Gives driven bodies the constant velocities of a step that ends at a time. False where all of them stand
+/// still.
+bool ArticulatedEngine::aim_bases(double end) {
+  const double h = settings_.step;
+  bool moving = false;
+  for (std::size_t i = 0; i < drives_.size(); ++i) {
+    const model::Drive& drive = model_.drives[static_cast<std::size_t>(drives_[i])];
+    BaseMotion& base = mechanism_.base(drive.body);
+    targets_[i] = drive.motion.at(end) * drive.frame.inverse();
+    const Vec3 v = (targets_[i].p - base.pose.p) / h;
+    const Vec3 w = rotation_vector(targets_[i].q * base.pose.q.conjugate()) / h;
+    moving = moving || !v.isZero(0) || !w.isZero(0) || !base.v.isZero(0) || !base.w.isZero(0) ||
+             !base.dv.isZero(0) || !base.dw.isZero(0);
+    base.dv = (v - base.v) / h;
+    base.dw = (w - base.w) / h;
+    base.v = v;
+    base.w = w;
+  }
+  if (!moving) return false;
+  mechanism_.settle_bases();
+  mechanism_.kernel().velocities(mechanism_.tree());
+  return true;
+}
+
+void ArticulatedEngine::place_bases() {
+  for (std::size_t i = 0; i < drives_.size(); ++i)
+    mechanism_.base(model_.drives[static_cast<std::size_t>(drives_[i])].body).pose = targets_[i];
+  mechanism_.settle_bases();
+}
+
+/// Accelerations of a step with the stops and torque limits that they agree with. Returns 1 where none were
+/// found.
+int ArticulatedEngine::solve_step() {
+  const Kernel& kernel = mechanism_.kernel();
+  const Tree& tree = mechanism_.tree();
+  const double h = settings_.step;
+  for (int i = 0; i < kJointCorrections + kSingleCorrections; ++i) {
+    kernel.prepare(tree, h);
+    if (loops_)
+      loops_->solve(h);
+    else
+      kernel.solve(tree);
+    if (kernel.revise(tree, h, i >= kJointCorrections)) return 0;
+  }
+  return 1;
+}
+
+int ArticulatedEngine::step_implicitly(double end) {
+  const Kernel& kernel = mechanism_.kernel();
+  const Tree& tree = mechanism_.tree();
+  const bool moving = aim_bases(end);
+  const int failures = solve_step();
+  kernel.integrate(tree, settings_.step);
+  if (moving) place_bases();
+  check(kernel.kinematics(tree) && (!loops_ || loops_->close() < kOpen), end);
+  return failures;
+}
+
+StepReport ArticulatedEngine::step(const StepInput& input) {
+  if (failure_) throw Error(*failure_);
+  accept(input);
+  const double end = next_time(time_, settings_.step);
+  StepReport report;
+  save();
+  if (smooth_)
+    check(smooth_->advance(time_, end), end);
+  else
+    report.lcp_failures = step_implicitly(end);
+  if (settings_.effects.has(model::Effect::joint_stops)) report.stop_rows = mechanism_.stops_in_force();
+  time_ = end;
+  fresh_ = false;
+  return report;
+}
+
+void ArticulatedEngine::check(bool sound, double time) {
+  if (sound) return;
+  model::State bad = state_;
+  mechanism_.give(bad);
+  PhysicsFault fault{time, "the model", "motion",
+                     loops_ ? "a loop cannot be held closed, or the motion is not smooth: use a smaller step"
+                            : "too fast or not smooth enough to go on: use a smaller step or weaker torques"};
+  for (std::size_t i = 1; i < bad.bodies.size(); ++i) {
+    if (model_.bodies[i].kinematic) continue;
+    const model::BodyState& body = bad.bodies[i];
+    // Written so that NaN fails.
+    const bool slow = body.v.norm() <= kMaxSpeed;
+    if (slow && body.w.norm() <= kMaxAngularSpeed) continue;
+    fault.where = model_.bodies[i].name;
+    fault.quantity = slow ? "angular speed [rad/s]" : "speed [m/s]";
+    fault.detail = fmt::format("{:g} is beyond {:g}: use a smaller step, or weaker gains or torques",
+                               slow ? body.w.norm() : body.v.norm(), slow ? kMaxAngularSpeed : kMaxSpeed);
+    break;
+  }
+  restore();
+  fail(std::move(fault));
+}
+
+void ArticulatedEngine::save() {
+  const std::span<double> q = mechanism_.q(), u = mechanism_.u();
+  std::copy(q.begin(), q.end(), saved_.begin());
+  std::copy(u.begin(), u.end(), saved_.begin() + static_cast<std::ptrdiff_t>(q.size()));
+  saved_bases_.clear();
+  for (const int drive : drives_)
+    saved_bases_.push_back(mechanism_.base(model_.drives[static_cast<std::size_t>(drive)].body));
+}
+
+/// Back to before the step: state() stays the last good one.
+void ArticulatedEngine::restore() {
+  const std::span<double> q = mechanism_.q(), u = mechanism_.u();
+  std::copy_n(saved_.begin(), q.size(), q.begin());
+  std::copy(saved_.begin() + static_cast<std::ptrdiff_t>(q.size()), saved_.end(), u.begin());
+  for (std::size_t i = 0; i < drives_.size(); ++i)
+    mechanism_.base(model_.drives[static_cast<std::size_t>(drives_[i])].body) = saved_bases_[i];
+  mechanism_.settle_bases();
+  mechanism_.kernel().kinematics(mechanism_.tree());
+}
+
+void ArticulatedEngine::fail(PhysicsFault fault) {
+  state();
+  failure_.emplace(std::move(fault));
+  throw Error(*failure_);
+}
+
+std::string ArticulatedEngine::version() const {
+  return fmt::format("articulated, {}", mechanism_.kernel().name);
+}
+
+std::unique_ptr<Engine> make(const model::Model& model, const Settings& settings) {
+  return std::make_unique<ArticulatedEngine>(model, settings);
+}
+
+}  // namespace handsim::engine::articulated

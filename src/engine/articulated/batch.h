@@ -1,0 +1,150 @@
+// What the recursive algorithms work on: nodes of one kind and one depth side by side, W to a batch, every
+// quantity an array of W lanes, so that the five fingers of a hand are one pass of the vector unit. Plain
+// data, the same for every instruction set.
+//
+// All spatial vectors are in world axes about the origin O of their island (Featherstone 2008, section 2.1,
+// p. 7: Plucker coordinates), angular part first: nothing has to be transformed from link to link. O is where
+// the island's reference node has its joint, so that distances stay as small as the mechanism.
+#pragma once
+
+namespace handsim::engine::articulated {
+
+enum class NodeKind {
+  revolute,   ///< a hinge, or one axis of a universal joint
+  prismatic,  ///< a slider
+  ball,
+  free,  ///< a body that hangs on nothing
+};
+
+/// Rates of a node.
+constexpr int rate_count(NodeKind kind) {
+  constexpr int counts[] = {1, 1, 3, 6};
+  return counts[static_cast<int>(kind)];
+}
+/// Numbers that hold its position: for a ball a quaternion x, y, z, w, for a free body p and a quaternion.
+constexpr int position_count(NodeKind kind) {
+  constexpr int counts[] = {1, 1, 4, 7};
+  return counts[static_cast<int>(kind)];
+}
+
+template <int W>
+using Lane = double[W];
+
+/// A link's motion, as its children need it.
+template <int W>
+struct alignas(64) Frame {
+  Lane<W> quat[4];  ///< q_WL: x, y, z, w
+  Lane<W> R[9];     ///< the same as a matrix, rows first
+  Lane<W> p[3];     ///< centre of mass from O [m]
+  Lane<W> v[6];     ///< spatial velocity
+  Lane<W> a[6];     ///< spatial acceleration, less gravity's
+};
+
+/// Forces across the single coordinate of each node of a batch.
+template <int W>
+struct alignas(64) Axis {
+  // Constant: passive tissue; a stop, infinite where there is none.
+  Lane<W> stiffness, damping, rest;
+  Lane<W> low, high, bounce;
+  Lane<W> present;  ///< 1 where the lane has a node, else 0
+  // Of the step.
+  Lane<W> tau;  ///< plain torque [N m] or [N]
+  Lane<W> servo_stiffness, servo_damping, servo_error, servo_feed, servo_limit;
+  // Kept from step to step: what the solution found in force.
+  Lane<W> side;       ///< -1 on the low stop, 1 on the high one, else 0
+  Lane<W> saturated;  ///< -1, 1: the servo is at its limit, else 0
+  // Into the solution.
+  Lane<W> force;     ///< generalised force [N m] or [N]
+  Lane<W> weight;    ///< added to the joint-space inertia
+  Lane<W> locked;    ///< 1: the acceleration is `given`
+  Lane<W> given;     ///< [1/s^2 times the coordinate's unit]
+  Lane<W> reaction;  ///< out: force of the lock
+};
+
+enum class ParentLink {
+  base,      ///< parents' motion stands in a Frame of the batch's own
+  aligned,   ///< lane by lane the children of one batch
+  gathered,  ///< each lane has its own
+};
+
+/// Nodes of one kind and one depth. Lanes without a node are a unit inertia at rest.
+template <int W>
+struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding): the lanes have to come first
+  // Constants of topology.h.
+  Lane<W> before[4], turned[4], direction[3], anchor[3], arm[3], mass, inertia[3];
+  // Of the position.
+  Lane<W> S[6];  ///< the joint's motion axis; nodes of one rate
+  Lane<W> h[3];  ///< mass times p
+  Lane<W> I[6];  ///< rotational inertia about O: xx, xy, xz, yy, yz, zz
+  // Of the velocity.
+  Lane<W> c[6];   ///< velocity-product acceleration
+  Lane<W> pv[6];  ///< velocity-product force v x* I v
+  // What children hand down: A angular block (as I), B coupling (rows first), C linear block, p force.
+  Lane<W> A[6], B[9], C[6], p[6];
+  Lane<W> U[6], weighted, inverse, u_force,
+      rate;  ///< U, D with its weight, 1/D, u, and du apart from the parent's
+  Frame<W> frame;
+  // Last, so that every Lane is aligned.
+  NodeKind kind;
+  ParentLink link;
+  bool has_children;
+  bool massless;  ///< no lane has a body
+  int parent;     ///< batch; of Base frames where link is base
+  int parent_batch[W], parent_lane[W];
+  int used;  ///< lanes with a node
+  int q, u;  ///< first position and rate
+  int axis;  ///< index of its Axis or Joint3
+};
+
+/// The larger blocks of ball and free nodes.
+template <int W>
+struct alignas(64) Joint3 {
+  Lane<W> after[4];
+  Lane<W> S[6][6];  ///< S[column][row], rate_count columns
+  Lane<W> U[6][6];
+  Lane<W> D[6][6];  ///< Cholesky factor of S^T U, diagonal inverted
+  Lane<W> tau[6], rate[6];
+};
+
+/// A tree in lanes of width W; arrays of Batch<W>, Axis<W>, Joint3<W>, Frame<W>.
+struct Tree {
+  int batches = 0;
+  void* batch = nullptr;
+  void* axis = nullptr;
+  void* joint3 = nullptr;
+  void* base = nullptr;
+  int rates = 0, positions = 0;        ///< sizes of the arrays below, all lanes counted
+  double* q = nullptr;                 ///< positions, [batch][component][lane]
+  double* u = nullptr;                 ///< rates
+  double* du = nullptr;                ///< accelerations
+  double max_speed = 0, max_turn = 0;  ///< bounds of every link [m/s], [rad/s]
+  double erp = 1;                      ///< share of an angle beyond its stop that a step brings back
+};
+
+/// The algorithms for one width and instruction set. Same bits from every one of them.
+struct Kernel {
+  const char* name = "";
+  int width = 1;
+  /// Poses, velocities, inertias and velocity products of every link at q, u. False where a speed leaves its
+  /// bounds or is not a number.
+  bool (*kinematics)(const Tree&);
+  /// Only what depends on u.
+  bool (*velocities)(const Tree&);
+  /// Forces, weights and locks of a step [s] that evaluates springs and dampers at its end.
+  void (*prepare)(const Tree&, double step);
+  /// Forces at the very state, without weights or stops.
+  void (*prepare_smooth)(const Tree&);
+  /// du from q, u, forces and weights: the articulated-body algorithm.
+  void (*solve)(const Tree&);
+  /// Compares du with the stops and limits that it was found with and corrects these. `single`: only the
+  /// first one that is wrong. True where nothing was wrong. @param step [s]
+  bool (*revise)(const Tree&, double step, bool single);
+  /// u += h du, then q by u.
+  void (*integrate)(const Tree&, double step);
+  /// Derivatives of q at u.
+  void (*position_rates)(const Tree&, double* out);
+  /// Makes quaternions unit and brings angles into (-pi, pi].
+  void (*normalise)(const Tree&);
+};
+
+}  // namespace handsim::engine::articulated

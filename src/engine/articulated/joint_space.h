@@ -1,0 +1,70 @@
+// The equation of motion in joint space, H(q) du + C(q, u) = tau (Featherstone 2008, eq. 6.1, p. 101), of a
+// mechanism of one lane: inverse dynamics, inertia matrix, its sparse factor, Jacobians. What loops, contacts
+// and comparisons with other engines need; plain forward dynamics needs none of it.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include <Eigen/Dense>
+
+#include "handsim/engine/articulated/mechanism.h"
+
+namespace handsim::engine::articulated {
+
+/// Angular part first, in world axes about the island's origin.
+using Spatial = Eigen::Matrix<double, 6, 1>;
+
+class JointSpace {
+ public:
+  /// @param mechanism of one lane; must outlive this. All below speak of where its `kinematics` last found
+  /// it, its
+  ///        rates and its bases' motion. Rates are in the order of Mechanism::u().
+  explicit JointSpace(Mechanism& mechanism);
+
+  int size() const { return n_; }
+
+  /// tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3, Table 5.1, p. 96).
+  /// Gravity and the bases' accelerations included; leaves each node's acceleration for `acceleration`.
+  void inverse_dynamics(std::span<const double> du, std::span<double> tau);
+  /// H by the composite-rigid-body algorithm (section 6.2, Table 6.2, p. 107), into `inertia()`.
+  void find_inertia();
+  /// Entry (i, j), j <= i; zero where neither dof carries the other.
+  double inertia(int i, int j) const { return H_[index(i, j)]; }
+  void add_to_diagonal(int i, double weight) { H_[index(i, i)] += weight; }
+  /// H = L^T L in place, without fill-in outside the branches (section 6.5, Table 6.3, p. 114).
+  void factor();
+  /// x = L^-T x, then x = L^-1 x: together H^-1.
+  void solve_transposed(std::span<double> x) const;
+  void solve_factor(std::span<double> x) const;
+
+  /// Adds sign * J^T-row of a wrench on a node: out[i] += sign * S_i . wrench for every dof that carries the
+  /// node.
+  void add_row(int node, const Spatial& wrench, double sign, std::span<double> out) const;
+  /// What the square of that row, by the inverse inertia, could come to; after `factor`. A row far below it
+  /// is zero but for rounding.
+  double row_scale(int node, const Spatial& wrench) const;
+  /// Spatial velocity of a node.
+  Spatial velocity(int node) const;
+  /// Spatial acceleration of a node, less gravity's, as `inverse_dynamics` last left it.
+  Spatial acceleration(int node) const { return a_[static_cast<std::size_t>(node)]; }
+  /// Jacobian [3 x size] of the velocity of a point of a node [m, world axes from the island's origin].
+  Eigen::Matrix3Xd point_jacobian(int node, const Vec3& point) const;
+
+ private:
+  std::size_t index(int i, int j) const {
+    return static_cast<std::size_t>(i) * static_cast<std::size_t>(n_) + static_cast<std::size_t>(j);
+  }
+  Spatial axis(int dof) const;
+
+  Mechanism& mechanism_;
+  int n_ = 0;
+  std::vector<int> first_, last_;  ///< dofs of each node
+  std::vector<int> parent_dof_;    ///< lambda of each dof, or -1
+  std::vector<int> node_of_;       ///< of each dof
+  std::vector<double> H_;
+  std::vector<Spatial> a_, f_, S_;
+  std::vector<Eigen::Matrix<double, 6, 6>> composite_;
+};
+
+}  // namespace handsim::engine::articulated

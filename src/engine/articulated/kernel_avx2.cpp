@@ -1,0 +1,12 @@
+// Built with -mavx2; run only where the processor has it.
+#include "handsim/engine/articulated/kernel.h"
+#include "handsim/engine/articulated/kernel_table.h"
+
+namespace handsim::engine::articulated {
+
+using Number = stdx::native_simd<double>;
+static_assert(Number::size() == 4);
+
+const Kernel kAvx2Kernel = Lanes<Number>::kernel("4 lanes (AVX2)");
+
+}  // namespace handsim::engine::articulated

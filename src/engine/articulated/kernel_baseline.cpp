@@ -1,0 +1,13 @@
+// The kernels that every machine of the architecture runs: one lane, and the narrowest vector register.
+#include "handsim/engine/articulated/kernel.h"
+#include "handsim/engine/articulated/kernel_table.h"
+
+namespace handsim::engine::articulated {
+
+const Kernel kScalarKernel = Lanes<double>::kernel("1 lane");
+
+using Number = stdx::native_simd<double>;
+
+const Kernel kBaselineKernel = Lanes<Number>::kernel("vector unit of the build");
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,13 @@
+// The kernels of this build, each in a file of its own instruction set.
+#pragma once
+
+#include "handsim/engine/articulated/batch.h"
+
+namespace handsim::engine::articulated {
+
+extern const Kernel kScalarKernel;
+extern const Kernel kBaselineKernel;
+extern const Kernel kAvx2Kernel;
+extern const Kernel kAvx512Kernel;
+
+}  // namespace handsim::engine::articulated

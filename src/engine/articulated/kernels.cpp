@@ -1,0 +1,38 @@
+#include <vector>
+
+#include "handsim/engine/articulated/kernel_table.h"
+#include "handsim/engine/articulated/lanes.h"
+
+namespace handsim::engine::articulated {
+
+std::vector<const Kernel*> kernels() {
+  std::vector<const Kernel*> out = {&kScalarKernel};
+  if (kBaselineKernel.width > 1) out.push_back(&kBaselineKernel);
+#if defined(HANDSIM_X86_KERNELS)
+  if (__builtin_cpu_supports("avx2")) out.push_back(&kAvx2Kernel);
+  if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
+      __builtin_cpu_supports("avx512vl"))
+    out.push_back(&kAvx512Kernel);
+#endif
+  return out;
+}
+
+const Kernel& choose_kernel(const std::vector<int>& level_sizes) {
+  const Kernel* best = &kScalarKernel;
+  double least = 0;
+  for (const Kernel* kernel : kernels()) {
+    // A wider batch costs somewhat more: more cache lines, slower divisions.
+    double cost = 0;
+    for (const int size : level_sizes) {
+      const int batches = (size + kernel->width - 1) / kernel->width;
+      cost += batches;
+    }
+    cost *= 1 + 0.06 * (kernel->width - 1);
+    if (kernel->width > 1 && !(cost < least)) continue;
+    best = kernel;
+    least = cost;
+  }
+  return *best;
+}
+
+}  // namespace handsim::engine::articulated

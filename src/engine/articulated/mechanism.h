@@ -1,0 +1,105 @@
+// A model's moving bodies in reduced coordinates: the tree in lanes, what moves its bases, and the ways
+// between body poses and joint coordinates. Knows no method of integration and holds no loop together.
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "handsim/engine/articulated/lanes.h"
+#include "handsim/engine/articulated/topology.h"
+
+namespace handsim::engine::articulated {
+
+/// How a kinematic body moves at a moment: world axes.
+struct BaseMotion {
+  Pose pose;
+  Vec3 v = Vec3::Zero(), w = Vec3::Zero();    ///< [m/s], [rad/s]
+  Vec3 dv = Vec3::Zero(), dw = Vec3::Zero();  ///< accelerations [m/s^2], [rad/s^2]
+};
+
+/// Where a node stands among the lanes.
+struct Seat {
+  int batch = 0, lane = 0;
+  std::size_t q = 0, u = 0;  ///< of its first position and rate; the next are `stride` further on
+};
+
+class Mechanism {
+ public:
+  /// The model must outlive this. @param kernel null: the fastest for the model.
+  Mechanism(const model::Model& model, const Settings& settings, const Kernel* kernel = nullptr);
+
+  const Vec3& gravity() const { return gravity_; }  ///< zero without the effect [m/s^2]
+  const Topology& topology() const { return topology_; }
+  const Kernel& kernel() const { return *kernel_; }
+  const Tree& tree() const { return tree_; }
+  const Seat& seat(std::size_t node) const { return seats_[node]; }
+  std::size_t stride() const { return static_cast<std::size_t>(kernel_->width); }
+  /// Positions, rates and accelerations in the tree's order, empty lanes included.
+  std::span<double> q() { return {tree_.q, static_cast<std::size_t>(tree_.positions)}; }
+  std::span<double> u() { return {tree_.u, static_cast<std::size_t>(tree_.rates)}; }
+  std::span<double> du() { return {tree_.du, static_cast<std::size_t>(tree_.rates)}; }
+
+  /// Sets positions and rates to a state's, and the bases to where the state has them, at its velocities.
+  void take(const model::State& state);
+  /// Writes poses and velocities of all moving bodies, as `kinematics` last found them.
+  void give(model::State& state) const;
+
+  /// How a kinematic body moves; `settle_bases` brings it to the tree.
+  BaseMotion& base(int body) { return bases_[static_cast<std::size_t>(body)]; }
+  const BaseMotion& base(int body) const { return bases_[static_cast<std::size_t>(body)]; }
+  void settle_bases();
+  /// An island's origin in the world; of a free one, where its positions have it.
+  Vec3 origin(int island) const;
+
+  /// Plain joint torques, size model.dof_count() or empty.
+  void set_torques(std::span<const double> torques);
+  /// Servo drives, size model.dof_count() or empty; where one of them is not sound nothing is promised.
+  /// @param absolute servos hold on to where they aim in the midst of the step, too. True where all are
+  /// sound.
+  bool set_servos(std::span<const model::Servo> servos, bool absolute);
+  /// Stops in force.
+  int stops_in_force() const;
+  /// Forgets which stops and torque limits were in force.
+  void forget_contacts();
+
+ private:
+  template <int W>
+  struct In;  ///< the same for one width
+
+  struct AlignedDelete {
+    void operator()(void* memory) const;
+  };
+  /// A body that a node carries.
+  struct Carried {
+    int body = 0, node = 0;
+    Quat q_LB = Quat::Identity();
+  };
+  /// A coordinate that a torque or servo may act on.
+  struct Driven {
+    std::size_t dof = 0;
+    int batch = 0, axis = 0, lane = 0;
+  };
+
+  void* allocate(std::size_t bytes);
+  void seat_nodes(const Settings& settings);
+  void take_node(const Node& node, const Seat& seat, const model::State& state);
+
+  const model::Model& model_;
+  Vec3 gravity_;
+  Topology topology_;
+  const Kernel* kernel_;
+  std::vector<std::unique_ptr<void, AlignedDelete>> memory_;
+  Tree tree_;
+  std::vector<std::vector<int>> chunks_;  ///< nodes of each batch
+  int axes_ = 0, joints3_ = 0, base_frames_ = 0;
+  std::vector<Seat> seats_;
+  std::vector<Carried> carried_;
+  std::vector<Driven> driven_;     ///< single coordinates
+  std::vector<int> balls_;         ///< nodes
+  std::vector<BaseMotion> bases_;  ///< as Model::bodies
+  bool servos_at_rest_ = true;
+};
+
+}  // namespace handsim::engine::articulated

@@ -1,0 +1,46 @@
+// Motion without stops as an ordinary differential equation in joint coordinates, by Runge-Kutta methods;
+// loops are held by their constraint forces and made whole again after every step of the method.
+#pragma once
+
+#include "handsim/engine/articulated/loops.h"
+#include "handsim/engine/articulated/runge_kutta.h"
+
+namespace handsim::engine::articulated {
+
+class Smooth {
+ public:
+  /// @param loops null where there is none. All must outlive this.
+  Smooth(const model::Model& model, const Settings& settings, Mechanism& mechanism, Loops* loops);
+
+  /// Carries positions and rates, and the bases with their drives, from one time to another [s]; forces are
+  /// as they were last set. Leaves the kinematics found. False where a speed left its bounds or the method
+  /// could not go on.
+  bool advance(double from, double to);
+  /// Evaluations of the equation of motion so far.
+  long evaluations() const { return evaluations_; }
+
+ private:
+  bool slope(double t, std::span<const double> y, std::span<double> out);
+  void accelerate();
+  void place_bases(double t, model::KeySide side);
+  void kick(double t);
+  double next_key(double t) const;
+  bool cross(double from, double to);
+  bool adapt(double from, double to);
+  bool settle();
+
+  const model::Model& model_;
+  Settings settings_;
+  Mechanism& mechanism_;
+  Loops* loops_;
+  RungeKutta method_;
+  std::vector<double> y_, next_;  ///< positions, then rates
+  std::vector<double> before_;
+  std::vector<BaseMotion> bases_before_;
+  double size_ = 0;   ///< step that the error control is at [s]; 0: none yet
+  double limit_ = 0;  ///< end of the stretch without keyframes [s]
+  long evaluations_ = 0;
+  bool driven_ = false;
+};
+
+}  // namespace handsim::engine::articulated

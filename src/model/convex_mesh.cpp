@@ -1,0 +1,107 @@
+#include "handsim/model/convex_mesh.h"
+
+#include <algorithm>
+#include <limits>
+#include <map>
+
+namespace handsim::model {
+
+namespace {
+
+/// Unit normal of a polygon by Newell's sum, which takes no one corner's word for it.
+Vec3 polygon_normal(const std::vector<Vec3>& vertices, const std::vector<int>& corners) {
+  const auto at = [&](std::size_t i) {
+    return vertices[static_cast<std::size_t>(corners[i % corners.size()])];
+  };
+  Vec3 sum = Vec3::Zero();
+  for (std::size_t i = 1; i + 1 < corners.size(); ++i) sum += (at(i) - at(0)).cross(at(i + 1) - at(0));
+  return sum.normalized();
+}
+
+struct Integrals {
+  double volume = 0;
+  Vec3 first = Vec3::Zero();   ///< of x
+  Mat3 second = Mat3::Zero();  ///< of x x^T
+};
+
+/// Over the tetrahedra of the origin and each triangle a, b, c of the fans: with s = a + b + c,
+/// V = det/6, int x = V s/4, int x x^T = V/20 (a a^T + b b^T + c c^T + s s^T).
+Integrals integrate(const std::vector<Vec3>& vertices, const std::vector<std::vector<int>>& faces) {
+  Integrals sum;
+  for (const std::vector<int>& corners : faces)
+    for (std::size_t i = 1; i + 1 < corners.size(); ++i) {
+      const Vec3& a = vertices[static_cast<std::size_t>(corners[0])];
+      const Vec3& b = vertices[static_cast<std::size_t>(corners[i])];
+      const Vec3& c = vertices[static_cast<std::size_t>(corners[i + 1])];
+      const double volume = a.dot(b.cross(c)) / 6;
+      const Vec3 s = a + b + c;
+      sum.volume += volume;
+      sum.first += volume / 4 * s;
+      sum.second +=
+          volume / 20 * (a * a.transpose() + b * b.transpose() + c * c.transpose() + s * s.transpose());
+    }
+  return sum;
+}
+
+void add_edges(ConvexMesh& mesh, const std::vector<std::vector<int>>& faces) {
+  std::map<std::pair<int, int>, int> left;
+  for (std::size_t f = 0; f < faces.size(); ++f)
+    for (std::size_t i = 0; i < faces[f].size(); ++i)
+      left[{faces[f][i], faces[f][(i + 1) % faces[f].size()]}] = static_cast<int>(f);
+  for (const auto& [ends, face] : left) {
+    const auto twin = left.find({ends.second, ends.first});
+    if (ends.first < ends.second && twin != left.end())
+      mesh.edges.push_back({ends.first, ends.second, face, twin->second});
+  }
+}
+
+}  // namespace
+
+double ConvexMesh::support(const Vec3& n) const {
+  double most = -std::numeric_limits<double>::infinity();
+  for (const Vec3& vertex : vertices) most = std::max(most, n.dot(vertex));
+  return most;
+}
+
+ConvexMesh make_convex_mesh(std::vector<Vec3> vertices, const std::vector<std::vector<int>>& faces,
+                            Vec3& centroid) {
+  // From a point inside first: far from the origin the sums would cancel.
+  const Vec3 inside = Eigen::Map<const Eigen::Matrix3Xd>(vertices.front().data(), 3,
+                                                         static_cast<Eigen::Index>(vertices.size()))
+                          .rowwise()
+                          .mean();
+  for (Vec3& vertex : vertices) vertex -= inside;
+  const Integrals about_inside = integrate(vertices, faces);
+  const Vec3 shift = about_inside.first / about_inside.volume;
+  for (Vec3& vertex : vertices) vertex -= shift;
+  centroid = inside + shift;
+
+  ConvexMesh mesh;
+  const Integrals sums = integrate(vertices, faces);
+  mesh.volume = sums.volume;
+  const Mat3 spread = sums.second / sums.volume;
+  mesh.unit_inertia = spread.trace() * Mat3::Identity() - 0.5 * (spread + spread.transpose());
+  mesh.vertices = std::move(vertices);
+  for (const std::vector<int>& corners : faces) {
+    const Vec3 n = polygon_normal(mesh.vertices, corners);
+    mesh.planes.emplace_back(n.x(), n.y(), n.z(), mesh.support(n));
+    mesh.loop_starts.push_back(static_cast<int>(mesh.loops.size()));
+    mesh.loops.push_back(static_cast<unsigned>(corners.size()));
+    for (const int corner : corners) mesh.loops.push_back(static_cast<unsigned>(corner));
+  }
+  add_edges(mesh, faces);
+  for (const Vec3& vertex : mesh.vertices) mesh.reach = std::max(mesh.reach, vertex.norm());
+  return mesh;
+}
+
+ConvexMesh box_polyhedron(const Vec3& edges) {
+  std::vector<Vec3> corners;
+  for (int i = 0; i < 8; ++i)
+    corners.push_back(0.5 * edges.cwiseProduct(Vec3(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1)));
+  Vec3 centroid;
+  return make_convex_mesh(
+      std::move(corners),
+      {{1, 3, 7, 5}, {0, 4, 6, 2}, {2, 6, 7, 3}, {0, 1, 5, 4}, {4, 5, 7, 6}, {0, 2, 3, 1}}, centroid);
+}
+
+}  // namespace handsim::model

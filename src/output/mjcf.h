@@ -1,0 +1,23 @@
+// A Model as MJCF, the model file of MuJoCo: bodies, joints with ranges and tissue, shapes, what may touch
+// what, masses, a motor on every axis, the start as keyframe `initial`. A pure function of the model and the
+// settings.
+#pragma once
+
+#include <string>
+
+#include "handsim/model/model.h"
+#include "handsim/model/solver.h"
+
+namespace handsim::output {
+
+/// Body frames are the model's (origin at the centre of mass), angles in radians, all digits kept. Joint axes
+/// become joints named `joint.axis`; a ball joint keeps its name; motors have the name of their joint.
+/// Without joint_stops no joint is limited, without passive_tissue none is stiff, without gravity there is
+/// none. Kinematic bodies stand still where they start; driven ones are mocap bodies. Loops are closed by
+/// `connect`: MuJoCo's are soft.
+/// @throws Error (input) for what MJCF cannot say: loops closed by universal or slider joints, more than 32
+/// contact
+///         groups.
+std::string to_mjcf(const model::Model& model, const model::SolverSettings& settings);
+
+}  // namespace handsim::output

@@ -1,0 +1,51 @@
+// Contact forces summed up by finger and by the pair of things that touch, over a run.
+#pragma once
+
+#include <map>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "handsim/engine/engine.h"
+
+namespace handsim::simulation {
+
+/// Forces between two things, or on a finger from all that it touches.
+struct ContactSum {
+  int contacts = 0;           ///< points at the last step
+  Vec3 force = Vec3::Zero();  ///< on the first of the two (the finger) at the last step, world [N]
+  double normal = 0;          ///< normal forces of the points, added up, at the last step [N]
+  double friction = 0;        ///< sizes of their friction forces, added up, at the last step [N]
+  double normal_time = 0;     ///< integral of `normal` over the run [N s]
+  double largest_normal = 0;  ///< of all steps [N]
+  double largest_at = 0;      ///< its time [s]
+};
+
+class ContactSums {
+ public:
+  /// Names the things of the model: fingers and palm of each hand (`right.index`), objects whole, the ground,
+  /// bodies of a mechanism.
+  explicit ContactSums(const model::Model& model);
+
+  /// Takes in the contacts of a step of this length that ends at a time [s].
+  void look(std::span<const engine::Contact> contacts, double time, double step);
+
+  using Pair = std::pair<std::string, std::string>;
+  /// Things that have touched, by name; the force is on the first of a pair.
+  std::vector<std::pair<Pair, ContactSum>> pairs() const;
+  /// Fingers and palms that have touched anything.
+  std::vector<std::pair<std::string, ContactSum>> fingers() const;
+  /// Of the run so far [s].
+  double time() const { return time_; }
+
+ private:
+  std::vector<std::string> things_;                                  ///< by index, in the order of the shapes
+  std::vector<std::size_t> thing_;                                   ///< of each shape
+  std::vector<bool> is_finger_;                                      ///< of each thing
+  std::map<std::pair<std::size_t, std::size_t>, ContactSum> pairs_;  ///< lower index first
+  std::map<std::size_t, ContactSum> fingers_;
+  double time_ = 0;
+};
+
+}  // namespace handsim::simulation

@@ -1,0 +1,218 @@
+// Smooth and falling motion on the articulated engine: conservation, and engines that share nothing but the
+// Model.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "engine/models.h"
+#include "handsim/hand/build.h"
+#include "handsim/model/energy.h"
+
+namespace handsim::engine {
+namespace {
+
+using model::Effect;
+using test::settings;
+
+/// A shipped hand, gravity across it.
+model::Model shipped_hand(const char* name, hand::Mount mount) {
+  YamlNode node = load_yaml(std::string(HANDSIM_SOURCE_DIR "/handmodels/") + name);
+  Diagnostics diagnostics;
+  const hand::HandSpec spec = hand::read_hand_spec(node, "", diagnostics);
+  diagnostics.throw_if_any();
+  hand::Person person;
+  person.stature = 1.755;
+  person.mass = 84.5;
+  person.sex = hand::Sex::male;
+  model::Model model = model::make_model();
+  hand::Placement placement;
+  placement.mount = mount;
+  placement.pose.q = rotation_quaternion({-0.4, 0.3, 0});
+  if (mount == hand::Mount::free) {
+    placement.velocity = Vec3(0.3, 0, 0.5);
+    placement.angular_velocity = Vec3(3, -2, 4);
+  }
+  hand::add_hand(model, hand::build_hand(spec, person), placement);
+  return model;
+}
+
+/// Joint coordinates after 0.2 s of gravity, tissue and small torques on every coordinate.
+std::vector<double> fallen(const model::Model& model, Method method, double step, double tolerance = 1e-10) {
+  Settings with = settings({Effect::gravity, Effect::passive_tissue}, step, method);
+  with.tolerance = tolerance;
+  const auto engine = make_engine(model, with);
+  std::vector<double> torques(static_cast<std::size_t>(model.dof_count()));
+  for (std::size_t i = 0; i < torques.size(); ++i) torques[i] = i % 2 == 0 ? 2e-3 : -1e-3;
+  for (long i = 0; i < std::lround(0.2 / step); ++i) engine->step({torques});
+  return model::coordinates(model, engine->state());
+}
+
+double largest_distance(const std::vector<double>& a, const std::vector<double>& b) {
+  double out = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) out = std::max(out, std::abs(a[i] - b[i]));
+  return out;
+}
+
+/// Twice the finer less the coarser: what first-order results tend to.
+std::vector<double> extrapolated(const std::vector<double>& fine, const std::vector<double>& coarse) {
+  std::vector<double> out(fine.size());
+  for (std::size_t i = 0; i < out.size(); ++i) out[i] = 2 * fine[i] - coarse[i];
+  return out;
+}
+
+class FallingHand : public testing::TestWithParam<std::pair<const char*, hand::Mount>> {
+ protected:
+  model::Model model_ = shipped_hand(GetParam().first, GetParam().second);
+};
+
+// Oracle: the reference engine, in maximal coordinates. 1e-8 rad: the bound.
+TEST_P(FallingHand, FallsAsTheReferenceEngineHasItTo1e8) {
+  const auto reference = fallen(model_, Method::stabilised_gear, 1e-2, 1e-11);
+  EXPECT_LT(largest_distance(fallen(model_, Method::dormand_prince, 1e-2), reference), 1e-8);
+}
+
+// Oracle: the same motion by another order; each method's error falls as its order says.
+TEST_P(FallingHand, ConvergesWithItsMethodsOrders) {
+  const auto reference = fallen(model_, Method::dormand_prince, 1e-2, 1e-11);
+  const auto error = [&](Method method, double h) {
+    return largest_distance(fallen(model_, method, h), reference);
+  };
+  EXPECT_NEAR(std::log2(error(Method::semi_implicit_euler, 2e-4) / error(Method::semi_implicit_euler, 1e-4)),
+              1, 0.1);
+  EXPECT_NEAR(std::log2(error(Method::rk4, 2e-4) / error(Method::rk4, 1e-4)), 4, 0.5);
+}
+
+// Oracle: ODE. Both are of first order, so what their steps tend to must agree as the second.
+TEST_P(FallingHand, TendsToWhatOdeTendsTo) {
+  const auto limit = [&](Method method, double h) {
+    return extrapolated(fallen(model_, method, h), fallen(model_, method, 2 * h));
+  };
+  const auto distance = [&](double h) {
+    return largest_distance(limit(Method::semi_implicit_euler, h), limit(Method::world_step, h));
+  };
+  EXPECT_LT(distance(1e-4), 2e-5);
+  EXPECT_LT(distance(1e-4), 0.35 * distance(2e-4));
+}
+
+INSTANTIATE_TEST_SUITE_P(Hands, FallingHand,
+                         testing::Values(std::pair("anatomical.yaml", hand::Mount::fixed),
+                                         std::pair("anatomical.yaml", hand::Mount::universal),
+                                         std::pair("anatomical.yaml", hand::Mount::free)),
+                         [](const auto& each) { return "N" + std::to_string(each.index); });
+
+// Oracle: conservation. A limp hand swings for 10 s at 1 ms; 1e-8 of the energy it swings with: the issue's
+// bound.
+TEST(ArticulatedMotion, KeepsEnergyForTenSecondsWithRk4) {
+  const model::Model model = shipped_hand("anatomical.yaml", hand::Mount::free);
+  const auto engine = make_engine(model, settings({}, 1e-3, Method::rk4));
+  const double start = model::kinetic_energy(model, engine->state());
+  double worst = 0;
+  for (int i = 0; i < 10000; ++i) {
+    engine->step({});
+    worst = std::max(worst, std::abs(model::kinetic_energy(model, engine->state()) / start - 1));
+  }
+  RecordProperty("relative_energy_error", std::to_string(worst * 1e9) + "e-9");
+  EXPECT_LT(worst, 1e-8);
+}
+
+struct Momentum {
+  Vec3 linear = Vec3::Zero(), angular = Vec3::Zero();
+};
+Momentum momentum(const model::Model& model, const model::State& state) {
+  Momentum out;
+  for (std::size_t i = 1; i < model.bodies.size(); ++i) {
+    const model::BodyState& at = state.bodies[i];
+    const Vec3 p = model.bodies[i].mass * at.v;
+    out.linear += p;
+    out.angular += at.p.cross(p) + at.q * (model.bodies[i].inertia * (at.q.conjugate() * at.w));
+  }
+  return out;
+}
+
+// Oracle: conservation, of a hand with tissue that nothing else touches; relative to the momentum there is.
+TEST(ArticulatedMotion, KeepsTheMomentumOfAFreeHand) {
+  const model::Model model = shipped_hand("anatomical.yaml", hand::Mount::free);
+  Settings with = settings({Effect::passive_tissue}, 1e-2, Method::dormand_prince);
+  with.tolerance = 1e-11;
+  const auto engine = make_engine(model, with);
+  const Momentum start = momentum(model, engine->state());
+  for (int i = 0; i < 200; ++i) engine->step({});
+  const Momentum end = momentum(model, engine->state());
+  EXPECT_LT((end.linear - start.linear).norm(), 1e-10 * start.linear.norm());
+  EXPECT_LT((end.angular - start.angular).norm(), 1e-10 * start.angular.norm());
+}
+
+// Oracle: rigid-body theory, to which the reference engine is held too: a body spinning freely keeps energy.
+TEST(ArticulatedMotion, SpinsAFreeBodyWithoutLoss) {
+  model::Model model = model::make_model();
+  test::add_body(model, test::body("stone", 0.5, {1e-3, 2e-3, 2.5e-3}));
+  model.bodies[1].initial_angular_velocity = Vec3(1, 20, 1);
+  model.bodies[1].initial_velocity = Vec3(1, 2, 3);
+  const auto engine = make_engine(model, settings({Effect::gravity}, 1e-2, Method::dormand_prince));
+  const auto other = make_engine(model, settings({Effect::gravity}, 1e-2, Method::stabilised_gear));
+  test::run(*engine, 100);
+  test::run(*other, 100);
+  EXPECT_LT((engine->state().bodies[1].p - (Vec3(1, 2, 3) + 0.5 * model.gravity)).norm(), 1e-12);
+  EXPECT_LT(engine->state().bodies[1].q.angularDistance(other->state().bodies[1].q), 1e-7);
+}
+
+/// A pendulum under a palm that moves through three keyframes, between steps.
+model::Model carried_pendulum(model::Interpolation interpolation) {
+  model::Model model = model::make_model();
+  model::Body palm = test::body("palm", 0.3, {3e-4, 3e-4, 5e-4});
+  palm.kinematic = true;
+  test::add_body(model, palm);
+  test::add_body(model, test::body("bob", 0.1, {1e-4, 2e-4, 1.5e-4}));
+  test::add_joint(model, "pin", model::JointKind::universal, 1, 2, {Vec3(0.02, 0.1, 0), Quat::Identity()},
+                  {Vec3(0, 0, 0.1), Quat::Identity()}, {Vec3::UnitX(), Vec3::UnitY()});
+  model::Drive drive;
+  drive.body = 1;
+  drive.frame = {Vec3(0, -0.05, 0.01), rotation_quaternion({0.1, 0.2, 0.3})};
+  drive.motion.interpolation = interpolation;
+  drive.motion.keys = {{0, drive.frame},
+                       {0.153, Pose{Vec3(0.1, 0.1, -0.1), rotation_quaternion({0.5, -1, 0.5})}},
+                       {0.3, Pose{Vec3(-0.1, 0, 0.1), rotation_quaternion({-0.7, 0.4, 0.1})}}};
+  model.drives.push_back(drive);
+  return model;
+}
+
+Vec3 carried(model::Interpolation interpolation, Method method, double step) {
+  const model::Model model = carried_pendulum(interpolation);
+  const auto engine = make_engine(model, settings({Effect::gravity, Effect::wrist_motion}, step, method));
+  test::run(*engine, static_cast<int>(std::lround(0.4 / step)));
+  const Pose want = model.drives[0].motion.at(0.4) * model.drives[0].frame.inverse();
+  EXPECT_LT((engine->state().bodies[1].p - want.p).norm(), 1e-12);
+  return engine->state().bodies[2].p;
+}
+
+// Oracle: another engine. A linear motion sets off and turns with jerks.
+TEST(ArticulatedMotion, FollowsDrivenBodiesInEveryMethod) {
+  for (const auto interpolation : {model::Interpolation::minimum_jerk, model::Interpolation::linear}) {
+    const Vec3 want = carried(interpolation, Method::stabilised_gear, 1e-2);
+    EXPECT_LT((carried(interpolation, Method::dormand_prince, 1e-2) - want).norm(), 1e-8);
+    EXPECT_LT((carried(interpolation, Method::rk4, 1e-3) - want).norm(), 1e-7);
+    EXPECT_LT((carried(interpolation, Method::semi_implicit_euler, 1e-4) - want).norm(), 1e-3);
+    EXPECT_LT((carried(interpolation, Method::semi_implicit_euler, 1e-5) - want).norm(), 1e-4);
+  }
+}
+
+// Oracle: going on without stopping.
+TEST(ArticulatedMotion, GoesOnFromASavedState) {
+  const model::Model model = test::five_fingers(true, true);
+  for (const Method method : {Method::semi_implicit_euler, Method::rk4, Method::dormand_prince}) {
+    const auto with = settings({Effect::gravity, Effect::passive_tissue}, 1e-3, method);
+    const auto engine = make_engine(model, with);
+    test::run(*engine, 20);
+    const model::State saved = engine->state();
+    test::run(*engine, 20);
+    const model::State want = engine->state();
+    engine->set_state(saved);
+    EXPECT_EQ(engine->state().time, saved.time);
+    test::run(*engine, 20);
+    EXPECT_LT(largest_distance(model::coordinates(model, engine->state()), model::coordinates(model, want)),
+              1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace handsim::engine

@@ -1,0 +1,234 @@
+// Stops, servos and tissue solved within the articulated engine's step; what it refuses and how it fails.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "engine/models.h"
+
+namespace handsim::engine {
+namespace {
+
+using model::Effect;
+using model::Servo;
+using test::settings;
+
+constexpr double kInertia = 2e-6;  // of a fingertip about its joint [kg m^2]
+constexpr Method kEuler = Method::semi_implicit_euler;
+
+double angle(const model::Model& model, const Engine& engine) {
+  return model::coordinates(model, engine.state())[0];
+}
+double rate(const model::Model& model, const Engine& engine) {
+  return model::rates(model, engine.state())[0];
+}
+
+void drive(const model::Model& model, Engine& engine, Servo servo, double target, int steps) {
+  for (int i = 0; i < steps; ++i) {
+    servo.error = target - angle(model, engine);
+    engine.step({.servos = std::span(&servo, 1)});
+  }
+}
+
+model::Model hinge(std::optional<model::Stop> stop = std::nullopt) {
+  model::Model model = test::hinged_body(0, {kInertia, kInertia, kInertia});
+  model.joints[0].axes[0].stop = stop;
+  return model;
+}
+
+// Oracle: the implicit spring-damper's recurrence, I (v+ - v) = h (k (target - x - h v+) - c v+), x+ = x + h
+// v+. 1e-12: rounding of 500 steps.
+TEST(ArticulatedServo, FollowsTheImplicitRecurrence) {
+  const double w = 2 * M_PI * 8, k = kInertia * w * w, c = 2 * kInertia * w;
+  for (const double h : {1e-3, 5e-3, 1e-2, 2e-2}) {
+    const model::Model model = hinge();
+    const auto engine = make_engine(model, settings({Effect::actuation}, h, kEuler));
+    double x = 0, v = 0;
+    for (int i = 0; i < 500; ++i) {
+      const double target = 0.7 * std::sin(0.01 * i);
+      v = (v + h / kInertia * k * (target - x)) / (1 + h / kInertia * (h * k + c));
+      x += h * v;
+      drive(model, *engine, {k, c, 0, 0, 10}, target, 1);
+      ASSERT_NEAR(angle(model, *engine), x, 1e-12) << h;
+    }
+  }
+}
+
+// Oracle: closed form: at the limit the hinge turns with constant acceleration, and below it not.
+TEST(ArticulatedServo, HoldsItsTorqueLimitAndComesOffIt) {
+  const model::Model model = hinge();
+  const auto engine = make_engine(model, settings({Effect::actuation}, 1e-3, kEuler));
+  const double limit = 1e-4;
+  drive(model, *engine, {0.5, 1e-5, 0, 0.2, limit}, 3, 20);
+  EXPECT_NEAR(rate(model, *engine), 20 * 1e-3 * limit / kInertia, 1e-9);
+  drive(model, *engine, {5e-3, 2e-4, 0, 0, limit}, 0.5, 3000);
+  EXPECT_NEAR(angle(model, *engine), 0.5, 1e-9);
+}
+
+// Oracle: stiff limits of stability do not exist for the end of the step: gains a million times beyond the
+// explicit limit hold a hand at 20 ms, and it ends where its targets are.
+TEST(ArticulatedServo, IsStableAtTwentyMilliseconds) {
+  const model::Model model = test::five_fingers(true, true);
+  Settings with = settings({Effect::actuation, Effect::gravity, Effect::passive_tissue, Effect::joint_stops},
+                           2e-2, kEuler);
+  const auto engine = make_engine(model, with);
+  std::vector<Servo> servos(static_cast<std::size_t>(model.dof_count()), {100, 1, 0, 0, 1e6});
+  for (int i = 0; i < 500; ++i) {
+    const std::vector<double> q = model::coordinates(model, engine->state());
+    for (std::size_t k = 0; k < q.size(); ++k) servos[k].error = 0.4 - q[k];
+    engine->step({.servos = servos});
+    for (const double speed : model::rates(model, engine->state())) ASSERT_LT(std::abs(speed), 50);
+  }
+  for (const double q : model::coordinates(model, engine->state())) EXPECT_NEAR(q, 0.4, 2e-4);
+}
+
+// Oracle: the stop's place, reached from a swing, from a start at it, and under a servo that pulls beyond.
+TEST(ArticulatedStop, IsNeverPassed) {
+  for (const double h : {1e-3, 2e-2}) {
+    const model::Model model = hinge(model::Stop{-0.5, 0.5, 0, 1});
+    const auto engine = make_engine(model, settings({Effect::actuation, Effect::joint_stops}, h, kEuler));
+    for (int i = 0; i < 300; ++i) {
+      drive(model, *engine, {0.05, 1e-4, 0, 0, 1}, i < 150 ? 1.5 : -2, 1);
+      EXPECT_LT(std::abs(angle(model, *engine)), 0.5 + 1e-12);
+    }
+    EXPECT_NEAR(angle(model, *engine), -0.5, 1e-12);
+  }
+}
+
+// Oracle: restitution's definition, at any step; the next flight starts from the stop within one step's way.
+TEST(ArticulatedStop, BouncesAsItsRestitutionSays) {
+  for (const double bounce : {0.0, 0.3, 1.0}) {
+    model::Model model = hinge(model::Stop{-0.5, 0.5, bounce, 1});
+    model.bodies[1].initial_angular_velocity = Vec3(0, 7, 0);
+    const auto engine = make_engine(model, settings({Effect::joint_stops}, 1e-3, kEuler));
+    test::run(*engine, 100);
+    EXPECT_NEAR(rate(model, *engine), -7 * bounce, 1e-9) << bounce;
+  }
+}
+
+// Oracle: what a servo does without the stop, in its first step away from it.
+TEST(ArticulatedStop, LetsGoWithoutASpike) {
+  double rates[2] = {0, 0};
+  for (const bool stop : {false, true}) {
+    model::Model model = hinge(stop ? std::optional(model::Stop{-0.5, 0.5, 0, 1}) : std::nullopt);
+    model.joints[0].axes[0].initial = 0.5;
+    const auto engine = make_engine(model, settings({Effect::actuation, Effect::joint_stops}, 1e-3, kEuler));
+    drive(model, *engine, {0, 1e-3, 0, 1e-2, 1}, 0, 20);
+    if (stop) {
+      EXPECT_NEAR(angle(model, *engine), 0.5, 1e-12);
+    }
+    drive(model, *engine, {0, 1e-3, 0, -1e-3, 1}, 0, 1);
+    rates[stop ? 1 : 0] = rate(model, *engine);
+  }
+  EXPECT_NEAR(rates[1], -1.0 / 3.0, 1e-9);
+}
+
+// Oracle: ODE with hard stops (no pull back, so that it does not rebound): both hands come to rest on the
+// same stops on the same way. Of first order, so a tenth of the step brings them ten times as near.
+TEST(ArticulatedStop, StopsAFallingHandAsOdeDoes) {
+  const model::Model model = test::five_fingers(true, true);
+  const auto fall = [&](Method method, double h) {
+    Settings with = settings({Effect::gravity, Effect::passive_tissue, Effect::joint_stops}, h, method);
+    with.erp = method == kEuler ? 0.2 : 0;
+    const auto engine = make_engine(model, with);
+    std::vector<double> torques(static_cast<std::size_t>(model.dof_count()), 0.02);
+    int stops = 0;
+    for (long i = 0; i < std::lround(0.3 / h); ++i) stops = engine->step({torques}).stop_rows;
+    EXPECT_GT(stops, 2);
+    return model::coordinates(model, engine->state());
+  };
+  const auto distance = [&](double h) {
+    const auto a = fall(kEuler, h), b = fall(Method::world_step, h);
+    double out = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) out = std::max(out, std::abs(a[i] - b[i]));
+    return out;
+  };
+  const double coarse = distance(1e-3), fine = distance(1e-4);
+  EXPECT_LT(coarse, 0.05);
+  EXPECT_LT(fine, 0.2 * coarse);
+}
+
+// Oracle: closed form of a damped oscillator, to the method's order.
+TEST(ArticulatedTissue, SwingsAsADampedOscillator) {
+  model::Model model = test::hinged_body(0, {1e-3, 1e-3, 1e-3});
+  model.joints[0].axes[0].tissue = model::Tissue{0.05, 1e-3, 0.03};
+  model.joints[0].axes[0].initial = 0.4;
+  const double decay = 0.5, w = std::sqrt(0.05 / 1e-3 - decay * decay);
+  const double want = 0.03 + 0.37 * std::exp(-decay) * (std::cos(w) + decay / w * std::sin(w));
+  const auto end = [&](Method method, double h) {
+    const auto engine = make_engine(model, settings({Effect::passive_tissue}, h, method));
+    test::run(*engine, static_cast<int>(std::lround(1 / h)));
+    return angle(model, *engine);
+  };
+  EXPECT_NEAR(end(Method::dormand_prince, 1e-2), want, 1e-9);
+  EXPECT_NEAR(end(Method::rk4, 1e-3), want, 1e-9);
+  EXPECT_NEAR(end(kEuler, 1e-4), want, 2e-3);
+}
+
+std::string refusal(const model::Model& model, const Settings& with) {
+  try {
+    make_engine(model, with);
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::input);
+    return error.what();
+  }
+  return "";
+}
+
+TEST(ArticulatedEngine, RefusesWhatItCannotDo) {
+  const model::Model model = test::five_fingers(true, false, true);
+  for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact})
+    EXPECT_NE(refusal(model, settings({effect}, 1e-3, kEuler)).find("no contact with engine articulated"),
+              std::string::npos);
+  EXPECT_NE(refusal(model, settings({Effect::joint_stops}, 1e-3, Method::rk4)).find("joint_stops"),
+            std::string::npos);
+  EXPECT_EQ(refusal(model, settings({Effect::joint_stops}, 1e-3, kEuler)), "");
+  const auto engine = make_engine(model, settings({}, 1e-3, kEuler));
+  const std::vector<Servo> servos(static_cast<std::size_t>(model.dof_count()), {1, 1, 0, 0, 1});
+  EXPECT_THROW(engine->step({.servos = servos}), Error);
+  const std::vector<double> one = {1};
+  EXPECT_THROW(engine->step({.torques = one}), Error);
+}
+
+// Oracle: the contract of Engine::step.
+TEST(ArticulatedEngine, NamesWhatRunsAwayAndKeepsTheLastGoodState) {
+  const model::Model model = test::five_fingers(false, false);
+  for (const Method method : {kEuler, Method::rk4, Method::dormand_prince}) {
+    const auto engine = make_engine(model, settings({Effect::gravity}, 1e-3, method));
+    test::run(*engine, 5);
+    const auto good = test::bits(engine->state());
+    std::vector<double> torques(static_cast<std::size_t>(model.dof_count()), 0.0);
+    torques[6] = 1e9;
+    std::string first;
+    try {
+      engine->step({torques});
+      FAIL();
+    } catch (const Error& error) {
+      ASSERT_TRUE(error.fault());
+      EXPECT_EQ(error.fault()->where.substr(0, 2), "f1");
+      first = error.what();
+    }
+    EXPECT_EQ(test::bits(engine->state()), good);
+    try {
+      engine->step({});
+      FAIL();
+    } catch (const Error& error) {
+      EXPECT_EQ(error.what(), first);
+    }
+    const auto other = make_engine(model, settings({Effect::gravity}, 1e-3, method));
+    torques[6] = std::nan("");
+    EXPECT_THROW(other->step({torques}), Error);
+  }
+}
+
+// Oracle: bit equality of two runs.
+TEST(ArticulatedEngine, RepeatsItselfToTheBit) {
+  const model::Model model = test::five_fingers(true, true);
+  const auto with = settings({Effect::gravity, Effect::passive_tissue, Effect::joint_stops}, 1e-3, kEuler);
+  const auto a = make_engine(model, with), b = make_engine(model, with);
+  test::run(*a, 300);
+  test::run(*b, 300);
+  EXPECT_EQ(test::bits(a->state()), test::bits(b->state()));
+}
+
+}  // namespace
+}  // namespace handsim::engine
