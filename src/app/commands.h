@@ -43,6 +43,17 @@ struct RenderArguments {
 };
 int render_command(const RenderArguments& arguments);
 
+struct GraspArguments {
+  std::vector<std::filesystem::path> scenes;  ///< files or folders
+  std::filesystem::path out;
+  std::string side;  ///< right, left, both; empty: as the scenes have it
+  std::vector<std::string> overrides;
+  std::optional<double> friction;
+  bool friction_search = false;
+  bool pictures = false;
+};
+int grasp_command(const GraspArguments& arguments);
+
 struct AccuracyArguments {
   std::filesystem::path study;
   std::filesystem::path out;

@@ -134,7 +134,7 @@ void read_parts(MapReader& reader, ObjectSpec& object) {
 }
 
 ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
-                       const std::vector<model::Material>& materials) {
+                       const std::vector<model::Material>& materials, const std::vector<GraspSpec>& grasps) {
   ObjectSpec object;
   object.place = reader.node().place();
   object.name = read_name(reader, before);
@@ -157,7 +157,10 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
     object.velocity = reader.vector("velocity", kVelocity, Vec3::Zero());
     object.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
   }
-  object.pose = read_pose(reader);
+  if (!places_object(grasps, object.name))
+    object.pose = read_pose(reader);
+  else if (reader.child("position") || reader.child("rotation"))
+    reader.problem("position", "a place beside the grasp that gives it", "one of the two");
   object.may_overlap = reader.choice<bool>("overlap", {{"refused", false}, {"allowed", true}}, false);
   object.material = read_surface(reader, object.name, materials);
   if (reader.has("source")) object.source = reader.text("source");
@@ -219,7 +222,8 @@ bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shap
   return true;
 }
 
-std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials) {
+std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials,
+                                     const std::vector<GraspSpec>& grasps) {
   std::vector<ObjectSpec> objects;
   YamlNode* list = reader.list("objects", false);
   if (!list) return objects;
@@ -231,7 +235,7 @@ std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model:
     const std::string path = item_path("objects", i);
     if (inline_file(list->items[i], path, reader.diagnostics()))
       objects.push_back(
-          read_object(MapReader(list->items[i], path, reader.diagnostics()), objects, materials));
+          read_object(MapReader(list->items[i], path, reader.diagnostics()), objects, materials, grasps));
   }
   return objects;
 }
@@ -241,7 +245,7 @@ ObjectSpec read_object_file(YamlNode& root, Diagnostics& diagnostics) {
   // What the scene gives it.
   if (!root.find("name")) yaml_put(root, "name", yaml_scalar("object"));
   if (!root.find("position")) yaml_put(root, "position", parse_yaml("[0, 0, 0]", ""));
-  return read_object(MapReader(root, "", diagnostics), {}, {});
+  return read_object(MapReader(root, "", diagnostics), {}, {}, {});
 }
 
 std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model::Material>& materials) {

@@ -89,6 +89,7 @@ RunResult run(const scene::Scene& scene, const RunOptions& options) {
   result.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   result.simulated = simulation.state().time;
   result.tracking = simulation.tracking();
+  result.grasps = simulation.grasps();
   result.verdicts = verdicts(simulation, scene.spec.criteria);
   result.summary = summary_json(scene, simulation, result);
   recorder.finish();

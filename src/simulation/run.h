@@ -12,6 +12,7 @@
 #include "handsim/core/error.h"
 #include "handsim/output/image.h"
 #include "handsim/scene/scene.h"
+#include "handsim/simulation/grasp_figures.h"
 #include "handsim/simulation/ledger.h"
 #include "handsim/simulation/monitor.h"
 #include "handsim/simulation/tracking.h"
@@ -19,10 +20,10 @@
 namespace handsim::simulation {
 
 struct RunOptions {
-  std::filesystem::path out;  ///< folder for the run's files; made where it is missing
-  int frames = 0;             ///< pictures over the run; 0: no OpenGL context is made
-  bool pose_pictures =
-      false;           ///< of a controlled scene: a picture at the end of every hold in place of `frames`
+  std::filesystem::path out;   ///< folder for the run's files; made where it is missing
+  int frames = 0;              ///< pictures over the run; 0: no OpenGL context is made
+  bool pose_pictures = false;  ///< a picture at the end of every hold of a controlled scene, or every phase
+                               ///< of a grasp, in place of `frames`
   bool plots = false;  ///< of a controlled scene: plots/ by gnuplot
   /// Told the share done, 0..1, now and then.
   std::function<void(double)> progress;
@@ -49,6 +50,7 @@ struct RunResult {
   double wall = 0;       ///< of the loop [s]
   std::string summary;   ///< text of summary.json
   std::vector<AxisTracking> tracking;  ///< by driven axis; empty where the scene drives none
+  std::vector<GraspFigures> grasps;    ///< of the scene's grasps
 
   bool passed() const;
 };

@@ -70,6 +70,8 @@ Simulation::Simulation(const scene::Scene& scene)
               model::engine_of(scene.spec.solver.method) != model::EngineKind::articulated) {
   if (scene.spec.record_contacts) contact_sums_.emplace(scene.model);
   if (scene.spec.solver.effects.has(model::Effect::actuation)) find_constant_torques();
+  for (const scene::GraspPlan& plan : scene.spec.grasp_plans)
+    grasps_.emplace_back(scene.model, plan, scene.spec.solver.step);
   if (!scene.control) return;
   controller_.emplace(scene.model, *scene.control, scene.spec.solver.step, engine_->state());
   tracking_.emplace(*controller_, scene.spec.solver.step);
@@ -108,6 +110,7 @@ void Simulation::step() {
   if (controller_) controller_->observe(engine_->state());
   const Clock::time_point observed = now();
   if (tracking_) tracking_->look(engine_->state().time);
+  for (GraspWatch& grasp : grasps_) grasp.look(*engine_);
   monitor_.look(engine_->state());
   if (contact_sums_)
     contact_sums_->look(engine_->contacts(), engine_->state().time, engine_->settings().step);
@@ -122,6 +125,16 @@ std::vector<AxisTracking> Simulation::tracking() const {
   Tracking closed = *tracking_;
   closed.finish(engine_->state().time);
   return closed.axes();
+}
+
+std::vector<GraspFigures> Simulation::grasps() const {
+  std::vector<GraspFigures> out;
+  for (const GraspWatch& grasp : grasps_) out.push_back(grasp.figures());
+  return out;
+}
+
+bool Simulation::grasp_lost() const {
+  return std::any_of(grasps_.begin(), grasps_.end(), [](const GraspWatch& grasp) { return grasp.lost(); });
 }
 
 long Simulation::step_count() const {

@@ -3,10 +3,12 @@
 #pragma once
 
 #include <memory>
+#include <vector>
 
 #include "handsim/engine/engine.h"
 #include "handsim/scene/scene.h"
 #include "handsim/simulation/contact_sums.h"
+#include "handsim/simulation/grasp_figures.h"
 #include "handsim/simulation/ledger.h"
 #include "handsim/simulation/monitor.h"
 #include "handsim/simulation/tracking.h"
@@ -33,6 +35,10 @@ class Simulation {
   /// Figures of the driven axes up to now, holds that are under way closed.
   std::vector<AxisTracking> tracking() const;
   const Ledger& ledger() const { return ledger_; }
+  /// Figures of the scene's grasps up to now.
+  std::vector<GraspFigures> grasps() const;
+  /// An object of a grasp is lost already.
+  bool grasp_lost() const;
   /// Null where the scene does not record contacts.
   const ContactSums* contact_sums() const { return contact_sums_ ? &*contact_sums_ : nullptr; }
   Simulation(const Simulation&) = delete;
@@ -49,6 +55,7 @@ class Simulation {
   std::unique_ptr<engine::Engine> engine_;
   std::optional<control::Controller> controller_;
   std::optional<Tracking> tracking_;
+  std::vector<GraspWatch> grasps_;
   Monitor monitor_;
   Ledger ledger_;
   std::optional<ContactSums> contact_sums_;
