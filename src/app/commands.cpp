@@ -153,6 +153,25 @@ Error command_error(const CLI::App& app, int argc, const char* const* argv) {
       fmt::format("one of {}{}", fmt::join(known, ", "), near ? " (nearest: " + *near + ")" : ""));
 }
 
+void add_grasp(CLI::App& app, GraspArguments& arguments) {
+  CLI::App* grasp = app.add_subcommand(
+      "grasp",
+      "Run grasp scenes and say in one table what was held, how firmly, and with what friction at least");
+  grasp->footer("Example: handsim grasp config --out out/grasps --side both");
+  grasp->add_option("scenes", arguments.scenes, "scene files, or folders of them")->required();
+  grasp->add_option("--out", arguments.out, "folder for the runs' files, grasps.csv and grasps.json")
+      ->required()
+      ->check(check_path);
+  grasp->add_option("--side", arguments.side, "hand that grasps: right, left or both (default: the scene's)")
+      ->check(check_side);
+  add_overrides(*grasp, arguments.overrides);
+  grasp->add_option("--friction", arguments.friction, "of every surface, in place of the scenes'")
+      ->check(CLI::Range(0.0, 10.0));
+  grasp->add_flag("--friction-search", arguments.friction_search,
+                  "also find the smallest friction that still holds (seven more runs a scene)");
+  grasp->add_flag("--pictures", arguments.pictures, "a picture at every phase");
+}
+
 void add_accuracy(CLI::App& app, AccuracyArguments& arguments) {
   CLI::App* accuracy = app.add_subcommand(
       "accuracy",
@@ -169,6 +188,12 @@ void add_accuracy(CLI::App& app, AccuracyArguments& arguments) {
       "--peers", arguments.peers, "folder of other engines' programs (default: where the build puts them)");
   accuracy->add_flag("--no-peers", arguments.no_peers, "leave the rows of other engines out")
       ->excludes(peers);
+}
+
+void add_contacts(CLI::App& app, std::filesystem::path& out) {
+  CLI::App* contacts = app.add_subcommand("contacts", "What a step costs by method and number of contacts");
+  contacts->footer("Example: handsim contacts --out out/contacts");
+  contacts->add_option("--out", out, "folder for the study's files")->required()->check(check_path);
 }
 
 void add_effects(CLI::App& app, EffectsArguments& arguments) {
@@ -219,15 +244,19 @@ int run_command_line(int argc, const char* const* argv) {
   RunArguments run;
   RenderArguments render;
   AccuracyArguments accuracy;
+  GraspArguments grasp;
   EffectsArguments effects;
+  std::filesystem::path contacts;
   add_hand(app, hand);
   add_check(app, files);
   add_run(app, run);
   add_render(app, render);
   add_accuracy(app, accuracy);
+  add_grasp(app, grasp);
   add_effects(app, effects);
   ExportArguments exported;
   add_export(app, exported);
+  add_contacts(app, contacts);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -239,8 +268,10 @@ int run_command_line(int argc, const char* const* argv) {
   if (app.got_subcommand("hand")) return guarded([&] { return hand_command(hand); });
   if (app.got_subcommand("check")) return guarded([&] { return check_command(files); });
   if (app.got_subcommand("run")) return guarded([&] { return run_scene_command(run); });
+  if (app.got_subcommand("grasp")) return guarded([&] { return grasp_command(grasp); });
   if (app.got_subcommand("accuracy")) return guarded([&] { return accuracy_command(accuracy); });
   if (app.got_subcommand("export")) return guarded([&] { return export_command(exported); });
+  if (app.got_subcommand("contacts")) return guarded([&] { return contacts_command(contacts); });
   if (app.got_subcommand("effects")) return guarded([&] { return effects_command(effects); });
   return guarded([&] { return render_command(render); });
 }

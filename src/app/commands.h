@@ -47,6 +47,17 @@ struct RenderArguments {
 };
 int render_command(const RenderArguments& arguments);
 
+struct GraspArguments {
+  std::vector<std::filesystem::path> scenes;  ///< files or folders
+  std::filesystem::path out;
+  std::string side;  ///< right, left, both; empty: as the scenes have it
+  std::vector<std::string> overrides;
+  std::optional<double> friction;
+  bool friction_search = false;
+  bool pictures = false;
+};
+int grasp_command(const GraspArguments& arguments);
+
 struct AccuracyArguments {
   std::filesystem::path study;
   std::filesystem::path out;
@@ -72,6 +83,9 @@ struct ExportArguments {
   std::vector<std::string> overrides;
 };
 int export_command(const ExportArguments& arguments);
+
+/// @param out folder for the study's files
+int contacts_command(const std::filesystem::path& out);
 
 /// Folder with handmodels/ and config/: the installed one, or the source tree's.
 /// @throws Error (input) where neither is there.

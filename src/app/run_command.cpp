@@ -36,6 +36,38 @@ void print_tracking(const simulation::RunResult& result) {
   fmt::print(", at its torque limit {:.2g} % of the time\n", 100 * worst->limit_share);
 }
 
+void print_grip(const char* when, const simulation::Grip& grip) {
+  fmt::print(
+      "    {}: {} contacts, {:.3g} N, {:.0f} % of the friction limit used; {}, epsilon {:.3g}, volume "
+      "{:.3g}\n",
+      when, grip.contacts, grip.normal, 100 * grip.friction_used,
+      grip.wrenches.force_closure ? "force closure" : "no force closure", grip.wrenches.epsilon,
+      grip.wrenches.volume);
+  for (const simulation::PartForce& part : grip.parts)
+    fmt::print("      {:<7} {} contacts, normal {:.3g} N, friction {:.3g} N\n", part.part, part.contacts,
+               part.normal, part.friction);
+}
+
+void print_grasps(const simulation::RunResult& result) {
+  constexpr double kDegrees = 180 / M_PI;
+  for (const simulation::GraspFigures& grasp : result.grasps) {
+    if (!grasp.complete) {
+      fmt::print("  grasp {}: the run ended before the grasp\n", grasp.name);
+      continue;
+    }
+    fmt::print(
+        "  grasp {}: {}; slip {:.3g} um/s in the hold; moved {:.2g} mm during the shake, {:.2g} mm and "
+        "{:.2g} deg after it\n",
+        grasp.name, grasp.held ? "held" : "LOST", 1e6 * grasp.slip, 1e3 * grasp.shaken_shift,
+        1e3 * grasp.shift, kDegrees * grasp.turn);
+    print_grip("end of the hold", grasp.hold);
+    print_grip("after the shake", grasp.after);
+    if (grasp.disagree())
+      fmt::print("    note: {}, though the contacts {} force closure\n", grasp.held ? "held" : "lost",
+                 grasp.after.wrenches.force_closure ? "have" : "have no");
+  }
+}
+
 void print_result(const scene::Scene& scene, const simulation::RunResult& result,
                   const std::filesystem::path& out) {
   fmt::print("{}\n", scene.spec.title);
@@ -52,6 +84,7 @@ void print_result(const scene::Scene& scene, const simulation::RunResult& result
                where);
   }
   print_tracking(result);
+  print_grasps(result);
   const bool judged = std::any_of(result.verdicts.begin(), result.verdicts.end(),
                                   [](const simulation::Verdict& v) { return v.limit.has_value(); });
   fmt::print("  verdict: {}\n", result.fault                 ? "diverged"

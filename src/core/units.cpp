@@ -34,6 +34,7 @@ constexpr std::array kUnits = {
     Unit{"g/cm3", Dimension::density, 1e3},
     Unit{"m/s", Dimension::speed, 1},
     Unit{"mm/s", Dimension::speed, 1e-3},
+    Unit{"um/s", Dimension::speed, 1e-6},
     Unit{"rad/s", Dimension::angular_speed, 1},
     Unit{"deg/s", Dimension::angular_speed, kDegree},
     Unit{"m/s2", Dimension::acceleration, 1},

@@ -1,6 +1,7 @@
 #include "handsim/model/motion.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace handsim::model {
 
@@ -36,6 +37,22 @@ double eased_acceleration(Interpolation interpolation, double s) {
 
 namespace {
 
+/// Window of a shake at n of its cycles, and its derivatives by n.
+struct Window {
+  double value = 0, rate = 0, acceleration = 0;
+};
+
+Window window(double n, int cycles) {
+  constexpr double kRamp = 0.5;
+  const double inside = std::min(n, cycles - n) / kRamp;
+  if (inside <= 0) return {};
+  if (inside >= 1) return {1, 0, 0};
+  const double sign = n < cycles - n ? 1 : -1;
+  return {eased(Interpolation::minimum_jerk, inside),
+          sign * eased_rate(Interpolation::minimum_jerk, inside) / kRamp,
+          eased_acceleration(Interpolation::minimum_jerk, inside) / (kRamp * kRamp)};
+}
+
 /// The keyframes around a time, on the side that is meant; null before the first and after the last.
 const PoseKey* key_before(const std::vector<PoseKey>& keys, double time, KeySide side) {
   const auto next = std::find_if(keys.begin(), keys.end(), [&](const PoseKey& key) {
@@ -49,31 +66,78 @@ PoseRate along(const PoseKey& a, const PoseKey& b, double share) {
   return {share * (b.pose.p - a.pose.p), share * rotation_vector(b.pose.q * a.pose.q.conjugate())};
 }
 
-}  // namespace
-
-Pose PoseMotion::at(double time) const {
+Pose between_keys(const PoseMotion& motion, double time) {
+  const std::vector<PoseKey>& keys = motion.keys;
   if (time <= keys.front().time) return keys.front().pose;
   if (time >= keys.back().time) return keys.back().pose;
   const auto next = std::upper_bound(keys.begin(), keys.end(), time,
                                      [](double t, const PoseKey& key) { return t < key.time; });
   const PoseKey& a = *(next - 1);
   const PoseKey& b = *next;
-  const double s = eased(interpolation, (time - a.time) / (b.time - a.time));
+  const double s = eased(motion.interpolation, (time - a.time) / (b.time - a.time));
   return {a.pose.p + s * (b.pose.p - a.pose.p), a.pose.q.slerp(s, b.pose.q)};
 }
 
+}  // namespace
+
+Vec3 Shake::displacement(double time) const {
+  const double n = frequency * (time - start);
+  return window(n, cycles).value * std::sin(2 * M_PI * n) * amplitude;
+}
+
+Vec3 Shake::velocity(double time) const {
+  const double n = frequency * (time - start);
+  const Window w = window(n, cycles);
+  const double phase = 2 * M_PI * n;
+  return frequency * (w.rate * std::sin(phase) + 2 * M_PI * w.value * std::cos(phase)) * amplitude;
+}
+
+Vec3 Shake::acceleration(double time) const {
+  const double n = frequency * (time - start);
+  const Window w = window(n, cycles);
+  const double phase = 2 * M_PI * n;
+  return frequency * frequency *
+         ((w.acceleration - 4 * M_PI * M_PI * w.value) * std::sin(phase) +
+          4 * M_PI * w.rate * std::cos(phase)) *
+         amplitude;
+}
+
+double shake_acceleration(int cycles) {
+  Shake unit;
+  unit.cycles = cycles;
+  unit.amplitude = Vec3::UnitX();
+  // The window repeats itself: one cycle at either end and one between see all there is.
+  constexpr double kStep = 1e-4;
+  const int steps = static_cast<int>(std::min(cycles, 2) / kStep);
+  double most = 0;
+  for (int i = 1; i < steps; ++i) most = std::max(most, std::abs(unit.acceleration(i * kStep).x()));
+  return most;
+}
+
+Pose PoseMotion::at(double time) const {
+  Pose out = between_keys(*this, time);
+  for (const Shake& shake : shakes) out.p += shake.displacement(time);
+  return out;
+}
+
 PoseRate PoseMotion::rate(double time, KeySide side) const {
-  const PoseKey* key = key_before(keys, time, side);
-  if (!key) return {};
-  const double span = key[1].time - key->time;
-  return along(*key, key[1], eased_rate(interpolation, (time - key->time) / span) / span);
+  PoseRate out;
+  if (const PoseKey* key = key_before(keys, time, side)) {
+    const double span = key[1].time - key->time;
+    out = along(*key, key[1], eased_rate(interpolation, (time - key->time) / span) / span);
+  }
+  for (const Shake& shake : shakes) out.v += shake.velocity(time);
+  return out;
 }
 
 PoseRate PoseMotion::acceleration(double time, KeySide side) const {
-  const PoseKey* key = key_before(keys, time, side);
-  if (!key) return {};
-  const double span = key[1].time - key->time;
-  return along(*key, key[1], eased_acceleration(interpolation, (time - key->time) / span) / (span * span));
+  PoseRate out;
+  if (const PoseKey* key = key_before(keys, time, side)) {
+    const double span = key[1].time - key->time;
+    out = along(*key, key[1], eased_acceleration(interpolation, (time - key->time) / span) / (span * span));
+  }
+  for (const Shake& shake : shakes) out.v += shake.acceleration(time);
+  return out;
 }
 
 }  // namespace handsim::model

@@ -1,5 +1,5 @@
-// A timed trajectory of a frame: keyframes joined by straight lines or minimum-jerk curves. Before the
-// first keyframe and after the last the frame stands still.
+// A timed trajectory of a frame: keyframes joined by straight lines or minimum-jerk curves, and shakes on top
+// of them. Before the first keyframe and after the last the frame stands still, but for shakes.
 #pragma once
 
 #include <vector>
@@ -27,9 +27,28 @@ struct PoseRate {
 /// On which side of a keyframe a rate is meant: linear motion has a kink there.
 enum class KeySide { before, after };
 
+/// A to and fro along a line that starts and ends at rest: displacement = amplitude w(n) sin(2 pi n) with n =
+/// frequency (time - start) from 0 to `cycles`; w rises from 0 to 1 over the first half cycle and falls over
+/// the last by the minimum-jerk curve. Acceleration is continuous.
+struct Shake {
+  double start = 0;               ///< [s]
+  double frequency = 1;           ///< [Hz], > 0
+  int cycles = 2;                 ///< >= 1
+  Vec3 amplitude = Vec3::Zero();  ///< world [m]
+
+  double end() const { return start + cycles / frequency; }
+  Vec3 displacement(double time) const;
+  Vec3 velocity(double time) const;
+  Vec3 acceleration(double time) const;
+};
+
+/// Largest |acceleration| of a shake of unit amplitude and 1 Hz [m/s^2]; at frequency f it is f^2 times that.
+double shake_acceleration(int cycles);
+
 struct PoseMotion {
   std::vector<PoseKey> keys;  ///< at least one
   Interpolation interpolation = Interpolation::minimum_jerk;
+  std::vector<Shake> shakes;  ///< added to the keyframes' position
 
   /// Pose at a time [s].
   Pose at(double time) const;

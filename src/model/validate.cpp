@@ -207,6 +207,12 @@ class Checker {
             fmt::format("time {:g} after {:g}", drive.motion.keys[i].time, drive.motion.keys[i - 1].time),
             "rising times");
     }
+    for (const Shake& shake : drive.motion.shakes) {
+      check_range(key + ".motion.shake", shake.frequency, 1e-3, 1e4, "Hz");
+      check_range(key + ".motion.shake", shake.amplitude.norm(), 0, kFar, "m");
+      if (shake.cycles < 1)
+        add(key + ".motion.shake", fmt::format("{} cycles", shake.cycles), "at least one");
+    }
   }
 
   const Model& model_;

@@ -23,7 +23,7 @@ struct DrawShape {
   Vec3 edges = Vec3::Zero();
   Pose pose;  ///< X_WS
   Colour colour;
-  std::shared_ptr<const model::ConvexMesh> mesh;  ///< convex_mesh
+  std::shared_ptr<const model::ConvexMesh> mesh = {};  ///< convex_mesh
 };
 
 /// A shaft with a head, e.g. a joint axis or a contact force.

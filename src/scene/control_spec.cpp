@@ -40,11 +40,13 @@ control::ProgramChoice read_choice(YamlNode& node, const std::string& key, Diagn
 }
 
 /// One program for every hand, or one for each by its name.
-std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::vector<HandEntry>& hands) {
+std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::vector<HandEntry>& hands,
+                                                  bool grasped) {
   std::vector<control::ProgramChoice> out(hands.size());
   YamlNode* node = reader.child("program");
   const std::string key = reader.path_of("program");
   if (!node) {
+    if (grasped) return out;
     reader.problem("program", "nothing",
                    "a program of the pose file, a motion file, or a mapping of hands to them");
     return out;
@@ -59,7 +61,7 @@ std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::
   for (std::size_t i = 0; i < hands.size(); ++i) {
     if (YamlNode* mine = node->find(known[i]))
       out[i] = read_choice(*mine, key + "." + known[i], reader.diagnostics());
-    else
+    else if (!grasped)
       reader.problem("program", fmt::format("no program for hand {}", known[i]),
                      "a program for every hand of the scene");
   }
@@ -73,7 +75,7 @@ std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::
 
 }  // namespace
 
-ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands) {
+ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, bool grasped) {
   ControlSpec spec;
   if (!reader.has("controller"))
     reader.problem("controller", "nothing", "the path of a controller file, or the block itself");
@@ -81,7 +83,7 @@ ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands) 
     spec.controller = control::read_controller(*node, reader.path_of("controller"), reader.diagnostics());
   if (YamlNode* node = followed(reader, "poses"))
     spec.poses = control::read_pose_file(*node, reader.path_of("poses"), reader.diagnostics());
-  spec.programs = read_programs(reader, hands);
+  spec.programs = read_programs(reader, hands, grasped);
   spec.place = reader.node().place();
   spec.allow_unstable = reader.flag("allow_unstable", false);
   if (hands.empty()) reader.problem("controller", "a scene without hands", "at least one hand to drive");

@@ -33,7 +33,8 @@ struct TrackingCriteria {
 };
 
 /// Reads `control`, following its references. @param hands of the scene, named.
-ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands);
+/// @param grasped grasps may drive hands without a program.
+ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, bool grasped);
 
 /// Reads the criteria that only a controlled scene has.
 TrackingCriteria read_tracking_criteria(MapReader& criteria);

@@ -61,11 +61,14 @@ model::PoseMotion read_motion(MapReader reader) {
   return motion;
 }
 
-void read_wrist(MapReader reader, hand::Placement& placement) {
+/// @param grasped a grasp may give the wrist its motion.
+void read_wrist(MapReader reader, bool grasped, hand::Placement& placement) {
   placement.mount = reader.choice<hand::Mount>("mount", hand::mounts(), hand::Mount::fixed);
   // What else may stand here hangs on the mount.
   if (!reader.sound()) return;
-  if (placement.mount == hand::Mount::driven) {
+  if (placement.mount == hand::Mount::driven && grasped && !reader.has("motion")) {
+    placement.motion = {};
+  } else if (placement.mount == hand::Mount::driven) {
     placement.motion = read_motion(reader.required_map("motion", "a mapping with keyframes"));
     placement.pose = placement.motion.keys.front().pose;
   } else {
@@ -140,7 +143,7 @@ void warn_of_extrapolation(MapReader& reader, const HandEntry& entry) {
   warn_outside("mass", entry.person.mass, entry.model.anthropometry.mass_range, "kg");
 }
 
-HandEntry read_hand(MapReader reader) {
+HandEntry read_hand(MapReader reader, bool grasped) {
   HandEntry entry;
   entry.place = reader.node().place();
   Diagnostics& diagnostics = reader.diagnostics();
@@ -155,7 +158,7 @@ HandEntry read_hand(MapReader reader) {
   entry.placement.side =
       reader.choice<model::Side>("side", {{"right", model::Side::right}, {"left", model::Side::left}});
   const std::size_t before_wrist = diagnostics.problems.size();
-  read_wrist(reader.map("wrist"), entry.placement);
+  read_wrist(reader.map("wrist"), grasped, entry.placement);
   const bool wrist_known = diagnostics.problems.size() == before_wrist;
   if (model_known && wrist_known) check_mount(reader, entry);
   read_start_pose(reader, entry, model_known && wrist_known);
@@ -180,7 +183,7 @@ void name_hands(std::vector<HandEntry>& hands) {
 
 }  // namespace
 
-std::vector<HandEntry> read_hands(MapReader& reader) {
+std::vector<HandEntry> read_hands(MapReader& reader, const std::vector<GraspSpec>& grasps) {
   std::vector<HandEntry> hands;
   YamlNode* list = reader.list("hands", false);
   if (!list) return hands;
@@ -189,7 +192,8 @@ std::vector<HandEntry> read_hands(MapReader& reader) {
     return hands;
   }
   for (std::size_t i = 0; i < list->items.size(); ++i)
-    hands.push_back(read_hand(MapReader(list->items[i], item_path("hands", i), reader.diagnostics())));
+    hands.push_back(
+        read_hand(MapReader(list->items[i], item_path("hands", i), reader.diagnostics()), !grasps.empty()));
   name_hands(hands);
   return hands;
 }

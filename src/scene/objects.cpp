@@ -105,8 +105,10 @@ model::Shape read_form(MapReader& reader) {
 void read_parts(MapReader& reader, ObjectSpec& object) {
   YamlNode* list = reader.list("parts", true);
   if (!list) return;
-  if (list->items.empty() || list->items.size() > kMostParts)
+  if (list->items.empty() || list->items.size() > kMostParts) {
+    for (const std::string_view key : kMassKeys) reader.child(key);
     return reader.problem("parts", list->described(), fmt::format("1 to {} parts", kMostParts));
+  }
   const bool of_whole = reader.has("mass") || reader.has("density");
   const bool weighed = !object.is_static && !of_whole;
   std::vector<MassProperties> parts;
@@ -132,14 +134,19 @@ void read_parts(MapReader& reader, ObjectSpec& object) {
 }
 
 ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
-                       const std::vector<model::Material>& materials) {
+                       const std::vector<model::Material>& materials, const std::vector<GraspSpec>& grasps) {
   ObjectSpec object;
   object.place = reader.node().place();
   object.name = read_name(reader, before);
   object.is_static = reader.flag("static", false);
-  if (reader.has("shape") && reader.has("parts"))
+  if (reader.has("shape") && reader.has("parts")) {
     reader.problem("parts", "parts beside a shape", "one of the two");
-  if (reader.has("parts")) {
+    for (const std::string_view key : kSizeKeys) reader.child(key);
+    for (const std::string_view key : kMassKeys) reader.child(key);
+  }
+  if (reader.has("shape") && reader.has("parts")) {
+    object.shapes.emplace_back();
+  } else if (reader.has("parts")) {
     read_parts(reader, object);
   } else {
     object.shapes.push_back(read_form(reader));
@@ -150,7 +157,10 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
     object.velocity = reader.vector("velocity", kVelocity, Vec3::Zero());
     object.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
   }
-  object.pose = read_pose(reader);
+  if (!places_object(grasps, object.name))
+    object.pose = read_pose(reader);
+  else if (reader.child("position") || reader.child("rotation"))
+    reader.problem("position", "a place beside the grasp that gives it", "one of the two");
   object.may_overlap = reader.choice<bool>("overlap", {{"refused", false}, {"allowed", true}}, false);
   object.material = read_surface(reader, object.name, materials);
   if (reader.has("source")) object.source = reader.text("source");
@@ -212,7 +222,8 @@ bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shap
   return true;
 }
 
-std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials) {
+std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials,
+                                     const std::vector<GraspSpec>& grasps) {
   std::vector<ObjectSpec> objects;
   YamlNode* list = reader.list("objects", false);
   if (!list) return objects;
@@ -224,7 +235,7 @@ std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model:
     const std::string path = item_path("objects", i);
     if (inline_file(list->items[i], path, reader.diagnostics()))
       objects.push_back(
-          read_object(MapReader(list->items[i], path, reader.diagnostics()), objects, materials));
+          read_object(MapReader(list->items[i], path, reader.diagnostics()), objects, materials, grasps));
   }
   return objects;
 }
@@ -234,7 +245,7 @@ ObjectSpec read_object_file(YamlNode& root, Diagnostics& diagnostics) {
   // What the scene gives it.
   if (!root.find("name")) yaml_put(root, "name", yaml_scalar("object"));
   if (!root.find("position")) yaml_put(root, "position", parse_yaml("[0, 0, 0]", ""));
-  return read_object(MapReader(root, "", diagnostics), {}, {});
+  return read_object(MapReader(root, "", diagnostics), {}, {}, {});
 }
 
 std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model::Material>& materials) {

@@ -40,8 +40,10 @@ void check_contact_groups(const SceneSpec& scene, Diagnostics& diagnostics);
 model::Effects effects_of_rules(const SceneSpec& scene);
 
 /// The `hands` and `objects` lists; absent: none.
-std::vector<HandEntry> read_hands(MapReader& reader);
-std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials);
+/// A driven wrist may lack a motion, and a grasped object its place: grasps give them.
+std::vector<HandEntry> read_hands(MapReader& reader, const std::vector<GraspSpec>& grasps);
+std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials,
+                                     const std::vector<GraspSpec>& grasps);
 std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model::Material>& materials);
 
 /// The `effects` list, with `auto` resolved and written out. Reads nothing but the scene's content.

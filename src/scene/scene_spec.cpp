@@ -1,5 +1,6 @@
 #include "handsim/scene/scene_spec.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -40,9 +41,11 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   if (!is_of_kind(root, "", FileKind::scene, diagnostics)) return scene;
   MapReader reader(root, "", diagnostics);
   scene.title = reader.text("title", "untitled");
-  scene.hands = read_hands(reader);
+  scene.grasps = read_grasps(reader);
+  scene.hands = read_hands(reader, scene.grasps);
   scene.contacts = read_contacts(reader);
-  scene.objects = read_objects(reader, scene.contacts.materials);
+  scene.objects = read_objects(reader, scene.contacts.materials, scene.grasps);
+  if (reader.sound() && !scene.grasps.empty()) place_grasps(scene, diagnostics);
   std::vector<std::string> taken = {"world", "ground"};
   for (const ObjectSpec& object : scene.objects) taken.push_back(object.name);
   scene.mechanism = read_mechanism(reader, std::move(taken), scene.contacts.materials);
@@ -51,19 +54,24 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   scene.ground = read_ground(reader, scene.contacts.materials);
   scene.gravity = reader.vector("gravity", {Dimension::acceleration, -1000, 1000}, scene.gravity);
   if (reader.sound()) check_contact_groups(scene, diagnostics);
-  if (reader.has("control")) scene.control = read_control(reader.map("control"), scene.hands);
+  if (reader.has("control"))
+    scene.control = read_control(reader.map("control"), scene.hands, !scene.grasps.empty());
+  if (reader.sound() && !scene.grasps.empty()) add_grasp_programs(scene, diagnostics);
   scene.solver.effects = read_effects(reader, scene);
   const std::size_t before_times = diagnostics.problems.size();
   read_solver(reader.map("solver"), scene.solver);
   if (reader.sound()) check_engine(reader, scene.solver);
-  scene.duration = reader.number("duration", {Dimension::time, 1e-6, 1e5});
+  std::optional<double> duration;
+  if (!scene.grasps.empty()) duration = std::max(grasps_end(scene), 1e-3);
+  scene.duration = reader.number("duration", {Dimension::time, 1e-6, 1e5}, duration);
   MapReader record = reader.map("record");
   scene.record_every = record.number("every", {Dimension::time, 1e-6, 1e5}, 0.01);
   scene.record_contacts = record.flag("contacts", false);
   record.finish();
   if (diagnostics.problems.size() == before_times) check_times(reader, scene);
   scene.pictures = read_pictures(reader.map("pictures"));
-  scene.solver.contact_forces = scene.record_contacts || scene.pictures.contact_forces;
+  scene.solver.contact_forces =
+      scene.record_contacts || scene.pictures.contact_forces || !scene.grasps.empty();
   if (scene.solver.contact_forces && !scene.solver.effects.any_contact())
     reader.warning(scene.record_contacts ? "record" : "pictures",
                    "contact forces are asked for, but no effect lets anything touch");

@@ -10,6 +10,7 @@
 #include "handsim/hand/build.h"
 #include "handsim/model/solver.h"
 #include "handsim/scene/control_spec.h"
+#include "handsim/scene/grasp.h"
 #include "handsim/scene/mass_properties.h"
 #include "handsim/scene/mechanism.h"
 
@@ -64,6 +65,7 @@ struct Criteria {
   std::optional<double> stop_overshoot;  ///< largest overshoot of a stop beyond impact rate times step [rad]
   std::optional<double> stop_rest;       ///< largest overshoot of a stop at the end [rad]
   std::optional<int> lcp_failures;       ///< in all
+  std::optional<double> grasp_slip;      ///< mean drift of a grasped object in the palm during the hold [m/s]
   TrackingCriteria tracking;             ///< of a controlled scene
 };
 
@@ -98,6 +100,8 @@ struct SceneSpec {
   double record_every = 0.01;          ///< [s]
   bool record_contacts = false;        ///< contacts.csv, and sums of contact forces in the summary
   std::optional<ControlSpec> control;  ///< drives the joints; with actuation only
+  std::vector<GraspSpec> grasps;
+  std::vector<GraspPlan> grasp_plans;  ///< one for each of the grasps
   PictureSpec pictures;
   Criteria criteria;
 };

@@ -31,10 +31,12 @@ output::View view_of(scene::View view) {
   return output::View::three_quarter;
 }
 
-/// On the thing that the contact pushes up or away: the one that is not the world.
+/// On the one of the two that is free, or on the object that a hand touches.
 Vec3 shown_force(const model::Model& model, const engine::Contact& contact) {
-  const bool a_is_world = model.shapes[static_cast<std::size_t>(contact.shape_a)].body == model::kWorld;
-  return a_is_world ? Vec3(-contact.force) : contact.force;
+  const model::Shape& a = model.shapes[static_cast<std::size_t>(contact.shape_a)];
+  const model::Shape& b = model.shapes[static_cast<std::size_t>(contact.shape_b)];
+  const bool on_b = b.body != model::kWorld && b.tint == model::Tint::object && a.tint != model::Tint::object;
+  return on_b || a.body == model::kWorld ? Vec3(-contact.force) : contact.force;
 }
 
 output::DrawList list_of(const scene::Scene& scene, const Snapshot& moment, std::optional<double> scale) {

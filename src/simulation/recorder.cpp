@@ -38,7 +38,12 @@ Recorder::Recorder(const scene::Scene& scene, const RunOptions& options, const S
   if (all_angles(scene.model)) motion_.emplace(scene.spec.title, output::coordinate_names(scene.model), true);
   if (scene.control) control_.emplace(scene.spec.title, control_columns(*scene.control), false);
   if (scene.spec.record_contacts) contacts_.emplace(options.out / "contacts.csv", scene.model);
-  options.pose_pictures&& scene.control ? plan_poses() : plan_frames(options.frames);
+  if (!options.pose_pictures)
+    plan_frames(options.frames);
+  else if (!scene.spec.grasp_plans.empty())
+    plan_phases(scene.spec.grasp_plans.front());
+  else
+    plan_poses();
 }
 
 /// The first at the start, the last at the end.
@@ -60,6 +65,18 @@ void Recorder::plan_poses() {
     if (step < simulation_.steps()) continue;
     moments_.push_back(
         {step, fmt::format("{}, t = {:.2f} s", phase.pose, static_cast<double>(step) * step_)});
+  }
+}
+
+/// One at the end of every phase of a grasp; of a shake one on its way.
+void Recorder::plan_phases(const scene::GraspPlan& plan) {
+  const long steps = simulation_.step_count();
+  moments_.push_back({0, "start"});
+  for (const scene::GraspPhase& phase : plan.phases) {
+    const long step = std::lround(phase.end / step_);
+    if (step <= steps)
+      moments_.push_back(
+          {step, fmt::format("{}, t = {:.2f} s", phase.name, static_cast<double>(step) * step_)});
   }
 }
 

@@ -35,6 +35,7 @@ class Recorder {
   };
   void plan_frames(int frames);
   void plan_poses();
+  void plan_phases(const scene::GraspPlan& plan);
   void add_rows();
 
   const Simulation& simulation_;

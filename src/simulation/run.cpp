@@ -130,6 +130,7 @@ RunResult run(const scene::Scene& scene, const RunOptions& options) {
   result.state_hash = simulation.state_hash();
   result.warnings = simulation.convergence().warnings(simulation.ledger(), scene.spec.solver);
   result.expected_hash = options.expected_hash;
+  result.grasps = simulation.grasps();
   result.verdicts = verdicts(simulation, scene.spec.criteria);
   result.summary = summary_json(scene, simulation, result);
   recorder.finish();

@@ -13,6 +13,7 @@
 #include "handsim/core/error.h"
 #include "handsim/output/image.h"
 #include "handsim/scene/scene.h"
+#include "handsim/simulation/grasp_figures.h"
 #include "handsim/simulation/ledger.h"
 #include "handsim/simulation/monitor.h"
 #include "handsim/simulation/tracking.h"
@@ -20,11 +21,11 @@
 namespace handsim::simulation {
 
 struct RunOptions {
-  std::filesystem::path out;  ///< folder for the run's files; made where it is missing
-  int frames = 0;             ///< pictures over the run; 0: no OpenGL context is made
-  bool pose_pictures =
-      false;           ///< of a controlled scene: a picture at the end of every hold in place of `frames`
-  bool plots = false;  ///< of a controlled scene: plots/ by gnuplot
+  std::filesystem::path out;   ///< folder for the run's files; made where it is missing
+  int frames = 0;              ///< pictures over the run; 0: no OpenGL context is made
+  bool pose_pictures = false;  ///< a picture at the end of every hold of a controlled scene, or every phase
+                               ///< of a grasp, in place of `frames`
+  bool plots = false;          ///< of a controlled scene: plots/ by gnuplot
   /// Writes the run as it stands at this time [s], rounded to a step, as snapshot.bin.
   std::optional<double> snapshot_at;
   /// Goes on from this snapshot file: the tables and pictures are of the rest of the scene, the summary of
@@ -61,6 +62,7 @@ struct RunResult {
   std::optional<std::uint64_t> expected_hash;  ///< where one was given
   std::optional<double> continued_from;        ///< time of the snapshot that the run went on from [s]
   std::vector<AxisTracking> tracking;          ///< by driven axis; empty where the scene drives none
+  std::vector<GraspFigures> grasps;            ///< of the scene's grasps
 
   bool hash_as_expected() const { return !expected_hash || *expected_hash == state_hash; }
   bool passed() const;

@@ -73,6 +73,8 @@ Simulation::Simulation(const scene::Scene& scene)
   if (scene.spec.record_contacts) contact_sums_.emplace(scene.model);
   hash_.add(engine_->state());
   if (scene.spec.solver.effects.has(model::Effect::actuation)) find_constant_torques();
+  for (const scene::GraspPlan& plan : scene.spec.grasp_plans)
+    grasps_.emplace_back(scene.model, plan, scene.spec.solver.step);
   if (!scene.control) return;
   controller_.emplace(scene.model, *scene.control, scene.spec.solver.step, engine_->state());
   tracking_.emplace(*controller_, scene.spec.solver.step);
@@ -112,6 +114,7 @@ void Simulation::step() {
   if (controller_) controller_->observe(engine_->state());
   const Clock::time_point observed = now();
   if (tracking_) tracking_->look(engine_->state().time);
+  for (GraspWatch& grasp : grasps_) grasp.look(*engine_);
   monitor_.look(engine_->state());
   convergence_.look(report, engine_->state().time);
   hash_.add(engine_->state());
@@ -151,6 +154,7 @@ RunSnapshot Simulation::snapshot() const {
   monitor_.save(out);
   if (contact_sums_) contact_sums_->save(out);
   convergence_.save(out);
+  for (const GraspWatch& grasp : grasps_) grasp.save(out);
   return {fingerprint_, engine_->state().time, out.take()};
 }
 
@@ -188,7 +192,18 @@ void Simulation::restore_parts(const RunSnapshot& snapshot) {
   monitor_.restore(in);
   if (contact_sums_) contact_sums_->restore(in);
   convergence_.restore(in);
+  for (GraspWatch& grasp : grasps_) grasp.restore(in);
   in.finish();
+}
+
+std::vector<GraspFigures> Simulation::grasps() const {
+  std::vector<GraspFigures> out;
+  for (const GraspWatch& grasp : grasps_) out.push_back(grasp.figures());
+  return out;
+}
+
+bool Simulation::grasp_lost() const {
+  return std::any_of(grasps_.begin(), grasps_.end(), [](const GraspWatch& grasp) { return grasp.lost(); });
 }
 
 long Simulation::step_count() const {

@@ -4,11 +4,13 @@
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "handsim/engine/engine.h"
 #include "handsim/scene/scene.h"
 #include "handsim/simulation/contact_sums.h"
 #include "handsim/simulation/convergence.h"
+#include "handsim/simulation/grasp_figures.h"
 #include "handsim/simulation/ledger.h"
 #include "handsim/simulation/monitor.h"
 #include "handsim/simulation/snapshot.h"
@@ -55,6 +57,10 @@ class Simulation {
   ///         where it does not hold together; the simulation then stands where it stood.
   void restore(const RunSnapshot& snapshot);
 
+  /// Figures of the scene's grasps up to now.
+  std::vector<GraspFigures> grasps() const;
+  /// An object of a grasp is lost already.
+  bool grasp_lost() const;
   /// Null where the scene does not record contacts.
   const ContactSums* contact_sums() const { return contact_sums_ ? &*contact_sums_ : nullptr; }
   Simulation(const Simulation&) = delete;
@@ -73,6 +79,7 @@ class Simulation {
   std::optional<Error> failure_;  ///< what the engine did not see
   std::optional<control::Controller> controller_;
   std::optional<Tracking> tracking_;
+  std::vector<GraspWatch> grasps_;
   Monitor monitor_;
   Ledger ledger_;
   Convergence convergence_;

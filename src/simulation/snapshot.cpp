@@ -80,6 +80,13 @@ Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine)
       kind == model::EngineKind::articulated ? "engine articulated" : "engine " + engine.version(), 1);
   if (scene.spec.record_contacts) out.emplace_back("record.contacts", 1);
   add_settings(scene.spec.solver, out);
+  // The scene names a mesh's file, not what is in it.
+  for (const model::Shape& shape : scene.model.shapes) {
+    if (!shape.mesh) continue;
+    ArchiveWriter vertices;
+    vertices.each(shape.mesh->vertices);
+    out.emplace_back("mesh of " + shape.name, hash_bytes(vertices.bytes()));
+  }
   add_parts(scene.resolved, out);
   return out;
 }

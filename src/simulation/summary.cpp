@@ -157,6 +157,56 @@ Json control_json(const Simulation& simulation) {
   return out;
 }
 
+Json grip_json(const Grip& grip) {
+  Json out = {{"time_s", grip.time},
+              {"contacts", grip.contacts},
+              {"contacts_with_other_things", grip.others},
+              {"normal_force_N", grip.normal},
+              {"friction_used", grip.friction_used}};
+  out["parts"] = Json::array();
+  for (const PartForce& part : grip.parts)
+    out["parts"].push_back({{"part", part.part},
+                            {"contacts", part.contacts},
+                            {"normal_force_N", part.normal},
+                            {"friction_force_N", part.friction}});
+  out["force_closure"] = grip.wrenches.force_closure;
+  out["epsilon"] = grip.wrenches.epsilon;
+  out["wrench_volume"] = grip.wrenches.volume;
+  return out;
+}
+
+Json grasps_json(const std::vector<GraspFigures>& grasps) {
+  Json out = Json::array();
+  for (const GraspFigures& grasp : grasps)
+    out.push_back({{"name", grasp.name},
+                   {"complete", grasp.complete},
+                   {"held", grasp.held},
+                   {"force_closure_disagrees", grasp.disagree()},
+                   {"slip_m_per_s", grasp.slip},
+                   {"spin_rad_per_s", grasp.spin},
+                   {"shaken_shift_m", grasp.shaken_shift},
+                   {"shift_m", grasp.shift},
+                   {"turn_rad", grasp.turn},
+                   {"end_of_hold", grip_json(grasp.hold)},
+                   {"after_shake", grip_json(grasp.after)}});
+  return out;
+}
+
+/// Movements of grasped objects are always judged, where the run got to the end of the grasp.
+void add_grasps(const Simulation& simulation, const scene::Criteria& criteria, std::vector<Verdict>& out) {
+  for (const GraspFigures& grasp : simulation.grasps()) {
+    const auto add = [&](const char* name, const char* unit, double measured, std::optional<double> limit,
+                         double time) {
+      out.push_back({name, unit, measured, grasp.complete ? limit : std::nullopt, time, grasp.name});
+    };
+    add("grasp_shaken", "m", grasp.shaken_shift, kShakenShift, grasp.shaken_time);
+    add("grasp_shift", "m", grasp.shift, kHeldShift, grasp.after.time);
+    add("grasp_turn", "rad", grasp.turn, kHeldTurn, grasp.after.time);
+    add("grasp_others", "", grasp.hold.others + grasp.after.others, 0, grasp.after.time);
+    add("grasp_slip", "m/s", grasp.slip, criteria.grasp_slip, grasp.hold.time);
+  }
+}
+
 using Figure = std::optional<Peak> (*)(const AxisTracking& axis);
 
 /// The worst axis of a figure; nothing measured where no axis has it.
@@ -223,6 +273,7 @@ std::vector<Verdict> verdicts(const Simulation& simulation, const scene::Criteri
   failures.measured = static_cast<double>(simulation.ledger().lcp_failures());
   if (criteria.lcp_failures) failures.limit = *criteria.lcp_failures;
   out.push_back(failures);
+  add_grasps(simulation, criteria, out);
   add_tracking(simulation, criteria.tracking, out);
   return out;
 }
@@ -249,6 +300,7 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
   out["time"] = {{"simulated_s", result.simulated},
                  {"loop_wall_s", result.wall},
                  {"times_real_time", result.wall > 0 ? result.simulated / result.wall : 0.0}};
+  if (!result.grasps.empty()) out["grasps"] = grasps_json(result.grasps);
   if (simulation.controller()) out["control"] = control_json(simulation);
   if (simulation.contact_sums()) out["contact_forces"] = contact_forces_json(*simulation.contact_sums());
   out["ledger"] = {{"phases", ledger_json(ledger.phases())}, {"effects", ledger_json(ledger.effects())}};

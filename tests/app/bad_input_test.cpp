@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include <gtest/gtest.h>
 
@@ -114,6 +115,32 @@ void expect_refused(const fs::path& file, const std::string& part) {
   EXPECT_TRUE(contains(lines[0], part)) << lines[0];
   EXPECT_LT(lines[0].size(), file.string().size() + 1000);
   EXPECT_TRUE(empty_or_missing(out));
+}
+
+// A ball of more triangles than a mesh may have.
+TEST(BadInput, MeshesOfTooManyFacesAreRefused) {
+  const TemporaryFolder folder;
+  constexpr int kRings = 230;
+  std::string obj;
+  for (int i = 0; i <= kRings; ++i)
+    for (int k = 0; k < kRings; ++k) {
+      const double a = M_PI * i / kRings, b = 2 * M_PI * k / kRings;
+      obj += "v " + std::to_string(std::sin(a) * std::cos(b)) + " " +
+             std::to_string(std::sin(a) * std::sin(b)) + " " + std::to_string(std::cos(a)) + "\n";
+    }
+  for (int i = 0; i < kRings; ++i)
+    for (int k = 0; k < kRings; ++k) {
+      const auto at = [&](int ring, int step) {
+        return std::to_string(1 + ring * kRings + (k + step) % kRings);
+      };
+      obj += "f " + at(i, 0) + " " + at(i + 1, 0) + " " + at(i + 1, 1) + "\nf " + at(i, 0) + " " +
+             at(i + 1, 1) + " " + at(i, 1) + "\n";
+    }
+  write(folder.path() / "ball.obj", obj);
+  expect_refused(write(folder.path() / "scene.yaml",
+                       "objects: [{name: ball, shape: convex_mesh, mesh: ball.obj, mass: 1, position: [0, 0, "
+                       "0]}]\nduration: 1\n"),
+                 "got 105800 faces, need at most 100000 faces");
 }
 
 TEST(BadInput, MissingAndOddFilesAreNamed) {
@@ -227,10 +254,11 @@ Words hand_with(const Words& rest) {
 const std::vector<Usage> kUsages = {
     {"NoCommand",
      {},
-     "command: got nothing, need one of hand, check, run, render, accuracy, effects, export"},
+     "command: got nothing, need one of hand, check, run, render, accuracy, grasp, effects, export, contacts"},
     {"UnknownCommand",
      {"rum"},
-     "command: got rum, need one of hand, check, run, render, accuracy, effects, export (nearest: run)"},
+     "command: got rum, need one of hand, check, run, render, accuracy, grasp, effects, export, contacts (nearest: "
+     "run)"},
     {"UnknownOption", run_with({"--fast"}), "--fast"},
     {"RunWithoutOut", {"run", kScene}, "--out is required"},
     {"RunWithoutScene", {"run", "--out", "OUT"}, "scene is required"},

@@ -129,7 +129,7 @@ TEST(Tissue, OnAUniversalJointHoldsEachAxisByItsOwnStiffness) {
                                     {Vec3(0.1, 0.2, 0.3), rotation_quaternion({0.3, 1, 0.2})});
       base.kinematic = true;
       parent = test::add_body(model, base);
-      model.drives.push_back({parent, {}, {{{0, base.zero_pose}}, model::Interpolation::linear}});
+      model.drives.push_back({parent, {}, {{{0, base.zero_pose}}, model::Interpolation::linear, {}}});
     }
     test::add_body(model, test::body("finger", 0.1, {1e-4, 1e-4, 1e-4}));
     model::Joint& joint = test::add_joint(model, "knuckle", model::JointKind::universal, parent, parent + 1,
@@ -222,7 +222,7 @@ TEST(Islands, OfADrivenPalmAndOfAStillOneMoveAlike) {
   model::Model still = test::five_fingers(true, true);
   still.bodies[1].zero_pose = {Vec3(0.1, 0.2, 0.3), rotation_quaternion({0.3, 0.2, 0.1})};
   model::Model driven = still;
-  driven.drives.push_back({1, {}, {{{0, still.bodies[1].zero_pose}}, model::Interpolation::linear}});
+  driven.drives.push_back({1, {}, {{{0, still.bodies[1].zero_pose}}, model::Interpolation::linear, {}}});
   const Settings with =
       settings({Effect::wrist_motion, Effect::gravity, Effect::joint_stops, Effect::passive_tissue});
   const auto a = make_engine(still, with);

@@ -1,5 +1,7 @@
 #include "handsim/model/motion.h"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 namespace handsim::model {
@@ -9,7 +11,8 @@ PoseMotion three_keys(Interpolation interpolation) {
   return {{{0.1, {}},
            {0.4, {Vec3(0.2, 0.1, -0.1), rotation_quaternion({1.5, -1, 0.5})}},
            {0.9, {Vec3(-0.1, 0, 0.3), rotation_quaternion({-2, 0.4, 0.1})}}},
-          interpolation};
+          interpolation,
+          {}};
 }
 
 // Oracle: central differences of the pose.
@@ -33,6 +36,51 @@ TEST(PoseMotion, HasARateOnEitherSideOfAKey) {
   EXPECT_EQ(motion.rate(0.9, KeySide::after).w, Vec3::Zero());
   EXPECT_LT((motion.rate(0.4, KeySide::before).v - motion.rate(0.2, KeySide::after).v).norm(), 1e-12);
   EXPECT_LT((motion.rate(0.4, KeySide::after).v - motion.rate(0.6, KeySide::after).v).norm(), 1e-12);
+}
+
+PoseMotion shaken() {
+  PoseMotion motion = three_keys(Interpolation::minimum_jerk);
+  motion.shakes.push_back({0.2, 2.5, 2, Vec3(0.04, 0, 0)});
+  motion.shakes.push_back({1.1, 5, 3, Vec3(0, -0.01, 0.02)});
+  return motion;
+}
+
+// Oracle: central differences of the pose.
+TEST(PoseMotion, WithShakesHasTheRateOfItsPose) {
+  const double h = 1e-5;
+  const PoseMotion motion = shaken();
+  for (const double time : {0.15, 0.25, 0.6, 0.95, 1.13, 1.4, 1.68, 1.8}) {
+    const Vec3 slope = (motion.at(time + h).p - motion.at(time - h).p) / (2 * h);
+    EXPECT_LT((motion.rate(time, KeySide::after).v - slope).norm(), 1e-6) << time;
+  }
+}
+
+// Oracle: definition: rest before and after, and a full swing in between whose acceleration is amplitude
+// (2 pi f)^2 at its turning points.
+TEST(PoseMotion, ShakesStartAndEndAtRestAndReachTheirAmplitude) {
+  const Shake shake{0.3, 4, 3, Vec3(0.01, 0, 0)};
+  for (const double time : {0.0, 0.3, shake.end(), 2.0}) {
+    EXPECT_EQ(shake.displacement(time), Vec3::Zero());
+    EXPECT_LT(shake.velocity(time).norm(), 1e-12);
+  }
+  EXPECT_NEAR(shake.displacement(0.3 + 1.25 / 4).x(), 0.01, 1e-12);
+  const double h = 1e-5, turn = 0.3 + 1.25 / 4;
+  const double a = (shake.velocity(turn + h) - shake.velocity(turn - h)).x() / (2 * h);
+  EXPECT_NEAR(a, -0.01 * std::pow(2 * M_PI * 4, 2), 1e-4);
+}
+
+// Oracle: second differences of the displacement over the whole shake.
+TEST(PoseMotion, KnowsTheLargestAccelerationOfAShake) {
+  for (const int cycles : {1, 2, 5}) {
+    const Shake shake{0, 2, cycles, Vec3(0, 1, 0)};
+    double most = 0;
+    const double h = 1e-4;
+    for (double t = h; t < shake.end(); t += h)
+      most = std::max(
+          most, (shake.displacement(t + h) - 2 * shake.displacement(t) + shake.displacement(t - h)).norm() /
+                    (h * h));
+    EXPECT_NEAR(most, 4 * shake_acceleration(cycles), 2e-3 * most) << cycles;
+  }
 }
 
 }  // namespace

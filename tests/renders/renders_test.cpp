@@ -49,6 +49,7 @@ constexpr Render kRenders[] = {
     {"poses.png", "run config/every_pose.yaml --out OUT --poses --set 'pictures.size=[400, 256]'",
      "contact_sheet.png"},
     {"hands.png", "hand --stature 1.75 --mass 72 --sex male --out OUT", "hand.png"},
+    {"objects.png", "render config/object_collection.yaml --time 1 --out OUT/p.png", "p.png"},
     {"dropped_hand.png", "render config/dropped_hand.yaml --time 0.5 --out OUT/p.png", "p.png"},
 };
 INSTANTIATE_TEST_SUITE_P(, Renders, ::testing::ValuesIn(kRenders));

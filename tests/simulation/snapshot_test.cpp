@@ -74,6 +74,7 @@ std::vector<Case> cases() {
                  {"solver.engine=articulated", "solver.method=semi_implicit_euler"},
                  1100,
                  3000});
+  out.push_back({"grasp", "grasp_pinch", {}, 3000, 10'000});
   out.push_back({"contact_record", "dropped_hand", {"record.contacts=true"}, 150, 1000});
   // A driven wrist: the integrator starts anew at keyframes, one of them within a step.
   out.push_back(

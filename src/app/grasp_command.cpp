@@ -1,0 +1,64 @@
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/app/commands.h"
+#include "handsim/app/progress.h"
+#include "handsim/study/grasp_study.h"
+
+namespace handsim::app {
+
+namespace {
+
+void print_table(const std::vector<study::GraspRow>& rows) {
+  constexpr double kDegrees = 180 / M_PI;
+  fmt::print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>8} {:>8} {:>9} {:>9}\n", "scene", "hand",
+             "verdict", "slip", "in shake", "after it", "turned", "contacts", "grip", "epsilon", "volume",
+             "friction");
+  fmt::print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>8} {:>8} {:>9} {:>9}\n", "", "", "", "um/s",
+             "mm", "mm", "deg", "", "N", "", "", "least");
+  for (const study::GraspRow& row : rows) {
+    const simulation::GraspFigures& f = row.figures;
+    const char* verdict = !row.fault.empty() ? "diverged"
+                          : !f.complete      ? "cut off"
+                          : f.held           ? "held"
+                                             : "LOST";
+    fmt::print(
+        "{:<24} {:<6} {:<8} {:>8.3g} {:>9.3g} {:>9.3g} {:>8.3g} {:>9} {:>8.3g} {:>8.3g} {:>9.3g} {:>9}\n",
+        row.scene, row.side, verdict, 1e6 * f.slip, 1e3 * f.shaken_shift, 1e3 * f.shift, kDegrees * f.turn,
+        f.after.contacts, f.after.normal, f.after.wrenches.epsilon, f.after.wrenches.volume,
+        row.smallest_friction ? fmt::format("{:.2g}", *row.smallest_friction) : "-");
+    if (f.disagree())
+      fmt::print("  note: {}, though the contacts {} force closure\n", f.held ? "held" : "lost",
+                 f.held ? "have no" : "have");
+    if (!row.fault.empty()) fmt::print(stderr, "{}\n", row.fault);
+  }
+}
+
+}  // namespace
+
+int grasp_command(const GraspArguments& arguments) {
+  study::GraspStudy study;
+  study.scenes = arguments.scenes;
+  study.out = arguments.out;
+  study.overrides = arguments.overrides;
+  study.friction = arguments.friction;
+  study.friction_search = arguments.friction_search;
+  study.pictures = arguments.pictures;
+  if (arguments.side == "both")
+    study.sides = {"right", "left"};
+  else if (!arguments.side.empty())
+    study.sides = {arguments.side};
+  std::vector<study::GraspRow> rows;
+  {
+    ProgressBar bar;
+    study.progress = [&bar](double share) { bar.show(share); };
+    rows = study::run_grasps(study);
+  }
+  print_table(rows);
+  fmt::print("files in {}\n", arguments.out.string());
+  return std::all_of(rows.begin(), rows.end(), [](const study::GraspRow& row) { return row.passed; }) ? 0 : 1;
+}
+
+}  // namespace handsim::app

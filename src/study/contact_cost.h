@@ -1,0 +1,35 @@
+// What contacts cost either of ODE's solvers: a limp hand lies on a stack of slabs, and the stack grows.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "handsim/model/solver.h"
+
+namespace handsim::study {
+
+/// A method at a height of the stack.
+struct ContactCostRow {
+  std::string method;  ///< e.g. `quick_step 50`
+  int slabs = 0;
+  double contacts = 0;      ///< points, mean of the timed steps
+  double ns_per_step = 0;   ///< CPU time of a step, collision detection included; median of the batches
+  double iterative = 0;     ///< share of steps that quick_step solved
+  double lcp_failures = 0;  ///< per step
+};
+
+/// world_step, quick_step with 20 and 50 iterations and auto (50) at 1 ms, all contacts in one island with
+/// the hand's joints. @param data folder with handmodels/ and config/
+/// @param progress told the share done, 0..1.
+std::vector<ContactCostRow> run_contact_cost(const std::filesystem::path& data,
+                                             const std::function<void(double)>& progress);
+
+std::string contact_cost_table(const std::vector<ContactCostRow>& rows);
+
+/// Writes contacts_cost.csv and, where gnuplot is installed, contacts_cost.png and .svg.
+/// @returns false where gnuplot is missing or failed; its script contacts_cost.gp is there all the same.
+bool write_contact_cost(const std::vector<ContactCostRow>& rows, const std::filesystem::path& out);
+
+}  // namespace handsim::study
