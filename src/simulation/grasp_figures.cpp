@@ -130,7 +130,7 @@ double friction_of(const model::Model& model, const engine::Contact& contact, do
 }  // namespace
 
 GraspWatch::GraspWatch(const model::Model& model, const scene::GraspPlan& plan, double step)
-    : model_(model), plan_(plan), half_step_(step / 2), part_of_body_(model.bodies.size(), -1) {
+    : model_(model), half_step_(step / 2), part_of_body_(model.bodies.size(), -1) {
   const model::HandIndex& hand = model.hands[plan.hand];
   palm_ = static_cast<std::size_t>(hand.palm);
   for (std::size_t i = 0; i < model.bodies.size(); ++i)

@@ -61,7 +61,7 @@ struct GraspFigures {
 
 class GraspWatch {
  public:
-  /// Model and plan must outlive the watch. @param step of the engine [s].
+  /// The model must outlive the watch. @param step of the engine [s].
   GraspWatch(const model::Model& model, const scene::GraspPlan& plan, double step);
 
   /// Looks at the engine after a step.
@@ -78,7 +78,6 @@ class GraspWatch {
   void finish(const engine::Engine& engine, const Pose& now);
 
   const model::Model& model_;
-  const scene::GraspPlan& plan_;
   double half_step_;
   std::size_t palm_ = 0, object_ = 0;
   double length_ = 0;  ///< largest radius of the object about its centre of mass [m]

@@ -43,7 +43,7 @@ struct ThreadData {
     initialised = true;
     // Freed by ODE with the thread where it is per thread; Debian's build has one set for all threads,
     // which no thread may clean up under the others.
-    dAllocateODEDataForThread(dAllocateMaskAll);
+    dAllocateODEDataForThread(static_cast<unsigned>(dAllocateMaskAll));
   }
 };
 
