@@ -1,5 +1,5 @@
-// Contact of the articulated engine: the cone solver by itself, rest, forces, impact, friction, pads, hands on
-// objects; against closed forms and against the ODE engine as the step shrinks.
+// Contact of the articulated engine: the cone solver by itself, rest, forces, impact, friction, pads, hands
+// on objects; against closed forms and against the ODE engine as the step shrinks.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -50,15 +50,16 @@ int add_solid(model::Model& model, model::Shape shape, double mass, const Pose& 
   return shape.body;
 }
 
-// Oracle: the law's own conditions, put to random problems: signs, complementarity, the disc, and slip against
-// friction. 12 dofs and 8 contacts, so that W is singular, as it is where a hand holds an object.
+// Oracle: the law's own conditions, put to random problems: signs, complementarity, the disc, and slip
+// against friction. 12 dofs and 8 contacts, so that W is singular, as it is where a hand holds an object.
 TEST(ConeSolver, MeetsCoulombsLawOnRandomProblems) {
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
   int sticking = 0, sliding = 0, open = 0;
   for (int trial = 0; trial < 50; ++trial) {
     constexpr int kContacts = 8, kDofs = 12;
-    const Eigen::MatrixXd J = Eigen::MatrixXd::NullaryExpr(3 * kContacts, kDofs, [&] { return normal(random); });
+    const Eigen::MatrixXd J =
+        Eigen::MatrixXd::NullaryExpr(3 * kContacts, kDofs, [&] { return normal(random); });
     const Eigen::MatrixXd W = J * J.transpose();
     // A velocity that the dofs can have, so that a solution exists.
     const Eigen::VectorXd b = J * Eigen::VectorXd::NullaryExpr(kDofs, [&] { return normal(random); });
@@ -112,11 +113,12 @@ TEST(ArticulatedContact, CarriesTheWeightAtRest) {
     int sweeps = 0;
     for (int i = 0; i < static_cast<int>(2 / step); ++i) {
       const StepReport report = engine->step({});
-      sweeps = std::max(sweeps, report.contact_sweeps);
+      sweeps += report.contact_sweeps;
       EXPECT_EQ(report.lcp_failures, 0);
-      EXPECT_LE(report.contact_residual, 1e-8);
+      EXPECT_LE(report.contact_residual, 1e-4 * step);
     }
-    EXPECT_LT(sweeps, 300);
+    // Warm starts: hardly any work at rest.
+    EXPECT_LT(sweeps * step / 2, 10);
     std::array<Vec3, 3> on = {Vec3::Zero(), Vec3::Zero(), Vec3::Zero()};
     for (const Contact& contact : engine->contacts()) {
       EXPECT_GE(contact.normal_force(), 0);
@@ -252,43 +254,58 @@ TEST(ArticulatedContact, PadSinksByWeightOverStiffness) {
 model::Model hand_on_ball() {
   model::Model model = test::five_fingers(true, true, true);
   model::Shape ball = sized("ball", ShapeKind::sphere, 0.025, 0);
-  add_solid(model, ball, 0.05, {Vec3(0, 0.09, -0.035), Quat::Identity()});
+  add_solid(model, ball, 0.05, {Vec3(0.01, 0.09, 0.035), Quat::Identity()});
   return model;
 }
 
-// Oracle: ODE world_step. Both are of first order, so a step four times smaller brings them together at
-// least twice as near, until the impacts' times (multiples of the step) part them.
+// Oracle: ODE world_step. Both are of first order: a step four times smaller brings them together at least
+// twice as near. Without friction, and with so much that nothing slides (at a friction of 0.8,
+// where ODE's pyramid is wider than the cone off its edges, the two stay 15 um apart at any step). On
+// pads; rigid surfaces without restoring speed, which is as large as the depth that the last step before an
+// impact happens to leave, whatever the step.
 TEST(ArticulatedContact, HandClosingOnABallAgreesWithOdeAsTheStepShrinks) {
-  const model::Model model = hand_on_ball();
-  const auto run = [&](Method method, double h) {
-    Settings how = test::settings({Effect::object_contact, Effect::friction, Effect::passive_tissue}, h, method);
-    const auto engine = make_engine(model, how);
-    std::vector<double> torques(static_cast<std::size_t>(model.dof_count()), 0.0);
-    for (std::size_t i = 0; i < torques.size(); i += 4) torques[i] = torques[i + 2] = 0.01;
-    int touching = 0;
-    for (long i = 0; i < std::lround(0.1 / h); ++i) touching = std::max(touching, engine->step({torques}).contacts);
-    EXPECT_GT(touching, 1);
-    return engine->state();
+  struct Case {
+    bool pads;
+    double friction;
   };
-  const auto distance = [&](double h) {
-    const model::State a = run(Method::semi_implicit_euler, h), b = run(Method::world_step, h);
-    double out = 0;
-    for (std::size_t i = 0; i < a.bodies.size(); ++i)
-      out = std::max(out, (a.bodies[i].p - b.bodies[i].p).norm());
-    return out;
-  };
-  const double coarse = distance(1e-3), fine = distance(2.5e-4), finest = distance(6.25e-5);
-  printf("distance %g %g %g\n", coarse, fine, finest);
-  EXPECT_LT(fine, 0.5 * coarse);
-  EXPECT_LT(finest, 0.5 * fine);
+  for (const Case& c : {Case{true, 0}, Case{false, 0}, Case{true, 20}}) {
+    model::Model model = hand_on_ball();
+    model.materials[0].friction = c.friction;
+    if (c.pads) model.materials[0].compliance = model::Compliance{2000, 5};
+    const auto run = [&](Method method, double h) {
+      Settings how = test::settings(
+          {Effect::gravity, Effect::object_contact, Effect::friction, Effect::passive_tissue}, h, method);
+      if (!c.pads) how.erp = 0;
+      const auto engine = make_engine(model, how);
+      std::vector<double> torques(static_cast<std::size_t>(model.dof_count()), 0.0);
+      for (std::size_t i = 0; i < torques.size(); i += 4) torques[i] = torques[i + 2] = 0.01;
+      int touching = 0;
+      for (long i = 0; i < std::lround(0.06 / h); ++i)
+        touching = std::max(touching, engine->step({torques}).contacts);
+      EXPECT_GT(touching, 1);
+      return engine->state();
+    };
+    const auto distance = [&](double h) {
+      const model::State a = run(Method::semi_implicit_euler, h), b = run(Method::world_step, h);
+      double out = 0;
+      for (std::size_t i = 0; i < a.bodies.size(); ++i)
+        out = std::max(out, (a.bodies[i].p - b.bodies[i].p).norm());
+      return out;
+    };
+    const double coarse = distance(2.5e-4), fine = distance(6.25e-5), finest = distance(1.5625e-5);
+    EXPECT_LT(coarse, 5e-5);
+    EXPECT_LT(fine, 0.5 * coarse) << c.pads << ' ' << c.friction;
+    EXPECT_LT(finest, 0.5 * fine) << c.pads << ' ' << c.friction;
+  }
 }
 
 // Oracle: bit equality of two runs, and of a run after others in the same process.
 TEST(ArticulatedContact, RepeatsItselfToTheBit) {
   const model::Model model = hand_on_ball();
   const auto run = [&] {
-    const auto engine = make_engine(model, settings({Effect::gravity, Effect::object_contact, Effect::friction,
-                                                     Effect::passive_tissue, Effect::joint_stops}));
+    const auto engine =
+        make_engine(model, settings({Effect::gravity, Effect::object_contact, Effect::friction,
+                                     Effect::passive_tissue, Effect::joint_stops}));
     test::run(*engine, 300);
     return test::bits(engine->state());
   };
@@ -308,11 +325,15 @@ TEST(ArticulatedContact, NoCollisionCodeRunsWithoutAContactEffectAndRule) {
   EXPECT_FALSE(make_engine(model, settings({Effect::object_contact}))->tests_contacts());
 }
 
-/// A hinged bar along x that gravity turns down onto the ground (a stop or a block of world).
+/// A bar along x, hinged at its end, that gravity turns down onto the ground.
 model::Model bar(std::optional<model::Stop> stop) {
   model::Model model = model::make_model();
   test::add_ground(model, 0);
   test::add_body(model, test::body("bar", 0.1, {1e-5, 1e-4, 1e-4}));
+  // The ground is not the world's own: jointed bodies are not tested against each other.
+  model::Body table = test::body("table", 1, {1, 1, 1});
+  table.kinematic = true;
+  model.shapes[0].body = test::add_body(model, table);
   test::add_joint(model, "pin", model::JointKind::hinge, 0, 1, {Vec3(0, 0, 0.05), Quat::Identity()},
                   {Vec3(-0.05, 0, 0), Quat::Identity()}, {Vec3::UnitY()});
   model.joints[0].axes[0].stop = stop;
@@ -323,9 +344,9 @@ model::Model bar(std::optional<model::Stop> stop) {
   return model;
 }
 
-// Oracles: geometry and statics: the tip stops the bar where it touches the ground, at sin q = (0.05 - 0.01) /
-// 0.1, with m g/2 on it; a stop above the ground leaves nothing for the contact; and a stop and a contact at
-// once let neither be passed.
+// Oracles: geometry and statics: the tip stops the bar where it touches the ground, at sin q = (0.05 - 0.01)
+// / 0.1, with m g/2 on it; a stop above the ground leaves nothing for the contact; and a stop and a contact
+// at once let neither be passed.
 TEST(ArticulatedContact, SharesTheLoadWithStops) {
   const double touch = std::asin(0.4);
   for (const double stop_at : {1.0, touch + 1e-7, 0.3}) {

@@ -20,7 +20,8 @@ namespace handsim::engine::articulated {
 
 class ArticulatedEngine final : public Engine {
  public:
-  /// @param kernel null: the fastest one. @throws Error (input), also for joint_stops where a joint has any, and
+  /// @param kernel null: the fastest one. @throws Error (input), also for joint_stops where a joint has any,
+  /// and
   ///        contact, where the method is for smooth motion, for contact in a model with loops, and for loops
   ///        that cannot be closed. The model must outlive the engine.
   ArticulatedEngine(const model::Model& model, const Settings& settings, const Kernel* kernel = nullptr);
@@ -56,13 +57,13 @@ class ArticulatedEngine final : public Engine {
   const model::Model& model_;
   Settings settings_;
   Mechanism mechanism_;
-  std::unique_ptr<Loops> loops_;         ///< with loops only
+  std::unique_ptr<Loops> loops_;              ///< with loops only
   std::unique_ptr<ContactDynamics> contact_;  ///< with a contact effect and rule only
-  std::unique_ptr<Smooth> smooth_;       ///< with a method for smooth motion only
-  std::vector<int> drives_;              ///< of the model, in force
-  std::vector<double> saved_;            ///< positions and rates before the step
-  std::vector<BaseMotion> saved_bases_;  ///< of the drives
-  std::vector<Pose> targets_;            ///< of the drives, at the end of the step
+  std::unique_ptr<Smooth> smooth_;            ///< with a method for smooth motion only
+  std::vector<int> drives_;                   ///< of the model, in force
+  std::vector<double> saved_;                 ///< positions and rates before the step
+  std::vector<BaseMotion> saved_bases_;       ///< of the drives
+  std::vector<Pose> targets_;                 ///< of the drives, at the end of the step
   std::vector<std::string> notes_;
   double time_ = 0;
   bool had_torques_ = false;

@@ -15,6 +15,8 @@ constexpr double kSingular = 1e-9;
 /// Corrections of a sliding contact in one turn.
 constexpr int kSlides = 30;
 constexpr double kSlideTolerance = 1e-12;
+/// Growth of a sweep's square that calls for a new start of the conjugate directions.
+constexpr double kRestart = 1.1;
 
 Eigen::Vector2d onto_disc(const Eigen::Vector2d& x, double radius) {
   const double length = x.norm();
@@ -148,9 +150,11 @@ ConeReport ConeSolver::solve(std::span<const Cone> cones, double tolerance, int 
     }
     // The last sweep's result stands: it keeps to the cones.
     if (report.sweeps == most_sweeps) break;
-    const double share = last_square > 0 ? square / last_square : 0;
+    // Redundant contacts that cannot all be met drift at a constant rate till one opens: no reason to
+    // restart.
+    const double ratio = last_square > 0 ? square / last_square : 0, share = std::min(ratio, 1.0);
     last_square = square;
-    if (share > 1) {
+    if (ratio > kRestart) {
       std::fill(direction_.begin(), direction_.end(), 0.0);
       continue;
     }

@@ -157,8 +157,7 @@ void ContactDynamics::remember(double step) {
         moment.y() = *p++;
         moment.z() = *p++;
       }
-      last_.push_back(
-          {contact.shape_a, contact.shape_b, index, point.frame * impulse, point.frame * moment});
+      last_.push_back({contact.shape_a, contact.shape_b, index, point.frame * impulse, point.frame * moment});
       if (with_forces_) contact.force = last_.back().impulse / step;
     }
 }
@@ -243,8 +242,7 @@ void ContactDynamics::build(double step) {
     space_.solve_transposed({Y_.data() + i * n, n});
     const ConstRow y(Y_.data() + i * n, static_cast<Eigen::Index>(n));
     for (std::size_t j = 0; j <= i; ++j)
-      solver_.W(i, j) = solver_.W(j, i) =
-          y.dot(ConstRow(Y_.data() + j * n, static_cast<Eigen::Index>(n)));
+      solver_.W(i, j) = solver_.W(j, i) = y.dot(ConstRow(Y_.data() + j * n, static_cast<Eigen::Index>(n)));
   }
   for (const Point& point : points_) solver_.W(point.cone.row, point.cone.row) += point.softness;
 }
@@ -254,8 +252,7 @@ bool ContactDynamics::apply(double step) {
   Row x(x_.data(), static_cast<Eigen::Index>(n));
   x.setZero();
   for (std::size_t i = 0; i < rows; ++i)
-    if (solver_.p()[i] != 0)
-      x += solver_.p()[i] * ConstRow(Y_.data() + i * n, static_cast<Eigen::Index>(n));
+    if (solver_.p()[i] != 0) x += solver_.p()[i] * ConstRow(Y_.data() + i * n, static_cast<Eigen::Index>(n));
   space_.solve_factor(x_);
   const std::span<double> du = mechanism_.du();
   for (int dof = 0; dof < space_.size(); ++dof)
@@ -322,10 +319,9 @@ ConeReport ContactDynamics::solve(double step) {
     find_free(step);
     do {
       build(step);
-      keep(solver_.solve(cones_, kContactTolerance, kMostSweeps));
+      keep(solver_.solve(cones_, kContactTolerance * step, kMostSweeps));
       std::copy_n(solver_.p().begin(), rows, start_.begin());
-      for (std::size_t k = 0; k < stops_.size(); ++k)
-        axes_[stops_[k].axis].held = solver_.p()[rows + k];
+      for (std::size_t k = 0; k < stops_.size(); ++k) axes_[stops_[k].axis].held = solver_.p()[rows + k];
     } while (!apply(step));
     if (revise_limits(step, i >= kJointCorrections)) {
       for (const StopRow& stop : stops_)

@@ -1,6 +1,7 @@
 // Contact with friction in joint space: impulses at the points that ODE's collision detection finds, solved
-// together with the joint stops at velocity level, and with the servos' torque limits, so that all hold at the
-// end of the step. The inertia is that of the implicit step, springs and dampers of tissue and servos in it.
+// together with the joint stops at velocity level, and with the servos' torque limits, so that all hold at
+// the end of the step. The inertia is that of the implicit step, springs and dampers of tissue and servos in
+// it.
 #pragma once
 
 #include <span>
@@ -12,8 +13,9 @@
 
 namespace handsim::engine::articulated {
 
-/// Velocities of contact rows are found to this [m/s], stops' to as many rad/s.
-inline constexpr double kContactTolerance = 1e-8;
+/// Accelerations of contacts and stops are found to this [m/s^2 or rad/s^2]: a hundred-thousandth of
+/// gravity's.
+inline constexpr double kContactTolerance = 1e-4;
 inline constexpr int kMostSweeps = 500;
 
 class ContactDynamics {

@@ -151,9 +151,10 @@ AxisView Mechanism::axis_view(std::size_t node) const {
     const Seat& seat = seats_[node];
     Axis<W>& a = in.axis[in.batch[seat.batch].axis];
     const int i = seat.lane;
-    return AxisView{a.low + i,           a.high + i,          a.bounce + i,      a.weight + i,
-                    a.servo_stiffness + i, a.servo_damping + i, a.servo_error + i, a.servo_feed + i,
-                    a.servo_limit + i,   a.side + i,          a.saturated + i};
+    return AxisView{
+        a.low + i,           a.high + i,        a.bounce + i,     a.weight + i,      a.servo_stiffness + i,
+        a.servo_damping + i, a.servo_error + i, a.servo_feed + i, a.servo_limit + i, a.side + i,
+        a.saturated + i};
   });
 }
 
