@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <Eigen/Dense>
 
@@ -136,19 +137,23 @@ ConeReport ConeSolver::solve(std::span<const Cone> cones, double tolerance, int 
   direction_.assign(rows_, 0.0);
   change_.assign(rows_, 0.0);
   ConeReport report;
-  double last_square = 0;
+  double last_square = 0, best = std::numeric_limits<double>::infinity();
   while (report.sweeps < most_sweeps) {
     last_ = p_;
     report.residual = sweep(cones);
     ++report.sweeps;
     report.solved = report.residual <= tolerance;
+    if (report.residual < best) {
+      best = report.residual;
+      best_ = p_;
+    }
     if (report.solved) break;
     double square = 0;
     for (std::size_t i = 0; i < rows_; ++i) {
       change_[i] = p_[i] - last_[i];
       square += W(i, i) * change_[i] * change_[i];
     }
-    // The last sweep's result stands: it keeps to the cones.
+    // A sweep's result keeps to the cones; what it is sped up to need not.
     if (report.sweeps == most_sweeps) break;
     // Redundant contacts that cannot all be met drift at a constant rate till one opens: no reason to
     // restart.
@@ -162,6 +167,10 @@ ConeReport ConeSolver::solve(std::span<const Cone> cones, double tolerance, int 
       p_[i] += share * direction_[i];
       direction_[i] = share * direction_[i] + change_[i];
     }
+  }
+  if (!report.solved) {
+    p_ = best_;
+    report.residual = best;
   }
   return report;
 }

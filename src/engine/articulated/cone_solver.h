@@ -56,7 +56,7 @@ class ConeSolver {
   void invert_blocks(std::span<const Cone> cones);
 
   std::size_t rows_ = 0;
-  std::vector<double> W_, b_, p_, last_, direction_, change_;
+  std::vector<double> W_, b_, p_, last_, best_, direction_, change_;
   std::vector<Mat3> inverses_;  ///< of each cone's first three rows
 };
 

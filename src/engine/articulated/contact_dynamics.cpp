@@ -17,6 +17,11 @@ constexpr int kJointCorrections = 8, kSingleCorrections = 50;
 /// As the kernels have them for steps without contact.
 constexpr double kTight = 1 - 1e-9, kLoose = 1 + 1e-9, kTouch = 1e-12;
 
+/// Softness of rigid contacts, as a share of what their bodies' masses alone would give way: settles what
+/// redundant points cannot meet together, and bounds the impulse where joints and stops leave no way out. A
+/// load F between masses m sinks by this times F step^2 / (m erp): 0.05 um under a body's weight at 1 ms.
+constexpr double kRigidSoftness = 1e-3;
+
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 using Row = Eigen::Map<Eigen::VectorXd>;
@@ -80,6 +85,11 @@ Vec3 ContactDynamics::relative_spin(const Contact& contact) const {
   return of(contact.shape_a) - of(contact.shape_b);
 }
 
+double ContactDynamics::inverse_mass(int shape) const {
+  const model::Body& body = model_.bodies[at(body_of(shape))];
+  return body.kinematic || body.mass <= 0 ? 0 : 1 / body.mass;
+}
+
 /// The contacts' rows as their materials have them; the same laws as the ODE engine's.
 void ContactDynamics::find_points(double step) {
   points_.clear();
@@ -105,6 +115,7 @@ void ContactDynamics::find_points(double step) {
         point.softness = soft.cfm / step;
       } else {
         point.target = std::min(erp_ * inside / step, ode::kMaxCorrectingSpeed);
+        point.softness = kRigidSoftness * (inverse_mass(contact.shape_a) + inverse_mass(contact.shape_b));
       }
       const double approach = -contact.normal.dot(relative_velocity(contact));
       if (surface.restitution > 0 && approach > surface.restitution_speed)

@@ -65,6 +65,7 @@ class ContactDynamics {
   Vec3 relative_velocity(const Contact& contact) const;
   Vec3 relative_spin(const Contact& contact) const;
   int body_of(int shape) const { return model_.shapes[static_cast<std::size_t>(shape)].body; }
+  double inverse_mass(int shape) const;
   void find_free(double step);
   void build(double step);
   void add_row(const Contact& contact, const Vec3& direction, bool angular, std::size_t row);
