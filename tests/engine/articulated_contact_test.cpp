@@ -69,7 +69,7 @@ TEST(ConeSolver, MeetsCoulombsLawOnRandomProblems) {
     for (std::size_t i = 0; i < 3 * kContacts; ++i) {
       solver.b()[i] = b[static_cast<Eigen::Index>(i)];
       for (std::size_t j = 0; j < 3 * kContacts; ++j)
-        solver.W(i, j) = W(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
+        solver.entry(i, j) = W(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j));
     }
     for (std::size_t i = 0; i < kContacts; ++i) cones.push_back({3 * i, 0.4, 0, 0});
     const ConeReport report = solver.solve(cones, 1e-10, 20000);

@@ -46,21 +46,22 @@ void ConeSolver::invert_blocks(std::span<const Cone> cones) {
     Mat3 A;
     for (std::size_t r = 0; r < 3; ++r)
       for (std::size_t c = 0; c < 3; ++c)
-        A(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c)) = W(cones[i].row + r, cones[i].row + c);
+        A(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c)) =
+            entry(cones[i].row + r, cones[i].row + c);
     A.diagonal().array() += kSingular * A.trace();
     inverses_[i] = A.inverse();
   }
 }
 
 double ConeSolver::solve_line(std::size_t row, double bound) {
-  if (!(W(row, row) > 0)) return 0;
+  if (!(entry(row, row) > 0)) return 0;
   const double old = p_[row];
-  p_[row] = std::clamp(old - velocity(row) / W(row, row), -bound, bound);
-  return W(row, row) * std::abs(p_[row] - old);
+  p_[row] = std::clamp(old - velocity(row) / entry(row, row), -bound, bound);
+  return entry(row, row) * std::abs(p_[row] - old);
 }
 
 double ConeSolver::solve_disc(std::size_t row, double radius) {
-  const double trace = W(row, row) + W(row + 1, row + 1);
+  const double trace = entry(row, row) + entry(row + 1, row + 1);
   if (!(trace > 0)) return 0;
   const Eigen::Vector2d old(p_[row], p_[row + 1]);
   const Eigen::Vector2d v(velocity(row), velocity(row + 1));
@@ -73,7 +74,7 @@ double ConeSolver::solve_disc(std::size_t row, double radius) {
 /// The contact's own three impulses with all others as they are. Returns the most that its velocity changed.
 double ConeSolver::solve_contact(const Cone& cone, const Mat3& inverse) {
   const std::size_t n = cone.row;
-  const double diagonal = W(n, n);
+  const double diagonal = entry(n, n);
   if (!(diagonal > 0)) return 0;
   if (!(cone.friction > 0)) {
     const double old = p_[n];
@@ -82,8 +83,8 @@ double ConeSolver::solve_contact(const Cone& cone, const Mat3& inverse) {
   }
   const Vec3 old(p_[n], p_[n + 1], p_[n + 2]);
   const Vec3 v(velocity(n), velocity(n + 1), velocity(n + 2));
-  const double nx = W(n, n + 1), ny = W(n, n + 2), xx = W(n + 1, n + 1), xy = W(n + 1, n + 2),
-               yy = W(n + 2, n + 2);
+  const double nx = entry(n, n + 1), ny = entry(n, n + 2), xx = entry(n + 1, n + 1), xy = entry(n + 1, n + 2),
+               yy = entry(n + 2, n + 2);
   // Velocity that the others leave.
   const Vec3 c(v.x() - diagonal * old.x() - nx * old.y() - ny * old.z(),
                v.y() - nx * old.x() - xx * old.y() - xy * old.z(),
@@ -151,7 +152,7 @@ ConeReport ConeSolver::solve(std::span<const Cone> cones, double tolerance, int 
     double square = 0;
     for (std::size_t i = 0; i < rows_; ++i) {
       change_[i] = p_[i] - last_[i];
-      square += W(i, i) * change_[i] * change_[i];
+      square += entry(i, i) * change_[i] * change_[i];
     }
     // A sweep's result keeps to the cones; what it is sped up to need not.
     if (report.sweeps == most_sweeps) break;

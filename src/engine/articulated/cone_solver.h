@@ -37,8 +37,8 @@ class ConeSolver {
   /// Empties the problem and gives it so many rows; W and b are zero, p is zero.
   void reset(std::size_t rows);
   std::size_t rows() const { return rows_; }
-  double& W(std::size_t i, std::size_t j) { return W_[i * rows_ + j]; }
-  double W(std::size_t i, std::size_t j) const { return W_[i * rows_ + j]; }
+  double& entry(std::size_t i, std::size_t j) { return W_[i * rows_ + j]; }
+  double entry(std::size_t i, std::size_t j) const { return W_[i * rows_ + j]; }
   std::span<double> b() { return b_; }
   /// Impulses: where the solution starts from, and its result.
   std::span<double> p() { return p_; }

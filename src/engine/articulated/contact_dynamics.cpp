@@ -253,9 +253,10 @@ void ContactDynamics::build(double step) {
     space_.solve_transposed({Y_.data() + i * n, n});
     const ConstRow y(Y_.data() + i * n, static_cast<Eigen::Index>(n));
     for (std::size_t j = 0; j <= i; ++j)
-      solver_.W(i, j) = solver_.W(j, i) = y.dot(ConstRow(Y_.data() + j * n, static_cast<Eigen::Index>(n)));
+      solver_.entry(i, j) = solver_.entry(j, i) =
+          y.dot(ConstRow(Y_.data() + j * n, static_cast<Eigen::Index>(n)));
   }
-  for (const Point& point : points_) solver_.W(point.cone.row, point.cone.row) += point.softness;
+  for (const Point& point : points_) solver_.entry(point.cone.row, point.cone.row) += point.softness;
 }
 
 bool ContactDynamics::apply(double step) {
