@@ -24,7 +24,7 @@ struct RunOptions {
   int frames = 0;              ///< pictures over the run; 0: no OpenGL context is made
   bool pose_pictures = false;  ///< a picture at the end of every hold of a controlled scene, or every phase
                                ///< of a grasp, in place of `frames`
-  bool plots = false;  ///< of a controlled scene: plots/ by gnuplot
+  bool plots = false;          ///< of a controlled scene: plots/ by gnuplot
   /// Told the share done, 0..1, now and then.
   std::function<void(double)> progress;
 };
