@@ -71,12 +71,14 @@ struct StepReport {
   bool iterative = false;  ///< solved by quick_step
   /// Of steps that were solved by iteration, or in which the direct solver gave up.
   std::optional<Residual> residual;
-  int contacts = 0;       ///< contact points
-  int stop_rows = 0;      ///< joint stops in force
-  int collide_calls = 0;  ///< pairs given to the narrow phase
-  double collide_ns = 0;  ///< time in collision detection [ns]
-  double tissue_ns = 0;   ///< time in setting passive tissue [ns]
-  double servo_ns = 0;    ///< time in setting servos and torques [ns]
+  int contacts = 0;             ///< contact points
+  int stop_rows = 0;            ///< joint stops in force
+  int collide_calls = 0;        ///< pairs given to the narrow phase
+  int contact_sweeps = 0;       ///< articulated: of the contact solver
+  double contact_residual = 0;  ///< articulated: velocity that contacts and stops may be off by [m/s, rad/s]
+  double collide_ns = 0;        ///< time in collision detection [ns]
+  double tissue_ns = 0;         ///< time in setting passive tissue [ns]
+  double servo_ns = 0;          ///< time in setting servos and torques [ns]
 };
 
 /// A contact point of the last step.

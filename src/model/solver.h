@@ -12,7 +12,7 @@ namespace handsim::model {
 enum class EngineKind {
   ode,          ///< Open Dynamics Engine: contacts, stops, speed
   dae,          ///< differential-algebraic solver: the reference for motion without contacts and stops
-  articulated,  ///< recursive algorithms in joint coordinates: the fastest, without contacts
+  articulated,  ///< recursive algorithms in joint coordinates: the fastest
 };
 
 enum class Method {
@@ -31,7 +31,7 @@ enum class Method {
   /// DAE: the same with positions projected onto the joints after every step. Chrono's.
   euler_projected,
   /// Articulated: first order; springs, dampers, servos and stops evaluated at the step's end, stable at any
-  /// step.
+  /// step; contacts with Coulomb's cone.
   semi_implicit_euler,
   rk4,  ///< articulated: the classical fourth-order Runge-Kutta method, for motion without stops
   /// Articulated: Dormand and Prince's eighth-order Runge-Kutta method with error control to `tolerance`, for

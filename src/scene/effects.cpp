@@ -148,10 +148,12 @@ void check_engine(MapReader& reader, const model::SolverSettings& solver) {
   if (engine == model::EngineKind::ode) return;
   const bool smooth = solver.method != model::Method::semi_implicit_euler;
   for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact})
-    if (solver.effects.has(effect))
-      reader.problem("effects", std::string(model::name(effect)),
-                     fmt::format("no contact with engine {}: leave the effect out, or use engine ode",
-                                 model::name(engine)));
+    if (smooth && solver.effects.has(effect))
+      reader.problem(
+          "effects", std::string(model::name(effect)),
+          fmt::format("no contact with {}: leave the effect out, or use engine ode, or articulated "
+                      "with semi_implicit_euler",
+                      model::name(solver.method)));
   if (engine == model::EngineKind::articulated && solver.effects.has(Effect::step_guard))
     reader.problem("effects", "step_guard",
                    "no guard with engine articulated: leave the effect out, or use engine ode");

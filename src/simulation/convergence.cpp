@@ -16,6 +16,11 @@ constexpr double kLeastErp = 0.01;
 }  // namespace
 
 void Convergence::look(const engine::StepReport& report, double time) {
+  if (report.contact_sweeps > 0) {
+    ++measured_;
+    if (report.contact_residual > contact_.value)
+      contact_ = {report.contact_residual, time, "contacts and stops"};
+  }
   if (!report.residual) return;
   ++measured_;
   const auto raise = [&](Peak& peak, const engine::ResidualPeak& found, const auto& named) {
@@ -40,10 +45,12 @@ void Convergence::restore(ArchiveReader& in) { carry(in, *this); }
 std::vector<std::string> Convergence::warnings(const Ledger& ledger,
                                                const model::SolverSettings& solver) const {
   std::vector<std::string> out;
+  const bool articulated = model::engine_of(solver.method) == model::EngineKind::articulated;
   if (ledger.lcp_failures() > 0)
     out.push_back(fmt::format(
-        "the LCP solver gave up {} times, and what it had not solved was left to move: try a larger "
-        "solver.cfm, a smaller step, or the step_guard effect",
+        articulated ? "contacts, stops and torque limits did not settle in {} steps: try a smaller step"
+                    : "the LCP solver gave up {} times, and what it had not solved was left to move: try a "
+                      "larger solver.cfm, a smaller step, or the step_guard effect",
         ledger.lcp_failures()));
   if (const long lost = ledger.rungs()[static_cast<std::size_t>(engine::Rung::unresolved)]; lost > 0)
     out.push_back(fmt::format("{} steps did not keep to the guard's limits in any way", lost));
@@ -51,9 +58,10 @@ std::vector<std::string> Convergence::warnings(const Ledger& ledger,
   const auto warn = [&](const Peak& peak, double bad, const char* what, const char* unit, const char* gap) {
     if (peak.value * worth > bad)
       out.push_back(fmt::format(
-          "the solver left {} {} at {:.3g} {}/s at {:.3f} s, which to last would be {:.2g} {}: try more "
-          "solver.iterations, world_step, or a smaller step",
-          peak.where, what, peak.value, unit, peak.time, 1e3 * peak.value * worth, gap));
+          "the solver left {} {} at {:.3g} {}/s at {:.3f} s, which to last would be {:.2g} {}: try {}a "
+          "smaller step",
+          peak.where, what, peak.value, unit, peak.time, 1e3 * peak.value * worth, gap,
+          articulated ? "" : "more solver.iterations, world_step, or "));
   };
   warn(linear_, kBadGap, "coming apart", "m", "mm");
   warn(angular_, kBadAngle, "twisting out of its axes", "rad", "mrad");

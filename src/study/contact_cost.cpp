@@ -22,7 +22,7 @@ struct Way {
 constexpr std::array kWays = {Way{"world_step", "world_step", 20}, Way{"quick_step 20", "quick_step", 20},
                               Way{"quick_step 50", "quick_step", 50}, Way{"auto 50", "auto", 50}};
 constexpr std::array kHeights = {0, 1, 2, 3, 4, 6, 8, 10, 13, 16};
-constexpr double kSlab = 0.02;  ///< thickness [m]
+constexpr double kSlab = 0.02;   ///< thickness [m]
 constexpr int kSettling = 1000;  ///< steps before any is timed: the hand comes to lie
 constexpr int kBatches = 5;
 constexpr int kBatch = 20;  ///< steps

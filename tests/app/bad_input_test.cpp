@@ -254,10 +254,12 @@ Words hand_with(const Words& rest) {
 const std::vector<Usage> kUsages = {
     {"NoCommand",
      {},
-     "command: got nothing, need one of hand, check, run, render, accuracy, grasp, effects, export, contacts"},
+     "command: got nothing, need one of hand, check, run, render, accuracy, grasp, effects, export, "
+     "contacts"},
     {"UnknownCommand",
      {"rum"},
-     "command: got rum, need one of hand, check, run, render, accuracy, grasp, effects, export, contacts (nearest: "
+     "command: got rum, need one of hand, check, run, render, accuracy, grasp, effects, export, contacts "
+     "(nearest: "
      "run)"},
     {"UnknownOption", run_with({"--fast"}), "--fast"},
     {"RunWithoutOut", {"run", kScene}, "--out is required"},

@@ -22,9 +22,12 @@ struct Target {
   simulation::RunSnapshot good;
 };
 
-const std::string kBall =
-    "{title: t, duration: 1, objects: [{name: ball, shape: sphere, radius: 0.03, mass: 0.1, position: [0, 0, "
-    "0.03]}], ground: {height: 0}, effects: [gravity, ground_contact, friction]}";
+const std::string kScene =
+    "title: t, duration: 1, objects: [{name: ball, shape: sphere, radius: 0.03, mass: 0.1, position: [0, 0, "
+    "0.03]}], ground: {height: 0}, effects: [gravity, ground_contact, friction]";
+const std::string kBall = "{" + kScene + "}";
+const std::string kArticulatedBall =
+    "{" + kScene + ", solver: {engine: articulated, method: semi_implicit_euler}}";
 const std::string kPendulum =
     "{title: t, duration: 1, effects: [gravity], bodies: [{name: bob, mass: 0.1, inertia: [1e-4, 1e-4, "
     "1e-4], "
@@ -39,6 +42,7 @@ std::vector<std::unique_ptr<Target>>& targets() {
     for (const char* solver : {"dae, method: stabilised_gear, tolerance: 1e-4",
                                "dae, method: lagrange_penalty", "articulated, method: semi_implicit_euler"})
       made.push_back(std::make_unique<Target>(kPendulum + solver + "}}"));
+    made.push_back(std::make_unique<Target>(kArticulatedBall));
     return made;
   }();
   return out;

@@ -69,6 +69,17 @@ std::vector<Case> cases() {
                  "two_hands",
                  {"solver.engine=articulated", "solver.method=semi_implicit_euler"},
                  200});
+  // Solved by sweeps that start from the impulses of the step before.
+  out.push_back({"articulated_contact",
+                 "dropped_hand",
+                 {"solver.engine=articulated", "solver.method=semi_implicit_euler"},
+                 150});
+  out.push_back({"articulated_grasp",
+                 "grasp_pinch",
+                 {"solver.engine=articulated", "solver.method=semi_implicit_euler",
+                  "effects=[gravity, object_contact, friction, joint_stops, passive_tissue, actuation, "
+                  "wrist_motion]"},
+                 3000});
   out.push_back({"articulated_controlled",
                  "pose_tracking",
                  {"solver.engine=articulated", "solver.method=semi_implicit_euler"},
@@ -147,7 +158,7 @@ TEST_P(EveryEngine, GoesOnFromASnapshotAsIfNeverStopped) {
   if (what.name.starts_with("guard")) {
     EXPECT_LT(whole.ledger().rungs()[0], whole.steps());
   }
-  if (what.name.starts_with("contact")) {
+  if (what.name.starts_with("contact") || what.name == "articulated_contact") {
     EXPECT_GT(whole.ledger().contacts(), what.after);
   }
 
@@ -284,8 +295,8 @@ TEST(SnapshotFile, WithAnyNumbersInItEndsInATypedErrorOrAState) {
   int refused = 0, taken = 0;
   for (const Case& what : cases()) {
     static const std::set<std::string> kTried = {
-        "contact_world_step", "contact_record",      "controlled",       "stabilised_gear",
-        "lagrange_penalty",   "loop_dormand_prince", "articulated_stops"};
+        "contact_world_step", "contact_record",      "controlled",        "stabilised_gear",
+        "lagrange_penalty",   "loop_dormand_prince", "articulated_stops", "articulated_contact"};
     if (!kTried.contains(what.name)) continue;
     const scene::Scene scene = shipped_scene(what.scene, what.overrides);
     Simulation simulation(scene);

@@ -1,11 +1,13 @@
 #include "handsim/engine/articulated/articulated_engine.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
+#include "handsim/engine/ode/handlers.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/validate.h"
 
@@ -39,9 +41,16 @@ std::vector<Problem> all_defects(const model::Model& model, const Settings& sett
   problems.insert(problems.end(), of_model.begin(), of_model.end());
   for (const model::Effect effect :
        {model::Effect::object_contact, model::Effect::self_contact, model::Effect::ground_contact})
-    if (settings.effects.has(effect))
-      problems.push_back({std::nullopt, "effects", std::string(name(effect)),
-                          "no contact with engine articulated: leave the effect out, or use engine ode"});
+    if (smooth(settings) && settings.effects.has(effect))
+      problems.push_back(
+          {std::nullopt, "effects", std::string(name(effect)),
+           fmt::format("no contact with {}: leave the effect out, or use semi_implicit_euler or engine ode",
+                       name(settings.method))});
+  // Contact defects read indices that only a sound model has right.
+  if (of_model.empty() && !smooth(settings)) {
+    const std::vector<Problem> of_contact = ode::contact_defects(model, settings.effects);
+    problems.insert(problems.end(), of_contact.begin(), of_contact.end());
+  }
   if (settings.effects.has(model::Effect::step_guard))
     problems.push_back({std::nullopt, "effects", "step_guard",
                         "no guard with engine articulated: leave the effect out, or use engine ode"});
@@ -74,6 +83,16 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
         throw input_error(model.joints[static_cast<std::size_t>(cut.joint)].name,
                           "a stop or tissue on every joint of a loop", "one joint of each loop without");
   if (!mechanism_.topology().cuts.empty()) loops_ = std::make_unique<Loops>(model, mechanism_);
+  if (ode::needs_contacts(model, settings.effects)) {
+    if (loops_)
+      throw input_error("effects", "contact in a model with closed loops",
+                        "engine ode, or engine articulated without a contact effect");
+    try {
+      contact_ = std::make_unique<ContactDynamics>(model, settings, mechanism_);
+    } catch (const ode::OdeFault& fault) {
+      throw input_error("model", "ODE: " + fault.message, "a model that ODE accepts");
+    }
+  }
   if (smooth(settings)) smooth_ = std::make_unique<Smooth>(model, settings, mechanism_, loops_.get());
   saved_.resize(mechanism_.q().size() + mechanism_.u().size());
   saved_bases_.reserve(drives_.size());
@@ -96,6 +115,7 @@ void ArticulatedEngine::start(const model::State& state) {
     if (model_.bodies[i].kinematic && !driven[i]) next.bodies[i].v = next.bodies[i].w = Vec3::Zero();
   mechanism_.take(next);
   mechanism_.forget_contacts();
+  if (contact_) contact_->forget();
   mechanism_.kernel().kinematics(mechanism_.tree());
   if (loops_ && !(loops_->close() < kOpen))
     throw input_error("state", "loops that are open", "joints that can all be closed");
@@ -134,6 +154,8 @@ void ArticulatedEngine::save(ArchiveWriter& out) const {
   if (failure_) throw Error(*failure_);
   mechanism_.save(out);
   out(smooth_ ? smooth_->size() : 0.0);
+  out(contact_ != nullptr);
+  if (contact_) contact_->save(out);
 }
 
 void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
@@ -144,6 +166,10 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   in(size);
   if (!(size >= 0)) in.refuse(fmt::format("a step of {:g} s", size), "0 or more");
   if (smooth_) smooth_->set_size(size);
+  bool with_contacts = false;
+  in(with_contacts);
+  if (with_contacts != (contact_ != nullptr)) in.refuse("contacts of another scene", "those of this one");
+  if (contact_) contact_->restore(in);
   mechanism_.kernel().kinematics(mechanism_.tree());
   had_torques_ = true;
   time_ = state.time;
@@ -226,15 +252,39 @@ int ArticulatedEngine::solve_step() {
   return 1;
 }
 
-int ArticulatedEngine::step_implicitly(double end) {
+void ArticulatedEngine::collide(StepReport& report) {
+  using Clock = std::chrono::steady_clock;
+  const Clock::time_point start = Clock::now();
+  try {
+    report.collide_calls = contact_->collide(state());
+  } catch (const ode::OdeFault& fault) {
+    fail({time_, "the model", "ODE", fault.message});
+  }
+  report.contacts = static_cast<int>(contact_->contacts().size());
+  report.collide_ns = std::chrono::duration<double, std::nano>(Clock::now() - start).count();
+}
+
+void ArticulatedEngine::step_implicitly(double end, StepReport& report) {
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();
+  if (contact_) collide(report);
   const bool moving = aim_bases(end);
-  const int failures = solve_step();
+  if (report.contacts > 0) {
+    const ConeReport found = contact_->solve(settings_.step);
+    report.contact_sweeps = found.sweeps;
+    report.contact_residual = found.residual;
+    report.lcp_failures = found.solved ? 0 : 1;
+  } else {
+    if (contact_) contact_->forget();
+    report.lcp_failures = solve_step();
+  }
   kernel.integrate(tree, settings_.step);
   if (moving) place_bases();
   check(kernel.kinematics(tree) && (!loops_ || loops_->close() < kOpen), end);
-  return failures;
+}
+
+std::span<const Contact> ArticulatedEngine::contacts() const {
+  return contact_ ? contact_->contacts() : std::span<const Contact>();
 }
 
 StepReport ArticulatedEngine::step(const StepInput& input) {
@@ -246,7 +296,7 @@ StepReport ArticulatedEngine::step(const StepInput& input) {
   if (smooth_)
     check(smooth_->advance(time_, end), end);
   else
-    report.lcp_failures = step_implicitly(end);
+    step_implicitly(end, report);
   if (settings_.effects.has(model::Effect::joint_stops)) report.stop_rows = mechanism_.stops_in_force();
   time_ = end;
   fresh_ = false;

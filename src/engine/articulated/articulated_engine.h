@@ -5,8 +5,8 @@
 // The same bits from every instruction set. State() is made from the joint coordinates when it is asked for.
 // Going on from a state handed to set_state agrees within rounding, not to the bit: poses have to become
 // coordinates again (see restore for that).
-// Method semi_implicit_euler has all effects but contact; rk4 and dormand_prince are for motion without
-// stops. Does no contacts.
+// Method semi_implicit_euler has all effects, contact but for models with loops; rk4 and dormand_prince are
+// for motion without stops and contact.
 #pragma once
 
 #include <memory>
@@ -14,27 +14,28 @@
 #include <string>
 #include <vector>
 
+#include "handsim/engine/articulated/contact_dynamics.h"
 #include "handsim/engine/articulated/smooth.h"
 
 namespace handsim::engine::articulated {
 
 class ArticulatedEngine final : public Engine {
  public:
-  /// @param kernel null: the fastest one. @throws Error (input), also for contact effects, for joint_stops
-  /// where a
-  ///        joint has any and the method is for smooth motion, and for loops that cannot be closed. The model
-  ///        must outlive the engine.
+  /// @param kernel null: the fastest one. @throws Error (input), also for joint_stops where a joint has any,
+  /// and
+  ///        contact, where the method is for smooth motion, for contact in a model with loops, and for loops
+  ///        that cannot be closed. The model must outlive the engine.
   ArticulatedEngine(const model::Model& model, const Settings& settings, const Kernel* kernel = nullptr);
 
   StepReport step(const StepInput& input) override;
   const model::State& state() const override;
   void set_state(const model::State& state) override;
-  /// Bit-exact, unlike set_state: the coordinates themselves.
+  /// Bit-exact, unlike set_state: the coordinates themselves, and the impulses that contacts start from.
   void save(ArchiveWriter& out) const override;
   void restore(const model::State& state, ArchiveReader& in) override;
-  std::span<const Contact> contacts() const override { return {}; }
+  std::span<const Contact> contacts() const override;
   const Settings& settings() const override { return settings_; }
-  bool tests_contacts() const override { return false; }
+  bool tests_contacts() const override { return contact_ != nullptr; }
   std::string version() const override;
   std::vector<std::string> notes() const override { return notes_; }
 
@@ -48,7 +49,8 @@ class ArticulatedEngine final : public Engine {
   void start(const model::State& state);
   void accept(const StepInput& input);
   int solve_step();
-  int step_implicitly(double end);
+  void step_implicitly(double end, StepReport& report);
+  void collide(StepReport& report);
   bool aim_bases(double end);
   void place_bases();
   void keep_start();
@@ -59,12 +61,13 @@ class ArticulatedEngine final : public Engine {
   const model::Model& model_;
   Settings settings_;
   Mechanism mechanism_;
-  std::unique_ptr<Loops> loops_;         ///< with loops only
-  std::unique_ptr<Smooth> smooth_;       ///< with a method for smooth motion only
-  std::vector<int> drives_;              ///< of the model, in force
-  std::vector<double> saved_;            ///< positions and rates before the step
-  std::vector<BaseMotion> saved_bases_;  ///< of the drives
-  std::vector<Pose> targets_;            ///< of the drives, at the end of the step
+  std::unique_ptr<Loops> loops_;              ///< with loops only
+  std::unique_ptr<ContactDynamics> contact_;  ///< with a contact effect and rule only
+  std::unique_ptr<Smooth> smooth_;            ///< with a method for smooth motion only
+  std::vector<int> drives_;                   ///< of the model, in force
+  std::vector<double> saved_;                 ///< positions and rates before the step
+  std::vector<BaseMotion> saved_bases_;       ///< of the drives
+  std::vector<Pose> targets_;                 ///< of the drives, at the end of the step
   std::vector<std::string> notes_;
   double time_ = 0;
   bool had_torques_ = false;

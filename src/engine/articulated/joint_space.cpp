@@ -16,92 +16,88 @@ Mat3 cross_matrix(const Vec3& v) {
   return out;
 }
 
-Spatial read6(const double (*x)[1]) {
+Spatial read6(const double* x, std::size_t stride) {
   Spatial out;
-  out << x[0][0], x[1][0], x[2][0], x[3][0], x[4][0], x[5][0];
+  for (std::size_t i = 0; i < 6; ++i) out[static_cast<Eigen::Index>(i)] = x[i * stride];
   return out;
 }
 
-const Batch<1>* batches(const Tree& tree) { return static_cast<const Batch<1>*>(tree.batch); }
-const Frame<1>* bases(const Tree& tree) { return static_cast<const Frame<1>*>(tree.base); }
-const Joint3<1>* joints3(const Tree& tree) { return static_cast<const Joint3<1>*>(tree.joint3); }
+Vec3 read3(const double* x, std::size_t stride) { return {x[0], x[stride], x[2 * stride]}; }
+
+Mat3 read_symmetric(const double* x, std::size_t s) {
+  Mat3 out;
+  out << x[0], x[s], x[2 * s], x[s], x[3 * s], x[4 * s], x[2 * s], x[4 * s], x[5 * s];
+  return out;
+}
 
 }  // namespace
 
-JointSpace::JointSpace(Mechanism& mechanism) : mechanism_(mechanism), n_(mechanism.tree().rates) {
+JointSpace::JointSpace(Mechanism& mechanism) : mechanism_(mechanism), stride_(mechanism.stride()) {
   const Topology& topology = mechanism.topology();
-  parent_dof_.resize(at(n_));
-  node_of_.resize(at(n_));
+  for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
+    const Node& node = topology.nodes[i];
+    views_.push_back(mechanism.view(i));
+    parent_node_.push_back(node.parent ? *node.parent : kNone);
+    first_.push_back(n_);
+    last_.push_back(n_ + rate_count(node.kind) - 1);
+    for (int k = 0; k < rate_count(node.kind); ++k, ++n_) {
+      parent_dof_.push_back(k > 0 ? n_ - 1 : (node.parent ? last_[at(*node.parent)] : kNone));
+      rate_.push_back(mechanism.seat(i).u + at(k) * stride_);
+      // S[column][row] of a node of several rates.
+      axes_.push_back(views_[i].S + at(6 * k) * stride_);
+    }
+  }
   H_.resize(at(n_) * at(n_));
   S_.resize(at(n_));
   a_.resize(topology.nodes.size());
   f_.resize(topology.nodes.size());
   composite_.resize(topology.nodes.size());
-  for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
-    const Node& node = topology.nodes[i];
-    first_.push_back(static_cast<int>(mechanism.seat(i).u));
-    last_.push_back(first_.back() + rate_count(node.kind) - 1);
-    for (int dof = first_.back(); dof <= last_.back(); ++dof) {
-      node_of_[at(dof)] = static_cast<int>(i);
-      parent_dof_[at(dof)] = dof > first_.back() ? dof - 1 : (node.parent ? last_[at(*node.parent)] : kNone);
-    }
-  }
 }
 
-Spatial JointSpace::axis(int dof) const {
-  const int node = node_of_[at(dof)];
-  const Batch<1>& b = batches(mechanism_.tree())[node];
-  if (rate_count(b.kind) == 1) return read6(b.S);
-  return read6(joints3(mechanism_.tree())[b.axis].S[dof - first_[at(node)]]);
-}
+Spatial JointSpace::axis(int dof) const { return read6(axes_[at(dof)], stride_); }
 
-Spatial JointSpace::velocity(int node) const { return read6(batches(mechanism_.tree())[node].frame.v); }
+Spatial JointSpace::velocity(int node) const { return read6(views_[at(node)].v, stride_); }
 
 void JointSpace::inverse_dynamics(std::span<const double> du, std::span<double> tau) {
-  const Tree& tree = mechanism_.tree();
-  const int nodes = tree.batches;
+  const int nodes = static_cast<int>(views_.size());
   for (int dof = 0; dof < n_; ++dof) S_[at(dof)] = axis(dof);
   for (int i = 0; i < nodes; ++i) {
-    const Batch<1>& b = batches(tree)[i];
+    const NodeView& b = views_[at(i)];
     Spatial& a = a_[at(i)];
-    a = b.link == ParentLink::base ? read6(bases(tree)[b.parent].a) : a_[at(b.parent)];
-    a += read6(b.c);
+    a = b.base_a ? read6(b.base_a, stride_) : a_[at(parent_node_[at(i)])];
+    a += read6(b.c, stride_);
     for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) a += du[at(dof)] * S_[at(dof)];
-    const Vec3 h(b.h[0][0], b.h[1][0], b.h[2][0]), turn = a.head<3>(), shift = a.tail<3>();
-    Mat3 I;
-    I << b.I[0][0], b.I[1][0], b.I[2][0], b.I[1][0], b.I[3][0], b.I[4][0], b.I[2][0], b.I[4][0], b.I[5][0];
+    const Vec3 h = read3(b.h, stride_), turn = a.head<3>(), shift = a.tail<3>();
     Spatial& f = f_[at(i)];
-    f = read6(b.pv);
-    f.head<3>() += I * turn + h.cross(shift);
-    f.tail<3>() += b.mass[0] * shift - h.cross(turn);
+    f = read6(b.pv, stride_);
+    f.head<3>() += read_symmetric(b.I, stride_) * turn + h.cross(shift);
+    f.tail<3>() += *b.mass * shift - h.cross(turn);
   }
   for (int i = nodes - 1; i >= 0; --i) {
-    const Batch<1>& b = batches(tree)[i];
     for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) tau[at(dof)] = S_[at(dof)].dot(f_[at(i)]);
-    if (b.link != ParentLink::base) f_[at(b.parent)] += f_[at(i)];
+    if (parent_node_[at(i)] != kNone) f_[at(parent_node_[at(i)])] += f_[at(i)];
   }
 }
 
 void JointSpace::find_inertia() {
-  const Tree& tree = mechanism_.tree();
-  for (int i = 0; i < tree.batches; ++i) {
-    const Batch<1>& b = batches(tree)[i];
-    const Vec3 h(b.h[0][0], b.h[1][0], b.h[2][0]);
+  const int nodes = static_cast<int>(views_.size());
+  for (int i = 0; i < nodes; ++i) {
+    const NodeView& b = views_[at(i)];
+    const Vec3 h = read3(b.h, stride_);
     auto& I = composite_[at(i)];
-    I.topLeftCorner<3, 3>() << b.I[0][0], b.I[1][0], b.I[2][0], b.I[1][0], b.I[3][0], b.I[4][0], b.I[2][0],
-        b.I[4][0], b.I[5][0];
+    I.topLeftCorner<3, 3>() = read_symmetric(b.I, stride_);
     I.topRightCorner<3, 3>() = cross_matrix(h);
     I.bottomLeftCorner<3, 3>() = -cross_matrix(h);
-    I.bottomRightCorner<3, 3>() = b.mass[0] * Mat3::Identity();
+    I.bottomRightCorner<3, 3>() = *b.mass * Mat3::Identity();
   }
   std::fill(H_.begin(), H_.end(), 0.0);
-  for (int i = tree.batches - 1; i >= 0; --i) {
-    const Batch<1>& b = batches(tree)[i];
+  for (int dof = 0; dof < n_; ++dof) S_[at(dof)] = axis(dof);
+  for (int i = nodes - 1; i >= 0; --i) {
     for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) {
-      const Spatial F = composite_[at(i)] * axis(dof);
-      for (int j = dof; j != kNone; j = parent_dof_[at(j)]) H_[index(dof, j)] = axis(j).dot(F);
+      const Spatial F = composite_[at(i)] * S_[at(dof)];
+      for (int j = dof; j != kNone; j = parent_dof_[at(j)]) H_[index(dof, j)] = S_[at(j)].dot(F);
     }
-    if (b.link != ParentLink::base) composite_[at(b.parent)] += composite_[at(i)];
+    if (parent_node_[at(i)] != kNone) composite_[at(parent_node_[at(i)])] += composite_[at(i)];
   }
 }
 

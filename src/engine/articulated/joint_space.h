@@ -1,5 +1,5 @@
 // The equation of motion in joint space, H(q) du + C(q, u) = tau (Featherstone 2008, eq. 6.1, p. 101), of a
-// mechanism of one lane: inverse dynamics, inertia matrix, its sparse factor, Jacobians. What loops, contacts
+// mechanism: inverse dynamics, inertia matrix, its sparse factor, Jacobians. What loops, contacts
 // and comparisons with other engines need; plain forward dynamics needs none of it.
 #pragma once
 
@@ -17,12 +17,14 @@ using Spatial = Eigen::Matrix<double, 6, 1>;
 
 class JointSpace {
  public:
-  /// @param mechanism of one lane; must outlive this. All below speak of where its `kinematics` last found
-  /// it, its
-  ///        rates and its bases' motion. Rates are in the order of Mechanism::u().
+  /// @param mechanism must outlive this. All below speak of where its `kinematics` last found it, its rates
+  ///        and its bases' motion. Rates are in the order of the nodes; with one lane that of Mechanism::u().
   explicit JointSpace(Mechanism& mechanism);
 
   int size() const { return n_; }
+  /// Where Mechanism::u() and du() have a dof.
+  std::size_t rate_index(int dof) const { return rate_[static_cast<std::size_t>(dof)]; }
+  int first_dof(int node) const { return first_[static_cast<std::size_t>(node)]; }
 
   /// tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3, Table 5.1, p. 96).
   /// Gravity and the bases' accelerations included; leaves each node's acceleration for `acceleration`.
@@ -61,7 +63,11 @@ class JointSpace {
   int n_ = 0;
   std::vector<int> first_, last_;  ///< dofs of each node
   std::vector<int> parent_dof_;    ///< lambda of each dof, or -1
-  std::vector<int> node_of_;       ///< of each dof
+  std::vector<int> parent_node_;
+  std::vector<std::size_t> rate_;
+  std::vector<NodeView> views_;
+  std::vector<const double*> axes_;  ///< S of each dof
+  std::size_t stride_ = 1;
   std::vector<double> H_;
   std::vector<Spatial> a_, f_, S_;
   std::vector<Eigen::Matrix<double, 6, 6>> composite_;

@@ -118,6 +118,46 @@ struct Mechanism::In {
   }
 };
 
+NodeView Mechanism::view(std::size_t node) const {
+  return of_width(kernel_->width, [&](auto w) {
+    constexpr int W = w;
+    const In<W> in(*this);
+    const Seat& seat = seats_[node];
+    const Batch<W>& b = in.batch[seat.batch];
+    const auto lane = [&](const Lane<W>& first) { return &first[0] + seat.lane; };
+    NodeView out;
+    out.h = lane(b.h[0]);
+    out.I = lane(b.I[0]);
+    out.mass = lane(b.mass);
+    out.c = lane(b.c[0]);
+    out.pv = lane(b.pv[0]);
+    out.R = lane(b.frame.R[0]);
+    out.p = lane(b.frame.p[0]);
+    out.v = lane(b.frame.v[0]);
+    if (b.link == ParentLink::base) out.base_a = lane(in.base[b.parent].a[0]);
+    out.S = single(b.kind) ? lane(b.S[0]) : lane(in.joint3[b.axis].S[0][0]);
+    if (!single(b.kind)) out.tau = lane(in.joint3[b.axis].tau[0]);
+    out.q = tree_.q + seat.q;
+    out.u = tree_.u + seat.u;
+    out.du = tree_.du + seat.u;
+    return out;
+  });
+}
+
+AxisView Mechanism::axis_view(std::size_t node) const {
+  return of_width(kernel_->width, [&](auto w) {
+    constexpr int W = w;
+    const In<W> in(*this);
+    const Seat& seat = seats_[node];
+    Axis<W>& a = in.axis[in.batch[seat.batch].axis];
+    const int i = seat.lane;
+    return AxisView{
+        a.low + i,           a.high + i,        a.bounce + i,     a.weight + i,      a.servo_stiffness + i,
+        a.servo_damping + i, a.servo_error + i, a.servo_feed + i, a.servo_limit + i, a.side + i,
+        a.saturated + i};
+  });
+}
+
 void Mechanism::AlignedDelete::operator()(void* memory) const {
   ::operator delete(memory, std::align_val_t(kAlignment));
 }

@@ -25,6 +25,22 @@ struct Seat {
   std::size_t q = 0, u = 0;  ///< of its first position and rate; the next are `stride` further on
 };
 
+/// Where a node's lane of the tree's arrays stands: entry k of a quantity is at [k * stride].
+struct NodeView {
+  const double *S = nullptr, *h = nullptr, *I = nullptr, *mass = nullptr, *c = nullptr, *pv = nullptr;
+  const double *R = nullptr, *p = nullptr, *v = nullptr;
+  const double* base_a = nullptr;  ///< its base's acceleration; null with a parent
+  const double* tau = nullptr;     ///< nodes of several rates
+  const double *q = nullptr, *u = nullptr, *du = nullptr;
+};
+
+/// The lane of a single coordinate's Axis, as batch.h has it.
+struct AxisView {
+  const double *low, *high, *bounce, *weight, *servo_stiffness, *servo_damping, *servo_error, *servo_feed,
+      *servo_limit;
+  double *side, *saturated;
+};
+
 class Mechanism {
  public:
   /// The model must outlive this. @param kernel null: the fastest for the model.
@@ -35,6 +51,9 @@ class Mechanism {
   const Kernel& kernel() const { return *kernel_; }
   const Tree& tree() const { return tree_; }
   const Seat& seat(std::size_t node) const { return seats_[node]; }
+  NodeView view(std::size_t node) const;
+  /// Of a node of one rate.
+  AxisView axis_view(std::size_t node) const;
   std::size_t stride() const { return static_cast<std::size_t>(kernel_->width); }
   /// Positions, rates and accelerations in the tree's order, empty lanes included.
   std::span<double> q() { return {tree_.q, static_cast<std::size_t>(tree_.positions)}; }
