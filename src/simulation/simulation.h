@@ -45,8 +45,8 @@ class Simulation {
   const Convergence& convergence() const { return convergence_; }
   /// Steps made since the start of the scene, before a snapshot too.
   long steps() const { return ledger_.steps(); }
-  /// Of all states up to now (state_hash.h).
-  std::uint64_t state_hash() const { return hash_.value(); }
+  /// Of the states up to now (state_hash.h).
+  std::uint64_t state_hash() const;
 
   /// All that the rest of the run depends on and all that it has measured. Costs some microseconds, the first
   /// one of a simulation some milliseconds. @throws Error (physics) of a simulation that has failed.
@@ -83,7 +83,7 @@ class Simulation {
   Monitor monitor_;
   Ledger ledger_;
   Convergence convergence_;
-  StateHash hash_;
+  StateHash hash_;                                          ///< up to the last step that kHashEvery divides
   mutable std::shared_ptr<const Fingerprint> fingerprint_;  ///< made when first asked for
   std::optional<ContactSums> contact_sums_;
   std::vector<double> constant_;  ///< constant torques of the joints; empty where there are none

@@ -1,5 +1,6 @@
-// A run's states as one number: equal numbers, equal bits in every body at every step.
-//   h_0 = XXH64(bytes of the start, seed 0),  h_k = XXH64(bytes of the state after step k, seed h_(k-1))
+// A run's states as one number: equal numbers, equal bits in every body at the steps that are taken in. These
+// are every eighth one from the start on, and the last: all of them would be 3 % of a small mechanism's step.
+//   h_0 = XXH64(bytes of the start, seed 0),  h_k = XXH64(bytes of the next such state, seed h_(k-1))
 // The bytes of a state are its time and, for each body but the world in the model's order, position x y z,
 // quaternion w x y z, velocity x y z and angular velocity x y z, as doubles with the least significant byte
 // first. The sign of zero counts.
@@ -13,6 +14,9 @@
 #include "handsim/model/state.h"
 
 namespace handsim::simulation {
+
+/// Steps from one state that is taken in to the next.
+inline constexpr long kHashEvery = 8;
 
 class StateHash {
  public:

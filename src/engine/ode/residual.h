@@ -12,6 +12,9 @@
 
 namespace handsim::engine::ode {
 
+/// Of quick_step's steps only every so many are measured: it takes an eighth of a small mechanism's step.
+inline constexpr long kResidualEvery = 8;
+
 class ResidualMeter {
  public:
   /// The model must outlive this.
