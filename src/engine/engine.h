@@ -69,7 +69,7 @@ struct StepReport {
   int lcp_failures = 0;    ///< times the direct solver gave up, in what was kept of the step
   Rung rung = Rung::none;  ///< of a guarded step
   bool iterative = false;  ///< solved by quick_step
-  /// Of every eighth step that was solved by iteration, and of those in which the direct solver gave up.
+  /// Of steps that were solved by iteration, or in which the direct solver gave up.
   std::optional<Residual> residual;
   int contacts = 0;             ///< contact points
   int stop_rows = 0;            ///< joint stops in force

@@ -20,7 +20,7 @@ class Convergence {
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
 
-  /// Steps whose residual was measured: every eighth of quick_step's, those in which world_step's LCP solver
+  /// Steps whose residual was measured: all of quick_step's, those in which world_step's LCP solver
   /// gave up, and those with contact on the articulated engine, whose contact solver says how far it got.
   long measured() const { return measured_; }
   /// Largest residuals: of joints [m/s] and [rad/s], and of rigid contacts [m/s].

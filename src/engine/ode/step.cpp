@@ -61,8 +61,7 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
   const int failures = lcp_failures();
   advance(step, method);
   report.lcp_failures = lcp_failures() - failures;
-  const bool looked_at = std::lround(state_.time / settings_.step) % kResidualEvery == 0;
-  if ((report.iterative && looked_at) || report.lcp_failures > 0)
+  if (report.iterative || report.lcp_failures > 0)
     report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
     contacts_->read_forces();
