@@ -65,6 +65,7 @@ struct Criteria {
   std::optional<double> stop_overshoot;  ///< largest overshoot of a stop beyond impact rate times step [rad]
   std::optional<double> stop_rest;       ///< largest overshoot of a stop at the end [rad]
   std::optional<int> lcp_failures;       ///< in all
+  std::optional<double> penetration;     ///< largest depth of any contact at any step [m]
   std::optional<double> grasp_slip;      ///< mean drift of a grasped object in the palm during the hold [m/s]
   TrackingCriteria tracking;             ///< of a controlled scene
 };

@@ -56,6 +56,16 @@ void Monitor::look(const model::State& state) {
   }
 }
 
+void Monitor::look(std::span<const engine::Contact> contacts, double time) {
+  for (const engine::Contact& contact : contacts) {
+    if (!(contact.depth > depth_)) continue;
+    depth_ = contact.depth;
+    depth_time_ = time;
+    deep_a_ = contact.shape_a;
+    deep_b_ = contact.shape_b;
+  }
+}
+
 void Monitor::look_at_gaps(const model::State& state) {
   for (std::size_t i = 0; i < model_.joints.size(); ++i) {
     const model::Joint& joint = model_.joints[i];
@@ -104,6 +114,12 @@ void Monitor::book(Watched& watched, std::size_t axis, double over, const model:
   watched.overshoot[axis] = over;
   const double excess = over - watched.allowed[axis];
   if (over > 0 && excess > excess_.value) excess_ = {excess, state.time, axis_name(joint, axis)};
+}
+
+Peak Monitor::penetration() const {
+  if (depth_ <= 0) return {};
+  const auto name = [&](int shape) { return model_.shapes[static_cast<std::size_t>(shape)].name; };
+  return {depth_, depth_time_, name(deep_a_) + " and " + name(deep_b_)};
 }
 
 Peak Monitor::joint_gap() const {

@@ -1,12 +1,14 @@
-// Watches a run step by step: how far joints come apart and stops are overshot. Costs a small share of a
-// step: a joint's coordinates are worked out only when it may have moved far enough since to matter.
+// Watches a run step by step: how far joints come apart, stops are overshot and shapes penetrate. Costs a
+// small share of a step: a joint's coordinates are worked out only when it may have moved far enough since to
+// matter.
 #pragma once
 
 #include <array>
+#include <span>
 #include <string>
 #include <vector>
 
-#include "handsim/model/state.h"
+#include "handsim/engine/engine.h"
 
 namespace handsim::simulation {
 
@@ -14,7 +16,7 @@ namespace handsim::simulation {
 struct Peak {
   double value = 0;
   double time = 0;    ///< [s]
-  std::string where;  ///< joint or joint axis
+  std::string where;  ///< joint, joint axis or pair of shapes
 };
 
 class Monitor {
@@ -24,7 +26,11 @@ class Monitor {
 
   /// Looks at the state after a step.
   void look(const model::State& state);
+  /// Looks at the contact points of a step. @param time of the state that they were found at [s].
+  void look(std::span<const engine::Contact> contacts, double time);
 
+  /// Largest depth of any contact point so far [m], `A and B` by the names of the shapes.
+  Peak penetration() const;
   /// Largest joint gap so far [m].
   Peak joint_gap() const;
   /// Largest overshoot of a stop, less what the step that crossed it explains (rate at the crossing times
@@ -54,6 +60,8 @@ class Monitor {
   double gap2_ = 0, gap_time_ = 0;
   std::size_t gap_joint_ = 0;
   Peak excess_;
+  double depth_ = 0, depth_time_ = 0;
+  int deep_a_ = 0, deep_b_ = 0;  ///< shapes
 };
 
 }  // namespace handsim::simulation

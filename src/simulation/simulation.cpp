@@ -112,6 +112,8 @@ void Simulation::step() {
   if (tracking_) tracking_->look(engine_->state().time);
   for (GraspWatch& grasp : grasps_) grasp.look(*engine_);
   monitor_.look(engine_->state());
+  // An engine collides before it moves.
+  monitor_.look(engine_->contacts(), engine_->state().time - engine_->settings().step);
   if (contact_sums_)
     contact_sums_->look(engine_->contacts(), engine_->state().time, engine_->settings().step);
   ledger_.book(report, engine_->contacts(),

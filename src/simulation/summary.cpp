@@ -258,6 +258,10 @@ std::vector<Verdict> verdicts(const Simulation& simulation, const scene::Criteri
   failures.measured = static_cast<double>(simulation.ledger().lcp_failures());
   if (criteria.lcp_failures) failures.limit = *criteria.lcp_failures;
   out.push_back(failures);
+  if (simulation.engine().tests_contacts())
+    out.push_back(from_peak("penetration", "m", monitor.penetration(), criteria.penetration));
+  else if (criteria.penetration)
+    out.push_back({"penetration", "m", {}, criteria.penetration, 0, ""});
   add_grasps(simulation, criteria, out);
   add_tracking(simulation, criteria.tracking, out);
   return out;
