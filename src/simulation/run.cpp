@@ -50,7 +50,7 @@ void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options,
   const long steps = simulation.step_count();
   const long report_every = std::max(1L, steps / 200);
   recorder.see(0);
-  for (long i = 1; i <= steps; ++i) {
+  for (long i = 1; i <= steps && !simulation.over(); ++i) {
     try {
       simulation.step();
     } catch (const Error& error) {
@@ -90,6 +90,7 @@ RunResult run(const scene::Scene& scene, const RunOptions& options) {
   result.simulated = simulation.state().time;
   result.tracking = simulation.tracking();
   result.grasps = simulation.grasps();
+  result.climbs = simulation.climbs();
   result.verdicts = verdicts(simulation, scene.spec.criteria);
   result.summary = summary_json(scene, simulation, result);
   recorder.finish();
