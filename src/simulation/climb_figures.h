@@ -16,8 +16,8 @@ namespace handsim::simulation {
 inline constexpr double kFailedTravel = 0.02;
 /// A palm that moves slower than this is held: the load it bears then is carried [m/s].
 inline constexpr double kHeldSpeed = 0.02;
-/// A climb that has failed is looked at for so long [s].
-inline constexpr double kAfterFailure = 0.15;
+/// A climb that has failed is looked at for so long: hundreds of newtons throw half a kilogram far [s].
+inline constexpr double kAfterFailure = 0.01;
 /// Grips are kept at every so many newtons of load.
 inline constexpr double kGripEvery = 2;
 
