@@ -1,7 +1,7 @@
 #include <fmt/format.h>
 
-#include "handsim/hand/grip_strength.h"
 #include "handsim/app/commands.h"
+#include "handsim/hand/grip_strength.h"
 #include "handsim/scene/file_kind.h"
 #include "handsim/scene/objects.h"
 #include "handsim/scene/scene.h"
