@@ -31,6 +31,7 @@ ClimbSpec read_climb(MapReader reader) {
   MapReader wrist = reader.required_map("wrist", "position and rotation of the hand frame at the hold");
   climb.wrist = read_pose(wrist);
   wrist.finish();
+  climb.hand_length = reader.maybe_number("hand_length", {Dimension::length, 0.03, 0.5});
   climb.open = reader.text("open");
   climb.closed = read_pose_names(reader, "closed");
   MapReader approach = reader.map("approach");
@@ -44,6 +45,15 @@ ClimbSpec read_climb(MapReader reader) {
     climb.strength = hand::read_grip_table(*table, reader.path_of("strength"), reader.diagnostics());
   reader.finish();
   return climb;
+}
+
+/// Where a right hand's wrist is at a hold, for the hand of a person.
+Pose fitted_wrist(const ClimbSpec& climb, const HandEntry& entry, const Vec3& hold) {
+  Pose wrist = climb.wrist;
+  if (!climb.hand_length) return wrist;
+  const double scale = hand::hand_size(entry.model.anthropometry, entry.person).length / *climb.hand_length;
+  wrist.p = hold + scale * (wrist.p - hold);
+  return wrist;
 }
 
 void place_climb(SceneSpec& scene, const ClimbSpec& climb, const std::string& path,
@@ -85,7 +95,8 @@ void place_climb(SceneSpec& scene, const ClimbSpec& climb, const std::string& pa
     diagnostics.warnings.push_back(
         fmt::format("{}.strength: age or stature of {} is outside the table: its nearest row", path,
                     entry.placement.name));
-  entry.placement.pose = left ? mirrored(climb.wrist) : climb.wrist;
+  const Pose wrist = fitted_wrist(climb, entry, hold->pose.p);
+  entry.placement.pose = left ? mirrored(wrist) : wrist;
   entry.placement.along = plan.load.direction;
   entry.placement.start[hand::kRailName] = {-climb.approach_height};
   if (left) hold->pose = mirrored(hold->pose);
@@ -111,6 +122,15 @@ std::vector<ClimbSpec> read_climbs(MapReader& reader) {
 void place_climbs(SceneSpec& scene, Diagnostics& diagnostics) {
   for (std::size_t i = 0; i < scene.climbs.size(); ++i)
     place_climb(scene, scene.climbs[i], item_path("climbs", i), diagnostics);
+  // In a scene with climbs rails have no place of their own.
+  if (scene.climbs.empty() || !diagnostics.problems.empty()) return;
+  for (std::size_t i = 0; i < scene.hands.size(); ++i) {
+    const auto mine = [&](const ClimbPlan& plan) { return plan.hand == i; };
+    if (scene.hands[i].placement.mount == hand::Mount::rail &&
+        std::none_of(scene.climb_plans.begin(), scene.climb_plans.end(), mine))
+      diagnostics.problems.push_back({scene.hands[i].place, item_path("hands", i) + ".wrist.mount",
+                                      "a rail without a climb", "a climb of this hand, or another mount"});
+  }
 }
 
 void add_climb_programs(SceneSpec& scene, Diagnostics& diagnostics) {

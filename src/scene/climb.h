@@ -4,6 +4,7 @@
 // hand gets its mirror image in the world's y-z plane.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -21,9 +22,11 @@ struct LoadSpec {
 };
 
 struct ClimbSpec {
-  std::string hand;                 ///< name; empty: the scene's only hand
-  std::string hold;                 ///< name of a static object
-  Pose wrist;                       ///< X_WH at the hold, right hand
+  std::string hand;  ///< name; empty: the scene's only hand
+  std::string hold;  ///< name of a static object
+  Pose wrist;        ///< X_WH at the hold, right hand
+  /// Of the hand that the wrist's position is for [m]: other hands stand off the hold's origin in proportion.
+  std::optional<double> hand_length;
   std::string open;                 ///< pose until the hand closes
   std::vector<std::string> closed;  ///< poses that close it, one after the other
   double approach_height = 0.03;    ///< where the wrist comes from, against the load [m]
