@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <concepts>
 
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/hand_parts.h"
@@ -16,6 +17,29 @@ namespace {
 constexpr double kServoStiffness = 1e5;  ///< [N/m]
 constexpr double kServoDamping = 450;    ///< [N s/m]
 constexpr double kServoLimit = 5000;     ///< [N]
+
+template <class Archive, class T>
+void carry_size(Archive& archive, T& values) {
+  if constexpr (std::same_as<Archive, ArchiveWriter>)
+    archive(values.size());
+  else
+    values.resize(archive.size());
+}
+
+template <class Archive, class T>
+void carry_loaded(Archive& archive, T& grip) {
+  archive(grip.time);
+  archive(grip.load);
+  archive(grip.travel);
+  archive(grip.contacts);
+  carry_size(archive, grip.parts);
+  for (auto& part : grip.parts) {
+    archive(part.part);
+    archive(part.contacts);
+    archive(part.normal);
+    archive(part.friction);
+  }
+}
 
 /// Interpolated travel and forces say nothing new: the kept grip whose load is nearest.
 const LoadedGrip& nearest(const std::vector<LoadedGrip>& grips, double load) {
@@ -110,6 +134,26 @@ void ClimbWatch::look(const engine::Engine& engine) {
   figures_.carried = load(state.time);
   figures_.carried_time = state.time;
   if (figures_.carried >= grips_.back().load + kGripEvery) grips_.push_back(grip(engine));
+}
+
+template <class Archive, class Self>
+void ClimbWatch::carry(Archive& archive, Self& self) {
+  auto& figures = self.figures_;
+  archive(figures.failed);
+  for (auto* value :
+       {&figures.carried, &figures.carried_time, &figures.failure_time, &figures.travel, &self.start_})
+    archive(*value);
+  archive(self.loading_);
+  carry_size(archive, self.grips_);
+  for (auto& grip : self.grips_) carry_loaded(archive, grip);
+}
+
+void ClimbWatch::save(ArchiveWriter& out) const { carry(out, *this); }
+
+void ClimbWatch::restore(ArchiveReader& in) {
+  carry(in, *this);
+  if (loading_ == grips_.empty())
+    in.refuse("a climb whose load and grips disagree", "grips once the load has begun");
 }
 
 ClimbFigures ClimbWatch::figures() const {

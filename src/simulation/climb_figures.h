@@ -48,13 +48,16 @@ struct ClimbFigures {
 
 class ClimbWatch {
  public:
-  /// Model and plan must outlive the watch.
+  /// The model must outlive the watch. @param step of the engine [s].
   ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, double step);
 
   /// What acts on the rail in the step from a state: adds to torques and servos, sizes model.dof_count().
   void command(const model::State& state, std::span<double> torques, std::span<model::Servo> servos) const;
   /// Looks at the engine after a step.
   void look(const engine::Engine& engine);
+
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
 
   ClimbFigures figures() const;
   /// The load of a time [N].
@@ -63,11 +66,13 @@ class ClimbWatch {
   bool over(double time) const;
 
  private:
+  template <class Archive, class Self>
+  static void carry(Archive& archive, Self& self);
   LoadedGrip grip(const engine::Engine& engine) const;
   double target(double time) const;
 
   const model::Model& model_;
-  const scene::ClimbPlan& plan_;
+  scene::ClimbPlan plan_;
   double half_step_;
   std::size_t rail_ = 0, dof_ = 0;
   std::vector<int> part_of_shape_;  ///< by shape: -1 no part of the hand, else index into kHandParts

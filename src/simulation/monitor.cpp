@@ -122,6 +122,34 @@ Peak Monitor::penetration() const {
   return {depth_, depth_time_, name(deep_a_) + " and " + name(deep_b_)};
 }
 
+template <class Archive, class Self>
+void Monitor::carry(Archive& archive, Self& self) {
+  for (auto& watched : self.watched_) {
+    archive(watched.leeway);
+    archive.each(watched.overshoot);
+    archive.each(watched.allowed);
+  }
+  archive(self.gap2_);
+  archive(self.gap_time_);
+  archive(self.gap_joint_);
+  simulation::carry(archive, self.excess_);
+  archive(self.depth_);
+  archive(self.depth_time_);
+  archive(self.deep_a_);
+  archive(self.deep_b_);
+}
+
+void Monitor::save(ArchiveWriter& out) const { carry(out, *this); }
+
+void Monitor::restore(ArchiveReader& in) {
+  carry(in, *this);
+  if (gap_joint_ > 0 && gap_joint_ >= model_.joints.size())
+    in.refuse("the gap of a joint that is not there", "one of this scene's joints");
+  const auto shapes = static_cast<int>(model_.shapes.size());
+  if (depth_ > 0 && (deep_a_ >= shapes || deep_b_ >= shapes))
+    in.refuse("a contact of a shape that is not there", "one of this scene's shapes");
+}
+
 Peak Monitor::joint_gap() const {
   if (model_.joints.empty()) return {};
   return {std::sqrt(gap2_), gap_time_, model_.joints[gap_joint_].name};

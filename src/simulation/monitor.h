@@ -4,10 +4,13 @@
 #pragma once
 
 #include <array>
+#include <concepts>
 #include <span>
 #include <string>
+#include <type_traits>
 #include <vector>
 
+#include "handsim/core/archive.h"
 #include "handsim/engine/engine.h"
 
 namespace handsim::simulation {
@@ -18,6 +21,14 @@ struct Peak {
   double time = 0;    ///< [s]
   std::string where;  ///< joint, joint axis or pair of shapes
 };
+
+template <class Archive, class T>
+requires std::same_as<std::remove_const_t<T>, Peak>
+void carry(Archive& archive, T& peak) {
+  archive(peak.value);
+  archive(peak.time);
+  archive(peak.where);
+}
 
 class Monitor {
  public:
@@ -31,11 +42,16 @@ class Monitor {
 
   /// Largest depth of any contact point so far [m], `A and B` by the names of the shapes.
   Peak penetration() const;
+  /// Whether any joint has been further apart than this [m].
+  bool apart(double limit) const { return gap2_ > limit * limit; }
   /// Largest joint gap so far [m].
   Peak joint_gap() const;
   /// Largest overshoot of a stop, less what the step that crossed it explains (rate at the crossing times
   /// step) [rad] or [m], resolved to 1e-6; 0 where no stop was ever overshot by more.
   Peak stop_overshoot() const;
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
+
   /// Largest overshoot of a stop in a state [rad] or [m].
   Peak stop_rest(const model::State& state) const;
 
@@ -49,6 +65,8 @@ class Monitor {
     std::array<double, 2> overshoot = {0, 0};  ///< of each axis when last worked out, 0 inside the stops
     std::array<double, 2> allowed = {0, 0};    ///< rate at the crossing times step
   };
+  template <class Archive, class Self>
+  static void carry(Archive& archive, Self& self);
   void look_at_gaps(const model::State& state);
   void look_at_stops(Watched& watched, const model::State& state);
   void book(Watched& watched, std::size_t axis, double over, const model::State& state);
