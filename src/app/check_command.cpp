@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
+#include "handsim/hand/grip_strength.h"
 #include "handsim/scene/file_kind.h"
 #include "handsim/scene/objects.h"
 #include "handsim/scene/scene.h"
@@ -35,6 +36,9 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
       break;
     case scene::FileKind::object:
       scene::read_object_file(root, diagnostics);
+      break;
+    case scene::FileKind::grip_norms:
+      hand::read_grip_table(root, "", diagnostics);
       break;
     case scene::FileKind::scene:
       diagnostics.warnings = scene::compile_scene(std::move(root)).warnings;

@@ -154,12 +154,15 @@ Error command_error(const CLI::App& app, int argc, const char* const* argv) {
 }
 
 void add_grasp(CLI::App& app, GraspArguments& arguments) {
-  CLI::App* grasp = app.add_subcommand(
-      "grasp",
-      "Run grasp scenes and say in one table what was held, how firmly, and with what friction at least");
+  CLI::App* grasp = app.add_subcommand("grasp",
+                                       "Run grasp and climb scenes and say in a table what was held, how "
+                                       "firmly, with what friction at least, and "
+                                       "what load a hand carried on a hold");
   grasp->footer("Example: handsim grasp config --out out/grasps --side both");
   grasp->add_option("scenes", arguments.scenes, "scene files, or folders of them")->required();
-  grasp->add_option("--out", arguments.out, "folder for the runs' files, grasps.csv and grasps.json")
+  grasp
+      ->add_option("--out", arguments.out,
+                   "folder for the runs' files, grasps.csv and climbs.csv, and both as .json")
       ->required()
       ->check(check_path);
   grasp->add_option("--side", arguments.side, "hand that grasps: right, left or both (default: the scene's)")

@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -10,6 +9,21 @@
 namespace handsim::app {
 
 namespace {
+
+void print_climbs(const std::vector<study::ClimbRow>& rows) {
+  fmt::print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>9}\n", "scene", "hand", "verdict", "load",
+             "norm", "of norm", "moved", "contacts", "criteria");
+  fmt::print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>9}\n", "", "", "", "N", "N", "%", "mm", "",
+             "");
+  for (const study::ClimbRow& row : rows) {
+    const simulation::ClimbFigures& f = row.figures;
+    const char* verdict = !row.fault.empty() ? "diverged" : f.failed ? "failed" : "holds";
+    fmt::print("{:<24} {:<6} {:<8} {:>8.4g} {:>9.4g} {:>9.3g} {:>8.2g} {:>9} {:>9}\n", row.scene, row.side,
+               verdict, f.carried, f.strength.norm, 100 * f.share(), 1e3 * f.last.travel, f.last.contacts,
+               row.passed ? "held" : "FAILED");
+    if (!row.fault.empty()) fmt::print(stderr, "{}\n", row.fault);
+  }
+}
 
 void print_table(const std::vector<study::GraspRow>& rows) {
   constexpr double kDegrees = 180 / M_PI;
@@ -50,15 +64,16 @@ int grasp_command(const GraspArguments& arguments) {
     study.sides = {"right", "left"};
   else if (!arguments.side.empty())
     study.sides = {arguments.side};
-  std::vector<study::GraspRow> rows;
+  study::GraspTables tables;
   {
     ProgressBar bar;
     study.progress = [&bar](double share) { bar.show(share); };
-    rows = study::run_grasps(study);
+    tables = study::run_grasps(study);
   }
-  print_table(rows);
+  if (!tables.grasps.empty()) print_table(tables.grasps);
+  if (!tables.climbs.empty()) print_climbs(tables.climbs);
   fmt::print("files in {}\n", arguments.out.string());
-  return std::all_of(rows.begin(), rows.end(), [](const study::GraspRow& row) { return row.passed; }) ? 0 : 1;
+  return tables.passed() ? 0 : 1;
 }
 
 }  // namespace handsim::app

@@ -68,6 +68,28 @@ void print_grasps(const simulation::RunResult& result) {
   }
 }
 
+void print_loaded(const char* when, const simulation::LoadedGrip& grip) {
+  fmt::print("    {}: {:.4g} N, palm moved {:.2g} mm, {} contacts\n", when, grip.load, 1e3 * grip.travel,
+             grip.contacts);
+  for (const simulation::PartForce& part : grip.parts)
+    fmt::print("      {:<7} {} contacts, normal {:.3g} N, friction {:.3g} N\n", part.part, part.contacts,
+               part.normal, part.friction);
+}
+
+void print_climbs(const simulation::RunResult& result) {
+  for (const simulation::ClimbFigures& climb : result.climbs) {
+    fmt::print(
+        "  climb {}: {} {:.4g} N, {:.0f} % of the grip strength of people alike ({:.0f} N, deviation {:.0f} "
+        "N)\n",
+        climb.name, climb.failed ? "fails beyond" : "holds", climb.carried, 100 * climb.share(),
+        climb.strength.norm, climb.strength.deviation);
+    if (climb.strength.measured)
+      fmt::print("    the person's own grip strength: {:.0f} N\n", climb.strength.own);
+    print_loaded("half of that", climb.half);
+    print_loaded("at most", climb.last);
+  }
+}
+
 void print_result(const scene::Scene& scene, const simulation::RunResult& result,
                   const std::filesystem::path& out) {
   fmt::print("{}\n", scene.spec.title);
@@ -85,6 +107,7 @@ void print_result(const scene::Scene& scene, const simulation::RunResult& result
   }
   print_tracking(result);
   print_grasps(result);
+  print_climbs(result);
   const bool judged = std::any_of(result.verdicts.begin(), result.verdicts.end(),
                                   [](const simulation::Verdict& v) { return v.limit.has_value(); });
   fmt::print("  verdict: {}\n", result.fault                 ? "diverged"

@@ -86,6 +86,7 @@ ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnost
       "form", {{"implicit", Form::implicit_gain}, {"explicit", Form::explicit_torque}}, Form::implicit_gain);
   spec.gravity_compensation = reader.flag("gravity_compensation", false);
   spec.tissue_compensation = reader.flag("tissue_compensation", false);
+  spec.grip_strength = reader.maybe_number("grip_strength", {Dimension::force, 1, 5000});
   if (YamlNode* sources = reader.child("sources"))
     for (const YamlEntry& entry : sources->entries) spec.sources[entry.key] = entry.value.text;
   if (YamlNode* rows = reader.list("gains", true)) {

@@ -49,6 +49,9 @@ struct ControllerSpec {
   bool gravity_compensation = false;  ///< feeds forward what holds the weight at the measured angles
   bool tissue_compensation = false;   ///< feeds forward what holds the passive tissue at the target angles
   std::map<std::string, std::string> sources;
+  /// Grip strength of the hand whose torque limits the rows state [N]: a scene that knows a person's own
+  /// scales them by it. Absent: limits of any hand.
+  std::optional<double> grip_strength;
   std::vector<GainRow> rows;  ///< later rows win
 };
 

@@ -131,7 +131,7 @@ Gains make_gains(const AxisGains& stated, double inertia) {
   return out;
 }
 
-void add_axes(const HandWork& hand, std::size_t hand_index, Plan& plan) {
+void add_axes(const HandWork& hand, std::size_t hand_index, double strength, Plan& plan) {
   Eigen::VectorXd effective = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hand.axes.axes.size()));
   for (const Eigen::MatrixXd& inertia : hand.inertias)
     effective = effective.cwiseMax(effective_inertia(inertia));
@@ -147,6 +147,7 @@ void add_axes(const HandWork& hand, std::size_t hand_index, Plan& plan) {
     axis.dof = from.dof;
     axis.inertia = effective[static_cast<Eigen::Index>(i)];
     axis.gains = make_gains(*hand.stated[i], axis.inertia);
+    axis.gains.torque_limit *= strength;
     plan.axes.push_back(std::move(axis));
   }
 }
@@ -219,7 +220,7 @@ Plan make_plan(const model::Model& model, const PlanInput& input, Diagnostics& d
     if (!diagnostics.problems.empty()) continue;
     find_inertias(model, trajectory, start, hands[i]);
     plan.hands.push_back({hands[i].axes.hand, hands[i].index->side, std::move(trajectory)});
-    add_axes(hands[i], i, plan);
+    add_axes(hands[i], i, input.strength.empty() ? 1 : input.strength[i], plan);
   }
   if (plan.form == Form::explicit_torque && diagnostics.problems.empty())
     check_stability(hands, input, plan, diagnostics);

@@ -66,6 +66,7 @@ struct PlanInput {
   const PoseFile* poses = nullptr;               ///< null where every hand has a motion file
   std::vector<ProgramChoice> programs;           ///< one for each hand of the model, in their order
   std::vector<std::vector<std::string>> absent;  ///< for each hand the joints that its mount leaves out
+  std::vector<double> strength;                  ///< for each hand the scale of its torque limits; empty: 1
   model::Effects effects;                        ///< compensation of effects that are off is nothing
   double step = 1e-3;                            ///< [s]
   bool allow_unstable = false;  ///< lets explicit gains beyond their limit run, with a warning

@@ -168,8 +168,23 @@ BuiltHand sided(BuiltHand hand, model::Side side) {
   return hand;
 }
 
-/// The wrist joint for a mount, none for those that need none.
-std::optional<Joint> wrist_joint(const BuiltHand& hand, const Placement& placement) {
+/// What a palm on a rail slides on.
+Joint rail_joint(const BuiltHand& hand, const Placement& placement) {
+  Joint joint;
+  joint.name = kRailName;
+  joint.kind = model::JointKind::slider;
+  joint.parent_frame = placement.pose;
+  joint.child_frame = hand.wrist.child_frame;
+  model::JointAxis axis;
+  axis.name = "travel";
+  axis.axis = placement.pose.q.conjugate() * placement.along;
+  joint.axes.push_back(axis);
+  return joint;
+}
+
+/// The joint for a mount, none for those that need none.
+std::optional<Joint> mount_joint(const BuiltHand& hand, const Placement& placement) {
+  if (placement.mount == Mount::rail) return rail_joint(hand, placement);
   if (placement.mount != Mount::hinge && placement.mount != Mount::universal) return std::nullopt;
   Joint joint = hand.wrist;
   joint.kind = placement.mount == Mount::hinge ? model::JointKind::hinge : model::JointKind::universal;
@@ -234,11 +249,9 @@ void set_velocities(model::Model& model, const model::HandIndex& index, const Pl
 }  // namespace
 
 const std::vector<std::pair<std::string_view, Mount>>& mounts() {
-  static const std::vector<std::pair<std::string_view, Mount>> words = {{"fixed", Mount::fixed},
-                                                                        {"hinge", Mount::hinge},
-                                                                        {"universal", Mount::universal},
-                                                                        {"free", Mount::free},
-                                                                        {"driven", Mount::driven}};
+  static const std::vector<std::pair<std::string_view, Mount>> words = {
+      {"fixed", Mount::fixed}, {"hinge", Mount::hinge},   {"universal", Mount::universal},
+      {"free", Mount::free},   {"driven", Mount::driven}, {"rail", Mount::rail}};
   return words;
 }
 
@@ -315,7 +328,7 @@ void add_hand(model::Model& model, const BuiltHand& right, const Placement& plac
     joint.parent += first_body;
     joint.child += first_body;
   }
-  if (std::optional<Joint> wrist = wrist_joint(hand, placement)) {
+  if (std::optional<Joint> wrist = mount_joint(hand, placement)) {
     wrist->parent = model::kWorld;
     wrist->child = first_body;
     joints.insert(joints.begin(), std::move(*wrist));
@@ -326,7 +339,10 @@ void add_hand(model::Model& model, const BuiltHand& right, const Placement& plac
     scale_tissue(joint, placement);
     joint.name = prefix + joint.name;
     joint.first_dof = model.dof_count();
-    index.joints.push_back(static_cast<int>(model.joints.size()));
+    if (placement.mount == Mount::rail && &joint == &joints.front())
+      index.rail = static_cast<int>(model.joints.size());
+    else
+      index.joints.push_back(static_cast<int>(model.joints.size()));
     model.joints.push_back(std::move(joint));
   }
   set_palm(model, first_body, hand, placement);

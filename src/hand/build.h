@@ -17,6 +17,7 @@ enum class Mount {
   universal,  ///< the wrist's two axes
   free,       ///< nothing holds the palm
   driven,     ///< the hand frame follows a timed trajectory
+  rail,       ///< the palm slides along a line in the world and does not turn
 };
 
 const std::vector<std::pair<std::string_view, Mount>>& mounts();
@@ -29,6 +30,7 @@ struct Placement {
   Pose pose;                                         ///< X_WH at the start
   Vec3 velocity = Vec3::Zero();                      ///< `free`: of the wrist at the start, world axes [m/s]
   Vec3 angular_velocity = Vec3::Zero();              ///< `free`: of the whole hand at the start [rad/s]
+  Vec3 along = {0, 0, -1};                           ///< `rail`: its direction, world, unit
   model::PoseMotion motion;                          ///< `driven`: X_WH over time
   std::map<std::string, std::vector<double>> start;  ///< coordinates by joint name [rad]; others are 0
   double tissue_stiffness = 1;  ///< scale of the hand model's passive stiffness: 0 limp, above 1 stiff
@@ -49,6 +51,9 @@ struct BuiltHand {
 /// @throws Error (input) naming rows that make no body for this person: a fingertip shorter than its radius,
 ///         dimensions that fit no hand.
 BuiltHand build_hand(const HandSpec& spec, const Person& person);
+
+/// Name of a rail's joint: a slider whose coordinate [m] is the way from Placement::pose along the rail.
+inline constexpr const char* kRailName = "rail";
 
 /// Appends the hand to the model, with its skin as material and three contact groups: `palm-NAME`,
 /// `fingers-NAME` (all segments but the last) and `fingertips-NAME` (the last segment of each finger).

@@ -43,6 +43,8 @@ Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnos
   person.hand_breadth = reader.maybe_number("hand_breadth", {Dimension::length, 0.01, 0.3});
   person.hand_circumference = reader.maybe_number("hand_circumference", {Dimension::length, 0.03, 0.8});
   person.hand_mass = reader.maybe_number("hand_mass", {Dimension::mass, 0.005, 5});
+  person.grip_strength = reader.maybe_number("grip_strength", {Dimension::force, 1, 3000});
+  person.age = reader.maybe_number("age", {Dimension::none, 1, 120});
   person.hand_length_percentile =
       reader.maybe_number("hand_length_percentile", {Dimension::none, 0.01, 99.99});
   if (person.hand_length && person.hand_length_percentile)

@@ -20,6 +20,8 @@ struct Person {
   std::optional<double> hand_breadth;        ///< across the metacarpal heads [m]
   std::optional<double> hand_circumference;  ///< around the metacarpal heads [m]
   std::optional<double> hand_mass;           ///< [kg]
+  std::optional<double> grip_strength;       ///< on a dynamometer [N]
+  std::optional<double> age;                 ///< [years]; only norms of strength ask for it
   /// Where in the spread of people of this stature, mass and sex the hand's length lies, 0..100 (50: as
   /// predicted).
   std::optional<double> hand_length_percentile;

@@ -155,6 +155,7 @@ struct HandIndex {
   Pose wrist_frame;         ///< X_PH: hand frame H (origin at the wrist joint centre) in the palm body
   std::vector<int> bodies;  ///< palm first, then segments
   std::vector<int> joints;  ///< finger joints, and the wrist joint where it has one
+  std::optional<int> rail;  ///< joint that the palm slides on, where it does
 };
 
 /// Everything a scene simulates.

@@ -102,6 +102,7 @@ TrackingCriteria read_tracking_criteria(MapReader& criteria) {
 }
 
 control::Plan compile_control(const ControlSpec& spec, const std::vector<HandEntry>& hands,
+                              const std::vector<std::optional<double>>& grip_strengths,
                               const model::Model& model, const model::SolverSettings& solver,
                               Diagnostics& diagnostics) {
   const bool implicit = spec.controller.form == control::Form::implicit_gain;
@@ -119,6 +120,9 @@ control::Plan compile_control(const ControlSpec& spec, const std::vector<HandEnt
     input.absent.push_back(mounted ? std::vector<std::string>{}
                                    : std::vector<std::string>{hand.model.wrist.name});
   }
+  for (const std::optional<double>& own : grip_strengths)
+    input.strength.push_back(own && spec.controller.grip_strength ? *own / *spec.controller.grip_strength
+                                                                  : 1);
   input.effects = solver.effects;
   input.step = solver.step;
   input.allow_unstable = spec.allow_unstable;

@@ -39,8 +39,10 @@ ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, 
 /// Reads the criteria that only a controlled scene has.
 TrackingCriteria read_tracking_criteria(MapReader& criteria);
 
-/// The plan of a controlled scene's hands. @throws nothing: problems go into the diagnostics.
+/// The plan of a controlled scene's hands. @param grip_strengths of each hand [N], nothing where it is not
+/// known. @throws nothing: problems go into the diagnostics.
 control::Plan compile_control(const ControlSpec& spec, const std::vector<HandEntry>& hands,
+                              const std::vector<std::optional<double>>& grip_strengths,
                               const model::Model& model, const model::SolverSettings& solver,
                               Diagnostics& diagnostics);
 

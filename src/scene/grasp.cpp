@@ -5,8 +5,8 @@
 #include <limits>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
+#include "handsim/scene/hand_program.h"
 #include "handsim/scene/readers.h"
 
 namespace handsim::scene {
@@ -22,18 +22,6 @@ Pose read_frame(MapReader reader) {
   const Pose pose = read_pose(reader);
   reader.finish();
   return pose;
-}
-
-std::vector<std::string> read_closing(MapReader& reader) {
-  YamlNode* node = reader.child("closed");
-  std::vector<std::string> out;
-  if (node && node->kind == YamlNode::Kind::scalar) out.push_back(node->text);
-  if (node && node->kind == YamlNode::Kind::sequence)
-    for (const YamlNode& item : node->items) out.push_back(item.text);
-  if (out.empty() ||
-      std::any_of(out.begin(), out.end(), [](const std::string& name) { return name.empty(); }))
-    reader.problem("closed", node ? node->described() : "nothing", "the name of a pose, or a list of them");
-  return out;
 }
 
 std::optional<PostSpec> read_support(MapReader& reader) {
@@ -76,7 +64,7 @@ GraspSpec read_grasp(MapReader reader) {
   grasp.at = read_frame(reader.required_map("at", "position and rotation of the object in the hand frame"));
   grasp.post = read_support(reader);
   grasp.open = reader.text("open");
-  grasp.closed = read_closing(reader);
+  grasp.closed = read_pose_names(reader, "closed");
   MapReader approach = reader.map("approach");
   grasp.from = approach.vector("from", kCoordinate, grasp.from);
   grasp.approach_time = approach.number("time", kPhaseTime, grasp.approach_time);
@@ -184,36 +172,21 @@ ObjectSpec make_post(const PostSpec& post, const ObjectSpec& object) {
   return out;
 }
 
-std::string known_hands(const SceneSpec& scene) {
-  std::vector<std::string> names;
-  for (const HandEntry& hand : scene.hands) names.push_back(hand.placement.name);
-  return fmt::format("{}", fmt::join(names, ", "));
-}
-
 /// The hand that a grasp speaks of; nothing, with a problem, where there is none that can do it.
-std::optional<std::size_t> find_hand(const SceneSpec& scene, const GraspSpec& grasp, const std::string& path,
-                                     Diagnostics& diagnostics) {
-  const auto say = [&](std::string got, std::string need) {
-    diagnostics.problems.push_back({grasp.place, path + ".hand", std::move(got), std::move(need)});
-    return std::nullopt;
-  };
-  std::optional<std::size_t> found;
-  for (std::size_t i = 0; i < scene.hands.size(); ++i)
-    if (scene.hands[i].placement.name == grasp.hand) found = i;
-  if (grasp.hand.empty() && scene.hands.size() == 1) found = 0;
-  if (!found)
-    return say(grasp.hand.empty() ? "nothing in a scene of several hands or none" : grasp.hand,
-               "a hand of the scene: " + known_hands(scene));
+std::optional<std::size_t> grasping_hand(const SceneSpec& scene, const GraspSpec& grasp,
+                                         const std::string& path, Diagnostics& diagnostics) {
+  const auto found = find_hand(scene, grasp.hand, grasp.place, path + ".hand", diagnostics);
+  if (!found) return std::nullopt;
   const hand::Placement& placement = scene.hands[*found].placement;
-  if (placement.mount != hand::Mount::driven || !placement.motion.keys.empty())
-    return say("a hand whose wrist the grasp cannot move",
-               "mount driven without a motion, and one grasp a hand");
-  return found;
+  if (placement.mount == hand::Mount::driven && placement.motion.keys.empty()) return found;
+  diagnostics.problems.push_back({grasp.place, path + ".hand", "a hand whose wrist the grasp cannot move",
+                                  "mount driven without a motion, and one grasp a hand"});
+  return std::nullopt;
 }
 
 void place_grasp(SceneSpec& scene, const GraspSpec& given, const std::string& path,
                  Diagnostics& diagnostics) {
-  const auto hand = find_hand(scene, given, path, diagnostics);
+  const auto hand = grasping_hand(scene, given, path, diagnostics);
   const auto object = std::find_if(scene.objects.begin(), scene.objects.end(),
                                    [&](const ObjectSpec& o) { return o.name == given.object; });
   if (object == scene.objects.end() || object->is_static)
@@ -283,44 +256,17 @@ void add_grasp_programs(SceneSpec& scene, Diagnostics& diagnostics) {
   for (std::size_t i = 0; i < scene.grasp_plans.size(); ++i) {
     const GraspSpec& grasp = scene.grasps[i];
     const GraspPlan& plan = scene.grasp_plans[i];
-    const std::string path = item_path("grasps", i);
-    const auto say = [&](const std::string& key, std::string got, std::string need) {
-      diagnostics.problems.push_back({grasp.place, path + key, std::move(got), std::move(need)});
-    };
-    if (!scene.control || !scene.control->poses) {
-      say("", "a grasp in a scene without control", "a control block with a controller and poses");
-      continue;
-    }
-    control::PoseFile& file = *scene.control->poses;
-    std::vector<std::string> wanted = {grasp.open};
-    wanted.insert(wanted.end(), grasp.closed.begin(), grasp.closed.end());
-    std::vector<std::string> known;
-    for (const auto& [name, pose] : file.poses) known.push_back(name);
-    bool all = true;
-    for (std::size_t k = 0; k < wanted.size(); ++k) {
-      if (file.poses.contains(wanted[k])) continue;
-      all = false;
-      const auto near = nearest_word(wanted[k], known);
-      say(k == 0 ? ".open" : ".closed", wanted[k],
-          fmt::format("a pose of the pose file{}", near ? " (nearest: " + *near + ")" : ""));
-    }
-    HandEntry& hand = scene.hands[plan.hand];
-    control::ProgramChoice& choice = scene.control->programs[plan.hand];
-    if (!choice.program.empty()) say("", "a hand with a program of its own", "a grasp, or a program");
-    if (!all) continue;
-    control::ProgramSpec program;
+    HandProgram program;
+    program.hand = plan.hand;
+    program.open = grasp.open;
+    program.closed = grasp.closed;
+    program.close = plan.phase("close")->start;
+    program.move = grasp.close_time;
+    program.title = "grasp of " + grasp.object;
     program.place = grasp.place;
-    double time = plan.phase("close")->start;
-    program.keys.push_back({0, 0, grasp.open, grasp.place});
-    for (const std::string& pose : grasp.closed) {
-      program.keys.push_back({time, grasp.close_time, pose, grasp.place});
-      time += grasp.close_time;
-    }
-    choice = {"grasp of " + grasp.object, grasp.place, path};
-    file.programs[choice.program] = std::move(program);
-    if (hand.placement.start.empty())
-      for (const auto& [joint, pose] : file.poses.at(grasp.open).joints)
-        if (joint != hand.model.wrist.name) hand.placement.start[joint] = pose.angles;
+    program.path = item_path("grasps", i);
+    program.what = "a grasp";
+    add_hand_program(scene, program, diagnostics);
   }
 }
 

@@ -13,23 +13,6 @@ const Quantity kMoment = {Dimension::time, 0, 1e6};
 /// Rigid bodies by the thousand are beyond any solver here.
 constexpr std::size_t kMostHands = 60;
 
-/// A referenced file or an inline block; nothing where it cannot be read.
-YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind) {
-  YamlNode* node = reader.child(key);
-  if (!node) {
-    reader.problem(key, "nothing",
-                   fmt::format("{}: the path of its file, or the block itself", described(kind)));
-    return nullptr;
-  }
-  try {
-    follow_reference(*node, reader.path_of(key));
-    return is_of_kind(*node, reader.path_of(key), kind, reader.diagnostics()) ? node : nullptr;
-  } catch (const Error& error) {
-    reader.diagnostics().take(error);
-    return nullptr;
-  }
-}
-
 /// @param last time of the keyframe before, where it is known; set to this one's.
 model::PoseKey read_keyframe(MapReader reader, std::optional<double>& last) {
   model::PoseKey out;
@@ -61,8 +44,8 @@ model::PoseMotion read_motion(MapReader reader) {
   return motion;
 }
 
-/// @param grasped a grasp may give the wrist its motion.
-void read_wrist(MapReader reader, bool grasped, hand::Placement& placement) {
+/// @param grasped a grasp may give the wrist its motion. @param climbed a climb gives a rail its place.
+void read_wrist(MapReader reader, bool grasped, bool climbed, hand::Placement& placement) {
   placement.mount = reader.choice<hand::Mount>("mount", hand::mounts(), hand::Mount::fixed);
   // What else may stand here hangs on the mount.
   if (!reader.sound()) return;
@@ -71,6 +54,8 @@ void read_wrist(MapReader reader, bool grasped, hand::Placement& placement) {
   } else if (placement.mount == hand::Mount::driven) {
     placement.motion = read_motion(reader.required_map("motion", "a mapping with keyframes"));
     placement.pose = placement.motion.keys.front().pose;
+  } else if (placement.mount == hand::Mount::rail && climbed) {
+    placement.pose = {};
   } else {
     placement.pose = read_pose(reader, Vec3::Zero());
   }
@@ -78,6 +63,8 @@ void read_wrist(MapReader reader, bool grasped, hand::Placement& placement) {
     placement.velocity = reader.vector("velocity", kVelocity, Vec3::Zero());
     placement.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
   }
+  if (placement.mount == hand::Mount::rail && reader.has("along"))
+    placement.along = reader.direction("along");
   reader.finish();
 }
 
@@ -143,7 +130,7 @@ void warn_of_extrapolation(MapReader& reader, const HandEntry& entry) {
   warn_outside("mass", entry.person.mass, entry.model.anthropometry.mass_range, "kg");
 }
 
-HandEntry read_hand(MapReader reader, bool grasped) {
+HandEntry read_hand(MapReader reader, bool grasped, bool climbed) {
   HandEntry entry;
   entry.place = reader.node().place();
   Diagnostics& diagnostics = reader.diagnostics();
@@ -158,7 +145,7 @@ HandEntry read_hand(MapReader reader, bool grasped) {
   entry.placement.side =
       reader.choice<model::Side>("side", {{"right", model::Side::right}, {"left", model::Side::left}});
   const std::size_t before_wrist = diagnostics.problems.size();
-  read_wrist(reader.map("wrist"), grasped, entry.placement);
+  read_wrist(reader.map("wrist"), grasped, climbed, entry.placement);
   const bool wrist_known = diagnostics.problems.size() == before_wrist;
   if (model_known && wrist_known) check_mount(reader, entry);
   read_start_pose(reader, entry, model_known && wrist_known);
@@ -183,7 +170,23 @@ void name_hands(std::vector<HandEntry>& hands) {
 
 }  // namespace
 
-std::vector<HandEntry> read_hands(MapReader& reader, const std::vector<GraspSpec>& grasps) {
+YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind) {
+  YamlNode* node = reader.child(key);
+  if (!node) {
+    reader.problem(key, "nothing",
+                   fmt::format("{}: the path of its file, or the block itself", described(kind)));
+    return nullptr;
+  }
+  try {
+    follow_reference(*node, reader.path_of(key));
+    return is_of_kind(*node, reader.path_of(key), kind, reader.diagnostics()) ? node : nullptr;
+  } catch (const Error& error) {
+    reader.diagnostics().take(error);
+    return nullptr;
+  }
+}
+
+std::vector<HandEntry> read_hands(MapReader& reader, bool grasped, bool climbed) {
   std::vector<HandEntry> hands;
   YamlNode* list = reader.list("hands", false);
   if (!list) return hands;
@@ -193,7 +196,7 @@ std::vector<HandEntry> read_hands(MapReader& reader, const std::vector<GraspSpec
   }
   for (std::size_t i = 0; i < list->items.size(); ++i)
     hands.push_back(
-        read_hand(MapReader(list->items[i], item_path("hands", i), reader.diagnostics()), !grasps.empty()));
+        read_hand(MapReader(list->items[i], item_path("hands", i), reader.diagnostics()), grasped, climbed));
   name_hands(hands);
   return hands;
 }

@@ -20,6 +20,9 @@ std::string item_path(std::string_view list, std::size_t i);
 /// `position` and `rotation`. @param fallback position where none is given; absent: it must be.
 Pose read_pose(MapReader& reader, std::optional<Vec3> fallback = {});
 
+/// A referenced file or an inline block; null, with a problem, where it cannot be read.
+YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind);
+
 /// Kind and size of a solid: `kind_key` names the kind. The pose is that of its centre: a mesh's lies off the
 /// origin of its file. False, with a problem, where the kind cannot be told,
 /// and so neither which sizes it has.
@@ -40,8 +43,9 @@ void check_contact_groups(const SceneSpec& scene, Diagnostics& diagnostics);
 model::Effects effects_of_rules(const SceneSpec& scene);
 
 /// The `hands` and `objects` lists; absent: none.
-/// A driven wrist may lack a motion, and a grasped object its place: grasps give them.
-std::vector<HandEntry> read_hands(MapReader& reader, const std::vector<GraspSpec>& grasps);
+/// A driven wrist may lack a motion, a rail its place, and a grasped object its place: grasps and climbs give
+/// them.
+std::vector<HandEntry> read_hands(MapReader& reader, bool grasped, bool climbed);
 std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials,
                                      const std::vector<GraspSpec>& grasps);
 std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model::Material>& materials);

@@ -93,7 +93,9 @@ Criteria read_criteria(MapReader reader) {
   out.stop_overshoot = reader.maybe_number("stop_overshoot", {Dimension::angle, 0, 10});
   out.stop_rest = reader.maybe_number("stop_rest", {Dimension::angle, 0, 10});
   if (reader.has("lcp_failures")) out.lcp_failures = reader.integer("lcp_failures", 0, 1'000'000'000, 0);
+  out.penetration = reader.maybe_number("penetration", {Dimension::length, 0, 1});
   out.grasp_slip = reader.maybe_number("grasp_slip", {Dimension::speed, 0, 10});
+  out.climb_load = reader.maybe_number("climb_load", {Dimension::force, 0, 1e5});
   out.tracking = read_tracking_criteria(reader);
   reader.finish();
   return out;

@@ -105,6 +105,13 @@ model::Model compile_model(const SceneSpec& spec) {
   return model;
 }
 
+/// A climb knows how strong its hand is.
+control::Plan plan_control(const SceneSpec& spec, const model::Model& model, Diagnostics& diagnostics) {
+  std::vector<std::optional<double>> strengths(spec.hands.size());
+  for (const ClimbPlan& climb : spec.climb_plans) strengths[climb.hand] = climb.strength.own;
+  return compile_control(*spec.control, spec.hands, strengths, model, spec.solver, diagnostics);
+}
+
 }  // namespace
 
 Scene compile_scene(YamlNode root) {
@@ -114,8 +121,7 @@ Scene compile_scene(YamlNode root) {
   diagnostics.throw_if_any();
   scene.model = compile_model(scene.spec);
   if (scene.spec.control) {
-    scene.control =
-        compile_control(*scene.spec.control, scene.spec.hands, scene.model, scene.spec.solver, diagnostics);
+    scene.control = plan_control(scene.spec, scene.model, diagnostics);
     diagnostics.throw_if_any();
     diagnostics.warnings.insert(diagnostics.warnings.end(), scene.control->warnings.begin(),
                                 scene.control->warnings.end());
@@ -135,7 +141,7 @@ Scene without_effect(const Scene& scene, model::Effect effect) {
   if (!effects.has(model::Effect::actuation)) out.spec.control.reset();
   if (!out.spec.control) return out;
   Diagnostics diagnostics;
-  out.control = compile_control(*out.spec.control, out.spec.hands, out.model, out.spec.solver, diagnostics);
+  out.control = plan_control(out.spec, out.model, diagnostics);
   diagnostics.throw_if_any();
   return out;
 }

@@ -42,10 +42,12 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   MapReader reader(root, "", diagnostics);
   scene.title = reader.text("title", "untitled");
   scene.grasps = read_grasps(reader);
-  scene.hands = read_hands(reader, scene.grasps);
+  scene.climbs = read_climbs(reader);
+  scene.hands = read_hands(reader, !scene.grasps.empty(), !scene.climbs.empty());
   scene.contacts = read_contacts(reader);
   scene.objects = read_objects(reader, scene.contacts.materials, scene.grasps);
   if (reader.sound() && !scene.grasps.empty()) place_grasps(scene, diagnostics);
+  if (reader.sound()) place_climbs(scene, diagnostics);
   std::vector<std::string> taken = {"world", "ground"};
   for (const ObjectSpec& object : scene.objects) taken.push_back(object.name);
   scene.mechanism = read_mechanism(reader, std::move(taken), scene.contacts.materials);
@@ -55,14 +57,17 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   scene.gravity = reader.vector("gravity", {Dimension::acceleration, -1000, 1000}, scene.gravity);
   if (reader.sound()) check_contact_groups(scene, diagnostics);
   if (reader.has("control"))
-    scene.control = read_control(reader.map("control"), scene.hands, !scene.grasps.empty());
+    scene.control =
+        read_control(reader.map("control"), scene.hands, !scene.grasps.empty() || !scene.climbs.empty());
   if (reader.sound() && !scene.grasps.empty()) add_grasp_programs(scene, diagnostics);
+  if (reader.sound()) add_climb_programs(scene, diagnostics);
   scene.solver.effects = read_effects(reader, scene);
   const std::size_t before_times = diagnostics.problems.size();
   read_solver(reader.map("solver"), scene.solver);
   if (reader.sound()) check_engine(reader, scene.solver);
   std::optional<double> duration;
-  if (!scene.grasps.empty()) duration = std::max(grasps_end(scene), 1e-3);
+  if (!scene.grasps.empty() || !scene.climbs.empty())
+    duration = std::max({grasps_end(scene), climbs_end(scene), 1e-3});
   scene.duration = reader.number("duration", {Dimension::time, 1e-6, 1e5}, duration);
   MapReader record = reader.map("record");
   scene.record_every = record.number("every", {Dimension::time, 1e-6, 1e5}, 0.01);
@@ -70,12 +75,14 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   record.finish();
   if (diagnostics.problems.size() == before_times) check_times(reader, scene);
   scene.pictures = read_pictures(reader.map("pictures"));
-  scene.solver.contact_forces =
-      scene.record_contacts || scene.pictures.contact_forces || !scene.grasps.empty();
+  scene.solver.contact_forces = scene.record_contacts || scene.pictures.contact_forces ||
+                                !scene.grasps.empty() || !scene.climbs.empty();
   if (scene.solver.contact_forces && !scene.solver.effects.any_contact())
     reader.warning(scene.record_contacts ? "record" : "pictures",
                    "contact forces are asked for, but no effect lets anything touch");
   scene.criteria = read_criteria(reader.map("criteria"));
+  if (scene.criteria.penetration && !scene.solver.effects.any_contact())
+    reader.warning("criteria", "penetration is judged, but no effect lets anything touch");
   if (!scene.solver.effects.has(model::Effect::joint_stops) &&
       (scene.criteria.stop_overshoot || scene.criteria.stop_rest))
     reader.warning("criteria", "stops are judged, but without the effect joint_stops there are none");

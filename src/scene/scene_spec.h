@@ -9,6 +9,7 @@
 
 #include "handsim/hand/build.h"
 #include "handsim/model/solver.h"
+#include "handsim/scene/climb.h"
 #include "handsim/scene/control_spec.h"
 #include "handsim/scene/grasp.h"
 #include "handsim/scene/mass_properties.h"
@@ -65,7 +66,9 @@ struct Criteria {
   std::optional<double> stop_overshoot;  ///< largest overshoot of a stop beyond impact rate times step [rad]
   std::optional<double> stop_rest;       ///< largest overshoot of a stop at the end [rad]
   std::optional<int> lcp_failures;       ///< in all
+  std::optional<double> penetration;     ///< largest depth of any contact at any step [m]
   std::optional<double> grasp_slip;      ///< mean drift of a grasped object in the palm during the hold [m/s]
+  std::optional<double> climb_load;      ///< least load that a climb is to carry [N]
   TrackingCriteria tracking;             ///< of a controlled scene
 };
 
@@ -102,6 +105,8 @@ struct SceneSpec {
   std::optional<ControlSpec> control;  ///< drives the joints; with actuation only
   std::vector<GraspSpec> grasps;
   std::vector<GraspPlan> grasp_plans;  ///< one for each of the grasps
+  std::vector<ClimbSpec> climbs;
+  std::vector<ClimbPlan> climb_plans;  ///< one for each of the climbs
   PictureSpec pictures;
   Criteria criteria;
 };

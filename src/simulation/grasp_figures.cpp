@@ -4,11 +4,12 @@
 #include <cmath>
 #include <concepts>
 
+#include "handsim/simulation/hand_parts.h"
+
 namespace handsim::simulation {
 
 namespace {
 
-constexpr std::array<const char*, 6> kParts = {"palm", "thumb", "index", "middle", "ring", "little"};
 /// Parts that bear less than this share of the grip say nothing of its friction.
 constexpr double kBearing = 1e-3;
 
@@ -59,28 +60,6 @@ void carry_pose(Archive& archive, T& pose) {
   if (!pose) return;
   archive(pose->p);
   archive(pose->q);
-}
-
-int part_of(model::Tint tint) {
-  switch (tint) {
-    case model::Tint::palm:
-      return 0;
-    case model::Tint::thumb:
-      return 1;
-    case model::Tint::index:
-      return 2;
-    case model::Tint::middle:
-      return 3;
-    case model::Tint::ring:
-      return 4;
-    case model::Tint::little:
-      return 5;
-    case model::Tint::object:
-    case model::Tint::ground:
-    case model::Tint::mechanism:
-      return -1;
-  }
-  return -1;
 }
 
 /// Distance of a shape's farthest point from the origin of its body [m].
@@ -137,7 +116,7 @@ GraspWatch::GraspWatch(const model::Model& model, const scene::GraspPlan& plan, 
     if (model.bodies[i].name == plan.object) object_ = i;
   for (const model::Shape& shape : model.shapes) {
     if (std::find(hand.bodies.begin(), hand.bodies.end(), shape.body) != hand.bodies.end())
-      part_of_body_[static_cast<std::size_t>(shape.body)] = part_of(shape.tint);
+      part_of_body_[static_cast<std::size_t>(shape.body)] = hand_part(shape.tint);
     if (static_cast<std::size_t>(shape.body) == object_) length_ = std::max(length_, reach(shape));
   }
   hold_end_ = plan.phase("hold")->end;
@@ -153,8 +132,8 @@ Pose GraspWatch::object_in_palm(const model::State& state) const {
 Grip GraspWatch::grip(const engine::Engine& engine) const {
   Grip out;
   out.time = engine.state().time;
-  std::array<PartForce, kParts.size()> parts;
-  std::array<double, kParts.size()> limits{};
+  std::array<PartForce, kHandParts.size()> parts;
+  std::array<double, kHandParts.size()> limits{};
   std::vector<WrenchContact> wrenches;
   const Vec3 centre = engine.state().bodies[object_].p;
   for (const engine::Contact& contact : engine.contacts()) {
@@ -184,7 +163,7 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
   }
   for (std::size_t i = 0; i < parts.size(); ++i) {
     if (parts[i].contacts == 0) continue;
-    parts[i].part = kParts[i];
+    parts[i].part = kHandParts[i];
     if (parts[i].normal > kBearing * out.normal && limits[i] > 0)
       out.friction_used = std::max(out.friction_used, parts[i].friction / limits[i]);
     out.parts.push_back(parts[i]);

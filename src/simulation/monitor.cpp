@@ -56,6 +56,16 @@ void Monitor::look(const model::State& state) {
   }
 }
 
+void Monitor::look(std::span<const engine::Contact> contacts, double time) {
+  for (const engine::Contact& contact : contacts) {
+    if (!(contact.depth > depth_)) continue;
+    depth_ = contact.depth;
+    depth_time_ = time;
+    deep_a_ = contact.shape_a;
+    deep_b_ = contact.shape_b;
+  }
+}
+
 void Monitor::look_at_gaps(const model::State& state) {
   for (std::size_t i = 0; i < model_.joints.size(); ++i) {
     const model::Joint& joint = model_.joints[i];
@@ -106,6 +116,12 @@ void Monitor::book(Watched& watched, std::size_t axis, double over, const model:
   if (over > 0 && excess > excess_.value) excess_ = {excess, state.time, axis_name(joint, axis)};
 }
 
+Peak Monitor::penetration() const {
+  if (depth_ <= 0) return {};
+  const auto name = [&](int shape) { return model_.shapes[static_cast<std::size_t>(shape)].name; };
+  return {depth_, depth_time_, name(deep_a_) + " and " + name(deep_b_)};
+}
+
 template <class Archive, class Self>
 void Monitor::carry(Archive& archive, Self& self) {
   for (auto& watched : self.watched_) {
@@ -117,6 +133,10 @@ void Monitor::carry(Archive& archive, Self& self) {
   archive(self.gap_time_);
   archive(self.gap_joint_);
   simulation::carry(archive, self.excess_);
+  archive(self.depth_);
+  archive(self.depth_time_);
+  archive(self.deep_a_);
+  archive(self.deep_b_);
 }
 
 void Monitor::save(ArchiveWriter& out) const { carry(out, *this); }
@@ -125,6 +145,9 @@ void Monitor::restore(ArchiveReader& in) {
   carry(in, *this);
   if (gap_joint_ > 0 && gap_joint_ >= model_.joints.size())
     in.refuse("the gap of a joint that is not there", "one of this scene's joints");
+  const auto shapes = static_cast<int>(model_.shapes.size());
+  if (depth_ > 0 && (deep_a_ >= shapes || deep_b_ >= shapes))
+    in.refuse("a contact of a shape that is not there", "one of this scene's shapes");
 }
 
 Peak Monitor::joint_gap() const {

@@ -1,15 +1,17 @@
-// Watches a run step by step: how far joints come apart and stops are overshot. Costs a small share of a
-// step: a joint's coordinates are worked out only when it may have moved far enough since to matter.
+// Watches a run step by step: how far joints come apart, stops are overshot and shapes penetrate. Costs a
+// small share of a step: a joint's coordinates are worked out only when it may have moved far enough since to
+// matter.
 #pragma once
 
 #include <array>
 #include <concepts>
+#include <span>
 #include <string>
 #include <type_traits>
 #include <vector>
 
 #include "handsim/core/archive.h"
-#include "handsim/model/state.h"
+#include "handsim/engine/engine.h"
 
 namespace handsim::simulation {
 
@@ -17,7 +19,7 @@ namespace handsim::simulation {
 struct Peak {
   double value = 0;
   double time = 0;    ///< [s]
-  std::string where;  ///< joint or joint axis
+  std::string where;  ///< joint, joint axis or pair of shapes
 };
 
 template <class Archive, class T>
@@ -35,7 +37,11 @@ class Monitor {
 
   /// Looks at the state after a step.
   void look(const model::State& state);
+  /// Looks at the contact points of a step. @param time of the state that they were found at [s].
+  void look(std::span<const engine::Contact> contacts, double time);
 
+  /// Largest depth of any contact point so far [m], `A and B` by the names of the shapes.
+  Peak penetration() const;
   /// Whether any joint has been further apart than this [m].
   bool apart(double limit) const { return gap2_ > limit * limit; }
   /// Largest joint gap so far [m].
@@ -72,6 +78,8 @@ class Monitor {
   double gap2_ = 0, gap_time_ = 0;
   std::size_t gap_joint_ = 0;
   Peak excess_;
+  double depth_ = 0, depth_time_ = 0;
+  int deep_a_ = 0, deep_b_ = 0;  ///< shapes
 };
 
 }  // namespace handsim::simulation

@@ -42,6 +42,8 @@ Recorder::Recorder(const scene::Scene& scene, const RunOptions& options, const S
     plan_frames(options.frames);
   else if (!scene.spec.grasp_plans.empty())
     plan_phases(scene.spec.grasp_plans.front());
+  else if (!simulation.climb_watches().empty())
+    plan_climb(scene.spec.climb_plans.front());
   else
     plan_poses();
 }
@@ -80,6 +82,38 @@ void Recorder::plan_phases(const scene::GraspPlan& plan) {
   }
 }
 
+/// One at the end of each phase before the load; under it one at half of what is carried, the last that is
+/// carried, and one after the failure, all known only then.
+void Recorder::plan_climb(const scene::ClimbPlan& plan) {
+  climb_ = &simulation_.climb_watches().front();
+  moments_.push_back({0, "start"});
+  for (const scene::GraspPhase& phase : {plan.phases[0], plan.phases[1]})
+    moments_.push_back(
+        {std::lround(phase.end / step_), phase.name + fmt::format(", t = {:.2f} s", phase.end)});
+}
+
+void Recorder::see_climb() {
+  const ClimbFigures figures = climb_->figures();
+  if (figures.failed || figures.carried <= 0) return;
+  if (loaded_.empty() || figures.carried >= loaded_.back().first + kGripEvery)
+    loaded_.emplace_back(figures.carried, snapshot(simulation_.engine()));
+}
+
+void Recorder::finish_climb() {
+  const ClimbFigures figures = climb_->figures();
+  const auto show = [&](Snapshot moment, std::string caption) {
+    snapshots_.push_back(std::move(moment));
+    captions_.push_back(std::move(caption));
+  };
+  if (!loaded_.empty()) {
+    const auto half = std::find_if(loaded_.begin(), loaded_.end(),
+                                   [&](const auto& moment) { return moment.first >= figures.carried / 2; });
+    show(half->second, fmt::format("{:.0f} N", half->first));
+    show(loaded_.back().second, fmt::format("{:.0f} N", loaded_.back().first));
+  }
+  if (figures.failed) show(snapshot(simulation_.engine()), "after failure");
+}
+
 void Recorder::add_rows() {
   const model::State& state = simulation_.state();
   trajectory_.add(state);
@@ -102,9 +136,11 @@ void Recorder::see(long step) {
     const std::string& caption = moments_[taken_].caption;
     captions_.push_back(caption.empty() ? fmt::format("t = {:.3f} s", simulation_.state().time) : caption);
   }
+  if (climb_) see_climb();
 }
 
 void Recorder::finish() {
+  if (climb_) finish_climb();
   trajectory_.finish();
   if (motion_) motion_->write(out_ / "trajectory.mot");
   if (contacts_) contacts_->finish();

@@ -36,6 +36,9 @@ class Recorder {
   void plan_frames(int frames);
   void plan_poses();
   void plan_phases(const scene::GraspPlan& plan);
+  void plan_climb(const scene::ClimbPlan& plan);
+  void see_climb();
+  void finish_climb();
   void add_rows();
 
   const Simulation& simulation_;
@@ -49,6 +52,9 @@ class Recorder {
   long every_;
   std::vector<Moment> moments_;
   std::size_t taken_ = 0;
+  /// Of a climb: moments under load, among which those to show are chosen once it has failed.
+  const ClimbWatch* climb_ = nullptr;
+  std::vector<std::pair<double, Snapshot>> loaded_;  ///< by load [N]
   std::vector<Snapshot> snapshots_;
   std::vector<std::string> captions_;
 };

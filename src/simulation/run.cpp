@@ -84,7 +84,7 @@ void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options,
     if (snapshot == i) write_snapshot(simulation.snapshot(), options.out / "snapshot.bin");
   };
   see(simulation.steps());
-  for (long i = simulation.steps() + 1; i <= steps; ++i) {
+  for (long i = simulation.steps() + 1; i <= steps && !simulation.over(); ++i) {
     try {
       simulation.step();
     } catch (const Error& error) {
@@ -131,6 +131,7 @@ RunResult run(const scene::Scene& scene, const RunOptions& options) {
   result.warnings = simulation.convergence().warnings(simulation.ledger(), scene.spec.solver);
   result.expected_hash = options.expected_hash;
   result.grasps = simulation.grasps();
+  result.climbs = simulation.climbs();
   result.verdicts = verdicts(simulation, scene.spec.criteria);
   result.summary = summary_json(scene, simulation, result);
   recorder.finish();

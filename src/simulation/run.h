@@ -13,6 +13,7 @@
 #include "handsim/core/error.h"
 #include "handsim/output/image.h"
 #include "handsim/scene/scene.h"
+#include "handsim/simulation/climb_figures.h"
 #include "handsim/simulation/grasp_figures.h"
 #include "handsim/simulation/ledger.h"
 #include "handsim/simulation/monitor.h"
@@ -24,7 +25,7 @@ struct RunOptions {
   std::filesystem::path out;   ///< folder for the run's files; made where it is missing
   int frames = 0;              ///< pictures over the run; 0: no OpenGL context is made
   bool pose_pictures = false;  ///< a picture at the end of every hold of a controlled scene, or every phase
-                               ///< of a grasp, in place of `frames`
+                               ///< of a grasp or climb, in place of `frames`
   bool plots = false;          ///< of a controlled scene: plots/ by gnuplot
   /// Writes the run as it stands at this time [s], rounded to a step, as snapshot.bin.
   std::optional<double> snapshot_at;
@@ -45,9 +46,10 @@ struct Verdict {
   std::optional<double> limit;         ///< absent: measured, not judged
   double time = 0;                     ///< of the figure [s]
   std::string where;                   ///< joint or body of the figure
+  bool least = false;                  ///< the limit is the least that will do, not the most
 
   /// A limit is held by a figure within it, not by the want of one.
-  bool held() const { return !limit || (measured && *measured <= *limit); }
+  bool held() const { return !limit || (measured && (least ? *measured >= *limit : *measured <= *limit)); }
 };
 
 struct RunResult {
@@ -63,6 +65,7 @@ struct RunResult {
   std::optional<double> continued_from;        ///< time of the snapshot that the run went on from [s]
   std::vector<AxisTracking> tracking;          ///< by driven axis; empty where the scene drives none
   std::vector<GraspFigures> grasps;            ///< of the scene's grasps
+  std::vector<ClimbFigures> climbs;            ///< of the scene's climbs
 
   bool hash_as_expected() const { return !expected_hash || *expected_hash == state_hash; }
   bool passed() const;

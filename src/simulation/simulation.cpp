@@ -75,6 +75,10 @@ Simulation::Simulation(const scene::Scene& scene)
   if (scene.spec.solver.effects.has(model::Effect::actuation)) find_constant_torques();
   for (const scene::GraspPlan& plan : scene.spec.grasp_plans)
     grasps_.emplace_back(scene.model, plan, scene.spec.solver.step);
+  // Without actuation nothing pulls.
+  if (scene.spec.solver.effects.has(model::Effect::actuation))
+    for (const scene::ClimbPlan& plan : scene.spec.climb_plans)
+      climbs_.emplace_back(scene.model, plan, scene.spec.solver.step);
   if (!scene.control) return;
   controller_.emplace(scene.model, *scene.control, scene.spec.solver.step, engine_->state());
   tracking_.emplace(*controller_, scene.spec.solver.step);
@@ -91,15 +95,22 @@ void Simulation::find_constant_torques() {
     constant_.clear();
 }
 
-/// What drives the joints in the next step: the controller, and torques that are constant.
+/// What drives the joints in the next step: the controller, torques that are constant, and climbs.
 engine::StepInput Simulation::command() {
-  if (!controller_) return {.torques = constant_};
-  controller_->command(engine_->state());
-  const std::span<const double> torques = controller_->torques();
-  if (constant_.empty()) return {torques, controller_->servos()};
+  if (controller_) controller_->command(engine_->state());
+  if (climbs_.empty() && !controller_) return {.torques = constant_};
+  if (climbs_.empty() && constant_.empty()) return {controller_->torques(), controller_->servos()};
+  const auto dofs = static_cast<std::size_t>(scene_.model.dof_count());
   sum_ = constant_;
-  for (std::size_t i = 0; i < torques.size(); ++i) sum_[i] += torques[i];
-  return {sum_, controller_->servos()};
+  sum_.resize(dofs);
+  servos_.assign(dofs, {});
+  if (controller_) {
+    const std::span<const double> torques = controller_->torques();
+    for (std::size_t i = 0; i < torques.size(); ++i) sum_[i] += torques[i];
+    std::copy(controller_->servos().begin(), controller_->servos().end(), servos_.begin());
+  }
+  for (const ClimbWatch& climb : climbs_) climb.command(engine_->state(), sum_, servos_);
+  return {sum_, servos_};
 }
 
 void Simulation::step() {
@@ -115,7 +126,10 @@ void Simulation::step() {
   const Clock::time_point observed = now();
   if (tracking_) tracking_->look(engine_->state().time);
   for (GraspWatch& grasp : grasps_) grasp.look(*engine_);
+  for (ClimbWatch& climb : climbs_) climb.look(*engine_);
   monitor_.look(engine_->state());
+  // An engine collides before it moves.
+  monitor_.look(engine_->contacts(), engine_->state().time - engine_->settings().step);
   convergence_.look(report, engine_->state().time);
   if (contact_sums_)
     contact_sums_->look(engine_->contacts(), engine_->state().time, engine_->settings().step);
@@ -161,6 +175,7 @@ RunSnapshot Simulation::snapshot() const {
   if (contact_sums_) contact_sums_->save(out);
   convergence_.save(out);
   for (const GraspWatch& grasp : grasps_) grasp.save(out);
+  for (const ClimbWatch& climb : climbs_) climb.save(out);
   return {fingerprint_, engine_->state().time, out.take()};
 }
 
@@ -199,6 +214,7 @@ void Simulation::restore_parts(const RunSnapshot& snapshot) {
   if (contact_sums_) contact_sums_->restore(in);
   convergence_.restore(in);
   for (GraspWatch& grasp : grasps_) grasp.restore(in);
+  for (ClimbWatch& climb : climbs_) climb.restore(in);
   in.finish();
 }
 
@@ -206,6 +222,18 @@ std::vector<GraspFigures> Simulation::grasps() const {
   std::vector<GraspFigures> out;
   for (const GraspWatch& grasp : grasps_) out.push_back(grasp.figures());
   return out;
+}
+
+std::vector<ClimbFigures> Simulation::climbs() const {
+  std::vector<ClimbFigures> out;
+  for (const ClimbWatch& climb : climbs_) out.push_back(climb.figures());
+  return out;
+}
+
+bool Simulation::over() const {
+  return grasps_.empty() && !climbs_.empty() &&
+         std::all_of(climbs_.begin(), climbs_.end(),
+                     [&](const ClimbWatch& climb) { return climb.over(engine_->state().time); });
 }
 
 bool Simulation::grasp_lost() const {

@@ -8,6 +8,7 @@
 
 #include "handsim/engine/engine.h"
 #include "handsim/scene/scene.h"
+#include "handsim/simulation/climb_figures.h"
 #include "handsim/simulation/contact_sums.h"
 #include "handsim/simulation/convergence.h"
 #include "handsim/simulation/grasp_figures.h"
@@ -61,6 +62,11 @@ class Simulation {
   std::vector<GraspFigures> grasps() const;
   /// An object of a grasp is lost already.
   bool grasp_lost() const;
+  /// Figures of the scene's climbs up to now.
+  std::vector<ClimbFigures> climbs() const;
+  const std::vector<ClimbWatch>& climb_watches() const { return climbs_; }
+  /// There is nothing left to see: every climb has failed, and the scene has no grasp.
+  bool over() const;
   /// Null where the scene does not record contacts.
   const ContactSums* contact_sums() const { return contact_sums_ ? &*contact_sums_ : nullptr; }
   Simulation(const Simulation&) = delete;
@@ -80,14 +86,16 @@ class Simulation {
   std::optional<control::Controller> controller_;
   std::optional<Tracking> tracking_;
   std::vector<GraspWatch> grasps_;
+  std::vector<ClimbWatch> climbs_;
   Monitor monitor_;
   Ledger ledger_;
   Convergence convergence_;
   StateHash hash_;                                          ///< up to the last step that kHashEvery divides
   mutable std::shared_ptr<const Fingerprint> fingerprint_;  ///< made when first asked for
   std::optional<ContactSums> contact_sums_;
-  std::vector<double> constant_;  ///< constant torques of the joints; empty where there are none
-  std::vector<double> sum_;       ///< with the controller's
+  std::vector<double> constant_;      ///< constant torques of the joints; empty where there are none
+  std::vector<double> sum_;           ///< with the controller's and the climbs'
+  std::vector<model::Servo> servos_;  ///< the controller's and the climbs'
 };
 
 }  // namespace handsim::simulation

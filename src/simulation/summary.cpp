@@ -23,6 +23,7 @@ Json criteria_json(const std::vector<Verdict>& verdicts) {
     Json entry = {{"name", verdict.name}, {"unit", verdict.unit}};
     entry["measured"] = verdict.measured ? Json(*verdict.measured) : Json();
     entry["limit"] = verdict.limit ? Json(*verdict.limit) : Json();
+    if (verdict.least) entry["limit_is"] = "least";
     entry["verdict"] = !verdict.limit      ? "not judged"
                        : !verdict.measured ? "not measured"
                        : verdict.held()    ? "held"
@@ -157,6 +158,13 @@ Json control_json(const Simulation& simulation) {
   return out;
 }
 
+Json part_json(const PartForce& part) {
+  return {{"part", part.part},
+          {"contacts", part.contacts},
+          {"normal_force_N", part.normal},
+          {"friction_force_N", part.friction}};
+}
+
 Json grip_json(const Grip& grip) {
   Json out = {{"time_s", grip.time},
               {"contacts", grip.contacts},
@@ -164,11 +172,7 @@ Json grip_json(const Grip& grip) {
               {"normal_force_N", grip.normal},
               {"friction_used", grip.friction_used}};
   out["parts"] = Json::array();
-  for (const PartForce& part : grip.parts)
-    out["parts"].push_back({{"part", part.part},
-                            {"contacts", part.contacts},
-                            {"normal_force_N", part.normal},
-                            {"friction_force_N", part.friction}});
+  for (const PartForce& part : grip.parts) out["parts"].push_back(part_json(part));
   out["force_closure"] = grip.wrenches.force_closure;
   out["epsilon"] = grip.wrenches.epsilon;
   out["wrench_volume"] = grip.wrenches.volume;
@@ -190,6 +194,45 @@ Json grasps_json(const std::vector<GraspFigures>& grasps) {
                    {"end_of_hold", grip_json(grasp.hold)},
                    {"after_shake", grip_json(grasp.after)}});
   return out;
+}
+
+Json loaded_json(const LoadedGrip& grip) {
+  Json out = {{"time_s", grip.time},
+              {"load_N", grip.load},
+              {"travel_m", grip.travel},
+              {"contacts", grip.contacts},
+              {"parts", Json::array()}};
+  for (const PartForce& part : grip.parts) out["parts"].push_back(part_json(part));
+  return out;
+}
+
+Json climbs_json(const std::vector<ClimbFigures>& climbs) {
+  Json out = Json::array();
+  for (const ClimbFigures& climb : climbs)
+    out.push_back({{"name", climb.name},
+                   {"failed", climb.failed},
+                   {"load_N", climb.carried},
+                   {"load_time_s", climb.carried_time},
+                   {"failure_time_s", climb.failed ? Json(climb.failure_time) : Json()},
+                   {"travel_m", climb.travel},
+                   {"grip_strength_norm_N", climb.strength.norm},
+                   {"grip_strength_deviation_N", climb.strength.deviation},
+                   {"grip_strength_N", climb.strength.own},
+                   {"grip_strength_measured", climb.strength.measured},
+                   {"load_over_norm", climb.share()},
+                   {"before", loaded_json(climb.before)},
+                   {"half_load", loaded_json(climb.half)},
+                   {"last", loaded_json(climb.last)}});
+  return out;
+}
+
+/// A climb that outlasts its largest load has carried that much.
+void add_climbs(const Simulation& simulation, const scene::Criteria& criteria, std::vector<Verdict>& out) {
+  for (const ClimbFigures& climb : simulation.climbs()) {
+    Verdict verdict{"climb_load", "N", climb.carried, criteria.climb_load, climb.carried_time, climb.name};
+    verdict.least = true;
+    out.push_back(std::move(verdict));
+  }
 }
 
 /// Movements of grasped objects are always judged, where the run got to the end of the grasp.
@@ -273,7 +316,12 @@ std::vector<Verdict> verdicts(const Simulation& simulation, const scene::Criteri
   failures.measured = static_cast<double>(simulation.ledger().lcp_failures());
   if (criteria.lcp_failures) failures.limit = *criteria.lcp_failures;
   out.push_back(failures);
+  if (simulation.engine().tests_contacts())
+    out.push_back(from_peak("penetration", "m", monitor.penetration(), criteria.penetration));
+  else if (criteria.penetration)
+    out.push_back({"penetration", "m", {}, criteria.penetration, 0, ""});
   add_grasps(simulation, criteria, out);
+  add_climbs(simulation, criteria, out);
   add_tracking(simulation, criteria.tracking, out);
   return out;
 }
@@ -301,6 +349,7 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
                  {"loop_wall_s", result.wall},
                  {"times_real_time", result.wall > 0 ? result.simulated / result.wall : 0.0}};
   if (!result.grasps.empty()) out["grasps"] = grasps_json(result.grasps);
+  if (!result.climbs.empty()) out["climbs"] = climbs_json(result.climbs);
   if (simulation.controller()) out["control"] = control_json(simulation);
   if (simulation.contact_sums()) out["contact_forces"] = contact_forces_json(*simulation.contact_sums());
   out["ledger"] = {{"phases", ledger_json(ledger.phases())}, {"effects", ledger_json(ledger.effects())}};

@@ -18,7 +18,7 @@ constexpr int kBisections = 6;
 
 bool has_grasps(const std::filesystem::path& file) {
   const YamlNode root = load_yaml(file);
-  return root.kind == YamlNode::Kind::map && root.find("grasps") != nullptr;
+  return root.kind == YamlNode::Kind::map && (root.find("grasps") || root.find("climbs"));
 }
 
 /// The scene files that are meant, folders opened.
@@ -27,7 +27,8 @@ std::vector<std::filesystem::path> files_of(const std::vector<std::filesystem::p
   for (const std::filesystem::path& path : given) {
     if (!std::filesystem::is_directory(path)) {
       if (!has_grasps(path))
-        throw input_error("scenes", path.string() + ", which has no grasps", "scenes with a grasps block");
+        throw input_error("scenes", path.string() + ", which has no grasps",
+                          "scenes with a grasps or climbs block");
       out.push_back(path);
       continue;
     }
@@ -97,6 +98,20 @@ std::vector<GraspRow> rows_of(const Work& work, const simulation::RunResult& res
     rows.push_back(std::move(row));
   }
   return rows;
+}
+
+void add_climbs(const Work& work, const simulation::RunResult& result, std::vector<ClimbRow>& rows) {
+  for (std::size_t i = 0; i < result.climbs.size(); ++i) {
+    ClimbRow row;
+    row.scene = work.name;
+    row.side = work.scene.spec.hands[work.scene.spec.climb_plans[i].hand].placement.name;
+    row.figures = result.climbs[i];
+    row.passed = result.passed();
+    row.simulated = result.simulated;
+    row.wall = result.wall;
+    if (result.fault) row.fault = Error(*result.fault).what();
+    rows.push_back(std::move(row));
+  }
 }
 
 std::string csv(const std::vector<GraspRow>& rows) {
@@ -174,10 +189,15 @@ std::optional<double> smallest_friction(const scene::Scene& scene, const std::fu
   return high;
 }
 
-std::vector<GraspRow> run_grasps(const GraspStudy& study) {
+bool GraspTables::passed() const {
+  const auto held = [](const auto& row) { return row.passed; };
+  return std::all_of(grasps.begin(), grasps.end(), held) && std::all_of(climbs.begin(), climbs.end(), held);
+}
+
+GraspTables run_grasps(const GraspStudy& study) {
   const std::vector<Work> all = load(study);
   output::make_folder(study.out);
-  std::vector<GraspRow> rows;
+  GraspTables tables;
   const double share = 1.0 / static_cast<double>(all.size());
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Work& work = all[i];
@@ -193,15 +213,19 @@ std::vector<GraspRow> run_grasps(const GraspStudy& study) {
     options.progress = tell(0, own);
     const simulation::RunResult result = simulation::run(work.scene, options);
     std::vector<GraspRow> found = rows_of(work, result);
-    if (study.friction_search && result.passed()) {
+    if (study.friction_search && !found.empty() && result.passed()) {
       const auto least = smallest_friction(work.scene, tell(own, 1 - own));
       for (GraspRow& row : found) row.smallest_friction = least;
     }
-    rows.insert(rows.end(), found.begin(), found.end());
+    tables.grasps.insert(tables.grasps.end(), found.begin(), found.end());
+    add_climbs(work, result, tables.climbs);
   }
-  output::write_file(study.out / "grasps.csv", csv(rows));
-  output::write_file(study.out / "grasps.json", json(rows));
-  return rows;
+  output::write_file(study.out / "grasps.csv", csv(tables.grasps));
+  output::write_file(study.out / "grasps.json", json(tables.grasps));
+  if (tables.climbs.empty()) return tables;
+  output::write_file(study.out / "climbs.csv", climbs_csv(tables.climbs));
+  output::write_file(study.out / "climbs.json", climbs_json(tables.climbs));
+  return tables;
 }
 
 }  // namespace handsim::study

@@ -1,5 +1,5 @@
-// Many grasp scenes in one table: each is run with its files, on either hand, and where asked the smallest
-// friction that still holds is searched for.
+// Many grasp and climb scenes in one table of each: each is run with its files, on either hand, and where
+// asked the smallest friction that still holds a grasp is searched for.
 #pragma once
 
 #include <filesystem>
@@ -9,11 +9,13 @@
 #include <vector>
 
 #include "handsim/simulation/run.h"
+#include "handsim/study/climb_report.h"
 
 namespace handsim::study {
 
 struct GraspStudy {
-  std::vector<std::filesystem::path> scenes;  ///< files, or folders: every scene in them with grasps
+  std::vector<std::filesystem::path>
+      scenes;                          ///< files, or folders: every scene in them with grasps or climbs
   std::vector<std::string> sides;      ///< `right`, `left` for the first hand; empty: as the scene has it
   std::vector<std::string> overrides;  ///< `key.path=value`, for every scene
   std::optional<double> friction;      ///< of every surface; absent: the scene's
@@ -35,9 +37,17 @@ struct GraspRow {
   std::string fault;               ///< where the run diverged
 };
 
-/// Runs the study and writes OUT/SCENE_SIDE/ for each run, and OUT/grasps.csv and OUT/grasps.json.
-/// @throws Error (input) for what is no scene with grasps, before anything is run.
-std::vector<GraspRow> run_grasps(const GraspStudy& study);
+struct GraspTables {
+  std::vector<GraspRow> grasps;
+  std::vector<ClimbRow> climbs;
+
+  bool passed() const;
+};
+
+/// Runs the study and writes OUT/SCENE_SIDE/ for each run, OUT/grasps.csv and OUT/grasps.json, and where
+/// there are climbs the same of them.
+/// @throws Error (input) for what is no scene with grasps or climbs, before anything is run.
+GraspTables run_grasps(const GraspStudy& study);
 
 /// Gives every surface of a compiled scene one friction; moments about contact normals go with it.
 void set_friction(scene::Scene& scene, double friction);

@@ -46,6 +46,7 @@ void PrintTo(const Render& render, std::ostream* out) { *out << render.picture; 
 class Renders : public ::testing::TestWithParam<Render> {};
 constexpr Render kRenders[] = {
     {"two_hands.png", "run config/two_hands.yaml --out OUT --frames 8", "contact_sheet.png"},
+    {"two_hands_contact.png", "run config/two_hands_contact.yaml --out OUT --poses", "contact_sheet.png"},
     {"poses.png", "run config/every_pose.yaml --out OUT --poses --set 'pictures.size=[400, 256]'",
      "contact_sheet.png"},
     {"hands.png", "hand --stature 1.75 --mass 72 --sex male --out OUT", "hand.png"},

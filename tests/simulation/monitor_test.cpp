@@ -5,6 +5,9 @@
 #include <cmath>
 
 #include "handsim/model/kinematics.h"
+#include "handsim/simulation/simulation.h"
+#include "handsim/simulation/summary.h"
+#include "scene_files.h"
 
 namespace handsim::simulation {
 namespace {
@@ -73,6 +76,65 @@ TEST(Monitor, FindsTheLargestGapAndWhen) {
   EXPECT_NEAR(monitor.joint_gap().value, 5e-4, 1e-18);
   EXPECT_EQ(monitor.joint_gap().time, 0.5);
   EXPECT_EQ(monitor.joint_gap().where, "j");
+}
+
+/// A ball of 40 mm radius in a block whose top is at z = 0.
+scene::Scene ball_in_block(double depth, const std::string& rest) {
+  return scene::compile_scene(parse_yaml(
+      "objects:\n"
+      "  - {name: block, shape: box, edges: [0.2, 0.2, 0.1], static: true, position: [0, 0, -0.05]}\n"
+      "  - {name: ball, shape: sphere, radius: 0.04, mass: 0.5, position: [0, 0, " +
+          std::to_string(0.04 - depth) + "]}\nduration: 1\n" + rest,
+      HANDSIM_SOURCE_DIR "/config/test.yaml"));
+}
+
+Peak deepest(const scene::Scene& scene) {
+  Simulation simulation(scene);
+  for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
+  return simulation.monitor().penetration();
+}
+
+// Oracle: the geometry of the start; the contact then pushes the ball out.
+TEST(Penetration, IsTheDepthAtWhichAnOverlapStarts) {
+  const Peak peak = deepest(ball_in_block(5e-4, "effects: [object_contact]\n"));
+  EXPECT_NEAR(peak.value, 5e-4, 1e-12);
+  EXPECT_NEAR(peak.time, 0, 1e-12);
+  EXPECT_EQ(peak.where, "block and ball");
+}
+
+// Oracle: statics; a pad under a weight gives way by m g / k beyond the 10 um at which contacts begin to
+// bear, without overshoot where it is overdamped.
+TEST(Penetration, OfAPadIsItsLoadOverItsStiffness) {
+  for (const char* solver : {"solver: {method: world_step}\n", "solver: {method: quick_step}\n",
+                             "solver: {step: 2 ms}\n", "solver: {engine: articulated}\n"}) {
+    SCOPED_TRACE(solver);
+    const Peak peak =
+        deepest(ball_in_block(1e-4, std::string("effects: [gravity, object_contact, friction]\n"
+                                                "contacts:\n"
+                                                "  materials: [{name: pad, stiffness: 3000, damping: 200}]\n"
+                                                "  rules: [{between: [objects, objects], material: pad}]\n") +
+                                        solver));
+    EXPECT_NEAR(peak.value, 0.5 * 9.80665 / 3000 + 1e-5, 1e-7);
+  }
+}
+
+TEST(Penetration, IsJudgedAndNotMeasuredWhereNothingCanTouch) {
+  const auto verdict = [](const scene::Scene& scene) {
+    Simulation simulation(scene);
+    for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
+    for (const Verdict& v : verdicts(simulation, scene.spec.criteria))
+      if (v.name == "penetration") return v;
+    return Verdict{};
+  };
+  const std::string limit = "criteria: {penetration: 0.4 mm}\n";
+  const Verdict deep = verdict(ball_in_block(5e-4, "effects: [object_contact]\n" + limit));
+  EXPECT_FALSE(deep.held());
+  EXPECT_EQ(deep.where, "block and ball");
+  EXPECT_TRUE(verdict(ball_in_block(3e-4, "effects: [object_contact]\n" + limit)).held());
+  const Verdict untested = verdict(ball_in_block(5e-4, "effects: [gravity]\n" + limit));
+  EXPECT_FALSE(untested.held());
+  EXPECT_FALSE(untested.measured.has_value());
+  EXPECT_EQ(verdict(ball_in_block(5e-4, "effects: [gravity]\n")).name, "");
 }
 
 }  // namespace

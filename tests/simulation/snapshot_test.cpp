@@ -86,6 +86,7 @@ std::vector<Case> cases() {
                  1100,
                  3000});
   out.push_back({"grasp", "grasp_pinch", {}, 3000, 10'000});
+  out.push_back({"climb", "climb_half_crimp", {"solver.step=2 ms"}, 1500, 2000});
   out.push_back({"contact_record", "dropped_hand", {"record.contacts=true"}, 150, 1000});
   // A driven wrist: the integrator starts anew at keyframes, one of them within a step.
   out.push_back(
@@ -133,6 +134,15 @@ void expect_same(const Simulation& a, const Simulation& b) {
   EXPECT_EQ(a.monitor().joint_gap().value, b.monitor().joint_gap().value);
   EXPECT_EQ(a.monitor().joint_gap().where, b.monitor().joint_gap().where);
   EXPECT_EQ(a.monitor().stop_overshoot().value, b.monitor().stop_overshoot().value);
+  EXPECT_EQ(a.monitor().penetration().value, b.monitor().penetration().value);
+  EXPECT_EQ(a.monitor().penetration().where, b.monitor().penetration().where);
+  const std::vector<ClimbFigures> climbs_a = a.climbs(), climbs_b = b.climbs();
+  ASSERT_EQ(climbs_a.size(), climbs_b.size());
+  for (std::size_t i = 0; i < climbs_a.size(); ++i) {
+    EXPECT_EQ(climbs_a[i].carried, climbs_b[i].carried);
+    EXPECT_EQ(climbs_a[i].travel, climbs_b[i].travel);
+    EXPECT_EQ(climbs_a[i].half.parts.size(), climbs_b[i].half.parts.size());
+  }
   const std::vector<AxisTracking> tracking_a = a.tracking(), tracking_b = b.tracking();
   ASSERT_EQ(tracking_a.size(), tracking_b.size());
   for (std::size_t i = 0; i < tracking_a.size(); ++i) {

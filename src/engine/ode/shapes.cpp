@@ -57,7 +57,13 @@ UntestedPairs::UntestedPairs(const model::Model& model, const std::vector<bool>&
   for (std::size_t a = 0; a < count_; ++a)
     for (std::size_t b = 0; b < count_; ++b)
       untested_[a * count_ + b] = a == b || (immovable[a] && immovable[b]);
-  for (const model::Joint& joint : model.joints) {
+  // A palm on a rail meets what stands still: the rail is no part of that.
+  std::vector<bool> rail(model.joints.size(), false);
+  for (const model::HandIndex& hand : model.hands)
+    if (hand.rail) rail[static_cast<std::size_t>(*hand.rail)] = true;
+  for (std::size_t i = 0; i < model.joints.size(); ++i) {
+    const model::Joint& joint = model.joints[i];
+    if (rail[i]) continue;
     const auto a = static_cast<std::size_t>(joint.parent);
     const auto b = static_cast<std::size_t>(joint.child);
     untested_[a * count_ + b] = untested_[b * count_ + a] = true;

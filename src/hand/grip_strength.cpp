@@ -1,0 +1,95 @@
+#include "handsim/hand/grip_strength.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <fmt/format.h>
+
+namespace handsim::hand {
+
+namespace {
+
+const Quantity kYears = {Dimension::none, 0, 150};
+const Quantity kStature = {Dimension::length, 0.3, 3};
+const Quantity kGrip = {Dimension::force, 1, 5000};
+
+GripNorm read_norm(MapReader reader) {
+  GripNorm norm;
+  norm.sex = reader.choice<Sex>("sex", {{"male", Sex::male}, {"female", Sex::female}});
+  const auto range = [&](const char* key, const Quantity& quantity) {
+    const auto found = reader.maybe_range(key, quantity);
+    if (!found && !reader.has(key)) reader.problem(key, "nothing", "two numbers, low then high");
+    return found.value_or(std::pair(0.0, 1.0));
+  };
+  norm.age = range("age", kYears);
+  norm.stature = range("stature", kStature);
+  norm.mean = reader.number("mean", kGrip);
+  norm.deviation = reader.number("deviation", {Dimension::force, 0, 5000});
+  reader.finish();
+  return norm;
+}
+
+double beyond(const std::pair<double, double>& range, double value) {
+  return std::max({0.0, range.first - value, value - range.second});
+}
+
+/// Nearest in age, and of those nearest in stature.
+const GripNorm& nearest(const GripTable& table, Sex sex, double age, double stature) {
+  const GripNorm* best = nullptr;
+  std::pair<double, double> least;
+  for (const GripNorm& norm : table.norms) {
+    if (norm.sex != sex) continue;
+    // An age counts until the next birthday; a stature on a border belongs to the taller.
+    const double years = beyond({norm.age.first, norm.age.second + 1 - 1e-9}, age);
+    const double metres = beyond({norm.stature.first, norm.stature.second - 1e-9}, stature);
+    const std::pair<double, double> off = {years, metres};
+    if (best && off >= least) continue;
+    best = &norm;
+    least = off;
+  }
+  return *best;
+}
+
+}  // namespace
+
+GripTable read_grip_table(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
+  MapReader reader(node, path, diagnostics);
+  GripTable table;
+  reader.text("title", "untitled");
+  table.source = reader.text("source");
+  if (YamlNode* norms = reader.list("norms", true)) {
+    bool has[2] = {false, false};
+    for (std::size_t i = 0; i < norms->items.size(); ++i) {
+      table.norms.push_back(read_norm(
+          MapReader(norms->items[i], fmt::format("{}.{}", reader.path_of("norms"), i), diagnostics)));
+      has[table.norms.back().sex == Sex::male ? 0 : 1] = true;
+    }
+    if (reader.sound() && !(has[0] && has[1]))
+      reader.problem("norms", "rows of one sex or none", "rows of men and of women");
+  }
+  reader.finish();
+  return table;
+}
+
+GripStrength grip_strength(const GripTable& table, const Person& person) {
+  const double age = person.age.value_or(kUsualAge);
+  GripStrength out;
+  double rows = 0, variance = 0;
+  for (const Sex sex : {Sex::male, Sex::female}) {
+    if (person.sex != Sex::unknown && person.sex != sex) continue;
+    const GripNorm& norm = nearest(table, sex, age, person.stature);
+    out.norm += norm.mean;
+    variance += norm.deviation * norm.deviation;
+    out.extrapolated = out.extrapolated || beyond({norm.age.first, norm.age.second + 1}, age) > 0 ||
+                       beyond(norm.stature, person.stature) > 0;
+    ++rows;
+  }
+  out.norm /= rows;
+  out.deviation = std::sqrt(variance / rows);
+  out.measured = person.grip_strength.has_value();
+  out.own = person.grip_strength.value_or(out.norm);
+  return out;
+}
+
+}  // namespace handsim::hand

@@ -1,0 +1,36 @@
+// The parts of a hand that forces are told apart by.
+#pragma once
+
+#include <array>
+
+#include "handsim/model/model.h"
+
+namespace handsim::simulation {
+
+inline constexpr std::array<const char*, 6> kHandParts = {"palm",   "thumb", "index",
+                                                          "middle", "ring",  "little"};
+
+/// Index into kHandParts; -1 for what is no part of a hand.
+inline int hand_part(model::Tint tint) {
+  switch (tint) {
+    case model::Tint::palm:
+      return 0;
+    case model::Tint::thumb:
+      return 1;
+    case model::Tint::index:
+      return 2;
+    case model::Tint::middle:
+      return 3;
+    case model::Tint::ring:
+      return 4;
+    case model::Tint::little:
+      return 5;
+    case model::Tint::object:
+    case model::Tint::ground:
+    case model::Tint::mechanism:
+      return -1;
+  }
+  return -1;
+}
+
+}  // namespace handsim::simulation

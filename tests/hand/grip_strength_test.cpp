@@ -1,0 +1,64 @@
+#include "handsim/hand/grip_strength.h"
+
+#include <gtest/gtest.h>
+
+#include "scene_files.h"
+
+namespace handsim::hand {
+namespace {
+
+GripTable shipped() {
+  YamlNode root = load_yaml(test::source("handmodels/grip_strength.yaml"));
+  Diagnostics diagnostics;
+  GripTable table = read_grip_table(root, "", diagnostics);
+  diagnostics.throw_if_any();
+  return table;
+}
+
+Person person(Sex sex, double stature, std::optional<double> age = {}) {
+  Person out;
+  out.sex = sex;
+  out.stature = stature;
+  out.age = age;
+  return out;
+}
+
+// Oracle: Steiber 2016, as quoted: a man of 30 to 34 years and 175 to 179 cm grips with 53.5 (8.3) kgf, a
+// woman of 160 to 164 cm with 32.7 (5.8) kgf.
+TEST(GripStrength, IsTheSurveysForPeopleAlike) {
+  const GripTable table = shipped();
+  constexpr double kKilogramForce = 9.80665;
+  const GripStrength man = grip_strength(table, person(Sex::male, 1.77, 34.9));
+  EXPECT_NEAR(man.norm, 53.5 * kKilogramForce, 0.1);
+  EXPECT_NEAR(man.deviation, 8.3 * kKilogramForce, 0.1);
+  EXPECT_FALSE(man.extrapolated);
+  const GripStrength woman = grip_strength(table, person(Sex::female, 1.62, 30));
+  EXPECT_NEAR(woman.norm, 32.7 * kKilogramForce, 0.1);
+  EXPECT_EQ(woman.own, woman.norm);
+  const GripStrength unknown = grip_strength(table, person(Sex::unknown, 1.77));
+  const GripStrength tall_woman = grip_strength(table, person(Sex::female, 1.77));
+  EXPECT_NEAR(unknown.norm, (man.norm + tall_woman.norm) / 2, 1e-9);
+}
+
+TEST(GripStrength, GivesABorderToTheTallerAndSaysWhereTheTableEnds) {
+  const GripTable table = shipped();
+  EXPECT_EQ(grip_strength(table, person(Sex::male, 1.75)).norm,
+            grip_strength(table, person(Sex::male, 1.79)).norm);
+  EXPECT_NE(grip_strength(table, person(Sex::male, 1.7499)).norm,
+            grip_strength(table, person(Sex::male, 1.75)).norm);
+  const GripStrength child = grip_strength(table, person(Sex::male, 1.2, 8));
+  EXPECT_TRUE(child.extrapolated);
+  EXPECT_EQ(child.norm, grip_strength(table, person(Sex::male, 1.62, 18)).norm);
+}
+
+TEST(GripStrength, OfAPersonWhoStatesItIsTheirOwn) {
+  Person climber = person(Sex::female, 1.62);
+  climber.grip_strength = 410;
+  const GripStrength strength = grip_strength(shipped(), climber);
+  EXPECT_EQ(strength.own, 410);
+  EXPECT_TRUE(strength.measured);
+  EXPECT_NEAR(strength.norm, 320.7, 0.1);
+}
+
+}  // namespace
+}  // namespace handsim::hand
