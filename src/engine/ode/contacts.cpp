@@ -22,6 +22,7 @@ Contacts::Contacts(OdeIds& ids, const model::Model& model, const Settings& setti
       bodies_(bodies),
       world_(ids.world.get()),
       collider_(model, immovable, bodies),
+      memory_(model, bodies),
       friction_(settings.effects.has(model::Effect::friction)),
       with_forces_(settings.contact_forces),
       erp_(settings.erp),
@@ -41,9 +42,12 @@ int Contacts::collide(const model::State& state) {
   contact_joints_.clear();
   const int tested = collider_.collide(state);
   const std::vector<Contact>& found = collider_.contacts();
-  for (const Touch& touch : collider_.touches())
-    for (std::size_t i = 0; i < static_cast<std::size_t>(touch.count); ++i)
-      add_contact(found[touch.first + i], touch.surface, touch.count, state);
+  memory_.recall(collider_, state);
+  for (std::size_t k = 0; k < collider_.touches().size(); ++k) {
+    const Patch& patch = memory_.patches()[k];
+    for (std::size_t i = 0; i < patch.count; ++i)
+      add_contact(found[patch.first + i], collider_.touches()[k].surface, patch, state);
+  }
   if (with_forces_) {
     feedback_.resize(found.size());
     for (std::size_t i = 0; i < found.size(); ++i) dJointSetFeedback(contact_joints_[i], &feedback_[i]);
@@ -62,6 +66,10 @@ void Contacts::read_forces() {
   }
 }
 
+void Contacts::take_in_slip(const model::State& before, double step) {
+  if (friction_) memory_.take_in(before, step);
+}
+
 void Contacts::release() { dJointGroupEmpty(joints_); }
 
 dBodyID Contacts::body_of(int shape) const {
@@ -76,7 +84,7 @@ void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad,
   surface.soft_cfm = row.cfm;
 }
 
-void Contacts::add_contact(const Contact& contact, const model::Material& between, int sharing,
+void Contacts::add_contact(const Contact& contact, const model::Material& between, const Patch& patch,
                            const model::State& state) {
   dContact joint{};
   for (int i = 0; i < 3; ++i) {
@@ -94,7 +102,7 @@ void Contacts::add_contact(const Contact& contact, const model::Material& betwee
   }
   const double inside = contact.depth - kSurfaceLayer;
   if (between.compliance) {
-    soften(surface, *between.compliance, sharing);
+    soften(surface, *between.compliance, static_cast<int>(patch.count));
   } else if (erp_ * inside > kMaxCorrectingSpeed * step_) {
     surface.mode |= dContactSoftERP;
     surface.soft_erp = kMaxCorrectingSpeed * step_ / inside;
@@ -112,9 +120,30 @@ void Contacts::add_contact(const Contact& contact, const model::Material& betwee
     surface.mode |= dContactFDir1;
     for (int i = 0; i < 3; ++i) joint.fdir1[i] = slip[i] / speed;
   }
+  const dBodyID a = body_of(contact.shape_a);
+  if (surface.mu > 0) pull_back(joint, patch, a == nullptr);
   const dJointID id = dJointCreateContact(world_, joints_, &joint);
-  dJointAttach(id, body_of(contact.shape_a), body_of(contact.shape_b));
+  dJointAttach(id, a, body_of(contact.shape_b));
   contact_joints_.push_back(id);
+}
+
+/// Has the friction rows ask for the speed that takes back a share of what the surfaces have crept.
+/// @param reversed ODE takes body b for the first of the joint, and turns the normal
+void Contacts::pull_back(dContact& joint, const Patch& patch, bool reversed) const {
+  const Vec3 position(joint.geom.pos[0], joint.geom.pos[1], joint.geom.pos[2]);
+  const Vec3 back = -erp_ / step_ * patch.shift_at(position);
+  if (back == Vec3::Zero()) return;
+  dSurfaceParameters& surface = joint.surface;
+  if ((surface.mode & dContactFDir1) == 0) {
+    dVector3 second;
+    dPlaneSpace(joint.geom.normal, joint.fdir1, second);
+    surface.mode |= dContactFDir1;
+  }
+  const Vec3 normal(joint.geom.normal[0], joint.geom.normal[1], joint.geom.normal[2]);
+  const Vec3 along(joint.fdir1[0], joint.fdir1[1], joint.fdir1[2]);
+  surface.mode |= dContactMotion1 | dContactMotion2;
+  surface.motion1 = (reversed ? -1 : 1) * back.dot(along);
+  surface.motion2 = back.dot(normal.cross(along));
 }
 
 /// Tangential velocity of a against b as it would be after this step without the contact: bodies that rest

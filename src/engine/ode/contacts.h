@@ -1,11 +1,12 @@
 // Contacts as ODE's contact joints, one for each point that the collider finds. Friction is Coulomb's, as a
 // pyramid with one edge along the direction in which the surfaces slide or are about to, so that it is exact
-// there.
+// there; surfaces that stick are pulled back to where they stuck (presliding.h).
 #pragma once
 
 #include <vector>
 
 #include "handsim/engine/ode/collider.h"
+#include "handsim/engine/ode/presliding.h"
 
 namespace handsim::engine::ode {
 
@@ -29,13 +30,18 @@ class Contacts {
   void read_forces();
   /// Removes the contact joints; the list stays.
   void release();
+  /// Takes in how far surfaces slid in the step just made. @param before its start; @param step [s]
+  void take_in_slip(const model::State& before, double step);
+  const std::vector<model::Presliding>& presliding() const { return memory_.pairs(); }
+  void set_presliding(const std::vector<model::Presliding>& pairs) { memory_.set(pairs); }
   /// Length of the steps to come [s].
   void set_step(double step);
   const std::vector<Contact>& list() const { return collider_.contacts(); }
 
  private:
-  void add_contact(const Contact& contact, const model::Material& surface, int sharing,
+  void add_contact(const Contact& contact, const model::Material& surface, const Patch& patch,
                    const model::State& state);
+  void pull_back(dContact& joint, const Patch& patch, bool reversed) const;
   void soften(dSurfaceParameters& surface, const model::Compliance& pad, int sharing) const;
   dBodyID body_of(int shape) const;
   Vec3 sliding(const Contact& contact, const model::State& state) const;
@@ -46,6 +52,7 @@ class Contacts {
   dWorldID world_;
   dJointGroupID joints_;
   Collider collider_;
+  PreslidingMemory memory_;
   bool friction_;
   bool with_forces_;
   double erp_;

@@ -63,6 +63,7 @@ void OdeEngine::build() {
 /// Takes a state over into ODE; kinematic bodies that stand still have no velocity, whatever it says.
 void OdeEngine::write(const model::State& state) {
   state_ = state;
+  if (contacts_) contacts_->set_presliding(state.presliding);
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
     if (immovable_[i]) state_.bodies[i].v = state_.bodies[i].w = Vec3::Zero();
     write_state(bodies_[i], state_.bodies[i]);

@@ -63,6 +63,7 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
   report.lcp_failures = lcp_failures() - failures;
   if (contacts_) {
     contacts_->read_forces();
+    contacts_->take_in_slip(state_, step);
     contacts_->release();
   }
   return report;
@@ -145,6 +146,7 @@ void OdeEngine::check_bodies(double time) {
 
 void OdeEngine::read(double time) {
   for (const std::size_t i : moving_) state_.bodies[i] = read_state(bodies_[i]);
+  if (contacts_) state_.presliding = contacts_->presliding();
   state_.time = time;
 }
 
