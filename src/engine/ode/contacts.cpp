@@ -24,6 +24,7 @@ Contacts::Contacts(OdeIds& ids, const model::Model& model, const Settings& setti
       collider_(model, immovable, bodies),
       memory_(model, bodies),
       friction_(settings.effects.has(model::Effect::friction)),
+      holds_position_(friction_ && settings.method != Method::world_step),
       with_forces_(settings.contact_forces),
       erp_(settings.erp),
       gravity_(settings.effects.has(model::Effect::gravity) ? model.gravity : Vec3(Vec3::Zero())) {
@@ -42,11 +43,12 @@ int Contacts::collide(const model::State& state) {
   contact_joints_.clear();
   const int tested = collider_.collide(state);
   const std::vector<Contact>& found = collider_.contacts();
-  memory_.recall(collider_, state);
+  if (holds_position_) memory_.recall(collider_, state);
   for (std::size_t k = 0; k < collider_.touches().size(); ++k) {
-    const Patch& patch = memory_.patches()[k];
-    for (std::size_t i = 0; i < patch.count; ++i)
-      add_contact(found[patch.first + i], collider_.touches()[k].surface, patch, state);
+    const Touch& touch = collider_.touches()[k];
+    const Patch* patch = holds_position_ ? &memory_.patches()[k] : nullptr;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(touch.count); ++i)
+      add_contact(found[touch.first + i], touch, patch, state);
   }
   if (with_forces_) {
     feedback_.resize(found.size());
@@ -67,7 +69,7 @@ void Contacts::read_forces() {
 }
 
 void Contacts::take_in_slip(const model::State& before, double step) {
-  if (friction_) memory_.take_in(before, step);
+  if (holds_position_) memory_.take_in(before, step);
 }
 
 void Contacts::release() { dJointGroupEmpty(joints_); }
@@ -84,8 +86,9 @@ void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad,
   surface.soft_cfm = row.cfm;
 }
 
-void Contacts::add_contact(const Contact& contact, const model::Material& between, const Patch& patch,
+void Contacts::add_contact(const Contact& contact, const Touch& touch, const Patch* patch,
                            const model::State& state) {
+  const model::Material& between = touch.surface;
   dContact joint{};
   for (int i = 0; i < 3; ++i) {
     joint.geom.pos[i] = contact.position[i];
@@ -102,12 +105,15 @@ void Contacts::add_contact(const Contact& contact, const model::Material& betwee
   }
   const double inside = contact.depth - kSurfaceLayer;
   if (between.compliance) {
-    soften(surface, *between.compliance, static_cast<int>(patch.count));
+    soften(surface, *between.compliance, touch.count);
   } else if (erp_ * inside > kMaxCorrectingSpeed * step_) {
     surface.mode |= dContactSoftERP;
     surface.soft_erp = kMaxCorrectingSpeed * step_ / inside;
   }
-  if (friction_ && (between.rolling_friction > 0 || between.spinning_friction > 0)) {
+  // Of a pad that only spins, the moment is a motor's, whose row can be told a speed.
+  const bool motor = patch != nullptr && between.compliance && between.rolling_friction == 0 &&
+                     between.spinning_friction > 0;
+  if (friction_ && !motor && (between.rolling_friction > 0 || between.spinning_friction > 0)) {
     surface.mode |= dContactRolling | dContactAxisDep | dContactApprox1_N;
     surface.mu2 = surface.mu;
     // ODE counts a row for each of the three, at 0 too, but then leaves it blank.
@@ -121,17 +127,32 @@ void Contacts::add_contact(const Contact& contact, const model::Material& betwee
     for (int i = 0; i < 3; ++i) joint.fdir1[i] = slip[i] / speed;
   }
   const dBodyID a = body_of(contact.shape_a);
-  if (surface.mu > 0) pull_back(joint, patch, a == nullptr);
+  if (patch != nullptr && surface.mu > 0) pull_back(joint, *patch, a == nullptr);
   const dJointID id = dJointCreateContact(world_, joints_, &joint);
   dJointAttach(id, a, body_of(contact.shape_b));
   contact_joints_.push_back(id);
+  if (motor) add_spin_row(contact, touch, *patch);
+}
+
+/// The moment about the normal, up to the lever times the force of the pad's spring.
+void Contacts::add_spin_row(const Contact& contact, const Touch& touch, const Patch& patch) {
+  const double inside = std::max(contact.depth - kSurfaceLayer, 0.0);
+  const double force = touch.surface.compliance->stiffness / touch.count * inside;
+  const dBodyID a = body_of(contact.shape_a);
+  const dJointID motor = dJointCreateAMotor(world_, joints_);
+  dJointAttach(motor, a, body_of(contact.shape_b));
+  dJointSetAMotorNumAxes(motor, 1);
+  dJointSetAMotorAxis(motor, 0, 0, contact.normal.x(), contact.normal.y(), contact.normal.z());
+  // ODE makes body b the first of a joint whose body a is not there.
+  dJointSetAMotorParam(motor, dParamVel, (a == nullptr ? 1 : -1) * kPullBack / step_ * patch.turn);
+  dJointSetAMotorParam(motor, dParamFMax, touch.surface.spinning_friction * force);
 }
 
 /// Has the friction rows ask for the speed that takes back a share of what the surfaces have crept.
 /// @param reversed ODE takes body b for the first of the joint, and turns the normal
 void Contacts::pull_back(dContact& joint, const Patch& patch, bool reversed) const {
   const Vec3 position(joint.geom.pos[0], joint.geom.pos[1], joint.geom.pos[2]);
-  const Vec3 back = -erp_ / step_ * patch.shift_at(position);
+  const Vec3 back = -kPullBack / step_ * patch.shift_at(position);
   if (back == Vec3::Zero()) return;
   dSurfaceParameters& surface = joint.surface;
   if ((surface.mode & dContactFDir1) == 0) {

@@ -1,6 +1,6 @@
 // Contacts as ODE's contact joints, one for each point that the collider finds. Friction is Coulomb's, as a
 // pyramid with one edge along the direction in which the surfaces slide or are about to, so that it is exact
-// there; surfaces that stick are pulled back to where they stuck (presliding.h).
+// there. Where quick_step may solve, surfaces that stick are pulled back to where they stuck (presliding.h).
 #pragma once
 
 #include <vector>
@@ -39,9 +39,10 @@ class Contacts {
   const std::vector<Contact>& list() const { return collider_.contacts(); }
 
  private:
-  void add_contact(const Contact& contact, const model::Material& surface, const Patch& patch,
-                   const model::State& state);
+  /// @param patch of the touch; null: its surfaces are not pulled back
+  void add_contact(const Contact& contact, const Touch& touch, const Patch* patch, const model::State& state);
   void pull_back(dContact& joint, const Patch& patch, bool reversed) const;
+  void add_spin_row(const Contact& contact, const Touch& touch, const Patch& patch);
   void soften(dSurfaceParameters& surface, const model::Compliance& pad, int sharing) const;
   dBodyID body_of(int shape) const;
   Vec3 sliding(const Contact& contact, const model::State& state) const;
@@ -54,6 +55,7 @@ class Contacts {
   Collider collider_;
   PreslidingMemory memory_;
   bool friction_;
+  bool holds_position_;
   bool with_forces_;
   double erp_;
   double step_;  ///< [s]

@@ -40,6 +40,8 @@ void PreslidingMemory::recall(const Collider& collider, const model::State& stat
     Patch patch = patch_of({&head, static_cast<std::size_t>(touch.count)}, touch.first);
     patch.body_a = model_.shapes[static_cast<std::size_t>(head.shape_a)].body;
     patch.body_b = model_.shapes[static_cast<std::size_t>(head.shape_b)].body;
+    patch.reach = std::max(patch.reach, touch.surface.spinning_friction);
+    patch.longest = touch.surface.compliance ? kLongestPadShift : kLongestRigidShift;
     while (known != pairs_.end() && shapes_of(*known) < shapes) ++known;
     if (known != pairs_.end() && shapes_of(*known) == shapes && patch.normal != Vec3::Zero()) {
       patch.shift =
@@ -61,10 +63,10 @@ void PreslidingMemory::take_in(const model::State& before, double step) {
         velocity(patch.body_a, patch.centre, before) - velocity(patch.body_b, patch.centre, before);
     Vec3 shift = patch.shift + step * tangential(slip, patch.normal);
     const double length = shift.norm();
-    if (length > kLongestPresliding) shift *= kLongestPresliding / length;
+    if (length > patch.longest) shift *= patch.longest / length;
     double turn = 0;
-    if (patch.count > 1) {
-      const double most = kLongestPresliding / std::max(patch.reach, kLongestPresliding);
+    if (patch.reach > 0) {
+      const double most = patch.longest / std::max(patch.reach, patch.longest);
       turn = patch.turn + step * (spin(patch.body_a) - spin(patch.body_b)).dot(patch.normal);
       turn = std::clamp(turn, -most, most);
     }

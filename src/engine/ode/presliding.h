@@ -1,6 +1,6 @@
-// Friction that holds a position, not only a speed. A solver that leaves a residual lets surfaces that stick
-// creep by that residual in every step; here each pair of touching shapes remembers how far it has crept, and
-// its friction rows ask for the speed that takes a share of that (the engine's ERP) back. The displacement is
+// Friction that holds a position, not only a speed. An iterative solver leaves a residual and so lets surfaces
+// that stick creep in every step; here each pair of touching shapes remembers how far it has crept, and
+// its friction rows ask for the speed that takes half of that back in a step. The displacement is
 // integrated from the slip velocity at the contact, so rolling leaves none (Cundall & Strack 1979,
 // Geotechnique 29:47), and is bounded: surfaces that slide are at the limit of friction, whatever their rows
 // ask for. One displacement for all points of a pair keeps redundant points consistent.
@@ -13,9 +13,12 @@
 
 namespace handsim::engine::ode {
 
-/// Longest displacement that is taken back [m]. At ERP 0.2 and 1 ms it withstands a residual of 4 mm/s.
-/// Longer: sliding bodies spring back farther when they stop.
-inline constexpr double kLongestPresliding = 2e-5;
+/// Longest displacement that is taken back [m], of rigid surfaces and of pads; skin shears by more before it
+/// slides. Shorter: a hold that the solver leaves a large residual of creeps on. Longer: sliding bodies spring
+/// back farther when they stop.
+inline constexpr double kLongestRigidShift = 2e-5, kLongestPadShift = 3e-4;
+/// Share of it that friction rows take back in a step. Near 1: a residual's noise is fed back.
+inline constexpr double kPullBack = 0.5;
 
 /// The points of one pair of shapes in one step.
 struct Patch {
@@ -24,7 +27,8 @@ struct Patch {
   int body_a = 0, body_b = 0;
   Vec3 centre = Vec3::Zero();  ///< mean of the points, world [m]
   Vec3 normal = Vec3::Zero();  ///< unit, out of b into a, world
-  double reach = 0;            ///< of the points from the centre [m]
+  double reach = 0;            ///< of the points from the centre, at least the spinning friction's lever [m]
+  double longest = 0;          ///< displacement that is kept [m]
   Vec3 shift = Vec3::Zero();   ///< displacement of a against b at the centre, tangential, world [m]
   double turn = 0;             ///< about the normal [rad]
 
