@@ -24,7 +24,7 @@ Contacts::Contacts(OdeIds& ids, const model::Model& model, const Settings& setti
       collider_(model, immovable, bodies),
       memory_(model, bodies),
       friction_(settings.effects.has(model::Effect::friction)),
-      holds_position_(friction_ && settings.method != Method::world_step),
+      remembers_(friction_ && settings.method != Method::world_step),
       with_forces_(settings.contact_forces),
       erp_(settings.erp),
       gravity_(settings.effects.has(model::Effect::gravity) ? model.gravity : Vec3(Vec3::Zero())) {
@@ -39,14 +39,13 @@ void Contacts::set_step(double step) {
   fall_ = gravity_ * step;
 }
 
-int Contacts::collide(const model::State& state) {
+void Contacts::join(const model::State& state, bool iterative) {
   contact_joints_.clear();
-  const int tested = collider_.collide(state);
   const std::vector<Contact>& found = collider_.contacts();
-  if (holds_position_) memory_.recall(collider_, state);
+  if (remembers_) memory_.recall(collider_, state);
   for (std::size_t k = 0; k < collider_.touches().size(); ++k) {
     const Touch& touch = collider_.touches()[k];
-    const Patch* patch = holds_position_ ? &memory_.patches()[k] : nullptr;
+    const Patch* patch = remembers_ && iterative ? &memory_.patches()[k] : nullptr;
     for (std::size_t i = 0; i < static_cast<std::size_t>(touch.count); ++i)
       add_contact(found[touch.first + i], touch, patch, state);
   }
@@ -54,7 +53,6 @@ int Contacts::collide(const model::State& state) {
     feedback_.resize(found.size());
     for (std::size_t i = 0; i < found.size(); ++i) dJointSetFeedback(contact_joints_[i], &feedback_[i]);
   }
-  return tested;
 }
 
 void Contacts::read_forces() {
@@ -69,7 +67,7 @@ void Contacts::read_forces() {
 }
 
 void Contacts::take_in_slip(const model::State& before, double step) {
-  if (holds_position_) memory_.take_in(before, step);
+  if (remembers_) memory_.take_in(before, step);
 }
 
 void Contacts::release() { dJointGroupEmpty(joints_); }
@@ -120,14 +118,8 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Pat
     surface.rho = surface.rho2 = std::max(between.rolling_friction, kLeastMoment);
     surface.rhoN = std::max(between.spinning_friction, kLeastMoment);
   }
-  const Vec3 slip = surface.mu > 0 ? sliding(contact, state) : Vec3::Zero();
-  const double speed = slip.norm();
-  if (speed > kStill) {
-    surface.mode |= dContactFDir1;
-    for (int i = 0; i < 3; ++i) joint.fdir1[i] = slip[i] / speed;
-  }
   const dBodyID a = body_of(contact.shape_a);
-  if (patch != nullptr && surface.mu > 0) pull_back(joint, *patch, a == nullptr);
+  if (surface.mu > 0) aim_friction(joint, contact, patch, state);
   const dJointID id = dJointCreateContact(world_, joints_, &joint);
   dJointAttach(id, a, body_of(contact.shape_b));
   contact_joints_.push_back(id);
@@ -148,23 +140,24 @@ void Contacts::add_spin_row(const Contact& contact, const Touch& touch, const Pa
   dJointSetAMotorParam(motor, dParamFMax, touch.surface.spinning_friction * force);
 }
 
-/// Has the friction rows ask for the speed that takes back a share of what the surfaces have crept.
-/// @param reversed ODE takes body b for the first of the joint, and turns the normal
-void Contacts::pull_back(dContact& joint, const Patch& patch, bool reversed) const {
-  const Vec3 position(joint.geom.pos[0], joint.geom.pos[1], joint.geom.pos[2]);
-  const Vec3 back = -kPullBack / step_ * patch.shift_at(position);
-  if (back == Vec3::Zero()) return;
+/// Lays the first friction row along the change of velocity that it has to bring about: from what the surfaces
+/// would slide at to standing still or to taking back what they have crept. The second then has nothing to do.
+void Contacts::aim_friction(dContact& joint, const Contact& contact, const Patch* patch,
+                            const model::State& state) const {
+  const Vec3 back =
+      patch != nullptr ? Vec3(-kPullBack / step_ * patch->shift_at(contact.position)) : Vec3(Vec3::Zero());
+  const Vec3 change = sliding(contact, state) - back;
+  const double speed = change.norm();
+  if (speed <= kStill) return;
   dSurfaceParameters& surface = joint.surface;
-  if ((surface.mode & dContactFDir1) == 0) {
-    dVector3 second;
-    dPlaneSpace(joint.geom.normal, joint.fdir1, second);
-    surface.mode |= dContactFDir1;
-  }
-  const Vec3 normal(joint.geom.normal[0], joint.geom.normal[1], joint.geom.normal[2]);
-  const Vec3 along(joint.fdir1[0], joint.fdir1[1], joint.fdir1[2]);
+  surface.mode |= dContactFDir1;
+  for (int i = 0; i < 3; ++i) joint.fdir1[i] = change[i] / speed;
+  if (patch == nullptr) return;
+  // ODE makes body b the first of a joint whose body a is not there, and turns the normal.
+  const double sign = body_of(contact.shape_a) == nullptr ? -1 : 1;
   surface.mode |= dContactMotion1 | dContactMotion2;
-  surface.motion1 = (reversed ? -1 : 1) * back.dot(along);
-  surface.motion2 = back.dot(normal.cross(along));
+  surface.motion1 = sign * back.dot(change) / speed;
+  surface.motion2 = back.dot(contact.normal.cross(change)) / speed;
 }
 
 /// Tangential velocity of a against b as it would be after this step without the contact: bodies that rest

@@ -1,6 +1,6 @@
 // Contacts as ODE's contact joints, one for each point that the collider finds. Friction is Coulomb's, as a
 // pyramid with one edge along the direction in which the surfaces slide or are about to, so that it is exact
-// there. Where quick_step may solve, surfaces that stick are pulled back to where they stuck (presliding.h).
+// there. Where quick_step solves, surfaces that stick are pulled back to where they stuck (presliding.h).
 #pragma once
 
 #include <vector>
@@ -23,9 +23,11 @@ class Contacts {
 
   /// Puts the shapes of bodies without an ODE body where the state has these.
   void place_immovable(const model::State& state) { collider_.place(state); }
-  /// Finds the contacts at a state and makes a contact joint for each. @return pairs given to the narrow
-  /// phase
-  int collide(const model::State& state);
+  /// Finds the contacts at a state. @return pairs given to the narrow phase
+  int collide(const model::State& state) { return collider_.collide(state); }
+  /// Makes the joints of the contacts found. @param iterative for quick_step: surfaces that stick are pulled
+  /// back
+  void join(const model::State& state, bool iterative);
   /// Reads the forces of the step just made, where the settings ask for them.
   void read_forces();
   /// Removes the contact joints; the list stays.
@@ -41,7 +43,8 @@ class Contacts {
  private:
   /// @param patch of the touch; null: its surfaces are not pulled back
   void add_contact(const Contact& contact, const Touch& touch, const Patch* patch, const model::State& state);
-  void pull_back(dContact& joint, const Patch& patch, bool reversed) const;
+  void aim_friction(dContact& joint, const Contact& contact, const Patch* patch,
+                    const model::State& state) const;
   void add_spin_row(const Contact& contact, const Touch& touch, const Patch& patch);
   void soften(dSurfaceParameters& surface, const model::Compliance& pad, int sharing) const;
   dBodyID body_of(int shape) const;
@@ -55,7 +58,7 @@ class Contacts {
   Collider collider_;
   PreslidingMemory memory_;
   bool friction_;
-  bool holds_position_;
+  bool remembers_;  ///< how far surfaces have crept
   bool with_forces_;
   double erp_;
   double step_;  ///< [s]

@@ -58,6 +58,11 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
     method =
         choice_->pick(contacts_ ? std::span<const Contact>(contacts_->list()) : std::span<const Contact>());
   report.iterative = method == Method::quick_step;
+  if (contacts_) {
+    const Clock::time_point start = Clock::now();
+    contacts_->join(state_, report.iterative);
+    report.collide_ns += ns_since(start);
+  }
   const int failures = lcp_failures();
   advance(step, method);
   report.lcp_failures = lcp_failures() - failures;
