@@ -15,8 +15,8 @@ using model::ShapeKind;
 constexpr double kG = 9.80665;
 
 Settings quick(int iterations = 50) {
-  Settings how = test::settings({Effect::gravity, Effect::ground_contact, Effect::friction}, 1e-3,
-                                Method::quick_step);
+  Settings how =
+      test::settings({Effect::gravity, Effect::ground_contact, Effect::friction}, 1e-3, Method::quick_step);
   how.iterations = iterations;
   return how;
 }
@@ -77,8 +77,7 @@ TEST(Presliding, LeavesRollingAlone) {
   model::Model model = model::make_model();
   test::add_ground(model, 0.8);
   const double moment = 0.4 * 0.1 * 9e-4;
-  model::Body body =
-      test::body("ball", 0.1, {moment, moment, moment}, {Vec3(0, 0, 0.03), Quat::Identity()});
+  model::Body body = test::body("ball", 0.1, {moment, moment, moment}, {Vec3(0, 0, 0.03), Quat::Identity()});
   body.initial_velocity = Vec3(1, 0, 0);
   body.initial_angular_velocity = Vec3(0, 1 / 0.03, 0);
   const int ball = test::add_body(model, body);
@@ -105,13 +104,12 @@ TEST(Presliding, SpringsBackByNoMoreThanItsBound) {
       farthest = std::max(farthest, sole);
     }
     EXPECT_NEAR(farthest, 1 / (2 * 0.5 * kG), pads ? 5e-3 : 1e-3);
-    EXPECT_LT(farthest - sole,
-              1.1 * (pads ? ode::kLongestPadShift : ode::kLongestRigidShift));
+    EXPECT_LT(farthest - sole, 1.1 * (pads ? ode::kLongestPadShift : ode::kLongestRigidShift));
   }
 }
 
-// Oracle: closed form; the moment rho N of a pad that touches in one point slows a ball's spin, and a constant
-// moment of half that does not turn it.
+// Oracle: closed form; the moment rho N of a pad that touches in one point slows a ball's spin, and a
+// constant moment of half that does not turn it.
 TEST(Presliding, HoldsTheTurnOfAPadUpToItsMoment) {
   constexpr double kRadius = 0.03, kRho = 0.003;
   for (const bool floor_first : {true, false})

@@ -140,8 +140,9 @@ void Contacts::add_spin_row(const Contact& contact, const Touch& touch, const Pa
   dJointSetAMotorParam(motor, dParamFMax, touch.surface.spinning_friction * force);
 }
 
-/// Lays the first friction row along the change of velocity that it has to bring about: from what the surfaces
-/// would slide at to standing still or to taking back what they have crept. The second then has nothing to do.
+/// Lays the first friction row along the change of velocity that it has to bring about: from what the
+/// surfaces would slide at to standing still or to taking back what they have crept. The second then has
+/// nothing to do.
 void Contacts::aim_friction(dContact& joint, const Contact& contact, const Patch* patch,
                             const model::State& state) const {
   const Vec3 back =

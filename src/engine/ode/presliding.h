@@ -1,6 +1,6 @@
-// Friction that holds a position, not only a speed. An iterative solver leaves a residual and so lets surfaces
-// that stick creep in every step; here each pair of touching shapes remembers how far it has crept, and
-// its friction rows ask for the speed that takes half of that back in a step. The displacement is
+// Friction that holds a position, not only a speed. An iterative solver leaves a residual and so lets
+// surfaces that stick creep in every step; here each pair of touching shapes remembers how far it has crept,
+// and its friction rows ask for the speed that takes half of that back in a step. The displacement is
 // integrated from the slip velocity at the contact, so rolling leaves none (Cundall & Strack 1979,
 // Geotechnique 29:47), and is bounded: surfaces that slide are at the limit of friction, whatever their rows
 // ask for. One displacement for all points of a pair keeps redundant points consistent.
@@ -14,8 +14,8 @@
 namespace handsim::engine::ode {
 
 /// Longest displacement that is taken back [m], of rigid surfaces and of pads; skin shears by more before it
-/// slides. Shorter: a hold that the solver leaves a large residual of creeps on. Longer: sliding bodies spring
-/// back farther when they stop.
+/// slides. Shorter: a hold that the solver leaves a large residual of creeps on. Longer: sliding bodies
+/// spring back farther when they stop.
 inline constexpr double kLongestRigidShift = 2e-5, kLongestPadShift = 3e-4;
 /// Share of it that friction rows take back in a step. Near 1: a residual's noise is fed back.
 inline constexpr double kPullBack = 0.5;
