@@ -15,6 +15,9 @@
 
 namespace handsim::simulation {
 
+/// An object that starts inside a hand would be shot out of it. @throws Error (input) naming all such.
+void check_start(const scene::Scene& scene);
+
 class Simulation {
  public:
   /// The scene must outlive the simulation.

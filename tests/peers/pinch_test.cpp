@@ -131,8 +131,9 @@ TEST_P(MujocoPinch, SlipsNoLessThanOurs) {
     for (const Held& theirs : {plain, stiff, noslip}) {
       EXPECT_LE(std::abs(direct.slip), std::abs(theirs.slip)) << GetParam().name << " at " << ratio;
       // Within 5 % of the limit quick_step's residual decides: it may lose the object.
-      if (ratio > 1.4)
+      if (ratio > 1.4) {
         EXPECT_LE(std::abs(iterative.slip), std::abs(theirs.slip)) << GetParam().name << " at " << ratio;
+      }
     }
   }
 }
