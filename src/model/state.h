@@ -32,4 +32,16 @@ struct State {
   std::vector<Presliding> presliding;  ///< ODE only: of the pairs that touched in the last step; empty: none
 };
 
+/// Names a state's fields to an archive (core/archive.h); the number of bodies is the model's.
+template <class Archive, class T>
+void carry(Archive& archive, T& state) {
+  archive(state.time);
+  for (auto& body : state.bodies) {
+    archive(body.p);
+    archive(body.q);
+    archive(body.v);
+    archive(body.w);
+  }
+}
+
 }  // namespace handsim::model

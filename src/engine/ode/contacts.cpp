@@ -72,6 +72,16 @@ void Contacts::take_in_slip(const model::State& before, double step) {
 
 void Contacts::release() { dJointGroupEmpty(joints_); }
 
+void Contacts::save(ArchiveWriter& out) const {
+  collider_.save(out);
+  memory_.save(out);
+}
+
+void Contacts::restore(ArchiveReader& in) {
+  collider_.restore(in);
+  memory_.restore(in);
+}
+
 dBodyID Contacts::body_of(int shape) const {
   return bodies_[static_cast<std::size_t>(model_.shapes[static_cast<std::size_t>(shape)].body)].id;
 }

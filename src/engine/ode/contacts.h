@@ -39,6 +39,10 @@ class Contacts {
   /// Length of the steps to come [s].
   void set_step(double step);
   const std::vector<Contact>& list() const { return collider_.contacts(); }
+  std::span<const Touch> touches() const { return collider_.touches(); }
+  /// The list, which steps to come do not depend on.
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
 
  private:
   /// @param patch of the touch; null: its surfaces are not pulled back

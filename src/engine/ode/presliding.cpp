@@ -28,7 +28,30 @@ Patch patch_of(std::span<const Contact> points, std::size_t first) {
 
 Vec3 tangential(const Vec3& v, const Vec3& normal) { return v - v.dot(normal) * normal; }
 
+template <class Archive, class Pair>
+void carry(Archive& archive, Pair& pair) {
+  archive(pair.shape_a);
+  archive(pair.shape_b);
+  archive(pair.shift);
+  archive(pair.turn);
+}
+
 }  // namespace
+
+void PreslidingMemory::save(ArchiveWriter& out) const {
+  out(pairs_.size());
+  for (const model::Presliding& pair : pairs_) carry(out, pair);
+}
+
+void PreslidingMemory::restore(ArchiveReader& in) {
+  pairs_.resize(in.size());
+  const auto shapes = static_cast<int>(model_.shapes.size());
+  for (model::Presliding& pair : pairs_) {
+    carry(in, pair);
+    if (pair.shape_a >= shapes || pair.shape_b >= shapes)
+      in.refuse("a pair of shapes that are not there", "pairs of this scene's shapes");
+  }
+}
 
 void PreslidingMemory::recall(const Collider& collider, const model::State& state) {
   patches_.clear();

@@ -8,6 +8,7 @@
 
 #include <vector>
 
+#include "handsim/core/archive.h"
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/collider.h"
 
@@ -50,6 +51,9 @@ class PreslidingMemory {
 
   const std::vector<model::Presliding>& pairs() const { return pairs_; }
   void set(const std::vector<model::Presliding>& pairs) { pairs_ = pairs; }
+  void save(ArchiveWriter& out) const;
+  /// @throws Error (input) for shapes that the model has not.
+  void restore(ArchiveReader& in);
 
  private:
   Vec3 velocity(int body, const Vec3& at, const model::State& before) const;
