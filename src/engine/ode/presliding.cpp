@@ -29,7 +29,7 @@ Patch patch_of(std::span<const Contact> points, std::size_t first) {
 Vec3 tangential(const Vec3& v, const Vec3& normal) { return v - v.dot(normal) * normal; }
 
 template <class Archive, class Pair>
-void carry(Archive& archive, Pair& pair) {
+void carry_pair(Archive& archive, Pair& pair) {
   archive(pair.shape_a);
   archive(pair.shape_b);
   archive(pair.shift);
@@ -40,14 +40,14 @@ void carry(Archive& archive, Pair& pair) {
 
 void PreslidingMemory::save(ArchiveWriter& out) const {
   out(pairs_.size());
-  for (const model::Presliding& pair : pairs_) carry(out, pair);
+  for (const model::Presliding& pair : pairs_) carry_pair(out, pair);
 }
 
 void PreslidingMemory::restore(ArchiveReader& in) {
   pairs_.resize(in.size());
   const auto shapes = static_cast<int>(model_.shapes.size());
   for (model::Presliding& pair : pairs_) {
-    carry(in, pair);
+    carry_pair(in, pair);
     if (pair.shape_a >= shapes || pair.shape_b >= shapes)
       in.refuse("a pair of shapes that are not there", "pairs of this scene's shapes");
   }
