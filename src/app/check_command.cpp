@@ -2,9 +2,11 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/hand/grip_strength.h"
+#include "handsim/scene/contacts.h"
 #include "handsim/scene/file_kind.h"
 #include "handsim/scene/objects.h"
 #include "handsim/scene/scene.h"
+#include "handsim/simulation/simulation.h"
 #include "handsim/study/accuracy.h"
 
 namespace handsim::app {
@@ -40,9 +42,15 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
     case scene::FileKind::grip_norms:
       hand::read_grip_table(root, "", diagnostics);
       break;
-    case scene::FileKind::scene:
-      diagnostics.warnings = scene::compile_scene(std::move(root)).warnings;
+    case scene::FileKind::material:
+      scene::read_material_file(root, diagnostics);
       break;
+    case scene::FileKind::scene: {
+      const scene::Scene scene = scene::compile_scene(std::move(root));
+      diagnostics.warnings = scene.warnings;
+      simulation::check_start(scene);
+      break;
+    }
   }
   return std::string(scene::described(kind));
 }

@@ -84,6 +84,9 @@ void require_state(const model::Model& model, const model::State& state) {
     if (!finite(state.bodies[i]))
       throw input_error("state." + model.bodies[i].name, "a pose or velocity that is not finite or not unit",
                         "finite numbers and a unit quaternion");
+  for (const model::Presliding& pair : state.presliding)
+    if (!pair.shift.allFinite() || !std::isfinite(pair.turn))
+      throw input_error("state.presliding", "a number that is not finite", "finite numbers");
   for (std::size_t i = 0; i < state.bodies.size(); ++i)
     if (state.bodies[i].v.norm() > kMaxSpeed || state.bodies[i].w.norm() > kMaxAngularSpeed)
       throw input_error(

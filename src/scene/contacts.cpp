@@ -89,6 +89,8 @@ ContactRuleSpec read_rule(MapReader reader, const std::vector<model::Material>& 
   return rule;
 }
 
+bool has_key(const YamlNode& entry, const std::string& key) { return entry.find(key) != nullptr; }
+
 template <class Visit>
 void for_each_pair(const GroupNames& names, const ContactRuleSpec& rule, const Visit& visit) {
   const auto first = names.groups.find(rule.between[0]);
@@ -101,7 +103,42 @@ void for_each_pair(const GroupNames& names, const ContactRuleSpec& rule, const V
           effect_of(names.origins[static_cast<std::size_t>(a)], names.origins[static_cast<std::size_t>(b)]));
 }
 
+model::Material read_sourced_material(MapReader& reader, const std::string& name) {
+  for (const char* words : {"title", "source"})
+    if (reader.has(words)) reader.text(words);
+  model::Material material = hand::read_material(reader, name);
+  reader.finish();
+  return material;
+}
+
 }  // namespace
+
+bool inline_file(YamlNode& entry, const std::string& path, FileKind kind,
+                 bool (*overridden)(const YamlNode& entry, const std::string& key),
+                 Diagnostics& diagnostics) {
+  YamlNode* file = entry.find("file");
+  if (!file) return true;
+  const std::string key = path + ".file";
+  try {
+    follow_reference(*file, key);
+  } catch (const Error& error) {
+    diagnostics.take(error);
+    return false;
+  }
+  if (!is_of_kind(*file, key, kind, diagnostics)) return false;
+  YamlNode content = std::move(*file);
+  entry.entries.remove_if([](const YamlEntry& of) { return of.key == "file"; });
+  const YamlNode own = entry;
+  for (YamlEntry& of : content.entries)
+    if (!overridden(own, of.key)) entry.entries.push_back(std::move(of));
+  return true;
+}
+
+model::Material read_material_file(YamlNode& root, Diagnostics& diagnostics) {
+  if (!is_of_kind(root, "", FileKind::material, diagnostics)) return {};
+  MapReader reader(root, "", diagnostics);
+  return read_sourced_material(reader, "material");
+}
 
 std::optional<model::Material> named_material(MapReader& reader, std::string_view key,
                                               const std::vector<model::Material>& materials) {
@@ -125,13 +162,14 @@ ContactsSpec read_contacts(MapReader& scene) {
   MapReader reader = scene.map("contacts");
   if (YamlNode* list = reader.list("materials", false))
     for (std::size_t i = 0; i < list->items.size(); ++i) {
-      MapReader item(list->items[i], item_path(reader.path_of("materials"), i), reader.diagnostics());
+      const std::string path = item_path(reader.path_of("materials"), i);
+      if (!inline_file(list->items[i], path, FileKind::material, has_key, reader.diagnostics())) continue;
+      MapReader item(list->items[i], path, reader.diagnostics());
       const std::string name = item.name("name");
       for (const model::Material& other : spec.materials)
         if (!name.empty() && other.name == name)
           item.problem("name", name + " a second time", "a name of its own for each material");
-      spec.materials.push_back(hand::read_material(item, name));
-      item.finish();
+      spec.materials.push_back(read_sourced_material(item, name));
     }
   if (YamlNode* list = reader.list("rules", false)) {
     spec.rules.emplace();

@@ -7,6 +7,9 @@
 
 namespace handsim::scene {
 
+/// Reads a material file as it stands.
+model::Material read_material_file(YamlNode& root, Diagnostics& diagnostics);
+
 /// Index of the group of an object's shapes: of its own where a rule names it, or that of all objects.
 int object_group(const SceneSpec& scene, const ObjectSpec& object);
 

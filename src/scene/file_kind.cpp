@@ -18,7 +18,8 @@ constexpr std::array kMarks = {Mark{"hands", FileKind::scene},         Mark{"obj
                                Mark{"segments", FileKind::hand_model}, Mark{"fits", FileKind::anthropometry},
                                Mark{"gains", FileKind::controller},    Mark{"poses", FileKind::poses},
                                Mark{"methods", FileKind::study},       Mark{"shape", FileKind::object},
-                               Mark{"parts", FileKind::object},        Mark{"norms", FileKind::grip_norms}};
+                               Mark{"parts", FileKind::object},        Mark{"norms", FileKind::grip_norms},
+                               Mark{"friction", FileKind::material}};
 
 std::string_view keys_of(FileKind kind) {
   switch (kind) {
@@ -40,6 +41,8 @@ std::string_view keys_of(FileKind kind) {
       return "shape or parts, mass or density";
     case FileKind::grip_norms:
       return "source, norms";
+    case FileKind::material:
+      return "friction, stiffness, damping";
   }
   return {};
 }
@@ -66,6 +69,8 @@ std::string_view described(FileKind kind) {
       return "an object";
     case FileKind::grip_norms:
       return "a table of grip strength";
+    case FileKind::material:
+      return "a material";
   }
   return {};
 }

@@ -18,7 +18,8 @@ enum class FileKind {
   poses,
   study,
   object,
-  grip_norms
+  grip_norms,
+  material
 };
 
 /// `a scene`, `a person`, ...

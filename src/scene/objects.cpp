@@ -50,27 +50,6 @@ bool overridden(const YamlNode& entry, const std::string& key) {
          (key == "material" && has_any(entry, kPropertyKeys));
 }
 
-/// Puts what the object's file says under the keys that the entry leaves open, in place of `file`.
-/// False, with problems, where the file cannot be used.
-bool inline_file(YamlNode& entry, const std::string& path, Diagnostics& diagnostics) {
-  YamlNode* file = entry.find("file");
-  if (!file) return true;
-  const std::string key = path + ".file";
-  try {
-    follow_reference(*file, key);
-  } catch (const Error& error) {
-    diagnostics.take(error);
-    return false;
-  }
-  if (!is_of_kind(*file, key, FileKind::object, diagnostics)) return false;
-  YamlNode content = std::move(*file);
-  entry.entries.remove_if([](const YamlEntry& of) { return of.key == "file"; });
-  const YamlNode own = entry;
-  for (YamlEntry& of : content.entries)
-    if (!overridden(own, of.key)) entry.entries.push_back(std::move(of));
-  return true;
-}
-
 std::string read_name(MapReader& reader, const std::vector<ObjectSpec>& before) {
   std::string name = reader.name("name");
   const char* need = "a name of its own for each object, other than world and ground";
@@ -233,7 +212,7 @@ std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model:
   }
   for (std::size_t i = 0; i < list->items.size(); ++i) {
     const std::string path = item_path("objects", i);
-    if (inline_file(list->items[i], path, reader.diagnostics()))
+    if (inline_file(list->items[i], path, FileKind::object, overridden, reader.diagnostics()))
       objects.push_back(
           read_object(MapReader(list->items[i], path, reader.diagnostics()), objects, materials, grasps));
   }

@@ -23,6 +23,12 @@ Pose read_pose(MapReader& reader, std::optional<Vec3> fallback = {});
 /// A referenced file or an inline block; null, with a problem, where it cannot be read.
 YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind);
 
+/// Puts what the file of an entry says under the keys that the entry leaves open, in place of its `file`.
+/// @param overridden true where the entry's own keys leave the file's `key` without a say. False, with
+/// problems, where the file cannot be used.
+bool inline_file(YamlNode& entry, const std::string& path, FileKind kind,
+                 bool (*overridden)(const YamlNode& entry, const std::string& key), Diagnostics& diagnostics);
+
 /// Kind and size of a solid: `kind_key` names the kind. The pose is that of its centre: a mesh's lies off the
 /// origin of its file. False, with a problem, where the kind cannot be told,
 /// and so neither which sizes it has.

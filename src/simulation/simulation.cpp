@@ -33,9 +33,15 @@ bool meet(const model::Model& model, const model::Shape& a, const model::Shape& 
                      });
 }
 
-/// An object that starts inside a hand would be shot out of it. @throws Error (input) naming all such.
 const scene::Scene& checked(const scene::Scene& scene) {
-  if (!scene.spec.solver.effects.has(model::Effect::object_contact)) return scene;
+  check_start(scene);
+  return scene;
+}
+
+}  // namespace
+
+void check_start(const scene::Scene& scene) {
+  if (!scene.spec.solver.effects.has(model::Effect::object_contact)) return;
   const auto of_hand = [](const model::Shape& shape) {
     return shape.tint != model::Tint::object && shape.tint != model::Tint::ground &&
            shape.tint != model::Tint::mechanism;
@@ -57,10 +63,7 @@ const scene::Scene& checked(const scene::Scene& scene) {
              fmt::format("at most {:g} mm, or overlap: allowed", 1e3 * kDeepestStart)});
   }
   if (!problems.empty()) throw Error(problems);
-  return scene;
 }
-
-}  // namespace
 
 Simulation::Simulation(const scene::Scene& scene)
     : scene_(checked(scene)),

@@ -20,6 +20,9 @@
 
 namespace handsim::simulation {
 
+/// An object that starts inside a hand would be shot out of it. @throws Error (input) naming all such.
+void check_start(const scene::Scene& scene);
+
 /// Joints further apart than this are joints no more: a hand's bodies are no longer [m].
 inline constexpr double kLargestGap = 0.1;
 

@@ -3,6 +3,8 @@
 
 #include "bench/paired.h"
 #include "engine/models.h"
+#include "handsim/simulation/simulation.h"
+#include "scene_files.h"
 
 namespace handsim::bench {
 namespace {
@@ -73,6 +75,38 @@ BENCHMARK_CAPTURE(island_cost, quick_step_50, engine::Method::quick_step)
     ->ArgsProduct({{1, 2, 4, 8, 12, 16}, {0, 12}})
     ->UseManualTime()
     ->Iterations(200);
+
+/// A mug held and lifted, the whole loop with control and figures, through 2 s: CPU time over simulated time.
+void grasp(benchmark::State& state, const char* method) {
+  const scene::Scene scene =
+      test::shipped_scene("grasp_cup", {std::string("solver.method=") + method, "solver.iterations=50"});
+  std::vector<double> ratios, contacts;
+  for (auto unused : state) {
+    (void)unused;
+    simulation::Simulation simulation(scene);
+    while (simulation.state().time < 2.5) simulation.step();  // the grip is closed
+    auto hold = [&] {
+      while (simulation.state().time < 4.5) {
+        simulation.step();
+        contacts.push_back(static_cast<double>(simulation.engine().contacts().size()));
+      }
+    };
+    const double cpu = seconds(hold);
+    state.SetIterationTime(cpu);
+    ratios.push_back(cpu / 2);
+  }
+  state.counters["of_real_time"] = median(ratios);
+  state.counters["contacts"] = median(contacts);
+}
+BENCHMARK_CAPTURE(grasp, auto_50, "auto")->UseManualTime()->Iterations(3)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(grasp, world_step, "world_step")
+    ->UseManualTime()
+    ->Iterations(3)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(grasp, quick_step_50, "quick_step")
+    ->UseManualTime()
+    ->Iterations(3)
+    ->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace handsim::bench

@@ -10,9 +10,9 @@
 namespace handsim::study {
 namespace {
 
-const std::vector<std::string> kScenes = {"grasp_pinch",         "grasp_tripod",         "grasp_power_can",
-                                          "grasp_cylinder_50mm", "grasp_cylinder_100mm", "grasp_cup",
-                                          "grasp_sphere_35mm",   "grasp_sphere_70mm",    "grasp_hook_bar"};
+const std::vector<std::string> kScenes = {
+    "grasp_pinch", "grasp_tripod",      "grasp_power_can",   "grasp_cylinder_50mm", "grasp_cylinder_100mm",
+    "grasp_cup",   "grasp_sphere_35mm", "grasp_sphere_70mm", "grasp_hook_bar",      "grasp_cracker_box"};
 
 /// The hardest of the shakes alone, after the full hold.
 const std::vector<std::string> kShort = {
@@ -49,10 +49,10 @@ TEST_P(ShippedGrasp, IsHeldWithWorldStepAndHardlySlips) {
   EXPECT_FALSE(figures.disagree());
 }
 
-TEST_P(ShippedGrasp, IsHeldWithQuickStepAt200Iterations) {
-  if (GetParam() == "grasp_cylinder_100mm" || GetParam() == "grasp_hook_bar")
-    GTEST_SKIP() << "creeps beyond the limits: quick_step is not converged (README, Grasping)";
-  EXPECT_TRUE(run(shortened(GetParam(), {kBrief, "solver.method=quick_step", "solver.iterations=200"})).held);
+TEST_P(ShippedGrasp, IsHeldWithQuickStepAt50Iterations) {
+  if (GetParam() == "grasp_cracker_box")
+    GTEST_SKIP() << "moves beyond the limit in the shake (README, Grasping)";
+  EXPECT_TRUE(run(shortened(GetParam(), {kBrief, "solver.method=quick_step", "solver.iterations=50"})).held);
 }
 
 TEST_P(ShippedGrasp, IsHeldAtTwoMilliseconds) {

@@ -22,7 +22,9 @@ Contacts::Contacts(OdeIds& ids, const model::Model& model, const Settings& setti
       bodies_(bodies),
       world_(ids.world.get()),
       collider_(model, immovable, bodies),
+      memory_(model, bodies),
       friction_(settings.effects.has(model::Effect::friction)),
+      remembers_(friction_ && settings.method != Method::world_step),
       with_forces_(settings.contact_forces),
       erp_(settings.erp),
       gravity_(settings.effects.has(model::Effect::gravity) ? model.gravity : Vec3(Vec3::Zero())) {
@@ -37,18 +39,20 @@ void Contacts::set_step(double step) {
   fall_ = gravity_ * step;
 }
 
-int Contacts::collide(const model::State& state) {
+void Contacts::join(const model::State& state, bool iterative) {
   contact_joints_.clear();
-  const int tested = collider_.collide(state);
   const std::vector<Contact>& found = collider_.contacts();
-  for (const Touch& touch : collider_.touches())
+  if (remembers_) memory_.recall(collider_, state);
+  for (std::size_t k = 0; k < collider_.touches().size(); ++k) {
+    const Touch& touch = collider_.touches()[k];
+    const Patch* patch = remembers_ && iterative ? &memory_.patches()[k] : nullptr;
     for (std::size_t i = 0; i < static_cast<std::size_t>(touch.count); ++i)
-      add_contact(found[touch.first + i], touch.surface, touch.count, state);
+      add_contact(found[touch.first + i], touch, patch, state);
+  }
   if (with_forces_) {
     feedback_.resize(found.size());
     for (std::size_t i = 0; i < found.size(); ++i) dJointSetFeedback(contact_joints_[i], &feedback_[i]);
   }
-  return tested;
 }
 
 void Contacts::read_forces() {
@@ -62,7 +66,21 @@ void Contacts::read_forces() {
   }
 }
 
+void Contacts::take_in_slip(const model::State& before, double step) {
+  if (remembers_) memory_.take_in(before, step);
+}
+
 void Contacts::release() { dJointGroupEmpty(joints_); }
+
+void Contacts::save(ArchiveWriter& out) const {
+  collider_.save(out);
+  memory_.save(out);
+}
+
+void Contacts::restore(ArchiveReader& in) {
+  collider_.restore(in);
+  memory_.restore(in);
+}
 
 dBodyID Contacts::body_of(int shape) const {
   return bodies_[static_cast<std::size_t>(model_.shapes[static_cast<std::size_t>(shape)].body)].id;
@@ -76,8 +94,9 @@ void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad,
   surface.soft_cfm = row.cfm;
 }
 
-void Contacts::add_contact(const Contact& contact, const model::Material& between, int sharing,
+void Contacts::add_contact(const Contact& contact, const Touch& touch, const Patch* patch,
                            const model::State& state) {
+  const model::Material& between = touch.surface;
   dContact joint{};
   for (int i = 0; i < 3; ++i) {
     joint.geom.pos[i] = contact.position[i];
@@ -94,27 +113,62 @@ void Contacts::add_contact(const Contact& contact, const model::Material& betwee
   }
   const double inside = contact.depth - kSurfaceLayer;
   if (between.compliance) {
-    soften(surface, *between.compliance, sharing);
+    soften(surface, *between.compliance, touch.count);
   } else if (erp_ * inside > kMaxCorrectingSpeed * step_) {
     surface.mode |= dContactSoftERP;
     surface.soft_erp = kMaxCorrectingSpeed * step_ / inside;
   }
-  if (friction_ && (between.rolling_friction > 0 || between.spinning_friction > 0)) {
+  // Of a pad that only spins, the moment is a motor's, whose row can be told a speed.
+  const bool motor = patch != nullptr && between.compliance && between.rolling_friction == 0 &&
+                     between.spinning_friction > 0;
+  if (friction_ && !motor && (between.rolling_friction > 0 || between.spinning_friction > 0)) {
     surface.mode |= dContactRolling | dContactAxisDep | dContactApprox1_N;
     surface.mu2 = surface.mu;
     // ODE counts a row for each of the three, at 0 too, but then leaves it blank.
     surface.rho = surface.rho2 = std::max(between.rolling_friction, kLeastMoment);
     surface.rhoN = std::max(between.spinning_friction, kLeastMoment);
   }
-  const Vec3 slip = surface.mu > 0 ? sliding(contact, state) : Vec3::Zero();
-  const double speed = slip.norm();
-  if (speed > kStill) {
-    surface.mode |= dContactFDir1;
-    for (int i = 0; i < 3; ++i) joint.fdir1[i] = slip[i] / speed;
-  }
+  const dBodyID a = body_of(contact.shape_a);
+  if (surface.mu > 0) aim_friction(joint, contact, patch, state);
   const dJointID id = dJointCreateContact(world_, joints_, &joint);
-  dJointAttach(id, body_of(contact.shape_a), body_of(contact.shape_b));
+  dJointAttach(id, a, body_of(contact.shape_b));
   contact_joints_.push_back(id);
+  if (motor) add_spin_row(contact, touch, *patch);
+}
+
+/// The moment about the normal, up to the lever times the force of the pad's spring.
+void Contacts::add_spin_row(const Contact& contact, const Touch& touch, const Patch& patch) {
+  const double inside = std::max(contact.depth - kSurfaceLayer, 0.0);
+  const double force = touch.surface.compliance->stiffness / touch.count * inside;
+  const dBodyID a = body_of(contact.shape_a);
+  const dJointID motor = dJointCreateAMotor(world_, joints_);
+  dJointAttach(motor, a, body_of(contact.shape_b));
+  dJointSetAMotorNumAxes(motor, 1);
+  dJointSetAMotorAxis(motor, 0, 0, contact.normal.x(), contact.normal.y(), contact.normal.z());
+  // ODE makes body b the first of a joint whose body a is not there.
+  dJointSetAMotorParam(motor, dParamVel, (a == nullptr ? 1 : -1) * kPullBack / step_ * patch.turn);
+  dJointSetAMotorParam(motor, dParamFMax, touch.surface.spinning_friction * force);
+}
+
+/// Lays the first friction row along the change of velocity that it has to bring about: from what the
+/// surfaces would slide at to standing still or to taking back what they have crept. The second then has
+/// nothing to do.
+void Contacts::aim_friction(dContact& joint, const Contact& contact, const Patch* patch,
+                            const model::State& state) const {
+  const Vec3 back =
+      patch != nullptr ? Vec3(-kPullBack / step_ * patch->shift_at(contact.position)) : Vec3(Vec3::Zero());
+  const Vec3 change = sliding(contact, state) - back;
+  const double speed = change.norm();
+  if (speed <= kStill) return;
+  dSurfaceParameters& surface = joint.surface;
+  surface.mode |= dContactFDir1;
+  for (int i = 0; i < 3; ++i) joint.fdir1[i] = change[i] / speed;
+  if (patch == nullptr) return;
+  // ODE makes body b the first of a joint whose body a is not there, and turns the normal.
+  const double sign = body_of(contact.shape_a) == nullptr ? -1 : 1;
+  surface.mode |= dContactMotion1 | dContactMotion2;
+  surface.motion1 = sign * back.dot(change) / speed;
+  surface.motion2 = back.dot(contact.normal.cross(change)) / speed;
 }
 
 /// Tangential velocity of a against b as it would be after this step without the contact: bodies that rest

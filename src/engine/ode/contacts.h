@@ -1,11 +1,12 @@
 // Contacts as ODE's contact joints, one for each point that the collider finds. Friction is Coulomb's, as a
 // pyramid with one edge along the direction in which the surfaces slide or are about to, so that it is exact
-// there.
+// there. Where quick_step solves, surfaces that stick are pulled back to where they stuck (presliding.h).
 #pragma once
 
 #include <vector>
 
 #include "handsim/engine/ode/collider.h"
+#include "handsim/engine/ode/presliding.h"
 
 namespace handsim::engine::ode {
 
@@ -22,24 +23,33 @@ class Contacts {
 
   /// Puts the shapes of bodies without an ODE body where the state has these.
   void place_immovable(const model::State& state) { collider_.place(state); }
-  /// Finds the contacts at a state and makes a contact joint for each. @return pairs given to the narrow
-  /// phase
-  int collide(const model::State& state);
+  /// Finds the contacts at a state. @return pairs given to the narrow phase
+  int collide(const model::State& state) { return collider_.collide(state); }
+  /// Makes the joints of the contacts found. @param iterative for quick_step: surfaces that stick are pulled
+  /// back
+  void join(const model::State& state, bool iterative);
   /// Reads the forces of the step just made, where the settings ask for them.
   void read_forces();
   /// Removes the contact joints; the list stays.
   void release();
+  /// Takes in how far surfaces slid in the step just made. @param before its start; @param step [s]
+  void take_in_slip(const model::State& before, double step);
+  const std::vector<model::Presliding>& presliding() const { return memory_.pairs(); }
+  void set_presliding(const std::vector<model::Presliding>& pairs) { memory_.set(pairs); }
   /// Length of the steps to come [s].
   void set_step(double step);
   const std::vector<Contact>& list() const { return collider_.contacts(); }
   std::span<const Touch> touches() const { return collider_.touches(); }
   /// The list, which steps to come do not depend on.
-  void save(ArchiveWriter& out) const { collider_.save(out); }
-  void restore(ArchiveReader& in) { collider_.restore(in); }
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
 
  private:
-  void add_contact(const Contact& contact, const model::Material& surface, int sharing,
-                   const model::State& state);
+  /// @param patch of the touch; null: its surfaces are not pulled back
+  void add_contact(const Contact& contact, const Touch& touch, const Patch* patch, const model::State& state);
+  void aim_friction(dContact& joint, const Contact& contact, const Patch* patch,
+                    const model::State& state) const;
+  void add_spin_row(const Contact& contact, const Touch& touch, const Patch& patch);
   void soften(dSurfaceParameters& surface, const model::Compliance& pad, int sharing) const;
   dBodyID body_of(int shape) const;
   Vec3 sliding(const Contact& contact, const model::State& state) const;
@@ -50,7 +60,9 @@ class Contacts {
   dWorldID world_;
   dJointGroupID joints_;
   Collider collider_;
+  PreslidingMemory memory_;
   bool friction_;
+  bool remembers_;  ///< how far surfaces have crept
   bool with_forces_;
   double erp_;
   double step_;  ///< [s]

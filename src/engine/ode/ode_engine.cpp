@@ -63,6 +63,7 @@ void OdeEngine::build() {
 /// Takes a state over into ODE; kinematic bodies that stand still have no velocity, whatever it says.
 void OdeEngine::write(const model::State& state) {
   state_ = state;
+  if (contacts_) contacts_->set_presliding(state.presliding);
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
     if (immovable_[i]) state_.bodies[i].v = state_.bodies[i].w = Vec3::Zero();
     write_state(bodies_[i], state_.bodies[i]);
@@ -102,7 +103,9 @@ void OdeEngine::restore(const model::State& state, ArchiveReader& in) {
   bool with_contacts = false;
   in(with_contacts);
   if (with_contacts != (contacts_ != nullptr)) in.refuse("contacts of another scene", "those of this one");
-  if (contacts_) contacts_->restore(in);
+  if (!contacts_) return;
+  contacts_->restore(in);
+  state_.presliding = contacts_->presliding();
 }
 
 std::span<const Contact> OdeEngine::contacts() const {

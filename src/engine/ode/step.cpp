@@ -58,6 +58,11 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
     method =
         choice_->pick(contacts_ ? std::span<const Contact>(contacts_->list()) : std::span<const Contact>());
   report.iterative = method == Method::quick_step;
+  if (contacts_) {
+    const Clock::time_point start = Clock::now();
+    contacts_->join(state_, report.iterative);
+    report.collide_ns += ns_since(start);
+  }
   const int failures = lcp_failures();
   advance(step, method);
   report.lcp_failures = lcp_failures() - failures;
@@ -65,6 +70,7 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
     report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
     contacts_->read_forces();
+    contacts_->take_in_slip(state_, step);
     contacts_->release();
   }
   return report;
@@ -147,6 +153,7 @@ void OdeEngine::check_bodies(double time) {
 
 void OdeEngine::read(double time) {
   for (const std::size_t i : moving_) state_.bodies[i] = read_state(bodies_[i]);
+  if (contacts_) state_.presliding = contacts_->presliding();
   state_.time = time;
 }
 
