@@ -236,8 +236,8 @@ void ArticulatedEngine::step_implicitly(double end, StepReport& report) {
   if (contact_) collide(report);
   const bool moving = aim_bases(end);
   if (report.contacts > 0) {
-    const ConeReport found = contact_->solve(settings_.step);
-    report.contact_sweeps = found.sweeps;
+    const NewtonReport found = contact_->solve(settings_.step);
+    report.contact_sweeps = found.iterations;
     report.contact_residual = found.residual;
     report.lcp_failures = found.solved ? 0 : 1;
   } else {

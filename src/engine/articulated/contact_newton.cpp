@@ -1,0 +1,468 @@
+#include "handsim/engine/articulated/contact_newton.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Dense>
+
+namespace handsim::engine::articulated {
+
+namespace {
+
+constexpr std::size_t kMostRows = 6;
+/// Iterations with Coulomb's law, then with friction's limits fixed (an energy's minimum, which is always
+/// found), and how often in turns.
+constexpr int kNewton = 15, kFixed = 15, kTurns = 8;
+constexpr int kSearches = 12;
+/// Slope of the energy that a step may leave, as a share of its start's.
+constexpr double kFlat = 0.1;
+/// Share of the forces that meet in a rate's equation below which what they leave is rounding.
+constexpr double kRounding = 1e-11;
+/// Bounds are passed beyond rounding.
+constexpr double kBeyond = 1e-12;
+
+using Row = Eigen::Map<Eigen::VectorXd>;
+using ConstRow = Eigen::Map<const Eigen::VectorXd>;
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+void ContactNewton::resize(std::vector<int> first) {
+  n_ = static_cast<int>(first.size());
+  A_first_ = std::move(first);
+  A_last_.resize(at(n_));
+  for (int i = 0; i < n_; ++i) {
+    A_last_[at(i)] = i;
+    for (int k = A_first_[at(i)]; k < i; ++k) A_last_[at(k)] = i;
+  }
+  first_ = A_first_;
+  last_ = A_last_;
+  A_.assign(at(n_) * at(n_), 0.0);
+  M_ = A_;
+  for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
+  bounds_.resize(at(n_));
+  servos_.resize(at(n_));
+}
+
+void ContactNewton::begin() {
+  for (int i = 0; i < n_; ++i)
+    std::fill(A_.begin() + static_cast<std::ptrdiff_t>(entry(i, i)),
+              A_.begin() + static_cast<std::ptrdiff_t>(entry(i, A_last_[at(i)])) + 1, 0.0);
+  std::fill(g_.begin(), g_.end(), 0.0);
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  std::fill(bounds_.begin(), bounds_.end(), Bound{-kInfinity, kInfinity, 0});
+  std::fill(servos_.begin(), servos_.end(), Servo{});
+  contacts_.clear();
+  dofs_.clear();
+  J_.clear();
+}
+
+void ContactNewton::bound(int i, double low, double high, double side) { bounds_[at(i)] = {low, high, side}; }
+
+void ContactNewton::servo(int i, double offset, double slope, double limit, double saturated) {
+  servos_[at(i)] = {offset, slope, limit, saturated};
+}
+
+ContactRows& ContactNewton::add(std::span<const int> dofs, std::size_t rows) {
+  ContactRows& out = contacts_.emplace_back();
+  out.rows = rows;
+  out.first_dof = dofs_.size();
+  out.dof_count = dofs.size();
+  out.first_entry = J_.size();
+  dofs_.insert(dofs_.end(), dofs.begin(), dofs.end());
+  J_.resize(J_.size() + rows * dofs.size());
+  return out;
+}
+
+/// The envelope of A and of all contacts.
+void ContactNewton::widen() {
+  first_ = A_first_;
+  for (const ContactRows& contact : contacts_)
+    for (std::size_t k = 1; k < contact.dof_count; ++k) {
+      int& first = first_[at(dofs_[contact.first_dof + k])];
+      first = std::min(first, dofs_[contact.first_dof]);
+    }
+  for (int i = 0; i < n_; ++i) {
+    last_[at(i)] = i;
+    for (int k = first_[at(i)]; k < i; ++k) last_[at(k)] = i;
+  }
+}
+
+/// Impulses at row velocities r, and which parts of the law are in force.
+void ContactNewton::obey(ContactRows& contact, const double* r, Law law) {
+  double& normal = contact.impulse[0];
+  normal = -r[0] / contact.softness;
+  if (law == Law::as_it_was)
+    normal = contact.open ? 0 : normal;
+  else
+    contact.open = !(normal > 0);
+  if (contact.open) normal = 0;
+  for (std::size_t k = 0; k < contact.disc_count; ++k) {
+    Disc& disc = contact.discs[k];
+    const double* v = r + disc.row;
+    double* p = contact.impulse.data() + disc.row;
+    const double vy = disc.size > 1 ? v[1] : 0;
+    const double speed = disc.size > 1 ? std::sqrt(v[0] * v[0] + vy * vy) : std::abs(v[0]);
+    double limit = disc.coefficient * normal;
+    if (law == Law::as_it_was) {
+      if (contact.open) {
+        disc.slides = false;
+        disc.lateral = 0;
+        p[0] = 0;
+        if (disc.size > 1) p[1] = 0;
+        continue;
+      }
+      if (disc.slides)
+        disc.lateral = std::min(disc.limit / std::max(speed, 1e-300), 1 / disc.softness);
+    } else {
+      if (law == Law::fixed_limits) limit = disc.limit;
+      disc.slides = speed > limit * disc.softness;
+      if (disc.slides) {
+        disc.x = v[0] / speed;
+        disc.y = vy / speed;
+        disc.lateral = limit / speed;
+      }
+    }
+    p[0] = disc.slides ? -limit * disc.x : -v[0] / disc.softness;
+    if (disc.size > 1) p[1] = disc.slides ? -limit * disc.y : -vy / disc.softness;
+  }
+}
+
+/// Impulses at x_ and what is left of the equation, F = A x - g - J^T p - servos.
+void ContactNewton::evaluate(Law law) {
+  for (int i = 0; i < n_; ++i) {
+    F_[at(i)] = -g_[at(i)];
+    sum_[at(i)] = std::abs(g_[at(i)]);
+  }
+  for (int i = 0; i < n_; ++i) {
+    const double* row = A_.data() + entry(i, 0);
+    double sum = row[i] * x_[at(i)];
+    for (int j = i + 1; j <= A_last_[at(i)]; ++j) {
+      sum += row[j] * x_[at(j)];
+      F_[at(j)] += row[j] * x_[at(i)];
+    }
+    F_[at(i)] += sum;
+  }
+  for (int i = 0; i < n_; ++i) {
+    Servo& servo = servos_[at(i)];
+    if (!(servo.limit > 0)) continue;
+    double pull = servo.offset - servo.slope * x_[at(i)];
+    if (law != Law::as_it_was) servo.saturated = pull > servo.limit ? 1 : (pull < -servo.limit ? -1 : 0);
+    if (servo.saturated != 0) pull = servo.saturated * servo.limit;
+    F_[at(i)] -= pull;
+    sum_[at(i)] += std::abs(pull);
+  }
+  r_.resize(kMostRows * contacts_.size());
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    ContactRows& contact = contacts_[c];
+    const int* dofs = dofs_.data() + contact.first_dof;
+    const double* J = J_.data() + contact.first_entry;
+    double* r = r_.data() + kMostRows * c;
+    for (std::size_t k = 0; k < contact.rows; ++k) {
+      r[k] = contact.start[k];
+      for (std::size_t j = 0; j < contact.dof_count; ++j)
+        r[k] += J[k * contact.dof_count + j] * x_[at(dofs[j])];
+    }
+    obey(contact, r, law);
+    if (contact.open && law != Law::fixed_limits) continue;
+    for (std::size_t k = 0; k < contact.rows; ++k) {
+      const double p = contact.impulse[k];
+      for (std::size_t j = 0; j < contact.dof_count; ++j) {
+        const double push = J[k * contact.dof_count + j] * p;
+        F_[at(dofs[j])] -= push;
+        sum_[at(dofs[j])] += std::abs(push);
+      }
+    }
+  }
+}
+
+/// What the equation leaves, as a rate; rounding does not count.
+double ContactNewton::residual() const {
+  double most = 0;
+  for (int i = 0; i < n_; ++i) {
+    if (bounds_[at(i)].side != 0) continue;
+    const double left = std::abs(F_[at(i)]) - kRounding * sum_[at(i)];
+    // Written so that NaN counts.
+    if (!(left <= 0)) most = std::max(most, std::isnan(left) ? HUGE_VAL : left / A_[entry(i, i)]);
+  }
+  return most;
+}
+
+/// The derivative of F where the law now is: M its symmetric part, C and G what friction has of the normal
+/// impulse.
+void ContactNewton::assemble(Law law) {
+  for (int i = 0; i < n_; ++i) {
+    double* M = M_.data() + entry(i, 0);
+    const double* A = A_.data() + entry(i, 0);
+    std::copy(A + i, A + A_last_[at(i)] + 1, M + i);
+    std::fill(M + A_last_[at(i)] + 1, M + std::max(A_last_[at(i)], last_[at(i)]) + 1, 0.0);
+    const Servo& servo = servos_[at(i)];
+    if (servo.limit > 0 && servo.saturated == 0) M[i] += servo.slope;
+  }
+  coupled_ = 0;
+  for (const ContactRows& contact : contacts_) {
+    if (contact.open && law != Law::fixed_limits) continue;
+    const std::size_t m = contact.dof_count;
+    const int* dofs = dofs_.data() + contact.first_dof;
+    const double* J = J_.data() + contact.first_entry;
+    const auto add = [&](double weight, const double* row) {
+      for (std::size_t i = 0; i < m; ++i) {
+        if (row[i] == 0) continue;
+        const double scaled = weight * row[i];
+        double* to = M_.data() + entry(dofs[i], 0);
+        for (std::size_t j = i; j < m; ++j) to[dofs[j]] += scaled * row[j];
+      }
+    };
+    if (!contact.open) add(1 / contact.softness, J);
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      const Disc& disc = contact.discs[k];
+      const double* rows = J + disc.row * m;
+      if (!disc.slides) {
+        for (std::size_t row = 0; row < disc.size; ++row) add(1 / disc.softness, rows + row * m);
+        continue;
+      }
+      if (disc.size > 1 && disc.lateral > 0) {
+        for (std::size_t j = 0; j < m; ++j) d_[j] = disc.x * rows[m + j] - disc.y * rows[j];
+        add(disc.lateral, d_.data());
+      }
+      if (law == Law::fixed_limits || contact.open) continue;
+      const std::size_t n = at(n_);
+      C_.resize(std::max(C_.size(), (coupled_ + 1) * n));
+      G_.resize(C_.size());
+      double *C = C_.data() + coupled_ * n, *G = G_.data() + coupled_ * n;
+      std::fill(C, C + n, 0.0);
+      std::fill(G, G + n, 0.0);
+      const double share = disc.coefficient / contact.softness;
+      for (std::size_t j = 0; j < m; ++j) {
+        const double slip = disc.x * rows[j] + (disc.size > 1 ? disc.y * rows[m + j] : 0);
+        const auto dof = at(dofs[j]);
+        if (bounds_[dof].side != 0) continue;
+        C[dof] = share * slip;
+        G[dof] = J[j];
+      }
+      ++coupled_;
+    }
+  }
+  for (int i = 0; i < n_; ++i) {
+    if (bounds_[at(i)].side == 0) continue;
+    std::fill(M_.begin() + static_cast<std::ptrdiff_t>(entry(i, i)),
+              M_.begin() + static_cast<std::ptrdiff_t>(entry(i, last_[at(i)])) + 1, 0.0);
+    for (int j = first_[at(i)]; j < i; ++j) M_[entry(j, i)] = 0;
+    M_[entry(i, i)] = 1;
+  }
+}
+
+/// M = U^T U in place, its diagonal inverted; what is zero for good is passed over.
+void ContactNewton::factor() {
+  for (int k = 0; k < n_; ++k) {
+    double* row = M_.data() + entry(k, 0);
+    const int last = last_[at(k)];
+    const double inverse = 1 / std::sqrt(row[k]);
+    for (int j = k + 1; j <= last; ++j) row[j] *= inverse;
+    row[k] = inverse;
+    for (int i = k + 1; i <= last; ++i) {
+      if (row[i] == 0) continue;
+      Row(M_.data() + entry(i, i), last - i + 1) -= row[i] * ConstRow(row + i, last - i + 1);
+    }
+  }
+}
+
+void ContactNewton::solve_factored(double* x) const {
+  for (int k = 0; k < n_; ++k) {
+    const double* row = M_.data() + entry(k, 0);
+    x[k] *= row[k];
+    if (x[k] == 0) continue;
+    for (int j = k + 1; j <= last_[at(k)]; ++j) x[j] -= row[j] * x[k];
+  }
+  for (int k = n_ - 1; k >= 0; --k) {
+    const double* row = M_.data() + entry(k, 0);
+    const int count = last_[at(k)] - k;
+    x[k] = (x[k] - ConstRow(row + k + 1, count).dot(ConstRow(x + k + 1, count))) * row[k];
+  }
+}
+
+/// d_ = (M - C G^T)^-1 of what solves M d = -F, by Sherman, Morrison and Woodbury's formula.
+void ContactNewton::couple() {
+  const std::size_t m = coupled_, n = at(n_);
+  if (m == 0) return;
+  for (std::size_t k = 0; k < m; ++k) solve_factored(C_.data() + k * n);
+  // K = 1 - G^T M^-1 C, and beside it G^T d.
+  K_.resize(std::max(K_.size(), m * (m + 1)));
+  const auto K = [&](std::size_t i, std::size_t j) -> double& { return K_[i * (m + 1) + j]; };
+  for (std::size_t i = 0; i < m; ++i) {
+    const ConstRow G(G_.data() + i * n, n_);
+    for (std::size_t j = 0; j < m; ++j) K(i, j) = (i == j ? 1.0 : 0.0) - G.dot(ConstRow(C_.data() + j * n, n_));
+    K(i, m) = G.dot(ConstRow(d_.data(), n_));
+  }
+  for (std::size_t k = 0; k < m; ++k) {
+    std::size_t pivot = k;
+    for (std::size_t i = k + 1; i < m; ++i)
+      if (std::abs(K(i, k)) > std::abs(K(pivot, k))) pivot = i;
+    for (std::size_t j = 0; j <= m; ++j) std::swap(K(k, j), K(pivot, j));
+    for (std::size_t i = k + 1; i < m; ++i) {
+      const double share = K(i, k) / K(k, k);
+      for (std::size_t j = k; j <= m; ++j) K(i, j) -= share * K(k, j);
+    }
+  }
+  for (std::size_t k = m; k-- > 0;) {
+    for (std::size_t j = k + 1; j < m; ++j) K(k, m) -= K(k, j) * K(j, m);
+    K(k, m) /= K(k, k);
+    Row(d_.data(), n_) += K(k, m) * ConstRow(C_.data() + k * n, n_);
+  }
+}
+
+ContactNewton::Slope ContactNewton::along(double share, Law law) const {
+  Slope out;
+  for (int i = 0; i < n_; ++i) {
+    const double d = d_[at(i)];
+    out.rise += d * Ad_[at(i)];
+    out.value += d * (sum_[at(i)] + share * Ad_[at(i)]);
+    const Servo& servo = servos_[at(i)];
+    if (!(servo.limit > 0)) continue;
+    const double pull = servo.offset - servo.slope * (x_[at(i)] + share * d);
+    out.value -= d * std::clamp(pull, -servo.limit, servo.limit);
+    if (std::abs(pull) < servo.limit) out.rise += servo.slope * d * d;
+  }
+  ContactRows contact;
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    contact = contacts_[c];
+    const double *r = r_.data() + kMostRows * c, *s = s_.data() + kMostRows * c;
+    std::array<double, kMostRows> now{};
+    for (std::size_t k = 0; k < contact.rows; ++k) now[k] = r[k] + share * s[k];
+    obey(contact, now.data(), law);
+    for (std::size_t k = 0; k < contact.rows; ++k) out.value -= s[k] * contact.impulse[k];
+    if (!contact.open) out.rise += s[0] * s[0] / contact.softness;
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      const Disc& disc = contact.discs[k];
+      const double sx = s[disc.row], sy = disc.size > 1 ? s[disc.row + 1] : 0;
+      if (!disc.slides) {
+        if (!contact.open || law == Law::fixed_limits) out.rise += (sx * sx + sy * sy) / disc.softness;
+        continue;
+      }
+      const double across = disc.x * sy - disc.y * sx;
+      out.rise += disc.lateral * across * across;
+      if (law == Law::coulomb && !contact.open)
+        out.rise -= disc.coefficient / contact.softness * s[0] * (disc.x * sx + disc.y * sy);
+    }
+  }
+  return out;
+}
+
+/// Where along d_ the energy is least.
+double ContactNewton::search(Law law) const {
+  const double start = along(0, law).value;
+  Slope end = along(1, law);
+  if (!(start < 0) || !(end.value > kFlat * -start)) return 1;
+  double low = 0, high = 1, share = 1;
+  for (int i = 0; i < kSearches; ++i) {
+    double next = share - end.value / end.rise;
+    // Written so that NaN is not taken; the middle where Newton's step leaves the bracket.
+    if (!(next > low && next < high)) next = 0.5 * (low + high);
+    share = next;
+    end = along(share, law);
+    if (std::abs(end.value) <= kFlat * -start) break;
+    (end.value > 0 ? high : low) = share;
+  }
+  return share;
+}
+
+/// x += share d; what passes a bound stays on it.
+void ContactNewton::advance(double share) {
+  for (int i = 0; i < n_; ++i) {
+    Bound& bound = bounds_[at(i)];
+    if (bound.side != 0) continue;
+    double& x = x_[at(i)];
+    x += share * d_[at(i)];
+    if (x < bound.low - kBeyond) bound.side = -1;
+    if (x > bound.high + kBeyond) bound.side = 1;
+    if (bound.side != 0) x = bound.side < 0 ? bound.low : bound.high;
+  }
+}
+
+/// Lets go of bounds that would have to pull.
+bool ContactNewton::release() {
+  bool any = false;
+  for (int i = 0; i < n_; ++i) {
+    Bound& bound = bounds_[at(i)];
+    if (bound.side == 0 || !(bound.side * F_[at(i)] > kRounding * sum_[at(i)])) continue;
+    bound.side = 0;
+    any = true;
+  }
+  return any;
+}
+
+void ContactNewton::fix_limits() {
+  for (ContactRows& contact : contacts_)
+    for (std::size_t k = 0; k < contact.disc_count; ++k)
+      contact.discs[k].limit = contact.discs[k].coefficient * contact.impulse[0];
+}
+
+/// From x_, evaluated; true where the law is met within the tolerance.
+bool ContactNewton::iterate(Law law, int most, double tolerance, NewtonReport& report) {
+  for (int i = 0;; ++i) {
+    report.residual = residual();
+    if (law != Law::as_it_was && report.residual <= tolerance && !release()) return true;
+    if (i == most) return false;
+    assemble(law);
+    factor();
+    for (int k = 0; k < n_; ++k) d_[at(k)] = bounds_[at(k)].side == 0 ? -F_[at(k)] : 0;
+    solve_factored(d_.data());
+    couple();
+    ++report.iterations;
+    double share = 1;
+    if (law == Law::as_it_was) {
+      law = Law::coulomb;
+    } else {
+      // For the search: F without what depends on the direction, and the rows' part of it.
+      s_.resize(r_.size());
+      for (std::size_t c = 0; c < contacts_.size(); ++c) {
+        const ContactRows& contact = contacts_[c];
+        for (std::size_t k = 0; k < contact.rows; ++k) {
+          double& s = s_[kMostRows * c + k] = 0;
+          for (std::size_t j = 0; j < contact.dof_count; ++j)
+            s += J_[contact.first_entry + k * contact.dof_count + j] * d_[at(dofs_[contact.first_dof + j])];
+        }
+      }
+      for (int k = 0; k < n_; ++k) {
+        Ad_[at(k)] = 0;
+        sum_[at(k)] = -g_[at(k)];
+      }
+      for (int k = 0; k < n_; ++k) {
+        const double* row = A_.data() + entry(k, 0);
+        Ad_[at(k)] += row[k] * d_[at(k)];
+        sum_[at(k)] += row[k] * x_[at(k)];
+        for (int j = k + 1; j <= A_last_[at(k)]; ++j) {
+          Ad_[at(k)] += row[j] * d_[at(j)];
+          Ad_[at(j)] += row[j] * d_[at(k)];
+          sum_[at(k)] += row[j] * x_[at(j)];
+          sum_[at(j)] += row[j] * x_[at(k)];
+        }
+      }
+      share = search(law);
+    }
+    advance(share);
+    evaluate(law);
+  }
+}
+
+NewtonReport ContactNewton::solve(double tolerance) {
+  widen();
+  std::fill(x_.begin(), x_.end(), 0.0);
+  for (int i = 0; i < n_; ++i)
+    if (bounds_[at(i)].side != 0) x_[at(i)] = bounds_[at(i)].side < 0 ? bounds_[at(i)].low : bounds_[at(i)].high;
+  NewtonReport report;
+  evaluate(Law::as_it_was);
+  report.solved = iterate(Law::as_it_was, kNewton, tolerance, report);
+  for (int i = 0; i < kTurns && !report.solved; ++i) {
+    fix_limits();
+    evaluate(Law::fixed_limits);
+    iterate(Law::fixed_limits, kFixed, tolerance, report);
+    evaluate(Law::coulomb);
+    report.solved = iterate(Law::coulomb, kNewton, tolerance, report);
+  }
+  return report;
+}
+
+}  // namespace handsim::engine::articulated
