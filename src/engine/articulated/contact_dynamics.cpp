@@ -16,7 +16,7 @@ namespace {
 /// would give way. It makes impulses unique where joints, stops and other contacts leave them open. Surfaces
 /// not yet as deep as the layer sink to it by the first, what is held by friction creeps by the second: 0.03
 /// and 3e-4 um/s under a body's weight at 1 ms.
-constexpr double kNormalSoftness = 1e-5, kFrictionSoftness = 1e-7;
+constexpr double kNormalSoftness = 1e-5, kFrictionSoftness = 1e-5;
 
 constexpr int kNone = -1;
 
@@ -148,6 +148,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   const double giving = inverse_mass(contact.shape_a) + inverse_mass(contact.shape_b);
   const double turning = inverse_inertia(contact.shape_a) + inverse_inertia(contact.shape_b);
   const double inside = std::max(contact.depth - ode::kSurfaceLayer, 0.0);
+  rows.giving = giving;
   double target = 0;
   if (surface.compliance) {
     const ode::SoftRow soft =
@@ -175,13 +176,14 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   }
   rows.start[0] = v.x() - target;
   std::size_t row = 1;
-  const auto add = [&](Disc::Kind kind, double coefficient, double softness) {
+  const auto add = [&](Disc::Kind kind, double coefficient, double gives) {
     Disc& disc = rows.discs[rows.disc_count++];
     disc.kind = kind;
     disc.row = row;
     disc.size = kind == Disc::Kind::spinning ? 1 : 2;
     disc.coefficient = coefficient;
-    disc.softness = softness;
+    disc.softness = kFrictionSoftness * gives;
+    disc.giving = gives;
   };
   const auto add_turning = [&](int axis) {
     rows.start[row] = w[axis];
@@ -190,16 +192,16 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
     ++row;
   };
   if (friction > 0) {
-    add(Disc::Kind::sliding, friction, kFrictionSoftness * giving);
+    add(Disc::Kind::sliding, friction, giving);
     rows.start[row++] = v.y();
     rows.start[row++] = v.z();
   }
   if (spinning > 0) {
-    add(Disc::Kind::spinning, spinning, kFrictionSoftness * turning);
+    add(Disc::Kind::spinning, spinning, turning);
     add_turning(0);
   }
   if (rolling > 0) {
-    add(Disc::Kind::rolling, rolling, kFrictionSoftness * turning);
+    add(Disc::Kind::rolling, rolling, turning);
     add_turning(1);
     add_turning(2);
   }
@@ -235,11 +237,12 @@ void ContactDynamics::recall(ContactRows& rows, const Contact& contact, const Ma
     Disc& disc = rows.discs[k];
     const Vec3 p = frame.transpose() * (disc.kind == Disc::Kind::sliding ? last.impulse : last.moment);
     const double x = disc.size > 1 ? p.y() : p.x(), y = disc.size > 1 ? p.z() : 0;
-    disc.limit = std::sqrt(x * x + y * y);
-    disc.slides = last.slides[static_cast<std::size_t>(disc.kind)] && disc.limit > 0;
+    const double size = std::sqrt(x * x + y * y);
+    disc.lateral = last.lateral[static_cast<std::size_t>(disc.kind)];
+    disc.slides = disc.lateral > 0 && size > 0;
     if (!disc.slides) continue;
-    disc.x = -x / disc.limit;
-    disc.y = -y / disc.limit;
+    disc.x = disc.px = -x / size;
+    disc.y = disc.py = -y / size;
   }
 }
 
@@ -259,7 +262,7 @@ void ContactDynamics::memorise(double step) {
       for (std::size_t k = 0; k < rows.disc_count; ++k) {
         const Disc& disc = rows.discs[k];
         const double* p = rows.impulse.data() + disc.row;
-        point.slides[static_cast<std::size_t>(disc.kind)] = disc.slides;
+        point.lateral[static_cast<std::size_t>(disc.kind)] = disc.slides ? disc.lateral : 0;
         if (disc.kind == Disc::Kind::spinning)
           moment.x() = p[0];
         else

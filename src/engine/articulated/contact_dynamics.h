@@ -23,7 +23,8 @@ struct ContactMemory {
     int shape_a = 0, shape_b = 0, index = 0;
     Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero();  ///< world [N s], [N m s]
     bool open = false;                                   ///< bears nothing
-    std::array<bool, 3> slides{};                        ///< of its sliding, spinning and rolling friction
+    /// Of its sliding, spinning and rolling friction: limit over speed where it slides, else 0.
+    std::array<double, 3> lateral{};
   };
   std::vector<Point> points;  ///< by shapes, then index
 };

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include <cstdio>
+#include <cstdlib>
 #include <Eigen/Dense>
 
 namespace handsim::engine::articulated {
@@ -13,12 +15,14 @@ namespace {
 constexpr std::size_t kMostRows = 6;
 /// Iterations with Coulomb's law, then with friction's limits fixed (an energy's minimum, which is always
 /// found), and how often in turns.
-constexpr int kNewton = 15, kFixed = 15, kTurns = 8;
-constexpr int kSearches = 12;
+static double envd(const char* n, double d) { const char* v = getenv(n); return v ? atof(v) : d; }
+static const int kNewton = (int)envd("KN",10), kSwitches = (int)envd("KS",15);
+static const double kSoftest = envd("KSOFT",1e-1), kHardest = envd("KH",1e-5), kHarder = envd("KF",0.1), kLoose=envd("KL",1);
+constexpr int kSearches = 30;
 /// Slope of the energy that a step may leave, as a share of its start's.
 constexpr double kFlat = 0.1;
 /// Share of the forces that meet in a rate's equation below which what they leave is rounding.
-constexpr double kRounding = 1e-11;
+constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
 /// Bounds are passed beyond rounding.
 constexpr double kBeyond = 1e-12;
 
@@ -93,7 +97,7 @@ void ContactNewton::widen() {
 /// Impulses at row velocities r, and which parts of the law are in force.
 void ContactNewton::obey(ContactRows& contact, const double* r, Law law) {
   double& normal = contact.impulse[0];
-  normal = -r[0] / contact.softness;
+  normal = -r[0] / contact.soft;
   if (law == Law::as_it_was)
     normal = contact.open ? 0 : normal;
   else
@@ -101,32 +105,31 @@ void ContactNewton::obey(ContactRows& contact, const double* r, Law law) {
   if (contact.open) normal = 0;
   for (std::size_t k = 0; k < contact.disc_count; ++k) {
     Disc& disc = contact.discs[k];
-    const double* v = r + disc.row;
     double* p = contact.impulse.data() + disc.row;
-    const double vy = disc.size > 1 ? v[1] : 0;
-    const double speed = disc.size > 1 ? std::sqrt(v[0] * v[0] + vy * vy) : std::abs(v[0]);
-    double limit = disc.coefficient * normal;
-    if (law == Law::as_it_was) {
-      if (contact.open) {
-        disc.slides = false;
-        disc.lateral = 0;
-        p[0] = 0;
-        if (disc.size > 1) p[1] = 0;
-        continue;
-      }
-      if (disc.slides)
-        disc.lateral = std::min(disc.limit / std::max(speed, 1e-300), 1 / disc.softness);
-    } else {
-      if (law == Law::fixed_limits) limit = disc.limit;
-      disc.slides = speed > limit * disc.softness;
+    const double vx = r[disc.row], vy = disc.size > 1 ? r[disc.row + 1] : 0;
+    const double limit = disc.coefficient * normal;
+    double x = -vx / disc.soft, y = -vy / disc.soft;
+    if (contact.open) {
+      disc.slides = false;
+      x = y = 0;
+    } else if (law == Law::as_it_was && disc.slides) {
+      disc.lateral = std::min(disc.lateral, 1 / disc.soft);
+      const double along = vx * disc.x + vy * disc.y;
+      x = -limit * disc.x - disc.lateral * (vx - along * disc.x);
+      y = -limit * disc.y - disc.lateral * (vy - along * disc.y);
+    } else if (law == Law::coulomb) {
+      const double speed = std::sqrt(vx * vx + vy * vy);
+      disc.slides = speed > limit * disc.soft;
       if (disc.slides) {
-        disc.x = v[0] / speed;
+        disc.x = vx / speed;
         disc.y = vy / speed;
         disc.lateral = limit / speed;
+        x = -limit * disc.x;
+        y = -limit * disc.y;
       }
     }
-    p[0] = disc.slides ? -limit * disc.x : -v[0] / disc.softness;
-    if (disc.size > 1) p[1] = disc.slides ? -limit * disc.y : -vy / disc.softness;
+    p[0] = x;
+    if (disc.size > 1) p[1] = y;
   }
 }
 
@@ -160,21 +163,28 @@ void ContactNewton::evaluate(Law law) {
     const int* dofs = dofs_.data() + contact.first_dof;
     const double* J = J_.data() + contact.first_entry;
     double* r = r_.data() + kMostRows * c;
+    std::array<double, kMostRows> size{};
     for (std::size_t k = 0; k < contact.rows; ++k) {
       r[k] = contact.start[k];
-      for (std::size_t j = 0; j < contact.dof_count; ++j)
-        r[k] += J[k * contact.dof_count + j] * x_[at(dofs[j])];
-    }
-    obey(contact, r, law);
-    if (contact.open && law != Law::fixed_limits) continue;
-    for (std::size_t k = 0; k < contact.rows; ++k) {
-      const double p = contact.impulse[k];
+      size[k] = std::abs(r[k]);
       for (std::size_t j = 0; j < contact.dof_count; ++j) {
-        const double push = J[k * contact.dof_count + j] * p;
-        F_[at(dofs[j])] -= push;
-        sum_[at(dofs[j])] += std::abs(push);
+        const double part = J[k * contact.dof_count + j] * x_[at(dofs[j])];
+        r[k] += part;
+        size[k] += std::abs(part);
       }
     }
+    obey(contact, r, law);
+    if (contact.open) continue;
+    size[0] /= contact.soft;
+    for (std::size_t k = 0; k < contact.disc_count; ++k)
+      for (std::size_t row = 0; row < contact.discs[k].size; ++row)
+        size[contact.discs[k].row + row] /= contact.discs[k].soft;
+    for (std::size_t k = 0; k < contact.rows; ++k)
+      for (std::size_t j = 0; j < contact.dof_count; ++j) {
+        const double share = J[k * contact.dof_count + j];
+        F_[at(dofs[j])] -= share * contact.impulse[k];
+        sum_[at(dofs[j])] += std::abs(share) * size[k];
+      }
   }
 }
 
@@ -190,9 +200,16 @@ double ContactNewton::residual() const {
   return most;
 }
 
+/// Of a disc's impulses against its velocities: xx, xy, yy.
+std::array<double, 3> ContactNewton::stiffness(const Disc& disc) {
+  if (!disc.slides) return {1 / disc.soft, 0, 1 / disc.soft};
+  return {disc.lateral * (1 - disc.px * disc.x), -0.5 * disc.lateral * (disc.px * disc.y + disc.py * disc.x),
+          disc.lateral * (1 - disc.py * disc.y)};
+}
+
 /// The derivative of F where the law now is: M its symmetric part, C and G what friction has of the normal
 /// impulse.
-void ContactNewton::assemble(Law law) {
+void ContactNewton::assemble() {
   for (int i = 0; i < n_; ++i) {
     double* M = M_.data() + entry(i, 0);
     const double* A = A_.data() + entry(i, 0);
@@ -203,7 +220,7 @@ void ContactNewton::assemble(Law law) {
   }
   coupled_ = 0;
   for (const ContactRows& contact : contacts_) {
-    if (contact.open && law != Law::fixed_limits) continue;
+    if (contact.open) continue;
     const std::size_t m = contact.dof_count;
     const int* dofs = dofs_.data() + contact.first_dof;
     const double* J = J_.data() + contact.first_entry;
@@ -215,28 +232,31 @@ void ContactNewton::assemble(Law law) {
         for (std::size_t j = i; j < m; ++j) to[dofs[j]] += scaled * row[j];
       }
     };
-    if (!contact.open) add(1 / contact.softness, J);
+    add(1 / contact.soft, J);
     for (std::size_t k = 0; k < contact.disc_count; ++k) {
       const Disc& disc = contact.discs[k];
       const double* rows = J + disc.row * m;
-      if (!disc.slides) {
-        for (std::size_t row = 0; row < disc.size; ++row) add(1 / disc.softness, rows + row * m);
-        continue;
+      const auto [xx, xy, yy] = stiffness(disc);
+      if (disc.size == 1) {
+        add(xx, rows);
+      } else {
+        const double *first = rows, *second = rows + m;
+        for (std::size_t i = 0; i < m; ++i) {
+          const double a = xx * first[i] + xy * second[i], b = xy * first[i] + yy * second[i];
+          double* to = M_.data() + entry(dofs[i], 0);
+          for (std::size_t j = i; j < m; ++j) to[dofs[j]] += a * first[j] + b * second[j];
+        }
       }
-      if (disc.size > 1 && disc.lateral > 0) {
-        for (std::size_t j = 0; j < m; ++j) d_[j] = disc.x * rows[m + j] - disc.y * rows[j];
-        add(disc.lateral, d_.data());
-      }
-      if (law == Law::fixed_limits || contact.open) continue;
+      if (!disc.slides) continue;
       const std::size_t n = at(n_);
       C_.resize(std::max(C_.size(), (coupled_ + 1) * n));
       G_.resize(C_.size());
       double *C = C_.data() + coupled_ * n, *G = G_.data() + coupled_ * n;
       std::fill(C, C + n, 0.0);
       std::fill(G, G + n, 0.0);
-      const double share = disc.coefficient / contact.softness;
+      const double share = disc.coefficient / contact.soft;
       for (std::size_t j = 0; j < m; ++j) {
-        const double slip = disc.x * rows[j] + (disc.size > 1 ? disc.y * rows[m + j] : 0);
+        const double slip = disc.px * rows[j] + (disc.size > 1 ? disc.py * rows[m + j] : 0);
         const auto dof = at(dofs[j]);
         if (bounds_[dof].side != 0) continue;
         C[dof] = share * slip;
@@ -333,18 +353,18 @@ ContactNewton::Slope ContactNewton::along(double share, Law law) const {
     for (std::size_t k = 0; k < contact.rows; ++k) now[k] = r[k] + share * s[k];
     obey(contact, now.data(), law);
     for (std::size_t k = 0; k < contact.rows; ++k) out.value -= s[k] * contact.impulse[k];
-    if (!contact.open) out.rise += s[0] * s[0] / contact.softness;
+    if (!contact.open) out.rise += s[0] * s[0] / contact.soft;
     for (std::size_t k = 0; k < contact.disc_count; ++k) {
       const Disc& disc = contact.discs[k];
       const double sx = s[disc.row], sy = disc.size > 1 ? s[disc.row + 1] : 0;
       if (!disc.slides) {
-        if (!contact.open || law == Law::fixed_limits) out.rise += (sx * sx + sy * sy) / disc.softness;
+        if (!contact.open) out.rise += (sx * sx + sy * sy) / disc.soft;
         continue;
       }
       const double across = disc.x * sy - disc.y * sx;
       out.rise += disc.lateral * across * across;
       if (law == Law::coulomb && !contact.open)
-        out.rise -= disc.coefficient / contact.softness * s[0] * (disc.x * sx + disc.y * sy);
+        out.rise -= disc.coefficient / contact.soft * s[0] * (disc.x * sx + disc.y * sy);
     }
   }
   return out;
@@ -393,10 +413,13 @@ bool ContactNewton::release() {
   return any;
 }
 
-void ContactNewton::fix_limits() {
-  for (ContactRows& contact : contacts_)
+/// Makes contacts softer than they are, to a share of what their bodies give way.
+void ContactNewton::soften(double share) {
+  for (ContactRows& contact : contacts_) {
+    contact.soft = std::max(contact.softness, share * contact.giving);
     for (std::size_t k = 0; k < contact.disc_count; ++k)
-      contact.discs[k].limit = contact.discs[k].coefficient * contact.impulse[0];
+      contact.discs[k].soft = std::max(contact.discs[k].softness, share * contact.discs[k].giving);
+  }
 }
 
 /// From x_, evaluated; true where the law is met within the tolerance.
@@ -405,7 +428,7 @@ bool ContactNewton::iterate(Law law, int most, double tolerance, NewtonReport& r
     report.residual = residual();
     if (law != Law::as_it_was && report.residual <= tolerance && !release()) return true;
     if (i == most) return false;
-    assemble(law);
+    assemble();
     factor();
     for (int k = 0; k < n_; ++k) d_[at(k)] = bounds_[at(k)].side == 0 ? -F_[at(k)] : 0;
     solve_factored(d_.data());
@@ -415,16 +438,7 @@ bool ContactNewton::iterate(Law law, int most, double tolerance, NewtonReport& r
     if (law == Law::as_it_was) {
       law = Law::coulomb;
     } else {
-      // For the search: F without what depends on the direction, and the rows' part of it.
-      s_.resize(r_.size());
-      for (std::size_t c = 0; c < contacts_.size(); ++c) {
-        const ContactRows& contact = contacts_[c];
-        for (std::size_t k = 0; k < contact.rows; ++k) {
-          double& s = s_[kMostRows * c + k] = 0;
-          for (std::size_t j = 0; j < contact.dof_count; ++j)
-            s += J_[contact.first_entry + k * contact.dof_count + j] * d_[at(dofs_[contact.first_dof + j])];
-        }
-      }
+      find_changes();
       for (int k = 0; k < n_; ++k) {
         Ad_[at(k)] = 0;
         sum_[at(k)] = -g_[at(k)];
@@ -442,9 +456,73 @@ bool ContactNewton::iterate(Law law, int most, double tolerance, NewtonReport& r
       }
       share = search(law);
     }
+    turn(share);
     advance(share);
     evaluate(law);
+    static const bool kTrace=getenv("TRACE"); if (kTrace) { int o=0,sl=0; for (auto&c:contacts_){o+=c.open; for(size_t k=0;k<c.disc_count;++k) sl+=c.discs[k].slides;} fprintf(stderr,"  it %d law %d share %.3g residual %.3g open %d slide %d of %zu start %.3g end %.3g\n",i,(int)law,share,residual(),o,sl,contacts_.size(), 0.0,0.0);}
   }
+}
+
+/// Rows' velocities that the step d_ adds.
+void ContactNewton::find_changes() {
+  s_.resize(r_.size());
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    const ContactRows& contact = contacts_[c];
+    for (std::size_t k = 0; k < contact.rows; ++k) {
+      double& s = s_[kMostRows * c + k] = 0;
+      for (std::size_t j = 0; j < contact.dof_count; ++j)
+        s += J_[contact.first_entry + k * contact.dof_count + j] * d_[at(dofs_[contact.first_dof + j])];
+    }
+  }
+}
+
+/// Friction's direction as the linear model of the step has it after a share of the step.
+void ContactNewton::turn(double share) {
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    ContactRows& contact = contacts_[c];
+    const double* s = s_.data() + kMostRows * c;
+    const double more = contact.open ? 0 : -share * s[0] / contact.soft;
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      Disc& disc = contact.discs[k];
+      double x = 0, y = 0;
+      if (!contact.open) {
+        const auto [xx, xy, yy] = stiffness(disc);
+        const double sx = share * s[disc.row], sy = disc.size > 1 ? share * s[disc.row + 1] : 0;
+        const double* p = contact.impulse.data() + disc.row;
+        x = -p[0] + xx * sx + xy * sy;
+        y = disc.size > 1 ? -p[1] + xy * sx + yy * sy : 0;
+        if (disc.slides) {
+          x += disc.coefficient * more * disc.px;
+          y += disc.coefficient * more * disc.py;
+        }
+      }
+      const double limit = disc.coefficient * std::max(contact.impulse[0] + more, 0.0);
+      const double scale = 1 / std::max({limit, std::sqrt(x * x + y * y), 1e-300});
+      disc.px = scale * x;
+      disc.py = scale * y;
+    }
+  }
+}
+
+/// Full steps from what was in force in the last step, till nothing changes.
+bool ContactNewton::sweep(double tolerance, NewtonReport& report) {
+  evaluate(Law::as_it_was);
+  for (int i = 0; i < kSwitches; ++i) {
+    assemble();
+    factor();
+    for (int k = 0; k < n_; ++k) d_[at(k)] = bounds_[at(k)].side == 0 ? -F_[at(k)] : 0;
+    solve_factored(d_.data());
+    couple();
+    ++report.iterations;
+    find_changes();
+    turn(1);
+    advance(1);
+    evaluate(Law::coulomb);
+    report.residual = residual();
+    static const bool kTrace=getenv("TRACE"); if (kTrace) { int o=0,sl=0; for (auto&c:contacts_){o+=c.open; for(size_t k=0;k<c.disc_count;++k) sl+=c.discs[k].slides;} fprintf(stderr,"  sw %d residual %.3g open %d slide %d of %zu\n",i,residual(),o,sl,contacts_.size());}
+    if (report.residual <= tolerance && !release()) return true;
+  }
+  return false;
 }
 
 NewtonReport ContactNewton::solve(double tolerance) {
@@ -453,15 +531,22 @@ NewtonReport ContactNewton::solve(double tolerance) {
   for (int i = 0; i < n_; ++i)
     if (bounds_[at(i)].side != 0) x_[at(i)] = bounds_[at(i)].side < 0 ? bounds_[at(i)].low : bounds_[at(i)].high;
   NewtonReport report;
-  evaluate(Law::as_it_was);
-  report.solved = iterate(Law::as_it_was, kNewton, tolerance, report);
-  for (int i = 0; i < kTurns && !report.solved; ++i) {
-    fix_limits();
-    evaluate(Law::fixed_limits);
-    iterate(Law::fixed_limits, kFixed, tolerance, report);
+  soften(0);
+  report.solved = sweep(tolerance, report);
+  if (report.solved) { static double its=0;static long n=0; its+=report.iterations; ++n; if(getenv("STAT")&&n%500==0){fprintf(stderr,"plain its/step %.2f \n",its/500.0);its=0;} return report; }
+  for (double share = kSoftest; !report.solved && share > kHardest; share *= kHarder) {
+    soften(share);
     evaluate(Law::coulomb);
-    report.solved = iterate(Law::coulomb, kNewton, tolerance, report);
+    iterate(Law::coulomb, kNewton, kLoose*tolerance, report);
   }
+  soften(0);
+  for (int i = 0; i < 2 && !report.solved; ++i) {
+    report.solved = sweep(tolerance, report);
+    if (report.solved) break;
+    evaluate(Law::coulomb);
+    report.solved = iterate(Law::coulomb, 2*kNewton, tolerance, report);
+  }
+  static double its=0,cont=0;static long n=0; its+=report.iterations; ++n; if(report.iterations>kSwitches)++cont; if(getenv("STAT")&&n%500==0){fprintf(stderr,"its/step %.2f cont %.3f\n",its/500.0,cont/500.0);its=0;cont=0;}
   return report;
 }
 

@@ -23,17 +23,19 @@ struct Disc {
   std::size_t row = 1, size = 2;  ///< among the contact's
   double coefficient = 0;
   double softness = 0;  ///< velocity per impulse, > 0
+  double giving = 0;    ///< what its bodies alone would give way
+  double soft = 0;      ///< in force
   bool slides = false;  ///< the limit is in force
-  /// Where it slides: which way (unit), and limit over speed.
-  double x = 1, y = 0, lateral = 0;
-  double limit = 0;  ///< where limits are kept from the last iteration
+  /// Where it slides: which way (unit), against which way it pushes, as a share of the limit, and limit over
+  /// speed. Both ways agree in the solution.
+  double x = 1, y = 0, px = 1, py = 0, lateral = 0;
 };
 
 /// A contact: its normal row, then those of its discs.
 struct ContactRows {
   std::array<double, 6> start{};    ///< r0 [m/s, rad/s]; normal: less the velocity that it is to have at least
   std::array<double, 6> impulse{};  ///< in: to start from; out
-  double softness = 0;              ///< of the normal row, > 0
+  double softness = 0, giving = 0, soft = 0;  ///< of the normal row, as a disc has them
   std::array<Disc, 3> discs;
   std::size_t rows = 1, disc_count = 0;
   bool open = true;  ///< in: as it was in the last step; out
@@ -85,8 +87,7 @@ class ContactNewton {
   };
   enum class Law {
     coulomb,
-    as_it_was,    ///< the parts of the law that `open`, `slides` name, whatever the velocities
-    fixed_limits  ///< friction's limits as they were last
+    as_it_was  ///< the parts of it that `open`, `slides` and `saturated` name, whatever the velocities
   };
   /// Derivative of the energy along a direction, and its own.
   struct Slope {
@@ -100,7 +101,7 @@ class ContactNewton {
   static void obey(ContactRows& contact, const double* r, Law law);
   void evaluate(Law law);
   double residual() const;
-  void assemble(Law law);
+  void assemble();
   void factor();
   void solve_factored(double* x) const;
   void couple();
@@ -108,7 +109,11 @@ class ContactNewton {
   Slope along(double share, Law law) const;
   double search(Law law) const;
   void advance(double share);
-  void fix_limits();
+  void soften(double share);
+  static std::array<double, 3> stiffness(const Disc& disc);
+  void find_changes();
+  void turn(double share);
+  bool sweep(double tolerance, NewtonReport& report);
   bool iterate(Law law, int most, double tolerance, NewtonReport& report);
 
   int n_ = 0;
