@@ -55,7 +55,7 @@ int add_solid(model::Model& model, model::Shape shape, double mass, const Pose& 
 TEST(ContactNewton, MeetsCoulombsLawOnRandomProblems) {
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
-  constexpr double kSoftness = 1e-7;
+  constexpr double kSoftness = 1e-5;
   int sticking = 0, sliding = 0, open = 0;
   for (int trial = 0; trial < 200; ++trial) {
     constexpr int kContacts = 8, kDofs = 12;
@@ -85,29 +85,30 @@ TEST(ContactNewton, MeetsCoulombsLawOnRandomProblems) {
           solver.jacobian(rows)[static_cast<std::size_t>(k * kDofs + j)] = J(3 * i + k, j);
       }
     }
-    const NewtonReport report = solver.solve(1e-8);
+    const NewtonReport report = solver.solve(1e-9);
     ASSERT_TRUE(report.solved) << trial << ": " << report.residual;
-    EXPECT_LT(report.iterations, 100);
+    EXPECT_LT(report.iterations, 150);
     Eigen::VectorXd p(3 * kContacts), x(kDofs);
     for (int i = 0; i < kDofs; ++i) x[i] = solver.x()[static_cast<std::size_t>(i)];
     for (int i = 0; i < 3 * kContacts; ++i)
       p[i] = solver.contacts()[static_cast<std::size_t>(i / 3)].impulse[static_cast<std::size_t>(i % 3)];
-    EXPECT_LT((x - J.transpose() * p).cwiseAbs().maxCoeff(), 1e-8);
+    EXPECT_LT((x - J.transpose() * p).cwiseAbs().maxCoeff(), 1e-7);
     const Eigen::VectorXd v = b + J * x;
     for (int i = 0; i < kContacts; ++i) {
       const Vec3 v_i = v.segment<3>(3 * i), p_i = p.segment<3>(3 * i);
       const double bound = 0.4 * p_i.x(), friction = p_i.tail<2>().norm(), slip = v_i.tail<2>().norm();
+      const double give = kSoftness * p_i.norm() + 1e-9;
       EXPECT_GE(p_i.x(), 0);
-      EXPECT_GT(v_i.x(), -2e-6);
-      EXPECT_LT(p_i.x() * v_i.x(), 2e-6);
+      EXPECT_GT(v_i.x(), -give);
+      EXPECT_LT(p_i.x() * v_i.x(), 1e-8);
       EXPECT_LE(friction, bound * (1 + 1e-12));
       if (p_i.x() == 0) {
         ++open;
       } else if (friction < bound * (1 - 1e-9)) {
-        EXPECT_LT(slip, 2e-6);
+        EXPECT_LT(slip, give);
         ++sticking;
       } else {
-        EXPECT_LT(v_i.tail<2>().dot(p_i.tail<2>()), -(1 - 1e-6) * slip * friction + 2e-6);
+        EXPECT_LT(v_i.tail<2>().dot(p_i.tail<2>()), -(1 - 1e-6) * slip * friction + 1e-9);
         ++sliding;
       }
     }

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include <cstdio>
-#include <cstdlib>
 #include <Eigen/Dense>
 
 namespace handsim::engine::articulated {
@@ -13,11 +11,11 @@ namespace handsim::engine::articulated {
 namespace {
 
 constexpr std::size_t kMostRows = 6;
-/// Iterations with Coulomb's law, then with friction's limits fixed (an energy's minimum, which is always
-/// found), and how often in turns.
-static double envd(const char* n, double d) { const char* v = getenv(n); return v ? atof(v) : d; }
-static const int kNewton = (int)envd("KN",10), kSwitches = (int)envd("KS",15);
-static const double kSoftest = envd("KSOFT",1e-1), kHardest = envd("KH",1e-5), kHarder = envd("KF",0.1), kLoose=envd("KL",1);
+/// Full steps from what was in force in the last step; searched steps at each softness, and at the contacts'
+/// own.
+constexpr int kFullSteps = 15, kSofterSteps = 10, kLastSteps = 30;
+/// Softness that a hard problem is approached by, as shares of what bodies give way.
+constexpr double kSoftest = 0.1, kHardest = 1e-5, kHarder = 0.1;
 constexpr int kSearches = 30;
 /// Slope of the energy that a step may leave, as a share of its start's.
 constexpr double kFlat = 0.1;
@@ -219,6 +217,7 @@ void ContactNewton::assemble() {
     if (servo.limit > 0 && servo.saturated == 0) M[i] += servo.slope;
   }
   coupled_ = 0;
+  coupling_.clear();
   for (const ContactRows& contact : contacts_) {
     if (contact.open) continue;
     const std::size_t m = contact.dof_count;
@@ -248,19 +247,11 @@ void ContactNewton::assemble() {
         }
       }
       if (!disc.slides) continue;
-      const std::size_t n = at(n_);
-      C_.resize(std::max(C_.size(), (coupled_ + 1) * n));
-      G_.resize(C_.size());
-      double *C = C_.data() + coupled_ * n, *G = G_.data() + coupled_ * n;
-      std::fill(C, C + n, 0.0);
-      std::fill(G, G + n, 0.0);
       const double share = disc.coefficient / contact.soft;
       for (std::size_t j = 0; j < m; ++j) {
+        if (bounds_[at(dofs[j])].side != 0) continue;
         const double slip = disc.px * rows[j] + (disc.size > 1 ? disc.py * rows[m + j] : 0);
-        const auto dof = at(dofs[j]);
-        if (bounds_[dof].side != 0) continue;
-        C[dof] = share * slip;
-        G[dof] = J[j];
+        coupling_.push_back({coupled_, dofs[j], share * slip, J[j]});
       }
       ++coupled_;
     }
@@ -305,35 +296,53 @@ void ContactNewton::solve_factored(double* x) const {
 
 /// d_ = (M - C G^T)^-1 of what solves M d = -F, by Sherman, Morrison and Woodbury's formula.
 void ContactNewton::couple() {
-  const std::size_t m = coupled_, n = at(n_);
+  const std::size_t m = coupled_;
   if (m == 0) return;
-  for (std::size_t k = 0; k < m; ++k) solve_factored(C_.data() + k * n);
+  const auto width = static_cast<Eigen::Index>(m);
+  // C = M^-1 C, all columns at once: C lies by rows.
+  C_.resize(std::max(C_.size(), m * at(n_)));
+  std::fill_n(C_.begin(), m * at(n_), 0.0);
+  for (const Entry& each : coupling_) C_[at(each.dof) * m + each.column] = each.C;
+  const auto row_of = [&](int i) { return Row(C_.data() + at(i) * m, width); };
+  for (int k = 0; k < n_; ++k) {
+    const double* row = M_.data() + entry(k, 0);
+    row_of(k) *= row[k];
+    for (int j = k + 1; j <= last_[at(k)]; ++j)
+      if (row[j] != 0) row_of(j) -= row[j] * row_of(k);
+  }
+  for (int k = n_ - 1; k >= 0; --k) {
+    const double* row = M_.data() + entry(k, 0);
+    for (int j = k + 1; j <= last_[at(k)]; ++j)
+      if (row[j] != 0) row_of(k) -= row[j] * row_of(j);
+    row_of(k) *= row[k];
+  }
   // K = 1 - G^T M^-1 C, and beside it G^T d.
-  K_.resize(std::max(K_.size(), m * (m + 1)));
+  K_.assign(m * (m + 1), 0.0);
   const auto K = [&](std::size_t i, std::size_t j) -> double& { return K_[i * (m + 1) + j]; };
-  for (std::size_t i = 0; i < m; ++i) {
-    const ConstRow G(G_.data() + i * n, n_);
-    for (std::size_t j = 0; j < m; ++j) K(i, j) = (i == j ? 1.0 : 0.0) - G.dot(ConstRow(C_.data() + j * n, n_));
-    K(i, m) = G.dot(ConstRow(d_.data(), n_));
+  for (std::size_t i = 0; i < m; ++i) K(i, i) = 1;
+  for (const Entry& each : coupling_) {
+    Row(&K(each.column, 0), width) -= each.G * row_of(each.dof);
+    K(each.column, m) += each.G * d_[at(each.dof)];
   }
   for (std::size_t k = 0; k < m; ++k) {
     std::size_t pivot = k;
     for (std::size_t i = k + 1; i < m; ++i)
       if (std::abs(K(i, k)) > std::abs(K(pivot, k))) pivot = i;
-    for (std::size_t j = 0; j <= m; ++j) std::swap(K(k, j), K(pivot, j));
-    for (std::size_t i = k + 1; i < m; ++i) {
-      const double share = K(i, k) / K(k, k);
-      for (std::size_t j = k; j <= m; ++j) K(i, j) -= share * K(k, j);
-    }
+    if (pivot != k)
+      for (std::size_t j = k; j <= m; ++j) std::swap(K(k, j), K(pivot, j));
+    const auto rest = static_cast<Eigen::Index>(m + 1 - k);
+    for (std::size_t i = k + 1; i < m; ++i)
+      Row(&K(i, k), rest) -= K(i, k) / K(k, k) * Row(&K(k, k), rest);
   }
   for (std::size_t k = m; k-- > 0;) {
     for (std::size_t j = k + 1; j < m; ++j) K(k, m) -= K(k, j) * K(j, m);
     K(k, m) /= K(k, k);
-    Row(d_.data(), n_) += K(k, m) * ConstRow(C_.data() + k * n, n_);
   }
+  for (int i = 0; i < n_; ++i)
+    for (std::size_t k = 0; k < m; ++k) d_[at(i)] += C_[at(i) * m + k] * K(k, m);
 }
 
-ContactNewton::Slope ContactNewton::along(double share, Law law) const {
+ContactNewton::Slope ContactNewton::along(double share) const {
   Slope out;
   for (int i = 0; i < n_; ++i) {
     const double d = d_[at(i)];
@@ -351,7 +360,7 @@ ContactNewton::Slope ContactNewton::along(double share, Law law) const {
     const double *r = r_.data() + kMostRows * c, *s = s_.data() + kMostRows * c;
     std::array<double, kMostRows> now{};
     for (std::size_t k = 0; k < contact.rows; ++k) now[k] = r[k] + share * s[k];
-    obey(contact, now.data(), law);
+    obey(contact, now.data(), Law::coulomb);
     for (std::size_t k = 0; k < contact.rows; ++k) out.value -= s[k] * contact.impulse[k];
     if (!contact.open) out.rise += s[0] * s[0] / contact.soft;
     for (std::size_t k = 0; k < contact.disc_count; ++k) {
@@ -363,7 +372,7 @@ ContactNewton::Slope ContactNewton::along(double share, Law law) const {
       }
       const double across = disc.x * sy - disc.y * sx;
       out.rise += disc.lateral * across * across;
-      if (law == Law::coulomb && !contact.open)
+      if (!contact.open)
         out.rise -= disc.coefficient / contact.soft * s[0] * (disc.x * sx + disc.y * sy);
     }
   }
@@ -371,9 +380,25 @@ ContactNewton::Slope ContactNewton::along(double share, Law law) const {
 }
 
 /// Where along d_ the energy is least.
-double ContactNewton::search(Law law) const {
-  const double start = along(0, law).value;
-  Slope end = along(1, law);
+double ContactNewton::search() {
+  // A d, and what of F does not depend on the law, into sum_.
+  for (int i = 0; i < n_; ++i) {
+    Ad_[at(i)] = 0;
+    sum_[at(i)] = -g_[at(i)];
+  }
+  for (int i = 0; i < n_; ++i) {
+    const double* row = A_.data() + entry(i, 0);
+    Ad_[at(i)] += row[i] * d_[at(i)];
+    sum_[at(i)] += row[i] * x_[at(i)];
+    for (int j = i + 1; j <= A_last_[at(i)]; ++j) {
+      Ad_[at(i)] += row[j] * d_[at(j)];
+      Ad_[at(j)] += row[j] * d_[at(i)];
+      sum_[at(i)] += row[j] * x_[at(j)];
+      sum_[at(j)] += row[j] * x_[at(i)];
+    }
+  }
+  const double start = along(0).value;
+  Slope end = along(1);
   if (!(start < 0) || !(end.value > kFlat * -start)) return 1;
   double low = 0, high = 1, share = 1;
   for (int i = 0; i < kSearches; ++i) {
@@ -381,7 +406,7 @@ double ContactNewton::search(Law law) const {
     // Written so that NaN is not taken; the middle where Newton's step leaves the bracket.
     if (!(next > low && next < high)) next = 0.5 * (low + high);
     share = next;
-    end = along(share, law);
+    end = along(share);
     if (std::abs(end.value) <= kFlat * -start) break;
     (end.value > 0 ? high : low) = share;
   }
@@ -419,47 +444,6 @@ void ContactNewton::soften(double share) {
     contact.soft = std::max(contact.softness, share * contact.giving);
     for (std::size_t k = 0; k < contact.disc_count; ++k)
       contact.discs[k].soft = std::max(contact.discs[k].softness, share * contact.discs[k].giving);
-  }
-}
-
-/// From x_, evaluated; true where the law is met within the tolerance.
-bool ContactNewton::iterate(Law law, int most, double tolerance, NewtonReport& report) {
-  for (int i = 0;; ++i) {
-    report.residual = residual();
-    if (law != Law::as_it_was && report.residual <= tolerance && !release()) return true;
-    if (i == most) return false;
-    assemble();
-    factor();
-    for (int k = 0; k < n_; ++k) d_[at(k)] = bounds_[at(k)].side == 0 ? -F_[at(k)] : 0;
-    solve_factored(d_.data());
-    couple();
-    ++report.iterations;
-    double share = 1;
-    if (law == Law::as_it_was) {
-      law = Law::coulomb;
-    } else {
-      find_changes();
-      for (int k = 0; k < n_; ++k) {
-        Ad_[at(k)] = 0;
-        sum_[at(k)] = -g_[at(k)];
-      }
-      for (int k = 0; k < n_; ++k) {
-        const double* row = A_.data() + entry(k, 0);
-        Ad_[at(k)] += row[k] * d_[at(k)];
-        sum_[at(k)] += row[k] * x_[at(k)];
-        for (int j = k + 1; j <= A_last_[at(k)]; ++j) {
-          Ad_[at(k)] += row[j] * d_[at(j)];
-          Ad_[at(j)] += row[j] * d_[at(k)];
-          sum_[at(k)] += row[j] * x_[at(j)];
-          sum_[at(j)] += row[j] * x_[at(k)];
-        }
-      }
-      share = search(law);
-    }
-    turn(share);
-    advance(share);
-    evaluate(law);
-    static const bool kTrace=getenv("TRACE"); if (kTrace) { int o=0,sl=0; for (auto&c:contacts_){o+=c.open; for(size_t k=0;k<c.disc_count;++k) sl+=c.discs[k].slides;} fprintf(stderr,"  it %d law %d share %.3g residual %.3g open %d slide %d of %zu start %.3g end %.3g\n",i,(int)law,share,residual(),o,sl,contacts_.size(), 0.0,0.0);}
   }
 }
 
@@ -504,49 +488,66 @@ void ContactNewton::turn(double share) {
   }
 }
 
-/// Full steps from what was in force in the last step, till nothing changes.
-bool ContactNewton::sweep(double tolerance, NewtonReport& report) {
-  evaluate(Law::as_it_was);
-  for (int i = 0; i < kSwitches; ++i) {
-    assemble();
-    factor();
-    for (int k = 0; k < n_; ++k) d_[at(k)] = bounds_[at(k)].side == 0 ? -F_[at(k)] : 0;
-    solve_factored(d_.data());
-    couple();
-    ++report.iterations;
-    find_changes();
+/// Newton's step, into d_.
+void ContactNewton::find_step(NewtonReport& report) {
+  assemble();
+  factor();
+  for (int i = 0; i < n_; ++i) d_[at(i)] = bounds_[at(i)].side == 0 ? -F_[at(i)] : 0;
+  solve_factored(d_.data());
+  couple();
+  find_changes();
+  ++report.iterations;
+}
+
+bool ContactNewton::solved(double tolerance, NewtonReport& report) {
+  report.residual = residual();
+  report.solved = report.residual <= tolerance && !release();
+  return report.solved;
+}
+
+/// Full steps from an evaluated x.
+void ContactNewton::leap(double tolerance, NewtonReport& report) {
+  for (int i = 0; i < kFullSteps && !report.solved; ++i) {
+    find_step(report);
     turn(1);
     advance(1);
     evaluate(Law::coulomb);
-    report.residual = residual();
-    static const bool kTrace=getenv("TRACE"); if (kTrace) { int o=0,sl=0; for (auto&c:contacts_){o+=c.open; for(size_t k=0;k<c.disc_count;++k) sl+=c.discs[k].slides;} fprintf(stderr,"  sw %d residual %.3g open %d slide %d of %zu\n",i,residual(),o,sl,contacts_.size());}
-    if (report.residual <= tolerance && !release()) return true;
+    solved(tolerance, report);
   }
-  return false;
+}
+
+/// Searched steps from an evaluated x.
+void ContactNewton::walk(int most, double tolerance, NewtonReport& report) {
+  for (int i = 0; !solved(tolerance, report) && i < most; ++i) {
+    find_step(report);
+    const double share = search();
+    turn(share);
+    advance(share);
+    evaluate(Law::coulomb);
+  }
 }
 
 NewtonReport ContactNewton::solve(double tolerance) {
   widen();
-  std::fill(x_.begin(), x_.end(), 0.0);
-  for (int i = 0; i < n_; ++i)
-    if (bounds_[at(i)].side != 0) x_[at(i)] = bounds_[at(i)].side < 0 ? bounds_[at(i)].low : bounds_[at(i)].high;
+  for (int i = 0; i < n_; ++i) {
+    const Bound& bound = bounds_[at(i)];
+    x_[at(i)] = bound.side == 0 ? 0 : (bound.side < 0 ? bound.low : bound.high);
+  }
   NewtonReport report;
   soften(0);
-  report.solved = sweep(tolerance, report);
-  if (report.solved) { static double its=0;static long n=0; its+=report.iterations; ++n; if(getenv("STAT")&&n%500==0){fprintf(stderr,"plain its/step %.2f \n",its/500.0);its=0;} return report; }
-  for (double share = kSoftest; !report.solved && share > kHardest; share *= kHarder) {
+  evaluate(Law::as_it_was);
+  leap(tolerance, report);
+  if (report.solved) return report;
+  for (double share = kSoftest; share >= kHardest; share *= kHarder) {
     soften(share);
     evaluate(Law::coulomb);
-    iterate(Law::coulomb, kNewton, kLoose*tolerance, report);
+    walk(kSofterSteps, tolerance, report);
   }
   soften(0);
-  for (int i = 0; i < 2 && !report.solved; ++i) {
-    report.solved = sweep(tolerance, report);
-    if (report.solved) break;
-    evaluate(Law::coulomb);
-    report.solved = iterate(Law::coulomb, 2*kNewton, tolerance, report);
-  }
-  static double its=0,cont=0;static long n=0; its+=report.iterations; ++n; if(report.iterations>kSwitches)++cont; if(getenv("STAT")&&n%500==0){fprintf(stderr,"its/step %.2f cont %.3f\n",its/500.0,cont/500.0);its=0;cont=0;}
+  evaluate(Law::coulomb);
+  if (solved(tolerance, report)) return report;
+  leap(tolerance, report);
+  if (!report.solved) walk(kLastSteps, tolerance, report);
   return report;
 }
 

@@ -98,23 +98,25 @@ class ContactNewton {
     return static_cast<std::size_t>(i) * static_cast<std::size_t>(n_) + static_cast<std::size_t>(j);
   }
   void widen();
+  void soften(double share);
   static void obey(ContactRows& contact, const double* r, Law law);
   void evaluate(Law law);
   double residual() const;
+  bool release();
+  bool solved(double tolerance, NewtonReport& report);
+  static std::array<double, 3> stiffness(const Disc& disc);
   void assemble();
   void factor();
   void solve_factored(double* x) const;
   void couple();
-  bool release();
-  Slope along(double share, Law law) const;
-  double search(Law law) const;
-  void advance(double share);
-  void soften(double share);
-  static std::array<double, 3> stiffness(const Disc& disc);
   void find_changes();
+  void find_step(NewtonReport& report);
+  Slope along(double share) const;
+  double search();
   void turn(double share);
-  bool sweep(double tolerance, NewtonReport& report);
-  bool iterate(Law law, int most, double tolerance, NewtonReport& report);
+  void advance(double share);
+  void leap(double tolerance, NewtonReport& report);
+  void walk(int most, double tolerance, NewtonReport& report);
 
   int n_ = 0;
   std::vector<int> A_first_, A_last_;  ///< last column of a row of A
@@ -126,8 +128,14 @@ class ContactNewton {
   std::vector<int> dofs_;
   std::vector<double> J_, r_, s_;
   /// What a sliding contact's normal impulse does to its friction: M - C G^T is the whole derivative.
-  std::vector<double> C_, G_, K_;
+  struct Entry {
+    std::size_t column = 0;
+    int dof = 0;
+    double C = 0, G = 0;
+  };
+  std::vector<Entry> coupling_;
   std::size_t coupled_ = 0;
+  std::vector<double> C_, K_;
 };
 
 }  // namespace handsim::engine::articulated
