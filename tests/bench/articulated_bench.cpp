@@ -32,11 +32,13 @@ struct Load {
 
 constexpr int kTurns = 64;
 
+/// @param self_contact tested; the palm is down then, so that the thumb does not come to rest on it
 Load one_hand(bool self_contact = false) {
   Load out;
-  out.scene = test::shipped_scene(
-      "two_hands", {self_contact ? "effects=[gravity, joint_stops, passive_tissue, self_contact, friction]"
-                                 : "effects=[gravity, joint_stops, passive_tissue]"});
+  std::vector<std::string> changes = {"effects=[gravity, joint_stops, passive_tissue]"};
+  if (self_contact)
+    changes = {"effects=[gravity, joint_stops, passive_tissue, self_contact, friction]", "hands.0.wrist.rotation.angle=0"};
+  out.scene = test::shipped_scene("two_hands", changes);
   YamlNode root = out.scene.resolved;
   root.find("hands")->items.pop_back();
   out.scene = scene::compile_scene(std::move(root));

@@ -16,7 +16,7 @@ namespace {
 /// would give way. It makes impulses unique where joints, stops and other contacts leave them open. Surfaces
 /// not yet as deep as the layer sink to it by the first, what is held by friction creeps by the second: 0.03
 /// and 3e-4 um/s under a body's weight at 1 ms.
-constexpr double kNormalSoftness = 1e-5, kFrictionSoftness = 1e-5;
+constexpr double kNormalSoftness = 1e-5, kFrictionSoftness = 1e-6;
 
 constexpr int kNone = -1;
 

@@ -16,6 +16,7 @@ constexpr std::size_t kMostRows = 6;
 constexpr int kFullSteps = 15, kSofterSteps = 10, kLastSteps = 30;
 /// Softness that a hard problem is approached by, as shares of what bodies give way.
 constexpr double kSoftest = 0.1, kHardest = 1e-5, kHarder = 0.1;
+constexpr int kMostFailed = 2;  ///< of these, one after the other
 constexpr int kSearches = 30;
 /// Slope of the energy that a step may leave, as a share of its start's.
 constexpr double kFlat = 0.1;
@@ -538,16 +539,29 @@ NewtonReport ContactNewton::solve(double tolerance) {
   evaluate(Law::as_it_was);
   leap(tolerance, report);
   if (report.solved) return report;
-  for (double share = kSoftest; share >= kHardest; share *= kHarder) {
+  bool any = false;
+  int failed = 0;
+  for (double share = kSoftest; share >= kHardest && failed < kMostFailed; share *= kHarder) {
     soften(share);
     evaluate(Law::coulomb);
     walk(kSofterSteps, tolerance, report);
+    if (!report.solved) {
+      ++failed;
+      continue;
+    }
+    any = true;
+    failed = 0;
+    softer_x_ = x_;
+    softer_ = contacts_;
   }
   soften(0);
   evaluate(Law::coulomb);
-  if (solved(tolerance, report)) return report;
-  leap(tolerance, report);
+  if (!solved(tolerance, report)) leap(tolerance, report);
   if (!report.solved) walk(kLastSteps, tolerance, report);
+  if (!report.solved && any) {
+    x_ = softer_x_;
+    contacts_ = softer_;
+  }
   return report;
 }
 

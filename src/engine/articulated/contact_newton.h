@@ -69,6 +69,8 @@ class ContactNewton {
     return {J_.data() + contact.first_entry, contact.rows * contact.dof_count};
   }
 
+  /// Starts from x = 0 and from what `open`, `slides` and the bounds' sides name. A problem that resists is
+  /// approached from softer contacts; where it is not solved, the hardest of those that were is the result.
   /// @param tolerance of rates [rad/s or m/s]
   NewtonReport solve(double tolerance);
 
@@ -121,10 +123,10 @@ class ContactNewton {
   int n_ = 0;
   std::vector<int> A_first_, A_last_;  ///< last column of a row of A
   std::vector<int> first_, last_;      ///< of the factor
-  std::vector<double> A_, M_, g_, x_, F_, sum_, d_, Ad_;
+  std::vector<double> A_, M_, g_, x_, F_, sum_, d_, Ad_, softer_x_;
   std::vector<Bound> bounds_;
   std::vector<Servo> servos_;
-  std::vector<ContactRows> contacts_;
+  std::vector<ContactRows> contacts_, softer_;
   std::vector<int> dofs_;
   std::vector<double> J_, r_, s_;
   /// What a sliding contact's normal impulse does to its friction: M - C G^T is the whole derivative.
