@@ -23,6 +23,8 @@ class Clearance {
   /// The model must outlive this. @param pairs that are to be watched
   Clearance(const model::Model& model, std::vector<Pair> pairs);
 
+  /// Pairs watched.
+  std::size_t size() const { return pairs_.size(); }
   /// The pairs that may touch, in their order. @param poses X_WS of every shape
   std::span<const Pair> near(std::span<const Pose> poses);
 

@@ -18,7 +18,12 @@ namespace {
 /// and 3e-4 um/s under a body's weight at 1 ms.
 constexpr double kNormalSoftness = 1e-5, kFrictionSoftness = 1e-6;
 
+/// Of the rows of loops, as a share of what the rates that move them give way; the gap is closed after the step.
+constexpr double kTieSoftness = 1e-8;
+
 constexpr int kNone = -1;
+/// So many need no allocation in a step.
+constexpr std::size_t kUsualContacts = 64;
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
@@ -30,15 +35,21 @@ const model::Model& entered(const model::Model& model) {
 
 }  // namespace
 
-ContactDynamics::ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism)
+ContactDynamics::ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism,
+                                 Loops* loops)
     : model_(entered(model)),
       mechanism_(mechanism),
+      loops_(loops),
       collider_(model, ode::immovable_bodies(model, settings.effects)),
       space_(mechanism),
       friction_(settings.effects.has(model::Effect::friction)),
       with_forces_(settings.contact_forces),
       erp_(settings.erp) {
   order();
+  frames_.reserve(kUsualContacts);
+  memory_.points.reserve(kUsualContacts);
+  dofs_.reserve(at(space_.size()));
+  signs_.reserve(at(space_.size()));
   const Topology& topology = mechanism.topology();
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     if (rate_count(topology.nodes[i].kind) != 1) continue;
@@ -53,12 +64,11 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
 void ContactDynamics::order() {
   const int n = space_.size();
   place_.assign(at(n), kNone);
-  std::vector<int> of_place;
   const auto visit = [&](auto&& self, int dof) -> void {
     for (int child = dof + 1; child < n; ++child)
       if (space_.parent_dof(child) == dof) self(self, child);
-    place_[at(dof)] = static_cast<int>(of_place.size());
-    of_place.push_back(dof);
+    place_[at(dof)] = static_cast<int>(dof_of_.size());
+    dof_of_.push_back(dof);
   };
   const Topology& topology = mechanism_.topology();
   for (const bool free : {false, true})
@@ -221,6 +231,35 @@ void ContactDynamics::add_contacts(double step) {
   }
 }
 
+/// Rows of closed loops.
+void ContactDynamics::add_ties() {
+  if (!loops_) return;
+  const std::size_t n = at(space_.size());
+  const std::span<const double> rates = loops_->rates(), J = loops_->jacobian();
+  for (std::size_t i = 0; i < rates.size(); ++i) {
+    dofs_.clear();
+    signs_.clear();
+    for (int place = 0; place < space_.size(); ++place) {
+      const double entry = J[i * n + at(dof_of_[at(place)])];
+      if (entry == 0) continue;
+      dofs_.push_back(place);
+      signs_.push_back(entry);
+    }
+    // A row that nothing moves.
+    if (dofs_.empty()) continue;
+    ContactRows& row = solver_.add(dofs_, 1);
+    row.tie = true;
+    row.open = false;
+    row.start[0] = rates[i];
+    double giving = 0;
+    for (std::size_t k = 0; k < dofs_.size(); ++k) {
+      solver_.jacobian(row)[k] = signs_[k];
+      giving += signs_[k] * signs_[k] / solver_.inertia(dofs_[k], dofs_[k]);
+    }
+    row.softness = kTieSoftness * giving;
+  }
+}
+
 /// Starts a contact as it was in the last step, if the pair had it; else closed and without sliding.
 void ContactDynamics::recall(ContactRows& rows, const Contact& contact, const Mat3& frame, int index) {
   rows.open = false;
@@ -357,6 +396,7 @@ NewtonReport ContactDynamics::solve(double step) {
   find_free(step);
   bound_axes(step);
   add_contacts(step);
+  add_ties();
   NewtonReport report = solver_.solve(kContactTolerance * step);
   while (bounce()) {
     const NewtonReport again = solver_.solve(kContactTolerance * step);

@@ -1,5 +1,5 @@
 // Contact with friction in joint space: impulses at the points that ODE's collision detection finds, solved
-// together with the joint stops and the servos' torque limits at velocity level, so that all hold at the end
+// together with the joint stops, the servos' torque limits and closed loops at velocity level, so that all hold at the end
 // of the step. The inertia is that of the implicit step, springs and dampers of tissue and servos in it.
 #pragma once
 
@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "handsim/engine/articulated/contact_newton.h"
-#include "handsim/engine/articulated/joint_space.h"
+#include "handsim/engine/articulated/loops.h"
 #include "handsim/engine/ode/collider.h"
 
 namespace handsim::engine::articulated {
@@ -31,8 +31,8 @@ struct ContactMemory {
 
 class ContactDynamics {
  public:
-  /// All must outlive this. @param mechanism without loops. @throws ode::OdeFault
-  ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism);
+  /// All must outlive this. @param loops of the mechanism, null where it has none. @throws ode::OdeFault
+  ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism, Loops* loops);
 
   /// Forgets the impulses of the last step.
   void forget() { memory_.points.clear(); }
@@ -70,6 +70,7 @@ class ContactDynamics {
   Side side(int shape, const Vec3& position) const;
   void recall(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);
   void memorise(double step);
+  void add_ties();
   void bound_axes(double step);
   bool bounce();
   int body_of(int shape) const { return model_.shapes[static_cast<std::size_t>(shape)].body; }
@@ -81,13 +82,14 @@ class ContactDynamics {
 
   const model::Model& model_;
   Mechanism& mechanism_;
+  Loops* loops_;
   ode::Collider collider_;
   JointSpace space_;
   ContactNewton solver_;
   bool friction_, with_forces_;
   double erp_;
   std::vector<Coordinate> axes_;
-  std::vector<int> place_;                 ///< in the solver, of each dof
+  std::vector<int> place_, dof_of_;         ///< in the solver, of each dof, and back
   std::vector<std::vector<int>> carriers_;  ///< places of the dofs that carry each node, ascending
   std::vector<Spatial> S_;                 ///< by place
   std::vector<int> dofs_;                  ///< places that move the two of a pair against each other

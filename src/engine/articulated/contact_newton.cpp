@@ -11,6 +11,8 @@ namespace handsim::engine::articulated {
 namespace {
 
 constexpr std::size_t kMostRows = 6;
+/// So many are solved without allocating.
+constexpr std::size_t kUsualContacts = 64;
 /// Full steps from what was in force in the last step; searched steps at each softness, and at the contacts'
 /// own.
 constexpr int kFullSteps = 15, kSofterSteps = 10, kLastSteps = 30;
@@ -47,6 +49,16 @@ void ContactNewton::resize(std::vector<int> first) {
   for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
   bounds_.resize(at(n_));
   servos_.resize(at(n_));
+  softer_x_.resize(at(n_));
+  contacts_.reserve(kUsualContacts);
+  softer_.reserve(kUsualContacts);
+  dofs_.reserve(kUsualContacts * at(n_));
+  J_.reserve(kUsualContacts * kMostRows * at(n_));
+  r_.reserve(kUsualContacts * kMostRows);
+  s_.reserve(kUsualContacts * kMostRows);
+  coupling_.reserve(kUsualContacts * at(n_));
+  C_.reserve(kUsualContacts * at(n_));
+  K_.reserve(kUsualContacts * (kUsualContacts + 1));
 }
 
 void ContactNewton::begin() {
@@ -97,6 +109,10 @@ void ContactNewton::widen() {
 void ContactNewton::obey(ContactRows& contact, const double* r, Law law) {
   double& normal = contact.impulse[0];
   normal = -r[0] / contact.soft;
+  if (contact.tie) {
+    contact.open = false;
+    return;
+  }
   if (law == Law::as_it_was)
     normal = contact.open ? 0 : normal;
   else

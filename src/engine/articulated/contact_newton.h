@@ -31,7 +31,8 @@ struct Disc {
   double x = 1, y = 0, px = 1, py = 0, lateral = 0;
 };
 
-/// A contact: its normal row, then those of its discs.
+/// A contact: its normal row, then those of its discs. Or a tie: one row that is to stand still, whichever way
+/// it has to be pushed.
 struct ContactRows {
   std::array<double, 6> start{};    ///< r0 [m/s, rad/s]; normal: less the velocity that it is to have at least
   std::array<double, 6> impulse{};  ///< in: to start from; out
@@ -39,6 +40,7 @@ struct ContactRows {
   std::array<Disc, 3> discs;
   std::size_t rows = 1, disc_count = 0;
   bool open = true;  ///< in: as it was in the last step; out
+  bool tie = false;
   std::size_t first_dof = 0, dof_count = 0, first_entry = 0;  ///< in the solver's lists
 };
 

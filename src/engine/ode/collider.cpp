@@ -9,6 +9,13 @@
 
 namespace handsim::engine::ode {
 
+namespace {
+
+/// So many need no allocation in a step.
+constexpr std::size_t kUsualContacts = 64;
+
+}  // namespace
+
 PairTable::PairTable(const model::Model& model)
     : groups_(model.groups.size()), table_(groups_ * groups_, kNever) {
   for (const model::ContactRule& rule : model.contact_rules) {
@@ -47,8 +54,11 @@ Collider::Collider(const model::Model& model, const std::vector<bool>& immovable
   const bool sweep = model.shapes.size() >= kSweepFrom;
   space_.reset(sweep ? dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ) : dSimpleSpaceCreate(nullptr));
   add_geoms(bodies);
+  contacts_.reserve(kUsualContacts);
+  touches_.reserve(kUsualContacts);
   if (!bodies.empty()) return;
   clearance_.emplace(model, allowed_pairs());
+  near_pairs_.reserve(clearance_->size());
   poses_.resize(model.shapes.size());
 }
 
