@@ -36,6 +36,9 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
     case scene::FileKind::object:
       scene::read_object_file(root, diagnostics);
       break;
+    case scene::FileKind::costs:
+      scene::read_costs(root, diagnostics);
+      break;
     case scene::FileKind::scene:
       diagnostics.warnings = scene::compile_scene(std::move(root)).warnings;
       break;

@@ -18,7 +18,7 @@ constexpr std::array kMarks = {Mark{"hands", FileKind::scene},         Mark{"obj
                                Mark{"segments", FileKind::hand_model}, Mark{"fits", FileKind::anthropometry},
                                Mark{"gains", FileKind::controller},    Mark{"poses", FileKind::poses},
                                Mark{"methods", FileKind::study},       Mark{"shape", FileKind::object},
-                               Mark{"parts", FileKind::object}};
+                               Mark{"parts", FileKind::object},        Mark{"kinds", FileKind::costs}};
 
 std::string_view keys_of(FileKind kind) {
   switch (kind) {
@@ -38,6 +38,8 @@ std::string_view keys_of(FileKind kind) {
       return "scene, reference, steps, methods";
     case FileKind::object:
       return "shape or parts, mass or density";
+    case FileKind::costs:
+      return "kinds";
   }
   return {};
 }
@@ -62,6 +64,8 @@ std::string_view described(FileKind kind) {
       return "an accuracy study";
     case FileKind::object:
       return "an object";
+    case FileKind::costs:
+      return "a table of what accuracy costs";
   }
   return {};
 }
