@@ -4,6 +4,8 @@
 #include <cmath>
 #include <tuple>
 
+#include <fmt/format.h>
+
 #include "handsim/engine/ode/contacts.h"
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/spring.h"
@@ -86,6 +88,33 @@ void ContactDynamics::order() {
     std::vector<int>& carriers = carriers_.emplace_back();
     for (int dof = space_.last_dof(static_cast<int>(i)); dof != kNone; dof = space_.parent_dof(dof))
       carriers.push_back(place_[at(dof)]);
+  }
+}
+
+template <class Archive, class T>
+void ContactDynamics::carry(Archive& archive, T& point) {
+  archive(point.shape_a);
+  archive(point.shape_b);
+  archive(point.index);
+  archive(point.impulse);
+  archive(point.moment);
+  archive(point.open);
+  for (auto& lateral : point.lateral) archive(lateral);
+}
+
+void ContactDynamics::save(ArchiveWriter& out) const {
+  collider_.save(out);
+  out(memory_.points.size());
+  for (const ContactMemory::Point& each : memory_.points) carry(out, each);
+}
+
+void ContactDynamics::restore(ArchiveReader& in) {
+  collider_.restore(in);
+  memory_.points.resize(in.size());
+  for (ContactMemory::Point& each : memory_.points) {
+    carry(in, each);
+    for (const double lateral : each.lateral)
+      if (!(lateral >= 0)) in.refuse(fmt::format("a friction of {:g} over its speed", lateral), "0 or more");
   }
 }
 

@@ -36,8 +36,9 @@ class ContactDynamics {
 
   /// Forgets the impulses of the last step.
   void forget() { memory_.points.clear(); }
-  const ContactMemory& memory() const { return memory_; }
-  void remember(const ContactMemory& memory) { memory_ = memory; }
+  /// Contacts of the last step, and what they did, from which the next one starts.
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
   /// Finds the contacts at a state. @return pairs given to the narrow phase. @throws ode::OdeFault
   int collide(const model::State& state);
   std::span<const Contact> contacts() const { return collider_.contacts(); }
@@ -62,6 +63,8 @@ class ContactDynamics {
     Vec3 v = Vec3::Zero(), w = Vec3::Zero();
   };
 
+  template <class Archive, class T>
+  static void carry(Archive& archive, T& point);
   void order();
   void find_free(double step);
   void add_contacts(double step);

@@ -63,7 +63,6 @@ class JointSpace {
     return static_cast<std::size_t>(i) * static_cast<std::size_t>(n_) + static_cast<std::size_t>(j);
   }
 
-  Mechanism& mechanism_;
   int n_ = 0;
   std::vector<int> first_, last_;  ///< dofs of each node
   std::vector<int> parent_dof_;    ///< lambda of each dof, or -1

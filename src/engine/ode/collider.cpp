@@ -14,6 +14,16 @@ namespace {
 /// So many need no allocation in a step.
 constexpr std::size_t kUsualContacts = 64;
 
+template <class Archive, class T>
+void carry(Archive& archive, T& contact) {
+  archive(contact.shape_a);
+  archive(contact.shape_b);
+  archive(contact.position);
+  archive(contact.normal);
+  archive(contact.depth);
+  archive(contact.force);
+}
+
 }  // namespace
 
 PairTable::PairTable(const model::Model& model)
@@ -115,6 +125,21 @@ void Collider::find_near(const model::State& state) {
   }
   const std::span<const Clearance::Pair> near = clearance_->near(poses_);
   near_pairs_.assign(near.begin(), near.end());
+}
+
+void Collider::save(ArchiveWriter& out) const {
+  out(contacts_.size());
+  for (const Contact& contact : contacts_) carry(out, contact);
+}
+
+void Collider::restore(ArchiveReader& in) {
+  contacts_.resize(in.size());
+  for (Contact& contact : contacts_) {
+    carry(in, contact);
+    const auto shapes = static_cast<int>(model_.shapes.size());
+    if (contact.shape_a >= shapes || contact.shape_b >= shapes)
+      in.refuse("a contact of a shape that is not there", "contacts of this scene's shapes");
+  }
 }
 
 int Collider::collide(const model::State& state) {
