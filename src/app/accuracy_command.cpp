@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
@@ -6,6 +8,34 @@
 #include "handsim/study/accuracy_report.h"
 
 namespace handsim::app {
+
+namespace {
+
+/// Replaces or adds the study's part of a table of costs.
+void update_costs(const std::filesystem::path& path, const study::AccuracySpec& spec,
+                  const study::AccuracyResult& result) {
+  scene::CostTable table = study::cost_table(spec, result);
+  std::vector<scene::CostTable> tables;
+  if (std::filesystem::exists(path)) {
+    YamlNode root = load_yaml(path);
+    Diagnostics diagnostics;
+    tables = scene::read_costs(root, diagnostics);
+    diagnostics.throw_if_any();
+  }
+  std::erase_if(tables, [&](const scene::CostTable& each) { return each.kind == table.kind; });
+  tables.push_back(std::move(table));
+  std::sort(tables.begin(), tables.end(),
+            [](const scene::CostTable& a, const scene::CostTable& b) { return a.kind < b.kind; });
+  output::write_file(
+      path,
+      "# What accuracy costs, by kind of scene: RMS error of the rates over their RMS, and CPU seconds for a simulated\n"
+      "# second of the scene that it was measured on. Engine auto chooses by it. Each part is made by its study:\n"
+      "# handsim accuracy STUDY --out DIR --no-peers --costs accuracy_costs.yaml, with accuracy_two_hands.yaml,\n"
+      "# accuracy_slider_crank.yaml, accuracy_stops.yaml and accuracy_contact.yaml.\n" +
+          emit_yaml(scene::write_costs(tables)));
+}
+
+}  // namespace
 
 int accuracy_command(const AccuracyArguments& arguments) {
   study::AccuracySpec spec = study::load_accuracy(arguments.study);
@@ -25,6 +55,7 @@ int accuracy_command(const AccuracyArguments& arguments) {
   const bool plotted = study::write_accuracy(spec, result, arguments.out);
   fmt::print("\nfiles in {}{}\n", arguments.out.string(),
              plotted ? "" : " (no plots: gnuplot is missing or failed; accuracy.gp is its script)");
+  if (arguments.costs) update_costs(*arguments.costs, spec, result);
   if (!arguments.target) return 0;
   const study::AccuracyRow* row = study::cheapest(result, *arguments.target);
   if (!row) {

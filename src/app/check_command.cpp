@@ -42,6 +42,9 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
     case scene::FileKind::grip_norms:
       hand::read_grip_table(root, "", diagnostics);
       break;
+    case scene::FileKind::costs:
+      scene::read_costs(root, diagnostics);
+      break;
     case scene::FileKind::material:
       scene::read_material_file(root, diagnostics);
       break;

@@ -189,6 +189,8 @@ void add_accuracy(CLI::App& app, AccuracyArguments& arguments) {
       ->check(CLI::PositiveNumber);
   CLI::Option* peers = accuracy->add_option(
       "--peers", arguments.peers, "folder of other engines' programs (default: where the build puts them)");
+  accuracy->add_option("--costs", arguments.costs,
+                       "table of costs, for engine auto, whose part on this kind of scene is replaced");
   accuracy->add_flag("--no-peers", arguments.no_peers, "leave the rows of other engines out")
       ->excludes(peers);
 }

@@ -64,6 +64,8 @@ struct AccuracyArguments {
   std::optional<double> target;                ///< whole-run error that the cheapest row must reach
   std::optional<std::filesystem::path> peers;  ///< folder of other engines' programs; absent: the build's
   bool no_peers = false;                       ///< leave their rows out
+  /// Table of costs whose part on the study's kind of scene is to be replaced or added.
+  std::optional<std::filesystem::path> costs;
 };
 int accuracy_command(const AccuracyArguments& arguments);
 

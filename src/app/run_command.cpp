@@ -128,6 +128,8 @@ void print_result(const scene::Scene& scene, const simulation::RunResult& result
 int run_scene_command(const RunArguments& arguments) {
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
   print_warnings(scene);
+  if (!scene.spec.engine_choice.empty() && !arguments.quiet && !arguments.json)
+    fmt::print("engine auto: {}\n", scene.spec.engine_choice);
   simulation::RunResult result;
   {
     ProgressBar bar;

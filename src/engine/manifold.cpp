@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 namespace handsim::engine {
 
@@ -69,6 +70,27 @@ struct Box {
     return out;
   }
 
+  double distance(const Vec3& p) const {
+    const Vec3 beyond = p.cwiseAbs() - half;
+    const double most = beyond.maxCoeff();
+    return most <= 0 ? most : beyond.cwiseMax(0.0).norm();
+  }
+
+  /// Outside, the distance's square is a parabola between two bends, by the axes that the segment is beyond.
+  std::optional<double> least(const Vec3& a, const Vec3& along, double low, double high) const {
+    const Vec3 middle = a + 0.5 * (low + high) * along;
+    double curve = 0, slope = 0;
+    bool outside = false;
+    for (int i = 0; i < 3; ++i) {
+      if (std::abs(middle[i]) <= half[i]) continue;
+      outside = true;
+      curve += along[i] * along[i];
+      slope += along[i] * (a[i] - std::copysign(half[i], middle[i]));
+    }
+    if (!outside) return std::nullopt;
+    return curve > 0 ? std::clamp(-slope / curve, low, high) : low;
+  }
+
   Places bends(const Vec3& a, const Vec3& along) const {
     Places places;
     for (int i = 0; i < 3; ++i) {
@@ -97,6 +119,24 @@ struct Cylinder {
     if (out_side <= 0) return {out_end, end};
     const double value = std::hypot(out_side, out_end);
     return {value, (out_side * side + out_end * end) / value};
+  }
+
+  double distance(const Vec3& p) const {
+    const double out_side = std::sqrt(p.x() * p.x() + p.y() * p.y()) - radius;
+    const double out_end = std::abs(p.z()) - half;
+    if (out_side <= 0 || out_end <= 0) return std::max(out_side, out_end);
+    return std::sqrt(out_side * out_side + out_end * out_end);
+  }
+
+  /// Beside the mantle the distance from the axis is a parabola's root, beyond an end the height is straight.
+  std::optional<double> least(const Vec3& a, const Vec3& along, double low, double high) const {
+    const Vec3 middle = a + 0.5 * (low + high) * along;
+    const bool beside = std::sqrt(middle.x() * middle.x() + middle.y() * middle.y()) > radius;
+    const bool beyond = std::abs(middle.z()) > half;
+    if (beside == beyond) return std::nullopt;
+    if (beyond) return middle.z() * along.z() > 0 ? low : high;
+    const double square = along.x() * along.x() + along.y() * along.y();
+    return square > 0 ? std::clamp(-(a.x() * along.x() + a.y() * along.y()) / square, low, high) : low;
   }
 
   Places bends(const Vec3& a, const Vec3& along) const {
@@ -156,6 +196,10 @@ struct Polyhedron {
     return out;
   }
 
+  double distance(const Vec3& p) const { return from(p).value; }
+  /// Not known in closed form.
+  std::optional<double> least(const Vec3&, const Vec3&, double, double) const { return std::nullopt; }
+
   Places bends(const Vec3& a, const Vec3& along) const {
     Places places;
     for (int f = 0; f < mesh.face_count(); ++f) {
@@ -181,9 +225,9 @@ struct Polyhedron {
   }
 };
 
-/// Least of a convex function between two places.
+/// Where a convex function is least between two places.
 template <class Function>
-double least(const Function& f, double low, double high) {
+double search(const Function& f, double low, double high) {
   double a = high - kGolden * (high - low), b = low + kGolden * (high - low);
   double fa = f(a), fb = f(b);
   for (int i = 0; i < kSearchSteps; ++i) {
@@ -209,7 +253,7 @@ Manifold sweep(const Solid& solid, const CapsuleAt& capsule, const Pose& x_WS) {
   const Vec3 axis = x_WS.q.conjugate() * (capsule.pose.q * Vec3(0, 0, capsule.length));
   const Vec3 start = x_WS.q.conjugate() * (capsule.pose.p - x_WS.p) - 0.5 * axis;
   const auto at = [&](double t) -> Vec3 { return start + t * axis; };
-  const auto distance = [&](double t) { return solid.from(at(t)).value; };
+  const auto distance = [&](double t) { return solid.distance(at(t)); };
 
   const Places places = solid.bends(start, axis);
   std::array<double, Places::kMost> found;
@@ -224,12 +268,17 @@ Manifold sweep(const Solid& solid, const CapsuleAt& capsule, const Pose& x_WS) {
   if (found[static_cast<std::size_t>(nearest)] - (high - low) * capsule.length > capsule.radius) return {};
   double best = places[nearest];
   double best_distance = found[static_cast<std::size_t>(nearest)];
-  const double between = least(distance, low, high);
-  // The bend itself where the search only comes near it.
-  if (const double value = distance(between); value < best_distance - 1e-6 * capsule.radius) {
-    best = between;
-    best_distance = value;
-  }
+  const auto look = [&](double from, double to) {
+    const std::optional<double> known = solid.least(start, axis, from, to);
+    const double t = known ? *known : search(distance, from, to);
+    // The bend itself where the search only comes near it.
+    if (const double value = distance(t); value < best_distance - 1e-6 * capsule.radius) {
+      best = t;
+      best_distance = value;
+    }
+  };
+  if (low < places[nearest]) look(low, places[nearest]);
+  if (high > places[nearest]) look(places[nearest], high);
 
   double first = best, last = best;
   double first_distance = best_distance, last_distance = best_distance;

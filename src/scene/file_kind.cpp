@@ -19,7 +19,7 @@ constexpr std::array kMarks = {Mark{"hands", FileKind::scene},         Mark{"obj
                                Mark{"gains", FileKind::controller},    Mark{"poses", FileKind::poses},
                                Mark{"methods", FileKind::study},       Mark{"shape", FileKind::object},
                                Mark{"parts", FileKind::object},        Mark{"norms", FileKind::grip_norms},
-                               Mark{"friction", FileKind::material}};
+                               Mark{"kinds", FileKind::costs},         Mark{"friction", FileKind::material}};
 
 std::string_view keys_of(FileKind kind) {
   switch (kind) {
@@ -43,6 +43,8 @@ std::string_view keys_of(FileKind kind) {
       return "source, norms";
     case FileKind::material:
       return "friction, stiffness, damping";
+    case FileKind::costs:
+      return "kinds";
   }
   return {};
 }
@@ -71,6 +73,8 @@ std::string_view described(FileKind kind) {
       return "a table of grip strength";
     case FileKind::material:
       return "a material";
+    case FileKind::costs:
+      return "a table of what accuracy costs";
   }
   return {};
 }

@@ -19,7 +19,8 @@ enum class FileKind {
   study,
   object,
   grip_norms,
-  material
+  material,
+  costs
 };
 
 /// `a scene`, `a person`, ...

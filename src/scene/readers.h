@@ -59,6 +59,8 @@ std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model
 /// The `effects` list, with `auto` resolved and written out. Reads nothing but the scene's content.
 model::Effects read_effects(MapReader& reader, const SceneSpec& scene);
 
+/// Engine, method, step and what goes with them. @param or_auto `auto` is one of the engines that are named
+void read_settings(MapReader& reader, model::SolverSettings& solver, bool or_auto = false);
 void read_solver(MapReader reader, model::SolverSettings& solver);
 /// Effects that the solver's engine or method does not have.
 void check_engine(MapReader& reader, const model::SolverSettings& solver);

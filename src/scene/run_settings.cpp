@@ -33,11 +33,13 @@ CameraSpec read_camera(MapReader camera) {
 
 }  // namespace
 
-void read_solver(MapReader reader, model::SolverSettings& solver) {
+void read_settings(MapReader& reader, model::SolverSettings& solver, bool or_auto) {
   std::vector<std::pair<std::string_view, model::EngineKind>> engines;
   for (const model::EngineKind kind :
        {model::EngineKind::ode, model::EngineKind::dae, model::EngineKind::articulated})
     engines.emplace_back(model::name(kind), kind);
+  // Engine auto has given way to its choice by now: this is for the message.
+  if (or_auto) engines.emplace_back("auto", model::EngineKind::ode);
   const model::EngineKind engine =
       reader.choice<model::EngineKind>("engine", engines, model::EngineKind::ode);
   std::vector<std::pair<std::string_view, model::Method>> methods;
@@ -58,6 +60,10 @@ void read_solver(MapReader reader, model::SolverSettings& solver) {
     reader.problem("projection", "true on engine " + std::string(model::name(engine)),
                    "false: its euler_projected and others close joints themselves");
   solver.tolerance = reader.number("tolerance", {Dimension::none, 1e-11, 1e-2}, 1e-9);
+}
+
+void read_solver(MapReader reader, model::SolverSettings& solver) {
+  read_settings(reader, solver, true);
   MapReader guard = reader.map("guard");
   const model::GuardLimits limits;
   solver.guard.joint_gap = guard.number("joint_gap", {Dimension::length, 1e-6, 1}, limits.joint_gap);

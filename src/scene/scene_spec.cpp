@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/scene/engine_choice.h"
 #include "handsim/scene/readers.h"
 
 namespace handsim::scene {
@@ -62,6 +63,7 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   if (reader.sound() && !scene.grasps.empty()) add_grasp_programs(scene, diagnostics);
   if (reader.sound()) add_climb_programs(scene, diagnostics);
   scene.solver.effects = read_effects(reader, scene);
+  choose_engine(reader, scene);
   const std::size_t before_times = diagnostics.problems.size();
   read_solver(reader.map("solver"), scene.solver);
   if (reader.sound()) check_engine(reader, scene.solver);

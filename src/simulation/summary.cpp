@@ -359,6 +359,7 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
                    {"seed", solver.seed}};
   out["versions"] = {
       {"handsim", HANDSIM_VERSION}, {"engine", simulation.engine().version()}, {"compiler", __VERSION__}};
+  if (!scene.spec.engine_choice.empty()) out["engine_choice"] = scene.spec.engine_choice;
   out["notes"] = notes;
   out["warnings"] = scene.warnings;
   out["overlaps_at_start"] = overlaps_json(scene.model);

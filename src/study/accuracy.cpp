@@ -386,6 +386,41 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
   return result;
 }
 
+scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& result) {
+  if (!spec.kind || !result.reference)
+    throw input_error("--costs", "a study without a kind or without a reference", "one with both");
+  double square = 0;
+  std::size_t count = 0;
+  for (const std::vector<double>& rates : result.reference->rate)
+    for (const double rate : rates) {
+      square += rate * rate;
+      ++count;
+    }
+  const double signal = std::sqrt(square / static_cast<double>(count));
+  scene::CostTable table;
+  table.kind = *spec.kind;
+  table.scene = spec.scene.filename().string();
+  table.duration = result.reference->time.back();
+  std::vector<scene::CostRow> all;
+  for (const AccuracyRow& row : result.rows) {
+    const auto method = std::find_if(spec.methods.begin(), spec.methods.end(),
+                                     [&](const AccuracyMethod& each) { return each.name == row.method; });
+    if (row.fault || row.own_reference || row.is_reference || method->peer) continue;
+    all.push_back({row.rate_error / signal, row.cpu_per_second,
+                   make_job(spec, *method, row.step).scene.spec.solver});
+  }
+  for (const scene::CostRow& row : all)
+    if (std::none_of(all.begin(), all.end(), [&](const scene::CostRow& other) {
+          return model::engine_of(other.solver.method) == model::engine_of(row.solver.method) &&
+                 other.error <= row.error && other.cost <= row.cost &&
+                 (other.error < row.error || other.cost < row.cost);
+        }))
+      table.rows.push_back(row);
+  std::sort(table.rows.begin(), table.rows.end(),
+            [](const scene::CostRow& a, const scene::CostRow& b) { return a.error > b.error; });
+  return table;
+}
+
 const AccuracyRow* cheapest(const AccuracyResult& result, double target) {
   const AccuracyRow* best = nullptr;
   for (const AccuracyRow& row : result.rows) {

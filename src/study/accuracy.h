@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "handsim/core/yaml.h"
+#include "handsim/scene/engine_choice.h"
 #include "handsim/study/peer_program.h"
 
 namespace handsim::study {
@@ -47,6 +48,7 @@ struct AccuracySpec {
   int repeats = 5;                 ///< timed runs of each row, of which the median counts
   std::vector<double> plot_steps;  ///< steps whose motion is plotted [s]
   std::vector<AccuracyMethod> methods;
+  std::optional<scene::SceneKind> kind;  ///< of the scene, for the table that engine `auto` chooses from
   std::optional<std::filesystem::path>
       peers;  ///< folder of the peers' programs; absent: their rows are left out
 };
@@ -91,6 +93,11 @@ AccuracySpec load_accuracy(const std::filesystem::path& path);
 /// @param progress told the share done, 0..1.
 /// @throws Error (input) where a scene or an override is bad.
 AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress);
+
+/// What the study measured of the methods of handsim's own, for engine `auto`: of each engine the rows that no
+/// other row of it betters in both error and cost. @throws Error (input) where the study has no kind or no
+/// reference.
+scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& result);
 
 /// The cheapest row whose whole-run error is at most `target`; nothing where none is. Where the study has a
 /// reference, rows with one of their own do not compete.

@@ -15,6 +15,7 @@
 #include "handsim/engine/articulated/articulated_engine.h"
 #include "handsim/engine/ode/ode_engine.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/simulation/simulation.h"
 #include "scene_files.h"
 
 namespace handsim::bench {
@@ -31,9 +32,13 @@ struct Load {
 
 constexpr int kTurns = 64;
 
-Load one_hand() {
+/// @param self_contact tested; the palm is down then, so that the thumb does not come to rest on it
+Load one_hand(bool self_contact = false) {
   Load out;
-  out.scene = test::shipped_scene("two_hands", {});
+  std::vector<std::string> changes = {"effects=[gravity, joint_stops, passive_tissue]"};
+  if (self_contact)
+    changes = {"effects=[gravity, joint_stops, passive_tissue, self_contact, friction]", "hands.0.wrist.rotation.angle=0"};
+  out.scene = test::shipped_scene("two_hands", changes);
   YamlNode root = out.scene.resolved;
   root.find("hands")->items.pop_back();
   out.scene = scene::compile_scene(std::move(root));
@@ -81,48 +86,227 @@ BENCHMARK_CAPTURE(step_against_bare_ode, two_lanes, 2)->UseManualTime()->Unit(be
 BENCHMARK_CAPTURE(step_against_bare_ode, four_lanes, 4)->UseManualTime()->Unit(benchmark::kMillisecond);
 
 #ifdef HANDSIM_WITH_MUJOCO
-/// Yardstick: mj_step of MuJoCo with its Euler method on the exported hand, stops on, no contact tested, the
-/// same spring-dampers by its motors.
-void step_against_mujoco(benchmark::State& state) {
-  const Load load = one_hand();
+struct Freed {
+  void operator()(mjModel* model) const { mj_deleteModel(model); }
+  void operator()(mjData* data) const { mj_deleteData(data); }
+};
+
+/// A model in MuJoCo, with its Euler method.
+struct Other {
+  std::unique_ptr<mjModel, Freed> model;
+  std::unique_ptr<mjData, Freed> data;
+};
+
+Other in_mujoco(const model::Model& model, const engine::Settings& settings) {
   const std::string path = "/tmp/handsim_bench_" + std::to_string(getpid()) + ".xml";
-  std::ofstream(path) << output::to_mjcf(load.scene.model, load.scene.spec.solver);
+  std::ofstream(path) << output::to_mjcf(model, settings);
   char error[1000] = {};
-  mjModel* other = mj_loadXML(path.c_str(), nullptr, error, sizeof error);
+  Other out;
+  out.model.reset(mj_loadXML(path.c_str(), nullptr, error, sizeof error));
   std::filesystem::remove(path);
-  if (!other) return state.SkipWithError(error);
-  other->opt.disableflags |= mjDSBL_CONTACT;
+  if (!out.model) throw std::runtime_error(error);
+  out.data.reset(mj_makeData(out.model.get()));
+  return out;
+}
+
+/// Yardstick: mj_step on the exported hand, stops on, the same spring-dampers by its motors; no contact
+/// tested, or self-contact of which nothing touches (counters: contacts of either at the end).
+void step_against_mujoco(benchmark::State& state, bool self_contact) {
+  const Load load = one_hand(self_contact);
+  const Other other = in_mujoco(load.scene.model, load.scene.spec.solver);
+  mjModel* m = other.model.get();
+  mjData* d = other.data.get();
+  if (!self_contact) m->opt.disableflags |= mjDSBL_CONTACT;
   // The servos' damping as the joints' own, which MuJoCo solves implicitly, as the engine does.
-  for (int k = 0; k < other->nv; ++k)
-    other->dof_damping[k] += load.servos[0][static_cast<std::size_t>(k)].damping;
-  mjData* data = mj_makeData(other);
+  for (int k = 0; k < m->nv; ++k) m->dof_damping[k] += load.servos[0][static_cast<std::size_t>(k)].damping;
   engine::Settings settings = load.scene.spec.solver;
   settings.method = engine::Method::semi_implicit_euler;
   engine::articulated::ArticulatedEngine engine(load.scene.model, settings);
   const model::State start = model::initial_state(load.scene.model);
+  int touching = 0;
   compare(
       state, kSteps,
       [&] {
-        mj_resetDataKeyframe(other, data, 0);
+        mj_resetDataKeyframe(m, d, 0);
         engine.set_state(start);
       },
       [&] {
         for (std::size_t i = 0; i < kSteps; ++i) {
-          for (int k = 0; k < other->nu; ++k) {
+          for (int k = 0; k < m->nu; ++k) {
             const model::Servo& servo = load.servos[i % kTurns][static_cast<std::size_t>(k)];
-            data->ctrl[k] = servo.stiffness * servo.error;
+            d->ctrl[k] = servo.stiffness * servo.error;
           }
-          mj_step(other, data);
+          mj_step(m, d);
+          touching = std::max(touching, d->ncon);
         }
       },
       [&] {
-        for (std::size_t i = 0; i < kSteps; ++i) engine.step({.servos = load.servos[i % kTurns]});
+        for (std::size_t i = 0; i < kSteps; ++i)
+          touching = std::max(touching, engine.step({.servos = load.servos[i % kTurns]}).contacts);
       });
+  state.counters["touching"] = touching;
   state.SetLabel(engine.version() + " against MuJoCo " + mj_versionString());
-  mj_deleteData(data);
-  mj_deleteModel(other);
 }
-BENCHMARK(step_against_mujoco)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(step_against_mujoco, without_contact, false)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(step_against_mujoco, self_contact_tested, true)->UseManualTime()->Unit(benchmark::kMillisecond);
+#endif
+
+/// A shipped grasp in the midst of its hold: the palm still, the controller's springs as the joints' own.
+scene::Scene held(const std::string& name) {
+  const std::string effects =
+      "effects=[gravity, object_contact, friction, joint_stops, passive_tissue, actuation, wrist_motion]";
+  scene::Scene scene = test::shipped_scene(
+      name, {effects, "solver.engine=articulated", "solver.method=semi_implicit_euler", "record.contacts=false"});
+  simulation::Simulation simulation(scene);
+  while (simulation.state().time < scene.spec.grasp_plans.front().phase("hold")->start + 1) simulation.step();
+  const model::State at = simulation.state();
+  const std::vector<double> q = model::coordinates(scene.model, at);
+  const std::span<const model::Servo> servos = simulation.controller()->servos();
+  scene.model.drives.clear();
+  scene.spec.solver.effects.remove(model::Effect::wrist_motion);
+  scene.spec.solver.effects.remove(model::Effect::actuation);
+  for (std::size_t i = 0; i < scene.model.bodies.size(); ++i) {
+    scene.model.bodies[i].zero_pose = at.bodies[i].pose();
+    scene.model.bodies[i].initial_velocity = scene.model.bodies[i].initial_angular_velocity = Vec3::Zero();
+  }
+  for (model::Joint& joint : scene.model.joints)
+    for (std::size_t a = 0; a < joint.axes.size(); ++a) {
+      const std::size_t dof = static_cast<std::size_t>(joint.first_dof) + a;
+      model::JointAxis& axis = joint.axes[a];
+      axis.initial = q[dof];
+      if (!(servos[dof].limit > 0)) continue;
+      const model::Tissue own = axis.tissue.value_or(model::Tissue{});
+      model::Tissue both{own.stiffness + servos[dof].stiffness, own.damping + servos[dof].damping, 0};
+      const double push = own.stiffness * own.rest + servos[dof].stiffness * (q[dof] + servos[dof].error) +
+                          servos[dof].feed;
+      both.rest = push / both.stiffness;
+      axis.tissue = both;
+    }
+  scene.spec.solver.contact_forces = false;
+  return scene;
+}
+
+constexpr int kHeldSteps = 1000;
+
+/// How fast a body drifts between two places [um/s].
+double drift(const Vec3& from, const Vec3& to, double step) {
+  return 1e6 * (to - from).norm() / (kHeldSteps * step);
+}
+
+int object_of(const scene::Scene& scene) {
+  const std::string& name = scene.spec.grasp_plans.front().object;
+  for (std::size_t i = 0; i < scene.model.bodies.size(); ++i)
+    if (scene.model.bodies[i].name == name) return static_cast<int>(i);
+  throw std::runtime_error(name);
+}
+
+/// Yardstick: dWorldStep's whole engine, collision included, from the same hold.
+void grasp_against_ode(benchmark::State& state, const char* name) {
+  const scene::Scene scene = held(name);
+  engine::Settings settings = scene.spec.solver;
+  engine::articulated::ArticulatedEngine engine(scene.model, settings);
+  settings.method = engine::Method::world_step;
+  engine::ode::OdeEngine ode(scene.model, settings);
+  const model::State start = model::initial_state(scene.model);
+  const auto object = static_cast<std::size_t>(object_of(scene));
+  double contacts = 0, failures = 0, slips[2] = {};
+  const auto run = [&](engine::Engine& each, double& slip) {
+    const Vec3 from = each.state().bodies[object].p;
+    for (int i = 0; i < kHeldSteps; ++i) {
+      const engine::StepReport report = each.step({});
+      contacts = report.contacts;
+      failures += report.lcp_failures;
+    }
+    slip = drift(from, each.state().bodies[object].p, settings.step);
+  };
+  const auto prepare = [&](engine::Engine& each) {
+    each.set_state(start);
+    for (int i = 0; i < kHeldSteps / 2; ++i) each.step({});
+  };
+  compare(
+      state, kHeldSteps,
+      [&] {
+        prepare(ode);
+        prepare(engine);
+      },
+      [&] { run(ode, slips[0]); }, [&] { run(engine, slips[1]); });
+  state.counters["slip_yardstick"] = slips[0];
+  state.counters["slip"] = slips[1];
+  state.counters["contacts"] = contacts;
+  state.counters["failures"] = failures;
+}
+BENCHMARK_CAPTURE(grasp_against_ode, cup, "grasp_cup")->UseManualTime()->Unit(benchmark::kMillisecond);
+
+#ifdef HANDSIM_WITH_MUJOCO
+/// What may keep an object from creeping in MuJoCo.
+struct Firmness {
+  double impratio = 1;
+  int noslip = 0;
+};
+
+/// Yardstick: mj_step from the same hold, elliptic cones, contacts' time constant 4 ms.
+void grasp_against_mujoco(benchmark::State& state, const char* name, Firmness firmness) {
+  const scene::Scene scene = held(name);
+  const engine::Settings& settings = scene.spec.solver;
+  engine::articulated::ArticulatedEngine engine(scene.model, settings);
+  const model::State start = model::initial_state(scene.model);
+  const int object = object_of(scene);
+  const Other other = in_mujoco(scene.model, settings);
+  mjModel* m = other.model.get();
+  mjData* d = other.data.get();
+  m->opt.cone = mjCONE_ELLIPTIC;
+  m->opt.impratio = firmness.impratio;
+  m->opt.noslip_iterations = firmness.noslip;
+  for (int i = 0; i < m->ngeom; ++i) {
+    m->geom_friction[3 * i] = 0.8;
+    m->geom_solref[2 * i] = 0.004;
+  }
+  // Springs that MuJoCo has at the step's start and the engine at its end.
+  for (int k = 0; k < m->njnt; ++k)
+    if (m->jnt_type[k] == mjJNT_HINGE) m->dof_damping[m->jnt_dofadr[k]] += settings.step * m->jnt_stiffness[k];
+  const int body = mj_name2id(m, mjOBJ_BODY, scene.model.bodies[static_cast<std::size_t>(object)].name.c_str());
+  double contacts[2] = {}, failures = 0, slips[2] = {};
+  const auto place = [&] { return Vec3(d->xpos[3 * body], d->xpos[3 * body + 1], d->xpos[3 * body + 2]); };
+  compare(
+      state, kHeldSteps,
+      [&] {
+        mj_resetDataKeyframe(m, d, 0);
+        engine.set_state(start);
+        for (int i = 0; i < kHeldSteps / 2; ++i) {
+          mj_step(m, d);
+          engine.step({});
+        }
+      },
+      [&] {
+        const Vec3 from = place();
+        for (int i = 0; i < kHeldSteps; ++i) mj_step(m, d);
+        slips[0] = drift(from, place(), settings.step);
+        contacts[0] = d->ncon;
+      },
+      [&] {
+        const Vec3 from = engine.state().bodies[static_cast<std::size_t>(object)].p;
+        for (int i = 0; i < kHeldSteps; ++i) {
+          const engine::StepReport report = engine.step({});
+          contacts[1] = report.contacts;
+          failures += report.lcp_failures;
+        }
+        slips[1] = drift(from, engine.state().bodies[static_cast<std::size_t>(object)].p, settings.step);
+      });
+  state.counters["slip_yardstick"] = slips[0];
+  state.counters["slip"] = slips[1];
+  state.counters["contacts_yardstick"] = contacts[0];
+  state.counters["contacts"] = contacts[1];
+  state.counters["failures"] = failures;
+}
+BENCHMARK_CAPTURE(grasp_against_mujoco, cup_impratio_1, "grasp_cup", Firmness{1, 0})
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(grasp_against_mujoco, cup_impratio_100, "grasp_cup", Firmness{100, 0})
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(grasp_against_mujoco, cup_noslip_20, "grasp_cup", Firmness{10, 20})
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
 #endif
 
 /// The poses of all bodies out of the joint coordinates.

@@ -252,20 +252,25 @@ TEST(ArticulatedDynamics, EveryVectorUnitGivesTheSameBits) {
 
 // Oracle: the program's own count of allocations.
 TEST(ArticulatedDynamics, AStepAllocatesNothing) {
-  model::Model model = test::five_fingers(true, true);
+  model::Model model = test::five_fingers(true, true, true);
   model::Drive drive;
   drive.body = 1;
   drive.motion.keys = {{0, {}}, {0.1, Pose{Vec3(0.1, 0, 0), rotation_quaternion({1, 0, 0})}}};
   model.drives.push_back(drive);
+  int touching = 0;
   const auto count = [&](Settings with) {
     const auto engine = make_engine(model, with);
-    const std::vector<model::Servo> servos(static_cast<std::size_t>(model.dof_count()),
-                                           {0.2, 1e-3, 0.3, 0, 0.02});
+    std::vector<model::Servo> servos(static_cast<std::size_t>(model.dof_count()),
+                                     {0.2, 1e-3, 0.3, 0, 0.02});
+    // Together, so that fingers touch.
+    for (std::size_t finger = 0; finger < 5; ++finger)
+      servos[4 * finger + 1].error = finger < 2 ? -0.5 : 0.5;
     const std::vector<double> torques(servos.size(), 1e-3);
+    for (int i = 0; i < 50; ++i) engine->step({torques, servos});
     engine->step({torques, servos});
     const long before = allocations;
     for (int i = 0; i < 50; ++i) {
-      engine->step({torques, servos});
+      touching += engine->step({torques, servos}).contacts;
       EXPECT_LT(engine->state().bodies[2].p.norm(), 1);
     }
     return allocations - before;
@@ -274,6 +279,11 @@ TEST(ArticulatedDynamics, AStepAllocatesNothing) {
                            1e-3, Method::semi_implicit_euler);
   with.effects.add(Effect::joint_stops);
   EXPECT_EQ(count(with), 0);
+  with.effects.add(Effect::self_contact);
+  with.effects.add(Effect::friction);
+  EXPECT_EQ(count(with), 0);
+  EXPECT_GT(touching, 10);
+  with.effects.remove(Effect::self_contact);
   with.effects.remove(Effect::joint_stops);
   for (const Method method : {Method::rk4, Method::dormand_prince}) {
     with.method = method;

@@ -49,6 +49,21 @@ TEST_P(ShippedGrasp, IsHeldWithWorldStepAndHardlySlips) {
   EXPECT_FALSE(figures.disagree());
 }
 
+// Oracle: the same limits; and no step without a solution.
+TEST_P(ShippedGrasp, IsHeldByTheArticulatedEngineAndHardlySlips) {
+  const scene::Scene scene = shortened(
+      GetParam(),
+      {"solver.engine=articulated", "solver.method=semi_implicit_euler",
+       "effects=[gravity, object_contact, friction, joint_stops, passive_tissue, actuation, wrist_motion]"});
+  simulation::Simulation simulation(scene);
+  for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
+  const simulation::GraspFigures figures = simulation.grasps().front();
+  EXPECT_TRUE(figures.held) << figures.shaken_shift << " m in the shake, " << figures.shift << " m after it, "
+                            << figures.turn << " rad";
+  EXPECT_LE(figures.slip, 10e-6);
+  EXPECT_EQ(simulation.ledger().lcp_failures(), 0);
+}
+
 TEST_P(ShippedGrasp, IsHeldWithQuickStepAt50Iterations) {
   if (GetParam() == "grasp_cracker_box")
     GTEST_SKIP() << "moves beyond the limit in the shake (README, Grasping)";

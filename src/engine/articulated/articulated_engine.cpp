@@ -84,11 +84,8 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
                           "a stop or tissue on every joint of a loop", "one joint of each loop without");
   if (!mechanism_.topology().cuts.empty()) loops_ = std::make_unique<Loops>(model, mechanism_);
   if (ode::needs_contacts(model, settings.effects)) {
-    if (loops_)
-      throw input_error("effects", "contact in a model with closed loops",
-                        "engine ode, or engine articulated without a contact effect");
     try {
-      contact_ = std::make_unique<ContactDynamics>(model, settings, mechanism_);
+      contact_ = std::make_unique<ContactDynamics>(model, settings, mechanism_, loops_.get());
     } catch (const ode::OdeFault& fault) {
       throw input_error("model", "ODE: " + fault.message, "a model that ODE accepts");
     }
@@ -270,8 +267,8 @@ void ArticulatedEngine::step_implicitly(double end, StepReport& report) {
   if (contact_) collide(report);
   const bool moving = aim_bases(end);
   if (report.contacts > 0) {
-    const ConeReport found = contact_->solve(settings_.step);
-    report.contact_sweeps = found.sweeps;
+    const NewtonReport found = contact_->solve(settings_.step);
+    report.contact_sweeps = found.iterations;
     report.contact_residual = found.residual;
     report.lcp_failures = found.solved ? 0 : 1;
   } else {

@@ -5,8 +5,7 @@
 // The same bits from every instruction set. State() is made from the joint coordinates when it is asked for.
 // Going on from a state handed to set_state agrees within rounding, not to the bit: poses have to become
 // coordinates again (see restore for that).
-// Method semi_implicit_euler has all effects, contact but for models with loops; rk4 and dormand_prince are
-// for motion without stops and contact.
+// Method semi_implicit_euler has all effects; rk4 and dormand_prince are for motion without stops and contact.
 #pragma once
 
 #include <memory>
@@ -21,10 +20,9 @@ namespace handsim::engine::articulated {
 
 class ArticulatedEngine final : public Engine {
  public:
-  /// @param kernel null: the fastest one. @throws Error (input), also for joint_stops where a joint has any,
-  /// and
-  ///        contact, where the method is for smooth motion, for contact in a model with loops, and for loops
-  ///        that cannot be closed. The model must outlive the engine.
+  /// The model must outlive the engine. @param kernel null: the fastest one. @throws Error (input), also for
+  ///        joint_stops where a joint has any, and contact, where the method is for smooth motion, and for
+  ///        loops that cannot be closed.
   ArticulatedEngine(const model::Model& model, const Settings& settings, const Kernel* kernel = nullptr);
 
   StepReport step(const StepInput& input) override;

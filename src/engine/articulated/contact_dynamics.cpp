@@ -4,6 +4,8 @@
 #include <cmath>
 #include <tuple>
 
+#include <fmt/format.h>
+
 #include "handsim/engine/ode/contacts.h"
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/spring.h"
@@ -12,20 +14,20 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-/// Corrections of torque limits all at once, before they are made one by one, and how many of these.
-constexpr int kJointCorrections = 8, kSingleCorrections = 50;
-/// As the kernels have them for steps without contact.
-constexpr double kTight = 1 - 1e-9, kLoose = 1 + 1e-9, kTouch = 1e-12;
+/// Softness of rigid contacts along the normal and across it, as a share of what their bodies' masses alone
+/// would give way. It makes impulses unique where joints, stops and other contacts leave them open. Surfaces
+/// not yet as deep as the layer sink to it by the first, what is held by friction creeps by the second: 0.03
+/// and 3e-4 um/s under a body's weight at 1 ms.
+constexpr double kNormalSoftness = 1e-5, kFrictionSoftness = 1e-6;
 
-/// Softness of rigid contacts, as a share of what their bodies' masses alone would give way: bounds the
-/// impulse where joints and stops leave no way out. More of it makes fewer sweeps do, but surfaces not yet as
-/// deep as the layer then sink to it: 0.03 um/s under a body's weight at 1 ms.
-constexpr double kRigidSoftness = 1e-5;
+/// Of the rows of loops, as a share of what the rates that move them give way; the gap is closed after the step.
+constexpr double kTieSoftness = 1e-8;
+
+constexpr int kNone = -1;
+/// So many need no allocation in a step.
+constexpr std::size_t kUsualContacts = 64;
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-using Row = Eigen::Map<Eigen::VectorXd>;
-using ConstRow = Eigen::Map<const Eigen::VectorXd>;
 
 /// Makes ODE ready before anything of its is built.
 const model::Model& entered(const model::Model& model) {
@@ -35,44 +37,85 @@ const model::Model& entered(const model::Model& model) {
 
 }  // namespace
 
-ContactDynamics::ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism)
+ContactDynamics::ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism,
+                                 Loops* loops)
     : model_(entered(model)),
       mechanism_(mechanism),
+      loops_(loops),
       collider_(model, ode::immovable_bodies(model, settings.effects)),
       space_(mechanism),
       friction_(settings.effects.has(model::Effect::friction)),
       with_forces_(settings.contact_forces),
       erp_(settings.erp) {
+  order();
+  frames_.reserve(kUsualContacts);
+  memory_.points.reserve(kUsualContacts);
+  dofs_.reserve(at(space_.size()));
+  signs_.reserve(at(space_.size()));
   const Topology& topology = mechanism.topology();
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     if (rate_count(topology.nodes[i].kind) != 1) continue;
     const NodeView view = mechanism.view(i);
-    axes_.push_back({space_.first_dof(static_cast<int>(i)), mechanism.axis_view(i), view.q, view.u, 0, 0});
+    const int dof = space_.first_dof(static_cast<int>(i));
+    axes_.push_back({dof, place_[at(dof)], mechanism.axis_view(i), view.q, view.u, 0, false});
   }
-  free_.resize(at(space_.size()));
-  x_.resize(at(space_.size()));
-  stops_.reserve(axes_.size());
+}
+
+/// Children before parents, branch by branch, trees that hang on a base before free ones: the solver's
+/// matrices fill nowhere but where contacts join branches.
+void ContactDynamics::order() {
+  const int n = space_.size();
+  place_.assign(at(n), kNone);
+  const auto visit = [&](auto&& self, int dof) -> void {
+    for (int child = dof + 1; child < n; ++child)
+      if (space_.parent_dof(child) == dof) self(self, child);
+    place_[at(dof)] = static_cast<int>(dof_of_.size());
+    dof_of_.push_back(dof);
+  };
+  const Topology& topology = mechanism_.topology();
+  for (const bool free : {false, true})
+    for (std::size_t i = 0; i < topology.nodes.size(); ++i)
+      if (!topology.nodes[i].parent && (topology.nodes[i].kind == NodeKind::free) == free)
+        visit(visit, space_.first_dof(static_cast<int>(i)));
+  std::vector<int> first(at(n));
+  for (int i = 0; i < n; ++i) first[at(i)] = i;
+  for (int dof = 0; dof < n; ++dof)
+    for (int j = space_.parent_dof(dof); j != kNone; j = space_.parent_dof(j))
+      first[at(place_[at(j)])] = std::min(first[at(place_[at(j)])], place_[at(dof)]);
+  solver_.resize(std::move(first));
+  S_.resize(at(n));
+  for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
+    std::vector<int>& carriers = carriers_.emplace_back();
+    for (int dof = space_.last_dof(static_cast<int>(i)); dof != kNone; dof = space_.parent_dof(dof))
+      carriers.push_back(place_[at(dof)]);
+  }
 }
 
 template <class Archive, class T>
-void ContactDynamics::carry(Archive& archive, T& remembered) {
-  archive(remembered.shape_a);
-  archive(remembered.shape_b);
-  archive(remembered.index);
-  archive(remembered.impulse);
-  archive(remembered.moment);
+void ContactDynamics::carry(Archive& archive, T& point) {
+  archive(point.shape_a);
+  archive(point.shape_b);
+  archive(point.index);
+  archive(point.impulse);
+  archive(point.moment);
+  archive(point.open);
+  for (auto& lateral : point.lateral) archive(lateral);
 }
 
 void ContactDynamics::save(ArchiveWriter& out) const {
   collider_.save(out);
-  out(last_.size());
-  for (const Remembered& each : last_) carry(out, each);
+  out(memory_.points.size());
+  for (const ContactMemory::Point& each : memory_.points) carry(out, each);
 }
 
 void ContactDynamics::restore(ArchiveReader& in) {
   collider_.restore(in);
-  last_.resize(in.size());
-  for (Remembered& each : last_) carry(in, each);
+  memory_.points.resize(in.size());
+  for (ContactMemory::Point& each : memory_.points) {
+    carry(in, each);
+    for (const double lateral : each.lateral)
+      if (!(lateral >= 0)) in.refuse(fmt::format("a friction of {:g} over its speed", lateral), "0 or more");
+  }
 }
 
 int ContactDynamics::collide(const model::State& state) {
@@ -81,29 +124,21 @@ int ContactDynamics::collide(const model::State& state) {
   return collider_.collide(state);
 }
 
-/// Velocity of a against b at the contact, the bases as they move during the step.
-Vec3 ContactDynamics::relative_velocity(const Contact& contact) const {
-  const auto of = [&](int shape) -> Vec3 {
-    const int body = body_of(shape);
-    const int node = mechanism_.topology().node_of_body[at(body)];
-    if (node == kNoNode) {
-      const BaseMotion& base = mechanism_.base(body);
-      return base.v + base.w.cross(contact.position - base.pose.p);
-    }
-    const Vec3 r = contact.position - mechanism_.origin(mechanism_.topology().nodes[at(node)].island);
-    const Spatial v = space_.velocity(node);
-    return v.tail<3>() + v.head<3>().cross(r);
-  };
-  return of(contact.shape_a) - of(contact.shape_b);
-}
-
-Vec3 ContactDynamics::relative_spin(const Contact& contact) const {
-  const auto of = [&](int shape) -> Vec3 {
-    const int body = body_of(shape);
-    const int node = mechanism_.topology().node_of_body[at(body)];
-    return node == kNoNode ? mechanism_.base(body).w : Vec3(space_.velocity(node).head<3>());
-  };
-  return of(contact.shape_a) - of(contact.shape_b);
+/// How a body moves at a point, the bases as they do during the step.
+ContactDynamics::Side ContactDynamics::side(int shape, const Vec3& position) const {
+  Side out;
+  out.node = node_of(shape);
+  if (out.node == kNoNode) {
+    const BaseMotion& base = mechanism_.base(body_of(shape));
+    out.v = base.v + base.w.cross(position - base.pose.p);
+    out.w = base.w;
+    return out;
+  }
+  out.r = position - mechanism_.origin(mechanism_.topology().nodes[at(out.node)].island);
+  const Spatial v = space_.velocity(out.node);
+  out.w = v.head<3>();
+  out.v = v.tail<3>() + out.w.cross(out.r);
+  return out;
 }
 
 double ContactDynamics::inverse_mass(int shape) const {
@@ -111,260 +146,299 @@ double ContactDynamics::inverse_mass(int shape) const {
   return body.kinematic || body.mass <= 0 ? 0 : 1 / body.mass;
 }
 
-/// The contacts' rows as their materials have them; the same laws as the ODE engine's.
-void ContactDynamics::find_points(double step) {
-  points_.clear();
-  std::size_t row = 0;
-  for (const ode::Touch& touch : collider_.touches()) {
-    const model::Material& surface = touch.surface;
-    for (std::size_t i = touch.first; i < touch.first + at(touch.count); ++i) {
-      const Contact& contact = collider_.contacts()[i];
-      Point point;
-      point.cone.row = row;
-      point.cone.friction = friction_ ? surface.friction : 0;
-      point.cone.spinning = friction_ ? surface.spinning_friction : 0;
-      point.cone.rolling = friction_ ? surface.rolling_friction : 0;
-      row += row_count(point.cone);
-      point.frame.col(0) = contact.normal;
-      point.frame.col(1) = contact.normal.unitOrthogonal();
-      point.frame.col(2) = contact.normal.cross(point.frame.col(1));
-      const double inside = std::max(contact.depth - ode::kSurfaceLayer, 0.0);
-      if (surface.compliance) {
-        const ode::SoftRow soft = ode::soft_row(surface.compliance->stiffness / touch.count,
-                                                surface.compliance->damping / touch.count, step);
-        point.target = soft.erp * inside / step;
-        point.softness = soft.cfm / step;
-      } else {
-        point.target = std::min(erp_ * inside / step, ode::kMaxCorrectingSpeed);
-        point.softness = kRigidSoftness * (inverse_mass(contact.shape_a) + inverse_mass(contact.shape_b));
-      }
-      const double approach = -contact.normal.dot(relative_velocity(contact));
-      if (surface.restitution > 0 && approach > surface.restitution_speed)
-        point.target = std::max(point.target, surface.restitution * approach);
-      points_.push_back(point);
+double ContactDynamics::inverse_inertia(int shape) const {
+  const model::Body& body = model_.bodies[at(body_of(shape))];
+  return body.kinematic || body.mass <= 0 ? 0 : 3 / body.inertia.trace();
+}
+
+/// The dofs that move one of two nodes and not the other.
+void ContactDynamics::join(int node_a, int node_b) {
+  dofs_.clear();
+  signs_.clear();
+  const std::span<const int> a = node_a == kNoNode ? std::span<const int>() : carriers_[at(node_a)];
+  const std::span<const int> b = node_b == kNoNode ? std::span<const int>() : carriers_[at(node_b)];
+  for (std::size_t i = 0, j = 0; i < a.size() || j < b.size();) {
+    if (i < a.size() && j < b.size() && a[i] == b[j]) {
+      ++i;
+      ++j;
+    } else if (j == b.size() || (i < a.size() && a[i] < b[j])) {
+      dofs_.push_back(a[i++]);
+      signs_.push_back(1);
+    } else {
+      dofs_.push_back(b[j++]);
+      signs_.push_back(-1);
     }
   }
 }
 
-/// Starts a contact at the impulses that it had, if the pair had it.
-void ContactDynamics::recall(std::size_t contact, int index, std::size_t& from) {
-  const Contact& now = collider_.contacts()[contact];
-  const auto key = std::tuple(now.shape_a, now.shape_b, index);
-  const auto of = [&](std::size_t i) {
-    return std::tuple(last_[i].shape_a, last_[i].shape_b, last_[i].index);
+/// The contact's rows as its materials have them; the same laws as the ODE engine's.
+void ContactDynamics::add_contact(const Contact& contact, const model::Material& surface, int sharing,
+                                  double step) {
+  const double friction = friction_ ? surface.friction : 0;
+  const double spinning = friction_ ? surface.spinning_friction : 0;
+  const double rolling = friction_ ? surface.rolling_friction : 0;
+  ContactRows& rows =
+      solver_.add(dofs_, 1U + (friction > 0 ? 2U : 0U) + (spinning > 0 ? 1U : 0U) + (rolling > 0 ? 2U : 0U));
+  Mat3& frame = frames_.emplace_back();
+  frame.col(0) = contact.normal;
+  frame.col(1) = contact.normal.unitOrthogonal();
+  frame.col(2) = contact.normal.cross(frame.col(1));
+
+  const double giving = inverse_mass(contact.shape_a) + inverse_mass(contact.shape_b);
+  const double turning = inverse_inertia(contact.shape_a) + inverse_inertia(contact.shape_b);
+  const double inside = std::max(contact.depth - ode::kSurfaceLayer, 0.0);
+  rows.giving = giving;
+  double target = 0;
+  if (surface.compliance) {
+    const ode::SoftRow soft =
+        ode::soft_row(surface.compliance->stiffness / sharing, surface.compliance->damping / sharing, step);
+    target = soft.erp * inside / step;
+    rows.softness = soft.cfm / step;
+  } else {
+    target = std::min(erp_ * inside / step, ode::kMaxCorrectingSpeed);
+    rows.softness = kNormalSoftness * giving;
+  }
+  const Side a = side(contact.shape_a, contact.position), b = side(contact.shape_b, contact.position);
+  const Vec3 v = frame.transpose() * (a.v - b.v), w = frame.transpose() * (a.w - b.w);
+  if (surface.restitution > 0 && -v.x() > surface.restitution_speed)
+    target = std::max(target, surface.restitution * -v.x());
+
+  const std::span<double> J = solver_.jacobian(rows);
+  const std::size_t m = dofs_.size();
+  for (std::size_t k = 0; k < m; ++k) {
+    const Spatial& S = S_[at(dofs_[k])];
+    const Vec3 along = signs_[k] * (S.tail<3>() + S.head<3>().cross(signs_[k] > 0 ? a.r : b.r));
+    J[k] = frame.col(0).dot(along);
+    if (!(friction > 0)) continue;
+    J[m + k] = frame.col(1).dot(along);
+    J[2 * m + k] = frame.col(2).dot(along);
+  }
+  rows.start[0] = v.x() - target;
+  std::size_t row = 1;
+  const auto add = [&](Disc::Kind kind, double coefficient, double gives) {
+    Disc& disc = rows.discs[rows.disc_count++];
+    disc.kind = kind;
+    disc.row = row;
+    disc.size = kind == Disc::Kind::spinning ? 1 : 2;
+    disc.coefficient = coefficient;
+    disc.softness = kFrictionSoftness * gives;
+    disc.giving = gives;
   };
-  while (from < last_.size() && of(from) < key) ++from;
-  if (from == last_.size() || of(from) != key) return;
-  const Point& point = points_[contact];
-  const Vec3 impulse = point.frame.transpose() * last_[from].impulse;
-  const Vec3 moment = point.frame.transpose() * last_[from].moment;
-  double* p = start_.data() + point.cone.row;
-  *p++ = std::max(impulse.x(), 0.0);
-  if (point.cone.friction > 0) {
-    *p++ = impulse.y();
-    *p++ = impulse.z();
+  const auto add_turning = [&](int axis) {
+    rows.start[row] = w[axis];
+    for (std::size_t k = 0; k < m; ++k)
+      J[row * m + k] = signs_[k] * frame.col(axis).dot(S_[at(dofs_[k])].head<3>());
+    ++row;
+  };
+  if (friction > 0) {
+    add(Disc::Kind::sliding, friction, giving);
+    rows.start[row++] = v.y();
+    rows.start[row++] = v.z();
   }
-  if (point.cone.spinning > 0) *p++ = moment.x();
-  if (point.cone.rolling > 0) {
-    *p++ = moment.y();
-    *p++ = moment.z();
+  if (spinning > 0) {
+    add(Disc::Kind::spinning, spinning, turning);
+    add_turning(0);
+  }
+  if (rolling > 0) {
+    add(Disc::Kind::rolling, rolling, turning);
+    add_turning(1);
+    add_turning(2);
   }
 }
 
-void ContactDynamics::remember(double step) {
-  last_.clear();
-  for (const ode::Touch& touch : collider_.touches())
+void ContactDynamics::add_contacts(double step) {
+  frames_.clear();
+  recalled_ = 0;
+  for (const ode::Touch& touch : collider_.touches()) {
+    const Contact& any = collider_.contacts()[touch.first];
+    join(node_of(any.shape_a), node_of(any.shape_b));
     for (int index = 0; index < touch.count; ++index) {
-      const std::size_t i = touch.first + at(index);
-      const Point& point = points_[i];
-      Contact& contact = collider_.contacts()[i];
-      const double* p = solver_.p().data() + point.cone.row;
-      Vec3 impulse(*p++, 0, 0), moment = Vec3::Zero();
-      if (point.cone.friction > 0) {
-        impulse.y() = *p++;
-        impulse.z() = *p++;
+      const Contact& contact = collider_.contacts()[touch.first + at(index)];
+      add_contact(contact, touch.surface, touch.count, step);
+      recall(solver_.contact(frames_.size() - 1), contact, frames_.back(), index);
+    }
+  }
+}
+
+/// Rows of closed loops.
+void ContactDynamics::add_ties() {
+  if (!loops_) return;
+  const std::size_t n = at(space_.size());
+  const std::span<const double> rates = loops_->rates(), J = loops_->jacobian();
+  for (std::size_t i = 0; i < rates.size(); ++i) {
+    dofs_.clear();
+    signs_.clear();
+    for (int place = 0; place < space_.size(); ++place) {
+      const double entry = J[i * n + at(dof_of_[at(place)])];
+      if (entry == 0) continue;
+      dofs_.push_back(place);
+      signs_.push_back(entry);
+    }
+    // A row that nothing moves.
+    if (dofs_.empty()) continue;
+    ContactRows& row = solver_.add(dofs_, 1);
+    row.tie = true;
+    row.open = false;
+    row.start[0] = rates[i];
+    double giving = 0;
+    for (std::size_t k = 0; k < dofs_.size(); ++k) {
+      solver_.jacobian(row)[k] = signs_[k];
+      giving += signs_[k] * signs_[k] / solver_.inertia(dofs_[k], dofs_[k]);
+    }
+    row.softness = kTieSoftness * giving;
+  }
+}
+
+/// Starts a contact as it was in the last step, if the pair had it; else closed and without sliding.
+void ContactDynamics::recall(ContactRows& rows, const Contact& contact, const Mat3& frame, int index) {
+  rows.open = false;
+  const auto key = std::tuple(contact.shape_a, contact.shape_b, index);
+  const auto of = [&](const ContactMemory::Point& point) {
+    return std::tuple(point.shape_a, point.shape_b, point.index);
+  };
+  const std::vector<ContactMemory::Point>& points = memory_.points;
+  while (recalled_ < points.size() && of(points[recalled_]) < key) ++recalled_;
+  if (recalled_ == points.size() || of(points[recalled_]) != key) return;
+  const ContactMemory::Point& last = points[recalled_];
+  rows.open = last.open;
+  for (std::size_t k = 0; k < rows.disc_count; ++k) {
+    Disc& disc = rows.discs[k];
+    const Vec3 p = frame.transpose() * (disc.kind == Disc::Kind::sliding ? last.impulse : last.moment);
+    const double x = disc.size > 1 ? p.y() : p.x(), y = disc.size > 1 ? p.z() : 0;
+    const double size = std::sqrt(x * x + y * y);
+    disc.lateral = last.lateral[static_cast<std::size_t>(disc.kind)];
+    disc.slides = disc.lateral > 0 && size > 0;
+    if (!disc.slides) continue;
+    disc.x = disc.px = -x / size;
+    disc.y = disc.py = -y / size;
+  }
+}
+
+void ContactDynamics::memorise(double step) {
+  memory_.points.clear();
+  std::size_t i = 0;
+  for (const ode::Touch& touch : collider_.touches())
+    for (int index = 0; index < touch.count; ++index, ++i) {
+      Contact& contact = collider_.contacts()[touch.first + at(index)];
+      const ContactRows& rows = solver_.contacts()[i];
+      ContactMemory::Point& point = memory_.points.emplace_back();
+      point.shape_a = contact.shape_a;
+      point.shape_b = contact.shape_b;
+      point.index = index;
+      point.open = rows.open;
+      Vec3 impulse(rows.impulse[0], 0, 0), moment = Vec3::Zero();
+      for (std::size_t k = 0; k < rows.disc_count; ++k) {
+        const Disc& disc = rows.discs[k];
+        const double* p = rows.impulse.data() + disc.row;
+        point.lateral[static_cast<std::size_t>(disc.kind)] = disc.slides ? disc.lateral : 0;
+        if (disc.kind == Disc::Kind::spinning)
+          moment.x() = p[0];
+        else
+          (disc.kind == Disc::Kind::sliding ? impulse : moment).tail<2>() << p[0], p[1];
       }
-      if (point.cone.spinning > 0) moment.x() = *p++;
-      if (point.cone.rolling > 0) {
-        moment.y() = *p++;
-        moment.z() = *p++;
-      }
-      last_.push_back({contact.shape_a, contact.shape_b, index, point.frame * impulse, point.frame * moment});
-      if (with_forces_) contact.force = last_.back().impulse / step;
+      point.impulse = frames_[i] * impulse;
+      point.moment = frames_[i] * moment;
+      if (with_forces_) contact.force = point.impulse / step;
     }
 }
 
-/// The step without contacts and stops, and the inertia that goes with it.
+/// The step without contacts and stops, as what drives the solver's equation, and the inertia.
 void ContactDynamics::find_free(double step) {
   const Kernel& kernel = mechanism_.kernel();
   kernel.prepare(mechanism_.tree(), step);
   kernel.solve(mechanism_.tree());
-  const std::span<const double> du = mechanism_.du();
-  for (int dof = 0; dof < space_.size(); ++dof) free_[at(dof)] = du[space_.rate_index(dof)];
   space_.find_inertia();
-  for (const Coordinate& each : axes_) space_.add_to_diagonal(each.dof, *each.axis.weight);
-  space_.factor();
-}
-
-void ContactDynamics::add_row(const Contact& contact, const Vec3& direction, bool angular, std::size_t row) {
-  const std::size_t n = at(space_.size());
-  const std::span<double> out(J_.data() + row * n, n);
-  const auto add = [&](int shape, double sign) {
-    const int node = mechanism_.topology().node_of_body[at(body_of(shape))];
-    if (node == kNoNode) return;
-    const Vec3 r = contact.position - mechanism_.origin(mechanism_.topology().nodes[at(node)].island);
-    Spatial wrench;
-    if (angular)
-      wrench << direction, Vec3::Zero();
-    else
-      wrench << r.cross(direction), direction;
-    space_.add_row(node, wrench, sign, out);
-  };
-  add(contact.shape_a, 1);
-  add(contact.shape_b, -1);
-}
-
-/// W and b of the contacts and of the stops among the rows.
-void ContactDynamics::build(double step) {
-  const std::size_t n = at(space_.size());
-  cones_.clear();
-  std::size_t rows = 0;
-  for (const Point& point : points_) {
-    cones_.push_back(point.cone);
-    rows = point.cone.row + row_count(point.cone);
-  }
-  const std::size_t contact_rows = rows;
-  for (std::size_t i = 0; i < stops_.size(); ++i) cones_.push_back({rows++, 0, 0, 0});
-  solver_.reset(rows);
-  const std::span<double> b = solver_.b();
-  J_.assign(rows * n, 0.0);
-  for (std::size_t i = 0; i < points_.size(); ++i) {
-    const Point& point = points_[i];
-    const Contact& contact = collider_.contacts()[i];
-    const Vec3 v = point.frame.transpose() * relative_velocity(contact);
-    std::size_t row = point.cone.row;
-    const auto add = [&](int axis, bool angular, double now) {
-      add_row(contact, point.frame.col(axis), angular, row);
-      b[row++] = now;
-    };
-    add(0, false, v.x() - point.target);
-    if (point.cone.friction > 0) {
-      add(1, false, v.y());
-      add(2, false, v.z());
-    }
-    if (!(point.cone.spinning > 0 || point.cone.rolling > 0)) continue;
-    const Vec3 w = point.frame.transpose() * relative_spin(contact);
-    if (point.cone.spinning > 0) add(0, true, w.x());
-    if (point.cone.rolling > 0) {
-      add(1, true, w.y());
-      add(2, true, w.z());
-    }
-  }
-  for (std::size_t i = 0; i < stops_.size(); ++i) {
-    const Coordinate& each = axes_[stops_[i].axis];
-    J_[(contact_rows + i) * n + at(each.dof)] = -stops_[i].side;
-    b[contact_rows + i] = stops_[i].target - stops_[i].side * *each.u;
-    solver_.p()[contact_rows + i] = each.held;
-  }
-  std::copy(start_.begin(), start_.end(), solver_.p().begin());
-  const ConstRow free(free_.data(), static_cast<Eigen::Index>(n));
-  Y_ = J_;
-  for (std::size_t i = 0; i < rows; ++i) {
-    b[i] += step * ConstRow(J_.data() + i * n, static_cast<Eigen::Index>(n)).dot(free);
-    space_.solve_transposed({Y_.data() + i * n, n});
-    const ConstRow y(Y_.data() + i * n, static_cast<Eigen::Index>(n));
-    for (std::size_t j = 0; j <= i; ++j)
-      solver_.entry(i, j) = solver_.entry(j, i) =
-          y.dot(ConstRow(Y_.data() + j * n, static_cast<Eigen::Index>(n)));
-  }
-  for (const Point& point : points_) solver_.entry(point.cone.row, point.cone.row) += point.softness;
-}
-
-bool ContactDynamics::apply(double step) {
-  const std::size_t n = at(space_.size()), rows = solver_.rows();
-  Row x(x_.data(), static_cast<Eigen::Index>(n));
-  x.setZero();
-  for (std::size_t i = 0; i < rows; ++i)
-    if (solver_.p()[i] != 0) x += solver_.p()[i] * ConstRow(Y_.data() + i * n, static_cast<Eigen::Index>(n));
-  space_.solve_factor(x_);
-  const std::span<double> du = mechanism_.du();
-  for (int dof = 0; dof < space_.size(); ++dof)
-    du[space_.rate_index(dof)] = free_[at(dof)] + x_[at(dof)] / step;
-  bool sound = true;
-  for (std::size_t i = 0; i < axes_.size(); ++i) {
-    Coordinate& each = axes_[i];
-    if (each.row_side != 0) continue;
-    const double u = *each.u, end = *each.q + step * (u + step * du[space_.rate_index(each.dof)]);
-    if (end < *each.axis.low - kTouch)
-      each.row_side = -1;
-    else if (end > *each.axis.high + kTouch)
-      each.row_side = 1;
-    else
-      continue;
-    sound = false;
-    // As the kernels aim at stops without contact.
-    const double room = each.row_side < 0 ? *each.q - *each.axis.low : *each.axis.high - *each.q;
-    const double speed = each.row_side * u, bounced = -*each.axis.bounce * speed;
-    StopRow stop{i, each.row_side, (room < 0 ? erp_ * room : room) / step};
-    if (speed > 0 && *each.axis.bounce > 0) stop.target = std::min(stop.target, bounced);
-    stops_.push_back(stop);
-    each.held = 0;
-  }
-  return sound;
-}
-
-/// As the kernels do it for steps without contact.
-bool ContactDynamics::revise_limits(double step, bool only_first) {
+  solver_.begin();
+  const int n = space_.size();
   const std::span<const double> du = mechanism_.du();
-  bool sound = true;
+  for (int dof = 0; dof < n; ++dof) {
+    S_[at(place_[at(dof)])] = space_.axis(dof);
+    for (int j = dof; j != kNone; j = space_.parent_dof(j))
+      solver_.inertia(place_[at(dof)], place_[at(j)]) = space_.inertia(dof, j);
+  }
+  for (const Coordinate& each : axes_) solver_.inertia(each.place, each.place) += *each.axis.weight;
+  // g = A x of the free step.
+  const std::span<double> g = solver_.drive();
+  for (int dof = 0; dof < n; ++dof) {
+    const int i = place_[at(dof)];
+    const double change = step * du[space_.rate_index(dof)];
+    g[at(i)] += solver_.inertia(i, i) * change;
+    for (int j = space_.parent_dof(dof); j != kNone; j = space_.parent_dof(j)) {
+      const int k = place_[at(j)];
+      g[at(k)] += solver_.inertia(i, k) * change;
+      g[at(i)] += solver_.inertia(i, k) * step * du[space_.rate_index(j)];
+    }
+  }
+}
+
+/// Servos with their limits, and stops as bounds of the rates. What the free step had of the servos goes.
+void ContactDynamics::bound_axes(double step) {
   for (Coordinate& each : axes_) {
     const AxisView& a = each.axis;
-    const double u = *each.u + step * du[space_.rate_index(each.dof)];
-    const double pull =
-        *a.servo_stiffness * (*a.servo_error - step * u) - *a.servo_damping * u + *a.servo_feed;
-    const double bound = *a.servo_limit * (*a.saturated != 0 ? kTight : kLoose);
-    const double now = pull > bound ? 1 : (pull < -bound ? -1 : 0);
-    if (now == *a.saturated) continue;
-    *a.saturated = now;
-    sound = false;
-    if (only_first) return false;
+    const double u = *each.u, q = *each.q;
+    each.bounced = false;
+    if (*a.servo_limit > 0) {
+      const double slope = step * *a.servo_stiffness + *a.servo_damping;
+      const double pull = step * (*a.servo_stiffness * *a.servo_error + *a.servo_feed - slope * u);
+      const double limit = step * *a.servo_limit;
+      solver_.servo(each.place, pull, step * slope, limit, *a.saturated);
+      double& g = solver_.drive()[at(each.place)];
+      if (*a.saturated == 0) {
+        g -= pull;
+        solver_.inertia(each.place, each.place) -= step * slope;
+      } else {
+        g -= *a.saturated * limit;
+      }
+    }
+    if (*a.low == -HUGE_VAL && *a.high == HUGE_VAL) continue;
+    // As the kernels aim at stops without contact.
+    const auto target = [&](double room) { return (room < 0 ? erp_ * room : room) / step; };
+    solver_.bound(each.place, -target(q - *a.low) - u, target(*a.high - q) - u, each.side);
   }
-  return sound;
 }
 
-ConeReport ContactDynamics::solve(double step) {
-  find_points(step);
-  const std::size_t rows = points_.empty() ? 0 : points_.back().cone.row + row_count(points_.back().cone);
-  start_.assign(rows, 0.0);
-  std::size_t from = 0;
-  for (const ode::Touch& touch : collider_.touches())
-    for (int index = 0; index < touch.count; ++index) recall(touch.first + at(index), index, from);
-  // Stops are rows here, and not locks.
-  stops_.clear();
-  for (Coordinate& each : axes_) *each.axis.side = each.row_side = 0;
-  ConeReport report;
-  const auto keep = [&](const ConeReport& one) {
-    report.sweeps += one.sweeps;
-    report.residual = one.residual;
-    report.solved = one.solved;
-  };
-  for (int i = 0; i < kJointCorrections + kSingleCorrections; ++i) {
-    find_free(step);
-    do {
-      build(step);
-      keep(solver_.solve(cones_, kContactTolerance * step, kMostSweeps));
-      std::copy_n(solver_.p().begin(), rows, start_.begin());
-      for (std::size_t k = 0; k < stops_.size(); ++k) axes_[stops_[k].axis].held = solver_.p()[rows + k];
-    } while (!apply(step));
-    if (revise_limits(step, i >= kJointCorrections)) {
-      for (const StopRow& stop : stops_)
-        if (axes_[stop.axis].held > 0) *axes_[stop.axis].axis.side = stop.side;
-      remember(step);
-      return report;
-    }
+/// Stops that are hit and bounce: true where one has to.
+bool ContactDynamics::bounce() {
+  bool any = false;
+  for (Coordinate& each : axes_) {
+    const double side = solver_.side(each.place), speed = side * *each.u;
+    if (each.bounced || side == 0 || !(speed > 0) || !(*each.axis.bounce > 0)) continue;
+    // From landing on the stop to leaving it, along the way out.
+    const double now = side * solver_.x()[at(each.place)] + speed, bounced = -*each.axis.bounce * speed;
+    if (!(bounced < now)) continue;
+    each.bounced = any = true;
+    const double x = side * (bounced - speed);
+    if (side < 0)
+      solver_.bound(each.place, x, HUGE_VAL, side);
+    else
+      solver_.bound(each.place, -HUGE_VAL, x, side);
   }
-  remember(step);
-  report.solved = false;
+  return any;
+}
+
+NewtonReport ContactDynamics::solve(double step) {
+  // Stops are bounds here, and not locks.
+  for (Coordinate& each : axes_) {
+    each.side = *each.axis.side;
+    *each.axis.side = 0;
+  }
+  find_free(step);
+  bound_axes(step);
+  add_contacts(step);
+  add_ties();
+  NewtonReport report = solver_.solve(kContactTolerance * step);
+  while (bounce()) {
+    const NewtonReport again = solver_.solve(kContactTolerance * step);
+    report = {report.iterations + again.iterations, again.residual, again.solved};
+  }
+  const std::span<double> du = mechanism_.du();
+  for (int dof = 0; dof < space_.size(); ++dof)
+    du[space_.rate_index(dof)] = solver_.x()[at(place_[at(dof)])] / step;
+  for (const Coordinate& each : axes_) {
+    *each.axis.side = solver_.side(each.place);
+    *each.axis.saturated = solver_.saturated(each.place);
+  }
+  memorise(step);
   return report;
 }
 

@@ -1,14 +1,14 @@
 // Contact with friction in joint space: impulses at the points that ODE's collision detection finds, solved
-// together with the joint stops at velocity level, and with the servos' torque limits, so that all hold at
-// the end of the step. The inertia is that of the implicit step, springs and dampers of tissue and servos in
-// it.
+// together with the joint stops, the servos' torque limits and closed loops at velocity level, so that all hold at the end
+// of the step. The inertia is that of the implicit step, springs and dampers of tissue and servos in it.
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
-#include "handsim/engine/articulated/cone_solver.h"
-#include "handsim/engine/articulated/joint_space.h"
+#include "handsim/engine/articulated/contact_newton.h"
+#include "handsim/engine/articulated/loops.h"
 #include "handsim/engine/ode/collider.h"
 
 namespace handsim::engine::articulated {
@@ -16,16 +16,27 @@ namespace handsim::engine::articulated {
 /// Accelerations of contacts and stops are found to this [m/s^2 or rad/s^2]: a hundred-thousandth of
 /// gravity's.
 inline constexpr double kContactTolerance = 1e-4;
-inline constexpr int kMostSweeps = 500;
+
+/// What contacts did in the last step; the next one's solution starts from it.
+struct ContactMemory {
+  struct Point {
+    int shape_a = 0, shape_b = 0, index = 0;
+    Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero();  ///< world [N s], [N m s]
+    bool open = false;                                   ///< bears nothing
+    /// Of its sliding, spinning and rolling friction: limit over speed where it slides, else 0.
+    std::array<double, 3> lateral{};
+  };
+  std::vector<Point> points;  ///< by shapes, then index
+};
 
 class ContactDynamics {
  public:
-  /// All must outlive this. @param mechanism without loops. @throws ode::OdeFault
-  ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism);
+  /// All must outlive this. @param loops of the mechanism, null where it has none. @throws ode::OdeFault
+  ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism, Loops* loops);
 
   /// Forgets the impulses of the last step.
-  void forget() { last_.clear(); }
-  /// Contacts of the last step, and the impulses that the next one starts from.
+  void forget() { memory_.points.clear(); }
+  /// Contacts of the last step, and what they did, from which the next one starts.
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
   /// Finds the contacts at a state. @return pairs given to the narrow phase. @throws ode::OdeFault
@@ -34,65 +45,61 @@ class ContactDynamics {
 
   /// Accelerations, into Mechanism::du(), of a step [s] that ends with contacts, stops and torque limits
   /// kept; `kinematics` and the bases' motion have to be found. Leaves which stops and limits are in force.
-  ConeReport solve(double step);
+  NewtonReport solve(double step);
 
  private:
-  /// A contact's place among the rows.
-  struct Point {
-    Cone cone;
-    Mat3 frame = Mat3::Identity();  ///< columns: normal, two tangents
-    double target = 0;              ///< normal velocity that it is to have at least [m/s]
-    double softness = 0;            ///< added to the normal row's W
-  };
-  struct StopRow {
-    std::size_t axis = 0;  ///< of `axes_`
-    double side = 0;
-    double target = 0;  ///< outward rate that it may have at most
-  };
   /// A coordinate with a stop or a servo.
   struct Coordinate {
-    int dof = 0;
+    int dof = 0, place = 0;  ///< of the joint space, of the solver
     AxisView axis;
     const double *q = nullptr, *u = nullptr;
-    double row_side = 0;  ///< its stop is among the rows
-    double held = 0;      ///< its impulse [N m s] or [N s], from solution to solution
+    double side = 0;  ///< stop that was in force
+    bool bounced = false;
   };
-  struct Remembered {
-    int shape_a = 0, shape_b = 0, index = 0;
-    Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero();  ///< world
+  /// A side of a contact.
+  struct Side {
+    int node = kNoNode;
+    Vec3 r = Vec3::Zero();  ///< the point from its island's origin
+    Vec3 v = Vec3::Zero(), w = Vec3::Zero();
   };
 
   template <class Archive, class T>
-  static void carry(Archive& archive, T& remembered);
-  void find_points(double step);
-  void recall(std::size_t contact, int index, std::size_t& from);
-  void remember(double step);
-  Vec3 relative_velocity(const Contact& contact) const;
-  Vec3 relative_spin(const Contact& contact) const;
-  int body_of(int shape) const { return model_.shapes[static_cast<std::size_t>(shape)].body; }
-  double inverse_mass(int shape) const;
+  static void carry(Archive& archive, T& point);
+  void order();
   void find_free(double step);
-  void build(double step);
-  void add_row(const Contact& contact, const Vec3& direction, bool angular, std::size_t row);
-  /// Accelerations with the impulses; false where one passes a stop that is not among the rows, which is
-  /// added.
-  bool apply(double step);
-  bool revise_limits(double step, bool only_first);
+  void add_contacts(double step);
+  void add_contact(const Contact& contact, const model::Material& surface, int sharing, double step);
+  void join(int node_a, int node_b);
+  Side side(int shape, const Vec3& position) const;
+  void recall(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);
+  void memorise(double step);
+  void add_ties();
+  void bound_axes(double step);
+  bool bounce();
+  int body_of(int shape) const { return model_.shapes[static_cast<std::size_t>(shape)].body; }
+  int node_of(int shape) const {
+    return mechanism_.topology().node_of_body[static_cast<std::size_t>(body_of(shape))];
+  }
+  double inverse_mass(int shape) const;
+  double inverse_inertia(int shape) const;
 
   const model::Model& model_;
   Mechanism& mechanism_;
+  Loops* loops_;
   ode::Collider collider_;
   JointSpace space_;
-  ConeSolver solver_;
+  ContactNewton solver_;
   bool friction_, with_forces_;
   double erp_;
   std::vector<Coordinate> axes_;
-  std::vector<Point> points_;  ///< as the contacts
-  std::vector<StopRow> stops_;
-  std::vector<Cone> cones_;
-  std::vector<double> J_, Y_;  ///< rows by dofs; L^-T J^T
-  std::vector<double> free_, x_, start_;
-  std::vector<Remembered> last_;
+  std::vector<int> place_, dof_of_;         ///< in the solver, of each dof, and back
+  std::vector<std::vector<int>> carriers_;  ///< places of the dofs that carry each node, ascending
+  std::vector<Spatial> S_;                 ///< by place
+  std::vector<int> dofs_;                  ///< places that move the two of a pair against each other
+  std::vector<double> signs_;
+  std::vector<Mat3> frames_;  ///< of each contact; columns: normal, two tangents
+  ContactMemory memory_;
+  std::size_t recalled_ = 0;
 };
 
 }  // namespace handsim::engine::articulated

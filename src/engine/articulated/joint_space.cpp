@@ -10,12 +10,6 @@ constexpr int kNone = -1;
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
-Mat3 cross_matrix(const Vec3& v) {
-  Mat3 out;
-  out << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return out;
-}
-
 Spatial read6(const double* x, std::size_t stride) {
   Spatial out;
   for (std::size_t i = 0; i < 6; ++i) out[static_cast<Eigen::Index>(i)] = x[i * stride];
@@ -83,21 +77,22 @@ void JointSpace::find_inertia() {
   const int nodes = static_cast<int>(views_.size());
   for (int i = 0; i < nodes; ++i) {
     const NodeView& b = views_[at(i)];
-    const Vec3 h = read3(b.h, stride_);
-    auto& I = composite_[at(i)];
-    I.topLeftCorner<3, 3>() = read_symmetric(b.I, stride_);
-    I.topRightCorner<3, 3>() = cross_matrix(h);
-    I.bottomLeftCorner<3, 3>() = -cross_matrix(h);
-    I.bottomRightCorner<3, 3>() = *b.mass * Mat3::Identity();
+    composite_[at(i)] = {*b.mass, read3(b.h, stride_), read_symmetric(b.I, stride_)};
   }
-  std::fill(H_.begin(), H_.end(), 0.0);
   for (int dof = 0; dof < n_; ++dof) S_[at(dof)] = axis(dof);
   for (int i = nodes - 1; i >= 0; --i) {
+    const Composite& c = composite_[at(i)];
     for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) {
-      const Spatial F = composite_[at(i)] * S_[at(dof)];
+      const Vec3 turn = S_[at(dof)].head<3>(), shift = S_[at(dof)].tail<3>();
+      Spatial F;
+      F << c.I * turn + c.h.cross(shift), c.mass * shift - c.h.cross(turn);
       for (int j = dof; j != kNone; j = parent_dof_[at(j)]) H_[index(dof, j)] = S_[at(j)].dot(F);
     }
-    if (parent_node_[at(i)] != kNone) composite_[at(parent_node_[at(i)])] += composite_[at(i)];
+    if (parent_node_[at(i)] == kNone) continue;
+    Composite& parent = composite_[at(parent_node_[at(i)])];
+    parent.mass += c.mass;
+    parent.h += c.h;
+    parent.I += c.I;
   }
 }
 

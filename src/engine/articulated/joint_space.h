@@ -25,6 +25,11 @@ class JointSpace {
   /// Where Mechanism::u() and du() have a dof.
   std::size_t rate_index(int dof) const { return rate_[static_cast<std::size_t>(dof)]; }
   int first_dof(int node) const { return first_[static_cast<std::size_t>(node)]; }
+  int last_dof(int node) const { return last_[static_cast<std::size_t>(node)]; }
+  /// The dof that carries another, or -1.
+  int parent_dof(int dof) const { return parent_dof_[static_cast<std::size_t>(dof)]; }
+  /// S of a dof.
+  Spatial axis(int dof) const;
 
   /// tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3, Table 5.1, p. 96).
   /// Gravity and the bases' accelerations included; leaves each node's acceleration for `acceleration`.
@@ -57,7 +62,6 @@ class JointSpace {
   std::size_t index(int i, int j) const {
     return static_cast<std::size_t>(i) * static_cast<std::size_t>(n_) + static_cast<std::size_t>(j);
   }
-  Spatial axis(int dof) const;
 
   int n_ = 0;
   std::vector<int> first_, last_;  ///< dofs of each node
@@ -69,7 +73,13 @@ class JointSpace {
   std::size_t stride_ = 1;
   std::vector<double> H_;
   std::vector<Spatial> a_, f_, S_;
-  std::vector<Eigen::Matrix<double, 6, 6>> composite_;
+  /// Mass, its moment and rotational inertia about O of a node and all that it carries.
+  struct Composite {
+    double mass = 0;
+    Vec3 h = Vec3::Zero();
+    Mat3 I = Mat3::Zero();
+  };
+  std::vector<Composite> composite_;
 };
 
 }  // namespace handsim::engine::articulated

@@ -48,6 +48,7 @@ Loops::Loops(const model::Model& model, Mechanism& mechanism)
   delta_.resize(n);
   kept_.resize(n);
   rates_.resize(mechanism.q().size());
+  row_rates_.reserve(rows);
 }
 
 Loops::Side Loops::look(const CutSide& side, int island) const {
@@ -133,24 +134,45 @@ void Loops::find_rows() {
   }
 }
 
-void Loops::find_jacobian() {
-  const std::size_t n = at(space_.size()), total = rows_.size() + locked_.size();
-  std::fill_n(J_.begin(), total * n, 0.0);
+std::span<const double> Loops::rates() {
+  find_rows();
+  row_rates_.clear();
+  for (const Row& row : rows_) row_rates_.push_back(row.rate);
+  return row_rates_;
+}
+
+std::span<const double> Loops::jacobian() {
+  fill_jacobian();
+  return {J_.data(), rows_.size() * at(space_.size())};
+}
+
+void Loops::fill_jacobian() {
+  const std::size_t n = at(space_.size());
+  std::fill_n(J_.begin(), rows_.size() * n, 0.0);
   std::size_t i = 0;
   for (const Cut& cut : mechanism_.topology().cuts) {
     const int count = 6 - model::dof_count(model_.joints[at(cut.joint)].kind);
     for (int k = 0; k < count; ++k, ++i) {
       const std::span<double> row(J_.data() + i * n, n);
-      scale_[i] = 0;
-      const auto add = [&](const CutSide& side, const Spatial& wrench, double sign) {
-        if (!side.node) return;
-        space_.add_row(*side.node, wrench, sign, row);
-        scale_[i] += space_.row_scale(*side.node, wrench);
-      };
-      add(cut.parent, rows_[i].on_parent, -1);
-      add(cut.child, rows_[i].on_child, 1);
+      if (cut.parent.node) space_.add_row(*cut.parent.node, rows_[i].on_parent, -1, row);
+      if (cut.child.node) space_.add_row(*cut.child.node, rows_[i].on_child, 1, row);
     }
   }
+}
+
+void Loops::find_jacobian() {
+  const std::size_t n = at(space_.size()), total = rows_.size() + locked_.size();
+  fill_jacobian();
+  std::size_t i = 0;
+  for (const Cut& cut : mechanism_.topology().cuts) {
+    const int count = 6 - model::dof_count(model_.joints[at(cut.joint)].kind);
+    for (int k = 0; k < count; ++k, ++i) {
+      scale_[i] = 0;
+      if (cut.parent.node) scale_[i] += space_.row_scale(*cut.parent.node, rows_[i].on_parent);
+      if (cut.child.node) scale_[i] += space_.row_scale(*cut.child.node, rows_[i].on_child);
+    }
+  }
+  std::fill_n(J_.begin() + static_cast<std::ptrdiff_t>(i * n), locked_.size() * n, 0.0);
   for (const int dof : locked_) {
     J_[i * n + at(dof)] = 1;
     scale_[i++] = 0;

@@ -17,6 +17,10 @@ class Loops {
 
   JointSpace& joint_space() { return space_; }
 
+  /// The rows' rates as the mechanism moves [m/s, 1/s], and their Jacobian: rows by dofs of the joint space.
+  std::span<const double> rates();
+  std::span<const double> jacobian();
+
   /// du with the loops held, from the axes' forces, weights and locks: joint accelerations `a` for which the
   /// rows' own accelerations vanish (`step` none), or their rates at the end of a step [s] do.
   void solve(std::optional<double> step);
@@ -44,6 +48,7 @@ class Loops {
   void find_rows();
   void add_point_row(const Side& a, const Side& b, const Vec3& direction, bool turning);
   void add_angle_row(const Side& a, const Side& b, const Vec3& x, const Vec3& y);
+  void fill_jacobian();
   void find_jacobian();
   /// Multipliers for which the rows change by `wanted`; adds H^-1 J^T of them to `out`.
   void correct(std::span<double> wanted, std::span<double> out);
@@ -57,7 +62,7 @@ class Loops {
   std::vector<int> locked_;        ///< dofs on a stop
   std::vector<double> J_, Y_, K_;  ///< rows by dofs; L^-T J^T; J H^-1 J^T and its factor
   std::vector<int> order_;         ///< independent rows, best first
-  std::vector<double> bias_, zero_, wanted_, x_, multipliers_, scale_, column_, delta_, kept_, rates_;
+  std::vector<double> bias_, zero_, wanted_, x_, multipliers_, scale_, column_, delta_, kept_, rates_, row_rates_;
 };
 
 }  // namespace handsim::engine::articulated

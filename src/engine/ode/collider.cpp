@@ -11,6 +11,9 @@ namespace handsim::engine::ode {
 
 namespace {
 
+/// So many need no allocation in a step.
+constexpr std::size_t kUsualContacts = 64;
+
 template <class Archive, class T>
 void carry(Archive& archive, T& contact) {
   archive(contact.shape_a);
@@ -61,6 +64,25 @@ Collider::Collider(const model::Model& model, const std::vector<bool>& immovable
   const bool sweep = model.shapes.size() >= kSweepFrom;
   space_.reset(sweep ? dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ) : dSimpleSpaceCreate(nullptr));
   add_geoms(bodies);
+  contacts_.reserve(kUsualContacts);
+  touches_.reserve(kUsualContacts);
+  if (!bodies.empty()) return;
+  clearance_.emplace(model, allowed_pairs());
+  near_pairs_.reserve(clearance_->size());
+  poses_.resize(model.shapes.size());
+}
+
+bool Collider::allowed(std::size_t i, std::size_t j) const {
+  const model::Shape &a = model_.shapes[i], &b = model_.shapes[j];
+  return rules_.meet(a.group, b.group) && !untested_(a.body, b.body);
+}
+
+std::vector<Clearance::Pair> Collider::allowed_pairs() const {
+  std::vector<Clearance::Pair> out;
+  for (std::size_t i = 0; i < model_.shapes.size(); ++i)
+    for (std::size_t j = i + 1; j < model_.shapes.size(); ++j)
+      if (allowed(i, j)) out.emplace_back(i, j);
+  return out;
 }
 
 void Collider::add_geoms(std::span<const OdeBody> bodies) {
@@ -75,6 +97,7 @@ void Collider::add_geoms(std::span<const OdeBody> bodies) {
 }
 
 void Collider::place(const model::State& state) {
+  if (clearance_) return;
   for (std::size_t i = 0; i < geoms_.size(); ++i)
     if (geoms_[i] != nullptr && dGeomGetBody(geoms_[i]) == nullptr)
       place_geom(geoms_[i], model_.shapes[i],
@@ -85,10 +108,23 @@ void Collider::near(void* self, dGeomID a, dGeomID b) {
   Collider& collider = *static_cast<Collider*>(self);
   const std::size_t i = shape_index(a);
   const std::size_t j = shape_index(b);
-  const model::Shape& first = collider.model_.shapes[i];
-  const model::Shape& second = collider.model_.shapes[j];
-  if (!collider.rules_.meet(first.group, second.group) || collider.untested_(first.body, second.body)) return;
-  collider.near_pairs_.emplace_back(std::min(i, j), std::max(i, j));
+  if (collider.allowed(i, j)) collider.near_pairs_.emplace_back(std::min(i, j), std::max(i, j));
+}
+
+void Collider::find_near(const model::State& state) {
+  near_pairs_.clear();
+  if (!clearance_) {
+    dSpaceCollide(space_.get(), this, &Collider::near);
+    // The space's order depends on its past; the solver's rounding on the order of contacts.
+    std::sort(near_pairs_.begin(), near_pairs_.end());
+    return;
+  }
+  for (std::size_t i = 0; i < poses_.size(); ++i) {
+    const model::Shape& shape = model_.shapes[i];
+    poses_[i] = state.bodies[static_cast<std::size_t>(shape.body)].pose() * shape.pose;
+  }
+  const std::span<const Clearance::Pair> near = clearance_->near(poses_);
+  near_pairs_.assign(near.begin(), near.end());
 }
 
 void Collider::save(ArchiveWriter& out) const {
@@ -107,12 +143,9 @@ void Collider::restore(ArchiveReader& in) {
 }
 
 int Collider::collide(const model::State& state) {
-  near_pairs_.clear();
   contacts_.clear();
   touches_.clear();
-  dSpaceCollide(space_.get(), this, &Collider::near);
-  // The space's order depends on its past; the solver's rounding on the order of contacts.
-  std::sort(near_pairs_.begin(), near_pairs_.end());
+  find_near(state);
   for (const auto& [a, b] : near_pairs_) {
     const std::size_t first = contacts_.size();
     const int count = narrow_phase(a, b, state);
@@ -121,22 +154,28 @@ int Collider::collide(const model::State& state) {
   return static_cast<int>(near_pairs_.size());
 }
 
+Pose Collider::pose(std::size_t shape, const model::State& state) const {
+  if (clearance_) return poses_[shape];
+  const model::Shape& of = model_.shapes[shape];
+  return state.bodies[static_cast<std::size_t>(of.body)].pose() * of.pose;
+}
+
 /// Appends the pair's contact points to the list. @return how many
 int Collider::narrow_phase(std::size_t a, std::size_t b, const model::State& state) {
-  const auto pose = [&](std::size_t shape) {
-    const model::Shape& of = model_.shapes[shape];
-    return state.bodies[static_cast<std::size_t>(of.body)].pose() * of.pose;
-  };
   const auto add = [&](const Vec3& position, const Vec3& normal, double depth) {
     contacts_.push_back({static_cast<int>(a), static_cast<int>(b), position, normal, depth, Vec3::Zero()});
   };
-  if (const auto own = own_manifold(model_.shapes[a], pose(a), model_.shapes[b], pose(b))) {
+  if (const auto own = own_manifold(model_.shapes[a], pose(a, state), model_.shapes[b], pose(b, state))) {
     for (int i = 0; i < own->count; ++i) {
       const ManifoldPoint& point = own->points[static_cast<std::size_t>(i)];
       add(point.position, point.normal, point.depth);
     }
     return own->count;
   }
+  if (clearance_)
+    for (const std::size_t shape : {a, b})
+      place_geom(geoms_[shape], model_.shapes[shape],
+                 state.bodies[static_cast<std::size_t>(model_.shapes[shape].body)].pose());
   std::array<dContactGeom, kMaxPairContacts> points;
   const int count = dCollide(geoms_[a], geoms_[b], kMaxPairContacts, points.data(), sizeof(dContactGeom));
   for (int i = 0; i < count; ++i) {

@@ -4,10 +4,12 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
 
+#include "handsim/engine/clearance.h"
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/shapes.h"
 
@@ -46,12 +48,11 @@ struct Touch {
 class Collider {
  public:
   /// @param bodies as Model::bodies, on whose ODE bodies shapes ride; empty: on none. Model and bodies must
-  /// outlive
-  ///        this. @throws OdeFault
+  ///        outlive this. @throws OdeFault
   Collider(const model::Model& model, const std::vector<bool>& immovable,
            std::span<const OdeBody> bodies = {});
 
-  /// Puts the shapes of bodies without an ODE body where the state has these.
+  /// Puts the shapes of bodies without an ODE body where the state has these; not where none has one.
   void place(const model::State& state);
   /// Finds the contacts at a state, where all shapes have been put. @return pairs given to the narrow phase
   int collide(const model::State& state);
@@ -67,6 +68,10 @@ class Collider {
  private:
   static void near(void* self, dGeomID a, dGeomID b);
   void add_geoms(std::span<const OdeBody> bodies);
+  bool allowed(std::size_t shape_a, std::size_t shape_b) const;
+  std::vector<Clearance::Pair> allowed_pairs() const;
+  void find_near(const model::State& state);
+  Pose pose(std::size_t shape, const model::State& state) const;
   int narrow_phase(std::size_t a, std::size_t b, const model::State& state);
   model::Material surface(std::size_t a, std::size_t b) const;
 
@@ -75,7 +80,10 @@ class Collider {
   PairTable rules_;
   std::unique_ptr<dxSpace, Destroyer<dSpaceDestroy>> space_;
   std::vector<dGeomID> geoms_;  ///< as Model::shapes; null where no rule speaks of the shape
-  std::vector<std::pair<std::size_t, std::size_t>> near_pairs_;
+  std::vector<Clearance::Pair> near_pairs_;
+  /// Where no shape rides on an ODE body: in place of the space, and poses of all shapes.
+  std::optional<Clearance> clearance_;
+  std::vector<Pose> poses_;
   std::vector<Contact> contacts_;
   std::vector<Touch> touches_;
 };

@@ -1,0 +1,584 @@
+#include "handsim/engine/articulated/contact_newton.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include <Eigen/Dense>
+
+namespace handsim::engine::articulated {
+
+namespace {
+
+constexpr std::size_t kMostRows = 6;
+/// So many are solved without allocating.
+constexpr std::size_t kUsualContacts = 64;
+/// Full steps from what was in force in the last step; searched steps at each softness, and at the contacts'
+/// own.
+constexpr int kFullSteps = 15, kSofterSteps = 10, kLastSteps = 30;
+/// Softness that a hard problem is approached by, as shares of what bodies give way.
+constexpr double kSoftest = 0.1, kHardest = 1e-5, kHarder = 0.1;
+constexpr int kMostFailed = 2;  ///< of these, one after the other
+constexpr int kSearches = 30;
+/// Slope of the energy that a step may leave, as a share of its start's.
+constexpr double kFlat = 0.1;
+/// Share of the forces that meet in a rate's equation below which what they leave is rounding.
+constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
+/// Bounds are passed beyond rounding.
+constexpr double kBeyond = 1e-12;
+
+using Row = Eigen::Map<Eigen::VectorXd>;
+using ConstRow = Eigen::Map<const Eigen::VectorXd>;
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+void ContactNewton::resize(std::vector<int> first) {
+  n_ = static_cast<int>(first.size());
+  A_first_ = std::move(first);
+  A_last_.resize(at(n_));
+  for (int i = 0; i < n_; ++i) {
+    A_last_[at(i)] = i;
+    for (int k = A_first_[at(i)]; k < i; ++k) A_last_[at(k)] = i;
+  }
+  first_ = A_first_;
+  last_ = A_last_;
+  A_.assign(at(n_) * at(n_), 0.0);
+  M_ = A_;
+  for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
+  bounds_.resize(at(n_));
+  servos_.resize(at(n_));
+  softer_x_.resize(at(n_));
+  contacts_.reserve(kUsualContacts);
+  softer_.reserve(kUsualContacts);
+  dofs_.reserve(kUsualContacts * at(n_));
+  J_.reserve(kUsualContacts * kMostRows * at(n_));
+  r_.reserve(kUsualContacts * kMostRows);
+  s_.reserve(kUsualContacts * kMostRows);
+  coupling_.reserve(kUsualContacts * at(n_));
+  C_.reserve(kUsualContacts * at(n_));
+  K_.reserve(kUsualContacts * (kUsualContacts + 1));
+}
+
+void ContactNewton::begin() {
+  for (int i = 0; i < n_; ++i)
+    std::fill(A_.begin() + static_cast<std::ptrdiff_t>(entry(i, i)),
+              A_.begin() + static_cast<std::ptrdiff_t>(entry(i, A_last_[at(i)])) + 1, 0.0);
+  std::fill(g_.begin(), g_.end(), 0.0);
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  std::fill(bounds_.begin(), bounds_.end(), Bound{-kInfinity, kInfinity, 0});
+  std::fill(servos_.begin(), servos_.end(), Servo{});
+  contacts_.clear();
+  dofs_.clear();
+  J_.clear();
+}
+
+void ContactNewton::bound(int i, double low, double high, double side) { bounds_[at(i)] = {low, high, side}; }
+
+void ContactNewton::servo(int i, double offset, double slope, double limit, double saturated) {
+  servos_[at(i)] = {offset, slope, limit, saturated};
+}
+
+ContactRows& ContactNewton::add(std::span<const int> dofs, std::size_t rows) {
+  ContactRows& out = contacts_.emplace_back();
+  out.rows = rows;
+  out.first_dof = dofs_.size();
+  out.dof_count = dofs.size();
+  out.first_entry = J_.size();
+  dofs_.insert(dofs_.end(), dofs.begin(), dofs.end());
+  J_.resize(J_.size() + rows * dofs.size());
+  return out;
+}
+
+/// The envelope of A and of all contacts.
+void ContactNewton::widen() {
+  first_ = A_first_;
+  for (const ContactRows& contact : contacts_)
+    for (std::size_t k = 1; k < contact.dof_count; ++k) {
+      int& first = first_[at(dofs_[contact.first_dof + k])];
+      first = std::min(first, dofs_[contact.first_dof]);
+    }
+  for (int i = 0; i < n_; ++i) {
+    last_[at(i)] = i;
+    for (int k = first_[at(i)]; k < i; ++k) last_[at(k)] = i;
+  }
+}
+
+/// Impulses at row velocities r, and which parts of the law are in force.
+void ContactNewton::obey(ContactRows& contact, const double* r, Law law) {
+  double& normal = contact.impulse[0];
+  normal = -r[0] / contact.soft;
+  if (contact.tie) {
+    contact.open = false;
+    return;
+  }
+  if (law == Law::as_it_was)
+    normal = contact.open ? 0 : normal;
+  else
+    contact.open = !(normal > 0);
+  if (contact.open) normal = 0;
+  for (std::size_t k = 0; k < contact.disc_count; ++k) {
+    Disc& disc = contact.discs[k];
+    double* p = contact.impulse.data() + disc.row;
+    const double vx = r[disc.row], vy = disc.size > 1 ? r[disc.row + 1] : 0;
+    const double limit = disc.coefficient * normal;
+    double x = -vx / disc.soft, y = -vy / disc.soft;
+    if (contact.open) {
+      disc.slides = false;
+      x = y = 0;
+    } else if (law == Law::as_it_was && disc.slides) {
+      disc.lateral = std::min(disc.lateral, 1 / disc.soft);
+      const double along = vx * disc.x + vy * disc.y;
+      x = -limit * disc.x - disc.lateral * (vx - along * disc.x);
+      y = -limit * disc.y - disc.lateral * (vy - along * disc.y);
+    } else if (law == Law::coulomb) {
+      const double speed = std::sqrt(vx * vx + vy * vy);
+      disc.slides = speed > limit * disc.soft;
+      if (disc.slides) {
+        disc.x = vx / speed;
+        disc.y = vy / speed;
+        disc.lateral = limit / speed;
+        x = -limit * disc.x;
+        y = -limit * disc.y;
+      }
+    }
+    p[0] = x;
+    if (disc.size > 1) p[1] = y;
+  }
+}
+
+/// Impulses at x_ and what is left of the equation, F = A x - g - J^T p - servos.
+void ContactNewton::evaluate(Law law) {
+  for (int i = 0; i < n_; ++i) {
+    F_[at(i)] = -g_[at(i)];
+    sum_[at(i)] = std::abs(g_[at(i)]);
+  }
+  for (int i = 0; i < n_; ++i) {
+    const double* row = A_.data() + entry(i, 0);
+    double sum = row[i] * x_[at(i)];
+    for (int j = i + 1; j <= A_last_[at(i)]; ++j) {
+      sum += row[j] * x_[at(j)];
+      F_[at(j)] += row[j] * x_[at(i)];
+    }
+    F_[at(i)] += sum;
+  }
+  for (int i = 0; i < n_; ++i) {
+    Servo& servo = servos_[at(i)];
+    if (!(servo.limit > 0)) continue;
+    double pull = servo.offset - servo.slope * x_[at(i)];
+    if (law != Law::as_it_was) servo.saturated = pull > servo.limit ? 1 : (pull < -servo.limit ? -1 : 0);
+    if (servo.saturated != 0) pull = servo.saturated * servo.limit;
+    F_[at(i)] -= pull;
+    sum_[at(i)] += std::abs(pull);
+  }
+  r_.resize(kMostRows * contacts_.size());
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    ContactRows& contact = contacts_[c];
+    const int* dofs = dofs_.data() + contact.first_dof;
+    const double* J = J_.data() + contact.first_entry;
+    double* r = r_.data() + kMostRows * c;
+    std::array<double, kMostRows> size{};
+    for (std::size_t k = 0; k < contact.rows; ++k) {
+      r[k] = contact.start[k];
+      size[k] = std::abs(r[k]);
+      for (std::size_t j = 0; j < contact.dof_count; ++j) {
+        const double part = J[k * contact.dof_count + j] * x_[at(dofs[j])];
+        r[k] += part;
+        size[k] += std::abs(part);
+      }
+    }
+    obey(contact, r, law);
+    if (contact.open) continue;
+    size[0] /= contact.soft;
+    for (std::size_t k = 0; k < contact.disc_count; ++k)
+      for (std::size_t row = 0; row < contact.discs[k].size; ++row)
+        size[contact.discs[k].row + row] /= contact.discs[k].soft;
+    for (std::size_t k = 0; k < contact.rows; ++k)
+      for (std::size_t j = 0; j < contact.dof_count; ++j) {
+        const double share = J[k * contact.dof_count + j];
+        F_[at(dofs[j])] -= share * contact.impulse[k];
+        sum_[at(dofs[j])] += std::abs(share) * size[k];
+      }
+  }
+}
+
+/// What the equation leaves, as a rate; rounding does not count.
+double ContactNewton::residual() const {
+  double most = 0;
+  for (int i = 0; i < n_; ++i) {
+    if (bounds_[at(i)].side != 0) continue;
+    const double left = std::abs(F_[at(i)]) - kRounding * sum_[at(i)];
+    // Written so that NaN counts.
+    if (!(left <= 0)) most = std::max(most, std::isnan(left) ? HUGE_VAL : left / A_[entry(i, i)]);
+  }
+  return most;
+}
+
+/// Of a disc's impulses against its velocities: xx, xy, yy.
+std::array<double, 3> ContactNewton::stiffness(const Disc& disc) {
+  if (!disc.slides) return {1 / disc.soft, 0, 1 / disc.soft};
+  return {disc.lateral * (1 - disc.px * disc.x), -0.5 * disc.lateral * (disc.px * disc.y + disc.py * disc.x),
+          disc.lateral * (1 - disc.py * disc.y)};
+}
+
+/// The derivative of F where the law now is: M its symmetric part, C and G what friction has of the normal
+/// impulse.
+void ContactNewton::assemble() {
+  for (int i = 0; i < n_; ++i) {
+    double* M = M_.data() + entry(i, 0);
+    const double* A = A_.data() + entry(i, 0);
+    std::copy(A + i, A + A_last_[at(i)] + 1, M + i);
+    std::fill(M + A_last_[at(i)] + 1, M + std::max(A_last_[at(i)], last_[at(i)]) + 1, 0.0);
+    const Servo& servo = servos_[at(i)];
+    if (servo.limit > 0 && servo.saturated == 0) M[i] += servo.slope;
+  }
+  coupled_ = 0;
+  coupling_.clear();
+  for (const ContactRows& contact : contacts_) {
+    if (contact.open) continue;
+    const std::size_t m = contact.dof_count;
+    const int* dofs = dofs_.data() + contact.first_dof;
+    const double* J = J_.data() + contact.first_entry;
+    const auto add = [&](double weight, const double* row) {
+      for (std::size_t i = 0; i < m; ++i) {
+        if (row[i] == 0) continue;
+        const double scaled = weight * row[i];
+        double* to = M_.data() + entry(dofs[i], 0);
+        for (std::size_t j = i; j < m; ++j) to[dofs[j]] += scaled * row[j];
+      }
+    };
+    add(1 / contact.soft, J);
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      const Disc& disc = contact.discs[k];
+      const double* rows = J + disc.row * m;
+      const auto [xx, xy, yy] = stiffness(disc);
+      if (disc.size == 1) {
+        add(xx, rows);
+      } else {
+        const double *first = rows, *second = rows + m;
+        for (std::size_t i = 0; i < m; ++i) {
+          const double a = xx * first[i] + xy * second[i], b = xy * first[i] + yy * second[i];
+          double* to = M_.data() + entry(dofs[i], 0);
+          for (std::size_t j = i; j < m; ++j) to[dofs[j]] += a * first[j] + b * second[j];
+        }
+      }
+      if (!disc.slides) continue;
+      const double share = disc.coefficient / contact.soft;
+      for (std::size_t j = 0; j < m; ++j) {
+        if (bounds_[at(dofs[j])].side != 0) continue;
+        const double slip = disc.px * rows[j] + (disc.size > 1 ? disc.py * rows[m + j] : 0);
+        coupling_.push_back({coupled_, dofs[j], share * slip, J[j]});
+      }
+      ++coupled_;
+    }
+  }
+  for (int i = 0; i < n_; ++i) {
+    if (bounds_[at(i)].side == 0) continue;
+    std::fill(M_.begin() + static_cast<std::ptrdiff_t>(entry(i, i)),
+              M_.begin() + static_cast<std::ptrdiff_t>(entry(i, last_[at(i)])) + 1, 0.0);
+    for (int j = first_[at(i)]; j < i; ++j) M_[entry(j, i)] = 0;
+    M_[entry(i, i)] = 1;
+  }
+}
+
+/// M = U^T U in place, its diagonal inverted; what is zero for good is passed over.
+void ContactNewton::factor() {
+  for (int k = 0; k < n_; ++k) {
+    double* row = M_.data() + entry(k, 0);
+    const int last = last_[at(k)];
+    const double inverse = 1 / std::sqrt(row[k]);
+    for (int j = k + 1; j <= last; ++j) row[j] *= inverse;
+    row[k] = inverse;
+    for (int i = k + 1; i <= last; ++i) {
+      if (row[i] == 0) continue;
+      Row(M_.data() + entry(i, i), last - i + 1) -= row[i] * ConstRow(row + i, last - i + 1);
+    }
+  }
+}
+
+void ContactNewton::solve_factored(double* x) const {
+  for (int k = 0; k < n_; ++k) {
+    const double* row = M_.data() + entry(k, 0);
+    x[k] *= row[k];
+    if (x[k] == 0) continue;
+    for (int j = k + 1; j <= last_[at(k)]; ++j) x[j] -= row[j] * x[k];
+  }
+  for (int k = n_ - 1; k >= 0; --k) {
+    const double* row = M_.data() + entry(k, 0);
+    const int count = last_[at(k)] - k;
+    x[k] = (x[k] - ConstRow(row + k + 1, count).dot(ConstRow(x + k + 1, count))) * row[k];
+  }
+}
+
+/// d_ = (M - C G^T)^-1 of what solves M d = -F, by Sherman, Morrison and Woodbury's formula.
+void ContactNewton::couple() {
+  const std::size_t m = coupled_;
+  if (m == 0) return;
+  const auto width = static_cast<Eigen::Index>(m);
+  // C = M^-1 C, all columns at once: C lies by rows.
+  C_.resize(std::max(C_.size(), m * at(n_)));
+  std::fill_n(C_.begin(), m * at(n_), 0.0);
+  for (const Entry& each : coupling_) C_[at(each.dof) * m + each.column] = each.C;
+  const auto row_of = [&](int i) { return Row(C_.data() + at(i) * m, width); };
+  for (int k = 0; k < n_; ++k) {
+    const double* row = M_.data() + entry(k, 0);
+    row_of(k) *= row[k];
+    for (int j = k + 1; j <= last_[at(k)]; ++j)
+      if (row[j] != 0) row_of(j) -= row[j] * row_of(k);
+  }
+  for (int k = n_ - 1; k >= 0; --k) {
+    const double* row = M_.data() + entry(k, 0);
+    for (int j = k + 1; j <= last_[at(k)]; ++j)
+      if (row[j] != 0) row_of(k) -= row[j] * row_of(j);
+    row_of(k) *= row[k];
+  }
+  // K = 1 - G^T M^-1 C, and beside it G^T d.
+  K_.assign(m * (m + 1), 0.0);
+  const auto K = [&](std::size_t i, std::size_t j) -> double& { return K_[i * (m + 1) + j]; };
+  for (std::size_t i = 0; i < m; ++i) K(i, i) = 1;
+  for (const Entry& each : coupling_) {
+    Row(&K(each.column, 0), width) -= each.G * row_of(each.dof);
+    K(each.column, m) += each.G * d_[at(each.dof)];
+  }
+  for (std::size_t k = 0; k < m; ++k) {
+    std::size_t pivot = k;
+    for (std::size_t i = k + 1; i < m; ++i)
+      if (std::abs(K(i, k)) > std::abs(K(pivot, k))) pivot = i;
+    if (pivot != k)
+      for (std::size_t j = k; j <= m; ++j) std::swap(K(k, j), K(pivot, j));
+    const auto rest = static_cast<Eigen::Index>(m + 1 - k);
+    for (std::size_t i = k + 1; i < m; ++i)
+      Row(&K(i, k), rest) -= K(i, k) / K(k, k) * Row(&K(k, k), rest);
+  }
+  for (std::size_t k = m; k-- > 0;) {
+    for (std::size_t j = k + 1; j < m; ++j) K(k, m) -= K(k, j) * K(j, m);
+    K(k, m) /= K(k, k);
+  }
+  for (int i = 0; i < n_; ++i)
+    for (std::size_t k = 0; k < m; ++k) d_[at(i)] += C_[at(i) * m + k] * K(k, m);
+}
+
+ContactNewton::Slope ContactNewton::along(double share) const {
+  Slope out;
+  for (int i = 0; i < n_; ++i) {
+    const double d = d_[at(i)];
+    out.rise += d * Ad_[at(i)];
+    out.value += d * (sum_[at(i)] + share * Ad_[at(i)]);
+    const Servo& servo = servos_[at(i)];
+    if (!(servo.limit > 0)) continue;
+    const double pull = servo.offset - servo.slope * (x_[at(i)] + share * d);
+    out.value -= d * std::clamp(pull, -servo.limit, servo.limit);
+    if (std::abs(pull) < servo.limit) out.rise += servo.slope * d * d;
+  }
+  ContactRows contact;
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    contact = contacts_[c];
+    const double *r = r_.data() + kMostRows * c, *s = s_.data() + kMostRows * c;
+    std::array<double, kMostRows> now{};
+    for (std::size_t k = 0; k < contact.rows; ++k) now[k] = r[k] + share * s[k];
+    obey(contact, now.data(), Law::coulomb);
+    for (std::size_t k = 0; k < contact.rows; ++k) out.value -= s[k] * contact.impulse[k];
+    if (!contact.open) out.rise += s[0] * s[0] / contact.soft;
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      const Disc& disc = contact.discs[k];
+      const double sx = s[disc.row], sy = disc.size > 1 ? s[disc.row + 1] : 0;
+      if (!disc.slides) {
+        if (!contact.open) out.rise += (sx * sx + sy * sy) / disc.soft;
+        continue;
+      }
+      const double across = disc.x * sy - disc.y * sx;
+      out.rise += disc.lateral * across * across;
+      if (!contact.open)
+        out.rise -= disc.coefficient / contact.soft * s[0] * (disc.x * sx + disc.y * sy);
+    }
+  }
+  return out;
+}
+
+/// Where along d_ the energy is least.
+double ContactNewton::search() {
+  // A d, and what of F does not depend on the law, into sum_.
+  for (int i = 0; i < n_; ++i) {
+    Ad_[at(i)] = 0;
+    sum_[at(i)] = -g_[at(i)];
+  }
+  for (int i = 0; i < n_; ++i) {
+    const double* row = A_.data() + entry(i, 0);
+    Ad_[at(i)] += row[i] * d_[at(i)];
+    sum_[at(i)] += row[i] * x_[at(i)];
+    for (int j = i + 1; j <= A_last_[at(i)]; ++j) {
+      Ad_[at(i)] += row[j] * d_[at(j)];
+      Ad_[at(j)] += row[j] * d_[at(i)];
+      sum_[at(i)] += row[j] * x_[at(j)];
+      sum_[at(j)] += row[j] * x_[at(i)];
+    }
+  }
+  const double start = along(0).value;
+  Slope end = along(1);
+  if (!(start < 0) || !(end.value > kFlat * -start)) return 1;
+  double low = 0, high = 1, share = 1;
+  for (int i = 0; i < kSearches; ++i) {
+    double next = share - end.value / end.rise;
+    // Written so that NaN is not taken; the middle where Newton's step leaves the bracket.
+    if (!(next > low && next < high)) next = 0.5 * (low + high);
+    share = next;
+    end = along(share);
+    if (std::abs(end.value) <= kFlat * -start) break;
+    (end.value > 0 ? high : low) = share;
+  }
+  return share;
+}
+
+/// x += share d; what passes a bound stays on it.
+void ContactNewton::advance(double share) {
+  for (int i = 0; i < n_; ++i) {
+    Bound& bound = bounds_[at(i)];
+    if (bound.side != 0) continue;
+    double& x = x_[at(i)];
+    x += share * d_[at(i)];
+    if (x < bound.low - kBeyond) bound.side = -1;
+    if (x > bound.high + kBeyond) bound.side = 1;
+    if (bound.side != 0) x = bound.side < 0 ? bound.low : bound.high;
+  }
+}
+
+/// Lets go of bounds that would have to pull.
+bool ContactNewton::release() {
+  bool any = false;
+  for (int i = 0; i < n_; ++i) {
+    Bound& bound = bounds_[at(i)];
+    if (bound.side == 0 || !(bound.side * F_[at(i)] > kRounding * sum_[at(i)])) continue;
+    bound.side = 0;
+    any = true;
+  }
+  return any;
+}
+
+/// Makes contacts softer than they are, to a share of what their bodies give way.
+void ContactNewton::soften(double share) {
+  for (ContactRows& contact : contacts_) {
+    contact.soft = std::max(contact.softness, share * contact.giving);
+    for (std::size_t k = 0; k < contact.disc_count; ++k)
+      contact.discs[k].soft = std::max(contact.discs[k].softness, share * contact.discs[k].giving);
+  }
+}
+
+/// Rows' velocities that the step d_ adds.
+void ContactNewton::find_changes() {
+  s_.resize(r_.size());
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    const ContactRows& contact = contacts_[c];
+    for (std::size_t k = 0; k < contact.rows; ++k) {
+      double& s = s_[kMostRows * c + k] = 0;
+      for (std::size_t j = 0; j < contact.dof_count; ++j)
+        s += J_[contact.first_entry + k * contact.dof_count + j] * d_[at(dofs_[contact.first_dof + j])];
+    }
+  }
+}
+
+/// Friction's direction as the linear model of the step has it after a share of the step.
+void ContactNewton::turn(double share) {
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    ContactRows& contact = contacts_[c];
+    const double* s = s_.data() + kMostRows * c;
+    const double more = contact.open ? 0 : -share * s[0] / contact.soft;
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      Disc& disc = contact.discs[k];
+      double x = 0, y = 0;
+      if (!contact.open) {
+        const auto [xx, xy, yy] = stiffness(disc);
+        const double sx = share * s[disc.row], sy = disc.size > 1 ? share * s[disc.row + 1] : 0;
+        const double* p = contact.impulse.data() + disc.row;
+        x = -p[0] + xx * sx + xy * sy;
+        y = disc.size > 1 ? -p[1] + xy * sx + yy * sy : 0;
+        if (disc.slides) {
+          x += disc.coefficient * more * disc.px;
+          y += disc.coefficient * more * disc.py;
+        }
+      }
+      const double limit = disc.coefficient * std::max(contact.impulse[0] + more, 0.0);
+      const double scale = 1 / std::max({limit, std::sqrt(x * x + y * y), 1e-300});
+      disc.px = scale * x;
+      disc.py = scale * y;
+    }
+  }
+}
+
+/// Newton's step, into d_.
+void ContactNewton::find_step(NewtonReport& report) {
+  assemble();
+  factor();
+  for (int i = 0; i < n_; ++i) d_[at(i)] = bounds_[at(i)].side == 0 ? -F_[at(i)] : 0;
+  solve_factored(d_.data());
+  couple();
+  find_changes();
+  ++report.iterations;
+}
+
+bool ContactNewton::solved(double tolerance, NewtonReport& report) {
+  report.residual = residual();
+  report.solved = report.residual <= tolerance && !release();
+  return report.solved;
+}
+
+/// Full steps from an evaluated x.
+void ContactNewton::leap(double tolerance, NewtonReport& report) {
+  for (int i = 0; i < kFullSteps && !report.solved; ++i) {
+    find_step(report);
+    turn(1);
+    advance(1);
+    evaluate(Law::coulomb);
+    solved(tolerance, report);
+  }
+}
+
+/// Searched steps from an evaluated x.
+void ContactNewton::walk(int most, double tolerance, NewtonReport& report) {
+  for (int i = 0; !solved(tolerance, report) && i < most; ++i) {
+    find_step(report);
+    const double share = search();
+    turn(share);
+    advance(share);
+    evaluate(Law::coulomb);
+  }
+}
+
+NewtonReport ContactNewton::solve(double tolerance) {
+  widen();
+  for (int i = 0; i < n_; ++i) {
+    const Bound& bound = bounds_[at(i)];
+    x_[at(i)] = bound.side == 0 ? 0 : (bound.side < 0 ? bound.low : bound.high);
+  }
+  NewtonReport report;
+  soften(0);
+  evaluate(Law::as_it_was);
+  leap(tolerance, report);
+  if (report.solved) return report;
+  bool any = false;
+  int failed = 0;
+  for (double share = kSoftest; share >= kHardest && failed < kMostFailed; share *= kHarder) {
+    soften(share);
+    evaluate(Law::coulomb);
+    walk(kSofterSteps, tolerance, report);
+    if (!report.solved) {
+      ++failed;
+      continue;
+    }
+    any = true;
+    failed = 0;
+    softer_x_ = x_;
+    softer_ = contacts_;
+  }
+  soften(0);
+  evaluate(Law::coulomb);
+  if (!solved(tolerance, report)) leap(tolerance, report);
+  if (!report.solved) walk(kLastSteps, tolerance, report);
+  if (!report.solved && any) {
+    x_ = softer_x_;
+    contacts_ = softer_;
+  }
+  return report;
+}
+
+}  // namespace handsim::engine::articulated

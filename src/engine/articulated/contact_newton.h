@@ -1,0 +1,145 @@
+// The impulses of contacts, joint stops and torque limits in a step, found together: the change x of the
+// joint rates obeys
+//   A x = g + J^T p(r0 + J x) + servos(x),  low <= x <= high,
+// A being the joint-space inertia, springs and dampers in it, and g what drives it without contact. The normal
+// impulse is max(0, -r_n / softness), friction Coulomb's with the true cone: -r_t / softness, cut to the
+// coefficient times the normal impulse. The softness makes impulses the velocities' own function, so that the
+// unknowns are the joint rates however many contacts there are. Newton's method on that piecewise smooth
+// equation, safeguarded by a search along its direction; sparse along the branches of the mechanism.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace handsim::engine::articulated {
+
+/// Rows that take at most `coefficient` times the normal impulse together: two of sliding or rolling, one of
+/// spinning.
+struct Disc {
+  enum class Kind { sliding, spinning, rolling };
+  Kind kind = Kind::sliding;
+  std::size_t row = 1, size = 2;  ///< among the contact's
+  double coefficient = 0;
+  double softness = 0;  ///< velocity per impulse, > 0
+  double giving = 0;    ///< what its bodies alone would give way
+  double soft = 0;      ///< in force
+  bool slides = false;  ///< the limit is in force
+  /// Where it slides: which way (unit), against which way it pushes, as a share of the limit, and limit over
+  /// speed. Both ways agree in the solution.
+  double x = 1, y = 0, px = 1, py = 0, lateral = 0;
+};
+
+/// A contact: its normal row, then those of its discs. Or a tie: one row that is to stand still, whichever way
+/// it has to be pushed.
+struct ContactRows {
+  std::array<double, 6> start{};    ///< r0 [m/s, rad/s]; normal: less the velocity that it is to have at least
+  std::array<double, 6> impulse{};  ///< in: to start from; out
+  double softness = 0, giving = 0, soft = 0;  ///< of the normal row, as a disc has them
+  std::array<Disc, 3> discs;
+  std::size_t rows = 1, disc_count = 0;
+  bool open = true;  ///< in: as it was in the last step; out
+  bool tie = false;
+  std::size_t first_dof = 0, dof_count = 0, first_entry = 0;  ///< in the solver's lists
+};
+
+/// How far a solution got.
+struct NewtonReport {
+  int iterations = 0;     ///< systems solved
+  double residual = 0;    ///< most that a rate may be off by [rad/s or m/s]
+  bool solved = false;    ///< the residual is within the tolerance
+};
+
+class ContactNewton {
+ public:
+  /// @param first for every unknown i the least j <= i with A_ij not zero, whatever the state.
+  void resize(std::vector<int> first);
+  int size() const { return n_; }
+  /// Empties the problem: A, g zero, no contacts, bounds or servos.
+  void begin();
+  /// A's entry, i <= j.
+  double& inertia(int i, int j) { return A_[entry(i, j)]; }
+  std::span<double> drive() { return g_; }
+  /// Keeps x_i within bounds; `side` -1, 1: starts on one.
+  void bound(int i, double low, double high, double side);
+  /// Adds offset - slope x_i to the right side, cut to +-limit.
+  void servo(int i, double offset, double slope, double limit, double saturated);
+  /// Adds a contact that moves with some unknowns, ascending; its J, rows by unknowns, is to be filled in.
+  ContactRows& add(std::span<const int> dofs, std::size_t rows);
+  std::span<double> jacobian(const ContactRows& contact) {
+    return {J_.data() + contact.first_entry, contact.rows * contact.dof_count};
+  }
+
+  /// Starts from x = 0 and from what `open`, `slides` and the bounds' sides name. A problem that resists is
+  /// approached from softer contacts; where it is not solved, the hardest of those that were is the result.
+  /// @param tolerance of rates [rad/s or m/s]
+  NewtonReport solve(double tolerance);
+
+  std::span<const double> x() const { return x_; }
+  std::span<const ContactRows> contacts() const { return contacts_; }
+  ContactRows& contact(std::size_t i) { return contacts_[i]; }
+  double side(int i) const { return bounds_[static_cast<std::size_t>(i)].side; }
+  double saturated(int i) const { return servos_[static_cast<std::size_t>(i)].saturated; }
+
+ private:
+  struct Bound {
+    double low, high, side;
+  };
+  struct Servo {
+    double offset = 0, slope = 0, limit = 0, saturated = 0;
+  };
+  enum class Law {
+    coulomb,
+    as_it_was  ///< the parts of it that `open`, `slides` and `saturated` name, whatever the velocities
+  };
+  /// Derivative of the energy along a direction, and its own.
+  struct Slope {
+    double value = 0, rise = 0;
+  };
+
+  std::size_t entry(int i, int j) const {
+    return static_cast<std::size_t>(i) * static_cast<std::size_t>(n_) + static_cast<std::size_t>(j);
+  }
+  void widen();
+  void soften(double share);
+  static void obey(ContactRows& contact, const double* r, Law law);
+  void evaluate(Law law);
+  double residual() const;
+  bool release();
+  bool solved(double tolerance, NewtonReport& report);
+  static std::array<double, 3> stiffness(const Disc& disc);
+  void assemble();
+  void factor();
+  void solve_factored(double* x) const;
+  void couple();
+  void find_changes();
+  void find_step(NewtonReport& report);
+  Slope along(double share) const;
+  double search();
+  void turn(double share);
+  void advance(double share);
+  void leap(double tolerance, NewtonReport& report);
+  void walk(int most, double tolerance, NewtonReport& report);
+
+  int n_ = 0;
+  std::vector<int> A_first_, A_last_;  ///< last column of a row of A
+  std::vector<int> first_, last_;      ///< of the factor
+  std::vector<double> A_, M_, g_, x_, F_, sum_, d_, Ad_, softer_x_;
+  std::vector<Bound> bounds_;
+  std::vector<Servo> servos_;
+  std::vector<ContactRows> contacts_, softer_;
+  std::vector<int> dofs_;
+  std::vector<double> J_, r_, s_;
+  /// What a sliding contact's normal impulse does to its friction: M - C G^T is the whole derivative.
+  struct Entry {
+    std::size_t column = 0;
+    int dof = 0;
+    double C = 0, G = 0;
+  };
+  std::vector<Entry> coupling_;
+  std::size_t coupled_ = 0;
+  std::vector<double> C_, K_;
+};
+
+}  // namespace handsim::engine::articulated

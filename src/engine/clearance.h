@@ -1,0 +1,40 @@
+// Which pairs of shapes may touch: every pair keeps how far apart it was when last looked at, and is not
+// looked at again before its two shapes have together moved as far. Exact: a pair left out does not touch.
+// Knows nothing of time or speeds, so that states may jump.
+#pragma once
+
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "handsim/model/model.h"
+
+namespace handsim::engine {
+
+/// Least distance between two shapes that their extents along the axes of both and, of two capsules or
+/// spheres, the nearest points of their segments tell [m]; negative where these do not part them. Never more
+/// than the distance itself. At most one of them a plane.
+double least_gap(const model::Shape& a, const Pose& x_WA, const model::Shape& b, const Pose& x_WB);
+
+class Clearance {
+ public:
+  using Pair = std::pair<std::size_t, std::size_t>;
+
+  /// The model must outlive this. @param pairs that are to be watched
+  Clearance(const model::Model& model, std::vector<Pair> pairs);
+
+  /// Pairs watched.
+  std::size_t size() const { return pairs_.size(); }
+  /// The pairs that may touch, in their order. @param poses X_WS of every shape
+  std::span<const Pair> near(std::span<const Pose> poses);
+
+ private:
+  const model::Model& model_;
+  std::vector<Pair> pairs_, near_;
+  std::vector<double> limit_;   ///< of each pair: travel of both at which it may touch [m]
+  std::vector<double> travel_;  ///< of each shape: most that a point of it may have moved so far [m]
+  std::vector<double> reach_;   ///< of each shape: its farthest point from the origin of its frame [m]
+  std::vector<Pose> last_;
+};
+
+}  // namespace handsim::engine
