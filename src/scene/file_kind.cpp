@@ -17,8 +17,8 @@ constexpr std::array kMarks = {Mark{"hands", FileKind::scene},         Mark{"obj
                                Mark{"bodies", FileKind::scene},        Mark{"stature", FileKind::person},
                                Mark{"segments", FileKind::hand_model}, Mark{"fits", FileKind::anthropometry},
                                Mark{"gains", FileKind::controller},    Mark{"poses", FileKind::poses},
-                               Mark{"methods", FileKind::study},       Mark{"shape", FileKind::object},
-                               Mark{"parts", FileKind::object}};
+                               Mark{"methods", FileKind::study},       Mark{"cases", FileKind::stability},
+                               Mark{"shape", FileKind::object},        Mark{"parts", FileKind::object}};
 
 std::string_view keys_of(FileKind kind) {
   switch (kind) {
@@ -36,6 +36,8 @@ std::string_view keys_of(FileKind kind) {
       return "poses, programs";
     case FileKind::study:
       return "scene, reference, steps, methods";
+    case FileKind::stability:
+      return "cases";
     case FileKind::object:
       return "shape or parts, mass or density";
   }
@@ -60,6 +62,8 @@ std::string_view described(FileKind kind) {
       return "a pose file";
     case FileKind::study:
       return "an accuracy study";
+    case FileKind::stability:
+      return "a stability study";
     case FileKind::object:
       return "an object";
   }

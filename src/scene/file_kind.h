@@ -9,7 +9,7 @@
 
 namespace handsim::scene {
 
-enum class FileKind { scene, person, hand_model, anthropometry, controller, poses, study, object };
+enum class FileKind { scene, person, hand_model, anthropometry, controller, poses, study, stability, object };
 
 /// `a scene`, `a person`, ...
 std::string_view described(FileKind kind);
