@@ -396,9 +396,9 @@ class StopHit final : public Measure {
     last_ = beyond;
     if (what_ == What::late && looks_ - *hit_ >= 10) largest_.book(beyond, now.state().time, at_.joint->name);
     // Until it is back where it came from: the other stop is another story.
-    returned_ = returned_ || direction * (q - start_) < 0;
     if (what_ == What::rebound && !returned_)
       fastest_back_ = std::max(fastest_back_, -direction * rate / std::abs(impact_));
+    returned_ = returned_ || direction * (q - start_) < 0;
     hit_time_ = now.state().time;
   }
   std::optional<Figure> figure() const override {
