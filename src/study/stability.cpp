@@ -11,6 +11,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "handsim/study/machine.h"
+
 namespace handsim::study {
 
 namespace {
@@ -243,8 +245,10 @@ void run(Job& job, const std::atomic<bool>& stop) {
     if (measure_kind(spec.kind)->procedure && !stop) proceed(job, spec);
 }
 
-void judge(StabilityRow& row, const Way& way) {
-  const bool known = way.known_short.contains(row.measure);
+void judge(StabilityRow& row, const StabilityCase& of) {
+  const bool known = std::any_of(of.known.begin(), of.known.end(), [&](const KnownShort& entry) {
+    return entry.covers(row.way, row.measure, row.step);
+  });
   row.verdict = row.within() ? StabilityVerdict::held
                              : (known ? StabilityVerdict::known_short : StabilityVerdict::fell_short);
 }
@@ -276,6 +280,7 @@ class Pool {
     if (error_) std::rethrow_exception(error_);
   }
   void one(Job& job) {
+    const double start = cpu_now();
     try {
       run(job, stop_);
     } catch (const Error& error) {
@@ -283,7 +288,10 @@ class Pool {
     } catch (...) {
       stop_with(std::current_exception());
     }
-    for (StabilityRow& row : job.rows) judge(row, *job.way);
+    for (StabilityRow& row : job.rows) {
+      judge(row, *job.the_case);
+      row.cpu = cpu_now() - start;
+    }
     const std::lock_guard lock(mutex_);
     ++done_;
     if (options_.progress) options_.progress(static_cast<double>(done_) / static_cast<double>(jobs_.size()));
@@ -309,24 +317,22 @@ class Pool {
   std::size_t done_ = 0;
 };
 
-/// True where every variant of a way's measure and step held: then a known shortfall is none.
+/// Known shortfalls that were met, and those that were not in any variant.
 void find_better(CaseResult& result) {
-  for (const Way& way : result.of->ways)
-    for (const auto& [measure, why] : way.known_short) {
-      bool met = false, any = false;
-      for (const StabilityRow& row : result.rows)
-        if (row.way == way.name && row.measure == measure) {
-          any = true;
-          met = met || row.verdict == StabilityVerdict::known_short;
-        }
-      if (met) result.known.push_back(way.name + ": " + why);
-      if (met || !any) continue;
-      for (StabilityRow& row : result.rows)
-        if (row.way == way.name && row.measure == measure && row.verdict == StabilityVerdict::held)
-          row.verdict = StabilityVerdict::better;
+  for (const KnownShort& known : result.of->known) {
+    bool met = false;
+    const auto covered = [&](const StabilityRow& row) {
+      return known.covers(row.way, row.measure, row.step);
+    };
+    for (const StabilityRow& row : result.rows)
+      met = met || (covered(row) && row.verdict == StabilityVerdict::known_short);
+    if (met) {
+      result.known.push_back(known.way + ": " + known.why);
+      continue;
     }
-  std::sort(result.known.begin(), result.known.end());
-  result.known.erase(std::unique(result.known.begin(), result.known.end()), result.known.end());
+    for (StabilityRow& row : result.rows)
+      if (covered(row) && row.verdict == StabilityVerdict::held) row.verdict = StabilityVerdict::better;
+  }
 }
 
 std::vector<const StabilityCase*> chosen_cases(const StabilitySpec& spec, const StabilityOptions& options) {
@@ -348,6 +354,12 @@ std::vector<const StabilityCase*> chosen_cases(const StabilitySpec& spec, const 
 }
 
 }  // namespace
+
+bool KnownShort::covers(const std::string& of_way, const std::string& measure, double step) const {
+  const auto here = [&](double known) { return std::abs(known - step) <= 1e-9 * step; };
+  return way == of_way && std::find(measures.begin(), measures.end(), measure) != measures.end() &&
+         (steps.empty() || std::any_of(steps.begin(), steps.end(), here));
+}
 
 double StabilityRow::severity() const {
   if (!value || std::isnan(*value)) return std::numeric_limits<double>::infinity();

@@ -6,7 +6,6 @@
 #include <filesystem>
 #include <functional>
 #include <limits>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -26,11 +25,19 @@ struct Way {
   std::string name;
   std::vector<std::string> set;
   std::vector<double> steps;  ///< [s]
-  /// Measures that it is known to fall short of, and why.
-  std::map<std::string, std::string> known_short;
   /// The scene must be refused with a message that holds this text.
   std::optional<std::string> refused;
   bool quick = true;  ///< part of the quick suite
+};
+
+/// What a way is known to fall short of, and why.
+struct KnownShort {
+  std::string way;
+  std::vector<std::string> measures;  ///< by name
+  std::vector<double> steps;          ///< [s]; empty: all of the way's
+  std::string why;
+
+  bool covers(const std::string& of_way, const std::string& measure, double step) const;
 };
 
 /// Persons drawn evenly from the ranges that HARD cases ask for, each a variant of the case.
@@ -48,6 +55,7 @@ struct StabilityCase {
   std::vector<std::vector<Alternative>> varied;  ///< every combination is run
   std::vector<MeasureSpec> measures;
   std::vector<Way> ways;
+  std::vector<KnownShort> known;
   std::optional<PersonDraw> persons;
   std::optional<std::string> plot;  ///< name of the measure whose course is drawn
   std::optional<double> picture;    ///< time of the first variant that is drawn [s]
@@ -83,6 +91,7 @@ struct StabilityRow {
   bool at_least = false;        ///< the limit is a lower one
   std::optional<double> value;  ///< absent where the run went wrong, or had nothing to measure
   std::optional<double> time;   ///< of the figure, or of the failure [s]
+  double cpu = 0;               ///< of the whole run [s]
   std::string where;
   std::string fault;  ///< what went wrong
   StabilityVerdict verdict = StabilityVerdict::held;

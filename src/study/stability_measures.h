@@ -80,6 +80,7 @@ const MeasureKind* measure_kind(std::string_view name);
 
 // The procedures, for the table.
 Figure convergence(const SceneMaker& scene, const MeasureSpec& spec);
+Figure energy_order(const SceneMaker& scene, const MeasureSpec& spec);
 Figure release_ratio(const SceneMaker& scene, const MeasureSpec& spec);
 Figure repeats(const SceneMaker& scene, const MeasureSpec& spec);
 Figure twin(const SceneMaker& scene, const MeasureSpec& spec);

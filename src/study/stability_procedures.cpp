@@ -139,6 +139,26 @@ Figure convergence(const SceneMaker& scene, const MeasureSpec& spec) {
   return out;
 }
 
+Figure energy_order(const SceneMaker& scene, const MeasureSpec& spec) {
+  const MeasureKind& kind = *measure_kind("energy_error");
+  std::vector<std::pair<double, double>> errors;
+  for (const double step : spec.steps) {
+    const scene::Scene of = scene({"solver.step=" + number_text(step)});
+    const std::unique_ptr<Measure> measure = kind.make(of, MeasureSpec{});
+    Simulation simulation(of);
+    measure->look(simulation);
+    for (long i = 0; i < simulation.step_count(); ++i) {
+      simulation.step();
+      measure->look(simulation);
+    }
+    errors.emplace_back(step, std::max(measure->figure()->value, 1e-300));
+  }
+  Figure out{log_slope(errors), std::nullopt,
+             fmt::format("{:.2g} at {:g} ms", errors.front().second, 1e3 * errors.front().first)};
+  out.curve = std::move(errors);
+  return out;
+}
+
 Figure release_ratio(const SceneMaker& scene, const MeasureSpec& spec) {
   const scene::Scene with = scene({});
   const scene::Scene without = scene::without_effect(with, model::Effect::joint_stops);

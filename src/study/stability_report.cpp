@@ -101,14 +101,14 @@ std::string quoted(std::string text) {
 
 std::string csv(const StabilityResult& result) {
   std::string out =
-      "case,measure,unit,way,step[s],variant,measured,limit,limit_is,verdict,time[s],where,fault\n";
+      "case,measure,unit,way,step[s],variant,measured,limit,limit_is,verdict,time[s],cpu[s],where,fault\n";
   for (const CaseResult& of : result.cases)
     for (const StabilityRow& row : of.rows)
-      out += fmt::format("{},{},{},{},{},{},{},{},{},{},{},{},{}\n", row.of_case, quoted(row.measure),
-                         row.unit, quoted(row.way), row.step, quoted(row.variant),
-                         row.value ? fmt::format("{}", *row.value) : "", row.limit,
-                         row.at_least ? "least" : "most", name(row.verdict),
-                         row.time ? fmt::format("{}", *row.time) : "", quoted(row.where), quoted(row.fault));
+      out += fmt::format(
+          "{},{},{},{},{},{},{},{},{},{},{},{:.3g},{},{}\n", row.of_case, quoted(row.measure), row.unit,
+          quoted(row.way), row.step, quoted(row.variant), row.value ? fmt::format("{}", *row.value) : "",
+          row.limit, row.at_least ? "least" : "most", name(row.verdict),
+          row.time ? fmt::format("{}", *row.time) : "", row.cpu, quoted(row.where), quoted(row.fault));
   return out;
 }
 
@@ -122,6 +122,7 @@ Json row_json(const StabilityRow& row) {
   out[row.at_least ? "least" : "most"] = row.limit;
   out["verdict"] = name(row.verdict);
   if (row.time) out["time_s"] = *row.time;
+  out["cpu_s"] = row.cpu;
   if (!row.where.empty()) out["where"] = row.where;
   if (!row.fault.empty()) out["fault"] = row.fault;
   return out;

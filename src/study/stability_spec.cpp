@@ -90,7 +90,7 @@ MeasureSpec read_measure(MapReader reader) {
   return out;
 }
 
-Way read_way(MapReader reader, const std::vector<double>& steps, const std::vector<MeasureSpec>& measures) {
+Way read_way(MapReader reader, const std::vector<double>& steps) {
   Way way;
   way.name = reader.text("name");
   way.set = read_set(reader, "set");
@@ -99,14 +99,34 @@ Way read_way(MapReader reader, const std::vector<double>& steps, const std::vect
   if (way.steps.empty()) reader.problem("steps", "no step", "steps here or of the case");
   way.quick = reader.flag("quick", true);
   if (reader.has("refused")) way.refused = reader.text("refused");
-  if (reader.has("short")) {
-    MapReader known = reader.map("short");
-    for (const MeasureSpec& measure : measures)
-      if (known.has(measure.name)) way.known_short[measure.name] = known.text(measure.name);
-    known.finish();
-  }
   reader.finish();
   return way;
+}
+
+/// One word of a list that is known.
+void read_words(MapReader& reader, std::string_view key, const std::vector<std::string>& known,
+                std::vector<std::string>& out) {
+  read_list(reader, key, true, [&](const YamlNode& node, const std::string& path) {
+    if (std::find(known.begin(), known.end(), node.text) == known.end())
+      reader.diagnostics().problems.push_back(
+          {node.place(), path, node.described(), fmt::format("one of {}", fmt::join(known, ", "))});
+    out.push_back(node.text);
+  });
+}
+
+KnownShort read_known(MapReader reader, const StabilityCase& of) {
+  std::vector<std::string> ways, measures;
+  for (const Way& way : of.ways) ways.push_back(way.name);
+  for (const MeasureSpec& measure : of.measures) measures.push_back(measure.name);
+  KnownShort out;
+  out.way = reader.text("way");
+  if (reader.sound() && std::find(ways.begin(), ways.end(), out.way) == ways.end())
+    reader.problem("way", out.way, fmt::format("one of {}", fmt::join(ways, ", ")));
+  read_words(reader, "measures", measures, out.measures);
+  out.steps = read_steps(reader, "steps", false);
+  out.why = reader.text("why");
+  reader.finish();
+  return out;
 }
 
 void read_quick(MapReader& reader, StabilityCase& out) {
@@ -130,7 +150,11 @@ void check_case(MapReader& reader, const StabilityCase& of) {
     if (!names.insert(measure.name).second)
       reader.problem("measures", measure.name + " a second time", "a name of its own for each measure");
     const bool held = std::any_of(of.ways.begin(), of.ways.end(), [&](const Way& way) {
-      return !way.refused && !way.known_short.contains(measure.name);
+      return !way.refused && std::any_of(way.steps.begin(), way.steps.end(), [&](double step) {
+        return std::none_of(of.known.begin(), of.known.end(), [&](const KnownShort& known) {
+          return known.covers(way.name, measure.name, step);
+        });
+      });
     });
     if (!held)
       reader.problem("ways", "none that is to hold " + measure.name, "one way at least that holds it");
@@ -168,7 +192,10 @@ StabilityCase read_case(MapReader reader) {
   });
   const std::vector<double> steps = read_steps(reader, "steps", false);
   read_list(reader, "ways", true, [&](YamlNode& node, const std::string& path) {
-    out.ways.push_back(read_way(MapReader(node, path, reader.diagnostics()), steps, out.measures));
+    out.ways.push_back(read_way(MapReader(node, path, reader.diagnostics()), steps));
+  });
+  read_list(reader, "known_short", false, [&](YamlNode& node, const std::string& path) {
+    out.known.push_back(read_known(MapReader(node, path, reader.diagnostics()), out));
   });
   if (reader.has("persons")) {
     MapReader persons = reader.map("persons");
