@@ -12,14 +12,14 @@ shared:
   smooth: &smooth
     - {name: ODE world_step, set: {solver.method: world_step}}
     - {name: ODE quick_step 20, set: {solver.method: quick_step}}
-    - {name: DAE stabilised_gear, set: {solver.engine: dae}}
-    - {name: articulated semi_implicit_euler, set: {solver.engine: articulated}}
+    - {name: DAE stabilised_gear, set: {solver.engine: dae, solver.method: stabilised_gear}}
+    - {name: articulated semi_implicit_euler, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
     - {name: articulated rk4, set: {solver.engine: articulated, solver.method: rk4}}
     - {name: articulated dormand_prince, set: {solver.engine: articulated, solver.method: dormand_prince}}
   hard: &hard
     - {name: ODE world_step, set: {solver.method: world_step}}
     - {name: ODE quick_step 50, set: {solver.method: quick_step, solver.iterations: 50}}
-    - {name: articulated, set: {solver.engine: articulated}}
+    - {name: articulated, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
   dissipates: &dissipates ODE's gyroscopic term is of first order and dissipates
   explicit: &explicit the gyroscopic term is explicit, and the method of first order
 cases:
@@ -66,7 +66,7 @@ cases:
       - {name: ODE world_step, set: {solver.method: world_step}, steps: ["1 ms", "0.1 ms"]}
       - {name: ODE quick_step 50, set: {solver.method: quick_step, solver.iterations: 50}}
       - {name: ODE world_step with projection, set: {solver.projection: true}}
-      - {name: articulated semi_implicit_euler, set: {solver.engine: articulated}}
+      - {name: articulated semi_implicit_euler, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
       - {name: articulated dormand_prince, set: {solver.engine: articulated, solver.method: dormand_prince}}
     plot: joint_gap
     picture: "0.15 s"
@@ -80,7 +80,7 @@ cases:
     ways:
       - {name: ODE world_step, set: {solver.method: world_step}}
       - {name: ODE world_step with projection, set: {solver.projection: true}, quick: false}
-      - {name: articulated semi_implicit_euler, set: {solver.engine: articulated}}
+      - {name: articulated semi_implicit_euler, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
     plot: convergence
   - name: stack
     title: five boxes, the top one up to 1000 times as heavy
@@ -97,7 +97,7 @@ cases:
       - {name: ODE world_step guarded, set: {solver.cfm: 1e-7, effects: [gravity, object_contact, ground_contact, friction, step_guard]}}
       - {name: ODE quick_step 20, set: {solver.method: quick_step}}
       - {name: ODE quick_step 200, set: {solver.method: quick_step, solver.iterations: 200}}
-      - {name: articulated, set: {solver.engine: articulated}}
+      - {name: articulated, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
     plot: penetration
     picture: 0
     quick: {set: {duration: "1 s"}}
@@ -151,7 +151,7 @@ cases:
       - {name: ODE world_step, set: {solver.method: world_step}}
       - {name: ODE world_step, set: {solver.method: world_step}, steps: ["0.1 ms"], quick: false}
       - {name: ODE quick_step 20, set: {solver.method: quick_step}}
-      - {name: articulated, set: {solver.engine: articulated}}
+      - {name: articulated, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
       - {name: articulated, set: {solver.engine: articulated}, steps: ["0.1 ms"], quick: false}
     plot: energy_error
     picture: 0
@@ -199,7 +199,7 @@ cases:
     ways:
       - {name: ODE world_step, set: {solver.method: world_step}}
       - {name: ODE quick_step 20, set: {solver.method: quick_step}}
-      - {name: articulated, set: {solver.engine: articulated}}
+      - {name: articulated, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
       - {name: range of nothing, set: {joints.0.axes.0.range: [1, 1]}, refused: range}
       - {name: range upside down, set: {joints.0.axes.0.range: [1, -1]}, refused: range}
       - {name: range without number, set: {joints.0.axes.0.range: [.nan, 1]}, refused: range}
@@ -227,7 +227,7 @@ cases:
       - {name: ODE quick_step 20, set: {solver.method: quick_step}}
       - {name: ODE world_step with projection, set: {solver.projection: true}}
       - {name: DAE euler_projected, set: {solver.engine: dae, solver.method: euler_projected}}
-      - {name: articulated semi_implicit_euler, set: {solver.engine: articulated}}
+      - {name: articulated semi_implicit_euler, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
       - {name: articulated rk4, set: {solver.engine: articulated, solver.method: rk4}}
     plot: slider_error
     picture: "0.1 s"
@@ -273,7 +273,7 @@ cases:
       - {name: ODE world_step guarded, set: {solver.cfm: 1e-8, effects: [gravity, object_contact, friction, actuation, step_guard]}}
       - {name: ODE quick_step 20, set: {solver.method: quick_step}}
       - {name: ODE quick_step 200, set: {solver.method: quick_step, solver.iterations: 200}}
-      - {name: articulated, set: {solver.engine: articulated}}
+      - {name: articulated, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
     plot: slip_speed
     picture: 0
     quick: {set: {duration: "3 s"}}
@@ -340,7 +340,7 @@ cases:
       - {name: ODE world_step CFM 1e-5, set: {solver.cfm: 1e-5}}
       - {name: ODE world_step CFM 1e-4, set: {solver.cfm: 1e-4}}
       - {name: ODE quick_step 50 CFM 1e-8, set: {solver.method: quick_step, solver.iterations: 50, solver.cfm: 1e-8}}
-      - {name: articulated, set: {solver.engine: articulated}}
+      - {name: articulated, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
     quick: {set: {duration: "2.5 s"}}
   - name: large_steps
     title: two limp hands at 5, 10 and 20 ms
@@ -361,7 +361,7 @@ cases:
     ways:
       - {name: ODE world_step, set: {solver.method: world_step}}
       - {name: ODE quick_step 50, set: {solver.method: quick_step, solver.iterations: 50}}
-      - {name: articulated, set: {solver.engine: articulated}}
+      - {name: articulated, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
       - {name: explicit gains at 5 ms, set: {control.controller.form: explicit, solver.step: "5 ms"}, steps: ["5 ms"], refused: control}
     quick: {set: {duration: "2.4 s"}}
   - name: masses
@@ -411,7 +411,7 @@ cases:
       - {name: ODE world_step, set: {solver.method: world_step}}
       - {name: ODE quick_step 20, set: {solver.method: quick_step}}
       - {name: DAE stabilised_gear, set: {solver.engine: dae, effects: []}}
-      - {name: articulated, set: {solver.engine: articulated}}
+      - {name: articulated, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
       - {name: a step of 0, set: {solver.step: 0}, refused: solver.step}
       - {name: a step of NaN, set: {solver.step: .nan}, refused: solver.step}
       - {name: a mass of 0, set: {bodies.0.mass: 0}, refused: bodies.0.mass}
@@ -442,7 +442,7 @@ cases:
       - {name: ODE world_step, set: {solver.method: world_step}}
       - {name: ODE quick_step 20, set: {solver.method: quick_step}}
       - {name: ODE auto, set: {solver.method: auto}}
-      - {name: articulated, set: {solver.engine: articulated}}
+      - {name: articulated, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
     quick: {set: {duration: "0.1 s"}}
   - name: second_hand
     title: two hands move side by side; the second is another one, elsewhere
@@ -525,7 +525,7 @@ cases:
       - {measure: stop_overshoot, limit: 1e-6}
     ways:
       - {name: ODE world_step, set: {solver.method: world_step}}
-      - {name: articulated, set: {solver.engine: articulated}}
+      - {name: articulated, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
     quick: {persons: 20}
   - name: persons_dropped
     title: hands of 1000 random persons are dropped onto the ground
