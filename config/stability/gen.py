@@ -63,14 +63,13 @@ joints:
 effects: [joint_stops]
 duration: "1 s"
 ''')
-w('universal_sweep','''# The link swings under gravity on its second axis while the first turns all the way round.
+w('universal_sweep','''# No force acts; the link turns about both axes.
 title: a universal joint is swept through every angle
 bodies:
-  - {name: link, mass: 0.1, inertia: [8e-5, 1e-5, 8e-5], position: [0, 0.05, 0], angular_velocity: [0, 0, 3], velocity: [-0.15, 0, 0], shape: {kind: capsule, radius: 0.01, length: 0.08, rotation: {axis: [1, 0, 0], angle: "90 deg"}}}
+  - {name: link, mass: 0.1, inertia: [8e-5, 1e-5, 8e-5], position: [0, 0.05, 0], angular_velocity: [0.7, 0, 1], velocity: [-0.05, 0, 0.035], shape: {kind: capsule, radius: 0.01, length: 0.08, rotation: {axis: [1, 0, 0], angle: "90 deg"}}}
 joints:
   - {name: cross, type: universal, parent: world, child: link, position: [0, 0, 0], axes: [{name: turn, axis: [0, 0, 1]}, {name: swing, axis: [1, 0, 0]}]}
-gravity: [0, 4, -9.81]
-effects: [gravity]
+effects: []
 duration: "10 s"
 ''')
 def crank(name, title, phi, speed, redundant, torque='', force=''):
@@ -188,7 +187,7 @@ duration: "0.5 s"
 w('free_hand','''title: a hand without stops, tissue and contact
 hands:
   - {model: ../../handmodels/anatomical.yaml, person: ../persons/median_man.yaml, side: right, wrist: {mount: universal}}
-effects: [gravity]
+effects: []
 duration: "1 s"
 ''')
 w('hanging_hand','''title: a hand hangs at rest from its wrist
@@ -250,8 +249,8 @@ joints:
     child: metacarpal
     position: [0, 0, 0]
     axes:
-      - {name: flexion, axis: [-1, 0, 0], range: ["-45 deg", "15 deg"], torque: 0.1}
-      - {name: abduction, axis: [0, 0, 1], range: ["-25 deg", "25 deg"], torque: 0.1}
+      - {name: flexion, axis: [-1, 0, 0], range: ["-45 deg", "15 deg"], torque: 0.02}
+      - {name: abduction, axis: [0, 0, 1], range: ["-25 deg", "25 deg"], torque: 0.02}
 effects: [joint_stops, actuation]
 duration: "1 s"
 ''')

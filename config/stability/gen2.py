@@ -386,9 +386,13 @@ cases:
           - {name: 2.5 m, set: {hands.0.person: {stature: 2.5, mass: 200, sex: male}, hands.1.person: {stature: 2.5, mass: 200, sex: male}}}
     measures:
       - {measure: stop_rest, limit: 1e-3}
-      - {measure: stop_overshoot, limit: 1e-6}
+      - {measure: stop_overshoot, limit: 1e-4}
       - {measure: joint_gap, limit: "0.1 mm"}
-    ways: *hard
+    ways:
+      - {name: ODE world_step, set: {solver.method: world_step}}
+      - {name: ODE quick_step 50, set: {solver.method: quick_step, solver.iterations: 50}}
+      - {name: ODE world_step with projection, set: {solver.projection: true}}
+      - {name: articulated, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
     picture: "0.3 s"
   - name: crossed_fingers
     title: index and middle finger start inside each other
@@ -450,15 +454,18 @@ cases:
     scene: stability/limp_hands.yaml
     steps: ["1 ms"]
     measures:
-      - {measure: twin, limit: 0, with: {hands.1.wrist: {mount: free, position: [-5, 0, 3]}, hands.1.person: {stature: 1.5, mass: 45, sex: female}}}
+      - {measure: twin, limit: 0, body: right., with: {hands.1.wrist: {mount: free, position: [-5, 0, 3]}, hands.1.person: {stature: 1.5, mass: 45, sex: female}}}
     ways: *hard
   - name: round_trip
     title: random torques on a hand at rest in random poses
     oracle: Newton and Euler; the torques are found back from the motion
     scene: stability/free_hand.yaml
-    steps: ["1 ms"]
+    steps: ["1 us"]
     measures: [{measure: round_trip, limit: 1e-10}]
-    ways: *smooth
+    ways:
+      - {name: ODE world_step, set: {solver.method: world_step}}
+      - {name: articulated semi_implicit_euler, set: {solver.engine: articulated, solver.method: semi_implicit_euler}}
+      - {name: articulated rk4, set: {solver.engine: articulated, solver.method: rk4}}
   - name: joint_reaction
     title: a hand hangs at rest from its wrist
     oracle: the wrist bears the hand's weight
