@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 
 #include "handsim/core/yaml_reader.h"
+#include "handsim/simulation/state_hash.h"
 
 namespace handsim::app {
 
@@ -96,6 +97,29 @@ void add_run(CLI::App& app, RunArguments& arguments) {
                 "a picture at the end of every hold of a controlled scene, in place of --frames");
   run->add_flag("--plots", arguments.plots,
                 "plots of a controlled scene: angles, errors, torques (needs gnuplot)");
+  run->add_option_function<std::string>(
+      "--snapshot-at",
+      [&arguments](const std::string& text) {
+        const auto value = parse_quantity(text, Dimension::time);
+        if (!value || *value < 0)
+          throw CLI::ValidationError("--snapshot-at",
+                                     got_need(text, "a time from 0, such as 0.2 or \"200 ms\""));
+        arguments.snapshot_at = *value;
+      },
+      "write the run as it stands at this time as snapshot.bin");
+  run->add_option(
+         "--from-snapshot", arguments.from_snapshot,
+         "go on from a snapshot.bin of this scene: tables and pictures of the rest, a summary of all")
+      ->check(check_path);
+  run->add_option_function<std::string>(
+      "--expect-hash",
+      [&arguments](const std::string& text) {
+        arguments.expected_hash = simulation::parse_hash(text);
+        if (!arguments.expected_hash)
+          throw CLI::ValidationError(
+              "--expect-hash", got_need(text, "the 16 hexadecimal digits of state_hash in summary.json"));
+      },
+      "exit 1 where the hash of all states (state_hash in summary.json) is another");
   run->add_flag("--quiet", arguments.quiet, "print nothing but problems");
   run->add_flag("--json", arguments.json, "print summary.json in place of the table");
 }

@@ -2,6 +2,7 @@
 // criterion held; 1: ran, but a criterion failed or the simulation diverged; 2: bad input or usage.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <string>
@@ -28,6 +29,9 @@ struct RunArguments {
   std::filesystem::path out;
   std::vector<std::string> overrides;
   int frames = 0;
+  std::optional<double> snapshot_at;  ///< [s]
+  std::optional<std::filesystem::path> from_snapshot;
+  std::optional<std::uint64_t> expected_hash;
   bool poses = false;
   bool plots = false;
   bool quiet = false;

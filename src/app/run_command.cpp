@@ -9,6 +9,7 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/simulation/run.h"
+#include "handsim/simulation/state_hash.h"
 
 namespace handsim::app {
 
@@ -86,10 +87,11 @@ void print_result(const scene::Scene& scene, const simulation::RunResult& result
   print_grasps(result);
   const bool judged = std::any_of(result.verdicts.begin(), result.verdicts.end(),
                                   [](const simulation::Verdict& v) { return v.limit.has_value(); });
-  fmt::print("  verdict: {}\n", result.fault      ? "diverged"
-                                : !judged         ? "nothing was judged"
-                                : result.passed() ? "every criterion held"
-                                                  : "a criterion failed");
+  fmt::print("  verdict: {}\n", result.fault                 ? "diverged"
+                                : !result.hash_as_expected() ? "another state hash than expected"
+                                : !judged                    ? "nothing was judged"
+                                : result.passed()            ? "every criterion held"
+                                                             : "a criterion failed");
   if (result.fault) {
     const PhysicsFault fault = *result.fault;
     fmt::print(stderr, "{}\n", Error(fault).what());
@@ -111,15 +113,22 @@ int run_scene_command(const RunArguments& arguments) {
     options.frames = arguments.frames;
     options.pose_pictures = arguments.poses;
     options.plots = arguments.plots;
+    options.snapshot_at = arguments.snapshot_at;
+    options.from_snapshot = arguments.from_snapshot;
+    options.expected_hash = arguments.expected_hash;
     if (!arguments.quiet) options.progress = [&bar](double share) { bar.show(share); };
     result = simulation::run(scene, options);
   }
+  for (const std::string& warning : result.warnings) fmt::print(stderr, "warning: {}\n", warning);
   if (arguments.json)
     fmt::print("{}", result.summary);
   else if (!arguments.quiet)
     print_result(scene, result, arguments.out);
   else if (result.fault)
     fmt::print(stderr, "{}\n", Error(*result.fault).what());
+  if (!result.hash_as_expected())
+    fmt::print(stderr, "state hash: got {}, expected {}: another scene, setting, build or machine\n",
+               simulation::hash_text(result.state_hash), simulation::hash_text(*result.expected_hash));
   return result.passed() ? 0 : 1;
 }
 

@@ -81,6 +81,23 @@ void Controller::sense(const model::State& state) {
   }
 }
 
+template <class Archive, class Self>
+void Controller::carry(Archive& archive, Self& self) {
+  archive.each(self.memory_.integral);
+  archive.each(self.memory_.filtered_rate);
+  for (auto& axis : self.axes_) {
+    archive(axis.angle);
+    archive(axis.rate);
+    archive(axis.target);
+    archive(axis.torque);
+    archive(axis.at_limit);
+  }
+}
+
+void Controller::save(ArchiveWriter& out) const { carry(out, *this); }
+
+void Controller::restore(ArchiveReader& in) { carry(in, *this); }
+
 /// What is added to spring and damper: the integral, moved on by one step, and what is fed forward.
 double Controller::feed(std::size_t i, double target) {
   const Law& law = laws_[i];

@@ -9,6 +9,7 @@
 
 #include "handsim/control/gravity.h"
 #include "handsim/control/plan.h"
+#include "handsim/core/archive.h"
 #include "handsim/model/actuation.h"
 #include "handsim/model/angle_sensor.h"
 
@@ -50,6 +51,9 @@ class Controller {
   };
   const Memory& memory() const { return memory_; }
   void set_memory(Memory memory) { memory_ = std::move(memory); }
+  /// The memory and what was last observed.
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
 
  private:
   /// A joint with driven axes.
@@ -67,6 +71,8 @@ class Controller {
     double smoothing = 1;         ///< share of the new rate in the filtered one
     double zone = 0;              ///< of the integral [rad]; infinity for none
   };
+  template <class Archive, class Self>
+  static void carry(Archive& archive, Self& self);
   void aim(double time);
   double feed(std::size_t axis, double target);
   void drive_explicit();

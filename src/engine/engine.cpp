@@ -23,6 +23,10 @@ std::vector<Problem> defects(const Settings& settings) {
   return problems;
 }
 
+void Engine::save(ArchiveWriter& /*out*/) const {}
+
+void Engine::restore(const model::State& state, ArchiveReader& /*in*/) { set_state(state); }
+
 std::unique_ptr<Engine> make_engine(const model::Model& model, const Settings& settings) {
   switch (model::engine_of(settings.method)) {
     case model::EngineKind::ode:

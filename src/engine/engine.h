@@ -4,11 +4,13 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "handsim/core/archive.h"
 #include "handsim/core/error.h"
 #include "handsim/model/actuation.h"
 #include "handsim/model/solver.h"
@@ -49,11 +51,26 @@ enum class Rung {
 inline constexpr std::array<std::string_view, 5> kRungNames = {"none", "softer", "half_steps", "quick_step",
                                                                "unresolved"};
 
+/// A largest value and the index of where it was met.
+struct ResidualPeak {
+  double value = 0;
+  int where = 0;
+};
+
+/// Velocities that a step's solver should have brought to nothing.
+struct Residual {
+  ResidualPeak linear;   ///< of joints [m/s]
+  ResidualPeak angular;  ///< of joints [rad/s]
+  ResidualPeak contact;  ///< with which rigid surfaces that touch come closer; by shape [m/s]
+};
+
 /// What one step did.
 struct StepReport {
-  int lcp_failures = 0;         ///< times the direct solver gave up, in what was kept of the step
-  Rung rung = Rung::none;       ///< of a guarded step
-  bool iterative = false;       ///< solved by quick_step
+  int lcp_failures = 0;    ///< times the direct solver gave up, in what was kept of the step
+  Rung rung = Rung::none;  ///< of a guarded step
+  bool iterative = false;  ///< solved by quick_step
+  /// Of steps that were solved by iteration, or in which the direct solver gave up.
+  std::optional<Residual> residual;
   int contacts = 0;             ///< contact points
   int stop_rows = 0;            ///< joint stops in force
   int collide_calls = 0;        ///< pairs given to the narrow phase
@@ -93,6 +110,14 @@ class Engine {
   /// Replaces poses, velocities and time. Kinematic bodies may be put elsewhere; those that no drive moves
   /// stay there, at rest. @throws Error (input) for a state of another model or with non-finite numbers.
   virtual void set_state(const model::State& state) = 0;
+  /// What the steps to come depend on beyond state(), so that `restore` goes on to the bit. Nothing where an
+  /// engine says nothing. @throws Error (physics) of an engine that has failed.
+  virtual void save(ArchiveWriter& out) const;
+  /// Takes over a state() and what `save` wrote with it, in an engine of the same model and settings.
+  /// @throws Error (input) for a state of another model or an archive that does not fit; the engine then
+  ///         stands anywhere, and goes on only from another state. Error (physics) of an engine that has
+  ///         failed.
+  virtual void restore(const model::State& state, ArchiveReader& in);
   virtual std::span<const Contact> contacts() const = 0;
   virtual const Settings& settings() const = 0;
   /// True where a collision space exists.

@@ -21,4 +21,16 @@ struct State {
   std::vector<BodyState> bodies;  ///< as Model::bodies; [0], the world, stays at rest at the origin
 };
 
+/// Names a state's fields to an archive (core/archive.h); the number of bodies is the model's.
+template <class Archive, class T>
+void carry(Archive& archive, T& state) {
+  archive(state.time);
+  for (auto& body : state.bodies) {
+    archive(body.p);
+    archive(body.q);
+    archive(body.v);
+    archive(body.w);
+  }
+}
+
 }  // namespace handsim::model

@@ -24,4 +24,23 @@ int gnuplot(std::vector<std::string> arguments, const std::filesystem::path& fol
   return WEXITSTATUS(status);
 }
 
+bool plot(const std::string& script, const std::filesystem::path& folder,
+          const std::vector<std::string>& outputs) {
+  const auto part = [&](const std::string& name) { return folder / ("." + name + ".part"); };
+  bool good = gnuplot({"-e", "parts=1", script}, folder) == 0;
+  std::error_code failure;
+  for (const std::string& name : outputs) {
+    if (good) std::filesystem::rename(part(name), folder / name, failure);
+    good = good && !failure;
+    if (!good) std::filesystem::remove(part(name), failure);
+  }
+  return good;
+}
+
+std::string plot_text(std::string text) {
+  for (char& c : text)
+    if (c == '\'' || c == '"' || c == '\\' || static_cast<unsigned char>(c) < ' ') c = ' ';
+  return text;
+}
+
 }  // namespace handsim::output

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/text.h"
 #include "handsim/output/atomic_file.h"
 
 namespace handsim::output {
@@ -23,8 +24,9 @@ void MotionTableWriter::add(double time, std::span<const double> values) {
 }
 
 void MotionTableWriter::write(const std::filesystem::path& path) const {
-  std::string head = fmt::format("{}\nversion=1\nnRows={}\nnColumns={}\ninDegrees={}\nendheader\ntime",
-                                 title_, rows_, names_.size() + 1, degrees_ ? "yes" : "no");
+  std::string head =
+      fmt::format("{}\nversion=1\nnRows={}\nnColumns={}\ninDegrees={}\nendheader\ntime",
+                  printable(title_, 4 * title_.size()), rows_, names_.size() + 1, degrees_ ? "yes" : "no");
   for (const std::string& name : names_) head += "\t" + name;
   write_file(path, head + "\n" + text_);
 }

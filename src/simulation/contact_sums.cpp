@@ -96,4 +96,48 @@ std::vector<std::pair<std::string, ContactSum>> ContactSums::fingers() const {
   return out;
 }
 
+namespace {
+
+template <class Archive, class T>
+void carry(Archive& archive, T& sum) {
+  archive(sum.contacts);
+  archive(sum.force);
+  for (auto* value : {&sum.normal, &sum.friction, &sum.normal_time, &sum.largest_normal, &sum.largest_at})
+    archive(*value);
+}
+
+}  // namespace
+
+void ContactSums::save(ArchiveWriter& out) const {
+  out(time_);
+  out(pairs_.size());
+  for (const auto& [things, sum] : pairs_) {
+    out(things.first);
+    out(things.second);
+    carry(out, sum);
+  }
+  out(fingers_.size());
+  for (const auto& [thing, sum] : fingers_) {
+    out(thing);
+    carry(out, sum);
+  }
+}
+
+void ContactSums::restore(ArchiveReader& in) {
+  const auto thing = [&] {
+    std::size_t index = 0;
+    in(index);
+    if (index >= things_.size()) in.refuse("a thing that is not there", "things of this scene");
+    return index;
+  };
+  in(time_);
+  pairs_.clear();
+  for (std::size_t n = in.size(); n > 0; --n) {
+    const std::size_t first = thing(), second = thing();
+    carry(in, pairs_[{first, second}]);
+  }
+  fingers_.clear();
+  for (std::size_t n = in.size(); n > 0; --n) carry(in, fingers_[thing()]);
+}
+
 }  // namespace handsim::simulation

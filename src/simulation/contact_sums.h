@@ -31,6 +31,9 @@ class ContactSums {
   /// Takes in the contacts of a step of this length that ends at a time [s].
   void look(std::span<const engine::Contact> contacts, double time, double step);
 
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
+
   using Pair = std::pair<std::string, std::string>;
   /// Things that have touched, by name; the force is on the first of a pair.
   std::vector<std::pair<Pair, ContactSum>> pairs() const;

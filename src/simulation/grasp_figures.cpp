@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <concepts>
 
 namespace handsim::simulation {
 
@@ -10,6 +11,55 @@ namespace {
 constexpr std::array<const char*, 6> kParts = {"palm", "thumb", "index", "middle", "ring", "little"};
 /// Parts that bear less than this share of the grip say nothing of its friction.
 constexpr double kBearing = 1e-3;
+
+template <class Archive, class T>
+void carry_size(Archive& archive, T& values) {
+  if constexpr (std::same_as<Archive, ArchiveWriter>)
+    archive(values.size());
+  else
+    values.resize(archive.size());
+}
+
+template <class Archive, class T>
+void carry_grip(Archive& archive, T& grip) {
+  archive(grip.time);
+  carry_size(archive, grip.parts);
+  for (auto& part : grip.parts) {
+    archive(part.part);
+    archive(part.contacts);
+    archive(part.normal);
+    archive(part.friction);
+  }
+  archive(grip.contacts);
+  archive(grip.others);
+  archive(grip.normal);
+  archive(grip.friction_used);
+  archive(grip.wrenches.force_closure);
+  archive(grip.wrenches.epsilon);
+  archive(grip.wrenches.volume);
+}
+
+template <class Archive, class T>
+void carry_figures(Archive& archive, T& figures) {
+  archive(figures.complete);
+  carry_grip(archive, figures.hold);
+  carry_grip(archive, figures.after);
+  for (auto* value : {&figures.slip, &figures.spin, &figures.shaken_shift, &figures.shaken_time,
+                      &figures.shift, &figures.turn})
+    archive(*value);
+  archive(figures.held);
+}
+
+template <class Archive, class T>
+void carry_pose(Archive& archive, T& pose) {
+  bool there = pose.has_value();
+  archive(there);
+  if constexpr (std::same_as<Archive, ArchiveReader>)
+    pose = there ? std::optional<Pose>(Pose()) : std::nullopt;
+  if (!pose) return;
+  archive(pose->p);
+  archive(pose->q);
+}
 
 int part_of(model::Tint tint) {
   switch (tint) {
@@ -80,7 +130,7 @@ double friction_of(const model::Model& model, const engine::Contact& contact, do
 }  // namespace
 
 GraspWatch::GraspWatch(const model::Model& model, const scene::GraspPlan& plan, double step)
-    : model_(model), plan_(plan), half_step_(step / 2), part_of_body_(model.bodies.size(), -1) {
+    : model_(model), half_step_(step / 2), part_of_body_(model.bodies.size(), -1) {
   const model::HandIndex& hand = model.hands[plan.hand];
   palm_ = static_cast<std::size_t>(hand.palm);
   for (std::size_t i = 0; i < model.bodies.size(); ++i)
@@ -141,6 +191,18 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
   }
   out.wrenches = wrench_space(wrenches, length_);
   return out;
+}
+
+void GraspWatch::save(ArchiveWriter& out) const {
+  carry_pose(out, at_slip_start_);
+  carry_pose(out, at_hold_end_);
+  carry_figures(out, figures_);
+}
+
+void GraspWatch::restore(ArchiveReader& in) {
+  carry_pose(in, at_slip_start_);
+  carry_pose(in, at_hold_end_);
+  carry_figures(in, figures_);
 }
 
 void GraspWatch::look(const engine::Engine& engine) {

@@ -61,11 +61,13 @@ struct GraspFigures {
 
 class GraspWatch {
  public:
-  /// Model and plan must outlive the watch. @param step of the engine [s].
+  /// The model must outlive the watch. @param step of the engine [s].
   GraspWatch(const model::Model& model, const scene::GraspPlan& plan, double step);
 
   /// Looks at the engine after a step.
   void look(const engine::Engine& engine);
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
   const GraspFigures& figures() const { return figures_; }
   /// The object has moved in the palm by more than a held one may: the rest of the run cannot mend it.
   bool lost() const { return figures_.shaken_shift > kShakenShift; }
@@ -76,7 +78,6 @@ class GraspWatch {
   void finish(const engine::Engine& engine, const Pose& now);
 
   const model::Model& model_;
-  const scene::GraspPlan& plan_;
   double half_step_;
   std::size_t palm_ = 0, object_ = 0;
   double length_ = 0;  ///< largest radius of the object about its centre of mass [m]

@@ -55,6 +55,25 @@ void Ledger::book(const engine::StepReport& report, std::span<const engine::Cont
   if (effects_.has(Effect::friction)) book_rows(Effect::friction, 2L * report.contacts);
 }
 
+template <class Archive, class Self>
+void Ledger::carry(Archive& archive, Self& self) {
+  for (auto* count : {&self.timed_, &self.steps_, &self.lcp_failures_, &self.contacts_, &self.collide_calls_,
+                      &self.iterative_})
+    archive(*count);
+  for (auto* time : {&self.step_ns_, &self.check_ns_, &self.collide_ns_, &self.tissue_ns_, &self.control_ns_,
+                     &self.servo_ns_})
+    archive(*time);
+  archive.each(self.rungs_);
+  for (auto& count : self.counts_) {
+    archive(count.steps);
+    archive(count.rows);
+  }
+}
+
+void Ledger::save(ArchiveWriter& out) const { carry(out, *this); }
+
+void Ledger::restore(ArchiveReader& in) { carry(in, *this); }
+
 std::optional<double> Ledger::per_step(double ns) const {
   return timed_ > 0 ? std::optional(ns / static_cast<double>(timed_)) : std::nullopt;
 }

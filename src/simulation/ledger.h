@@ -43,6 +43,9 @@ class Ledger {
   /// Time in control, the drives' set-up in the engine included, over the time of the step it drives.
   double control_share() const;
 
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
+
   std::vector<LedgerEntry> phases() const;
   std::vector<LedgerEntry> effects() const;
   long steps() const { return steps_; }
@@ -60,6 +63,8 @@ class Ledger {
     long steps = 0;  ///< in which it acted
     long rows = 0;   ///< in all
   };
+  template <class Archive, class Self>
+  static void carry(Archive& archive, Self& self);
   model::Effect kind_of(const engine::Contact& contact) const;
   Count& count(model::Effect effect) { return counts_[static_cast<std::size_t>(effect)]; }
   LedgerEntry entry(model::Effect effect) const;

@@ -106,6 +106,27 @@ void Monitor::book(Watched& watched, std::size_t axis, double over, const model:
   if (over > 0 && excess > excess_.value) excess_ = {excess, state.time, axis_name(joint, axis)};
 }
 
+template <class Archive, class Self>
+void Monitor::carry(Archive& archive, Self& self) {
+  for (auto& watched : self.watched_) {
+    archive(watched.leeway);
+    archive.each(watched.overshoot);
+    archive.each(watched.allowed);
+  }
+  archive(self.gap2_);
+  archive(self.gap_time_);
+  archive(self.gap_joint_);
+  simulation::carry(archive, self.excess_);
+}
+
+void Monitor::save(ArchiveWriter& out) const { carry(out, *this); }
+
+void Monitor::restore(ArchiveReader& in) {
+  carry(in, *this);
+  if (gap_joint_ > 0 && gap_joint_ >= model_.joints.size())
+    in.refuse("the gap of a joint that is not there", "one of this scene's joints");
+}
+
 Peak Monitor::joint_gap() const {
   if (model_.joints.empty()) return {};
   return {std::sqrt(gap2_), gap_time_, model_.joints[gap_joint_].name};

@@ -3,9 +3,12 @@
 #pragma once
 
 #include <array>
+#include <concepts>
 #include <string>
+#include <type_traits>
 #include <vector>
 
+#include "handsim/core/archive.h"
 #include "handsim/model/state.h"
 
 namespace handsim::simulation {
@@ -17,6 +20,14 @@ struct Peak {
   std::string where;  ///< joint or joint axis
 };
 
+template <class Archive, class T>
+requires std::same_as<std::remove_const_t<T>, Peak>
+void carry(Archive& archive, T& peak) {
+  archive(peak.value);
+  archive(peak.time);
+  archive(peak.where);
+}
+
 class Monitor {
  public:
   /// @param step of the engine [s]. @param stops whether joint stops are in force.
@@ -25,11 +36,16 @@ class Monitor {
   /// Looks at the state after a step.
   void look(const model::State& state);
 
+  /// Whether any joint has been further apart than this [m].
+  bool apart(double limit) const { return gap2_ > limit * limit; }
   /// Largest joint gap so far [m].
   Peak joint_gap() const;
   /// Largest overshoot of a stop, less what the step that crossed it explains (rate at the crossing times
   /// step) [rad] or [m], resolved to 1e-6; 0 where no stop was ever overshot by more.
   Peak stop_overshoot() const;
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
+
   /// Largest overshoot of a stop in a state [rad] or [m].
   Peak stop_rest(const model::State& state) const;
 
@@ -43,6 +59,8 @@ class Monitor {
     std::array<double, 2> overshoot = {0, 0};  ///< of each axis when last worked out, 0 inside the stops
     std::array<double, 2> allowed = {0, 0};    ///< rate at the crossing times step
   };
+  template <class Archive, class Self>
+  static void carry(Archive& archive, Self& self);
   void look_at_gaps(const model::State& state);
   void look_at_stops(Watched& watched, const model::State& state);
   void book(Watched& watched, std::size_t axis, double over, const model::State& state);

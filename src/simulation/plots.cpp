@@ -92,20 +92,18 @@ std::string script(const scene::Scene& scene, std::size_t hand, What what) {
   const std::string& name = plan.hands[hand].name;
   const Heading head = heading(what);
   const auto groups = panels(plan, hand);
-  std::string title = scene.spec.title;
-  for (char& c : title)
-    if (c == '\'' || c == '"' || c == '\\') c = ' ';
   std::string out = fmt::format(
-      "# gnuplot {0}_{1}.gp\n"
+      "# gnuplot {0}_{1}.gp\n{8}"
       "data = '../control.sto'\n"
       "set datafile separator '\\t'\n"
       "set terminal pngcairo noenhanced size 1600,{2} font 'DejaVu Sans,10'\n"
-      "set output '{0}_{1}.png'\n"
+      "set output place('{0}_{1}.png')\n"
       "set multiplot layout {3},1 title '{4} hand: {5} ({6})'\n"
       "set autoscale xfix\nset grid lc rgb '#d0d0d0'\nset key outside right top\nset lmargin 10\nset rmargin "
       "22\nset ylabel "
       "'{7}'\n",
-      name, head.file, 60 + 250 * groups.size(), groups.size(), name, head.title, title, head.axis);
+      name, head.file, 60 + 250 * groups.size(), groups.size(), name, head.title,
+      output::plot_text(scene.spec.title), head.axis, output::kPlotHead);
   std::size_t left = groups.size();
   for (const char* panel : {"wrist", "thumb", "index", "middle", "ring", "little"}) {
     const auto found = groups.find(panel);
@@ -132,10 +130,10 @@ void write_plots(const scene::Scene& scene, const std::filesystem::path& out) {
   output::make_folder(folder);
   for (std::size_t hand = 0; hand < scene.control->hands.size(); ++hand)
     for (const What what : {What::angles, What::errors, What::torques}) {
-      const std::string name = scene.control->hands[hand].name + "_" + heading(what).file + ".gp";
-      output::write_file(folder / name, script(scene, hand, what));
-      if (output::gnuplot({name}, folder) != 0)
-        throw input_error("--plots", "gnuplot failing on " + (folder / name).string(), kRemedy);
+      const std::string name = scene.control->hands[hand].name + "_" + heading(what).file;
+      output::write_file(folder / (name + ".gp"), script(scene, hand, what));
+      if (!output::plot(name + ".gp", folder, {name + ".png"}))
+        throw input_error("--plots", "gnuplot failing on " + (folder / (name + ".gp")).string(), kRemedy);
     }
 }
 

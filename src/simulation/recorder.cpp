@@ -48,10 +48,11 @@ Recorder::Recorder(const scene::Scene& scene, const RunOptions& options, const S
 
 /// The first at the start, the last at the end.
 void Recorder::plan_frames(int frames) {
-  const long steps = simulation_.step_count();
+  const long first = simulation_.steps();
+  const long steps = simulation_.step_count() - first;
   for (int k = 0; k < frames; ++k) {
     const double share = frames == 1 ? 1 : static_cast<double>(k) / (frames - 1);
-    moments_.push_back({std::lround(share * static_cast<double>(steps)), ""});
+    moments_.push_back({first + std::lround(share * static_cast<double>(steps)), ""});
   }
 }
 
@@ -61,6 +62,7 @@ void Recorder::plan_poses() {
   for (const control::Phase& phase : simulation_.controller()->plan().hands.front().trajectory.phases()) {
     const long step = std::isfinite(phase.end) ? std::min(steps, std::lround(phase.end / step_)) : steps;
     if (std::lround(phase.arrive / step_) > steps) return;
+    if (step < simulation_.steps()) continue;
     moments_.push_back(
         {step, fmt::format("{}, t = {:.2f} s", phase.pose, static_cast<double>(step) * step_)});
   }

@@ -19,7 +19,7 @@ class Recorder {
   /// Scene and simulation must outlive the recorder.
   Recorder(const scene::Scene& scene, const RunOptions& options, const Simulation& simulation);
 
-  /// Sees the state after a step; step 0 is the start.
+  /// Sees the state after a step; the first is the one that the simulation starts or goes on from.
   void see(long step);
   /// Gives the tables their names: trajectory.csv, trajectory.mot, control.sto, contacts.csv.
   void finish();

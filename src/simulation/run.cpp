@@ -45,12 +45,46 @@ void write_pictures(const scene::Scene& scene, const Recorder& recorder, const R
   output::write_png(sheet.image(), options.out / "contact_sheet.png");
 }
 
+/// The step after which a snapshot is written.
+std::optional<long> snapshot_step(const Simulation& simulation, const RunOptions& options, double step) {
+  if (!options.snapshot_at) return std::nullopt;
+  const double at = *options.snapshot_at / step;
+  const auto first = static_cast<double>(simulation.steps());
+  const auto last = static_cast<double>(simulation.step_count());
+  if (!(at >= first - 0.5 && at <= last + 0.5))
+    throw input_error("--snapshot-at", fmt::format("{:g} s", *options.snapshot_at),
+                      fmt::format("{:g} s to {:g} s, which the run goes through", first * step, last * step));
+  return std::clamp(std::lround(at), simulation.steps(), simulation.step_count());
+}
+
+void go_on(Simulation& simulation, const std::filesystem::path& file, double duration, RunResult& result) {
+  const RunSnapshot snapshot = read_snapshot(file);
+  if (!(snapshot.time < duration))
+    throw input_error(file.string(), fmt::format("a snapshot at {:g} s", snapshot.time),
+                      fmt::format("one before the scene's end at {:g} s", duration));
+  try {
+    simulation.restore(snapshot);
+  } catch (const Error& error) {
+    std::vector<Problem> problems = error.problems();
+    for (Problem& problem : problems) problem.key = file.string();
+    if (problems.empty()) throw;
+    throw Error(std::move(problems));
+  }
+  result.continued_from = simulation.state().time;
+}
+
 /// Steps to the end of the scene or to the fault that stops it.
-void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options, RunResult& result) {
+void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options, double step,
+          RunResult& result) {
   const long steps = simulation.step_count();
   const long report_every = std::max(1L, steps / 200);
-  recorder.see(0);
-  for (long i = 1; i <= steps; ++i) {
+  const std::optional<long> snapshot = snapshot_step(simulation, options, step);
+  const auto see = [&](long i) {
+    recorder.see(i);
+    if (snapshot == i) write_snapshot(simulation.snapshot(), options.out / "snapshot.bin");
+  };
+  see(simulation.steps());
+  for (long i = simulation.steps() + 1; i <= steps; ++i) {
     try {
       simulation.step();
     } catch (const Error& error) {
@@ -58,7 +92,7 @@ void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options,
       result.fault = error.fault();
       return;
     }
-    recorder.see(i);
+    see(i);
     if (options.progress && i % report_every == 0)
       options.progress(static_cast<double>(i) / static_cast<double>(steps));
   }
@@ -75,20 +109,27 @@ void check_controlled(const scene::Scene& scene, const RunOptions& options) {
 }  // namespace
 
 bool RunResult::passed() const {
-  return !fault && std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.held(); });
+  return !fault && hash_as_expected() &&
+         std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.held(); });
 }
 
 RunResult run(const scene::Scene& scene, const RunOptions& options) {
   if (options.plots || options.pose_pictures) check_controlled(scene, options);
   Simulation simulation(scene);
+  RunResult result;
+  const double step = scene.spec.solver.step;
+  if (options.from_snapshot) go_on(simulation, *options.from_snapshot, scene.spec.duration, result);
+  static_cast<void>(snapshot_step(simulation, options, step));
   output::make_folder(options.out);
   Recorder recorder(scene, options, simulation);
-  RunResult result;
   const auto start = std::chrono::steady_clock::now();
-  loop(simulation, recorder, options, result);
+  loop(simulation, recorder, options, step, result);
   result.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   result.simulated = simulation.state().time;
   result.tracking = simulation.tracking();
+  result.state_hash = simulation.state_hash();
+  result.warnings = simulation.convergence().warnings(simulation.ledger(), scene.spec.solver);
+  result.expected_hash = options.expected_hash;
   result.grasps = simulation.grasps();
   result.verdicts = verdicts(simulation, scene.spec.criteria);
   result.summary = summary_json(scene, simulation, result);

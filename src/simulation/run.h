@@ -3,6 +3,7 @@
 // joints), control.sto and plots/ where the scene is controlled.
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -25,6 +26,13 @@ struct RunOptions {
   bool pose_pictures = false;  ///< a picture at the end of every hold of a controlled scene, or every phase
                                ///< of a grasp, in place of `frames`
   bool plots = false;          ///< of a controlled scene: plots/ by gnuplot
+  /// Writes the run as it stands at this time [s], rounded to a step, as snapshot.bin.
+  std::optional<double> snapshot_at;
+  /// Goes on from this snapshot file: the tables and pictures are of the rest of the scene, the summary of
+  /// all.
+  std::optional<std::filesystem::path> from_snapshot;
+  /// What the hash of the states is to be (state_hash.h).
+  std::optional<std::uint64_t> expected_hash;
   /// Told the share done, 0..1, now and then.
   std::function<void(double)> progress;
 };
@@ -49,14 +57,20 @@ struct RunResult {
   double simulated = 0;  ///< [s]
   double wall = 0;       ///< of the loop [s]
   std::string summary;   ///< text of summary.json
-  std::vector<AxisTracking> tracking;  ///< by driven axis; empty where the scene drives none
-  std::vector<GraspFigures> grasps;    ///< of the scene's grasps
+  std::vector<std::string> warnings;  ///< of the solver: Convergence::warnings
+  std::uint64_t state_hash = 0;
+  std::optional<std::uint64_t> expected_hash;  ///< where one was given
+  std::optional<double> continued_from;        ///< time of the snapshot that the run went on from [s]
+  std::vector<AxisTracking> tracking;          ///< by driven axis; empty where the scene drives none
+  std::vector<GraspFigures> grasps;            ///< of the scene's grasps
 
+  bool hash_as_expected() const { return !expected_hash || *expected_hash == state_hash; }
   bool passed() const;
 };
 
 /// Runs the scene and writes its files.
-/// @throws Error (input) where the folder cannot be written; nothing is run then.
+/// @throws Error (input) where the folder cannot be written or the snapshot to go on from is no snapshot of
+///         this scene, or is not of a time before its end; nothing is run then.
 RunResult run(const scene::Scene& scene, const RunOptions& options);
 
 /// One picture of the scene at a time [s] of its motion, 0 to its duration.

@@ -6,6 +6,7 @@
 #include <optional>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "handsim/engine/overlap.h"
 #include "handsim/model/kinematics.h"
@@ -67,8 +68,10 @@ Simulation::Simulation(const scene::Scene& scene)
       monitor_(scene.model, scene.spec.solver.step,
                scene.spec.solver.effects.has(model::Effect::joint_stops)),
       ledger_(scene.model, scene.spec.solver.effects,
-              model::engine_of(scene.spec.solver.method) != model::EngineKind::articulated) {
+              model::engine_of(scene.spec.solver.method) != model::EngineKind::articulated),
+      convergence_(scene.model) {
   if (scene.spec.record_contacts) contact_sums_.emplace(scene.model);
+  hash_.add(engine_->state());
   if (scene.spec.solver.effects.has(model::Effect::actuation)) find_constant_torques();
   for (const scene::GraspPlan& plan : scene.spec.grasp_plans)
     grasps_.emplace_back(scene.model, plan, scene.spec.solver.step);
@@ -100,6 +103,7 @@ engine::StepInput Simulation::command() {
 }
 
 void Simulation::step() {
+  if (failure_) throw Error(*failure_);
   const bool timed = ledger_.times_next();
   const auto now = [&] { return timed ? Clock::now() : Clock::time_point(); };
   const Clock::time_point start = now();
@@ -112,12 +116,28 @@ void Simulation::step() {
   if (tracking_) tracking_->look(engine_->state().time);
   for (GraspWatch& grasp : grasps_) grasp.look(*engine_);
   monitor_.look(engine_->state());
+  convergence_.look(report, engine_->state().time);
   if (contact_sums_)
     contact_sums_->look(engine_->contacts(), engine_->state().time, engine_->settings().step);
   ledger_.book(report, engine_->contacts(),
                {.control = ns_between(start, commanded) + ns_between(stepped, observed),
                 .step = ns_between(commanded, stepped),
                 .check = ns_between(observed, now())});
+  if (steps() % kHashEvery == 0) hash_.add(engine_->state());
+  if (monitor_.apart(kLargestGap)) {
+    const Peak gap = monitor_.joint_gap();
+    failure_.emplace(
+        PhysicsFault{gap.time, gap.where, "joint gap [m]",
+                     fmt::format("{:g} is beyond {:g}: use a smaller step, more iterations or weaker torques",
+                                 gap.value, kLargestGap)});
+    throw Error(*failure_);
+  }
+}
+
+std::uint64_t Simulation::state_hash() const {
+  StateHash all = hash_;
+  if (steps() % kHashEvery != 0) all.add(engine_->state());
+  return all.value();
 }
 
 std::vector<AxisTracking> Simulation::tracking() const {
@@ -125,6 +145,61 @@ std::vector<AxisTracking> Simulation::tracking() const {
   Tracking closed = *tracking_;
   closed.finish(engine_->state().time);
   return closed.axes();
+}
+
+RunSnapshot Simulation::snapshot() const {
+  if (failure_) throw Error(*failure_);
+  if (!fingerprint_) fingerprint_ = std::make_shared<const Fingerprint>(fingerprint(scene_, *engine_));
+  ArchiveWriter out;
+  out.word(hash_.value());
+  ledger_.save(out);
+  carry(out, engine_->state());
+  engine_->save(out);
+  if (controller_) controller_->save(out);
+  if (tracking_) tracking_->save(out);
+  monitor_.save(out);
+  if (contact_sums_) contact_sums_->save(out);
+  convergence_.save(out);
+  for (const GraspWatch& grasp : grasps_) grasp.save(out);
+  return {fingerprint_, engine_->state().time, out.take()};
+}
+
+void Simulation::restore(const RunSnapshot& snapshot) {
+  const RunSnapshot before = this->snapshot();
+  if (snapshot.scene != fingerprint_) {
+    const std::vector<std::string> other = differences(*snapshot.scene, *fingerprint_);
+    if (!other.empty())
+      throw input_error("snapshot",
+                        fmt::format("one of another scene, which differs in {}", fmt::join(other, ", ")),
+                        "one of this scene");
+  }
+  try {
+    restore_parts(snapshot);
+  } catch (const Error&) {
+    restore_parts(before);
+    throw;
+  }
+}
+
+void Simulation::restore_parts(const RunSnapshot& snapshot) {
+  ArchiveReader in(snapshot.bytes, "snapshot");
+  hash_.set(in.word());
+  ledger_.restore(in);
+  model::State state = engine_->state();
+  carry(in, state);
+  const double step = scene_.spec.solver.step;
+  const double time = static_cast<double>(ledger_.steps()) * step;
+  if (state.time != snapshot.time || std::abs(time - state.time) > 1e-6 * step)
+    in.refuse(fmt::format("a state at {:g} s after {} steps", state.time, ledger_.steps()),
+              "times that agree");
+  engine_->restore(state, in);
+  if (controller_) controller_->restore(in);
+  if (tracking_) tracking_->restore(in);
+  monitor_.restore(in);
+  if (contact_sums_) contact_sums_->restore(in);
+  convergence_.restore(in);
+  for (GraspWatch& grasp : grasps_) grasp.restore(in);
+  in.finish();
 }
 
 std::vector<GraspFigures> Simulation::grasps() const {

@@ -2,18 +2,25 @@
 // run.h's.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <vector>
 
 #include "handsim/engine/engine.h"
 #include "handsim/scene/scene.h"
 #include "handsim/simulation/contact_sums.h"
+#include "handsim/simulation/convergence.h"
 #include "handsim/simulation/grasp_figures.h"
 #include "handsim/simulation/ledger.h"
 #include "handsim/simulation/monitor.h"
+#include "handsim/simulation/snapshot.h"
+#include "handsim/simulation/state_hash.h"
 #include "handsim/simulation/tracking.h"
 
 namespace handsim::simulation {
+
+/// Joints further apart than this are joints no more: a hand's bodies are no longer [m].
+inline constexpr double kLargestGap = 0.1;
 
 class Simulation {
  public:
@@ -35,6 +42,21 @@ class Simulation {
   /// Figures of the driven axes up to now, holds that are under way closed.
   std::vector<AxisTracking> tracking() const;
   const Ledger& ledger() const { return ledger_; }
+  const Convergence& convergence() const { return convergence_; }
+  /// Steps made since the start of the scene, before a snapshot too.
+  long steps() const { return ledger_.steps(); }
+  /// Of the states up to now (state_hash.h).
+  std::uint64_t state_hash() const;
+
+  /// All that the rest of the run depends on and all that it has measured. Costs some microseconds, the first
+  /// one of a simulation some milliseconds. @throws Error (physics) of a simulation that has failed.
+  RunSnapshot snapshot() const;
+  /// Goes on from a snapshot of the same scene, to the bit as if the run had never stopped. Wall times in the
+  /// ledger are those of both.
+  /// @throws Error (input) naming what differs where the snapshot is of another scene, settings or engine, or
+  ///         where it does not hold together; the simulation then stands where it stood.
+  void restore(const RunSnapshot& snapshot);
+
   /// Figures of the scene's grasps up to now.
   std::vector<GraspFigures> grasps() const;
   /// An object of a grasp is lost already.
@@ -48,16 +70,21 @@ class Simulation {
   long step_count() const;
 
  private:
+  void restore_parts(const RunSnapshot& snapshot);
   void find_constant_torques();
   engine::StepInput command();
 
   const scene::Scene& scene_;
   std::unique_ptr<engine::Engine> engine_;
+  std::optional<Error> failure_;  ///< what the engine did not see
   std::optional<control::Controller> controller_;
   std::optional<Tracking> tracking_;
   std::vector<GraspWatch> grasps_;
   Monitor monitor_;
   Ledger ledger_;
+  Convergence convergence_;
+  StateHash hash_;                                          ///< up to the last step that kHashEvery divides
+  mutable std::shared_ptr<const Fingerprint> fingerprint_;  ///< made when first asked for
   std::optional<ContactSums> contact_sums_;
   std::vector<double> constant_;  ///< constant torques of the joints; empty where there are none
   std::vector<double> sum_;       ///< with the controller's

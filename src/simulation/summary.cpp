@@ -87,6 +87,21 @@ Json contact_forces_json(const ContactSums& sums) {
   return out;
 }
 
+Json convergence_json(const Simulation& simulation, const RunResult& result) {
+  const Convergence& convergence = simulation.convergence();
+  const auto peak = [](const Peak& of) {
+    return Json{{"largest", of.value}, {"time_s", of.time}, {"where", of.where}};
+  };
+  Json out = {{"steps_measured", convergence.measured()}};
+  if (convergence.measured() > 0) {
+    out["joint_residual_m_per_s"] = peak(convergence.linear());
+    out["joint_residual_rad_per_s"] = peak(convergence.angular());
+    out["contact_residual_m_per_s"] = peak(convergence.contact());
+  }
+  out["warnings"] = result.warnings;
+  return out;
+}
+
 Json overlaps_json(const model::Model& model) {
   Json out = Json::array();
   for (const engine::Overlap& overlap : engine::initial_overlaps(model, model::initial_state(model)))
@@ -277,6 +292,10 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
                    {"clamps", notes.size()},
                    {"contacts", ledger.contacts()},
                    {"collide_calls", ledger.collide_calls()}};
+  out["convergence"] = convergence_json(simulation, result);
+  out["state_hash"] = hash_text(result.state_hash);
+  if (result.expected_hash) out["expected_hash"] = hash_text(*result.expected_hash);
+  if (result.continued_from) out["continued_from_s"] = *result.continued_from;
   if (const Json steps = steps_json(ledger, solver); !steps.is_null()) out["steps"] = steps;
   out["time"] = {{"simulated_s", result.simulated},
                  {"loop_wall_s", result.wall},

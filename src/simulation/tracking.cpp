@@ -114,6 +114,42 @@ void Tracking::finish(double time) {
     if (hand.moving) end(hand, time);
 }
 
+template <class Archive, class Self>
+void Tracking::carry(Archive& archive, Self& self) {
+  archive(self.steps_);
+  for (auto& axis : self.axes_) {
+    for (auto* value : {&axis.square_sum, &axis.largest, &axis.largest_time, &axis.torque, &axis.from,
+                        &axis.to, &axis.last_outside, &axis.beyond, &axis.error_before, &axis.error_now})
+      archive(*value);
+    archive(axis.at_limit);
+  }
+  for (auto& hand : self.hands_) {
+    archive(hand.phase);
+    archive(hand.moving);
+    archive(hand.window);
+  }
+  // Name, limit share and what axes() derives stay as they are.
+  for (auto& figure : self.figures_) {
+    for (auto* peak : {&figure.steady_error, &figure.overshoot, &figure.settling_time})
+      simulation::carry(archive, *peak);
+    archive(figure.holds);
+    archive(figure.movements);
+    archive(figure.unsettled);
+  }
+}
+
+void Tracking::save(ArchiveWriter& out) const { carry(out, *this); }
+
+void Tracking::restore(ArchiveReader& in) {
+  carry(in, *this);
+  for (const Hand& hand : hands_)
+    if (hand.phase > hand.trajectory->phases().size() || (hand.moving && hand.phase == 0))
+      in.refuse("a movement that is not in the program", "one of this scene's");
+  for (const AxisTracking& figure : figures_)
+    if (figure.unsettled > figure.movements || figure.movements > figure.holds)
+      in.refuse("more movements than holds", "counts that agree");
+}
+
 std::vector<AxisTracking> Tracking::axes() const {
   std::vector<AxisTracking> out = figures_;
   const double n = steps_ > 0 ? static_cast<double>(steps_) : 1.0;

@@ -44,6 +44,9 @@ class Tracking {
   /// Closes holds that the end of the run cuts off. Call once, at the end.
   void finish(double time);
 
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
+
   /// By driven axis.
   std::vector<AxisTracking> axes() const;
   /// Axis with the largest RMS error; null where none is driven.
@@ -67,6 +70,8 @@ class Tracking {
     bool moving = false;    ///< phase - 1 is under way
     double window = 0;      ///< start of the window under way [s]
   };
+  template <class Archive, class Self>
+  static void carry(Archive& archive, Self& self);
   void begin(Hand& hand);
   void watch(Hand& hand, double time);
   void end(Hand& hand, double time);

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "handsim/output/atomic_file.h"
+#include "handsim/output/gnuplot.h"
 #include "handsim/study/machine.h"
 
 namespace handsim::study {
@@ -14,13 +15,6 @@ namespace handsim::study {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-/// Without what could end a quoted text of gnuplot's or begin a command.
-std::string plain(std::string text) {
-  for (char& c : text)
-    if (c == '\'' || c == '`' || static_cast<unsigned char>(c) < ' ') c = ' ';
-  return text;
-}
 
 /// Quoted for CSV.
 std::string quoted(std::string text) {
@@ -134,7 +128,7 @@ std::string plot_of(const std::vector<Line>& lines, const char* columns, bool ag
     if (against_step && !line.has_steps) continue;
     out += fmt::format("{} $m{} using {} with linespoints {} pointtype {} title '{}' noenhanced",
                        out.empty() ? "plot" : ", \\\n    ", i, columns, style(colour, line.peer), i % 15 + 1,
-                       plain(line.title));
+                       output::plot_text(line.title));
   }
   return out + "\n";
 }
@@ -149,7 +143,8 @@ std::string velocity_plots(const AccuracySpec& spec, const AccuracyResult& resul
     for (std::size_t i = 0; i < series.time.size(); ++i)
       data += fmt::format("{:.6g} {:.9g}\n", series.time[i], series.rate[i][0]);
     data += "EOD\n";
-    return fmt::format("$v{} using 1:2 with lines {} title '{}' noenhanced", block++, look, plain(title));
+    return fmt::format("$v{} using 1:2 with lines {} title '{}' noenhanced", block++, look,
+                       output::plot_text(title));
   };
   const auto panel = [&](double step, bool peer) {
     std::string lines;
@@ -169,22 +164,23 @@ std::string velocity_plots(const AccuracySpec& spec, const AccuracyResult& resul
   for (const double step : spec.plot_steps)
     for (const bool peer : {false, true}) panel(step, peer);
   if (panels.empty()) return "";
-  return data +
-         fmt::format(
-             "unset logscale\nset format '%g'\nset xlabel 'time [s]'\nset ylabel 'rate [{0}/s]'\n"
-             "set key outside right font ',9'\n"
-             "do for [t in 'png svg'] {{\n  set output 'velocity.'.t\n  if (t eq 'png') {{ set terminal "
-             "pngcairo size 1400,{1} }} else {{ set terminal svg size 1400,{1} }}\n"
-             "  set multiplot layout {2},1\n{3}  unset multiplot\n  unset output\n}}\n",
-             result.unit, 380 * count, count, panels);
+  return data + fmt::format(
+                    "unset logscale\nset format '%g'\nset xlabel 'time [s]'\nset ylabel 'rate [{0}/s]'\n"
+                    "set key outside right font ',9'\n"
+                    "do for [t in 'png svg'] {{\n  set output place('velocity.'.t)\n  if (t eq 'png') {{ set "
+                    "terminal "
+                    "pngcairo size 1400,{1} }} else {{ set terminal svg size 1400,{1} }}\n"
+                    "  set multiplot layout {2},1\n{3}  unset multiplot\n  unset output\n}}\n",
+                    result.unit, 380 * count, count, panels);
 }
 
 std::string script(const AccuracySpec& spec, const AccuracyResult& result) {
   const std::string each =
-      "do for [t in 'png svg'] {{\n  set output '{0}.'.t\n  if (t eq 'png') {{ set terminal pngcairo size "
+      "do for [t in 'png svg'] {{\n  set output place('{0}.'.t)\n  if (t eq 'png') {{ set terminal pngcairo "
+      "size "
       "1400,800 }} else {{ set terminal svg size 1400,800 }}\n{1}  unset output\n}}\n";
   const std::vector<Line> lines = lines_of(spec, result);
-  std::string out = "set encoding utf8\n" + blocks(lines);
+  std::string out = std::string(output::kPlotHead) + "set encoding utf8\n" + blocks(lines);
   out += "set logscale xy\nset format '10^{%L}'\nset grid\nset key outside right font ',11'\n";
   out += fmt::format(
       "set title \"{}\"\nset xlabel 'CPU seconds per simulated second'\nset ylabel 'RMS rate error over the "
@@ -249,10 +245,12 @@ bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result,
   output::write_file(out / "accuracy.csv", csv(result));
   output::write_file(out / "accuracy.json", json(spec, result));
   output::write_file(out / "accuracy.gp", script(spec, result));
-  // The folder's name reaches the shell in the environment, where it cannot be taken for a command.
-  setenv("HANDSIM_PLOT_FOLDER", out.c_str(), 1);
-  return std::system(
-             "cd \"$HANDSIM_PLOT_FOLDER\" && gnuplot accuracy.gp 2>gnuplot.log && rm -f gnuplot.log") == 0;
+  std::vector<std::string> plots = {"error_cost", "cost_step", "error_step"};
+  if (!velocity_plots(spec, result).empty()) plots.emplace_back("velocity");
+  std::vector<std::string> files;
+  for (const std::string& plot : plots)
+    for (const char* kind : {".png", ".svg"}) files.push_back(plot + kind);
+  return output::plot("accuracy.gp", out, files);
 }
 
 }  // namespace handsim::study

@@ -129,14 +129,11 @@ std::string script(const scene::Scene& scene, const EffectsResult& result) {
   if (result.has_angles)
     plots += panel("worth: largest difference of a joint angle", "without it [deg]", 6, of_angles);
   plots += panel("worth: largest difference of a place", "without it [mm]", 9, of_displacements);
-  std::string title = scene.spec.title;
-  std::replace_if(
-      title.begin(), title.end(), [](char c) { return c == '\'' || static_cast<unsigned char>(c) < ' '; },
-      ' ');
   const int panels = result.has_angles ? 3 : 2;
-  return "set encoding utf8\n" + data + "EOD\n" +
+  return std::string(output::kPlotHead) + "set encoding utf8\n" + data + "EOD\n" +
          fmt::format(
-             "do for [t in 'png svg'] {{\n  set output 'effects.'.t\n  if (t eq 'png') {{ set terminal "
+             "do for [t in 'png svg'] {{\n  set output place('effects.'.t)\n  if (t eq 'png') {{ set "
+             "terminal "
              "pngcairo "
              "noenhanced size 1000,{0} font 'DejaVu Sans,10' }} else {{ set terminal svg noenhanced size "
              "1000,{0} "
@@ -145,7 +142,8 @@ std::string script(const scene::Scene& scene, const EffectsResult& result) {
              "set style fill solid 0.8 border linecolor 'black'\nset boxwidth 0.6\nset grid y\nset xrange "
              "[-0.6:{3}]\nset lmargin "
              "12\n",
-             60 + 300 * panels, panels, title, static_cast<double>(rows.size()) - 0.4) +
+             60 + 300 * panels, panels, output::plot_text(scene.spec.title),
+             static_cast<double>(rows.size()) - 0.4) +
          plots + "  unset multiplot\n  unset output\n}\n";
 }
 
@@ -209,7 +207,7 @@ bool write_effects(const scene::Scene& scene, const EffectsResult& result, const
   output::write_file(out / "effects.csv", csv(result));
   output::write_file(out / "effects.json", effects_json(scene, result));
   output::write_file(out / "effects.gp", script(scene, result));
-  return output::gnuplot({"effects.gp"}, out) == 0;
+  return output::plot("effects.gp", out, {"effects.png", "effects.svg"});
 }
 
 }  // namespace handsim::study

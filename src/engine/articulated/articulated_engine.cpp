@@ -150,6 +150,40 @@ void ArticulatedEngine::set_state(const model::State& state) {
   }
 }
 
+void ArticulatedEngine::save(ArchiveWriter& out) const {
+  if (failure_) throw Error(*failure_);
+  mechanism_.save(out);
+  out(smooth_ ? smooth_->size() : 0.0);
+  out(contact_ != nullptr);
+  if (contact_) contact_->save(out);
+}
+
+void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
+  if (failure_) throw Error(*failure_);
+  require_state(model_, state);
+  mechanism_.restore(in);
+  double size = 0;
+  in(size);
+  if (!(size >= 0)) in.refuse(fmt::format("a step of {:g} s", size), "0 or more");
+  if (smooth_) smooth_->set_size(size);
+  bool with_contacts = false;
+  in(with_contacts);
+  if (with_contacts != (contact_ != nullptr)) in.refuse("contacts of another scene", "those of this one");
+  if (contact_) contact_->restore(in);
+  mechanism_.kernel().kinematics(mechanism_.tree());
+  had_torques_ = true;
+  time_ = state.time;
+  state_ = state;
+  fresh_ = false;
+  this->state();
+  // Coordinates say where the bodies are: what is said twice has to agree.
+  ArchiveWriter told, found;
+  carry(told, state);
+  carry(found, state_);
+  if (told.bytes() != found.bytes())
+    in.refuse("bodies that are not where the joints are", "a state that agrees");
+}
+
 void ArticulatedEngine::accept(const StepInput& input) {
   if (!input.torques.empty() || had_torques_) {
     if (!input.torques.empty())
@@ -259,7 +293,7 @@ StepReport ArticulatedEngine::step(const StepInput& input) {
   accept(input);
   const double end = next_time(time_, settings_.step);
   StepReport report;
-  save();
+  keep_start();
   if (smooth_)
     check(smooth_->advance(time_, end), end);
   else
@@ -289,11 +323,11 @@ void ArticulatedEngine::check(bool sound, double time) {
                                slow ? body.w.norm() : body.v.norm(), slow ? kMaxAngularSpeed : kMaxSpeed);
     break;
   }
-  restore();
+  back_to_start();
   fail(std::move(fault));
 }
 
-void ArticulatedEngine::save() {
+void ArticulatedEngine::keep_start() {
   const std::span<double> q = mechanism_.q(), u = mechanism_.u();
   std::copy(q.begin(), q.end(), saved_.begin());
   std::copy(u.begin(), u.end(), saved_.begin() + static_cast<std::ptrdiff_t>(q.size()));
@@ -303,7 +337,7 @@ void ArticulatedEngine::save() {
 }
 
 /// Back to before the step: state() stays the last good one.
-void ArticulatedEngine::restore() {
+void ArticulatedEngine::back_to_start() {
   const std::span<double> q = mechanism_.q(), u = mechanism_.u();
   std::copy_n(saved_.begin(), q.size(), q.begin());
   std::copy(saved_.begin() + static_cast<std::ptrdiff_t>(q.size()), saved_.end(), u.begin());

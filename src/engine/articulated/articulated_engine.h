@@ -3,7 +3,8 @@
 // vector unit.
 //
 // The same bits from every instruction set. State() is made from the joint coordinates when it is asked for.
-// Going on from a saved state agrees within rounding, not to the bit: poses have to become coordinates again.
+// Going on from a state handed to set_state agrees within rounding, not to the bit: poses have to become
+// coordinates again (see restore for that).
 // Method semi_implicit_euler has all effects, contact but for models with loops; rk4 and dormand_prince are
 // for motion without stops and contact.
 #pragma once
@@ -29,6 +30,9 @@ class ArticulatedEngine final : public Engine {
   StepReport step(const StepInput& input) override;
   const model::State& state() const override;
   void set_state(const model::State& state) override;
+  /// Bit-exact, unlike set_state: the coordinates themselves, and the impulses that contacts start from.
+  void save(ArchiveWriter& out) const override;
+  void restore(const model::State& state, ArchiveReader& in) override;
   std::span<const Contact> contacts() const override;
   const Settings& settings() const override { return settings_; }
   bool tests_contacts() const override { return contact_ != nullptr; }
@@ -49,8 +53,8 @@ class ArticulatedEngine final : public Engine {
   void collide(StepReport& report);
   bool aim_bases(double end);
   void place_bases();
-  void save();
-  void restore();
+  void keep_start();
+  void back_to_start();
   void check(bool sound, double time);
   [[noreturn]] void fail(PhysicsFault fault);
 

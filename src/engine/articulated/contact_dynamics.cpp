@@ -54,6 +54,27 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
   stops_.reserve(axes_.size());
 }
 
+template <class Archive, class T>
+void ContactDynamics::carry(Archive& archive, T& remembered) {
+  archive(remembered.shape_a);
+  archive(remembered.shape_b);
+  archive(remembered.index);
+  archive(remembered.impulse);
+  archive(remembered.moment);
+}
+
+void ContactDynamics::save(ArchiveWriter& out) const {
+  collider_.save(out);
+  out(last_.size());
+  for (const Remembered& each : last_) carry(out, each);
+}
+
+void ContactDynamics::restore(ArchiveReader& in) {
+  collider_.restore(in);
+  last_.resize(in.size());
+  for (Remembered& each : last_) carry(in, each);
+}
+
 int ContactDynamics::collide(const model::State& state) {
   ode::enter_ode();
   collider_.place(state);

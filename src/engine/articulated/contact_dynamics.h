@@ -25,6 +25,9 @@ class ContactDynamics {
 
   /// Forgets the impulses of the last step.
   void forget() { last_.clear(); }
+  /// Contacts of the last step, and the impulses that the next one starts from.
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
   /// Finds the contacts at a state. @return pairs given to the narrow phase. @throws ode::OdeFault
   int collide(const model::State& state);
   std::span<const Contact> contacts() const { return collider_.contacts(); }
@@ -59,6 +62,8 @@ class ContactDynamics {
     Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero();  ///< world
   };
 
+  template <class Archive, class T>
+  static void carry(Archive& archive, T& remembered);
   void find_points(double step);
   void recall(std::size_t contact, int index, std::size_t& from);
   void remember(double step);
@@ -87,7 +92,7 @@ class ContactDynamics {
   std::vector<Cone> cones_;
   std::vector<double> J_, Y_;  ///< rows by dofs; L^-T J^T
   std::vector<double> free_, x_, start_;
-  std::vector<Remembered> last_, next_;
+  std::vector<Remembered> last_;
 };
 
 }  // namespace handsim::engine::articulated

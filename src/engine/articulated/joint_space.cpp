@@ -32,7 +32,7 @@ Mat3 read_symmetric(const double* x, std::size_t s) {
 
 }  // namespace
 
-JointSpace::JointSpace(Mechanism& mechanism) : mechanism_(mechanism), stride_(mechanism.stride()) {
+JointSpace::JointSpace(Mechanism& mechanism) : stride_(mechanism.stride()) {
   const Topology& topology = mechanism.topology();
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     const Node& node = topology.nodes[i];

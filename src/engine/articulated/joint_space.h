@@ -59,7 +59,6 @@ class JointSpace {
   }
   Spatial axis(int dof) const;
 
-  Mechanism& mechanism_;
   int n_ = 0;
   std::vector<int> first_, last_;  ///< dofs of each node
   std::vector<int> parent_dof_;    ///< lambda of each dof, or -1

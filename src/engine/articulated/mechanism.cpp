@@ -477,4 +477,43 @@ void Mechanism::forget_contacts() {
   });
 }
 
+template <class Archive, class Self>
+void Mechanism::carry(Archive& archive, Self& self) {
+  const std::size_t n = self.stride();
+  for (std::size_t i = 0; i < self.seats_.size(); ++i) {
+    const Seat& seat = self.seats_[i];
+    const NodeKind kind = self.topology_.nodes[i].kind;
+    for (std::size_t k = 0; k < at(position_count(kind)); ++k) archive(self.tree_.q[seat.q + k * n]);
+    for (std::size_t k = 0; k < at(rate_count(kind)); ++k) archive(self.tree_.u[seat.u + k * n]);
+  }
+  for (auto& base : self.bases_) {
+    archive(base.pose.p);
+    archive(base.pose.q);
+    for (auto* v : {&base.v, &base.w, &base.dv, &base.dw}) archive(*v);
+  }
+  of_width(self.kernel_->width, [&](auto w) {
+    const In<w> in(self);
+    for (const Driven& each : self.driven_) {
+      archive(in.axis[each.axis].side[each.lane]);
+      archive(in.axis[each.axis].saturated[each.lane]);
+    }
+  });
+}
+
+void Mechanism::save(ArchiveWriter& out) const { carry(out, *this); }
+
+void Mechanism::restore(ArchiveReader& in) {
+  carry(in, *this);
+  // Values that no solution leaves would never be put right.
+  of_width(kernel_->width, [&](auto w) {
+    const In<w> of(*this);
+    for (const Driven& each : driven_)
+      for (const double value : {of.axis[each.axis].side[each.lane], of.axis[each.axis].saturated[each.lane]})
+        if (value != 0 && std::abs(value) != 1) in.refuse("a stop that is in force by half", "-1, 0 or 1");
+  });
+  settle_bases();
+  // The tree holds what it was last told, not what the next step is told.
+  servos_at_rest_ = false;
+}
+
 }  // namespace handsim::engine::articulated

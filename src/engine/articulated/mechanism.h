@@ -83,6 +83,10 @@ class Mechanism {
   bool set_servos(std::span<const model::Servo> servos, bool absolute);
   /// Stops in force.
   int stops_in_force() const;
+  /// Positions, rates, how the bases move and which stops and torque limits are in force: the same for every
+  /// instruction set. `restore` leaves the rest of the tree as it was.
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
   /// Forgets which stops and torque limits were in force.
   void forget_contacts();
 
@@ -104,6 +108,8 @@ class Mechanism {
     int batch = 0, axis = 0, lane = 0;
   };
 
+  template <class Archive, class Self>
+  static void carry(Archive& archive, Self& self);
   void* allocate(std::size_t bytes);
   void seat_nodes(const Settings& settings);
   void take_node(const Node& node, const Seat& seat, const model::State& state);

@@ -18,6 +18,9 @@ class Smooth {
   bool advance(double from, double to);
   /// Evaluations of the equation of motion so far.
   long evaluations() const { return evaluations_; }
+  /// Step that the error control is at [s]; 0: none yet.
+  double size() const { return size_; }
+  void set_size(double size) { size_ = size; }
 
  private:
   bool slope(double t, std::span<const double> y, std::span<double> out);

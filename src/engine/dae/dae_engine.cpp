@@ -154,6 +154,18 @@ void DaeEngine::set_state(const model::State& state) {
   }
 }
 
+void DaeEngine::save(ArchiveWriter& out) const {
+  if (failure_) throw Error(*failure_);
+  for (const auto& island : islands_) island->save(out);
+}
+
+void DaeEngine::restore(const model::State& state, ArchiveReader& in) {
+  if (failure_) throw Error(*failure_);
+  require_state(model_, state);
+  for (const auto& island : islands_) island->restore(state, in);
+  state_ = state;
+}
+
 std::string DaeEngine::version() const {
   char text[32] = {};
   SUNDIALSGetVersion(text, sizeof text);

@@ -3,9 +3,10 @@
 // told motion; each island (say, a finger on a still palm) is integrated on its own by the formulation that
 // settings.method names.
 //
-// Goes on from a saved state as a new start: positions and velocities are moved onto the joints (not by
+// A state handed to set_state is a new start: positions and velocities are moved onto the joints (not by
 // euler_linearised, which never does), and multistep formulations build up their order again, so a resumed
-// run agrees within the formulation's error and not to the bit. Driven bodies are where their drives say.
+// run agrees within the formulation's error and not to the bit (see restore for that). Driven bodies are
+// where their drives say.
 #pragma once
 
 #include <memory>
@@ -27,6 +28,10 @@ class DaeEngine final : public Engine {
   StepReport step(const StepInput& input) override;
   const model::State& state() const override { return state_; }
   void set_state(const model::State& state) override;
+  void save(ArchiveWriter& out) const override;
+  /// Bit-exact, unlike set_state: stabilised_gear integrates over its past since torques or the choice of
+  /// constraint rows last changed, which takes the time it took then.
+  void restore(const model::State& state, ArchiveReader& in) override;
   std::span<const Contact> contacts() const override { return {}; }
   const Settings& settings() const override { return settings_; }
   bool tests_contacts() const override { return false; }

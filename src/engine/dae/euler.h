@@ -15,6 +15,9 @@ class Euler final : public Integrator {
   Euler(System system, const Settings& settings);
   void start(model::State& state) override;
   void advance(std::span<const double> torques, double end, model::State& state) override;
+  // Depends on the state alone.
+  void save(ArchiveWriter& /*out*/) const override {}
+  void restore(const model::State& /*state*/, ArchiveReader& /*in*/) override {}
 
  private:
   /// u+ at the state with driven bodies already aimed.

@@ -1,9 +1,11 @@
 #include "handsim/engine/dae/gear.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 
+#include "handsim/engine/checks.h"
 #include "handsim/engine/multibody/projection.h"
 
 namespace handsim::engine::dae {
@@ -20,7 +22,7 @@ constexpr double kWornRows = 0.05;
 }  // namespace
 
 Gear::Gear(System system, const Settings& settings)
-    : system_(std::move(system)), tolerance_(settings.tolerance) {}
+    : system_(std::move(system)), tolerance_(settings.tolerance), step_(settings.step) {}
 
 void Gear::start(model::State& state) {
   project_positions(system_, state);
@@ -29,7 +31,8 @@ void Gear::start(model::State& state) {
 }
 
 void Gear::restart(const model::State& state) {
-  scratch_ = state;
+  origin_ = scratch_ = state;
+  ends_ = 0;
   system_.place_driven(state.time, model::KeySide::after, scratch_);
   // A drive that sets off with a jerk takes the joints along at once.
   project_velocities(system_, scratch_);
@@ -63,12 +66,53 @@ void Gear::advance(std::span<const double> torques, double end, model::State& st
     if (!ida_) restart(now);
     for (; limit_ <= end; restart(now))
       read(ida_->advance(limit_, limit_), limit_, model::KeySide::before, now);
-    if (now.time < end) read(ida_->advance(end, limit_), end, model::KeySide::before, now);
+    if (now.time < end) {
+      if (ends_++ == 0) first_end_ = end;
+      read(ida_->advance(end, limit_), end, model::KeySide::before, now);
+    }
   } catch (const IdaFailure& failure) {
     fail(failure);
   }
   system_.copy_bodies(now, state);
   if (independence(system_, now, rows_) < kWornRows * weakest_) ida_.reset();
+}
+
+void Gear::save(ArchiveWriter& out) const {
+  out(torques_);
+  out(ida_ != nullptr);
+  if (!ida_) return;
+  out(ends_);
+  out(first_end_);
+  carry(out, origin_);
+}
+
+void Gear::restore(const model::State& state, ArchiveReader& in) {
+  in(torques_);
+  if (!torques_.empty() && torques_.size() != static_cast<std::size_t>(system_.model().dof_count()))
+    in.refuse(fmt::format("{} torques", torques_.size()), "one for each coordinate");
+  bool runs = false;
+  in(runs);
+  ida_.reset();
+  if (!runs) return;
+  long ends = 0;
+  double end = 0;
+  in(ends);
+  in(end);
+  model::State origin = state;
+  carry(in, origin);
+  require_state(system_.model(), origin);
+  const double past = end + static_cast<double>(ends - 1) * step_;
+  const bool fits = ends == 0 ? origin.time == state.time
+                              : origin.time < end && end <= origin.time + 1.5 * step_ &&
+                                    std::abs(past - state.time) <= 0.5 * step_;
+  if (!(origin.time >= 0 && fits)) in.refuse("a past that does not lead to its state", "one that does");
+  try {
+    restart(origin);
+    first_end_ = end;
+    for (; ends_ < ends; ++ends_, end = next_time(end, step_)) ida_->advance(end, limit_);
+  } catch (const IdaFailure& failure) {
+    fail(failure);
+  }
 }
 
 void Gear::read(const Vector& y, double time, model::KeySide side, model::State& state) const {

@@ -23,6 +23,11 @@ class Gear final : public Integrator {
   /// The integrator runs on from step to step; it starts anew where torques change, at keyframes of drives,
   /// and where other constraint rows have become the better choice.
   void advance(std::span<const double> torques, double end, model::State& state) override;
+  /// The integrator's memory is its past since it last started anew: that start and the ends of the steps
+  /// since.
+  void save(ArchiveWriter& out) const override;
+  /// Integrates over that past again.
+  void restore(const model::State& state, ArchiveReader& in) override;
 
  private:
   void restart(const model::State& state);
@@ -38,6 +43,10 @@ class Gear final : public Integrator {
   std::vector<Index> rows_;  ///< the independent ones
   double weakest_ = 1;       ///< how independent they were when chosen
   double limit_ = 0;         ///< next keyframe [s]
+  double step_;              ///< of the engine [s]
+  model::State origin_;      ///< where the integrator last started anew
+  double first_end_ = 0;     ///< of the first step since [s]
+  long ends_ = 0;            ///< steps since
   std::unique_ptr<Ida> ida_;
   model::State scratch_;  ///< the residual's
   std::vector<Row> scratch_rows_;

@@ -17,6 +17,11 @@ class Integrator {
   /// Carries the island's bodies from where it left them, at state.time, to `end` [s]; touches nothing else.
   /// @param torques size model.dof_count() or empty, constant over the step. @throws Error (physics)
   virtual void advance(std::span<const double> torques, double end, model::State& state) = 0;
+  /// What the steps to come depend on beyond the state.
+  virtual void save(ArchiveWriter& out) const = 0;
+  /// Goes on from a state to the bit; touches it not.
+  /// @throws Error (input) for an archive that does not fit
+  virtual void restore(const model::State& state, ArchiveReader& in) = 0;
 };
 
 /// The formulation that settings.method names.

@@ -105,4 +105,24 @@ void Penalty::advance(std::span<const double> torques, double end, model::State&
   system_.copy_bodies(now, state);
 }
 
+template <class Archive, class Self>
+void Penalty::carry(Archive& archive, Self& self) {
+  archive(self.has_last_);
+  if (self.has_last_) {
+    archive(self.last_step_);
+    archive.each(self.last_x_);
+    archive.each(self.last_u_);
+  }
+  archive.each(self.multipliers_);
+}
+
+void Penalty::save(ArchiveWriter& out) const { carry(out, *this); }
+
+void Penalty::restore(const model::State& state, ArchiveReader& in) {
+  last_x_ = system_.positions(state);
+  last_u_ = system_.velocities(state);
+  multipliers_ = Vector::Zero(system_.constraint_count());
+  carry(in, *this);
+}
+
 }  // namespace handsim::engine::dae

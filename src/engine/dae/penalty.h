@@ -17,6 +17,8 @@ class Penalty final : public Integrator {
   explicit Penalty(System system);
   void start(model::State& state) override;
   void advance(std::span<const double> torques, double end, model::State& state) override;
+  void save(ArchiveWriter& out) const override;
+  void restore(const model::State& state, ArchiveReader& in) override;
 
  private:
   /// What a backward difference takes from the past, and the weight [s] of the present.
@@ -24,6 +26,8 @@ class Penalty final : public Integrator {
     Vector x, u;
     double weight = 0;
   };
+  template <class Archive, class Self>
+  static void carry(Archive& archive, Self& self);
   Past past(const model::State& state, double step) const;
   /// x_hat + weight T(x) u, solved for x.
   Vector end_positions(const Past& past, const Vector& u) const;

@@ -9,6 +9,20 @@
 
 namespace handsim::engine::ode {
 
+namespace {
+
+template <class Archive, class T>
+void carry(Archive& archive, T& contact) {
+  archive(contact.shape_a);
+  archive(contact.shape_b);
+  archive(contact.position);
+  archive(contact.normal);
+  archive(contact.depth);
+  archive(contact.force);
+}
+
+}  // namespace
+
 PairTable::PairTable(const model::Model& model)
     : groups_(model.groups.size()), table_(groups_ * groups_, kNever) {
   for (const model::ContactRule& rule : model.contact_rules) {
@@ -75,6 +89,21 @@ void Collider::near(void* self, dGeomID a, dGeomID b) {
   const model::Shape& second = collider.model_.shapes[j];
   if (!collider.rules_.meet(first.group, second.group) || collider.untested_(first.body, second.body)) return;
   collider.near_pairs_.emplace_back(std::min(i, j), std::max(i, j));
+}
+
+void Collider::save(ArchiveWriter& out) const {
+  out(contacts_.size());
+  for (const Contact& contact : contacts_) carry(out, contact);
+}
+
+void Collider::restore(ArchiveReader& in) {
+  contacts_.resize(in.size());
+  for (Contact& contact : contacts_) {
+    carry(in, contact);
+    const auto shapes = static_cast<int>(model_.shapes.size());
+    if (contact.shape_a >= shapes || contact.shape_b >= shapes)
+      in.refuse("a contact of a shape that is not there", "contacts of this scene's shapes");
+  }
 }
 
 int Collider::collide(const model::State& state) {

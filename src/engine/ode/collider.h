@@ -58,6 +58,9 @@ class Collider {
 
   std::vector<Contact>& contacts() { return contacts_; }
   const std::vector<Contact>& contacts() const { return contacts_; }
+  /// The list, which steps to come do not depend on.
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
   /// In the order of their points in the list.
   std::span<const Touch> touches() const { return touches_; }
 

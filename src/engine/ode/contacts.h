@@ -32,6 +32,10 @@ class Contacts {
   /// Length of the steps to come [s].
   void set_step(double step);
   const std::vector<Contact>& list() const { return collider_.contacts(); }
+  std::span<const Touch> touches() const { return collider_.touches(); }
+  /// The list, which steps to come do not depend on.
+  void save(ArchiveWriter& out) const { collider_.save(out); }
+  void restore(ArchiveReader& in) { collider_.restore(in); }
 
  private:
   void add_contact(const Contact& contact, const model::Material& surface, int sharing,

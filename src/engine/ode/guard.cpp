@@ -128,6 +128,7 @@ void OdeEngine::rebuild() {
   joints_.reset();
   bodies_.clear();
   moving_.clear();
+  give_up_step();
   ids_ = {};
   build();
   if (immovable_moved(before_)) joints_->reanchor(before_);

@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdarg>
 #include <cstdio>
+#include <vector>
 
 #include <ode/ode.h>
 
@@ -42,7 +43,7 @@ struct ThreadData {
     initialised = true;
     // Freed by ODE with the thread where it is per thread; Debian's build has one set for all threads,
     // which no thread may clean up under the others.
-    dAllocateODEDataForThread(dAllocateMaskAll);
+    dAllocateODEDataForThread(static_cast<unsigned>(dAllocateMaskAll));
   }
 };
 
@@ -56,6 +57,14 @@ std::mutex& random_mutex() {
 void enter_ode() {
   thread_local const ThreadData data;
   static_cast<void>(data);
+}
+
+void abandon(dxThreadingImplementation* threading) {
+  static std::mutex mutex;
+  // Never freed, and so never destroyed at the process's end either.
+  static auto* const kept = new std::vector<dxThreadingImplementation*>;
+  const std::lock_guard lock(mutex);
+  kept->push_back(threading);
 }
 
 int lcp_failures() { return lcp_failure_count; }

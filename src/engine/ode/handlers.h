@@ -8,6 +8,8 @@
 #include <mutex>
 #include <string>
 
+struct dxThreadingImplementation;
+
 namespace handsim::engine::ode {
 
 /// What ODE reported before it would have exited or aborted. The world it happened in may only be destroyed.
@@ -19,6 +21,10 @@ struct OdeFault {
 /// Makes ODE ready for the calling thread: initialises ODE and installs the handlers on the first call in
 /// the process, allocates ODE's data for a thread on its first call there. Every later call costs about 1 ns.
 void enter_ode();
+
+/// Keeps what a fault in the middle of a step has left with work undone: ODE ends the process where it is
+/// freed. A few hundred bytes for each fault, held until the process ends.
+void abandon(dxThreadingImplementation* threading);
 
 /// How often the direct solver has given up in the calling thread since it started (d_ERR_LCP messages).
 int lcp_failures();

@@ -25,7 +25,7 @@ std::vector<Problem> all_defects(const model::Model& model, const Settings& sett
 }  // namespace
 
 OdeEngine::OdeEngine(const model::Model& model, const Settings& settings)
-    : model_(model), settings_(settings) {
+    : model_(model), settings_(settings), residual_(model, settings.erp) {
   std::vector<Problem> problems = all_defects(model, settings);
   if (!problems.empty()) throw Error(std::move(problems));
   enter_ode();
@@ -89,6 +89,20 @@ void OdeEngine::set_state(const model::State& state) {
   } catch (const OdeFault& fault) {
     fail(fault);
   }
+}
+
+void OdeEngine::save(ArchiveWriter& out) const {
+  if (failure_) throw Error(*failure_);
+  out(contacts_ != nullptr);
+  if (contacts_) contacts_->save(out);
+}
+
+void OdeEngine::restore(const model::State& state, ArchiveReader& in) {
+  set_state(state);
+  bool with_contacts = false;
+  in(with_contacts);
+  if (with_contacts != (contacts_ != nullptr)) in.refuse("contacts of another scene", "those of this one");
+  if (contacts_) contacts_->restore(in);
 }
 
 std::span<const Contact> OdeEngine::contacts() const {

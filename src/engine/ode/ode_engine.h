@@ -22,6 +22,7 @@
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/joints.h"
 #include "handsim/engine/ode/method_choice.h"
+#include "handsim/engine/ode/residual.h"
 
 namespace handsim::engine::ode {
 
@@ -34,6 +35,9 @@ class OdeEngine final : public Engine {
   const model::State& state() const override { return state_; }
   /// Bit-exact: going on from a saved state gives the bits of never having stopped.
   void set_state(const model::State& state) override;
+  /// The contacts of the last step: all else is in the state.
+  void save(ArchiveWriter& out) const override;
+  void restore(const model::State& state, ArchiveReader& in) override;
   std::span<const Contact> contacts() const override;
   const Settings& settings() const override { return settings_; }
   bool tests_contacts() const override { return contacts_ != nullptr; }
@@ -66,6 +70,7 @@ class OdeEngine final : public Engine {
   void check_bodies(double time);
   void read(double time);
   std::optional<PhysicsFault> take_over(double time);
+  void give_up_step();
   PhysicsFault described(const OdeFault& fault) const;
   [[noreturn]] void fail(PhysicsFault fault);
   [[noreturn]] void fail(const OdeFault& fault);
@@ -77,8 +82,9 @@ class OdeEngine final : public Engine {
   std::vector<OdeBody> bodies_;      ///< as Model::bodies
   std::vector<std::size_t> moving_;  ///< indices of bodies that have an ODE body
   std::unique_ptr<Joints> joints_;
-  std::unique_ptr<Drives> drives_;        ///< with wrist_motion only
-  std::unique_ptr<Contacts> contacts_;    ///< with contact effects and rules only
+  std::unique_ptr<Drives> drives_;      ///< with wrist_motion only
+  std::unique_ptr<Contacts> contacts_;  ///< with contact effects and rules only
+  ResidualMeter residual_;
   std::unique_ptr<MethodChoice> choice_;  ///< with method auto only
   std::vector<System> closed_;            ///< islands to close after every step; with projection only
   model::State opened_;                   ///< at the start of the step; with projection only

@@ -61,6 +61,8 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
   const int failures = lcp_failures();
   advance(step, method);
   report.lcp_failures = lcp_failures() - failures;
+  if (report.iterative || report.lcp_failures > 0)
+    report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
     contacts_->read_forces();
     contacts_->release();
@@ -180,6 +182,13 @@ PhysicsFault OdeEngine::described(const OdeFault& fault) const {
   return {time, "the model", "ODE stopped", fmt::format("{}: {}", fault.message, kRemedy)};
 }
 
-void OdeEngine::fail(const OdeFault& fault) { fail(described(fault)); }
+void OdeEngine::fail(const OdeFault& fault) {
+  PhysicsFault told = described(fault);
+  give_up_step();
+  fail(std::move(told));
+}
+
+/// After ODE stopped in the middle of a step: the world can be destroyed, its threading cannot.
+void OdeEngine::give_up_step() { abandon(ids_.threading.release()); }
 
 }  // namespace handsim::engine::ode

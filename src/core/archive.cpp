@@ -1,0 +1,92 @@
+#include "handsim/core/archive.h"
+
+#include <bit>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+#include "handsim/core/error.h"
+
+namespace handsim {
+
+namespace {
+
+constexpr std::size_t kWord = 8;
+
+}  // namespace
+
+std::uint64_t hash_bytes(std::string_view bytes, std::uint64_t seed) {
+  // No bytes may have no address, which XXH64 does not ask for then, but must not be handed either.
+  return XXH64(bytes.empty() ? "" : bytes.data(), bytes.size(), seed);
+}
+
+void ArchiveWriter::word(std::uint64_t bits) {
+  for (std::size_t i = 0; i < kWord; ++i) bytes_ += static_cast<char>((bits >> (8 * i)) & 0xffU);
+}
+
+void ArchiveWriter::operator()(double value) { word(std::bit_cast<std::uint64_t>(value)); }
+
+void ArchiveWriter::operator()(const std::string& text) {
+  word(text.size());
+  bytes_ += text;
+}
+
+void ArchiveWriter::operator()(const Vec3& v) {
+  for (int i = 0; i < 3; ++i) (*this)(v[i]);
+}
+
+void ArchiveWriter::operator()(const Quat& q) {
+  for (const double value : {q.w(), q.x(), q.y(), q.z()}) (*this)(value);
+}
+
+void ArchiveReader::refuse(const std::string& got, const std::string& need) const {
+  throw input_error(name_, got, need);
+}
+
+std::uint64_t ArchiveReader::word() {
+  if (bytes_.size() < kWord) refuse("a file that ends too early", "a whole one");
+  std::uint64_t bits = 0;
+  for (std::size_t i = 0; i < kWord; ++i)
+    bits |= static_cast<std::uint64_t>(static_cast<unsigned char>(bytes_[i])) << (8 * i);
+  bytes_.remove_prefix(kWord);
+  return bits;
+}
+
+std::uint64_t ArchiveReader::count(std::uint64_t limit) {
+  const std::uint64_t value = word();
+  if (value > limit) refuse(fmt::format("a count of {}", value), fmt::format("at most {}", limit));
+  return value;
+}
+
+std::size_t ArchiveReader::size() { return count(bytes_.size() < kWord ? 0 : bytes_.size() / kWord - 1); }
+
+void ArchiveReader::operator()(double& value) {
+  value = std::bit_cast<double>(word());
+  if (!std::isfinite(value)) refuse(fmt::format("{}", value), "a finite number");
+}
+
+void ArchiveReader::operator()(std::string& text) {
+  const std::uint64_t size = word();
+  if (size > bytes_.size()) refuse("a file that ends too early", "a whole one");
+  text = bytes_.substr(0, size);
+  bytes_.remove_prefix(size);
+}
+
+void ArchiveReader::operator()(Vec3& v) {
+  for (int i = 0; i < 3; ++i) (*this)(v[i]);
+}
+
+void ArchiveReader::operator()(Quat& q) {
+  for (double* value : {&q.w(), &q.x(), &q.y(), &q.z()}) (*this)(*value);
+}
+
+void ArchiveReader::operator()(bool& value) { value = count(1) != 0; }
+
+void ArchiveReader::finish() const {
+  if (!bytes_.empty()) refuse(fmt::format("{} bytes too many", bytes_.size()), "the end of the file");
+}
+
+}  // namespace handsim

@@ -1,0 +1,96 @@
+// Numbers and words into bytes and back to the very bits, on any machine: eight bytes each, least significant
+// first. One function template that names a type's fields serves both ways:
+//   template <class Archive, class T> void carry(Archive& archive, T& value) { archive(value.a); ... }
+// The reader takes nothing on trust: it never reads or reserves beyond the bytes there are.
+#pragma once
+
+#include <algorithm>
+#include <concepts>
+#include <cstdint>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "handsim/core/pose.h"
+
+namespace handsim {
+
+/// Largest count in an archive: what a double and a sum of a few counts can hold.
+inline constexpr std::uint64_t kLargestCount = std::uint64_t{1} << 53U;
+
+/// XXH64 (Collet 2012) of bytes: https://github.com/Cyan4973/xxHash.
+std::uint64_t hash_bytes(std::string_view bytes, std::uint64_t seed = 0);
+
+class ArchiveWriter {
+ public:
+  void operator()(double value);
+  void operator()(const std::string& text);
+  void operator()(const Vec3& v);
+  void operator()(const Quat& q);
+  void operator()(bool value) { word(value ? 1 : 0); }
+  template <std::integral T>
+  void operator()(T value) {
+    word(static_cast<std::uint64_t>(value));
+  }
+  template <class T>
+  void operator()(const std::vector<T>& values) {
+    word(values.size());
+    for (const T& value : values) (*this)(value);
+  }
+  /// The elements without their number, which the reader knows.
+  template <class Range>
+  void each(const Range& values) {
+    for (const auto& value : values) (*this)(value);
+  }
+  void word(std::uint64_t bits);
+  const std::string& bytes() const { return bytes_; }
+  std::string take() { return std::move(bytes_); }
+
+ private:
+  std::string bytes_;
+};
+
+class ArchiveReader {
+ public:
+  /// @param bytes must outlive the reader. @param name of what they are, for messages.
+  ArchiveReader(std::string_view bytes, std::string name) : bytes_(bytes), name_(std::move(name)) {}
+
+  // Each throws Error (input) where the bytes end too early or hold no such value.
+  void operator()(double& value);  ///< finite ones only
+  void operator()(std::string& text);
+  void operator()(Vec3& v);
+  void operator()(Quat& q);  ///< as it stands, unit or not
+  void operator()(bool& value);
+  /// A count or an index, 0 to kLargestCount.
+  template <std::integral T>
+  void operator()(T& value) {
+    constexpr auto kMost = static_cast<std::uint64_t>(std::numeric_limits<T>::max());
+    value = static_cast<T>(count(std::min(kLargestCount, kMost)));
+  }
+  template <class T>
+  void operator()(std::vector<T>& values) {
+    values.resize(size());
+    for (T& value : values) (*this)(value);
+  }
+  template <class Range>
+  void each(Range& values) {
+    for (auto& value : values) (*this)(value);
+  }
+  std::uint64_t word();
+  /// A whole number up to a limit.
+  std::uint64_t count(std::uint64_t limit);
+  /// Number of elements to come, of eight bytes at least: no more than there are bytes left for.
+  std::size_t size();
+  /// Throws where bytes are left over.
+  void finish() const;
+  /// @throws Error (input) that the bytes hold no such thing.
+  [[noreturn]] void refuse(const std::string& got, const std::string& need) const;
+
+ private:
+  std::string_view bytes_;
+  std::string name_;
+};
+
+}  // namespace handsim

@@ -1,0 +1,43 @@
+// What a step's solver has left unsolved, as velocities: quick_step tells nothing of it, and world_step has a
+// residual where its LCP solver gave up. For each joint J v + (ERP / h) g = 0 was to be reached, with J
+// and the constraint error g at the start of the step and v at its end; surfaces of rigid contacts were not
+// to come closer. CFM's share, of the order of CFM times the joint's force, counts as residual too.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "handsim/engine/ode/bodies.h"
+#include "handsim/engine/ode/contacts.h"
+
+namespace handsim::engine::ode {
+
+class ResidualMeter {
+ public:
+  /// The model must outlive this.
+  ResidualMeter(const model::Model& model, double erp);
+
+  /// Largest of all joints, as vectors' lengths, and of all contacts.
+  /// @param before state at the start of the step. @param bodies as Model::bodies, with the velocities of its
+  /// end. @param step its length [s]. @param contacts null: there are none.
+  Residual measure(const model::State& before, std::span<const OdeBody> bodies, double step,
+                   const Contacts* contacts) const;
+
+ private:
+  /// What a joint's rows are made of, in its bodies' axes.
+  struct Sides {
+    Vec3 in_parent = Vec3::Zero(), in_child = Vec3::Zero();  ///< axes; of a universal joint one each
+    Quat turned = Quat::Identity();  ///< the child in the parent's axes where the joint is at 0
+  };
+  struct Found {
+    double linear = 0, angular = 0;
+  };
+  Found of_joint(std::size_t joint, const model::BodyState& parent, const model::BodyState& child,
+                 double rate) const;
+
+  const model::Model& model_;
+  double erp_;
+  std::vector<Sides> sides_;  ///< as Model::joints
+};
+
+}  // namespace handsim::engine::ode

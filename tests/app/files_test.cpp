@@ -1,0 +1,258 @@
+// What is on disk however a run ends: nothing under a final name but whole files, and nothing outside --out.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+
+#include <chrono>
+#include <csignal>
+#include <functional>
+#include <map>
+#include <random>
+#include <thread>
+
+#include <nlohmann/json.hpp>
+
+#include "app/program.h"
+#include "handsim/control/motion_file.h"
+#include "handsim/simulation/snapshot.h"
+
+namespace handsim::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+const std::vector<std::string> kRun = {"run",
+                                       source("config/dropped_hand.yaml").string(),
+                                       "--quiet",
+                                       "--frames",
+                                       "2",
+                                       "--snapshot-at",
+                                       "0.1",
+                                       "--set",
+                                       "duration=0.3",
+                                       "--set",
+                                       "record.every=1e-3",
+                                       "--set",
+                                       "pictures.size=[160, 120]",
+                                       "--out"};
+
+/// Starts the program; `prepare` runs in the child.
+pid_t launch(std::vector<std::string> arguments, const fs::path& log, const std::function<void()>& prepare) {
+  std::fflush(nullptr);
+  const pid_t child = fork();
+  if (child != 0) return child;
+  if (!std::freopen(log.c_str(), "wb", stderr) || !std::freopen("/dev/null", "wb", stdout)) _exit(126);
+  std::vector<char*> argv = {const_cast<char*>(HANDSIM_PROGRAM)};
+  for (std::string& argument : arguments) argv.push_back(argument.data());
+  argv.push_back(nullptr);
+  prepare();
+  alarm(60);
+  execv(HANDSIM_PROGRAM, argv.data());
+  _exit(127);
+}
+
+/// Exit status, or -1 where a signal ended the program.
+int status_of(pid_t child) {
+  int status = 0;
+  waitpid(child, &status, 0);
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+std::map<std::string, std::string> files(const fs::path& folder) {
+  std::map<std::string, std::string> out;
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder))
+    if (entry.is_regular_file()) out[fs::relative(entry.path(), folder)] = text_of(entry.path());
+  return out;
+}
+
+bool is_part(const std::string& name) { return name.starts_with(".") || name.ends_with(".partial"); }
+
+/// Every file under a final name is the one of a run that ended; those with times in them, by what they say.
+void expect_whole(const fs::path& folder, const std::map<std::string, std::string>& reference) {
+  for (const auto& [name, text] : files(folder)) {
+    if (is_part(name)) continue;
+    ASSERT_TRUE(reference.contains(name)) << name;
+    if (name == "summary.json") {
+      const auto json = nlohmann::json::parse(text, nullptr, false);
+      ASSERT_FALSE(json.is_discarded()) << name;
+      EXPECT_EQ(json["state_hash"], nlohmann::json::parse(reference.at(name))["state_hash"]);
+    } else if (name == "snapshot.bin") {
+      EXPECT_NO_THROW(simulation::parse_snapshot(text, name));
+    } else {
+      EXPECT_TRUE(text == reference.at(name)) << name;
+    }
+  }
+}
+
+std::vector<std::string> run_into(const fs::path& out) {
+  std::vector<std::string> arguments = kRun;
+  arguments.push_back(out.string());
+  return arguments;
+}
+
+const std::map<std::string, std::string>& reference() {
+  static const std::map<std::string, std::string> files_of_reference = [] {
+    const TemporaryFolder folder;
+    EXPECT_EQ(status_of(launch(run_into(folder.path() / "out"), folder.path() / "log", [] {})), 0)
+        << text_of(folder.path() / "log");
+    return files(folder.path() / "out");
+  }();
+  return files_of_reference;
+}
+
+// Oracle: byte equality with the files of a run that was left alone.
+TEST(KilledRun, LeavesNothingButWholeFilesUnderTheirNames) {
+  ASSERT_EQ(reference().size(), 8U);
+  const TemporaryFolder folder;
+  const fs::path log = folder.path() / "log";
+  using Clock = std::chrono::steady_clock;
+  const Clock::time_point start = Clock::now();
+  status_of(launch(run_into(folder.path() / "timed"), log, [] {}));
+  const double whole = std::chrono::duration<double>(Clock::now() - start).count();
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> when(0, 1.1 * whole);
+  int killed = 0, unfinished = 0;
+  for (int i = 0; i < 30; ++i) {
+    const fs::path out = folder.path() / std::to_string(i);
+    fs::create_directory(out);
+    const pid_t child = launch(run_into(out), log, [] {});
+    std::this_thread::sleep_for(std::chrono::duration<double>(when(random)));
+    kill(child, SIGKILL);
+    killed += status_of(child) == -1 ? 1 : 0;
+    expect_whole(out, reference());
+    unfinished += fs::exists(out / "summary.json") ? 0 : 1;
+    // What an earlier run left does not stand in the way of the next.
+    if (i % 10 == 0) {
+      EXPECT_EQ(status_of(launch(run_into(out), log, [] {})), 0) << text_of(log);
+      EXPECT_TRUE(fs::exists(out / "summary.json"));
+    }
+  }
+  EXPECT_GT(killed, 5);
+  EXPECT_GT(unfinished, 5);
+}
+
+// A disk that takes no more than so many bytes a file.
+TEST(FullDisk, IsToldAndLeavesNothingButWholeFiles) {
+  const std::size_t largest = reference().at("trajectory.csv").size();
+  for (const std::size_t bytes : {std::size_t{0}, std::size_t{100}, std::size_t{1000}, std::size_t{5000},
+                                  std::size_t{20'000}, largest / 2, largest - 1}) {
+    const TemporaryFolder folder;
+    const fs::path out = folder.path() / "out";
+    const pid_t child = launch(run_into(out), "/dev/null", [&] {
+      const rlimit limit{bytes, bytes};
+      setrlimit(RLIMIT_FSIZE, &limit);
+    });
+    EXPECT_EQ(status_of(child), 2) << bytes;
+    expect_whole(out, reference());
+    EXPECT_FALSE(fs::exists(out / "trajectory.csv")) << bytes;
+    EXPECT_FALSE(fs::exists(out / "summary.json")) << bytes;
+    for (const auto& [name, text] : files(out)) EXPECT_FALSE(is_part(name)) << name;
+  }
+}
+
+TEST(ReadOnlyFolder, IsToldBeforeAnythingIsRun) {
+  const TemporaryFolder folder;
+  std::vector<fs::path> places = {"/proc/handsim_out", "/proc/self"};
+  if (geteuid() != 0) {
+    // The superuser may write anywhere.
+    fs::create_directory(folder.path() / "closed");
+    fs::permissions(folder.path() / "closed", fs::perms::owner_read | fs::perms::owner_exec);
+    places.push_back(folder.path() / "closed");
+  }
+  for (const fs::path& place : places) {
+    const fs::path log = folder.path() / "log";
+    EXPECT_EQ(status_of(launch(run_into(place), log, [] {})), 2) << place;
+    EXPECT_NE(text_of(log).find(place.string()), std::string::npos) << text_of(log);
+  }
+}
+
+/// Whether a name anywhere below a folder contains a word.
+bool anything_named(const fs::path& folder, const std::string& word) {
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder))
+    if (entry.path().filename().string().find(word) != std::string::npos) return true;
+  return false;
+}
+
+// Words of a scene that lead out of the folder where they are taken for paths, or do as commands of gnuplot's
+// or the shell's.
+TEST(WordsInAScene, WriteNothingOutsideTheRunsFolder) {
+  const std::vector<std::string> titles = {"../escaped",
+                                           "/tmp/handsim_escaped",
+                                           "x\\n!touch escaped\\n",
+                                           "x\\nsystem 'touch escaped'\\n",
+                                           "`touch escaped`",
+                                           "$(touch escaped)",
+                                           "'; set output 'escaped'; plot x; '",
+                                           "x\\nendheader\\ntime\\tescaped\\n0\\t1"};
+  for (const std::string& title : titles) {
+    const TemporaryFolder folder;
+    const fs::path inside = folder.path() / "a" / "b";
+    fs::create_directories(inside);
+    std::string text = text_of(source("config/every_pose.yaml"));
+    for (std::size_t at = 0; (at = text.find("../", at)) != std::string::npos; at += 1)
+      text.replace(at, 3, source("").string());
+    for (std::size_t at = 0; (at = text.find("person: persons", at)) != std::string::npos; at += 9)
+      text.replace(at, 15, "person: " + source("config/persons").string());
+    const std::size_t line = text.find("title:");
+    text.replace(line, text.find('\n', line) - line, "title: \"" + title + "\"");
+    std::ofstream(inside / "scene.yaml") << text;
+    const fs::path log = inside / "log";
+    const pid_t child =
+        launch({"run", "scene.yaml", "--out", "out", "--plots", "--set", "duration=0.05"}, log, [&] {
+          if (chdir(inside.c_str()) != 0) _exit(125);
+        });
+    EXPECT_NE(status_of(child), 2) << title << text_of(log);
+    EXPECT_TRUE(fs::exists(inside / "out/plots/right_angles.png")) << title << text_of(log);
+    EXPECT_FALSE(anything_named(folder.path(), "escaped")) << title;
+    EXPECT_FALSE(fs::exists("/tmp/handsim_escaped"));
+    // What a title says stays in the title.
+    const control::MotionTable table = control::read_motion(inside / "out/trajectory.mot");
+    EXPECT_EQ(std::find(table.names.begin(), table.names.end(), "escaped"), table.names.end());
+  }
+}
+
+TEST(ExpectedHash, DecidesTheExitStatusAndIsToldBesideTheOneFound) {
+  const TemporaryFolder folder;
+  const std::string hash = nlohmann::json::parse(reference().at("summary.json"))["state_hash"];
+  std::vector<std::string> arguments = run_into(folder.path() / "out");
+  arguments.insert(arguments.end(), {"--expect-hash", hash});
+  EXPECT_EQ(run_program(arguments).status, 0);
+  arguments.back() = "0123456789abcdef";
+  const Outcome other = run_program(arguments);
+  EXPECT_EQ(other.status, 1);
+  EXPECT_NE(other.err.find(hash), std::string::npos) << other.err;
+  EXPECT_NE(other.err.find("0123456789abcdef"), std::string::npos);
+  arguments.back() = "12";
+  EXPECT_EQ(run_program(arguments).status, 2);
+}
+
+TEST(Snapshot, IsGoneOnFromOnTheCommandLineAndRefusedWhereItDoesNotFit) {
+  const TemporaryFolder folder;
+  const fs::path file = folder.path() / "snapshot.bin";
+  std::ofstream(file, std::ios::binary) << reference().at("snapshot.bin");
+  const auto go_on = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"run",        source("config/dropped_hand.yaml").string(),
+                                          "--out",      (folder.path() / "out").string(),
+                                          "--set",      "duration=0.3",
+                                          "--quiet",    "--from-snapshot",
+                                          file.string()};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run_program(arguments);
+  };
+  const std::string hash = nlohmann::json::parse(reference().at("summary.json"))["state_hash"];
+  EXPECT_EQ(go_on({"--expect-hash", hash}).status, 0);
+  fs::remove_all(folder.path() / "out");
+  const Outcome other = go_on({"--set", "solver.erp=0.3"});
+  EXPECT_EQ(other.status, 2);
+  EXPECT_NE(other.err.find("differs in solver.erp"), std::string::npos) << other.err;
+  EXPECT_EQ(go_on({"--set", "duration=0.05"}).status, 2);
+  EXPECT_EQ(go_on({"--snapshot-at", "0.05"}).status, 2);
+  fs::resize_file(file, 100);
+  const Outcome torn = go_on({});
+  EXPECT_EQ(torn.status, 2);
+  EXPECT_NE(torn.err.find("torn"), std::string::npos) << torn.err;
+  EXPECT_FALSE(fs::exists(folder.path() / "out"));
+}
+
+}  // namespace
+}  // namespace handsim::test
