@@ -165,6 +165,7 @@ hands:
   - model: ../../handmodels/anatomical.yaml
     person: ../persons/median_man.yaml
     side: right
+    tissue: {stiffness: 0}      # that would straighten or bend fingers by itself
     pose: {index_mcp: ["30 deg", "-15 deg"], middle_mcp: ["30 deg", "15 deg"]}
 effects: [self_contact, friction, joint_stops, passive_tissue]
 duration: "1 s"
