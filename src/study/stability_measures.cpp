@@ -901,7 +901,7 @@ const std::array kKinds = {
                 nullptr,
                 convergence},
     MeasureKind{"energy_order",
-                "order in the step of the largest energy error; infinite where energy is kept to 1e-8",
+                "order in the step of the largest energy error; infinite where energy is kept to 1e-7",
                 D::none,
                 "",
                 true,

@@ -21,7 +21,7 @@ constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 /// Energy errors below this say nothing of an order.
-constexpr double kConserved = 1e-8;
+constexpr double kConserved = 1e-7;
 /// Largest torque of a round trip [N m]: in a step of 1 us it moves no finger by more than 1e-12 rad.
 constexpr double kSmallTorque = 1e-7;
 
