@@ -893,7 +893,7 @@ const std::array kKinds = {
     MeasureKind{"reaction_error", "force through a joint at rest off the weight that hangs on it, relative",
                 D::none, "", false, kJoint, make_of_scene<Reaction>},
     MeasureKind{"convergence",
-                "order in the step of the largest position error",
+                "slope of log position error over log step, the ladder's smallest step being the reference",
                 D::none,
                 "",
                 true,

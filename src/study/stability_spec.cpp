@@ -51,17 +51,18 @@ std::vector<Alternative> read_dimension(MapReader reader) {
   return out;
 }
 
-/// Problems with what a measure must be told, and what it cannot be told.
+/// Problems with what a measure must be told.
 void check_needs(MapReader& reader, const MeasureKind& kind) {
-  const auto check = [&](const char* key, bool needed) {
-    if (needed && !reader.has(key)) reader.problem(key, "nothing", fmt::format("{} needs it", kind.name));
+  const auto check = [&](const char* key, bool needed, const char* what) {
+    if (needed && !reader.has(key))
+      reader.problem(key, "nothing", fmt::format("{}, which {} looks at", what, kind.name));
   };
-  check("joint", kind.needs.joint);
-  check("body", kind.needs.body);
-  check("ladder", kind.needs.steps);
-  check("with", kind.needs.set);
-  check("crank", kind.needs.crank);
-  check("rod", kind.needs.crank);
+  check("joint", kind.needs.joint, "a joint");
+  check("body", kind.needs.body, "a body");
+  check("ladder", kind.needs.steps, "a list of steps");
+  check("with", kind.needs.set, "overrides of the other run");
+  check("crank", kind.needs.crank, "a length");
+  check("rod", kind.needs.crank, "a length");
 }
 
 MeasureSpec read_measure(MapReader reader) {
@@ -103,13 +104,15 @@ Way read_way(MapReader reader, const std::vector<double>& steps) {
   return way;
 }
 
-/// One word of a list that is known.
-void read_words(MapReader& reader, std::string_view key, const std::vector<std::string>& known,
-                std::vector<std::string>& out) {
+/// Names of the case's measures.
+void read_measure_names(MapReader& reader, std::string_view key, const std::vector<std::string>& known,
+                        std::vector<std::string>& out) {
   read_list(reader, key, true, [&](const YamlNode& node, const std::string& path) {
     if (std::find(known.begin(), known.end(), node.text) == known.end())
       reader.diagnostics().problems.push_back(
-          {node.place(), path, node.described(), fmt::format("one of {}", fmt::join(known, ", "))});
+          {node.place(), path, node.described(),
+           fmt::format("one of the case's measures: {}",
+                       known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", ")))});
     out.push_back(node.text);
   });
 }
@@ -122,7 +125,7 @@ KnownShort read_known(MapReader reader, const StabilityCase& of) {
   out.way = reader.text("way");
   if (reader.sound() && std::find(ways.begin(), ways.end(), out.way) == ways.end())
     reader.problem("way", out.way, fmt::format("one of {}", fmt::join(ways, ", ")));
-  read_words(reader, "measures", measures, out.measures);
+  read_measure_names(reader, "measures", measures, out.measures);
   out.steps = read_steps(reader, "steps", false);
   out.why = reader.text("why");
   reader.finish();
