@@ -152,6 +152,11 @@ std::string plain(std::string text) {
   return text;
 }
 
+std::string spaced(std::string name) {
+  std::replace(name.begin(), name.end(), '_', ' ');
+  return name;
+}
+
 /// How far figures are from their limits is drawn within these decades.
 constexpr double kLeastSeverity = 1e-6, kMostSeverity = 1e4;
 
@@ -162,7 +167,7 @@ std::string overview(const StabilityResult& result) {
   for (int i = 0; i < count; ++i) {
     const CaseResult& of = result.cases[static_cast<std::size_t>(i)];
     const int y = count - i;
-    ticks += fmt::format("{}'{}' {}", i > 0 ? ", " : "", plain(of.of->name), y);
+    ticks += fmt::format("{}'{}' {}", i > 0 ? ", " : "", plain(spaced(of.of->name)), y);
     for (const StabilityRow& row : worst_rows(of)) {
       const double x = std::clamp(row.severity(), kLeastSeverity, kMostSeverity);
       std::string& into = row.verdict == StabilityVerdict::fell_short    ? failed
@@ -188,7 +193,8 @@ std::string overview(const StabilityResult& result) {
              "else {{ set terminal svg noenhanced size 1200,{0} font 'DejaVu Sans,11' }}\n"
              "  set title 'Hard cases: figure over limit, one mark for each engine, method and step'\n"
              "  set logscale x\n  set xrange [{1}:{2}]\n  set yrange [0.3:{3}]\n  set ytics ({4})\n"
-             "  set format x '10^{{%L}}'\n  set termoption enhanced\n  set xlabel 'figure / limit (left of "
+             "  set format x '10^{{%L}}'\n  set termoption enhanced\n  unset ylabel\n  set xlabel 'figure / "
+             "limit (left of "
              "1: "
              "holds; what is beyond the frame stands on its edge)'\n"
              "  set grid x y\n  set key top right outside horizontal\n  set arrow 1 from 1,0.3 to 1,{3} "

@@ -17,6 +17,8 @@ constexpr int kParamGroup = dParamLoStop2 - dParamLoStop;
 
 /// A stop is looked out for by this many steps of the present rate, for what the step adds to it.
 constexpr double kCatchSteps = 2;
+/// Nearer to its stop than this a coordinate counts as on it, whatever its rate [rad] or [m].
+constexpr double kOnStop = 1e-6;
 
 /// ODE's number (0 or 1) of one of our axes.
 int ode_axis(JointKind kind, std::size_t axis) {
@@ -331,7 +333,8 @@ int Joints::prepare_stops(Watch& watched, const std::array<Direction, 2>& at,
   const Link& link = links_[watched.link];
   const auto spin = [&](int body) -> const Vec3& { return state.bodies[static_cast<std::size_t>(body)].w; };
   // No rate exceeds the relative angular velocity, as the axes are perpendicular.
-  const double reach = kCatchSteps * step_ * (spin(link.joint->child) - spin(link.joint->parent)).norm();
+  const double reach =
+      kOnStop + kCatchSteps * step_ * (spin(link.joint->child) - spin(link.joint->parent)).norm();
   int reached = 0;
   for (std::size_t i = 0; i < 2; ++i) {
     if (!watched.stops[i]) continue;
@@ -369,10 +372,12 @@ int Joints::prepare_stop(SliderWatch& slider, double q, const model::State& stat
 // is v+ <= left / h: the coordinate lands on the stop. A bouncing stop turns it back, v+ <= -bounce v, where
 // this step would reach it.
 bool Joints::catch_approach(const Link& link, const Approach& approach, bool& caught) const {
-  const bool rises = approach.rate > 0;
-  const double left = rises ? approach.high - approach.q : approach.q - approach.low;
-  const double way = step_ * std::abs(approach.rate);
-  if (!(kCatchSteps * way > left)) {
+  const double above = approach.high - approach.q, below = approach.q - approach.low;
+  const bool on_stop = std::min(above, below) < kOnStop;
+  const bool rises = on_stop ? above < below : approach.rate > 0;
+  const double left = rises ? above : below;
+  const double way = step_ * (rises ? approach.rate : -approach.rate);
+  if (!on_stop && !(kCatchSteps * way > left)) {
     let_go(link, approach, caught);
     return false;
   }
