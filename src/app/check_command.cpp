@@ -8,6 +8,7 @@
 #include "handsim/scene/scene.h"
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/accuracy.h"
+#include "handsim/study/stability.h"
 
 namespace handsim::app {
 
@@ -35,6 +36,9 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
       break;
     case scene::FileKind::study:
       study::load_accuracy(path);
+      break;
+    case scene::FileKind::stability:
+      study::load_stability(path);
       break;
     case scene::FileKind::object:
       scene::read_object_file(root, diagnostics);

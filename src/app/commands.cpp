@@ -195,6 +195,21 @@ void add_accuracy(CLI::App& app, AccuracyArguments& arguments) {
       ->excludes(peers);
 }
 
+void add_stability(CLI::App& app, StabilityArguments& arguments) {
+  CLI::App* stability = app.add_subcommand(
+      "stability",
+      "Hard cases: every engine, method and step against an oracle, as table, CSV, JSON, plots and pictures");
+  stability->footer("Example: handsim stability config/stability.yaml --out out/stability --quick");
+  stability->add_option("study", arguments.study, "study file")->required();
+  stability->add_option("--out", arguments.out, "folder for the study's files")
+      ->required()
+      ->check(check_path);
+  stability->add_option("--case", arguments.cases, "run this case alone; may be repeated")
+      ->allow_extra_args(false);
+  stability->add_flag("--quick", arguments.quick, "shorter runs of most cases, at most a minute in all");
+  stability->add_flag("--no-pictures", arguments.no_pictures, "draw no scenes");
+}
+
 void add_contacts(CLI::App& app, std::filesystem::path& out) {
   CLI::App* contacts = app.add_subcommand("contacts", "What a step costs by method and number of contacts");
   contacts->footer("Example: handsim contacts --out out/contacts");
@@ -262,6 +277,8 @@ int run_command_line(int argc, const char* const* argv) {
   ExportArguments exported;
   add_export(app, exported);
   add_contacts(app, contacts);
+  StabilityArguments stability;
+  add_stability(app, stability);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -277,6 +294,7 @@ int run_command_line(int argc, const char* const* argv) {
   if (app.got_subcommand("accuracy")) return guarded([&] { return accuracy_command(accuracy); });
   if (app.got_subcommand("export")) return guarded([&] { return export_command(exported); });
   if (app.got_subcommand("contacts")) return guarded([&] { return contacts_command(contacts); });
+  if (app.got_subcommand("stability")) return guarded([&] { return stability_command(stability); });
   if (app.got_subcommand("effects")) return guarded([&] { return effects_command(effects); });
   return guarded([&] { return render_command(render); });
 }

@@ -69,6 +69,15 @@ struct AccuracyArguments {
 };
 int accuracy_command(const AccuracyArguments& arguments);
 
+struct StabilityArguments {
+  std::filesystem::path study;
+  std::filesystem::path out;
+  std::vector<std::string> cases;  ///< names; empty: all
+  bool quick = false;
+  bool no_pictures = false;
+};
+int stability_command(const StabilityArguments& arguments);
+
 struct EffectsArguments {
   std::filesystem::path scene;
   std::filesystem::path out;

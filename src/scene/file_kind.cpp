@@ -19,7 +19,8 @@ constexpr std::array kMarks = {Mark{"hands", FileKind::scene},         Mark{"obj
                                Mark{"gains", FileKind::controller},    Mark{"poses", FileKind::poses},
                                Mark{"methods", FileKind::study},       Mark{"shape", FileKind::object},
                                Mark{"parts", FileKind::object},        Mark{"norms", FileKind::grip_norms},
-                               Mark{"kinds", FileKind::costs},         Mark{"friction", FileKind::material}};
+                               Mark{"cases", FileKind::stability},     Mark{"kinds", FileKind::costs},
+                               Mark{"friction", FileKind::material}};
 
 std::string_view keys_of(FileKind kind) {
   switch (kind) {
@@ -37,6 +38,8 @@ std::string_view keys_of(FileKind kind) {
       return "poses, programs";
     case FileKind::study:
       return "scene, reference, steps, methods";
+    case FileKind::stability:
+      return "cases";
     case FileKind::object:
       return "shape or parts, mass or density";
     case FileKind::grip_norms:
@@ -67,6 +70,8 @@ std::string_view described(FileKind kind) {
       return "a pose file";
     case FileKind::study:
       return "an accuracy study";
+    case FileKind::stability:
+      return "a stability study";
     case FileKind::object:
       return "an object";
     case FileKind::grip_norms:

@@ -17,6 +17,7 @@ enum class FileKind {
   controller,
   poses,
   study,
+  stability,
   object,
   grip_norms,
   material,

@@ -1,59 +1,13 @@
-#include <algorithm>
-
 #include <fmt/format.h>
 
 #include "handsim/core/yaml_reader.h"
 #include "handsim/scene/file_kind.h"
 #include "handsim/study/accuracy.h"
+#include "handsim/study/spec_reader.h"
 
 namespace handsim::study {
 
 namespace {
-
-const Quantity kStep = {Dimension::time, 1e-6, 0.1};
-
-std::vector<double> read_steps(MapReader& reader, std::string_view key, bool required) {
-  std::vector<double> steps;
-  const YamlNode* list = reader.list(key, required);
-  if (!list) return steps;
-  for (std::size_t i = 0; i < list->items.size(); ++i)
-    if (const auto step = read_number(list->items[i], fmt::format("{}.{}", reader.path_of(key), i), kStep,
-                                      reader.diagnostics()))
-      steps.push_back(*step);
-  std::sort(steps.rbegin(), steps.rend());
-  if (required && steps.empty()) reader.problem(key, "no step", "at least one step");
-  return steps;
-}
-
-/// `{solver.erp: 0.2}` as overrides.
-std::vector<std::string> read_set(MapReader& reader, std::string_view key) {
-  std::vector<std::string> set;
-  const YamlNode* map = reader.child(key);
-  if (!map) return set;
-  if (map->kind != YamlNode::Kind::map)
-    reader.problem(key, map->described(), "a mapping of dotted keys to values");
-  for (const YamlEntry& entry : map->entries) {
-    if (entry.value.kind != YamlNode::Kind::scalar)
-      reader.diagnostics().problems.push_back({entry.value.place(), reader.path_of(key) + "." + entry.key,
-                                               entry.value.described(), "a single value"});
-    set.push_back(entry.key + "=" + entry.value.text);
-  }
-  return set;
-}
-
-std::filesystem::path beside(const YamlNode& node) {
-  return (std::filesystem::path(node.place().file).parent_path() / node.text).lexically_normal();
-}
-
-std::optional<std::filesystem::path> read_scene_path(MapReader& reader, bool required) {
-  const YamlNode* node = reader.child("scene");
-  if (!node && required) reader.problem("scene", "nothing", "the path of a scene file");
-  if (!node) return std::nullopt;
-  if (node->kind == YamlNode::Kind::scalar && std::filesystem::is_regular_file(beside(*node)))
-    return beside(*node);
-  reader.problem("scene", node->described(), "the path of a scene file, relative to this file");
-  return std::nullopt;
-}
 
 AccuracyMethod read_method(MapReader reader, const std::vector<double>& steps) {
   AccuracyMethod method;
@@ -123,7 +77,7 @@ AccuracySpec load_accuracy(const std::filesystem::path& path) {
       words.emplace_back(scene::kSceneKindNames[k], static_cast<scene::SceneKind>(k));
     spec.kind = reader.choice<scene::SceneKind>("kind", words);
   }
-  spec.sample_every = reader.number("sample_every", kStep, 0.01);
+  spec.sample_every = reader.number("sample_every", kStepRange, 0.01);
   spec.early = reader.number("early", {Dimension::time, 0, 1e5}, 0.5);
   spec.repeats = reader.integer("repeats", 1, 1000, 5);
   const std::vector<double> steps = read_steps(reader, "steps", true);

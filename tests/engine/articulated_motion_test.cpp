@@ -60,6 +60,32 @@ std::vector<double> extrapolated(const std::vector<double>& fine, const std::vec
   return out;
 }
 
+// Oracle: conservation of angular momentum, and the proof in spin.h that energy never rises; first order, at
+// spins of up to a radian in a step.
+TEST(FreeSpin, KeepsItsMomentumAndNeverGainsEnergy) {
+  for (const double speed : {5.0, 30.0, 200.0}) {
+    model::Model model = model::make_model();
+    test::add_body(model,
+                   test::body("block", 2, {0.8, 0.68, 0.14}, {Vec3::Zero(), rotation_quaternion({1, 2, 3})}));
+    model.bodies[1].initial_angular_velocity = speed * Vec3(0.3, 0.9, -0.4).normalized();
+    const auto engine = make_engine(model, settings({}, 5e-3, Method::semi_implicit_euler));
+    const auto momentum = [&]() -> Vec3 {
+      const model::BodyState& at = engine->state().bodies[1];
+      return at.q * (model.bodies[1].inertia * (at.q.conjugate() * at.w));
+    };
+    const Vec3 start = momentum();
+    double last = model::kinetic_energy(model, engine->state());
+    for (int i = 0; i < 2000; ++i) {
+      engine->step({});
+      const double energy = model::kinetic_energy(model, engine->state());
+      ASSERT_LE(energy, last * (1 + 1e-13)) << speed << " rad/s, step " << i;
+      last = energy;
+    }
+    EXPECT_LT((momentum() - start).norm(), 1e-10 * start.norm()) << speed;
+    EXPECT_EQ(engine->state().bodies[1].p, Vec3::Zero());
+  }
+}
+
 class FallingHand : public testing::TestWithParam<std::pair<const char*, hand::Mount>> {
  protected:
   model::Model model_ = shipped_hand(GetParam().first, GetParam().second);

@@ -133,8 +133,13 @@ TEST(Divergence, InTheMiddleOfAStepDoesNotEndTheProcess) {
         const auto engine = make_engine(model, with);
         model::State state = engine->state();
         (number < 3 ? state.bodies[1].w[number] : state.bodies[1].p[number - 3]) = bad;
-        engine->set_state(state);
-        EXPECT_EQ(error_of([&] { engine->step({}); }).kind(), ErrorKind::physics) << bad << " " << number;
+        // What is too fast is refused as a state already.
+        const auto kind = number < 3 ? ErrorKind::input : ErrorKind::physics;
+        const auto go_on = [&] {
+          engine->set_state(state);
+          engine->step({});
+        };
+        EXPECT_EQ(error_of(go_on).kind(), kind) << bad << " " << number;
       }
   }
 }

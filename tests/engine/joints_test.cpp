@@ -249,6 +249,59 @@ TEST(Stop, BouncesByItsRatio) {
   }
 }
 
+// Oracle: Newton's law of restitution, at any ERP (which is what ODE's own stop rebounds with) and step; a
+// stop that is caught in time is never passed.
+TEST(Stop, ReboundsByItsRatioAtAnyErpAndIsNotPassed) {
+  for (const double speed : {10.0, 50.0, 200.0})
+    for (const double step : {1e-3, 5e-3})
+      for (const double erp : {0.2, 0.8, 1.0})
+        for (const double bounce : {0.0, 0.5}) {
+          SCOPED_TRACE(testing::Message()
+                       << speed << " rad/s, step " << step << ", ERP " << erp << ", bounce " << bounce);
+          model::Model model = test::hinged_body();
+          model.joints[0].axes[0].stop = model::Stop{-3, 0.3, bounce, 1};
+          model.bodies[1].initial_angular_velocity = Vec3(0, speed, 0);
+          Settings how = settings({Effect::joint_stops}, step);
+          how.erp = erp;
+          ode::OdeEngine engine(model, how);
+          double back = 0;
+          for (int i = 0; i < static_cast<int>(0.3 / speed / step) + 2; ++i) {
+            engine.step({});
+            EXPECT_LE(model::coordinates(model, engine.state())[0], 0.3 + 1e-9);
+            back = std::max(back, -model::rates(model, engine.state())[0]);
+          }
+          EXPECT_NEAR(back, bounce * speed, 1e-5 * speed);
+        }
+}
+
+// Oracle: identity; a stop that is out of reach, or that the joint leaves, changes no bit.
+TEST(Stop, OutOfReachChangesNothing) {
+  model::Model with = test::hinged_body(), without = with;
+  with.joints[0].axes[0].stop = model::Stop{-0.01, 3, 0, 1};
+  with.bodies[1].initial_angular_velocity = without.bodies[1].initial_angular_velocity = Vec3(0, 20, 0);
+  ode::OdeEngine a(with, settings({Effect::joint_stops})), b(without, settings({Effect::joint_stops}));
+  for (int i = 0; i < 140; ++i) {
+    a.step({});
+    b.step({});
+    ASSERT_EQ(test::bits(a.state()), test::bits(b.state())) << i;
+  }
+}
+
+// Oracle: the range; stops whose outside is narrower than a step's turn are not jumped over.
+TEST(Stop, JustShortOfHalfATurnIsNotJumpedOver) {
+  model::Model model = test::hinged_body();
+  model.joints[0].axes[0].stop = model::Stop{-3.14, 3.14, 0.9, 1};
+  model.bodies[1].initial_angular_velocity = Vec3(0, 50, 0);
+  ode::OdeEngine engine(model, settings({Effect::joint_stops}));
+  double last = 0;
+  for (int i = 0; i < 1000; ++i) {
+    engine.step({});
+    const double q = model::coordinates(model, engine.state())[0];
+    ASSERT_LT(std::abs(q - last), 0.06) << i;
+    last = q;
+  }
+}
+
 // Oracle: the model; a joint that starts at rest on a stop of zero must move freely off it, and says why.
 TEST(Stop, AtZeroIsMovedOutwardAndSaysSo) {
   model::Model model = test::hinged_body();

@@ -266,6 +266,7 @@ void ArticulatedEngine::step_implicitly(double end, StepReport& report) {
   const Tree& tree = mechanism_.tree();
   if (contact_) collide(report);
   const bool moving = aim_bases(end);
+  mechanism_.settle_spins(settings_.step);
   if (report.contacts > 0) {
     const NewtonReport found = contact_->solve(settings_.step);
     report.contact_sweeps = found.iterations;

@@ -7,6 +7,7 @@
 #include <map>
 #include <new>
 
+#include "handsim/engine/articulated/spin.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::engine::articulated {
@@ -180,6 +181,14 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
   tree_.max_speed = kMaxSpeed;
   tree_.max_turn = kMaxAngularSpeed;
   seat_nodes(settings);
+  std::vector<bool> parents(topology_.nodes.size(), false);
+  for (const Node& node : topology_.nodes)
+    if (node.parent) parents[at(*node.parent)] = true;
+  // A ball's gyroscopic torque is zero.
+  for (std::size_t i = 0; i < topology_.nodes.size(); ++i)
+    if (const Node& node = topology_.nodes[i];
+        node.kind == NodeKind::free && !parents[i] && node.inertia.maxCoeff() != node.inertia.minCoeff())
+      lone_.push_back(static_cast<int>(i));
   for (std::size_t i = 0; i < topology_.nodes.size(); ++i)
     if (topology_.nodes[i].body)
       carried_.push_back({*topology_.nodes[i].body, static_cast<int>(i), topology_.nodes[i].q_LB});
@@ -317,6 +326,25 @@ void Mechanism::settle_bases() {
       }
     }
   });
+}
+
+void Mechanism::settle_spins(double step) {
+  const std::size_t n = stride();
+  for (const int index : lone_) {
+    const Node& node = topology_.nodes[at(index)];
+    const Seat& seat = seats_[at(index)];
+    const double *q = tree_.q + seat.q + 3 * n, *u = tree_.u + seat.u;
+    const Quat q_WL(q[3 * n], q[0], q[n], q[2 * n]);
+    const Vec3 spin = q_WL.conjugate() * Vec3(u[0], u[n], u[2 * n]);
+    if (spin.isZero(0)) continue;
+    const std::optional<Vec3> end = spun(node.inertia, spin, step);
+    if (!end) continue;
+    const Vec3 torque = q_WL * Vec3(node.inertia.cwiseProduct(spin - *end) / step);
+    of_width(kernel_->width, [&](auto w) {
+      constexpr int W = w;
+      put3<W>(In<W>(*this).batch[seat.batch].pv, seat.lane, torque);
+    });
+  }
 }
 
 void Mechanism::take_node(const Node& node, const Seat& seat, const model::State& state) {

@@ -69,6 +69,9 @@ class Mechanism {
   BaseMotion& base(int body) { return bases_[static_cast<std::size_t>(body)]; }
   const BaseMotion& base(int body) const { return bases_[static_cast<std::size_t>(body)]; }
   void settle_bases();
+  /// Gives free bodies that nothing hangs on the gyroscopic torque of an implicit step of this length
+  /// (spin.h), in place of the one at its start.
+  void settle_spins(double step);
   /// An island's origin in the world; of a free one, where its positions have it.
   Vec3 origin(int island) const;
 
@@ -123,6 +126,7 @@ class Mechanism {
   std::vector<Carried> carried_;
   std::vector<Driven> driven_;     ///< single coordinates
   std::vector<int> balls_;         ///< nodes
+  std::vector<int> lone_;          ///< nodes of free bodies without children
   std::vector<BaseMotion> bases_;  ///< as Model::bodies
   bool servos_at_rest_ = true;
 };

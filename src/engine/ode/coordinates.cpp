@@ -26,4 +26,17 @@ bool StopArc::reached(const Direction& at) const {
   return angle <= low_ || angle >= high_;
 }
 
+// A turn by t along the tangent takes the angle by atan(t), so t is tan(turn), or more.
+bool StopArc::near(const Direction& at, double turn) const {
+  if (!(turn < 0.5)) return true;
+  if (!narrow_) {
+    // What is outside can be narrower than the turn.
+    const double angle = at.angle();
+    return angle - turn <= low_ || angle + turn >= high_;
+  }
+  const double t = 1.1 * turn;
+  return reached({at.sin + t * at.cos, at.cos - t * at.sin}) ||
+         reached({at.sin - t * at.cos, at.cos + t * at.sin});
+}
+
 }  // namespace handsim::engine::ode

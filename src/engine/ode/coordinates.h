@@ -14,6 +14,10 @@ class StopArc {
   StopArc(double low, double high);
   /// True at or beyond an end of the arc, ends included, as ODE decides it.
   bool reached(const Direction& at) const;
+  /// True where an end is reached by a turn of at most this much [rad]; for some angles a little farther off.
+  bool near(const Direction& at, double turn) const;
+  double low() const { return low_; }    ///< [rad]
+  double high() const { return high_; }  ///< [rad]
 
  private:
   double low_, high_;

@@ -15,6 +15,11 @@ using model::JointKind;
 
 constexpr int kParamGroup = dParamLoStop2 - dParamLoStop;
 
+/// A stop is looked out for by this many steps of the present rate, for what the step adds to it.
+constexpr double kCatchSteps = 2;
+/// Nearer to its stop than this a coordinate counts as on it, whatever its rate [rad] or [m].
+constexpr double kOnStop = 1e-6;
+
 /// ODE's number (0 or 1) of one of our axes.
 int ode_axis(JointKind kind, std::size_t axis) {
   return kind == JointKind::universal ? 1 - static_cast<int>(axis) : static_cast<int>(axis);
@@ -119,7 +124,7 @@ void add_torque(const OdeBody& body, const Vec3& torque) {
 
 Joints::Joints(dWorldID world, const model::Model& model, const Settings& settings,
                const std::vector<OdeBody>& bodies, const model::State& start)
-    : servos_(settings.step), step_(settings.step) {
+    : servos_(settings.step), step_(settings.step), erp_(settings.erp) {
   std::vector<std::size_t> copies_used(bodies.size(), 0);
   for (const model::Joint& joint : model.joints) {
     links_.push_back(make_link(world, joint, bodies, copies_used));
@@ -303,24 +308,104 @@ void Joints::watch(std::size_t link_index, const Settings& settings) {
   watches_.push_back(watched);
 }
 
-int Joints::prepare(const model::State& state) const {
+int Joints::prepare(const model::State& state) {
   int reached = 0;
-  for (const Watch& watched : watches_) {
+  for (Watch& watched : watches_) {
     const std::array<Direction, 2> at = watched.sensor.read(state);
-    for (std::size_t i = 0; i < 2; ++i)
-      if (watched.stops[i] && watched.stops[i]->reached(at[i])) ++reached;
+    reached += prepare_stops(watched, at, state);
     const Link& link = links_[watched.link];
     for (std::size_t i = 0; i < link.motor_axes.size(); ++i)
       dJointSetAMotorAngle(link.motor, static_cast<int>(i), at[link.motor_axes[i]].angle());
   }
-  for (const SliderWatch& slider : slider_watches_) {
+  for (SliderWatch& slider : slider_watches_) {
     const Link& link = links_[slider.link];
     double q = 0;
     model::joint_coordinates(*link.joint, state, std::span(&q, 1));
-    if (slider.stop && (q <= slider.stop->low || q >= slider.stop->high)) ++reached;
+    if (slider.stop) reached += prepare_stop(slider, q, state);
     if (link.motor != nullptr) dJointSetLMotorParam(link.motor, dParamVel, -slider.rate * (q - slider.rest));
   }
   return reached;
+}
+
+int Joints::prepare_stops(Watch& watched, const std::array<Direction, 2>& at,
+                          const model::State& state) const {
+  if (!watched.stops[0] && !watched.stops[1]) return 0;
+  const Link& link = links_[watched.link];
+  const auto spin = [&](int body) -> const Vec3& { return state.bodies[static_cast<std::size_t>(body)].w; };
+  // No rate exceeds the relative angular velocity, as the axes are perpendicular.
+  const double reach =
+      kOnStop + kCatchSteps * step_ * (spin(link.joint->child) - spin(link.joint->parent)).norm();
+  int reached = 0;
+  for (std::size_t i = 0; i < 2; ++i) {
+    if (!watched.stops[i]) continue;
+    const StopArc& stop = *watched.stops[i];
+    Approach approach{i, stop.low(), stop.high(), 0, 0};
+    if (stop.reached(at[i])) {
+      ++reached;
+      let_go(link, approach, watched.caught[i]);
+    } else if (!stop.near(at[i], reach)) {
+      let_go(link, approach, watched.caught[i]);
+    } else {
+      approach.q = at[i].angle();
+      approach.rate = watched.sensor.rates(state)[i];
+      reached += catch_approach(link, approach, watched.caught[i]) ? 1 : 0;
+    }
+  }
+  return reached;
+}
+
+int Joints::prepare_stop(SliderWatch& slider, double q, const model::State& state) const {
+  const Link& link = links_[slider.link];
+  Approach approach{0, slider.stop->low, slider.stop->high, q, 0};
+  if (q <= approach.low || q >= approach.high) {
+    let_go(link, approach, slider.caught);
+    return 1;
+  }
+  model::joint_rates(*link.joint, state, std::span(&approach.rate, 1));
+  return catch_approach(link, approach, slider.caught) ? 1 : 0;
+}
+
+// ODE puts a stop's row into a step once the stop is passed, and pushes back by ERP times the depth: at w
+// rad/s a step passes it by up to w h, and what comes back is ERP w, a restitution nobody asked for. The row
+// of a stop that the coordinate is about to pass is therefore put in before. ODE's row for an upper stop asks
+// for v+ <= -(ERP / h) (q - stop), and with the stop moved to q - 1 and ERP set to -(left to the stop) that
+// is v+ <= left / h: the coordinate lands on the stop. A bouncing stop turns it back, v+ <= -bounce v, where
+// this step would reach it.
+bool Joints::catch_approach(const Link& link, const Approach& approach, bool& caught) const {
+  const double above = approach.high - approach.q, below = approach.q - approach.low;
+  const bool on_stop = std::min(above, below) < kOnStop;
+  const bool rises = on_stop ? above < below : approach.rate > 0;
+  const double left = rises ? above : below;
+  const double way = step_ * (rises ? approach.rate : -approach.rate);
+  if (!on_stop && !(kCatchSteps * way > left)) {
+    let_go(link, approach, caught);
+    return false;
+  }
+  const double bounce = way > left ? link.joint->axes[approach.axis].stop->bounce : 0.0;
+  if (rises)
+    set_stop(link, approach.axis, -dInfinity, approach.q - 1, -left, bounce);
+  else
+    set_stop(link, approach.axis, approach.q + 1, dInfinity, -left, bounce);
+  caught = true;
+  return true;
+}
+
+/// Back to the stop as it is.
+void Joints::let_go(const Link& link, const Approach& approach, bool& caught) const {
+  if (!caught) return;
+  set_stop(link, approach.axis, approach.low, approach.high, erp_,
+           link.joint->axes[approach.axis].stop->bounce);
+  caught = false;
+}
+
+void Joints::set_stop(const Link& link, std::size_t axis, double low, double high, double erp,
+                      double bounce) const {
+  const model::JointKind kind = link.joint->kind;
+  const int group = kParamGroup * ode_axis(kind, axis);
+  set_parameter(link.id, kind, dParamLoStop + group, low);
+  set_parameter(link.id, kind, dParamHiStop + group, high);
+  set_parameter(link.id, kind, dParamStopERP + group, erp);
+  set_parameter(link.id, kind, dParamBounce + group, bounce);
 }
 
 void Joints::add_torques(std::span<const double> torques, const model::State& state) const {

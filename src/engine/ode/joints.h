@@ -43,8 +43,9 @@ class Joints {
   void set_stop_cfm(double cfm);
   /// Constraint rows that a joint puts into a step: its own, its tissue's and, where driven, its servo's.
   int rows(std::size_t joint) const;
-  /// Tells the tissue where its joints are and counts the stops that the next step finds in force.
-  int prepare(const model::State& state) const;
+  /// Tells the tissue where its joints are, makes stops catch what would run through them in the next step,
+  /// and counts the stops that the step finds in force.
+  int prepare(const model::State& state);
   /// What was widened, one sentence each.
   const std::vector<std::string>& notes() const { return notes_; }
   /// ODE's joint of a joint of the model; null where neither side can move.
@@ -65,12 +66,20 @@ class Joints {
     std::size_t link = 0;
     AngleSensor sensor;
     std::array<std::optional<StopArc>, 2> stops;
+    std::array<bool, 2> caught = {false, false};
   };
   struct SliderWatch {
     std::size_t link = 0;
     std::optional<model::Stop> stop;
     double rest = 0;  ///< [m]
     double rate = 0;  ///< speed towards rest per distance [1/s]
+    bool caught = false;
+  };
+  /// A coordinate before a step, and its stop.
+  struct Approach {
+    std::size_t axis = 0;
+    double low = 0, high = 0;  ///< [rad] or [m]
+    double q = 0, rate = 0;    ///< [rad], [rad/s] or [m], [m/s]
   };
 
   Link make_link(dWorldID world, const model::Joint& joint, const std::vector<OdeBody>& bodies,
@@ -82,6 +91,11 @@ class Joints {
   void soften_slider(SliderWatch& slider) const;
   void add_servo(dWorldID world, Link& link);
   void watch(std::size_t link, const Settings& settings);
+  void set_stop(const Link& link, std::size_t axis, double low, double high, double erp, double bounce) const;
+  bool catch_approach(const Link& link, const Approach& approach, bool& caught) const;
+  void let_go(const Link& link, const Approach& approach, bool& caught) const;
+  int prepare_stops(Watch& watched, const std::array<Direction, 2>& at, const model::State& state) const;
+  int prepare_stop(SliderWatch& slider, double q, const model::State& state) const;
   model::Stop widened(const model::Joint& joint, const model::JointAxis& axis, bool note);
 
   std::vector<Link> links_;  ///< as Model::joints
@@ -89,6 +103,7 @@ class Joints {
   std::vector<SliderWatch> slider_watches_;
   Servos servos_;
   double step_;  ///< [s]
+  double erp_;   ///< of the stops
   std::vector<std::string> notes_;
   bool has_tissue_ = false;
 };
