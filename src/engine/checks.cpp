@@ -84,6 +84,12 @@ void require_state(const model::Model& model, const model::State& state) {
     if (!finite(state.bodies[i]))
       throw input_error("state." + model.bodies[i].name, "a pose or velocity that is not finite or not unit",
                         "finite numbers and a unit quaternion");
+  for (std::size_t i = 0; i < state.bodies.size(); ++i)
+    if (state.bodies[i].v.norm() > kMaxSpeed || state.bodies[i].w.norm() > kMaxAngularSpeed)
+      throw input_error(
+          "state." + model.bodies[i].name,
+          fmt::format("{:g} m/s and {:g} rad/s", state.bodies[i].v.norm(), state.bodies[i].w.norm()),
+          fmt::format("at most {:g} m/s and {:g} rad/s", kMaxSpeed, kMaxAngularSpeed));
   const model::BodyState& world = state.bodies[model::kWorld];
   if (world.p != Vec3::Zero() || std::abs(world.q.w()) != 1)
     throw input_error("state.world", "a pose away from the origin", "the world at the origin");

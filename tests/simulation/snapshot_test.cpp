@@ -192,7 +192,7 @@ std::uint64_t hash_of(const scene::Scene& scene, int count) {
 
 // Oracle: bit equality with a run alone: repeated, in eight threads at once, with other scenes stepping
 // beside, and after a reset.
-TEST_P(EveryEngine, GivesTheSameBitsHoweverItIsRun) {
+TEST_P(EveryEngine, GivesTheSameBitsInThreadsAndAgain) {
   constexpr int kSteps = 300;
   const Case& what = GetParam();
   const scene::Scene scene = shipped_scene(what.scene, what.overrides);
