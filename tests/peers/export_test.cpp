@@ -222,14 +222,15 @@ TEST(Export, EveryShippedSceneLoadsAsMjcf) {
   }
 }
 
-// Oracle: MuJoCo's reader, which makes the hull again, and the model: mass, inertia and corners of convex meshes.
-// It keeps corners as 32-bit numbers.
+// Oracle: MuJoCo's reader, which makes the hull again, and the model: mass, inertia and corners of convex
+// meshes. It keeps corners as 32-bit numbers.
 TEST(Export, ConvexMeshesAreWhatTheyAreInMujoco) {
   const scene::Scene scene = scene::compile_scene(parse_yaml(
       "objects:\n"
       "  - {name: stone, shape: convex_mesh, mesh: icosahedron.obj, mass: 0.3, position: [0.1, 0.2, 0.3],\n"
       "     rotation: {axis: [1, 2, 3], angle: 0.7}}\n"
-      "  - {name: rock, shape: convex_mesh, mesh: icosahedron.stl, scale: 2, density: 2500, position: [1, 0, 0.3]}\n"
+      "  - {name: rock, shape: convex_mesh, mesh: icosahedron.stl, scale: 2, density: 2500, position: [1, 0, "
+      "0.3]}\n"
       "ground: {friction: 0.5}\nduration: 1\n",
       source("tests/data/meshes/scene.yaml").string()));
   warnings = 0;
@@ -251,7 +252,8 @@ TEST(Export, ConvexMeshesAreWhatTheyAreInMujoco) {
     EXPECT_NEAR(other->body_mass[id], body.mass, 1e-12 * body.mass);
     const mjtNum* q = other->body_iquat + 4 * id;
     const Mat3 R = Quat(q[0], q[1], q[2], q[3]).toRotationMatrix();
-    const Mat3 inertia = R * Eigen::Map<const Vec3>(other->body_inertia + 3 * id).asDiagonal() * R.transpose();
+    const Mat3 inertia =
+        R * Eigen::Map<const Vec3>(other->body_inertia + 3 * id).asDiagonal() * R.transpose();
     EXPECT_LT((inertia - body.inertia).cwiseAbs().maxCoeff(), 1e-9 * body.inertia.trace());
     const int geom = mj_name2id(other.get(), mjOBJ_GEOM, shape.name.c_str());
     ASSERT_GE(geom, 0);

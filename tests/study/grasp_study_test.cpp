@@ -52,8 +52,9 @@ TEST_P(ShippedGrasp, IsHeldWithWorldStepAndHardlySlips) {
 // Oracle: the same limits; and no step without a solution.
 TEST_P(ShippedGrasp, IsHeldByTheArticulatedEngineAndHardlySlips) {
   const scene::Scene scene = shortened(
-      GetParam(), {"solver.engine=articulated", "solver.method=semi_implicit_euler",
-                   "effects=[gravity, object_contact, friction, joint_stops, passive_tissue, actuation, wrist_motion]"});
+      GetParam(),
+      {"solver.engine=articulated", "solver.method=semi_implicit_euler",
+       "effects=[gravity, object_contact, friction, joint_stops, passive_tissue, actuation, wrist_motion]"});
   simulation::Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
   const simulation::GraspFigures figures = simulation.grasps().front();
