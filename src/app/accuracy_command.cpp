@@ -26,13 +26,15 @@ void update_costs(const std::filesystem::path& path, const study::AccuracySpec& 
   tables.push_back(std::move(table));
   std::sort(tables.begin(), tables.end(),
             [](const scene::CostTable& a, const scene::CostTable& b) { return a.kind < b.kind; });
-  output::write_file(
-      path,
-      "# What accuracy costs, by kind of scene: RMS error of the rates over their RMS, and CPU seconds for a simulated\n"
-      "# second of the scene that it was measured on. Engine auto chooses by it. Each part is made by its study:\n"
-      "# handsim accuracy STUDY --out DIR --no-peers --costs accuracy_costs.yaml, with accuracy_two_hands.yaml,\n"
-      "# accuracy_slider_crank.yaml, accuracy_stops.yaml and accuracy_contact.yaml.\n" +
-          emit_yaml(scene::write_costs(tables)));
+  output::write_file(path,
+                     "# What accuracy costs, by kind of scene: RMS error of the rates over their RMS, and "
+                     "CPU seconds for a simulated\n"
+                     "# second of the scene that it was measured on. Engine auto chooses by it. Each part is "
+                     "made by its study:\n"
+                     "# handsim accuracy STUDY --out DIR --no-peers --costs accuracy_costs.yaml, with "
+                     "accuracy_two_hands.yaml,\n"
+                     "# accuracy_slider_crank.yaml, accuracy_stops.yaml and accuracy_contact.yaml.\n" +
+                         emit_yaml(scene::write_costs(tables)));
 }
 
 }  // namespace

@@ -97,7 +97,8 @@ std::span<const Clearance::Pair> Clearance::near(std::span<const Pose> poses) {
   bool tilted = false;
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const Pose &now = poses[i], &last = last_[i];
-    // Of a turn by an angle t: |q - q'| = 2 sin(t / 4), while a point moves by 2 sin(t / 2) times its distance.
+    // Of a turn by an angle t: |q - q'| = 2 sin(t / 4), while a point moves by 2 sin(t / 2) times its
+    // distance.
     const double turn = std::sqrt(std::min((now.q.coeffs() - last.q.coeffs()).squaredNorm(),
                                            (now.q.coeffs() + last.q.coeffs()).squaredNorm()));
     const double way = (now.p - last.p).norm();

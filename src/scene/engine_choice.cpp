@@ -71,7 +71,9 @@ bool refused(const CostRow& row, const SceneSpec& scene) {
   return engine == EngineKind::dae && scene.control.has_value();
 }
 
-void put(YamlNode& map, const char* key, std::string value) { yaml_put(map, key, yaml_scalar(std::move(value))); }
+void put(YamlNode& map, const char* key, std::string value) {
+  yaml_put(map, key, yaml_scalar(std::move(value)));
+}
 
 /// What the method goes by, and nothing else.
 void put_settings(YamlNode& map, const model::SolverSettings& solver) {
@@ -92,7 +94,8 @@ void put_settings(YamlNode& map, const model::SolverSettings& solver) {
 std::string text_of(const CostRow& row) {
   std::string out = fmt::format("{} {} at {:g} ms", model::name(model::engine_of(row.solver.method)),
                                 model::name(row.solver.method), 1e3 * row.solver.step);
-  if (row.solver.method == model::Method::stabilised_gear || row.solver.method == model::Method::dormand_prince)
+  if (row.solver.method == model::Method::stabilised_gear ||
+      row.solver.method == model::Method::dormand_prince)
     out += fmt::format(", tolerance {:g}", row.solver.tolerance);
   return out;
 }
@@ -104,7 +107,8 @@ std::vector<std::string> beyond(const SceneSpec& scene, const CostTable& table, 
     out.push_back(fmt::format("errors were measured over {:g} s, and grow with time: the scene takes {:g} s",
                               table.duration, duration));
   if (table.kind != SceneKind::loop && has_loop(scene.mechanism))
-    out.push_back(fmt::format("nothing was measured of closed loops beside {}", kSceneKindNames[static_cast<std::size_t>(table.kind)]));
+    out.push_back(fmt::format("nothing was measured of closed loops beside {}",
+                              kSceneKindNames[static_cast<std::size_t>(table.kind)]));
   return out;
 }
 
@@ -174,7 +178,8 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
     yaml_put(*solver, "costs", std::move(beside));
   }
   YamlNode costs = *solver->find("costs");
-  const Place place = block.node().find("accuracy") ? block.node().find("accuracy")->place() : engine->place();
+  const Place place =
+      block.node().find("accuracy") ? block.node().find("accuracy")->place() : engine->place();
   std::vector<CostTable> tables;
   try {
     follow_reference(costs, "solver.costs");
@@ -192,7 +197,8 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
   const std::string_view name = kSceneKindNames[static_cast<std::size_t>(kind)];
   if (table == tables.end()) {
     reader.diagnostics().problems.push_back(
-        {place, "solver.engine", "auto", fmt::format("an engine: nothing was measured of scenes of kind {}", name)});
+        {place, "solver.engine", "auto",
+         fmt::format("an engine: nothing was measured of scenes of kind {}", name)});
     return;
   }
   const CostRow* best = nullptr;
@@ -205,18 +211,21 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
   if (!best) {
     reader.diagnostics().problems.push_back(
         {place, "solver.accuracy", number(accuracy),
-         fmt::format("{:.3g} or more: the best that was measured of {}, on {}", least, described(kind), table->scene)});
+         fmt::format("{:.3g} or more: the best that was measured of {}, on {}", least, described(kind),
+                     table->scene)});
     return;
   }
   put_settings(*solver, best->solver);
   scene.engine_choice = fmt::format(
-      "{}: the cheapest of what reaches {:g} on {} ({}), with an error of {:.2g} and {:.3g} CPU seconds a second",
+      "{}: the cheapest of what reaches {:g} on {} ({}), with an error of {:.2g} and {:.3g} CPU seconds a "
+      "second",
       text_of(*best), accuracy, table->scene, described(kind), best->error, best->cost);
   const YamlNode* duration = reader.node().find("duration");
   double time = scene.grasps.empty() ? 0 : grasps_end(scene);
   if (duration)
     if (const auto given = parse_quantity(duration->text, Dimension::time)) time = *given;
-  for (const std::string& text : beyond(scene, *table, time)) reader.warning("solver", "engine auto: " + text);
+  for (const std::string& text : beyond(scene, *table, time))
+    reader.warning("solver", "engine auto: " + text);
 }
 
 }  // namespace handsim::scene

@@ -9,8 +9,8 @@
 
 namespace handsim::scene {
 
-/// What decides which methods apply and how well they do: trees of bodies in free motion, the same with closed
-/// loops, motion that meets joint stops, and contact.
+/// What decides which methods apply and how well they do: trees of bodies in free motion, the same with
+/// closed loops, motion that meets joint stops, and contact.
 enum class SceneKind { tree, loop, stops, contact };
 inline constexpr std::array<std::string_view, 4> kSceneKindNames = {"tree", "loop", "stops", "contact"};
 
@@ -34,8 +34,9 @@ std::vector<CostTable> read_costs(YamlNode& root, Diagnostics& diagnostics);
 /// The same as a tree; steps in seconds.
 YamlNode write_costs(const std::vector<CostTable>& tables);
 
-/// Where the scene's solver says `engine: auto`: puts engine, method, step and what goes with them in its place,
-/// and what was chosen and why into SceneSpec::engine_choice. Effects, mechanism and control have to be read.
+/// Where the scene's solver says `engine: auto`: puts engine, method, step and what goes with them in its
+/// place, and what was chosen and why into SceneSpec::engine_choice. Effects, mechanism and control have to
+/// be read.
 void choose_engine(MapReader& reader, SceneSpec& scene);
 
 }  // namespace handsim::scene

@@ -97,12 +97,12 @@ struct SceneSpec {
   std::optional<GroundSpec> ground;
   ContactsSpec contacts;
   MechanismSpec mechanism;
-  Vec3 gravity = {0, 0, -9.80665};     ///< [m/s^2]
-  model::SolverSettings solver;        ///< with the effects, `auto` resolved
-  std::string engine_choice;           ///< what engine `auto` came to, and why; empty where the scene names one
-  double duration = 1;                 ///< [s]
-  double record_every = 0.01;          ///< [s]
-  bool record_contacts = false;        ///< contacts.csv, and sums of contact forces in the summary
+  Vec3 gravity = {0, 0, -9.80665};  ///< [m/s^2]
+  model::SolverSettings solver;     ///< with the effects, `auto` resolved
+  std::string engine_choice;        ///< what engine `auto` came to, and why; empty where the scene names one
+  double duration = 1;              ///< [s]
+  double record_every = 0.01;       ///< [s]
+  bool record_contacts = false;     ///< contacts.csv, and sums of contact forces in the summary
   std::optional<ControlSpec> control;  ///< drives the joints; with actuation only
   std::vector<GraspSpec> grasps;
   std::vector<GraspPlan> grasp_plans;  ///< one for each of the grasps

@@ -406,8 +406,8 @@ scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& resu
     const auto method = std::find_if(spec.methods.begin(), spec.methods.end(),
                                      [&](const AccuracyMethod& each) { return each.name == row.method; });
     if (row.fault || row.own_reference || row.is_reference || method->peer) continue;
-    all.push_back({row.rate_error / signal, row.cpu_per_second,
-                   make_job(spec, *method, row.step).scene.spec.solver});
+    all.push_back(
+        {row.rate_error / signal, row.cpu_per_second, make_job(spec, *method, row.step).scene.spec.solver});
   }
   for (const scene::CostRow& row : all)
     if (std::none_of(all.begin(), all.end(), [&](const scene::CostRow& other) {

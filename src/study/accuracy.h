@@ -94,8 +94,8 @@ AccuracySpec load_accuracy(const std::filesystem::path& path);
 /// @throws Error (input) where a scene or an override is bad.
 AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress);
 
-/// What the study measured of the methods of handsim's own, for engine `auto`: of each engine the rows that no
-/// other row of it betters in both error and cost. @throws Error (input) where the study has no kind or no
+/// What the study measured of the methods of handsim's own, for engine `auto`: of each engine the rows that
+/// no other row of it betters in both error and cost. @throws Error (input) where the study has no kind or no
 /// reference.
 scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& result);
 

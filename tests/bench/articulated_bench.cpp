@@ -37,7 +37,8 @@ Load one_hand(bool self_contact = false) {
   Load out;
   std::vector<std::string> changes = {"effects=[gravity, joint_stops, passive_tissue]"};
   if (self_contact)
-    changes = {"effects=[gravity, joint_stops, passive_tissue, self_contact, friction]", "hands.0.wrist.rotation.angle=0"};
+    changes = {"effects=[gravity, joint_stops, passive_tissue, self_contact, friction]",
+               "hands.0.wrist.rotation.angle=0"};
   out.scene = test::shipped_scene("two_hands", changes);
   YamlNode root = out.scene.resolved;
   root.find("hands")->items.pop_back();
@@ -147,8 +148,12 @@ void step_against_mujoco(benchmark::State& state, bool self_contact) {
   state.counters["touching"] = touching;
   state.SetLabel(engine.version() + " against MuJoCo " + mj_versionString());
 }
-BENCHMARK_CAPTURE(step_against_mujoco, without_contact, false)->UseManualTime()->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(step_against_mujoco, self_contact_tested, true)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(step_against_mujoco, without_contact, false)
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(step_against_mujoco, self_contact_tested, true)
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
 #endif
 
 /// A shipped grasp in the midst of its hold: the palm still, the controller's springs as the joints' own.
@@ -156,7 +161,8 @@ scene::Scene held(const std::string& name) {
   const std::string effects =
       "effects=[gravity, object_contact, friction, joint_stops, passive_tissue, actuation, wrist_motion]";
   scene::Scene scene = test::shipped_scene(
-      name, {effects, "solver.engine=articulated", "solver.method=semi_implicit_euler", "record.contacts=false"});
+      name,
+      {effects, "solver.engine=articulated", "solver.method=semi_implicit_euler", "record.contacts=false"});
   simulation::Simulation simulation(scene);
   while (simulation.state().time < scene.spec.grasp_plans.front().phase("hold")->start + 1) simulation.step();
   const model::State at = simulation.state();
@@ -177,8 +183,8 @@ scene::Scene held(const std::string& name) {
       if (!(servos[dof].limit > 0)) continue;
       const model::Tissue own = axis.tissue.value_or(model::Tissue{});
       model::Tissue both{own.stiffness + servos[dof].stiffness, own.damping + servos[dof].damping, 0};
-      const double push = own.stiffness * own.rest + servos[dof].stiffness * (q[dof] + servos[dof].error) +
-                          servos[dof].feed;
+      const double push =
+          own.stiffness * own.rest + servos[dof].stiffness * (q[dof] + servos[dof].error) + servos[dof].feed;
       both.rest = push / both.stiffness;
       axis.tissue = both;
     }
@@ -263,8 +269,10 @@ void grasp_against_mujoco(benchmark::State& state, const char* name, Firmness fi
   }
   // Springs that MuJoCo has at the step's start and the engine at its end.
   for (int k = 0; k < m->njnt; ++k)
-    if (m->jnt_type[k] == mjJNT_HINGE) m->dof_damping[m->jnt_dofadr[k]] += settings.step * m->jnt_stiffness[k];
-  const int body = mj_name2id(m, mjOBJ_BODY, scene.model.bodies[static_cast<std::size_t>(object)].name.c_str());
+    if (m->jnt_type[k] == mjJNT_HINGE)
+      m->dof_damping[m->jnt_dofadr[k]] += settings.step * m->jnt_stiffness[k];
+  const int body =
+      mj_name2id(m, mjOBJ_BODY, scene.model.bodies[static_cast<std::size_t>(object)].name.c_str());
   double contacts[2] = {}, failures = 0, slips[2] = {};
   const auto place = [&] { return Vec3(d->xpos[3 * body], d->xpos[3 * body + 1], d->xpos[3 * body + 2]); };
   compare(

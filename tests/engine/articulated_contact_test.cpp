@@ -319,8 +319,8 @@ TEST(ArticulatedContact, HandClosingOnABallAgreesWithOdeAsTheStepShrinks) {
   }
 }
 
-// Oracle: ODE world_step; of first order both: steps four times smaller bring the two within a third. A closed
-// loop, the slider-crank, pushes a block over a floor with friction; the loop stays whole.
+// Oracle: ODE world_step; of first order both: steps four times smaller bring the two within a third. A
+// closed loop, the slider-crank, pushes a block over a floor with friction; the loop stays whole.
 TEST(ArticulatedContact, SliderCrankPushingABlockAgreesWithOdeAsTheStepShrinks) {
   using handsim::test::kSlider;
   model::Model model = handsim::test::slider_crank(study::SliderCrankSpec::iftomm());
@@ -333,8 +333,9 @@ TEST(ArticulatedContact, SliderCrankPushingABlockAgreesWithOdeAsTheStepShrinks) 
   model.shapes[0].body = kSlider;
   model.shapes[1].group = 2;
   model.shapes[1].pose.p = Vec3(0, 0, -0.02);
-  const auto block = static_cast<std::size_t>(add_solid(
-      model, sized("block", ShapeKind::box, 0, 0, Vec3(0.06, 0.04, 0.04)), 0.3, {Vec3(0.26, 0, 0), Quat::Identity()}));
+  const auto block =
+      static_cast<std::size_t>(add_solid(model, sized("block", ShapeKind::box, 0, 0, Vec3(0.06, 0.04, 0.04)),
+                                         0.3, {Vec3(0.26, 0, 0), Quat::Identity()}));
   model.shapes[2].group = 1;
   const auto run = [&](Method method, double h) {
     Settings how = test::settings(
@@ -344,7 +345,8 @@ TEST(ArticulatedContact, SliderCrankPushingABlockAgreesWithOdeAsTheStepShrinks) 
     for (long i = 0; i < std::lround(0.2 / h); ++i) {
       EXPECT_EQ(engine->step({}).lcp_failures, 0);
       if (method == Method::world_step) continue;
-      for (const model::Joint& joint : model.joints) EXPECT_LT(model::joint_gap(joint, engine->state()), 1e-12);
+      for (const model::Joint& joint : model.joints)
+        EXPECT_LT(model::joint_gap(joint, engine->state()), 1e-12);
     }
     return engine->state();
   };

@@ -260,11 +260,9 @@ TEST(ArticulatedDynamics, AStepAllocatesNothing) {
   int touching = 0;
   const auto count = [&](Settings with) {
     const auto engine = make_engine(model, with);
-    std::vector<model::Servo> servos(static_cast<std::size_t>(model.dof_count()),
-                                     {0.2, 1e-3, 0.3, 0, 0.02});
+    std::vector<model::Servo> servos(static_cast<std::size_t>(model.dof_count()), {0.2, 1e-3, 0.3, 0, 0.02});
     // Together, so that fingers touch.
-    for (std::size_t finger = 0; finger < 5; ++finger)
-      servos[4 * finger + 1].error = finger < 2 ? -0.5 : 0.5;
+    for (std::size_t finger = 0; finger < 5; ++finger) servos[4 * finger + 1].error = finger < 2 ? -0.5 : 0.5;
     const std::vector<double> torques(servos.size(), 1e-3);
     for (int i = 0; i < 50; ++i) engine->step({torques, servos});
     engine->step({torques, servos});

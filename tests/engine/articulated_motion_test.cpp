@@ -126,6 +126,15 @@ INSTANTIATE_TEST_SUITE_P(Hands, FallingHand,
                                          std::pair("anatomical.yaml", hand::Mount::free)),
                          [](const auto& each) { return "N" + std::to_string(each.index); });
 
+// Oracle: the same of the prototype's hand, of hinges: the reference engine to 1e-8 rad.
+TEST(ArticulatedMotion, ThePrototypesHandFallsAsTheReferenceEngineHasItTo1e8) {
+  for (const hand::Mount mount : {hand::Mount::fixed, hand::Mount::free}) {
+    const model::Model model = shipped_hand("prototype.yaml", mount);
+    const auto reference = fallen(model, Method::stabilised_gear, 1e-2, 1e-11);
+    EXPECT_LT(largest_distance(fallen(model, Method::dormand_prince, 1e-2), reference), 1e-8);
+  }
+}
+
 // Oracle: conservation. A limp hand swings for 10 s at 1 ms; 1e-8 of the energy it swings with: the issue's
 // bound.
 TEST(ArticulatedMotion, KeepsEnergyForTenSecondsWithRk4) {

@@ -34,8 +34,8 @@ std::vector<Pose> poses(const model::State& state) {
   return out;
 }
 
-// Oracle: another way to tell: shapes that penetrate, by the narrow phase, have no gap; and of two capsules or
-// a sphere the gap is the distance itself, which a shift by more than it along the line between closes.
+// Oracle: another way to tell: shapes that penetrate, by the narrow phase, have no gap; and of two capsules
+// or a sphere the gap is the distance itself, which a shift by more than it along the line between closes.
 TEST(Clearance, NeverPartsWhatTouches) {
   const model::Model model = one_of_each();
   std::mt19937 random(5);
@@ -62,7 +62,8 @@ TEST(Clearance, NeverPartsWhatTouches) {
   EXPECT_GT(apart, 1000);
 }
 
-// Oracle: looking at every pair at every state, along small and large movements, jumps and a plane that tilts.
+// Oracle: looking at every pair at every state, along small and large movements, jumps and a plane that
+// tilts.
 TEST(Clearance, FindsThePairsThatLookingAtAllOfThemFinds) {
   const model::Model model = one_of_each();
   std::vector<Clearance::Pair> pairs;

@@ -222,6 +222,58 @@ TEST(Export, EveryShippedSceneLoadsAsMjcf) {
   }
 }
 
+// Oracle: MuJoCo's reader, which makes the hull again, and the model: mass, inertia and corners of convex
+// meshes. It keeps corners as 32-bit numbers.
+TEST(Export, ConvexMeshesAreWhatTheyAreInMujoco) {
+  const scene::Scene scene = scene::compile_scene(parse_yaml(
+      "objects:\n"
+      "  - {name: stone, shape: convex_mesh, mesh: icosahedron.obj, mass: 0.3, position: [0.1, 0.2, 0.3],\n"
+      "     rotation: {axis: [1, 2, 3], angle: 0.7}}\n"
+      "  - {name: rock, shape: convex_mesh, mesh: icosahedron.stl, scale: 2, density: 2500, position: [1, 0, "
+      "0.3]}\n"
+      "ground: {friction: 0.5}\nduration: 1\n",
+      source("tests/data/meshes/scene.yaml").string()));
+  warnings = 0;
+  const ModelPointer other = load(output::to_mjcf(scene.model, scene.spec.solver), "meshes.xml");
+  ASSERT_TRUE(other);
+  EXPECT_EQ(warnings, 0);
+  const DataPointer data(mj_makeData(other.get()));
+  mj_resetDataKeyframe(other.get(), data.get(), 0);
+  mj_kinematics(other.get(), data.get());
+  const model::State start = model::initial_state(scene.model);
+  int meshes = 0;
+  for (const model::Shape& shape : scene.model.shapes) {
+    if (shape.kind != model::ShapeKind::convex_mesh) continue;
+    ++meshes;
+    const auto index = static_cast<std::size_t>(shape.body);
+    const model::Body& body = scene.model.bodies[index];
+    const int id = mj_name2id(other.get(), mjOBJ_BODY, body.name.c_str());
+    ASSERT_GE(id, 0);
+    EXPECT_NEAR(other->body_mass[id], body.mass, 1e-12 * body.mass);
+    const mjtNum* q = other->body_iquat + 4 * id;
+    const Mat3 R = Quat(q[0], q[1], q[2], q[3]).toRotationMatrix();
+    const Mat3 inertia =
+        R * Eigen::Map<const Vec3>(other->body_inertia + 3 * id).asDiagonal() * R.transpose();
+    EXPECT_LT((inertia - body.inertia).cwiseAbs().maxCoeff(), 1e-9 * body.inertia.trace());
+    const int geom = mj_name2id(other.get(), mjOBJ_GEOM, shape.name.c_str());
+    ASSERT_GE(geom, 0);
+    const int mesh = other->geom_dataid[geom];
+    const Eigen::Map<const Vec3> p(data->geom_xpos + 3 * geom);
+    const Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>> turn(data->geom_xmat + 9 * geom);
+    ASSERT_EQ(other->mesh_vertnum[mesh], static_cast<int>(shape.mesh->vertices.size()));
+    for (std::size_t i = 0; i < shape.mesh->vertices.size(); ++i) {
+      const Vec3 want = start.bodies[index].pose() * (shape.pose * shape.mesh->vertices[i]);
+      double nearest = 1;
+      for (int k = 0; k < other->mesh_vertnum[mesh]; ++k) {
+        const float* v = other->mesh_vert + 3 * (other->mesh_vertadr[mesh] + k);
+        nearest = std::min(nearest, (p + turn * Vec3(v[0], v[1], v[2]) - want).norm());
+      }
+      EXPECT_LT(nearest, 1e-6 * shape.mesh->reach + 1e-7);
+    }
+  }
+  EXPECT_EQ(meshes, 2);
+}
+
 TEST(Export, HandsLoadAsUrdf) {
   for (const char* name : {"two_hands", "dropped_hand", "pose_tracking"}) {
     const scene::Scene scene = shipped_scene(name);

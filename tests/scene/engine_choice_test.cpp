@@ -44,7 +44,9 @@ TEST(EngineChoice, IsTheCheapestRowThatReachesTheAccuracy) {
       {SceneKind::tree, "two_hands", {kFree, "duration=0.2"}},
       {SceneKind::loop, "slider_crank_iftomm", {}},
       {SceneKind::stops, "two_hands", {"duration=0.5"}},
-      {SceneKind::contact, "dropped_hand", {"duration=1", "effects=[gravity, ground_contact, friction, joint_stops]"}}};
+      {SceneKind::contact,
+       "dropped_hand",
+       {"duration=1", "effects=[gravity, ground_contact, friction, joint_stops]"}}};
   for (const Case& c : cases)
     for (const double accuracy : {0.3, 0.1, 0.01}) {
       const CostTable& table = costs[static_cast<std::size_t>(c.kind)];

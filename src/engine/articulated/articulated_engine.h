@@ -5,7 +5,8 @@
 // The same bits from every instruction set. State() is made from the joint coordinates when it is asked for.
 // Going on from a state handed to set_state agrees within rounding, not to the bit: poses have to become
 // coordinates again (see restore for that).
-// Method semi_implicit_euler has all effects; rk4 and dormand_prince are for motion without stops and contact.
+// Method semi_implicit_euler has all effects; rk4 and dormand_prince are for motion without stops and
+// contact.
 #pragma once
 
 #include <memory>

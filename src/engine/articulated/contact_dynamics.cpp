@@ -20,7 +20,8 @@ namespace {
 /// and 3e-4 um/s under a body's weight at 1 ms.
 constexpr double kNormalSoftness = 1e-5, kFrictionSoftness = 1e-6;
 
-/// Of the rows of loops, as a share of what the rates that move them give way; the gap is closed after the step.
+/// Of the rows of loops, as a share of what the rates that move them give way; the gap is closed after the
+/// step.
 constexpr double kTieSoftness = 1e-8;
 
 constexpr int kNone = -1;

@@ -1,6 +1,7 @@
 // Contact with friction in joint space: impulses at the points that ODE's collision detection finds, solved
-// together with the joint stops, the servos' torque limits and closed loops at velocity level, so that all hold at the end
-// of the step. The inertia is that of the implicit step, springs and dampers of tissue and servos in it.
+// together with the joint stops, the servos' torque limits and closed loops at velocity level, so that all
+// hold at the end of the step. The inertia is that of the implicit step, springs and dampers of tissue and
+// servos in it.
 #pragma once
 
 #include <array>
@@ -94,8 +95,8 @@ class ContactDynamics {
   std::vector<Coordinate> axes_;
   std::vector<int> place_, dof_of_;         ///< in the solver, of each dof, and back
   std::vector<std::vector<int>> carriers_;  ///< places of the dofs that carry each node, ascending
-  std::vector<Spatial> S_;                 ///< by place
-  std::vector<int> dofs_;                  ///< places that move the two of a pair against each other
+  std::vector<Spatial> S_;                  ///< by place
+  std::vector<int> dofs_;                   ///< places that move the two of a pair against each other
   std::vector<double> signs_;
   std::vector<Mat3> frames_;  ///< of each contact; columns: normal, two tangents
   ContactMemory memory_;

@@ -348,8 +348,7 @@ void ContactNewton::couple() {
     if (pivot != k)
       for (std::size_t j = k; j <= m; ++j) std::swap(K(k, j), K(pivot, j));
     const auto rest = static_cast<Eigen::Index>(m + 1 - k);
-    for (std::size_t i = k + 1; i < m; ++i)
-      Row(&K(i, k), rest) -= K(i, k) / K(k, k) * Row(&K(k, k), rest);
+    for (std::size_t i = k + 1; i < m; ++i) Row(&K(i, k), rest) -= K(i, k) / K(k, k) * Row(&K(k, k), rest);
   }
   for (std::size_t k = m; k-- > 0;) {
     for (std::size_t j = k + 1; j < m; ++j) K(k, m) -= K(k, j) * K(j, m);
@@ -389,8 +388,7 @@ ContactNewton::Slope ContactNewton::along(double share) const {
       }
       const double across = disc.x * sy - disc.y * sx;
       out.rise += disc.lateral * across * across;
-      if (!contact.open)
-        out.rise -= disc.coefficient / contact.soft * s[0] * (disc.x * sx + disc.y * sy);
+      if (!contact.open) out.rise -= disc.coefficient / contact.soft * s[0] * (disc.x * sx + disc.y * sy);
     }
   }
   return out;

@@ -1,10 +1,10 @@
 // The impulses of contacts, joint stops and torque limits in a step, found together: the change x of the
 // joint rates obeys
 //   A x = g + J^T p(r0 + J x) + servos(x),  low <= x <= high,
-// A being the joint-space inertia, springs and dampers in it, and g what drives it without contact. The normal
-// impulse is max(0, -r_n / softness), friction Coulomb's with the true cone: -r_t / softness, cut to the
-// coefficient times the normal impulse. The softness makes impulses the velocities' own function, so that the
-// unknowns are the joint rates however many contacts there are. Newton's method on that piecewise smooth
+// A being the joint-space inertia, springs and dampers in it, and g what drives it without contact. The
+// normal impulse is max(0, -r_n / softness), friction Coulomb's with the true cone: -r_t / softness, cut to
+// the coefficient times the normal impulse. The softness makes impulses the velocities' own function, so that
+// the unknowns are the joint rates however many contacts there are. Newton's method on that piecewise smooth
 // equation, safeguarded by a search along its direction; sparse along the branches of the mechanism.
 #pragma once
 
@@ -31,11 +31,11 @@ struct Disc {
   double x = 1, y = 0, px = 1, py = 0, lateral = 0;
 };
 
-/// A contact: its normal row, then those of its discs. Or a tie: one row that is to stand still, whichever way
-/// it has to be pushed.
+/// A contact: its normal row, then those of its discs. Or a tie: one row that is to stand still, whichever
+/// way it has to be pushed.
 struct ContactRows {
-  std::array<double, 6> start{};    ///< r0 [m/s, rad/s]; normal: less the velocity that it is to have at least
-  std::array<double, 6> impulse{};  ///< in: to start from; out
+  std::array<double, 6> start{};  ///< r0 [m/s, rad/s]; normal: less the velocity that it is to have at least
+  std::array<double, 6> impulse{};            ///< in: to start from; out
   double softness = 0, giving = 0, soft = 0;  ///< of the normal row, as a disc has them
   std::array<Disc, 3> discs;
   std::size_t rows = 1, disc_count = 0;
@@ -46,9 +46,9 @@ struct ContactRows {
 
 /// How far a solution got.
 struct NewtonReport {
-  int iterations = 0;     ///< systems solved
-  double residual = 0;    ///< most that a rate may be off by [rad/s or m/s]
-  bool solved = false;    ///< the residual is within the tolerance
+  int iterations = 0;   ///< systems solved
+  double residual = 0;  ///< most that a rate may be off by [rad/s or m/s]
+  bool solved = false;  ///< the residual is within the tolerance
 };
 
 class ContactNewton {

@@ -62,7 +62,8 @@ class Loops {
   std::vector<int> locked_;        ///< dofs on a stop
   std::vector<double> J_, Y_, K_;  ///< rows by dofs; L^-T J^T; J H^-1 J^T and its factor
   std::vector<int> order_;         ///< independent rows, best first
-  std::vector<double> bias_, zero_, wanted_, x_, multipliers_, scale_, column_, delta_, kept_, rates_, row_rates_;
+  std::vector<double> bias_, zero_, wanted_, x_, multipliers_, scale_, column_, delta_, kept_, rates_,
+      row_rates_;
 };
 
 }  // namespace handsim::engine::articulated
