@@ -101,8 +101,8 @@ INSTANTIATE_TEST_SUITE_P(Hands, FallingHand,
                                          std::pair("anatomical.yaml", hand::Mount::free)),
                          [](const auto& each) { return "N" + std::to_string(each.index); });
 
-// Oracle: the same of the prototype's hand, of hinges without tissue, on which torques would spin a fingertip beyond
-// what the reference engine can follow: the reference engine to 1e-8 rad.
+// Oracle: the same of the prototype's hand, of hinges without tissue, on which torques would spin a fingertip
+// beyond what the reference engine can follow: the reference engine to 1e-8 rad.
 TEST(ArticulatedMotion, ThePrototypesHandFallsAsTheReferenceEngineHasItTo1e8) {
   for (const hand::Mount mount : {hand::Mount::fixed, hand::Mount::free}) {
     const model::Model model = shipped_hand("prototype.yaml", mount);
