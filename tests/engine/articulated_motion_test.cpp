@@ -36,13 +36,14 @@ model::Model shipped_hand(const char* name, hand::Mount mount) {
   return model;
 }
 
-/// Joint coordinates after 0.2 s of gravity, tissue and small torques on every coordinate.
-std::vector<double> fallen(const model::Model& model, Method method, double step, double tolerance = 1e-10) {
+/// Joint coordinates after 0.2 s of gravity, tissue and small torques [N m] on every coordinate.
+std::vector<double> fallen(const model::Model& model, Method method, double step, double tolerance = 1e-10,
+                           double torque = 1e-3) {
   Settings with = settings({Effect::gravity, Effect::passive_tissue}, step, method);
   with.tolerance = tolerance;
   const auto engine = make_engine(model, with);
   std::vector<double> torques(static_cast<std::size_t>(model.dof_count()));
-  for (std::size_t i = 0; i < torques.size(); ++i) torques[i] = i % 2 == 0 ? 2e-3 : -1e-3;
+  for (std::size_t i = 0; i < torques.size(); ++i) torques[i] = i % 2 == 0 ? 2 * torque : -torque;
   for (long i = 0; i < std::lround(0.2 / step); ++i) engine->step({torques});
   return model::coordinates(model, engine->state());
 }
@@ -126,12 +127,13 @@ INSTANTIATE_TEST_SUITE_P(Hands, FallingHand,
                                          std::pair("anatomical.yaml", hand::Mount::free)),
                          [](const auto& each) { return "N" + std::to_string(each.index); });
 
-// Oracle: the same of the prototype's hand, of hinges: the reference engine to 1e-8 rad.
+// Oracle: the same of the prototype's hand, of hinges without tissue, on which torques would spin a fingertip
+// beyond what the reference engine can follow: the reference engine to 1e-8 rad.
 TEST(ArticulatedMotion, ThePrototypesHandFallsAsTheReferenceEngineHasItTo1e8) {
   for (const hand::Mount mount : {hand::Mount::fixed, hand::Mount::free}) {
     const model::Model model = shipped_hand("prototype.yaml", mount);
-    const auto reference = fallen(model, Method::stabilised_gear, 1e-2, 1e-11);
-    EXPECT_LT(largest_distance(fallen(model, Method::dormand_prince, 1e-2), reference), 1e-8);
+    const auto reference = fallen(model, Method::stabilised_gear, 1e-2, 1e-11, 0);
+    EXPECT_LT(largest_distance(fallen(model, Method::dormand_prince, 1e-2, 1e-10, 0), reference), 1e-8);
   }
 }
 

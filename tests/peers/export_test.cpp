@@ -229,7 +229,8 @@ TEST(Export, ConvexMeshesAreWhatTheyAreInMujoco) {
       "objects:\n"
       "  - {name: stone, shape: convex_mesh, mesh: icosahedron.obj, mass: 0.3, position: [0.1, 0.2, 0.3],\n"
       "     rotation: {axis: [1, 2, 3], angle: 0.7}}\n"
-      "  - {name: rock, shape: convex_mesh, mesh: icosahedron.stl, scale: 2, density: 2500, position: [1, 0, "
+      "  - {name: rock, shape: convex_mesh, mesh: icosahedron.stl, scale: 0.001, density: 2500, position: "
+      "[1, 0, "
       "0.3]}\n"
       "ground: {friction: 0.5}\nduration: 1\n",
       source("tests/data/meshes/scene.yaml").string()));

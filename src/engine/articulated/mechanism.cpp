@@ -272,6 +272,8 @@ void Mechanism::seat_nodes(const Settings& settings) {
           b.parent_lane[lane] = seat.lane;
           in.batch[seat.batch].has_children = true;
           if (present && (seat.batch != b.parent || seat.lane != lane)) b.link = ParentLink::gathered;
+          // What stands in an empty lane must not be handed down to a node.
+          if (!present && lane < in.batch[b.parent].used) b.link = ParentLink::gathered;
         }
         if (!present) continue;
         In<W>::fill(b, lane, node);
