@@ -192,7 +192,7 @@ void check_contact_groups(const SceneSpec& scene, Diagnostics& diagnostics) {
     const std::string path = item_path("contacts.rules", i) + ".between";
     bool both = true;
     for (const std::string& name : rule.between) {
-      if (names.groups.count(name) > 0) continue;
+      if (names.groups.contains(name)) continue;
       both = false;
       const auto near = nearest_word(name, known);
       diagnostics.problems.push_back({rule.place, path, name,
