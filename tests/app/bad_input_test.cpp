@@ -258,7 +258,8 @@ const std::vector<Usage> kUsages = {
      "contacts"},
     {"UnknownCommand",
      {"rum"},
-     "command: got rum, need one of hand, check, run, render, accuracy, grasp, effects, export, contacts "
+     "command: got rum, need one of hand, check, run, render, accuracy, grasp, effects, export, contacts, "
+     "stability "
      "(nearest: "
      "run)"},
     {"UnknownOption", run_with({"--fast"}), "--fast"},

@@ -20,12 +20,14 @@ std::string with_hand(const std::string& rest) {
 }
 
 TEST(Scene, ShippedScenesCompile) {
-  for (const auto& file : std::filesystem::directory_iterator(test::source("config"))) {
-    // Studies name scenes and are none.
-    if (file.path().extension() != ".yaml" || file.path().filename().string().starts_with("accuracy_"))
-      continue;
-    EXPECT_NO_THROW(load_scene(file.path())) << file.path();
-  }
+  for (const char* folder : {"config", "config/stability"})
+    for (const auto& file : std::filesystem::directory_iterator(test::source(folder))) {
+      // Studies name scenes and are none.
+      const std::string name = file.path().filename().string();
+      if (file.path().extension() != ".yaml" || name.starts_with("accuracy_") || name == "stability.yaml")
+        continue;
+      EXPECT_NO_THROW(load_scene(file.path())) << file.path();
+    }
 }
 
 TEST(Scene, AutoEffectsAreWhatTheContentNeeds) {
