@@ -110,7 +110,7 @@ std::vector<double> forces(const Mechanism& mechanism) {
 
 const Settings kGravity = settings({Effect::gravity, Effect::actuation}, 1e-3, Method::semi_implicit_euler);
 
-// Oracle: inverse dynamics of what forward dynamics gives. 1e-12 of the largest torque, the bound.
+// Oracle: inverse dynamics of what forward dynamics gives. Bound: 1e-12 of the largest torque.
 TEST(ArticulatedDynamics, InverseAfterForwardGivesTheTorquesBack) {
   std::mt19937 random(1);
   for (int tree = 0; tree < 50; ++tree) {
@@ -193,7 +193,7 @@ TEST(ArticulatedDynamics, EnergyAndPointVelocitiesAreThoseOfTheBodies) {
   }
 }
 
-// Oracle: going there and back. 1e-12: the bound.
+// Oracle: going there and back. Bound: 1e-12.
 TEST(ArticulatedDynamics, CoordinatesAndBodyPosesAreExactBothWays) {
   std::mt19937 random(4);
   for (int tree = 0; tree < 50; ++tree) {
