@@ -20,10 +20,11 @@ class Convergence {
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
 
-  /// Steps whose residual was measured: all of quick_step's, those in which world_step's LCP solver
-  /// gave up, and those with contact on the articulated engine, whose contact solver says how far it got.
+  /// Steps whose residual was measured: quick_step's with contact, those at which a stop comes into force or
+  /// goes out of it and every eighth of the others (engine::kResidualEvery); those in which world_step's LCP
+  /// solver gave up; and those with contact on the articulated engine, whose contact solver says how far it got.
   long measured() const { return measured_; }
-  /// Largest residuals: of joints [m/s] and [rad/s], and of rigid contacts [m/s].
+  /// Largest residuals of those steps: of joints [m/s] and [rad/s], and of rigid contacts [m/s].
   const Peak& linear() const { return linear_; }
   const Peak& angular() const { return angular_; }
   const Peak& contact() const { return contact_; }

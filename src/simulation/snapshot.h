@@ -31,8 +31,9 @@ struct RunSnapshot {
   std::string bytes;  ///< Simulation's own
 };
 
-/// Version of files, raised with every change of what is in them: others are refused.
-inline constexpr std::uint64_t kSnapshotVersion = 1;
+/// Version of files: others are refused. To be raised with every change of what is in a snapshot, whether of
+/// its parts (what anything saves of itself), their order or how they are written.
+inline constexpr std::uint64_t kSnapshotVersion = 2;
 /// Largest file that is read.
 inline constexpr std::size_t kSnapshotMaxBytes = 64U << 20U;
 

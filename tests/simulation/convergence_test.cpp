@@ -27,7 +27,9 @@ Residuals residuals(const std::string& scene_name, int iterations,
   Simulation simulation(scene);
   for (int i = 0; i < 150; ++i) simulation.step();
   const Convergence& found = simulation.convergence();
-  EXPECT_EQ(found.measured(), 150);
+  // All steps with contact; of those without every eighth, and where stops come and go.
+  EXPECT_GE(found.measured(), simulation.ledger().contacts() > 0 ? 150 : 19);
+  EXPECT_LE(found.measured(), 150);
   return {found.linear().value, found.angular().value, found.contact().value};
 }
 
@@ -72,7 +74,8 @@ TEST(Residual, IsToldInTheSummaryWithAWarningWhereItIsBad) {
   EXPECT_NE(bad.warnings[0].find("coming apart"), std::string::npos) << bad.warnings[0];
   EXPECT_TRUE(good.warnings.empty()) << good.warnings[0];
   const auto json = nlohmann::json::parse(bad.summary)["convergence"];
-  EXPECT_EQ(json["steps_measured"], 200);
+  EXPECT_GE(json["steps_measured"], 25);
+  EXPECT_LT(json["steps_measured"], 200);
   EXPECT_GT(json["joint_residual_m_per_s"]["largest"], 0.01);
   EXPECT_EQ(json["warnings"].size(), bad.warnings.size());
   EXPECT_EQ(nlohmann::json::parse(good.summary)["convergence"]["steps_measured"], 0);

@@ -1,10 +1,13 @@
 // Whatever valid scene is asked for, it runs or ends in a typed error. The generator draws scenes far from
-// sensible: steps of 20 ms, objects of 1 g beside 10 kg, things inside each other, at 20 m/s.
+// sensible: steps of 20 ms, objects of 1 g beside 10 kg, things inside each other, at 20 m/s, chains that
+// spin, and every engine and method, for the smooth ones without what they refuse, or else to be refused.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <rapidcheck.h>
 
+#include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
@@ -12,10 +15,13 @@
 namespace handsim::simulation {
 namespace {
 
+/// One of low to high - 1. rapidcheck by itself would draw from a range that grows with the tests.
+int integer(int low, int high) { return *rc::gen::resize(rc::kNominalSize, rc::gen::inRange(low, high)); }
+
 /// Uniform in a range.
 double number(double low, double high) {
   constexpr int kParts = 10'000;
-  return low + (high - low) * *rc::gen::inRange(0, kParts + 1) / kParts;
+  return low + (high - low) * integer(0, kParts + 1) / kParts;
 }
 
 /// Uniform in its logarithm.
@@ -28,14 +34,14 @@ std::string vector(double size) {
 
 std::string one_of(std::vector<std::string> words) { return *rc::gen::elementOf(std::move(words)); }
 
-std::string hand(int index) {
+std::string hand(int index, const std::string& model) {
   const std::string person = one_of({"child", "giant", "large_man", "small_woman", "median_man"});
   const std::string mount = one_of({"fixed", "free"});
   return fmt::format(
       "{{model: {}, person: {}, side: {}, wrist: {{mount: {}, position: [{:.3g}, 0, {:.3g}], rotation: "
       "{{axis: [{:.3g}, 1, "
       "{:.3g}], angle: {:.3g}}}}}}}",
-      test::source("handmodels/" + one_of({"anatomical", "prototype"}) + ".yaml").string(),
+      test::source("handmodels/" + model + ".yaml").string(),
       test::source("config/persons/" + person + ".yaml").string(), one_of({"right", "left"}), mount,
       0.15 * index + number(-0.05, 0.05), number(0, 0.3), number(-1, 1), number(-1, 1), number(-3, 3));
 }
@@ -60,47 +66,110 @@ std::string object(int index) {
 template <class Make>
 std::string list(int least, int most, Make make) {
   std::string out;
-  for (int i = *rc::gen::inRange(least, most + 1); i > 0; --i) out += (out.empty() ? "" : ", ") + make(i);
+  for (int i = integer(least, most + 1); i > 0; --i) out += (out.empty() ? "" : ", ") + make(i);
   return "[" + out + "]";
 }
 
-std::string random_scene() {
-  return fmt::format(
-      "title: drawn\nhands: {}\nobjects: {}\n{}effects: auto\n"
-      "solver: {{engine: ode, method: {}, step: {:.4g}, erp: {:.3g}, cfm: {:.3g}, iterations: {}, "
-      "projection: {}, "
-      "seed: {}}}\nduration: 0.1\n",
-      list(0, 2, hand), list(1, 3, object), *rc::gen::arbitrary<bool>() ? "ground: {height: -0.1}\n" : "",
-      one_of({"world_step", "quick_step", "auto"}), scale(5e-4, 0.02), number(0, 1), scale(1e-10, 1e-3),
-      *rc::gen::inRange(1, 100), one_of({"false", "false", "true"}), *rc::gen::inRange(0, 1000));
+/// A chain of bodies that hangs on the origin by a ball joint and spins as one: the joints are of any kind.
+std::string chain() {
+  const int count = integer(1, 5);
+  const Vec3 w(number(-20, 20), number(-20, 20), number(-20, 20));
+  std::string bodies, joints;
+  for (int i = 0; i < count; ++i) {
+    const double mass = scale(1e-3, 10), length = 0.1;
+    const Vec3 at(0, length * (i + 0.5), 0), v = w.cross(at);
+    bodies += fmt::format(
+        "{{name: link{}, mass: {:.4g}, inertia: [{:.4g}, {:.4g}, {:.4g}], position: [0, {:.4g}, 0], "
+        "velocity: [{:.17g}, {:.17g}, {:.17g}], angular_velocity: [{:.17g}, {:.17g}, {:.17g}]}}, ",
+        i, mass, mass * 1e-3, mass * 4e-4, mass * 1e-3, at.y(), v.x(), v.y(), v.z(), w.x(), w.y(), w.z());
+    const std::string kind = i == 0 ? "ball" : one_of({"ball", "hinge", "universal", "slider"});
+    std::string axes;
+    if (kind == "hinge" || kind == "slider") axes = ", axes: [{name: a, axis: " + vector(1) + "}]";
+    if (kind == "universal") axes = ", axes: [{name: a, axis: [1, 0, 0]}, {name: b, axis: [0, 0.6, 0.8]}]";
+    joints +=
+        fmt::format("{{name: pin{}, type: {}, parent: {}, child: link{}, position: [0, {:.4g}, 0]{}}}, ", i,
+                    kind, i == 0 ? "world" : fmt::format("link{}", i - 1), i, length * i, axes);
+  }
+  return "bodies: [" + bodies + "]\njoints: [" + joints + "]\n";
 }
 
+struct Drawn {
+  std::string method;
+  bool refused = false;  ///< asks a method for contact that has none
+  std::string text;
+};
+
+Drawn random_scene() {
+  Drawn out;
+  out.method = one_of({"world_step", "quick_step", "auto", "semi_implicit_euler", "rk4", "dormand_prince",
+                       "stabilised_gear", "lagrange_penalty", "euler_linearised", "euler_projected"});
+  const auto is = [&](std::initializer_list<const char*> names) {
+    return std::find(names.begin(), names.end(), out.method) != names.end();
+  };
+  const bool ode = is({"world_step", "quick_step", "auto"});
+  const bool articulated = is({"semi_implicit_euler", "rk4", "dormand_prince"});
+  const bool smooth = !ode && out.method != "semi_implicit_euler";
+  out.refused = smooth && integer(0, 10) == 0;
+  const std::string model = one_of({"anatomical", "prototype"});
+  const bool content = !smooth || out.refused;
+  const std::string hands = list(smooth ? 1 : 0, 2, [&](int i) { return hand(i, model); });
+  // A hand's tissue and gravity are smooth; stops and contact are not.
+  const std::string effects =
+      content ? "auto" : (model == "anatomical" ? "[gravity, passive_tissue]" : one_of({"[gravity]", "[]"}));
+  out.text = fmt::format(
+      "title: drawn\nhands: {}\n{}{}{}effects: {}\n"
+      "solver: {{engine: {}, method: {}, step: {:.4g}, erp: {:.3g}, cfm: {:.3g}, iterations: {}, "
+      "projection: {}, tolerance: {:.3g}, seed: {}}}\nduration: 0.1\n",
+      hands, content ? "objects: " + list(1, 3, object) + "\n" : "", integer(0, 3) == 0 ? chain() : "",
+      content && *rc::gen::arbitrary<bool>() ? "ground: {height: -0.1}\n" : "", effects,
+      ode ? "ode" : (articulated ? "articulated" : "dae"), out.method, scale(5e-4, 0.02), number(0, 1),
+      scale(1e-10, 1e-3), integer(1, 100), ode ? one_of({"false", "false", "true"}) : "false",
+      scale(1e-8, 1e-3), integer(0, 1000));
+  return out;
+}
+
+struct Count {
+  int tried = 0, ran = 0, refused = 0, diverged = 0;
+};
+
 TEST(RandomScenes, RunOrEndInATypedError) {
-  int tried = 0, refused = 0, diverged = 0;
+  std::map<std::string, Count> counts;
+  int unasked = 0, tried = 0;
   const bool held = rc::check("runs or ends in a typed error", [&] {
-    const std::string text = random_scene();
-    ++tried;
+    const Drawn drawn = random_scene();
+    RC_LOG() << drawn.text;
+    Count& count = counts[drawn.method];
+    ++count.tried, ++tried;
     try {
       const scene::Scene scene =
-          scene::compile_scene(parse_yaml(text, test::source("config/drawn.yaml").string()));
+          scene::compile_scene(parse_yaml(drawn.text, test::source("config/drawn.yaml").string()));
       Simulation simulation(scene);
       for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
       for (const model::BodyState& body : simulation.state().bodies)
         RC_ASSERT(body.p.allFinite() && body.q.coeffs().allFinite() && body.v.allFinite() &&
                   body.w.allFinite());
+      RC_ASSERT(!drawn.refused);
+      ++count.ran;
     } catch (const Error& error) {
+      RC_LOG() << error.what();
       // A fault names what went wrong, an input error where.
       const bool named = error.fault() ? !error.fault()->where.empty() && !error.fault()->quantity.empty()
                                        : !error.problems().empty();
       RC_ASSERT(named);
-      ++(error.fault() ? diverged : refused);
+      if (drawn.refused) RC_ASSERT(!error.fault());
+      ++(error.fault() ? count.diverged : count.refused);
+      if (!error.fault() && !drawn.refused) ++unasked;
     }
   });
   EXPECT_TRUE(held);
-  // The generator means to draw scenes that are valid.
-  EXPECT_LT(refused, tried / 10 + 1) << tried << " tried";
-  RecordProperty("tried", tried);
-  RecordProperty("diverged", diverged);
+  // The generator means to draw scenes that are valid, and that each method runs.
+  EXPECT_LT(unasked, tried / 10 + 1) << tried << " tried";
+  for (const auto& [method, count] : counts) {
+    EXPECT_GT(count.ran, 0) << method;
+    RecordProperty(method, fmt::format("{} tried, {} ran, {} refused, {} diverged", count.tried, count.ran,
+                                       count.refused, count.diverged));
+  }
+  EXPECT_EQ(counts.size(), 10U);
 }
 
 }  // namespace

@@ -93,6 +93,7 @@ std::optional<PhysicsFault> OdeEngine::two_half_steps(const StepInput& input, do
     }
     report = plain_step(second, end, half, settings_.method);
     report.lcp_failures += first.lcp_failures;
+    if (!report.residual) report.residual = first.residual;
     report.collide_calls += first.collide_calls;
     report.collide_ns += first.collide_ns;
     report.tissue_ns += first.tissue_ns;

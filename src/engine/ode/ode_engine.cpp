@@ -81,6 +81,7 @@ bool OdeEngine::immovable_moved(const model::State& state) const {
 void OdeEngine::set_state(const model::State& state) {
   if (failure_) throw Error(*failure_);
   require_state(model_, state);
+  stop_rows_ = 0;
   enter_ode();
   try {
     const bool moved = immovable_moved(state);
@@ -94,12 +95,14 @@ void OdeEngine::set_state(const model::State& state) {
 
 void OdeEngine::save(ArchiveWriter& out) const {
   if (failure_) throw Error(*failure_);
+  out(stop_rows_);
   out(contacts_ != nullptr);
   if (contacts_) contacts_->save(out);
 }
 
 void OdeEngine::restore(const model::State& state, ArchiveReader& in) {
   set_state(state);
+  in(stop_rows_);
   bool with_contacts = false;
   in(with_contacts);
   if (with_contacts != (contacts_ != nullptr)) in.refuse("contacts of another scene", "those of this one");

@@ -35,7 +35,7 @@ class OdeEngine final : public Engine {
   const model::State& state() const override { return state_; }
   /// Bit-exact: going on from a saved state gives the bits of never having stopped.
   void set_state(const model::State& state) override;
-  /// The contacts of the last step: all else is in the state.
+  /// The contacts and stops in force of the last step: all else is in the state.
   void save(ArchiveWriter& out) const override;
   void restore(const model::State& state, ArchiveReader& in) override;
   std::span<const Contact> contacts() const override;
@@ -63,6 +63,7 @@ class OdeEngine final : public Engine {
   void rebuild();
   void set_length(double step);
   void set_cfm(double cfm);
+  bool residual_is_due(const StepReport& report, double step);
   void prepare(const StepInput& input, StepReport& report);
   void actuate(const StepInput& input);
   void advance(double step, Method method);
@@ -85,6 +86,7 @@ class OdeEngine final : public Engine {
   std::unique_ptr<Drives> drives_;      ///< with wrist_motion only
   std::unique_ptr<Contacts> contacts_;  ///< with contact effects and rules only
   ResidualMeter residual_;
+  int stop_rows_ = 0;  ///< joint stops in force in the last step
   std::unique_ptr<MethodChoice> choice_;  ///< with method auto only
   std::vector<System> closed_;            ///< islands to close after every step; with projection only
   model::State opened_;                   ///< at the start of the step; with projection only

@@ -14,14 +14,11 @@ void raise(ResidualPeak& peak, double value, std::size_t where) {
 
 Vec3 across(const Vec3& v, const Vec3& axis) { return v - axis * axis.dot(v); }
 
-/// Poses before the step with velocities after it.
-model::BodyState moved(const model::State& before, std::span<const OdeBody> bodies, int index) {
-  const auto i = static_cast<std::size_t>(index);
-  model::BodyState out = before.bodies[i];
-  if (bodies[i].id == nullptr) return out;
-  out.v = Vec3(bodies[i].v[0], bodies[i].v[1], bodies[i].v[2]);
-  out.w = Vec3(bodies[i].w[0], bodies[i].w[1], bodies[i].w[2]);
-  return out;
+using Velocity = Eigen::Map<const Vec3>;
+
+/// Velocity after the step, angular velocity or not; of a body that ODE does not move the one before.
+Velocity after(const double* of_ode, const Vec3& before) {
+  return Velocity(of_ode != nullptr ? of_ode : before.data());
 }
 
 }  // namespace
@@ -37,24 +34,29 @@ ResidualMeter::ResidualMeter(const model::Model& model, double erp) : model_(mod
 }
 
 /// @param rate ERP / h [1/s]
-ResidualMeter::Found ResidualMeter::of_joint(std::size_t index, const model::BodyState& p,
-                                             const model::BodyState& c, double rate) const {
+ResidualMeter::Found ResidualMeter::of_joint(std::size_t index, const model::State& before,
+                                             std::span<const OdeBody> bodies, double rate) const {
   const model::Joint& joint = model_.joints[index];
   const Sides& sides = sides_[index];
+  const auto at_p = static_cast<std::size_t>(joint.parent), at_c = static_cast<std::size_t>(joint.child);
+  const model::BodyState &p = before.bodies[at_p], &c = before.bodies[at_c];
+  const Velocity v_p = after(bodies[at_p].v, p.v), v_c = after(bodies[at_c].v, c.v);
+  const Velocity w_p = after(bodies[at_p].w, p.w), w_c = after(bodies[at_c].w, c.w);
   const Vec3 r_p = p.q * joint.parent_frame.p, r_c = c.q * joint.child_frame.p;
   const Vec3 gap = c.p + r_c - p.p - r_p;
-  const Vec3 spin = c.w - p.w;
-  const Vec3 apart = c.v + c.w.cross(r_c) - p.v - p.w.cross(r_p) + rate * gap;
+  const Vec3 spin = w_c - w_p;
+  const Vec3 apart = v_c + w_c.cross(r_c) - v_p - w_p.cross(r_p) + rate * gap;
   switch (joint.kind) {
     case JointKind::ball:
-      return {apart.norm(), 0};
+      return {apart.squaredNorm(), 0};
     case JointKind::hinge: {
       const Vec3 axis = p.q * sides.in_parent;
-      return {apart.norm(), across(spin + rate * axis.cross(c.q * sides.in_child), axis).norm()};
+      return {apart.squaredNorm(), across(spin + rate * axis.cross(c.q * sides.in_child), axis).squaredNorm()};
     }
     case JointKind::universal: {
       const Vec3 a = p.q * sides.in_parent, b = c.q * sides.in_child;
-      return {apart.norm(), std::abs(rate * a.dot(b) - spin.dot(a.cross(b)))};
+      const double turn = rate * a.dot(b) - spin.dot(a.cross(b));
+      return {apart.squaredNorm(), turn * turn};
     }
     case JointKind::slider: {
       const Vec3 axis = p.q * sides.in_parent;
@@ -62,7 +64,7 @@ ResidualMeter::Found ResidualMeter::of_joint(std::size_t index, const model::Bod
       const Quat out = c.q * (p.q * sides.turned).conjugate();
       const Vec3 turned = std::copysign(2.0, out.w()) * out.vec();
       // The axis turns with the parent.
-      return {across(apart - p.w.cross(gap), axis).norm(), (spin + rate * turned).norm()};
+      return {across(apart - w_p.cross(gap), axis).squaredNorm(), (spin + rate * turned).squaredNorm()};
     }
   }
   return {};
@@ -72,21 +74,22 @@ Residual ResidualMeter::measure(const model::State& before, std::span<const OdeB
                                 const Contacts* contacts) const {
   Residual out;
   for (std::size_t j = 0; j < model_.joints.size(); ++j) {
-    const model::Joint& joint = model_.joints[j];
-    const Found found =
-        of_joint(j, moved(before, bodies, joint.parent), moved(before, bodies, joint.child), erp_ / step);
-    raise(out.linear, found.linear, j);
-    raise(out.angular, found.angular, j);
+    const Found found = of_joint(j, before, bodies, erp_ / step);
+    raise(out.linear, found.linear2, j);
+    raise(out.angular, found.angular2, j);
   }
+  out.linear.value = std::sqrt(out.linear.value);
+  out.angular.value = std::sqrt(out.angular.value);
   if (contacts == nullptr) return out;
   for (const Touch& touch : contacts->touches()) {
     if (touch.surface.compliance) continue;
     for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
       const Contact& contact = contacts->list()[i];
       const auto speed = [&](int shape) {
-        const model::BodyState body =
-            moved(before, bodies, model_.shapes[static_cast<std::size_t>(shape)].body);
-        return contact.normal.dot(body.v + body.w.cross(contact.position - body.p));
+        const auto at = static_cast<std::size_t>(model_.shapes[static_cast<std::size_t>(shape)].body);
+        const model::BodyState& body = before.bodies[at];
+        const Vec3 arm = contact.position - body.p;
+        return contact.normal.dot(after(bodies[at].v, body.v) + after(bodies[at].w, body.w).cross(arm));
       };
       raise(out.contact, speed(contact.shape_b) - speed(contact.shape_a),
             static_cast<std::size_t>(contact.shape_a));

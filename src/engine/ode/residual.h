@@ -29,10 +29,11 @@ class ResidualMeter {
     Vec3 in_parent = Vec3::Zero(), in_child = Vec3::Zero();  ///< axes; of a universal joint one each
     Quat turned = Quat::Identity();  ///< the child in the parent's axes where the joint is at 0
   };
+  /// Squares of lengths.
   struct Found {
-    double linear = 0, angular = 0;
+    double linear2 = 0, angular2 = 0;
   };
-  Found of_joint(std::size_t joint, const model::BodyState& parent, const model::BodyState& child,
+  Found of_joint(std::size_t joint, const model::State& before, std::span<const OdeBody> bodies,
                  double rate) const;
 
   const model::Model& model_;

@@ -2,6 +2,7 @@
 #include <cassert>
 #include <chrono>
 #include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -66,7 +67,7 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
   const int failures = lcp_failures();
   advance(step, method);
   report.lcp_failures = lcp_failures() - failures;
-  if (report.iterative || report.lcp_failures > 0)
+  if (residual_is_due(report, step))
     report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
     contacts_->read_forces();
@@ -74,6 +75,15 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
     contacts_->release();
   }
   return report;
+}
+
+/// Where something has just met a stop or touches, at other steps now and then. By the step's number, so that
+/// a run that goes on from a saved state measures at the same steps.
+bool OdeEngine::residual_is_due(const StepReport& report, double step) {
+  const bool stops_changed = report.stop_rows != std::exchange(stop_rows_, report.stop_rows);
+  if (report.lcp_failures > 0) return true;
+  if (!report.iterative) return false;
+  return report.contacts > 0 || stops_changed || step_number(state_.time, step) % kResidualEvery == 0;
 }
 
 void OdeEngine::prepare(const StepInput& input, StepReport& report) {
