@@ -1,7 +1,10 @@
 // Each way of holding a wrist does to the palm what it says.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <string>
+#include <tuple>
 
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
@@ -48,6 +51,51 @@ TEST(HingedWrist, TurnsAboutFlexionAlone) {
     EXPECT_NEAR(turn.z(), 0, 1e-5) << side;
     EXPECT_NEAR((frame.p - Vec3(0, 0, 1)).norm(), 0, 1e-4) << side;
   }
+}
+
+/// Height of the lowest corner of the palm's box [m].
+double lowest_of_palm(const scene::Scene& scene, const model::State& state) {
+  const int palm = scene.model.hands[0].palm;
+  double lowest = INFINITY;
+  for (const model::Shape& shape : scene.model.shapes) {
+    if (shape.body != palm) continue;
+    const Pose pose = state.bodies[static_cast<std::size_t>(palm)].pose() * shape.pose;
+    for (int i = 0; i < 8; ++i) {
+      const Vec3 corner((i & 1) - 0.5, (i >> 1 & 1) - 0.5, (i >> 2 & 1) - 0.5);
+      lowest = std::min(lowest, (pose * Vec3(corner.cwiseProduct(shape.edges))).z());
+    }
+  }
+  return lowest;
+}
+
+/// Mount, floor, solver.
+class PalmOnAWrist : public testing::TestWithParam<std::tuple<std::string, std::string, std::string>> {};
+INSTANTIATE_TEST_SUITE_P(
+    , PalmOnAWrist,
+    testing::Combine(
+        testing::Values("hinge", "universal"),
+        testing::Values("objects: [{name: plate, shape: box, static: true, edges: [0.4, 0.4, 0.02], "
+                        "position: [0, 0, -0.01]}]\ncontacts: {rules: [{between: [palm, plate]}]}\n"
+                        "effects: [gravity, joint_stops, passive_tissue, object_contact]\n",
+                        "ground: {height: 0}\ncontacts: {rules: [{between: [palm, ground]}]}\n"
+                        "effects: [gravity, joint_stops, passive_tissue, ground_contact]\n"),
+        testing::Values("{engine: ode}", "{engine: ode, method: quick_step, iterations: 50}",
+                        "{engine: articulated}")));
+
+// The wrist stands 30 mm above the floor: the palm, which starts level, swings down until the lower edge of
+// its far end lies there. Fingers have no rule and pass. Oracle: the floor's height, within the 0.1 mm that
+// a rigid contact of either engine may sink in.
+TEST_P(PalmOnAWrist, SwingsUntilItLiesOnWhatStandsStill) {
+  const auto& [mount, floor, solver] = GetParam();
+  const scene::Scene scene = scene::compile_scene(parse_yaml(
+      "hands: [{model: ../handmodels/anatomical.yaml, person: persons/median_man.yaml, side: "
+      "right, wrist: {mount: " +
+          mount + ", position: [0, 0, 0.03]}}]\nduration: 2\n" + floor + "solver: " + solver + "\n",
+      HANDSIM_SOURCE_DIR "/config/test.yaml"));
+  Simulation simulation(scene);
+  run_steps(simulation, static_cast<int>(simulation.step_count()));
+  EXPECT_NEAR(lowest_of_palm(scene, simulation.state()), 0, 1e-4);
+  EXPECT_LT(simulation.state().bodies[static_cast<std::size_t>(scene.model.hands[0].palm)].w.norm(), 1e-2);
 }
 
 TEST(UniversalWrist, HoldsTheWristCentreAndKeepsItsAxesPerpendicular) {

@@ -57,13 +57,11 @@ UntestedPairs::UntestedPairs(const model::Model& model, const std::vector<bool>&
   for (std::size_t a = 0; a < count_; ++a)
     for (std::size_t b = 0; b < count_; ++b)
       untested_[a * count_ + b] = a == b || (immovable[a] && immovable[b]);
-  // A palm on a rail meets what stands still: the rail is no part of that.
-  std::vector<bool> rail(model.joints.size(), false);
-  for (const model::HandIndex& hand : model.hands)
-    if (hand.rail) rail[static_cast<std::size_t>(*hand.rail)] = true;
-  for (std::size_t i = 0; i < model.joints.size(); ++i) {
-    const model::Joint& joint = model.joints[i];
-    if (rail[i]) continue;
+  // The world at a wrist is no forearm: a palm that hangs on it meets what stands still.
+  std::vector<bool> palm(count_, false);
+  for (const model::HandIndex& hand : model.hands) palm[static_cast<std::size_t>(hand.palm)] = true;
+  for (const model::Joint& joint : model.joints) {
+    if (joint.parent == model::kWorld && palm[static_cast<std::size_t>(joint.child)]) continue;
     const auto a = static_cast<std::size_t>(joint.parent);
     const auto b = static_cast<std::size_t>(joint.child);
     untested_[a * count_ + b] = untested_[b * count_ + a] = true;

@@ -20,7 +20,7 @@ void place_geom(dGeomID geom, const model::Shape& shape, const Pose& x_WB);
 inline std::size_t shape_index(dGeomID geom) { return reinterpret_cast<std::size_t>(dGeomGetData(geom)); }
 
 /// Pairs of bodies whose shapes are never tested against each other: a body and itself, jointed bodies
-/// (a palm on a rail meets the world), two immovable bodies.
+/// (but a palm and the world), two immovable bodies.
 class UntestedPairs {
  public:
   UntestedPairs(const model::Model& model, const std::vector<bool>& immovable);
