@@ -39,6 +39,12 @@ class ArchiveWriter {
     word(values.size());
     for (const T& value : values) (*this)(value);
   }
+  /// Elements whose fields `carry(archive, element)` names.
+  template <class T, class Carry>
+  void list(const std::vector<T>& values, Carry&& carry) {
+    word(values.size());
+    for (const T& value : values) carry(*this, value);
+  }
   /// The elements without their number, which the reader knows.
   template <class Range>
   void each(const Range& values) {
@@ -73,6 +79,11 @@ class ArchiveReader {
   void operator()(std::vector<T>& values) {
     values.resize(size());
     for (T& value : values) (*this)(value);
+  }
+  template <class T, class Carry>
+  void list(std::vector<T>& values, Carry&& carry) {
+    values.resize(size());
+    for (T& value : values) carry(*this, value);
   }
   template <class Range>
   void each(Range& values) {

@@ -137,5 +137,7 @@ class Engine {
 /// @throws Error (input) naming every invalid part of the model or setting.
 /// The model must outlive the engine.
 std::unique_ptr<Engine> make_engine(const model::Model& model, const Settings& settings);
+/// A model that ends before its engine.
+std::unique_ptr<Engine> make_engine(const model::Model&& model, const Settings& settings) = delete;
 
 }  // namespace handsim::engine

@@ -123,15 +123,7 @@ void check_axes(MapReader& reader, const JointSpec& joint, bool any_kind) {
                           any_kind      ? "one axis or two"
                           : wanted == 1 ? "one axis for a hinge"
                                         : "two axes for a universal joint");
-  if (count < 2) return;
-  const double cosine = joint.axes[0].axis.dot(joint.axes[1].axis);
-  if (std::abs(cosine) > 1e-9)
-    reader.problem(
-        "axes", fmt::format("axes {:.9g} deg apart", std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / M_PI),
-        "perpendicular axes");
-  if (joint.axes[0].name == joint.axes[1].name)
-    reader.problem("axes", fmt::format("two axes called {}", joint.axes[0].name),
-                   "a name of its own for each axis");
+  check_axis_pair(reader, joint.axes);
 }
 
 /// @param kind absent: the file says it as `type`; present (the wrist): one axis or two.
@@ -298,6 +290,18 @@ std::string_view name(Tint finger) {
   for (const auto& entry : kFingers)
     if (entry.second == finger) return entry.first;
   return "palm";
+}
+
+void check_axis_pair(MapReader& reader, const std::vector<model::JointAxis>& axes) {
+  if (axes.size() < 2) return;
+  const double cosine = axes[0].axis.dot(axes[1].axis);
+  if (std::abs(cosine) > 1e-9)
+    reader.problem(
+        "axes", fmt::format("axes {:.9g} deg apart", std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / M_PI),
+        "perpendicular axes");
+  if (axes[0].name == axes[1].name)
+    reader.problem("axes", fmt::format("two axes called {}", axes[0].name),
+                   "a name of its own for each axis");
 }
 
 HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {

@@ -80,4 +80,7 @@ HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& di
 
 std::string_view name(model::Tint finger);
 
+/// Two axes of one joint that are not perpendicular, or share a name, are a problem of the reader's `axes`.
+void check_axis_pair(MapReader& reader, const std::vector<model::JointAxis>& axes);
+
 }  // namespace handsim::hand

@@ -32,7 +32,8 @@ struct State {
   std::vector<Presliding> presliding;  ///< ODE only: of the pairs that touched in the last step; empty: none
 };
 
-/// Names a state's fields to an archive (core/archive.h); the number of bodies is the model's.
+/// Names time and bodies to an archive (core/archive.h); the number of bodies is the model's, and presliding
+/// its engine's to carry.
 template <class Archive, class T>
 void carry(Archive& archive, T& state) {
   archive(state.time);

@@ -58,7 +58,7 @@ Eigen::Matrix4f projected(const Eye& eye, const Camera& camera, double aspect, d
 
 /// Over the camera's left shoulder, like a studio lamp that travels with it.
 Vec3 key_direction(const Eye& eye, bool over_ground) {
-  const Vec3 key = (-0.62 * eye.x + 0.72 * eye.y + 0.62 * eye.z).normalized();
+  Vec3 key = (-0.62 * eye.x + 0.72 * eye.y + 0.62 * eye.z).normalized();
   if (!over_ground || key.z() >= kLowestKey) return key;
   const Vec3 level = Vec3(key.x(), key.y(), 0).normalized();
   return std::sqrt(1 - kLowestKey * kLowestKey) * level + kLowestKey * Vec3::UnitZ();

@@ -107,15 +107,8 @@ void place_climb(SceneSpec& scene, const ClimbSpec& climb, const std::string& pa
 
 std::vector<ClimbSpec> read_climbs(MapReader& reader) {
   std::vector<ClimbSpec> climbs;
-  YamlNode* list = reader.list("climbs", false);
-  if (!list) return climbs;
-  if (list->items.size() > kMostClimbs) {
-    reader.problem("climbs", list->described(), fmt::format("at most {} climbs", kMostClimbs));
-    return climbs;
-  }
-  for (std::size_t i = 0; i < list->items.size(); ++i)
-    climbs.push_back(
-        read_climb(MapReader(list->items[i], item_path(reader.path_of("climbs"), i), reader.diagnostics())));
+  each_block(reader, "climbs", kMostClimbs,
+             [&](MapReader block) { climbs.push_back(read_climb(std::move(block))); });
   return climbs;
 }
 

@@ -1,9 +1,8 @@
 #include "handsim/scene/engine_choice.h"
 
 #include <algorithm>
-#include <cmath>
+#include <limits>
 #include <map>
-#include <set>
 
 #include <fmt/format.h>
 
@@ -221,7 +220,7 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
       "second",
       text_of(*best), accuracy, table->scene, described(kind), best->error, best->cost);
   const YamlNode* duration = reader.node().find("duration");
-  double time = scene.grasps.empty() ? 0 : grasps_end(scene);
+  double time = std::max(grasps_end(scene), climbs_end(scene));
   if (duration)
     if (const auto given = parse_quantity(duration->text, Dimension::time)) time = *given;
   for (const std::string& text : beyond(scene, *table, time))

@@ -19,7 +19,7 @@ constexpr std::size_t kMostGrasps = 60;
 constexpr std::size_t kMostLevels = 20;
 
 Pose read_frame(MapReader reader) {
-  const Pose pose = read_pose(reader);
+  Pose pose = read_pose(reader);
   reader.finish();
   return pose;
 }
@@ -225,15 +225,8 @@ const GraspPhase* GraspPlan::phase(std::string_view name) const {
 
 std::vector<GraspSpec> read_grasps(MapReader& reader) {
   std::vector<GraspSpec> grasps;
-  YamlNode* list = reader.list("grasps", false);
-  if (!list) return grasps;
-  if (list->items.size() > kMostGrasps) {
-    reader.problem("grasps", list->described(), fmt::format("at most {} grasps", kMostGrasps));
-    return grasps;
-  }
-  for (std::size_t i = 0; i < list->items.size(); ++i)
-    grasps.push_back(
-        read_grasp(MapReader(list->items[i], item_path(reader.path_of("grasps"), i), reader.diagnostics())));
+  each_block(reader, "grasps", kMostGrasps,
+             [&](MapReader block) { grasps.push_back(read_grasp(std::move(block))); });
   return grasps;
 }
 

@@ -188,15 +188,8 @@ YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind) {
 
 std::vector<HandEntry> read_hands(MapReader& reader, bool grasped, bool climbed) {
   std::vector<HandEntry> hands;
-  YamlNode* list = reader.list("hands", false);
-  if (!list) return hands;
-  if (list->items.size() > kMostHands) {
-    reader.problem("hands", list->described(), fmt::format("at most {} hands", kMostHands));
-    return hands;
-  }
-  for (std::size_t i = 0; i < list->items.size(); ++i)
-    hands.push_back(
-        read_hand(MapReader(list->items[i], item_path("hands", i), reader.diagnostics()), grasped, climbed));
+  each_block(reader, "hands", kMostHands,
+             [&](MapReader block) { hands.push_back(read_hand(std::move(block), grasped, climbed)); });
   name_hands(hands);
   return hands;
 }

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/hand/hand_spec.h"
 #include "handsim/scene/readers.h"
 
 namespace handsim::scene {
@@ -72,15 +73,7 @@ void check_axes(MapReader& reader, const MechanismJointSpec& joint) {
   if (joint.axes.size() != wanted)
     return reader.problem("axes", fmt::format("a list of {}", joint.axes.size()),
                           fmt::format("a list of {} for this type of joint", wanted));
-  if (wanted < 2) return;
-  const double cosine = joint.axes[0].axis.dot(joint.axes[1].axis);
-  if (std::abs(cosine) > 1e-9)
-    reader.problem(
-        "axes", fmt::format("axes {:.9g} deg apart", std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / M_PI),
-        "perpendicular axes");
-  if (joint.axes[0].name == joint.axes[1].name)
-    reader.problem("axes", fmt::format("two axes called {}", joint.axes[0].name),
-                   "a name of its own for each axis");
+  hand::check_axis_pair(reader, joint.axes);
 }
 
 MechanismJointSpec read_joint(MapReader reader) {
@@ -192,17 +185,11 @@ MechanismSpec read_mechanism(MapReader& scene, std::vector<std::string> taken,
                              const std::vector<model::Material>& materials) {
   MechanismSpec spec;
   const std::size_t before = scene.diagnostics().problems.size();
-  const auto each = [&](const char* key, auto read) {
-    YamlNode* list = scene.list(key, false);
-    if (!list) return;
-    if (list->items.size() > kMostBodies)
-      return scene.problem(key, list->described(), fmt::format("at most {}", kMostBodies));
-    for (std::size_t i = 0; i < list->items.size(); ++i)
-      read(MapReader(list->items[i], item_path(key, i), scene.diagnostics()));
-  };
-  each("bodies", [&](MapReader reader) { spec.bodies.push_back(read_body(std::move(reader), materials)); });
+  each_block(scene, "bodies", kMostBodies,
+             [&](MapReader reader) { spec.bodies.push_back(read_body(std::move(reader), materials)); });
   check_bodies(scene, spec.bodies, std::move(taken));
-  each("joints", [&](MapReader reader) { spec.joints.push_back(read_joint(std::move(reader))); });
+  each_block(scene, "joints", kMostBodies,
+             [&](MapReader reader) { spec.joints.push_back(read_joint(std::move(reader))); });
   if (scene.diagnostics().problems.size() == before) check_joints(scene, spec);
   return spec;
 }

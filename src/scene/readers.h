@@ -2,6 +2,7 @@
 // the reader's diagnostics and write defaults into the tree.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -17,6 +18,9 @@ inline const Quantity kAngularVelocity = {Dimension::angular_speed, -1000, 1000}
 
 /// `hands.0`.
 std::string item_path(std::string_view list, std::size_t i);
+/// Reads each block of an optional list; of more than `most` none, with a problem.
+void each_block(MapReader& reader, std::string_view key, std::size_t most,
+                const std::function<void(MapReader)>& read);
 /// `position` and `rotation`. @param fallback position where none is given; absent: it must be.
 Pose read_pose(MapReader& reader, std::optional<Vec3> fallback = {});
 

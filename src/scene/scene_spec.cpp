@@ -30,9 +30,19 @@ void check_times(MapReader& reader, const SceneSpec& scene) {
 
 std::string item_path(std::string_view list, std::size_t i) { return fmt::format("{}.{}", list, i); }
 
+void each_block(MapReader& reader, std::string_view key, std::size_t most,
+                const std::function<void(MapReader)>& read) {
+  YamlNode* list = reader.list(key, false);
+  if (!list) return;
+  if (list->items.size() > most)
+    return reader.problem(key, list->described(), fmt::format("at most {} {}", most, key));
+  for (std::size_t i = 0; i < list->items.size(); ++i)
+    read(MapReader(list->items[i], item_path(reader.path_of(key), i), reader.diagnostics()));
+}
+
 Pose read_pose(MapReader& reader, std::optional<Vec3> fallback) {
   Pose pose;
-  pose.p = reader.vector("position", kCoordinate, fallback);
+  pose.p = reader.vector("position", kCoordinate, std::move(fallback));
   pose.q = reader.rotation("rotation");
   return pose;
 }

@@ -3,10 +3,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <concepts>
 
 #include "handsim/model/kinematics.h"
-#include "handsim/simulation/hand_parts.h"
 
 namespace handsim::simulation {
 
@@ -19,26 +17,12 @@ constexpr double kServoDamping = 450;    ///< [N s/m]
 constexpr double kServoLimit = 5000;     ///< [N]
 
 template <class Archive, class T>
-void carry_size(Archive& archive, T& values) {
-  if constexpr (std::same_as<Archive, ArchiveWriter>)
-    archive(values.size());
-  else
-    values.resize(archive.size());
-}
-
-template <class Archive, class T>
 void carry_loaded(Archive& archive, T& grip) {
   archive(grip.time);
   archive(grip.load);
   archive(grip.travel);
   archive(grip.contacts);
-  carry_size(archive, grip.parts);
-  for (auto& part : grip.parts) {
-    archive(part.part);
-    archive(part.contacts);
-    archive(part.normal);
-    archive(part.friction);
-  }
+  archive.list(grip.parts, [](auto& each, auto& part) { carry_part(each, part); });
 }
 
 /// Interpolated travel and forces say nothing new: the kept grip whose load is nearest.
@@ -144,8 +128,7 @@ void ClimbWatch::carry(Archive& archive, Self& self) {
        {&figures.carried, &figures.carried_time, &figures.failure_time, &figures.travel, &self.start_})
     archive(*value);
   archive(self.loading_);
-  carry_size(archive, self.grips_);
-  for (auto& grip : self.grips_) carry_loaded(archive, grip);
+  archive.list(self.grips_, [](auto& each, auto& grip) { carry_loaded(each, grip); });
 }
 
 void ClimbWatch::save(ArchiveWriter& out) const { carry(out, *this); }

@@ -8,7 +8,7 @@
 
 #include "handsim/engine/engine.h"
 #include "handsim/scene/climb.h"
-#include "handsim/simulation/grasp_figures.h"
+#include "handsim/simulation/hand_parts.h"
 
 namespace handsim::simulation {
 

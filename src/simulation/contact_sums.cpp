@@ -2,31 +2,11 @@
 
 #include <algorithm>
 
+#include "handsim/simulation/hand_parts.h"
+
 namespace handsim::simulation {
 
 namespace {
-
-const char* part_of_hand(model::Tint tint) {
-  switch (tint) {
-    case model::Tint::palm:
-      return "palm";
-    case model::Tint::thumb:
-      return "thumb";
-    case model::Tint::index:
-      return "index";
-    case model::Tint::middle:
-      return "middle";
-    case model::Tint::ring:
-      return "ring";
-    case model::Tint::little:
-      return "little";
-    case model::Tint::object:
-    case model::Tint::ground:
-    case model::Tint::mechanism:
-      break;
-  }
-  return nullptr;
-}
 
 /// What a step adds to a sum, the force taken with this sign.
 void add(ContactSum& sum, const engine::Contact& contact, double sign) {
@@ -57,15 +37,15 @@ void end_step(Sums& sums, double time, double step) {
 
 ContactSums::ContactSums(const model::Model& model) {
   for (const model::Shape& shape : model.shapes) {
-    const char* part = part_of_hand(shape.tint);
+    const int part = hand_part(shape.tint);
     // `right.index_distal` is of `right.index`, `mug.part3` of `mug`.
     const std::string first = shape.name.substr(0, shape.name.find('.'));
-    const std::string name = part ? first + "." + part : first;
+    const std::string name = part < 0 ? first : first + "." + kHandParts[static_cast<std::size_t>(part)];
     const auto found = std::find(things_.begin(), things_.end(), name);
     thing_.push_back(static_cast<std::size_t>(found - things_.begin()));
     if (found != things_.end()) continue;
     things_.push_back(name);
-    is_finger_.push_back(part != nullptr);
+    is_finger_.push_back(part >= 0);
   }
 }
 

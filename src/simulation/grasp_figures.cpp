@@ -4,8 +4,6 @@
 #include <cmath>
 #include <concepts>
 
-#include "handsim/simulation/hand_parts.h"
-
 namespace handsim::simulation {
 
 namespace {
@@ -14,23 +12,9 @@ namespace {
 constexpr double kBearing = 1e-3;
 
 template <class Archive, class T>
-void carry_size(Archive& archive, T& values) {
-  if constexpr (std::same_as<Archive, ArchiveWriter>)
-    archive(values.size());
-  else
-    values.resize(archive.size());
-}
-
-template <class Archive, class T>
 void carry_grip(Archive& archive, T& grip) {
   archive(grip.time);
-  carry_size(archive, grip.parts);
-  for (auto& part : grip.parts) {
-    archive(part.part);
-    archive(part.contacts);
-    archive(part.normal);
-    archive(part.friction);
-  }
+  archive.list(grip.parts, [](auto& each, auto& part) { carry_part(each, part); });
   archive(grip.contacts);
   archive(grip.others);
   archive(grip.normal);

@@ -9,6 +9,7 @@
 
 #include "handsim/engine/engine.h"
 #include "handsim/scene/grasp.h"
+#include "handsim/simulation/hand_parts.h"
 #include "handsim/simulation/wrench_space.h"
 
 namespace handsim::simulation {
@@ -19,14 +20,6 @@ inline constexpr double kHeldTurn = 2 * 0.017453292519943295;  ///< after the sh
 inline constexpr double kShakenShift = 5e-3;                   ///< at any time of the shake [m]
 /// The hold's last part, over which the slip speed is taken [s].
 inline constexpr double kSlipSpan = 4;
-
-/// Contact of one part of the hand with the object at one time.
-struct PartForce {
-  std::string part;  ///< palm, thumb, index, ...
-  int contacts = 0;
-  double normal = 0;    ///< sum of normal forces [N]
-  double friction = 0;  ///< sum of the sizes of friction forces [N]
-};
 
 /// The grip at one time.
 struct Grip {

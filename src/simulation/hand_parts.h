@@ -1,7 +1,9 @@
-// The parts of a hand that forces are told apart by.
+// The parts of a hand that forces are told apart by, and what one of them bears.
 #pragma once
 
 #include <array>
+#include <string>
+#include <vector>
 
 #include "handsim/model/model.h"
 
@@ -31,6 +33,23 @@ inline int hand_part(model::Tint tint) {
       return -1;
   }
   return -1;
+}
+
+/// Contact of one part of a hand with the object or hold at one time.
+struct PartForce {
+  std::string part;  ///< palm, thumb, index, ...
+  int contacts = 0;
+  double normal = 0;    ///< sum of normal forces [N]
+  double friction = 0;  ///< sum of the sizes of friction forces [N]
+};
+
+/// Names its fields to an archive (core/archive.h).
+template <class Archive, class T>
+void carry_part(Archive& archive, T& part) {
+  archive(part.part);
+  archive(part.contacts);
+  archive(part.normal);
+  archive(part.friction);
 }
 
 }  // namespace handsim::simulation

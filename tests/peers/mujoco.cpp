@@ -1,18 +1,17 @@
 // MuJoCo: the tree in joint coordinates, each loop closed by a `connect` equality. Methods `euler`
 // (semi-implicit) and `rk4`. The constraint is as stiff as MuJoCo lets it be: impedance 0.9999, time constant
 // 2 steps (1 with rk4, where the guard against shorter ones has to be off).
-#include <mujoco/mujoco.h>
-
 #include <cstddef>
 #include <cstdio>
-#include <cstdlib>
-#include <cstring>
 #include <stdexcept>
 
+#include "mujoco_model.h"
 #include "peer.h"
 
 namespace {
 
+using mujoco::compile;
+using mujoco::Free;
 using peer::Joint;
 using peer::Request;
 using peer::Vec3;
@@ -66,24 +65,6 @@ std::string model_text(const Request& request) {
              "' anchor='" + numbers(request.parent_pose(joint).inverse() * joint.anchor) +
              "' solimp='0.9999 0.9999 0.001 0.5 2' solref='" + number((rk4 ? 1 : 2) * request.step) + "1'/>";
   return xml + "</equality></mujoco>";
-}
-
-struct Free {
-  void operator()(mjModel* model) const { mj_deleteModel(model); }
-  void operator()(mjData* data) const { mj_deleteData(data); }
-};
-
-std::unique_ptr<mjModel, Free> compile(const std::string& xml) {
-  // A virtual file: MuJoCo loads models by name.
-  const auto files = std::make_unique<mjVFS>();
-  mj_defaultVFS(files.get());
-  const int slot = mj_makeEmptyFileVFS(files.get(), "model.xml", static_cast<int>(xml.size()) + 1);
-  std::memcpy(files->filedata[slot], xml.c_str(), xml.size() + 1);
-  char message[1000] = "";
-  std::unique_ptr<mjModel, Free> model(mj_loadXML("model.xml", files.get(), message, sizeof message));
-  mj_deleteVFS(files.get());
-  if (!model) throw std::runtime_error(std::string("MuJoCo: ") + message);
-  return model;
 }
 
 class Mechanism final : public peer::Mechanism {
@@ -157,11 +138,6 @@ std::unique_ptr<peer::Mechanism> make(const Request& request) { return std::make
 }  // namespace
 
 int main() {
-  // Without these MuJoCo writes its warnings to a file in the working directory.
-  mju_user_error = [](const char* text) {
-    std::fprintf(stderr, "MuJoCo: %s\n", text);
-    std::exit(1);
-  };
-  mju_user_warning = [](const char* text) { std::fprintf(stderr, "MuJoCo: %s\n", text); };
+  mujoco::report_on_standard_error();
   return peer::serve({"MuJoCo", mj_versionString(), {}, make});
 }

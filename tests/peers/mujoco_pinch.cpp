@@ -3,12 +3,8 @@
 // cylinder), `mass`, `friction`, `force` on each pad, `step`, `settle` and `hold` [s], `option` (attributes
 // of MuJoCo's <option>). Answers with `version`, `slip` [m/s], the object's mean speed of fall over the hold,
 // and `tilt` [rad], its turn over the hold.
-#include <mujoco/mujoco.h>
-
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
-#include <cstring>
 #include <iostream>
 #include <memory>
 #include <stdexcept>
@@ -16,8 +12,11 @@
 
 #include <nlohmann/json.hpp>
 
+#include "mujoco_model.h"
+
 namespace {
 
+using mujoco::Free;
 using Json = nlohmann::json;
 
 std::string number(double value) {
@@ -53,25 +52,8 @@ std::string model_text(const Json& request) {
          "/></body></worldbody></mujoco>";
 }
 
-struct Free {
-  void operator()(mjModel* model) const { mj_deleteModel(model); }
-  void operator()(mjData* data) const { mj_deleteData(data); }
-};
-
-std::unique_ptr<mjModel, Free> compile(const std::string& xml) {
-  const auto files = std::make_unique<mjVFS>();
-  mj_defaultVFS(files.get());
-  const int slot = mj_makeEmptyFileVFS(files.get(), "model.xml", static_cast<int>(xml.size()) + 1);
-  std::memcpy(files->filedata[slot], xml.c_str(), xml.size() + 1);
-  char message[1000] = "";
-  std::unique_ptr<mjModel, Free> model(mj_loadXML("model.xml", files.get(), message, sizeof message));
-  mj_deleteVFS(files.get());
-  if (!model) throw std::runtime_error(std::string("MuJoCo: ") + message);
-  return model;
-}
-
 Json pinch(const Json& request) {
-  const std::unique_ptr<mjModel, Free> model = compile(model_text(request));
+  const std::unique_ptr<mjModel, Free> model = mujoco::compile(model_text(request));
   const std::unique_ptr<mjData, Free> data(mj_makeData(model.get()));
   const auto dof = [&](const char* name) {
     return model->jnt_dofadr[mj_name2id(model.get(), mjOBJ_JOINT, name)];
@@ -100,11 +82,7 @@ Json pinch(const Json& request) {
 }  // namespace
 
 int main() {
-  mju_user_error = [](const char* text) {
-    std::fprintf(stderr, "MuJoCo: %s\n", text);
-    std::exit(1);
-  };
-  mju_user_warning = [](const char* text) { std::fprintf(stderr, "MuJoCo: %s\n", text); };
+  mujoco::report_on_standard_error();
   try {
     std::cout << pinch(Json::parse(std::cin)).dump() << "\n";
     return 0;

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <sstream>
 
 #include "scene_files.h"
@@ -62,6 +63,15 @@ TEST(EngineChoice, IsTheCheapestRowThatReachesTheAccuracy) {
       for (const std::string& warning : scene.warnings)
         EXPECT_EQ(warning.find("engine auto"), std::string::npos) << warning;
     }
+}
+
+// Oracle: the definition: a climb's end, where the scene names no duration of its own.
+TEST(EngineChoice, WarnsOfClimbsThatTakeLongerThanWasMeasured) {
+  const Scene scene = chosen("climb_half_crimp", 0.3);
+  EXPECT_GT(scene.spec.duration, 20);
+  EXPECT_TRUE(std::any_of(scene.warnings.begin(), scene.warnings.end(), [](const std::string& warning) {
+    return warning.find("errors were measured over") != std::string::npos;
+  }));
 }
 
 // Oracle: what the resolved scene is for: it makes the same run, whatever becomes of the table.

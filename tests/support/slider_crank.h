@@ -1,4 +1,5 @@
-// The spatial slider-crank of DESIGN.md as a Model, and a planar one with redundant joints.
+// The spatial slider-crank of the IFToMM benchmark library (Haug 1989) as a Model, and a planar one with
+// redundant joints.
 #pragma once
 
 #include <algorithm>

@@ -3,6 +3,9 @@
 // identity. Included by the kernel_*.cpp files only.
 #pragma once
 
+#include <cstddef>
+#include <type_traits>
+
 #include "handsim/engine/articulated/batch.h"
 #include "handsim/engine/articulated/spatial.h"
 
@@ -10,13 +13,14 @@ namespace handsim::engine::articulated {
 
 template <class V>
 struct Lanes {
-  static constexpr int kWidth = [] {
+  // Wide, as it multiplies pointer offsets; named as in batch.h.
+  // NOLINTNEXTLINE(readability-identifier-naming)
+  static constexpr std::ptrdiff_t W = [] {
     if constexpr (std::is_same_v<V, double>)
       return 1;
     else
       return static_cast<int>(V::size());
   }();
-  static constexpr int W = kWidth;
   using Batches = Batch<W>;
   using Axes = Axis<W>;
   using Joints3 = Joint3<W>;
@@ -139,8 +143,8 @@ struct Lanes {
   static void outward_many(const Tree& tree, Batches& b);
 
   static constexpr Kernel kernel(const char* name) {
-    return {name,  W,      kinematics, velocities,     prepare,  prepare_smooth,
-            solve, revise, integrate,  position_rates, normalise};
+    return {name,   static_cast<int>(W), kinematics,     velocities, prepare, prepare_smooth, solve,
+            revise, integrate,           position_rates, normalise};
   }
 };
 
