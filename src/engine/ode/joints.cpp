@@ -17,9 +17,9 @@ constexpr int kParamGroup = dParamLoStop2 - dParamLoStop;
 
 /// A stop is looked out for by this many steps of the present rate, for what the step adds to it.
 constexpr double kCatchSteps = 2;
-/// Nearer than this a stop is put into the step whatever the rate: what another joint meets in the same step
-/// may throw this one on it [rad] or [m].
-constexpr double kNearStop = 1e-3;
+/// A stop that this rate would reach in a step is put into the step whatever the rate is: what another joint
+/// meets in the same step may throw this one on it [rad/s] or [m/s].
+constexpr double kThrown = 1;
 
 /// ODE's number (0 or 1) of one of our axes.
 int ode_axis(JointKind kind, std::size_t axis) {
@@ -335,7 +335,7 @@ int Joints::prepare_stops(Watch& watched, const std::array<Direction, 2>& at,
   const auto spin = [&](int body) -> const Vec3& { return state.bodies[static_cast<std::size_t>(body)].w; };
   // No rate exceeds the relative angular velocity, as the axes are perpendicular.
   const double reach =
-      kNearStop + kCatchSteps * step_ * (spin(link.joint->child) - spin(link.joint->parent)).norm();
+      step_ * (kThrown + kCatchSteps * (spin(link.joint->child) - spin(link.joint->parent)).norm());
   int reached = 0;
   for (std::size_t i = 0; i < 2; ++i) {
     if (!watched.stops[i]) continue;
@@ -376,7 +376,7 @@ bool Joints::catch_approach(const Link& link, const Approach& approach, bool& ca
   const double above = approach.high - approach.q, below = approach.q - approach.low;
   bool rises = approach.rate > 0;
   if (!(kCatchSteps * step_ * std::abs(approach.rate) > (rises ? above : below))) {
-    if (!(std::min(above, below) < kNearStop)) {
+    if (!(std::min(above, below) < kThrown * step_)) {
       let_go(link, approach, caught);
       return false;
     }
