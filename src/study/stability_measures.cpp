@@ -371,7 +371,7 @@ class StopHit final : public Measure {
  public:
   enum class What { late, rebound };
   StopHit(What what, const scene::Scene& scene, const MeasureSpec& spec)
-      : what_(what), at_(coordinate_of(scene, spec.joint)), step_(scene.spec.solver.step) {
+      : what_(what), at_(coordinate_of(scene, spec.joint)) {
     if (!at_.joint->axes[at_.axis].stop)
       throw input_error("measures.joint", spec.joint, "a joint with a stop");
   }
@@ -412,7 +412,6 @@ class StopHit final : public Measure {
  private:
   What what_;
   Coordinate at_;
-  double step_;
   long looks_ = 0;
   std::optional<long> hit_;
   bool returned_ = false;

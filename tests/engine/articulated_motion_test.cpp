@@ -4,49 +4,17 @@
 
 #include <cmath>
 
-#include "engine/models.h"
-#include "handsim/hand/build.h"
+#include "engine/shared_motions.h"
 #include "handsim/model/energy.h"
 
 namespace handsim::engine {
 namespace {
 
 using model::Effect;
+using test::carried;
+using test::fallen;
 using test::settings;
-
-/// A shipped hand, gravity across it.
-model::Model shipped_hand(const char* name, hand::Mount mount) {
-  YamlNode node = load_yaml(std::string(HANDSIM_SOURCE_DIR "/handmodels/") + name);
-  Diagnostics diagnostics;
-  const hand::HandSpec spec = hand::read_hand_spec(node, "", diagnostics);
-  diagnostics.throw_if_any();
-  hand::Person person;
-  person.stature = 1.755;
-  person.mass = 84.5;
-  person.sex = hand::Sex::male;
-  model::Model model = model::make_model();
-  hand::Placement placement;
-  placement.mount = mount;
-  placement.pose.q = rotation_quaternion({-0.4, 0.3, 0});
-  if (mount == hand::Mount::free) {
-    placement.velocity = Vec3(0.3, 0, 0.5);
-    placement.angular_velocity = Vec3(3, -2, 4);
-  }
-  hand::add_hand(model, hand::build_hand(spec, person), placement);
-  return model;
-}
-
-/// Joint coordinates after 0.2 s of gravity, tissue and small torques [N m] on every coordinate.
-std::vector<double> fallen(const model::Model& model, Method method, double step, double tolerance = 1e-10,
-                           double torque = 1e-3) {
-  Settings with = settings({Effect::gravity, Effect::passive_tissue}, step, method);
-  with.tolerance = tolerance;
-  const auto engine = make_engine(model, with);
-  std::vector<double> torques(static_cast<std::size_t>(model.dof_count()));
-  for (std::size_t i = 0; i < torques.size(); ++i) torques[i] = i % 2 == 0 ? 2 * torque : -torque;
-  for (long i = 0; i < std::lround(0.2 / step); ++i) engine->step({torques});
-  return model::coordinates(model, engine->state());
-}
+using test::shipped_hand;
 
 double largest_distance(const std::vector<double>& a, const std::vector<double>& b) {
   double out = 0;
@@ -92,7 +60,7 @@ class FallingHand : public testing::TestWithParam<std::pair<const char*, hand::M
   model::Model model_ = shipped_hand(GetParam().first, GetParam().second);
 };
 
-// Oracle: the reference engine, in maximal coordinates. 1e-8 rad: the bound.
+// Oracle: the reference engine, in maximal coordinates. Bound: 1e-8 rad.
 TEST_P(FallingHand, FallsAsTheReferenceEngineHasItTo1e8) {
   const auto reference = fallen(model_, Method::stabilised_gear, 1e-2, 1e-11);
   EXPECT_LT(largest_distance(fallen(model_, Method::dormand_prince, 1e-2), reference), 1e-8);
@@ -137,8 +105,7 @@ TEST(ArticulatedMotion, ThePrototypesHandFallsAsTheReferenceEngineHasItTo1e8) {
   }
 }
 
-// Oracle: conservation. A limp hand swings for 10 s at 1 ms; 1e-8 of the energy it swings with: the issue's
-// bound.
+// Oracle: conservation. A limp hand swings for 10 s at 1 ms; Bound: 1e-8 of the energy it swings with.
 TEST(ArticulatedMotion, KeepsEnergyForTenSecondsWithRk4) {
   const model::Model model = shipped_hand("anatomical.yaml", hand::Mount::free);
   const auto engine = make_engine(model, settings({}, 1e-3, Method::rk4));
@@ -191,35 +158,6 @@ TEST(ArticulatedMotion, SpinsAFreeBodyWithoutLoss) {
   test::run(*other, 100);
   EXPECT_LT((engine->state().bodies[1].p - (Vec3(1, 2, 3) + 0.5 * model.gravity)).norm(), 1e-12);
   EXPECT_LT(engine->state().bodies[1].q.angularDistance(other->state().bodies[1].q), 1e-7);
-}
-
-/// A pendulum under a palm that moves through three keyframes, between steps.
-model::Model carried_pendulum(model::Interpolation interpolation) {
-  model::Model model = model::make_model();
-  model::Body palm = test::body("palm", 0.3, {3e-4, 3e-4, 5e-4});
-  palm.kinematic = true;
-  test::add_body(model, palm);
-  test::add_body(model, test::body("bob", 0.1, {1e-4, 2e-4, 1.5e-4}));
-  test::add_joint(model, "pin", model::JointKind::universal, 1, 2, {Vec3(0.02, 0.1, 0), Quat::Identity()},
-                  {Vec3(0, 0, 0.1), Quat::Identity()}, {Vec3::UnitX(), Vec3::UnitY()});
-  model::Drive drive;
-  drive.body = 1;
-  drive.frame = {Vec3(0, -0.05, 0.01), rotation_quaternion({0.1, 0.2, 0.3})};
-  drive.motion.interpolation = interpolation;
-  drive.motion.keys = {{0, drive.frame},
-                       {0.153, Pose{Vec3(0.1, 0.1, -0.1), rotation_quaternion({0.5, -1, 0.5})}},
-                       {0.3, Pose{Vec3(-0.1, 0, 0.1), rotation_quaternion({-0.7, 0.4, 0.1})}}};
-  model.drives.push_back(drive);
-  return model;
-}
-
-Vec3 carried(model::Interpolation interpolation, Method method, double step) {
-  const model::Model model = carried_pendulum(interpolation);
-  const auto engine = make_engine(model, settings({Effect::gravity, Effect::wrist_motion}, step, method));
-  test::run(*engine, static_cast<int>(std::lround(0.4 / step)));
-  const Pose want = model.drives[0].motion.at(0.4) * model.drives[0].frame.inverse();
-  EXPECT_LT((engine->state().bodies[1].p - want.p).norm(), 1e-12);
-  return engine->state().bodies[2].p;
 }
 
 // Oracle: another engine. A linear motion sets off and turns with jerks.

@@ -10,6 +10,7 @@ namespace {
 
 using model::Effect;
 using model::Servo;
+using test::refusal;
 using test::settings;
 
 constexpr double kInertia = 2e-6;  // of a fingertip about its joint [kg m^2]
@@ -164,16 +165,6 @@ TEST(ArticulatedTissue, SwingsAsADampedOscillator) {
   EXPECT_NEAR(end(Method::dormand_prince, 1e-2), want, 1e-9);
   EXPECT_NEAR(end(Method::rk4, 1e-3), want, 1e-9);
   EXPECT_NEAR(end(kEuler, 1e-4), want, 2e-3);
-}
-
-std::string refusal(const model::Model& model, const Settings& with) {
-  try {
-    make_engine(model, with);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::input);
-    return error.what();
-  }
-  return "";
 }
 
 TEST(ArticulatedEngine, RefusesWhatItCannotDo) {

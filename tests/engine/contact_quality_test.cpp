@@ -4,42 +4,19 @@
 
 #include <cmath>
 
-#include "engine/models.h"
+#include "engine/contact_scenes.h"
 
 namespace handsim::engine {
 namespace {
 
 using model::Effect;
 using model::ShapeKind;
+using test::add_solid;
+using test::kG;
 using test::settings;
+using test::sized;
 
 const std::initializer_list<Effect> kAll = {Effect::gravity, Effect::object_contact, Effect::friction};
-constexpr double kG = 9.80665;
-
-/// Adds a free solid of uniform density with one shape.
-int add_solid(model::Model& model, model::Shape shape, double mass, const Pose& at) {
-  Vec3 inertia = Vec3::Constant(0.4 * mass * shape.radius * shape.radius);
-  if (shape.kind == ShapeKind::box) {
-    const Vec3 e = shape.edges.cwiseAbs2();
-    inertia = mass / 12 * Vec3(e.y() + e.z(), e.z() + e.x(), e.x() + e.y());
-  } else if (shape.kind != ShapeKind::sphere) {
-    const double across = mass * (shape.radius * shape.radius / 4 + shape.length * shape.length / 12);
-    inertia = Vec3(across, across, mass * shape.radius * shape.radius / 2);
-  }
-  shape.body = test::add_body(model, test::body(shape.name, mass, inertia, at));
-  model.shapes.push_back(shape);
-  return shape.body;
-}
-
-model::Shape sized(const std::string& name, ShapeKind kind, double radius, double length,
-                   Vec3 edges = Vec3::Zero()) {
-  model::Shape out = test::shape(name, kind, 0);
-  out.radius = radius;
-  out.length = length;
-  out.edges = edges;
-  return out;
-}
-
 model::Model empty_world(double friction) {
   model::Model model = model::make_model();
   model.groups = {{"all"}};
@@ -65,7 +42,7 @@ model::Model resting_capsule(ShapeKind on, double yaw, double off) {
   return model;
 }
 
-// Oracle: statics; rms speed at most 10 um/s (HARD_CASES row 17: stock ODE has 2642), depth at most 50 um.
+// Oracle: statics; rms speed at most 10 um/s (stock ODE has 2642), depth at most 50 um.
 TEST(RestingCapsule, StaysStillOnABoxAndOnACylinder) {
   struct Case {
     ShapeKind on;
@@ -77,14 +54,8 @@ TEST(RestingCapsule, StaysStillOnABoxAndOnACylinder) {
     for (const double step : {1e-3, 5e-3}) {
       const model::Model model = resting_capsule(c.on, c.yaw, c.off);
       const auto engine = make_engine(model, settings(kAll, step));
-      test::run(*engine, static_cast<int>(1 / step));
-      double square = 0;
-      const int steps = static_cast<int>(4 / step);
-      for (int i = 0; i < steps; ++i) {
-        engine->step({});
-        square += engine->state().bodies[1].v.squaredNorm();
-      }
-      EXPECT_LT(std::sqrt(square / steps), 1e-5) << "yaw " << c.yaw << ", off " << c.off << ", step " << step;
+      EXPECT_LT(test::rms_speed_at_rest(*engine, step), 1e-5)
+          << "yaw " << c.yaw << ", off " << c.off << ", step " << step;
       for (const Contact& contact : engine->contacts()) EXPECT_LT(contact.depth, 5e-5);
       EXPECT_EQ(engine->contacts().size(), 2U) << "yaw " << c.yaw;
     }
@@ -121,23 +92,13 @@ TEST(ContactForces, CarryTheWeightAtRest) {
 TEST(Restitution, IsTheMaterialsWhateverTheErp) {
   for (const double erp : {0.1, 0.2, 0.5, 0.8, 1.0})
     for (const double restitution : {0.0, 0.1, 0.3, 0.5, 0.7, 0.9}) {
-      model::Model model = empty_world(0);
-      model.materials[0].restitution = restitution;
-      model.shapes.push_back(sized("ground", ShapeKind::plane, 0, 0));
-      add_solid(model, sized("ball", ShapeKind::sphere, 0.02, 0), 0.1, {Vec3(0, 0, 1.02), Quat::Identity()});
       Settings how = settings(kAll);
       how.erp = erp;
+      const model::Model model = test::ball_above_ground(1.02, restitution);
       const auto engine = make_engine(model, how);
-      const model::BodyState& ball = engine->state().bodies[1];
-      double impact = 0;
-      double rebound = 0;
-      while (engine->state().time < 0.6) {
-        impact = std::max(impact, -ball.v.z());
-        rebound = std::max(rebound, ball.v.z());
-        engine->step({});
-      }
-      EXPECT_NEAR(impact, std::sqrt(2 * kG), 0.01);
-      EXPECT_NEAR(rebound / impact, restitution, 0.05) << "erp " << erp;
+      const test::Bounce found = test::bounce(*engine);
+      EXPECT_NEAR(found.impact, std::sqrt(2 * kG), 0.01);
+      EXPECT_NEAR(found.rebound / found.impact, restitution, 0.05) << "erp " << erp;
     }
 }
 
@@ -148,18 +109,14 @@ TEST(Incline, SticksAndSlidesAlikeInEveryDirection) {
     const double heading = k * M_PI / 8;
     for (const double degrees : {26.0, 27.5}) {
       const double angle = degrees * M_PI / 180;
-      model::Model model = model::make_model();
-      const Quat tilt = rotation_quaternion(angle * Vec3(std::cos(heading), std::sin(heading), 0));
-      test::add_ground(model, 0.5, tilt);
-      add_solid(model, sized("box", ShapeKind::box, 0, 0, Vec3::Constant(0.04)), 0.1,
-                {tilt * Vec3(0, 0, 0.02), tilt});
+      const model::Model model = test::box_on_incline(test::tilted(angle, heading));
       const auto engine =
           make_engine(model, settings({Effect::gravity, Effect::ground_contact, Effect::friction}));
       test::run(*engine, 100);
       const model::BodyState start = engine->state().bodies[1];
       test::run(*engine, 1000);
       const model::BodyState& end = engine->state().bodies[1];
-      const double want = std::max(0.0, kG * (std::sin(angle) - 0.5 * std::cos(angle)));
+      const double want = test::gain_on_incline(angle);
       if (want > 0)
         EXPECT_NEAR(end.v.norm() - start.v.norm(), want, 5e-3 * want)
             << degrees << " deg, heading " << heading;
@@ -169,35 +126,13 @@ TEST(Incline, SticksAndSlidesAlikeInEveryDirection) {
   }
 }
 
-// Oracle: closed forms. A ball rolling without slip under rolling friction rho: the moment rho N brings it
-// down by a = rho g / r / (1 + 2/5). One spinning about the normal under spinning friction rho: alpha = rho m
-// g / I.
+// Oracle: closed forms.
 TEST(Ball, IsSlowedByRollingAndSpinningFriction) {
-  constexpr double kRadius = 0.03, kRho = 0.0015;
-  for (const bool rolling : {true, false}) {
-    model::Model model = model::make_model();
-    test::add_ground(model, 0.8);
-    (rolling ? model.materials[0].rolling_friction : model.materials[0].spinning_friction) = kRho;
-    const int ball = add_solid(model, sized("ball", ShapeKind::sphere, kRadius, 0), 0.1,
-                               {Vec3(0, 0, kRadius), Quat::Identity()});
-    model::Body& body = model.bodies[static_cast<std::size_t>(ball)];
-    if (rolling) {
-      body.initial_velocity = Vec3(1, 0, 0);
-      body.initial_angular_velocity = Vec3(0, 1 / kRadius, 0);
-    } else {
-      body.initial_angular_velocity = Vec3(0, 0, 50);
-    }
+  for (const test::BallMotion motion : {test::BallMotion::rolling, test::BallMotion::spinning}) {
+    const model::Model model = test::moving_ball(motion);
     const auto engine =
         make_engine(model, settings({Effect::gravity, Effect::ground_contact, Effect::friction}));
-    test::run(*engine, 1000);
-    const model::BodyState& now = engine->state().bodies[1];
-    if (rolling) {
-      const double want = 1 - kRho * kG / kRadius / 1.4;
-      EXPECT_NEAR(now.v.x(), want, 5e-3);
-      EXPECT_NEAR(now.w.y() * kRadius, want, 5e-3);
-    } else {
-      EXPECT_NEAR(now.w.z(), 50 - kRho * kG / (0.4 * kRadius * kRadius), 0.3);
-    }
+    test::expect_ball_as_in_closed_form(motion, *engine);
   }
 }
 
@@ -224,13 +159,9 @@ TEST(Pad, SinksByWeightOverStiffness) {
 // Oracle: the rule's definition: its material overrides the shapes' own.
 TEST(ContactRule, MaterialOverridesTheShapesOwn) {
   for (const bool slippery : {false, true}) {
-    model::Model model = model::make_model();
-    const Quat tilt = rotation_quaternion({0.3, 0, 0});
-    test::add_ground(model, 0.8, tilt);
+    model::Model model = test::box_on_incline(test::tilted(0.3, 0), 0.8);
     model.materials.push_back(test::material("ice", 0));
     if (slippery) model.contact_rules[0].material = 1;
-    add_solid(model, sized("box", ShapeKind::box, 0, 0, Vec3::Constant(0.04)), 0.1,
-              {tilt * Vec3(0, 0, 0.02), tilt});
     const auto engine =
         make_engine(model, settings({Effect::gravity, Effect::ground_contact, Effect::friction}));
     test::run(*engine, 1000);
@@ -239,7 +170,7 @@ TEST(ContactRule, MaterialOverridesTheShapesOwn) {
 }
 
 /// Five boxes of 40 mm on the ground, the top one heavier: stock ODE's direct solver gives up on it now and
-/// then (HARD_CASES row 5).
+/// then.
 model::Model stack(double top_mass) {
   model::Model model = model::make_model();
   test::add_ground(model, 0.5);

@@ -3,41 +3,17 @@
 
 #include <cmath>
 
-#include "engine/models.h"
+#include "engine/contact_scenes.h"
 #include "handsim/engine/overlap.h"
 
 namespace handsim::engine {
 namespace {
 
 using model::Effect;
-using model::ShapeKind;
+using test::ball_above_ground;
+using test::kG;
 using test::settings;
-
-/// A box of 100 g, 40 mm, lying on ground tilted by `angle` about an axis in the ground's plane.
-model::Model box_on_incline(double angle, double heading, double friction) {
-  model::Model model = model::make_model();
-  const Quat tilt = rotation_quaternion(angle * Vec3(std::cos(heading), std::sin(heading), 0));
-  test::add_ground(model, friction, tilt);
-  const double moment = 0.1 * 2 * 0.0016 / 12;
-  test::add_body(model, test::body("box", 0.1, {moment, moment, moment}, {tilt * Vec3(0, 0, 0.02), tilt}));
-  model::Shape box = test::shape("box_shape", ShapeKind::box, 1);
-  box.edges = Vec3(0.04, 0.04, 0.04);
-  model.shapes.push_back(box);
-  return model;
-}
-
-model::Model ball_above_ground(double height, double restitution) {
-  model::Model model = model::make_model();
-  test::add_ground(model);
-  model.materials[0].restitution = restitution;
-  const double moment = 0.4 * 0.1 * 4e-4;
-  test::add_body(model,
-                 test::body("ball", 0.1, {moment, moment, moment}, {Vec3(0, 0, height), Quat::Identity()}));
-  model::Shape round = test::shape("round", ShapeKind::sphere, 1);
-  round.radius = 0.02;
-  model.shapes.push_back(round);
-  return model;
-}
+using test::tilted;
 
 // Oracle: the effects' definition.
 TEST(ContactSpace, ExistsOnlyForAContactEffectWithARule) {
@@ -93,7 +69,7 @@ TEST(Ball, BouncesByItsRestitutionAndNotBelowTheThresholdSpeed) {
     impact = -engine->state().bodies[1].v.z();
     engine->step({});
   }
-  EXPECT_NEAR(impact, std::sqrt(2 * 9.80665 * 0.1), 5e-3);
+  EXPECT_NEAR(impact, std::sqrt(2 * kG * 0.1), 5e-3);
   EXPECT_NEAR(engine->state().bodies[1].v.z(), 0.6 * impact, 5e-3);
   model::Model slow = model;
   slow.materials[0].restitution_speed = 2;
@@ -103,12 +79,12 @@ TEST(Ball, BouncesByItsRestitutionAndNotBelowTheThresholdSpeed) {
 }
 
 // Oracle: Coulomb; below atan(mu) the box stays, above it gains g (sin a - mu cos a) t, in any direction;
-// within 0.1 % (HARD_CASES row 6).
+// within 0.1 %.
 TEST(Box, SticksBelowTheFrictionAngleAndSlidesAboveIt) {
   for (const double heading : {0.0, M_PI / 4, 1.0})
     for (const double degrees : {20.0, 26.0, 27.0, 35.0}) {
       const double angle = degrees * M_PI / 180;
-      const model::Model model = box_on_incline(angle, heading, 0.5);
+      const model::Model model = test::box_on_incline(tilted(angle, heading));
       const auto engine =
           make_engine(model, settings({Effect::gravity, Effect::ground_contact, Effect::friction}));
       // The first steps settle into the ground.
@@ -116,17 +92,17 @@ TEST(Box, SticksBelowTheFrictionAngleAndSlidesAboveIt) {
       const double start = engine->state().bodies[1].v.norm();
       test::run(*engine, 1000);
       const double gain = engine->state().bodies[1].v.norm() - start;
-      const double want = std::max(0.0, 9.80665 * (std::sin(angle) - 0.5 * std::cos(angle)));
+      const double want = test::gain_on_incline(angle);
       EXPECT_NEAR(gain, want, 1e-3 * want + 1e-5) << degrees << " deg, heading " << heading;
     }
 }
 
 // Oracle: closed form without friction, v = g sin(a) t.
 TEST(Box, SlidesFreelyWithoutTheFrictionEffect) {
-  const model::Model model = box_on_incline(0.2, 0.7, 0.5);
+  const model::Model model = test::box_on_incline(tilted(0.2, 0.7));
   const auto engine = make_engine(model, settings({Effect::gravity, Effect::ground_contact}));
   test::run(*engine, 1000);
-  EXPECT_NEAR(engine->state().bodies[1].v.norm(), 9.80665 * std::sin(0.2), 1e-3);
+  EXPECT_NEAR(engine->state().bodies[1].v.norm(), kG * std::sin(0.2), 1e-3);
 }
 
 // Oracle: geometry; spheres of 20 mm whose centres are 30 mm apart overlap by 10 mm, a plane by 5 mm.

@@ -10,17 +10,8 @@ namespace handsim::engine {
 namespace {
 
 using model::Effect;
+using test::refusal;
 using test::settings;
-
-std::string refusal(const model::Model& model, const Settings& with) {
-  try {
-    make_engine(model, with);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::input);
-    return error.what();
-  }
-  return "";
-}
 
 // Oracle: the contract: smooth motion only, said clearly.
 TEST(DaeEngine, RefusesContactsAndStops) {

@@ -3,47 +3,15 @@
 
 #include <cmath>
 
-#include "engine/models.h"
-#include "handsim/hand/build.h"
-#include "support/slider_crank.h"
+#include "engine/shared_motions.h"
 
 namespace handsim::engine {
 namespace {
 
-using model::Effect;
-using test::settings;
+using test::fallen;
 
-/// The shipped anatomical hand, palm fixed or free, gravity across it.
-model::Model anatomical_hand(hand::Mount mount) {
-  YamlNode node = load_yaml(HANDSIM_SOURCE_DIR "/handmodels/anatomical.yaml");
-  Diagnostics diagnostics;
-  const hand::HandSpec spec = hand::read_hand_spec(node, "", diagnostics);
-  diagnostics.throw_if_any();
-  hand::Person person;
-  person.stature = 1.755;
-  person.mass = 84.5;
-  person.sex = hand::Sex::male;
-  model::Model model = model::make_model();
-  hand::Placement placement;
-  placement.mount = mount;
-  placement.pose.q = rotation_quaternion({-0.4, 0.3, 0});
-  placement.velocity = Vec3(0.3, 0, 0.5);
-  placement.angular_velocity = Vec3(3, -2, 4);
-  hand::add_hand(model, hand::build_hand(spec, person), placement);
-  return model;
-}
-
-/// Joint coordinates after 0.2 s of gravity, tissue and small torques on every coordinate.
-std::vector<double> fallen(const model::Model& model, Method method, double step) {
-  const auto engine = make_engine(model, settings({Effect::gravity, Effect::passive_tissue}, step, method));
-  std::vector<double> torques(static_cast<std::size_t>(model.dof_count()));
-  for (std::size_t i = 0; i < torques.size(); ++i) torques[i] = i % 2 == 0 ? 2e-3 : -1e-3;
-  for (long i = 0; i < std::lround(0.2 / step); ++i) engine->step({torques});
-  if (method == Method::stabilised_gear) {
-    EXPECT_LT(handsim::test::largest_gap(model, engine->state()), 1e-10);
-  }
-  return model::coordinates(model, engine->state());
-}
+/// The shipped anatomical hand.
+model::Model anatomical_hand(hand::Mount mount) { return test::shipped_hand("anatomical.yaml", mount); }
 
 double distance(const std::vector<double>& a, const std::vector<double>& b) {
   double sum = 0;

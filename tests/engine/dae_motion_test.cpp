@@ -3,14 +3,14 @@
 
 #include <cmath>
 
-#include "engine/models.h"
-#include "support/slider_crank.h"
+#include "engine/shared_motions.h"
 
 namespace handsim::engine {
 namespace {
 
 using model::Effect;
 using model::JointKind;
+using test::carried;
 using test::settings;
 
 constexpr Method kAll[] = {Method::stabilised_gear, Method::lagrange_penalty, Method::euler_linearised,
@@ -64,8 +64,8 @@ TEST(StabilisedGear, KeepsEnergyAndMomentumOfATumblingBody) {
 TEST(StabilisedGear, TurnsASymmetricTopAsEulerSays) {
   const double across = 1e-4, along = 3e-5;
   const Vec3 w(3, 0, 40);
-  const auto engine =
-      make_engine(spinning_body({across, across, along}, w), settings({}, 0.01, Method::stabilised_gear));
+  const model::Model model = spinning_body({across, across, along}, w);
+  const auto engine = make_engine(model, settings({}, 0.01, Method::stabilised_gear));
   test::run(*engine, 50);
   const double t = 0.5;
   const Vec3 l(across * w.x(), 0, along * w.z());
@@ -119,38 +119,6 @@ TEST(DaeEngine, HasNoTissueAndNoGravityUnlessAsked) {
     test::run(*engine, 50);
     EXPECT_NEAR(model::coordinates(model, engine->state())[0], 0.4, 1e-12);
   }
-}
-
-/// A pendulum under a palm that moves through three keyframes.
-model::Model carried_pendulum(model::Interpolation interpolation) {
-  model::Model model = model::make_model();
-  model::Body palm = test::body("palm", 0.3, {3e-4, 3e-4, 5e-4});
-  palm.kinematic = true;
-  test::add_body(model, palm);
-  test::add_body(model, test::body("bob", 0.1, {1e-4, 2e-4, 1.5e-4}));
-  test::add_joint(model, "pin", JointKind::universal, 1, 2, {Vec3(0.02, 0.1, 0), Quat::Identity()},
-                  {Vec3(0, 0, 0.1), Quat::Identity()}, {Vec3::UnitX(), Vec3::UnitY()});
-  model::Drive drive;
-  drive.body = 1;
-  drive.frame = {Vec3(0, -0.05, 0.01), rotation_quaternion({0.1, 0.2, 0.3})};
-  drive.motion.interpolation = interpolation;
-  drive.motion.keys = {{0, drive.frame},
-                       {0.153, Pose{Vec3(0.1, 0.1, -0.1), rotation_quaternion({0.5, -1, 0.5})}},
-                       {0.3, Pose{Vec3(-0.1, 0, 0.1), rotation_quaternion({-0.7, 0.4, 0.1})}}};
-  model.drives.push_back(drive);
-  return model;
-}
-
-/// The bob's position at 0.4 s.
-Vec3 carried(model::Interpolation interpolation, Method method, double step) {
-  const model::Model model = carried_pendulum(interpolation);
-  const auto engine = make_engine(model, settings({Effect::gravity, Effect::wrist_motion}, step, method));
-  test::run(*engine, static_cast<int>(std::lround(0.4 / step)));
-  const Pose want = model.drives[0].motion.at(0.4) * model.drives[0].frame.inverse();
-  EXPECT_LT((engine->state().bodies[1].p - want.p).norm(), 1e-12);
-  EXPECT_LT(handsim::test::largest_gap(model, engine->state()),
-            method == Method::stabilised_gear ? 1e-10 : 1e-3);
-  return engine->state().bodies[2].p;
 }
 
 // Oracle: four formulations and another engine that must agree; keyframes fall between steps. A linear motion

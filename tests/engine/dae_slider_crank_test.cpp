@@ -3,8 +3,7 @@
 
 #include <cmath>
 
-#include "engine/models.h"
-#include "support/slider_crank.h"
+#include "engine/slider_crank_errors.h"
 
 namespace handsim::engine {
 namespace {
@@ -12,44 +11,14 @@ namespace {
 using handsim::test::energy;
 using handsim::test::largest_gap;
 using model::Effect;
-using study::SliderCrankReference;
 using study::SliderCrankSpec;
+using test::run;
 using test::settings;
-
-struct Errors {
-  double velocity = 0;  ///< RMS of the slider's [m/s]
-  double position = 0;  ///< largest of the slider's [m]
-  double gap = 0;       ///< largest [m]
-  double energy = 0;    ///< largest change [J]
-};
-
-Errors run(const SliderCrankSpec& spec, Method method, double step, double duration,
-           double tolerance = 1e-9) {
-  const model::Model model = handsim::test::slider_crank(spec);
-  Settings with = settings({Effect::gravity}, step, method);
-  with.tolerance = tolerance;
-  const auto engine = make_engine(model, with);
-  const auto reference = SliderCrankReference(spec).series(duration, step);
-  std::vector<double> torques(static_cast<std::size_t>(model.dof_count()), 0.0);
-  torques[0] = spec.torque;
-  const double start = energy(model, engine->state());
-  Errors out;
-  for (std::size_t i = 1; i < reference.size(); ++i) {
-    engine->step({torques});
-    const model::BodyState& slider = engine->state().bodies[handsim::test::kSlider];
-    out.velocity += std::pow(slider.v.x() - reference[i].vx, 2);
-    out.position = std::max(out.position, std::abs(slider.p.x() - reference[i].x));
-    out.gap = std::max(out.gap, largest_gap(model, engine->state()));
-    const double work = spec.torque * (reference[i].theta - spec.angle);
-    out.energy = std::max(out.energy, std::abs(energy(model, engine->state()) - start - work));
-  }
-  out.velocity = std::sqrt(out.velocity / static_cast<double>(reference.size() - 1));
-  return out;
-}
+using test::SliderCrankErrors;
 
 // Oracle: the reduction; the bounds are those that a reference has to meet.
 TEST(SliderCrank, IsFollowedByStabilisedGearToAHundredNanometresPerSecondOverFiveSeconds) {
-  const Errors errors = run(SliderCrankSpec::iftomm(), Method::stabilised_gear, 1e-3, 5);
+  const SliderCrankErrors errors = run(SliderCrankSpec::iftomm(), Method::stabilised_gear, 1e-3, 5);
   RecordProperty("rms_velocity_error", std::to_string(errors.velocity * 1e9) + " nm/s");
   EXPECT_LT(errors.velocity, 1e-7);
   EXPECT_LT(errors.position, 1e-7);
@@ -59,7 +28,7 @@ TEST(SliderCrank, IsFollowedByStabilisedGearToAHundredNanometresPerSecondOverFiv
 
 // Oracle: the reduction, driven to 45 rad/s by a torque.
 TEST(SliderCrank, IsFollowedByStabilisedGearUnderTorque) {
-  const Errors errors = run(SliderCrankSpec::constant_torque(), Method::stabilised_gear, 1e-3, 2);
+  const SliderCrankErrors errors = run(SliderCrankSpec::constant_torque(), Method::stabilised_gear, 1e-3, 2);
   EXPECT_LT(errors.velocity, 1e-6);
   EXPECT_LT(errors.gap, 1e-10);
 }

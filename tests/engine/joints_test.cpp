@@ -111,7 +111,7 @@ TEST(AngleSensor, ReadsTheModelsCoordinatesAndStops) {
 }
 
 // Oracle: closed form; the coordinate must come to rest inside its stop, a push outward on each side, for
-// each axis by itself. Tolerances of HARD_CASES row 9: past the stop by at most one step's travel.
+// each axis by itself. Tolerance: past the stop by at most one step's travel.
 TEST_P(EveryJoint, HoldsEachStopOnItsOwnSide) {
   std::mt19937 random(11);
   const double step = 1e-3;
@@ -237,7 +237,7 @@ TEST(Pair, KeepsItsMomentumWhileTheJointWorks) {
   EXPECT_LT(momenta().second.norm(), 4e-5);
 }
 
-// Oracle: Newton's law of restitution at the stop, within 0.05 (HARD_CASES row 9).
+// Oracle: Newton's law of restitution at the stop, within 0.05.
 TEST(Stop, BouncesByItsRatio) {
   for (const double bounce : {0.3, 0.5, 0.8}) {
     model::Model model = test::hinged_body();

@@ -159,6 +159,17 @@ inline std::vector<std::uint64_t> bits(const model::State& state) {
   return out;
 }
 
+/// What making an engine says against the model or the settings; empty where it says nothing.
+inline std::string refusal(const model::Model& model, const Settings& with) {
+  try {
+    make_engine(model, with);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::input) throw;
+    return error.what();
+  }
+  return "";
+}
+
 inline void run(Engine& engine, int steps) {
   for (int i = 0; i < steps; ++i) engine.step({});
 }

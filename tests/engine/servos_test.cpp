@@ -55,8 +55,7 @@ double worst_departure(Method method, double h) {
   return worst;
 }
 
-// Oracle: the discrete recurrence. 1e-12: rounding of 500 steps; the bound for the iterative solver is the
-// issue's.
+// Oracle: the discrete recurrence. 1e-12: rounding of 500 steps; the iterative solver's bound is looser.
 TEST(Servo, FollowsTheImplicitRecurrenceWithWorldStepTo1e12) {
   for (const double h : {1e-3, 5e-3, 1e-2, 2e-2})
     EXPECT_LT(worst_departure(Method::world_step, h), 1e-12) << h;

@@ -89,7 +89,7 @@ double apart(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
   return (a - b).cwiseAbs().maxCoeff() / std::max(1e-300, b.cwiseAbs().maxCoeff());
 }
 
-// Oracle: MuJoCo. 1e-9 relative at 1000 random states: the bound.
+// Oracle: MuJoCo. Bound: 1e-9 relative, at 1000 random states.
 TEST_P(InMujoco, TheSameDynamicsComeOut) {
   const scene::Scene scene = hand(GetParam().first, GetParam().second);
   const ModelPointer other = load(output::to_mjcf(scene.model, scene.spec.solver), "hand.xml");

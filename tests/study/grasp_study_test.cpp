@@ -51,8 +51,6 @@ TEST_P(ShippedGrasp, IsHeldWithWorldStepAndHardlySlips) {
 
 // Oracle: the same limits; and no step without a solution.
 TEST_P(ShippedGrasp, IsHeldByTheArticulatedEngineAndHardlySlips) {
-  if (GetParam() == "grasp_cracker_box")
-    GTEST_SKIP() << "turns by 2.2 degrees in the shake (README, the articulated engine)";
   const scene::Scene scene = shortened(
       GetParam(),
       {"solver.engine=articulated", "solver.method=semi_implicit_euler",
@@ -67,8 +65,6 @@ TEST_P(ShippedGrasp, IsHeldByTheArticulatedEngineAndHardlySlips) {
 }
 
 TEST_P(ShippedGrasp, IsHeldWithQuickStepAt50Iterations) {
-  if (GetParam() == "grasp_cracker_box")
-    GTEST_SKIP() << "moves beyond the limit in the shake (README, Grasping)";
   EXPECT_TRUE(run(shortened(GetParam(), {kBrief, "solver.method=quick_step", "solver.iterations=50"})).held);
 }
 

@@ -108,7 +108,13 @@ class ContactNewton {
   double residual() const;
   bool release();
   bool solved(double tolerance, NewtonReport& report);
-  static std::array<double, 3> stiffness(const Disc& disc);
+  /// Of a disc's impulses against its velocities: xx, xy, yy.
+  static std::array<double, 3> stiffness(const Disc& disc) {
+    if (!disc.slides) return {1 / disc.soft, 0, 1 / disc.soft};
+    return {disc.lateral * (1 - disc.px * disc.x),
+            -0.5 * disc.lateral * (disc.px * disc.y + disc.py * disc.x),
+            disc.lateral * (1 - disc.py * disc.y)};
+  }
   void assemble();
   void factor();
   void solve_factored(double* x) const;

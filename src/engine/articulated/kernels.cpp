@@ -8,8 +8,10 @@ namespace handsim::engine::articulated {
 std::vector<const Kernel*> kernels() {
   std::vector<const Kernel*> out = {&kScalarKernel};
   if (kBaselineKernel.width > 1) out.push_back(&kBaselineKernel);
-#if defined(HANDSIM_X86_KERNELS)
+#if defined(HANDSIM_AVX2_KERNEL)
   if (__builtin_cpu_supports("avx2")) out.push_back(&kAvx2Kernel);
+#endif
+#if defined(HANDSIM_AVX512_KERNEL)
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
       __builtin_cpu_supports("avx512vl"))
     out.push_back(&kAvx512Kernel);

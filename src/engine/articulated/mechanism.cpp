@@ -7,6 +7,7 @@
 #include <map>
 #include <new>
 
+#include "handsim/engine/articulated/mechanism_lanes.h"
 #include "handsim/engine/articulated/spin.h"
 #include "handsim/model/kinematics.h"
 
@@ -15,10 +16,6 @@ namespace handsim::engine::articulated {
 namespace {
 
 constexpr std::size_t kAlignment = 64;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-bool single(NodeKind kind) { return kind == NodeKind::revolute || kind == NodeKind::prismatic; }
 
 /// Nodes of one depth and kind, in their order.
 std::vector<std::vector<int>> levels(const Topology& topology) {
@@ -39,85 +36,7 @@ const Kernel& fitting(const Topology& topology) {
   return choose_kernel(sizes);
 }
 
-template <int W>
-void put3(Lane<W>* to, int lane, const Vec3& v) {
-  for (int i = 0; i < 3; ++i) to[i][lane] = v[i];
-}
-template <int W>
-void put4(Lane<W>* to, int lane, const Quat& q) {
-  for (int i = 0; i < 4; ++i) to[i][lane] = q.coeffs()[i];
-}
-template <int W>
-Vec3 get3(const Lane<W>* from, int lane) {
-  return {from[0][lane], from[1][lane], from[2][lane]};
-}
-template <int W>
-Quat get4(const Lane<W>* from, int lane) {
-  return {from[3][lane], from[0][lane], from[1][lane], from[2][lane]};
-}
-
-/// Calls f with the width as a compile-time number.
-template <class F>
-decltype(auto) of_width(int width, F&& f) {
-  switch (width) {
-    case 2:
-      return f(std::integral_constant<int, 2>());
-    case 4:
-      return f(std::integral_constant<int, 4>());
-    case 8:
-      return f(std::integral_constant<int, 8>());
-    default:
-      return f(std::integral_constant<int, 1>());
-  }
-}
-
 }  // namespace
-
-/// Typed views of a mechanism of width W.
-template <int W>
-struct Mechanism::In {
-  explicit In(const Mechanism& m)
-      : batch(static_cast<Batch<W>*>(m.tree_.batch)),
-        axis(static_cast<Axis<W>*>(m.tree_.axis)),
-        joint3(static_cast<Joint3<W>*>(m.tree_.joint3)),
-        base(static_cast<Frame<W>*>(m.tree_.base)) {}
-  Batch<W>* batch;
-  Axis<W>* axis;
-  Joint3<W>* joint3;
-  Frame<W>* base;
-
-  static void empty(Batch<W>& b) {
-    for (int lane = 0; lane < W; ++lane) {
-      put4<W>(b.before, lane, Quat::Identity());
-      put4<W>(b.turned, lane, Quat(0, 0, 0, 1));
-      put3<W>(b.direction, lane, Vec3::UnitZ());
-      b.mass[lane] = 1;
-      put3<W>(b.inertia, lane, Vec3::Ones());
-    }
-  }
-  static void fill(Batch<W>& b, int lane, const Node& node) {
-    put4<W>(b.before, lane, node.before);
-    put4<W>(b.turned, lane, node.turned);
-    put3<W>(b.direction, lane, node.axis);
-    put3<W>(b.anchor, lane, node.anchor);
-    put3<W>(b.arm, lane, node.arm);
-    b.mass[lane] = node.mass;
-    put3<W>(b.inertia, lane, node.inertia);
-  }
-  static void fill(Axis<W>& a, int lane, const model::JointAxis& axis, const model::Effects& effects) {
-    a.present[lane] = 1;
-    if (axis.stop && effects.has(model::Effect::joint_stops)) {
-      a.low[lane] = axis.stop->low;
-      a.high[lane] = axis.stop->high;
-      a.bounce[lane] = axis.stop->bounce;
-    }
-    if (axis.tissue && effects.has(model::Effect::passive_tissue)) {
-      a.stiffness[lane] = axis.tissue->stiffness;
-      a.damping[lane] = axis.tissue->damping;
-      a.rest[lane] = axis.tissue->rest;
-    }
-  }
-};
 
 NodeView Mechanism::view(std::size_t node) const {
   return of_width(kernel_->width, [&](auto w) {
@@ -404,118 +323,6 @@ void Mechanism::give(model::State& state) const {
       body.w = turn;
     }
   });
-}
-
-void Mechanism::set_torques(std::span<const double> torques) {
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
-    for (const Driven& each : driven_)
-      in.axis[each.axis].tau[each.lane] = torques.empty() ? 0 : torques[each.dof];
-    for (const int ball : balls_) {
-      const Node& node = topology_.nodes[at(ball)];
-      const Seat& seat = seats_[at(ball)];
-      Vec3 tau = Vec3::Zero();
-      if (!torques.empty()) {
-        const auto first = at(model_.joints[at(*node.joint)].first_dof);
-        tau = {torques[first], torques[first + 1], torques[first + 2]};
-      }
-      // The model's torque acts on its child, in its F.
-      if (node.reversed) {
-        const double* q = tree_.q + seat.q;
-        const std::size_t n = stride();
-        tau = -(Quat(q[3 * n], q[0], q[n], q[2 * n]) * tau);
-      }
-      put3<W>(in.joint3[in.batch[seat.batch].axis].tau, seat.lane, tau);
-    }
-  });
-}
-
-bool Mechanism::set_servos(std::span<const model::Servo> servos, bool absolute) {
-  if (servos.empty() && servos_at_rest_) return true;
-  servos_at_rest_ = servos.empty();
-  return of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
-    bool sound = true;
-    for (const Driven& each : driven_) {
-      Axis<W>& a = in.axis[each.axis];
-      const int lane = each.lane;
-      const model::Servo servo = servos.empty() ? model::Servo{} : servos[each.dof];
-      const bool on = servo.limit != 0;
-      a.servo_stiffness[lane] = on ? servo.stiffness : 0;
-      a.servo_damping[lane] = on ? servo.damping : 0;
-      a.servo_error[lane] = on ? servo.error : 0;
-      a.servo_feed[lane] = on ? servo.feed : 0;
-      a.servo_limit[lane] = servo.limit;
-      if (!on) a.saturated[lane] = 0;
-      if (absolute && on) a.servo_error[lane] += tree_.q[in.batch[each.batch].q + lane];
-      const double sum = servo.stiffness + servo.damping;
-      // Written so that NaN fails.
-      sound = sound && (!on || (servo.stiffness >= 0 && servo.damping >= 0 && sum > 0 && servo.limit > 0 &&
-                                std::isfinite(sum) && std::isfinite(servo.error + servo.feed)));
-    }
-    return sound;
-  });
-}
-
-int Mechanism::stops_in_force() const {
-  return of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
-    int count = 0;
-    for (int i = 0; i < axes_; ++i)
-      for (int lane = 0; lane < W; ++lane) count += in.axis[i].side[lane] != 0 ? 1 : 0;
-    return count;
-  });
-}
-
-void Mechanism::forget_contacts() {
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
-    for (int i = 0; i < axes_; ++i)
-      for (int lane = 0; lane < W; ++lane) in.axis[i].side[lane] = in.axis[i].saturated[lane] = 0;
-  });
-}
-
-template <class Archive, class Self>
-void Mechanism::carry(Archive& archive, Self& self) {
-  const std::size_t n = self.stride();
-  for (std::size_t i = 0; i < self.seats_.size(); ++i) {
-    const Seat& seat = self.seats_[i];
-    const NodeKind kind = self.topology_.nodes[i].kind;
-    for (std::size_t k = 0; k < at(position_count(kind)); ++k) archive(self.tree_.q[seat.q + k * n]);
-    for (std::size_t k = 0; k < at(rate_count(kind)); ++k) archive(self.tree_.u[seat.u + k * n]);
-  }
-  for (auto& base : self.bases_) {
-    archive(base.pose.p);
-    archive(base.pose.q);
-    for (auto* v : {&base.v, &base.w, &base.dv, &base.dw}) archive(*v);
-  }
-  of_width(self.kernel_->width, [&](auto w) {
-    const In<w> in(self);
-    for (const Driven& each : self.driven_) {
-      archive(in.axis[each.axis].side[each.lane]);
-      archive(in.axis[each.axis].saturated[each.lane]);
-    }
-  });
-}
-
-void Mechanism::save(ArchiveWriter& out) const { carry(out, *this); }
-
-void Mechanism::restore(ArchiveReader& in) {
-  carry(in, *this);
-  // Values that no solution leaves would never be put right.
-  of_width(kernel_->width, [&](auto w) {
-    const In<w> of(*this);
-    for (const Driven& each : driven_)
-      for (const double value : {of.axis[each.axis].side[each.lane], of.axis[each.axis].saturated[each.lane]})
-        if (value != 0 && std::abs(value) != 1) in.refuse("a stop that is in force by half", "-1, 0 or 1");
-  });
-  settle_bases();
-  // The tree holds what it was last told, not what the next step is told.
-  servos_at_rest_ = false;
 }
 
 }  // namespace handsim::engine::articulated

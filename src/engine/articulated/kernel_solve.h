@@ -1,0 +1,200 @@
+// Of kernel.h: the articulated-body algorithm (Featherstone 2008, section 7.3, Table 7.1, p. 132).
+#pragma once
+
+#include "handsim/engine/articulated/kernel.h"
+
+namespace handsim::engine::articulated {
+
+template <class V>
+inline Inertia<V> Lanes<V>::inertia(const Batches& b) {
+  if (b.massless) return {load_sym(b.A), load_mat(b.B), load_sym(b.C)};
+  const V mass = load(b.mass), zero = 0.0;
+  const V3<V> h = load3(b.h);
+  Inertia<V> out = {load_sym(b.I),
+                    {{zero, zero - h.z, h.y}, {h.z, zero, zero - h.x}, {zero - h.y, h.x, zero}},
+                    {mass, zero, zero, mass, zero, mass}};
+  if (!b.has_children) return out;
+  const Mat<V> B = load_mat(b.B);
+  return {out.A + load_sym(b.A), {out.B.r0 + B.r0, out.B.r1 + B.r1, out.B.r2 + B.r2}, out.C + load_sym(b.C)};
+}
+
+template <class V>
+inline V6<V> Lanes<V>::bias(const Batches& b) {
+  if (b.massless) return load6(b.p);
+  const V6<V> own = load6(b.pv);
+  return b.has_children ? own + load6(b.p) : own;
+}
+
+/// Adds what a batch hands down to its parents.
+template <class V>
+inline void Lanes<V>::hand_down(const Tree& tree, const Batches& b, const Inertia<V>& I, const V6<V>& p) {
+  if (b.link == ParentLink::aligned) {
+    Batches& to = batches(tree)[b.parent];
+    store_sym(to.A, load_sym(to.A) + I.A);
+    const Mat<V> B = load_mat(to.B);
+    store_mat(to.B, {B.r0 + I.B.r0, B.r1 + I.B.r1, B.r2 + I.B.r2});
+    store_sym(to.C, load_sym(to.C) + I.C);
+    store6(to.p, load6(to.p) + p);
+    return;
+  }
+  alignas(64) Lane<W> sum[kHanded];
+  store_sym(sum, I.A);
+  store_mat(sum + 6, I.B);
+  store_sym(sum + 15, I.C);
+  store6(sum + 21, p);
+  for (int lane = b.used - 1; lane >= 0; --lane) {
+    double* to = &batches(tree)[b.parent_batch[lane]].A[0][0] + b.parent_lane[lane];
+    for (int i = 0; i < kHanded; ++i) to[i * W] += sum[i][lane];
+  }
+}
+
+template <class V>
+inline void Lanes<V>::solve(const Tree& tree) {
+  for (int i = 0; i < tree.batches; ++i) clear(batches(tree)[i]);
+  for (int i = tree.batches - 1; i >= 0; --i) {
+    Batches& b = batches(tree)[i];
+    if (single(b))
+      inward(tree, b);
+    else if (b.kind == NodeKind::ball)
+      inward_many<3>(tree, b);
+    else
+      inward_many<6>(tree, b);
+  }
+  for (int i = 0; i < tree.batches; ++i) {
+    Batches& b = batches(tree)[i];
+    if (single(b))
+      outward(tree, b);
+    else if (b.kind == NodeKind::ball)
+      outward_many<3>(tree, b);
+    else
+      outward_many<6>(tree, b);
+  }
+}
+
+template <class V>
+inline void Lanes<V>::clear(Batches& b) {
+  if (!b.has_children) return;
+  const V zero = 0.0;
+  for (int i = 0; i < kHanded; ++i) store(&b.A[0][0] + i * W, zero);
+}
+
+/// The same as by the 6 x 6 blocks, to the bit, without their zeros.
+template <class V>
+inline V6<V> Lanes<V>::times_rigid(const Batches& b, const Sym3<V>& I, const V6<V>& S) {
+  const V3<V> h = load3(b.h);
+  return {I * S.n + cross(h, S.f), cross(S.n, h) + load(b.mass) * S.f};
+}
+
+template <class V>
+inline void Lanes<V>::inward(const Tree& tree, Batches& b) {
+  const Axes& a = axis(tree, b);
+  const Inertia<V> I = inertia(b);
+  const V6<V> S = load6(b.S), p = bias(b);
+  const V6<V> U = b.has_children ? I * S : times_rigid(b, I.A, S);
+  const V D = dot(S, U), locked = load(a.locked), weighted = D + load(a.weight);
+  // A locked coordinate hands its whole inertia down and takes the acceleration it is given.
+  const V inverse = (V(1.0) - locked) / weighted;
+  const V u = load(a.force) - dot(S, p);
+  const V rate = inverse * u + locked * load(a.given);
+  store6(b.U, U);
+  store(b.weighted, weighted);
+  store(b.inverse, inverse);
+  store(b.u_force, u);
+  store(b.rate, rate);
+  if (b.link == ParentLink::base) return;
+  const Inertia<V> handed = {less(I.A, inverse, U.n), less(I.B, inverse, U.n, U.f), less(I.C, inverse, U.f)};
+  const V6<V> c = load6(b.c);
+  hand_down(tree, b, handed, p + handed * c + rate * U);
+}
+
+template <class V>
+inline void Lanes<V>::outward(const Tree& tree, Batches& b) {
+  Frames scratch;
+  const V6<V> a = load6(parent(tree, b, scratch).a) + load6(b.c);
+  const V carried = dot(load6(b.U), a);
+  const V rate = load(b.rate) - load(b.inverse) * carried;
+  store(tree.du + b.u, rate);
+  // What the law of motion lacks is the lock's force.
+  store(axis(tree, b).reaction, load(b.weighted) * rate + carried - load(b.u_force));
+  store6(b.frame.a, a + rate * load6(b.S));
+}
+
+/// D = L L^T in place, lower triangle, its diagonal inverted.
+template <class V>
+template <int N>
+inline void Lanes<V>::factor(Lane<W> (*D)[6]) {
+  for (int j = 0; j < N; ++j) {
+    V sum = load(D[j][j]);
+    for (int k = 0; k < j; ++k) sum = sum - load(D[j][k]) * load(D[j][k]);
+    const V inverse = V(1.0) / square_root(sum);
+    store(D[j][j], inverse);
+    for (int i = j + 1; i < N; ++i) {
+      V s = load(D[i][j]);
+      for (int k = 0; k < j; ++k) s = s - load(D[i][k]) * load(D[j][k]);
+      store(D[i][j], s * inverse);
+    }
+  }
+}
+
+/// x = D^-1 x by its factor.
+template <class V>
+template <int N>
+inline void Lanes<V>::solve_factored(const Lane<W> (*D)[6], V (&x)[N]) {
+  for (int i = 0; i < N; ++i) {
+    for (int k = 0; k < i; ++k) x[i] = x[i] - load(D[i][k]) * x[k];
+    x[i] = x[i] * load(D[i][i]);
+  }
+  for (int i = N - 1; i >= 0; --i) {
+    for (int k = i + 1; k < N; ++k) x[i] = x[i] - load(D[k][i]) * x[k];
+    x[i] = x[i] * load(D[i][i]);
+  }
+}
+
+template <class V>
+template <int N>
+inline void Lanes<V>::inward_many(const Tree& tree, Batches& b) {
+  Joints3& joint = joint3(tree, b);
+  Inertia<V> I = inertia(b);
+  V6<V> p = bias(b);
+  V u[N];
+  for (int j = 0; j < N; ++j) {
+    const V6<V> S = load6(joint.S[j]), U = I * S;
+    store6(joint.U[j], U);
+    for (int i = 0; i <= j; ++i) store(joint.D[j][i], dot(load6(joint.S[i]), U));
+    u[j] = load(joint.tau[j]) - dot(S, p);
+  }
+  factor<N>(joint.D);
+  solve_factored<N>(joint.D, u);
+  for (int j = 0; j < N; ++j) store(joint.rate[j], u[j]);
+  if (b.link == ParentLink::base) return;
+  // L^-1 U^T, row by row: U D^-1 U^T is the sum of its squares.
+  V6<V> half[N];
+  for (int j = 0; j < N; ++j) {
+    half[j] = load6(joint.U[j]);
+    p = p + u[j] * half[j];
+    for (int k = 0; k < j; ++k) half[j] = half[j] + V(-load(joint.D[j][k])) * half[k];
+    half[j] = load(joint.D[j][j]) * half[j];
+    const V one = 1.0;
+    I = {less(I.A, one, half[j].n), less(I.B, one, half[j].n, half[j].f), less(I.C, one, half[j].f)};
+  }
+  hand_down(tree, b, I, p + I * load6(b.c));
+}
+
+template <class V>
+template <int N>
+inline void Lanes<V>::outward_many(const Tree& tree, Batches& b) {
+  const Joints3& joint = joint3(tree, b);
+  Frames scratch;
+  V6<V> a = load6(parent(tree, b, scratch).a) + load6(b.c);
+  V x[N];
+  for (int j = 0; j < N; ++j) x[j] = dot(load6(joint.U[j]), a);
+  solve_factored<N>(joint.D, x);
+  for (int j = 0; j < N; ++j) {
+    x[j] = load(joint.rate[j]) - x[j];
+    store(tree.du + b.u + j * W, x[j]);
+    a = a + x[j] * load6(joint.S[j]);
+  }
+  store6(b.frame.a, a);
+}
+
+}  // namespace handsim::engine::articulated
