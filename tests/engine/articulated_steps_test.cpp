@@ -124,8 +124,7 @@ TEST(ArticulatedStop, LetsGoWithoutASpike) {
 }
 
 // Oracle: ODE with hard stops (no pull back, so that it does not rebound): both hands come to rest on the
-// same stops on the same way. Of first order, so that a tenth of a
-// small step brings them ten times as near; at 1 ms the times of impact still differ by whole steps.
+// same stops on the same way. Of first order, so a tenth of the step brings them ten times as near.
 TEST(ArticulatedStop, StopsAFallingHandAsOdeDoes) {
   const model::Model model = test::five_fingers(true, true);
   const auto fall = [&](Method method, double h) {
@@ -144,10 +143,9 @@ TEST(ArticulatedStop, StopsAFallingHandAsOdeDoes) {
     for (std::size_t i = 0; i < a.size(); ++i) out = std::max(out, std::abs(a[i] - b[i]));
     return out;
   };
-  const double coarse = distance(1e-3), fine = distance(1e-4), finest = distance(1e-5);
+  const double coarse = distance(1e-3), fine = distance(1e-4);
   EXPECT_LT(coarse, 0.05);
-  EXPECT_LT(fine, coarse);
-  EXPECT_LT(finest, 0.2 * fine);
+  EXPECT_LT(fine, 0.2 * coarse);
 }
 
 // Oracle: closed form of a damped oscillator, to the method's order.

@@ -17,9 +17,8 @@ constexpr int kParamGroup = dParamLoStop2 - dParamLoStop;
 
 /// A stop is looked out for by this many steps of the present rate, for what the step adds to it.
 constexpr double kCatchSteps = 2;
-/// A stop that this rate would reach in a step is put into the step whatever the rate is: what another joint
-/// meets in the same step may throw this one on it [rad/s] or [m/s].
-constexpr double kThrown = 1;
+/// Nearer to its stop than this a coordinate counts as on it, whatever its rate [rad] or [m].
+constexpr double kOnStop = 1e-6;
 
 /// ODE's number (0 or 1) of one of our axes.
 int ode_axis(JointKind kind, std::size_t axis) {
@@ -335,7 +334,7 @@ int Joints::prepare_stops(Watch& watched, const std::array<Direction, 2>& at,
   const auto spin = [&](int body) -> const Vec3& { return state.bodies[static_cast<std::size_t>(body)].w; };
   // No rate exceeds the relative angular velocity, as the axes are perpendicular.
   const double reach =
-      step_ * (kThrown + kCatchSteps * (spin(link.joint->child) - spin(link.joint->parent)).norm());
+      kOnStop + kCatchSteps * step_ * (spin(link.joint->child) - spin(link.joint->parent)).norm();
   int reached = 0;
   for (std::size_t i = 0; i < 2; ++i) {
     if (!watched.stops[i]) continue;
@@ -374,16 +373,14 @@ int Joints::prepare_stop(SliderWatch& slider, double q, const model::State& stat
 // this step would reach it.
 bool Joints::catch_approach(const Link& link, const Approach& approach, bool& caught) const {
   const double above = approach.high - approach.q, below = approach.q - approach.low;
-  bool rises = approach.rate > 0;
-  if (!(kCatchSteps * step_ * std::abs(approach.rate) > (rises ? above : below))) {
-    if (!(std::min(above, below) < kThrown * step_)) {
-      let_go(link, approach, caught);
-      return false;
-    }
-    rises = above < below;
-  }
+  const bool on_stop = std::min(above, below) < kOnStop;
+  const bool rises = on_stop ? above < below : approach.rate > 0;
   const double left = rises ? above : below;
   const double way = step_ * (rises ? approach.rate : -approach.rate);
+  if (!on_stop && !(kCatchSteps * way > left)) {
+    let_go(link, approach, caught);
+    return false;
+  }
   const double bounce = way > left ? link.joint->axes[approach.axis].stop->bounce : 0.0;
   if (rises)
     set_stop(link, approach.axis, -dInfinity, approach.q - 1, -left, bounce);
