@@ -78,13 +78,4 @@ std::span<const MeasureKind> measure_kinds();
 /// Null where there is none of this name.
 const MeasureKind* measure_kind(std::string_view name);
 
-// The procedures, for the table.
-Figure convergence(const SceneMaker& scene, const MeasureSpec& spec);
-Figure energy_order(const SceneMaker& scene, const MeasureSpec& spec);
-Figure release_ratio(const SceneMaker& scene, const MeasureSpec& spec);
-Figure repeats(const SceneMaker& scene, const MeasureSpec& spec);
-Figure twin(const SceneMaker& scene, const MeasureSpec& spec);
-Figure round_trip(const SceneMaker& scene, const MeasureSpec& spec);
-Figure abuse(const SceneMaker& scene, const MeasureSpec& spec);
-
 }  // namespace handsim::study

@@ -1,5 +1,6 @@
 // Procedures of hard cases: runs that are compared with each other.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -9,7 +10,7 @@
 #include <fmt/format.h>
 
 #include "handsim/model/kinematics.h"
-#include "handsim/study/stability_measures.h"
+#include "handsim/study/measure_tools.h"
 
 namespace handsim::study {
 
@@ -128,8 +129,6 @@ bool refused(Call call) {
   }
   return false;
 }
-
-}  // namespace
 
 Figure convergence(const SceneMaker& scene, const MeasureSpec& spec) {
   // The ladder falls; its last step is the reference.
@@ -323,5 +322,70 @@ Figure abuse(const SceneMaker& scene, const MeasureSpec&) {
   expect(same_bits(healthy->state(), alone->state()), "another world changed");
   return out;
 }
+
+using D = Dimension;
+
+const std::array kKinds = {
+    MeasureKind{"convergence",
+                "slope of log position error over log step, the ladder's smallest step being the reference",
+                D::none,
+                "",
+                true,
+                {.steps = true},
+                nullptr,
+                convergence},
+    MeasureKind{"energy_order",
+                "order in the step of the largest energy error; infinite where energy is kept to 1e-7",
+                D::none,
+                "",
+                true,
+                {.steps = true},
+                nullptr,
+                energy_order},
+    MeasureKind{"release_ratio",
+                "first rates off a stop over those without stops",
+                D::none,
+                "",
+                false,
+                {.joint = true},
+                nullptr,
+                release_ratio},
+    MeasureKind{
+        "repeats",
+        "runs whose bits differ: again, eight threads at once, beside others, after restore and reset",
+        D::none,
+        "",
+        false,
+        {},
+        nullptr,
+        repeats},
+    MeasureKind{"twin",
+                "distance of bodies from those of the run with other settings",
+                D::length,
+                "m",
+                false,
+                {.set = true},
+                nullptr,
+                twin},
+    MeasureKind{"round_trip",
+                "torques found back from the motion that they make, relative",
+                D::none,
+                "",
+                false,
+                {},
+                nullptr,
+                round_trip},
+    MeasureKind{"abuse",
+                "bad torques and states that are not refused, or that other worlds notice",
+                D::none,
+                "",
+                false,
+                {},
+                nullptr,
+                abuse}};
+
+}  // namespace
+
+std::span<const MeasureKind> procedures() { return kKinds; }
 
 }  // namespace handsim::study
