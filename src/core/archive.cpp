@@ -20,7 +20,6 @@ constexpr std::size_t kWord = 8;
 
 std::uint64_t hash_bytes(std::string_view bytes, std::uint64_t seed) {
   // No bytes may have no address, which XXH64 does not ask for then, but must not be handed either.
-  // A view of nothing may have no place.
   const char* data = bytes.data();
   return XXH64(data ? data : "", bytes.size(), seed);
 }
