@@ -253,6 +253,42 @@ void judge(StabilityRow& row, const StabilityCase& of) {
                              : (known ? StabilityVerdict::known_short : StabilityVerdict::fell_short);
 }
 
+/// Says which case and way a bad scene or override belongs to.
+Error in_case(const Job& job, const Error& error) {
+  std::vector<Problem> problems = error.problems();
+  for (Problem& problem : problems)
+    problem.key = fmt::format("{} ({}): {}", job.the_case->name, job.way->name, problem.key);
+  return Error(std::move(problems));
+}
+
+/// A long study should not end on a bad scene of its last case: every way's first scene that is bad is said
+/// before any runs. Of persons, who all go into one scene, the first is looked at.
+/// @throws Error (input)
+void check(const std::vector<Job>& jobs) {
+  std::vector<Problem> problems;
+  const Job* before = nullptr;
+  bool said = false;
+  for (const Job& job : jobs) {
+    const bool same_way = before && before->the_case == job.the_case && before->way == job.way;
+    before = &job;
+    if (same_way && (said || job.the_case->persons)) continue;
+    said = false;
+    if (job.way->refused) continue;
+    try {
+      const scene::Scene scene = load(job);
+      for (const MeasureSpec& spec : job.the_case->measures)
+        if (const MeasureKind* kind = measure_kind(spec.kind); kind->make) kind->make(scene, spec);
+      const Simulation simulation(scene);
+    } catch (const Error& error) {
+      if (error.fault()) continue;  // is for the run to say
+      const std::vector<Problem> more = in_case(job, error).problems();
+      problems.insert(problems.end(), more.begin(), more.end());
+      said = true;
+    }
+  }
+  if (!problems.empty()) throw Error(std::move(problems));
+}
+
 /// Runs the jobs in threads; the first error of input stops all and is thrown.
 class Pool {
  public:
@@ -300,13 +336,6 @@ class Pool {
     const std::lock_guard lock(mutex_);
     if (!error_) error_ = std::move(error);
     stop_ = true;
-  }
-  /// Says which case and way a bad scene or override belongs to.
-  static Error in_case(const Job& job, const Error& error) {
-    std::vector<Problem> problems = error.problems();
-    for (Problem& problem : problems)
-      problem.key = fmt::format("{} ({}): {}", job.the_case->name, job.way->name, problem.key);
-    return Error(std::move(problems));
   }
 
   std::vector<Job>& jobs_;
@@ -385,6 +414,7 @@ StabilityResult run_stability(const StabilitySpec& spec, const StabilityOptions&
     std::move(more.begin(), more.end(), std::back_inserter(jobs));
     result.cases.push_back({of, {}, {}, {}});
   }
+  check(jobs);
   Pool(jobs, options).run_all();
   for (Job& job : jobs) {
     CaseResult& into = result.cases[job.of];

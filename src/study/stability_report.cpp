@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
 
 #include <fmt/format.h>
@@ -271,36 +272,54 @@ std::string stability_table(const StabilityResult& result) {
   return out;
 }
 
+namespace {
+
+/// The worst row that is to hold; null: none.
+const StabilityRow* worst_held(const std::vector<StabilityRow>& rows) {
+  const StabilityRow* worst = nullptr;
+  for (const StabilityRow& row : rows)
+    if (row.verdict != StabilityVerdict::known_short && (!worst || row.severity() > worst->severity()))
+      worst = &row;
+  return worst;
+}
+
+/// `to 0.0225 m: ODE world_step 1 ms, ODE quick_step 20 1 ms`; empty where nothing falls short as known.
+std::string known_short(const std::vector<StabilityRow>& rows) {
+  const StabilityRow* worst = nullptr;
+  std::vector<std::string> ways;
+  for (const StabilityRow& row : rows) {
+    if (row.verdict != StabilityVerdict::known_short) continue;
+    if (!worst || row.severity() > worst->severity()) worst = &row;
+    ways.push_back(fmt::format("{} {} ms", row.way, milliseconds(row.step)));
+  }
+  if (!worst) return {};
+  return fmt::format("{}: {}", worst->fault.empty() ? "to " + figure(worst->value, worst->unit) : "diverges",
+                     fmt::join(ways, ", "));
+}
+
+}  // namespace
+
 std::string stability_markdown(const StabilityResult& result) {
   std::string out =
-      "| case | measure, limit | worst that is to hold | known to fall short |\n| --- | --- | --- | --- |\n";
+      "| case | worst of what is to hold | known to fall short, and who does |\n| --- | --- | --- |\n";
   for (const CaseResult& of : result.cases) {
-    const std::vector<StabilityRow> worst = worst_rows(of);
-    bool first = true;
-    std::size_t refused = 0, accepted = 0;
-    for (const StabilityRow& row : worst)
-      if (row.measure == "refused") ++(row.within() ? refused : accepted);
+    std::map<std::string, std::vector<StabilityRow>> by_measure;
+    for (StabilityRow& row : worst_rows(of)) by_measure[row.measure].push_back(std::move(row));
+    std::vector<std::string> held, known;
     for (const MeasureSpec& measure : of.of->measures) {
-      const StabilityRow* least = nullptr;
-      std::vector<std::string> known;
-      for (const StabilityRow& row : worst) {
-        if (row.measure != measure.name) continue;
-        if (row.verdict == StabilityVerdict::known_short)
-          known.push_back(fmt::format("{} {} ms: {}", row.way, milliseconds(row.step),
-                                      row.fault.empty() ? figure(row.value, row.unit) : "diverges"));
-        else if (!least || row.severity() > least->severity())
-          least = &row;
-      }
-      if (!least) continue;
-      out += fmt::format("| {} | {} {}{}{} | {} ({} {} ms){} | {} |\n", first ? of.of->name : "",
-                         measure.name, limit(*least), least->unit.empty() ? "" : " ", least->unit,
-                         figure(least->value, least->unit), least->way, milliseconds(least->step),
-                         least->within() ? "" : " **falls short**", fmt::join(known, "; "));
-      first = false;
+      const std::vector<StabilityRow>& rows = by_measure[measure.name];
+      if (const StabilityRow* worst = worst_held(rows))
+        held.push_back(fmt::format("{} {} ({}){}", measure.name, figure(worst->value, worst->unit),
+                                   limit(*worst), worst->within() ? "" : " **falls short**"));
+      if (const std::string text = known_short(rows); !text.empty())
+        known.push_back(measure.name + " " + text);
     }
-    if (refused + accepted > 0)
-      out += fmt::format("| {} | refused with a message | {} of {} | |\n", first ? of.of->name : "", refused,
-                         refused + accepted);
+    if (const std::vector<StabilityRow>& refused = by_measure["refused"]; !refused.empty())
+      held.push_back(fmt::format(
+          "{} of {} refused with a message",
+          std::count_if(refused.begin(), refused.end(), [](const StabilityRow& row) { return row.within(); }),
+          refused.size()));
+    out += fmt::format("| {} | {} | {} |\n", of.of->name, fmt::join(held, "; "), fmt::join(known, "; "));
   }
   return out;
 }
@@ -316,7 +335,7 @@ bool write_stability(const StabilitySpec& spec, const StabilityResult& result,
 }
 
 void draw_stability(const StabilityResult& result, const std::filesystem::path& out) {
-  constexpr int kWidth = 480, kHeight = 360;
+  constexpr int kWidth = 400, kHeight = 300;
   std::vector<std::pair<const StabilityCase*, output::Image>> pictures;
   for (const CaseResult& of : result.cases) {
     if (!of.of->picture) continue;

@@ -12,7 +12,7 @@ namespace handsim::study {
 /// The rows as a table for the screen: of variants the worst.
 std::string stability_table(const StabilityResult& result);
 
-/// One row a measure, in Markdown: what holds it, and what is known to fall short.
+/// One row a case, in Markdown: the worst of what is to hold, and what is known to fall short.
 std::string stability_markdown(const StabilityResult& result);
 
 /// Writes stability.csv and stability.json (every variant), stability.md, and, where gnuplot is installed,

@@ -288,6 +288,25 @@ TEST(StabilityStudy, JudgesRefusalsAndFaults) {
   EXPECT_NE(row.fault.find("thing"), std::string::npos);
 }
 
+// Oracle: the contract: all problems at once, and before anything runs.
+TEST(StabilityStudy, SaysEveryBadWayBeforeAnyRuns) {
+  const Study study("[{measure: completes, limit: 0}]",
+                    "[{name: good}, {name: light, set: {bodies.0.mass: -1}}, {name: guarded, set: "
+                    "{solver.engine: articulated, effects: [step_guard]}}]");
+  StabilityOptions options;
+  int ran = 0;
+  options.progress = [&](double) { ++ran; };
+  try {
+    run_stability(study.spec, options);
+    FAIL() << "accepted";
+  } catch (const Error& error) {
+    const std::string said = error.what();
+    EXPECT_NE(said.find("thrown (light): bodies.0.mass"), std::string::npos) << said;
+    EXPECT_NE(said.find("thrown (guarded): effects"), std::string::npos) << said;
+  }
+  EXPECT_EQ(ran, 0);
+}
+
 // Oracle: one seed, the same persons; in range.
 TEST(StabilityStudy, DrawsPersonsThatRepeat) {
   const Study study("[{measure: completes, limit: 0}]", "[{name: any}]",
