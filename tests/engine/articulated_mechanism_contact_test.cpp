@@ -16,8 +16,6 @@ using test::add_solid;
 using test::kG;
 using test::sized;
 
-const std::initializer_list<Effect> kAll = {Effect::gravity, Effect::object_contact, Effect::friction};
-
 Settings settings(std::initializer_list<Effect> effects, double step = 1e-3) {
   return test::settings(effects, step, Method::semi_implicit_euler);
 }
