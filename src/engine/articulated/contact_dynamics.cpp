@@ -44,6 +44,7 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
       mechanism_(mechanism),
       loops_(loops),
       collider_(model, ode::immovable_bodies(model, settings.effects)),
+      crossed_(model),
       space_(mechanism),
       friction_(settings.effects.has(model::Effect::friction)),
       with_forces_(settings.contact_forces),
@@ -175,7 +176,8 @@ void ContactDynamics::join(int node_a, int node_b) {
 /// The contact's rows as its materials have them; the same laws as the ODE engine's.
 void ContactDynamics::add_contact(const Contact& contact, const model::Material& surface, int sharing,
                                   double step) {
-  const double friction = friction_ ? surface.friction : 0;
+  const double crossed = surface.compliance ? 0 : crossed_.giving(contact);
+  const double friction = friction_ && crossed == 0 ? surface.friction : 0;
   const double spinning = friction_ ? surface.spinning_friction : 0;
   const double rolling = friction_ ? surface.rolling_friction : 0;
   ContactRows& rows =
@@ -197,7 +199,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
     rows.softness = soft.cfm / step;
   } else {
     target = std::min(erp_ * inside / step, ode::kMaxCorrectingSpeed);
-    rows.softness = kNormalSoftness * giving;
+    rows.softness = std::max(kNormalSoftness * giving, crossed);
   }
   const Side a = side(contact.shape_a, contact.position), b = side(contact.shape_b, contact.position);
   const Vec3 v = frame.transpose() * (a.v - b.v), w = frame.transpose() * (a.w - b.w);
@@ -250,6 +252,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
 void ContactDynamics::add_contacts(double step) {
   frames_.clear();
   recalled_ = 0;
+  crossed_.find(collider_);
   for (const ode::Touch& touch : collider_.touches()) {
     const Contact& any = collider_.contacts()[touch.first];
     join(node_of(any.shape_a), node_of(any.shape_b));

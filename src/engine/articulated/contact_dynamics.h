@@ -11,6 +11,7 @@
 #include "handsim/engine/articulated/contact_newton.h"
 #include "handsim/engine/articulated/loops.h"
 #include "handsim/engine/ode/collider.h"
+#include "handsim/engine/ode/crossed.h"
 
 namespace handsim::engine::articulated {
 
@@ -88,6 +89,7 @@ class ContactDynamics {
   Mechanism& mechanism_;
   Loops* loops_;
   ode::Collider collider_;
+  ode::CrossedBodies crossed_;
   JointSpace space_;
   ContactNewton solver_;
   bool friction_, with_forces_;

@@ -22,6 +22,7 @@ Contacts::Contacts(OdeIds& ids, const model::Model& model, const Settings& setti
       bodies_(bodies),
       world_(ids.world.get()),
       collider_(model, immovable, bodies),
+      crossed_(model),
       memory_(model, bodies),
       friction_(settings.effects.has(model::Effect::friction)),
       remembers_(friction_ && settings.method != Method::world_step),
@@ -42,7 +43,7 @@ void Contacts::set_step(double step) {
 void Contacts::join(const model::State& state, bool iterative) {
   contact_joints_.clear();
   const std::vector<Contact>& found = collider_.contacts();
-  find_crossed();
+  crossed_.find(collider_);
   if (remembers_) memory_.recall(collider_, state);
   for (std::size_t k = 0; k < collider_.touches().size(); ++k) {
     const Touch& touch = collider_.touches()[k];
@@ -83,42 +84,6 @@ void Contacts::restore(ArchiveReader& in) {
   memory_.restore(in);
 }
 
-void Contacts::find_crossed() {
-  crossed_.clear();
-  for (const Touch& touch : collider_.touches()) {
-    const Contact& first = collider_.contacts()[touch.first];
-    if (touch.surface.compliance || first.depth < kCrossedDepth) continue;
-    const int a = moving_body(first.shape_a), b = moving_body(first.shape_b);
-    if (a == model::kWorld || b == model::kWorld) continue;
-    crossed_.push_back(a), crossed_.push_back(b);
-  }
-}
-
-/// The world where the shape is on a body that nothing pushes.
-int Contacts::moving_body(int shape) const {
-  const int body = model_.shapes[static_cast<std::size_t>(shape)].body;
-  return model_.bodies[static_cast<std::size_t>(body)].kinematic ? model::kWorld : body;
-}
-
-/// Of bodies that start through each other some contacts push against others or against joints: none may be
-/// rigid. With CFM = kCrossedSoftness h (1/m_a + 1/m_b) a contact gives way as a body of so small a share of
-/// their masses would, and pushes by (speed asked for + speed of approach) x reduced mass / kCrossedSoftness
-/// a step at most.
-void Contacts::give_way(dSurfaceParameters& surface, const Contact& contact) const {
-  if (crossed_.empty()) return;
-  double inverse_mass = 0;
-  bool crossed = false;
-  for (const int shape : {contact.shape_a, contact.shape_b}) {
-    const int body = moving_body(shape);
-    if (body == model::kWorld) continue;
-    inverse_mass += 1 / model_.bodies[static_cast<std::size_t>(body)].mass;
-    crossed = crossed || std::find(crossed_.begin(), crossed_.end(), body) != crossed_.end();
-  }
-  if (!crossed) return;
-  surface.mode |= dContactSoftCFM;
-  surface.soft_cfm = kCrossedSoftness * step_ * inverse_mass;
-}
-
 dBodyID Contacts::body_of(int shape) const {
   return bodies_[static_cast<std::size_t>(model_.shapes[static_cast<std::size_t>(shape)].body)].id;
 }
@@ -156,7 +121,11 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Pat
       surface.mode |= dContactSoftERP;
       surface.soft_erp = kMaxCorrectingSpeed * step_ / inside;
     }
-    give_way(surface, contact);
+    if (const double giving = crossed_.giving(contact); giving > 0) {
+      surface.mode |= dContactSoftCFM;
+      surface.soft_cfm = giving * step_;
+      surface.mu = 0;
+    }
   }
   // Of a pad that only spins, the moment is a motor's, whose row can be told a speed.
   const bool motor = patch != nullptr && between.compliance && between.rolling_friction == 0 &&

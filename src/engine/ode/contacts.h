@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "handsim/engine/ode/collider.h"
+#include "handsim/engine/ode/crossed.h"
 #include "handsim/engine/ode/presliding.h"
 
 namespace handsim::engine::ode {
@@ -15,12 +16,6 @@ inline constexpr double kSurfaceLayer = 1e-5;
 /// Fastest at which rigid surfaces found inside each other are driven apart [m/s]. ODE gives that speed to
 /// the bodies for good: at 1 m/s a ball of restitution 0 that falls 1 m jumps back at a fifth of its speed.
 inline constexpr double kMaxCorrectingSpeed = 0.1;
-/// Deeper than this rigid surfaces of two moving bodies have not been pressed: the bodies were put through
-/// each other [m].
-inline constexpr double kCrossedDepth = 2e-3;
-/// How far such bodies' contacts give way, against the pair's own inertia. Near 0: contacts that cannot all
-/// part at once throw the bodies (fingers crossed by 15 degrees: 72 m/s). Above 1: they part too slowly.
-inline constexpr double kCrossedSoftness = 0.1;
 
 class Contacts {
  public:
@@ -58,9 +53,6 @@ class Contacts {
                     const model::State& state) const;
   void add_spin_row(const Contact& contact, const Touch& touch, const Patch& patch);
   void soften(dSurfaceParameters& surface, const model::Compliance& pad, int sharing) const;
-  void find_crossed();
-  void give_way(dSurfaceParameters& surface, const Contact& contact) const;
-  int moving_body(int shape) const;
   dBodyID body_of(int shape) const;
   Vec3 sliding(const Contact& contact, const model::State& state) const;
   Vec3 point_velocity(int body, const Vec3& at, const model::State& state) const;
@@ -70,6 +62,7 @@ class Contacts {
   dWorldID world_;
   dJointGroupID joints_;
   Collider collider_;
+  CrossedBodies crossed_;
   PreslidingMemory memory_;
   bool friction_;
   bool remembers_;  ///< how far surfaces have crept
@@ -78,7 +71,6 @@ class Contacts {
   double step_;  ///< [s]
   Vec3 gravity_;
   Vec3 fall_;                             ///< velocity that gravity adds in one step [m/s]
-  std::vector<int> crossed_;              ///< bodies through another one, with repeats
   std::vector<dJointID> contact_joints_;  ///< as the list
   std::vector<dJointFeedback> feedback_;  ///< as the list, where forces are asked for
 };

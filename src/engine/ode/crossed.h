@@ -1,0 +1,40 @@
+// Bodies that were put through each other, such as fingers that start crossed.
+#pragma once
+
+#include <vector>
+
+#include "handsim/engine/ode/collider.h"
+
+namespace handsim::engine::ode {
+
+/// Deeper than this rigid surfaces of two moving bodies have not been pressed: the bodies were put through
+/// each other [m].
+inline constexpr double kCrossedDepth = 2e-3;
+/// How far such bodies' contacts give way, against the pair's own inertia. Near 0: contacts that cannot all
+/// part at once throw the bodies (fingers crossed by 15 degrees: 72 m/s). Above 1: they part too slowly.
+inline constexpr double kCrossedSoftness = 0.1;
+
+class CrossedBodies {
+ public:
+  /// The model must outlive this.
+  explicit CrossedBodies(const model::Model& model) : model_(model) {}
+
+  /// Looks through what the collider found.
+  void find(const Collider& collider);
+
+  /// Of bodies that start through each other some contacts push against others or against joints: none may be
+  /// rigid. A contact that gives way by kCrossedSoftness (1/m_a + 1/m_b) does so as a body of so small a
+  /// share of their masses would, and pushes by (speed asked for + speed of approach) x reduced mass /
+  /// kCrossedSoftness a step at most. Nor is it to rub: normals that look to both sides of a finger would jam
+  /// it with friction.
+  /// @returns that inverse mass for a rigid contact [1/kg]; 0 for one of bodies that are not crossed
+  double giving(const Contact& contact) const;
+
+ private:
+  int moving_body(int shape) const;
+
+  const model::Model& model_;
+  std::vector<int> bodies_;  ///< with repeats
+};
+
+}  // namespace handsim::engine::ode
