@@ -160,6 +160,7 @@ int run_scene_command(const RunArguments& arguments) {
 int render_command(const RenderArguments& arguments) {
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
   print_warnings(scene);
+  if (!scene.spec.engine_choice.empty()) fmt::print("engine auto: {}\n", scene.spec.engine_choice);
   if (arguments.time > scene.spec.duration)
     throw input_error("--time", fmt::format("{:g} s", arguments.time),
                       fmt::format("0 to the scene's duration of {:g} s", scene.spec.duration));

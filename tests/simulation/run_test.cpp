@@ -3,12 +3,6 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
-#if defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#include <sanitizer/allocator_interface.h>
-#endif
-#endif
-
 #include <cmath>
 
 #include <nlohmann/json.hpp>
@@ -18,6 +12,11 @@
 #include "handsim/simulation/pictures.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
+#include "support/sanitized.h"
+
+#ifdef HANDSIM_ADDRESS_SANITIZED
+#include <sanitizer/allocator_interface.h>
+#endif
 
 namespace handsim::simulation {
 namespace {
@@ -154,10 +153,8 @@ TEST(FailedRun, SaysWhereAndKeepsItsFiles) {
 /// Largest memory that the process has had [MB]; under the address sanitizer, which keeps what is freed for a
 /// while, the memory that is allocated.
 double peak_memory() {
-#if defined(__has_feature)
-#if __has_feature(address_sanitizer)
+#ifdef HANDSIM_ADDRESS_SANITIZED
   return static_cast<double>(__sanitizer_get_current_allocated_bytes()) / (1 << 20);
-#endif
 #endif
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);

@@ -14,6 +14,7 @@
 #include "handsim/simulation/run.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
+#include "support/sanitized.h"
 
 namespace handsim::simulation {
 namespace {
@@ -158,27 +159,28 @@ void expect_same(const Simulation& a, const Simulation& b) {
 // from a file's bytes and in one that has meanwhile gone elsewhere.
 TEST_P(EveryEngine, GoesOnFromASnapshotAsIfNeverStopped) {
   const Case& what = GetParam();
+  const int after = test::kSanitized ? what.after / 10 : what.after;
   const scene::Scene scene = shipped_scene(what.scene, what.overrides);
   Simulation whole(scene);
   steps(whole, what.before);
   const RunSnapshot snapshot = whole.snapshot();
-  steps(whole, what.after);
+  steps(whole, after);
   if (what.name.starts_with("guard")) {
     EXPECT_LT(whole.ledger().rungs()[0], whole.steps());
   }
   if (what.name.starts_with("contact") || what.name == "articulated_contact") {
-    EXPECT_GT(whole.ledger().contacts(), what.after);
+    EXPECT_GT(whole.ledger().contacts(), after);
   }
 
   Simulation fresh(scene);
   fresh.restore(parse_snapshot(snapshot_text(snapshot), "bytes"));
-  steps(fresh, what.after);
+  steps(fresh, after);
   expect_same(fresh, whole);
 
   Simulation elsewhere(scene);
   steps(elsewhere, 37);
   elsewhere.restore(snapshot);
-  steps(elsewhere, what.after);
+  steps(elsewhere, after);
   expect_same(elsewhere, whole);
 }
 
@@ -191,7 +193,7 @@ std::uint64_t hash_of(const scene::Scene& scene, int count) {
 // Oracle: bit equality with a run alone: repeated, in eight threads at once, with other scenes stepping
 // beside, and after a reset.
 TEST_P(EveryEngine, GivesTheSameBitsInThreadsAndAgain) {
-  constexpr int kSteps = 300;
+  constexpr int kSteps = test::kSanitized ? 60 : 300;
   const Case& what = GetParam();
   const scene::Scene scene = shipped_scene(what.scene, what.overrides);
   const std::uint64_t alone = hash_of(scene, kSteps);

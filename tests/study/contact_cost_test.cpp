@@ -12,31 +12,23 @@
 namespace handsim::study {
 namespace {
 
-class ContactCost : public testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    rows_ = new std::vector<ContactCostRow>(run_contact_cost(HANDSIM_SOURCE_DIR, [](double) {}));
-  }
-  static void TearDownTestSuite() { delete rows_; }
-  static std::vector<ContactCostRow> of(const std::string& method) {
-    std::vector<ContactCostRow> out;
-    for (const ContactCostRow& row : *rows_)
-      if (row.method == method) out.push_back(row);
-    return out;
-  }
-  static inline std::vector<ContactCostRow>* rows_ = nullptr;
-};
+std::vector<ContactCostRow> of(const std::vector<ContactCostRow>& rows, const std::string& method) {
+  std::vector<ContactCostRow> out;
+  for (const ContactCostRow& row : rows)
+    if (row.method == method) out.push_back(row);
+  return out;
+}
 
 // Oracle: the direct solver factors a matrix of the rows, the iterative one goes through them a set number of
 // times: from the lowest stack to the highest the first grows by more than the contacts do, the second by at
 // most twice that, and the first is by far the dearer at the top. Generous, for a clock is in it.
-TEST_F(ContactCost, OfTheDirectSolverGrowsFasterThanTheContactsAndOfTheIterativeOneDoesNot) {
-  const auto direct = of("world_step");
-  const auto iterative = of("quick_step 50");
+void expect_growth(const std::vector<ContactCostRow>& rows) {
+  const auto direct = of(rows, "world_step");
+  const auto iterative = of(rows, "quick_step 50");
   ASSERT_EQ(direct.size(), iterative.size());
-  const auto growth = [](const std::vector<ContactCostRow>& rows) {
-    return std::pair(rows.back().contacts / rows.front().contacts,
-                     rows.back().ns_per_step / rows.front().ns_per_step);
+  const auto growth = [](const std::vector<ContactCostRow>& some) {
+    return std::pair(some.back().contacts / some.front().contacts,
+                     some.back().ns_per_step / some.front().ns_per_step);
   };
   EXPECT_GT(direct.back().contacts, 50);
   EXPECT_GT(growth(direct).second, 1.3 * growth(direct).first);
@@ -45,24 +37,32 @@ TEST_F(ContactCost, OfTheDirectSolverGrowsFasterThanTheContactsAndOfTheIterative
 }
 
 // Oracle: definitions; each method solves as it is called, and auto is iterative at the top.
-TEST_F(ContactCost, TellsWhichSolverTookTheSteps) {
-  for (const ContactCostRow& row : of("world_step")) EXPECT_EQ(row.iterative, 0);
-  for (const ContactCostRow& row : of("quick_step 20")) EXPECT_EQ(row.iterative, 1);
-  EXPECT_EQ(of("auto 50").back().iterative, 1);
-  EXPECT_GT(of("quick_step 50").back().ns_per_step, of("quick_step 20").back().ns_per_step);
+void expect_solvers(const std::vector<ContactCostRow>& rows) {
+  for (const ContactCostRow& row : of(rows, "world_step")) EXPECT_EQ(row.iterative, 0);
+  for (const ContactCostRow& row : of(rows, "quick_step 20")) EXPECT_EQ(row.iterative, 1);
+  EXPECT_EQ(of(rows, "auto 50").back().iterative, 1);
+  EXPECT_GT(of(rows, "quick_step 50").back().ns_per_step, of(rows, "quick_step 20").back().ns_per_step);
 }
 
 // Oracle: the rows themselves; the files hold every one of them.
-TEST_F(ContactCost, WritesEveryRow) {
+void expect_files(const std::vector<ContactCostRow>& rows) {
   const test::TemporaryFolder folder;
-  write_contact_cost(*rows_, folder.path());
+  write_contact_cost(rows, folder.path());
   std::ifstream csv(folder.path() / "contacts_cost.csv");
   std::map<std::string, int> lines;
   for (std::string line; std::getline(csv, line);) ++lines[line.substr(0, line.find(','))];
   EXPECT_EQ(lines["method"], 1);
   for (const char* method : {"world_step", "quick_step 20", "quick_step 50", "auto 50"})
-    EXPECT_EQ(lines[method], static_cast<int>(of(method).size()));
+    EXPECT_EQ(lines[method], static_cast<int>(of(rows, method).size()));
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "contacts_cost.gp"));
+}
+
+// One study for all that is asked of it, since it takes long.
+TEST(ContactCost, GrowsAsTheSolversDoAndIsWritten) {
+  const std::vector<ContactCostRow> rows = run_contact_cost(HANDSIM_SOURCE_DIR, [](double) {});
+  expect_growth(rows);
+  expect_solvers(rows);
+  expect_files(rows);
 }
 
 }  // namespace

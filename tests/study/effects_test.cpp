@@ -10,6 +10,7 @@
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/effects_report.h"
 #include "scene_files.h"
+#include "support/sanitized.h"
 
 namespace handsim::study {
 namespace {
@@ -77,6 +78,7 @@ TEST(Effects, OneThatDoesNothingChangesNothingAndCostsNothing) {
 
 // Oracle: the constraint rows that ODE solves: tissue adds one to each of a hand's 20 axes.
 TEST(Effects, OneThatAddsRowsCosts) {
+  if (test::kSanitized) GTEST_SKIP() << "times under a sanitizer are its own";
   const scene::Scene scene = test::shipped_scene("two_hands", {"duration=0.2"});
   const EffectRow tissue = row_of(run_effects(scene, 5, nullptr), Effect::passive_tissue);
   EXPECT_GT(tissue.saved_ns, 3 * tissue.noise_ns);
