@@ -283,18 +283,33 @@ const StabilityRow* worst_held(const std::vector<StabilityRow>& rows) {
   return worst;
 }
 
-/// `to 0.0225 m: ODE world_step 1 ms, ODE quick_step 20 1 ms`; empty where nothing falls short as known.
+/// `ODE world_step 10, 5 ms, articulated 1 ms`: who fell short with a figure, or diverged.
+std::string who(const std::vector<StabilityRow>& rows, bool diverged) {
+  std::vector<std::string> out;
+  std::string way;
+  for (const StabilityRow& row : rows) {
+    if (row.verdict != StabilityVerdict::known_short || row.fault.empty() == diverged) continue;
+    if (row.way == way)
+      out.back() += ", " + milliseconds(row.step);
+    else
+      out.push_back(row.way + " " + milliseconds(row.step));
+    way = row.way;
+  }
+  return out.empty() ? "" : fmt::format("{} ms", fmt::join(out, " ms, "));
+}
+
+/// `to 0.0225 m: ODE world_step 1 ms`; empty where nothing falls short as known.
 std::string known_short(const std::vector<StabilityRow>& rows) {
   const StabilityRow* worst = nullptr;
-  std::vector<std::string> ways;
-  for (const StabilityRow& row : rows) {
-    if (row.verdict != StabilityVerdict::known_short) continue;
-    if (!worst || row.severity() > worst->severity()) worst = &row;
-    ways.push_back(fmt::format("{} {} ms", row.way, milliseconds(row.step)));
-  }
-  if (!worst) return {};
-  return fmt::format("{}: {}", worst->fault.empty() ? "to " + figure(worst->value, worst->unit) : "diverges",
-                     fmt::join(ways, ", "));
+  for (const StabilityRow& row : rows)
+    if (row.verdict == StabilityVerdict::known_short && row.fault.empty() &&
+        (!worst || row.severity() > worst->severity()))
+      worst = &row;
+  std::string out;
+  if (worst) out = fmt::format("to {}: {}", figure(worst->value, worst->unit), who(rows, false));
+  if (const std::string lost = who(rows, true); !lost.empty())
+    out += (out.empty() ? "diverges: " : "; diverges: ") + lost;
+  return out;
 }
 
 }  // namespace
