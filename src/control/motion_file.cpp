@@ -146,10 +146,11 @@ class Reader {
 
   void read_header_number(std::string_view key, std::string_view value, std::optional<std::size_t>& out) {
     const auto number = parse_number(value);
-    if (number && *number >= 0 && *number == std::floor(*number))
+    constexpr double kMost = 1e9;
+    if (number && *number >= 0 && *number <= kMost && *number == std::floor(*number))
       out = static_cast<std::size_t>(*number);
     else
-      problem(1, std::string(key), fmt::format("\"{}\"", value), "a whole number");
+      problem(1, std::string(key), fmt::format("\"{}\"", value), "a whole number, at most 1e9");
   }
 
   void read_opensim_header() {

@@ -142,6 +142,8 @@ TEST(MotionFile, RefusesWhatDoesNotHoldWithLineAndColumn) {
   expect_text(mot(header + "time\ta\tb\n1\t1\t1\n1\t1\t1\n"), {"a.mot:9:1", "times that rise"});
   expect_text(mot(header + "time\ta\tb\n0\t1\t1\n"), {"nRows", "1 rows", "2"});
   expect_text(mot("x\nnRows=2\n"), {"endheader"});
+  // More than any integer holds.
+  expect_text(mot("x\nnRows=1e99\nendheader\n"), {"nRows", "\"1e99\"", "a whole number, at most 1e9"});
   expect_text(mot(header + "time\ta\ta\n"), {"a.mot:7:8", "second column"});
   expect_text(problem_of(table(folder, "a.csv", "t,a\n")), {"a.csv:1:1", "time[s]"});
   expect_text(problem_of(table(folder, "a.csv", "time,a[furlong]\n")), {"a.csv:1:6", "[furlong]"});
