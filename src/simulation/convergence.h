@@ -22,7 +22,8 @@ class Convergence {
 
   /// Steps whose residual was measured: quick_step's with contact, those at which a stop comes into force or
   /// goes out of it and every eighth of the others (engine::kResidualEvery); those in which world_step's LCP
-  /// solver gave up; and those with contact on the articulated engine, whose contact solver says how far it got.
+  /// solver gave up; and those with contact on the articulated engine, whose contact solver says how far it
+  /// got.
   long measured() const { return measured_; }
   /// Largest residuals of those steps: of joints [m/s] and [rad/s], and of rigid contacts [m/s].
   const Peak& linear() const { return linear_; }

@@ -86,7 +86,7 @@ class OdeEngine final : public Engine {
   std::unique_ptr<Drives> drives_;      ///< with wrist_motion only
   std::unique_ptr<Contacts> contacts_;  ///< with contact effects and rules only
   ResidualMeter residual_;
-  int stop_rows_ = 0;  ///< joint stops in force in the last step
+  int stop_rows_ = 0;                     ///< joint stops in force in the last step
   std::unique_ptr<MethodChoice> choice_;  ///< with method auto only
   std::vector<System> closed_;            ///< islands to close after every step; with projection only
   model::State opened_;                   ///< at the start of the step; with projection only

@@ -51,7 +51,8 @@ ResidualMeter::Found ResidualMeter::of_joint(std::size_t index, const model::Sta
       return {apart.squaredNorm(), 0};
     case JointKind::hinge: {
       const Vec3 axis = p.q * sides.in_parent;
-      return {apart.squaredNorm(), across(spin + rate * axis.cross(c.q * sides.in_child), axis).squaredNorm()};
+      return {apart.squaredNorm(),
+              across(spin + rate * axis.cross(c.q * sides.in_child), axis).squaredNorm()};
     }
     case JointKind::universal: {
       const Vec3 a = p.q * sides.in_parent, b = c.q * sides.in_child;
