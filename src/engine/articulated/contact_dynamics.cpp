@@ -176,6 +176,7 @@ void ContactDynamics::join(int node_a, int node_b) {
 /// The contact's rows as its materials have them; the same laws as the ODE engine's.
 void ContactDynamics::add_contact(const Contact& contact, const model::Material& surface, int sharing,
                                   double step) {
+  // Normals that look to both sides of a finger would jam it with the friction of a true cone.
   const double crossed = surface.compliance ? 0 : crossed_.giving(contact);
   const double friction = friction_ && crossed == 0 ? surface.friction : 0;
   const double spinning = friction_ ? surface.spinning_friction : 0;

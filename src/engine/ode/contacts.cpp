@@ -124,7 +124,6 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Pat
     if (const double giving = crossed_.giving(contact); giving > 0) {
       surface.mode |= dContactSoftCFM;
       surface.soft_cfm = giving * step_;
-      surface.mu = 0;
     }
   }
   // Of a pad that only spins, the moment is a motor's, whose row can be told a speed.

@@ -25,8 +25,7 @@ class CrossedBodies {
   /// Of bodies that start through each other some contacts push against others or against joints: none may be
   /// rigid. A contact that gives way by kCrossedSoftness (1/m_a + 1/m_b) does so as a body of so small a
   /// share of their masses would, and pushes by (speed asked for + speed of approach) x reduced mass /
-  /// kCrossedSoftness a step at most. Nor is it to rub: normals that look to both sides of a finger would jam
-  /// it with friction.
+  /// kCrossedSoftness a step at most.
   /// @returns that inverse mass for a rigid contact [1/kg]; 0 for one of bodies that are not crossed
   double giving(const Contact& contact) const;
 
