@@ -283,7 +283,7 @@ const StabilityRow* worst_held(const std::vector<StabilityRow>& rows) {
   return worst;
 }
 
-/// `ODE world_step 10, 5 ms, articulated 1 ms`: who fell short with a figure, or diverged.
+/// `ODE world_step at 10, 5 ms, articulated at 1 ms`: who fell short with a figure, or diverged.
 std::string who(const std::vector<StabilityRow>& rows, bool diverged) {
   std::vector<std::string> out;
   std::string way;
@@ -292,13 +292,13 @@ std::string who(const std::vector<StabilityRow>& rows, bool diverged) {
     if (row.way == way)
       out.back() += ", " + milliseconds(row.step);
     else
-      out.push_back(row.way + " " + milliseconds(row.step));
+      out.push_back(row.way + " at " + milliseconds(row.step));
     way = row.way;
   }
   return out.empty() ? "" : fmt::format("{} ms", fmt::join(out, " ms, "));
 }
 
-/// `to 0.0225 m: ODE world_step 1 ms`; empty where nothing falls short as known.
+/// `to 0.0225 m: ODE world_step at 1 ms`; empty where nothing falls short as known.
 std::string known_short(const std::vector<StabilityRow>& rows) {
   const StabilityRow* worst = nullptr;
   for (const StabilityRow& row : rows)
