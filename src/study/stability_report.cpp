@@ -289,7 +289,7 @@ std::string who(const std::vector<StabilityRow>& rows, bool diverged) {
   std::string way;
   for (const StabilityRow& row : rows) {
     if (row.verdict != StabilityVerdict::known_short || row.fault.empty() == diverged) continue;
-    if (row.way == way)
+    if (!out.empty() && row.way == way)
       out.back() += ", " + milliseconds(row.step);
     else
       out.push_back(row.way + " at " + milliseconds(row.step));
@@ -350,7 +350,7 @@ bool write_stability(const StabilitySpec& spec, const StabilityResult& result,
 }
 
 void draw_stability(const StabilityResult& result, const std::filesystem::path& out) {
-  constexpr int kWidth = 400, kHeight = 300;
+  constexpr int kWidth = 320, kHeight = 240;
   std::vector<std::pair<const StabilityCase*, output::Image>> pictures;
   for (const CaseResult& of : result.cases) {
     if (!of.of->picture) continue;

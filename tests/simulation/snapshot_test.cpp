@@ -165,12 +165,9 @@ TEST_P(EveryEngine, GoesOnFromASnapshotAsIfNeverStopped) {
   steps(whole, what.before);
   const RunSnapshot snapshot = whole.snapshot();
   steps(whole, after);
-  if (what.name.starts_with("guard")) {
-    EXPECT_LT(whole.ledger().rungs()[0], whole.steps());
-  }
-  if (what.name.starts_with("contact") || what.name == "articulated_contact") {
-    EXPECT_GT(whole.ledger().contacts(), after);
-  }
+  const bool touching = what.name.starts_with("contact") || what.name == "articulated_contact";
+  EXPECT_TRUE(!what.name.starts_with("guard") || whole.ledger().rungs()[0] < whole.steps());
+  EXPECT_TRUE(!touching || whole.ledger().contacts() > after);
 
   Simulation fresh(scene);
   fresh.restore(parse_snapshot(snapshot_text(snapshot), "bytes"));
