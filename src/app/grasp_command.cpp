@@ -4,6 +4,7 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/progress.h"
+#include "handsim/core/units.h"
 #include "handsim/study/grasp_study.h"
 
 namespace handsim::app {
@@ -26,7 +27,6 @@ void print_climbs(const std::vector<study::ClimbRow>& rows) {
 }
 
 void print_table(const std::vector<study::GraspRow>& rows) {
-  constexpr double kDegrees = 180 / M_PI;
   fmt::print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>8} {:>8} {:>9} {:>9}\n", "scene", "hand",
              "verdict", "slip", "in shake", "after it", "turned", "contacts", "grip", "epsilon", "volume",
              "friction");
@@ -40,9 +40,9 @@ void print_table(const std::vector<study::GraspRow>& rows) {
                                              : "LOST";
     fmt::print(
         "{:<24} {:<6} {:<8} {:>8.3g} {:>9.3g} {:>9.3g} {:>8.3g} {:>9} {:>8.3g} {:>8.3g} {:>9.3g} {:>9}\n",
-        row.scene, row.side, verdict, 1e6 * f.slip, 1e3 * f.shaken_shift, 1e3 * f.shift, kDegrees * f.turn,
-        f.after.contacts, f.after.normal, f.after.wrenches.epsilon, f.after.wrenches.volume,
-        row.smallest_friction ? fmt::format("{:.2g}", *row.smallest_friction) : "-");
+        row.scene, row.side, verdict, 1e6 * f.slip, 1e3 * f.shaken_shift, 1e3 * f.shift,
+        kDegreesPerRadian * f.turn, f.after.contacts, f.after.normal, f.after.wrenches.epsilon,
+        f.after.wrenches.volume, row.smallest_friction ? fmt::format("{:.2g}", *row.smallest_friction) : "-");
     if (f.disagree())
       fmt::print("  note: {}, though the contacts {} force closure\n", f.held ? "held" : "lost",
                  f.held ? "have no" : "have");

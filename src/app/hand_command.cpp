@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
+#include "handsim/core/units.h"
 #include "handsim/engine/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
@@ -14,8 +15,6 @@
 namespace handsim::app {
 
 namespace {
-
-constexpr double kDegrees = 180 / M_PI;
 
 /// The options that describe a person, under the keys of a person file.
 YamlNode person_of_options(const HandArguments& arguments) {
@@ -117,8 +116,8 @@ std::string ranges(const model::Joint& joint) {
   std::string out;
   for (const model::JointAxis& axis : joint.axes)
     out += fmt::format("{}{} {:.0f}..{:.0f}", out.empty() ? "" : ", ", axis.name,
-                       axis.stop ? axis.stop->low * kDegrees : -180,
-                       axis.stop ? axis.stop->high * kDegrees : 180);
+                       axis.stop ? axis.stop->low * kDegreesPerRadian : -180,
+                       axis.stop ? axis.stop->high * kDegreesPerRadian : 180);
   return out + " deg";
 }
 

@@ -5,6 +5,7 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/progress.h"
+#include "handsim/core/units.h"
 #include "handsim/engine/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
@@ -28,10 +29,10 @@ void print_warnings(const scene::Scene& scene) {
 void print_tracking(const simulation::RunResult& result) {
   const simulation::AxisTracking* worst = simulation::Tracking::worst(result.tracking);
   if (!worst) return;
-  constexpr double kDegrees = 180 / M_PI;
   fmt::print("  worst joint {}: rms error {:.3g} deg, largest {:.3g} deg at {:.3f} s", worst->name,
-             kDegrees * worst->rms_error, kDegrees * worst->largest_error.value, worst->largest_error.time);
-  if (worst->holds > 0) fmt::print(", steady {:.3g} deg", kDegrees * worst->steady_error.value);
+             kDegreesPerRadian * worst->rms_error, kDegreesPerRadian * worst->largest_error.value,
+             worst->largest_error.time);
+  if (worst->holds > 0) fmt::print(", steady {:.3g} deg", kDegreesPerRadian * worst->steady_error.value);
   if (worst->movements > 0) fmt::print(", overshoot {:.2g} %", 100 * worst->overshoot.value);
   fmt::print(", at its torque limit {:.2g} % of the time\n", 100 * worst->limit_share);
 }
@@ -49,7 +50,6 @@ void print_grip(const char* when, const simulation::Grip& grip) {
 }
 
 void print_grasps(const simulation::RunResult& result) {
-  constexpr double kDegrees = 180 / M_PI;
   for (const simulation::GraspFigures& grasp : result.grasps) {
     if (!grasp.complete) {
       fmt::print("  grasp {}: the run ended before the grasp\n", grasp.name);
@@ -59,7 +59,7 @@ void print_grasps(const simulation::RunResult& result) {
         "  grasp {}: {}; slip {:.3g} um/s in the hold; moved {:.2g} mm during the shake, {:.2g} mm and "
         "{:.2g} deg after it\n",
         grasp.name, grasp.held ? "held" : "LOST", 1e6 * grasp.slip, 1e3 * grasp.shaken_shift,
-        1e3 * grasp.shift, kDegrees * grasp.turn);
+        1e3 * grasp.shift, kDegreesPerRadian * grasp.turn);
     print_grip("end of the hold", grasp.hold);
     print_grip("after the shake", grasp.after);
     if (grasp.disagree())

@@ -8,11 +8,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "handsim/core/units.h"
+
 namespace handsim::control {
 
 namespace {
 
-constexpr double kDegree = M_PI / 180;
 constexpr std::string_view kTarget = ".target";
 constexpr std::size_t kMaxProblems = 20;
 

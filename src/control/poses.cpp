@@ -6,11 +6,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "handsim/core/units.h"
+
 namespace handsim::control {
 
 namespace {
 
-constexpr double kDegree = M_PI / 180;
 /// Rounding of an angle that stands in degrees, beyond a range that does too [rad].
 constexpr double kRangeTolerance = 1e-9;
 constexpr int kMaxRepeats = 10'000;

@@ -2,12 +2,16 @@
 // SI out. Knows the units of mechanics that hand models need and no others.
 #pragma once
 
+#include <cmath>
 #include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
 
 namespace handsim {
+
+inline constexpr double kDegree = M_PI / 180;  ///< [rad]
+inline constexpr double kDegreesPerRadian = 180 / M_PI;
 
 enum class Dimension {
   none,

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/export_tree.h"
 
@@ -18,11 +19,9 @@ using model::JointKind;
 constexpr int kMostGroups = 32;
 constexpr double kPlaneSpacing = 0.1;  ///< of the grid that MuJoCo draws [m]
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-class Writer {
+class MjcfWriter {
  public:
-  Writer(const model::Model& model, const model::SolverSettings& settings)
+  MjcfWriter(const model::Model& model, const model::SolverSettings& settings)
       : model_(model),
         settings_(settings),
         children_(children_of(model)),
@@ -245,7 +244,7 @@ class Writer {
 }  // namespace
 
 std::string to_mjcf(const model::Model& model, const model::SolverSettings& settings) {
-  return Writer(model, settings).run();
+  return MjcfWriter(model, settings).run();
 }
 
 }  // namespace handsim::output

@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/export_tree.h"
 
@@ -18,8 +19,6 @@ constexpr double kEffort = 1000, kVelocity = 1000;
 /// The middle of a universal joint: URDF's users want mass on every moving link.
 constexpr double kMiddleMass = 1e-12, kMiddleInertia = 1e-14;
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 /// Roll, pitch and yaw: R = Rz(yaw) Ry(pitch) Rx(roll).
 Vec3 roll_pitch_yaw(const Quat& q) {
   const Mat3 R = q.toRotationMatrix();
@@ -32,9 +31,9 @@ std::string origin(const Pose& pose) {
   return fmt::format("<origin xyz=\"{}\" rpy=\"{}\"/>", numbers(pose.p), numbers(roll_pitch_yaw(pose.q)));
 }
 
-class Writer {
+class UrdfWriter {
  public:
-  Writer(const model::Model& model, const model::SolverSettings& settings)
+  UrdfWriter(const model::Model& model, const model::SolverSettings& settings)
       : model_(model), settings_(settings), start_(model::initial_state(model)) {}
 
   std::string run() {
@@ -169,7 +168,7 @@ class Writer {
 }  // namespace
 
 std::string to_urdf(const model::Model& model, const model::SolverSettings& settings) {
-  return Writer(model, settings).run();
+  return UrdfWriter(model, settings).run();
 }
 
 }  // namespace handsim::output

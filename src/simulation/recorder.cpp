@@ -5,13 +5,12 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/units.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::simulation {
 
 namespace {
-
-constexpr double kDegrees = 180 / M_PI;
 
 /// OpenSim tables cannot mix angles and lengths in degrees: models with sliders have none.
 bool all_angles(const model::Model& model) {
@@ -125,7 +124,7 @@ void Recorder::add_rows() {
   if (!control_) return;
   std::vector<double> row;
   for (const control::AxisState& axis : simulation_.controller()->axes())
-    row.insert(row.end(), {kDegrees * axis.target, kDegrees * axis.angle, axis.torque});
+    row.insert(row.end(), {kDegreesPerRadian * axis.target, kDegreesPerRadian * axis.angle, axis.torque});
   control_->add(state.time, row);
 }
 

@@ -5,6 +5,12 @@
 
 namespace handsim::study {
 
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+}  // namespace
+
 std::string climbs_csv(const std::vector<ClimbRow>& rows) {
   std::string out =
       "scene,side,climb,failed,load[N],norm[N],norm_deviation[N],grip_strength[N],load_over_norm,"
@@ -20,7 +26,6 @@ std::string climbs_csv(const std::vector<ClimbRow>& rows) {
 }
 
 std::string climbs_json(const std::vector<ClimbRow>& rows) {
-  using Json = nlohmann::ordered_json;
   Json out = Json::array();
   for (const ClimbRow& row : rows) {
     const simulation::ClimbFigures& f = row.figures;

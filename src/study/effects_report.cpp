@@ -7,6 +7,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "handsim/core/units.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/gnuplot.h"
 #include "handsim/study/machine.h"
@@ -16,8 +17,6 @@ namespace handsim::study {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr double kDegrees = 180 / M_PI;
 
 /// `object_contact with friction`.
 std::string label(const EffectRow& row) {
@@ -47,8 +46,9 @@ std::string csv(const EffectsResult& result) {
       out += fmt::format("{},,,,,,,,,{}\n", quoted(label(row)), quoted(*row.fault));
       continue;
     }
-    const std::string angles =
-        result.has_angles ? fmt::format("{},{}", kDegrees * row.angle.value, kDegrees * row.angle_rms) : ",";
+    const std::string angles = result.has_angles ? fmt::format("{},{}", kDegreesPerRadian * row.angle.value,
+                                                               kDegreesPerRadian * row.angle_rms)
+                                                 : ",";
     out += fmt::format("{},{},{},{},{},{},{},{},\n", quoted(label(row)), row.ns_per_step, row.saved_ns,
                        row.noise_ns, angles, 1e3 * row.displacement.value, quoted(where(row.angle)),
                        quoted(where(row.displacement)));
@@ -103,7 +103,7 @@ std::string script(const scene::Scene& scene, const EffectsResult& result) {
   for (const EffectRow& row : result.rows) {
     if (row.fault) continue;
     rows.push_back(&row);
-    angles.push_back(kDegrees * row.angle.value);
+    angles.push_back(kDegreesPerRadian * row.angle.value);
     displacements.push_back(1e3 * row.displacement.value);
     top = std::max(top, 1e-3 * (row.saved_ns + row.noise_ns));
     bottom = std::min(bottom, 1e-3 * (row.saved_ns - row.noise_ns));
@@ -160,7 +160,7 @@ std::string effects_table(const EffectsResult& result) {
       continue;
     }
     const auto angle = [&](double value) {
-      return result.has_angles ? fmt::format("{:.3g}", kDegrees * value) : std::string("-");
+      return result.has_angles ? fmt::format("{:.3g}", kDegreesPerRadian * value) : std::string("-");
     };
     std::string places = where(row.angle);
     if (row.displacement.value > 0) places += (places.empty() ? "" : "; ") + where(row.displacement);
@@ -184,8 +184,8 @@ std::string effects_json(const scene::Scene& scene, const EffectsResult& result)
       entry["saved_ns_per_step"] = row.saved_ns;
       entry["noise_ns"] = row.noise_ns;
       if (result.has_angles) {
-        entry["angle_largest_deg"] = peak_json(row.angle, kDegrees * row.angle.value);
-        entry["angle_rms_deg"] = kDegrees * row.angle_rms;
+        entry["angle_largest_deg"] = peak_json(row.angle, kDegreesPerRadian * row.angle.value);
+        entry["angle_rms_deg"] = kDegreesPerRadian * row.angle_rms;
       }
       entry["displacement_largest_mm"] = peak_json(row.displacement, 1e3 * row.displacement.value);
     }

@@ -108,7 +108,7 @@ class Momentum final : public Measure {
 
 using D = Dimension;
 
-const std::array kKinds = {
+const std::array kEnergyMeasures = {
     MeasureKind{"energy_gain",
                 "largest gain of energy over the start's, in largest kinetic energies",
                 D::none,
@@ -147,6 +147,6 @@ const std::array kKinds = {
 
 }  // namespace
 
-std::span<const MeasureKind> energy_measures() { return kKinds; }
+std::span<const MeasureKind> energy_measures() { return kEnergyMeasures; }
 
 }  // namespace handsim::study

@@ -209,7 +209,7 @@ class Reaction final : public Measure {
 constexpr MeasureNeeds kJoint = {.joint = true};
 using D = Dimension;
 
-const std::array kKinds = {
+const std::array kJointMeasures = {
     MeasureKind{"axis_error",
                 "largest |a.b| of the axes of universal joints",
                 D::none,
@@ -237,6 +237,6 @@ const std::array kKinds = {
 
 }  // namespace
 
-std::span<const MeasureKind> joint_measures() { return kKinds; }
+std::span<const MeasureKind> joint_measures() { return kJointMeasures; }
 
 }  // namespace handsim::study

@@ -177,10 +177,9 @@ class Mirror final : public Measure {
   Largest largest_;
 };
 
-constexpr MeasureNeeds kBody = {.body = true};
 using D = Dimension;
 
-const std::array kKinds = {
+const std::array kMotionMeasures = {
     MeasureKind{
         "top_speed", "largest speed of a body", D::speed, "m/s", false, {}, make_speed<Speed::What::top>},
     MeasureKind{"rms_speed",
@@ -218,7 +217,7 @@ const std::array kKinds = {
                 false,
                 {},
                 make_drift<Drift::What::mean_speed>},
-    MeasureKind{"speed_error", "speed of a body off a closed form, relative", D::none, "", false, kBody,
+    MeasureKind{"speed_error", "speed of a body off a closed form, relative", D::none, "", false, kNeedsBody,
                 make_of_scene<SpeedError>},
     MeasureKind{"acceleration",
                 "largest change of a joint's rate in a step, over the step",
@@ -237,6 +236,6 @@ const std::array kKinds = {
 
 }  // namespace
 
-std::span<const MeasureKind> motion_measures() { return kKinds; }
+std::span<const MeasureKind> motion_measures() { return kMotionMeasures; }
 
 }  // namespace handsim::study

@@ -26,7 +26,7 @@ namespace handsim::study {
 
 namespace {
 
-using Json = nlohmann::json;
+using Json = nlohmann::ordered_json;
 using model::Effect;
 
 /// How far a peer's start may be from the scene's [m], [m/s], [rad/s]; its kinetic energy, relative.

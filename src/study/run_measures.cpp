@@ -99,7 +99,7 @@ std::optional<Figure> grasp_epsilon(const Simulation& now) {
 
 using D = Dimension;
 
-const std::array kKinds = {
+const std::array kRunMeasures = {
     MeasureKind{"completes", "the run ends without a fault", D::none, "", false, {}, make_kept<completes>},
     MeasureKind{"joint_gap", "largest gap of any joint", D::length, "m", false, {}, make_kept<joint_gap>},
     MeasureKind{"stop_overshoot",
@@ -158,6 +158,6 @@ const std::array kKinds = {
 
 }  // namespace
 
-std::span<const MeasureKind> run_measures() { return kKinds; }
+std::span<const MeasureKind> run_measures() { return kRunMeasures; }
 
 }  // namespace handsim::study

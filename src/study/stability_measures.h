@@ -60,6 +60,7 @@ using SceneMaker = std::function<scene::Scene(const std::vector<std::string>& mo
 struct MeasureNeeds {
   bool body = false, joint = false, steps = false, set = false, crank = false;
 };
+inline constexpr MeasureNeeds kNeedsBody = {.body = true};
 
 struct MeasureKind {
   std::string_view name;

@@ -325,7 +325,7 @@ Figure abuse(const SceneMaker& scene, const MeasureSpec&) {
 
 using D = Dimension;
 
-const std::array kKinds = {
+const std::array kProcedures = {
     MeasureKind{"convergence",
                 "slope of log position error over log step, the ladder's smallest step being the reference",
                 D::none,
@@ -386,6 +386,6 @@ const std::array kKinds = {
 
 }  // namespace
 
-std::span<const MeasureKind> procedures() { return kKinds; }
+std::span<const MeasureKind> procedures() { return kProcedures; }
 
 }  // namespace handsim::study

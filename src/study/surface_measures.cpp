@@ -98,20 +98,19 @@ class Penetration final : public Measure {
   Largest largest_;
 };
 
-constexpr MeasureNeeds kBody = {.body = true};
 using D = Dimension;
 
-const std::array kKinds = {
+const std::array kSurfaceMeasures = {
     MeasureKind{"slide_error", "speed on an incline off g (sin a - mu cos a) t, relative", D::none, "", false,
-                kBody, make_incline<Incline::What::slide>},
-    MeasureKind{"creep", "mean speed on an incline that holds", D::speed, "m/s", false, kBody,
+                kNeedsBody, make_incline<Incline::What::slide>},
+    MeasureKind{"creep", "mean speed on an incline that holds", D::speed, "m/s", false, kNeedsBody,
                 make_incline<Incline::What::creep>},
     MeasureKind{"roll_error", "speed of a ball off g sin a t / (1 + I / (m r^2)), relative", D::none, "",
-                false, kBody, make_incline<Incline::What::roll>},
+                false, kNeedsBody, make_incline<Incline::What::roll>},
     MeasureKind{"penetration", "deepest contact", D::length, "m", false, {}, make_of_scene<Penetration>}};
 
 }  // namespace
 
-std::span<const MeasureKind> surface_measures() { return kKinds; }
+std::span<const MeasureKind> surface_measures() { return kSurfaceMeasures; }
 
 }  // namespace handsim::study

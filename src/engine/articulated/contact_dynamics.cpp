@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/index.h"
 #include "handsim/engine/ode/contacts.h"
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/spring.h"
@@ -23,12 +24,6 @@ constexpr double kNormalSoftness = 1e-5, kFrictionSoftness = 1e-6;
 /// Of the rows of loops, as a share of what the rates that move them give way; the gap is closed after the
 /// step.
 constexpr double kTieSoftness = 1e-8;
-
-constexpr int kNone = -1;
-/// So many need no allocation in a step.
-constexpr std::size_t kUsualContacts = 64;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 /// Makes ODE ready before anything of its is built.
 const model::Model& entered(const model::Model& model) {
@@ -67,7 +62,7 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
 /// matrices fill nowhere but where contacts join branches.
 void ContactDynamics::order() {
   const int n = space_.size();
-  place_.assign(at(n), kNone);
+  place_.assign(at(n), kNoDof);
   const auto visit = [&](auto&& self, int dof) -> void {
     for (int child = dof + 1; child < n; ++child)
       if (space_.parent_dof(child) == dof) self(self, child);
@@ -82,13 +77,13 @@ void ContactDynamics::order() {
   std::vector<int> first(at(n));
   for (int i = 0; i < n; ++i) first[at(i)] = i;
   for (int dof = 0; dof < n; ++dof)
-    for (int j = space_.parent_dof(dof); j != kNone; j = space_.parent_dof(j))
+    for (int j = space_.parent_dof(dof); j != kNoDof; j = space_.parent_dof(j))
       first[at(place_[at(j)])] = std::min(first[at(place_[at(j)])], place_[at(dof)]);
   solver_.resize(std::move(first));
   S_.resize(at(n));
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     std::vector<int>& carriers = carriers_.emplace_back();
-    for (int dof = space_.last_dof(static_cast<int>(i)); dof != kNone; dof = space_.parent_dof(dof))
+    for (int dof = space_.last_dof(static_cast<int>(i)); dof != kNoDof; dof = space_.parent_dof(dof))
       carriers.push_back(place_[at(dof)]);
   }
 }
@@ -358,7 +353,7 @@ void ContactDynamics::find_free(double step) {
   const std::span<const double> du = mechanism_.du();
   for (int dof = 0; dof < n; ++dof) {
     S_[at(place_[at(dof)])] = space_.axis(dof);
-    for (int j = dof; j != kNone; j = space_.parent_dof(j))
+    for (int j = dof; j != kNoDof; j = space_.parent_dof(j))
       solver_.inertia(place_[at(dof)], place_[at(j)]) = space_.inertia(dof, j);
   }
   for (const Coordinate& each : axes_) solver_.inertia(each.place, each.place) += *each.axis.weight;
@@ -368,7 +363,7 @@ void ContactDynamics::find_free(double step) {
     const int i = place_[at(dof)];
     const double change = step * du[space_.rate_index(dof)];
     g[at(i)] += solver_.inertia(i, i) * change;
-    for (int j = space_.parent_dof(dof); j != kNone; j = space_.parent_dof(j)) {
+    for (int j = space_.parent_dof(dof); j != kNoDof; j = space_.parent_dof(j)) {
       const int k = place_[at(j)];
       g[at(k)] += solver_.inertia(i, k) * change;
       g[at(i)] += solver_.inertia(i, k) * step * du[space_.rate_index(j)];

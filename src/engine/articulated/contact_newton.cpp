@@ -4,13 +4,13 @@
 #include <cmath>
 #include <limits>
 
+#include "handsim/core/index.h"
+
 namespace handsim::engine::articulated {
 
 namespace {
 
 constexpr std::size_t kMostRows = 6;
-/// So many are solved without allocating.
-constexpr std::size_t kUsualContacts = 64;
 /// Full steps from what was in force in the last step; searched steps at each softness, and at the contacts'
 /// own.
 constexpr int kFullSteps = 15, kSofterSteps = 10, kLastSteps = 30;
@@ -24,8 +24,6 @@ constexpr double kFlat = 0.1;
 constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
 /// Bounds are passed beyond rounding.
 constexpr double kBeyond = 1e-12;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 

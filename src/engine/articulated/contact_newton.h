@@ -15,6 +15,9 @@
 
 namespace handsim::engine::articulated {
 
+/// So many are solved without allocating.
+inline constexpr std::size_t kUsualContacts = 64;
+
 /// Rows that take at most `coefficient` times the normal impulse together: two of sliding or rolling, one of
 /// spinning.
 struct Disc {

@@ -6,14 +6,14 @@
 
 #include "handsim/engine/articulated/contact_newton.h"
 
+#include "handsim/core/index.h"
+
 namespace handsim::engine::articulated {
 
 namespace {
 
 using Row = Eigen::Map<Eigen::VectorXd>;
 using ConstRow = Eigen::Map<const Eigen::VectorXd>;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 

@@ -2,13 +2,11 @@
 
 #include <cmath>
 
+#include "handsim/core/index.h"
+
 namespace handsim::engine::articulated {
 
 namespace {
-
-constexpr int kNone = -1;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 Spatial read6(const double* x, std::size_t stride) {
   Spatial out;
@@ -31,11 +29,11 @@ JointSpace::JointSpace(Mechanism& mechanism) : stride_(mechanism.stride()) {
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     const Node& node = topology.nodes[i];
     views_.push_back(mechanism.view(i));
-    parent_node_.push_back(node.parent ? *node.parent : kNone);
+    parent_node_.push_back(node.parent ? *node.parent : kNoNode);
     first_.push_back(n_);
     last_.push_back(n_ + rate_count(node.kind) - 1);
     for (int k = 0; k < rate_count(node.kind); ++k, ++n_) {
-      parent_dof_.push_back(k > 0 ? n_ - 1 : (node.parent ? last_[at(*node.parent)] : kNone));
+      parent_dof_.push_back(k > 0 ? n_ - 1 : (node.parent ? last_[at(*node.parent)] : kNoDof));
       rate_.push_back(mechanism.seat(i).u + at(k) * stride_);
       // S[column][row] of a node of several rates.
       axes_.push_back(views_[i].S + at(6 * k) * stride_);
@@ -69,7 +67,7 @@ void JointSpace::inverse_dynamics(std::span<const double> du, std::span<double> 
   }
   for (int i = nodes - 1; i >= 0; --i) {
     for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) tau[at(dof)] = S_[at(dof)].dot(f_[at(i)]);
-    if (parent_node_[at(i)] != kNone) f_[at(parent_node_[at(i)])] += f_[at(i)];
+    if (parent_node_[at(i)] != kNoNode) f_[at(parent_node_[at(i)])] += f_[at(i)];
   }
 }
 
@@ -86,9 +84,9 @@ void JointSpace::find_inertia() {
       const Vec3 turn = S_[at(dof)].head<3>(), shift = S_[at(dof)].tail<3>();
       Spatial F;
       F << c.I * turn + c.h.cross(shift), c.mass * shift - c.h.cross(turn);
-      for (int j = dof; j != kNone; j = parent_dof_[at(j)]) H_[index(dof, j)] = S_[at(j)].dot(F);
+      for (int j = dof; j != kNoDof; j = parent_dof_[at(j)]) H_[index(dof, j)] = S_[at(j)].dot(F);
     }
-    if (parent_node_[at(i)] == kNone) continue;
+    if (parent_node_[at(i)] == kNoNode) continue;
     Composite& parent = composite_[at(parent_node_[at(i)])];
     parent.mass += c.mass;
     parent.h += c.h;
@@ -100,9 +98,9 @@ void JointSpace::factor() {
   for (int k = n_ - 1; k >= 0; --k) {
     const double pivot = std::sqrt(H_[index(k, k)]);
     H_[index(k, k)] = pivot;
-    for (int i = parent_dof_[at(k)]; i != kNone; i = parent_dof_[at(i)]) H_[index(k, i)] /= pivot;
-    for (int i = parent_dof_[at(k)]; i != kNone; i = parent_dof_[at(i)])
-      for (int j = i; j != kNone; j = parent_dof_[at(j)])
+    for (int i = parent_dof_[at(k)]; i != kNoDof; i = parent_dof_[at(i)]) H_[index(k, i)] /= pivot;
+    for (int i = parent_dof_[at(k)]; i != kNoDof; i = parent_dof_[at(i)])
+      for (int j = i; j != kNoDof; j = parent_dof_[at(j)])
         H_[index(i, j)] -= H_[index(k, i)] * H_[index(k, j)];
   }
 }
@@ -110,34 +108,34 @@ void JointSpace::factor() {
 void JointSpace::solve_transposed(std::span<double> x) const {
   for (int i = n_ - 1; i >= 0; --i) {
     x[at(i)] /= H_[index(i, i)];
-    for (int j = parent_dof_[at(i)]; j != kNone; j = parent_dof_[at(j)])
+    for (int j = parent_dof_[at(i)]; j != kNoDof; j = parent_dof_[at(j)])
       x[at(j)] -= H_[index(i, j)] * x[at(i)];
   }
 }
 
 void JointSpace::solve_factor(std::span<double> x) const {
   for (int i = 0; i < n_; ++i) {
-    for (int j = parent_dof_[at(i)]; j != kNone; j = parent_dof_[at(j)])
+    for (int j = parent_dof_[at(i)]; j != kNoDof; j = parent_dof_[at(j)])
       x[at(i)] -= H_[index(i, j)] * x[at(j)];
     x[at(i)] /= H_[index(i, i)];
   }
 }
 
 void JointSpace::add_row(int node, const Spatial& wrench, double sign, std::span<double> out) const {
-  for (int dof = last_[at(node)]; dof != kNone; dof = parent_dof_[at(dof)])
+  for (int dof = last_[at(node)]; dof != kNoDof; dof = parent_dof_[at(dof)])
     out[at(dof)] += sign * axis(dof).dot(wrench);
 }
 
 double JointSpace::row_scale(int node, const Spatial& wrench) const {
   double sum = 0;
-  for (int dof = last_[at(node)]; dof != kNone; dof = parent_dof_[at(dof)])
+  for (int dof = last_[at(node)]; dof != kNoDof; dof = parent_dof_[at(dof)])
     sum += axis(dof).squaredNorm() / (H_[index(dof, dof)] * H_[index(dof, dof)]);
   return sum * wrench.squaredNorm();
 }
 
 Eigen::Matrix3Xd JointSpace::point_jacobian(int node, const Vec3& point) const {
   Eigen::Matrix3Xd out = Eigen::Matrix3Xd::Zero(3, n_);
-  for (int dof = last_[at(node)]; dof != kNone; dof = parent_dof_[at(dof)]) {
+  for (int dof = last_[at(node)]; dof != kNoDof; dof = parent_dof_[at(dof)]) {
     const Spatial S = axis(dof);
     out.col(dof) = S.tail<3>() + S.head<3>().cross(point);
   }

@@ -15,6 +15,9 @@ namespace handsim::engine::articulated {
 /// Angular part first, in world axes about the island's origin.
 using Spatial = Eigen::Matrix<double, 6, 1>;
 
+/// Of a dof that nothing carries.
+inline constexpr int kNoDof = -1;
+
 class JointSpace {
  public:
   /// @param mechanism must outlive this. All below speak of where its `kinematics` last found it, its rates
@@ -26,7 +29,7 @@ class JointSpace {
   std::size_t rate_index(int dof) const { return rate_[static_cast<std::size_t>(dof)]; }
   int first_dof(int node) const { return first_[static_cast<std::size_t>(node)]; }
   int last_dof(int node) const { return last_[static_cast<std::size_t>(node)]; }
-  /// The dof that carries another, or -1.
+  /// The dof that carries another, or kNoDof.
   int parent_dof(int dof) const { return parent_dof_[static_cast<std::size_t>(dof)]; }
   /// S of a dof.
   Spatial axis(int dof) const;
@@ -65,7 +68,7 @@ class JointSpace {
 
   int n_ = 0;
   std::vector<int> first_, last_;  ///< dofs of each node
-  std::vector<int> parent_dof_;    ///< lambda of each dof, or -1
+  std::vector<int> parent_dof_;    ///< lambda of each dof, or kNoDof
   std::vector<int> parent_node_;
   std::vector<std::size_t> rate_;
   std::vector<NodeView> views_;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "handsim/core/index.h"
+
 namespace handsim::engine::articulated {
 
 namespace {
@@ -11,8 +13,6 @@ namespace {
 constexpr double kDependent = 1e-12;
 constexpr int kClosings = 20;
 constexpr double kClosed = 1e-14;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 const Batch<1>* batches(const Tree& tree) { return static_cast<const Batch<1>*>(tree.batch); }
 Axis<1>* axes(const Tree& tree) { return static_cast<Axis<1>*>(tree.axis); }

@@ -4,11 +4,10 @@
 #include <cstddef>
 #include <type_traits>
 
+#include "handsim/core/index.h"
 #include "handsim/engine/articulated/mechanism.h"
 
 namespace handsim::engine::articulated {
-
-inline std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 inline bool single(NodeKind kind) { return kind == NodeKind::revolute || kind == NodeKind::prismatic; }
 

@@ -5,11 +5,11 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "handsim/core/index.h"
+
 namespace handsim::engine::articulated {
 
 namespace {
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 Quat pure(const Vec3& v) { return {0, v.x(), v.y(), v.z()}; }
 

@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 
+#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::engine {
@@ -12,8 +13,6 @@ namespace handsim::engine {
 namespace {
 
 constexpr Index kNoSlot = -1;
-
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
 /// Body velocity of a drive's rate: the body's centre of mass lies off the frame that is driven.
 void set_driven(const Pose& x_WB, const Pose& x_WD, const model::PoseRate& rate, model::BodyState& body) {
