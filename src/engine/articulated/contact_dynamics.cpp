@@ -21,6 +21,11 @@ namespace {
 /// and 3e-4 um/s under a body's weight at 1 ms.
 constexpr double kNormalSoftness = 1e-5, kFrictionSoftness = 1e-6;
 
+/// Joints can keep surfaces from sliding that their bodies' masses alone would not: a finger of milligrams on
+/// a rail. Where what the joint-space inertia lets them slide comes to less than a tenth of what the masses
+/// would, friction is firmer by as much, down to the second.
+constexpr double kFirmBelow = 0.1, kLeastShare = 1e-4;
+
 /// Of the rows of loops, as a share of what the rates that move them give way; the gap is closed after the
 /// step.
 constexpr double kTieSoftness = 1e-8;
@@ -214,13 +219,13 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   }
   rows.start[0] = v.x() - target;
   std::size_t row = 1;
-  const auto add = [&](Disc::Kind kind, double coefficient, double gives) {
+  const auto add = [&](Disc::Kind kind, double coefficient, double gives, double share = 1) {
     Disc& disc = rows.discs[rows.disc_count++];
     disc.kind = kind;
     disc.row = row;
     disc.size = kind == Disc::Kind::spinning ? 1 : 2;
     disc.coefficient = coefficient;
-    disc.softness = kFrictionSoftness * gives;
+    disc.softness = kFrictionSoftness * share * gives;
     disc.giving = gives;
   };
   const auto add_turning = [&](int axis) {
@@ -230,7 +235,10 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
     ++row;
   };
   if (friction > 0) {
-    add(Disc::Kind::sliding, friction, giving);
+    double across = 0;
+    for (std::size_t k = 0; k < m; ++k)
+      across += (J[m + k] * J[m + k] + J[2 * m + k] * J[2 * m + k]) / solver_.inertia(dofs_[k], dofs_[k]);
+    add(Disc::Kind::sliding, friction, giving, std::clamp(across / (kFirmBelow * giving), kLeastShare, 1.0));
     rows.start[row++] = v.y();
     rows.start[row++] = v.z();
   }
