@@ -105,8 +105,9 @@ YamlNode scene_tree(const HandArguments& arguments, const YamlNode& person) {
 }
 
 scene::Scene compiled(const HandArguments& arguments) {
+  const YamlNode person = person_tree(arguments);
   try {
-    return scene::compile_scene(scene_tree(arguments, person_tree(arguments)));
+    return scene::compile_scene(scene_tree(arguments, person));
   } catch (const Error& error) {
     throw Error(of_options(error.problems()));
   }
