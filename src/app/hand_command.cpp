@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <string_view>
 
 #include <fmt/format.h>
 
@@ -269,8 +270,13 @@ int hand_command(const HandArguments& arguments) {
   const hand::BuiltHand built = hand::build_hand(entry.model, entry.person);
   if (arguments.out) output::make_folder(*arguments.out);
 
-  for (std::size_t i = 0; i < scene.warnings.size() / scene.spec.hands.size(); ++i)
-    fmt::print(stderr, "warning: {}\n", scene.warnings[i]);
+  for (std::size_t i = 0; i < scene.warnings.size() / scene.spec.hands.size(); ++i) {
+    std::string_view text = scene.warnings[i];
+    // The scene is the command's own; its keys say nothing to who gave options.
+    const std::string_view key = "hands.0.person: ";
+    if (text.starts_with(key)) text.remove_prefix(key.size());
+    fmt::print(stderr, "warning: {}\n", text);
+  }
   print_size(entry.person, entry.model, built);
   print_parts(entry.model, built);
   print_whole(entry.person, entry.model, built);

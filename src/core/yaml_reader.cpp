@@ -304,8 +304,10 @@ void MapReader::problem(std::string_view key, std::string got, std::string need)
 void MapReader::warning(std::string_view key, const std::string& text) {
   const YamlNode* found = node_->find(key);
   const Place place = (found ? *found : *node_).place();
-  diagnostics_->warnings.push_back(
-      fmt::format("{}:{}:{}: {}: {}", place.file, place.line, place.column, path_of(key), text));
+  // What a program put together stands in no file.
+  const std::string where =
+      place.file.empty() ? "" : fmt::format("{}:{}:{}: ", place.file, place.line, place.column);
+  diagnostics_->warnings.push_back(fmt::format("{}{}: {}", where, path_of(key), text));
 }
 
 void MapReader::finish() {

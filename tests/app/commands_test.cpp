@@ -198,6 +198,13 @@ TEST(Commands, CheckTellsGoodFilesFromBad) {
   EXPECT_EQ(run_program({"check", kScene, person, model}).status, 0);
 }
 
+TEST(Commands, HandWarnsOfAPersonOutsideTheSurvey) {
+  const Outcome outcome = run_program({"hand", "--stature", "1 m", "--mass", "60", "--sex", "female"});
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_TRUE(outcome.err.starts_with("warning: stature of 1 m is outside the survey (")) << outcome.err;
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+}
+
 TEST(Commands, HelpIsNoErrorAndHasAnExample) {
   EXPECT_EQ(run_program({"--help"}).status, 0);
   EXPECT_EQ(run_program({"--version"}).status, 0);
