@@ -48,6 +48,20 @@ std::string check_frames(const std::string& text) {
   return good ? "" : got_need(text, "a whole number of pictures, 0 to 10000");
 }
 
+std::string check_format(const std::string& text) {
+  return text == "mjcf" || text == "urdf" ? "" : got_need(text, "mjcf or urdf");
+}
+
+std::string check_friction(const std::string& text) {
+  const auto value = parse_number(text);
+  return value && *value >= 0 && *value <= 10 ? "" : got_need(text, "a coefficient of friction, 0 to 10");
+}
+
+std::string check_target(const std::string& text) {
+  const auto value = parse_number(text);
+  return value && *value > 0 && std::isfinite(*value) ? "" : got_need(text, "an error above 0, such as 1e-3");
+}
+
 std::string check_path(const std::string& text) { return text.empty() ? got_need("\"\"", "a path") : ""; }
 
 /// CLI11 lets an option that may be repeated take every word after it; this one takes one.
@@ -169,7 +183,7 @@ void add_grasp(CLI::App& app, GraspArguments& arguments) {
       ->check(check_side);
   add_overrides(*grasp, arguments.overrides);
   grasp->add_option("--friction", arguments.friction, "of every surface, in place of the scenes'")
-      ->check(CLI::Range(0.0, 10.0));
+      ->check(check_friction);
   grasp->add_flag("--friction-search", arguments.friction_search,
                   "also find the smallest friction that still holds (seven more runs a scene)");
   grasp->add_flag("--pictures", arguments.pictures, "a picture at every phase");
@@ -186,7 +200,7 @@ void add_accuracy(CLI::App& app, AccuracyArguments& arguments) {
   accuracy
       ->add_option("--target", arguments.target,
                    "name the cheapest method and step that reaches this error; exit 1 where none does")
-      ->check(CLI::PositiveNumber);
+      ->check(check_target);
   CLI::Option* peers = accuracy->add_option(
       "--peers", arguments.peers, "folder of other engines' programs (default: where the build puts them)");
   accuracy->add_option("--costs", arguments.costs,
@@ -244,8 +258,7 @@ void add_export(CLI::App& app, ExportArguments& arguments) {
       app.add_subcommand("export", "A scene's model as a file for other engines: MJCF or URDF");
   command->footer("Example: handsim export config/two_hands.yaml --format mjcf --out two_hands.xml");
   command->add_option("scene", arguments.scene, "scene file")->required();
-  command->add_option("--format", arguments.format, "mjcf (MuJoCo) or urdf (ROS)")
-      ->check(CLI::IsMember({"mjcf", "urdf"}));
+  command->add_option("--format", arguments.format, "mjcf (MuJoCo) or urdf (ROS)")->check(check_format);
   command->add_option("--out", arguments.out, "file to write")->required()->check(check_path);
   add_overrides(*command, arguments.overrides);
 }
