@@ -36,7 +36,7 @@ JointSpace::JointSpace(Mechanism& mechanism) : stride_(mechanism.stride()) {
       parent_dof_.push_back(k > 0 ? n_ - 1 : (node.parent ? last_[at(*node.parent)] : kNoDof));
       rate_.push_back(mechanism.seat(i).u + at(k) * stride_);
       // S[column][row] of a node of several rates.
-      axes_.push_back(views_[i].S + at(6 * k) * stride_);
+      axes_.push_back(views_[i].S + 6 * at(k) * stride_);
     }
   }
   H_.resize(at(n_) * at(n_));
