@@ -18,7 +18,7 @@ constexpr std::size_t kMostBodies = 1000;
 
 /// `rotation`, or `z_axis`: the shortest turn that takes the body's z axis there.
 Quat read_orientation(MapReader& reader) {
-  const Quat rotation = reader.rotation("rotation");
+  Quat rotation = reader.rotation("rotation");
   if (!reader.has("z_axis")) return rotation;
   if (reader.has("rotation")) reader.problem("z_axis", "a z_axis beside a rotation", "one of the two");
   return Quat::FromTwoVectors(Vec3::UnitZ(), reader.direction("z_axis"));
