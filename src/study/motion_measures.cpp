@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 
+#include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/study/measure_tools.h"
 
@@ -131,7 +132,7 @@ class Acceleration final : public Measure {
     if (!last_.empty() && within(spec_, now.state().time))
       for (const model::Joint& joint : now.model().joints)
         for (int i = 0; i < model::dof_count(joint.kind); ++i) {
-          const auto k = static_cast<std::size_t>(joint.first_dof + i);
+          const std::size_t k = at(joint.first_dof + i);
           const double value = std::abs(rates[k] - last_[k]) / step_;
           if (!largest_.figure() || value > largest_.figure()->value)
             largest_.book(value, now.state().time, joint.name);
