@@ -13,13 +13,8 @@ handsim_need(PKG_CONFIG_FOUND "pkg-config" pkg-config)
 pkg_check_modules(ODE QUIET IMPORTED_TARGET ode>=0.16)
 handsim_need(ODE_FOUND "the Open Dynamics Engine (pkg-config ode, 0.16 or newer)" libode-dev)
 # ODE's precision is fixed when ODE is built and its headers follow the flag that pkg-config hands out.
-include(CheckCXXSourceCompiles)
-set(CMAKE_REQUIRED_LIBRARIES PkgConfig::ODE)
-check_cxx_source_compiles("
-  #include <ode/ode.h>
-  static_assert(sizeof(dReal) == sizeof(double), \"single precision\");
-  int main() { return dCheckConfiguration(\"ODE_double_precision\") ? 0 : 1; }" HANDSIM_ODE_IS_DOUBLE)
-unset(CMAKE_REQUIRED_LIBRARIES)
+try_compile(HANDSIM_ODE_IS_DOUBLE ${PROJECT_BINARY_DIR}/ode_precision
+            SOURCES ${PROJECT_SOURCE_DIR}/src/engine/ode/precision.cpp LINK_LIBRARIES PkgConfig::ODE)
 handsim_need(HANDSIM_ODE_IS_DOUBLE "ODE built in double precision (this one is single precision or does not link)" libode-dev)
 
 foreach(entry "Eigen3;Eigen 3;libeigen3-dev" "yaml-cpp;yaml-cpp;libyaml-cpp-dev" "fmt;fmt;libfmt-dev"
@@ -33,6 +28,7 @@ endforeach()
 
 find_package(SUNDIALS 6 QUIET COMPONENTS ida cvode nvecserial sunmatrixdense sunlinsoldense)
 handsim_need(SUNDIALS_FOUND "SUNDIALS 6 (IDA and CVODE, the integrators of the reference solutions)" libsundials-dev)
+include(CheckCXXSourceCompiles)
 set(CMAKE_REQUIRED_LIBRARIES SUNDIALS::ida)
 check_cxx_source_compiles("
   #include <ida/ida.h>

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/units.h"
 #include "handsim/hand/material.h"
 
 namespace handsim::hand {
@@ -297,7 +298,8 @@ void check_axis_pair(MapReader& reader, const std::vector<model::JointAxis>& axe
   const double cosine = axes[0].axis.dot(axes[1].axis);
   if (std::abs(cosine) > 1e-9)
     reader.problem(
-        "axes", fmt::format("axes {:.9g} deg apart", std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / M_PI),
+        "axes",
+        fmt::format("axes {:.9g} deg apart", kDegreesPerRadian * std::acos(std::clamp(cosine, -1.0, 1.0))),
         "perpendicular axes");
   if (axes[0].name == axes[1].name)
     reader.problem("axes", fmt::format("two axes called {}", axes[0].name),

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
+#include "handsim/core/units.h"
 #include "handsim/output/draw_list.h"
 #include "handsim/output/solid.h"
 
@@ -23,7 +24,7 @@ struct Direction {
 
 /// Tilts a direction so that it comes from at least 25 degrees above the horizon.
 Vec3 from_above(const Vec3& direction) {
-  const double lowest = std::sin(25 * M_PI / 180);
+  const double lowest = std::sin(25 * kDegree);
   if (direction.z() >= lowest) return direction;
   Vec3 level = {direction.x(), direction.y(), 0};
   level = level.norm() > 1e-6 ? Vec3(level.normalized()) : Vec3(-Vec3::UnitY());

@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/text.h"
+#include "handsim/core/units.h"
 #include "handsim/output/atomic_file.h"
 
 namespace handsim::output {
@@ -19,7 +20,7 @@ void MotionTableWriter::add(double time, std::span<const double> values) {
   ++rows_;
   fmt::format_to(std::back_inserter(text_), "{:.12g}", time);
   for (const double value : values)
-    fmt::format_to(std::back_inserter(text_), "\t{}", degrees_ ? value * 180 / M_PI : value);
+    fmt::format_to(std::back_inserter(text_), "\t{}", degrees_ ? kDegreesPerRadian * value : value);
   text_ += '\n';
 }
 

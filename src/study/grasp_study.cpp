@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
+#include "handsim/core/units.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/simulation/simulation.h"
 
@@ -123,7 +124,7 @@ std::string csv(const std::vector<GraspRow>& rows) {
     out += fmt::format(
         "{},{},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{},{:.6g},{:.6g},{},{:.6g},{:.6g},{},{},{:.3g}\n", row.scene,
         row.side, f.name, f.held ? 1 : 0, 1e6 * f.slip, 1e3 * f.shaken_shift, 1e3 * f.shift,
-        f.turn * 180 / M_PI, f.after.contacts, f.after.normal, f.after.friction_used,
+        kDegreesPerRadian * f.turn, f.after.contacts, f.after.normal, f.after.friction_used,
         f.after.wrenches.force_closure ? 1 : 0, f.after.wrenches.epsilon, f.after.wrenches.volume,
         row.smallest_friction ? fmt::format("{:.4g}", *row.smallest_friction) : "", row.passed ? 1 : 0,
         row.wall);

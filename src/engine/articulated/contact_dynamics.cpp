@@ -143,14 +143,10 @@ ContactDynamics::Side ContactDynamics::side(int shape, const Vec3& position) con
   return out;
 }
 
-double ContactDynamics::inverse_mass(int shape) const {
+ContactDynamics::Giving ContactDynamics::giving_of(int shape) const {
   const model::Body& body = model_.bodies[at(body_of(shape))];
-  return body.kinematic || body.mass <= 0 ? 0 : 1 / body.mass;
-}
-
-double ContactDynamics::inverse_inertia(int shape) const {
-  const model::Body& body = model_.bodies[at(body_of(shape))];
-  return body.kinematic || body.mass <= 0 ? 0 : 3 / body.inertia.trace();
+  if (body.kinematic || body.mass <= 0) return {};
+  return {1 / body.mass, 3 / body.inertia.trace()};
 }
 
 /// The dofs that move one of two nodes and not the other.
@@ -188,8 +184,8 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   frame.col(1) = contact.normal.unitOrthogonal();
   frame.col(2) = contact.normal.cross(frame.col(1));
 
-  const double giving = inverse_mass(contact.shape_a) + inverse_mass(contact.shape_b);
-  const double turning = inverse_inertia(contact.shape_a) + inverse_inertia(contact.shape_b);
+  const Giving gives_a = giving_of(contact.shape_a), gives_b = giving_of(contact.shape_b);
+  const double giving = gives_a.shift + gives_b.shift, turning = gives_a.turn + gives_b.turn;
   const double inside = std::max(contact.depth - ode::kSurfaceLayer, 0.0);
   rows.giving = giving;
   double target = 0;

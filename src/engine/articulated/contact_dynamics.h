@@ -82,8 +82,11 @@ class ContactDynamics {
   int node_of(int shape) const {
     return mechanism_.topology().node_of_body[static_cast<std::size_t>(body_of(shape))];
   }
-  double inverse_mass(int shape) const;
-  double inverse_inertia(int shape) const;
+  /// What a body alone gives way to an impulse [1/kg] and to a turning one, in the mean [1/(kg m2)].
+  struct Giving {
+    double shift = 0, turn = 0;
+  };
+  Giving giving_of(int shape) const;
 
   const model::Model& model_;
   Mechanism& mechanism_;
