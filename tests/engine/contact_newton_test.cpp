@@ -36,7 +36,6 @@ TEST(ContactNewton, MeetsCoulombsLawOnRandomProblems) {
       ContactRows& rows = solver.add(dofs, 3);
       rows.open = false;
       rows.softness = kSoftness;
-      rows.giving = rows.discs[0].giving = 1;
       rows.disc_count = 1;
       rows.discs[0].coefficient = 0.4;
       rows.discs[0].softness = kSoftness;

@@ -187,7 +187,6 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   const Giving gives_a = giving_of(contact.shape_a), gives_b = giving_of(contact.shape_b);
   const double giving = gives_a.shift + gives_b.shift, turning = gives_a.turn + gives_b.turn;
   const double inside = std::max(contact.depth - ode::kSurfaceLayer, 0.0);
-  rows.giving = giving;
   double target = 0;
   if (surface.compliance) {
     const ode::SoftRow soft =
@@ -222,7 +221,6 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
     disc.size = kind == Disc::Kind::spinning ? 1 : 2;
     disc.coefficient = coefficient;
     disc.softness = kFrictionSoftness * share * gives;
-    disc.giving = gives;
   };
   const auto add_turning = [&](int axis) {
     rows.start[row] = w[axis];
@@ -433,7 +431,8 @@ NewtonReport ContactDynamics::solve(double step) {
   NewtonReport report = solver_.solve(kContactTolerance * step);
   while (bounce()) {
     const NewtonReport again = solver_.solve(kContactTolerance * step);
-    report = {report.iterations + again.iterations, again.residual, again.solved};
+    report = {report.iterations + again.iterations, report.limit_updates + again.limit_updates, again.residual,
+              again.solved};
   }
   const std::span<double> du = mechanism_.du();
   for (int dof = 0; dof < space_.size(); ++dof)

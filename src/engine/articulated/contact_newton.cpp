@@ -10,16 +10,8 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-constexpr std::size_t kMostRows = 6;
-/// Full steps from what was in force in the last step; searched steps at each softness, and at the contacts'
-/// own.
-constexpr int kFullSteps = 15, kSofterSteps = 10, kLastSteps = 30;
-/// Softness that a hard problem is approached by, as shares of what bodies give way.
-constexpr double kSoftest = 0.1, kHardest = 1e-5, kHarder = 0.1;
-constexpr int kMostFailed = 2;  ///< of these, one after the other
-constexpr int kSearches = 30;
-/// Slope of the energy that a step may leave, as a share of its start's.
-constexpr double kFlat = 0.1;
+/// Newton steps from what was in force at the end of the last step.
+constexpr int kNewtonSteps = 15;
 /// Share of the forces that meet in a rate's equation below which what they leave is rounding.
 constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
 /// Bounds are passed beyond rounding.
@@ -42,9 +34,7 @@ void ContactNewton::resize(std::vector<int> first) {
   for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
   bounds_.resize(at(n_));
   servos_.resize(at(n_));
-  softer_x_.resize(at(n_));
   contacts_.reserve(kUsualContacts);
-  softer_.reserve(kUsualContacts);
   dofs_.reserve(kUsualContacts * at(n_));
   J_.reserve(kUsualContacts * kMostRows * at(n_));
   r_.reserve(kUsualContacts * kMostRows);
@@ -99,9 +89,9 @@ void ContactNewton::widen() {
 }
 
 /// Impulses at row velocities r, and which parts of the law are in force.
-void ContactNewton::obey(ContactRows& contact, const double* r, Law law) {
+void ContactNewton::apply_law(ContactRows& contact, const double* r, Law law) {
   double& normal = contact.impulse[0];
-  normal = -r[0] / contact.soft;
+  normal = -r[0] / contact.softness;
   if (contact.tie) {
     contact.open = false;
     return;
@@ -115,23 +105,27 @@ void ContactNewton::obey(ContactRows& contact, const double* r, Law law) {
     Disc& disc = contact.discs[k];
     double* p = contact.impulse.data() + disc.row;
     const double vx = r[disc.row], vy = disc.size > 1 ? r[disc.row + 1] : 0;
-    const double limit = disc.coefficient * normal;
-    double x = -vx / disc.soft, y = -vy / disc.soft;
-    if (contact.open) {
+    const double limit = law == Law::fixed_limits ? disc.limit : disc.coefficient * normal;
+    double x = -vx / disc.softness, y = -vy / disc.softness;
+    if (contact.open && law != Law::fixed_limits) {
       disc.slides = false;
       x = y = 0;
     } else if (law == Law::as_it_was && disc.slides) {
-      disc.lateral = std::min(disc.lateral, 1 / disc.soft);
+      disc.lateral = std::min(disc.lateral, 1 / disc.softness);
       const double along = vx * disc.x + vy * disc.y;
       x = -limit * disc.x - disc.lateral * (vx - along * disc.x);
       y = -limit * disc.y - disc.lateral * (vy - along * disc.y);
-    } else if (law == Law::coulomb) {
+    } else if (law != Law::as_it_was) {
       const double speed = std::sqrt(vx * vx + vy * vy);
-      disc.slides = speed > limit * disc.soft;
+      disc.slides = speed > limit * disc.softness;
       if (disc.slides) {
         disc.x = vx / speed;
         disc.y = vy / speed;
         disc.lateral = limit / speed;
+        if (law == Law::fixed_limits) {
+          disc.px = disc.x;
+          disc.py = disc.y;
+        }
         x = -limit * disc.x;
         y = -limit * disc.y;
       }
@@ -143,6 +137,7 @@ void ContactNewton::obey(ContactRows& contact, const double* r, Law law) {
 
 /// Impulses at x_ and what is left of the equation, F = A x - g - J^T p - servos.
 void ContactNewton::evaluate(Law law) {
+  law_ = law;
   for (int i = 0; i < n_; ++i) {
     F_[at(i)] = -g_[at(i)];
     sum_[at(i)] = std::abs(g_[at(i)]);
@@ -157,6 +152,15 @@ void ContactNewton::evaluate(Law law) {
     F_[at(i)] += sum;
   }
   for (int i = 0; i < n_; ++i) {
+    if (law == Law::fixed_limits) {
+      Bound& bound = bounds_[at(i)];
+      bound.side = x_[at(i)] < bound.low ? -1 : (x_[at(i)] > bound.high ? 1 : 0);
+      if (bound.side != 0) {
+        const double end = bound.side < 0 ? bound.low : bound.high;
+        F_[at(i)] += (x_[at(i)] - end) / bound_compliance(i);
+        sum_[at(i)] += (std::abs(x_[at(i)]) + std::abs(end)) / bound_compliance(i);
+      }
+    }
     Servo& servo = servos_[at(i)];
     if (!(servo.limit > 0)) continue;
     double pull = servo.offset - servo.slope * x_[at(i)];
@@ -181,12 +185,12 @@ void ContactNewton::evaluate(Law law) {
         size[k] += std::abs(part);
       }
     }
-    obey(contact, r, law);
-    if (contact.open) continue;
-    size[0] /= contact.soft;
+    apply_law(contact, r, law);
+    if (contact.open && law != Law::fixed_limits) continue;
+    size[0] /= contact.softness;
     for (std::size_t k = 0; k < contact.disc_count; ++k)
       for (std::size_t row = 0; row < contact.discs[k].size; ++row)
-        size[contact.discs[k].row + row] /= contact.discs[k].soft;
+        size[contact.discs[k].row + row] /= contact.discs[k].softness;
     for (std::size_t k = 0; k < contact.rows; ++k)
       for (std::size_t j = 0; j < contact.dof_count; ++j) {
         const double share = J[k * contact.dof_count + j];
@@ -200,7 +204,7 @@ void ContactNewton::evaluate(Law law) {
 double ContactNewton::residual() const {
   double most = 0;
   for (int i = 0; i < n_; ++i) {
-    if (bounds_[at(i)].side != 0) continue;
+    if (kept(i)) continue;
     const double left = std::abs(F_[at(i)]) - kRounding * sum_[at(i)];
     // Written so that NaN counts.
     if (!(left <= 0)) most = std::max(most, std::isnan(left) ? HUGE_VAL : left / A_[entry(i, i)]);
@@ -208,79 +212,13 @@ double ContactNewton::residual() const {
   return most;
 }
 
-ContactNewton::Slope ContactNewton::along(double share) const {
-  Slope out;
-  for (int i = 0; i < n_; ++i) {
-    const double d = d_[at(i)];
-    out.rise += d * Ad_[at(i)];
-    out.value += d * (sum_[at(i)] + share * Ad_[at(i)]);
-    const Servo& servo = servos_[at(i)];
-    if (!(servo.limit > 0)) continue;
-    const double pull = servo.offset - servo.slope * (x_[at(i)] + share * d);
-    out.value -= d * std::clamp(pull, -servo.limit, servo.limit);
-    if (std::abs(pull) < servo.limit) out.rise += servo.slope * d * d;
-  }
-  ContactRows contact;
-  for (std::size_t c = 0; c < contacts_.size(); ++c) {
-    contact = contacts_[c];
-    const double *r = r_.data() + kMostRows * c, *s = s_.data() + kMostRows * c;
-    std::array<double, kMostRows> now{};
-    for (std::size_t k = 0; k < contact.rows; ++k) now[k] = r[k] + share * s[k];
-    obey(contact, now.data(), Law::coulomb);
-    for (std::size_t k = 0; k < contact.rows; ++k) out.value -= s[k] * contact.impulse[k];
-    if (!contact.open) out.rise += s[0] * s[0] / contact.soft;
-    for (std::size_t k = 0; k < contact.disc_count; ++k) {
-      const Disc& disc = contact.discs[k];
-      const double sx = s[disc.row], sy = disc.size > 1 ? s[disc.row + 1] : 0;
-      if (!disc.slides) {
-        if (!contact.open) out.rise += (sx * sx + sy * sy) / disc.soft;
-        continue;
-      }
-      const double across = disc.x * sy - disc.y * sx;
-      out.rise += disc.lateral * across * across;
-      if (!contact.open) out.rise -= disc.coefficient / contact.soft * s[0] * (disc.x * sx + disc.y * sy);
-    }
-  }
-  return out;
-}
-
-/// Where along d_ the energy is least.
-double ContactNewton::search() {
-  // A d, and what of F does not depend on the law, into sum_.
-  for (int i = 0; i < n_; ++i) {
-    Ad_[at(i)] = 0;
-    sum_[at(i)] = -g_[at(i)];
-  }
-  for (int i = 0; i < n_; ++i) {
-    const double* row = A_.data() + entry(i, 0);
-    Ad_[at(i)] += row[i] * d_[at(i)];
-    sum_[at(i)] += row[i] * x_[at(i)];
-    for (int j = i + 1; j <= A_last_[at(i)]; ++j) {
-      Ad_[at(i)] += row[j] * d_[at(j)];
-      Ad_[at(j)] += row[j] * d_[at(i)];
-      sum_[at(i)] += row[j] * x_[at(j)];
-      sum_[at(j)] += row[j] * x_[at(i)];
-    }
-  }
-  const double start = along(0).value;
-  Slope end = along(1);
-  if (!(start < 0) || !(end.value > kFlat * -start)) return 1;
-  double low = 0, high = 1, share = 1;
-  for (int i = 0; i < kSearches; ++i) {
-    double next = share - end.value / end.rise;
-    // Written so that NaN is not taken; the middle where Newton's step leaves the bracket.
-    if (!(next > low && next < high)) next = 0.5 * (low + high);
-    share = next;
-    end = along(share);
-    if (std::abs(end.value) <= kFlat * -start) break;
-    (end.value > 0 ? high : low) = share;
-  }
-  return share;
-}
-
-/// x += share d; what passes a bound stays on it.
+/// x += share d. What passes a bound stays on it, but where bounds are springs.
 void ContactNewton::advance(double share) {
   for (int i = 0; i < n_; ++i) {
+    if (law_ == Law::fixed_limits) {
+      x_[at(i)] += share * d_[at(i)];
+      continue;
+    }
     Bound& bound = bounds_[at(i)];
     if (bound.side != 0) continue;
     double& x = x_[at(i)];
@@ -303,15 +241,6 @@ bool ContactNewton::release() {
   return any;
 }
 
-/// Makes contacts softer than they are, to a share of what their bodies give way.
-void ContactNewton::soften(double share) {
-  for (ContactRows& contact : contacts_) {
-    contact.soft = std::max(contact.softness, share * contact.giving);
-    for (std::size_t k = 0; k < contact.disc_count; ++k)
-      contact.discs[k].soft = std::max(contact.discs[k].softness, share * contact.discs[k].giving);
-  }
-}
-
 /// Rows' velocities that the step d_ adds.
 void ContactNewton::find_changes() {
   s_.resize(r_.size());
@@ -325,18 +254,18 @@ void ContactNewton::find_changes() {
   }
 }
 
-/// Friction's direction as the linear model of the step has it after a share of the step.
-void ContactNewton::turn(double share) {
+/// Friction's direction at the end of the step d_, by the step's linear model.
+void ContactNewton::update_directions() {
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
     ContactRows& contact = contacts_[c];
     const double* s = s_.data() + kMostRows * c;
-    const double more = contact.open ? 0 : -share * s[0] / contact.soft;
+    const double more = contact.open ? 0 : -s[0] / contact.softness;
     for (std::size_t k = 0; k < contact.disc_count; ++k) {
       Disc& disc = contact.discs[k];
       double x = 0, y = 0;
       if (!contact.open) {
         const auto [xx, xy, yy] = stiffness(disc);
-        const double sx = share * s[disc.row], sy = disc.size > 1 ? share * s[disc.row + 1] : 0;
+        const double sx = s[disc.row], sy = disc.size > 1 ? s[disc.row + 1] : 0;
         const double* p = contact.impulse.data() + disc.row;
         x = -p[0] + xx * sx + xy * sy;
         y = disc.size > 1 ? -p[1] + xy * sx + yy * sy : 0;
@@ -357,7 +286,7 @@ void ContactNewton::turn(double share) {
 void ContactNewton::find_step(NewtonReport& report) {
   assemble();
   factor();
-  for (int i = 0; i < n_; ++i) d_[at(i)] = bounds_[at(i)].side == 0 ? -F_[at(i)] : 0;
+  for (int i = 0; i < n_; ++i) d_[at(i)] = kept(i) ? 0 : -F_[at(i)];
   solve_factored(d_.data());
   couple();
   find_changes();
@@ -370,25 +299,14 @@ bool ContactNewton::solved(double tolerance, NewtonReport& report) {
   return report.solved;
 }
 
-/// Full steps from an evaluated x.
-void ContactNewton::leap(double tolerance, NewtonReport& report) {
-  for (int i = 0; i < kFullSteps && !report.solved; ++i) {
+/// Newton steps from an evaluated x.
+void ContactNewton::newton_steps(int most, double tolerance, NewtonReport& report) {
+  for (int i = 0; i < most && !report.solved; ++i) {
     find_step(report);
-    turn(1);
+    update_directions();
     advance(1);
     evaluate(Law::coulomb);
     solved(tolerance, report);
-  }
-}
-
-/// Searched steps from an evaluated x.
-void ContactNewton::walk(int most, double tolerance, NewtonReport& report) {
-  for (int i = 0; !solved(tolerance, report) && i < most; ++i) {
-    find_step(report);
-    const double share = search();
-    turn(share);
-    advance(share);
-    evaluate(Law::coulomb);
   }
 }
 
@@ -399,33 +317,9 @@ NewtonReport ContactNewton::solve(double tolerance) {
     x_[at(i)] = bound.side == 0 ? 0 : (bound.side < 0 ? bound.low : bound.high);
   }
   NewtonReport report;
-  soften(0);
   evaluate(Law::as_it_was);
-  leap(tolerance, report);
-  if (report.solved) return report;
-  bool any = false;
-  int failed = 0;
-  for (double share = kSoftest; share >= kHardest && failed < kMostFailed; share *= kHarder) {
-    soften(share);
-    evaluate(Law::coulomb);
-    walk(kSofterSteps, tolerance, report);
-    if (!report.solved) {
-      ++failed;
-      continue;
-    }
-    any = true;
-    failed = 0;
-    softer_x_ = x_;
-    softer_ = contacts_;
-  }
-  soften(0);
-  evaluate(Law::coulomb);
-  if (!solved(tolerance, report)) leap(tolerance, report);
-  if (!report.solved) walk(kLastSteps, tolerance, report);
-  if (!report.solved && any) {
-    x_ = softer_x_;
-    contacts_ = softer_;
-  }
+  newton_steps(kNewtonSteps, tolerance, report);
+  if (!report.solved) iterate_limits(tolerance, report);
   return report;
 }
 

@@ -4,8 +4,13 @@
 // A being the joint-space inertia, springs and dampers in it, and g what drives it without contact. The
 // normal impulse is max(0, -r_n / softness), friction Coulomb's with the true cone: -r_t / softness, cut to
 // the coefficient times the normal impulse. The softness makes impulses the velocities' own function, so that
-// the unknowns are the joint rates however many contacts there are. Newton's method on that piecewise smooth
-// equation, safeguarded by a search along its direction; sparse along the branches of the mechanism.
+// the unknowns are the joint rates however many contacts there are.
+//
+// Semi-smooth Newton steps on that equation (Alart and Curnier 1991), sparse along the branches of the
+// mechanism, from what was in force in the last step. They are quick and find nearly all solutions, but
+// Coulomb's friction is the slope of no energy, so that nothing makes them converge. Where they do not,
+// friction's limits are held and updated from outside (contact_newton_limits.cpp): that cannot fail to give a
+// step.
 #pragma once
 
 #include <array>
@@ -17,6 +22,7 @@ namespace handsim::engine::articulated {
 
 /// So many are solved without allocating.
 inline constexpr std::size_t kUsualContacts = 64;
+inline constexpr std::size_t kMostRows = 6;  ///< of a contact
 
 /// Rows that take at most `coefficient` times the normal impulse together: two of sliding or rolling, one of
 /// spinning.
@@ -26,8 +32,8 @@ struct Disc {
   std::size_t row = 1, size = 2;  ///< among the contact's
   double coefficient = 0;
   double softness = 0;  ///< velocity per impulse, > 0
-  double giving = 0;    ///< what its bodies alone would give way
-  double soft = 0;      ///< in force
+  double limit = 0;     ///< of the impulse, where it is fixed
+  double change = 0;    ///< that the last solution asked of it
   bool slides = false;  ///< the limit is in force
   /// Where it slides: which way (unit), against which way it pushes, as a share of the limit, and limit over
   /// speed. Both ways agree in the solution.
@@ -37,9 +43,10 @@ struct Disc {
 /// A contact: its normal row, then those of its discs. Or a tie: one row that is to stand still, whichever
 /// way it has to be pushed.
 struct ContactRows {
-  std::array<double, 6> start{};  ///< r0 [m/s, rad/s]; normal: less the velocity that it is to have at least
-  std::array<double, 6> impulse{};            ///< in: to start from; out
-  double softness = 0, giving = 0, soft = 0;  ///< of the normal row, as a disc has them
+  std::array<double, kMostRows>
+      start{};  ///< r0 [m/s, rad/s]; normal: less the velocity that it is to have at least
+  std::array<double, kMostRows> impulse{};  ///< in: to start from; out
+  double softness = 0;                      ///< of the normal row, as a disc has it
   std::array<Disc, 3> discs;
   std::size_t rows = 1, disc_count = 0;
   bool open = true;  ///< in: as it was in the last step; out
@@ -49,9 +56,10 @@ struct ContactRows {
 
 /// How far a solution got.
 struct NewtonReport {
-  int iterations = 0;   ///< systems solved
-  double residual = 0;  ///< most that a rate may be off by [rad/s or m/s]
-  bool solved = false;  ///< the residual is within the tolerance
+  int iterations = 0;     ///< systems solved
+  int limit_updates = 0;  ///< of friction's limits, where Newton's method alone did not find the solution
+  double residual = 0;    ///< most that a rate may be off by [rad/s or m/s]
+  bool solved = false;    ///< the residual is within the tolerance
 };
 
 class ContactNewton {
@@ -74,8 +82,9 @@ class ContactNewton {
     return {J_.data() + contact.first_entry, contact.rows * contact.dof_count};
   }
 
-  /// Starts from x = 0 and from what `open`, `slides` and the bounds' sides name. A problem that resists is
-  /// approached from softer contacts; where it is not solved, the hardest of those that were is the result.
+  /// Starts from x = 0 and from what `open`, `slides` and the bounds' sides name. Where Coulomb's law is not
+  /// found to the tolerance, the result is a step whose friction has limits of other normal impulses than its
+  /// own; `residual` says what that comes to.
   /// @param tolerance of rates [rad/s or m/s]
   NewtonReport solve(double tolerance);
 
@@ -94,7 +103,9 @@ class ContactNewton {
   };
   enum class Law {
     coulomb,
-    as_it_was  ///< the parts of it that `open`, `slides` and `saturated` name, whatever the velocities
+    as_it_was,    ///< the parts of it that `open`, `slides` and `saturated` name, whatever the velocities
+    fixed_limits  ///< friction's limits are Disc::limit, whatever the normal impulse; bounds are stiff
+                  ///< springs
   };
   /// Derivative of the energy along a direction, and its own.
   struct Slope {
@@ -105,15 +116,19 @@ class ContactNewton {
     return static_cast<std::size_t>(i) * static_cast<std::size_t>(n_) + static_cast<std::size_t>(j);
   }
   void widen();
-  void soften(double share);
-  static void obey(ContactRows& contact, const double* r, Law law);
+  static void apply_law(ContactRows& contact, const double* r, Law law);
+  double bound_compliance(int i) const;
+  /// On a bound, and not to move.
+  bool kept(int i) const {
+    return law_ != Law::fixed_limits && bounds_[static_cast<std::size_t>(i)].side != 0;
+  }
   void evaluate(Law law);
   double residual() const;
   bool release();
   bool solved(double tolerance, NewtonReport& report);
   /// Of a disc's impulses against its velocities: xx, xy, yy.
   static std::array<double, 3> stiffness(const Disc& disc) {
-    if (!disc.slides) return {1 / disc.soft, 0, 1 / disc.soft};
+    if (!disc.slides) return {1 / disc.softness, 0, 1 / disc.softness};
     return {disc.lateral * (1 - disc.px * disc.x),
             -0.5 * disc.lateral * (disc.px * disc.y + disc.py * disc.x),
             disc.lateral * (1 - disc.py * disc.y)};
@@ -124,20 +139,33 @@ class ContactNewton {
   void couple();
   void find_changes();
   void find_step(NewtonReport& report);
-  Slope along(double share) const;
-  double search();
-  void turn(double share);
+  void update_directions();
   void advance(double share);
-  void leap(double tolerance, NewtonReport& report);
-  void walk(int most, double tolerance, NewtonReport& report);
+  void newton_steps(int most, double tolerance, NewtonReport& report);
+  Slope energy_slope(double share) const;
+  double line_search();
+  bool minimise(double tolerance, NewtonReport& report);
+  double update_limits(double relaxation, double most);
+  void restart_limits(double multiple);
+  void iterate_limits(double tolerance, NewtonReport& report);
+
+  /// A step, and how far it is from Coulomb's law.
+  struct Solution {
+    std::vector<double> x;
+    std::vector<ContactRows> contacts;
+    std::vector<Bound> bounds;
+    double residual = 0;
+  };
 
   int n_ = 0;
   std::vector<int> A_first_, A_last_;  ///< last column of a row of A
   std::vector<int> first_, last_;      ///< of the factor
-  std::vector<double> A_, M_, g_, x_, F_, sum_, d_, Ad_, softer_x_;
+  Law law_ = Law::coulomb;
+  std::vector<double> A_, M_, g_, x_, F_, sum_, d_, Ad_;
   std::vector<Bound> bounds_;
   std::vector<Servo> servos_;
-  std::vector<ContactRows> contacts_, softer_;
+  std::vector<ContactRows> contacts_;
+  Solution latest_, nearest_;
   std::vector<int> dofs_;
   std::vector<double> J_, r_, s_;
   /// What a sliding contact's normal impulse does to its friction: M - C G^T is the whole derivative.

@@ -27,11 +27,12 @@ void ContactNewton::assemble() {
     std::fill(M + A_last_[at(i)] + 1, M + std::max(A_last_[at(i)], last_[at(i)]) + 1, 0.0);
     const Servo& servo = servos_[at(i)];
     if (servo.limit > 0 && servo.saturated == 0) M[i] += servo.slope;
+    if (law_ == Law::fixed_limits && bounds_[at(i)].side != 0) M[i] += 1 / bound_compliance(i);
   }
   coupled_ = 0;
   coupling_.clear();
   for (const ContactRows& contact : contacts_) {
-    if (contact.open) continue;
+    if (contact.open && law_ != Law::fixed_limits) continue;
     const std::size_t m = contact.dof_count;
     const int* dofs = dofs_.data() + contact.first_dof;
     const double* J = J_.data() + contact.first_entry;
@@ -43,7 +44,7 @@ void ContactNewton::assemble() {
         for (std::size_t j = i; j < m; ++j) to[dofs[j]] += scaled * row[j];
       }
     };
-    add(1 / contact.soft, J);
+    if (!contact.open) add(1 / contact.softness, J);
     for (std::size_t k = 0; k < contact.disc_count; ++k) {
       const Disc& disc = contact.discs[k];
       const double* rows = J + disc.row * m;
@@ -58,8 +59,8 @@ void ContactNewton::assemble() {
           for (std::size_t j = i; j < m; ++j) to[dofs[j]] += a * first[j] + b * second[j];
         }
       }
-      if (!disc.slides) continue;
-      const double share = disc.coefficient / contact.soft;
+      if (!disc.slides || law_ == Law::fixed_limits) continue;
+      const double share = disc.coefficient / contact.softness;
       for (std::size_t j = 0; j < m; ++j) {
         if (bounds_[at(dofs[j])].side != 0) continue;
         const double slip = disc.px * rows[j] + (disc.size > 1 ? disc.py * rows[m + j] : 0);
@@ -68,6 +69,7 @@ void ContactNewton::assemble() {
       ++coupled_;
     }
   }
+  if (law_ == Law::fixed_limits) return;
   for (int i = 0; i < n_; ++i) {
     if (bounds_[at(i)].side == 0) continue;
     std::fill(M_.begin() + static_cast<std::ptrdiff_t>(entry(i, i)),
