@@ -5,7 +5,6 @@
 #include <chrono>
 #include <cmath>
 #include <mutex>
-#include <random>
 #include <thread>
 
 #include <fmt/format.h>
@@ -37,23 +36,7 @@ struct Job {
   std::string engine;
 };
 
-/// A person within the ranges of the hard cases: 1.4 to 2.1 m, 40 to 150 kg, of a possible body mass index.
-Alternative person(std::mt19937& random, int number, std::size_t hands) {
-  std::uniform_real_distribution<double> stature(1.4, 2.1), mass(40, 150);
-  double metres = 0, kilograms = 0, index = 0;
-  do {
-    metres = stature(random), kilograms = mass(random);
-    index = kilograms / (metres * metres);
-  } while (index < 14 || index > 50);
-  const char* sex = random() % 2 == 0 ? "male" : "female";
-  Alternative out{fmt::format("person {}: {:.2f} m, {:.0f} kg, {}", number, metres, kilograms, sex), {}};
-  for (std::size_t i = 0; i < hands; ++i)
-    out.set.push_back(
-        fmt::format("hands.{}.person={{stature: {:.4f}, mass: {:.3f}, sex: {}}}", i, metres, kilograms, sex));
-  return out;
-}
-
-/// Every combination of the case's dimensions: scenes, what is varied, persons.
+/// Every combination of the case's dimensions: scenes, what is varied, what is drawn.
 std::vector<std::pair<std::filesystem::path, Alternative>> variants(const StabilityCase& of, bool quick) {
   std::vector<std::pair<std::filesystem::path, Alternative>> out;
   for (const std::filesystem::path& scene : of.scenes)
@@ -70,14 +53,8 @@ std::vector<std::pair<std::filesystem::path, Alternative>> variants(const Stabil
     out = std::move(more);
   };
   for (const std::vector<Alternative>& dimension : of.varied) cross(dimension);
-  if (!of.persons) return out;
-  std::mt19937 random(static_cast<unsigned>(of.persons->seed));
-  std::vector<Alternative> persons;
-  const std::size_t hands = scene::load_scene(of.scenes.front(), of.set).spec.hands.size();
-  for (int i = 0; i < of.persons->count; ++i) persons.push_back(person(random, i + 1, hands));
-  if (quick && of.quick_persons)
-    persons.resize(std::min(persons.size(), static_cast<std::size_t>(*of.quick_persons)));
-  cross(persons);
+  if (of.draws)
+    cross(drawn_variants(*of.draws, quick ? of.quick_draws.value_or(of.draws->count) : of.draws->count));
   return out;
 }
 
@@ -262,7 +239,7 @@ Error in_case(const Job& job, const Error& error) {
 }
 
 /// A long study should not end on a bad scene of its last case: every way's first scene that is bad is said
-/// before any runs. Of persons, who all go into one scene, the first is looked at.
+/// before any runs. Of variants that are drawn the first is looked at.
 /// @throws Error (input)
 void check(const std::vector<Job>& jobs) {
   std::vector<Problem> problems;
@@ -271,7 +248,7 @@ void check(const std::vector<Job>& jobs) {
   for (const Job& job : jobs) {
     const bool same_way = before && before->the_case == job.the_case && before->way == job.way;
     before = &job;
-    if (same_way && (said || job.the_case->persons)) continue;
+    if (same_way && (said || job.the_case->draws)) continue;
     said = false;
     if (job.way->refused) continue;
     try {

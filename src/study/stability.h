@@ -40,10 +40,25 @@ struct KnownShort {
   bool covers(const std::string& of_way, const std::string& measure, double step) const;
 };
 
-/// Persons drawn evenly from the ranges that HARD cases ask for, each a variant of the case.
-struct PersonDraw {
+/// A key of the scene that every variant of a case draws anew.
+struct DrawnKey {
+  enum class From {
+    person,    ///< 1.4 to 2.1 m, 40 to 150 kg, body mass index 14 to 50; the same for all such keys
+    rotation,  ///< even over all rotations
+    range,     ///< even between two numbers
+    choices    ///< one of some texts
+  };
+  std::string key;  ///< dotted
+  From from = From::range;
+  double low = 0, high = 0;
+  std::vector<std::string> choices;
+};
+
+/// Variants drawn at random: the same ones for the same seed.
+struct Draws {
   int count = 0;
   int seed = 1;
+  std::vector<DrawnKey> keys;
 };
 
 struct StabilityCase {
@@ -56,7 +71,7 @@ struct StabilityCase {
   std::vector<MeasureSpec> measures;
   std::vector<Way> ways;
   std::vector<KnownShort> known;
-  std::optional<PersonDraw> persons;
+  std::optional<Draws> draws;
   std::optional<std::string> plot;  ///< name of the measure whose course is drawn
   std::optional<double> picture;    ///< time of the first variant that is drawn [s]
   bool alone = false;               ///< nothing else may run beside it: it looks at the process
@@ -64,7 +79,7 @@ struct StabilityCase {
   bool in_quick = true;
   std::vector<std::string> quick_set;
   std::vector<double> quick_steps;
-  std::optional<int> quick_persons;
+  std::optional<int> quick_draws;
 };
 
 struct StabilitySpec {
@@ -133,6 +148,9 @@ struct StabilityOptions {
 
 /// @throws Error (input) with every problem of the file.
 StabilitySpec load_stability(const std::filesystem::path& path);
+
+/// The variants that a case draws, the first `most` of them.
+std::vector<Alternative> drawn_variants(const Draws& draws, int most);
 
 /// @throws Error (input) for a case that is not there, and where a scene or an override is bad. The spec must
 /// outlive the result.

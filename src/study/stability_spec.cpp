@@ -12,7 +12,7 @@ namespace handsim::study {
 
 namespace {
 
-constexpr int kMostPersons = 100000;
+constexpr int kMostDraws = 100000;
 /// Runs of one way of a case.
 constexpr std::size_t kMostVariants = 1000;
 const Quantity kMoment = {Dimension::time, 0, 1e6};
@@ -132,6 +132,49 @@ KnownShort read_known(MapReader reader, const StabilityCase& of) {
   return out;
 }
 
+/// `[low, high]`, `{one_of: [left, right]}`, `person` or `rotation`.
+DrawnKey read_drawn(const YamlEntry& entry, const std::string& path, Diagnostics& diagnostics) {
+  using From = DrawnKey::From;
+  DrawnKey out;
+  out.key = entry.key;
+  const YamlNode& value = entry.value;
+  if (value.kind == YamlNode::Kind::scalar && (value.text == "person" || value.text == "rotation")) {
+    out.from = value.text == "person" ? From::person : From::rotation;
+    return out;
+  }
+  if (value.kind == YamlNode::Kind::map && value.entries.size() == 1 &&
+      value.entries.front().key == "one_of") {
+    out.from = From::choices;
+    for (const YamlNode& item : value.entries.front().value.items) out.choices.push_back(flow_text(item));
+    if (!out.choices.empty()) return out;
+  }
+  const Quantity any = {Dimension::none, -1e9, 1e9};
+  if (value.kind == YamlNode::Kind::sequence && value.items.size() == 2) {
+    const auto low = read_number(value.items.front(), path + ".0", any, diagnostics);
+    const auto high = read_number(value.items.back(), path + ".1", any, diagnostics);
+    if (low && high) out.low = *low, out.high = *high;
+    if (!low || !high || *low <= *high) return out;
+  }
+  diagnostics.problems.push_back({value.place(), path, value.described(),
+                                  "two numbers, the lower first, {one_of: [...]}, person or rotation"});
+  return out;
+}
+
+Draws read_draws(MapReader reader) {
+  Draws out;
+  out.count = reader.integer("count", 1, kMostDraws, 1000);
+  out.seed = reader.integer("seed", 0, 2'147'483'647, 1);
+  const YamlNode* set = reader.child("set");
+  if (set && set->kind == YamlNode::Kind::map)
+    for (const YamlEntry& entry : set->entries)
+      out.keys.push_back(
+          read_drawn(entry, fmt::format("{}.{}", reader.path_of("set"), entry.key), reader.diagnostics()));
+  if (out.keys.empty())
+    reader.problem("set", "no key", "a mapping of dotted keys to what they are drawn from");
+  reader.finish();
+  return out;
+}
+
 void read_quick(MapReader& reader, StabilityCase& out) {
   const YamlNode* node = reader.child("quick");
   if (!node) return;
@@ -142,7 +185,7 @@ void read_quick(MapReader& reader, StabilityCase& out) {
   MapReader quick = reader.map("quick");
   out.quick_set = read_set(quick, "set");
   out.quick_steps = read_steps(quick, "steps", false);
-  if (quick.has("persons")) out.quick_persons = quick.integer("persons", 1, kMostPersons, 1);
+  if (quick.has("draws")) out.quick_draws = quick.integer("draws", 1, kMostDraws, 1);
   quick.finish();
 }
 
@@ -200,13 +243,7 @@ StabilityCase read_case(MapReader reader) {
   read_list(reader, "known_short", false, [&](YamlNode& node, const std::string& path) {
     out.known.push_back(read_known(MapReader(node, path, reader.diagnostics()), out));
   });
-  if (reader.has("persons")) {
-    MapReader persons = reader.map("persons");
-    out.persons.emplace();
-    out.persons->count = persons.integer("count", 1, kMostPersons, 1000);
-    out.persons->seed = persons.integer("seed", 0, 2'147'483'647, 1);
-    persons.finish();
-  }
+  if (reader.has("draws")) out.draws = read_draws(reader.map("draws"));
   if (reader.has("plot")) out.plot = reader.text("plot");
   out.picture = reader.maybe_number("picture", kMoment);
   out.alone = reader.flag("alone", false);

@@ -307,16 +307,48 @@ TEST(StabilityStudy, SaysEveryBadWayBeforeAnyRuns) {
   EXPECT_EQ(ran, 0);
 }
 
-// Oracle: one seed, the same persons; in range.
-TEST(StabilityStudy, DrawsPersonsThatRepeat) {
+// Oracle: one seed, the same draws, each key in its range; others for another seed.
+TEST(StabilityStudy, DrawsVariantsThatRepeat) {
+  using From = DrawnKey::From;
+  Draws draws{5,
+              3,
+              {{"a", From::range, 1, 2, {}},
+               {"b", From::choices, 0, 0, {"x", "y"}},
+               {"c", From::person, 0, 0, {}},
+               {"d", From::person, 0, 0, {}},
+               {"e", From::rotation, 0, 0, {}}}};
+  const std::vector<Alternative> first = drawn_variants(draws, 5), again = drawn_variants(draws, 3);
+  ASSERT_EQ(first.size(), 5U);
+  ASSERT_EQ(again.size(), 3U);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(first[i].set, again[i].set);
+  for (const Alternative& each : first) {
+    ASSERT_EQ(each.set.size(), 5U);
+    const double a = std::stod(each.set[0].substr(2));
+    EXPECT_TRUE(1 <= a && a <= 2) << a;
+    EXPECT_TRUE(each.set[1] == "b=x" || each.set[1] == "b=y");
+    EXPECT_EQ(each.set[2].substr(2), each.set[3].substr(2));
+    EXPECT_EQ(each.set[4].rfind("e={axis: [", 0), 0U);
+  }
+  EXPECT_NE(first[0].set, first[1].set);
+  draws.seed = 4;
+  EXPECT_NE(drawn_variants(draws, 1)[0].set, first[0].set);
+}
+
+// Oracle: the contract of `draws`: a variant for each draw, and a bad source of values is said with its
+// place.
+TEST(StabilityStudy, RunsWhatItDraws) {
   const Study study("[{measure: completes, limit: 0}]", "[{name: any}]",
-                    "    persons: {count: 5, seed: 3}\n");
-  const StabilityResult first = run_stability(study.spec, {}), second = run_stability(study.spec, {});
-  ASSERT_EQ(first.cases[0].rows.size(), 5U);
-  for (std::size_t i = 0; i < 5; ++i)
-    EXPECT_EQ(first.cases[0].rows[i].variant, second.cases[0].rows[i].variant);
-  EXPECT_NE(first.cases[0].rows[0].variant, first.cases[0].rows[1].variant);
-  EXPECT_NE(first.cases[0].rows[4].variant.find("person 5: "), std::string::npos);
+                    "    draws: {count: 5, seed: 3, set: {duration: [0.01, 0.02]}}\n");
+  const StabilityResult result = run_stability(study.spec, {});
+  ASSERT_EQ(result.cases[0].rows.size(), 5U);
+  EXPECT_EQ(result.cases[0].rows[4].variant, "draw 5");
+  try {
+    const Study bad("[{measure: completes, limit: 0}]", "[{name: any}]",
+                    "    draws: {count: 5, set: {duration: [0.02, 0.01]}}\n");
+    FAIL() << "accepted";
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("draws.set.duration: got "), std::string::npos) << error.what();
+  }
 }
 
 // Oracle: the contract of --case.

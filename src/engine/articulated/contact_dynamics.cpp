@@ -26,6 +26,10 @@ constexpr double kNormalSoftness = 1e-5, kFrictionSoftness = 1e-6;
 /// would, friction is firmer by as much, down to the second.
 constexpr double kFirmBelow = 0.1, kLeastShare = 1e-4;
 
+/// A rigid contact that a load presses in faster than this carries bodies far heavier than its own, a box on
+/// a pea. It is made firmer, to a share of this speed [m/s].
+constexpr double kMostYield = 0.01, kFirmShare = 0.1;
+
 /// Of the rows of loops, as a share of what the rates that move them give way; the gap is closed after the
 /// step.
 constexpr double kTieSoftness = 1e-8;
@@ -196,6 +200,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   } else {
     target = std::min(erp_ * inside / step, ode::kMaxCorrectingSpeed);
     rows.softness = std::max(kNormalSoftness * giving, crossed);
+    if (crossed == 0) rigid_.push_back(frames_.size() - 1);
   }
   const Side a = side(contact.shape_a, contact.position), b = side(contact.shape_b, contact.position);
   const Vec3 v = frame.transpose() * (a.v - b.v), w = frame.transpose() * (a.w - b.w);
@@ -249,6 +254,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
 
 void ContactDynamics::add_contacts(double step) {
   frames_.clear();
+  rigid_.clear();
   recalled_ = 0;
   crossed_.find(collider_);
   for (const ode::Touch& touch : collider_.touches()) {
@@ -418,6 +424,21 @@ bool ContactDynamics::bounce() {
   return any;
 }
 
+/// Makes rigid contacts firmer that give way too fast: true where one does.
+bool ContactDynamics::stiffen() {
+  bool any = false;
+  for (const std::size_t i : rigid_) {
+    ContactRows& rows = solver_.contact(i);
+    const double yield = rows.softness * rows.impulse[0];
+    if (!(yield > kMostYield)) continue;
+    const double share = kFirmShare * kMostYield / yield;
+    rows.softness *= share;
+    for (std::size_t k = 0; k < rows.disc_count; ++k) rows.discs[k].softness *= share;
+    any = true;
+  }
+  return any;
+}
+
 NewtonReport ContactDynamics::solve(double step) {
   // Stops are bounds here, and not locks.
   for (Coordinate& each : axes_) {
@@ -429,10 +450,10 @@ NewtonReport ContactDynamics::solve(double step) {
   add_contacts(step);
   add_ties();
   NewtonReport report = solver_.solve(kContactTolerance * step);
-  while (bounce()) {
+  while (bounce() || stiffen()) {
     const NewtonReport again = solver_.solve(kContactTolerance * step);
-    report = {report.iterations + again.iterations, report.limit_updates + again.limit_updates, again.residual,
-              again.solved};
+    report = {report.iterations + again.iterations, report.limit_updates + again.limit_updates,
+              again.residual, again.solved};
   }
   const std::span<double> du = mechanism_.du();
   for (int dof = 0; dof < space_.size(); ++dof)

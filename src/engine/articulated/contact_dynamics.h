@@ -78,6 +78,7 @@ class ContactDynamics {
   void add_ties();
   void bound_axes(double step);
   bool bounce();
+  bool stiffen();
   int body_of(int shape) const { return model_.shapes[static_cast<std::size_t>(shape)].body; }
   int node_of(int shape) const {
     return mechanism_.topology().node_of_body[static_cast<std::size_t>(body_of(shape))];
@@ -103,7 +104,8 @@ class ContactDynamics {
   std::vector<Spatial> S_;                  ///< by place
   std::vector<int> dofs_;                   ///< places that move the two of a pair against each other
   std::vector<double> signs_;
-  std::vector<Mat3> frames_;  ///< of each contact; columns: normal, two tangents
+  std::vector<Mat3> frames_;        ///< of each contact; columns: normal, two tangents
+  std::vector<std::size_t> rigid_;  ///< contacts without a pad between bodies that are not crossed
   ContactMemory memory_;
   std::size_t recalled_ = 0;
 };
