@@ -271,7 +271,8 @@ void ArticulatedEngine::step_implicitly(double end, StepReport& report) {
     const NewtonReport found = contact_->solve(settings_.step);
     report.contact_sweeps = found.iterations;
     report.contact_residual = found.residual;
-    report.lcp_failures = found.solved ? 0 : 1;
+    report.iterative = found.iterative;
+    report.lcp_failures = found.solved || found.iterative ? 0 : 1;
   } else {
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();

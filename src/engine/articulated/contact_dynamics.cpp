@@ -309,10 +309,13 @@ void ContactDynamics::recall(ContactRows& rows, const Contact& contact, const Ma
   if (recalled_ == points.size() || of(points[recalled_]) != key) return;
   const ContactMemory::Point& last = points[recalled_];
   rows.open = last.open;
+  rows.impulse[0] = frame.col(0).dot(last.impulse);
   for (std::size_t k = 0; k < rows.disc_count; ++k) {
     Disc& disc = rows.discs[k];
     const Vec3 p = frame.transpose() * (disc.kind == Disc::Kind::sliding ? last.impulse : last.moment);
     const double x = disc.size > 1 ? p.y() : p.x(), y = disc.size > 1 ? p.z() : 0;
+    rows.impulse[disc.row] = x;
+    if (disc.size > 1) rows.impulse[disc.row + 1] = y;
     const double size = std::sqrt(x * x + y * y);
     disc.lateral = last.lateral[static_cast<std::size_t>(disc.kind)];
     disc.slides = disc.lateral > 0 && size > 0;
@@ -453,7 +456,7 @@ NewtonReport ContactDynamics::solve(double step) {
   while (bounce() || stiffen()) {
     const NewtonReport again = solver_.solve(kContactTolerance * step);
     report = {report.iterations + again.iterations, report.limit_updates + again.limit_updates,
-              again.residual, again.solved};
+              again.residual, again.solved, again.iterative};
   }
   const std::span<double> du = mechanism_.du();
   for (int dof = 0; dof < space_.size(); ++dof)

@@ -12,6 +12,9 @@ namespace {
 
 /// Newton steps from what was in force at the end of the last step.
 constexpr int kNewtonSteps = 15;
+/// Beyond so many multiplications in a factorisation (some 2 ms; 40 bodies that all touch) relaxation takes
+/// over.
+constexpr double kMostWork = 3e6;
 /// Share of the forces that meet in a rate's equation below which what they leave is rounding.
 constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
 /// Bounds are passed beyond rounding.
@@ -29,8 +32,16 @@ void ContactNewton::resize(std::vector<int> first) {
   }
   first_ = A_first_;
   last_ = A_last_;
-  A_.assign(at(n_) * at(n_), 0.0);
-  M_ = A_;
+  lay_out(A_last_, A_start_, A_);
+  tree_first_.resize(at(n_));
+  tree_last_.resize(at(n_));
+  // A tree's unknowns stand together, its root's last.
+  for (int i = 0; i < n_; ++i) tree_first_[at(i)] = A_first_[at(i)];
+  for (int i = n_ - 1; i >= 0; --i) {
+    tree_last_[at(i)] = i == n_ - 1 || tree_first_[at(i + 1)] > i ? i : tree_last_[at(i + 1)];
+    if (i > 0 && tree_first_[at(i)] < i)
+      tree_first_[at(i - 1)] = std::min(tree_first_[at(i - 1)], tree_first_[at(i)]);
+  }
   for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
   bounds_.resize(at(n_));
   servos_.resize(at(n_));
@@ -44,10 +55,20 @@ void ContactNewton::resize(std::vector<int> first) {
   K_.reserve(kUsualContacts * (kUsualContacts + 1));
 }
 
+/// Rows of an upper triangle, each from its diagonal to its last entry, all zero.
+void ContactNewton::lay_out(std::span<const int> last, std::vector<std::size_t>& start,
+                            std::vector<double>& rows) const {
+  start.resize(at(n_));
+  std::size_t count = 0;
+  for (int i = 0; i < n_; ++i) {
+    start[at(i)] = count - at(i);  // entry (i, j) is at start + j
+    count += at(last[at(i)] - i + 1);
+  }
+  rows.assign(count, 0.0);
+}
+
 void ContactNewton::begin() {
-  for (int i = 0; i < n_; ++i)
-    std::fill(A_.begin() + static_cast<std::ptrdiff_t>(entry(i, i)),
-              A_.begin() + static_cast<std::ptrdiff_t>(entry(i, A_last_[at(i)])) + 1, 0.0);
+  std::fill(A_.begin(), A_.end(), 0.0);
   std::fill(g_.begin(), g_.end(), 0.0);
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   std::fill(bounds_.begin(), bounds_.end(), Bound{-kInfinity, kInfinity, 0});
@@ -86,6 +107,13 @@ void ContactNewton::widen() {
     last_[at(i)] = i;
     for (int k = first_[at(i)]; k < i; ++k) last_[at(k)] = i;
   }
+}
+
+/// Multiplications of a factorisation.
+double ContactNewton::factor_work() const {
+  double work = 0;
+  for (int i = 0; i < n_; ++i) work += 0.5 * (last_[at(i)] - i) * (last_[at(i)] - i);
+  return work;
 }
 
 /// Impulses at row velocities r, and which parts of the law are in force.
@@ -287,7 +315,7 @@ void ContactNewton::find_step(NewtonReport& report) {
   assemble();
   factor();
   for (int i = 0; i < n_; ++i) d_[at(i)] = kept(i) ? 0 : -F_[at(i)];
-  solve_factored(d_.data());
+  solve_factored(d_.data(), 0, n_ - 1);
   couple();
   find_changes();
   ++report.iterations;
@@ -317,6 +345,11 @@ NewtonReport ContactNewton::solve(double tolerance) {
     x_[at(i)] = bound.side == 0 ? 0 : (bound.side < 0 ? bound.low : bound.high);
   }
   NewtonReport report;
+  if (factor_work() > kMostWork) {
+    relax(tolerance, report);
+    return report;
+  }
+  lay_out(last_, M_start_, M_);
   evaluate(Law::as_it_was);
   newton_steps(kNewtonSteps, tolerance, report);
   if (!report.solved) iterate_limits(tolerance, report);

@@ -56,10 +56,11 @@ struct ContactRows {
 
 /// How far a solution got.
 struct NewtonReport {
-  int iterations = 0;     ///< systems solved
-  int limit_updates = 0;  ///< of friction's limits, where Newton's method alone did not find the solution
-  double residual = 0;    ///< most that a rate may be off by [rad/s or m/s]
-  bool solved = false;    ///< the residual is within the tolerance
+  int iterations = 0;      ///< systems solved
+  int limit_updates = 0;   ///< of friction's limits, where Newton's method alone did not find the solution
+  double residual = 0;     ///< most that a rate may be off by [rad/s or m/s]
+  bool solved = false;     ///< the residual is within the tolerance
+  bool iterative = false;  ///< by relaxation: too large for Newton's method
 };
 
 class ContactNewton {
@@ -112,10 +113,16 @@ class ContactNewton {
     double value = 0, rise = 0;
   };
 
+  /// Where A and M have entry (i, j), j from i to the row's last: rows stand one after the other.
   std::size_t entry(int i, int j) const {
-    return static_cast<std::size_t>(i) * static_cast<std::size_t>(n_) + static_cast<std::size_t>(j);
+    return A_start_[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j);
+  }
+  std::size_t M_entry(int i, int j) const {
+    return M_start_[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j);
   }
   void widen();
+  void lay_out(std::span<const int> last, std::vector<std::size_t>& start, std::vector<double>& rows) const;
+  double factor_work() const;
   static void apply_law(ContactRows& contact, const double* r, Law law);
   double bound_compliance(int i) const;
   /// On a bound, and not to move.
@@ -135,7 +142,8 @@ class ContactNewton {
   }
   void assemble();
   void factor();
-  void solve_factored(double* x) const;
+  /// Of unknowns that hang together with no others.
+  void solve_factored(double* x, int first, int end) const;
   void couple();
   void find_changes();
   void find_step(NewtonReport& report);
@@ -146,8 +154,28 @@ class ContactNewton {
   double line_search();
   bool minimise(double tolerance, NewtonReport& report);
   double update_limits(double relaxation, double most);
+  void predict_limits(NewtonReport& report);
   void restart_limits(double multiple);
   void iterate_limits(double tolerance, NewtonReport& report);
+
+  /// A row block of relaxation: a contact, a stop or a servo, and what unit impulses in it do.
+  struct Block {
+    enum class Kind { contact, stop, servo };
+    Kind kind = Kind::contact;
+    std::size_t index = 0, rows = 1;  ///< contact or unknown
+    std::size_t first_range = 0, range_count = 0, first_entry = 0;
+    std::array<double, kMostRows * kMostRows> D{};  ///< velocity per impulse, without softness
+    double impulse = 0;                             ///< of a stop or servo
+  };
+  struct Range {
+    int first = 0, last = 0;  ///< unknowns, last included
+  };
+  void add_block(Block block);
+  void add_blocks();
+  double relax_block(Block& block);
+  void move(const Block& block, std::size_t row, double impulse);
+  double velocity(const Block& block, std::size_t row) const;
+  void relax(double tolerance, NewtonReport& report);
 
   /// A step, and how far it is from Coulomb's law.
   struct Solution {
@@ -160,12 +188,17 @@ class ContactNewton {
   int n_ = 0;
   std::vector<int> A_first_, A_last_;  ///< last column of a row of A
   std::vector<int> first_, last_;      ///< of the factor
+  std::vector<std::size_t> A_start_, M_start_;
+  std::vector<int> tree_first_, tree_last_;  ///< unknowns of each one's tree
   Law law_ = Law::coulomb;
   std::vector<double> A_, M_, g_, x_, F_, sum_, d_, Ad_;
   std::vector<Bound> bounds_;
   std::vector<Servo> servos_;
   std::vector<ContactRows> contacts_;
   Solution latest_, nearest_;
+  std::vector<Block> blocks_;
+  std::vector<Range> ranges_;
+  std::vector<double> Y_;  ///< A^-1 J^T of the blocks' rows, over their ranges
   std::vector<int> dofs_;
   std::vector<double> J_, r_, s_;
   /// What a sliding contact's normal impulse does to its friction: M - C G^T is the whole derivative.

@@ -18,7 +18,7 @@ namespace {
 /// Newton steps at fixed limits: in 10,000 random drops at most 45 were needed.
 constexpr int kLeastSteps = 100;
 /// Updates of the limits, and Newton steps with Coulomb's law from the solution of each.
-constexpr int kMostUpdates = 120, kStepsFromFixed = 6;
+constexpr int kMostUpdates = 240, kStepsFromFixed = 6;
 /// After so many updates the limits start anew, at this many times the largest normal impulse in turn:
 /// solutions that slide and solutions that stick are found from different ends.
 constexpr int kRestart = 40;
@@ -26,6 +26,9 @@ constexpr std::array<double, 2> kRestartAt = {10, 0.3};
 /// Largest relaxation of an update, and that of every fourth: the short ones leave limit cycles, the long
 /// ones hasten slow convergence.
 constexpr double kShort = 0.7, kLong = 1000;
+/// From this update on every fourth goes half way to where Newton's step for Coulomb's law has the impulses.
+constexpr int kNewtonUpdates = 80;
+constexpr double kNewtonShare = 0.5;
 constexpr double kGrowth = 2;  ///< of the relaxation where updates grow
 constexpr int kSearches = 30;
 /// Slope of the energy that a line search may leave, as a share of its start's.
@@ -147,6 +150,21 @@ double ContactNewton::update_limits(double relaxation, double most) {
   return relaxation;
 }
 
+/// Moves the limits towards what Newton's step from here, with Coulomb's law, would make of them.
+void ContactNewton::predict_limits(NewtonReport& report) {
+  find_step(report);
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    ContactRows &contact = contacts_[c], &to = latest_.contacts[c];
+    const double end = -(r_[kMostRows * c] + s_[kMostRows * c]) / contact.softness;
+    const double normal = contact.open ? 0 : std::max(end, 0.0);
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      Disc& disc = to.discs[k];
+      disc.limit += kNewtonShare * (disc.coefficient * normal - disc.limit);
+      disc.change = 0;
+    }
+  }
+}
+
 /// All limits alike, as a multiple of the largest normal impulse.
 void ContactNewton::restart_limits(double multiple) {
   double largest = 0;
@@ -174,18 +192,17 @@ void ContactNewton::iterate_limits(double tolerance, NewtonReport& report) {
     evaluate(Law::coulomb);
     solved(tolerance, report);
     latest_.residual = report.residual;
+    if (latest_.residual < nearest_.residual) nearest_ = latest_;
+    const bool predicted = i >= kNewtonUpdates && i % 4 == 2;
+    if (!report.solved && predicted) predict_limits(report);
     if (!report.solved) newton_steps(kStepsFromFixed, tolerance, report);
     if (report.solved) return;
     x_ = latest_.x;
     contacts_ = latest_.contacts;
     bounds_ = latest_.bounds;
-    if (latest_.residual < nearest_.residual) nearest_ = latest_;
-    if (i % kRestart == kRestart - 1) {
-      restart_limits(kRestartAt[at(i / kRestart % 2)]);
-      relaxation = 1;
-    } else {
-      relaxation = update_limits(relaxation, i % 4 == 3 ? kLong : kShort);
-    }
+    const bool restart = i % kRestart == kRestart - 1;
+    if (restart) restart_limits(kRestartAt[at(i / kRestart % 2)]);
+    relaxation = restart || predicted ? 1 : update_limits(relaxation, i % 4 == 3 ? kLong : kShort);
   }
   x_ = nearest_.x;
   contacts_ = nearest_.contacts;

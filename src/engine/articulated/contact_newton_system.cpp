@@ -21,7 +21,7 @@ using ConstRow = Eigen::Map<const Eigen::VectorXd>;
 /// impulse.
 void ContactNewton::assemble() {
   for (int i = 0; i < n_; ++i) {
-    double* M = M_.data() + entry(i, 0);
+    double* M = M_.data() + M_entry(i, 0);
     const double* A = A_.data() + entry(i, 0);
     std::copy(A + i, A + A_last_[at(i)] + 1, M + i);
     std::fill(M + A_last_[at(i)] + 1, M + std::max(A_last_[at(i)], last_[at(i)]) + 1, 0.0);
@@ -40,7 +40,7 @@ void ContactNewton::assemble() {
       for (std::size_t i = 0; i < m; ++i) {
         if (row[i] == 0) continue;
         const double scaled = weight * row[i];
-        double* to = M_.data() + entry(dofs[i], 0);
+        double* to = M_.data() + M_entry(dofs[i], 0);
         for (std::size_t j = i; j < m; ++j) to[dofs[j]] += scaled * row[j];
       }
     };
@@ -55,7 +55,7 @@ void ContactNewton::assemble() {
         const double *first = rows, *second = rows + m;
         for (std::size_t i = 0; i < m; ++i) {
           const double a = xx * first[i] + xy * second[i], b = xy * first[i] + yy * second[i];
-          double* to = M_.data() + entry(dofs[i], 0);
+          double* to = M_.data() + M_entry(dofs[i], 0);
           for (std::size_t j = i; j < m; ++j) to[dofs[j]] += a * first[j] + b * second[j];
         }
       }
@@ -72,37 +72,37 @@ void ContactNewton::assemble() {
   if (law_ == Law::fixed_limits) return;
   for (int i = 0; i < n_; ++i) {
     if (bounds_[at(i)].side == 0) continue;
-    std::fill(M_.begin() + static_cast<std::ptrdiff_t>(entry(i, i)),
-              M_.begin() + static_cast<std::ptrdiff_t>(entry(i, last_[at(i)])) + 1, 0.0);
-    for (int j = first_[at(i)]; j < i; ++j) M_[entry(j, i)] = 0;
-    M_[entry(i, i)] = 1;
+    std::fill(M_.begin() + static_cast<std::ptrdiff_t>(M_entry(i, i)),
+              M_.begin() + static_cast<std::ptrdiff_t>(M_entry(i, last_[at(i)])) + 1, 0.0);
+    for (int j = first_[at(i)]; j < i; ++j) M_[M_entry(j, i)] = 0;
+    M_[M_entry(i, i)] = 1;
   }
 }
 
 /// M = U^T U in place, its diagonal inverted; what is zero for good is passed over.
 void ContactNewton::factor() {
   for (int k = 0; k < n_; ++k) {
-    double* row = M_.data() + entry(k, 0);
+    double* row = M_.data() + M_entry(k, 0);
     const int last = last_[at(k)];
     const double inverse = 1 / std::sqrt(row[k]);
     for (int j = k + 1; j <= last; ++j) row[j] *= inverse;
     row[k] = inverse;
     for (int i = k + 1; i <= last; ++i) {
       if (row[i] == 0) continue;
-      Row(M_.data() + entry(i, i), last - i + 1) -= row[i] * ConstRow(row + i, last - i + 1);
+      Row(M_.data() + M_entry(i, i), last - i + 1) -= row[i] * ConstRow(row + i, last - i + 1);
     }
   }
 }
 
-void ContactNewton::solve_factored(double* x) const {
-  for (int k = 0; k < n_; ++k) {
-    const double* row = M_.data() + entry(k, 0);
+void ContactNewton::solve_factored(double* x, int first, int end) const {
+  for (int k = first; k <= end; ++k) {
+    const double* row = M_.data() + M_entry(k, 0);
     x[k] *= row[k];
     if (x[k] == 0) continue;
     for (int j = k + 1; j <= last_[at(k)]; ++j) x[j] -= row[j] * x[k];
   }
-  for (int k = n_ - 1; k >= 0; --k) {
-    const double* row = M_.data() + entry(k, 0);
+  for (int k = end; k >= first; --k) {
+    const double* row = M_.data() + M_entry(k, 0);
     const int count = last_[at(k)] - k;
     x[k] = (x[k] - ConstRow(row + k + 1, count).dot(ConstRow(x + k + 1, count))) * row[k];
   }
@@ -119,13 +119,13 @@ void ContactNewton::couple() {
   for (const Entry& each : coupling_) C_[at(each.dof) * m + each.column] = each.C;
   const auto row_of = [&](int i) { return Row(C_.data() + at(i) * m, width); };
   for (int k = 0; k < n_; ++k) {
-    const double* row = M_.data() + entry(k, 0);
+    const double* row = M_.data() + M_entry(k, 0);
     row_of(k) *= row[k];
     for (int j = k + 1; j <= last_[at(k)]; ++j)
       if (row[j] != 0) row_of(j) -= row[j] * row_of(k);
   }
   for (int k = n_ - 1; k >= 0; --k) {
-    const double* row = M_.data() + entry(k, 0);
+    const double* row = M_.data() + M_entry(k, 0);
     for (int j = k + 1; j <= last_[at(k)]; ++j)
       if (row[j] != 0) row_of(k) -= row[j] * row_of(j);
     row_of(k) *= row[k];

@@ -1,0 +1,192 @@
+// Large heaps: projected Gauss-Seidel, contact by contact (Jourdan, Alart and Jean 1998), in place of
+// Newton's method, whose linear systems grow with the square of what hangs together. Impulses start from
+// those of the last step. The rates always agree with the impulses; after the last sweep the law is kept to
+// the residual.
+#include <algorithm>
+#include <cmath>
+
+#include "handsim/core/index.h"
+#include "handsim/engine/articulated/contact_newton.h"
+
+namespace handsim::engine::articulated {
+
+namespace {
+
+/// Half of them in the opposite order.
+constexpr int kSweeps = 30;
+
+}  // namespace
+
+/// Velocity of a block's row without its softness.
+double ContactNewton::velocity(const Block& block, std::size_t row) const {
+  if (block.kind != Block::Kind::contact) return x_[block.index];
+  const ContactRows& contact = contacts_[block.index];
+  const double* J = J_.data() + contact.first_entry + row * contact.dof_count;
+  double out = contact.start[row];
+  for (std::size_t k = 0; k < contact.dof_count; ++k) out += J[k] * x_[at(dofs_[contact.first_dof + k])];
+  return out;
+}
+
+/// x += A^-1 J^T impulse of a row.
+void ContactNewton::move(const Block& block, std::size_t row, double impulse) {
+  if (impulse == 0) return;
+  std::size_t width = 0;
+  for (std::size_t k = 0; k < block.range_count; ++k) {
+    const Range& range = ranges_[block.first_range + k];
+    width += at(range.last - range.first + 1);
+  }
+  const double* Y = Y_.data() + block.first_entry + row * width;
+  for (std::size_t k = 0; k < block.range_count; ++k) {
+    const Range& range = ranges_[block.first_range + k];
+    for (int i = range.first; i <= range.last; ++i) x_[at(i)] += *Y++ * impulse;
+  }
+}
+
+/// Finds what unit impulses in its rows do; A is factored in M_.
+void ContactNewton::add_block(Block block) {
+  const bool contact = block.kind == Block::Kind::contact;
+  const int own = static_cast<int>(block.index);
+  const std::span<const int> dofs =
+      contact ? std::span(dofs_).subspan(contacts_[block.index].first_dof, contacts_[block.index].dof_count)
+              : std::span(&own, 1);
+  block.first_range = ranges_.size();
+  for (const int dof : dofs)
+    if (ranges_.size() == block.first_range || dof > ranges_.back().last)
+      ranges_.push_back({tree_first_[at(dof)], tree_last_[at(dof)]});
+  block.range_count = ranges_.size() - block.first_range;
+  block.first_entry = Y_.size();
+  for (std::size_t row = 0; row < block.rows; ++row) {
+    std::size_t k = 0;
+    for (std::size_t range = block.first_range; range < ranges_.size(); ++range) {
+      const auto [first, last] = ranges_[range];
+      for (; k < dofs.size() && dofs[k] <= last; ++k)
+        d_[at(dofs[k])] = contact ? J_[contacts_[block.index].first_entry + row * dofs.size() + k] : 1;
+      solve_factored(d_.data(), first, last);
+      for (int i = first; i <= last; ++i) {
+        Y_.push_back(d_[at(i)]);
+        d_[at(i)] = 0;
+      }
+    }
+  }
+  const std::size_t width = (Y_.size() - block.first_entry) / block.rows;
+  for (std::size_t col = 0; col < block.rows; ++col) {
+    for (std::size_t row = 0; row < block.rows; ++row) {
+      double sum = 0;
+      std::size_t place = block.first_entry + col * width, k = 0;
+      for (std::size_t range = block.first_range; range < ranges_.size(); ++range) {
+        const auto [first, last] = ranges_[range];
+        for (; k < dofs.size() && dofs[k] <= last; ++k)
+          sum += (contact ? J_[contacts_[block.index].first_entry + row * dofs.size() + k] : 1) *
+                 Y_[place + at(dofs[k] - first)];
+        place += at(last - first + 1);
+      }
+      block.D[row * kMostRows + col] = sum;
+    }
+  }
+  blocks_.push_back(block);
+}
+
+void ContactNewton::add_blocks() {
+  blocks_.clear();
+  ranges_.clear();
+  Y_.clear();
+  std::fill(d_.begin(), d_.end(), 0.0);
+  for (std::size_t c = 0; c < contacts_.size(); ++c)
+    add_block({.kind = Block::Kind::contact, .index = c, .rows = contacts_[c].rows});
+  for (int i = 0; i < n_; ++i) {
+    if (servos_[at(i)].limit > 0) add_block({.kind = Block::Kind::servo, .index = at(i)});
+    if (std::isfinite(bounds_[at(i)].low) || std::isfinite(bounds_[at(i)].high))
+      add_block({.kind = Block::Kind::stop, .index = at(i)});
+  }
+}
+
+/// Brings a block to its law, all others held. @returns the largest change of velocity that took [m/s, rad/s]
+double ContactNewton::relax_block(Block& block) {
+  const double D = block.D[0];
+  const auto apply = [&](double now, double next) {
+    move(block, 0, next - now);
+    return std::abs(next - now) * D;
+  };
+  if (block.kind == Block::Kind::servo) {
+    Servo& servo = servos_[block.index];
+    const double pull = servo.offset - servo.slope * (x_[block.index] - D * block.impulse);
+    const double next = std::clamp(pull / (1 + servo.slope * D), -servo.limit, servo.limit);
+    servo.saturated = next >= servo.limit ? 1 : (next <= -servo.limit ? -1 : 0);
+    const double change = apply(block.impulse, next);
+    block.impulse = next;
+    return change;
+  }
+  if (block.kind == Block::Kind::stop) {
+    Bound& bound = bounds_[block.index];
+    const double free = x_[block.index] - D * block.impulse;
+    const double next = (std::clamp(free, bound.low, bound.high) - free) / D;
+    bound.side = next > 0 ? -1 : (next < 0 ? 1 : 0);
+    const double change = apply(block.impulse, next);
+    block.impulse = next;
+    return change;
+  }
+  ContactRows& contact = contacts_[block.index];
+  double& normal = contact.impulse[0];
+  double next = normal - (velocity(block, 0) + contact.softness * normal) / (D + contact.softness);
+  if (!contact.tie) next = std::max(next, 0.0);
+  double change = apply(normal, next);
+  normal = next;
+  contact.open = !contact.tie && !(normal > 0);
+  for (std::size_t k = 0; k < contact.disc_count; ++k) {
+    Disc& disc = contact.discs[k];
+    double* p = contact.impulse.data() + disc.row;
+    const bool two = disc.size > 1;
+    const auto entry_of = [&](std::size_t i, std::size_t j) {
+      return block.D[(disc.row + i) * kMostRows + disc.row + j];
+    };
+    const double xx = entry_of(0, 0) + disc.softness, yy = two ? entry_of(1, 1) + disc.softness : 0,
+                 xy = two ? entry_of(0, 1) : 0;
+    // The larger eigenvalue: a step by it overshoots in no direction.
+    const double give = 0.5 * (xx + yy) + std::sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy);
+    const double vx = velocity(block, disc.row) + disc.softness * p[0];
+    const double vy = two ? velocity(block, disc.row + 1) + disc.softness * p[1] : 0;
+    double x = p[0] - vx / give, y = two ? p[1] - vy / give : 0;
+    const double size = std::sqrt(x * x + y * y), limit = disc.coefficient * normal;
+    disc.slides = size > limit;
+    if (disc.slides) {
+      x *= limit / size;
+      y *= limit / size;
+      disc.x = disc.px = -x / std::max(limit, 1e-300);
+      disc.y = disc.py = -y / std::max(limit, 1e-300);
+      disc.lateral = limit / std::max(std::sqrt(vx * vx + vy * vy), limit * disc.softness + 1e-300);
+    }
+    change = std::max({change, std::abs(x - p[0]) * give, two ? std::abs(y - p[1]) * give : 0});
+    move(block, disc.row, x - p[0]);
+    p[0] = x;
+    if (!two) continue;
+    move(block, disc.row + 1, y - p[1]);
+    p[1] = y;
+  }
+  return change;
+}
+
+void ContactNewton::relax(double tolerance, NewtonReport& report) {
+  report.iterative = true;
+  first_ = A_first_;
+  last_ = A_last_;
+  M_start_ = A_start_;
+  M_ = A_;
+  factor();
+  add_blocks();
+  x_ = g_;
+  solve_factored(x_.data(), 0, n_ - 1);
+  for (const Block& block : blocks_)
+    if (block.kind == Block::Kind::contact)
+      for (std::size_t row = 0; row < block.rows; ++row)
+        move(block, row, contacts_[block.index].impulse[row]);
+  for (int sweep = 0; sweep < kSweeps && !report.solved; ++sweep) {
+    report.residual = 0;
+    const std::size_t count = blocks_.size();
+    for (std::size_t i = 0; i < count; ++i)
+      report.residual = std::max(report.residual, relax_block(blocks_[sweep % 2 == 0 ? i : count - 1 - i]));
+    report.solved = report.residual <= tolerance;
+    ++report.iterations;
+  }
+}
+
+}  // namespace handsim::engine::articulated
