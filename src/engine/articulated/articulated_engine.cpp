@@ -272,7 +272,7 @@ void ArticulatedEngine::step_implicitly(double end, StepReport& report) {
     report.contact_sweeps = found.iterations;
     report.contact_residual = found.residual;
     report.iterative = found.iterative;
-    report.lcp_failures = found.solved || found.iterative ? 0 : 1;
+    report.lcp_failures = found.solved ? 0 : 1;
   } else {
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();

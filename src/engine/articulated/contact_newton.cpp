@@ -12,9 +12,10 @@ namespace {
 
 /// Newton steps from what was in force at the end of the last step.
 constexpr int kNewtonSteps = 15;
-/// Beyond so many multiplications in a factorisation (some 2 ms; 40 bodies that all touch) relaxation takes
-/// over.
-constexpr double kMostWork = 3e6;
+/// Heaps are what has more trees than this. There Newton's method has fewer steps and no fallback but
+/// relaxation, and none at all beyond so many multiplications in a factorisation.
+constexpr int kHeap = 8, kHeapSteps = 6;
+constexpr double kMostWork = 5e4;
 /// Share of the forces that meet in a rate's equation below which what they leave is rounding.
 constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
 /// Bounds are passed beyond rounding.
@@ -107,6 +108,12 @@ void ContactNewton::widen() {
     last_[at(i)] = i;
     for (int k = first_[at(i)]; k < i; ++k) last_[at(k)] = i;
   }
+}
+
+int ContactNewton::trees() const {
+  int count = 0;
+  for (int i = 0; i < n_; ++i) count += tree_first_[at(i)] == i ? 1 : 0;
+  return count;
 }
 
 /// Multiplications of a factorisation.
@@ -338,21 +345,29 @@ void ContactNewton::newton_steps(int most, double tolerance, NewtonReport& repor
   }
 }
 
-NewtonReport ContactNewton::solve(double tolerance) {
+NewtonReport ContactNewton::solve_island(double tolerance) {
   widen();
   for (int i = 0; i < n_; ++i) {
     const Bound& bound = bounds_[at(i)];
     x_[at(i)] = bound.side == 0 ? 0 : (bound.side < 0 ? bound.low : bound.high);
   }
   NewtonReport report;
-  if (factor_work() > kMostWork) {
+  const bool heap = trees() > kHeap;
+  if (heap && factor_work() > kMostWork) {
     relax(tolerance, report);
     return report;
   }
   lay_out(last_, M_start_, M_);
+  if (heap) latest_.contacts = contacts_;
   evaluate(Law::as_it_was);
-  newton_steps(kNewtonSteps, tolerance, report);
-  if (!report.solved) iterate_limits(tolerance, report);
+  newton_steps(heap ? kHeapSteps : kNewtonSteps, tolerance, report);
+  if (report.solved) return report;
+  if (!heap) {
+    iterate_limits(tolerance, report);
+    return report;
+  }
+  contacts_ = latest_.contacts;
+  relax(tolerance, report);
   return report;
 }
 

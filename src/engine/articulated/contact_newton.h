@@ -15,6 +15,7 @@
 
 #include <array>
 #include <cstddef>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -59,7 +60,7 @@ struct NewtonReport {
   int iterations = 0;      ///< systems solved
   int limit_updates = 0;   ///< of friction's limits, where Newton's method alone did not find the solution
   double residual = 0;     ///< most that a rate may be off by [rad/s or m/s]
-  bool solved = false;     ///< the residual is within the tolerance
+  bool solved = false;     ///< the residual is within the tolerance, but where `iterative`
   bool iterative = false;  ///< by relaxation: too large for Newton's method
 };
 
@@ -120,8 +121,22 @@ class ContactNewton {
   std::size_t M_entry(int i, int j) const {
     return M_start_[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j);
   }
+  void find_islands();
+  int island_of(const ContactRows& contact) const {
+    return island_of_[static_cast<std::size_t>(dofs_[contact.first_dof])];
+  }
+  static std::span<const int> part(const std::vector<int>& all, const std::vector<int>& first, int island) {
+    const auto i = static_cast<std::size_t>(island);
+    return {all.data() + first[i], all.data() + first[i + 1]};
+  }
+  std::span<const int> members(int island) const { return part(members_, first_member_, island); }
+  std::span<const int> touching(int island) const { return part(touching_, first_touching_, island); }
+  void load_island(const ContactNewton& whole, int island);
+  void store_island(ContactNewton& whole, int island) const;
+  NewtonReport solve_island(double tolerance);
   void widen();
   void lay_out(std::span<const int> last, std::vector<std::size_t>& start, std::vector<double>& rows) const;
+  int trees() const;
   double factor_work() const;
   static void apply_law(ContactRows& contact, const double* r, Law law);
   double bound_compliance(int i) const;
@@ -196,6 +211,13 @@ class ContactNewton {
   std::vector<Servo> servos_;
   std::vector<ContactRows> contacts_;
   Solution latest_, nearest_;
+  int islands_ = 0;
+  std::vector<int> island_of_;  ///< of each unknown: trees that contacts and ties join
+  std::vector<int> place_;      ///< of each unknown, in its island
+  /// Unknowns and contacts island by island, and where each island's begin.
+  std::vector<int> members_, first_member_, touching_, first_touching_;
+  std::unique_ptr<ContactNewton> part_;  ///< solves islands one by one
+  std::vector<int> part_first_, next_;
   std::vector<Block> blocks_;
   std::vector<Range> ranges_;
   std::vector<double> Y_;  ///< A^-1 J^T of the blocks' rows, over their ranges
