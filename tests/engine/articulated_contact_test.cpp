@@ -135,5 +135,51 @@ TEST(ArticulatedContact, PadSinksByWeightOverStiffness) {
   EXPECT_LT(engine->state().bodies[1].v.norm(), 1e-7);
 }
 
+// A light ball carries a heavy box. Oracle: the box stands where it stood, but for the surface layer and 0.2
+// mm that ODE's own contacts leave at a CFM of 1e-7.
+TEST(ArticulatedContact, ALightBallCarriesABoxOfTenBillionTimesItsMass) {
+  for (const double mass : {1e-2, 1e-4, 1e-6}) {
+    model::Model model = model::make_model();
+    test::add_ground(model, 0.5);
+    add_solid(model, sized("light", ShapeKind::sphere, 0.05, 0), mass, {Vec3(0, 0, 0.05), Quat::Identity()});
+    add_solid(model, sized("heavy", ShapeKind::box, 0, 0, Vec3(0.1, 0.1, 0.1)), 1e4,
+              {Vec3(0, 0, 0.15), Quat::Identity()});
+    const auto engine = make_engine(model, settings(kAll));
+    for (int i = 0; i < 1000; ++i) EXPECT_EQ(engine->step({}).lcp_failures, 0);
+    EXPECT_NEAR(engine->state().bodies[2].p.z(), 0.15, 2e-4) << mass;
+  }
+}
+
+// Oracle: a hundred balls in a heap on the ground weigh what they weigh, and no part of the heap is deeper in
+// another than a fifth of a ball's radius.
+TEST(ArticulatedContact, AWallOfBricksRestsOnItsWeight) {
+  model::Model model = model::make_model();
+  test::add_ground(model, 0.5);
+  for (int i = 0; i < 100; ++i) {
+    const int k = i / 25, x = i % 5, y = i / 5 % 5;
+    add_solid(model, sized("brick", ShapeKind::box, 0, 0, Vec3(0.04, 0.04, 0.04)), 0.1,
+              {Vec3(0.0405 * x + 0.02 * (k % 2), 0.0405 * y, 0.02 + 0.0401 * k), Quat::Identity()});
+    model.bodies.back().name = "brick" + std::to_string(i);
+    model.shapes.back().name = model.bodies.back().name;
+  }
+  Settings how = settings(kAll);
+  how.contact_forces = true;
+  const auto engine = make_engine(model, how);
+  bool iterative = false;
+  double weight = 0;
+  for (int i = 0; i < 400; ++i) {
+    const StepReport report = engine->step({});
+    iterative = iterative || report.iterative;
+    EXPECT_EQ(report.lcp_failures, 0);
+    if (i < 300) continue;
+    for (const Contact& contact : engine->contacts()) {
+      EXPECT_LT(contact.depth, 4e-4);
+      if (contact.shape_a == 0) weight -= contact.force.z() / 100;
+    }
+  }
+  EXPECT_TRUE(iterative);
+  EXPECT_NEAR(weight, 100 * 0.1 * kG, 0.02 * 100 * 0.1 * kG);
+}
+
 }  // namespace
 }  // namespace handsim::engine

@@ -25,7 +25,7 @@ TEST(ContactNewton, MeetsCoulombsLawOnRandomProblems) {
     // A velocity that the dofs can have, so that a solution exists.
     const Eigen::VectorXd b = J * Eigen::VectorXd::NullaryExpr(kDofs, [&] { return normal(random); });
     ContactNewton solver;
-    solver.resize({0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11});
+    solver.resize(std::vector<int>{0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11});
     solver.begin();
     std::vector<int> dofs(kDofs);
     for (int i = 0; i < kDofs; ++i) {
@@ -74,6 +74,148 @@ TEST(ContactNewton, MeetsCoulombsLawOnRandomProblems) {
     }
   }
   EXPECT_GT(std::min({sticking, sliding, open}), 10);
+}
+
+/// A random problem: trees of `dofs` unknowns each with the identity for inertia, contacts between
+/// neighbours.
+struct RandomProblem {
+  int trees, dofs;
+  Eigen::MatrixXd J;  ///< three rows a contact
+  Eigen::VectorXd b;
+  std::vector<int> tree_of;  ///< first of the two trees of each contact
+
+  RandomProblem(int seed, int tree_count, int dof_count, int contacts, bool chained)
+      : trees(tree_count), dofs(dof_count) {
+    std::mt19937 random(static_cast<unsigned>(seed));
+    std::normal_distribution<double> normal;
+    J = Eigen::MatrixXd::Zero(3 * contacts, trees * dofs);
+    for (int c = 0; c < contacts; ++c) {
+      tree_of.push_back(c % (chained ? trees - 1 : trees));
+      const int width = chained ? 2 * dofs : dofs;
+      J.block(3 * c, tree_of.back() * dofs, 3, width) =
+          Eigen::MatrixXd::NullaryExpr(3, width, [&] { return normal(random); });
+    }
+    b = J * Eigen::VectorXd::NullaryExpr(trees * dofs, [&] { return normal(random); });
+  }
+  void load(ContactNewton& solver, double friction) const {
+    std::vector<int> first;
+    for (int i = 0; i < trees * dofs; ++i) first.push_back(i / dofs * dofs);
+    solver.resize(first);
+    solver.begin();
+    for (int i = 0; i < trees * dofs; ++i) solver.inertia(i, i) = 1;
+    for (std::size_t c = 0; c < tree_of.size(); ++c) {
+      std::vector<int> places;
+      const auto row = static_cast<Eigen::Index>(3 * c);
+      for (int i = 0; i < trees * dofs; ++i)
+        if (!J.block(row, i, 3, 1).isZero(0)) places.push_back(i);
+      ContactRows& rows = solver.add(places, 3);
+      rows.open = false;
+      rows.softness = rows.discs[0].softness = 1e-5;
+      rows.disc_count = 1;
+      rows.discs[0].coefficient = friction;
+      for (Eigen::Index k = 0; k < 3; ++k) {
+        rows.start[static_cast<std::size_t>(k)] = b[row + k];
+        for (std::size_t j = 0; j < places.size(); ++j)
+          solver.jacobian(rows)[static_cast<std::size_t>(k) * places.size() + j] = J(row + k, places[j]);
+      }
+    }
+  }
+  Eigen::VectorXd rates(const ContactNewton& solver) const {
+    return Eigen::Map<const Eigen::VectorXd>(solver.x().data(), trees * dofs);
+  }
+  /// Kinetic energy before, and after a step x.
+  double energy(const Eigen::VectorXd& start, const Eigen::VectorXd& x) const {
+    return 0.5 * (start + x).squaredNorm();
+  }
+};
+
+// Oracle: each island solved alone.
+TEST(ContactNewton, IslandsAreSolvedAsIfAlone) {
+  for (int seed = 0; seed < 20; ++seed) {
+    const RandomProblem problem(seed, 5, 6, 10, false);
+    ContactNewton all;
+    problem.load(all, 0.5);
+    ASSERT_TRUE(all.solve(1e-9).solved);
+    const Eigen::VectorXd x = problem.rates(all);
+    for (int tree = 0; tree < 5; ++tree) {
+      RandomProblem one = problem;
+      one.trees = 1;
+      one.tree_of.clear();
+      std::vector<Eigen::Index> rows;
+      for (Eigen::Index c = 0; c < 10; ++c)
+        if (c % 5 == tree)
+          for (Eigen::Index k = 0; k < 3; ++k) rows.push_back(3 * c + k);
+      one.J.resize(static_cast<Eigen::Index>(rows.size()), 6);
+      one.b.resize(static_cast<Eigen::Index>(rows.size()));
+      for (Eigen::Index i = 0; i < one.b.size(); ++i) {
+        one.J.row(i) = problem.J.row(rows[static_cast<std::size_t>(i)]).segment(6 * tree, 6);
+        one.b[i] = problem.b[rows[static_cast<std::size_t>(i)]];
+        if (i % 3 == 0) one.tree_of.push_back(0);
+      }
+      ContactNewton alone;
+      one.load(alone, 0.5);
+      ASSERT_TRUE(alone.solve(1e-9).solved);
+      EXPECT_EQ(one.rates(alone), x.segment(6 * tree, 6)) << seed << ", " << tree;
+    }
+  }
+}
+
+// Problems that wedge: friction of 1.5 with rows that have nothing to do with a body's shape. Oracle:
+// contacts push and friction keeps to its limit; a step that is not Coulomb's is still one of friction with
+// fixed limits, whose own equation holds: A x = J^T p.
+TEST(ContactNewton, EveryStepIsASoundOneHoweverHard) {
+  int by_updates = 0, unsolved = 0;
+  for (int seed = 0; seed < 300; ++seed) {
+    const RandomProblem problem(seed, 2, 6, 8, true);
+    ContactNewton solver;
+    problem.load(solver, 1.5);
+    const NewtonReport report = solver.solve(1e-7);
+    by_updates += report.limit_updates > 0;
+    unsolved += !report.solved;
+    const Eigen::VectorXd x = problem.rates(solver);
+    ASSERT_TRUE(x.allFinite()) << seed;
+    Eigen::VectorXd p(problem.b.size());
+    for (Eigen::Index i = 0; i < p.size(); ++i)
+      p[i] = solver.contacts()[static_cast<std::size_t>(i / 3)].impulse[static_cast<std::size_t>(i % 3)];
+    EXPECT_LT((x - problem.J.transpose() * p).cwiseAbs().maxCoeff(), 1e-6) << seed;
+    const Eigen::VectorXd v = problem.b + problem.J * x;
+    for (Eigen::Index c = 0; c < p.size() / 3; ++c) {
+      EXPECT_GE(p[3 * c], 0) << seed;
+      EXPECT_GT(v[3 * c], -1e-5 * p[3 * c] - 1e-7) << seed;
+      // Friction works against the slip.
+      EXPECT_LT(v.segment<2>(3 * c + 1).dot(p.segment<2>(3 * c + 1)), 1e-7) << seed;
+    }
+  }
+  EXPECT_GT(by_updates, 30);
+  EXPECT_LE(unsolved, 15);
+}
+
+// Oracle: Newton's method for the same problem, on a chain just below the size of a heap; and the law's
+// conditions, which hold to what twenty sweeps leave.
+TEST(ContactNewton, HeapsAreRelaxedTowardsTheLaw) {
+  const RandomProblem problem(4, 20, 6, 57, true);
+  ContactNewton solver;
+  problem.load(solver, 0.5);
+  NewtonReport report;
+  // Each step starts from the impulses of the last one, as in a simulation.
+  std::vector<std::array<double, kMostRows>> impulses;
+  double first = 0;
+  for (int step = 0; step < 40; ++step) {
+    problem.load(solver, 0.5);
+    for (std::size_t i = 0; i < impulses.size(); ++i) solver.contact(i).impulse = impulses[i];
+    report = solver.solve(1e-12);
+    impulses.clear();
+    for (const ContactRows& contact : solver.contacts()) impulses.push_back(contact.impulse);
+    if (step == 0) first = report.residual;
+  }
+  const Eigen::VectorXd v = problem.b + problem.J * problem.rates(solver);
+  EXPECT_TRUE(report.iterative);
+  EXPECT_LT(report.residual, 1e-2 * first);
+  for (std::size_t c = 0; c < impulses.size(); ++c) {
+    EXPECT_GE(impulses[c][0], 0);
+    EXPECT_GT(v[static_cast<Eigen::Index>(3 * c)], -1e-4);
+    EXPECT_LE(std::hypot(impulses[c][1], impulses[c][2]), 0.5 * impulses[c][0] * (1 + 1e-9));
+  }
 }
 
 }  // namespace

@@ -55,6 +55,7 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
       erp_(settings.erp) {
   order();
   frames_.reserve(kUsualContacts);
+  rigid_.reserve(kUsualContacts);
   memory_.points.reserve(kUsualContacts);
   dofs_.reserve(at(space_.size()));
   signs_.reserve(at(space_.size()));
@@ -88,7 +89,7 @@ void ContactDynamics::order() {
   for (int dof = 0; dof < n; ++dof)
     for (int j = space_.parent_dof(dof); j != kNoDof; j = space_.parent_dof(j))
       first[at(place_[at(j)])] = std::min(first[at(place_[at(j)])], place_[at(dof)]);
-  solver_.resize(std::move(first));
+  solver_.resize(first);
   S_.resize(at(n));
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     std::vector<int>& carriers = carriers_.emplace_back();

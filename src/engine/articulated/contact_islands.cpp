@@ -55,10 +55,9 @@ void ContactNewton::find_islands() {
 
 void ContactNewton::load_island(const ContactNewton& whole, int island) {
   const std::span<const int> members = whole.members(island);
-  std::vector<int> first = std::move(part_first_);
-  first.clear();
-  for (const int i : members) first.push_back(whole.place_[at(whole.A_first_[at(i)])]);
-  resize(std::move(first));
+  part_first_.clear();
+  for (const int i : members) part_first_.push_back(whole.place_[at(whole.A_first_[at(i)])]);
+  lay_out(part_first_);
   begin();
   for (const int i : members) {
     const int to = whole.place_[at(i)];
@@ -100,7 +99,6 @@ void ContactNewton::store_island(ContactNewton& whole, int island) const {
 NewtonReport ContactNewton::solve(double tolerance) {
   find_islands();
   if (islands_ == 1) return solve_island(tolerance);
-  if (!part_) part_ = std::make_unique<ContactNewton>();
   NewtonReport report;
   report.solved = true;
   for (int island = 0; island < islands_; ++island) {

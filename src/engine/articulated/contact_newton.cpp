@@ -12,9 +12,10 @@ namespace {
 
 /// Newton steps from what was in force at the end of the last step.
 constexpr int kNewtonSteps = 15;
-/// Heaps are what has more trees than this. There Newton's method has fewer steps and no fallback but
-/// relaxation, and none at all beyond so many multiplications in a factorisation.
-constexpr int kHeap = 8, kHeapSteps = 6;
+/// What hangs together by more unknowns than this is a heap: more than two hands with what they hold, or a
+/// dozen loose bodies. There Newton's method has fewer steps and no fallback but relaxation, and none at all
+/// beyond so many multiplications in a factorisation.
+constexpr int kHeap = 72, kHeapSteps = 6;
 constexpr double kMostWork = 5e4;
 /// Share of the forces that meet in a rate's equation below which what they leave is rounding.
 constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
@@ -23,9 +24,18 @@ constexpr double kBeyond = 1e-12;
 
 }  // namespace
 
-void ContactNewton::resize(std::vector<int> first) {
+void ContactNewton::resize(std::span<const int> first) {
+  lay_out(first);
+  reserve(first.size());
+  if (std::count(tree_first_.begin(), tree_first_.end(), 0) == n_) return;
+  part_ = std::make_unique<ContactNewton>();
+  part_->reserve(first.size());
+}
+
+/// The problem's unknowns, without allocating where there were as many before.
+void ContactNewton::lay_out(std::span<const int> first) {
   n_ = static_cast<int>(first.size());
-  A_first_ = std::move(first);
+  A_first_.assign(first.begin(), first.end());
   A_last_.resize(at(n_));
   for (int i = 0; i < n_; ++i) {
     A_last_[at(i)] = i;
@@ -46,13 +56,35 @@ void ContactNewton::resize(std::vector<int> first) {
   for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
   bounds_.resize(at(n_));
   servos_.resize(at(n_));
+}
+
+void ContactNewton::reserve(std::size_t n) {
+  island_of_.reserve(n);
+  place_.reserve(n);
+  members_.reserve(n);
+  touching_.reserve(kUsualContacts);
+  for (std::vector<int>* each : {&first_member_, &first_touching_, &next_}) each->reserve(n + 1);
+  const std::size_t most = std::min(n, at(kHeap)) * (std::min(n, at(kHeap)) + 1) / 2;
+  for (std::vector<double>* each : {&A_, &M_}) each->reserve(most);
+  for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->reserve(n);
+  for (std::vector<int>* each :
+       {&A_first_, &A_last_, &first_, &last_, &tree_first_, &tree_last_, &part_first_})
+    each->reserve(n);
+  for (std::vector<std::size_t>* each : {&A_start_, &M_start_}) each->reserve(n);
+  bounds_.reserve(n);
+  servos_.reserve(n);
+  for (Solution* each : {&latest_, &nearest_}) {
+    each->x.reserve(n);
+    each->bounds.reserve(n);
+    each->contacts.reserve(kUsualContacts);
+  }
   contacts_.reserve(kUsualContacts);
-  dofs_.reserve(kUsualContacts * at(n_));
-  J_.reserve(kUsualContacts * kMostRows * at(n_));
+  dofs_.reserve(kUsualContacts * n);
+  J_.reserve(kUsualContacts * kMostRows * n);
   r_.reserve(kUsualContacts * kMostRows);
   s_.reserve(kUsualContacts * kMostRows);
-  coupling_.reserve(kUsualContacts * at(n_));
-  C_.reserve(kUsualContacts * at(n_));
+  coupling_.reserve(kUsualContacts * n);
+  C_.reserve(kUsualContacts * n);
   K_.reserve(kUsualContacts * (kUsualContacts + 1));
 }
 
@@ -108,12 +140,6 @@ void ContactNewton::widen() {
     last_[at(i)] = i;
     for (int k = first_[at(i)]; k < i; ++k) last_[at(k)] = i;
   }
-}
-
-int ContactNewton::trees() const {
-  int count = 0;
-  for (int i = 0; i < n_; ++i) count += tree_first_[at(i)] == i ? 1 : 0;
-  return count;
 }
 
 /// Multiplications of a factorisation.
@@ -352,7 +378,7 @@ NewtonReport ContactNewton::solve_island(double tolerance) {
     x_[at(i)] = bound.side == 0 ? 0 : (bound.side < 0 ? bound.low : bound.high);
   }
   NewtonReport report;
-  const bool heap = trees() > kHeap;
+  const bool heap = n_ > kHeap;
   if (heap && factor_work() > kMostWork) {
     relax(tolerance, report);
     return report;

@@ -67,7 +67,7 @@ struct NewtonReport {
 class ContactNewton {
  public:
   /// @param first for every unknown i the least j <= i with A_ij not zero, whatever the state.
-  void resize(std::vector<int> first);
+  void resize(std::span<const int> first);
   int size() const { return n_; }
   /// Empties the problem: A, g zero, no contacts, bounds or servos.
   void begin();
@@ -121,6 +121,8 @@ class ContactNewton {
   std::size_t M_entry(int i, int j) const {
     return M_start_[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j);
   }
+  void lay_out(std::span<const int> first);
+  void reserve(std::size_t n);
   void find_islands();
   int island_of(const ContactRows& contact) const {
     return island_of_[static_cast<std::size_t>(dofs_[contact.first_dof])];
@@ -136,7 +138,6 @@ class ContactNewton {
   NewtonReport solve_island(double tolerance);
   void widen();
   void lay_out(std::span<const int> last, std::vector<std::size_t>& start, std::vector<double>& rows) const;
-  int trees() const;
   double factor_work() const;
   static void apply_law(ContactRows& contact, const double* r, Law law);
   double bound_compliance(int i) const;

@@ -30,6 +30,8 @@ constexpr double kShort = 0.7, kLong = 1000;
 constexpr int kNewtonUpdates = 80;
 constexpr double kNewtonShare = 0.5;
 constexpr double kGrowth = 2;  ///< of the relaxation where updates grow
+/// Multiplications in factorisations after which no more updates are made: a twentieth of a second or less.
+constexpr double kMostFallbackWork = 1.2e7;
 constexpr int kSearches = 30;
 /// Slope of the energy that a line search may leave, as a share of its start's.
 constexpr double kFlat = 0.1;
@@ -183,7 +185,8 @@ void ContactNewton::iterate_limits(double tolerance, NewtonReport& report) {
   restart_limits(0);
   double relaxation = 1;
   nearest_.residual = HUGE_VAL;
-  for (int i = 0; i < kMostUpdates; ++i) {
+  const double work = factor_work();
+  for (int i = 0; i < kMostUpdates && (i == 0 || report.iterations * work < kMostFallbackWork); ++i) {
     minimise(tolerance, report);
     latest_.x = x_;
     latest_.contacts = contacts_;
