@@ -92,7 +92,8 @@ void write_files(const scene::Scene& scene, const Simulation& simulation, const 
   write_summary();
   if (!drawn) return;
   draw_all(scene, recorder, options, result);
-  write_summary();
+  // The first summary stands where a disk that pictures have filled takes no second.
+  if (const auto failure = failure_of(write_summary)) result.missing.push_back("summary: " + *failure);
 }
 
 /// The step after which a snapshot is written.
