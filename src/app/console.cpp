@@ -28,7 +28,9 @@ void remember_loss() {
 }  // namespace
 
 void prepare_streams() {
-  for (const int signal : {SIGPIPE, SIGHUP, SIGXFSZ}) static_cast<void>(std::signal(signal, SIG_IGN));
+  // Programs that handsim starts inherit what is ignored, and not what is handled.
+  static_cast<void>(std::signal(SIGPIPE, [](int) {}));
+  for (const int signal : {SIGHUP, SIGXFSZ}) static_cast<void>(std::signal(signal, SIG_IGN));
   // The lowest free number is the one that is given. What is open the wrong way round fails as closed would.
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     if (fcntl(stream, F_GETFD) == -1 && errno == EBADF)

@@ -45,6 +45,11 @@ const char* described(fs::file_type type) {
   }
 }
 
+Error uncreatable(const fs::path& path, const std::string& why) {
+  return input_error(path.string(), fmt::format("a file that cannot be created ({})", why),
+                     "a path that can be written");
+}
+
 bool is_standard_stream(const fs::path& path) {
   struct stat file {};
   if (stat(path.c_str(), &file) != 0) return false;
@@ -61,11 +66,11 @@ fs::path file_target(const fs::path& path) {
   const auto refuse = [&](const char* got) {
     return input_error(path.string(), got, "the name of a new file, or of a regular file to replace");
   };
-  std::error_code failure;
+  std::error_code failure, ignored;
   const fs::file_type type = fs::status(path, failure).type();
-  const bool link = fs::is_symlink(fs::symlink_status(path, failure));
-  // What cannot be looked at cannot be created either, which says why.
-  if (type == fs::file_type::none || (type == fs::file_type::not_found && !link)) return path;
+  const bool link = fs::is_symlink(fs::symlink_status(path, ignored));
+  if (type == fs::file_type::none) throw uncreatable(path, failure.message());
+  if (type == fs::file_type::not_found && !link) return path;
   if (type == fs::file_type::not_found) throw refuse(described(fs::file_type::symlink));
   if (type != fs::file_type::regular) throw refuse(described(type));
   if (is_standard_stream(path)) throw refuse("a file that is a standard stream of this program");
@@ -88,8 +93,7 @@ AtomicFile::AtomicFile(const fs::path& path) : path_(file_target(path)) {
   const int cause = errno;
   if (file >= 0) close(file);
   if (!part_.empty()) unlink(part_.c_str());
-  throw input_error(path_.string(), fmt::format("a file that cannot be created ({})", std::strerror(cause)),
-                    "a path that can be written");
+  throw uncreatable(path_, std::strerror(cause));
 }
 
 /// Without a name where possible: then nothing is left of it however the process ends.

@@ -354,6 +354,19 @@ TEST(InTheWay, WhatIsNoFileIsRefusedBeforeTheRunAndStays) {
   EXPECT_EQ(text_of(folder.path() / "plots"), "mine");
 }
 
+TEST(LongNames, AreRefusedBeforeTheRun) {
+  const TemporaryFolder folder;
+  for (const char* command : {"render", "export"}) {
+    const fs::path at = folder.path() / std::string(300, 'x');
+    const Outcome outcome = run_program({command, kScene, "--out", at});
+    EXPECT_EQ(outcome.status, 2);
+    EXPECT_TRUE(contains(outcome.err, "got a file that cannot be created (File name too long)"))
+        << outcome.err;
+  }
+  fs::create_symlink("loop", folder.path() / "loop");
+  EXPECT_EQ(run_program({"render", kScene, "--out", folder.path() / "loop"}).status, 2);
+}
+
 TEST(Export, WritesTheFormatThatTheEndingSays) {
   const TemporaryFolder folder;
   struct Case {
@@ -389,7 +402,12 @@ TEST(Export, WritesTheFormatThatTheEndingSays) {
     EXPECT_EQ(run_program({"render", kScene, "--out", folder.path() / name}).status, 2) << name;
 }
 
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define HANDSIM_SANITIZED  // sanitizers take more address space than there is
+#endif
+#endif
+#if !defined(HANDSIM_SANITIZED) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 // Below some limit Mesa or LLVM end the process that draws, in ways that differ from limit to limit.
 TEST(LittleMemory, CostsPicturesAndNothingElse) {
   int missing = 0, drawn = 0;
