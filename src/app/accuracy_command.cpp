@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
+#include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/output/atomic_file.h"
+#include "handsim/output/output_folder.h"
 #include "handsim/study/accuracy_report.h"
 
 namespace handsim::app {
@@ -42,32 +44,40 @@ void update_costs(const std::filesystem::path& path, const study::AccuracySpec& 
 int accuracy_command(const AccuracyArguments& arguments) {
   study::AccuracySpec spec = study::load_accuracy(arguments.study);
   if (!arguments.no_peers) spec.peers = arguments.peers.value_or(HANDSIM_BUILT_PEERS);
-  output::make_folder(arguments.out);
+  const output::OutputFolder folder(arguments.out, study::accuracy_files(), [&] {
+    std::vector<std::filesystem::path> out = {arguments.study, spec.scene};
+    for (const study::AccuracyMethod& method : spec.methods)
+      if (method.scene) out.push_back(*method.scene);
+    if (arguments.costs) out.push_back(*arguments.costs);
+    return out;
+  });
+  if (arguments.costs) {
+    const output::AtomicFile probe(*arguments.costs);
+  }
   study::AccuracyResult result;
   {
     ProgressBar bar;
     result = study::run_accuracy(spec, [&bar](double share) { bar.show(share); });
   }
-  fmt::print(
+  print(
       "{}\nRMS rate error [{}/s] over the whole run and up to {:g} s; the whole-run figure saturates once "
       "the phase is lost.\n\n{}",
       spec.title, result.unit, spec.early, study::accuracy_table(result, spec.early));
-  if (result.reference) fmt::print("\n{}", study::cheapest_table(result));
-  for (const std::string& text : result.left_out) fmt::print("left out: {}\n", text);
-  const bool plotted = study::write_accuracy(spec, result, arguments.out);
-  fmt::print("\nfiles in {}{}\n", arguments.out.string(),
-             plotted ? "" : " (no plots: gnuplot is missing or failed; accuracy.gp is its script)");
+  if (result.reference) print("\n{}", study::cheapest_table(result));
+  for (const std::string& text : result.left_out) print("left out: {}\n", text);
+  folder.clear();
+  const PlotNote note = plot_note(study::write_accuracy(spec, result, arguments.out));
+  print("\nfiles in {}{}\n", arguments.out.string(), note.text);
   if (arguments.costs) update_costs(*arguments.costs, spec, result);
-  if (!arguments.target) return 0;
+  if (!arguments.target) return note.status;
   const study::AccuracyRow* row = study::cheapest(result, *arguments.target);
   if (!row) {
-    fmt::print("no row reaches an error of {:g} {}/s\n", *arguments.target, result.unit);
+    print("no row reaches an error of {:g} {}/s\n", *arguments.target, result.unit);
     return 1;
   }
-  fmt::print("cheapest at {:g} {}/s: {} at {:g} ms, error {:.3g}, {:.3g} CPU seconds per simulated second\n",
-             *arguments.target, result.unit, row->method, 1e3 * row->step, row->rate_error,
-             row->cpu_per_second);
-  return 0;
+  print("cheapest at {:g} {}/s: {} at {:g} ms, error {:.3g}, {:.3g} CPU seconds per simulated second\n",
+        *arguments.target, result.unit, row->method, 1e3 * row->step, row->rate_error, row->cpu_per_second);
+  return note.status;
 }
 
 }  // namespace handsim::app

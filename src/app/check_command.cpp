@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
+#include "handsim/app/console.h"
 #include "handsim/hand/grip_strength.h"
 #include "handsim/scene/contacts.h"
 #include "handsim/scene/file_kind.h"
@@ -75,10 +76,10 @@ int check_command(const std::vector<std::filesystem::path>& files) {
     } catch (const Error& error) {
       diagnostics.problems = error.problems();
     }
-    for (const std::string& warning : diagnostics.warnings) fmt::print(stderr, "warning: {}\n", warning);
-    for (const Problem& problem : diagnostics.problems) fmt::print(stderr, "{}\n", problem.text());
+    for (const std::string& warning : diagnostics.warnings) tell("warning: {}\n", warning);
+    for (const Problem& problem : diagnostics.problems) tell("{}\n", problem.text());
     if (diagnostics.problems.empty())
-      fmt::print("{}: {}, good\n", path.string(), kind);
+      print("{}: {}, good\n", path.string(), kind);
     else
       ++bad;
   }

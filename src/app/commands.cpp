@@ -1,6 +1,9 @@
 #include "handsim/app/commands.h"
+#include "handsim/app/console.h"
 
 #include <cmath>
+#include <sstream>
+#include <string_view>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -16,20 +19,23 @@ namespace {
 constexpr int kBadInput = 2;
 constexpr int kFailed = 1;
 
-/// Prints an Error as the exit status that it stands for.
+/// Prints an Error as the exit status that it stands for. Takes no memory to say so.
 template <class Command>
 int guarded(Command command) {
+  const auto failed = [](std::string_view head, const char* what, int status) {
+    tell_text(head);
+    tell_text(what);
+    tell_text("\n");
+    return status;
+  };
   try {
     return command();
   } catch (const Error& error) {
-    fmt::print(stderr, "{}\n", error.what());
-    return error.kind() == ErrorKind::input ? kBadInput : kFailed;
+    return failed("", error.what(), error.kind() == ErrorKind::input ? kBadInput : kFailed);
   } catch (const std::bad_alloc&) {
-    fmt::print(stderr, "handsim: out of memory\n");
-    return kFailed;
+    return failed("handsim: ", "out of memory", kFailed);
   } catch (const std::exception& error) {
-    fmt::print(stderr, "handsim: {}\n", error.what());
-    return kFailed;
+    return failed("handsim: ", error.what(), kFailed);
   }
 }
 
@@ -142,7 +148,7 @@ void add_render(CLI::App& app, RenderArguments& arguments) {
   CLI::App* render = app.add_subcommand("render", "One picture of a scene at a time of its motion");
   render->footer("Example: handsim render config/two_hands.yaml --out hands.png --time 0.2");
   render->add_option("scene", arguments.scene, "scene file")->required();
-  render->add_option("--out", arguments.out, "PNG file")->required()->check(check_path);
+  render->add_option("--out", arguments.out, "PNG file: .png")->required()->check(check_path);
   add_overrides(*render, arguments.overrides);
   render->add_option_function<std::string>(
       "--time",
@@ -196,7 +202,7 @@ void add_accuracy(CLI::App& app, AccuracyArguments& arguments) {
   accuracy->footer(
       "Example: handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3");
   accuracy->add_option("study", arguments.study, "study file")->required();
-  accuracy->add_option("--out", arguments.out, "folder for the study's files")->required();
+  accuracy->add_option("--out", arguments.out, "folder for the study's files")->required()->check(check_path);
   accuracy
       ->add_option("--target", arguments.target,
                    "name the cheapest method and step that reaches this error; exit 1 where none does")
@@ -258,20 +264,28 @@ void add_export(CLI::App& app, ExportArguments& arguments) {
       app.add_subcommand("export", "A scene's model as a file for other engines: MJCF or URDF");
   command->footer("Example: handsim export config/two_hands.yaml --format mjcf --out two_hands.xml");
   command->add_option("scene", arguments.scene, "scene file")->required();
-  command->add_option("--format", arguments.format, "mjcf (MuJoCo) or urdf (ROS)")->check(check_format);
-  command->add_option("--out", arguments.out, "file to write")->required()->check(check_path);
+  command
+      ->add_option("--format", arguments.format,
+                   "mjcf (MuJoCo) or urdf (ROS); default: by the file's ending, else mjcf")
+      ->check(check_format);
+  command->add_option("--out", arguments.out, "file to write: .xml for mjcf, .urdf for urdf")
+      ->required()
+      ->check(check_path);
   add_overrides(*command, arguments.overrides);
 }
 
 }  // namespace
 
-int run_command_line(int argc, const char* const* argv) {
+namespace {
+
+/// Reads the words and calls their command.
+int parse_and_call(int argc, const char* const* argv) {
   CLI::App app("handsim: biomechanical hands of a given person, simulated with the Open Dynamics Engine");
   app.set_version_flag("--version", std::string("handsim ") + HANDSIM_VERSION);
   app.require_subcommand(1);
   app.footer(
-      "handsim COMMAND --help says more. Exit status: 0 done, all criteria held; 1 a criterion failed or the "
-      "simulation diverged; 2 bad input.");
+      "handsim COMMAND --help says more. Exit status: 0 done, all criteria held; 1 a criterion failed, the "
+      "simulation diverged, or output was lost; 2 bad input.");
   HandArguments hand;
   std::vector<std::filesystem::path> files;
   RunArguments run;
@@ -296,20 +310,29 @@ int run_command_line(int argc, const char* const* argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     // CLI11's own codes are many; usage problems are exit status 2 here.
-    if (error.get_exit_code() != 0 && app.get_subcommands().empty())
-      return guarded([&]() -> int { throw command_error(app, argc, argv); });
-    return app.exit(error) == 0 ? 0 : kBadInput;
+    if (error.get_exit_code() != 0 && app.get_subcommands().empty()) throw command_error(app, argc, argv);
+    std::ostringstream help, problem;
+    const int status = app.exit(error, help, problem) == 0 ? 0 : kBadInput;
+    print_text(help.str());
+    tell_text(problem.str());
+    return status;
   }
-  if (app.got_subcommand("hand")) return guarded([&] { return hand_command(hand); });
-  if (app.got_subcommand("check")) return guarded([&] { return check_command(files); });
-  if (app.got_subcommand("run")) return guarded([&] { return run_scene_command(run); });
-  if (app.got_subcommand("grasp")) return guarded([&] { return grasp_command(grasp); });
-  if (app.got_subcommand("accuracy")) return guarded([&] { return accuracy_command(accuracy); });
-  if (app.got_subcommand("export")) return guarded([&] { return export_command(exported); });
-  if (app.got_subcommand("contacts")) return guarded([&] { return contacts_command(contacts); });
-  if (app.got_subcommand("stability")) return guarded([&] { return stability_command(stability); });
-  if (app.got_subcommand("effects")) return guarded([&] { return effects_command(effects); });
-  return guarded([&] { return render_command(render); });
+  if (app.got_subcommand("hand")) return hand_command(hand);
+  if (app.got_subcommand("check")) return check_command(files);
+  if (app.got_subcommand("run")) return run_scene_command(run);
+  if (app.got_subcommand("grasp")) return grasp_command(grasp);
+  if (app.got_subcommand("accuracy")) return accuracy_command(accuracy);
+  if (app.got_subcommand("export")) return export_command(exported);
+  if (app.got_subcommand("contacts")) return contacts_command(contacts);
+  if (app.got_subcommand("stability")) return stability_command(stability);
+  if (app.got_subcommand("effects")) return effects_command(effects);
+  return render_command(render);
+}
+
+}  // namespace
+
+int run_command_line(int argc, const char* const* argv) {
+  return guarded([&] { return parse_and_call(argc, argv); });
 }
 
 }  // namespace handsim::app

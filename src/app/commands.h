@@ -1,5 +1,6 @@
 // The command line: subcommands that read files, call the library and print. Exit status 0: done, and every
-// criterion held; 1: ran, but a criterion failed or the simulation diverged; 2: bad input or usage.
+// criterion held; 1: ran, but a criterion failed, the simulation diverged, or output was lost; 2: bad input
+// or usage.
 #pragma once
 
 #include <cstdint>
@@ -90,13 +91,16 @@ int effects_command(const EffectsArguments& arguments);
 struct ExportArguments {
   std::filesystem::path scene;
   std::filesystem::path out;
-  std::string format = "mjcf";  ///< or `urdf`
+  std::optional<std::string> format;  ///< mjcf or urdf; absent: by the ending of `out`, else mjcf
   std::vector<std::string> overrides;
 };
 int export_command(const ExportArguments& arguments);
 
 /// @param out folder for the study's files
 int contacts_command(const std::filesystem::path& out);
+
+/// The ending of a file's name, in small letters: `.png`; empty where it has none.
+std::string ending_of(const std::filesystem::path& path);
 
 /// Folder with handmodels/ and config/: the installed one, or the source tree's.
 /// @throws Error (input) where neither is there.

@@ -12,4 +12,11 @@ std::filesystem::path data_folder() {
                     "the path of a hand model");
 }
 
+std::string ending_of(const std::filesystem::path& path) {
+  std::string out = path.extension().string();
+  for (char& c : out)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return out;
+}
+
 }  // namespace handsim::app

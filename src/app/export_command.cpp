@@ -1,21 +1,44 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
+#include "handsim/app/console.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/mjcf.h"
+#include "handsim/output/output_folder.h"
 #include "handsim/output/urdf.h"
+#include "handsim/scene/files_read.h"
 #include "handsim/scene/scene.h"
 
 namespace handsim::app {
 
+namespace {
+
+/// The format that is asked for, which the file's ending must not contradict.
+std::string format_of(const ExportArguments& arguments) {
+  const std::string ending = ending_of(arguments.out);
+  if (ending.empty()) return arguments.format.value_or("mjcf");
+  const std::string format = ending == ".xml" ? "mjcf" : ending == ".urdf" ? "urdf" : "";
+  if (format.empty() || format != arguments.format.value_or(format))
+    throw input_error("--out", arguments.out.string(),
+                      arguments.format
+                          ? fmt::format("a name that ends in {} for --format {}",
+                                        *arguments.format == "urdf" ? ".urdf" : ".xml", *arguments.format)
+                          : "a name that ends in .xml (MJCF) or .urdf");
+  return format;
+}
+
+}  // namespace
+
 int export_command(const ExportArguments& arguments) {
+  const std::string format = format_of(arguments);
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
   const model::SolverSettings& solver = scene.spec.solver;
-  const std::string text = arguments.format == "urdf" ? output::to_urdf(scene.model, solver)
-                                                      : output::to_mjcf(scene.model, solver);
+  output::check_not_read(arguments.out, [&] { return scene::files_read(scene); });
+  const std::string text =
+      format == "urdf" ? output::to_urdf(scene.model, solver) : output::to_mjcf(scene.model, solver);
   output::write_file(arguments.out, text);
-  fmt::print("{}: {} bodies, {} joints as {}\n", arguments.out.string(), scene.model.bodies.size() - 1,
-             scene.model.joints.size(), arguments.format);
+  print("{}: {} bodies, {} joints as {}\n", arguments.out.string(), scene.model.bodies.size() - 1,
+        scene.model.joints.size(), format);
   return 0;
 }
 

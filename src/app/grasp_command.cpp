@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
+#include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/core/units.h"
 #include "handsim/study/grasp_study.h"
@@ -12,41 +13,40 @@ namespace handsim::app {
 namespace {
 
 void print_climbs(const std::vector<study::ClimbRow>& rows) {
-  fmt::print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>9}\n", "scene", "hand", "verdict", "load",
-             "norm", "of norm", "moved", "contacts", "criteria");
-  fmt::print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>9}\n", "", "", "", "N", "N", "%", "mm", "",
-             "");
+  print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>9}\n", "scene", "hand", "verdict", "load",
+        "norm", "of norm", "moved", "contacts", "criteria");
+  print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>9}\n", "", "", "", "N", "N", "%", "mm", "", "");
   for (const study::ClimbRow& row : rows) {
     const simulation::ClimbFigures& f = row.figures;
     const char* verdict = !row.fault.empty() ? "diverged" : f.failed ? "failed" : "holds";
-    fmt::print("{:<24} {:<6} {:<8} {:>8.4g} {:>9.4g} {:>9.3g} {:>8.2g} {:>9} {:>9}\n", row.scene, row.side,
-               verdict, f.carried, f.strength.norm, 100 * f.share(), 1e3 * f.last.travel, f.last.contacts,
-               row.passed ? "held" : "FAILED");
-    if (!row.fault.empty()) fmt::print(stderr, "{}\n", row.fault);
+    print("{:<24} {:<6} {:<8} {:>8.4g} {:>9.4g} {:>9.3g} {:>8.2g} {:>9} {:>9}\n", row.scene, row.side,
+          verdict, f.carried, f.strength.norm, 100 * f.share(), 1e3 * f.last.travel, f.last.contacts,
+          row.passed ? "held" : "FAILED");
+    if (!row.fault.empty()) tell("{}\n", row.fault);
   }
 }
 
 void print_table(const std::vector<study::GraspRow>& rows) {
-  fmt::print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>8} {:>8} {:>9} {:>9}\n", "scene", "hand",
-             "verdict", "slip", "in shake", "after it", "turned", "contacts", "grip", "epsilon", "volume",
-             "friction");
-  fmt::print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>8} {:>8} {:>9} {:>9}\n", "", "", "", "um/s",
-             "mm", "mm", "deg", "", "N", "", "", "least");
+  print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>8} {:>8} {:>9} {:>9}\n", "scene", "hand",
+        "verdict", "slip", "in shake", "after it", "turned", "contacts", "grip", "epsilon", "volume",
+        "friction");
+  print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>8} {:>8} {:>9} {:>9}\n", "", "", "", "um/s",
+        "mm", "mm", "deg", "", "N", "", "", "least");
   for (const study::GraspRow& row : rows) {
     const simulation::GraspFigures& f = row.figures;
     const char* verdict = !row.fault.empty() ? "diverged"
                           : !f.complete      ? "cut off"
                           : f.held           ? "held"
                                              : "LOST";
-    fmt::print(
-        "{:<24} {:<6} {:<8} {:>8.3g} {:>9.3g} {:>9.3g} {:>8.3g} {:>9} {:>8.3g} {:>8.3g} {:>9.3g} {:>9}\n",
-        row.scene, row.side, verdict, 1e6 * f.slip, 1e3 * f.shaken_shift, 1e3 * f.shift,
-        kDegreesPerRadian * f.turn, f.after.contacts, f.after.normal, f.after.wrenches.epsilon,
-        f.after.wrenches.volume, row.smallest_friction ? fmt::format("{:.2g}", *row.smallest_friction) : "-");
+    print("{:<24} {:<6} {:<8} {:>8.3g} {:>9.3g} {:>9.3g} {:>8.3g} {:>9} {:>8.3g} {:>8.3g} {:>9.3g} {:>9}\n",
+          row.scene, row.side, verdict, 1e6 * f.slip, 1e3 * f.shaken_shift, 1e3 * f.shift,
+          kDegreesPerRadian * f.turn, f.after.contacts, f.after.normal, f.after.wrenches.epsilon,
+          f.after.wrenches.volume,
+          row.smallest_friction ? fmt::format("{:.2g}", *row.smallest_friction) : "-");
     if (f.disagree())
-      fmt::print("  note: {}, though the contacts {} force closure\n", f.held ? "held" : "lost",
-                 f.held ? "have no" : "have");
-    if (!row.fault.empty()) fmt::print(stderr, "{}\n", row.fault);
+      print("  note: {}, though the contacts {} force closure\n", f.held ? "held" : "lost",
+            f.held ? "have no" : "have");
+    if (!row.fault.empty()) tell("{}\n", row.fault);
   }
 }
 
@@ -60,6 +60,7 @@ int grasp_command(const GraspArguments& arguments) {
   study.friction = arguments.friction;
   study.friction_search = arguments.friction_search;
   study.pictures = arguments.pictures;
+  study.draw_apart = true;
   if (arguments.side == "both")
     study.sides = {"right", "left"};
   else if (!arguments.side.empty())
@@ -72,8 +73,9 @@ int grasp_command(const GraspArguments& arguments) {
   }
   if (!tables.grasps.empty()) print_table(tables.grasps);
   if (!tables.climbs.empty()) print_climbs(tables.climbs);
-  fmt::print("files in {}\n", arguments.out.string());
-  return tables.passed() ? 0 : 1;
+  print("files in {}\n", arguments.out.string());
+  for (const std::string& what : tables.missing) tell("missing: {}\n", what);
+  return tables.passed() && tables.missing.empty() ? 0 : 1;
 }
 
 }  // namespace handsim::app

@@ -5,11 +5,15 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
+#include "handsim/app/console.h"
 #include "handsim/core/units.h"
 #include "handsim/engine/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
+#include "handsim/output/child.h"
+#include "handsim/output/output_folder.h"
 #include "handsim/scene/file_kind.h"
+#include "handsim/scene/files_read.h"
 #include "handsim/scene/scene.h"
 #include "handsim/simulation/pictures.h"
 
@@ -127,23 +131,23 @@ std::string origin(bool measured) { return measured ? "measured" : "predicted"; 
 
 void print_size(const hand::Person& person, const hand::HandSpec& spec, const hand::BuiltHand& hand) {
   const hand::HandSize& size = hand.size;
-  fmt::print("person   {:.3f} m, {:.1f} kg, {}\n", person.stature, person.mass, hand::name(person.sex));
+  print("person   {:.3f} m, {:.1f} kg, {}\n", person.stature, person.mass, hand::name(person.sex));
   const auto row = [&](const char* what, double value, const std::string& from) {
-    fmt::print("  {:<18} {:7.1f} mm  {}\n", what, 1e3 * value, from);
+    print("  {:<18} {:7.1f} mm  {}\n", what, 1e3 * value, from);
   };
   row("hand length", size.length, origin(size.measured[0]));
   row("hand breadth", size.breadth, origin(size.measured[1]));
   row("palm length", size.palm_length, "predicted");
   row("hand circumference", size.circumference, origin(size.measured[3]));
   row("hand thickness", size.thickness, "of a slab with half-round edges of that breadth and circumference");
-  fmt::print("  {:<18} {:7.1f} g   {}\n", "hand mass", 1e3 * hand.mass,
-             person.hand_mass ? "measured" : spec.mass.source);
-  fmt::print("  predicted from: {}\n", spec.anthropometry.source);
+  print("  {:<18} {:7.1f} g   {}\n", "hand mass", 1e3 * hand.mass,
+        person.hand_mass ? "measured" : spec.mass.source);
+  print("  predicted from: {}\n", spec.anthropometry.source);
 }
 
 void print_parts(const hand::HandSpec& spec, const hand::BuiltHand& hand) {
-  fmt::print("\n{:<18} {:>10} {:>10} {:>8}  {:>31}  {}\n", "segment", "length mm", "radius mm", "mass g",
-             "inertia kg mm2 (x, y, z)", "joint");
+  print("\n{:<18} {:>10} {:>10} {:>8}  {:>31}  {}\n", "segment", "length mm", "radius mm", "mass g",
+        "inertia kg mm2 (x, y, z)", "joint");
   for (std::size_t i = 0; i < hand.bodies.size(); ++i) {
     const model::Body& body = hand.bodies[i];
     const Vec3 moments = 1e6 * body.inertia.diagonal();
@@ -151,17 +155,17 @@ void print_parts(const hand::HandSpec& spec, const hand::BuiltHand& hand) {
         fmt::format("{:9.4g}, {:9.4g}, {:9.4g}", moments.x(), moments.y(), moments.z());
     if (i == 0) {
       const Vec3 e = 1e3 * hand.shapes[0].edges;
-      fmt::print("{:<18} {:>21} {:8.2f}  {}  box (breadth, length, thickness)\n", body.name,
-                 fmt::format("{:.1f} x {:.1f} x {:.1f}", e.x(), e.y(), e.z()), 1e3 * body.mass, inertia);
+      print("{:<18} {:>21} {:8.2f}  {}  box (breadth, length, thickness)\n", body.name,
+            fmt::format("{:.1f} x {:.1f} x {:.1f}", e.x(), e.y(), e.z()), 1e3 * body.mass, inertia);
       continue;
     }
     const hand::SegmentSpec& row = spec.segments[i - 1];
     const model::Joint& joint = hand.joints[i - 1];
-    fmt::print("{:<18} {:10.2f} {:10.2f} {:8.2f}  {}  {} ({}: {})\n", body.name,
-               1e3 * row.length.value(hand.size), 1e3 * row.radius.value(hand.size), 1e3 * body.mass, inertia,
-               joint.name, joint.kind == model::JointKind::hinge ? "hinge" : "universal", ranges(joint));
+    print("{:<18} {:10.2f} {:10.2f} {:8.2f}  {}  {} ({}: {})\n", body.name, 1e3 * row.length.value(hand.size),
+          1e3 * row.radius.value(hand.size), 1e3 * body.mass, inertia, joint.name,
+          joint.kind == model::JointKind::hinge ? "hinge" : "universal", ranges(joint));
   }
-  fmt::print("wrist: {} axes ({})\n", hand.wrist.axes.size(), ranges(hand.wrist));
+  print("wrist: {} axes ({})\n", hand.wrist.axes.size(), ranges(hand.wrist));
 }
 
 void print_whole(const hand::Person& person, const hand::HandSpec& spec, const hand::BuiltHand& hand) {
@@ -169,10 +173,10 @@ void print_whole(const hand::Person& person, const hand::HandSpec& spec, const h
   const bool female = person.sex == hand::Sex::female;
   const hand::HandInertiaShares& ref =
       female ? spec.anthropometry.reference_female : spec.anthropometry.reference_male;
-  fmt::print("\nwhole hand, fingers straight, in shares of hand length (reference: {}, {})\n",
-             spec.anthropometry.reference_source, female ? "women" : "men");
+  print("\nwhole hand, fingers straight, in shares of hand length (reference: {}, {})\n",
+        spec.anthropometry.reference_source, female ? "women" : "men");
   const auto row = [](const char* what, double mine, double theirs) {
-    fmt::print("  {:<42} {:.4f}  reference {:.4f}\n", what, mine, theirs);
+    print("  {:<42} {:.4f}  reference {:.4f}\n", what, mine, theirs);
   };
   row("centre of mass from the wrist", whole.shares.centre_of_mass, ref.centre_of_mass);
   row("radius of gyration, sagittal axis", whole.shares.gyration_sagittal, ref.gyration_sagittal);
@@ -181,8 +185,8 @@ void print_whole(const hand::Person& person, const hand::HandSpec& spec, const h
 }
 
 void print_sources(const hand::HandSpec& spec) {
-  if (!spec.sources.empty()) fmt::print("\nsources ({})\n", spec.title);
-  for (const auto& [key, text] : spec.sources) fmt::print("  {}: {}\n", key, text);
+  if (!spec.sources.empty()) print("\nsources ({})\n", spec.title);
+  for (const auto& [key, text] : spec.sources) print("  {}: {}\n", key, text);
 }
 
 YamlNode number_list(std::initializer_list<double> values) {
@@ -268,30 +272,38 @@ int hand_command(const HandArguments& arguments) {
   const scene::Scene scene = compiled(arguments);
   const scene::HandEntry& entry = scene.spec.hands.front();
   const hand::BuiltHand built = hand::build_hand(entry.model, entry.person);
-  if (arguments.out) output::make_folder(*arguments.out);
+  std::optional<output::OutputFolder> folder;
+  if (arguments.out)
+    folder.emplace(*arguments.out, std::vector<std::string>{"hand.yaml", "hand.png"},
+                   [&] { return scene::files_read(scene); });
 
   for (std::size_t i = 0; i < scene.warnings.size() / scene.spec.hands.size(); ++i) {
     std::string_view text = scene.warnings[i];
     // The scene is the command's own; its keys say nothing to who gave options.
     const std::string_view key = "hands.0.person: ";
     if (text.starts_with(key)) text.remove_prefix(key.size());
-    fmt::print(stderr, "warning: {}\n", text);
+    tell("warning: {}\n", text);
   }
   print_size(entry.person, entry.model, built);
   print_parts(entry.model, built);
   print_whole(entry.person, entry.model, built);
   for (const engine::Overlap& overlap :
        engine::initial_overlaps(scene.model, model::initial_state(scene.model)))
-    fmt::print("overlap at the start: {} and {}, {:.2g} mm\n",
-               scene.model.shapes[static_cast<std::size_t>(overlap.shape_a)].name,
-               scene.model.shapes[static_cast<std::size_t>(overlap.shape_b)].name, 1e3 * overlap.depth);
+    print("overlap at the start: {} and {}, {:.2g} mm\n",
+          scene.model.shapes[static_cast<std::size_t>(overlap.shape_a)].name,
+          scene.model.shapes[static_cast<std::size_t>(overlap.shape_b)].name, 1e3 * overlap.depth);
   print_sources(entry.model);
   if (!arguments.out) return 0;
+  folder->clear();
   output::write_file(*arguments.out / "hand.yaml", hand_yaml(scene, built));
-  output::write_png(simulation::draw(scene, {model::initial_state(scene.model), {}}),
-                    *arguments.out / "hand.png");
-  fmt::print("\nwritten: {} and hand.png\n", (*arguments.out / "hand.yaml").string());
-  return 0;
+  const auto draw = [&](const output::Progress&) {
+    output::write_png(simulation::draw(scene, {model::initial_state(scene.model), {}}),
+                      *arguments.out / "hand.png");
+  };
+  const auto failure = output::run_in_child(draw, {});
+  if (failure) tell("missing: hand.png: {}\n", *failure);
+  print("\nwritten: {}{}\n", (*arguments.out / "hand.yaml").string(), failure ? "" : " and hand.png");
+  return failure ? 1 : 0;
 }
 
 }  // namespace handsim::app

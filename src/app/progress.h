@@ -3,9 +3,11 @@
 
 #include <unistd.h>
 
+#include <array>
 #include <chrono>
+#include <string_view>
 
-#include <fmt/format.h>
+#include "handsim/app/console.h"
 
 namespace handsim::app {
 
@@ -15,7 +17,7 @@ class ProgressBar {
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
   ~ProgressBar() {
-    if (drawn_) fmt::print(stderr, "\r{:60}\r", "");
+    if (drawn_) tell_text("\r                                                            \r");
   }
 
   /// @param share done, 0..1.
@@ -27,7 +29,10 @@ class ProgressBar {
     drawn_ = true;
     constexpr int kWidth = 40;
     const int full = static_cast<int>(share * kWidth);
-    fmt::print(stderr, "\r[{:#<{}}{:.<{}}] {:3.0f} %", "", full, "", kWidth - full, 100 * share);
+    std::array<char, 100> text{};
+    const auto end = fmt::format_to_n(text.data(), text.size(), "\r[{:#<{}}{:.<{}}] {:3.0f} %", "", full, "",
+                                      kWidth - full, 100 * share);
+    tell_text({text.data(), end.size});
   }
 
  private:

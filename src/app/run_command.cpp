@@ -4,11 +4,15 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
+#include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/core/units.h"
 #include "handsim/engine/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
+#include "handsim/output/child.h"
+#include "handsim/scene/files_read.h"
+#include "handsim/simulation/pictures.h"
 #include "handsim/simulation/run.h"
 #include "handsim/simulation/state_hash.h"
 
@@ -17,45 +21,45 @@ namespace handsim::app {
 namespace {
 
 void print_warnings(const scene::Scene& scene) {
-  for (const std::string& warning : scene.warnings) fmt::print(stderr, "warning: {}\n", warning);
+  for (const std::string& warning : scene.warnings) tell("warning: {}\n", warning);
   for (const engine::Overlap& overlap :
        engine::initial_overlaps(scene.model, model::initial_state(scene.model)))
-    fmt::print(stderr, "warning: {} and {} overlap by {:.2g} mm at the start\n",
-               scene.model.shapes[static_cast<std::size_t>(overlap.shape_a)].name,
-               scene.model.shapes[static_cast<std::size_t>(overlap.shape_b)].name, 1e3 * overlap.depth);
+    tell("warning: {} and {} overlap by {:.2g} mm at the start\n",
+         scene.model.shapes[static_cast<std::size_t>(overlap.shape_a)].name,
+         scene.model.shapes[static_cast<std::size_t>(overlap.shape_b)].name, 1e3 * overlap.depth);
 }
 
 /// The worst joint in one line.
 void print_tracking(const simulation::RunResult& result) {
   const simulation::AxisTracking* worst = simulation::Tracking::worst(result.tracking);
   if (!worst) return;
-  fmt::print("  worst joint {}: rms error {:.3g} deg, largest {:.3g} deg at {:.3f} s", worst->name,
-             kDegreesPerRadian * worst->rms_error, kDegreesPerRadian * worst->largest_error.value,
-             worst->largest_error.time);
-  if (worst->holds > 0) fmt::print(", steady {:.3g} deg", kDegreesPerRadian * worst->steady_error.value);
-  if (worst->movements > 0) fmt::print(", overshoot {:.2g} %", 100 * worst->overshoot.value);
-  fmt::print(", at its torque limit {:.2g} % of the time\n", 100 * worst->limit_share);
+  print("  worst joint {}: rms error {:.3g} deg, largest {:.3g} deg at {:.3f} s", worst->name,
+        kDegreesPerRadian * worst->rms_error, kDegreesPerRadian * worst->largest_error.value,
+        worst->largest_error.time);
+  if (worst->holds > 0) print(", steady {:.3g} deg", kDegreesPerRadian * worst->steady_error.value);
+  if (worst->movements > 0) print(", overshoot {:.2g} %", 100 * worst->overshoot.value);
+  print(", at its torque limit {:.2g} % of the time\n", 100 * worst->limit_share);
 }
 
 void print_grip(const char* when, const simulation::Grip& grip) {
-  fmt::print(
+  print(
       "    {}: {} contacts, {:.3g} N, {:.0f} % of the friction limit used; {}, epsilon {:.3g}, volume "
       "{:.3g}\n",
       when, grip.contacts, grip.normal, 100 * grip.friction_used,
       grip.wrenches.force_closure ? "force closure" : "no force closure", grip.wrenches.epsilon,
       grip.wrenches.volume);
   for (const simulation::PartForce& part : grip.parts)
-    fmt::print("      {:<7} {} contacts, normal {:.3g} N, friction {:.3g} N\n", part.part, part.contacts,
-               part.normal, part.friction);
+    print("      {:<7} {} contacts, normal {:.3g} N, friction {:.3g} N\n", part.part, part.contacts,
+          part.normal, part.friction);
 }
 
 void print_grasps(const simulation::RunResult& result) {
   for (const simulation::GraspFigures& grasp : result.grasps) {
     if (!grasp.complete) {
-      fmt::print("  grasp {}: the run ended before the grasp\n", grasp.name);
+      print("  grasp {}: the run ended before the grasp\n", grasp.name);
       continue;
     }
-    fmt::print(
+    print(
         "  grasp {}: {}; slip {:.3g} um/s in the hold; moved {:.2g} mm during the shake, {:.2g} mm and "
         "{:.2g} deg after it\n",
         grasp.name, grasp.held ? "held" : "LOST", 1e6 * grasp.slip, 1e3 * grasp.shaken_shift,
@@ -63,28 +67,27 @@ void print_grasps(const simulation::RunResult& result) {
     print_grip("end of the hold", grasp.hold);
     print_grip("after the shake", grasp.after);
     if (grasp.disagree())
-      fmt::print("    note: {}, though the contacts {} force closure\n", grasp.held ? "held" : "lost",
-                 grasp.after.wrenches.force_closure ? "have" : "have no");
+      print("    note: {}, though the contacts {} force closure\n", grasp.held ? "held" : "lost",
+            grasp.after.wrenches.force_closure ? "have" : "have no");
   }
 }
 
 void print_loaded(const char* when, const simulation::LoadedGrip& grip) {
-  fmt::print("    {}: {:.4g} N, palm moved {:.2g} mm, {} contacts\n", when, grip.load, 1e3 * grip.travel,
-             grip.contacts);
+  print("    {}: {:.4g} N, palm moved {:.2g} mm, {} contacts\n", when, grip.load, 1e3 * grip.travel,
+        grip.contacts);
   for (const simulation::PartForce& part : grip.parts)
-    fmt::print("      {:<7} {} contacts, normal {:.3g} N, friction {:.3g} N\n", part.part, part.contacts,
-               part.normal, part.friction);
+    print("      {:<7} {} contacts, normal {:.3g} N, friction {:.3g} N\n", part.part, part.contacts,
+          part.normal, part.friction);
 }
 
 void print_climbs(const simulation::RunResult& result) {
   for (const simulation::ClimbFigures& climb : result.climbs) {
-    fmt::print(
+    print(
         "  climb {}: {} {:.4g} N, {:.0f} % of the grip strength of people alike ({:.0f} N, deviation {:.0f} "
         "N)\n",
         climb.name, climb.failed ? "fails beyond" : "holds", climb.carried, 100 * climb.share(),
         climb.strength.norm, climb.strength.deviation);
-    if (climb.strength.measured)
-      fmt::print("    the person's own grip strength: {:.0f} N\n", climb.strength.own);
+    if (climb.strength.measured) print("    the person's own grip strength: {:.0f} N\n", climb.strength.own);
     print_loaded("half of that", climb.half);
     print_loaded("at most", climb.last);
   }
@@ -92,35 +95,41 @@ void print_climbs(const simulation::RunResult& result) {
 
 void print_result(const scene::Scene& scene, const simulation::RunResult& result,
                   const std::filesystem::path& out) {
-  fmt::print("{}\n", scene.spec.title);
-  fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", "criterion", "measured", "limit", "verdict", "where");
+  print("{}\n", scene.spec.title);
+  print("  {:<16} {:>12} {:>12}  {:<8} {}\n", "criterion", "measured", "limit", "verdict", "where");
   for (const simulation::Verdict& v : result.verdicts) {
     const std::string limit = v.limit ? fmt::format("{:.4g} {}", *v.limit, v.unit) : "-";
     const std::string where = v.where.empty() ? "" : fmt::format("{} at {:.3f} s", v.where, v.time);
-    fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", v.name,
-               v.measured ? fmt::format("{:.4g} {}", *v.measured, v.unit) : "-", limit,
-               !v.limit      ? "-"
-               : !v.measured ? "NOT MEASURED"
-               : v.held()    ? "held"
-                             : "FAILED",
-               where);
+    print("  {:<16} {:>12} {:>12}  {:<8} {}\n", v.name,
+          v.measured ? fmt::format("{:.4g} {}", *v.measured, v.unit) : "-", limit,
+          !v.limit      ? "-"
+          : !v.measured ? "NOT MEASURED"
+          : v.held()    ? "held"
+                        : "FAILED",
+          where);
   }
   print_tracking(result);
   print_grasps(result);
   print_climbs(result);
   const bool judged = std::any_of(result.verdicts.begin(), result.verdicts.end(),
                                   [](const simulation::Verdict& v) { return v.limit.has_value(); });
-  fmt::print("  verdict: {}\n", result.fault                 ? "diverged"
-                                : !result.hash_as_expected() ? "another state hash than expected"
-                                : !judged                    ? "nothing was judged"
-                                : result.passed()            ? "every criterion held"
-                                                             : "a criterion failed");
-  if (result.fault) {
-    const PhysicsFault fault = *result.fault;
-    fmt::print(stderr, "{}\n", Error(fault).what());
-  }
-  fmt::print("  {:.3g} s simulated in {:.3g} s ({:.0f} times real time); files in {}\n", result.simulated,
-             result.wall, result.wall > 0 ? result.simulated / result.wall : 0, out.string());
+  print("  verdict: {}\n", result.fault                 ? "diverged"
+                           : !result.hash_as_expected() ? "another state hash than expected"
+                           : !judged                    ? "nothing was judged"
+                           : result.passed()            ? "every criterion held"
+                                                        : "a criterion failed");
+  print("  {:.3g} s simulated in {:.3g} s ({:.0f} times real time); files in {}\n", result.simulated,
+        result.wall, result.wall > 0 ? result.simulated / result.wall : 0, out.string());
+}
+
+/// All that fails, in a line each, where no table says it.
+void tell_failures(const simulation::RunResult& result) {
+  for (const simulation::Verdict& v : result.verdicts)
+    if (!v.held())
+      tell("criterion {}: got {}, need {} {:.4g} {}{}\n", v.name,
+           v.measured ? fmt::format("{:.4g} {}", *v.measured, v.unit) : "nothing measured",
+           v.least ? "at least" : "at most", *v.limit, v.unit,
+           v.where.empty() ? "" : fmt::format(" ({} at {:.3f} s)", v.where, v.time));
 }
 
 }  // namespace
@@ -129,7 +138,7 @@ int run_scene_command(const RunArguments& arguments) {
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
   print_warnings(scene);
   if (!scene.spec.engine_choice.empty() && !arguments.quiet && !arguments.json)
-    fmt::print("engine auto: {}\n", scene.spec.engine_choice);
+    print("engine auto: {}\n", scene.spec.engine_choice);
   simulation::RunResult result;
   {
     ProgressBar bar;
@@ -141,32 +150,43 @@ int run_scene_command(const RunArguments& arguments) {
     options.snapshot_at = arguments.snapshot_at;
     options.from_snapshot = arguments.from_snapshot;
     options.expected_hash = arguments.expected_hash;
+    options.draw_apart = true;
     if (!arguments.quiet) options.progress = [&bar](double share) { bar.show(share); };
     result = simulation::run(scene, options);
   }
-  for (const std::string& warning : result.warnings) fmt::print(stderr, "warning: {}\n", warning);
+  for (const std::string& warning : result.warnings) tell("warning: {}\n", warning);
   if (arguments.json)
-    fmt::print("{}", result.summary);
+    print_text(result.summary);
   else if (!arguments.quiet)
     print_result(scene, result, arguments.out);
-  else if (result.fault)
-    fmt::print(stderr, "{}\n", Error(*result.fault).what());
+  if (arguments.quiet) tell_failures(result);
+  if (result.fault) tell("{}\n", Error(*result.fault).what());
+  for (const std::string& what : result.missing) tell("missing: {}\n", what);
   if (!result.hash_as_expected())
-    fmt::print(stderr, "state hash: got {}, expected {}: another scene, setting, build or machine\n",
-               simulation::hash_text(result.state_hash), simulation::hash_text(*result.expected_hash));
-  return result.passed() ? 0 : 1;
+    tell("state hash: got {}, expected {}: another scene, setting, build or machine\n",
+         simulation::hash_text(result.state_hash), simulation::hash_text(*result.expected_hash));
+  return result.passed() && result.missing.empty() ? 0 : 1;
 }
 
 int render_command(const RenderArguments& arguments) {
+  if (const std::string end = ending_of(arguments.out); !end.empty() && end != ".png")
+    throw input_error("--out", arguments.out.string(), "a name that ends in .png");
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
   print_warnings(scene);
-  if (!scene.spec.engine_choice.empty()) fmt::print("engine auto: {}\n", scene.spec.engine_choice);
+  if (!scene.spec.engine_choice.empty()) print("engine auto: {}\n", scene.spec.engine_choice);
   if (arguments.time > scene.spec.duration)
     throw input_error("--time", fmt::format("{:g} s", arguments.time),
                       fmt::format("0 to the scene's duration of {:g} s", scene.spec.duration));
   // A path that cannot be written is better known before the simulation than after.
+  output::check_not_read(arguments.out, [&] { return scene::files_read(scene); });
   { const output::AtomicFile probe(arguments.out); }
-  output::write_png(simulation::picture(scene, arguments.time), arguments.out);
+  const simulation::Snapshot moment = simulation::snapshot_at(scene, arguments.time);
+  const auto draw = [&](const output::Progress&) {
+    output::write_png(simulation::draw(scene, moment), arguments.out);
+  };
+  if (const auto failure = output::run_in_child(draw, {}))
+    throw output_error(arguments.out.string(), "no picture: " + *failure,
+                       "memory, room on the disk, or a smaller pictures.size");
   return 0;
 }
 

@@ -24,21 +24,28 @@ std::string joined(const std::vector<Problem>& problems) {
 
 std::string Problem::text() const {
   std::string out;
-  if (place) out += fmt::format("{}:{}:{}: ", place->file, place->line, place->column);
+  if (place)
+    out += fmt::format("{}:{}:{}: ", printable(place->file, place->file.size()), place->line, place->column);
   if (!key.empty()) out += printable(key, 200) + ": ";
   return out + fmt::format("got {}, need {}", printable(got, kLongestPart), printable(need, kLongestPart));
 }
 
-Error::Error(std::vector<Problem> problems)
-    : std::runtime_error(joined(problems)), problems_(std::move(problems)) {}
+Error::Error(std::vector<Problem> problems, ErrorKind kind)
+    : std::runtime_error(joined(problems)), kind_(kind), problems_(std::move(problems)) {}
 
 Error::Error(PhysicsFault fault)
     : std::runtime_error(
           fmt::format("at t = {:.6g} s: {}: {}: {}", fault.time, fault.where, fault.quantity, fault.detail)),
+      kind_(ErrorKind::physics),
       fault_(std::move(fault)) {}
 
 Error input_error(std::string key, std::string got, std::string need) {
   return Error(std::vector<Problem>{{std::nullopt, std::move(key), std::move(got), std::move(need)}});
+}
+
+Error output_error(std::string key, std::string got, std::string need) {
+  return Error(std::vector<Problem>{{std::nullopt, std::move(key), std::move(got), std::move(need)}},
+               ErrorKind::output);
 }
 
 }  // namespace handsim

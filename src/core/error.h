@@ -38,27 +38,31 @@ struct PhysicsFault {
 enum class ErrorKind {
   input,    ///< a file, a key, a number, an argument: exit status 2
   physics,  ///< the simulation diverged: exit status 1
+  output,   ///< a file that could not be written after all, a full disk: exit status 1
 };
 
 /// The only exception type of handsim.
 class Error : public std::runtime_error {
  public:
-  /// Input problems, at least one.
-  explicit Error(std::vector<Problem> problems);
+  /// Problems of input or output, at least one.
+  explicit Error(std::vector<Problem> problems, ErrorKind kind = ErrorKind::input);
   explicit Error(PhysicsFault fault);
 
-  ErrorKind kind() const { return fault_ ? ErrorKind::physics : ErrorKind::input; }
+  ErrorKind kind() const { return kind_; }
   /// Empty for a physics fault.
   const std::vector<Problem>& problems() const { return problems_; }
   /// Set for a physics fault.
   const std::optional<PhysicsFault>& fault() const { return fault_; }
 
  private:
+  ErrorKind kind_;
   std::vector<Problem> problems_;
   std::optional<PhysicsFault> fault_;
 };
 
 /// An input error that stands in no file: `key: got X, need Y`.
 Error input_error(std::string key, std::string got, std::string need);
+/// The same of an output.
+Error output_error(std::string key, std::string got, std::string need);
 
 }  // namespace handsim

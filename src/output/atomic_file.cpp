@@ -1,7 +1,13 @@
 #include "handsim/output/atomic_file.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
 #include <cerrno>
 #include <cstring>
+#include <random>
 
 #include <fmt/format.h>
 
@@ -9,57 +15,141 @@
 
 namespace handsim::output {
 
-AtomicFile::AtomicFile(std::filesystem::path path)
-    : path_(std::move(path)), part_(path_.parent_path() / ("." + path_.filename().string() + ".part")) {
-  std::error_code failure;
-  // Renaming onto a folder fails only at the end; say it before any work is done.
-  if (std::filesystem::is_directory(path_, failure)) {
-    errno = EISDIR;
-    fail("be created");
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::string_view kPartHead = ".handsim.", kPartEnd = ".part";
+constexpr mode_t kMode = 0666;  ///< less the user's umask
+
+fs::path folder_of(const fs::path& path) { return path.has_parent_path() ? path.parent_path() : "."; }
+
+/// The name under which a file without one can be linked.
+std::string open_name(int file) { return fmt::format("/proc/self/fd/{}", file); }
+
+const char* described(fs::file_type type) {
+  switch (type) {
+    case fs::file_type::directory:
+      return "a folder";
+    case fs::file_type::block:
+    case fs::file_type::character:
+      return "a device";
+    case fs::file_type::fifo:
+      return "a pipe";
+    case fs::file_type::socket:
+      return "a socket";
+    case fs::file_type::symlink:
+      return "a link that leads to no file";
+    default:
+      return "no regular file";
   }
-  file_ = std::fopen(part_.c_str(), "wb");
-  if (!file_) fail("be created");
 }
+
+Error uncreatable(const fs::path& path, const std::string& why) {
+  return input_error(path.string(), fmt::format("a file that cannot be created ({})", why),
+                     "a path that can be written");
+}
+
+bool is_standard_stream(const fs::path& path) {
+  struct stat file {};
+  if (stat(path.c_str(), &file) != 0) return false;
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO}) {
+    struct stat open {};
+    if (fstat(stream, &open) == 0 && open.st_dev == file.st_dev && open.st_ino == file.st_ino) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+fs::path file_target(const fs::path& path) {
+  const auto refuse = [&](const char* got) {
+    return input_error(path.string(), got, "the name of a new file, or of a regular file to replace");
+  };
+  std::error_code failure, ignored;
+  const fs::file_type type = fs::status(path, failure).type();
+  const bool link = fs::is_symlink(fs::symlink_status(path, ignored));
+  if (type == fs::file_type::none) throw uncreatable(path, failure.message());
+  if (type == fs::file_type::not_found && !link) return path;
+  if (type == fs::file_type::not_found) throw refuse(described(fs::file_type::symlink));
+  if (type != fs::file_type::regular) throw refuse(described(type));
+  if (is_standard_stream(path)) throw refuse("a file that is a standard stream of this program");
+  return link ? fs::canonical(path) : path;
+}
+
+std::string part_name() {
+  static std::atomic<unsigned> count = 0;
+  return fmt::format("{}{}.{:08x}{:x}{}", kPartHead, getpid(), std::random_device()(), count++, kPartEnd);
+}
+
+bool is_part_name(std::string_view name) {
+  return name.starts_with(kPartHead) && name.find(kPartEnd) != std::string_view::npos;
+}
+
+AtomicFile::AtomicFile(const fs::path& path) : path_(file_target(path)) {
+  const int file = create();
+  if (file >= 0) file_ = fdopen(file, "wb");
+  if (file_) return;
+  const int cause = errno;
+  if (file >= 0) close(file);
+  if (!part_.empty()) unlink(part_.c_str());
+  throw uncreatable(path_, std::strerror(cause));
+}
+
+/// Without a name where possible: then nothing is left of it however the process ends.
+int AtomicFile::create() {
+  if (path_.filename().empty()) {
+    errno = EISDIR;
+    return -1;
+  }
+  const fs::path folder = folder_of(path_);
+  const int file = open(folder.c_str(), O_TMPFILE | O_WRONLY | O_CLOEXEC, kMode);
+  if (file >= 0 && access(open_name(file).c_str(), F_OK) == 0) return file;
+  if (file >= 0) close(file);
+  name_part();
+  return open(part_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, kMode);
+}
+
+void AtomicFile::name_part() { part_ = folder_of(path_) / part_name(); }
 
 AtomicFile::~AtomicFile() {
-  if (!file_) return;
-  std::fclose(file_);
-  std::error_code ignored;
-  std::filesystem::remove(part_, ignored);
+  if (file_) std::fclose(file_);
+  if (!part_.empty()) unlink(part_.c_str());
 }
 
-void AtomicFile::fail(const char* doing) const {
-  throw input_error(path_.string(), fmt::format("a file that cannot {} ({})", doing, std::strerror(errno)),
-                    "a path that can be written");
+void AtomicFile::fail() const {
+  throw output_error(path_.string(), fmt::format("a file that cannot be written ({})", std::strerror(errno)),
+                     "room on the disk, and a folder that stays there");
 }
 
 void AtomicFile::write(std::string_view text) {
-  if (std::fwrite(text.data(), 1, text.size(), file_) != text.size()) fail("be written");
+  if (std::fwrite(text.data(), 1, text.size(), file_) != text.size()) fail();
 }
 
 void AtomicFile::commit() {
+  if (std::fflush(file_) != 0) fail();
+  if (part_.empty()) {
+    // A link cannot take another file's place; a renamed one can.
+    name_part();
+    if (linkat(AT_FDCWD, open_name(fileno(file_)).c_str(), AT_FDCWD, part_.c_str(), AT_SYMLINK_FOLLOW) != 0)
+      fail();
+  }
   std::FILE* file = file_;
   file_ = nullptr;
-  const bool flushed = std::fflush(file) == 0 && std::fclose(file) == 0;
-  if (!flushed || std::rename(part_.c_str(), path_.c_str()) != 0) {
-    const int cause = errno;
-    std::error_code ignored;
-    std::filesystem::remove(part_, ignored);
-    errno = cause;
-    fail("be written");
-  }
+  if (std::fclose(file) != 0 || std::rename(part_.c_str(), path_.c_str()) != 0) fail();
+  part_.clear();
 }
 
-void write_file(const std::filesystem::path& path, std::string_view text) {
+void write_file(const fs::path& path, std::string_view text) {
   AtomicFile file(path);
   file.write(text);
   file.commit();
 }
 
-void make_folder(const std::filesystem::path& path) {
+void make_folder(const fs::path& path) {
   std::error_code failure;
-  std::filesystem::create_directories(path, failure);
-  if (failure || !std::filesystem::is_directory(path))
+  fs::create_directories(path, failure);
+  if (failure || !fs::is_directory(path))
     throw input_error(
         path.string(),
         failure ? fmt::format("a folder that cannot be made ({})", failure.message()) : "no folder",

@@ -11,7 +11,8 @@ namespace handsim::output {
 namespace {
 
 Error driver_error(const std::string& what) {
-  return input_error("rendering", what, "an off-screen OpenGL 3.3 driver (Debian package libosmesa6)");
+  return input_error("rendering", what,
+                     "memory for it, and an off-screen OpenGL 3.3 driver (Debian package libosmesa6)");
 }
 
 GLuint compiled(GLenum kind, const std::vector<const char*>& parts) {
@@ -36,6 +37,13 @@ void require_complete(const Target& target) {
 }
 
 }  // namespace
+
+void require_no_error() {
+  const GLenum error = glGetError();
+  if (error == GL_NO_ERROR) return;
+  throw driver_error(error == GL_OUT_OF_MEMORY ? "too little memory to draw"
+                                               : fmt::format("OpenGL error 0x{:04x}", error));
+}
 
 Program::Program(const char* vertex, const std::vector<const char*>& fragment) : id_(glCreateProgram()) {
   for (const GLuint shader : {compiled(GL_VERTEX_SHADER, {vertex}), compiled(GL_FRAGMENT_SHADER, fragment)}) {

@@ -13,6 +13,9 @@
 
 namespace handsim::output {
 
+/// OpenGL goes on after an error, a lack of memory among them. @throws Error where there was one.
+void require_no_error();
+
 /// A linked vertex and fragment shader.
 class Program {
  public:

@@ -1,18 +1,18 @@
 #include "handsim/output/image.h"
 
 #include <png.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <csetjmp>
 #include <cstdio>
 #include <cstring>
 #include <memory>
-#include <system_error>
+#include <new>
 
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
+#include "handsim/output/atomic_file.h"
 
 namespace handsim::output {
 
@@ -24,29 +24,6 @@ struct CloseFile {
   void operator()(std::FILE* file) const { std::fclose(file); }
 };
 using File = std::unique_ptr<std::FILE, CloseFile>;
-
-/// Deletes a file that did not become complete.
-class TemporaryFile {
- public:
-  explicit TemporaryFile(fs::path path) : path_(std::move(path)) {}
-  TemporaryFile(const TemporaryFile&) = delete;
-  TemporaryFile& operator=(const TemporaryFile&) = delete;
-  ~TemporaryFile() {
-    std::error_code ignored;
-    if (!kept_) fs::remove(path_, ignored);
-  }
-  void keep() { kept_ = true; }
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-  bool kept_ = false;
-};
-
-Error unwritable(const fs::path& path, const std::string& why) {
-  return input_error(path.string(), fmt::format("a path that cannot be written ({})", why),
-                     "a file name in an existing folder that can be written");
-}
 
 Error unreadable(const fs::path& path, const std::string& why) {
   return input_error(path.string(), fmt::format("a file that cannot be read ({})", why), "a PNG picture");
@@ -60,10 +37,23 @@ Error unreadable(const fs::path& path, const std::string& why) {
 
 void on_png_warning(png_structp, png_const_charp) {}
 
+/// No exception may pass through libpng, which is C.
+void on_png_bytes(png_structp png, png_bytep bytes, png_size_t size) {
+  bool taken = true;
+  try {
+    static_cast<std::string*>(png_get_io_ptr(png))->append(reinterpret_cast<const char*>(bytes), size);
+  } catch (const std::bad_alloc&) {
+    taken = false;
+  }
+  if (!taken) png_error(png, "out of memory");
+}
+
+void on_png_flush(png_structp) {}
+
 /// True when all went well. Holds nothing that a longjmp would leak.
-bool encode(png_structp png, png_infop info, std::FILE* file, const Image& image) {
+bool encode(png_structp png, png_infop info, std::string& out, const Image& image) {
   if (setjmp(png_jmpbuf(png)) != 0) return false;
-  png_init_io(png, file);
+  png_set_write_fn(png, &out, on_png_bytes, on_png_flush);
   png_set_IHDR(png, info, static_cast<png_uint_32>(image.width), static_cast<png_uint_32>(image.height), 8,
                PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
   png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
@@ -97,15 +87,6 @@ bool decode_rows(png_structp png, png_bytepp rows) {
   return true;
 }
 
-void write_rows(const Image& image, std::FILE* file, const fs::path& path) {
-  std::string message = "libpng cannot start";
-  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &message, on_png_error, on_png_warning);
-  png_infop info = png != nullptr ? png_create_info_struct(png) : nullptr;
-  const bool done = info != nullptr && encode(png, info, file, image);
-  png_destroy_write_struct(&png, &info);
-  if (!done) throw unwritable(path, message);
-}
-
 }  // namespace
 
 void write_png(const Image& image, const fs::path& path) {
@@ -114,16 +95,13 @@ void write_png(const Image& image, const fs::path& path) {
     throw input_error("image",
                       fmt::format("{} x {} pixels in {} bytes", image.width, image.height, image.rgb.size()),
                       "at least one pixel and three bytes for each");
-  if (fs::is_directory(path)) throw unwritable(path, "it is a folder");
-  TemporaryFile temporary(path.string() + fmt::format(".{}.partial", ::getpid()));
-  File file(std::fopen(temporary.path().c_str(), "wb"));
-  if (!file) throw unwritable(path, std::strerror(errno));
-  write_rows(image, file.get(), path);
-  if (std::fclose(file.release()) != 0) throw unwritable(path, std::strerror(errno));
-  std::error_code failure;
-  fs::rename(temporary.path(), path, failure);
-  if (failure) throw unwritable(path, failure.message());
-  temporary.keep();
+  std::string message = "libpng cannot start", bytes;
+  png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &message, on_png_error, on_png_warning);
+  png_infop info = png != nullptr ? png_create_info_struct(png) : nullptr;
+  const bool done = info != nullptr && encode(png, info, bytes, image);
+  png_destroy_write_struct(&png, &info);
+  if (!done) throw output_error(path.string(), "a picture that libpng cannot write: " + message, "memory");
+  write_file(path, bytes);
 }
 
 Image read_png(const fs::path& path) {

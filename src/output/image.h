@@ -21,7 +21,7 @@ struct Image {
 };
 
 /// Writes a PNG; the file appears under its name only when complete.
-/// @throws Error (input) where the path cannot be written.
+/// @throws Error (input) where the path cannot be written, Error (output) where the disk takes no more.
 void write_png(const Image& image, const std::filesystem::path& path);
 /// @throws Error (input) where the file is missing or no PNG.
 Image read_png(const std::filesystem::path& path);

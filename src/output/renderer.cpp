@@ -317,6 +317,7 @@ void Renderer::Impl::read(const Tile& tile, Image& image) {
                     GL_NEAREST);
   glBindFramebuffer(GL_READ_FRAMEBUFFER, resolved.framebuffer);
   glReadPixels(0, 0, tile.width, tile.height, GL_RGBA, GL_UNSIGNED_BYTE, pixels.data());
+  require_no_error();
   // OpenGL's rows rise, the image's fall.
   const std::uint8_t* from = pixels.data();
   for (int row = 0; row < tile.height; ++row) {

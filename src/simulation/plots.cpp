@@ -121,8 +121,7 @@ std::string script(const scene::Scene& scene, std::size_t hand, What what) {
 }  // namespace
 
 void need_gnuplot() {
-  if (output::gnuplot({"-e", "exit"}, ".") != 0)
-    throw input_error("--plots", "no gnuplot that starts", kRemedy);
+  if (!output::has_gnuplot()) throw input_error("--plots", "no gnuplot that starts", kRemedy);
 }
 
 void write_plots(const scene::Scene& scene, const std::filesystem::path& out) {
@@ -133,7 +132,8 @@ void write_plots(const scene::Scene& scene, const std::filesystem::path& out) {
       const std::string name = scene.control->hands[hand].name + "_" + heading(what).file;
       output::write_file(folder / (name + ".gp"), script(scene, hand, what));
       if (!output::plot(name + ".gp", folder, {name + ".png"}))
-        throw input_error("--plots", "gnuplot failing on " + (folder / (name + ".gp")).string(), kRemedy);
+        throw output_error("--plots", "gnuplot failing on " + (folder / (name + ".gp")).string(),
+                           "memory, and room on the disk");
     }
 }
 

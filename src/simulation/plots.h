@@ -13,7 +13,7 @@ namespace handsim::simulation {
 void need_gnuplot();
 
 /// Writes plots/HAND_angles.png, HAND_errors.png, HAND_torques.png and the gnuplot scripts that made them,
-/// from the run's control.sto (which must be there). @throws Error (input) where gnuplot fails.
+/// from the run's control.sto (which must be there). @throws Error (output) where gnuplot fails.
 void write_plots(const scene::Scene& scene, const std::filesystem::path& out);
 
 }  // namespace handsim::simulation

@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <memory>
+#include <new>
 
 #include <fmt/format.h>
 
 #include "handsim/output/atomic_file.h"
+#include "handsim/output/child.h"
 #include "handsim/output/contact_sheet.h"
+#include "handsim/scene/files_read.h"
 #include "handsim/simulation/pictures.h"
 #include "handsim/simulation/plots.h"
 #include "handsim/simulation/recorder.h"
@@ -23,9 +25,9 @@ namespace {
 constexpr std::size_t kSheetCells = 100;
 
 /// Each picture goes to its file, and smaller onto the sheet, as it is drawn.
-void write_pictures(const scene::Scene& scene, const Recorder& recorder, const RunOptions& options) {
+void draw_pictures(const scene::Scene& scene, const Recorder& recorder, const RunOptions& options,
+                   const output::Progress& progress) {
   const std::span<const Snapshot> snapshots = recorder.snapshots();
-  if (snapshots.empty()) return;
   const std::size_t count = snapshots.size(), cells = std::min(count, kSheetCells);
   const auto [width, height] = scene.spec.pictures.size;
   std::string title = scene.spec.title;
@@ -40,9 +42,58 @@ void write_pictures(const scene::Scene& scene, const Recorder& recorder, const R
       sheet.add(image, recorder.captions()[i]);
       ++cell;
     }
-    if (options.progress) options.progress(static_cast<double>(i + 1) / static_cast<double>(count));
+    if (progress) progress(static_cast<double>(i + 1) / static_cast<double>(count));
   });
   output::write_png(sheet.image(), options.out / "contact_sheet.png");
+}
+
+/// Why something could not be drawn.
+template <class Draw>
+std::optional<std::string> failure_of(const Draw& draw) {
+  try {
+    draw();
+  } catch (const std::bad_alloc&) {
+    return "out of memory";
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+  return std::nullopt;
+}
+
+/// Draws what was asked for; what cannot be drawn is missing, and the run's other files are there all the
+/// same.
+void draw_all(const scene::Scene& scene, const Recorder& recorder, const RunOptions& options,
+              RunResult& result) {
+  const auto pictures = [&](const output::Progress& progress) {
+    draw_pictures(scene, recorder, options, progress);
+  };
+  std::optional<std::string> failure;
+  result.missing.clear();
+  if (!recorder.snapshots().empty())
+    failure = options.draw_apart ? output::run_in_child(pictures, options.progress)
+                                 : failure_of([&] { pictures(options.progress); });
+  if (failure) result.missing.push_back("pictures: " + *failure);
+  if (options.plots) failure = failure_of([&] { write_plots(scene, options.out); });
+  if (options.plots && failure) result.missing.push_back("plots: " + *failure);
+}
+
+/// All that has to be there whatever becomes of the pictures; then those.
+void write_files(const scene::Scene& scene, const Simulation& simulation, const RunOptions& options,
+                 Recorder& recorder, RunResult& result) {
+  recorder.finish();
+  output::write_file(options.out / "resolved.yaml", emit_yaml(scene.resolved));
+  if (!recorder.snapshots().empty()) result.missing.emplace_back("pictures: not drawn yet");
+  if (options.plots) result.missing.emplace_back("plots: not drawn yet");
+  const bool drawn = !result.missing.empty();
+  const auto write_summary = [&] {
+    result.summary = summary_json(scene, simulation, result);
+    output::write_file(options.out / "summary.json", result.summary);
+  };
+  write_summary();
+  if (!drawn) return;
+  draw_all(scene, recorder, options, result);
+  // The first summary stands where a disk that pictures have filled takes no second.
+  if (const auto failure = failure_of(write_summary)) result.missing.push_back("summary: " + *failure);
 }
 
 /// The step after which a snapshot is written.
@@ -113,14 +164,34 @@ bool RunResult::passed() const {
          std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.held(); });
 }
 
-RunResult run(const scene::Scene& scene, const RunOptions& options) {
+output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& options) {
+  const auto inputs = [&] {
+    std::vector<std::filesystem::path> out = scene::files_read(scene);
+    if (options.from_snapshot) out.push_back(*options.from_snapshot);
+    return out;
+  };
+  std::vector<std::string> names = {"trajectory.csv", "trajectory.mot", "control.sto",  "contacts.csv",
+                                    "summary.json",   "resolved.yaml",  "snapshot.bin", "contact_sheet.png"};
+  // At least three digits, and five for the most pictures that there may be.
+  for (const char* digits : {"[0-9][0-9][0-9]", "[0-9][0-9][0-9][0-9]", "[0-9][0-9][0-9][0-9][0-9]"})
+    names.push_back(fmt::format("frame_{}.png", digits));
+  for (const char* plot : {"angles", "errors", "torques"})
+    for (const char* kind : {"gp", "png"}) names.push_back(fmt::format("plots/*_{}.{}", plot, kind));
+  return {options.out, std::move(names), inputs};
+}
+
+RunResult run(const scene::Scene& scene, const RunOptions& options) { return run(scene, options, nullptr); }
+
+RunResult run(const scene::Scene& scene, const RunOptions& options, const output::OutputFolder* held) {
   if (options.plots || options.pose_pictures) check_controlled(scene, options);
   Simulation simulation(scene);
   RunResult result;
   const double step = scene.spec.solver.step;
   if (options.from_snapshot) go_on(simulation, *options.from_snapshot, scene.spec.duration, result);
   static_cast<void>(snapshot_step(simulation, options, step));
-  output::make_folder(options.out);
+  std::optional<output::OutputFolder> own;
+  if (!held) own.emplace(run_folder(scene, options));
+  (held ? *held : *own).clear();
   Recorder recorder(scene, options, simulation);
   const auto start = std::chrono::steady_clock::now();
   loop(simulation, recorder, options, step, result);
@@ -133,20 +204,19 @@ RunResult run(const scene::Scene& scene, const RunOptions& options) {
   result.grasps = simulation.grasps();
   result.climbs = simulation.climbs();
   result.verdicts = verdicts(simulation, scene.spec.criteria);
-  result.summary = summary_json(scene, simulation, result);
-  recorder.finish();
-  write_pictures(scene, recorder, options);
-  if (options.plots) write_plots(scene, options.out);
-  output::write_file(options.out / "resolved.yaml", emit_yaml(scene.resolved));
-  output::write_file(options.out / "summary.json", result.summary);
+  write_files(scene, simulation, options, recorder, result);
   return result;
 }
 
-output::Image picture(const scene::Scene& scene, double time) {
+Snapshot snapshot_at(const scene::Scene& scene, double time) {
   Simulation simulation(scene);
   const long steps = std::lround(time / scene.spec.solver.step);
   for (long i = 0; i < steps; ++i) simulation.step();
-  return draw(scene, snapshot(simulation.engine()));
+  return snapshot(simulation.engine());
+}
+
+output::Image picture(const scene::Scene& scene, double time) {
+  return draw(scene, snapshot_at(scene, time));
 }
 
 }  // namespace handsim::simulation

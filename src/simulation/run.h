@@ -1,6 +1,7 @@
 // One execution of a scene with its files: trajectory.csv, summary.json, resolved.yaml, pictures;
 // contacts.csv where the scene records contacts; trajectory.mot (joint angles for OpenSim, where there are
-// joints), control.sto and plots/ where the scene is controlled.
+// joints), control.sto and plots/ where the scene is controlled. What an earlier run has left in the folder
+// is removed when a run starts; tables and summary are written before anything is drawn.
 #pragma once
 
 #include <cstdint>
@@ -12,11 +13,13 @@
 
 #include "handsim/core/error.h"
 #include "handsim/output/image.h"
+#include "handsim/output/output_folder.h"
 #include "handsim/scene/scene.h"
 #include "handsim/simulation/climb_figures.h"
 #include "handsim/simulation/grasp_figures.h"
 #include "handsim/simulation/ledger.h"
 #include "handsim/simulation/monitor.h"
+#include "handsim/simulation/pictures.h"
 #include "handsim/simulation/tracking.h"
 
 namespace handsim::simulation {
@@ -34,6 +37,8 @@ struct RunOptions {
   std::optional<std::filesystem::path> from_snapshot;
   /// What the hash of the states is to be (state_hash.h).
   std::optional<std::uint64_t> expected_hash;
+  /// Draws in a process of its own (output/child.h): a lack of memory may end the drawing, and no more.
+  bool draw_apart = false;
   /// Told the share done, 0..1, now and then.
   std::function<void(double)> progress;
 };
@@ -67,14 +72,28 @@ struct RunResult {
   std::vector<GraspFigures> grasps;            ///< of the scene's grasps
   std::vector<ClimbFigures> climbs;            ///< of the scene's climbs
 
+  /// What was asked for and is not there, with why: `pictures: ...`, `plots: ...`.
+  std::vector<std::string> missing;
+
   bool hash_as_expected() const { return !expected_hash || *expected_hash == state_hash; }
   bool passed() const;
 };
 
 /// Runs the scene and writes its files.
-/// @throws Error (input) where the folder cannot be written or the snapshot to go on from is no snapshot of
-///         this scene, or is not of a time before its end; nothing is run then.
+/// @throws Error (input) where the folder cannot be had (output_folder.h) or the snapshot to go on from is no
+///         snapshot of this scene, or is not of a time before its end; nothing is run then.
+/// @throws Error (output) where a table or the summary cannot be written.
 RunResult run(const scene::Scene& scene, const RunOptions& options);
+
+/// The folder of a run, for a caller with several runs that wants to know before the first that all folders
+/// can be had. @throws Error (input) as OutputFolder does.
+output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& options);
+/// A run into a folder that is held already; null: it is taken for the time of the run.
+RunResult run(const scene::Scene& scene, const RunOptions& options, const output::OutputFolder* folder);
+
+/// The scene at a time [s] of its motion, 0 to its duration.
+/// @throws Error (physics) where the simulation diverges before that.
+Snapshot snapshot_at(const scene::Scene& scene, double time);
 
 /// One picture of the scene at a time [s] of its motion, 0 to its duration.
 /// @throws Error (physics) where the simulation diverges before that.

@@ -334,6 +334,7 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
   out["title"] = scene.spec.title;
   out["verdict"] = result.fault ? "diverged" : result.passed() ? "held" : "failed";
   if (result.fault) out["fault"] = fault_json(*result.fault);
+  if (!result.missing.empty()) out["missing"] = result.missing;
   out["criteria"] = criteria_json(result.verdicts);
   out["counts"] = {{"steps", ledger.steps()},
                    {"lcp_failures", ledger.lcp_failures()},

@@ -239,6 +239,13 @@ std::string cheapest_table(const AccuracyResult& result) {
          out;
 }
 
+std::vector<std::string> accuracy_files() {
+  std::vector<std::string> out = {"accuracy.csv", "accuracy.json", "accuracy.gp"};
+  for (const char* plot : {"error_cost", "cost_step", "error_step", "velocity"})
+    for (const char* kind : {".png", ".svg"}) out.push_back(std::string(plot) + kind);
+  return out;
+}
+
 bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result,
                     const std::filesystem::path& out) {
   output::make_folder(out);

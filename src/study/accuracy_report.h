@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "handsim/study/accuracy.h"
 
@@ -20,5 +21,6 @@ std::string cheapest_table(const AccuracyResult& result);
 /// @returns false where gnuplot is missing or failed; its script accuracy.gp is there all the same.
 /// @throws Error (input) where the folder cannot be written.
 bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result, const std::filesystem::path& out);
+std::vector<std::string> accuracy_files();
 
 }  // namespace handsim::study

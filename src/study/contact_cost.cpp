@@ -88,12 +88,12 @@ std::string script(const std::vector<ContactCostRow>& rows) {
     curves += fmt::format("$way{0} with linespoints lw {1} dt {2} pt {3} lc rgb '{4}' title '{5}', ", w,
                           w == 3 ? 2.5 : 1.6, w == 3 ? 2 : 1, w == 3 ? 6 : 7, kColours[w], kWays[w].name);
   }
-  return data +
+  return output::kPlotHead + data +
          fmt::format(
              "do for [t in 'png svg'] {{\n"
              "  if (t eq 'png') {{ set terminal pngcairo noenhanced size 1000,640 font 'DejaVu Sans,11' }} "
              "else {{ set terminal svg noenhanced size 1000,640 font 'DejaVu Sans,11' }}\n"
-             "  set output 'contacts_cost.'.t\n"
+             "  set output place('contacts_cost.'.t)\n"
              "  set title 'A hand on a stack of slabs: cost of a step of 1 ms'\n"
              "  set xlabel 'contact points in one island, with the 15 joints of a hand'\n"
              "  set ylabel 'CPU time of a step [us]'\n"
@@ -125,11 +125,15 @@ std::string contact_cost_table(const std::vector<ContactCostRow>& rows) {
   return out;
 }
 
+std::vector<std::string> contact_cost_files() {
+  return {"contacts_cost.csv", "contacts_cost.gp", "contacts_cost.png", "contacts_cost.svg"};
+}
+
 bool write_contact_cost(const std::vector<ContactCostRow>& rows, const std::filesystem::path& out) {
   output::make_folder(out);
   output::write_file(out / "contacts_cost.csv", csv(rows));
   output::write_file(out / "contacts_cost.gp", script(rows));
-  return output::gnuplot({"contacts_cost.gp"}, out) == 0;
+  return output::plot("contacts_cost.gp", out, {"contacts_cost.png", "contacts_cost.svg"});
 }
 
 }  // namespace handsim::study

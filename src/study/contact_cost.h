@@ -31,5 +31,6 @@ std::string contact_cost_table(const std::vector<ContactCostRow>& rows);
 /// Writes contacts_cost.csv and, where gnuplot is installed, contacts_cost.png and .svg.
 /// @returns false where gnuplot is missing or failed; its script contacts_cost.gp is there all the same.
 bool write_contact_cost(const std::vector<ContactCostRow>& rows, const std::filesystem::path& out);
+std::vector<std::string> contact_cost_files();
 
 }  // namespace handsim::study

@@ -202,6 +202,10 @@ std::string effects_json(const scene::Scene& scene, const EffectsResult& result)
   return out.dump(2) + "\n";
 }
 
+std::vector<std::string> effects_files() {
+  return {"effects.csv", "effects.json", "effects.gp", "effects.png", "effects.svg"};
+}
+
 bool write_effects(const scene::Scene& scene, const EffectsResult& result, const std::filesystem::path& out) {
   output::make_folder(out);
   output::write_file(out / "effects.csv", csv(result));

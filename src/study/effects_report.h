@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <string>
+#include <vector>
 
 #include "handsim/study/effects.h"
 
@@ -18,5 +19,6 @@ std::string effects_json(const scene::Scene& scene, const EffectsResult& result)
 /// @returns false where gnuplot is missing or failed; its script effects.gp is there all the same.
 /// @throws Error (input) where the folder cannot be written.
 bool write_effects(const scene::Scene& scene, const EffectsResult& result, const std::filesystem::path& out);
+std::vector<std::string> effects_files();
 
 }  // namespace handsim::study

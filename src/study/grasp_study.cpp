@@ -1,12 +1,15 @@
 #include "handsim/study/grasp_study.h"
 
 #include <algorithm>
+#include <set>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "handsim/core/units.h"
 #include "handsim/output/atomic_file.h"
+#include "handsim/output/output_folder.h"
+#include "handsim/scene/files_read.h"
 #include "handsim/simulation/simulation.h"
 
 namespace handsim::study {
@@ -51,6 +54,7 @@ struct Work {
 
 std::vector<Work> load(const GraspStudy& study) {
   std::vector<Work> out;
+  std::set<std::string> names;
   Diagnostics diagnostics;
   for (const std::filesystem::path& file : files_of(study.scenes)) {
     const std::vector<std::string> sides = study.sides.empty() ? std::vector<std::string>{""} : study.sides;
@@ -58,6 +62,9 @@ std::vector<Work> load(const GraspStudy& study) {
       std::vector<std::string> overrides = study.overrides;
       if (!side.empty()) overrides.push_back("hands.0.side=" + side);
       try {
+        if (!names.insert(file.stem().string() + "_" + side).second)
+          throw input_error("scenes", file.string() + ", whose name another has",
+                            "names of their own, by which the runs' folders are called");
         Work work{file.stem().string(), side, scene::load_scene(file, overrides)};
         if (study.friction) set_friction(work.scene, *study.friction);
         out.push_back(std::move(work));
@@ -69,6 +76,14 @@ std::vector<Work> load(const GraspStudy& study) {
   }
   diagnostics.throw_if_any();
   return out;
+}
+
+simulation::RunOptions options_of(const GraspStudy& study, const Work& work) {
+  simulation::RunOptions options;
+  options.out = study.out / (work.side.empty() ? work.name : work.name + "_" + work.side);
+  options.pose_pictures = study.pictures;
+  options.draw_apart = study.draw_apart;
+  return options;
 }
 
 /// True where all grasps of the scene are held to the end; stops at the first that is lost.
@@ -197,7 +212,19 @@ bool GraspTables::passed() const {
 
 GraspTables run_grasps(const GraspStudy& study) {
   const std::vector<Work> all = load(study);
-  output::make_folder(study.out);
+  const auto scenes = [&] {
+    std::vector<std::filesystem::path> out;
+    for (const Work& work : all)
+      for (std::filesystem::path& file : scene::files_read(work.scene)) out.push_back(std::move(file));
+    return out;
+  };
+  // All folders are had before the first run, which may take minutes.
+  const output::OutputFolder folder(study.out, {"grasps.csv", "grasps.json", "climbs.csv", "climbs.json"},
+                                    scenes);
+  std::vector<output::OutputFolder> folders;
+  for (const Work& work : all) folders.push_back(simulation::run_folder(work.scene, options_of(study, work)));
+  folder.clear();
+  for (const output::OutputFolder& of_run : folders) of_run.clear();
   GraspTables tables;
   const double share = 1.0 / static_cast<double>(all.size());
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -208,11 +235,11 @@ GraspTables run_grasps(const GraspStudy& study) {
         if (study.progress) study.progress(begin + done * span);
       };
     };
-    simulation::RunOptions options;
-    options.out = study.out / (work.side.empty() ? work.name : work.name + "_" + work.side);
-    options.pose_pictures = study.pictures;
+    simulation::RunOptions options = options_of(study, work);
     options.progress = tell(0, own);
-    const simulation::RunResult result = simulation::run(work.scene, options);
+    const simulation::RunResult result = simulation::run(work.scene, options, &folders[i]);
+    for (const std::string& what : result.missing)
+      tables.missing.push_back(options.out.string() + ": " + what);
     std::vector<GraspRow> found = rows_of(work, result);
     if (study.friction_search && !found.empty() && result.passed()) {
       const auto least = smallest_friction(work.scene, tell(own, 1 - own));

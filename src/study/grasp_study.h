@@ -20,7 +20,8 @@ struct GraspStudy {
   std::vector<std::string> overrides;  ///< `key.path=value`, for every scene
   std::optional<double> friction;      ///< of every surface; absent: the scene's
   bool friction_search = false;
-  bool pictures = false;  ///< at every phase
+  bool pictures = false;    ///< at every phase
+  bool draw_apart = false;  ///< as RunOptions
   std::filesystem::path out;
   /// Told the share done, 0..1.
   std::function<void(double)> progress;
@@ -40,6 +41,7 @@ struct GraspRow {
 struct GraspTables {
   std::vector<GraspRow> grasps;
   std::vector<ClimbRow> climbs;
+  std::vector<std::string> missing;  ///< `OUT/SCENE: pictures: ...`, see RunResult
 
   bool passed() const;
 };

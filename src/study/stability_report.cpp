@@ -11,8 +11,10 @@
 #include <nlohmann/json.hpp>
 
 #include "handsim/output/atomic_file.h"
+#include "handsim/output/child.h"
 #include "handsim/output/contact_sheet.h"
 #include "handsim/output/gnuplot.h"
+#include "handsim/simulation/pictures.h"
 #include "handsim/simulation/run.h"
 #include "handsim/study/machine.h"
 
@@ -189,7 +191,7 @@ std::string overview(const StabilityResult& result) {
   curve(failed, "$failed", "pt 5 ps 1.3 lc rgb '#c1121f'", "falls short");
   return out +
          fmt::format(
-             "do for [t in 'png svg'] {{\n  set output 'stability.'.t\n"
+             "do for [t in 'png svg'] {{\n  set output place('stability.'.t)\n"
              "  if (t eq 'png') {{ set terminal pngcairo noenhanced size 1200,{0} font 'DejaVu Sans,11' }} "
              "else {{ set terminal svg noenhanced size 1200,{0} font 'DejaVu Sans,11' }}\n"
              "  set title 'Hard cases: figure over limit, one mark for each engine, method and step'\n"
@@ -234,7 +236,7 @@ std::string course_plot(const CaseResult& of) {
     curves.push_back(fmt::format("{} with lines dt 2 lw 2 lc rgb 'black' title 'limit'", spec->limit));
   return data +
          fmt::format(
-             "do for [t in 'png svg'] {{\n  set output '{0}.'.t\n"
+             "do for [t in 'png svg'] {{\n  set output place('{0}.'.t)\n"
              "  if (t eq 'png') {{ set terminal pngcairo noenhanced size 1100,600 font 'DejaVu Sans,10' }} "
              "else {{ set terminal svg noenhanced size 1100,600 font 'DejaVu Sans,10' }}\n"
              "  set title '{1}'\n  set xlabel '{2}'\n  set ylabel '{3}{4}'\n  {5}set logscale y\n"
@@ -248,7 +250,7 @@ std::string course_plot(const CaseResult& of) {
 }
 
 std::string script(const StabilityResult& result) {
-  std::string out = "set encoding utf8\n";
+  std::string out = std::string(output::kPlotHead) + "set encoding utf8\n";
   for (const CaseResult& of : result.cases) out += course_plot(of);
   return out + overview(result);
 }
@@ -339,6 +341,16 @@ std::string stability_markdown(const StabilityResult& result) {
   return out;
 }
 
+std::vector<std::string> stability_files(const StabilitySpec& spec) {
+  std::vector<std::string> out = {"stability.csv", "stability.json", "stability.md", "stability.gp",
+                                  "stability.png", "stability.svg",  "scenes.png"};
+  for (const StabilityCase& of : spec.cases) {
+    if (of.picture) out.push_back("scene_" + of.name + ".png");
+    if (of.plot) out.insert(out.end(), {of.name + ".png", of.name + ".svg"});
+  }
+  return out;
+}
+
 bool write_stability(const StabilitySpec& spec, const StabilityResult& result,
                      const std::filesystem::path& out) {
   output::make_folder(out);
@@ -346,12 +358,20 @@ bool write_stability(const StabilitySpec& spec, const StabilityResult& result,
   output::write_file(out / "stability.json", json(spec, result));
   output::write_file(out / "stability.md", stability_markdown(result));
   output::write_file(out / "stability.gp", script(result));
-  return output::gnuplot({"stability.gp"}, out) == 0;
+  std::vector<std::string> plots = {"stability.png", "stability.svg"};
+  for (const CaseResult& of : result.cases)
+    if (!course_plot(of).empty()) plots.insert(plots.end(), {of.of->name + ".png", of.of->name + ".svg"});
+  return output::plot("stability.gp", out, plots);
 }
 
-void draw_stability(const StabilityResult& result, const std::filesystem::path& out) {
+std::optional<std::string> draw_stability(const StabilityResult& result, const std::filesystem::path& out) {
   constexpr int kWidth = 320, kHeight = 240;
-  std::vector<std::pair<const StabilityCase*, output::Image>> pictures;
+  struct Picture {
+    const StabilityCase* of;
+    scene::Scene scene;
+    simulation::Snapshot moment;
+  };
+  std::vector<Picture> pictures;
   for (const CaseResult& of : result.cases) {
     if (!of.of->picture) continue;
     std::vector<std::string> set = of.of->set;
@@ -361,14 +381,21 @@ void draw_stability(const StabilityResult& result, const std::filesystem::path& 
     for (const std::vector<Alternative>& dimension : of.of->varied)
       set.insert(set.end(), dimension.front().set.begin(), dimension.front().set.end());
     set.push_back(fmt::format("pictures.size=[{}, {}]", kWidth, kHeight));
-    const scene::Scene scene = scene::load_scene(of.of->scenes.front(), set);
-    pictures.emplace_back(of.of, simulation::picture(scene, *of.of->picture));
-    output::write_png(pictures.back().second, out / ("scene_" + of.of->name + ".png"));
+    scene::Scene scene = scene::load_scene(of.of->scenes.front(), set);
+    simulation::Snapshot moment = simulation::snapshot_at(scene, *of.of->picture);
+    pictures.push_back({of.of, std::move(scene), std::move(moment)});
   }
-  if (pictures.empty()) return;
-  output::ContactSheet sheet({static_cast<int>(pictures.size()), kWidth, kHeight, "hard cases"});
-  for (const auto& [of, image] : pictures) sheet.add(image, of->name);
-  output::write_png(sheet.image(), out / "scenes.png");
+  if (pictures.empty()) return std::nullopt;
+  const auto draw_all = [&](const output::Progress&) {
+    output::ContactSheet sheet({static_cast<int>(pictures.size()), kWidth, kHeight, "hard cases"});
+    for (const Picture& picture : pictures) {
+      const output::Image image = simulation::draw(picture.scene, picture.moment);
+      output::write_png(image, out / ("scene_" + picture.of->name + ".png"));
+      sheet.add(image, picture.of->name);
+    }
+    output::write_png(sheet.image(), out / "scenes.png");
+  };
+  return output::run_in_child(draw_all, {});
 }
 
 }  // namespace handsim::study

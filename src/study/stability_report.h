@@ -3,7 +3,9 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
+#include <vector>
 
 #include "handsim/study/stability.h"
 
@@ -23,7 +25,11 @@ std::string stability_markdown(const StabilityResult& result);
 bool write_stability(const StabilitySpec& spec, const StabilityResult& result,
                      const std::filesystem::path& out);
 
-/// Writes scene_CASE.png of every case of the result with a picture, and all of them on scenes.png.
-void draw_stability(const StabilityResult& result, const std::filesystem::path& out);
+/// Writes scene_CASE.png of every case of the result with a picture, and all of them on scenes.png, in a
+/// process of its own. @return why they are missing; nothing where they are there.
+std::optional<std::string> draw_stability(const StabilityResult& result, const std::filesystem::path& out);
+
+/// Names of all files of a study, those of draw_stability among them.
+std::vector<std::string> stability_files(const StabilitySpec& spec);
 
 }  // namespace handsim::study

@@ -1,0 +1,130 @@
+#include "handsim/output/child.h"
+
+#include <fcntl.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <csignal>
+#include <cstdlib>
+#include <cstring>
+#include <exception>
+#include <new>
+#include <string_view>
+
+#include <fmt/format.h>
+
+#include "handsim/core/text.h"
+
+namespace handsim::output {
+
+namespace {
+
+// The child says line by line what it has to say. What libraries write to standard error comes the same way.
+constexpr std::string_view kShare = "handsim-share ", kFailure = "handsim-failure ";
+constexpr std::size_t kLongestWord = 500;
+
+void say(int pipe, std::string_view head, std::string_view text) {
+  const std::string line = fmt::format("\n{}{}\n", head, text);
+  static_cast<void>(!::write(pipe, line.data(), line.size()));
+}
+
+/// What the child has said.
+class Report {
+ public:
+  explicit Report(const Progress& progress) : progress_(progress) {}
+
+  void add(std::string_view text) {
+    for (const char c : text) {
+      if (c != '\n')
+        line_ += c;
+      else
+        finish_line();
+    }
+  }
+  void finish_line() {
+    if (line_.starts_with(kShare)) {
+      if (progress_) progress_(std::strtod(line_.c_str() + kShare.size(), nullptr));
+    } else if (line_.starts_with(kFailure)) {
+      failure = line_.substr(kFailure.size());
+    } else if (line_.find_first_not_of(" \t\r") != std::string::npos) {
+      last_words = printable(line_, kLongestWord);
+    }
+    line_.clear();
+  }
+
+  std::optional<std::string> failure;
+  std::string last_words;
+
+ private:
+  const Progress& progress_;
+  std::string line_;
+};
+
+/// The child's life. Leaves without exit handlers or buffers, which are the parent's.
+[[noreturn]] void live(int pipe, pid_t parent, const std::function<void(const Progress&)>& job) {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (getppid() != parent) _exit(1);
+  const rlimit none{0, 0};
+  setrlimit(RLIMIT_CORE, &none);
+  constexpr int kPipe = 3;
+  dup2(pipe, STDOUT_FILENO);
+  dup2(pipe, STDERR_FILENO);
+  if (pipe != kPipe) dup2(pipe, kPipe);
+  // Locks and files stay the parent's alone.
+  close_range(kPipe + 1, ~0U, 0);
+  try {
+    job([](double share) { say(kPipe, kShare, fmt::format("{}", share)); });
+    _exit(0);
+  } catch (const std::bad_alloc&) {
+    say(kPipe, kFailure, "out of memory");
+  } catch (const std::exception& error) {
+    say(kPipe, kFailure, printable(error.what(), std::strlen(error.what())));
+  }
+  _exit(1);
+}
+
+std::string ended(int status, const Report& report) {
+  std::string out = WIFSIGNALED(status) ? fmt::format("ended by signal {} ({})", WTERMSIG(status),
+                                                      strsignal(WTERMSIG(status)))
+                                        : fmt::format("ended with status {}", WEXITSTATUS(status));
+  return report.last_words.empty() ? out : out + ": " + report.last_words;
+}
+
+}  // namespace
+
+std::optional<std::string> run_in_child(const std::function<void(const Progress&)>& job,
+                                        const Progress& progress) {
+  int ends[2] = {-1, -1};
+  const auto cannot = [](int why) { return fmt::format("no process for it ({})", std::strerror(why)); };
+  if (pipe2(ends, O_CLOEXEC) != 0) return cannot(errno);
+  const pid_t parent = getpid(), child = fork();
+  if (child == 0) live(ends[1], parent, job);
+  const int cause = errno;
+  close(ends[1]);
+  Report report(progress);
+  if (child > 0) {
+    char text[4096];
+    for (ssize_t got = 0; (got = ::read(ends[0], text, sizeof text)) != 0;) {
+      if (got < 0 && errno != EINTR) break;
+      if (got > 0) report.add({text, static_cast<std::size_t>(got)});
+    }
+    report.finish_line();
+  }
+  std::optional<std::string> out;
+  int status = 0;
+  if (child < 0)
+    out = cannot(cause);
+  else if (waitpid(child, &status, 0) != child)
+    out = fmt::format("lost sight of its process ({})", std::strerror(errno));
+  else if (report.failure)
+    out = report.failure;
+  else if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
+    out = ended(status, report);
+  close(ends[0]);
+  return out;
+}
+
+}  // namespace handsim::output

@@ -1,0 +1,255 @@
+// What --out may be, and what is in it after the command: one run's files, whole, and those of others.
+// Oracle: the README, and the bytes of a run that was left alone.
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+
+#include <algorithm>
+#include <chrono>
+#include <thread>
+
+#include "app/short_run.h"
+
+namespace handsim::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(OneFolder, IsForOneRunAtATime) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "out", link = folder.path() / "link";
+  const pid_t first = start(run_into(out, {"--set", "duration=200"}), folder.path(), [] {});
+  while (!fs::exists(out)) std::this_thread::sleep_for(5ms);
+  std::this_thread::sleep_for(50ms);
+  fs::create_directory_symlink(out, link);
+  for (const fs::path& name : {out, link, folder.path() / "." / "out"}) {
+    const Outcome second = run_program(run_into(name));
+    EXPECT_EQ(second.status, 2);
+    EXPECT_TRUE(second.err.starts_with("--out: got " + name.string() + ", in use by another handsim"))
+        << second.err;
+  }
+  EXPECT_EQ(run_program({"hand", "--stature", "1.7", "--mass", "60", "--sex", "male", "--out", out}).status,
+            2);
+  // The kernel's lock goes with the process.
+  kill(first, SIGKILL);
+  EXPECT_EQ(wait_for(first), -SIGKILL);
+  EXPECT_EQ(run_program(run_into(out)).status, 0);
+  expect_whole(out);
+}
+
+TEST(OneFolder, OfTenRunsAtOnceHoldsOneWholeRun) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "out";
+  std::vector<pid_t> children;
+  for (int i = 0; i < 10; ++i) {
+    fs::create_directory(folder.path() / std::to_string(i));
+    children.push_back(start(run_into(out), folder.path() / std::to_string(i), [] {}));
+  }
+  int good = 0;
+  for (const pid_t child : children) {
+    const int status = wait_for(child);
+    EXPECT_TRUE(status == 0 || status == 2) << status;
+    good += status == 0 ? 1 : 0;
+  }
+  EXPECT_GE(good, 1);
+  expect_whole(out);
+  for (const auto& entry : fs::directory_iterator(out))
+    EXPECT_FALSE(entry.path().filename().string().starts_with(".")) << entry.path();
+}
+
+TEST(EarlierRun, IsGoneFromItsFolderAndForeignFilesStay) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "out";
+  const std::string scene = source("config/dropped_hand.yaml");
+  const Words rich = {"run",           scene,
+                      "--out",         out.string(),
+                      "--frames",      "4",
+                      "--snapshot-at", "0.01",
+                      "--set",         "duration=0.02",
+                      "--set",         "pictures.size=[64, 48]",
+                      "--set",         "record.contacts=true",
+                      "--quiet"};
+  EXPECT_EQ(run_program(rich).status, 0);
+  EXPECT_TRUE(fs::exists(out / "frame_003.png") && fs::exists(out / "snapshot.bin") &&
+              fs::exists(out / "contacts.csv"));
+  const Words foreign = {"notes.txt",         "frame_final.png", "frame_1.png",
+                         "frame_000.png.bak", "my_summary.json", ".hidden"};
+  for (const std::string& name : foreign) write(out / name, "mine");
+  write(out / ".handsim.1.abc.part", "left by a killed run");
+  EXPECT_EQ(run_program(run_into(out, {"--frames", "2", "--set", "pictures.size=[64, 48]"})).status, 0);
+  expect_whole(out);
+  Words names, due = {"contact_sheet.png", "frame_000.png",  "frame_001.png", "resolved.yaml",
+                      "summary.json",      "trajectory.csv", "trajectory.mot"};
+  due.insert(due.end(), foreign.begin(), foreign.end());
+  for (const auto& entry : fs::directory_iterator(out)) names.push_back(entry.path().filename());
+  std::sort(names.begin(), names.end());
+  std::sort(due.begin(), due.end());
+  EXPECT_EQ(names, due);
+  // Bad input starts no run: all stays.
+  EXPECT_EQ(run_program(run_into(out, {"--set", "solver.stepp=1"})).status, 2);
+  EXPECT_EQ(run_program(run_into(out, {"--snapshot-at", "5"})).status, 2);
+  EXPECT_EQ(static_cast<std::size_t>(std::distance(fs::directory_iterator(out), fs::directory_iterator())),
+            due.size());
+}
+
+TEST(EarlierRun, LeavesNoSummaryBesideTheTablesOfARunThatFails) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "out";
+  ASSERT_EQ(run_program(run_into(out)).status, 0);
+  const std::size_t table = text_of(out / "trajectory.csv").size(),
+                    summary = text_of(out / "summary.json").size();
+  ASSERT_GT(table, summary);
+  // A disk that takes the summary but not the table, and the other way round.
+  for (const char* every : {"1e-3", "0.1"}) {
+    ASSERT_EQ(run_program(run_into(out)).status, 0);
+    const rlim_t most = every[0] == '1' ? summary + 1000 : summary - 10;
+    EXPECT_EQ(status_with(run_into(out, {"--set", std::string("record.every=") + every}), folder.path(),
+                          [&] {
+                            const rlimit limit{most, most};
+                            setrlimit(RLIMIT_FSIZE, &limit);
+                          }),
+              1);
+    EXPECT_FALSE(fs::exists(out / "summary.json")) << every;
+    EXPECT_TRUE(contains(text_of(folder.path() / "stderr"), out.string() + "/"))
+        << text_of(folder.path() / "stderr");
+    EXPECT_TRUE(contains(text_of(folder.path() / "stderr"), "File too large"));
+  }
+}
+
+TEST(InputFiles, AreNeverReplaced) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "out";
+  ASSERT_EQ(run_program(run_into(out, {"--snapshot-at", "0.05"})).status, 0);
+  const std::string resolved = text_of(out / "resolved.yaml"), snapshot = text_of(out / "snapshot.bin");
+  fs::create_directory(folder.path() / "d");
+  const fs::path xml = write(folder.path() / "d/scene.xml", kBallScene),
+                 png = write(folder.path() / "d/scene.png", kBallScene);
+  fs::create_symlink("scene.xml", folder.path() / "d/link.xml");
+  fs::create_hard_link(png, folder.path() / "d/hard.png");
+  const std::vector<Words> all = {{"run", out / "resolved.yaml", "--out", out},
+                                  run_into(out, {"--from-snapshot", out / "snapshot.bin"}),
+                                  {"export", xml, "--out", xml},
+                                  {"export", xml, "--out", folder.path() / "d/../d/scene.xml"},
+                                  {"export", xml, "--out", folder.path() / "d/link.xml"},
+                                  {"render", png, "--out", png},
+                                  {"render", png, "--out", folder.path() / "d/hard.png"}};
+  for (const Words& words : all) {
+    const Outcome outcome = run_program(words);
+    EXPECT_EQ(outcome.status, 2) << words[0];
+    EXPECT_TRUE(outcome.err.starts_with("--out: got ") && contains(outcome.err, "is read")) << outcome.err;
+  }
+  EXPECT_EQ(text_of(out / "resolved.yaml"), resolved);
+  EXPECT_EQ(text_of(out / "snapshot.bin"), snapshot);
+  EXPECT_EQ(text_of(xml), kBallScene);
+  EXPECT_EQ(text_of(png), kBallScene);
+}
+
+/// Puts one of the things that are no files under a name.
+void put_odd(const fs::path& at, const std::string& kind) {
+  if (kind == "a folder") fs::create_directory(at);
+  if (kind == "a pipe") mkfifo(at.c_str(), 0600);
+  if (kind == "a device") fs::create_symlink("/dev/null", at);
+  if (kind == "a link that leads to no file") fs::create_symlink("nothing", at);
+  if (kind != "a socket") return;
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  ASSERT_LT(at.string().size(), sizeof address.sun_path);
+  at.string().copy(address.sun_path, sizeof address.sun_path - 1);
+  const int socket_file = socket(AF_UNIX, SOCK_STREAM, 0);
+  ASSERT_EQ(bind(socket_file, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  close(socket_file);
+}
+
+TEST(InTheWay, WhatIsNoFileIsRefusedBeforeTheRunAndStays) {
+  for (const std::string kind :
+       {"a folder", "a pipe", "a device", "a socket", "a link that leads to no file"}) {
+    const TemporaryFolder folder;
+    for (const char* name : {"x.png", "x.xml", "x.urdf"}) {
+      const fs::path at = folder.path() / name;
+      put_odd(at, kind);
+      const fs::file_type type = fs::symlink_status(at).type();
+      const Outcome outcome = run_program({name[2] == 'p' ? "render" : "export", kScene, "--out", at});
+      EXPECT_EQ(outcome.status, 2);
+      EXPECT_TRUE(contains(outcome.err, at.string() + ": got " + kind)) << outcome.err;
+      EXPECT_EQ(fs::symlink_status(at).type(), type) << kind;
+    }
+    for (const char* name :
+         {"trajectory.csv", "summary.json", "frame_000.png", "contact_sheet.png", "plots/right_angles.png"}) {
+      const fs::path out = folder.path() / "out";
+      fs::create_directories((out / name).parent_path());
+      put_odd(out / name, kind);
+      const Outcome outcome = run_program(run_into(out, {"--set", "duration=100"}));
+      EXPECT_EQ(outcome.status, 2) << kind << name;
+      EXPECT_TRUE(contains(outcome.err, (out / name).string() + ": got a ")) << outcome.err;
+      EXPECT_EQ(std::distance(fs::directory_iterator(out), fs::directory_iterator()), 1);
+      fs::remove_all(out);
+    }
+  }
+  const TemporaryFolder folder;
+  write(folder.path() / "plots", "mine");
+  EXPECT_EQ(run_program(run_into(folder.path())).status, 2);
+  EXPECT_EQ(text_of(folder.path() / "plots"), "mine");
+}
+
+TEST(LongNames, AreRefusedBeforeTheRun) {
+  const TemporaryFolder folder;
+  for (const char* command : {"render", "export"}) {
+    const fs::path at = folder.path() / std::string(300, 'x');
+    const Outcome outcome = run_program({command, kScene, "--out", at});
+    EXPECT_EQ(outcome.status, 2);
+    EXPECT_TRUE(contains(outcome.err, "got a file that cannot be created (File name too long)"))
+        << outcome.err;
+  }
+  fs::create_symlink("loop", folder.path() / "loop");
+  EXPECT_EQ(run_program({"render", kScene, "--out", folder.path() / "loop"}).status, 2);
+}
+
+TEST(Export, WritesTheFormatThatTheEndingSays) {
+  const TemporaryFolder folder;
+  struct Case {
+    const char* name;
+    Words more;
+    const char* holds;  ///< null: refused
+  };
+  const std::vector<Case> cases = {{"a.urdf", {}, "<robot"},
+                                   {"a.xml", {}, "<mujoco"},
+                                   {"a.XML", {}, "<mujoco"},
+                                   {"a", {}, "<mujoco"},
+                                   {"b", {"--format", "urdf"}, "<robot"},
+                                   {"b.urdf", {"--format", "urdf"}, "<robot"},
+                                   {"c.urdf", {"--format", "mjcf"}, nullptr},
+                                   {"c.xml", {"--format", "urdf"}, nullptr},
+                                   {"c.sdf", {}, nullptr},
+                                   {"c.v2", {"--format", "mjcf"}, nullptr}};
+  for (const Case& each : cases) {
+    const fs::path out = folder.path() / each.name;
+    Words words = {"export", kScene, "--out", out};
+    words.insert(words.end(), each.more.begin(), each.more.end());
+    const Outcome outcome = run_program(words);
+    EXPECT_EQ(outcome.status, each.holds ? 0 : 2) << each.name << outcome.err;
+    EXPECT_EQ(fs::exists(out), each.holds != nullptr) << each.name;
+    if (each.holds) {
+      EXPECT_TRUE(contains(text_of(out), each.holds)) << each.name;
+    } else {
+      EXPECT_TRUE(contains(outcome.err, "--out: got " + out.string() + ", need a name that ends in ."))
+          << outcome.err;
+    }
+  }
+  for (const char* name : {"a.jpg", "a.png.txt", "a.pngx"})
+    EXPECT_EQ(run_program({"render", kScene, "--out", folder.path() / name}).status, 2) << name;
+}
+
+TEST(GraspStudy, RefusesTwoScenesThatWouldShareAFolder) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "out";
+  const std::string scene = source("config/grasp_pinch.yaml");
+  const Outcome outcome =
+      run_program({"grasp", scene, source("config/../config/grasp_pinch.yaml"), "--out", out});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_TRUE(contains(outcome.err, "whose name another has")) << outcome.err;
+  EXPECT_FALSE(fs::exists(out));
+}
+
+}  // namespace
+}  // namespace handsim::test
