@@ -150,8 +150,8 @@ TEST(ArticulatedContact, ALightBallCarriesABoxOfTenBillionTimesItsMass) {
   }
 }
 
-// Oracle: a hundred balls in a heap on the ground weigh what they weigh, and no part of the heap is deeper in
-// another than a fifth of a ball's radius.
+// Oracle: a wall of a hundred bricks weighs what they weigh, and none is deeper in another than a hundredth of
+// its edge.
 TEST(ArticulatedContact, AWallOfBricksRestsOnItsWeight) {
   model::Model model = model::make_model();
   test::add_ground(model, 0.5);
