@@ -20,6 +20,7 @@ namespace handsim {
 struct Diagnostics {
   std::vector<Problem> problems;
   std::vector<std::string> warnings;
+  YamlBudget budget;  ///< of the files that are read on the way
 
   /// @throws Error with all problems; in the order of the files; what is wrong at one place of a file
   /// that is read twice is said once.

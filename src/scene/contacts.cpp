@@ -120,7 +120,7 @@ bool inline_file(YamlNode& entry, const std::string& path, FileKind kind,
   if (!file) return true;
   const std::string key = path + ".file";
   try {
-    follow_reference(*file, key);
+    follow_reference(*file, key, diagnostics.budget);
   } catch (const Error& error) {
     diagnostics.take(error);
     return false;

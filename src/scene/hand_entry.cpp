@@ -178,7 +178,7 @@ YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind) {
     return nullptr;
   }
   try {
-    follow_reference(*node, reader.path_of(key));
+    follow_reference(*node, reader.path_of(key), reader.diagnostics().budget);
     return is_of_kind(*node, reader.path_of(key), kind, reader.diagnostics()) ? node : nullptr;
   } catch (const Error& error) {
     reader.diagnostics().take(error);

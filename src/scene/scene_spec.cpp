@@ -56,7 +56,7 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   scene.climbs = read_climbs(reader);
   scene.hands = read_hands(reader, !scene.grasps.empty(), !scene.climbs.empty());
   scene.contacts = read_contacts(reader);
-  scene.objects = read_objects(reader, scene.contacts.materials, scene.grasps);
+  scene.objects = read_objects(reader, scene.contacts.materials, scene.grasps, !scene.hands.empty());
   if (reader.sound() && !scene.grasps.empty()) place_grasps(scene, diagnostics);
   if (reader.sound()) place_climbs(scene, diagnostics);
   std::vector<std::string> taken = {"world", "ground"};
