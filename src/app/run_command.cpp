@@ -142,6 +142,7 @@ int run_scene_command(const RunArguments& arguments) {
     options.from_snapshot = arguments.from_snapshot;
     options.expected_hash = arguments.expected_hash;
     if (!arguments.quiet) options.progress = [&bar](double share) { bar.show(share); };
+    options.note = [](const std::string& text) { fmt::print(stderr, "note: {}\n", text); };
     result = simulation::run(scene, options);
   }
   for (const std::string& warning : result.warnings) fmt::print(stderr, "warning: {}\n", warning);

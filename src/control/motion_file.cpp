@@ -193,8 +193,11 @@ class Reader {
     if (!table_.times.empty() && !(*time > table_.times.back()))
       return problem(1, "time", fmt::format("{:g} s after {:g} s", *time, table_.times.back()),
                      "times that rise");
-    if (table_.times.size() == kMotionMaxRows)
-      return problem(1, "", fmt::format("more than {} rows", kMotionMaxRows), "a shorter table");
+    if (table_.times.size() == kMotionMaxRows) {
+      problem(1, "", fmt::format("more than {} rows", kMotionMaxRows), "a shorter table");
+      rest_ = {};
+      return;
+    }
     const std::size_t before = table_.values.size();
     for (std::size_t k = 0; k < kept_.size(); ++k) {
       const Field& field = fields[kept_[k]];

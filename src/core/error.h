@@ -40,10 +40,13 @@ enum class ErrorKind {
   physics,  ///< the simulation diverged: exit status 1
 };
 
+/// More than anybody reads.
+inline constexpr std::size_t kMostProblems = 1000;
+
 /// The only exception type of handsim.
 class Error : public std::runtime_error {
  public:
-  /// Input problems, at least one.
+  /// Input problems, at least one; of more than kMostProblems the first, and how many more there are.
   explicit Error(std::vector<Problem> problems);
   explicit Error(PhysicsFault fault);
 

@@ -112,6 +112,11 @@ class TreeBuilder : public YAML::EventHandler {
 
   void problem(const YAML::Mark& mark, std::string got, std::string need) {
     problems_.push_back({Place{*file_, mark.line + 1, mark.column + 1}, "", std::move(got), std::move(need)});
+    stop_if_many();
+  }
+
+  void stop_if_many() const {
+    if (problems_.size() >= kMostProblems) throw Error(problems_);
   }
 
   /// yaml-cpp gives `?` to plain values and `!` to quoted ones.
@@ -175,6 +180,7 @@ class TreeBuilder : public YAML::EventHandler {
            fmt::format("a second \"{}\" (the first is in line {})", printable(node.text), first->second),
            "each key once"});
     }
+    stop_if_many();
     level.pending = YamlEntry{node.text, node.line, node.column, {}};
   }
 

@@ -49,7 +49,7 @@ inline constexpr int kYamlMaxDepth = 64;
 /// Most memory of the trees of one scene: with aliases expanded, referenced files and `--set`.
 inline constexpr std::size_t kYamlMaxMemory = 256U << 20U;
 /// Counted for each value, beside the bytes of its text.
-inline constexpr std::size_t kYamlNodeBytes = 256;
+inline constexpr std::size_t kYamlNodeBytes = 128;
 
 /// What the trees that are still to be read may take [bytes].
 struct YamlBudget {

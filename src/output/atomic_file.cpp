@@ -37,6 +37,12 @@ void AtomicFile::write(std::string_view text) {
   if (std::fwrite(text.data(), 1, text.size(), file_) != text.size()) fail("be written");
 }
 
+void AtomicFile::overwrite(long at, std::string_view text) {
+  if (std::fseek(file_, at, SEEK_SET) != 0) fail("be written");
+  write(text);
+  if (std::fseek(file_, 0, SEEK_END) != 0) fail("be written");
+}
+
 void AtomicFile::commit() {
   std::FILE* file = file_;
   file_ = nullptr;

@@ -20,6 +20,8 @@ class AtomicFile {
 
   /// @throws Error (input) where the disk takes no more.
   void write(std::string_view text);
+  /// Puts text in the place of what was written from byte `at` on; it must have been. @throws as write.
+  void overwrite(long at, std::string_view text);
   /// Gives the file its name. @throws Error (input) where that fails.
   void commit();
 

@@ -21,6 +21,7 @@ constexpr std::size_t kMostCorners = 1000;
 /// Share of a mesh's size by which its surface may lie inside the hull; formats round to single precision.
 constexpr double kFlat = 1e-4;
 constexpr double kThinnest = 1e-4, kLargest = 100;
+constexpr const char* kSolid = "a solid body, nowhere thinner than 0.0001 m";
 /// Share of the hull's area that may lie under no face of the mesh.
 constexpr double kUncovered = 1e-3;
 
@@ -109,6 +110,49 @@ double thickness(const model::ConvexMesh& mesh) {
   return least;
 }
 
+/// @returns the longest edge of the box that holds the points [m].
+double checked_size(const std::vector<Vec3>& points) {
+  Vec3 low = points.front(), high = low;
+  for (const Vec3& point : points) {
+    low = low.cwiseMin(point);
+    high = high.cwiseMax(point);
+  }
+  const double size = (high - low).maxCoeff();
+  if (!(size >= kThinnest && size <= kLargest) || low.cwiseAbs().cwiseMax(high.cwiseAbs()).maxCoeff() > 1000)
+    refuse(fmt::format("a mesh of {:.3g} m", size),
+           fmt::format("a size of {:.3g} to {:g} m, near the origin (of a file in mm: scale: 0.001)",
+                       kThinnest, kLargest));
+  return size;
+}
+
+Hull checked_hull(const std::vector<Vec3>& points) {
+  Hull hull;
+  try {
+    hull = convex_hull(points);
+  } catch (const Error&) {
+    refuse("a mesh that is flat", kSolid);
+  }
+  if (hull.vertices.size() > kMostCorners)
+    refuse(fmt::format("a hull of {} corners", hull.vertices.size()),
+           fmt::format("at most {} corners: a simpler mesh", kMostCorners));
+  return hull;
+}
+
+/// The surface must be the hull's: not inside it, and everywhere.
+void check_convex(const std::vector<Triangle>& triangles, const Hull& hull, double size, int odd_edges) {
+  const double inside = dent(triangles, hull.vertices);
+  if (inside > kFlat * size)
+    refuse(fmt::format("a mesh that is not convex: surface {:.3g} m inside its hull", inside),
+           "a convex mesh; several of them make a compound");
+  const double uncovered = 1 - area_of(triangles) / area_of(triangles_of(hull));
+  if (uncovered > kUncovered)
+    refuse(
+        fmt::format("a mesh with holes: {} edges that are not shared by two faces, and {:.2g} % of its hull "
+                    "without a face",
+                    odd_edges, 100 * uncovered),
+        "a closed surface");
+}
+
 }  // namespace
 
 LoadedMesh load_convex_mesh(const std::filesystem::path& path, double scale) {
@@ -122,42 +166,15 @@ LoadedMesh load_convex_mesh(const std::filesystem::path& path, double scale) {
   if (triangles.empty()) refuse("a mesh without faces", "the surface of a convex body");
   std::vector<Vec3> points;
   for (const Triangle& triangle : triangles) points.insert(points.end(), triangle.begin(), triangle.end());
-  Vec3 low = points.front(), high = low;
-  for (const Vec3& point : points) {
-    low = low.cwiseMin(point);
-    high = high.cwiseMax(point);
-  }
-  const double size = (high - low).maxCoeff();
-  const std::string extent = fmt::format("{:.3g} to {:g} m", kThinnest, kLargest);
-  if (!(size >= kThinnest && size <= kLargest) || low.cwiseAbs().cwiseMax(high.cwiseAbs()).maxCoeff() > 1000)
-    refuse(fmt::format("a mesh of {:.3g} m", size),
-           "a size of " + extent + ", near the origin (of a file in mm: scale: 0.001)");
-  const std::string solid = fmt::format("a solid body, nowhere thinner than {:g} m", kThinnest);
-  Hull hull;
-  try {
-    hull = convex_hull(points);
-  } catch (const Error&) {
-    refuse("a mesh that is flat", solid);
-  }
-  if (hull.vertices.size() > kMostCorners)
-    refuse(fmt::format("a hull of {} corners", hull.vertices.size()),
-           fmt::format("at most {} corners: a simpler mesh", kMostCorners));
+  const double size = checked_size(points);
+  const Hull hull = checked_hull(points);
   LoadedMesh out;
   const auto mesh =
       std::make_shared<model::ConvexMesh>(model::make_convex_mesh(hull.vertices, hull.faces, out.centroid));
-  if (!(thickness(*mesh) >= kThinnest)) refuse(fmt::format("a mesh {:.3g} m thick", thickness(*mesh)), solid);
-  const double inside = dent(triangles, hull.vertices);
-  if (inside > kFlat * size)
-    refuse(fmt::format("a mesh that is not convex: surface {:.3g} m inside its hull", inside),
-           "a convex mesh; several of them make a compound");
+  if (!(thickness(*mesh) >= kThinnest))
+    refuse(fmt::format("a mesh {:.3g} m thick", thickness(*mesh)), kSolid);
   out.odd_edges = odd_edges(surface);
-  const double uncovered = 1 - area_of(triangles) / area_of(triangles_of(hull));
-  if (uncovered > kUncovered)
-    refuse(
-        fmt::format("a mesh with holes: {} edges that are not shared by two faces, and {:.2g} % of its hull "
-                    "without a face",
-                    out.odd_edges, 100 * uncovered),
-        "a closed surface");
+  check_convex(triangles, hull, size, out.odd_edges);
   out.mesh = mesh;
   return out;
 }

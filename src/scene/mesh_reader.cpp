@@ -29,6 +29,12 @@ constexpr std::array<std::string_view, 19> kNoSurface = {
     "vt",     "vn",  "vp", "g", "o",     "s",        "mg",       "usemtl",     "mtllib",   "usemap",
     "maplib", "lod", "l",  "p", "bevel", "c_interp", "d_interp", "shadow_obj", "trace_obj"};
 
+std::string lower(std::string_view text) {
+  std::string out(text);
+  for (char& c : out) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  return out;
+}
+
 struct Word {
   std::string_view text;
   int column = 1;
@@ -171,47 +177,51 @@ FileSurface read_binary_stl(std::string_view bytes, const std::string& name) {
   return surface.take();
 }
 
+/// Where in a text STL a statement stands.
+enum class Within { file, solid, facet, loop, end_of_facet };
+
+struct Statement {
+  std::string_view word;
+  Within from, to;
+};
+constexpr std::array<Statement, 7> kStatements = {{{"solid", Within::file, Within::solid},
+                                                   {"facet", Within::solid, Within::facet},
+                                                   {"endsolid", Within::solid, Within::file},
+                                                   {"outer", Within::facet, Within::loop},
+                                                   {"vertex", Within::loop, Within::loop},
+                                                   {"endloop", Within::loop, Within::end_of_facet},
+                                                   {"endfacet", Within::end_of_facet, Within::solid}}};
+
+/// The statements that can stand there.
+std::string words_of(Within place) {
+  std::string out;
+  for (const Statement& statement : kStatements)
+    if (statement.from == place) out += (out.empty() ? "" : " or ") + std::string(statement.word);
+  return out;
+}
+
 FileSurface read_text_stl(std::string_view text, const std::string& name) {
   Lines lines(text, name);
   Builder surface(lines);
-  bool in_facet = false, in_loop = false, in_solid = false;
-  // Each statement with what must hold before it.
-  const auto expect = [&](const Word& word, bool holds, const char* need) {
-    if (!holds) lines.refuse(word.column, Lines::quoted(word.text), need);
-  };
+  Within place = Within::file;
   while (lines.next()) {
     const std::optional<Word> word = lines.word();
     if (!word) continue;
-    std::string key(word->text);
-    for (char& c : key) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-    if (key == "solid") {
-      expect(*word, !in_solid, "facet or endsolid");
-      in_solid = true;
-    } else if (key == "facet") {
-      expect(*word, in_solid && !in_facet, "one facet after the other in a solid");
-      in_facet = true;
-    } else if (key == "outer") {
-      expect(*word, in_facet && !in_loop && surface.open_corners() == 0, "one loop in each facet");
-      in_loop = true;
-    } else if (key == "vertex") {
-      expect(*word, in_loop && surface.open_corners() < 3, "three corners in each loop");
-      surface.add_point(lines.point());
-      surface.add_corner(surface.points() - 1);
-    } else if (key == "endloop") {
-      expect(*word, in_loop && surface.open_corners() == 3, "three corners before it");
-      in_loop = false;
-    } else if (key == "endfacet") {
-      expect(*word, in_facet && !in_loop && surface.open_corners() == 3, "a loop before it");
-      surface.end_face();
-      in_facet = false;
-    } else if (key == "endsolid") {
-      expect(*word, in_solid && !in_facet, "endfacet before it");
-      in_solid = false;
-    } else {
-      expect(*word, false, "a statement of STL such as facet or vertex");
-    }
+    const std::string key = lower(word->text);
+    const auto found = std::find_if(kStatements.begin(), kStatements.end(), [&](const Statement& statement) {
+      return statement.word == key && statement.from == place;
+    });
+    if (found == kStatements.end()) lines.refuse(word->column, Lines::quoted(word->text), words_of(place));
+    if (place == Within::loop && (surface.open_corners() == 3) != (key == "endloop"))
+      lines.refuse(word->column, fmt::format("\"{}\" after {} corners", key, surface.open_corners()),
+                   "three corners in each facet");
+    place = found->to;
+    if (key == "endfacet") surface.end_face();
+    if (key != "vertex") continue;
+    surface.add_point(lines.point());
+    surface.add_corner(surface.points() - 1);
   }
-  if (in_solid) lines.refuse(1, "a file that ends before endsolid", "a whole STL file");
+  if (place != Within::file) lines.refuse(1, "a file that ends before endsolid", "a whole STL file");
   return surface.take();
 }
 
@@ -221,8 +231,7 @@ FileSurface read_stl(std::string_view bytes, const std::string& name) {
   if (bytes.size() >= kStlHead && bytes.size() == kStlHead + kStlTriangle * said)
     return read_binary_stl(bytes, name);
   const std::size_t first = bytes.find_first_not_of(" \t\r\n");
-  const std::string_view start = bytes.substr(std::min(first, bytes.size()), 5);
-  if (start == "solid" || start == "SOLID") return read_text_stl(bytes, name);
+  if (lower(bytes.substr(std::min(first, bytes.size()), 5)) == "solid") return read_text_stl(bytes, name);
   Lines({}, name).refuse(1, fmt::format("{} bytes, which do not begin with solid", bytes.size()),
                          bytes.size() < kStlHead
                              ? std::string("an STL file in text or binary")
@@ -233,10 +242,9 @@ FileSurface read_stl(std::string_view bytes, const std::string& name) {
 }  // namespace
 
 FileSurface read_surface_file(const std::filesystem::path& path) {
-  std::string ending = path.extension().string();
-  for (char& c : ending) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
   const std::string bytes = read_input_file(path, kNeed, kMostBytes);
-  return ending == ".stl" ? read_stl(bytes, path.string()) : read_obj(bytes, path.string());
+  return lower(path.extension().string()) == ".stl" ? read_stl(bytes, path.string())
+                                                    : read_obj(bytes, path.string());
 }
 
 }  // namespace handsim::scene

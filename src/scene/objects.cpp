@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 
 #include <fmt/format.h>
 
@@ -241,7 +242,7 @@ bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shap
 std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials,
                                      const std::vector<GraspSpec>& grasps, bool beside_hand) {
   std::vector<ObjectSpec> objects;
-  YamlNode* list = reader.list("objects", false);
+  YamlNode* list = reader.list("objects", false, std::numeric_limits<std::size_t>::max());
   if (!list) return objects;
   if (list->items.size() > kMostObjects) {
     reader.problem("objects", list->described(), fmt::format("at most {} objects", kMostObjects));

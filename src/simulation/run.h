@@ -36,6 +36,8 @@ struct RunOptions {
   std::optional<std::uint64_t> expected_hash;
   /// Told the share done, 0..1, now and then.
   std::function<void(double)> progress;
+  /// Told, before anything is run, what there is to know of it: that it writes much.
+  std::function<void(const std::string&)> note;
 };
 
 /// A criterion's figure beside its limit.
@@ -73,7 +75,8 @@ struct RunResult {
 
 /// Runs the scene and writes its files.
 /// @throws Error (input) where the folder cannot be written or the snapshot to go on from is no snapshot of
-///         this scene, or is not of a time before its end; nothing is run then.
+///         this scene, or is not of a time before its end, or where the files have no room (output_size.h);
+///         nothing is run then.
 RunResult run(const scene::Scene& scene, const RunOptions& options);
 
 /// One picture of the scene at a time [s] of its motion, 0 to its duration.
