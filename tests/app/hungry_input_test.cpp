@@ -100,6 +100,22 @@ TEST(HungryStudy, OfTooManyMethodsAndStepsIsRefused) {
       "steps: got a list of 20000, need at most 100");
 }
 
+TEST(HungryContacts, OfManyRulesOnManyNamedObjectsAreRefused) {
+  const TemporaryFolder folder;
+  std::string objects, rules;
+  for (int i = 0; i < 1000; ++i) {
+    const std::string name = "a" + std::to_string(i);
+    objects += "  - {name: " + name + ", shape: sphere, radius: 0.1, mass: 1, position: [" +
+               std::to_string(i) + ", 0, 0]}\n";
+    rules += "{between: [" + name + ", objects]},";
+  }
+  expect_refused({"check", write(folder.path() / "a.yaml",
+                                 "duration: 1\nobjects:\n" + objects + "contacts: {rules: [" + rules +
+                                     repeated("{between: [objects, objects]},", 1000) + "]}\n")
+                               .string()},
+                 "got rules for more than 10000000 pairs");
+}
+
 TEST(HungryTitle, IsRefused) {
   const TemporaryFolder folder;
   expect_refused({"check", write(folder.path() / "a.yaml",
