@@ -12,7 +12,7 @@ namespace handsim::output {
 
 namespace {
 
-constexpr std::size_t kFlushBytes = 1U << 18U;
+constexpr std::size_t kFlushAt = 1U << 18U;
 
 }  // namespace
 
@@ -36,7 +36,7 @@ void MotionTableWriter::add(double time, std::span<const double> values) {
   for (const double value : values)
     fmt::format_to(std::back_inserter(buffer_), "\t{}", degrees_ ? kDegreesPerRadian * value : value);
   buffer_ += '\n';
-  if (buffer_.size() < kFlushBytes) return;
+  if (buffer_.size() < kFlushAt) return;
   file_.write(buffer_);
   buffer_.clear();
 }

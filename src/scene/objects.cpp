@@ -126,10 +126,10 @@ std::optional<double> mesh_scale(const YamlNode& node) {
 /// Sizes that are hardly meant beside a hand are most often a file's or a number's unit. What stands still
 /// may well be a wall.
 void warn_of_size(MapReader& reader, const ObjectSpec& object) {
-  constexpr double kLargest = 2, kSmallest = 1e-3;
+  constexpr double kLongest = 2, kShortest = 1e-3;
   const double size = extent(object.shapes).maxCoeff();
   const std::optional<double> scale = mesh_scale(reader.node());
-  const bool large = size > kLargest && (!object.is_static || scale), small = size < kSmallest;
+  const bool large = size > kLongest && (!object.is_static || scale), small = size < kShortest;
   if (!large && !small) return;
   const std::string remedy = !scale  ? "a bare number is in m, \"90 mm\" is in mm"
                              : large ? fmt::format("scale: {:g} if the file is in mm", *scale / 1000)
