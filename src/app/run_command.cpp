@@ -152,6 +152,7 @@ int run_scene_command(const RunArguments& arguments) {
     options.expected_hash = arguments.expected_hash;
     options.draw_apart = true;
     if (!arguments.quiet) options.progress = [&bar](double share) { bar.show(share); };
+    options.note = [](const std::string& text) { fmt::print(stderr, "note: {}\n", text); };
     result = simulation::run(scene, options);
   }
   for (const std::string& warning : result.warnings) tell("warning: {}\n", warning);

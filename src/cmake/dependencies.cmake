@@ -38,8 +38,6 @@ unset(CMAKE_REQUIRED_LIBRARIES)
 handsim_need(HANDSIM_SUNDIALS_IS_DOUBLE "SUNDIALS built in double precision (this one has another or does not link)"
              libsundials-dev)
 
-pkg_check_modules(ASSIMP QUIET IMPORTED_TARGET assimp)
-handsim_need(ASSIMP_FOUND "Assimp (meshes of objects)" libassimp-dev)
 find_package(Qhull QUIET)
 handsim_need(Qhull_FOUND "Qhull (convex hulls)" libqhull-dev)
 pkg_check_modules(OSMESA QUIET IMPORTED_TARGET osmesa)

@@ -2,12 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <map>
+#include <unordered_set>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "handsim/core/input_file.h"
 #include "handsim/core/units.h"
 
 namespace handsim::control {
@@ -61,16 +62,10 @@ std::string coordinate_of(std::string_view label) {
 /// One file being read.
 class Reader {
  public:
-  explicit Reader(const std::filesystem::path& path) : name_(path.string()) {
-    std::ifstream file(path, std::ios::binary);
-    std::error_code failure;
-    if (!file || !std::filesystem::is_regular_file(path, failure))
-      throw Error(std::vector<Problem>{
-          {Place{name_}, "", "no such file", "a table of joint angles (.csv, .mot, .sto)"}});
-    if (std::filesystem::file_size(path) > kMotionMaxBytes)
-      throw Error(std::vector<Problem>{{Place{name_}, "", "more than 256 MB", "a smaller table"}});
-    text_.assign(std::istreambuf_iterator<char>(file), {});
-    rest_ = text_;
+  explicit Reader(const std::filesystem::path& path)
+      : name_(path.string()),
+        text_(read_input_file(path, "a table of joint angles (.csv, .mot, .sto)", kMotionMaxBytes)),
+        rest_(text_) {
     table_.file = name_;
   }
 
@@ -78,8 +73,7 @@ class Reader {
     opensim ? read_opensim_header() : read_csv_header();
     stop_if_bad();
     while (next_line()) {
-      const std::vector<Field> fields = opensim ? split_blanks(line_) : split_commas(line_);
-      if (!trimmed(line_).empty()) read_row(fields);
+      if (!trimmed(line_).empty()) read_row(opensim ? split_blanks(line_) : split_commas(line_));
       if (problems_.size() >= kMaxProblems) break;
     }
     if (problems_.empty() && table_.times.empty()) problem(1, "", "no rows", "at least one row of angles");
@@ -101,6 +95,7 @@ class Reader {
   }
 
   void problem(int column, std::string key, std::string got, std::string need) {
+    if (problems_.size() >= kMaxProblems) return;
     problems_.push_back({Place{name_, number_, column}, std::move(key), std::move(got), std::move(need)});
   }
   void stop_if_bad() const {
@@ -109,7 +104,7 @@ class Reader {
 
   void add_column(const std::string& name, double factor, int column) {
     if (name.empty()) return problem(column, "", "a column without a name", "the name of a coordinate");
-    if (std::find(table_.names.begin(), table_.names.end(), name) != table_.names.end())
+    if (!known_.insert(name).second)
       return problem(column, name, "a second column of this name", "a name of its own for each column");
     table_.names.push_back(name);
     factors_.push_back(factor);
@@ -198,6 +193,11 @@ class Reader {
     if (!table_.times.empty() && !(*time > table_.times.back()))
       return problem(1, "time", fmt::format("{:g} s after {:g} s", *time, table_.times.back()),
                      "times that rise");
+    if (table_.times.size() == kMotionMaxRows) {
+      problem(1, "", fmt::format("more than {} rows", kMotionMaxRows), "a shorter table");
+      rest_ = {};
+      return;
+    }
     const std::size_t before = table_.values.size();
     for (std::size_t k = 0; k < kept_.size(); ++k) {
       const Field& field = fields[kept_[k]];
@@ -217,8 +217,9 @@ class Reader {
   std::string_view rest_, line_;
   int number_ = 0;
   std::size_t width_ = 0;
-  std::vector<std::size_t> kept_;  ///< fields that are columns of the table
-  std::vector<double> factors_;    ///< of those, to rad
+  std::vector<std::size_t> kept_;          ///< fields that are columns of the table
+  std::vector<double> factors_;            ///< of those, to rad
+  std::unordered_set<std::string> known_;  ///< names of the columns so far
   std::optional<std::size_t> rows_said_;
   std::vector<Problem> problems_;
   MotionTable table_;

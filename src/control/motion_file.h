@@ -12,6 +12,7 @@
 namespace handsim::control {
 
 inline constexpr std::size_t kMotionMaxBytes = 256U << 20U;
+inline constexpr std::size_t kMotionMaxRows = 1'000'000;
 /// A measured or simulated angle this little beyond its range is moved to its stop, counted and warned of
 /// [rad].
 inline constexpr double kMotionRangeTolerance = 0.5 * 0.017453292519943295;
@@ -34,7 +35,8 @@ struct MotionTable {
 /// as NAME.
 /// @throws Error (input) with the line and column of every defect, the first twenty: missing columns, a row
 /// too
-///         short or long, numbers that are none, times that do not rise, a header that does not hold.
+///         short or long, numbers that are none, times that do not rise, a header that does not hold, a file
+///         that is no regular one or too large.
 MotionTable read_motion(const std::filesystem::path& path);
 
 /// True for names that end in .csv, .mot or .sto.

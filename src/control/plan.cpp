@@ -60,6 +60,9 @@ void check_gains(const HandWork& hand, const PlanInput& input, Diagnostics& diag
 
 const PoseFile kNoPoses;
 
+/// Angles in the programs of all hands: 400 MB.
+constexpr std::size_t kMostKnots = 50'000'000;
+
 /// The trajectory that a hand's choice leads to; empty, with a problem, where it leads nowhere.
 Trajectory choose(const HandWork& hand, const ProgramChoice& choice, const PlanInput& input,
                   Diagnostics& diagnostics) {
@@ -214,9 +217,15 @@ Plan make_plan(const model::Model& model, const PlanInput& input, Diagnostics& d
   check_names(*input.controller, axes, diagnostics);
   // A row that names no joint leaves another joint without gains: one slip, one message.
   const bool named = diagnostics.problems.size() == before;
+  std::size_t knots = 0;
   for (std::size_t i = 0; i < hands.size(); ++i) {
     if (named) check_gains(hands[i], input, diagnostics);
     Trajectory trajectory = choose(hands[i], input.programs[i], input, diagnostics);
+    knots += trajectory.knots() * trajectory.width();
+    if (knots > kMostKnots)
+      diagnostics.problems.push_back({input.programs[i].place, input.programs[i].key,
+                                      fmt::format("programs of more than {} angles", kMostKnots),
+                                      "shorter programs, or fewer hands"});
     if (!diagnostics.problems.empty()) continue;
     find_inertias(model, trajectory, start, hands[i]);
     plan.hands.push_back({hands[i].axes.hand, hands[i].index->side, std::move(trajectory)});

@@ -1,5 +1,6 @@
 #include "handsim/control/poses.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -15,6 +16,9 @@ namespace {
 /// Rounding of an angle that stands in degrees, beyond a range that does too [rad].
 constexpr double kRangeTolerance = 1e-9;
 constexpr int kMaxRepeats = 10'000;
+constexpr std::size_t kMostPoses = 1000, kMostJoints = 200, kMostPrograms = 1000;
+/// Of all programs of a file together, repeated.
+constexpr std::size_t kMostKeys = 200'000;
 const Quantity kTime = {Dimension::time, 0, 1e5};
 
 enum class Unit { rad, deg };
@@ -77,6 +81,11 @@ PoseSpec read_pose(YamlNode& node, const std::string& path, Unit unit, const Pos
   for (const YamlEntry& entry : node.entries)
     if (entry.key != "like")
       pose.joints[entry.key] = read_angles(entry.value, path + "." + entry.key, unit, diagnostics);
+  if (pose.joints.size() > kMostJoints) {
+    diagnostics.problems.push_back({node.place(), path, fmt::format("{} joints", pose.joints.size()),
+                                    fmt::format("at most {} joints", kMostJoints)});
+    pose.joints.clear();
+  }
   return pose;
 }
 
@@ -101,7 +110,7 @@ std::vector<ProgramKey> read_keys(YamlNode& list, const std::string& path, doubl
          "a list of {time, pose}"});
     return out;
   }
-  for (std::size_t i = 0; i < list.items.size(); ++i) {
+  for (std::size_t i = 0; i < list.items.size() && !diagnostics.full(); ++i) {
     MapReader reader(list.items[i], fmt::format("{}.{}", path, i), diagnostics);
     ProgramKey key;
     key.place = list.items[i].place();
@@ -118,6 +127,12 @@ std::vector<ProgramKey> read_keys(YamlNode& list, const std::string& path, doubl
   return out;
 }
 
+std::size_t key_count(const ProgramSpec& program) {
+  std::size_t count = program.keys.size();
+  for (const auto& [hand, keys] : program.hands) count += keys.size();
+  return count;
+}
+
 void repeat(std::vector<ProgramKey>& keys, int times, double every) {
   const std::vector<ProgramKey> once = keys;
   for (int n = 1; n < times; ++n)
@@ -127,9 +142,15 @@ void repeat(std::vector<ProgramKey>& keys, int times, double every) {
     }
 }
 
-void read_repeat(MapReader reader, ProgramSpec& program) {
+/// @param room for keys, those of the program among them.
+void read_repeat(MapReader reader, ProgramSpec& program, std::size_t room) {
   const int times = reader.integer("times", 1, kMaxRepeats, 1);
   const double every = reader.number("every", kTime);
+  if (key_count(program) * static_cast<std::size_t>(times) > room) {
+    reader.problem("times", fmt::format("{} times {} keys", times, key_count(program)),
+                   fmt::format("at most {} keys in all programs of a file", kMostKeys));
+    return reader.finish();
+  }
   const auto apply = [&](std::vector<ProgramKey>& keys) {
     if (keys.empty()) return;
     const double length = keys.back().time + keys.back().move - keys.front().time;
@@ -163,7 +184,13 @@ ProgramSpec read_program(MapReader reader, const PoseFile& file) {
     for (YamlEntry& entry : hands->entries)
       program.hands[entry.key] =
           read_keys(entry.value, reader.path_of("hands") + "." + entry.key, move, file, reader.diagnostics());
-  if (reader.has("repeat")) read_repeat(reader.map("repeat"), program);
+  std::size_t taken = 0;
+  for (const auto& [name, other] : file.programs) taken += key_count(other);
+  const std::size_t room = kMostKeys - std::min(taken, kMostKeys);
+  if (key_count(program) > room)
+    reader.problem("keys", fmt::format("{} keys", taken + key_count(program)),
+                   fmt::format("at most {} keys in all programs of a file", kMostKeys));
+  if (reader.has("repeat")) read_repeat(reader.map("repeat"), program, room);
   reader.finish();
   return program;
 }
@@ -195,6 +222,9 @@ PoseFile read_pose_file(YamlNode& node, const std::string& path, Diagnostics& di
   YamlNode* poses = reader.child("poses");
   if (!poses || poses->kind != YamlNode::Kind::map)
     reader.problem("poses", poses ? poses->described() : "nothing", "a mapping of names to poses");
+  else if (poses->entries.size() > kMostPoses)
+    reader.problem("poses", fmt::format("{} poses", poses->entries.size()),
+                   fmt::format("at most {}", kMostPoses));
   else
     for (YamlEntry& entry : poses->entries)
       file.poses[entry.key] =
@@ -202,9 +232,13 @@ PoseFile read_pose_file(YamlNode& node, const std::string& path, Diagnostics& di
   if (YamlNode* programs = reader.child("programs")) {
     if (programs->kind != YamlNode::Kind::map)
       reader.problem("programs", programs->described(), "a mapping of names to programs");
-    for (YamlEntry& entry : programs->entries)
-      file.programs[entry.key] = read_program(
-          MapReader(entry.value, reader.path_of("programs") + "." + entry.key, diagnostics), file);
+    if (programs->entries.size() > kMostPrograms)
+      reader.problem("programs", fmt::format("{} programs", programs->entries.size()),
+                     fmt::format("at most {}", kMostPrograms));
+    else
+      for (YamlEntry& entry : programs->entries)
+        file.programs[entry.key] = read_program(
+            MapReader(entry.value, reader.path_of("programs") + "." + entry.key, diagnostics), file);
   }
   reader.finish();
   return file;

@@ -20,6 +20,14 @@ std::string joined(const std::vector<Problem>& problems) {
   return text;
 }
 
+std::vector<Problem> capped(std::vector<Problem> problems) {
+  if (problems.size() <= kMostProblems) return problems;
+  const std::size_t more = problems.size() - kMostProblems;
+  problems.resize(kMostProblems);
+  problems.push_back({std::nullopt, "", fmt::format("{} problems more", more), "none"});
+  return problems;
+}
+
 }  // namespace
 
 std::string Problem::text() const {
@@ -31,7 +39,7 @@ std::string Problem::text() const {
 }
 
 Error::Error(std::vector<Problem> problems, ErrorKind kind)
-    : std::runtime_error(joined(problems)), kind_(kind), problems_(std::move(problems)) {}
+    : std::runtime_error(joined(capped(problems))), kind_(kind), problems_(capped(std::move(problems))) {}
 
 Error::Error(PhysicsFault fault)
     : std::runtime_error(

@@ -41,10 +41,14 @@ enum class ErrorKind {
   output,   ///< a file that could not be written after all, a full disk: exit status 1
 };
 
+/// More than anybody reads.
+inline constexpr std::size_t kMostProblems = 1000;
+
 /// The only exception type of handsim.
 class Error : public std::runtime_error {
  public:
-  /// Problems of input or output, at least one.
+  /// Problems of input or output, at least one; of more than kMostProblems the first, and how many more there
+  /// are.
   explicit Error(std::vector<Problem> problems, ErrorKind kind = ErrorKind::input);
   explicit Error(PhysicsFault fault);
 

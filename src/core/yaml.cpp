@@ -6,7 +6,6 @@
 #include <yaml-cpp/parser.h>
 
 #include <algorithm>
-#include <fstream>
 #include <map>
 #include <optional>
 #include <sstream>
@@ -14,6 +13,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/input_file.h"
 #include "handsim/core/text.h"
 
 namespace handsim {
@@ -23,7 +23,8 @@ namespace {
 /// Builds the tree from yaml-cpp's events; yaml-cpp's own Node drops places and duplicate keys.
 class TreeBuilder : public YAML::EventHandler {
  public:
-  explicit TreeBuilder(std::shared_ptr<const std::string> file) : file_(std::move(file)) {}
+  TreeBuilder(std::shared_ptr<const std::string> file, YamlBudget& budget)
+      : file_(std::move(file)), budget_(budget) {}
 
   void OnDocumentStart(const YAML::Mark& mark) override {
     if (++documents_ == 1) return;
@@ -32,7 +33,7 @@ class TreeBuilder : public YAML::EventHandler {
   }
   void OnDocumentEnd() override {}
 
-  void OnNull(const YAML::Mark& mark, YAML::anchor_t anchor) override { add(made(mark), anchor); }
+  void OnNull(const YAML::Mark& mark, YAML::anchor_t anchor) override { add(made(mark, {}), anchor); }
 
   void OnAlias(const YAML::Mark& mark, YAML::anchor_t anchor) override {
     const auto found = anchors_.find(anchor);
@@ -40,21 +41,20 @@ class TreeBuilder : public YAML::EventHandler {
       problem(mark, "an alias to a value that contains it", "an alias to a value that is complete");
       throw Error(problems_);
     }
+    spend(mark.line + 1, mark.column + 1, found->second.bytes);
     YamlNode copy = found->second.node;
-    count(mark.line + 1, mark.column + 1, found->second.nodes);
     copy.line = mark.line + 1;
     copy.column = mark.column + 1;
-    add(std::move(copy), 0, found->second.nodes);
+    add(std::move(copy), 0, found->second.bytes);
   }
 
   void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
                 const std::string& value) override {
-    YamlNode node = made(mark);
+    YamlNode node = made(mark, value);
     node.kind = YamlNode::Kind::scalar;
-    node.text = value;
     node.quoted = tag == "!";
     check_tag(mark, tag);
-    add(std::move(node), anchor);
+    add(std::move(node), anchor, kYamlNodeBytes + value.size());
   }
 
   void OnSequenceStart(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
@@ -76,7 +76,7 @@ class TreeBuilder : public YAML::EventHandler {
  private:
   struct Anchored {
     YamlNode node;
-    int nodes = 1;
+    std::size_t bytes = 0;
   };
   /// A container being filled.
   struct Level {
@@ -84,28 +84,39 @@ class TreeBuilder : public YAML::EventHandler {
     YAML::anchor_t anchor = 0;
     std::optional<YamlEntry> pending;            ///< a map's key whose value comes next
     std::unordered_map<std::string, int> lines;  ///< of the keys so far
-    int nodes = 1;
+    std::size_t bytes = kYamlNodeBytes;
   };
 
-  YamlNode made(const YAML::Mark& mark) {
-    count(mark.line + 1, mark.column + 1, 1);
+  YamlNode made(const YAML::Mark& mark, const std::string& text) {
+    spend(mark.line + 1, mark.column + 1, kYamlNodeBytes + text.size());
     YamlNode node;
+    node.text = text;
     node.file = file_;
     node.line = mark.line + 1;
     node.column = mark.column + 1;
     return node;
   }
 
-  void count(int line, int column, int nodes) {
-    total_ += nodes;
-    if (total_ <= kYamlMaxNodes) return;
-    problems_.push_back({Place{*file_, line, column}, "", fmt::format("more than {} values", kYamlMaxNodes),
-                         fmt::format("at most {} values", kYamlMaxNodes)});
+  void spend(int line, int column, std::size_t bytes) {
+    if (bytes <= budget_.left) {
+      budget_.left -= bytes;
+      return;
+    }
+    problems_.push_back(
+        {Place{*file_, line, column}, "", "values that take more than " + bytes_text(kYamlMaxMemory),
+         fmt::format("at most {} ({} bytes for each value and its text), with aliases expanded "
+                     "and all files and --set together",
+                     bytes_text(kYamlMaxMemory), kYamlNodeBytes)});
     throw Error(problems_);
   }
 
   void problem(const YAML::Mark& mark, std::string got, std::string need) {
     problems_.push_back({Place{*file_, mark.line + 1, mark.column + 1}, "", std::move(got), std::move(need)});
+    stop_if_many();
+  }
+
+  void stop_if_many() const {
+    if (problems_.size() >= kMostProblems) throw Error(problems_);
   }
 
   /// yaml-cpp gives `?` to plain values and `!` to quoted ones.
@@ -115,7 +126,7 @@ class TreeBuilder : public YAML::EventHandler {
 
   void open(const YAML::Mark& mark, YamlNode::Kind kind, YAML::anchor_t anchor) {
     Level level;
-    level.node = made(mark);
+    level.node = made(mark, {});
     level.node.kind = kind;
     level.anchor = anchor;
     levels_.push_back(std::move(level));
@@ -129,21 +140,21 @@ class TreeBuilder : public YAML::EventHandler {
   void close() {
     Level level = std::move(levels_.back());
     levels_.pop_back();
-    add(std::move(level.node), level.anchor, level.nodes);
+    add(std::move(level.node), level.anchor, level.bytes);
   }
 
-  void add(YamlNode node, YAML::anchor_t anchor, int nodes = 1) {
+  void add(YamlNode node, YAML::anchor_t anchor, std::size_t bytes = kYamlNodeBytes) {
     if (anchor != 0) {
       // The copy counts: anchors within anchors would grow it without bound.
-      count(node.line, node.column, nodes);
-      anchors_[anchor] = {node, nodes};
+      spend(node.line, node.column, bytes);
+      anchors_[anchor] = {node, bytes};
     }
     if (levels_.empty()) {
       root = std::move(node);
       return;
     }
     Level& level = levels_.back();
-    level.nodes += nodes;
+    level.bytes += bytes;
     if (level.node.kind == YamlNode::Kind::sequence) {
       level.node.items.push_back(std::move(node));
     } else if (!level.pending) {
@@ -169,6 +180,7 @@ class TreeBuilder : public YAML::EventHandler {
            fmt::format("a second \"{}\" (the first is in line {})", printable(node.text), first->second),
            "each key once"});
     }
+    stop_if_many();
     level.pending = YamlEntry{node.text, node.line, node.column, {}};
   }
 
@@ -176,7 +188,7 @@ class TreeBuilder : public YAML::EventHandler {
   std::vector<Level> levels_;
   std::map<YAML::anchor_t, Anchored> anchors_;
   std::vector<Problem> problems_;
-  int total_ = 0;
+  YamlBudget& budget_;
   int documents_ = 0;
 };
 
@@ -229,7 +241,7 @@ std::optional<Place> first_tab(const std::string& text, const Place& last) {
 void check_size(std::uintmax_t bytes, const std::string& name) {
   if (bytes > kYamlMaxBytes)
     throw Error(std::vector<Problem>{{Place{name, 1, 1}, "", fmt::format("a file of {} bytes", bytes),
-                                      fmt::format("at most {} bytes of YAML", kYamlMaxBytes)}});
+                                      "at most " + bytes_text(kYamlMaxBytes)}});
 }
 
 /// @throws Error (input) at the first byte that is no text.
@@ -269,10 +281,10 @@ std::string YamlNode::described() const {
   return {};
 }
 
-YamlNode parse_yaml(const std::string& text, const std::string& name) {
+YamlNode parse_yaml(const std::string& text, const std::string& name, YamlBudget& budget) {
   check_size(text.size(), name);
   check_text(text, name);
-  TreeBuilder builder(std::make_shared<const std::string>(name));
+  TreeBuilder builder(std::make_shared<const std::string>(name), budget);
   std::istringstream stream(text);
   try {
     YAML::Parser parser(stream);
@@ -292,23 +304,18 @@ YamlNode parse_yaml(const std::string& text, const std::string& name) {
   return std::move(builder.root);
 }
 
+YamlNode parse_yaml(const std::string& text, const std::string& name) {
+  YamlBudget budget;
+  return parse_yaml(text, name, budget);
+}
+
+YamlNode load_yaml(const std::filesystem::path& path, YamlBudget& budget) {
+  return parse_yaml(read_input_file(path, "a readable YAML file", kYamlMaxBytes), path.string(), budget);
+}
+
 YamlNode load_yaml(const std::filesystem::path& path) {
-  std::error_code failure;
-  const std::filesystem::file_status status = std::filesystem::status(path, failure);
-  const auto bad = [&](const char* got) {
-    return Error(std::vector<Problem>{{Place{path.string(), 1, 1}, "", got, "a readable YAML file"}});
-  };
-  if (!std::filesystem::exists(status)) throw bad("no such file");
-  if (std::filesystem::is_directory(status)) throw bad("a directory");
-  if (!std::filesystem::is_regular_file(status)) throw bad("no regular file");
-  std::ifstream stream(path, std::ios::binary);
-  if (!stream) throw bad("a file that cannot be opened");
-  const std::uintmax_t size = std::filesystem::file_size(path, failure);
-  if (failure) throw bad("a file of unknown size");
-  check_size(size, path.string());
-  std::ostringstream text;
-  text << stream.rdbuf();
-  return parse_yaml(text.str(), path.string());
+  YamlBudget budget;
+  return load_yaml(path, budget);
 }
 
 std::string emit_yaml(const YamlNode& node) {

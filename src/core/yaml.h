@@ -1,6 +1,6 @@
 // YAML text into a tree of nodes that know their place in the file, and back. Strict where YAML is lax:
-// keys stand once, aliases may not recur, files and nesting are bounded. Reading values out of the tree is
-// yaml_reader's work.
+// keys stand once, aliases may not recur, files, nesting and memory are bounded. Reading values out of the
+// tree is yaml_reader's work.
 #pragma once
 
 #include <filesystem>
@@ -43,16 +43,26 @@ struct YamlEntry {
   YamlNode value;
 };
 
-/// Largest file and deepest nesting accepted, and most nodes after aliases are expanded.
-inline constexpr std::size_t kYamlMaxBytes = 4U << 20U;
+/// Largest file and deepest nesting accepted.
+inline constexpr std::size_t kYamlMaxBytes = 32U << 20U;
 inline constexpr int kYamlMaxDepth = 64;
-inline constexpr int kYamlMaxNodes = 200'000;
+/// Most memory of the trees of one scene: with aliases expanded, referenced files and `--set`.
+inline constexpr std::size_t kYamlMaxMemory = 256U << 20U;
+/// Counted for each value, beside the bytes of its text.
+inline constexpr std::size_t kYamlNodeBytes = 128;
 
-/// @param name the file's name in messages.
-/// @throws Error (input) with every syntax error, duplicate key and bad alias.
+/// What the trees that are still to be read may take [bytes].
+struct YamlBudget {
+  std::size_t left = kYamlMaxMemory;
+};
+
+/// @param name the file's name in messages. @param budget taken from; absent: one of its own.
+/// @throws Error (input) with every syntax error, duplicate key and bad alias, or where the budget is spent.
+YamlNode parse_yaml(const std::string& text, const std::string& name, YamlBudget& budget);
 YamlNode parse_yaml(const std::string& text, const std::string& name);
 
 /// @throws Error (input) where the file is missing, no regular file, too large, or bad YAML.
+YamlNode load_yaml(const std::filesystem::path& path, YamlBudget& budget);
 YamlNode load_yaml(const std::filesystem::path& path);
 
 /// Canonical YAML that parses back to the same tree.
@@ -68,11 +78,12 @@ YamlNode& yaml_put(YamlNode& map, std::string key, YamlNode value);
 /// Replaces a scalar that names a YAML file (relative to the file it stands in) by that file's tree; other
 /// nodes stay as they are.
 /// @throws Error (input) at the scalar's place where the file cannot be read, or the file's own problems.
-void follow_reference(YamlNode& node, const std::string& key);
+void follow_reference(YamlNode& node, const std::string& key, YamlBudget& budget);
 
 /// Sets the value at a dotted path, e.g. `solver.step=5 ms` or `hands.0.side=left`, following file
-/// references and adding map keys on the way.
+/// references and adding map keys on the way. A path has at most kYamlMaxDepth keys.
 /// @throws Error (input) naming the path where it leads through something that is no map or list.
+void apply_override(YamlNode& root, std::string_view assignment, YamlBudget& budget);
 void apply_override(YamlNode& root, std::string_view assignment);
 
 }  // namespace handsim

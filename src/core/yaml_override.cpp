@@ -1,6 +1,7 @@
 // References between files and `--set`: what changes a tree before it is read.
 #include <fmt/format.h>
 
+#include "handsim/core/text.h"
 #include "handsim/core/units.h"
 #include "handsim/core/yaml.h"
 
@@ -28,7 +29,8 @@ YamlNode& item_for_override(YamlNode& list, const std::string& part, const std::
 }
 
 /// The step of an override's path from a node to its child, made where a map lacks it.
-YamlNode& child_for_override(YamlNode& node, const std::string& part, const std::string& path) {
+YamlNode& child_for_override(YamlNode& node, const std::string& part, const std::string& path,
+                             const std::shared_ptr<const std::string>& origin) {
   if (node.kind == YamlNode::Kind::null) node.kind = YamlNode::Kind::map;
   if (node.kind == YamlNode::Kind::sequence) return item_for_override(node, part, path);
   if (node.kind != YamlNode::Kind::map)
@@ -36,7 +38,7 @@ YamlNode& child_for_override(YamlNode& node, const std::string& part, const std:
                       "a path through mappings and lists");
   if (YamlNode* found = node.find(part)) return *found;
   YamlNode fresh;
-  fresh.file = std::make_shared<const std::string>("--set " + path);
+  fresh.file = origin;
   return yaml_put(node, part, std::move(fresh));
 }
 
@@ -48,34 +50,44 @@ std::vector<std::string> parts_of(const std::string& path) {
     else
       parts.back() += c;
   }
+  if (parts.size() > kYamlMaxDepth)
+    throw input_error("--set", fmt::format("a path of {} keys", parts.size()),
+                      fmt::format("at most {} keys", kYamlMaxDepth));
   for (const std::string& part : parts)
     if (part.empty())
-      throw input_error("--set", fmt::format("\"{}\"", path), "a path of keys with single dots between them");
+      throw input_error("--set", fmt::format("\"{}\"", printable(path)),
+                        "a path of keys with single dots between them");
   return parts;
 }
 
 }  // namespace
 
-void follow_reference(YamlNode& node, const std::string& key) {
+void follow_reference(YamlNode& node, const std::string& key, YamlBudget& budget) {
   if (node.kind != YamlNode::Kind::scalar) return;
   if (!names_file(node))
     throw Error(std::vector<Problem>{{node.place(), key, node.described() + ", which is no file",
                                       "the path of a YAML file, relative to this file"}});
-  node = load_yaml(path_beside(node));
+  node = load_yaml(path_beside(node), budget);
 }
 
-void apply_override(YamlNode& root, std::string_view assignment) {
+void apply_override(YamlNode& root, std::string_view assignment, YamlBudget& budget) {
   const std::size_t equals = assignment.find('=');
   if (equals == std::string_view::npos || equals == 0)
     throw input_error("--set", fmt::format("\"{}\"", assignment), "key.path=value");
   const std::string path(assignment.substr(0, equals));
+  const auto origin = std::make_shared<const std::string>("--set " + path);
   YamlNode* node = &root;
   for (const std::string& part : parts_of(path)) {
     // Any other text on the way is no file to be followed, and child_for_override() says so.
-    if (names_file(*node)) follow_reference(*node, path);
-    node = &child_for_override(*node, part, path);
+    if (names_file(*node)) follow_reference(*node, path, budget);
+    node = &child_for_override(*node, part, path, origin);
   }
-  *node = parse_yaml(std::string(assignment.substr(equals + 1)), "--set " + path);
+  *node = parse_yaml(std::string(assignment.substr(equals + 1)), *origin, budget);
+}
+
+void apply_override(YamlNode& root, std::string_view assignment) {
+  YamlBudget budget;
+  apply_override(root, assignment, budget);
 }
 
 }  // namespace handsim

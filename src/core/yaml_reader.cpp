@@ -268,10 +268,11 @@ std::size_t MapReader::choice_index(std::string_view key, const std::vector<std:
   return static_cast<std::size_t>(std::find(names.begin(), names.end(), *fallback) - names.begin());
 }
 
-YamlNode* MapReader::list(std::string_view key, bool required) {
+YamlNode* MapReader::list(std::string_view key, bool required, std::size_t most) {
   YamlNode* found = wanted(key, required, "a list");
-  if (!found || found->kind == YamlNode::Kind::sequence) return found;
-  problem(key, found->described(), "a list");
+  const bool is_list = found && found->kind == YamlNode::Kind::sequence;
+  if (!found || (is_list && found->items.size() <= most)) return found;
+  problem(key, found->described(), is_list ? fmt::format("at most {} of them", most) : "a list");
   return nullptr;
 }
 

@@ -20,10 +20,13 @@ namespace handsim {
 struct Diagnostics {
   std::vector<Problem> problems;
   std::vector<std::string> warnings;
+  YamlBudget budget;  ///< of the files that are read on the way
 
   /// @throws Error with all problems; in the order of the files; what is wrong at one place of a file
   /// that is read twice is said once.
   void throw_if_any() const;
+  /// As many as are ever reported: to go on reading is of no use.
+  bool full() const { return problems.size() >= kMostProblems; }
   /// Keeps the problems of an Error thrown by a part.
   void take(const Error& error) {
     problems.insert(problems.end(), error.problems().begin(), error.problems().end());
@@ -69,8 +72,8 @@ class MapReader {
   bool has(std::string_view key) const;
   /// The value of a key, counted as known; null where absent.
   YamlNode* child(std::string_view key);
-  /// The value of a key that must be there and be a list; null otherwise.
-  YamlNode* list(std::string_view key, bool required);
+  /// The value of a key that must be there and be a list of at most so many; null otherwise.
+  YamlNode* list(std::string_view key, bool required, std::size_t most = 10'000);
   /// A map under this key; absent: an empty one is written, so that its defaults land in the tree.
   MapReader map(std::string_view key);
   /// A map that must be there; `need` says what it holds. Absent: one problem, and none for what it lacks.

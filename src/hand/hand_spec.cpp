@@ -262,7 +262,7 @@ void read_anthropometry_of(MapReader& reader, HandSpec& spec) {
   YamlNode* file = reader.child("anthropometry");
   if (!file) return reader.problem("anthropometry", "nothing", "the path of an anthropometry file");
   try {
-    follow_reference(*file, reader.path_of("anthropometry"));
+    follow_reference(*file, reader.path_of("anthropometry"), reader.diagnostics().budget);
     spec.anthropometry = read_anthropometry(*file, reader.path_of("anthropometry"), reader.diagnostics());
   } catch (const Error& error) {
     reader.diagnostics().take(error);

@@ -55,8 +55,8 @@ Window window(double n, int cycles) {
 
 /// The keyframes around a time, on the side that is meant; null before the first and after the last.
 const PoseKey* key_before(const std::vector<PoseKey>& keys, double time, KeySide side) {
-  const auto next = std::find_if(keys.begin(), keys.end(), [&](const PoseKey& key) {
-    return side == KeySide::after ? time < key.time : time <= key.time;
+  const auto next = std::partition_point(keys.begin(), keys.end(), [&](const PoseKey& key) {
+    return side == KeySide::after ? key.time <= time : key.time < time;
   });
   return next == keys.begin() || next == keys.end() ? nullptr : &*(next - 1);
 }

@@ -126,6 +126,12 @@ void AtomicFile::write(std::string_view text) {
   if (std::fwrite(text.data(), 1, text.size(), file_) != text.size()) fail();
 }
 
+void AtomicFile::overwrite(long at, std::string_view text) {
+  if (std::fseek(file_, at, SEEK_SET) != 0) fail();
+  write(text);
+  if (std::fseek(file_, 0, SEEK_END) != 0) fail();
+}
+
 void AtomicFile::commit() {
   if (std::fflush(file_) != 0) fail();
   if (part_.empty()) {

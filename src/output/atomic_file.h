@@ -22,6 +22,8 @@ class AtomicFile {
 
   /// @throws Error (output) where the disk takes no more.
   void write(std::string_view text);
+  /// Puts text in the place of what was written from byte `at` on; it must have been. @throws as write.
+  void overwrite(long at, std::string_view text);
   /// Gives the file its name. @throws Error (output) where that fails.
   void commit();
 

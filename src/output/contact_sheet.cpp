@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -109,19 +110,23 @@ Image image_of(cairo_surface_t* surface) {
 }
 
 /// Shortens the text (UTF-8) with an ellipsis until it fits [pixels].
-std::string fitted(cairo_t* pen, std::string text, double room) {
-  const auto width_of = [pen](const std::string& s) {
+std::string fitted(cairo_t* pen, const std::string& text, double room) {
+  const auto fits = [&](const std::string& s) {
     cairo_text_extents_t extents;
     cairo_text_extents(pen, s.c_str(), &extents);
-    return extents.x_advance;
+    return extents.x_advance <= room;
   };
-  if (width_of(text) <= room) return text;
-  while (!text.empty() && width_of(text + "…") > room) {
-    // Continuation bytes of a character go with its first byte.
-    while (text.size() > 1 && (static_cast<unsigned char>(text.back()) & 0xC0U) == 0x80U) text.pop_back();
-    text.pop_back();
-  }
-  return text + "…";
+  // No page shows more than this.
+  constexpr std::size_t kLongest = 4096;
+  if (text.size() <= kLongest && fits(text)) return text;
+  // Continuation bytes of a character go with its first byte.
+  std::vector<std::size_t> cuts;
+  for (std::size_t at = 0; at < std::min(text.size(), kLongest); ++at)
+    if ((static_cast<unsigned char>(text[at]) & 0xC0U) != 0x80U) cuts.push_back(at);
+  // A longer text is wider: the first cut that does not fit, by halves.
+  const auto first_too_wide = std::partition_point(
+      cuts.begin(), cuts.end(), [&](std::size_t cut) { return fits(text.substr(0, cut) + "…"); });
+  return text.substr(0, first_too_wide == cuts.begin() ? 0 : *(first_too_wide - 1)) + "…";
 }
 
 struct TextStyle {

@@ -1,4 +1,5 @@
-// Columns over time as OpenSim reads them: .mot (joint angles in degrees) and .sto (any quantities).
+// Columns over time as OpenSim reads them: .mot (joint angles in degrees) and .sto (any quantities). Rows go
+// to the disk as they come.
 #pragma once
 
 #include <filesystem>
@@ -6,26 +7,37 @@
 #include <string>
 #include <vector>
 
+#include "handsim/output/atomic_file.h"
+
 namespace handsim::output {
+
+/// What stands above the rows.
+struct MotionHead {
+  std::string title;
+  std::vector<std::string> names;  ///< of the columns after time, without white space
+  /// Values that add() is given in rad are written in degrees (`inDegrees=yes`); all columns are angles then.
+  bool degrees = false;
+  std::size_t most_rows = 0;  ///< that will be added; fewer leave blanks after `nRows=` and their number
+};
 
 class MotionTableWriter {
  public:
-  /// @param names of the columns after time, without white space. @param degrees whether the values that
-  /// add() is
-  ///        given in rad are written in degrees (`inDegrees=yes`); all columns are angles then.
-  MotionTableWriter(std::string title, std::vector<std::string> names, bool degrees);
+  /// @throws Error (input) where the file cannot be made.
+  MotionTableWriter(const std::filesystem::path& path, const MotionHead& head);
 
   /// A row. @param values one for each name. Times must rise.
   void add(double time, std::span<const double> values);
-  /// Writes the file; the header holds the number of rows. @throws Error (input) where it cannot be written.
-  void write(const std::filesystem::path& path) const;
+  /// Gives the file its name; the header holds the number of rows.
+  void finish();
 
  private:
-  std::string title_;
-  std::vector<std::string> names_;
+  AtomicFile file_;
+  std::size_t columns_;
   bool degrees_;
   std::size_t rows_ = 0;
-  std::string text_;
+  std::string rows_text_;  ///< as it stands in the header
+  long rows_at_ = 0;       ///< where
+  std::string buffer_;
 };
 
 }  // namespace handsim::output

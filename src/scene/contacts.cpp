@@ -120,7 +120,7 @@ bool inline_file(YamlNode& entry, const std::string& path, FileKind kind,
   if (!file) return true;
   const std::string key = path + ".file";
   try {
-    follow_reference(*file, key);
+    follow_reference(*file, key, diagnostics.budget);
   } catch (const Error& error) {
     diagnostics.take(error);
     return false;
@@ -182,9 +182,13 @@ ContactsSpec read_contacts(MapReader& scene) {
   return spec;
 }
 
+/// Pairs of groups that rules let meet.
+constexpr std::size_t kMostPairs = 10'000'000;
+
 void check_contact_groups(const SceneSpec& scene, Diagnostics& diagnostics) {
   if (!scene.contacts.rules) return;
   const GroupNames names = group_names(scene);
+  std::size_t pairs = 0;
   std::vector<std::string> known;
   for (const auto& [name, groups] : names.groups) known.push_back(name);
   for (std::size_t i = 0; i < scene.contacts.rules->size(); ++i) {
@@ -198,6 +202,16 @@ void check_contact_groups(const SceneSpec& scene, Diagnostics& diagnostics) {
       diagnostics.problems.push_back({rule.place, path, name,
                                       fmt::format("one of {}, or an object's name{}", fmt::join(known, ", "),
                                                   near ? " (nearest: " + *near + ")" : "")});
+    }
+    const auto count = [&](const std::string& name) {
+      return names.groups.contains(name) ? names.groups.at(name).size() : 0;
+    };
+    pairs += count(rule.between[0]) * count(rule.between[1]);
+    if (pairs > kMostPairs) {
+      diagnostics.problems.push_back({rule.place, path,
+                                      fmt::format("rules for more than {} pairs", kMostPairs),
+                                      "fewer rules, or fewer objects named in them"});
+      return;
     }
     bool meets = false;
     for_each_pair(names, rule, [&](int, int, std::optional<Effect> effect) { meets = meets || effect; });

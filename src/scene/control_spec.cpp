@@ -17,7 +17,7 @@ YamlNode* followed(MapReader& reader, std::string_view key) {
   YamlNode* node = reader.child(key);
   if (!node) return nullptr;
   try {
-    follow_reference(*node, reader.path_of(key));
+    follow_reference(*node, reader.path_of(key), reader.diagnostics().budget);
     return node;
   } catch (const Error& error) {
     reader.diagnostics().take(error);

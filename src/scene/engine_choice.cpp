@@ -181,7 +181,7 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
       block.node().find("accuracy") ? block.node().find("accuracy")->place() : engine->place();
   std::vector<CostTable> tables;
   try {
-    follow_reference(costs, "solver.costs");
+    follow_reference(costs, "solver.costs", reader.diagnostics().budget);
     tables = read_costs(costs, reader.diagnostics());
   } catch (const Error& error) {
     reader.diagnostics().take(error);

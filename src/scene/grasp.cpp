@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/scene/extent.h"
 #include "handsim/scene/hand_program.h"
 #include "handsim/scene/readers.h"
 
@@ -86,28 +87,7 @@ GraspSpec read_grasp(MapReader reader) {
 double lowest(const model::Shape& shape, const Pose& frame) {
   const Pose pose = frame * shape.pose;
   const Vec3 down = pose.q.conjugate() * Vec3(0, 0, -1);
-  const double across = std::hypot(down.x(), down.y());
-  double reach = 0;
-  switch (shape.kind) {
-    case model::ShapeKind::box:
-      reach = 0.5 * shape.edges.dot(down.cwiseAbs());
-      break;
-    case model::ShapeKind::sphere:
-      reach = shape.radius;
-      break;
-    case model::ShapeKind::capsule:
-      reach = shape.radius + 0.5 * shape.length * std::abs(down.z());
-      break;
-    case model::ShapeKind::cylinder:
-      reach = shape.radius * across + 0.5 * shape.length * std::abs(down.z());
-      break;
-    case model::ShapeKind::convex_mesh:
-      for (const Vec3& vertex : shape.mesh->vertices) reach = std::max(reach, vertex.dot(down));
-      break;
-    case model::ShapeKind::plane:
-      break;
-  }
-  return pose.p.z() - reach;
+  return pose.p.z() - reach(shape, down);
 }
 
 /// A grasp in the frames of the hand that does it.

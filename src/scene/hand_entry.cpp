@@ -12,6 +12,7 @@ namespace {
 const Quantity kMoment = {Dimension::time, 0, 1e6};
 /// Rigid bodies by the thousand are beyond any solver here.
 constexpr std::size_t kMostHands = 60;
+constexpr std::size_t kMostKeyframes = 100'000;
 
 /// @param last time of the keyframe before, where it is known; set to this one's.
 model::PoseKey read_keyframe(MapReader reader, std::optional<double>& last) {
@@ -32,7 +33,7 @@ model::PoseMotion read_motion(MapReader reader) {
       "interpolation",
       {{"minimum_jerk", model::Interpolation::minimum_jerk}, {"linear", model::Interpolation::linear}},
       model::Interpolation::minimum_jerk);
-  if (YamlNode* keys = reader.list("keyframes", true)) {
+  if (YamlNode* keys = reader.list("keyframes", true, kMostKeyframes)) {
     if (keys->items.empty()) reader.problem("keyframes", "an empty list", "at least one keyframe");
     std::optional<double> last;
     for (std::size_t i = 0; i < keys->items.size(); ++i)
@@ -178,7 +179,7 @@ YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind) {
     return nullptr;
   }
   try {
-    follow_reference(*node, reader.path_of(key));
+    follow_reference(*node, reader.path_of(key), reader.diagnostics().budget);
     return is_of_kind(*node, reader.path_of(key), kind, reader.diagnostics()) ? node : nullptr;
   } catch (const Error& error) {
     reader.diagnostics().take(error);

@@ -5,10 +5,12 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 
 #include <fmt/format.h>
 
 #include "handsim/hand/material.h"
+#include "handsim/scene/extent.h"
 #include "handsim/scene/mesh_file.h"
 #include "handsim/scene/readers.h"
 
@@ -112,8 +114,33 @@ void read_parts(MapReader& reader, ObjectSpec& object) {
   object.body.inertia *= density;
 }
 
+/// The scale under which a mesh is read; nothing for other shapes.
+std::optional<double> mesh_scale(const YamlNode& node) {
+  const YamlNode* form = &node;
+  if (const YamlNode* parts = node.find("parts"); parts && !parts->items.empty())
+    form = &parts->items.front();
+  const YamlNode* scale = form->find("mesh") ? form->find("scale") : nullptr;
+  return scale ? parse_number(scale->text) : std::nullopt;
+}
+
+/// Sizes that are hardly meant beside a hand are most often a file's or a number's unit. What stands still
+/// may well be a wall.
+void warn_of_size(MapReader& reader, const ObjectSpec& object) {
+  constexpr double kLongest = 2, kShortest = 1e-3;
+  const double size = extent(object.shapes).maxCoeff();
+  const std::optional<double> scale = mesh_scale(reader.node());
+  const bool large = size > kLongest && (!object.is_static || scale), small = size < kShortest;
+  if (!large && !small) return;
+  const std::string remedy = !scale  ? "a bare number is in m, \"90 mm\" is in mm"
+                             : large ? fmt::format("scale: {:g} if the file is in mm", *scale / 1000)
+                                     : fmt::format("scale: {:g} if the file is in m", *scale * 1000);
+  reader.warning("name",
+                 fmt::format("{} is {:.3g} m long, and a hand some 0.2 m: {}", object.name, size, remedy));
+}
+
 ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
-                       const std::vector<model::Material>& materials, const std::vector<GraspSpec>& grasps) {
+                       const std::vector<model::Material>& materials, const std::vector<GraspSpec>& grasps,
+                       bool beside_hand) {
   ObjectSpec object;
   object.place = reader.node().place();
   object.name = read_name(reader, before);
@@ -132,6 +159,7 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
     const model::Shape& shape = object.shapes.front();
     if (!object.is_static) object.body = solid_properties(shape, read_mass(reader, volume(shape)));
   }
+  if (reader.sound() && beside_hand) warn_of_size(reader, object);
   if (!object.is_static) {
     object.velocity = reader.vector("velocity", kVelocity, Vec3::Zero());
     object.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
@@ -172,8 +200,18 @@ void read_mesh(MapReader& reader, model::Shape& shape) {
     LoadedMesh loaded = load_convex_mesh(path, scale);
     shape.mesh = std::move(loaded.mesh);
     shape.pose.p = loaded.centroid;
+    if (loaded.odd_edges > 0)
+      reader.warning("mesh", fmt::format("{} edges of {} are not shared by two faces: the convex hull closes "
+                                         "what is open",
+                                         loaded.odd_edges, path.filename().string()));
   } catch (const Error& error) {
-    for (const Problem& problem : error.problems()) reader.problem("mesh", problem.got, problem.need);
+    // What is wrong within the mesh's file has its place there.
+    for (const Problem& problem : error.problems())
+      if (problem.place)
+        reader.diagnostics().problems.push_back(
+            {problem.place, reader.path_of("mesh"), problem.got, problem.need});
+      else
+        reader.problem("mesh", problem.got, problem.need);
   }
   node.text = path.string();
 }
@@ -202,9 +240,9 @@ bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shap
 }
 
 std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials,
-                                     const std::vector<GraspSpec>& grasps) {
+                                     const std::vector<GraspSpec>& grasps, bool beside_hand) {
   std::vector<ObjectSpec> objects;
-  YamlNode* list = reader.list("objects", false);
+  YamlNode* list = reader.list("objects", false, std::numeric_limits<std::size_t>::max());
   if (!list) return objects;
   if (list->items.size() > kMostObjects) {
     reader.problem("objects", list->described(), fmt::format("at most {} objects", kMostObjects));
@@ -213,8 +251,8 @@ std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model:
   for (std::size_t i = 0; i < list->items.size(); ++i) {
     const std::string path = item_path("objects", i);
     if (inline_file(list->items[i], path, FileKind::object, overridden, reader.diagnostics()))
-      objects.push_back(
-          read_object(MapReader(list->items[i], path, reader.diagnostics()), objects, materials, grasps));
+      objects.push_back(read_object(MapReader(list->items[i], path, reader.diagnostics()), objects, materials,
+                                    grasps, beside_hand));
   }
   return objects;
 }
@@ -224,7 +262,7 @@ ObjectSpec read_object_file(YamlNode& root, Diagnostics& diagnostics) {
   // What the scene gives it.
   if (!root.find("name")) yaml_put(root, "name", yaml_scalar("object"));
   if (!root.find("position")) yaml_put(root, "position", parse_yaml("[0, 0, 0]", ""));
-  return read_object(MapReader(root, "", diagnostics), {}, {}, {});
+  return read_object(MapReader(root, "", diagnostics), {}, {}, {}, true);
 }
 
 std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model::Material>& materials) {

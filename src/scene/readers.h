@@ -56,8 +56,9 @@ model::Effects effects_of_rules(const SceneSpec& scene);
 /// A driven wrist may lack a motion, a rail its place, and a grasped object its place: grasps and climbs give
 /// them.
 std::vector<HandEntry> read_hands(MapReader& reader, bool grasped, bool climbed);
+/// @param beside_hand sizes that are hardly meant beside a hand are warned of.
 std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials,
-                                     const std::vector<GraspSpec>& grasps);
+                                     const std::vector<GraspSpec>& grasps, bool beside_hand);
 std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model::Material>& materials);
 
 /// The `effects` list, with `auto` resolved and written out. Reads nothing but the scene's content.

@@ -147,11 +147,11 @@ Scene without_effect(const Scene& scene, model::Effect effect) {
 }
 
 Scene load_scene(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
-  YamlNode root = load_yaml(path);
   Diagnostics diagnostics;
+  YamlNode root = load_yaml(path, diagnostics.budget);
   for (const std::string& assignment : overrides) {
     try {
-      apply_override(root, assignment);
+      apply_override(root, assignment, diagnostics.budget);
     } catch (const Error& error) {
       diagnostics.take(error);
     }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <fmt/format.h>
 
@@ -11,6 +12,8 @@
 namespace handsim::scene {
 
 namespace {
+
+constexpr std::size_t kLongestTitle = 1000;
 
 void check_times(MapReader& reader, const SceneSpec& scene) {
   const double steps = scene.duration / scene.solver.step;
@@ -32,7 +35,7 @@ std::string item_path(std::string_view list, std::size_t i) { return fmt::format
 
 void each_block(MapReader& reader, std::string_view key, std::size_t most,
                 const std::function<void(MapReader)>& read) {
-  YamlNode* list = reader.list(key, false);
+  YamlNode* list = reader.list(key, false, std::numeric_limits<std::size_t>::max());
   if (!list) return;
   if (list->items.size() > most)
     return reader.problem(key, list->described(), fmt::format("at most {} {}", most, key));
@@ -52,11 +55,14 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   if (!is_of_kind(root, "", FileKind::scene, diagnostics)) return scene;
   MapReader reader(root, "", diagnostics);
   scene.title = reader.text("title", "untitled");
+  if (scene.title.size() > kLongestTitle)
+    reader.problem("title", fmt::format("a text of {} bytes", scene.title.size()),
+                   fmt::format("at most {} bytes", kLongestTitle));
   scene.grasps = read_grasps(reader);
   scene.climbs = read_climbs(reader);
   scene.hands = read_hands(reader, !scene.grasps.empty(), !scene.climbs.empty());
   scene.contacts = read_contacts(reader);
-  scene.objects = read_objects(reader, scene.contacts.materials, scene.grasps);
+  scene.objects = read_objects(reader, scene.contacts.materials, scene.grasps, !scene.hands.empty());
   if (reader.sound() && !scene.grasps.empty()) place_grasps(scene, diagnostics);
   if (reader.sound()) place_climbs(scene, diagnostics);
   std::vector<std::string> taken = {"world", "ground"};

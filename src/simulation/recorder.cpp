@@ -7,6 +7,7 @@
 
 #include "handsim/core/units.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/simulation/output_size.h"
 
 namespace handsim::simulation {
 
@@ -30,12 +31,17 @@ std::vector<std::string> control_columns(const control::Plan& plan) {
 
 Recorder::Recorder(const scene::Scene& scene, const RunOptions& options, const Simulation& simulation)
     : simulation_(simulation),
-      out_(options.out),
       step_(scene.spec.solver.step),
       trajectory_(options.out / "trajectory.csv", scene.model),
-      every_(std::max(1L, std::lround(scene.spec.record_every / step_))) {
-  if (all_angles(scene.model)) motion_.emplace(scene.spec.title, output::coordinate_names(scene.model), true);
-  if (scene.control) control_.emplace(scene.spec.title, control_columns(*scene.control), false);
+      every_(record_steps(scene.spec)) {
+  const auto rows =
+      static_cast<std::size_t>(record_rows(simulation.steps(), simulation.step_count(), every_));
+  if (all_angles(scene.model))
+    motion_.emplace(options.out / "trajectory.mot",
+                    output::MotionHead{scene.spec.title, output::coordinate_names(scene.model), true, rows});
+  if (scene.control)
+    control_.emplace(options.out / "control.sto",
+                     output::MotionHead{scene.spec.title, control_columns(*scene.control), false, rows});
   if (scene.spec.record_contacts) contacts_.emplace(options.out / "contacts.csv", scene.model);
   if (!options.pose_pictures)
     plan_frames(options.frames);
@@ -141,9 +147,9 @@ void Recorder::see(long step) {
 void Recorder::finish() {
   if (climb_) finish_climb();
   trajectory_.finish();
-  if (motion_) motion_->write(out_ / "trajectory.mot");
+  if (motion_) motion_->finish();
   if (contacts_) contacts_->finish();
-  if (control_) control_->write(out_ / "control.sto");
+  if (control_) control_->finish();
 }
 
 }  // namespace handsim::simulation

@@ -42,7 +42,6 @@ class Recorder {
   void add_rows();
 
   const Simulation& simulation_;
-  std::filesystem::path out_;
   double step_;
   output::TrajectoryWriter trajectory_;
   std::optional<output::MotionTableWriter> motion_;  ///< joint angles

@@ -11,6 +11,7 @@
 #include "handsim/output/child.h"
 #include "handsim/output/contact_sheet.h"
 #include "handsim/scene/files_read.h"
+#include "handsim/simulation/output_size.h"
 #include "handsim/simulation/pictures.h"
 #include "handsim/simulation/plots.h"
 #include "handsim/simulation/recorder.h"
@@ -149,6 +150,12 @@ void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options,
   }
 }
 
+/// Pictures at most.
+int picture_count(const scene::Scene& scene, const RunOptions& options) {
+  return options.pose_pictures ? static_cast<int>(scene.control->hands.front().trajectory.phases().size())
+                               : options.frames;
+}
+
 /// What only a controlled scene can show.
 void check_controlled(const scene::Scene& scene, const RunOptions& options) {
   if (!scene.control)
@@ -189,6 +196,9 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
   const double step = scene.spec.solver.step;
   if (options.from_snapshot) go_on(simulation, *options.from_snapshot, scene.spec.duration, result);
   static_cast<void>(snapshot_step(simulation, options, step));
+  const OutputSize size =
+      output_size(scene, simulation.steps(), simulation.step_count(), picture_count(scene, options));
+  if (const auto note = check_room(scene, size, options.out); note && options.note) options.note(*note);
   std::optional<output::OutputFolder> own;
   if (!held) own.emplace(run_folder(scene, options));
   (held ? *held : *own).clear();

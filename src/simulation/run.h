@@ -41,6 +41,8 @@ struct RunOptions {
   bool draw_apart = false;
   /// Told the share done, 0..1, now and then.
   std::function<void(double)> progress;
+  /// Told, before anything is run, what there is to know of it: that it writes much.
+  std::function<void(const std::string&)> note;
 };
 
 /// A criterion's figure beside its limit.
@@ -80,8 +82,9 @@ struct RunResult {
 };
 
 /// Runs the scene and writes its files.
-/// @throws Error (input) where the folder cannot be had (output_folder.h) or the snapshot to go on from is no
-///         snapshot of this scene, or is not of a time before its end; nothing is run then.
+/// @throws Error (input) where the folder cannot be had (output_folder.h), the snapshot to go on from is no
+///         snapshot of this scene, or is not of a time before its end, or where the files have no room
+///         (output_size.h); nothing is run then.
 /// @throws Error (output) where a table or the summary cannot be written.
 RunResult run(const scene::Scene& scene, const RunOptions& options);
 

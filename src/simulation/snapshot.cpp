@@ -1,7 +1,6 @@
 #include "handsim/simulation/snapshot.h"
 
 #include <algorithm>
-#include <fstream>
 #include <iterator>
 #include <map>
 #include <set>
@@ -9,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/archive.h"
+#include "handsim/core/input_file.h"
 #include "handsim/output/atomic_file.h"
 
 namespace handsim::simulation {
@@ -145,20 +145,9 @@ void write_snapshot(const RunSnapshot& snapshot, const std::filesystem::path& pa
 }
 
 RunSnapshot read_snapshot(const std::filesystem::path& path) {
-  const auto refuse = [&](const std::string& got) {
-    return input_error(path.string(), got, "a snapshot that handsim run --snapshot-at has written");
-  };
-  std::error_code failure;
-  if (!std::filesystem::is_regular_file(path, failure)) throw refuse("no file");
-  std::ifstream file(path, std::ios::binary);
-  if (!file) throw refuse("a file that cannot be read");
-  // As much as there is at most, whatever the file says of its size.
-  std::string text(std::min<std::uintmax_t>(std::filesystem::file_size(path, failure), kSnapshotMaxBytes) + 1,
-                   '\0');
-  file.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(file.gcount()));
-  if (text.size() > kSnapshotMaxBytes) throw refuse("a file of more than 64 MB");
-  return parse_snapshot(text, path.string());
+  return parse_snapshot(
+      read_input_file(path, "a snapshot that handsim run --snapshot-at has written", kSnapshotMaxBytes),
+      path.string());
 }
 
 }  // namespace handsim::simulation

@@ -50,6 +50,8 @@ AccuracyMethod read_peer(MapReader reader, const std::vector<double>& steps) {
   return method;
 }
 
+constexpr std::size_t kMostMethods = 1000;
+
 }  // namespace
 
 AccuracySpec load_accuracy(const std::filesystem::path& path) {
@@ -82,11 +84,11 @@ AccuracySpec load_accuracy(const std::filesystem::path& path) {
   spec.repeats = reader.integer("repeats", 1, 1000, 5);
   const std::vector<double> steps = read_steps(reader, "steps", true);
   spec.plot_steps = read_steps(reader, "plot_steps", false);
-  if (YamlNode* methods = reader.list("methods", true))
+  if (YamlNode* methods = reader.list("methods", true, kMostMethods))
     for (std::size_t i = 0; i < methods->items.size(); ++i)
       spec.methods.push_back(
           read_method(MapReader(methods->items[i], fmt::format("methods.{}", i), diagnostics), steps));
-  if (YamlNode* peers = reader.list("peers", false))
+  if (YamlNode* peers = reader.list("peers", false, kMostMethods))
     for (std::size_t i = 0; i < peers->items.size(); ++i)
       spec.methods.push_back(
           read_peer(MapReader(peers->items[i], fmt::format("peers.{}", i), diagnostics), steps));

@@ -7,9 +7,15 @@
 
 namespace handsim::study {
 
+namespace {
+
+constexpr std::size_t kMostSteps = 100;
+
+}  // namespace
+
 std::vector<double> read_steps(MapReader& reader, std::string_view key, bool required) {
   std::vector<double> steps;
-  const YamlNode* list = reader.list(key, required);
+  const YamlNode* list = reader.list(key, required, kMostSteps);
   if (!list) return steps;
   for (std::size_t i = 0; i < list->items.size(); ++i)
     if (const auto step = read_number(list->items[i], fmt::format("{}.{}", reader.path_of(key), i),

@@ -181,10 +181,11 @@ TEST(MotionFile, ReadsTheTargetsOfAControlTable) {
 // Oracle: the numbers given; 1e-15 is the rounding of degrees.
 TEST(MotionFile, WhatIsWrittenReadsBack) {
   const test::TemporaryFolder folder;
-  output::MotionTableWriter writer("angles", {"right.a.flexion", "right.b.flexion"}, true);
+  output::MotionTableWriter writer(folder.path() / "a.mot",
+                                   {"angles", {"right.a.flexion", "right.b.flexion"}, true, 2});
   const std::vector<std::vector<double>> rows = {{0.1, -0.2}, {1.0 / 3, 1.5}};
   for (std::size_t i = 0; i < rows.size(); ++i) writer.add(0.25 * static_cast<double>(i), rows[i]);
-  writer.write(folder.path() / "a.mot");
+  writer.finish();
   const MotionTable read = read_motion(folder.path() / "a.mot");
   EXPECT_EQ(read.names, (std::vector<std::string>{"right.a.flexion", "right.b.flexion"}));
   for (std::size_t i = 0; i < rows.size(); ++i)

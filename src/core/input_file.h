@@ -1,0 +1,22 @@
+// The one way in which a file that a user names is read: a regular file of a limited size, at once into
+// memory. Pipes, devices and folders are refused and never waited for.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+#include "handsim/core/error.h"
+
+namespace handsim {
+
+/// All bytes of a file; links are followed.
+/// @param need what is accepted, for messages, e.g. `a readable YAML file`. @param most_bytes largest size.
+/// @throws Error (input) at the file's first line where it is missing, no regular file, unreadable or larger.
+std::string read_input_file(const std::filesystem::path& path, std::string_view need, std::size_t most_bytes);
+
+/// Bytes for messages: `64 MB` where that is the whole number (of 1024 kB), otherwise `10000000 bytes`.
+std::string bytes_text(std::size_t bytes);
+
+}  // namespace handsim
