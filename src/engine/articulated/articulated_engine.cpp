@@ -90,7 +90,10 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
       throw input_error("model", "ODE: " + fault.message, "a model that ODE accepts");
     }
   }
-  if (smooth(settings)) smooth_ = std::make_unique<Smooth>(model, settings, mechanism_, loops_.get());
+  if (smooth(settings))
+    smooth_ = std::make_unique<Smooth>(model, settings, mechanism_, loops_.get());
+  else
+    fast_spin_ = std::make_unique<FastSpin>(model, mechanism_);
   saved_.resize(mechanism_.q().size() + mechanism_.u().size());
   saved_bases_.reserve(drives_.size());
   targets_.resize(drives_.size());
@@ -261,10 +264,18 @@ void ArticulatedEngine::collide(StepReport& report) {
   report.collide_ns = std::chrono::duration<double, std::nano>(Clock::now() - start).count();
 }
 
-void ArticulatedEngine::step_implicitly(double end, StepReport& report) {
+/// Where a step ends: poses, and rates that go with them. False where the motion is not sound.
+bool ArticulatedEngine::arrive(bool fast) {
+  bool sound = mechanism_.kernel().kinematics(mechanism_.tree());
+  if (sound && fast) sound = fast_spin_->correct();
+  return sound && (!loops_ || loops_->close() < kOpen);
+}
+
+void ArticulatedEngine::step_implicitly(const StepInput& input, double end, StepReport& report) {
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();
   if (contact_) collide(report);
+  const bool fast = fast_spin_->begin(input, settings_.step);
   const bool moving = aim_bases(end);
   mechanism_.settle_spins(settings_.step);
   if (report.contacts > 0) {
@@ -276,9 +287,11 @@ void ArticulatedEngine::step_implicitly(double end, StepReport& report) {
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();
   }
+  if (fast) fast_spin_->keep_impulses();
   kernel.integrate(tree, settings_.step);
+  if (fast) fast_spin_->place();
   if (moving) place_bases();
-  check(kernel.kinematics(tree) && (!loops_ || loops_->close() < kOpen), end);
+  check(arrive(fast), end);
 }
 
 std::span<const Contact> ArticulatedEngine::contacts() const {
@@ -294,7 +307,7 @@ StepReport ArticulatedEngine::step(const StepInput& input) {
   if (smooth_)
     check(smooth_->advance(time_, end), end);
   else
-    step_implicitly(end, report);
+    step_implicitly(input, end, report);
   if (settings_.effects.has(model::Effect::joint_stops)) report.stop_rows = mechanism_.stops_in_force();
   time_ = end;
   fresh_ = false;

@@ -116,7 +116,9 @@ inline bool Lanes<V>::move(const Tree& tree, Batches& b) {
   const V3<V> torque = cross(v.n, momentum) + mass * cross(v.f, v_C);
   store6(b.pv, {torque, force});
   const V limit = tree.max_speed * tree.max_speed, turn = tree.max_turn * tree.max_turn;
-  const auto bad = !(dot(v_C, v_C) <= limit) || !(dot(v.n, v.n) <= turn);
+  const V spin = dot(v.n, v.n);
+  store(b.spin, spin);
+  const auto bad = !(dot(v_C, v_C) <= limit) || !(spin <= turn);
   return !any(bad);
 }
 

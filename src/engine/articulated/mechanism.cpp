@@ -54,6 +54,7 @@ NodeView Mechanism::view(std::size_t node) const {
     out.R = lane(b.frame.R[0]);
     out.p = lane(b.frame.p[0]);
     out.v = lane(b.frame.v[0]);
+    out.spin = lane(b.spin);
     if (b.link == ParentLink::base) out.base_a = lane(in.base[b.parent].a[0]);
     out.S = single(b.kind) ? lane(b.S[0]) : lane(in.joint3[b.axis].S[0][0]);
     if (!single(b.kind)) out.tau = lane(in.joint3[b.axis].tau[0]);
