@@ -116,6 +116,7 @@ void ArticulatedEngine::start(const model::State& state) {
   mechanism_.take(next);
   mechanism_.forget_contacts();
   if (contact_) contact_->forget();
+  if (fast_spin_) fast_spin_->forget();
   mechanism_.kernel().kinematics(mechanism_.tree());
   if (loops_ && !(loops_->close() < kOpen))
     throw input_error("state", "loops that are open", "joints that can all be closed");
@@ -156,6 +157,7 @@ void ArticulatedEngine::save(ArchiveWriter& out) const {
   out(smooth_ ? smooth_->size() : 0.0);
   out(contact_ != nullptr);
   if (contact_) contact_->save(out);
+  if (fast_spin_) fast_spin_->save(out);
 }
 
 void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
@@ -170,6 +172,7 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   in(with_contacts);
   if (with_contacts != (contact_ != nullptr)) in.refuse("contacts of another scene", "those of this one");
   if (contact_) contact_->restore(in);
+  if (fast_spin_) fast_spin_->restore(in);
   mechanism_.kernel().kinematics(mechanism_.tree());
   had_torques_ = true;
   time_ = state.time;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fmt/format.h>
+
 #include "handsim/core/index.h"
 
 namespace handsim::engine::articulated {
@@ -67,6 +69,22 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism)
   impulses_.resize(n);
   accelerations_.resize(n);
   residuals_.resize(mechanism.u().size());
+}
+
+void FastSpin::forget() {
+  for (Tree& tree : trees_) tree.credit = 0;
+}
+
+void FastSpin::save(ArchiveWriter& out) const {
+  for (const Tree& tree : trees_) out(tree.credit);
+}
+
+void FastSpin::restore(ArchiveReader& in) {
+  for (Tree& tree : trees_) {
+    in(tree.credit);
+    if (!(tree.credit >= 0 && std::isfinite(tree.credit)))
+      in.refuse(fmt::format("{:g} J lost by inertia", tree.credit), "0 or more");
+  }
 }
 
 bool FastSpin::driven(const Tree& tree, const StepInput& input) const {
@@ -200,8 +218,8 @@ bool FastSpin::correct() {
   mechanism_.settle_bases();
   bool sound = mechanism_.kernel().velocities(mechanism_.tree());
   bool slowed = false;
-  for (const Tree& tree : trees_)
-    if (tree.fast && !tree.carried) slowed = keep_energy(tree) || slowed;
+  for (Tree& tree : trees_)
+    if (sound && tree.fast && !tree.carried) slowed = keep_energy(tree) || slowed;
   if (slowed) sound = mechanism_.kernel().velocities(mechanism_.tree());
   return sound;
 }
@@ -242,17 +260,25 @@ std::pair<Spatial, double> FastSpin::as_one_body(const Tree& tree, const Whole& 
 
 /// Takes energy that inertia alone has gained from the motion of the joints against each other: at rates u,
 /// with u_1 those as one body, u_1 + s (u - u_1) has the same momentum and the energy T_1 + s^2 (T - T_1).
-/// What that cannot give is taken from the rotation as one body. Returns true where rates changed.
-bool FastSpin::keep_energy(const Tree& tree) {
+/// What that cannot give is lent from what the steps before have lost: a body that tumbles gains and loses by
+/// turns. The rest is taken from the rotation as one body, with its momentum. Returns true where rates
+/// changed.
+bool FastSpin::keep_energy(Tree& tree) {
   const std::span<double> u = mechanism_.u();
   const Whole whole = all_of(tree);
   const Vec3 P = whole.momentum.tail<3>();
   double allowed = tree.energy + 0.5 * step_ * mechanism_.gravity().dot(tree.momentum + P);
   for (const int dof : tree.dofs)
     allowed += 0.5 * impulses_[at(dof)] * (rates_[at(dof)] + u[space_.rate_index(dof)]);
-  if (!(whole.energy > allowed)) return false;
+  if (!(whole.energy > allowed)) {
+    tree.credit += allowed - whole.energy;
+    return false;
+  }
 
   auto [rates, least] = as_one_body(tree, whole);
+  const double lent = std::clamp(least - allowed, 0.0, tree.credit);
+  tree.credit -= lent;
+  allowed += lent;
   const double share = share_left(whole.energy - least, allowed - least);
   if (least > allowed) {
     // A free tree's centre of mass flies on.

@@ -33,6 +33,10 @@ class FastSpin {
   /// Both must outlive this.
   FastSpin(const model::Model& model, Mechanism& mechanism);
 
+  /// Forgets what steps before have lost.
+  void forget();
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
   /// Finds the fast trees and keeps what their step starts from; before bases get the step's velocities.
   /// @param step [s] @returns false where none is fast: the step needs nothing of what follows
   bool begin(const StepInput& input, double step);
@@ -52,9 +56,10 @@ class FastSpin {
     std::vector<std::size_t> driven_by;  ///< dofs of the model, of joints that torques or servos may drive
     int island = 0, base = model::kWorld;
     bool fast = false;
-    bool carried = false;          ///< by a base that moves
-    Vec3 origin = Vec3::Zero();    ///< at the start
-    double energy = 0;             ///< kinetic, at the start [J]
+    bool carried = false;        ///< by a base that moves
+    Vec3 origin = Vec3::Zero();  ///< at the start
+    double credit = 0;  ///< energy that inertia lost in corrected steps, less what was lent of it [J]
+    double energy = 0;  ///< kinetic, at the start [J]
     Vec3 momentum = Vec3::Zero();  ///< linear, at the start [kg m/s]
     Vec3 centre = Vec3::Zero();    ///< of mass, from the origin, at the start [m]
   };
@@ -72,7 +77,7 @@ class FastSpin {
   void find_residuals(const Tree& tree);
   Whole all_of(const Tree& tree) const;
   std::pair<Spatial, double> as_one_body(const Tree& tree, const Whole& whole) const;
-  bool keep_energy(const Tree& tree);
+  bool keep_energy(Tree& tree);
 
   Mechanism& mechanism_;
   JointSpace space_;
