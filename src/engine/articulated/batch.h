@@ -119,6 +119,7 @@ struct Tree {
   double* u = nullptr;                 ///< rates
   double* du = nullptr;                ///< accelerations
   double max_speed = 0, max_turn = 0;  ///< bounds of every link [m/s], [rad/s]
+  double* spin = nullptr;              ///< largest Batch::spin of each lane
   double erp = 1;                      ///< share of an angle beyond its stop that a step brings back
 };
 

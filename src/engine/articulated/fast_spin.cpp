@@ -13,10 +13,14 @@ namespace {
 
 Vec3 read3(const double* x, std::size_t stride) { return {x[0], x[stride], x[2 * stride]}; }
 
-/// Symmetric: xx, xy, xz, yy, yz, zz.
 Mat3 read_symmetric(const double* x, std::size_t s) {
   Mat3 out;
-  out << x[0], x[s], x[2 * s], x[s], x[3 * s], x[4 * s], x[2 * s], x[4 * s], x[5 * s];
+  out(0, 0) = x[0];
+  out(1, 1) = x[3 * s];
+  out(2, 2) = x[5 * s];
+  out(0, 1) = out(1, 0) = x[s];
+  out(0, 2) = out(2, 0) = x[2 * s];
+  out(1, 2) = out(2, 1) = x[4 * s];
   return out;
 }
 
@@ -88,27 +92,25 @@ void FastSpin::restore(ArchiveReader& in) {
 }
 
 bool FastSpin::driven(const Tree& tree, const StepInput& input) const {
-  const BaseMotion& base = mechanism_.base(tree.base);
-  if (!base.v.isZero(0) || !base.w.isZero(0)) return true;
   for (const std::size_t dof : tree.driven_by)
     if ((!input.servos.empty() && input.servos[dof].limit != 0) ||
         (!input.torques.empty() && input.torques[dof] != 0))
       return true;
-  return false;
-}
-
-bool FastSpin::fast(const Tree& tree, const StepInput& input) const {
-  double spin = 0;
-  for (const int node : tree.nodes) spin = std::max(spin, *views_[at(node)].spin);
-  const auto beyond = [&](double turn) { return spin * step_ * step_ > turn * turn; };
-  return beyond(kPassiveTurn) && (beyond(kDrivenTurn) || !driven(tree, input));
+  const BaseMotion& base = mechanism_.base(tree.base);
+  return !base.v.isZero(0) || !base.w.isZero(0);
 }
 
 bool FastSpin::begin(const StepInput& input, double step) {
+  const auto beyond = [&](double spin, double turn) { return spin * step * step > turn * turn; };
+  const double most = mechanism_.spin();
+  if (!beyond(most, kPassiveTurn)) return false;
   step_ = step;
   bool any = false;
   for (Tree& tree : trees_) {
-    tree.fast = fast(tree, input);
+    const double turn = driven(tree, input) ? kDrivenTurn : kPassiveTurn;
+    tree.fast = beyond(most, turn) && std::any_of(tree.nodes.begin(), tree.nodes.end(), [&](int node) {
+                  return beyond(*views_[at(node)].spin, turn);
+                });
     if (tree.fast) keep_start(tree);
     any = any || tree.fast;
   }
@@ -122,7 +124,8 @@ Spatial FastSpin::momentum(int node) const {
   Spatial out = Spatial::Zero();
   if (!mechanism_.topology().nodes[at(node)].body) return out;
   const Vec3 w = read3(b.v, s), v = read3(b.v + 3 * s, s), h = read3(b.h, s);
-  out << read_symmetric(b.I, s) * w + h.cross(v), *b.mass * v - h.cross(w);
+  out.head<3>() = read_symmetric(b.I, s) * w + h.cross(v);
+  out.tail<3>() = *b.mass * v - h.cross(w);
   return out;
 }
 
@@ -134,7 +137,7 @@ void FastSpin::keep_start(Tree& tree) {
   tree.energy = 0;
   tree.momentum = Vec3::Zero();
   tree.centre = Vec3::Zero();
-  double mass = 0;
+  tree.mass = 0;
   const Vec3 gravity = step_ * mechanism_.gravity();
   for (const int node : tree.nodes) {
     Spatial& L = start_[at(node)];
@@ -148,9 +151,9 @@ void FastSpin::keep_start(Tree& tree) {
     L.head<3>() += h.cross(gravity);
     L.tail<3>() += *b.mass * gravity;
     tree.centre += h;
-    mass += *b.mass;
+    tree.mass += *b.mass;
   }
-  tree.centre /= mass;
+  tree.centre /= tree.mass;
   for (std::size_t i = tree.nodes.size(); i-- > 1;)
     start_[at(*topology.nodes[at(tree.nodes[i])].parent)] += start_[at(tree.nodes[i])];
   for (const int dof : tree.dofs) {
@@ -224,25 +227,30 @@ bool FastSpin::correct() {
   return sound;
 }
 
-FastSpin::Whole FastSpin::all_of(const Tree& tree) const {
-  const std::size_t stride = mechanism_.stride();
-  Whole out;
+/// Momentum and kinetic energy of a tree.
+std::pair<Spatial, double> FastSpin::motion(const Tree& tree) const {
+  std::pair<Spatial, double> out = {Spatial::Zero(), 0};
   for (const int node : tree.nodes) {
-    if (!mechanism_.topology().nodes[at(node)].body) continue;
-    const NodeView& b = views_[at(node)];
     const Spatial own = momentum(node);
-    out.momentum += own;
-    out.energy += 0.5 * own.dot(space_.velocity(node));
-    out.mass += *b.mass;
-    out.h += read3(b.h, stride);
-    out.I += read_symmetric(b.I, stride);
+    out.first += own;
+    out.second += 0.5 * own.dot(space_.velocity(node));
   }
   return out;
 }
 
 /// The root's rates, padded with zeros, at which the tree has its momentum along the root's axes when all its
 /// other joints are locked, and the energy it then has.
-std::pair<Spatial, double> FastSpin::as_one_body(const Tree& tree, const Whole& whole) const {
+std::pair<Spatial, double> FastSpin::as_one_body(const Tree& tree, const Spatial& momentum) const {
+  double mass = 0;
+  Vec3 h = Vec3::Zero();
+  Mat3 I = Mat3::Zero();
+  for (const int node : tree.nodes) {
+    if (!mechanism_.topology().nodes[at(node)].body) continue;
+    const NodeView& b = views_[at(node)];
+    mass += *b.mass;
+    h += read3(b.h, mechanism_.stride());
+    I += read_symmetric(b.I, mechanism_.stride());
+  }
   const int root = tree.nodes[0], first = space_.first_dof(root), count = space_.last_dof(root) - first + 1;
   Eigen::Matrix<double, 6, 6> H = Eigen::Matrix<double, 6, 6>::Identity();
   Spatial p = Spatial::Zero();
@@ -250,9 +258,10 @@ std::pair<Spatial, double> FastSpin::as_one_body(const Tree& tree, const Whole& 
     const Spatial S = space_.axis(first + j);
     const Vec3 turn = S.head<3>(), shift = S.tail<3>();
     Spatial F;
-    F << whole.I * turn + whole.h.cross(shift), whole.mass * shift - whole.h.cross(turn);
+    F.head<3>() = I * turn + h.cross(shift);
+    F.tail<3>() = mass * shift - h.cross(turn);
     for (int i = 0; i < count; ++i) H(i, j) = space_.axis(first + i).dot(F);
-    p[j] = S.dot(whole.momentum);
+    p[j] = S.dot(momentum);
   }
   const Spatial rates = H.llt().solve(p);
   return {rates, 0.5 * p.dot(rates)};
@@ -265,26 +274,26 @@ std::pair<Spatial, double> FastSpin::as_one_body(const Tree& tree, const Whole& 
 /// changed.
 bool FastSpin::keep_energy(Tree& tree) {
   const std::span<double> u = mechanism_.u();
-  const Whole whole = all_of(tree);
-  const Vec3 P = whole.momentum.tail<3>();
+  const auto [momentum, energy] = motion(tree);
+  const Vec3 P = momentum.tail<3>();
   double allowed = tree.energy + 0.5 * step_ * mechanism_.gravity().dot(tree.momentum + P);
   for (const int dof : tree.dofs)
     allowed += 0.5 * impulses_[at(dof)] * (rates_[at(dof)] + u[space_.rate_index(dof)]);
-  if (!(whole.energy > allowed)) {
-    tree.credit += allowed - whole.energy;
+  if (!(energy > allowed)) {
+    tree.credit += allowed - energy;
     return false;
   }
 
-  auto [rates, least] = as_one_body(tree, whole);
+  auto [rates, least] = as_one_body(tree, momentum);
   const double lent = std::clamp(least - allowed, 0.0, tree.credit);
   tree.credit -= lent;
   allowed += lent;
-  const double share = share_left(whole.energy - least, allowed - least);
+  const double share = share_left(energy - least, allowed - least);
   if (least > allowed) {
     // A free tree's centre of mass flies on.
     Spatial flight = Spatial::Zero();
     if (mechanism_.topology().nodes[at(tree.nodes[0])].kind == NodeKind::free)
-      flight.tail<3>() = P / whole.mass;
+      flight.tail<3>() = P / tree.mass;
     const double flying = 0.5 * P.dot(Vec3(flight.tail<3>()));
     rates = flight + share_left(least - flying, allowed - flying) * (rates - flight);
   }

@@ -60,23 +60,16 @@ class FastSpin {
     Vec3 origin = Vec3::Zero();  ///< at the start
     double credit = 0;  ///< energy that inertia lost in corrected steps, less what was lent of it [J]
     double energy = 0;  ///< kinetic, at the start [J]
+    double mass = 0;    ///< [kg]
     Vec3 momentum = Vec3::Zero();  ///< linear, at the start [kg m/s]
     Vec3 centre = Vec3::Zero();    ///< of mass, from the origin, at the start [m]
   };
-  /// A tree's momentum and inertia about its island's origin.
-  struct Whole {
-    Spatial momentum = Spatial::Zero();
-    double energy = 0, mass = 0;
-    Vec3 h = Vec3::Zero();
-    Mat3 I = Mat3::Zero();
-  };
   bool driven(const Tree& tree, const StepInput& input) const;
-  bool fast(const Tree& tree, const StepInput& input) const;
   void keep_start(Tree& tree);
   Spatial momentum(int node) const;
   void find_residuals(const Tree& tree);
-  Whole all_of(const Tree& tree) const;
-  std::pair<Spatial, double> as_one_body(const Tree& tree, const Whole& whole) const;
+  std::pair<Spatial, double> motion(const Tree& tree) const;
+  std::pair<Spatial, double> as_one_body(const Tree& tree, const Spatial& momentum) const;
   bool keep_energy(Tree& tree);
 
   Mechanism& mechanism_;

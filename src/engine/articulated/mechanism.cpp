@@ -100,6 +100,7 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
   tree_.erp = settings.erp;
   tree_.max_speed = kMaxSpeed;
   tree_.max_turn = kMaxAngularSpeed;
+  tree_.spin = static_cast<double*>(allocate(stride() * sizeof(double)));
   seat_nodes(settings);
   std::vector<bool> parents(topology_.nodes.size(), false);
   for (const Node& node : topology_.nodes)

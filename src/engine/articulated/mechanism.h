@@ -2,6 +2,7 @@
 // between body poses and joint coordinates. Knows no method of integration and holds no loop together.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <memory>
 #include <span>
@@ -55,6 +56,8 @@ class Mechanism {
   /// Of a node of one rate.
   AxisView axis_view(std::size_t node) const;
   std::size_t stride() const { return static_cast<std::size_t>(kernel_->width); }
+  /// Square of the largest angular velocity of a link, as `kinematics` last found it [1/s^2].
+  double spin() const { return *std::max_element(tree_.spin, tree_.spin + stride()); }
   /// Positions, rates and accelerations in the tree's order, empty lanes included.
   std::span<double> q() { return {tree_.q, static_cast<std::size_t>(tree_.positions)}; }
   std::span<double> u() { return {tree_.u, static_cast<std::size_t>(tree_.rates)}; }
