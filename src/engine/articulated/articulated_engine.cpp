@@ -270,7 +270,8 @@ void ArticulatedEngine::collide(StepReport& report) {
 /// Where a step ends: poses, and rates that go with them. False where the motion is not sound.
 bool ArticulatedEngine::arrive(bool fast) {
   bool sound = mechanism_.kernel().kinematics(mechanism_.tree());
-  if (sound && fast) sound = fast_spin_->correct();
+  // Rates beyond all bounds may come back within them.
+  if (fast) sound = fast_spin_->correct();
   return sound && (!loops_ || loops_->close() < kOpen);
 }
 

@@ -222,7 +222,7 @@ bool FastSpin::correct() {
   bool sound = mechanism_.kernel().velocities(mechanism_.tree());
   bool slowed = false;
   for (Tree& tree : trees_)
-    if (sound && tree.fast && !tree.carried) slowed = keep_energy(tree) || slowed;
+    if (tree.fast && !tree.carried) slowed = keep_energy(tree) || slowed;
   if (slowed) sound = mechanism_.kernel().velocities(mechanism_.tree());
   return sound;
 }
@@ -279,7 +279,8 @@ bool FastSpin::keep_energy(Tree& tree) {
   double allowed = tree.energy + 0.5 * step_ * mechanism_.gravity().dot(tree.momentum + P);
   for (const int dof : tree.dofs)
     allowed += 0.5 * impulses_[at(dof)] * (rates_[at(dof)] + u[space_.rate_index(dof)]);
-  if (!(energy > allowed)) {
+  if (!std::isfinite(energy)) return false;
+  if (energy <= allowed) {
     tree.credit += allowed - energy;
     return false;
   }
