@@ -182,6 +182,30 @@ TEST(FastSpin, HandsThatWereThrownAboutAtRandomGainNoEnergy) {
         }
 }
 
+// Oracle: conservation of energy, gravity's counted, in kinetic energies that a fall of 5 cm gives.
+TEST(FastSpin, HandsThatFallFromRestGainNoEnergy) {
+  using hand::Mount;
+  for (const char* name : {kAnatomical, kPrototype})
+    for (const Mount mount : {Mount::fixed, Mount::hinge, Mount::universal, Mount::rail, Mount::free})
+      for (const auto& effects : kPassive) {
+        if (name == kPrototype && mount == Mount::universal) continue;
+        const model::Model model = shipped_hand(name, mount);
+        Settings falling = with(effects, 1e-3);
+        falling.effects.add(Effect::gravity);
+        const auto engine = make_engine(model, falling);
+        double mass = 0, gain = 0;
+        for (const model::Body& body : model.bodies)
+          if (!body.kinematic) mass += body.mass;
+        const double start = energy(model, *engine);
+        for (int i = 0; i < 1500; ++i) {
+          engine->step({});
+          gain = std::max(gain, energy(model, *engine) - start);
+        }
+        EXPECT_LT(gain, 1e-3 * mass * 9.81 * 0.05)
+            << name << ", mount " << static_cast<int>(mount) << " with " << effects.size() << " effects";
+      }
+}
+
 // Oracle: the method of order 8(5,3), and the order of the step.
 TEST(FastSpin, ConvergesWithOrderOne) {
   const model::Model model = spinning_hand(kAnatomical, 40 * Vec3(0.6, 0.48, 0.64));

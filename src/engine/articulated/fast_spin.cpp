@@ -33,7 +33,8 @@ Spatial about(const Spatial& momentum, const Vec3& shift) {
 
 /// What is left of a speed when its energy is cut down to a bound.
 double share_left(double energy, double bound) {
-  return energy > bound ? std::sqrt(std::max(0.0, bound) / energy) : 1;
+  bound = std::max(0.0, bound);
+  return energy > bound ? std::sqrt(bound / energy) : 1;
 }
 
 }  // namespace
@@ -50,6 +51,7 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism)
       Tree& tree = trees_.emplace_back();
       tree.island = node.island;
       tree.base = node.kind == NodeKind::free ? model::kWorld : node.base;
+      if (rate_count(node.kind) == 1) tree.stop = mechanism.axis_view(i).side;
     } else {
       tree_of[i] = tree_of[at(*node.parent)];
     }
@@ -239,8 +241,10 @@ std::pair<Spatial, double> FastSpin::motion(const Tree& tree) const {
 }
 
 /// The root's rates, padded with zeros, at which the tree has its momentum along the root's axes when all its
-/// other joints are locked, and the energy it then has.
+/// other joints are locked, and the energy it then has. A root that rests on its stop stays.
 std::pair<Spatial, double> FastSpin::as_one_body(const Tree& tree, const Spatial& momentum) const {
+  if (tree.stop && *tree.stop != 0 && mechanism_.u()[space_.rate_index(tree.dofs[0])] == 0)
+    return {Spatial::Zero(), 0};
   double mass = 0;
   Vec3 h = Vec3::Zero();
   Mat3 I = Mat3::Zero();

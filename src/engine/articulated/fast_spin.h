@@ -54,6 +54,7 @@ class FastSpin {
     std::vector<int> nodes;              ///< the root first
     std::vector<int> dofs;               ///< of the joint space
     std::vector<std::size_t> driven_by;  ///< dofs of the model, of joints that torques or servos may drive
+    const double* stop = nullptr;        ///< of a root of one rate: AxisView::side
     int island = 0, base = model::kWorld;
     bool fast = false;
     bool carried = false;        ///< by a base that moves
