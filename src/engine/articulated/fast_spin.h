@@ -11,9 +11,11 @@
 // much.
 //
 // What (1) leaves of energy gained, T(q1, u1) - T(q0, u0) - h f . (u0 + u1) / 2 > 0, is taken from the motion
-// of the joints against each other; the momentum that the tree's root sees stays. So a passive tree's kinetic
-// energy never rises by its inertia's doing. Positions stay those of the step: stops and contacts that it
-// landed on are met.
+// of the joints against each other; the momentum that the tree's root sees stays. Where that is too little,
+// it may use what inertia lost in the steps before; the rest is taken from the rotation of the whole, and
+// only then angular momentum is lost. So a passive tree's kinetic energy never rises by its inertia's doing;
+// that of a tree on a moving base is not looked after. Positions stay those of the step: stops and contacts
+// that it landed on are met.
 #pragma once
 
 #include <span>
