@@ -90,7 +90,10 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
       throw input_error("model", "ODE: " + fault.message, "a model that ODE accepts");
     }
   }
-  if (smooth(settings)) smooth_ = std::make_unique<Smooth>(model, settings, mechanism_, loops_.get());
+  if (smooth(settings))
+    smooth_ = std::make_unique<Smooth>(model, settings, mechanism_, loops_.get());
+  else
+    fast_spin_ = std::make_unique<FastSpin>(model, mechanism_);
   saved_.resize(mechanism_.q().size() + mechanism_.u().size());
   saved_bases_.reserve(drives_.size());
   targets_.resize(drives_.size());
@@ -113,6 +116,7 @@ void ArticulatedEngine::start(const model::State& state) {
   mechanism_.take(next);
   mechanism_.forget_contacts();
   if (contact_) contact_->forget();
+  if (fast_spin_) fast_spin_->forget();
   mechanism_.kernel().kinematics(mechanism_.tree());
   if (loops_ && !(loops_->close() < kOpen))
     throw input_error("state", "loops that are open", "joints that can all be closed");
@@ -153,6 +157,7 @@ void ArticulatedEngine::save(ArchiveWriter& out) const {
   out(smooth_ ? smooth_->size() : 0.0);
   out(contact_ != nullptr);
   if (contact_) contact_->save(out);
+  if (fast_spin_) fast_spin_->save(out);
 }
 
 void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
@@ -167,6 +172,7 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   in(with_contacts);
   if (with_contacts != (contact_ != nullptr)) in.refuse("contacts of another scene", "those of this one");
   if (contact_) contact_->restore(in);
+  if (fast_spin_) fast_spin_->restore(in);
   mechanism_.kernel().kinematics(mechanism_.tree());
   had_torques_ = true;
   time_ = state.time;
@@ -261,10 +267,19 @@ void ArticulatedEngine::collide(StepReport& report) {
   report.collide_ns = std::chrono::duration<double, std::nano>(Clock::now() - start).count();
 }
 
-void ArticulatedEngine::step_implicitly(double end, StepReport& report) {
+/// Where a step ends: poses, and rates that go with them. False where the motion is not sound.
+bool ArticulatedEngine::arrive(bool fast) {
+  bool sound = mechanism_.kernel().kinematics(mechanism_.tree());
+  // Rates beyond all bounds may come back within them.
+  if (fast) sound = fast_spin_->correct();
+  return sound && (!loops_ || loops_->close() < kOpen);
+}
+
+void ArticulatedEngine::step_implicitly(const StepInput& input, double end, StepReport& report) {
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();
   if (contact_) collide(report);
+  const bool fast = fast_spin_->begin(input, settings_.step);
   const bool moving = aim_bases(end);
   mechanism_.settle_spins(settings_.step);
   if (report.contacts > 0) {
@@ -277,9 +292,11 @@ void ArticulatedEngine::step_implicitly(double end, StepReport& report) {
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();
   }
+  if (fast) fast_spin_->keep_impulses();
   kernel.integrate(tree, settings_.step);
+  if (fast) fast_spin_->place();
   if (moving) place_bases();
-  check(kernel.kinematics(tree) && (!loops_ || loops_->close() < kOpen), end);
+  check(arrive(fast), end);
 }
 
 std::span<const Contact> ArticulatedEngine::contacts() const {
@@ -295,7 +312,7 @@ StepReport ArticulatedEngine::step(const StepInput& input) {
   if (smooth_)
     check(smooth_->advance(time_, end), end);
   else
-    step_implicitly(end, report);
+    step_implicitly(input, end, report);
   if (settings_.effects.has(model::Effect::joint_stops)) report.stop_rows = mechanism_.stops_in_force();
   time_ = end;
   fresh_ = false;

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "handsim/engine/articulated/contact_dynamics.h"
+#include "handsim/engine/articulated/fast_spin.h"
 #include "handsim/engine/articulated/smooth.h"
 
 namespace handsim::engine::articulated {
@@ -48,7 +49,8 @@ class ArticulatedEngine final : public Engine {
   void start(const model::State& state);
   void accept(const StepInput& input);
   int solve_step();
-  void step_implicitly(double end, StepReport& report);
+  void step_implicitly(const StepInput& input, double end, StepReport& report);
+  bool arrive(bool fast);
   void collide(StepReport& report);
   bool aim_bases(double end);
   void place_bases();
@@ -63,6 +65,7 @@ class ArticulatedEngine final : public Engine {
   std::unique_ptr<Loops> loops_;              ///< with loops only
   std::unique_ptr<ContactDynamics> contact_;  ///< with a contact effect and rule only
   std::unique_ptr<Smooth> smooth_;            ///< with a method for smooth motion only
+  std::unique_ptr<FastSpin> fast_spin_;       ///< without one only
   std::vector<int> drives_;                   ///< of the model, in force
   std::vector<double> saved_;                 ///< positions and rates before the step
   std::vector<BaseMotion> saved_bases_;       ///< of the drives

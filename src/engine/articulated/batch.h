@@ -79,6 +79,7 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   // Of the velocity.
   Lane<W> c[6];   ///< velocity-product acceleration
   Lane<W> pv[6];  ///< velocity-product force v x* I v
+  Lane<W> spin;   ///< square of the angular velocity
   // What children hand down: A angular block (as I), B coupling (rows first), C linear block, p force.
   Lane<W> A[6], B[9], C[6], p[6];
   Lane<W> U[6], weighted, inverse, u_force,
@@ -118,6 +119,7 @@ struct Tree {
   double* u = nullptr;                 ///< rates
   double* du = nullptr;                ///< accelerations
   double max_speed = 0, max_turn = 0;  ///< bounds of every link [m/s], [rad/s]
+  double* spin = nullptr;              ///< largest Batch::spin of each lane
   double erp = 1;                      ///< share of an angle beyond its stop that a step brings back
 };
 

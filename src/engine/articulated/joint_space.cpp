@@ -8,12 +8,6 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-Spatial read6(const double* x, std::size_t stride) {
-  Spatial out;
-  for (std::size_t i = 0; i < 6; ++i) out[static_cast<Eigen::Index>(i)] = x[i * stride];
-  return out;
-}
-
 Vec3 read3(const double* x, std::size_t stride) { return {x[0], x[stride], x[2 * stride]}; }
 
 Mat3 read_symmetric(const double* x, std::size_t s) {
@@ -45,10 +39,6 @@ JointSpace::JointSpace(Mechanism& mechanism) : stride_(mechanism.stride()) {
   f_.resize(topology.nodes.size());
   composite_.resize(topology.nodes.size());
 }
-
-Spatial JointSpace::axis(int dof) const { return read6(axes_[at(dof)], stride_); }
-
-Spatial JointSpace::velocity(int node) const { return read6(views_[at(node)].v, stride_); }
 
 void JointSpace::inverse_dynamics(std::span<const double> du, std::span<double> tau) {
   const int nodes = static_cast<int>(views_.size());

@@ -15,6 +15,13 @@ namespace handsim::engine::articulated {
 /// Angular part first, in world axes about the island's origin.
 using Spatial = Eigen::Matrix<double, 6, 1>;
 
+/// Every `stride`th number.
+inline Spatial read6(const double* x, std::size_t stride) {
+  Spatial out;
+  for (std::size_t i = 0; i < 6; ++i) out[static_cast<Eigen::Index>(i)] = x[i * stride];
+  return out;
+}
+
 /// Of a dof that nothing carries.
 inline constexpr int kNoDof = -1;
 
@@ -32,7 +39,7 @@ class JointSpace {
   /// The dof that carries another, or kNoDof.
   int parent_dof(int dof) const { return parent_dof_[static_cast<std::size_t>(dof)]; }
   /// S of a dof.
-  Spatial axis(int dof) const;
+  Spatial axis(int dof) const { return read6(axes_[static_cast<std::size_t>(dof)], stride_); }
 
   /// tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3, Table 5.1, p. 96).
   /// Gravity and the bases' accelerations included; leaves each node's acceleration for `acceleration`.
@@ -55,7 +62,7 @@ class JointSpace {
   /// is zero but for rounding.
   double row_scale(int node, const Spatial& wrench) const;
   /// Spatial velocity of a node.
-  Spatial velocity(int node) const;
+  Spatial velocity(int node) const { return read6(views_[static_cast<std::size_t>(node)].v, stride_); }
   /// Spatial acceleration of a node, less gravity's, as `inverse_dynamics` last left it.
   Spatial acceleration(int node) const { return a_[static_cast<std::size_t>(node)]; }
   /// Jacobian [3 x size] of the velocity of a point of a node [m, world axes from the island's origin].

@@ -116,13 +116,18 @@ inline bool Lanes<V>::move(const Tree& tree, Batches& b) {
   const V3<V> torque = cross(v.n, momentum) + mass * cross(v.f, v_C);
   store6(b.pv, {torque, force});
   const V limit = tree.max_speed * tree.max_speed, turn = tree.max_turn * tree.max_turn;
-  const auto bad = !(dot(v_C, v_C) <= limit) || !(dot(v.n, v.n) <= turn);
+  const V spin = dot(v.n, v.n);
+  store(b.spin, spin);
+  const V most = load(tree.spin);
+  store(tree.spin, articulated::select(spin > most, spin, most));
+  const auto bad = !(dot(v_C, v_C) <= limit) || !(spin <= turn);
   return !any(bad);
 }
 
 template <class V>
 inline bool Lanes<V>::kinematics(const Tree& tree) {
   bool sound = true;
+  store(tree.spin, V(0.0));
   for (int i = 0; i < tree.batches; ++i) {
     Batches& b = batches(tree)[i];
     place(tree, b);
@@ -134,6 +139,7 @@ inline bool Lanes<V>::kinematics(const Tree& tree) {
 template <class V>
 inline bool Lanes<V>::velocities(const Tree& tree) {
   bool sound = true;
+  store(tree.spin, V(0.0));
   for (int i = 0; i < tree.batches; ++i) sound = move(tree, batches(tree)[i]) && sound;
   return sound;
 }

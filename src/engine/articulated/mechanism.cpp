@@ -54,6 +54,7 @@ NodeView Mechanism::view(std::size_t node) const {
     out.R = lane(b.frame.R[0]);
     out.p = lane(b.frame.p[0]);
     out.v = lane(b.frame.v[0]);
+    out.spin = lane(b.spin);
     if (b.link == ParentLink::base) out.base_a = lane(in.base[b.parent].a[0]);
     out.S = single(b.kind) ? lane(b.S[0]) : lane(in.joint3[b.axis].S[0][0]);
     if (!single(b.kind)) out.tau = lane(in.joint3[b.axis].tau[0]);
@@ -99,6 +100,7 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
   tree_.erp = settings.erp;
   tree_.max_speed = kMaxSpeed;
   tree_.max_turn = kMaxAngularSpeed;
+  tree_.spin = static_cast<double*>(allocate(stride() * sizeof(double)));
   seat_nodes(settings);
   std::vector<bool> parents(topology_.nodes.size(), false);
   for (const Node& node : topology_.nodes)

@@ -2,6 +2,7 @@
 // between body poses and joint coordinates. Knows no method of integration and holds no loop together.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <memory>
 #include <span>
@@ -28,7 +29,7 @@ struct Seat {
 /// Where a node's lane of the tree's arrays stands: entry k of a quantity is at [k * stride].
 struct NodeView {
   const double *S = nullptr, *h = nullptr, *I = nullptr, *mass = nullptr, *c = nullptr, *pv = nullptr;
-  const double *R = nullptr, *p = nullptr, *v = nullptr;
+  const double *R = nullptr, *p = nullptr, *v = nullptr, *spin = nullptr;
   const double* base_a = nullptr;  ///< its base's acceleration; null with a parent
   const double* tau = nullptr;     ///< nodes of several rates
   const double *q = nullptr, *u = nullptr, *du = nullptr;
@@ -55,6 +56,8 @@ class Mechanism {
   /// Of a node of one rate.
   AxisView axis_view(std::size_t node) const;
   std::size_t stride() const { return static_cast<std::size_t>(kernel_->width); }
+  /// Square of the largest angular velocity of a link, as `kinematics` last found it [1/s^2].
+  double spin() const { return *std::max_element(tree_.spin, tree_.spin + stride()); }
   /// Positions, rates and accelerations in the tree's order, empty lanes included.
   std::span<double> q() { return {tree_.q, static_cast<std::size_t>(tree_.positions)}; }
   std::span<double> u() { return {tree_.u, static_cast<std::size_t>(tree_.rates)}; }
@@ -81,6 +84,10 @@ class Mechanism {
   /// @param absolute servos hold on to where they aim in the midst of the step, too. True where all are
   /// sound.
   bool set_servos(std::span<const model::Servo> servos, bool absolute);
+  /// du = change of the rates by impulses in u()'s order: stops in force hold, springs and dampers answer as
+  /// in the step prepared last. Takes velocity products and base accelerations out of the tree, which
+  /// `settle_bases` and `velocities` find anew.
+  void respond(std::span<double> impulses);
   /// Stops in force.
   int stops_in_force() const;
   /// Positions, rates, how the bases move and which stops and torque limits are in force: the same for every
