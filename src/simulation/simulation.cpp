@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <new>
 #include <optional>
 
 #include <fmt/format.h>
@@ -118,6 +119,15 @@ engine::StepInput Simulation::command() {
 
 void Simulation::step() {
   if (failure_) throw Error(*failure_);
+  try {
+    advance();
+  } catch (const std::bad_alloc&) {
+    failure_.emplace(PhysicsFault{state().time, "the run", "memory", "none is left: use fewer bodies"});
+    throw Error(*failure_);
+  }
+}
+
+void Simulation::advance() {
   const bool timed = ledger_.times_next();
   const auto now = [&] { return timed ? Clock::now() : Clock::time_point(); };
   const Clock::time_point start = now();

@@ -79,6 +79,7 @@ class Simulation {
   long step_count() const;
 
  private:
+  void advance();
   void restore_parts(const RunSnapshot& snapshot);
   void find_constant_torques();
   engine::StepInput command();
