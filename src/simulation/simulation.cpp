@@ -74,6 +74,8 @@ Simulation::Simulation(const scene::Scene& scene)
       ledger_(scene.model, scene.spec.solver.effects,
               model::engine_of(scene.spec.solver.method) != model::EngineKind::articulated),
       convergence_(scene.model) {
+  if (engine_->tests_contacts())
+    tunnelling_.emplace(scene.model, scene.spec.solver.effects, engine_->state());
   if (scene.spec.record_contacts) contact_sums_.emplace(scene.model);
   hash_.add(engine_->state());
   if (scene.spec.solver.effects.has(model::Effect::actuation)) find_constant_torques();
@@ -143,6 +145,7 @@ void Simulation::advance() {
   monitor_.look(engine_->state());
   // An engine collides before it moves.
   monitor_.look(engine_->contacts(), engine_->state().time - engine_->settings().step);
+  if (tunnelling_) tunnelling_->look(engine_->contacts(), engine_->state());
   convergence_.look(report, engine_->state().time);
   if (contact_sums_)
     contact_sums_->look(engine_->contacts(), engine_->state().time, engine_->settings().step);
@@ -159,6 +162,14 @@ void Simulation::advance() {
                                  gap.value, kLargestGap)});
     throw Error(*failure_);
   }
+}
+
+std::vector<std::string> Simulation::warnings() const {
+  std::vector<std::string> out = convergence_.warnings(ledger_, scene_.spec.solver);
+  if (!tunnelling_) return out;
+  const std::vector<std::string> more = tunnelling_->warnings();
+  out.insert(out.end(), more.begin(), more.end());
+  return out;
 }
 
 std::uint64_t Simulation::state_hash() const {
@@ -187,6 +198,7 @@ RunSnapshot Simulation::snapshot() const {
   monitor_.save(out);
   if (contact_sums_) contact_sums_->save(out);
   convergence_.save(out);
+  if (tunnelling_) tunnelling_->save(out);
   for (const GraspWatch& grasp : grasps_) grasp.save(out);
   for (const ClimbWatch& climb : climbs_) climb.save(out);
   return {fingerprint_, engine_->state().time, out.take()};
@@ -226,6 +238,8 @@ void Simulation::restore_parts(const RunSnapshot& snapshot) {
   monitor_.restore(in);
   if (contact_sums_) contact_sums_->restore(in);
   convergence_.restore(in);
+  if (tunnelling_) tunnelling_->restore(in);
+  if (tunnelling_) tunnelling_->restart(engine_->state());
   for (GraspWatch& grasp : grasps_) grasp.restore(in);
   for (ClimbWatch& climb : climbs_) climb.restore(in);
   in.finish();
