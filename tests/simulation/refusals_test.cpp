@@ -17,12 +17,12 @@ namespace {
 
 scene::Scene scene_of(const std::string& text) { return scene::compile_scene(parse_yaml(text, "test.yaml")); }
 
-/// A four-bar pulled straight, whose first bar is pushed across.
-std::string four_bar(const std::string& solver, const std::string& velocity = "[0, 0, 0.5]") {
+/// A four-bar pulled straight, whose first joint between bars moves across at a speed [m/s].
+std::string four_bar(const std::string& solver, double speed = 1) {
   return fmt::format(
       "bodies:\n"
-      "  - {{name: b0, mass: 1, inertia: [0.01, 0.01, 0.01], position: [0.5, 0, 0], velocity: {}}}\n"
-      "  - {{name: b1, mass: 1, inertia: [0.01, 0.01, 0.01], position: [1.5, 0, 0]}}\n"
+      "  - {{name: b0, mass: 1, inertia: [0.01, 0.01, 0.01], position: [0.5, 0, 0], velocity: [0, 0, {}], angular_velocity: [0, {}, 0]}}\n"
+      "  - {{name: b1, mass: 1, inertia: [0.01, 0.01, 0.01], position: [1.5, 0, 0], velocity: [0, 0, {}], angular_velocity: [0, {}, 0]}}\n"
       "  - {{name: b2, mass: 1, inertia: [0.01, 0.01, 0.01], position: [2.5, 0, 0]}}\n"
       "joints:\n"
       "  - {{name: j0, type: hinge, parent: world, child: b0, position: [0, 0, 0], axes: [{{name: q, axis: [0, 1, 0]}}]}}\n"
@@ -30,7 +30,7 @@ std::string four_bar(const std::string& solver, const std::string& velocity = "[
       "  - {{name: j2, type: hinge, parent: b1, child: b2, position: [2, 0, 0], axes: [{{name: q, axis: [0, 1, 0]}}]}}\n"
       "  - {{name: j3, type: hinge, parent: world, child: b2, position: [3, 0, 0], axes: [{{name: q, axis: [0, 1, 0]}}]}}\n"
       "effects: [gravity]\nsolver: {{{}}}\nduration: 0.1\n",
-      velocity, solver);
+      0.5 * speed, -speed, 0.5 * speed, speed, solver);
 }
 
 /// What is wrong, or nothing where the scene runs through.
@@ -50,16 +50,29 @@ TEST(SingularLoop, IsRefusedByAllThatCloseJoints) {
        {"engine: dae", "engine: dae, method: lagrange_penalty", "engine: dae, method: euler_linearised",
         "engine: dae, method: euler_projected", "engine: articulated", "engine: articulated, method: rk4",
         "projection: true"}) {
-    const std::string text = refusal(scene_of(four_bar(solver)));
-    EXPECT_NE(text.find("start to move and no further"), std::string::npos) << solver << ": " << text;
-    EXPECT_NE(text.find("j"), std::string::npos) << solver;
+    for (const double speed : {0.0, 1.0}) {
+      const std::string text = refusal(scene_of(four_bar(solver, speed)));
+      EXPECT_NE(text.find("start to move and no further"), std::string::npos) << solver << ": " << text;
+      EXPECT_EQ(text.find("j"), 0U) << text;
+    }
   }
 }
 
-// Gravity pulls it across without a velocity at the start. Oracle: the same.
-TEST(SingularLoop, ThatStartsAtRestIsAFaultOfEulerProjectedAtItsFirstSteps) {
-  const std::string text = refusal(scene_of(four_bar("engine: dae, method: euler_projected", "[0, 0, 0]")));
-  EXPECT_NE(text.find("taken back to close the joints"), std::string::npos) << text;
+// What does not close joints lets them gape. Oracle: in 0.1 s the free bars would have 1.4 J by their fall.
+TEST(SingularLoop, MakesNoEnergyWhereJointsMayGape) {
+  const scene::Scene scene = scene_of(four_bar("method: world_step", 0));
+  Simulation simulation(scene);
+  double most = 0;
+  for (long i = 0; i < simulation.step_count(); ++i) {
+    simulation.step();
+    double energy = 0;
+    for (std::size_t k = 1; k < 4; ++k) {
+      const model::BodyState& body = simulation.state().bodies[k];
+      energy += 0.5 * body.v.squaredNorm() + 0.005 * body.w.squaredNorm();
+    }
+    most = std::max(most, energy);
+  }
+  EXPECT_LT(most, 0.02);
 }
 
 // Dead centres are singular for the slider and not for the crank.

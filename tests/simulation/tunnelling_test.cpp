@@ -44,6 +44,12 @@ double run_through(Simulation& simulation) {
   return simulation.state().bodies.back().p.z();
 }
 
+std::string told(const Simulation& simulation) {
+  std::string out;
+  for (const std::string& warning : simulation.warnings()) out += warning + "\n";
+  return out;
+}
+
 // Oracle: 50 mm a step against a slab of 5 mm; the surface is at 1.0025 m, the ball's centre 10 mm above.
 TEST(Tunnelling, AFastBallIsStoppedByAThinSlabInEveryEngine) {
   for (const std::string& solver : kSolvers) {
@@ -68,17 +74,17 @@ TEST(Tunnelling, AFastBallBouncesByItsRestitution) {
   }
 }
 
-// Oracle: geometry: without contact before it happens the ball leaps over the slab between 1.0 s and 1.05.
+// Oracle: geometry: in its 11th step the ball goes from 20 mm above the slab's middle to 30 mm below.
 TEST(Tunnelling, ABallThatPassesIsToldWithTimeAndNames) {
   for (const std::string& solver : kSolvers) {
-    const scene::Scene scene = thrown({.solver = solver + ", speculative: false", .duration = 0.02});
+    const scene::Scene scene = thrown({.solver = solver + ", speculative: false", .start = 1.52, .duration = 0.02});
     Simulation simulation(scene);
     EXPECT_LT(run_through(simulation), 0.98) << solver;
     ASSERT_EQ(simulation.tunnelling()->pairs(), 1) << solver;
-    EXPECT_NEAR(simulation.tunnelling()->first_time(), 0.010, 1.001e-3) << solver;
+    EXPECT_NEAR(simulation.tunnelling()->first_time(), 0.011, 1e-9) << solver;
     const std::vector<std::string> warnings = simulation.warnings();
     ASSERT_FALSE(warnings.empty());
-    EXPECT_NE(warnings.back().find("b passed through target at 0.01"), std::string::npos) << warnings.back();
+    EXPECT_NE(warnings.back().find("b passed through target at 0.011 s"), std::string::npos) << warnings.back();
   }
 }
 
@@ -100,7 +106,8 @@ TEST(Tunnelling, NoShapePassesAnother) {
         const std::string what = fmt::format("{} on {}, {}", thing, target, solver);
         EXPECT_GT(run_through(simulation), 1.0) << what;
         EXPECT_LT(simulation.state().bodies.back().v.norm(), 51) << what;
-        EXPECT_EQ(simulation.tunnelling()->pairs(), 0) << what;
+        // A capsule that lands on one end turns by more than 1 rad in the next step, and may lie deep for it.
+        EXPECT_EQ(told(simulation).find("passed"), std::string::npos) << what << ": " << told(simulation);
       }
 }
 
@@ -236,12 +243,12 @@ TEST(Tunnelling, AFastHandDoesNotPassAThinSlab) {
 TEST(Tunnelling, ARunGoesOnFromASnapshotInFrontOfTheSlab) {
   for (const std::string& solver : kSolvers)
     for (const char* speculative : {"", ", speculative: false"}) {
-      const scene::Scene scene = thrown({.solver = solver + speculative, .duration = 0.02});
+      const scene::Scene scene = thrown({.solver = solver + speculative, .start = 1.52, .duration = 0.02});
       Simulation whole(scene), again(scene);
-      for (int i = 0; i < 9; ++i) whole.step();
+      for (int i = 0; i < 10; ++i) whole.step();
       const RunSnapshot snapshot = whole.snapshot();
       again.restore(snapshot);
-      for (int i = 0; i < 11; ++i) whole.step(), again.step();
+      for (int i = 0; i < 10; ++i) whole.step(), again.step();
       EXPECT_EQ(whole.state_hash(), again.state_hash()) << solver;
       EXPECT_EQ(whole.warnings(), again.warnings()) << solver;
       EXPECT_EQ(whole.tunnelling()->pairs(), *speculative ? 1 : 0) << solver;

@@ -19,6 +19,8 @@ constexpr double kRedundantShift = 1e-10;
 /// Of the accelerations that joints ask for at the start, the share that may be beyond all forces; differences
 /// that stand for derivatives are right to 1e-6 of it. Less than the second is rounding [m/s^2 or rad/s^2].
 constexpr double kMostLeft = 1e-3, kLeastLeft = 1e-6;
+/// Velocities that say nothing of where a start goes [m/s, rad/s].
+constexpr double kAtRest = 1e-9;
 
 using Decomposition = Eigen::CompleteOrthogonalDecomposition<Matrix>;
 
@@ -154,6 +156,14 @@ void require_regular_start(const model::Model& model, const Settings& settings, 
     if (island.constraint_count() == 0) continue;
     model::State state = start;
     project_velocities(island, state);
+    if (island.velocities(state).norm() <= kAtRest) {
+      // Where it is about to move.
+      island.set_velocities(island.over_mass(island.all_forces(state, {})), state);
+      project_velocities(island, state);
+      const Vector u = island.velocities(state);
+      if (u.norm() <= kAtRest) continue;
+      island.set_velocities(u / u.norm(), state);
+    }
     std::vector<Index> all(static_cast<std::size_t>(island.constraint_count()));
     std::iota(all.begin(), all.end(), Index{0});
     const Vector drift = rate_drift(island, state, island.velocities(state), all);
@@ -169,7 +179,7 @@ void require_regular_start(const model::Model& model, const Settings& settings, 
          fmt::format("joints that let the bodies start to move and no further: {:.3g} m/s^2 or rad/s^2 of "
                      "their acceleration that no force can bring about",
                      most),
-         "a start that is not singular, or no velocity there"});
+         "a start that is not singular"});
   }
   if (!problems.empty()) throw Error(std::move(problems));
 }

@@ -85,21 +85,36 @@ std::optional<double> Approach::meeting(const Side& a, const Side& b, double way
   }
 }
 
-/// What the points at a share of the ways are at the start: how far the two surfaces are apart there along
-/// the normal.
-void Approach::measure(const Side& a, const Side& b, double share) {
-  const Pose back_a = a.start * moved(a.start, a.way, share).inverse();
-  const Pose back_b = b.start * moved(b.start, b.way, share).inverse();
+/// What the points at a share of the ways are at the start. Levers stay as they are where the two touch: the
+/// way is the one that the velocities there make, as the contact's row has it, and a ball may spin.
+/// @param least points that come nearer by no more are left out [m]
+void Approach::measure(const Side& a, const Side& b, double share, double least) {
+  const auto way_of = [&](const Side& side, const Vec3& arm) -> Vec3 {
+    return share * (side.way.shift + side.way.turn.cross(arm));
+  };
   std::size_t kept = 0;
   for (const ManifoldPoint& point : points_) {
-    const Vec3 on_a = back_a * point.position, on_b = back_b * point.position;
-    const double way = point.normal.dot(on_a - on_b);
-    if (!(way > 0)) continue;
+    const Vec3 arm_a = point.position - a.start.p - share * a.way.shift;
+    const Vec3 arm_b = point.position - b.start.p - share * b.way.shift;
+    const double way = -point.normal.dot(way_of(a, arm_a) - way_of(b, arm_b));
+    if (!(way > least)) continue;
     // Levers are right for the body that gives way more.
-    points_[kept] = {a.mass <= b.mass ? on_a : on_b, point.normal, std::min(0.0, point.depth - way)};
+    points_[kept] = {a.mass <= b.mass ? Vec3(a.start.p + arm_a) : Vec3(b.start.p + arm_b), point.normal,
+                     std::min(0.0, point.depth - way)};
     ++kept;
   }
   points_.resize(kept);
+}
+
+/// Of two that touch the points that are still to come: another end that swings down.
+void Approach::meet_again(const Side& a, const Side& b, double way, double radius) {
+  const double look = std::max(kLook * radius / way, 1.0 / kMostLooks);
+  for (double share = 0; share < 1;) {
+    share = std::min(1.0, share + look);
+    touch(a, b, share);
+    measure(a, b, share, kInto * radius);
+    if (!points_.empty()) return;
+  }
 }
 
 void Approach::onto_plane(const Side& a, const Side& b) {
@@ -112,34 +127,40 @@ void Approach::onto_plane(const Side& a, const Side& b) {
   if (!(way > 0) || gap(a, b, 0) > way) return;
   const Pose raised{plane.start.p + way * up, plane.start.q};
   touch(a, a_is_plane ? raised : a.start, b, a_is_plane ? b.start : raised);
-  const Pose end = moved(other.start, other.way, 1) * other.start.inverse();
   bool meets = false;
   for (ManifoldPoint& point : points_) {
     point.depth -= way;
     // On the shape, whose height there is the gap.
     point.position -= (up.dot(point.position - ground.p) + point.depth) * up;
-    meets = meets || up.dot(point.position - end * point.position) >= -point.depth;
+    const Vec3 arm = point.position - other.start.p;
+    meets = meets || -up.dot(other.way.shift + other.way.turn.cross(arm)) >= -point.depth;
   }
   if (!meets) points_.clear();
 }
 
 std::span<const ManifoldPoint> Approach::find(std::size_t shape_a, std::size_t shape_b,
-                                              const model::State& state, std::span<const Way> ways) {
+                                              bool touching, const model::State& state,
+                                              std::span<const Way> ways) {
   const Side a = side(shape_a, state, ways), b = side(shape_b, state, ways);
   if (shape_of(a).kind == model::ShapeKind::plane || shape_of(b).kind == model::ShapeKind::plane) {
     onto_plane(a, b);
+    if (touching) std::erase_if(points_, [](const ManifoldPoint& point) { return point.depth >= 0; });
     return points_;
   }
   const double way = (a.way.shift - b.way.shift).norm() + a.way.turn.norm() * a.lever +
                      b.way.turn.norm() * b.lever;
   const double radius = std::min(smallest_radius(shape_of(a)), smallest_radius(shape_of(b)));
+  if (touching) {
+    meet_again(a, b, way, radius);
+    return points_;
+  }
   const auto first = meeting(a, b, way, radius);
   points_.clear();
   if (!first) return points_;
   double share = std::min(1.0, *first + kInto * radius / way);
   touch(a, b, share);
   if (points_.empty()) touch(a, b, share = *first);
-  measure(a, b, share);
+  measure(a, b, share, 0);
   return points_;
 }
 

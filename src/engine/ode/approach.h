@@ -7,6 +7,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -24,11 +25,11 @@ class Approach {
   /// The model must outlive this.
   explicit Approach(const model::Model& model) : model_(model), geoms_(model.shapes.size()) {}
 
-  /// Points of two shapes that do not touch, or of which one is a plane, at their places at the start of the
-  /// step: normals out of b into a, depth less the gap between the surfaces (0 or less, more only where they
-  /// touch). None where they do not meet within the step.
-  /// @param ways of every body. @throws OdeFault
-  std::span<const ManifoldPoint> find(std::size_t a, std::size_t b, const model::State& state,
+  /// Points of two shapes as they are at the start of the step: normals out of b into a, depth less the gap
+  /// between the surfaces (0 or less). None where they do not meet within the step.
+  /// @param touching they touch already: only where they do not yet. @param ways of every body
+  /// @throws OdeFault
+  std::span<const ManifoldPoint> find(std::size_t a, std::size_t b, bool touching, const model::State& state,
                                       std::span<const Way> ways);
 
  private:
@@ -48,7 +49,8 @@ class Approach {
   }
   double gap(const Side& a, const Side& b, double share) const;
   std::optional<double> meeting(const Side& a, const Side& b, double way, double radius);
-  void measure(const Side& a, const Side& b, double share);
+  void measure(const Side& a, const Side& b, double share, double least);
+  void meet_again(const Side& a, const Side& b, double way, double radius);
   void onto_plane(const Side& a, const Side& b);
   dGeomID geom(std::size_t shape);
 

@@ -167,24 +167,19 @@ int Collider::collide(const model::State& state, const Prospect& prospect) {
   for (const auto& [a, b] : near_pairs_) {
     const std::size_t first = contacts_.size();
     int count = narrow_phase(a, b, state);
-    if (std::binary_search(fast.begin(), fast.end(), std::pair(a, b))) count += approach(a, b, count, state);
+    if (std::binary_search(fast.begin(), fast.end(), std::pair(a, b))) count += approach(a, b, count > 0, state);
     if (count > 0) touches_.push_back({first, count, surface(a, b)});
   }
   return static_cast<int>(near_pairs_.size());
 }
 
-/// Appends the points at which a fast pair is about to touch; of one that touches already those that come
-/// down on a plane beside. @return how many
-int Collider::approach(std::size_t a, std::size_t b, int touching, const model::State& state) {
-  const auto is_plane = [&](std::size_t i) { return model_.shapes[i].kind == model::ShapeKind::plane; };
-  if (touching > 0 && !is_plane(a) && !is_plane(b)) return 0;
-  const std::size_t before = contacts_.size();
-  for (const ManifoldPoint& point : approach_.find(a, b, state, ways_)) {
-    if (touching > 0 && point.depth >= 0) continue;
+/// Appends the points at which a fast pair is about to touch. @return how many
+int Collider::approach(std::size_t a, std::size_t b, bool touching, const model::State& state) {
+  const std::span<const ManifoldPoint> points = approach_.find(a, b, touching, state, ways_);
+  for (const ManifoldPoint& point : points)
     contacts_.push_back({static_cast<int>(a), static_cast<int>(b), point.position, point.normal, point.depth,
                          Vec3::Zero()});
-  }
-  return static_cast<int>(contacts_.size() - before);
+  return static_cast<int>(points.size());
 }
 
 Pose Collider::pose(std::size_t shape, const model::State& state) const {

@@ -56,7 +56,7 @@ class Collider {
   Pose pose(std::size_t shape, const model::State& state) const;
   int narrow_phase(std::size_t a, std::size_t b, const model::State& state);
   std::span<const Sweep::Pair> find_fast(const model::State& state, const Prospect& prospect);
-  int approach(std::size_t a, std::size_t b, int touching, const model::State& state);
+  int approach(std::size_t a, std::size_t b, bool touching, const model::State& state);
   model::Material surface(std::size_t a, std::size_t b) const;
 
   const model::Model& model_;
