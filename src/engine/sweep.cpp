@@ -78,6 +78,8 @@ Sweep::Sweep(const model::Model& model, const model::Effects& effects)
     levers_.push_back(lever(shape));
   }
   find_limits();
+  order_.reserve(model.shapes.size());
+  found_.reserve(model.shapes.size());
 }
 
 bool Sweep::allowed(std::size_t i, std::size_t j) const {

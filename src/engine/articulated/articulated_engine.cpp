@@ -95,6 +95,7 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
   saved_.resize(mechanism_.q().size() + mechanism_.u().size());
   saved_bases_.reserve(drives_.size());
   targets_.resize(drives_.size());
+  ways_.reserve(drives_.size());
   state_ = model::initial_state(model);
   double gap = 0;
   for (const model::Joint& joint : model.joints) gap = std::max(gap, model::joint_gap(joint, state_));

@@ -23,7 +23,9 @@ inline constexpr int kMaxPairContacts = 8;
 class Approach {
  public:
   /// The model must outlive this.
-  explicit Approach(const model::Model& model) : model_(model), geoms_(model.shapes.size()) {}
+  explicit Approach(const model::Model& model) : model_(model), geoms_(model.shapes.size()) {
+    points_.reserve(kMaxPairContacts);
+  }
 
   /// Points of two shapes as they are at the start of the step: normals out of b into a, depth less the gap
   /// between the surfaces (0 or less). None where they do not meet within the step.

@@ -49,6 +49,7 @@ Collider::Collider(const model::Model& model, const Settings& settings, std::spa
       rules_(model),
       approach_(model) {
   if (settings.speculative) sweep_.emplace(model, settings.effects);
+  ways_.reserve(model.bodies.size());
   const bool sweep = model.shapes.size() >= kSweepFrom;
   space_.reset(sweep ? dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ) : dSimpleSpaceCreate(nullptr));
   add_geoms(bodies);
