@@ -66,8 +66,7 @@ Part in_box(const Vec3& from, const Vec3& along, const Vec3& edges) {
 
 Part in_mesh(const Vec3& from, const Vec3& along, const model::ConvexMesh& mesh) {
   Part part;
-  for (int f = 0; f < mesh.face_count(); ++f)
-    part.below(mesh.height(f, from), mesh.normal(f).dot(along), 0);
+  for (int f = 0; f < mesh.face_count(); ++f) part.below(mesh.height(f, from), mesh.normal(f).dot(along), 0);
   return part;
 }
 

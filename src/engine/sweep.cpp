@@ -33,9 +33,7 @@ double half_length(const Shape& shape) {
   return 0;
 }
 
-bool round(const Shape& shape) {
-  return shape.kind == ShapeKind::sphere || shape.kind == ShapeKind::capsule;
-}
+bool round(const Shape& shape) { return shape.kind == ShapeKind::sphere || shape.kind == ShapeKind::capsule; }
 
 }  // namespace
 
@@ -134,8 +132,7 @@ std::span<const Sweep::Pair> Sweep::find(const model::State& state, std::span<co
   std::sort(order_.begin(), order_.end(), [&](std::size_t i, std::size_t j) { return low(i) < low(j); });
   for (std::size_t k = 0; k < order_.size(); ++k) {
     const std::size_t i = order_[k];
-    const double high =
-        is_plane(i) ? kEndless : tracks_[i].centre.x() + tracks_[i].reach + tracks_[i].way;
+    const double high = is_plane(i) ? kEndless : tracks_[i].centre.x() + tracks_[i].reach + tracks_[i].way;
     for (std::size_t l = k + 1; l < order_.size() && low(order_[l]) <= high; ++l)
       add(std::min(i, order_[l]), std::max(i, order_[l]), state, ways);
   }
@@ -147,8 +144,8 @@ void Sweep::add(std::size_t i, std::size_t j, const model::State& state, std::sp
   if (tracks_[i].way + tracks_[j].way <= kSlowShare * std::min(radii_[i], radii_[j])) return;
   const Shape &a = model_.shapes[i], &b = model_.shapes[j];
   const Way &way_a = ways[static_cast<std::size_t>(a.body)], &way_b = ways[static_cast<std::size_t>(b.body)];
-  const double way = (way_a.shift - way_b.shift).norm() + way_a.turn.norm() * levers_[i] +
-                     way_b.turn.norm() * levers_[j];
+  const double way =
+      (way_a.shift - way_b.shift).norm() + way_a.turn.norm() * levers_[i] + way_b.turn.norm() * levers_[j];
   if (way <= kSlowShare * std::min(radii_[i], radii_[j]) || !allowed(i, j)) return;
   const bool flat = a.kind == ShapeKind::plane || b.kind == ShapeKind::plane;
   const double apart = (tracks_[i].centre - tracks_[j].centre).norm() - tracks_[i].reach - tracks_[j].reach;

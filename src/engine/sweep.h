@@ -82,7 +82,7 @@ class Sweep {
   ode::UntestedPairs untested_;
   PairTable rules_;
   std::vector<int> bodies_;
-  std::vector<Limit> limits_;          ///< of each body
+  std::vector<Limit> limits_;           ///< of each body
   std::vector<double> radii_, levers_;  ///< of each shape
   std::vector<Track> tracks_;
   std::vector<std::size_t> order_;  ///< of shapes along x

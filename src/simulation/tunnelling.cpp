@@ -21,7 +21,8 @@ constexpr double kTurnPerChange = 2.3;
 Tunnelling::Tunnelling(const model::Model& model, const model::Effects& effects, const model::State& start)
     : model_(model), sweep_(model, effects) {
   for (const model::Shape& shape : model.shapes)
-    radii_.push_back(model.bodies[static_cast<std::size_t>(shape.body)].kinematic || shape.body == model::kWorld
+    radii_.push_back(model.bodies[static_cast<std::size_t>(shape.body)].kinematic ||
+                             shape.body == model::kWorld
                          ? std::numeric_limits<double>::infinity()
                          : engine::smallest_radius(shape));
   restart(start);
@@ -40,8 +41,8 @@ void Tunnelling::look(std::span<const engine::Contact> contacts, const model::St
                            &now = state.bodies[static_cast<std::size_t>(body)];
     const double change2 = std::min((now.q.coeffs() - before.q.coeffs()).squaredNorm(),
                                     (now.q.coeffs() + before.q.coeffs()).squaredNorm());
-    fast = fast || sweep_.fast(body, (now.p - before.p).squaredNorm(),
-                               kTurnPerChange * kTurnPerChange * change2);
+    fast = fast ||
+           sweep_.fast(body, (now.p - before.p).squaredNorm(), kTurnPerChange * kTurnPerChange * change2);
   }
   if (fast) look_at_ways(state);
   restart(state);
@@ -110,7 +111,8 @@ std::vector<std::string> Tunnelling::warnings() const {
     const bool first = radius(met.a) <= radius(met.b);
     const std::string& body = model_.shapes[static_cast<std::size_t>(first ? met.a : met.b)].name;
     const std::string& other = model_.shapes[static_cast<std::size_t>(first ? met.b : met.a)].name;
-    std::string text = met.passed ? fmt::format("{} passed through {} at {:.3f} s", body, other, met.time) : "";
+    std::string text =
+        met.passed ? fmt::format("{} passed through {} at {:.3f} s", body, other, met.time) : "";
     if (met.depth > 0)
       text += fmt::format("{} {:.3g} mm deep in {} at {:.3f} s, beyond its smallest radius of {:.3g} mm",
                           met.passed ? " and lay" : body + " lay", 1e3 * met.depth, met.passed ? "it" : other,

@@ -53,7 +53,8 @@ class Tunnelling {
 
   const model::Model& model_;
   engine::Sweep sweep_;
-  std::vector<double> radii_;  ///< deepest that a shape may lie in others, infinite where nothing moves it [m]
+  std::vector<double>
+      radii_;  ///< deepest that a shape may lie in others, infinite where nothing moves it [m]
   std::vector<Event> events_;
   model::State last_;
   std::vector<engine::Way> ways_;

@@ -30,10 +30,10 @@ struct EffectRow {
 };
 
 struct EffectsResult {
-  double ns_per_step = 0;       ///< CPU time of the whole scene
-  long steps = 0;               ///< of each run
-  int repeats = 0;              ///< timed rounds
-  bool has_angles = false;      ///< whether any joint turns
+  double ns_per_step = 0;   ///< CPU time of the whole scene
+  long steps = 0;           ///< of each run
+  int repeats = 0;          ///< timed rounds
+  bool has_angles = false;  ///< whether any joint turns
   /// In the order of model::Effect; at last, where the scene has them, contacts that are about to happen.
   std::vector<EffectRow> rows;
 };

@@ -21,14 +21,20 @@ scene::Scene scene_of(const std::string& text) { return scene::compile_scene(par
 std::string four_bar(const std::string& solver, double speed = 1) {
   return fmt::format(
       "bodies:\n"
-      "  - {{name: b0, mass: 1, inertia: [0.01, 0.01, 0.01], position: [0.5, 0, 0], velocity: [0, 0, {}], angular_velocity: [0, {}, 0]}}\n"
-      "  - {{name: b1, mass: 1, inertia: [0.01, 0.01, 0.01], position: [1.5, 0, 0], velocity: [0, 0, {}], angular_velocity: [0, {}, 0]}}\n"
+      "  - {{name: b0, mass: 1, inertia: [0.01, 0.01, 0.01], position: [0.5, 0, 0], velocity: [0, 0, {}], "
+      "angular_velocity: [0, {}, 0]}}\n"
+      "  - {{name: b1, mass: 1, inertia: [0.01, 0.01, 0.01], position: [1.5, 0, 0], velocity: [0, 0, {}], "
+      "angular_velocity: [0, {}, 0]}}\n"
       "  - {{name: b2, mass: 1, inertia: [0.01, 0.01, 0.01], position: [2.5, 0, 0]}}\n"
       "joints:\n"
-      "  - {{name: j0, type: hinge, parent: world, child: b0, position: [0, 0, 0], axes: [{{name: q, axis: [0, 1, 0]}}]}}\n"
-      "  - {{name: j1, type: hinge, parent: b0, child: b1, position: [1, 0, 0], axes: [{{name: q, axis: [0, 1, 0]}}]}}\n"
-      "  - {{name: j2, type: hinge, parent: b1, child: b2, position: [2, 0, 0], axes: [{{name: q, axis: [0, 1, 0]}}]}}\n"
-      "  - {{name: j3, type: hinge, parent: world, child: b2, position: [3, 0, 0], axes: [{{name: q, axis: [0, 1, 0]}}]}}\n"
+      "  - {{name: j0, type: hinge, parent: world, child: b0, position: [0, 0, 0], axes: [{{name: q, axis: "
+      "[0, 1, 0]}}]}}\n"
+      "  - {{name: j1, type: hinge, parent: b0, child: b1, position: [1, 0, 0], axes: [{{name: q, axis: [0, "
+      "1, 0]}}]}}\n"
+      "  - {{name: j2, type: hinge, parent: b1, child: b2, position: [2, 0, 0], axes: [{{name: q, axis: [0, "
+      "1, 0]}}]}}\n"
+      "  - {{name: j3, type: hinge, parent: world, child: b2, position: [3, 0, 0], axes: [{{name: q, axis: "
+      "[0, 1, 0]}}]}}\n"
       "effects: [gravity]\nsolver: {{{}}}\nduration: 0.1\n",
       0.5 * speed, -speed, 0.5 * speed, speed, solver);
 }
@@ -46,10 +52,9 @@ std::string refusal(const scene::Scene& scene) {
 
 // Oracle: bars of 1 m between ends 3 m apart cannot move at all.
 TEST(SingularLoop, IsRefusedByAllThatCloseJoints) {
-  for (const char* solver :
-       {"engine: dae", "engine: dae, method: lagrange_penalty", "engine: dae, method: euler_linearised",
-        "engine: dae, method: euler_projected", "engine: articulated", "engine: articulated, method: rk4",
-        "projection: true"}) {
+  for (const char* solver : {"engine: dae", "engine: dae, method: lagrange_penalty",
+                             "engine: dae, method: euler_linearised", "engine: dae, method: euler_projected",
+                             "engine: articulated", "engine: articulated, method: rk4", "projection: true"}) {
     for (const double speed : {0.0, 1.0}) {
       const std::string text = refusal(scene_of(four_bar(solver, speed)));
       EXPECT_NE(text.find("start to move and no further"), std::string::npos) << solver << ": " << text;
@@ -118,12 +123,14 @@ TEST(Stops, AHandThatStartsOutsideThemIsRefused) {
 
 /// Boxes side by side on a free slab: one island of 12 rows a box.
 scene::Scene many_boxes(int side, const std::string& solver, const std::string& more = "") {
-  std::string text = "objects:\n  - {name: slab, shape: box, edges: [4, 4, 0.1], mass: 100, position: [0, 0, 0.05]}\n";
+  std::string text =
+      "objects:\n  - {name: slab, shape: box, edges: [4, 4, 0.1], mass: 100, position: [0, 0, 0.05]}\n";
   for (int i = 0; i < side; ++i)
     for (int j = 0; j < side; ++j)
       text += fmt::format(
-          "  - {{name: b{}_{}, shape: box, edges: [0.05, 0.05, 0.05], mass: 0.1, position: [{}, {}, 0.1249]}}\n", i,
-          j, -1.5 + 0.1 * i, -1.5 + 0.1 * j);
+          "  - {{name: b{}_{}, shape: box, edges: [0.05, 0.05, 0.05], mass: 0.1, position: [{}, {}, "
+          "0.1249]}}\n",
+          i, j, -1.5 + 0.1 * i, -1.5 + 0.1 * j);
   return scene_of(text + "effects: [gravity, object_contact, friction" + more + "]\nsolver: {" + solver +
                   "}\nduration: 2e-3\n");
 }

@@ -77,21 +77,24 @@ TEST(Tunnelling, AFastBallBouncesByItsRestitution) {
 // Oracle: geometry: in its 11th step the ball goes from 20 mm above the slab's middle to 30 mm below.
 TEST(Tunnelling, ABallThatPassesIsToldWithTimeAndNames) {
   for (const std::string& solver : kSolvers) {
-    const scene::Scene scene = thrown({.solver = solver + ", speculative: false", .start = 1.52, .duration = 0.02});
+    const scene::Scene scene =
+        thrown({.solver = solver + ", speculative: false", .start = 1.52, .duration = 0.02});
     Simulation simulation(scene);
     EXPECT_LT(run_through(simulation), 0.98) << solver;
     ASSERT_EQ(simulation.tunnelling()->pairs(), 1) << solver;
     EXPECT_NEAR(simulation.tunnelling()->first_time(), 0.011, 1e-9) << solver;
     const std::vector<std::string> warnings = simulation.warnings();
     ASSERT_FALSE(warnings.empty());
-    EXPECT_NE(warnings.back().find("b passed through target at 0.011 s"), std::string::npos) << warnings.back();
+    EXPECT_NE(warnings.back().find("b passed through target at 0.011 s"), std::string::npos)
+        << warnings.back();
   }
 }
 
 // Every form of body on every form of obstacle. Oracle: it stays on the side it came from.
 TEST(Tunnelling, NoShapePassesAnother) {
   const std::vector<std::string> things = {
-      "shape: sphere, radius: 0.01", "shape: capsule, radius: 0.01, length: 0.05, rotation: {axis: [1, 0, 0], angle: 1.2}",
+      "shape: sphere, radius: 0.01",
+      "shape: capsule, radius: 0.01, length: 0.05, rotation: {axis: [1, 0, 0], angle: 1.2}",
       "shape: box, edges: [0.02, 0.03, 0.04], rotation: {axis: [1, 2, 0], angle: 0.5}",
       "shape: cylinder, radius: 0.02, length: 0.03, rotation: {axis: [0, 1, 0], angle: 0.4}"};
   const std::vector<std::string> targets = {
@@ -101,7 +104,8 @@ TEST(Tunnelling, NoShapePassesAnother) {
   for (const char* solver : {"method: world_step", "engine: articulated"})
     for (const std::string& thing : things)
       for (const std::string& target : targets) {
-        const scene::Scene scene = thrown({.solver = solver, .thing = thing, .target = target, .duration = 0.011});
+        const scene::Scene scene =
+            thrown({.solver = solver, .thing = thing, .target = target, .duration = 0.011});
         Simulation simulation(scene);
         const std::string what = fmt::format("{} on {}, {}", thing, target, solver);
         EXPECT_GT(run_through(simulation), 1.0) << what;
@@ -117,8 +121,10 @@ TEST(Tunnelling, TwoFastBallsDoNotChangePlaces) {
     const scene::Scene scene = scene_of(
         "objects:\n"
         "  - {name: low, shape: sphere, radius: 0.01, mass: 0.1, position: [0, 0, 1], velocity: [0, 0, 50]}\n"
-        "  - {name: high, shape: sphere, radius: 0.01, mass: 0.2, position: [0.001, 0, 2], velocity: [0, 0, -50]}\n"
-        "effects: [object_contact, friction]\nsolver: {" + solver + ", step: 1e-3}\nduration: 0.05\n");
+        "  - {name: high, shape: sphere, radius: 0.01, mass: 0.2, position: [0.001, 0, 2], velocity: [0, 0, "
+        "-50]}\n"
+        "effects: [object_contact, friction]\nsolver: {" +
+        solver + ", step: 1e-3}\nduration: 0.05\n");
     Simulation simulation(scene);
     run_through(simulation);
     const auto& bodies = simulation.state().bodies;
@@ -131,10 +137,17 @@ TEST(Tunnelling, TwoFastBallsDoNotChangePlaces) {
 // Oracle: a ball on level ground: its centre at its radius.
 TEST(Tunnelling, ABallThatFallsInStepsOfATenthOfASecondEndsOnTheGround) {
   for (const std::string& solver : kSolvers)
-    for (const char* thing : {"shape: sphere, radius: 0.05", "shape: box, edges: [0.1, 0.1, 0.1]",
-                              "shape: capsule, radius: 0.05, length: 0.1, rotation: {axis: [1, 0, 0], angle: 1.5}"}) {
-      const Case of{.solver = solver, .thing = thing, .speed = 0, .start = 3, .step = 0.1, .duration = 4,
-                    .gravity = "[0, 0, -9.81]", .more = "ground: {}\n",
+    for (const char* thing :
+         {"shape: sphere, radius: 0.05", "shape: box, edges: [0.1, 0.1, 0.1]",
+          "shape: capsule, radius: 0.05, length: 0.1, rotation: {axis: [1, 0, 0], angle: 1.5}"}) {
+      const Case of{.solver = solver,
+                    .thing = thing,
+                    .speed = 0,
+                    .start = 3,
+                    .step = 0.1,
+                    .duration = 4,
+                    .gravity = "[0, 0, -9.81]",
+                    .more = "ground: {}\n",
                     .effects = "gravity, ground_contact, friction"};
       const scene::Scene scene = thrown(of);
       Simulation simulation(scene);
@@ -145,8 +158,13 @@ TEST(Tunnelling, ABallThatFallsInStepsOfATenthOfASecondEndsOnTheGround) {
 
 // Oracle: the depth of the ball, which ends its step 0.1 s below the ground by up to v h.
 TEST(Tunnelling, DeepBurialIsToldWithItsDepthAndIsACriterion) {
-  const Case of{.solver = "method: world_step, speculative: false", .thing = "shape: sphere, radius: 0.05",
-                .speed = 0, .start = 3, .step = 0.1, .duration = 2, .gravity = "[0, 0, -9.81]",
+  const Case of{.solver = "method: world_step, speculative: false",
+                .thing = "shape: sphere, radius: 0.05",
+                .speed = 0,
+                .start = 3,
+                .step = 0.1,
+                .duration = 2,
+                .gravity = "[0, 0, -9.81]",
                 .more = "ground: {}\ncriteria: {tunnelling: 0}\n",
                 .effects = "gravity, ground_contact, friction"};
   const scene::Scene scene = thrown(of);
@@ -172,7 +190,8 @@ TEST(Tunnelling, DeepBurialIsToldWithItsDepthAndIsACriterion) {
 TEST(Tunnelling, SlowScenesKeepTheirBits) {
   for (const std::string& solver : kSolvers) {
     const auto hash = [&](const char* more) {
-      const scene::Scene scene = thrown({.solver = solver + more, .speed = 1, .start = 1.05, .duration = 0.1});
+      const scene::Scene scene =
+          thrown({.solver = solver + more, .speed = 1, .start = 1.05, .duration = 0.1});
       Simulation simulation(scene);
       run_through(simulation);
       EXPECT_GT(simulation.ledger().contacts(), 0);
@@ -189,8 +208,10 @@ TEST(Tunnelling, AFastBallThatMissesIsNotTouched) {
     const scene::Scene scene = scene_of(
         "objects:\n"
         "  - {name: target, shape: box, edges: [1, 1, 0.005], position: [0, 0, 1], static: true}\n"
-        "  - {name: b, shape: sphere, radius: 0.01, mass: 0.1, position: [0.46, 0, 1.07], velocity: [50, 0, -50]}\n"
-        "effects: [object_contact, friction]\nsolver: {" + solver + ", step: 1e-3}\nduration: 0.01\n");
+        "  - {name: b, shape: sphere, radius: 0.01, mass: 0.1, position: [0.46, 0, 1.07], velocity: [50, 0, "
+        "-50]}\n"
+        "effects: [object_contact, friction]\nsolver: {" +
+        solver + ", step: 1e-3}\nduration: 0.01\n");
     Simulation simulation(scene);
     run_through(simulation);
     const model::BodyState& ball = simulation.state().bodies.back();
@@ -202,8 +223,12 @@ TEST(Tunnelling, AFastBallThatMissesIsNotTouched) {
 // Oracle: a pad is a spring: KE = k d^2 / 2. 5 m/s go in by 50 mm with 1e3 N/m, from above.
 TEST(Tunnelling, APadGivesWayToAFastBallAsASpring) {
   for (const char* solver : {"method: world_step", "engine: articulated"}) {
-    const Case of{.solver = solver, .thing = "shape: sphere, radius: 0.1, stiffness: 1000, damping: 0",
-                  .target = "shape: box, edges: [1, 1, 0.2]", .speed = 5, .start = 1.3, .step = 1e-4,
+    const Case of{.solver = solver,
+                  .thing = "shape: sphere, radius: 0.1, stiffness: 1000, damping: 0",
+                  .target = "shape: box, edges: [1, 1, 0.2]",
+                  .speed = 5,
+                  .start = 1.3,
+                  .step = 1e-4,
                   .duration = 0.1};
     const auto deepest = [&](const char* more) {
       Case with = of;
@@ -228,7 +253,8 @@ TEST(Tunnelling, AFastHandDoesNotPassAThinSlab) {
          "hands.0.wrist.velocity=[0, 0, -30]",
          "objects=[{name: slab, shape: box, edges: [2, 2, 0.004], position: [0, 0, -0.3], static: true}]",
          "ground={height: -2}",
-         "effects=[gravity, joint_stops, passive_tissue, object_contact, ground_contact, friction]", "duration=0.03"});
+         "effects=[gravity, joint_stops, passive_tissue, object_contact, ground_contact, friction]",
+         "duration=0.03"});
     Simulation simulation(scene);
     for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
     return simulation.tunnelling()->pairs();

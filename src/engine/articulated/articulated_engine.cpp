@@ -212,12 +212,13 @@ void ArticulatedEngine::find_targets(double end) {
     const model::Drive& drive = model_.drives[static_cast<std::size_t>(drives_[i])];
     const Pose& now = mechanism_.base(drive.body).pose;
     targets_[i] = drive.motion.at(end) * drive.frame.inverse();
-    ways_.push_back({drive.body, {targets_[i].p - now.p, rotation_vector(targets_[i].q * now.q.conjugate())}});
+    ways_.push_back(
+        {drive.body, {targets_[i].p - now.p, rotation_vector(targets_[i].q * now.q.conjugate())}});
   }
 }
 
-/// Gives driven bodies the constant velocities with which they meet their targets. False where all of them stand
-/// still.
+/// Gives driven bodies the constant velocities with which they meet their targets. False where all of them
+/// stand still.
 bool ArticulatedEngine::aim_bases() {
   const double h = settings_.step;
   bool moving = false;

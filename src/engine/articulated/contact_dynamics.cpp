@@ -196,8 +196,8 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
     rows.softness = soft.cfm / step;
   } else {
     // What is about to touch comes nearer by the gap.
-    target = contact.depth < 0 ? contact.depth / step
-                               : std::min(erp_ * inside / step, ode::kMaxCorrectingSpeed);
+    target =
+        contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, ode::kMaxCorrectingSpeed);
     rows.softness = std::max(kNormalSoftness * giving, crossed);
   }
   const Side a = side(contact.shape_a, contact.position), b = side(contact.shape_b, contact.position);

@@ -79,10 +79,11 @@ void Euler::check_way(const model::State& free, const model::State& before, doub
     if (taken > back) back = taken, worst = i;
   }
   if (back <= kMostTakenBack * way || back <= kLeastWay) return;
-  throw Error(PhysicsFault{end, system_.body_name(worst), "way of a step [m]",
-                           fmt::format("{:.3g} of {:.3g} is taken back to close the joints: they are singular "
-                                       "here, or the step is too large",
-                                       back, way)});
+  throw Error(
+      PhysicsFault{end, system_.body_name(worst), "way of a step [m]",
+                   fmt::format("{:.3g} of {:.3g} is taken back to close the joints: they are singular "
+                               "here, or the step is too large",
+                               back, way)});
 }
 
 Vector Euler::next_velocities(const model::State& state, std::span<const double> torques, double step) const {

@@ -16,8 +16,9 @@ constexpr double kRankThreshold = 1e-8;
 /// independent, large beside rounding.
 constexpr double kRedundantShift = 1e-10;
 
-/// Of the accelerations that joints ask for at the start, the share that may be beyond all forces; differences
-/// that stand for derivatives are right to 1e-6 of it. Less than the second is rounding [m/s^2 or rad/s^2].
+/// Of the accelerations that joints ask for at the start, the share that may be beyond all forces;
+/// differences that stand for derivatives are right to 1e-6 of it. Less than the second is rounding [m/s^2 or
+/// rad/s^2].
 constexpr double kMostLeft = 1e-3, kLeastLeft = 1e-6;
 /// Velocities that say nothing of where a start goes [m/s, rad/s].
 constexpr double kAtRest = 1e-9;

@@ -138,17 +138,16 @@ void Approach::onto_plane(const Side& a, const Side& b) {
   if (!meets) points_.clear();
 }
 
-std::span<const ManifoldPoint> Approach::find(std::size_t shape_a, std::size_t shape_b,
-                                              bool touching, const model::State& state,
-                                              std::span<const Way> ways) {
+std::span<const ManifoldPoint> Approach::find(std::size_t shape_a, std::size_t shape_b, bool touching,
+                                              const model::State& state, std::span<const Way> ways) {
   const Side a = side(shape_a, state, ways), b = side(shape_b, state, ways);
   if (shape_of(a).kind == model::ShapeKind::plane || shape_of(b).kind == model::ShapeKind::plane) {
     onto_plane(a, b);
     if (touching) std::erase_if(points_, [](const ManifoldPoint& point) { return point.depth >= 0; });
     return points_;
   }
-  const double way = (a.way.shift - b.way.shift).norm() + a.way.turn.norm() * a.lever +
-                     b.way.turn.norm() * b.lever;
+  const double way =
+      (a.way.shift - b.way.shift).norm() + a.way.turn.norm() * a.lever + b.way.turn.norm() * b.lever;
   const double radius = std::min(smallest_radius(shape_of(a)), smallest_radius(shape_of(b)));
   if (touching) {
     meet_again(a, b, way, radius);

@@ -168,7 +168,8 @@ int Collider::collide(const model::State& state, const Prospect& prospect) {
   for (const auto& [a, b] : near_pairs_) {
     const std::size_t first = contacts_.size();
     int count = narrow_phase(a, b, state);
-    if (std::binary_search(fast.begin(), fast.end(), std::pair(a, b))) count += approach(a, b, count > 0, state);
+    if (std::binary_search(fast.begin(), fast.end(), std::pair(a, b)))
+      count += approach(a, b, count > 0, state);
     if (count > 0) touches_.push_back({first, count, surface(a, b)});
   }
   return static_cast<int>(near_pairs_.size());
@@ -178,8 +179,8 @@ int Collider::collide(const model::State& state, const Prospect& prospect) {
 int Collider::approach(std::size_t a, std::size_t b, bool touching, const model::State& state) {
   const std::span<const ManifoldPoint> points = approach_.find(a, b, touching, state, ways_);
   for (const ManifoldPoint& point : points)
-    contacts_.push_back({static_cast<int>(a), static_cast<int>(b), point.position, point.normal, point.depth,
-                         Vec3::Zero()});
+    contacts_.push_back(
+        {static_cast<int>(a), static_cast<int>(b), point.position, point.normal, point.depth, Vec3::Zero()});
   return static_cast<int>(points.size());
 }
 

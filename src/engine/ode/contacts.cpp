@@ -84,9 +84,7 @@ void Contacts::restore(ArchiveReader& in) {
   memory_.restore(in);
 }
 
-dBodyID Contacts::body_of(int shape) const {
-  return bodies_[body_index(shape)].id;
-}
+dBodyID Contacts::body_of(int shape) const { return bodies_[body_index(shape)].id; }
 
 /// A row of ODE's obeys v+ + CFM lambda = ERP / h depth: the pad's spring and damper at the step's end.
 void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad, int sharing) const {
@@ -98,15 +96,15 @@ void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad,
 
 /// Of a contact about to happen: the surfaces come nearer by the gap between them and no more, a pad as its
 /// spring and damper at the step's end let it. What is to bounce turns back at once.
-void Contacts::come_nearer(dSurfaceParameters& surface, const Contact& contact, const model::Material& between,
-                           int sharing, const model::State& state) const {
+void Contacts::come_nearer(dSurfaceParameters& surface, const Contact& contact,
+                           const model::Material& between, int sharing, const model::State& state) const {
   const Vec3 v = start_velocity(body_index(contact.shape_a), contact.position, state) -
                  start_velocity(body_index(contact.shape_b), contact.position, state);
   if (between.restitution > 0 && -contact.normal.dot(v) > between.restitution_speed) return;
-  const double share =
-      between.compliance
-          ? soft_row(between.compliance->stiffness / sharing, between.compliance->damping / sharing, step_).erp
-          : 1;
+  const double share = between.compliance ? soft_row(between.compliance->stiffness / sharing,
+                                                     between.compliance->damping / sharing, step_)
+                                                .erp
+                                          : 1;
   surface.mode &= ~dContactBounce;
   surface.mode |= dContactMotionN;
   surface.motionN = share * contact.depth / step_;

@@ -133,7 +133,8 @@ void OdeEngine::prepare(const StepInput& input, StepReport& report) {
   }
   if (contacts_) {
     const Clock::time_point start = Clock::now();
-    report.collide_calls = contacts_->collide(state_, drives_ ? drives_->ways() : std::span<const Prospect::Driven>());
+    report.collide_calls =
+        contacts_->collide(state_, drives_ ? drives_->ways() : std::span<const Prospect::Driven>());
     report.contacts = static_cast<int>(contacts_->list().size());
     report.collide_ns = ns_since(start);
   }
