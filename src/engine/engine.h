@@ -92,7 +92,7 @@ struct Contact {
   int shape_b = 0;
   Vec3 position = Vec3::Zero();  ///< world [m]
   Vec3 normal = Vec3::Zero();    ///< world, unit, out of b into a
-  double depth = 0;              ///< penetration, > 0 [m]
+  double depth = 0;              ///< penetration; less the gap where the two are about to touch [m]
   /// On a's body, normal part and friction, over the step; world [N]. Zero unless settings.contact_forces.
   Vec3 force = Vec3::Zero();
 

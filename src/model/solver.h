@@ -111,6 +111,10 @@ struct SolverSettings {
   /// of it. 1e-11 to 1e-2. Ten times smaller costs 1.2 to 1.9 times as much. High: energy drifts; lower:
   /// drowned in rounding.
   double tolerance = 1e-9;
+  /// Contacts that bodies are about to make within a step are kept before they happen, where a pair of shapes
+  /// goes further in a step than half the smaller of their smallest radii. Off: such bodies end steps within
+  /// and behind each other. ODE and semi_implicit_euler.
+  bool speculative = true;
   GuardLimits guard;
   /// Contacts tell their forces; costs some percent of a step with contacts.
   bool contact_forces = false;

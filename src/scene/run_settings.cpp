@@ -64,6 +64,7 @@ void read_settings(MapReader& reader, model::SolverSettings& solver, bool or_aut
 
 void read_solver(MapReader reader, model::SolverSettings& solver) {
   read_settings(reader, solver, true);
+  solver.speculative = reader.flag("speculative", true);
   MapReader guard = reader.map("guard");
   const model::GuardLimits limits;
   solver.guard.joint_gap = guard.number("joint_gap", {Dimension::length, 1e-6, 1}, limits.joint_gap);
@@ -100,6 +101,7 @@ Criteria read_criteria(MapReader reader) {
   out.stop_rest = reader.maybe_number("stop_rest", {Dimension::angle, 0, 10});
   if (reader.has("lcp_failures")) out.lcp_failures = reader.integer("lcp_failures", 0, 1'000'000'000, 0);
   out.penetration = reader.maybe_number("penetration", {Dimension::length, 0, 1});
+  if (reader.has("tunnelling")) out.tunnelling = reader.integer("tunnelling", 0, 1'000'000'000, 0);
   out.grasp_slip = reader.maybe_number("grasp_slip", {Dimension::speed, 0, 10});
   out.climb_load = reader.maybe_number("climb_load", {Dimension::force, 0, 1e5});
   out.tracking = read_tracking_criteria(reader);

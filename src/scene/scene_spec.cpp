@@ -101,6 +101,8 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   scene.criteria = read_criteria(reader.map("criteria"));
   if (scene.criteria.penetration && !scene.solver.effects.any_contact())
     reader.warning("criteria", "penetration is judged, but no effect lets anything touch");
+  if (scene.criteria.tunnelling && !scene.solver.effects.any_contact())
+    reader.warning("criteria", "tunnelling is judged, but no effect lets anything touch");
   if (!scene.solver.effects.has(model::Effect::joint_stops) &&
       (scene.criteria.stop_overshoot || scene.criteria.stop_rest))
     reader.warning("criteria", "stops are judged, but without the effect joint_stops there are none");

@@ -67,6 +67,7 @@ struct Criteria {
   std::optional<double> stop_rest;       ///< largest overshoot of a stop at the end [rad]
   std::optional<int> lcp_failures;       ///< in all
   std::optional<double> penetration;     ///< largest depth of any contact at any step [m]
+  std::optional<int> tunnelling;         ///< pairs of shapes that passed or lay deep in each other
   std::optional<double> grasp_slip;      ///< mean drift of a grasped object in the palm during the hold [m/s]
   std::optional<double> climb_load;      ///< least load that a climb is to carry [N]
   TrackingCriteria tracking;             ///< of a controlled scene

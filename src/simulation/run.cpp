@@ -209,7 +209,7 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
   result.simulated = simulation.state().time;
   result.tracking = simulation.tracking();
   result.state_hash = simulation.state_hash();
-  result.warnings = simulation.convergence().warnings(simulation.ledger(), scene.spec.solver);
+  result.warnings = simulation.warnings();
   result.expected_hash = options.expected_hash;
   result.grasps = simulation.grasps();
   result.climbs = simulation.climbs();

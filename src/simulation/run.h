@@ -66,7 +66,7 @@ struct RunResult {
   double simulated = 0;  ///< [s]
   double wall = 0;       ///< of the loop [s]
   std::string summary;   ///< text of summary.json
-  std::vector<std::string> warnings;  ///< of the solver: Convergence::warnings
+  std::vector<std::string> warnings;  ///< Simulation::warnings
   std::uint64_t state_hash = 0;
   std::optional<std::uint64_t> expected_hash;  ///< where one was given
   std::optional<double> continued_from;        ///< time of the snapshot that the run went on from [s]

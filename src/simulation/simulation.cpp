@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <new>
 #include <optional>
 
 #include <fmt/format.h>
@@ -73,6 +74,8 @@ Simulation::Simulation(const scene::Scene& scene)
       ledger_(scene.model, scene.spec.solver.effects,
               model::engine_of(scene.spec.solver.method) != model::EngineKind::articulated),
       convergence_(scene.model) {
+  if (engine_->tests_contacts())
+    tunnelling_.emplace(scene.model, scene.spec.solver.effects, engine_->state());
   if (scene.spec.record_contacts) contact_sums_.emplace(scene.model);
   hash_.add(engine_->state());
   if (scene.spec.solver.effects.has(model::Effect::actuation)) find_constant_torques();
@@ -118,6 +121,15 @@ engine::StepInput Simulation::command() {
 
 void Simulation::step() {
   if (failure_) throw Error(*failure_);
+  try {
+    advance();
+  } catch (const std::bad_alloc&) {
+    failure_.emplace(PhysicsFault{state().time, "the run", "memory", "none is left: use fewer bodies"});
+    throw Error(*failure_);
+  }
+}
+
+void Simulation::advance() {
   const bool timed = ledger_.times_next();
   const auto now = [&] { return timed ? Clock::now() : Clock::time_point(); };
   const Clock::time_point start = now();
@@ -133,6 +145,7 @@ void Simulation::step() {
   monitor_.look(engine_->state());
   // An engine collides before it moves.
   monitor_.look(engine_->contacts(), engine_->state().time - engine_->settings().step);
+  if (tunnelling_) tunnelling_->look(engine_->contacts(), engine_->state());
   convergence_.look(report, engine_->state().time);
   if (contact_sums_)
     contact_sums_->look(engine_->contacts(), engine_->state().time, engine_->settings().step);
@@ -149,6 +162,14 @@ void Simulation::step() {
                                  gap.value, kLargestGap)});
     throw Error(*failure_);
   }
+}
+
+std::vector<std::string> Simulation::warnings() const {
+  std::vector<std::string> out = convergence_.warnings(ledger_, scene_.spec.solver);
+  if (!tunnelling_) return out;
+  const std::vector<std::string> more = tunnelling_->warnings();
+  out.insert(out.end(), more.begin(), more.end());
+  return out;
 }
 
 std::uint64_t Simulation::state_hash() const {
@@ -177,6 +198,7 @@ RunSnapshot Simulation::snapshot() const {
   monitor_.save(out);
   if (contact_sums_) contact_sums_->save(out);
   convergence_.save(out);
+  if (tunnelling_) tunnelling_->save(out);
   for (const GraspWatch& grasp : grasps_) grasp.save(out);
   for (const ClimbWatch& climb : climbs_) climb.save(out);
   return {fingerprint_, engine_->state().time, out.take()};
@@ -216,6 +238,8 @@ void Simulation::restore_parts(const RunSnapshot& snapshot) {
   monitor_.restore(in);
   if (contact_sums_) contact_sums_->restore(in);
   convergence_.restore(in);
+  if (tunnelling_) tunnelling_->restore(in);
+  if (tunnelling_) tunnelling_->restart(engine_->state());
   for (GraspWatch& grasp : grasps_) grasp.restore(in);
   for (ClimbWatch& climb : climbs_) climb.restore(in);
   in.finish();

@@ -17,6 +17,7 @@
 #include "handsim/simulation/snapshot.h"
 #include "handsim/simulation/state_hash.h"
 #include "handsim/simulation/tracking.h"
+#include "handsim/simulation/tunnelling.h"
 
 namespace handsim::simulation {
 
@@ -47,6 +48,10 @@ class Simulation {
   std::vector<AxisTracking> tracking() const;
   const Ledger& ledger() const { return ledger_; }
   const Convergence& convergence() const { return convergence_; }
+  /// Null where no contacts are tested.
+  const Tunnelling* tunnelling() const { return tunnelling_ ? &*tunnelling_ : nullptr; }
+  /// What of the run is bad enough to be told, one sentence each.
+  std::vector<std::string> warnings() const;
   /// Steps made since the start of the scene, before a snapshot too.
   long steps() const { return ledger_.steps(); }
   /// Of the states up to now (state_hash.h).
@@ -79,6 +84,7 @@ class Simulation {
   long step_count() const;
 
  private:
+  void advance();
   void restore_parts(const RunSnapshot& snapshot);
   void find_constant_torques();
   engine::StepInput command();
@@ -93,6 +99,7 @@ class Simulation {
   Monitor monitor_;
   Ledger ledger_;
   Convergence convergence_;
+  std::optional<Tunnelling> tunnelling_;
   StateHash hash_;                                          ///< up to the last step that kHashEvery divides
   mutable std::shared_ptr<const Fingerprint> fingerprint_;  ///< made when first asked for
   std::optional<ContactSums> contact_sums_;

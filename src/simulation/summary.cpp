@@ -303,6 +303,20 @@ void add_tracking(const Simulation& simulation, const scene::TrackingCriteria& l
   out.push_back(unsettled);
 }
 
+/// Pairs of shapes that passed each other or lay deeper than the smallest radius, with the first of them.
+void add_tunnelling(const Simulation& simulation, const scene::Criteria& criteria,
+                    std::vector<Verdict>& out) {
+  const Tunnelling* watch = simulation.tunnelling();
+  if (!watch && !criteria.tunnelling) return;
+  Verdict verdict{"tunnelling", "", {}, criteria.tunnelling, 0, ""};
+  if (watch) {
+    verdict.measured = watch->pairs();
+    verdict.where = watch->first_where();
+    verdict.time = watch->first_time();
+  }
+  out.push_back(std::move(verdict));
+}
+
 }  // namespace
 
 std::vector<Verdict> verdicts(const Simulation& simulation, const scene::Criteria& criteria) {
@@ -320,6 +334,7 @@ std::vector<Verdict> verdicts(const Simulation& simulation, const scene::Criteri
     out.push_back(from_peak("penetration", "m", monitor.penetration(), criteria.penetration));
   else if (criteria.penetration)
     out.push_back({"penetration", "m", {}, criteria.penetration, 0, ""});
+  add_tunnelling(simulation, criteria, out);
   add_grasps(simulation, criteria, out);
   add_climbs(simulation, criteria, out);
   add_tracking(simulation, criteria.tracking, out);

@@ -28,10 +28,17 @@ std::vector<Variant> variants(const scene::Scene& scene, std::vector<EffectRow>&
       rows.push_back({});
       rows.back().effect = static_cast<model::Effect>(i);
     }
+  const bool speculative = scene.spec.solver.speculative && effects.any_contact();
+  if (speculative && !rows.empty()) rows.push_back({});
   std::vector<Variant> out;
   for (EffectRow& row : rows) {
+    if (!row.effect) {
+      out.push_back({&row, scene});
+      out.back().scene.spec.solver.speculative = false;
+      continue;
+    }
     try {
-      Variant variant{&row, scene::without_effect(scene, row.effect)};
+      Variant variant{&row, scene::without_effect(scene, *row.effect)};
       for (int i = 0; i < model::kEffectCount; ++i) {
         const auto other = static_cast<model::Effect>(i);
         if (other != row.effect && effects.has(other) && !variant.scene.spec.solver.effects.has(other))

@@ -1,5 +1,5 @@
 // What each effect of a scene costs and buys: the scene is simulated whole and with each of its effects taken
-// away in turn.
+// away in turn, and without the contacts that the solver keeps before they happen.
 #pragma once
 
 #include <functional>
@@ -14,7 +14,8 @@ namespace handsim::study {
 
 /// The scene without one of its effects, against the whole scene.
 struct EffectRow {
-  model::Effect effect = model::Effect::gravity;
+  /// Absent: without the contacts that are about to happen (solver.speculative).
+  std::optional<model::Effect> effect;
   /// Effects that go with it, as nothing is left for them to act on: friction with the last contact.
   std::vector<model::Effect> with;
   double ns_per_step = 0;  ///< CPU time without the effect
@@ -29,11 +30,12 @@ struct EffectRow {
 };
 
 struct EffectsResult {
-  double ns_per_step = 0;       ///< CPU time of the whole scene
-  long steps = 0;               ///< of each run
-  int repeats = 0;              ///< timed rounds
-  bool has_angles = false;      ///< whether any joint turns
-  std::vector<EffectRow> rows;  ///< in the order of model::Effect
+  double ns_per_step = 0;   ///< CPU time of the whole scene
+  long steps = 0;           ///< of each run
+  int repeats = 0;          ///< timed rounds
+  bool has_angles = false;  ///< whether any joint turns
+  /// In the order of model::Effect; at last, where the scene has them, contacts that are about to happen.
+  std::vector<EffectRow> rows;
 };
 
 /// @param repeats rounds in which the scene is timed whole and without each effect, in turns; one more goes

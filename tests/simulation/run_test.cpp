@@ -138,8 +138,8 @@ TEST(Summary, HasVerdictsLedgerCountsAndVersions) {
   for (const auto& entry : summary["ledger"]["phases"]) EXPECT_GT(entry["ns_per_step"], 0) << entry["name"];
   EXPECT_EQ(summary["solver"]["seed"], 1);
   EXPECT_NE(summary["versions"]["engine"].get<std::string>().find("ODE"), std::string::npos);
-  // A scene with contacts has penetration among them.
-  EXPECT_EQ(summary["criteria"].size(), 5U);
+  // A scene with contacts has penetration and tunnelling among them.
+  EXPECT_EQ(summary["criteria"].size(), 6U);
 }
 
 TEST(FailedRun, SaysWhereAndKeepsItsFiles) {

@@ -90,7 +90,10 @@ TEST(Effects, ThatOthersNeedTakeThemAlong) {
   const scene::Scene scene =
       scene_of(std::string(kBall) + "ground: {height: -0.1}\neffects: [gravity, ground_contact, friction]\n");
   const EffectsResult result = run_effects(scene, 1, nullptr);
-  ASSERT_EQ(result.rows.size(), 3U);
+  // Contacts that are about to happen have a row of their own.
+  ASSERT_EQ(result.rows.size(), 4U);
+  EXPECT_FALSE(result.rows.back().effect);
+  EXPECT_EQ(result.rows.back().displacement.value, 0);
   EXPECT_EQ(row_of(result, Effect::ground_contact).with, std::vector{Effect::friction});
   EXPECT_TRUE(row_of(result, Effect::friction).with.empty());
   // The ball falls through where the ground was.

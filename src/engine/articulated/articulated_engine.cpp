@@ -7,6 +7,7 @@
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
+#include "handsim/engine/multibody/projection.h"
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/validate.h"
@@ -97,10 +98,12 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
   saved_.resize(mechanism_.q().size() + mechanism_.u().size());
   saved_bases_.reserve(drives_.size());
   targets_.resize(drives_.size());
+  ways_.reserve(drives_.size());
   state_ = model::initial_state(model);
   double gap = 0;
   for (const model::Joint& joint : model.joints) gap = std::max(gap, model::joint_gap(joint, state_));
   start(state_);
+  if (loops_) require_regular_start(model, settings, state());
   if (gap > kMovedGap)
     notes_.push_back(fmt::format("the start was moved to close a joint gap of {:g} m", gap));
 }
@@ -208,17 +211,27 @@ void ArticulatedEngine::accept(const StepInput& input) {
     if (auto fault = servo_fault(model_, settings_, time_, input.servos)) fail(std::move(*fault));
 }
 
-/// Gives driven bodies the constant velocities of a step that ends at a time. False where all of them stand
-/// still.
-bool ArticulatedEngine::aim_bases(double end) {
+/// Where the drives take their bodies in a step that ends at a time.
+void ArticulatedEngine::find_targets(double end) {
+  ways_.clear();
+  for (std::size_t i = 0; i < drives_.size(); ++i) {
+    const model::Drive& drive = model_.drives[static_cast<std::size_t>(drives_[i])];
+    const Pose& now = mechanism_.base(drive.body).pose;
+    targets_[i] = drive.motion.at(end) * drive.frame.inverse();
+    ways_.push_back(
+        {drive.body, {targets_[i].p - now.p, rotation_vector(targets_[i].q * now.q.conjugate())}});
+  }
+}
+
+/// Gives driven bodies the constant velocities with which they meet their targets. False where all of them
+/// stand still.
+bool ArticulatedEngine::aim_bases() {
   const double h = settings_.step;
   bool moving = false;
   for (std::size_t i = 0; i < drives_.size(); ++i) {
     const model::Drive& drive = model_.drives[static_cast<std::size_t>(drives_[i])];
     BaseMotion& base = mechanism_.base(drive.body);
-    targets_[i] = drive.motion.at(end) * drive.frame.inverse();
-    const Vec3 v = (targets_[i].p - base.pose.p) / h;
-    const Vec3 w = rotation_vector(targets_[i].q * base.pose.q.conjugate()) / h;
+    const Vec3 v = ways_[i].way.shift / h, w = ways_[i].way.turn / h;
     moving = moving || !v.isZero(0) || !w.isZero(0) || !base.v.isZero(0) || !base.w.isZero(0) ||
              !base.dv.isZero(0) || !base.dw.isZero(0);
     base.dv = (v - base.v) / h;
@@ -259,7 +272,9 @@ void ArticulatedEngine::collide(StepReport& report) {
   using Clock = std::chrono::steady_clock;
   const Clock::time_point start = Clock::now();
   try {
-    report.collide_calls = contact_->collide(state());
+    const bool falls = settings_.effects.has(model::Effect::gravity);
+    const Vec3 fall = falls ? Vec3(settings_.step * model_.gravity) : Vec3(Vec3::Zero());
+    report.collide_calls = contact_->collide(state(), {settings_.step, fall, ways_});
   } catch (const ode::OdeFault& fault) {
     fail({time_, "the model", "ODE", fault.message});
   }
@@ -278,9 +293,10 @@ bool ArticulatedEngine::arrive(bool fast) {
 void ArticulatedEngine::step_implicitly(const StepInput& input, double end, StepReport& report) {
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();
+  find_targets(end);
   if (contact_) collide(report);
   const bool fast = fast_spin_->begin(input, settings_.step);
-  const bool moving = aim_bases(end);
+  const bool moving = aim_bases();
   mechanism_.settle_spins(settings_.step);
   if (report.contacts > 0) {
     const NewtonReport found = contact_->solve(settings_.step);

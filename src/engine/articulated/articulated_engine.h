@@ -52,7 +52,8 @@ class ArticulatedEngine final : public Engine {
   void step_implicitly(const StepInput& input, double end, StepReport& report);
   bool arrive(bool fast);
   void collide(StepReport& report);
-  bool aim_bases(double end);
+  void find_targets(double end);
+  bool aim_bases();
   void place_bases();
   void keep_start();
   void back_to_start();
@@ -69,6 +70,7 @@ class ArticulatedEngine final : public Engine {
   std::vector<int> drives_;                   ///< of the model, in force
   std::vector<double> saved_;                 ///< positions and rates before the step
   std::vector<BaseMotion> saved_bases_;       ///< of the drives
+  std::vector<Prospect::Driven> ways_;        ///< of the drives, during the step
   std::vector<Pose> targets_;                 ///< of the drives, at the end of the step
   std::vector<std::string> notes_;
   double time_ = 0;

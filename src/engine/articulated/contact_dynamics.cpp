@@ -47,7 +47,7 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
     : model_(entered(model)),
       mechanism_(mechanism),
       loops_(loops),
-      collider_(model, ode::immovable_bodies(model, settings.effects)),
+      collider_(model, settings),
       crossed_(model),
       space_(mechanism),
       friction_(settings.effects.has(model::Effect::friction)),
@@ -125,10 +125,10 @@ void ContactDynamics::restore(ArchiveReader& in) {
   }
 }
 
-int ContactDynamics::collide(const model::State& state) {
+int ContactDynamics::collide(const model::State& state, const Prospect& prospect) {
   ode::enter_ode();
   collider_.place(state);
-  return collider_.collide(state);
+  return collider_.collide(state, prospect);
 }
 
 /// How a body moves at a point, the bases as they do during the step.
@@ -196,10 +196,12 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   if (surface.compliance) {
     const ode::SoftRow soft =
         ode::soft_row(surface.compliance->stiffness / sharing, surface.compliance->damping / sharing, step);
-    target = soft.erp * inside / step;
+    target = soft.erp * (contact.depth < 0 ? contact.depth : inside) / step;
     rows.softness = soft.cfm / step;
   } else {
-    target = std::min(erp_ * inside / step, ode::kMaxCorrectingSpeed);
+    // What is about to touch comes nearer by the gap.
+    target =
+        contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, ode::kMaxCorrectingSpeed);
     rows.softness = std::max(kNormalSoftness * giving, crossed);
     if (crossed == 0) rigid_.push_back(frames_.size() - 1);
   }

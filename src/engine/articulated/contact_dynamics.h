@@ -42,7 +42,7 @@ class ContactDynamics {
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
   /// Finds the contacts at a state. @return pairs given to the narrow phase. @throws ode::OdeFault
-  int collide(const model::State& state);
+  int collide(const model::State& state, const Prospect& prospect);
   std::span<const Contact> contacts() const { return collider_.contacts(); }
 
   /// Accelerations, into Mechanism::du(), of a step [s] that ends with contacts, stops and torque limits

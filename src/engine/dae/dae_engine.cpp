@@ -7,6 +7,7 @@
 #include "handsim/engine/dae/euler.h"
 #include "handsim/engine/dae/gear.h"
 #include "handsim/engine/dae/penalty.h"
+#include "handsim/engine/multibody/projection.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/validate.h"
 
@@ -84,6 +85,7 @@ DaeEngine::DaeEngine(const model::Model& model, const Settings& settings)
   } catch (const Error& error) {
     throw input_error("model", error.what(), "joints that can all be closed at the start");
   }
+  require_regular_start(model, settings, state_);
   if (gap > kMovedGap && settings.method != Method::euler_linearised)
     notes_.push_back(fmt::format("the start was moved to close a joint gap of {:g} m", gap));
 }

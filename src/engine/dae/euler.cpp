@@ -1,5 +1,9 @@
 #include "handsim/engine/dae/euler.h"
 
+#include <algorithm>
+
+#include <fmt/format.h>
+
 #include "handsim/engine/dae/implicit.h"
 #include "handsim/engine/multibody/projection.h"
 
@@ -9,6 +13,9 @@ namespace {
 
 /// Relative size below which a combination of scaled constraint rows counts as redundant.
 constexpr double kRankThreshold = 1e-12;
+/// A step's way that closing the joints may take back, as a share. In smooth motion it is half the angle that
+/// bodies turn by in the step. Shorter ways are rounding [m].
+constexpr double kMostTakenBack = 0.9, kLeastWay = 1e-9;
 
 /// Solves A u = b + G^T P, G u = r for u, with P the shortest where G's rows depend on each other.
 Vector solve_constrained(const Matrix& mass, const Vector& momentum, const Matrix& jacobian,
@@ -49,11 +56,34 @@ void Euler::advance(std::span<const double> torques, double end, model::State& s
   if (projected_) {
     now.time = end;
     system_.place_driven(end, model::KeySide::before, now);
+    const model::State free = now;
     project_positions(system_, now);
+    check_way(free, state, end, now);
     // Turned by the projection, the velocities keep their components in body axes.
     system_.set_velocities(u, now);
   }
   system_.copy_bodies(now, state);
+}
+
+/// Where the joints take back most of the way that the velocities went, these mean nothing: the joints let
+/// the bodies start to move, and no further (a four-bar pulled straight).
+/// @param free the step's end before the joints were closed
+void Euler::check_way(const model::State& free, const model::State& before, double end,
+                      const model::State& closed) const {
+  const Vector x0 = system_.positions(before), x1 = system_.positions(free), x2 = system_.positions(closed);
+  double way = 0, back = 0;
+  Index worst = 0;
+  for (Index i = 0; i < system_.body_count(); ++i) {
+    way = std::max(way, (x1 - x0).segment<3>(kPoseSize * i).norm());
+    const double taken = (x2 - x1).segment<3>(kPoseSize * i).norm();
+    if (taken > back) back = taken, worst = i;
+  }
+  if (back <= kMostTakenBack * way || back <= kLeastWay) return;
+  throw Error(
+      PhysicsFault{end, system_.body_name(worst), "way of a step [m]",
+                   fmt::format("{:.3g} of {:.3g} is taken back to close the joints: they are singular "
+                               "here, or the step is too large",
+                               back, way)});
 }
 
 Vector Euler::next_velocities(const model::State& state, std::span<const double> torques, double step) const {

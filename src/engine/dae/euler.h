@@ -22,6 +22,8 @@ class Euler final : public Integrator {
  private:
   /// u+ at the state with driven bodies already aimed.
   Vector next_velocities(const model::State& state, std::span<const double> torques, double step) const;
+  void check_way(const model::State& free, const model::State& before, double end,
+                 const model::State& closed) const;
 
   System system_;
   bool projected_;

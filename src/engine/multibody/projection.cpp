@@ -1,6 +1,7 @@
 #include "handsim/engine/multibody/projection.h"
 
 #include <cmath>
+#include <numeric>
 
 #include <fmt/format.h>
 
@@ -14,6 +15,13 @@ constexpr double kRankThreshold = 1e-8;
 /// Relative shift of the rows' own response that keeps redundant rows solvable: small beside any row that is
 /// independent, large beside rounding.
 constexpr double kRedundantShift = 1e-10;
+
+/// Of the accelerations that joints ask for at the start, the share that may be beyond all forces;
+/// differences that stand for derivatives are right to 1e-6 of it. Less than the second is rounding [m/s^2 or
+/// rad/s^2].
+constexpr double kMostLeft = 1e-3, kLeastLeft = 1e-6;
+/// Velocities that say nothing of where a start goes [m/s, rad/s].
+constexpr double kAtRest = 1e-9;
 
 using Decomposition = Eigen::CompleteOrthogonalDecomposition<Matrix>;
 
@@ -141,6 +149,40 @@ void close_step(const System& system, const model::State& before, double step, m
   }
   system.constraints(after, rows);
   stays_apart(system, after, values(rows));
+}
+
+void require_regular_start(const model::Model& model, const Settings& settings, const model::State& start) {
+  std::vector<Problem> problems;
+  for (const System& island : islands(model, settings)) {
+    if (island.constraint_count() == 0) continue;
+    model::State state = start;
+    project_velocities(island, state);
+    if (island.velocities(state).norm() <= kAtRest) {
+      // Where it is about to move.
+      island.set_velocities(island.over_mass(island.all_forces(state, {})), state);
+      project_velocities(island, state);
+      const Vector u = island.velocities(state);
+      if (u.norm() <= kAtRest) continue;
+      island.set_velocities(u / u.norm(), state);
+    }
+    std::vector<Index> all(static_cast<std::size_t>(island.constraint_count()));
+    std::iota(all.begin(), all.end(), Index{0});
+    const Vector drift = rate_drift(island, state, island.velocities(state), all);
+    std::vector<Row> rows;
+    island.constraints(state, rows);
+    const Matrix scaled = island.scaled(island.jacobian(rows, state));
+    const Vector left = drift - scaled * decompose(scaled).solve(drift);
+    Index worst = 0;
+    const double most = left.cwiseAbs().maxCoeff(&worst);
+    if (most <= kMostLeft * drift.cwiseAbs().maxCoeff() || most <= kLeastLeft) continue;
+    problems.push_back(
+        {std::nullopt, island.joint_of_row(worst).name,
+         fmt::format("joints that let the bodies start to move and no further: {:.3g} m/s^2 or rad/s^2 of "
+                     "their acceleration that no force can bring about",
+                     most),
+         "a start that is not singular"});
+  }
+  if (!problems.empty()) throw Error(std::move(problems));
 }
 
 Accelerations accelerations(const System& system, const model::State& state, std::span<const double> torques,

@@ -23,6 +23,12 @@ void project_velocities(const System& system, model::State& state);
 /// @throws Error (physics) naming the joint that stays apart.
 void close_step(const System& system, const model::State& before, double step, model::State& after);
 
+/// Refuses a start in which joints let the bodies start to move, as their velocities or else gravity and
+/// tissue have it, and no further, as those of a four-bar pulled straight do: at velocity level all is well
+/// there, at the level of accelerations the joints contradict each other, and energy comes from nowhere.
+/// @throws Error (input) naming a joint of each such loop
+void require_regular_start(const model::Model& model, const Settings& settings, const model::State& start);
+
 /// What the joints make of the forces.
 struct Accelerations {
   Vector acceleration;  ///< u', 6 per body

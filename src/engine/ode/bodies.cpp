@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "handsim/engine/ode/handlers.h"
+
 namespace handsim::engine::ode {
 
 namespace {
@@ -41,6 +43,7 @@ OdeIds make_world() {
   ids.world.reset(dWorldCreate());
   dWorldSetStepThreadingImplementation(
       ids.world.get(), dThreadingImplementationGetFunctions(ids.threading.get()), ids.threading.get());
+  guard_step_memory(ids.world.get());
   return ids;
 }
 

@@ -26,21 +26,6 @@ void carry(Archive& archive, T& contact) {
 
 }  // namespace
 
-PairTable::PairTable(const model::Model& model)
-    : groups_(model.groups.size()), table_(groups_ * groups_, kNever) {
-  for (const model::ContactRule& rule : model.contact_rules) {
-    const auto a = static_cast<std::size_t>(rule.group_a);
-    const auto b = static_cast<std::size_t>(rule.group_b);
-    table_[a * groups_ + b] = table_[b * groups_ + a] = rule.material;
-  }
-}
-
-bool PairTable::meets_any(int group) const {
-  for (int other = 0; other < static_cast<int>(groups_); ++other)
-    if (meet(group, other)) return true;
-  return false;
-}
-
 bool needs_contacts(const model::Model& model, const model::Effects& effects) {
   return effects.any_contact() && !model.contact_rules.empty();
 }
@@ -58,9 +43,13 @@ std::vector<Problem> contact_defects(const model::Model& model, const model::Eff
   return problems;
 }
 
-Collider::Collider(const model::Model& model, const std::vector<bool>& immovable,
-                   std::span<const OdeBody> bodies)
-    : model_(model), untested_(model, immovable), rules_(model) {
+Collider::Collider(const model::Model& model, const Settings& settings, std::span<const OdeBody> bodies)
+    : model_(model),
+      untested_(model, immovable_bodies(model, settings.effects)),
+      rules_(model),
+      approach_(model) {
+  if (settings.speculative) sweep_.emplace(model, settings.effects);
+  ways_.reserve(model.bodies.size());
   const bool sweep = model.shapes.size() >= kSweepFrom;
   space_.reset(sweep ? dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ) : dSimpleSpaceCreate(nullptr));
   add_geoms(bodies);
@@ -142,16 +131,57 @@ void Collider::restore(ArchiveReader& in) {
   }
 }
 
-int Collider::collide(const model::State& state) {
+/// Pairs so fast that they could pass each other within the step.
+std::span<const Sweep::Pair> Collider::find_fast(const model::State& state, const Prospect& prospect) {
+  if (!sweep_) return {};
+  const double step2 = prospect.step * prospect.step;
+  const auto fast = [&](int body) {
+    const model::BodyState& now = state.bodies[static_cast<std::size_t>(body)];
+    return sweep_->fast(body, step2 * (now.v + prospect.fall).squaredNorm(), step2 * now.w.squaredNorm());
+  };
+  const auto driven_fast = [&](const Prospect::Driven& each) {
+    return sweep_->fast(each.body, each.way.shift.squaredNorm(), each.way.turn.squaredNorm());
+  };
+  if (std::none_of(sweep_->bodies().begin(), sweep_->bodies().end(), fast) &&
+      std::none_of(prospect.driven.begin(), prospect.driven.end(), driven_fast))
+    return {};
+  ways_.assign(state.bodies.size(), {});
+  for (const int body : sweep_->bodies()) {
+    const model::BodyState& now = state.bodies[static_cast<std::size_t>(body)];
+    ways_[static_cast<std::size_t>(body)] = {prospect.step * (now.v + prospect.fall), prospect.step * now.w};
+  }
+  for (const Prospect::Driven& each : prospect.driven) ways_[static_cast<std::size_t>(each.body)] = each.way;
+  return sweep_->find(state, ways_);
+}
+
+int Collider::collide(const model::State& state, const Prospect& prospect) {
   contacts_.clear();
   touches_.clear();
   find_near(state);
+  const std::span<const Sweep::Pair> fast = find_fast(state, prospect);
+  if (!fast.empty()) {
+    // In order, each pair once.
+    near_pairs_.insert(near_pairs_.end(), fast.begin(), fast.end());
+    std::sort(near_pairs_.begin(), near_pairs_.end());
+    near_pairs_.erase(std::unique(near_pairs_.begin(), near_pairs_.end()), near_pairs_.end());
+  }
   for (const auto& [a, b] : near_pairs_) {
     const std::size_t first = contacts_.size();
-    const int count = narrow_phase(a, b, state);
+    int count = narrow_phase(a, b, state);
+    if (std::binary_search(fast.begin(), fast.end(), std::pair(a, b)))
+      count += approach(a, b, count > 0, state);
     if (count > 0) touches_.push_back({first, count, surface(a, b)});
   }
   return static_cast<int>(near_pairs_.size());
+}
+
+/// Appends the points at which a fast pair is about to touch. @return how many
+int Collider::approach(std::size_t a, std::size_t b, bool touching, const model::State& state) {
+  const std::span<const ManifoldPoint> points = approach_.find(a, b, touching, state, ways_);
+  for (const ManifoldPoint& point : points)
+    contacts_.push_back(
+        {static_cast<int>(a), static_cast<int>(b), point.position, point.normal, point.depth, Vec3::Zero()});
+  return static_cast<int>(points.size());
 }
 
 Pose Collider::pose(std::size_t shape, const model::State& state) const {

@@ -10,33 +10,15 @@
 #include <vector>
 
 #include "handsim/engine/clearance.h"
+#include "handsim/engine/ode/approach.h"
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/shapes.h"
+#include "handsim/engine/sweep.h"
 
 namespace handsim::engine::ode {
 
-/// Contact points that one pair of shapes can have.
-inline constexpr int kMaxPairContacts = 8;
 /// Shapes from which on sweep-and-prune is faster than testing all pairs of bounding boxes.
 inline constexpr std::size_t kSweepFrom = 24;
-
-/// For each pair of contact groups whether a rule names it, and the material of the pair.
-class PairTable {
- public:
-  explicit PairTable(const model::Model& model);
-  bool meet(int group_a, int group_b) const { return entry(group_a, group_b) != kNever; }
-  bool meets_any(int group) const;
-  /// Index of a material, or kCombined.
-  int material(int group_a, int group_b) const { return entry(group_a, group_b); }
-
- private:
-  static constexpr int kNever = -2;
-  int entry(int a, int b) const {
-    return table_[static_cast<std::size_t>(a) * groups_ + static_cast<std::size_t>(b)];
-  }
-  std::size_t groups_;
-  std::vector<int> table_;
-};
 
 /// Two shapes that touch: which points of the list are theirs, and what their surfaces are to each other.
 struct Touch {
@@ -49,13 +31,13 @@ class Collider {
  public:
   /// @param bodies as Model::bodies, on whose ODE bodies shapes ride; empty: on none. Model and bodies must
   ///        outlive this. @throws OdeFault
-  Collider(const model::Model& model, const std::vector<bool>& immovable,
-           std::span<const OdeBody> bodies = {});
+  Collider(const model::Model& model, const Settings& settings, std::span<const OdeBody> bodies = {});
 
   /// Puts the shapes of bodies without an ODE body where the state has these; not where none has one.
   void place(const model::State& state);
-  /// Finds the contacts at a state, where all shapes have been put. @return pairs given to the narrow phase
-  int collide(const model::State& state);
+  /// Finds the contacts at a state, where all shapes have been put, and with settings.speculative those that
+  /// fast bodies are about to make (depth below 0). @return pairs given to the narrow phase
+  int collide(const model::State& state, const Prospect& prospect);
 
   std::vector<Contact>& contacts() { return contacts_; }
   const std::vector<Contact>& contacts() const { return contacts_; }
@@ -73,6 +55,8 @@ class Collider {
   void find_near(const model::State& state);
   Pose pose(std::size_t shape, const model::State& state) const;
   int narrow_phase(std::size_t a, std::size_t b, const model::State& state);
+  std::span<const Sweep::Pair> find_fast(const model::State& state, const Prospect& prospect);
+  int approach(std::size_t a, std::size_t b, bool touching, const model::State& state);
   model::Material surface(std::size_t a, std::size_t b) const;
 
   const model::Model& model_;
@@ -84,6 +68,10 @@ class Collider {
   /// Where no shape rides on an ODE body: in place of the space, and poses of all shapes.
   std::optional<Clearance> clearance_;
   std::vector<Pose> poses_;
+  /// With settings.speculative only.
+  std::optional<Sweep> sweep_;
+  Approach approach_;
+  std::vector<Way> ways_;  ///< of each body, in a step with a fast one
   std::vector<Contact> contacts_;
   std::vector<Touch> touches_;
 };

@@ -17,11 +17,11 @@ constexpr double kLeastMoment = 1e-9;
 }  // namespace
 
 Contacts::Contacts(OdeIds& ids, const model::Model& model, const Settings& settings,
-                   const std::vector<OdeBody>& bodies, const std::vector<bool>& immovable)
+                   const std::vector<OdeBody>& bodies)
     : model_(model),
       bodies_(bodies),
       world_(ids.world.get()),
-      collider_(model, immovable, bodies),
+      collider_(model, settings, bodies),
       crossed_(model),
       memory_(model, bodies),
       friction_(settings.effects.has(model::Effect::friction)),
@@ -84,9 +84,7 @@ void Contacts::restore(ArchiveReader& in) {
   memory_.restore(in);
 }
 
-dBodyID Contacts::body_of(int shape) const {
-  return bodies_[static_cast<std::size_t>(model_.shapes[static_cast<std::size_t>(shape)].body)].id;
-}
+dBodyID Contacts::body_of(int shape) const { return bodies_[body_index(shape)].id; }
 
 /// A row of ODE's obeys v+ + CFM lambda = ERP / h depth: the pad's spring and damper at the step's end.
 void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad, int sharing) const {
@@ -94,6 +92,22 @@ void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad,
   surface.mode |= dContactSoftERP | dContactSoftCFM;
   surface.soft_erp = row.erp;
   surface.soft_cfm = row.cfm;
+}
+
+/// Of a contact about to happen: the surfaces come nearer by the gap between them and no more, a pad as its
+/// spring and damper at the step's end let it. What is to bounce turns back at once.
+void Contacts::come_nearer(dSurfaceParameters& surface, const Contact& contact,
+                           const model::Material& between, int sharing, const model::State& state) const {
+  const Vec3 v = start_velocity(body_index(contact.shape_a), contact.position, state) -
+                 start_velocity(body_index(contact.shape_b), contact.position, state);
+  if (between.restitution > 0 && -contact.normal.dot(v) > between.restitution_speed) return;
+  const double share = between.compliance ? soft_row(between.compliance->stiffness / sharing,
+                                                     between.compliance->damping / sharing, step_)
+                                                .erp
+                                          : 1;
+  surface.mode &= ~dContactBounce;
+  surface.mode |= dContactMotionN;
+  surface.motionN = share * contact.depth / step_;
 }
 
 void Contacts::add_contact(const Contact& contact, const Touch& touch, const Patch* patch,
@@ -104,7 +118,7 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Pat
     joint.geom.pos[i] = contact.position[i];
     joint.geom.normal[i] = contact.normal[i];
   }
-  joint.geom.depth = contact.depth;
+  joint.geom.depth = std::max(contact.depth, 0.0);
   dSurfaceParameters& surface = joint.surface;
   surface.mode = dContactApprox1;
   surface.mu = friction_ ? between.friction : 0;
@@ -113,6 +127,7 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Pat
     surface.bounce = between.restitution;
     surface.bounce_vel = between.restitution_speed;
   }
+  if (contact.depth < 0) come_nearer(surface, contact, between, touch.count, state);
   const double inside = contact.depth - kSurfaceLayer;
   if (between.compliance) {
     soften(surface, *between.compliance, touch.count);
@@ -182,17 +197,23 @@ void Contacts::aim_friction(dContact& joint, const Contact& contact, const Patch
 /// Tangential velocity of a against b as it would be after this step without the contact: bodies that rest
 /// get the direction in which gravity is about to move them.
 Vec3 Contacts::sliding(const Contact& contact, const model::State& state) const {
-  const int a = model_.shapes[static_cast<std::size_t>(contact.shape_a)].body;
-  const int b = model_.shapes[static_cast<std::size_t>(contact.shape_b)].body;
-  const Vec3 v = point_velocity(a, contact.position, state) - point_velocity(b, contact.position, state);
+  const Vec3 v = point_velocity(body_index(contact.shape_a), contact.position, state) -
+                 point_velocity(body_index(contact.shape_b), contact.position, state);
   return v - v.dot(contact.normal) * contact.normal;
 }
 
-Vec3 Contacts::point_velocity(int body, const Vec3& at, const model::State& state) const {
-  const auto index = static_cast<std::size_t>(body);
-  const model::BodyState& moving = state.bodies[index];
-  const Vec3 v = moving.v + moving.w.cross(at - moving.p);
-  return model_.bodies[index].kinematic ? v : Vec3(v + fall_);
+std::size_t Contacts::body_index(int shape) const {
+  return static_cast<std::size_t>(model_.shapes[static_cast<std::size_t>(shape)].body);
+}
+
+Vec3 Contacts::start_velocity(std::size_t body, const Vec3& at, const model::State& state) const {
+  const model::BodyState& moving = state.bodies[body];
+  return moving.v + moving.w.cross(at - moving.p);
+}
+
+Vec3 Contacts::point_velocity(std::size_t body, const Vec3& at, const model::State& state) const {
+  const Vec3 v = start_velocity(body, at, state);
+  return model_.bodies[body].kinematic ? v : Vec3(v + fall_);
 }
 
 }  // namespace handsim::engine::ode

@@ -21,12 +21,15 @@ class Contacts {
  public:
   /// Keeps the contact joints in `ids`. The model and the bodies must outlive this. @throws OdeFault
   Contacts(OdeIds& ids, const model::Model& model, const Settings& settings,
-           const std::vector<OdeBody>& bodies, const std::vector<bool>& immovable);
+           const std::vector<OdeBody>& bodies);
 
   /// Puts the shapes of bodies without an ODE body where the state has these.
   void place_immovable(const model::State& state) { collider_.place(state); }
-  /// Finds the contacts at a state. @return pairs given to the narrow phase
-  int collide(const model::State& state) { return collider_.collide(state); }
+  /// Finds the contacts at a state. @param driven where drives take their bodies in the step. @return pairs
+  /// given to the narrow phase
+  int collide(const model::State& state, std::span<const Prospect::Driven> driven) {
+    return collider_.collide(state, {step_, fall_, driven});
+  }
   /// Makes the joints of the contacts found. @param iterative for quick_step: surfaces that stick are pulled
   /// back
   void join(const model::State& state, bool iterative);
@@ -54,8 +57,13 @@ class Contacts {
   void add_spin_row(const Contact& contact, const Touch& touch, const Patch& patch);
   void soften(dSurfaceParameters& surface, const model::Compliance& pad, int sharing) const;
   dBodyID body_of(int shape) const;
+  void come_nearer(dSurfaceParameters& surface, const Contact& contact, const model::Material& between,
+                   int sharing, const model::State& state) const;
   Vec3 sliding(const Contact& contact, const model::State& state) const;
-  Vec3 point_velocity(int body, const Vec3& at, const model::State& state) const;
+  std::size_t body_index(int shape) const;
+  /// Of a body's point at the start of the step; as it would be after the step without the contact.
+  Vec3 start_velocity(std::size_t body, const Vec3& at, const model::State& state) const;
+  Vec3 point_velocity(std::size_t body, const Vec3& at, const model::State& state) const;
 
   const model::Model& model_;
   const std::vector<OdeBody>& bodies_;

@@ -14,7 +14,8 @@ void set_velocity(dBodyID id, const Vec3& v, const Vec3& w) {
 Drives::Drives(const model::Model& model, const std::vector<OdeBody>& bodies)
     : model_(model), bodies_(bodies) {}
 
-void Drives::aim(double end, double step) const {
+void Drives::aim(double end, double step) {
+  ways_.clear();
   for (const model::Drive& drive : model_.drives) {
     const OdeBody& body = bodies_[static_cast<std::size_t>(drive.body)];
     if (!body.driven) continue;
@@ -22,6 +23,7 @@ void Drives::aim(double end, double step) const {
     const model::BodyState now = read_state(body);
     const Vec3 v = (target.p - now.p) / step;
     const Vec3 w = rotation_vector(target.q * now.q.conjugate()) / step;
+    ways_.push_back({drive.body, {step * v, step * w}});
     set_velocity(body.id, v, w);
     for (const dBodyID copy : body.copies) set_velocity(copy, v, w);
   }

@@ -2,9 +2,11 @@
 // end of the step. The error of one step is made good in the next, so none adds up.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "handsim/engine/ode/bodies.h"
+#include "handsim/engine/sweep.h"
 
 namespace handsim::engine::ode {
 
@@ -13,11 +15,14 @@ class Drives {
   /// The model and the bodies must outlive this.
   Drives(const model::Model& model, const std::vector<OdeBody>& bodies);
   /// Sets the velocities for the step that ends at time `end` [s] and takes `step` [s].
-  void aim(double end, double step) const;
+  void aim(double end, double step);
+  /// Where the bodies go in the step aimed for.
+  std::span<const Prospect::Driven> ways() const { return ways_; }
 
  private:
   const model::Model& model_;
   const std::vector<OdeBody>& bodies_;
+  std::vector<Prospect::Driven> ways_;
 };
 
 }  // namespace handsim::engine::ode

@@ -60,6 +60,11 @@ std::optional<PhysicsFault> OdeEngine::climb(Rung rung, const StepInput& input, 
     }
     if (auto fault = read_guarded(end)) return fault;
     return guard_fault(report);
+  } catch (const StepRefused& refused) {
+    set_cfm(settings_.cfm);
+    set_length(settings_.step);
+    dWorldSetQuickStepNumIterations(world, settings_.iterations);
+    return refused.fault;
   } catch (const OdeFault& fault) {
     PhysicsFault told = described(fault);
     rebuild();

@@ -1,14 +1,16 @@
 // All of ODE's process-wide state in one place: initialisation, error handlers, random seed. ODE aborts
 // the process on errors and prints messages by default; here errors become the exception OdeFault,
 // thrown through ODE's frames (not in ODE's documented contract; tests/engine/handlers_test.cpp holds it
-// up), and messages are counted and not printed.
+// up), and messages are counted and not printed. Memory that ODE does not get is such an error too.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <mutex>
 #include <string>
 
 struct dxThreadingImplementation;
+struct dxWorld;
 
 namespace handsim::engine::ode {
 
@@ -17,6 +19,19 @@ struct OdeFault {
   int number = 0;       ///< ODE's error number
   std::string message;  ///< ODE's text, with file and line of its source where it gives them
 };
+
+/// Number of the fault of memory that ODE did not get.
+inline constexpr int kNoMemory = -1;
+
+/// Has the memory of the world's steps tested before it is taken: a step that needs more than there is is not
+/// made (dWorldStep and dWorldQuickStep return 0), and the world stays as it was.
+void guard_step_memory(dxWorld* world);
+
+/// What the last step that was not made in the calling thread asked for and could have had [bytes].
+struct RefusedMemory {
+  std::size_t needed = 0, free = 0;
+};
+RefusedMemory refused_memory();
 
 /// Makes ODE ready for the calling thread: initialises ODE and installs the handlers on the first call in
 /// the process, allocates ODE's data for a thread on its first call there. Every later call costs about 1 ns.

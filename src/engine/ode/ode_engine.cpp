@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
+#include "handsim/engine/multibody/projection.h"
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/validate.h"
@@ -28,6 +29,7 @@ OdeEngine::OdeEngine(const model::Model& model, const Settings& settings)
     : model_(model), settings_(settings), residual_(model, settings.erp) {
   std::vector<Problem> problems = all_defects(model, settings);
   if (!problems.empty()) throw Error(std::move(problems));
+  if (settings.projection) require_regular_start(model, settings, model::initial_state(model));
   enter_ode();
   try {
     build();
@@ -52,7 +54,7 @@ void OdeEngine::build() {
   joints_ = std::make_unique<Joints>(world, model_, settings_, bodies_, state_);
   if (settings_.effects.has(model::Effect::wrist_motion)) drives_ = std::make_unique<Drives>(model_, bodies_);
   if (needs_contacts(model_, settings_.effects))
-    contacts_ = std::make_unique<Contacts>(ids_, model_, settings_, bodies_, immovable_);
+    contacts_ = std::make_unique<Contacts>(ids_, model_, settings_, bodies_);
   if (settings_.projection) closed_ = islands(model_, settings_);
   if (settings_.method == Method::automatic)
     choice_ = std::make_unique<MethodChoice>(model_, *joints_, bodies_, settings_);

@@ -26,6 +26,11 @@
 
 namespace handsim::engine::ode {
 
+/// A step that ODE did not make for want of memory; the world is as before it.
+struct StepRefused {
+  PhysicsFault fault;
+};
+
 class OdeEngine final : public Engine {
  public:
   /// @throws Error (input); the model must outlive the engine.
@@ -52,8 +57,9 @@ class OdeEngine final : public Engine {
   void build();
   void write(const model::State& state);
   bool immovable_moved(const model::State& state) const;
-  /// One step of ODE's, ending at `end`, of length `step`; the state is not read yet.
+  /// One step of ODE's, ending at `end`, of length `step`; the state is not read yet. @throws StepRefused
   StepReport plain_step(const StepInput& input, double end, double step, Method method);
+  void solve(double step, Method method, StepReport& report);
   StepReport guarded_step(const StepInput& input, double end);
   std::optional<PhysicsFault> climb(Rung rung, const StepInput& input, double end, StepReport& report);
   std::optional<PhysicsFault> two_half_steps(const StepInput& input, double end, StepReport& report);
@@ -66,7 +72,7 @@ class OdeEngine final : public Engine {
   bool residual_is_due(const StepReport& report, double step);
   void prepare(const StepInput& input, StepReport& report);
   void actuate(const StepInput& input);
-  void advance(double step, Method method);
+  [[nodiscard]] bool advance(double step, Method method);
   std::optional<PhysicsFault> body_fault(double time, double speed, double angular_speed) const;
   void check_bodies(double time);
   void read(double time);

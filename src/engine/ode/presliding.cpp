@@ -66,6 +66,8 @@ void PreslidingMemory::recall(const Collider& collider, const model::State& stat
     patch.reach = std::max(patch.reach, touch.surface.spinning_friction);
     patch.longest = touch.surface.compliance ? kLongestPadShift : kLongestRigidShift;
     while (known != pairs_.end() && shapes_of(*known) < shapes) ++known;
+    // Surfaces that do not touch yet have not stuck.
+    if (head.depth < 0) patch.normal = Vec3::Zero();
     if (known != pairs_.end() && shapes_of(*known) == shapes && patch.normal != Vec3::Zero()) {
       patch.shift =
           tangential(state.bodies[static_cast<std::size_t>(patch.body_b)].q * known->shift, patch.normal);

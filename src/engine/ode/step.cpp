@@ -2,6 +2,7 @@
 #include <cassert>
 #include <chrono>
 #include <cmath>
+#include <new>
 #include <utility>
 
 #include <fmt/format.h>
@@ -32,6 +33,17 @@ std::uint64_t step_seed(std::uint64_t seed, long long number) {
   return (z ^ (z >> 31)) & 0xffffffffULL;
 }
 
+PhysicsFault no_memory(double time, bool iterative) {
+  constexpr double kMega = 1e-6;
+  const RefusedMemory memory = refused_memory();
+  return {time, "the solver", "memory",
+          fmt::format("this step of {} needs {:.0f} MB, and {:.0f} MB are free: {}",
+                      iterative ? "quick_step" : "world_step", kMega * static_cast<double>(memory.needed),
+                      kMega * static_cast<double>(memory.free),
+                      iterative ? "use fewer bodies or contacts"
+                                : "use solver.method quick_step or auto, or fewer bodies that touch")};
+}
+
 double squared_norm(const double* v) { return v[0] * v[0] + v[1] * v[1] + v[2] * v[2]; }
 
 }  // namespace
@@ -46,6 +58,8 @@ StepReport OdeEngine::step(const StepInput& input) {
     check_bodies(end);
     if (auto fault = take_over(end)) fail(std::move(*fault));
     return report;
+  } catch (const StepRefused& refused) {
+    fail(refused.fault);
   } catch (const OdeFault& fault) {
     fail(fault);
   }
@@ -54,19 +68,12 @@ StepReport OdeEngine::step(const StepInput& input) {
 StepReport OdeEngine::plain_step(const StepInput& input, double end, double step, Method method) {
   StepReport report;
   if (drives_) drives_->aim(end, step);
-  prepare(input, report);
-  if (method == Method::automatic)
-    method =
-        choice_->pick(contacts_ ? std::span<const Contact>(contacts_->list()) : std::span<const Contact>());
-  report.iterative = method == Method::quick_step;
-  if (contacts_) {
-    const Clock::time_point start = Clock::now();
-    contacts_->join(state_, report.iterative);
-    report.collide_ns += ns_since(start);
+  try {
+    prepare(input, report);
+    solve(step, method, report);
+  } catch (const std::bad_alloc&) {
+    throw OdeFault{kNoMemory, "out of memory"};
   }
-  const int failures = lcp_failures();
-  advance(step, method);
-  report.lcp_failures = lcp_failures() - failures;
   if (residual_is_due(report, step))
     report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
@@ -75,6 +82,29 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
     contacts_->release();
   }
   return report;
+}
+
+/// With method auto by quick_step too where there is no memory for the direct solver.
+void OdeEngine::solve(double step, Method method, StepReport& report) {
+  const bool choose = method == Method::automatic;
+  if (choose)
+    method =
+        choice_->pick(contacts_ ? std::span<const Contact>(contacts_->list()) : std::span<const Contact>());
+  for (;;) {
+    report.iterative = method == Method::quick_step;
+    if (contacts_) {
+      const Clock::time_point start = Clock::now();
+      contacts_->join(state_, report.iterative);
+      report.collide_ns += ns_since(start);
+    }
+    const int failures = lcp_failures();
+    const bool made = advance(step, method);
+    report.lcp_failures = lcp_failures() - failures;
+    if (made) return;
+    if (contacts_) contacts_->release();
+    if (!choose || report.iterative) throw StepRefused{no_memory(state_.time + step, report.iterative)};
+    method = Method::quick_step;
+  }
 }
 
 /// Where something has just met a stop or touches, at other steps now and then. By the step's number, so that
@@ -103,7 +133,8 @@ void OdeEngine::prepare(const StepInput& input, StepReport& report) {
   }
   if (contacts_) {
     const Clock::time_point start = Clock::now();
-    report.collide_calls = contacts_->collide(state_);
+    report.collide_calls =
+        contacts_->collide(state_, drives_ ? drives_->ways() : std::span<const Prospect::Driven>());
     report.contacts = static_cast<int>(contacts_->list().size());
     report.collide_ns = ns_since(start);
   }
@@ -119,16 +150,15 @@ void OdeEngine::actuate(const StepInput& input) {
   joints_->set_servos(input.servos);
 }
 
-void OdeEngine::advance(double step, Method method) {
+/// @return false where ODE did not make the step
+bool OdeEngine::advance(double step, Method method) {
   const dWorldID world = ids_.world.get();
   switch (method) {
     case Method::world_step:
-      dWorldStep(world, step);
-      return;
+      return dWorldStep(world, step) != 0;
     case Method::quick_step: {
       const RandomSeed seed(step_seed(settings_.seed, step_number(state_.time, step)));
-      dWorldQuickStep(world, step);
-      return;
+      return dWorldQuickStep(world, step) != 0;
     }
     case Method::automatic:
     case Method::stabilised_gear:
@@ -139,8 +169,9 @@ void OdeEngine::advance(double step, Method method) {
     case Method::rk4:
     case Method::dormand_prince:
       assert(false && "a method of another engine");
-      return;
+      break;
   }
+  return false;
 }
 
 std::optional<PhysicsFault> OdeEngine::body_fault(double time, double speed, double angular_speed) const {
@@ -196,6 +227,8 @@ PhysicsFault OdeEngine::described(const OdeFault& fault) const {
   const double time = state_.time + settings_.step;
   // The body that went wrong first, where ODE stopped before telling.
   if (auto body = body_fault(time, kMaxSpeed, kMaxAngularSpeed)) return *body;
+  if (fault.number == kNoMemory)
+    return {time, "the model", "memory", "ODE did not get what it asked for: use fewer bodies that touch"};
   return {time, "the model", "ODE stopped", fmt::format("{}: {}", fault.message, kRemedy)};
 }
 
