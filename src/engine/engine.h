@@ -72,7 +72,7 @@ inline constexpr long long kResidualEvery = 8;
 struct StepReport {
   int lcp_failures = 0;    ///< times the direct solver gave up, in what was kept of the step
   Rung rung = Rung::none;  ///< of a guarded step
-  bool iterative = false;  ///< solved by quick_step
+  bool iterative = false;  ///< solved by quick_step, or a heap of the articulated engine by relaxation
   /// Of steps in which the direct solver gave up, of those solved by iteration with contact or with another
   /// number of stops in force than before, and of every kResidualEvery-th of those without.
   std::optional<Residual> residual;
@@ -80,6 +80,7 @@ struct StepReport {
   int stop_rows = 0;            ///< joint stops in force
   int collide_calls = 0;        ///< pairs given to the narrow phase
   int contact_sweeps = 0;       ///< articulated: of the contact solver
+  int limit_updates = 0;        ///< articulated: of friction's limits, where Newton's method did not converge
   double contact_residual = 0;  ///< articulated: velocity that contacts and stops may be off by [m/s, rad/s]
   double collide_ns = 0;        ///< time in collision detection [ns]
   double tissue_ns = 0;         ///< time in setting passive tissue [ns]

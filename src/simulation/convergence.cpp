@@ -18,6 +18,7 @@ constexpr double kLeastErp = 0.01;
 void Convergence::look(const engine::StepReport& report, double time) {
   if (report.contact_sweeps > 0) {
     ++measured_;
+    limit_steps_ += report.limit_updates > 0 ? 1 : 0;
     if (report.contact_residual > contact_.value)
       contact_ = {report.contact_residual, time, "contacts and stops"};
   }
@@ -35,6 +36,7 @@ void Convergence::look(const engine::StepReport& report, double time) {
 template <class Archive, class Self>
 void Convergence::carry(Archive& archive, Self& self) {
   archive(self.measured_);
+  archive(self.limit_steps_);
   for (auto* peak : {&self.linear_, &self.angular_, &self.contact_}) simulation::carry(archive, *peak);
 }
 

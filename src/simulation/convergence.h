@@ -25,7 +25,10 @@ class Convergence {
   /// solver gave up; and those with contact on the articulated engine, whose contact solver says how far it
   /// got.
   long measured() const { return measured_; }
-  /// Largest residuals of those steps: of joints [m/s] and [rad/s], and of rigid contacts [m/s].
+  /// Steps in which Newton's method did not find Coulomb's law, and friction's limits were updated from
+  /// outside (articulated engine).
+  long limit_steps() const { return limit_steps_; }
+  /// Largest residuals of the measured steps: of joints [m/s] and [rad/s], and of rigid contacts [m/s].
   const Peak& linear() const { return linear_; }
   const Peak& angular() const { return angular_; }
   const Peak& contact() const { return contact_; }
@@ -39,7 +42,7 @@ class Convergence {
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
   const model::Model& model_;
-  long measured_ = 0;
+  long measured_ = 0, limit_steps_ = 0;
   Peak linear_, angular_, contact_;
 };
 

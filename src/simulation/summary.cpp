@@ -99,6 +99,10 @@ Json convergence_json(const Simulation& simulation, const RunResult& result) {
     out["joint_residual_rad_per_s"] = peak(convergence.angular());
     out["contact_residual_m_per_s"] = peak(convergence.contact());
   }
+  if (model::engine_of(simulation.engine().settings().method) == model::EngineKind::articulated) {
+    out["steps_by_fixed_friction_limits"] = convergence.limit_steps();
+    out["steps_relaxed"] = simulation.ledger().iterative_steps();
+  }
   out["warnings"] = result.warnings;
   return out;
 }

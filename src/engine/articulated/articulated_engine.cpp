@@ -301,6 +301,7 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
   if (report.contacts > 0) {
     const NewtonReport found = contact_->solve(settings_.step);
     report.contact_sweeps = found.iterations;
+    report.limit_updates = found.limit_updates;
     report.contact_residual = found.residual;
     report.iterative = found.iterative;
     report.lcp_failures = found.solved ? 0 : 1;
