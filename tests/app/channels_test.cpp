@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "app/short_run.h"
+#include "support/sanitized.h"
 
 namespace handsim::test {
 namespace {
@@ -116,12 +117,7 @@ TEST(QuietRun, NamesTheCriterionThatFails) {
   EXPECT_TRUE(contains(outcome.err, "need at most 0 m")) << outcome.err;
 }
 
-#if defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
-#define HANDSIM_SANITIZED  // sanitizers take more address space than there is
-#endif
-#endif
-#if !defined(HANDSIM_SANITIZED) && !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#ifndef HANDSIM_SANITIZED  // sanitizers take more address space than there is
 // Below some limit Mesa or LLVM end the process that draws, in ways that differ from limit to limit.
 TEST(LittleMemory, CostsPicturesAndNothingElse) {
   const TemporaryFolder folder;
