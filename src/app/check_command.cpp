@@ -56,6 +56,7 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
       const scene::Scene scene = scene::compile_scene(std::move(root));
       diagnostics.warnings = scene.warnings;
       simulation::check_start(scene);
+      static_cast<void>(scene::standalone_text(scene.resolved, scene.inputs));
       break;
     }
   }

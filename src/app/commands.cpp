@@ -161,10 +161,20 @@ Error command_error(const CLI::App& app, int argc, const char* const* argv) {
   for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
     known.push_back(command->get_name());
   const std::string got = argc > 1 ? argv[1] : "nothing";
-  const auto near = nearest_word(got, known);
-  return input_error(
-      "command", got,
-      fmt::format("one of {}{}", fmt::join(known, ", "), near ? " (nearest: " + *near + ")" : ""));
+  return input_error("command", got, need_word(got, known));
+}
+
+/// An option that the command has not; nothing where the problem is another.
+std::optional<Error> option_error(const CLI::App& command) {
+  std::vector<std::string> known;
+  for (const CLI::Option* option : command.get_options())
+    for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+  for (const std::string& word : command.remaining()) {
+    if (!word.starts_with('-')) continue;
+    const std::string option = word.substr(0, word.find('='));
+    return input_error(option, "an unknown option", need_word(option, known));
+  }
+  return std::nullopt;
 }
 
 void add_grasp(CLI::App& app, GraspArguments& arguments) {
@@ -298,6 +308,9 @@ int run_command_line(int argc, const char* const* argv) {
     // CLI11's own codes are many; usage problems are exit status 2 here.
     if (error.get_exit_code() != 0 && app.get_subcommands().empty())
       return guarded([&]() -> int { throw command_error(app, argc, argv); });
+    if (error.get_exit_code() != 0)
+      if (const std::optional<Error> unknown = option_error(*app.get_subcommands().front()))
+        return guarded([&]() -> int { throw *unknown; });
     return app.exit(error) == 0 ? 0 : kBadInput;
   }
   if (app.got_subcommand("hand")) return guarded([&] { return hand_command(hand); });

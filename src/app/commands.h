@@ -95,11 +95,10 @@ struct ExportArguments {
 };
 int export_command(const ExportArguments& arguments);
 
+/// A scene is not to be written over by what is made of it. @throws Error (input)
+void check_apart(const std::filesystem::path& out, const std::filesystem::path& scene);
+
 /// @param out folder for the study's files
 int contacts_command(const std::filesystem::path& out);
-
-/// Folder with handmodels/ and config/: the installed one, or the source tree's.
-/// @throws Error (input) where neither is there.
-std::filesystem::path data_folder();
 
 }  // namespace handsim::app

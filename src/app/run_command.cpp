@@ -4,11 +4,13 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
+#include "handsim/app/overlaps.h"
 #include "handsim/app/progress.h"
 #include "handsim/core/units.h"
 #include "handsim/engine/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
+#include "handsim/simulation/mathematics.h"
 #include "handsim/simulation/run.h"
 #include "handsim/simulation/state_hash.h"
 
@@ -16,13 +18,8 @@ namespace handsim::app {
 
 namespace {
 
-void print_warnings(const scene::Scene& scene) {
-  for (const std::string& warning : scene.warnings) fmt::print(stderr, "warning: {}\n", warning);
-  for (const engine::Overlap& overlap :
-       engine::initial_overlaps(scene.model, model::initial_state(scene.model)))
-    fmt::print(stderr, "warning: {} and {} overlap by {:.2g} mm at the start\n",
-               scene.model.shapes[static_cast<std::size_t>(overlap.shape_a)].name,
-               scene.model.shapes[static_cast<std::size_t>(overlap.shape_b)].name, 1e3 * overlap.depth);
+void print_warnings(const std::vector<std::string>& warnings) {
+  for (const std::string& warning : warnings) fmt::print(stderr, "warning: {}\n", warning);
 }
 
 /// The worst joint in one line.
@@ -52,7 +49,8 @@ void print_grip(const char* when, const simulation::Grip& grip) {
 void print_grasps(const simulation::RunResult& result) {
   for (const simulation::GraspFigures& grasp : result.grasps) {
     if (!grasp.complete) {
-      fmt::print("  grasp {}: the run ended before the grasp\n", grasp.name);
+      fmt::print("  grasp {}: the run ended before the grasp{}\n", grasp.name,
+                 grasp.lost() ? ", the object is LOST" : "");
       continue;
     }
     fmt::print(
@@ -78,6 +76,10 @@ void print_loaded(const char* when, const simulation::LoadedGrip& grip) {
 
 void print_climbs(const simulation::RunResult& result) {
   for (const simulation::ClimbFigures& climb : result.climbs) {
+    if (!climb.complete)
+      fmt::print("  climb {}: the run ended before the climb{}\n", climb.name,
+                 climb.begun() ? "; up to then" : "");
+    if (!climb.begun()) continue;
     fmt::print(
         "  climb {}: {} {:.4g} N, {:.0f} % of the grip strength of people alike ({:.0f} N, deviation {:.0f} "
         "N)\n",
@@ -93,28 +95,27 @@ void print_climbs(const simulation::RunResult& result) {
 void print_result(const scene::Scene& scene, const simulation::RunResult& result,
                   const std::filesystem::path& out) {
   fmt::print("{}\n", scene.spec.title);
-  fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", "criterion", "measured", "limit", "verdict", "where");
+  fmt::print("  {:<16} {:>12} {:>12}  {:<12} {}\n", "criterion", "measured", "limit", "verdict", "where");
   for (const simulation::Verdict& v : result.verdicts) {
     const std::string limit = v.limit ? fmt::format("{:.4g} {}", *v.limit, v.unit) : "-";
     const std::string where = v.where.empty() ? "" : fmt::format("{} at {:.3f} s", v.where, v.time);
-    fmt::print("  {:<16} {:>12} {:>12}  {:<8} {}\n", v.name,
+    fmt::print("  {:<16} {:>12} {:>12}  {:<12} {}\n", v.name,
                v.measured ? fmt::format("{:.4g} {}", *v.measured, v.unit) : "-", limit,
-               !v.limit      ? "-"
-               : !v.measured ? "NOT MEASURED"
-               : v.held()    ? "held"
-                             : "FAILED",
-               where);
+               !v.limit     ? "-"
+               : v.missed() ? "NOT MEASURED"
+               : v.held()   ? "held"
+                            : "FAILED",
+               v.measured ? where : "");
   }
   print_tracking(result);
   print_grasps(result);
   print_climbs(result);
-  const bool judged = std::any_of(result.verdicts.begin(), result.verdicts.end(),
-                                  [](const simulation::Verdict& v) { return v.limit.has_value(); });
   fmt::print("  verdict: {}\n", result.fault                 ? "diverged"
                                 : !result.hash_as_expected() ? "another state hash than expected"
-                                : !judged                    ? "nothing was judged"
-                                : result.passed()            ? "every criterion held"
-                                                             : "a criterion failed");
+                                : !result.judged()           ? "nothing was judged"
+                                : result.failed()            ? "a criterion failed"
+                                : result.missed() ? "a criterion was NOT MEASURED: the run did not come to it"
+                                                  : "every criterion held");
   if (result.fault) {
     const PhysicsFault fault = *result.fault;
     fmt::print(stderr, "{}\n", Error(fault).what());
@@ -127,7 +128,7 @@ void print_result(const scene::Scene& scene, const simulation::RunResult& result
 
 int run_scene_command(const RunArguments& arguments) {
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
-  print_warnings(scene);
+  print_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty() && !arguments.quiet && !arguments.json)
     fmt::print("engine auto: {}\n", scene.spec.engine_choice);
   simulation::RunResult result;
@@ -144,7 +145,8 @@ int run_scene_command(const RunArguments& arguments) {
     if (!arguments.quiet) options.progress = [&bar](double share) { bar.show(share); };
     result = simulation::run(scene, options);
   }
-  for (const std::string& warning : result.warnings) fmt::print(stderr, "warning: {}\n", warning);
+  print_warnings(overlap_texts(scene.model, result.overlaps));
+  print_warnings(result.warnings);
   if (arguments.json)
     fmt::print("{}", result.summary);
   else if (!arguments.quiet)
@@ -152,14 +154,18 @@ int run_scene_command(const RunArguments& arguments) {
   else if (result.fault)
     fmt::print(stderr, "{}\n", Error(*result.fault).what());
   if (!result.hash_as_expected())
-    fmt::print(stderr, "state hash: got {}, expected {}: another scene, setting, build or machine\n",
-               simulation::hash_text(result.state_hash), simulation::hash_text(*result.expected_hash));
+    fmt::print(stderr,
+               "state hash: got {}, expected {}: another scene, setting, build, or mathematics library than here "
+               "({})\n",
+               simulation::hash_text(result.state_hash), simulation::hash_text(*result.expected_hash),
+               simulation::mathematics());
   return result.passed() ? 0 : 1;
 }
 
 int render_command(const RenderArguments& arguments) {
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
-  print_warnings(scene);
+  check_apart(arguments.out, arguments.scene);
+  print_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty()) fmt::print("engine auto: {}\n", scene.spec.engine_choice);
   if (arguments.time > scene.spec.duration)
     throw input_error("--time", fmt::format("{:g} s", arguments.time),
@@ -167,6 +173,8 @@ int render_command(const RenderArguments& arguments) {
   // A path that cannot be written is better known before the simulation than after.
   { const output::AtomicFile probe(arguments.out); }
   output::write_png(simulation::picture(scene, arguments.time), arguments.out);
+  print_warnings(overlap_texts(
+      scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))));
   return 0;
 }
 

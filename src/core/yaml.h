@@ -43,10 +43,11 @@ struct YamlEntry {
   YamlNode value;
 };
 
-/// Largest file and deepest nesting accepted, and most nodes after aliases are expanded.
-inline constexpr std::size_t kYamlMaxBytes = 4U << 20U;
+/// Largest file and deepest nesting accepted, and most nodes after aliases are expanded. A scene with the files it
+/// names has to stay within them, so that its resolved.yaml can be read again: a thousand mugs do.
+inline constexpr std::size_t kYamlMaxBytes = 8U << 20U;
 inline constexpr int kYamlMaxDepth = 64;
-inline constexpr int kYamlMaxNodes = 200'000;
+inline constexpr int kYamlMaxNodes = 500'000;
 
 /// @param name the file's name in messages.
 /// @throws Error (input) with every syntax error, duplicate key and bad alias.

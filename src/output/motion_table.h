@@ -1,4 +1,5 @@
-// Columns over time as OpenSim reads them: .mot (joint angles in degrees) and .sto (any quantities).
+// Columns over time as OpenSim reads them: .mot (joint angles) and .sto (any
+// quantities); angles in degrees.
 #pragma once
 
 #include <filesystem>
@@ -10,12 +11,10 @@ namespace handsim::output {
 
 class MotionTableWriter {
  public:
-  /// @param names of the columns after time, without white space. @param degrees whether the values that
-  /// add() is
-  ///        given in rad are written in degrees (`inDegrees=yes`); all columns are angles then.
-  MotionTableWriter(std::string title, std::vector<std::string> names, bool degrees);
+  /// @param names of the columns after time, without white space; angles are in degrees.
+  MotionTableWriter(std::string title, std::vector<std::string> names);
 
-  /// A row. @param values one for each name. Times must rise.
+  /// A row. @param values one for each name, angles in degrees. Times must rise.
   void add(double time, std::span<const double> values);
   /// Writes the file; the header holds the number of rows. @throws Error (input) where it cannot be written.
   void write(const std::filesystem::path& path) const;
@@ -23,7 +22,6 @@ class MotionTableWriter {
  private:
   std::string title_;
   std::vector<std::string> names_;
-  bool degrees_;
   std::size_t rows_ = 0;
   std::string text_;
 };

@@ -34,8 +34,8 @@ Recorder::Recorder(const scene::Scene& scene, const RunOptions& options, const S
       step_(scene.spec.solver.step),
       trajectory_(options.out / "trajectory.csv", scene.model),
       every_(std::max(1L, std::lround(scene.spec.record_every / step_))) {
-  if (all_angles(scene.model)) motion_.emplace(scene.spec.title, output::coordinate_names(scene.model), true);
-  if (scene.control) control_.emplace(scene.spec.title, control_columns(*scene.control), false);
+  if (all_angles(scene.model)) motion_.emplace(scene.spec.title, output::coordinate_names(scene.model));
+  if (scene.control) control_.emplace(scene.spec.title, control_columns(*scene.control));
   if (scene.spec.record_contacts) contacts_.emplace(options.out / "contacts.csv", scene.model);
   if (!options.pose_pictures)
     plan_frames(options.frames);
@@ -116,7 +116,11 @@ void Recorder::finish_climb() {
 void Recorder::add_rows() {
   const model::State& state = simulation_.state();
   trajectory_.add(state);
-  if (motion_) motion_->add(state.time, model::coordinates(simulation_.model(), state));
+  if (motion_) {
+    std::vector<double> angles = model::coordinates(simulation_.model(), state);
+    for (double& angle : angles) angle *= kDegreesPerRadian;
+    motion_->add(state.time, angles);
+  }
   if (contacts_)
     for (const engine::Contact& c : simulation_.engine().contacts())
       contacts_->add(state.time, {c.shape_a, c.shape_b, c.position, c.normal, c.depth, c.normal_force(),

@@ -1,12 +1,14 @@
 #include "handsim/simulation/run.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <memory>
 
 #include <fmt/format.h>
 
+#include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/contact_sheet.h"
 #include "handsim/simulation/pictures.h"
@@ -106,11 +108,51 @@ void check_controlled(const scene::Scene& scene, const RunOptions& options) {
   if (options.plots) need_gnuplot();
 }
 
+/// Names that a run may give to files.
+constexpr std::array kWritten = {"trajectory.csv", "trajectory.mot", "control.sto", "contacts.csv",
+                                 "summary.json",   "snapshot.bin",   "resolved.yaml"};
+
+/// A run that writes over what its scene reads could not be run again.
+void check_inputs_kept(const scene::Scene& scene, const RunOptions& options) {
+  const auto canonical = [](const std::filesystem::path& path) {
+    std::error_code failure;
+    return std::filesystem::weakly_canonical(path, failure);
+  };
+  const auto check = [&](const std::filesystem::path& input, const std::string& written) {
+    if (canonical(input) == canonical(options.out / written))
+      throw input_error("--out", fmt::format("{}, whose {} the run reads and would write over",
+                                             options.out.string(), written),
+                        "another folder");
+  };
+  for (const scene::InputFile& input : scene.inputs) {
+    for (const char* name : kWritten) check(input.path, name);
+    for (const scene::InputFile& other : scene.inputs)
+      if (&other != &input) check(input.path, other.copy);
+  }
+  if (options.from_snapshot && options.snapshot_at) check(*options.from_snapshot, "snapshot.bin");
+}
+
+void write_inputs(const scene::Scene& scene, const std::filesystem::path& out) {
+  if (!scene.inputs.empty()) output::make_folder(out / "inputs");
+  for (const scene::InputFile& input : scene.inputs) output::write_file(out / input.copy, *input.bytes);
+}
+
 }  // namespace
 
+bool RunResult::judged() const {
+  return std::any_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.limit.has_value(); });
+}
+
+bool RunResult::failed() const {
+  return std::any_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.failed(); });
+}
+
+bool RunResult::missed() const {
+  return std::any_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.missed(); });
+}
+
 bool RunResult::passed() const {
-  return !fault && hash_as_expected() &&
-         std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.held(); });
+  return !fault && hash_as_expected() && !failed() && !missed();
 }
 
 RunResult run(const scene::Scene& scene, const RunOptions& options) {
@@ -120,6 +162,8 @@ RunResult run(const scene::Scene& scene, const RunOptions& options) {
   const double step = scene.spec.solver.step;
   if (options.from_snapshot) go_on(simulation, *options.from_snapshot, scene.spec.duration, result);
   static_cast<void>(snapshot_step(simulation, options, step));
+  check_inputs_kept(scene, options);
+  const std::string resolved = scene::standalone_text(scene.resolved, scene.inputs);
   output::make_folder(options.out);
   Recorder recorder(scene, options, simulation);
   const auto start = std::chrono::steady_clock::now();
@@ -133,11 +177,13 @@ RunResult run(const scene::Scene& scene, const RunOptions& options) {
   result.grasps = simulation.grasps();
   result.climbs = simulation.climbs();
   result.verdicts = verdicts(simulation, scene.spec.criteria);
+  result.overlaps = engine::initial_overlaps(scene.model, model::initial_state(scene.model));
   result.summary = summary_json(scene, simulation, result);
   recorder.finish();
   write_pictures(scene, recorder, options);
   if (options.plots) write_plots(scene, options.out);
-  output::write_file(options.out / "resolved.yaml", emit_yaml(scene.resolved));
+  write_inputs(scene, options.out);
+  output::write_file(options.out / "resolved.yaml", resolved);
   output::write_file(options.out / "summary.json", result.summary);
   return result;
 }

@@ -1,4 +1,5 @@
-// One execution of a scene with its files: trajectory.csv, summary.json, resolved.yaml, pictures;
+// One execution of a scene with its files: trajectory.csv, summary.json, resolved.yaml with the meshes and motion
+// files it names (inputs/), pictures;
 // contacts.csv where the scene records contacts; trajectory.mot (joint angles for OpenSim, where there are
 // joints), control.sto and plots/ where the scene is controlled.
 #pragma once
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "handsim/core/error.h"
+#include "handsim/engine/overlap.h"
 #include "handsim/output/image.h"
 #include "handsim/scene/scene.h"
 #include "handsim/simulation/climb_figures.h"
@@ -48,8 +50,10 @@ struct Verdict {
   std::string where;                   ///< joint or body of the figure
   bool least = false;                  ///< the limit is the least that will do, not the most
 
-  /// A limit is held by a figure within it, not by the want of one.
+  /// A criterion without a measured value is not held.
   bool held() const { return !limit || (measured && (least ? *measured >= *limit : *measured <= *limit)); }
+  bool missed() const { return limit && !measured; }  ///< the run did not come to what is judged
+  bool failed() const { return !held() && !missed(); }
 };
 
 struct RunResult {
@@ -66,13 +70,18 @@ struct RunResult {
   std::vector<AxisTracking> tracking;          ///< by driven axis; empty where the scene drives none
   std::vector<GraspFigures> grasps;            ///< of the scene's grasps
   std::vector<ClimbFigures> climbs;            ///< of the scene's climbs
+  std::vector<engine::Overlap> overlaps;       ///< of shapes at the start
 
   bool hash_as_expected() const { return !expected_hash || *expected_hash == state_hash; }
   bool passed() const;
+  bool judged() const;  ///< there is a criterion
+  bool failed() const;  ///< some criterion's figure is beyond its limit
+  bool missed() const;  ///< some criterion has no figure
 };
 
 /// Runs the scene and writes its files.
-/// @throws Error (input) where the folder cannot be written or the snapshot to go on from is no snapshot of
+/// @throws Error (input) where the folder cannot be written, the run would write over a file that the scene reads,
+///         the scene is too large to be written down, or the snapshot to go on from is no snapshot of
 ///         this scene, or is not of a time before its end; nothing is run then.
 RunResult run(const scene::Scene& scene, const RunOptions& options);
 
