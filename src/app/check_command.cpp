@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
+#include "handsim/control/motion_file.h"
 #include "handsim/hand/grip_strength.h"
 #include "handsim/scene/contacts.h"
 #include "handsim/scene/file_kind.h"
@@ -14,8 +15,12 @@ namespace handsim::app {
 
 namespace {
 
-/// Reads a file of any kind that handsim has; the kind shows in its keys.
+/// Reads a file of any kind that handsim has; the kind of a YAML file shows in its keys.
 std::string check_file(const std::filesystem::path& path, Diagnostics& diagnostics) {
+  if (control::is_motion_file(path.string())) {
+    control::read_motion(path);
+    return "a motion";
+  }
   YamlNode root = load_yaml(path);
   const scene::FileKind kind = scene::kind_of(root).value_or(scene::FileKind::scene);
   switch (kind) {

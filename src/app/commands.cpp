@@ -62,6 +62,11 @@ std::string check_target(const std::string& text) {
   return value && *value > 0 && std::isfinite(*value) ? "" : got_need(text, "an error above 0, such as 1e-3");
 }
 
+std::string check_picture(const std::string& text) {
+  const std::string ending = std::filesystem::path(text).extension().string();
+  return ending == ".png" || ending == ".PNG" ? "" : got_need("\"" + text + "\"", "the path of a .png file");
+}
+
 std::string check_path(const std::string& text) { return text.empty() ? got_need("\"\"", "a path") : ""; }
 
 /// CLI11 lets an option that may be repeated take every word after it; this one takes one.
@@ -90,9 +95,9 @@ void add_hand(CLI::App& app, HandArguments& arguments) {
 }
 
 void add_check(CLI::App& app, std::vector<std::filesystem::path>& files) {
-  CLI::App* check = app.add_subcommand(
-      "check",
-      "Validate scenes, persons, hand models, controllers and poses: say every problem, run nothing");
+  CLI::App* check = app.add_subcommand("check",
+                                       "Validate scenes, persons, hand models, controllers, poses and "
+                                       "motions: say every problem, run nothing");
   check->footer("Example: handsim check config/two_hands.yaml config/persons/child.yaml");
   check->add_option("files", files, "YAML files")->required();
 }
@@ -105,10 +110,12 @@ void add_run(CLI::App& app, RunArguments& arguments) {
   run->add_option("scene", arguments.scene, "scene file")->required();
   run->add_option("--out", arguments.out, "folder for the run's files")->required()->check(check_path);
   add_overrides(*run, arguments.overrides);
-  run->add_option("--frames", arguments.frames, "pictures over the run, and a contact sheet of them")
-      ->check(check_frames);
+  CLI::Option* frames =
+      run->add_option("--frames", arguments.frames, "pictures over the run, and a contact sheet of them")
+          ->check(check_frames);
   run->add_flag("--poses", arguments.poses,
-                "a picture at the end of every hold of a controlled scene, in place of --frames");
+                "a picture at the end of every hold of a controlled scene, in place of --frames")
+      ->excludes(frames);
   run->add_flag("--plots", arguments.plots,
                 "plots of a controlled scene: angles, errors, torques (needs gnuplot)");
   run->add_option_function<std::string>(
@@ -142,7 +149,7 @@ void add_render(CLI::App& app, RenderArguments& arguments) {
   CLI::App* render = app.add_subcommand("render", "One picture of a scene at a time of its motion");
   render->footer("Example: handsim render config/two_hands.yaml --out hands.png --time 0.2");
   render->add_option("scene", arguments.scene, "scene file")->required();
-  render->add_option("--out", arguments.out, "PNG file")->required()->check(check_path);
+  render->add_option("--out", arguments.out, "PNG file")->required()->check(check_picture);
   add_overrides(*render, arguments.overrides);
   render->add_option_function<std::string>(
       "--time",
@@ -164,13 +171,15 @@ Error command_error(const CLI::App& app, int argc, const char* const* argv) {
   return input_error("command", got, need_word(got, known));
 }
 
-/// An option that the command has not; nothing where the problem is another.
+/// An option that the command has not, or a word too many; nothing where the problem is another.
 std::optional<Error> option_error(const CLI::App& command) {
   std::vector<std::string> known;
   for (const CLI::Option* option : command.get_options())
     for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
   for (const std::string& word : command.remaining()) {
-    if (!word.starts_with('-')) continue;
+    if (!word.starts_with('-'))
+      return input_error("arguments", "one too many, " + word,
+                         "none more; a value with a blank in it stands in quotes");
     const std::string option = word.substr(0, word.find('='));
     return input_error(option, "an unknown option", need_word(option, known));
   }

@@ -95,9 +95,6 @@ struct ExportArguments {
 };
 int export_command(const ExportArguments& arguments);
 
-/// A scene is not to be written over by what is made of it. @throws Error (input)
-void check_apart(const std::filesystem::path& out, const std::filesystem::path& scene);
-
 /// @param out folder for the study's files
 int contacts_command(const std::filesystem::path& out);
 

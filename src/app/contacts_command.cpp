@@ -1,8 +1,8 @@
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
-#include "handsim/core/data_folder.h"
 #include "handsim/app/progress.h"
+#include "handsim/core/data_folder.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/study/contact_cost.h"
 

@@ -8,14 +8,10 @@
 
 namespace handsim::app {
 
-void check_apart(const std::filesystem::path& out, const std::filesystem::path& scene) {
-  std::error_code failure;
-  if (std::filesystem::equivalent(out, scene, failure))
-    throw input_error("--out", out.string() + ", which is the scene itself", "another file");
-}
-
 int export_command(const ExportArguments& arguments) {
-  check_apart(arguments.out, arguments.scene);
+  std::error_code failure;
+  if (std::filesystem::equivalent(arguments.out, arguments.scene, failure))
+    throw input_error("--out", arguments.out.string() + ", which is the scene itself", "another file");
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
   const model::SolverSettings& solver = scene.spec.solver;
   const std::string text = arguments.format == "urdf" ? output::to_urdf(scene.model, solver)

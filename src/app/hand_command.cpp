@@ -130,7 +130,10 @@ std::string mass_rule(const hand::Person& person, const hand::MassRule& rule) {
   const std::string source = rule.source.empty() ? "" : ": " + rule.source;
   if (rule.kind == hand::MassRule::Kind::density) return fmt::format("at {:g} kg/m3{}", rule.density, source);
   const bool male = person.sex == hand::Sex::male, female = person.sex == hand::Sex::female;
-  return fmt::format("{:g} % of body mass, {}{}", 100 * (male ? rule.male : female ? rule.female : rule.unknown),
+  return fmt::format("{:g} % of body mass, {}{}",
+                     100 * (male     ? rule.male
+                            : female ? rule.female
+                                     : rule.unknown),
                      male     ? "as of men"
                      : female ? "as of women"
                               : "as of people of unknown sex",
@@ -294,8 +297,8 @@ int hand_command(const HandArguments& arguments) {
   print_size(entry.person, entry.model, built);
   print_parts(entry.model, built);
   print_whole(entry.person, entry.model, built);
-  for (const std::string& text : overlap_texts(
-           scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))))
+  for (const std::string& text :
+       overlap_texts(scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))))
     fmt::print("{}\n", text);
   print_sources(entry.model);
   if (!arguments.out) return 0;

@@ -154,17 +154,17 @@ int run_scene_command(const RunArguments& arguments) {
   else if (result.fault)
     fmt::print(stderr, "{}\n", Error(*result.fault).what());
   if (!result.hash_as_expected())
-    fmt::print(stderr,
-               "state hash: got {}, expected {}: another scene, setting, build, or mathematics library than here "
-               "({})\n",
-               simulation::hash_text(result.state_hash), simulation::hash_text(*result.expected_hash),
-               simulation::mathematics());
+    fmt::print(
+        stderr,
+        "state hash: got {}, expected {}: another scene, setting, build, or mathematics library than here "
+        "({})\n",
+        simulation::hash_text(result.state_hash), simulation::hash_text(*result.expected_hash),
+        simulation::mathematics());
   return result.passed() ? 0 : 1;
 }
 
 int render_command(const RenderArguments& arguments) {
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
-  check_apart(arguments.out, arguments.scene);
   print_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty()) fmt::print("engine auto: {}\n", scene.spec.engine_choice);
   if (arguments.time > scene.spec.duration)
@@ -173,8 +173,8 @@ int render_command(const RenderArguments& arguments) {
   // A path that cannot be written is better known before the simulation than after.
   { const output::AtomicFile probe(arguments.out); }
   output::write_png(simulation::picture(scene, arguments.time), arguments.out);
-  print_warnings(overlap_texts(
-      scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))));
+  print_warnings(
+      overlap_texts(scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))));
   return 0;
 }
 

@@ -255,9 +255,9 @@ std::vector<std::string> unmatched(const MotionTable& table, const HandAxes& han
     const std::size_t dot = name.find('.');
     const std::string head = name.substr(0, dot), tail = dot == std::string::npos ? "" : name.substr(dot + 1);
     const bool a_hand = head == hand.hand || head.starts_with("right") || head.starts_with("left");
-    const bool followed = name.ends_with(".angle") &&
-                          std::find(table.names.begin(), table.names.end(), name.substr(0, name.size() - 6)) !=
-                              table.names.end();
+    const bool followed =
+        name.ends_with(".angle") && std::find(table.names.begin(), table.names.end(),
+                                              name.substr(0, name.size() - 6)) != table.names.end();
     if (!is_axis(name) && !(a_hand && is_axis(tail)) && !followed) out.push_back(name);
   }
   return out;
@@ -305,8 +305,8 @@ Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, con
   if (!strangers.empty())
     diagnostics.warnings.push_back(
         fmt::format("{}:{}:1: {} that no axis of hand {} takes: {}", table.file, table.header_line,
-                    strangers.size() == 1 ? "a column" : fmt::format("{} columns", strangers.size()), hand.hand,
-                    listed(strangers, axes)));
+                    strangers.size() == 1 ? "a column" : fmt::format("{} columns", strangers.size()),
+                    hand.hand, listed(strangers, axes)));
   if (!missing.empty())
     diagnostics.problems.push_back(
         {Place{table.file, table.header_line, 1}, hand.hand,

@@ -78,8 +78,8 @@ std::string printable(std::string_view text, std::size_t limit) {
   std::string out;
   for (std::size_t at = 0; at < text.size(); ++at) {
     const char c = text[at];
-    const bool late = c == '\xc2' && at + 1 < text.size() &&
-                      is_late_control(static_cast<unsigned char>(text[at + 1]));
+    const bool late =
+        c == '\xc2' && at + 1 < text.size() && is_late_control(static_cast<unsigned char>(text[at + 1]));
     if (late)
       out += fmt::format("\\x{:02x}", static_cast<unsigned char>(text[++at]));
     else if (c == '\n')

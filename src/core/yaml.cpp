@@ -319,7 +319,8 @@ YamlNode parse_yaml(const std::string& text, const std::string& name) {
     builder.check_last_quote(text);
   } catch (const YAML::Exception& failure) {
     // Without a line end after it yaml-cpp names the end of the text in place of the quote.
-    if (failure.msg == YAML::ErrorMsg::EOF_IN_SCALAR && !text.ends_with('\n')) return parse_yaml(text + "\n", name);
+    if (failure.msg == YAML::ErrorMsg::EOF_IN_SCALAR && !text.ends_with('\n'))
+      return parse_yaml(text + "\n", name);
     // A mark of -1 stands for no place.
     const Place place{name, std::max(1, failure.mark.line + 1), std::max(1, failure.mark.column + 1)};
     const std::optional<Place> tab = first_tab(text, place);

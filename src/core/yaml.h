@@ -43,8 +43,8 @@ struct YamlEntry {
   YamlNode value;
 };
 
-/// Largest file and deepest nesting accepted, and most nodes after aliases are expanded. A scene with the files it
-/// names has to stay within them, so that its resolved.yaml can be read again: a thousand mugs do.
+/// Largest file and deepest nesting accepted, and most nodes after aliases are expanded. A scene with the
+/// files it names has to stay within them, so that its resolved.yaml can be read again: a thousand mugs do.
 inline constexpr std::size_t kYamlMaxBytes = 8U << 20U;
 inline constexpr int kYamlMaxDepth = 64;
 inline constexpr int kYamlMaxNodes = 500'000;

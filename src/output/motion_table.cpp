@@ -23,9 +23,8 @@ void MotionTableWriter::add(double time, std::span<const double> values) {
 }
 
 void MotionTableWriter::write(const std::filesystem::path& path) const {
-  std::string head =
-      fmt::format("{}\nversion=1\nnRows={}\nnColumns={}\ninDegrees=yes\nendheader\ntime",
-                  printable(title_, 4 * title_.size()), rows_, names_.size() + 1);
+  std::string head = fmt::format("{}\nversion=1\nnRows={}\nnColumns={}\ninDegrees=yes\nendheader\ntime",
+                                 printable(title_, 4 * title_.size()), rows_, names_.size() + 1);
   for (const std::string& name : names_) head += "\t" + name;
   write_file(path, head + "\n" + text_);
 }

@@ -1,5 +1,5 @@
-// The `criteria` of a scene, and which of them it can never measure: a limit that nothing is held against would seem
-// to be held.
+// The `criteria` of a scene, and which of them it can never measure: a limit that nothing is held against
+// would seem to be held.
 #include "handsim/scene/criteria.h"
 
 #include <algorithm>
@@ -80,9 +80,10 @@ void check_criteria(MapReader reader, const SceneSpec& scene) {
     refuse(reader, {{"joint_gap", limits.joint_gap.has_value()}}, "a limit in a scene without joints",
            "a hand or a joint");
   if (!effects.has(model::Effect::joint_stops))
-    refuse(reader,
-           {{"stop_overshoot", limits.stop_overshoot.has_value()}, {"stop_rest", limits.stop_rest.has_value()}},
-           "a limit without the effect joint_stops", "joint_stops among the effects");
+    refuse(
+        reader,
+        {{"stop_overshoot", limits.stop_overshoot.has_value()}, {"stop_rest", limits.stop_rest.has_value()}},
+        "a limit without the effect joint_stops", "joint_stops among the effects");
   if (!effects.any_contact())
     refuse(reader, {{"penetration", limits.penetration.has_value()}},
            "a limit where no effect lets anything touch",
@@ -95,15 +96,18 @@ void check_criteria(MapReader reader, const SceneSpec& scene) {
            "a climbs block");
   for (const ClimbPlan& climb : scene.climb_plans)
     if (limits.climb_load && *limits.climb_load > climb.load.most)
-      reader.problem("climb_load",
-                     fmt::format("{:g} N of a climb whose load ends at {:g} N", *limits.climb_load, climb.load.most),
-                     "at most the climb's load.max");
+      reader.problem(
+          "climb_load",
+          fmt::format("{:g} N of a climb whose load ends at {:g} N", *limits.climb_load, climb.load.most),
+          "at most the climb's load.max");
   if (!scene.control)
-    for (const auto& some : {of_tracking(limits.tracking), of_holds(limits.tracking), of_movements(limits.tracking)})
+    for (const auto& some :
+         {of_tracking(limits.tracking), of_holds(limits.tracking), of_movements(limits.tracking)})
       refuse(reader, some, "a limit in a scene without control", "a control block");
 }
 
-void check_tracked(YamlNode& root, const SceneSpec& scene, const control::Plan& plan, Diagnostics& diagnostics) {
+void check_tracked(YamlNode& root, const SceneSpec& scene, const control::Plan& plan,
+                   Diagnostics& diagnostics) {
   YamlNode* criteria = root.find("criteria");
   if (!criteria) return;
   MapReader reader(*criteria, "criteria", diagnostics);

@@ -1,4 +1,5 @@
-// Limits that decide whether a run has succeeded: read, and refused where the scene can never measure their figure.
+// Limits that decide whether a run has succeeded: read, and refused where the scene can never measure their
+// figure.
 #pragma once
 
 #include "handsim/scene/scene_spec.h"
@@ -11,6 +12,7 @@ Criteria read_criteria(MapReader reader);
 void check_criteria(MapReader reader, const SceneSpec& scene);
 
 /// Problems: limits of poses and movements that the hands' programs have not. @param root of the scene.
-void check_tracked(YamlNode& root, const SceneSpec& scene, const control::Plan& plan, Diagnostics& diagnostics);
+void check_tracked(YamlNode& root, const SceneSpec& scene, const control::Plan& plan,
+                   Diagnostics& diagnostics);
 
 }  // namespace handsim::scene

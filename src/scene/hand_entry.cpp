@@ -50,11 +50,11 @@ void refuse_keys_of_other_mounts(MapReader& reader, hand::Mount mount) {
     hand::Mount mount;
     const char* need;
   };
-  for (const OfMount& of : {OfMount{"motion", hand::Mount::driven, "mount: driven with it, or no motion"},
-                            OfMount{"velocity", hand::Mount::free, "mount: free with it, or no velocity"},
-                            OfMount{"angular_velocity", hand::Mount::free,
-                                    "mount: free with it, or no angular_velocity"},
-                            OfMount{"along", hand::Mount::rail, "mount: rail with it, or no along"}})
+  for (const OfMount& of :
+       {OfMount{"motion", hand::Mount::driven, "mount: driven with it, or no motion"},
+        OfMount{"velocity", hand::Mount::free, "mount: free with it, or no velocity"},
+        OfMount{"angular_velocity", hand::Mount::free, "mount: free with it, or no angular_velocity"},
+        OfMount{"along", hand::Mount::rail, "mount: rail with it, or no along"}})
     if (of.mount != mount && reader.node().find(of.key)) {
       reader.child(of.key);
       reader.problem(of.key, "a key of another mount", of.need);

@@ -1,5 +1,5 @@
-// What a run reads that YAML does not hold: meshes and motion files. A resolved scene names copies of them, so that
-// it stands alone; here are the copies' names and bytes, and the resolved scene's text.
+// What a run reads that YAML does not hold: meshes and motion files. A resolved scene names copies of them,
+// so that it stands alone; here are the copies' names and bytes, and the resolved scene's text.
 #pragma once
 
 #include <filesystem>
@@ -13,13 +13,13 @@ namespace handsim::scene {
 
 /// A file that a scene reads, as it was when the scene was read.
 struct InputFile {
-  std::filesystem::path path;                ///< where it was read, absolute
-  std::string copy;                          ///< where the resolved scene has it, relative to itself: `inputs/wave.mot`
+  std::filesystem::path path;  ///< where it was read, absolute
+  std::string copy;            ///< where the resolved scene has it, relative to itself: `inputs/wave.mot`
   std::shared_ptr<const std::string> bytes;  ///< its content
 };
 
-/// The meshes and motion files that a resolved scene names by absolute paths, each once, in the order of the scene;
-/// files of one name in several folders get a number. @throws Error (input) where one cannot be read.
+/// The meshes and motion files that a resolved scene names by absolute paths, each once, in the order of the
+/// scene; files of one name in several folders get a number. @throws Error (input) where one cannot be read.
 std::vector<InputFile> collect_inputs(YamlNode& resolved);
 
 /// The scene with its files' copies in place of the files: what stands in resolved.yaml.

@@ -116,8 +116,9 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
                        const std::vector<model::Material>& materials, const std::vector<GraspSpec>& grasps) {
   ObjectSpec object;
   object.place = reader.node().place();
-  // Its content stands in its place by now; `fil` may mean it.
-  reader.has("file");
+  // The content of an entry's file stands in its place by now.
+  if (reader.has("file"))
+    reader.problem("file", "a file that names another", "a file with the object itself");
   object.name = read_name(reader, before);
   object.is_static = reader.flag("static", false);
   if (reader.has("shape") && reader.has("parts")) {

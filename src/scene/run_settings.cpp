@@ -82,12 +82,16 @@ void read_solver(MapReader reader, model::SolverSettings& solver) {
 PictureSpec read_pictures(MapReader reader) {
   PictureSpec out;
   read_size(reader, out.size);
-  out.view = reader.choice<View>("view",
-                                 {{"dorsal", View::dorsal},
-                                  {"palmar", View::palmar},
-                                  {"radial", View::radial},
-                                  {"three_quarter", View::three_quarter}},
-                                 View::three_quarter);
+  // A camera stands in place of a view.
+  if (!reader.has("camera"))
+    out.view = reader.choice<View>("view",
+                                   {{"dorsal", View::dorsal},
+                                    {"palmar", View::palmar},
+                                    {"radial", View::radial},
+                                    {"three_quarter", View::three_quarter}},
+                                   View::three_quarter);
+  else if (reader.has("view"))
+    reader.problem("view", "a view beside a camera", "one of the two");
   if (reader.has("camera")) out.camera = read_camera(reader.map("camera"));
   out.floor = reader.flag("floor", true);
   out.joint_axes = reader.flag("joint_axes", false);

@@ -24,9 +24,9 @@ std::uint64_t results() {
   volatile double step = 0.0137;
   for (int i = 1; i <= kArguments; ++i) {
     const double x = step * i, below_one = std::fmod(x, 1.0);
-    for (const double value : {std::sin(x), std::cos(x), std::tan(x), std::exp(x), std::log(x), std::pow(x, 1.3),
-                               std::atan2(x, 2.7), std::asin(below_one), std::acos(below_one), std::hypot(x, 1.7),
-                               std::atan(x), std::exp(-x)})
+    for (const double value : {std::sin(x), std::cos(x), std::tan(x), std::exp(x), std::log(x),
+                               std::pow(x, 1.3), std::atan2(x, 2.7), std::asin(below_one),
+                               std::acos(below_one), std::hypot(x, 1.7), std::atan(x), std::exp(-x)})
       out(value);
   }
   return hash_bytes(out.bytes());

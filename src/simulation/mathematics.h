@@ -1,5 +1,5 @@
-// Which mathematics library rounds a run's sines and powers. glibc has several of each function and takes those that
-// the processor can run: where it lacks fused multiply-add, last bits differ, and with them a run.
+// Which mathematics library rounds a run's sines and powers. glibc has several of each function and takes
+// those that the processor can run: where it lacks fused multiply-add, last bits differ, and with them a run.
 #pragma once
 
 #include <string>

@@ -109,7 +109,7 @@ void check_controlled(const scene::Scene& scene, const RunOptions& options) {
 }
 
 /// Names that a run may give to files.
-constexpr std::array kWritten = {"trajectory.csv", "trajectory.mot", "control.sto", "contacts.csv",
+constexpr std::array kWritten = {"trajectory.csv", "trajectory.mot", "control.sto",  "contacts.csv",
                                  "summary.json",   "snapshot.bin",   "resolved.yaml"};
 
 /// A run that writes over what its scene reads could not be run again.
@@ -120,9 +120,10 @@ void check_inputs_kept(const scene::Scene& scene, const RunOptions& options) {
   };
   const auto check = [&](const std::filesystem::path& input, const std::string& written) {
     if (canonical(input) == canonical(options.out / written))
-      throw input_error("--out", fmt::format("{}, whose {} the run reads and would write over",
-                                             options.out.string(), written),
-                        "another folder");
+      throw input_error(
+          "--out",
+          fmt::format("{}, whose {} the run reads and would write over", options.out.string(), written),
+          "another folder");
   };
   for (const scene::InputFile& input : scene.inputs) {
     for (const char* name : kWritten) check(input.path, name);
@@ -151,9 +152,7 @@ bool RunResult::missed() const {
   return std::any_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.missed(); });
 }
 
-bool RunResult::passed() const {
-  return !fault && hash_as_expected() && !failed() && !missed();
-}
+bool RunResult::passed() const { return !fault && hash_as_expected() && !failed() && !missed(); }
 
 RunResult run(const scene::Scene& scene, const RunOptions& options) {
   if (options.plots || options.pose_pictures) check_controlled(scene, options);

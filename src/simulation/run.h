@@ -1,7 +1,6 @@
-// One execution of a scene with its files: trajectory.csv, summary.json, resolved.yaml with the meshes and motion
-// files it names (inputs/), pictures;
-// contacts.csv where the scene records contacts; trajectory.mot (joint angles for OpenSim, where there are
-// joints), control.sto and plots/ where the scene is controlled.
+// One execution of a scene with its files: trajectory.csv, summary.json, resolved.yaml with the meshes and
+// motion files it names (inputs/), pictures; contacts.csv where the scene records contacts; trajectory.mot
+// (joint angles for OpenSim, where there are joints), control.sto and plots/ where the scene is controlled.
 #pragma once
 
 #include <cstdint>
@@ -80,7 +79,8 @@ struct RunResult {
 };
 
 /// Runs the scene and writes its files.
-/// @throws Error (input) where the folder cannot be written, the run would write over a file that the scene reads,
+/// @throws Error (input) where the folder cannot be written, the run would write over a file that the scene
+/// reads,
 ///         the scene is too large to be written down, or the snapshot to go on from is no snapshot of
 ///         this scene, or is not of a time before its end; nothing is run then.
 RunResult run(const scene::Scene& scene, const RunOptions& options);

@@ -228,8 +228,8 @@ Json climbs_json(const std::vector<ClimbFigures>& climbs) {
   return out;
 }
 
-/// A climb that outlasts its largest load has carried that much. One that the run cuts short has carried what it
-/// has; of a limit above that nothing is known.
+/// A climb that outlasts its largest load has carried that much. One that the run cuts short has carried what
+/// it has; of a limit above that nothing is known.
 void add_climbs(const Simulation& simulation, const scene::Criteria& criteria, std::vector<Verdict>& out) {
   for (const ClimbFigures& climb : simulation.climbs()) {
     Verdict verdict{"climb_load", "N", climb.carried, criteria.climb_load, climb.carried_time, climb.name};
@@ -239,7 +239,8 @@ void add_climbs(const Simulation& simulation, const scene::Criteria& criteria, s
   }
 }
 
-/// Movements of grasped objects are always judged. An object that is lost has failed, however the run goes on.
+/// Movements of grasped objects are always judged. An object that is lost has failed, however the run goes
+/// on.
 void add_grasps(const Simulation& simulation, const scene::Criteria& criteria, std::vector<Verdict>& out) {
   for (const GraspFigures& grasp : simulation.grasps()) {
     const auto add = [&](const char* name, const char* unit, bool known, double measured,
@@ -372,8 +373,10 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
                    {"method", model::name(solver.method)},
                    {"step_s", solver.step},
                    {"seed", solver.seed}};
-  out["versions"] = {
-      {"handsim", HANDSIM_VERSION}, {"engine", simulation.engine().version()}, {"compiler", __VERSION__}, {"mathematics", mathematics()}};
+  out["versions"] = {{"handsim", HANDSIM_VERSION},
+                     {"engine", simulation.engine().version()},
+                     {"compiler", __VERSION__},
+                     {"mathematics", mathematics()}};
   if (!scene.spec.engine_choice.empty()) out["engine_choice"] = scene.spec.engine_choice;
   out["notes"] = notes;
   out["warnings"] = scene.warnings;

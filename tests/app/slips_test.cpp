@@ -1,5 +1,5 @@
-// Slips of the hand on the command line and in files get a message that names what was meant. Oracle: the house's
-// form of messages, and the README.
+// Slips of the hand on the command line and in files get a message that names what was meant. Oracle: the
+// house's form of messages, and the README.
 #include <algorithm>
 
 #include <gtest/gtest.h>
@@ -47,6 +47,65 @@ TEST(MistypedOption, IsNamedWithTheNearest) {
   EXPECT_TRUE(test::empty_or_missing(out));
 }
 
+// An unquoted `--set duration=10 ms`.
+TEST(Words, TooManySpeakOfQuotes) {
+  const TemporaryFolder folder;
+  const Outcome outcome =
+      run_program({"run", kScene, "--out", (folder.path() / "out").string(), "--set", "duration=10", "ms"});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_EQ(outcome.problems(),
+            std::vector<std::string>{"arguments: got one too many, ms, need none more; a value "
+                                     "with a blank in it stands in quotes"});
+}
+
+TEST(RenderCommand, WritesNoPictureUnderAnotherFormatsName) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "hands.jpg";
+  const Outcome outcome = run_program({"render", kScene, "--out", out.string()});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_TRUE(contains(outcome.err, "need the path of a .png file")) << outcome.err;
+  EXPECT_FALSE(fs::exists(out));
+}
+
+TEST(CheckCommand, ReadsMotions) {
+  const TemporaryFolder folder;
+  const fs::path good = write(folder.path() / "good.csv", "time,index_mcp.flexion[deg]\n0,10\n1,20\n");
+  const fs::path bad = write(folder.path() / "bad.csv", "time,index_mcp.flexion[deg]\n0,10\n0,20\n");
+  const Outcome taken = run_program({"check", good.string()});
+  EXPECT_EQ(taken.status, 0) << taken.err;
+  EXPECT_TRUE(contains(taken.out, "good.csv: a motion, good")) << taken.out;
+  const Outcome refused = run_program({"check", bad.string()});
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_TRUE(contains(refused.err, "bad.csv:3:1: time: got 0 s after 0 s, need times that rise"))
+      << refused.err;
+}
+
+TEST(AFileOfAnObject, NamesNoOther) {
+  const TemporaryFolder folder;
+  const std::string mug = source("config/objects/mug.yaml").string();
+  write(folder.path() / "cup.yaml", "shape: sphere\nradius: 0.1\nmass: 1\nfile: " + mug + "\n");
+  const fs::path scene =
+      write(folder.path() / "s.yaml",
+            "objects:\n  - {name: a, file: cup.yaml, position: [0, 0, 0]}\n"
+            "  - {name: b, fil: cup.yaml, shape: sphere, radius: 1, mass: 1, position: [0, 0, 9]}\n"
+            "duration: 1\n");
+  const Outcome outcome = run_program({"check", scene.string()});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_TRUE(contains(outcome.err, "cup.yaml:4:7: objects.0.file: got a file that names another"))
+      << outcome.err;
+  EXPECT_TRUE(contains(outcome.err, "objects.1.fil: got an unknown key") &&
+              contains(outcome.err, "(nearest: file)"))
+      << outcome.err;
+}
+
+TEST(Options, OfWhichOneWouldBeDroppedAreRefused) {
+  const TemporaryFolder folder;
+  const Outcome outcome = run_program({"run", source("config/every_pose.yaml"), "--out",
+                                       (folder.path() / "out").string(), "--frames", "3", "--poses"});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_TRUE(contains(outcome.err, "--frames") && contains(outcome.err, "--poses")) << outcome.err;
+}
+
 TEST(HandCommand, SpeaksOfThePersonsOwnSex) {
   const auto mass = [](const char* sex) {
     const Outcome outcome = run_program({"hand", "--stature", "1.75", "--mass", "72", "--sex", sex});
@@ -61,22 +120,24 @@ TEST(HandCommand, SpeaksOfThePersonsOwnSex) {
 TEST(Overlaps, AreSaidOnceAndNoMoreThanElevenLines) {
   const TemporaryFolder folder;
   const std::string out = folder.path() / "out";
-  const Outcome crossed =
-      run_program({"run", kScene, "--out", out, "--set", "duration=1 ms", "--set", "hands.1.wrist.position=[0.1, 0, 0.25]"});
+  const Outcome crossed = run_program({"run", kScene, "--out", out, "--set", "duration=1 ms", "--set",
+                                       "hands.1.wrist.position=[0.1, 0, 0.25]"});
   EXPECT_EQ(crossed.status, 0) << crossed.err;
   EXPECT_EQ(count(crossed.err, "overlap by "), 10) << crossed.err;
   EXPECT_EQ(count(crossed.err, "more pairs overlap"), 1) << crossed.err;
   // An object in a hand is refused; the refusal says all.
-  const fs::path scene = write(folder.path() / "s.yaml",
-                               "hands: [{model: " + source("handmodels/anatomical.yaml").string() + ", person: " +
-                                   source("config/persons/median_man.yaml").string() +
-                                   ", side: right}]\nobjects: [{name: ball, shape: sphere, radius: 0.2, mass: 1, "
-                                   "position: [0, 0.1, 0]}]\nduration: 1\n");
+  const fs::path scene =
+      write(folder.path() / "s.yaml",
+            "hands: [{model: " + source("handmodels/anatomical.yaml").string() +
+                ", person: " + source("config/persons/median_man.yaml").string() +
+                ", side: right}]\nobjects: [{name: ball, shape: sphere, radius: 0.2, mass: 1, "
+                "position: [0, 0.1, 0]}]\nduration: 1\n");
   const Outcome refused = run_program({"run", scene.string(), "--out", out});
   EXPECT_EQ(refused.status, 2);
   EXPECT_EQ(count(refused.err, "warning: "), 0) << refused.err;
   EXPECT_EQ(refused.problems().size(), 11U) << refused.err;
-  EXPECT_TRUE(contains(refused.err, "ball inside hands at 5 more places") || contains(refused.err, "more places"))
+  EXPECT_TRUE(contains(refused.err, "ball inside hands at 5 more places") ||
+              contains(refused.err, "more places"))
       << refused.err;
 }
 
@@ -93,10 +154,14 @@ TEST(EngineAuto, FindsTheShippedCostsFromAnyFolder) {
 TEST(MotionColumns, ThatNoAxisTakesAreNamedWithTheNearest) {
   const TemporaryFolder folder;
   const fs::path motion =
-      write(folder.path() / "m.csv", "time,index_mcp.flexion[deg],indx_pip.flexion[deg],right.pelvis_tx\n0,10,0,0\n");
-  const std::vector<std::string> words = {
-      "run",   source("config/every_pose.yaml"), "--out", (folder.path() / "out").string(),
-      "--set", "control.program=" + motion.string(), "--set", "criteria={}", "--set", "duration=10 ms", "--set"};
+      write(folder.path() / "m.csv",
+            "time,index_mcp.flexion[deg],indx_pip.flexion[deg],right.pelvis_tx\n0,10,0,0\n");
+  const std::vector<std::string> words = {"run",   source("config/every_pose.yaml"),
+                                          "--out", (folder.path() / "out").string(),
+                                          "--set", "control.program=" + motion.string(),
+                                          "--set", "criteria={}",
+                                          "--set", "duration=10 ms",
+                                          "--set"};
   const auto with = [&](const char* joints) {
     std::vector<std::string> all = words;
     all.push_back(std::string("control.controller.gains=[{joints: ") + joints +
@@ -105,8 +170,9 @@ TEST(MotionColumns, ThatNoAxisTakesAreNamedWithTheNearest) {
   };
   const Outcome warned = with("index_mcp.flexion");
   EXPECT_EQ(warned.status, 0) << warned.err;
-  EXPECT_TRUE(contains(warned.err, "m.csv:1:1: 2 columns that no axis of hand right takes: indx_pip.flexion (nearest: "
-                                   "index_pip.flexion), right.pelvis_tx"))
+  EXPECT_TRUE(contains(warned.err,
+                       "m.csv:1:1: 2 columns that no axis of hand right takes: indx_pip.flexion (nearest: "
+                       "index_pip.flexion), right.pelvis_tx"))
       << warned.err;
   const Outcome refused = with("[index_mcp.flexion, index_pip.flexion]");
   EXPECT_EQ(refused.status, 2);
@@ -117,8 +183,8 @@ TEST(MotionColumns, ThatNoAxisTakesAreNamedWithTheNearest) {
 TEST(ControlTable, SaysThatItsAnglesAreDegrees) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out";
-  const Outcome outcome = run_program({"run", source("config/every_pose.yaml"), "--out", out.string(), "--set",
-                                       "duration=10 ms", "--set", "criteria={}"});
+  const Outcome outcome = run_program({"run", source("config/every_pose.yaml"), "--out", out.string(),
+                                       "--set", "duration=10 ms", "--set", "criteria={}"});
   EXPECT_EQ(outcome.status, 0) << outcome.err;
   for (const char* name : {"control.sto", "trajectory.mot"})
     EXPECT_TRUE(contains(test::text_of(out / name), "\ninDegrees=yes\n")) << name;
@@ -127,23 +193,23 @@ TEST(ControlTable, SaysThatItsAnglesAreDegrees) {
 TEST(TheSceneItself, IsNotWrittenOver) {
   const TemporaryFolder folder;
   const fs::path scene = write(folder.path() / "s.yaml", test::kBallScene);
-  for (const char* command : {"render", "export"}) {
-    const Outcome outcome = run_program({command, scene.string(), "--out", (folder.path() / "." / "s.yaml").string()});
-    EXPECT_EQ(outcome.status, 2);
-    EXPECT_TRUE(contains(outcome.err, "which is the scene itself, need another file")) << outcome.err;
-  }
+  const Outcome outcome =
+      run_program({"export", scene.string(), "--out", (folder.path() / "." / "s.yaml").string()});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_TRUE(contains(outcome.err, "which is the scene itself, need another file")) << outcome.err;
   EXPECT_EQ(test::text_of(scene), test::kBallScene);
 }
 
 TEST(GraspCutShort, IsNotMeasuredInTheTableAndExitsWithOne) {
   const TemporaryFolder folder;
-  const Outcome outcome = run_program({"run", source("config/grasp_pinch.yaml"), "--out",
-                                       (folder.path() / "out").string(), "--set", "duration=0.05", "--set",
-                                       "criteria={grasp_slip: 0}"});
+  const Outcome outcome =
+      run_program({"run", source("config/grasp_pinch.yaml"), "--out", (folder.path() / "out").string(),
+                   "--set", "duration=0.05", "--set", "criteria={grasp_slip: 0}"});
   EXPECT_EQ(outcome.status, 1) << outcome.err;
   EXPECT_EQ(count(outcome.out, "NOT MEASURED"), 6) << outcome.out;
   const std::size_t at = outcome.out.find("grasp_slip");
-  EXPECT_TRUE(contains(outcome.out.substr(at, outcome.out.find('\n', at) - at), " 0 m/s  NOT MEASURED")) << outcome.out;
+  EXPECT_TRUE(contains(outcome.out.substr(at, outcome.out.find('\n', at) - at), " 0 m/s  NOT MEASURED"))
+      << outcome.out;
 }
 
 }  // namespace

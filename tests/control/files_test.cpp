@@ -96,7 +96,8 @@ TEST(BadInput, EveryHandNeedsAProgram) {
 
 TEST(BadInput, ActuationAndControlGoTogether) {
   expect_text(refused({"effects=[gravity]"}), {"a control block without actuation"});
-  expect_text(refused({"effects=[actuation]"}, "two_hands"), {"actuation without a control block or a joint with a torque"});
+  expect_text(refused({"effects=[actuation]"}, "two_hands"),
+              {"actuation without a control block or a joint with a torque"});
 }
 
 TEST(BadInput, ExplicitGainsBeyondTheirLimitNameTheJointTheLimitAndTheWaysOut) {
@@ -163,7 +164,8 @@ TEST(MotionFile, MissingColumnsAndAnglesBeyondTheRangeAreRefused) {
   expect_text(refused({"control.program=" + far.string(), one}),
               {"b.csv:3:1", "right.index_mcp.flexion", "120 deg at 1 s", "-45 to 90 deg"});
   const auto near = table(folder, "c.csv", "time,index_mcp.flexion[deg]\n0,10\n1,90.3\n");
-  const scene::Scene moved = test::shipped_scene("every_pose", {"control.program=" + near.string(), one, "criteria={}"});
+  const scene::Scene moved =
+      test::shipped_scene("every_pose", {"control.program=" + near.string(), one, "criteria={}"});
   expect_text(moved.warnings.front(), {"c.csv", "1 angles of hand right"});
 }
 

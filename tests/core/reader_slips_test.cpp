@@ -1,5 +1,5 @@
-// What the reader makes of slips: keys that are only asked for by presence, numbers with a comma, characters that YAML
-// cannot hold, quotes that nothing closes. Oracle: the message or the tree.
+// What the reader makes of slips: keys that are only asked for by presence, numbers with a comma, characters
+// that YAML cannot hold, quotes that nothing closes. Oracle: the message or the tree.
 #include <gtest/gtest.h>
 
 #include "handsim/core/text.h"
@@ -56,7 +56,8 @@ TEST(DecimalComma, IsSaidOnceWithWhatIsMeant) {
             "f.yaml:1:13: b: got 1,75 m, need a decimal point in place of a comma: 1.75 m\n");
   EXPECT_EQ(problems("a: 1,000\n", read),
             "f.yaml:1:4: a: got 1,000, need a decimal point in place of a comma: 1.000 (or 1000)\n");
-  EXPECT_EQ(problems("{a: 1, 7: }", read), "f.yaml:1:5: a: got 1,7, need a decimal point in place of a comma: 1.7\n");
+  EXPECT_EQ(problems("{a: 1, 7: }", read),
+            "f.yaml:1:5: a: got 1,7, need a decimal point in place of a comma: 1.7\n");
   // A key that has a value is a key.
   EXPECT_EQ(problems("{a: 1, 7: 2}", read).substr(0, 37), "f.yaml:1:8: 7: got an unknown key, ne");
 }
@@ -75,7 +76,8 @@ TEST(Warnings, StandWhereTheirKeyStands) {
 }
 
 TEST(Characters, ThatYamlCannotHoldAreRefused) {
-  for (const char* bad : {"\xef\xbf\xbe", "\xef\xbf\xbf", "\xef\xb7\x90", "\xf0\x9f\xbf\xbe", "\xf4\x8f\xbf\xbf"}) {
+  for (const char* bad :
+       {"\xef\xbf\xbe", "\xef\xbf\xbf", "\xef\xb7\x90", "\xf0\x9f\xbf\xbe", "\xf4\x8f\xbf\xbf"}) {
     EXPECT_TRUE(find_bad_byte(bad).has_value()) << bad;
     EXPECT_THROW(parse_yaml(std::string("a: ") + bad + "\n", "f.yaml"), Error) << bad;
   }
@@ -84,7 +86,9 @@ TEST(Characters, ThatYamlCannotHoldAreRefused) {
   for (const char* good : {"\xef\xbf\xbd", "\xef\xb7\x8f", "\xf0\x9f\x99\x82", "\xc2\x85", "\xc3\xa9"})
     EXPECT_FALSE(find_bad_byte(good).has_value()) << good;
   EXPECT_TRUE(find_bad_byte("\xc2\x9b").has_value());
-  EXPECT_EQ(printable("a\xc2\x9b" "2J"), "a\\x9b2J");
+  EXPECT_EQ(printable("a\xc2\x9b"
+                      "2J"),
+            "a\\x9b2J");
 }
 
 // Oracle: what is written is read as the same text, for every character that is taken.
@@ -114,12 +118,15 @@ TEST(Quotes, ThatNothingClosesAreRefusedAtTheirPlace) {
     const char* text;
     const char* part;
   };
-  for (const Case& bad : {Case{"a: \"never", "f.yaml:1:4: got a quote that nothing closes, need a closing \""},
-                          Case{"a: 1\nb: \"5 s\n", "f.yaml:2:4: got a quote that nothing closes"},
-                          Case{"a: \"x\"\nb: \"it's \\\"\n\n", "f.yaml:2:4: got a quote that nothing closes"},
-                          Case{"\xef\xbb\xbf" "a: \"x", "a quote that nothing closes"},
-                          Case{"\xc3\xa9: \"\xc3\xa9", "got a quote that nothing closes"}, Case{"a: 'x\n", "f.yaml:"},
-                          Case{"\"a: 1\n", "f.yaml:1:1"}, Case{"a: 'it''s", "f.yaml:"}}) {
+  for (const Case& bad :
+       {Case{"a: \"never", "f.yaml:1:4: got a quote that nothing closes, need a closing \""},
+        Case{"a: 1\nb: \"5 s\n", "f.yaml:2:4: got a quote that nothing closes"},
+        Case{"a: \"x\"\nb: \"it's \\\"\n\n", "f.yaml:2:4: got a quote that nothing closes"},
+        Case{"\xef\xbb\xbf"
+             "a: \"x",
+             "a quote that nothing closes"},
+        Case{"\xc3\xa9: \"\xc3\xa9", "got a quote that nothing closes"}, Case{"a: 'x\n", "f.yaml:"},
+        Case{"\"a: 1\n", "f.yaml:1:1"}, Case{"a: 'it''s", "f.yaml:"}}) {
     try {
       parse_yaml(bad.text, "f.yaml");
       FAIL() << bad.text;
@@ -127,7 +134,8 @@ TEST(Quotes, ThatNothingClosesAreRefusedAtTheirPlace) {
       EXPECT_NE(std::string(error.what()).find(bad.part), std::string::npos) << error.what();
     }
   }
-  for (const char* good : {"a: \"x\"", "a: \"x\\\"\"", "a: 'it''s'", "a: 'x\"'\nb: it's \"so", "a: \"x\" # \"y", "'a': ''"})
+  for (const char* good :
+       {"a: \"x\"", "a: \"x\\\"\"", "a: 'it''s'", "a: 'x\"'\nb: it's \"so", "a: \"x\" # \"y", "'a': ''"})
     EXPECT_NO_THROW(parse_yaml(good, "f.yaml")) << good;
 }
 

@@ -1,4 +1,5 @@
-// Criteria that a scene can never measure are refused when it is read. Oracle: what the scene has and has not.
+// Criteria that a scene can never measure are refused when it is read. Oracle: what the scene has and has
+// not.
 #include "handsim/scene/criteria.h"
 
 #include <gtest/gtest.h>
@@ -20,7 +21,9 @@ std::string refused(const std::string& name, const std::vector<std::string>& cha
   return "";
 }
 
-bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+bool contains(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
 
 TEST(Criteria, OfStopsNeedTheEffectJointStops) {
   const std::string text = refused("two_hands", {"effects=[gravity]"});
@@ -34,16 +37,19 @@ TEST(Criteria, OfPosesAndMovementsNeedAProgramThatHasThem) {
   const auto file = folder.path() / "wave.csv";
   std::ofstream(file) << "time,index_mcp.flexion[deg]\n0,10\n1,20\n";
   const std::string one =
-      "control.controller.gains=[{joints: index_mcp.flexion, frequency: 8 Hz, damping_ratio: 1, torque_limit: 1}]";
+      "control.controller.gains=[{joints: index_mcp.flexion, frequency: 8 Hz, damping_ratio: 1, "
+      "torque_limit: 1}]";
   const std::string program = "control.program=" + file.string();
   const std::string text = refused("every_pose", {program, one});
   for (const char* key : {"steady_error", "overshoot", "settling_time"})
     EXPECT_TRUE(contains(text, std::string("criteria.") + key + ": got a limit with a motion file")) << text;
   EXPECT_EQ(refused("every_pose", {program, one, "criteria={rms_error: 1, largest_error: 1}"}), "");
   const std::string still = refused(
-      "every_pose", {"control.poses.programs.every_pose={keys: [{time: 0, pose: fist}, {time: 1, move: 0.5, pose: fist}]}",
-                     "hands.0.pose={}", "hands.1.pose={}", one, "criteria={steady_error: 1, overshoot: 1}"});
-  EXPECT_TRUE(still.empty() || contains(still, "criteria.overshoot: got a limit with a program that moves no joint"))
+      "every_pose",
+      {"control.poses.programs.every_pose={keys: [{time: 0, pose: fist}, {time: 1, move: 0.5, pose: fist}]}",
+       "hands.0.pose={}", "hands.1.pose={}", one, "criteria={steady_error: 1, overshoot: 1}"});
+  EXPECT_TRUE(still.empty() ||
+              contains(still, "criteria.overshoot: got a limit with a program that moves no joint"))
       << still;
 }
 
@@ -54,7 +60,9 @@ TEST(Criteria, OfAClimbDoNotAskForMoreThanItsLoad) {
 }
 
 TEST(Criteria, OfTheSolverCanStandInAnyScene) {
-  EXPECT_EQ(refused("slider_crank_iftomm", {"solver={engine: dae}", "criteria={lcp_failures: 0, joint_gap: 1}"}), "");
+  EXPECT_EQ(
+      refused("slider_crank_iftomm", {"solver={engine: dae}", "criteria={lcp_failures: 0, joint_gap: 1}"}),
+      "");
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
-// Draws scenes far from sensible: steps of 20 ms, objects of 1 g beside 10 kg, things inside each other, at 20 m/s,
-// chains that spin, and every engine and method, for the smooth ones without what they refuse, or else to be refused.
+// Draws scenes far from sensible: steps of 20 ms, objects of 1 g beside 10 kg, things inside each other, at
+// 20 m/s, chains that spin, and every engine and method, for the smooth ones without what they refuse, or
+// else to be refused.
 #pragma once
 
 #include <fmt/format.h>
@@ -15,7 +16,9 @@
 namespace handsim::test::drawn {
 
 /// One of low to high - 1. rapidcheck by itself would draw from a range that grows with the tests.
-inline int integer(int low, int high) { return *rc::gen::resize(rc::kNominalSize, rc::gen::inRange(low, high)); }
+inline int integer(int low, int high) {
+  return *rc::gen::resize(rc::kNominalSize, rc::gen::inRange(low, high));
+}
 
 /// Uniform in a range.
 inline double number(double low, double high) {
@@ -40,9 +43,9 @@ inline std::string hand(int index, const std::string& model) {
       "{{model: {}, person: {}, side: {}, wrist: {{mount: {}, position: [{:.3g}, 0, {:.3g}], rotation: "
       "{{axis: [{:.3g}, 1, "
       "{:.3g}], angle: {:.3g}}}}}}}",
-      source("handmodels/" + model + ".yaml").string(),
-      source("config/persons/" + person + ".yaml").string(), one_of({"right", "left"}), mount,
-      0.15 * index + number(-0.05, 0.05), number(0, 0.3), number(-1, 1), number(-1, 1), number(-3, 3));
+      source("handmodels/" + model + ".yaml").string(), source("config/persons/" + person + ".yaml").string(),
+      one_of({"right", "left"}), mount, 0.15 * index + number(-0.05, 0.05), number(0, 0.3), number(-1, 1),
+      number(-1, 1), number(-3, 3));
 }
 
 inline std::string object(int index) {

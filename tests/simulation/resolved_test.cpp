@@ -1,10 +1,11 @@
-// resolved.yaml stands alone: it repeats its run to the bit, from another folder and without the files that the scene
-// was made of. Oracle: bit equality of states (state_hash) and of the resolved text itself.
+// resolved.yaml stands alone: it repeats its run to the bit, from another folder and without the files that
+// the scene was made of. Oracle: bit equality of states (state_hash) and of the resolved text itself.
 #include <gtest/gtest.h>
 
 #include "handsim/scene/file_kind.h"
 #include "handsim/simulation/run.h"
 #include "handsim/simulation/simulation.h"
+#include "handsim/study/grasp_study.h"
 #include "scene_files.h"
 #include "simulation/random_scenes.h"
 
@@ -107,7 +108,8 @@ std::string wave(double degrees) {
 }
 
 const std::string kOneJoint =
-    "control.controller.gains=[{joints: index_mcp.flexion, frequency: 8 Hz, damping_ratio: 1, torque_limit: 1}]";
+    "control.controller.gains=[{joints: index_mcp.flexion, frequency: 8 Hz, damping_ratio: 1, torque_limit: "
+    "1}]";
 
 /// Both hands of a shipped scene, each after its file.
 scene::Scene waving(const fs::path& right, const fs::path& left, std::vector<std::string> more = {}) {
@@ -129,17 +131,33 @@ TEST(Resolved, HoldsItsMotionFilesTwoOfOneNameAsWell) {
   EXPECT_EQ(scene.inputs.size(), 2U);
 }
 
+// The grasp study runs a scene with another friction of every surface.
+TEST(Resolved, SaysTheFrictionThatTheRunHad) {
+  const TemporaryFolder folder;
+  scene::Scene scene = shipped_scene("grasp_cup", {"duration=0.05", "criteria={}"});
+  study::set_friction(scene, 0.05);
+  expect_repeated(scene, folder);
+  const scene::Scene again = scene::load_scene(folder.path() / "again" / "resolved.yaml");
+  ASSERT_EQ(again.model.materials.size(), scene.model.materials.size());
+  for (std::size_t i = 0; i < again.model.materials.size(); ++i) {
+    EXPECT_EQ(again.model.materials[i].friction, 0.05);
+    EXPECT_EQ(again.model.materials[i].spinning_friction, scene.model.materials[i].spinning_friction);
+  }
+}
+
 TEST(Resolved, HoldsItsMeshes) {
   const TemporaryFolder folder;
   const fs::path there = folder.path() / "there";
   fs::create_directories(there);
   fs::copy(source("tests/data/meshes/icosahedron.obj"), there / "a stone.obj");
-  const fs::path file = write(
-      there / "scene.yaml",
-      "objects:\n  - {name: stone, shape: convex_mesh, mesh: a stone.obj, scale: 0.05, mass: 1, position: [0, 0, 0.06]}\n"
-      "  - {name: two, parts: [{shape: convex_mesh, mesh: a stone.obj, scale: 0.02}], mass: 1, position: [1, 0, 1]}\n"
-      "bodies: [{name: b, mass: 1, inertia: [1, 1, 1], position: [2, 0, 0], shape: {kind: convex_mesh, mesh: ./a "
-      "stone.obj}}]\nground: {}\nduration: 0.2\n");
+  const fs::path file = write(there / "scene.yaml",
+                              "objects:\n  - {name: stone, shape: convex_mesh, mesh: a stone.obj, scale: "
+                              "0.05, mass: 1, position: [0, 0, 0.06]}\n"
+                              "  - {name: two, parts: [{shape: convex_mesh, mesh: a stone.obj, scale: "
+                              "0.02}], mass: 1, position: [1, 0, 1]}\n"
+                              "bodies: [{name: b, mass: 1, inertia: [1, 1, 1], position: [2, 0, 0], shape: "
+                              "{kind: convex_mesh, mesh: ./a "
+                              "stone.obj}}]\nground: {}\nduration: 0.2\n");
   const scene::Scene scene = scene::load_scene(file);
   fs::remove_all(there);
   expect_repeated(scene, folder);
@@ -152,7 +170,8 @@ TEST(Resolved, AThousandMugsAreReadAgain) {
   for (int i = 0; i < 1000; ++i)
     text += fmt::format("  - {{name: mug{}, file: {}, position: [{}, {}, 0.2]}}\n", i,
                         source("config/objects/mug.yaml").string(), 0.2 * (i % 32), 0.2 * (i / 32));
-  const scene::Scene scene = scene::compile_scene(parse_yaml(text + "ground: {}\nduration: 1\n", "mugs.yaml"));
+  const scene::Scene scene =
+      scene::compile_scene(parse_yaml(text + "ground: {}\nduration: 1\n", "mugs.yaml"));
   const std::string resolved = scene::standalone_text(scene.resolved, scene.inputs);
   const scene::Scene again = scene::compile_scene(parse_yaml(resolved, "/nowhere/resolved.yaml"));
   EXPECT_EQ(scene::standalone_text(again.resolved, again.inputs), resolved);
@@ -192,7 +211,8 @@ TEST(OwnFolder, WhatARunReadsItDoesNotWriteOver) {
   }
   EXPECT_EQ(text_of(program), wave(40));
   EXPECT_FALSE(fs::exists(out / "summary.json"));
-  // Under another name it stands there unharmed; and a run from its own resolved.yaml may go to the same folder.
+  // Under another name it stands there unharmed; and a run from its own resolved.yaml may go to the same
+  // folder.
   const fs::path other = write(out / "wave.csv", wave(40));
   const RunResult first = run_into(waving(other, other), out);
   EXPECT_EQ(run_into(scene::load_scene(out / "resolved.yaml"), out).state_hash, first.state_hash);
@@ -225,7 +245,8 @@ TEST(SnapshotOfAMotion, IsRefusedWhereTheMotionHasChangedAndTakenWhereItHasMoved
     run(waving(file, file), rest);
     FAIL();
   } catch (const Error& error) {
-    EXPECT_NE(std::string(error.what()).find("differs in inputs/wave.csv"), std::string::npos) << error.what();
+    EXPECT_NE(std::string(error.what()).find("differs in inputs/wave.csv"), std::string::npos)
+        << error.what();
   }
 }
 

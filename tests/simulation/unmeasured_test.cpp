@@ -50,8 +50,9 @@ TEST(GraspCutShort, BeforeItsHoldIsMeasuredInNothingAndDoesNotPass) {
 }
 
 TEST(GraspCutShort, AfterItsHoldIsJudgedByItsSlip) {
-  const std::vector<std::string> quick = {"grasps.0.hold=0.05 s", "grasps.0.close=0.1 s", "grasps.0.lift.time=0.1 s",
-                                          "grasps.0.approach.time=0.1 s", "criteria={grasp_slip: 0}"};
+  const std::vector<std::string> quick = {"grasps.0.hold=0.05 s", "grasps.0.close=0.1 s",
+                                          "grasps.0.lift.time=0.1 s", "grasps.0.approach.time=0.1 s",
+                                          "criteria={grasp_slip: 0}"};
   const double end = shipped_scene("grasp_pinch", quick).spec.grasp_plans[0].phase("hold")->end;
   std::vector<std::string> words = quick;
   words.push_back(seconds(end + 0.01));
@@ -87,10 +88,11 @@ TEST(ProgramCutShort, BeforeItsFirstMovementHasNoOvershoot) {
 }
 
 TEST(ASceneWithoutJoints, HasNoGapAndNoStop) {
-  const Ran ball = ran(scene::compile_scene(parse_yaml(
-      "objects: [{name: b, shape: sphere, radius: 0.1, mass: 1, position: [0, 0, 1]}]\neffects: [gravity]\nduration: "
-      "0.01\n",
-      "ball.yaml")));
+  const Ran ball =
+      ran(scene::compile_scene(parse_yaml("objects: [{name: b, shape: sphere, radius: 0.1, mass: 1, "
+                                          "position: [0, 0, 1]}]\neffects: [gravity]\nduration: "
+                                          "0.01\n",
+                                          "ball.yaml")));
   for (const char* name : {"joint_gap", "stop_overshoot", "stop_rest"})
     EXPECT_FALSE(ball.verdicts.at(name).measured.has_value()) << name;
   EXPECT_TRUE(ball.result.passed());
