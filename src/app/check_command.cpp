@@ -2,6 +2,7 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
+#include "handsim/control/motion_file.h"
 #include "handsim/hand/grip_strength.h"
 #include "handsim/scene/contacts.h"
 #include "handsim/scene/file_kind.h"
@@ -15,8 +16,12 @@ namespace handsim::app {
 
 namespace {
 
-/// Reads a file of any kind that handsim has; the kind shows in its keys.
+/// Reads a file of any kind that handsim has; the kind of a YAML file shows in its keys.
 std::string check_file(const std::filesystem::path& path, Diagnostics& diagnostics) {
+  if (control::is_motion_file(path.string())) {
+    control::read_motion(path);
+    return "a motion";
+  }
   YamlNode root = load_yaml(path);
   const scene::FileKind kind = scene::kind_of(root).value_or(scene::FileKind::scene);
   switch (kind) {
@@ -57,6 +62,7 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
       const scene::Scene scene = scene::compile_scene(std::move(root));
       diagnostics.warnings = scene.warnings;
       simulation::check_start(scene);
+      static_cast<void>(scene::standalone_text(scene.resolved, scene.inputs));
       break;
     }
   }

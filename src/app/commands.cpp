@@ -96,9 +96,9 @@ void add_hand(CLI::App& app, HandArguments& arguments) {
 }
 
 void add_check(CLI::App& app, std::vector<std::filesystem::path>& files) {
-  CLI::App* check = app.add_subcommand(
-      "check",
-      "Validate scenes, persons, hand models, controllers and poses: say every problem, run nothing");
+  CLI::App* check = app.add_subcommand("check",
+                                       "Validate scenes, persons, hand models, controllers, poses and "
+                                       "motions: say every problem, run nothing");
   check->footer("Example: handsim check config/two_hands.yaml config/persons/child.yaml");
   check->add_option("files", files, "YAML files")->required();
 }
@@ -111,10 +111,12 @@ void add_run(CLI::App& app, RunArguments& arguments) {
   run->add_option("scene", arguments.scene, "scene file")->required();
   run->add_option("--out", arguments.out, "folder for the run's files")->required()->check(check_path);
   add_overrides(*run, arguments.overrides);
-  run->add_option("--frames", arguments.frames, "pictures over the run, and a contact sheet of them")
-      ->check(check_frames);
+  CLI::Option* frames =
+      run->add_option("--frames", arguments.frames, "pictures over the run, and a contact sheet of them")
+          ->check(check_frames);
   run->add_flag("--poses", arguments.poses,
-                "a picture at the end of every hold of a controlled scene, in place of --frames");
+                "a picture at the end of every hold of a controlled scene, in place of --frames")
+      ->excludes(frames);
   run->add_flag("--plots", arguments.plots,
                 "plots of a controlled scene: angles, errors, torques (needs gnuplot)");
   run->add_option_function<std::string>(
@@ -167,10 +169,22 @@ Error command_error(const CLI::App& app, int argc, const char* const* argv) {
   for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
     known.push_back(command->get_name());
   const std::string got = argc > 1 ? argv[1] : "nothing";
-  const auto near = nearest_word(got, known);
-  return input_error(
-      "command", got,
-      fmt::format("one of {}{}", fmt::join(known, ", "), near ? " (nearest: " + *near + ")" : ""));
+  return input_error("command", got, need_word(got, known));
+}
+
+/// An option that the command has not, or a word too many; nothing where the problem is another.
+std::optional<Error> option_error(const CLI::App& command) {
+  std::vector<std::string> known;
+  for (const CLI::Option* option : command.get_options())
+    for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+  for (const std::string& word : command.remaining()) {
+    if (!word.starts_with('-'))
+      return input_error("arguments", "one too many, " + word,
+                         "none more; a value with a blank in it stands in quotes");
+    const std::string option = word.substr(0, word.find('='));
+    return input_error(option, "an unknown option", need_word(option, known));
+  }
+  return std::nullopt;
 }
 
 void add_grasp(CLI::App& app, GraspArguments& arguments) {
@@ -310,7 +324,10 @@ int parse_and_call(int argc, const char* const* argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     // CLI11's own codes are many; usage problems are exit status 2 here.
-    if (error.get_exit_code() != 0 && app.get_subcommands().empty()) throw command_error(app, argc, argv);
+    if (error.get_exit_code() != 0) {
+      if (app.get_subcommands().empty()) throw command_error(app, argc, argv);
+      if (const std::optional<Error> unknown = option_error(*app.get_subcommands().front())) throw *unknown;
+    }
     std::ostringstream help, problem;
     const int status = app.exit(error, help, problem) == 0 ? 0 : kBadInput;
     print_text(help.str());

@@ -102,8 +102,4 @@ int contacts_command(const std::filesystem::path& out);
 /// The ending of a file's name, in small letters: `.png`; empty where it has none.
 std::string ending_of(const std::filesystem::path& path);
 
-/// Folder with handmodels/ and config/: the installed one, or the source tree's.
-/// @throws Error (input) where neither is there.
-std::filesystem::path data_folder();
-
 }  // namespace handsim::app

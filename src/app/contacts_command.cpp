@@ -3,6 +3,7 @@
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
+#include "handsim/core/data_folder.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/study/contact_cost.h"
 

@@ -29,6 +29,13 @@ std::string format_of(const ExportArguments& arguments) {
 
 }  // namespace
 
+std::string ending_of(const std::filesystem::path& path) {
+  std::string out = path.extension().string();
+  for (char& c : out)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return out;
+}
+
 int export_command(const ExportArguments& arguments) {
   const std::string format = format_of(arguments);
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);

@@ -18,10 +18,15 @@ void print_climbs(const std::vector<study::ClimbRow>& rows) {
   print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>9}\n", "", "", "", "N", "N", "%", "mm", "", "");
   for (const study::ClimbRow& row : rows) {
     const simulation::ClimbFigures& f = row.figures;
-    const char* verdict = !row.fault.empty() ? "diverged" : f.failed ? "failed" : "holds";
+    const char* verdict = !row.fault.empty() ? "diverged"
+                          : f.failed         ? "failed"
+                          : !f.complete      ? "cut off"
+                                             : "holds";
     print("{:<24} {:<6} {:<8} {:>8.4g} {:>9.4g} {:>9.3g} {:>8.2g} {:>9} {:>9}\n", row.scene, row.side,
           verdict, f.carried, f.strength.norm, 100 * f.share(), 1e3 * f.last.travel, f.last.contacts,
-          row.passed ? "held" : "FAILED");
+          row.passed   ? "held"
+          : f.complete ? "FAILED"
+                       : "NOT MEASURED");
     if (!row.fault.empty()) tell("{}\n", row.fault);
   }
 }
@@ -35,9 +40,10 @@ void print_table(const std::vector<study::GraspRow>& rows) {
   for (const study::GraspRow& row : rows) {
     const simulation::GraspFigures& f = row.figures;
     const char* verdict = !row.fault.empty() ? "diverged"
-                          : !f.complete      ? "cut off"
                           : f.held           ? "held"
-                                             : "LOST";
+                          : f.complete       ? "LOST"
+                          : f.lost()         ? "LOST"
+                                             : "cut off";
     print("{:<24} {:<6} {:<8} {:>8.3g} {:>9.3g} {:>9.3g} {:>8.3g} {:>9} {:>8.3g} {:>8.3g} {:>9.3g} {:>9}\n",
           row.scene, row.side, verdict, 1e6 * f.slip, 1e3 * f.shaken_shift, 1e3 * f.shift,
           kDegreesPerRadian * f.turn, f.after.contacts, f.after.normal, f.after.wrenches.epsilon,

@@ -6,6 +6,8 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
+#include "handsim/app/overlaps.h"
+#include "handsim/core/data_folder.h"
 #include "handsim/core/units.h"
 #include "handsim/engine/overlap.h"
 #include "handsim/model/kinematics.h"
@@ -127,6 +129,21 @@ std::string ranges(const model::Joint& joint) {
   return out + " deg";
 }
 
+/// By which rule of the hand model, and whose.
+std::string mass_rule(const hand::Person& person, const hand::MassRule& rule) {
+  const std::string source = rule.source.empty() ? "" : ": " + rule.source;
+  if (rule.kind == hand::MassRule::Kind::density) return fmt::format("at {:g} kg/m3{}", rule.density, source);
+  const bool male = person.sex == hand::Sex::male, female = person.sex == hand::Sex::female;
+  return fmt::format("{:g} % of body mass, {}{}",
+                     100 * (male     ? rule.male
+                            : female ? rule.female
+                                     : rule.unknown),
+                     male     ? "as of men"
+                     : female ? "as of women"
+                              : "as of people of unknown sex",
+                     source);
+}
+
 std::string origin(bool measured) { return measured ? "measured" : "predicted"; }
 
 void print_size(const hand::Person& person, const hand::HandSpec& spec, const hand::BuiltHand& hand) {
@@ -141,7 +158,7 @@ void print_size(const hand::Person& person, const hand::HandSpec& spec, const ha
   row("hand circumference", size.circumference, origin(size.measured[3]));
   row("hand thickness", size.thickness, "of a slab with half-round edges of that breadth and circumference");
   print("  {:<18} {:7.1f} g   {}\n", "hand mass", 1e3 * hand.mass,
-        person.hand_mass ? "measured" : spec.mass.source);
+        person.hand_mass ? "measured" : mass_rule(person, spec.mass));
   print("  predicted from: {}\n", spec.anthropometry.source);
 }
 
@@ -287,11 +304,9 @@ int hand_command(const HandArguments& arguments) {
   print_size(entry.person, entry.model, built);
   print_parts(entry.model, built);
   print_whole(entry.person, entry.model, built);
-  for (const engine::Overlap& overlap :
-       engine::initial_overlaps(scene.model, model::initial_state(scene.model)))
-    print("overlap at the start: {} and {}, {:.2g} mm\n",
-          scene.model.shapes[static_cast<std::size_t>(overlap.shape_a)].name,
-          scene.model.shapes[static_cast<std::size_t>(overlap.shape_b)].name, 1e3 * overlap.depth);
+  for (const std::string& text :
+       overlap_texts(scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))))
+    print("{}\n", text);
   print_sources(entry.model);
   if (!arguments.out) return 0;
   folder->clear();

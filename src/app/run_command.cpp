@@ -5,6 +5,7 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
+#include "handsim/app/overlaps.h"
 #include "handsim/app/progress.h"
 #include "handsim/core/units.h"
 #include "handsim/engine/overlap.h"
@@ -12,6 +13,7 @@
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
 #include "handsim/scene/files_read.h"
+#include "handsim/simulation/mathematics.h"
 #include "handsim/simulation/pictures.h"
 #include "handsim/simulation/run.h"
 #include "handsim/simulation/state_hash.h"
@@ -20,13 +22,8 @@ namespace handsim::app {
 
 namespace {
 
-void print_warnings(const scene::Scene& scene) {
-  for (const std::string& warning : scene.warnings) tell("warning: {}\n", warning);
-  for (const engine::Overlap& overlap :
-       engine::initial_overlaps(scene.model, model::initial_state(scene.model)))
-    tell("warning: {} and {} overlap by {:.2g} mm at the start\n",
-         scene.model.shapes[static_cast<std::size_t>(overlap.shape_a)].name,
-         scene.model.shapes[static_cast<std::size_t>(overlap.shape_b)].name, 1e3 * overlap.depth);
+void print_warnings(const std::vector<std::string>& warnings) {
+  for (const std::string& warning : warnings) tell("warning: {}\n", warning);
 }
 
 /// The worst joint in one line.
@@ -56,7 +53,8 @@ void print_grip(const char* when, const simulation::Grip& grip) {
 void print_grasps(const simulation::RunResult& result) {
   for (const simulation::GraspFigures& grasp : result.grasps) {
     if (!grasp.complete) {
-      print("  grasp {}: the run ended before the grasp\n", grasp.name);
+      print("  grasp {}: the run ended before the grasp{}\n", grasp.name,
+            grasp.lost() ? ", the object is LOST" : "");
       continue;
     }
     print(
@@ -82,6 +80,10 @@ void print_loaded(const char* when, const simulation::LoadedGrip& grip) {
 
 void print_climbs(const simulation::RunResult& result) {
   for (const simulation::ClimbFigures& climb : result.climbs) {
+    if (!climb.complete)
+      print("  climb {}: the run ended before the climb{}\n", climb.name,
+            climb.begun() ? "; up to then" : "");
+    if (!climb.begun()) continue;
     print(
         "  climb {}: {} {:.4g} N, {:.0f} % of the grip strength of people alike ({:.0f} N, deviation {:.0f} "
         "N)\n",
@@ -96,28 +98,27 @@ void print_climbs(const simulation::RunResult& result) {
 void print_result(const scene::Scene& scene, const simulation::RunResult& result,
                   const std::filesystem::path& out) {
   print("{}\n", scene.spec.title);
-  print("  {:<16} {:>12} {:>12}  {:<8} {}\n", "criterion", "measured", "limit", "verdict", "where");
+  print("  {:<16} {:>12} {:>12}  {:<12} {}\n", "criterion", "measured", "limit", "verdict", "where");
   for (const simulation::Verdict& v : result.verdicts) {
     const std::string limit = v.limit ? fmt::format("{:.4g} {}", *v.limit, v.unit) : "-";
     const std::string where = v.where.empty() ? "" : fmt::format("{} at {:.3f} s", v.where, v.time);
-    print("  {:<16} {:>12} {:>12}  {:<8} {}\n", v.name,
+    print("  {:<16} {:>12} {:>12}  {:<12} {}\n", v.name,
           v.measured ? fmt::format("{:.4g} {}", *v.measured, v.unit) : "-", limit,
-          !v.limit      ? "-"
-          : !v.measured ? "NOT MEASURED"
-          : v.held()    ? "held"
-                        : "FAILED",
-          where);
+          !v.limit     ? "-"
+          : v.missed() ? "NOT MEASURED"
+          : v.held()   ? "held"
+                       : "FAILED",
+          v.measured ? where : "");
   }
   print_tracking(result);
   print_grasps(result);
   print_climbs(result);
-  const bool judged = std::any_of(result.verdicts.begin(), result.verdicts.end(),
-                                  [](const simulation::Verdict& v) { return v.limit.has_value(); });
   print("  verdict: {}\n", result.fault                 ? "diverged"
                            : !result.hash_as_expected() ? "another state hash than expected"
-                           : !judged                    ? "nothing was judged"
-                           : result.passed()            ? "every criterion held"
-                                                        : "a criterion failed");
+                           : !result.judged()           ? "nothing was judged"
+                           : result.failed()            ? "a criterion failed"
+                           : result.missed() ? "a criterion was NOT MEASURED: the run did not come to it"
+                                             : "every criterion held");
   print("  {:.3g} s simulated in {:.3g} s ({:.0f} times real time); files in {}\n", result.simulated,
         result.wall, result.wall > 0 ? result.simulated / result.wall : 0, out.string());
 }
@@ -129,14 +130,14 @@ void tell_failures(const simulation::RunResult& result) {
       tell("criterion {}: got {}, need {} {:.4g} {}{}\n", v.name,
            v.measured ? fmt::format("{:.4g} {}", *v.measured, v.unit) : "nothing measured",
            v.least ? "at least" : "at most", *v.limit, v.unit,
-           v.where.empty() ? "" : fmt::format(" ({} at {:.3f} s)", v.where, v.time));
+           v.where.empty() || v.missed() ? "" : fmt::format(" ({} at {:.3f} s)", v.where, v.time));
 }
 
 }  // namespace
 
 int run_scene_command(const RunArguments& arguments) {
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
-  print_warnings(scene);
+  print_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty() && !arguments.quiet && !arguments.json)
     print("engine auto: {}\n", scene.spec.engine_choice);
   simulation::RunResult result;
@@ -152,10 +153,11 @@ int run_scene_command(const RunArguments& arguments) {
     options.expected_hash = arguments.expected_hash;
     options.draw_apart = true;
     if (!arguments.quiet) options.progress = [&bar](double share) { bar.show(share); };
-    options.note = [](const std::string& text) { fmt::print(stderr, "note: {}\n", text); };
+    options.note = [](const std::string& text) { tell("note: {}\n", text); };
     result = simulation::run(scene, options);
   }
-  for (const std::string& warning : result.warnings) tell("warning: {}\n", warning);
+  print_warnings(overlap_texts(scene.model, result.overlaps));
+  print_warnings(result.warnings);
   if (arguments.json)
     print_text(result.summary);
   else if (!arguments.quiet)
@@ -164,8 +166,11 @@ int run_scene_command(const RunArguments& arguments) {
   if (result.fault) tell("{}\n", Error(*result.fault).what());
   for (const std::string& what : result.missing) tell("missing: {}\n", what);
   if (!result.hash_as_expected())
-    tell("state hash: got {}, expected {}: another scene, setting, build or machine\n",
-         simulation::hash_text(result.state_hash), simulation::hash_text(*result.expected_hash));
+    tell(
+        "state hash: got {}, expected {}: another scene, setting, build, or mathematics library than here "
+        "({})\n",
+        simulation::hash_text(result.state_hash), simulation::hash_text(*result.expected_hash),
+        simulation::mathematics());
   return result.passed() && result.missing.empty() ? 0 : 1;
 }
 
@@ -173,7 +178,7 @@ int render_command(const RenderArguments& arguments) {
   if (const std::string end = ending_of(arguments.out); !end.empty() && end != ".png")
     throw input_error("--out", arguments.out.string(), "a name that ends in .png");
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
-  print_warnings(scene);
+  print_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty()) print("engine auto: {}\n", scene.spec.engine_choice);
   if (arguments.time > scene.spec.duration)
     throw input_error("--time", fmt::format("{:g} s", arguments.time),
@@ -182,6 +187,8 @@ int render_command(const RenderArguments& arguments) {
   output::check_not_read(arguments.out, [&] { return scene::files_read(scene); });
   { const output::AtomicFile probe(arguments.out); }
   const simulation::Snapshot moment = simulation::snapshot_at(scene, arguments.time);
+  print_warnings(
+      overlap_texts(scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))));
   const auto draw = [&](const output::Progress&) {
     output::write_png(simulation::draw(scene, moment), arguments.out);
   };

@@ -52,7 +52,7 @@ GainRow read_row(MapReader reader) {
   row.place = reader.node().place();
   row.joints = read_joints(reader);
   row.gains = read_gains(reader);
-  if (reader.has("source")) row.source = reader.text("source");
+  row.source = reader.maybe_text("source").value_or("");
   reader.finish();
   return row;
 }

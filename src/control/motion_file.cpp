@@ -244,6 +244,39 @@ double in_range(const MotionTable& table, std::size_t row, const HandAxes& hand,
   return held;
 }
 
+/// Columns that no axis of the hand takes. Those of another hand and those of control.sto that say how the
+/// joints followed are no slip.
+std::vector<std::string> unmatched(const MotionTable& table, const HandAxes& hand,
+                                   const std::vector<std::string>& axes) {
+  const auto is_axis = [&](const std::string& name) {
+    return std::find(axes.begin(), axes.end(), name) != axes.end();
+  };
+  std::vector<std::string> out;
+  for (const std::string& name : table.names) {
+    const std::size_t dot = name.find('.');
+    const std::string head = name.substr(0, dot), tail = dot == std::string::npos ? "" : name.substr(dot + 1);
+    const bool a_hand = head == hand.hand || head.starts_with("right") || head.starts_with("left");
+    const bool followed =
+        name.ends_with(".angle") && std::find(table.names.begin(), table.names.end(),
+                                              name.substr(0, name.size() - 6)) != table.names.end();
+    if (!is_axis(name) && !(a_hand && is_axis(tail)) && !followed) out.push_back(name);
+  }
+  return out;
+}
+
+/// The first few, each with the axis that may be meant.
+std::string listed(const std::vector<std::string>& names, const std::vector<std::string>& axes) {
+  constexpr std::size_t kNamed = 5;
+  std::string out;
+  for (std::size_t i = 0; i < std::min(names.size(), kNamed); ++i) {
+    // With the hand's name before it, or without.
+    std::string hint = nearest_hint(names[i], axes);
+    if (hint.empty()) hint = nearest_hint(names[i].substr(names[i].find('.') + 1), axes);
+    out += (i > 0 ? ", " : "") + names[i] + hint;
+  }
+  return names.size() > kNamed ? fmt::format("{} and {} more", out, names.size() - kNamed) : out;
+}
+
 }  // namespace
 
 bool is_motion_file(const std::string& name) {
@@ -267,11 +300,20 @@ Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, con
         source[i] = found->second;
     if (!source[i] && driven[i]) missing.push_back(hand.axes[i].name());
   }
+  std::vector<std::string> axes;
+  for (const HandAxis& axis : hand.axes) axes.push_back(axis.name());
+  const std::vector<std::string> strangers = unmatched(table, hand, axes);
+  if (!strangers.empty())
+    diagnostics.warnings.push_back(
+        fmt::format("{}:{}:1: {} that no axis of hand {} takes: {}", table.file, table.header_line,
+                    strangers.size() == 1 ? "a column" : fmt::format("{} columns", strangers.size()),
+                    hand.hand, listed(strangers, axes)));
   if (!missing.empty())
     diagnostics.problems.push_back(
         {Place{table.file, table.header_line, 1}, hand.hand,
          fmt::format("no column for {}", fmt::join(missing, ", ")),
-         fmt::format("a column {}.JOINT.AXIS or JOINT.AXIS for every driven axis", hand.hand)});
+         fmt::format("a column {}.JOINT.AXIS or JOINT.AXIS for every driven axis{}", hand.hand,
+                     strangers.empty() ? "" : "; no axis takes " + listed(strangers, axes))});
   Trajectory out(hand.axes.size(), model::Interpolation::linear);
   std::vector<double> row(start.begin(), start.end());
   int moved = 0;

@@ -17,6 +17,9 @@ struct Phase {
   double end = 0;     ///< [s]: the next movement starts; infinity for the last
 };
 
+/// Movements smaller than this have no settling time and no overshoot: a share of nothing says nothing [rad].
+inline constexpr double kSmallestMovement = 5 * 0.017453292519943295;
+
 class Trajectory {
  public:
   Trajectory() = default;

@@ -35,6 +35,21 @@ std::size_t character_size(std::string_view text) {
   return 0;
 }
 
+/// The code point of a character of more than one byte.
+unsigned long code_point(std::string_view character) {
+  unsigned long code = static_cast<unsigned char>(character.front()) & (0x7fU >> character.size());
+  for (const char c : character.substr(1)) code = (code << 6U) | (static_cast<unsigned char>(c) & 0x3fU);
+  return code;
+}
+
+/// Code points that Unicode keeps free for ever: no YAML may hold them.
+bool is_noncharacter(unsigned long code) {
+  return (code & 0xfffeU) == 0xfffe || (code >= 0xfdd0 && code <= 0xfdef);
+}
+
+/// Terminals take these as commands; U+0085 is a line end.
+bool is_late_control(unsigned long code) { return code >= 0x80 && code <= 0x9f; }
+
 }  // namespace
 
 std::optional<BadByte> find_bad_byte(std::string_view text) {
@@ -44,6 +59,11 @@ std::optional<BadByte> find_bad_byte(std::string_view text) {
       return BadByte{at, fmt::format("the control character 0x{:02x}", c)};
     const std::size_t size = character_size(text.substr(at));
     if (size == 0) return BadByte{at, fmt::format("the byte 0x{:02x}, which is no UTF-8", c)};
+    if (const unsigned long code = size > 1 ? code_point(text.substr(at, size)) : 0; code > 0) {
+      if (is_noncharacter(code)) return BadByte{at, fmt::format("U+{:04X}, which is no character", code)};
+      if (is_late_control(code) && code != 0x85)
+        return BadByte{at, fmt::format("the control character U+{:04X}", code)};
+    }
     at += size;
   }
   return std::nullopt;
@@ -56,8 +76,13 @@ std::string printable(std::string_view text, std::size_t limit) {
     text = text.substr(0, limit);
   }
   std::string out;
-  for (const char c : text) {
-    if (c == '\n')
+  for (std::size_t at = 0; at < text.size(); ++at) {
+    const char c = text[at];
+    const bool late =
+        c == '\xc2' && at + 1 < text.size() && is_late_control(static_cast<unsigned char>(text[at + 1]));
+    if (late)
+      out += fmt::format("\\x{:02x}", static_cast<unsigned char>(text[++at]));
+    else if (c == '\n')
       out += "\\n";
     else if (c == '\t')
       out += "\\t";

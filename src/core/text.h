@@ -15,12 +15,12 @@ struct BadByte {
   std::string what;  ///< e.g. `the byte 0xff, which is no UTF-8`
 };
 
-/// First byte that is not part of valid UTF-8 (RFC 3629), or is a control character other than tab and line
-/// ends.
+/// First byte that is not part of valid UTF-8 (RFC 3629), or begins a control character other than tab and
+/// line ends, or one of the code points that are no characters (U+FFFE and the like).
 std::optional<BadByte> find_bad_byte(std::string_view text);
 
-/// The text on one line: control characters as `\n`, `\t` or `\x1b`; cut after `limit` bytes, never within a
-/// character, with `...`.
+/// The text on one line: control characters as `\n`, `\t`, `\x1b` or `\x9b`; cut after `limit` bytes, never
+/// within a character, with `...`.
 std::string printable(std::string_view text, std::size_t limit = 60);
 
 }  // namespace handsim

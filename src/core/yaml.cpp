@@ -53,7 +53,9 @@ class TreeBuilder : public YAML::EventHandler {
     YamlNode node = made(mark, value);
     node.kind = YamlNode::Kind::scalar;
     node.quoted = tag == "!";
+    if (node.quoted) last_quoted_ = mark;
     check_tag(mark, tag);
+    check_escapes(mark, value);
     add(std::move(node), anchor, kYamlNodeBytes + value.size());
   }
 
@@ -72,6 +74,23 @@ class TreeBuilder : public YAML::EventHandler {
 
   YamlNode root;
   std::vector<Problem>& problems() { return problems_; }
+
+  /// yaml-cpp ends a quoted text at the end of the file where its closing quote is missing.
+  void check_last_quote(const std::string& text) {
+    if (!last_quoted_) return;
+    const std::optional<std::size_t> open = offset_of(text, *last_quoted_);
+    if (!open || (text[*open] != '"' && text[*open] != '\'')) return;
+    const char quote = text[*open];
+    for (std::size_t at = *open + 1; at < text.size(); ++at) {
+      if (quote == '"' && text[at] == '\\')
+        ++at;
+      else if (quote == '\'' && text[at] == '\'' && at + 1 < text.size() && text[at + 1] == '\'')
+        ++at;
+      else if (text[at] == quote)
+        return;
+    }
+    problem(*last_quoted_, "a quote that nothing closes", fmt::format("a closing {}", quote));
+  }
 
  private:
   struct Anchored {
@@ -117,6 +136,24 @@ class TreeBuilder : public YAML::EventHandler {
 
   void stop_if_many() const {
     if (problems_.size() >= kMostProblems) throw Error(problems_);
+  }
+
+  /// Where a mark of yaml-cpp's is in the text: its lines and columns count bytes, a byte order mark not.
+  static std::optional<std::size_t> offset_of(const std::string& text, const YAML::Mark& mark) {
+    std::size_t at = text.starts_with("\xef\xbb\xbf") ? 3 : 0;
+    for (int line = 0; line < mark.line; ++line) {
+      const std::size_t end = text.find('\n', at);
+      if (end == std::string::npos) return std::nullopt;
+      at = end + 1;
+    }
+    at += static_cast<std::size_t>(std::max(0, mark.column));
+    return at < text.size() ? std::optional(at) : std::nullopt;
+  }
+
+  /// Escapes in quotes may stand for what the file itself may not hold; some of it cannot be written again.
+  void check_escapes(const YAML::Mark& mark, const std::string& value) {
+    if (const auto bad = find_bad_byte(value); bad && bad->what.starts_with("U+"))
+      problem(mark, bad->what, "characters of Unicode");
   }
 
   /// yaml-cpp gives `?` to plain values and `!` to quoted ones.
@@ -188,6 +225,7 @@ class TreeBuilder : public YAML::EventHandler {
   std::vector<Level> levels_;
   std::map<YAML::anchor_t, Anchored> anchors_;
   std::vector<Problem> problems_;
+  std::optional<YAML::Mark> last_quoted_;
   YamlBudget& budget_;
   int documents_ = 0;
 };
@@ -284,13 +322,20 @@ std::string YamlNode::described() const {
 YamlNode parse_yaml(const std::string& text, const std::string& name, YamlBudget& budget) {
   check_size(text.size(), name);
   check_text(text, name);
+  const YamlBudget whole = budget;
   TreeBuilder builder(std::make_shared<const std::string>(name), budget);
   std::istringstream stream(text);
   try {
     YAML::Parser parser(stream);
     while (parser.HandleNextDocument(builder)) {
     }
+    builder.check_last_quote(text);
   } catch (const YAML::Exception& failure) {
+    // Without a line end after it yaml-cpp names the end of the text in place of the quote.
+    if (failure.msg == YAML::ErrorMsg::EOF_IN_SCALAR && !text.ends_with('\n')) {
+      budget = whole;
+      return parse_yaml(text + "\n", name, budget);
+    }
     // A mark of -1 stands for no place.
     const Place place{name, std::max(1, failure.mark.line + 1), std::max(1, failure.mark.column + 1)};
     const std::optional<Place> tab = first_tab(text, place);

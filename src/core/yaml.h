@@ -43,12 +43,13 @@ struct YamlEntry {
   YamlNode value;
 };
 
-/// Largest file and deepest nesting accepted.
+/// Largest file and deepest nesting accepted. A scene with the files it names has to stay within the limits,
+/// so that its resolved.yaml can be read again: a thousand mugs do.
 inline constexpr std::size_t kYamlMaxBytes = 32U << 20U;
 inline constexpr int kYamlMaxDepth = 64;
 /// Most memory of the trees of one scene: with aliases expanded, referenced files and `--set`.
 inline constexpr std::size_t kYamlMaxMemory = 256U << 20U;
-/// Counted for each value, beside the bytes of its text.
+/// Counted for each value and key, beside the bytes of its text.
 inline constexpr std::size_t kYamlNodeBytes = 128;
 
 /// What the trees that are still to be read may take [bytes].

@@ -28,14 +28,39 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row[b.size()];
 }
 
+std::string lower_case(std::string_view text) {
+  std::string out(text);
+  for (char& c : out)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return out;
+}
+
 std::string list_of(const std::vector<std::string>& words) {
   return words.size() == 1 ? words.front() : "one of " + fmt::format("{}", fmt::join(words, ", "));
 }
 
-/// All that is known, and the nearest of it.
-std::string need_word(std::string_view got, const std::vector<std::string>& known) {
-  const std::optional<std::string> near = nearest_word(got, known);
-  return near ? fmt::format("{} (nearest: {})", list_of(known), *near) : list_of(known);
+bool is_digit(char c) { return c >= '0' && c <= '9'; }
+
+/// What to write in place of a number with a comma; nothing where there is no such.
+std::optional<std::string> without_comma(const std::string& text) {
+  const std::size_t comma = text.find(',');
+  if (comma == std::string::npos || comma == 0 || comma + 1 == text.size() || !is_digit(text[comma - 1]) ||
+      !is_digit(text[comma + 1]))
+    return std::nullopt;
+  const std::string head = text.substr(0, comma), tail = text.substr(comma + 1);
+  const std::size_t digits = std::min(tail.find_first_not_of("0123456789"), tail.size());
+  const bool thousands = digits == 3 && head.find_first_not_of("+-0") != std::string::npos;
+  return fmt::format("a decimal point in place of a comma: {}.{}{}", head, tail,
+                     thousands ? fmt::format(" (or {}{})", head, tail) : "");
+}
+
+/// The value of a key, or of a dotted path of keys; null where there is none.
+const YamlNode* at_path(const YamlNode& map, std::string_view key) {
+  if (const YamlNode* found = map.find(key)) return found;
+  const std::size_t dot = key.find('.');
+  if (dot == std::string_view::npos) return nullptr;
+  const YamlNode* inner = map.find(key.substr(0, dot));
+  return inner ? at_path(*inner, key.substr(dot + 1)) : nullptr;
 }
 
 YamlNode vector_node(const Vec3& v) {
@@ -45,6 +70,15 @@ YamlNode vector_node(const Vec3& v) {
 }
 
 }  // namespace
+
+std::string nearest_hint(std::string_view got, const std::vector<std::string>& known) {
+  const std::optional<std::string> near = nearest_word(got, known);
+  return near ? fmt::format(" (nearest: {})", *near) : "";
+}
+
+std::string need_word(std::string_view got, const std::vector<std::string>& known) {
+  return list_of(known) + nearest_hint(got, known);
+}
 
 void Diagnostics::throw_if_any() const {
   if (problems.empty()) return;
@@ -82,7 +116,7 @@ std::optional<std::string> nearest_word(std::string_view word, const std::vector
   for (const std::string& candidate : known) {
     // No word is nearer than the difference in length; this also spares the work on a word of megabytes.
     if (word.size() >= candidate.size() + best_distance) continue;
-    const std::size_t distance = edit_distance(word, candidate);
+    const std::size_t distance = edit_distance(lower_case(word), lower_case(candidate));
     if (distance < best_distance) {
       best_distance = distance;
       best = candidate;
@@ -96,7 +130,8 @@ std::optional<double> read_number(const YamlNode& node, const std::string& path,
   if (node.kind == YamlNode::Kind::scalar)
     if (const std::optional<double> value = parse_quantity(node.text, quantity.dimension))
       if (quantity.allows(*value)) return value;
-  diagnostics.problems.push_back({node.place(), path, node.described(), quantity.need()});
+  const auto comma = node.kind == YamlNode::Kind::scalar ? without_comma(node.text) : std::nullopt;
+  diagnostics.problems.push_back({node.place(), path, node.described(), comma ? *comma : quantity.need()});
   return std::nullopt;
 }
 
@@ -114,7 +149,7 @@ std::string MapReader::path_of(std::string_view key) const {
   return path_.empty() ? std::string(key) : fmt::format("{}.{}", path_, key);
 }
 
-bool MapReader::has(std::string_view key) const { return node_->find(key) != nullptr; }
+bool MapReader::has(std::string_view key) { return child(key) != nullptr; }
 
 YamlNode* MapReader::child(std::string_view key) {
   known_.emplace(key);
@@ -132,10 +167,27 @@ void MapReader::write_default(std::string_view key, YamlNode value) {
   if (!broken_) yaml_put(*node_, std::string(key), std::move(value));
 }
 
+/// `{stature: 1,7}` is YAML for a stature of 1 and a key 7 without a value. Said here, once.
+bool MapReader::has_decimal_comma(std::string_view key) {
+  auto at = std::find_if(node_->entries.begin(), node_->entries.end(),
+                         [&](const YamlEntry& entry) { return entry.key == key; });
+  if (at == node_->entries.end() || at->value.kind != YamlNode::Kind::scalar) return false;
+  const auto next = std::next(at);
+  if (next == node_->entries.end() || next->value.kind != YamlNode::Kind::null || next->line != at->line)
+    return false;
+  const std::string text = at->value.text + "," + next->key;
+  const auto need = without_comma(text);
+  if (!need) return false;
+  known_.insert(next->key);
+  problem(key, text, *need);
+  return true;
+}
+
 double MapReader::number(std::string_view key, const Quantity& quantity, std::optional<double> fallback) {
   const double harmless = fallback.value_or(
       std::isfinite(quantity.min) && std::isfinite(quantity.max) ? 0.5 * (quantity.min + quantity.max) : 1.0);
   const YamlNode* found = wanted(key, !fallback, quantity.need());
+  if (found && has_decimal_comma(key)) return harmless;
   if (found) return read_number(*found, path_of(key), quantity, *diagnostics_).value_or(harmless);
   if (fallback) write_default(key, yaml_scalar(number_text(*fallback)));
   return harmless;
@@ -143,7 +195,8 @@ double MapReader::number(std::string_view key, const Quantity& quantity, std::op
 
 std::optional<double> MapReader::maybe_number(std::string_view key, const Quantity& quantity) {
   const YamlNode* found = child(key);
-  return found ? read_number(*found, path_of(key), quantity, *diagnostics_) : std::nullopt;
+  if (!found || has_decimal_comma(key)) return std::nullopt;
+  return read_number(*found, path_of(key), quantity, *diagnostics_);
 }
 
 int MapReader::integer(std::string_view key, int min, int max, int fallback) {
@@ -152,6 +205,7 @@ int MapReader::integer(std::string_view key, int min, int max, int fallback) {
     write_default(key, yaml_scalar(std::to_string(fallback)));
     return fallback;
   }
+  if (has_decimal_comma(key)) return fallback;
   const std::optional<double> value =
       found->kind == YamlNode::Kind::scalar ? parse_number(found->text) : std::nullopt;
   if (value && *value >= min && *value <= max && *value == std::floor(*value))
@@ -170,6 +224,10 @@ std::string MapReader::text(std::string_view key, std::optional<std::string> fal
   if (one_value && !find_bad_byte(found->text)) return found->text;
   problem(key, found->described(), one_value ? "a text without control characters" : "a text");
   return fallback.value_or("");
+}
+
+std::optional<std::string> MapReader::maybe_text(std::string_view key) {
+  return has(key) ? std::optional(text(key)) : std::nullopt;
 }
 
 std::string MapReader::name(std::string_view key) {
@@ -208,7 +266,8 @@ Vec3 MapReader::vector(std::string_view key, const Quantity& quantity, std::opti
     return out;
   }
   if (found->kind != YamlNode::Kind::sequence || found->items.size() != 3) {
-    problem(key, found->described(), need);
+    problem(key, found->described(),
+            need + (found->items.size() > 3 ? "; a number takes a decimal point, commas part numbers" : ""));
     return out;
   }
   for (int i = 0; i < 3; ++i)
@@ -297,13 +356,13 @@ MapReader MapReader::required_map(std::string_view key, const std::string& need)
 
 void MapReader::problem(std::string_view key, std::string got, std::string need) {
   if (broken_) return;
-  const YamlNode* found = node_->find(key);
+  const YamlNode* found = at_path(*node_, key);
   diagnostics_->problems.push_back(
       {(found ? *found : *node_).place(), path_of(key), std::move(got), std::move(need)});
 }
 
 void MapReader::warning(std::string_view key, const std::string& text) {
-  const YamlNode* found = node_->find(key);
+  const YamlNode* found = at_path(*node_, key);
   const Place place = (found ? *found : *node_).place();
   // What a program put together stands in no file.
   const std::string where =

@@ -47,6 +47,8 @@ class MapReader {
   int integer(std::string_view key, int min, int max, int fallback);
   /// Any text that is not empty, without control characters but line ends and tabs.
   std::string text(std::string_view key, std::optional<std::string> fallback = {});
+  /// The same where it may be absent, and then stays so.
+  std::optional<std::string> maybe_text(std::string_view key);
   /// A word that can stand in column heads, paths and other formats: letters, digits, `_` and `-`. Required.
   std::string name(std::string_view key);
   bool flag(std::string_view key, bool fallback);
@@ -69,7 +71,8 @@ class MapReader {
     return words[index].second;
   }
 
-  bool has(std::string_view key) const;
+  /// Whether the key is there; from now on it is one of those that can be.
+  bool has(std::string_view key);
   /// The value of a key, counted as known; null where absent.
   YamlNode* child(std::string_view key);
   /// The value of a key that must be there and be a list of at most so many; null otherwise.
@@ -104,6 +107,7 @@ class MapReader {
   /// The node of a key, with a problem where it is missing and no default exists.
   YamlNode* wanted(std::string_view key, bool required, const std::string& need);
   void write_default(std::string_view key, YamlNode value);
+  bool has_decimal_comma(std::string_view key);
 
   YamlNode* node_;
   std::string path_;
@@ -117,6 +121,12 @@ class MapReader {
 /// @returns nothing, and a problem, where it is none or out of range.
 std::optional<double> read_number(const YamlNode& node, const std::string& path, const Quantity& quantity,
                                   Diagnostics& diagnostics);
+
+/// What is needed in place of a word that is none of those known: `one of a, b (nearest: b)`.
+std::string need_word(std::string_view got, const std::vector<std::string>& known);
+
+/// ` (nearest: b)`, or nothing where none is near enough to be meant.
+std::string nearest_hint(std::string_view got, const std::vector<std::string>& known);
 
 /// The word of `known` nearest to `word`, if any is near enough to be meant.
 std::optional<std::string> nearest_word(std::string_view word, const std::vector<std::string>& known);

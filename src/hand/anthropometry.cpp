@@ -92,7 +92,7 @@ Eigen::Vector4d conditional_residuals(const Eigen::Matrix4d& covariance,
 Anthropometry read_anthropometry(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   MapReader reader(node, path, diagnostics);
   Anthropometry out;
-  reader.text("title", "");
+  reader.maybe_text("title");
   out.source = reader.text("source");
   MapReader range = reader.map("survey_range");
   out.stature_range = range.maybe_range("stature", {Dimension::length, 0.1, 3}).value_or(std::pair(0.5, 2.5));

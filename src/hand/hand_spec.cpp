@@ -110,7 +110,7 @@ model::JointAxis read_axis(MapReader reader, std::vector<std::string>& sources) 
   tissue.damping = damping.value_or(0);
   tissue.rest = rest.value_or(0);
   if (tissue.stiffness > 0 || tissue.damping > 0) axis.tissue = tissue;
-  sources.push_back(reader.text("source", ""));
+  sources.push_back(reader.maybe_text("source").value_or(""));
   reader.finish();
   return axis;
 }
@@ -159,7 +159,7 @@ std::optional<MassRule> read_mass(MapReader reader) {
   } else {
     rule.density = reader.number("density", {Dimension::density, 1, 1e5});
   }
-  rule.source = reader.text("source", "");
+  rule.source = reader.maybe_text("source").value_or("");
   reader.finish();
   return rule;
 }

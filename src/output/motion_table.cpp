@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include "handsim/core/text.h"
-#include "handsim/core/units.h"
 
 namespace handsim::output {
 
@@ -17,14 +16,10 @@ constexpr std::size_t kFlushAt = 1U << 18U;
 }  // namespace
 
 MotionTableWriter::MotionTableWriter(const std::filesystem::path& path, const MotionHead& head)
-    : file_(path),
-      columns_(head.names.size()),
-      degrees_(head.degrees),
-      rows_text_(std::to_string(head.most_rows)) {
+    : file_(path), columns_(head.names.size()), rows_text_(std::to_string(head.most_rows)) {
   buffer_ = printable(head.title, 4 * head.title.size()) + "\nversion=1\nnRows=";
   rows_at_ = static_cast<long>(buffer_.size());
-  buffer_ += fmt::format("{}\nnColumns={}\ninDegrees={}\nendheader\ntime", rows_text_, columns_ + 1,
-                         degrees_ ? "yes" : "no");
+  buffer_ += fmt::format("{}\nnColumns={}\ninDegrees=yes\nendheader\ntime", rows_text_, columns_ + 1);
   for (const std::string& name : head.names) buffer_ += "\t" + name;
   buffer_ += '\n';
 }
@@ -33,8 +28,7 @@ void MotionTableWriter::add(double time, std::span<const double> values) {
   assert(values.size() == columns_);
   ++rows_;
   fmt::format_to(std::back_inserter(buffer_), "{:.12g}", time);
-  for (const double value : values)
-    fmt::format_to(std::back_inserter(buffer_), "\t{}", degrees_ ? kDegreesPerRadian * value : value);
+  for (const double value : values) fmt::format_to(std::back_inserter(buffer_), "\t{}", value);
   buffer_ += '\n';
   if (buffer_.size() < kFlushAt) return;
   file_.write(buffer_);

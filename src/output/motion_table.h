@@ -1,5 +1,5 @@
-// Columns over time as OpenSim reads them: .mot (joint angles in degrees) and .sto (any quantities). Rows go
-// to the disk as they come.
+// Columns over time as OpenSim reads them: .mot (joint angles) and .sto (any quantities); angles in degrees.
+// Rows go to the disk as they come.
 #pragma once
 
 #include <filesystem>
@@ -15,9 +15,7 @@ namespace handsim::output {
 struct MotionHead {
   std::string title;
   std::vector<std::string> names;  ///< of the columns after time, without white space
-  /// Values that add() is given in rad are written in degrees (`inDegrees=yes`); all columns are angles then.
-  bool degrees = false;
-  std::size_t most_rows = 0;  ///< that will be added; fewer leave blanks after `nRows=` and their number
+  std::size_t most_rows = 0;       ///< that will be added; fewer leave blanks after `nRows=` and their number
 };
 
 class MotionTableWriter {
@@ -25,7 +23,7 @@ class MotionTableWriter {
   /// @throws Error (input) where the file cannot be made.
   MotionTableWriter(const std::filesystem::path& path, const MotionHead& head);
 
-  /// A row. @param values one for each name. Times must rise.
+  /// A row. @param values one for each name, angles in degrees. Times must rise.
   void add(double time, std::span<const double> values);
   /// Gives the file its name; the header holds the number of rows.
   void finish();
@@ -33,7 +31,6 @@ class MotionTableWriter {
  private:
   AtomicFile file_;
   std::size_t columns_;
-  bool degrees_;
   std::size_t rows_ = 0;
   std::string rows_text_;  ///< as it stands in the header
   long rows_at_ = 0;       ///< where

@@ -104,8 +104,7 @@ void for_each_pair(const GroupNames& names, const ContactRuleSpec& rule, const V
 }
 
 model::Material read_sourced_material(MapReader& reader, const std::string& name) {
-  for (const char* words : {"title", "source"})
-    if (reader.has(words)) reader.text(words);
+  for (const char* words : {"title", "source"}) reader.maybe_text(words);
   model::Material material = hand::read_material(reader, name);
   reader.finish();
   return material;
@@ -165,6 +164,8 @@ ContactsSpec read_contacts(MapReader& scene) {
       const std::string path = item_path(reader.path_of("materials"), i);
       if (!inline_file(list->items[i], path, FileKind::material, has_key, reader.diagnostics())) continue;
       MapReader item(list->items[i], path, reader.diagnostics());
+      if (item.has("file"))
+        item.problem("file", "a file that names another", "a file with the material itself");
       const std::string name = item.name("name");
       for (const model::Material& other : spec.materials)
         if (!name.empty() && other.name == name)

@@ -4,8 +4,8 @@
 #include <filesystem>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
+#include "handsim/scene/file_kind.h"
 #include "handsim/scene/scene_spec.h"
 
 namespace handsim::scene {
@@ -13,12 +13,12 @@ namespace handsim::scene {
 namespace {
 
 /// Follows a reference that may be missing or bad; null where nothing can be read.
-YamlNode* followed(MapReader& reader, std::string_view key) {
+YamlNode* followed(MapReader& reader, std::string_view key, FileKind kind) {
   YamlNode* node = reader.child(key);
   if (!node) return nullptr;
   try {
     follow_reference(*node, reader.path_of(key), reader.diagnostics().budget);
-    return node;
+    return is_of_kind(*node, reader.path_of(key), kind, reader.diagnostics()) ? node : nullptr;
   } catch (const Error& error) {
     reader.diagnostics().take(error);
     return nullptr;
@@ -69,7 +69,7 @@ std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::
     if (std::find(known.begin(), known.end(), entry.key) == known.end())
       reader.diagnostics().problems.push_back({Place{entry.value.place().file, entry.line, entry.column},
                                                key + "." + entry.key, "a hand that the scene has not",
-                                               fmt::format("one of {}", fmt::join(known, ", "))});
+                                               need_word(entry.key, known)});
   return out;
 }
 
@@ -79,9 +79,9 @@ ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, 
   ControlSpec spec;
   if (!reader.has("controller"))
     reader.problem("controller", "nothing", "the path of a controller file, or the block itself");
-  if (YamlNode* node = followed(reader, "controller"))
+  if (YamlNode* node = followed(reader, "controller", FileKind::controller))
     spec.controller = control::read_controller(*node, reader.path_of("controller"), reader.diagnostics());
-  if (YamlNode* node = followed(reader, "poses"))
+  if (YamlNode* node = followed(reader, "poses", FileKind::poses))
     spec.poses = control::read_pose_file(*node, reader.path_of("poses"), reader.diagnostics());
   spec.programs = read_programs(reader, hands, grasped);
   spec.place = reader.node().place();
@@ -89,16 +89,6 @@ ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, 
   if (hands.empty()) reader.problem("controller", "a scene without hands", "at least one hand to drive");
   reader.finish();
   return spec;
-}
-
-TrackingCriteria read_tracking_criteria(MapReader& criteria) {
-  TrackingCriteria out;
-  out.rms_error = criteria.maybe_number("rms_error", {Dimension::angle, 0, 10});
-  out.largest_error = criteria.maybe_number("largest_error", {Dimension::angle, 0, 10});
-  out.steady_error = criteria.maybe_number("steady_error", {Dimension::angle, 0, 10});
-  out.overshoot = criteria.maybe_number("overshoot", {Dimension::none, 0, 10});
-  out.settling_time = criteria.maybe_number("settling_time", {Dimension::time, 0, 1e5});
-  return out;
 }
 
 control::Plan compile_control(const ControlSpec& spec, const std::vector<HandEntry>& hands,

@@ -36,9 +36,6 @@ struct TrackingCriteria {
 /// @param grasped grasps may drive hands without a program.
 ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, bool grasped);
 
-/// Reads the criteria that only a controlled scene has.
-TrackingCriteria read_tracking_criteria(MapReader& criteria);
-
 /// The plan of a controlled scene's hands. @param grip_strengths of each hand [N], nothing where it is not
 /// known. @throws nothing: problems go into the diagnostics.
 control::Plan compile_control(const ControlSpec& spec, const std::vector<HandEntry>& hands,

@@ -137,8 +137,8 @@ void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& eff
         "both or neither");
   check(scene.control && !effects.has(Effect::actuation), "a control block without actuation",
         "both or neither");
-  check(!torque && !scene.control && effects.has(Effect::actuation), "actuation with no joint to drive",
-        "both or neither");
+  check(!torque && !scene.control && effects.has(Effect::actuation),
+        "actuation without a control block or a joint with a torque", "one of them, or no actuation");
 }
 
 }  // namespace

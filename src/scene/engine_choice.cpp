@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/data_folder.h"
 #include "handsim/scene/file_kind.h"
 #include "handsim/scene/readers.h"
 
@@ -111,6 +112,19 @@ std::vector<std::string> beyond(const SceneSpec& scene, const CostTable& table, 
   return out;
 }
 
+/// The table beside the scene, or else the one that ships with handsim.
+YamlNode default_costs(const YamlNode& scene, const YamlNode& engine) {
+  const char* name = "accuracy_costs.yaml";
+  std::error_code failure;
+  const bool beside = std::filesystem::is_regular_file(
+      std::filesystem::path(scene.place().file).parent_path() / name, failure);
+  YamlNode out = yaml_scalar(beside ? name : (data_folder() / "config" / name).string());
+  out.file = scene.file;
+  out.line = engine.line;
+  out.column = engine.column;
+  return out;
+}
+
 }  // namespace
 
 std::vector<CostTable> read_costs(YamlNode& root, Diagnostics& diagnostics) {
@@ -169,13 +183,7 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
     if (const YamlNode* given = solver->find(key))
       block.problem(key, given->described(), "nothing: engine auto chooses it");
   const double accuracy = block.number("accuracy", {Dimension::none, 1e-12, 1});
-  if (!solver->find("costs")) {
-    YamlNode beside = yaml_scalar("accuracy_costs.yaml");
-    beside.file = reader.node().file;
-    beside.line = engine->line;
-    beside.column = engine->column;
-    yaml_put(*solver, "costs", std::move(beside));
-  }
+  if (!solver->find("costs")) yaml_put(*solver, "costs", default_costs(reader.node(), *engine));
   YamlNode costs = *solver->find("costs");
   const Place place =
       block.node().find("accuracy") ? block.node().find("accuracy")->place() : engine->place();

@@ -6,10 +6,9 @@ namespace handsim::scene {
 
 namespace {
 
-/// YAML files are named at each value that stands in them; meshes and motions by their absolute paths.
+/// YAML files are named at each value that stands in them.
 void collect(const YamlNode& node, std::set<std::filesystem::path>& out) {
   if (node.file) out.insert(*node.file);
-  if (node.kind == YamlNode::Kind::scalar && node.text.starts_with('/')) out.insert(node.text);
   for (const YamlNode& item : node.items) collect(item, out);
   for (const YamlEntry& entry : node.entries) collect(entry.value, out);
 }
@@ -19,6 +18,7 @@ void collect(const YamlNode& node, std::set<std::filesystem::path>& out) {
 std::vector<std::filesystem::path> files_read(const Scene& scene) {
   std::set<std::filesystem::path> out;
   collect(scene.resolved, out);
+  for (const InputFile& input : scene.inputs) out.insert(input.path);
   return {out.begin(), out.end()};
 }
 

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/hand/material.h"
 #include "handsim/scene/extent.h"
 #include "handsim/scene/hand_program.h"
 #include "handsim/scene/readers.h"
@@ -32,6 +33,7 @@ std::optional<PostSpec> read_support(MapReader& reader) {
   PostSpec post;
   post.radius = support.number("radius", {Dimension::length, 1e-3, 1}, post.radius);
   post.height = support.number("height", {Dimension::length, 1e-3, 2}, post.height);
+  post.material = hand::read_material(support, "post");
   support.finish();
   return post;
 }
@@ -147,6 +149,7 @@ ObjectSpec make_post(const PostSpec& post, const ObjectSpec& object) {
   double top = std::numeric_limits<double>::infinity();
   for (const model::Shape& shape : object.shapes) top = std::min(top, lowest(shape, object.pose));
   out.pose.p.z() = top - post.height / 2;
+  out.material = post.material;
   out.material.name = out.name;
   out.place = object.place;
   return out;

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "handsim/core/yaml_reader.h"
+#include "handsim/model/model.h"
 #include "handsim/model/motion.h"
 
 namespace handsim::scene {
@@ -26,6 +27,7 @@ struct ShakeLevel {
 struct PostSpec {
   double radius = 0.01;  ///< [m]
   double height = 0.1;   ///< [m]
+  model::Material material;
 };
 
 struct GraspSpec {

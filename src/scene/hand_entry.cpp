@@ -45,6 +45,23 @@ model::PoseMotion read_motion(MapReader reader) {
   return motion;
 }
 
+void refuse_keys_of_other_mounts(MapReader& reader, hand::Mount mount) {
+  struct OfMount {
+    const char* key;
+    hand::Mount mount;
+    const char* need;
+  };
+  for (const OfMount& of :
+       {OfMount{"motion", hand::Mount::driven, "mount: driven with it, or no motion"},
+        OfMount{"velocity", hand::Mount::free, "mount: free with it, or no velocity"},
+        OfMount{"angular_velocity", hand::Mount::free, "mount: free with it, or no angular_velocity"},
+        OfMount{"along", hand::Mount::rail, "mount: rail with it, or no along"}})
+    if (of.mount != mount && reader.node().find(of.key)) {
+      reader.child(of.key);
+      reader.problem(of.key, "a key of another mount", of.need);
+    }
+}
+
 /// @param grasped a grasp may give the wrist its motion. @param climbed a climb gives a rail its place.
 void read_wrist(MapReader reader, bool grasped, bool climbed, hand::Placement& placement) {
   placement.mount = reader.choice<hand::Mount>("mount", hand::mounts(), hand::Mount::fixed);
@@ -66,6 +83,7 @@ void read_wrist(MapReader reader, bool grasped, bool climbed, hand::Placement& p
   }
   if (placement.mount == hand::Mount::rail && reader.has("along"))
     placement.along = reader.direction("along");
+  refuse_keys_of_other_mounts(reader, placement.mount);
   reader.finish();
 }
 

@@ -90,7 +90,7 @@ void read_parts(MapReader& reader, ObjectSpec& object) {
     for (const std::string_view key : kMassKeys) reader.child(key);
     return reader.problem("parts", list->described(), fmt::format("1 to {} parts", kMostParts));
   }
-  const bool of_whole = reader.has("mass") || reader.has("density");
+  const bool of_whole = !object.is_static && (reader.has("mass") || reader.has("density"));
   const bool weighed = !object.is_static && !of_whole;
   std::vector<MassProperties> parts;
   double whole_volume = 0;
@@ -143,6 +143,9 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
                        bool beside_hand) {
   ObjectSpec object;
   object.place = reader.node().place();
+  // The content of an entry's file stands in its place by now.
+  if (reader.has("file"))
+    reader.problem("file", "a file that names another", "a file with the object itself");
   object.name = read_name(reader, before);
   object.is_static = reader.flag("static", false);
   if (reader.has("shape") && reader.has("parts")) {
@@ -170,7 +173,7 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
     reader.problem("position", "a place beside the grasp that gives it", "one of the two");
   object.may_overlap = reader.choice<bool>("overlap", {{"refused", false}, {"allowed", true}}, false);
   object.material = read_surface(reader, object.name, materials);
-  if (reader.has("source")) object.source = reader.text("source");
+  object.source = reader.maybe_text("source");
   reader.finish();
   return object;
 }

@@ -70,6 +70,5 @@ void read_solver(MapReader reader, model::SolverSettings& solver);
 /// Effects that the solver's engine or method does not have.
 void check_engine(MapReader& reader, const model::SolverSettings& solver);
 PictureSpec read_pictures(MapReader reader);
-Criteria read_criteria(MapReader reader);
 
 }  // namespace handsim::scene

@@ -1,4 +1,4 @@
-// The run settings of a scene: solver, pictures, criteria.
+// The run settings of a scene: solver and pictures.
 #include <cmath>
 
 #include "handsim/scene/readers.h"
@@ -73,38 +73,31 @@ void read_solver(MapReader reader, model::SolverSettings& solver) {
       guard.number("angular_speed", {Dimension::angular_speed, 1, 1e5}, limits.angular_speed);
   guard.finish();
   solver.seed = static_cast<std::uint64_t>(reader.integer("seed", 0, 2'147'483'647, 1));
+  // Engine auto has taken its own by now.
+  for (const char* key : {"accuracy", "costs"})
+    if (reader.has(key))
+      reader.problem(key, "a key of engine auto beside another engine", "engine: auto, or no such key");
   reader.finish();
 }
 
 PictureSpec read_pictures(MapReader reader) {
   PictureSpec out;
   read_size(reader, out.size);
-  out.view = reader.choice<View>("view",
-                                 {{"dorsal", View::dorsal},
-                                  {"palmar", View::palmar},
-                                  {"radial", View::radial},
-                                  {"three_quarter", View::three_quarter}},
-                                 View::three_quarter);
+  // A camera stands in place of a view.
+  if (!reader.has("camera"))
+    out.view = reader.choice<View>("view",
+                                   {{"dorsal", View::dorsal},
+                                    {"palmar", View::palmar},
+                                    {"radial", View::radial},
+                                    {"three_quarter", View::three_quarter}},
+                                   View::three_quarter);
+  else if (reader.has("view"))
+    reader.problem("view", "a view beside a camera", "one of the two");
   if (reader.has("camera")) out.camera = read_camera(reader.map("camera"));
   out.floor = reader.flag("floor", true);
   out.joint_axes = reader.flag("joint_axes", false);
   out.contact_points = reader.flag("contact_points", false);
   out.contact_forces = reader.flag("contact_forces", false);
-  reader.finish();
-  return out;
-}
-
-Criteria read_criteria(MapReader reader) {
-  Criteria out;
-  out.joint_gap = reader.maybe_number("joint_gap", {Dimension::length, 0, 1});
-  out.stop_overshoot = reader.maybe_number("stop_overshoot", {Dimension::angle, 0, 10});
-  out.stop_rest = reader.maybe_number("stop_rest", {Dimension::angle, 0, 10});
-  if (reader.has("lcp_failures")) out.lcp_failures = reader.integer("lcp_failures", 0, 1'000'000'000, 0);
-  out.penetration = reader.maybe_number("penetration", {Dimension::length, 0, 1});
-  if (reader.has("tunnelling")) out.tunnelling = reader.integer("tunnelling", 0, 1'000'000'000, 0);
-  out.grasp_slip = reader.maybe_number("grasp_slip", {Dimension::speed, 0, 10});
-  out.climb_load = reader.maybe_number("climb_load", {Dimension::force, 0, 1e5});
-  out.tracking = read_tracking_criteria(reader);
   reader.finish();
   return out;
 }

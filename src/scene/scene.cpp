@@ -4,6 +4,7 @@
 
 #include "handsim/model/validate.h"
 #include "handsim/scene/contacts.h"
+#include "handsim/scene/criteria.h"
 
 namespace handsim::scene {
 
@@ -145,10 +146,13 @@ Scene compile_scene(YamlNode root) {
   if (scene.spec.control) {
     scene.control = plan_control(scene.spec, scene.model, diagnostics);
     diagnostics.throw_if_any();
+    check_tracked(root, scene.spec, *scene.control, diagnostics);
+    diagnostics.throw_if_any();
     diagnostics.warnings.insert(diagnostics.warnings.end(), scene.control->warnings.begin(),
                                 scene.control->warnings.end());
   }
   scene.resolved = std::move(root);
+  scene.inputs = collect_inputs(scene.resolved);
   scene.warnings = std::move(diagnostics.warnings);
   return scene;
 }

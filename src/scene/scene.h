@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/scene/inputs.h"
 #include "handsim/scene/scene_spec.h"
 
 namespace handsim::scene {
@@ -16,6 +17,7 @@ struct Scene {
   model::Model model;
   std::optional<control::Plan> control;  ///< where the scene drives its hands
   YamlNode resolved;                     ///< the scene with defaults filled in and references inlined
+  std::vector<InputFile> inputs;         ///< meshes and motion files that `resolved` names
   std::vector<std::string> warnings;     ///< e.g. a person outside the survey
 };
 

@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/scene/criteria.h"
 #include "handsim/scene/engine_choice.h"
 #include "handsim/scene/readers.h"
 
@@ -99,13 +100,7 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
     reader.warning(scene.record_contacts ? "record" : "pictures",
                    "contact forces are asked for, but no effect lets anything touch");
   scene.criteria = read_criteria(reader.map("criteria"));
-  if (scene.criteria.penetration && !scene.solver.effects.any_contact())
-    reader.warning("criteria", "penetration is judged, but no effect lets anything touch");
-  if (scene.criteria.tunnelling && !scene.solver.effects.any_contact())
-    reader.warning("criteria", "tunnelling is judged, but no effect lets anything touch");
-  if (!scene.solver.effects.has(model::Effect::joint_stops) &&
-      (scene.criteria.stop_overshoot || scene.criteria.stop_rest))
-    reader.warning("criteria", "stops are judged, but without the effect joint_stops there are none");
+  if (reader.sound()) check_criteria(reader.map("criteria"), scene);
   reader.finish();
   return scene;
 }

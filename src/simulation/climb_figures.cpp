@@ -112,8 +112,11 @@ void ClimbWatch::look(const engine::Engine& engine) {
   if (std::abs(figures_.travel) >= kFailedTravel) {
     figures_.failed = true;
     figures_.failure_time = state.time;
+    figures_.complete = true;
     return;
   }
+  // Of no effect on the rest of the run, and no part of its snapshots.
+  figures_.complete = state.time >= plan_.loading().end - half_step_;
   if (std::abs(rate) > kHeldSpeed) return;
   figures_.carried = load(state.time);
   figures_.carried_time = state.time;
@@ -135,6 +138,7 @@ void ClimbWatch::save(ArchiveWriter& out) const { carry(out, *this); }
 
 void ClimbWatch::restore(ArchiveReader& in) {
   carry(in, *this);
+  figures_.complete = figures_.failed;
   if (loading_ == grips_.empty())
     in.refuse("a climb whose load and grips disagree", "grips once the load has begun");
 }

@@ -37,11 +37,14 @@ struct ClimbFigures {
   double carried_time = 0;      ///< [s]
   double failure_time = 0;      ///< [s]
   double travel = 0;            ///< of the palm under the load, now [m]
+  bool complete = false;        ///< failed, or the load has grown to its end
   hand::GripStrength strength;  ///< of the person
   LoadedGrip before;            ///< closed, without load
   LoadedGrip half;              ///< at half the load carried
   LoadedGrip last;              ///< at the load carried, within kGripEvery
 
+  /// The load has begun to grow.
+  bool begun() const { return before.time > 0; }
   /// Load carried over the norm of people alike.
   double share() const { return carried / strength.norm; }
 };

@@ -48,6 +48,10 @@ struct GraspFigures {
   double turn = 0;          ///< the same [rad]
   bool held = false;        ///< within the limits, with the hand's contacts and no others
 
+  /// The run got to the end of the hold.
+  bool hold_measured() const { return hold.time > 0; }
+  /// The object has moved in the palm by more than a held one may: the rest of the run cannot mend it.
+  bool lost() const { return shaken_shift > kShakenShift; }
   /// Force closure and being held tell different stories.
   bool disagree() const { return complete && held != after.wrenches.force_closure; }
 };
@@ -62,8 +66,7 @@ class GraspWatch {
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
   const GraspFigures& figures() const { return figures_; }
-  /// The object has moved in the palm by more than a held one may: the rest of the run cannot mend it.
-  bool lost() const { return figures_.shaken_shift > kShakenShift; }
+  bool lost() const { return figures_.lost(); }
 
  private:
   Pose object_in_palm(const model::State& state) const;

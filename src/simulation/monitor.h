@@ -40,6 +40,8 @@ class Monitor {
   /// Looks at the contact points of a step. @param time of the state that they were found at [s].
   void look(std::span<const engine::Contact> contacts, double time);
 
+  /// Whether any joint has a stop that is in force.
+  bool has_stops() const { return !watched_.empty(); }
   /// Largest depth of any contact point so far [m], `A and B` by the names of the shapes.
   Peak penetration() const;
   /// Whether any joint has been further apart than this [m].

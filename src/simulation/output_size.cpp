@@ -86,6 +86,7 @@ OutputSize output_size(const scene::Scene& scene, long first, long last, int fra
   out.row = trajectory + contacts + kNumberBytes * (dofs + 3 * axes);
   const auto [width, height] = scene.spec.pictures.size;
   out.pictures = kPixelBytes * frames * width * height;
+  for (const scene::InputFile& input : scene.inputs) out.inputs += static_cast<double>(input.bytes->size());
   out.moments =
       frames * (bodies * sizeof(model::BodyState) + contacts_of(scene.spec) * sizeof(engine::Contact));
   return out;
@@ -112,7 +113,7 @@ std::optional<std::string> check_room(const scene::Scene& scene, const OutputSiz
     throw input_error("record.every",
                       fmt::format("about {} to write to {}, where {} are free", size_text(size.total()),
                                   out.string(), size_text(*free)),
-                      fitting_every(scene.spec, size, size.row, *free - size.pictures));
+                      fitting_every(scene.spec, size, size.row, *free - size.pictures - size.inputs));
   if (size.total() < kMuch) return std::nullopt;
   return fmt::format("about {} will be written to {} ({} rows); a larger record.every writes less",
                      size_text(size.total()), out.string(), size.rows);

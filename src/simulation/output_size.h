@@ -16,9 +16,10 @@ struct OutputSize {
   double row = 0;          ///< of all tables together [bytes]
   double largest_row = 0;  ///< of the largest table [bytes]
   double pictures = 0;     ///< of all pictures [bytes]
+  double inputs = 0;       ///< of the copies of meshes and motion files [bytes]
   double moments = 0;      ///< memory that keeps what is to be drawn [bytes]
 
-  double total() const { return static_cast<double>(rows) * row + pictures; }
+  double total() const { return static_cast<double>(rows) * row + pictures + inputs; }
 };
 
 /// Rows of the tables of steps `first` to `last`, one at every step that `every` divides.

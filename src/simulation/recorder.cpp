@@ -38,10 +38,10 @@ Recorder::Recorder(const scene::Scene& scene, const RunOptions& options, const S
       static_cast<std::size_t>(record_rows(simulation.steps(), simulation.step_count(), every_));
   if (all_angles(scene.model))
     motion_.emplace(options.out / "trajectory.mot",
-                    output::MotionHead{scene.spec.title, output::coordinate_names(scene.model), true, rows});
+                    output::MotionHead{scene.spec.title, output::coordinate_names(scene.model), rows});
   if (scene.control)
     control_.emplace(options.out / "control.sto",
-                     output::MotionHead{scene.spec.title, control_columns(*scene.control), false, rows});
+                     output::MotionHead{scene.spec.title, control_columns(*scene.control), rows});
   if (scene.spec.record_contacts) contacts_.emplace(options.out / "contacts.csv", scene.model);
   if (!options.pose_pictures)
     plan_frames(options.frames);
@@ -122,7 +122,11 @@ void Recorder::finish_climb() {
 void Recorder::add_rows() {
   const model::State& state = simulation_.state();
   trajectory_.add(state);
-  if (motion_) motion_->add(state.time, model::coordinates(simulation_.model(), state));
+  if (motion_) {
+    std::vector<double> angles = model::coordinates(simulation_.model(), state);
+    for (double& angle : angles) angle *= kDegreesPerRadian;
+    motion_->add(state.time, angles);
+  }
   if (contacts_)
     for (const engine::Contact& c : simulation_.engine().contacts())
       contacts_->add(state.time, {c.shape_a, c.shape_b, c.position, c.normal, c.depth, c.normal_force(),

@@ -7,6 +7,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
 #include "handsim/output/contact_sheet.h"
@@ -78,11 +79,17 @@ void draw_all(const scene::Scene& scene, const Recorder& recorder, const RunOpti
   if (options.plots && failure) result.missing.push_back("plots: " + *failure);
 }
 
+void write_inputs(const scene::Scene& scene, const std::filesystem::path& out) {
+  if (!scene.inputs.empty()) output::make_folder(out / "inputs");
+  for (const scene::InputFile& input : scene.inputs) output::write_file(out / input.copy, *input.bytes);
+}
+
 /// All that has to be there whatever becomes of the pictures; then those.
 void write_files(const scene::Scene& scene, const Simulation& simulation, const RunOptions& options,
-                 Recorder& recorder, RunResult& result) {
+                 const std::string& resolved, Recorder& recorder, RunResult& result) {
   recorder.finish();
-  output::write_file(options.out / "resolved.yaml", emit_yaml(scene.resolved));
+  write_inputs(scene, options.out);
+  output::write_file(options.out / "resolved.yaml", resolved);
   if (!recorder.snapshots().empty()) result.missing.emplace_back("pictures: not drawn yet");
   if (options.plots) result.missing.emplace_back("plots: not drawn yet");
   const bool drawn = !result.missing.empty();
@@ -166,13 +173,22 @@ void check_controlled(const scene::Scene& scene, const RunOptions& options) {
 
 }  // namespace
 
-bool RunResult::passed() const {
-  return !fault && hash_as_expected() &&
-         std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.held(); });
+bool RunResult::judged() const {
+  return std::any_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.limit.has_value(); });
 }
 
+bool RunResult::failed() const {
+  return std::any_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.failed(); });
+}
+
+bool RunResult::missed() const {
+  return std::any_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.missed(); });
+}
+
+bool RunResult::passed() const { return !fault && hash_as_expected() && !failed() && !missed(); }
+
 output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& options) {
-  const auto inputs = [&] {
+  const auto read = [&] {
     std::vector<std::filesystem::path> out = scene::files_read(scene);
     if (options.from_snapshot) out.push_back(*options.from_snapshot);
     return out;
@@ -184,7 +200,10 @@ output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& opt
     names.push_back(fmt::format("frame_{}.png", digits));
   for (const char* plot : {"angles", "errors", "torques"})
     for (const char* kind : {"gp", "png"}) names.push_back(fmt::format("plots/*_{}.{}", plot, kind));
-  return {options.out, std::move(names), inputs};
+  for (const scene::InputFile& input : scene.inputs) names.push_back(input.copy);
+  for (std::string& copy : scene::copies_named_in(options.out / "resolved.yaml"))
+    names.push_back(std::move(copy));
+  return {options.out, std::move(names), read};
 }
 
 RunResult run(const scene::Scene& scene, const RunOptions& options) { return run(scene, options, nullptr); }
@@ -196,6 +215,7 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
   const double step = scene.spec.solver.step;
   if (options.from_snapshot) go_on(simulation, *options.from_snapshot, scene.spec.duration, result);
   static_cast<void>(snapshot_step(simulation, options, step));
+  const std::string resolved = scene::standalone_text(scene.resolved, scene.inputs);
   const OutputSize size =
       output_size(scene, simulation.steps(), simulation.step_count(), picture_count(scene, options));
   if (const auto note = check_room(scene, size, options.out); note && options.note) options.note(*note);
@@ -214,7 +234,8 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
   result.grasps = simulation.grasps();
   result.climbs = simulation.climbs();
   result.verdicts = verdicts(simulation, scene.spec.criteria);
-  write_files(scene, simulation, options, recorder, result);
+  result.overlaps = engine::initial_overlaps(scene.model, model::initial_state(scene.model));
+  write_files(scene, simulation, options, resolved, recorder, result);
   return result;
 }
 

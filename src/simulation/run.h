@@ -1,7 +1,8 @@
-// One execution of a scene with its files: trajectory.csv, summary.json, resolved.yaml, pictures;
-// contacts.csv where the scene records contacts; trajectory.mot (joint angles for OpenSim, where there are
-// joints), control.sto and plots/ where the scene is controlled. What an earlier run has left in the folder
-// is removed when a run starts; tables and summary are written before anything is drawn.
+// One execution of a scene with its files: trajectory.csv, summary.json, resolved.yaml with the meshes and
+// motion files it names (inputs/), pictures; contacts.csv where the scene records contacts; trajectory.mot
+// (joint angles for OpenSim, where there are joints), control.sto and plots/ where the scene is controlled.
+// What an earlier run has left in the folder is removed when a run starts; tables and summary are written
+// before anything is drawn.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +13,7 @@
 #include <vector>
 
 #include "handsim/core/error.h"
+#include "handsim/engine/overlap.h"
 #include "handsim/output/image.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/scene/scene.h"
@@ -55,8 +57,10 @@ struct Verdict {
   std::string where;                   ///< joint or body of the figure
   bool least = false;                  ///< the limit is the least that will do, not the most
 
-  /// A limit is held by a figure within it, not by the want of one.
+  /// A criterion without a measured value is not held.
   bool held() const { return !limit || (measured && (least ? *measured >= *limit : *measured <= *limit)); }
+  bool missed() const { return limit && !measured; }  ///< the run did not come to what is judged
+  bool failed() const { return !held() && !missed(); }
 };
 
 struct RunResult {
@@ -73,18 +77,22 @@ struct RunResult {
   std::vector<AxisTracking> tracking;          ///< by driven axis; empty where the scene drives none
   std::vector<GraspFigures> grasps;            ///< of the scene's grasps
   std::vector<ClimbFigures> climbs;            ///< of the scene's climbs
+  std::vector<engine::Overlap> overlaps;       ///< of shapes at the start
 
   /// What was asked for and is not there, with why: `pictures: ...`, `plots: ...`.
   std::vector<std::string> missing;
 
   bool hash_as_expected() const { return !expected_hash || *expected_hash == state_hash; }
   bool passed() const;
+  bool judged() const;  ///< there is a criterion
+  bool failed() const;  ///< some criterion's figure is beyond its limit
+  bool missed() const;  ///< some criterion has no figure
 };
 
 /// Runs the scene and writes its files.
-/// @throws Error (input) where the folder cannot be had (output_folder.h), the snapshot to go on from is no
-///         snapshot of this scene, or is not of a time before its end, or where the files have no room
-///         (output_size.h); nothing is run then.
+/// @throws Error (input) where the folder cannot be had (output_folder.h), the scene is too large to be
+///         written down (inputs.h), the snapshot to go on from is no snapshot of this scene, or is not of a
+///         time before its end, or where the files have no room (output_size.h); nothing is run then.
 /// @throws Error (output) where a table or the summary cannot be written.
 RunResult run(const scene::Scene& scene, const RunOptions& options);
 

@@ -20,6 +20,8 @@ using Clock = std::chrono::steady_clock;
 
 /// Deepest that an object may start in a hand [m].
 constexpr double kDeepestStart = 1e-3;
+/// Pairs of shapes that are named for one object; more are counted.
+constexpr std::size_t kNamedPairs = 10;
 
 double ns_between(Clock::time_point a, Clock::time_point b) {
   return std::chrono::duration<double, std::nano>(b - a).count();
@@ -48,6 +50,8 @@ void check_start(const scene::Scene& scene) {
            shape.tint != model::Tint::mechanism;
   };
   std::vector<Problem> problems;
+  std::vector<std::size_t> pairs(scene.spec.objects.size());
+  const std::string need = fmt::format("at most {:g} mm, or overlap: allowed", 1e3 * kDeepestStart);
   for (const engine::Overlap& overlap :
        engine::initial_overlaps(scene.model, model::initial_state(scene.model))) {
     const model::Shape* hand = &scene.model.shapes[static_cast<std::size_t>(overlap.shape_a)];
@@ -57,12 +61,19 @@ void check_start(const scene::Scene& scene) {
     const std::string name = other->name.substr(0, other->name.find('.'));
     for (std::size_t i = 0; i < scene.spec.objects.size(); ++i)
       if (const scene::ObjectSpec& object = scene.spec.objects[i];
-          other->tint == model::Tint::object && object.name == name && !object.may_overlap)
+          other->tint == model::Tint::object && object.name == name && !object.may_overlap &&
+          ++pairs[i] <= kNamedPairs)
         problems.push_back(
             {object.place, fmt::format("objects.{}.position", i),
              fmt::format("{} {:.2g} mm inside {} at the start", other->name, 1e3 * overlap.depth, hand->name),
-             fmt::format("at most {:g} mm, or overlap: allowed", 1e3 * kDeepestStart)});
+             need});
   }
+  for (std::size_t i = 0; i < pairs.size(); ++i)
+    if (pairs[i] > kNamedPairs)
+      problems.push_back({scene.spec.objects[i].place, fmt::format("objects.{}.position", i),
+                          fmt::format("{} inside hands at {} more places", scene.spec.objects[i].name,
+                                      pairs[i] - kNamedPairs),
+                          need});
   if (!problems.empty()) throw Error(problems);
 }
 

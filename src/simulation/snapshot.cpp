@@ -7,9 +7,11 @@
 
 #include <fmt/format.h>
 
+#include "handsim/control/motion_file.h"
 #include "handsim/core/archive.h"
 #include "handsim/core/input_file.h"
 #include "handsim/output/atomic_file.h"
+#include "handsim/simulation/mathematics.h"
 
 namespace handsim::simulation {
 
@@ -78,6 +80,8 @@ Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine)
   const model::EngineKind kind = model::engine_of(scene.spec.solver.method);
   out.emplace_back(
       kind == model::EngineKind::articulated ? "engine articulated" : "engine " + engine.version(), 1);
+  out.emplace_back("the mathematics library (its version, or what this processor lets it use)",
+                   hash_bytes(mathematics()));
   if (scene.spec.record_contacts) out.emplace_back("record.contacts", 1);
   add_settings(scene.spec.solver, out);
   // The scene names a mesh's file, not what is in it.
@@ -87,7 +91,9 @@ Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine)
     vertices.each(shape.mesh->vertices);
     out.emplace_back("mesh of " + shape.name, hash_bytes(vertices.bytes()));
   }
-  add_parts(scene.resolved, out);
+  for (const scene::InputFile& file : scene.inputs)
+    if (control::is_motion_file(file.copy)) out.emplace_back(file.copy, hash_bytes(*file.bytes));
+  add_parts(scene::standalone(scene.resolved, scene.inputs), out);
   return out;
 }
 

@@ -4,8 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "handsim/engine/overlap.h"
-#include "handsim/model/kinematics.h"
+#include "handsim/simulation/mathematics.h"
 
 namespace handsim::simulation {
 
@@ -13,8 +12,11 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Verdict from_peak(std::string name, std::string unit, const Peak& peak, std::optional<double> limit) {
-  return {std::move(name), std::move(unit), peak.value, limit, peak.time, peak.where};
+/// @param exists whether the scene has what is measured
+Verdict from_peak(std::string name, std::string unit, bool exists, const Peak& peak,
+                  std::optional<double> limit) {
+  const std::optional<double> measured = exists ? std::optional(peak.value) : std::nullopt;
+  return {std::move(name), std::move(unit), measured, limit, peak.time, peak.where};
 }
 
 Json criteria_json(const std::vector<Verdict>& verdicts) {
@@ -24,10 +26,10 @@ Json criteria_json(const std::vector<Verdict>& verdicts) {
     entry["measured"] = verdict.measured ? Json(*verdict.measured) : Json();
     entry["limit"] = verdict.limit ? Json(*verdict.limit) : Json();
     if (verdict.least) entry["limit_is"] = "least";
-    entry["verdict"] = !verdict.limit      ? "not judged"
-                       : !verdict.measured ? "not measured"
-                       : verdict.held()    ? "held"
-                                           : "failed";
+    entry["verdict"] = !verdict.limit     ? "not judged"
+                       : verdict.missed() ? "not measured"
+                       : verdict.held()   ? "held"
+                                          : "failed";
     if (!verdict.where.empty()) {
       entry["where"] = verdict.where;
       entry["time_s"] = verdict.time;
@@ -107,9 +109,9 @@ Json convergence_json(const Simulation& simulation, const RunResult& result) {
   return out;
 }
 
-Json overlaps_json(const model::Model& model) {
+Json overlaps_json(const model::Model& model, const std::vector<engine::Overlap>& overlaps) {
   Json out = Json::array();
-  for (const engine::Overlap& overlap : engine::initial_overlaps(model, model::initial_state(model)))
+  for (const engine::Overlap& overlap : overlaps)
     out.push_back({{"a", model.shapes[static_cast<std::size_t>(overlap.shape_a)].name},
                    {"b", model.shapes[static_cast<std::size_t>(overlap.shape_b)].name},
                    {"depth_m", overlap.depth}});
@@ -230,27 +232,32 @@ Json climbs_json(const std::vector<ClimbFigures>& climbs) {
   return out;
 }
 
-/// A climb that outlasts its largest load has carried that much.
+/// A climb that outlasts its largest load has carried that much. One that the run cuts short has carried what
+/// it has; of a limit above that nothing is known.
 void add_climbs(const Simulation& simulation, const scene::Criteria& criteria, std::vector<Verdict>& out) {
   for (const ClimbFigures& climb : simulation.climbs()) {
     Verdict verdict{"climb_load", "N", climb.carried, criteria.climb_load, climb.carried_time, climb.name};
     verdict.least = true;
+    if (!climb.begun() || (!climb.complete && !verdict.held())) verdict.measured.reset();
     out.push_back(std::move(verdict));
   }
 }
 
-/// Movements of grasped objects are always judged, where the run got to the end of the grasp.
+/// Movements of grasped objects are always judged. An object that is lost has failed, however the run goes
+/// on.
 void add_grasps(const Simulation& simulation, const scene::Criteria& criteria, std::vector<Verdict>& out) {
   for (const GraspFigures& grasp : simulation.grasps()) {
-    const auto add = [&](const char* name, const char* unit, double measured, std::optional<double> limit,
-                         double time) {
-      out.push_back({name, unit, measured, grasp.complete ? limit : std::nullopt, time, grasp.name});
+    const auto add = [&](const char* name, const char* unit, bool known, double measured,
+                         std::optional<double> limit, double time) {
+      out.push_back({name, unit, known ? std::optional(measured) : std::nullopt, limit, time, grasp.name});
     };
-    add("grasp_shaken", "m", grasp.shaken_shift, kShakenShift, grasp.shaken_time);
-    add("grasp_shift", "m", grasp.shift, kHeldShift, grasp.after.time);
-    add("grasp_turn", "rad", grasp.turn, kHeldTurn, grasp.after.time);
-    add("grasp_others", "", grasp.hold.others + grasp.after.others, 0, grasp.after.time);
-    add("grasp_slip", "m/s", grasp.slip, criteria.grasp_slip, grasp.hold.time);
+    const bool complete = grasp.complete;
+    const int others = grasp.hold.others + grasp.after.others;
+    add("grasp_shaken", "m", complete || grasp.lost(), grasp.shaken_shift, kShakenShift, grasp.shaken_time);
+    add("grasp_shift", "m", complete, grasp.shift, kHeldShift, grasp.after.time);
+    add("grasp_turn", "rad", complete, grasp.turn, kHeldTurn, grasp.after.time);
+    add("grasp_others", "", complete || others > 0, others, 0, grasp.after.time);
+    add("grasp_slip", "m/s", grasp.hold_measured(), grasp.slip, criteria.grasp_slip, grasp.hold.time);
   }
 }
 
@@ -321,21 +328,30 @@ void add_tunnelling(const Simulation& simulation, const scene::Criteria& criteri
   out.push_back(std::move(verdict));
 }
 
+const char* overall(const RunResult& result) {
+  if (result.fault) return "diverged";
+  if (result.failed() || !result.hash_as_expected()) return "failed";
+  if (result.missed()) return "not measured";
+  return result.judged() ? "held" : "not judged";
+}
+
 }  // namespace
 
 std::vector<Verdict> verdicts(const Simulation& simulation, const scene::Criteria& criteria) {
   const Monitor& monitor = simulation.monitor();
   std::vector<Verdict> out;
-  out.push_back(from_peak("joint_gap", "m", monitor.joint_gap(), criteria.joint_gap));
-  out.push_back(from_peak("stop_overshoot", "rad", monitor.stop_overshoot(), criteria.stop_overshoot));
-  out.push_back(from_peak("stop_rest", "rad", monitor.stop_rest(simulation.state()), criteria.stop_rest));
+  const bool joints = !simulation.model().joints.empty(), stops = monitor.has_stops();
+  out.push_back(from_peak("joint_gap", "m", joints, monitor.joint_gap(), criteria.joint_gap));
+  out.push_back(from_peak("stop_overshoot", "rad", stops, monitor.stop_overshoot(), criteria.stop_overshoot));
+  out.push_back(
+      from_peak("stop_rest", "rad", stops, monitor.stop_rest(simulation.state()), criteria.stop_rest));
   Verdict failures;
   failures.name = "lcp_failures";
   failures.measured = static_cast<double>(simulation.ledger().lcp_failures());
   if (criteria.lcp_failures) failures.limit = *criteria.lcp_failures;
   out.push_back(failures);
   if (simulation.engine().tests_contacts())
-    out.push_back(from_peak("penetration", "m", monitor.penetration(), criteria.penetration));
+    out.push_back(from_peak("penetration", "m", true, monitor.penetration(), criteria.penetration));
   else if (criteria.penetration)
     out.push_back({"penetration", "m", {}, criteria.penetration, 0, ""});
   add_tunnelling(simulation, criteria, out);
@@ -351,7 +367,7 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
   const std::vector<std::string> notes = simulation.engine().notes();
   Json out;
   out["title"] = scene.spec.title;
-  out["verdict"] = result.fault ? "diverged" : result.passed() ? "held" : "failed";
+  out["verdict"] = overall(result);
   if (result.fault) out["fault"] = fault_json(*result.fault);
   if (!result.missing.empty()) out["missing"] = result.missing;
   out["criteria"] = criteria_json(result.verdicts);
@@ -377,12 +393,14 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
                    {"method", model::name(solver.method)},
                    {"step_s", solver.step},
                    {"seed", solver.seed}};
-  out["versions"] = {
-      {"handsim", HANDSIM_VERSION}, {"engine", simulation.engine().version()}, {"compiler", __VERSION__}};
+  out["versions"] = {{"handsim", HANDSIM_VERSION},
+                     {"engine", simulation.engine().version()},
+                     {"compiler", __VERSION__},
+                     {"mathematics", mathematics()}};
   if (!scene.spec.engine_choice.empty()) out["engine_choice"] = scene.spec.engine_choice;
   out["notes"] = notes;
   out["warnings"] = scene.warnings;
-  out["overlaps_at_start"] = overlaps_json(scene.model);
+  out["overlaps_at_start"] = overlaps_json(scene.model, result.overlaps);
   return out.dump(2) + "\n";
 }
 

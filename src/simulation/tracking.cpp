@@ -63,7 +63,7 @@ void Tracking::end(Hand& hand, double time) {
     raise(out.steady_error, std::max(axis.error_before, axis.error_now), time, phase.pose);
     ++out.holds;
     const double length = std::abs(axis.to - axis.from);
-    if (length < kSmallestMovement) continue;
+    if (length < control::kSmallestMovement) continue;
     ++out.movements;
     raise(out.overshoot, axis.beyond / length, phase.start, phase.pose);
     if (axis.last_outside > time - 1.5 * step_)

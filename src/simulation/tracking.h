@@ -11,8 +11,6 @@
 
 namespace handsim::simulation {
 
-/// Movements smaller than this have no settling time and no overshoot: a share of nothing says nothing [rad].
-inline constexpr double kSmallestMovement = 5 * 0.017453292519943295;
 /// Settled: within this share of the movement for the rest of its hold.
 inline constexpr double kSettledShare = 0.02;
 
@@ -28,7 +26,7 @@ struct AxisTracking {
   Peak overshoot;             ///< largest, as a share of its movement
   Peak settling_time;         ///< longest, from the movement's start [s]
   int holds = 0;              ///< of poses that the target reached
-  int movements = 0;          ///< of at least kSmallestMovement that were held to their end
+  int movements = 0;          ///< of at least control::kSmallestMovement that were held to their end
   int unsettled = 0;          ///< of those, that had not settled when their hold ended
   double largest_torque = 0;  ///< [N m]
   double limit_share = 0;     ///< of the steps with the torque at its limit

@@ -86,6 +86,20 @@ simulation::RunOptions options_of(const GraspStudy& study, const Work& work) {
   return options;
 }
 
+/// The same in the scene's tree, where every surface has its keys by now: the run can be repeated from it.
+void write_friction(YamlNode& node, double friction) {
+  YamlNode* own = node.find("friction");
+  YamlNode* spinning = node.find("spinning_friction");
+  if (own && spinning) {
+    const double before = parse_number(own->text).value_or(0),
+                 moment = parse_number(spinning->text).value_or(0);
+    if (before > 0) *spinning = yaml_scalar(number_text(moment * (friction / before)));
+    *own = yaml_scalar(number_text(friction));
+  }
+  for (YamlNode& item : node.items) write_friction(item, friction);
+  for (YamlEntry& entry : node.entries) write_friction(entry.value, friction);
+}
+
 /// True where all grasps of the scene are held to the end; stops at the first that is lost.
 bool held(const scene::Scene& scene) {
   simulation::Simulation simulation(scene);
@@ -184,6 +198,7 @@ void set_friction(scene::Scene& scene, double friction) {
     if (material.friction > 0) material.spinning_friction *= friction / material.friction;
     material.friction = friction;
   }
+  write_friction(scene.resolved, friction);
 }
 
 std::optional<double> smallest_friction(const scene::Scene& scene, const std::function<void(double)>& told) {

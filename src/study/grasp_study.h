@@ -51,7 +51,8 @@ struct GraspTables {
 /// @throws Error (input) for what is no scene with grasps or climbs, before anything is run.
 GraspTables run_grasps(const GraspStudy& study);
 
-/// Gives every surface of a compiled scene one friction; moments about contact normals go with it.
+/// Gives every surface of a compiled scene one friction, in what resolved.yaml says of it as well; moments
+/// about contact normals go with it.
 void set_friction(scene::Scene& scene, double friction);
 
 /// Bisects the smallest friction of every surface with which all grasps of the scene are held; nothing where

@@ -236,8 +236,8 @@ TEST(EffectsCommand, RefusesBadInputAsEverywhereAndWritesNothing) {
   EXPECT_TRUE(contains(repeats.err, "got 0, need a whole number of timed rounds")) << repeats.err;
   EXPECT_EQ(run_program({"effects", kScene}).status, 2);
   EXPECT_EQ(run_program({"effects", "/none.yaml", "--out", out.string()}).status, 2);
-  const Outcome none = run_program(
-      {"effects", kScene, "--out", out.string(), "--set", "effects=[]", "--set", "duration=10 ms"});
+  const Outcome none = run_program({"effects", kScene, "--out", out.string(), "--set", "effects=[]", "--set",
+                                    "duration=10 ms", "--set", "criteria={}"});
   EXPECT_EQ(none.status, 2);
   EXPECT_TRUE(contains(none.err, "effects: got no effect")) << none.err;
   EXPECT_TRUE(empty_or_missing(out));

@@ -96,7 +96,8 @@ TEST(BadInput, EveryHandNeedsAProgram) {
 
 TEST(BadInput, ActuationAndControlGoTogether) {
   expect_text(refused({"effects=[gravity]"}), {"a control block without actuation"});
-  expect_text(refused({"effects=[actuation]"}, "two_hands"), {"actuation with no joint to drive"});
+  expect_text(refused({"effects=[actuation]"}, "two_hands"),
+              {"actuation without a control block or a joint with a torque"});
 }
 
 TEST(BadInput, ExplicitGainsBeyondTheirLimitNameTheJointTheLimitAndTheWaysOut) {
@@ -158,12 +159,13 @@ TEST(MotionFile, MissingColumnsAndAnglesBeyondTheRangeAreRefused) {
   const std::string one =
       "control.controller.gains=[{joints: index_mcp.flexion, frequency: 8 Hz, damping_ratio: 1, "
       "torque_limit: 1}]";
-  EXPECT_EQ(refused({"control.program=" + path.string(), one}), "");
+  EXPECT_EQ(refused({"control.program=" + path.string(), one, "criteria={}"}), "");
   const auto far = table(folder, "b.csv", "time,index_mcp.flexion[deg]\n0,10\n1,120\n");
   expect_text(refused({"control.program=" + far.string(), one}),
               {"b.csv:3:1", "right.index_mcp.flexion", "120 deg at 1 s", "-45 to 90 deg"});
   const auto near = table(folder, "c.csv", "time,index_mcp.flexion[deg]\n0,10\n1,90.3\n");
-  const scene::Scene moved = test::shipped_scene("every_pose", {"control.program=" + near.string(), one});
+  const scene::Scene moved =
+      test::shipped_scene("every_pose", {"control.program=" + near.string(), one, "criteria={}"});
   expect_text(moved.warnings.front(), {"c.csv", "1 angles of hand right"});
 }
 
@@ -182,9 +184,11 @@ TEST(MotionFile, ReadsTheTargetsOfAControlTable) {
 TEST(MotionFile, WhatIsWrittenReadsBack) {
   const test::TemporaryFolder folder;
   output::MotionTableWriter writer(folder.path() / "a.mot",
-                                   {"angles", {"right.a.flexion", "right.b.flexion"}, true, 2});
+                                   {"angles", {"right.a.flexion", "right.b.flexion"}, 2});
   const std::vector<std::vector<double>> rows = {{0.1, -0.2}, {1.0 / 3, 1.5}};
-  for (std::size_t i = 0; i < rows.size(); ++i) writer.add(0.25 * static_cast<double>(i), rows[i]);
+  for (std::size_t i = 0; i < rows.size(); ++i)
+    writer.add(0.25 * static_cast<double>(i),
+               std::vector<double>{kDegreesPerRadian * rows[i][0], kDegreesPerRadian * rows[i][1]});
   writer.finish();
   const MotionTable read = read_motion(folder.path() / "a.mot");
   EXPECT_EQ(read.names, (std::vector<std::string>{"right.a.flexion", "right.b.flexion"}));

@@ -11,20 +11,20 @@ namespace {
 
 TEST(MotionTable, OfAllRowsHasTheirNumberWithoutBlanks) {
   const test::TemporaryFolder folder;
-  MotionTableWriter writer(folder.path() / "a.sto", {"two", {"x", "y"}, false, 2});
+  MotionTableWriter writer(folder.path() / "a.sto", {"two", {"x", "y"}, 2});
   writer.add(0, std::vector<double>{1, 2});
   writer.add(0.5, std::vector<double>{0.1, -3});
   writer.finish();
   EXPECT_EQ(
       test::text_of(folder.path() / "a.sto"),
-      "two\nversion=1\nnRows=2\nnColumns=3\ninDegrees=no\nendheader\ntime\tx\ty\n0\t1\t2\n0.5\t0.1\t-3\n");
+      "two\nversion=1\nnRows=2\nnColumns=3\ninDegrees=yes\nendheader\ntime\tx\ty\n0\t1\t2\n0.5\t0.1\t-3\n");
 }
 
 TEST(MotionTable, OfARunThatEndsEarlyHasTheNumberOfItsRowsAndReadsBack) {
   const test::TemporaryFolder folder;
   const std::filesystem::path path = folder.path() / "a.mot";
   {
-    MotionTableWriter writer(path, {"early", {"x"}, true, 100'000});
+    MotionTableWriter writer(path, {"early", {"x"}, 100'000});
     for (int i = 0; i < 20'000; ++i) writer.add(i, std::vector<double>{0.01});
     EXPECT_FALSE(std::filesystem::exists(path));
     writer.finish();

@@ -118,7 +118,7 @@ TEST(Penetration, OfAPadIsItsLoadOverItsStiffness) {
   }
 }
 
-TEST(Penetration, IsJudgedAndNotMeasuredWhereNothingCanTouch) {
+TEST(Penetration, IsJudgedAndRefusedWhereNothingCanTouch) {
   const auto verdict = [](const scene::Scene& scene) {
     Simulation simulation(scene);
     for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
@@ -131,9 +131,7 @@ TEST(Penetration, IsJudgedAndNotMeasuredWhereNothingCanTouch) {
   EXPECT_FALSE(deep.held());
   EXPECT_EQ(deep.where, "block and ball");
   EXPECT_TRUE(verdict(ball_in_block(3e-4, "effects: [object_contact]\n" + limit)).held());
-  const Verdict untested = verdict(ball_in_block(5e-4, "effects: [gravity]\n" + limit));
-  EXPECT_FALSE(untested.held());
-  EXPECT_FALSE(untested.measured.has_value());
+  EXPECT_THROW(ball_in_block(5e-4, "effects: [gravity]\n" + limit), Error);
   EXPECT_EQ(verdict(ball_in_block(5e-4, "effects: [gravity]\n")).name, "");
 }
 

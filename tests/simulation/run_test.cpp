@@ -106,7 +106,7 @@ TEST(Effects, AreBuiltOnlyWhereTheSceneListsThem) {
   EXPECT_TRUE(with.engine().tests_contacts());
   EXPECT_GT(with.ledger().collide_calls(), 0);
 
-  const scene::Scene floating = shipped_scene("two_hands", {"effects=[]"});
+  const scene::Scene floating = shipped_scene("two_hands", {"effects=[]", "criteria={}"});
   Simulation still(floating);
   for (int i = 0; i < 100; ++i) still.step();
   // Without gravity, stops and tissue nothing moves a hand that starts at rest.

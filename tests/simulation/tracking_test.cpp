@@ -218,7 +218,7 @@ TEST(Written, TrajectoryIsReadBackAsAProgram) {
   options.out = first.path();
   run(shipped_scene("every_pose", {"duration=4 s", controller("integral")}), options);
   options.out = second.path();
-  run(shipped_scene("every_pose", {"duration=4 s", controller("integral"),
+  run(shipped_scene("every_pose", {"duration=4 s", controller("integral"), "criteria={}",
                                    "control.program=" + (first.path() / "trajectory.mot").string()}),
       options);
   const control::MotionTable a = control::read_motion(first.path() / "trajectory.mot");
@@ -240,8 +240,8 @@ TEST(Written, TargetsAreReadBackAsTheProgramTheyCameFrom) {
   options.out = folder.path();
   const scene::Scene first = shipped_scene("every_pose", {"duration=4 s", "solver.step=10 ms"});
   run(first, options);
-  const scene::Scene second =
-      shipped_scene("every_pose", {"control.program=" + (folder.path() / "control.sto").string()});
+  const scene::Scene second = shipped_scene(
+      "every_pose", {"control.program=" + (folder.path() / "control.sto").string(), "criteria={}"});
   std::vector<double> a(20), b(20);
   for (std::size_t hand = 0; hand < 2; ++hand)
     for (int i = 0; i <= 400; ++i) {
