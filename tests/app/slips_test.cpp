@@ -192,9 +192,9 @@ TEST(ControlTable, SaysThatItsAnglesAreDegrees) {
 
 TEST(TheSceneItself, IsNotWrittenOver) {
   const TemporaryFolder folder;
-  const fs::path scene = write(folder.path() / "s.yaml", test::kBallScene);
+  const fs::path scene = write(folder.path() / "s.xml", test::kBallScene);
   const Outcome outcome =
-      run_program({"export", scene.string(), "--out", (folder.path() / "." / "s.yaml").string()});
+      run_program({"export", scene.string(), "--out", (folder.path() / "." / "s.xml").string()});
   EXPECT_EQ(outcome.status, 2);
   EXPECT_TRUE(contains(outcome.err, "which is read, need another file")) << outcome.err;
   EXPECT_EQ(test::text_of(scene), test::kBallScene);
