@@ -26,9 +26,11 @@ constexpr double kNormalSoftness = 1e-5, kFrictionSoftness = 1e-6;
 /// would, friction is firmer by as much, down to the second.
 constexpr double kFirmBelow = 0.1, kLeastShare = 1e-4;
 
-/// A rigid contact that a load presses in faster than this carries bodies far heavier than its own, a box on
-/// a pea. It is made firmer, to a share of this speed [m/s].
-constexpr double kMostYield = 0.01, kFirmShare = 0.1;
+/// A rigid contact whose bodies are this many times as light as the scene's heaviest may carry it, as a pea
+/// carries a box. Where a load presses it in faster than so much [m/s] it is made firmer, to a share of that
+/// speed, in so many passes at most.
+constexpr double kLightPair = 1e4, kMostYield = 0.01, kFirmShare = 0.1;
+constexpr int kMostFirmer = 12;
 
 /// Of the rows of loops, as a share of what the rates that move them give way; the gap is closed after the
 /// step.
@@ -53,9 +55,11 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
       friction_(settings.effects.has(model::Effect::friction)),
       with_forces_(settings.contact_forces),
       erp_(settings.erp) {
+  for (const model::Body& body : model.bodies)
+    if (!body.kinematic) heaviest_ = std::max(heaviest_, body.mass);
   order();
   frames_.reserve(kUsualContacts);
-  rigid_.reserve(kUsualContacts);
+  light_.reserve(kUsualContacts);
   memory_.points.reserve(kUsualContacts);
   dofs_.reserve(at(space_.size()));
   signs_.reserve(at(space_.size()));
@@ -203,7 +207,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
     target =
         contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, ode::kMaxCorrectingSpeed);
     rows.softness = std::max(kNormalSoftness * giving, crossed);
-    if (crossed == 0) rigid_.push_back(frames_.size() - 1);
+    if (crossed == 0 && giving * heaviest_ > kLightPair) light_.push_back(frames_.size() - 1);
   }
   const Side a = side(contact.shape_a, contact.position), b = side(contact.shape_b, contact.position);
   const Vec3 v = frame.transpose() * (a.v - b.v), w = frame.transpose() * (a.w - b.w);
@@ -257,7 +261,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
 
 void ContactDynamics::add_contacts(double step) {
   frames_.clear();
-  rigid_.clear();
+  light_.clear();
   recalled_ = 0;
   crossed_.find(collider_);
   for (const ode::Touch& touch : collider_.touches()) {
@@ -430,10 +434,10 @@ bool ContactDynamics::bounce() {
   return any;
 }
 
-/// Makes rigid contacts firmer that give way too fast: true where one does.
+/// Makes contacts of light pairs firmer that give way too fast: true where one does.
 bool ContactDynamics::stiffen() {
   bool any = false;
-  for (const std::size_t i : rigid_) {
+  for (const std::size_t i : light_) {
     ContactRows& rows = solver_.contact(i);
     const double yield = rows.softness * rows.impulse[0];
     if (!(yield > kMostYield)) continue;
@@ -456,7 +460,8 @@ NewtonReport ContactDynamics::solve(double step) {
   add_contacts(step);
   add_ties();
   NewtonReport report = solver_.solve(kContactTolerance * step);
-  while (bounce() || stiffen()) {
+  int firmer = 0;
+  while (bounce() || (firmer < kMostFirmer && stiffen() && ++firmer > 0)) {
     const NewtonReport again = solver_.solve(kContactTolerance * step);
     report = {report.iterations + again.iterations, report.limit_updates + again.limit_updates,
               again.residual, again.solved, again.iterative};

@@ -97,7 +97,7 @@ class ContactDynamics {
   JointSpace space_;
   ContactNewton solver_;
   bool friction_, with_forces_;
-  double erp_;
+  double erp_, heaviest_ = 0;  ///< mass of the heaviest body [kg]
   std::vector<Coordinate> axes_;
   std::vector<int> place_, dof_of_;         ///< in the solver, of each dof, and back
   std::vector<std::vector<int>> carriers_;  ///< places of the dofs that carry each node, ascending
@@ -105,7 +105,7 @@ class ContactDynamics {
   std::vector<int> dofs_;                   ///< places that move the two of a pair against each other
   std::vector<double> signs_;
   std::vector<Mat3> frames_;        ///< of each contact; columns: normal, two tangents
-  std::vector<std::size_t> rigid_;  ///< contacts without a pad between bodies that are not crossed
+  std::vector<std::size_t> light_;  ///< rigid contacts of light pairs
   ContactMemory memory_;
   std::size_t recalled_ = 0;
 };
