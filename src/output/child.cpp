@@ -22,6 +22,8 @@ namespace handsim::output {
 
 namespace {
 
+constexpr int kPipe = 3;  ///< of the child, to its parent
+
 // The child says line by line what it has to say. What libraries write to standard error comes the same way.
 constexpr std::string_view kShare = "handsim-share ", kFailure = "handsim-failure ";
 constexpr std::size_t kLongestWord = 500;
@@ -69,7 +71,6 @@ class Report {
   if (getppid() != parent) _exit(1);
   const rlimit none{0, 0};
   setrlimit(RLIMIT_CORE, &none);
-  constexpr int kPipe = 3;
   dup2(pipe, STDOUT_FILENO);
   dup2(pipe, STDERR_FILENO);
   if (pipe != kPipe) dup2(pipe, kPipe);

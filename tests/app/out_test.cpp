@@ -121,8 +121,8 @@ TEST(EarlierRun, LeavesNoSummaryBesideTheTablesOfARunThatFails) {
        {Disk{"2e-3", "contacts.csv", table / 2}, Disk{"1", "summary.json", summary * 9 / 10}}) {
     ASSERT_EQ(run_program(words("1")).status, 0);
     EXPECT_EQ(status_with(words(every), folder.path(),
-                          [most] {
-                            const rlimit limit{most, most};
+                          [bytes = most] {
+                            const rlimit limit{bytes, bytes};
                             setrlimit(RLIMIT_FSIZE, &limit);
                           }),
               1);

@@ -2,15 +2,15 @@
 #include "handsim/simulation/output_size.h"
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 
 #include "handsim/simulation/run.h"
 #include "scene_files.h"
-#include "support/sanitized.h"
+#include "support/peak_memory.h"
 
 namespace handsim::simulation {
 namespace {
 
+using test::peak_memory;
 using test::shipped_scene;
 
 // Oracle: counting.
@@ -70,17 +70,6 @@ TEST(OutputSize, OfManyPicturesCountsTheMemoryOfTheirMoments) {
   OutputSize size = output_size(scene, 0, 2000, 10'000);
   size.moments *= 60;
   EXPECT_THROW(check_room(scene, size, "."), Error);
-}
-
-/// Largest memory that the process has had [bytes]; under the address sanitizer, which keeps what is freed
-/// for a while, the memory that is allocated.
-double peak_memory() {
-#ifdef HANDSIM_ADDRESS_SANITIZED
-  return static_cast<double>(__sanitizer_get_current_allocated_bytes());
-#endif
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return 1024 * static_cast<double>(usage.ru_maxrss);
 }
 
 // Oracle: the bytes of trajectory.mot and control.sto, which would be in memory if rows did not go to the

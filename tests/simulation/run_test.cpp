@@ -1,7 +1,6 @@
 #include "handsim/simulation/run.h"
 
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 
 #include <cmath>
 
@@ -12,15 +11,12 @@
 #include "handsim/simulation/pictures.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
-#include "support/sanitized.h"
-
-#ifdef HANDSIM_ADDRESS_SANITIZED
-#include <sanitizer/allocator_interface.h>
-#endif
+#include "support/peak_memory.h"
 
 namespace handsim::simulation {
 namespace {
 
+using test::peak_memory;
 using test::shipped_scene;
 using test::TemporaryFolder;
 using test::text_of;
@@ -150,17 +146,6 @@ TEST(FailedRun, SaysWhereAndKeepsItsFiles) {
   EXPECT_EQ(nlohmann::json::parse(text_of(folder.path() / "summary.json"))["verdict"], "failed");
 }
 
-/// Largest memory that the process has had [MB]; under the address sanitizer, which keeps what is freed for a
-/// while, the memory that is allocated.
-double peak_memory() {
-#ifdef HANDSIM_ADDRESS_SANITIZED
-  return static_cast<double>(__sanitizer_get_current_allocated_bytes()) / (1 << 20);
-#endif
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return static_cast<double>(usage.ru_maxrss) / 1024;
-}
-
 // 60 pictures of 0.9 MB would be 55 MB; the first ten have warmed the renderer up.
 TEST(Pictures, AreHandedOnAsTheyAreDrawnAndNotKept) {
   const scene::Scene scene = shipped_scene("two_hands", {"pictures.size=[640, 480]"});
@@ -173,7 +158,7 @@ TEST(Pictures, AreHandedOnAsTheyAreDrawnAndNotKept) {
     if (i == 10) before = peak_memory();
   });
   EXPECT_EQ(drawn, 70U);
-  EXPECT_LT(peak_memory() - before, 10);
+  EXPECT_LT(peak_memory() - before, 10 << 20);
 }
 
 // Oracle: the file names, and a sheet of no more than 100 cells for any number of pictures.
