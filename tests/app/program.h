@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "scene_files.h"
+#include "support/sanitized.h"
 
 namespace handsim::test {
 
@@ -30,7 +31,7 @@ struct Outcome {
 };
 
 inline Outcome run_program(const std::vector<std::string>& arguments) {
-  constexpr unsigned kHang = 10;
+  constexpr unsigned kHang = kSanitized ? 120 : 30;  // [s]
   const TemporaryFolder folder;
   const std::string out = folder.path() / "out", err = folder.path() / "err";
   // Else the child would write what is still buffered here.
