@@ -6,6 +6,7 @@
 #include "handsim/engine/narrow_phase.h"
 #include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/shapes.h"
+#include "handsim/engine/pair_table.h"
 
 namespace handsim::engine {
 
@@ -37,7 +38,7 @@ std::vector<Overlap> overlaps(const model::Model& model, const model::State& sta
     ode::place_geom(geoms[i], model.shapes[i],
                     state.bodies[static_cast<std::size_t>(model.shapes[i].body)].pose());
   }
-  const ode::UntestedPairs untested(model, ode::immovable_bodies(model, {}));
+  const UntestedPairs untested(model, ode::immovable_bodies(model, {}));
   const auto pose_of = [&](std::size_t shape) {
     const model::Shape& of = model.shapes[shape];
     return state.bodies[static_cast<std::size_t>(of.body)].pose() * of.pose;

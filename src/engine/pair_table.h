@@ -1,4 +1,4 @@
-// Which contact groups meet, as the model's rules say.
+// Which contact groups meet, as the model's rules say, and which bodies never do.
 #pragma once
 
 #include <vector>
@@ -23,6 +23,20 @@ class PairTable {
   }
   std::size_t groups_;
   std::vector<int> table_;
+};
+
+/// Pairs of bodies whose shapes are never tested against each other: a body and itself, jointed bodies
+/// (but a palm and the world), two immovable bodies.
+class UntestedPairs {
+ public:
+  UntestedPairs(const model::Model& model, const std::vector<bool>& immovable);
+  bool operator()(int body_a, int body_b) const {
+    return untested_[static_cast<std::size_t>(body_a) * count_ + static_cast<std::size_t>(body_b)];
+  }
+
+ private:
+  std::size_t count_;
+  std::vector<bool> untested_;  ///< count_ by count_, symmetric
 };
 
 }  // namespace handsim::engine

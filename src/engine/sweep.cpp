@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "handsim/engine/clearance.h"
+#include "handsim/engine/ode/bodies.h"
 
 namespace handsim::engine {
 

@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "handsim/engine/ode/shapes.h"
 #include "handsim/engine/pair_table.h"
 #include "handsim/model/effects.h"
 #include "handsim/model/state.h"
@@ -79,7 +78,7 @@ class Sweep {
 
   const model::Model& model_;
   std::vector<bool> immovable_;
-  ode::UntestedPairs untested_;
+  UntestedPairs untested_;
   PairTable rules_;
   std::vector<int> bodies_;
   std::vector<Limit> limits_;           ///< of each body

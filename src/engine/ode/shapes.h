@@ -19,18 +19,4 @@ void place_geom(dGeomID geom, const model::Shape& shape, const Pose& x_WB);
 
 inline std::size_t shape_index(dGeomID geom) { return reinterpret_cast<std::size_t>(dGeomGetData(geom)); }
 
-/// Pairs of bodies whose shapes are never tested against each other: a body and itself, jointed bodies
-/// (but a palm and the world), two immovable bodies.
-class UntestedPairs {
- public:
-  UntestedPairs(const model::Model& model, const std::vector<bool>& immovable);
-  bool operator()(int body_a, int body_b) const {
-    return untested_[static_cast<std::size_t>(body_a) * count_ + static_cast<std::size_t>(body_b)];
-  }
-
- private:
-  std::size_t count_;
-  std::vector<bool> untested_;  ///< count_ by count_, symmetric
-};
-
 }  // namespace handsim::engine::ode
