@@ -124,8 +124,9 @@ class ContactNewton {
   void lay_out(std::span<const int> first);
   void reserve(std::size_t n);
   void find_islands();
+  /// What no unknown moves is the first island's.
   int island_of(const ContactRows& contact) const {
-    return island_of_[static_cast<std::size_t>(dofs_[contact.first_dof])];
+    return contact.dof_count > 0 ? island_of_[static_cast<std::size_t>(dofs_[contact.first_dof])] : 0;
   }
   static std::span<const int> part(const std::vector<int>& all, const std::vector<int>& first, int island) {
     const auto i = static_cast<std::size_t>(island);
