@@ -16,24 +16,12 @@ struct BodyState {
   Pose pose() const { return {p, q}; }
 };
 
-/// How far two touching shapes have slid on each other without being pulled back yet. An engine that holds
-/// friction by position keeps it from step to step.
-struct Presliding {
-  int shape_a = 0;
-  int shape_b = 0;
-  Vec3 shift =
-      Vec3::Zero();  ///< of a's surface against b's at the middle of the contact, in b's body frame [m]
-  double turn = 0;   ///< of a against b about the contact's normal [rad]
-};
-
 struct State {
-  double time = 0;                     ///< [s]
-  std::vector<BodyState> bodies;       ///< as Model::bodies; [0], the world, stays at rest at the origin
-  std::vector<Presliding> presliding;  ///< ODE only: of the pairs that touched in the last step; empty: none
+  double time = 0;                ///< [s]
+  std::vector<BodyState> bodies;  ///< as Model::bodies; [0], the world, stays at rest at the origin
 };
 
-/// Names time and bodies to an archive (core/archive.h); the number of bodies is the model's, and presliding
-/// its engine's to carry.
+/// Names time and bodies to an archive (core/archive.h); the number of bodies is the model's.
 template <class Archive, class T>
 void carry(Archive& archive, T& state) {
   archive(state.time);

@@ -7,9 +7,8 @@
 #include <fmt/format.h>
 
 #include "handsim/core/index.h"
-#include "handsim/engine/ode/contacts.h"
-#include "handsim/engine/ode/handlers.h"
-#include "handsim/engine/ode/spring.h"
+#include "handsim/engine/contact/ode_library.h"
+#include "handsim/engine/spring.h"
 
 namespace handsim::engine::articulated {
 
@@ -38,7 +37,7 @@ constexpr double kTieSoftness = 1e-8;
 
 /// Makes ODE ready before anything of its is built.
 const model::Model& entered(const model::Model& model) {
-  ode::enter_ode();
+  enter_ode();
   return model;
 }
 
@@ -49,12 +48,12 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
     : model_(entered(model)),
       mechanism_(mechanism),
       loops_(loops),
-      collider_(model, settings),
+      collider_(model, settings.effects, settings.articulated().speculative),
       crossed_(model),
       space_(mechanism),
       friction_(settings.effects.has(model::Effect::friction)),
       with_forces_(settings.contact_forces),
-      erp_(settings.erp) {
+      erp_(settings.erp()) {
   for (const model::Body& body : model.bodies)
     if (!body.kinematic) heaviest_ = std::max(heaviest_, body.mass);
   order();
@@ -130,7 +129,7 @@ void ContactDynamics::restore(ArchiveReader& in) {
 }
 
 int ContactDynamics::collide(const model::State& state, const Prospect& prospect) {
-  ode::enter_ode();
+  enter_ode();
   collider_.place(state);
   return collider_.collide(state, prospect);
 }
@@ -195,17 +194,16 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
 
   const Giving gives_a = giving_of(contact.shape_a), gives_b = giving_of(contact.shape_b);
   const double giving = gives_a.shift + gives_b.shift, turning = gives_a.turn + gives_b.turn;
-  const double inside = std::max(contact.depth - ode::kSurfaceLayer, 0.0);
+  const double inside = std::max(contact.depth - kSurfaceLayer, 0.0);
   double target = 0;
   if (surface.compliance) {
-    const ode::SoftRow soft =
-        ode::soft_row(surface.compliance->stiffness / sharing, surface.compliance->damping / sharing, step);
+    const SoftRow soft =
+        soft_row(surface.compliance->stiffness / sharing, surface.compliance->damping / sharing, step);
     target = soft.erp * (contact.depth < 0 ? contact.depth : inside) / step;
     rows.softness = soft.cfm / step;
   } else {
     // What is about to touch comes nearer by the gap.
-    target =
-        contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, ode::kMaxCorrectingSpeed);
+    target = contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, kMaxCorrectingSpeed);
     rows.softness = std::max(kNormalSoftness * giving, crossed);
     if (crossed == 0 && giving * heaviest_ > kLightPair) light_.push_back(frames_.size() - 1);
   }
@@ -264,7 +262,7 @@ void ContactDynamics::add_contacts(double step) {
   light_.clear();
   recalled_ = 0;
   crossed_.find(collider_);
-  for (const ode::Touch& touch : collider_.touches()) {
+  for (const Touch& touch : collider_.touches()) {
     const Contact& any = collider_.contacts()[touch.first];
     join(node_of(any.shape_a), node_of(any.shape_b));
     for (int index = 0; index < touch.count; ++index) {
@@ -335,7 +333,7 @@ void ContactDynamics::recall(ContactRows& rows, const Contact& contact, const Ma
 void ContactDynamics::memorise(double step) {
   memory_.points.clear();
   std::size_t i = 0;
-  for (const ode::Touch& touch : collider_.touches())
+  for (const Touch& touch : collider_.touches())
     for (int index = 0; index < touch.count; ++index, ++i) {
       Contact& contact = collider_.contacts()[touch.first + at(index)];
       const ContactRows& rows = solver_.contacts()[i];

@@ -52,12 +52,12 @@ Json ledger_json(const std::vector<LedgerEntry>& entries) {
 }
 
 /// Steps by how they were solved: what method auto chose, and what the guard tried.
-Json steps_json(const Ledger& ledger, const model::SolverSettings& solver) {
+Json steps_json(const Ledger& ledger, const engine::Settings& solver) {
   Json out;
-  if (solver.method == model::Method::automatic)
+  if (solver.method() == engine::OdeMethod::automatic)
     out["method"] = {{"world_step", ledger.steps() - ledger.iterative_steps()},
                      {"quick_step", ledger.iterative_steps()}};
-  if (!solver.effects.has(model::Effect::step_guard)) return out;
+  if (solver.engine() != engine::EngineKind::ode || !solver.ode().guard) return out;
   for (std::size_t i = 1; i < engine::kRungNames.size(); ++i)
     out["guard"][std::string(engine::kRungNames[i])] = ledger.rungs()[i];
   return out;
@@ -101,7 +101,7 @@ Json convergence_json(const Simulation& simulation, const RunResult& result) {
     out["joint_residual_rad_per_s"] = peak(convergence.angular());
     out["contact_residual_m_per_s"] = peak(convergence.contact());
   }
-  if (model::engine_of(simulation.engine().settings().method) == model::EngineKind::articulated) {
+  if (simulation.engine().settings().engine() == engine::EngineKind::articulated) {
     out["steps_by_fixed_friction_limits"] = convergence.limit_steps();
     out["steps_relaxed"] = simulation.ledger().iterative_steps();
   }
@@ -362,7 +362,7 @@ std::vector<Verdict> verdicts(const Simulation& simulation, const scene::Criteri
 }
 
 std::string summary_json(const scene::Scene& scene, const Simulation& simulation, const RunResult& result) {
-  const model::SolverSettings& solver = scene.spec.solver;
+  const engine::Settings& solver = scene.spec.solver;
   const Ledger& ledger = simulation.ledger();
   const std::vector<std::string> notes = simulation.engine().notes();
   Json out;
@@ -390,9 +390,9 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
   if (simulation.contact_sums()) out["contact_forces"] = contact_forces_json(*simulation.contact_sums());
   out["ledger"] = {{"phases", ledger_json(ledger.phases())}, {"effects", ledger_json(ledger.effects())}};
   out["solver"] = {{"engine", simulation.engine().version()},
-                   {"method", model::name(solver.method)},
-                   {"step_s", solver.step},
-                   {"seed", solver.seed}};
+                   {"method", engine::name(solver.method())},
+                   {"step_s", solver.step}};
+  if (solver.engine() == engine::EngineKind::ode) out["solver"]["seed"] = solver.ode().seed;
   out["versions"] = {{"handsim", HANDSIM_VERSION},
                      {"engine", simulation.engine().version()},
                      {"compiler", __VERSION__},

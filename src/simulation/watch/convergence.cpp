@@ -44,21 +44,20 @@ void Convergence::save(ArchiveWriter& out) const { carry(out, *this); }
 
 void Convergence::restore(ArchiveReader& in) { carry(in, *this); }
 
-std::vector<std::string> Convergence::warnings(const Ledger& ledger,
-                                               const model::SolverSettings& solver) const {
+std::vector<std::string> Convergence::warnings(const Ledger& ledger, const engine::Settings& solver) const {
   std::vector<std::string> out;
-  const bool articulated = model::engine_of(solver.method) == model::EngineKind::articulated;
+  const bool articulated = solver.engine() == engine::EngineKind::articulated;
   if (const long failures = ledger.lcp_failures(); failures > 0 && articulated)
     out.push_back(fmt::format(
         "contacts, stops and torque limits did not settle in {} steps: try a smaller step", failures));
   else if (failures > 0)
     out.push_back(fmt::format(
         "the LCP solver gave up {} times, and what it had not solved was left to move: try a larger "
-        "solver.cfm, a smaller step, or the step_guard effect",
+        "solver.cfm, a smaller step, or solver.guard",
         failures));
   if (const long lost = ledger.rungs()[static_cast<std::size_t>(engine::Rung::unresolved)]; lost > 0)
     out.push_back(fmt::format("{} steps did not keep to the guard's limits in any way", lost));
-  const double worth = solver.step / std::max(solver.erp, kLeastErp);
+  const double worth = solver.step / std::max(solver.erp(), kLeastErp);
   const auto warn = [&](const Peak& peak, double bad, const char* what, const char* unit, const char* gap) {
     if (peak.value * worth > bad)
       out.push_back(fmt::format(

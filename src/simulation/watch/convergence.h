@@ -36,7 +36,7 @@ class Convergence {
   /// One sentence for each thing that is bad: LCP failures, steps that the guard could not mend, and
   /// residuals that, were they to stay, would hold a joint open by more than 0.1 mm or 5 mrad, or a contact
   /// in by 0.1 mm (residual times step over ERP).
-  std::vector<std::string> warnings(const Ledger& ledger, const model::SolverSettings& solver) const;
+  std::vector<std::string> warnings(const Ledger& ledger, const engine::Settings& solver) const;
 
  private:
   template <class Archive, class Self>

@@ -102,10 +102,6 @@ LedgerEntry Ledger::entry(Effect effect) const {
       out.ran = steps_;
       out.how = "acts within the step without rows of its own: not told apart";
       return out;
-    case Effect::step_guard:
-      out.ran = steps_ - rungs_[0];
-      out.how = "steps that were tried again; their time is the step's: not told apart";
-      return out;
     case Effect::actuation:
     case Effect::object_contact:
     case Effect::self_contact:

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/engine/contact/crossing.h"
+#include "handsim/model/shape_extent.h"
 
 namespace handsim::simulation {
 
@@ -24,7 +25,7 @@ Tunnelling::Tunnelling(const model::Model& model, const model::Effects& effects,
     radii_.push_back(model.bodies[static_cast<std::size_t>(shape.body)].kinematic ||
                              shape.body == model::kWorld
                          ? std::numeric_limits<double>::infinity()
-                         : engine::smallest_radius(shape));
+                         : model::inner_radius(shape));
   restart(start);
 }
 
