@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <sstream>
 #include <string_view>
 
@@ -80,15 +81,15 @@ std::string check_engine(const std::string& text) {
 /// `--set`, and `--engine` for `--set solver.engine=...`. CLI11 lets an option that may be repeated take
 /// every word after it; these take one.
 void add_overrides(CLI::App& app, std::vector<std::string>& overrides) {
-  app.add_option_function<std::string>(
-         "--engine",
-         [&overrides](const std::string& text) {
-           overrides.insert(overrides.begin(), "solver.engine=" + text);
-         },
-         "ode, dae, articulated or auto in place of the scene's, with that engine's default method; settings "
-         "that it "
-         "does not have are left out")
+  const auto engine = std::make_shared<std::string>();
+  app.add_option("--engine", *engine,
+                 "ode, dae, articulated or auto in place of the scene's, with that engine's default method; "
+                 "settings that it does not have are left out")
       ->check(check_engine);
+  // Before the others, which may then set what that engine has.
+  app.callback([engine, &overrides] {
+    if (!engine->empty()) overrides.insert(overrides.begin(), "solver.engine=" + *engine);
+  });
   app.add_option("--set", overrides, "override a key of the scene: solver.step=\"5 ms\"; may be repeated")
       ->allow_extra_args(false);
 }

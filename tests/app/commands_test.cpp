@@ -224,6 +224,29 @@ TEST(Commands, HelpIsNoErrorAndHasAnExample) {
   }
 }
 
+// Oracle: the contract: as --set solver.engine does, before any --set.
+TEST(EngineOption, SwitchesEnginesAndSaysWhatWasLeftOut) {
+  const TemporaryFolder folder;
+  const auto run_on = [&](std::vector<std::string> more) {
+    std::vector<std::string> words = {
+        "run",   kScene,       "--out", (folder.path() / "out").string(), "--json", "--set", "duration=10 ms",
+        "--set", "criteria={}"};
+    words.insert(words.end(), more.begin(), more.end());
+    return run_program(words);
+  };
+  const Outcome switched = run_on({"--engine", "articulated"});
+  EXPECT_EQ(switched.status, 0) << switched.err;
+  EXPECT_TRUE(contains(switched.out, "\"method\": \"semi_implicit_euler\"")) << switched.out;
+  EXPECT_TRUE(contains(switched.err, "left out: engine articulated does not have them")) << switched.err;
+  const Outcome method =
+      run_on({"--set", "solver.method=euler_projected", "--set", "effects=[gravity]", "--engine", "dae"});
+  EXPECT_TRUE(contains(method.out, "\"method\": \"euler_projected\"")) << method.err;
+  const Outcome refused = run_on({"--engine", "dae"});
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_TRUE(contains(refused.err, "effects: got joint_stops")) << refused.err;
+  EXPECT_EQ(run_on({"--engine", "bullet"}).status, 2);
+}
+
 TEST(EffectsCommand, RefusesBadInputAsEverywhereAndWritesNothing) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out";

@@ -226,7 +226,11 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
   const YamlNode engine = *block.child("engine");
   refuse_keys(
       block,
-      [](const YamlEntry& entry) -> std::optional<std::string> {
+      [&](const YamlEntry& entry) -> std::optional<std::string> {
+        // The file has it for its own engine.
+        const bool passed_over =
+            entry.key == "guard" && of_command_line(engine) && !of_command_line(entry.value);
+        if (passed_over) return "";
         for (const char* key : {"method", "step", "erp", "cfm", "iterations", "projection", "tolerance"})
           if (entry.key == key) return "nothing: engine auto chooses it";
         return std::nullopt;

@@ -73,6 +73,8 @@ void read_settings(MapReader& reader, engine::Settings& solver);
 /// @param need what is needed in a key's place; nothing: the key may stand. @param why they are left out
 void refuse_keys(MapReader& reader, const std::function<std::optional<std::string>(const YamlEntry&)>& need,
                  const std::string& why);
+/// True for a value that `--set` gave.
+bool of_command_line(const YamlNode& node);
 std::optional<engine::GuardLimits> read_guard(MapReader& reader);
 bool read_speculative(MapReader& reader);
 std::uint64_t read_seed(MapReader& reader);

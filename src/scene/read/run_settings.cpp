@@ -105,9 +105,9 @@ std::optional<std::string> needed_for(EngineKind kind, const YamlEntry& entry) {
                      fmt::join(owners, " and "));
 }
 
-bool of_command_line(const YamlNode& node) { return node.file && node.file->starts_with("--set"); }
-
 }  // namespace
+
+bool of_command_line(const YamlNode& node) { return node.file && node.file->starts_with("--set"); }
 
 std::uint64_t read_seed(MapReader& reader) {
   return static_cast<std::uint64_t>(reader.integer("seed", 0, 2'147'483'647, 1));

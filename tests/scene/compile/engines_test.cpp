@@ -38,7 +38,7 @@ std::string refusal_of(const std::string& rest) {
 // Oracle: the contract: place, key, and the engine that has it.
 TEST(SolverKeys, OfAnotherEngineAreRefusedWithTheEngineThatHasThem) {
   EXPECT_EQ(refusal_of("solver: {engine: dae, cfm: 1e-8}\neffects: []\n"),
-            "ball.yaml:3:29: solver.cfm: got 1e-8, need a key of engine dae: cfm is one of engine ode");
+            "ball.yaml:3:28: solver.cfm: got 1e-8, need a key of engine dae: cfm is one of engine ode");
   EXPECT_NE(refusal_of("solver: {tolerance: 1e-8}\n").find("is one of engine dae and articulated"),
             std::string::npos);
   EXPECT_NE(refusal_of("solver: {accuracy: 0.1}\n").find("is one of engine auto"), std::string::npos);
