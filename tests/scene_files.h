@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "handsim/scene/scene.h"
+#include "handsim/scene/compile/scene.h"
 
 namespace handsim::test {
 

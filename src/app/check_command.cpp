@@ -4,13 +4,13 @@
 #include "handsim/app/console.h"
 #include "handsim/control/motion_file.h"
 #include "handsim/hand/grip_strength.h"
-#include "handsim/scene/contacts.h"
-#include "handsim/scene/file_kind.h"
-#include "handsim/scene/objects.h"
-#include "handsim/scene/scene.h"
+#include "handsim/scene/compile/contacts.h"
+#include "handsim/scene/compile/scene.h"
+#include "handsim/scene/read/file_kind.h"
+#include "handsim/scene/read/objects.h"
 #include "handsim/simulation/simulation.h"
-#include "handsim/study/accuracy.h"
-#include "handsim/study/stability.h"
+#include "handsim/study/accuracy/accuracy.h"
+#include "handsim/study/stability/stability.h"
 
 namespace handsim::app {
 

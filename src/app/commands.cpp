@@ -10,7 +10,7 @@
 #include <CLI/CLI.hpp>
 
 #include "handsim/core/yaml_reader.h"
-#include "handsim/simulation/state_hash.h"
+#include "handsim/simulation/watch/state_hash.h"
 
 namespace handsim::app {
 

@@ -9,7 +9,7 @@
 #include <cstring>
 #include <string>
 
-#include "handsim/output/gnuplot.h"
+#include "handsim/output/table/gnuplot.h"
 
 namespace handsim::app {
 

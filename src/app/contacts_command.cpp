@@ -5,7 +5,7 @@
 #include "handsim/app/progress.h"
 #include "handsim/core/data_folder.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/study/contact_cost.h"
+#include "handsim/study/effects/contact_cost.h"
 
 namespace handsim::app {
 

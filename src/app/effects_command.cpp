@@ -4,8 +4,8 @@
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/scene/files_read.h"
-#include "handsim/study/effects_report.h"
+#include "handsim/scene/read/files_read.h"
+#include "handsim/study/effects/effects_report.h"
 
 namespace handsim::app {
 

@@ -3,11 +3,11 @@
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
 #include "handsim/output/atomic_file.h"
-#include "handsim/output/mjcf.h"
+#include "handsim/output/export/mjcf.h"
+#include "handsim/output/export/urdf.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/output/urdf.h"
-#include "handsim/scene/files_read.h"
-#include "handsim/scene/scene.h"
+#include "handsim/scene/compile/scene.h"
+#include "handsim/scene/read/files_read.h"
 
 namespace handsim::app {
 

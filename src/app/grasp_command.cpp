@@ -6,7 +6,7 @@
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/core/units.h"
-#include "handsim/study/grasp_study.h"
+#include "handsim/study/grasp/grasp_study.h"
 
 namespace handsim::app {
 

@@ -9,15 +9,15 @@
 #include "handsim/app/overlaps.h"
 #include "handsim/core/data_folder.h"
 #include "handsim/core/units.h"
-#include "handsim/engine/overlap.h"
+#include "handsim/engine/contact/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/scene/file_kind.h"
-#include "handsim/scene/files_read.h"
-#include "handsim/scene/scene.h"
-#include "handsim/simulation/pictures.h"
+#include "handsim/scene/compile/scene.h"
+#include "handsim/scene/read/file_kind.h"
+#include "handsim/scene/read/files_read.h"
+#include "handsim/simulation/run/pictures.h"
 
 namespace handsim::app {
 

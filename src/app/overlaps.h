@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "handsim/engine/overlap.h"
+#include "handsim/engine/contact/overlap.h"
 
 namespace handsim::app {
 

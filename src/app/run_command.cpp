@@ -8,15 +8,15 @@
 #include "handsim/app/overlaps.h"
 #include "handsim/app/progress.h"
 #include "handsim/core/units.h"
-#include "handsim/engine/overlap.h"
+#include "handsim/engine/contact/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
-#include "handsim/scene/files_read.h"
-#include "handsim/simulation/mathematics.h"
-#include "handsim/simulation/pictures.h"
-#include "handsim/simulation/run.h"
-#include "handsim/simulation/state_hash.h"
+#include "handsim/scene/read/files_read.h"
+#include "handsim/simulation/run/mathematics.h"
+#include "handsim/simulation/run/pictures.h"
+#include "handsim/simulation/run/run.h"
+#include "handsim/simulation/watch/state_hash.h"
 
 namespace handsim::app {
 

@@ -1,5 +1,5 @@
-# One object library per folder of src/. A folder sees its own headers and those of the folders it links,
-# and no others: each has an include root that holds only itself, so a wrong include does not build.
+# One object library per folder of src/. A folder sees its own headers and those of the folders that it USES, and no
+# others: each has an include root that holds only itself, so a wrong include does not build.
 
 add_library(handsim_flags INTERFACE)
 target_compile_options(handsim_flags INTERFACE -Wall -Wextra -Wconversion -Wshadow
@@ -25,26 +25,46 @@ endfunction()
 # compile.
 set(HANDSIM_FUZZED core hand control scene simulation)
 
-# handsim_folder(NAME SOURCES file... USES folder... LIBRARIES public library... PRIVATE library...)
+# What every folder may include: the standard library and Eigen.
+#
+# handsim_folder(NAME SOURCES file... USES folder... PRIVATE library...)
+# NAME is a folder below src/; its subfolders are folders of their own. USES names every folder whose headers its files
+# read, directly or through a header: nothing is passed on, so an include that is not named does not build.
 function(handsim_folder folder)
-  cmake_parse_arguments(arg "" "" "SOURCES;USES;LIBRARIES;PRIVATE" ${ARGN})
-  set(root ${PROJECT_BINARY_DIR}/include/${folder})
-  file(MAKE_DIRECTORY ${root}/handsim)
-  file(CREATE_LINK ${PROJECT_SOURCE_DIR}/src/${folder} ${root}/handsim/${folder} SYMBOLIC)
-  add_library(handsim_${folder} OBJECT ${arg_SOURCES})
-  set_target_properties(handsim_${folder} PROPERTIES UNITY_BUILD ${HANDSIM_UNITY} UNITY_BUILD_BATCH_SIZE 6)
-  target_include_directories(handsim_${folder} PUBLIC ${root})
-  list(TRANSFORM arg_USES PREPEND handsim_)
-  target_link_libraries(handsim_${folder} PUBLIC ${arg_USES} ${arg_LIBRARIES} PRIVATE handsim_flags ${arg_PRIVATE})
-  set(headers)
+  cmake_parse_arguments(arg "" "" "SOURCES;USES;PRIVATE" ${ARGN})
+  string(REPLACE "/" "_" name ${folder})
+  set(target handsim_${name})
+  # Links to the headers of this folder alone.
+  set(root ${PROJECT_BINARY_DIR}/include/${name})
+  file(REMOVE_RECURSE ${root})
+  file(MAKE_DIRECTORY ${root}/handsim/${folder})
+  file(GLOB headers CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/src/${folder}/*.h)
+  foreach(header IN LISTS headers)
+    get_filename_component(file ${header} NAME)
+    file(CREATE_LINK ${header} ${root}/handsim/${folder}/${file} SYMBOLIC)
+  endforeach()
+  list(TRANSFORM arg_SOURCES PREPEND ${folder}/)
+  add_library(${target} OBJECT ${arg_SOURCES})
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ${HANDSIM_UNITY} UNITY_BUILD_BATCH_SIZE 6)
+  set(roots ${root})
+  foreach(used IN LISTS arg_USES)
+    string(REPLACE "/" "_" used ${used})
+    list(APPEND roots ${PROJECT_BINARY_DIR}/include/${used})
+  endforeach()
+  target_include_directories(${target} PRIVATE ${roots})
+  target_link_libraries(${target} PRIVATE handsim_flags Eigen3::Eigen ${arg_PRIVATE})
+  set(precompiled)
   if("fmt::fmt" IN_LIST arg_PRIVATE)
-    list(APPEND headers <fmt/format.h>)
+    list(APPEND precompiled <fmt/format.h>)
   endif()
   if("nlohmann_json::nlohmann_json" IN_LIST arg_PRIVATE)
-    list(APPEND headers <nlohmann/json.hpp>)
+    list(APPEND precompiled <nlohmann/json.hpp>)
   endif()
-  handsim_precompile(handsim_${folder} ${headers})
-  if(HANDSIM_FUZZ AND folder IN_LIST HANDSIM_FUZZED)
-    target_compile_options(handsim_${folder} PRIVATE -fsanitize=fuzzer-no-link)
+  handsim_precompile(${target} ${precompiled})
+  string(REGEX REPLACE "/.*" "" top ${folder})
+  if(HANDSIM_FUZZ AND top IN_LIST HANDSIM_FUZZED)
+    target_compile_options(${target} PRIVATE -fsanitize=fuzzer-no-link)
   endif()
+  set_property(GLOBAL APPEND PROPERTY HANDSIM_FOLDERS ${folder})
+  set_property(GLOBAL APPEND PROPERTY HANDSIM_ROOTS ${root})
 endfunction()

@@ -9,7 +9,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/engine/overlap.h"
+#include "handsim/engine/contact/overlap.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::simulation {

@@ -7,17 +7,17 @@
 #include <vector>
 
 #include "handsim/engine/engine.h"
-#include "handsim/scene/scene.h"
-#include "handsim/simulation/climb_figures.h"
-#include "handsim/simulation/contact_sums.h"
-#include "handsim/simulation/convergence.h"
-#include "handsim/simulation/grasp_figures.h"
-#include "handsim/simulation/ledger.h"
-#include "handsim/simulation/monitor.h"
-#include "handsim/simulation/snapshot.h"
-#include "handsim/simulation/state_hash.h"
-#include "handsim/simulation/tracking.h"
-#include "handsim/simulation/tunnelling.h"
+#include "handsim/scene/compile/scene.h"
+#include "handsim/simulation/run/snapshot.h"
+#include "handsim/simulation/watch/climb_figures.h"
+#include "handsim/simulation/watch/contact_sums.h"
+#include "handsim/simulation/watch/convergence.h"
+#include "handsim/simulation/watch/grasp_figures.h"
+#include "handsim/simulation/watch/ledger.h"
+#include "handsim/simulation/watch/monitor.h"
+#include "handsim/simulation/watch/state_hash.h"
+#include "handsim/simulation/watch/tracking.h"
+#include "handsim/simulation/watch/tunnelling.h"
 
 namespace handsim::simulation {
 

@@ -14,7 +14,7 @@
 
 #include "app/program.h"
 #include "handsim/control/motion_file.h"
-#include "handsim/simulation/snapshot.h"
+#include "handsim/simulation/run/snapshot.h"
 
 namespace handsim::test {
 namespace {
@@ -132,7 +132,8 @@ TEST(KilledRun, LeavesNothingButWholeFilesUnderTheirNames) {
   EXPECT_GT(unfinished, 5);
 }
 
-// A disk that takes no more than so many bytes a file. Most of it is foreseen; a few bytes too little are not.
+// A disk that takes no more than so many bytes a file. Most of it is foreseen; a few bytes too little are
+// not.
 TEST(FullDisk, IsToldAndLeavesNothingButWholeFiles) {
   const std::size_t largest = reference().at("trajectory.csv").size();
   int foreseen = 0, late = 0;

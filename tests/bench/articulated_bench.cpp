@@ -8,7 +8,7 @@
 
 #include <fstream>
 
-#include "handsim/output/mjcf.h"
+#include "handsim/output/export/mjcf.h"
 #endif
 
 #include "bench/paired.h"

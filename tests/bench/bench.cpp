@@ -8,7 +8,7 @@
 #include "bench/paired.h"
 #include "handsim/engine/ode/ode_engine.h"
 #include "handsim/model/kinematics.h"
-#include "handsim/simulation/pictures.h"
+#include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
 

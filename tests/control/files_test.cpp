@@ -6,7 +6,7 @@
 #include <fstream>
 
 #include "handsim/control/motion_file.h"
-#include "handsim/output/motion_table.h"
+#include "handsim/output/table/motion_table.h"
 #include "scene_files.h"
 
 namespace handsim::control {

@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "handsim/engine/overlap.h"
+#include "handsim/engine/contact/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "scene_files.h"
 

@@ -1,5 +1,5 @@
 #include "fuzz/fuzz.h"
-#include "handsim/scene/scene.h"
+#include "handsim/scene/compile/scene.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace handsim;

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 
-#include "handsim/output/renderer.h"
+#include "handsim/output/render/renderer.h"
 
 namespace handsim::output {
 

@@ -10,8 +10,8 @@
 
 #include "handsim/engine/articulated/joint_space.h"
 #include "handsim/model/kinematics.h"
-#include "handsim/output/mjcf.h"
-#include "handsim/output/urdf.h"
+#include "handsim/output/export/mjcf.h"
+#include "handsim/output/export/urdf.h"
 #include "scene_files.h"
 
 namespace handsim::test {

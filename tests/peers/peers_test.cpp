@@ -9,7 +9,7 @@
 #include <fstream>
 #include <ostream>
 
-#include "handsim/study/accuracy.h"
+#include "handsim/study/accuracy/accuracy.h"
 #include "scene_files.h"
 
 namespace handsim::study {

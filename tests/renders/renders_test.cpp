@@ -3,7 +3,7 @@
 
 #include <cstdlib>
 
-#include "handsim/output/image.h"
+#include "handsim/output/render/image.h"
 #include "scene_files.h"
 
 namespace handsim {

@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "handsim/model/kinematics.h"
-#include "handsim/scene/file_kind.h"
+#include "handsim/scene/read/file_kind.h"
 #include "scene_files.h"
 
 namespace handsim::scene {

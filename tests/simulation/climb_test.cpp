@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "handsim/simulation/simulation.h"
-#include "handsim/study/grasp_study.h"
+#include "handsim/study/grasp/grasp_study.h"
 #include "scene_files.h"
 
 namespace handsim::simulation {

@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "handsim/simulation/run.h"
+#include "handsim/simulation/run/run.h"
 #include "scene_files.h"
 
 namespace handsim::simulation {

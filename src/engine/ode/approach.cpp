@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "handsim/engine/clearance.h"
-#include "handsim/engine/narrow_phase.h"
+#include "handsim/engine/contact/clearance.h"
+#include "handsim/engine/contact/narrow_phase.h"
 
 namespace handsim::engine::ode {
 

@@ -11,9 +11,9 @@
 #include <span>
 #include <vector>
 
-#include "handsim/engine/manifold.h"
+#include "handsim/engine/contact/manifold.h"
+#include "handsim/engine/contact/sweep.h"
 #include "handsim/engine/ode/shapes.h"
-#include "handsim/engine/sweep.h"
 
 namespace handsim::engine::ode {
 

@@ -5,7 +5,7 @@
 
 #include <fmt/format.h>
 
-#include "handsim/engine/narrow_phase.h"
+#include "handsim/engine/contact/narrow_phase.h"
 
 namespace handsim::engine::ode {
 

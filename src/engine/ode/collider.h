@@ -9,11 +9,11 @@
 #include <utility>
 #include <vector>
 
-#include "handsim/engine/clearance.h"
+#include "handsim/engine/contact/clearance.h"
+#include "handsim/engine/contact/sweep.h"
 #include "handsim/engine/ode/approach.h"
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/shapes.h"
-#include "handsim/engine/sweep.h"
 
 namespace handsim::engine::ode {
 

@@ -5,8 +5,8 @@
 #include <span>
 #include <vector>
 
+#include "handsim/engine/contact/sweep.h"
 #include "handsim/engine/ode/bodies.h"
-#include "handsim/engine/sweep.h"
 
 namespace handsim::engine::ode {
 

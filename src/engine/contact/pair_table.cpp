@@ -1,0 +1,36 @@
+#include "handsim/engine/contact/pair_table.h"
+
+namespace handsim::engine {
+
+PairTable::PairTable(const model::Model& model)
+    : groups_(model.groups.size()), table_(groups_ * groups_, kNever) {
+  for (const model::ContactRule& rule : model.contact_rules) {
+    const auto a = static_cast<std::size_t>(rule.group_a);
+    const auto b = static_cast<std::size_t>(rule.group_b);
+    table_[a * groups_ + b] = table_[b * groups_ + a] = rule.material;
+  }
+}
+
+bool PairTable::meets_any(int group) const {
+  for (int other = 0; other < static_cast<int>(groups_); ++other)
+    if (meet(group, other)) return true;
+  return false;
+}
+
+UntestedPairs::UntestedPairs(const model::Model& model, const std::vector<bool>& immovable)
+    : count_(model.bodies.size()), untested_(count_ * count_, false) {
+  for (std::size_t a = 0; a < count_; ++a)
+    for (std::size_t b = 0; b < count_; ++b)
+      untested_[a * count_ + b] = a == b || (immovable[a] && immovable[b]);
+  // The world at a wrist is no forearm: a palm that hangs on it meets what stands still.
+  std::vector<bool> palm(count_, false);
+  for (const model::HandIndex& hand : model.hands) palm[static_cast<std::size_t>(hand.palm)] = true;
+  for (const model::Joint& joint : model.joints) {
+    if (joint.parent == model::kWorld && palm[static_cast<std::size_t>(joint.child)]) continue;
+    const auto a = static_cast<std::size_t>(joint.parent);
+    const auto b = static_cast<std::size_t>(joint.child);
+    untested_[a * count_ + b] = untested_[b * count_ + a] = true;
+  }
+}
+
+}  // namespace handsim::engine

@@ -1,0 +1,250 @@
+#include "handsim/output/export/mjcf.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/core/index.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/output/export/export_tree.h"
+
+namespace handsim::output {
+
+namespace {
+
+using model::Effect;
+using model::JointKind;
+
+constexpr int kMostGroups = 32;
+constexpr double kPlaneSpacing = 0.1;  ///< of the grid that MuJoCo draws [m]
+
+class MjcfWriter {
+ public:
+  MjcfWriter(const model::Model& model, const model::SolverSettings& settings)
+      : model_(model),
+        settings_(settings),
+        children_(children_of(model)),
+        holder_(holder_of(model)),
+        start_(model::initial_state(model)) {}
+
+  std::string run() {
+    check();
+    const Vec3 gravity = settings_.effects.has(Effect::gravity) ? model_.gravity : Vec3::Zero();
+    line("<mujoco model=\"handsim\">");
+    line("  <compiler angle=\"radian\" coordinate=\"local\" boundmass=\"0\" boundinertia=\"0\"/>");
+    line(fmt::format("  <option timestep=\"{:.17g}\" gravity=\"{}\"/>", settings_.step, numbers(gravity)));
+    meshes();
+    line("  <worldbody>");
+    shapes(model::kWorld, 4);
+    for (std::size_t i = 1; i < model_.bodies.size(); ++i)
+      if (holder_[i] < 0) root(static_cast<int>(i));
+    for (const int joint : children_[model::kWorld]) child(joint, 4);
+    line("  </worldbody>");
+    exclusions();
+    loops();
+    if (!motors_.empty()) line("  <actuator>\n" + motors_ + "  </actuator>");
+    if (!positions_.empty())
+      line(fmt::format("  <keyframe>\n    <key name=\"initial\" qpos=\"{}\" qvel=\"{}\"/>\n  </keyframe>",
+                       positions_.substr(1), velocities_.substr(1)));
+    line("</mujoco>");
+    return std::move(out_);
+  }
+
+ private:
+  void line(const std::string& text) { out_ += text + "\n"; }
+
+  void check() const {
+    std::vector<Problem> problems;
+    if (model_.groups.size() > kMostGroups)
+      problems.push_back(
+          {std::nullopt, "groups", fmt::format("{}", model_.groups.size()), "at most 32 for MJCF"});
+    for (const model::Joint& joint : model_.joints)
+      if (joint.closes_loop && (joint.kind == JointKind::universal || joint.kind == JointKind::slider))
+        problems.push_back({std::nullopt, joint.name, "a loop closed by a universal or slider joint",
+                            "a ball joint or hinge there, for MJCF"});
+    if (!problems.empty()) throw Error(std::move(problems));
+  }
+
+  bool driven(int body) const {
+    return std::any_of(model_.drives.begin(), model_.drives.end(),
+                       [&](const model::Drive& drive) { return drive.body == body; });
+  }
+
+  void open(int index, const Pose& pose, int indent) {
+    const model::Body& body = model_.bodies[at(index)];
+    const std::string in(at(indent), ' ');
+    const bool mocap = body.kinematic && driven(index) && settings_.effects.has(Effect::wrist_motion);
+    line(fmt::format("{}<body name=\"{}\" pos=\"{}\" quat=\"{}\"{}>", in, attribute(body.name),
+                     numbers(pose.p), wxyz(pose.q), mocap ? " mocap=\"true\"" : ""));
+    const Mat3& I = body.inertia;
+    line(fmt::format(
+        "{}  <inertial pos=\"0 0 0\" mass=\"{:.17g}\" fullinertia=\"{} {:.17g} {:.17g} {:.17g}\"/>", in,
+        body.mass, numbers(I.diagonal()), I(0, 1), I(0, 2), I(1, 2)));
+  }
+
+  /// A body that hangs on nothing.
+  void root(int index) {
+    const model::BodyState& body = start_.bodies[at(index)];
+    open(index, body.pose(), 4);
+    if (!model_.bodies[at(index)].kinematic) {
+      line(fmt::format("      <freejoint name=\"{}\"/>", attribute(model_.bodies[at(index)].name)));
+      positions_ += " " + numbers(body.p) + " " + wxyz(body.q);
+      velocities_ += " " + numbers(body.v) + " " + numbers(body.q.conjugate() * body.w);
+    }
+    close(index, 4);
+  }
+
+  void child(int joint_index, int indent) {
+    const model::Joint& joint = model_.joints[at(joint_index)];
+    const Pose zero = joint.parent_frame * joint.child_frame.inverse();
+    open(joint.child, zero, indent);
+    if (!model_.bodies[at(joint.child)].kinematic) hang(joint, indent + 2);
+    close(joint.child, indent);
+  }
+
+  void close(int index, int indent) {
+    shapes(index, indent + 2);
+    for (const int joint : children_[at(index)]) child(joint, indent + 2);
+    line(std::string(at(indent), ' ') + "</body>");
+  }
+
+  void hang(const model::Joint& joint, int indent) {
+    const std::string in(at(indent), ' ');
+    double q[3] = {}, u[3] = {};
+    model::joint_coordinates(joint, start_, q);
+    model::joint_rates(joint, start_, u);
+    if (joint.kind == JointKind::ball) {
+      line(fmt::format("{}<joint name=\"{}\" type=\"ball\" pos=\"{}\"/>", in, attribute(joint.name),
+                       numbers(joint.child_frame.p)));
+      // MuJoCo turns the body's own axes, and has rates in them.
+      const Quat q_FM = rotation_quaternion({q[0], q[1], q[2]});
+      const Quat& q_CM = joint.child_frame.q;
+      positions_ += " " + wxyz(q_CM * q_FM * q_CM.conjugate());
+      velocities_ += " " + numbers(q_CM * (q_FM.conjugate() * Vec3(u[0], u[1], u[2])));
+      return;
+    }
+    for (std::size_t i = 0; i < joint.axes.size(); ++i) {
+      const model::JointAxis& axis = joint.axes[i];
+      const std::string name = attribute(joint.name + "." + axis.name);
+      std::string text = fmt::format("{}<joint name=\"{}\" type=\"{}\" pos=\"{}\" axis=\"{}\"", in, name,
+                                     joint.kind == JointKind::slider ? "slide" : "hinge",
+                                     numbers(joint.child_frame.p), numbers(joint.child_frame.q * axis.axis));
+      if (axis.stop && settings_.effects.has(Effect::joint_stops) && std::isfinite(axis.stop->low) &&
+          std::isfinite(axis.stop->high))
+        text += fmt::format(" limited=\"true\" range=\"{:.17g} {:.17g}\"", axis.stop->low, axis.stop->high);
+      else
+        text += " limited=\"false\"";
+      if (axis.tissue && settings_.effects.has(Effect::passive_tissue))
+        text += fmt::format(" stiffness=\"{:.17g}\" springref=\"{:.17g}\" damping=\"{:.17g}\"",
+                            axis.tissue->stiffness, axis.tissue->rest, axis.tissue->damping);
+      line(text + "/>");
+      motors_ += fmt::format("    <motor name=\"{}\" joint=\"{}\"/>\n", name, name);
+      positions_ += fmt::format(" {:.17g}", q[i]);
+      velocities_ += fmt::format(" {:.17g}", u[i]);
+    }
+  }
+
+  /// Bits of the groups that a group may meet. MuJoCo lets two shapes touch where one's type meets the
+  /// other's affinity.
+  unsigned affinity(int group) const {
+    unsigned bits = 0;
+    for (const model::ContactRule& rule : model_.contact_rules) {
+      if (rule.group_a == group) bits |= 1U << at(rule.group_b);
+      if (rule.group_b == group) bits |= 1U << at(rule.group_a);
+    }
+    return bits;
+  }
+
+  /// MuJoCo makes the hull of the corners again.
+  void meshes() {
+    std::string text;
+    for (const model::Shape& shape : model_.shapes) {
+      if (shape.kind != model::ShapeKind::convex_mesh) continue;
+      text += fmt::format("    <mesh name=\"{}\" vertex=\"", attribute(shape.name));
+      for (const Vec3& vertex : shape.mesh->vertices) text += numbers(vertex) + " ";
+      text += "\"/>\n";
+    }
+    if (!text.empty()) line("  <asset>\n" + text + "  </asset>");
+  }
+
+  void shapes(int body, int indent) {
+    for (const model::Shape& shape : model_.shapes) {
+      if (shape.body != body) continue;
+      std::string size;
+      const char* type = "";
+      switch (shape.kind) {
+        case model::ShapeKind::box:
+          type = "box";
+          size = numbers(0.5 * shape.edges);
+          break;
+        case model::ShapeKind::sphere:
+          type = "sphere";
+          size = fmt::format("{:.17g}", shape.radius);
+          break;
+        case model::ShapeKind::capsule:
+        case model::ShapeKind::cylinder:
+          type = shape.kind == model::ShapeKind::capsule ? "capsule" : "cylinder";
+          size = fmt::format("{:.17g} {:.17g}", shape.radius, 0.5 * shape.length);
+          break;
+        case model::ShapeKind::convex_mesh:
+          type = "mesh";
+          break;
+        case model::ShapeKind::plane:
+          type = "plane";
+          size = fmt::format("0 0 {:g}", kPlaneSpacing);
+          break;
+      }
+      size = shape.kind == model::ShapeKind::convex_mesh ? fmt::format("mesh=\"{}\"", attribute(shape.name))
+                                                         : fmt::format("size=\"{}\"", size);
+      line(
+          fmt::format("{}<geom name=\"{}\" type=\"{}\" {} pos=\"{}\" quat=\"{}\" contype=\"{}\" "
+                      "conaffinity=\"{}\" friction=\"{:.17g} 0.005 0.0001\" mass=\"0\"/>",
+                      std::string(at(indent), ' '), attribute(shape.name), type, size, numbers(shape.pose.p),
+                      wxyz(shape.pose.q), 1U << at(shape.group), affinity(shape.group),
+                      model_.materials[at(shape.material)].friction));
+    }
+  }
+
+  /// Jointed bodies never touch.
+  void exclusions() {
+    std::string text;
+    for (const model::Joint& joint : model_.joints)
+      if (joint.parent != model::kWorld)
+        text += fmt::format("    <exclude body1=\"{}\" body2=\"{}\"/>\n",
+                            attribute(model_.bodies[at(joint.parent)].name),
+                            attribute(model_.bodies[at(joint.child)].name));
+    if (!text.empty()) line("  <contact>\n" + text + "  </contact>");
+  }
+
+  void loops() {
+    std::string text;
+    const auto connect = [&](const model::Joint& joint, const Vec3& anchor) {
+      text += fmt::format("    <connect body1=\"{}\" body2=\"{}\" anchor=\"{}\"/>\n",
+                          attribute(model_.bodies[at(joint.child)].name),
+                          attribute(model_.bodies[at(joint.parent)].name), numbers(anchor));
+    };
+    for (const model::Joint& joint : model_.joints) {
+      if (!joint.closes_loop) continue;
+      connect(joint, joint.child_frame.p);
+      // Two points of a hinge's axis hold it.
+      if (joint.kind == JointKind::hinge) connect(joint, joint.child_frame * Vec3(0.01 * joint.axes[0].axis));
+    }
+    if (!text.empty()) line("  <equality>\n" + text + "  </equality>");
+  }
+
+  const model::Model& model_;
+  const model::SolverSettings& settings_;
+  std::vector<std::vector<int>> children_;
+  std::vector<int> holder_;
+  model::State start_;
+  std::string out_, motors_, positions_, velocities_;
+};
+
+}  // namespace
+
+std::string to_mjcf(const model::Model& model, const model::SolverSettings& settings) {
+  return MjcfWriter(model, settings).run();
+}
+
+}  // namespace handsim::output

@@ -1,0 +1,138 @@
+#include "handsim/output/render/draw_list.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "handsim/output/render/solid.h"
+
+namespace handsim::output {
+
+namespace {
+
+using model::Tint;
+
+/// Linear components of an sRGB colour 0xRRGGBB (IEC 61966-2-1).
+Colour from_srgb(std::uint32_t hex) {
+  const auto linear = [hex](unsigned shift) {
+    const double c = static_cast<double>((hex >> shift) & 0xFFU) / 255.0;
+    return static_cast<float>(c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4));
+  };
+  return {linear(16), linear(8), linear(0)};
+}
+
+/// The fingers follow Okabe & Ito's palette (2008), which the colour-blind tell apart too; neighbours also
+/// differ in lightness.
+Colour colour(Tint tint) {
+  switch (tint) {
+    case Tint::palm:
+      return from_srgb(0xE9D3BB);
+    case Tint::thumb:
+      return from_srgb(0xD9552B);
+    case Tint::index:
+      return from_srgb(0xF0AE2E);
+    case Tint::middle:
+      return from_srgb(0x159C76);
+    case Tint::ring:
+      return from_srgb(0x2274BD);
+    case Tint::little:
+      return from_srgb(0xB86BB4);
+    case Tint::object:
+      return from_srgb(0x66737F);
+    case Tint::ground:
+      return from_srgb(0xDDDDDA);
+    case Tint::mechanism:
+      return from_srgb(0x9DB0BF);
+  }
+  return {};
+}
+
+Colour axis_colour(std::size_t axis) { return from_srgb(axis == 0 ? 0x22282E : 0xC4123F); }
+
+const model::BodyState& body(const model::State& state, int index) {
+  return state.bodies[static_cast<std::size_t>(index)];
+}
+
+void add_shape(const model::Shape& shape, const model::State& state, DrawList& list) {
+  const Pose x_WS = body(state, shape.body).pose() * shape.pose;
+  if (shape.kind == model::ShapeKind::plane) {
+    // Of several planes the highest is the ground that shows.
+    list.ground_height = std::max(list.ground_height.value_or(x_WS.p.z()), x_WS.p.z());
+    return;
+  }
+  list.shapes.push_back(
+      {shape.kind, shape.radius, shape.length, shape.edges, x_WS, colour(shape.tint), shape.mesh});
+}
+
+/// How far from `point` along the unit vector `n` the box about the solid ends [m]; 0 from outside.
+double exit_distance(const Solid& solid, const Vec3& point, const Vec3& n) {
+  const Vec3 o = solid.pose.inverse() * point;
+  const Vec3 d = solid.pose.q.conjugate() * n;
+  const Vec3 half = solid.half + Vec3::Constant(solid.round);
+  double enter = 0;
+  double leave = 2 * half.norm();
+  for (int i = 0; i < 3; ++i) {
+    if (std::abs(d[i]) < 1e-9) {
+      if (std::abs(o[i]) > half[i]) return 0;
+      continue;
+    }
+    const double near = (-std::copysign(half[i], d[i]) - o[i]) / d[i];
+    const double far = (std::copysign(half[i], d[i]) - o[i]) / d[i];
+    enter = std::max(enter, near);
+    leave = std::min(leave, far);
+  }
+  const double slack = 1e-6 * half.norm();
+  return enter > slack || leave < 0 ? 0 : leave;
+}
+
+/// An arrow through the joint that sticks out of the two bodies at both ends, its head on the positive side.
+DrawArrow axis_arrow(const model::Model& model, const model::State& state, const model::Joint& joint,
+                     std::size_t axis) {
+  const Pose x_WF = body(state, joint.parent).pose() * joint.parent_frame;
+  const Pose x_WM = body(state, joint.child).pose() * joint.child_frame;
+  const Vec3 n = (axis == 0 ? x_WF : x_WM).q * joint.axes[axis].axis;
+  double ahead = 0;
+  double behind = 0;
+  double thickness = 0;
+  for (const model::Shape& shape : model.shapes) {
+    if (shape.kind == model::ShapeKind::plane) continue;
+    if (shape.body != joint.child && (shape.body != joint.parent || joint.parent == model::kWorld)) continue;
+    const Solid hull = solid({shape.kind,
+                              shape.radius,
+                              shape.length,
+                              shape.edges,
+                              body(state, shape.body).pose() * shape.pose,
+                              {},
+                              shape.mesh});
+    ahead = std::max(ahead, exit_distance(hull, x_WM.p, n));
+    behind = std::max(behind, exit_distance(hull, x_WM.p, -n));
+    if (shape.body == joint.child) thickness = std::max(thickness, hull.thickness());
+  }
+  if (thickness <= 0) thickness = 0.008;
+  return {x_WM.p - (behind + 0.5 * thickness) * n, x_WM.p + (ahead + 1.6 * thickness) * n, 0.13 * thickness,
+          axis_colour(axis), false};
+}
+
+}  // namespace
+
+DrawList draw_list(const model::Model& model, const model::State& state, const DrawOptions& options) {
+  DrawList list;
+  for (const model::Shape& shape : model.shapes) add_shape(shape, state, list);
+  if (!options.joint_axes) return list;
+  for (const model::Joint& joint : model.joints)
+    for (std::size_t axis = 0; axis < joint.axes.size(); ++axis)
+      list.arrows.push_back(axis_arrow(model, state, joint, axis));
+  return list;
+}
+
+Bounds bounds(const DrawList& list) {
+  if (list.shapes.empty() && list.arrows.empty() && list.points.empty()) return {};
+  Bounds box;
+  for (int i = 0; i < 3; ++i) {
+    box.low[i] = -support(list, -Vec3::Unit(i));
+    box.high[i] = support(list, Vec3::Unit(i));
+  }
+  return box;
+}
+
+}  // namespace handsim::output

@@ -1,0 +1,122 @@
+#include "handsim/output/render/gl.h"
+
+#include <string>
+
+#include <fmt/format.h>
+
+#include "handsim/core/error.h"
+
+namespace handsim::output {
+
+namespace {
+
+Error driver_error(const std::string& what) {
+  return input_error("rendering", what,
+                     "memory for it, and an off-screen OpenGL 3.3 driver (Debian package libosmesa6)");
+}
+
+GLuint compiled(GLenum kind, const std::vector<const char*>& parts) {
+  const GLuint shader = glCreateShader(kind);
+  glShaderSource(shader, static_cast<GLsizei>(parts.size()), parts.data(), nullptr);
+  glCompileShader(shader);
+  GLint done = 0;
+  glGetShaderiv(shader, GL_COMPILE_STATUS, &done);
+  if (done != GL_TRUE) {
+    std::string log(2000, '\0');
+    GLsizei length = 0;
+    glGetShaderInfoLog(shader, static_cast<GLsizei>(log.size()), &length, log.data());
+    log.resize(static_cast<std::size_t>(length));
+    throw driver_error("a shader that does not compile: " + log);
+  }
+  return shader;
+}
+
+void require_complete(const Target& target) {
+  if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE || glGetError() != GL_NO_ERROR)
+    throw driver_error(fmt::format("no frame buffer of {} x {} pixels", target.width, target.height));
+}
+
+}  // namespace
+
+void require_no_error() {
+  const GLenum error = glGetError();
+  if (error == GL_NO_ERROR) return;
+  throw driver_error(error == GL_OUT_OF_MEMORY ? "too little memory to draw"
+                                               : fmt::format("OpenGL error 0x{:04x}", error));
+}
+
+Program::Program(const char* vertex, const std::vector<const char*>& fragment) : id_(glCreateProgram()) {
+  for (const GLuint shader : {compiled(GL_VERTEX_SHADER, {vertex}), compiled(GL_FRAGMENT_SHADER, fragment)}) {
+    glAttachShader(id_, shader);
+    glDeleteShader(shader);
+  }
+  glLinkProgram(id_);
+  GLint done = 0;
+  glGetProgramiv(id_, GL_LINK_STATUS, &done);
+  if (done != GL_TRUE) throw driver_error("a shader that does not link");
+}
+
+GLint Program::location(const char* name) const { return glGetUniformLocation(id_, name); }
+
+void Program::use() const { glUseProgram(id_); }
+void Program::set(const char* name, int value) const { glUniform1i(location(name), value); }
+void Program::set(const char* name, float value) const { glUniform1f(location(name), value); }
+void Program::set(const char* name, const Eigen::Vector2f& value) const {
+  glUniform2fv(location(name), 1, value.data());
+}
+void Program::set(const char* name, const Eigen::Vector3f& value) const {
+  glUniform3fv(location(name), 1, value.data());
+}
+void Program::set(const char* name, const Eigen::Vector4f& value) const {
+  glUniform4fv(location(name), 1, value.data());
+}
+void Program::set(const char* name, const Eigen::Matrix3f& value) const {
+  glUniformMatrix3fv(location(name), 1, GL_FALSE, value.data());
+}
+void Program::set(const char* name, const Eigen::Matrix4f& value) const {
+  glUniformMatrix4fv(location(name), 1, GL_FALSE, value.data());
+}
+void Program::set(const char* name, const std::vector<Eigen::Vector4f>& values) const {
+  if (values.empty()) return;
+  glUniform4fv(location(name), static_cast<GLsizei>(values.size()), values.front().data());
+}
+
+Target Target::multisampled(int width, int height, int samples) {
+  Target target{0, 0, width, height};
+  glGenFramebuffers(1, &target.framebuffer);
+  glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
+  for (const auto& [attachment, format] :
+       {std::pair{static_cast<GLenum>(GL_COLOR_ATTACHMENT0), static_cast<GLenum>(GL_RGBA8)},
+        std::pair{static_cast<GLenum>(GL_DEPTH_ATTACHMENT), static_cast<GLenum>(GL_DEPTH_COMPONENT24)}}) {
+    GLuint buffer = 0;
+    glGenRenderbuffers(1, &buffer);
+    glBindRenderbuffer(GL_RENDERBUFFER, buffer);
+    glRenderbufferStorageMultisample(GL_RENDERBUFFER, samples, format, width, height);
+    glFramebufferRenderbuffer(GL_FRAMEBUFFER, attachment, GL_RENDERBUFFER, buffer);
+  }
+  require_complete(target);
+  return target;
+}
+
+Target Target::sampled(int width, int height) {
+  Target target{0, 0, width, height};
+  glGenTextures(1, &target.texture);
+  glBindTexture(GL_TEXTURE_2D, target.texture);
+  glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, width, height, 0, GL_RGBA, GL_UNSIGNED_BYTE, nullptr);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+  glGenFramebuffers(1, &target.framebuffer);
+  glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target.texture, 0);
+  require_complete(target);
+  return target;
+}
+
+void Target::bind() const {
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+  glViewport(0, 0, width, height);
+}
+
+}  // namespace handsim::output

@@ -1,0 +1,226 @@
+#include "handsim/output/render/lighting.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/core/error.h"
+#include "handsim/output/render/shaders.h"
+
+namespace handsim::output {
+
+namespace {
+
+/// As in the shaders: tangent of the angle of half the key light, and how far, in thicknesses, a solid
+/// darkens the sky.
+constexpr double kLightSize = 0.11;
+constexpr double kSkyReach = 1.7;
+/// The key light over a ground stands at least this high (sine of its elevation).
+constexpr double kLowestKey = 0.62;
+
+/// Right, up and back of a camera, and the shape of its picture.
+struct Eye {
+  Vec3 x, y, z;
+};
+
+Eye eye_of(const Camera& camera) {
+  const Vec3 z = camera.position - camera.target;
+  const Vec3 x = camera.up.cross(z);
+  if (!(z.norm() > 0) || !(x.norm() > 1e-9 * z.norm() * camera.up.norm()) || !z.allFinite())
+    throw input_error(
+        "camera",
+        fmt::format("position - target = ({:.3g}, {:.3g}, {:.3g}) m, up = ({:.3g}, {:.3g}, {:.3g})", z.x(),
+                    z.y(), z.z(), camera.up.x(), camera.up.y(), camera.up.z()),
+        "a target apart from the position, and an up that is not along the line of sight");
+  if (!(camera.field_of_view > 0 && camera.field_of_view < 3))
+    throw input_error("camera.field_of_view", fmt::format("{}", camera.field_of_view), "0..3 rad");
+  const Vec3 right = x.normalized();
+  const Vec3 back = z.normalized();
+  return {right, back.cross(right), back};
+}
+
+Eigen::Matrix4f projected(const Eye& eye, const Camera& camera, double aspect, double far) {
+  const double near = far / 2000;
+  const double slope = 1 / std::tan(camera.field_of_view / 2);
+  Eigen::Matrix4d view = Eigen::Matrix4d::Identity();
+  view.row(0) << eye.x.transpose(), -eye.x.dot(camera.position);
+  view.row(1) << eye.y.transpose(), -eye.y.dot(camera.position);
+  view.row(2) << eye.z.transpose(), -eye.z.dot(camera.position);
+  Eigen::Matrix4d projection = Eigen::Matrix4d::Zero();
+  projection(0, 0) = slope / aspect;
+  projection(1, 1) = slope;
+  projection(2, 2) = (far + near) / (near - far);
+  projection(2, 3) = 2 * far * near / (near - far);
+  projection(3, 2) = -1;
+  return (projection * view).cast<float>();
+}
+
+/// Over the camera's left shoulder, like a studio lamp that travels with it.
+Vec3 key_direction(const Eye& eye, bool over_ground) {
+  Vec3 key = (-0.62 * eye.x + 0.72 * eye.y + 0.62 * eye.z).normalized();
+  if (!over_ground || key.z() >= kLowestKey) return key;
+  const Vec3 level = Vec3(key.x(), key.y(), 0).normalized();
+  return std::sqrt(1 - kLowestKey * kLowestKey) * level + kLowestKey * Vec3::UnitZ();
+}
+
+/// Sixteen directions across the light, opposite ones half the list apart.
+std::vector<Vec3> separating_directions(const Vec3& to_key) {
+  std::vector<Vec3> directions;
+  const Vec3 u = to_key.unitOrthogonal();
+  const Vec3 v = to_key.cross(u);
+  for (int i = 0; i < 16; ++i) directions.push_back(std::cos(i * M_PI / 8) * u + std::sin(i * M_PI / 8) * v);
+  return directions;
+}
+
+/// Supports of one solid along each separating direction, then along the light and against it.
+std::vector<double> supports(const Solid& solid, const std::vector<Vec3>& across, const Vec3& to_key) {
+  std::vector<double> out;
+  for (const Vec3& n : across) out.push_back(support(solid, n));
+  out.push_back(support(solid, to_key));
+  out.push_back(support(solid, -to_key));
+  return out;
+}
+
+/// Can `other` take key light or sky from the solid with supports `mine`? Never says no wrongly: a plane
+/// that parts them by more than the half shadow and the sky's reach proves it.
+bool shades(const std::vector<double>& theirs, const std::vector<double>& mine, double sky_reach) {
+  const std::size_t count = mine.size() - 2;
+  // Positive: the occluder lies that far up the light from the receiver's lowest point.
+  const double above = theirs[count] + mine[count + 1];
+  if (above < -sky_reach) return false;
+  const double half_shadow = kLightSize * std::max(above, 0.0);
+  for (std::size_t i = 0; i < count; ++i) {
+    const double gap = -theirs[(i + count / 2) % count] - mine[i];
+    if (gap > std::max(half_shadow, sky_reach)) return false;
+  }
+  return true;
+}
+
+void find_occluders(std::vector<LitSolid>& solids, const Vec3& to_key) {
+  const std::vector<Vec3> across = separating_directions(to_key);
+  std::vector<std::vector<double>> reaches;
+  for (const LitSolid& lit : solids) reaches.push_back(supports(lit.solid, across, to_key));
+  std::vector<std::pair<double, const Solid*>> found;
+  for (std::size_t i = 0; i < solids.size(); ++i) {
+    found.clear();
+    for (std::size_t j = 0; j < solids.size(); ++j) {
+      const Solid& other = solids[j].solid;
+      if (j != i && shades(reaches[j], reaches[i], kSkyReach * other.thickness()))
+        found.emplace_back((other.pose.p - solids[i].solid.pose.p).norm() - other.reach(), &other);
+    }
+    std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    Occluders& kept = solids[i].occluders;
+    for (const auto& [distance, other] : found) {
+      const bool room = is_capsule(*other) ? kept.capsules.size() < 2UL * kMaxOccluders
+                                           : kept.solids.size() < 3UL * kMaxOccluders;
+      if (room) kept.add(*other);
+    }
+  }
+}
+
+/// A rectangle of the ground that grows.
+struct Rectangle {
+  Eigen::Array2d low = Eigen::Array2d::Constant(1e30);
+  Eigen::Array2d high = Eigen::Array2d::Constant(-1e30);
+
+  void hold(const Eigen::Array2d& from, const Eigen::Array2d& to, double border) {
+    low = low.min(from - border);
+    high = high.max(to + border);
+  }
+  Eigen::Vector4f packed() const {
+    const Eigen::Array2d size = high - low;
+    return Eigen::Vector4d(low.x(), low.y(), size.x(), size.y()).cast<float>();
+  }
+};
+
+/// Where the solid's shadow and its closeness can be seen on the ground.
+Rectangle shade_of(const Solid& solid, double ground, const Vec3& to_key) {
+  Eigen::Array2d low, high;
+  for (int i = 0; i < 2; ++i) {
+    low[i] = -support(solid, -Vec3::Unit(i));
+    high[i] = support(solid, Vec3::Unit(i));
+  }
+  const double bottom = std::max(-support(solid, -Vec3::UnitZ()) - ground, 0.0);
+  const double top = std::max(support(solid, Vec3::UnitZ()) - ground, 0.0);
+  const Eigen::Array2d shift = -to_key.head<2>().array() / to_key.z();
+  // The half shadow widens with the distance along the light, and is stretched where the light falls aslant.
+  const double blur = kLightSize * top / (to_key.z() * to_key.z()) + 0.1 * solid.thickness();
+  Rectangle area;
+  area.hold(low + (shift * bottom).min(shift * top), high + (shift * bottom).max(shift * top), blur);
+  const double reach = kSkyReach * solid.thickness();
+  if (bottom < reach) area.hold(low, high, reach);
+  return area;
+}
+
+Ground make_ground(double height, const std::vector<LitSolid>& solids, const Vec3& to_key, const Vec3& centre,
+                   double radius) {
+  Ground ground;
+  ground.height = static_cast<float>(height);
+  const double fade = 7 * radius + 2 * std::abs(centre.z() - height);
+  ground.disc = Eigen::Vector4d(centre.x(), centre.y(), height, fade).cast<float>();
+  ground.spacing = static_cast<float>(std::pow(10, std::floor(std::log10(3 * radius))));
+  ground.line_width = 0.008F;
+  Rectangle all;
+  for (const LitSolid& lit : solids) {
+    if (support(lit.solid, Vec3::UnitZ()) <= height) continue;
+    const Rectangle area = shade_of(lit.solid, height, to_key);
+    all.hold(area.low, area.high, 0);
+    Shade& shade = ground.shades.emplace_back();
+    shade.quad = area.packed();
+    shade.occluder.add(lit.solid);
+  }
+  if (ground.shades.empty()) all.hold({0, 0}, {1, 1}, 0);
+  ground.region = all.packed();
+  return ground;
+}
+
+}  // namespace
+
+void Occluders::add(const Solid& solid) {
+  const auto row = [](const Vec3& v, double w) {
+    return Eigen::Vector4f(Eigen::Vector4d(v.x(), v.y(), v.z(), w).cast<float>());
+  };
+  if (is_capsule(solid)) {
+    const Vec3 half = solid.pose.q * Vec3(0, 0, solid.half.z());
+    capsules.push_back(row(solid.pose.p - half, solid.round));
+    capsules.push_back(row(2 * half, 0));
+    return;
+  }
+  solids.push_back(row(solid.pose.p, solid.round));
+  solids.push_back(solid.pose.q.coeffs().cast<float>());
+  // A hull shades as a box somewhat smaller than the one about it.
+  const Vec3 half = (solid.core == Core::hull ? 0.75 : 1) * solid.half;
+  solids.push_back(row(half, solid.core == Core::cylinder ? 1 : 0));
+}
+
+Scene::Scene(const DrawList& drawn, const Camera& from, double aspect) : list(&drawn), camera(from) {
+  const Eye axes = eye_of(camera);
+  const bool over_ground = drawn.ground_height && camera.position.z() > *drawn.ground_height;
+  const Vec3 key = key_direction(axes, over_ground);
+  to_key = key.cast<float>();
+  to_fill = (0.55 * axes.x + 0.1 * axes.y + 0.83 * axes.z).cast<float>();
+  sky_up = (over_ground ? Vec3(Vec3::UnitZ()) : Vec3((0.8 * axes.y + 0.6 * axes.z))).cast<float>();
+  eye = camera.position.cast<float>();
+
+  const Bounds box = bounds(drawn);
+  const bool empty = !((box.high - box.low).norm() > 0);
+  const Vec3 centre = empty ? camera.target : Vec3((box.low + box.high) / 2);
+  const double distance = (camera.position - centre).norm();
+  const double radius = empty ? distance / 4 : (box.high - box.low).norm() / 2;
+
+  for (const DrawShape& shape : drawn.shapes)
+    if (shape.kind != model::ShapeKind::plane) solids.push_back({bevelled(solid(shape)), shape.colour, {}});
+  std::stable_sort(solids.begin(), solids.end(), [&](const LitSolid& a, const LitSolid& b) {
+    return (a.solid.pose.p - b.solid.pose.p).dot(axes.z) > 0;
+  });
+  find_occluders(solids, key);
+  double far = distance + radius;
+  if (over_ground) {
+    ground = make_ground(*drawn.ground_height, solids, key, centre, radius);
+    far += std::abs(centre.z() - *drawn.ground_height) + 1.5 * static_cast<double>(ground->disc.w());
+  }
+  view_projection = projected(axes, camera, aspect, far);
+}
+
+}  // namespace handsim::output

@@ -1,0 +1,60 @@
+// A draw list made ready for the graphics driver: projection, directions of the lights, which solids shade
+// which, and where shadows fall on the ground. All of it plain numbers, no OpenGL.
+#pragma once
+
+#include <Eigen/Core>
+#include <optional>
+#include <vector>
+
+#include "handsim/output/render/draw_list.h"
+#include "handsim/output/render/solid.h"
+
+namespace handsim::output {
+
+/// What takes light away, in rows as the shaders read them.
+struct Occluders {
+  /// Two rows each: (one end of the axis, radius), (from there to the other end, 0).
+  std::vector<Eigen::Vector4f> capsules;
+  /// Three rows each: (centre, radius), quaternion q_WS (x, y, z, w), (half extents, 1 for a cylinder).
+  std::vector<Eigen::Vector4f> solids;
+
+  void add(const Solid& solid);
+};
+
+/// A solid, its colour and the solids that take light from it (kMaxOccluders of each form at most).
+struct LitSolid {
+  Solid solid;
+  Colour colour;
+  Occluders occluders;
+};
+
+/// The part of the ground that a solid can darken.
+struct Shade {
+  Eigen::Vector4f quad;  ///< x and y of the low corner, width, depth [m]
+  Occluders occluder;    ///< just the one
+};
+
+struct Ground {
+  float height = 0;        ///< [m]
+  Eigen::Vector4f disc;    ///< centre and the radius at which the ground has faded [m]
+  Eigen::Vector4f region;  ///< as Shade::quad, of all shades together
+  float spacing = 0.1F;    ///< of the coarse grid lines [m], a power of ten
+  float line_width = 0;    ///< of the fine lines, as a share of the spacing
+  std::vector<Shade> shades;
+};
+
+/// One picture's worth of geometry and light.
+struct Scene {
+  /// @throws Error (input) for a camera that looks nowhere or has no field of view.
+  Scene(const DrawList& drawn, const Camera& from, double aspect);
+
+  const DrawList* list;
+  Camera camera;
+  Eigen::Matrix4f view_projection;
+  Eigen::Vector3f eye, to_key, to_fill, sky_up;
+  std::vector<LitSolid> solids;  ///< nearest first
+  /// Absent where the list has none or the camera stands below it.
+  std::optional<Ground> ground;
+};
+
+}  // namespace handsim::output

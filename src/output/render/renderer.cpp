@@ -1,0 +1,341 @@
+#include "handsim/output/render/renderer.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include <fmt/format.h>
+
+#include "handsim/core/error.h"
+#include "handsim/output/render/canvas.h"
+#include "handsim/output/render/gl.h"
+#include "handsim/output/render/lighting.h"
+#include "handsim/output/render/mesh.h"
+#include "handsim/output/render/shaders.h"
+#include "handsim/output/render/solid.h"
+
+namespace handsim::output {
+
+namespace {
+
+constexpr int kSmallest = 16;
+constexpr int kLargest = 8192;
+/// Pictures larger than this are drawn in tiles, which bounds the memory [pixels].
+constexpr int kTile = 2048;
+constexpr int kSamples = 4;
+/// Edge of the ground's shade texture [texels].
+constexpr int kShadeSize = 512;
+
+/// A mesh on the driver's side.
+struct Buffer {
+  GLuint array = 0;
+  GLsizei count = 0;
+};
+
+Buffer upload(const Mesh& mesh) {
+  Buffer buffer;
+  buffer.count = static_cast<GLsizei>(mesh.indices.size());
+  glGenVertexArrays(1, &buffer.array);
+  glBindVertexArray(buffer.array);
+  std::array<GLuint, 2> data{};
+  glGenBuffers(2, data.data());
+  glBindBuffer(GL_ARRAY_BUFFER, data[0]);
+  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.vertices.size() * sizeof(Vertex)),
+               mesh.vertices.data(), GL_STATIC_DRAW);
+  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, data[1]);
+  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.indices.size() * sizeof(std::uint32_t)),
+               mesh.indices.data(), GL_STATIC_DRAW);
+  glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex), nullptr);
+  // The second attribute starts behind the first; OpenGL takes the offset as a pointer.
+  glVertexAttribPointer(1, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
+                        reinterpret_cast<const void*>(sizeof(Eigen::Vector3f)));
+  glEnableVertexAttribArray(0);
+  glEnableVertexAttribArray(1);
+  return buffer;
+}
+
+/// Sides of round meshes. More than a picture needs are slow, because slim triangles waste shading.
+constexpr std::array<int, 4> kSides = {20, 32, 56, 128};
+using RoundBuffers = std::array<Buffer, kSides.size()>;
+
+/// One buffer for each number of sides.
+RoundBuffers upload_round(Mesh (*make)(int)) {
+  RoundBuffers buffers;
+  for (std::size_t i = 0; i < kSides.size(); ++i) buffers[i] = upload(make(kSides[i]));
+  return buffers;
+}
+
+int checked_size(int size, const char* what) {
+  if (size < kSmallest || size > kLargest)
+    throw input_error(what, fmt::format("{}", size), fmt::format("{}..{} pixels", kSmallest, kLargest));
+  return size;
+}
+
+/// Part of the picture, from its lower left corner.
+struct Tile {
+  int x, y, width, height;
+};
+
+}  // namespace
+
+struct Renderer::Impl {
+  Impl(int picture_width, int picture_height);
+
+  Image draw(const DrawList& list, const Camera& camera);
+
+  void draw_shade(const Scene& scene);
+  void draw_tile(const Scene& scene, const Tile& tile);
+  void draw_background();
+  void draw_solids(const Scene& scene, const Eigen::Matrix4f& projection);
+  void draw_annotations(const DrawList& list);
+  void draw_ground(const Scene& scene, const Eigen::Matrix4f& projection);
+  void place(const Program& program, const Solid& solid, const Colour& colour);
+  /// The coarsest whose outline is off by less than a quarter of a pixel.
+  const Buffer& fitting(const RoundBuffers& buffers, const Scene& scene, const Solid& solid) const;
+  const Buffer& hull_buffer(const Solid& solid) {
+    const auto [found, fresh] = hulls.try_emplace(solid.mesh);
+    if (fresh) found->second = upload(faceted_mesh(*solid.mesh));
+    return found->second;
+  }
+  void draw(const Buffer& buffer) {
+    glBindVertexArray(buffer.array);
+    glDrawElements(GL_TRIANGLES, buffer.count, GL_UNSIGNED_INT, nullptr);
+  }
+  void draw_quad() {
+    glBindVertexArray(empty);
+    glDrawArrays(GL_TRIANGLE_STRIP, 0, 4);
+  }
+  void read(const Tile& tile, Image& image);
+
+  int width, height;
+  Canvas canvas;
+  /// Capsules as the only occluders cost less than all forms.
+  Program capsule_lit{kSolidVertex, {kLightFunctions, kOcclusionFunctions, kSolidFragment}};
+  Program solid_lit{kSolidVertex, {kLightFunctions, kWithSolids, kOcclusionFunctions, kSolidFragment}};
+  Program capsule_shade{kShadeVertex, {kLightFunctions, kOcclusionFunctions, kShadeFragment}};
+  Program solid_shade{kShadeVertex, {kLightFunctions, kWithSolids, kOcclusionFunctions, kShadeFragment}};
+  Program ground_program{kGroundVertex, {kLightFunctions, kGroundFragment}};
+  Program background_program{kBackgroundVertex, {kLightFunctions, kBackgroundFragment}};
+  Target drawn, resolved, shade;
+  RoundBuffers capsule, cylinder;
+  Buffer box, cone;
+  /// Of the polyhedra drawn so far, which stay alive with their buffers.
+  std::map<std::shared_ptr<const model::ConvexMesh>, Buffer> hulls;
+  GLuint empty = 0;
+  std::vector<std::uint8_t> pixels;
+};
+
+Renderer::Impl::Impl(int picture_width, int picture_height)
+    : width(checked_size(picture_width, "picture.width")),
+      height(checked_size(picture_height, "picture.height")),
+      drawn(Target::multisampled(std::min(width, kTile), std::min(height, kTile), kSamples)),
+      resolved(Target::sampled(drawn.width, drawn.height)),
+      shade(Target::sampled(kShadeSize, kShadeSize)),
+      capsule(upload_round(capsule_mesh)),
+      cylinder(upload_round(cylinder_mesh)),
+      box(upload(box_mesh())),
+      cone(upload(cone_mesh(static_cast<float>(kHeadLength)))) {
+  glGenVertexArrays(1, &empty);
+  pixels.resize(4UL * static_cast<std::size_t>(drawn.width) * static_cast<std::size_t>(drawn.height));
+}
+
+Image Renderer::Impl::draw(const DrawList& list, const Camera& camera) {
+  const Scene scene(list, camera, static_cast<double>(width) / height);
+  canvas.make_current();
+  if (scene.ground) draw_shade(scene);
+  Image image{width, height, {}};
+  image.rgb.resize(3UL * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
+  for (int y = 0; y < height; y += drawn.height)
+    for (int x = 0; x < width; x += drawn.width) {
+      const Tile tile = {x, y, std::min(drawn.width, width - x), std::min(drawn.height, height - y)};
+      draw_tile(scene, tile);
+      read(tile, image);
+    }
+  return image;
+}
+
+void Renderer::Impl::draw_shade(const Scene& scene) {
+  shade.bind();
+  glDisable(GL_DEPTH_TEST);
+  glDisable(GL_CULL_FACE);
+  glClearColor(1, 1, 1, 1);
+  glClear(GL_COLOR_BUFFER_BIT);
+  // Key light: the darkest shadow counts, because jointed solids overlap. Sky: shares multiply.
+  glEnable(GL_BLEND);
+  glBlendEquationSeparate(GL_MIN, GL_FUNC_ADD);
+  glBlendFuncSeparate(GL_ONE, GL_ONE, GL_DST_ALPHA, GL_ZERO);
+  for (const Program* program : {&capsule_shade, &solid_shade}) {
+    program->use();
+    program->set("to_key", scene.to_key);
+    program->set("region", scene.ground->region);
+    program->set("ground_height", scene.ground->height);
+    for (const Shade& part : scene.ground->shades) {
+      if (part.occluder.solids.empty() != (program == &capsule_shade)) continue;
+      program->set("quad", part.quad);
+      program->set("capsules", part.occluder.capsules);
+      program->set("solids", part.occluder.solids);
+      draw_quad();
+    }
+  }
+  glDisable(GL_BLEND);
+}
+
+void Renderer::Impl::draw_tile(const Scene& scene, const Tile& tile) {
+  drawn.bind();
+  glViewport(0, 0, tile.width, tile.height);
+  glDepthMask(GL_TRUE);
+  glClear(GL_DEPTH_BUFFER_BIT);
+  // Stretches the tile's part of the picture over the viewport.
+  Eigen::Matrix4f part = Eigen::Matrix4f::Identity();
+  part(0, 0) = static_cast<float>(width) / static_cast<float>(tile.width);
+  part(1, 1) = static_cast<float>(height) / static_cast<float>(tile.height);
+  part(0, 3) = part(0, 0) - 1 - 2 * static_cast<float>(tile.x) / static_cast<float>(tile.width);
+  part(1, 3) = part(1, 1) - 1 - 2 * static_cast<float>(tile.y) / static_cast<float>(tile.height);
+  const Eigen::Matrix4f projection = part * scene.view_projection;
+  const Eigen::Vector2f origin(static_cast<float>(tile.x), static_cast<float>(tile.y));
+  const Eigen::Vector2f size(static_cast<float>(width), static_cast<float>(height));
+  for (const Program* program : {&background_program, &ground_program}) {
+    program->use();
+    program->set("picture_origin", origin);
+    program->set("picture_size", size);
+  }
+  glEnable(GL_DEPTH_TEST);
+  glDepthFunc(GL_LEQUAL);
+  // Front things first: what they hide is then not shaded.
+  draw_solids(scene, projection);
+  draw_ground(scene, projection);
+  draw_background();
+}
+
+void Renderer::Impl::place(const Program& program, const Solid& solid, const Colour& colour) {
+  program.set("rotation", Eigen::Matrix3f(solid.pose.q.toRotationMatrix().cast<float>()));
+  program.set("origin", Eigen::Vector3f(solid.pose.p.cast<float>()));
+  program.set("half_size", Eigen::Vector3f(solid.half.cast<float>()));
+  program.set("rounding", static_cast<float>(solid.round));
+  program.set("colour", Eigen::Vector3f(colour.r, colour.g, colour.b));
+}
+
+// A circle of radius r with n sides is off by r (1 - cos(pi / n)), about r (pi / n)^2 / 2.
+const Buffer& Renderer::Impl::fitting(const RoundBuffers& buffers, const Scene& scene,
+                                      const Solid& solid) const {
+  const double nearest = std::max((solid.pose.p - scene.camera.position).norm() - solid.reach(), 1e-6);
+  const double focus = height / 2.0 / std::tan(scene.camera.field_of_view / 2);
+  const double radius = std::max(solid.round, solid.half.x()) * focus / nearest;
+  for (std::size_t i = 0; i + 1 < kSides.size(); ++i)
+    if (radius * std::pow(M_PI / kSides[i], 2) / 2 < 0.25) return buffers[i];
+  return buffers.back();
+}
+
+void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& projection) {
+  glEnable(GL_CULL_FACE);
+  for (const Program* program : {&solid_lit, &capsule_lit}) {
+    program->use();
+    program->set("view_projection", projection);
+    program->set("to_key", scene.to_key);
+    program->set("to_fill", scene.to_fill);
+    program->set("sky_up", scene.sky_up);
+    program->set("eye", scene.eye);
+  }
+  for (const LitSolid& lit : scene.solids) {
+    const Program& program = lit.occluders.solids.empty() ? capsule_lit : solid_lit;
+    program.use();
+    place(program, lit.solid, lit.colour);
+    if (lit.solid.core == Core::hull) program.set("half_size", Eigen::Vector3f(1, 1, 1));
+    Eigen::Vector2f ground_shade(0, 0);
+    if (scene.ground) ground_shade << scene.ground->height, 3 * static_cast<float>(lit.solid.thickness());
+    program.set("ground", ground_shade);
+    program.set("capsule_count", static_cast<int>(lit.occluders.capsules.size() / 2));
+    program.set("capsules", lit.occluders.capsules);
+    program.set("solid_count", static_cast<int>(lit.occluders.solids.size() / 3));
+    program.set("solids", lit.occluders.solids);
+    if (lit.solid.core == Core::hull)
+      draw(hull_buffer(lit.solid));
+    else if (is_capsule(lit.solid))
+      draw(fitting(capsule, scene, lit.solid));
+    else
+      draw(lit.solid.core == Core::box ? box : fitting(cylinder, scene, lit.solid));
+  }
+  capsule_lit.use();
+  capsule_lit.set("capsule_count", 0);
+  capsule_lit.set("ground", Eigen::Vector2f(0, 0));
+  draw_annotations(*scene.list);
+}
+
+void Renderer::Impl::draw_annotations(const DrawList& list) {
+  for (const DrawPoint& point : list.points) {
+    place(capsule_lit, {Core::box, Vec3::Zero(), point.radius, {point.position, Quat::Identity()}},
+          point.colour);
+    draw(capsule[1]);
+  }
+  for (const DrawArrow& arrow : list.arrows) {
+    const Vec3 along = arrow.to - arrow.from;
+    const double length = along.norm();
+    if (!(length > 0)) continue;
+    const Quat q = Quat::FromTwoVectors(Vec3::UnitZ(), along);
+    const double width_of_head = kHeadWidth * arrow.radius;
+    const double head = std::min(kHeadLength * width_of_head, 0.6 * length);
+    const double shaft = length - head;
+    glDepthFunc(arrow.on_top ? GL_ALWAYS : GL_LEQUAL);
+    const Vec3 neck = arrow.from + along * (shaft / length);
+    place(capsule_lit,
+          {Core::cylinder, {arrow.radius, arrow.radius, shaft / 2}, 0, {(arrow.from + neck) / 2, q}},
+          arrow.colour);
+    draw(cylinder[1]);
+    place(capsule_lit, {Core::cylinder, {width_of_head, width_of_head, head}, 0, {neck, q}}, arrow.colour);
+    draw(cone);
+  }
+  glDepthFunc(GL_LEQUAL);
+}
+
+void Renderer::Impl::draw_ground(const Scene& scene, const Eigen::Matrix4f& projection) {
+  if (!scene.ground) return;
+  glDisable(GL_CULL_FACE);
+  ground_program.use();
+  ground_program.set("view_projection", projection);
+  ground_program.set("to_key", scene.to_key);
+  ground_program.set("disc", scene.ground->disc);
+  ground_program.set("region", scene.ground->region);
+  ground_program.set("spacing", scene.ground->spacing);
+  ground_program.set("line_width", scene.ground->line_width);
+  glBindTexture(GL_TEXTURE_2D, shade.texture);
+  draw_quad();
+}
+
+void Renderer::Impl::draw_background() {
+  glDisable(GL_CULL_FACE);
+  background_program.use();
+  glBindVertexArray(empty);
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+}
+
+void Renderer::Impl::read(const Tile& tile, Image& image) {
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, drawn.framebuffer);
+  glBindFramebuffer(GL_DRAW_FRAMEBUFFER, resolved.framebuffer);
+  glBlitFramebuffer(0, 0, tile.width, tile.height, 0, 0, tile.width, tile.height, GL_COLOR_BUFFER_BIT,
+                    GL_NEAREST);
+  glBindFramebuffer(GL_READ_FRAMEBUFFER, resolved.framebuffer);
+  glReadPixels(0, 0, tile.width, tile.height, GL_RGBA, GL_UNSIGNED_BYTE, pixels.data());
+  require_no_error();
+  // OpenGL's rows rise, the image's fall.
+  const std::uint8_t* from = pixels.data();
+  for (int row = 0; row < tile.height; ++row) {
+    const int line = image.height - 1 - tile.y - row;
+    std::uint8_t* to =
+        &image.rgb[3UL * (static_cast<std::size_t>(line) * static_cast<std::size_t>(image.width) +
+                          static_cast<std::size_t>(tile.x))];
+    for (int x = 0; x < tile.width; ++x, from += 4, to += 3) std::copy(from, from + 3, to);
+  }
+}
+
+Renderer::Renderer(int width, int height) : impl_(std::make_unique<Impl>(width, height)) {}
+Renderer::~Renderer() = default;
+Renderer::Renderer(Renderer&&) noexcept = default;
+Renderer& Renderer::operator=(Renderer&&) noexcept = default;
+
+Image Renderer::draw(const DrawList& list, const Camera& camera) { return impl_->draw(list, camera); }
+
+int Renderer::contexts_created() { return Canvas::created(); }
+
+}  // namespace handsim::output

@@ -1,0 +1,257 @@
+#include "handsim/output/render/shaders.h"
+
+namespace handsim::output {
+
+const char* const kLightFunctions = R"(#version 330 core
+const vec3 kKey = vec3(1.00, 0.96, 0.90) * 0.80;
+const vec3 kSky = vec3(0.92, 0.96, 1.00) * 0.40;
+const vec3 kBounce = vec3(1.00, 0.97, 0.94) * 0.17;
+
+uniform vec3 to_key;
+
+vec3 to_srgb(vec3 c) {
+  c = clamp(c, 0.0, 1.0);
+  return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, step(0.0031308, c));
+}
+
+uniform vec2 picture_origin;
+uniform vec2 picture_size;
+
+vec3 background() {
+  vec2 at = (gl_FragCoord.xy + picture_origin) / picture_size;
+  return mix(vec3(0.845, 0.862, 0.882), vec3(0.972, 0.978, 0.984), smoothstep(-0.1, 1.0, at.y));
+}
+)";
+
+const char* const kOcclusionFunctions = R"(
+// No branches: llvmpipe runs both sides of every `if`. No tall tables: it gathers each component.
+const float kLightSize = 0.11;  // tangent of the angle of half the key light
+const float kSkyReach = 1.7;    // how far a solid darkens the sky, in its thicknesses
+
+// Share of the key light that passes a solid with this gap beside the ray at a distance s along it.
+float passing(float gap, float s, float thickness) {
+  float blur = 0.04 * thickness;
+  return smoothstep(-1.0, 1.0, (gap + blur) / (kLightSize * s + blur));
+}
+
+// Share of the sky left open, from the gaps at a third of the reach and at all of it.
+float open_sky(float near_gap, float far_gap, float reach) {
+  float close = clamp(1.0 - near_gap / (0.33 * reach), 0.0, 1.0);
+  float wide = clamp(1.0 - far_gap / reach, 0.0, 1.0);
+  return 1.0 - 0.44 * close - 0.41 * wide;
+}
+
+float segment_gap(vec3 w, vec3 ab, float inverse, float r) {
+  return length(w - clamp(dot(w, ab) * inverse, 0.0, 1.0) * ab) - r;
+}
+
+// Shares (key, sky) that a capsule leaves at p with normal n; start (a, r), span b - a.
+vec2 past_capsule(vec3 p, vec3 n, vec4 start, vec3 span) {
+  float r = start.w;
+  vec3 w = p - start.xyz;
+  float square = max(dot(span, span), 1e-12);
+  float inverse = 1.0 / square;
+  float across = dot(to_key, span);
+  float along = dot(to_key, w);
+  // Closest approach of the ray p + s to_key, s >= 0, to the segment.
+  float t = clamp((dot(span, w) - across * along) / max(square - across * across, 1e-6 * square), 0.0, 1.0);
+  float s = max(t * across - along, 0.0);
+  float key = passing(segment_gap(w + s * to_key, span, inverse, r), s, r);
+  float reach = kSkyReach * r;
+  return vec2(key, open_sky(segment_gap(w + 0.33 * reach * n, span, inverse, r),
+                            segment_gap(w + reach * n, span, inverse, r), reach));
+}
+
+vec3 unrotated(vec4 q, vec3 v) {
+  vec3 u = 2.0 * cross(v, q.xyz);
+  return v + q.w * u + cross(u, q.xyz);
+}
+
+float core_distance(vec3 p, vec3 size, bool cylinder) {
+  vec3 q = cylinder ? vec3(length(p.xy) - size.x, abs(p.z) - size.z, -1e9) : abs(p) - size;
+  return length(max(q, 0.0)) + min(max(q.x, max(q.y, q.z)), 0.0);
+}
+
+// The same for a rounded box or cylinder; place (centre, radius), quaternion q_WS, size (half extents, core).
+vec2 past_solid(vec3 p, vec3 n, vec4 place, vec4 q, vec4 size) {
+  bool cylinder = size.w > 0.5;
+  float thickness = place.w + min(size.x, min(size.y, size.z));
+  vec3 o = unrotated(q, p - place.xyz);
+  vec3 d = unrotated(q, to_key);
+  vec3 up = unrotated(q, n);
+  // Between the last slab entered and the first one left, closest to the edge where the two meet.
+  d += vec3(1e-5) * (step(0.0, d) * 2.0 - 1.0);
+  vec3 m = 1.0 / d;
+  vec3 enter = -m * o - abs(m) * size.xyz;
+  vec3 leave = -m * o + abs(m) * size.xyz;
+  float t_enter = max(enter.x, max(enter.y, enter.z));
+  float t_leave = min(leave.x, min(leave.y, leave.z));
+  float w_enter = t_enter == enter.x ? d.x : t_enter == enter.y ? d.y : d.z;
+  float w_leave = t_leave == leave.x ? d.x : t_leave == leave.y ? d.y : d.z;
+  w_enter *= w_enter;
+  w_leave *= w_leave;
+  float s = max((w_enter * t_enter + w_leave * t_leave) / (w_enter + w_leave), 0.0);
+  float key = passing(core_distance(o + s * d, size.xyz, cylinder) - place.w, s, thickness);
+  float reach = kSkyReach * thickness;
+  return vec2(key, open_sky(core_distance(o + 0.33 * reach * up, size.xyz, cylinder) - place.w,
+                            core_distance(o + reach * up, size.xyz, cylinder) - place.w, reach));
+}
+)";
+
+const char* const kSolidVertex = R"(#version 330 core
+layout(location = 0) in vec3 core;
+layout(location = 1) in vec3 normal;
+uniform mat4 view_projection;
+uniform mat3 rotation;
+uniform vec3 origin;
+uniform vec3 half_size;
+uniform float rounding;
+out vec3 world_normal;
+out vec3 world_point;
+void main() {
+  world_point = origin + rotation * (core * half_size + rounding * normal);
+  world_normal = rotation * normal;
+  gl_Position = view_projection * vec4(world_point, 1.0);
+}
+)";
+
+static_assert(kMaxOccluders == 24, "the sizes of `capsules` and `solids` below");
+const char* const kSolidFragment = R"(
+uniform vec3 colour;
+uniform vec3 eye;
+uniform vec3 to_fill;
+uniform vec3 sky_up;
+uniform int capsule_count;
+uniform vec4 capsules[2 * 24];
+#ifdef WITH_SOLIDS
+uniform int solid_count;
+uniform vec4 solids[3 * 24];
+#endif
+uniform vec2 ground;  // height, and reach of its shade; reach 0: no ground
+in vec3 world_normal;
+in vec3 world_point;
+out vec4 pixel;
+
+void main() {
+  vec3 n = normalize(world_normal);
+  vec3 v = normalize(eye - world_point);
+  float key = 1.0;
+  float sky = 1.0;
+  for (int i = 0; i < capsule_count; ++i) {
+    vec2 share = past_capsule(world_point, n, capsules[2 * i], capsules[2 * i + 1].xyz);
+    key = min(key, share.x);
+    sky *= share.y;
+  }
+#ifdef WITH_SOLIDS
+  for (int i = 0; i < solid_count; ++i) {
+    vec2 share = past_solid(world_point, n, solids[3 * i], solids[3 * i + 1], solids[3 * i + 2]);
+    key = min(key, share.x);
+    sky *= share.y;
+  }
+#endif
+  float open = ground.y > 0.0 ? clamp((world_point.z - ground.x) / ground.y, 0.0, 1.0) : 1.0;
+  sky *= mix(0.85 - 0.55 * max(-n.z, 0.0), 1.0, open);
+  float facing = max(dot(n, to_key), 0.0);
+  float up = 0.5 + 0.5 * dot(n, sky_up);
+  float fill = 0.20 * max(dot(n, to_fill), 0.0) * (0.4 + 0.6 * sky);
+  vec3 light = kKey * facing * key + mix(kBounce, kSky, up) * sky + fill;
+  float rim = 1.0 - max(dot(n, v), 0.0);
+  rim *= rim;
+  float glance = max(dot(n, normalize(to_key + v)), 0.0);
+  float shine = 0.13 * pow(glance, 36.0) * key * step(1e-4, facing) + 0.10 * rim * rim * sky * up;
+  pixel = vec4(to_srgb(colour * light + shine), 1.0);
+}
+)";
+
+const char* const kShadeVertex = R"(#version 330 core
+uniform vec4 region;  // of the ground: x, y of its low corner, width, depth
+uniform vec4 quad;    // the same of the part to draw
+uniform float ground_height;
+out vec3 point;
+void main() {
+  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+  vec2 at = quad.xy + corner * quad.zw;
+  point = vec3(at, ground_height);
+  gl_Position = vec4(2.0 * (at - region.xy) / region.zw - 1.0, 0.0, 1.0);
+}
+)";
+
+const char* const kShadeFragment = R"(
+#ifdef WITH_SOLIDS
+uniform vec4 solids[3];
+#else
+uniform vec4 capsules[2];
+#endif
+in vec3 point;
+out vec4 shade;
+void main() {
+  vec3 n = vec3(0.0, 0.0, 1.0);
+#ifdef WITH_SOLIDS
+  vec2 share = past_solid(point, n, solids[0], solids[1], solids[2]);
+#else
+  vec2 share = past_capsule(point, n, capsules[0], capsules[1].xyz);
+#endif
+  shade = vec4(share.xxx, share.y);
+}
+)";
+
+const char* const kGroundVertex = R"(#version 330 core
+uniform mat4 view_projection;
+uniform vec4 disc;  // centre, radius
+out vec2 at;
+void main() {
+  vec2 corner = 2.0 * vec2(gl_VertexID & 1, gl_VertexID >> 1) - 1.0;
+  at = disc.xy + disc.w * corner;
+  gl_Position = view_projection * vec4(at, disc.z, 1.0);
+}
+)";
+
+const char* const kGroundFragment = R"(
+uniform vec4 disc;
+uniform vec4 region;
+uniform float spacing;
+uniform float line_width;
+uniform sampler2D shade;
+in vec2 at;
+out vec4 pixel;
+
+// Share of the pixel's footprint that lies on lines one apart and `width` wide: the integral of the line
+// pattern over a box, so it never aliases (Inigo Quilez, "filterable procedurals").
+float lines(vec2 p, vec2 footprint, float width) {
+  vec2 f = max(footprint, vec2(1e-5));
+  vec2 q = p + 0.5 * width;
+  vec2 a = q + 0.5 * f;
+  vec2 b = q - 0.5 * f;
+  vec2 i = (floor(a) * width + min(fract(a), width) - floor(b) * width - min(fract(b), width)) / f;
+  return 1.0 - (1.0 - i.x) * (1.0 - i.y);
+}
+
+void main() {
+  vec2 footprint = 1.2 * fwidth(at) / spacing;
+  float far = length(at - disc.xy) / disc.w;
+  float shown = 1.0 - smoothstep(0.25, 1.0, far);
+  vec2 s = (at - region.xy) / region.zw;
+  bool inside = all(greaterThan(s, vec2(0.0))) && all(lessThan(s, vec2(1.0)));
+  vec4 open = inside ? texture(shade, s) : vec4(1.0);
+  vec3 albedo = vec3(0.865, 0.865, 0.860);
+  float fine = lines(5.0 * at / spacing, 5.0 * footprint, 5.0 * line_width);
+  float coarse = lines(at / spacing, footprint, 1.7 * line_width);
+  albedo *= 1.0 - max(0.16 * fine, 0.36 * coarse) * (1.0 - smoothstep(0.2, 0.8, far));
+  vec3 light = kKey * to_key.z * open.r + kSky * 0.78 * (0.25 + 0.75 * open.a);
+  pixel = vec4(mix(background(), to_srgb(albedo * light), shown), 1.0);
+}
+)";
+
+const char* const kBackgroundVertex = R"(#version 330 core
+void main() {
+  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+  gl_Position = vec4(4.0 * corner - 1.0, 1.0, 1.0);
+}
+)";
+
+const char* const kBackgroundFragment = R"(
+out vec4 pixel;
+void main() { pixel = vec4(background(), 1.0); }
+)";
+
+}  // namespace handsim::output

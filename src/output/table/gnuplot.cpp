@@ -1,0 +1,78 @@
+#include "handsim/output/table/gnuplot.h"
+
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <fstream>
+#include <string_view>
+
+#include <fmt/format.h>
+
+#include "handsim/output/atomic_file.h"
+
+namespace handsim::output {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Whether a PNG or SVG file has its end: gnuplot says nothing of what it could not write.
+bool is_whole(const fs::path& path) {
+  constexpr std::string_view kPngEnd("IEND\xae\x42\x60\x82", 8), kSvgEnd = "</svg>";
+  const std::string_view end = path.extension() == ".png" ? kPngEnd : kSvgEnd;
+  constexpr std::streamoff kTail = 64;
+  std::ifstream file(path, std::ios::binary | std::ios::ate);
+  const std::streamoff size = file.tellg();
+  if (!file || size < static_cast<std::streamoff>(end.size())) return false;
+  std::string tail(static_cast<std::size_t>(std::min(size, kTail)), '\0');
+  file.seekg(-static_cast<std::streamoff>(tail.size()), std::ios::end);
+  file.read(tail.data(), static_cast<std::streamsize>(tail.size()));
+  while (!tail.empty() && (tail.back() == '\n' || tail.back() == '\r')) tail.pop_back();
+  return file && std::string_view(tail).ends_with(end);
+}
+
+}  // namespace
+
+int gnuplot(std::vector<std::string> arguments, const fs::path& folder) {
+  arguments.insert(arguments.begin(), "gnuplot");
+  std::vector<char*> pointers;
+  for (std::string& argument : arguments) pointers.push_back(argument.data());
+  pointers.push_back(nullptr);
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_addchdir_np(&actions, folder.c_str());
+  posix_spawn_file_actions_addopen(&actions, 1, "/dev/null", 1 /* O_WRONLY */, 0);
+  pid_t child = 0;
+  const int failure = posix_spawnp(&child, "gnuplot", &actions, nullptr, pointers.data(), environ);
+  posix_spawn_file_actions_destroy(&actions);
+  if (failure != 0) return -1;
+  int status = 0;
+  if (waitpid(child, &status, 0) != child) return 1;
+  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+}
+
+bool has_gnuplot() { return gnuplot({"-e", "exit"}, ".") == 0; }
+
+bool plot(const std::string& script, const fs::path& folder, const std::vector<std::string>& outputs) {
+  const std::string head = part_name() + ".";
+  const auto part = [&](const std::string& name) { return folder / (head + name); };
+  bool good = gnuplot({"-e", fmt::format("part='{}'", head), script}, folder) == 0;
+  for (const std::string& name : outputs) good = good && is_whole(part(name));
+  std::error_code failure, ignored;
+  for (const std::string& name : outputs) {
+    if (good) fs::rename(part(name), folder / name, failure);
+    good = good && !failure;
+    if (!good) fs::remove(part(name), ignored);
+  }
+  return good;
+}
+
+std::string plot_text(std::string text) {
+  for (char& c : text)
+    if (c == '\'' || c == '"' || c == '\\' || static_cast<unsigned char>(c) < ' ') c = ' ';
+  return text;
+}
+
+}  // namespace handsim::output

@@ -1,0 +1,216 @@
+// The `hands` of a scene: model, person, side, wrist, start pose, tissue.
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/scene/read/readers.h"
+
+namespace handsim::scene {
+
+namespace {
+
+const Quantity kMoment = {Dimension::time, 0, 1e6};
+/// Rigid bodies by the thousand are beyond any solver here.
+constexpr std::size_t kMostHands = 60;
+constexpr std::size_t kMostKeyframes = 100'000;
+
+/// @param last time of the keyframe before, where it is known; set to this one's.
+model::PoseKey read_keyframe(MapReader reader, std::optional<double>& last) {
+  model::PoseKey out;
+  out.time = reader.number("time", kMoment);
+  const bool known = reader.has("time") && reader.sound();
+  if (known && last && out.time <= *last)
+    reader.problem("time", fmt::format("{:g} s after {:g} s", out.time, *last), "times that rise");
+  if (known) last = out.time;
+  out.pose = read_pose(reader);
+  reader.finish();
+  return out;
+}
+
+model::PoseMotion read_motion(MapReader reader) {
+  model::PoseMotion motion;
+  motion.interpolation = reader.choice<model::Interpolation>(
+      "interpolation",
+      {{"minimum_jerk", model::Interpolation::minimum_jerk}, {"linear", model::Interpolation::linear}},
+      model::Interpolation::minimum_jerk);
+  if (YamlNode* keys = reader.list("keyframes", true, kMostKeyframes)) {
+    if (keys->items.empty()) reader.problem("keyframes", "an empty list", "at least one keyframe");
+    std::optional<double> last;
+    for (std::size_t i = 0; i < keys->items.size(); ++i)
+      motion.keys.push_back(read_keyframe(
+          MapReader(keys->items[i], item_path(reader.path_of("keyframes"), i), reader.diagnostics()), last));
+  }
+  reader.finish();
+  if (motion.keys.empty()) motion.keys.emplace_back();
+  return motion;
+}
+
+void refuse_keys_of_other_mounts(MapReader& reader, hand::Mount mount) {
+  struct OfMount {
+    const char* key;
+    hand::Mount mount;
+    const char* need;
+  };
+  for (const OfMount& of :
+       {OfMount{"motion", hand::Mount::driven, "mount: driven with it, or no motion"},
+        OfMount{"velocity", hand::Mount::free, "mount: free with it, or no velocity"},
+        OfMount{"angular_velocity", hand::Mount::free, "mount: free with it, or no angular_velocity"},
+        OfMount{"along", hand::Mount::rail, "mount: rail with it, or no along"}})
+    if (of.mount != mount && reader.node().find(of.key)) {
+      reader.child(of.key);
+      reader.problem(of.key, "a key of another mount", of.need);
+    }
+}
+
+/// @param grasped a grasp may give the wrist its motion. @param climbed a climb gives a rail its place.
+void read_wrist(MapReader reader, bool grasped, bool climbed, hand::Placement& placement) {
+  placement.mount = reader.choice<hand::Mount>("mount", hand::mounts(), hand::Mount::fixed);
+  // What else may stand here hangs on the mount.
+  if (!reader.sound()) return;
+  if (placement.mount == hand::Mount::driven && grasped && !reader.has("motion")) {
+    placement.motion = {};
+  } else if (placement.mount == hand::Mount::driven) {
+    placement.motion = read_motion(reader.required_map("motion", "a mapping with keyframes"));
+    placement.pose = placement.motion.keys.front().pose;
+  } else if (placement.mount == hand::Mount::rail && climbed) {
+    placement.pose = {};
+  } else {
+    placement.pose = read_pose(reader, Vec3::Zero());
+  }
+  if (placement.mount == hand::Mount::free) {
+    placement.velocity = reader.vector("velocity", kVelocity, Vec3::Zero());
+    placement.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
+  }
+  if (placement.mount == hand::Mount::rail && reader.has("along"))
+    placement.along = reader.direction("along");
+  refuse_keys_of_other_mounts(reader, placement.mount);
+  reader.finish();
+}
+
+bool has_wrist_joint(const HandEntry& entry) {
+  return entry.placement.mount == hand::Mount::hinge || entry.placement.mount == hand::Mount::universal;
+}
+
+/// @param axes how many of the joint's axes the hand has.
+void read_joint_angles(MapReader& pose, const hand::JointSpec& joint, std::size_t axes,
+                       std::vector<double>& out) {
+  const std::string& name = joint.name;
+  YamlNode& value = *pose.child(name);
+  const bool list = value.kind == YamlNode::Kind::sequence;
+  const std::size_t count = list ? value.items.size() : 1;
+  if (count < 1 || count > axes)
+    return pose.problem(name, value.described(), axes == 1 ? "one angle" : "one or two angles");
+  for (std::size_t i = 0; i < count; ++i) {
+    const YamlNode& item = list ? value.items[i] : value;
+    const std::string path = list ? item_path(pose.path_of(name), i) : pose.path_of(name);
+    const auto angle = read_number(item, path, {Dimension::angle, -M_PI, M_PI}, pose.diagnostics());
+    out.push_back(angle.value_or(0));
+    const auto& stop = joint.axes[i].stop;
+    if (angle && stop && (*angle < stop->low || *angle > stop->high))
+      pose.warning(name, fmt::format("{} starts at {:.4g} rad, outside its range of {:.4g} to {:.4g} rad",
+                                     joint.axes[i].name, *angle, stop->low, stop->high));
+  }
+}
+
+/// @param known false: the hand model could not be read, and any joint may be meant.
+void read_start_pose(MapReader& reader, HandEntry& entry, bool known) {
+  if (!reader.has("pose")) return;
+  MapReader pose = reader.map("pose");
+  if (!known) return;
+  const auto read = [&](const hand::JointSpec& joint, std::size_t axes) {
+    if (pose.child(joint.name)) read_joint_angles(pose, joint, axes, entry.placement.start[joint.name]);
+  };
+  const hand::JointSpec& wrist = entry.model.wrist;
+  if (has_wrist_joint(entry))
+    read(wrist, entry.placement.mount == hand::Mount::hinge ? 1 : wrist.axes.size());
+  else if (pose.child(wrist.name))
+    pose.problem(wrist.name, "an angle of a wrist that has no joint",
+                 "wrist.mount hinge or universal with it");
+  for (const hand::SegmentSpec& segment : entry.model.segments)
+    read(segment.joint, segment.joint.axes.size());
+  pose.finish();
+}
+
+void check_mount(MapReader& reader, const HandEntry& entry) {
+  if (entry.placement.mount == hand::Mount::universal && entry.model.wrist.axes.size() < 2)
+    reader.map("wrist").problem("mount", "universal with a hand model whose wrist has one axis",
+                                "hinge, or a hand model whose wrist has two axes");
+}
+
+void warn_of_extrapolation(MapReader& reader, const HandEntry& entry) {
+  const auto warn_outside = [&](const char* key, double value, std::pair<double, double> range,
+                                const char* unit) {
+    if (value < range.first || value > range.second)
+      reader.warning("person",
+                     fmt::format("{} of {:g} {} is outside the survey ({:g} to {:g} {}): extrapolated", key,
+                                 value, unit, range.first, range.second, unit));
+  };
+  warn_outside("stature", entry.person.stature, entry.model.anthropometry.stature_range, "m");
+  warn_outside("mass", entry.person.mass, entry.model.anthropometry.mass_range, "kg");
+}
+
+HandEntry read_hand(MapReader reader, bool grasped, bool climbed) {
+  HandEntry entry;
+  entry.place = reader.node().place();
+  Diagnostics& diagnostics = reader.diagnostics();
+  if (YamlNode* node = referenced(reader, "model", FileKind::hand_model))
+    entry.model = hand::read_hand_spec(*node, reader.path_of("model"), diagnostics);
+  const bool model_known = reader.sound();
+  if (YamlNode* node = referenced(reader, "person", FileKind::person)) {
+    entry.person = hand::read_person(*node, reader.path_of("person"), diagnostics);
+    entry.person_place = node->place();
+  }
+  const bool person_known = reader.sound();
+  entry.placement.side =
+      reader.choice<model::Side>("side", {{"right", model::Side::right}, {"left", model::Side::left}});
+  const std::size_t before_wrist = diagnostics.problems.size();
+  read_wrist(reader.map("wrist"), grasped, climbed, entry.placement);
+  const bool wrist_known = diagnostics.problems.size() == before_wrist;
+  if (model_known && wrist_known) check_mount(reader, entry);
+  read_start_pose(reader, entry, model_known && wrist_known);
+  MapReader tissue = reader.map("tissue");
+  entry.placement.tissue_stiffness = tissue.number("stiffness", {Dimension::none, 0, 1000}, 1.0);
+  entry.placement.tissue_damping = tissue.number("damping", {Dimension::none, 0, 1000}, 1.0);
+  tissue.finish();
+  reader.finish();
+  if (person_known) warn_of_extrapolation(reader, entry);
+  return entry;
+}
+
+/// `right`, `left`, and `right2`, ... where a scene has more of a side.
+void name_hands(std::vector<HandEntry>& hands) {
+  int count[2] = {0, 0};
+  for (HandEntry& entry : hands) {
+    const bool right = entry.placement.side == model::Side::right;
+    const int n = ++count[right ? 0 : 1];
+    entry.placement.name = (right ? "right" : "left") + (n > 1 ? std::to_string(n) : std::string());
+  }
+}
+
+}  // namespace
+
+YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind) {
+  YamlNode* node = reader.child(key);
+  if (!node) {
+    reader.problem(key, "nothing",
+                   fmt::format("{}: the path of its file, or the block itself", described(kind)));
+    return nullptr;
+  }
+  try {
+    follow_reference(*node, reader.path_of(key), reader.diagnostics().budget);
+    return is_of_kind(*node, reader.path_of(key), kind, reader.diagnostics()) ? node : nullptr;
+  } catch (const Error& error) {
+    reader.diagnostics().take(error);
+    return nullptr;
+  }
+}
+
+std::vector<HandEntry> read_hands(MapReader& reader, bool grasped, bool climbed) {
+  std::vector<HandEntry> hands;
+  each_block(reader, "hands", kMostHands,
+             [&](MapReader block) { hands.push_back(read_hand(std::move(block), grasped, climbed)); });
+  name_hands(hands);
+  return hands;
+}
+
+}  // namespace handsim::scene

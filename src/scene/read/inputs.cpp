@@ -1,0 +1,138 @@
+#include "handsim/scene/read/inputs.h"
+
+#include <algorithm>
+#include <functional>
+
+#include <fmt/format.h>
+
+#include "handsim/control/motion_file.h"
+#include "handsim/core/input_file.h"
+
+namespace handsim::scene {
+
+namespace {
+
+using Visit = std::function<void(YamlNode& path)>;
+
+/// `mesh` of a shape.
+void visit_mesh(YamlNode& solid, const Visit& visit) {
+  if (YamlNode* mesh = solid.find("mesh")) visit(*mesh);
+}
+
+/// Every value that is the path of a file. All other references have been filled in.
+void each_path(YamlNode& scene, const Visit& visit) {
+  if (YamlNode* objects = scene.find("objects"))
+    for (YamlNode& object : objects->items) {
+      visit_mesh(object, visit);
+      if (YamlNode* parts = object.find("parts"))
+        for (YamlNode& part : parts->items) visit_mesh(part, visit);
+    }
+  if (YamlNode* bodies = scene.find("bodies"))
+    for (YamlNode& body : bodies->items)
+      if (YamlNode* shape = body.find("shape")) visit_mesh(*shape, visit);
+  YamlNode* control = scene.find("control");
+  YamlNode* program = control ? control->find("program") : nullptr;
+  const auto visit_program = [&](YamlNode& choice) {
+    if (choice.kind == YamlNode::Kind::scalar && control::is_motion_file(choice.text)) visit(choice);
+  };
+  if (!program) return;
+  visit_program(*program);
+  for (YamlEntry& hand : program->entries) visit_program(hand.value);
+}
+
+constexpr const char* kFolder = "inputs";
+
+/// Of a file name that every system takes.
+bool is_plain(char c) {
+  const bool letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
+  return letter || c == '.' || c == '_' || c == '-';
+}
+
+std::string plain_name(const std::filesystem::path& path) {
+  constexpr std::size_t kLongest = 60;
+  const auto plain = [](std::string text) {
+    std::replace_if(
+        text.begin(), text.end(), [](char c) { return !is_plain(c); }, '_');
+    return text.substr(0, kLongest);
+  };
+  return plain(path.stem().string()) + plain(path.extension().string());
+}
+
+std::string numbered(const std::string& name, int number) {
+  const std::filesystem::path path(name);
+  return fmt::format("{}-{}{}", path.stem().string(), number, path.extension().string());
+}
+
+/// Memory as the reader counts it: values and keys.
+std::size_t memory_of(const YamlNode& node) {
+  std::size_t bytes = kYamlNodeBytes + node.text.size();
+  for (const YamlNode& item : node.items) bytes += memory_of(item);
+  for (const YamlEntry& entry : node.entries)
+    bytes += kYamlNodeBytes + entry.key.size() + memory_of(entry.value);
+  return bytes;
+}
+
+}  // namespace
+
+std::vector<InputFile> collect_inputs(YamlNode& resolved) {
+  std::vector<InputFile> out;
+  each_path(resolved, [&](YamlNode& node) {
+    const std::filesystem::path path(node.text);
+    const auto same = [&](const InputFile& file) { return file.path == path; };
+    if (std::any_of(out.begin(), out.end(), same)) return;
+    const std::string name = plain_name(path);
+    std::string copy = fmt::format("{}/{}", kFolder, name);
+    const auto taken = [&](const InputFile& file) { return file.copy == copy; };
+    for (int number = 2; std::any_of(out.begin(), out.end(), taken); ++number)
+      copy = fmt::format("{}/{}", kFolder, numbered(name, number));
+    // Motion files are the largest that a scene may name.
+    out.push_back({path, copy,
+                   std::make_shared<const std::string>(
+                       read_input_file(path, "a file that the scene reads", control::kMotionMaxBytes))});
+  });
+  return out;
+}
+
+YamlNode standalone(YamlNode resolved, const std::vector<InputFile>& inputs) {
+  each_path(resolved, [&](YamlNode& node) {
+    for (const InputFile& file : inputs)
+      if (node.text == file.path.string()) {
+        node.text = file.copy;
+        return;
+      }
+  });
+  return resolved;
+}
+
+std::string standalone_text(const YamlNode& resolved, const std::vector<InputFile>& inputs) {
+  const auto check = [&](std::size_t bytes, std::size_t most, const char* what) {
+    if (bytes > most)
+      throw Error(std::vector<Problem>{
+          {resolved.place(), "", fmt::format("a scene of {} bytes {}", bytes, what),
+           fmt::format("at most {}, so that resolved.yaml can be read again", bytes_text(most))}});
+  };
+  const YamlNode alone = standalone(resolved, inputs);
+  check(memory_of(alone), kYamlMaxMemory, "in memory with the files it names");
+  std::string text = emit_yaml(alone);
+  check(text.size(), kYamlMaxBytes, "with the files it names");
+  return text;
+}
+
+std::vector<std::string> copies_named_in(const std::filesystem::path& resolved) {
+  std::vector<std::string> out;
+  const auto take = [&](const YamlNode& node) {
+    const std::filesystem::path path(node.text);
+    const std::string name = path.filename().string();
+    if (path.parent_path() == kFolder && std::all_of(name.begin(), name.end(), is_plain))
+      out.push_back(node.text);
+  };
+  try {
+    YamlNode scene = load_yaml(resolved);
+    each_path(scene, take);
+  } catch (const Error&) {
+    return {};
+  }
+  return out;
+}
+
+}  // namespace handsim::scene

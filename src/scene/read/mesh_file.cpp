@@ -1,0 +1,182 @@
+#include "handsim/scene/read/mesh_file.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <unordered_map>
+
+#include <fmt/format.h>
+
+#include "handsim/core/error.h"
+#include "handsim/scene/compile/convex_hull.h"
+#include "handsim/scene/read/mesh_reader.h"
+
+namespace handsim::scene {
+
+namespace {
+
+constexpr std::size_t kMostCorners = 1000;
+/// Share of a mesh's size by which its surface may lie inside the hull; formats round to single precision.
+constexpr double kFlat = 1e-4;
+constexpr double kThinnest = 1e-4, kLargest = 100;
+constexpr const char* kSolid = "a solid body, nowhere thinner than 0.0001 m";
+/// Share of the hull's area that may lie under no face of the mesh.
+constexpr double kUncovered = 1e-3;
+
+[[noreturn]] void refuse(std::string got, std::string need) {
+  throw input_error("", std::move(got), std::move(need));
+}
+
+using Triangle = std::array<Vec3, 3>;
+
+/// Scaled; polygons as fans.
+std::vector<Triangle> triangles_of(const FileSurface& surface, double scale) {
+  std::vector<Triangle> triangles;
+  const auto point = [&](int corner) -> Vec3 {
+    return scale *
+           surface.points[static_cast<std::size_t>(surface.corners[static_cast<std::size_t>(corner)])];
+  };
+  for (std::size_t f = 0; f < surface.faces(); ++f)
+    for (int i = surface.starts[f] + 1; i + 1 < surface.starts[f + 1]; ++i)
+      triangles.push_back({point(surface.starts[f]), point(i), point(i + 1)});
+  return triangles;
+}
+
+/// Edges that do not belong to exactly two faces; corners at one place are one corner.
+int odd_edges(const FileSurface& surface) {
+  const auto before = [](const Vec3& a, const Vec3& b) {
+    return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
+  };
+  std::map<Vec3, std::uint32_t, decltype(before)> places(before);
+  std::vector<std::uint32_t> place_of;
+  for (const Vec3& point : surface.points)
+    place_of.push_back(places.emplace(point, static_cast<std::uint32_t>(places.size())).first->second);
+  std::unordered_map<std::uint64_t, int> faces_at;
+  for (std::size_t f = 0; f < surface.faces(); ++f)
+    for (int i = surface.starts[f]; i < surface.starts[f + 1]; ++i) {
+      const int next = i + 1 < surface.starts[f + 1] ? i + 1 : surface.starts[f];
+      const auto at = [&](int corner) {
+        return std::uint64_t{
+            place_of[static_cast<std::size_t>(surface.corners[static_cast<std::size_t>(corner)])]};
+      };
+      const auto [low, high] = std::minmax({at(i), at(next)});
+      if (low != high) ++faces_at[high << 32U | low];
+    }
+  return static_cast<int>(
+      std::count_if(faces_at.begin(), faces_at.end(), [](const auto& edge) { return edge.second != 2; }));
+}
+
+double area_of(const std::vector<Triangle>& triangles) {
+  double sum = 0;
+  for (const Triangle& t : triangles) sum += 0.5 * (t[1] - t[0]).cross(t[2] - t[0]).norm();
+  return sum;
+}
+
+std::vector<Triangle> triangles_of(const Hull& hull) {
+  std::vector<Triangle> out;
+  for (const std::vector<int>& face : hull.faces)
+    for (std::size_t i = 1; i + 1 < face.size(); ++i)
+      out.push_back({hull.vertices[static_cast<std::size_t>(face[0])],
+                     hull.vertices[static_cast<std::size_t>(face[i])],
+                     hull.vertices[static_cast<std::size_t>(face[i + 1])]});
+  return out;
+}
+
+/// How far the surface of a mesh lies inside its hull: the most that any triangle's plane has above it.
+double dent(const std::vector<Triangle>& triangles, const std::vector<Vec3>& corners) {
+  double deepest = 0;
+  for (const Triangle& t : triangles) {
+    const Vec3 normal = (t[1] - t[0]).cross(t[2] - t[0]);
+    if (!(normal.norm() > 1e-30)) continue;
+    const Vec3 n = normal.normalized();
+    double above = 0, below = 0;
+    for (const Vec3& corner : corners) {
+      above = std::max(above, n.dot(corner - t[0]));
+      below = std::max(below, -n.dot(corner - t[0]));
+    }
+    // Files do not agree on which way round a triangle is.
+    deepest = std::max(deepest, std::min(above, below));
+  }
+  return deepest;
+}
+
+/// Least distance of two parallel planes that hold all of it [m].
+double thickness(const model::ConvexMesh& mesh) {
+  double least = std::numeric_limits<double>::infinity();
+  for (int f = 0; f < mesh.face_count(); ++f)
+    least = std::min(least, mesh.support(mesh.normal(f)) + mesh.support(-mesh.normal(f)));
+  return least;
+}
+
+/// @returns the longest edge of the box that holds the points [m].
+double checked_size(const std::vector<Vec3>& points) {
+  Vec3 low = points.front(), high = low;
+  for (const Vec3& point : points) {
+    low = low.cwiseMin(point);
+    high = high.cwiseMax(point);
+  }
+  const double size = (high - low).maxCoeff();
+  if (!(size >= kThinnest && size <= kLargest) || low.cwiseAbs().cwiseMax(high.cwiseAbs()).maxCoeff() > 1000)
+    refuse(fmt::format("a mesh of {:.3g} m", size),
+           fmt::format("a size of {:.3g} to {:g} m, near the origin (of a file in mm: scale: 0.001)",
+                       kThinnest, kLargest));
+  return size;
+}
+
+Hull checked_hull(const std::vector<Vec3>& points) {
+  Hull hull;
+  try {
+    hull = convex_hull(points);
+  } catch (const Error&) {
+    refuse("a mesh that is flat", kSolid);
+  }
+  if (hull.vertices.size() > kMostCorners)
+    refuse(fmt::format("a hull of {} corners", hull.vertices.size()),
+           fmt::format("at most {} corners: a simpler mesh", kMostCorners));
+  return hull;
+}
+
+/// The surface must be the hull's: not inside it, and everywhere.
+void check_convex(const std::vector<Triangle>& triangles, const Hull& hull, double size, int odd_edges) {
+  const double inside = dent(triangles, hull.vertices);
+  if (inside > kFlat * size)
+    refuse(fmt::format("a mesh that is not convex: surface {:.3g} m inside its hull", inside),
+           "a convex mesh; several of them make a compound");
+  const double uncovered = 1 - area_of(triangles) / area_of(triangles_of(hull));
+  if (uncovered > kUncovered)
+    refuse(
+        fmt::format("a mesh with holes: {} edges that are not shared by two faces, and {:.2g} % of its hull "
+                    "without a face",
+                    odd_edges, 100 * uncovered),
+        "a closed surface");
+}
+
+}  // namespace
+
+LoadedMesh load_convex_mesh(const std::filesystem::path& path, double scale) {
+  std::string ending = path.extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return std::tolower(c); });
+  if (ending != ".obj" && ending != ".stl")
+    refuse(path.filename().string(), "the path of an OBJ or STL file, relative to this file");
+  const FileSurface surface = read_surface_file(path);
+  const std::vector<Triangle> triangles = triangles_of(surface, scale);
+  if (triangles.empty()) refuse("a mesh without faces", "the surface of a convex body");
+  std::vector<Vec3> points;
+  for (const Triangle& triangle : triangles) points.insert(points.end(), triangle.begin(), triangle.end());
+  const double size = checked_size(points);
+  const Hull hull = checked_hull(points);
+  LoadedMesh out;
+  const auto mesh =
+      std::make_shared<model::ConvexMesh>(model::make_convex_mesh(hull.vertices, hull.faces, out.centroid));
+  if (!(thickness(*mesh) >= kThinnest))
+    refuse(fmt::format("a mesh {:.3g} m thick", thickness(*mesh)), kSolid);
+  out.odd_edges = odd_edges(surface);
+  check_convex(triangles, hull, size, out.odd_edges);
+  out.mesh = mesh;
+  return out;
+}
+
+}  // namespace handsim::scene

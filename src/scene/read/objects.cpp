@@ -1,0 +1,279 @@
+// The `objects` and the `ground` of a scene.
+#include "handsim/scene/read/objects.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+
+#include <fmt/format.h>
+
+#include "handsim/hand/material.h"
+#include "handsim/scene/compile/extent.h"
+#include "handsim/scene/read/mesh_file.h"
+#include "handsim/scene/read/readers.h"
+
+namespace handsim::scene {
+
+namespace {
+
+using model::ShapeKind;
+
+const Quantity kSize = {Dimension::length, 1e-4, 100};
+const Quantity kMass = {Dimension::mass, 1e-6, 1e4};
+constexpr std::size_t kMostObjects = 1000;
+constexpr std::size_t kMostParts = 200;
+
+/// Keys that say one thing in different ways: where an entry has one of them, all of them in its file are
+/// void.
+using Keys = std::vector<std::string_view>;
+const Keys kMassKeys = {"mass", "density"};
+const Keys kFormKeys = {"shape", "parts"};
+const Keys kSizeKeys = {"shape", "parts", "edges", "radius", "length", "mesh", "scale"};
+const Keys kPropertyKeys = {"friction",         "restitution",       "restitution_speed",
+                            "rolling_friction", "spinning_friction", "stiffness",
+                            "damping"};
+
+bool has_any(const YamlNode& map, const Keys& keys) {
+  return std::any_of(keys.begin(), keys.end(),
+                     [&](std::string_view key) { return map.find(key) != nullptr; });
+}
+
+bool among(const std::string& key, const Keys& keys) {
+  return std::find(keys.begin(), keys.end(), key) != keys.end();
+}
+
+/// True where the entry's own keys leave the file's `key` without a say.
+bool overridden(const YamlNode& entry, const std::string& key) {
+  return entry.find(key) != nullptr || (among(key, kMassKeys) && has_any(entry, kMassKeys)) ||
+         (among(key, kSizeKeys) && has_any(entry, kFormKeys)) ||
+         (among(key, kPropertyKeys) && entry.find("material") != nullptr) ||
+         (key == "material" && has_any(entry, kPropertyKeys));
+}
+
+std::string read_name(MapReader& reader, const std::vector<ObjectSpec>& before) {
+  std::string name = reader.name("name");
+  const char* need = "a name of its own for each object, other than world and ground";
+  if (name == "world" || name == "ground") reader.problem("name", name, need);
+  for (const ObjectSpec& other : before)
+    if (!name.empty() && other.name == name) reader.problem("name", name + " a second time", need);
+  return name;
+}
+
+/// `mass` or `density` of a thing of this volume.
+double read_mass(MapReader& reader, double volume) {
+  const auto mass = reader.maybe_number("mass", kMass);
+  const auto density = reader.maybe_number("density", {Dimension::density, 1, 1e5});
+  if (reader.has("mass") == reader.has("density"))
+    reader.problem("mass", reader.has("mass") ? "a mass and a density" : "neither a mass nor a density",
+                   "one of the two");
+  const double result = mass.value_or(density.value_or(1000) * volume);
+  if (reader.sound() && !kMass.allows(result))
+    reader.problem("density", fmt::format("a mass of {:.3g} kg by it", result), kMass.need());
+  return result;
+}
+
+/// A shape with its place in the object. Sizes of an unknown shape can be neither right nor wrong.
+model::Shape read_form(MapReader& reader) {
+  model::Shape shape;
+  if (!read_solid(reader, "shape", shape))
+    for (const char* key : {"edges", "radius", "length", "mesh", "scale"}) reader.child(key);
+  return shape;
+}
+
+/// The parts of a compound. Each has a mass of its own where the first has.
+void read_parts(MapReader& reader, ObjectSpec& object) {
+  YamlNode* list = reader.list("parts", true);
+  if (!list) return;
+  if (list->items.empty() || list->items.size() > kMostParts) {
+    for (const std::string_view key : kMassKeys) reader.child(key);
+    return reader.problem("parts", list->described(), fmt::format("1 to {} parts", kMostParts));
+  }
+  const bool of_whole = !object.is_static && (reader.has("mass") || reader.has("density"));
+  const bool weighed = !object.is_static && !of_whole;
+  std::vector<MassProperties> parts;
+  double whole_volume = 0;
+  for (std::size_t i = 0; i < list->items.size(); ++i) {
+    MapReader part(list->items[i], item_path(reader.path_of("parts"), i), reader.diagnostics());
+    model::Shape shape = read_form(part);
+    const Pose at{part.vector("position", kCoordinate, Vec3::Zero()), part.rotation("rotation")};
+    shape.pose = at * shape.pose;
+    const double own = volume(shape);
+    whole_volume += own;
+    parts.push_back(solid_properties(shape, weighed ? read_mass(part, own) : own));
+    part.finish();
+    object.shapes.push_back(std::move(shape));
+  }
+  if (object.is_static) return;
+  object.body = joined(parts);
+  if (!of_whole || !reader.sound()) return;
+  // The parts' masses were their volumes: one density for all.
+  const double density = read_mass(reader, whole_volume) / whole_volume;
+  object.body.mass *= density;
+  object.body.inertia *= density;
+}
+
+/// The scale under which a mesh is read; nothing for other shapes.
+std::optional<double> mesh_scale(const YamlNode& node) {
+  const YamlNode* form = &node;
+  if (const YamlNode* parts = node.find("parts"); parts && !parts->items.empty())
+    form = &parts->items.front();
+  const YamlNode* scale = form->find("mesh") ? form->find("scale") : nullptr;
+  return scale ? parse_number(scale->text) : std::nullopt;
+}
+
+/// Sizes that are hardly meant beside a hand are most often a file's or a number's unit. What stands still
+/// may well be a wall.
+void warn_of_size(MapReader& reader, const ObjectSpec& object) {
+  constexpr double kLongest = 2, kShortest = 1e-3;
+  const double size = extent(object.shapes).maxCoeff();
+  const std::optional<double> scale = mesh_scale(reader.node());
+  const bool large = size > kLongest && (!object.is_static || scale), small = size < kShortest;
+  if (!large && !small) return;
+  const std::string remedy = !scale  ? "a bare number is in m, \"90 mm\" is in mm"
+                             : large ? fmt::format("scale: {:g} if the file is in mm", *scale / 1000)
+                                     : fmt::format("scale: {:g} if the file is in m", *scale * 1000);
+  reader.warning("name",
+                 fmt::format("{} is {:.3g} m long, and a hand some 0.2 m: {}", object.name, size, remedy));
+}
+
+ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
+                       const std::vector<model::Material>& materials, const std::vector<GraspSpec>& grasps,
+                       bool beside_hand) {
+  ObjectSpec object;
+  object.place = reader.node().place();
+  // The content of an entry's file stands in its place by now.
+  if (reader.has("file"))
+    reader.problem("file", "a file that names another", "a file with the object itself");
+  object.name = read_name(reader, before);
+  object.is_static = reader.flag("static", false);
+  if (reader.has("shape") && reader.has("parts")) {
+    reader.problem("parts", "parts beside a shape", "one of the two");
+    for (const std::string_view key : kSizeKeys) reader.child(key);
+    for (const std::string_view key : kMassKeys) reader.child(key);
+  }
+  if (reader.has("shape") && reader.has("parts")) {
+    object.shapes.emplace_back();
+  } else if (reader.has("parts")) {
+    read_parts(reader, object);
+  } else {
+    object.shapes.push_back(read_form(reader));
+    const model::Shape& shape = object.shapes.front();
+    if (!object.is_static) object.body = solid_properties(shape, read_mass(reader, volume(shape)));
+  }
+  if (reader.sound() && beside_hand) warn_of_size(reader, object);
+  if (!object.is_static) {
+    object.velocity = reader.vector("velocity", kVelocity, Vec3::Zero());
+    object.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
+  }
+  if (!places_object(grasps, object.name))
+    object.pose = read_pose(reader);
+  else if (reader.child("position") || reader.child("rotation"))
+    reader.problem("position", "a place beside the grasp that gives it", "one of the two");
+  object.may_overlap = reader.choice<bool>("overlap", {{"refused", false}, {"allowed", true}}, false);
+  object.material = read_surface(reader, object.name, materials);
+  object.source = reader.maybe_text("source");
+  reader.finish();
+  return object;
+}
+
+}  // namespace
+
+model::Material read_surface(MapReader& reader, std::string name,
+                             const std::vector<model::Material>& materials) {
+  if (!reader.has("material")) return hand::read_material(reader, std::move(name));
+  for (const std::string_view key : kPropertyKeys)
+    if (reader.child(key))
+      reader.problem(key, "a property beside the material that has it", "one of the two");
+  return named_material(reader, "material", materials).value_or(model::Material{});
+}
+
+namespace {
+
+/// `mesh`, named by its absolute path in the resolved scene, which stands in another folder.
+void read_mesh(MapReader& reader, model::Shape& shape) {
+  const double scale = reader.number("scale", {Dimension::none, 1e-6, 1e6}, 1.0);
+  const std::string name = reader.text("mesh");
+  if (!reader.has("mesh") || !reader.sound()) return;
+  YamlNode& node = *reader.child("mesh");
+  const std::filesystem::path beside = std::filesystem::path(node.place().file).parent_path();
+  const std::filesystem::path path = std::filesystem::absolute(beside / name).lexically_normal();
+  try {
+    LoadedMesh loaded = load_convex_mesh(path, scale);
+    shape.mesh = std::move(loaded.mesh);
+    shape.pose.p = loaded.centroid;
+    if (loaded.odd_edges > 0)
+      reader.warning("mesh", fmt::format("{} edges of {} are not shared by two faces: the convex hull closes "
+                                         "what is open",
+                                         loaded.odd_edges, path.filename().string()));
+  } catch (const Error& error) {
+    // What is wrong within the mesh's file has its place there.
+    for (const Problem& problem : error.problems())
+      if (problem.place)
+        reader.diagnostics().problems.push_back(
+            {problem.place, reader.path_of("mesh"), problem.got, problem.need});
+      else
+        reader.problem("mesh", problem.got, problem.need);
+  }
+  node.text = path.string();
+}
+
+}  // namespace
+
+bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shape) {
+  const std::size_t before = reader.diagnostics().problems.size();
+  shape.kind = reader.choice<ShapeKind>(kind_key, {{"box", ShapeKind::box},
+                                                   {"sphere", ShapeKind::sphere},
+                                                   {"cylinder", ShapeKind::cylinder},
+                                                   {"capsule", ShapeKind::capsule},
+                                                   {"convex_mesh", ShapeKind::convex_mesh}});
+  if (reader.diagnostics().problems.size() > before) return false;
+  if (shape.kind == ShapeKind::convex_mesh) {
+    read_mesh(reader, shape);
+    return true;
+  }
+  if (shape.kind == ShapeKind::box)
+    shape.edges = reader.vector("edges", kSize);
+  else
+    shape.radius = reader.number("radius", kSize);
+  if (shape.kind == ShapeKind::cylinder || shape.kind == ShapeKind::capsule)
+    shape.length = reader.number("length", kSize);
+  return true;
+}
+
+std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials,
+                                     const std::vector<GraspSpec>& grasps, bool beside_hand) {
+  std::vector<ObjectSpec> objects;
+  YamlNode* list = reader.list("objects", false, std::numeric_limits<std::size_t>::max());
+  if (!list) return objects;
+  if (list->items.size() > kMostObjects) {
+    reader.problem("objects", list->described(), fmt::format("at most {} objects", kMostObjects));
+    return objects;
+  }
+  for (std::size_t i = 0; i < list->items.size(); ++i) {
+    const std::string path = item_path("objects", i);
+    if (inline_file(list->items[i], path, FileKind::object, overridden, reader.diagnostics()))
+      objects.push_back(read_object(MapReader(list->items[i], path, reader.diagnostics()), objects, materials,
+                                    grasps, beside_hand));
+  }
+  return objects;
+}
+
+ObjectSpec read_object_file(YamlNode& root, Diagnostics& diagnostics) {
+  if (!is_of_kind(root, "", FileKind::object, diagnostics)) return {};
+  // What the scene gives it.
+  if (!root.find("name")) yaml_put(root, "name", yaml_scalar("object"));
+  if (!root.find("position")) yaml_put(root, "position", parse_yaml("[0, 0, 0]", ""));
+  return read_object(MapReader(root, "", diagnostics), {}, {}, {}, true);
+}
+
+std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model::Material>& materials) {
+  if (!reader.has("ground")) return std::nullopt;
+  MapReader ground = reader.map("ground");
+  const GroundSpec spec{ground.number("height", kCoordinate, 0.0), read_surface(ground, "ground", materials)};
+  ground.finish();
+  return spec;
+}
+
+}  // namespace handsim::scene

@@ -1,0 +1,34 @@
+// Pictures of a scene: snapshots of a run drawn with one camera that sees all of them.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "handsim/engine/engine.h"
+#include "handsim/output/render/image.h"
+#include "handsim/scene/compile/scene.h"
+
+namespace handsim::simulation {
+
+/// What a picture needs of a moment.
+struct Snapshot {
+  model::State state;
+  std::vector<engine::Contact> contacts;
+};
+
+Snapshot snapshot(const engine::Engine& engine);
+
+/// Length of the arrow of a contact force [m/N]: a round figure with which the largest force of the snapshots
+/// has 40 to 100 mm; nothing where the scene draws none or there is none.
+std::optional<double> force_scale(const scene::Scene& scene, std::span<const Snapshot> snapshots);
+
+/// Draws the snapshots in the scene's size, view and options with one camera that sees all of them, and hands
+/// each picture to `take` with its place among them; keeps none. Creates one OpenGL context.
+void draw(const scene::Scene& scene, std::span<const Snapshot> snapshots,
+          const std::function<void(std::size_t, const output::Image&)>& take);
+/// One picture.
+output::Image draw(const scene::Scene& scene, const Snapshot& moment);
+
+}  // namespace handsim::simulation

@@ -1,0 +1,159 @@
+#include "handsim/simulation/run/recorder.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/core/units.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/simulation/run/output_size.h"
+
+namespace handsim::simulation {
+
+namespace {
+
+/// OpenSim tables cannot mix angles and lengths in degrees: models with sliders have none.
+bool all_angles(const model::Model& model) {
+  return model.dof_count() > 0 &&
+         std::none_of(model.joints.begin(), model.joints.end(),
+                      [](const model::Joint& joint) { return joint.kind == model::JointKind::slider; });
+}
+
+std::vector<std::string> control_columns(const control::Plan& plan) {
+  std::vector<std::string> out;
+  for (const control::DrivenAxis& axis : plan.axes)
+    for (const char* what : {".target[deg]", ".angle[deg]", ".torque[N_m]"}) out.push_back(axis.name + what);
+  return out;
+}
+
+}  // namespace
+
+Recorder::Recorder(const scene::Scene& scene, const RunOptions& options, const Simulation& simulation)
+    : simulation_(simulation),
+      step_(scene.spec.solver.step),
+      trajectory_(options.out / "trajectory.csv", scene.model),
+      every_(record_steps(scene.spec)) {
+  const auto rows =
+      static_cast<std::size_t>(record_rows(simulation.steps(), simulation.step_count(), every_));
+  if (all_angles(scene.model))
+    motion_.emplace(options.out / "trajectory.mot",
+                    output::MotionHead{scene.spec.title, output::coordinate_names(scene.model), rows});
+  if (scene.control)
+    control_.emplace(options.out / "control.sto",
+                     output::MotionHead{scene.spec.title, control_columns(*scene.control), rows});
+  if (scene.spec.record_contacts) contacts_.emplace(options.out / "contacts.csv", scene.model);
+  if (!options.pose_pictures)
+    plan_frames(options.frames);
+  else if (!scene.spec.grasp_plans.empty())
+    plan_phases(scene.spec.grasp_plans.front());
+  else if (!simulation.climb_watches().empty())
+    plan_climb(scene.spec.climb_plans.front());
+  else
+    plan_poses();
+}
+
+/// The first at the start, the last at the end.
+void Recorder::plan_frames(int frames) {
+  const long first = simulation_.steps();
+  const long steps = simulation_.step_count() - first;
+  for (int k = 0; k < frames; ++k) {
+    const double share = frames == 1 ? 1 : static_cast<double>(k) / (frames - 1);
+    moments_.push_back({first + std::lround(share * static_cast<double>(steps)), ""});
+  }
+}
+
+/// One at the end of every hold of the first hand's program.
+void Recorder::plan_poses() {
+  const long steps = simulation_.step_count();
+  for (const control::Phase& phase : simulation_.controller()->plan().hands.front().trajectory.phases()) {
+    const long step = std::isfinite(phase.end) ? std::min(steps, std::lround(phase.end / step_)) : steps;
+    if (std::lround(phase.arrive / step_) > steps) return;
+    if (step < simulation_.steps()) continue;
+    moments_.push_back(
+        {step, fmt::format("{}, t = {:.2f} s", phase.pose, static_cast<double>(step) * step_)});
+  }
+}
+
+/// One at the end of every phase of a grasp; of a shake one on its way.
+void Recorder::plan_phases(const scene::GraspPlan& plan) {
+  const long steps = simulation_.step_count();
+  moments_.push_back({0, "start"});
+  for (const scene::GraspPhase& phase : plan.phases) {
+    const long step = std::lround(phase.end / step_);
+    if (step <= steps)
+      moments_.push_back(
+          {step, fmt::format("{}, t = {:.2f} s", phase.name, static_cast<double>(step) * step_)});
+  }
+}
+
+/// One at the end of each phase before the load; under it one at half of what is carried, the last that is
+/// carried, and one after the failure, all known only then.
+void Recorder::plan_climb(const scene::ClimbPlan& plan) {
+  climb_ = &simulation_.climb_watches().front();
+  moments_.push_back({0, "start"});
+  for (const scene::GraspPhase& phase : {plan.phases[0], plan.phases[1]})
+    moments_.push_back(
+        {std::lround(phase.end / step_), phase.name + fmt::format(", t = {:.2f} s", phase.end)});
+}
+
+void Recorder::see_climb() {
+  const ClimbFigures figures = climb_->figures();
+  if (figures.failed || figures.carried <= 0) return;
+  if (loaded_.empty() || figures.carried >= loaded_.back().first + kGripEvery)
+    loaded_.emplace_back(figures.carried, snapshot(simulation_.engine()));
+}
+
+void Recorder::finish_climb() {
+  const ClimbFigures figures = climb_->figures();
+  const auto show = [&](Snapshot moment, std::string caption) {
+    snapshots_.push_back(std::move(moment));
+    captions_.push_back(std::move(caption));
+  };
+  if (!loaded_.empty()) {
+    const auto half = std::find_if(loaded_.begin(), loaded_.end(),
+                                   [&](const auto& moment) { return moment.first >= figures.carried / 2; });
+    show(half->second, fmt::format("{:.0f} N", half->first));
+    show(loaded_.back().second, fmt::format("{:.0f} N", loaded_.back().first));
+  }
+  if (figures.failed) show(snapshot(simulation_.engine()), "after failure");
+}
+
+void Recorder::add_rows() {
+  const model::State& state = simulation_.state();
+  trajectory_.add(state);
+  if (motion_) {
+    std::vector<double> angles = model::coordinates(simulation_.model(), state);
+    for (double& angle : angles) angle *= kDegreesPerRadian;
+    motion_->add(state.time, angles);
+  }
+  if (contacts_)
+    for (const engine::Contact& c : simulation_.engine().contacts())
+      contacts_->add(state.time, {c.shape_a, c.shape_b, c.position, c.normal, c.depth, c.normal_force(),
+                                  c.friction_force()});
+  if (!control_) return;
+  std::vector<double> row;
+  for (const control::AxisState& axis : simulation_.controller()->axes())
+    row.insert(row.end(), {kDegreesPerRadian * axis.target, kDegreesPerRadian * axis.angle, axis.torque});
+  control_->add(state.time, row);
+}
+
+void Recorder::see(long step) {
+  if (step % every_ == 0) add_rows();
+  for (; taken_ < moments_.size() && moments_[taken_].step == step; ++taken_) {
+    snapshots_.push_back(snapshot(simulation_.engine()));
+    const std::string& caption = moments_[taken_].caption;
+    captions_.push_back(caption.empty() ? fmt::format("t = {:.3f} s", simulation_.state().time) : caption);
+  }
+  if (climb_) see_climb();
+}
+
+void Recorder::finish() {
+  if (climb_) finish_climb();
+  trajectory_.finish();
+  if (motion_) motion_->finish();
+  if (contacts_) contacts_->finish();
+  if (control_) control_->finish();
+}
+
+}  // namespace handsim::simulation

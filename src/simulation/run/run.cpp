@@ -1,0 +1,253 @@
+#include "handsim/simulation/run/run.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <new>
+
+#include <fmt/format.h>
+
+#include "handsim/model/kinematics.h"
+#include "handsim/output/atomic_file.h"
+#include "handsim/output/child.h"
+#include "handsim/output/render/contact_sheet.h"
+#include "handsim/scene/read/files_read.h"
+#include "handsim/simulation/run/output_size.h"
+#include "handsim/simulation/run/pictures.h"
+#include "handsim/simulation/run/plots.h"
+#include "handsim/simulation/run/recorder.h"
+#include "handsim/simulation/run/summary.h"
+#include "handsim/simulation/simulation.h"
+
+namespace handsim::simulation {
+
+namespace {
+
+/// Pictures on a contact sheet at most; more are thinned out evenly, the first and the last among them.
+constexpr std::size_t kSheetCells = 100;
+
+/// Each picture goes to its file, and smaller onto the sheet, as it is drawn.
+void draw_pictures(const scene::Scene& scene, const Recorder& recorder, const RunOptions& options,
+                   const output::Progress& progress) {
+  const std::span<const Snapshot> snapshots = recorder.snapshots();
+  const std::size_t count = snapshots.size(), cells = std::min(count, kSheetCells);
+  const auto [width, height] = scene.spec.pictures.size;
+  std::string title = scene.spec.title;
+  if (const auto scale = force_scale(scene, snapshots))
+    title += fmt::format(" (contact forces: {:g} mm for 1 N)", 1e3 * *scale);
+  output::ContactSheet sheet({static_cast<int>(cells), width, height, title});
+  const std::size_t digits = std::max<std::size_t>(3, std::to_string(count - 1).size());
+  std::size_t cell = 0;
+  draw(scene, snapshots, [&](std::size_t i, const output::Image& image) {
+    output::write_png(image, options.out / fmt::format("frame_{:0{}d}.png", i, digits));
+    if (cells == 1 || i * (cells - 1) >= cell * (count - 1)) {
+      sheet.add(image, recorder.captions()[i]);
+      ++cell;
+    }
+    if (progress) progress(static_cast<double>(i + 1) / static_cast<double>(count));
+  });
+  output::write_png(sheet.image(), options.out / "contact_sheet.png");
+}
+
+/// Why something could not be drawn.
+template <class Draw>
+std::optional<std::string> failure_of(const Draw& draw) {
+  try {
+    draw();
+  } catch (const std::bad_alloc&) {
+    return "out of memory";
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+  return std::nullopt;
+}
+
+/// Draws what was asked for; what cannot be drawn is missing, and the run's other files are there all the
+/// same.
+void draw_all(const scene::Scene& scene, const Recorder& recorder, const RunOptions& options,
+              RunResult& result) {
+  const auto pictures = [&](const output::Progress& progress) {
+    draw_pictures(scene, recorder, options, progress);
+  };
+  std::optional<std::string> failure;
+  result.missing.clear();
+  if (!recorder.snapshots().empty())
+    failure = options.draw_apart ? output::run_in_child(pictures, options.progress)
+                                 : failure_of([&] { pictures(options.progress); });
+  if (failure) result.missing.push_back("pictures: " + *failure);
+  if (options.plots) failure = failure_of([&] { write_plots(scene, options.out); });
+  if (options.plots && failure) result.missing.push_back("plots: " + *failure);
+}
+
+void write_inputs(const scene::Scene& scene, const std::filesystem::path& out) {
+  if (!scene.inputs.empty()) output::make_folder(out / "inputs");
+  for (const scene::InputFile& input : scene.inputs) output::write_file(out / input.copy, *input.bytes);
+}
+
+/// All that has to be there whatever becomes of the pictures; then those.
+void write_files(const scene::Scene& scene, const Simulation& simulation, const RunOptions& options,
+                 const std::string& resolved, Recorder& recorder, RunResult& result) {
+  recorder.finish();
+  write_inputs(scene, options.out);
+  output::write_file(options.out / "resolved.yaml", resolved);
+  if (!recorder.snapshots().empty()) result.missing.emplace_back("pictures: not drawn yet");
+  if (options.plots) result.missing.emplace_back("plots: not drawn yet");
+  const bool drawn = !result.missing.empty();
+  const auto write_summary = [&] {
+    result.summary = summary_json(scene, simulation, result);
+    output::write_file(options.out / "summary.json", result.summary);
+  };
+  write_summary();
+  if (!drawn) return;
+  draw_all(scene, recorder, options, result);
+  // The first summary stands where a disk that pictures have filled takes no second.
+  if (const auto failure = failure_of(write_summary)) result.missing.push_back("summary: " + *failure);
+}
+
+/// The step after which a snapshot is written.
+std::optional<long> snapshot_step(const Simulation& simulation, const RunOptions& options, double step) {
+  if (!options.snapshot_at) return std::nullopt;
+  const double at = *options.snapshot_at / step;
+  const auto first = static_cast<double>(simulation.steps());
+  const auto last = static_cast<double>(simulation.step_count());
+  if (!(at >= first - 0.5 && at <= last + 0.5))
+    throw input_error("--snapshot-at", fmt::format("{:g} s", *options.snapshot_at),
+                      fmt::format("{:g} s to {:g} s, which the run goes through", first * step, last * step));
+  return std::clamp(std::lround(at), simulation.steps(), simulation.step_count());
+}
+
+void go_on(Simulation& simulation, const std::filesystem::path& file, double duration, RunResult& result) {
+  const RunSnapshot snapshot = read_snapshot(file);
+  if (!(snapshot.time < duration))
+    throw input_error(file.string(), fmt::format("a snapshot at {:g} s", snapshot.time),
+                      fmt::format("one before the scene's end at {:g} s", duration));
+  try {
+    simulation.restore(snapshot);
+  } catch (const Error& error) {
+    std::vector<Problem> problems = error.problems();
+    for (Problem& problem : problems) problem.key = file.string();
+    if (problems.empty()) throw;
+    throw Error(std::move(problems));
+  }
+  result.continued_from = simulation.state().time;
+}
+
+/// Steps to the end of the scene or to the fault that stops it.
+void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options, double step,
+          RunResult& result) {
+  const long steps = simulation.step_count();
+  const long report_every = std::max(1L, steps / 200);
+  const std::optional<long> snapshot = snapshot_step(simulation, options, step);
+  const auto see = [&](long i) {
+    recorder.see(i);
+    if (snapshot == i) write_snapshot(simulation.snapshot(), options.out / "snapshot.bin");
+  };
+  see(simulation.steps());
+  for (long i = simulation.steps() + 1; i <= steps && !simulation.over(); ++i) {
+    try {
+      simulation.step();
+    } catch (const Error& error) {
+      if (!error.fault()) throw;
+      result.fault = error.fault();
+      return;
+    }
+    see(i);
+    if (options.progress && i % report_every == 0)
+      options.progress(static_cast<double>(i) / static_cast<double>(steps));
+  }
+}
+
+/// Pictures at most.
+int picture_count(const scene::Scene& scene, const RunOptions& options) {
+  return options.pose_pictures ? static_cast<int>(scene.control->hands.front().trajectory.phases().size())
+                               : options.frames;
+}
+
+/// What only a controlled scene can show.
+void check_controlled(const scene::Scene& scene, const RunOptions& options) {
+  if (!scene.control)
+    throw input_error(options.plots ? "--plots" : "--poses", "a scene without a control block",
+                      "a scene that drives its hands");
+  if (options.plots) need_gnuplot();
+}
+
+}  // namespace
+
+bool RunResult::judged() const {
+  return std::any_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.limit.has_value(); });
+}
+
+bool RunResult::failed() const {
+  return std::any_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.failed(); });
+}
+
+bool RunResult::missed() const {
+  return std::any_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.missed(); });
+}
+
+bool RunResult::passed() const { return !fault && hash_as_expected() && !failed() && !missed(); }
+
+output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& options) {
+  const auto read = [&] {
+    std::vector<std::filesystem::path> out = scene::files_read(scene);
+    if (options.from_snapshot) out.push_back(*options.from_snapshot);
+    return out;
+  };
+  std::vector<std::string> names = {"trajectory.csv", "trajectory.mot", "control.sto",  "contacts.csv",
+                                    "summary.json",   "resolved.yaml",  "snapshot.bin", "contact_sheet.png"};
+  // At least three digits, and five for the most pictures that there may be.
+  for (const char* digits : {"[0-9][0-9][0-9]", "[0-9][0-9][0-9][0-9]", "[0-9][0-9][0-9][0-9][0-9]"})
+    names.push_back(fmt::format("frame_{}.png", digits));
+  for (const char* plot : {"angles", "errors", "torques"})
+    for (const char* kind : {"gp", "png"}) names.push_back(fmt::format("plots/*_{}.{}", plot, kind));
+  for (const scene::InputFile& input : scene.inputs) names.push_back(input.copy);
+  for (std::string& copy : scene::copies_named_in(options.out / "resolved.yaml"))
+    names.push_back(std::move(copy));
+  return {options.out, std::move(names), read};
+}
+
+RunResult run(const scene::Scene& scene, const RunOptions& options) { return run(scene, options, nullptr); }
+
+RunResult run(const scene::Scene& scene, const RunOptions& options, const output::OutputFolder* held) {
+  if (options.plots || options.pose_pictures) check_controlled(scene, options);
+  Simulation simulation(scene);
+  RunResult result;
+  const double step = scene.spec.solver.step;
+  if (options.from_snapshot) go_on(simulation, *options.from_snapshot, scene.spec.duration, result);
+  static_cast<void>(snapshot_step(simulation, options, step));
+  const std::string resolved = scene::standalone_text(scene.resolved, scene.inputs);
+  const OutputSize size =
+      output_size(scene, simulation.steps(), simulation.step_count(), picture_count(scene, options));
+  if (const auto note = check_room(scene, size, options.out); note && options.note) options.note(*note);
+  std::optional<output::OutputFolder> own;
+  if (!held) own.emplace(run_folder(scene, options));
+  (held ? *held : *own).clear();
+  Recorder recorder(scene, options, simulation);
+  const auto start = std::chrono::steady_clock::now();
+  loop(simulation, recorder, options, step, result);
+  result.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  result.simulated = simulation.state().time;
+  result.tracking = simulation.tracking();
+  result.state_hash = simulation.state_hash();
+  result.warnings = simulation.warnings();
+  result.expected_hash = options.expected_hash;
+  result.grasps = simulation.grasps();
+  result.climbs = simulation.climbs();
+  result.verdicts = verdicts(simulation, scene.spec.criteria);
+  result.overlaps = engine::initial_overlaps(scene.model, model::initial_state(scene.model));
+  write_files(scene, simulation, options, resolved, recorder, result);
+  return result;
+}
+
+Snapshot snapshot_at(const scene::Scene& scene, double time) {
+  Simulation simulation(scene);
+  const long steps = std::lround(time / scene.spec.solver.step);
+  for (long i = 0; i < steps; ++i) simulation.step();
+  return snapshot(simulation.engine());
+}
+
+output::Image picture(const scene::Scene& scene, double time) {
+  return draw(scene, snapshot_at(scene, time));
+}
+
+}  // namespace handsim::simulation

@@ -1,0 +1,159 @@
+#include "handsim/simulation/run/snapshot.h"
+
+#include <algorithm>
+#include <iterator>
+#include <map>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "handsim/control/motion_file.h"
+#include "handsim/core/archive.h"
+#include "handsim/core/input_file.h"
+#include "handsim/output/atomic_file.h"
+#include "handsim/simulation/run/mathematics.h"
+
+namespace handsim::simulation {
+
+namespace {
+
+constexpr std::string_view kMagic = "HANDSNAP";
+constexpr std::size_t kHashBytes = 8;
+
+/// Keys of a scene that its motion does not depend on, and those that the compiled settings stand for.
+const std::set<std::string, std::less<>> kLeftOut = {"title",    "duration", "record", "pictures",
+                                                     "criteria", "solver",   "effects"};
+
+/// One entry for each value of a map or list that stands at the top, one for each other value.
+void add_parts(const YamlNode& resolved, Fingerprint& out) {
+  const auto add = [&](const std::string& name, const YamlNode& node) {
+    out.emplace_back(name, hash_bytes(emit_yaml(node)));
+  };
+  for (const YamlEntry& entry : resolved.entries) {
+    if (kLeftOut.contains(entry.key)) continue;
+    const YamlNode& value = entry.value;
+    for (const YamlEntry& inner : value.entries) add(entry.key + "." + inner.key, inner.value);
+    for (std::size_t i = 0; i < value.items.size(); ++i)
+      add(fmt::format("{}.{}", entry.key, i), value.items[i]);
+    if (value.kind == YamlNode::Kind::scalar) add(entry.key, value);
+  }
+}
+
+void add_settings(const model::SolverSettings& solver, Fingerprint& out) {
+  const auto add = [&](const char* name, const auto& value) {
+    ArchiveWriter bits;
+    bits(value);
+    out.emplace_back(std::string("solver.") + name, hash_bytes(bits.bytes()));
+  };
+  add("method", static_cast<int>(solver.method));
+  add("step", solver.step);
+  add("erp", solver.erp);
+  add("cfm", solver.cfm);
+  add("iterations", solver.iterations);
+  add("projection", solver.projection);
+  add("seed", solver.seed);
+  add("tolerance", solver.tolerance);
+  add("guard", Vec3(solver.guard.joint_gap, solver.guard.speed, solver.guard.angular_speed));
+  add("contact_forces", solver.contact_forces);
+  for (int i = 0; i < model::kEffectCount; ++i) {
+    const auto effect = static_cast<model::Effect>(i);
+    if (solver.effects.has(effect)) out.emplace_back("effects." + std::string(model::name(effect)), 1);
+  }
+}
+
+template <class Archive, class Print>
+void carry(Archive& archive, Print& fingerprint) {
+  for (auto& [name, hash] : fingerprint) {
+    archive(name);
+    if constexpr (std::same_as<Archive, ArchiveWriter>)
+      archive.word(hash);
+    else
+      hash = archive.word();
+  }
+}
+
+}  // namespace
+
+Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine) {
+  Fingerprint out;
+  // The articulated engine's version names an instruction set; all of them give the same bits.
+  const model::EngineKind kind = model::engine_of(scene.spec.solver.method);
+  out.emplace_back(
+      kind == model::EngineKind::articulated ? "engine articulated" : "engine " + engine.version(), 1);
+  out.emplace_back("the mathematics library (its version, or what this processor lets it use)",
+                   hash_bytes(mathematics()));
+  if (scene.spec.record_contacts) out.emplace_back("record.contacts", 1);
+  add_settings(scene.spec.solver, out);
+  // The scene names a mesh's file, not what is in it.
+  for (const model::Shape& shape : scene.model.shapes) {
+    if (!shape.mesh) continue;
+    ArchiveWriter vertices;
+    vertices.each(shape.mesh->vertices);
+    out.emplace_back("mesh of " + shape.name, hash_bytes(vertices.bytes()));
+  }
+  for (const scene::InputFile& file : scene.inputs)
+    if (control::is_motion_file(file.copy)) out.emplace_back(file.copy, hash_bytes(*file.bytes));
+  add_parts(scene::standalone(scene.resolved, scene.inputs), out);
+  return out;
+}
+
+std::vector<std::string> differences(const Fingerprint& a, const Fingerprint& b) {
+  std::vector<std::string> out;
+  const std::map<std::string, std::uint64_t> in_a(a.begin(), a.end()), in_b(b.begin(), b.end());
+  for (const auto& [name, hash] : in_a) {
+    const auto found = in_b.find(name);
+    if (found == in_b.end() || found->second != hash) out.push_back(name);
+  }
+  for (const auto& [name, hash] : in_b)
+    if (!in_a.contains(name)) out.push_back(name);
+  return out;
+}
+
+std::string snapshot_text(const RunSnapshot& snapshot) {
+  ArchiveWriter out;
+  out.word(kSnapshotVersion);
+  out(snapshot.scene->size());
+  carry(out, *snapshot.scene);
+  out(snapshot.time);
+  out(snapshot.bytes);
+  std::string text = std::string(kMagic) + out.take();
+  ArchiveWriter sum;
+  sum.word(hash_bytes(text));
+  return text + sum.bytes();
+}
+
+RunSnapshot parse_snapshot(std::string_view text, const std::string& name) {
+  const auto refuse = [&](const std::string& got) {
+    return input_error(name, got, "a snapshot that handsim run --snapshot-at has written");
+  };
+  if (!text.starts_with(kMagic)) throw refuse("a file that is no snapshot");
+  if (text.size() < kMagic.size() + 2 * kHashBytes) throw refuse("a snapshot that ends too early");
+  ArchiveReader in(text.substr(kMagic.size(), text.size() - kMagic.size() - kHashBytes), name);
+  // The version first: what another version calls a sum is not known here.
+  if (const std::uint64_t version = in.word(); version != kSnapshotVersion)
+    throw input_error(name, fmt::format("a snapshot of version {}", version),
+                      fmt::format("version {}, which this handsim writes", kSnapshotVersion));
+  ArchiveReader sum(text.substr(text.size() - kHashBytes), name);
+  if (sum.word() != hash_bytes(text.substr(0, text.size() - kHashBytes)))
+    throw refuse("a snapshot that is torn or was changed");
+  RunSnapshot out;
+  Fingerprint scene(in.size());
+  carry(in, scene);
+  out.scene = std::make_shared<const Fingerprint>(std::move(scene));
+  in(out.time);
+  in(out.bytes);
+  in.finish();
+  return out;
+}
+
+void write_snapshot(const RunSnapshot& snapshot, const std::filesystem::path& path) {
+  output::write_file(path, snapshot_text(snapshot));
+}
+
+RunSnapshot read_snapshot(const std::filesystem::path& path) {
+  return parse_snapshot(
+      read_input_file(path, "a snapshot that handsim run --snapshot-at has written", kSnapshotMaxBytes),
+      path.string());
+}
+
+}  // namespace handsim::simulation

@@ -1,0 +1,123 @@
+#include "handsim/simulation/watch/contact_sums.h"
+
+#include <algorithm>
+
+#include "handsim/simulation/watch/hand_parts.h"
+
+namespace handsim::simulation {
+
+namespace {
+
+/// What a step adds to a sum, the force taken with this sign.
+void add(ContactSum& sum, const engine::Contact& contact, double sign) {
+  ++sum.contacts;
+  sum.force += sign * contact.force;
+  sum.normal += contact.normal_force();
+  sum.friction += contact.friction_force().norm();
+}
+
+template <class Sums>
+void begin_step(Sums& sums) {
+  for (auto& [key, sum] : sums) {
+    sum.contacts = 0;
+    sum.force.setZero();
+    sum.normal = sum.friction = 0;
+  }
+}
+
+template <class Sums>
+void end_step(Sums& sums, double time, double step) {
+  for (auto& [key, sum] : sums) {
+    sum.normal_time += step * sum.normal;
+    if (sum.normal > sum.largest_normal) sum.largest_normal = sum.normal, sum.largest_at = time;
+  }
+}
+
+}  // namespace
+
+ContactSums::ContactSums(const model::Model& model) {
+  for (const model::Shape& shape : model.shapes) {
+    const int part = hand_part(shape.tint);
+    // `right.index_distal` is of `right.index`, `mug.part3` of `mug`.
+    const std::string first = shape.name.substr(0, shape.name.find('.'));
+    const std::string name = part < 0 ? first : first + "." + kHandParts[static_cast<std::size_t>(part)];
+    const auto found = std::find(things_.begin(), things_.end(), name);
+    thing_.push_back(static_cast<std::size_t>(found - things_.begin()));
+    if (found != things_.end()) continue;
+    things_.push_back(name);
+    is_finger_.push_back(part >= 0);
+  }
+}
+
+void ContactSums::look(std::span<const engine::Contact> contacts, double time, double step) {
+  begin_step(pairs_);
+  begin_step(fingers_);
+  for (const engine::Contact& contact : contacts) {
+    const std::size_t a = thing_[static_cast<std::size_t>(contact.shape_a)];
+    const std::size_t b = thing_[static_cast<std::size_t>(contact.shape_b)];
+    add(pairs_[{std::min(a, b), std::max(a, b)}], contact, a <= b ? 1 : -1);
+    if (is_finger_[a]) add(fingers_[a], contact, 1);
+    if (is_finger_[b] && b != a) add(fingers_[b], contact, -1);
+  }
+  end_step(pairs_, time, step);
+  end_step(fingers_, time, step);
+  time_ += step;
+}
+
+std::vector<std::pair<ContactSums::Pair, ContactSum>> ContactSums::pairs() const {
+  std::vector<std::pair<Pair, ContactSum>> out;
+  for (const auto& [pair, sum] : pairs_) out.push_back({{things_[pair.first], things_[pair.second]}, sum});
+  return out;
+}
+
+std::vector<std::pair<std::string, ContactSum>> ContactSums::fingers() const {
+  std::vector<std::pair<std::string, ContactSum>> out;
+  for (const auto& [finger, sum] : fingers_) out.emplace_back(things_[finger], sum);
+  return out;
+}
+
+namespace {
+
+template <class Archive, class T>
+void carry(Archive& archive, T& sum) {
+  archive(sum.contacts);
+  archive(sum.force);
+  for (auto* value : {&sum.normal, &sum.friction, &sum.normal_time, &sum.largest_normal, &sum.largest_at})
+    archive(*value);
+}
+
+}  // namespace
+
+void ContactSums::save(ArchiveWriter& out) const {
+  out(time_);
+  out(pairs_.size());
+  for (const auto& [things, sum] : pairs_) {
+    out(things.first);
+    out(things.second);
+    carry(out, sum);
+  }
+  out(fingers_.size());
+  for (const auto& [thing, sum] : fingers_) {
+    out(thing);
+    carry(out, sum);
+  }
+}
+
+void ContactSums::restore(ArchiveReader& in) {
+  const auto thing = [&] {
+    std::size_t index = 0;
+    in(index);
+    if (index >= things_.size()) in.refuse("a thing that is not there", "things of this scene");
+    return index;
+  };
+  in(time_);
+  pairs_.clear();
+  for (std::size_t n = in.size(); n > 0; --n) {
+    const std::size_t first = thing(), second = thing();
+    carry(in, pairs_[{first, second}]);
+  }
+  fingers_.clear();
+  for (std::size_t n = in.size(); n > 0; --n) carry(in, fingers_[thing()]);
+}
+
+}  // namespace handsim::simulation

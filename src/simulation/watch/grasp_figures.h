@@ -1,0 +1,86 @@
+// Figures of a grasp: whether the object was held and how firmly. A watch looks at the state after every
+// step of the plan's hold and shake; contacts are taken at the end of the hold and after the shake.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/engine/engine.h"
+#include "handsim/scene/task/grasp.h"
+#include "handsim/simulation/watch/hand_parts.h"
+#include "handsim/simulation/watch/wrench_space.h"
+
+namespace handsim::simulation {
+
+/// Limits that make a grasp held: movement of the object relative to the palm.
+inline constexpr double kHeldShift = 2e-3;                     ///< after the shake [m]
+inline constexpr double kHeldTurn = 2 * 0.017453292519943295;  ///< after the shake [rad]
+inline constexpr double kShakenShift = 5e-3;                   ///< at any time of the shake [m]
+/// The hold's last part, over which the slip speed is taken [s].
+inline constexpr double kSlipSpan = 4;
+
+/// The grip at one time.
+struct Grip {
+  double time = 0;               ///< [s]
+  std::vector<PartForce> parts;  ///< those that touch, palm first
+  int contacts = 0;
+  int others = 0;     ///< contacts of the object with what is no part of the hand
+  double normal = 0;  ///< sum over the hand [N]
+  /// Largest share of a part's friction limit in use, among parts that bear a thousandth of the sum. Can
+  /// exceed 1: friction is a pyramid (1.41 on its diagonal), and ODE takes its limits from the normal forces
+  /// of the step without friction.
+  double friction_used = 0;
+  WrenchSpace wrenches;
+};
+
+struct GraspFigures {
+  std::string name;         ///< HAND.OBJECT
+  bool complete = false;    ///< the run got to the end of the plan
+  Grip hold;                ///< at the end of the hold
+  Grip after;               ///< at the end of the plan
+  double slip = 0;          ///< mean drift of the object's centre in the palm over the end of the hold [m/s]
+  double spin = 0;          ///< the same of its orientation [rad/s]
+  double shaken_shift = 0;  ///< largest movement from the end of the hold, during the shake [m]
+  double shaken_time = 0;   ///< of it [s]
+  double shift = 0;         ///< movement from the end of the hold to the end of the plan [m]
+  double turn = 0;          ///< the same [rad]
+  bool held = false;        ///< within the limits, with the hand's contacts and no others
+
+  /// The run got to the end of the hold.
+  bool hold_measured() const { return hold.time > 0; }
+  /// The object has moved in the palm by more than a held one may: the rest of the run cannot mend it.
+  bool lost() const { return shaken_shift > kShakenShift; }
+  /// Force closure and being held tell different stories.
+  bool disagree() const { return complete && held != after.wrenches.force_closure; }
+};
+
+class GraspWatch {
+ public:
+  /// The model must outlive the watch. @param step of the engine [s].
+  GraspWatch(const model::Model& model, const scene::GraspPlan& plan, double step);
+
+  /// Looks at the engine after a step.
+  void look(const engine::Engine& engine);
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
+  const GraspFigures& figures() const { return figures_; }
+  bool lost() const { return figures_.lost(); }
+
+ private:
+  Pose object_in_palm(const model::State& state) const;
+  Grip grip(const engine::Engine& engine) const;
+  void finish(const engine::Engine& engine, const Pose& now);
+
+  const model::Model& model_;
+  double half_step_;
+  std::size_t palm_ = 0, object_ = 0;
+  double length_ = 0;  ///< largest radius of the object about its centre of mass [m]
+  double slip_start_ = 0, hold_end_ = 0, end_ = 0;
+  std::vector<int> part_of_body_;  ///< by body: -1 no part of the hand, else index into the part names
+  std::optional<Pose> at_slip_start_, at_hold_end_;
+  GraspFigures figures_;
+};
+
+}  // namespace handsim::simulation

@@ -1,0 +1,157 @@
+#include "handsim/simulation/watch/ledger.h"
+
+#include <array>
+
+namespace handsim::simulation {
+
+using model::Effect;
+
+Ledger::Ledger(const model::Model& model, const model::Effects& effects, bool rows)
+    : model_(model), effects_(effects), rows_(rows) {
+  for (const model::Joint& joint : model.joints) {
+    // A slider holds five of six relative freedoms, as a hinge does.
+    joint_rows_ += 6 - model::dof_count(joint.kind);
+    for (const model::JointAxis& axis : joint.axes) tissue_rows_ += axis.tissue ? 1 : 0;
+  }
+}
+
+Effect Ledger::kind_of(const engine::Contact& contact) const {
+  const model::Tint a = model_.shapes[static_cast<std::size_t>(contact.shape_a)].tint;
+  const model::Tint b = model_.shapes[static_cast<std::size_t>(contact.shape_b)].tint;
+  if (a == model::Tint::ground || b == model::Tint::ground) return Effect::ground_contact;
+  if (a == model::Tint::object || b == model::Tint::object) return Effect::object_contact;
+  return Effect::self_contact;
+}
+
+void Ledger::book(const engine::StepReport& report, std::span<const engine::Contact> contacts,
+                  const StepTimes& times) {
+  if (times_next()) {
+    ++timed_;
+    step_ns_ += times.step;
+    check_ns_ += times.check;
+    control_ns_ += times.control;
+    servo_ns_ += report.servo_ns;
+    collide_ns_ += report.collide_ns;
+    tissue_ns_ += report.tissue_ns;
+  }
+  ++steps_;
+  lcp_failures_ += report.lcp_failures;
+  contacts_ += report.contacts;
+  collide_calls_ += report.collide_calls;
+  ++rungs_[static_cast<std::size_t>(report.rung)];
+  iterative_ += report.iterative ? 1 : 0;
+  const auto book_rows = [&](Effect effect, long rows) {
+    if (rows == 0) return;
+    ++count(effect).steps;
+    count(effect).rows += rows;
+  };
+  book_rows(Effect::joint_stops, report.stop_rows);
+  if (effects_.has(Effect::passive_tissue)) book_rows(Effect::passive_tissue, tissue_rows_);
+  if (effects_.has(Effect::actuation)) book_rows(Effect::actuation, driven_rows_);
+  std::array<long, model::kEffectCount> touching{};
+  for (const engine::Contact& contact : contacts) ++touching[static_cast<std::size_t>(kind_of(contact))];
+  for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact})
+    book_rows(effect, touching[static_cast<std::size_t>(effect)]);
+  if (effects_.has(Effect::friction)) book_rows(Effect::friction, 2L * report.contacts);
+}
+
+template <class Archive, class Self>
+void Ledger::carry(Archive& archive, Self& self) {
+  for (auto* count : {&self.timed_, &self.steps_, &self.lcp_failures_, &self.contacts_, &self.collide_calls_,
+                      &self.iterative_})
+    archive(*count);
+  for (auto* time : {&self.step_ns_, &self.check_ns_, &self.collide_ns_, &self.tissue_ns_, &self.control_ns_,
+                     &self.servo_ns_})
+    archive(*time);
+  archive.each(self.rungs_);
+  for (auto& count : self.counts_) {
+    archive(count.steps);
+    archive(count.rows);
+  }
+}
+
+void Ledger::save(ArchiveWriter& out) const { carry(out, *this); }
+
+void Ledger::restore(ArchiveReader& in) { carry(in, *this); }
+
+std::optional<double> Ledger::per_step(double ns) const {
+  return timed_ > 0 ? std::optional(ns / static_cast<double>(timed_)) : std::nullopt;
+}
+
+std::vector<LedgerEntry> Ledger::phases() const {
+  std::vector<LedgerEntry> out;
+  out.push_back({"step", steps_, 0, per_step(solver_ns()),
+                 "timed on every 16th step: the engine without the phases below"});
+  if (effects_.any_contact()) out.push_back({"collide", steps_, 0, per_step(collide_ns_), "timed"});
+  if (effects_.has(Effect::passive_tissue) && rows_)
+    out.push_back({"tissue", steps_, 0, per_step(tissue_ns_), "timed"});
+  if (effects_.has(Effect::actuation))
+    out.push_back({"control", steps_, 0, per_step(control_ns_ + servo_ns_),
+                   "timed: sensing, control, setting the drives"});
+  out.push_back({"check", steps_, 0, per_step(check_ns_), "timed"});
+  return out;
+}
+
+LedgerEntry Ledger::entry(Effect effect) const {
+  const double n = steps_ > 0 ? static_cast<double>(steps_) : 1.0;
+  LedgerEntry out;
+  out.name = model::name(effect);
+  switch (effect) {
+    case Effect::gravity:
+    case Effect::wrist_motion:
+      out.ran = steps_;
+      out.how = "acts within the step without rows of its own: not told apart";
+      return out;
+    case Effect::step_guard:
+      out.ran = steps_ - rungs_[0];
+      out.how = "steps that were tried again; their time is the step's: not told apart";
+      return out;
+    case Effect::actuation:
+    case Effect::object_contact:
+    case Effect::self_contact:
+    case Effect::ground_contact:
+    case Effect::friction:
+    case Effect::joint_stops:
+    case Effect::passive_tissue:
+      break;
+  }
+  if (!rows_) {
+    const Count& acted = counts_[static_cast<std::size_t>(effect)];
+    out.ran = acted.steps;
+    out.rows = static_cast<double>(acted.rows) / n;
+    out.how = "solved with the motion, without rows of its own: not told apart";
+    if (effect != Effect::actuation) return out;
+    out.ran = steps_;
+    out.ns_per_step = per_step(control_ns_ + servo_ns_);
+    out.how = "the control phase";
+    return out;
+  }
+  long all_rows = joint_rows_ * steps_;
+  for (const Count& any : counts_) all_rows += any.rows;
+  const Count& mine = counts_[static_cast<std::size_t>(effect)];
+  const double share = all_rows > 0 ? static_cast<double>(mine.rows) / static_cast<double>(all_rows) : 0;
+  out.ran = mine.steps;
+  out.rows = static_cast<double>(mine.rows) / n;
+  out.ns_per_step = per_step(share * solver_ns());
+  out.how = "the step's time by share of constraint rows";
+  if (effect != Effect::actuation) return out;
+  // Torques have no rows; servos have. The control phase belongs to both.
+  out.ran = steps_;
+  out.ns_per_step = per_step(share * solver_ns() + control_ns_ + servo_ns_);
+  out.how = driven_rows_ > 0 ? "the control phase, and the step's time by share of constraint rows"
+                             : "the control phase";
+  return out;
+}
+
+double Ledger::control_share() const {
+  return step_ns_ > 0 ? (control_ns_ + servo_ns_) / (step_ns_ - servo_ns_) : 0;
+}
+
+std::vector<LedgerEntry> Ledger::effects() const {
+  std::vector<LedgerEntry> out;
+  for (int i = 0; i < model::kEffectCount; ++i)
+    if (effects_.has(static_cast<Effect>(i))) out.push_back(entry(static_cast<Effect>(i)));
+  return out;
+}
+
+}  // namespace handsim::simulation

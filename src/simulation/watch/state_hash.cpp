@@ -1,0 +1,41 @@
+#include "handsim/simulation/watch/state_hash.h"
+
+#include <bit>
+#include <charconv>
+
+#include <fmt/format.h>
+
+#include "handsim/core/archive.h"
+
+namespace handsim::simulation {
+
+static_assert(std::endian::native == std::endian::little,
+              "the hash is of the numbers as they stand in memory: swap their bytes here");
+
+void StateHash::add(const model::State& state) {
+  constexpr std::size_t kPerBody = 13;
+  numbers_.resize(1 + kPerBody * (state.bodies.size() - 1));
+  double* to = numbers_.data();
+  *to++ = state.time;
+  for (std::size_t i = 1; i < state.bodies.size(); ++i) {
+    const model::BodyState& body = state.bodies[i];
+    for (const double value :
+         {body.p.x(), body.p.y(), body.p.z(), body.q.w(), body.q.x(), body.q.y(), body.q.z(), body.v.x(),
+          body.v.y(), body.v.z(), body.w.x(), body.w.y(), body.w.z()})
+      *to++ = value;
+  }
+  value_ =
+      hash_bytes({reinterpret_cast<const char*>(numbers_.data()), numbers_.size() * sizeof(double)}, value_);
+}
+
+std::string hash_text(std::uint64_t hash) { return fmt::format("{:016x}", hash); }
+
+std::optional<std::uint64_t> parse_hash(std::string_view text) {
+  constexpr std::size_t kDigits = 16;
+  std::uint64_t hash = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), hash, 16);
+  if (text.size() != kDigits || error != std::errc() || end != text.data() + text.size()) return std::nullopt;
+  return hash;
+}
+
+}  // namespace handsim::simulation

@@ -1,0 +1,172 @@
+#include "handsim/simulation/watch/tracking.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <fmt/format.h>
+
+namespace handsim::simulation {
+
+namespace {
+
+void raise(Peak& peak, double value, double time, const std::string& where) {
+  if (value > peak.value) peak = {value, time, where};
+}
+
+}  // namespace
+
+Tracking::Tracking(const control::Controller& controller, double step)
+    : controller_(controller),
+      step_(step),
+      axes_(controller.axes().size()),
+      figures_(controller.axes().size()) {
+  const control::Plan& plan = controller.plan();
+  std::size_t at = 0;
+  for (std::size_t h = 0; h < plan.hands.size(); ++h) {
+    Hand hand;
+    hand.first = at;
+    while (at < plan.axes.size() && plan.axes[at].hand == h) {
+      figures_[at].name = plan.axes[at].name;
+      ++at;
+    }
+    hand.last = at;
+    hand.trajectory = &plan.hands[h].trajectory;
+    hands_.push_back(hand);
+  }
+}
+
+/// A movement goes from where the target stands to its pose.
+void Tracking::begin(Hand& hand) {
+  const control::Phase& phase = hand.trajectory->phases()[hand.phase++];
+  std::vector<double> from(hand.trajectory->width()), to(from.size());
+  hand.trajectory->at(phase.start - 1e-9, from);
+  hand.trajectory->at(phase.arrive + 1e-9, to);
+  for (std::size_t i = hand.first; i < hand.last; ++i) {
+    const std::size_t column = controller_.plan().axes[i].column;
+    axes_[i].from = from[column];
+    axes_[i].to = to[column];
+    axes_[i].last_outside = phase.start;
+    axes_[i].beyond = axes_[i].error_before = axes_[i].error_now = 0;
+  }
+  hand.moving = true;
+  hand.window = phase.arrive;
+}
+
+void Tracking::end(Hand& hand, double time) {
+  hand.moving = false;
+  const control::Phase& phase = hand.trajectory->phases()[hand.phase - 1];
+  if (time < phase.arrive + step_) return;
+  for (std::size_t i = hand.first; i < hand.last; ++i) {
+    const Axis& axis = axes_[i];
+    AxisTracking& out = figures_[i];
+    raise(out.steady_error, std::max(axis.error_before, axis.error_now), time, phase.pose);
+    ++out.holds;
+    const double length = std::abs(axis.to - axis.from);
+    if (length < control::kSmallestMovement) continue;
+    ++out.movements;
+    raise(out.overshoot, axis.beyond / length, phase.start, phase.pose);
+    if (axis.last_outside > time - 1.5 * step_)
+      ++out.unsettled;
+    else
+      raise(out.settling_time, axis.last_outside - phase.start, phase.start, phase.pose);
+  }
+}
+
+/// The movement under way: what it overshoots, when it settles, how far off it is held.
+void Tracking::watch(Hand& hand, double time) {
+  const control::Phase& phase = hand.trajectory->phases()[hand.phase - 1];
+  const bool next_window = time >= hand.window + kSteadyWindow;
+  for (std::size_t i = hand.first; i < hand.last; ++i) {
+    Axis& axis = axes_[i];
+    const double length = axis.to - axis.from;
+    const double left = axis.to - controller_.axes()[i].angle;
+    if (std::abs(left) > kSettledShare * std::abs(length)) axis.last_outside = time;
+    axis.beyond = std::max(axis.beyond, length > 0 ? -left : left);
+    if (time < phase.arrive) continue;
+    if (next_window) axis.error_before = std::exchange(axis.error_now, 0);
+    axis.error_now = std::max(axis.error_now, std::abs(left));
+  }
+  if (next_window) hand.window = time;
+}
+
+void Tracking::look(double time) {
+  ++steps_;
+  for (Hand& hand : hands_) {
+    const std::vector<control::Phase>& phases = hand.trajectory->phases();
+    for (std::size_t i = hand.first; i < hand.last; ++i) {
+      const control::AxisState& now = controller_.axes()[i];
+      Axis& axis = axes_[i];
+      const double error = std::abs(now.target - now.angle);
+      axis.square_sum += error * error;
+      if (error > axis.largest) axis.largest = error, axis.largest_time = time;
+      axis.torque = std::max(axis.torque, std::abs(now.torque));
+      axis.at_limit += now.at_limit ? 1 : 0;
+    }
+    if (hand.moving) watch(hand, time);
+    if (hand.moving && time >= phases[hand.phase - 1].end - 0.5 * step_) end(hand, time);
+    if (hand.phase < phases.size() && time >= phases[hand.phase].start - 0.5 * step_) begin(hand);
+  }
+}
+
+void Tracking::finish(double time) {
+  for (Hand& hand : hands_)
+    if (hand.moving) end(hand, time);
+}
+
+template <class Archive, class Self>
+void Tracking::carry(Archive& archive, Self& self) {
+  archive(self.steps_);
+  for (auto& axis : self.axes_) {
+    for (auto* value : {&axis.square_sum, &axis.largest, &axis.largest_time, &axis.torque, &axis.from,
+                        &axis.to, &axis.last_outside, &axis.beyond, &axis.error_before, &axis.error_now})
+      archive(*value);
+    archive(axis.at_limit);
+  }
+  for (auto& hand : self.hands_) {
+    archive(hand.phase);
+    archive(hand.moving);
+    archive(hand.window);
+  }
+  // Name, limit share and what axes() derives stay as they are.
+  for (auto& figure : self.figures_) {
+    for (auto* peak : {&figure.steady_error, &figure.overshoot, &figure.settling_time})
+      simulation::carry(archive, *peak);
+    archive(figure.holds);
+    archive(figure.movements);
+    archive(figure.unsettled);
+  }
+}
+
+void Tracking::save(ArchiveWriter& out) const { carry(out, *this); }
+
+void Tracking::restore(ArchiveReader& in) {
+  carry(in, *this);
+  for (const Hand& hand : hands_)
+    if (hand.phase > hand.trajectory->phases().size() || (hand.moving && hand.phase == 0))
+      in.refuse("a movement that is not in the program", "one of this scene's");
+  for (const AxisTracking& figure : figures_)
+    if (figure.unsettled > figure.movements || figure.movements > figure.holds)
+      in.refuse("more movements than holds", "counts that agree");
+}
+
+std::vector<AxisTracking> Tracking::axes() const {
+  std::vector<AxisTracking> out = figures_;
+  const double n = steps_ > 0 ? static_cast<double>(steps_) : 1.0;
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out[i].rms_error = std::sqrt(axes_[i].square_sum / n);
+    out[i].largest_error = {axes_[i].largest, axes_[i].largest_time, out[i].name};
+    out[i].largest_torque = axes_[i].torque;
+    out[i].limit_share = static_cast<double>(axes_[i].at_limit) / n;
+  }
+  return out;
+}
+
+const AxisTracking* Tracking::worst(const std::vector<AxisTracking>& axes) {
+  const auto at = std::max_element(
+      axes.begin(), axes.end(),
+      [](const AxisTracking& a, const AxisTracking& b) { return a.rms_error < b.rms_error; });
+  return at == axes.end() ? nullptr : &*at;
+}
+
+}  // namespace handsim::simulation

@@ -1,0 +1,100 @@
+#include "handsim/simulation/watch/wrench_space.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <libqhull_r/qhull_ra.h>
+#include <Eigen/Dense>
+
+namespace handsim::simulation {
+
+namespace {
+
+constexpr int kDimension = 6;
+/// Wrench spaces thinner than this in some direction, against 1, are flat.
+constexpr double kFlat = 1e-9;
+
+using Wrench = Eigen::Matrix<double, kDimension, 1>;
+
+/// The wrenches of unit normal force along the pyramid's edges; a soft contact adds twists about its normal.
+void add_edges(const WrenchContact& contact, double length, std::vector<Wrench>& out) {
+  const Vec3 u = contact.normal.unitOrthogonal();
+  const Vec3 v = contact.normal.cross(u);
+  const auto add = [&](const Vec3& force, double twist) {
+    Wrench wrench;
+    wrench << force, (contact.position.cross(force) + twist * contact.normal) / length;
+    out.push_back(wrench);
+  };
+  if (contact.friction == 0 && contact.spinning == 0) return add(contact.normal, 0);
+  for (int i = 0; i < kConeEdges; ++i) {
+    const double angle = 2 * M_PI * i / kConeEdges;
+    add(contact.normal + contact.friction * (std::cos(angle) * u + std::sin(angle) * v), 0);
+  }
+  if (contact.spinning == 0) return;
+  add(contact.normal, contact.spinning);
+  add(contact.normal, -contact.spinning);
+}
+
+/// Whether the points lie in a hyperplane.
+bool flat(const std::vector<Wrench>& points) {
+  Eigen::Matrix<double, kDimension, Eigen::Dynamic> spread(kDimension, points.size());
+  for (std::size_t i = 0; i < points.size(); ++i)
+    spread.col(static_cast<Eigen::Index>(i)) = points[i] - points.front();
+  const Eigen::JacobiSVD<Eigen::MatrixXd> svd{Eigen::MatrixXd(spread)};
+  return svd.singularValues().size() < kDimension || svd.singularValues()[kDimension - 1] < kFlat;
+}
+
+/// Qhull's state, freed with all that it holds.
+struct Hull {
+  qhT qh;
+  Hull() { qh_zero(&qh, nullptr); }
+  ~Hull() {
+    qh_freeqhull(&qh, !qh_ALL);
+    int long_blocks = 0, long_bytes = 0;
+    qh_memfreeshort(&qh, &long_blocks, &long_bytes);
+  }
+  Hull(const Hull&) = delete;
+  Hull& operator=(const Hull&) = delete;
+};
+
+/// The hull of points in six dimensions; null where Qhull gives up. Qx merges facets of coplanar points and
+/// keeps the hull exact to rounding; QJ moves the points by some 1e-11 instead, where nearly coplanar ones
+/// defeat the merging.
+std::unique_ptr<Hull> hull_of(std::vector<double>& coordinates, std::string options) {
+  auto hull = std::make_unique<Hull>();
+  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> quiet(std::fopen("/dev/null", "w"), &std::fclose);
+  const int failed = qh_new_qhull(&hull->qh, kDimension, static_cast<int>(coordinates.size()) / kDimension,
+                                  coordinates.data(), False, options.data(), nullptr, quiet.get());
+  if (failed != 0) return nullptr;
+  return hull;
+}
+
+}  // namespace
+
+WrenchSpace wrench_space(std::span<const WrenchContact> contacts, double length) {
+  std::vector<Wrench> points;
+  for (const WrenchContact& contact : contacts) add_edges(contact, length, points);
+  WrenchSpace out;
+  if (points.size() <= kDimension || flat(points)) return out;
+  std::vector<double> coordinates;
+  for (const Wrench& point : points) coordinates.insert(coordinates.end(), point.begin(), point.end());
+  std::unique_ptr<Hull> hull = hull_of(coordinates, "qhull Qx Pp");
+  if (!hull) hull = hull_of(coordinates, "qhull QJ Pp");
+  if (!hull) return out;
+  double nearest = std::numeric_limits<double>::infinity();
+  const facetT* facet = nullptr;
+  for (facet = hull->qh.facet_list; facet && facet->next; facet = facet->next)
+    nearest = std::min(nearest, -facet->offset);
+  qh_getarea(&hull->qh, hull->qh.facet_list);
+  out.volume = hull->qh.totvol;
+  out.force_closure = nearest > kFlat;
+  out.epsilon = std::max(0.0, nearest);
+  return out;
+}
+
+}  // namespace handsim::simulation

@@ -1,0 +1,435 @@
+#include "handsim/study/accuracy/accuracy.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include <fmt/format.h>
+
+#include "handsim/core/units.h"
+#include "handsim/model/energy.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/simulation/simulation.h"
+#include "handsim/study/accuracy/machine.h"
+#include "handsim/study/accuracy/slider_crank_reference.h"
+
+namespace handsim::study {
+
+namespace {
+
+using model::Effect;
+
+/// Simulated time that a row is timed over, where the scene lasts longer [s].
+constexpr double kTimedSpan = 1;
+/// Steps that warm caches and branch predictors before the timed ones.
+constexpr long kWarmUpSteps = 500;
+
+/// Whether the scene's effects keep mechanical energy but for the work of constant torques.
+bool keeps_energy(const scene::Scene& scene) {
+  const model::Effects& effects = scene.spec.solver.effects;
+  if (effects.any_contact() || effects.has(Effect::joint_stops) || effects.has(Effect::wrist_motion))
+    return false;
+  if (!effects.has(Effect::passive_tissue)) return true;
+  for (const model::Joint& joint : scene.model.joints)
+    for (const model::JointAxis& axis : joint.axes)
+      if (axis.tissue && axis.tissue->damping > 0) return false;
+  return true;
+}
+
+/// Work of the constant joint torques, from coordinates unwound step by step.
+class WorkMeter {
+ public:
+  WorkMeter(const scene::Scene& scene, const model::State& start)
+      : model_(scene.model),
+        on_(scene.spec.solver.effects.has(Effect::actuation)),
+        last_(model::coordinates(model_, start)) {}
+
+  void look(const model::State& state) {
+    if (!on_) return;
+    const std::vector<double> q = model::coordinates(model_, state);
+    for (const model::Joint& joint : model_.joints)
+      for (std::size_t a = 0; a < joint.axes.size(); ++a) {
+        const auto i = static_cast<std::size_t>(joint.first_dof) + a;
+        double moved = q[i] - last_[i];
+        if (joint.kind != model::JointKind::slider) moved = std::remainder(moved, 2 * M_PI);
+        work_ += joint.axes[a].torque * moved;
+      }
+    last_ = q;
+  }
+  double work() const { return work_; }
+
+ private:
+  const model::Model& model_;
+  bool on_;
+  std::vector<double> last_;
+  double work_ = 0;
+};
+
+/// What is compared of a state.
+class Observer {
+ public:
+  Observer(const std::optional<std::string>& name, const model::Model& model) : model_(model) {
+    if (!name) {
+      for (int i = 0; i < model.dof_count(); ++i) dofs_.push_back(static_cast<std::size_t>(i));
+      return;
+    }
+    for (const model::Joint& joint : model.joints)
+      if (joint.name == *name) dofs_.push_back(static_cast<std::size_t>(joint.first_dof));
+    for (std::size_t i = 1; i < model.bodies.size(); ++i)
+      for (int axis = 0; axis < 3; ++axis)
+        if (*name == model.bodies[i].name + "." + "xyz"[axis]) {
+          body_ = i;
+          axis_ = axis;
+        }
+    if (dofs_.empty() && !body_)
+      throw input_error("observe", *name, "a joint of the scene, or a body with .x, .y or .z");
+  }
+
+  void add(Series& series, const model::State& state) const {
+    std::vector<double> q, rate;
+    if (body_) {
+      q.push_back(state.bodies[*body_].p[axis_]);
+      rate.push_back(state.bodies[*body_].v[axis_]);
+    } else {
+      const std::vector<double> all_q = model::coordinates(model_, state);
+      const std::vector<double> all_rates = model::rates(model_, state);
+      for (const std::size_t i : dofs_) {
+        q.push_back(all_q[i]);
+        rate.push_back(all_rates[i]);
+      }
+    }
+    series.time.push_back(state.time);
+    series.q.push_back(std::move(q));
+    series.rate.push_back(std::move(rate));
+  }
+
+ private:
+  const model::Model& model_;
+  std::vector<std::size_t> dofs_;
+  std::optional<std::size_t> body_;
+  int axis_ = 0;
+};
+
+/// Positions are compared less their start.
+void subtract_start(Series& series) {
+  const std::vector<double> start = series.q.front();
+  for (std::vector<double>& q : series.q)
+    for (std::size_t i = 0; i < q.size(); ++i) q[i] -= start[i];
+}
+
+struct Motion {
+  Series series;
+  double gap = 0;
+  std::optional<double> energy_error;
+  std::string engine;  ///< and its version
+};
+
+/// Makes a motion of the states after each step.
+class Follower {
+ public:
+  Follower(const scene::Scene& scene, const std::optional<std::string>& observe, double sample_every,
+           const model::State& start)
+      : scene_(scene),
+        observer_(observe, scene.model),
+        meter_(scene, start),
+        stride_(std::max(1L, std::lround(sample_every / scene.spec.solver.step))),
+        start_(energy(start)),
+        largest_(model::kinetic_energy(scene.model, start)) {
+    observer_.add(out_.series, start);
+  }
+
+  void look(const model::State& state) {
+    meter_.look(state);
+    if (++steps_ % stride_ != 0) return;
+    observer_.add(out_.series, state);
+    imbalance_ = std::max(imbalance_, std::abs(energy(state) - start_));
+    largest_ = std::max(largest_, model::kinetic_energy(scene_.model, state));
+  }
+
+  Motion finish(double gap) {
+    subtract_start(out_.series);
+    out_.gap = gap;
+    if (keeps_energy(scene_) && largest_ > 0) out_.energy_error = imbalance_ / largest_;
+    return std::move(out_);
+  }
+
+ private:
+  double energy(const model::State& state) const {
+    return model::kinetic_energy(scene_.model, state) +
+           model::potential_energy(scene_.model, state, scene_.spec.solver.effects) - meter_.work();
+  }
+
+  const scene::Scene& scene_;
+  Observer observer_;
+  WorkMeter meter_;
+  long stride_, steps_ = 0;
+  double start_, imbalance_ = 0, largest_;
+  Motion out_;
+};
+
+Motion follow(const scene::Scene& scene, const std::optional<std::string>& observe, double sample_every) {
+  simulation::Simulation simulation(scene);
+  Follower follower(scene, observe, sample_every, simulation.state());
+  for (long i = 1; i <= simulation.step_count(); ++i) {
+    simulation.step();
+    follower.look(simulation.state());
+  }
+  Motion motion = follower.finish(simulation.monitor().joint_gap().value);
+  motion.engine = simulation.engine().version();
+  return motion;
+}
+
+/// A row on its way.
+struct Job {
+  const AccuracyMethod* method = nullptr;
+  scene::Scene scene;
+  AccuracyRow row;
+  std::vector<double> costs;  ///< CPU seconds for a simulated second, of each round
+};
+
+std::filesystem::path program_of(const AccuracySpec& spec, const AccuracyMethod& method) {
+  return spec.peers.value_or("") / method.peer->program;
+}
+
+Motion follow_job(const AccuracySpec& spec, const Job& job) {
+  const std::optional<std::string>& observe = job.method->observe ? job.method->observe : spec.observe;
+  if (!job.method->peer) return follow(job.scene, observe, spec.sample_every);
+  simulation::Monitor monitor(job.scene.model, job.scene.spec.solver.step, false);
+  std::optional<Follower> follower;
+  const auto look = [&](const model::State& state) {
+    if (!follower) {
+      follower.emplace(job.scene, observe, spec.sample_every, state);
+      return;
+    }
+    monitor.look(state);
+    follower->look(state);
+  };
+  const PeerName name = follow_peer(program_of(spec, *job.method), *job.method->peer, job.scene, look);
+  Motion motion = follower->finish(monitor.joint_gap().value);
+  motion.engine = name.engine + " " + name.version;
+  return motion;
+}
+
+/// CPU seconds per simulated second of the bare loop: nothing recorded, nothing compared.
+double cost(const AccuracySpec& spec, const Job& job) {
+  const double h = job.scene.spec.solver.step;
+  const long steps = std::max(1L, std::lround(std::min(job.scene.spec.duration, kTimedSpan) / h));
+  const double simulated = static_cast<double>(steps) * h;
+  if (job.method->peer)
+    return peer_cpu_seconds(program_of(spec, *job.method), *job.method->peer, job.scene, steps) / simulated;
+  {
+    simulation::Simulation warm_up(job.scene);
+    for (long i = 0; i < std::min(steps, kWarmUpSteps); ++i) warm_up.step();
+  }
+  simulation::Simulation simulation(job.scene);
+  const double start = cpu_now();
+  for (long i = 0; i < steps; ++i) simulation.step();
+  return (cpu_now() - start) / simulated;
+}
+
+Series slider_crank_series(const SliderCrankSpec& spec, double duration, double every) {
+  Series out;
+  const std::vector<SliderCrankState> states = SliderCrankReference(spec).series(duration, every);
+  for (const SliderCrankState& state : states) {
+    out.time.push_back(state.time);
+    out.q.push_back({state.x - states.front().x});
+    out.rate.push_back({state.vx});
+  }
+  return out;
+}
+
+double rms(const std::vector<std::vector<double>>& a, const std::vector<std::vector<double>>& b,
+           const std::vector<double>& time, double until) {
+  double sum = 0;
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i) {
+    if (time[i] > until * (1 + 1e-9)) break;
+    for (std::size_t k = 0; k < a[i].size(); ++k, ++count) sum += (a[i][k] - b[i][k]) * (a[i][k] - b[i][k]);
+  }
+  return count > 0 ? std::sqrt(sum / static_cast<double>(count)) : 0;
+}
+
+void compare(AccuracyRow& row, const Series& reference, double early) {
+  const double all = reference.time.back();
+  row.rate_error = rms(row.series.rate, reference.rate, reference.time, all);
+  row.early_rate_error = rms(row.series.rate, reference.rate, reference.time, early);
+  row.position_error = rms(row.series.q, reference.q, reference.time, all);
+}
+
+std::optional<Series> make_reference(const AccuracySpec& spec) {
+  const auto duration = [&] { return scene::load_scene(spec.scene).spec.duration; };
+  switch (spec.reference) {
+    case Reference::slider_crank_iftomm:
+      return slider_crank_series(SliderCrankSpec::iftomm(), duration(), spec.sample_every);
+    case Reference::slider_crank_torque:
+      return slider_crank_series(SliderCrankSpec::constant_torque(), duration(), spec.sample_every);
+    case Reference::method: {
+      const scene::Scene scene = scene::load_scene(spec.scene, spec.reference_set);
+      return follow(scene, spec.observe, spec.sample_every).series;
+    }
+    case Reference::smallest_step:
+      return std::nullopt;
+  }
+  return std::nullopt;
+}
+
+Job make_job(const AccuracySpec& spec, const AccuracyMethod& method, double step) {
+  std::vector<std::string> set = method.set;
+  set.push_back("solver.step=" + number_text(step));
+  Job job;
+  job.method = &method;
+  job.scene = scene::load_scene(method.scene.value_or(spec.scene), set);
+  if (method.peer) check_for_peers(job.scene);
+  job.row.method = method.name;
+  job.row.step = step;
+  return job;
+}
+
+/// Does a part of a row; where the physics go wrong in it the row says so.
+void attempt(AccuracyRow& row, const std::function<void()>& part) {
+  if (row.fault) return;
+  try {
+    part();
+  } catch (const Error& error) {
+    if (!error.fault()) throw;
+    row.fault = error.what();
+  }
+}
+
+/// The methods that can run here; of the others the result says why they cannot.
+std::vector<const AccuracyMethod*> methods_at_hand(const AccuracySpec& spec, AccuracyResult& result) {
+  std::vector<const AccuracyMethod*> out;
+  std::map<std::string, std::string> left_out;
+  for (const AccuracyMethod& method : spec.methods) {
+    if (!method.peer || (spec.peers && access(program_of(spec, method).c_str(), X_OK) == 0)) {
+      out.push_back(&method);
+      continue;
+    }
+    std::string& names = left_out[spec.peers ? "there is no " + program_of(spec, method).string()
+                                             : "no other engine is asked for"];
+    names += (names.empty() ? "" : "; ") + method.name;
+  }
+  for (const auto& [why, names] : left_out) result.left_out.push_back(fmt::format("{} ({})", names, why));
+  return out;
+}
+
+/// Compares the rows of one method and drops the motion that no plot shows.
+void compare_all(const AccuracySpec& spec, std::vector<Job>& jobs, std::size_t first, std::size_t end,
+                 const Series& reference) {
+  for (std::size_t i = first; i < end; ++i) {
+    AccuracyRow& row = jobs[i].row;
+    if (!row.fault && !reference.time.empty()) compare(row, reference, spec.early);
+    const bool plotted = std::any_of(spec.plot_steps.begin(), spec.plot_steps.end(),
+                                     [&](double step) { return std::abs(step - row.step) < 1e-12; });
+    if (!plotted || jobs[i].method->scene) row.series = {};
+  }
+}
+
+/// Steps of a row's motion, or of one timing: what the progress bar goes by.
+double work(const Job& job, bool motion) {
+  const double duration = job.scene.spec.duration;
+  return (motion ? duration : std::min(duration, kTimedSpan)) / job.scene.spec.solver.step;
+}
+
+std::string unit_of(const AccuracySpec& spec) {
+  const scene::Scene scene = scene::load_scene(spec.scene);
+  for (const model::Joint& joint : scene.model.joints)
+    if (spec.observe && joint.name == *spec.observe && joint.kind == model::JointKind::slider) return "m";
+  return "rad";
+}
+
+}  // namespace
+
+AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress) {
+  AccuracyResult result;
+  result.unit = unit_of(spec);
+  result.reference = make_reference(spec);
+  std::vector<Job> jobs;
+  double total = 0, done = 0;
+  for (const AccuracyMethod* method : methods_at_hand(spec, result))
+    for (const double step : method->steps) {
+      jobs.push_back(make_job(spec, *method, step));
+      total += work(jobs.back(), true) + spec.repeats * work(jobs.back(), false);
+    }
+  const auto report = [&](const Job& job, bool motion) {
+    done += work(job, motion);
+    if (progress) progress(done / total);
+  };
+
+  for (std::size_t first = 0, end = 0; first < jobs.size(); first = end) {
+    for (end = first; end < jobs.size() && jobs[end].method == jobs[first].method; ++end) {
+      Job& job = jobs[end];
+      attempt(job.row, [&] {
+        Motion motion = follow_job(spec, job);
+        job.row.series = std::move(motion.series);
+        job.row.gap = motion.gap;
+        job.row.energy_error = motion.energy_error;
+        if (std::find(result.engines.begin(), result.engines.end(), motion.engine) == result.engines.end())
+          result.engines.push_back(motion.engine);
+      });
+      report(job, true);
+    }
+    const bool own = !result.reference || jobs[first].method->scene;
+    for (std::size_t i = first; i < end; ++i) jobs[i].row.own_reference = own;
+    jobs[end - 1].row.is_reference = own;
+    compare_all(spec, jobs, first, end, own ? Series(jobs[end - 1].row.series) : *result.reference);
+  }
+  for (int round = 0; round < spec.repeats; ++round)
+    for (Job& job : jobs) {
+      attempt(job.row, [&] { job.costs.push_back(cost(spec, job)); });
+      report(job, false);
+    }
+  for (Job& job : jobs) {
+    if (!job.row.fault) job.row.cpu_per_second = median(std::move(job.costs));
+    result.rows.push_back(std::move(job.row));
+  }
+  return result;
+}
+
+scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& result) {
+  if (!spec.kind || !result.reference)
+    throw input_error("--costs", "a study without a kind or without a reference", "one with both");
+  double square = 0;
+  std::size_t count = 0;
+  for (const std::vector<double>& rates : result.reference->rate)
+    for (const double rate : rates) {
+      square += rate * rate;
+      ++count;
+    }
+  const double signal = std::sqrt(square / static_cast<double>(count));
+  scene::CostTable table;
+  table.kind = *spec.kind;
+  table.scene = spec.scene.filename().string();
+  table.duration = result.reference->time.back();
+  std::vector<scene::CostRow> all;
+  for (const AccuracyRow& row : result.rows) {
+    const auto method = std::find_if(spec.methods.begin(), spec.methods.end(),
+                                     [&](const AccuracyMethod& each) { return each.name == row.method; });
+    if (row.fault || row.own_reference || row.is_reference || method->peer) continue;
+    all.push_back(
+        {row.rate_error / signal, row.cpu_per_second, make_job(spec, *method, row.step).scene.spec.solver});
+  }
+  for (const scene::CostRow& row : all)
+    if (std::none_of(all.begin(), all.end(), [&](const scene::CostRow& other) {
+          return model::engine_of(other.solver.method) == model::engine_of(row.solver.method) &&
+                 other.error <= row.error && other.cost <= row.cost &&
+                 (other.error < row.error || other.cost < row.cost);
+        }))
+      table.rows.push_back(row);
+  std::sort(table.rows.begin(), table.rows.end(),
+            [](const scene::CostRow& a, const scene::CostRow& b) { return a.error > b.error; });
+  return table;
+}
+
+const AccuracyRow* cheapest(const AccuracyResult& result, double target) {
+  const AccuracyRow* best = nullptr;
+  for (const AccuracyRow& row : result.rows) {
+    if (row.fault || row.is_reference || (result.reference && row.own_reference) ||
+        !(row.rate_error <= target))
+      continue;
+    if (!best || row.cpu_per_second < best->cpu_per_second) best = &row;
+  }
+  return best;
+}
+
+}  // namespace handsim::study

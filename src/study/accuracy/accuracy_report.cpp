@@ -1,0 +1,263 @@
+#include "handsim/study/accuracy/accuracy_report.h"
+
+#include <cstdlib>
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "handsim/output/atomic_file.h"
+#include "handsim/output/table/gnuplot.h"
+#include "handsim/study/accuracy/machine.h"
+
+namespace handsim::study {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Quoted for CSV.
+std::string quoted(std::string text) {
+  for (std::size_t at = 0; (at = text.find('"', at)) != std::string::npos; at += 2) text.insert(at, 1, '"');
+  return "\"" + text + "\"";
+}
+
+std::string csv(const AccuracyResult& result) {
+  const std::string& unit = result.unit;
+  std::string out = fmt::format(
+      "method,step[s],rate_error_rms[{0}/s],early_rate_error_rms[{0}/"
+      "s],position_error_rms[{0}],joint_gap[m],energy_error,"
+      "cpu_seconds_per_second,times_real_time,note\n",
+      unit);
+  for (const AccuracyRow& row : result.rows) {
+    if (row.fault) {
+      out += fmt::format("{},{},,,,,,,,{}\n", quoted(row.method), row.step, quoted(*row.fault));
+      continue;
+    }
+    out += fmt::format("{},{},{},{},{},{},{},{},{},{}\n", quoted(row.method), row.step, row.rate_error,
+                       row.early_rate_error, row.position_error, row.gap,
+                       row.energy_error ? fmt::format("{}", *row.energy_error) : "", row.cpu_per_second,
+                       row.times_real_time(),
+                       row.is_reference    ? "its own reference"
+                       : row.own_reference ? "compared with its smallest step"
+                                           : "");
+  }
+  return out;
+}
+
+std::string json(const AccuracySpec& spec, const AccuracyResult& result) {
+  Json rows = Json::array();
+  for (const AccuracyRow& row : result.rows) {
+    Json entry = {{"method", row.method}, {"step_s", row.step}};
+    if (row.fault) {
+      entry["fault"] = *row.fault;
+    } else {
+      entry["rate_error_rms"] = row.rate_error;
+      entry["early_rate_error_rms"] = row.early_rate_error;
+      entry["position_error_rms"] = row.position_error;
+      entry["joint_gap_m"] = row.gap;
+      entry["energy_error"] = row.energy_error ? Json(*row.energy_error) : Json();
+      entry["cpu_seconds_per_second"] = row.cpu_per_second;
+      entry["times_real_time"] = row.times_real_time();
+      entry["own_reference"] = row.own_reference;
+      entry["is_reference"] = row.is_reference;
+    }
+    rows.push_back(std::move(entry));
+  }
+  Json out = {{"title", spec.title}, {"unit", result.unit}, {"early_window_s", spec.early}};
+  out["machine"] = {{"processor", processor()}, {"system", operating_system()}};
+  out["versions"] = {{"handsim", HANDSIM_VERSION}, {"compiler", __VERSION__}};
+  out["versions"]["engines"] = result.engines;
+  out["left_out"] = result.left_out;
+  out["rows"] = std::move(rows);
+  return out.dump(2) + "\n";
+}
+
+/// A line of a plot: a method, or several that belong together.
+struct Line {
+  std::string title;
+  bool peer = false;
+  bool has_steps = true;  ///< false: its methods differ in their tolerance, and their step says nothing
+  std::vector<const AccuracyRow*> rows;
+};
+
+/// The lines of plots of errors and costs. Rows with a scene of their own have a reference of their own, and
+/// their errors do not compare.
+std::vector<Line> lines_of(const AccuracySpec& spec, const AccuracyResult& result) {
+  std::vector<Line> lines;
+  for (const AccuracyMethod& method : spec.methods) {
+    if (method.scene) continue;
+    const std::string title = method.line.value_or(method.name);
+    if (lines.empty() || lines.back().title != title)
+      lines.push_back({title, method.peer.has_value(), !method.line, {}});
+    for (const AccuracyRow& row : result.rows)
+      if (row.method == method.name && !row.fault && !row.is_reference) lines.back().rows.push_back(&row);
+  }
+  std::erase_if(lines, [](const Line& line) { return line.rows.empty(); });
+  return lines;
+}
+
+/// Colours that can be told apart on white, drawn through or dashed.
+std::string style(std::size_t index, bool dashed) {
+  static const char* const colours[] = {"#0060ad", "#d62728", "#2ca02c", "#ff7f0e", "#9467bd",
+                                        "#8c564b", "#17becf", "#e377c2", "#7f7f7f", "#bcbd22"};
+  return fmt::format("linecolor rgb '{}' dashtype {} linewidth {}", colours[index % std::size(colours)],
+                     dashed ? 2 : 1, dashed ? 2 : 1.5);
+}
+
+/// One data block a line, for gnuplot: step, error, early error, cost.
+std::string blocks(const std::vector<Line>& lines) {
+  std::string out;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    out += fmt::format("$m{} << EOD\n", i);
+    for (const AccuracyRow* row : lines[i].rows)
+      out += fmt::format("{} {} {} {}\n", row->step, row->rate_error, row->early_rate_error,
+                         row->cpu_per_second);
+    out += "EOD\n";
+  }
+  return out;
+}
+
+/// Handsim's own lines are drawn through, those of peers dashed.
+std::string plot_of(const std::vector<Line>& lines, const char* columns, bool against_step) {
+  std::string out;
+  std::size_t own = 0, peers = 0;
+  for (std::size_t i = 0; i < lines.size(); ++i) {
+    const Line& line = lines[i];
+    const std::size_t colour = line.peer ? peers++ : own++;
+    if (against_step && !line.has_steps) continue;
+    out += fmt::format("{} $m{} using {} with linespoints {} pointtype {} title '{}' noenhanced",
+                       out.empty() ? "plot" : ", \\\n    ", i, columns, style(colour, line.peer), i % 15 + 1,
+                       output::plot_text(line.title));
+  }
+  return out + "\n";
+}
+
+/// Motion of the first observed coordinate at the plotted steps beside the reference: for each step a panel
+/// of handsim's own methods and, where there are, one of peers.
+std::string velocity_plots(const AccuracySpec& spec, const AccuracyResult& result) {
+  std::string data, panels;
+  int block = 0, count = 0;
+  const auto add = [&](const Series& series, const std::string& title, const std::string& look) {
+    data += fmt::format("$v{} << EOD\n", block);
+    for (std::size_t i = 0; i < series.time.size(); ++i)
+      data += fmt::format("{:.6g} {:.9g}\n", series.time[i], series.rate[i][0]);
+    data += "EOD\n";
+    return fmt::format("$v{} using 1:2 with lines {} title '{}' noenhanced", block++, look,
+                       output::plot_text(title));
+  };
+  const auto panel = [&](double step, bool peer) {
+    std::string lines;
+    std::size_t colour = 0;
+    for (const AccuracyMethod& method : spec.methods)
+      for (const AccuracyRow& row : result.rows)
+        if (method.peer.has_value() == peer && row.method == method.name && !row.series.time.empty() &&
+            std::abs(row.step - step) < 1e-12)
+          lines += (lines.empty() ? "plot " : ", ") + add(row.series, row.method, style(colour++, false));
+    if (lines.empty()) return;
+    if (result.reference)
+      lines += ", " + add(*result.reference, "reference", "linecolor 'black' dashtype 3 linewidth 2.5");
+    panels +=
+        fmt::format("set title 'step {:g} ms{}'\n{}\n", 1e3 * step, peer ? ", other engines" : "", lines);
+    ++count;
+  };
+  for (const double step : spec.plot_steps)
+    for (const bool peer : {false, true}) panel(step, peer);
+  if (panels.empty()) return "";
+  return data + fmt::format(
+                    "unset logscale\nset format '%g'\nset xlabel 'time [s]'\nset ylabel 'rate [{0}/s]'\n"
+                    "set key outside right font ',9'\n"
+                    "do for [t in 'png svg'] {{\n  set output place('velocity.'.t)\n  if (t eq 'png') {{ set "
+                    "terminal "
+                    "pngcairo size 1400,{1} }} else {{ set terminal svg size 1400,{1} }}\n"
+                    "  set multiplot layout {2},1\n{3}  unset multiplot\n  unset output\n}}\n",
+                    result.unit, 380 * count, count, panels);
+}
+
+std::string script(const AccuracySpec& spec, const AccuracyResult& result) {
+  const std::string each =
+      "do for [t in 'png svg'] {{\n  set output place('{0}.'.t)\n  if (t eq 'png') {{ set terminal pngcairo "
+      "size "
+      "1400,800 }} else {{ set terminal svg size 1400,800 }}\n{1}  unset output\n}}\n";
+  const std::vector<Line> lines = lines_of(spec, result);
+  std::string out = std::string(output::kPlotHead) + "set encoding utf8\n" + blocks(lines);
+  out += "set logscale xy\nset format '10^{%L}'\nset grid\nset key outside right font ',11'\n";
+  out += fmt::format(
+      "set title \"{}\"\nset xlabel 'CPU seconds per simulated second'\nset ylabel 'RMS rate error over the "
+      "whole run [{}/s]'\n",
+      "error against cost", result.unit);
+  out += fmt::format(fmt::runtime(each), "error_cost", plot_of(lines, "4:2", false));
+  out +=
+      "set autoscale xfix\nset xlabel 'step [s]'\nset ylabel 'CPU seconds per simulated second'\nset title "
+      "'cost against step'\n";
+  out += fmt::format(fmt::runtime(each), "cost_step", plot_of(lines, "1:4", true));
+  out +=
+      fmt::format("set ylabel 'RMS rate error up to {:g} s [{}/s]'\nset title 'early error against step'\n",
+                  spec.early, result.unit);
+  out += fmt::format(fmt::runtime(each), "error_step", plot_of(lines, "1:3", true));
+  return out + velocity_plots(spec, result);
+}
+
+}  // namespace
+
+std::string accuracy_table(const AccuracyResult& result, double early) {
+  std::string out = fmt::format("{:<34} {:>8} {:>12} {:>12} {:>12} {:>10} {:>10} {:>12} {:>10}\n", "method",
+                                "step ms", "rate error", fmt::format("to {:g} s", early), "pos. error",
+                                "gap m", "energy", "CPU s per s", "x real");
+  for (const AccuracyRow& row : result.rows) {
+    if (row.fault) {
+      out += fmt::format("{:<34} {:>8g} {}\n", row.method, 1e3 * row.step, *row.fault);
+      continue;
+    }
+    out += fmt::format(
+        "{:<34} {:>8g} {:>12} {:>12} {:>12.3g} {:>10.2g} {:>10} {:>12.3g} {:>10.3g}\n", row.method,
+        1e3 * row.step, row.is_reference ? "(reference)" : fmt::format("{:.3g}", row.rate_error),
+        row.is_reference ? "" : fmt::format("{:.3g}", row.early_rate_error), row.position_error, row.gap,
+        row.energy_error ? fmt::format("{:.2g}", *row.energy_error) : "-", row.cpu_per_second,
+        row.times_real_time());
+  }
+  return out;
+}
+
+std::string cheapest_table(const AccuracyResult& result) {
+  const AccuracyRow* last = nullptr;
+  std::string out, line;
+  for (const double error : {0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10}) {
+    const AccuracyRow* row = cheapest(result, error);
+    // Of errors that one row is the cheapest for, the smallest says all.
+    if (row != last) out += line;
+    line.clear();
+    last = row;
+    if (!row) break;
+    line = fmt::format("{:<16g} {:<34} {:>8g} {:>12.3g} {:>12.3g}\n", error, row->method, 1e3 * row->step,
+                       row->rate_error, row->cpu_per_second);
+  }
+  out += line;
+  if (out.empty()) return "";
+  return fmt::format("{:<16} {:<34} {:>8} {:>12} {:>12}\n", "error at most", "cheapest", "step ms",
+                     "rate error", "CPU s per s") +
+         out;
+}
+
+std::vector<std::string> accuracy_files() {
+  std::vector<std::string> out = {"accuracy.csv", "accuracy.json", "accuracy.gp"};
+  for (const char* plot : {"error_cost", "cost_step", "error_step", "velocity"})
+    for (const char* kind : {".png", ".svg"}) out.push_back(std::string(plot) + kind);
+  return out;
+}
+
+bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result,
+                    const std::filesystem::path& out) {
+  output::make_folder(out);
+  output::write_file(out / "accuracy.csv", csv(result));
+  output::write_file(out / "accuracy.json", json(spec, result));
+  output::write_file(out / "accuracy.gp", script(spec, result));
+  std::vector<std::string> plots = {"error_cost", "cost_step", "error_step"};
+  if (!velocity_plots(spec, result).empty()) plots.emplace_back("velocity");
+  std::vector<std::string> files;
+  for (const std::string& plot : plots)
+    for (const char* kind : {".png", ".svg"}) files.push_back(plot + kind);
+  return output::plot("accuracy.gp", out, files);
+}
+
+}  // namespace handsim::study

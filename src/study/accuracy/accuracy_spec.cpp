@@ -1,0 +1,101 @@
+#include <fmt/format.h>
+
+#include "handsim/core/yaml_reader.h"
+#include "handsim/scene/read/file_kind.h"
+#include "handsim/study/accuracy/accuracy.h"
+#include "handsim/study/spec_reader.h"
+
+namespace handsim::study {
+
+namespace {
+
+AccuracyMethod read_method(MapReader reader, const std::vector<double>& steps) {
+  AccuracyMethod method;
+  method.name = reader.text("name");
+  method.set = read_set(reader, "set");
+  method.scene = read_scene_path(reader, false);
+  if (reader.has("observe")) method.observe = reader.text("observe");
+  if (reader.has("line")) method.line = reader.text("line");
+  method.steps = read_steps(reader, "steps", false);
+  if (method.steps.empty()) method.steps = steps;
+  reader.finish();
+  return method;
+}
+
+/// `{accuracy: 1e-4}` as numbers.
+std::vector<std::pair<std::string, double>> read_settings(MapReader& reader) {
+  std::vector<std::pair<std::string, double>> settings;
+  const YamlNode* map = reader.child("set");
+  if (!map) return settings;
+  if (map->kind != YamlNode::Kind::map)
+    reader.problem("set", map->described(), "a mapping of names to numbers");
+  for (const YamlEntry& entry : map->entries)
+    if (const auto value =
+            read_number(entry.value, reader.path_of("set") + "." + entry.key, {}, reader.diagnostics()))
+      settings.emplace_back(entry.key, *value);
+  return settings;
+}
+
+AccuracyMethod read_peer(MapReader reader, const std::vector<double>& steps) {
+  AccuracyMethod method;
+  method.name = reader.text("name");
+  method.peer.emplace();
+  method.peer->program = reader.name("program");
+  method.peer->method = reader.name("method");
+  method.peer->settings = read_settings(reader);
+  if (reader.has("line")) method.line = reader.text("line");
+  method.steps = read_steps(reader, "steps", false);
+  if (method.steps.empty()) method.steps = steps;
+  reader.finish();
+  return method;
+}
+
+constexpr std::size_t kMostMethods = 1000;
+
+}  // namespace
+
+AccuracySpec load_accuracy(const std::filesystem::path& path) {
+  YamlNode root = load_yaml(path);
+  Diagnostics diagnostics;
+  if (!scene::is_of_kind(root, "", scene::FileKind::study, diagnostics)) throw Error(diagnostics.problems);
+  MapReader reader(root, "", diagnostics);
+  AccuracySpec spec;
+  spec.title = reader.text("title", "what accuracy costs");
+  spec.scene = read_scene_path(reader, true).value_or("");
+  spec.reference =
+      reader.choice<Reference>("reference", {{"slider_crank_iftomm", Reference::slider_crank_iftomm},
+                                             {"slider_crank_torque", Reference::slider_crank_torque},
+                                             {"method", Reference::method},
+                                             {"smallest_step", Reference::smallest_step}});
+  spec.reference_set = read_set(reader, "reference_set");
+  if (reader.has("reference_set") != (spec.reference == Reference::method))
+    reader.problem("reference_set",
+                   reader.has("reference_set") ? "overrides for a reference that is no method" : "nothing",
+                   "overrides exactly where reference is method");
+  if (reader.has("observe")) spec.observe = reader.text("observe");
+  if (reader.has("kind")) {
+    std::vector<std::pair<std::string_view, scene::SceneKind>> words;
+    for (std::size_t k = 0; k < scene::kSceneKindNames.size(); ++k)
+      words.emplace_back(scene::kSceneKindNames[k], static_cast<scene::SceneKind>(k));
+    spec.kind = reader.choice<scene::SceneKind>("kind", words);
+  }
+  spec.sample_every = reader.number("sample_every", kStepRange, 0.01);
+  spec.early = reader.number("early", {Dimension::time, 0, 1e5}, 0.5);
+  spec.repeats = reader.integer("repeats", 1, 1000, 5);
+  const std::vector<double> steps = read_steps(reader, "steps", true);
+  spec.plot_steps = read_steps(reader, "plot_steps", false);
+  if (YamlNode* methods = reader.list("methods", true, kMostMethods))
+    for (std::size_t i = 0; i < methods->items.size(); ++i)
+      spec.methods.push_back(
+          read_method(MapReader(methods->items[i], fmt::format("methods.{}", i), diagnostics), steps));
+  if (YamlNode* peers = reader.list("peers", false, kMostMethods))
+    for (std::size_t i = 0; i < peers->items.size(); ++i)
+      spec.methods.push_back(
+          read_peer(MapReader(peers->items[i], fmt::format("peers.{}", i), diagnostics), steps));
+  if (spec.methods.empty()) reader.problem("methods", "no method", "at least one method");
+  reader.finish();
+  diagnostics.throw_if_any();
+  return spec;
+}
+
+}  // namespace handsim::study

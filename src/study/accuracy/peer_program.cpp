@@ -1,0 +1,304 @@
+#include "handsim/study/accuracy/peer_program.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "handsim/model/energy.h"
+#include "handsim/model/kinematics.h"
+
+namespace handsim::study {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+using model::Effect;
+
+/// How far a peer's start may be from the scene's [m], [m/s], [rad/s]; its kinetic energy, relative.
+constexpr double kSameStart = 1e-9;
+constexpr double kSameEnergy = 1e-9;
+
+Error failed(const std::filesystem::path& program, double time, std::string quantity, std::string detail) {
+  return Error(PhysicsFault{time, program.filename().string(), std::move(quantity), std::move(detail)});
+}
+
+Json numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
+
+const char* word(model::JointKind kind) {
+  switch (kind) {
+    case model::JointKind::hinge:
+      return "hinge";
+    case model::JointKind::universal:
+      return "universal";
+    case model::JointKind::ball:
+      return "ball";
+    case model::JointKind::slider:
+      return "slider";
+  }
+  return "";
+}
+
+Json describe(const model::Body& body, const model::BodyState& state) {
+  Json inertia = Json::array();
+  for (int i = 0; i < 9; ++i) inertia.push_back(body.inertia(i / 3, i % 3));
+  return {{"name", body.name},
+          {"mass", body.mass},
+          {"inertia", inertia},
+          {"position", numbers(state.p)},
+          {"orientation", {state.q.w(), state.q.x(), state.q.y(), state.q.z()}},
+          {"velocity", numbers(state.v)},
+          {"angular_velocity", numbers(state.w)}};
+}
+
+Json describe(const model::Joint& joint, const model::Model& model, const model::State& start,
+              bool actuated) {
+  const auto body = [&](int index) { return static_cast<std::size_t>(index); };
+  const Pose parent = start.bodies[body(joint.parent)].pose() * joint.parent_frame;
+  const Pose child = start.bodies[body(joint.child)].pose() * joint.child_frame;
+  Json axes = Json::array(), forces = Json::array();
+  for (std::size_t a = 0; a < joint.axes.size(); ++a) {
+    axes.push_back(numbers((a == 0 ? parent : child).q * joint.axes[a].axis));
+    forces.push_back(actuated ? joint.axes[a].torque : 0.0);
+  }
+  return {{"name", joint.name},
+          {"kind", word(joint.kind)},
+          {"parent", model.bodies[body(joint.parent)].name},
+          {"child", model.bodies[body(joint.child)].name},
+          {"closes_loop", joint.closes_loop},
+          {"anchor", numbers(parent.p)},
+          {"axes", axes},
+          {"forces", forces}};
+}
+
+Json request(const char* task, const PeerMethod& method, const scene::Scene& scene, long steps) {
+  const model::Model& model = scene.model;
+  const model::State start = model::initial_state(model);
+  const model::Effects& effects = scene.spec.solver.effects;
+  Json out = {{"task", task}, {"method", method.method}, {"step", scene.spec.solver.step}, {"steps", steps}};
+  out["settings"] = Json::object();
+  for (const auto& [key, value] : method.settings) out["settings"][key] = value;
+  out["gravity"] = numbers(effects.has(Effect::gravity) ? model.gravity : Vec3(Vec3::Zero()));
+  out["bodies"] = Json::array();
+  for (std::size_t i = 1; i < model.bodies.size(); ++i)
+    out["bodies"].push_back(describe(model.bodies[i], start.bodies[i]));
+  out["joints"] = Json::array();
+  for (const model::Joint& joint : model.joints)
+    out["joints"].push_back(describe(joint, model, start, effects.has(Effect::actuation)));
+  return out;
+}
+
+struct CloseFile {
+  void operator()(std::FILE* file) const { std::fclose(file); }
+};
+using File = std::unique_ptr<std::FILE, CloseFile>;
+
+/// A program at work on a request, whose answer is read line by line.
+class Conversation {
+ public:
+  Conversation(std::filesystem::path program, const std::string& request)
+      : program_(std::move(program)), in_(std::tmpfile()), errors_(std::tmpfile()) {
+    int ends[2] = {-1, -1};
+    if (!in_ || !errors_ || pipe2(ends, O_CLOEXEC) != 0)
+      throw failed(program_, 0, "start", "no pipe or temporary file");
+    std::fwrite(request.data(), 1, request.size(), in_.get());
+    std::rewind(in_.get());
+    out_.reset(fdopen(ends[0], "r"));
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_adddup2(&actions, fileno(in_.get()), STDIN_FILENO);
+    posix_spawn_file_actions_adddup2(&actions, ends[1], STDOUT_FILENO);
+    posix_spawn_file_actions_adddup2(&actions, fileno(errors_.get()), STDERR_FILENO);
+    std::string name = program_.string();
+    char* arguments[] = {name.data(), nullptr};
+    const int status = posix_spawn(&child_, name.c_str(), &actions, nullptr, arguments, environ);
+    posix_spawn_file_actions_destroy(&actions);
+    close(ends[1]);
+    if (status != 0) {
+      child_ = 0;
+      throw failed(program_, 0, "start", "the program cannot be run");
+    }
+  }
+  Conversation(const Conversation&) = delete;
+  Conversation& operator=(const Conversation&) = delete;
+  ~Conversation() {
+    if (child_ > 0) {
+      kill(child_, SIGKILL);
+      waitpid(child_, nullptr, 0);
+    }
+    std::free(line_);
+  }
+
+  /// The next line, without its end.
+  std::optional<std::string_view> line() {
+    const ssize_t length = getline(&line_, &capacity_, out_.get());
+    if (length <= 0) return std::nullopt;
+    return std::string_view(line_, static_cast<std::size_t>(length - (line_[length - 1] == '\n' ? 1 : 0)));
+  }
+
+  /// @throws Error (physics) unless the program ended well.
+  void finish(double time) {
+    int status = 0;
+    waitpid(child_, &status, 0);
+    child_ = 0;
+    if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
+    throw failed(program_, time, "failed",
+                 WIFEXITED(status) ? last_words() : fmt::format("killed by signal {}", WTERMSIG(status)));
+  }
+
+  const std::filesystem::path& program() const { return program_; }
+
+ private:
+  /// Standard error's last line with a word in it.
+  std::string last_words() {
+    std::rewind(errors_.get());
+    std::string last = "no word of why";
+    char text[500];
+    while (std::fgets(text, sizeof text, errors_.get())) {
+      const std::string line(text, std::strcspn(text, "\n"));
+      if (line.find_first_not_of(" \t\r") != std::string::npos) last = line;
+    }
+    return last;
+  }
+
+  std::filesystem::path program_;
+  File in_, errors_, out_;
+  pid_t child_ = 0;
+  char* line_ = nullptr;
+  std::size_t capacity_ = 0;
+};
+
+Json head(Conversation& conversation) {
+  const std::optional<std::string_view> line = conversation.line();
+  if (!line) {
+    conversation.finish(0);
+    throw failed(conversation.program(), 0, "answer", "none");
+  }
+  Json json = Json::parse(*line, nullptr, false);
+  if (json.is_object() && json.contains("engine") && json.contains("version") &&
+      json.contains("kinetic_energy"))
+    return json;
+  throw failed(conversation.program(), 0, "answer",
+               fmt::format("'{:.60}' is no head of the protocol", *line));
+}
+
+/// @returns false where the line has other than the numbers of a state.
+bool parse(std::string_view line, model::State& state) {
+  const char* at = line.data();
+  const char* const end = line.data() + line.size();
+  bool good = true;
+  const auto next = [&] {
+    double value = 0;
+    while (at < end && *at == ' ') ++at;
+    const std::from_chars_result result = std::from_chars(at, end, value);
+    good = good && result.ec == std::errc() && std::isfinite(value);
+    at = result.ptr;
+    return value;
+  };
+  const auto next_vector = [&] {
+    const double x = next(), y = next();
+    return Vec3(x, y, next());
+  };
+  state.time = next();
+  for (std::size_t i = 1; i < state.bodies.size(); ++i) {
+    model::BodyState& body = state.bodies[i];
+    body.p = next_vector();
+    body.q.w() = next();
+    body.q.vec() = next_vector();
+    body.v = next_vector();
+    body.w = next_vector();
+  }
+  while (at < end && *at == ' ') ++at;
+  return good && at == end;
+}
+
+/// Largest difference of two states, in whatever unit.
+double distance(const model::State& a, const model::State& b) {
+  double largest = 0;
+  for (std::size_t i = 1; i < a.bodies.size(); ++i) {
+    const model::BodyState &x = a.bodies[i], &y = b.bodies[i];
+    largest = std::max(
+        {largest, (x.p - y.p).norm(), x.q.angularDistance(y.q), (x.v - y.v).norm(), (x.w - y.w).norm()});
+  }
+  return largest;
+}
+
+void check_start(const std::filesystem::path& program, const scene::Scene& scene, const model::State& theirs,
+                 double their_energy) {
+  const model::State ours = model::initial_state(scene.model);
+  if (const double d = distance(theirs, ours); !(d <= kSameStart))
+    throw failed(program, 0, "start state", fmt::format("differs from the scene's by {:.2g}", d));
+  const double energy = model::kinetic_energy(scene.model, ours);
+  if (!(std::abs(their_energy - energy) <= kSameEnergy * (energy + 1e-3)))
+    throw failed(
+        program, 0, "kinetic energy at the start",
+        fmt::format("{:.12g} J, the scene's is {:.12g} J: not the same mechanism", their_energy, energy));
+}
+
+}  // namespace
+
+void check_for_peers(const scene::Scene& scene) {
+  const model::Effects& effects = scene.spec.solver.effects;
+  std::vector<Problem> problems;
+  for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact,
+                              Effect::joint_stops, Effect::passive_tissue, Effect::wrist_motion})
+    if (effects.has(effect))
+      problems.push_back({std::nullopt, "effects", std::string(name(effect)),
+                          "gravity and actuation alone in a study with peers"});
+  if (scene.control)
+    problems.push_back({std::nullopt, "control", "a controller", "none in a study with peers"});
+  for (std::size_t i = 1; i < scene.model.bodies.size(); ++i)
+    if (scene.model.bodies[i].kinematic)
+      problems.push_back({std::nullopt, "peers", scene.model.bodies[i].name + " that moves as told",
+                          "bodies that joints hold"});
+  if (!problems.empty()) throw Error(std::move(problems));
+}
+
+PeerName follow_peer(const std::filesystem::path& program, const PeerMethod& method,
+                     const scene::Scene& scene, const std::function<void(const model::State&)>& look) {
+  const double h = scene.spec.solver.step;
+  const long steps = std::lround(scene.spec.duration / h);
+  Conversation conversation(program, request("motion", method, scene, steps).dump());
+  const Json answer = head(conversation);
+  model::State state = model::initial_state(scene.model);
+  for (long i = 0; i <= steps; ++i) {
+    const double time = static_cast<double>(i) * h;
+    const std::optional<std::string_view> line = conversation.line();
+    if (!line) {
+      conversation.finish(time);
+      throw failed(program, time, "answer", "ends before its time");
+    }
+    if (!parse(*line, state)) throw failed(program, time, "state", fmt::format("'{:.60}'", *line));
+    if (!(std::abs(state.time - time) <= 1e-6 * h))
+      throw failed(program, time, "time", fmt::format("the state is of {:.12g} s", state.time));
+    if (i == 0) check_start(program, scene, state, answer["kinetic_energy"].get<double>());
+    look(state);
+  }
+  conversation.finish(scene.spec.duration);
+  return {answer["engine"].get<std::string>(), answer["version"].get<std::string>()};
+}
+
+double peer_cpu_seconds(const std::filesystem::path& program, const PeerMethod& method,
+                        const scene::Scene& scene, long steps) {
+  Conversation conversation(program, request("cost", method, scene, steps).dump());
+  const Json answer = head(conversation);
+  conversation.finish(0);
+  if (!answer.contains("cpu_seconds")) throw failed(program, 0, "answer", "has no cpu_seconds");
+  return answer["cpu_seconds"].get<double>();
+}
+
+}  // namespace handsim::study

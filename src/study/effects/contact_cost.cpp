@@ -1,0 +1,139 @@
+#include "handsim/study/effects/contact_cost.h"
+
+#include <array>
+
+#include <fmt/format.h>
+
+#include "handsim/engine/engine.h"
+#include "handsim/output/atomic_file.h"
+#include "handsim/output/table/gnuplot.h"
+#include "handsim/scene/compile/scene.h"
+#include "handsim/study/accuracy/machine.h"
+
+namespace handsim::study {
+
+namespace {
+
+struct Way {
+  const char* name;
+  const char* method;
+  int iterations;
+};
+constexpr std::array kWays = {Way{"world_step", "world_step", 20}, Way{"quick_step 20", "quick_step", 20},
+                              Way{"quick_step 50", "quick_step", 50}, Way{"auto 50", "auto", 50}};
+constexpr std::array kHeights = {0, 1, 2, 3, 4, 6, 8, 10, 13, 16};
+constexpr double kSlab = 0.02;   ///< thickness [m]
+constexpr int kSettling = 1000;  ///< steps before any is timed: the hand comes to lie
+constexpr int kBatches = 5;
+constexpr int kBatch = 20;  ///< steps
+
+scene::Scene stack(const std::filesystem::path& data, int slabs, const Way& way) {
+  std::string text = fmt::format(
+      "hands: [{{model: \"{0}/handmodels/anatomical.yaml\", person: \"{0}/config/persons/median_man.yaml\", "
+      "side: right, wrist: {{mount: free, position: [0, -0.09, {1}]}}}}]\n",
+      std::filesystem::absolute(data).string(), kSlab * slabs + 0.09);
+  std::string objects;
+  for (int i = 0; i < slabs; ++i)
+    objects += fmt::format(
+        "  - {{name: slab{}, shape: box, edges: [0.25, 0.3, {}], density: 600, position: [0, 0, {}]}}\n", i,
+        kSlab, kSlab * (i + 0.5));
+  if (slabs > 0) text += "objects:\n" + objects;
+  text += fmt::format(
+      "ground: {{}}\n"
+      "effects: [gravity, {}ground_contact, friction, joint_stops, passive_tissue]\n"
+      "solver: {{method: {}, iterations: {}, step: 0.001, cfm: 1e-7}}\nduration: 1\n",
+      slabs > 0 ? "object_contact, " : "", way.method, way.iterations);
+  return scene::compile_scene(parse_yaml(text, "stack"));
+}
+
+ContactCostRow measure(const std::filesystem::path& data, int slabs, const Way& way) {
+  const scene::Scene scene = stack(data, slabs, way);
+  const auto engine = engine::make_engine(scene.model, scene.spec.solver);
+  for (int i = 0; i < kSettling; ++i) engine->step({});
+  ContactCostRow row;
+  row.method = way.name;
+  row.slabs = slabs;
+  std::vector<double> times;
+  for (int batch = 0; batch < kBatches; ++batch) {
+    const double start = cpu_now();
+    for (int i = 0; i < kBatch; ++i) {
+      const engine::StepReport report = engine->step({});
+      row.contacts += report.contacts;
+      row.iterative += report.iterative ? 1 : 0;
+      row.lcp_failures += report.lcp_failures;
+    }
+    times.push_back(1e9 * (cpu_now() - start) / kBatch);
+  }
+  for (double* mean : {&row.contacts, &row.iterative, &row.lcp_failures}) *mean /= kBatches * kBatch;
+  row.ns_per_step = median(times);
+  return row;
+}
+
+std::string csv(const std::vector<ContactCostRow>& rows) {
+  std::string out = "method,slabs,contacts,cpu_per_step[ns],share_quick_step,lcp_failures_per_step\n";
+  for (const ContactCostRow& row : rows)
+    out += fmt::format("{},{},{},{},{},{}\n", row.method, row.slabs, row.contacts, row.ns_per_step,
+                       row.iterative, row.lcp_failures);
+  return out;
+}
+
+std::string script(const std::vector<ContactCostRow>& rows) {
+  std::string data, curves;
+  constexpr std::array kColours = {"#1b6ca8", "#c8553d", "#3a7d44", "#202020"};
+  for (std::size_t w = 0; w < kWays.size(); ++w) {
+    data += fmt::format("$way{} << EOD\n", w);
+    for (const ContactCostRow& row : rows)
+      if (row.method == kWays[w].name) data += fmt::format("{} {}\n", row.contacts, 1e-3 * row.ns_per_step);
+    data += "EOD\n";
+    curves += fmt::format("$way{0} with linespoints lw {1} dt {2} pt {3} lc rgb '{4}' title '{5}', ", w,
+                          w == 3 ? 2.5 : 1.6, w == 3 ? 2 : 1, w == 3 ? 6 : 7, kColours[w], kWays[w].name);
+  }
+  return output::kPlotHead + data +
+         fmt::format(
+             "do for [t in 'png svg'] {{\n"
+             "  if (t eq 'png') {{ set terminal pngcairo noenhanced size 1000,640 font 'DejaVu Sans,11' }} "
+             "else {{ set terminal svg noenhanced size 1000,640 font 'DejaVu Sans,11' }}\n"
+             "  set output place('contacts_cost.'.t)\n"
+             "  set title 'A hand on a stack of slabs: cost of a step of 1 ms'\n"
+             "  set xlabel 'contact points in one island, with the 15 joints of a hand'\n"
+             "  set ylabel 'CPU time of a step [us]'\n"
+             "  set logscale y\n  set grid\n  set key left top\n"
+             "  plot {} 1000 with lines dt 3 lw 2 lc rgb '#606060' title 'real time'\n"
+             "  unset output\n}}\n",
+             curves);
+}
+
+}  // namespace
+
+std::vector<ContactCostRow> run_contact_cost(const std::filesystem::path& data,
+                                             const std::function<void(double)>& progress) {
+  std::vector<ContactCostRow> rows;
+  for (const Way& way : kWays)
+    for (const int slabs : kHeights) {
+      rows.push_back(measure(data, slabs, way));
+      progress(static_cast<double>(rows.size()) / (kWays.size() * kHeights.size()));
+    }
+  return rows;
+}
+
+std::string contact_cost_table(const std::vector<ContactCostRow>& rows) {
+  std::string out = fmt::format("{:<14} {:>6} {:>9} {:>12} {:>11} {:>10}\n", "method", "slabs", "contacts",
+                                "us per step", "quick_step", "LCP fails");
+  for (const ContactCostRow& row : rows)
+    out += fmt::format("{:<14} {:>6} {:>9.1f} {:>12.1f} {:>10.0f}% {:>10.3g}\n", row.method, row.slabs,
+                       row.contacts, 1e-3 * row.ns_per_step, 100 * row.iterative, row.lcp_failures);
+  return out;
+}
+
+std::vector<std::string> contact_cost_files() {
+  return {"contacts_cost.csv", "contacts_cost.gp", "contacts_cost.png", "contacts_cost.svg"};
+}
+
+bool write_contact_cost(const std::vector<ContactCostRow>& rows, const std::filesystem::path& out) {
+  output::make_folder(out);
+  output::write_file(out / "contacts_cost.csv", csv(rows));
+  output::write_file(out / "contacts_cost.gp", script(rows));
+  return output::plot("contacts_cost.gp", out, {"contacts_cost.png", "contacts_cost.svg"});
+}
+
+}  // namespace handsim::study

@@ -1,0 +1,202 @@
+#include "handsim/study/effects/effects.h"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "handsim/model/kinematics.h"
+#include "handsim/simulation/simulation.h"
+#include "handsim/study/accuracy/machine.h"
+
+namespace handsim::study {
+
+namespace {
+
+using simulation::Simulation;
+
+/// The scene without the effect of a row.
+struct Variant {
+  EffectRow* row = nullptr;
+  scene::Scene scene;
+};
+
+/// One row an effect, and the scenes that are possible.
+std::vector<Variant> variants(const scene::Scene& scene, std::vector<EffectRow>& rows) {
+  const model::Effects& effects = scene.spec.solver.effects;
+  for (int i = 0; i < model::kEffectCount; ++i)
+    if (effects.has(static_cast<model::Effect>(i))) {
+      rows.push_back({});
+      rows.back().effect = static_cast<model::Effect>(i);
+    }
+  const bool speculative = scene.spec.solver.speculative && effects.any_contact();
+  if (speculative && !rows.empty()) rows.push_back({});
+  std::vector<Variant> out;
+  for (EffectRow& row : rows) {
+    if (!row.effect) {
+      out.push_back({&row, scene});
+      out.back().scene.spec.solver.speculative = false;
+      continue;
+    }
+    try {
+      Variant variant{&row, scene::without_effect(scene, *row.effect)};
+      for (int i = 0; i < model::kEffectCount; ++i) {
+        const auto other = static_cast<model::Effect>(i);
+        if (other != row.effect && effects.has(other) && !variant.scene.spec.solver.effects.has(other))
+          row.with.push_back(other);
+      }
+      out.push_back(std::move(variant));
+    } catch (const Error& error) {
+      row.fault = error.what();
+    }
+  }
+  return out;
+}
+
+/// Differences of two states of one model, gathered over a run.
+class Comparison {
+ public:
+  Comparison(const model::Model& model, EffectRow& row) : model_(model), row_(row) {}
+
+  void look(const model::State& whole, const model::State& without) {
+    for (std::size_t i = 1; i < model_.bodies.size(); ++i)
+      book(row_.displacement, (without.bodies[i].p - whole.bodies[i].p).norm(), whole.time,
+           model_.bodies[i].name);
+    for (const model::Joint& joint : model_.joints) {
+      if (joint.kind == model::JointKind::slider) continue;
+      double a[3] = {}, b[3] = {};
+      model::joint_coordinates(joint, whole, a);
+      model::joint_coordinates(joint, without, b);
+      if (joint.kind == model::JointKind::ball) {
+        const Quat turn = model::joint_transform(joint, a).q.conjugate() * model::joint_transform(joint, b).q;
+        book_angle(rotation_vector(turn).norm(), whole.time, joint.name);
+      }
+      for (std::size_t k = 0; k < joint.axes.size(); ++k)
+        book_angle(std::abs(std::remainder(b[k] - a[k], 2 * M_PI)), whole.time,
+                   joint.name + "." + joint.axes[k].name);
+    }
+  }
+
+  void finish() {
+    if (count_ > 0) row_.angle_rms = std::sqrt(sum_ / static_cast<double>(count_));
+  }
+
+ private:
+  static void book(simulation::Peak& peak, double value, double time, const std::string& where) {
+    if (value > peak.value) peak = {value, time, where};
+  }
+  void book_angle(double value, double time, const std::string& where) {
+    book(row_.angle, value, time, where);
+    sum_ += value * value;
+    ++count_;
+  }
+
+  const model::Model& model_;
+  EffectRow& row_;
+  double sum_ = 0;
+  long count_ = 0;
+};
+
+/// A share of the whole work at a time.
+class Work {
+ public:
+  Work(double steps, const std::function<void(double)>& progress) : steps_(steps), progress_(progress) {}
+  void add(double steps) {
+    done_ += steps;
+    if (progress_) progress_(std::min(1.0, done_ / steps_));
+  }
+
+ private:
+  double steps_;
+  const std::function<void(double)>& progress_;
+  double done_ = 0;
+};
+
+/// What a variant moves otherwise: all go side by side, each until something goes wrong in it.
+void compare_motions(const scene::Scene& scene, std::vector<Variant>& variants, Work& work) {
+  struct Runner {
+    Variant* variant;
+    std::unique_ptr<Simulation> simulation;
+    Comparison comparison;
+  };
+  Simulation whole(scene);
+  std::vector<Runner> runners;
+  for (Variant& variant : variants) {
+    try {
+      runners.push_back({&variant, std::make_unique<Simulation>(variant.scene),
+                         Comparison(variant.scene.model, *variant.row)});
+    } catch (const Error& error) {
+      variant.row->fault = error.what();
+    }
+  }
+  for (long i = 0; i < whole.step_count(); ++i) {
+    whole.step();
+    for (Runner& runner : runners) {
+      if (runner.variant->row->fault) continue;
+      try {
+        runner.simulation->step();
+        runner.comparison.look(whole.state(), runner.simulation->state());
+      } catch (const Error& error) {
+        runner.variant->row->fault = error.what();
+      }
+    }
+    work.add(1 + static_cast<double>(variants.size()));
+  }
+  for (Runner& runner : runners) runner.comparison.finish();
+  std::erase_if(variants, [](const Variant& variant) { return variant.row->fault.has_value(); });
+}
+
+/// CPU time of a step [ns], nothing recorded.
+double timed(const scene::Scene& scene, Work& work) {
+  Simulation simulation(scene);
+  const long steps = simulation.step_count();
+  const double start = cpu_now();
+  for (long i = 0; i < steps; ++i) simulation.step();
+  const double taken = cpu_now() - start;
+  work.add(static_cast<double>(steps));
+  return 1e9 * taken / static_cast<double>(steps);
+}
+
+/// Times the scene and its variants in turns, so that a machine that slows down slows all.
+void time_all(const scene::Scene& scene, const std::vector<Variant>& variants, EffectsResult& result,
+              Work& work) {
+  std::vector<double> whole;
+  std::vector<std::vector<double>> without(variants.size());
+  for (int round = 0; round <= result.repeats; ++round) {
+    const double first = timed(scene, work);
+    if (round > 0) whole.push_back(first);
+    for (std::size_t i = 0; i < variants.size(); ++i) {
+      const double other = timed(variants[i].scene, work);
+      if (round > 0) without[i].push_back(other);
+    }
+  }
+  result.ns_per_step = median(whole);
+  for (std::size_t i = 0; i < variants.size(); ++i) {
+    EffectRow& row = *variants[i].row;
+    row.ns_per_step = median(without[i]);
+    std::vector<double> saved(whole.size());
+    for (std::size_t k = 0; k < saved.size(); ++k) saved[k] = whole[k] - without[i][k];
+    row.saved_ns = median(saved);
+    std::sort(saved.begin(), saved.end());
+    row.noise_ns = 0.5 * (saved[saved.size() * 3 / 4] - saved[saved.size() / 4]);
+  }
+}
+
+}  // namespace
+
+EffectsResult run_effects(const scene::Scene& scene, int repeats,
+                          const std::function<void(double)>& progress) {
+  EffectsResult result;
+  result.repeats = repeats;
+  result.steps = Simulation(scene).step_count();
+  for (const model::Joint& joint : scene.model.joints)
+    result.has_angles = result.has_angles || joint.kind != model::JointKind::slider;
+  std::vector<Variant> possible = variants(scene, result.rows);
+  if (result.rows.empty()) throw input_error("effects", "no effect", "a scene with one effect at least");
+  Work work(static_cast<double>(result.steps) * (2 + repeats) * (1 + static_cast<double>(possible.size())),
+            progress);
+  compare_motions(scene, possible, work);
+  time_all(scene, possible, result, work);
+  return result;
+}
+
+}  // namespace handsim::study

@@ -1,0 +1,49 @@
+// What each effect of a scene costs and buys: the scene is simulated whole and with each of its effects taken
+// away in turn, and without the contacts that the solver keeps before they happen.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/scene/compile/scene.h"
+#include "handsim/simulation/watch/monitor.h"
+
+namespace handsim::study {
+
+/// The scene without one of its effects, against the whole scene.
+struct EffectRow {
+  /// Absent: without the contacts that are about to happen (solver.speculative).
+  std::optional<model::Effect> effect;
+  /// Effects that go with it, as nothing is left for them to act on: friction with the last contact.
+  std::vector<model::Effect> with;
+  double ns_per_step = 0;  ///< CPU time without the effect
+  /// Median of what each round saved, less than 0 where it costs more without.
+  double saved_ns = 0;
+  double noise_ns = 0;            ///< half the range of the middle half of the rounds
+  simulation::Peak angle;         ///< largest difference of a joint angle over the run, 0..pi [rad]
+  double angle_rms = 0;           ///< of all joint angles over the run [rad]
+  simulation::Peak displacement;  ///< largest distance between a body's two places over the run [m]
+  /// Why the row has no figures: the scene is not possible without the effect, or went wrong.
+  std::optional<std::string> fault;
+};
+
+struct EffectsResult {
+  double ns_per_step = 0;   ///< CPU time of the whole scene
+  long steps = 0;           ///< of each run
+  int repeats = 0;          ///< timed rounds
+  bool has_angles = false;  ///< whether any joint turns
+  /// In the order of model::Effect; at last, where the scene has them, contacts that are about to happen.
+  std::vector<EffectRow> rows;
+};
+
+/// @param repeats rounds in which the scene is timed whole and without each effect, in turns; one more goes
+///        ahead to warm up.
+/// @param progress told the share done, 0..1.
+/// @throws Error (input) for a scene without effects or that no engine takes, Error (physics) where the whole
+///         scene goes wrong.
+EffectsResult run_effects(const scene::Scene& scene, int repeats,
+                          const std::function<void(double)>& progress);
+
+}  // namespace handsim::study

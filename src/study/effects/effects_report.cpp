@@ -1,0 +1,221 @@
+#include "handsim/study/effects/effects_report.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "handsim/core/units.h"
+#include "handsim/output/atomic_file.h"
+#include "handsim/output/table/gnuplot.h"
+#include "handsim/study/accuracy/machine.h"
+
+namespace handsim::study {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string name(const EffectRow& row) {
+  return row.effect ? std::string(model::name(*row.effect)) : "solver.speculative";
+}
+
+/// `object_contact with friction`.
+std::string label(const EffectRow& row) {
+  std::string out = name(row);
+  for (const model::Effect effect : row.with) out += " with " + std::string(model::name(effect));
+  return out;
+}
+
+std::string where(const simulation::Peak& peak) {
+  return peak.value > 0 ? fmt::format("{} at {:.3g} s", peak.where, peak.time) : "";
+}
+
+/// Quoted for CSV, on one line.
+std::string quoted(std::string text) {
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  for (std::size_t at = 0; (at = text.find('"', at)) != std::string::npos; at += 2) text.insert(at, 1, '"');
+  return "\"" + text + "\"";
+}
+
+std::string csv(const EffectsResult& result) {
+  std::string out =
+      "effect_taken_away,cpu_per_step[ns],saved_per_step[ns],noise[ns],angle_largest[deg],angle_rms[deg],"
+      "displacement_largest[mm],angle_where,displacement_where,note\n";
+  out += fmt::format("none,{},,,,,,,,\n", result.ns_per_step);
+  for (const EffectRow& row : result.rows) {
+    if (row.fault) {
+      out += fmt::format("{},,,,,,,,,{}\n", quoted(label(row)), quoted(*row.fault));
+      continue;
+    }
+    const std::string angles = result.has_angles ? fmt::format("{},{}", kDegreesPerRadian * row.angle.value,
+                                                               kDegreesPerRadian * row.angle_rms)
+                                                 : ",";
+    out += fmt::format("{},{},{},{},{},{},{},{},\n", quoted(label(row)), row.ns_per_step, row.saved_ns,
+                       row.noise_ns, angles, 1e3 * row.displacement.value, quoted(where(row.angle)),
+                       quoted(where(row.displacement)));
+  }
+  return out;
+}
+
+Json peak_json(const simulation::Peak& peak, double value) {
+  Json out = {{"value", value}};
+  if (peak.value > 0) out.update({{"where", peak.where}, {"time_s", peak.time}});
+  return out;
+}
+
+/// Three digits, without exponents in the range of readers.
+std::string figure(double value) {
+  return std::abs(value) >= 1000 && std::abs(value) < 1e6 ? fmt::format("{:.0f}", value)
+                                                          : fmt::format("{:.3g}", value);
+}
+
+/// Logarithmic range of a panel, from a decade that leaves the smallest bar some height.
+struct Decades {
+  double low = 0.1, high = 1;
+};
+
+Decades decades(const std::vector<double>& values) {
+  double low = INFINITY, high = 0;
+  for (const double value : values)
+    if (value > 0) low = std::min(low, value), high = std::max(high, value);
+  if (high == 0) return {};
+  return {std::pow(10, std::floor(std::log10(low) - 0.3)), std::pow(10, std::ceil(std::log10(high) + 0.3))};
+}
+
+/// Height of a bar, and where above it its label stands; nothing has no place on a logarithmic axis.
+std::string bar(double value, const Decades& axis) {
+  return value > 0 ? fmt::format("{} {} \"{}\"", value, value, figure(value))
+                   : fmt::format("NaN {} \"0\"", axis.low);
+}
+
+/// A panel of bars in differences, which range over decades.
+std::string panel(const char* title, const char* unit, int column, const Decades& axis) {
+  return fmt::format(
+      "set title '{0}'\nset ylabel '{1}'\nset logscale y\nset format y '%g'\nset yrange [{3}:{4}]\n"
+      "plot $rows using 0:{2}:xtic(1) with boxes linecolor rgb '#c8553d' notitle, '' using 0:{5}:{6} with "
+      "labels offset 0,0.7 notitle\n",
+      title, unit, column, axis.low, axis.high, column + 1, column + 2);
+}
+
+std::string script(const scene::Scene& scene, const EffectsResult& result) {
+  std::vector<const EffectRow*> rows;
+  std::vector<double> angles, displacements;
+  double top = 0, bottom = 0;
+  for (const EffectRow& row : result.rows) {
+    if (row.fault) continue;
+    rows.push_back(&row);
+    angles.push_back(kDegreesPerRadian * row.angle.value);
+    displacements.push_back(1e3 * row.displacement.value);
+    top = std::max(top, 1e-3 * (row.saved_ns + row.noise_ns));
+    bottom = std::min(bottom, 1e-3 * (row.saved_ns - row.noise_ns));
+  }
+  if (rows.empty()) return "";
+  const Decades of_angles = decades(angles), of_displacements = decades(displacements);
+  std::string data = "$rows << EOD\n";
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    std::string name = label(*rows[i]);
+    if (const std::size_t at = name.find(" with "); at != std::string::npos) name.replace(at, 1, "\\n");
+    const double saved = 1e-3 * rows[i]->saved_ns;
+    data += fmt::format("\"{}\" {} {} {} \"{:.3g}\" {} {}\n", name, saved, 1e-3 * rows[i]->noise_ns,
+                        std::max(0.0, saved + 1e-3 * rows[i]->noise_ns), saved, bar(angles[i], of_angles),
+                        bar(displacements[i], of_displacements));
+  }
+  const double room = std::max(1e-3, top - bottom);
+  std::string plots = fmt::format(
+      "set title 'cost: CPU time of a step, of {:.3g} µs in all'\nset ylabel 'saved without it [µs]'\n"
+      "unset logscale\nset format y '%g'\nset yrange [{}:{}]\n"
+      "plot $rows using 0:2:3:xtic(1) with boxerrorbars linecolor rgb '#1b6ca8' notitle, "
+      "'' using 0:4:5 with labels offset 0,0.7 notitle\n",
+      1e-3 * result.ns_per_step, bottom - 0.05 * room, top + 0.15 * room);
+  if (result.has_angles)
+    plots += panel("worth: largest difference of a joint angle", "without it [deg]", 6, of_angles);
+  plots += panel("worth: largest difference of a place", "without it [mm]", 9, of_displacements);
+  const int panels = result.has_angles ? 3 : 2;
+  return std::string(output::kPlotHead) + "set encoding utf8\n" + data + "EOD\n" +
+         fmt::format(
+             "do for [t in 'png svg'] {{\n  set output place('effects.'.t)\n  if (t eq 'png') {{ set "
+             "terminal "
+             "pngcairo "
+             "noenhanced size 1000,{0} font 'DejaVu Sans,10' }} else {{ set terminal svg noenhanced size "
+             "1000,{0} "
+             "font 'DejaVu Sans,10' }}\n"
+             "  set multiplot layout {1},1 title '{2}: each effect taken away in turn'\n"
+             "set style fill solid 0.8 border linecolor 'black'\nset boxwidth 0.6\nset grid y\nset xrange "
+             "[-0.6:{3}]\nset lmargin "
+             "12\n",
+             60 + 300 * panels, panels, output::plot_text(scene.spec.title),
+             static_cast<double>(rows.size()) - 0.4) +
+         plots + "  unset multiplot\n  unset output\n}\n";
+}
+
+}  // namespace
+
+std::string effects_table(const EffectsResult& result) {
+  std::string out = fmt::format("{:<30} {:>11} {:>11} {:>9} {:>7} {:>11} {:>9} {:>12}  {}\n",
+                                "effect taken away", "ns per step", "saved ns", "+-", "saved", "angle deg",
+                                "RMS deg", "place mm", "where the largest differences are");
+  out += fmt::format("{:<30} {:>11.0f}\n", "none", result.ns_per_step);
+  for (const EffectRow& row : result.rows) {
+    if (row.fault) {
+      out += fmt::format("{:<30} {}\n", label(row), *row.fault);
+      continue;
+    }
+    const auto angle = [&](double value) {
+      return result.has_angles ? fmt::format("{:.3g}", kDegreesPerRadian * value) : std::string("-");
+    };
+    std::string places = where(row.angle);
+    if (row.displacement.value > 0) places += (places.empty() ? "" : "; ") + where(row.displacement);
+    out += fmt::format("{:<30} {:>11.0f} {:>11.0f} {:>9.0f} {:>6.1f}% {:>11} {:>9} {:>12}  {}\n", label(row),
+                       row.ns_per_step, row.saved_ns, row.noise_ns, 100 * row.saved_ns / result.ns_per_step,
+                       angle(row.angle.value), angle(row.angle_rms), figure(1e3 * row.displacement.value),
+                       places.empty() ? "moves the same to the bit" : places);
+  }
+  return out;
+}
+
+std::string effects_json(const scene::Scene& scene, const EffectsResult& result) {
+  Json rows = Json::array();
+  for (const EffectRow& row : result.rows) {
+    Json entry = {{"effect", name(row)}, {"with", Json::array()}};
+    for (const model::Effect effect : row.with) entry["with"].push_back(model::name(effect));
+    if (row.fault) {
+      entry["fault"] = *row.fault;
+    } else {
+      entry["cpu_ns_per_step"] = row.ns_per_step;
+      entry["saved_ns_per_step"] = row.saved_ns;
+      entry["noise_ns"] = row.noise_ns;
+      if (result.has_angles) {
+        entry["angle_largest_deg"] = peak_json(row.angle, kDegreesPerRadian * row.angle.value);
+        entry["angle_rms_deg"] = kDegreesPerRadian * row.angle_rms;
+      }
+      entry["displacement_largest_mm"] = peak_json(row.displacement, 1e3 * row.displacement.value);
+    }
+    rows.push_back(std::move(entry));
+  }
+  Json out = {{"title", scene.spec.title},
+              {"cpu_ns_per_step", result.ns_per_step},
+              {"steps", result.steps},
+              {"step_s", scene.spec.solver.step},
+              {"repeats", result.repeats}};
+  out["machine"] = {{"processor", processor()}, {"system", operating_system()}};
+  out["versions"] = {{"handsim", HANDSIM_VERSION}, {"compiler", __VERSION__}};
+  out["rows"] = std::move(rows);
+  return out.dump(2) + "\n";
+}
+
+std::vector<std::string> effects_files() {
+  return {"effects.csv", "effects.json", "effects.gp", "effects.png", "effects.svg"};
+}
+
+bool write_effects(const scene::Scene& scene, const EffectsResult& result, const std::filesystem::path& out) {
+  output::make_folder(out);
+  output::write_file(out / "effects.csv", csv(result));
+  output::write_file(out / "effects.json", effects_json(scene, result));
+  output::write_file(out / "effects.gp", script(scene, result));
+  return output::plot("effects.gp", out, {"effects.png", "effects.svg"});
+}
+
+}  // namespace handsim::study

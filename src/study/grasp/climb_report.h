@@ -1,0 +1,24 @@
+// Rows of climbs as tables.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "handsim/simulation/watch/climb_figures.h"
+
+namespace handsim::study {
+
+struct ClimbRow {
+  std::string scene;  ///< file name without extension
+  std::string side;   ///< of the hand
+  simulation::ClimbFigures figures;
+  bool passed = false;             ///< every criterion of the run held
+  double simulated = 0, wall = 0;  ///< [s]
+  std::string fault;               ///< where the run diverged
+};
+
+/// One line a climb.
+std::string climbs_csv(const std::vector<ClimbRow>& rows);
+std::string climbs_json(const std::vector<ClimbRow>& rows);
+
+}  // namespace handsim::study

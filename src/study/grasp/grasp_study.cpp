@@ -1,0 +1,274 @@
+#include "handsim/study/grasp/grasp_study.h"
+
+#include <algorithm>
+#include <set>
+
+#include <fmt/format.h>
+#include <nlohmann/json.hpp>
+
+#include "handsim/core/units.h"
+#include "handsim/output/atomic_file.h"
+#include "handsim/output/output_folder.h"
+#include "handsim/scene/read/files_read.h"
+#include "handsim/simulation/simulation.h"
+
+namespace handsim::study {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr int kBisections = 6;
+
+bool has_grasps(const std::filesystem::path& file) {
+  const YamlNode root = load_yaml(file);
+  return root.kind == YamlNode::Kind::map && (root.find("grasps") || root.find("climbs"));
+}
+
+/// The scene files that are meant, folders opened.
+std::vector<std::filesystem::path> files_of(const std::vector<std::filesystem::path>& given) {
+  std::vector<std::filesystem::path> out;
+  for (const std::filesystem::path& path : given) {
+    if (!std::filesystem::is_directory(path)) {
+      if (!has_grasps(path))
+        throw input_error("scenes", path.string() + ", which has no grasps",
+                          "scenes with a grasps or climbs block");
+      out.push_back(path);
+      continue;
+    }
+    const std::size_t before = out.size();
+    for (const auto& entry : std::filesystem::directory_iterator(path))
+      if (entry.path().extension() == ".yaml" && has_grasps(entry.path())) out.push_back(entry.path());
+    if (out.size() == before)
+      throw input_error("scenes", path.string() + ", a folder without grasp scenes", "a folder with some");
+    std::sort(out.begin() + static_cast<std::ptrdiff_t>(before), out.end());
+  }
+  return out;
+}
+
+/// One run to come.
+struct Work {
+  std::string name, side;
+  scene::Scene scene;
+};
+
+std::vector<Work> load(const GraspStudy& study) {
+  std::vector<Work> out;
+  std::set<std::string> names;
+  Diagnostics diagnostics;
+  for (const std::filesystem::path& file : files_of(study.scenes)) {
+    const std::vector<std::string> sides = study.sides.empty() ? std::vector<std::string>{""} : study.sides;
+    for (const std::string& side : sides) {
+      std::vector<std::string> overrides = study.overrides;
+      if (!side.empty()) overrides.push_back("hands.0.side=" + side);
+      try {
+        if (!names.insert(file.stem().string() + "_" + side).second)
+          throw input_error("scenes", file.string() + ", whose name another has",
+                            "names of their own, by which the runs' folders are called");
+        Work work{file.stem().string(), side, scene::load_scene(file, overrides)};
+        if (study.friction) set_friction(work.scene, *study.friction);
+        out.push_back(std::move(work));
+      } catch (const Error& error) {
+        if (error.kind() != ErrorKind::input) throw;
+        diagnostics.take(error);
+      }
+    }
+  }
+  diagnostics.throw_if_any();
+  return out;
+}
+
+simulation::RunOptions options_of(const GraspStudy& study, const Work& work) {
+  simulation::RunOptions options;
+  options.out = study.out / (work.side.empty() ? work.name : work.name + "_" + work.side);
+  options.pose_pictures = study.pictures;
+  options.draw_apart = study.draw_apart;
+  return options;
+}
+
+/// The same in the scene's tree, where every surface has its keys by now: the run can be repeated from it.
+void write_friction(YamlNode& node, double friction) {
+  YamlNode* own = node.find("friction");
+  YamlNode* spinning = node.find("spinning_friction");
+  if (own && spinning) {
+    const double before = parse_number(own->text).value_or(0),
+                 moment = parse_number(spinning->text).value_or(0);
+    if (before > 0) *spinning = yaml_scalar(number_text(moment * (friction / before)));
+    *own = yaml_scalar(number_text(friction));
+  }
+  for (YamlNode& item : node.items) write_friction(item, friction);
+  for (YamlEntry& entry : node.entries) write_friction(entry.value, friction);
+}
+
+/// True where all grasps of the scene are held to the end; stops at the first that is lost.
+bool held(const scene::Scene& scene) {
+  simulation::Simulation simulation(scene);
+  const long steps = simulation.step_count();
+  try {
+    for (long i = 0; i < steps && !simulation.grasp_lost(); ++i) simulation.step();
+  } catch (const Error& error) {
+    if (!error.fault()) throw;
+    return false;
+  }
+  const std::vector<simulation::GraspFigures> grasps = simulation.grasps();
+  return std::all_of(grasps.begin(), grasps.end(), [](const simulation::GraspFigures& g) { return g.held; });
+}
+
+std::vector<GraspRow> rows_of(const Work& work, const simulation::RunResult& result) {
+  std::vector<GraspRow> rows;
+  for (std::size_t i = 0; i < result.grasps.size(); ++i) {
+    GraspRow row;
+    row.scene = work.name;
+    row.side = work.scene.spec.hands[work.scene.spec.grasp_plans[i].hand].placement.name;
+    row.figures = result.grasps[i];
+    row.passed = result.passed();
+    row.simulated = result.simulated;
+    row.wall = result.wall;
+    if (result.fault) row.fault = Error(*result.fault).what();
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+void add_climbs(const Work& work, const simulation::RunResult& result, std::vector<ClimbRow>& rows) {
+  for (std::size_t i = 0; i < result.climbs.size(); ++i) {
+    ClimbRow row;
+    row.scene = work.name;
+    row.side = work.scene.spec.hands[work.scene.spec.climb_plans[i].hand].placement.name;
+    row.figures = result.climbs[i];
+    row.passed = result.passed();
+    row.simulated = result.simulated;
+    row.wall = result.wall;
+    if (result.fault) row.fault = Error(*result.fault).what();
+    rows.push_back(std::move(row));
+  }
+}
+
+std::string csv(const std::vector<GraspRow>& rows) {
+  std::string out =
+      "scene,side,object,held,slip[um/s],shaken_shift[mm],shift[mm],turn[deg],contacts,normal_force[N],"
+      "friction_used,force_closure,epsilon,wrench_volume,smallest_friction,criteria_held,wall[s]\n";
+  for (const GraspRow& row : rows) {
+    const simulation::GraspFigures& f = row.figures;
+    out += fmt::format(
+        "{},{},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{},{:.6g},{:.6g},{},{:.6g},{:.6g},{},{},{:.3g}\n", row.scene,
+        row.side, f.name, f.held ? 1 : 0, 1e6 * f.slip, 1e3 * f.shaken_shift, 1e3 * f.shift,
+        kDegreesPerRadian * f.turn, f.after.contacts, f.after.normal, f.after.friction_used,
+        f.after.wrenches.force_closure ? 1 : 0, f.after.wrenches.epsilon, f.after.wrenches.volume,
+        row.smallest_friction ? fmt::format("{:.4g}", *row.smallest_friction) : "", row.passed ? 1 : 0,
+        row.wall);
+  }
+  return out;
+}
+
+std::string json(const std::vector<GraspRow>& rows) {
+  Json out = Json::array();
+  for (const GraspRow& row : rows) {
+    const simulation::GraspFigures& f = row.figures;
+    Json entry = {{"scene", row.scene},
+                  {"side", row.side},
+                  {"object", f.name},
+                  {"held", f.held},
+                  {"complete", f.complete},
+                  {"criteria_held", row.passed},
+                  {"slip_m_per_s", f.slip},
+                  {"shaken_shift_m", f.shaken_shift},
+                  {"shift_m", f.shift},
+                  {"turn_rad", f.turn},
+                  {"contacts", f.after.contacts},
+                  {"normal_force_N", f.after.normal},
+                  {"friction_used", f.after.friction_used},
+                  {"force_closure", f.after.wrenches.force_closure},
+                  {"force_closure_disagrees", f.disagree()},
+                  {"epsilon", f.after.wrenches.epsilon},
+                  {"wrench_volume", f.after.wrenches.volume},
+                  {"simulated_s", row.simulated},
+                  {"wall_s", row.wall}};
+    entry["smallest_friction"] = row.smallest_friction ? Json(*row.smallest_friction) : Json();
+    if (!row.fault.empty()) entry["fault"] = row.fault;
+    out.push_back(std::move(entry));
+  }
+  return out.dump(2) + "\n";
+}
+
+}  // namespace
+
+void set_friction(scene::Scene& scene, double friction) {
+  for (model::Material& material : scene.model.materials) {
+    if (material.friction > 0) material.spinning_friction *= friction / material.friction;
+    material.friction = friction;
+  }
+  write_friction(scene.resolved, friction);
+}
+
+std::optional<double> smallest_friction(const scene::Scene& scene, const std::function<void(double)>& told) {
+  double high = 0;
+  for (const model::Material& material : scene.model.materials) high = std::max(high, material.friction);
+  double low = 0;
+  scene::Scene trial = scene;
+  const auto holds = [&](double friction) {
+    trial.model = scene.model;
+    set_friction(trial, friction);
+    return held(trial);
+  };
+  if (!holds(high)) return std::nullopt;
+  for (int i = 0; i < kBisections; ++i) {
+    if (told) told((i + 1.0) / (kBisections + 1));
+    const double middle = 0.5 * (low + high);
+    (holds(middle) ? high : low) = middle;
+  }
+  return high;
+}
+
+bool GraspTables::passed() const {
+  const auto held = [](const auto& row) { return row.passed; };
+  return std::all_of(grasps.begin(), grasps.end(), held) && std::all_of(climbs.begin(), climbs.end(), held);
+}
+
+GraspTables run_grasps(const GraspStudy& study) {
+  const std::vector<Work> all = load(study);
+  const auto scenes = [&] {
+    std::vector<std::filesystem::path> out;
+    for (const Work& work : all)
+      for (std::filesystem::path& file : scene::files_read(work.scene)) out.push_back(std::move(file));
+    return out;
+  };
+  // All folders are had before the first run, which may take minutes.
+  const output::OutputFolder folder(study.out, {"grasps.csv", "grasps.json", "climbs.csv", "climbs.json"},
+                                    scenes);
+  std::vector<output::OutputFolder> folders;
+  for (const Work& work : all) folders.push_back(simulation::run_folder(work.scene, options_of(study, work)));
+  folder.clear();
+  for (const output::OutputFolder& of_run : folders) of_run.clear();
+  GraspTables tables;
+  const double share = 1.0 / static_cast<double>(all.size());
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    const Work& work = all[i];
+    const double own = study.friction_search ? 0.2 : 1;
+    const auto tell = [&](double from, double part) {
+      return [&study, begin = (static_cast<double>(i) + from) * share, span = part * share](double done) {
+        if (study.progress) study.progress(begin + done * span);
+      };
+    };
+    simulation::RunOptions options = options_of(study, work);
+    options.progress = tell(0, own);
+    const simulation::RunResult result = simulation::run(work.scene, options, &folders[i]);
+    for (const std::string& what : result.missing)
+      tables.missing.push_back(options.out.string() + ": " + what);
+    std::vector<GraspRow> found = rows_of(work, result);
+    if (study.friction_search && !found.empty() && result.passed()) {
+      const auto least = smallest_friction(work.scene, tell(own, 1 - own));
+      for (GraspRow& row : found) row.smallest_friction = least;
+    }
+    tables.grasps.insert(tables.grasps.end(), found.begin(), found.end());
+    add_climbs(work, result, tables.climbs);
+  }
+  output::write_file(study.out / "grasps.csv", csv(tables.grasps));
+  output::write_file(study.out / "grasps.json", json(tables.grasps));
+  if (tables.climbs.empty()) return tables;
+  output::write_file(study.out / "climbs.csv", climbs_csv(tables.climbs));
+  output::write_file(study.out / "climbs.json", climbs_json(tables.climbs));
+  return tables;
+}
+
+}  // namespace handsim::study

@@ -1,0 +1,63 @@
+// Many grasp and climb scenes in one table of each: each is run with its files, on either hand, and where
+// asked the smallest friction that still holds a grasp is searched for.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/simulation/run/run.h"
+#include "handsim/study/grasp/climb_report.h"
+
+namespace handsim::study {
+
+struct GraspStudy {
+  std::vector<std::filesystem::path>
+      scenes;                          ///< files, or folders: every scene in them with grasps or climbs
+  std::vector<std::string> sides;      ///< `right`, `left` for the first hand; empty: as the scene has it
+  std::vector<std::string> overrides;  ///< `key.path=value`, for every scene
+  std::optional<double> friction;      ///< of every surface; absent: the scene's
+  bool friction_search = false;
+  bool pictures = false;    ///< at every phase
+  bool draw_apart = false;  ///< as RunOptions
+  std::filesystem::path out;
+  /// Told the share done, 0..1.
+  std::function<void(double)> progress;
+};
+
+struct GraspRow {
+  std::string scene;  ///< file name without extension
+  std::string side;   ///< of the grasping hand
+  simulation::GraspFigures figures;
+  bool passed = false;  ///< every criterion of the run held
+  std::optional<double>
+      smallest_friction;           ///< that still holds, of every surface, to a sixtieth of the scene's
+  double simulated = 0, wall = 0;  ///< [s]
+  std::string fault;               ///< where the run diverged
+};
+
+struct GraspTables {
+  std::vector<GraspRow> grasps;
+  std::vector<ClimbRow> climbs;
+  std::vector<std::string> missing;  ///< `OUT/SCENE: pictures: ...`, see RunResult
+
+  bool passed() const;
+};
+
+/// Runs the study and writes OUT/SCENE_SIDE/ for each run, OUT/grasps.csv and OUT/grasps.json, and where
+/// there are climbs the same of them.
+/// @throws Error (input) for what is no scene with grasps or climbs, before anything is run.
+GraspTables run_grasps(const GraspStudy& study);
+
+/// Gives every surface of a compiled scene one friction, in what resolved.yaml says of it as well; moments
+/// about contact normals go with it.
+void set_friction(scene::Scene& scene, double friction);
+
+/// Bisects the smallest friction of every surface with which all grasps of the scene are held; nothing where
+/// its own friction does not hold them. @param told the share done, 0..1.
+std::optional<double> smallest_friction(const scene::Scene& scene,
+                                        const std::function<void(double)>& told = {});
+
+}  // namespace handsim::study

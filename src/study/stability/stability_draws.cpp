@@ -1,0 +1,75 @@
+// Variants of hard cases that are drawn at random.
+#include <cmath>
+#include <random>
+
+#include <fmt/format.h>
+
+#include "handsim/core/pose.h"
+#include "handsim/core/text.h"
+#include "handsim/study/stability/stability.h"
+
+namespace handsim::study {
+
+namespace {
+
+/// Its description and its YAML.
+std::pair<std::string, std::string> drawn_person(std::mt19937& random) {
+  std::uniform_real_distribution<double> stature(1.4, 2.1), mass(40, 150);
+  double metres = 0, kilograms = 0, index = 0;
+  do {
+    metres = stature(random), kilograms = mass(random);
+    index = kilograms / (metres * metres);
+  } while (index < 14 || index > 50);
+  const char* sex = random() % 2 == 0 ? "male" : "female";
+  return {fmt::format("{:.2f} m, {:.0f} kg, {}", metres, kilograms, sex),
+          fmt::format("{{stature: {:.4f}, mass: {:.3f}, sex: {}}}", metres, kilograms, sex)};
+}
+
+/// Even over all rotations: a direction of four normal numbers (Marsaglia 1972).
+std::string drawn_rotation(std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  const double w = normal(random), x = normal(random), y = normal(random), z = normal(random);
+  const Vec3 turn = rotation_vector(Quat(w, x, y, z).normalized());
+  const double angle = turn.norm();
+  const Vec3 axis = angle > 0 ? Vec3(turn / angle) : Vec3(Vec3::UnitX());
+  return fmt::format("{{axis: [{:.6f}, {:.6f}, {:.6f}], angle: {:.6f}}}", axis.x(), axis.y(), axis.z(),
+                     angle);
+}
+
+}  // namespace
+
+std::vector<Alternative> drawn_variants(const Draws& draws, int most) {
+  std::mt19937 random(static_cast<unsigned>(draws.seed));
+  std::vector<Alternative> out;
+  for (int i = 0; i < std::min(draws.count, most); ++i) {
+    Alternative& variant = out.emplace_back();
+    variant.name = fmt::format("draw {}", i + 1);
+    std::string person;
+    for (const DrawnKey& key : draws.keys) {
+      std::string value;
+      switch (key.from) {
+        case DrawnKey::From::person:
+          if (person.empty()) {
+            std::string described;
+            std::tie(described, person) = drawn_person(random);
+            variant.name += ": " + described;
+          }
+          value = person;
+          break;
+        case DrawnKey::From::rotation:
+          value = drawn_rotation(random);
+          break;
+        case DrawnKey::From::range:
+          value = number_text(std::uniform_real_distribution<double>(key.low, key.high)(random));
+          break;
+        case DrawnKey::From::choices:
+          value = key.choices[random() % key.choices.size()];
+          break;
+      }
+      variant.set.push_back(key.key + "=" + value);
+    }
+  }
+  return out;
+}
+
+}  // namespace handsim::study

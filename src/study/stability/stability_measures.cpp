@@ -1,0 +1,67 @@
+#include "handsim/study/stability/measure_tools.h"
+
+#include <algorithm>
+#include <array>
+
+#include "handsim/model/kinematics.h"
+
+namespace handsim::study {
+
+bool within(const MeasureSpec& spec, double time) {
+  return time >= spec.from - 1e-9 && time <= spec.until + 1e-9;
+}
+
+std::size_t body_of(const scene::Scene& scene, const std::string& name) {
+  for (std::size_t i = 1; i < scene.model.bodies.size(); ++i)
+    if (scene.model.bodies[i].name == name) return i;
+  throw input_error("measures.body", name, "a body of the scene that moves");
+}
+
+std::vector<std::size_t> bodies_of(const scene::Scene& scene, const MeasureSpec& spec) {
+  if (!spec.body.empty()) return {body_of(scene, spec.body)};
+  std::vector<std::size_t> out;
+  for (std::size_t i = 1; i < scene.model.bodies.size(); ++i)
+    if (!scene.model.bodies[i].kinematic) out.push_back(i);
+  return out;
+}
+
+double Coordinate::value(const model::State& state) const {
+  std::array<double, 3> q{};
+  model::joint_coordinates(*joint, state, q);
+  return q[axis];
+}
+
+double Coordinate::rate(const model::State& state) const {
+  std::array<double, 3> rate{};
+  model::joint_rates(*joint, state, rate);
+  return rate[axis];
+}
+
+Coordinate coordinate_of(const scene::Scene& scene, const std::string& name) {
+  for (const model::Joint& joint : scene.model.joints) {
+    if (joint.name == name) return {&joint, 0};
+    for (std::size_t a = 0; a < joint.axes.size(); ++a)
+      if (joint.name + "." + joint.axes[a].name == name) return {&joint, a};
+  }
+  throw input_error("measures.joint", name, "a joint of the scene, or joint.axis");
+}
+
+std::span<const MeasureKind> measure_kinds() {
+  static const std::vector<MeasureKind> all = [] {
+    std::vector<MeasureKind> out;
+    for (const std::span<const MeasureKind> theme : {run_measures(), energy_measures(), motion_measures(),
+                                                     joint_measures(), surface_measures(), procedures()})
+      out.insert(out.end(), theme.begin(), theme.end());
+    return out;
+  }();
+  return all;
+}
+
+const MeasureKind* measure_kind(std::string_view name) {
+  const std::span<const MeasureKind> kinds = measure_kinds();
+  const auto at =
+      std::find_if(kinds.begin(), kinds.end(), [&](const MeasureKind& kind) { return kind.name == name; });
+  return at == kinds.end() ? nullptr : &*at;
+}
+
+}  // namespace handsim::study

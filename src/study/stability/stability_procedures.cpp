@@ -1,0 +1,391 @@
+// Procedures of hard cases: runs that are compared with each other.
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <random>
+#include <thread>
+
+#include <fmt/format.h>
+
+#include "handsim/model/kinematics.h"
+#include "handsim/study/stability/measure_tools.h"
+
+namespace handsim::study {
+
+namespace {
+
+using simulation::Simulation;
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+/// Energy errors below this say nothing of an order.
+constexpr double kConserved = 1e-7;
+/// Largest torque of a round trip [N m]: in a step of 1 us it moves no finger by more than 1e-12 rad.
+constexpr double kSmallTorque = 1e-7;
+
+std::uint64_t hash_of_run(const scene::Scene& scene) {
+  Simulation simulation(scene);
+  for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
+  return simulation.state_hash();
+}
+
+/// The same, from a snapshot of the middle of the run in another simulation; and, reset to its start, again.
+std::pair<std::uint64_t, std::uint64_t> hashes_of_restored(const scene::Scene& scene) {
+  Simulation first(scene), second(scene);
+  const simulation::RunSnapshot start = first.snapshot();
+  const long steps = first.step_count(), half = steps / 2;
+  for (long i = 0; i < half; ++i) first.step();
+  second.restore(first.snapshot());
+  for (long i = half; i < steps; ++i) second.step();
+  first.restore(start);
+  for (long i = 0; i < steps; ++i) first.step();
+  return {second.state_hash(), first.state_hash()};
+}
+
+using Places = std::vector<std::vector<Vec3>>;
+
+/// Places of all bodies at ten or so times that every step of the ladder meets.
+Places places(const scene::Scene& scene, double every) {
+  Simulation simulation(scene);
+  Places out;
+  const long stride = std::max(1L, std::lround(every / scene.spec.solver.step));
+  for (long i = 1; i <= simulation.step_count(); ++i) {
+    simulation.step();
+    if (i % stride != 0) continue;
+    out.emplace_back();
+    for (const model::BodyState& body : simulation.state().bodies) out.back().push_back(body.p);
+  }
+  return out;
+}
+
+double farthest(const Places& a, const Places& b) {
+  double out = 0;
+  for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i)
+    for (std::size_t k = 0; k < a[i].size(); ++k) out = std::max(out, (a[i][k] - b[i][k]).norm());
+  return out;
+}
+
+/// Slope of the straight line through (log x, log y), by least squares.
+double log_slope(const std::vector<std::pair<double, double>>& points) {
+  double sx = 0, sy = 0, sxx = 0, sxy = 0;
+  for (const auto& [x, y] : points) {
+    const double lx = std::log(x), ly = std::log(y);
+    sx += lx, sy += ly, sxx += lx * lx, sxy += lx * ly;
+  }
+  const auto n = static_cast<double>(points.size());
+  return (n * sxy - sx * sy) / (n * sxx - sx * sx);
+}
+
+/// Joint torques that make the bodies move as they do from rest, by Newton and Euler in world axes: for each
+/// joint the moment about its axes of what its bodies beyond need and gravity does not give.
+std::vector<double> inverse_dynamics(const model::Model& model, const model::State& start,
+                                     const model::State& end, double step, bool gravity) {
+  std::vector<double> out(static_cast<std::size_t>(model.dof_count()), 0.0);
+  for (const model::Joint& joint : model.joints) {
+    std::vector<bool> beyond(model.bodies.size(), false);
+    beyond[static_cast<std::size_t>(joint.child)] = true;
+    for (const model::Joint& other : model.joints)
+      if (beyond[static_cast<std::size_t>(other.parent)])
+        beyond[static_cast<std::size_t>(other.child)] = true;
+    const model::BodyState& parent = start.bodies[static_cast<std::size_t>(joint.parent)];
+    const model::BodyState& child = start.bodies[static_cast<std::size_t>(joint.child)];
+    const Vec3 anchor = parent.p + parent.q * joint.parent_frame.p;
+    Vec3 moment = Vec3::Zero();
+    for (std::size_t i = 1; i < model.bodies.size(); ++i) {
+      if (!beyond[i]) continue;
+      const model::BodyState& at = start.bodies[i];
+      const Vec3 a = (end.bodies[i].v - at.v) / step - (gravity ? model.gravity : Vec3(Vec3::Zero()));
+      const Vec3 alpha = (end.bodies[i].w - at.w) / step;
+      moment += at.q * (model.bodies[i].inertia * (at.q.conjugate() * alpha));
+      moment += (at.p - anchor).cross(model.bodies[i].mass * a);
+    }
+    for (std::size_t axis = 0; axis < joint.axes.size(); ++axis) {
+      const Vec3 along = axis == 0 ? parent.q * (joint.parent_frame.q * joint.axes[0].axis)
+                                   : child.q * (joint.child_frame.q * joint.axes[1].axis);
+      out[static_cast<std::size_t>(joint.first_dof) + axis] = moment.dot(along);
+    }
+  }
+  return out;
+}
+
+bool same_bits(const model::State& a, const model::State& b) {
+  for (std::size_t i = 0; i < a.bodies.size(); ++i)
+    if (a.bodies[i].p != b.bodies[i].p || a.bodies[i].q.coeffs() != b.bodies[i].q.coeffs() ||
+        a.bodies[i].v != b.bodies[i].v || a.bodies[i].w != b.bodies[i].w)
+      return false;
+  return true;
+}
+
+/// True where the call ends in a typed error.
+template <class Call>
+bool refused(Call call) {
+  try {
+    call();
+  } catch (const Error&) {
+    return true;
+  }
+  return false;
+}
+
+Figure convergence(const SceneMaker& scene, const MeasureSpec& spec) {
+  // The ladder falls; its last step is the reference.
+  Places reference;
+  std::vector<std::pair<double, double>> errors;
+  for (auto step = spec.steps.rbegin(); step != spec.steps.rend(); ++step) {
+    const Places run = places(scene({"solver.step=" + number_text(*step)}), spec.steps.front() * 5);
+    if (reference.empty())
+      reference = run;
+    else
+      errors.emplace_back(*step, std::max(farthest(run, reference), 1e-300));
+  }
+  Figure out{log_slope(errors), std::nullopt,
+             fmt::format("{:.2g} m at {:g} ms", errors.back().second, 1e3 * errors.back().first)};
+  out.curve = std::move(errors);
+  return out;
+}
+
+Figure energy_order(const SceneMaker& scene, const MeasureSpec& spec) {
+  const MeasureKind& kind = *measure_kind("energy_error");
+  std::vector<std::pair<double, double>> errors;
+  for (const double step : spec.steps) {
+    const scene::Scene of = scene({"solver.step=" + number_text(step)});
+    const std::unique_ptr<Measure> measure = kind.make(of, MeasureSpec{});
+    Simulation simulation(of);
+    measure->look(simulation);
+    for (long i = 0; i < simulation.step_count(); ++i) {
+      simulation.step();
+      measure->look(simulation);
+    }
+    errors.emplace_back(step, std::max(measure->figure()->value, 1e-300));
+  }
+  if (errors.front().second < kConserved)
+    return {kInfinity, std::nullopt,
+            fmt::format("{:.2g} at {:g} ms", errors.front().second, 1e3 * errors.front().first), errors};
+  Figure out{log_slope(errors), std::nullopt,
+             fmt::format("{:.2g} at {:g} ms", errors.front().second, 1e3 * errors.front().first)};
+  out.curve = std::move(errors);
+  return out;
+}
+
+Figure release_ratio(const SceneMaker& scene, const MeasureSpec& spec) {
+  const scene::Scene with = scene({});
+  const scene::Scene without = scene::without_effect(with, model::Effect::joint_stops);
+  Simulation stopped(with), loose(without);
+  const auto rate = [&](const Simulation& now) {
+    for (const model::Joint& joint : now.model().joints)
+      for (std::size_t a = 0; a < joint.axes.size(); ++a) {
+        if (joint.name + "." + joint.axes[a].name != spec.joint && (joint.name != spec.joint || a > 0))
+          continue;
+        std::array<double, 3> rates{};
+        model::joint_rates(joint, now.state(), rates);
+        return rates[a];
+      }
+    throw input_error("measures.joint", spec.joint, "a joint of the scene, or joint.axis");
+  };
+  Figure out;
+  for (int i = 0; i < 2; ++i) {
+    stopped.step();
+    loose.step();
+    const double ratio = rate(stopped) / rate(loose);
+    // Held back for good is no release.
+    if (i == 1 && !(ratio > 0)) return {kInfinity, stopped.state().time, spec.joint};
+    if (ratio > out.value) out = {ratio, stopped.state().time, spec.joint};
+  }
+  return out;
+}
+
+Figure repeats(const SceneMaker& scene, const MeasureSpec&) {
+  const scene::Scene of = scene({});
+  const std::uint64_t reference = hash_of_run(of);
+  int differ = 0;
+  std::string where;
+  const auto compare = [&](std::uint64_t hash, const char* when) {
+    if (hash == reference) return;
+    ++differ;
+    where = when;
+  };
+  for (int i = 0; i < 3; ++i) compare(hash_of_run(of), "again");
+  std::vector<std::uint64_t> hashes(8);
+  std::vector<std::thread> threads;
+  for (std::uint64_t& hash : hashes) threads.emplace_back([&] { hash = hash_of_run(of); });
+  for (std::thread& thread : threads) thread.join();
+  for (const std::uint64_t hash : hashes) compare(hash, "in eight threads");
+  // Another world of another seed in between.
+  const scene::Scene other = scene({"solver.seed=77"});
+  Simulation beside(other), simulation(of);
+  for (long i = 0; i < simulation.step_count(); ++i) {
+    beside.step();
+    simulation.step();
+  }
+  compare(simulation.state_hash(), "beside another world");
+  const auto [restored, reset] = hashes_of_restored(of);
+  compare(restored, "after restore");
+  compare(reset, "after reset");
+  return {static_cast<double>(differ), std::nullopt, where};
+}
+
+Figure twin(const SceneMaker& scene, const MeasureSpec& spec) {
+  const scene::Scene a = scene({}), b = scene(spec.set);
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (std::size_t i = 1; i < a.model.bodies.size(); ++i)
+    for (std::size_t k = 1; k < b.model.bodies.size(); ++k)
+      if (a.model.bodies[i].name == b.model.bodies[k].name && a.model.bodies[i].name.starts_with(spec.body))
+        pairs.emplace_back(i, k);
+  if (pairs.empty())
+    throw input_error("measures.body", spec.body, "what bodies' names begin with in both runs");
+  Simulation one(a), other(b);
+  Figure out;
+  for (long i = 0; i < one.step_count(); ++i) {
+    one.step();
+    other.step();
+    for (const auto& [k, l] : pairs) {
+      const double apart = (one.state().bodies[k].p - other.state().bodies[l].p).norm();
+      if (apart > out.value) out = {apart, one.state().time, a.model.bodies[k].name};
+    }
+  }
+  return out;
+}
+
+Figure round_trip(const SceneMaker& scene, const MeasureSpec&) {
+  constexpr int kTrials = 200;
+  const scene::Scene of = scene({});
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  Figure out;
+  for (int i = 0; i < kTrials; ++i) {
+    const auto engine = engine::make_engine(of.model, of.spec.solver);
+    std::vector<double> q, tau;
+    for (const model::Joint& joint : of.model.joints)
+      for (const model::JointAxis& axis : joint.axes) {
+        const double middle = axis.stop ? 0.5 * (axis.stop->low + axis.stop->high) : 0;
+        const double half = axis.stop ? 0.5 * (axis.stop->high - axis.stop->low) : 1;
+        q.push_back(middle + 0.9 * half * uniform(random));
+        tau.push_back(kSmallTorque * uniform(random));
+      }
+    const model::State start = model::state_at(of.model, q);
+    engine->set_state(start);
+    engine->step({tau});
+    const std::vector<double> found = inverse_dynamics(of.model, start, engine->state(), of.spec.solver.step,
+                                                       of.spec.solver.effects.has(model::Effect::gravity));
+    double largest = 0, worst = 0;
+    for (std::size_t k = 0; k < tau.size(); ++k) {
+      largest = std::max(largest, std::abs(tau[k]));
+      worst = std::max(worst, std::abs(tau[k] - found[k]));
+    }
+    if (worst / largest > out.value) out = {worst / largest, std::nullopt, fmt::format("trial {}", i)};
+  }
+  return out;
+}
+
+Figure abuse(const SceneMaker& scene, const MeasureSpec&) {
+  constexpr int kSteps = 100;
+  const scene::Scene of = scene({});
+  const auto fresh = [&] { return engine::make_engine(of.model, of.spec.solver); };
+  const auto run = [](engine::Engine& engine, int steps) {
+    for (int i = 0; i < steps; ++i) engine.step({});
+  };
+  const auto alone = fresh(), healthy = fresh();
+  run(*alone, 2 * kSteps);
+  run(*healthy, kSteps);
+  Figure out;
+  const auto expect = [&](bool good, const std::string& what) {
+    if (good) return;
+    ++out.value;
+    out.where = what;
+  };
+  const auto dofs = static_cast<std::size_t>(of.model.dof_count());
+  for (const double bad : {kNan, kInfinity, -kInfinity, 1e300, 1e200}) {
+    const auto sick = fresh();
+    run(*sick, 10);
+    std::vector<double> tau(dofs, 0.0);
+    tau.front() = bad;
+    expect(refused([&] { sick->step({tau}); }), fmt::format("a torque of {}", bad));
+    const auto thrown = fresh();
+    model::State state = thrown->state();
+    state.bodies.back().v = state.bodies.back().w = Vec3::Constant(bad);
+    expect(refused([&] {
+             thrown->set_state(state);
+             thrown->step({});
+           }),
+           fmt::format("a speed of {}", bad));
+  }
+  const auto sick = fresh();
+  model::State state = sick->state();
+  state.bodies.back().q = Quat(0, 0, 0, 0);
+  expect(refused([&] { sick->set_state(state); }), "a quaternion of zeros");
+  const std::vector<double> many(dofs + 1, 0.0);
+  expect(refused([&] { sick->step({many}); }), "too many torques");
+  run(*healthy, kSteps);
+  expect(same_bits(healthy->state(), alone->state()), "another world changed");
+  return out;
+}
+
+using D = Dimension;
+
+const std::array kProcedures = {
+    MeasureKind{"convergence",
+                "slope of log position error over log step, the ladder's smallest step being the reference",
+                D::none,
+                "",
+                true,
+                {.steps = true},
+                nullptr,
+                convergence},
+    MeasureKind{"energy_order",
+                "order in the step of the largest energy error; infinite where energy is kept to 1e-7",
+                D::none,
+                "",
+                true,
+                {.steps = true},
+                nullptr,
+                energy_order},
+    MeasureKind{"release_ratio",
+                "first rates off a stop over those without stops",
+                D::none,
+                "",
+                false,
+                {.joint = true},
+                nullptr,
+                release_ratio},
+    MeasureKind{
+        "repeats",
+        "runs whose bits differ: again, eight threads at once, beside others, after restore and reset",
+        D::none,
+        "",
+        false,
+        {},
+        nullptr,
+        repeats},
+    MeasureKind{"twin",
+                "distance of bodies from those of the run with other settings",
+                D::length,
+                "m",
+                false,
+                {.set = true},
+                nullptr,
+                twin},
+    MeasureKind{"round_trip",
+                "torques found back from the motion that they make, relative",
+                D::none,
+                "",
+                false,
+                {},
+                nullptr,
+                round_trip},
+    MeasureKind{"abuse",
+                "bad torques and states that are not refused, or that other worlds notice",
+                D::none,
+                "",
+                false,
+                {},
+                nullptr,
+                abuse}};
+
+}  // namespace
+
+std::span<const MeasureKind> procedures() { return kProcedures; }
+
+}  // namespace handsim::study

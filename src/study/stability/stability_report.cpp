@@ -1,0 +1,401 @@
+#include "handsim/study/stability/stability_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <nlohmann/json.hpp>
+
+#include "handsim/output/atomic_file.h"
+#include "handsim/output/child.h"
+#include "handsim/output/render/contact_sheet.h"
+#include "handsim/output/table/gnuplot.h"
+#include "handsim/simulation/run/pictures.h"
+#include "handsim/simulation/run/run.h"
+#include "handsim/study/accuracy/machine.h"
+
+namespace handsim::study {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+std::string_view name(StabilityVerdict verdict) {
+  switch (verdict) {
+    case StabilityVerdict::held:
+      return "held";
+    case StabilityVerdict::fell_short:
+      return "FELL SHORT";
+    case StabilityVerdict::known_short:
+      return "short (known)";
+    case StabilityVerdict::better:
+      return "held (known short)";
+  }
+  return {};
+}
+
+/// `1.2e-05 m`.
+std::string figure(std::optional<double> value, const std::string& unit) {
+  if (!value) return "-";
+  return fmt::format("{:.3g}{}{}", *value, unit.empty() ? "" : " ", unit);
+}
+
+std::string limit(const StabilityRow& row) {
+  return fmt::format("{} {:.3g}", row.at_least ? ">=" : "<=", row.limit);
+}
+
+std::string milliseconds(double step) { return fmt::format("{:g}", 1e3 * step); }
+
+/// Where, when, in which variant, or what went wrong, on one line.
+std::string place(const StabilityRow& row) {
+  std::vector<std::string> parts;
+  if (!row.variant.empty()) parts.push_back(row.variant);
+  if (!row.fault.empty())
+    parts.push_back(row.fault);
+  else if (!row.where.empty())
+    parts.push_back(row.where);
+  if (row.time) parts.push_back(fmt::format("at {:.4g} s", *row.time));
+  std::string out = fmt::format("{}", fmt::join(parts, "; "));
+  std::replace(out.begin(), out.end(), '\n', ' ');
+  return out;
+}
+
+/// Ways and steps of a case that held a measure in all variants.
+std::vector<std::string> holders(const std::vector<StabilityRow>& worst, const std::string& measure) {
+  std::vector<std::string> out;
+  for (const StabilityRow& row : worst)
+    if (row.measure == measure && row.within())
+      out.push_back(fmt::format("{} {} ms", row.way, milliseconds(row.step)));
+  return out;
+}
+
+std::string shortened(std::string text, std::size_t width) {
+  if (text.size() <= width) return text;
+  text.resize(width - 3);
+  return text + "...";
+}
+
+std::string rows_table(const CaseResult& result) {
+  std::string out =
+      fmt::format("\n{}: {}\n  oracle: {}\n", result.of->name, result.of->title, result.of->oracle);
+  const std::vector<StabilityRow> worst = worst_rows(result);
+  std::set<std::string> short_of;
+  for (const StabilityRow& row : worst) {
+    out += fmt::format("  {:<16} {:<44} {:>6} {:>16} {:>12}  {:<18} {}\n", row.measure, row.way,
+                       row.measure == "refused" ? "" : milliseconds(row.step), figure(row.value, row.unit),
+                       limit(row), name(row.verdict), shortened(place(row), 100));
+    if (row.verdict == StabilityVerdict::known_short) short_of.insert(row.measure);
+  }
+  for (const std::string& known : result.known) out += "  known: " + known + "\n";
+  for (const std::string& measure : short_of)
+    out += fmt::format("  {} holds with {}\n", measure, fmt::join(holders(worst, measure), ", "));
+  return out;
+}
+
+std::string quoted(std::string text) {
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  for (std::size_t at = 0; (at = text.find('"', at)) != std::string::npos; at += 2) text.insert(at, 1, '"');
+  return "\"" + text + "\"";
+}
+
+std::string csv(const StabilityResult& result) {
+  std::string out =
+      "case,measure,unit,way,step[s],variant,measured,limit,limit_is,verdict,time[s],cpu[s],where,fault\n";
+  for (const CaseResult& of : result.cases)
+    for (const StabilityRow& row : of.rows)
+      out += fmt::format(
+          "{},{},{},{},{},{},{},{},{},{},{},{:.3g},{},{}\n", row.of_case, quoted(row.measure), row.unit,
+          quoted(row.way), row.step, quoted(row.variant), row.value ? fmt::format("{}", *row.value) : "",
+          row.limit, row.at_least ? "least" : "most", name(row.verdict),
+          row.time ? fmt::format("{}", *row.time) : "", row.cpu, quoted(row.where), quoted(row.fault));
+  return out;
+}
+
+Json number(double value) { return std::isfinite(value) ? Json(value) : Json(fmt::format("{}", value)); }
+
+Json row_json(const StabilityRow& row) {
+  Json out = {{"measure", row.measure}, {"way", row.way}, {"step_s", row.step}};
+  if (!row.variant.empty()) out["variant"] = row.variant;
+  out["measured"] = row.value ? number(*row.value) : Json();
+  out["unit"] = row.unit;
+  out[row.at_least ? "least" : "most"] = row.limit;
+  out["verdict"] = name(row.verdict);
+  if (row.time) out["time_s"] = *row.time;
+  out["cpu_s"] = row.cpu;
+  if (!row.where.empty()) out["where"] = row.where;
+  if (!row.fault.empty()) out["fault"] = row.fault;
+  return out;
+}
+
+std::string json(const StabilitySpec& spec, const StabilityResult& result) {
+  Json cases = Json::array();
+  for (const CaseResult& of : result.cases) {
+    Json entry = {{"name", of.of->name}, {"title", of.of->title}, {"oracle", of.of->oracle}};
+    entry["known_shortfalls"] = of.known;
+    entry["rows"] = Json::array();
+    for (const StabilityRow& row : of.rows) entry["rows"].push_back(row_json(row));
+    cases.push_back(std::move(entry));
+  }
+  Json out = {
+      {"title", spec.title}, {"passed", result.passed()}, {"quick", result.quick}, {"wall_s", result.wall}};
+  out["machine"] = {{"processor", processor()}, {"system", operating_system()}};
+  out["versions"] = {{"handsim", HANDSIM_VERSION}, {"compiler", __VERSION__}, {"engines", result.engines}};
+  out["cases"] = std::move(cases);
+  return out.dump(2) + "\n";
+}
+
+/// Without what could end a quoted text of gnuplot's or begin a command.
+std::string plain(std::string text) {
+  for (char& c : text)
+    if (c == '\'' || c == '`' || c == '"' || c == '\\' || static_cast<unsigned char>(c) < ' ') c = ' ';
+  return text;
+}
+
+std::string spaced(std::string name) {
+  std::replace(name.begin(), name.end(), '_', ' ');
+  return name;
+}
+
+/// How far figures are from their limits is drawn within these decades.
+constexpr double kLeastSeverity = 1e-6, kMostSeverity = 1e4;
+
+/// One dot for each row of the table, cases from top to bottom.
+std::string overview(const StabilityResult& result) {
+  std::string held, known, failed, ticks;
+  const auto count = static_cast<int>(result.cases.size());
+  for (int i = 0; i < count; ++i) {
+    const CaseResult& of = result.cases[static_cast<std::size_t>(i)];
+    const int y = count - i;
+    ticks += fmt::format("{}'{}' {}", i > 0 ? ", " : "", plain(spaced(of.of->name)), y);
+    for (const StabilityRow& row : worst_rows(of)) {
+      const double x = std::clamp(row.severity(), kLeastSeverity, kMostSeverity);
+      std::string& into = row.verdict == StabilityVerdict::fell_short    ? failed
+                          : row.verdict == StabilityVerdict::known_short ? known
+                                                                         : held;
+      into += fmt::format("{} {}\n", x, y);
+    }
+  }
+  std::string out =
+      "$held << EOD\n" + held + "EOD\n$known << EOD\n" + known + "EOD\n$failed << EOD\n" + failed + "EOD\n";
+  std::vector<std::string> curves;
+  const auto curve = [&](const std::string& data, const char* block, const char* look, const char* title) {
+    if (!data.empty())
+      curves.push_back(fmt::format("{} using 1:2 with points {} title '{}'", block, look, title));
+  };
+  curve(held, "$held", "pt 7 ps 0.9 lc rgb '#3a7d44'", "holds");
+  curve(known, "$known", "pt 9 ps 1.3 lc rgb '#e08e1b'", "falls short, as known of this engine or setting");
+  curve(failed, "$failed", "pt 5 ps 1.3 lc rgb '#c1121f'", "falls short");
+  return out +
+         fmt::format(
+             "do for [t in 'png svg'] {{\n  set output place('stability.'.t)\n"
+             "  if (t eq 'png') {{ set terminal pngcairo noenhanced size 1200,{0} font 'DejaVu Sans,11' }} "
+             "else {{ set terminal svg noenhanced size 1200,{0} font 'DejaVu Sans,11' }}\n"
+             "  set title 'Hard cases: figure over limit, one mark for each engine, method and step'\n"
+             "  set logscale x\n  set xrange [{1}:{2}]\n  set yrange [0.3:{3}]\n  set ytics ({4})\n"
+             "  set format x '10^{{%L}}'\n  set termoption enhanced\n  unset ylabel\n  set xlabel 'figure / "
+             "limit (left of "
+             "1: "
+             "holds; what is beyond the frame stands on its edge)'\n"
+             "  set grid x y\n  set key top right outside horizontal\n  set arrow 1 from 1,0.3 to 1,{3} "
+             "nohead "
+             "lw 2 lc rgb '#404040' front\n  plot {5}\n  unset arrow 1\n  unset output\n}}\n",
+             140 + 24 * count, kLeastSeverity * 0.5, kMostSeverity * 2, count + 0.7, ticks,
+             fmt::join(curves, ", "));
+}
+
+/// The course of a measure for every way and step, or, of a procedure, error against step.
+std::string course_plot(const CaseResult& of) {
+  const MeasureSpec* spec = nullptr;
+  for (const MeasureSpec& measure : of.of->measures)
+    if (of.of->plot == measure.name) spec = &measure;
+  if (!spec || of.courses.empty()) return "";
+  const MeasureKind& kind = *measure_kind(spec->kind);
+  const bool ladder = kind.procedure != nullptr;
+  std::string data;
+  std::vector<std::string> curves;
+  bool positive = false;
+  for (std::size_t i = 0; i < of.courses.size(); ++i) {
+    const Course& course = of.courses[i];
+    if (course.time.empty()) continue;
+    data += fmt::format("${}_{} << EOD\n", of.of->name, i);
+    for (std::size_t k = 0; k < course.time.size(); ++k) {
+      const double value = std::abs(course.value[k]);
+      positive = positive || value > 0;
+      data += fmt::format("{:.6g} {:.6g}\n", course.time[k], std::max(value, 1e-18));
+    }
+    data += "EOD\n";
+    curves.push_back(fmt::format("${}_{} using 1:2 with {} lw 1.5 title '{}'", of.of->name, i,
+                                 ladder ? "linespoints" : "lines", plain(course.label)));
+  }
+  if (curves.empty() || !positive) return "";
+  if (!ladder && spec->limit > 0)
+    curves.push_back(fmt::format("{} with lines dt 2 lw 2 lc rgb 'black' title 'limit'", spec->limit));
+  return data +
+         fmt::format(
+             "do for [t in 'png svg'] {{\n  set output place('{0}.'.t)\n"
+             "  if (t eq 'png') {{ set terminal pngcairo noenhanced size 1100,600 font 'DejaVu Sans,10' }} "
+             "else {{ set terminal svg noenhanced size 1100,600 font 'DejaVu Sans,10' }}\n"
+             "  set title '{1}'\n  set xlabel '{2}'\n  set ylabel '{3}{4}'\n  {5}set logscale y\n"
+             "  set format x '%g'\n  set format y '%g'\n  set grid\n  set key outside right\n  set ytics "
+             "auto\n"
+             "  set autoscale\n  plot {6}\n  unset logscale\n  unset output\n}}\n",
+             of.of->name, plain(of.of->title), ladder ? "step [s]" : "time [s]",
+             ladder ? "largest position error [m]" : plain(spec->name),
+             ladder || kind.unit.empty() ? "" : fmt::format(" [{}]", kind.unit),
+             ladder ? "set logscale x\n  " : "", fmt::join(curves, ", "));
+}
+
+std::string script(const StabilityResult& result) {
+  std::string out = std::string(output::kPlotHead) + "set encoding utf8\n";
+  for (const CaseResult& of : result.cases) out += course_plot(of);
+  return out + overview(result);
+}
+
+}  // namespace
+
+std::string stability_table(const StabilityResult& result) {
+  std::string out = fmt::format("  {:<16} {:<44} {:>6} {:>16} {:>12}  {:<18} {}\n", "measure", "way", "ms",
+                                "measured", "limit", "verdict", "worst in, where, when");
+  std::size_t rows = 0, counts[4] = {};
+  for (const CaseResult& of : result.cases) {
+    out += rows_table(of);
+    rows += of.rows.size();
+    for (const StabilityRow& row : of.rows) ++counts[static_cast<std::size_t>(row.verdict)];
+  }
+  out += fmt::format(
+      "\n{} cases, {} figures in {:.0f} s: {} held, {} fell short, {} short as known; {} held though known "
+      "to fall "
+      "short\n",
+      result.cases.size(), rows, result.wall, counts[0], counts[1], counts[2], counts[3]);
+  return out;
+}
+
+namespace {
+
+/// The worst row that is to hold; null: none.
+const StabilityRow* worst_held(const std::vector<StabilityRow>& rows) {
+  const StabilityRow* worst = nullptr;
+  for (const StabilityRow& row : rows)
+    if (row.verdict != StabilityVerdict::known_short && (!worst || row.severity() > worst->severity()))
+      worst = &row;
+  return worst;
+}
+
+/// `ODE world_step at 10, 5 ms, articulated at 1 ms`: who fell short with a figure, or diverged.
+std::string who(const std::vector<StabilityRow>& rows, bool diverged) {
+  std::vector<std::string> out;
+  std::string way;
+  for (const StabilityRow& row : rows) {
+    if (row.verdict != StabilityVerdict::known_short || row.fault.empty() == diverged) continue;
+    if (!out.empty() && row.way == way)
+      out.back() += ", " + milliseconds(row.step);
+    else
+      out.push_back(row.way + " at " + milliseconds(row.step));
+    way = row.way;
+  }
+  return out.empty() ? "" : fmt::format("{} ms", fmt::join(out, " ms, "));
+}
+
+/// `to 0.0225 m: ODE world_step at 1 ms`; empty where nothing falls short as known.
+std::string known_short(const std::vector<StabilityRow>& rows) {
+  const StabilityRow* worst = nullptr;
+  for (const StabilityRow& row : rows)
+    if (row.verdict == StabilityVerdict::known_short && row.fault.empty() &&
+        (!worst || row.severity() > worst->severity()))
+      worst = &row;
+  std::string out;
+  if (worst) out = fmt::format("to {}: {}", figure(worst->value, worst->unit), who(rows, false));
+  if (const std::string lost = who(rows, true); !lost.empty())
+    out += (out.empty() ? "diverges: " : "; diverges: ") + lost;
+  return out;
+}
+
+}  // namespace
+
+std::string stability_markdown(const StabilityResult& result) {
+  std::string out =
+      "| case | worst of what is to hold | known to fall short, and who does |\n| --- | --- | --- |\n";
+  for (const CaseResult& of : result.cases) {
+    std::map<std::string, std::vector<StabilityRow>> by_measure;
+    for (StabilityRow& row : worst_rows(of)) by_measure[row.measure].push_back(std::move(row));
+    std::vector<std::string> held, known;
+    for (const MeasureSpec& measure : of.of->measures) {
+      const std::vector<StabilityRow>& rows = by_measure[measure.name];
+      if (const StabilityRow* worst = worst_held(rows))
+        held.push_back(fmt::format("{} {} ({}){}", measure.name, figure(worst->value, worst->unit),
+                                   limit(*worst), worst->within() ? "" : " **falls short**"));
+      if (const std::string text = known_short(rows); !text.empty())
+        known.push_back(measure.name + " " + text);
+    }
+    if (const std::vector<StabilityRow>& refused = by_measure["refused"]; !refused.empty())
+      held.push_back(fmt::format(
+          "{} of {} refused with a message",
+          std::count_if(refused.begin(), refused.end(), [](const StabilityRow& row) { return row.within(); }),
+          refused.size()));
+    out += fmt::format("| {} | {} | {} |\n", of.of->name, fmt::join(held, "; "), fmt::join(known, "; "));
+  }
+  return out;
+}
+
+std::vector<std::string> stability_files(const StabilitySpec& spec) {
+  std::vector<std::string> out = {"stability.csv", "stability.json", "stability.md", "stability.gp",
+                                  "stability.png", "stability.svg",  "scenes.png"};
+  for (const StabilityCase& of : spec.cases) {
+    if (of.picture) out.push_back("scene_" + of.name + ".png");
+    if (of.plot) out.insert(out.end(), {of.name + ".png", of.name + ".svg"});
+  }
+  return out;
+}
+
+bool write_stability(const StabilitySpec& spec, const StabilityResult& result,
+                     const std::filesystem::path& out) {
+  output::make_folder(out);
+  output::write_file(out / "stability.csv", csv(result));
+  output::write_file(out / "stability.json", json(spec, result));
+  output::write_file(out / "stability.md", stability_markdown(result));
+  output::write_file(out / "stability.gp", script(result));
+  std::vector<std::string> plots = {"stability.png", "stability.svg"};
+  for (const CaseResult& of : result.cases)
+    if (!course_plot(of).empty()) plots.insert(plots.end(), {of.of->name + ".png", of.of->name + ".svg"});
+  return output::plot("stability.gp", out, plots);
+}
+
+std::optional<std::string> draw_stability(const StabilityResult& result, const std::filesystem::path& out) {
+  constexpr int kWidth = 320, kHeight = 240;
+  struct Picture {
+    const StabilityCase* of;
+    scene::Scene scene;
+    simulation::Snapshot moment;
+  };
+  std::vector<Picture> pictures;
+  for (const CaseResult& of : result.cases) {
+    if (!of.of->picture) continue;
+    std::vector<std::string> set = of.of->set;
+    const Way& way = of.of->ways.front();
+    set.insert(set.end(), way.set.begin(), way.set.end());
+    set.push_back("solver.step=" + number_text(way.steps.front()));
+    for (const std::vector<Alternative>& dimension : of.of->varied)
+      set.insert(set.end(), dimension.front().set.begin(), dimension.front().set.end());
+    set.push_back(fmt::format("pictures.size=[{}, {}]", kWidth, kHeight));
+    scene::Scene scene = scene::load_scene(of.of->scenes.front(), set);
+    simulation::Snapshot moment = simulation::snapshot_at(scene, *of.of->picture);
+    pictures.push_back({of.of, std::move(scene), std::move(moment)});
+  }
+  if (pictures.empty()) return std::nullopt;
+  const auto draw_all = [&](const output::Progress&) {
+    output::ContactSheet sheet({static_cast<int>(pictures.size()), kWidth, kHeight, "hard cases"});
+    for (const Picture& picture : pictures) {
+      const output::Image image = simulation::draw(picture.scene, picture.moment);
+      output::write_png(image, out / ("scene_" + picture.of->name + ".png"));
+      sheet.add(image, picture.of->name);
+    }
+    output::write_png(sheet.image(), out / "scenes.png");
+  };
+  return output::run_in_child(draw_all, {});
+}
+
+}  // namespace handsim::study

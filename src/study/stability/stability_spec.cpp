@@ -1,0 +1,281 @@
+#include <algorithm>
+#include <set>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "handsim/scene/read/file_kind.h"
+#include "handsim/study/spec_reader.h"
+#include "handsim/study/stability/stability.h"
+
+namespace handsim::study {
+
+namespace {
+
+constexpr int kMostDraws = 100000;
+/// Runs of one way of a case.
+constexpr std::size_t kMostVariants = 1000;
+const Quantity kMoment = {Dimension::time, 0, 1e6};
+
+template <class Read>
+void read_list(MapReader& reader, std::string_view key, bool required, Read read) {
+  YamlNode* list = reader.list(key, required);
+  if (!list) return;
+  if (required && list->items.empty()) reader.problem(key, "an empty list", "at least one item");
+  for (std::size_t i = 0; i < list->items.size(); ++i)
+    read(list->items[i], fmt::format("{}.{}", reader.path_of(key), i));
+}
+
+/// `vary: [{key: solver.erp, values: [0.2, 0.8]}, {of: [{name: box, set: {...}}]}]`.
+std::vector<Alternative> read_dimension(MapReader reader) {
+  std::vector<Alternative> out;
+  if (reader.has("of")) {
+    read_list(reader, "of", true, [&](YamlNode& node, const std::string& path) {
+      MapReader item(node, path, reader.diagnostics());
+      Alternative alternative;
+      alternative.name = item.text("name");
+      alternative.set = read_set(item, "set");
+      item.finish();
+      out.push_back(std::move(alternative));
+    });
+  } else {
+    const std::string key = reader.text("key");
+    const std::string label = reader.text("label", key.substr(key.rfind('.') + 1));
+    read_list(reader, "values", true, [&](const YamlNode& node, const std::string&) {
+      const std::string value = flow_text(node);
+      const std::string shown = node.quoted ? node.text : value;
+      out.push_back({label + " " + shown, {key + "=" + value}});
+    });
+  }
+  reader.finish();
+  return out;
+}
+
+/// Problems with what a measure must be told.
+void check_needs(MapReader& reader, const MeasureKind& kind) {
+  const auto check = [&](const char* key, bool needed, const char* what) {
+    if (needed && !reader.has(key))
+      reader.problem(key, "nothing", fmt::format("{}, which {} looks at", what, kind.name));
+  };
+  check("joint", kind.needs.joint, "a joint");
+  check("body", kind.needs.body, "a body");
+  check("ladder", kind.needs.steps, "a list of steps");
+  check("with", kind.needs.set, "overrides of the other run");
+  check("crank", kind.needs.crank, "a length");
+  check("rod", kind.needs.crank, "a length");
+}
+
+MeasureSpec read_measure(MapReader reader) {
+  MeasureSpec out;
+  std::vector<std::pair<std::string_view, const MeasureKind*>> kinds;
+  for (const MeasureKind& kind : measure_kinds()) kinds.emplace_back(kind.name, &kind);
+  const MeasureKind* kind = reader.choice<const MeasureKind*>("measure", kinds);
+  const bool known = reader.sound();
+  out.kind = kind->name;
+  out.name = reader.text("name", std::string(kind->name));
+  out.limit = reader.number("limit", {known ? kind->dimension : Dimension::none, -1e9, 1e9});
+  if (reader.has("body")) out.body = reader.text("body");
+  if (reader.has("joint")) out.joint = reader.text("joint");
+  out.from = reader.number("from", kMoment, 0.0);
+  if (const auto until = reader.maybe_number("until", kMoment)) out.until = *until;
+  out.expected = reader.maybe_number("expected", {known ? kind->dimension : Dimension::none, -1e9, 1e9});
+  out.crank = reader.number("crank", {Dimension::length, 0, 10}, 0.0);
+  out.rod = reader.number("rod", {Dimension::length, 0, 10}, 0.0);
+  out.crank_angle = reader.number("crank_angle", {Dimension::angle, -7, 7}, 0.0);
+  out.steps = read_steps(reader, "ladder", false);
+  out.set = read_set(reader, "with");
+  if (known) check_needs(reader, *kind);
+  if (!(out.from < out.until))
+    reader.problem("until", fmt::format("{:g} s", out.until), fmt::format("a time after {:g} s", out.from));
+  reader.finish();
+  return out;
+}
+
+Way read_way(MapReader reader, const std::vector<double>& steps) {
+  Way way;
+  way.name = reader.text("name");
+  way.set = read_set(reader, "set");
+  way.steps = read_steps(reader, "steps", false);
+  if (way.steps.empty()) way.steps = steps;
+  if (way.steps.empty()) reader.problem("steps", "no step", "steps here or of the case");
+  way.quick = reader.flag("quick", true);
+  if (reader.has("refused")) way.refused = reader.text("refused");
+  reader.finish();
+  return way;
+}
+
+/// Names of the case's measures.
+void read_measure_names(MapReader& reader, std::string_view key, const std::vector<std::string>& known,
+                        std::vector<std::string>& out) {
+  read_list(reader, key, true, [&](const YamlNode& node, const std::string& path) {
+    if (std::find(known.begin(), known.end(), node.text) == known.end())
+      reader.diagnostics().problems.push_back(
+          {node.place(), path, node.described(),
+           fmt::format("one of the case's measures: {}",
+                       known.empty() ? "none" : fmt::format("{}", fmt::join(known, ", ")))});
+    out.push_back(node.text);
+  });
+}
+
+KnownShort read_known(MapReader reader, const StabilityCase& of) {
+  std::vector<std::string> ways, measures;
+  for (const Way& way : of.ways) ways.push_back(way.name);
+  for (const MeasureSpec& measure : of.measures) measures.push_back(measure.name);
+  KnownShort out;
+  out.way = reader.text("way");
+  if (reader.sound() && std::find(ways.begin(), ways.end(), out.way) == ways.end())
+    reader.problem("way", out.way, fmt::format("one of {}", fmt::join(ways, ", ")));
+  read_measure_names(reader, "measures", measures, out.measures);
+  out.steps = read_steps(reader, "steps", false);
+  out.why = reader.text("why");
+  reader.finish();
+  return out;
+}
+
+/// `[low, high]`, `{one_of: [left, right]}`, `person` or `rotation`.
+DrawnKey read_drawn(const YamlEntry& entry, const std::string& path, Diagnostics& diagnostics) {
+  using From = DrawnKey::From;
+  DrawnKey out;
+  out.key = entry.key;
+  const YamlNode& value = entry.value;
+  if (value.kind == YamlNode::Kind::scalar && (value.text == "person" || value.text == "rotation")) {
+    out.from = value.text == "person" ? From::person : From::rotation;
+    return out;
+  }
+  if (value.kind == YamlNode::Kind::map && value.entries.size() == 1 &&
+      value.entries.front().key == "one_of") {
+    out.from = From::choices;
+    for (const YamlNode& item : value.entries.front().value.items) out.choices.push_back(flow_text(item));
+    if (!out.choices.empty()) return out;
+  }
+  const Quantity any = {Dimension::none, -1e9, 1e9};
+  if (value.kind == YamlNode::Kind::sequence && value.items.size() == 2) {
+    const auto low = read_number(value.items.front(), path + ".0", any, diagnostics);
+    const auto high = read_number(value.items.back(), path + ".1", any, diagnostics);
+    if (low && high) out.low = *low, out.high = *high;
+    if (!low || !high || *low <= *high) return out;
+  }
+  diagnostics.problems.push_back({value.place(), path, value.described(),
+                                  "two numbers, the lower first, {one_of: [...]}, person or rotation"});
+  return out;
+}
+
+Draws read_draws(MapReader reader) {
+  Draws out;
+  out.count = reader.integer("count", 1, kMostDraws, 1000);
+  out.seed = reader.integer("seed", 0, 2'147'483'647, 1);
+  const YamlNode* set = reader.child("set");
+  if (set && set->kind == YamlNode::Kind::map)
+    for (const YamlEntry& entry : set->entries)
+      out.keys.push_back(
+          read_drawn(entry, fmt::format("{}.{}", reader.path_of("set"), entry.key), reader.diagnostics()));
+  if (out.keys.empty())
+    reader.problem("set", "no key", "a mapping of dotted keys to what they are drawn from");
+  reader.finish();
+  return out;
+}
+
+void read_quick(MapReader& reader, StabilityCase& out) {
+  const YamlNode* node = reader.child("quick");
+  if (!node) return;
+  if (node->kind == YamlNode::Kind::scalar) {
+    out.in_quick = reader.flag("quick", true);
+    return;
+  }
+  MapReader quick = reader.map("quick");
+  out.quick_set = read_set(quick, "set");
+  out.quick_steps = read_steps(quick, "steps", false);
+  if (quick.has("draws")) out.quick_draws = quick.integer("draws", 1, kMostDraws, 1);
+  quick.finish();
+}
+
+/// What a case must have to say anything: a measure, and for each measure a way that is to hold it.
+void check_case(MapReader& reader, const StabilityCase& of) {
+  std::set<std::string> names;
+  for (const MeasureSpec& measure : of.measures) {
+    if (!names.insert(measure.name).second)
+      reader.problem("measures", measure.name + " a second time", "a name of its own for each measure");
+    const bool held = std::any_of(of.ways.begin(), of.ways.end(), [&](const Way& way) {
+      return !way.refused && std::any_of(way.steps.begin(), way.steps.end(), [&](double step) {
+        return std::none_of(of.known.begin(), of.known.end(), [&](const KnownShort& known) {
+          return known.covers(way.name, measure.name, step);
+        });
+      });
+    });
+    if (!held)
+      reader.problem("ways", "none that is to hold " + measure.name, "one way at least that holds it");
+  }
+  const bool refusals =
+      std::any_of(of.ways.begin(), of.ways.end(), [](const Way& way) { return way.refused.has_value(); });
+  if (of.measures.empty() && !refusals)
+    reader.problem("measures", "no measure", "a measure, or ways that are to be refused");
+  std::size_t variants = of.scenes.size();
+  for (const std::vector<Alternative>& dimension : of.varied) variants *= dimension.size();
+  if (variants > kMostVariants)
+    reader.problem("vary", fmt::format("{} combinations", variants),
+                   fmt::format("at most {}", kMostVariants));
+  if (of.plot && !names.contains(*of.plot))
+    reader.problem("plot", *of.plot, fmt::format("one of {}", fmt::join(names, ", ")));
+}
+
+StabilityCase read_case(MapReader reader) {
+  StabilityCase out;
+  out.name = reader.name("name");
+  out.title = reader.text("title");
+  out.oracle = reader.text("oracle");
+  if (reader.has("scenes"))
+    read_list(reader, "scenes", true, [&](const YamlNode& node, const std::string& path) {
+      if (auto scene = scene_path(node, path, reader.diagnostics())) out.scenes.push_back(*scene);
+    });
+  else if (auto scene = read_scene_path(reader, true))
+    out.scenes.push_back(*scene);
+  out.set = read_set(reader, "set");
+  read_list(reader, "vary", false, [&](YamlNode& node, const std::string& path) {
+    out.varied.push_back(read_dimension(MapReader(node, path, reader.diagnostics())));
+  });
+  read_list(reader, "measures", false, [&](YamlNode& node, const std::string& path) {
+    out.measures.push_back(read_measure(MapReader(node, path, reader.diagnostics())));
+  });
+  const std::vector<double> steps = read_steps(reader, "steps", false);
+  read_list(reader, "ways", true, [&](YamlNode& node, const std::string& path) {
+    out.ways.push_back(read_way(MapReader(node, path, reader.diagnostics()), steps));
+  });
+  read_list(reader, "known_short", false, [&](YamlNode& node, const std::string& path) {
+    out.known.push_back(read_known(MapReader(node, path, reader.diagnostics()), out));
+  });
+  if (reader.has("draws")) out.draws = read_draws(reader.map("draws"));
+  if (reader.has("plot")) out.plot = reader.text("plot");
+  out.picture = reader.maybe_number("picture", kMoment);
+  out.alone = reader.flag("alone", false);
+  read_quick(reader, out);
+  if (reader.sound()) check_case(reader, out);
+  reader.finish();
+  return out;
+}
+
+}  // namespace
+
+StabilitySpec load_stability(const std::filesystem::path& path) {
+  YamlNode root = load_yaml(path);
+  Diagnostics diagnostics;
+  if (!scene::is_of_kind(root, "", scene::FileKind::stability, diagnostics))
+    throw Error(diagnostics.problems);
+  MapReader reader(root, "", diagnostics);
+  StabilitySpec spec;
+  spec.title = reader.text("title", "hard cases");
+  // What cases share by aliases.
+  reader.child("shared");
+  std::set<std::string> names;
+  read_list(reader, "cases", true, [&](YamlNode& node, const std::string& item) {
+    spec.cases.push_back(read_case(MapReader(node, item, diagnostics)));
+    const std::string& name = spec.cases.back().name;
+    if (!name.empty() && !names.insert(name).second)
+      diagnostics.problems.push_back(
+          {node.place(), item + ".name", name + " a second time", "a name of its own for each case"});
+  });
+  reader.finish();
+  diagnostics.throw_if_any();
+  return spec;
+}
+
+}  // namespace handsim::study

@@ -1,0 +1,296 @@
+#include "handsim/output/render/renderer.h"
+
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "handsim/core/error.h"
+#include "scenes.h"
+
+namespace handsim::output {
+namespace {
+
+using model::Side;
+
+constexpr std::array<View, 4> kViews = {View::dorsal, View::palmar, View::radial, View::three_quarter};
+
+DrawList hand_list(Side side) {
+  const model::Model model = hand_model(side, {});
+  return draw_list(model, at_zero(model), {});
+}
+
+/// Empties a list but for its ground.
+DrawList without_shapes(const DrawList& list) {
+  DrawList empty;
+  empty.ground_height = list.ground_height;
+  return empty;
+}
+
+// Oracle: light changes brightness more than hue, so the components of the painted colour keep their order.
+TEST(Renderer, FingersShowTheirColourWhereTheirCentresProject) {
+  Renderer renderer(640, 480);
+  for (const Side side : {Side::right, Side::left}) {
+    const DrawList list = hand_list(side);
+    for (const View view : {View::dorsal, View::palmar}) {
+      const Camera camera = framed_camera(view, {}, side, list, 640.0 / 480);
+      const Image image = renderer.draw(list, camera);
+      for (const DrawShape& shape : list.shapes) {
+        const Eigen::Vector2d at = Projection(camera, 640, 480)(shape.pose.p);
+        const std::uint8_t* pixel = image.pixel(static_cast<int>(at.x()), static_cast<int>(at.y()));
+        const std::array<float, 3> paint = {shape.colour.r, shape.colour.g, shape.colour.b};
+        const std::size_t strongest =
+            static_cast<std::size_t>(std::max_element(paint.begin(), paint.end()) - paint.begin());
+        const std::size_t weakest =
+            static_cast<std::size_t>(std::min_element(paint.begin(), paint.end()) - paint.begin());
+        EXPECT_GT(pixel[strongest], pixel[weakest] + 20);
+        EXPECT_EQ(*std::max_element(pixel, pixel + 3), pixel[strongest]);
+        EXPECT_EQ(*std::min_element(pixel, pixel + 3), pixel[weakest]);
+      }
+    }
+  }
+}
+
+TEST(Renderer, ViewsDiffer) {
+  Renderer renderer(320, 240);
+  const DrawList list = hand_list(Side::right);
+  std::vector<Image> images;
+  for (const View view : kViews)
+    images.push_back(renderer.draw(list, framed_camera(view, {}, Side::right, list, 320.0 / 240)));
+  for (std::size_t i = 0; i < images.size(); ++i)
+    for (std::size_t j = 0; j < i; ++j) EXPECT_GT(share_differing(images[i], images[j], 20), 0.02);
+}
+
+// Oracle: the same picture without the hand; without a ground nothing but the hand can differ.
+TEST(Renderer, NothingIsClippedAtTheBorder) {
+  for (const auto& [width, height] : {std::pair{320, 240}, {200, 400}, {480, 160}}) {
+    Renderer renderer(width, height);
+    for (const Side side : {Side::right, Side::left})
+      for (const View view : kViews) {
+        const DrawList list = hand_list(side);
+        const Camera camera = framed_camera(view, {}, side, list, static_cast<double>(width) / height);
+        const Image with = renderer.draw(list, camera);
+        const Image without = renderer.draw(without_shapes(list), camera);
+        int at_border = 0;
+        int inside = 0;
+        for (int y = 0; y < height; ++y)
+          for (int x = 0; x < width; ++x) {
+            const bool border = x < 2 || y < 2 || x >= width - 2 || y >= height - 2;
+            (border ? at_border : inside) += difference(with, without, x, y) > 0;
+          }
+        EXPECT_EQ(at_border, 0);
+        EXPECT_GT(inside, width * height / 40);
+      }
+  }
+}
+
+DrawList ball_over_ground() {
+  DrawList list;
+  list.ground_height = 0;
+  list.shapes.push_back(
+      {model::ShapeKind::sphere, 0.03, 0, Vec3::Zero(), {{0, 0, 0.032}, Quat::Identity()}, {}});
+  return list;
+}
+
+/// Brightest pixel within two of the point's: steps over the lines of the grid.
+int brightest_about(const Image& image, const Camera& camera, const Vec3& at) {
+  const Eigen::Vector2d p = Projection(camera, image.width, image.height)(at);
+  int most = 0;
+  for (int dy = -2; dy <= 2; ++dy)
+    for (int dx = -2; dx <= 2; ++dx)
+      most = std::max(most, brightness(image, static_cast<int>(p.x()) + dx, static_cast<int>(p.y()) + dy));
+  return most;
+}
+
+// Straight below a ball that nearly touches the ground neither lamp nor sky gets there; seen from aside.
+TEST(Renderer, GroundIsDarkerBelowAShapeThanFarOff) {
+  Renderer renderer(480, 360);
+  Camera camera;
+  camera.position = {0, -0.6, 0.25};
+  camera.target = {0, 0, 0};
+  const Image image = renderer.draw(ball_over_ground(), camera);
+  const int below = brightest_about(image, camera, {0.02, 0.005, 0});
+  const int far_off = brightest_about(image, camera, {-0.2, -0.1, 0});
+  EXPECT_LT(below, far_off - 100);
+}
+
+// The lamp stands over the camera's left shoulder, so the shadow lies to the right of the shape.
+TEST(Renderer, ShadowFallsAwayFromTheLamp) {
+  Renderer renderer(480, 360);
+  DrawList list = ball_over_ground();
+  list.shapes[0].pose.p.z() = 0.1;
+  Camera camera;
+  camera.position = {0, -0.05, 0.8};
+  camera.target = {0, 0, 0};
+  const Image image = renderer.draw(list, camera);
+  int right = 1000;
+  int left = 1000;
+  for (double x = 0.04; x < 0.12; x += 0.005) {
+    right = std::min(right, brightest_about(image, camera, {x, -0.08, 0}));
+    left = std::min(left, brightest_about(image, camera, {-x, 0.08, 0}));
+  }
+  EXPECT_LT(right, left - 60);
+}
+
+// A plate between the light (over the camera's left shoulder) and a ball takes light from the ball.
+TEST(Renderer, ShapesShadeEachOther) {
+  Renderer renderer(320, 240);
+  DrawList list;
+  list.shapes.push_back({model::ShapeKind::sphere, 0.03, 0, Vec3::Zero(), {}, {0.5F, 0.5F, 0.5F}});
+  Camera camera;
+  camera.position = {0, -0.5, 0};
+  camera.target = Vec3::Zero();
+  const Image lit = renderer.draw(list, camera);
+  list.shapes.push_back(
+      {model::ShapeKind::box, 0, 0, {0.08, 0.08, 0.004}, {{-0.07, -0.1, 0.081}, Quat::Identity()}, {}});
+  const Image shaded = renderer.draw(list, camera);
+  EXPECT_GT(brightness(lit, 155, 115), brightness(shaded, 155, 115) + 60);
+}
+
+/// A dark capsule on the light background, aslant so that no edge follows the pixels.
+DrawList slanted_capsule() {
+  DrawList list;
+  list.shapes.push_back(capsule({-0.05, 0, -0.02}, {0.06, 0.01, 0.03}, 0.02, {0, 0, 0}));
+  return list;
+}
+
+Camera straight_camera() {
+  Camera camera;
+  camera.position = {0, -0.5, 0};
+  camera.target = Vec3::Zero();
+  return camera;
+}
+
+// Oracle: the share of the pixel's ray cone that hits. Without anti-aliasing an edge has two levels only.
+TEST(Renderer, EdgesAreAntiAliased) {
+  Renderer renderer(320, 240);
+  const Image with = renderer.draw(slanted_capsule(), straight_camera());
+  const Image without = renderer.draw({}, straight_camera());
+  int between = 0;
+  for (int y = 0; y < 240; ++y)
+    for (int x = 1; x < 319; ++x) {
+      const int background = brightness(without, x, y);
+      const int left = brightness(with, x - 1, y);
+      const int here = brightness(with, x, y);
+      const int right = brightness(with, x + 1, y);
+      const bool edge = std::abs(left - right) > background / 2;
+      between += edge && here > std::min(left, right) + 60 && here < std::max(left, right) - 60;
+    }
+  EXPECT_GT(between, 60);
+}
+
+/// Does the ray from the eye through a pixel's point pass the capsule's axis within its radius?
+bool hits(const DrawShape& shape, const Projection& project, double px, double py, double grown) {
+  const Vec3 d = ((px - project.width / 2) * project.x - (py - project.height / 2) * project.y -
+                  project.focus * project.z)
+                     .normalized();
+  const Vec3 axis = shape.pose.q * Vec3::UnitZ();
+  double closest = 1e9;
+  for (int i = 0; i <= 2000; ++i) {
+    const Vec3 w = shape.pose.p + axis * (shape.length * (i / 2000.0 - 0.5)) - project.eye;
+    closest = std::min(closest, (w - w.dot(d) * d).norm() - grown / project.focus * w.dot(d));
+  }
+  return closest <= shape.radius;
+}
+
+// Oracle: distance of each pixel's ray from the capsule's axis. Pixels that lie more than 1.5 pixels inside
+// or outside the exact outline must be painted, or not, accordingly.
+TEST(Renderer, CapsuleOutlineMatchesItsProjectionWithinOneAndAHalfPixels) {
+  Renderer renderer(320, 240);
+  const DrawList list = slanted_capsule();
+  const Camera camera = straight_camera();
+  const Image with = renderer.draw(list, camera);
+  const Image without = renderer.draw({}, camera);
+  const Projection project(camera, 320, 240);
+  int wrong = 0;
+  int painted = 0;
+  for (int y = 0; y < 240; ++y)
+    for (int x = 0; x < 320; ++x) {
+      const bool drawn = brightness(with, x, y) < brightness(without, x, y) / 2;
+      painted += drawn;
+      if (drawn && !hits(list.shapes[0], project, x + 0.5, y + 0.5, 1.5)) ++wrong;
+      if (!drawn && hits(list.shapes[0], project, x + 0.5, y + 0.5, -1.5)) ++wrong;
+    }
+  EXPECT_EQ(wrong, 0);
+  EXPECT_GT(painted, 2000);
+}
+
+// Oracle: bit equality, also across Renderers.
+TEST(Renderer, SameListGivesTheSameBytes) {
+  Renderer renderer(320, 240);
+  DrawList list = hand_list(Side::left);
+  list.ground_height = -0.1;
+  const Camera camera = framed_camera(View::three_quarter, {}, Side::left, list, 320.0 / 240);
+  const Image first = renderer.draw(list, camera);
+  renderer.draw(slanted_capsule(), straight_camera());
+  EXPECT_EQ(renderer.draw(list, camera).rgb, first.rgb);
+  Renderer other(320, 240);
+  EXPECT_EQ(other.draw(list, camera).rgb, first.rgb);
+}
+
+TEST(Renderer, ContextsAreCountedAndMovesMakeNone) {
+  const int before = Renderer::contexts_created();
+  Renderer a(64, 48);
+  Renderer b(48, 64);
+  EXPECT_EQ(Renderer::contexts_created(), before + 2);
+  Renderer c = std::move(a);
+  b = std::move(c);
+  EXPECT_EQ(Renderer::contexts_created(), before + 2);
+  EXPECT_EQ(b.draw({}, {}).width, 64);
+}
+
+TEST(Renderer, DrawListsMakeNoContext) {
+  const int before = Renderer::contexts_created();
+  const DrawList list = hand_list(Side::right);
+  framed_camera(View::radial, {}, Side::right, list, 1);
+  EXPECT_EQ(Renderer::contexts_created(), before);
+}
+
+TEST(Renderer, SizesOutOfRangeAreErrors) {
+  const int before = Renderer::contexts_created();
+  EXPECT_THROW(Renderer(15, 100), Error);
+  EXPECT_THROW(Renderer(100, 8193), Error);
+  EXPECT_EQ(Renderer::contexts_created(), before);
+}
+
+TEST(Renderer, EmptyListShowsTheBackgroundOnly) {
+  Renderer renderer(64, 48);
+  const Image image = renderer.draw({}, {});
+  for (int y = 0; y < 48; ++y)
+    for (int x = 0; x < 64; ++x) EXPECT_GT(brightness(image, x, y), 3 * 190);
+}
+
+TEST(Renderer, EmptyGroundHasAGrid) {
+  Renderer renderer(320, 240);
+  DrawList list;
+  list.ground_height = 0;
+  EXPECT_GT(share_differing(renderer.draw(list, {}), renderer.draw({}, {}), 8), 0.01);
+}
+
+TEST(Renderer, CameraThatLooksNowhereIsAnError) {
+  Renderer renderer(64, 48);
+  Camera camera;
+  camera.target = camera.position;
+  EXPECT_THROW(renderer.draw({}, camera), Error);
+}
+
+// Pictures above 2048 pixels are drawn in tiles: shrunk by averaging they equal the small picture but for
+// the sampling of edges.
+TEST(Renderer, TiledPictureShowsWhatASmallOneShows) {
+  DrawList list = hand_list(Side::right);
+  list.ground_height = -0.05;
+  const Camera camera = framed_camera(View::three_quarter, {}, Side::right, list, 2);
+  const Image large = Renderer(2304, 1152).draw(list, camera);
+  const Image small = Renderer(576, 288).draw(list, camera);
+  Image shrunk{576, 288, {}};
+  for (int y = 0; y < 288; ++y)
+    for (int x = 0; x < 576; ++x)
+      for (int c = 0; c < 3; ++c) {
+        int sum = 0;
+        for (int i = 0; i < 16; ++i) sum += large.pixel(4 * x + i % 4, 4 * y + i / 4)[c];
+        shrunk.rgb.push_back(static_cast<std::uint8_t>(sum / 16));
+      }
+  EXPECT_LT(share_differing(shrunk, small, 24), 0.01);
+}
+
+}  // namespace
+}  // namespace handsim::output

@@ -1,0 +1,450 @@
+#include "handsim/simulation/run/snapshot.h"
+
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <future>
+#include <map>
+#include <random>
+#include <set>
+
+#include <nlohmann/json.hpp>
+
+#include "handsim/core/archive.h"
+#include "handsim/simulation/run/run.h"
+#include "handsim/simulation/simulation.h"
+#include "scene_files.h"
+#include "support/sanitized.h"
+
+namespace handsim::simulation {
+namespace {
+
+using test::shipped_scene;
+using test::TemporaryFolder;
+using test::text_of;
+
+/// A scene, and after how many steps it is saved and how many follow.
+struct Case {
+  std::string name;
+  std::string scene;
+  std::vector<std::string> overrides;
+  int before = 700;
+  int after = 10'000;
+};
+
+void PrintTo(const Case& each, std::ostream* out) { *out << each.name; }
+
+const std::string kGuard =
+    "effects=[gravity, object_contact, self_contact, ground_contact, friction, joint_stops, passive_tissue, "
+    "step_guard]";
+/// Tight enough that the guard acts on landing.
+const std::string kTight = "solver.guard={joint_gap: \"20 um\"}";
+
+std::string controller(const std::string& name) {
+  return "control.controller=" + test::source("controllers/" + name + ".yaml").string();
+}
+
+std::vector<Case> cases() {
+  std::vector<Case> out;
+  for (const std::string method : {"world_step", "quick_step", "auto"}) {
+    out.push_back({"contact_" + method, "dropped_hand", {"solver.method=" + method}, 150});
+    out.push_back({"guard_" + method, "dropped_hand", {"solver.method=" + method, kGuard, kTight}, 150});
+  }
+  out.push_back({"projection", "two_hands", {"solver.projection=true"}, 200});
+  out.push_back({"controlled", "pose_tracking", {}, 1100});
+  out.push_back({"controlled_explicit", "pose_tracking", {controller("explicit")}, 1100});
+  out.push_back({"integral", "pose_tracking", {controller("integral")}, 1100});
+  for (const std::string method :
+       {"stabilised_gear", "lagrange_penalty", "euler_linearised", "euler_projected"})
+    out.push_back({method,
+                   "slider_crank_iftomm",
+                   {"solver={engine: dae, method: " + method + ", step: 0.2 ms}", "duration=3"},
+                   4100});
+  for (const std::string method : {"semi_implicit_euler", "rk4", "dormand_prince"})
+    out.push_back({"loop_" + method,
+                   "slider_crank_iftomm",
+                   {"solver={engine: articulated, method: " + method + ", step: 1 ms}"},
+                   700});
+  out.push_back({"articulated_stops",
+                 "two_hands",
+                 {"solver.engine=articulated", "solver.method=semi_implicit_euler"},
+                 200});
+  // Solved by sweeps that start from the impulses of the step before.
+  out.push_back({"articulated_contact",
+                 "dropped_hand",
+                 {"solver.engine=articulated", "solver.method=semi_implicit_euler"},
+                 150});
+  out.push_back({"articulated_grasp",
+                 "grasp_pinch",
+                 {"solver.engine=articulated", "solver.method=semi_implicit_euler",
+                  "effects=[gravity, object_contact, friction, joint_stops, passive_tissue, actuation, "
+                  "wrist_motion]"},
+                 3000});
+  out.push_back({"articulated_controlled",
+                 "pose_tracking",
+                 {"solver.engine=articulated", "solver.method=semi_implicit_euler"},
+                 1100});
+  out.push_back({"grasp", "grasp_pinch", {}, 3000});
+  // Its test of the grip is over then, and what has lost its hold falls ever faster.
+  out.push_back({"climb", "climb_half_crimp", {"solver.step=2 ms"}, 1500, 2000});
+  out.push_back({"contact_record", "dropped_hand", {"record.contacts=true"}, 150});
+  // A driven wrist: the integrator starts anew at keyframes, one of them within a step.
+  out.push_back(
+      {"dae_driven",
+       "dropped_hand",
+       {"hands.0.wrist={mount: driven, motion: {keyframes: [{time: 0, position: [0, 0, 0.2]}, {time: 0.1, "
+        "position: [0, 0, 0.3]}, {time: 0.2001, position: [0.1, 0, 0.2]}]}}",
+        "effects=[gravity, passive_tissue, wrist_motion]",
+        "solver={engine: dae, method: stabilised_gear, step: 0.9 ms, tolerance: 1e-5}"},
+       150});
+  return out;
+}
+
+class EveryEngine : public ::testing::TestWithParam<Case> {};
+INSTANTIATE_TEST_SUITE_P(, EveryEngine, ::testing::ValuesIn(cases()),
+                         [](const auto& each) { return each.param.name; });
+
+void steps(Simulation& simulation, int count) {
+  for (int i = 0; i < count; ++i) simulation.step();
+}
+
+/// All that a run shows of itself but the times it took, bit for bit: a snapshot less the clock's readings.
+void expect_same(const Simulation& a, const Simulation& b) {
+  ArchiveWriter state_a, state_b;
+  carry(state_a, a.state());
+  carry(state_b, b.state());
+  EXPECT_EQ(state_a.bytes(), state_b.bytes());
+  EXPECT_EQ(a.state_hash(), b.state_hash());
+  EXPECT_EQ(a.steps(), b.steps());
+  if (a.contact_sums()) {
+    const auto pairs_a = a.contact_sums()->pairs(), pairs_b = b.contact_sums()->pairs();
+    ASSERT_EQ(pairs_a.size(), pairs_b.size());
+    for (std::size_t i = 0; i < pairs_a.size(); ++i) {
+      EXPECT_EQ(pairs_a[i].first, pairs_b[i].first);
+      EXPECT_EQ(pairs_a[i].second.normal_time, pairs_b[i].second.normal_time);
+      EXPECT_EQ(pairs_a[i].second.largest_at, pairs_b[i].second.largest_at);
+    }
+    EXPECT_FALSE(pairs_a.empty());
+  }
+  EXPECT_EQ(a.ledger().contacts(), b.ledger().contacts());
+  EXPECT_EQ(a.ledger().lcp_failures(), b.ledger().lcp_failures());
+  EXPECT_EQ(a.ledger().rungs(), b.ledger().rungs());
+  EXPECT_EQ(a.ledger().iterative_steps(), b.ledger().iterative_steps());
+  EXPECT_EQ(a.monitor().joint_gap().value, b.monitor().joint_gap().value);
+  EXPECT_EQ(a.monitor().joint_gap().where, b.monitor().joint_gap().where);
+  EXPECT_EQ(a.monitor().stop_overshoot().value, b.monitor().stop_overshoot().value);
+  EXPECT_EQ(a.monitor().penetration().value, b.monitor().penetration().value);
+  EXPECT_EQ(a.monitor().penetration().where, b.monitor().penetration().where);
+  const std::vector<ClimbFigures> climbs_a = a.climbs(), climbs_b = b.climbs();
+  ASSERT_EQ(climbs_a.size(), climbs_b.size());
+  for (std::size_t i = 0; i < climbs_a.size(); ++i) {
+    EXPECT_EQ(climbs_a[i].carried, climbs_b[i].carried);
+    EXPECT_EQ(climbs_a[i].travel, climbs_b[i].travel);
+    EXPECT_EQ(climbs_a[i].half.parts.size(), climbs_b[i].half.parts.size());
+  }
+  const std::vector<AxisTracking> tracking_a = a.tracking(), tracking_b = b.tracking();
+  ASSERT_EQ(tracking_a.size(), tracking_b.size());
+  for (std::size_t i = 0; i < tracking_a.size(); ++i) {
+    EXPECT_EQ(tracking_a[i].rms_error, tracking_b[i].rms_error);
+    EXPECT_EQ(tracking_a[i].largest_error.value, tracking_b[i].largest_error.value);
+    EXPECT_EQ(tracking_a[i].steady_error.value, tracking_b[i].steady_error.value);
+    EXPECT_EQ(tracking_a[i].overshoot.value, tracking_b[i].overshoot.value);
+    EXPECT_EQ(tracking_a[i].settling_time.value, tracking_b[i].settling_time.value);
+    EXPECT_EQ(tracking_a[i].movements, tracking_b[i].movements);
+    EXPECT_EQ(tracking_a[i].limit_share, tracking_b[i].limit_share);
+  }
+}
+
+// Oracle: bit equality of states, hash and figures with the run that never stopped, in a fresh simulation
+// from a file's bytes and in one that has meanwhile gone elsewhere.
+TEST_P(EveryEngine, GoesOnFromASnapshotAsIfNeverStopped) {
+  const Case& what = GetParam();
+  const int after = test::kSanitized ? what.after / 10 : what.after;
+  const scene::Scene scene = shipped_scene(what.scene, what.overrides);
+  Simulation whole(scene);
+  steps(whole, what.before);
+  const RunSnapshot snapshot = whole.snapshot();
+  steps(whole, after);
+  const bool touching = what.name.starts_with("contact") || what.name == "articulated_contact";
+  EXPECT_TRUE(!what.name.starts_with("guard") || whole.ledger().rungs()[0] < whole.steps());
+  EXPECT_TRUE(!touching || whole.ledger().contacts() > after);
+
+  Simulation fresh(scene);
+  fresh.restore(parse_snapshot(snapshot_text(snapshot), "bytes"));
+  steps(fresh, after);
+  expect_same(fresh, whole);
+
+  Simulation elsewhere(scene);
+  steps(elsewhere, 37);
+  elsewhere.restore(snapshot);
+  steps(elsewhere, after);
+  expect_same(elsewhere, whole);
+}
+
+std::uint64_t hash_of(const scene::Scene& scene, int count) {
+  Simulation simulation(scene);
+  steps(simulation, count);
+  return simulation.state_hash();
+}
+
+// Oracle: bit equality with a run alone: repeated, in eight threads at once, with other scenes stepping
+// beside, and after a reset.
+TEST_P(EveryEngine, GivesTheSameBitsInThreadsAndAgain) {
+  constexpr int kSteps = test::kSanitized ? 60 : 300;
+  const Case& what = GetParam();
+  const scene::Scene scene = shipped_scene(what.scene, what.overrides);
+  const std::uint64_t alone = hash_of(scene, kSteps);
+  EXPECT_EQ(hash_of(scene, kSteps), alone) << "repeated";
+
+  std::vector<std::future<std::uint64_t>> threads;
+  for (int i = 0; i < 8; ++i)
+    threads.push_back(std::async(std::launch::async, [&] { return hash_of(scene, kSteps); }));
+  for (auto& thread : threads) EXPECT_EQ(thread.get(), alone) << "in a thread";
+
+  const scene::Scene other = shipped_scene("dropped_hand", {"solver.method=quick_step", "solver.seed=7"});
+  Simulation simulation(scene), beside(other);
+  const RunSnapshot start = simulation.snapshot();
+  for (int i = 0; i < kSteps; ++i) simulation.step(), beside.step();
+  EXPECT_EQ(simulation.state_hash(), alone) << "beside another";
+  simulation.restore(start);
+  steps(simulation, kSteps);
+  EXPECT_EQ(simulation.state_hash(), alone) << "after a reset";
+}
+
+// A world that has come to grief leaves no trace in others.
+TEST(Divergence, LeavesOtherSimulationsAsTheyWere) {
+  const scene::Scene scene = shipped_scene("dropped_hand");
+  const scene::Scene wild = shipped_scene("slider_crank_torque",
+                                          {"solver.step=0.05", "solver.erp=1", "joints.0.axes.0.torque=1e4"});
+  Simulation simulation(scene);
+  for (int i = 0; i < 300; ++i) {
+    if (i % 50 == 7) {
+      Simulation lost(wild);
+      EXPECT_THROW(steps(lost, 1000), Error);
+    }
+    simulation.step();
+  }
+  EXPECT_EQ(simulation.state_hash(), hash_of(scene, 300));
+}
+
+TEST(Snapshot, OfAnotherSceneIsRefusedWithWhatDiffers) {
+  const scene::Scene scene = shipped_scene("dropped_hand");
+  Simulation simulation(scene);
+  steps(simulation, 20);
+  const RunSnapshot snapshot = simulation.snapshot();
+  const auto refusal = [&](const scene::Scene& other) -> std::string {
+    Simulation into(other);
+    const std::uint64_t before = into.state_hash();
+    try {
+      into.restore(snapshot);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.kind(), ErrorKind::input);
+      EXPECT_EQ(into.state_hash(), before);
+      return error.what();
+    }
+    return "taken";
+  };
+  EXPECT_EQ(refusal(shipped_scene("dropped_hand", {"title=other", "duration=9", "record.every=0.1",
+                                                   "criteria.joint_gap=1", "pictures.floor=false"})),
+            "taken");
+  for (const auto& [change, part] :
+       std::vector<std::pair<std::string, std::string>>{{"solver.step=\"2 ms\"", "solver.step"},
+                                                        {"solver.seed=2", "solver.seed"},
+                                                        {"hands.0.side=right", "hands.0"},
+                                                        {"objects.1.density=601", "objects.1"},
+                                                        {"gravity=[0, 0, -9.8]", "gravity.2"},
+                                                        {"ground.height=-1e-9", "ground.height"}})
+    EXPECT_NE(refusal(shipped_scene("dropped_hand", {change})).find("differs in " + part), std::string::npos)
+        << change << refusal(shipped_scene("dropped_hand", {change}));
+  EXPECT_NE(refusal(scene::without_effect(scene, model::Effect::friction)).find("effects.friction"),
+            std::string::npos);
+}
+
+/// A snapshot's bytes, changed, with the sum that they then need.
+std::string resealed(std::string text) {
+  text.resize(text.size() - 8);
+  ArchiveWriter sum;
+  sum.word(hash_bytes(text));
+  return text + sum.bytes();
+}
+
+TEST(SnapshotFile, TornChangedOrOfAnotherVersionIsRefused) {
+  const scene::Scene scene = shipped_scene("dropped_hand");
+  Simulation simulation(scene);
+  steps(simulation, 200);
+  const std::string text = snapshot_text(simulation.snapshot());
+  EXPECT_NO_THROW(parse_snapshot(text, "whole"));
+  for (std::size_t size = 0; size < text.size(); size += 1 + size / 50)
+    EXPECT_THROW(parse_snapshot(text.substr(0, size), "torn"), Error) << size;
+  EXPECT_THROW(parse_snapshot(text + "x", "longer"), Error);
+  for (std::size_t at = 0; at < text.size(); at += 7) {
+    std::string changed = text;
+    changed[at] = static_cast<char>(changed[at] ^ 0x10);
+    EXPECT_THROW(parse_snapshot(changed, "changed"), Error) << at;
+  }
+  std::string later = text;
+  ++later[8];
+  try {
+    parse_snapshot(resealed(later), "later");
+    FAIL();
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("version " + std::to_string(kSnapshotVersion + 1)),
+              std::string::npos)
+        << error.what();
+  }
+  // Any length, sum right: whatever the counts in it say.
+  for (std::size_t size = 24; size < text.size(); size += 1 + size / 50)
+    EXPECT_THROW(parse_snapshot(resealed(text.substr(0, size)), "shortened"), Error) << size;
+}
+
+// Oracle: the sizes as they were when the version was last raised. Where one differs, raise kSnapshotVersion
+// and write the new ones here.
+TEST(SnapshotFile, OfThisVersionHasTheContentsItHadWhenTheVersionWasRaised) {
+  const std::map<std::string, std::size_t> sizes = {
+      {"contact_world_step", 3096},  {"controlled", 14784}, {"stabilised_gear", 912},
+      {"articulated_contact", 6944}, {"grasp", 8048},       {"climb", 7784},
+      {"contact_record", 3120}};
+  EXPECT_EQ(kSnapshotVersion, 3U);
+  for (const Case& what : cases()) {
+    const auto size = sizes.find(what.name);
+    if (size == sizes.end()) continue;
+    // Of the start: no contact is in it, whose number another compiler may change.
+    EXPECT_EQ(Simulation(shipped_scene(what.scene, what.overrides)).snapshot().bytes.size(), size->second)
+        << what.name;
+  }
+}
+
+// Whatever stands in the bytes: an input error that leaves the simulation as it was, or a state to go on
+// from, to the end or to a physics fault.
+TEST(SnapshotFile, WithAnyNumbersInItEndsInATypedErrorOrAState) {
+  std::mt19937_64 random(20);
+  int refused = 0, taken = 0;
+  for (const Case& what : cases()) {
+    static const std::set<std::string> kTried = {
+        "contact_world_step", "contact_record",      "controlled",        "stabilised_gear",
+        "lagrange_penalty",   "loop_dormand_prince", "articulated_stops", "articulated_contact"};
+    if (!kTried.contains(what.name)) continue;
+    const scene::Scene scene = shipped_scene(what.scene, what.overrides);
+    Simulation simulation(scene);
+    steps(simulation, 150);
+    const RunSnapshot good = simulation.snapshot();
+    for (int round = 0; round < 100; ++round) {
+      RunSnapshot bad = good;
+      for (std::uint64_t n = 1 + random() % 3; n > 0; --n) {
+        const std::size_t word = 8 * (random() % (bad.bytes.size() / 8));
+        const std::array<std::uint64_t, 6> values = {random(),
+                                                     random() % 100,
+                                                     std::bit_cast<std::uint64_t>(1e300),
+                                                     std::bit_cast<std::uint64_t>(std::nan("")),
+                                                     std::uint64_t{1} << 53U,
+                                                     ~std::uint64_t{0}};
+        ArchiveWriter out;
+        out.word(values[random() % values.size()]);
+        bad.bytes.replace(word, 8, out.bytes());
+      }
+      Simulation into(scene);
+      const std::uint64_t before = into.state_hash();
+      try {
+        into.restore(bad);
+      } catch (const Error&) {
+        EXPECT_EQ(into.state_hash(), before);
+        ++refused;
+        EXPECT_NO_THROW(into.step());
+        continue;
+      }
+      ++taken;
+      try {
+        steps(into, 3);
+      } catch (const Error& error) {
+        EXPECT_TRUE(error.fault()) << error.what();
+      }
+    }
+  }
+  EXPECT_GT(refused, 50);
+  EXPECT_GT(taken, 50);
+}
+
+// Oracle: the definition in the header, worked out from the states alone.
+TEST(StateHash, IsTheChainOfXxh64OverTheStates) {
+  const scene::Scene scene = shipped_scene("slider_crank_iftomm");
+  Simulation simulation(scene);
+  std::uint64_t chain = 0;
+  for (int i = 0; i <= 20; ++i) {
+    if (i > 0) simulation.step();
+    ArchiveWriter bytes;
+    bytes(simulation.state().time);
+    for (std::size_t b = 1; b < simulation.state().bodies.size(); ++b) {
+      const model::BodyState& body = simulation.state().bodies[b];
+      bytes(body.p), bytes(body.q), bytes(body.v), bytes(body.w);
+    }
+    const std::uint64_t now = hash_bytes(bytes.bytes(), chain);
+    EXPECT_EQ(simulation.state_hash(), now) << i;
+    if (i % 8 == 0) chain = now;
+  }
+  // Published test vector of XXH64: no bytes, seed 0.
+  EXPECT_EQ(hash_bytes(""), 0xef46db3751d8e999ULL);
+}
+
+TEST(StateHash, SeesTheLastBitOfAnyNumber) {
+  const scene::Scene scene = shipped_scene("slider_crank_iftomm");
+  const model::State state = model::State(Simulation(scene).state());
+  const auto hash = [](const model::State& of) {
+    StateHash out;
+    out.add(of);
+    return out.value();
+  };
+  const auto next = [](double x) { return std::nextafter(x, 1e9); };
+  model::State changed = state;
+  changed.time = next(changed.time);
+  EXPECT_NE(hash(changed), hash(state));
+  for (std::size_t b = 1; b < state.bodies.size(); ++b)
+    for (int i = 0; i < 3; ++i) {
+      changed = state;
+      changed.bodies[b].p[i] = next(changed.bodies[b].p[i]);
+      EXPECT_NE(hash(changed), hash(state));
+      changed = state;
+      changed.bodies[b].w[i] = changed.bodies[b].w[i] == 0 ? -0.0 : -changed.bodies[b].w[i];
+      EXPECT_NE(hash(changed), hash(state));
+      changed = state;
+      changed.bodies[b].q.coeffs()[i + 1] = next(changed.bodies[b].q.coeffs()[i + 1]);
+      EXPECT_NE(hash(changed), hash(state));
+      changed = state;
+      changed.bodies[b].v[i] = next(changed.bodies[b].v[i]);
+      EXPECT_NE(hash(changed), hash(state));
+    }
+}
+
+TEST(StateHash, IsReadAndWrittenAsSixteenDigits) {
+  EXPECT_EQ(hash_text(0x1f), "000000000000001f");
+  EXPECT_EQ(parse_hash("000000000000001f"), 0x1fU);
+  for (const char* bad :
+       {"", "1f", "000000000000001g", "0x0000000000001f", "-00000000000001f", "0000000000000001f"})
+    EXPECT_FALSE(parse_hash(bad)) << bad;
+}
+
+TEST(ContinuedRun, HasTheTablesOfTheRestAndTheSummaryOfAll) {
+  const TemporaryFolder folder;
+  const scene::Scene scene = shipped_scene("dropped_hand", {"duration=0.4"});
+  RunOptions options;
+  options.out = folder.path() / "whole";
+  options.snapshot_at = 0.2;
+  const RunResult whole = run(scene, options);
+  options = {};
+  options.out = folder.path() / "rest";
+  options.from_snapshot = folder.path() / "whole" / "snapshot.bin";
+  options.expected_hash = whole.state_hash;
+  const RunResult rest = run(scene, options);
+  EXPECT_TRUE(rest.hash_as_expected());
+  EXPECT_EQ(rest.continued_from, 0.2);
+  const std::string all = text_of(folder.path() / "whole" / "trajectory.csv");
+  const std::string tail = text_of(folder.path() / "rest" / "trajectory.csv");
+  const std::size_t header = all.find('\n') + 1;
+  EXPECT_EQ(tail.substr(0, header), all.substr(0, header));
+  EXPECT_TRUE(all.ends_with("\n" + tail.substr(header)));
+  EXPECT_TRUE(tail.substr(header).starts_with("0.2,"));
+  const auto json = [](const RunResult& result) { return nlohmann::json::parse(result.summary); };
+  for (const char* key : {"criteria", "counts", "state_hash"}) EXPECT_EQ(json(whole)[key], json(rest)[key]);
+}
+
+}  // namespace
+}  // namespace handsim::simulation

@@ -1,0 +1,95 @@
+#include "handsim/study/accuracy/accuracy.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "handsim/study/accuracy/accuracy_report.h"
+#include "scene_files.h"
+
+namespace handsim::study {
+namespace {
+
+AccuracyMethod method(std::string name, std::vector<std::string> set, std::vector<double> steps) {
+  return {std::move(name), std::move(set), std::move(steps), {}, {}, {}, {}};
+}
+
+AccuracySpec slider_crank(std::vector<AccuracyMethod> methods) {
+  AccuracySpec spec = load_accuracy(test::source("config/accuracy_slider_crank.yaml"));
+  spec.repeats = 1;
+  spec.methods = std::move(methods);
+  return spec;
+}
+
+// Bounds: what plain ODE reaches on this mechanism (0.14 and 0.0088 m/s when first measured).
+TEST(AccuracySliderCrank, WorldStepIsWithin0_15At1MsAnd0_01AtATenthOfThat) {
+  const AccuracyResult result =
+      run_accuracy(slider_crank({method("m", {"solver.erp=0.2"}, {1e-3, 1e-4})}), nullptr);
+  EXPECT_LE(result.rows[0].rate_error, 0.15);
+  EXPECT_LE(result.rows[1].rate_error, 0.01);
+  EXPECT_GT(result.rows[1].rate_error, 1e-6);
+  EXPECT_GT(result.rows[1].cpu_per_second, result.rows[0].cpu_per_second);
+}
+
+// Oracle: the order of convergence of semi-implicit Euler, 1, over the first second.
+TEST(AccuracySliderCrank, WorldStepIsOfFirstOrderAtErp0_8) {
+  AccuracySpec spec = slider_crank({method("m", {"solver.erp=0.8"}, {1e-3, 5e-4, 1e-4})});
+  spec.early = 1;
+  const AccuracyResult result = run_accuracy(spec, nullptr);
+  const double order = std::log10(result.rows[0].early_rate_error / result.rows[2].early_rate_error);
+  EXPECT_GE(order, 0.8);
+  EXPECT_LE(order, 1.2);
+}
+
+TEST(AccuracySliderCrank, ProjectedEulerClosesTheLoopTo1e12) {
+  const AccuracyResult result = run_accuracy(
+      slider_crank({method("m", {"solver.engine=dae", "solver.method=euler_projected"}, {1e-3})}), nullptr);
+  EXPECT_LE(result.rows[0].gap, 1e-12);
+}
+
+TEST(AccuracyRows, OfOneMethodWithoutAReferenceAreComparedWithTheSmallestStep) {
+  AccuracySpec spec = slider_crank({method("m", {"duration=0.2"}, {2e-3, 1e-3, 5e-4})});
+  spec.reference = Reference::smallest_step;
+  const AccuracyResult result = run_accuracy(spec, nullptr);
+  EXPECT_FALSE(result.rows[0].is_reference);
+  EXPECT_TRUE(result.rows[2].is_reference);
+  EXPECT_EQ(result.rows[2].rate_error, 0);
+  EXPECT_GT(result.rows[0].rate_error, result.rows[1].rate_error);
+}
+
+TEST(Cheapest, IsTheCheapestRowThatReachesTheTarget) {
+  AccuracyResult result;
+  AccuracyRow row;
+  for (const auto& [error, cost] : {std::pair(0.1, 1.0), std::pair(0.01, 3.0), std::pair(0.005, 2.0)}) {
+    row.rate_error = error;
+    row.cpu_per_second = cost;
+    result.rows.push_back(row);
+  }
+  EXPECT_EQ(cheapest(result, 0.05), &result.rows[2]);
+  EXPECT_EQ(cheapest(result, 0.2), &result.rows[0]);
+  EXPECT_EQ(cheapest(result, 1e-4), nullptr);
+}
+
+// The errors of rows with and without contact are against different motions.
+TEST(Cheapest, IsNoRowWithAReferenceOfItsOwnInAStudyThatHasOne) {
+  AccuracyResult result;
+  AccuracyRow row;
+  row.rate_error = 0.01;
+  row.cpu_per_second = 1;
+  row.own_reference = true;
+  result.rows.push_back(row);
+  EXPECT_NE(cheapest(result, 0.1), nullptr);
+  result.reference.emplace();
+  EXPECT_EQ(cheapest(result, 0.1), nullptr);
+}
+
+TEST(AccuracyFiles, AreWritten) {
+  const test::TemporaryFolder folder;
+  const AccuracySpec spec = slider_crank({method("it's", {"duration=0.2"}, {5e-3, 1e-3})});
+  write_accuracy(spec, run_accuracy(spec, nullptr), folder.path());
+  EXPECT_NE(test::text_of(folder.path() / "accuracy.csv").find("\"it's\",0.005,"), std::string::npos);
+  EXPECT_NE(test::text_of(folder.path() / "accuracy.json").find("\"ODE 0.16"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace handsim::study

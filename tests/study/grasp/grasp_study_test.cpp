@@ -1,0 +1,125 @@
+#include "handsim/study/grasp/grasp_study.h"
+
+#include <map>
+
+#include <gtest/gtest.h>
+
+#include "handsim/simulation/simulation.h"
+#include "scene_files.h"
+
+namespace handsim::study {
+namespace {
+
+const std::vector<std::string> kScenes = {
+    "grasp_pinch", "grasp_tripod",      "grasp_power_can",   "grasp_cylinder_50mm", "grasp_cylinder_100mm",
+    "grasp_cup",   "grasp_sphere_35mm", "grasp_sphere_70mm", "grasp_hook_bar",      "grasp_cracker_box"};
+
+/// The hardest of the shakes alone, after the full hold.
+const std::vector<std::string> kShort = {
+    "grasps.0.shake.levels=[{acceleration: 19.6 m/s2, frequency: 5 Hz}]"};
+const std::string kBrief = "grasps.0.hold=0.6 s";
+
+simulation::GraspFigures run(const scene::Scene& scene) {
+  simulation::Simulation simulation(scene);
+  for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
+  return simulation.grasps().front();
+}
+
+scene::Scene shortened(const std::string& name, const std::vector<std::string>& more = {}) {
+  std::vector<std::string> overrides = kShort;
+  overrides.insert(overrides.end(), more.begin(), more.end());
+  return test::shipped_scene(name, overrides);
+}
+
+class ShippedGrasp : public testing::TestWithParam<std::string> {};
+INSTANTIATE_TEST_SUITE_P(, ShippedGrasp, testing::ValuesIn(kScenes),
+                         [](const auto& scene) { return scene.param.substr(6); });
+
+// Oracle: the limits of a held grasp (2 mm and 2 degrees after the shake, 5 mm during it), 10 um/s in the
+// hold, and Ferrari and Canny's epsilon, which a grasp that holds against shakes in six directions has above
+// 0.
+TEST_P(ShippedGrasp, IsHeldWithWorldStepAndHardlySlips) {
+  const simulation::GraspFigures figures = run(shortened(GetParam()));
+  EXPECT_TRUE(figures.complete);
+  EXPECT_TRUE(figures.held) << figures.shaken_shift << " m in the shake, " << figures.shift << " m after it, "
+                            << figures.turn << " rad";
+  EXPECT_LE(figures.slip, 10e-6);
+  EXPECT_TRUE(figures.after.wrenches.force_closure);
+  EXPECT_GT(figures.after.wrenches.epsilon, 0);
+  EXPECT_FALSE(figures.disagree());
+}
+
+// Oracle: the same limits; and no step without a solution.
+TEST_P(ShippedGrasp, IsHeldByTheArticulatedEngineAndHardlySlips) {
+  const scene::Scene scene = shortened(
+      GetParam(),
+      {"solver.engine=articulated", "solver.method=semi_implicit_euler",
+       "effects=[gravity, object_contact, friction, joint_stops, passive_tissue, actuation, wrist_motion]"});
+  simulation::Simulation simulation(scene);
+  for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
+  const simulation::GraspFigures figures = simulation.grasps().front();
+  EXPECT_TRUE(figures.held) << figures.shaken_shift << " m in the shake, " << figures.shift << " m after it, "
+                            << figures.turn << " rad";
+  EXPECT_LE(figures.slip, 10e-6);
+  EXPECT_EQ(simulation.ledger().lcp_failures(), 0);
+}
+
+TEST_P(ShippedGrasp, IsHeldWithQuickStepAt50Iterations) {
+  EXPECT_TRUE(run(shortened(GetParam(), {kBrief, "solver.method=quick_step", "solver.iterations=50"})).held);
+}
+
+TEST_P(ShippedGrasp, IsHeldAtTwoMilliseconds) {
+  EXPECT_TRUE(run(shortened(GetParam(), {kBrief, "solver.step=2 ms"})).held);
+}
+
+// Oracle: without friction worth the name nothing that is held by friction can be held.
+TEST_P(ShippedGrasp, IsLostWithoutFriction) {
+  scene::Scene scene = shortened(GetParam(), {kBrief});
+  set_friction(scene, 0.05);
+  EXPECT_FALSE(run(scene).held);
+}
+
+// Oracle: the mirror: a left hand is the right one's image, so its grasp has the same figures.
+TEST(GraspStudy, LeftHandGraspsAsTheRightOne) {
+  const std::vector<std::string> brief = {kBrief};
+  const simulation::GraspFigures right = run(shortened("grasp_pinch", brief));
+  const simulation::GraspFigures left = run(shortened("grasp_pinch", {kBrief, "hands.0.side=left"}));
+  EXPECT_EQ(left.held, right.held);
+  EXPECT_NEAR(left.hold.normal, right.hold.normal, 0.02 * right.hold.normal);
+}
+
+// Oracle: the forces of the hand on a body at rest in it carry its weight.
+TEST(GraspStudy, ContactForcesCarryTheObject) {
+  const scene::Scene scene = shortened("grasp_power_can");
+  simulation::Simulation simulation(scene);
+  const double end = scene.spec.grasp_plans.front().phase("hold")->end;
+  while (simulation.state().time < end - 1e-9) simulation.step();
+  Vec3 sum = Vec3::Zero();
+  for (const engine::Contact& contact : simulation.engine().contacts()) {
+    const auto body = [&](int shape) {
+      return scene.model
+          .bodies[static_cast<std::size_t>(scene.model.shapes[static_cast<std::size_t>(shape)].body)]
+          .name;
+    };
+    if (body(contact.shape_a) == "can") sum += contact.force;
+    if (body(contact.shape_b) == "can") sum -= contact.force;
+  }
+  const double weight = 0.349 * 9.80665;
+  EXPECT_LT((sum - Vec3(0, 0, weight)).norm(), 1e-3 * weight);
+}
+
+// Oracle: it holds with the friction found and not with a sixteenth of the scene's less.
+TEST(GraspStudy, FindsTheSmallestFrictionThatHolds) {
+  scene::Scene scene = shortened("grasp_sphere_35mm", {kBrief});
+  const std::optional<double> least = smallest_friction(scene);
+  ASSERT_TRUE(least.has_value());
+  EXPECT_GT(*least, 0.05);
+  EXPECT_LT(*least, 0.8);
+  set_friction(scene, *least);
+  EXPECT_TRUE(run(scene).held);
+  set_friction(scene, *least - 0.05);
+  EXPECT_FALSE(run(scene).held);
+}
+
+}  // namespace
+}  // namespace handsim::study
