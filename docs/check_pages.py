@@ -22,10 +22,14 @@ def place(page, text, at):
     return f"{page.relative_to(ROOT)}:{text.count(chr(10), 0, at) + 1}"
 
 
+def without_code(text):
+    """Blocks of code as blanks, so that places stay what they are."""
+    return FENCE.sub(lambda block: re.sub(r"[^\n]", " ", block.group(0)), text)
+
+
 def anchors(page):
     """What GitHub makes of headings."""
-    text = FENCE.sub("", page.read_text())
-    heads = re.findall(r"^#+ (.*)$", text, re.M)
+    heads = re.findall(r"^#+ (.*)$", without_code(page.read_text()), re.M)
     return {re.sub(r"[^\w\- ]", "", re.sub(r"[`*]", "", head).lower()).replace(" ", "-") for head in heads}
 
 
@@ -55,7 +59,7 @@ def check_links(problems):
     shown = set()
     for page in tables.PAGES:
         text = page.read_text()
-        for link in LINK.finditer(FENCE.sub(lambda m: re.sub(r"[^\n]", " ", m.group(0)), text)):
+        for link in LINK.finditer(without_code(text)):
             target, _, anchor = link.group(1).partition("#")
             if re.match(r"https?:", target):
                 continue
@@ -124,11 +128,13 @@ def check_commands(program, problems):
         lines = []
         for block in FENCE.finditer(text):
             if block.group(1) == "sh":
-                body = block.group(2).replace("\\\n", "  ")
-                lines += [(block.start(2), line) for line in body.splitlines()]
-        lines += [(m.start(), m.group(1).replace("\n", " ")) for m in re.finditer(r"`((?:handsim|ctest|\./dev) [^`]+)`", FENCE.sub("", text))]
+                # A line that goes on is one command; its place is where it begins.
+                for line in re.finditer(r"(?:[^\n]*\\\n)*[^\n]+", block.group(2)):
+                    lines.append((block.start(2) + line.start(), line.group(0).replace("\\\n", " ")))
+        for inline in re.finditer(r"`((?:handsim|ctest|\./dev) [^`]+)`", without_code(text)):
+            lines.append((inline.start(), inline.group(1).replace("\n", " ")))
         for at, line in lines:
-            where = place(page, text, at) if at < len(text) else str(page)
+            where = place(page, text, at)
             try:
                 words = shlex.split(line.removeprefix("$ "), comments=True)
             except ValueError as error:
@@ -139,12 +145,22 @@ def check_commands(program, problems):
             if not words:
                 continue
             where = f"{where}: `{line.strip()[:60]}`"
-            if re.fullmatch(r"(build/\S*)?handsim", words[0]):
+            if re.fullmatch(r"(build/(\S*/)?)?handsim", words[0]):
                 check_handsim(words[1:], program, problems, where)
             elif words[0] == "./dev":
                 check_dev(words[1:], problems, where)
             elif words[0] == "ctest":
                 check_tests(words, problems, where, sources)
+
+
+def check_sources(problems):
+    """Files of src/ that pages name: `hand/person.cpp`, `handsim/engine/engine.h`."""
+    for page in tables.PAGES:
+        text = without_code(page.read_text())
+        for name in re.finditer(r"`([a-z_0-9]+/[a-z_0-9/]*\.(?:cpp|h))`", text):
+            path = name.group(1).removeprefix("handsim/")
+            if not (ROOT / "src" / path).exists() and not (ROOT / path).exists():
+                problems.append(f"{place(page, text, name.start())}: no src/{path}")
 
 
 def schema_keys(node):
@@ -175,6 +191,7 @@ def check(handsim):
         problems.append(f"README.md: {lines} lines, at most {README_LINES}")
     check_blocks(problems)
     check_links(problems)
+    check_sources(problems)
     if Path(handsim).exists():
         program = Program(handsim)
         check_commands(program, problems)
