@@ -71,8 +71,8 @@ def criterion(summary, name):
 # The tables, by name.
 
 def demo():
-    text = study_text("demo", "run")
-    return fenced(re.sub(r"; files in .*", "; files in out/two_hands", text))
+    # Without the last line, which has the time it took.
+    return fenced(study_text("demo", "run").rpartition("\n  2 s simulated")[0])
 
 
 def few_iterations():
@@ -200,7 +200,7 @@ def accuracy_cheapest():
         text = lambda entry: entry[2] + ("" if OWN_STEPS.search(entry[2]) else f", {entry[3]:g} ms")
         rows.append([number(error, 1), text(good[0]), number(1e3 * good[0][0]), text(other) if other else "none",
                      number(1e3 * other[0]) if other else ""])
-    return table(["error at most, m/s", "cheapest", "CPU ms per s", "cheapest of the other engines", "CPU ms per s"],
+    return table(["error at most, m/s", "cheapest", "CPU ms per s", "cheapest of the others", "CPU ms per s"],
                  rows)
 
 
@@ -294,7 +294,7 @@ def speed():
                        "frame": "a picture of two hands, 1280 × 960", "read_state": "poses of all bodies, articulated engine"}.items():
         entry = found[key]
         rows.append([title, f"{number(entry['real_time'])} {entry['time_unit'].replace('us', 'µs')}", ""])
-    return table(["what", "time", "beside"], rows)
+    return table(["what", "time", "compared with"], rows)
 
 
 def speed_lanes():
