@@ -286,7 +286,7 @@ void ArticulatedEngine::collide(StepReport& report) {
 bool ArticulatedEngine::arrive(bool fast) {
   bool sound = mechanism_.kernel().kinematics(mechanism_.tree());
   // Rates beyond all bounds may come back within them.
-  if (fast) sound = fast_spin_->correct();
+  if (fast) sound = fast_spin_->correct(sound);
   return sound && (!loops_ || loops_->close() < kOpen);
 }
 
@@ -309,9 +309,8 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();
   }
-  if (fast) fast_spin_->keep_impulses();
+  if (fast) fast_spin_->add_work(report.contacts > 0 || loops_);
   kernel.integrate(tree, settings_.step);
-  if (fast) fast_spin_->place();
   if (moving) place_bases();
   check(arrive(fast), end);
 }

@@ -110,6 +110,7 @@ struct Lanes {
   static bool move(const Tree& tree, Batches& b);
   static bool kinematics(const Tree& tree);
   static bool velocities(const Tree& tree);
+  static void momenta(const Tree& tree);
   static void integrate(const Tree& tree, double step);
   static V wrapped(const V& angle);
   static void turn(double* q, const V3<V>& w, const V& h);
@@ -120,6 +121,7 @@ struct Lanes {
   static void prepare(const Tree& tree, double step);
   static void prepare_smooth(const Tree& tree);
   static bool revise(const Tree& tree, double step, bool only_first);
+  static void work(const Tree& tree, double step);
   static void correct_first(Axes& a, const V& now, const V& reached);
   static void aim(const Tree& tree, const Batches& b, Axes& a, double step);
 
@@ -143,8 +145,13 @@ struct Lanes {
   static void outward_many(const Tree& tree, Batches& b);
 
   static constexpr Kernel kernel(const char* name) {
-    return {name,   static_cast<int>(W), kinematics,     velocities, prepare, prepare_smooth, solve,
-            revise, integrate,           position_rates, normalise};
+    return {name,       static_cast<int>(W),
+            kinematics, velocities,
+            prepare,    prepare_smooth,
+            solve,      revise,
+            momenta,    work,
+            integrate,  position_rates,
+            normalise};
   }
 };
 

@@ -51,6 +51,19 @@ inline void Lanes<V>::prepare_smooth(const Tree& tree) {
 }
 
 template <class V>
+inline void Lanes<V>::work(const Tree& tree, double step) {
+  const V h = step, half = 0.5 * step;
+  for (int i = 0; i < tree.batches; ++i) {
+    const Batches& b = batches(tree)[i];
+    if (!single(b)) continue;
+    Axes& a = axis(tree, b);
+    const V du = load(tree.du + b.u);
+    const V force = load(a.force) - load(a.weight) * du + load(a.reaction);
+    store(a.work, h * force * (load(tree.u + b.u) + half * du));
+  }
+}
+
+template <class V>
 inline bool Lanes<V>::revise(const Tree& tree, double step, bool only_first) {
   const V h = step, one = 1.0, zero = 0.0;
   const V tight = 1.0 - 1e-9, loose = 1.0 + 1e-9, touch = 1e-12;

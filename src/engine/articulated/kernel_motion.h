@@ -145,6 +145,17 @@ inline bool Lanes<V>::velocities(const Tree& tree) {
 }
 
 template <class V>
+inline void Lanes<V>::momenta(const Tree& tree) {
+  for (int i = 0; i < tree.batches; ++i) {
+    Batches& b = batches(tree)[i];
+    if (b.massless) continue;
+    const V6<V> v = load6(b.frame.v), L = times_rigid(b, load_sym(b.I), v);
+    store6(b.momentum, L);
+    store(b.energy, 0.5 * dot(L, v));
+  }
+}
+
+template <class V>
 inline void Lanes<V>::integrate(const Tree& tree, double step) {
   const V h = step;
   for (int i = 0; i < tree.batches; ++i) {

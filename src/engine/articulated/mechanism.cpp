@@ -55,6 +55,9 @@ NodeView Mechanism::view(std::size_t node) const {
     out.p = lane(b.frame.p[0]);
     out.v = lane(b.frame.v[0]);
     out.spin = lane(b.spin);
+    out.momentum = lane(b.momentum[0]);
+    out.energy = lane(b.energy);
+    if (single(b.kind)) out.work = lane(in.axis[b.axis].work);
     if (b.link == ParentLink::base) out.base_a = lane(in.base[b.parent].a[0]);
     out.S = single(b.kind) ? lane(b.S[0]) : lane(in.joint3[b.axis].S[0][0]);
     if (!single(b.kind)) out.tau = lane(in.joint3[b.axis].tau[0]);

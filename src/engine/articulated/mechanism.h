@@ -30,6 +30,8 @@ struct Seat {
 struct NodeView {
   const double *S = nullptr, *h = nullptr, *I = nullptr, *mass = nullptr, *c = nullptr, *pv = nullptr;
   const double *R = nullptr, *p = nullptr, *v = nullptr, *spin = nullptr;
+  const double *momentum = nullptr, *energy = nullptr;
+  const double* work = nullptr;    ///< nodes of one rate
   const double* base_a = nullptr;  ///< its base's acceleration; null with a parent
   const double* tau = nullptr;     ///< nodes of several rates
   const double *q = nullptr, *u = nullptr, *du = nullptr;
@@ -84,10 +86,6 @@ class Mechanism {
   /// @param absolute servos hold on to where they aim in the midst of the step, too. True where all are
   /// sound.
   bool set_servos(std::span<const model::Servo> servos, bool absolute);
-  /// du = change of the rates by impulses in u()'s order: stops in force hold, springs and dampers answer as
-  /// in the step prepared last. Takes velocity products and base accelerations out of the tree, which
-  /// `settle_bases` and `velocities` find anew.
-  void respond(std::span<double> impulses);
   /// Stops in force.
   int stops_in_force() const;
   /// Positions, rates, how the bases move and which stops and torque limits are in force: the same for every
