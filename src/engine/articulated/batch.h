@@ -142,7 +142,7 @@ struct Kernel {
   void (*solve)(const Tree&);
   /// Compares du with the stops and limits that it was found with and corrects these. `single`: only the
   /// first one that is wrong. True where nothing was wrong. @param step [s]
-  bool (*revise)(const Tree&, double step, bool single);
+  bool (*update_active_set)(const Tree&, double step, bool single);
   /// Momentum and kinetic energy of every body, as `kinematics` or `velocities` last found it.
   void (*momenta)(const Tree&);
   /// Work of the single coordinates' forces in a step [s], by du and the mean of the rates at both ends.

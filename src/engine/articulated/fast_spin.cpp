@@ -71,6 +71,9 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism)
     const int first = model.joints[at(*node.joint)].first_dof + node.axis_index;
     for (int k = 0; k < rate_count(node.kind); ++k) tree.driven_by.push_back(at(first + k));
   }
+  for (const Cut& cut : topology.cuts)
+    for (const CutSide* side : {&cut.parent, &cut.child})
+      if (side->node) trees_[at(tree_of[at(*side->node)])].looped = true;
   // A lone free body has spin.h; one axis that is fixed in its base has no velocity products to balance.
   std::erase_if(trees_, [&](const Tree& tree) {
     return tree.nodes.size() == 1 && topology.nodes[at(tree.nodes[0])].kind != NodeKind::ball;
@@ -243,7 +246,7 @@ Mat3 FastSpin::inertia(const Tree& tree) const {
 }
 
 /// The root's rates, padded with zeros, at which the tree has its momentum along the root's axes when all its
-/// other joints are locked. A root that rests on its stop stays.
+/// other joints are locked. Zero for a root that rests on its stop, and where a loop could not follow it.
 Spatial FastSpin::as_one_body(const Tree& tree, const Mat3& I, const Vec3& h, const Spatial& momentum) const {
   Spatial out = Spatial::Zero();
   if (tree.free) {
@@ -253,6 +256,7 @@ Spatial FastSpin::as_one_body(const Tree& tree, const Mat3& I, const Vec3& h, co
     out << turn, P / tree.mass - turn.cross(c);
     return out;
   }
+  if (tree.looped) return out;
   if (tree.stop && *tree.stop != 0 && mechanism_.u()[space_.rate_index(tree.dofs[0])] == 0) return out;
   const int root = tree.nodes[0], first = space_.first_dof(root), count = space_.last_dof(root) - first + 1;
   Mat3 H = Mat3::Identity();

@@ -60,6 +60,7 @@ class FastSpin {
     int island = 0, base = model::kWorld;
     double mass = 0;  ///< [kg]
     bool free = false;
+    bool looped = false;
     bool fast = false;
     // Since it is fast.
     bool watched = false;

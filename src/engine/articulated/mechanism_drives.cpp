@@ -114,7 +114,7 @@ void Mechanism::restore(ArchiveReader& in) {
       for (const double value : {of.axis[each.axis].side[each.lane], of.axis[each.axis].saturated[each.lane]})
         if (value != 0 && std::abs(value) != 1) in.refuse("a stop that is in force by half", "-1, 0 or 1");
   });
-  settle_bases();
+  update_bases();
   // The tree holds what it was last told, not what the next step is told.
   servos_at_rest_ = false;
 }
