@@ -314,12 +314,21 @@ bool FastSpin::project(Tree& tree) {
     keep();
     return tree.free;
   }
+  reduce_energy(tree, now, I, allowed);
+  return true;
+}
+
+/// Scales the rates down to the energy allowed, first those of the joints against each other.
+void FastSpin::reduce_energy(Tree& tree, const Motion& now, const Mat3& I, double allowed) {
+  const std::span<double> u = mechanism_.u();
+  const int root = tree.nodes[0];
   Spatial rates = as_one_body(tree, I, now.h, now.momentum);
   double least = 0;
   const int count = space_.last_dof(root) - space_.first_dof(root) + 1;
   for (int k = 0; k < count; ++k)
     least += 0.5 * rates[k] * space_.axis(space_.first_dof(root) + k).dot(now.momentum);
-  const double lent = std::clamp(least - allowed, 0.0, tree.credit);
+  // The inertia of a loop gains and loses by turns as it goes round.
+  const double lent = std::clamp((tree.looped ? now.kinetic : least) - allowed, 0.0, tree.credit);
   tree.credit -= lent;
   tree.energy += lent;
   allowed += lent;
@@ -338,7 +347,6 @@ bool FastSpin::project(Tree& tree) {
     const double one = static_cast<int>(i) < count ? rates[static_cast<Eigen::Index>(i)] : 0;
     rate = one + share * (rate - one);
   }
-  return true;
 }
 
 }  // namespace handsim::engine::articulated

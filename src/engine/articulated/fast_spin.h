@@ -60,7 +60,7 @@ class FastSpin {
     int island = 0, base = model::kWorld;
     double mass = 0;  ///< [kg]
     bool free = false;
-    bool looped = false;
+    bool looped = false;  ///< by a joint that is held by constraints
     bool fast = false;
     // Since it is fast.
     bool watched = false;
@@ -87,6 +87,7 @@ class FastSpin {
   Spatial as_one_body(const Tree& tree, const Mat3& I, const Vec3& h, const Spatial& momentum) const;
   void place(Tree& tree);
   bool project(Tree& tree);
+  void reduce_energy(Tree& tree, const Motion& now, const Mat3& I, double allowed);
 
   Mechanism& mechanism_;
   JointSpace space_;
