@@ -10,11 +10,11 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-/// Largest number of Newton steps from the active set of the last step. Chosen: what takes longer, cycles.
+/// Largest number of Newton steps from the active set of the last step. Chosen.
 constexpr int kNewtonSteps = 15;
 /// An island of more unknowns is a heap: more than two hands with what they hold, or a dozen loose bodies.
 /// There are fewer Newton steps, with Gauss-Seidel as the only fallback; and no Newton steps at all where a
-/// factorisation takes more multiplications than kMostWork. Chosen so that a heap costs what ODE's does.
+/// factorisation takes more multiplications than kMostWork. All three are chosen.
 constexpr int kHeap = 72, kHeapSteps = 6;
 constexpr double kMostWork = 5e4;
 /// A residual below this share of the sum of its terms' magnitudes is rounding.
@@ -140,13 +140,6 @@ void ContactNewton::find_envelope() {
     last_[at(i)] = i;
     for (int k = first_[at(i)]; k < i; ++k) last_[at(k)] = i;
   }
-}
-
-/// Multiplications of a factorisation.
-double ContactNewton::factor_work() const {
-  double work = 0;
-  for (int i = 0; i < n_; ++i) work += 0.5 * (last_[at(i)] - i) * (last_[at(i)] - i);
-  return work;
 }
 
 /// Impulses at row velocities r, and the active set.

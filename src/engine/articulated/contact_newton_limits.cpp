@@ -25,7 +25,7 @@ constexpr int kMostUpdates = 240, kStepsFromFixed = 6;
 constexpr int kRestart = 40;
 constexpr std::array<double, 2> kRestartAt = {10, 0.3};
 /// Largest relaxation factor of an update, and that of every fourth: small ones end limit cycles, large ones
-/// speed up slow convergence. Chosen by the random drops, as the numbers above and below.
+/// speed up slow convergence. Chosen, as the numbers above and below.
 constexpr double kShort = 0.7, kLong = 1000;
 /// From this update on every fourth moves the limits half way to those that a Newton step for Coulomb's law
 /// predicts.
@@ -37,8 +37,7 @@ constexpr double kMostFallbackWork = 1.2e7;
 constexpr int kSearches = 30;
 /// The line search ends where the energy's slope is this share of that at its start (strong Wolfe condition).
 constexpr double kFlat = 0.1;
-/// Compliance of stops as penalties, as a share of the inverse inertia of their coordinate. Chosen: softer
-/// ones move the solution, stiffer ones are lost in rounding.
+/// Compliance of stops as penalties, as a share of the inverse inertia of their coordinate. Chosen.
 constexpr double kBoundCompliance = 1e-7;
 
 }  // namespace

@@ -18,6 +18,13 @@ using ConstRow = Eigen::Map<const Eigen::VectorXd>;
 
 }  // namespace
 
+/// Multiplications of a factorisation.
+double ContactNewton::factor_work() const {
+  double work = 0;
+  for (int i = 0; i < n_; ++i) work += 0.5 * (last_[at(i)] - i) * (last_[at(i)] - i);
+  return work;
+}
+
 /// The derivative of F: M is its symmetric part, C and G are friction's dependence on the normal impulse.
 void ContactNewton::assemble() {
   for (int i = 0; i < n_; ++i) {

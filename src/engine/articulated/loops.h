@@ -1,5 +1,5 @@
 // Cut joints held by constraints in joint space: J du = -k (Featherstone 2008, section 8.4, p. 149, and 8.5).
-// Works with dependent rows: of those only an independent set takes force.
+// Rows may be dependent: only an independent set of them, chosen by pivoting, carries force.
 #pragma once
 
 #include <optional>

@@ -1,5 +1,5 @@
 // Motion without stops as an ordinary differential equation in joint coordinates, by Runge-Kutta methods;
-// loops are held by their constraint forces and made whole again after every step of the method.
+// loops are held by constraint forces, and projected onto their constraints after every step of the method.
 #pragma once
 
 #include "handsim/engine/articulated/loops.h"
