@@ -225,7 +225,7 @@ void ArticulatedEngine::find_targets(double end) {
 
 /// Gives driven bodies the constant velocities with which they meet their targets. False where all of them
 /// stand still.
-bool ArticulatedEngine::aim_bases() {
+bool ArticulatedEngine::set_base_velocities() {
   const double h = settings_.step;
   bool moving = false;
   for (std::size_t i = 0; i < drives_.size(); ++i) {
@@ -240,7 +240,7 @@ bool ArticulatedEngine::aim_bases() {
     base.w = w;
   }
   if (!moving) return false;
-  mechanism_.settle_bases();
+  mechanism_.update_bases();
   mechanism_.kernel().velocities(mechanism_.tree());
   return true;
 }
@@ -248,7 +248,7 @@ bool ArticulatedEngine::aim_bases() {
 void ArticulatedEngine::place_bases() {
   for (std::size_t i = 0; i < drives_.size(); ++i)
     mechanism_.base(model_.drives[static_cast<std::size_t>(drives_[i])].body).pose = targets_[i];
-  mechanism_.settle_bases();
+  mechanism_.update_bases();
 }
 
 /// Accelerations of a step with the stops and torque limits that they agree with. Returns 1 where none were
@@ -263,7 +263,7 @@ int ArticulatedEngine::solve_step() {
       loops_->solve(h);
     else
       kernel.solve(tree);
-    if (kernel.revise(tree, h, i >= kJointCorrections)) return 0;
+    if (kernel.update_active_set(tree, h, i >= kJointCorrections)) return 0;
   }
   return 1;
 }
@@ -286,7 +286,7 @@ void ArticulatedEngine::collide(StepReport& report) {
 bool ArticulatedEngine::arrive(bool fast) {
   bool sound = mechanism_.kernel().kinematics(mechanism_.tree());
   // Rates beyond all bounds may come back within them.
-  if (fast) sound = fast_spin_->correct();
+  if (fast) sound = fast_spin_->correct(sound);
   return sound && (!loops_ || loops_->close() < kOpen);
 }
 
@@ -296,8 +296,8 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
   find_targets(end);
   if (contact_) collide(report);
   const bool fast = fast_spin_->begin(input, settings_.step);
-  const bool moving = aim_bases();
-  mechanism_.settle_spins(settings_.step);
+  const bool moving = set_base_velocities();
+  mechanism_.update_gyroscopic_torques(settings_.step);
   if (report.contacts > 0) {
     const NewtonReport found = contact_->solve(settings_.step);
     report.contact_sweeps = found.iterations;
@@ -309,9 +309,8 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();
   }
-  if (fast) fast_spin_->keep_impulses();
+  if (fast) fast_spin_->add_work(report.contacts > 0 || loops_);
   kernel.integrate(tree, settings_.step);
-  if (fast) fast_spin_->place();
   if (moving) place_bases();
   check(arrive(fast), end);
 }
@@ -375,7 +374,7 @@ void ArticulatedEngine::back_to_start() {
   std::copy(saved_.begin() + static_cast<std::ptrdiff_t>(q.size()), saved_.end(), u.begin());
   for (std::size_t i = 0; i < drives_.size(); ++i)
     mechanism_.base(model_.drives[static_cast<std::size_t>(drives_[i])].body) = saved_bases_[i];
-  mechanism_.settle_bases();
+  mechanism_.update_bases();
   mechanism_.kernel().kinematics(mechanism_.tree());
 }
 

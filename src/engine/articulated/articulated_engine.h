@@ -41,7 +41,6 @@ class ArticulatedEngine final : public Engine {
 
   /// For tests and measurements.
   const Mechanism& mechanism() const { return mechanism_; }
-  long evaluations() const { return smooth_ ? smooth_->evaluations() : 0; }
   ArticulatedEngine(const ArticulatedEngine&) = delete;
   ArticulatedEngine& operator=(const ArticulatedEngine&) = delete;
 
@@ -53,7 +52,7 @@ class ArticulatedEngine final : public Engine {
   bool arrive(bool fast);
   void collide(StepReport& report);
   void find_targets(double end);
-  bool aim_bases();
+  bool set_base_velocities();
   void place_bases();
   void keep_start();
   void back_to_start();

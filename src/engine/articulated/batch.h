@@ -59,6 +59,7 @@ struct alignas(64) Axis {
   Lane<W> locked;    ///< 1: the acceleration is `given`
   Lane<W> given;     ///< [1/s^2 times the coordinate's unit]
   Lane<W> reaction;  ///< out: force of the lock
+  Lane<W> work;      ///< out: done by all of these in a step, by Kernel::work [J]
 };
 
 enum class ParentLink {
@@ -77,9 +78,10 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   Lane<W> h[3];  ///< mass times p
   Lane<W> I[6];  ///< rotational inertia about O: xx, xy, xz, yy, yz, zz
   // Of the velocity.
-  Lane<W> c[6];   ///< velocity-product acceleration
-  Lane<W> pv[6];  ///< velocity-product force v x* I v
-  Lane<W> spin;   ///< square of the angular velocity
+  Lane<W> c[6];                 ///< velocity-product acceleration
+  Lane<W> pv[6];                ///< velocity-product force v x* I v
+  Lane<W> spin;                 ///< square of the angular velocity
+  Lane<W> momentum[6], energy;  ///< of the bodies: about O, and kinetic; by Kernel::momenta
   // What children hand down: A angular block (as I), B coupling (rows first), C linear block, p force.
   Lane<W> A[6], B[9], C[6], p[6];
   Lane<W> U[6], weighted, inverse, u_force,
@@ -140,7 +142,11 @@ struct Kernel {
   void (*solve)(const Tree&);
   /// Compares du with the stops and limits that it was found with and corrects these. `single`: only the
   /// first one that is wrong. True where nothing was wrong. @param step [s]
-  bool (*revise)(const Tree&, double step, bool single);
+  bool (*update_active_set)(const Tree&, double step, bool single);
+  /// Momentum and kinetic energy of every body, as `kinematics` or `velocities` last found it.
+  void (*momenta)(const Tree&);
+  /// Work of the single coordinates' forces in a step [s], by du and the mean of the rates at both ends.
+  void (*work)(const Tree&, double step);
   /// u += h du, then q by u.
   void (*integrate)(const Tree&, double step);
   /// Derivatives of q at u.

@@ -55,6 +55,9 @@ NodeView Mechanism::view(std::size_t node) const {
     out.p = lane(b.frame.p[0]);
     out.v = lane(b.frame.v[0]);
     out.spin = lane(b.spin);
+    out.momentum = lane(b.momentum[0]);
+    out.energy = lane(b.energy);
+    if (single(b.kind)) out.work = lane(in.axis[b.axis].work);
     if (b.link == ParentLink::base) out.base_a = lane(in.base[b.parent].a[0]);
     out.S = single(b.kind) ? lane(b.S[0]) : lane(in.joint3[b.axis].S[0][0]);
     if (!single(b.kind)) out.tau = lane(in.joint3[b.axis].tau[0]);
@@ -146,69 +149,77 @@ void Mechanism::seat_nodes(const Settings& settings) {
     tree_.axis = allocate(at(axes_) * sizeof(Axis<W>));
     tree_.joint3 = allocate(at(joints3_) * sizeof(Joint3<W>));
     tree_.base = allocate(at(base_frames_) * sizeof(Frame<W>));
-    const In<W> in(*this);
-    int axes = 0, joints3 = 0, frames = 0;
+    axes_ = joints3_ = base_frames_ = 0;
     std::size_t q = 0, u = 0;
     for (std::size_t i = 0; i < chunks_.size(); ++i) {
-      Batch<W>& b = in.batch[i];
-      const std::vector<int>& nodes = chunks_[i];
-      const Node& first = topology_.nodes[at(nodes[0])];
+      Batch<W>& b = In<W>(*this).batch[i];
       In<W>::empty(b);
-      b.kind = first.kind;
-      b.used = static_cast<int>(nodes.size());
-      b.massless = std::none_of(nodes.begin(), nodes.end(),
-                                [&](int node) { return topology_.nodes[at(node)].body.has_value(); });
+      b.kind = topology_.nodes[at(chunks_[i][0])].kind;
       b.q = static_cast<int>(q);
       b.u = static_cast<int>(u);
       q += at(position_count(b.kind)) * W;
       u += at(rate_count(b.kind)) * W;
-      b.axis = single(b.kind) ? axes++ : joints3++;
-      if (single(b.kind)) {
-        Axis<W>& a = in.axis[b.axis];
-        for (int lane = 0; lane < W; ++lane) {
-          a.low[lane] = -std::numeric_limits<double>::infinity();
-          a.high[lane] = std::numeric_limits<double>::infinity();
-        }
-      } else {
-        // Empty lanes stand at the identity.
-        const int w_at = b.kind == NodeKind::ball ? 3 : 6;
-        for (int lane = 0; lane < W; ++lane) tree_.q[b.q + w_at * W + lane] = 1;
-        for (int lane = 0; lane < W; ++lane) in.joint3[b.axis].after[3][lane] = 1;
-      }
-      b.link = first.parent ? ParentLink::aligned : ParentLink::base;
-      b.parent = first.parent ? seats_[at(*first.parent)].batch : frames;
-      if (!first.parent) {
-        Frame<W>& frame = in.base[frames++];
-        for (int lane = 0; lane < W; ++lane) {
-          put4<W>(frame.quat, lane, Quat::Identity());
-          for (const int k : {0, 4, 8}) frame.R[k][lane] = 1;
-        }
-      }
-      for (int lane = 0; lane < W; ++lane) {
-        const bool present = lane < b.used;
-        const Node& node = topology_.nodes[at(nodes[present ? at(lane) : 0])];
-        if (node.parent) {
-          const Seat& seat = seats_[at(*node.parent)];
-          b.parent_batch[lane] = seat.batch;
-          b.parent_lane[lane] = seat.lane;
-          in.batch[seat.batch].has_children = true;
-          if (present && (seat.batch != b.parent || seat.lane != lane)) b.link = ParentLink::gathered;
-          // What stands in an empty lane must not be handed down to a node.
-          if (!present && lane < in.batch[b.parent].used) b.link = ParentLink::gathered;
-        }
-        if (!present) continue;
-        In<W>::fill(b, lane, node);
-        if (node.kind == NodeKind::ball) {
-          put4<W>(in.joint3[b.axis].after, lane, node.after);
-          balls_.push_back(nodes[at(lane)]);
-        }
-        if (!single(node.kind)) continue;
-        const model::Joint& joint = model_.joints[at(*node.joint)];
-        In<W>::fill(in.axis[b.axis], lane, joint.axes[at(node.axis_index)], settings.effects);
-        driven_.push_back({at(joint.first_dof + node.axis_index), static_cast<int>(i), b.axis, lane});
-      }
+      make_batch(b, chunks_[i]);
+      for (std::size_t lane = 0; lane < chunks_[i].size(); ++lane)
+        fill_lane(b, static_cast<int>(i), static_cast<int>(lane), chunks_[i][lane], settings);
     }
   });
+}
+
+/// A batch of the given nodes, but for what differs from lane to lane.
+template <int W>
+void Mechanism::make_batch(Batch<W>& b, const std::vector<int>& nodes) {
+  const In<W> in(*this);
+  const Node& first = topology_.nodes[at(nodes[0])];
+  b.used = static_cast<int>(nodes.size());
+  b.massless = std::none_of(nodes.begin(), nodes.end(),
+                            [&](int node) { return topology_.nodes[at(node)].body.has_value(); });
+  b.axis = single(b.kind) ? axes_++ : joints3_++;
+  if (single(b.kind)) {
+    Axis<W>& a = in.axis[b.axis];
+    std::fill_n(a.low, W, -std::numeric_limits<double>::infinity());
+    std::fill_n(a.high, W, std::numeric_limits<double>::infinity());
+  } else {
+    // Empty lanes have the identity as pose.
+    const int w_at = b.kind == NodeKind::ball ? 3 : 6;
+    std::fill_n(tree_.q + b.q + w_at * W, W, 1.0);
+    std::fill_n(in.joint3[b.axis].after[3], W, 1.0);
+  }
+  b.link = first.parent ? ParentLink::aligned : ParentLink::base;
+  b.parent = first.parent ? seats_[at(*first.parent)].batch : base_frames_;
+  if (!first.parent) {
+    Frame<W>& frame = in.base[base_frames_++];
+    for (int lane = 0; lane < W; ++lane) {
+      put4<W>(frame.quat, lane, Quat::Identity());
+      for (const int k : {0, 4, 8}) frame.R[k][lane] = 1;
+    }
+    return;
+  }
+  for (int lane = 0; lane < W; ++lane) {
+    const bool present = lane < b.used;
+    const Seat& seat = seats_[at(*topology_.nodes[at(nodes[present ? at(lane) : 0])].parent)];
+    b.parent_batch[lane] = seat.batch;
+    b.parent_lane[lane] = seat.lane;
+    in.batch[seat.batch].has_children = true;
+    if (present && (seat.batch != b.parent || seat.lane != lane)) b.link = ParentLink::gathered;
+    // The contents of an empty lane must not be added to a node.
+    if (!present && lane < in.batch[b.parent].used) b.link = ParentLink::gathered;
+  }
+}
+
+template <int W>
+void Mechanism::fill_lane(Batch<W>& b, int batch, int lane, int index, const Settings& settings) {
+  const In<W> in(*this);
+  const Node& node = topology_.nodes[at(index)];
+  In<W>::fill(b, lane, node);
+  if (node.kind == NodeKind::ball) {
+    put4<W>(in.joint3[b.axis].after, lane, node.after);
+    balls_.push_back(index);
+  }
+  if (!single(node.kind)) return;
+  const model::Joint& joint = model_.joints[at(*node.joint)];
+  In<W>::fill(in.axis[b.axis], lane, joint.axes[at(node.axis_index)], settings.effects);
+  driven_.push_back({at(joint.first_dof + node.axis_index), batch, b.axis, lane});
 }
 
 Vec3 Mechanism::origin(int island) const {
@@ -221,7 +232,7 @@ Vec3 Mechanism::origin(int island) const {
   return bases_[at(node.base)].pose * node.anchor;
 }
 
-void Mechanism::settle_bases() {
+void Mechanism::update_bases() {
   of_width(kernel_->width, [&](auto w) {
     constexpr int W = w;
     const In<W> in(*this);
@@ -251,7 +262,7 @@ void Mechanism::settle_bases() {
   });
 }
 
-void Mechanism::settle_spins(double step) {
+void Mechanism::update_gyroscopic_torques(double step) {
   const std::size_t n = stride();
   for (const int index : lone_) {
     const Node& node = topology_.nodes[at(index)];
@@ -307,7 +318,7 @@ void Mechanism::take(const model::State& state) {
     if (model_.bodies[i].kinematic)
       bases_[i] = {state.bodies[i].pose(), state.bodies[i].v, state.bodies[i].w, Vec3::Zero(), Vec3::Zero()};
   for (std::size_t i = 0; i < topology_.nodes.size(); ++i) take_node(topology_.nodes[i], seats_[i], state);
-  settle_bases();
+  update_bases();
 }
 
 void Mechanism::give(model::State& state) const {

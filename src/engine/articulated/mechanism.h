@@ -30,6 +30,8 @@ struct Seat {
 struct NodeView {
   const double *S = nullptr, *h = nullptr, *I = nullptr, *mass = nullptr, *c = nullptr, *pv = nullptr;
   const double *R = nullptr, *p = nullptr, *v = nullptr, *spin = nullptr;
+  const double *momentum = nullptr, *energy = nullptr;
+  const double* work = nullptr;    ///< nodes of one rate
   const double* base_a = nullptr;  ///< its base's acceleration; null with a parent
   const double* tau = nullptr;     ///< nodes of several rates
   const double *q = nullptr, *u = nullptr, *du = nullptr;
@@ -68,13 +70,13 @@ class Mechanism {
   /// Writes poses and velocities of all moving bodies, as `kinematics` last found them.
   void give(model::State& state) const;
 
-  /// How a kinematic body moves; `settle_bases` brings it to the tree.
+  /// How a kinematic body moves; `update_bases` brings it to the tree.
   BaseMotion& base(int body) { return bases_[static_cast<std::size_t>(body)]; }
   const BaseMotion& base(int body) const { return bases_[static_cast<std::size_t>(body)]; }
-  void settle_bases();
+  void update_bases();
   /// Gives free bodies that nothing hangs on the gyroscopic torque of an implicit step of this length
   /// (spin.h), in place of the one at its start.
-  void settle_spins(double step);
+  void update_gyroscopic_torques(double step);
   /// An island's origin in the world; of a free one, where its positions have it.
   Vec3 origin(int island) const;
 
@@ -84,10 +86,6 @@ class Mechanism {
   /// @param absolute servos hold on to where they aim in the midst of the step, too. True where all are
   /// sound.
   bool set_servos(std::span<const model::Servo> servos, bool absolute);
-  /// du = change of the rates by impulses in u()'s order: stops in force hold, springs and dampers answer as
-  /// in the step prepared last. Takes velocity products and base accelerations out of the tree, which
-  /// `settle_bases` and `velocities` find anew.
-  void respond(std::span<double> impulses);
   /// Stops in force.
   int stops_in_force() const;
   /// Positions, rates, how the bases move and which stops and torque limits are in force: the same for every
@@ -119,6 +117,10 @@ class Mechanism {
   static void carry(Archive& archive, Self& self);
   void* allocate(std::size_t bytes);
   void seat_nodes(const Settings& settings);
+  template <int W>
+  void make_batch(Batch<W>& b, const std::vector<int>& nodes);
+  template <int W>
+  void fill_lane(Batch<W>& b, int batch, int lane, int index, const Settings& settings);
   void take_node(const Node& node, const Seat& seat, const model::State& state);
 
   const model::Model& model_;

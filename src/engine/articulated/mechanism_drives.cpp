@@ -60,34 +60,6 @@ bool Mechanism::set_servos(std::span<const model::Servo> servos, bool absolute) 
   });
 }
 
-void Mechanism::respond(std::span<double> impulses) {
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
-    const auto tau = [&](const Batch<W>& b) { return &in.joint3[b.axis].tau[0][0]; };
-    for (int i = 0; i < tree_.batches; ++i) {
-      Batch<W>& b = in.batch[i];
-      std::fill_n(&b.c[0][0], 6 * W, 0.0);
-      std::fill_n(&b.pv[0][0], 6 * W, 0.0);
-      if (b.link == ParentLink::base) std::fill_n(&in.base[b.parent].a[0][0], 6 * W, 0.0);
-      double* impulse = impulses.data() + b.u;
-      if (!single(b.kind)) {
-        std::swap_ranges(tau(b), tau(b) + rate_count(b.kind) * W, impulse);
-        continue;
-      }
-      Axis<W>& a = in.axis[b.axis];
-      std::copy_n(impulse, W, a.force);
-      std::fill_n(a.given, W, 0.0);
-      for (int lane = 0; lane < W; ++lane) a.locked[lane] = a.side[lane] != 0 || a.present[lane] == 0 ? 1 : 0;
-    }
-    kernel_->solve(tree_);
-    // Torques of balls stand from step to step.
-    for (int i = 0; i < tree_.batches; ++i)
-      if (const Batch<W>& b = in.batch[i]; !single(b.kind))
-        std::swap_ranges(tau(b), tau(b) + rate_count(b.kind) * W, impulses.data() + b.u);
-  });
-}
-
 int Mechanism::stops_in_force() const {
   return of_width(kernel_->width, [&](auto w) {
     constexpr int W = w;
@@ -142,7 +114,7 @@ void Mechanism::restore(ArchiveReader& in) {
       for (const double value : {of.axis[each.axis].side[each.lane], of.axis[each.axis].saturated[each.lane]})
         if (value != 0 && std::abs(value) != 1) in.refuse("a stop that is in force by half", "-1, 0 or 1");
   });
-  settle_bases();
+  update_bases();
   // The tree holds what it was last told, not what the next step is told.
   servos_at_rest_ = false;
 }
