@@ -118,6 +118,7 @@ struct Lanes {
 
   // Forces of a step, and the stops and limits in force in it (kernel_forces.h).
   static void prepare(const Tree& tree, double step);
+  static void find_torques(const Tree& tree, double step);
   static void prepare_smooth(const Tree& tree);
   static bool revise(const Tree& tree, double step, bool only_first);
   static void correct_first(Axes& a, const V& now, const V& reached);
@@ -143,8 +144,8 @@ struct Lanes {
   static void outward_many(const Tree& tree, Batches& b);
 
   static constexpr Kernel kernel(const char* name) {
-    return {name,   static_cast<int>(W), kinematics,     velocities, prepare, prepare_smooth, solve,
-            revise, integrate,           position_rates, normalise};
+    return {name,  static_cast<int>(W), kinematics, velocities,     prepare,  find_torques, prepare_smooth,
+            solve, revise,              integrate,  position_rates, normalise};
   }
 };
 
