@@ -166,7 +166,7 @@ scene::Scene held(const std::string& name) {
   simulation::Simulation simulation(scene);
   while (simulation.state().time < scene.spec.grasp_plans.front().phase("hold")->start + 1) simulation.step();
   const model::State at = simulation.state();
-  const std::vector<double> q = model::coordinates(scene.model, at);
+  const std::vector<double> q = at.q;
   const std::span<const model::Servo> servos = simulation.controller()->servos();
   scene.model.drives.clear();
   scene.spec.solver.effects.remove(model::Effect::wrist_motion);

@@ -2,7 +2,6 @@
 #include <cstdio>
 
 #include <handsim/core/error.h>
-#include <handsim/model/kinematics.h>
 #include <handsim/simulation/simulation.h>
 
 int main(int, char** argv) try {
@@ -10,7 +9,7 @@ int main(int, char** argv) try {
   handsim::simulation::Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
 
-  const std::vector<double> q = handsim::model::coordinates(simulation.model(), simulation.state());
+  const std::vector<double>& q = simulation.state().q;
   for (const handsim::model::Joint& joint : simulation.model().joints)
     std::printf("%-20s %6.3f rad\n", joint.name.c_str(), q[static_cast<std::size_t>(joint.first_dof)]);
   std::printf("largest joint gap %.3g m\n", simulation.monitor().joint_gap().value);

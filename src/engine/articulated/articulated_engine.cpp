@@ -95,7 +95,7 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
     smooth_ = std::make_unique<Smooth>(model, settings, mechanism_, loops_.get());
   else
     fast_spin_ = std::make_unique<FastSpin>(model, mechanism_);
-  saved_.resize(mechanism_.q().size() + mechanism_.u().size());
+  saved_.resize(mechanism_.q().size() + mechanism_.u().size() + mechanism_.torques().size());
   saved_bases_.reserve(drives_.size());
   targets_.resize(drives_.size());
   ways_.reserve(drives_.size());
@@ -136,6 +136,7 @@ const model::State& ArticulatedEngine::state() const {
     const BaseMotion& base = mechanism_.base(body);
     state_.bodies[static_cast<std::size_t>(body)] = {base.pose.p, base.pose.q, base.v, base.w};
   }
+  mechanism_.give_coordinates(state_);
   state_.time = time_;
   fresh_ = true;
   return state_;
@@ -167,6 +168,7 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   if (failure_) throw Error(*failure_);
   require_state(model_, state);
   mechanism_.restore(in);
+  mechanism_.take_torques(state);
   double size = 0;
   in(size);
   if (!(size >= 0)) in.refuse(fmt::format("a step of {:g} s", size), "0 or more");
@@ -309,6 +311,7 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();
   }
+  kernel.find_torques(tree, settings_.step);
   if (fast) fast_spin_->add_work(report.contacts > 0 || loops_);
   kernel.integrate(tree, settings_.step);
   if (moving) place_bases();
@@ -321,10 +324,10 @@ std::span<const Contact> ArticulatedEngine::contacts() const {
 
 StepReport ArticulatedEngine::step(const StepInput& input) {
   if (failure_) throw Error(*failure_);
+  keep_start();
   accept(input);
   const double end = next_time(time_, settings_.step);
   StepReport report;
-  keep_start();
   if (smooth_)
     check(smooth_->advance(time_, end), end);
   else
@@ -359,9 +362,9 @@ void ArticulatedEngine::check(bool sound, double time) {
 }
 
 void ArticulatedEngine::keep_start() {
-  const std::span<double> q = mechanism_.q(), u = mechanism_.u();
-  std::copy(q.begin(), q.end(), saved_.begin());
-  std::copy(u.begin(), u.end(), saved_.begin() + static_cast<std::ptrdiff_t>(q.size()));
+  auto to = saved_.begin();
+  for (const std::span<double> kept : {mechanism_.q(), mechanism_.u(), mechanism_.torques()})
+    to = std::copy(kept.begin(), kept.end(), to);
   saved_bases_.clear();
   for (const int drive : drives_)
     saved_bases_.push_back(mechanism_.base(model_.drives[static_cast<std::size_t>(drive)].body));
@@ -369,9 +372,11 @@ void ArticulatedEngine::keep_start() {
 
 /// Back to before the step: state() stays the last good one.
 void ArticulatedEngine::back_to_start() {
-  const std::span<double> q = mechanism_.q(), u = mechanism_.u();
-  std::copy_n(saved_.begin(), q.size(), q.begin());
-  std::copy(saved_.begin() + static_cast<std::ptrdiff_t>(q.size()), saved_.end(), u.begin());
+  auto from = saved_.begin();
+  for (const std::span<double> kept : {mechanism_.q(), mechanism_.u(), mechanism_.torques()}) {
+    std::copy_n(from, kept.size(), kept.begin());
+    from += static_cast<std::ptrdiff_t>(kept.size());
+  }
   for (std::size_t i = 0; i < drives_.size(); ++i)
     mechanism_.base(model_.drives[static_cast<std::size_t>(drives_[i])].body) = saved_bases_[i];
   mechanism_.update_bases();

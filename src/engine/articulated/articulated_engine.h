@@ -67,7 +67,7 @@ class ArticulatedEngine final : public Engine {
   std::unique_ptr<Smooth> smooth_;            ///< with a method for smooth motion only
   std::unique_ptr<FastSpin> fast_spin_;       ///< without one only
   std::vector<int> drives_;                   ///< of the model, in force
-  std::vector<double> saved_;                 ///< positions and rates before the step
+  std::vector<double> saved_;                 ///< positions, rates and torques before the step
   std::vector<BaseMotion> saved_bases_;       ///< of the drives
   std::vector<Prospect::Driven> ways_;        ///< of the drives, during the step
   std::vector<Pose> targets_;                 ///< of the drives, at the end of the step

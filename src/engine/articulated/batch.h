@@ -120,6 +120,8 @@ struct Tree {
   double* q = nullptr;                 ///< positions, [batch][component][lane]
   double* u = nullptr;                 ///< rates
   double* du = nullptr;                ///< accelerations
+  double* tau = nullptr;               ///< State::tau of the last step, as rates; balls as told
+  double* tau_servo = nullptr;         ///< the servos' part
   double max_speed = 0, max_turn = 0;  ///< bounds of every link [m/s], [rad/s]
   double* spin = nullptr;              ///< largest Batch::spin of each lane
   double erp = 1;                      ///< share of an angle beyond its stop that a step brings back
@@ -136,7 +138,9 @@ struct Kernel {
   bool (*velocities)(const Tree&);
   /// Forces, weights and locks of a step [s] that evaluates springs and dampers at its end.
   void (*prepare)(const Tree&, double step);
-  /// Forces at the very state, without weights or stops.
+  /// tau and tau_servo of a step [s] whose du is found.
+  void (*find_torques)(const Tree&, double step);
+  /// Forces at the very state, without weights or stops, and tau and tau_servo.
   void (*prepare_smooth)(const Tree&);
   /// du from q, u, forces and weights: the articulated-body algorithm.
   void (*solve)(const Tree&);

@@ -119,6 +119,7 @@ struct Lanes {
 
   // Forces of a step, and the stops and limits in force in it (kernel_forces.h).
   static void prepare(const Tree& tree, double step);
+  static void find_torques(const Tree& tree, double step);
   static void prepare_smooth(const Tree& tree);
   static bool update_active_set(const Tree& tree, double step, bool only_first);
   static void work(const Tree& tree, double step);
@@ -145,9 +146,8 @@ struct Lanes {
   static void outward_many(const Tree& tree, Batches& b);
 
   static constexpr Kernel kernel(const char* name) {
-    return {name,     static_cast<int>(W), kinematics, velocities, prepare,   prepare_smooth,
-            solve,    update_active_set,   momenta,    work,       integrate, position_rates,
-            normalise};
+    return {name,  static_cast<int>(W), kinematics, velocities, prepare,   find_torques,   prepare_smooth,
+            solve, update_active_set,   momenta,    work,       integrate, position_rates, normalise};
   }
 };
 

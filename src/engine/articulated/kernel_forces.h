@@ -31,6 +31,25 @@ inline void Lanes<V>::prepare(const Tree& tree, double step) {
 }
 
 template <class V>
+inline void Lanes<V>::find_torques(const Tree& tree, double step) {
+  const V h = step, zero = 0.0;
+  for (int i = 0; i < tree.batches; ++i) {
+    const Batches& b = batches(tree)[i];
+    if (!single(b)) continue;
+    const Axes& a = axis(tree, b);
+    const V u = load(tree.u + b.u) + h * load(tree.du + b.u), q = load(tree.q + b.q) + h * u;
+    const V limit = load(a.servo_limit);
+    V pull = load(a.servo_stiffness) * (load(a.servo_error) - h * u) - load(a.servo_damping) * u +
+             load(a.servo_feed);
+    pull = articulated::select(pull > limit, limit, pull);
+    pull = articulated::select(pull < V(zero - limit), V(zero - limit), pull);
+    store(tree.tau_servo + b.u, pull);
+    store(tree.tau + b.u,
+          load(a.tau) - load(a.stiffness) * (q - load(a.rest)) - load(a.damping) * u + pull);
+  }
+}
+
+template <class V>
 inline void Lanes<V>::prepare_smooth(const Tree& tree) {
   const V zero = 0.0;
   for (int i = 0; i < tree.batches; ++i) {
@@ -43,7 +62,10 @@ inline void Lanes<V>::prepare_smooth(const Tree& tree) {
         load(a.servo_stiffness) * (load(a.servo_error) - q) - load(a.servo_damping) * u + load(a.servo_feed);
     pull = articulated::select(pull > limit, limit, pull);
     pull = articulated::select(pull < V(zero - limit), V(zero - limit), pull);
-    store(a.force, load(a.tau) - load(a.stiffness) * (q - load(a.rest)) - load(a.damping) * u + pull);
+    const V tau = load(a.tau) - load(a.stiffness) * (q - load(a.rest)) - load(a.damping) * u + pull;
+    store(a.force, tau);
+    store(tree.tau + b.u, tau);
+    store(tree.tau_servo + b.u, pull);
     store(a.weight, V(1.0) - load(a.present));
     store(a.locked, V(1.0) - load(a.present));
     store(a.given, zero);

@@ -113,6 +113,11 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
     if (const Node& node = topology_.nodes[i];
         node.kind == NodeKind::free && !parents[i] && node.inertia.maxCoeff() != node.inertia.minCoeff())
       lone_.push_back(static_cast<int>(i));
+  std::vector<bool> inside(model.joints.size(), false);
+  for (const Node& node : topology_.nodes)
+    if (node.joint) inside[at(*node.joint)] = true;
+  for (std::size_t j = 0; j < inside.size(); ++j)
+    if (!inside[j]) outside_.push_back(static_cast<int>(j));
   for (std::size_t i = 0; i < topology_.nodes.size(); ++i)
     if (topology_.nodes[i].body)
       carried_.push_back({*topology_.nodes[i].body, static_cast<int>(i), topology_.nodes[i].q_LB});
@@ -143,6 +148,8 @@ void Mechanism::seat_nodes(const Settings& settings) {
   tree_.q = static_cast<double*>(allocate(positions * sizeof(double)));
   tree_.u = static_cast<double*>(allocate(rates * sizeof(double)));
   tree_.du = static_cast<double*>(allocate(rates * sizeof(double)));
+  tree_.tau = static_cast<double*>(allocate(2 * rates * sizeof(double)));
+  tree_.tau_servo = tree_.tau + rates;
   of_width(kernel_->width, [&](auto w) {
     constexpr int W = w;
     tree_.batch = allocate(chunks_.size() * sizeof(Batch<W>));
@@ -219,7 +226,8 @@ void Mechanism::fill_lane(Batch<W>& b, int batch, int lane, int index, const Set
   if (!single(node.kind)) return;
   const model::Joint& joint = model_.joints[at(*node.joint)];
   In<W>::fill(in.axis[b.axis], lane, joint.axes[at(node.axis_index)], settings.effects);
-  driven_.push_back({at(joint.first_dof + node.axis_index), batch, b.axis, lane});
+  const Seat& seat = seats_[at(index)];
+  driven_.push_back({at(joint.first_dof + node.axis_index), batch, b.axis, lane, seat.q, seat.u});
 }
 
 Vec3 Mechanism::origin(int island) const {
@@ -318,7 +326,54 @@ void Mechanism::take(const model::State& state) {
     if (model_.bodies[i].kinematic)
       bases_[i] = {state.bodies[i].pose(), state.bodies[i].v, state.bodies[i].w, Vec3::Zero(), Vec3::Zero()};
   for (std::size_t i = 0; i < topology_.nodes.size(); ++i) take_node(topology_.nodes[i], seats_[i], state);
+  take_torques(state);
   update_bases();
+}
+
+void Mechanism::take_torques(const model::State& state) {
+  for (const Driven& each : driven_) {
+    tree_.tau[each.u] = state.tau[each.dof];
+    tree_.tau_servo[each.u] = state.tau_servo[each.dof];
+  }
+  for (const int ball : balls_) {
+    const std::size_t first = at(model_.joints[at(*topology_.nodes[at(ball)].joint)].first_dof);
+    for (std::size_t k = 0; k < 3; ++k) tree_.tau[seats_[at(ball)].u + k * stride()] = state.tau[first + k];
+  }
+}
+
+void Mechanism::give_coordinates(model::State& state) const {
+  state.q.resize(state.tau.size());
+  state.u.resize(state.tau.size());
+  for (const Driven& each : driven_) {
+    state.q[each.dof] = tree_.q[each.q];
+    state.u[each.dof] = tree_.u[each.u];
+    state.tau[each.dof] = tree_.tau[each.u];
+    state.tau_servo[each.dof] = tree_.tau_servo[each.u];
+  }
+  const std::size_t n = stride();
+  for (const int ball : balls_) {
+    const Node& node = topology_.nodes[at(ball)];
+    const Seat& seat = seats_[at(ball)];
+    const double *q = tree_.q + seat.q, *u = tree_.u + seat.u, *tau = tree_.tau + seat.u;
+    Quat q_FM(q[3 * n], q[0], q[n], q[2 * n]);
+    Vec3 w(u[0], u[n], u[2 * n]);
+    if (node.reversed) {
+      q_FM = q_FM.conjugate();
+      w = -(q_FM * w);
+    }
+    const Vec3 turn = rotation_vector(q_FM);
+    const std::size_t first = at(model_.joints[at(*node.joint)].first_dof);
+    for (std::size_t k = 0; k < 3; ++k) {
+      state.q[first + k] = turn[static_cast<Eigen::Index>(k)];
+      state.u[first + k] = w[static_cast<Eigen::Index>(k)];
+      state.tau[first + k] = tau[k * n];
+    }
+  }
+  for (const int index : outside_) {
+    const model::Joint& joint = model_.joints[at(index)];
+    model::joint_coordinates(joint, state, std::span(state.q).subspan(at(joint.first_dof)));
+    model::joint_rates(joint, state, std::span(state.u).subspan(at(joint.first_dof)));
+  }
 }
 
 void Mechanism::give(model::State& state) const {

@@ -64,11 +64,17 @@ class Mechanism {
   std::span<double> q() { return {tree_.q, static_cast<std::size_t>(tree_.positions)}; }
   std::span<double> u() { return {tree_.u, static_cast<std::size_t>(tree_.rates)}; }
   std::span<double> du() { return {tree_.du, static_cast<std::size_t>(tree_.rates)}; }
+  /// Torques of the last step, in the order of u(), then the servos' part of them.
+  std::span<double> torques() { return {tree_.tau, 2 * static_cast<std::size_t>(tree_.rates)}; }
 
-  /// Sets positions and rates to a state's, and the bases to where the state has them, at its velocities.
+  /// Sets positions, rates and torques to a state's, and the bases to where the state has them, at its
+  /// velocities.
   void take(const model::State& state);
+  void take_torques(const model::State& state);
   /// Writes poses and velocities of all moving bodies, as `kinematics` last found them.
   void give(model::State& state) const;
+  /// Writes coordinates, rates and torques of all joints. @param state with all bodies as `give` has them
+  void give_coordinates(model::State& state) const;
 
   /// How a kinematic body moves; `update_bases` brings it to the tree.
   BaseMotion& base(int body) { return bases_[static_cast<std::size_t>(body)]; }
@@ -111,6 +117,7 @@ class Mechanism {
   struct Driven {
     std::size_t dof = 0;
     int batch = 0, axis = 0, lane = 0;
+    std::size_t q = 0, u = 0;  ///< as in Seat
   };
 
   template <class Archive, class Self>
@@ -135,6 +142,7 @@ class Mechanism {
   std::vector<Carried> carried_;
   std::vector<Driven> driven_;     ///< single coordinates
   std::vector<int> balls_;         ///< nodes
+  std::vector<int> outside_;       ///< joints that are no node's
   std::vector<int> lone_;          ///< nodes of free bodies without children
   std::vector<BaseMotion> bases_;  ///< as Model::bodies
   bool servos_at_rest_ = true;

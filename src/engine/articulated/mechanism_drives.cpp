@@ -21,6 +21,8 @@ void Mechanism::set_torques(std::span<const double> torques) {
         const auto first = at(model_.joints[at(*node.joint)].first_dof);
         tau = {torques[first], torques[first + 1], torques[first + 2]};
       }
+      for (std::size_t k = 0; k < 3; ++k)
+        tree_.tau[seat.u + k * stride()] = tau[static_cast<Eigen::Index>(k)];
       // The model's torque acts on its child, in its F.
       if (node.reversed) {
         const double* q = tree_.q + seat.q;

@@ -130,6 +130,7 @@ bool Smooth::advance(double from, double to) {
     if (!integrate(t, end)) return false;
     t = end;
   }
+  mechanism_.kernel().prepare_smooth(mechanism_.tree());
   mechanism_.kernel().normalise(mechanism_.tree());
   return mechanism_.kernel().kinematics(mechanism_.tree());
 }

@@ -4,8 +4,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/model/kinematics.h"
-
 namespace handsim::output {
 
 namespace {
@@ -52,8 +50,8 @@ TrajectoryWriter::TrajectoryWriter(const std::filesystem::path& path, const mode
 void TrajectoryWriter::add(const model::State& state) {
   // Twelve digits: sums of steps carry rounding that nobody wants to read.
   fmt::format_to(std::back_inserter(buffer_), "{:.12g}", state.time);
-  for (const double q : model::coordinates(model_, state)) append(buffer_, q);
-  for (const double u : model::rates(model_, state)) append(buffer_, u);
+  for (const double q : state.q) append(buffer_, q);
+  for (const double u : state.u) append(buffer_, u);
   for (std::size_t b = 1; b < state.bodies.size(); ++b) {
     const model::BodyState& body = state.bodies[b];
     for (const double value :

@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include "handsim/core/units.h"
-#include "handsim/model/kinematics.h"
 #include "handsim/simulation/run/output_size.h"
 
 namespace handsim::simulation {
@@ -123,7 +122,7 @@ void Recorder::add_rows() {
   const model::State& state = simulation_.state();
   trajectory_.add(state);
   if (motion_) {
-    std::vector<double> angles = model::coordinates(simulation_.model(), state);
+    std::vector<double> angles = state.q;
     for (double& angle : angles) angle *= kDegreesPerRadian;
     motion_->add(state.time, angles);
   }

@@ -4,8 +4,6 @@
 #include <array>
 #include <cmath>
 
-#include "handsim/model/kinematics.h"
-
 namespace handsim::simulation {
 
 namespace {
@@ -35,10 +33,9 @@ const LoadedGrip& nearest(const std::vector<LoadedGrip>& grips, double load) {
 }  // namespace
 
 ClimbWatch::ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, double step)
-    : model_(model), plan_(plan), half_step_(step / 2) {
+    : plan_(plan), half_step_(step / 2) {
   const model::HandIndex& hand = model.hands[plan.hand];
-  rail_ = static_cast<std::size_t>(*hand.rail);
-  dof_ = static_cast<std::size_t>(model.joints[rail_].first_dof);
+  dof_ = static_cast<std::size_t>(model.joints[static_cast<std::size_t>(*hand.rail)].first_dof);
   for (const model::Shape& shape : model.shapes) {
     const bool mine = std::find(hand.bodies.begin(), hand.bodies.end(), shape.body) != hand.bodies.end();
     part_of_shape_.push_back(mine ? hand_part(shape.tint) : -1);
@@ -66,9 +63,7 @@ void ClimbWatch::command(const model::State& state, std::span<double> torques,
     torques[dof_] += load(end);
     return;
   }
-  double q = 0;
-  model::joint_coordinates(model_.joints[rail_], state, std::span(&q, 1));
-  servos[dof_] = {kServoStiffness, kServoDamping, target(end) - q, 0, kServoLimit};
+  servos[dof_] = {kServoStiffness, kServoDamping, target(end) - state.q[dof_], 0, kServoLimit};
 }
 
 LoadedGrip ClimbWatch::grip(const engine::Engine& engine) const {
@@ -99,9 +94,7 @@ LoadedGrip ClimbWatch::grip(const engine::Engine& engine) const {
 void ClimbWatch::look(const engine::Engine& engine) {
   const model::State& state = engine.state();
   if (state.time < plan_.loading().start - half_step_) return;
-  double q = 0, rate = 0;
-  model::joint_coordinates(model_.joints[rail_], state, std::span(&q, 1));
-  model::joint_rates(model_.joints[rail_], state, std::span(&rate, 1));
+  const double q = state.q[dof_], rate = state.u[dof_];
   if (!loading_) {
     loading_ = true;
     start_ = q;

@@ -74,10 +74,9 @@ class ClimbWatch {
   LoadedGrip grip(const engine::Engine& engine) const;
   double target(double time) const;
 
-  const model::Model& model_;
   scene::ClimbPlan plan_;
   double half_step_;
-  std::size_t rail_ = 0, dof_ = 0;
+  std::size_t dof_ = 0;
   std::vector<int> part_of_shape_;  ///< by shape: -1 no part of the hand, else index into kHandParts
   std::vector<bool> of_hold_;       ///< by shape
   double start_ = 0;                ///< coordinate at which the load began [m]

@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "handsim/model/kinematics.h"
-
 namespace handsim::simulation {
 
 namespace {
@@ -16,11 +14,8 @@ constexpr double kResolution = 1e-6;
 /// Bound of how fast any coordinate of the joint moves. The axes of a universal joint are perpendicular, so
 /// that no rate exceeds the relative angular velocity.
 double fastest_rate(const model::Joint& joint, const model::State& state) {
-  if (joint.kind == model::JointKind::slider) {
-    double rate = 0;
-    model::joint_rates(joint, state, std::span(&rate, 1));
-    return std::abs(rate);
-  }
+  if (joint.kind == model::JointKind::slider)
+    return std::abs(state.u[static_cast<std::size_t>(joint.first_dof)]);
   return (state.bodies[static_cast<std::size_t>(joint.child)].w -
           state.bodies[static_cast<std::size_t>(joint.parent)].w)
       .norm();
@@ -92,8 +87,7 @@ void Monitor::look_at_gaps(const model::State& state) {
 
 void Monitor::look_at_stops(Watched& watched, const model::State& state) {
   const model::Joint& joint = model_.joints[static_cast<std::size_t>(watched.joint)];
-  std::array<double, 3> q{};
-  model::joint_coordinates(joint, state, q);
+  const double* q = state.q.data() + joint.first_dof;
   watched.leeway = std::numeric_limits<double>::infinity();
   for (std::size_t a = 0; a < joint.axes.size(); ++a) {
     const auto& stop = joint.axes[a].stop;
@@ -107,9 +101,8 @@ void Monitor::look_at_stops(Watched& watched, const model::State& state) {
 void Monitor::book(Watched& watched, std::size_t axis, double over, const model::State& state) {
   const model::Joint& joint = model_.joints[static_cast<std::size_t>(watched.joint)];
   if (over > 0 && watched.overshoot[axis] <= 0) {
-    std::array<double, 3> rate{};
-    model::joint_rates(joint, state, rate);
-    watched.allowed[axis] = std::abs(rate[axis]) * step_ + kResolution;
+    const double rate = state.u[static_cast<std::size_t>(joint.first_dof) + axis];
+    watched.allowed[axis] = std::abs(rate) * step_ + kResolution;
   }
   watched.overshoot[axis] = over;
   const double excess = over - watched.allowed[axis];
@@ -161,8 +154,7 @@ Peak Monitor::stop_rest(const model::State& state) const {
   Peak worst;
   for (const Watched& watched : watched_) {
     const model::Joint& joint = model_.joints[static_cast<std::size_t>(watched.joint)];
-    std::array<double, 3> q{};
-    model::joint_coordinates(joint, state, q);
+    const double* q = state.q.data() + joint.first_dof;
     for (std::size_t a = 0; a < joint.axes.size(); ++a) {
       if (!joint.axes[a].stop) continue;
       const double over = overshoot(*joint.axes[a].stop, q[a]);

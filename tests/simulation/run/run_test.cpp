@@ -45,7 +45,7 @@ TEST(MainScene, FingersEndOnTheirStops) {
   const scene::Scene scene = shipped_scene("two_hands");
   Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-  const std::vector<double> q = model::coordinates(scene.model, simulation.state());
+  const std::vector<double> q = simulation.state().q;
   for (const model::Joint& joint : scene.model.joints) {
     if (joint.name.find("thumb") != std::string::npos) continue;
     EXPECT_NEAR(q[static_cast<std::size_t>(joint.first_dof)], joint.axes[0].stop->low, 1e-3) << joint.name;
@@ -106,8 +106,8 @@ TEST(Effects, AreBuiltOnlyWhereTheSceneListsThem) {
   Simulation still(floating);
   for (int i = 0; i < 100; ++i) still.step();
   // Without gravity, stops and tissue nothing moves a hand that starts at rest.
-  const std::vector<double> before = model::coordinates(floating.model, model::initial_state(floating.model));
-  const std::vector<double> after = model::coordinates(floating.model, still.state());
+  const std::vector<double> before = model::initial_state(floating.model).q;
+  const std::vector<double> after = still.state().q;
   for (std::size_t i = 0; i < before.size(); ++i) EXPECT_NEAR(after[i], before[i], 1e-14);
 }
 
