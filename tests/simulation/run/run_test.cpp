@@ -11,6 +11,7 @@
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
+#include "support/read_png.h"
 #include "support/peak_memory.h"
 
 namespace handsim::simulation {
@@ -152,7 +153,7 @@ TEST(Pictures, AreHandedOnAsTheyAreDrawnAndNotKept) {
   const std::vector<Snapshot> moments(70, {model::initial_state(scene.model), {}});
   double before = 0;
   std::size_t drawn = 0;
-  draw(scene, moments, [&](std::size_t i, const output::Image& image) {
+  draw(scene.model, scene.spec.pictures, moments, [&](std::size_t i, const output::Image& image) {
     EXPECT_EQ(i, drawn++);
     EXPECT_EQ(image.width, 640);
     if (i == 10) before = peak_memory();
@@ -167,7 +168,7 @@ TEST(Pictures, OfALongRunAreAllFilesAndThinnedOutOnTheSheet) {
   run_into(shipped_scene("two_hands", {"pictures.size=[32, 24]", "duration=0.5"}), folder.path(), 150);
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "frame_000.png"));
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "frame_149.png"));
-  const output::Image sheet = output::read_png(folder.path() / "contact_sheet.png");
+  const output::Image sheet = test::read_png(folder.path() / "contact_sheet.png");
   EXPECT_LT(sheet.height, 100 / 4 * 100);
 }
 
