@@ -370,7 +370,7 @@ int parse_and_call(int argc, const char* const* argv) {
   if (app.got_subcommand("contacts")) return contacts_command(contacts);
   if (app.got_subcommand("stability")) return stability_command(stability);
   if (app.got_subcommand("completion")) {
-    print_text(shell == "man" ? man_page(app, HANDSIM_VERSION) : completion_script(app, shell));
+    print_text(shell == "man" ? man_page(app, kVersion) : completion_script(app, shell));
     return 0;
   }
   if (app.got_subcommand("effects")) return effects_command(effects);

@@ -13,7 +13,7 @@
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
 #include "handsim/scene/read/files_read.h"
-#include "handsim/simulation/run/mathematics.h"
+#include "handsim/simulation/mathematics.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/simulation/watch/state_hash.h"

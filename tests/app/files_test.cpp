@@ -14,7 +14,7 @@
 
 #include "app/program.h"
 #include "handsim/control/motion_file.h"
-#include "handsim/simulation/run/snapshot.h"
+#include "handsim/simulation/run/snapshot_file.h"
 
 namespace handsim::test {
 namespace {

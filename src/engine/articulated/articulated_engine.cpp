@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <thread>
 
 #include <fmt/format.h>
 
@@ -125,11 +126,15 @@ void ArticulatedEngine::start(const model::State& state) {
     throw input_error("state", "loops that are open", "joints that can all be closed");
   time_ = next.time;
   state_ = std::move(next);
-  fresh_ = false;
+  made_.store(Made::no, std::memory_order_relaxed);
 }
 
 const model::State& ArticulatedEngine::state() const {
-  if (fresh_) return state_;
+  if (made_.load(std::memory_order_acquire) == Made::yes) return state_;
+  if (Made no = Made::no; !made_.compare_exchange_strong(no, Made::under_way, std::memory_order_acquire)) {
+    while (made_.load(std::memory_order_acquire) != Made::yes) std::this_thread::yield();
+    return state_;
+  }
   mechanism_.give(state_);
   for (const int drive : drives_) {
     const int body = model_.drives[static_cast<std::size_t>(drive)].body;
@@ -138,7 +143,7 @@ const model::State& ArticulatedEngine::state() const {
   }
   mechanism_.give_coordinates(state_);
   state_.time = time_;
-  fresh_ = true;
+  made_.store(Made::yes, std::memory_order_release);
   return state_;
 }
 
@@ -182,7 +187,7 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   had_torques_ = true;
   time_ = state.time;
   state_ = state;
-  fresh_ = false;
+  made_.store(Made::no, std::memory_order_relaxed);
   this->state();
   // Coordinates say where the bodies are: what is said twice has to agree.
   ArchiveWriter told, found;
@@ -334,7 +339,7 @@ StepReport ArticulatedEngine::step(const StepInput& input) {
     step_implicitly(input, end, report);
   if (settings_.effects.has(model::Effect::joint_stops)) report.stop_rows = mechanism_.stops_in_force();
   time_ = end;
-  fresh_ = false;
+  made_.store(Made::no, std::memory_order_relaxed);
   return report;
 }
 

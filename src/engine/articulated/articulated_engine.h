@@ -9,6 +9,7 @@
 // contact.
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <optional>
 #include <string>
@@ -75,7 +76,9 @@ class ArticulatedEngine final : public Engine {
   double time_ = 0;
   bool had_torques_ = false;
   mutable model::State state_;
-  mutable bool fresh_ = false;
+  /// Whether state_ is of the coordinates: several threads may ask for it at once.
+  enum class Made : char { no, under_way, yes };
+  mutable std::atomic<Made> made_ = Made::no;
   std::optional<Error> failure_;
 };
 

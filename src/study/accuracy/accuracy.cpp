@@ -171,7 +171,7 @@ Motion follow(const scene::Scene& scene, const std::optional<std::string>& obser
     simulation.step();
     follower.look(simulation.state());
   }
-  Motion motion = follower.finish(simulation.monitor().joint_gap().value);
+  Motion motion = follower.finish(simulation.get<simulation::Monitor>().joint_gap().value);
   motion.engine = simulation.engine().version();
   return motion;
 }
@@ -198,7 +198,7 @@ Motion follow_job(const AccuracySpec& spec, const Job& job) {
       follower.emplace(job.scene, observe, spec.sample_every, state);
       return;
     }
-    monitor.look(state);
+    monitor.update(state);
     follower->look(state);
   };
   const PeerName name = follow_peer(program_of(spec, *job.method), *job.method->peer, job.scene, look);

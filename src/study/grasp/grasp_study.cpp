@@ -103,12 +103,12 @@ bool held(const scene::Scene& scene) {
   simulation::Simulation simulation(scene);
   const long steps = simulation.step_count();
   try {
-    for (long i = 0; i < steps && !simulation.grasp_lost(); ++i) simulation.step();
+    for (long i = 0; i < steps && !simulation.get<simulation::Grasps>().lost(); ++i) simulation.step();
   } catch (const Error& error) {
     if (!error.fault()) throw;
     return false;
   }
-  const std::vector<simulation::GraspFigures> grasps = simulation.grasps();
+  const std::vector<simulation::GraspFigures> grasps = simulation.figures<simulation::Grasps>();
   return std::all_of(grasps.begin(), grasps.end(), [](const simulation::GraspFigures& g) { return g.held; });
 }
 

@@ -95,13 +95,13 @@ TEST(Effects, AreBuiltOnlyWhereTheSceneListsThem) {
   Simulation without(dry);
   for (int i = 0; i < 100; ++i) without.step();
   EXPECT_FALSE(without.engine().tests_contacts());
-  EXPECT_EQ(without.ledger().collide_calls(), 0);
+  EXPECT_EQ(without.get<Ledger>().collide_calls(), 0);
 
   const scene::Scene wet = shipped_scene("dropped_hand");
   Simulation with(wet);
   for (int i = 0; i < 100; ++i) with.step();
   EXPECT_TRUE(with.engine().tests_contacts());
-  EXPECT_GT(with.ledger().collide_calls(), 0);
+  EXPECT_GT(with.get<Ledger>().collide_calls(), 0);
 
   const scene::Scene floating = shipped_scene("two_hands", {"effects=[]", "criteria={}"});
   Simulation still(floating);

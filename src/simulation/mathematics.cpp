@@ -1,4 +1,4 @@
-#include "handsim/simulation/run/mathematics.h"
+#include "handsim/simulation/mathematics.h"
 
 #include <cmath>
 

@@ -1,39 +1,18 @@
-// A run at one moment, to go on from: in memory, and as a file that says which scene it is of. Made and taken
-// over by Simulation::snapshot and restore.
+// A run's snapshot as a file that says which scene it is of.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
-#include <memory>
 #include <string>
 #include <string_view>
-#include <utility>
-#include <vector>
 
-#include "handsim/engine/engine.h"
-#include "handsim/scene/compile/scene.h"
+#include "handsim/simulation/snapshot.h"
 
 namespace handsim::simulation {
 
-/// What the motion of a scene depends on, part by part, so that a difference can be named: each part's name
-/// (`solver.step`, `hands.0`) and the hash of its value. Title, duration, recording, pictures and criteria
-/// are no part of it.
-using Fingerprint = std::vector<std::pair<std::string, std::uint64_t>>;
-
-Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine);
-
-/// Names of parts that differ or that only one has; empty where none does.
-std::vector<std::string> differences(const Fingerprint& a, const Fingerprint& b);
-
-struct RunSnapshot {
-  std::shared_ptr<const Fingerprint> scene;
-  double time = 0;    ///< of the state [s]
-  std::string bytes;  ///< Simulation's own
-};
-
 /// Version of files: others are refused. To be raised with every change of what is in a snapshot, whether of
 /// its parts (what anything saves of itself), their order or how they are written.
-inline constexpr std::uint64_t kSnapshotVersion = 3;
+inline constexpr std::uint64_t kSnapshotVersion = 4;
 /// Largest file that is read.
 inline constexpr std::size_t kSnapshotMaxBytes = 64U << 20U;
 
