@@ -84,8 +84,24 @@ std::string check_target(const std::string& text) {
 
 std::string check_path(const std::string& text) { return text.empty() ? got_need("\"\"", "a path") : ""; }
 
-/// CLI11 lets an option that may be repeated take every word after it; this one takes one.
+std::string check_engine(const std::string& text) {
+  const std::vector<std::string> engines = {"ode", "dae", "articulated", "auto"};
+  const bool known = std::find(engines.begin(), engines.end(), text) != engines.end();
+  return known ? "" : got_need(text, need_word(text, engines));
+}
+
+/// `--set`, and `--engine` for `--set solver.engine=...`. CLI11 lets an option that may be repeated take
+/// every word after it; these take one.
 void add_overrides(CLI::App& app, std::vector<std::string>& overrides) {
+  app.add_option_function<std::string>(
+         "--engine",
+         [&overrides](const std::string& text) {
+           overrides.insert(overrides.begin(), "solver.engine=" + text);
+         },
+         "ode, dae, articulated or auto in place of the scene's, with that engine's default method; settings "
+         "that it "
+         "does not have are left out")
+      ->check(check_engine);
   app.add_option("--set", overrides, "override a key of the scene: solver.step=\"5 ms\"; may be repeated")
       ->allow_extra_args(false);
 }
@@ -111,12 +127,14 @@ void add_hand(CLI::App& app, HandArguments& arguments) {
   hand->add_option("--out", arguments.out, "folder for hand.yaml and hand.png")->check(check_path);
 }
 
-void add_check(CLI::App& app, std::vector<std::filesystem::path>& files) {
+void add_check(CLI::App& app, std::vector<std::filesystem::path>& files, bool& engines) {
   CLI::App* check = app.add_subcommand("check",
                                        "Validate scenes, persons, hand models, controllers, poses and "
                                        "motions: say every problem, run nothing");
   check->footer("Example: handsim check config/two_hands.yaml config/persons/child.yaml");
   check->add_option("files", files, "YAML files")->required();
+  check->add_flag("--engines", engines,
+                  "print which engines run each scene as it stands, and why others do not");
 }
 
 void add_run(CLI::App& app, RunArguments& arguments) {
@@ -334,7 +352,8 @@ int parse_and_call(int argc, const char* const* argv) {
   EffectsArguments effects;
   std::filesystem::path contacts;
   add_hand(app, hand);
-  add_check(app, files);
+  bool engines = false;
+  add_check(app, files, engines);
   add_run(app, run);
   add_render(app, render);
   add_accuracy(app, accuracy);
@@ -362,7 +381,7 @@ int parse_and_call(int argc, const char* const* argv) {
     return status;
   }
   if (app.got_subcommand("hand")) return hand_command(hand);
-  if (app.got_subcommand("check")) return check_command(files);
+  if (app.got_subcommand("check")) return check_command(files, engines);
   if (app.got_subcommand("run")) return run_scene_command(run);
   if (app.got_subcommand("grasp")) return grasp_command(grasp);
   if (app.got_subcommand("accuracy")) return accuracy_command(accuracy);

@@ -63,10 +63,9 @@ int dof_count(JointKind kind);
 
 /// Limits of one joint coordinate.
 struct Stop {
-  double low = 0;           ///< [rad] or [m], below `high`
-  double high = 0;          ///< [rad] or [m]
-  double bounce = 0;        ///< restitution at the stop, 0..1
-  double fudge_factor = 1;  ///< ODE's: scales a motor's force when it leaves a stop, 0..1
+  double low = 0;     ///< [rad] or [m], below `high`
+  double high = 0;    ///< [rad] or [m]
+  double bounce = 0;  ///< restitution at the stop, 0..1
 };
 
 /// Linear passive tissue across one joint coordinate: torque = -stiffness (q - rest) - damping qdot.

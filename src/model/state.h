@@ -17,16 +17,6 @@ struct BodyState {
   Pose pose() const { return {p, q}; }
 };
 
-/// How far two touching shapes have slid on each other without being pulled back yet. An engine that holds
-/// friction by position keeps it from step to step.
-struct Presliding {
-  int shape_a = 0;
-  int shape_b = 0;
-  Vec3 shift =
-      Vec3::Zero();  ///< of a's surface against b's at the middle of the contact, in b's body frame [m]
-  double turn = 0;   ///< of a against b about the contact's normal [rad]
-};
-
 struct State {
   double time = 0;                ///< [s]
   std::vector<BodyState> bodies;  ///< as Model::bodies; [0], the world, stays at rest at the origin
@@ -41,12 +31,10 @@ struct State {
   /// constraints. Of a ball: the given torque in F. Zero before the first step [N m] or [N].
   std::vector<double> tau;
   std::vector<double> tau_servo;  ///< the servos' part of tau, within their limits [N m] or [N]
-
-  std::vector<Presliding> presliding;  ///< ODE only: of the pairs that touched in the last step; empty: none
 };
 
-/// Names time, bodies and torques to an archive (core/archive.h); the numbers of them are the model's, q and u
-/// follow from the bodies, and presliding is its engine's to carry.
+/// Names time, bodies and torques to an archive (core/archive.h); the numbers of them are the model's, and q and u
+/// follow from the bodies.
 template <class Archive, class T>
 void carry(Archive& archive, T& state) {
   archive(state.time);

@@ -32,21 +32,26 @@ void add_parts(const YamlNode& resolved, Fingerprint& out) {
   }
 }
 
-void add_settings(const model::SolverSettings& solver, Fingerprint& out) {
+void add_settings(const engine::Settings& solver, Fingerprint& out) {
   const auto add = [&](const char* name, const auto& value) {
     ArchiveWriter bits;
     bits(value);
     out.emplace_back(std::string("solver.") + name, hash_bytes(bits.bytes()));
   };
-  add("method", static_cast<int>(solver.method));
+  std::visit(
+      [&](const auto& own) {
+        each_setting(own, [&](const char* name, const auto& value) {
+          if constexpr (std::same_as<std::decay_t<decltype(value)>, std::string_view>)
+            add(name, std::string(value));
+          else if constexpr (requires { value.has_value(); })
+            add(name,
+                value ? Vec3(value->joint_gap, value->speed, value->angular_speed) : Vec3(Vec3::Zero()));
+          else
+            add(name, value);
+        });
+      },
+      solver.own);
   add("step", solver.step);
-  add("erp", solver.erp);
-  add("cfm", solver.cfm);
-  add("iterations", solver.iterations);
-  add("projection", solver.projection);
-  add("seed", solver.seed);
-  add("tolerance", solver.tolerance);
-  add("guard", Vec3(solver.guard.joint_gap, solver.guard.speed, solver.guard.angular_speed));
   add("contact_forces", solver.contact_forces);
   for (int i = 0; i < model::kEffectCount; ++i) {
     const auto effect = static_cast<model::Effect>(i);
@@ -59,9 +64,10 @@ void add_settings(const model::SolverSettings& solver, Fingerprint& out) {
 Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine) {
   Fingerprint out;
   // The articulated engine's version names an instruction set; all of them give the same bits.
-  const model::EngineKind kind = model::engine_of(scene.spec.solver.method);
-  out.emplace_back(
-      kind == model::EngineKind::articulated ? "engine articulated" : "engine " + engine.version(), 1);
+  out.emplace_back(scene.spec.solver.engine() == engine::EngineKind::articulated
+                       ? "engine articulated"
+                       : "engine " + engine.version(),
+                   1);
   out.emplace_back("the mathematics library (its version, or what this processor lets it use)",
                    hash_bytes(mathematics()));
   if (scene.spec.record_contacts) out.emplace_back("record.contacts", 1);

@@ -12,6 +12,7 @@
 
 #include "handsim/engine/checks.h"
 #include "handsim/engine/contact/overlap.h"
+#include "handsim/engine/contact/pair_table.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/climb_load.h"
 
@@ -32,15 +33,6 @@ double ns_between(Clock::time_point a, Clock::time_point b) {
   return std::chrono::duration<double, std::nano>(b - a).count();
 }
 
-/// True where a rule lets the two touch.
-bool meet(const model::Model& model, const model::Shape& a, const model::Shape& b) {
-  return std::any_of(model.contact_rules.begin(), model.contact_rules.end(),
-                     [&](const model::ContactRule& rule) {
-                       return (rule.group_a == a.group && rule.group_b == b.group) ||
-                              (rule.group_a == b.group && rule.group_b == a.group);
-                     });
-}
-
 std::shared_ptr<const scene::Scene> checked(std::shared_ptr<const scene::Scene> scene) {
   check_start(*scene);
   return scene;
@@ -56,13 +48,14 @@ void check_start(const scene::Scene& scene) {
   };
   std::vector<Problem> problems;
   std::vector<std::size_t> pairs(scene.spec.objects.size());
+  const engine::PairTable rules(scene.model);
   const std::string need = fmt::format("at most {:g} mm, or overlap: allowed", 1e3 * kDeepestStart);
   for (const engine::Overlap& overlap :
        engine::initial_overlaps(scene.model, model::initial_state(scene.model))) {
     const model::Shape* hand = &scene.model.shapes[static_cast<std::size_t>(overlap.shape_a)];
     const model::Shape* other = &scene.model.shapes[static_cast<std::size_t>(overlap.shape_b)];
     if (!of_hand(*hand)) std::swap(hand, other);
-    if (overlap.depth <= kDeepestStart || !of_hand(*hand) || !meet(scene.model, *hand, *other)) continue;
+    if (overlap.depth <= kDeepestStart || !of_hand(*hand) || !rules.meet(hand->group, other->group)) continue;
     const std::string name = other->name.substr(0, other->name.find('.'));
     for (std::size_t i = 0; i < scene.spec.objects.size(); ++i)
       if (const scene::ObjectSpec& object = scene.spec.objects[i];

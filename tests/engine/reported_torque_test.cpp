@@ -14,7 +14,7 @@ namespace {
 using model::Effect;
 
 struct Drive {
-  Method method = Method::world_step;
+  Method method = OdeMethod::world_step;
   double step = 1e-3;
   int iterations = 20;
   std::optional<double> fastest = {};  ///< bound of the guard [rad/s]; none: no guard
@@ -34,12 +34,12 @@ Outcome drive(const Drive& how) {
   const model::Model model = test::shipped_hand("anatomical.yaml", hand::Mount::fixed);
   Settings with =
       test::settings({Effect::gravity, Effect::passive_tissue, Effect::actuation}, how.step, how.method);
-  with.iterations = how.iterations;
+  if (with.engine() == EngineKind::ode) with.ode().iterations = how.iterations;
   if (how.fastest) {
-    with.effects.add(Effect::step_guard);
-    with.guard.angular_speed = *how.fastest;
+    with.ode().guard.emplace();
+    with.ode().guard->angular_speed = *how.fastest;
   }
-  const bool servos_act = model::engine_of(how.method) != model::EngineKind::dae;
+  const bool servos_act = !std::holds_alternative<DaeMethod>(how.method);
   const auto engine = make_engine(model, with);
   const auto dofs = static_cast<std::size_t>(model.dof_count());
   const double damping = 1e-3, limit = 0.02;
@@ -89,18 +89,20 @@ TEST_P(ReportedTorque, IsWhatTheMotionNeeds) {
                 fine = drive({.method = GetParam(), .step = 1e-4});
   EXPECT_LT(fine.error, 0.02);
   EXPECT_LT(fine.error, 0.4 * coarse.error);
-  const bool servos = model::engine_of(GetParam()) != model::EngineKind::dae;
+  const bool servos = !std::holds_alternative<DaeMethod>(GetParam());
   EXPECT_EQ(fine.at_limit > 0, servos);
 }
 
 INSTANTIATE_TEST_SUITE_P(Methods, ReportedTorque,
-                         testing::Values(Method::world_step, Method::semi_implicit_euler, Method::rk4,
-                                         Method::stabilised_gear, Method::euler_projected),
-                         [](const auto& each) { return std::string(model::name(each.param)); });
+                         testing::Values(Method(OdeMethod::world_step),
+                                         Method(ArticulatedMethod::semi_implicit_euler),
+                                         Method(ArticulatedMethod::rk4), Method(DaeMethod::stabilised_gear),
+                                         Method(DaeMethod::euler_projected)),
+                         [](const auto& each) { return std::string(name(each.param)); });
 
 // Oracle: the same. What few iterations apply is not what the servos' law asks for.
 TEST(TorqueOfOde, IsWhatActedWhereQuickStepHasNotConverged) {
-  const Outcome out = drive({.method = Method::quick_step, .step = 1e-4, .iterations = 3});
+  const Outcome out = drive({.method = OdeMethod::quick_step, .step = 1e-4, .iterations = 3});
   EXPECT_LT(out.error, 0.02);
   EXPECT_GT(out.inferred, 10 * out.error);
 }

@@ -188,7 +188,7 @@ TEST(Memory, AutoGoesOnWithQuickStepWhereTheDirectSolverDoesNotFit) {
 
 // Oracle: the guard's ladder ends with quick_step, which fits.
 TEST(Memory, TheGuardGoesOnWithQuickStepToo) {
-  const scene::Scene scene = many_boxes(12, "method: world_step", ", step_guard");
+  const scene::Scene scene = many_boxes(12, "method: world_step, guard: true");
   Simulation simulation(scene);
   const LittleMemory little(std::size_t{30} << 20);
   simulation.step();

@@ -8,10 +8,9 @@
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
+#include "handsim/engine/contact/ode_library.h"
 #include "handsim/engine/multibody/projection.h"
-#include "handsim/engine/ode/handlers.h"
 #include "handsim/model/kinematics.h"
-#include "handsim/model/validate.h"
 
 namespace handsim::engine::articulated {
 
@@ -23,53 +22,13 @@ constexpr int kJointCorrections = 8, kSingleCorrections = 200;
 /// A start whose loops are further apart than this is said to have been moved, beyond kOpen refused [m].
 constexpr double kMovedGap = 1e-9, kOpen = 1e-8;
 
-bool smooth(const Settings& settings) { return settings.method != Method::semi_implicit_euler; }
-
-bool has_stops(const model::Model& model) {
-  for (const model::Joint& joint : model.joints)
-    for (const model::JointAxis& axis : joint.axes)
-      if (axis.stop) return true;
-  return false;
+bool smooth(const Settings& settings) {
+  return settings.articulated().method != ArticulatedMethod::semi_implicit_euler;
 }
 
 bool has_forces(const model::JointAxis& axis, const model::Effects& effects) {
   return (axis.stop && effects.has(model::Effect::joint_stops)) ||
          (axis.tissue && effects.has(model::Effect::passive_tissue));
-}
-
-std::vector<Problem> all_defects(const model::Model& model, const Settings& settings) {
-  std::vector<Problem> problems = defects(settings);
-  const std::vector<Problem> of_model = model::defects(model);
-  problems.insert(problems.end(), of_model.begin(), of_model.end());
-  for (const model::Effect effect :
-       {model::Effect::object_contact, model::Effect::self_contact, model::Effect::ground_contact})
-    if (smooth(settings) && settings.effects.has(effect))
-      problems.push_back(
-          {std::nullopt, "effects", std::string(name(effect)),
-           fmt::format("no contact with {}: leave the effect out, or use semi_implicit_euler or engine ode",
-                       name(settings.method))});
-  // Contact defects read indices that only a sound model has right.
-  if (of_model.empty() && !smooth(settings)) {
-    const std::vector<Problem> of_contact = ode::contact_defects(model, settings.effects);
-    problems.insert(problems.end(), of_contact.begin(), of_contact.end());
-  }
-  if (settings.effects.has(model::Effect::step_guard))
-    problems.push_back({std::nullopt, "effects", "step_guard",
-                        "no guard with engine articulated: leave the effect out, or use engine ode"});
-  if (settings.projection)
-    problems.push_back({std::nullopt, "solver.projection", "true",
-                        "false for engine articulated, whose joints are always whole"});
-  if (smooth(settings) && settings.effects.has(model::Effect::joint_stops) && has_stops(model))
-    problems.push_back({std::nullopt, "effects", "joint_stops",
-                        fmt::format("smooth motion for {}: leave the effect out, or use semi_implicit_euler",
-                                    name(settings.method))});
-  return problems;
-}
-
-const model::Model& checked(const model::Model& model, const Settings& settings) {
-  std::vector<Problem> problems = all_defects(model, settings);
-  if (!problems.empty()) throw Error(std::move(problems));
-  return model;
 }
 
 }  // namespace
@@ -85,10 +44,10 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
         throw input_error(model.joints[static_cast<std::size_t>(cut.joint)].name,
                           "a stop or tissue on every joint of a loop", "one joint of each loop without");
   if (!mechanism_.topology().cuts.empty()) loops_ = std::make_unique<Loops>(model, mechanism_);
-  if (ode::needs_contacts(model, settings.effects)) {
+  if (needs_contacts(model, settings.effects)) {
     try {
       contact_ = std::make_unique<ContactDynamics>(model, settings, mechanism_, loops_.get());
-    } catch (const ode::OdeFault& fault) {
+    } catch (const OdeFault& fault) {
       throw input_error("model", "ODE: " + fault.message, "a model that ODE accepts");
     }
   }
@@ -282,7 +241,7 @@ void ArticulatedEngine::collide(StepReport& report) {
     const bool falls = settings_.effects.has(model::Effect::gravity);
     const Vec3 fall = falls ? Vec3(settings_.step * model_.gravity) : Vec3(Vec3::Zero());
     report.collide_calls = contact_->collide(state(), {settings_.step, fall, ways_});
-  } catch (const ode::OdeFault& fault) {
+  } catch (const OdeFault& fault) {
     fail({time_, "the model", "ODE", fault.message});
   }
   report.contacts = static_cast<int>(contact_->contacts().size());

@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/index.h"
-#include "handsim/engine/ode/handlers.h"
+#include "handsim/engine/contact/ode_library.h"
 
 namespace handsim::engine::articulated {
 
@@ -19,7 +19,7 @@ constexpr int kMostFirmer = 12;
 
 /// Makes ODE ready before anything of its is built.
 const model::Model& entered(const model::Model& model) {
-  ode::enter_ode();
+  enter_ode();
   return model;
 }
 
@@ -30,12 +30,12 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
     : model_(entered(model)),
       mechanism_(mechanism),
       loops_(loops),
-      collider_(model, settings),
+      collider_(model, settings.effects, settings.articulated().speculative),
       crossed_(model),
       space_(mechanism),
       friction_(settings.effects.has(model::Effect::friction)),
       with_forces_(settings.contact_forces),
-      erp_(settings.erp) {
+      erp_(settings.erp()) {
   for (const model::Body& body : model.bodies)
     if (!body.kinematic) heaviest_ = std::max(heaviest_, body.mass);
   order_dofs();
@@ -112,7 +112,7 @@ void ContactDynamics::restore(ArchiveReader& in) {
 }
 
 int ContactDynamics::collide(const model::State& state, const Prospect& prospect) {
-  ode::enter_ode();
+  enter_ode();
   collider_.place(state);
   return collider_.collide(state, prospect);
 }

@@ -10,8 +10,8 @@
 
 #include "handsim/engine/articulated/contact_newton.h"
 #include "handsim/engine/articulated/loops.h"
-#include "handsim/engine/ode/collider.h"
-#include "handsim/engine/ode/crossed.h"
+#include "handsim/engine/contact/collider.h"
+#include "handsim/engine/contact/penetration.h"
 
 namespace handsim::engine::articulated {
 
@@ -33,7 +33,7 @@ struct ContactMemory {
 
 class ContactDynamics {
  public:
-  /// All must outlive this. @param loops of the mechanism, null where it has none. @throws ode::OdeFault
+  /// All must outlive this. @param loops of the mechanism, null where it has none. @throws OdeFault
   ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism, Loops* loops);
 
   /// Forgets the impulses of the last step.
@@ -41,7 +41,7 @@ class ContactDynamics {
   /// Contacts of the last step and their impulses, the warm start of the next.
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
-  /// Finds the contacts at a state. @return pairs given to the narrow phase. @throws ode::OdeFault
+  /// Finds the contacts at a state. @return pairs given to the narrow phase. @throws OdeFault
   int collide(const model::State& state, const Prospect& prospect);
   std::span<const Contact> contacts() const { return collider_.contacts(); }
 
@@ -92,8 +92,8 @@ class ContactDynamics {
   const model::Model& model_;
   Mechanism& mechanism_;
   Loops* loops_;
-  ode::Collider collider_;
-  ode::CrossedBodies crossed_;
+  Collider collider_;
+  CrossedBodies crossed_;
   JointSpace space_;
   ContactNewton solver_;
   bool friction_, with_forces_;

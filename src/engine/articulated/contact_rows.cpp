@@ -5,8 +5,7 @@
 
 #include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact_dynamics.h"
-#include "handsim/engine/ode/contacts.h"
-#include "handsim/engine/ode/spring.h"
+#include "handsim/engine/spring.h"
 
 namespace handsim::engine::articulated {
 
@@ -51,17 +50,17 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   const Mobility mobility_a = mobility_of(contact.shape_a), mobility_b = mobility_of(contact.shape_b);
   const double mobility = mobility_a.linear + mobility_b.linear,
                angular = mobility_a.angular + mobility_b.angular;
-  const double inside = std::max(contact.depth - ode::kSurfaceLayer, 0.0);
+  const double inside = std::max(contact.depth - kSurfaceLayer, 0.0);
   double target = 0;
   if (surface.compliance) {
-    const ode::SoftRow spring =
-        ode::soft_row(surface.compliance->stiffness / sharing, surface.compliance->damping / sharing, step);
+    const SoftRow spring =
+        soft_row(surface.compliance->stiffness / sharing, surface.compliance->damping / sharing, step);
     target = spring.erp * (contact.depth < 0 ? contact.depth : inside) / step;
     rows.regularization = spring.cfm / step;
   } else {
     // A gap may close within the step.
     target =
-        contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, ode::kMaxCorrectingSpeed);
+        contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, kMaxCorrectingSpeed);
     rows.regularization = std::max(kNormalRegularization * mobility, crossed);
     if (crossed == 0 && mobility * heaviest_ > kLightPair) light_.push_back(frames_.size() - 1);
   }
@@ -121,7 +120,7 @@ void ContactDynamics::add_contacts(double step) {
   light_.clear();
   warm_started_ = 0;
   crossed_.find(collider_);
-  for (const ode::Touch& touch : collider_.touches()) {
+  for (const Touch& touch : collider_.touches()) {
     const Contact& any = collider_.contacts()[touch.first];
     find_moving_dofs(node_of(any.shape_a), node_of(any.shape_b));
     for (int index = 0; index < touch.count; ++index) {
@@ -192,7 +191,7 @@ void ContactDynamics::warm_start(ContactRows& rows, const Contact& contact, cons
 void ContactDynamics::store_warm_start(double step) {
   memory_.points.clear();
   std::size_t i = 0;
-  for (const ode::Touch& touch : collider_.touches())
+  for (const Touch& touch : collider_.touches())
     for (int index = 0; index < touch.count; ++index, ++i) {
       Contact& contact = collider_.contacts()[touch.first + at(index)];
       const ContactRows& rows = solver_.contacts()[i];

@@ -100,7 +100,7 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
       topology_(make_topology(model)),
       kernel_(kernel && topology_.cuts.empty() ? kernel : &fitting(topology_)),
       bases_(model.bodies.size()) {
-  tree_.erp = settings.erp;
+  tree_.erp = settings.erp();
   tree_.max_speed = kMaxSpeed;
   tree_.max_turn = kMaxAngularSpeed;
   tree_.spin = static_cast<double*>(allocate(stride() * sizeof(double)));

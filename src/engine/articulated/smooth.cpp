@@ -137,7 +137,7 @@ bool Smooth::advance(double from, double to) {
 
 /// A stretch without keyframes, from y_.
 bool Smooth::integrate(double from, double to) {
-  if (settings_.method == Method::dormand_prince) {
+  if (settings_.articulated().method == ArticulatedMethod::dormand_prince) {
     if (!integrate_adaptively(from, to)) return false;
   } else if (!method_.step4(from, to - from, y_)) {
     return false;
@@ -170,7 +170,7 @@ bool Smooth::integrate_adaptively(double from, double to) {
     const double left = to - t;
     const double h = size_ >= left ? left : (2 * size_ > left ? 0.5 * left : size_);
     if ((h < kSmallestStep && h < left) || --tries < 0) return false;
-    const double error = method_.try_step8(t, h, y_, kStepShare * settings_.tolerance, next_);
+    const double error = method_.try_step8(t, h, y_, kStepShare * settings_.articulated().tolerance, next_);
     // Written so that NaN is rejected.
     if (!(error >= 0 && error <= 1)) {
       size_ = h * (error > 1 ? std::min(kRejected, step_factor8(error)) : 0.1);

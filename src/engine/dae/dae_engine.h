@@ -1,7 +1,7 @@
 // The differential-algebraic engine: the reference for any model whose motion is smooth, that is, without
 // contacts and joint stops. Maximal coordinates, exact gyroscopic torques, driven and kinematic bodies as
 // told motion; each island (say, a finger on a still palm) is integrated on its own by the formulation that
-// settings.method names.
+// the settings name.
 //
 // A state handed to set_state is a new start: positions and velocities are moved onto the joints (not by
 // euler_linearised, which never does), and multistep formulations build up their order again, so a resumed

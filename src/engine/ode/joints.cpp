@@ -4,7 +4,7 @@
 
 #include <fmt/format.h>
 
-#include "handsim/engine/ode/spring.h"
+#include "handsim/engine/spring.h"
 
 namespace handsim::engine::ode {
 
@@ -145,7 +145,7 @@ void add_torque(const OdeBody& body, const Vec3& torque) {
 
 Joints::Joints(dWorldID world, const model::Model& model, const Settings& settings,
                const std::vector<OdeBody>& bodies, const model::State& start)
-    : sensors_(model), servos_(settings.step), step_(settings.step), erp_(settings.erp) {
+    : sensors_(model), servos_(settings.step), step_(settings.step), erp_(settings.erp()) {
   std::vector<std::size_t> copies_used(bodies.size(), 0);
   for (const model::Joint& joint : model.joints) {
     links_.push_back(make_link(world, joint, bodies, copies_used));
@@ -232,9 +232,8 @@ void Joints::add_stops(const Link& link, const Settings& settings) {
     set(dParamLoStop, stop.low);
     set(dParamHiStop, stop.high);
     set(dParamBounce, stop.bounce);
-    set(dParamFudgeFactor, stop.fudge_factor);
-    set(dParamStopERP, settings.erp);
-    set(dParamStopCFM, settings.cfm);
+    set(dParamStopERP, settings.erp());
+    set(dParamStopCFM, settings.ode().cfm);
   }
 }
 

@@ -21,7 +21,7 @@ constexpr double kPlaneSpacing = 0.1;  ///< of the grid that MuJoCo draws [m]
 
 class MjcfWriter {
  public:
-  MjcfWriter(const model::Model& model, const model::SolverSettings& settings)
+  MjcfWriter(const model::Model& model, const engine::Settings& settings)
       : model_(model),
         settings_(settings),
         children_(children_of(model)),
@@ -232,7 +232,7 @@ class MjcfWriter {
   }
 
   const model::Model& model_;
-  const model::SolverSettings& settings_;
+  const engine::Settings& settings_;
   std::vector<std::vector<int>> children_;
   std::vector<int> holder_;
   model::State start_;
@@ -241,7 +241,7 @@ class MjcfWriter {
 
 }  // namespace
 
-std::string to_mjcf(const model::Model& model, const model::SolverSettings& settings) {
+std::string to_mjcf(const model::Model& model, const engine::Settings& settings) {
   return MjcfWriter(model, settings).run();
 }
 

@@ -1,4 +1,4 @@
-// How far shapes reach: for posts under objects, and for sizes that are hardly meant.
+// The size of several shapes together, for sizes that are hardly meant.
 #pragma once
 
 #include <vector>
@@ -6,10 +6,6 @@
 #include "handsim/model/model.h"
 
 namespace handsim::scene {
-
-/// Distance from a shape's centre to its outermost point along a direction [m]; 0 for a plane.
-/// @param n unit vector in the shape's frame.
-double reach(const model::Shape& shape, const Vec3& n);
 
 /// Edges of the box along the axes of the shapes' common frame that holds them [m].
 Vec3 extent(const std::vector<model::Shape>& shapes);

@@ -93,12 +93,13 @@ ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, 
 
 control::Plan compile_control(const ControlSpec& spec, const std::vector<HandEntry>& hands,
                               const std::vector<std::optional<double>>& grip_strengths,
-                              const model::Model& model, const model::SolverSettings& solver,
+                              const model::Model& model, const engine::Settings& solver,
                               Diagnostics& diagnostics) {
   const bool implicit = spec.controller.form == control::Form::implicit_gain;
-  if (implicit && model::engine_of(solver.method) == model::EngineKind::dae)
+  if (implicit && solver.engine() == engine::EngineKind::dae)
     diagnostics.problems.push_back(
-        {spec.place, "control.controller.form", fmt::format("implicit with {}", model::name(solver.method)),
+        {spec.place, "control.controller.form",
+         fmt::format("implicit with {}", engine::name(solver.method())),
          "explicit, or the ode or articulated engine, which solve implicit gains within their step"});
   control::PlanInput input;
   input.controller = &spec.controller;

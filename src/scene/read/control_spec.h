@@ -9,7 +9,7 @@
 
 #include "handsim/control/plan.h"
 #include "handsim/core/yaml_reader.h"
-#include "handsim/model/solver.h"
+#include "handsim/engine/settings.h"
 
 namespace handsim::scene {
 
@@ -40,7 +40,7 @@ ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, 
 /// known. @throws nothing: problems go into the diagnostics.
 control::Plan compile_control(const ControlSpec& spec, const std::vector<HandEntry>& hands,
                               const std::vector<std::optional<double>>& grip_strengths,
-                              const model::Model& model, const model::SolverSettings& solver,
+                              const model::Model& model, const engine::Settings& solver,
                               Diagnostics& diagnostics);
 
 }  // namespace handsim::scene

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/engine/settings.h"
 #include "handsim/scene/read/file_kind.h"
 #include "handsim/scene/read/scene_spec.h"
 
@@ -64,11 +65,21 @@ std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model
 /// The `effects` list, with `auto` resolved and written out. Reads nothing but the scene's content.
 model::Effects read_effects(MapReader& reader, const SceneSpec& scene);
 
-/// Engine, method, step and what goes with them. @param or_auto `auto` is one of the engines that are named
-void read_settings(MapReader& reader, model::SolverSettings& solver, bool or_auto = false);
-void read_solver(MapReader reader, model::SolverSettings& solver);
+/// Engine, step and the engine's own settings; keys of other engines are refused. Where the command line
+/// names the engine, such keys of the file are left out, with a warning.
+void read_settings(MapReader& reader, engine::Settings& solver);
+/// Takes keys out of a `solver` block whose `engine` the command line names and which the file states; given
+/// on the command line, or beside the file's own engine, they are problems.
+/// @param need what is needed in a key's place; nothing: the key may stand. @param why they are left out
+void refuse_keys(MapReader& reader, const std::function<std::optional<std::string>(const YamlEntry&)>& need,
+                 const std::string& why);
+std::optional<engine::GuardLimits> read_guard(MapReader& reader);
+bool read_speculative(MapReader& reader);
+std::uint64_t read_seed(MapReader& reader);
+/// The `solver` block. Effects, mechanism and control have to be read.
+void read_solver(MapReader& reader, SceneSpec& scene);
 /// Effects that the solver's engine or method does not have.
-void check_engine(MapReader& reader, const model::SolverSettings& solver);
+void check_engine(MapReader& reader, const engine::Settings& solver);
 PictureSpec read_pictures(MapReader reader);
 
 }  // namespace handsim::scene

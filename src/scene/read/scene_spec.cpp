@@ -6,7 +6,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/scene/compile/engine_choice.h"
 #include "handsim/scene/read/criteria.h"
 #include "handsim/scene/read/readers.h"
 
@@ -80,9 +79,8 @@ SceneSpec read_scene(YamlNode& root, Diagnostics& diagnostics) {
   if (reader.sound() && !scene.grasps.empty()) add_grasp_programs(scene, diagnostics);
   if (reader.sound()) add_climb_programs(scene, diagnostics);
   scene.solver.effects = read_effects(reader, scene);
-  choose_engine(reader, scene);
   const std::size_t before_times = diagnostics.problems.size();
-  read_solver(reader.map("solver"), scene.solver);
+  read_solver(reader, scene);
   if (reader.sound()) check_engine(reader, scene.solver);
   std::optional<double> duration;
   if (!scene.grasps.empty() || !scene.climbs.empty())

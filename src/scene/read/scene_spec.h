@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "handsim/engine/settings.h"
 #include "handsim/hand/build.h"
-#include "handsim/model/solver.h"
 #include "handsim/model/view.h"
 #include "handsim/scene/compile/mass_properties.h"
 #include "handsim/scene/compile/mechanism.h"
@@ -100,7 +100,7 @@ struct SceneSpec {
   ContactsSpec contacts;
   MechanismSpec mechanism;
   Vec3 gravity = {0, 0, -9.80665};  ///< [m/s^2]
-  model::SolverSettings solver;     ///< with the effects, `auto` resolved
+  engine::Settings solver;          ///< with the effects, `auto` resolved
   std::string engine_choice;        ///< what engine `auto` came to, and why; empty where the scene names one
   double duration = 1;              ///< [s]
   double record_every = 0.01;       ///< [s]

@@ -7,7 +7,7 @@
 #include <fmt/format.h>
 
 #include "handsim/hand/material.h"
-#include "handsim/scene/compile/extent.h"
+#include "handsim/model/shape_extent.h"
 #include "handsim/scene/read/readers.h"
 #include "handsim/scene/task/hand_program.h"
 
@@ -89,7 +89,7 @@ GraspSpec read_grasp(MapReader reader) {
 double lowest(const model::Shape& shape, const Pose& frame) {
   const Pose pose = frame * shape.pose;
   const Vec3 down = pose.q.conjugate() * Vec3(0, 0, -1);
-  return pose.p.z() - reach(shape, down);
+  return pose.p.z() - model::support(shape, down);
 }
 
 /// A grasp in the frames of the hand that does it.

@@ -62,7 +62,7 @@ Json control_json(const control::Plan& plan) {
 
 std::string summary_json(const Simulation& simulation, const RunResult& result) {
   const scene::Scene& scene = simulation.scene();
-  const model::SolverSettings& solver = scene.spec.solver;
+  const engine::Settings& solver = scene.spec.solver;
   const std::vector<std::string> notes = simulation.engine().notes();
   SummaryJson summary;
   Json& out = summary.json;
@@ -89,9 +89,9 @@ std::string summary_json(const Simulation& simulation, const RunResult& result) 
   for (const auto& watcher : simulation.watchers()) watcher->add_summary(summary);
   out["convergence"]["warnings"] = result.warnings;
   out["solver"] = {{"engine", simulation.engine().version()},
-                   {"method", model::name(solver.method)},
-                   {"step_s", solver.step},
-                   {"seed", solver.seed}};
+                   {"method", engine::name(solver.method())},
+                   {"step_s", solver.step}};
+  if (solver.engine() == engine::EngineKind::ode) out["solver"]["seed"] = solver.ode().seed;
   out["versions"] = {{"handsim", kVersion},
                      {"engine", simulation.engine().version()},
                      {"compiler", __VERSION__},

@@ -19,7 +19,7 @@ constexpr double kLeastErp = 0.01;
 }  // namespace
 
 bool Convergence::articulated() const {
-  return model::engine_of(scene_.spec.solver.method) == model::EngineKind::articulated;
+  return scene_.spec.solver.engine() == engine::EngineKind::articulated;
 }
 
 void Convergence::update(Step& step) {
@@ -67,18 +67,18 @@ void Convergence::add_verdicts(const scene::Criteria& criteria, std::vector<Verd
 }
 
 void Convergence::add_warnings(std::vector<std::string>& out) const {
-  const model::SolverSettings& solver = scene_.spec.solver;
+  const engine::Settings& solver = scene_.spec.solver;
   if (lcp_failures_ > 0 && articulated())
     out.push_back(fmt::format(
         "contacts, stops and torque limits did not settle in {} steps: try a smaller step", lcp_failures_));
   else if (lcp_failures_ > 0)
     out.push_back(fmt::format(
         "the LCP solver gave up {} times, and what it had not solved was left to move: try a larger "
-        "solver.cfm, a smaller step, or the step_guard effect",
+        "solver.cfm, a smaller step, or solver.guard",
         lcp_failures_));
   if (const long lost = rungs_[static_cast<std::size_t>(engine::Rung::unresolved)]; lost > 0)
     out.push_back(fmt::format("{} steps did not keep to the guard's limits in any way", lost));
-  const double worth = solver.step / std::max(solver.erp, kLeastErp);
+  const double worth = solver.step / std::max(solver.erp(), kLeastErp);
   const auto warn = [&](const Peak& peak, double bad, const char* what, const char* unit, const char* gap) {
     if (peak.value * worth > bad)
       out.push_back(fmt::format(
@@ -109,11 +109,11 @@ void Convergence::add_summary(SummaryJson& out) const {
     solved["steps_relaxed"] = iterative_;
   }
   // What method auto chose, and what the guard tried.
-  const model::SolverSettings& solver = scene_.spec.solver;
+  const engine::Settings& solver = scene_.spec.solver;
   const long steps = std::accumulate(rungs_.begin(), rungs_.end(), 0L);
-  if (solver.method == model::Method::automatic)
+  if (solver.method() == engine::OdeMethod::automatic)
     out.json["steps"]["method"] = {{"world_step", steps - iterative_}, {"quick_step", iterative_}};
-  if (!solver.effects.has(model::Effect::step_guard)) return;
+  if (solver.engine() != engine::EngineKind::ode || !solver.ode().guard) return;
   for (std::size_t i = 1; i < engine::kRungNames.size(); ++i)
     out.json["steps"]["guard"][std::string(engine::kRungNames[i])] = rungs_[i];
 }

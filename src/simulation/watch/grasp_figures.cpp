@@ -4,6 +4,7 @@
 #include <cmath>
 #include <concepts>
 
+#include "handsim/model/shape_extent.h"
 #include "handsim/simulation/watch/summary_json.h"
 
 namespace handsim::simulation {
@@ -48,54 +49,10 @@ void carry_pose(Archive& archive, T& pose) {
   archive(pose->q);
 }
 
-/// Distance of a shape's farthest point from the origin of its body [m].
-double reach(const model::Shape& shape) {
-  const Vec3& p = shape.pose.p;
-  const Vec3 axis = shape.pose.q * Vec3::UnitZ();
-  switch (shape.kind) {
-    case model::ShapeKind::sphere:
-      return p.norm() + shape.radius;
-    case model::ShapeKind::capsule:
-      return std::max((p + 0.5 * shape.length * axis).norm(), (p - 0.5 * shape.length * axis).norm()) +
-             shape.radius;
-    case model::ShapeKind::cylinder: {
-      const Vec3 across = p - p.dot(axis) * axis;
-      return std::hypot(across.norm() + shape.radius, std::abs(p.dot(axis)) + 0.5 * shape.length);
-    }
-    case model::ShapeKind::box: {
-      const Vec3 inside = shape.pose.q.conjugate() * p;
-      return (inside.cwiseAbs() + 0.5 * shape.edges).norm();
-    }
-    case model::ShapeKind::convex_mesh: {
-      double most = 0;
-      for (const Vec3& vertex : shape.mesh->vertices) most = std::max(most, (shape.pose * vertex).norm());
-      return most;
-    }
-    case model::ShapeKind::plane:
-      return 0;
-  }
-  return 0;
-}
-
-double friction_of(const model::Model& model, const engine::Contact& contact, double* spinning) {
-  const model::Shape& a = model.shapes[static_cast<std::size_t>(contact.shape_a)];
-  const model::Shape& b = model.shapes[static_cast<std::size_t>(contact.shape_b)];
-  model::Material between = model::combined(model.materials[static_cast<std::size_t>(a.material)],
-                                            model.materials[static_cast<std::size_t>(b.material)]);
-  for (const model::ContactRule& rule : model.contact_rules) {
-    const bool of_pair = (rule.group_a == a.group && rule.group_b == b.group) ||
-                         (rule.group_a == b.group && rule.group_b == a.group);
-    if (of_pair && rule.material != model::kCombined)
-      between = model.materials[static_cast<std::size_t>(rule.material)];
-  }
-  *spinning = between.spinning_friction;
-  return between.friction;
-}
-
 }  // namespace
 
 GraspWatch::GraspWatch(const model::Model& model, const scene::GraspPlan& plan, double step)
-    : model_(model), half_step_(step / 2), part_of_body_(model.bodies.size(), -1) {
+    : model_(model), rules_(model), half_step_(step / 2), part_of_body_(model.bodies.size(), -1) {
   const model::HandIndex& hand = model.hands[plan.hand];
   palm_ = static_cast<std::size_t>(hand.palm);
   for (std::size_t i = 0; i < model.bodies.size(); ++i)
@@ -103,7 +60,7 @@ GraspWatch::GraspWatch(const model::Model& model, const scene::GraspPlan& plan, 
   for (const model::Shape& shape : model.shapes) {
     if (std::find(hand.bodies.begin(), hand.bodies.end(), shape.body) != hand.bodies.end())
       part_of_body_[static_cast<std::size_t>(shape.body)] = hand_part(shape.part);
-    if (static_cast<std::size_t>(shape.body) == object_) length_ = std::max(length_, reach(shape));
+    if (static_cast<std::size_t>(shape.body) == object_) length_ = std::max(length_, model::reach(shape));
   }
   hold_end_ = plan.phase("hold")->end;
   slip_start_ = std::max(plan.phase("hold")->start, hold_end_ - kSlipSpan);
@@ -141,7 +98,10 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
     out.normal += normal;
     ++out.contacts;
     WrenchContact wrench;
-    wrench.friction = friction_of(model_, contact, &wrench.spinning);
+    const model::Material between = rules_.between(model_.shapes[static_cast<std::size_t>(contact.shape_a)],
+                                                   model_.shapes[static_cast<std::size_t>(contact.shape_b)]);
+    wrench.friction = between.friction;
+    wrench.spinning = between.spinning_friction;
     wrench.position = contact.position - centre;
     wrench.normal = a == object_ ? contact.normal : Vec3(-contact.normal);
     wrenches.push_back(wrench);

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/engine/contact/pair_table.h"
 #include "handsim/scene/task/grasp.h"
 #include "handsim/simulation/watch/hand_parts.h"
 #include "handsim/simulation/watch/watcher.h"
@@ -73,6 +74,7 @@ class GraspWatch {
   void finish(const engine::Engine& engine, const Pose& now);
 
   const model::Model& model_;
+  engine::PairTable rules_;
   double half_step_;
   std::size_t palm_ = 0, object_ = 0;
   double length_ = 0;  ///< largest radius of the object about its centre of mass [m]

@@ -27,7 +27,7 @@ Json entries_json(const std::vector<LedgerEntry>& entries) {
 Ledger::Ledger(const Watched& watched)
     : model_(watched.scene.model),
       effects_(watched.scene.spec.solver.effects),
-      rows_(model::engine_of(watched.scene.spec.solver.method) != model::EngineKind::articulated) {
+      rows_(watched.scene.spec.solver.engine() != engine::EngineKind::articulated) {
   if (watched.controller && watched.controller->plan().form == control::Form::implicit_gain)
     driven_rows_ = static_cast<long>(watched.controller->plan().axes.size());
   for (const model::Joint& joint : model_.joints) {
@@ -66,7 +66,6 @@ void Ledger::update(Step& step) {
   ++steps_;
   contacts_ += report.contacts;
   collide_calls_ += report.collide_calls;
-  count(Effect::step_guard).steps += report.rung != engine::Rung::none ? 1 : 0;
   add_rows(Effect::joint_stops, report.stop_rows);
   if (effects_.has(Effect::passive_tissue)) add_rows(Effect::passive_tissue, tissue_rows_);
   if (effects_.has(Effect::actuation)) add_rows(Effect::actuation, driven_rows_);
@@ -121,10 +120,6 @@ LedgerEntry Ledger::entry(Effect effect) const {
     case Effect::wrist_motion:
       out.ran = steps_;
       out.how = "acts within the step without rows of its own: not told apart";
-      return out;
-    case Effect::step_guard:
-      out.ran = counts_[static_cast<std::size_t>(effect)].steps;
-      out.how = "steps that were tried again; their time is the step's: not told apart";
       return out;
     case Effect::actuation:
     case Effect::object_contact:

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/engine/contact/crossing.h"
+#include "handsim/model/shape_extent.h"
 
 namespace handsim::simulation {
 
@@ -26,7 +27,7 @@ Tunnelling::Tunnelling(const Watched& watched)
     radii_.push_back(model_.bodies[static_cast<std::size_t>(shape.body)].kinematic ||
                              shape.body == model::kWorld
                          ? std::numeric_limits<double>::infinity()
-                         : engine::smallest_radius(shape));
+                         : model::inner_radius(shape));
   start_from(watched.engine.state());
 }
 

@@ -408,9 +408,8 @@ scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& resu
   }
   for (const scene::CostRow& row : all)
     if (std::none_of(all.begin(), all.end(), [&](const scene::CostRow& other) {
-          return model::engine_of(other.solver.method) == model::engine_of(row.solver.method) &&
-                 other.error <= row.error && other.cost <= row.cost &&
-                 (other.error < row.error || other.cost < row.cost);
+          return other.solver.engine() == row.solver.engine() && other.error <= row.error &&
+                 other.cost <= row.cost && (other.error < row.error || other.cost < row.cost);
         }))
       table.rows.push_back(row);
   std::sort(table.rows.begin(), table.rows.end(),

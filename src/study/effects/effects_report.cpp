@@ -13,13 +13,10 @@ namespace handsim::study {
 
 namespace {
 
-std::string name(const EffectRow& row) {
-  return row.effect ? std::string(model::name(*row.effect)) : "solver.speculative";
-}
 
 /// `object_contact with friction`.
 std::string label(const EffectRow& row) {
-  std::string out = name(row);
+  std::string out = row.name;
   for (const model::Effect effect : row.with) out += " with " + std::string(model::name(effect));
   return out;
 }
@@ -161,7 +158,7 @@ std::string effects_table(const EffectsResult& result) {
 std::string effects_json(const scene::Scene& scene, const EffectsResult& result) {
   Json rows = Json::array();
   for (const EffectRow& row : result.rows) {
-    Json entry = {{"effect", name(row)}, {"with", Json::array()}};
+    Json entry = {{"effect", row.name}, {"with", Json::array()}};
     for (const model::Effect effect : row.with) entry["with"].push_back(model::name(effect));
     if (row.fault) {
       entry["fault"] = *row.fault;

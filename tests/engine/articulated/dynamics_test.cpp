@@ -108,7 +108,8 @@ std::vector<double> forces(const Mechanism& mechanism) {
   return out;
 }
 
-const Settings kGravity = settings({Effect::gravity, Effect::actuation}, 1e-3, Method::semi_implicit_euler);
+const Settings kGravity =
+    settings({Effect::gravity, Effect::actuation}, 1e-3, ArticulatedMethod::semi_implicit_euler);
 
 // Oracle: inverse dynamics of what forward dynamics gives. Bound: 1e-12 of the largest torque.
 TEST(ArticulatedDynamics, InverseAfterForwardGivesTheTorquesBack) {
@@ -246,10 +247,10 @@ TEST(ArticulatedDynamics, EveryVectorUnitGivesTheSameBits) {
   model::Model fingers = test::five_fingers(true, true);
   const Settings hand =
       settings({Effect::gravity, Effect::passive_tissue, Effect::joint_stops, Effect::actuation}, 1e-3,
-               Method::semi_implicit_euler);
+               ArticulatedMethod::semi_implicit_euler);
   std::mt19937 random(5);
   const model::Model tree = random_tree(random);
-  const Settings plain = settings({Effect::gravity}, 1e-3, Method::rk4);
+  const Settings plain = settings({Effect::gravity}, 1e-3, ArticulatedMethod::rk4);
   const auto want = bits_after(fingers, hand, kernels().front());
   const auto want_tree = bits_after(tree, plain, kernels().front());
   fingers.bodies[1].kinematic = false;
@@ -286,7 +287,7 @@ TEST(ArticulatedDynamics, AStepAllocatesNothing) {
     return allocations - before;
   };
   Settings with = settings({Effect::gravity, Effect::passive_tissue, Effect::actuation, Effect::wrist_motion},
-                           1e-3, Method::semi_implicit_euler);
+                           1e-3, ArticulatedMethod::semi_implicit_euler);
   with.effects.add(Effect::joint_stops);
   EXPECT_EQ(count(with), 0);
   with.effects.add(Effect::self_contact);
@@ -295,8 +296,8 @@ TEST(ArticulatedDynamics, AStepAllocatesNothing) {
   EXPECT_GT(touching, 10);
   with.effects.remove(Effect::self_contact);
   with.effects.remove(Effect::joint_stops);
-  for (const Method method : {Method::rk4, Method::dormand_prince}) {
-    with.method = method;
+  for (const Method method : {ArticulatedMethod::rk4, ArticulatedMethod::dormand_prince}) {
+    with.use(method);
     EXPECT_EQ(count(with), 0) << name(method);
   }
   EXPECT_GT(allocations, 0);

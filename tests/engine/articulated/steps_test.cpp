@@ -14,7 +14,7 @@ using test::refusal;
 using test::settings;
 
 constexpr double kInertia = 2e-6;  // of a fingertip about its joint [kg m^2]
-constexpr Method kEuler = Method::semi_implicit_euler;
+constexpr Method kEuler = ArticulatedMethod::semi_implicit_euler;
 
 double angle(const Engine& engine) {
   return engine.state().q[0];
@@ -85,7 +85,7 @@ TEST(ArticulatedServo, IsStableAtTwentyMilliseconds) {
 // Oracle: the stop's place, reached from a swing, from a start at it, and under a servo that pulls beyond.
 TEST(ArticulatedStop, IsNeverPassed) {
   for (const double h : {1e-3, 2e-2}) {
-    const model::Model model = hinge(model::Stop{-0.5, 0.5, 0, 1});
+    const model::Model model = hinge(model::Stop{-0.5, 0.5, 0});
     const auto engine = make_engine(model, settings({Effect::actuation, Effect::joint_stops}, h, kEuler));
     for (int i = 0; i < 300; ++i) {
       drive(*engine, {0.05, 1e-4, 0, 0, 1}, i < 150 ? 1.5 : -2, 1);
@@ -98,7 +98,7 @@ TEST(ArticulatedStop, IsNeverPassed) {
 // Oracle: restitution's definition, at any step; the next flight starts from the stop within one step's way.
 TEST(ArticulatedStop, BouncesAsItsRestitutionSays) {
   for (const double bounce : {0.0, 0.3, 1.0}) {
-    model::Model model = hinge(model::Stop{-0.5, 0.5, bounce, 1});
+    model::Model model = hinge(model::Stop{-0.5, 0.5, bounce});
     model.bodies[1].initial_angular_velocity = Vec3(0, 7, 0);
     const auto engine = make_engine(model, settings({Effect::joint_stops}, 1e-3, kEuler));
     test::run(*engine, 100);
@@ -110,7 +110,7 @@ TEST(ArticulatedStop, BouncesAsItsRestitutionSays) {
 TEST(ArticulatedStop, LetsGoWithoutASpike) {
   double rates[2] = {0, 0};
   for (const bool stop : {false, true}) {
-    model::Model model = hinge(stop ? std::optional(model::Stop{-0.5, 0.5, 0, 1}) : std::nullopt);
+    model::Model model = hinge(stop ? std::optional(model::Stop{-0.5, 0.5, 0}) : std::nullopt);
     model.joints[0].axes[0].initial = 0.5;
     const auto engine = make_engine(model, settings({Effect::actuation, Effect::joint_stops}, 1e-3, kEuler));
     drive(*engine, {0, 1e-3, 0, 1e-2, 1}, 0, 20);
@@ -129,7 +129,7 @@ TEST(ArticulatedStop, StopsAFallingHandAsOdeDoes) {
   const model::Model model = test::five_fingers(true, true);
   const auto fall = [&](Method method, double h) {
     Settings with = settings({Effect::gravity, Effect::passive_tissue, Effect::joint_stops}, h, method);
-    with.erp = method == kEuler ? 0.2 : 0;
+    test::set_erp(with, method == kEuler ? 0.2 : 0);
     const auto engine = make_engine(model, with);
     std::vector<double> torques(static_cast<std::size_t>(model.dof_count()), 0.02);
     int stops = 0;
@@ -138,7 +138,7 @@ TEST(ArticulatedStop, StopsAFallingHandAsOdeDoes) {
     return engine->state().q;
   };
   const auto distance = [&](double h) {
-    const auto a = fall(kEuler, h), b = fall(Method::world_step, h);
+    const auto a = fall(kEuler, h), b = fall(OdeMethod::world_step, h);
     double out = 0;
     for (std::size_t i = 0; i < a.size(); ++i) out = std::max(out, std::abs(a[i] - b[i]));
     return out;
@@ -160,19 +160,19 @@ TEST(ArticulatedTissue, SwingsAsADampedOscillator) {
     test::run(*engine, static_cast<int>(std::lround(1 / h)));
     return angle(*engine);
   };
-  EXPECT_NEAR(end(Method::dormand_prince, 1e-2), want, 1e-9);
-  EXPECT_NEAR(end(Method::rk4, 1e-3), want, 1e-9);
+  EXPECT_NEAR(end(ArticulatedMethod::dormand_prince, 1e-2), want, 1e-9);
+  EXPECT_NEAR(end(ArticulatedMethod::rk4, 1e-3), want, 1e-9);
   EXPECT_NEAR(end(kEuler, 1e-4), want, 2e-3);
 }
 
 TEST(ArticulatedEngine, RefusesWhatItCannotDo) {
   const model::Model model = test::five_fingers(true, false, true);
   for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact})
-    for (const Method method : {Method::rk4, Method::dormand_prince}) {
+    for (const Method method : {ArticulatedMethod::rk4, ArticulatedMethod::dormand_prince}) {
       EXPECT_NE(refusal(model, settings({effect}, 1e-3, method)).find("no contact with"), std::string::npos);
       EXPECT_EQ(refusal(model, settings({effect}, 1e-3, kEuler)), "");
     }
-  EXPECT_NE(refusal(model, settings({Effect::joint_stops}, 1e-3, Method::rk4)).find("joint_stops"),
+  EXPECT_NE(refusal(model, settings({Effect::joint_stops}, 1e-3, ArticulatedMethod::rk4)).find("joint_stops"),
             std::string::npos);
   EXPECT_EQ(refusal(model, settings({Effect::joint_stops}, 1e-3, kEuler)), "");
   const auto engine = make_engine(model, settings({}, 1e-3, kEuler));
@@ -185,7 +185,8 @@ TEST(ArticulatedEngine, RefusesWhatItCannotDo) {
 // Oracle: the contract of Engine::step.
 TEST(ArticulatedEngine, NamesWhatRunsAwayAndKeepsTheLastGoodState) {
   const model::Model model = test::five_fingers(false, false);
-  for (const Method method : {kEuler, Method::rk4, Method::dormand_prince}) {
+  for (const Method method :
+       std::initializer_list<Method>{kEuler, ArticulatedMethod::rk4, ArticulatedMethod::dormand_prince}) {
     const auto engine = make_engine(model, settings({Effect::gravity}, 1e-3, method));
     test::run(*engine, 5);
     const auto good = test::bits(engine->state());

@@ -121,7 +121,7 @@ TEST_P(EveryJoint, HoldsEachStopOnItsOwnSide) {
     model::Model model = random_joint(random, GetParam().kind, GetParam().on_world);
     const std::size_t axes = model.joints[0].axes.size();
     // Four different ends, so that none can stand in for another.
-    const model::Stop stops[] = {{-0.11, 0.17, 0, 1}, {-0.23, 0.07, 0, 1}};
+    const model::Stop stops[] = {{-0.11, 0.17, 0}, {-0.23, 0.07, 0}};
     for (std::size_t i = 0; i < axes; ++i) model.joints[0].axes[i].stop = stops[i];
     for (std::size_t i = 0; i < axes; ++i)
       for (const double side : {-1.0, 1.0}) {
@@ -152,7 +152,7 @@ TEST_P(EveryJoint, TurnsTorqueIntoMotionAlongItsCoordinateAndReactsOnItsParent) 
     model::Model model = random_joint(random, GetParam().kind, GetParam().on_world);
     const double step = 1e-4;
     Settings exact = settings({}, step);
-    exact.cfm = 1e-13;
+    exact.ode().cfm = 1e-13;
     ode::OdeEngine engine(model, exact);
     std::vector<double> tau(model.joints[0].axes.size());
     for (double& t : tau) t = std::copysign(0.01, test::random_vector(random).x());
@@ -243,7 +243,7 @@ TEST(Pair, KeepsItsMomentumWhileTheJointWorks) {
 TEST(Stop, BouncesByItsRatio) {
   for (const double bounce : {0.3, 0.5, 0.8}) {
     model::Model model = test::hinged_body();
-    model.joints[0].axes[0].stop = model::Stop{-1, 0.3, bounce, 1};
+    model.joints[0].axes[0].stop = model::Stop{-1, 0.3, bounce};
     model.bodies[1].initial_angular_velocity = Vec3(0, 10, 0);
     ode::OdeEngine engine(model, settings({Effect::joint_stops}));
     test::run(engine, 60);
@@ -261,10 +261,10 @@ TEST(Stop, ReboundsByItsRatioAtAnyErpAndIsNotPassed) {
           SCOPED_TRACE(testing::Message()
                        << speed << " rad/s, step " << step << ", ERP " << erp << ", bounce " << bounce);
           model::Model model = test::hinged_body();
-          model.joints[0].axes[0].stop = model::Stop{-3, 0.3, bounce, 1};
+          model.joints[0].axes[0].stop = model::Stop{-3, 0.3, bounce};
           model.bodies[1].initial_angular_velocity = Vec3(0, speed, 0);
           Settings how = settings({Effect::joint_stops}, step);
-          how.erp = erp;
+          test::set_erp(how, erp);
           ode::OdeEngine engine(model, how);
           double back = 0;
           for (int i = 0; i < static_cast<int>(0.3 / speed / step) + 2; ++i) {
@@ -279,7 +279,7 @@ TEST(Stop, ReboundsByItsRatioAtAnyErpAndIsNotPassed) {
 // Oracle: identity; a stop that is out of reach, or that the joint leaves, changes no bit.
 TEST(Stop, OutOfReachChangesNothing) {
   model::Model with = test::hinged_body(), without = with;
-  with.joints[0].axes[0].stop = model::Stop{-0.01, 3, 0, 1};
+  with.joints[0].axes[0].stop = model::Stop{-0.01, 3, 0};
   with.bodies[1].initial_angular_velocity = without.bodies[1].initial_angular_velocity = Vec3(0, 20, 0);
   ode::OdeEngine a(with, settings({Effect::joint_stops})), b(without, settings({Effect::joint_stops}));
   for (int i = 0; i < 140; ++i) {
@@ -292,7 +292,7 @@ TEST(Stop, OutOfReachChangesNothing) {
 // Oracle: the range; stops whose outside is narrower than a step's turn are not jumped over.
 TEST(Stop, JustShortOfHalfATurnIsNotJumpedOver) {
   model::Model model = test::hinged_body();
-  model.joints[0].axes[0].stop = model::Stop{-3.14, 3.14, 0.9, 1};
+  model.joints[0].axes[0].stop = model::Stop{-3.14, 3.14, 0.9};
   model.bodies[1].initial_angular_velocity = Vec3(0, 50, 0);
   ode::OdeEngine engine(model, settings({Effect::joint_stops}));
   double last = 0;
@@ -307,7 +307,7 @@ TEST(Stop, JustShortOfHalfATurnIsNotJumpedOver) {
 // Oracle: the model; a joint that starts at rest on a stop of zero must move freely off it, and says why.
 TEST(Stop, AtZeroIsMovedOutwardAndSaysSo) {
   model::Model model = test::hinged_body();
-  model.joints[0].axes[0].stop = model::Stop{0, 0.5, 0, 1};
+  model.joints[0].axes[0].stop = model::Stop{0, 0.5, 0};
   ode::OdeEngine engine(model, settings({Effect::joint_stops}));
   ASSERT_EQ(engine.notes().size(), 1U);
   EXPECT_NE(engine.notes()[0].find("pin.axis0: low stop 0 rad moved to -1e-05 rad"), std::string::npos);
@@ -319,7 +319,7 @@ TEST(Stop, AtZeroIsMovedOutwardAndSaysSo) {
 // Oracle: the effect's definition; a stop that is not asked for is not there.
 TEST(Stop, IsAbsentWithoutItsEffect) {
   model::Model model = test::hinged_body();
-  model.joints[0].axes[0].stop = model::Stop{-0.1, 0.1, 0, 1};
+  model.joints[0].axes[0].stop = model::Stop{-0.1, 0.1, 0};
   model.bodies[1].initial_angular_velocity = Vec3(0, 2, 0);
   ode::OdeEngine engine(model, settings({}));
   test::run(engine, 500);

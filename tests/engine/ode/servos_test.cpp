@@ -42,7 +42,7 @@ double worst_departure(Method method, double h) {
   const double k = kInertia * w * w, c = 2 * kInertia * w;
   const model::Model model = test::hinged_body(0, {kInertia, kInertia, kInertia});
   Settings with = settings({Effect::actuation}, h, method);
-  with.iterations = 50;
+  with.ode().iterations = 50;
   const auto engine = make_engine(model, with);
   Recurrence reference;
   double worst = 0;
@@ -58,12 +58,12 @@ double worst_departure(Method method, double h) {
 // Oracle: the discrete recurrence. 1e-12: rounding of 500 steps; the iterative solver's bound is looser.
 TEST(Servo, FollowsTheImplicitRecurrenceWithWorldStepTo1e12) {
   for (const double h : {1e-3, 5e-3, 1e-2, 2e-2})
-    EXPECT_LT(worst_departure(Method::world_step, h), 1e-12) << h;
+    EXPECT_LT(worst_departure(OdeMethod::world_step, h), 1e-12) << h;
 }
 
 TEST(Servo, FollowsTheImplicitRecurrenceWithQuickStepTo1e3) {
   for (const double h : {1e-3, 5e-3, 1e-2, 2e-2})
-    EXPECT_LT(worst_departure(Method::quick_step, h), 1e-3) << h;
+    EXPECT_LT(worst_departure(OdeMethod::quick_step, h), 1e-3) << h;
 }
 
 // Oracle: closed form. At the limit the hinge turns with constant acceleration limit / I.
@@ -79,7 +79,7 @@ TEST(Servo, HoldsItsTorqueLimit) {
 // elsewhere.
 TEST(Servo, LeavesTheStopOfItsJointAlive) {
   model::Model model = test::hinged_body(0, {kInertia, kInertia, kInertia});
-  model.joints[0].axes[0].stop = model::Stop{-0.5, 0.5, 0, 1};
+  model.joints[0].axes[0].stop = model::Stop{-0.5, 0.5, 0};
   const auto engine = make_engine(model, settings({Effect::actuation, Effect::joint_stops}));
   drive(*engine, {0.05, 1e-4, 0, 0, 1}, 1.5, 2000);
   EXPECT_NEAR(angle(*engine), 0.5, 1e-3);
@@ -93,7 +93,7 @@ TEST(Servo, LeavesAStopWithoutASpike) {
   for (const bool stop : {false, true}) {
     model::Model model = test::hinged_body(0, {kInertia, kInertia, kInertia});
     model.joints[0].axes[0].initial = 0.5;
-    if (stop) model.joints[0].axes[0].stop = model::Stop{-0.5, 0.5, 0, 1};
+    if (stop) model.joints[0].axes[0].stop = model::Stop{-0.5, 0.5, 0};
     const auto engine = make_engine(model, settings({Effect::actuation, Effect::joint_stops}));
     drive(*engine, {0, 1e-3, 0, -1e-3, 1}, 0, 1);
     rates[stop ? 1 : 0] = engine->state().u[0];

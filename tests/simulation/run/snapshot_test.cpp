@@ -35,8 +35,7 @@ struct Case {
 void PrintTo(const Case& each, std::ostream* out) { *out << each.name; }
 
 const std::string kGuard =
-    "effects=[gravity, object_contact, self_contact, ground_contact, friction, joint_stops, passive_tissue, "
-    "step_guard]";
+    "effects=[gravity, object_contact, self_contact, ground_contact, friction, joint_stops, passive_tissue]";
 /// Tight enough that the guard acts on landing.
 const std::string kTight = "solver.guard={joint_gap: \"20 um\"}";
 

@@ -22,7 +22,7 @@ model::Model hinge() {
   model::Joint joint;
   joint.name = "j";
   joint.child = 1;
-  joint.axes.push_back({"a", Vec3::UnitZ(), model::Stop{-1, 1, 0, 1}, {}, 0});
+  joint.axes.push_back({"a", Vec3::UnitZ(), model::Stop{-1, 1, 0}, {}, 0});
   model.joints.push_back(joint);
   return model;
 }

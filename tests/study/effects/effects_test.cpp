@@ -20,7 +20,7 @@ scene::Scene scene_of(const std::string& text) { return scene::compile_scene(par
 
 const EffectRow& row_of(const EffectsResult& result, Effect effect) {
   for (const EffectRow& row : result.rows)
-    if (row.effect == effect) return row;
+    if (row.name == model::name(effect)) return row;
   throw std::runtime_error("no row");
 }
 
@@ -81,13 +81,26 @@ TEST(Effects, ThatOthersNeedTakeThemAlong) {
   const EffectsResult result = run_effects(scene, 1, nullptr);
   // Contacts that are about to happen have a row of their own.
   ASSERT_EQ(result.rows.size(), 4U);
-  EXPECT_FALSE(result.rows.back().effect);
+  EXPECT_EQ(result.rows.back().name, "solver.speculative");
   EXPECT_EQ(result.rows.back().displacement.value, 0);
   EXPECT_EQ(row_of(result, Effect::ground_contact).with, std::vector{Effect::friction});
   EXPECT_TRUE(row_of(result, Effect::friction).with.empty());
   // The ball falls through where the ground was.
   EXPECT_NEAR(row_of(result, Effect::ground_contact).displacement.value, 0.5 * 9.80665 * 0.25, 0.01);
   EXPECT_NE(effects_table(result).find("ground_contact with friction"), std::string::npos);
+}
+
+// Oracle: the contract: settings of the solver that are on have rows; a guard with nothing to do changes
+// nothing.
+TEST(Effects, HaveRowsForWhatTheSolverDoesBesides) {
+  const scene::Scene scene =
+      scene_of(std::string(kBall) + "effects: [gravity]\nsolver: {projection: true, guard: true}\n");
+  const EffectsResult result = run_effects(scene, 1, nullptr);
+  ASSERT_EQ(result.rows.size(), 3U);
+  EXPECT_EQ(result.rows[1].name, "solver.projection");
+  EXPECT_EQ(result.rows[2].name, "solver.guard");
+  EXPECT_EQ(result.rows[2].displacement.value, 0);
+  EXPECT_FALSE(result.rows[2].fault);
 }
 
 // Oracle: the contract: a scene that goes wrong without the effect has its row, with what went wrong. Without

@@ -1,4 +1,4 @@
-#include "handsim/engine/ode/approach.h"
+#include "handsim/engine/contact/approach.h"
 
 #include <algorithm>
 #include <array>
@@ -7,8 +7,9 @@
 
 #include "handsim/engine/contact/clearance.h"
 #include "handsim/engine/contact/narrow_phase.h"
+#include "handsim/model/shape_extent.h"
 
-namespace handsim::engine::ode {
+namespace handsim::engine {
 
 namespace {
 
@@ -38,7 +39,7 @@ Approach::Side Approach::side(std::size_t shape, const model::State& state, std:
 void Approach::touch(const Side& a, const Pose& x_WA, const Side& b, const Pose& x_WB) {
   points_.clear();
   const model::Shape &of_a = shape_of(a), &of_b = shape_of(b);
-  if (const auto own = own_manifold(of_a, x_WA * of_a.pose, of_b, x_WB * of_b.pose)) {
+  if (const auto own = narrow_.manifold(a.shape, x_WA * of_a.pose, b.shape, x_WB * of_b.pose)) {
     points_.assign(own->points.begin(), own->points.begin() + own->count);
     return;
   }
@@ -148,7 +149,7 @@ std::span<const ManifoldPoint> Approach::find(std::size_t shape_a, std::size_t s
   }
   const double way =
       (a.way.shift - b.way.shift).norm() + a.way.turn.norm() * a.lever + b.way.turn.norm() * b.lever;
-  const double radius = std::min(smallest_radius(shape_of(a)), smallest_radius(shape_of(b)));
+  const double radius = std::min(inner_radius(shape_of(a)), inner_radius(shape_of(b)));
   if (touching) {
     meet_again(a, b, way, radius);
     return points_;
@@ -163,4 +164,4 @@ std::span<const ManifoldPoint> Approach::find(std::size_t shape_a, std::size_t s
   return points_;
 }
 
-}  // namespace handsim::engine::ode
+}  // namespace handsim::engine

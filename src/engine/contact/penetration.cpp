@@ -1,8 +1,8 @@
-#include "handsim/engine/ode/crossed.h"
+#include "handsim/engine/contact/penetration.h"
 
 #include <algorithm>
 
-namespace handsim::engine::ode {
+namespace handsim::engine {
 
 void CrossedBodies::find(const Collider& collider) {
   bodies_.clear();
@@ -34,4 +34,4 @@ int CrossedBodies::moving_body(int shape) const {
   return model_.bodies[static_cast<std::size_t>(body)].kinematic ? model::kWorld : body;
 }
 
-}  // namespace handsim::engine::ode
+}  // namespace handsim::engine

@@ -3,9 +3,10 @@
 
 #include <ode/ode.h>
 
-#include "handsim/engine/ode/bodies.h"
+#include "handsim/engine/contact/ode_library.h"
+#include "handsim/model/model.h"
 
-namespace handsim::engine::ode {
+namespace handsim::engine {
 
 /// Creates the geom of a shape, its index as user data, at the origin.
 /// @throws OdeFault
@@ -19,4 +20,4 @@ void place_geom(dGeomID geom, const model::Shape& shape, const Pose& x_WB);
 
 inline std::size_t shape_index(dGeomID geom) { return reinterpret_cast<std::size_t>(dGeomGetData(geom)); }
 
-}  // namespace handsim::engine::ode
+}  // namespace handsim::engine

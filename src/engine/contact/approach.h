@@ -11,19 +11,20 @@
 #include <span>
 #include <vector>
 
-#include "handsim/engine/contact/manifold.h"
+#include "handsim/engine/contact/geoms.h"
+#include "handsim/engine/contact/narrow_phase.h"
 #include "handsim/engine/contact/sweep.h"
-#include "handsim/engine/ode/shapes.h"
 
-namespace handsim::engine::ode {
+namespace handsim::engine {
 
 /// Contact points that one pair of shapes can have.
 inline constexpr int kMaxPairContacts = 8;
 
 class Approach {
  public:
-  /// The model must outlive this.
-  explicit Approach(const model::Model& model) : model_(model), geoms_(model.shapes.size()) {
+  /// Both must outlive this.
+  Approach(const model::Model& model, const NarrowPhase& narrow)
+      : model_(model), narrow_(narrow), geoms_(model.shapes.size()) {
     points_.reserve(kMaxPairContacts);
   }
 
@@ -57,8 +58,9 @@ class Approach {
   dGeomID geom(std::size_t shape);
 
   const model::Model& model_;
+  const NarrowPhase& narrow_;
   std::vector<std::unique_ptr<dxGeom, Destroyer<dGeomDestroy>>> geoms_;  ///< as Model::shapes, when needed
   std::vector<ManifoldPoint> points_;
 };
 
-}  // namespace handsim::engine::ode
+}  // namespace handsim::engine

@@ -1,6 +1,6 @@
-#include "handsim/engine/ode/shapes.h"
+#include "handsim/engine/contact/geoms.h"
 
-namespace handsim::engine::ode {
+namespace handsim::engine {
 
 dGeomID make_geom(dSpaceID space, const model::Shape& shape, std::size_t index) {
   dGeomID geom = nullptr;
@@ -52,4 +52,4 @@ void place_geom(dGeomID geom, const model::Shape& shape, const Pose& x_WB) {
   dGeomSetQuaternion(geom, q);
 }
 
-}  // namespace handsim::engine::ode
+}  // namespace handsim::engine

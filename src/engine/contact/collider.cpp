@@ -1,13 +1,11 @@
-#include "handsim/engine/ode/collider.h"
+#include "handsim/engine/contact/collider.h"
 
 #include <algorithm>
 #include <array>
 
-#include <fmt/format.h>
+#include "handsim/engine/checks.h"
 
-#include "handsim/engine/contact/narrow_phase.h"
-
-namespace handsim::engine::ode {
+namespace handsim::engine {
 
 namespace {
 
@@ -26,29 +24,14 @@ void carry(Archive& archive, T& contact) {
 
 }  // namespace
 
-bool needs_contacts(const model::Model& model, const model::Effects& effects) {
-  return effects.any_contact() && !model.contact_rules.empty();
-}
-
-std::vector<Problem> contact_defects(const model::Model& model, const model::Effects& effects) {
-  std::vector<Problem> problems;
-  if (!needs_contacts(model, effects)) return problems;
-  const std::vector<bool> immovable = immovable_bodies(model, effects);
-  for (const model::Shape& shape : model.shapes)
-    if (shape.kind == model::ShapeKind::plane && !immovable[static_cast<std::size_t>(shape.body)])
-      problems.push_back(
-          {std::nullopt, shape.name,
-           "a plane on the moving body " + model.bodies[static_cast<std::size_t>(shape.body)].name,
-           "a plane on the world or on a body that never moves; a box moves"});
-  return problems;
-}
-
-Collider::Collider(const model::Model& model, const Settings& settings, std::span<const OdeBody> bodies)
+Collider::Collider(const model::Model& model, const model::Effects& effects, bool speculative,
+                   std::span<const dBodyID> bodies)
     : model_(model),
-      untested_(model, immovable_bodies(model, settings.effects)),
+      untested_(model, immovable_bodies(model, effects)),
       rules_(model),
-      approach_(model) {
-  if (settings.speculative) sweep_.emplace(model, settings.effects);
+      narrow_(model),
+      approach_(model, narrow_) {
+  if (speculative) sweep_.emplace(model, effects);
   ways_.reserve(model.bodies.size());
   const bool sweep = model.shapes.size() >= kSweepFrom;
   space_.reset(sweep ? dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ) : dSimpleSpaceCreate(nullptr));
@@ -74,13 +57,13 @@ std::vector<Clearance::Pair> Collider::allowed_pairs() const {
   return out;
 }
 
-void Collider::add_geoms(std::span<const OdeBody> bodies) {
+void Collider::add_geoms(std::span<const dBodyID> bodies) {
   geoms_.assign(model_.shapes.size(), nullptr);
   for (std::size_t i = 0; i < geoms_.size(); ++i) {
     const model::Shape& shape = model_.shapes[i];
     if (!rules_.meets_any(shape.group)) continue;
     geoms_[i] = make_geom(space_.get(), shape, i);
-    const dBodyID body = bodies.empty() ? nullptr : bodies[static_cast<std::size_t>(shape.body)].id;
+    const dBodyID body = bodies.empty() ? nullptr : bodies[static_cast<std::size_t>(shape.body)];
     if (body != nullptr && shape.kind != model::ShapeKind::plane) fix_geom(geoms_[i], shape, body);
   }
 }
@@ -170,7 +153,7 @@ int Collider::collide(const model::State& state, const Prospect& prospect) {
     int count = narrow_phase(a, b, state);
     if (std::binary_search(fast.begin(), fast.end(), std::pair(a, b)))
       count += approach(a, b, count > 0, state);
-    if (count > 0) touches_.push_back({first, count, surface(a, b)});
+    if (count > 0) touches_.push_back({first, count, rules_.between(model_.shapes[a], model_.shapes[b])});
   }
   return static_cast<int>(near_pairs_.size());
 }
@@ -195,7 +178,7 @@ int Collider::narrow_phase(std::size_t a, std::size_t b, const model::State& sta
   const auto add = [&](const Vec3& position, const Vec3& normal, double depth) {
     contacts_.push_back({static_cast<int>(a), static_cast<int>(b), position, normal, depth, Vec3::Zero()});
   };
-  if (const auto own = own_manifold(model_.shapes[a], pose(a, state), model_.shapes[b], pose(b, state))) {
+  if (const auto own = narrow_.manifold(a, pose(a, state), b, pose(b, state))) {
     for (int i = 0; i < own->count; ++i) {
       const ManifoldPoint& point = own->points[static_cast<std::size_t>(i)];
       add(point.position, point.normal, point.depth);
@@ -216,13 +199,4 @@ int Collider::narrow_phase(std::size_t a, std::size_t b, const model::State& sta
   return count;
 }
 
-model::Material Collider::surface(std::size_t a, std::size_t b) const {
-  const model::Shape& first = model_.shapes[a];
-  const model::Shape& second = model_.shapes[b];
-  const int ruled = rules_.material(first.group, second.group);
-  if (ruled != model::kCombined) return model_.materials[static_cast<std::size_t>(ruled)];
-  return model::combined(model_.materials[static_cast<std::size_t>(first.material)],
-                         model_.materials[static_cast<std::size_t>(second.material)]);
-}
-
-}  // namespace handsim::engine::ode
+}  // namespace handsim::engine

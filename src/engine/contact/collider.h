@@ -1,6 +1,6 @@
 // Which shapes touch, and where: a space with the shape of every body that a contact rule speaks of, the
-// pairs it finds near, and their contact points. Serves any engine: shapes ride on ODE bodies, or are put
-// where a state has their bodies.
+// pairs it finds near, and their contact points. Serves any engine: shapes are fixed to ODE bodies, or are
+// put where a state has their bodies.
 #pragma once
 
 #include <memory>
@@ -9,13 +9,13 @@
 #include <utility>
 #include <vector>
 
+#include "handsim/engine/contact/approach.h"
 #include "handsim/engine/contact/clearance.h"
+#include "handsim/engine/contact/geoms.h"
 #include "handsim/engine/contact/sweep.h"
-#include "handsim/engine/ode/approach.h"
-#include "handsim/engine/ode/bodies.h"
-#include "handsim/engine/ode/shapes.h"
+#include "handsim/engine/engine.h"
 
-namespace handsim::engine::ode {
+namespace handsim::engine {
 
 /// Shapes from which on sweep-and-prune is faster than testing all pairs of bounding boxes.
 inline constexpr std::size_t kSweepFrom = 24;
@@ -29,14 +29,19 @@ struct Touch {
 
 class Collider {
  public:
-  /// @param bodies as Model::bodies, on whose ODE bodies shapes ride; empty: on none. Model and bodies must
-  ///        outlive this. @throws OdeFault
-  Collider(const model::Model& model, const Settings& settings, std::span<const OdeBody> bodies = {});
+  /// @param speculative contacts that are about to happen are found, too
+  /// @param bodies as Model::bodies, the ODE bodies to which shapes are fixed (null: none); empty: to none
+  /// @throws OdeFault. The model must outlive this.
+  Collider(const model::Model& model, const model::Effects& effects, bool speculative,
+           std::span<const dBodyID> bodies = {});
+
+  Collider(const Collider&) = delete;  ///< its parts refer to each other
+  Collider& operator=(const Collider&) = delete;
 
   /// Puts the shapes of bodies without an ODE body where the state has these; not where none has one.
   void place(const model::State& state);
-  /// Finds the contacts at a state, where all shapes have been put, and with settings.speculative those that
-  /// fast bodies are about to make (depth below 0). @return pairs given to the narrow phase
+  /// Finds the contacts at a state, where all shapes have been put, and where speculative those that fast
+  /// bodies are about to make (depth below 0). @return pairs given to the narrow phase
   int collide(const model::State& state, const Prospect& prospect);
 
   std::vector<Contact>& contacts() { return contacts_; }
@@ -49,7 +54,7 @@ class Collider {
 
  private:
   static void near(void* self, dGeomID a, dGeomID b);
-  void add_geoms(std::span<const OdeBody> bodies);
+  void add_geoms(std::span<const dBodyID> bodies);
   bool allowed(std::size_t shape_a, std::size_t shape_b) const;
   std::vector<Clearance::Pair> allowed_pairs() const;
   void find_near(const model::State& state);
@@ -57,7 +62,6 @@ class Collider {
   int narrow_phase(std::size_t a, std::size_t b, const model::State& state);
   std::span<const Sweep::Pair> find_fast(const model::State& state, const Prospect& prospect);
   int approach(std::size_t a, std::size_t b, bool touching, const model::State& state);
-  model::Material surface(std::size_t a, std::size_t b) const;
 
   const model::Model& model_;
   UntestedPairs untested_;
@@ -65,21 +69,16 @@ class Collider {
   std::unique_ptr<dxSpace, Destroyer<dSpaceDestroy>> space_;
   std::vector<dGeomID> geoms_;  ///< as Model::shapes; null where no rule speaks of the shape
   std::vector<Clearance::Pair> near_pairs_;
-  /// Where no shape rides on an ODE body: in place of the space, and poses of all shapes.
+  /// Where no shape is fixed to an ODE body: in place of the space, and poses of all shapes.
   std::optional<Clearance> clearance_;
   std::vector<Pose> poses_;
-  /// With settings.speculative only.
+  /// Where speculative only.
   std::optional<Sweep> sweep_;
+  NarrowPhase narrow_;
   Approach approach_;
   std::vector<Way> ways_;  ///< of each body, in a step with a fast one
   std::vector<Contact> contacts_;
   std::vector<Touch> touches_;
 };
 
-/// What keeps contacts of a model from being tested: a plane on a body that moves.
-std::vector<Problem> contact_defects(const model::Model& model, const model::Effects& effects);
-
-/// True where a collision space is to be built.
-bool needs_contacts(const model::Model& model, const model::Effects& effects);
-
-}  // namespace handsim::engine::ode
+}  // namespace handsim::engine

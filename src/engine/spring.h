@@ -1,7 +1,7 @@
 // The one place where a stiffness and a damping become ODE's ERP and CFM. No ODE types.
 #pragma once
 
-namespace handsim::engine::ode {
+namespace handsim::engine {
 
 /// Softness of a constraint row.
 struct SoftRow {
@@ -20,4 +20,4 @@ inline SoftRow soft_row(double stiffness, double damping, double step) {
   return {step * stiffness / sum, 1.0 / sum};
 }
 
-}  // namespace handsim::engine::ode
+}  // namespace handsim::engine
