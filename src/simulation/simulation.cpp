@@ -50,7 +50,7 @@ void check_start(const scene::Scene& scene) {
            shape.tint != model::Tint::mechanism;
   };
   std::vector<Problem> problems;
-  std::vector<std::size_t> pairs(scene.spec.objects.size());
+  std::vector<std::size_t> pairs(scene.plans.objects.size());
   const std::string need = fmt::format("at most {:g} mm, or overlap: allowed", 1e3 * kDeepestStart);
   for (const engine::Overlap& overlap :
        engine::initial_overlaps(scene.model, model::initial_state(scene.model))) {
@@ -59,8 +59,8 @@ void check_start(const scene::Scene& scene) {
     if (!of_hand(*hand)) std::swap(hand, other);
     if (overlap.depth <= kDeepestStart || !of_hand(*hand) || !meet(scene.model, *hand, *other)) continue;
     const std::string name = other->name.substr(0, other->name.find('.'));
-    for (std::size_t i = 0; i < scene.spec.objects.size(); ++i)
-      if (const scene::ObjectSpec& object = scene.spec.objects[i];
+    for (std::size_t i = 0; i < scene.plans.objects.size(); ++i)
+      if (const scene::ObjectSpec& object = scene.plans.objects[i];
           other->tint == model::Tint::object && object.name == name && !object.may_overlap &&
           ++pairs[i] <= kNamedPairs)
         problems.push_back(
@@ -70,8 +70,8 @@ void check_start(const scene::Scene& scene) {
   }
   for (std::size_t i = 0; i < pairs.size(); ++i)
     if (pairs[i] > kNamedPairs)
-      problems.push_back({scene.spec.objects[i].place, fmt::format("objects.{}.position", i),
-                          fmt::format("{} inside hands at {} more places", scene.spec.objects[i].name,
+      problems.push_back({scene.plans.objects[i].place, fmt::format("objects.{}.position", i),
+                          fmt::format("{} inside hands at {} more places", scene.plans.objects[i].name,
                                       pairs[i] - kNamedPairs),
                           need});
   if (!problems.empty()) throw Error(problems);
@@ -90,11 +90,11 @@ Simulation::Simulation(const scene::Scene& scene)
   if (scene.spec.record_contacts) contact_sums_.emplace(scene.model);
   hash_.add(engine_->state());
   if (scene.spec.solver.effects.has(model::Effect::actuation)) find_constant_torques();
-  for (const scene::GraspPlan& plan : scene.spec.grasp_plans)
+  for (const scene::GraspPlan& plan : scene.plans.grasps)
     grasps_.emplace_back(scene.model, plan, scene.spec.solver.step);
   // Without actuation nothing pulls.
   if (scene.spec.solver.effects.has(model::Effect::actuation))
-    for (const scene::ClimbPlan& plan : scene.spec.climb_plans)
+    for (const scene::ClimbPlan& plan : scene.plans.climbs)
       climbs_.emplace_back(scene.model, plan, scene.spec.solver.step);
   if (!scene.control) return;
   controller_.emplace(scene.model, *scene.control, scene.spec.solver.step, engine_->state());

@@ -1,7 +1,8 @@
-// The run settings of a scene: solver and pictures.
+#include "handsim/scene/read/run_settings.h"
+
 #include <cmath>
 
-#include "handsim/scene/read/readers.h"
+#include "handsim/scene/read/blocks.h"
 
 namespace handsim::scene {
 

@@ -67,10 +67,10 @@ output::Camera fixed_camera(const scene::CameraSpec& spec) {
 }
 
 output::Framing framing(const scene::Scene& scene) {
-  const auto& hands = scene.spec.hands;
+  const auto& hands = scene.plans.hands;
   const scene::PictureSpec& pictures = scene.spec.pictures;
-  return {view_of(pictures.view), hands.empty() ? Pose{} : hands.front().placement.pose,
-          hands.empty() ? model::Side::right : hands.front().placement.side,
+  return {view_of(pictures.view), hands.empty() ? Pose{} : hands.front().pose,
+          hands.empty() ? model::Side::right : hands.front().side,
           static_cast<double>(pictures.size[0]) / pictures.size[1]};
 }
 

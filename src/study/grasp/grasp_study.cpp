@@ -9,7 +9,6 @@
 #include "handsim/core/units.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/scene/read/files_read.h"
 #include "handsim/simulation/simulation.h"
 
 namespace handsim::study {
@@ -119,7 +118,7 @@ std::vector<GraspRow> rows_of(const Work& work, const simulation::RunResult& res
   for (std::size_t i = 0; i < result.grasps.size(); ++i) {
     GraspRow row;
     row.scene = work.name;
-    row.side = work.scene.spec.hands[work.scene.spec.grasp_plans[i].hand].placement.name;
+    row.side = work.scene.spec.hands[work.scene.plans.grasps[i].hand].placement.name;
     row.figures = result.grasps[i];
     row.passed = result.passed();
     row.simulated = result.simulated;
@@ -134,7 +133,7 @@ void add_climbs(const Work& work, const simulation::RunResult& result, std::vect
   for (std::size_t i = 0; i < result.climbs.size(); ++i) {
     ClimbRow row;
     row.scene = work.name;
-    row.side = work.scene.spec.hands[work.scene.spec.climb_plans[i].hand].placement.name;
+    row.side = work.scene.spec.hands[work.scene.plans.climbs[i].hand].placement.name;
     row.figures = result.climbs[i];
     row.passed = result.passed();
     row.simulated = result.simulated;

@@ -1,35 +1,33 @@
-#include "handsim/scene/compile/extent.h"
+#include "handsim/model/extent.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-namespace handsim::scene {
+namespace handsim::model {
 
-double reach(const model::Shape& shape, const Vec3& n) {
+double reach(const Shape& shape, const Vec3& n) {
   const double across = std::hypot(n.x(), n.y());
-  double most = 0;
   switch (shape.kind) {
-    case model::ShapeKind::box:
+    case ShapeKind::box:
       return 0.5 * shape.edges.dot(n.cwiseAbs());
-    case model::ShapeKind::sphere:
+    case ShapeKind::sphere:
       return shape.radius;
-    case model::ShapeKind::capsule:
+    case ShapeKind::capsule:
       return shape.radius + 0.5 * shape.length * std::abs(n.z());
-    case model::ShapeKind::cylinder:
+    case ShapeKind::cylinder:
       return shape.radius * across + 0.5 * shape.length * std::abs(n.z());
-    case model::ShapeKind::convex_mesh:
-      for (const Vec3& vertex : shape.mesh->vertices) most = std::max(most, vertex.dot(n));
-      return most;
-    case model::ShapeKind::plane:
+    case ShapeKind::convex_mesh:
+      return shape.mesh->support(n);
+    case ShapeKind::plane:
       return 0;
   }
   return 0;
 }
 
-Vec3 extent(const std::vector<model::Shape>& shapes) {
+Vec3 extent(const std::vector<Shape>& shapes) {
   Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
-  for (const model::Shape& shape : shapes)
+  for (const Shape& shape : shapes)
     for (int i = 0; i < 3; ++i) {
       const Vec3 n = shape.pose.q.conjugate() * Vec3::Unit(i);
       low[i] = std::min(low[i], shape.pose.p[i] - reach(shape, -n));
@@ -38,4 +36,4 @@ Vec3 extent(const std::vector<model::Shape>& shapes) {
   return high - low;
 }
 
-}  // namespace handsim::scene
+}  // namespace handsim::model

@@ -1,4 +1,4 @@
-#include "handsim/scene/compile/engine_choice.h"
+#include "handsim/scene/read/engine_choice.h"
 
 #include <algorithm>
 #include <limits>
@@ -7,8 +7,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/data_folder.h"
-#include "handsim/scene/read/file_kind.h"
-#include "handsim/scene/read/readers.h"
+#include "handsim/scene/read/blocks.h"
 
 namespace handsim::scene {
 
@@ -228,7 +227,7 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
       "second",
       text_of(*best), accuracy, table->scene, described(kind), best->error, best->cost);
   const YamlNode* duration = reader.node().find("duration");
-  double time = std::max(grasps_end(scene), climbs_end(scene));
+  double time = scene.tasks_end();
   if (duration)
     if (const auto given = parse_quantity(duration->text, Dimension::time)) time = *given;
   for (const std::string& text : beyond(scene, *table, time))
