@@ -12,7 +12,6 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
-#include "handsim/scene/read/files_read.h"
 #include "handsim/simulation/mathematics.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"

@@ -170,6 +170,8 @@ struct Model {
   std::vector<HandIndex> hands;
 
   int dof_count() const;
+  /// Index of a new group.
+  int add_group(std::string name);
 };
 
 /// Adds the world body to an empty model.

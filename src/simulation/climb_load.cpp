@@ -24,7 +24,7 @@ ClimbLoad::ClimbLoad(const model::Model& model, const scene::ClimbPlan& plan, do
       step_(step) {}
 
 double ClimbLoad::target(double time) const {
-  const scene::GraspPhase& approach = plan_.approach();
+  const scene::TaskPhase& approach = plan_.approach();
   const double share = std::clamp((time - approach.start) / (approach.end - approach.start), 0.0, 1.0);
   return -plan_.height * (1 - model::eased(model::Interpolation::minimum_jerk, share));
 }

@@ -47,7 +47,7 @@ void check_start(const scene::Scene& scene) {
            shape.part != model::Part::mechanism;
   };
   std::vector<Problem> problems;
-  std::vector<std::size_t> pairs(scene.spec.objects.size());
+  std::vector<std::size_t> pairs(scene.plans.objects.size());
   const engine::PairTable rules(scene.model);
   const std::string need = fmt::format("at most {:g} mm, or overlap: allowed", 1e3 * kDeepestStart);
   for (const engine::Overlap& overlap :
@@ -57,8 +57,8 @@ void check_start(const scene::Scene& scene) {
     if (!of_hand(*hand)) std::swap(hand, other);
     if (overlap.depth <= kDeepestStart || !of_hand(*hand) || !rules.meet(hand->group, other->group)) continue;
     const std::string name = other->name.substr(0, other->name.find('.'));
-    for (std::size_t i = 0; i < scene.spec.objects.size(); ++i)
-      if (const scene::ObjectSpec& object = scene.spec.objects[i];
+    for (std::size_t i = 0; i < scene.plans.objects.size(); ++i)
+      if (const scene::ObjectSpec& object = scene.plans.objects[i];
           other->part == model::Part::object && object.name == name && !object.may_overlap &&
           ++pairs[i] <= kNamedPairs)
         problems.push_back(
@@ -68,8 +68,8 @@ void check_start(const scene::Scene& scene) {
   }
   for (std::size_t i = 0; i < pairs.size(); ++i)
     if (pairs[i] > kNamedPairs)
-      problems.push_back({scene.spec.objects[i].place, fmt::format("objects.{}.position", i),
-                          fmt::format("{} inside hands at {} more places", scene.spec.objects[i].name,
+      problems.push_back({scene.plans.objects[i].place, fmt::format("objects.{}.position", i),
+                          fmt::format("{} inside hands at {} more places", scene.plans.objects[i].name,
                                       pairs[i] - kNamedPairs),
                           need});
   if (!problems.empty()) throw Error(problems);
@@ -90,7 +90,7 @@ Simulation::Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers w
   const double step = spec.solver.step;
   if (spec.solver.effects.has(model::Effect::actuation)) {
     find_constant_torques();
-    for (const scene::ClimbPlan& plan : spec.climb_plans)
+    for (const scene::ClimbPlan& plan : scene_->plans.climbs)
       actuators_.push_back(std::make_unique<ClimbLoad>(scene_->model, plan, step));
   }
   if (scene_->control)

@@ -22,7 +22,7 @@ void loop_against_bare_ode(benchmark::State& state, const char* name, const char
   const scene::Scene scene = test::shipped_scene(name, {std::string("solver.method=") + method});
   const model::State start = model::initial_state(scene.model);
   engine::ode::OdeEngine bare(scene.model, scene.spec.solver);
-  const bool quick = scene.spec.solver.method == engine::OdeMethod::quick_step;
+  const bool quick = scene.spec.solver.method() == engine::OdeMethod::quick_step;
   std::unique_ptr<simulation::Simulation> simulation;
   const long steps = simulation::Simulation(scene).step_count();
   compare(

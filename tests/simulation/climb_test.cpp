@@ -111,7 +111,7 @@ scene::Scene half_crimp(const std::vector<std::string>& overrides = {}) {
 TEST(Climb, TheHoldBearsTheLoadAndTheHand) {
   const scene::Scene scene = half_crimp();
   Simulation simulation(scene);
-  while (load_at(scene.spec.climb_plans.front(), simulation.state().time) < 100) simulation.step();
+  while (load_at(scene.plans.climbs.front(), simulation.state().time) < 100) simulation.step();
   double up = 0;
   for (const engine::Contact& contact : simulation.engine().contacts()) {
     const bool first = scene.model.shapes[static_cast<std::size_t>(contact.shape_b)].body == model::kWorld;

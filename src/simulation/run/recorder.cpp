@@ -45,10 +45,10 @@ Recorder::Recorder(const Simulation& simulation, const RunOptions& options)
   if (scene.spec.record_contacts) contacts_.emplace(options.out / "contacts.csv", scene.model);
   if (!options.pose_pictures)
     plan_frames(options.frames);
-  else if (!scene.spec.grasp_plans.empty())
-    plan_phases(scene.spec.grasp_plans.front());
+  else if (!scene.plans.grasps.empty())
+    plan_phases(scene.plans.grasps.front());
   else if (simulation.find<Climbs>())
-    plan_climb(scene.spec.climb_plans.front());
+    plan_climb(scene.plans.climbs.front());
   else
     plan_poses();
 }
@@ -79,7 +79,7 @@ void Recorder::plan_poses() {
 void Recorder::plan_phases(const scene::GraspPlan& plan) {
   const long steps = simulation_.step_count();
   moments_.push_back({0, "start"});
-  for (const scene::GraspPhase& phase : plan.phases) {
+  for (const scene::TaskPhase& phase : plan.phases) {
     const long step = std::lround(phase.end / step_);
     if (step <= steps)
       moments_.push_back(
@@ -92,7 +92,7 @@ void Recorder::plan_phases(const scene::GraspPlan& plan) {
 void Recorder::plan_climb(const scene::ClimbPlan& plan) {
   climb_ = &simulation_.get<Climbs>().each().front();
   moments_.push_back({0, "start"});
-  for (const scene::GraspPhase& phase : {plan.phases[0], plan.phases[1]})
+  for (const scene::TaskPhase& phase : {plan.phases[0], plan.phases[1]})
     moments_.push_back(
         {std::lround(phase.end / step_), phase.name + fmt::format(", t = {:.2f} s", phase.end)});
 }

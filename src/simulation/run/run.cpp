@@ -11,7 +11,6 @@
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
 #include "handsim/output/render/contact_sheet.h"
-#include "handsim/scene/read/files_read.h"
 #include "handsim/simulation/run/output_size.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/plots.h"

@@ -131,7 +131,7 @@ bool ClimbWatch::over(double time) const {
 
 Climbs::Climbs(const Watched& watched) : engine_(watched.engine) {
   const scene::SceneSpec& spec = watched.scene.spec;
-  for (const scene::ClimbPlan& plan : spec.climb_plans)
+  for (const scene::ClimbPlan& plan : watched.scene.plans.climbs)
     climbs_.emplace_back(watched.scene.model, plan, spec.solver.step);
 }
 

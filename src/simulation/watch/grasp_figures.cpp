@@ -164,7 +164,7 @@ void GraspWatch::finish(const engine::Engine& engine, const Pose& now) {
 
 Grasps::Grasps(const Watched& watched) {
   const scene::SceneSpec& spec = watched.scene.spec;
-  for (const scene::GraspPlan& plan : spec.grasp_plans)
+  for (const scene::GraspPlan& plan : watched.scene.plans.grasps)
     grasps_.emplace_back(watched.scene.model, plan, spec.solver.step);
 }
 

@@ -12,9 +12,9 @@ Watchers standard_watchers(const Watched& watched) {
   add.operator()<Convergence>(true);
   add.operator()<Tunnelling>(watched.engine.tests_contacts() || spec.criteria.penetration ||
                              spec.criteria.tunnelling);
-  add.operator()<Grasps>(!spec.grasp_plans.empty());
+  add.operator()<Grasps>(!watched.scene.plans.grasps.empty());
   // Without actuation nothing pulls.
-  add.operator()<Climbs>(!spec.climb_plans.empty() && spec.solver.effects.has(model::Effect::actuation));
+  add.operator()<Climbs>(!watched.scene.plans.climbs.empty() && spec.solver.effects.has(model::Effect::actuation));
   add.operator()<Tracking>(watched.controller != nullptr);
   add.operator()<ContactSums>(spec.record_contacts);
   add.operator()<Ledger>(true);

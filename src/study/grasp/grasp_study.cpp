@@ -8,7 +8,6 @@
 #include "handsim/core/units.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/scene/read/files_read.h"
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/report.h"
 
@@ -248,9 +247,8 @@ GraspTables run_grasps(const GraspStudy& study) {
     const simulation::RunResult result = simulation::run(work.scene, options, &folders[i]);
     for (const std::string& what : result.missing)
       tables.missing.push_back(options.out.string() + ": " + what);
-    const scene::SceneSpec& spec = work.scene.spec;
-    auto found = rows_of<GraspRow>(work, result, result.grasps, spec.grasp_plans);
-    const auto climbs = rows_of<ClimbRow>(work, result, result.climbs, spec.climb_plans);
+    auto found = rows_of<GraspRow>(work, result, result.grasps, work.scene.plans.grasps);
+    const auto climbs = rows_of<ClimbRow>(work, result, result.climbs, work.scene.plans.climbs);
     if (study.friction_search && !found.empty() && result.passed()) {
       const auto least = smallest_friction(work.scene, tell(own, 1 - own));
       for (GraspRow& row : found) row.smallest_friction = least;

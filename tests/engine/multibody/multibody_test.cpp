@@ -50,7 +50,7 @@ model::State scattered(const model::Model& model, std::mt19937& random, double s
 }
 
 System system_of(const model::Model& model) {
-  return islands(model, test::settings({}, 1e-3, Method::stabilised_gear)).front();
+  return islands(model, test::settings({}, 1e-3, DaeMethod::stabilised_gear)).front();
 }
 
 double largest_error(const System& system, const model::State& state) {
@@ -115,7 +115,7 @@ TEST(Accelerations, OfALevelPendulumAreTheClosedForm) {
     return out;
   }();
   const System system =
-      islands(model, test::settings({model::Effect::gravity}, 1e-3, Method::stabilised_gear)).front();
+      islands(model, test::settings({model::Effect::gravity}, 1e-3, DaeMethod::stabilised_gear)).front();
   double weakest = 0;
   const std::vector<Index> rows = independent_rows(system, state, weakest);
   ASSERT_EQ(rows.size(), 5U);

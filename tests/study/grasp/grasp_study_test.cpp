@@ -92,7 +92,7 @@ TEST(GraspStudy, LeftHandGraspsAsTheRightOne) {
 TEST(GraspStudy, ContactForcesCarryTheObject) {
   const scene::Scene scene = shortened("grasp_power_can");
   simulation::Simulation simulation(scene);
-  const double end = scene.spec.grasp_plans.front().phase("hold")->end;
+  const double end = scene.plans.grasps.front().phase("hold")->end;
   while (simulation.state().time < end - 1e-9) simulation.step();
   Vec3 sum = Vec3::Zero();
   for (const engine::Contact& contact : simulation.engine().contacts()) {

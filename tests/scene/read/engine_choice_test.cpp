@@ -1,5 +1,5 @@
 // Engine `auto`: what it chooses from the table of costs, and what becomes of the scene.
-#include "handsim/scene/compile/engine_choice.h"
+#include "handsim/scene/read/engine_choice.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "handsim/scene/compile/engine_choice.h"
+#include "handsim/scene/read/engine_choice.h"
 
 #include <algorithm>
 #include <limits>
@@ -7,8 +7,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/data_folder.h"
-#include "handsim/scene/read/file_kind.h"
-#include "handsim/scene/read/readers.h"
+#include "handsim/scene/read/blocks.h"
 
 namespace handsim::scene {
 
@@ -216,7 +215,7 @@ const CostRow* cheapest(const CostTable& table, const SceneSpec& scene, double a
 double duration_of(MapReader& reader, const SceneSpec& scene) {
   if (const YamlNode* duration = reader.node().find("duration"))
     if (const auto given = parse_quantity(duration->text, Dimension::time)) return *given;
-  return std::max(grasps_end(scene), climbs_end(scene));
+  return scene.tasks_end();
 }
 
 }  // namespace
@@ -260,7 +259,15 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
       "{}: the cheapest of what reaches {:g} on {} ({}), with an error of {:.2g} and {:.3g} CPU seconds a "
       "second",
       text_of(*best), accuracy, table->scene, described(kind), best->error, best->cost);
+<<<<<<< HEAD:src/scene/compile/engine_choice.cpp
   for (const std::string& text : beyond(scene, *table, duration_of(reader, scene)))
+=======
+  const YamlNode* duration = reader.node().find("duration");
+  double time = scene.tasks_end();
+  if (duration)
+    if (const auto given = parse_quantity(duration->text, Dimension::time)) time = *given;
+  for (const std::string& text : beyond(scene, *table, time))
+>>>>>>> scn:src/scene/read/engine_choice.cpp
     reader.warning("solver", "engine auto: " + text);
   block.node().entries.clear();
   put_settings(block.node(), scene.solver);

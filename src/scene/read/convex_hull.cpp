@@ -1,4 +1,4 @@
-#include "handsim/scene/compile/convex_hull.h"
+#include "handsim/scene/read/convex_hull.h"
 
 extern "C" {
 #include <libqhull_r/qhull_ra.h>
@@ -26,7 +26,7 @@ struct Release {
 
 }  // namespace
 
-Hull convex_hull(const std::vector<Vec3>& points) {
+Surface convex_hull(const std::vector<Vec3>& points) {
   std::unique_ptr<qhT, Release> owner(new qhT{});
   qhT* qh = owner.get();
   qh_zero(qh, nullptr);
@@ -38,7 +38,7 @@ Hull convex_hull(const std::vector<Vec3>& points) {
                                   silence.get(), silence.get());
   if (status != 0) throw input_error("", "points that span no volume", "points of a solid body");
 
-  Hull hull;
+  Surface hull;
   std::map<int, int> index;
   facetT* facet = nullptr;
   FORALLfacets {

@@ -1,4 +1,4 @@
-#include "handsim/scene/compile/mechanism.h"
+#include "handsim/scene/read/mechanism_spec.h"
 
 #include <algorithm>
 #include <cmath>
@@ -6,7 +6,8 @@
 #include <fmt/format.h>
 
 #include "handsim/hand/hand_spec.h"
-#include "handsim/scene/read/readers.h"
+#include "handsim/scene/read/blocks.h"
+#include "handsim/scene/read/objects.h"
 
 namespace handsim::scene {
 
@@ -59,8 +60,13 @@ model::JointAxis read_axis(MapReader reader, bool slides) {
   axis.axis = reader.direction("axis");
   const Quantity range = slides ? kCoordinate : Quantity{Dimension::angle, -M_PI, M_PI};
   if (const auto stop = reader.maybe_range("range", range)) {
+<<<<<<< HEAD:src/scene/compile/mechanism.cpp
     axis.stop = model::Stop{stop->first, stop->second, 0};
     axis.stop->bounce = reader.number("bounce", {Dimension::none, 0, 1}, 0.0);
+=======
+    axis.stop = model::Stop{stop->first, stop->second};
+    axis.stop->bounce = reader.number("bounce", {Dimension::none, 0, 1}, axis.stop->bounce);
+>>>>>>> scn:src/scene/read/mechanism_spec.cpp
   }
   axis.torque = reader.number("torque", {Dimension::torque, -1e4, 1e4}, 0.0);
   reader.finish();
@@ -123,8 +129,7 @@ void check_joints(MapReader& scene, const MechanismSpec& spec) {
     };
     const auto check_body = [&](const char* key, const std::string& name) {
       if (std::find(known.begin(), known.end(), name) != known.end()) return;
-      const auto near = nearest_word(name, known);
-      problem(key, name, "world or the name of one of bodies" + (near ? " (nearest: " + *near + ")" : ""));
+      problem(key, name, "world or the name of one of bodies" + nearest_hint(name, known));
     };
     check_body(".parent", joint.parent);
     check_body(".child", joint.child);
@@ -134,49 +139,6 @@ void check_joints(MapReader& scene, const MechanismSpec& spec) {
       if (spec.joints[k].name == joint.name)
         problem(".name", joint.name + " a second time", "a name of its own for each joint");
   }
-}
-
-int body_index(const model::Model& model, const std::string& name) {
-  for (std::size_t i = 0; i < model.bodies.size(); ++i)
-    if (model.bodies[i].name == name) return static_cast<int>(i);
-  throw input_error("joints", "an unknown body " + name, "world or one of bodies");
-}
-
-void add_body(model::Model& model, const BodySpec& spec, int touching, int drawn) {
-  model::Body body;
-  body.name = spec.name;
-  body.mass = spec.mass;
-  body.inertia = spec.inertia.asDiagonal();
-  body.zero_pose = spec.pose;
-  body.initial_velocity = spec.velocity;
-  body.initial_angular_velocity = spec.angular_velocity;
-  if (spec.shape) {
-    model::Shape shape = *spec.shape;
-    shape.name = spec.name;
-    shape.body = static_cast<int>(model.bodies.size());
-    shape.group = spec.collides ? touching : drawn;
-    shape.material = static_cast<int>(model.materials.size());
-    model.materials.push_back(spec.material);
-    model.shapes.push_back(std::move(shape));
-  }
-  model.bodies.push_back(std::move(body));
-}
-
-void add_joint(model::Model& model, const MechanismJointSpec& spec) {
-  model::Joint joint;
-  joint.name = spec.name;
-  joint.kind = spec.kind;
-  joint.parent = body_index(model, spec.parent);
-  joint.child = body_index(model, spec.child);
-  joint.axes = spec.axes;
-  // Frames F and M stand along the world's axes at the start.
-  const Pose x_WF{spec.position, Quat::Identity()};
-  joint.parent_frame = model.bodies[static_cast<std::size_t>(joint.parent)].zero_pose.inverse() * x_WF;
-  joint.child_frame = model.bodies[static_cast<std::size_t>(joint.child)].zero_pose.inverse() * x_WF;
-  joint.closes_loop = std::any_of(model.joints.begin(), model.joints.end(),
-                                  [&](const model::Joint& other) { return other.child == joint.child; });
-  joint.first_dof = model.dof_count();
-  model.joints.push_back(std::move(joint));
 }
 
 }  // namespace
@@ -192,15 +154,6 @@ MechanismSpec read_mechanism(MapReader& scene, std::vector<std::string> taken,
              [&](MapReader reader) { spec.joints.push_back(read_joint(std::move(reader))); });
   if (scene.diagnostics().problems.size() == before) check_joints(scene, spec);
   return spec;
-}
-
-void add_mechanism(model::Model& model, const MechanismSpec& spec) {
-  if (spec.bodies.empty()) return;
-  const int touching = static_cast<int>(model.groups.size());
-  model.groups.push_back({"mechanism"});
-  model.groups.push_back({"drawn"});
-  for (const BodySpec& body : spec.bodies) add_body(model, body, touching, touching + 1);
-  for (const MechanismJointSpec& joint : spec.joints) add_joint(model, joint);
 }
 
 }  // namespace handsim::scene

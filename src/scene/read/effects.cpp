@@ -1,10 +1,12 @@
-// The `effects` of a scene: which it asks for, which it needs, and whether the two agree.
+#include "handsim/scene/read/effects.h"
+
 #include <algorithm>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/scene/read/readers.h"
+#include "handsim/scene/read/blocks.h"
+#include "handsim/scene/read/contact_groups.h"
 
 namespace handsim::scene {
 

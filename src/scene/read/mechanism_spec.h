@@ -45,8 +45,4 @@ struct MechanismSpec {
 MechanismSpec read_mechanism(MapReader& scene, std::vector<std::string> taken,
                              const std::vector<model::Material>& materials);
 
-/// Appends the mechanism. A joint whose child already hangs on another closes a loop.
-/// @throws Error (input) where a joint names no body.
-void add_mechanism(model::Model& model, const MechanismSpec& spec);
-
 }  // namespace handsim::scene
