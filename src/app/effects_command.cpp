@@ -4,7 +4,6 @@
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/scene/read/files_read.h"
 #include "handsim/study/effects/effects_report.h"
 
 namespace handsim::app {

@@ -7,7 +7,6 @@
 #include "handsim/output/export/urdf.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/scene/compile/scene.h"
-#include "handsim/scene/read/files_read.h"
 
 namespace handsim::app {
 

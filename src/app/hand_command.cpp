@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <cmath>
-#include <string_view>
 
 #include <fmt/format.h>
 
@@ -16,7 +15,6 @@
 #include "handsim/output/output_folder.h"
 #include "handsim/scene/compile/scene.h"
 #include "handsim/scene/read/file_kind.h"
-#include "handsim/scene/read/files_read.h"
 #include "handsim/simulation/run/pictures.h"
 
 namespace handsim::app {
@@ -57,64 +55,58 @@ std::vector<Problem> of_options(std::vector<Problem> problems) {
   return problems;
 }
 
-/// The person that the options or the file describe, as a tree, checked by the reader of persons.
-/// @throws Error (input) that speaks of the file's keys or of the options.
-YamlNode person_tree(const HandArguments& arguments) {
-  YamlNode person = person_of_options(arguments);
-  Diagnostics diagnostics;
-  if (arguments.person) {
-    if (!person.entries.empty())
-      throw input_error(option_name(person.entries.front().key), "a value beside --person",
-                        "the one or the other");
-    person = load_yaml(*arguments.person);
-    if (!scene::is_of_kind(person, "", scene::FileKind::person, diagnostics)) diagnostics.throw_if_any();
-  }
-  // The scene reads the person again, defaults and all; this reading is for its messages.
-  YamlNode copy = person;
-  hand::read_person(copy, "", diagnostics);
-  if (!diagnostics.problems.empty()) throw Error(of_options(diagnostics.problems));
-  return person;
-}
+/// What the command reads.
+struct Subject {
+  hand::HandSpec model;
+  hand::Person person;
+  YamlNode files = yaml_map();  ///< as they were read
+  std::vector<std::string> warnings;
+};
 
-std::vector<std::string> sides(const std::string& side) {
-  return side == "both" ? std::vector<std::string>{"left", "right"} : std::vector<std::string>{side};
+/// @throws Error (input) that speaks of the files' keys or of the options.
+Subject read_subject(const HandArguments& arguments) {
+  YamlNode person = person_of_options(arguments);
+  if (arguments.person && !person.entries.empty())
+    throw input_error(option_name(person.entries.front().key), "a value beside --person",
+                      "the one or the other");
+  if (arguments.person) person = load_yaml(*arguments.person);
+  Subject out;
+  Diagnostics diagnostics;
+  YamlNode& person_node = yaml_put(out.files, "person", std::move(person));
+  YamlNode& model_node = yaml_put(
+      out.files, "model", load_yaml(arguments.model.value_or(data_folder() / "handmodels/anatomical.yaml")));
+  if (!arguments.person || scene::is_of_kind(person_node, "", scene::FileKind::person, diagnostics))
+    out.person = hand::read_person(person_node, "", diagnostics);
+  if (scene::is_of_kind(model_node, "", scene::FileKind::hand_model, diagnostics))
+    out.model = hand::read_hand_spec(model_node, "", diagnostics);
+  if (!diagnostics.problems.empty()) throw Error(of_options(diagnostics.problems));
+  out.warnings = std::move(diagnostics.warnings);
+  const Place place = person_node.place();
+  const std::string where =
+      place.file.empty() ? "" : fmt::format("{}:{}:{}: ", place.file, place.line, place.column);
+  for (const std::string& text : hand::extrapolations(out.model.anthropometry, out.person))
+    out.warnings.push_back(where + text);
+  return out;
 }
 
 /// A scene with the wanted hands, straight, side by side, backs up.
-YamlNode scene_tree(const HandArguments& arguments, const YamlNode& person) {
-  const double stature = parse_quantity(person.find("stature")->text, Dimension::length).value_or(0);
-  const double apart = 1.35 * 0.11 * stature;
-  YamlNode hands = yaml_sequence();
-  for (const std::string& side : sides(arguments.side)) {
-    const double x = arguments.side != "both" ? 0 : (side == "left" ? -0.5 : 0.5) * apart;
-    YamlNode position = yaml_sequence();
-    for (const double value : {x, 0.0, 0.2}) position.items.push_back(yaml_scalar(number_text(value)));
-    YamlNode wrist = yaml_map();
-    yaml_put(wrist, "mount", yaml_scalar("fixed"));
-    yaml_put(wrist, "position", position);
-    YamlNode hand = yaml_map();
-    yaml_put(hand, "model",
-             load_yaml(arguments.model.value_or(data_folder() / "handmodels/anatomical.yaml")));
-    yaml_put(hand, "person", person);
-    yaml_put(hand, "side", yaml_scalar(side));
-    yaml_put(hand, "wrist", wrist);
-    hands.items.push_back(hand);
+scene::Scene compiled(const std::string& side, Subject subject) {
+  scene::SceneSpec spec;
+  spec.title = "hands";
+  spec.pictures.view = scene::View::dorsal;
+  const double apart = 1.35 * 0.11 * subject.person.stature;
+  for (const model::Side of : {model::Side::left, model::Side::right}) {
+    const bool left = of == model::Side::left;
+    if (side != "both" && side != (left ? "left" : "right")) continue;
+    scene::HandEntry& entry = spec.hands.emplace_back();
+    entry.model = subject.model;
+    entry.person = subject.person;
+    entry.placement.name = left ? "left" : "right";
+    entry.placement.side = of;
+    entry.placement.pose.p = {side != "both" ? 0 : (left ? -0.5 : 0.5) * apart, 0.0, 0.2};
   }
-  YamlNode scene = yaml_map();
-  yaml_put(scene, "title", yaml_scalar("hands", true));
-  yaml_put(scene, "hands", hands);
-  yaml_put(scene, "effects", yaml_sequence());
-  yaml_put(scene, "duration", yaml_scalar("0.001"));
-  YamlNode pictures = yaml_map();
-  yaml_put(pictures, "view", yaml_scalar("dorsal"));
-  yaml_put(scene, "pictures", pictures);
-  return scene;
-}
-
-scene::Scene compiled(const HandArguments& arguments) {
-  const YamlNode person = person_tree(arguments);
   try {
-    return scene::compile_scene(scene_tree(arguments, person));
+    return scene::compile_scene(std::move(spec), std::move(subject.files));
   } catch (const Error& error) {
     throw Error(of_options(error.problems()));
   }
@@ -206,28 +198,31 @@ void print_sources(const hand::HandSpec& spec) {
   for (const auto& [key, text] : spec.sources) print("  {}: {}\n", key, text);
 }
 
+YamlNode node(double value) { return yaml_scalar(number_text(value)); }
+
 YamlNode number_list(std::initializer_list<double> values) {
   YamlNode list = yaml_sequence();
-  for (const double value : values) list.items.push_back(yaml_scalar(number_text(value)));
+  for (const double value : values) list.items.push_back(node(value));
   return list;
 }
 
 YamlNode vector_list(const Vec3& v) { return number_list({v.x(), v.y(), v.z()}); }
 
+YamlNode map_of(std::initializer_list<std::pair<const char*, YamlNode>> entries) {
+  YamlNode map = yaml_map();
+  for (const auto& [key, value] : entries) yaml_put(map, key, value);
+  return map;
+}
+
 YamlNode joint_tree(const model::Joint& joint) {
-  YamlNode out = yaml_map();
-  yaml_put(out, "name", yaml_scalar(joint.name));
-  yaml_put(out, "type", yaml_scalar(joint.kind == model::JointKind::hinge ? "hinge" : "universal"));
   YamlNode axes = yaml_sequence();
   for (const model::JointAxis& axis : joint.axes) {
-    YamlNode entry = yaml_map();
-    yaml_put(entry, "name", yaml_scalar(axis.name));
-    yaml_put(entry, "axis", vector_list(axis.axis));
+    YamlNode entry = map_of({{"name", yaml_scalar(axis.name)}, {"axis", vector_list(axis.axis)}});
     if (axis.stop) yaml_put(entry, "range", number_list({axis.stop->low, axis.stop->high}));
     axes.items.push_back(entry);
   }
-  yaml_put(out, "axes", axes);
-  return out;
+  const char* type = joint.kind == model::JointKind::hinge ? "hinge" : "universal";
+  return map_of({{"name", yaml_scalar(joint.name)}, {"type", yaml_scalar(type)}, {"axes", axes}});
 }
 
 /// Bodies of one hand in its hand frame, SI.
@@ -237,46 +232,41 @@ YamlNode bodies_tree(const model::Model& model, const model::HandIndex& hand, co
       (model.bodies[static_cast<std::size_t>(hand.palm)].zero_pose * hand.wrist_frame).inverse();
   YamlNode bodies = yaml_sequence();
   for (std::size_t i = 0; i < hand.bodies.size(); ++i) {
-    const auto at = static_cast<std::size_t>(hand.bodies[i]);
-    const model::Body& body = model.bodies[at];
-    YamlNode entry = yaml_map();
-    yaml_put(entry, "name", yaml_scalar(body.name));
-    yaml_put(entry, "mass", yaml_scalar(number_text(body.mass)));
-    yaml_put(entry, "inertia", vector_list(body.inertia.diagonal()));
-    yaml_put(entry, "centre_of_mass", vector_list(x_HW * body.zero_pose.p));
+    const model::Body& body = model.bodies[static_cast<std::size_t>(hand.bodies[i])];
+    YamlNode& entry =
+        bodies.items.emplace_back(map_of({{"name", yaml_scalar(body.name)},
+                                          {"mass", node(body.mass)},
+                                          {"inertia", vector_list(body.inertia.diagonal())},
+                                          {"centre_of_mass", vector_list(x_HW * body.zero_pose.p)}}));
     if (i == 0) {
       yaml_put(entry, "edges", vector_list(built.shapes[0].edges));
-    } else {
-      const model::Joint& joint = model.joints[static_cast<std::size_t>(hand.joints[i - 1])];
-      yaml_put(entry, "length", yaml_scalar(number_text(spec.segments[i - 1].length.value(built.size))));
-      yaml_put(entry, "radius", yaml_scalar(number_text(built.shapes[i].radius)));
-      yaml_put(entry, "joint_centre", vector_list(x_HW * (body.zero_pose * joint.child_frame.p)));
-      yaml_put(entry, "joint", joint_tree(joint));
+      continue;
     }
-    bodies.items.push_back(entry);
+    const model::Joint& joint = model.joints[static_cast<std::size_t>(hand.joints[i - 1])];
+    yaml_put(entry, "length", node(spec.segments[i - 1].length.value(built.size)));
+    yaml_put(entry, "radius", node(built.shapes[i].radius));
+    yaml_put(entry, "joint_centre", vector_list(x_HW * (body.zero_pose * joint.child_frame.p)));
+    yaml_put(entry, "joint", joint_tree(joint));
   }
   return bodies;
 }
 
-std::string hand_yaml(const scene::Scene& scene, const hand::BuiltHand& built) {
-  const scene::HandEntry& entry = scene.spec.hands.front();
-  YamlNode out = yaml_map();
-  yaml_put(out, "title", yaml_scalar(entry.model.title, true));
-  YamlNode person = yaml_map();
-  yaml_put(person, "stature", yaml_scalar(number_text(entry.person.stature)));
-  yaml_put(person, "mass", yaml_scalar(number_text(entry.person.mass)));
-  yaml_put(person, "sex", yaml_scalar(std::string(hand::name(entry.person.sex))));
-  yaml_put(out, "person", person);
-  YamlNode size = yaml_map();
-  yaml_put(size, "length", yaml_scalar(number_text(built.size.length)));
-  yaml_put(size, "breadth", yaml_scalar(number_text(built.size.breadth)));
-  yaml_put(size, "palm_length", yaml_scalar(number_text(built.size.palm_length)));
-  yaml_put(size, "circumference", yaml_scalar(number_text(built.size.circumference)));
-  yaml_put(size, "thickness", yaml_scalar(number_text(built.size.thickness)));
-  yaml_put(size, "mass", yaml_scalar(number_text(built.mass)));
-  yaml_put(out, "hand", size);
+std::string hand_yaml(const scene::Scene& scene) {
+  const hand::BuiltHand& built = scene.hands.front();
+  const hand::HandSize& size = built.size;
+  const auto& [model, person, placement, place] = scene.spec.hands.front();
+  YamlNode out = map_of({{"title", yaml_scalar(model.title, true)},
+                         {"person", map_of({{"stature", node(person.stature)},
+                                            {"mass", node(person.mass)},
+                                            {"sex", yaml_scalar(std::string(hand::name(person.sex)))}})},
+                         {"hand", map_of({{"length", node(size.length)},
+                                          {"breadth", node(size.breadth)},
+                                          {"palm_length", node(size.palm_length)},
+                                          {"circumference", node(size.circumference)},
+                                          {"thickness", node(size.thickness)},
+                                          {"mass", node(built.mass)}})}});
   for (const model::HandIndex& hand : scene.model.hands)
-    yaml_put(out, hand.name, bodies_tree(scene.model, hand, built, entry.model));
+    yaml_put(out, hand.name, bodies_tree(scene.model, hand, built, model));
   return "# SI units; positions in the hand frame (origin at the wrist joint centre, y distal, z dorsal), "
          "fingers\n"
          "# straight; inertias about the centre of mass along the segment's x, y (distal) and z axes.\n" +
@@ -286,21 +276,17 @@ std::string hand_yaml(const scene::Scene& scene, const hand::BuiltHand& built) {
 }  // namespace
 
 int hand_command(const HandArguments& arguments) {
-  const scene::Scene scene = compiled(arguments);
+  Subject subject = read_subject(arguments);
+  const std::vector<std::string> warnings = std::move(subject.warnings);
+  const scene::Scene scene = compiled(arguments.side, std::move(subject));
   const scene::HandEntry& entry = scene.spec.hands.front();
-  const hand::BuiltHand built = hand::build_hand(entry.model, entry.person);
+  const hand::BuiltHand& built = scene.hands.front();
   std::optional<output::OutputFolder> folder;
   if (arguments.out)
     folder.emplace(*arguments.out, std::vector<std::string>{"hand.yaml", "hand.png"},
                    [&] { return scene::files_read(scene); });
 
-  for (std::size_t i = 0; i < scene.warnings.size() / scene.spec.hands.size(); ++i) {
-    std::string_view text = scene.warnings[i];
-    // The scene is the command's own; its keys say nothing to who gave options.
-    const std::string_view key = "hands.0.person: ";
-    if (text.starts_with(key)) text.remove_prefix(key.size());
-    tell("warning: {}\n", text);
-  }
+  for (const std::string& text : warnings) tell("warning: {}\n", text);
   print_size(entry.person, entry.model, built);
   print_parts(entry.model, built);
   print_whole(entry.person, entry.model, built);
@@ -310,7 +296,7 @@ int hand_command(const HandArguments& arguments) {
   print_sources(entry.model);
   if (!arguments.out) return 0;
   folder->clear();
-  output::write_file(*arguments.out / "hand.yaml", hand_yaml(scene, built));
+  output::write_file(*arguments.out / "hand.yaml", hand_yaml(scene));
   const auto draw = [&](const output::Progress&) {
     output::write_png(simulation::draw(scene, {model::initial_state(scene.model), {}}),
                       *arguments.out / "hand.png");

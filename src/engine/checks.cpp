@@ -1,5 +1,6 @@
 #include "handsim/engine/checks.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -128,6 +129,12 @@ void require_state(const model::Model& model, const model::State& state) {
   if (state.bodies.size() != model.bodies.size())
     throw input_error("state", fmt::format("{} bodies", state.bodies.size()),
                       fmt::format("{}", model.bodies.size()));
+  const auto dofs = static_cast<std::size_t>(model.dof_count());
+  for (const std::vector<double>* torques : {&state.tau, &state.tau_servo})
+    if (torques->size() != dofs ||
+        !std::all_of(torques->begin(), torques->end(), [](double tau) { return std::isfinite(tau); }))
+      throw input_error("state.tau", fmt::format("{} torques, or one that is not finite", torques->size()),
+                        fmt::format("{} finite ones", dofs));
   if (!std::isfinite(state.time))
     throw input_error("state.time", fmt::format("{}", state.time), "a finite time");
   for (std::size_t i = 0; i < state.bodies.size(); ++i)

@@ -135,19 +135,34 @@ HandSize hand_size(const Anthropometry& anthropometry, const Person& person) {
   out.breadth = y[1];
   out.palm_length = y[2];
   out.circumference = y[3];
+  const auto refuse = [&](const char* key, std::string got, std::string need) {
+    throw Error(std::vector<Problem>{{person.place, key, std::move(got), std::move(need)}});
+  };
   // Measured values have been checked one by one; this is for predictions far outside the survey.
   for (std::size_t k = 0; k < kNames.size(); ++k)
     if (const double size = y[static_cast<Eigen::Index>(k)]; !(size > 0.005 && size < 1))
-      throw input_error("person", fmt::format("a body with a predicted {} of {:.4g} m", kNames[k], size),
-                        "a body for which the anthropometry file predicts 0.005 to 1 m");
+      refuse("person", fmt::format("a body with a predicted {} of {:.4g} m", kNames[k], size),
+             "a body for which the anthropometry file predicts 0.005 to 1 m");
   out.thickness = stadium_thickness(out.circumference, out.breadth);
   // A hand is flatter than broad, and no hand is a sheet.
   if (!(out.thickness > 0.15 * out.breadth && out.thickness < out.breadth))
-    throw input_error("person.hand_circumference",
-                      fmt::format("{:.4g} m around a breadth of {:.4g} m, a hand {:.4g} m thick",
-                                  out.circumference, out.breadth, out.thickness),
-                      fmt::format("a circumference of {:.4g} to {:.4g} m for this breadth",
-                                  (2 + 0.15 * (M_PI - 2)) * out.breadth, M_PI * out.breadth));
+    refuse("person.hand_circumference",
+           fmt::format("{:.4g} m around a breadth of {:.4g} m, a hand {:.4g} m thick", out.circumference,
+                       out.breadth, out.thickness),
+           fmt::format("a circumference of {:.4g} to {:.4g} m for this breadth",
+                       (2 + 0.15 * (M_PI - 2)) * out.breadth, M_PI * out.breadth));
+  return out;
+}
+
+std::vector<std::string> extrapolations(const Anthropometry& anthropometry, const Person& person) {
+  std::vector<std::string> out;
+  const auto check = [&](const char* key, double value, std::pair<double, double> range, const char* unit) {
+    if (value < range.first || value > range.second)
+      out.push_back(fmt::format("{} of {:g} {} is outside the survey ({:g} to {:g} {}): extrapolated", key,
+                                value, unit, range.first, range.second, unit));
+  };
+  check("stature", person.stature, anthropometry.stature_range, "m");
+  check("mass", person.mass, anthropometry.mass_range, "kg");
   return out;
 }
 

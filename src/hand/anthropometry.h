@@ -5,6 +5,7 @@
 #include <array>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "handsim/hand/person.h"
 
@@ -63,6 +64,9 @@ Anthropometry read_anthropometry(YamlNode& node, const std::string& path, Diagno
 /// @throws Error (input) where the dimensions fit no hand (a circumference too small or large for the
 /// breadth).
 HandSize hand_size(const Anthropometry& anthropometry, const Person& person);
+
+/// What of the person lies outside the survey, a sentence each.
+std::vector<std::string> extrapolations(const Anthropometry& anthropometry, const Person& person);
 
 /// Thickness of a stadium: (circumference - 2 breadth) / (pi - 2).
 double stadium_thickness(double circumference, double breadth);

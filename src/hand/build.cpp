@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "handsim/model/kinematics.h"
+#include "handsim/model/mass_properties.h"
 
 namespace handsim::hand {
 
@@ -53,14 +54,14 @@ Layout lay_out(const HandSpec& spec, const HandSize& size) {
   return out;
 }
 
-Shape capsule(std::string name, model::Tint tint, double radius, double axis) {
+Shape capsule(std::string name, model::Part part, double radius, double axis) {
   Shape shape;
   shape.name = std::move(name);
   shape.kind = ShapeKind::capsule;
   shape.pose.q = kZToY;
   shape.radius = radius;
   shape.length = axis;
-  shape.tint = tint;
+  shape.part = part;
   return shape;
 }
 
@@ -70,7 +71,7 @@ void add_palm(BuiltHand& hand, const HandSpec& spec) {
   box.name = "palm";
   box.kind = ShapeKind::box;
   box.edges = {spec.palm.breadth.value(size), spec.palm.length.value(size), spec.palm.thickness.value(size)};
-  box.tint = model::Tint::palm;
+  box.part = model::Part::palm;
   Body palm;
   palm.name = "palm";
   palm.zero_pose.p = Vec3(0, 0.5 * box.edges.y(), 0) + place(spec.palm.offset, size);
@@ -101,11 +102,6 @@ void add_segments(BuiltHand& hand, const HandSpec& spec) {
   }
 }
 
-double volume(const Shape& shape) {
-  return shape.kind == ShapeKind::box ? shape.edges.prod()
-                                      : capsule_inertia(shape.radius, shape.length).volume;
-}
-
 double share_of(const MassRule& rule, Sex sex) {
   switch (sex) {
     case Sex::male:
@@ -132,10 +128,10 @@ void spread_by_share(BuiltHand& hand, const HandSpec& spec, const Person& person
 /// Masses by volume; a measured hand mass scales them.
 void spread_by_volume(BuiltHand& hand, const HandSpec& spec, const Person& person) {
   double total = 0;
-  for (const Shape& shape : hand.shapes) total += volume(shape);
+  for (const Shape& shape : hand.shapes) total += model::volume(shape);
   hand.mass = person.hand_mass.value_or(spec.mass.density * total);
   for (std::size_t i = 0; i < hand.bodies.size(); ++i)
-    hand.bodies[i].mass = hand.mass * volume(hand.shapes[i]) / total;
+    hand.bodies[i].mass = hand.mass * model::volume(hand.shapes[i]) / total;
 }
 
 void set_inertias(BuiltHand& hand) {
@@ -143,10 +139,9 @@ void set_inertias(BuiltHand& hand) {
     Body& body = hand.bodies[i];
     const Shape& shape = hand.shapes[i];
     if (shape.kind == ShapeKind::box) {
-      const Vec3 e2 = shape.edges.cwiseAbs2();
-      body.inertia = (body.mass / 12 * Vec3(e2.y() + e2.z(), e2.z() + e2.x(), e2.x() + e2.y())).asDiagonal();
+      body.inertia = (body.mass / 12 * model::box_moments(shape.edges)).asDiagonal();
     } else {
-      const CapsuleInertia solid = capsule_inertia(shape.radius, shape.length);
+      const model::CapsuleInertia solid = model::capsule_inertia(shape.radius, shape.length);
       body.inertia = (body.mass * Vec3(solid.transverse, solid.axial, solid.transverse)).asDiagonal();
     }
   }
@@ -220,10 +215,53 @@ void check_start_names(const std::vector<Joint>& joints, const Placement& placem
   for (const Joint& joint : joints) known.push_back(joint.name);
   for (const auto& [name, angles] : placement.start) {
     if (std::find(known.begin(), known.end(), name) != known.end()) continue;
-    const auto near = nearest_word(name, known);
     throw input_error("pose." + name, "an unknown joint",
-                      near ? fmt::format("a joint of the hand model or its wrist mount (nearest: {})", *near)
-                           : "a joint of the hand model or its wrist mount");
+                      "a joint of the hand model or its wrist mount" + nearest_hint(name, known));
+  }
+}
+
+/// The hand's skin as material, its contact groups and its shapes.
+HandGroups add_shapes(model::Model& model, const model::HandIndex& index, const BuiltHand& hand) {
+  const HandGroups groups = {model.add_group("palm-" + index.name), model.add_group("fingers-" + index.name),
+                             model.add_group("fingertips-" + index.name)};
+  std::vector<bool> has_child(hand.bodies.size(), false);
+  for (const Joint& joint : hand.joints) has_child[static_cast<std::size_t>(joint.parent)] = true;
+  model.materials.push_back(hand.skin);
+  for (std::size_t i = 0; i < hand.shapes.size(); ++i) {
+    Shape shape = hand.shapes[i];
+    shape.name = index.name + "." + shape.name;
+    shape.body = index.bodies[i];
+    shape.group = i == 0 ? groups.palm : has_child[i] ? groups.fingers : groups.fingertips;
+    shape.material = static_cast<int>(model.materials.size()) - 1;
+    model.shapes.push_back(std::move(shape));
+  }
+  return groups;
+}
+
+/// The mount's joint, where it has one, then those of the segments.
+void add_joints(model::Model& model, model::HandIndex& index, const BuiltHand& hand,
+                const Placement& placement) {
+  std::vector<Joint> joints = hand.joints;
+  for (Joint& joint : joints) {
+    joint.parent += index.palm;
+    joint.child += index.palm;
+  }
+  if (std::optional<Joint> wrist = mount_joint(hand, placement)) {
+    wrist->parent = model::kWorld;
+    wrist->child = index.palm;
+    joints.insert(joints.begin(), std::move(*wrist));
+  }
+  check_start_names(joints, placement);
+  for (Joint& joint : joints) {
+    apply_start(joint, placement);
+    scale_tissue(joint, placement);
+    joint.name = index.name + "." + joint.name;
+    joint.first_dof = model.dof_count();
+    if (placement.mount == Mount::rail && &joint == &joints.front())
+      index.rail = static_cast<int>(model.joints.size());
+    else
+      index.joints.push_back(static_cast<int>(model.joints.size()));
+    model.joints.push_back(std::move(joint));
   }
 }
 
@@ -248,28 +286,6 @@ void set_velocities(model::Model& model, const model::HandIndex& index, const Pl
 
 }  // namespace
 
-const std::vector<std::pair<std::string_view, Mount>>& mounts() {
-  static const std::vector<std::pair<std::string_view, Mount>> words = {
-      {"fixed", Mount::fixed}, {"hinge", Mount::hinge},   {"universal", Mount::universal},
-      {"free", Mount::free},   {"driven", Mount::driven}, {"rail", Mount::rail}};
-  return words;
-}
-
-CapsuleInertia capsule_inertia(double radius, double length) {
-  const double r2 = radius * radius;
-  const double cylinder = M_PI * r2 * length;
-  const double caps = 4.0 / 3.0 * M_PI * r2 * radius;
-  const double total = cylinder + caps;
-  CapsuleInertia out;
-  out.volume = total;
-  out.axial = (cylinder * r2 / 2 + caps * 2 * r2 / 5) / total;
-  // Two half spheres, each with its centre of mass 3/8 r beyond its flat side.
-  out.transverse = (cylinder * (length * length / 12 + r2 / 4) +
-                    caps * (2 * r2 / 5 + length * length / 4 + 3 * length * radius / 8)) /
-                   total;
-  return out;
-}
-
 BuiltHand build_hand(const HandSpec& spec, const Person& person) {
   BuiltHand hand;
   hand.size = hand_size(spec.anthropometry, person);
@@ -292,79 +308,38 @@ BuiltHand build_hand(const HandSpec& spec, const Person& person) {
   return hand;
 }
 
-void add_hand(model::Model& model, const BuiltHand& right, const Placement& placement) {
+HandGroups add_hand(model::Model& model, const BuiltHand& right, const Placement& placement) {
   const BuiltHand hand = sided(right, placement.side);
-  const int first_body = static_cast<int>(model.bodies.size());
   model::HandIndex index;
   index.name = placement.name;
   index.side = placement.side;
-  index.palm = first_body;
+  index.palm = static_cast<int>(model.bodies.size());
   index.wrist_frame = hand.bodies[0].zero_pose.inverse();
-  const std::string prefix = placement.name + ".";
-
   for (Body body : hand.bodies) {
-    body.name = prefix + body.name;
+    body.name = placement.name + "." + body.name;
     body.zero_pose = placement.pose * body.zero_pose;
     index.bodies.push_back(static_cast<int>(model.bodies.size()));
     model.bodies.push_back(std::move(body));
   }
-  const int palm_group = static_cast<int>(model.groups.size());
-  for (const char* part : {"palm-", "fingers-", "fingertips-"})
-    model.groups.push_back({part + placement.name});
-  std::vector<bool> has_child(hand.bodies.size(), false);
-  for (const Joint& joint : hand.joints) has_child[static_cast<std::size_t>(joint.parent)] = true;
-  model.materials.push_back(hand.skin);
-  for (std::size_t i = 0; i < hand.shapes.size(); ++i) {
-    Shape shape = hand.shapes[i];
-    shape.name = prefix + shape.name;
-    shape.body = first_body + static_cast<int>(i);
-    shape.group = palm_group + (i == 0 ? 0 : has_child[i] ? 1 : 2);
-    shape.material = static_cast<int>(model.materials.size()) - 1;
-    model.shapes.push_back(std::move(shape));
-  }
-
-  std::vector<Joint> joints = hand.joints;
-  for (Joint& joint : joints) {
-    joint.parent += first_body;
-    joint.child += first_body;
-  }
-  if (std::optional<Joint> wrist = mount_joint(hand, placement)) {
-    wrist->parent = model::kWorld;
-    wrist->child = first_body;
-    joints.insert(joints.begin(), std::move(*wrist));
-  }
-  check_start_names(joints, placement);
-  for (Joint& joint : joints) {
-    apply_start(joint, placement);
-    scale_tissue(joint, placement);
-    joint.name = prefix + joint.name;
-    joint.first_dof = model.dof_count();
-    if (placement.mount == Mount::rail && &joint == &joints.front())
-      index.rail = static_cast<int>(model.joints.size());
-    else
-      index.joints.push_back(static_cast<int>(model.joints.size()));
-    model.joints.push_back(std::move(joint));
-  }
-  set_palm(model, first_body, hand, placement);
+  const HandGroups groups = add_shapes(model, index, hand);
+  add_joints(model, index, hand, placement);
+  set_palm(model, index.palm, hand, placement);
   set_velocities(model, index, placement);
   model.hands.push_back(std::move(index));
+  return groups;
 }
 
 WholeHand whole_hand(const BuiltHand& hand) {
-  WholeHand out;
-  for (const Body& body : hand.bodies) out.centre_of_mass += body.mass / hand.mass * body.zero_pose.p;
-  Mat3 inertia = Mat3::Zero();
+  std::vector<model::MassProperties> parts;
   for (const Body& body : hand.bodies) {
     const Mat3 r = body.zero_pose.q.toRotationMatrix();
-    const Vec3 d = body.zero_pose.p - out.centre_of_mass;
-    inertia += r * body.inertia * r.transpose() +
-               body.mass * (d.squaredNorm() * Mat3::Identity() - d * d.transpose());
+    parts.push_back({body.mass, body.zero_pose.p, r * body.inertia * r.transpose()});
   }
+  const model::MassProperties whole = model::joined(parts);
   const auto gyration = [&](int axis) {
-    return std::sqrt(inertia(axis, axis) / hand.mass) / hand.size.length;
+    return std::sqrt(whole.inertia(axis, axis) / whole.mass) / hand.size.length;
   };
-  out.shares = {out.centre_of_mass.y() / hand.size.length, gyration(2), gyration(0), gyration(1)};
-  return out;
+  return {whole.centre, {whole.centre.y() / hand.size.length, gyration(2), gyration(0), gyration(1)}};
 }
 
 }  // namespace handsim::hand

@@ -10,7 +10,7 @@
 
 namespace handsim::hand {
 
-/// How the palm hangs in the world.
+/// How the palm is held in the world.
 enum class Mount {
   fixed,      ///< the palm does not move: no constraint rows
   hinge,      ///< the wrist's first axis (flexion)
@@ -19,8 +19,6 @@ enum class Mount {
   driven,     ///< the hand frame follows a timed trajectory
   rail,       ///< the palm slides along a line in the world and does not turn
 };
-
-const std::vector<std::pair<std::string_view, Mount>>& mounts();
 
 /// Where and how a hand is put into the world.
 struct Placement {
@@ -55,12 +53,18 @@ BuiltHand build_hand(const HandSpec& spec, const Person& person);
 /// Name of a rail's joint: a slider whose coordinate [m] is the way from Placement::pose along the rail.
 inline constexpr const char* kRailName = "rail";
 
-/// Appends the hand to the model, with its skin as material and three contact groups: `palm-NAME`,
-/// `fingers-NAME` (all segments but the last) and `fingertips-NAME` (the last segment of each finger).
-/// @throws Error (input) where `start` names no joint or has the wrong number of coordinates, or the hand
-/// model's
-///         wrist lacks the axes that the mount needs.
-void add_hand(model::Model& model, const BuiltHand& hand, const Placement& placement);
+/// A hand's contact groups, in Model::groups.
+struct HandGroups {
+  int palm = 0;
+  int fingers = 0;     ///< all segments but the last
+  int fingertips = 0;  ///< the last segment of each finger
+};
+
+/// Appends the hand to the model, with its skin as material and its contact groups: `palm-NAME`,
+/// `fingers-NAME` and `fingertips-NAME`.
+/// @throws Error (input) where `start` names no joint or has the wrong number of coordinates, or the wrist
+/// lacks the axes that the mount needs.
+HandGroups add_hand(model::Model& model, const BuiltHand& hand, const Placement& placement);
 
 /// Centre of mass and radii of gyration of the whole hand with straight fingers.
 struct WholeHand {
@@ -68,13 +72,5 @@ struct WholeHand {
   HandInertiaShares shares;            ///< of the hand's length
 };
 WholeHand whole_hand(const BuiltHand& hand);
-
-/// Mass and moments of a solid capsule along z.
-struct CapsuleInertia {
-  double volume = 0;                 ///< [m^3]
-  double axial = 0, transverse = 0;  ///< about its centre, per mass [m^2]
-};
-/// @param length between the centres of the half spheres [m].
-CapsuleInertia capsule_inertia(double radius, double length);
 
 }  // namespace handsim::hand

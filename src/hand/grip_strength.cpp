@@ -57,7 +57,7 @@ GripTable read_grip_table(YamlNode& node, const std::string& path, Diagnostics& 
   MapReader reader(node, path, diagnostics);
   GripTable table;
   reader.text("title", "untitled");
-  table.source = reader.text("source");
+  reader.text("source");
   if (YamlNode* norms = reader.list("norms", true)) {
     bool has[2] = {false, false};
     for (std::size_t i = 0; i < norms->items.size(); ++i) {

@@ -20,7 +20,6 @@ struct GripNorm {
 };
 
 struct GripTable {
-  std::string source;
   std::vector<GripNorm> norms;  ///< at least one of each sex
 };
 

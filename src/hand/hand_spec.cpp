@@ -13,13 +13,13 @@ namespace handsim::hand {
 namespace {
 
 using model::JointKind;
-using model::Tint;
+using model::Part;
 
-const std::vector<std::pair<std::string_view, Tint>> kFingers = {{"thumb", Tint::thumb},
-                                                                 {"index", Tint::index},
-                                                                 {"middle", Tint::middle},
-                                                                 {"ring", Tint::ring},
-                                                                 {"little", Tint::little}};
+const std::vector<std::pair<std::string_view, Part>> kFingers = {{"thumb", Part::thumb},
+                                                                 {"index", Part::index},
+                                                                 {"middle", Part::middle},
+                                                                 {"ring", Part::ring},
+                                                                 {"little", Part::little}};
 const std::vector<std::pair<std::string_view, JointKind>> kKinds = {{"hinge", JointKind::hinge},
                                                                     {"universal", JointKind::universal}};
 /// Largest rule: twice a hand dimension, or half a metre.
@@ -28,31 +28,18 @@ constexpr std::size_t kMostSegments = 100;
 const Quantity kAngle = {Dimension::angle, -M_PI, M_PI};
 const Quantity kShare = {Dimension::none, 0, 1};
 
-std::string_view unit_of(LengthRule::Base base) {
-  switch (base) {
-    case LengthRule::Base::metre:
-      return "m";
-    case LengthRule::Base::hand_length:
-      return "HL";
-    case LengthRule::Base::hand_breadth:
-      return "HB";
-    case LengthRule::Base::hand_thickness:
-      return "HT";
-  }
-  return {};
-}
-
 std::optional<LengthRule> parse_rule(std::string_view text) {
-  for (const LengthRule::Base base :
-       {LengthRule::Base::hand_length, LengthRule::Base::hand_breadth, LengthRule::Base::hand_thickness}) {
-    const std::string suffix = fmt::format(" {}", unit_of(base));
+  using Base = LengthRule::Base;
+  for (const auto& [suffix, base] : {std::pair<std::string_view, Base>{" HL", Base::hand_length},
+                                     {" HB", Base::hand_breadth},
+                                     {" HT", Base::hand_thickness}}) {
     if (!text.ends_with(suffix)) continue;
     const std::optional<double> factor = parse_number(text.substr(0, text.size() - suffix.size()));
     if (factor && std::abs(*factor) <= kMostShares) return LengthRule{*factor, base};
     return std::nullopt;
   }
   const std::optional<double> metres = parse_quantity(text, Dimension::length);
-  if (metres && std::abs(*metres) <= kMostMetres) return LengthRule{*metres, LengthRule::Base::metre};
+  if (metres && std::abs(*metres) <= kMostMetres) return LengthRule{*metres, Base::metre};
   return std::nullopt;
 }
 
@@ -90,7 +77,7 @@ std::optional<std::array<LengthRule, 3>> read_place(MapReader& reader, std::stri
   return out;
 }
 
-model::JointAxis read_axis(MapReader reader, std::vector<std::string>& sources) {
+model::JointAxis read_axis(MapReader reader) {
   model::JointAxis axis;
   axis.name = reader.name("name");
   axis.axis = reader.direction("axis");
@@ -102,14 +89,11 @@ model::JointAxis read_axis(MapReader reader, std::vector<std::string>& sources) 
     reader.problem("range", "nothing", "a list of two angles, low then high");
   }
   model::Tissue tissue;
-  const auto stiffness = reader.maybe_number("stiffness", {Dimension::rotational_stiffness, 0, 1e3});
-  const auto damping = reader.maybe_number("damping", {Dimension::rotational_damping, 0, 1e3});
-  const auto rest = reader.maybe_number("rest", kAngle);
-  tissue.stiffness = stiffness.value_or(0);
-  tissue.damping = damping.value_or(0);
-  tissue.rest = rest.value_or(0);
+  tissue.stiffness = reader.maybe_number("stiffness", {Dimension::rotational_stiffness, 0, 1e3}).value_or(0);
+  tissue.damping = reader.maybe_number("damping", {Dimension::rotational_damping, 0, 1e3}).value_or(0);
+  tissue.rest = reader.maybe_number("rest", kAngle).value_or(0);
   if (tissue.stiffness > 0 || tissue.damping > 0) axis.tissue = tissue;
-  sources.push_back(reader.maybe_text("source").value_or(""));
+  reader.maybe_text("source");
   reader.finish();
   return axis;
 }
@@ -138,8 +122,7 @@ JointSpec read_joint(MapReader& reader, std::optional<JointKind> kind) {
   if (!axes) return joint;
   for (std::size_t i = 0; i < axes->items.size(); ++i)
     joint.axes.push_back(read_axis(
-        MapReader(axes->items[i], fmt::format("{}.{}", reader.path_of("axes"), i), reader.diagnostics()),
-        joint.sources));
+        MapReader(axes->items[i], fmt::format("{}.{}", reader.path_of("axes"), i), reader.diagnostics())));
   if (reader.sound()) check_axes(reader, joint, kind.has_value());
   return joint;
 }
@@ -187,9 +170,7 @@ void read_parent(MapReader& reader, SegmentSpec& segment, HandSpec& spec) {
   } else if (parent != "palm" && !parent.empty()) {
     std::vector<std::string> known = {"palm"};
     for (const SegmentSpec& row : spec.segments) known.push_back(row.name);
-    const auto near = nearest_word(parent, known);
-    reader.problem("parent", parent,
-                   "palm or a segment above this row" + (near ? " (nearest: " + *near + ")" : ""));
+    reader.problem("parent", parent, "palm or a segment above this row" + nearest_hint(parent, known));
   }
 }
 
@@ -211,7 +192,7 @@ SegmentSpec read_segment(MapReader reader, HandSpec& spec, const std::optional<M
   const bool taken = segment.name == "palm" || find_segment(spec.segments, segment.name) != kPalm;
   if (taken && !segment.name.empty())
     reader.problem("name", segment.name + " a second time", "a name of its own for each segment");
-  segment.finger = reader.choice<Tint>("finger", kFingers);
+  segment.finger = reader.choice<Part>("finger", kFingers);
   read_parent(reader, segment, spec);
   segment.at = read_place(reader, "at");
   if (reader.sound() && segment.parent == kPalm && !segment.at)
@@ -282,14 +263,6 @@ double LengthRule::value(const HandSize& size) const {
       return factor * size.thickness;
   }
   return 0;
-}
-
-std::string LengthRule::text() const { return fmt::format("{:g} {}", factor, unit_of(base)); }
-
-std::string_view name(Tint finger) {
-  for (const auto& entry : kFingers)
-    if (entry.second == finger) return entry.first;
-  return "palm";
 }
 
 void check_axis_pair(MapReader& reader, const std::vector<model::JointAxis>& axes) {

@@ -19,7 +19,6 @@ struct LengthRule {
   Base base = Base::metre;
 
   double value(const HandSize& size) const;  ///< [m]
-  std::string text() const;                  ///< e.g. `0.245 HL`
 };
 
 /// A joint row. Axes stand in the segment's frame (wrist: in the hand frame), for a right hand.
@@ -27,12 +26,11 @@ struct JointSpec {
   std::string name;
   model::JointKind kind = model::JointKind::hinge;
   std::vector<model::JointAxis> axes;
-  std::vector<std::string> sources;  ///< of each axis' range
 };
 
 struct SegmentSpec {
   std::string name;
-  model::Tint finger = model::Tint::index;
+  model::Part finger = model::Part::index;
   int parent = -1;                              ///< row in HandSpec::segments; kPalm: the palm
   bool has_child = false;                       ///< false: the last segment, whose cap ends at the fingertip
   std::optional<std::array<LengthRule, 3>> at;  ///< joint centre in the parent's frame; absent: its far end
@@ -46,7 +44,7 @@ struct SegmentSpec {
 
 inline constexpr int kPalm = -1;
 
-/// How the hand comes by its mass.
+/// How the mass of a hand is computed.
 struct MassRule {
   enum class Kind {
     body_mass_share,  ///< share of body mass, spread over the segments by their mass_share, the palm the rest
@@ -77,8 +75,6 @@ struct HandSpec {
 
 /// Reads a hand model, following its `anthropometry` reference.
 HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
-
-std::string_view name(model::Tint finger);
 
 /// Two axes of one joint that are not perpendicular, or share a name, are a problem of the reader's `axes`.
 void check_axis_pair(MapReader& reader, const std::vector<model::JointAxis>& axes);

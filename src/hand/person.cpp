@@ -9,7 +9,7 @@ namespace {
 const std::vector<std::pair<std::string_view, Sex>> kSexes = {
     {"male", Sex::male}, {"female", Sex::female}, {"unknown", Sex::unknown}};
 
-/// Bodies that no person has, however small or large.
+/// Refuses proportions that no person has.
 void check_body(MapReader& reader, const Person& person) {
   const double index = person.mass / (person.stature * person.stature);
   if (!(index >= 5 && index <= 150))
@@ -35,6 +35,7 @@ std::string_view name(Sex sex) {
 Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   MapReader reader(node, path, diagnostics);
   Person person;
+  person.place = node.place();
   person.title = reader.text("title", "a person");
   person.stature = reader.number("stature", {Dimension::length, 0.5, 2.5});
   person.mass = reader.number("mass", {Dimension::mass, 2, 400});

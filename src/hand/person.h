@@ -25,6 +25,7 @@ struct Person {
   /// Where in the spread of people of this stature, mass and sex the hand's length lies, 0..100 (50: as
   /// predicted).
   std::optional<double> hand_length_percentile;
+  std::optional<Place> place;  ///< of the file or block
 };
 
 std::string_view name(Sex sex);

@@ -1,5 +1,5 @@
 // Convex polyhedra as shapes: corners, flat faces and edges, and what a uniform solid of that form weighs.
-// Made once, by whoever knows a hull (scene/convex_hull.h), and shared.
+// Made once, by whoever knows a hull (scene/read/convex_hull.h), and shared.
 #pragma once
 
 #include <memory>

@@ -45,6 +45,11 @@ int Model::dof_count() const {
   return joints.empty() ? 0 : joints.back().first_dof + model::dof_count(joints.back().kind);
 }
 
+int Model::add_group(std::string name) {
+  groups.push_back({std::move(name)});
+  return static_cast<int>(groups.size()) - 1;
+}
+
 Model make_model() {
   Model model;
   Body world;

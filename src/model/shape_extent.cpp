@@ -92,4 +92,15 @@ double inner_radius(const Shape& shape) {
   return std::numeric_limits<double>::infinity();
 }
 
+Vec3 box_edges(const std::vector<Shape>& shapes) {
+  Vec3 low = Vec3::Constant(std::numeric_limits<double>::infinity()), high = -low;
+  for (const Shape& shape : shapes)
+    for (int i = 0; i < 3; ++i) {
+      const Vec3 n = shape.pose.q.conjugate() * Vec3::Unit(i);
+      low[i] = std::min(low[i], shape.pose.p[i] - support(shape, -n));
+      high[i] = std::max(high[i], shape.pose.p[i] + support(shape, n));
+    }
+  return high - low;
+}
+
 }  // namespace handsim::model

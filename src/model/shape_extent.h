@@ -1,6 +1,8 @@
 // How far shapes reach.
 #pragma once
 
+#include <vector>
+
 #include "handsim/model/model.h"
 
 namespace handsim::model {
@@ -11,6 +13,9 @@ double support(const Shape& shape, const Vec3& n);
 
 /// Distance of a shape's farthest point from the origin of its body [m]; 0 for a plane.
 double reach(const Shape& shape);
+
+/// Edges of the box along the axes of the shapes' common frame that holds them [m].
+Vec3 box_edges(const std::vector<Shape>& shapes);
 
 /// A box that holds a shape's core: the shape but for the radius by which it is rounded. A mesh counts as a
 /// ball.

@@ -18,23 +18,25 @@ constexpr double kUnitTolerance = 1e-9;
 
 class Checker {
  public:
-  explicit Checker(const Model& model) : model_(model) {}
+  Checker(const Model& model, const Origins& origins) : model_(model), origins_(origins) {}
 
   std::vector<Problem> run() {
     check_vector("gravity", model_.gravity);
     if (model_.bodies.empty()) add("bodies", "none", "the world as body 0");
-    for (std::size_t i = 1; i < model_.bodies.size(); ++i) check_body(model_.bodies[i]);
+    each(model_.bodies, origins_.bodies, [&](const Body& body) {
+      if (&body != &model_.bodies.front()) check_body(body);
+    });
     int first_dof = 0;
-    for (const Joint& joint : model_.joints) {
+    each(model_.joints, origins_.joints, [&](const Joint& joint) {
       check_joint(joint);
       if (joint.first_dof != first_dof)
         add(joint.name + ".first_dof", fmt::format("{}", joint.first_dof),
             fmt::format("{}, the coordinates of the joints before it", first_dof));
       first_dof += dof_count(joint.kind);
-    }
+    });
     check_order();
-    for (const Shape& shape : model_.shapes) check_shape(shape);
-    for (const Material& material : model_.materials) check_material(material);
+    each(model_.shapes, origins_.shapes, [&](const Shape& shape) { check_shape(shape); });
+    each(model_.materials, origins_.materials, [&](const Material& material) { check_material(material); });
     for (const ContactRule& rule : model_.contact_rules)
       if (!in(rule.group_a, model_.groups) || !in(rule.group_b, model_.groups))
         add("contact_rules", fmt::format("groups {}, {}", rule.group_a, rule.group_b), "indices of groups");
@@ -50,8 +52,18 @@ class Checker {
     return index >= 0 && static_cast<std::size_t>(index) < list.size();
   }
 
+  /// Checks the parts, of which each stands at its place.
+  template <class T, class Check>
+  void each(const std::vector<T>& parts, const std::vector<std::optional<Place>>& places, Check check) {
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      place_ = i < places.size() ? places[i] : std::nullopt;
+      check(parts[i]);
+    }
+    place_.reset();
+  }
+
   void add(std::string key, std::string got, std::string need) {
-    problems_.push_back({std::nullopt, std::move(key), std::move(got), std::move(need)});
+    problems_.push_back({place_, std::move(key), std::move(got), std::move(need)});
   }
 
   void check_vector(const std::string& key, const Vec3& v) {
@@ -147,19 +159,20 @@ class Checker {
   void check_order() {
     std::vector<bool> placed(model_.bodies.size(), false);
     std::vector<bool> is_child(model_.bodies.size(), false);
-    for (const Joint& joint : model_.joints)
+    each(model_.joints, origins_.joints, [&](const Joint& joint) {
       if (!joint.closes_loop && in(joint.child, model_.bodies)) {
         if (is_child[static_cast<std::size_t>(joint.child)])
           add(joint.name, "a child that already hangs on another joint", "closes_loop");
         is_child[static_cast<std::size_t>(joint.child)] = true;
       }
+    });
     for (std::size_t i = 0; i < placed.size(); ++i) placed[i] = !is_child[i];
-    for (const Joint& joint : model_.joints) {
-      if (joint.closes_loop || !in(joint.child, model_.bodies) || !in(joint.parent, model_.bodies)) continue;
+    each(model_.joints, origins_.joints, [&](const Joint& joint) {
+      if (joint.closes_loop || !in(joint.child, model_.bodies) || !in(joint.parent, model_.bodies)) return;
       if (!placed[static_cast<std::size_t>(joint.parent)])
         add(joint.name, "a parent that comes later", "parents before children");
       placed[static_cast<std::size_t>(joint.child)] = true;
-    }
+    });
   }
 
   void check_shape(const Shape& shape) {
@@ -215,11 +228,22 @@ class Checker {
   }
 
   const Model& model_;
+  const Origins& origins_;
+  std::optional<Place> place_;  ///< of the part that is being checked
   std::vector<Problem> problems_;
 };
 
 }  // namespace
 
-std::vector<Problem> defects(const Model& model) { return Checker(model).run(); }
+void Origins::add(const Model& model, const std::optional<Place>& place) {
+  bodies.resize(model.bodies.size(), place);
+  joints.resize(model.joints.size(), place);
+  shapes.resize(model.shapes.size(), place);
+  materials.resize(model.materials.size(), place);
+}
+
+std::vector<Problem> defects(const Model& model, const Origins& origins) {
+  return Checker(model, origins).run();
+}
 
 }  // namespace handsim::model

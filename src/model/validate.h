@@ -1,6 +1,7 @@
-// Is this Model one that an engine can step? Every defect is named, none is mended.
+// Checks whether an engine can step a Model. Every defect is reported, none is corrected.
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "handsim/core/error.h"
@@ -8,8 +9,17 @@
 
 namespace handsim::model {
 
-/// All defects: non-finite numbers, masses and sizes out of bounds, inertias that no body can have,
-/// axes not unit or not perpendicular, stops out of order, indices out of range, parents after children.
-std::vector<Problem> defects(const Model& model);
+/// Where parts of a model stand in a file, at their indices; parts beyond the ends stand in none.
+struct Origins {
+  std::vector<std::optional<Place>> bodies, joints, shapes, materials;
+
+  /// Gives this place to all that the model got since the last call.
+  void add(const Model& model, const std::optional<Place>& place);
+};
+
+/// All defects, each with the place of its part: non-finite numbers, masses and sizes out of bounds, inertias
+/// that no body can have, axes not unit or not perpendicular, stops out of order, indices out of range,
+/// parents after children.
+std::vector<Problem> defects(const Model& model, const Origins& origins = {});
 
 }  // namespace handsim::model

@@ -1,6 +1,7 @@
 // The command line: words it does not take, overrides, exit statuses, what commands print and leave behind.
 // Oracle: the README's exit statuses.
 #include <algorithm>
+#include <regex>
 
 #include <gtest/gtest.h>
 
@@ -208,15 +209,17 @@ TEST(Commands, CheckTellsGoodFilesFromBad) {
 }
 
 TEST(Commands, HandWarnsOfAPersonOutsideTheSurvey) {
-  const Outcome outcome = run_program({"hand", "--stature", "1 m", "--mass", "60", "--sex", "female"});
-  EXPECT_EQ(outcome.status, 0) << outcome.err;
-  EXPECT_TRUE(outcome.err.starts_with("warning: stature of 1 m is outside the survey (")) << outcome.err;
-  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  for (const char* side : {"right", "both"}) {
+    const Outcome outcome =
+        run_program({"hand", "--stature", "1 m", "--mass", "60", "--sex", "female", "--side", side});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    EXPECT_TRUE(outcome.err.starts_with("warning: stature of 1 m is outside the survey (")) << outcome.err;
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+  }
 }
 
 TEST(Commands, HelpIsNoErrorAndHasAnExample) {
   EXPECT_EQ(run_program({"--help"}).status, 0);
-  EXPECT_EQ(run_program({"--version"}).status, 0);
   for (const char* command : {"hand", "check", "run", "render", "effects"}) {
     const Outcome outcome = run_program({command, "--help"});
     EXPECT_EQ(outcome.status, 0);
@@ -245,6 +248,16 @@ TEST(EngineOption, SwitchesEnginesAndSaysWhatWasLeftOut) {
   EXPECT_EQ(refused.status, 2);
   EXPECT_TRUE(contains(refused.err, "effects: got joint_stops")) << refused.err;
   EXPECT_EQ(run_on({"--engine", "bullet"}).status, 2);
+}
+
+// Oracle: the forms that git and pkg-config write.
+TEST(Commands, VersionNamesCommitCompilerAndTheBuildOfOde) {
+  const Outcome outcome = run_program({"--version"});
+  EXPECT_EQ(outcome.status, 0);
+  const std::regex form(
+      "handsim [0-9.]+, commit (unknown|[0-9a-f]{7,40}(-dirty)?)\n(GNU|Clang) [0-9.]+, [A-Za-z]+\n"
+      "ODE 0\\.[0-9.]+, double precision\n");
+  EXPECT_TRUE(std::regex_match(outcome.out, form)) << outcome.out;
 }
 
 TEST(EffectsCommand, RefusesBadInputAsEverywhereAndWritesNothing) {

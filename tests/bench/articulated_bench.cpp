@@ -164,9 +164,9 @@ scene::Scene held(const std::string& name) {
       name,
       {effects, "solver.engine=articulated", "solver.method=semi_implicit_euler", "record.contacts=false"});
   simulation::Simulation simulation(scene);
-  while (simulation.state().time < scene.spec.grasp_plans.front().phase("hold")->start + 1) simulation.step();
+  while (simulation.state().time < scene.plans.grasps.front().phase("hold")->start + 1) simulation.step();
   const model::State at = simulation.state();
-  const std::vector<double> q = model::coordinates(scene.model, at);
+  const std::vector<double> q = at.q;
   const std::span<const model::Servo> servos = simulation.controller()->servos();
   scene.model.drives.clear();
   scene.spec.solver.effects.remove(model::Effect::wrist_motion);
@@ -200,7 +200,7 @@ double drift(const Vec3& from, const Vec3& to, double step) {
 }
 
 int object_of(const scene::Scene& scene) {
-  const std::string& name = scene.spec.grasp_plans.front().object;
+  const std::string& name = scene.plans.grasps.front().object;
   for (std::size_t i = 0; i < scene.model.bodies.size(); ++i)
     if (scene.model.bodies[i].name == name) return static_cast<int>(i);
   throw std::runtime_error(name);

@@ -47,7 +47,7 @@ double pendulum_angle(double step) {
   model.joints[0].axes[0].initial = 0.05;
   const auto engine = make_engine(model, settings({Effect::gravity}, step));
   test::run(*engine, static_cast<int>(std::lround(0.5 / step)));
-  return model::coordinates(model, engine->state())[0];
+  return engine->state().q[0];
 }
 
 // Oracle: closed form, w^2 = m g l / (I + m l^2); amplitude lengthens the period by a^2/16 = 1.6e-4.
@@ -61,7 +61,7 @@ TEST(Pendulum, SwingsWithItsSmallAnglePeriod) {
   double last = 0.05;
   while (downward < 2 && engine->state().time < 2) {
     engine->step({});
-    const double angle = model::coordinates(model, engine->state())[0];
+    const double angle = engine->state().q[0];
     if (last > 0 && angle <= 0) ++downward;
     last = angle;
   }
@@ -94,7 +94,7 @@ void follow_tissue(const model::Model& model, double inertia, double q, double s
     engine->step({});
     v = (inertia * v - h * stiffness * (q - rest)) / (inertia + h * (damping + h * stiffness));
     q += h * v;
-    ASSERT_NEAR(model::coordinates(model, engine->state())[0], q, 1e-9) << "step " << i;
+    ASSERT_NEAR(engine->state().q[0], q, 1e-9) << "step " << i;
   }
 }
 
@@ -140,7 +140,7 @@ TEST(Tissue, OnAUniversalJointHoldsEachAxisByItsOwnStiffness) {
     const auto engine = make_engine(model, settings({Effect::passive_tissue, Effect::wrist_motion}));
     const std::vector<double> tau = {0.02, -0.06};
     for (int i = 0; i < 3000; ++i) engine->step({tau});
-    const std::vector<double> q = model::coordinates(model, engine->state());
+    const std::vector<double> q = engine->state().q;
     EXPECT_NEAR(q[0], 0.2, 1e-6);
     EXPECT_NEAR(q[1], 0.1 - 0.3, 1e-6);
   }

@@ -47,7 +47,7 @@ inline std::vector<double> fallen(const model::Model& model, Method method, doub
   if (method == DaeMethod::stabilised_gear) {
     EXPECT_LT(handsim::test::largest_gap(model, engine->state()), 1e-10);
   }
-  return model::coordinates(model, engine->state());
+  return engine->state().q;
 }
 
 /// A pendulum under a palm that moves through three keyframes.

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "handsim/model/kinematics.h"
+#include "handsim/model/mass_properties.h"
 #include "handsim/model/validate.h"
 
 namespace handsim::hand {
@@ -176,10 +177,10 @@ TEST(AnatomicalHand, MassIsWhereDeLevaFoundIt) {
 
 // Oracle: a capsule of no length is a sphere, a thin long one is a rod.
 TEST(CapsuleInertia, HasTheLimitsOfSphereAndRod) {
-  const CapsuleInertia ball = capsule_inertia(0.5, 1e-12);
+  const model::CapsuleInertia ball = model::capsule_inertia(0.5, 1e-12);
   EXPECT_NEAR(ball.axial, 0.4 * 0.25, 1e-12);
   EXPECT_NEAR(ball.transverse, 0.4 * 0.25, 1e-12);
-  const CapsuleInertia rod = capsule_inertia(1e-6, 2);
+  const model::CapsuleInertia rod = model::capsule_inertia(1e-6, 2);
   EXPECT_NEAR(rod.transverse, 4.0 / 12, 1e-5);
 }
 
@@ -198,7 +199,7 @@ TEST(CapsuleInertia, EqualsTheSumOfDiscs) {
     axial += v * r2 / 2;
     transverse += v * (r2 / 4 + z * z);
   }
-  const CapsuleInertia solid = capsule_inertia(r, l);
+  const model::CapsuleInertia solid = model::capsule_inertia(r, l);
   EXPECT_NEAR(solid.volume, volume, 1e-6 * volume);
   EXPECT_NEAR(solid.axial, axial / volume, 1e-6 * solid.axial);
   EXPECT_NEAR(solid.transverse, transverse / volume, 1e-6 * solid.transverse);

@@ -51,6 +51,22 @@ TEST(Scene, ResolvedTextIsAFixedPoint) {
   EXPECT_EQ(emit_yaml(once.resolved), emit_yaml(twice.resolved));
 }
 
+// Oracle: what stands in the text: the hand in line 2, an object of the hand's name in line 3.
+TEST(Scene, KeepsThePlaceOfAProblemWithItsPart) {
+  try {
+    scene_from(
+        "hands:\n  - {model: ../handmodels/anatomical.yaml, person: persons/median_man.yaml, side: right, "
+        "pose: "
+        "{index_pip: -1.2}}\n"
+        "objects: [{name: right, shape: sphere, radius: 0.01, mass: 1, position: [0, 0, 9]}]\nduration: 1\n");
+    FAIL() << "a joint that starts beyond its stop";
+  } catch (const Error& error) {
+    ASSERT_EQ(error.problems().size(), 1U) << error.what();
+    EXPECT_EQ(error.problems()[0].key, "right.index_pip.flexion");
+    EXPECT_EQ(error.problems()[0].place->line, 2);
+  }
+}
+
 TEST(Scene, OverridesReachIntoReferencedFiles) {
   const Scene scene = shipped_scene("two_hands", {"hands.0.person.stature=1.6", "solver.step=2 ms"});
   EXPECT_EQ(scene.spec.hands[0].person.stature, 1.6);

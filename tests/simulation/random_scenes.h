@@ -8,6 +8,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
+#include <iostream>
 #include <string>
 #include <vector>
 
@@ -100,6 +102,12 @@ struct Drawn {
   bool refused = false;  ///< asks a method for contact that has none
   std::string text;
 };
+
+/// A fixed seed, unless another is asked for: RC_PARAMS="seed=7" test_simulation --gtest_filter=RandomScenes*
+inline void fix_seed() {
+  setenv("RC_PARAMS", "seed=20261122", 0);
+  std::cout << "RC_PARAMS=\"" << std::getenv("RC_PARAMS") << "\"\n";
+}
 
 inline Drawn random_scene() {
   Drawn out;

@@ -53,7 +53,7 @@ TEST(GraspCutShort, AfterItsHoldIsJudgedByItsSlip) {
   const std::vector<std::string> quick = {"grasps.0.hold=0.05 s", "grasps.0.close=0.1 s",
                                           "grasps.0.lift.time=0.1 s", "grasps.0.approach.time=0.1 s",
                                           "criteria={grasp_slip: 0}"};
-  const double end = shipped_scene("grasp_pinch", quick).spec.grasp_plans[0].phase("hold")->end;
+  const double end = shipped_scene("grasp_pinch", quick).plans.grasps[0].phase("hold")->end;
   std::vector<std::string> words = quick;
   words.push_back(seconds(end + 0.01));
   const Ran cut = ran(shipped_scene("grasp_pinch", words));
@@ -70,7 +70,7 @@ TEST(ClimbCutShort, BeforeItsLoadIsNotMeasured) {
 
 // The load grows by 50 N/s from the end of the settling on.
 TEST(ClimbCutShort, HasCarriedWhatItHasAndIsUnknownBeyond) {
-  const double start = shipped_scene("climb_jug").spec.climb_plans[0].loading().start;
+  const double start = shipped_scene("climb_jug").plans.climbs[0].loading().start;
   const Ran enough = ran(shipped_scene("climb_jug", {seconds(start + 0.3), "criteria={climb_load: 10 N}"}));
   EXPECT_EQ(enough.word("climb_load"), "held");
   const Ran more = ran(shipped_scene("climb_jug", {seconds(start + 0.3), "criteria={climb_load: 20 N}"}));

@@ -33,7 +33,7 @@ std::unique_ptr<Integrator> make_integrator(System system, const Settings& setti
 }
 
 DaeEngine::DaeEngine(const model::Model& model, const Settings& settings)
-    : model_(checked(model, settings)), settings_(settings), told_(model, settings, {}, {}) {
+    : model_(checked(model, settings)), settings_(settings), told_(model, settings, {}, {}), sensors_(model) {
   for (System& island : islands(model, settings))
     islands_.push_back(make_integrator(std::move(island), settings));
   state_ = model::initial_state(model);
@@ -60,7 +60,21 @@ void DaeEngine::start(const model::State& state) {
     if (model_.bodies[i].kinematic) next.bodies[i].v = next.bodies[i].w = Vec3::Zero();
   drive(next.time, model::KeySide::after, next);
   for (const auto& island : islands_) island->start(next);
+  sensors_.read(next);
   state_ = std::move(next);
+}
+
+/// Torques at a state whose coordinates are known.
+void DaeEngine::find_torques(std::span<const double> given, model::State& state) const {
+  state.tau.assign(state.q.size(), 0);
+  std::copy(given.begin(), given.end(), state.tau.begin());
+  if (!settings_.effects.has(model::Effect::passive_tissue)) return;
+  for (const model::Joint& joint : model_.joints)
+    for (std::size_t k = 0; k < joint.axes.size(); ++k) {
+      const auto i = static_cast<std::size_t>(joint.first_dof) + k;
+      if (const auto& tissue = joint.axes[k].tissue)
+        state.tau[i] -= tissue->stiffness * (state.q[i] - tissue->rest) + tissue->damping * state.u[i];
+    }
 }
 
 StepReport DaeEngine::step(const StepInput& input) {
@@ -77,6 +91,8 @@ StepReport DaeEngine::step(const StepInput& input) {
     next.time = end;
     drive(end, model::KeySide::before, next);
     check_bodies(next);
+    sensors_.read(next);
+    find_torques(input.torques, next);
   } catch (const Error& error) {
     fail(error);
   }
@@ -125,6 +141,7 @@ void DaeEngine::restore(const model::State& state, ArchiveReader& in) {
   require_state(model_, state);
   for (const auto& island : islands_) island->restore(state, in);
   state_ = state;
+  sensors_.read(state_);
 }
 
 std::string DaeEngine::version() const {

@@ -16,6 +16,7 @@
 
 #include "handsim/engine/dae/integrator.h"
 #include "handsim/engine/engine.h"
+#include "handsim/model/angle_sensor.h"
 
 namespace handsim::engine::dae {
 
@@ -41,6 +42,7 @@ class DaeEngine final : public Engine {
  private:
   void start(const model::State& state);
   void drive(double time, model::KeySide side, model::State& state) const;
+  void find_torques(std::span<const double> given, model::State& state) const;
   void check_bodies(const model::State& state) const;
   [[noreturn]] void fail(const Error& error);
 
@@ -49,6 +51,7 @@ class DaeEngine final : public Engine {
   System told_;  ///< without bodies of its own: moves the driven ones
   std::vector<std::unique_ptr<Integrator>> islands_;
   std::vector<std::string> notes_;
+  model::JointSensors sensors_;
   model::State state_;
   std::optional<Error> failure_;
 };

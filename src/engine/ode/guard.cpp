@@ -89,11 +89,9 @@ std::optional<PhysicsFault> OdeEngine::two_half_steps(const StepInput& input, do
     StepInput second = input;
     if (!input.servos.empty()) {
       // A servo's error is the one at the start of its step.
-      coordinates_[0] = model::coordinates(model_, before_);
-      coordinates_[1] = model::coordinates(model_, state_);
       second_servos_.assign(input.servos.begin(), input.servos.end());
       for (std::size_t i = 0; i < second_servos_.size(); ++i)
-        second_servos_[i].error -= coordinates_[1][i] - coordinates_[0][i];
+        second_servos_[i].error -= state_.q[i] - before_.q[i];
       second.servos = second_servos_;
     }
     report = plain_step(second, end, half, settings_.ode().method);
@@ -103,6 +101,11 @@ std::optional<PhysicsFault> OdeEngine::two_half_steps(const StepInput& input, do
     report.collide_ns += first.collide_ns;
     report.tissue_ns += first.tissue_ns;
     report.servo_ns += first.servo_ns;
+    // Of the whole step: the mean of its halves.
+    for (std::size_t i = 0; i < tau_.size(); ++i) {
+      tau_[i] = 0.5 * (state_.tau[i] + tau_[i]);
+      tau_servo_[i] = 0.5 * (state_.tau_servo[i] + tau_servo_[i]);
+    }
     fault = read_guarded(end);
   }
   set_length(settings_.step);

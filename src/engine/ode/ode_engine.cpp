@@ -53,6 +53,7 @@ void OdeEngine::write(const model::State& state) {
     if (immovable_[i]) state_.bodies[i].v = state_.bodies[i].w = Vec3::Zero();
     write_state(bodies_[i], state_.bodies[i]);
   }
+  joints_->read_coordinates(state_);
 }
 
 bool OdeEngine::immovable_moved(const model::State& state) const {

@@ -96,7 +96,7 @@ class OdeEngine final : public Engine {
   model::State state_;
   model::State before_;                        ///< of a guarded step, its start
   std::vector<Presliding> presliding_before_;  ///< the same
-  std::vector<double> coordinates_[2];         ///< of a step in halves, at its start and middle
+  std::vector<double> tau_, tau_servo_;        ///< of the step under way
   std::vector<model::Servo> second_servos_;    ///< of its second half
   std::optional<Error> failure_;
 };

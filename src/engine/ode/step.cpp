@@ -74,6 +74,7 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
   } catch (const std::bad_alloc&) {
     throw OdeFault{kNoMemory, "out of memory"};
   }
+  joints_->read_torques(input.torques, state_, tau_, tau_servo_);
   if (residual_is_due(report, step))
     report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
@@ -187,6 +188,8 @@ void OdeEngine::check_bodies(double time) {
 
 void OdeEngine::read(double time) {
   for (const std::size_t i : moving_) state_.bodies[i] = read_state(bodies_[i]);
+  state_.tau = tau_;
+  state_.tau_servo = tau_servo_;
   state_.time = time;
 }
 
@@ -195,6 +198,7 @@ void OdeEngine::read(double time) {
 std::optional<PhysicsFault> OdeEngine::take_over(double time) {
   if (closed_.empty()) {
     read(time);
+    joints_->read_coordinates(state_);
     return std::nullopt;
   }
   opened_ = state_;
@@ -207,6 +211,7 @@ std::optional<PhysicsFault> OdeEngine::take_over(double time) {
   }
   for (const std::size_t i : moving_)
     if (!bodies_[i].driven) write_state(bodies_[i], state_.bodies[i]);
+  joints_->read_coordinates(state_);
   return std::nullopt;
 }
 

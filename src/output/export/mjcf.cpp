@@ -111,9 +111,7 @@ class MjcfWriter {
 
   void hang(const model::Joint& joint, int indent) {
     const std::string in(at(indent), ' ');
-    double q[3] = {}, u[3] = {};
-    model::joint_coordinates(joint, start_, q);
-    model::joint_rates(joint, start_, u);
+    const double *q = start_.q.data() + joint.first_dof, *u = start_.u.data() + joint.first_dof;
     if (joint.kind == JointKind::ball) {
       line(fmt::format("{}<joint name=\"{}\" type=\"ball\" pos=\"{}\"/>", in, attribute(joint.name),
                        numbers(joint.child_frame.p)));

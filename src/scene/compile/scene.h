@@ -7,13 +7,15 @@
 #include <vector>
 
 #include "handsim/scene/read/inputs.h"
-#include "handsim/scene/read/scene_spec.h"
+#include "handsim/scene/task/tasks.h"
 
 namespace handsim::scene {
 
 /// A compiled scene.
 struct Scene {
-  SceneSpec spec;
+  SceneSpec spec;                      ///< as it was read
+  std::vector<hand::BuiltHand> hands;  ///< right hands, at the indices of SceneSpec::hands
+  Plans plans;                         ///< where hands and objects start, and what they are to do
   model::Model model;
   std::optional<control::Plan> control;  ///< where the scene drives its hands
   YamlNode resolved;                     ///< the scene with defaults filled in and references inlined
@@ -28,10 +30,17 @@ Scene load_scene(const std::filesystem::path& path, const std::vector<std::strin
 /// The same from a tree in memory.
 Scene compile_scene(YamlNode root);
 
+/// The same from what was read. @param root that it was read from; without one `resolved` is empty.
+Scene compile_scene(SceneSpec spec, YamlNode root = {});
+
 /// The scene with an effect taken away, and with it what it leaves nothing to act on: friction goes with the
 /// last contact, control with actuation. What the effect acted on stays: stops without force, a driven palm
 /// that stands still. `resolved` stays that of the whole scene.
 /// @throws Error (input) where what drives the hands cannot do without the effect.
 Scene without_effect(const Scene& scene, model::Effect effect);
+
+/// The files that the scene was read from: scene, persons, hand models, meshes, motions; each once, as the
+/// resolved scene names them.
+std::vector<std::filesystem::path> files_read(const Scene& scene);
 
 }  // namespace handsim::scene

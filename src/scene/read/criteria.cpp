@@ -1,40 +1,28 @@
-// The `criteria` of a scene, and which of them it can never measure: a limit that nothing is held against
-// would seem to be held.
 #include "handsim/scene/read/criteria.h"
 
 #include <algorithm>
 #include <cmath>
 
-#include <fmt/format.h>
-
 #include "handsim/core/units.h"
-#include "handsim/scene/read/readers.h"
+#include "handsim/scene/read/scene_spec.h"
 
 namespace handsim::scene {
 
 namespace {
 
-/// A limit, by its key, and whether it is asked for.
-struct Asked {
-  const char* key;
-  bool asked;
-};
+using Keys = std::vector<const char*>;
+const Keys kOfTracking = {"rms_error", "largest_error"}, kOfHolds = {"steady_error"},
+           kOfMovements = {"overshoot", "settling_time"};
 
-std::vector<Asked> of_tracking(const TrackingCriteria& limits) {
-  return {{"rms_error", limits.rms_error.has_value()}, {"largest_error", limits.largest_error.has_value()}};
+/// Those of the limits that are asked for.
+void refuse(MapReader& reader, const Keys& limits, const char* got, const char* need) {
+  for (const char* limit : limits)
+    if (reader.has(limit)) reader.problem(limit, got, std::string(need) + ", or no such limit");
 }
 
-std::vector<Asked> of_holds(const TrackingCriteria& limits) {
-  return {{"steady_error", limits.steady_error.has_value()}};
-}
-
-std::vector<Asked> of_movements(const TrackingCriteria& limits) {
-  return {{"overshoot", limits.overshoot.has_value()}, {"settling_time", limits.settling_time.has_value()}};
-}
-
-void refuse(MapReader& reader, const std::vector<Asked>& limits, const char* got, const char* need) {
-  for (const Asked& limit : limits)
-    if (limit.asked) reader.problem(limit.key, got, std::string(need) + ", or no such limit");
+bool has_tasks(const SceneSpec& scene, std::string_view list) {
+  return std::any_of(scene.tasks.begin(), scene.tasks.end(),
+                     [&](const auto& task) { return task->kind->list == list; });
 }
 
 /// Largest movement of any driven axis to a pose [rad]; nothing where no program goes to a pose.
@@ -74,55 +62,38 @@ Criteria read_criteria(MapReader reader) {
 }
 
 void check_criteria(MapReader reader, const SceneSpec& scene) {
-  const Criteria& limits = scene.criteria;
   const model::Effects& effects = scene.solver.effects;
   // Failures of the solver are counted in every scene.
   if (scene.hands.empty() && scene.mechanism.joints.empty())
-    refuse(reader, {{"joint_gap", limits.joint_gap.has_value()}}, "a limit in a scene without joints",
-           "a hand or a joint");
+    refuse(reader, {"joint_gap"}, "a limit in a scene without joints", "a hand or a joint");
   if (!effects.has(model::Effect::joint_stops))
-    refuse(
-        reader,
-        {{"stop_overshoot", limits.stop_overshoot.has_value()}, {"stop_rest", limits.stop_rest.has_value()}},
-        "a limit without the effect joint_stops", "joint_stops among the effects");
+    refuse(reader, {"stop_overshoot", "stop_rest"}, "a limit without the effect joint_stops",
+           "joint_stops among the effects");
   if (!effects.any_contact())
-    refuse(reader,
-           {{"penetration", limits.penetration.has_value()}, {"tunnelling", limits.tunnelling.has_value()}},
-           "a limit where no effect lets anything touch",
+    refuse(reader, {"penetration", "tunnelling"}, "a limit where no effect lets anything touch",
            "object_contact, self_contact or ground_contact among the effects");
-  if (scene.grasps.empty())
-    refuse(reader, {{"grasp_slip", limits.grasp_slip.has_value()}}, "a limit in a scene without grasps",
-           "a grasps block");
-  if (scene.climbs.empty())
-    refuse(reader, {{"climb_load", limits.climb_load.has_value()}}, "a limit in a scene without climbs",
-           "a climbs block");
-  for (const ClimbPlan& climb : scene.climb_plans)
-    if (limits.climb_load && *limits.climb_load > climb.load.most)
-      reader.problem(
-          "climb_load",
-          fmt::format("{:g} N of a climb whose load ends at {:g} N", *limits.climb_load, climb.load.most),
-          "at most the climb's load.max");
+  if (!has_tasks(scene, "grasps"))
+    refuse(reader, {"grasp_slip"}, "a limit in a scene without grasps", "a grasps block");
+  if (!has_tasks(scene, "climbs"))
+    refuse(reader, {"climb_load"}, "a limit in a scene without climbs", "a climbs block");
   if (!scene.control)
-    for (const auto& some :
-         {of_tracking(limits.tracking), of_holds(limits.tracking), of_movements(limits.tracking)})
+    for (const Keys& some : {kOfTracking, kOfHolds, kOfMovements})
       refuse(reader, some, "a limit in a scene without control", "a control block");
 }
 
-void check_tracked(YamlNode& root, const SceneSpec& scene, const control::Plan& plan,
-                   Diagnostics& diagnostics) {
+void check_tracked(YamlNode& root, const control::Plan& plan, Diagnostics& diagnostics) {
   YamlNode* criteria = root.find("criteria");
   if (!criteria) return;
   MapReader reader(*criteria, "criteria", diagnostics);
-  const TrackingCriteria& limits = scene.criteria.tracking;
   const std::optional<double> movement = largest_movement(plan);
   if (plan.axes.empty()) {
-    for (const auto& some : {of_tracking(limits), of_holds(limits), of_movements(limits)})
+    for (const Keys& some : {kOfTracking, kOfHolds, kOfMovements})
       refuse(reader, some, "a limit where the controller drives no joint", "gains for some joint");
   } else if (!movement) {
-    for (const auto& some : {of_holds(limits), of_movements(limits)})
+    for (const Keys& some : {kOfHolds, kOfMovements})
       refuse(reader, some, "a limit with a motion file, which holds no pose", "a program of poses");
   } else if (*movement < control::kSmallestMovement) {
-    refuse(reader, of_movements(limits), "a limit with a program that moves no joint by 5 deg",
+    refuse(reader, kOfMovements, "a limit with a program that moves no joint by 5 deg",
            "a program that does");
   }
 }

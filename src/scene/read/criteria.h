@@ -1,10 +1,37 @@
 // Limits that decide whether a run has succeeded: read, and refused where the scene can never measure their
-// figure.
+// figure: such a limit would seem to be kept.
 #pragma once
 
-#include "handsim/scene/read/scene_spec.h"
+#include <optional>
+
+#include "handsim/control/plan.h"
+#include "handsim/core/yaml_reader.h"
 
 namespace handsim::scene {
+
+struct SceneSpec;
+
+/// Limits of the tracking figures; absent ones are measured but not judged.
+struct TrackingCriteria {
+  std::optional<double> rms_error;      ///< of the worst joint over the run [rad]
+  std::optional<double> largest_error;  ///< of any joint at any step [rad]
+  std::optional<double> steady_error;   ///< largest at the end of any hold [rad]
+  std::optional<double> overshoot;      ///< largest, as a share of the movement
+  std::optional<double> settling_time;  ///< longest, to 2 % of a movement [s]
+};
+
+/// Limits that decide whether a run has succeeded; absent ones are measured but not judged.
+struct Criteria {
+  std::optional<double> joint_gap;       ///< largest gap of any joint at any step [m]
+  std::optional<double> stop_overshoot;  ///< largest overshoot of a stop beyond impact rate times step [rad]
+  std::optional<double> stop_rest;       ///< largest overshoot of a stop at the end [rad]
+  std::optional<int> lcp_failures;       ///< in all
+  std::optional<double> penetration;     ///< largest depth of any contact at any step [m]
+  std::optional<int> tunnelling;         ///< pairs of shapes that passed or lay deep in each other
+  std::optional<double> grasp_slip;      ///< mean drift of a grasped object in the palm during the hold [m/s]
+  std::optional<double> climb_load;      ///< least load that a climb is to carry [N]
+  TrackingCriteria tracking;             ///< of a controlled scene
+};
 
 Criteria read_criteria(MapReader reader);
 
@@ -12,7 +39,6 @@ Criteria read_criteria(MapReader reader);
 void check_criteria(MapReader reader, const SceneSpec& scene);
 
 /// Problems: limits of poses and movements that the hands' programs have not. @param root of the scene.
-void check_tracked(YamlNode& root, const SceneSpec& scene, const control::Plan& plan,
-                   Diagnostics& diagnostics);
+void check_tracked(YamlNode& root, const control::Plan& plan, Diagnostics& diagnostics);
 
 }  // namespace handsim::scene

@@ -1,5 +1,6 @@
 #include "handsim/scene/read/file_kind.h"
 
+#include <algorithm>
 #include <array>
 
 #include <fmt/format.h>
@@ -8,85 +9,41 @@ namespace handsim::scene {
 
 namespace {
 
-/// The key that only this kind has. Scenes first: they may hold the others.
-struct Mark {
-  const char* key;
+struct Row {
   FileKind kind;
+  std::string_view name;
+  std::string_view keys;                  ///< for messages
+  std::array<std::string_view, 3> marks;  ///< keys that only this kind has
 };
-constexpr std::array kMarks = {Mark{"hands", FileKind::scene},         Mark{"objects", FileKind::scene},
-                               Mark{"bodies", FileKind::scene},        Mark{"stature", FileKind::person},
-                               Mark{"segments", FileKind::hand_model}, Mark{"fits", FileKind::anthropometry},
-                               Mark{"gains", FileKind::controller},    Mark{"poses", FileKind::poses},
-                               Mark{"methods", FileKind::study},       Mark{"shape", FileKind::object},
-                               Mark{"parts", FileKind::object},        Mark{"norms", FileKind::grip_norms},
-                               Mark{"cases", FileKind::stability},     Mark{"kinds", FileKind::costs},
-                               Mark{"friction", FileKind::material}};
 
-std::string_view keys_of(FileKind kind) {
-  switch (kind) {
-    case FileKind::scene:
-      return "hands, effects, duration";
-    case FileKind::person:
-      return "stature, mass, sex";
-    case FileKind::hand_model:
-      return "anthropometry, palm, wrist, segments";
-    case FileKind::anthropometry:
-      return "fits, reference";
-    case FileKind::controller:
-      return "form, gains";
-    case FileKind::poses:
-      return "poses, programs";
-    case FileKind::study:
-      return "scene, reference, steps, methods";
-    case FileKind::stability:
-      return "cases";
-    case FileKind::object:
-      return "shape or parts, mass or density";
-    case FileKind::grip_norms:
-      return "source, norms";
-    case FileKind::material:
-      return "friction, stiffness, damping";
-    case FileKind::costs:
-      return "kinds";
-  }
-  return {};
+/// Scenes first: they may hold the others. A material's mark stands in objects, too.
+constexpr std::array<Row, 12> kRows = {{
+    {FileKind::scene, "a scene", "hands, effects, duration", {"hands", "objects", "bodies"}},
+    {FileKind::person, "a person", "stature, mass, sex", {"stature"}},
+    {FileKind::hand_model, "a hand model", "anthropometry, palm, wrist, segments", {"segments"}},
+    {FileKind::anthropometry, "an anthropometry file", "fits, reference", {"fits"}},
+    {FileKind::controller, "a controller", "form, gains", {"gains"}},
+    {FileKind::poses, "a pose file", "poses, programs", {"poses"}},
+    {FileKind::study, "an accuracy study", "scene, reference, steps, methods", {"methods"}},
+    {FileKind::object, "an object", "shape or parts, mass or density", {"shape", "parts"}},
+    {FileKind::grip_norms, "a table of grip strength", "source, norms", {"norms"}},
+    {FileKind::stability, "a stability study", "cases", {"cases"}},
+    {FileKind::costs, "a table of what accuracy costs", "kinds", {"kinds"}},
+    {FileKind::material, "a material", "friction, stiffness, damping", {"friction"}},
+}};
+
+const Row& row_of(FileKind kind) {
+  return *std::find_if(kRows.begin(), kRows.end(), [&](const Row& row) { return row.kind == kind; });
 }
 
 }  // namespace
 
-std::string_view described(FileKind kind) {
-  switch (kind) {
-    case FileKind::scene:
-      return "a scene";
-    case FileKind::person:
-      return "a person";
-    case FileKind::hand_model:
-      return "a hand model";
-    case FileKind::anthropometry:
-      return "an anthropometry file";
-    case FileKind::controller:
-      return "a controller";
-    case FileKind::poses:
-      return "a pose file";
-    case FileKind::study:
-      return "an accuracy study";
-    case FileKind::stability:
-      return "a stability study";
-    case FileKind::object:
-      return "an object";
-    case FileKind::grip_norms:
-      return "a table of grip strength";
-    case FileKind::material:
-      return "a material";
-    case FileKind::costs:
-      return "a table of what accuracy costs";
-  }
-  return {};
-}
+std::string_view described(FileKind kind) { return row_of(kind).name; }
 
 std::optional<FileKind> kind_of(const YamlNode& root) {
-  for (const Mark& mark : kMarks)
-    if (root.find(mark.key)) return mark.kind;
+  for (const Row& row : kRows)
+    for (const std::string_view mark : row.marks)
+      if (!mark.empty() && root.find(mark)) return row.kind;
   return std::nullopt;
 }
 
@@ -98,7 +55,8 @@ bool is_of_kind(const YamlNode& root, const std::string& path, FileKind wanted, 
                           : empty_file ? "an empty file"
                                        : root.described();
   diagnostics.problems.push_back(
-      {root.place(), path, got, fmt::format("{}: a mapping with {}", described(wanted), keys_of(wanted))});
+      {root.place(), path, got,
+       fmt::format("{}: a mapping with {}", described(wanted), row_of(wanted).keys)});
   return false;
 }
 

@@ -1,9 +1,11 @@
-// The `hands` of a scene: model, person, side, wrist, start pose, tissue.
+#include "handsim/scene/read/hand_entry.h"
+
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
 
-#include "handsim/scene/read/readers.h"
+#include "handsim/scene/read/blocks.h"
 
 namespace handsim::scene {
 
@@ -62,19 +64,23 @@ void refuse_keys_of_other_mounts(MapReader& reader, hand::Mount mount) {
     }
 }
 
-/// @param grasped a grasp may give the wrist its motion. @param climbed a climb gives a rail its place.
-void read_wrist(MapReader reader, bool grasped, bool climbed, hand::Placement& placement) {
-  placement.mount = reader.choice<hand::Mount>("mount", hand::mounts(), hand::Mount::fixed);
-  // What else may stand here hangs on the mount.
+void read_wrist(MapReader reader, const Tasks& tasks, hand::Placement& placement) {
+  placement.mount = reader.choice<hand::Mount>("mount",
+                                               {{"fixed", hand::Mount::fixed},
+                                                {"hinge", hand::Mount::hinge},
+                                                {"universal", hand::Mount::universal},
+                                                {"free", hand::Mount::free},
+                                                {"driven", hand::Mount::driven},
+                                                {"rail", hand::Mount::rail}},
+                                               hand::Mount::fixed);
+  // Which other keys may stand here depends on the mount.
   if (!reader.sound()) return;
-  if (placement.mount == hand::Mount::driven && grasped && !reader.has("motion")) {
-    placement.motion = {};
-  } else if (placement.mount == hand::Mount::driven) {
+  const bool placed = std::any_of(tasks.begin(), tasks.end(),
+                                  [&](const auto& task) { return task->kind->mount == placement.mount; });
+  if (placement.mount == hand::Mount::driven && (!placed || reader.has("motion"))) {
     placement.motion = read_motion(reader.required_map("motion", "a mapping with keyframes"));
     placement.pose = placement.motion.keys.front().pose;
-  } else if (placement.mount == hand::Mount::rail && climbed) {
-    placement.pose = {};
-  } else {
+  } else if (!placed) {
     placement.pose = read_pose(reader, Vec3::Zero());
   }
   if (placement.mount == hand::Mount::free) {
@@ -85,10 +91,6 @@ void read_wrist(MapReader reader, bool grasped, bool climbed, hand::Placement& p
     placement.along = reader.direction("along");
   refuse_keys_of_other_mounts(reader, placement.mount);
   reader.finish();
-}
-
-bool has_wrist_joint(const HandEntry& entry) {
-  return entry.placement.mount == hand::Mount::hinge || entry.placement.mount == hand::Mount::universal;
 }
 
 /// @param axes how many of the joint's axes the hand has.
@@ -121,7 +123,7 @@ void read_start_pose(MapReader& reader, HandEntry& entry, bool known) {
     if (pose.child(joint.name)) read_joint_angles(pose, joint, axes, entry.placement.start[joint.name]);
   };
   const hand::JointSpec& wrist = entry.model.wrist;
-  if (has_wrist_joint(entry))
+  if (entry.has_wrist_joint())
     read(wrist, entry.placement.mount == hand::Mount::hinge ? 1 : wrist.axes.size());
   else if (pose.child(wrist.name))
     pose.problem(wrist.name, "an angle of a wrist that has no joint",
@@ -137,34 +139,21 @@ void check_mount(MapReader& reader, const HandEntry& entry) {
                                 "hinge, or a hand model whose wrist has two axes");
 }
 
-void warn_of_extrapolation(MapReader& reader, const HandEntry& entry) {
-  const auto warn_outside = [&](const char* key, double value, std::pair<double, double> range,
-                                const char* unit) {
-    if (value < range.first || value > range.second)
-      reader.warning("person",
-                     fmt::format("{} of {:g} {} is outside the survey ({:g} to {:g} {}): extrapolated", key,
-                                 value, unit, range.first, range.second, unit));
-  };
-  warn_outside("stature", entry.person.stature, entry.model.anthropometry.stature_range, "m");
-  warn_outside("mass", entry.person.mass, entry.model.anthropometry.mass_range, "kg");
-}
-
-HandEntry read_hand(MapReader reader, bool grasped, bool climbed) {
+HandEntry read_hand(MapReader reader, const Tasks& tasks) {
   HandEntry entry;
   entry.place = reader.node().place();
   Diagnostics& diagnostics = reader.diagnostics();
   if (YamlNode* node = referenced(reader, "model", FileKind::hand_model))
     entry.model = hand::read_hand_spec(*node, reader.path_of("model"), diagnostics);
   const bool model_known = reader.sound();
-  if (YamlNode* node = referenced(reader, "person", FileKind::person)) {
+  if (YamlNode* node = referenced(reader, "person", FileKind::person))
     entry.person = hand::read_person(*node, reader.path_of("person"), diagnostics);
-    entry.person_place = node->place();
-  }
+
   const bool person_known = reader.sound();
   entry.placement.side =
       reader.choice<model::Side>("side", {{"right", model::Side::right}, {"left", model::Side::left}});
   const std::size_t before_wrist = diagnostics.problems.size();
-  read_wrist(reader.map("wrist"), grasped, climbed, entry.placement);
+  read_wrist(reader.map("wrist"), tasks, entry.placement);
   const bool wrist_known = diagnostics.problems.size() == before_wrist;
   if (model_known && wrist_known) check_mount(reader, entry);
   read_start_pose(reader, entry, model_known && wrist_known);
@@ -173,11 +162,12 @@ HandEntry read_hand(MapReader reader, bool grasped, bool climbed) {
   entry.placement.tissue_damping = tissue.number("damping", {Dimension::none, 0, 1000}, 1.0);
   tissue.finish();
   reader.finish();
-  if (person_known) warn_of_extrapolation(reader, entry);
+  if (person_known)
+    for (const std::string& text : hand::extrapolations(entry.model.anthropometry, entry.person))
+      reader.warning("person", text);
   return entry;
 }
 
-/// `right`, `left`, and `right2`, ... where a scene has more of a side.
 void name_hands(std::vector<HandEntry>& hands) {
   int count[2] = {0, 0};
   for (HandEntry& entry : hands) {
@@ -189,26 +179,10 @@ void name_hands(std::vector<HandEntry>& hands) {
 
 }  // namespace
 
-YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind) {
-  YamlNode* node = reader.child(key);
-  if (!node) {
-    reader.problem(key, "nothing",
-                   fmt::format("{}: the path of its file, or the block itself", described(kind)));
-    return nullptr;
-  }
-  try {
-    follow_reference(*node, reader.path_of(key), reader.diagnostics().budget);
-    return is_of_kind(*node, reader.path_of(key), kind, reader.diagnostics()) ? node : nullptr;
-  } catch (const Error& error) {
-    reader.diagnostics().take(error);
-    return nullptr;
-  }
-}
-
-std::vector<HandEntry> read_hands(MapReader& reader, bool grasped, bool climbed) {
+std::vector<HandEntry> read_hands(MapReader& reader, const Tasks& tasks) {
   std::vector<HandEntry> hands;
   each_block(reader, "hands", kMostHands,
-             [&](MapReader block) { hands.push_back(read_hand(std::move(block), grasped, climbed)); });
+             [&](MapReader block) { hands.push_back(read_hand(std::move(block), tasks)); });
   name_hands(hands);
   return hands;
 }

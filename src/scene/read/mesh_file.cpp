@@ -10,7 +10,6 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
-#include "handsim/scene/compile/convex_hull.h"
 #include "handsim/scene/read/mesh_reader.h"
 
 namespace handsim::scene {
@@ -32,36 +31,33 @@ constexpr double kUncovered = 1e-3;
 using Triangle = std::array<Vec3, 3>;
 
 /// Scaled; polygons as fans.
-std::vector<Triangle> triangles_of(const FileSurface& surface, double scale) {
-  std::vector<Triangle> triangles;
-  const auto point = [&](int corner) -> Vec3 {
-    return scale *
-           surface.points[static_cast<std::size_t>(surface.corners[static_cast<std::size_t>(corner)])];
+std::vector<Triangle> triangles_of(const Surface& surface, double scale = 1) {
+  std::vector<Triangle> out;
+  const auto point = [&](int vertex) -> Vec3 {
+    return scale * surface.vertices[static_cast<std::size_t>(vertex)];
   };
-  for (std::size_t f = 0; f < surface.faces(); ++f)
-    for (int i = surface.starts[f] + 1; i + 1 < surface.starts[f + 1]; ++i)
-      triangles.push_back({point(surface.starts[f]), point(i), point(i + 1)});
-  return triangles;
+  for (const std::vector<int>& face : surface.faces)
+    for (std::size_t i = 1; i + 1 < face.size(); ++i)
+      out.push_back({point(face[0]), point(face[i]), point(face[i + 1])});
+  return out;
 }
 
 /// Edges that do not belong to exactly two faces; corners at one place are one corner.
-int odd_edges(const FileSurface& surface) {
+int odd_edges(const Surface& surface) {
   const auto before = [](const Vec3& a, const Vec3& b) {
     return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
   };
   std::map<Vec3, std::uint32_t, decltype(before)> places(before);
   std::vector<std::uint32_t> place_of;
-  for (const Vec3& point : surface.points)
+  for (const Vec3& point : surface.vertices)
     place_of.push_back(places.emplace(point, static_cast<std::uint32_t>(places.size())).first->second);
   std::unordered_map<std::uint64_t, int> faces_at;
-  for (std::size_t f = 0; f < surface.faces(); ++f)
-    for (int i = surface.starts[f]; i < surface.starts[f + 1]; ++i) {
-      const int next = i + 1 < surface.starts[f + 1] ? i + 1 : surface.starts[f];
-      const auto at = [&](int corner) {
-        return std::uint64_t{
-            place_of[static_cast<std::size_t>(surface.corners[static_cast<std::size_t>(corner)])]};
+  for (const std::vector<int>& face : surface.faces)
+    for (std::size_t i = 0; i < face.size(); ++i) {
+      const auto at = [&](std::size_t corner) {
+        return std::uint64_t{place_of[static_cast<std::size_t>(face[corner % face.size()])]};
       };
-      const auto [low, high] = std::minmax({at(i), at(next)});
+      const auto [low, high] = std::minmax({at(i), at(i + 1)});
       if (low != high) ++faces_at[high << 32U | low];
     }
   return static_cast<int>(
@@ -72,16 +68,6 @@ double area_of(const std::vector<Triangle>& triangles) {
   double sum = 0;
   for (const Triangle& t : triangles) sum += 0.5 * (t[1] - t[0]).cross(t[2] - t[0]).norm();
   return sum;
-}
-
-std::vector<Triangle> triangles_of(const Hull& hull) {
-  std::vector<Triangle> out;
-  for (const std::vector<int>& face : hull.faces)
-    for (std::size_t i = 1; i + 1 < face.size(); ++i)
-      out.push_back({hull.vertices[static_cast<std::size_t>(face[0])],
-                     hull.vertices[static_cast<std::size_t>(face[i])],
-                     hull.vertices[static_cast<std::size_t>(face[i + 1])]});
-  return out;
 }
 
 /// How far the surface of a mesh lies inside its hull: the most that any triangle's plane has above it.
@@ -96,7 +82,7 @@ double dent(const std::vector<Triangle>& triangles, const std::vector<Vec3>& cor
       above = std::max(above, n.dot(corner - t[0]));
       below = std::max(below, -n.dot(corner - t[0]));
     }
-    // Files do not agree on which way round a triangle is.
+    // Files differ in the order of a triangle's corners.
     deepest = std::max(deepest, std::min(above, below));
   }
   return deepest;
@@ -125,8 +111,8 @@ double checked_size(const std::vector<Vec3>& points) {
   return size;
 }
 
-Hull checked_hull(const std::vector<Vec3>& points) {
-  Hull hull;
+Surface checked_hull(const std::vector<Vec3>& points) {
+  Surface hull;
   try {
     hull = convex_hull(points);
   } catch (const Error&) {
@@ -139,7 +125,7 @@ Hull checked_hull(const std::vector<Vec3>& points) {
 }
 
 /// The surface must be the hull's: not inside it, and everywhere.
-void check_convex(const std::vector<Triangle>& triangles, const Hull& hull, double size, int odd_edges) {
+void check_convex(const std::vector<Triangle>& triangles, const Surface& hull, double size, int odd_edges) {
   const double inside = dent(triangles, hull.vertices);
   if (inside > kFlat * size)
     refuse(fmt::format("a mesh that is not convex: surface {:.3g} m inside its hull", inside),
@@ -161,13 +147,13 @@ LoadedMesh load_convex_mesh(const std::filesystem::path& path, double scale) {
                  [](unsigned char c) { return std::tolower(c); });
   if (ending != ".obj" && ending != ".stl")
     refuse(path.filename().string(), "the path of an OBJ or STL file, relative to this file");
-  const FileSurface surface = read_surface_file(path);
+  const Surface surface = read_surface_file(path);
   const std::vector<Triangle> triangles = triangles_of(surface, scale);
   if (triangles.empty()) refuse("a mesh without faces", "the surface of a convex body");
   std::vector<Vec3> points;
   for (const Triangle& triangle : triangles) points.insert(points.end(), triangle.begin(), triangle.end());
   const double size = checked_size(points);
-  const Hull hull = checked_hull(points);
+  const Surface hull = checked_hull(points);
   LoadedMesh out;
   const auto mesh =
       std::make_shared<model::ConvexMesh>(model::make_convex_mesh(hull.vertices, hull.faces, out.centroid));

@@ -20,8 +20,7 @@ struct LoadedMesh {
 /// face, no extent, numbers that are not finite, more than 100000 triangles or 1000 corners.
 /// @param scale of the file's unit [m].
 /// @throws Error (input) that says what was found and what was needed; with the place in the mesh's file
-/// where
-///         that cannot be read, otherwise without one.
+/// where that cannot be read, otherwise without one.
 LoadedMesh load_convex_mesh(const std::filesystem::path& path, double scale);
 
 }  // namespace handsim::scene

@@ -8,6 +8,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -89,27 +90,27 @@ class Lines {
 /// A surface being read; refuses, at the line where it happens, more than is allowed.
 class Builder {
  public:
-  explicit Builder(const Lines& lines) : lines_(lines) { surface_.starts = {0}; }
+  explicit Builder(const Lines& lines) : lines_(lines) {}
 
   void add_point(const Vec3& point) {
-    if (surface_.points.size() == kMostPoints)
+    if (surface_.vertices.size() == kMostPoints)
       lines_.refuse(1, fmt::format("more than {} points", kMostPoints), "fewer: a simpler mesh");
-    surface_.points.push_back(point);
+    surface_.vertices.push_back(point);
   }
   void add_corner(int point) {
-    const std::size_t corners = surface_.corners.size() - static_cast<std::size_t>(surface_.starts.back());
-    if (corners >= 2 && ++triangles_ > kMostFaces)
+    if (face_.size() >= 2 && ++triangles_ > kMostFaces)
       lines_.refuse(1, fmt::format("more than {} triangles", kMostFaces), "fewer: a simpler mesh");
-    surface_.corners.push_back(point);
+    face_.push_back(point);
   }
-  void end_face() { surface_.starts.push_back(static_cast<int>(surface_.corners.size())); }
-  int points() const { return static_cast<int>(surface_.points.size()); }
-  int open_corners() const { return static_cast<int>(surface_.corners.size()) - surface_.starts.back(); }
-  FileSurface take() { return std::move(surface_); }
+  void end_face() { surface_.faces.push_back(std::exchange(face_, {})); }
+  int points() const { return static_cast<int>(surface_.vertices.size()); }
+  std::size_t open_corners() const { return face_.size(); }
+  Surface take() { return std::move(surface_); }
 
  private:
   const Lines& lines_;
-  FileSurface surface_;
+  Surface surface_;
+  std::vector<int> face_;  ///< that is being read
   std::size_t triangles_ = 0;
 };
 
@@ -125,7 +126,7 @@ int point_index(const Lines& lines, const Word& word, int points) {
   return static_cast<int>(at);
 }
 
-FileSurface read_obj(std::string_view text, const std::string& name) {
+Surface read_obj(std::string_view text, const std::string& name) {
   Lines lines(text, name);
   Builder surface(lines);
   while (lines.next()) {
@@ -156,7 +157,7 @@ std::uint32_t word_at(std::string_view bytes, std::size_t at) {
 
 constexpr std::size_t kStlHead = 84, kStlTriangle = 50;
 
-FileSurface read_binary_stl(std::string_view bytes, const std::string& name) {
+Surface read_binary_stl(std::string_view bytes, const std::string& name) {
   const Lines no_lines({}, name);
   Builder surface(no_lines);
   for (std::size_t at = kStlHead; at < bytes.size(); at += kStlTriangle) {
@@ -200,7 +201,7 @@ std::string words_of(Within place) {
   return out;
 }
 
-FileSurface read_text_stl(std::string_view text, const std::string& name) {
+Surface read_text_stl(std::string_view text, const std::string& name) {
   Lines lines(text, name);
   Builder surface(lines);
   Within place = Within::file;
@@ -225,7 +226,7 @@ FileSurface read_text_stl(std::string_view text, const std::string& name) {
   return surface.take();
 }
 
-FileSurface read_stl(std::string_view bytes, const std::string& name) {
+Surface read_stl(std::string_view bytes, const std::string& name) {
   // A binary file may begin with `solid`, too.
   const std::size_t said = bytes.size() >= kStlHead ? word_at(bytes, kStlHead - 4) : 0;
   if (bytes.size() >= kStlHead && bytes.size() == kStlHead + kStlTriangle * said)
@@ -241,7 +242,7 @@ FileSurface read_stl(std::string_view bytes, const std::string& name) {
 
 }  // namespace
 
-FileSurface read_surface_file(const std::filesystem::path& path) {
+Surface read_surface_file(const std::filesystem::path& path) {
   const std::string bytes = read_input_file(path, kNeed, kMostBytes);
   return lower(path.extension().string()) == ".stl" ? read_stl(bytes, path.string())
                                                     : read_obj(bytes, path.string());

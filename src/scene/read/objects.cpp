@@ -1,18 +1,17 @@
-// The `objects` and the `ground` of a scene.
 #include "handsim/scene/read/objects.h"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <filesystem>
-#include <limits>
 
 #include <fmt/format.h>
 
 #include "handsim/hand/material.h"
-#include "handsim/scene/compile/extent.h"
+#include "handsim/model/shape_extent.h"
+#include "handsim/scene/read/blocks.h"
+#include "handsim/scene/read/contact_spec.h"
 #include "handsim/scene/read/mesh_file.h"
-#include "handsim/scene/read/readers.h"
 
 namespace handsim::scene {
 
@@ -25,8 +24,7 @@ const Quantity kMass = {Dimension::mass, 1e-6, 1e4};
 constexpr std::size_t kMostObjects = 1000;
 constexpr std::size_t kMostParts = 200;
 
-/// Keys that say one thing in different ways: where an entry has one of them, all of them in its file are
-/// void.
+/// Keys that state one thing in different ways: one of them in an entry replaces all of them in its file.
 using Keys = std::vector<std::string_view>;
 const Keys kMassKeys = {"mass", "density"};
 const Keys kFormKeys = {"shape", "parts"};
@@ -44,7 +42,7 @@ bool among(const std::string& key, const Keys& keys) {
   return std::find(keys.begin(), keys.end(), key) != keys.end();
 }
 
-/// True where the entry's own keys leave the file's `key` without a say.
+/// True where the entry's own keys replace the file's `key`.
 bool overridden(const YamlNode& entry, const std::string& key) {
   return entry.find(key) != nullptr || (among(key, kMassKeys) && has_any(entry, kMassKeys)) ||
          (among(key, kSizeKeys) && has_any(entry, kFormKeys)) ||
@@ -59,6 +57,11 @@ std::string read_name(MapReader& reader, const std::vector<ObjectSpec>& before) 
   for (const ObjectSpec& other : before)
     if (!name.empty() && other.name == name) reader.problem("name", name + " a second time", need);
   return name;
+}
+
+bool places_object(const Tasks& tasks, const std::string& object) {
+  return std::any_of(tasks.begin(), tasks.end(),
+                     [&](const auto& task) { return task->kind->moves_object && task->object == object; });
 }
 
 /// `mass` or `density` of a thing of this volume.
@@ -92,21 +95,21 @@ void read_parts(MapReader& reader, ObjectSpec& object) {
   }
   const bool of_whole = !object.is_static && (reader.has("mass") || reader.has("density"));
   const bool weighed = !object.is_static && !of_whole;
-  std::vector<MassProperties> parts;
+  std::vector<model::MassProperties> parts;
   double whole_volume = 0;
   for (std::size_t i = 0; i < list->items.size(); ++i) {
     MapReader part(list->items[i], item_path(reader.path_of("parts"), i), reader.diagnostics());
     model::Shape shape = read_form(part);
     const Pose at{part.vector("position", kCoordinate, Vec3::Zero()), part.rotation("rotation")};
     shape.pose = at * shape.pose;
-    const double own = volume(shape);
+    const double own = model::volume(shape);
     whole_volume += own;
-    parts.push_back(solid_properties(shape, weighed ? read_mass(part, own) : own));
+    parts.push_back(model::solid_properties(shape, weighed ? read_mass(part, own) : own));
     part.finish();
     object.shapes.push_back(std::move(shape));
   }
   if (object.is_static) return;
-  object.body = joined(parts);
+  object.body = model::joined(parts);
   if (!of_whole || !reader.sound()) return;
   // The parts' masses were their volumes: one density for all.
   const double density = read_mass(reader, whole_volume) / whole_volume;
@@ -123,11 +126,10 @@ std::optional<double> mesh_scale(const YamlNode& node) {
   return scale ? parse_number(scale->text) : std::nullopt;
 }
 
-/// Sizes that are hardly meant beside a hand are most often a file's or a number's unit. What stands still
-/// may well be a wall.
+/// A size that is unlikely beside a hand is most often a wrong unit. A static object may well be a wall.
 void warn_of_size(MapReader& reader, const ObjectSpec& object) {
   constexpr double kLongest = 2, kShortest = 1e-3;
-  const double size = extent(object.shapes).maxCoeff();
+  const double size = model::box_edges(object.shapes).maxCoeff();
   const std::optional<double> scale = mesh_scale(reader.node());
   const bool large = size > kLongest && (!object.is_static || scale), small = size < kShortest;
   if (!large && !small) return;
@@ -139,8 +141,7 @@ void warn_of_size(MapReader& reader, const ObjectSpec& object) {
 }
 
 ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
-                       const std::vector<model::Material>& materials, const std::vector<GraspSpec>& grasps,
-                       bool beside_hand) {
+                       const std::vector<model::Material>& materials, const Tasks& tasks, bool beside_hand) {
   ObjectSpec object;
   object.place = reader.node().place();
   // The content of an entry's file stands in its place by now.
@@ -152,22 +153,21 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
     reader.problem("parts", "parts beside a shape", "one of the two");
     for (const std::string_view key : kSizeKeys) reader.child(key);
     for (const std::string_view key : kMassKeys) reader.child(key);
-  }
-  if (reader.has("shape") && reader.has("parts")) {
     object.shapes.emplace_back();
   } else if (reader.has("parts")) {
     read_parts(reader, object);
   } else {
     object.shapes.push_back(read_form(reader));
     const model::Shape& shape = object.shapes.front();
-    if (!object.is_static) object.body = solid_properties(shape, read_mass(reader, volume(shape)));
+    if (!object.is_static)
+      object.body = model::solid_properties(shape, read_mass(reader, model::volume(shape)));
   }
   if (reader.sound() && beside_hand) warn_of_size(reader, object);
   if (!object.is_static) {
     object.velocity = reader.vector("velocity", kVelocity, Vec3::Zero());
     object.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
   }
-  if (!places_object(grasps, object.name))
+  if (!places_object(tasks, object.name))
     object.pose = read_pose(reader);
   else if (reader.child("position") || reader.child("rotation"))
     reader.problem("position", "a place beside the grasp that gives it", "one of the two");
@@ -208,7 +208,7 @@ void read_mesh(MapReader& reader, model::Shape& shape) {
                                          "what is open",
                                          loaded.odd_edges, path.filename().string()));
   } catch (const Error& error) {
-    // What is wrong within the mesh's file has its place there.
+    // Problems within the mesh's file have their place there.
     for (const Problem& problem : error.problems())
       if (problem.place)
         reader.diagnostics().problems.push_back(
@@ -243,26 +243,18 @@ bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shap
 }
 
 std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials,
-                                     const std::vector<GraspSpec>& grasps, bool beside_hand) {
+                                     const Tasks& tasks, bool beside_hand) {
   std::vector<ObjectSpec> objects;
-  YamlNode* list = reader.list("objects", false, std::numeric_limits<std::size_t>::max());
-  if (!list) return objects;
-  if (list->items.size() > kMostObjects) {
-    reader.problem("objects", list->described(), fmt::format("at most {} objects", kMostObjects));
-    return objects;
-  }
-  for (std::size_t i = 0; i < list->items.size(); ++i) {
-    const std::string path = item_path("objects", i);
-    if (inline_file(list->items[i], path, FileKind::object, overridden, reader.diagnostics()))
-      objects.push_back(read_object(MapReader(list->items[i], path, reader.diagnostics()), objects, materials,
-                                    grasps, beside_hand));
-  }
+  each_block(reader, "objects", kMostObjects, [&](MapReader block) {
+    if (inline_file(block, FileKind::object, overridden))
+      objects.push_back(read_object(std::move(block), objects, materials, tasks, beside_hand));
+  });
   return objects;
 }
 
 ObjectSpec read_object_file(YamlNode& root, Diagnostics& diagnostics) {
   if (!is_of_kind(root, "", FileKind::object, diagnostics)) return {};
-  // What the scene gives it.
+  // Keys that a scene gives it.
   if (!root.find("name")) yaml_put(root, "name", yaml_scalar("object"));
   if (!root.find("position")) yaml_put(root, "position", parse_yaml("[0, 0, 0]", ""));
   return read_object(MapReader(root, "", diagnostics), {}, {}, {}, true);

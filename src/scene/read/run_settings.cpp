@@ -1,4 +1,5 @@
-// The run settings of a scene: solver and pictures.
+#include "handsim/scene/read/run_settings.h"
+
 #include <algorithm>
 #include <cmath>
 #include <span>
@@ -6,8 +7,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/scene/compile/engine_choice.h"
-#include "handsim/scene/read/readers.h"
+#include "handsim/scene/read/blocks.h"
+#include "handsim/scene/read/engine_choice.h"
+#include "handsim/scene/read/scene_spec.h"
 
 namespace handsim::scene {
 

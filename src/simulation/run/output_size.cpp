@@ -32,9 +32,9 @@ std::string size_text(double bytes) {
                         : fmt::format("{:.3g} kB", bytes / 1e3);
 }
 
-double contacts_of(const scene::SceneSpec& spec) {
-  return kHandContacts * static_cast<double>(spec.hands.size()) +
-         kObjectContacts * static_cast<double>(spec.objects.size());
+double contacts_of(const scene::Scene& scene) {
+  return kHandContacts * static_cast<double>(scene.plans.hands.size()) +
+         kObjectContacts * static_cast<double>(scene.plans.objects.size());
 }
 
 /// Free where a path is or will be; nothing where the system does not say.
@@ -80,15 +80,14 @@ OutputSize output_size(const scene::Scene& scene, long first, long last, int fra
   const double bodies = static_cast<double>(scene.model.bodies.size()), dofs = scene.model.dof_count();
   const double axes = scene.control ? static_cast<double>(scene.control->axes.size()) : 0;
   const double trajectory = kNumberBytes * (1 + 2 * dofs + 7 * (bodies - 1));
-  const double contacts = scene.spec.record_contacts ? kContactBytes * contacts_of(scene.spec) : 0;
+  const double contacts = scene.spec.record_contacts ? kContactBytes * contacts_of(scene) : 0;
   out.rows = record_rows(first, last, record_steps(scene.spec));
   out.largest_row = std::max(trajectory, contacts);
   out.row = trajectory + contacts + kNumberBytes * (dofs + 3 * axes);
   const auto [width, height] = scene.spec.pictures.size;
   out.pictures = kPixelBytes * frames * width * height;
   for (const scene::InputFile& input : scene.inputs) out.inputs += static_cast<double>(input.bytes->size());
-  out.moments =
-      frames * (bodies * sizeof(model::BodyState) + contacts_of(scene.spec) * sizeof(engine::Contact));
+  out.moments = frames * (bodies * sizeof(model::BodyState) + contacts_of(scene) * sizeof(engine::Contact));
   return out;
 }
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "handsim/core/yaml.h"
-#include "handsim/scene/compile/engine_choice.h"
+#include "handsim/scene/read/engine_choice.h"
 #include "handsim/study/accuracy/peer_program.h"
 
 namespace handsim::study {

@@ -6,7 +6,7 @@
 
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
-#include "handsim/study/accuracy/machine.h"
+#include "handsim/study/machine.h"
 
 namespace handsim::study {
 
@@ -77,9 +77,8 @@ class Comparison {
            model_.bodies[i].name);
     for (const model::Joint& joint : model_.joints) {
       if (joint.kind == model::JointKind::slider) continue;
-      double a[3] = {}, b[3] = {};
-      model::joint_coordinates(joint, whole, a);
-      model::joint_coordinates(joint, without, b);
+      const auto first = static_cast<std::size_t>(joint.first_dof);
+      const std::span a = std::span(whole.q).subspan(first), b = std::span(without.q).subspan(first);
       if (joint.kind == model::JointKind::ball) {
         const Quat turn = model::joint_transform(joint, a).q.conjugate() * model::joint_transform(joint, b).q;
         book_angle(rotation_vector(turn).norm(), whole.time, joint.name);

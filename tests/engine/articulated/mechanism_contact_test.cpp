@@ -170,7 +170,7 @@ TEST(ArticulatedContact, SharesTheLoadWithStops) {
     const auto engine = make_engine(model, how);
     StepReport report;
     for (int i = 0; i < 1500; ++i) report = engine->step({});
-    const double q = model::coordinates(model, engine->state())[0];
+    const double q = engine->state().q[0];
     EXPECT_LE(q, stop_at + 1e-12);
     EXPECT_NEAR(q, std::min(touch, stop_at), 3e-4);
     double force = 0;
@@ -195,11 +195,11 @@ TEST(ArticulatedContact, KeepsTorqueLimitsWhilePressing) {
     how.contact_forces = true;
     const auto engine = make_engine(model, how);
     for (int i = 0; i < 1500; ++i) {
-      const double now = model::coordinates(model, engine->state())[0];
+      const double now = engine->state().q[0];
       const model::Servo servo{1, 0.02, 0.5 - now, 0, limit};
       engine->step({.servos = std::span(&servo, 1)});
     }
-    const double at_rest = model::coordinates(model, engine->state())[0];
+    const double at_rest = engine->state().q[0];
     const double torque = std::min(limit, 0.5 - at_rest);
     ASSERT_EQ(engine->contacts().size(), 1U);
     EXPECT_NEAR(engine->contacts()[0].normal_force(), torque / arm + 0.05 * kG, 2e-3 * (torque / arm));

@@ -7,7 +7,7 @@
 #include "engine/models.h"
 #include "handsim/engine/contact/narrow_phase.h"
 #include "handsim/engine/contact/polytope.h"
-#include "handsim/scene/compile/convex_hull.h"
+#include "handsim/scene/read/convex_hull.h"
 
 namespace handsim::engine {
 namespace {
@@ -17,7 +17,7 @@ using model::Effect;
 using model::ShapeKind;
 
 ConvexMesh mesh_of(const std::vector<Vec3>& points) {
-  const scene::Hull hull = scene::convex_hull(points);
+  const scene::Surface hull = scene::convex_hull(points);
   Vec3 centroid;
   return model::make_convex_mesh(hull.vertices, hull.faces, centroid);
 }
@@ -69,7 +69,7 @@ TEST(ConvexMesh, OfABoxesCornersIsTheBox) {
   for (int i = 0; i < 8; ++i)
     points.push_back(at *
                      Vec3(0.5 * edges.cwiseProduct(Vec3(i & 1 ? 1 : -1, i & 2 ? 1 : -1, i & 4 ? 1 : -1))));
-  const scene::Hull hull = scene::convex_hull(points);
+  const scene::Surface hull = scene::convex_hull(points);
   Vec3 centroid;
   const ConvexMesh mesh = model::make_convex_mesh(hull.vertices, hull.faces, centroid);
   EXPECT_EQ(mesh.face_count(), 6);

@@ -23,7 +23,7 @@ class MeshFile : public testing::Test {
     std::ofstream(folder_.path() / name, std::ios::binary) << bytes;
     return folder_.path() / name;
   }
-  FileSurface read(const std::string& name, const std::string& bytes) const {
+  Surface read(const std::string& name, const std::string& bytes) const {
     return read_surface_file(write(name, bytes));
   }
   /// What is said of it, from the line on.
@@ -43,21 +43,20 @@ class MeshFile : public testing::Test {
 const std::string kPoints = "v 0 0 0\nv 1 0 0 0.5\nv 0 1 0 1 1 1\nv 0 0 1e0\n";
 
 TEST_F(MeshFile, ObjHasPointsAndPolygonsInEveryFormOfIndex) {
-  const FileSurface surface = read(
+  const Surface surface = read(
       "a.obj",
       "# a comment\r\nmtllib none.mtl\nvn 0 0 1\nvt 0 0\no x\ng y\ns 1\n" + kPoints +
           "usemtl m\nf 1 3 2\r\nf 1/1 2/1 4/1 # comment\nf 1//1 4//1 3//1\nf -3/1/1 -2/1/1 -1/1/1\nl 1 2\n"
           "f 1 2 3 4\n");
-  ASSERT_EQ(surface.points.size(), 4U);
-  EXPECT_EQ(surface.points[3], Vec3(0, 0, 1));
-  EXPECT_EQ(surface.corners, (Ints{0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3, 0, 1, 2, 3}));
-  EXPECT_EQ(surface.starts, (Ints{0, 3, 6, 9, 12, 16}));
+  ASSERT_EQ(surface.vertices.size(), 4U);
+  EXPECT_EQ(surface.vertices[3], Vec3(0, 0, 1));
+  EXPECT_EQ(surface.faces, (std::vector<Ints>{{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}, {0, 1, 2, 3}}));
 }
 
 // A pipe without a writer would hold a reader of materials up for good.
 TEST_F(MeshFile, ObjOpensNoOtherFile) {
   ASSERT_EQ(mkfifo((folder_.path() / "m.mtl").c_str(), 0600), 0);
-  EXPECT_EQ(read("a.obj", "mtllib m.mtl\nusemtl m\n" + kPoints + "f 1 2 3\n").faces(), 1U);
+  EXPECT_EQ(read("a.obj", "mtllib m.mtl\nusemtl m\n" + kPoints + "f 1 2 3\n").faces.size(), 1U);
 }
 
 TEST_F(MeshFile, ObjIsRefusedWithLineAndColumn) {
@@ -82,9 +81,9 @@ std::string text_stl(const std::string& end) {
 }
 
 TEST_F(MeshFile, StlIsReadAsTextAndAsBinary) {
-  const FileSurface text = read("a.stl", text_stl("  endloop\n endfacet\nendsolid x\n"));
-  EXPECT_EQ(text.faces(), 1U);
-  EXPECT_EQ(text.points[2], Vec3(0, 1, 0));
+  const Surface text = read("a.stl", text_stl("  endloop\n endfacet\nendsolid x\n"));
+  EXPECT_EQ(text.faces.size(), 1U);
+  EXPECT_EQ(text.vertices[2], Vec3(0, 1, 0));
   // A binary file whose title begins with the word that text begins with.
   std::string binary = "solid" + std::string(75, ' ') + std::string("\x01\0\0\0", 4);
   for (const float value : {0.F, 0.F, 1.F, 0.F, 0.F, 0.F, 1.F, 0.F, 0.F, 0.F, -2.5F, 0.F}) {
@@ -92,9 +91,9 @@ TEST_F(MeshFile, StlIsReadAsTextAndAsBinary) {
     std::memcpy(&bits, &value, sizeof bits);
     for (int i = 0; i < 4; ++i) binary += static_cast<char>(bits >> (8 * i));
   }
-  const FileSurface same = read("b.STL", binary + std::string(2, '\0'));
-  EXPECT_EQ(same.corners, text.corners);
-  EXPECT_EQ(same.points[2], Vec3(0, -2.5, 0));
+  const Surface same = read("b.STL", binary + std::string(2, '\0'));
+  EXPECT_EQ(same.faces, text.faces);
+  EXPECT_EQ(same.vertices[2], Vec3(0, -2.5, 0));
   EXPECT_TRUE(refusal("c.stl", "x" + binary.substr(1, 100))
                   .ends_with("need 134 bytes for its 1 triangles in binary, or STL in text"));
 }

@@ -1,0 +1,37 @@
+// What readers of a scene's blocks share. All take problems into the reader's diagnostics and write defaults
+// into the tree.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/scene/read/file_kind.h"
+
+namespace handsim::scene {
+
+inline const Quantity kCoordinate = {Dimension::length, -1000, 1000};
+inline const Quantity kVelocity = {Dimension::speed, -100, 100};
+inline const Quantity kAngularVelocity = {Dimension::angular_speed, -1000, 1000};
+
+/// `hands.0`.
+std::string item_path(std::string_view list, std::size_t i);
+
+/// Reads each block of an optional list; of more than `most` none, with a problem.
+void each_block(MapReader& reader, std::string_view key, std::size_t most,
+                const std::function<void(MapReader)>& read);
+
+/// `position` and `rotation`. @param fallback position where none is given; absent: it must be.
+Pose read_pose(MapReader& reader, std::optional<Vec3> fallback = {});
+
+/// A referenced file or an inline block, which must be there; null, with a problem, where it cannot be read.
+YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind);
+
+/// Puts what the file of a block says under the keys that the block leaves open, in place of its `file`.
+/// @param overridden true where the block's own keys take the place of the file's `key`. False, with
+/// problems, where the file cannot be used.
+bool inline_file(MapReader& block, FileKind kind,
+                 bool (*overridden)(const YamlNode& entry, const std::string& key));
+
+}  // namespace handsim::scene

@@ -1,0 +1,51 @@
+// The contact groups of a scene under the names that its rules may call them by, and the effects that let
+// them meet.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "handsim/scene/read/scene_spec.h"
+
+namespace handsim::scene {
+
+struct ContactGroups {
+  /// What a group belongs to, which tells the effect that a pair of groups needs.
+  enum class Owner { hand, object, ground, mechanism };
+  struct Group {
+    int number;  ///< in Model::groups
+    Owner owner;
+  };
+
+  std::vector<Group> all;
+  std::map<std::string, std::vector<Group>> by_name;
+
+  void add(Group group, const std::vector<std::string>& names);
+  void add_hand(const std::string& hand, const hand::HandGroups& groups);
+};
+
+/// The effect that lets two groups meet; nothing for the ground with itself and for parts of the mechanism
+/// among each other.
+std::optional<model::Effect> effect_of(const ContactGroups::Group& a, const ContactGroups::Group& b);
+
+/// visit(a, b) for each pair of groups that a rule names.
+template <class Visit>
+void for_each_pair(const ContactGroups& groups, const ContactRuleSpec& rule, const Visit& visit) {
+  const auto first = groups.by_name.find(rule.between[0]);
+  const auto second = groups.by_name.find(rule.between[1]);
+  if (first == groups.by_name.end() || second == groups.by_name.end()) return;
+  for (const ContactGroups::Group& a : first->second)
+    for (const ContactGroups::Group& b : second->second) visit(a, b);
+}
+
+/// True where a rule names the object, whose shapes are then a group of their own.
+bool names_object(const ContactsSpec& contacts, const std::string& object);
+
+/// Problems: rules with names that the scene has not, or with groups that cannot meet.
+void check_contact_groups(const SceneSpec& scene, Diagnostics& diagnostics);
+
+/// The effects that the rules of the contacts block need.
+model::Effects effects_of_rules(const SceneSpec& scene);
+
+}  // namespace handsim::scene

@@ -1,0 +1,86 @@
+#include "handsim/scene/read/contact_spec.h"
+
+#include "handsim/hand/material.h"
+#include "handsim/scene/read/blocks.h"
+
+namespace handsim::scene {
+
+namespace {
+
+constexpr std::size_t kMost = 10'000;
+
+std::string read_between(const YamlNode& item, const std::string& path, Diagnostics& diagnostics) {
+  if (item.kind == YamlNode::Kind::scalar && !item.text.empty()) return item.text;
+  diagnostics.problems.push_back({item.place(), path, item.described(), "the name of a contact group"});
+  return {};
+}
+
+ContactRuleSpec read_rule(MapReader reader, const std::vector<model::Material>& materials) {
+  ContactRuleSpec rule;
+  rule.place = reader.node().place();
+  if (const YamlNode* between = reader.list("between", true)) {
+    if (between->items.size() != 2)
+      reader.problem("between", between->described(), "two names of contact groups");
+    else
+      for (std::size_t i = 0; i < 2; ++i)
+        rule.between[i] =
+            read_between(between->items[i], item_path(reader.path_of("between"), i), reader.diagnostics());
+  }
+  if (reader.has("material") && named_material(reader, "material", materials))
+    rule.material = reader.text("material");
+  reader.finish();
+  return rule;
+}
+
+bool has_key(const YamlNode& entry, const std::string& key) { return entry.find(key) != nullptr; }
+
+model::Material read_sourced_material(MapReader& reader, const std::string& name) {
+  for (const char* words : {"title", "source"}) reader.maybe_text(words);
+  model::Material material = hand::read_material(reader, name);
+  reader.finish();
+  return material;
+}
+
+}  // namespace
+
+model::Material read_material_file(YamlNode& root, Diagnostics& diagnostics) {
+  if (!is_of_kind(root, "", FileKind::material, diagnostics)) return {};
+  MapReader reader(root, "", diagnostics);
+  return read_sourced_material(reader, "material");
+}
+
+std::optional<model::Material> named_material(MapReader& reader, std::string_view key,
+                                              const std::vector<model::Material>& materials) {
+  const std::string name = reader.text(key);
+  std::vector<std::string> known;
+  for (const model::Material& material : materials) {
+    if (material.name == name) return material;
+    known.push_back(material.name);
+  }
+  reader.problem(key, name,
+                 known.empty() ? "a material of contacts.materials, which has none" : need_word(name, known));
+  return std::nullopt;
+}
+
+ContactsSpec read_contacts(MapReader& scene) {
+  ContactsSpec spec;
+  if (!scene.has("contacts")) return spec;
+  MapReader reader = scene.map("contacts");
+  each_block(reader, "materials", kMost, [&](MapReader item) {
+    if (!inline_file(item, FileKind::material, has_key)) return;
+    if (item.has("file"))
+      item.problem("file", "a file that names another", "a file with the material itself");
+    const std::string name = item.name("name");
+    for (const model::Material& other : spec.materials)
+      if (!name.empty() && other.name == name)
+        item.problem("name", name + " a second time", "a name of its own for each material");
+    spec.materials.push_back(read_sourced_material(item, name));
+  });
+  if (reader.has("rules")) spec.rules.emplace();
+  each_block(reader, "rules", kMost,
+             [&](MapReader rule) { spec.rules->push_back(read_rule(std::move(rule), spec.materials)); });
+  reader.finish();
+  return spec;
+}
+
+}  // namespace handsim::scene

@@ -1,0 +1,179 @@
+#include "handsim/scene/read/effects.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "handsim/scene/read/blocks.h"
+#include "handsim/scene/read/contact_groups.h"
+
+namespace handsim::scene {
+
+namespace {
+
+using model::Effect;
+using model::Effects;
+
+/// The smallest set of effects that the scene's content needs. Contact of a hand with itself is never
+/// implied, unless a contact rule asks for it.
+Effects needed_effects(const SceneSpec& scene) {
+  Effects effects;
+  effects.add(Effect::gravity);
+  const auto add_joint = [&](const hand::JointSpec& joint) {
+    for (const model::JointAxis& axis : joint.axes) {
+      if (axis.stop) effects.add(Effect::joint_stops);
+      if (axis.tissue) effects.add(Effect::passive_tissue);
+    }
+  };
+  for (const HandEntry& hand : scene.hands) {
+    for (const hand::SegmentSpec& segment : hand.model.segments) add_joint(segment.joint);
+    if (hand.placement.mount == hand::Mount::driven) effects.add(Effect::wrist_motion);
+  }
+  for (const MechanismJointSpec& joint : scene.mechanism.joints)
+    for (const model::JointAxis& axis : joint.axes) {
+      if (axis.stop) effects.add(Effect::joint_stops);
+      if (axis.torque != 0) effects.add(Effect::actuation);
+    }
+  if (scene.control) effects.add(Effect::actuation);
+  if (scene.contacts.rules) {
+    const Effects of_rules = effects_of_rules(scene);
+    for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact})
+      if (of_rules.has(effect)) effects.add(effect);
+  } else {
+    if (!scene.objects.empty()) effects.add(Effect::object_contact);
+    if (scene.ground) effects.add(Effect::ground_contact);
+  }
+  if (effects.any_contact()) effects.add(Effect::friction);
+  return effects;
+}
+
+void write_effects(YamlNode& node, const Effects& effects) {
+  YamlNode list = yaml_sequence();
+  for (int i = 0; i < model::kEffectCount; ++i)
+    if (effects.has(static_cast<Effect>(i)))
+      list.items.push_back(yaml_scalar(std::string(model::kEffectNames[static_cast<std::size_t>(i)])));
+  list.file = node.file;
+  list.line = node.line;
+  list.column = node.column;
+  node = std::move(list);
+}
+
+void read_effect(const YamlNode& item, const std::string& path, Effects& effects, Diagnostics& diagnostics) {
+  const std::vector<std::string> known(model::kEffectNames.begin(), model::kEffectNames.end());
+  const auto at = std::find(known.begin(), known.end(), item.text);
+  if (item.text == "step_guard") {
+    diagnostics.problems.push_back(
+        {item.place(), path, "step_guard",
+         "physics alone: the guard is a setting of engine ode, solver: {guard: true}"});
+    return;
+  }
+  if (at == known.end()) {
+    const auto near = nearest_word(item.text, known);
+    diagnostics.problems.push_back(
+        {item.place(), path, item.described(),
+         fmt::format("one of {}{}", fmt::join(known, ", "), near ? " (nearest: " + *near + ")" : "")});
+    return;
+  }
+  const auto effect = static_cast<Effect>(at - known.begin());
+  if (effects.has(effect))
+    diagnostics.problems.push_back({item.place(), path, item.text + " a second time", "each effect once"});
+  effects.add(effect);
+}
+
+/// True where an axis of the mechanism's joints is as asked.
+template <class Predicate>
+bool any_axis(const MechanismSpec& mechanism, Predicate predicate) {
+  return std::any_of(mechanism.joints.begin(), mechanism.joints.end(), [&](const MechanismJointSpec& joint) {
+    return std::any_of(joint.axes.begin(), joint.axes.end(), predicate);
+  });
+}
+
+bool any_tissue(const SceneSpec& scene) {
+  const auto soft = [](const hand::JointSpec& joint) {
+    return std::any_of(joint.axes.begin(), joint.axes.end(),
+                       [](const model::JointAxis& axis) { return axis.tissue; });
+  };
+  for (const HandEntry& hand : scene.hands) {
+    if (soft(hand.model.wrist)) return true;
+    for (const hand::SegmentSpec& segment : hand.model.segments)
+      if (soft(segment.joint)) return true;
+  }
+  return false;
+}
+
+/// Effects without anything to act on, and content whose effect is not asked for.
+void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& effects) {
+  bool driven = false;
+  for (const HandEntry& hand : scene.hands) driven = driven || hand.placement.mount == hand::Mount::driven;
+  const auto check = [&](bool bad, const char* got, const char* need) {
+    if (bad) reader.problem("effects", got, need);
+  };
+  check(driven && !effects.has(Effect::wrist_motion), "a driven wrist without wrist_motion",
+        "both or neither");
+  check(!driven && effects.has(Effect::wrist_motion), "wrist_motion without a driven wrist",
+        "both or neither");
+  check(effects.has(Effect::ground_contact) && !scene.ground, "ground_contact without a ground",
+        "both or neither");
+  check(effects.has(Effect::object_contact) && scene.objects.empty(), "object_contact without objects",
+        "objects to touch");
+  check(effects.has(Effect::self_contact) && scene.hands.empty(), "self_contact without hands",
+        "a hand to touch itself");
+  const bool stops = !scene.hands.empty() || any_axis(scene.mechanism, [](const model::JointAxis& axis) {
+    return axis.stop.has_value();
+  });
+  check(effects.has(Effect::joint_stops) && !stops, "joint_stops without a stop",
+        "a hand, or a joint with a range");
+  check(effects.has(Effect::passive_tissue) && !any_tissue(scene), "passive_tissue without tissue",
+        "a hand model whose joints have stiffness or damping");
+  if (scene.contacts.rules) {
+    const Effects of_rules = effects_of_rules(scene);
+    for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact}) {
+      const std::string name(model::name(effect));
+      check(of_rules.has(effect) && !effects.has(effect), ("contact rules that need " + name).c_str(),
+            (name + " among the effects, or no such rule").c_str());
+      check(!of_rules.has(effect) && effects.has(effect),
+            (name + " without a contact rule that needs it").c_str(),
+            "a rule that says who meets whom, or no rules at all");
+    }
+  }
+  check(effects.has(Effect::friction) && !effects.any_contact(), "friction without contact",
+        "one of object_contact, self_contact, ground_contact with it");
+  const bool torque =
+      any_axis(scene.mechanism, [](const model::JointAxis& axis) { return axis.torque != 0; });
+  check(torque && !effects.has(Effect::actuation), "a joint with a torque without actuation",
+        "both or neither");
+  check(scene.control && !effects.has(Effect::actuation), "a control block without actuation",
+        "both or neither");
+  check(!torque && !scene.control && effects.has(Effect::actuation),
+        "actuation without a control block or a joint with a torque", "one of them, or no actuation");
+}
+
+}  // namespace
+
+void check_engine(MapReader& reader, const engine::Settings& solver) {
+  for (const Problem& problem : engine::missing_effects(solver, true))
+    reader.problem(problem.key, problem.got, problem.need);
+}
+
+Effects read_effects(MapReader& reader, const SceneSpec& scene) {
+  YamlNode* node = reader.child("effects");
+  if (!node) node = &yaml_put(reader.node(), "effects", yaml_scalar("auto"));
+  if (node->kind == YamlNode::Kind::scalar && node->text == "auto") {
+    const Effects effects = needed_effects(scene);
+    write_effects(*node, effects);
+    return effects;
+  }
+  Effects effects;
+  if (node->kind != YamlNode::Kind::sequence) {
+    reader.problem("effects", node->described(), "auto or a list of effects");
+    return effects;
+  }
+  for (std::size_t i = 0; i < node->items.size(); ++i)
+    read_effect(node->items[i], item_path(reader.path_of("effects"), i), effects, reader.diagnostics());
+  // Content that could not be read would be missed.
+  if (reader.sound()) check_effects(reader, scene, effects);
+  return effects;
+}
+
+}  // namespace handsim::scene

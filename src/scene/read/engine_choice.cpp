@@ -1,0 +1,272 @@
+#include "handsim/scene/read/engine_choice.h"
+
+#include <algorithm>
+#include <limits>
+#include <map>
+
+#include <fmt/format.h>
+
+#include "handsim/core/data_folder.h"
+#include "handsim/scene/read/blocks.h"
+
+namespace handsim::scene {
+
+namespace {
+
+using engine::EngineKind;
+using model::Effect;
+
+std::string number(double x) { return fmt::format("{:.12g}", x); }
+
+CostRow read_row(MapReader reader) {
+  CostRow row;
+  row.error = reader.number("error", {Dimension::none, 0, 1e6});
+  row.cost = reader.number("cost", {Dimension::none, 0, 1e6, true});
+  read_settings(reader, row.solver);
+  reader.finish();
+  return row;
+}
+
+/// Bodies that more than one joint hangs on others, or joints in a ring.
+bool has_loop(const MechanismSpec& mechanism) {
+  std::map<std::string, std::string> up;
+  const auto top = [&](std::string body) {
+    while (up.contains(body)) body = up[body];
+    return body;
+  };
+  for (const MechanismJointSpec& joint : mechanism.joints) {
+    const std::string a = top(joint.parent), b = top(joint.child);
+    if (a == b) return true;
+    up[b] = a;
+  }
+  return false;
+}
+
+SceneKind kind_of_motion(const SceneSpec& scene) {
+  const model::Effects& effects = scene.solver.effects;
+  if (effects.any_contact()) return SceneKind::contact;
+  if (effects.has(Effect::joint_stops)) return SceneKind::stops;
+  return has_loop(scene.mechanism) ? SceneKind::loop : SceneKind::tree;
+}
+
+std::string_view described(SceneKind kind) {
+  switch (kind) {
+    case SceneKind::tree:
+      return "free motion of trees of bodies";
+    case SceneKind::loop:
+      return "free motion with closed loops";
+    case SceneKind::stops:
+      return "motion that meets joint stops";
+    case SceneKind::contact:
+      return "motion with contact";
+  }
+  return {};
+}
+
+/// The scene asks for what the row's engine does not have.
+bool refused(const CostRow& row, const SceneSpec& scene, bool guarded) {
+  const EngineKind engine = row.solver.engine();
+  if (engine != EngineKind::ode && guarded) return true;
+  return engine == EngineKind::dae && scene.control.has_value();
+}
+
+void put(YamlNode& map, std::string_view key, std::string value) {
+  yaml_put(map, std::string(key), yaml_scalar(std::move(value)));
+}
+
+/// Engine, step and what the engine has of its own.
+void put_settings(YamlNode& map, const engine::Settings& solver) {
+  put(map, "engine", std::string(engine::name(solver.engine())));
+  put(map, "step", number(solver.step));
+  const auto write = [&](std::string_view key, const auto& value) {
+    using T = std::decay_t<decltype(value)>;
+    if constexpr (std::same_as<T, std::optional<engine::GuardLimits>>) {
+      if (!value) return;
+      YamlNode& guard = yaml_put(map, std::string(key), yaml_map());
+      put(guard, "joint_gap", number(value->joint_gap));
+      put(guard, "speed", number(value->speed));
+      put(guard, "angular_speed", number(value->angular_speed));
+    } else if constexpr (std::same_as<T, double>) {
+      put(map, key, number(value));
+    } else {
+      put(map, key, fmt::format("{}", value));
+    }
+  };
+  std::visit([&](const auto& own) { each_setting(own, write); }, solver.own);
+}
+
+std::string text_of(const CostRow& row) {
+  std::string out = fmt::format("{} {} at {:g} ms", engine::name(row.solver.engine()),
+                                engine::name(row.solver.method()), 1e3 * row.solver.step);
+  const engine::Method method = row.solver.method();
+  if (method == engine::DaeMethod::stabilised_gear)
+    out += fmt::format(", tolerance {:g}", row.solver.dae().tolerance);
+  if (method == engine::ArticulatedMethod::dormand_prince)
+    out += fmt::format(", tolerance {:g}", row.solver.articulated().tolerance);
+  return out;
+}
+
+/// Where the scene lies outside what was measured.
+std::vector<std::string> beyond(const SceneSpec& scene, const CostTable& table, double duration) {
+  std::vector<std::string> out;
+  if (duration > 1.5 * table.duration)
+    out.push_back(fmt::format("errors were measured over {:g} s, and grow with time: the scene takes {:g} s",
+                              table.duration, duration));
+  if (table.kind != SceneKind::loop && has_loop(scene.mechanism))
+    out.push_back(fmt::format("nothing was measured of closed loops beside {}",
+                              kSceneKindNames[static_cast<std::size_t>(table.kind)]));
+  return out;
+}
+
+/// The table beside the scene, or else the one that ships with handsim.
+YamlNode default_costs(const YamlNode& scene, const YamlNode& engine) {
+  const char* name = "accuracy_costs.yaml";
+  std::error_code failure;
+  const bool beside = std::filesystem::is_regular_file(
+      std::filesystem::path(scene.place().file).parent_path() / name, failure);
+  YamlNode out = yaml_scalar(beside ? name : (data_folder() / "config" / name).string());
+  out.file = scene.file;
+  out.line = engine.line;
+  out.column = engine.column;
+  return out;
+}
+
+}  // namespace
+
+std::vector<CostTable> read_costs(YamlNode& root, Diagnostics& diagnostics) {
+  std::vector<CostTable> out;
+  if (!is_of_kind(root, "", FileKind::costs, diagnostics)) return out;
+  MapReader reader(root, "", diagnostics);
+  if (YamlNode* kinds = reader.list("kinds", true))
+    for (std::size_t i = 0; i < kinds->items.size(); ++i) {
+      MapReader item(kinds->items[i], item_path("kinds", i), diagnostics);
+      CostTable& table = out.emplace_back();
+      std::vector<std::pair<std::string_view, SceneKind>> words;
+      for (std::size_t k = 0; k < kSceneKindNames.size(); ++k)
+        words.emplace_back(kSceneKindNames[k], static_cast<SceneKind>(k));
+      table.kind = item.choice<SceneKind>("kind", words);
+      table.scene = item.text("scene");
+      table.duration = item.number("duration", {Dimension::time, 1e-6, 1e5});
+      if (YamlNode* rows = item.list("rows", true))
+        for (std::size_t k = 0; k < rows->items.size(); ++k)
+          table.rows.push_back(
+              read_row(MapReader(rows->items[k], item_path(item.path_of("rows"), k), diagnostics)));
+      item.finish();
+    }
+  reader.finish();
+  return out;
+}
+
+YamlNode write_costs(const std::vector<CostTable>& tables) {
+  YamlNode root = yaml_map();
+  YamlNode kinds = yaml_sequence();
+  for (const CostTable& table : tables) {
+    YamlNode item = yaml_map();
+    put(item, "kind", std::string(kSceneKindNames[static_cast<std::size_t>(table.kind)]));
+    yaml_put(item, "scene", yaml_scalar(table.scene, true));
+    put(item, "duration", number(table.duration));
+    YamlNode rows = yaml_sequence();
+    for (const CostRow& row : table.rows) {
+      YamlNode line = yaml_map();
+      put(line, "error", fmt::format("{:.3g}", row.error));
+      put(line, "cost", fmt::format("{:.3g}", row.cost));
+      put_settings(line, row.solver);
+      rows.items.push_back(std::move(line));
+    }
+    yaml_put(item, "rows", std::move(rows));
+    kinds.items.push_back(std::move(item));
+  }
+  yaml_put(root, "kinds", std::move(kinds));
+  return root;
+}
+
+namespace {
+
+/// The tables that the block names, or else the default ones. None, with problems, where they cannot be read.
+std::vector<CostTable> tables_of(MapReader& block, const YamlNode& scene, const YamlNode& engine) {
+  YamlNode* given = block.child("costs");
+  YamlNode costs = given ? *given : default_costs(scene, engine);
+  try {
+    follow_reference(costs, "solver.costs", block.diagnostics().budget);
+    return read_costs(costs, block.diagnostics());
+  } catch (const Error& error) {
+    block.diagnostics().take(error);
+  }
+  return {};
+}
+
+/// The cheapest row that reaches the accuracy; none, with a problem, where no row does.
+const CostRow* cheapest(const CostTable& table, const SceneSpec& scene, double accuracy, bool guarded,
+                        MapReader& block) {
+  const CostRow* best = nullptr;
+  double least = std::numeric_limits<double>::infinity();
+  for (const CostRow& row : table.rows) {
+    if (refused(row, scene, guarded)) continue;
+    least = std::min(least, row.error);
+    if (row.error <= accuracy && (!best || row.cost < best->cost)) best = &row;
+  }
+  if (!best)
+    block.problem("accuracy", number(accuracy),
+                  fmt::format("{:.3g} or more: the best that was measured of {}, on {}", least,
+                              described(table.kind), table.scene));
+  return best;
+}
+
+double duration_of(MapReader& reader, const SceneSpec& scene) {
+  if (const YamlNode* duration = reader.node().find("duration"))
+    if (const auto given = parse_quantity(duration->text, Dimension::time)) return *given;
+  return scene.tasks_end();
+}
+
+}  // namespace
+
+void choose_engine(MapReader& reader, SceneSpec& scene) {
+  MapReader block = reader.map("solver");
+  const YamlNode engine = *block.child("engine");
+  refuse_keys(
+      block,
+      [&](const YamlEntry& entry) -> std::optional<std::string> {
+        // The file has it for its own engine.
+        const bool passed_over =
+            entry.key == "guard" && of_command_line(engine) && !of_command_line(entry.value);
+        if (passed_over) return "";
+        for (const char* key : {"method", "step", "erp", "cfm", "iterations", "projection", "tolerance"})
+          if (entry.key == key) return "nothing: engine auto chooses it";
+        return std::nullopt;
+      },
+      "engine auto chooses them");
+  const double accuracy = block.number("accuracy", {Dimension::none, 1e-12, 1}, 0.01);
+  const std::optional<engine::GuardLimits> guard = read_guard(block);
+  const bool speculative = read_speculative(block);
+  const std::uint64_t seed = read_seed(block);
+  const std::vector<CostTable> tables = tables_of(block, reader.node(), engine);
+  block.finish();
+  if (!reader.sound()) return;
+
+  const SceneKind kind = kind_of_motion(scene);
+  const auto table =
+      std::find_if(tables.begin(), tables.end(), [&](const CostTable& each) { return each.kind == kind; });
+  if (table == tables.end())
+    return block.problem("engine", "auto",
+                         fmt::format("an engine: nothing was measured of scenes of kind {}",
+                                     kSceneKindNames[static_cast<std::size_t>(kind)]));
+  const CostRow* best = cheapest(*table, scene, accuracy, guard.has_value(), block);
+  if (!best) return;
+  scene.solver.step = best->solver.step;
+  scene.solver.own = best->solver.own;
+  if (bool* own = engine::speculative(scene.solver)) *own = speculative;
+  if (scene.solver.engine() == EngineKind::ode) {
+    scene.solver.ode().guard = guard;
+    scene.solver.ode().seed = seed;
+  }
+  scene.engine_choice = fmt::format(
+      "{}: the cheapest of what reaches {:g} on {} ({}), with an error of {:.2g} and {:.3g} CPU seconds a "
+      "second",
+      text_of(*best), accuracy, table->scene, described(kind), best->error, best->cost);
+  for (const std::string& text : beyond(scene, *table, duration_of(reader, scene)))
+    reader.warning("solver", "engine auto: " + text);
+  block.node().entries.clear();
+  put_settings(block.node(), scene.solver);
+}
+
+}  // namespace handsim::scene

@@ -1,0 +1,154 @@
+#include "handsim/scene/read/mechanism_spec.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/hand/hand_spec.h"
+#include "handsim/scene/read/blocks.h"
+#include "handsim/scene/read/objects.h"
+
+namespace handsim::scene {
+
+namespace {
+
+using model::JointKind;
+
+constexpr std::size_t kMostBodies = 1000;
+
+/// `rotation`, or `z_axis`: the shortest turn that takes the body's z axis there.
+Quat read_orientation(MapReader& reader) {
+  Quat rotation = reader.rotation("rotation");
+  if (!reader.has("z_axis")) return rotation;
+  if (reader.has("rotation")) reader.problem("z_axis", "a z_axis beside a rotation", "one of the two");
+  return Quat::FromTwoVectors(Vec3::UnitZ(), reader.direction("z_axis"));
+}
+
+model::Shape read_shape(MapReader reader) {
+  model::Shape shape;
+  shape.part = model::Part::mechanism;
+  if (!read_solid(reader, "kind", shape)) return shape;
+  const Pose at{reader.vector("position", kCoordinate, Vec3::Zero()), reader.rotation("rotation")};
+  shape.pose = at * shape.pose;
+  reader.finish();
+  return shape;
+}
+
+BodySpec read_body(MapReader reader, const std::vector<model::Material>& materials) {
+  BodySpec body;
+  body.place = reader.node().place();
+  body.name = reader.name("name");
+  body.mass = reader.number("mass", {Dimension::mass, 1e-6, 1e4});
+  body.inertia = reader.vector("inertia", {Dimension::none, 1e-12, 1e6});
+  body.pose.p = reader.vector("position", kCoordinate);
+  body.pose.q = read_orientation(reader);
+  body.velocity = reader.vector("velocity", kVelocity, Vec3::Zero());
+  body.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
+  if (reader.has("shape")) body.shape = read_shape(reader.map("shape"));
+  body.collides = reader.flag("collides", false);
+  body.material = read_surface(reader, body.name, materials);
+  if (body.collides && !body.shape)
+    reader.problem("collides", "true without a shape", "a shape to touch with");
+  reader.finish();
+  return body;
+}
+
+model::JointAxis read_axis(MapReader reader, bool slides) {
+  model::JointAxis axis;
+  axis.name = reader.name("name");
+  axis.axis = reader.direction("axis");
+  const Quantity range = slides ? kCoordinate : Quantity{Dimension::angle, -M_PI, M_PI};
+  if (const auto stop = reader.maybe_range("range", range)) {
+    axis.stop = model::Stop{stop->first, stop->second};
+    axis.stop->bounce = reader.number("bounce", {Dimension::none, 0, 1}, axis.stop->bounce);
+  }
+  axis.torque = reader.number("torque", {Dimension::torque, -1e4, 1e4}, 0.0);
+  reader.finish();
+  return axis;
+}
+
+void check_axes(MapReader& reader, const MechanismJointSpec& joint) {
+  const std::size_t wanted =
+      joint.kind == JointKind::ball ? 0 : static_cast<std::size_t>(model::dof_count(joint.kind));
+  if (joint.axes.size() != wanted)
+    return reader.problem("axes", fmt::format("a list of {}", joint.axes.size()),
+                          fmt::format("a list of {} for this type of joint", wanted));
+  hand::check_axis_pair(reader, joint.axes);
+}
+
+MechanismJointSpec read_joint(MapReader reader) {
+  MechanismJointSpec joint;
+  joint.place = reader.node().place();
+  joint.name = reader.name("name");
+  joint.kind = reader.choice<JointKind>("type", {{"hinge", JointKind::hinge},
+                                                 {"universal", JointKind::universal},
+                                                 {"ball", JointKind::ball},
+                                                 {"slider", JointKind::slider}});
+  const bool kind_known = reader.sound();
+  joint.parent = reader.text("parent", "world");
+  joint.child = reader.name("child");
+  joint.position = reader.vector("position", kCoordinate);
+  const bool turns = joint.kind != JointKind::ball;
+  if (YamlNode* axes = reader.list("axes", kind_known && turns))
+    for (std::size_t i = 0; i < axes->items.size(); ++i)
+      joint.axes.push_back(
+          read_axis(MapReader(axes->items[i], item_path(reader.path_of("axes"), i), reader.diagnostics()),
+                    joint.kind == JointKind::slider));
+  if (reader.sound()) check_axes(reader, joint);
+  reader.finish();
+  return joint;
+}
+
+/// Names must be new.
+void check_bodies(MapReader& scene, const std::vector<BodySpec>& bodies, std::vector<std::string> taken) {
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    const std::string& name = bodies[i].name;
+    if (!name.empty() && std::find(taken.begin(), taken.end(), name) != taken.end())
+      scene.diagnostics().problems.push_back(
+          {bodies[i].place, item_path("bodies", i) + ".name", name + " a second time",
+           "a name of its own for each body and object, other than world and ground"});
+    taken.push_back(name);
+  }
+}
+
+/// Names must be new, and joints must know their bodies.
+void check_joints(MapReader& scene, const MechanismSpec& spec) {
+  std::vector<std::string> known = {"world"};
+  for (const BodySpec& body : spec.bodies) known.push_back(body.name);
+  for (std::size_t i = 0; i < spec.joints.size(); ++i) {
+    const MechanismJointSpec& joint = spec.joints[i];
+    const auto problem = [&](const char* key, std::string got, std::string need) {
+      scene.diagnostics().problems.push_back(
+          {joint.place, item_path("joints", i) + key, std::move(got), std::move(need)});
+    };
+    const auto check_body = [&](const char* key, const std::string& name) {
+      if (std::find(known.begin(), known.end(), name) != known.end()) return;
+      problem(key, name, "world or the name of one of bodies" + nearest_hint(name, known));
+    };
+    check_body(".parent", joint.parent);
+    check_body(".child", joint.child);
+    if (joint.child == "world" || joint.child == joint.parent)
+      problem(".child", joint.child, "a body other than the parent and the world");
+    for (std::size_t k = 0; k < i; ++k)
+      if (spec.joints[k].name == joint.name)
+        problem(".name", joint.name + " a second time", "a name of its own for each joint");
+  }
+}
+
+}  // namespace
+
+MechanismSpec read_mechanism(MapReader& scene, std::vector<std::string> taken,
+                             const std::vector<model::Material>& materials) {
+  MechanismSpec spec;
+  const std::size_t before = scene.diagnostics().problems.size();
+  each_block(scene, "bodies", kMostBodies,
+             [&](MapReader reader) { spec.bodies.push_back(read_body(std::move(reader), materials)); });
+  check_bodies(scene, spec.bodies, std::move(taken));
+  each_block(scene, "joints", kMostBodies,
+             [&](MapReader reader) { spec.joints.push_back(read_joint(std::move(reader))); });
+  if (scene.diagnostics().problems.size() == before) check_joints(scene, spec);
+  return spec;
+}
+
+}  // namespace handsim::scene

@@ -1,0 +1,131 @@
+// Engine `auto`: what it chooses from the table of costs, and what becomes of the scene.
+#include "handsim/scene/read/engine_choice.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <sstream>
+
+#include "scene_files.h"
+
+namespace handsim::scene {
+namespace {
+
+std::vector<CostTable> shipped_costs() {
+  YamlNode root = load_yaml(test::source("config/accuracy_costs.yaml"));
+  Diagnostics diagnostics;
+  std::vector<CostTable> out = read_costs(root, diagnostics);
+  EXPECT_TRUE(diagnostics.problems.empty());
+  return out;
+}
+
+Scene chosen(const std::string& name, double accuracy, std::vector<std::string> more = {},
+             const std::string& keys = "") {
+  std::ostringstream text;
+  text << "solver={engine: auto, accuracy: " << accuracy << (keys.empty() ? "" : ", ") << keys << "}";
+  more.push_back(text.str());
+  more.emplace_back("criteria={}");
+  return test::shipped_scene(name, more);
+}
+
+const std::string kFree = "effects=[gravity, passive_tissue]";
+
+// Oracle: the table itself, searched by this test.
+TEST(EngineChoice, IsTheCheapestRowThatReachesTheAccuracy) {
+  const std::vector<CostTable> costs = shipped_costs();
+  ASSERT_EQ(costs.size(), kSceneKindNames.size());
+  struct Case {
+    SceneKind kind;
+    std::string scene;
+    std::vector<std::string> more;
+  };
+  const std::vector<Case> cases = {
+      {SceneKind::tree, "two_hands", {kFree, "duration=0.2"}},
+      {SceneKind::loop, "slider_crank_iftomm", {}},
+      {SceneKind::stops, "two_hands", {"duration=0.5"}},
+      {SceneKind::contact,
+       "dropped_hand",
+       {"duration=1", "effects=[gravity, ground_contact, friction, joint_stops]"}}};
+  for (const Case& c : cases)
+    for (const double accuracy : {0.3, 0.1, 0.01}) {
+      const CostTable& table = costs[static_cast<std::size_t>(c.kind)];
+      ASSERT_EQ(table.kind, c.kind);
+      const CostRow* want = nullptr;
+      for (const CostRow& row : table.rows)
+        if (row.error <= accuracy && (!want || row.cost < want->cost)) want = &row;
+      ASSERT_NE(want, nullptr);
+      const Scene scene = chosen(c.scene, accuracy, c.more);
+      EXPECT_EQ(scene.spec.solver.method(), want->solver.method()) << c.scene << ' ' << accuracy;
+      EXPECT_EQ(scene.spec.solver.step, want->solver.step);
+      EXPECT_NE(scene.spec.engine_choice.find(engine::name(want->solver.method())), std::string::npos);
+      for (const std::string& warning : scene.warnings)
+        EXPECT_EQ(warning.find("engine auto"), std::string::npos) << warning;
+    }
+}
+
+// Oracle: the definition: a climb's end, where the scene names no duration of its own.
+TEST(EngineChoice, WarnsOfClimbsThatTakeLongerThanWasMeasured) {
+  const Scene scene = chosen("climb_half_crimp", 0.3);
+  EXPECT_GT(scene.spec.duration, 20);
+  EXPECT_TRUE(std::any_of(scene.warnings.begin(), scene.warnings.end(), [](const std::string& warning) {
+    return warning.find("errors were measured over") != std::string::npos;
+  }));
+}
+
+// Oracle: what the resolved scene is for: it makes the same run, whatever becomes of the table.
+TEST(EngineChoice, StandsInTheResolvedScene) {
+  const Scene scene = chosen("two_hands", 1e-8, {kFree, "duration=0.2"});
+  EXPECT_EQ(scene.spec.solver.method(), engine::ArticulatedMethod::dormand_prince);
+  const YamlNode* solver = scene.resolved.find("solver");
+  ASSERT_NE(solver, nullptr);
+  EXPECT_EQ(solver->find("engine")->text, "articulated");
+  EXPECT_EQ(solver->find("accuracy"), nullptr);
+  EXPECT_EQ(solver->find("costs"), nullptr);
+  const Scene again = compile_scene(scene.resolved);
+  EXPECT_EQ(again.spec.solver.method(), scene.spec.solver.method());
+  EXPECT_EQ(again.spec.solver.step, scene.spec.solver.step);
+  EXPECT_EQ(again.spec.solver.articulated().tolerance, scene.spec.solver.articulated().tolerance);
+}
+
+// Oracle: the engines' own refusals.
+TEST(EngineChoice, LeavesOutEnginesThatLackWhatTheSceneAsksFor) {
+  const Scene guarded = chosen("grasp_pinch", 0.2, {}, "guard: true");
+  EXPECT_EQ(guarded.spec.solver.engine(), engine::EngineKind::ode);
+  EXPECT_TRUE(guarded.spec.solver.ode().guard);
+}
+
+// Oracle: the definition.
+TEST(EngineChoice, SaysWhereASceneIsOutsideWhatWasMeasured) {
+  const Scene scene = chosen("two_hands", 0.01, {kFree, "duration=2"});
+  ASSERT_EQ(scene.warnings.size(), 1U);
+  EXPECT_NE(scene.warnings.front().find("the scene takes 2 s"), std::string::npos);
+  EXPECT_FALSE(chosen("slider_crank_contact", 0.1, {"duration=1"}).warnings.empty());
+}
+
+// Oracle: what was there before: the default.
+TEST(EngineChoice, IsNotMadeForAnyoneWhoDoesNotAsk) {
+  const Scene scene = test::shipped_scene("two_hands");
+  EXPECT_EQ(scene.spec.solver.method(), engine::OdeMethod::world_step);
+  EXPECT_TRUE(scene.spec.engine_choice.empty());
+}
+
+// Oracle: writing and reading are each other's inverse.
+TEST(EngineChoice, TableSurvivesBeingWritten) {
+  const std::vector<CostTable> costs = shipped_costs();
+  YamlNode root = parse_yaml(emit_yaml(write_costs(costs)), "costs");
+  Diagnostics diagnostics;
+  const std::vector<CostTable> again = read_costs(root, diagnostics);
+  EXPECT_TRUE(diagnostics.problems.empty());
+  ASSERT_EQ(again.size(), costs.size());
+  for (std::size_t i = 0; i < costs.size(); ++i) {
+    ASSERT_EQ(again[i].rows.size(), costs[i].rows.size());
+    for (std::size_t k = 0; k < costs[i].rows.size(); ++k) {
+      EXPECT_EQ(again[i].rows[k].error, costs[i].rows[k].error);
+      EXPECT_EQ(again[i].rows[k].solver.method(), costs[i].rows[k].solver.method());
+      EXPECT_EQ(again[i].rows[k].solver.step, costs[i].rows[k].solver.step);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace handsim::scene
