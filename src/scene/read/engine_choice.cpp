@@ -259,15 +259,7 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
       "{}: the cheapest of what reaches {:g} on {} ({}), with an error of {:.2g} and {:.3g} CPU seconds a "
       "second",
       text_of(*best), accuracy, table->scene, described(kind), best->error, best->cost);
-<<<<<<< HEAD:src/scene/compile/engine_choice.cpp
   for (const std::string& text : beyond(scene, *table, duration_of(reader, scene)))
-=======
-  const YamlNode* duration = reader.node().find("duration");
-  double time = scene.tasks_end();
-  if (duration)
-    if (const auto given = parse_quantity(duration->text, Dimension::time)) time = *given;
-  for (const std::string& text : beyond(scene, *table, time))
->>>>>>> scn:src/scene/read/engine_choice.cpp
     reader.warning("solver", "engine auto: " + text);
   block.node().entries.clear();
   put_settings(block.node(), scene.solver);
