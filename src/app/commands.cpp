@@ -9,6 +9,7 @@
 #include <fmt/ranges.h>
 #include <CLI/CLI.hpp>
 
+#include "handsim/core/version.h"
 #include "handsim/core/yaml_reader.h"
 #include "handsim/simulation/watch/state_hash.h"
 
@@ -295,7 +296,8 @@ namespace {
 /// Reads the words and calls their command.
 int parse_and_call(int argc, const char* const* argv) {
   CLI::App app("handsim: biomechanical hands of a given person, simulated with the Open Dynamics Engine");
-  app.set_version_flag("--version", std::string("handsim ") + HANDSIM_VERSION);
+  app.set_version_flag("--version",
+                       fmt::format("handsim {}, commit {}\n{}\n{}", kVersion, kCommit, kCompiler, kOde));
   app.require_subcommand(1);
   app.footer(
       "handsim COMMAND --help says more. Exit status: 0 done, all criteria held; 1 a criterion failed, the "

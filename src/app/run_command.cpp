@@ -175,6 +175,7 @@ int run_scene_command(const RunArguments& arguments) {
 }
 
 int render_command(const RenderArguments& arguments) {
+  output::require_pictures();
   if (const std::string end = ending_of(arguments.out); !end.empty() && end != ".png")
     throw input_error("--out", arguments.out.string(), "a name that ends in .png");
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);

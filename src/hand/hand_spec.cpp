@@ -13,13 +13,13 @@ namespace handsim::hand {
 namespace {
 
 using model::JointKind;
-using model::Tint;
+using model::Part;
 
-const std::vector<std::pair<std::string_view, Tint>> kFingers = {{"thumb", Tint::thumb},
-                                                                 {"index", Tint::index},
-                                                                 {"middle", Tint::middle},
-                                                                 {"ring", Tint::ring},
-                                                                 {"little", Tint::little}};
+const std::vector<std::pair<std::string_view, Part>> kFingers = {{"thumb", Part::thumb},
+                                                                 {"index", Part::index},
+                                                                 {"middle", Part::middle},
+                                                                 {"ring", Part::ring},
+                                                                 {"little", Part::little}};
 const std::vector<std::pair<std::string_view, JointKind>> kKinds = {{"hinge", JointKind::hinge},
                                                                     {"universal", JointKind::universal}};
 /// Largest rule: twice a hand dimension, or half a metre.
@@ -212,7 +212,7 @@ SegmentSpec read_segment(MapReader reader, HandSpec& spec, const std::optional<M
   const bool taken = segment.name == "palm" || find_segment(spec.segments, segment.name) != kPalm;
   if (taken && !segment.name.empty())
     reader.problem("name", segment.name + " a second time", "a name of its own for each segment");
-  segment.finger = reader.choice<Tint>("finger", kFingers);
+  segment.finger = reader.choice<Part>("finger", kFingers);
   read_parent(reader, segment, spec);
   segment.at = read_place(reader, "at");
   if (reader.sound() && segment.parent == kPalm && !segment.at)
@@ -287,7 +287,7 @@ double LengthRule::value(const HandSize& size) const {
 
 std::string LengthRule::text() const { return fmt::format("{:g} {}", factor, unit_of(base)); }
 
-std::string_view name(Tint finger) {
+std::string_view name(Part finger) {
   for (const auto& entry : kFingers)
     if (entry.second == finger) return entry.first;
   return "palm";

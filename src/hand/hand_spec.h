@@ -32,7 +32,7 @@ struct JointSpec {
 
 struct SegmentSpec {
   std::string name;
-  model::Tint finger = model::Tint::index;
+  model::Part finger = model::Part::index;
   int parent = -1;                              ///< row in HandSpec::segments; kPalm: the palm
   bool has_child = false;                       ///< false: the last segment, whose cap ends at the fingertip
   std::optional<std::array<LengthRule, 3>> at;  ///< joint centre in the parent's frame; absent: its far end
@@ -78,7 +78,7 @@ struct HandSpec {
 /// Reads a hand model, following its `anthropometry` reference.
 HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
-std::string_view name(model::Tint finger);
+std::string_view name(model::Part finger);
 
 /// Two axes of one joint that are not perpendicular, or share a name, are a problem of the reader's `axes`.
 void check_axis_pair(MapReader& reader, const std::vector<model::JointAxis>& axes);

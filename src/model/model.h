@@ -16,8 +16,8 @@ namespace handsim::model {
 /// Index of the world in `Model::bodies`.
 inline constexpr int kWorld = 0;
 
-/// What a thing is painted as; also tells fingers apart in tables.
-enum class Tint { palm, thumb, index, middle, ring, little, object, ground, mechanism };
+/// What a shape is a part of: contact sums and tables tell shapes apart by it, pictures colour them by it.
+enum class Part { palm, thumb, index, middle, ring, little, object, ground, mechanism };
 
 enum class Side { right, left };
 
@@ -48,7 +48,7 @@ struct Shape {
   std::shared_ptr<const ConvexMesh> mesh;  ///< convex_mesh; the shape's centre is its centroid
   int group = 0;                           ///< index into `Model::groups`
   int material = 0;                        ///< index into `Model::materials`
-  Tint tint = Tint::object;
+  Part part = Part::object;
 };
 
 enum class JointKind {

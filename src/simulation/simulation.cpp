@@ -46,8 +46,8 @@ const scene::Scene& checked(const scene::Scene& scene) {
 void check_start(const scene::Scene& scene) {
   if (!scene.spec.solver.effects.has(model::Effect::object_contact)) return;
   const auto of_hand = [](const model::Shape& shape) {
-    return shape.tint != model::Tint::object && shape.tint != model::Tint::ground &&
-           shape.tint != model::Tint::mechanism;
+    return shape.part != model::Part::object && shape.part != model::Part::ground &&
+           shape.part != model::Part::mechanism;
   };
   std::vector<Problem> problems;
   std::vector<std::size_t> pairs(scene.spec.objects.size());
@@ -61,7 +61,7 @@ void check_start(const scene::Scene& scene) {
     const std::string name = other->name.substr(0, other->name.find('.'));
     for (std::size_t i = 0; i < scene.spec.objects.size(); ++i)
       if (const scene::ObjectSpec& object = scene.spec.objects[i];
-          other->tint == model::Tint::object && object.name == name && !object.may_overlap &&
+          other->part == model::Part::object && object.name == name && !object.may_overlap &&
           ++pairs[i] <= kNamedPairs)
         problems.push_back(
             {object.place, fmt::format("objects.{}.position", i),

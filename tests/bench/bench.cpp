@@ -107,7 +107,7 @@ void frame(benchmark::State& state) {
   for (auto unused : state) {
     (void)unused;
     const auto start = std::chrono::steady_clock::now();
-    simulation::draw(scene, moments, [](std::size_t, const output::Image& image) {
+    simulation::draw(scene.model, scene.spec.pictures, moments, [](std::size_t, const output::Image& image) {
       benchmark::DoNotOptimize(image.rgb.data());
     });
     state.SetIterationTime(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() /

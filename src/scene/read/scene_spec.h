@@ -9,6 +9,7 @@
 
 #include "handsim/hand/build.h"
 #include "handsim/model/solver.h"
+#include "handsim/model/view.h"
 #include "handsim/scene/compile/mass_properties.h"
 #include "handsim/scene/compile/mechanism.h"
 #include "handsim/scene/read/control_spec.h"
@@ -73,7 +74,7 @@ struct Criteria {
   TrackingCriteria tracking;             ///< of a controlled scene
 };
 
-enum class View { dorsal, palmar, radial, three_quarter };
+using model::View;
 
 struct CameraSpec {
   Vec3 position = {0.5, -0.7, 0.5};  ///< [m]

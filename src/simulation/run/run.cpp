@@ -33,12 +33,12 @@ void draw_pictures(const scene::Scene& scene, const Recorder& recorder, const Ru
   const std::size_t count = snapshots.size(), cells = std::min(count, kSheetCells);
   const auto [width, height] = scene.spec.pictures.size;
   std::string title = scene.spec.title;
-  if (const auto scale = force_scale(scene, snapshots))
+  if (const auto scale = force_scale(scene.spec.pictures, snapshots))
     title += fmt::format(" (contact forces: {:g} mm for 1 N)", 1e3 * *scale);
   output::ContactSheet sheet({static_cast<int>(cells), width, height, title});
   const std::size_t digits = std::max<std::size_t>(3, std::to_string(count - 1).size());
   std::size_t cell = 0;
-  draw(scene, snapshots, [&](std::size_t i, const output::Image& image) {
+  draw(scene.model, scene.spec.pictures, snapshots, [&](std::size_t i, const output::Image& image) {
     output::write_png(image, options.out / fmt::format("frame_{:0{}d}.png", i, digits));
     if (cells == 1 || i * (cells - 1) >= cell * (count - 1)) {
       sheet.add(image, recorder.captions()[i]);

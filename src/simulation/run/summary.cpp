@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "handsim/core/version.h"
 #include "handsim/simulation/run/mathematics.h"
 
 namespace handsim::simulation {
@@ -393,7 +394,7 @@ std::string summary_json(const scene::Scene& scene, const Simulation& simulation
                    {"method", model::name(solver.method)},
                    {"step_s", solver.step},
                    {"seed", solver.seed}};
-  out["versions"] = {{"handsim", HANDSIM_VERSION},
+  out["versions"] = {{"handsim", kVersion},
                      {"engine", simulation.engine().version()},
                      {"compiler", __VERSION__},
                      {"mathematics", mathematics()}};

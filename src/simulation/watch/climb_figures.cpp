@@ -41,7 +41,7 @@ ClimbWatch::ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, 
   dof_ = static_cast<std::size_t>(model.joints[rail_].first_dof);
   for (const model::Shape& shape : model.shapes) {
     const bool mine = std::find(hand.bodies.begin(), hand.bodies.end(), shape.body) != hand.bodies.end();
-    part_of_shape_.push_back(mine ? hand_part(shape.tint) : -1);
+    part_of_shape_.push_back(mine ? hand_part(shape.part) : -1);
     of_hold_.push_back(shape.body == model::kWorld &&
                        (shape.name == plan.hold || shape.name.starts_with(plan.hold + ".")));
   }

@@ -37,7 +37,7 @@ void end_step(Sums& sums, double time, double step) {
 
 ContactSums::ContactSums(const model::Model& model) {
   for (const model::Shape& shape : model.shapes) {
-    const int part = hand_part(shape.tint);
+    const int part = hand_part(shape.part);
     // `right.index_distal` is of `right.index`, `mug.part3` of `mug`.
     const std::string first = shape.name.substr(0, shape.name.find('.'));
     const std::string name = part < 0 ? first : first + "." + kHandParts[static_cast<std::size_t>(part)];

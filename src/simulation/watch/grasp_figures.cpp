@@ -100,7 +100,7 @@ GraspWatch::GraspWatch(const model::Model& model, const scene::GraspPlan& plan, 
     if (model.bodies[i].name == plan.object) object_ = i;
   for (const model::Shape& shape : model.shapes) {
     if (std::find(hand.bodies.begin(), hand.bodies.end(), shape.body) != hand.bodies.end())
-      part_of_body_[static_cast<std::size_t>(shape.body)] = hand_part(shape.tint);
+      part_of_body_[static_cast<std::size_t>(shape.body)] = hand_part(shape.part);
     if (static_cast<std::size_t>(shape.body) == object_) length_ = std::max(length_, reach(shape));
   }
   hold_end_ = plan.phase("hold")->end;

@@ -16,10 +16,10 @@ Ledger::Ledger(const model::Model& model, const model::Effects& effects, bool ro
 }
 
 Effect Ledger::kind_of(const engine::Contact& contact) const {
-  const model::Tint a = model_.shapes[static_cast<std::size_t>(contact.shape_a)].tint;
-  const model::Tint b = model_.shapes[static_cast<std::size_t>(contact.shape_b)].tint;
-  if (a == model::Tint::ground || b == model::Tint::ground) return Effect::ground_contact;
-  if (a == model::Tint::object || b == model::Tint::object) return Effect::object_contact;
+  const model::Part a = model_.shapes[static_cast<std::size_t>(contact.shape_a)].part;
+  const model::Part b = model_.shapes[static_cast<std::size_t>(contact.shape_b)].part;
+  if (a == model::Part::ground || b == model::Part::ground) return Effect::ground_contact;
+  if (a == model::Part::object || b == model::Part::object) return Effect::object_contact;
   return Effect::self_contact;
 }
 

@@ -10,8 +10,8 @@
 #include "handsim/model/energy.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
-#include "handsim/study/accuracy/machine.h"
 #include "handsim/study/accuracy/slider_crank_reference.h"
+#include "handsim/study/machine.h"
 
 namespace handsim::study {
 

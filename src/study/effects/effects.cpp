@@ -6,7 +6,7 @@
 
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
-#include "handsim/study/accuracy/machine.h"
+#include "handsim/study/machine.h"
 
 namespace handsim::study {
 

@@ -4,19 +4,17 @@
 #include <set>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "handsim/core/units.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/scene/read/files_read.h"
 #include "handsim/simulation/simulation.h"
+#include "handsim/study/report.h"
 
 namespace handsim::study {
 
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr int kBisections = 6;
 
@@ -114,34 +112,21 @@ bool held(const scene::Scene& scene) {
   return std::all_of(grasps.begin(), grasps.end(), [](const simulation::GraspFigures& g) { return g.held; });
 }
 
-std::vector<GraspRow> rows_of(const Work& work, const simulation::RunResult& result) {
-  std::vector<GraspRow> rows;
-  for (std::size_t i = 0; i < result.grasps.size(); ++i) {
-    GraspRow row;
-    row.scene = work.name;
-    row.side = work.scene.spec.hands[work.scene.spec.grasp_plans[i].hand].placement.name;
-    row.figures = result.grasps[i];
-    row.passed = result.passed();
-    row.simulated = result.simulated;
-    row.wall = result.wall;
-    if (result.fault) row.fault = Error(*result.fault).what();
-    rows.push_back(std::move(row));
+/// A row for each of a run's grasps or climbs.
+/// @param plans one for each of them
+template <class Row, class Figures, class Plan>
+std::vector<Row> rows_of(const Work& work, const simulation::RunResult& result,
+                         const std::vector<Figures>& figures, const std::vector<Plan>& plans) {
+  RunRow run{work.name, {}, result.passed(), result.simulated, result.wall, {}};
+  if (result.fault) run.fault = Error(*result.fault).what();
+  std::vector<Row> rows;
+  for (std::size_t i = 0; i < figures.size(); ++i) {
+    Row& row = rows.emplace_back();
+    static_cast<RunRow&>(row) = run;
+    row.side = work.scene.spec.hands[plans[i].hand].placement.name;
+    row.figures = figures[i];
   }
   return rows;
-}
-
-void add_climbs(const Work& work, const simulation::RunResult& result, std::vector<ClimbRow>& rows) {
-  for (std::size_t i = 0; i < result.climbs.size(); ++i) {
-    ClimbRow row;
-    row.scene = work.name;
-    row.side = work.scene.spec.hands[work.scene.spec.climb_plans[i].hand].placement.name;
-    row.figures = result.climbs[i];
-    row.passed = result.passed();
-    row.simulated = result.simulated;
-    row.wall = result.wall;
-    if (result.fault) row.fault = Error(*result.fault).what();
-    rows.push_back(std::move(row));
-  }
 }
 
 std::string csv(const std::vector<GraspRow>& rows) {
@@ -255,13 +240,15 @@ GraspTables run_grasps(const GraspStudy& study) {
     const simulation::RunResult result = simulation::run(work.scene, options, &folders[i]);
     for (const std::string& what : result.missing)
       tables.missing.push_back(options.out.string() + ": " + what);
-    std::vector<GraspRow> found = rows_of(work, result);
+    const scene::SceneSpec& spec = work.scene.spec;
+    auto found = rows_of<GraspRow>(work, result, result.grasps, spec.grasp_plans);
+    const auto climbs = rows_of<ClimbRow>(work, result, result.climbs, spec.climb_plans);
     if (study.friction_search && !found.empty() && result.passed()) {
       const auto least = smallest_friction(work.scene, tell(own, 1 - own));
       for (GraspRow& row : found) row.smallest_friction = least;
     }
     tables.grasps.insert(tables.grasps.end(), found.begin(), found.end());
-    add_climbs(work, result, tables.climbs);
+    tables.climbs.insert(tables.climbs.end(), climbs.begin(), climbs.end());
   }
   output::write_file(study.out / "grasps.csv", csv(tables.grasps));
   output::write_file(study.out / "grasps.json", json(tables.grasps));

@@ -35,7 +35,7 @@ TEST(Renderer, FingersShowTheirColourWhereTheirCentresProject) {
       const Camera camera = framed_camera(view, {}, side, list, 640.0 / 480);
       const Image image = renderer.draw(list, camera);
       for (const DrawShape& shape : list.shapes) {
-        const Eigen::Vector2d at = Projection(camera, 640, 480)(shape.pose.p);
+        const Eigen::Vector2d at = Projection(camera, 640, 480)(shape.solid.pose.p);
         const std::uint8_t* pixel = image.pixel(static_cast<int>(at.x()), static_cast<int>(at.y()));
         const std::array<float, 3> paint = {shape.colour.r, shape.colour.g, shape.colour.b};
         const std::size_t strongest =
@@ -179,17 +179,17 @@ TEST(Renderer, EdgesAreAntiAliased) {
 }
 
 /// Does the ray from the eye through a pixel's point pass the capsule's axis within its radius?
-bool hits(const DrawShape& shape, const Projection& project, double px, double py, double grown) {
+bool hits(const Solid& shape, const Projection& project, double px, double py, double grown) {
   const Vec3 d = ((px - project.width / 2) * project.x - (py - project.height / 2) * project.y -
                   project.focus * project.z)
                      .normalized();
   const Vec3 axis = shape.pose.q * Vec3::UnitZ();
   double closest = 1e9;
   for (int i = 0; i <= 2000; ++i) {
-    const Vec3 w = shape.pose.p + axis * (shape.length * (i / 2000.0 - 0.5)) - project.eye;
+    const Vec3 w = shape.pose.p + axis * (2 * shape.half.z() * (i / 2000.0 - 0.5)) - project.eye;
     closest = std::min(closest, (w - w.dot(d) * d).norm() - grown / project.focus * w.dot(d));
   }
-  return closest <= shape.radius;
+  return closest <= shape.round;
 }
 
 // Oracle: distance of each pixel's ray from the capsule's axis. Pixels that lie more than 1.5 pixels inside
@@ -207,8 +207,8 @@ TEST(Renderer, CapsuleOutlineMatchesItsProjectionWithinOneAndAHalfPixels) {
     for (int x = 0; x < 320; ++x) {
       const bool drawn = brightness(with, x, y) < brightness(without, x, y) / 2;
       painted += drawn;
-      if (drawn && !hits(list.shapes[0], project, x + 0.5, y + 0.5, 1.5)) ++wrong;
-      if (!drawn && hits(list.shapes[0], project, x + 0.5, y + 0.5, -1.5)) ++wrong;
+      if (drawn && !hits(list.shapes[0].solid, project, x + 0.5, y + 0.5, 1.5)) ++wrong;
+      if (!drawn && hits(list.shapes[0].solid, project, x + 0.5, y + 0.5, -1.5)) ++wrong;
     }
   EXPECT_EQ(wrong, 0);
   EXPECT_GT(painted, 2000);

@@ -12,37 +12,36 @@ namespace handsim::output {
 /// A capsule from a to b (centres of its caps).
 inline DrawShape capsule(const Vec3& a, const Vec3& b, double radius, const Colour& colour) {
   const Vec3 along = b - a;
-  return {model::ShapeKind::capsule,
-          radius,
-          along.norm(),
-          Vec3::Zero(),
-          {(a + b) / 2, Quat::FromTwoVectors(Vec3::UnitZ(), along)},
+  return {{Core::box,
+           {0, 0, along.norm() / 2},
+           radius,
+           {(a + b) / 2, Quat::FromTwoVectors(Vec3::UnitZ(), along)}},
           colour};
 }
 
-/// A camera that has seen one list.
+/// A camera that shows one list.
 inline Camera framed_camera(View view, const Pose& hand_frame, model::Side side, const DrawList& list,
                             double aspect) {
   Framing framing(view, hand_frame, side, aspect);
-  framing.see(list);
+  framing.add(list);
   return framing.camera();
 }
 
 /// A palm and five fingers in the hand frame, mirrored for a left hand; fingers in order from the thumb.
 inline model::Model hand_model(model::Side side, const Pose& x_WH) {
   model::Model model = model::make_model();
-  const auto add = [&](const Pose& x_H, model::Shape shape, model::Tint tint) {
+  const auto add = [&](const Pose& x_H, model::Shape shape, model::Part part) {
     model::Body body;
     body.zero_pose = x_WH * (side == model::Side::left ? mirrored(x_H) : x_H);
     shape.body = static_cast<int>(model.bodies.size());
-    shape.tint = tint;
+    shape.part = part;
     model.bodies.push_back(body);
     model.shapes.push_back(shape);
   };
   model::Shape palm;
   palm.kind = model::ShapeKind::box;
   palm.edges = {0.084, 0.094, 0.028};
-  add({{0, 0.047, 0}, Quat::Identity()}, palm, model::Tint::palm);
+  add({{0, 0.047, 0}, Quat::Identity()}, palm, model::Part::palm);
   model::Shape finger;
   finger.kind = model::ShapeKind::capsule;
   finger.radius = 0.009;
@@ -50,7 +49,7 @@ inline model::Model hand_model(model::Side side, const Pose& x_WH) {
   finger.pose.q = Quat::FromTwoVectors(Vec3::UnitZ(), Vec3::UnitY());
   for (int i = 0; i < 5; ++i)
     add({{-0.055 + 0.024 * i, i == 0 ? 0.06 : 0.135, 0}, Quat::Identity()}, finger,
-        static_cast<model::Tint>(static_cast<int>(model::Tint::thumb) + i));
+        static_cast<model::Part>(static_cast<int>(model::Part::thumb) + i));
   return model;
 }
 

@@ -1,4 +1,4 @@
-#include "handsim/study/accuracy/machine.h"
+#include "handsim/study/machine.h"
 
 #include <sys/utsname.h>
 #include <time.h>
