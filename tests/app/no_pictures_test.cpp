@@ -15,9 +15,7 @@ TEST(NoPictures, RenderIsRefusedBeforeAnythingIsRun) {
   const fs::path picture = folder.path() / "p.png";
   const Outcome outcome = run_program({"render", kScene, "--out", picture.string()});
   EXPECT_EQ(outcome.status, 2);
-  EXPECT_EQ(outcome.err,
-            "pictures: got a handsim that was built without them, need one that was built with "
-            "-DHANDSIM_PICTURES=ON\n");
+  EXPECT_EQ(outcome.err, "handsim: got a build without pictures, need one with -DHANDSIM_PICTURES=ON\n");
   EXPECT_FALSE(fs::exists(picture));
 }
 
@@ -32,7 +30,7 @@ TEST(NoPictures, RunsAreWholeButForTheFramesThatWereAskedFor) {
   command.insert(command.end(), {"--frames", "2"});
   outcome = run_program(command);
   EXPECT_EQ(outcome.status, 1);
-  EXPECT_TRUE(contains(outcome.err, "missing: pictures: got a handsim that was built without them"))
+  EXPECT_TRUE(contains(outcome.err, "missing: pictures: handsim: got a build without pictures"))
       << outcome.err;
   EXPECT_TRUE(fs::exists(out / "summary.json"));
   EXPECT_FALSE(fs::exists(out / "frame_000.png"));

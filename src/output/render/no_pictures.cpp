@@ -9,8 +9,7 @@ namespace handsim::output {
 namespace {
 
 [[noreturn]] void refuse() {
-  throw input_error("pictures", "a handsim that was built without them",
-                    "one that was built with -DHANDSIM_PICTURES=ON");
+  throw input_error("handsim", "a build without pictures", "one with -DHANDSIM_PICTURES=ON");
 }
 
 }  // namespace

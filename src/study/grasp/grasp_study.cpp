@@ -176,6 +176,14 @@ std::string json(const std::vector<GraspRow>& rows) {
   return out.dump(2) + "\n";
 }
 
+void write_tables(const GraspTables& tables, const std::filesystem::path& out) {
+  output::write_file(out / "grasps.csv", csv(tables.grasps));
+  output::write_file(out / "grasps.json", json(tables.grasps));
+  if (tables.climbs.empty()) return;
+  output::write_file(out / "climbs.csv", climbs_csv(tables.climbs));
+  output::write_file(out / "climbs.json", climbs_json(tables.climbs));
+}
+
 }  // namespace
 
 void set_friction(scene::Scene& scene, double friction) {
@@ -250,11 +258,7 @@ GraspTables run_grasps(const GraspStudy& study) {
     tables.grasps.insert(tables.grasps.end(), found.begin(), found.end());
     tables.climbs.insert(tables.climbs.end(), climbs.begin(), climbs.end());
   }
-  output::write_file(study.out / "grasps.csv", csv(tables.grasps));
-  output::write_file(study.out / "grasps.json", json(tables.grasps));
-  if (tables.climbs.empty()) return tables;
-  output::write_file(study.out / "climbs.csv", climbs_csv(tables.climbs));
-  output::write_file(study.out / "climbs.json", climbs_json(tables.climbs));
+  write_tables(tables, study.out);
   return tables;
 }
 

@@ -86,8 +86,7 @@ TEST(Renderer, NothingIsClippedAtTheBorder) {
 DrawList ball_over_ground() {
   DrawList list;
   list.ground_height = 0;
-  list.shapes.push_back(
-      {model::ShapeKind::sphere, 0.03, 0, Vec3::Zero(), {{0, 0, 0.032}, Quat::Identity()}, {}});
+  list.shapes.push_back(ball({0, 0, 0.032}, 0.03, {}));
   return list;
 }
 
@@ -117,7 +116,7 @@ TEST(Renderer, GroundIsDarkerBelowAShapeThanFarOff) {
 TEST(Renderer, ShadowFallsAwayFromTheLamp) {
   Renderer renderer(480, 360);
   DrawList list = ball_over_ground();
-  list.shapes[0].pose.p.z() = 0.1;
+  list.shapes[0].solid.pose.p.z() = 0.1;
   Camera camera;
   camera.position = {0, -0.05, 0.8};
   camera.target = {0, 0, 0};
@@ -135,13 +134,12 @@ TEST(Renderer, ShadowFallsAwayFromTheLamp) {
 TEST(Renderer, ShapesShadeEachOther) {
   Renderer renderer(320, 240);
   DrawList list;
-  list.shapes.push_back({model::ShapeKind::sphere, 0.03, 0, Vec3::Zero(), {}, {0.5F, 0.5F, 0.5F}});
+  list.shapes.push_back(ball(Vec3::Zero(), 0.03, {0.5F, 0.5F, 0.5F}));
   Camera camera;
   camera.position = {0, -0.5, 0};
   camera.target = Vec3::Zero();
   const Image lit = renderer.draw(list, camera);
-  list.shapes.push_back(
-      {model::ShapeKind::box, 0, 0, {0.08, 0.08, 0.004}, {{-0.07, -0.1, 0.081}, Quat::Identity()}, {}});
+  list.shapes.push_back({{Core::box, {0.04, 0.04, 0.002}, 0, {{-0.07, -0.1, 0.081}, Quat::Identity()}}, {}});
   const Image shaded = renderer.draw(list, camera);
   EXPECT_GT(brightness(lit, 155, 115), brightness(shaded, 155, 115) + 60);
 }

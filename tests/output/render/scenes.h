@@ -19,6 +19,10 @@ inline DrawShape capsule(const Vec3& a, const Vec3& b, double radius, const Colo
           colour};
 }
 
+inline DrawShape ball(const Vec3& centre, double radius, const Colour& colour) {
+  return {{Core::box, Vec3::Zero(), radius, {centre, Quat::Identity()}}, colour};
+}
+
 /// A camera that shows one list.
 inline Camera framed_camera(View view, const Pose& hand_frame, model::Side side, const DrawList& list,
                             double aspect) {

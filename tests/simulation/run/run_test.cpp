@@ -11,6 +11,7 @@
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
+#include "support/read_png.h"
 #include "support/peak_memory.h"
 
 namespace handsim::simulation {
@@ -167,7 +168,7 @@ TEST(Pictures, OfALongRunAreAllFilesAndThinnedOutOnTheSheet) {
   run_into(shipped_scene("two_hands", {"pictures.size=[32, 24]", "duration=0.5"}), folder.path(), 150);
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "frame_000.png"));
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "frame_149.png"));
-  const output::Image sheet = output::read_png(folder.path() / "contact_sheet.png");
+  const output::Image sheet = test::read_png(folder.path() / "contact_sheet.png");
   EXPECT_LT(sheet.height, 100 / 4 * 100);
 }
 
