@@ -20,7 +20,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kPartHead = ".handsim.", kPartEnd = ".part";
-constexpr std::size_t kBuffer = 1U << 18U;  ///< tables come in small pieces [bytes]
 constexpr mode_t kMode = 0666;              ///< less the user's umask
 
 fs::path folder_of(const fs::path& path) { return path.has_parent_path() ? path.parent_path() : "."; }
@@ -90,10 +89,7 @@ bool is_part_name(std::string_view name) {
 AtomicFile::AtomicFile(const fs::path& path) : path_(file_target(path)) {
   const int file = create();
   if (file >= 0) file_ = fdopen(file, "wb");
-  if (file_) {
-    std::setvbuf(file_, nullptr, _IOFBF, kBuffer);
-    return;
-  }
+  if (file_) return;
   const int cause = errno;
   if (file >= 0) close(file);
   if (!part_.empty()) unlink(part_.c_str());
