@@ -20,7 +20,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kPartHead = ".handsim.", kPartEnd = ".part";
-constexpr mode_t kMode = 0666;              ///< less the user's umask
+constexpr mode_t kMode = 0666;  ///< less the user's umask
 
 fs::path folder_of(const fs::path& path) { return path.has_parent_path() ? path.parent_path() : "."; }
 
