@@ -33,7 +33,7 @@ scene::Scene thrown(const Case& of) {
       "  - {{name: target, {}, position: [0, 0, 1], static: true}}\n"
       "  - {{name: b, {}, mass: 0.1, position: [0.001, 0.002, {}], velocity: [0, 0, {}], restitution: {}}}\n"
       "{}"
-      "gravity: {}\neffects: [{}]\nsolver: {{{}, step: {}, cfm: 1e-9}}\nduration: {}\n",
+      "gravity: {}\neffects: [{}]\nsolver: {{{}, step: {}}}\nduration: {}\n",
       of.target, of.thing, of.start, -of.speed, of.restitution, of.more, of.gravity, of.effects, of.solver,
       of.step, of.duration));
 }
