@@ -3,6 +3,7 @@
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
 #include "handsim/control/motion_file.h"
+#include "handsim/engine/engine.h"
 #include "handsim/hand/grip_strength.h"
 #include "handsim/scene/compile/scene.h"
 #include "handsim/scene/read/contact_spec.h"
@@ -69,9 +70,37 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
   return std::string(scene::described(kind));
 }
 
+/// Why an engine does not run a scene; nothing where it does.
+std::string refusal(const std::filesystem::path& path, const std::string& engine) {
+  try {
+    const scene::Scene scene = scene::load_scene(path, {"solver.engine=" + engine});
+    simulation::check_start(scene);
+    engine::make_engine(scene.model, scene.spec.solver);
+    return {};
+  } catch (const Error& error) {
+    if (error.problems().empty()) return error.what();
+    const Problem& first = error.problems().front();
+    return fmt::format("{}: got {}, need {}", first.key, first.got, first.need);
+  }
+}
+
+/// `scene, engine, runs or why not`, a line for each pair.
+void print_engines(const std::vector<std::filesystem::path>& files) {
+  for (const std::filesystem::path& path : files)
+    if (scene::kind_of(load_yaml(path)).value_or(scene::FileKind::scene) == scene::FileKind::scene)
+      for (const std::string engine : {"ode", "dae", "articulated", "auto"}) {
+        const std::string why = refusal(path, engine);
+        print("{:<44} {:<12} {}\n", path.string(), engine, why.empty() ? "runs" : why);
+      }
+}
+
 }  // namespace
 
-int check_command(const std::vector<std::filesystem::path>& files) {
+int check_command(const std::vector<std::filesystem::path>& files, bool engines) {
+  if (engines) {
+    print_engines(files);
+    return 0;
+  }
   int bad = 0;
   for (const std::filesystem::path& path : files) {
     Diagnostics diagnostics;

@@ -1,6 +1,6 @@
 #include "handsim/app/commands.h"
-#include "handsim/app/console.h"
 
+#include <algorithm>
 #include <cmath>
 #include <sstream>
 #include <string_view>
@@ -9,6 +9,9 @@
 #include <fmt/ranges.h>
 #include <CLI/CLI.hpp>
 
+#include "handsim/app/completion.h"
+#include "handsim/app/console.h"
+#include "handsim/core/version.h"
 #include "handsim/core/yaml_reader.h"
 #include "handsim/simulation/watch/state_hash.h"
 
@@ -44,6 +47,17 @@ std::string got_need(const std::string& got, const std::string& need) {
   return fmt::format("got {}, need {}", got, need);
 }
 
+/// A type with bars is a list of words, for the help and for completion.
+constexpr const char* kSides = "right|left|both";
+constexpr const char* kShells = "bash|zsh|fish|man";
+
+std::string check_shell(const std::string& text) {
+  const auto words = CLI::detail::split(kShells, '|');
+  return std::find(words.begin(), words.end(), text) != words.end()
+             ? ""
+             : got_need(text, "bash, zsh, fish or man");
+}
+
 std::string check_side(const std::string& text) {
   return text == "right" || text == "left" || text == "both" ? "" : got_need(text, "right, left or both");
 }
@@ -70,8 +84,24 @@ std::string check_target(const std::string& text) {
 
 std::string check_path(const std::string& text) { return text.empty() ? got_need("\"\"", "a path") : ""; }
 
-/// CLI11 lets an option that may be repeated take every word after it; this one takes one.
+std::string check_engine(const std::string& text) {
+  const std::vector<std::string> engines = {"ode", "dae", "articulated", "auto"};
+  const bool known = std::find(engines.begin(), engines.end(), text) != engines.end();
+  return known ? "" : got_need(text, need_word(text, engines));
+}
+
+/// `--set`, and `--engine` for `--set solver.engine=...`. CLI11 lets an option that may be repeated take
+/// every word after it; these take one.
 void add_overrides(CLI::App& app, std::vector<std::string>& overrides) {
+  app.add_option_function<std::string>(
+         "--engine",
+         [&overrides](const std::string& text) {
+           overrides.insert(overrides.begin(), "solver.engine=" + text);
+         },
+         "ode, dae, articulated or auto in place of the scene's, with that engine's default method; settings "
+         "that it "
+         "does not have are left out")
+      ->check(check_engine);
   app.add_option("--set", overrides, "override a key of the scene: solver.step=\"5 ms\"; may be repeated")
       ->allow_extra_args(false);
 }
@@ -83,7 +113,7 @@ void add_hand(CLI::App& app, HandArguments& arguments) {
   hand->add_option("--person", arguments.person, "person file (in place of --stature, --mass, --sex)");
   hand->add_option("--stature", arguments.stature, "m, or with a unit: 1.75, \"175 cm\"");
   hand->add_option("--mass", arguments.mass, "kg");
-  hand->add_option("--sex", arguments.sex, "male, female or unknown");
+  hand->add_option("--sex", arguments.sex, "of the person")->type_name("male|female|unknown");
   hand->add_option("--hand-length", arguments.hand_length, "measured: wrist crease to middle fingertip [m]");
   hand->add_option("--hand-breadth", arguments.hand_breadth, "measured: across the knuckles [m]");
   hand->add_option("--hand-circumference", arguments.hand_circumference, "measured: around the knuckles [m]");
@@ -91,16 +121,20 @@ void add_hand(CLI::App& app, HandArguments& arguments) {
   hand->add_option("--hand-length-percentile", arguments.hand_length_percentile,
                    "among people of this body, 0.01 to 99.99");
   hand->add_option("--model", arguments.model, "hand model file (default: the anatomical hand)");
-  hand->add_option("--side", arguments.side, "right, left or both")->check(check_side);
+  hand->add_option("--side", arguments.side, "which hands (default both)")
+      ->type_name(kSides)
+      ->check(check_side);
   hand->add_option("--out", arguments.out, "folder for hand.yaml and hand.png")->check(check_path);
 }
 
-void add_check(CLI::App& app, std::vector<std::filesystem::path>& files) {
+void add_check(CLI::App& app, std::vector<std::filesystem::path>& files, bool& engines) {
   CLI::App* check = app.add_subcommand("check",
                                        "Validate scenes, persons, hand models, controllers, poses and "
                                        "motions: say every problem, run nothing");
   check->footer("Example: handsim check config/two_hands.yaml config/persons/child.yaml");
   check->add_option("files", files, "YAML files")->required();
+  check->add_flag("--engines", engines,
+                  "print which engines run each scene as it stands, and why others do not");
 }
 
 void add_run(CLI::App& app, RunArguments& arguments) {
@@ -199,7 +233,8 @@ void add_grasp(CLI::App& app, GraspArguments& arguments) {
                    "folder for the runs' files, grasps.csv and climbs.csv, and both as .json")
       ->required()
       ->check(check_path);
-  grasp->add_option("--side", arguments.side, "hand that grasps: right, left or both (default: the scene's)")
+  grasp->add_option("--side", arguments.side, "hand that grasps (default: the scene's)")
+      ->type_name(kSides)
       ->check(check_side);
   add_overrides(*grasp, arguments.overrides);
   grasp->add_option("--friction", arguments.friction, "of every surface, in place of the scenes'")
@@ -281,6 +316,7 @@ void add_export(CLI::App& app, ExportArguments& arguments) {
   command
       ->add_option("--format", arguments.format,
                    "mjcf (MuJoCo) or urdf (ROS); default: by the file's ending, else mjcf")
+      ->type_name("mjcf|urdf")
       ->check(check_format);
   command->add_option("--out", arguments.out, "file to write: .xml for mjcf, .urdf for urdf")
       ->required()
@@ -288,14 +324,21 @@ void add_export(CLI::App& app, ExportArguments& arguments) {
   add_overrides(*command, arguments.overrides);
 }
 
-}  // namespace
-
-namespace {
+void add_completion(CLI::App& app, std::string& shell) {
+  CLI::App* command =
+      app.add_subcommand("completion", "Print a completion script for a shell, or the man page");
+  command->footer("Example: handsim completion bash > ~/.local/share/bash-completion/completions/handsim");
+  command->add_option("shell", shell, "bash, zsh, fish, or man for the man page")
+      ->required()
+      ->type_name(kShells)
+      ->check(check_shell);
+}
 
 /// Reads the words and calls their command.
 int parse_and_call(int argc, const char* const* argv) {
   CLI::App app("handsim: biomechanical hands of a given person, simulated with the Open Dynamics Engine");
-  app.set_version_flag("--version", std::string("handsim ") + HANDSIM_VERSION);
+  app.set_version_flag("--version",
+                       fmt::format("handsim {}, commit {}\n{}\n{}", kVersion, kCommit, kCompiler, kOde));
   app.require_subcommand(1);
   app.footer(
       "handsim COMMAND --help says more. Exit status: 0 done, all criteria held; 1 a criterion failed, the "
@@ -309,7 +352,8 @@ int parse_and_call(int argc, const char* const* argv) {
   EffectsArguments effects;
   std::filesystem::path contacts;
   add_hand(app, hand);
-  add_check(app, files);
+  bool engines = false;
+  add_check(app, files, engines);
   add_run(app, run);
   add_render(app, render);
   add_accuracy(app, accuracy);
@@ -320,6 +364,8 @@ int parse_and_call(int argc, const char* const* argv) {
   add_contacts(app, contacts);
   StabilityArguments stability;
   add_stability(app, stability);
+  std::string shell;
+  add_completion(app, shell);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -335,13 +381,17 @@ int parse_and_call(int argc, const char* const* argv) {
     return status;
   }
   if (app.got_subcommand("hand")) return hand_command(hand);
-  if (app.got_subcommand("check")) return check_command(files);
+  if (app.got_subcommand("check")) return check_command(files, engines);
   if (app.got_subcommand("run")) return run_scene_command(run);
   if (app.got_subcommand("grasp")) return grasp_command(grasp);
   if (app.got_subcommand("accuracy")) return accuracy_command(accuracy);
   if (app.got_subcommand("export")) return export_command(exported);
   if (app.got_subcommand("contacts")) return contacts_command(contacts);
   if (app.got_subcommand("stability")) return stability_command(stability);
+  if (app.got_subcommand("completion")) {
+    print_text(shell == "man" ? man_page(app, kVersion) : completion_script(app, shell));
+    return 0;
+  }
   if (app.got_subcommand("effects")) return effects_command(effects);
   return render_command(render);
 }

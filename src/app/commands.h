@@ -23,7 +23,8 @@ struct HandArguments {
 };
 int hand_command(const HandArguments& arguments);
 
-int check_command(const std::vector<std::filesystem::path>& files);
+/// @param engines which engines run each of the scenes, in place of checking the files
+int check_command(const std::vector<std::filesystem::path>& files, bool engines);
 
 struct RunArguments {
   std::filesystem::path scene;

@@ -38,7 +38,7 @@ std::string ending_of(const std::filesystem::path& path) {
 int export_command(const ExportArguments& arguments) {
   const std::string format = format_of(arguments);
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
-  const model::SolverSettings& solver = scene.spec.solver;
+  const engine::Settings& solver = scene.spec.solver;
   output::check_not_read(arguments.out, [&] { return scene::files_read(scene); });
   const std::string text =
       format == "urdf" ? output::to_urdf(scene.model, solver) : output::to_mjcf(scene.model, solver);

@@ -12,7 +12,7 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
-#include "handsim/simulation/run/mathematics.h"
+#include "handsim/simulation/mathematics.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/simulation/watch/state_hash.h"
@@ -174,6 +174,7 @@ int run_scene_command(const RunArguments& arguments) {
 }
 
 int render_command(const RenderArguments& arguments) {
+  output::require_pictures();
   if (const std::string end = ending_of(arguments.out); !end.empty() && end != ".png")
     throw input_error("--out", arguments.out.string(), "a name that ends in .png");
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);

@@ -18,7 +18,7 @@ try_compile(HANDSIM_ODE_IS_DOUBLE ${PROJECT_BINARY_DIR}/ode_precision
 handsim_need(HANDSIM_ODE_IS_DOUBLE "ODE built in double precision (this one is single precision or does not link)" libode-dev)
 
 foreach(entry "Eigen3;Eigen 3;libeigen3-dev" "yaml-cpp;yaml-cpp;libyaml-cpp-dev" "fmt;fmt;libfmt-dev"
-              "nlohmann_json;nlohmann-json;nlohmann-json3-dev" "PNG;libpng;libpng-dev" "CLI11;CLI11;libcli11-dev")
+              "nlohmann_json;nlohmann-json;nlohmann-json3-dev" "CLI11;CLI11;libcli11-dev")
   list(GET entry 0 package)
   list(GET entry 1 what)
   list(GET entry 2 debian)
@@ -40,10 +40,17 @@ handsim_need(HANDSIM_SUNDIALS_IS_DOUBLE "SUNDIALS built in double precision (thi
 
 find_package(Qhull QUIET)
 handsim_need(Qhull_FOUND "Qhull (convex hulls)" libqhull-dev)
-pkg_check_modules(OSMESA QUIET IMPORTED_TARGET osmesa)
-handsim_need(OSMESA_FOUND "OSMesa (off-screen OpenGL)" libosmesa6-dev)
-pkg_check_modules(CAIRO QUIET IMPORTED_TARGET cairo)
-handsim_need(CAIRO_FOUND "cairo (text and layout of contact sheets)" libcairo2-dev)
+
+set(HANDSIM_PICTURE_LIBRARIES)
+if(HANDSIM_PICTURES)
+  pkg_check_modules(OSMESA QUIET IMPORTED_TARGET osmesa)
+  handsim_need(OSMESA_FOUND "OSMesa (off-screen OpenGL)" libosmesa6-dev)
+  pkg_check_modules(CAIRO QUIET IMPORTED_TARGET cairo)
+  handsim_need(CAIRO_FOUND "cairo (text and layout of contact sheets)" libcairo2-dev)
+  find_package(PNG QUIET)
+  handsim_need(PNG_FOUND "libpng" libpng-dev)
+  set(HANDSIM_PICTURE_LIBRARIES PkgConfig::OSMESA PkgConfig::CAIRO PNG::PNG)
+endif()
 
 pkg_check_modules(XXHASH QUIET IMPORTED_TARGET libxxhash)
 handsim_need(XXHASH_FOUND "xxHash (hashes of states and files)" libxxhash-dev)

@@ -28,7 +28,6 @@ Controller::Controller(const model::Model& model, const Plan& plan, double step,
   }
   targets_.resize(width);
   if (plan.gravity) load_.emplace(model, *plan.gravity);
-  std::vector<int> sensor_of(model.joints.size(), -1);
   for (std::size_t i = 0; i < plan.axes.size(); ++i) {
     const DrivenAxis& axis = plan.axes[i];
     const model::JointAxis& of_model = model.joints[axis.joint].axes[axis.axis];
@@ -44,13 +43,6 @@ Controller::Controller(const model::Model& model, const Plan& plan, double step,
       law.tissue_rest = of_model.tissue->rest;
     }
     laws_.push_back(law);
-    int& sensor = sensor_of[axis.joint];
-    if (sensor < 0) {
-      sensor = static_cast<int>(sensed_.size());
-      sensed_.push_back({model::AngleSensor(model.joints[axis.joint])});
-    }
-    Sensed& sensed = sensed_[static_cast<std::size_t>(sensor)];
-    (axis.axis == 0 ? sensed.first : sensed.second) = static_cast<int>(i);
   }
   memory_.integral.resize(axes_.size());
   memory_.filtered_rate.resize(axes_.size());
@@ -70,14 +62,9 @@ void Controller::aim(double time) {
 }
 
 void Controller::sense(const model::State& state) {
-  for (const Sensed& sensed : sensed_) {
-    const std::array<model::Direction, 2> at = sensed.sensor.read(state);
-    const std::array<double, 2> rates = sensed.sensor.rates(state);
-    for (const auto& [axis, k] : {std::pair(sensed.first, 0U), std::pair(sensed.second, 1U)}) {
-      if (axis < 0) continue;
-      axes_[static_cast<std::size_t>(axis)].angle = at[k].angle();
-      axes_[static_cast<std::size_t>(axis)].rate = rates[k];
-    }
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    axes_[i].angle = state.q[laws_[i].dof];
+    axes_[i].rate = state.u[laws_[i].dof];
   }
 }
 
@@ -157,16 +144,13 @@ void Controller::observe(const model::State& state) {
   sense(state);
   for (std::size_t i = 0; i < axes_.size(); ++i) axes_[i].target = targets_[laws_[i].target];
   if (plan_.form == Form::explicit_torque) return;
-  // The servo's own law at the end of the step gives the torque that it applied.
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     AxisState& axis = axes_[i];
-    const model::Servo& servo = servos_[laws_[i].dof];
-    const double wanted =
-        servo.stiffness * (servo.error - step_ * axis.rate) - servo.damping * axis.rate + servo.feed;
-    axis.torque = std::clamp(wanted, -servo.limit, servo.limit);
-    // The row holds its limit exactly; rounding must not hide it.
-    axis.at_limit = std::abs(wanted) >= servo.limit * (1 - 1e-9);
-    memory_.filtered_rate[i] += laws_[i].smoothing * (axis.rate - memory_.filtered_rate[i]);
+    const Law& law = laws_[i];
+    axis.torque = state.tau_servo[law.dof];
+    // Rounding must not hide the limit.
+    axis.at_limit = std::abs(axis.torque) >= law.gains.torque_limit * (1 - 1e-9);
+    memory_.filtered_rate[i] += law.smoothing * (axis.rate - memory_.filtered_rate[i]);
   }
 }
 

@@ -11,7 +11,7 @@
 #include "handsim/control/plan.h"
 #include "handsim/core/archive.h"
 #include "handsim/model/actuation.h"
-#include "handsim/model/angle_sensor.h"
+#include "handsim/model/state.h"
 
 namespace handsim::control {
 
@@ -20,7 +20,7 @@ struct AxisState {
   double angle = 0;   ///< [rad]
   double rate = 0;    ///< [rad/s]
   double target = 0;  ///< for the time of the state [rad]
-  double torque = 0;  ///< that the last step applied, within the limit [N m]
+  double torque = 0;  ///< that the drive applied in the last step, within the limit [N m]
   bool at_limit = false;
 };
 
@@ -56,11 +56,6 @@ class Controller {
   void restore(ArchiveReader& in);
 
  private:
-  /// A joint with driven axes.
-  struct Sensed {
-    model::AngleSensor sensor;
-    int first = -1, second = -1;  ///< driven axis of its coordinates; -1: not driven
-  };
   /// Numbers of an axis that do not change.
   struct Law {
     Gains gains;
@@ -81,7 +76,6 @@ class Controller {
 
   const Plan& plan_;
   double step_;
-  std::vector<Sensed> sensed_;
   std::vector<Law> laws_;
   std::vector<double> targets_;            ///< for the end of the step, hand after hand
   std::vector<std::size_t> first_target_;  ///< of each hand in targets_

@@ -208,7 +208,7 @@ Plan make_plan(const model::Model& model, const PlanInput& input, Diagnostics& d
       input.controller->tissue_compensation && input.effects.has(model::Effect::passive_tissue);
   if (input.controller->gravity_compensation && input.effects.has(model::Effect::gravity))
     plan.gravity = model.gravity;
-  const std::vector<double> start = model::coordinates(model, model::initial_state(model));
+  const std::vector<double> start = model::initial_state(model).q;
   std::vector<HandWork> hands;
   for (std::size_t i = 0; i < model.hands.size(); ++i) hands.push_back(begin_hand(model, i, input, start));
   std::vector<HandAxes> axes;

@@ -19,7 +19,7 @@ constexpr std::size_t kWord = 8;
 }  // namespace
 
 std::uint64_t hash_bytes(std::string_view bytes, std::uint64_t seed) {
-  // No bytes may have no address, which XXH64 does not ask for then, but must not be handed either.
+  // An empty view may have a null address, which XXH64 must not get.
   const char* data = bytes.data();
   return XXH64(data ? data : "", bytes.size(), seed);
 }

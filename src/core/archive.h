@@ -1,7 +1,7 @@
-// Numbers and words into bytes and back to the very bits, on any machine: eight bytes each, least significant
-// first. One function template that names a type's fields serves both ways:
+// Writes numbers and text as bytes and reads back the same bits on any machine: eight bytes each, least
+// significant first. One function template that names a type's fields serves both directions:
 //   template <class Archive, class T> void carry(Archive& archive, T& value) { archive(value.a); ... }
-// The reader takes nothing on trust: it never reads or reserves beyond the bytes there are.
+// The reader checks every count: it never reads or reserves more than the bytes that are left.
 #pragma once
 
 #include <algorithm>
@@ -17,7 +17,7 @@
 
 namespace handsim {
 
-/// Largest count in an archive: what a double and a sum of a few counts can hold.
+/// Largest count in an archive: a double holds it exactly, and sums of a few counts do not overflow.
 inline constexpr std::uint64_t kLargestCount = std::uint64_t{1} << 53U;
 
 /// XXH64 (Collet 2012) of bytes: https://github.com/Cyan4973/xxHash.
@@ -45,7 +45,7 @@ class ArchiveWriter {
     word(values.size());
     for (const T& value : values) carry(*this, value);
   }
-  /// The elements without their number, which the reader knows.
+  /// The elements without their count, which the reader knows.
   template <class Range>
   void each(const Range& values) {
     for (const auto& value : values) (*this)(value);
@@ -67,7 +67,7 @@ class ArchiveReader {
   void operator()(double& value);  ///< finite ones only
   void operator()(std::string& text);
   void operator()(Vec3& v);
-  void operator()(Quat& q);  ///< as it stands, unit or not
+  void operator()(Quat& q);  ///< as written; not normalised
   void operator()(bool& value);
   /// A count or an index, 0 to kLargestCount.
   template <std::integral T>
@@ -92,11 +92,11 @@ class ArchiveReader {
   std::uint64_t word();
   /// A whole number up to a limit.
   std::uint64_t count(std::uint64_t limit);
-  /// Number of elements to come, of eight bytes at least: no more than there are bytes left for.
+  /// Count of the elements that follow, each of at least eight bytes; at most what the bytes left can hold.
   std::size_t size();
   /// Throws where bytes are left over.
   void finish() const;
-  /// @throws Error (input) that the bytes hold no such thing.
+  /// @throws Error (input) saying what was found and what was needed.
   [[noreturn]] void refuse(const std::string& got, const std::string& need) const;
 
  private:

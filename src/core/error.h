@@ -36,18 +36,18 @@ struct PhysicsFault {
 };
 
 enum class ErrorKind {
-  input,    ///< a file, a key, a number, an argument: exit status 2
+  input,    ///< a file, key, number or argument is wrong: exit status 2
   physics,  ///< the simulation diverged: exit status 1
-  output,   ///< a file that could not be written after all, a full disk: exit status 1
+  output,   ///< a file could not be written, e.g. the disk is full: exit status 1
 };
 
-/// More than anybody reads.
+/// Most problems that are reported; nobody reads more.
 inline constexpr std::size_t kMostProblems = 1000;
 
 /// The only exception type of handsim.
 class Error : public std::runtime_error {
  public:
-  /// Problems of input or output, at least one; of more than kMostProblems the first, and how many more there
+  /// Problems of input or output, at least one. Keeps the first kMostProblems and says how many more there
   /// are.
   explicit Error(std::vector<Problem> problems, ErrorKind kind = ErrorKind::input);
   explicit Error(PhysicsFault fault);

@@ -18,7 +18,7 @@ namespace {
 class Descriptor {
  public:
   explicit Descriptor(const std::filesystem::path& path)
-      // A pipe without a writer would hold open() up; a terminal is not to become this process's.
+      // open() must not wait for the writer of a pipe, nor make a terminal the controlling one.
       : number_(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC)) {}
   ~Descriptor() {
     if (number_ >= 0) ::close(number_);
@@ -55,7 +55,7 @@ std::string read_input_file(const std::filesystem::path& path, std::string_view 
                   std::string(need));
   };
   struct stat status {};
-  // Before it is opened: opening alone has effects on some devices.
+  // Checked before opening, because opening some devices has effects.
   if (::stat(path.c_str(), &status) != 0) throw refuse("no such file", std::string(need));
   if (const char* what = odd(status.st_mode)) throw refuse(what, std::string(need));
   const Descriptor file(path);
@@ -64,7 +64,7 @@ std::string read_input_file(const std::filesystem::path& path, std::string_view 
   const auto size = static_cast<std::size_t>(std::max<off_t>(status.st_size, 0));
   const std::string most = "at most " + bytes_text(most_bytes);
   if (size > most_bytes) throw refuse(fmt::format("a file of {} bytes", size), most);
-  // What the system says of the size need not hold: one byte more than allowed is enough to know.
+  // The size that the system reports may be wrong, so one byte more than the limit is read.
   std::string text(std::min(most_bytes, std::max<std::size_t>(size, 4096)) + 1, '\0');
   std::size_t filled = 0;
   while (true) {

@@ -1,5 +1,5 @@
-// The one way in which a file that a user names is read: a regular file of a limited size, at once into
-// memory. Pipes, devices and folders are refused and never waited for.
+// Reads a file that the user names: a regular file of limited size, whole, into memory. Pipes, devices and
+// folders are refused at once.
 #pragma once
 
 #include <cstddef>

@@ -6,9 +6,9 @@
 
 namespace handsim {
 
-/// What limits the memory that the process can still take [bytes]: the least of what its limit of address
-/// space leaves (ulimit -v), what its control group leaves and what the machine has without swapping. Absent
-/// where the system tells none of them. Costs some 30 us.
+/// Memory that the process can still get [bytes]: the least of what is left of its address space (ulimit -v),
+/// of its control group, and of the machine without swapping. Absent where the system reports none of them.
+/// Takes about 30 us.
 std::optional<std::size_t> free_memory();
 
 }  // namespace handsim

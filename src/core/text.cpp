@@ -42,7 +42,7 @@ unsigned long code_point(std::string_view character) {
   return code;
 }
 
-/// Code points that Unicode keeps free for ever: no YAML may hold them.
+/// Unicode noncharacters, which YAML forbids.
 bool is_noncharacter(unsigned long code) {
   return (code & 0xfffeU) == 0xfffe || (code >= 0xfdd0 && code <= 0xfdef);
 }

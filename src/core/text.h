@@ -1,5 +1,5 @@
-// Bytes from files and command lines into text that is safe to keep and to print: finds what is no UTF-8
-// text, and writes messages' parts without control characters. Knows nothing of YAML.
+// Makes bytes from files and command lines safe to keep and to print: finds invalid UTF-8, and writes control
+// characters as escapes in messages.
 #pragma once
 
 #include <cstddef>
@@ -9,7 +9,7 @@
 
 namespace handsim {
 
-/// The first byte that is no text, with what to say of it.
+/// The first byte that is not valid text, and why.
 struct BadByte {
   std::size_t at = 0;
   std::string what;  ///< e.g. `the byte 0xff, which is no UTF-8`

@@ -16,8 +16,6 @@ struct Unit {
   double factor;
 };
 
-constexpr double kDegree = 0.017453292519943295769;
-
 constexpr std::array kUnits = {
     Unit{"m", Dimension::length, 1},
     Unit{"cm", Dimension::length, 1e-2},

@@ -11,7 +11,7 @@
 namespace handsim {
 
 inline constexpr double kDegree = M_PI / 180;  ///< [rad]
-inline constexpr double kDegreesPerRadian = 180 / M_PI;
+inline constexpr double kDegreesPerRadian = 1 / kDegree;
 
 enum class Dimension {
   none,

@@ -20,7 +20,8 @@ namespace handsim {
 
 namespace {
 
-/// Builds the tree from yaml-cpp's events; yaml-cpp's own Node drops places and duplicate keys.
+/// Builds the tree from yaml-cpp's events. YAML::Node has places (Mark), but it keeps one of two equal keys
+/// in silence, does not say where an alias stands, forgets quotes, and expands aliases without a limit.
 class TreeBuilder : public YAML::EventHandler {
  public:
   TreeBuilder(std::shared_ptr<const std::string> file, YamlBudget& budget)
@@ -75,7 +76,7 @@ class TreeBuilder : public YAML::EventHandler {
   YamlNode root;
   std::vector<Problem>& problems() { return problems_; }
 
-  /// yaml-cpp ends a quoted text at the end of the file where its closing quote is missing.
+  /// Without a closing quote yaml-cpp lets the text run to the end of the file.
   void check_last_quote(const std::string& text) {
     if (!last_quoted_) return;
     const std::optional<std::size_t> open = offset_of(text, *last_quoted_);
@@ -138,7 +139,7 @@ class TreeBuilder : public YAML::EventHandler {
     if (problems_.size() >= kMostProblems) throw Error(problems_);
   }
 
-  /// Where a mark of yaml-cpp's is in the text: its lines and columns count bytes, a byte order mark not.
+  /// Position of a mark in the text. yaml-cpp counts lines and columns in bytes, without the byte order mark.
   static std::optional<std::size_t> offset_of(const std::string& text, const YAML::Mark& mark) {
     std::size_t at = text.starts_with("\xef\xbb\xbf") ? 3 : 0;
     for (int line = 0; line < mark.line; ++line) {
@@ -150,7 +151,8 @@ class TreeBuilder : public YAML::EventHandler {
     return at < text.size() ? std::optional(at) : std::nullopt;
   }
 
-  /// Escapes in quotes may stand for what the file itself may not hold; some of it cannot be written again.
+  /// An escape in quotes may produce a character that the file itself may not hold and that cannot be written
+  /// back.
   void check_escapes(const YAML::Mark& mark, const std::string& value) {
     if (const auto bad = find_bad_byte(value); bad && bad->what.starts_with("U+"))
       problem(mark, bad->what, "characters of Unicode");
@@ -182,7 +184,7 @@ class TreeBuilder : public YAML::EventHandler {
 
   void add(YamlNode node, YAML::anchor_t anchor, std::size_t bytes = kYamlNodeBytes) {
     if (anchor != 0) {
-      // The copy counts: anchors within anchors would grow it without bound.
+      // A copy counts against the budget; nested anchors would let it grow without bound.
       spend(node.line, node.column, bytes);
       anchors_[anchor] = {node, bytes};
     }
@@ -198,7 +200,7 @@ class TreeBuilder : public YAML::EventHandler {
       add_key(level, node);
     } else {
       level.pending->value = std::move(node);
-      // yaml-cpp puts a missing value at whatever comes next.
+      // yaml-cpp reports the next token as the place of a missing value.
       if (YamlNode& value = level.pending->value; value.kind == YamlNode::Kind::null) {
         value.line = level.pending->line;
         value.column = level.pending->column;
@@ -262,8 +264,7 @@ void emit(YAML::Emitter& out, const YamlNode& node) {
   }
 }
 
-/// The first tab that indents a line, where there is one up to `last`: yaml-cpp only stumbles over what
-/// follows it.
+/// The first tab up to line `last` that indents a line. yaml-cpp reports what follows it instead.
 std::optional<Place> first_tab(const std::string& text, const Place& last) {
   std::istringstream lines(text);
   std::string line;
@@ -331,12 +332,12 @@ YamlNode parse_yaml(const std::string& text, const std::string& name, YamlBudget
     }
     builder.check_last_quote(text);
   } catch (const YAML::Exception& failure) {
-    // Without a line end after it yaml-cpp names the end of the text in place of the quote.
+    // Without a final line end yaml-cpp reports the end of the text instead of the quote.
     if (failure.msg == YAML::ErrorMsg::EOF_IN_SCALAR && !text.ends_with('\n')) {
       budget = whole;
       return parse_yaml(text + "\n", name, budget);
     }
-    // A mark of -1 stands for no place.
+    // yaml-cpp marks an unknown place with -1.
     const Place place{name, std::max(1, failure.mark.line + 1), std::max(1, failure.mark.column + 1)};
     const std::optional<Place> tab = first_tab(text, place);
     builder.problems().push_back(tab ? Problem{tab, "", "a tab as indentation", "spaces"}

@@ -1,6 +1,6 @@
-// YAML text into a tree of nodes that know their place in the file, and back. Strict where YAML is lax:
-// keys stand once, aliases may not recur, files, nesting and memory are bounded. Reading values out of the
-// tree is yaml_reader's work.
+// Parses YAML text into a tree of nodes that know their place in the file, and writes it back. Stricter than
+// YAML: a key stands once, an alias may not contain itself, file size, nesting and memory are limited.
+// yaml_reader.h reads values out of the tree.
 #pragma once
 
 #include <filesystem>
@@ -21,10 +21,10 @@ struct YamlNode {
   enum class Kind { null, scalar, sequence, map };
 
   Kind kind = Kind::null;
-  std::string text;                         ///< scalar
-  bool quoted = false;                      ///< scalar in quotes: text, never a number or a truth value
-  std::vector<YamlNode> items;              ///< sequence
-  std::list<YamlEntry> entries;             ///< map, in the order of the file; stays put while keys are added
+  std::string text;              ///< scalar
+  bool quoted = false;           ///< scalar in quotes: text, never a number or a truth value
+  std::vector<YamlNode> items;   ///< sequence
+  std::list<YamlEntry> entries;  ///< map, in the order of the file; addresses stay valid while keys are added
   std::shared_ptr<const std::string> file;  ///< name as given by the user
   int line = 1;
   int column = 1;
@@ -43,16 +43,16 @@ struct YamlEntry {
   YamlNode value;
 };
 
-/// Largest file and deepest nesting accepted. A scene with the files it names has to stay within the limits,
-/// so that its resolved.yaml can be read again: a thousand mugs do.
+/// Largest file and deepest nesting accepted. A scene together with the files that it names has to stay
+/// within these limits, so that its resolved.yaml can be read again. A scene of a thousand mugs does.
 inline constexpr std::size_t kYamlMaxBytes = 32U << 20U;
 inline constexpr int kYamlMaxDepth = 64;
-/// Most memory of the trees of one scene: with aliases expanded, referenced files and `--set`.
+/// Most memory for the trees of one scene, with aliases expanded, referenced files and `--set`.
 inline constexpr std::size_t kYamlMaxMemory = 256U << 20U;
-/// Counted for each value and key, beside the bytes of its text.
+/// Counted for each value and key in addition to the bytes of its text.
 inline constexpr std::size_t kYamlNodeBytes = 128;
 
-/// What the trees that are still to be read may take [bytes].
+/// Memory that the trees still to be read may take [bytes].
 struct YamlBudget {
   std::size_t left = kYamlMaxMemory;
 };

@@ -1,4 +1,4 @@
-// References between files and `--set`: what changes a tree before it is read.
+// Inserts referenced files and applies `--set` to a tree before it is read.
 #include <fmt/format.h>
 
 #include "handsim/core/text.h"
@@ -28,7 +28,7 @@ YamlNode& item_for_override(YamlNode& list, const std::string& part, const std::
       list.items.empty() ? "a list with items" : fmt::format("an index from 0 to {}", list.items.size() - 1));
 }
 
-/// The step of an override's path from a node to its child, made where a map lacks it.
+/// The child that the next key of an override's path names; added where the map has none.
 YamlNode& child_for_override(YamlNode& node, const std::string& part, const std::string& path,
                              const std::shared_ptr<const std::string>& origin) {
   if (node.kind == YamlNode::Kind::null) node.kind = YamlNode::Kind::map;
@@ -78,7 +78,7 @@ void apply_override(YamlNode& root, std::string_view assignment, YamlBudget& bud
   const auto origin = std::make_shared<const std::string>("--set " + path);
   YamlNode* node = &root;
   for (const std::string& part : parts_of(path)) {
-    // Any other text on the way is no file to be followed, and child_for_override() says so.
+    // Other text is not a file name; child_for_override() reports it.
     if (names_file(*node)) follow_reference(*node, path, budget);
     node = &child_for_override(*node, part, path, origin);
   }

@@ -41,7 +41,7 @@ std::string list_of(const std::vector<std::string>& words) {
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-/// What to write in place of a number with a comma; nothing where there is no such.
+/// How to write a number that has a decimal comma; nothing if it has none.
 std::optional<std::string> without_comma(const std::string& text) {
   const std::size_t comma = text.find(',');
   if (comma == std::string::npos || comma == 0 || comma + 1 == text.size() || !is_digit(text[comma - 1]) ||
@@ -54,7 +54,7 @@ std::optional<std::string> without_comma(const std::string& text) {
                      thousands ? fmt::format(" (or {}{})", head, tail) : "");
 }
 
-/// The value of a key, or of a dotted path of keys; null where there is none.
+/// The value of a key or of a dotted path of keys, or null.
 const YamlNode* at_path(const YamlNode& map, std::string_view key) {
   if (const YamlNode* found = map.find(key)) return found;
   const std::size_t dot = key.find('.');
@@ -83,7 +83,7 @@ std::string need_word(std::string_view got, const std::vector<std::string>& know
 void Diagnostics::throw_if_any() const {
   if (problems.empty()) return;
   std::vector<std::string> files;
-  // Order of a problem: its file as they came up, then its place.
+  // Problems are sorted by file, in the order of reading, then by place.
   const auto rank = [&](const Problem& problem) {
     const Place place = problem.place.value_or(Place{"", 0, 0});
     auto at = std::find(files.begin(), files.end(), place.file);
@@ -94,8 +94,7 @@ void Diagnostics::throw_if_any() const {
   std::vector<Problem> sorted = problems;
   std::stable_sort(sorted.begin(), sorted.end(),
                    [&](const Problem& a, const Problem& b) { return rank(a) < rank(b); });
-  // The paths differ when a file is read twice, all else does not; what stands at one place stands together
-  // now.
+  // A file that is read twice gives equal problems under two paths; equal places are now neighbours.
   const auto same = [](const Problem& a, const Problem& b) {
     const auto last = [](const std::string& key) { return key.substr(key.rfind('.') + 1); };
     return a.place && last(a.key) == last(b.key) && a.got == b.got;
@@ -114,7 +113,7 @@ std::optional<std::string> nearest_word(std::string_view word, const std::vector
   std::optional<std::string> best;
   std::size_t best_distance = std::clamp<std::size_t>(word.size() / 3, word.size() < 4 ? 1 : 2, 3) + 1;
   for (const std::string& candidate : known) {
-    // No word is nearer than the difference in length; this also spares the work on a word of megabytes.
+    // The distance is at least the difference in length; this also skips words of megabytes.
     if (word.size() >= candidate.size() + best_distance) continue;
     const std::size_t distance = edit_distance(lower_case(word), lower_case(candidate));
     if (distance < best_distance) {
@@ -167,7 +166,7 @@ void MapReader::write_default(std::string_view key, YamlNode value) {
   if (!broken_) yaml_put(*node_, std::string(key), std::move(value));
 }
 
-/// `{stature: 1,7}` is YAML for a stature of 1 and a key 7 without a value. Said here, once.
+/// `{stature: 1,7}` is YAML for a stature of 1 and a key 7 without a value; reported once, here.
 bool MapReader::has_decimal_comma(std::string_view key) {
   auto at = std::find_if(node_->entries.begin(), node_->entries.end(),
                          [&](const YamlEntry& entry) { return entry.key == key; });
@@ -339,7 +338,7 @@ MapReader MapReader::map(std::string_view key) {
   YamlNode* found = child(key);
   if (!found) found = &yaml_put(*node_, std::string(key), yaml_map());
   if (!broken_) return {*found, path_of(key), *diagnostics_};
-  // What is wrong with the parent has been said; the child says nothing more.
+  // The parent's problem has been reported; the child reports nothing more.
   MapReader silent = *this;
   silent.node_ = found;
   silent.path_ = path_of(key);
@@ -364,7 +363,7 @@ void MapReader::problem(std::string_view key, std::string got, std::string need)
 void MapReader::warning(std::string_view key, const std::string& text) {
   const YamlNode* found = at_path(*node_, key);
   const Place place = (found ? *found : *node_).place();
-  // What a program put together stands in no file.
+  // A tree that a program made has no file.
   const std::string where =
       place.file.empty() ? "" : fmt::format("{}:{}:{}: ", place.file, place.line, place.column);
   diagnostics_->warnings.push_back(fmt::format("{}{}: {}", where, path_of(key), text));

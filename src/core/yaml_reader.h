@@ -1,6 +1,6 @@
-// Values out of a YAML tree, strictly: every problem of a file is collected with its place, unknown keys are
-// problems with the nearest known key named, and each default that is used is written back into the tree, so
-// that the tree read is the resolved input.
+// Reads values out of a YAML tree and checks them: every problem is collected with its place, an unknown key
+// is a problem that names the nearest known key, and each default that is used is written into the tree.
+// After reading, the tree is the resolved input.
 #pragma once
 
 #include <optional>
@@ -16,16 +16,16 @@
 
 namespace handsim {
 
-/// Everything found while reading: problems stop the work once all are known, warnings do not.
+/// What was found while reading. Problems stop the work once all of them are known; warnings do not.
 struct Diagnostics {
   std::vector<Problem> problems;
   std::vector<std::string> warnings;
   YamlBudget budget;  ///< of the files that are read on the way
 
-  /// @throws Error with all problems; in the order of the files; what is wrong at one place of a file
-  /// that is read twice is said once.
+  /// @throws Error with all problems in the order of the files. A problem of a file that is read twice is
+  /// reported once.
   void throw_if_any() const;
-  /// As many as are ever reported: to go on reading is of no use.
+  /// The list holds as many problems as are reported; reading can stop.
   bool full() const { return problems.size() >= kMostProblems; }
   /// Keeps the problems of an Error thrown by a part.
   void take(const Error& error) {
@@ -33,23 +33,23 @@ struct Diagnostics {
   }
 };
 
-/// Reads one map of a tree. A value that is missing or wrong becomes a problem, and a harmless value is
-/// returned in its stead so that reading can go on. Call finish() last.
+/// Reads one map of a tree. A value that is missing or wrong becomes a problem; a harmless value is returned
+/// instead, so that reading goes on. Call finish() last.
 class MapReader {
  public:
-  /// A node that is no map is a problem; `path` is its dotted path in messages.
+  /// A node that is not a map is a problem. `path` is its dotted path in messages.
   MapReader(YamlNode& node, std::string path, Diagnostics& diagnostics);
 
-  /// A number in SI; without a fallback the key must be there.
+  /// A number in SI. Without a fallback the key is required.
   double number(std::string_view key, const Quantity& quantity, std::optional<double> fallback = {});
-  /// A number that may be absent.
+  /// An optional number.
   std::optional<double> maybe_number(std::string_view key, const Quantity& quantity);
   int integer(std::string_view key, int min, int max, int fallback);
-  /// Any text that is not empty, without control characters but line ends and tabs.
+  /// Text that is not empty and has no control characters other than line ends and tabs.
   std::string text(std::string_view key, std::optional<std::string> fallback = {});
-  /// The same where it may be absent, and then stays so.
+  /// Optional text; no default is written.
   std::optional<std::string> maybe_text(std::string_view key);
-  /// A word that can stand in column heads, paths and other formats: letters, digits, `_` and `-`. Required.
+  /// A required word of letters, digits, `_` and `-`, valid in column names and file names.
   std::string name(std::string_view key);
   bool flag(std::string_view key, bool fallback);
   Vec3 vector(std::string_view key, const Quantity& quantity, std::optional<Vec3> fallback = {});
@@ -71,19 +71,20 @@ class MapReader {
     return words[index].second;
   }
 
-  /// Whether the key is there; from now on it is one of those that can be.
+  /// Whether the key is there. Asking makes it a known key.
   bool has(std::string_view key);
-  /// The value of a key, counted as known; null where absent.
+  /// The value of a key, or null. Asking makes it a known key.
   YamlNode* child(std::string_view key);
-  /// The value of a key that must be there and be a list of at most so many; null otherwise.
+  /// A list of at most `most` items; null, with a problem where required, otherwise.
   YamlNode* list(std::string_view key, bool required, std::size_t most = 10'000);
-  /// A map under this key; absent: an empty one is written, so that its defaults land in the tree.
+  /// A map under this key. If absent, an empty one is written, which then receives the defaults.
   MapReader map(std::string_view key);
-  /// A map that must be there; `need` says what it holds. Absent: one problem, and none for what it lacks.
+  /// A required map; `need` says what it holds. If absent, that is one problem, and its keys are not
+  /// reported.
   MapReader required_map(std::string_view key, const std::string& need);
 
-  /// True while nothing is wrong with what was read since this reader was made: checks that compare values
-  /// hang on it, so that one slip is one message.
+  /// True while nothing read since this reader was made has a problem. Checks that compare values ask it
+  /// first, so that one mistake gives one message.
   bool sound() const { return diagnostics_->problems.size() == problems_before_; }
   void problem(std::string_view key, std::string got, std::string need);
   void warning(std::string_view key, const std::string& text);
@@ -92,7 +93,7 @@ class MapReader {
   Diagnostics& diagnostics() { return *diagnostics_; }
   YamlNode& node() { return *node_; }
 
-  /// Every key that nothing asked for becomes a problem.
+  /// Reports every key that was never asked for.
   void finish();
 
  private:
@@ -113,7 +114,7 @@ class MapReader {
   std::string path_;
   Diagnostics* diagnostics_;
   std::size_t problems_before_;
-  bool broken_ = false;  ///< not a map: said once, nothing else is
+  bool broken_ = false;  ///< not a map: reported once, and nothing else
   std::set<std::string, std::less<>> known_;
 };
 

@@ -1,8 +1,11 @@
 #include "handsim/engine/checks.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
+
+#include "handsim/model/validate.h"
 
 namespace handsim::engine {
 
@@ -21,7 +24,55 @@ bool sound(const model::Servo& servo) {
          servo.stiffness + servo.damping > 0 && std::isfinite(servo.stiffness + servo.damping);
 }
 
+bool has_stops(const model::Model& model) {
+  for (const model::Joint& joint : model.joints)
+    for (const model::JointAxis& axis : joint.axes)
+      if (axis.stop) return true;
+  return false;
+}
+
+/// A plane on a body that moves.
+std::vector<Problem> plane_defects(const model::Model& model, const model::Effects& effects) {
+  std::vector<Problem> problems;
+  if (!needs_contacts(model, effects)) return problems;
+  const std::vector<bool> immovable = immovable_bodies(model, effects);
+  for (const model::Shape& shape : model.shapes)
+    if (shape.kind == model::ShapeKind::plane && !immovable[static_cast<std::size_t>(shape.body)])
+      problems.push_back(
+          {std::nullopt, shape.name,
+           "a plane on the moving body " + model.bodies[static_cast<std::size_t>(shape.body)].name,
+           "a plane on the world or on a body that never moves; a box moves"});
+  return problems;
+}
+
 }  // namespace
+
+std::vector<bool> immovable_bodies(const model::Model& model, const model::Effects& effects) {
+  std::vector<bool> immovable(model.bodies.size());
+  for (std::size_t i = 0; i < immovable.size(); ++i) immovable[i] = model.bodies[i].kinematic;
+  if (effects.has(model::Effect::wrist_motion))
+    for (const model::Drive& drive : model.drives) immovable[static_cast<std::size_t>(drive.body)] = false;
+  immovable[model::kWorld] = true;
+  return immovable;
+}
+
+bool needs_contacts(const model::Model& model, const model::Effects& effects) {
+  return effects.any_contact() && !model.contact_rules.empty();
+}
+
+const model::Model& checked(const model::Model& model, const Settings& settings) {
+  std::vector<Problem> problems = defects(settings);
+  const auto add = [&](const std::vector<Problem>& more) {
+    problems.insert(problems.end(), more.begin(), more.end());
+    return more.empty();
+  };
+  const bool sound = add(model::defects(model));
+  const bool able = add(missing_effects(settings, has_stops(model)));
+  // Reads indices that only a sound model has right.
+  if (sound && able) add(plane_defects(model, settings.effects));
+  if (!problems.empty()) throw Error(std::move(problems));
+  return model;
+}
 
 long long step_number(double time, double step) { return std::llround(time / step); }
 
@@ -78,15 +129,18 @@ void require_state(const model::Model& model, const model::State& state) {
   if (state.bodies.size() != model.bodies.size())
     throw input_error("state", fmt::format("{} bodies", state.bodies.size()),
                       fmt::format("{}", model.bodies.size()));
+  const auto dofs = static_cast<std::size_t>(model.dof_count());
+  for (const std::vector<double>* torques : {&state.tau, &state.tau_servo})
+    if (torques->size() != dofs ||
+        !std::all_of(torques->begin(), torques->end(), [](double tau) { return std::isfinite(tau); }))
+      throw input_error("state.tau", fmt::format("{} torques, or one that is not finite", torques->size()),
+                        fmt::format("{} finite ones", dofs));
   if (!std::isfinite(state.time))
     throw input_error("state.time", fmt::format("{}", state.time), "a finite time");
   for (std::size_t i = 0; i < state.bodies.size(); ++i)
     if (!finite(state.bodies[i]))
       throw input_error("state." + model.bodies[i].name, "a pose or velocity that is not finite or not unit",
                         "finite numbers and a unit quaternion");
-  for (const model::Presliding& pair : state.presliding)
-    if (!pair.shift.allFinite() || !std::isfinite(pair.turn))
-      throw input_error("state.presliding", "a number that is not finite", "finite numbers");
   for (std::size_t i = 0; i < state.bodies.size(); ++i)
     if (state.bodies[i].v.norm() > kMaxSpeed || state.bodies[i].w.norm() > kMaxAngularSpeed)
       throw input_error(

@@ -11,6 +11,17 @@ long long step_number(double time, double step);
 /// End [s] of the step that starts at a time [s].
 double next_time(double time, double step);
 
+/// True for bodies that no effect in force moves.
+std::vector<bool> immovable_bodies(const model::Model& model, const model::Effects& effects);
+
+/// True where shapes are to be tested for contact.
+bool needs_contacts(const model::Model& model, const model::Effects& effects);
+
+/// @throws Error (input) for settings out of range, effects that the engine does not have, or an unsound
+/// model.
+/// @return the model
+const model::Model& checked(const model::Model& model, const Settings& settings);
+
 /// @throws Error (input) for a wrong number of torques.
 /// Returns the fault of the first torque that is not finite.
 std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
@@ -21,7 +32,7 @@ std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
 std::optional<PhysicsFault> servo_fault(const model::Model& model, const Settings& settings, double time,
                                         std::span<const model::Servo> servos);
 
-/// @throws Error (input) for a state of another model, with non-finite numbers or a moved world.
+/// @throws Error (input) for a state of another model, with non-finite numbers or a moved world; q and u may be anything.
 void require_state(const model::Model& model, const model::State& state);
 
 namespace ode {

@@ -12,24 +12,15 @@
 
 #include "handsim/core/archive.h"
 #include "handsim/core/error.h"
+#include "handsim/engine/settings.h"
 #include "handsim/model/actuation.h"
-#include "handsim/model/solver.h"
 #include "handsim/model/state.h"
 
 namespace handsim::engine {
 
-inline constexpr double kMaxStep = 0.1;  ///< [s]
-inline constexpr int kMaxIterations = 100000;
-inline constexpr double kMinTolerance = 1e-11, kMaxTolerance = 1e-2;
 /// Faster than this and a body counts as run away.
 inline constexpr double kMaxSpeed = 1e3;         ///< [m/s]
 inline constexpr double kMaxAngularSpeed = 1e5;  ///< [rad/s]
-
-using Method = model::Method;
-using Settings = model::SolverSettings;
-
-/// Settings out of range. Empty for settings that every engine takes.
-std::vector<Problem> defects(const Settings& settings);
 
 /// What acts on the model during one step.
 struct StepInput {
@@ -134,7 +125,7 @@ class Engine {
   virtual std::vector<std::string> notes() const = 0;
 };
 
-/// Builds the engine of settings.method and puts it at model::initial_state(model).
+/// Builds the engine that the settings are of and puts it at model::initial_state(model).
 /// @throws Error (input) naming every invalid part of the model or setting.
 /// The model must outlive the engine.
 std::unique_ptr<Engine> make_engine(const model::Model& model, const Settings& settings);

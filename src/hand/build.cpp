@@ -54,14 +54,14 @@ Layout lay_out(const HandSpec& spec, const HandSize& size) {
   return out;
 }
 
-Shape capsule(std::string name, model::Tint tint, double radius, double axis) {
+Shape capsule(std::string name, model::Part part, double radius, double axis) {
   Shape shape;
   shape.name = std::move(name);
   shape.kind = ShapeKind::capsule;
   shape.pose.q = kZToY;
   shape.radius = radius;
   shape.length = axis;
-  shape.tint = tint;
+  shape.part = part;
   return shape;
 }
 
@@ -71,7 +71,7 @@ void add_palm(BuiltHand& hand, const HandSpec& spec) {
   box.name = "palm";
   box.kind = ShapeKind::box;
   box.edges = {spec.palm.breadth.value(size), spec.palm.length.value(size), spec.palm.thickness.value(size)};
-  box.tint = model::Tint::palm;
+  box.part = model::Part::palm;
   Body palm;
   palm.name = "palm";
   palm.zero_pose.p = Vec3(0, 0.5 * box.edges.y(), 0) + place(spec.palm.offset, size);

@@ -13,13 +13,13 @@ namespace handsim::hand {
 namespace {
 
 using model::JointKind;
-using model::Tint;
+using model::Part;
 
-const std::vector<std::pair<std::string_view, Tint>> kFingers = {{"thumb", Tint::thumb},
-                                                                 {"index", Tint::index},
-                                                                 {"middle", Tint::middle},
-                                                                 {"ring", Tint::ring},
-                                                                 {"little", Tint::little}};
+const std::vector<std::pair<std::string_view, Part>> kFingers = {{"thumb", Part::thumb},
+                                                                 {"index", Part::index},
+                                                                 {"middle", Part::middle},
+                                                                 {"ring", Part::ring},
+                                                                 {"little", Part::little}};
 const std::vector<std::pair<std::string_view, JointKind>> kKinds = {{"hinge", JointKind::hinge},
                                                                     {"universal", JointKind::universal}};
 /// Largest rule: twice a hand dimension, or half a metre.
@@ -82,9 +82,8 @@ model::JointAxis read_axis(MapReader reader) {
   axis.name = reader.name("name");
   axis.axis = reader.direction("axis");
   if (const auto range = reader.maybe_range("range", kAngle)) {
-    model::Stop stop{range->first, range->second, 0, 1};
+    model::Stop stop{range->first, range->second};
     stop.bounce = reader.number("bounce", kShare, 0.0);
-    stop.fudge_factor = reader.number("fudge_factor", kShare, 1.0);
     axis.stop = stop;
   } else if (!reader.has("range")) {
     reader.problem("range", "nothing", "a list of two angles, low then high");
@@ -193,7 +192,7 @@ SegmentSpec read_segment(MapReader reader, HandSpec& spec, const std::optional<M
   const bool taken = segment.name == "palm" || find_segment(spec.segments, segment.name) != kPalm;
   if (taken && !segment.name.empty())
     reader.problem("name", segment.name + " a second time", "a name of its own for each segment");
-  segment.finger = reader.choice<Tint>("finger", kFingers);
+  segment.finger = reader.choice<Part>("finger", kFingers);
   read_parent(reader, segment, spec);
   segment.at = read_place(reader, "at");
   if (reader.sound() && segment.parent == kPalm && !segment.at)

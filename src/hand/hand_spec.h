@@ -30,7 +30,7 @@ struct JointSpec {
 
 struct SegmentSpec {
   std::string name;
-  model::Tint finger = model::Tint::index;
+  model::Part finger = model::Part::index;
   int parent = -1;                              ///< row in HandSpec::segments; kPalm: the palm
   bool has_child = false;                       ///< false: the last segment, whose cap ends at the fingertip
   std::optional<std::array<LengthRule, 3>> at;  ///< joint centre in the parent's frame; absent: its far end

@@ -16,12 +16,11 @@ enum class Effect {
   passive_tissue,
   actuation,
   wrist_motion,
-  step_guard,  ///< not physics: a step that goes wrong is taken back and tried again, see GuardLimits
 };
 
-inline constexpr std::array<std::string_view, 10> kEffectNames = {
+inline constexpr std::array<std::string_view, 9> kEffectNames = {
     "gravity",     "object_contact", "self_contact", "ground_contact", "friction",
-    "joint_stops", "passive_tissue", "actuation",    "wrist_motion",   "step_guard"};
+    "joint_stops", "passive_tissue", "actuation",    "wrist_motion"};
 inline constexpr int kEffectCount = static_cast<int>(kEffectNames.size());
 
 inline std::string_view name(Effect effect) { return kEffectNames[static_cast<std::size_t>(effect)]; }

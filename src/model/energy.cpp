@@ -1,9 +1,5 @@
 #include "handsim/model/energy.h"
 
-#include <array>
-
-#include "handsim/model/kinematics.h"
-
 namespace handsim::model {
 
 double kinetic_energy(const Model& model, const State& state) {
@@ -24,14 +20,13 @@ double potential_energy(const Model& model, const State& state, const Effects& e
     for (std::size_t i = 1; i < model.bodies.size(); ++i)
       if (!model.bodies[i].kinematic) energy -= model.bodies[i].mass * model.gravity.dot(state.bodies[i].p);
   if (!effects.has(Effect::passive_tissue)) return energy;
-  for (const Joint& joint : model.joints) {
-    std::array<double, 3> q{};
-    joint_coordinates(joint, state, q);
+  for (const Joint& joint : model.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a) {
       const auto& tissue = joint.axes[a].tissue;
-      if (tissue) energy += 0.5 * tissue->stiffness * (q[a] - tissue->rest) * (q[a] - tissue->rest);
+      if (!tissue) continue;
+      const double stretch = state.q[static_cast<std::size_t>(joint.first_dof) + a] - tissue->rest;
+      energy += 0.5 * tissue->stiffness * stretch * stretch;
     }
-  }
   return energy;
 }
 

@@ -44,6 +44,8 @@ void place(State& state, int body, const Pose& x_WB) {
 State zero_state(const Model& model) {
   State state;
   state.bodies.resize(model.bodies.size());
+  state.tau.resize(static_cast<std::size_t>(model.dof_count()));
+  state.tau_servo.resize(state.tau.size());
   for (std::size_t i = 0; i < model.bodies.size(); ++i)
     place(state, static_cast<int>(i), model.bodies[i].zero_pose);
   return state;
@@ -113,18 +115,14 @@ void joint_rates(const Joint& joint, const State& state, std::span<double> out) 
   }
 }
 
-std::vector<double> coordinates(const Model& model, const State& state) {
-  std::vector<double> q(static_cast<std::size_t>(model.dof_count()));
-  for (const Joint& joint : model.joints)
-    joint_coordinates(joint, state, std::span(q).subspan(static_cast<std::size_t>(joint.first_dof)));
-  return q;
-}
-
-std::vector<double> rates(const Model& model, const State& state) {
-  std::vector<double> u(static_cast<std::size_t>(model.dof_count()));
-  for (const Joint& joint : model.joints)
-    joint_rates(joint, state, std::span(u).subspan(static_cast<std::size_t>(joint.first_dof)));
-  return u;
+void find_coordinates(const Model& model, State& state) {
+  state.q.resize(static_cast<std::size_t>(model.dof_count()));
+  state.u.resize(state.q.size());
+  for (const Joint& joint : model.joints) {
+    const auto first = static_cast<std::size_t>(joint.first_dof);
+    joint_coordinates(joint, state, std::span(state.q).subspan(first));
+    joint_rates(joint, state, std::span(state.u).subspan(first));
+  }
 }
 
 double joint_gap(const Joint& joint, const State& state) {
@@ -156,6 +154,7 @@ Pose joint_transform(const Joint& joint, std::span<const double> q) {
 State state_at(const Model& model, std::span<const double> q) {
   State state = zero_state(model);
   hang_children(model, q, state);
+  find_coordinates(model, state);
   return state;
 }
 
@@ -172,6 +171,7 @@ State initial_state(const Model& model) {
     state.bodies[i].v = model.bodies[i].initial_velocity;
     state.bodies[i].w = model.bodies[i].initial_angular_velocity;
   }
+  find_coordinates(model, state);
   return state;
 }
 

@@ -13,10 +13,8 @@ namespace handsim::model {
 void joint_coordinates(const Joint& joint, const State& state, std::span<double> out);
 /// Joint rates [rad/s] or [m/s] (ball: angular velocity of the child relative to the parent in F).
 void joint_rates(const Joint& joint, const State& state, std::span<double> out);
-/// All coordinates, size model.dof_count().
-std::vector<double> coordinates(const Model& model, const State& state);
-/// All rates, size model.dof_count().
-std::vector<double> rates(const Model& model, const State& state);
+/// Fills q and u of a state from its bodies.
+void find_coordinates(const Model& model, State& state);
 
 /// How far the joint has come apart [m]: distance between the two anchor points (slider: its part
 /// perpendicular to the axis).
@@ -25,7 +23,7 @@ double joint_gap(const Joint& joint, const State& state);
 /// X_FM for given coordinates of this joint.
 Pose joint_transform(const Joint& joint, std::span<const double> q);
 /// State with the given coordinates (size model.dof_count()), at rest. Bodies without a joint to a
-/// parent stay at their zero pose; loop-closing joints are not solved for.
+/// parent stay at their zero pose; loop-closing joints are not solved for: State::q says how they stand then.
 State state_at(const Model& model, std::span<const double> q);
 /// The start: every axis at its `initial` coordinate, drives at time 0, bodies at their initial velocities.
 State initial_state(const Model& model);

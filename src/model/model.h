@@ -16,8 +16,8 @@ namespace handsim::model {
 /// Index of the world in `Model::bodies`.
 inline constexpr int kWorld = 0;
 
-/// What a thing is painted as; also tells fingers apart in tables.
-enum class Tint { palm, thumb, index, middle, ring, little, object, ground, mechanism };
+/// What a shape is a part of: contact sums and tables tell shapes apart by it, pictures colour them by it.
+enum class Part { palm, thumb, index, middle, ring, little, object, ground, mechanism };
 
 enum class Side { right, left };
 
@@ -48,7 +48,7 @@ struct Shape {
   std::shared_ptr<const ConvexMesh> mesh;  ///< convex_mesh; the shape's centre is its centroid
   int group = 0;                           ///< index into `Model::groups`
   int material = 0;                        ///< index into `Model::materials`
-  Tint tint = Tint::object;
+  Part part = Part::object;
 };
 
 enum class JointKind {
@@ -63,10 +63,9 @@ int dof_count(JointKind kind);
 
 /// Limits of one joint coordinate.
 struct Stop {
-  double low = 0;           ///< [rad] or [m], below `high`
-  double high = 0;          ///< [rad] or [m]
-  double bounce = 0;        ///< restitution at the stop, 0..1
-  double fudge_factor = 1;  ///< ODE's: scales a motor's force when it leaves a stop, 0..1
+  double low = 0;     ///< [rad] or [m], below `high`
+  double high = 0;    ///< [rad] or [m]
+  double bounce = 0;  ///< restitution at the stop, 0..1
 };
 
 /// Linear passive tissue across one joint coordinate: torque = -stiffness (q - rest) - damping qdot.

@@ -1,4 +1,5 @@
-// What changes: body poses and velocities at a time. Engines write it, everyone else reads it.
+// What changes: how bodies and joints stand and move at a time, and what acted along the joints in the step
+// that led there. Engines write it, everyone else reads it.
 #pragma once
 
 #include <vector>
@@ -16,24 +17,24 @@ struct BodyState {
   Pose pose() const { return {p, q}; }
 };
 
-/// How far two touching shapes have slid on each other without being pulled back yet. An engine that holds
-/// friction by position keeps it from step to step.
-struct Presliding {
-  int shape_a = 0;
-  int shape_b = 0;
-  Vec3 shift =
-      Vec3::Zero();  ///< of a's surface against b's at the middle of the contact, in b's body frame [m]
-  double turn = 0;   ///< of a against b about the contact's normal [rad]
-};
-
 struct State {
-  double time = 0;                     ///< [s]
-  std::vector<BodyState> bodies;       ///< as Model::bodies; [0], the world, stays at rest at the origin
-  std::vector<Presliding> presliding;  ///< ODE only: of the pairs that touched in the last step; empty: none
+  double time = 0;                ///< [s]
+  std::vector<BodyState> bodies;  ///< as Model::bodies; [0], the world, stays at rest at the origin
+
+  // By coordinate, size Model::dof_count(). q and u say of the joints what `bodies` says: an engine that is
+  // handed a state finds them anew.
+  std::vector<double> q;  ///< coordinates as in kinematics.h, angles in (-pi, pi] [rad] or [m]
+  std::vector<double> u;  ///< rates as in kinematics.h [rad/s] or [m/s]
+  /// Torque that acted on the child in the last step, positive along the coordinate, its mean over the step
+  /// where the engine holds it constant (ode), else its value at the step's end: given torques, servos and
+  /// passive tissue as the engine solved them. Without the forces of stops, contacts and the joint's own
+  /// constraints. Of a ball: the given torque in F. Zero before the first step [N m] or [N].
+  std::vector<double> tau;
+  std::vector<double> tau_servo;  ///< the servos' part of tau, within their limits [N m] or [N]
 };
 
-/// Names time and bodies to an archive (core/archive.h); the number of bodies is the model's, and presliding
-/// its engine's to carry.
+/// Names time, bodies and torques to an archive (core/archive.h); the numbers of them are the model's, and q and u
+/// follow from the bodies.
 template <class Archive, class T>
 void carry(Archive& archive, T& state) {
   archive(state.time);
@@ -43,6 +44,8 @@ void carry(Archive& archive, T& state) {
     archive(body.v);
     archive(body.w);
   }
+  archive.each(state.tau);
+  archive.each(state.tau_servo);
 }
 
 }  // namespace handsim::model

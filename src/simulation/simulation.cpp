@@ -3,14 +3,18 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <map>
+#include <mutex>
 #include <new>
-#include <optional>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "handsim/engine/checks.h"
 #include "handsim/engine/contact/overlap.h"
+#include "handsim/engine/contact/pair_table.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/simulation/climb_load.h"
 
 namespace handsim::simulation {
 
@@ -20,6 +24,8 @@ using Clock = std::chrono::steady_clock;
 
 /// Deepest that an object may start in a hand [m].
 constexpr double kDeepestStart = 1e-3;
+/// Steps from one that is timed to the next.
+constexpr long kTimedEvery = 16;
 /// Pairs of shapes that are named for one object; more are counted.
 constexpr std::size_t kNamedPairs = 10;
 
@@ -27,17 +33,8 @@ double ns_between(Clock::time_point a, Clock::time_point b) {
   return std::chrono::duration<double, std::nano>(b - a).count();
 }
 
-/// True where a rule lets the two touch.
-bool meet(const model::Model& model, const model::Shape& a, const model::Shape& b) {
-  return std::any_of(model.contact_rules.begin(), model.contact_rules.end(),
-                     [&](const model::ContactRule& rule) {
-                       return (rule.group_a == a.group && rule.group_b == b.group) ||
-                              (rule.group_a == b.group && rule.group_b == a.group);
-                     });
-}
-
-const scene::Scene& checked(const scene::Scene& scene) {
-  check_start(scene);
+std::shared_ptr<const scene::Scene> checked(std::shared_ptr<const scene::Scene> scene) {
+  check_start(*scene);
   return scene;
 }
 
@@ -46,22 +43,23 @@ const scene::Scene& checked(const scene::Scene& scene) {
 void check_start(const scene::Scene& scene) {
   if (!scene.spec.solver.effects.has(model::Effect::object_contact)) return;
   const auto of_hand = [](const model::Shape& shape) {
-    return shape.tint != model::Tint::object && shape.tint != model::Tint::ground &&
-           shape.tint != model::Tint::mechanism;
+    return shape.part != model::Part::object && shape.part != model::Part::ground &&
+           shape.part != model::Part::mechanism;
   };
   std::vector<Problem> problems;
   std::vector<std::size_t> pairs(scene.plans.objects.size());
+  const engine::PairTable rules(scene.model);
   const std::string need = fmt::format("at most {:g} mm, or overlap: allowed", 1e3 * kDeepestStart);
   for (const engine::Overlap& overlap :
        engine::initial_overlaps(scene.model, model::initial_state(scene.model))) {
     const model::Shape* hand = &scene.model.shapes[static_cast<std::size_t>(overlap.shape_a)];
     const model::Shape* other = &scene.model.shapes[static_cast<std::size_t>(overlap.shape_b)];
     if (!of_hand(*hand)) std::swap(hand, other);
-    if (overlap.depth <= kDeepestStart || !of_hand(*hand) || !meet(scene.model, *hand, *other)) continue;
+    if (overlap.depth <= kDeepestStart || !of_hand(*hand) || !rules.meet(hand->group, other->group)) continue;
     const std::string name = other->name.substr(0, other->name.find('.'));
     for (std::size_t i = 0; i < scene.plans.objects.size(); ++i)
       if (const scene::ObjectSpec& object = scene.plans.objects[i];
-          other->tint == model::Tint::object && object.name == name && !object.may_overlap &&
+          other->part == model::Part::object && object.name == name && !object.may_overlap &&
           ++pairs[i] <= kNamedPairs)
         problems.push_back(
             {object.place, fmt::format("objects.{}.position", i),
@@ -77,153 +75,171 @@ void check_start(const scene::Scene& scene) {
   if (!problems.empty()) throw Error(problems);
 }
 
-Simulation::Simulation(const scene::Scene& scene)
-    : scene_(checked(scene)),
-      engine_(engine::make_engine(scene.model, scene.spec.solver)),
-      monitor_(scene.model, scene.spec.solver.step,
-               scene.spec.solver.effects.has(model::Effect::joint_stops)),
-      ledger_(scene.model, scene.spec.solver.effects,
-              model::engine_of(scene.spec.solver.method) != model::EngineKind::articulated),
-      convergence_(scene.model) {
-  if (engine_->tests_contacts())
-    tunnelling_.emplace(scene.model, scene.spec.solver.effects, engine_->state());
-  if (scene.spec.record_contacts) contact_sums_.emplace(scene.model);
-  hash_.add(engine_->state());
-  if (scene.spec.solver.effects.has(model::Effect::actuation)) find_constant_torques();
-  for (const scene::GraspPlan& plan : scene.plans.grasps)
-    grasps_.emplace_back(scene.model, plan, scene.spec.solver.step);
-  // Without actuation nothing pulls.
-  if (scene.spec.solver.effects.has(model::Effect::actuation))
-    for (const scene::ClimbPlan& plan : scene.plans.climbs)
-      climbs_.emplace_back(scene.model, plan, scene.spec.solver.step);
-  if (!scene.control) return;
-  controller_.emplace(scene.model, *scene.control, scene.spec.solver.step, engine_->state());
-  tracking_.emplace(*controller_, scene.spec.solver.step);
-  if (scene.control->form == control::Form::implicit_gain)
-    ledger_.set_driven_rows(static_cast<long>(scene.control->axes.size()));
+/// Made when first asked for, by whichever thread.
+struct Simulation::LazyFingerprint {
+  std::once_flag once;
+  std::shared_ptr<const Fingerprint> value;
+};
+
+Simulation::Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers watchers)
+    : scene_(checked(std::move(scene))),
+      engine_(engine::make_engine(scene_->model, scene_->spec.solver)),
+      maker_(std::move(watchers)),
+      fingerprint_(std::make_shared<LazyFingerprint>()) {
+  const scene::SceneSpec& spec = scene_->spec;
+  const double step = spec.solver.step;
+  if (spec.solver.effects.has(model::Effect::actuation)) {
+    find_constant_torques();
+    for (const scene::ClimbPlan& plan : scene_->plans.climbs)
+      actuators_.push_back(std::make_unique<ClimbLoad>(scene_->model, plan, step));
+  }
+  if (scene_->control)
+    controller_ =
+        std::make_unique<control::Controller>(scene_->model, *scene_->control, step, engine_->state());
+  make_watchers();
+}
+
+void Simulation::make_watchers() {
+  watchers_ = maker_({*scene_, *engine_, controller_.get()});
+  timed_ = std::any_of(watchers_.begin(), watchers_.end(),
+                       [](const auto& watcher) { return watcher->wants_times(); });
 }
 
 void Simulation::find_constant_torques() {
-  constant_.resize(static_cast<std::size_t>(scene_.model.dof_count()));
-  for (const model::Joint& joint : scene_.model.joints)
+  constant_.resize(static_cast<std::size_t>(model().dof_count()));
+  for (const model::Joint& joint : model().joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
       constant_[static_cast<std::size_t>(joint.first_dof) + a] = joint.axes[a].torque;
   if (std::all_of(constant_.begin(), constant_.end(), [](double torque) { return torque == 0; }))
     constant_.clear();
 }
 
-/// What drives the joints in the next step: the controller, torques that are constant, and climbs.
-engine::StepInput Simulation::command() {
+/// The engine's own checks, before anything has changed.
+void Simulation::check(const engine::StepInput& action) const {
+  const auto refuse = [](const std::optional<PhysicsFault>& fault) {
+    if (fault)
+      throw input_error("action." + fault->where, fault->quantity + ": " + fault->detail, "finite numbers");
+  };
+  if (!action.torques.empty()) refuse(engine::torque_fault(model(), state().time, action.torques));
+  if (!action.servos.empty())
+    refuse(engine::servo_fault(model(), engine_->settings(), state().time, action.servos));
+}
+
+/// What drives the joints in the next step: the controller, constant torques, actuators and the caller.
+engine::StepInput Simulation::command(const engine::StepInput& action) {
   if (controller_) controller_->command(engine_->state());
-  if (climbs_.empty() && !controller_) return {.torques = constant_};
-  if (climbs_.empty() && constant_.empty()) return {controller_->torques(), controller_->servos()};
-  const auto dofs = static_cast<std::size_t>(scene_.model.dof_count());
+  if (actuators_.empty() && action.torques.empty() && action.servos.empty()) {
+    if (!controller_) return {.torques = constant_};
+    if (constant_.empty()) return {controller_->torques(), controller_->servos()};
+  }
+  const auto dofs = static_cast<std::size_t>(model().dof_count());
+  bool any_servos = !actuators_.empty() || !action.servos.empty();
   sum_ = constant_;
   sum_.resize(dofs);
   servos_.assign(dofs, {});
-  if (controller_) {
-    const std::span<const double> torques = controller_->torques();
+  const auto add = [&](std::span<const double> torques) {
     for (std::size_t i = 0; i < torques.size(); ++i) sum_[i] += torques[i];
+  };
+  if (controller_) {
+    add(controller_->torques());
     std::copy(controller_->servos().begin(), controller_->servos().end(), servos_.begin());
+    any_servos = any_servos || !controller_->servos().empty();
   }
-  for (const ClimbWatch& climb : climbs_) climb.command(engine_->state(), sum_, servos_);
-  return {sum_, servos_};
+  for (const auto& actuator : actuators_) actuator->command(engine_->state(), sum_, servos_);
+  add(action.torques);
+  for (std::size_t i = 0; i < action.servos.size(); ++i)
+    if (action.servos[i].limit > 0) servos_[i] = action.servos[i];
+  return {sum_, any_servos ? std::span<const model::Servo>(servos_) : std::span<const model::Servo>()};
 }
 
-void Simulation::step() {
+void Simulation::step(const engine::StepInput& action) {
   if (failure_) throw Error(*failure_);
+  if (!action.torques.empty() || !action.servos.empty()) check(action);
   try {
-    advance();
+    advance(action);
   } catch (const std::bad_alloc&) {
     failure_.emplace(PhysicsFault{state().time, "the run", "memory", "none is left: use fewer bodies"});
     throw Error(*failure_);
   }
 }
 
-void Simulation::advance() {
-  const bool timed = ledger_.times_next();
+void Simulation::advance(const engine::StepInput& action) {
+  const bool timed = timed_ && steps_ % kTimedEvery == kTimedEvery / 2;
   const auto now = [&] { return timed ? Clock::now() : Clock::time_point(); };
   const Clock::time_point start = now();
-  const engine::StepInput input = command();
+  const engine::StepInput input = command(action);
   const Clock::time_point commanded = now();
   const engine::StepReport report = engine_->step(input);
   const Clock::time_point stepped = now();
   if (controller_) controller_->observe(engine_->state());
+  ++steps_;
+  if (watchers_.empty()) return;
   const Clock::time_point observed = now();
-  if (tracking_) tracking_->look(engine_->state().time);
-  for (GraspWatch& grasp : grasps_) grasp.look(*engine_);
-  for (ClimbWatch& climb : climbs_) climb.look(*engine_);
-  monitor_.look(engine_->state());
-  // An engine collides before it moves.
-  monitor_.look(engine_->contacts(), engine_->state().time - engine_->settings().step);
-  if (tunnelling_) tunnelling_->look(engine_->contacts(), engine_->state());
-  convergence_.look(report, engine_->state().time);
-  if (contact_sums_)
-    contact_sums_->look(engine_->contacts(), engine_->state().time, engine_->settings().step);
-  ledger_.book(report, engine_->contacts(),
-               {.control = ns_between(start, commanded) + ns_between(stepped, observed),
-                .step = ns_between(commanded, stepped),
-                .check = ns_between(observed, now())});
-  if (steps() % kHashEvery == 0) hash_.add(engine_->state());
-  if (monitor_.apart(kLargestGap)) {
-    const Peak gap = monitor_.joint_gap();
-    failure_.emplace(
-        PhysicsFault{gap.time, gap.where, "joint gap [m]",
-                     fmt::format("{:g} is beyond {:g}: use a smaller step, more iterations or weaker torques",
-                                 gap.value, kLargestGap)});
-    throw Error(*failure_);
-  }
+  const StepTimes times{ns_between(start, commanded) + ns_between(stepped, observed),
+                        ns_between(commanded, stepped), observed};
+  Step made{*engine_, report, timed ? &times : nullptr};
+  for (const auto& watcher : watchers_) watcher->update(made);
+  if (!made.fault) return;
+  failure_.emplace(std::move(*made.fault));
+  throw Error(*failure_);
 }
 
-std::vector<std::string> Simulation::warnings() const {
-  std::vector<std::string> out = convergence_.warnings(ledger_, scene_.spec.solver);
-  if (!tunnelling_) return out;
-  const std::vector<std::string> more = tunnelling_->warnings();
-  out.insert(out.end(), more.begin(), more.end());
+std::uint64_t Simulation::state_hash() const { return get<RunHash>().value(); }
+
+std::vector<Verdict> Simulation::verdicts() const {
+  std::vector<Verdict> out;
+  for (const auto& watcher : watchers_) watcher->add_verdicts(scene_->spec.criteria, out);
   return out;
 }
 
-std::uint64_t Simulation::state_hash() const {
-  StateHash all = hash_;
-  if (steps() % kHashEvery != 0) all.add(engine_->state());
-  return all.value();
+std::vector<std::string> Simulation::warnings() const {
+  std::vector<std::string> out;
+  for (const auto& watcher : watchers_) watcher->add_warnings(out);
+  return out;
 }
 
-std::vector<AxisTracking> Simulation::tracking() const {
-  if (!tracking_) return {};
-  Tracking closed = *tracking_;
-  closed.finish(engine_->state().time);
-  return closed.axes();
+long Simulation::step_count() const {
+  return std::max(1L, std::lround(scene_->spec.duration / scene_->spec.solver.step));
+}
+
+const std::shared_ptr<const Fingerprint>& Simulation::fingerprint() const {
+  std::call_once(fingerprint_->once, [&] {
+    fingerprint_->value = std::make_shared<const Fingerprint>(simulation::fingerprint(*scene_, *engine_));
+  });
+  return fingerprint_->value;
 }
 
 RunSnapshot Simulation::snapshot() const {
   if (failure_) throw Error(*failure_);
-  if (!fingerprint_) fingerprint_ = std::make_shared<const Fingerprint>(fingerprint(scene_, *engine_));
   ArchiveWriter out;
-  out.word(hash_.value());
-  ledger_.save(out);
+  out(steps_);
   carry(out, engine_->state());
   engine_->save(out);
   if (controller_) controller_->save(out);
-  if (tracking_) tracking_->save(out);
-  monitor_.save(out);
-  if (contact_sums_) contact_sums_->save(out);
-  convergence_.save(out);
-  if (tunnelling_) tunnelling_->save(out);
-  for (const GraspWatch& grasp : grasps_) grasp.save(out);
-  for (const ClimbWatch& climb : climbs_) climb.save(out);
-  return {fingerprint_, engine_->state().time, out.take()};
+  out(watchers_.size());
+  for (const auto& watcher : watchers_) {
+    out.word(hash_bytes(watcher->name()));
+    ArchiveWriter part;
+    watcher->save(part);
+    out(part.bytes());
+  }
+  const std::uint64_t sum = hash_bytes(out.bytes());
+  return {fingerprint(), engine_->state().time, out.take(), sum};
 }
 
 void Simulation::restore(const RunSnapshot& snapshot) {
-  const RunSnapshot before = this->snapshot();
-  if (snapshot.scene != fingerprint_) {
-    const std::vector<std::string> other = differences(*snapshot.scene, *fingerprint_);
-    if (!other.empty())
-      throw input_error("snapshot",
-                        fmt::format("one of another scene, which differs in {}", fmt::join(other, ", ")),
-                        "one of this scene");
+  if (failure_) throw Error(*failure_);
+  // Its own bytes, as they were written.
+  if (snapshot.scene == fingerprint() && snapshot.sum == hash_bytes(snapshot.bytes)) {
+    restore_parts(snapshot);
+    return;
   }
+  const std::vector<std::string> other = differences(*snapshot.scene, *fingerprint());
+  if (!other.empty())
+    throw input_error("snapshot",
+                      fmt::format("one of another scene, which differs in {}", fmt::join(other, ", ")),
+                      "one of this scene");
+  const RunSnapshot before = this->snapshot();
   try {
     restore_parts(snapshot);
   } catch (const Error&) {
@@ -234,52 +250,56 @@ void Simulation::restore(const RunSnapshot& snapshot) {
 
 void Simulation::restore_parts(const RunSnapshot& snapshot) {
   ArchiveReader in(snapshot.bytes, "snapshot");
-  hash_.set(in.word());
-  ledger_.restore(in);
+  long steps = 0;
+  in(steps);
   model::State state = engine_->state();
   carry(in, state);
-  const double step = scene_.spec.solver.step;
-  const double time = static_cast<double>(ledger_.steps()) * step;
+  const double step = scene_->spec.solver.step;
+  const double time = static_cast<double>(steps) * step;
   if (state.time != snapshot.time || std::abs(time - state.time) > 1e-6 * step)
-    in.refuse(fmt::format("a state at {:g} s after {} steps", state.time, ledger_.steps()),
-              "times that agree");
+    in.refuse(fmt::format("a state at {:g} s after {} steps", state.time, steps), "times that agree");
   engine_->restore(state, in);
   if (controller_) controller_->restore(in);
-  if (tracking_) tracking_->restore(in);
-  monitor_.restore(in);
-  if (contact_sums_) contact_sums_->restore(in);
-  convergence_.restore(in);
-  if (tunnelling_) tunnelling_->restore(in);
-  if (tunnelling_) tunnelling_->restart(engine_->state());
-  for (GraspWatch& grasp : grasps_) grasp.restore(in);
-  for (ClimbWatch& climb : climbs_) climb.restore(in);
+  steps_ = steps;
+  std::map<std::uint64_t, std::string> parts;  // by the hash of the watcher's name
+  for (std::size_t n = in.size(); n > 0; --n) {
+    const std::uint64_t name = in.word();
+    in(parts[name]);
+  }
   in.finish();
+  for (const auto& watcher : watchers_) {
+    const auto part = parts.find(hash_bytes(watcher->name()));
+    if (part == parts.end())
+      in.refuse(fmt::format("a snapshot without the watcher {}", watcher->name()), "one that has it");
+    ArchiveReader of_part(part->second, "snapshot");
+    watcher->restore(of_part, engine_->state());
+    of_part.finish();
+  }
 }
 
-std::vector<GraspFigures> Simulation::grasps() const {
-  std::vector<GraspFigures> out;
-  for (const GraspWatch& grasp : grasps_) out.push_back(grasp.figures());
+MotionSnapshot Simulation::motion() const {
+  if (failure_) throw Error(*failure_);
+  MotionSnapshot out;
+  out.scene_ = scene_;
+  out.steps_ = steps_;
+  out.state_ = engine_->state();
+  ArchiveWriter bytes;
+  engine_->save(bytes);
+  if (controller_) controller_->save(bytes);
+  out.bytes_ = bytes.take();
   return out;
 }
 
-std::vector<ClimbFigures> Simulation::climbs() const {
-  std::vector<ClimbFigures> out;
-  for (const ClimbWatch& climb : climbs_) out.push_back(climb.figures());
-  return out;
-}
-
-bool Simulation::over() const {
-  return grasps_.empty() && !climbs_.empty() &&
-         std::all_of(climbs_.begin(), climbs_.end(),
-                     [&](const ClimbWatch& climb) { return climb.over(engine_->state().time); });
-}
-
-bool Simulation::grasp_lost() const {
-  return std::any_of(grasps_.begin(), grasps_.end(), [](const GraspWatch& grasp) { return grasp.lost(); });
-}
-
-long Simulation::step_count() const {
-  return std::max(1L, std::lround(scene_.spec.duration / scene_.spec.solver.step));
+void Simulation::reset(const MotionSnapshot& motion) {
+  if (failure_) throw Error(*failure_);
+  if (motion.scene_ != scene_)
+    throw input_error("motion", "one of a simulation with a scene of its own",
+                      "one of a simulation that shares this scene");
+  ArchiveReader in(motion.bytes_, "motion");
+  engine_->restore(motion.state_, in);
+  if (controller_) controller_->restore(in);
+  steps_ = motion.steps_;
+  make_watchers();
 }
 
 }  // namespace handsim::simulation

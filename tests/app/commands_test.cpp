@@ -1,6 +1,7 @@
 // The command line: words it does not take, overrides, exit statuses, what commands print and leave behind.
 // Oracle: the README's exit statuses.
 #include <algorithm>
+#include <regex>
 
 #include <gtest/gtest.h>
 
@@ -219,12 +220,21 @@ TEST(Commands, HandWarnsOfAPersonOutsideTheSurvey) {
 
 TEST(Commands, HelpIsNoErrorAndHasAnExample) {
   EXPECT_EQ(run_program({"--help"}).status, 0);
-  EXPECT_EQ(run_program({"--version"}).status, 0);
   for (const char* command : {"hand", "check", "run", "render", "effects"}) {
     const Outcome outcome = run_program({command, "--help"});
     EXPECT_EQ(outcome.status, 0);
     EXPECT_TRUE(contains(outcome.out, "Example: handsim " + std::string(command))) << outcome.out;
   }
+}
+
+// Oracle: the forms that git and pkg-config write.
+TEST(Commands, VersionNamesCommitCompilerAndTheBuildOfOde) {
+  const Outcome outcome = run_program({"--version"});
+  EXPECT_EQ(outcome.status, 0);
+  const std::regex form(
+      "handsim [0-9.]+, commit (unknown|[0-9a-f]{7,40}(-dirty)?)\n(GNU|Clang) [0-9.]+, [A-Za-z]+\n"
+      "ODE 0\\.[0-9.]+, double precision\n");
+  EXPECT_TRUE(std::regex_match(outcome.out, form)) << outcome.out;
 }
 
 TEST(EffectsCommand, RefusesBadInputAsEverywhereAndWritesNothing) {

@@ -1,20 +1,20 @@
 // What is on disk however a run ends: nothing under a final name but whole files, and nothing outside --out.
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/inotify.h>
 #include <sys/resource.h>
 
-#include <chrono>
+#include <array>
 #include <csignal>
 #include <functional>
 #include <map>
-#include <random>
-#include <thread>
 
 #include <nlohmann/json.hpp>
 
 #include "app/program.h"
 #include "handsim/control/motion_file.h"
-#include "handsim/simulation/run/snapshot.h"
+#include "handsim/simulation/run/snapshot_file.h"
 
 namespace handsim::test {
 namespace {
@@ -101,34 +101,55 @@ const std::map<std::string, std::string>& reference() {
   return files_of_reference;
 }
 
+/// Kills a run at the n-th thing that happens in its folder: a file opened, written, closed, named or
+/// removed.
+/// @return false where the run ended by itself before.
+bool killed_at(int n, const fs::path& out, const fs::path& log) {
+  const int watch = inotify_init1(IN_NONBLOCK | IN_CLOEXEC);
+  inotify_add_watch(watch, out.c_str(), IN_ALL_EVENTS);
+  const pid_t child = launch(run_into(out), log, [] {});
+  int status = 0;
+  for (bool ended = false; n > 0 && !ended;) {
+    // Events that came before the end are still to be read after it.
+    ended = waitpid(child, &status, WNOHANG) == child;
+    pollfd ready{watch, POLLIN, 0};
+    poll(&ready, 1, ended ? 0 : 5);
+    alignas(inotify_event) std::array<char, 4096> buffer;
+    const ssize_t size = read(watch, buffer.data(), buffer.size());
+    for (ssize_t at = 0; at < size; --n)
+      at += static_cast<ssize_t>(sizeof(inotify_event) +
+                                 reinterpret_cast<const inotify_event*>(buffer.data() + at)->len);
+    if (ended) {
+      close(watch);
+      return false;
+    }
+  }
+  kill(child, SIGKILL);
+  close(watch);
+  return status_of(child) == -1;
+}
+
 // Oracle: byte equality with the files of a run that was left alone.
 TEST(KilledRun, LeavesNothingButWholeFilesUnderTheirNames) {
   ASSERT_EQ(reference().size(), 8U);
   const TemporaryFolder folder;
   const fs::path log = folder.path() / "log";
-  using Clock = std::chrono::steady_clock;
-  const Clock::time_point start = Clock::now();
-  status_of(launch(run_into(folder.path() / "timed"), log, [] {}));
-  const double whole = std::chrono::duration<double>(Clock::now() - start).count();
-  std::mt19937 random(4);
-  std::uniform_real_distribution<double> when(0, 1.1 * whole);
   int killed = 0, unfinished = 0;
-  for (int i = 0; i < 30; ++i) {
-    const fs::path out = folder.path() / std::to_string(i);
+  bool again = true;
+  for (int n = 1; again; n += 1 + n / 8) {
+    const fs::path out = folder.path() / std::to_string(n);
     fs::create_directory(out);
-    const pid_t child = launch(run_into(out), log, [] {});
-    std::this_thread::sleep_for(std::chrono::duration<double>(when(random)));
-    kill(child, SIGKILL);
-    killed += status_of(child) == -1 ? 1 : 0;
+    again = killed_at(n, out, log);
+    killed += again ? 1 : 0;
     expect_whole(out, reference());
     unfinished += fs::exists(out / "summary.json") ? 0 : 1;
     // What an earlier run left does not stand in the way of the next.
-    if (i % 10 == 0) {
+    if (killed % 8 == 1) {
       EXPECT_EQ(status_of(launch(run_into(out), log, [] {})), 0) << text_of(log);
       EXPECT_TRUE(fs::exists(out / "summary.json"));
     }
   }
-  EXPECT_GT(killed, 5);
+  EXPECT_GT(killed, 10);
   EXPECT_GT(unfinished, 5);
 }
 

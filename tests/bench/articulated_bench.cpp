@@ -60,7 +60,7 @@ void step_against_bare_ode(benchmark::State& state, int width) {
   const model::State start = model::initial_state(load.scene.model);
   engine::ode::OdeEngine bare(load.scene.model, load.scene.spec.solver);
   engine::Settings settings = load.scene.spec.solver;
-  settings.method = engine::Method::semi_implicit_euler;
+  settings.use(engine::ArticulatedMethod::semi_implicit_euler);
   const engine::articulated::Kernel* kernel = nullptr;
   for (const engine::articulated::Kernel* each : engine::articulated::kernels())
     if (each->width == width) kernel = each;
@@ -121,7 +121,7 @@ void step_against_mujoco(benchmark::State& state, bool self_contact) {
   // The servos' damping as the joints' own, which MuJoCo solves implicitly, as the engine does.
   for (int k = 0; k < m->nv; ++k) m->dof_damping[k] += load.servos[0][static_cast<std::size_t>(k)].damping;
   engine::Settings settings = load.scene.spec.solver;
-  settings.method = engine::Method::semi_implicit_euler;
+  settings.use(engine::ArticulatedMethod::semi_implicit_euler);
   engine::articulated::ArticulatedEngine engine(load.scene.model, settings);
   const model::State start = model::initial_state(load.scene.model);
   int touching = 0;
@@ -166,7 +166,7 @@ scene::Scene held(const std::string& name) {
   simulation::Simulation simulation(scene);
   while (simulation.state().time < scene.plans.grasps.front().phase("hold")->start + 1) simulation.step();
   const model::State at = simulation.state();
-  const std::vector<double> q = model::coordinates(scene.model, at);
+  const std::vector<double> q = at.q;
   const std::span<const model::Servo> servos = simulation.controller()->servos();
   scene.model.drives.clear();
   scene.spec.solver.effects.remove(model::Effect::wrist_motion);
@@ -211,7 +211,7 @@ void grasp_against_ode(benchmark::State& state, const char* name) {
   const scene::Scene scene = held(name);
   engine::Settings settings = scene.spec.solver;
   engine::articulated::ArticulatedEngine engine(scene.model, settings);
-  settings.method = engine::Method::world_step;
+  settings.use(engine::OdeMethod::world_step);
   engine::ode::OdeEngine ode(scene.model, settings);
   const model::State start = model::initial_state(scene.model);
   const auto object = static_cast<std::size_t>(object_of(scene));
@@ -321,7 +321,7 @@ BENCHMARK_CAPTURE(grasp_against_mujoco, cup_noslip_20, "grasp_cup", Firmness{10,
 void read_state(benchmark::State& state) {
   const Load load = one_hand();
   engine::Settings settings = load.scene.spec.solver;
-  settings.method = engine::Method::semi_implicit_euler;
+  settings.use(engine::ArticulatedMethod::semi_implicit_euler);
   engine::articulated::ArticulatedEngine engine(load.scene.model, settings);
   model::State out = engine.state();
   for (auto unused : state) {

@@ -22,7 +22,7 @@ void loop_against_bare_ode(benchmark::State& state, const char* name, const char
   const scene::Scene scene = test::shipped_scene(name, {std::string("solver.method=") + method});
   const model::State start = model::initial_state(scene.model);
   engine::ode::OdeEngine bare(scene.model, scene.spec.solver);
-  const bool quick = scene.spec.solver.method == model::Method::quick_step;
+  const bool quick = scene.spec.solver.method() == engine::OdeMethod::quick_step;
   std::unique_ptr<simulation::Simulation> simulation;
   const long steps = simulation::Simulation(scene).step_count();
   compare(
@@ -53,6 +53,61 @@ BENCHMARK_CAPTURE(loop_against_bare_ode, slider_crank_quick_step, "slider_crank_
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
 
+/// A simulation without watchers against its engine alone.
+void loop_against_engine(benchmark::State& state, const char* name, const char* solver) {
+  const auto scene = std::make_shared<const scene::Scene>(test::shipped_scene(name, {solver}));
+  const std::unique_ptr<engine::Engine> bare = engine::make_engine(scene->model, scene->spec.solver);
+  simulation::Simulation simulation(scene, simulation::no_watchers);
+  const simulation::MotionSnapshot start = simulation.motion();
+  const model::State initial = simulation.state();
+  constexpr long kSteps = 2000;
+  compare(
+      state, static_cast<double>(kSteps),
+      [&] {
+        bare->set_state(initial);
+        simulation.reset(start);
+      },
+      [&] {
+        for (long i = 0; i < kSteps; ++i) bare->step({});
+      },
+      [&] {
+        for (long i = 0; i < kSteps; ++i) simulation.step();
+      });
+}
+BENCHMARK_CAPTURE(loop_against_engine, slider_crank_articulated, "slider_crank_iftomm",
+                  "solver={engine: articulated, method: semi_implicit_euler, step: 1 ms}")
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(loop_against_engine, slider_crank_world_step, "slider_crank_iftomm",
+                  "solver={engine: ode, method: world_step, step: 1 ms}")
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(loop_against_engine, two_hands_articulated, "two_hands",
+                  "solver={engine: articulated, method: semi_implicit_euler, step: 1 ms}")
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+
+/// Going back to a moment: engine and controller alone against the whole run.
+void reset_against_restore(benchmark::State& state, const char* name) {
+  const auto scene = std::make_shared<const scene::Scene>(test::shipped_scene(name));
+  simulation::Simulation run(scene), motion(scene, simulation::no_watchers);
+  for (int i = 0; i < 300; ++i) run.step(), motion.step();
+  const simulation::RunSnapshot of_run = run.snapshot();
+  const simulation::MotionSnapshot of_motion = motion.motion();
+  constexpr int kTimes = 500;
+  compare(
+      state, static_cast<double>(kTimes), [] {},
+      [&] {
+        for (int i = 0; i < kTimes; ++i) run.restore(of_run);
+      },
+      [&] {
+        for (int i = 0; i < kTimes; ++i) motion.reset(of_motion);
+      });
+}
+BENCHMARK_CAPTURE(reset_against_restore, slider_crank, "slider_crank_iftomm")->UseManualTime();
+BENCHMARK_CAPTURE(reset_against_restore, dropped_hand, "dropped_hand")->UseManualTime();
+BENCHMARK_CAPTURE(reset_against_restore, grasp_pinch, "grasp_pinch")->UseManualTime();
+
 /// One controlled hand through its poses: what control costs of the step it drives, from the run's ledger.
 void control_share(benchmark::State& state, const char* controller) {
   scene::Scene scene = test::shipped_scene(
@@ -68,8 +123,8 @@ void control_share(benchmark::State& state, const char* controller) {
     (void)unused;
     simulation::Simulation simulation(scene);
     for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-    shares.push_back(simulation.ledger().control_share());
-    for (const simulation::LedgerEntry& phase : simulation.ledger().phases())
+    shares.push_back(simulation.get<simulation::Ledger>().control_share());
+    for (const simulation::LedgerEntry& phase : simulation.get<simulation::Ledger>().phases())
       if (phase.name == "control") control.push_back(*phase.ns_per_step);
   }
   state.counters["share"] = median(shares);
@@ -107,7 +162,7 @@ void frame(benchmark::State& state) {
   for (auto unused : state) {
     (void)unused;
     const auto start = std::chrono::steady_clock::now();
-    simulation::draw(scene, moments, [](std::size_t, const output::Image& image) {
+    simulation::draw(scene.model, scene.spec.pictures, moments, [](std::size_t, const output::Image& image) {
       benchmark::DoNotOptimize(image.rgb.data());
     });
     state.SetIterationTime(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() /

@@ -47,8 +47,8 @@ void island_cost(benchmark::State& state, engine::Method method) {
   const model::Model model = tower(boxes, links);
   engine::Settings settings = engine::test::settings(
       {Effect::gravity, Effect::ground_contact, Effect::friction, Effect::passive_tissue}, 1e-3, method);
-  settings.cfm = 1e-7;
-  settings.iterations = 50;
+  settings.ode().cfm = 1e-7;
+  settings.ode().iterations = 50;
   const auto engine = engine::make_engine(model, settings);
   engine::test::run(*engine, 50);
   std::vector<double> times, contacts;
@@ -67,11 +67,11 @@ void island_cost(benchmark::State& state, engine::Method method) {
   state.counters["rows"] = 3 * median(contacts) + 6 * links;
   state.counters["us"] = 1e6 * median(times);
 }
-BENCHMARK_CAPTURE(island_cost, world_step, engine::Method::world_step)
+BENCHMARK_CAPTURE(island_cost, world_step, engine::OdeMethod::world_step)
     ->ArgsProduct({{1, 2, 4, 8, 12, 16}, {0, 12}})
     ->UseManualTime()
     ->Iterations(200);
-BENCHMARK_CAPTURE(island_cost, quick_step_50, engine::Method::quick_step)
+BENCHMARK_CAPTURE(island_cost, quick_step_50, engine::OdeMethod::quick_step)
     ->ArgsProduct({{1, 2, 4, 8, 12, 16}, {0, 12}})
     ->UseManualTime()
     ->Iterations(200);

@@ -156,7 +156,7 @@ TEST(Implicit, ReportsTheTorqueThatActed) {
       controller.command(engine->state());
       engine->step({controller.torques(), controller.servos()});
       controller.observe(engine->state());
-      const double rate = model::rates(bench.model, engine->state())[0];
+      const double rate = engine->state().u[0];
       EXPECT_NEAR(controller.axes()[0].torque, kInertia * (rate - before) / kStep, 1e-12);
       before = rate;
     }
@@ -196,7 +196,7 @@ TEST(Gravity, IsTheGradientOfPotentialEnergy) {
   for (int trial = 0; trial < 10; ++trial) {
     const model::State state = hand.posture();
     const std::span<const double> torques = load.torques(state);
-    std::vector<double> q = model::coordinates(hand.model, state);
+    std::vector<double> q = state.q;
     for (std::size_t i = 0; i < q.size(); ++i) {
       const double middle = q[i];
       q[i] = middle + 1e-5;
@@ -221,7 +221,7 @@ void expect_inertia_of_engine(const scene::Scene& scene) {
       torques.push_back(1e-3 * std::uniform_real_distribution<double>(-1, 1)(hand.random));
     engine->set_state(state);
     engine->step({.torques = torques});
-    const std::vector<double> rates = model::rates(hand.model, engine->state());
+    const std::vector<double> rates = engine->state().u;
     const Eigen::VectorXd found =
         inertia * Eigen::Map<const Eigen::VectorXd>(rates.data(), inertia.cols()) / 1e-5;
     for (Eigen::Index i = 0; i < found.size(); ++i)

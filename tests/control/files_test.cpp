@@ -12,8 +12,6 @@
 namespace handsim::control {
 namespace {
 
-constexpr double kDegree = M_PI / 180;
-
 /// The first problem's text of a scene with changes; empty where it is good.
 std::string refused(const std::vector<std::string>& overrides, const std::string& scene = "every_pose") {
   try {

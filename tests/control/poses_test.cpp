@@ -13,7 +13,6 @@
 namespace handsim::control {
 namespace {
 
-constexpr double kDegree = M_PI / 180;
 constexpr const char* kFingers[] = {"index", "middle", "ring", "little"};
 constexpr const char* kNames[] = {"open",      "rest",      "fist",        "point",           "pinch",
                                   "tripod",    "hook",      "half_crimp",  "open_hand_crimp", "thumb_up",

@@ -6,7 +6,7 @@
 
 #include "engine/models.h"
 #include "handsim/engine/ode/ode_engine.h"
-#include "handsim/engine/ode/spring.h"
+#include "handsim/engine/spring.h"
 
 namespace handsim::engine {
 namespace {
@@ -47,7 +47,7 @@ double pendulum_angle(double step) {
   model.joints[0].axes[0].initial = 0.05;
   const auto engine = make_engine(model, settings({Effect::gravity}, step));
   test::run(*engine, static_cast<int>(std::lround(0.5 / step)));
-  return model::coordinates(model, engine->state())[0];
+  return engine->state().q[0];
 }
 
 // Oracle: closed form, w^2 = m g l / (I + m l^2); amplitude lengthens the period by a^2/16 = 1.6e-4.
@@ -61,7 +61,7 @@ TEST(Pendulum, SwingsWithItsSmallAnglePeriod) {
   double last = 0.05;
   while (downward < 2 && engine->state().time < 2) {
     engine->step({});
-    const double angle = model::coordinates(model, engine->state())[0];
+    const double angle = engine->state().q[0];
     if (last > 0 && angle <= 0) ++downward;
     last = angle;
   }
@@ -78,10 +78,10 @@ TEST(Pendulum, ConvergesAtFirstOrder) {
 
 // Oracle: closed form of both, by definition.
 TEST(SoftRow, HasTheErpAndCfmOfASpringDamper) {
-  const ode::SoftRow row = ode::soft_row(200, 3, 0.01);
+  const SoftRow row = soft_row(200, 3, 0.01);
   EXPECT_DOUBLE_EQ(row.erp, 0.4);
   EXPECT_DOUBLE_EQ(row.cfm, 0.2);
-  EXPECT_EQ(ode::soft_row(0, 3, 0.01).erp, 0);
+  EXPECT_EQ(soft_row(0, 3, 0.01).erp, 0);
 }
 
 /// Follows tissue on one coordinate of inertia `inertia` beside its recurrence.
@@ -94,7 +94,7 @@ void follow_tissue(const model::Model& model, double inertia, double q, double s
     engine->step({});
     v = (inertia * v - h * stiffness * (q - rest)) / (inertia + h * (damping + h * stiffness));
     q += h * v;
-    ASSERT_NEAR(model::coordinates(model, engine->state())[0], q, 1e-9) << "step " << i;
+    ASSERT_NEAR(engine->state().q[0], q, 1e-9) << "step " << i;
   }
 }
 
@@ -140,7 +140,7 @@ TEST(Tissue, OnAUniversalJointHoldsEachAxisByItsOwnStiffness) {
     const auto engine = make_engine(model, settings({Effect::passive_tissue, Effect::wrist_motion}));
     const std::vector<double> tau = {0.02, -0.06};
     for (int i = 0; i < 3000; ++i) engine->step({tau});
-    const std::vector<double> q = model::coordinates(model, engine->state());
+    const std::vector<double> q = engine->state().q;
     EXPECT_NEAR(q[0], 0.2, 1e-6);
     EXPECT_NEAR(q[1], 0.1 - 0.3, 1e-6);
   }
@@ -287,15 +287,17 @@ TEST_P(BothMethods, GoOnFromASavedStateAsIfNeverStopped) {
   const auto engine = make_engine(model, with());
   test::run(*engine, 500);
   const model::State saved = engine->state();
+  ArchiveWriter rest;
+  engine->save(rest);
   int contacts = 0;
   for (int i = 0; i < 3000; ++i) contacts += engine->step({}).contacts;
   EXPECT_GT(contacts, 3000);
   const std::vector<std::uint64_t> want = test::bits(engine->state());
-  engine->set_state(saved);
+  test::resume(*engine, saved, rest.bytes());
   test::run(*engine, 3000);
   EXPECT_EQ(test::bits(engine->state()), want);
   const auto fresh = make_engine(model, with());
-  fresh->set_state(saved);
+  test::resume(*fresh, saved, rest.bytes());
   test::run(*fresh, 3000);
   EXPECT_EQ(test::bits(fresh->state()), want);
 }
@@ -329,17 +331,17 @@ TEST_P(BothMethods, GiveTheSameBitsInEightThreads) {
   for (auto& each : found) EXPECT_EQ(each.get(), test::bits(alone->state()));
 }
 
-INSTANTIATE_TEST_SUITE_P(Methods, BothMethods, testing::Values(Method::world_step, Method::quick_step),
+INSTANTIATE_TEST_SUITE_P(Methods, BothMethods, testing::Values(OdeMethod::world_step, OdeMethod::quick_step),
                          [](const auto& each) {
-                           return each.param == Method::world_step ? "WorldStep" : "QuickStep";
+                           return each.param == OdeMethod::world_step ? "WorldStep" : "QuickStep";
                          });
 
 // Oracle: the seed is a setting; another one gives another shuffle and other bits.
 TEST(QuickStep, DependsOnItsSeed) {
   const model::Model model = busy_hand();
-  Settings with = settings({Effect::gravity, Effect::joint_stops}, 1e-3, Method::quick_step);
+  Settings with = settings({Effect::gravity, Effect::joint_stops}, 1e-3, OdeMethod::quick_step);
   const auto a = make_engine(model, with);
-  with.seed = 2;
+  with.ode().seed = 2;
   const auto b = make_engine(model, with);
   test::run(*a, 200);
   test::run(*b, 200);

@@ -15,12 +15,31 @@ namespace handsim::engine::test {
 using model::Effect;
 
 inline Settings settings(std::initializer_list<Effect> effects, double step = 1e-3,
-                         Method method = Method::world_step) {
+                         Method method = OdeMethod::world_step) {
   Settings out;
   out.step = step;
-  out.method = method;
+  out.use(method);
   for (const Effect effect : effects) out.effects.add(effect);
   return out;
+}
+
+inline void set_erp(Settings& settings, double erp) {
+  std::visit([erp](auto& own) { own.erp = erp; }, settings.own);
+}
+
+/// Of engines that have one.
+inline void set_tolerance(Settings& settings, double tolerance) {
+  std::visit(
+      [tolerance](auto& own) {
+        if constexpr (requires { own.tolerance; }) own.tolerance = tolerance;
+      },
+      settings.own);
+}
+
+/// Goes on where another engine of the same model stands.
+inline void resume(Engine& engine, const model::State& state, const std::string& bytes) {
+  ArchiveReader in(bytes, "saved");
+  engine.restore(state, in);
 }
 
 inline model::Body body(const std::string& name, double mass, const Vec3& inertia, const Pose& pose = {}) {
@@ -131,7 +150,7 @@ inline model::Model five_fingers(bool stops, bool tissue, bool shapes = false) {
           child, at, {Vec3(0, 0, -length / 2), Quat::Identity()},
           knuckle ? std::vector<Vec3>{Vec3::UnitX(), Vec3::UnitY()} : std::vector<Vec3>{Vec3::UnitX()});
       for (model::JointAxis& axis : joint.axes) {
-        if (stops) axis.stop = model::Stop{-0.2, 1.2, 0, 1};
+        if (stops) axis.stop = model::Stop{-0.2, 1.2, 0};
         if (tissue) axis.tissue = model::Tissue{0.02, 2e-4, 0.1};
       }
       if (shapes) {

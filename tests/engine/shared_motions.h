@@ -39,15 +39,15 @@ inline model::Model shipped_hand(const char* name, hand::Mount mount) {
 inline std::vector<double> fallen(const model::Model& model, Method method, double step,
                                   double tolerance = 1e-10, double torque = 1e-3) {
   Settings with = settings({Effect::gravity, Effect::passive_tissue}, step, method);
-  with.tolerance = tolerance;
+  test::set_tolerance(with, tolerance);
   const auto engine = make_engine(model, with);
   std::vector<double> torques(static_cast<std::size_t>(model.dof_count()));
   for (std::size_t i = 0; i < torques.size(); ++i) torques[i] = i % 2 == 0 ? 2 * torque : -torque;
   for (long i = 0; i < std::lround(0.2 / step); ++i) engine->step({torques});
-  if (method == Method::stabilised_gear) {
+  if (method == DaeMethod::stabilised_gear) {
     EXPECT_LT(handsim::test::largest_gap(model, engine->state()), 1e-10);
   }
-  return model::coordinates(model, engine->state());
+  return engine->state().q;
 }
 
 /// A pendulum under a palm that moves through three keyframes.
@@ -78,7 +78,7 @@ inline Vec3 carried(model::Interpolation interpolation, Method method, double st
   const Pose want = model.drives[0].motion.at(0.4) * model.drives[0].frame.inverse();
   EXPECT_LT((engine->state().bodies[1].p - want.p).norm(), 1e-12);
   EXPECT_LT(handsim::test::largest_gap(model, engine->state()),
-            method == Method::stabilised_gear ? 1e-10 : 1e-3);
+            method == DaeMethod::stabilised_gear ? 1e-10 : 1e-3);
   return engine->state().bodies[2].p;
 }
 

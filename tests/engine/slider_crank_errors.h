@@ -22,7 +22,7 @@ inline SliderCrankErrors run(const study::SliderCrankSpec& spec, Method method, 
                              double tolerance = 1e-9) {
   const model::Model model = handsim::test::slider_crank(spec);
   Settings with = settings({Effect::gravity}, step, method);
-  with.tolerance = tolerance;
+  test::set_tolerance(with, tolerance);
   const auto engine = make_engine(model, with);
   const auto reference = study::SliderCrankReference(spec).series(duration, step);
   std::vector<double> torques(static_cast<std::size_t>(model.dof_count()), 0.0);

@@ -3,6 +3,7 @@
 
 #include "fuzz/fuzz.h"
 #include "handsim/core/archive.h"
+#include "handsim/simulation/run/snapshot_file.h"
 #include "handsim/simulation/simulation.h"
 
 namespace {

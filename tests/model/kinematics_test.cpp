@@ -105,8 +105,8 @@ TEST(Defects, EachIsNamed) {
   EXPECT_EQ(defect([](Model& m) { m.bodies[1].inertia(0, 0) = -1; }), "b.inertia");
   EXPECT_EQ(defect([](Model& m) { m.bodies[1].zero_pose.q.coeffs() *= 0; }), "b.zero_pose.rotation");
   EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[1].axis = m.joints[0].axes[0].axis; }), "j.axes");
-  EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[0].stop = Stop{1, -1, 0, 1}; }), "j.a.stop");
-  EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[0].stop = Stop{std::nan(""), 1, 0, 1}; }), "j.a.stop");
+  EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[0].stop = Stop{1, -1, 0}; }), "j.a.stop");
+  EXPECT_EQ(defect([](Model& m) { m.joints[0].axes[0].stop = Stop{std::nan(""), 1, 0}; }), "j.a.stop");
   EXPECT_EQ(defect([](Model& m) { m.joints[0].axes.pop_back(); }), "j.axes");
   EXPECT_EQ(defect([](Model& m) { m.gravity.z() = INFINITY; }), "gravity");
   EXPECT_EQ(defect([](Model& m) { m.contact_rules.push_back({0, 3}); }), "contact_rules");

@@ -73,7 +73,7 @@ Held hold_here(ShapeKind kind, double force, Method method) {
   const model::Model model = pinch(kind);
   Settings how = test::settings(
       {Effect::gravity, Effect::object_contact, Effect::friction, Effect::actuation}, kStep, method);
-  how.iterations = 50;
+  how.ode().iterations = 50;
   const auto engine = make_engine(model, how);
   const std::vector<double> forces = {force, -force};
   const auto run = [&](double time) {
@@ -114,8 +114,8 @@ TEST_P(MujocoPinch, SlipsNoLessThanOurs) {
   const double needed = kMass * kG / (2 * kFriction);
   for (const double ratio : {1.05, 1.5, 5.0, 38.0}) {
     const double force = ratio * needed;
-    const Held direct = hold_here(GetParam().shape, force, Method::world_step);
-    const Held iterative = hold_here(GetParam().shape, force, Method::quick_step);
+    const Held direct = hold_here(GetParam().shape, force, OdeMethod::world_step);
+    const Held iterative = hold_here(GetParam().shape, force, OdeMethod::quick_step);
     const Held plain = hold_there(folder.path(), {{"cone", "elliptic"}}, GetParam(), force);
     const Held stiff =
         hold_there(folder.path(), {{"cone", "elliptic"}, {"impratio", "10"}}, GetParam(), force);

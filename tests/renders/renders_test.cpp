@@ -3,8 +3,8 @@
 
 #include <cstdlib>
 
-#include "handsim/output/render/image.h"
 #include "scene_files.h"
+#include "support/read_png.h"
 
 namespace handsim {
 namespace {
@@ -62,8 +62,8 @@ TEST_P(Renders, AreWhatTheProgramDraws) {
   ASSERT_EQ(
       std::system(("cd " HANDSIM_SOURCE_DIR " && " HANDSIM_PROGRAM " " + command + " >/dev/null").c_str()),
       0);
-  const output::Image made = output::read_png(folder.path() / GetParam().made);
-  const output::Image kept = output::read_png(test::source("renders") / GetParam().picture);
+  const output::Image made = test::read_png(folder.path() / GetParam().made);
+  const output::Image kept = test::read_png(test::source("renders") / GetParam().picture);
   const Difference difference = compare(made, kept);
   EXPECT_TRUE(alike(difference)) << "mean " << difference.mean << ", share " << difference.share;
 }
@@ -74,8 +74,8 @@ TEST(Compare, TellsMomentsApart) {
   const std::string program =
       "cd " HANDSIM_SOURCE_DIR " && " HANDSIM_PROGRAM " render config/dropped_hand.yaml";
   ASSERT_EQ(std::system((program + " --time 0.45 --out " + (folder.path() / "p.png").string()).c_str()), 0);
-  EXPECT_FALSE(alike(compare(output::read_png(folder.path() / "p.png"),
-                             output::read_png(test::source("renders/dropped_hand.png")))));
+  EXPECT_FALSE(alike(compare(test::read_png(folder.path() / "p.png"),
+                             test::read_png(test::source("renders/dropped_hand.png")))));
 }
 
 }  // namespace

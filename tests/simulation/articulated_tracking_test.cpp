@@ -17,7 +17,7 @@ std::vector<double> tracked(const std::string& engine, const std::string& method
                                             "solver.step=" + step, "duration=1.5", "solver.erp=0.8"});
   Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-  return model::coordinates(scene.model, simulation.state());
+  return simulation.state().q;
 }
 
 double distance(const std::vector<double>& a, const std::vector<double>& b) {

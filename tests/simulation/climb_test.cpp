@@ -15,8 +15,8 @@ constexpr double kG = 9.80665;
 ClimbFigures run(const scene::Scene& scene) {
   Simulation simulation(scene);
   const long steps = simulation.step_count();
-  for (long i = 0; i < steps && !simulation.over(); ++i) simulation.step();
-  return simulation.climbs().front();
+  for (long i = 0; i < steps && !simulation.get<Climbs>().over(); ++i) simulation.step();
+  return simulation.figures<Climbs>().front();
 }
 
 scene::Scene compiled(const std::string& text) {
@@ -111,8 +111,7 @@ scene::Scene half_crimp(const std::vector<std::string>& overrides = {}) {
 TEST(Climb, TheHoldBearsTheLoadAndTheHand) {
   const scene::Scene scene = half_crimp();
   Simulation simulation(scene);
-  const ClimbWatch& climb = simulation.climb_watches().front();
-  while (climb.load(simulation.state().time) < 100) simulation.step();
+  while (load_at(scene.plans.climbs.front(), simulation.state().time) < 100) simulation.step();
   double up = 0;
   for (const engine::Contact& contact : simulation.engine().contacts()) {
     const bool first = scene.model.shapes[static_cast<std::size_t>(contact.shape_b)].body == model::kWorld;

@@ -104,9 +104,9 @@ TEST(UniversalWrist, HoldsTheWristCentreAndKeepsItsAxesPerpendicular) {
       "[gravity, joint_stops, passive_tissue]");
   Simulation simulation(scene);
   run_steps(simulation, 1000);
-  const std::vector<double> q = model::coordinates(scene.model, simulation.state());
+  const std::vector<double> q = simulation.state().q;
   EXPECT_GT(std::abs(q[0]) + std::abs(q[1]), 0.02);
-  EXPECT_LT(simulation.monitor().joint_gap().value, 1e-4);
+  EXPECT_LT(simulation.get<Monitor>().joint_gap().value, 1e-4);
 }
 
 // Oracle: semi-implicit Euler of a falling point, z = -g h^2 n (n + 1) / 2, for the hand's centre of mass.
@@ -148,7 +148,7 @@ TEST(DrivenWrist, FollowsItsKeyframes) {
         {worst, (wanted.p - found.p).norm(), rotation_vector(wanted.q.conjugate() * found.q).norm()});
   }
   EXPECT_LT(worst, 1e-12);
-  EXPECT_LT(simulation.monitor().joint_gap().value, 5e-4);
+  EXPECT_LT(simulation.get<Monitor>().joint_gap().value, 5e-4);
 }
 
 }  // namespace

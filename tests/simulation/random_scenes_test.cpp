@@ -22,6 +22,7 @@ struct Count {
 };
 
 TEST(RandomScenes, RunOrEndInATypedError) {
+  test::drawn::fix_seed();
   std::map<std::string, Count> counts;
   int unasked = 0, tried = 0;
   const bool held = rc::check("runs or ends in a typed error", [&] {

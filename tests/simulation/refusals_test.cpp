@@ -182,17 +182,17 @@ TEST(Memory, AutoGoesOnWithQuickStepWhereTheDirectSolverDoesNotFit) {
   Simulation simulation(scene);
   const LittleMemory little(std::size_t{30} << 20);
   simulation.step();
-  EXPECT_EQ(simulation.ledger().iterative_steps(), 1);
+  EXPECT_EQ(simulation.get<Convergence>().iterative_steps(), 1);
   EXPECT_NEAR(simulation.state().time, 1e-3, 1e-12);
 }
 
 // Oracle: the guard's ladder ends with quick_step, which fits.
 TEST(Memory, TheGuardGoesOnWithQuickStepToo) {
-  const scene::Scene scene = many_boxes(12, "method: world_step", ", step_guard");
+  const scene::Scene scene = many_boxes(12, "method: world_step, guard: true");
   Simulation simulation(scene);
   const LittleMemory little(std::size_t{30} << 20);
   simulation.step();
-  EXPECT_EQ(simulation.ledger().rungs()[static_cast<std::size_t>(engine::Rung::quick_step)], 1);
+  EXPECT_EQ(simulation.get<Convergence>().rungs()[static_cast<std::size_t>(engine::Rung::quick_step)], 1);
 }
 
 TEST(Memory, WhatIsFreeIsNoMoreThanTheLimitLeaves) {

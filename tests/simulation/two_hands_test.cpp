@@ -18,8 +18,8 @@ Peak deepest(const std::vector<std::string>& overrides) {
   const scene::Scene scene = test::shipped_scene(kScene, overrides);
   Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-  EXPECT_EQ(simulation.ledger().lcp_failures(), 0);
-  return simulation.monitor().penetration();
+  EXPECT_EQ(simulation.get<Convergence>().lcp_failures(), 0);
+  return simulation.get<Tunnelling>().penetration();
 }
 
 class TwoHands : public testing::TestWithParam<std::vector<std::string>> {};

@@ -3,14 +3,14 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <thread>
 
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
+#include "handsim/engine/contact/ode_library.h"
 #include "handsim/engine/multibody/projection.h"
-#include "handsim/engine/ode/handlers.h"
 #include "handsim/model/kinematics.h"
-#include "handsim/model/validate.h"
 
 namespace handsim::engine::articulated {
 
@@ -22,53 +22,13 @@ constexpr int kJointCorrections = 8, kSingleCorrections = 200;
 /// A start whose loops are further apart than this is said to have been moved, beyond kOpen refused [m].
 constexpr double kMovedGap = 1e-9, kOpen = 1e-8;
 
-bool smooth(const Settings& settings) { return settings.method != Method::semi_implicit_euler; }
-
-bool has_stops(const model::Model& model) {
-  for (const model::Joint& joint : model.joints)
-    for (const model::JointAxis& axis : joint.axes)
-      if (axis.stop) return true;
-  return false;
+bool smooth(const Settings& settings) {
+  return settings.articulated().method != ArticulatedMethod::semi_implicit_euler;
 }
 
 bool has_forces(const model::JointAxis& axis, const model::Effects& effects) {
   return (axis.stop && effects.has(model::Effect::joint_stops)) ||
          (axis.tissue && effects.has(model::Effect::passive_tissue));
-}
-
-std::vector<Problem> all_defects(const model::Model& model, const Settings& settings) {
-  std::vector<Problem> problems = defects(settings);
-  const std::vector<Problem> of_model = model::defects(model);
-  problems.insert(problems.end(), of_model.begin(), of_model.end());
-  for (const model::Effect effect :
-       {model::Effect::object_contact, model::Effect::self_contact, model::Effect::ground_contact})
-    if (smooth(settings) && settings.effects.has(effect))
-      problems.push_back(
-          {std::nullopt, "effects", std::string(name(effect)),
-           fmt::format("no contact with {}: leave the effect out, or use semi_implicit_euler or engine ode",
-                       name(settings.method))});
-  // Contact defects read indices that only a sound model has right.
-  if (of_model.empty() && !smooth(settings)) {
-    const std::vector<Problem> of_contact = ode::contact_defects(model, settings.effects);
-    problems.insert(problems.end(), of_contact.begin(), of_contact.end());
-  }
-  if (settings.effects.has(model::Effect::step_guard))
-    problems.push_back({std::nullopt, "effects", "step_guard",
-                        "no guard with engine articulated: leave the effect out, or use engine ode"});
-  if (settings.projection)
-    problems.push_back({std::nullopt, "solver.projection", "true",
-                        "false for engine articulated, whose joints are always whole"});
-  if (smooth(settings) && settings.effects.has(model::Effect::joint_stops) && has_stops(model))
-    problems.push_back({std::nullopt, "effects", "joint_stops",
-                        fmt::format("smooth motion for {}: leave the effect out, or use semi_implicit_euler",
-                                    name(settings.method))});
-  return problems;
-}
-
-const model::Model& checked(const model::Model& model, const Settings& settings) {
-  std::vector<Problem> problems = all_defects(model, settings);
-  if (!problems.empty()) throw Error(std::move(problems));
-  return model;
 }
 
 }  // namespace
@@ -84,10 +44,10 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
         throw input_error(model.joints[static_cast<std::size_t>(cut.joint)].name,
                           "a stop or tissue on every joint of a loop", "one joint of each loop without");
   if (!mechanism_.topology().cuts.empty()) loops_ = std::make_unique<Loops>(model, mechanism_);
-  if (ode::needs_contacts(model, settings.effects)) {
+  if (needs_contacts(model, settings.effects)) {
     try {
       contact_ = std::make_unique<ContactDynamics>(model, settings, mechanism_, loops_.get());
-    } catch (const ode::OdeFault& fault) {
+    } catch (const OdeFault& fault) {
       throw input_error("model", "ODE: " + fault.message, "a model that ODE accepts");
     }
   }
@@ -95,7 +55,7 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
     smooth_ = std::make_unique<Smooth>(model, settings, mechanism_, loops_.get());
   else
     fast_spin_ = std::make_unique<FastSpin>(model, mechanism_);
-  saved_.resize(mechanism_.q().size() + mechanism_.u().size());
+  saved_.resize(mechanism_.q().size() + mechanism_.u().size() + mechanism_.torques().size());
   saved_bases_.reserve(drives_.size());
   targets_.resize(drives_.size());
   ways_.reserve(drives_.size());
@@ -125,19 +85,24 @@ void ArticulatedEngine::start(const model::State& state) {
     throw input_error("state", "loops that are open", "joints that can all be closed");
   time_ = next.time;
   state_ = std::move(next);
-  fresh_ = false;
+  made_.store(Made::no, std::memory_order_relaxed);
 }
 
 const model::State& ArticulatedEngine::state() const {
-  if (fresh_) return state_;
+  if (made_.load(std::memory_order_acquire) == Made::yes) return state_;
+  if (Made no = Made::no; !made_.compare_exchange_strong(no, Made::under_way, std::memory_order_acquire)) {
+    while (made_.load(std::memory_order_acquire) != Made::yes) std::this_thread::yield();
+    return state_;
+  }
   mechanism_.give(state_);
   for (const int drive : drives_) {
     const int body = model_.drives[static_cast<std::size_t>(drive)].body;
     const BaseMotion& base = mechanism_.base(body);
     state_.bodies[static_cast<std::size_t>(body)] = {base.pose.p, base.pose.q, base.v, base.w};
   }
+  mechanism_.give_coordinates(state_);
   state_.time = time_;
-  fresh_ = true;
+  made_.store(Made::yes, std::memory_order_release);
   return state_;
 }
 
@@ -167,6 +132,7 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   if (failure_) throw Error(*failure_);
   require_state(model_, state);
   mechanism_.restore(in);
+  mechanism_.take_torques(state);
   double size = 0;
   in(size);
   if (!(size >= 0)) in.refuse(fmt::format("a step of {:g} s", size), "0 or more");
@@ -180,7 +146,7 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   had_torques_ = true;
   time_ = state.time;
   state_ = state;
-  fresh_ = false;
+  made_.store(Made::no, std::memory_order_relaxed);
   this->state();
   // Coordinates say where the bodies are: what is said twice has to agree.
   ArchiveWriter told, found;
@@ -225,7 +191,7 @@ void ArticulatedEngine::find_targets(double end) {
 
 /// Gives driven bodies the constant velocities with which they meet their targets. False where all of them
 /// stand still.
-bool ArticulatedEngine::aim_bases() {
+bool ArticulatedEngine::set_base_velocities() {
   const double h = settings_.step;
   bool moving = false;
   for (std::size_t i = 0; i < drives_.size(); ++i) {
@@ -240,7 +206,7 @@ bool ArticulatedEngine::aim_bases() {
     base.w = w;
   }
   if (!moving) return false;
-  mechanism_.settle_bases();
+  mechanism_.update_bases();
   mechanism_.kernel().velocities(mechanism_.tree());
   return true;
 }
@@ -248,7 +214,7 @@ bool ArticulatedEngine::aim_bases() {
 void ArticulatedEngine::place_bases() {
   for (std::size_t i = 0; i < drives_.size(); ++i)
     mechanism_.base(model_.drives[static_cast<std::size_t>(drives_[i])].body).pose = targets_[i];
-  mechanism_.settle_bases();
+  mechanism_.update_bases();
 }
 
 /// Accelerations of a step with the stops and torque limits that they agree with. Returns 1 where none were
@@ -263,7 +229,7 @@ int ArticulatedEngine::solve_step() {
       loops_->solve(h);
     else
       kernel.solve(tree);
-    if (kernel.revise(tree, h, i >= kJointCorrections)) return 0;
+    if (kernel.update_active_set(tree, h, i >= kJointCorrections)) return 0;
   }
   return 1;
 }
@@ -275,7 +241,7 @@ void ArticulatedEngine::collide(StepReport& report) {
     const bool falls = settings_.effects.has(model::Effect::gravity);
     const Vec3 fall = falls ? Vec3(settings_.step * model_.gravity) : Vec3(Vec3::Zero());
     report.collide_calls = contact_->collide(state(), {settings_.step, fall, ways_});
-  } catch (const ode::OdeFault& fault) {
+  } catch (const OdeFault& fault) {
     fail({time_, "the model", "ODE", fault.message});
   }
   report.contacts = static_cast<int>(contact_->contacts().size());
@@ -286,7 +252,7 @@ void ArticulatedEngine::collide(StepReport& report) {
 bool ArticulatedEngine::arrive(bool fast) {
   bool sound = mechanism_.kernel().kinematics(mechanism_.tree());
   // Rates beyond all bounds may come back within them.
-  if (fast) sound = fast_spin_->correct();
+  if (fast) sound = fast_spin_->correct(sound);
   return sound && (!loops_ || loops_->close() < kOpen);
 }
 
@@ -296,8 +262,8 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
   find_targets(end);
   if (contact_) collide(report);
   const bool fast = fast_spin_->begin(input, settings_.step);
-  const bool moving = aim_bases();
-  mechanism_.settle_spins(settings_.step);
+  const bool moving = set_base_velocities();
+  mechanism_.update_gyroscopic_torques(settings_.step);
   if (report.contacts > 0) {
     const NewtonReport found = contact_->solve(settings_.step);
     report.contact_sweeps = found.iterations;
@@ -309,9 +275,9 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();
   }
-  if (fast) fast_spin_->keep_impulses();
+  kernel.find_torques(tree, settings_.step);
+  if (fast) fast_spin_->add_work(report.contacts > 0 || loops_);
   kernel.integrate(tree, settings_.step);
-  if (fast) fast_spin_->place();
   if (moving) place_bases();
   check(arrive(fast), end);
 }
@@ -322,17 +288,17 @@ std::span<const Contact> ArticulatedEngine::contacts() const {
 
 StepReport ArticulatedEngine::step(const StepInput& input) {
   if (failure_) throw Error(*failure_);
+  keep_start();
   accept(input);
   const double end = next_time(time_, settings_.step);
   StepReport report;
-  keep_start();
   if (smooth_)
     check(smooth_->advance(time_, end), end);
   else
     step_implicitly(input, end, report);
   if (settings_.effects.has(model::Effect::joint_stops)) report.stop_rows = mechanism_.stops_in_force();
   time_ = end;
-  fresh_ = false;
+  made_.store(Made::no, std::memory_order_relaxed);
   return report;
 }
 
@@ -360,9 +326,9 @@ void ArticulatedEngine::check(bool sound, double time) {
 }
 
 void ArticulatedEngine::keep_start() {
-  const std::span<double> q = mechanism_.q(), u = mechanism_.u();
-  std::copy(q.begin(), q.end(), saved_.begin());
-  std::copy(u.begin(), u.end(), saved_.begin() + static_cast<std::ptrdiff_t>(q.size()));
+  auto to = saved_.begin();
+  for (const std::span<double> kept : {mechanism_.q(), mechanism_.u(), mechanism_.torques()})
+    to = std::copy(kept.begin(), kept.end(), to);
   saved_bases_.clear();
   for (const int drive : drives_)
     saved_bases_.push_back(mechanism_.base(model_.drives[static_cast<std::size_t>(drive)].body));
@@ -370,12 +336,14 @@ void ArticulatedEngine::keep_start() {
 
 /// Back to before the step: state() stays the last good one.
 void ArticulatedEngine::back_to_start() {
-  const std::span<double> q = mechanism_.q(), u = mechanism_.u();
-  std::copy_n(saved_.begin(), q.size(), q.begin());
-  std::copy(saved_.begin() + static_cast<std::ptrdiff_t>(q.size()), saved_.end(), u.begin());
+  auto from = saved_.begin();
+  for (const std::span<double> kept : {mechanism_.q(), mechanism_.u(), mechanism_.torques()}) {
+    std::copy_n(from, kept.size(), kept.begin());
+    from += static_cast<std::ptrdiff_t>(kept.size());
+  }
   for (std::size_t i = 0; i < drives_.size(); ++i)
     mechanism_.base(model_.drives[static_cast<std::size_t>(drives_[i])].body) = saved_bases_[i];
-  mechanism_.settle_bases();
+  mechanism_.update_bases();
   mechanism_.kernel().kinematics(mechanism_.tree());
 }
 

@@ -9,6 +9,7 @@
 // contact.
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <optional>
 #include <string>
@@ -41,7 +42,6 @@ class ArticulatedEngine final : public Engine {
 
   /// For tests and measurements.
   const Mechanism& mechanism() const { return mechanism_; }
-  long evaluations() const { return smooth_ ? smooth_->evaluations() : 0; }
   ArticulatedEngine(const ArticulatedEngine&) = delete;
   ArticulatedEngine& operator=(const ArticulatedEngine&) = delete;
 
@@ -53,7 +53,7 @@ class ArticulatedEngine final : public Engine {
   bool arrive(bool fast);
   void collide(StepReport& report);
   void find_targets(double end);
-  bool aim_bases();
+  bool set_base_velocities();
   void place_bases();
   void keep_start();
   void back_to_start();
@@ -68,7 +68,7 @@ class ArticulatedEngine final : public Engine {
   std::unique_ptr<Smooth> smooth_;            ///< with a method for smooth motion only
   std::unique_ptr<FastSpin> fast_spin_;       ///< without one only
   std::vector<int> drives_;                   ///< of the model, in force
-  std::vector<double> saved_;                 ///< positions and rates before the step
+  std::vector<double> saved_;                 ///< positions, rates and torques before the step
   std::vector<BaseMotion> saved_bases_;       ///< of the drives
   std::vector<Prospect::Driven> ways_;        ///< of the drives, during the step
   std::vector<Pose> targets_;                 ///< of the drives, at the end of the step
@@ -76,7 +76,9 @@ class ArticulatedEngine final : public Engine {
   double time_ = 0;
   bool had_torques_ = false;
   mutable model::State state_;
-  mutable bool fresh_ = false;
+  /// Whether state_ is of the coordinates: several threads may ask for it at once.
+  enum class Made : char { no, under_way, yes };
+  mutable std::atomic<Made> made_ = Made::no;
   std::optional<Error> failure_;
 };
 

@@ -59,6 +59,7 @@ struct alignas(64) Axis {
   Lane<W> locked;    ///< 1: the acceleration is `given`
   Lane<W> given;     ///< [1/s^2 times the coordinate's unit]
   Lane<W> reaction;  ///< out: force of the lock
+  Lane<W> work;      ///< out: done by all of these in a step, by Kernel::work [J]
 };
 
 enum class ParentLink {
@@ -77,9 +78,10 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   Lane<W> h[3];  ///< mass times p
   Lane<W> I[6];  ///< rotational inertia about O: xx, xy, xz, yy, yz, zz
   // Of the velocity.
-  Lane<W> c[6];   ///< velocity-product acceleration
-  Lane<W> pv[6];  ///< velocity-product force v x* I v
-  Lane<W> spin;   ///< square of the angular velocity
+  Lane<W> c[6];                 ///< velocity-product acceleration
+  Lane<W> pv[6];                ///< velocity-product force v x* I v
+  Lane<W> spin;                 ///< square of the angular velocity
+  Lane<W> momentum[6], energy;  ///< of the bodies: about O, and kinetic; by Kernel::momenta
   // What children hand down: A angular block (as I), B coupling (rows first), C linear block, p force.
   Lane<W> A[6], B[9], C[6], p[6];
   Lane<W> U[6], weighted, inverse, u_force,
@@ -118,6 +120,8 @@ struct Tree {
   double* q = nullptr;                 ///< positions, [batch][component][lane]
   double* u = nullptr;                 ///< rates
   double* du = nullptr;                ///< accelerations
+  double* tau = nullptr;               ///< State::tau of the last step, as rates; balls as told
+  double* tau_servo = nullptr;         ///< the servos' part
   double max_speed = 0, max_turn = 0;  ///< bounds of every link [m/s], [rad/s]
   double* spin = nullptr;              ///< largest Batch::spin of each lane
   double erp = 1;                      ///< share of an angle beyond its stop that a step brings back
@@ -134,13 +138,19 @@ struct Kernel {
   bool (*velocities)(const Tree&);
   /// Forces, weights and locks of a step [s] that evaluates springs and dampers at its end.
   void (*prepare)(const Tree&, double step);
-  /// Forces at the very state, without weights or stops.
+  /// tau and tau_servo of a step [s] whose du is found.
+  void (*find_torques)(const Tree&, double step);
+  /// Forces at the very state, without weights or stops, and tau and tau_servo.
   void (*prepare_smooth)(const Tree&);
   /// du from q, u, forces and weights: the articulated-body algorithm.
   void (*solve)(const Tree&);
   /// Compares du with the stops and limits that it was found with and corrects these. `single`: only the
   /// first one that is wrong. True where nothing was wrong. @param step [s]
-  bool (*revise)(const Tree&, double step, bool single);
+  bool (*update_active_set)(const Tree&, double step, bool single);
+  /// Momentum and kinetic energy of every body, as `kinematics` or `velocities` last found it.
+  void (*momenta)(const Tree&);
+  /// Work of the single coordinates' forces in a step [s], by du and the mean of the rates at both ends.
+  void (*work)(const Tree&, double step);
   /// u += h du, then q by u.
   void (*integrate)(const Tree&, double step);
   /// Derivatives of q at u.

@@ -2,43 +2,24 @@
 
 #include <algorithm>
 #include <cmath>
-#include <tuple>
 
 #include <fmt/format.h>
 
 #include "handsim/core/index.h"
-#include "handsim/engine/ode/contacts.h"
-#include "handsim/engine/ode/handlers.h"
-#include "handsim/engine/ode/spring.h"
+#include "handsim/engine/contact/ode_library.h"
 
 namespace handsim::engine::articulated {
 
 namespace {
 
-/// Softness of rigid contacts along the normal and across it, as a share of what their bodies' masses alone
-/// would give way. It makes impulses unique where joints, stops and other contacts leave them open. Surfaces
-/// not yet as deep as the layer sink to it by the first, what is held by friction creeps by the second: 0.03
-/// and 3e-4 um/s under a body's weight at 1 ms.
-constexpr double kNormalSoftness = 1e-5, kFrictionSoftness = 1e-6;
-
-/// Joints can keep surfaces from sliding that their bodies' masses alone would not: a finger of milligrams on
-/// a rail. Where what the joint-space inertia lets them slide comes to less than a tenth of what the masses
-/// would, friction is firmer by as much, down to the second.
-constexpr double kFirmBelow = 0.1, kLeastShare = 1e-4;
-
-/// A rigid contact whose bodies are this many times as light as the scene's heaviest may carry it, as a pea
-/// carries a box. Where a load presses it in faster than so much [m/s] it is made firmer, to a share of that
-/// speed, in so many passes at most.
-constexpr double kLightPair = 1e4, kMostYield = 0.01, kFirmShare = 0.1;
+/// Contacts of light pairs that a load presses in faster than this [m/s] are made stiffer, to a share of that
+/// speed, in so many passes at most. Chosen: 0.01 m/s is 10 um a step at 1 ms.
+constexpr double kMostYield = 0.01, kFirmShare = 0.1;
 constexpr int kMostFirmer = 12;
-
-/// Of the rows of loops, as a share of what the rates that move them give way; the gap is closed after the
-/// step.
-constexpr double kTieSoftness = 1e-8;
 
 /// Makes ODE ready before anything of its is built.
 const model::Model& entered(const model::Model& model) {
-  ode::enter_ode();
+  enter_ode();
   return model;
 }
 
@@ -49,15 +30,15 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
     : model_(entered(model)),
       mechanism_(mechanism),
       loops_(loops),
-      collider_(model, settings),
+      collider_(model, settings.effects, settings.articulated().speculative),
       crossed_(model),
       space_(mechanism),
       friction_(settings.effects.has(model::Effect::friction)),
       with_forces_(settings.contact_forces),
-      erp_(settings.erp) {
+      erp_(settings.erp()) {
   for (const model::Body& body : model.bodies)
     if (!body.kinematic) heaviest_ = std::max(heaviest_, body.mass);
-  order();
+  order_dofs();
   frames_.reserve(kUsualContacts);
   light_.reserve(kUsualContacts);
   memory_.points.reserve(kUsualContacts);
@@ -73,8 +54,8 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
 }
 
 /// Children before parents, branch by branch, trees that hang on a base before free ones: the solver's
-/// matrices fill nowhere but where contacts join branches.
-void ContactDynamics::order() {
+/// matrices have no fill-in but where contacts couple branches.
+void ContactDynamics::order_dofs() {
   const int n = space_.size();
   place_.assign(at(n), kNoDof);
   const auto visit = [&](auto&& self, int dof) -> void {
@@ -110,7 +91,7 @@ void ContactDynamics::carry(Archive& archive, T& point) {
   archive(point.impulse);
   archive(point.moment);
   archive(point.open);
-  for (auto& lateral : point.lateral) archive(lateral);
+  for (auto& tangent_stiffness : point.tangent_stiffness) archive(tangent_stiffness);
 }
 
 void ContactDynamics::save(ArchiveWriter& out) const {
@@ -124,18 +105,19 @@ void ContactDynamics::restore(ArchiveReader& in) {
   memory_.points.resize(in.size());
   for (ContactMemory::Point& each : memory_.points) {
     carry(in, each);
-    for (const double lateral : each.lateral)
-      if (!(lateral >= 0)) in.refuse(fmt::format("a friction of {:g} over its speed", lateral), "0 or more");
+    for (const double tangent_stiffness : each.tangent_stiffness)
+      if (!(tangent_stiffness >= 0))
+        in.refuse(fmt::format("a friction of {:g} over its speed", tangent_stiffness), "0 or more");
   }
 }
 
 int ContactDynamics::collide(const model::State& state, const Prospect& prospect) {
-  ode::enter_ode();
+  enter_ode();
   collider_.place(state);
   return collider_.collide(state, prospect);
 }
 
-/// How a body moves at a point, the bases as they do during the step.
+/// Velocity of a body at a point; of a base during the step.
 ContactDynamics::Side ContactDynamics::side(int shape, const Vec3& position) const {
   Side out;
   out.node = node_of(shape);
@@ -152,14 +134,14 @@ ContactDynamics::Side ContactDynamics::side(int shape, const Vec3& position) con
   return out;
 }
 
-ContactDynamics::Giving ContactDynamics::giving_of(int shape) const {
+ContactDynamics::Mobility ContactDynamics::mobility_of(int shape) const {
   const model::Body& body = model_.bodies[at(body_of(shape))];
   if (body.kinematic || body.mass <= 0) return {};
   return {1 / body.mass, 3 / body.inertia.trace()};
 }
 
 /// The dofs that move one of two nodes and not the other.
-void ContactDynamics::join(int node_a, int node_b) {
+void ContactDynamics::find_moving_dofs(int node_a, int node_b) {
   dofs_.clear();
   signs_.clear();
   const std::span<const int> a = node_a == kNoNode ? std::span<const int>() : carriers_[at(node_a)];
@@ -178,189 +160,7 @@ void ContactDynamics::join(int node_a, int node_b) {
   }
 }
 
-/// The contact's rows as its materials have them; the same laws as the ODE engine's.
-void ContactDynamics::add_contact(const Contact& contact, const model::Material& surface, int sharing,
-                                  double step) {
-  // Normals that look to both sides of a finger would jam it with the friction of a true cone.
-  const double crossed = surface.compliance ? 0 : crossed_.giving(contact);
-  const double friction = friction_ && crossed == 0 ? surface.friction : 0;
-  const double spinning = friction_ ? surface.spinning_friction : 0;
-  const double rolling = friction_ ? surface.rolling_friction : 0;
-  ContactRows& rows =
-      solver_.add(dofs_, 1U + (friction > 0 ? 2U : 0U) + (spinning > 0 ? 1U : 0U) + (rolling > 0 ? 2U : 0U));
-  Mat3& frame = frames_.emplace_back();
-  frame.col(0) = contact.normal;
-  frame.col(1) = contact.normal.unitOrthogonal();
-  frame.col(2) = contact.normal.cross(frame.col(1));
-
-  const Giving gives_a = giving_of(contact.shape_a), gives_b = giving_of(contact.shape_b);
-  const double giving = gives_a.shift + gives_b.shift, turning = gives_a.turn + gives_b.turn;
-  const double inside = std::max(contact.depth - ode::kSurfaceLayer, 0.0);
-  double target = 0;
-  if (surface.compliance) {
-    const ode::SoftRow soft =
-        ode::soft_row(surface.compliance->stiffness / sharing, surface.compliance->damping / sharing, step);
-    target = soft.erp * (contact.depth < 0 ? contact.depth : inside) / step;
-    rows.softness = soft.cfm / step;
-  } else {
-    // What is about to touch comes nearer by the gap.
-    target =
-        contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, ode::kMaxCorrectingSpeed);
-    rows.softness = std::max(kNormalSoftness * giving, crossed);
-    if (crossed == 0 && giving * heaviest_ > kLightPair) light_.push_back(frames_.size() - 1);
-  }
-  const Side a = side(contact.shape_a, contact.position), b = side(contact.shape_b, contact.position);
-  const Vec3 v = frame.transpose() * (a.v - b.v), w = frame.transpose() * (a.w - b.w);
-  if (surface.restitution > 0 && -v.x() > surface.restitution_speed)
-    target = std::max(target, surface.restitution * -v.x());
-
-  const std::span<double> J = solver_.jacobian(rows);
-  const std::size_t m = dofs_.size();
-  for (std::size_t k = 0; k < m; ++k) {
-    const Spatial& S = S_[at(dofs_[k])];
-    const Vec3 along = signs_[k] * (S.tail<3>() + S.head<3>().cross(signs_[k] > 0 ? a.r : b.r));
-    J[k] = frame.col(0).dot(along);
-    if (!(friction > 0)) continue;
-    J[m + k] = frame.col(1).dot(along);
-    J[2 * m + k] = frame.col(2).dot(along);
-  }
-  rows.start[0] = v.x() - target;
-  std::size_t row = 1;
-  const auto add = [&](Disc::Kind kind, double coefficient, double gives, double share = 1) {
-    Disc& disc = rows.discs[rows.disc_count++];
-    disc.kind = kind;
-    disc.row = row;
-    disc.size = kind == Disc::Kind::spinning ? 1 : 2;
-    disc.coefficient = coefficient;
-    disc.softness = kFrictionSoftness * share * gives;
-  };
-  const auto add_turning = [&](int axis) {
-    rows.start[row] = w[axis];
-    for (std::size_t k = 0; k < m; ++k)
-      J[row * m + k] = signs_[k] * frame.col(axis).dot(S_[at(dofs_[k])].head<3>());
-    ++row;
-  };
-  if (friction > 0) {
-    double across = 0;
-    for (std::size_t k = 0; k < m; ++k)
-      across += (J[m + k] * J[m + k] + J[2 * m + k] * J[2 * m + k]) / solver_.inertia(dofs_[k], dofs_[k]);
-    add(Disc::Kind::sliding, friction, giving, std::clamp(across / (kFirmBelow * giving), kLeastShare, 1.0));
-    rows.start[row++] = v.y();
-    rows.start[row++] = v.z();
-  }
-  if (spinning > 0) {
-    add(Disc::Kind::spinning, spinning, turning);
-    add_turning(0);
-  }
-  if (rolling > 0) {
-    add(Disc::Kind::rolling, rolling, turning);
-    add_turning(1);
-    add_turning(2);
-  }
-}
-
-void ContactDynamics::add_contacts(double step) {
-  frames_.clear();
-  light_.clear();
-  recalled_ = 0;
-  crossed_.find(collider_);
-  for (const ode::Touch& touch : collider_.touches()) {
-    const Contact& any = collider_.contacts()[touch.first];
-    join(node_of(any.shape_a), node_of(any.shape_b));
-    for (int index = 0; index < touch.count; ++index) {
-      const Contact& contact = collider_.contacts()[touch.first + at(index)];
-      add_contact(contact, touch.surface, touch.count, step);
-      recall(solver_.contact(frames_.size() - 1), contact, frames_.back(), index);
-    }
-  }
-}
-
-/// Rows of closed loops.
-void ContactDynamics::add_ties() {
-  if (!loops_) return;
-  const std::size_t n = at(space_.size());
-  const std::span<const double> rates = loops_->rates(), J = loops_->jacobian();
-  for (std::size_t i = 0; i < rates.size(); ++i) {
-    dofs_.clear();
-    signs_.clear();
-    for (int place = 0; place < space_.size(); ++place) {
-      const double entry = J[i * n + at(dof_of_[at(place)])];
-      if (entry == 0) continue;
-      dofs_.push_back(place);
-      signs_.push_back(entry);
-    }
-    // A row that nothing moves.
-    if (dofs_.empty()) continue;
-    ContactRows& row = solver_.add(dofs_, 1);
-    row.tie = true;
-    row.open = false;
-    row.start[0] = rates[i];
-    double giving = 0;
-    for (std::size_t k = 0; k < dofs_.size(); ++k) {
-      solver_.jacobian(row)[k] = signs_[k];
-      giving += signs_[k] * signs_[k] / solver_.inertia(dofs_[k], dofs_[k]);
-    }
-    row.softness = kTieSoftness * giving;
-  }
-}
-
-/// Starts a contact as it was in the last step, if the pair had it; else closed and without sliding.
-void ContactDynamics::recall(ContactRows& rows, const Contact& contact, const Mat3& frame, int index) {
-  rows.open = false;
-  const auto key = std::tuple(contact.shape_a, contact.shape_b, index);
-  const auto of = [&](const ContactMemory::Point& point) {
-    return std::tuple(point.shape_a, point.shape_b, point.index);
-  };
-  const std::vector<ContactMemory::Point>& points = memory_.points;
-  while (recalled_ < points.size() && of(points[recalled_]) < key) ++recalled_;
-  if (recalled_ == points.size() || of(points[recalled_]) != key) return;
-  const ContactMemory::Point& last = points[recalled_];
-  rows.open = last.open;
-  rows.impulse[0] = frame.col(0).dot(last.impulse);
-  for (std::size_t k = 0; k < rows.disc_count; ++k) {
-    Disc& disc = rows.discs[k];
-    const Vec3 p = frame.transpose() * (disc.kind == Disc::Kind::sliding ? last.impulse : last.moment);
-    const double x = disc.size > 1 ? p.y() : p.x(), y = disc.size > 1 ? p.z() : 0;
-    rows.impulse[disc.row] = x;
-    if (disc.size > 1) rows.impulse[disc.row + 1] = y;
-    const double size = std::sqrt(x * x + y * y);
-    disc.lateral = last.lateral[static_cast<std::size_t>(disc.kind)];
-    disc.slides = disc.lateral > 0 && size > 0;
-    if (!disc.slides) continue;
-    disc.x = disc.px = -x / size;
-    disc.y = disc.py = -y / size;
-  }
-}
-
-void ContactDynamics::memorise(double step) {
-  memory_.points.clear();
-  std::size_t i = 0;
-  for (const ode::Touch& touch : collider_.touches())
-    for (int index = 0; index < touch.count; ++index, ++i) {
-      Contact& contact = collider_.contacts()[touch.first + at(index)];
-      const ContactRows& rows = solver_.contacts()[i];
-      ContactMemory::Point& point = memory_.points.emplace_back();
-      point.shape_a = contact.shape_a;
-      point.shape_b = contact.shape_b;
-      point.index = index;
-      point.open = rows.open;
-      Vec3 impulse(rows.impulse[0], 0, 0), moment = Vec3::Zero();
-      for (std::size_t k = 0; k < rows.disc_count; ++k) {
-        const Disc& disc = rows.discs[k];
-        const double* p = rows.impulse.data() + disc.row;
-        point.lateral[static_cast<std::size_t>(disc.kind)] = disc.slides ? disc.lateral : 0;
-        if (disc.kind == Disc::Kind::spinning)
-          moment.x() = p[0];
-        else
-          (disc.kind == Disc::Kind::sliding ? impulse : moment).tail<2>() << p[0], p[1];
-      }
-      point.impulse = frames_[i] * impulse;
-      point.moment = frames_[i] * moment;
-      if (with_forces_) contact.force = point.impulse / step;
-    }
-}
-
-/// The step without contacts and stops, as what drives the solver's equation, and the inertia.
+/// The solver's A and g from the step without contacts and stops.
 void ContactDynamics::find_free(double step) {
   const Kernel& kernel = mechanism_.kernel();
   kernel.prepare(mechanism_.tree(), step);
@@ -389,7 +189,7 @@ void ContactDynamics::find_free(double step) {
   }
 }
 
-/// Servos with their limits, and stops as bounds of the rates. What the free step had of the servos goes.
+/// Servos with their limits, and stops as bounds of the rates. The servos' part of the free step is removed.
 void ContactDynamics::bound_axes(double step) {
   for (Coordinate& each : axes_) {
     const AxisView& a = each.axis;
@@ -409,19 +209,19 @@ void ContactDynamics::bound_axes(double step) {
       }
     }
     if (*a.low == -HUGE_VAL && *a.high == HUGE_VAL) continue;
-    // As the kernels aim at stops without contact.
+    // The same target as the kernels have without contact.
     const auto target = [&](double room) { return (room < 0 ? erp_ * room : room) / step; };
     solver_.bound(each.place, -target(q - *a.low) - u, target(*a.high - q) - u, each.side);
   }
 }
 
-/// Stops that are hit and bounce: true where one has to.
-bool ContactDynamics::bounce() {
+/// Bounds of stops that are hit, with their restitution: true where one changed.
+bool ContactDynamics::apply_restitution() {
   bool any = false;
   for (Coordinate& each : axes_) {
     const double side = solver_.side(each.place), speed = side * *each.u;
     if (each.bounced || side == 0 || !(speed > 0) || !(*each.axis.bounce > 0)) continue;
-    // From landing on the stop to leaving it, along the way out.
+    // Speeds towards the stop after the step: without and with restitution.
     const double now = side * solver_.x()[at(each.place)] + speed, bounced = -*each.axis.bounce * speed;
     if (!(bounced < now)) continue;
     each.bounced = any = true;
@@ -434,16 +234,16 @@ bool ContactDynamics::bounce() {
   return any;
 }
 
-/// Makes contacts of light pairs firmer that give way too fast: true where one does.
+/// Makes contacts of light pairs stiffer that yield too fast: true where one changed.
 bool ContactDynamics::stiffen() {
   bool any = false;
   for (const std::size_t i : light_) {
     ContactRows& rows = solver_.contact(i);
-    const double yield = rows.softness * rows.impulse[0];
+    const double yield = rows.regularization * rows.impulse[0];
     if (!(yield > kMostYield)) continue;
     const double share = kFirmShare * kMostYield / yield;
-    rows.softness *= share;
-    for (std::size_t k = 0; k < rows.disc_count; ++k) rows.discs[k].softness *= share;
+    rows.regularization *= share;
+    for (std::size_t k = 0; k < rows.disc_count; ++k) rows.discs[k].regularization *= share;
     any = true;
   }
   return any;
@@ -458,10 +258,10 @@ NewtonReport ContactDynamics::solve(double step) {
   find_free(step);
   bound_axes(step);
   add_contacts(step);
-  add_ties();
+  add_loop_rows();
   NewtonReport report = solver_.solve(kContactTolerance * step);
   int firmer = 0;
-  while (bounce() || (firmer < kMostFirmer && stiffen() && ++firmer > 0)) {
+  while (apply_restitution() || (firmer < kMostFirmer && stiffen() && ++firmer > 0)) {
     const NewtonReport again = solver_.solve(kContactTolerance * step);
     report = {report.iterations + again.iterations, report.limit_updates + again.limit_updates,
               again.residual, again.solved, again.iterative};
@@ -473,7 +273,7 @@ NewtonReport ContactDynamics::solve(double step) {
     *each.axis.side = solver_.side(each.place);
     *each.axis.saturated = solver_.saturated(each.place);
   }
-  memorise(step);
+  store_warm_start(step);
   return report;
 }
 

@@ -10,8 +10,8 @@
 
 #include "handsim/engine/articulated/contact_newton.h"
 #include "handsim/engine/articulated/loops.h"
-#include "handsim/engine/ode/collider.h"
-#include "handsim/engine/ode/crossed.h"
+#include "handsim/engine/contact/collider.h"
+#include "handsim/engine/contact/penetration.h"
 
 namespace handsim::engine::articulated {
 
@@ -19,29 +19,29 @@ namespace handsim::engine::articulated {
 /// gravity's.
 inline constexpr double kContactTolerance = 1e-4;
 
-/// What contacts did in the last step; the next one's solution starts from it.
+/// Impulses of the last step: the warm start of the next.
 struct ContactMemory {
   struct Point {
     int shape_a = 0, shape_b = 0, index = 0;
     Vec3 impulse = Vec3::Zero(), moment = Vec3::Zero();  ///< world [N s], [N m s]
-    bool open = false;                                   ///< bears nothing
+    bool open = false;                                   ///< no impulse
     /// Of its sliding, spinning and rolling friction: limit over speed where it slides, else 0.
-    std::array<double, 3> lateral{};
+    std::array<double, 3> tangent_stiffness{};
   };
   std::vector<Point> points;  ///< by shapes, then index
 };
 
 class ContactDynamics {
  public:
-  /// All must outlive this. @param loops of the mechanism, null where it has none. @throws ode::OdeFault
+  /// All must outlive this. @param loops of the mechanism, null where it has none. @throws OdeFault
   ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism, Loops* loops);
 
   /// Forgets the impulses of the last step.
   void forget() { memory_.points.clear(); }
-  /// Contacts of the last step, and what they did, from which the next one starts.
+  /// Contacts of the last step and their impulses, the warm start of the next.
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
-  /// Finds the contacts at a state. @return pairs given to the narrow phase. @throws ode::OdeFault
+  /// Finds the contacts at a state. @return pairs given to the narrow phase. @throws OdeFault
   int collide(const model::State& state, const Prospect& prospect);
   std::span<const Contact> contacts() const { return collider_.contacts(); }
 
@@ -58,7 +58,7 @@ class ContactDynamics {
     double side = 0;  ///< stop that was in force
     bool bounced = false;
   };
-  /// A side of a contact.
+  /// One body of a contact.
   struct Side {
     int node = kNoNode;
     Vec3 r = Vec3::Zero();  ///< the point from its island's origin
@@ -67,33 +67,33 @@ class ContactDynamics {
 
   template <class Archive, class T>
   static void carry(Archive& archive, T& point);
-  void order();
+  void order_dofs();
   void find_free(double step);
   void add_contacts(double step);
   void add_contact(const Contact& contact, const model::Material& surface, int sharing, double step);
-  void join(int node_a, int node_b);
+  void find_moving_dofs(int node_a, int node_b);
   Side side(int shape, const Vec3& position) const;
-  void recall(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);
-  void memorise(double step);
-  void add_ties();
+  void warm_start(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);
+  void store_warm_start(double step);
+  void add_loop_rows();
   void bound_axes(double step);
-  bool bounce();
+  bool apply_restitution();
   bool stiffen();
   int body_of(int shape) const { return model_.shapes[static_cast<std::size_t>(shape)].body; }
   int node_of(int shape) const {
     return mechanism_.topology().node_of_body[static_cast<std::size_t>(body_of(shape))];
   }
-  /// What a body alone gives way to an impulse [1/kg] and to a turning one, in the mean [1/(kg m2)].
-  struct Giving {
-    double shift = 0, turn = 0;
+  /// Inverse mass of a body [1/kg] and mean inverse moment of inertia [1/(kg m2)]; zero where it cannot move.
+  struct Mobility {
+    double linear = 0, angular = 0;
   };
-  Giving giving_of(int shape) const;
+  Mobility mobility_of(int shape) const;
 
   const model::Model& model_;
   Mechanism& mechanism_;
   Loops* loops_;
-  ode::Collider collider_;
-  ode::CrossedBodies crossed_;
+  Collider collider_;
+  CrossedBodies crossed_;
   JointSpace space_;
   ContactNewton solver_;
   bool friction_, with_forces_;
@@ -107,7 +107,7 @@ class ContactDynamics {
   std::vector<Mat3> frames_;        ///< of each contact; columns: normal, two tangents
   std::vector<std::size_t> light_;  ///< rigid contacts of light pairs
   ContactMemory memory_;
-  std::size_t recalled_ = 0;
+  std::size_t warm_started_ = 0;
 };
 
 }  // namespace handsim::engine::articulated

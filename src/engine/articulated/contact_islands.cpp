@@ -1,5 +1,5 @@
-// What hangs together by contacts, ties and joints is solved by itself: what is hard in one island is no
-// matter to the others.
+// Islands: trees of joints that contacts and loops couple are solved one island at a time, so that a hard
+// one does not slow down the others.
 #include <algorithm>
 #include <utility>
 
@@ -10,7 +10,7 @@ namespace handsim::engine::articulated {
 
 /// Numbers the islands in the order of their first unknowns.
 void ContactNewton::find_islands() {
-  // Joins by the first unknown of each tree.
+  // Union-find by the first unknown of each tree.
   island_of_ = tree_first_;
   const auto root = [&](int i) {
     while (island_of_[at(i)] != i) i = island_of_[at(i)] = island_of_[at(island_of_[at(i)])];
@@ -25,7 +25,7 @@ void ContactNewton::find_islands() {
   place_.resize(at(n_));
   first_member_.clear();
   for (int i = 0; i < n_; ++i) {
-    // What an unknown was joined to comes before it, and has its island's number already, as -1, -2, ...
+    // The root of an unknown comes before it and has its island's number already, as -1, -2, ...
     int& island = island_of_[at(i)];
     if (island == i) {
       island = -1 - islands_++;

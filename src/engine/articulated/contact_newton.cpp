@@ -10,16 +10,16 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-/// Newton steps from what was in force at the end of the last step.
+/// Largest number of Newton steps from the active set of the last step. Chosen.
 constexpr int kNewtonSteps = 15;
-/// What hangs together by more unknowns than this is a heap: more than two hands with what they hold, or a
-/// dozen loose bodies. There Newton's method has fewer steps and no fallback but relaxation, and none at all
-/// beyond so many multiplications in a factorisation.
+/// An island of more unknowns is a heap: more than two hands with what they hold, or a dozen loose bodies.
+/// There are fewer Newton steps, with Gauss-Seidel as the only fallback; and no Newton steps at all where a
+/// factorisation takes more multiplications than kMostWork. All three are chosen.
 constexpr int kHeap = 72, kHeapSteps = 6;
 constexpr double kMostWork = 5e4;
-/// Share of the forces that meet in a rate's equation below which what they leave is rounding.
+/// A residual below this share of the sum of its terms' magnitudes is rounding.
 constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
-/// Bounds are passed beyond rounding.
+/// A bound is passed by more than rounding [m/s, rad/s].
 constexpr double kBeyond = 1e-12;
 
 }  // namespace
@@ -32,7 +32,7 @@ void ContactNewton::resize(std::span<const int> first) {
   part_->reserve(first.size());
 }
 
-/// The problem's unknowns, without allocating where there were as many before.
+/// Sizes everything for the unknowns; allocates only where there were never as many.
 void ContactNewton::lay_out(std::span<const int> first) {
   n_ = static_cast<int>(first.size());
   A_first_.assign(first.begin(), first.end());
@@ -73,7 +73,7 @@ void ContactNewton::reserve(std::size_t n) {
   for (std::vector<std::size_t>* each : {&A_start_, &M_start_}) each->reserve(n);
   bounds_.reserve(n);
   servos_.reserve(n);
-  for (Solution* each : {&latest_, &nearest_}) {
+  for (Solution* each : {&latest_, &best_}) {
     each->x.reserve(n);
     each->bounds.reserve(n);
     each->contacts.reserve(kUsualContacts);
@@ -129,7 +129,7 @@ ContactRows& ContactNewton::add(std::span<const int> dofs, std::size_t rows) {
 }
 
 /// The envelope of A and of all contacts.
-void ContactNewton::widen() {
+void ContactNewton::find_envelope() {
   first_ = A_first_;
   for (const ContactRows& contact : contacts_)
     for (std::size_t k = 1; k < contact.dof_count; ++k) {
@@ -142,22 +142,15 @@ void ContactNewton::widen() {
   }
 }
 
-/// Multiplications of a factorisation.
-double ContactNewton::factor_work() const {
-  double work = 0;
-  for (int i = 0; i < n_; ++i) work += 0.5 * (last_[at(i)] - i) * (last_[at(i)] - i);
-  return work;
-}
-
-/// Impulses at row velocities r, and which parts of the law are in force.
+/// Impulses at row velocities r, and the active set.
 void ContactNewton::apply_law(ContactRows& contact, const double* r, Law law) {
   double& normal = contact.impulse[0];
-  normal = -r[0] / contact.softness;
-  if (contact.tie) {
+  normal = -r[0] / contact.regularization;
+  if (contact.bilateral) {
     contact.open = false;
     return;
   }
-  if (law == Law::as_it_was)
+  if (law == Law::active_set)
     normal = contact.open ? 0 : normal;
   else
     contact.open = !(normal > 0);
@@ -167,28 +160,28 @@ void ContactNewton::apply_law(ContactRows& contact, const double* r, Law law) {
     double* p = contact.impulse.data() + disc.row;
     const double vx = r[disc.row], vy = disc.size > 1 ? r[disc.row + 1] : 0;
     const double limit = law == Law::fixed_limits ? disc.limit : disc.coefficient * normal;
-    double x = -vx / disc.softness, y = -vy / disc.softness;
+    double x = -vx / disc.regularization, y = -vy / disc.regularization;
     if (contact.open && law != Law::fixed_limits) {
       disc.slides = false;
       x = y = 0;
-    } else if (law == Law::as_it_was && disc.slides) {
-      disc.lateral = std::min(disc.lateral, 1 / disc.softness);
-      const double along = vx * disc.x + vy * disc.y;
-      x = -limit * disc.x - disc.lateral * (vx - along * disc.x);
-      y = -limit * disc.y - disc.lateral * (vy - along * disc.y);
-    } else if (law != Law::as_it_was) {
+    } else if (law == Law::active_set && disc.slides) {
+      disc.tangent_stiffness = std::min(disc.tangent_stiffness, 1 / disc.regularization);
+      const double slip = vx * disc.slip_x + vy * disc.slip_y;
+      x = -limit * disc.slip_x - disc.tangent_stiffness * (vx - slip * disc.slip_x);
+      y = -limit * disc.slip_y - disc.tangent_stiffness * (vy - slip * disc.slip_y);
+    } else if (law != Law::active_set) {
       const double speed = std::sqrt(vx * vx + vy * vy);
-      disc.slides = speed > limit * disc.softness;
+      disc.slides = speed > limit * disc.regularization;
       if (disc.slides) {
-        disc.x = vx / speed;
-        disc.y = vy / speed;
-        disc.lateral = limit / speed;
+        disc.slip_x = vx / speed;
+        disc.slip_y = vy / speed;
+        disc.tangent_stiffness = limit / speed;
         if (law == Law::fixed_limits) {
-          disc.px = disc.x;
-          disc.py = disc.y;
+          disc.force_x = disc.slip_x;
+          disc.force_y = disc.slip_y;
         }
-        x = -limit * disc.x;
-        y = -limit * disc.y;
+        x = -limit * disc.slip_x;
+        y = -limit * disc.slip_y;
       }
     }
     p[0] = x;
@@ -196,8 +189,8 @@ void ContactNewton::apply_law(ContactRows& contact, const double* r, Law law) {
   }
 }
 
-/// Impulses at x_ and what is left of the equation, F = A x - g - J^T p - servos.
-void ContactNewton::evaluate(Law law) {
+/// Impulses at x_ and the residual F = A x - g - J^T p - servos.
+void ContactNewton::evaluate_residual(Law law) {
   law_ = law;
   for (int i = 0; i < n_; ++i) {
     F_[at(i)] = -g_[at(i)];
@@ -225,11 +218,16 @@ void ContactNewton::evaluate(Law law) {
     Servo& servo = servos_[at(i)];
     if (!(servo.limit > 0)) continue;
     double pull = servo.offset - servo.slope * x_[at(i)];
-    if (law != Law::as_it_was) servo.saturated = pull > servo.limit ? 1 : (pull < -servo.limit ? -1 : 0);
+    if (law != Law::active_set) servo.saturated = pull > servo.limit ? 1 : (pull < -servo.limit ? -1 : 0);
     if (servo.saturated != 0) pull = servo.saturated * servo.limit;
     F_[at(i)] -= pull;
     sum_[at(i)] += std::abs(pull);
   }
+  add_contact_impulses();
+}
+
+/// -J^T p, into F_.
+void ContactNewton::add_contact_impulses() {
   r_.resize(kMostRows * contacts_.size());
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
     ContactRows& contact = contacts_[c];
@@ -246,12 +244,12 @@ void ContactNewton::evaluate(Law law) {
         size[k] += std::abs(part);
       }
     }
-    apply_law(contact, r, law);
-    if (contact.open && law != Law::fixed_limits) continue;
-    size[0] /= contact.softness;
+    apply_law(contact, r, law_);
+    if (contact.open && law_ != Law::fixed_limits) continue;
+    size[0] /= contact.regularization;
     for (std::size_t k = 0; k < contact.disc_count; ++k)
       for (std::size_t row = 0; row < contact.discs[k].size; ++row)
-        size[contact.discs[k].row + row] /= contact.discs[k].softness;
+        size[contact.discs[k].row + row] /= contact.discs[k].regularization;
     for (std::size_t k = 0; k < contact.rows; ++k)
       for (std::size_t j = 0; j < contact.dof_count; ++j) {
         const double share = J[k * contact.dof_count + j];
@@ -261,7 +259,7 @@ void ContactNewton::evaluate(Law law) {
   }
 }
 
-/// What the equation leaves, as a rate; rounding does not count.
+/// Largest entry of F as a rate, without rounding.
 double ContactNewton::residual() const {
   double most = 0;
   for (int i = 0; i < n_; ++i) {
@@ -273,7 +271,7 @@ double ContactNewton::residual() const {
   return most;
 }
 
-/// x += share d. What passes a bound stays on it, but where bounds are springs.
+/// x += share d, projected on the bounds unless these are penalties.
 void ContactNewton::advance(double share) {
   for (int i = 0; i < n_; ++i) {
     if (law_ == Law::fixed_limits) {
@@ -290,8 +288,8 @@ void ContactNewton::advance(double share) {
   }
 }
 
-/// Lets go of bounds that would have to pull.
-bool ContactNewton::release() {
+/// Takes bounds whose multiplier has the wrong sign out of the active set.
+bool ContactNewton::release_bounds() {
   bool any = false;
   for (int i = 0; i < n_; ++i) {
     Bound& bound = bounds_[at(i)];
@@ -302,8 +300,8 @@ bool ContactNewton::release() {
   return any;
 }
 
-/// Rows' velocities that the step d_ adds.
-void ContactNewton::find_changes() {
+/// s_ = J d_.
+void ContactNewton::find_row_changes() {
   s_.resize(r_.size());
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
     const ContactRows& contact = contacts_[c];
@@ -315,12 +313,12 @@ void ContactNewton::find_changes() {
   }
 }
 
-/// Friction's direction at the end of the step d_, by the step's linear model.
+/// Friction's direction at the end of the step d_, by the linearised law.
 void ContactNewton::update_directions() {
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
     ContactRows& contact = contacts_[c];
     const double* s = s_.data() + kMostRows * c;
-    const double more = contact.open ? 0 : -s[0] / contact.softness;
+    const double more = contact.open ? 0 : -s[0] / contact.regularization;
     for (std::size_t k = 0; k < contact.disc_count; ++k) {
       Disc& disc = contact.discs[k];
       double x = 0, y = 0;
@@ -331,48 +329,48 @@ void ContactNewton::update_directions() {
         x = -p[0] + xx * sx + xy * sy;
         y = disc.size > 1 ? -p[1] + xy * sx + yy * sy : 0;
         if (disc.slides) {
-          x += disc.coefficient * more * disc.px;
-          y += disc.coefficient * more * disc.py;
+          x += disc.coefficient * more * disc.force_x;
+          y += disc.coefficient * more * disc.force_y;
         }
       }
       const double limit = disc.coefficient * std::max(contact.impulse[0] + more, 0.0);
       const double scale = 1 / std::max({limit, std::sqrt(x * x + y * y), 1e-300});
-      disc.px = scale * x;
-      disc.py = scale * y;
+      disc.force_x = scale * x;
+      disc.force_y = scale * y;
     }
   }
 }
 
 /// Newton's step, into d_.
-void ContactNewton::find_step(NewtonReport& report) {
+void ContactNewton::find_newton_step(NewtonReport& report) {
   assemble();
   factor();
   for (int i = 0; i < n_; ++i) d_[at(i)] = kept(i) ? 0 : -F_[at(i)];
   solve_factored(d_.data(), 0, n_ - 1);
-  couple();
-  find_changes();
+  apply_coupling();
+  find_row_changes();
   ++report.iterations;
 }
 
 bool ContactNewton::solved(double tolerance, NewtonReport& report) {
   report.residual = residual();
-  report.solved = report.residual <= tolerance && !release();
+  report.solved = report.residual <= tolerance && !release_bounds();
   return report.solved;
 }
 
 /// Newton steps from an evaluated x.
 void ContactNewton::newton_steps(int most, double tolerance, NewtonReport& report) {
   for (int i = 0; i < most && !report.solved; ++i) {
-    find_step(report);
+    find_newton_step(report);
     update_directions();
     advance(1);
-    evaluate(Law::coulomb);
+    evaluate_residual(Law::coulomb);
     solved(tolerance, report);
   }
 }
 
 NewtonReport ContactNewton::solve_island(double tolerance) {
-  widen();
+  find_envelope();
   for (int i = 0; i < n_; ++i) {
     const Bound& bound = bounds_[at(i)];
     x_[at(i)] = bound.side == 0 ? 0 : (bound.side < 0 ? bound.low : bound.high);
@@ -380,12 +378,12 @@ NewtonReport ContactNewton::solve_island(double tolerance) {
   NewtonReport report;
   const bool heap = n_ > kHeap;
   if (heap && factor_work() > kMostWork) {
-    relax(tolerance, report);
+    gauss_seidel(tolerance, report);
     return report;
   }
   lay_out(last_, M_start_, M_);
   if (heap) latest_.contacts = contacts_;
-  evaluate(Law::as_it_was);
+  evaluate_residual(Law::active_set);
   newton_steps(heap ? kHeapSteps : kNewtonSteps, tolerance, report);
   if (report.solved) return report;
   if (!heap) {
@@ -393,7 +391,7 @@ NewtonReport ContactNewton::solve_island(double tolerance) {
     return report;
   }
   contacts_ = latest_.contacts;
-  relax(tolerance, report);
+  gauss_seidel(tolerance, report);
   return report;
 }
 

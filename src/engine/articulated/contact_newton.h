@@ -1,16 +1,22 @@
-// The impulses of contacts, joint stops and torque limits in a step, found together: the change x of the
-// joint rates obeys
-//   A x = g + J^T p(r0 + J x) + servos(x),  low <= x <= high,
-// A being the joint-space inertia, springs and dampers in it, and g what drives it without contact. The
-// normal impulse is max(0, -r_n / softness), friction Coulomb's with the true cone: -r_t / softness, cut to
-// the coefficient times the normal impulse. The softness makes impulses the velocities' own function, so that
-// the unknowns are the joint rates however many contacts there are.
+// Contacts, joint stops and torque limits of one step: a nonlinear complementarity problem in the change x of
+// the joint rates,
+//   A x = g + J^T p(r0 + J x) + servos(x),  low <= x <= high.
+// A is the joint-space inertia, with the implicit springs and dampers; g is what drives the step without
+// contact. Contact is compliant (regularised): the normal impulse is max(0, -r_n / R), friction is Coulomb's
+// with a circular cone, -r_t / R_t projected on the disc of radius coefficient times normal impulse. Impulses
+// are so functions of the velocities and the unknowns are the joint rates, however many contacts there are
+// (the primal formulation of Todorov 2014, "Convex and analytically-invertible dynamics with contacts and
+// constraints", ICRA, and of Castro, Permenter and Han 2022, "An unconstrained convex formulation of
+// compliant contact", IEEE T-RO). Unlike theirs the law is Coulomb's own, not its convex relaxation: a
+// sliding contact does not lift off.
 //
-// Semi-smooth Newton steps on that equation (Alart and Curnier 1991), sparse along the branches of the
-// mechanism, from what was in force in the last step. They are quick and find nearly all solutions, but
-// Coulomb's friction is the slope of no energy, so that nothing makes them converge. Where they do not,
-// friction's limits are held and updated from outside (contact_newton_limits.cpp): that cannot fail to give a
-// step.
+// The solution is found by semi-smooth Newton steps (Alart and Curnier 1991, "A mixed formulation for
+// frictional contact problems prone to Newton like solution methods", CMAME 92) from the active set of the
+// last step; the factor is sparse along the branches of the mechanism (Featherstone 2008, section 6.5).
+// Coulomb's law is not the gradient of an energy, so these steps need not converge. Then friction's limits
+// are held fixed, which makes the problem convex: Newton's method with an exact line search solves it, and
+// the limits are iterated (contact_newton_limits.cpp). Heaps are solved by block Gauss-Seidel
+// (contact_relaxation.cpp).
 #pragma once
 
 #include <array>
@@ -21,47 +27,46 @@
 
 namespace handsim::engine::articulated {
 
-/// So many are solved without allocating.
+/// Up to so many contacts are solved without allocating memory.
 inline constexpr std::size_t kUsualContacts = 64;
 inline constexpr std::size_t kMostRows = 6;  ///< of a contact
 
-/// Rows that take at most `coefficient` times the normal impulse together: two of sliding or rolling, one of
-/// spinning.
+/// Rows whose impulse lies in a disc of radius `coefficient` times the normal impulse: two rows of sliding or
+/// rolling friction, one of spinning friction.
 struct Disc {
   enum class Kind { sliding, spinning, rolling };
   Kind kind = Kind::sliding;
   std::size_t row = 1, size = 2;  ///< among the contact's
   double coefficient = 0;
-  double softness = 0;  ///< velocity per impulse, > 0
-  double limit = 0;     ///< of the impulse, where it is fixed
-  double change = 0;    ///< that the last solution asked of it
-  bool slides = false;  ///< the limit is in force
-  /// Where it slides: which way (unit), against which way it pushes, as a share of the limit, and limit over
-  /// speed. Both ways agree in the solution.
-  double x = 1, y = 0, px = 1, py = 0, lateral = 0;
+  double regularization = 0;  ///< R_t: velocity per impulse, > 0
+  double limit = 0;           ///< radius of the disc, where it is held fixed
+  double change = 0;          ///< of the limit that the last solution asks for
+  bool slides = false;        ///< the impulse is on the disc's edge
+  /// While it slides: direction of slip (unit); direction opposite to the impulse, as a share of the limit;
+  /// limit over speed, the stiffness across the slip. Both directions agree in the solution.
+  double slip_x = 1, slip_y = 0, force_x = 1, force_y = 0, tangent_stiffness = 0;
 };
 
-/// A contact: its normal row, then those of its discs. Or a tie: one row that is to stand still, whichever
-/// way it has to be pushed.
+/// A contact: its normal row, then those of its discs. Or a bilateral constraint: one row whose velocity is
+/// to vanish, by an impulse of either sign.
 struct ContactRows {
-  std::array<double, kMostRows>
-      start{};  ///< r0 [m/s, rad/s]; normal: less the velocity that it is to have at least
-  std::array<double, kMostRows> impulse{};  ///< in: to start from; out
-  double softness = 0;                      ///< of the normal row, as a disc has it
+  std::array<double, kMostRows> start{};    ///< r0 [m/s, rad/s]; of the normal row less its target velocity
+  std::array<double, kMostRows> impulse{};  ///< in: warm start; out: solution
+  double regularization = 0;                ///< R of the normal row
   std::array<Disc, 3> discs;
   std::size_t rows = 1, disc_count = 0;
-  bool open = true;  ///< in: as it was in the last step; out
-  bool tie = false;
+  bool open = true;  ///< no normal impulse; in: in the last step, out: in this one
+  bool bilateral = false;
   std::size_t first_dof = 0, dof_count = 0, first_entry = 0;  ///< in the solver's lists
 };
 
-/// How far a solution got.
+/// What a solution took and how exact it is.
 struct NewtonReport {
-  int iterations = 0;      ///< systems solved
-  int limit_updates = 0;   ///< of friction's limits, where Newton's method alone did not find the solution
-  double residual = 0;     ///< most that a rate may be off by [rad/s or m/s]
-  bool solved = false;     ///< the residual is within the tolerance, but where `iterative`
-  bool iterative = false;  ///< by relaxation: too large for Newton's method
+  int iterations = 0;      ///< linear systems solved
+  int limit_updates = 0;   ///< of friction's limits, where Newton's method alone did not converge
+  double residual = 0;     ///< largest error of a rate [rad/s or m/s]
+  bool solved = false;     ///< the residual is within the tolerance; always true if `iterative`
+  bool iterative = false;  ///< by block Gauss-Seidel: too large for Newton's method
 };
 
 class ContactNewton {
@@ -69,24 +74,25 @@ class ContactNewton {
   /// @param first for every unknown i the least j <= i with A_ij not zero, whatever the state.
   void resize(std::span<const int> first);
   int size() const { return n_; }
-  /// Empties the problem: A, g zero, no contacts, bounds or servos.
+  /// Starts a new problem: A and g zero, no contacts, bounds or servos.
   void begin();
   /// A's entry, i <= j.
   double& inertia(int i, int j) { return A_[entry(i, j)]; }
   std::span<double> drive() { return g_; }
-  /// Keeps x_i within bounds; `side` -1, 1: starts on one.
+  /// Bounds x_i; `side` -1 or 1: starts on the lower or the upper bound.
   void bound(int i, double low, double high, double side);
-  /// Adds offset - slope x_i to the right side, cut to +-limit.
+  /// Adds offset - slope x_i, clamped to +-limit, to the right side.
   void servo(int i, double offset, double slope, double limit, double saturated);
-  /// Adds a contact that moves with some unknowns, ascending; its J, rows by unknowns, is to be filled in.
+  /// Adds a contact that depends on the given unknowns, in ascending order. The caller fills in its J, rows
+  /// by unknowns.
   ContactRows& add(std::span<const int> dofs, std::size_t rows);
   std::span<double> jacobian(const ContactRows& contact) {
     return {J_.data() + contact.first_entry, contact.rows * contact.dof_count};
   }
 
-  /// Starts from x = 0 and from what `open`, `slides` and the bounds' sides name. Where Coulomb's law is not
-  /// found to the tolerance, the result is a step whose friction has limits of other normal impulses than its
-  /// own; `residual` says what that comes to.
+  /// Starts from x = 0 and from the active set that `open`, `slides` and the bounds' sides say. Where
+  /// Coulomb's law is not met to the tolerance, the result is the solution with fixed friction limits that
+  /// comes nearest to it; `residual` says how near.
   /// @param tolerance of rates [rad/s or m/s]
   NewtonReport solve(double tolerance);
 
@@ -105,16 +111,15 @@ class ContactNewton {
   };
   enum class Law {
     coulomb,
-    as_it_was,    ///< the parts of it that `open`, `slides` and `saturated` name, whatever the velocities
-    fixed_limits  ///< friction's limits are Disc::limit, whatever the normal impulse; bounds are stiff
-                  ///< springs
+    active_set,   ///< of the last step: as `open`, `slides` and `saturated` say, whatever the velocities
+    fixed_limits  ///< friction's limits are Disc::limit, whatever the normal impulse; bounds are penalties
   };
-  /// Derivative of the energy along a direction, and its own.
+  /// First and second derivative of the energy along a direction.
   struct Slope {
     double value = 0, rise = 0;
   };
 
-  /// Where A and M have entry (i, j), j from i to the row's last: rows stand one after the other.
+  /// Index of entry (i, j) in A and in M, j from i to the row's last column: packed rows.
   std::size_t entry(int i, int j) const {
     return A_start_[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j);
   }
@@ -124,7 +129,7 @@ class ContactNewton {
   void lay_out(std::span<const int> first);
   void reserve(std::size_t n);
   void find_islands();
-  /// What no unknown moves is the first island's.
+  /// A contact that depends on no unknown belongs to the first island.
   int island_of(const ContactRows& contact) const {
     return contact.dof_count > 0 ? island_of_[static_cast<std::size_t>(dofs_[contact.first_dof])] : 0;
   }
@@ -137,33 +142,34 @@ class ContactNewton {
   void load_island(const ContactNewton& whole, int island);
   void store_island(ContactNewton& whole, int island) const;
   NewtonReport solve_island(double tolerance);
-  void widen();
+  void find_envelope();
   void lay_out(std::span<const int> last, std::vector<std::size_t>& start, std::vector<double>& rows) const;
   double factor_work() const;
   static void apply_law(ContactRows& contact, const double* r, Law law);
   double bound_compliance(int i) const;
-  /// On a bound, and not to move.
+  /// Held on a bound.
   bool kept(int i) const {
     return law_ != Law::fixed_limits && bounds_[static_cast<std::size_t>(i)].side != 0;
   }
-  void evaluate(Law law);
+  void evaluate_residual(Law law);
+  void add_contact_impulses();
   double residual() const;
-  bool release();
+  bool release_bounds();
   bool solved(double tolerance, NewtonReport& report);
-  /// Of a disc's impulses against its velocities: xx, xy, yy.
+  /// Minus the derivative of a disc's impulse by its velocity: xx, xy, yy.
   static std::array<double, 3> stiffness(const Disc& disc) {
-    if (!disc.slides) return {1 / disc.softness, 0, 1 / disc.softness};
-    return {disc.lateral * (1 - disc.px * disc.x),
-            -0.5 * disc.lateral * (disc.px * disc.y + disc.py * disc.x),
-            disc.lateral * (1 - disc.py * disc.y)};
+    if (!disc.slides) return {1 / disc.regularization, 0, 1 / disc.regularization};
+    return {disc.tangent_stiffness * (1 - disc.force_x * disc.slip_x),
+            -0.5 * disc.tangent_stiffness * (disc.force_x * disc.slip_y + disc.force_y * disc.slip_x),
+            disc.tangent_stiffness * (1 - disc.force_y * disc.slip_y)};
   }
   void assemble();
   void factor();
-  /// Of unknowns that hang together with no others.
+  /// Of a range of unknowns that no entry joins to others.
   void solve_factored(double* x, int first, int end) const;
-  void couple();
-  void find_changes();
-  void find_step(NewtonReport& report);
+  void apply_coupling();
+  void find_row_changes();
+  void find_newton_step(NewtonReport& report);
   void update_directions();
   void advance(double share);
   void newton_steps(int most, double tolerance, NewtonReport& report);
@@ -175,13 +181,13 @@ class ContactNewton {
   void restart_limits(double multiple);
   void iterate_limits(double tolerance, NewtonReport& report);
 
-  /// A row block of relaxation: a contact, a stop or a servo, and what unit impulses in it do.
+  /// A block of Gauss-Seidel: a contact, a stop or a servo.
   struct Block {
     enum class Kind { contact, stop, servo };
     Kind kind = Kind::contact;
     std::size_t index = 0, rows = 1;  ///< contact or unknown
     std::size_t first_range = 0, range_count = 0, first_entry = 0;
-    std::array<double, kMostRows * kMostRows> D{};  ///< velocity per impulse, without softness
+    std::array<double, kMostRows * kMostRows> D{};  ///< diagonal block of J A^-1 J^T
     double impulse = 0;                             ///< of a stop or servo
   };
   struct Range {
@@ -189,12 +195,13 @@ class ContactNewton {
   };
   void add_block(Block block);
   void add_blocks();
-  double relax_block(Block& block);
-  void move(const Block& block, std::size_t row, double impulse);
+  double solve_block(Block& block);
+  double solve_contact(const Block& block);
+  void apply_impulse(const Block& block, std::size_t row, double impulse);
   double velocity(const Block& block, std::size_t row) const;
-  void relax(double tolerance, NewtonReport& report);
+  void gauss_seidel(double tolerance, NewtonReport& report);
 
-  /// A step, and how far it is from Coulomb's law.
+  /// A solution with fixed limits, and its residual with Coulomb's law.
   struct Solution {
     std::vector<double> x;
     std::vector<ContactRows> contacts;
@@ -206,16 +213,16 @@ class ContactNewton {
   std::vector<int> A_first_, A_last_;  ///< last column of a row of A
   std::vector<int> first_, last_;      ///< of the factor
   std::vector<std::size_t> A_start_, M_start_;
-  std::vector<int> tree_first_, tree_last_;  ///< unknowns of each one's tree
+  std::vector<int> tree_first_, tree_last_;  ///< first and last unknown of each unknown's tree
   Law law_ = Law::coulomb;
   std::vector<double> A_, M_, g_, x_, F_, sum_, d_, Ad_;
   std::vector<Bound> bounds_;
   std::vector<Servo> servos_;
   std::vector<ContactRows> contacts_;
-  Solution latest_, nearest_;
+  Solution latest_, best_;
   int islands_ = 0;
-  std::vector<int> island_of_;  ///< of each unknown: trees that contacts and ties join
-  std::vector<int> place_;      ///< of each unknown, in its island
+  std::vector<int> island_of_;  ///< of each unknown: trees that contacts and loops couple
+  std::vector<int> place_;      ///< index of each unknown in its island
   /// Unknowns and contacts island by island, and where each island's begin.
   std::vector<int> members_, first_member_, touching_, first_touching_;
   std::unique_ptr<ContactNewton> part_;  ///< solves islands one by one
@@ -225,7 +232,7 @@ class ContactNewton {
   std::vector<double> Y_;  ///< A^-1 J^T of the blocks' rows, over their ranges
   std::vector<int> dofs_;
   std::vector<double> J_, r_, s_;
-  /// What a sliding contact's normal impulse does to its friction: M - C G^T is the whole derivative.
+  /// Friction's dependence on the normal impulse: M - C G^T is the whole (unsymmetric) derivative.
   struct Entry {
     std::size_t column = 0;
     int dof = 0;

@@ -1,10 +1,11 @@
-// Friction by fixed limits. Where Newton's method does not find Coulomb's law at once, friction's limits are
-// held and updated from outside: limit = coefficient x normal impulse is the fixed point (Panagiotopoulos
-// 1975; Haslinger, Hlavacek, Necas 1996, "Numerical methods for unilateral problems in solid mechanics",
-// section 9: Tresca's friction). With limits held, the step is the least value of a strictly convex energy
-//   x A x / 2 - g x + sum of max(0, -r_n)^2 / (2 softness) + sum of Huber functions of r_t + servos + stops,
-// which Newton's method with a line search always finds. Every such step is a sound one: contacts push, do
-// not pull, and friction only takes energy.
+// Fallback: friction with fixed limits (Tresca's friction). Where Newton's method does not converge for
+// Coulomb's law, friction's limits are held, and updated by a fixed-point iteration, limit = coefficient x
+// normal impulse (Panagiotopoulos 1975; Haslinger, Hlavacek, Necas 1996, "Numerical methods for unilateral
+// problems in solid mechanics", section 9). With limits held, the step is the minimum of a strictly convex
+// energy
+//   x A x / 2 - g x + sum of max(0, -r_n)^2 / (2 R) + sum of Huber functions of r_t + servos + stops,
+// which Newton's method with a line search always finds. Every such step is physically sound: contacts push
+// and do not pull, and friction dissipates.
 #include <algorithm>
 #include <cmath>
 
@@ -19,30 +20,31 @@ namespace {
 constexpr int kLeastSteps = 100;
 /// Updates of the limits, and Newton steps with Coulomb's law from the solution of each.
 constexpr int kMostUpdates = 240, kStepsFromFixed = 6;
-/// After so many updates the limits start anew, at this many times the largest normal impulse in turn:
-/// solutions that slide and solutions that stick are found from different ends.
+/// After so many updates the limits start anew, at these multiples of the largest normal impulse by turns:
+/// from large ones sticking solutions are found, from small ones sliding solutions.
 constexpr int kRestart = 40;
 constexpr std::array<double, 2> kRestartAt = {10, 0.3};
-/// Largest relaxation of an update, and that of every fourth: the short ones leave limit cycles, the long
-/// ones hasten slow convergence.
+/// Largest relaxation factor of an update, and that of every fourth: small ones end limit cycles, large ones
+/// speed up slow convergence. Chosen, as the numbers above and below.
 constexpr double kShort = 0.7, kLong = 1000;
-/// From this update on every fourth goes half way to where Newton's step for Coulomb's law has the impulses.
+/// From this update on every fourth moves the limits half way to those that a Newton step for Coulomb's law
+/// predicts.
 constexpr int kNewtonUpdates = 80;
 constexpr double kNewtonShare = 0.5;
-constexpr double kGrowth = 2;  ///< of the relaxation where updates grow
-/// Multiplications in factorisations after which no more updates are made: a twentieth of a second or less.
+constexpr double kGrowth = 2;  ///< of the relaxation factor while updates grow
+/// Multiplications in factorisations after which the iteration ends: 0.05 s or less.
 constexpr double kMostFallbackWork = 1.2e7;
 constexpr int kSearches = 30;
-/// Slope of the energy that a line search may leave, as a share of its start's.
+/// The line search ends where the energy's slope is this share of that at its start (strong Wolfe condition).
 constexpr double kFlat = 0.1;
-/// Of stops as springs, as a share of what their coordinate alone gives way.
+/// Compliance of stops as penalties, as a share of the inverse inertia of their coordinate. Chosen.
 constexpr double kBoundCompliance = 1e-7;
 
 }  // namespace
 
 double ContactNewton::bound_compliance(int i) const { return kBoundCompliance / A_[entry(i, i)]; }
 
-/// Slope of the energy at x + share d, and its rise.
+/// First and second derivative of the energy along d at x + share d.
 ContactNewton::Slope ContactNewton::energy_slope(double share) const {
   Slope out;
   for (int i = 0; i < n_; ++i) {
@@ -69,7 +71,7 @@ ContactNewton::Slope ContactNewton::energy_slope(double share) const {
     for (std::size_t k = 0; k < contact.rows; ++k) now[k] = r[k] + share * s[k];
     apply_law(contact, now.data(), Law::fixed_limits);
     for (std::size_t k = 0; k < contact.rows; ++k) out.value -= s[k] * contact.impulse[k];
-    if (!contact.open) out.rise += s[0] * s[0] / contact.softness;
+    if (!contact.open) out.rise += s[0] * s[0] / contact.regularization;
     for (std::size_t k = 0; k < contact.disc_count; ++k) {
       const Disc& disc = contact.discs[k];
       const auto [xx, xy, yy] = stiffness(disc);
@@ -80,7 +82,7 @@ ContactNewton::Slope ContactNewton::energy_slope(double share) const {
   return out;
 }
 
-/// Share of the step d_ at which the energy is least.
+/// Step length along d_ that minimises the energy: Newton's method with bisection as safeguard.
 double ContactNewton::line_search() {
   // A d, and what of F does not depend on the law, into sum_.
   for (int i = 0; i < n_; ++i) {
@@ -114,19 +116,19 @@ double ContactNewton::line_search() {
   return share;
 }
 
-/// The step at fixed limits, from x_. False where rounding keeps it from the tolerance.
+/// Minimises the energy with fixed limits, from x_. False where rounding prevents the tolerance.
 bool ContactNewton::minimise(double tolerance, NewtonReport& report) {
-  evaluate(Law::fixed_limits);
+  evaluate_residual(Law::fixed_limits);
   for (int i = 0; i < kLeastSteps && !(residual() <= tolerance); ++i) {
-    find_step(report);
+    find_newton_step(report);
     advance(line_search());
-    evaluate(Law::fixed_limits);
+    evaluate_residual(Law::fixed_limits);
   }
   return residual() <= tolerance;
 }
 
-/// Moves the limits towards coefficient x normal impulse by Aitken's relaxation (Irons and Tuck 1969); where
-/// updates grow, by ever longer steps. @returns the relaxation
+/// Moves the limits towards coefficient x normal impulse with Aitken's relaxation (Irons and Tuck 1969);
+/// while updates grow, with ever larger factors. @returns the relaxation factor
 double ContactNewton::update_limits(double relaxation, double most) {
   double product = 0, square = 0;
   for (ContactRows& contact : contacts_)
@@ -152,12 +154,12 @@ double ContactNewton::update_limits(double relaxation, double most) {
   return relaxation;
 }
 
-/// Moves the limits towards what Newton's step from here, with Coulomb's law, would make of them.
+/// Moves the limits towards those that a Newton step for Coulomb's law predicts.
 void ContactNewton::predict_limits(NewtonReport& report) {
-  find_step(report);
+  find_newton_step(report);
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
     ContactRows &contact = contacts_[c], &to = latest_.contacts[c];
-    const double end = -(r_[kMostRows * c] + s_[kMostRows * c]) / contact.softness;
+    const double end = -(r_[kMostRows * c] + s_[kMostRows * c]) / contact.regularization;
     const double normal = contact.open ? 0 : std::max(end, 0.0);
     for (std::size_t k = 0; k < contact.disc_count; ++k) {
       Disc& disc = to.discs[k];
@@ -167,7 +169,7 @@ void ContactNewton::predict_limits(NewtonReport& report) {
   }
 }
 
-/// All limits alike, as a multiple of the largest normal impulse.
+/// Sets all limits to a multiple of the largest normal impulse.
 void ContactNewton::restart_limits(double multiple) {
   double largest = 0;
   for (const ContactRows& contact : contacts_) largest = std::max(largest, contact.impulse[0]);
@@ -178,13 +180,13 @@ void ContactNewton::restart_limits(double multiple) {
     }
 }
 
-/// Coulomb's law by way of fixed limits. Where it is not found, the solution at fixed limits that comes
-/// nearest to it is the result.
+/// Coulomb's law by iterated limits. Where this does not converge, the solution with the least residual is
+/// the result.
 void ContactNewton::iterate_limits(double tolerance, NewtonReport& report) {
   std::fill(x_.begin(), x_.end(), 0.0);
   restart_limits(0);
   double relaxation = 1;
-  nearest_.residual = HUGE_VAL;
+  best_.residual = HUGE_VAL;
   const double work = factor_work();
   for (int i = 0; i < kMostUpdates && (i == 0 || report.iterations * work < kMostFallbackWork); ++i) {
     minimise(tolerance, report);
@@ -192,10 +194,10 @@ void ContactNewton::iterate_limits(double tolerance, NewtonReport& report) {
     latest_.contacts = contacts_;
     latest_.bounds = bounds_;
     ++report.limit_updates;
-    evaluate(Law::coulomb);
+    evaluate_residual(Law::coulomb);
     solved(tolerance, report);
     latest_.residual = report.residual;
-    if (latest_.residual < nearest_.residual) nearest_ = latest_;
+    if (latest_.residual < best_.residual) best_ = latest_;
     const bool predicted = i >= kNewtonUpdates && i % 4 == 2;
     if (!report.solved && predicted) predict_limits(report);
     if (!report.solved) newton_steps(kStepsFromFixed, tolerance, report);
@@ -207,10 +209,10 @@ void ContactNewton::iterate_limits(double tolerance, NewtonReport& report) {
     if (restart) restart_limits(kRestartAt[at(i / kRestart % 2)]);
     relaxation = restart || predicted ? 1 : update_limits(relaxation, i % 4 == 3 ? kLong : kShort);
   }
-  x_ = nearest_.x;
-  contacts_ = nearest_.contacts;
-  bounds_ = nearest_.bounds;
-  report.residual = nearest_.residual;
+  x_ = best_.x;
+  contacts_ = best_.contacts;
+  bounds_ = best_.bounds;
+  report.residual = best_.residual;
 }
 
 }  // namespace handsim::engine::articulated

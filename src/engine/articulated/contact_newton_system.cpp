@@ -1,4 +1,5 @@
-// The linear system of a Newton step: its assembly, its sparse factor, and the rank that sliding adds to it.
+// The linear system of a Newton step: assembly, sparse Cholesky factor without fill-in outside its envelope,
+// and the low-rank unsymmetric part of sliding contacts.
 #include <algorithm>
 #include <cmath>
 
@@ -17,8 +18,14 @@ using ConstRow = Eigen::Map<const Eigen::VectorXd>;
 
 }  // namespace
 
-/// The derivative of F where the law now is: M its symmetric part, C and G what friction has of the normal
-/// impulse.
+/// Multiplications of a factorisation.
+double ContactNewton::factor_work() const {
+  double work = 0;
+  for (int i = 0; i < n_; ++i) work += 0.5 * (last_[at(i)] - i) * (last_[at(i)] - i);
+  return work;
+}
+
+/// The derivative of F: M is its symmetric part, C and G are friction's dependence on the normal impulse.
 void ContactNewton::assemble() {
   for (int i = 0; i < n_; ++i) {
     double* M = M_.data() + M_entry(i, 0);
@@ -44,7 +51,7 @@ void ContactNewton::assemble() {
         for (std::size_t j = i; j < m; ++j) to[dofs[j]] += scaled * row[j];
       }
     };
-    if (!contact.open) add(1 / contact.softness, J);
+    if (!contact.open) add(1 / contact.regularization, J);
     for (std::size_t k = 0; k < contact.disc_count; ++k) {
       const Disc& disc = contact.discs[k];
       const double* rows = J + disc.row * m;
@@ -60,10 +67,10 @@ void ContactNewton::assemble() {
         }
       }
       if (!disc.slides || law_ == Law::fixed_limits) continue;
-      const double share = disc.coefficient / contact.softness;
+      const double share = disc.coefficient / contact.regularization;
       for (std::size_t j = 0; j < m; ++j) {
         if (bounds_[at(dofs[j])].side != 0) continue;
-        const double slip = disc.px * rows[j] + (disc.size > 1 ? disc.py * rows[m + j] : 0);
+        const double slip = disc.force_x * rows[j] + (disc.size > 1 ? disc.force_y * rows[m + j] : 0);
         coupling_.push_back({coupled_, dofs[j], share * slip, J[j]});
       }
       ++coupled_;
@@ -79,7 +86,7 @@ void ContactNewton::assemble() {
   }
 }
 
-/// M = U^T U in place, its diagonal inverted; what is zero for good is passed over.
+/// M = U^T U in place, its diagonal inverted; structural zeros are skipped.
 void ContactNewton::factor() {
   for (int k = 0; k < n_; ++k) {
     double* row = M_.data() + M_entry(k, 0);
@@ -108,8 +115,9 @@ void ContactNewton::solve_factored(double* x, int first, int end) const {
   }
 }
 
-/// d_ = (M - C G^T)^-1 of what solves M d = -F, by Sherman, Morrison and Woodbury's formula.
-void ContactNewton::couple() {
+/// Corrects d_ = -M^-1 F to -(M - C G^T)^-1 F by the Sherman-Morrison-Woodbury formula. Elimination is by
+/// hand: Eigen's sums round otherwise.
+void ContactNewton::apply_coupling() {
   const std::size_t m = coupled_;
   if (m == 0) return;
   const auto width = static_cast<Eigen::Index>(m);

@@ -1,7 +1,7 @@
-// Large heaps: projected Gauss-Seidel, contact by contact (Jourdan, Alart and Jean 1998), in place of
-// Newton's method, whose linear systems grow with the square of what hangs together. Impulses start from
-// those of the last step. The rates always agree with the impulses; after the last sweep the law is kept to
-// the residual.
+// Heaps: block Gauss-Seidel with projection, contact by contact (Jourdan, Alart and Jean 1998, "A
+// Gauss-Seidel like algorithm to solve frictional contact problems", CMAME 155), instead of Newton's method,
+// whose linear systems grow with the square of the island. Impulses start from those of the last step. Rates
+// and impulses agree at any time; after the last sweep the contact law holds to the residual.
 #include <algorithm>
 #include <cmath>
 
@@ -17,7 +17,7 @@ constexpr int kSweeps = 20;
 
 }  // namespace
 
-/// Velocity of a block's row without its softness.
+/// Velocity of a block's row, without R times its impulse.
 double ContactNewton::velocity(const Block& block, std::size_t row) const {
   if (block.kind != Block::Kind::contact) return x_[block.index];
   const ContactRows& contact = contacts_[block.index];
@@ -28,7 +28,7 @@ double ContactNewton::velocity(const Block& block, std::size_t row) const {
 }
 
 /// x += A^-1 J^T impulse of a row.
-void ContactNewton::move(const Block& block, std::size_t row, double impulse) {
+void ContactNewton::apply_impulse(const Block& block, std::size_t row, double impulse) {
   if (impulse == 0) return;
   std::size_t width = 0;
   for (std::size_t k = 0; k < block.range_count; ++k) {
@@ -42,7 +42,7 @@ void ContactNewton::move(const Block& block, std::size_t row, double impulse) {
   }
 }
 
-/// Finds what unit impulses in its rows do; A is factored in M_.
+/// Finds A^-1 J^T and the diagonal block of J A^-1 J^T; A is factored in M_.
 void ContactNewton::add_block(Block block) {
   const bool contact = block.kind == Block::Kind::contact;
   const int own = static_cast<int>(block.index);
@@ -100,11 +100,11 @@ void ContactNewton::add_blocks() {
   }
 }
 
-/// Brings a block to its law, all others held. @returns the largest change of velocity that took [m/s, rad/s]
-double ContactNewton::relax_block(Block& block) {
+/// Solves one block with all others fixed. @returns the largest change of velocity [m/s, rad/s]
+double ContactNewton::solve_block(Block& block) {
   const double D = block.D[0];
   const auto apply = [&](double now, double next) {
-    move(block, 0, next - now);
+    apply_impulse(block, 0, next - now);
     return std::abs(next - now) * D;
   };
   if (block.kind == Block::Kind::servo) {
@@ -125,13 +125,21 @@ double ContactNewton::relax_block(Block& block) {
     block.impulse = next;
     return change;
   }
+  return solve_contact(block);
+}
+
+/// The normal row, then each disc with the new normal impulse.
+double ContactNewton::solve_contact(const Block& block) {
+  const double D = block.D[0];
   ContactRows& contact = contacts_[block.index];
   double& normal = contact.impulse[0];
-  double next = normal - (velocity(block, 0) + contact.softness * normal) / (D + contact.softness);
-  if (!contact.tie) next = std::max(next, 0.0);
-  double change = apply(normal, next);
+  double next =
+      normal - (velocity(block, 0) + contact.regularization * normal) / (D + contact.regularization);
+  if (!contact.bilateral) next = std::max(next, 0.0);
+  double change = std::abs(next - normal) * D;
+  apply_impulse(block, 0, next - normal);
   normal = next;
-  contact.open = !contact.tie && !(normal > 0);
+  contact.open = !contact.bilateral && !(normal > 0);
   for (std::size_t k = 0; k < contact.disc_count; ++k) {
     Disc& disc = contact.discs[k];
     double* p = contact.impulse.data() + disc.row;
@@ -139,33 +147,34 @@ double ContactNewton::relax_block(Block& block) {
     const auto entry_of = [&](std::size_t i, std::size_t j) {
       return block.D[(disc.row + i) * kMostRows + disc.row + j];
     };
-    const double xx = entry_of(0, 0) + disc.softness, yy = two ? entry_of(1, 1) + disc.softness : 0,
-                 xy = two ? entry_of(0, 1) : 0;
+    const double xx = entry_of(0, 0) + disc.regularization,
+                 yy = two ? entry_of(1, 1) + disc.regularization : 0, xy = two ? entry_of(0, 1) : 0;
     // The larger eigenvalue: a step by it overshoots in no direction.
-    const double give = 0.5 * (xx + yy) + std::sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy);
-    const double vx = velocity(block, disc.row) + disc.softness * p[0];
-    const double vy = two ? velocity(block, disc.row + 1) + disc.softness * p[1] : 0;
-    double x = p[0] - vx / give, y = two ? p[1] - vy / give : 0;
+    const double largest = 0.5 * (xx + yy) + std::sqrt(0.25 * (xx - yy) * (xx - yy) + xy * xy);
+    const double vx = velocity(block, disc.row) + disc.regularization * p[0];
+    const double vy = two ? velocity(block, disc.row + 1) + disc.regularization * p[1] : 0;
+    double x = p[0] - vx / largest, y = two ? p[1] - vy / largest : 0;
     const double size = std::sqrt(x * x + y * y), limit = disc.coefficient * normal;
     disc.slides = size > limit;
     if (disc.slides) {
       x *= limit / size;
       y *= limit / size;
-      disc.x = disc.px = -x / std::max(limit, 1e-300);
-      disc.y = disc.py = -y / std::max(limit, 1e-300);
-      disc.lateral = limit / std::max(std::sqrt(vx * vx + vy * vy), limit * disc.softness + 1e-300);
+      disc.slip_x = disc.force_x = -x / std::max(limit, 1e-300);
+      disc.slip_y = disc.force_y = -y / std::max(limit, 1e-300);
+      disc.tangent_stiffness =
+          limit / std::max(std::sqrt(vx * vx + vy * vy), limit * disc.regularization + 1e-300);
     }
-    change = std::max({change, std::abs(x - p[0]) * give, two ? std::abs(y - p[1]) * give : 0});
-    move(block, disc.row, x - p[0]);
+    change = std::max({change, std::abs(x - p[0]) * largest, two ? std::abs(y - p[1]) * largest : 0});
+    apply_impulse(block, disc.row, x - p[0]);
     p[0] = x;
     if (!two) continue;
-    move(block, disc.row + 1, y - p[1]);
+    apply_impulse(block, disc.row + 1, y - p[1]);
     p[1] = y;
   }
   return change;
 }
 
-void ContactNewton::relax(double tolerance, NewtonReport& report) {
+void ContactNewton::gauss_seidel(double tolerance, NewtonReport& report) {
   report.iterative = true;
   first_ = A_first_;
   last_ = A_last_;
@@ -178,14 +187,14 @@ void ContactNewton::relax(double tolerance, NewtonReport& report) {
   for (const Block& block : blocks_)
     if (block.kind == Block::Kind::contact)
       for (std::size_t row = 0; row < block.rows; ++row)
-        move(block, row, contacts_[block.index].impulse[row]);
-  bool settled = false;
-  for (int sweep = 0; sweep < kSweeps && !settled; ++sweep) {
+        apply_impulse(block, row, contacts_[block.index].impulse[row]);
+  bool converged = false;
+  for (int sweep = 0; sweep < kSweeps && !converged; ++sweep) {
     report.residual = 0;
     const std::size_t count = blocks_.size();
     for (std::size_t i = 0; i < count; ++i)
-      report.residual = std::max(report.residual, relax_block(blocks_[sweep % 2 == 0 ? i : count - 1 - i]));
-    settled = report.residual <= tolerance;
+      report.residual = std::max(report.residual, solve_block(blocks_[sweep % 2 == 0 ? i : count - 1 - i]));
+    converged = report.residual <= tolerance;
     ++report.iterations;
   }
   report.solved = true;

@@ -123,13 +123,4 @@ double JointSpace::row_scale(int node, const Spatial& wrench) const {
   return sum * wrench.squaredNorm();
 }
 
-Eigen::Matrix3Xd JointSpace::point_jacobian(int node, const Vec3& point) const {
-  Eigen::Matrix3Xd out = Eigen::Matrix3Xd::Zero(3, n_);
-  for (int dof = last_[at(node)]; dof != kNoDof; dof = parent_dof_[at(dof)]) {
-    const Spatial S = axis(dof);
-    out.col(dof) = S.tail<3>() + S.head<3>().cross(point);
-  }
-  return out;
-}
-
 }  // namespace handsim::engine::articulated

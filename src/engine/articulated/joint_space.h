@@ -65,8 +65,6 @@ class JointSpace {
   Spatial velocity(int node) const { return read6(views_[static_cast<std::size_t>(node)].v, stride_); }
   /// Spatial acceleration of a node, less gravity's, as `inverse_dynamics` last left it.
   Spatial acceleration(int node) const { return a_[static_cast<std::size_t>(node)]; }
-  /// Jacobian [3 x size] of the velocity of a point of a node [m, world axes from the island's origin].
-  Eigen::Matrix3Xd point_jacobian(int node, const Vec3& point) const;
 
  private:
   std::size_t index(int i, int j) const {

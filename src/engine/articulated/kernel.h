@@ -106,28 +106,31 @@ struct Lanes {
   // Poses, velocities and inertias of the links, and integration (kernel_motion.h).
   static void place(const Tree& tree, Batches& b);
   static Q4<V> unit(const Q4<V>& q);
-  static void settle(Batches& b, const Q4<V>& quat, const Mat<V>& R, const V3<V>& p);
-  static bool move(const Tree& tree, Batches& b);
+  static void set_pose(Batches& b, const Q4<V>& quat, const Mat<V>& R, const V3<V>& p);
+  static bool update_velocity(const Tree& tree, Batches& b);
   static bool kinematics(const Tree& tree);
   static bool velocities(const Tree& tree);
+  static void momenta(const Tree& tree);
   static void integrate(const Tree& tree, double step);
   static V wrapped(const V& angle);
-  static void turn(double* q, const V3<V>& w, const V& h);
+  static void rotate(double* q, const V3<V>& w, const V& h);
   static void position_rates(const Tree& tree, double* out);
   static void normalise(const Tree& tree);
 
   // Forces of a step, and the stops and limits in force in it (kernel_forces.h).
   static void prepare(const Tree& tree, double step);
+  static void find_torques(const Tree& tree, double step);
   static void prepare_smooth(const Tree& tree);
-  static bool revise(const Tree& tree, double step, bool only_first);
+  static bool update_active_set(const Tree& tree, double step, bool only_first);
+  static void work(const Tree& tree, double step);
   static void correct_first(Axes& a, const V& now, const V& reached);
-  static void aim(const Tree& tree, const Batches& b, Axes& a, double step);
+  static void lock_at_stops(const Tree& tree, const Batches& b, Axes& a, double step);
 
   // The articulated-body algorithm (kernel_solve.h).
   static Inertia<V> inertia(const Batches& b);
   static V6<V> bias(const Batches& b);
-  static constexpr int kHanded = 27;  ///< numbers of A, B, C, p
-  static void hand_down(const Tree& tree, const Batches& b, const Inertia<V>& I, const V6<V>& p);
+  static constexpr int kArticulated = 27;  ///< numbers of A, B, C, p
+  static void add_to_parent(const Tree& tree, const Batches& b, const Inertia<V>& I, const V6<V>& p);
   static void solve(const Tree& tree);
   static void clear(Batches& b);
   static V6<V> times_rigid(const Batches& b, const Sym3<V>& I, const V6<V>& S);
@@ -143,8 +146,8 @@ struct Lanes {
   static void outward_many(const Tree& tree, Batches& b);
 
   static constexpr Kernel kernel(const char* name) {
-    return {name,   static_cast<int>(W), kinematics,     velocities, prepare, prepare_smooth, solve,
-            revise, integrate,           position_rates, normalise};
+    return {name,  static_cast<int>(W), kinematics, velocities, prepare,   find_torques,   prepare_smooth,
+            solve, update_active_set,   momenta,    work,       integrate, position_rates, normalise};
   }
 };
 

@@ -16,17 +16,36 @@ inline void Lanes<V>::prepare(const Tree& tree, double step) {
     Axes& a = axis(tree, b);
     const V q = load(tree.q + b.q), u = load(tree.u + b.u);
     const V k = load(a.stiffness);
-    const V soft = h * k + load(a.damping);
+    const V damping = h * k + load(a.damping);
     const V ks = load(a.servo_stiffness);
     const V servo = h * ks + load(a.servo_damping);
     const V saturated = load(a.saturated);
     const V on = V(1.0) - saturated * saturated;
     const V pull = ks * load(a.servo_error) + load(a.servo_feed) - servo * u;
     store(a.force,
-          load(a.tau) - k * (q - load(a.rest)) - soft * u + on * pull + saturated * load(a.servo_limit));
+          load(a.tau) - k * (q - load(a.rest)) - damping * u + on * pull + saturated * load(a.servo_limit));
     // An empty lane has to have some inertia.
-    store(a.weight, h * (soft + on * servo) + (V(1.0) - load(a.present)));
-    aim(tree, b, a, step);
+    store(a.weight, h * (damping + on * servo) + (V(1.0) - load(a.present)));
+    lock_at_stops(tree, b, a, step);
+  }
+}
+
+template <class V>
+inline void Lanes<V>::find_torques(const Tree& tree, double step) {
+  const V h = step, zero = 0.0;
+  for (int i = 0; i < tree.batches; ++i) {
+    const Batches& b = batches(tree)[i];
+    if (!single(b)) continue;
+    const Axes& a = axis(tree, b);
+    const V u = load(tree.u + b.u) + h * load(tree.du + b.u), q = load(tree.q + b.q) + h * u;
+    const V limit = load(a.servo_limit);
+    V pull = load(a.servo_stiffness) * (load(a.servo_error) - h * u) - load(a.servo_damping) * u +
+             load(a.servo_feed);
+    pull = articulated::select(pull > limit, limit, pull);
+    pull = articulated::select(pull < V(zero - limit), V(zero - limit), pull);
+    store(tree.tau_servo + b.u, pull);
+    store(tree.tau + b.u,
+          load(a.tau) - load(a.stiffness) * (q - load(a.rest)) - load(a.damping) * u + pull);
   }
 }
 
@@ -43,7 +62,10 @@ inline void Lanes<V>::prepare_smooth(const Tree& tree) {
         load(a.servo_stiffness) * (load(a.servo_error) - q) - load(a.servo_damping) * u + load(a.servo_feed);
     pull = articulated::select(pull > limit, limit, pull);
     pull = articulated::select(pull < V(zero - limit), V(zero - limit), pull);
-    store(a.force, load(a.tau) - load(a.stiffness) * (q - load(a.rest)) - load(a.damping) * u + pull);
+    const V tau = load(a.tau) - load(a.stiffness) * (q - load(a.rest)) - load(a.damping) * u + pull;
+    store(a.force, tau);
+    store(tree.tau + b.u, tau);
+    store(tree.tau_servo + b.u, pull);
     store(a.weight, V(1.0) - load(a.present));
     store(a.locked, V(1.0) - load(a.present));
     store(a.given, zero);
@@ -51,7 +73,20 @@ inline void Lanes<V>::prepare_smooth(const Tree& tree) {
 }
 
 template <class V>
-inline bool Lanes<V>::revise(const Tree& tree, double step, bool only_first) {
+inline void Lanes<V>::work(const Tree& tree, double step) {
+  const V h = step, half = 0.5 * step;
+  for (int i = 0; i < tree.batches; ++i) {
+    const Batches& b = batches(tree)[i];
+    if (!single(b)) continue;
+    Axes& a = axis(tree, b);
+    const V du = load(tree.du + b.u);
+    const V force = load(a.force) - load(a.weight) * du + load(a.reaction);
+    store(a.work, h * force * (load(tree.u + b.u) + half * du));
+  }
+}
+
+template <class V>
+inline bool Lanes<V>::update_active_set(const Tree& tree, double step, bool only_first) {
   const V h = step, one = 1.0, zero = 0.0;
   const V tight = 1.0 - 1e-9, loose = 1.0 + 1e-9, touch = 1e-12;
   bool sound = true;
@@ -102,7 +137,7 @@ inline void Lanes<V>::correct_first(Axes& a, const V& now, const V& reached) {
 
 /// Locks what is on a stop: to land on it, to come back into the range, or to bounce off.
 template <class V>
-inline void Lanes<V>::aim(const Tree& tree, const Batches& b, Axes& a, double step) {
+inline void Lanes<V>::lock_at_stops(const Tree& tree, const Batches& b, Axes& a, double step) {
   const V zero = 0.0, h = step;
   const V side = load(a.side), q = load(tree.q + b.q), u = load(tree.u + b.u);
   const V end = articulated::select(side < zero, load(a.low), load(a.high));

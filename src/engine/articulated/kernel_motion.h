@@ -24,7 +24,7 @@ inline void Lanes<V>::place(const Tree& tree, Batches& b) {
       const V3<V> axis = R * load3(b.direction);
       p = o + R * load3(b.arm);
       store6(b.S, {axis, cross(o, axis)});
-      return settle(b, quat, R, p);
+      return set_pose(b, quat, R, p);
     }
     case NodeKind::prismatic: {
       quat = load4(from.quat) * load4(b.before);
@@ -33,7 +33,7 @@ inline void Lanes<V>::place(const Tree& tree, Batches& b) {
       p = load3(from.p) + R_from * load3(b.anchor) + load(q) * axis + R * load3(b.arm);
       const V zero = 0.0;
       store6(b.S, {{zero, zero, zero}, axis});
-      return settle(b, quat, R, p);
+      return set_pose(b, quat, R, p);
     }
     case NodeKind::ball: {
       const Q4<V> q_WF = load4(from.quat) * load4(b.before);
@@ -46,7 +46,7 @@ inline void Lanes<V>::place(const Tree& tree, Batches& b) {
       const V3<V> axes[3] = {
           {R_F.r0.x, R_F.r1.x, R_F.r2.x}, {R_F.r0.y, R_F.r1.y, R_F.r2.y}, {R_F.r0.z, R_F.r1.z, R_F.r2.z}};
       for (int k = 0; k < 3; ++k) store6(joint.S[k], {axes[k], cross(o, axes[k])});
-      return settle(b, quat, R, p);
+      return set_pose(b, quat, R, p);
     }
     case NodeKind::free: {
       // O is where the body is.
@@ -54,7 +54,7 @@ inline void Lanes<V>::place(const Tree& tree, Batches& b) {
       const V zero = 0.0;
       for (int k = 0; k < 6; ++k)
         for (int i = 0; i < 6; ++i) store(joint3(tree, b).S[k][i], V(i == k ? 1.0 : 0.0));
-      return settle(b, quat, rotation(quat), {zero, zero, zero});
+      return set_pose(b, quat, rotation(quat), {zero, zero, zero});
     }
   }
 }
@@ -67,7 +67,7 @@ inline Q4<V> Lanes<V>::unit(const Q4<V>& q) {
 
 /// Pose and inertia of the link: I_O = sum over principal axes e of I_e e e^T + m (p.p 1 - p p^T).
 template <class V>
-inline void Lanes<V>::settle(Batches& b, const Q4<V>& quat, const Mat<V>& R, const V3<V>& p) {
+inline void Lanes<V>::set_pose(Batches& b, const Q4<V>& quat, const Mat<V>& R, const V3<V>& p) {
   store4(b.frame.quat, quat);
   store_mat(b.frame.R, R);
   store3(b.frame.p, p);
@@ -86,7 +86,7 @@ inline void Lanes<V>::settle(Batches& b, const Q4<V>& quat, const Mat<V>& R, con
 
 /// v, c = v x S qdot and v x* I v of a batch. False where a link is too fast.
 template <class V>
-inline bool Lanes<V>::move(const Tree& tree, Batches& b) {
+inline bool Lanes<V>::update_velocity(const Tree& tree, Batches& b) {
   Frames scratch;
   const V6<V> from = load6(parent(tree, b, scratch).v);
   const double* u = tree.u + b.u;
@@ -115,12 +115,12 @@ inline bool Lanes<V>::move(const Tree& tree, Batches& b) {
   const V3<V> momentum = load_sym(b.I) * v.n + cross(h, v.f);
   const V3<V> torque = cross(v.n, momentum) + mass * cross(v.f, v_C);
   store6(b.pv, {torque, force});
-  const V limit = tree.max_speed * tree.max_speed, turn = tree.max_turn * tree.max_turn;
+  const V limit = tree.max_speed * tree.max_speed, turn_limit = tree.max_turn * tree.max_turn;
   const V spin = dot(v.n, v.n);
   store(b.spin, spin);
   const V most = load(tree.spin);
   store(tree.spin, articulated::select(spin > most, spin, most));
-  const auto bad = !(dot(v_C, v_C) <= limit) || !(spin <= turn);
+  const auto bad = !(dot(v_C, v_C) <= limit) || !(spin <= turn_limit);
   return !any(bad);
 }
 
@@ -131,7 +131,7 @@ inline bool Lanes<V>::kinematics(const Tree& tree) {
   for (int i = 0; i < tree.batches; ++i) {
     Batches& b = batches(tree)[i];
     place(tree, b);
-    sound = move(tree, b) && sound;
+    sound = update_velocity(tree, b) && sound;
   }
   return sound;
 }
@@ -140,8 +140,19 @@ template <class V>
 inline bool Lanes<V>::velocities(const Tree& tree) {
   bool sound = true;
   store(tree.spin, V(0.0));
-  for (int i = 0; i < tree.batches; ++i) sound = move(tree, batches(tree)[i]) && sound;
+  for (int i = 0; i < tree.batches; ++i) sound = update_velocity(tree, batches(tree)[i]) && sound;
   return sound;
+}
+
+template <class V>
+inline void Lanes<V>::momenta(const Tree& tree) {
+  for (int i = 0; i < tree.batches; ++i) {
+    Batches& b = batches(tree)[i];
+    if (b.massless) continue;
+    const V6<V> v = load6(b.frame.v), L = times_rigid(b, load_sym(b.I), v);
+    store6(b.momentum, L);
+    store(b.energy, 0.5 * dot(L, v));
+  }
 }
 
 template <class V>
@@ -160,11 +171,11 @@ inline void Lanes<V>::integrate(const Tree& tree, double step) {
         store(q, load(q) + h * load(u));
         break;
       case NodeKind::ball:
-        turn(q, {load(u), load(u + W), load(u + 2 * W)}, h);
+        rotate(q, {load(u), load(u + W), load(u + 2 * W)}, h);
         break;
       case NodeKind::free:
         for (int k = 0; k < 3; ++k) store(q + k * W, load(q + k * W) + h * load(u + (3 + k) * W));
-        turn(q + 3 * W, {load(u), load(u + W), load(u + 2 * W)}, h);
+        rotate(q + 3 * W, {load(u), load(u + W), load(u + 2 * W)}, h);
         break;
     }
   }
@@ -177,7 +188,7 @@ inline V Lanes<V>::wrapped(const V& angle) {
 
 /// q = rotation by w h, times q: exact for a constant w.
 template <class V>
-inline void Lanes<V>::turn(double* q, const V3<V>& w, const V& h) {
+inline void Lanes<V>::rotate(double* q, const V3<V>& w, const V& h) {
   const V speed = square_root(dot(w, w));
   V s, c;
   sine_cosine(V(speed * h * 0.5), s, c);

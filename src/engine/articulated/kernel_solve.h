@@ -27,7 +27,7 @@ inline V6<V> Lanes<V>::bias(const Batches& b) {
 
 /// Adds what a batch hands down to its parents.
 template <class V>
-inline void Lanes<V>::hand_down(const Tree& tree, const Batches& b, const Inertia<V>& I, const V6<V>& p) {
+inline void Lanes<V>::add_to_parent(const Tree& tree, const Batches& b, const Inertia<V>& I, const V6<V>& p) {
   if (b.link == ParentLink::aligned) {
     Batches& to = batches(tree)[b.parent];
     store_sym(to.A, load_sym(to.A) + I.A);
@@ -37,14 +37,14 @@ inline void Lanes<V>::hand_down(const Tree& tree, const Batches& b, const Inerti
     store6(to.p, load6(to.p) + p);
     return;
   }
-  alignas(64) Lane<W> sum[kHanded];
+  alignas(64) Lane<W> sum[kArticulated];
   store_sym(sum, I.A);
   store_mat(sum + 6, I.B);
   store_sym(sum + 15, I.C);
   store6(sum + 21, p);
   for (int lane = b.used - 1; lane >= 0; --lane) {
     double* to = &batches(tree)[b.parent_batch[lane]].A[0][0] + b.parent_lane[lane];
-    for (int i = 0; i < kHanded; ++i) to[i * W] += sum[i][lane];
+    for (int i = 0; i < kArticulated; ++i) to[i * W] += sum[i][lane];
   }
 }
 
@@ -75,7 +75,7 @@ template <class V>
 inline void Lanes<V>::clear(Batches& b) {
   if (!b.has_children) return;
   const V zero = 0.0;
-  for (int i = 0; i < kHanded; ++i) store(&b.A[0][0] + i * W, zero);
+  for (int i = 0; i < kArticulated; ++i) store(&b.A[0][0] + i * W, zero);
 }
 
 /// The same as by the 6 x 6 blocks, to the bit, without their zeros.
@@ -104,7 +104,7 @@ inline void Lanes<V>::inward(const Tree& tree, Batches& b) {
   if (b.link == ParentLink::base) return;
   const Inertia<V> handed = {less(I.A, inverse, U.n), less(I.B, inverse, U.n, U.f), less(I.C, inverse, U.f)};
   const V6<V> c = load6(b.c);
-  hand_down(tree, b, handed, p + handed * c + rate * U);
+  add_to_parent(tree, b, handed, p + handed * c + rate * U);
 }
 
 template <class V>
@@ -177,7 +177,7 @@ inline void Lanes<V>::inward_many(const Tree& tree, Batches& b) {
     const V one = 1.0;
     I = {less(I.A, one, half[j].n), less(I.B, one, half[j].n, half[j].f), less(I.C, one, half[j].f)};
   }
-  hand_down(tree, b, I, p + I * load6(b.c));
+  add_to_parent(tree, b, I, p + I * load6(b.c));
 }
 
 template <class V>

@@ -51,7 +51,7 @@ Loops::Loops(const model::Model& model, Mechanism& mechanism)
   row_rates_.reserve(rows);
 }
 
-Loops::Side Loops::look(const CutSide& side, int island) const {
+Loops::Side Loops::motion_of(const CutSide& side, int island) const {
   Side out;
   const Vec3 origin = mechanism_.origin(island);
   if (!side.node) {
@@ -112,7 +112,7 @@ void Loops::find_rows() {
   rows_.clear();
   for (const Cut& cut : mechanism_.topology().cuts) {
     const model::Joint& joint = model_.joints[at(cut.joint)];
-    const Side a = look(cut.parent, cut.island), b = look(cut.child, cut.island);
+    const Side a = motion_of(cut.parent, cut.island), b = motion_of(cut.child, cut.island);
     if (joint.kind == model::JointKind::slider) {
       const Vec3 axis = a.R * joint.axes[0].axis;
       const auto [s, t] = across(joint.axes[0].axis);
@@ -292,7 +292,7 @@ double Loops::close() {
   double error = 0, last = 0;
   for (int k = 0; k < kClosings; ++k) {
     if (k > 0) {
-      mechanism_.settle_bases();
+      mechanism_.update_bases();
       kernel.kinematics(tree);
     }
     find_rows();

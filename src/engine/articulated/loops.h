@@ -1,5 +1,5 @@
 // Cut joints held by constraints in joint space: J du = -k (Featherstone 2008, section 8.4, p. 149, and 8.5).
-// Works with dependent rows: of those only an independent set takes force.
+// Rows may be dependent: only an independent set of them, chosen by pivoting, carries force.
 #pragma once
 
 #include <optional>
@@ -14,8 +14,6 @@ class Loops {
  public:
   /// @param mechanism of one lane. Both must outlive this.
   Loops(const model::Model& model, Mechanism& mechanism);
-
-  JointSpace& joint_space() { return space_; }
 
   /// The rows' rates as the mechanism moves [m/s, 1/s], and their Jacobian: rows by dofs of the joint space.
   std::span<const double> rates();
@@ -44,7 +42,7 @@ class Loops {
     Vec3 v = Vec3::Zero(), w = Vec3::Zero();    ///< of the frame
     Vec3 dv = Vec3::Zero(), dw = Vec3::Zero();  ///< its acceleration at joint accelerations of 0
   };
-  Side look(const CutSide& side, int island) const;
+  Side motion_of(const CutSide& side, int island) const;
   void find_rows();
   void add_point_row(const Side& a, const Side& b, const Vec3& direction, bool turning);
   void add_angle_row(const Side& a, const Side& b, const Vec3& x, const Vec3& y);

@@ -55,6 +55,9 @@ NodeView Mechanism::view(std::size_t node) const {
     out.p = lane(b.frame.p[0]);
     out.v = lane(b.frame.v[0]);
     out.spin = lane(b.spin);
+    out.momentum = lane(b.momentum[0]);
+    out.energy = lane(b.energy);
+    if (single(b.kind)) out.work = lane(in.axis[b.axis].work);
     if (b.link == ParentLink::base) out.base_a = lane(in.base[b.parent].a[0]);
     out.S = single(b.kind) ? lane(b.S[0]) : lane(in.joint3[b.axis].S[0][0]);
     if (!single(b.kind)) out.tau = lane(in.joint3[b.axis].tau[0]);
@@ -97,7 +100,7 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
       topology_(make_topology(model)),
       kernel_(kernel && topology_.cuts.empty() ? kernel : &fitting(topology_)),
       bases_(model.bodies.size()) {
-  tree_.erp = settings.erp;
+  tree_.erp = settings.erp();
   tree_.max_speed = kMaxSpeed;
   tree_.max_turn = kMaxAngularSpeed;
   tree_.spin = static_cast<double*>(allocate(stride() * sizeof(double)));
@@ -110,6 +113,11 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
     if (const Node& node = topology_.nodes[i];
         node.kind == NodeKind::free && !parents[i] && node.inertia.maxCoeff() != node.inertia.minCoeff())
       lone_.push_back(static_cast<int>(i));
+  std::vector<bool> inside(model.joints.size(), false);
+  for (const Node& node : topology_.nodes)
+    if (node.joint) inside[at(*node.joint)] = true;
+  for (std::size_t j = 0; j < inside.size(); ++j)
+    if (!inside[j]) outside_.push_back(static_cast<int>(j));
   for (std::size_t i = 0; i < topology_.nodes.size(); ++i)
     if (topology_.nodes[i].body)
       carried_.push_back({*topology_.nodes[i].body, static_cast<int>(i), topology_.nodes[i].q_LB});
@@ -140,75 +148,86 @@ void Mechanism::seat_nodes(const Settings& settings) {
   tree_.q = static_cast<double*>(allocate(positions * sizeof(double)));
   tree_.u = static_cast<double*>(allocate(rates * sizeof(double)));
   tree_.du = static_cast<double*>(allocate(rates * sizeof(double)));
+  tree_.tau = static_cast<double*>(allocate(2 * rates * sizeof(double)));
+  tree_.tau_servo = tree_.tau + rates;
   of_width(kernel_->width, [&](auto w) {
     constexpr int W = w;
     tree_.batch = allocate(chunks_.size() * sizeof(Batch<W>));
     tree_.axis = allocate(at(axes_) * sizeof(Axis<W>));
     tree_.joint3 = allocate(at(joints3_) * sizeof(Joint3<W>));
     tree_.base = allocate(at(base_frames_) * sizeof(Frame<W>));
-    const In<W> in(*this);
-    int axes = 0, joints3 = 0, frames = 0;
+    axes_ = joints3_ = base_frames_ = 0;
     std::size_t q = 0, u = 0;
     for (std::size_t i = 0; i < chunks_.size(); ++i) {
-      Batch<W>& b = in.batch[i];
-      const std::vector<int>& nodes = chunks_[i];
-      const Node& first = topology_.nodes[at(nodes[0])];
+      Batch<W>& b = In<W>(*this).batch[i];
       In<W>::empty(b);
-      b.kind = first.kind;
-      b.used = static_cast<int>(nodes.size());
-      b.massless = std::none_of(nodes.begin(), nodes.end(),
-                                [&](int node) { return topology_.nodes[at(node)].body.has_value(); });
+      b.kind = topology_.nodes[at(chunks_[i][0])].kind;
       b.q = static_cast<int>(q);
       b.u = static_cast<int>(u);
       q += at(position_count(b.kind)) * W;
       u += at(rate_count(b.kind)) * W;
-      b.axis = single(b.kind) ? axes++ : joints3++;
-      if (single(b.kind)) {
-        Axis<W>& a = in.axis[b.axis];
-        for (int lane = 0; lane < W; ++lane) {
-          a.low[lane] = -std::numeric_limits<double>::infinity();
-          a.high[lane] = std::numeric_limits<double>::infinity();
-        }
-      } else {
-        // Empty lanes stand at the identity.
-        const int w_at = b.kind == NodeKind::ball ? 3 : 6;
-        for (int lane = 0; lane < W; ++lane) tree_.q[b.q + w_at * W + lane] = 1;
-        for (int lane = 0; lane < W; ++lane) in.joint3[b.axis].after[3][lane] = 1;
-      }
-      b.link = first.parent ? ParentLink::aligned : ParentLink::base;
-      b.parent = first.parent ? seats_[at(*first.parent)].batch : frames;
-      if (!first.parent) {
-        Frame<W>& frame = in.base[frames++];
-        for (int lane = 0; lane < W; ++lane) {
-          put4<W>(frame.quat, lane, Quat::Identity());
-          for (const int k : {0, 4, 8}) frame.R[k][lane] = 1;
-        }
-      }
-      for (int lane = 0; lane < W; ++lane) {
-        const bool present = lane < b.used;
-        const Node& node = topology_.nodes[at(nodes[present ? at(lane) : 0])];
-        if (node.parent) {
-          const Seat& seat = seats_[at(*node.parent)];
-          b.parent_batch[lane] = seat.batch;
-          b.parent_lane[lane] = seat.lane;
-          in.batch[seat.batch].has_children = true;
-          if (present && (seat.batch != b.parent || seat.lane != lane)) b.link = ParentLink::gathered;
-          // What stands in an empty lane must not be handed down to a node.
-          if (!present && lane < in.batch[b.parent].used) b.link = ParentLink::gathered;
-        }
-        if (!present) continue;
-        In<W>::fill(b, lane, node);
-        if (node.kind == NodeKind::ball) {
-          put4<W>(in.joint3[b.axis].after, lane, node.after);
-          balls_.push_back(nodes[at(lane)]);
-        }
-        if (!single(node.kind)) continue;
-        const model::Joint& joint = model_.joints[at(*node.joint)];
-        In<W>::fill(in.axis[b.axis], lane, joint.axes[at(node.axis_index)], settings.effects);
-        driven_.push_back({at(joint.first_dof + node.axis_index), static_cast<int>(i), b.axis, lane});
-      }
+      make_batch(b, chunks_[i]);
+      for (std::size_t lane = 0; lane < chunks_[i].size(); ++lane)
+        fill_lane(b, static_cast<int>(i), static_cast<int>(lane), chunks_[i][lane], settings);
     }
   });
+}
+
+/// A batch of the given nodes, but for what differs from lane to lane.
+template <int W>
+void Mechanism::make_batch(Batch<W>& b, const std::vector<int>& nodes) {
+  const In<W> in(*this);
+  const Node& first = topology_.nodes[at(nodes[0])];
+  b.used = static_cast<int>(nodes.size());
+  b.massless = std::none_of(nodes.begin(), nodes.end(),
+                            [&](int node) { return topology_.nodes[at(node)].body.has_value(); });
+  b.axis = single(b.kind) ? axes_++ : joints3_++;
+  if (single(b.kind)) {
+    Axis<W>& a = in.axis[b.axis];
+    std::fill_n(a.low, W, -std::numeric_limits<double>::infinity());
+    std::fill_n(a.high, W, std::numeric_limits<double>::infinity());
+  } else {
+    // Empty lanes have the identity as pose.
+    const int w_at = b.kind == NodeKind::ball ? 3 : 6;
+    std::fill_n(tree_.q + b.q + w_at * W, W, 1.0);
+    std::fill_n(in.joint3[b.axis].after[3], W, 1.0);
+  }
+  b.link = first.parent ? ParentLink::aligned : ParentLink::base;
+  b.parent = first.parent ? seats_[at(*first.parent)].batch : base_frames_;
+  if (!first.parent) {
+    Frame<W>& frame = in.base[base_frames_++];
+    for (int lane = 0; lane < W; ++lane) {
+      put4<W>(frame.quat, lane, Quat::Identity());
+      for (const int k : {0, 4, 8}) frame.R[k][lane] = 1;
+    }
+    return;
+  }
+  for (int lane = 0; lane < W; ++lane) {
+    const bool present = lane < b.used;
+    const Seat& seat = seats_[at(*topology_.nodes[at(nodes[present ? at(lane) : 0])].parent)];
+    b.parent_batch[lane] = seat.batch;
+    b.parent_lane[lane] = seat.lane;
+    in.batch[seat.batch].has_children = true;
+    if (present && (seat.batch != b.parent || seat.lane != lane)) b.link = ParentLink::gathered;
+    // The contents of an empty lane must not be added to a node.
+    if (!present && lane < in.batch[b.parent].used) b.link = ParentLink::gathered;
+  }
+}
+
+template <int W>
+void Mechanism::fill_lane(Batch<W>& b, int batch, int lane, int index, const Settings& settings) {
+  const In<W> in(*this);
+  const Node& node = topology_.nodes[at(index)];
+  In<W>::fill(b, lane, node);
+  if (node.kind == NodeKind::ball) {
+    put4<W>(in.joint3[b.axis].after, lane, node.after);
+    balls_.push_back(index);
+  }
+  if (!single(node.kind)) return;
+  const model::Joint& joint = model_.joints[at(*node.joint)];
+  In<W>::fill(in.axis[b.axis], lane, joint.axes[at(node.axis_index)], settings.effects);
+  const Seat& seat = seats_[at(index)];
+  driven_.push_back({at(joint.first_dof + node.axis_index), batch, b.axis, lane, seat.q, seat.u});
 }
 
 Vec3 Mechanism::origin(int island) const {
@@ -221,7 +240,7 @@ Vec3 Mechanism::origin(int island) const {
   return bases_[at(node.base)].pose * node.anchor;
 }
 
-void Mechanism::settle_bases() {
+void Mechanism::update_bases() {
   of_width(kernel_->width, [&](auto w) {
     constexpr int W = w;
     const In<W> in(*this);
@@ -251,7 +270,7 @@ void Mechanism::settle_bases() {
   });
 }
 
-void Mechanism::settle_spins(double step) {
+void Mechanism::update_gyroscopic_torques(double step) {
   const std::size_t n = stride();
   for (const int index : lone_) {
     const Node& node = topology_.nodes[at(index)];
@@ -307,7 +326,54 @@ void Mechanism::take(const model::State& state) {
     if (model_.bodies[i].kinematic)
       bases_[i] = {state.bodies[i].pose(), state.bodies[i].v, state.bodies[i].w, Vec3::Zero(), Vec3::Zero()};
   for (std::size_t i = 0; i < topology_.nodes.size(); ++i) take_node(topology_.nodes[i], seats_[i], state);
-  settle_bases();
+  take_torques(state);
+  update_bases();
+}
+
+void Mechanism::take_torques(const model::State& state) {
+  for (const Driven& each : driven_) {
+    tree_.tau[each.u] = state.tau[each.dof];
+    tree_.tau_servo[each.u] = state.tau_servo[each.dof];
+  }
+  for (const int ball : balls_) {
+    const std::size_t first = at(model_.joints[at(*topology_.nodes[at(ball)].joint)].first_dof);
+    for (std::size_t k = 0; k < 3; ++k) tree_.tau[seats_[at(ball)].u + k * stride()] = state.tau[first + k];
+  }
+}
+
+void Mechanism::give_coordinates(model::State& state) const {
+  state.q.resize(state.tau.size());
+  state.u.resize(state.tau.size());
+  for (const Driven& each : driven_) {
+    state.q[each.dof] = tree_.q[each.q];
+    state.u[each.dof] = tree_.u[each.u];
+    state.tau[each.dof] = tree_.tau[each.u];
+    state.tau_servo[each.dof] = tree_.tau_servo[each.u];
+  }
+  const std::size_t n = stride();
+  for (const int ball : balls_) {
+    const Node& node = topology_.nodes[at(ball)];
+    const Seat& seat = seats_[at(ball)];
+    const double *q = tree_.q + seat.q, *u = tree_.u + seat.u, *tau = tree_.tau + seat.u;
+    Quat q_FM(q[3 * n], q[0], q[n], q[2 * n]);
+    Vec3 w(u[0], u[n], u[2 * n]);
+    if (node.reversed) {
+      q_FM = q_FM.conjugate();
+      w = -(q_FM * w);
+    }
+    const Vec3 turn = rotation_vector(q_FM);
+    const std::size_t first = at(model_.joints[at(*node.joint)].first_dof);
+    for (std::size_t k = 0; k < 3; ++k) {
+      state.q[first + k] = turn[static_cast<Eigen::Index>(k)];
+      state.u[first + k] = w[static_cast<Eigen::Index>(k)];
+      state.tau[first + k] = tau[k * n];
+    }
+  }
+  for (const int index : outside_) {
+    const model::Joint& joint = model_.joints[at(index)];
+    model::joint_coordinates(joint, state, std::span(state.q).subspan(at(joint.first_dof)));
+    model::joint_rates(joint, state, std::span(state.u).subspan(at(joint.first_dof)));
+  }
 }
 
 void Mechanism::give(model::State& state) const {

@@ -30,6 +30,8 @@ struct Seat {
 struct NodeView {
   const double *S = nullptr, *h = nullptr, *I = nullptr, *mass = nullptr, *c = nullptr, *pv = nullptr;
   const double *R = nullptr, *p = nullptr, *v = nullptr, *spin = nullptr;
+  const double *momentum = nullptr, *energy = nullptr;
+  const double* work = nullptr;    ///< nodes of one rate
   const double* base_a = nullptr;  ///< its base's acceleration; null with a parent
   const double* tau = nullptr;     ///< nodes of several rates
   const double *q = nullptr, *u = nullptr, *du = nullptr;
@@ -62,19 +64,25 @@ class Mechanism {
   std::span<double> q() { return {tree_.q, static_cast<std::size_t>(tree_.positions)}; }
   std::span<double> u() { return {tree_.u, static_cast<std::size_t>(tree_.rates)}; }
   std::span<double> du() { return {tree_.du, static_cast<std::size_t>(tree_.rates)}; }
+  /// Torques of the last step, in the order of u(), then the servos' part of them.
+  std::span<double> torques() { return {tree_.tau, 2 * static_cast<std::size_t>(tree_.rates)}; }
 
-  /// Sets positions and rates to a state's, and the bases to where the state has them, at its velocities.
+  /// Sets positions, rates and torques to a state's, and the bases to where the state has them, at its
+  /// velocities.
   void take(const model::State& state);
+  void take_torques(const model::State& state);
   /// Writes poses and velocities of all moving bodies, as `kinematics` last found them.
   void give(model::State& state) const;
+  /// Writes coordinates, rates and torques of all joints. @param state with all bodies as `give` has them
+  void give_coordinates(model::State& state) const;
 
-  /// How a kinematic body moves; `settle_bases` brings it to the tree.
+  /// How a kinematic body moves; `update_bases` brings it to the tree.
   BaseMotion& base(int body) { return bases_[static_cast<std::size_t>(body)]; }
   const BaseMotion& base(int body) const { return bases_[static_cast<std::size_t>(body)]; }
-  void settle_bases();
+  void update_bases();
   /// Gives free bodies that nothing hangs on the gyroscopic torque of an implicit step of this length
   /// (spin.h), in place of the one at its start.
-  void settle_spins(double step);
+  void update_gyroscopic_torques(double step);
   /// An island's origin in the world; of a free one, where its positions have it.
   Vec3 origin(int island) const;
 
@@ -84,10 +92,6 @@ class Mechanism {
   /// @param absolute servos hold on to where they aim in the midst of the step, too. True where all are
   /// sound.
   bool set_servos(std::span<const model::Servo> servos, bool absolute);
-  /// du = change of the rates by impulses in u()'s order: stops in force hold, springs and dampers answer as
-  /// in the step prepared last. Takes velocity products and base accelerations out of the tree, which
-  /// `settle_bases` and `velocities` find anew.
-  void respond(std::span<double> impulses);
   /// Stops in force.
   int stops_in_force() const;
   /// Positions, rates, how the bases move and which stops and torque limits are in force: the same for every
@@ -113,12 +117,17 @@ class Mechanism {
   struct Driven {
     std::size_t dof = 0;
     int batch = 0, axis = 0, lane = 0;
+    std::size_t q = 0, u = 0;  ///< as in Seat
   };
 
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
   void* allocate(std::size_t bytes);
   void seat_nodes(const Settings& settings);
+  template <int W>
+  void make_batch(Batch<W>& b, const std::vector<int>& nodes);
+  template <int W>
+  void fill_lane(Batch<W>& b, int batch, int lane, int index, const Settings& settings);
   void take_node(const Node& node, const Seat& seat, const model::State& state);
 
   const model::Model& model_;
@@ -133,6 +142,7 @@ class Mechanism {
   std::vector<Carried> carried_;
   std::vector<Driven> driven_;     ///< single coordinates
   std::vector<int> balls_;         ///< nodes
+  std::vector<int> outside_;       ///< joints that are no node's
   std::vector<int> lone_;          ///< nodes of free bodies without children
   std::vector<BaseMotion> bases_;  ///< as Model::bodies
   bool servos_at_rest_ = true;

@@ -21,6 +21,8 @@ void Mechanism::set_torques(std::span<const double> torques) {
         const auto first = at(model_.joints[at(*node.joint)].first_dof);
         tau = {torques[first], torques[first + 1], torques[first + 2]};
       }
+      for (std::size_t k = 0; k < 3; ++k)
+        tree_.tau[seat.u + k * stride()] = tau[static_cast<Eigen::Index>(k)];
       // The model's torque acts on its child, in its F.
       if (node.reversed) {
         const double* q = tree_.q + seat.q;
@@ -57,34 +59,6 @@ bool Mechanism::set_servos(std::span<const model::Servo> servos, bool absolute) 
                                 std::isfinite(sum) && std::isfinite(servo.error + servo.feed)));
     }
     return sound;
-  });
-}
-
-void Mechanism::respond(std::span<double> impulses) {
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
-    const auto tau = [&](const Batch<W>& b) { return &in.joint3[b.axis].tau[0][0]; };
-    for (int i = 0; i < tree_.batches; ++i) {
-      Batch<W>& b = in.batch[i];
-      std::fill_n(&b.c[0][0], 6 * W, 0.0);
-      std::fill_n(&b.pv[0][0], 6 * W, 0.0);
-      if (b.link == ParentLink::base) std::fill_n(&in.base[b.parent].a[0][0], 6 * W, 0.0);
-      double* impulse = impulses.data() + b.u;
-      if (!single(b.kind)) {
-        std::swap_ranges(tau(b), tau(b) + rate_count(b.kind) * W, impulse);
-        continue;
-      }
-      Axis<W>& a = in.axis[b.axis];
-      std::copy_n(impulse, W, a.force);
-      std::fill_n(a.given, W, 0.0);
-      for (int lane = 0; lane < W; ++lane) a.locked[lane] = a.side[lane] != 0 || a.present[lane] == 0 ? 1 : 0;
-    }
-    kernel_->solve(tree_);
-    // Torques of balls stand from step to step.
-    for (int i = 0; i < tree_.batches; ++i)
-      if (const Batch<W>& b = in.batch[i]; !single(b.kind))
-        std::swap_ranges(tau(b), tau(b) + rate_count(b.kind) * W, impulses.data() + b.u);
   });
 }
 
@@ -142,7 +116,7 @@ void Mechanism::restore(ArchiveReader& in) {
       for (const double value : {of.axis[each.axis].side[each.lane], of.axis[each.axis].saturated[each.lane]})
         if (value != 0 && std::abs(value) != 1) in.refuse("a stop that is in force by half", "-1, 0 or 1");
   });
-  settle_bases();
+  update_bases();
   // The tree holds what it was last told, not what the next step is told.
   servos_at_rest_ = false;
 }

@@ -46,7 +46,6 @@ void Smooth::accelerate() {
     loops_->solve(std::nullopt);
   else
     mechanism_.kernel().solve(mechanism_.tree());
-  ++evaluations_;
 }
 
 bool Smooth::slope(double t, std::span<const double> y, std::span<double> out) {
@@ -54,8 +53,8 @@ bool Smooth::slope(double t, std::span<const double> y, std::span<double> out) {
   std::copy_n(y.begin(), q.size(), q.begin());
   std::copy(y.begin() + static_cast<std::ptrdiff_t>(q.size()), y.end(), u.begin());
   if (driven_) {
-    place_bases(t, t >= limit_ ? model::KeySide::before : model::KeySide::after);
-    mechanism_.settle_bases();
+    place_bases(t, t >= next_key_time_ ? model::KeySide::before : model::KeySide::after);
+    mechanism_.update_bases();
   }
   if (!mechanism_.kernel().kinematics(mechanism_.tree())) return false;
   accelerate();
@@ -81,7 +80,7 @@ void Smooth::place_bases(double t, model::KeySide side) {
 
 /// A drive that sets off with a jerk takes the joints along at once: what a moment's acceleration by the jump
 /// of its velocity does to the rates, less what goes on without it.
-void Smooth::kick(double t) {
+void Smooth::apply_velocity_jumps(double t) {
   std::vector<BaseMotion>& was = bases_before_;
   was.clear();
   for (const model::Drive& drive : model_.drives) was.push_back(mechanism_.base(drive.body));
@@ -98,13 +97,13 @@ void Smooth::kick(double t) {
   }
   if (jumps) {
     const std::span<double> du = mechanism_.du(), u = mechanism_.u();
-    mechanism_.settle_bases();
+    mechanism_.update_bases();
     mechanism_.kernel().kinematics(mechanism_.tree());
     accelerate();
     std::copy(du.begin(), du.end(), before_.begin());
     for (const model::Drive& drive : model_.drives)
       mechanism_.base(drive.body).dv = mechanism_.base(drive.body).dw = Vec3::Zero();
-    mechanism_.settle_bases();
+    mechanism_.update_bases();
     accelerate();
     for (std::size_t i = 0; i < u.size(); ++i) u[i] += before_[i] - du[i];
   }
@@ -122,35 +121,36 @@ double Smooth::next_key(double t) const {
 
 bool Smooth::advance(double from, double to) {
   for (double t = from; t < to;) {
-    limit_ = next_key(t);
-    if (driven_) kick(t);
-    const double end = std::min(to, limit_);
+    next_key_time_ = next_key(t);
+    if (driven_) apply_velocity_jumps(t);
+    const double end = std::min(to, next_key_time_);
     std::copy(mechanism_.q().begin(), mechanism_.q().end(), y_.begin());
     std::copy(mechanism_.u().begin(), mechanism_.u().end(),
               y_.begin() + static_cast<std::ptrdiff_t>(mechanism_.q().size()));
-    if (!cross(t, end)) return false;
+    if (!integrate(t, end)) return false;
     t = end;
   }
+  mechanism_.kernel().prepare_smooth(mechanism_.tree());
   mechanism_.kernel().normalise(mechanism_.tree());
   return mechanism_.kernel().kinematics(mechanism_.tree());
 }
 
 /// A stretch without keyframes, from y_.
-bool Smooth::cross(double from, double to) {
-  if (settings_.method == Method::dormand_prince) {
-    if (!adapt(from, to)) return false;
+bool Smooth::integrate(double from, double to) {
+  if (settings_.articulated().method == ArticulatedMethod::dormand_prince) {
+    if (!integrate_adaptively(from, to)) return false;
   } else if (!method_.step4(from, to - from, y_)) {
     return false;
   }
   if (driven_) {
-    place_bases(to, to >= limit_ ? model::KeySide::before : model::KeySide::after);
-    mechanism_.settle_bases();
+    place_bases(to, to >= next_key_time_ ? model::KeySide::before : model::KeySide::after);
+    mechanism_.update_bases();
   }
-  return settle();
+  return close_loops();
 }
 
 /// Takes y_ over, onto the loops.
-bool Smooth::settle() {
+bool Smooth::close_loops() {
   const std::span<double> q = mechanism_.q(), u = mechanism_.u();
   std::copy_n(y_.begin(), q.size(), q.begin());
   std::copy(y_.begin() + static_cast<std::ptrdiff_t>(q.size()), y_.end(), u.begin());
@@ -161,7 +161,7 @@ bool Smooth::settle() {
   return true;
 }
 
-bool Smooth::adapt(double from, double to) {
+bool Smooth::integrate_adaptively(double from, double to) {
   method_.forget_start();
   if (size_ == 0) size_ = to - from;
   long tries = kMostTries;
@@ -170,7 +170,7 @@ bool Smooth::adapt(double from, double to) {
     const double left = to - t;
     const double h = size_ >= left ? left : (2 * size_ > left ? 0.5 * left : size_);
     if ((h < kSmallestStep && h < left) || --tries < 0) return false;
-    const double error = method_.try_step8(t, h, y_, kStepShare * settings_.tolerance, next_);
+    const double error = method_.try_step8(t, h, y_, kStepShare * settings_.articulated().tolerance, next_);
     // Written so that NaN is rejected.
     if (!(error >= 0 && error <= 1)) {
       size_ = h * (error > 1 ? std::min(kRejected, step_factor8(error)) : 0.1);
@@ -181,7 +181,7 @@ bool Smooth::adapt(double from, double to) {
     size_ = h * step_factor8(error);
     if (t < to && loops_) {
       if (driven_) place_bases(t, model::KeySide::after);
-      if (!settle()) return false;
+      if (!close_loops()) return false;
     }
     method_.forget_start();
   }

@@ -1,5 +1,5 @@
 // Motion without stops as an ordinary differential equation in joint coordinates, by Runge-Kutta methods;
-// loops are held by their constraint forces and made whole again after every step of the method.
+// loops are held by constraint forces, and projected onto their constraints after every step of the method.
 #pragma once
 
 #include "handsim/engine/articulated/loops.h"
@@ -16,8 +16,6 @@ class Smooth {
   /// as they were last set. Leaves the kinematics found. False where a speed left its bounds or the method
   /// could not go on.
   bool advance(double from, double to);
-  /// Evaluations of the equation of motion so far.
-  long evaluations() const { return evaluations_; }
   /// Step that the error control is at [s]; 0: none yet.
   double size() const { return size_; }
   void set_size(double size) { size_ = size; }
@@ -26,11 +24,11 @@ class Smooth {
   bool slope(double t, std::span<const double> y, std::span<double> out);
   void accelerate();
   void place_bases(double t, model::KeySide side);
-  void kick(double t);
+  void apply_velocity_jumps(double t);
   double next_key(double t) const;
-  bool cross(double from, double to);
-  bool adapt(double from, double to);
-  bool settle();
+  bool integrate(double from, double to);
+  bool integrate_adaptively(double from, double to);
+  bool close_loops();
 
   const model::Model& model_;
   Settings settings_;
@@ -40,9 +38,8 @@ class Smooth {
   std::vector<double> y_, next_;  ///< positions, then rates
   std::vector<double> before_;
   std::vector<BaseMotion> bases_before_;
-  double size_ = 0;   ///< step that the error control is at [s]; 0: none yet
-  double limit_ = 0;  ///< end of the stretch without keyframes [s]
-  long evaluations_ = 0;
+  double size_ = 0;           ///< step that the error control is at [s]; 0: none yet
+  double next_key_time_ = 0;  ///< end of the stretch without keyframes [s]
   bool driven_ = false;
 };
 

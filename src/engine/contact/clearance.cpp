@@ -3,39 +3,18 @@
 #include <algorithm>
 #include <cmath>
 
+#include "handsim/model/shape_extent.h"
+
 namespace handsim::engine {
 
 namespace {
 
+using model::Extent;
 using model::Shape;
 using model::ShapeKind;
 
 /// Rounding of poses and distances within a few metres [m].
 constexpr double kRounding = 1e-12;
-
-/// A box about a shape but for a rounding of radius `round`.
-struct Extent {
-  Vec3 half = Vec3::Zero();
-  double round = 0;
-};
-
-Extent extent(const Shape& shape) {
-  switch (shape.kind) {
-    case ShapeKind::box:
-      return {0.5 * shape.edges, 0};
-    case ShapeKind::capsule:
-      return {Vec3(0, 0, 0.5 * shape.length), shape.radius};
-    case ShapeKind::cylinder:
-      return {Vec3(shape.radius, shape.radius, 0.5 * shape.length), 0};
-    case ShapeKind::sphere:
-      return {Vec3::Zero(), shape.radius};
-    case ShapeKind::convex_mesh:
-      return {Vec3::Zero(), shape.mesh->reach};
-    case ShapeKind::plane:
-      break;
-  }
-  return {};
-}
 
 /// Gap along the axes of the first.
 double gap_along(const Extent& a, const Mat3& R_A, const Extent& b, const Mat3& R_B, const Vec3& from_a) {

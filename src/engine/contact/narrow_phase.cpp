@@ -1,16 +1,25 @@
 #include "handsim/engine/contact/narrow_phase.h"
 
+#include <algorithm>
+
 #include "handsim/engine/contact/polytope.h"
 
 namespace handsim::engine {
 
-namespace {
-
 using model::ShapeKind;
 
-/// With normals out of b into a; nothing where only the pair turned round may be known.
-std::optional<Manifold> in_order(const model::Shape& a, const Pose& x_WA, const model::Shape& b,
-                                 const Pose& x_WB) {
+NarrowPhase::NarrowPhase(const model::Model& model) : model_(model) {
+  const auto mesh = [](const model::Shape& shape) { return shape.kind == ShapeKind::convex_mesh; };
+  if (std::none_of(model.shapes.begin(), model.shapes.end(), mesh)) return;
+  boxes_.resize(model.shapes.size());
+  for (std::size_t i = 0; i < boxes_.size(); ++i)
+    if (model.shapes[i].kind == ShapeKind::box) boxes_[i] = model::box_polyhedron(model.shapes[i].edges);
+}
+
+/// With normals out of b into a; nothing where only the pair the other way round may be known.
+std::optional<Manifold> NarrowPhase::in_order(std::size_t index_a, const Pose& x_WA, std::size_t index_b,
+                                              const Pose& x_WB) const {
+  const model::Shape &a = model_.shapes[index_a], &b = model_.shapes[index_b];
   if (a.kind == ShapeKind::capsule) {
     const CapsuleAt capsule{x_WA, a.radius, a.length};
     if (b.kind == ShapeKind::box) return capsule_on_box(capsule, x_WB, b.edges);
@@ -23,14 +32,12 @@ std::optional<Manifold> in_order(const model::Shape& a, const Pose& x_WA, const 
   if (a.kind != ShapeKind::convex_mesh) return std::nullopt;
   if (b.kind == ShapeKind::plane) return mesh_on_plane(*a.mesh, x_WA, x_WB);
   if (b.kind == ShapeKind::convex_mesh) return mesh_on_mesh(*a.mesh, x_WA, *b.mesh, x_WB);
-  if (b.kind == ShapeKind::box) return mesh_on_mesh(*a.mesh, x_WA, model::box_polyhedron(b.edges), x_WB);
+  if (b.kind == ShapeKind::box) return mesh_on_mesh(*a.mesh, x_WA, *boxes_[index_b], x_WB);
   return std::nullopt;
 }
 
-}  // namespace
-
-std::optional<Manifold> own_manifold(const model::Shape& a, const Pose& x_WA, const model::Shape& b,
-                                     const Pose& x_WB) {
+std::optional<Manifold> NarrowPhase::manifold(std::size_t a, const Pose& x_WA, std::size_t b,
+                                              const Pose& x_WB) const {
   if (auto found = in_order(a, x_WA, b, x_WB)) return found;
   auto found = in_order(b, x_WB, a, x_WA);
   if (found)

@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <array>
 
+#include "handsim/engine/checks.h"
+#include "handsim/engine/contact/geoms.h"
 #include "handsim/engine/contact/narrow_phase.h"
+#include "handsim/engine/contact/ode_library.h"
 #include "handsim/engine/contact/pair_table.h"
-#include "handsim/engine/ode/handlers.h"
-#include "handsim/engine/ode/shapes.h"
 
 namespace handsim::engine {
 
@@ -31,14 +32,15 @@ double penetration(dGeomID a, dGeomID b) {
 }
 
 std::vector<Overlap> overlaps(const model::Model& model, const model::State& state) {
-  const std::unique_ptr<dxSpace, ode::Destroyer<dSpaceDestroy>> space(dSimpleSpaceCreate(nullptr));
+  const std::unique_ptr<dxSpace, Destroyer<dSpaceDestroy>> space(dSimpleSpaceCreate(nullptr));
   std::vector<dGeomID> geoms;
   for (std::size_t i = 0; i < model.shapes.size(); ++i) {
-    geoms.push_back(ode::make_geom(space.get(), model.shapes[i], i));
-    ode::place_geom(geoms[i], model.shapes[i],
-                    state.bodies[static_cast<std::size_t>(model.shapes[i].body)].pose());
+    geoms.push_back(make_geom(space.get(), model.shapes[i], i));
+    place_geom(geoms[i], model.shapes[i],
+               state.bodies[static_cast<std::size_t>(model.shapes[i].body)].pose());
   }
-  const UntestedPairs untested(model, ode::immovable_bodies(model, {}));
+  const NarrowPhase narrow(model);
+  const UntestedPairs untested(model, immovable_bodies(model, {}));
   const auto pose_of = [&](std::size_t shape) {
     const model::Shape& of = model.shapes[shape];
     return state.bodies[static_cast<std::size_t>(of.body)].pose() * of.pose;
@@ -50,8 +52,7 @@ std::vector<Overlap> overlaps(const model::Model& model, const model::State& sta
       // Only meshes: a deep capsule's own manifold knows one way out of several, ODE's the nearest.
       const bool mesh = model.shapes[a].kind == model::ShapeKind::convex_mesh ||
                         model.shapes[b].kind == model::ShapeKind::convex_mesh;
-      const auto own =
-          mesh ? own_manifold(model.shapes[a], pose_of(a), model.shapes[b], pose_of(b)) : std::nullopt;
+      const auto own = mesh ? narrow.manifold(a, pose_of(a), b, pose_of(b)) : std::nullopt;
       const double depth = own ? penetration(*own) : penetration(geoms[a], geoms[b]);
       if (depth > kTouch) found.push_back({static_cast<int>(a), static_cast<int>(b), depth});
     }
@@ -61,10 +62,10 @@ std::vector<Overlap> overlaps(const model::Model& model, const model::State& sta
 }  // namespace
 
 std::vector<Overlap> initial_overlaps(const model::Model& model, const model::State& state) {
-  ode::enter_ode();
+  enter_ode();
   try {
     return overlaps(model, state);
-  } catch (const ode::OdeFault& fault) {
+  } catch (const OdeFault& fault) {
     throw input_error("shapes", fault.message, "shapes that ODE can test against each other");
   }
 }

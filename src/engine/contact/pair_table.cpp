@@ -3,16 +3,23 @@
 namespace handsim::engine {
 
 PairTable::PairTable(const model::Model& model)
-    : groups_(model.groups.size()), table_(groups_ * groups_, kNever) {
+    : model_(model), rules_(model.groups.size() * model.groups.size(), nullptr) {
   for (const model::ContactRule& rule : model.contact_rules) {
     const auto a = static_cast<std::size_t>(rule.group_a);
     const auto b = static_cast<std::size_t>(rule.group_b);
-    table_[a * groups_ + b] = table_[b * groups_ + a] = rule.material;
+    rules_[a * model.groups.size() + b] = rules_[b * model.groups.size() + a] = &rule;
   }
 }
 
+model::Material PairTable::between(const model::Shape& a, const model::Shape& b) const {
+  const auto material = [&](int index) { return model_.materials[static_cast<std::size_t>(index)]; };
+  const int ruled = rule(a.group, b.group)->material;
+  return ruled != model::kCombined ? material(ruled)
+                                   : model::combined(material(a.material), material(b.material));
+}
+
 bool PairTable::meets_any(int group) const {
-  for (int other = 0; other < static_cast<int>(groups_); ++other)
+  for (int other = 0; other < static_cast<int>(model_.groups.size()); ++other)
     if (meet(group, other)) return true;
   return false;
 }

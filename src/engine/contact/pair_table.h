@@ -1,4 +1,4 @@
-// Which contact groups meet, as the model's rules say, and which bodies never do.
+// Which contact groups meet, with what material, as the model's rules say, and which bodies never do.
 #pragma once
 
 #include <vector>
@@ -7,22 +7,23 @@
 
 namespace handsim::engine {
 
-/// For each pair of contact groups whether a rule names it, and the material of the pair.
+/// For each pair of contact groups the rule that names it, the last of several.
 class PairTable {
  public:
+  /// The model must outlive this.
   explicit PairTable(const model::Model& model);
-  bool meet(int group_a, int group_b) const { return entry(group_a, group_b) != kNever; }
+  bool meet(int group_a, int group_b) const { return rule(group_a, group_b) != nullptr; }
   bool meets_any(int group) const;
-  /// Index of a material, or kCombined.
-  int material(int group_a, int group_b) const { return entry(group_a, group_b); }
+  /// What the surfaces of two shapes that meet are to each other: the material of their rule, or the two
+  /// combined where it has none.
+  model::Material between(const model::Shape& a, const model::Shape& b) const;
 
  private:
-  static constexpr int kNever = -2;
-  int entry(int a, int b) const {
-    return table_[static_cast<std::size_t>(a) * groups_ + static_cast<std::size_t>(b)];
+  const model::ContactRule* rule(int a, int b) const {
+    return rules_[static_cast<std::size_t>(a) * model_.groups.size() + static_cast<std::size_t>(b)];
   }
-  std::size_t groups_;
-  std::vector<int> table_;
+  const model::Model& model_;
+  std::vector<const model::ContactRule*> rules_;  ///< groups by groups, symmetric; null: never meet
 };
 
 /// Pairs of bodies whose shapes are never tested against each other: a body and itself, jointed bodies

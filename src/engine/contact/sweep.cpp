@@ -4,8 +4,9 @@
 #include <cmath>
 #include <limits>
 
+#include "handsim/engine/checks.h"
 #include "handsim/engine/contact/clearance.h"
-#include "handsim/engine/ode/bodies.h"
+#include "handsim/model/shape_extent.h"
 
 namespace handsim::engine {
 
@@ -16,49 +17,13 @@ using model::ShapeKind;
 
 constexpr double kEndless = std::numeric_limits<double>::infinity();
 
-/// From a shape's centre to its farthest point but for its rounding.
-double half_length(const Shape& shape) {
-  switch (shape.kind) {
-    case ShapeKind::box:
-      return 0.5 * shape.edges.norm();
-    case ShapeKind::capsule:
-      return 0.5 * shape.length;
-    case ShapeKind::cylinder:
-      return std::hypot(shape.radius, 0.5 * shape.length);
-    case ShapeKind::convex_mesh:
-      return shape.mesh->reach;
-    case ShapeKind::sphere:
-    case ShapeKind::plane:
-      break;
-  }
-  return 0;
-}
-
-bool round(const Shape& shape) { return shape.kind == ShapeKind::sphere || shape.kind == ShapeKind::capsule; }
-
 }  // namespace
 
-double smallest_radius(const Shape& shape) {
-  switch (shape.kind) {
-    case ShapeKind::box:
-      return 0.5 * shape.edges.minCoeff();
-    case ShapeKind::capsule:
-    case ShapeKind::sphere:
-      return shape.radius;
-    case ShapeKind::cylinder:
-      return std::min(shape.radius, 0.5 * shape.length);
-    case ShapeKind::convex_mesh: {
-      double least = kEndless;
-      for (const Eigen::Vector4d& plane : shape.mesh->planes) least = std::min(least, plane.w());
-      return least;
-    }
-    case ShapeKind::plane:
-      break;
-  }
-  return kEndless;
+double lever(const Shape& shape) {
+  const model::Extent of = extent(shape);
+  // A mesh is no ball: a turn brings its corners nearer.
+  return shape.pose.p.norm() + (shape.kind == ShapeKind::convex_mesh ? of.round : of.farthest);
 }
-
-double lever(const Shape& shape) { return shape.pose.p.norm() + half_length(shape); }
 
 Pose moved(const Pose& body, const Way& way, double share) {
   const Quat turn = rotation_quaternion(share * way.turn);
@@ -67,13 +32,13 @@ Pose moved(const Pose& body, const Way& way, double share) {
 
 Sweep::Sweep(const model::Model& model, const model::Effects& effects)
     : model_(model),
-      immovable_(ode::immovable_bodies(model, effects)),
+      immovable_(immovable_bodies(model, effects)),
       untested_(model, immovable_),
       rules_(model),
       limits_(model.bodies.size(), Limit{0, kEndless}),
       tracks_(model.shapes.size()) {
   for (const Shape& shape : model.shapes) {
-    radii_.push_back(smallest_radius(shape));
+    radii_.push_back(inner_radius(shape));
     levers_.push_back(lever(shape));
   }
   find_limits();
@@ -124,7 +89,8 @@ std::span<const Sweep::Pair> Sweep::find(const model::State& state, std::span<co
     Track& track = tracks_[i];
     track.centre = state.bodies[body].p + state.bodies[body].q * shape.pose.p;
     track.way = ways[body].shift.norm() + ways[body].turn.norm() * levers_[i];
-    track.reach = half_length(shape) + (round(shape) ? shape.radius : 0);
+    const model::Extent of = extent(shape);
+    track.reach = of.farthest + of.round;
     order_.push_back(i);
   }
   const auto low = [&](std::size_t i) {

@@ -16,8 +16,6 @@ namespace handsim::engine {
 /// Share of the smaller of two smallest radii that a pair may go in a step without being looked at.
 inline constexpr double kSlowShare = 0.5;
 
-/// Of the largest sphere about a shape's centre that lies in it [m]; infinite for a plane.
-double smallest_radius(const model::Shape& shape);
 /// Farthest from its body's centre of mass that a shape's point lies whose motion a turn can bring nearer to
 /// something else [m]: a sphere about the centre of mass has none.
 double lever(const model::Shape& shape);

@@ -9,7 +9,6 @@
 #include "handsim/engine/dae/penalty.h"
 #include "handsim/engine/multibody/projection.h"
 #include "handsim/model/kinematics.h"
-#include "handsim/model/validate.h"
 
 namespace handsim::engine::dae {
 
@@ -18,63 +17,23 @@ namespace {
 /// A start whose joints are further apart than this is said to have been moved [m].
 constexpr double kMovedGap = 1e-9;
 
-bool has_stops(const model::Model& model) {
-  for (const model::Joint& joint : model.joints)
-    for (const model::JointAxis& axis : joint.axes)
-      if (axis.stop) return true;
-  return false;
-}
-
-std::vector<Problem> all_defects(const model::Model& model, const Settings& settings) {
-  std::vector<Problem> problems = defects(settings);
-  const std::vector<Problem> of_model = model::defects(model);
-  problems.insert(problems.end(), of_model.begin(), of_model.end());
-  if (settings.projection)
-    problems.push_back({std::nullopt, "solver.projection", "true",
-                        "false: engine dae has euler_projected and others that close joints by themselves"});
-  const auto refuse = [&](model::Effect effect) {
-    if (settings.effects.has(effect))
-      problems.push_back({std::nullopt, "effects", std::string(name(effect)),
-                          fmt::format("smooth motion for {}: leave the effect out, or use engine ode",
-                                      name(settings.method))});
-  };
-  refuse(model::Effect::object_contact);
-  refuse(model::Effect::self_contact);
-  refuse(model::Effect::ground_contact);
-  if (has_stops(model)) refuse(model::Effect::joint_stops);
-  return problems;
-}
-
-const model::Model& checked(const model::Model& model, const Settings& settings) {
-  std::vector<Problem> problems = all_defects(model, settings);
-  if (!problems.empty()) throw Error(std::move(problems));
-  return model;
-}
-
 }  // namespace
 
 std::unique_ptr<Integrator> make_integrator(System system, const Settings& settings) {
-  switch (settings.method) {
-    case Method::stabilised_gear:
+  switch (settings.dae().method) {
+    case DaeMethod::stabilised_gear:
       return std::make_unique<Gear>(std::move(system), settings);
-    case Method::lagrange_penalty:
+    case DaeMethod::lagrange_penalty:
       return std::make_unique<Penalty>(std::move(system));
-    case Method::euler_linearised:
-    case Method::euler_projected:
+    case DaeMethod::euler_linearised:
+    case DaeMethod::euler_projected:
       return std::make_unique<Euler>(std::move(system), settings);
-    case Method::world_step:
-    case Method::quick_step:
-    case Method::semi_implicit_euler:
-    case Method::rk4:
-    case Method::dormand_prince:
-    case Method::automatic:
-      break;
   }
-  throw input_error("solver.method", std::string(name(settings.method)), "a method of engine dae");
+  return nullptr;
 }
 
 DaeEngine::DaeEngine(const model::Model& model, const Settings& settings)
-    : model_(checked(model, settings)), settings_(settings), told_(model, settings, {}, {}) {
+    : model_(checked(model, settings)), settings_(settings), told_(model, settings, {}, {}), sensors_(model) {
   for (System& island : islands(model, settings))
     islands_.push_back(make_integrator(std::move(island), settings));
   state_ = model::initial_state(model);
@@ -86,7 +45,7 @@ DaeEngine::DaeEngine(const model::Model& model, const Settings& settings)
     throw input_error("model", error.what(), "joints that can all be closed at the start");
   }
   require_regular_start(model, settings, state_);
-  if (gap > kMovedGap && settings.method != Method::euler_linearised)
+  if (gap > kMovedGap && settings.dae().method != DaeMethod::euler_linearised)
     notes_.push_back(fmt::format("the start was moved to close a joint gap of {:g} m", gap));
 }
 
@@ -101,7 +60,21 @@ void DaeEngine::start(const model::State& state) {
     if (model_.bodies[i].kinematic) next.bodies[i].v = next.bodies[i].w = Vec3::Zero();
   drive(next.time, model::KeySide::after, next);
   for (const auto& island : islands_) island->start(next);
+  sensors_.read(next);
   state_ = std::move(next);
+}
+
+/// Torques at a state whose coordinates are known.
+void DaeEngine::find_torques(std::span<const double> given, model::State& state) const {
+  state.tau.assign(state.q.size(), 0);
+  std::copy(given.begin(), given.end(), state.tau.begin());
+  if (!settings_.effects.has(model::Effect::passive_tissue)) return;
+  for (const model::Joint& joint : model_.joints)
+    for (std::size_t k = 0; k < joint.axes.size(); ++k) {
+      const auto i = static_cast<std::size_t>(joint.first_dof) + k;
+      if (const auto& tissue = joint.axes[k].tissue)
+        state.tau[i] -= tissue->stiffness * (state.q[i] - tissue->rest) + tissue->damping * state.u[i];
+    }
 }
 
 StepReport DaeEngine::step(const StepInput& input) {
@@ -118,6 +91,8 @@ StepReport DaeEngine::step(const StepInput& input) {
     next.time = end;
     drive(end, model::KeySide::before, next);
     check_bodies(next);
+    sensors_.read(next);
+    find_torques(input.torques, next);
   } catch (const Error& error) {
     fail(error);
   }
@@ -166,6 +141,7 @@ void DaeEngine::restore(const model::State& state, ArchiveReader& in) {
   require_state(model_, state);
   for (const auto& island : islands_) island->restore(state, in);
   state_ = state;
+  sensors_.read(state_);
 }
 
 std::string DaeEngine::version() const {

@@ -1,7 +1,7 @@
 // The differential-algebraic engine: the reference for any model whose motion is smooth, that is, without
 // contacts and joint stops. Maximal coordinates, exact gyroscopic torques, driven and kinematic bodies as
 // told motion; each island (say, a finger on a still palm) is integrated on its own by the formulation that
-// settings.method names.
+// the settings name.
 //
 // A state handed to set_state is a new start: positions and velocities are moved onto the joints (not by
 // euler_linearised, which never does), and multistep formulations build up their order again, so a resumed
@@ -16,6 +16,7 @@
 
 #include "handsim/engine/dae/integrator.h"
 #include "handsim/engine/engine.h"
+#include "handsim/model/angle_sensor.h"
 
 namespace handsim::engine::dae {
 
@@ -41,6 +42,7 @@ class DaeEngine final : public Engine {
  private:
   void start(const model::State& state);
   void drive(double time, model::KeySide side, model::State& state) const;
+  void find_torques(std::span<const double> given, model::State& state) const;
   void check_bodies(const model::State& state) const;
   [[noreturn]] void fail(const Error& error);
 
@@ -49,6 +51,7 @@ class DaeEngine final : public Engine {
   System told_;  ///< without bodies of its own: moves the driven ones
   std::vector<std::unique_ptr<Integrator>> islands_;
   std::vector<std::string> notes_;
+  model::JointSensors sensors_;
   model::State state_;
   std::optional<Error> failure_;
 };

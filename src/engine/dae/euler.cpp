@@ -39,8 +39,8 @@ Vector solve_constrained(const Matrix& mass, const Vector& momentum, const Matri
 
 Euler::Euler(System system, const Settings& settings)
     : system_(std::move(system)),
-      projected_(settings.method == Method::euler_projected),
-      erp_(projected_ ? 0 : settings.erp) {}
+      projected_(settings.dae().method == DaeMethod::euler_projected),
+      erp_(projected_ ? 0 : settings.erp()) {}
 
 void Euler::start(model::State& state) {
   if (projected_) project_positions(system_, state);

@@ -22,7 +22,7 @@ constexpr double kWornRows = 0.05;
 }  // namespace
 
 Gear::Gear(System system, const Settings& settings)
-    : system_(std::move(system)), tolerance_(settings.tolerance), step_(settings.step) {}
+    : system_(std::move(system)), tolerance_(settings.dae().tolerance), step_(settings.step) {}
 
 void Gear::start(model::State& state) {
   project_positions(system_, state);

@@ -24,7 +24,7 @@ class Integrator {
   virtual void restore(const model::State& state, ArchiveReader& in) = 0;
 };
 
-/// The formulation that settings.method names.
+/// The formulation that the settings name.
 std::unique_ptr<Integrator> make_integrator(System system, const Settings& settings);
 
 }  // namespace handsim::engine::dae

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "handsim/engine/ode/handlers.h"
+#include "handsim/engine/ode/world_resources.h"
 
 namespace handsim::engine::ode {
 
@@ -45,15 +45,6 @@ OdeIds make_world() {
       ids.world.get(), dThreadingImplementationGetFunctions(ids.threading.get()), ids.threading.get());
   guard_step_memory(ids.world.get());
   return ids;
-}
-
-std::vector<bool> immovable_bodies(const model::Model& model, const model::Effects& effects) {
-  std::vector<bool> immovable(model.bodies.size());
-  for (std::size_t i = 0; i < immovable.size(); ++i) immovable[i] = model.bodies[i].kinematic;
-  if (effects.has(model::Effect::wrist_motion))
-    for (const model::Drive& drive : model.drives) immovable[static_cast<std::size_t>(drive.body)] = false;
-  immovable[model::kWorld] = true;
-  return immovable;
 }
 
 OdeBody handle(dBodyID id) {

@@ -9,17 +9,10 @@
 
 #include <ode/ode.h>
 
+#include "handsim/engine/contact/ode_library.h"
 #include "handsim/engine/engine.h"
 
 namespace handsim::engine::ode {
-
-template <auto Destroy>
-struct Destroyer {
-  template <class T>
-  void operator()(T* id) const {
-    Destroy(id);
-  }
-};
 
 /// Owns all ODE objects of an engine; bodies and joints die with the world. Move-only.
 struct OdeIds {
@@ -47,9 +40,6 @@ struct OdeBody {
 
 /// A world with threading of its own.
 OdeIds make_world();
-
-/// True for bodies that no effect in force moves.
-std::vector<bool> immovable_bodies(const model::Model& model, const model::Effects& effects);
 
 /// Creates the bodies, in the order of Model::bodies, at the origin.
 /// @throws OdeFault

@@ -3,11 +3,17 @@
 #include <algorithm>
 #include <cmath>
 
-#include "handsim/engine/ode/spring.h"
+#include "handsim/engine/spring.h"
 
 namespace handsim::engine::ode {
 
 namespace {
+
+std::vector<dBodyID> ids_of(const std::vector<OdeBody>& bodies) {
+  std::vector<dBodyID> out;
+  for (const OdeBody& body : bodies) out.push_back(body.id);
+  return out;
+}
 
 /// Slower sliding has no direction that outlasts rounding [m/s].
 constexpr double kStill = 1e-9;
@@ -21,13 +27,13 @@ Contacts::Contacts(OdeIds& ids, const model::Model& model, const Settings& setti
     : model_(model),
       bodies_(bodies),
       world_(ids.world.get()),
-      collider_(model, settings, bodies),
+      collider_(model, settings.effects, settings.ode().speculative, ids_of(bodies)),
       crossed_(model),
       memory_(model, bodies),
       friction_(settings.effects.has(model::Effect::friction)),
-      remembers_(friction_ && settings.method != Method::world_step),
+      remembers_(friction_ && settings.ode().method != OdeMethod::world_step),
       with_forces_(settings.contact_forces),
-      erp_(settings.erp),
+      erp_(settings.erp()),
       gravity_(settings.effects.has(model::Effect::gravity) ? model.gravity : Vec3(Vec3::Zero())) {
   ids.contact_joints.reset(dJointGroupCreate(0));
   joints_ = ids.contact_joints.get();

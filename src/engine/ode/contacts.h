@@ -5,17 +5,11 @@
 
 #include <vector>
 
-#include "handsim/engine/ode/collider.h"
-#include "handsim/engine/ode/crossed.h"
+#include "handsim/engine/contact/collider.h"
+#include "handsim/engine/contact/penetration.h"
 #include "handsim/engine/ode/presliding.h"
 
 namespace handsim::engine::ode {
-
-/// Depth that contacts are allowed to keep, so that resting bodies stay in contact [m].
-inline constexpr double kSurfaceLayer = 1e-5;
-/// Fastest at which rigid surfaces found inside each other are driven apart [m/s]. ODE gives that speed to
-/// the bodies for good: at 1 m/s a ball of restitution 0 that falls 1 m jumps back at a fifth of its speed.
-inline constexpr double kMaxCorrectingSpeed = 0.1;
 
 class Contacts {
  public:
@@ -39,8 +33,8 @@ class Contacts {
   void release();
   /// Takes in how far surfaces slid in the step just made. @param before its start; @param step [s]
   void take_in_slip(const model::State& before, double step);
-  const std::vector<model::Presliding>& presliding() const { return memory_.pairs(); }
-  void set_presliding(const std::vector<model::Presliding>& pairs) { memory_.set(pairs); }
+  const std::vector<Presliding>& presliding() const { return memory_.pairs(); }
+  void set_presliding(const std::vector<Presliding>& pairs) { memory_.set(pairs); }
   /// Length of the steps to come [s].
   void set_step(double step);
   const std::vector<Contact>& list() const { return collider_.contacts(); }

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
-#include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/ode_engine.h"
 #include "handsim/model/kinematics.h"
 
@@ -19,6 +18,7 @@ constexpr int kGuardIterations = 200;
 
 StepReport OdeEngine::guarded_step(const StepInput& input, double end) {
   before_ = state_;
+  if (contacts_) presliding_before_ = contacts_->presliding();
   StepReport report;
   std::optional<PhysicsFault> fault;
   for (const Rung rung : {Rung::none, Rung::softer, Rung::half_steps, Rung::quick_step}) {
@@ -41,29 +41,29 @@ std::optional<PhysicsFault> OdeEngine::climb(Rung rung, const StepInput& input, 
   try {
     switch (rung) {
       case Rung::none:
-        report = plain_step(input, end, settings_.step, settings_.method);
+        report = plain_step(input, end, settings_.step, settings_.ode().method);
         break;
       case Rung::softer:
-        set_cfm(std::min(kSofter * settings_.cfm, 1.0));
-        report = plain_step(input, end, settings_.step, settings_.method);
-        set_cfm(settings_.cfm);
+        set_cfm(std::min(kSofter * settings_.ode().cfm, 1.0));
+        report = plain_step(input, end, settings_.step, settings_.ode().method);
+        set_cfm(settings_.ode().cfm);
         break;
       case Rung::half_steps:
         if (auto fault = two_half_steps(input, end, report)) return fault;
         return guard_fault(report);
       case Rung::quick_step:
       case Rung::unresolved:
-        dWorldSetQuickStepNumIterations(world, std::max(kGuardIterations, settings_.iterations));
-        report = plain_step(input, end, settings_.step, Method::quick_step);
-        dWorldSetQuickStepNumIterations(world, settings_.iterations);
+        dWorldSetQuickStepNumIterations(world, std::max(kGuardIterations, settings_.ode().iterations));
+        report = plain_step(input, end, settings_.step, OdeMethod::quick_step);
+        dWorldSetQuickStepNumIterations(world, settings_.ode().iterations);
         break;
     }
     if (auto fault = read_guarded(end)) return fault;
     return guard_fault(report);
   } catch (const StepRefused& refused) {
-    set_cfm(settings_.cfm);
+    set_cfm(settings_.ode().cfm);
     set_length(settings_.step);
-    dWorldSetQuickStepNumIterations(world, settings_.iterations);
+    dWorldSetQuickStepNumIterations(world, settings_.ode().iterations);
     return refused.fault;
   } catch (const OdeFault& fault) {
     PhysicsFault told = described(fault);
@@ -83,26 +83,29 @@ std::optional<PhysicsFault> OdeEngine::two_half_steps(const StepInput& input, do
   const double half = 0.5 * settings_.step;
   const double middle = before_.time + half;
   set_length(half);
-  const StepReport first = plain_step(input, middle, half, settings_.method);
+  const StepReport first = plain_step(input, middle, half, settings_.ode().method);
   std::optional<PhysicsFault> fault = read_guarded(middle);
   if (!fault) {
     StepInput second = input;
     if (!input.servos.empty()) {
       // A servo's error is the one at the start of its step.
-      coordinates_[0] = model::coordinates(model_, before_);
-      coordinates_[1] = model::coordinates(model_, state_);
       second_servos_.assign(input.servos.begin(), input.servos.end());
       for (std::size_t i = 0; i < second_servos_.size(); ++i)
-        second_servos_[i].error -= coordinates_[1][i] - coordinates_[0][i];
+        second_servos_[i].error -= state_.q[i] - before_.q[i];
       second.servos = second_servos_;
     }
-    report = plain_step(second, end, half, settings_.method);
+    report = plain_step(second, end, half, settings_.ode().method);
     report.lcp_failures += first.lcp_failures;
     if (!report.residual) report.residual = first.residual;
     report.collide_calls += first.collide_calls;
     report.collide_ns += first.collide_ns;
     report.tissue_ns += first.tissue_ns;
     report.servo_ns += first.servo_ns;
+    // Of the whole step: the mean of its halves.
+    for (std::size_t i = 0; i < tau_.size(); ++i) {
+      tau_[i] = 0.5 * (state_.tau[i] + tau_[i]);
+      tau_servo_[i] = 0.5 * (state_.tau_servo[i] + tau_servo_[i]);
+    }
     fault = read_guarded(end);
   }
   set_length(settings_.step);
@@ -110,7 +113,7 @@ std::optional<PhysicsFault> OdeEngine::two_half_steps(const StepInput& input, do
 }
 
 std::optional<PhysicsFault> OdeEngine::guard_fault(const StepReport& report) const {
-  const model::GuardLimits& limits = settings_.guard;
+  const GuardLimits& limits = *settings_.ode().guard;
   if (auto fault = body_fault(state_.time, limits.speed, limits.angular_speed)) return fault;
   if (report.lcp_failures > 0)
     return PhysicsFault{state_.time, "the solver", "LCP failures", fmt::format("{}", report.lcp_failures)};
@@ -124,7 +127,10 @@ std::optional<PhysicsFault> OdeEngine::guard_fault(const StepReport& report) con
 }
 
 /// Back to the start of the step.
-void OdeEngine::restore() { write(before_); }
+void OdeEngine::restore() {
+  write(before_);
+  if (contacts_) contacts_->set_presliding(presliding_before_);
+}
 
 /// A world in which ODE stopped half way can only be destroyed.
 void OdeEngine::rebuild() {
@@ -138,7 +144,7 @@ void OdeEngine::rebuild() {
   ids_ = {};
   build();
   if (immovable_moved(before_)) joints_->reanchor(before_);
-  write(before_);
+  restore();
   if (contacts_) contacts_->place_immovable(before_);
 }
 

@@ -4,8 +4,7 @@
 
 #include <fmt/format.h>
 
-#include "handsim/engine/ode/spring.h"
-#include "handsim/model/kinematics.h"
+#include "handsim/engine/spring.h"
 
 namespace handsim::engine::ode {
 
@@ -101,6 +100,12 @@ dJointID create_motor(dWorldID world, JointKind kind, std::size_t count, dBodyID
   return motor;
 }
 
+std::unique_ptr<dJointFeedback> with_feedback(dJointID motor) {
+  auto out = std::make_unique<dJointFeedback>();
+  dJointSetFeedback(motor, out.get());
+  return out;
+}
+
 /// Axes of a joint's motor, in the same configuration.
 void set_motor_axes(dJointID motor, const model::Joint& joint, const std::vector<std::size_t>& axes,
                     bool parent_is_body, const Pose& x_WF) {
@@ -116,6 +121,22 @@ void set_motor_axes(dJointID motor, const model::Joint& joint, const std::vector
   }
 }
 
+/// Torque, of a slider's motor force, on the child. ODE leaves a motor alone that has no row in a step.
+Vec3 take_feedback(dJointFeedback* feedback, JointKind kind) {
+  if (feedback == nullptr) return Vec3::Zero();
+  const dReal* on_child = kind == JointKind::slider ? feedback->f1 : feedback->t1;
+  const Vec3 out(on_child[0], on_child[1], on_child[2]);
+  *feedback = {};
+  return out;
+}
+
+/// x with sum of x_k axis_k = the vector, which lies in the axes' plane. The axes are unit, perpendicular but
+/// for the joint's error, or the second is zero.
+std::array<double, 2> along(const std::array<Vec3, 2>& axes, const Vec3& vector) {
+  const double a = axes[0].dot(vector), b = axes[1].dot(vector), c = axes[0].dot(axes[1]);
+  return {(a - c * b) / (1 - c * c), (b - c * a) / (1 - c * c)};
+}
+
 void add_torque(const OdeBody& body, const Vec3& torque) {
   if (body.id != nullptr) dBodyAddTorque(body.id, torque.x(), torque.y(), torque.z());
 }
@@ -124,7 +145,7 @@ void add_torque(const OdeBody& body, const Vec3& torque) {
 
 Joints::Joints(dWorldID world, const model::Model& model, const Settings& settings,
                const std::vector<OdeBody>& bodies, const model::State& start)
-    : servos_(settings.step), step_(settings.step), erp_(settings.erp) {
+    : sensors_(model), servos_(settings.step), step_(settings.step), erp_(settings.erp()) {
   std::vector<std::size_t> copies_used(bodies.size(), 0);
   for (const model::Joint& joint : model.joints) {
     links_.push_back(make_link(world, joint, bodies, copies_used));
@@ -211,9 +232,8 @@ void Joints::add_stops(const Link& link, const Settings& settings) {
     set(dParamLoStop, stop.low);
     set(dParamHiStop, stop.high);
     set(dParamBounce, stop.bounce);
-    set(dParamFudgeFactor, stop.fudge_factor);
-    set(dParamStopERP, settings.erp);
-    set(dParamStopCFM, settings.cfm);
+    set(dParamStopERP, settings.erp());
+    set(dParamStopCFM, settings.ode().cfm);
   }
 }
 
@@ -224,6 +244,7 @@ void Joints::add_tissue(dWorldID world, Link& link) {
   if (link.motor_axes.empty()) return;
   has_tissue_ = true;
   link.motor = create_motor(world, joint.kind, link.motor_axes.size(), link.child.id, link.parent.id);
+  link.by_motor = with_feedback(link.motor);
   soften_tissue(link);
 }
 
@@ -247,19 +268,17 @@ void Joints::soften_tissue(const Link& link) const {
   }
 }
 
-void Joints::soften_slider(SliderWatch& slider) const {
-  const Link& link = links_[slider.link];
-  if (link.motor == nullptr) return;
+double Joints::slider_pull(const Link& link) const {
+  if (link.motor == nullptr || link.joint->kind != JointKind::slider) return 0;
   const model::Tissue& tissue = *link.joint->axes[0].tissue;
-  slider.rest = tissue.rest;
-  slider.rate = soft_row(tissue.stiffness, tissue.damping, step_).erp / step_;
+  return soft_row(tissue.stiffness, tissue.damping, step_).erp / step_;
 }
 
 void Joints::set_step(double step) {
   step_ = step;
   servos_.set_step(step);
   for (const Link& link : links_) soften_tissue(link);
-  for (SliderWatch& slider : slider_watches_) soften_slider(slider);
+  for (Watch& watched : watches_) watched.pull = slider_pull(links_[watched.link]);
 }
 
 void Joints::set_stop_cfm(double cfm) {
@@ -282,6 +301,7 @@ void Joints::add_servo(dWorldID world, Link& link) {
   const model::Joint& joint = *link.joint;
   if (joint.axes.empty()) return;
   link.servo = create_motor(world, joint.kind, joint.axes.size(), link.child.id, link.parent.id);
+  link.by_servo = with_feedback(link.servo);
   servos_.add(link.servo, joint);
 }
 
@@ -292,77 +312,49 @@ void Joints::watch(std::size_t link_index, const Settings& settings) {
   bool needed = link.motor != nullptr;
   for (const model::JointAxis& axis : joint.axes) needed = needed || (with_stops && axis.stop);
   if (!needed) return;
-  if (joint.kind == JointKind::slider) {
-    SliderWatch slider{link_index, {}, 0, 0};
-    if (with_stops && joint.axes[0].stop) slider.stop = widened(joint, joint.axes[0], false);
-    soften_slider(slider);
-    slider_watches_.push_back(slider);
-    return;
-  }
-  Watch watched{link_index, AngleSensor(joint), {}};
-  for (std::size_t i = 0; i < joint.axes.size(); ++i) {
-    if (!with_stops || !joint.axes[i].stop) continue;
-    const model::Stop stop = widened(joint, joint.axes[i], false);
-    watched.stops[i].emplace(stop.low, stop.high);
-  }
+  Watch watched{link_index, {}};
+  watched.pull = slider_pull(link);
+  for (std::size_t i = 0; i < joint.axes.size(); ++i)
+    if (with_stops && joint.axes[i].stop) watched.stops[i] = widened(joint, joint.axes[i], false);
   watches_.push_back(watched);
 }
 
 int Joints::prepare(const model::State& state) {
   int reached = 0;
   for (Watch& watched : watches_) {
-    const std::array<Direction, 2> at = watched.sensor.read(state);
-    reached += prepare_stops(watched, at, state);
-    const Link& link = links_[watched.link];
-    for (std::size_t i = 0; i < link.motor_axes.size(); ++i)
-      dJointSetAMotorAngle(link.motor, static_cast<int>(i), at[link.motor_axes[i]].angle());
-  }
-  for (SliderWatch& slider : slider_watches_) {
-    const Link& link = links_[slider.link];
-    double q = 0;
-    model::joint_coordinates(*link.joint, state, std::span(&q, 1));
-    if (slider.stop) reached += prepare_stop(slider, q, state);
-    if (link.motor != nullptr) dJointSetLMotorParam(link.motor, dParamVel, -slider.rate * (q - slider.rest));
+    reached += prepare_stops(watched, state);
+    if (links_[watched.link].motor != nullptr) prepare_tissue(watched, state);
   }
   return reached;
 }
 
-int Joints::prepare_stops(Watch& watched, const std::array<Direction, 2>& at,
-                          const model::State& state) const {
-  if (!watched.stops[0] && !watched.stops[1]) return 0;
+void Joints::prepare_tissue(const Watch& watched, const model::State& state) const {
   const Link& link = links_[watched.link];
-  const auto spin = [&](int body) -> const Vec3& { return state.bodies[static_cast<std::size_t>(body)].w; };
-  // No rate exceeds the relative angular velocity, as the axes are perpendicular.
-  const double reach =
-      kOnStop + kCatchSteps * step_ * (spin(link.joint->child) - spin(link.joint->parent)).norm();
+  const double* q = state.q.data() + link.joint->first_dof;
+  if (link.joint->kind == JointKind::slider) {
+    dJointSetLMotorParam(link.motor, dParamVel, -watched.pull * (q[0] - link.joint->axes[0].tissue->rest));
+    return;
+  }
+  for (std::size_t i = 0; i < link.motor_axes.size(); ++i)
+    dJointSetAMotorAngle(link.motor, static_cast<int>(i), q[link.motor_axes[i]]);
+}
+
+int Joints::prepare_stops(Watch& watched, const model::State& state) const {
+  const Link& link = links_[watched.link];
   int reached = 0;
   for (std::size_t i = 0; i < 2; ++i) {
     if (!watched.stops[i]) continue;
-    const StopArc& stop = *watched.stops[i];
-    Approach approach{i, stop.low(), stop.high(), 0, 0};
-    if (stop.reached(at[i])) {
+    const std::size_t dof = static_cast<std::size_t>(link.joint->first_dof) + i;
+    const Approach approach{i, watched.stops[i]->low, watched.stops[i]->high, state.q[dof], state.u[dof]};
+    // As ODE decides it.
+    if (approach.q <= approach.low || approach.q >= approach.high) {
       ++reached;
       let_go(link, approach, watched.caught[i]);
-    } else if (!stop.near(at[i], reach)) {
-      let_go(link, approach, watched.caught[i]);
     } else {
-      approach.q = at[i].angle();
-      approach.rate = watched.sensor.rates(state)[i];
       reached += catch_approach(link, approach, watched.caught[i]) ? 1 : 0;
     }
   }
   return reached;
-}
-
-int Joints::prepare_stop(SliderWatch& slider, double q, const model::State& state) const {
-  const Link& link = links_[slider.link];
-  Approach approach{0, slider.stop->low, slider.stop->high, q, 0};
-  if (q <= approach.low || q >= approach.high) {
-    let_go(link, approach, slider.caught);
-    return 1;
-  }
-  model::joint_rates(*link.joint, state, std::span(&approach.rate, 1));
-  return catch_approach(link, approach, slider.caught) ? 1 : 0;
 }
 
 // ODE puts a stop's row into a step once the stop is passed, and pushes back by ERP times the depth: at w
@@ -406,6 +398,28 @@ void Joints::set_stop(const Link& link, std::size_t axis, double low, double hig
   set_parameter(link.id, kind, dParamHiStop + group, high);
   set_parameter(link.id, kind, dParamStopERP + group, erp);
   set_parameter(link.id, kind, dParamBounce + group, bounce);
+}
+
+void Joints::read_torques(std::span<const double> given, const model::State& start, std::vector<double>& tau,
+                          std::vector<double>& tau_servo) {
+  tau.assign(start.q.size(), 0);
+  tau_servo.assign(start.q.size(), 0);
+  for (std::size_t j = 0; j < links_.size(); ++j) {
+    Link& link = links_[j];
+    if (link.id == nullptr) continue;
+    const model::Joint& joint = *link.joint;
+    const auto first = static_cast<std::size_t>(joint.first_dof);
+    for (int k = 0; k < dof_count(joint.kind) && !given.empty(); ++k)
+      tau[first + static_cast<std::size_t>(k)] = given[first + static_cast<std::size_t>(k)];
+    if (!link.by_motor && !link.by_servo) continue;
+    const std::array<Vec3, 2> axes = sensors_.axes(j, start);
+    const std::array<double, 2> tissue = along(axes, take_feedback(link.by_motor.get(), joint.kind));
+    const std::array<double, 2> servo = along(axes, take_feedback(link.by_servo.get(), joint.kind));
+    for (std::size_t k = 0; k < joint.axes.size(); ++k) {
+      tau_servo[first + k] = servo[k];
+      tau[first + k] += tissue[k] + servo[k];
+    }
+  }
 }
 
 void Joints::add_torques(std::span<const double> torques, const model::State& state) const {

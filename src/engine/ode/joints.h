@@ -5,14 +5,15 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "handsim/engine/ode/bodies.h"
-#include "handsim/engine/ode/coordinates.h"
 #include "handsim/engine/ode/servos.h"
+#include "handsim/model/angle_sensor.h"
 
 namespace handsim::engine::ode {
 
@@ -46,6 +47,12 @@ class Joints {
   /// Tells the tissue where its joints are, makes stops catch what would run through them in the next step,
   /// and counts the stops that the step finds in force.
   int prepare(const model::State& state);
+  /// Fills q and u of a state from its bodies.
+  void read_coordinates(model::State& state) const { sensors_.read(state); }
+  /// Torques that acted in the step that was just solved, from the solver's own impulses: sizes
+  /// model.dof_count(). @param given torques of the step or empty @param start state that it began with
+  void read_torques(std::span<const double> given, const model::State& start, std::vector<double>& tau,
+                    std::vector<double>& tau_servo);
   /// What was widened, one sentence each.
   const std::vector<std::string>& notes() const { return notes_; }
   /// ODE's joint of a joint of the model; null where neither side can move.
@@ -60,20 +67,15 @@ class Joints {
     dJointID motor = nullptr;             ///< tissue: AMotor, or LMotor of a slider
     std::vector<std::size_t> motor_axes;  ///< our axis of each of the motor's axes
     dJointID servo = nullptr;             ///< drives every axis; with actuation only
+    // Where ODE writes what the two motors did. An address that stays.
+    std::unique_ptr<dJointFeedback> by_motor, by_servo;
   };
-  /// Angles to read at every step, for tissue, stops or both.
+  /// A joint with tissue, stops or both.
   struct Watch {
     std::size_t link = 0;
-    AngleSensor sensor;
-    std::array<std::optional<StopArc>, 2> stops;
+    std::array<std::optional<model::Stop>, 2> stops;
     std::array<bool, 2> caught = {false, false};
-  };
-  struct SliderWatch {
-    std::size_t link = 0;
-    std::optional<model::Stop> stop;
-    double rest = 0;  ///< [m]
-    double rate = 0;  ///< speed towards rest per distance [1/s]
-    bool caught = false;
+    double pull = 0;  ///< slider: speed towards the tissue's rest per distance [1/s]
   };
   /// A coordinate before a step, and its stop.
   struct Approach {
@@ -88,19 +90,19 @@ class Joints {
   void add_stops(const Link& link, const Settings& settings);
   void add_tissue(dWorldID world, Link& link);
   void soften_tissue(const Link& link) const;
-  void soften_slider(SliderWatch& slider) const;
+  double slider_pull(const Link& link) const;
   void add_servo(dWorldID world, Link& link);
   void watch(std::size_t link, const Settings& settings);
   void set_stop(const Link& link, std::size_t axis, double low, double high, double erp, double bounce) const;
   bool catch_approach(const Link& link, const Approach& approach, bool& caught) const;
   void let_go(const Link& link, const Approach& approach, bool& caught) const;
-  int prepare_stops(Watch& watched, const std::array<Direction, 2>& at, const model::State& state) const;
-  int prepare_stop(SliderWatch& slider, double q, const model::State& state) const;
+  int prepare_stops(Watch& watched, const model::State& state) const;
+  void prepare_tissue(const Watch& watched, const model::State& state) const;
   model::Stop widened(const model::Joint& joint, const model::JointAxis& axis, bool note);
 
   std::vector<Link> links_;  ///< as Model::joints
   std::vector<Watch> watches_;
-  std::vector<SliderWatch> slider_watches_;
+  model::JointSensors sensors_;
   Servos servos_;
   double step_;  ///< [s]
   double erp_;   ///< of the stops

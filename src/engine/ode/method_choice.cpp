@@ -17,7 +17,7 @@ double quick_step_cost(int rows, int iterations) {
 MethodChoice::MethodChoice(const model::Model& model, const Joints& joints,
                            const std::vector<OdeBody>& bodies, const Settings& settings)
     : model_(model),
-      iterations_(settings.iterations),
+      iterations_(settings.ode().iterations),
       rows_per_contact_(settings.effects.has(model::Effect::friction) ? 3 : 1),
       root_(bodies.size()),
       rows_(bodies.size(), 0) {
@@ -50,7 +50,7 @@ void MethodChoice::join(int a, int b, int rows) {
   rows_[static_cast<std::size_t>(first)] += rows_[static_cast<std::size_t>(second)];
 }
 
-Method MethodChoice::pick(std::span<const Contact> contacts) {
+OdeMethod MethodChoice::pick(std::span<const Contact> contacts) {
   root_ = tree_;
   rows_ = tree_rows_;
   for (const Contact& contact : contacts)
@@ -63,7 +63,7 @@ Method MethodChoice::pick(std::span<const Contact> contacts) {
     direct += world_step_cost(rows_[i]);
     iterative += quick_step_cost(rows_[i], iterations_);
   }
-  return direct <= iterative ? Method::world_step : Method::quick_step;
+  return direct <= iterative ? OdeMethod::world_step : OdeMethod::quick_step;
 }
 
 }  // namespace handsim::engine::ode

@@ -23,7 +23,7 @@ class MethodChoice {
   MethodChoice(const model::Model& model, const Joints& joints, const std::vector<OdeBody>& bodies,
                const Settings& settings);
   /// @return world_step or quick_step
-  Method pick(std::span<const Contact> contacts);
+  OdeMethod pick(std::span<const Contact> contacts);
 
  private:
   int root(int body);

@@ -6,30 +6,14 @@
 
 #include "handsim/engine/checks.h"
 #include "handsim/engine/multibody/projection.h"
-#include "handsim/engine/ode/handlers.h"
+#include "handsim/engine/ode/world_resources.h"
 #include "handsim/model/kinematics.h"
-#include "handsim/model/validate.h"
 
 namespace handsim::engine::ode {
 
-namespace {
-
-std::vector<Problem> all_defects(const model::Model& model, const Settings& settings) {
-  std::vector<Problem> problems = defects(settings);
-  std::vector<Problem> of_model = model::defects(model);
-  // Contact defects read indices that only a sound model has right.
-  if (of_model.empty()) of_model = contact_defects(model, settings.effects);
-  problems.insert(problems.end(), of_model.begin(), of_model.end());
-  return problems;
-}
-
-}  // namespace
-
 OdeEngine::OdeEngine(const model::Model& model, const Settings& settings)
-    : model_(model), settings_(settings), residual_(model, settings.erp) {
-  std::vector<Problem> problems = all_defects(model, settings);
-  if (!problems.empty()) throw Error(std::move(problems));
-  if (settings.projection) require_regular_start(model, settings, model::initial_state(model));
+    : model_(checked(model, settings)), settings_(settings), residual_(model, settings.erp()) {
+  if (settings.ode().projection) require_regular_start(model, settings, model::initial_state(model));
   enter_ode();
   try {
     build();
@@ -43,9 +27,9 @@ void OdeEngine::build() {
   const dWorldID world = ids_.world.get();
   const Vec3 gravity = settings_.effects.has(model::Effect::gravity) ? model_.gravity : Vec3::Zero();
   dWorldSetGravity(world, gravity.x(), gravity.y(), gravity.z());
-  dWorldSetERP(world, settings_.erp);
-  dWorldSetCFM(world, settings_.cfm);
-  dWorldSetQuickStepNumIterations(world, settings_.iterations);
+  dWorldSetERP(world, settings_.ode().erp);
+  dWorldSetCFM(world, settings_.ode().cfm);
+  dWorldSetQuickStepNumIterations(world, settings_.ode().iterations);
   immovable_ = immovable_bodies(model_, settings_.effects);
   bodies_ = make_bodies(world, model_, immovable_);
   for (std::size_t i = 0; i < bodies_.size(); ++i)
@@ -55,8 +39,8 @@ void OdeEngine::build() {
   if (settings_.effects.has(model::Effect::wrist_motion)) drives_ = std::make_unique<Drives>(model_, bodies_);
   if (needs_contacts(model_, settings_.effects))
     contacts_ = std::make_unique<Contacts>(ids_, model_, settings_, bodies_);
-  if (settings_.projection) closed_ = islands(model_, settings_);
-  if (settings_.method == Method::automatic)
+  if (settings_.ode().projection) closed_ = islands(model_, settings_);
+  if (settings_.ode().method == OdeMethod::automatic)
     choice_ = std::make_unique<MethodChoice>(model_, *joints_, bodies_, settings_);
   write(state_);
   if (contacts_) contacts_->place_immovable(state_);
@@ -65,11 +49,11 @@ void OdeEngine::build() {
 /// Takes a state over into ODE; kinematic bodies that stand still have no velocity, whatever it says.
 void OdeEngine::write(const model::State& state) {
   state_ = state;
-  if (contacts_) contacts_->set_presliding(state.presliding);
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
     if (immovable_[i]) state_.bodies[i].v = state_.bodies[i].w = Vec3::Zero();
     write_state(bodies_[i], state_.bodies[i]);
   }
+  joints_->read_coordinates(state_);
 }
 
 bool OdeEngine::immovable_moved(const model::State& state) const {
@@ -89,6 +73,7 @@ void OdeEngine::set_state(const model::State& state) {
     const bool moved = immovable_moved(state);
     if (moved) joints_->reanchor(state);
     write(state);
+    if (contacts_) contacts_->set_presliding({});
     if (moved && contacts_) contacts_->place_immovable(state_);
   } catch (const OdeFault& fault) {
     fail(fault);
@@ -108,9 +93,7 @@ void OdeEngine::restore(const model::State& state, ArchiveReader& in) {
   bool with_contacts = false;
   in(with_contacts);
   if (with_contacts != (contacts_ != nullptr)) in.refuse("contacts of another scene", "those of this one");
-  if (!contacts_) return;
-  contacts_->restore(in);
-  state_.presliding = contacts_->presliding();
+  if (contacts_) contacts_->restore(in);
 }
 
 std::span<const Contact> OdeEngine::contacts() const {

@@ -1,8 +1,6 @@
 // The engine on the Open Dynamics Engine. One ODE world per engine, built from the model with the effects
 // asked for and nothing else.
-//
-// With the step_guard effect a step that goes wrong is taken back to the bit and tried again (see
-// model::GuardLimits).
+// With a guard a step that goes wrong is taken back to the bit and tried again (see GuardLimits).
 //
 // world_step is bit-reproducible in any number of threads. quick_step draws from ODE's one process-wide
 // random generator: each step seeds it from (seed, step number) under a process-wide lock, so runs are
@@ -19,7 +17,6 @@
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/contacts.h"
 #include "handsim/engine/ode/drives.h"
-#include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/joints.h"
 #include "handsim/engine/ode/method_choice.h"
 #include "handsim/engine/ode/residual.h"
@@ -38,9 +35,9 @@ class OdeEngine final : public Engine {
 
   StepReport step(const StepInput& input) override;
   const model::State& state() const override { return state_; }
-  /// Bit-exact: going on from a saved state gives the bits of never having stopped.
+  /// Bit-exact, but for friction that quick_step and auto hold by position: what has crept is forgotten.
   void set_state(const model::State& state) override;
-  /// The contacts and stops in force of the last step: all else is in the state.
+  /// The contacts, their creep and the stops in force of the last step: all else is in the state.
   void save(ArchiveWriter& out) const override;
   void restore(const model::State& state, ArchiveReader& in) override;
   std::span<const Contact> contacts() const override;
@@ -58,8 +55,8 @@ class OdeEngine final : public Engine {
   void write(const model::State& state);
   bool immovable_moved(const model::State& state) const;
   /// One step of ODE's, ending at `end`, of length `step`; the state is not read yet. @throws StepRefused
-  StepReport plain_step(const StepInput& input, double end, double step, Method method);
-  void solve(double step, Method method, StepReport& report);
+  StepReport plain_step(const StepInput& input, double end, double step, OdeMethod method);
+  void solve(double step, OdeMethod method, StepReport& report);
   StepReport guarded_step(const StepInput& input, double end);
   std::optional<PhysicsFault> climb(Rung rung, const StepInput& input, double end, StepReport& report);
   std::optional<PhysicsFault> two_half_steps(const StepInput& input, double end, StepReport& report);
@@ -72,7 +69,7 @@ class OdeEngine final : public Engine {
   bool residual_is_due(const StepReport& report, double step);
   void prepare(const StepInput& input, StepReport& report);
   void actuate(const StepInput& input);
-  [[nodiscard]] bool advance(double step, Method method);
+  [[nodiscard]] bool advance(double step, OdeMethod method);
   std::optional<PhysicsFault> body_fault(double time, double speed, double angular_speed) const;
   void check_bodies(double time);
   void read(double time);
@@ -97,9 +94,10 @@ class OdeEngine final : public Engine {
   std::vector<System> closed_;            ///< islands to close after every step; with projection only
   model::State opened_;                   ///< at the start of the step; with projection only
   model::State state_;
-  model::State before_;                      ///< of a guarded step, its start
-  std::vector<double> coordinates_[2];       ///< of a step in halves, at its start and middle
-  std::vector<model::Servo> second_servos_;  ///< of its second half
+  model::State before_;                        ///< of a guarded step, its start
+  std::vector<Presliding> presliding_before_;  ///< the same
+  std::vector<double> tau_, tau_servo_;        ///< of the step under way
+  std::vector<model::Servo> second_servos_;    ///< of its second half
   std::optional<Error> failure_;
 };
 

@@ -8,7 +8,7 @@ namespace handsim::engine::ode {
 
 namespace {
 
-std::pair<int, int> shapes_of(const model::Presliding& pair) { return {pair.shape_a, pair.shape_b}; }
+std::pair<int, int> shapes_of(const Presliding& pair) { return {pair.shape_a, pair.shape_b}; }
 
 Patch patch_of(std::span<const Contact> points, std::size_t first) {
   Patch patch;
@@ -40,13 +40,13 @@ void carry_pair(Archive& archive, Pair& pair) {
 
 void PreslidingMemory::save(ArchiveWriter& out) const {
   out(pairs_.size());
-  for (const model::Presliding& pair : pairs_) carry_pair(out, pair);
+  for (const Presliding& pair : pairs_) carry_pair(out, pair);
 }
 
 void PreslidingMemory::restore(ArchiveReader& in) {
   pairs_.resize(in.size());
   const auto shapes = static_cast<int>(model_.shapes.size());
-  for (model::Presliding& pair : pairs_) {
+  for (Presliding& pair : pairs_) {
     carry_pair(in, pair);
     if (pair.shape_a >= shapes || pair.shape_b >= shapes)
       in.refuse("a pair of shapes that are not there", "pairs of this scene's shapes");

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "handsim/core/archive.h"
+#include "handsim/engine/contact/collider.h"
 #include "handsim/engine/ode/bodies.h"
-#include "handsim/engine/ode/collider.h"
 
 namespace handsim::engine::ode {
 
@@ -20,6 +20,15 @@ namespace handsim::engine::ode {
 inline constexpr double kLongestRigidShift = 2e-5, kLongestPadShift = 3e-4;
 /// Share of it that friction rows take back in a step. Near 1: a residual's noise is fed back.
 inline constexpr double kPullBack = 0.5;
+
+/// How far two touching shapes have slid on each other without being pulled back yet.
+struct Presliding {
+  int shape_a = 0;
+  int shape_b = 0;
+  /// Of a's surface against b's at the middle of the contact, in b's body frame [m].
+  Vec3 shift = Vec3::Zero();
+  double turn = 0;  ///< of a against b about the contact's normal [rad]
+};
 
 /// The points of one pair of shapes in one step.
 struct Patch {
@@ -49,8 +58,8 @@ class PreslidingMemory {
   /// Takes in the slip of the step just made. @param before its start; @param step its length [s]
   void take_in(const model::State& before, double step);
 
-  const std::vector<model::Presliding>& pairs() const { return pairs_; }
-  void set(const std::vector<model::Presliding>& pairs) { pairs_ = pairs; }
+  const std::vector<Presliding>& pairs() const { return pairs_; }
+  void set(const std::vector<Presliding>& pairs) { pairs_ = pairs; }
   void save(ArchiveWriter& out) const;
   /// @throws Error (input) for shapes that the model has not.
   void restore(ArchiveReader& in);
@@ -62,7 +71,7 @@ class PreslidingMemory {
   const model::Model& model_;
   const std::vector<OdeBody>& bodies_;
   std::vector<Patch> patches_;
-  std::vector<model::Presliding> pairs_;  ///< in the collider's order of pairs
+  std::vector<Presliding> pairs_;  ///< in the collider's order of pairs
 };
 
 }  // namespace handsim::engine::ode

@@ -1,6 +1,6 @@
 #include "handsim/engine/ode/servos.h"
 
-#include "handsim/engine/ode/spring.h"
+#include "handsim/engine/spring.h"
 
 namespace handsim::engine::ode {
 

@@ -9,8 +9,8 @@
 
 #include "handsim/engine/checks.h"
 #include "handsim/engine/multibody/projection.h"
-#include "handsim/engine/ode/handlers.h"
 #include "handsim/engine/ode/ode_engine.h"
+#include "handsim/engine/ode/world_resources.h"
 
 namespace handsim::engine::ode {
 
@@ -52,9 +52,9 @@ StepReport OdeEngine::step(const StepInput& input) {
   if (failure_) throw Error(*failure_);
   enter_ode();
   const double end = next_time(state_.time, settings_.step);
-  if (settings_.effects.has(model::Effect::step_guard)) return guarded_step(input, end);
+  if (settings_.ode().guard) return guarded_step(input, end);
   try {
-    const StepReport report = plain_step(input, end, settings_.step, settings_.method);
+    const StepReport report = plain_step(input, end, settings_.step, settings_.ode().method);
     check_bodies(end);
     if (auto fault = take_over(end)) fail(std::move(*fault));
     return report;
@@ -65,7 +65,7 @@ StepReport OdeEngine::step(const StepInput& input) {
   }
 }
 
-StepReport OdeEngine::plain_step(const StepInput& input, double end, double step, Method method) {
+StepReport OdeEngine::plain_step(const StepInput& input, double end, double step, OdeMethod method) {
   StepReport report;
   if (drives_) drives_->aim(end, step);
   try {
@@ -74,6 +74,7 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
   } catch (const std::bad_alloc&) {
     throw OdeFault{kNoMemory, "out of memory"};
   }
+  joints_->read_torques(input.torques, state_, tau_, tau_servo_);
   if (residual_is_due(report, step))
     report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
@@ -85,13 +86,13 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
 }
 
 /// With method auto by quick_step too where there is no memory for the direct solver.
-void OdeEngine::solve(double step, Method method, StepReport& report) {
-  const bool choose = method == Method::automatic;
+void OdeEngine::solve(double step, OdeMethod method, StepReport& report) {
+  const bool choose = method == OdeMethod::automatic;
   if (choose)
     method =
         choice_->pick(contacts_ ? std::span<const Contact>(contacts_->list()) : std::span<const Contact>());
   for (;;) {
-    report.iterative = method == Method::quick_step;
+    report.iterative = method == OdeMethod::quick_step;
     if (contacts_) {
       const Clock::time_point start = Clock::now();
       contacts_->join(state_, report.iterative);
@@ -103,7 +104,7 @@ void OdeEngine::solve(double step, Method method, StepReport& report) {
     if (made) return;
     if (contacts_) contacts_->release();
     if (!choose || report.iterative) throw StepRefused{no_memory(state_.time + step, report.iterative)};
-    method = Method::quick_step;
+    method = OdeMethod::quick_step;
   }
 }
 
@@ -151,24 +152,17 @@ void OdeEngine::actuate(const StepInput& input) {
 }
 
 /// @return false where ODE did not make the step
-bool OdeEngine::advance(double step, Method method) {
+bool OdeEngine::advance(double step, OdeMethod method) {
   const dWorldID world = ids_.world.get();
   switch (method) {
-    case Method::world_step:
+    case OdeMethod::world_step:
       return dWorldStep(world, step) != 0;
-    case Method::quick_step: {
-      const RandomSeed seed(step_seed(settings_.seed, step_number(state_.time, step)));
+    case OdeMethod::quick_step: {
+      const RandomSeed seed(step_seed(settings_.ode().seed, step_number(state_.time, step)));
       return dWorldQuickStep(world, step) != 0;
     }
-    case Method::automatic:
-    case Method::stabilised_gear:
-    case Method::lagrange_penalty:
-    case Method::euler_linearised:
-    case Method::euler_projected:
-    case Method::semi_implicit_euler:
-    case Method::rk4:
-    case Method::dormand_prince:
-      assert(false && "a method of another engine");
+    case OdeMethod::automatic:
+      assert(false && "solve() chooses one of the two");
       break;
   }
   return false;
@@ -194,7 +188,8 @@ void OdeEngine::check_bodies(double time) {
 
 void OdeEngine::read(double time) {
   for (const std::size_t i : moving_) state_.bodies[i] = read_state(bodies_[i]);
-  if (contacts_) state_.presliding = contacts_->presliding();
+  state_.tau = tau_;
+  state_.tau_servo = tau_servo_;
   state_.time = time;
 }
 
@@ -203,6 +198,7 @@ void OdeEngine::read(double time) {
 std::optional<PhysicsFault> OdeEngine::take_over(double time) {
   if (closed_.empty()) {
     read(time);
+    joints_->read_coordinates(state_);
     return std::nullopt;
   }
   opened_ = state_;
@@ -215,6 +211,7 @@ std::optional<PhysicsFault> OdeEngine::take_over(double time) {
   }
   for (const std::size_t i : moving_)
     if (!bodies_[i].driven) write_state(bodies_[i], state_.bodies[i]);
+  joints_->read_coordinates(state_);
   return std::nullopt;
 }
 

@@ -21,7 +21,7 @@ constexpr double kPlaneSpacing = 0.1;  ///< of the grid that MuJoCo draws [m]
 
 class MjcfWriter {
  public:
-  MjcfWriter(const model::Model& model, const model::SolverSettings& settings)
+  MjcfWriter(const model::Model& model, const engine::Settings& settings)
       : model_(model),
         settings_(settings),
         children_(children_of(model)),
@@ -111,9 +111,7 @@ class MjcfWriter {
 
   void hang(const model::Joint& joint, int indent) {
     const std::string in(at(indent), ' ');
-    double q[3] = {}, u[3] = {};
-    model::joint_coordinates(joint, start_, q);
-    model::joint_rates(joint, start_, u);
+    const double *q = start_.q.data() + joint.first_dof, *u = start_.u.data() + joint.first_dof;
     if (joint.kind == JointKind::ball) {
       line(fmt::format("{}<joint name=\"{}\" type=\"ball\" pos=\"{}\"/>", in, attribute(joint.name),
                        numbers(joint.child_frame.p)));
@@ -234,7 +232,7 @@ class MjcfWriter {
   }
 
   const model::Model& model_;
-  const model::SolverSettings& settings_;
+  const engine::Settings& settings_;
   std::vector<std::vector<int>> children_;
   std::vector<int> holder_;
   model::State start_;
@@ -243,7 +241,7 @@ class MjcfWriter {
 
 }  // namespace
 
-std::string to_mjcf(const model::Model& model, const model::SolverSettings& settings) {
+std::string to_mjcf(const model::Model& model, const engine::Settings& settings) {
   return MjcfWriter(model, settings).run();
 }
 

@@ -5,8 +5,8 @@
 
 #include <string>
 
+#include "handsim/engine/settings.h"
 #include "handsim/model/model.h"
-#include "handsim/model/solver.h"
 
 namespace handsim::output {
 
@@ -18,6 +18,6 @@ namespace handsim::output {
 /// @throws Error (input) for what MJCF cannot say: loops closed by universal or slider joints, more than 32
 /// contact
 ///         groups.
-std::string to_mjcf(const model::Model& model, const model::SolverSettings& settings);
+std::string to_mjcf(const model::Model& model, const engine::Settings& settings);
 
 }  // namespace handsim::output

@@ -33,7 +33,7 @@ std::string origin(const Pose& pose) {
 
 class UrdfWriter {
  public:
-  UrdfWriter(const model::Model& model, const model::SolverSettings& settings)
+  UrdfWriter(const model::Model& model, const engine::Settings& settings)
       : model_(model), settings_(settings), start_(model::initial_state(model)) {}
 
   std::string run() {
@@ -160,14 +160,14 @@ class UrdfWriter {
   }
 
   const model::Model& model_;
-  const model::SolverSettings& settings_;
+  const engine::Settings& settings_;
   model::State start_;
   std::string out_;
 };
 
 }  // namespace
 
-std::string to_urdf(const model::Model& model, const model::SolverSettings& settings) {
+std::string to_urdf(const model::Model& model, const engine::Settings& settings) {
   return UrdfWriter(model, settings).run();
 }
 

@@ -4,8 +4,8 @@
 
 #include <string>
 
+#include "handsim/engine/settings.h"
 #include "handsim/model/model.h"
-#include "handsim/model/solver.h"
 
 namespace handsim::output {
 
@@ -14,6 +14,6 @@ namespace handsim::output {
 /// floating joint, a kinematic one on a fixed joint where it starts. Efforts are not limited in a Model: they
 /// are written as 1000 N m.
 /// @throws Error (input) for what URDF cannot say without more files: ball joints, loops, meshes.
-std::string to_urdf(const model::Model& model, const model::SolverSettings& settings);
+std::string to_urdf(const model::Model& model, const engine::Settings& settings);
 
 }  // namespace handsim::output

@@ -1,5 +1,8 @@
 #include "handsim/output/render/canvas.h"
 
+// Before Mesa's header, which else includes OpenGL's without its functions.
+#include "handsim/output/render/gl.h"
+
 #include <GL/osmesa.h>
 
 #include <array>

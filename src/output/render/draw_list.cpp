@@ -3,14 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-
-#include "handsim/output/render/solid.h"
+#include <limits>
 
 namespace handsim::output {
 
 namespace {
 
-using model::Tint;
+using model::Part;
 
 /// Linear components of an sRGB colour 0xRRGGBB (IEC 61966-2-1).
 Colour from_srgb(std::uint32_t hex) {
@@ -23,25 +22,25 @@ Colour from_srgb(std::uint32_t hex) {
 
 /// The fingers follow Okabe & Ito's palette (2008), which the colour-blind tell apart too; neighbours also
 /// differ in lightness.
-Colour colour(Tint tint) {
-  switch (tint) {
-    case Tint::palm:
+Colour colour(Part part) {
+  switch (part) {
+    case Part::palm:
       return from_srgb(0xE9D3BB);
-    case Tint::thumb:
+    case Part::thumb:
       return from_srgb(0xD9552B);
-    case Tint::index:
+    case Part::index:
       return from_srgb(0xF0AE2E);
-    case Tint::middle:
+    case Part::middle:
       return from_srgb(0x159C76);
-    case Tint::ring:
+    case Part::ring:
       return from_srgb(0x2274BD);
-    case Tint::little:
+    case Part::little:
       return from_srgb(0xB86BB4);
-    case Tint::object:
+    case Part::object:
       return from_srgb(0x66737F);
-    case Tint::ground:
+    case Part::ground:
       return from_srgb(0xDDDDDA);
-    case Tint::mechanism:
+    case Part::mechanism:
       return from_srgb(0x9DB0BF);
   }
   return {};
@@ -49,19 +48,17 @@ Colour colour(Tint tint) {
 
 Colour axis_colour(std::size_t axis) { return from_srgb(axis == 0 ? 0x22282E : 0xC4123F); }
 
-const model::BodyState& body(const model::State& state, int index) {
-  return state.bodies[static_cast<std::size_t>(index)];
+Pose pose_of(const model::State& state, int body) {
+  return state.bodies[static_cast<std::size_t>(body)].pose();
 }
 
 void add_shape(const model::Shape& shape, const model::State& state, DrawList& list) {
-  const Pose x_WS = body(state, shape.body).pose() * shape.pose;
-  if (shape.kind == model::ShapeKind::plane) {
+  const Pose x_WS = pose_of(state, shape.body) * shape.pose;
+  if (shape.kind == model::ShapeKind::plane)
     // Of several planes the highest is the ground that shows.
     list.ground_height = std::max(list.ground_height.value_or(x_WS.p.z()), x_WS.p.z());
-    return;
-  }
-  list.shapes.push_back(
-      {shape.kind, shape.radius, shape.length, shape.edges, x_WS, colour(shape.tint), shape.mesh});
+  else
+    list.shapes.push_back({solid(shape, x_WS), colour(shape.part)});
 }
 
 /// How far from `point` along the unit vector `n` the box about the solid ends [m]; 0 from outside.
@@ -88,8 +85,8 @@ double exit_distance(const Solid& solid, const Vec3& point, const Vec3& n) {
 /// An arrow through the joint that sticks out of the two bodies at both ends, its head on the positive side.
 DrawArrow axis_arrow(const model::Model& model, const model::State& state, const model::Joint& joint,
                      std::size_t axis) {
-  const Pose x_WF = body(state, joint.parent).pose() * joint.parent_frame;
-  const Pose x_WM = body(state, joint.child).pose() * joint.child_frame;
+  const Pose x_WF = pose_of(state, joint.parent) * joint.parent_frame;
+  const Pose x_WM = pose_of(state, joint.child) * joint.child_frame;
   const Vec3 n = (axis == 0 ? x_WF : x_WM).q * joint.axes[axis].axis;
   double ahead = 0;
   double behind = 0;
@@ -97,13 +94,7 @@ DrawArrow axis_arrow(const model::Model& model, const model::State& state, const
   for (const model::Shape& shape : model.shapes) {
     if (shape.kind == model::ShapeKind::plane) continue;
     if (shape.body != joint.child && (shape.body != joint.parent || joint.parent == model::kWorld)) continue;
-    const Solid hull = solid({shape.kind,
-                              shape.radius,
-                              shape.length,
-                              shape.edges,
-                              body(state, shape.body).pose() * shape.pose,
-                              {},
-                              shape.mesh});
+    const Solid hull = solid(shape, pose_of(state, shape.body) * shape.pose);
     ahead = std::max(ahead, exit_distance(hull, x_WM.p, n));
     behind = std::max(behind, exit_distance(hull, x_WM.p, -n));
     if (shape.body == joint.child) thickness = std::max(thickness, hull.thickness());
@@ -123,6 +114,17 @@ DrawList draw_list(const model::Model& model, const model::State& state, const D
     for (std::size_t axis = 0; axis < joint.axes.size(); ++axis)
       list.arrows.push_back(axis_arrow(model, state, joint, axis));
   return list;
+}
+
+double support(const DrawList& list, const Vec3& n) {
+  double most = -std::numeric_limits<double>::infinity();
+  for (const DrawShape& shape : list.shapes) most = std::max(most, support(shape.solid, n));
+  for (const DrawArrow& arrow : list.arrows)
+    most =
+        std::max(most, std::max(n.dot(arrow.from), n.dot(arrow.to)) + kHeadWidth * arrow.radius * n.norm());
+  for (const DrawPoint& point : list.points)
+    most = std::max(most, n.dot(point.position) + point.radius * n.norm());
+  return most;
 }
 
 Bounds bounds(const DrawList& list) {

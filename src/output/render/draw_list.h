@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "handsim/model/state.h"
+#include "handsim/model/view.h"
+#include "handsim/output/render/solid.h"
 
 namespace handsim::output {
 
@@ -17,13 +19,8 @@ struct Colour {
 };
 
 struct DrawShape {
-  model::ShapeKind kind = model::ShapeKind::sphere;  ///< any but plane
-  double radius = 0;                                 ///< as in model::Shape
-  double length = 0;
-  Vec3 edges = Vec3::Zero();
-  Pose pose;  ///< X_WS
+  Solid solid;
   Colour colour;
-  std::shared_ptr<const model::ConvexMesh> mesh = {};  ///< convex_mesh
 };
 
 /// A shaft with a head, e.g. a joint axis or a contact force.
@@ -48,7 +45,7 @@ struct DrawList {
   std::optional<double> ground_height;  ///< z of the ground with its grid [m]; absent: no ground
 };
 
-enum class View { dorsal, palmar, radial, three_quarter };
+using model::View;
 
 /// A pinhole camera.
 struct Camera {
@@ -62,9 +59,15 @@ struct DrawOptions {
   bool joint_axes = false;
 };
 
-/// Shapes of the model at the state, coloured by tint; planes become the ground.
+/// Shapes of the model at the state, coloured by part; planes become the ground.
 DrawList draw_list(const model::Model& model, const model::State& state, const DrawOptions& options);
 
+/// Radius of an arrow's head over that of its shaft, and length of the head over its radius.
+inline constexpr double kHeadWidth = 2.4;
+inline constexpr double kHeadLength = 2.6;
+
+/// Largest n . x over all shapes, arrows and points of the list; -infinity for an empty one [m].
+double support(const DrawList& list, const Vec3& n);
 /// The axis-aligned box of all shapes, arrows and points (not the ground), as two corners [m]; both at the
 /// origin for an empty list.
 struct Bounds {
@@ -74,22 +77,22 @@ struct Bounds {
 Bounds bounds(const DrawList& list);
 
 /// A camera on the named side of `hand_frame` (X_WH; x ulnar, y distal, z dorsal on a right hand) that
-/// sees all lists that it is shown (not the ground) with a margin of 7% of the half picture, as close as that
+/// sees all lists that are added (not the ground) with a margin of 7% of the half picture, as close as that
 /// allows. `side` turns radial to the thumb's side. Up is distal (dorsal, palmar), dorsal (radial) or the
 /// world's z (three_quarter, which looks on the back of the hand from the fingertips, never from below the
-/// horizon). Lists are shown one after the other and not kept.
+/// horizon).
 class Framing {
  public:
   /// @throws Error (input) for an aspect (width over height) that is not above 0.
   Framing(View view, const Pose& hand_frame, model::Side side, double aspect);
-  void see(const DrawList& list);
+  void add(const DrawList& list);
   Camera camera() const;
 
  private:
   Pose hand_frame_;
   Vec3 x_, y_, z_;               ///< right, up and back of the picture
   double rise_, run_;            ///< slopes of its upper and right edge
-  std::array<Vec3, 6> out_;      ///< directions in which what is seen reaches farthest
+  std::array<Vec3, 6> out_;      ///< directions in which the lists reach farthest
   std::array<double, 6> reach_;  ///< and how far [m]
 };
 

@@ -7,7 +7,6 @@
 #include "handsim/core/error.h"
 #include "handsim/core/units.h"
 #include "handsim/output/render/draw_list.h"
-#include "handsim/output/render/solid.h"
 
 namespace handsim::output {
 
@@ -69,7 +68,7 @@ Framing::Framing(View view, const Pose& hand_frame, model::Side side, double asp
   reach_.fill(-std::numeric_limits<double>::infinity());
 }
 
-void Framing::see(const DrawList& list) {
+void Framing::add(const DrawList& list) {
   for (std::size_t i = 0; i < out_.size(); ++i) reach_[i] = std::max(reach_[i], support(list, out_[i]));
 }
 

@@ -20,10 +20,12 @@ struct Image {
   }
 };
 
+/// @throws Error (input) in a build without pictures (CMake option HANDSIM_PICTURES): there nothing of this
+///         folder draws, and all that would draw throws the same.
+void require_pictures();
+
 /// Writes a PNG; the file appears under its name only when complete.
 /// @throws Error (input) where the path cannot be written, Error (output) where the disk takes no more.
 void write_png(const Image& image, const std::filesystem::path& path);
-/// @throws Error (input) where the file is missing or no PNG.
-Image read_png(const std::filesystem::path& path);
 
 }  // namespace handsim::output

@@ -12,10 +12,6 @@ namespace handsim::output {
 
 namespace {
 
-/// As in the shaders: tangent of the angle of half the key light, and how far, in thicknesses, a solid
-/// darkens the sky.
-constexpr double kLightSize = 0.11;
-constexpr double kSkyReach = 1.7;
 /// The key light over a ground stands at least this high (sine of its elevation).
 constexpr double kLowestKey = 0.62;
 
@@ -209,8 +205,7 @@ Scene::Scene(const DrawList& drawn, const Camera& from, double aspect) : list(&d
   const double distance = (camera.position - centre).norm();
   const double radius = empty ? distance / 4 : (box.high - box.low).norm() / 2;
 
-  for (const DrawShape& shape : drawn.shapes)
-    if (shape.kind != model::ShapeKind::plane) solids.push_back({bevelled(solid(shape)), shape.colour, {}});
+  for (const DrawShape& shape : drawn.shapes) solids.push_back({{bevelled(shape.solid), shape.colour}, {}});
   std::stable_sort(solids.begin(), solids.end(), [&](const LitSolid& a, const LitSolid& b) {
     return (a.solid.pose.p - b.solid.pose.p).dot(axes.z) > 0;
   });

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "handsim/output/render/draw_list.h"
-#include "handsim/output/render/solid.h"
 
 namespace handsim::output {
 
@@ -21,10 +20,8 @@ struct Occluders {
   void add(const Solid& solid);
 };
 
-/// A solid, its colour and the solids that take light from it (kMaxOccluders of each form at most).
-struct LitSolid {
-  Solid solid;
-  Colour colour;
+/// A shape, bevelled, and the solids that take light from it (kMaxOccluders of each form at most).
+struct LitSolid : DrawShape {
   Occluders occluders;
 };
 

@@ -14,7 +14,6 @@
 #include "handsim/output/render/lighting.h"
 #include "handsim/output/render/mesh.h"
 #include "handsim/output/render/shaders.h"
-#include "handsim/output/render/solid.h"
 
 namespace handsim::output {
 
@@ -73,6 +72,10 @@ int checked_size(int size, const char* what) {
   return size;
 }
 
+Program occluded(const char* vertex, const char* forms, const char* fragment) {
+  return {vertex, {kLightFunctions, forms, shader_constants().c_str(), kOcclusionFunctions, fragment}};
+}
+
 /// Part of the picture, from its lower left corner.
 struct Tile {
   int x, y, width, height;
@@ -112,10 +115,10 @@ struct Renderer::Impl {
   int width, height;
   Canvas canvas;
   /// Capsules as the only occluders cost less than all forms.
-  Program capsule_lit{kSolidVertex, {kLightFunctions, kOcclusionFunctions, kSolidFragment}};
-  Program solid_lit{kSolidVertex, {kLightFunctions, kWithSolids, kOcclusionFunctions, kSolidFragment}};
-  Program capsule_shade{kShadeVertex, {kLightFunctions, kOcclusionFunctions, kShadeFragment}};
-  Program solid_shade{kShadeVertex, {kLightFunctions, kWithSolids, kOcclusionFunctions, kShadeFragment}};
+  Program capsule_lit = occluded(kSolidVertex, "", kSolidFragment);
+  Program solid_lit = occluded(kSolidVertex, kWithSolids, kSolidFragment);
+  Program capsule_shade = occluded(kShadeVertex, "", kShadeFragment);
+  Program solid_shade = occluded(kShadeVertex, kWithSolids, kShadeFragment);
   Program ground_program{kGroundVertex, {kLightFunctions, kGroundFragment}};
   Program background_program{kBackgroundVertex, {kLightFunctions, kBackgroundFragment}};
   Target drawn, resolved, shade;

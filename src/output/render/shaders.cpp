@@ -1,6 +1,13 @@
 #include "handsim/output/render/shaders.h"
 
+#include <fmt/format.h>
+
 namespace handsim::output {
+
+std::string shader_constants() {
+  return fmt::format("const int kMaxOccluders = {};\nconst float kLightSize = {}, kSkyReach = {};\n",
+                     kMaxOccluders, kLightSize, kSkyReach);
+}
 
 const char* const kLightFunctions = R"(#version 330 core
 const vec3 kKey = vec3(1.00, 0.96, 0.90) * 0.80;
@@ -25,8 +32,6 @@ vec3 background() {
 
 const char* const kOcclusionFunctions = R"(
 // No branches: llvmpipe runs both sides of every `if`. No tall tables: it gathers each component.
-const float kLightSize = 0.11;  // tangent of the angle of half the key light
-const float kSkyReach = 1.7;    // how far a solid darkens the sky, in its thicknesses
 
 // Share of the key light that passes a solid with this gap beside the ray at a distance s along it.
 float passing(float gap, float s, float thickness) {
@@ -115,17 +120,16 @@ void main() {
 }
 )";
 
-static_assert(kMaxOccluders == 24, "the sizes of `capsules` and `solids` below");
 const char* const kSolidFragment = R"(
 uniform vec3 colour;
 uniform vec3 eye;
 uniform vec3 to_fill;
 uniform vec3 sky_up;
 uniform int capsule_count;
-uniform vec4 capsules[2 * 24];
+uniform vec4 capsules[2 * kMaxOccluders];
 #ifdef WITH_SOLIDS
 uniform int solid_count;
-uniform vec4 solids[3 * 24];
+uniform vec4 solids[3 * kMaxOccluders];
 #endif
 uniform vec2 ground;  // height, and reach of its shade; reach 0: no ground
 in vec3 world_normal;

@@ -3,10 +3,19 @@
 // a convex solid), not from a depth map: no acne, no resolution, and contacts stay crisp.
 #pragma once
 
+#include <string>
+
 namespace handsim::output {
 
 /// Most capsules, and most other solids, that one drawn solid can be shaded by; the nearest are kept.
 inline constexpr int kMaxOccluders = 24;
+/// Tangent of the angle of half the key light.
+inline constexpr double kLightSize = 0.11;
+/// How far a solid darkens the sky, in its thicknesses.
+inline constexpr double kSkyReach = 1.7;
+
+/// Text of the constants above for the shaders; follows kLightFunctions.
+std::string shader_constants();
 
 /// Start of every fragment shader: version, lights, background, conversion to sRGB.
 extern const char* const kLightFunctions;

@@ -2,7 +2,7 @@
 // by a radius. One form for all kinds serves meshes, shadows, bounds and the framing of cameras.
 #pragma once
 
-#include "handsim/output/render/draw_list.h"
+#include "handsim/model/model.h"
 
 namespace handsim::output {
 
@@ -19,27 +19,21 @@ struct Solid {
   std::shared_ptr<const model::ConvexMesh> mesh = {};  ///< of a hull
 
   /// Half its smallest full extent [m].
-  double thickness() const;
+  double thickness() const { return round + half.minCoeff(); }
   /// Radius about its origin that holds all of it [m].
   double reach() const { return half.norm() + round; }
 };
 
-/// The exact solid of a shape.
-Solid solid(const DrawShape& shape);
+/// The exact solid of a shape that stands at x_WS.
+Solid solid(const model::Shape& shape, const Pose& x_WS);
 /// The same with its edges rounded by 6% of its thickness, so that they catch the light. It lies
 /// inside the exact one.
-Solid bevelled(const Solid& exact);
+Solid bevelled(Solid exact);
 
 /// Is its core a line or a point (a capsule or a sphere)?
 bool is_capsule(const Solid& solid);
 
 /// Largest n . x over the solid, x in the world (support function; n need not be unit) [m].
 double support(const Solid& solid, const Vec3& n);
-/// Largest n . x over all shapes, arrows and points of the list; -infinity for an empty one [m].
-double support(const DrawList& list, const Vec3& n);
-
-/// Radius of an arrow's head over that of its shaft, and length of the head over its radius.
-inline constexpr double kHeadWidth = 2.4;
-inline constexpr double kHeadLength = 2.6;
 
 }  // namespace handsim::output

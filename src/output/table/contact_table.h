@@ -30,7 +30,6 @@ class ContactTableWriter {
  private:
   const model::Model& model_;
   AtomicFile file_;
-  std::string buffer_;
 };
 
 }  // namespace handsim::output

@@ -71,7 +71,7 @@ bool plot(const std::string& script, const fs::path& folder, const std::vector<s
 
 std::string plot_text(std::string text) {
   for (char& c : text)
-    if (c == '\'' || c == '"' || c == '\\' || static_cast<unsigned char>(c) < ' ') c = ' ';
+    if (c == '\'' || c == '`' || c == '"' || c == '\\' || static_cast<unsigned char>(c) < ' ') c = ' ';
   return text;
 }
 

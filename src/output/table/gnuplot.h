@@ -19,8 +19,8 @@ bool plot(const std::string& script, const std::filesystem::path& folder,
           const std::vector<std::string>& outputs);
 inline constexpr const char* kPlotHead = "place(name) = exists('part') ? part.name : name\n";
 
-/// Text that can stand between single quotes in a script: no quotes, no control characters, which would end
-/// the line and begin a command.
+/// Text that can stand between single quotes in a script: no quotes, backslashes or control characters,
+/// which would end it and begin a command.
 std::string plot_text(std::string text);
 
 }  // namespace handsim::output

@@ -34,7 +34,6 @@ class MotionTableWriter {
   std::size_t rows_ = 0;
   std::string rows_text_;  ///< as it stands in the header
   long rows_at_ = 0;       ///< where
-  std::string buffer_;
 };
 
 }  // namespace handsim::output

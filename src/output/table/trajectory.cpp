@@ -4,13 +4,9 @@
 
 #include <fmt/format.h>
 
-#include "handsim/model/kinematics.h"
-
 namespace handsim::output {
 
 namespace {
-
-constexpr std::size_t kFlushBytes = 1U << 18U;
 
 void append(std::string& out, double value) {
   out += ',';
@@ -47,29 +43,24 @@ std::vector<std::string> coordinate_names(const model::Model& model) {
 }
 
 TrajectoryWriter::TrajectoryWriter(const std::filesystem::path& path, const model::Model& model)
-    : model_(model), file_(path), buffer_(header(model)) {}
+    : model_(model), file_(path) {
+  file_.write(header(model));
+}
 
 void TrajectoryWriter::add(const model::State& state) {
   // Twelve digits: sums of steps carry rounding that nobody wants to read.
-  fmt::format_to(std::back_inserter(buffer_), "{:.12g}", state.time);
-  for (const double q : model::coordinates(model_, state)) append(buffer_, q);
-  for (const double u : model::rates(model_, state)) append(buffer_, u);
+  std::string row = fmt::format("{:.12g}", state.time);
+  for (const double q : state.q) append(row, q);
+  for (const double u : state.u) append(row, u);
   for (std::size_t b = 1; b < state.bodies.size(); ++b) {
     const model::BodyState& body = state.bodies[b];
     for (const double value :
          {body.p.x(), body.p.y(), body.p.z(), body.q.w(), body.q.x(), body.q.y(), body.q.z()})
-      append(buffer_, value);
+      append(row, value);
   }
-  buffer_ += '\n';
-  if (buffer_.size() < kFlushBytes) return;
-  file_.write(buffer_);
-  buffer_.clear();
+  file_.write(row + "\n");
 }
 
-void TrajectoryWriter::finish() {
-  file_.write(buffer_);
-  buffer_.clear();
-  file_.commit();
-}
+void TrajectoryWriter::finish() { file_.commit(); }
 
 }  // namespace handsim::output

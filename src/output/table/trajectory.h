@@ -25,7 +25,6 @@ class TrajectoryWriter {
  private:
   const model::Model& model_;
   AtomicFile file_;
-  std::string buffer_;
 };
 
 }  // namespace handsim::output

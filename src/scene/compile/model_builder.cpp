@@ -32,7 +32,7 @@ void add_object(model::Model& model, const ObjectSpec& object, int group) {
     model::Shape shape = object.shapes[i];
     shape.name = object.name;
     if (object.shapes.size() > 1) shape.name += ".part" + std::to_string(i);
-    shape.tint = model::Tint::object;
+    shape.part = model::Part::object;
     shape.group = group;
     shape.material = material;
     shape.body = on;
@@ -47,7 +47,7 @@ int add_ground(model::Model& model, const GroundSpec& ground) {
   plane.name = "ground";
   plane.kind = model::ShapeKind::plane;
   plane.pose.p.z() = ground.height;
-  plane.tint = model::Tint::ground;
+  plane.part = model::Part::ground;
   plane.group = model.add_group("ground");
   plane.material = static_cast<int>(model.materials.size());
   model.materials.push_back(ground.material);

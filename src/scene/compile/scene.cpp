@@ -20,11 +20,11 @@ std::vector<double> strengths(const Scene& scene, const control::ControllerSpec&
 }
 
 control::Plan plan_control(const Scene& scene, const ControlSpec& spec, Diagnostics& diagnostics) {
-  const model::SolverSettings& solver = scene.spec.solver;
+  const engine::Settings& solver = scene.spec.solver;
   const bool implicit = spec.controller.form == control::Form::implicit_gain;
-  if (implicit && model::engine_of(solver.method) == model::EngineKind::dae)
+  if (implicit && solver.engine() == engine::EngineKind::dae)
     diagnostics.problems.push_back(
-        {spec.place, "control.controller.form", fmt::format("implicit with {}", model::name(solver.method)),
+        {spec.place, "control.controller.form", fmt::format("implicit with {}", engine::name(solver.method())),
          "explicit, or the ode or articulated engine, which solve implicit gains within their step"});
   control::PlanInput input;
   input.controller = &spec.controller;

@@ -62,6 +62,12 @@ void write_effects(YamlNode& node, const Effects& effects) {
 void read_effect(const YamlNode& item, const std::string& path, Effects& effects, Diagnostics& diagnostics) {
   const std::vector<std::string> known(model::kEffectNames.begin(), model::kEffectNames.end());
   const auto at = std::find(known.begin(), known.end(), item.text);
+  if (item.text == "step_guard") {
+    diagnostics.problems.push_back(
+        {item.place(), path, "step_guard",
+         "physics alone: the guard is a setting of engine ode, solver: {guard: true}"});
+    return;
+  }
   if (at == known.end()) {
     const auto near = nearest_word(item.text, known);
     diagnostics.problems.push_back(
@@ -145,25 +151,9 @@ void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& eff
 
 }  // namespace
 
-void check_engine(MapReader& reader, const model::SolverSettings& solver) {
-  const model::EngineKind engine = model::engine_of(solver.method);
-  if (engine == model::EngineKind::ode) return;
-  const bool smooth = solver.method != model::Method::semi_implicit_euler;
-  for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact})
-    if (smooth && solver.effects.has(effect))
-      reader.problem(
-          "effects", std::string(model::name(effect)),
-          fmt::format("no contact with {}: leave the effect out, or use engine ode, or articulated "
-                      "with semi_implicit_euler",
-                      model::name(solver.method)));
-  if (engine == model::EngineKind::articulated && solver.effects.has(Effect::step_guard))
-    reader.problem("effects", "step_guard",
-                   "no guard with engine articulated: leave the effect out, or use engine ode");
-  if (smooth && solver.effects.has(Effect::joint_stops))
-    reader.problem("effects", "joint_stops",
-                   fmt::format("smooth motion for {}: leave the effect out, or use engine ode, or "
-                               "articulated with semi_implicit_euler",
-                               model::name(solver.method)));
+void check_engine(MapReader& reader, const engine::Settings& solver) {
+  for (const Problem& problem : engine::missing_effects(solver, true))
+    reader.problem(problem.key, problem.got, problem.need);
 }
 
 Effects read_effects(MapReader& reader, const SceneSpec& scene) {

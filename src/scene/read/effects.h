@@ -9,6 +9,6 @@ namespace handsim::scene {
 model::Effects read_effects(MapReader& reader, const SceneSpec& scene);
 
 /// Effects that the solver's engine or method does not have.
-void check_engine(MapReader& reader, const model::SolverSettings& solver);
+void check_engine(MapReader& reader, const engine::Settings& solver);
 
 }  // namespace handsim::scene

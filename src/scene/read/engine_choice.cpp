@@ -13,8 +13,8 @@ namespace handsim::scene {
 
 namespace {
 
+using engine::EngineKind;
 using model::Effect;
-using model::EngineKind;
 
 std::string number(double x) { return fmt::format("{:.12g}", x); }
 
@@ -64,38 +64,45 @@ std::string_view described(SceneKind kind) {
 }
 
 /// The scene asks for what the row's engine does not have.
-bool refused(const CostRow& row, const SceneSpec& scene) {
-  const EngineKind engine = model::engine_of(row.solver.method);
-  if (engine != EngineKind::ode && scene.solver.effects.has(Effect::step_guard)) return true;
+bool refused(const CostRow& row, const SceneSpec& scene, bool guarded) {
+  const EngineKind engine = row.solver.engine();
+  if (engine != EngineKind::ode && guarded) return true;
   return engine == EngineKind::dae && scene.control.has_value();
 }
 
-void put(YamlNode& map, const char* key, std::string value) {
-  yaml_put(map, key, yaml_scalar(std::move(value)));
+void put(YamlNode& map, std::string_view key, std::string value) {
+  yaml_put(map, std::string(key), yaml_scalar(std::move(value)));
 }
 
-/// What the method goes by, and nothing else.
-void put_settings(YamlNode& map, const model::SolverSettings& solver) {
-  const EngineKind engine = model::engine_of(solver.method);
-  put(map, "engine", std::string(model::name(engine)));
-  put(map, "method", std::string(model::name(solver.method)));
+/// Engine, step and what the engine has of its own.
+void put_settings(YamlNode& map, const engine::Settings& solver) {
+  put(map, "engine", std::string(engine::name(solver.engine())));
   put(map, "step", number(solver.step));
-  if (engine == EngineKind::ode) {
-    put(map, "erp", number(solver.erp));
-    put(map, "cfm", number(solver.cfm));
-    put(map, "iterations", std::to_string(solver.iterations));
-    put(map, "projection", solver.projection ? "true" : "false");
-  }
-  if (solver.method == model::Method::stabilised_gear || solver.method == model::Method::dormand_prince)
-    put(map, "tolerance", number(solver.tolerance));
+  const auto write = [&](std::string_view key, const auto& value) {
+    using T = std::decay_t<decltype(value)>;
+    if constexpr (std::same_as<T, std::optional<engine::GuardLimits>>) {
+      if (!value) return;
+      YamlNode& guard = yaml_put(map, std::string(key), yaml_map());
+      put(guard, "joint_gap", number(value->joint_gap));
+      put(guard, "speed", number(value->speed));
+      put(guard, "angular_speed", number(value->angular_speed));
+    } else if constexpr (std::same_as<T, double>) {
+      put(map, key, number(value));
+    } else {
+      put(map, key, fmt::format("{}", value));
+    }
+  };
+  std::visit([&](const auto& own) { each_setting(own, write); }, solver.own);
 }
 
 std::string text_of(const CostRow& row) {
-  std::string out = fmt::format("{} {} at {:g} ms", model::name(model::engine_of(row.solver.method)),
-                                model::name(row.solver.method), 1e3 * row.solver.step);
-  if (row.solver.method == model::Method::stabilised_gear ||
-      row.solver.method == model::Method::dormand_prince)
-    out += fmt::format(", tolerance {:g}", row.solver.tolerance);
+  std::string out = fmt::format("{} {} at {:g} ms", engine::name(row.solver.engine()),
+                                engine::name(row.solver.method()), 1e3 * row.solver.step);
+  const engine::Method method = row.solver.method();
+  if (method == engine::DaeMethod::stabilised_gear)
+    out += fmt::format(", tolerance {:g}", row.solver.dae().tolerance);
+  if (method == engine::ArticulatedMethod::dormand_prince)
+    out += fmt::format(", tolerance {:g}", row.solver.articulated().tolerance);
   return out;
 }
 
@@ -173,65 +180,89 @@ YamlNode write_costs(const std::vector<CostTable>& tables) {
   return root;
 }
 
-void choose_engine(MapReader& reader, SceneSpec& scene) {
-  YamlNode* solver = reader.node().find("solver");
-  const YamlNode* engine = solver && solver->kind == YamlNode::Kind::map ? solver->find("engine") : nullptr;
-  if (!engine || engine->text != "auto") return;
-  MapReader block(*solver, "solver", reader.diagnostics());
-  for (const char* key : {"method", "step", "erp", "cfm", "iterations", "projection", "tolerance"})
-    if (const YamlNode* given = solver->find(key))
-      block.problem(key, given->described(), "nothing: engine auto chooses it");
-  const double accuracy = block.number("accuracy", {Dimension::none, 1e-12, 1});
-  if (!solver->find("costs")) yaml_put(*solver, "costs", default_costs(reader.node(), *engine));
-  YamlNode costs = *solver->find("costs");
-  const Place place =
-      block.node().find("accuracy") ? block.node().find("accuracy")->place() : engine->place();
-  std::vector<CostTable> tables;
+namespace {
+
+/// The tables that the block names, or else the default ones. None, with problems, where they cannot be read.
+std::vector<CostTable> tables_of(MapReader& block, const YamlNode& scene, const YamlNode& engine) {
+  YamlNode* given = block.child("costs");
+  YamlNode costs = given ? *given : default_costs(scene, engine);
   try {
-    follow_reference(costs, "solver.costs", reader.diagnostics().budget);
-    tables = read_costs(costs, reader.diagnostics());
+    follow_reference(costs, "solver.costs", block.diagnostics().budget);
+    return read_costs(costs, block.diagnostics());
   } catch (const Error& error) {
-    reader.diagnostics().take(error);
+    block.diagnostics().take(error);
   }
-  solver->entries.remove_if([](const YamlEntry& e) { return e.key == "accuracy" || e.key == "costs"; });
-  put(*solver, "engine", "ode");
+  return {};
+}
+
+/// The cheapest row that reaches the accuracy; none, with a problem, where no row does.
+const CostRow* cheapest(const CostTable& table, const SceneSpec& scene, double accuracy, bool guarded,
+                        MapReader& block) {
+  const CostRow* best = nullptr;
+  double least = std::numeric_limits<double>::infinity();
+  for (const CostRow& row : table.rows) {
+    if (refused(row, scene, guarded)) continue;
+    least = std::min(least, row.error);
+    if (row.error <= accuracy && (!best || row.cost < best->cost)) best = &row;
+  }
+  if (!best)
+    block.problem("accuracy", number(accuracy),
+                  fmt::format("{:.3g} or more: the best that was measured of {}, on {}", least,
+                              described(table.kind), table.scene));
+  return best;
+}
+
+double duration_of(MapReader& reader, const SceneSpec& scene) {
+  if (const YamlNode* duration = reader.node().find("duration"))
+    if (const auto given = parse_quantity(duration->text, Dimension::time)) return *given;
+  return scene.tasks_end();
+}
+
+}  // namespace
+
+void choose_engine(MapReader& reader, SceneSpec& scene) {
+  MapReader block = reader.map("solver");
+  const YamlNode engine = *block.child("engine");
+  refuse_keys(
+      block,
+      [](const YamlEntry& entry) -> std::optional<std::string> {
+        for (const char* key : {"method", "step", "erp", "cfm", "iterations", "projection", "tolerance"})
+          if (entry.key == key) return "nothing: engine auto chooses it";
+        return std::nullopt;
+      },
+      "engine auto chooses them");
+  const double accuracy = block.number("accuracy", {Dimension::none, 1e-12, 1}, 0.01);
+  const std::optional<engine::GuardLimits> guard = read_guard(block);
+  const bool speculative = read_speculative(block);
+  const std::uint64_t seed = read_seed(block);
+  const std::vector<CostTable> tables = tables_of(block, reader.node(), engine);
+  block.finish();
   if (!reader.sound()) return;
 
   const SceneKind kind = kind_of_motion(scene);
   const auto table =
       std::find_if(tables.begin(), tables.end(), [&](const CostTable& each) { return each.kind == kind; });
-  const std::string_view name = kSceneKindNames[static_cast<std::size_t>(kind)];
-  if (table == tables.end()) {
-    reader.diagnostics().problems.push_back(
-        {place, "solver.engine", "auto",
-         fmt::format("an engine: nothing was measured of scenes of kind {}", name)});
-    return;
+  if (table == tables.end())
+    return block.problem("engine", "auto",
+                         fmt::format("an engine: nothing was measured of scenes of kind {}",
+                                     kSceneKindNames[static_cast<std::size_t>(kind)]));
+  const CostRow* best = cheapest(*table, scene, accuracy, guard.has_value(), block);
+  if (!best) return;
+  scene.solver.step = best->solver.step;
+  scene.solver.own = best->solver.own;
+  if (bool* own = engine::speculative(scene.solver)) *own = speculative;
+  if (scene.solver.engine() == EngineKind::ode) {
+    scene.solver.ode().guard = guard;
+    scene.solver.ode().seed = seed;
   }
-  const CostRow* best = nullptr;
-  double least = std::numeric_limits<double>::infinity();
-  for (const CostRow& row : table->rows) {
-    if (refused(row, scene)) continue;
-    least = std::min(least, row.error);
-    if (row.error <= accuracy && (!best || row.cost < best->cost)) best = &row;
-  }
-  if (!best) {
-    reader.diagnostics().problems.push_back(
-        {place, "solver.accuracy", number(accuracy),
-         fmt::format("{:.3g} or more: the best that was measured of {}, on {}", least, described(kind),
-                     table->scene)});
-    return;
-  }
-  put_settings(*solver, best->solver);
   scene.engine_choice = fmt::format(
       "{}: the cheapest of what reaches {:g} on {} ({}), with an error of {:.2g} and {:.3g} CPU seconds a "
       "second",
       text_of(*best), accuracy, table->scene, described(kind), best->error, best->cost);
-  const YamlNode* duration = reader.node().find("duration");
-  double time = scene.tasks_end();
-  if (duration)
-    if (const auto given = parse_quantity(duration->text, Dimension::time)) time = *given;
-  for (const std::string& text : beyond(scene, *table, time))
+  for (const std::string& text : beyond(scene, *table, duration_of(reader, scene)))
     reader.warning("solver", "engine auto: " + text);
+  block.node().entries.clear();
+  put_settings(block.node(), scene.solver);
 }
 
 }  // namespace handsim::scene

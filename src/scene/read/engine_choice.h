@@ -18,7 +18,7 @@ inline constexpr std::array<std::string_view, 4> kSceneKindNames = {"tree", "loo
 struct CostRow {
   double error = 0;  ///< RMS of what the rates err by, over the RMS of the rates
   double cost = 0;   ///< CPU seconds per simulated second of the study's scene
-  model::SolverSettings solver;
+  engine::Settings solver;
 };
 
 /// What was measured of scenes of one kind.
@@ -34,9 +34,9 @@ std::vector<CostTable> read_costs(YamlNode& root, Diagnostics& diagnostics);
 /// The same as a tree; steps in seconds.
 YamlNode write_costs(const std::vector<CostTable>& tables);
 
-/// Where the scene's solver says `engine: auto`: puts engine, method, step and what goes with them in its
-/// place, and what was chosen and why into SceneSpec::engine_choice. Effects, mechanism and control have to
-/// be read.
+/// The `solver` block that says `engine: auto`: sets SceneSpec::solver to what the table of costs has, and
+/// SceneSpec::engine_choice to what was chosen and why; the block then holds the choice. Of `guard`, `seed`
+/// and `speculative` the engine chosen takes what it has; a guard leaves engine ode alone to choose from.
 void choose_engine(MapReader& reader, SceneSpec& scene);
 
 }  // namespace handsim::scene

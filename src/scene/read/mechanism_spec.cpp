@@ -27,7 +27,7 @@ Quat read_orientation(MapReader& reader) {
 
 model::Shape read_shape(MapReader reader) {
   model::Shape shape;
-  shape.tint = model::Tint::mechanism;
+  shape.part = model::Part::mechanism;
   if (!read_solid(reader, "kind", shape)) return shape;
   const Pose at{reader.vector("position", kCoordinate, Vec3::Zero()), reader.rotation("rotation")};
   shape.pose = at * shape.pose;

@@ -8,7 +8,7 @@
 #include <fmt/format.h>
 
 #include "handsim/hand/material.h"
-#include "handsim/model/extent.h"
+#include "handsim/model/shape_extent.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/contact_spec.h"
 #include "handsim/scene/read/mesh_file.h"
@@ -157,7 +157,7 @@ std::optional<double> mesh_scale(const YamlNode& node) {
 /// A size that is unlikely beside a hand is most often a wrong unit. A static object may well be a wall.
 void warn_of_size(MapReader& reader, const ObjectSpec& object) {
   constexpr double kLongest = 2, kShortest = 1e-3;
-  const double size = model::extent(object.shapes).maxCoeff();
+  const double size = model::box_edges(object.shapes).maxCoeff();
   const std::optional<double> scale = mesh_scale(reader.node());
   const bool large = size > kLongest && (!object.is_static || scale), small = size < kShortest;
   if (!large && !small) return;

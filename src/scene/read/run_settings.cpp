@@ -1,8 +1,15 @@
 #include "handsim/scene/read/run_settings.h"
 
+#include <algorithm>
 #include <cmath>
+#include <span>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "handsim/scene/read/blocks.h"
+#include "handsim/scene/read/engine_choice.h"
+#include "handsim/scene/read/scene_spec.h"
 
 namespace handsim::scene {
 
@@ -32,53 +39,149 @@ CameraSpec read_camera(MapReader camera) {
   return spec;
 }
 
-}  // namespace
+using engine::EngineKind;
 
-void read_settings(MapReader& reader, model::SolverSettings& solver, bool or_auto) {
-  std::vector<std::pair<std::string_view, model::EngineKind>> engines;
-  for (const model::EngineKind kind :
-       {model::EngineKind::ode, model::EngineKind::dae, model::EngineKind::articulated})
-    engines.emplace_back(model::name(kind), kind);
-  // Engine auto has given way to its choice by now: this is for the message.
-  if (or_auto) engines.emplace_back("auto", model::EngineKind::ode);
-  const model::EngineKind engine =
-      reader.choice<model::EngineKind>("engine", engines, model::EngineKind::ode);
-  std::vector<std::pair<std::string_view, model::Method>> methods;
-  for (std::size_t i = 0; i < model::kMethodNames.size(); ++i)
-    if (model::engine_of(static_cast<model::Method>(i)) == engine)
-      methods.emplace_back(model::kMethodNames[i], static_cast<model::Method>(i));
-  // The methods of an engine that is not known are not known either.
-  if (!reader.sound())
-    reader.child("method");
-  else
-    solver.method = reader.choice<model::Method>("method", methods, model::default_method(engine));
-  solver.step = reader.number("step", {Dimension::time, 1e-6, 0.1}, 1e-3);
-  solver.erp = reader.number("erp", {Dimension::none, 0, 1}, 0.2);
-  solver.cfm = reader.number("cfm", {Dimension::none, 0, 1, true}, 1e-9);
-  solver.iterations = reader.integer("iterations", 1, 100'000, 20);
-  solver.projection = reader.flag("projection", false);
-  if (solver.projection && engine != model::EngineKind::ode)
-    reader.problem("projection", "true on engine " + std::string(model::name(engine)),
-                   "false: its euler_projected and others close joints themselves");
-  solver.tolerance = reader.number("tolerance", {Dimension::none, 1e-11, 1e-2}, 1e-9);
+template <class E>
+E read_method(MapReader& reader, E fallback) {
+  std::vector<std::pair<std::string_view, E>> words;
+  for (const std::string_view word : engine::names_beside(fallback))
+    words.emplace_back(word, static_cast<E>(words.size()));
+  return reader.choice<E>("method", words, fallback);
 }
 
-void read_solver(MapReader reader, model::SolverSettings& solver) {
-  read_settings(reader, solver, true);
-  solver.speculative = reader.flag("speculative", true);
+template <class Own>
+void read_own(MapReader& reader, Own& own) {
+  own.method = read_method(reader, own.method);
+  own.erp = reader.number("erp", {Dimension::none, 0, 1}, own.erp);
+  if constexpr (requires { own.tolerance; })
+    own.tolerance = reader.number(
+        "tolerance", {Dimension::none, engine::kMinTolerance, engine::kMaxTolerance}, own.tolerance);
+  if constexpr (requires { own.speculative; }) own.speculative = read_speculative(reader);
+  if constexpr (std::same_as<Own, engine::OdeSettings>) {
+    own.cfm = reader.number("cfm", {Dimension::none, 0, 1, true}, own.cfm);
+    own.iterations = reader.integer("iterations", 1, engine::kMaxIterations, own.iterations);
+    own.projection = reader.flag("projection", own.projection);
+    own.seed = read_seed(reader);
+    own.guard = read_guard(reader);
+  }
+}
+
+engine::Settings settings_of(EngineKind kind) {
+  engine::Settings out;
+  out.use(kind);
+  return out;
+}
+
+/// Names of the methods of an engine.
+std::span<const std::string_view> methods_of(EngineKind kind) {
+  return std::visit([](const auto& own) { return engine::names_beside(own.method); }, settings_of(kind).own);
+}
+
+std::vector<std::string_view> keys_of(EngineKind kind) {
+  std::vector<std::string_view> keys;
+  std::visit(
+      [&](const auto& own) {
+        each_setting(own, [&](std::string_view key, const auto&) { keys.push_back(key); });
+      },
+      settings_of(kind).own);
+  return keys;
+}
+
+bool contains(std::span<const std::string_view> words, std::string_view word) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+constexpr std::array kEngines = {EngineKind::ode, EngineKind::dae, EngineKind::articulated};
+
+/// What a key is needed to be where this engine does not have it.
+std::optional<std::string> needed_for(EngineKind kind, const YamlEntry& entry) {
+  if (entry.key == "method" && !contains(methods_of(kind), entry.value.text))
+    return fmt::format("one of {}", fmt::join(methods_of(kind), ", "));
+  if (contains(keys_of(kind), entry.key)) return std::nullopt;
+  std::vector<std::string_view> owners;
+  for (const EngineKind other : kEngines)
+    if (contains(keys_of(other), entry.key)) owners.push_back(engine::name(other));
+  if (entry.key == "accuracy" || entry.key == "costs") owners.emplace_back("auto");
+  if (owners.empty()) return std::nullopt;
+  return fmt::format("a key of engine {}: {} is one of engine {}", engine::name(kind), entry.key,
+                     fmt::join(owners, " and "));
+}
+
+bool of_command_line(const YamlNode& node) { return node.file && node.file->starts_with("--set"); }
+
+}  // namespace
+
+std::uint64_t read_seed(MapReader& reader) {
+  return static_cast<std::uint64_t>(reader.integer("seed", 0, 2'147'483'647, 1));
+}
+
+bool read_speculative(MapReader& reader) { return reader.flag("speculative", true); }
+
+std::optional<engine::GuardLimits> read_guard(MapReader& reader) {
+  YamlNode* node = reader.child("guard");
+  if (!node) return std::nullopt;
+  if (node->kind == YamlNode::Kind::scalar) {
+    if (!reader.flag("guard", false)) return std::nullopt;
+    node->kind = YamlNode::Kind::map;
+  }
   MapReader guard = reader.map("guard");
-  const model::GuardLimits limits;
-  solver.guard.joint_gap = guard.number("joint_gap", {Dimension::length, 1e-6, 1}, limits.joint_gap);
-  solver.guard.speed = guard.number("speed", {Dimension::speed, 0.01, 1000}, limits.speed);
-  solver.guard.angular_speed =
+  engine::GuardLimits limits;
+  limits.joint_gap = guard.number("joint_gap", {Dimension::length, 1e-6, 1}, limits.joint_gap);
+  limits.speed = guard.number("speed", {Dimension::speed, 0.01, 1000}, limits.speed);
+  limits.angular_speed =
       guard.number("angular_speed", {Dimension::angular_speed, 1, 1e5}, limits.angular_speed);
   guard.finish();
-  solver.seed = static_cast<std::uint64_t>(reader.integer("seed", 0, 2'147'483'647, 1));
-  // Engine auto has taken its own by now.
-  for (const char* key : {"accuracy", "costs"})
-    if (reader.has(key))
-      reader.problem(key, "a key of engine auto beside another engine", "engine: auto, or no such key");
-  reader.finish();
+  return limits;
+}
+
+void refuse_keys(MapReader& reader, const std::function<std::optional<std::string>(const YamlEntry&)>& need,
+                 const std::string& why) {
+  YamlNode& block = reader.node();
+  const YamlNode* engine = block.find("engine");
+  const bool switched = engine && of_command_line(*engine);
+  std::vector<std::string> left_out;
+  for (auto entry = block.entries.begin(); entry != block.entries.end();) {
+    const auto wanted = need(*entry);
+    const bool drop = wanted && switched && !of_command_line(entry->value);
+    if (drop) left_out.push_back(entry->key == "method" ? "method " + entry->value.text : entry->key);
+    if (wanted && !drop) {
+      reader.has(entry->key);
+      reader.problem(entry->key, entry->value.described(), *wanted);
+    }
+    entry = drop ? block.entries.erase(entry) : std::next(entry);
+  }
+  if (!left_out.empty())
+    reader.warning("engine", fmt::format("the file's {} left out: {}", fmt::join(left_out, ", "), why));
+}
+
+void read_settings(MapReader& reader, engine::Settings& solver) {
+  std::vector<std::pair<std::string_view, EngineKind>> engines;
+  for (const EngineKind kind : kEngines) engines.emplace_back(engine::name(kind), kind);
+  // For the message: engine auto is read elsewhere.
+  engines.emplace_back("auto", EngineKind::ode);
+  const std::size_t before = reader.diagnostics().problems.size();
+  const EngineKind kind = reader.choice<EngineKind>("engine", engines, EngineKind::ode);
+  solver.step = reader.number("step", {Dimension::time, engine::kMinStep, engine::kMaxStep}, solver.step);
+  // The keys of an engine that is not known are not known either.
+  if (const YamlNode* named = reader.node().find("engine"); named && named->text != engine::name(kind)) {
+    if (reader.diagnostics().problems.size() == before)
+      reader.problem("engine", named->text, "an engine: its choice stands in a scene's solver");
+    for (const YamlEntry& entry : reader.node().entries) reader.has(entry.key);
+    return;
+  }
+  refuse_keys(
+      reader, [kind](const YamlEntry& entry) { return needed_for(kind, entry); },
+      fmt::format("engine {} does not have them", engine::name(kind)));
+  solver.use(kind);
+  std::visit([&](auto& own) { read_own(reader, own); }, solver.own);
+}
+
+void read_solver(MapReader& reader, SceneSpec& scene) {
+  MapReader solver = reader.map("solver");
+  const YamlNode* engine = solver.node().find("engine");
+  if (engine && engine->text == "auto") return choose_engine(reader, scene);
+  read_settings(solver, scene.solver);
+  solver.finish();
 }
 
 PictureSpec read_pictures(MapReader reader) {

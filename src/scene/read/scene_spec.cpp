@@ -8,7 +8,6 @@
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/contact_groups.h"
 #include "handsim/scene/read/effects.h"
-#include "handsim/scene/read/engine_choice.h"
 #include "handsim/scene/read/task_checks.h"
 
 namespace handsim::scene {
@@ -69,7 +68,7 @@ void read_content(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics)
 
 void read_run(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics) {
   const std::size_t before = diagnostics.problems.size();
-  read_solver(reader.map("solver"), scene.solver);
+  read_solver(reader, scene);
   if (reader.sound()) check_engine(reader, scene.solver);
   std::optional<double> duration;
   if (!scene.tasks.empty()) duration = std::max(scene.tasks_end(), 1e-3);
@@ -114,7 +113,6 @@ SceneSpec read_scene(YamlNode& root, std::span<const TaskKind> kinds, Diagnostic
   scene.tasks = read_tasks(reader, kinds);
   read_content(reader, scene, diagnostics);
   scene.solver.effects = read_effects(reader, scene);
-  choose_engine(reader, scene);
   read_run(reader, scene, diagnostics);
   scene.criteria = read_criteria(reader.map("criteria"));
   if (reader.sound()) check_criteria(reader.map("criteria"), scene);

@@ -24,7 +24,7 @@ struct SceneSpec {
   ContactsSpec contacts;
   MechanismSpec mechanism;
   Vec3 gravity = {0, 0, -9.80665};  ///< [m/s^2]
-  model::SolverSettings solver;     ///< with the effects, `auto` resolved
+  engine::Settings solver;          ///< with the effects, `auto` resolved
   std::string engine_choice;        ///< what engine `auto` came to, and why; empty where the scene names one
   double duration = 1;              ///< [s]
   double record_every = 0.01;       ///< [s]

@@ -6,7 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/hand/material.h"
-#include "handsim/model/extent.h"
+#include "handsim/model/shape_extent.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/task/tasks.h"
 
@@ -83,7 +83,7 @@ void read_shake(MapReader reader, GraspSpec& grasp) {
 double lowest(const model::Shape& shape, const Pose& frame) {
   const Pose pose = frame * shape.pose;
   const Vec3 down = pose.q.conjugate() * Vec3(0, 0, -1);
-  return pose.p.z() - model::reach(shape, down);
+  return pose.p.z() - model::support(shape, down);
 }
 
 /// Keyframes of a wrist from the approach to the lift, and its shakes.

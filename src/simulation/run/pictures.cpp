@@ -17,35 +17,21 @@ constexpr double kContactPointRadius = 0.0025;
 constexpr double kForceRadius = 0.0012;
 constexpr double kLongestForce = 0.1;
 
-output::View view_of(scene::View view) {
-  switch (view) {
-    case scene::View::dorsal:
-      return output::View::dorsal;
-    case scene::View::palmar:
-      return output::View::palmar;
-    case scene::View::radial:
-      return output::View::radial;
-    case scene::View::three_quarter:
-      return output::View::three_quarter;
-  }
-  return output::View::three_quarter;
-}
-
 /// On the one of the two that is free, or on the object that a hand touches.
 Vec3 shown_force(const model::Model& model, const engine::Contact& contact) {
   const model::Shape& a = model.shapes[static_cast<std::size_t>(contact.shape_a)];
   const model::Shape& b = model.shapes[static_cast<std::size_t>(contact.shape_b)];
-  const bool on_b = b.body != model::kWorld && b.tint == model::Tint::object && a.tint != model::Tint::object;
+  const bool on_b = b.body != model::kWorld && b.part == model::Part::object && a.part != model::Part::object;
   return on_b || a.body == model::kWorld ? Vec3(-contact.force) : contact.force;
 }
 
-output::DrawList list_of(const scene::Scene& scene, const Snapshot& moment, std::optional<double> scale) {
-  const scene::PictureSpec& pictures = scene.spec.pictures;
-  output::DrawList list = output::draw_list(scene.model, moment.state, {pictures.joint_axes});
+output::DrawList list_of(const model::Model& model, const scene::PictureSpec& pictures,
+                         const Snapshot& moment, std::optional<double> scale) {
+  output::DrawList list = output::draw_list(model, moment.state, {pictures.joint_axes});
   if (scale)
     for (const engine::Contact& contact : moment.contacts)
       list.arrows.push_back({contact.position,
-                             contact.position + *scale * shown_force(scene.model, contact),
+                             contact.position + *scale * shown_force(model, contact),
                              kForceRadius,
                              {0.75F, 0.0F, 0.35F},
                              true});
@@ -66,12 +52,20 @@ output::Camera fixed_camera(const scene::CameraSpec& spec) {
   return camera;
 }
 
-output::Framing framing(const scene::Scene& scene) {
-  const auto& hands = scene.plans.hands;
-  const scene::PictureSpec& pictures = scene.spec.pictures;
-  return {view_of(pictures.view), hands.empty() ? Pose{} : hands.front().pose,
-          hands.empty() ? model::Side::right : hands.front().side,
-          static_cast<double>(pictures.size[0]) / pictures.size[1]};
+/// All that the lists show, from the side of the first hand that the pictures are to show.
+output::Camera framed_camera(const model::Model& model, const scene::PictureSpec& pictures,
+                             const std::vector<output::DrawList>& lists) {
+  Pose hand;
+  model::Side side = model::Side::right;
+  if (!model.hands.empty()) {
+    const model::HandIndex& first = model.hands.front();
+    hand = model.bodies[static_cast<std::size_t>(first.palm)].zero_pose * first.wrist_frame;
+    side = first.side;
+  }
+  output::Framing framing(pictures.view, hand, side,
+                          static_cast<double>(pictures.size[0]) / pictures.size[1]);
+  for (const output::DrawList& list : lists) framing.add(list);
+  return framing.camera();
 }
 
 }  // namespace
@@ -80,8 +74,8 @@ Snapshot snapshot(const engine::Engine& engine) {
   return {engine.state(), {engine.contacts().begin(), engine.contacts().end()}};
 }
 
-std::optional<double> force_scale(const scene::Scene& scene, std::span<const Snapshot> snapshots) {
-  if (!scene.spec.pictures.contact_forces) return std::nullopt;
+std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<const Snapshot> snapshots) {
+  if (!pictures.contact_forces) return std::nullopt;
   double largest = 0;
   for (const Snapshot& moment : snapshots)
     for (const engine::Contact& contact : moment.contacts) largest = std::max(largest, contact.force.norm());
@@ -93,30 +87,29 @@ std::optional<double> force_scale(const scene::Scene& scene, std::span<const Sna
   return decade * (share >= 5 ? 5 : share >= 2 ? 2 : 1);
 }
 
-void draw(const scene::Scene& scene, std::span<const Snapshot> snapshots,
+void draw(const model::Model& model, const scene::PictureSpec& pictures, std::span<const Snapshot> snapshots,
           const std::function<void(std::size_t, const output::Image&)>& take) {
   if (snapshots.empty()) return;
-  const scene::PictureSpec& pictures = scene.spec.pictures;
-  output::Framing framed = framing(scene);
-  const std::optional<double> scale = force_scale(scene, snapshots);
+  const std::optional<double> scale = force_scale(pictures, snapshots);
+  std::vector<output::DrawList> lists;
   double lowest = std::numeric_limits<double>::infinity();
   for (const Snapshot& moment : snapshots) {
-    const output::DrawList list = list_of(scene, moment, scale);
-    framed.see(list);
-    lowest = std::min(lowest, output::bounds(list).low.z());
+    lists.push_back(list_of(model, pictures, moment, scale));
+    lowest = std::min(lowest, output::bounds(lists.back()).low.z());
   }
-  const output::Camera camera = pictures.camera ? fixed_camera(*pictures.camera) : framed.camera();
+  const output::Camera camera =
+      pictures.camera ? fixed_camera(*pictures.camera) : framed_camera(model, pictures, lists);
   output::Renderer renderer(pictures.size[0], pictures.size[1]);
-  for (std::size_t i = 0; i < snapshots.size(); ++i) {
-    output::DrawList list = list_of(scene, snapshots[i], scale);
-    if (!scene.spec.ground && pictures.floor) list.ground_height = lowest - kFloorClearance;
-    take(i, renderer.draw(list, camera));
+  for (std::size_t i = 0; i < lists.size(); ++i) {
+    if (pictures.floor && !lists[i].ground_height) lists[i].ground_height = lowest - kFloorClearance;
+    take(i, renderer.draw(lists[i], camera));
   }
 }
 
 output::Image draw(const scene::Scene& scene, const Snapshot& moment) {
   output::Image out;
-  draw(scene, std::span(&moment, 1), [&](std::size_t, const output::Image& image) { out = image; });
+  draw(scene.model, scene.spec.pictures, std::span(&moment, 1),
+       [&](std::size_t, const output::Image& image) { out = image; });
   return out;
 }
 

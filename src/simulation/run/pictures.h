@@ -21,14 +21,14 @@ struct Snapshot {
 Snapshot snapshot(const engine::Engine& engine);
 
 /// Length of the arrow of a contact force [m/N]: a round figure with which the largest force of the snapshots
-/// has 40 to 100 mm; nothing where the scene draws none or there is none.
-std::optional<double> force_scale(const scene::Scene& scene, std::span<const Snapshot> snapshots);
+/// has 40 to 100 mm; nothing where the pictures show none or there is none.
+std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<const Snapshot> snapshots);
 
-/// Draws the snapshots in the scene's size, view and options with one camera that sees all of them, and hands
-/// each picture to `take` with its place among them; keeps none. Creates one OpenGL context.
-void draw(const scene::Scene& scene, std::span<const Snapshot> snapshots,
+/// Draws the snapshots with one camera that sees all of them, and hands each picture to `take` with its place
+/// among them; keeps no picture. Creates one OpenGL context.
+void draw(const model::Model& model, const scene::PictureSpec& pictures, std::span<const Snapshot> snapshots,
           const std::function<void(std::size_t, const output::Image&)>& take);
-/// One picture.
+/// One picture of a scene.
 output::Image draw(const scene::Scene& scene, const Snapshot& moment);
 
 }  // namespace handsim::simulation

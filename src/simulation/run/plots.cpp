@@ -39,7 +39,8 @@ std::string label(const control::DrivenAxis& axis, const std::string& hand, cons
 
 constexpr const char* kColours[] = {"#1b6ca8", "#c8553d", "#3a7d44", "#8e5ea2", "#b8860b"};
 
-/// Columns of control.sto: time, then for each axis target, angle [deg] and torque [N m].
+/// Columns of control.sto: time, then for each axis target, angle [deg] and torque [N m]. The OpenSim header
+/// has six lines, then the labels.
 std::string curves(const control::Plan& plan, const std::vector<std::size_t>& axes, const std::string& hand,
                    const std::string& panel, What what) {
   std::string out;
@@ -52,17 +53,19 @@ std::string curves(const control::Plan& plan, const std::vector<std::size_t>& ax
     switch (what) {
       case What::angles:
         out += fmt::format(
-            "data using 1:{} with lines lw 1.6 lc rgb '{}' title '{}', data using 1:{} with lines dt 2 lw "
+            "data skip 7 using 1:{} with lines lw 1.6 lc rgb '{}' title '{}', data skip 7 using 1:{} with "
+            "lines dt 2 lw "
             "1.2 "
             "lc rgb '#202020' notitle",
             angle, rgb, name, target);
         break;
       case What::errors:
-        out += fmt::format("data using 1:(${}-${}) with lines lw 1.2 lc rgb '{}' title '{}'", target, angle,
-                           rgb, name);
+        out += fmt::format("data skip 7 using 1:(${}-${}) with lines lw 1.2 lc rgb '{}' title '{}'", target,
+                           angle, rgb, name);
         break;
       case What::torques:
-        out += fmt::format("data using 1:{} with lines lw 1.2 lc rgb '{}' title '{}'", torque, rgb, name);
+        out +=
+            fmt::format("data skip 7 using 1:{} with lines lw 1.2 lc rgb '{}' title '{}'", torque, rgb, name);
         break;
     }
   }
@@ -109,11 +112,7 @@ std::string script(const scene::Scene& scene, std::size_t hand, What what) {
     const auto found = groups.find(panel);
     if (found == groups.end()) continue;
     if (--left == 0) out += "set xlabel 'time [s]'\n";
-    // The OpenSim header has six lines, then the labels.
-    std::string lines = curves(plan, found->second, name, panel, what);
-    for (std::size_t at = 0; (at = lines.find("data using", at)) != std::string::npos; at += 17)
-      lines.replace(at, 10, "data skip 7 using");
-    out += fmt::format("set title '{}'\nplot {}\n", panel, lines);
+    out += fmt::format("set title '{}'\nplot {}\n", panel, curves(plan, found->second, name, panel, what));
   }
   return out + "unset multiplot\n";
 }

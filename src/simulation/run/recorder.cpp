@@ -6,7 +6,6 @@
 #include <fmt/format.h>
 
 #include "handsim/core/units.h"
-#include "handsim/model/kinematics.h"
 #include "handsim/simulation/run/output_size.h"
 
 namespace handsim::simulation {
@@ -29,11 +28,12 @@ std::vector<std::string> control_columns(const control::Plan& plan) {
 
 }  // namespace
 
-Recorder::Recorder(const scene::Scene& scene, const RunOptions& options, const Simulation& simulation)
+Recorder::Recorder(const Simulation& simulation, const RunOptions& options)
     : simulation_(simulation),
-      step_(scene.spec.solver.step),
-      trajectory_(options.out / "trajectory.csv", scene.model),
-      every_(record_steps(scene.spec)) {
+      step_(simulation.scene().spec.solver.step),
+      trajectory_(options.out / "trajectory.csv", simulation.model()),
+      every_(record_steps(simulation.scene().spec)) {
+  const scene::Scene& scene = simulation.scene();
   const auto rows =
       static_cast<std::size_t>(record_rows(simulation.steps(), simulation.step_count(), every_));
   if (all_angles(scene.model))
@@ -47,7 +47,7 @@ Recorder::Recorder(const scene::Scene& scene, const RunOptions& options, const S
     plan_frames(options.frames);
   else if (!scene.plans.grasps.empty())
     plan_phases(scene.plans.grasps.front());
-  else if (!simulation.climb_watches().empty())
+  else if (simulation.find<Climbs>())
     plan_climb(scene.plans.climbs.front());
   else
     plan_poses();
@@ -90,14 +90,14 @@ void Recorder::plan_phases(const scene::GraspPlan& plan) {
 /// One at the end of each phase before the load; under it one at half of what is carried, the last that is
 /// carried, and one after the failure, all known only then.
 void Recorder::plan_climb(const scene::ClimbPlan& plan) {
-  climb_ = &simulation_.climb_watches().front();
+  climb_ = &simulation_.get<Climbs>().each().front();
   moments_.push_back({0, "start"});
   for (const scene::TaskPhase& phase : {plan.phases[0], plan.phases[1]})
     moments_.push_back(
         {std::lround(phase.end / step_), phase.name + fmt::format(", t = {:.2f} s", phase.end)});
 }
 
-void Recorder::see_climb() {
+void Recorder::record_climb() {
   const ClimbFigures figures = climb_->figures();
   if (figures.failed || figures.carried <= 0) return;
   if (loaded_.empty() || figures.carried >= loaded_.back().first + kGripEvery)
@@ -123,7 +123,7 @@ void Recorder::add_rows() {
   const model::State& state = simulation_.state();
   trajectory_.add(state);
   if (motion_) {
-    std::vector<double> angles = model::coordinates(simulation_.model(), state);
+    std::vector<double> angles = state.q;
     for (double& angle : angles) angle *= kDegreesPerRadian;
     motion_->add(state.time, angles);
   }
@@ -138,14 +138,14 @@ void Recorder::add_rows() {
   control_->add(state.time, row);
 }
 
-void Recorder::see(long step) {
+void Recorder::record(long step) {
   if (step % every_ == 0) add_rows();
   for (; taken_ < moments_.size() && moments_[taken_].step == step; ++taken_) {
     snapshots_.push_back(snapshot(simulation_.engine()));
     const std::string& caption = moments_[taken_].caption;
     captions_.push_back(caption.empty() ? fmt::format("t = {:.3f} s", simulation_.state().time) : caption);
   }
-  if (climb_) see_climb();
+  if (climb_) record_climb();
 }
 
 void Recorder::finish() {

@@ -16,11 +16,11 @@ namespace handsim::simulation {
 
 class Recorder {
  public:
-  /// Scene and simulation must outlive the recorder.
-  Recorder(const scene::Scene& scene, const RunOptions& options, const Simulation& simulation);
+  /// The simulation must outlive the recorder.
+  Recorder(const Simulation& simulation, const RunOptions& options);
 
-  /// Sees the state after a step; the first is the one that the simulation starts or goes on from.
-  void see(long step);
+  /// Records the state after a step; the first is the one that the simulation starts or goes on from.
+  void record(long step);
   /// Gives the tables their names: trajectory.csv, trajectory.mot, control.sto, contacts.csv.
   void finish();
   const std::vector<Snapshot>& snapshots() const { return snapshots_; }
@@ -37,7 +37,7 @@ class Recorder {
   void plan_poses();
   void plan_phases(const scene::GraspPlan& plan);
   void plan_climb(const scene::ClimbPlan& plan);
-  void see_climb();
+  void record_climb();
   void finish_climb();
   void add_rows();
 

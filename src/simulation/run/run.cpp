@@ -15,6 +15,7 @@
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/plots.h"
 #include "handsim/simulation/run/recorder.h"
+#include "handsim/simulation/run/snapshot_file.h"
 #include "handsim/simulation/run/summary.h"
 #include "handsim/simulation/simulation.h"
 
@@ -32,12 +33,12 @@ void draw_pictures(const scene::Scene& scene, const Recorder& recorder, const Ru
   const std::size_t count = snapshots.size(), cells = std::min(count, kSheetCells);
   const auto [width, height] = scene.spec.pictures.size;
   std::string title = scene.spec.title;
-  if (const auto scale = force_scale(scene, snapshots))
+  if (const auto scale = force_scale(scene.spec.pictures, snapshots))
     title += fmt::format(" (contact forces: {:g} mm for 1 N)", 1e3 * *scale);
   output::ContactSheet sheet({static_cast<int>(cells), width, height, title});
   const std::size_t digits = std::max<std::size_t>(3, std::to_string(count - 1).size());
   std::size_t cell = 0;
-  draw(scene, snapshots, [&](std::size_t i, const output::Image& image) {
+  draw(scene.model, scene.spec.pictures, snapshots, [&](std::size_t i, const output::Image& image) {
     output::write_png(image, options.out / fmt::format("frame_{:0{}d}.png", i, digits));
     if (cells == 1 || i * (cells - 1) >= cell * (count - 1)) {
       sheet.add(image, recorder.captions()[i]);
@@ -84,8 +85,9 @@ void write_inputs(const scene::Scene& scene, const std::filesystem::path& out) {
 }
 
 /// All that has to be there whatever becomes of the pictures; then those.
-void write_files(const scene::Scene& scene, const Simulation& simulation, const RunOptions& options,
-                 const std::string& resolved, Recorder& recorder, RunResult& result) {
+void write_files(const Simulation& simulation, const RunOptions& options, const std::string& resolved,
+                 Recorder& recorder, RunResult& result) {
+  const scene::Scene& scene = simulation.scene();
   recorder.finish();
   write_inputs(scene, options.out);
   output::write_file(options.out / "resolved.yaml", resolved);
@@ -93,7 +95,7 @@ void write_files(const scene::Scene& scene, const Simulation& simulation, const 
   if (options.plots) result.missing.emplace_back("plots: not drawn yet");
   const bool drawn = !result.missing.empty();
   const auto write_summary = [&] {
-    result.summary = summary_json(scene, simulation, result);
+    result.summary = summary_json(simulation, result);
     output::write_file(options.out / "summary.json", result.summary);
   };
   write_summary();
@@ -131,18 +133,30 @@ void go_on(Simulation& simulation, const std::filesystem::path& file, double dur
   result.continued_from = simulation.state().time;
 }
 
+/// Nothing is left to measure: every climb has failed, and the scene has no grasp.
+bool over(const Simulation& simulation) {
+  const Climbs* climbs = simulation.find<Climbs>();
+  return climbs && climbs->over() && !simulation.find<Grasps>();
+}
+
+/// The caller's scene, which outlives the run.
+Simulation simulation_of(const scene::Scene& scene, MakeWatchers watchers) {
+  return Simulation(std::shared_ptr<const scene::Scene>(std::shared_ptr<void>(), &scene),
+                    std::move(watchers));
+}
+
 /// Steps to the end of the scene or to the fault that stops it.
 void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options, double step,
           RunResult& result) {
   const long steps = simulation.step_count();
   const long report_every = std::max(1L, steps / 200);
   const std::optional<long> snapshot = snapshot_step(simulation, options, step);
-  const auto see = [&](long i) {
-    recorder.see(i);
+  const auto record = [&](long i) {
+    recorder.record(i);
     if (snapshot == i) write_snapshot(simulation.snapshot(), options.out / "snapshot.bin");
   };
-  see(simulation.steps());
-  for (long i = simulation.steps() + 1; i <= steps && !simulation.over(); ++i) {
+  record(simulation.steps());
+  for (long i = simulation.steps() + 1; i <= steps && !over(simulation); ++i) {
     try {
       simulation.step();
     } catch (const Error& error) {
@@ -150,7 +164,7 @@ void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options,
       result.fault = error.fault();
       return;
     }
-    see(i);
+    record(i);
     if (options.progress && i % report_every == 0)
       options.progress(static_cast<double>(i) / static_cast<double>(steps));
   }
@@ -209,7 +223,7 @@ RunResult run(const scene::Scene& scene, const RunOptions& options) { return run
 
 RunResult run(const scene::Scene& scene, const RunOptions& options, const output::OutputFolder* held) {
   if (options.plots || options.pose_pictures) check_controlled(scene, options);
-  Simulation simulation(scene);
+  Simulation simulation = simulation_of(scene, standard_watchers);
   RunResult result;
   const double step = scene.spec.solver.step;
   if (options.from_snapshot) go_on(simulation, *options.from_snapshot, scene.spec.duration, result);
@@ -221,25 +235,25 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
   std::optional<output::OutputFolder> own;
   if (!held) own.emplace(run_folder(scene, options));
   (held ? *held : *own).clear();
-  Recorder recorder(scene, options, simulation);
+  Recorder recorder(simulation, options);
   const auto start = std::chrono::steady_clock::now();
   loop(simulation, recorder, options, step, result);
   result.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   result.simulated = simulation.state().time;
-  result.tracking = simulation.tracking();
+  result.tracking = simulation.figures<Tracking>();
   result.state_hash = simulation.state_hash();
   result.warnings = simulation.warnings();
   result.expected_hash = options.expected_hash;
-  result.grasps = simulation.grasps();
-  result.climbs = simulation.climbs();
-  result.verdicts = verdicts(simulation, scene.spec.criteria);
+  result.grasps = simulation.figures<Grasps>();
+  result.climbs = simulation.figures<Climbs>();
+  result.verdicts = simulation.verdicts();
   result.overlaps = engine::initial_overlaps(scene.model, model::initial_state(scene.model));
-  write_files(scene, simulation, options, resolved, recorder, result);
+  write_files(simulation, options, resolved, recorder, result);
   return result;
 }
 
 Snapshot snapshot_at(const scene::Scene& scene, double time) {
-  Simulation simulation(scene);
+  Simulation simulation = simulation_of(scene, only<Monitor>);
   const long steps = std::lround(time / scene.spec.solver.step);
   for (long i = 0; i < steps; ++i) simulation.step();
   return snapshot(simulation.engine());

@@ -20,9 +20,8 @@
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/watch/climb_figures.h"
 #include "handsim/simulation/watch/grasp_figures.h"
-#include "handsim/simulation/watch/ledger.h"
-#include "handsim/simulation/watch/monitor.h"
 #include "handsim/simulation/watch/tracking.h"
+#include "handsim/simulation/watch/verdict.h"
 
 namespace handsim::simulation {
 
@@ -45,22 +44,6 @@ struct RunOptions {
   std::function<void(double)> progress;
   /// Told, before anything is run, what there is to know of it: that it writes much.
   std::function<void(const std::string&)> note;
-};
-
-/// A criterion's figure beside its limit.
-struct Verdict {
-  std::string name;
-  std::string unit;
-  std::optional<double> measured = 0;  ///< absent: the run had nothing to measure, e.g. no hold of a pose
-  std::optional<double> limit;         ///< absent: measured, not judged
-  double time = 0;                     ///< of the figure [s]
-  std::string where;                   ///< joint or body of the figure
-  bool least = false;                  ///< the limit is the least that will do, not the most
-
-  /// A criterion without a measured value is not held.
-  bool held() const { return !limit || (measured && (least ? *measured >= *limit : *measured <= *limit)); }
-  bool missed() const { return limit && !measured; }  ///< the run did not come to what is judged
-  bool failed() const { return !held() && !missed(); }
 };
 
 struct RunResult {

@@ -1,4 +1,4 @@
-// What a run has to say for itself, as summary.json.
+// A run's outcome as summary.json: what the run itself knows, and the parts of its watchers.
 #pragma once
 
 #include <string>
@@ -8,10 +8,7 @@
 
 namespace handsim::simulation {
 
-/// Figures of a finished run beside the scene's criteria.
-std::vector<Verdict> verdicts(const Simulation& simulation, const scene::Criteria& criteria);
-
 /// Text of summary.json. `simulation` may have stopped early; `result.fault` says so.
-std::string summary_json(const scene::Scene& scene, const Simulation& simulation, const RunResult& result);
+std::string summary_json(const Simulation& simulation, const RunResult& result);
 
 }  // namespace handsim::simulation

@@ -4,17 +4,11 @@
 #include <array>
 #include <cmath>
 
-#include "handsim/model/kinematics.h"
+#include "handsim/simulation/watch/summary_json.h"
 
 namespace handsim::simulation {
 
 namespace {
-
-/// The servo that holds the palm while the fingers close: stiff against fingers, critically damped for half a
-/// kilogram.
-constexpr double kServoStiffness = 1e5;  ///< [N/m]
-constexpr double kServoDamping = 450;    ///< [N s/m]
-constexpr double kServoLimit = 5000;     ///< [N]
 
 template <class Archive, class T>
 void carry_loaded(Archive& archive, T& grip) {
@@ -34,14 +28,17 @@ const LoadedGrip& nearest(const std::vector<LoadedGrip>& grips, double load) {
 
 }  // namespace
 
+double load_at(const scene::ClimbPlan& plan, double time) {
+  return std::clamp(plan.load.rate * (time - plan.loading().start), 0.0, plan.load.most);
+}
+
 ClimbWatch::ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, double step)
-    : model_(model), plan_(plan), half_step_(step / 2) {
+    : plan_(plan), half_step_(step / 2) {
   const model::HandIndex& hand = model.hands[plan.hand];
-  rail_ = static_cast<std::size_t>(*hand.rail);
-  dof_ = static_cast<std::size_t>(model.joints[rail_].first_dof);
+  dof_ = static_cast<std::size_t>(model.joints[static_cast<std::size_t>(*hand.rail)].first_dof);
   for (const model::Shape& shape : model.shapes) {
     const bool mine = std::find(hand.bodies.begin(), hand.bodies.end(), shape.body) != hand.bodies.end();
-    part_of_shape_.push_back(mine ? hand_part(shape.tint) : -1);
+    part_of_shape_.push_back(mine ? hand_part(shape.part) : -1);
     of_hold_.push_back(shape.body == model::kWorld &&
                        (shape.name == plan.hold || shape.name.starts_with(plan.hold + ".")));
   }
@@ -49,32 +46,10 @@ ClimbWatch::ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, 
   figures_.strength = plan.strength;
 }
 
-double ClimbWatch::load(double time) const {
-  return std::clamp(plan_.load.rate * (time - plan_.loading().start), 0.0, plan_.load.most);
-}
-
-double ClimbWatch::target(double time) const {
-  const scene::TaskPhase& approach = plan_.approach();
-  const double share = std::clamp((time - approach.start) / (approach.end - approach.start), 0.0, 1.0);
-  return -plan_.height * (1 - model::eased(model::Interpolation::minimum_jerk, share));
-}
-
-void ClimbWatch::command(const model::State& state, std::span<double> torques,
-                         std::span<model::Servo> servos) const {
-  const double end = state.time + 2 * half_step_;
-  if (state.time > plan_.loading().start - half_step_) {
-    torques[dof_] += load(end);
-    return;
-  }
-  double q = 0;
-  model::joint_coordinates(model_.joints[rail_], state, std::span(&q, 1));
-  servos[dof_] = {kServoStiffness, kServoDamping, target(end) - q, 0, kServoLimit};
-}
-
 LoadedGrip ClimbWatch::grip(const engine::Engine& engine) const {
   LoadedGrip out;
   out.time = engine.state().time;
-  out.load = load(out.time);
+  out.load = load_at(plan_, out.time);
   out.travel = figures_.travel;
   std::array<PartForce, kHandParts.size()> parts;
   for (const engine::Contact& contact : engine.contacts()) {
@@ -96,12 +71,10 @@ LoadedGrip ClimbWatch::grip(const engine::Engine& engine) const {
   return out;
 }
 
-void ClimbWatch::look(const engine::Engine& engine) {
+void ClimbWatch::update(const engine::Engine& engine) {
   const model::State& state = engine.state();
   if (state.time < plan_.loading().start - half_step_) return;
-  double q = 0, rate = 0;
-  model::joint_coordinates(model_.joints[rail_], state, std::span(&q, 1));
-  model::joint_rates(model_.joints[rail_], state, std::span(&rate, 1));
+  const double q = state.q[dof_], rate = state.u[dof_];
   if (!loading_) {
     loading_ = true;
     start_ = q;
@@ -118,7 +91,7 @@ void ClimbWatch::look(const engine::Engine& engine) {
   // Of no effect on the rest of the run, and no part of its snapshots.
   figures_.complete = state.time >= plan_.loading().end - half_step_;
   if (std::abs(rate) > kHeldSpeed) return;
-  figures_.carried = load(state.time);
+  figures_.carried = load_at(plan_, state.time);
   figures_.carried_time = state.time;
   if (figures_.carried >= grips_.back().load + kGripEvery) grips_.push_back(grip(engine));
 }
@@ -154,6 +127,71 @@ ClimbFigures ClimbWatch::figures() const {
 
 bool ClimbWatch::over(double time) const {
   return figures_.failed && time > figures_.failure_time + kAfterFailure - half_step_;
+}
+
+Climbs::Climbs(const Watched& watched) : engine_(watched.engine) {
+  const scene::SceneSpec& spec = watched.scene.spec;
+  for (const scene::ClimbPlan& plan : watched.scene.plans.climbs)
+    climbs_.emplace_back(watched.scene.model, plan, spec.solver.step);
+}
+
+void Climbs::update(Step& step) {
+  for (ClimbWatch& climb : climbs_) climb.update(step.engine);
+}
+
+void Climbs::save(ArchiveWriter& out) const {
+  for (const ClimbWatch& climb : climbs_) climb.save(out);
+}
+
+void Climbs::restore(ArchiveReader& in, const model::State& /*state*/) {
+  for (ClimbWatch& climb : climbs_) climb.restore(in);
+}
+
+std::vector<ClimbFigures> Climbs::figures() const {
+  std::vector<ClimbFigures> out;
+  for (const ClimbWatch& climb : climbs_) out.push_back(climb.figures());
+  return out;
+}
+
+bool Climbs::over() const {
+  return std::all_of(climbs_.begin(), climbs_.end(),
+                     [&](const ClimbWatch& climb) { return climb.over(engine_.state().time); });
+}
+
+/// A climb that outlasts its largest load has carried that much. One that the run cuts short has carried what
+/// it has; of a limit above that nothing is known.
+void Climbs::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const {
+  for (const ClimbFigures& climb : figures()) {
+    Verdict verdict{"climb_load", "N", climb.carried, criteria.climb_load, climb.carried_time, climb.name};
+    verdict.least = true;
+    if (!climb.begun() || (!climb.complete && !verdict.held())) verdict.measured.reset();
+    out.push_back(std::move(verdict));
+  }
+}
+
+void Climbs::add_summary(SummaryJson& out) const {
+  const auto loaded_json = [](const LoadedGrip& grip) {
+    return Json{{"time_s", grip.time},
+                {"load_N", grip.load},
+                {"travel_m", grip.travel},
+                {"contacts", grip.contacts},
+                {"parts", parts_json(grip.parts)}};
+  };
+  for (const ClimbFigures& climb : figures())
+    out.json["climbs"].push_back({{"name", climb.name},
+                                  {"failed", climb.failed},
+                                  {"load_N", climb.carried},
+                                  {"load_time_s", climb.carried_time},
+                                  {"failure_time_s", climb.failed ? Json(climb.failure_time) : Json()},
+                                  {"travel_m", climb.travel},
+                                  {"grip_strength_norm_N", climb.strength.norm},
+                                  {"grip_strength_deviation_N", climb.strength.deviation},
+                                  {"grip_strength_N", climb.strength.own},
+                                  {"grip_strength_measured", climb.strength.measured},
+                                  {"load_over_norm", climb.share()},
+                                  {"before", loaded_json(climb.before)},
+                                  {"half_load", loaded_json(climb.half)},
+                                  {"last", loaded_json(climb.last)}});
 }
 
 }  // namespace handsim::simulation

@@ -1,14 +1,12 @@
-// A climb as it runs: what moves and loads the palm on its rail, and what load the grip carried.
+// Figures of climbs: what load the grip carried, and through which parts of the hand.
 #pragma once
 
-#include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
-#include "handsim/engine/engine.h"
 #include "handsim/scene/task/climb.h"
 #include "handsim/simulation/watch/hand_parts.h"
+#include "handsim/simulation/watch/watcher.h"
 
 namespace handsim::simulation {
 
@@ -16,10 +14,13 @@ namespace handsim::simulation {
 inline constexpr double kFailedTravel = 0.02;
 /// A palm that moves slower than this is held: the load it bears then is carried [m/s].
 inline constexpr double kHeldSpeed = 0.02;
-/// A climb that has failed is looked at for so long: hundreds of newtons throw half a kilogram far [s].
+/// A climb that has failed is measured for so long: hundreds of newtons throw half a kilogram far [s].
 inline constexpr double kAfterFailure = 0.01;
 /// Grips are kept at every so many newtons of load.
 inline constexpr double kGripEvery = 2;
+
+/// The load of a climb at a time [N].
+double load_at(const scene::ClimbPlan& plan, double time);
 
 /// The grip under one load.
 struct LoadedGrip {
@@ -49,41 +50,57 @@ struct ClimbFigures {
   double share() const { return carried / strength.norm; }
 };
 
+/// One climb of the scene.
 class ClimbWatch {
  public:
   /// The model must outlive the watch. @param step of the engine [s].
   ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, double step);
 
-  /// What acts on the rail in the step from a state: adds to torques and servos, sizes model.dof_count().
-  void command(const model::State& state, std::span<double> torques, std::span<model::Servo> servos) const;
-  /// Looks at the engine after a step.
-  void look(const engine::Engine& engine);
-
+  void update(const engine::Engine& engine);
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
 
   ClimbFigures figures() const;
-  /// The load of a time [N].
-  double load(double time) const;
-  /// Failed, and looked at for kAfterFailure since.
+  /// Failed, and measured for kAfterFailure since.
   bool over(double time) const;
 
  private:
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
   LoadedGrip grip(const engine::Engine& engine) const;
-  double target(double time) const;
 
-  const model::Model& model_;
   scene::ClimbPlan plan_;
   double half_step_;
-  std::size_t rail_ = 0, dof_ = 0;
+  std::size_t dof_ = 0;
   std::vector<int> part_of_shape_;  ///< by shape: -1 no part of the hand, else index into kHandParts
   std::vector<bool> of_hold_;       ///< by shape
   double start_ = 0;                ///< coordinate at which the load began [m]
   bool loading_ = false;
   ClimbFigures figures_;
   std::vector<LoadedGrip> grips_;  ///< while the palm is held
+};
+
+/// The climbs of a scene.
+class Climbs final : public Watcher {
+ public:
+  explicit Climbs(const Watched& watched);
+
+  std::string_view name() const override { return "climbs"; }
+  void update(Step& step) override;
+  void save(ArchiveWriter& out) const override;
+  void restore(ArchiveReader& in, const model::State& state) override;
+  void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
+  void add_summary(SummaryJson& out) const override;
+
+  /// Up to now, in the order of the scene.
+  std::vector<ClimbFigures> figures() const;
+  const std::vector<ClimbWatch>& each() const { return climbs_; }
+  /// Every climb has failed, and has been measured for kAfterFailure since.
+  bool over() const;
+
+ private:
+  const engine::Engine& engine_;
+  std::vector<ClimbWatch> climbs_;
 };
 
 }  // namespace handsim::simulation

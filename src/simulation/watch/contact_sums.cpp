@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "handsim/simulation/watch/hand_parts.h"
+#include "handsim/simulation/watch/summary_json.h"
 
 namespace handsim::simulation {
 
@@ -35,9 +36,9 @@ void end_step(Sums& sums, double time, double step) {
 
 }  // namespace
 
-ContactSums::ContactSums(const model::Model& model) {
-  for (const model::Shape& shape : model.shapes) {
-    const int part = hand_part(shape.tint);
+ContactSums::ContactSums(const Watched& watched) {
+  for (const model::Shape& shape : watched.scene.model.shapes) {
+    const int part = hand_part(shape.part);
     // `right.index_distal` is of `right.index`, `mug.part3` of `mug`.
     const std::string first = shape.name.substr(0, shape.name.find('.'));
     const std::string name = part < 0 ? first : first + "." + kHandParts[static_cast<std::size_t>(part)];
@@ -49,19 +50,20 @@ ContactSums::ContactSums(const model::Model& model) {
   }
 }
 
-void ContactSums::look(std::span<const engine::Contact> contacts, double time, double step) {
+void ContactSums::update(Step& step) {
+  const double time = step.engine.state().time, length = step.engine.settings().step;
   begin_step(pairs_);
   begin_step(fingers_);
-  for (const engine::Contact& contact : contacts) {
+  for (const engine::Contact& contact : step.engine.contacts()) {
     const std::size_t a = thing_[static_cast<std::size_t>(contact.shape_a)];
     const std::size_t b = thing_[static_cast<std::size_t>(contact.shape_b)];
     add(pairs_[{std::min(a, b), std::max(a, b)}], contact, a <= b ? 1 : -1);
     if (is_finger_[a]) add(fingers_[a], contact, 1);
     if (is_finger_[b] && b != a) add(fingers_[b], contact, -1);
   }
-  end_step(pairs_, time, step);
-  end_step(fingers_, time, step);
-  time_ += step;
+  end_step(pairs_, time, length);
+  end_step(fingers_, time, length);
+  time_ += length;
 }
 
 std::vector<std::pair<ContactSums::Pair, ContactSum>> ContactSums::pairs() const {
@@ -103,7 +105,7 @@ void ContactSums::save(ArchiveWriter& out) const {
   }
 }
 
-void ContactSums::restore(ArchiveReader& in) {
+void ContactSums::restore(ArchiveReader& in, const model::State& /*state*/) {
   const auto thing = [&] {
     std::size_t index = 0;
     in(index);
@@ -118,6 +120,24 @@ void ContactSums::restore(ArchiveReader& in) {
   }
   fingers_.clear();
   for (std::size_t n = in.size(); n > 0; --n) carry(in, fingers_[thing()]);
+}
+
+/// Sums of the points' normal and friction forces, and the vector of all: on the finger; on the first of a
+/// pair.
+void ContactSums::add_summary(SummaryJson& out) const {
+  const auto add = [&](Json& to, Json entry, const ContactSum& sum) {
+    entry["contacts_at_end"] = sum.contacts;
+    entry["normal_force_at_end_N"] = sum.normal;
+    entry["friction_force_at_end_N"] = sum.friction;
+    entry["force_at_end_N"] = {sum.force.x(), sum.force.y(), sum.force.z()};
+    entry["mean_normal_force_N"] = time_ > 0 ? sum.normal_time / time_ : 0.0;
+    entry["largest_normal_force_N"] = sum.largest_normal;
+    entry["largest_at_s"] = sum.largest_at;
+    to.push_back(std::move(entry));
+  };
+  Json& forces = out.json["contact_forces"] = {{"fingers", Json::array()}, {"pairs", Json::array()}};
+  for (const auto& [name, sum] : fingers()) add(forces["fingers"], {{"name", name}}, sum);
+  for (const auto& [pair, sum] : pairs()) add(forces["pairs"], {{"a", pair.first}, {"b", pair.second}}, sum);
 }
 
 }  // namespace handsim::simulation

@@ -2,12 +2,11 @@
 #pragma once
 
 #include <map>
-#include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "handsim/engine/engine.h"
+#include "handsim/simulation/watch/watcher.h"
 
 namespace handsim::simulation {
 
@@ -22,17 +21,17 @@ struct ContactSum {
   double largest_at = 0;      ///< its time [s]
 };
 
-class ContactSums {
+class ContactSums final : public Watcher {
  public:
   /// Names the things of the model: fingers and palm of each hand (`right.index`), objects whole, the ground,
   /// bodies of a mechanism.
-  explicit ContactSums(const model::Model& model);
+  explicit ContactSums(const Watched& watched);
 
-  /// Takes in the contacts of a step of this length that ends at a time [s].
-  void look(std::span<const engine::Contact> contacts, double time, double step);
-
-  void save(ArchiveWriter& out) const;
-  void restore(ArchiveReader& in);
+  std::string_view name() const override { return "contact_forces"; }
+  void update(Step& step) override;
+  void save(ArchiveWriter& out) const override;
+  void restore(ArchiveReader& in, const model::State& state) override;
+  void add_summary(SummaryJson& out) const override;
 
   using Pair = std::pair<std::string, std::string>;
   /// Things that have touched, by name; the force is on the first of a pair.

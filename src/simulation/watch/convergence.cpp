@@ -1,8 +1,11 @@
 #include "handsim/simulation/watch/convergence.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include <fmt/format.h>
+
+#include "handsim/simulation/watch/summary_json.h"
 
 namespace handsim::simulation {
 
@@ -15,7 +18,17 @@ constexpr double kLeastErp = 0.01;
 
 }  // namespace
 
-void Convergence::look(const engine::StepReport& report, double time) {
+bool Convergence::articulated() const {
+  return scene_.spec.solver.engine() == engine::EngineKind::articulated;
+}
+
+void Convergence::update(Step& step) {
+  const engine::StepReport& report = step.report;
+  lcp_failures_ += report.lcp_failures;
+  ++rungs_[static_cast<std::size_t>(report.rung)];
+  iterative_ += report.iterative ? 1 : 0;
+  if (report.contact_sweeps == 0 && !report.residual) return;
+  const double time = step.engine.state().time;
   if (report.contact_sweeps > 0) {
     ++measured_;
     limit_steps_ += report.limit_updates > 0 ? 1 : 0;
@@ -28,13 +41,16 @@ void Convergence::look(const engine::StepReport& report, double time) {
     if (found.value > peak.value)
       peak = {found.value, time, named[static_cast<std::size_t>(found.where)].name};
   };
-  raise(linear_, report.residual->linear, model_.joints);
-  raise(angular_, report.residual->angular, model_.joints);
-  raise(contact_, report.residual->contact, model_.shapes);
+  raise(linear_, report.residual->linear, scene_.model.joints);
+  raise(angular_, report.residual->angular, scene_.model.joints);
+  raise(contact_, report.residual->contact, scene_.model.shapes);
 }
 
 template <class Archive, class Self>
 void Convergence::carry(Archive& archive, Self& self) {
+  archive(self.lcp_failures_);
+  archive.each(self.rungs_);
+  archive(self.iterative_);
   archive(self.measured_);
   archive(self.limit_steps_);
   for (auto* peak : {&self.linear_, &self.angular_, &self.contact_}) simulation::carry(archive, *peak);
@@ -42,35 +58,64 @@ void Convergence::carry(Archive& archive, Self& self) {
 
 void Convergence::save(ArchiveWriter& out) const { carry(out, *this); }
 
-void Convergence::restore(ArchiveReader& in) { carry(in, *this); }
+void Convergence::restore(ArchiveReader& in, const model::State& /*state*/) { carry(in, *this); }
 
-std::vector<std::string> Convergence::warnings(const Ledger& ledger,
-                                               const model::SolverSettings& solver) const {
-  std::vector<std::string> out;
-  const bool articulated = model::engine_of(solver.method) == model::EngineKind::articulated;
-  if (const long failures = ledger.lcp_failures(); failures > 0 && articulated)
+void Convergence::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const {
+  Verdict failures{"lcp_failures", "", static_cast<double>(lcp_failures_), {}, 0, ""};
+  if (criteria.lcp_failures) failures.limit = *criteria.lcp_failures;
+  out.push_back(std::move(failures));
+}
+
+void Convergence::add_warnings(std::vector<std::string>& out) const {
+  const engine::Settings& solver = scene_.spec.solver;
+  if (lcp_failures_ > 0 && articulated())
     out.push_back(fmt::format(
-        "contacts, stops and torque limits did not settle in {} steps: try a smaller step", failures));
-  else if (failures > 0)
+        "contacts, stops and torque limits did not settle in {} steps: try a smaller step", lcp_failures_));
+  else if (lcp_failures_ > 0)
     out.push_back(fmt::format(
         "the LCP solver gave up {} times, and what it had not solved was left to move: try a larger "
-        "solver.cfm, a smaller step, or the step_guard effect",
-        failures));
-  if (const long lost = ledger.rungs()[static_cast<std::size_t>(engine::Rung::unresolved)]; lost > 0)
+        "solver.cfm, a smaller step, or solver.guard",
+        lcp_failures_));
+  if (const long lost = rungs_[static_cast<std::size_t>(engine::Rung::unresolved)]; lost > 0)
     out.push_back(fmt::format("{} steps did not keep to the guard's limits in any way", lost));
-  const double worth = solver.step / std::max(solver.erp, kLeastErp);
+  const double worth = solver.step / std::max(solver.erp(), kLeastErp);
   const auto warn = [&](const Peak& peak, double bad, const char* what, const char* unit, const char* gap) {
     if (peak.value * worth > bad)
       out.push_back(fmt::format(
           "the solver left {} {} at {:.3g} {}/s at {:.3f} s, which to last would be {:.2g} {}: try {}a "
           "smaller step",
           peak.where, what, peak.value, unit, peak.time, 1e3 * peak.value * worth, gap,
-          articulated ? "" : "more solver.iterations, world_step, or "));
+          articulated() ? "" : "more solver.iterations, world_step, or "));
   };
   warn(linear_, kBadGap, "coming apart", "m", "mm");
   warn(angular_, kBadAngle, "twisting out of its axes", "rad", "mrad");
   warn(contact_, kBadGap, "sinking in", "m", "mm");
-  return out;
+}
+
+void Convergence::add_summary(SummaryJson& out) const {
+  out.json["counts"]["lcp_failures"] = lcp_failures_;
+  const auto peak = [](const Peak& of) {
+    return Json{{"largest", of.value}, {"time_s", of.time}, {"where", of.where}};
+  };
+  Json& solved = out.json["convergence"];
+  solved["steps_measured"] = measured_;
+  if (measured_ > 0) {
+    solved["joint_residual_m_per_s"] = peak(linear_);
+    solved["joint_residual_rad_per_s"] = peak(angular_);
+    solved["contact_residual_m_per_s"] = peak(contact_);
+  }
+  if (articulated()) {
+    solved["steps_by_fixed_friction_limits"] = limit_steps_;
+    solved["steps_relaxed"] = iterative_;
+  }
+  // What method auto chose, and what the guard tried.
+  const engine::Settings& solver = scene_.spec.solver;
+  const long steps = std::accumulate(rungs_.begin(), rungs_.end(), 0L);
+  if (solver.method() == engine::OdeMethod::automatic)
+    out.json["steps"]["method"] = {{"world_step", steps - iterative_}, {"quick_step", iterative_}};
+  if (solver.engine() != engine::EngineKind::ode || !solver.ode().guard) return;
+  for (std::size_t i = 1; i < engine::kRungNames.size(); ++i)
+    out.json["steps"]["guard"][std::string(engine::kRungNames[i])] = rungs_[i];
 }
 
 }  // namespace handsim::simulation

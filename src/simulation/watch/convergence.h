@@ -1,25 +1,35 @@
-// How well the solver has solved, over a run: what it said of itself and what was measured of it, and what of
-// that is bad enough to be told.
+// How well the solver has solved, over a run: what it reports of itself, what is measured of it, and warnings
+// of what is bad.
 #pragma once
 
-#include <string>
-#include <vector>
+#include <array>
 
-#include "handsim/engine/engine.h"
-#include "handsim/simulation/watch/ledger.h"
 #include "handsim/simulation/watch/monitor.h"
+#include "handsim/simulation/watch/watcher.h"
 
 namespace handsim::simulation {
 
-class Convergence {
+class Convergence final : public Watcher {
  public:
-  explicit Convergence(const model::Model& model) : model_(model) {}
+  explicit Convergence(const Watched& watched) : scene_(watched.scene) {}
 
-  /// Takes in what a step that ends at a time [s] reported.
-  void look(const engine::StepReport& report, double time);
-  void save(ArchiveWriter& out) const;
-  void restore(ArchiveReader& in);
+  std::string_view name() const override { return "convergence"; }
+  void update(Step& step) override;
+  void save(ArchiveWriter& out) const override;
+  void restore(ArchiveReader& in, const model::State& state) override;
+  void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
+  /// One sentence for each thing that is bad: LCP failures, steps that the guard could not mend, and
+  /// residuals that, were they to stay, would hold a joint open by more than 0.1 mm or 5 mrad, or a contact
+  /// in by 0.1 mm (residual times step over ERP).
+  void add_warnings(std::vector<std::string>& out) const override;
+  void add_summary(SummaryJson& out) const override;
 
+  /// Times that the solver gave up.
+  long lcp_failures() const { return lcp_failures_; }
+  /// Steps by the way they were got through, engine::Rung::none in unguarded ones.
+  const std::array<long, engine::kRungNames.size()>& rungs() const { return rungs_; }
+  /// Steps that quick_step solved, or the articulated engine by relaxation.
+  long iterative_steps() const { return iterative_; }
   /// Steps whose residual was measured: quick_step's with contact, those at which a stop comes into force or
   /// goes out of it and every eighth of the others (engine::kResidualEvery); those in which world_step's LCP
   /// solver gave up; and those with contact on the articulated engine, whose contact solver says how far it
@@ -33,15 +43,14 @@ class Convergence {
   const Peak& angular() const { return angular_; }
   const Peak& contact() const { return contact_; }
 
-  /// One sentence for each thing that is bad: LCP failures, steps that the guard could not mend, and
-  /// residuals that, were they to stay, would hold a joint open by more than 0.1 mm or 5 mrad, or a contact
-  /// in by 0.1 mm (residual times step over ERP).
-  std::vector<std::string> warnings(const Ledger& ledger, const model::SolverSettings& solver) const;
-
  private:
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
-  const model::Model& model_;
+  bool articulated() const;
+
+  const scene::Scene& scene_;
+  long lcp_failures_ = 0, iterative_ = 0;
+  std::array<long, engine::kRungNames.size()> rungs_{};
   long measured_ = 0, limit_steps_ = 0;
   Peak linear_, angular_, contact_;
 };

@@ -4,6 +4,9 @@
 #include <cmath>
 #include <concepts>
 
+#include "handsim/model/shape_extent.h"
+#include "handsim/simulation/watch/summary_json.h"
+
 namespace handsim::simulation {
 
 namespace {
@@ -46,62 +49,18 @@ void carry_pose(Archive& archive, T& pose) {
   archive(pose->q);
 }
 
-/// Distance of a shape's farthest point from the origin of its body [m].
-double reach(const model::Shape& shape) {
-  const Vec3& p = shape.pose.p;
-  const Vec3 axis = shape.pose.q * Vec3::UnitZ();
-  switch (shape.kind) {
-    case model::ShapeKind::sphere:
-      return p.norm() + shape.radius;
-    case model::ShapeKind::capsule:
-      return std::max((p + 0.5 * shape.length * axis).norm(), (p - 0.5 * shape.length * axis).norm()) +
-             shape.radius;
-    case model::ShapeKind::cylinder: {
-      const Vec3 across = p - p.dot(axis) * axis;
-      return std::hypot(across.norm() + shape.radius, std::abs(p.dot(axis)) + 0.5 * shape.length);
-    }
-    case model::ShapeKind::box: {
-      const Vec3 inside = shape.pose.q.conjugate() * p;
-      return (inside.cwiseAbs() + 0.5 * shape.edges).norm();
-    }
-    case model::ShapeKind::convex_mesh: {
-      double most = 0;
-      for (const Vec3& vertex : shape.mesh->vertices) most = std::max(most, (shape.pose * vertex).norm());
-      return most;
-    }
-    case model::ShapeKind::plane:
-      return 0;
-  }
-  return 0;
-}
-
-double friction_of(const model::Model& model, const engine::Contact& contact, double* spinning) {
-  const model::Shape& a = model.shapes[static_cast<std::size_t>(contact.shape_a)];
-  const model::Shape& b = model.shapes[static_cast<std::size_t>(contact.shape_b)];
-  model::Material between = model::combined(model.materials[static_cast<std::size_t>(a.material)],
-                                            model.materials[static_cast<std::size_t>(b.material)]);
-  for (const model::ContactRule& rule : model.contact_rules) {
-    const bool of_pair = (rule.group_a == a.group && rule.group_b == b.group) ||
-                         (rule.group_a == b.group && rule.group_b == a.group);
-    if (of_pair && rule.material != model::kCombined)
-      between = model.materials[static_cast<std::size_t>(rule.material)];
-  }
-  *spinning = between.spinning_friction;
-  return between.friction;
-}
-
 }  // namespace
 
 GraspWatch::GraspWatch(const model::Model& model, const scene::GraspPlan& plan, double step)
-    : model_(model), half_step_(step / 2), part_of_body_(model.bodies.size(), -1) {
+    : model_(model), rules_(model), half_step_(step / 2), part_of_body_(model.bodies.size(), -1) {
   const model::HandIndex& hand = model.hands[plan.hand];
   palm_ = static_cast<std::size_t>(hand.palm);
   for (std::size_t i = 0; i < model.bodies.size(); ++i)
     if (model.bodies[i].name == plan.object) object_ = i;
   for (const model::Shape& shape : model.shapes) {
     if (std::find(hand.bodies.begin(), hand.bodies.end(), shape.body) != hand.bodies.end())
-      part_of_body_[static_cast<std::size_t>(shape.body)] = hand_part(shape.tint);
-    if (static_cast<std::size_t>(shape.body) == object_) length_ = std::max(length_, reach(shape));
+      part_of_body_[static_cast<std::size_t>(shape.body)] = hand_part(shape.part);
+    if (static_cast<std::size_t>(shape.body) == object_) length_ = std::max(length_, model::reach(shape));
   }
   hold_end_ = plan.phase("hold")->end;
   slip_start_ = std::max(plan.phase("hold")->start, hold_end_ - kSlipSpan);
@@ -139,7 +98,10 @@ Grip GraspWatch::grip(const engine::Engine& engine) const {
     out.normal += normal;
     ++out.contacts;
     WrenchContact wrench;
-    wrench.friction = friction_of(model_, contact, &wrench.spinning);
+    const model::Material between = rules_.between(model_.shapes[static_cast<std::size_t>(contact.shape_a)],
+                                                   model_.shapes[static_cast<std::size_t>(contact.shape_b)]);
+    wrench.friction = between.friction;
+    wrench.spinning = between.spinning_friction;
     wrench.position = contact.position - centre;
     wrench.normal = a == object_ ? contact.normal : Vec3(-contact.normal);
     wrenches.push_back(wrench);
@@ -168,7 +130,7 @@ void GraspWatch::restore(ArchiveReader& in) {
   carry_figures(in, figures_);
 }
 
-void GraspWatch::look(const engine::Engine& engine) {
+void GraspWatch::update(const engine::Engine& engine) {
   if (figures_.complete) return;
   const double time = engine.state().time;
   if (time < slip_start_ - half_step_) return;
@@ -198,6 +160,80 @@ void GraspWatch::finish(const engine::Engine& engine, const Pose& now) {
   figures_.held = figures_.shift <= kHeldShift && figures_.turn <= kHeldTurn &&
                   figures_.shaken_shift <= kShakenShift && figures_.after.contacts > 0 &&
                   figures_.after.others == 0 && figures_.hold.others == 0;
+}
+
+Grasps::Grasps(const Watched& watched) {
+  const scene::SceneSpec& spec = watched.scene.spec;
+  for (const scene::GraspPlan& plan : watched.scene.plans.grasps)
+    grasps_.emplace_back(watched.scene.model, plan, spec.solver.step);
+}
+
+void Grasps::update(Step& step) {
+  for (GraspWatch& grasp : grasps_) grasp.update(step.engine);
+}
+
+void Grasps::save(ArchiveWriter& out) const {
+  for (const GraspWatch& grasp : grasps_) grasp.save(out);
+}
+
+void Grasps::restore(ArchiveReader& in, const model::State& /*state*/) {
+  for (GraspWatch& grasp : grasps_) grasp.restore(in);
+}
+
+std::vector<GraspFigures> Grasps::figures() const {
+  std::vector<GraspFigures> out;
+  for (const GraspWatch& grasp : grasps_) out.push_back(grasp.figures());
+  return out;
+}
+
+bool Grasps::lost() const {
+  return std::any_of(grasps_.begin(), grasps_.end(),
+                     [](const GraspWatch& grasp) { return grasp.figures().lost(); });
+}
+
+/// Movements of grasped objects are always judged. An object that is lost has failed, however the run goes
+/// on.
+void Grasps::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const {
+  for (const GraspWatch& each : grasps_) {
+    const GraspFigures& grasp = each.figures();
+    const auto add = [&](const char* name, const char* unit, bool known, double measured,
+                         std::optional<double> limit, double time) {
+      out.push_back({name, unit, known ? std::optional(measured) : std::nullopt, limit, time, grasp.name});
+    };
+    const bool complete = grasp.complete;
+    const int others = grasp.hold.others + grasp.after.others;
+    add("grasp_shaken", "m", complete || grasp.lost(), grasp.shaken_shift, kShakenShift, grasp.shaken_time);
+    add("grasp_shift", "m", complete, grasp.shift, kHeldShift, grasp.after.time);
+    add("grasp_turn", "rad", complete, grasp.turn, kHeldTurn, grasp.after.time);
+    add("grasp_others", "", complete || others > 0, others, 0, grasp.after.time);
+    add("grasp_slip", "m/s", grasp.hold_measured(), grasp.slip, criteria.grasp_slip, grasp.hold.time);
+  }
+}
+
+void Grasps::add_summary(SummaryJson& out) const {
+  const auto grip_json = [](const Grip& grip) {
+    return Json{{"time_s", grip.time},
+                {"contacts", grip.contacts},
+                {"contacts_with_other_things", grip.others},
+                {"normal_force_N", grip.normal},
+                {"friction_used", grip.friction_used},
+                {"parts", parts_json(grip.parts)},
+                {"force_closure", grip.wrenches.force_closure},
+                {"epsilon", grip.wrenches.epsilon},
+                {"wrench_volume", grip.wrenches.volume}};
+  };
+  for (const GraspFigures& grasp : figures())
+    out.json["grasps"].push_back({{"name", grasp.name},
+                                  {"complete", grasp.complete},
+                                  {"held", grasp.held},
+                                  {"force_closure_disagrees", grasp.disagree()},
+                                  {"slip_m_per_s", grasp.slip},
+                                  {"spin_rad_per_s", grasp.spin},
+                                  {"shaken_shift_m", grasp.shaken_shift},
+                                  {"shift_m", grasp.shift},
+                                  {"turn_rad", grasp.turn},
+                                  {"end_of_hold", grip_json(grasp.hold)},
+                                  {"after_shake", grip_json(grasp.after)}});
 }
 
 }  // namespace handsim::simulation

@@ -1,5 +1,5 @@
-// Figures of a grasp: whether the object was held and how firmly. A watch looks at the state after every
-// step of the plan's hold and shake; contacts are taken at the end of the hold and after the shake.
+// Figures of grasps: whether the object was held and how firmly. Measured at every step of the plan's hold
+// and shake; contacts are taken at the end of the hold and after the shake.
 #pragma once
 
 #include <array>
@@ -7,9 +7,10 @@
 #include <string>
 #include <vector>
 
-#include "handsim/engine/engine.h"
+#include "handsim/engine/contact/pair_table.h"
 #include "handsim/scene/task/grasp.h"
 #include "handsim/simulation/watch/hand_parts.h"
+#include "handsim/simulation/watch/watcher.h"
 #include "handsim/simulation/watch/wrench_space.h"
 
 namespace handsim::simulation {
@@ -56,17 +57,16 @@ struct GraspFigures {
   bool disagree() const { return complete && held != after.wrenches.force_closure; }
 };
 
+/// One grasp of the scene.
 class GraspWatch {
  public:
   /// The model must outlive the watch. @param step of the engine [s].
   GraspWatch(const model::Model& model, const scene::GraspPlan& plan, double step);
 
-  /// Looks at the engine after a step.
-  void look(const engine::Engine& engine);
+  void update(const engine::Engine& engine);
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
   const GraspFigures& figures() const { return figures_; }
-  bool lost() const { return figures_.lost(); }
 
  private:
   Pose object_in_palm(const model::State& state) const;
@@ -74,6 +74,7 @@ class GraspWatch {
   void finish(const engine::Engine& engine, const Pose& now);
 
   const model::Model& model_;
+  engine::PairTable rules_;
   double half_step_;
   std::size_t palm_ = 0, object_ = 0;
   double length_ = 0;  ///< largest radius of the object about its centre of mass [m]
@@ -81,6 +82,27 @@ class GraspWatch {
   std::vector<int> part_of_body_;  ///< by body: -1 no part of the hand, else index into the part names
   std::optional<Pose> at_slip_start_, at_hold_end_;
   GraspFigures figures_;
+};
+
+/// The grasps of a scene.
+class Grasps final : public Watcher {
+ public:
+  explicit Grasps(const Watched& watched);
+
+  std::string_view name() const override { return "grasps"; }
+  void update(Step& step) override;
+  void save(ArchiveWriter& out) const override;
+  void restore(ArchiveReader& in, const model::State& state) override;
+  void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
+  void add_summary(SummaryJson& out) const override;
+
+  /// Up to now, in the order of the scene.
+  std::vector<GraspFigures> figures() const;
+  /// An object is lost already.
+  bool lost() const;
+
+ private:
+  std::vector<GraspWatch> grasps_;
 };
 
 }  // namespace handsim::simulation

@@ -13,23 +13,23 @@ inline constexpr std::array<const char*, 6> kHandParts = {"palm",   "thumb", "in
                                                           "middle", "ring",  "little"};
 
 /// Index into kHandParts; -1 for what is no part of a hand.
-inline int hand_part(model::Tint tint) {
-  switch (tint) {
-    case model::Tint::palm:
+inline int hand_part(model::Part part) {
+  switch (part) {
+    case model::Part::palm:
       return 0;
-    case model::Tint::thumb:
+    case model::Part::thumb:
       return 1;
-    case model::Tint::index:
+    case model::Part::index:
       return 2;
-    case model::Tint::middle:
+    case model::Part::middle:
       return 3;
-    case model::Tint::ring:
+    case model::Part::ring:
       return 4;
-    case model::Tint::little:
+    case model::Part::little:
       return 5;
-    case model::Tint::object:
-    case model::Tint::ground:
-    case model::Tint::mechanism:
+    case model::Part::object:
+    case model::Part::ground:
+    case model::Part::mechanism:
       return -1;
   }
   return -1;

@@ -2,13 +2,35 @@
 
 #include <array>
 
+#include "handsim/simulation/watch/summary_json.h"
+
 namespace handsim::simulation {
 
 using model::Effect;
 
-Ledger::Ledger(const model::Model& model, const model::Effects& effects, bool rows)
-    : model_(model), effects_(effects), rows_(rows) {
-  for (const model::Joint& joint : model.joints) {
+namespace {
+
+Json entries_json(const std::vector<LedgerEntry>& entries) {
+  Json out = Json::array();
+  for (const LedgerEntry& entry : entries) {
+    Json row = {{"name", entry.name}, {"steps", entry.ran}};
+    if (entry.rows > 0) row["rows_per_step"] = entry.rows;
+    row["ns_per_step"] = entry.ns_per_step ? Json(*entry.ns_per_step) : Json();
+    row["how"] = entry.how;
+    out.push_back(std::move(row));
+  }
+  return out;
+}
+
+}  // namespace
+
+Ledger::Ledger(const Watched& watched)
+    : model_(watched.scene.model),
+      effects_(watched.scene.spec.solver.effects),
+      rows_(watched.scene.spec.solver.engine() != engine::EngineKind::articulated) {
+  if (watched.controller && watched.controller->plan().form == control::Form::implicit_gain)
+    driven_rows_ = static_cast<long>(watched.controller->plan().axes.size());
+  for (const model::Joint& joint : model_.joints) {
     // A slider holds five of six relative freedoms, as a hinge does.
     joint_rows_ += 6 - model::dof_count(joint.kind);
     for (const model::JointAxis& axis : joint.axes) tissue_rows_ += axis.tissue ? 1 : 0;
@@ -16,54 +38,51 @@ Ledger::Ledger(const model::Model& model, const model::Effects& effects, bool ro
 }
 
 Effect Ledger::kind_of(const engine::Contact& contact) const {
-  const model::Tint a = model_.shapes[static_cast<std::size_t>(contact.shape_a)].tint;
-  const model::Tint b = model_.shapes[static_cast<std::size_t>(contact.shape_b)].tint;
-  if (a == model::Tint::ground || b == model::Tint::ground) return Effect::ground_contact;
-  if (a == model::Tint::object || b == model::Tint::object) return Effect::object_contact;
+  const model::Part a = model_.shapes[static_cast<std::size_t>(contact.shape_a)].part;
+  const model::Part b = model_.shapes[static_cast<std::size_t>(contact.shape_b)].part;
+  if (a == model::Part::ground || b == model::Part::ground) return Effect::ground_contact;
+  if (a == model::Part::object || b == model::Part::object) return Effect::object_contact;
   return Effect::self_contact;
 }
 
-void Ledger::book(const engine::StepReport& report, std::span<const engine::Contact> contacts,
-                  const StepTimes& times) {
-  if (times_next()) {
+void Ledger::add_rows(Effect effect, long rows) {
+  if (rows == 0) return;
+  ++count(effect).steps;
+  count(effect).rows += rows;
+}
+
+void Ledger::update(Step& step) {
+  const engine::StepReport& report = step.report;
+  if (step.times) {
+    const auto since = std::chrono::steady_clock::now() - step.times->watched;
     ++timed_;
-    step_ns_ += times.step;
-    check_ns_ += times.check;
-    control_ns_ += times.control;
+    step_ns_ += step.times->step;
+    check_ns_ += std::chrono::duration<double, std::nano>(since).count();
+    control_ns_ += step.times->control;
     servo_ns_ += report.servo_ns;
     collide_ns_ += report.collide_ns;
     tissue_ns_ += report.tissue_ns;
   }
   ++steps_;
-  lcp_failures_ += report.lcp_failures;
   contacts_ += report.contacts;
   collide_calls_ += report.collide_calls;
-  ++rungs_[static_cast<std::size_t>(report.rung)];
-  iterative_ += report.iterative ? 1 : 0;
-  const auto book_rows = [&](Effect effect, long rows) {
-    if (rows == 0) return;
-    ++count(effect).steps;
-    count(effect).rows += rows;
-  };
-  book_rows(Effect::joint_stops, report.stop_rows);
-  if (effects_.has(Effect::passive_tissue)) book_rows(Effect::passive_tissue, tissue_rows_);
-  if (effects_.has(Effect::actuation)) book_rows(Effect::actuation, driven_rows_);
+  add_rows(Effect::joint_stops, report.stop_rows);
+  if (effects_.has(Effect::passive_tissue)) add_rows(Effect::passive_tissue, tissue_rows_);
+  if (effects_.has(Effect::actuation)) add_rows(Effect::actuation, driven_rows_);
   std::array<long, model::kEffectCount> touching{};
-  for (const engine::Contact& contact : contacts) ++touching[static_cast<std::size_t>(kind_of(contact))];
+  for (const engine::Contact& contact : step.engine.contacts())
+    ++touching[static_cast<std::size_t>(kind_of(contact))];
   for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact})
-    book_rows(effect, touching[static_cast<std::size_t>(effect)]);
-  if (effects_.has(Effect::friction)) book_rows(Effect::friction, 2L * report.contacts);
+    add_rows(effect, touching[static_cast<std::size_t>(effect)]);
+  if (effects_.has(Effect::friction)) add_rows(Effect::friction, 2L * report.contacts);
 }
 
 template <class Archive, class Self>
 void Ledger::carry(Archive& archive, Self& self) {
-  for (auto* count : {&self.timed_, &self.steps_, &self.lcp_failures_, &self.contacts_, &self.collide_calls_,
-                      &self.iterative_})
-    archive(*count);
+  for (auto* count : {&self.timed_, &self.steps_, &self.contacts_, &self.collide_calls_}) archive(*count);
   for (auto* time : {&self.step_ns_, &self.check_ns_, &self.collide_ns_, &self.tissue_ns_, &self.control_ns_,
                      &self.servo_ns_})
     archive(*time);
-  archive.each(self.rungs_);
   for (auto& count : self.counts_) {
     archive(count.steps);
     archive(count.rows);
@@ -72,7 +91,7 @@ void Ledger::carry(Archive& archive, Self& self) {
 
 void Ledger::save(ArchiveWriter& out) const { carry(out, *this); }
 
-void Ledger::restore(ArchiveReader& in) { carry(in, *this); }
+void Ledger::restore(ArchiveReader& in, const model::State& /*state*/) { carry(in, *this); }
 
 std::optional<double> Ledger::per_step(double ns) const {
   return timed_ > 0 ? std::optional(ns / static_cast<double>(timed_)) : std::nullopt;
@@ -101,10 +120,6 @@ LedgerEntry Ledger::entry(Effect effect) const {
     case Effect::wrist_motion:
       out.ran = steps_;
       out.how = "acts within the step without rows of its own: not told apart";
-      return out;
-    case Effect::step_guard:
-      out.ran = steps_ - rungs_[0];
-      out.how = "steps that were tried again; their time is the step's: not told apart";
       return out;
     case Effect::actuation:
     case Effect::object_contact:
@@ -152,6 +167,13 @@ std::vector<LedgerEntry> Ledger::effects() const {
   for (int i = 0; i < model::kEffectCount; ++i)
     if (effects_.has(static_cast<Effect>(i))) out.push_back(entry(static_cast<Effect>(i)));
   return out;
+}
+
+void Ledger::add_summary(SummaryJson& out) const {
+  out.json["counts"]["contacts"] = contacts_;
+  out.json["counts"]["collide_calls"] = collide_calls_;
+  if (Json& control = out.json["control"]; !control.is_null()) control["share_of_step"] = control_share();
+  out.json["ledger"] = {{"phases", entries_json(phases())}, {"effects", entries_json(effects())}};
 }
 
 }  // namespace handsim::simulation

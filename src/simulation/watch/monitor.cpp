@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "handsim/model/kinematics.h"
+#include <fmt/format.h>
 
 namespace handsim::simulation {
 
@@ -16,11 +16,8 @@ constexpr double kResolution = 1e-6;
 /// Bound of how fast any coordinate of the joint moves. The axes of a universal joint are perpendicular, so
 /// that no rate exceeds the relative angular velocity.
 double fastest_rate(const model::Joint& joint, const model::State& state) {
-  if (joint.kind == model::JointKind::slider) {
-    double rate = 0;
-    model::joint_rates(joint, state, std::span(&rate, 1));
-    return std::abs(rate);
-  }
+  if (joint.kind == model::JointKind::slider)
+    return std::abs(state.u[static_cast<std::size_t>(joint.first_dof)]);
   return (state.bodies[static_cast<std::size_t>(joint.child)].w -
           state.bodies[static_cast<std::size_t>(joint.parent)].w)
       .norm();
@@ -32,7 +29,20 @@ std::string axis_name(const model::Joint& joint, std::size_t axis) {
   return joint.name + "." + joint.axes[axis].name;
 }
 
+/// @param exists whether the scene has what is measured
+Verdict verdict(std::string name, std::string unit, bool exists, const Peak& peak,
+                std::optional<double> limit) {
+  const std::optional<double> measured = exists ? std::optional(peak.value) : std::nullopt;
+  return {std::move(name), std::move(unit), measured, limit, peak.time, peak.where};
+}
+
 }  // namespace
+
+Monitor::Monitor(const Watched& watched)
+    : Monitor(watched.scene.model, watched.scene.spec.solver.step,
+              watched.scene.spec.solver.effects.has(model::Effect::joint_stops)) {
+  engine_ = &watched.engine;
+}
 
 Monitor::Monitor(const model::Model& model, double step, bool stops) : model_(model), step_(step) {
   for (const model::Joint& joint : model.joints)
@@ -43,30 +53,29 @@ Monitor::Monitor(const model::Model& model, double step, bool stops) : model_(mo
     const auto& axes = model.joints[i].axes;
     if (stops &&
         std::any_of(axes.begin(), axes.end(), [](const model::JointAxis& a) { return a.stop.has_value(); }))
-      watched_.push_back({static_cast<int>(i)});
+      stopped_.push_back({static_cast<int>(i)});
   }
 }
 
-void Monitor::look(const model::State& state) {
-  look_at_gaps(state);
-  for (Watched& watched : watched_) {
+void Monitor::update(Step& step) {
+  update(step.engine.state());
+  if (gap2_ <= kLargestGap * kLargestGap) return;
+  const Peak gap = joint_gap();
+  step.fault = {gap.time, gap.where, "joint gap [m]",
+                fmt::format("{:g} is beyond {:g}: use a smaller step, more iterations or weaker torques",
+                            gap.value, kLargestGap)};
+}
+
+void Monitor::update(const model::State& state) {
+  update_gaps(state);
+  for (StoppedJoint& stopped : stopped_) {
     // Twice the rate, for what a rate at the step's end says of the step.
-    watched.leeway -= 2 * step_ * fastest_rate(model_.joints[static_cast<std::size_t>(watched.joint)], state);
-    if (!(watched.leeway > 0)) look_at_stops(watched, state);
+    stopped.leeway -= 2 * step_ * fastest_rate(model_.joints[static_cast<std::size_t>(stopped.joint)], state);
+    if (!(stopped.leeway > 0)) update_stops(stopped, state);
   }
 }
 
-void Monitor::look(std::span<const engine::Contact> contacts, double time) {
-  for (const engine::Contact& contact : contacts) {
-    if (!(contact.depth > depth_)) continue;
-    depth_ = contact.depth;
-    depth_time_ = time;
-    deep_a_ = contact.shape_a;
-    deep_b_ = contact.shape_b;
-  }
-}
-
-void Monitor::look_at_gaps(const model::State& state) {
+void Monitor::update_gaps(const model::State& state) {
   for (std::size_t i = 0; i < model_.joints.size(); ++i) {
     const model::Joint& joint = model_.joints[i];
     const model::BodyState& child = state.bodies[static_cast<std::size_t>(joint.child)];
@@ -90,64 +99,50 @@ void Monitor::look_at_gaps(const model::State& state) {
   }
 }
 
-void Monitor::look_at_stops(Watched& watched, const model::State& state) {
-  const model::Joint& joint = model_.joints[static_cast<std::size_t>(watched.joint)];
-  std::array<double, 3> q{};
-  model::joint_coordinates(joint, state, q);
-  watched.leeway = std::numeric_limits<double>::infinity();
+void Monitor::update_stops(StoppedJoint& stopped, const model::State& state) {
+  const model::Joint& joint = model_.joints[static_cast<std::size_t>(stopped.joint)];
+  const double* q = state.q.data() + joint.first_dof;
+  stopped.leeway = std::numeric_limits<double>::infinity();
   for (std::size_t a = 0; a < joint.axes.size(); ++a) {
     const auto& stop = joint.axes[a].stop;
     if (!stop) continue;
-    watched.leeway =
-        std::min(watched.leeway, std::max(kResolution, std::min(stop->high - q[a], q[a] - stop->low)));
-    book(watched, a, overshoot(*stop, q[a]), state);
+    stopped.leeway =
+        std::min(stopped.leeway, std::max(kResolution, std::min(stop->high - q[a], q[a] - stop->low)));
+    record_overshoot(stopped, a, overshoot(*stop, q[a]), state);
   }
 }
 
-void Monitor::book(Watched& watched, std::size_t axis, double over, const model::State& state) {
-  const model::Joint& joint = model_.joints[static_cast<std::size_t>(watched.joint)];
-  if (over > 0 && watched.overshoot[axis] <= 0) {
-    std::array<double, 3> rate{};
-    model::joint_rates(joint, state, rate);
-    watched.allowed[axis] = std::abs(rate[axis]) * step_ + kResolution;
+void Monitor::record_overshoot(StoppedJoint& stopped, std::size_t axis, double over,
+                                const model::State& state) {
+  const model::Joint& joint = model_.joints[static_cast<std::size_t>(stopped.joint)];
+  if (over > 0 && stopped.overshoot[axis] <= 0) {
+    const double rate = state.u[static_cast<std::size_t>(joint.first_dof) + axis];
+    stopped.allowed[axis] = std::abs(rate) * step_ + kResolution;
   }
-  watched.overshoot[axis] = over;
-  const double excess = over - watched.allowed[axis];
+  stopped.overshoot[axis] = over;
+  const double excess = over - stopped.allowed[axis];
   if (over > 0 && excess > excess_.value) excess_ = {excess, state.time, axis_name(joint, axis)};
-}
-
-Peak Monitor::penetration() const {
-  if (depth_ <= 0) return {};
-  const auto name = [&](int shape) { return model_.shapes[static_cast<std::size_t>(shape)].name; };
-  return {depth_, depth_time_, name(deep_a_) + " and " + name(deep_b_)};
 }
 
 template <class Archive, class Self>
 void Monitor::carry(Archive& archive, Self& self) {
-  for (auto& watched : self.watched_) {
-    archive(watched.leeway);
-    archive.each(watched.overshoot);
-    archive.each(watched.allowed);
+  for (auto& stopped : self.stopped_) {
+    archive(stopped.leeway);
+    archive.each(stopped.overshoot);
+    archive.each(stopped.allowed);
   }
   archive(self.gap2_);
   archive(self.gap_time_);
   archive(self.gap_joint_);
   simulation::carry(archive, self.excess_);
-  archive(self.depth_);
-  archive(self.depth_time_);
-  archive(self.deep_a_);
-  archive(self.deep_b_);
 }
 
 void Monitor::save(ArchiveWriter& out) const { carry(out, *this); }
 
-void Monitor::restore(ArchiveReader& in) {
+void Monitor::restore(ArchiveReader& in, const model::State& /*state*/) {
   carry(in, *this);
   if (gap_joint_ > 0 && gap_joint_ >= model_.joints.size())
     in.refuse("the gap of a joint that is not there", "one of this scene's joints");
-  const auto shapes = static_cast<int>(model_.shapes.size());
-  if (depth_ > 0 && (deep_a_ >= shapes || deep_b_ >= shapes))
-    in.refuse("a contact of a shape that is not there", "one of this scene's shapes");
 }
 
 Peak Monitor::joint_gap() const {
@@ -155,14 +150,11 @@ Peak Monitor::joint_gap() const {
   return {std::sqrt(gap2_), gap_time_, model_.joints[gap_joint_].name};
 }
 
-Peak Monitor::stop_overshoot() const { return excess_; }
-
 Peak Monitor::stop_rest(const model::State& state) const {
   Peak worst;
-  for (const Watched& watched : watched_) {
-    const model::Joint& joint = model_.joints[static_cast<std::size_t>(watched.joint)];
-    std::array<double, 3> q{};
-    model::joint_coordinates(joint, state, q);
+  for (const StoppedJoint& stopped : stopped_) {
+    const model::Joint& joint = model_.joints[static_cast<std::size_t>(stopped.joint)];
+    const double* q = state.q.data() + joint.first_dof;
     for (std::size_t a = 0; a < joint.axes.size(); ++a) {
       if (!joint.axes[a].stop) continue;
       const double over = overshoot(*joint.axes[a].stop, q[a]);
@@ -170,6 +162,13 @@ Peak Monitor::stop_rest(const model::State& state) const {
     }
   }
   return worst;
+}
+
+void Monitor::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const {
+  out.push_back(verdict("joint_gap", "m", !model_.joints.empty(), joint_gap(), criteria.joint_gap));
+  out.push_back(verdict("stop_overshoot", "rad", has_stops(), excess_, criteria.stop_overshoot));
+  out.push_back(verdict("stop_rest", "rad", has_stops(), engine_ ? stop_rest(engine_->state()) : Peak{},
+                        criteria.stop_rest));
 }
 
 }  // namespace handsim::simulation

@@ -1,17 +1,15 @@
-// Watches a run step by step: how far joints come apart, stops are overshot and shapes penetrate. Costs a
-// small share of a step: a joint's coordinates are worked out only when it may have moved far enough since to
-// matter.
+// Measures at every step how far joints come apart and stops are overshot. Costs a small share of a step: a
+// joint's coordinates are computed only when it may have moved far enough since to matter.
 #pragma once
 
 #include <array>
 #include <concepts>
-#include <span>
 #include <string>
 #include <type_traits>
 #include <vector>
 
 #include "handsim/core/archive.h"
-#include "handsim/engine/engine.h"
+#include "handsim/simulation/watch/watcher.h"
 
 namespace handsim::simulation {
 
@@ -30,36 +28,37 @@ void carry(Archive& archive, T& peak) {
   archive(peak.where);
 }
 
-class Monitor {
+/// A hand's bodies are no longer: joints further apart than this are joints no more, and the run fails [m].
+inline constexpr double kLargestGap = 0.1;
+
+class Monitor final : public Watcher {
  public:
+  explicit Monitor(const Watched& watched);
+  /// Without an engine: of states that come from elsewhere. The model must outlive the monitor.
   /// @param step of the engine [s]. @param stops whether joint stops are in force.
   Monitor(const model::Model& model, double step, bool stops);
 
-  /// Looks at the state after a step.
-  void look(const model::State& state);
-  /// Looks at the contact points of a step. @param time of the state that they were found at [s].
-  void look(std::span<const engine::Contact> contacts, double time);
+  std::string_view name() const override { return "monitor"; }
+  void update(Step& step) override;
+  /// Of the state after a step.
+  void update(const model::State& state);
+  void save(ArchiveWriter& out) const override;
+  void restore(ArchiveReader& in, const model::State& state) override;
+  void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
 
   /// Whether any joint has a stop that is in force.
-  bool has_stops() const { return !watched_.empty(); }
-  /// Largest depth of any contact point so far [m], `A and B` by the names of the shapes.
-  Peak penetration() const;
-  /// Whether any joint has been further apart than this [m].
-  bool apart(double limit) const { return gap2_ > limit * limit; }
+  bool has_stops() const { return !stopped_.empty(); }
   /// Largest joint gap so far [m].
   Peak joint_gap() const;
   /// Largest overshoot of a stop, less what the step that crossed it explains (rate at the crossing times
   /// step) [rad] or [m], resolved to 1e-6; 0 where no stop was ever overshot by more.
-  Peak stop_overshoot() const;
-  void save(ArchiveWriter& out) const;
-  void restore(ArchiveReader& in);
-
+  const Peak& stop_overshoot() const { return excess_; }
   /// Largest overshoot of a stop in a state [rad] or [m].
   Peak stop_rest(const model::State& state) const;
 
  private:
   /// A joint with a stop.
-  struct Watched {
+  struct StoppedJoint {
     int joint = 0;
     /// Movement of any coordinate that cannot bring news: what is left to the nearest stop, or the
     /// resolution.
@@ -69,19 +68,18 @@ class Monitor {
   };
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
-  void look_at_gaps(const model::State& state);
-  void look_at_stops(Watched& watched, const model::State& state);
-  void book(Watched& watched, std::size_t axis, double over, const model::State& state);
+  void update_gaps(const model::State& state);
+  void update_stops(StoppedJoint& stopped, const model::State& state);
+  void record_overshoot(StoppedJoint& stopped, std::size_t axis, double over, const model::State& state);
 
   const model::Model& model_;
+  const engine::Engine* engine_ = nullptr;  ///< null where states come from elsewhere
   double step_;
-  std::vector<Watched> watched_;
+  std::vector<StoppedJoint> stopped_;
   std::vector<Vec3> slider_axes_;  ///< of each joint in its parent; zero where it is no slider
   double gap2_ = 0, gap_time_ = 0;
   std::size_t gap_joint_ = 0;
   Peak excess_;
-  double depth_ = 0, depth_time_ = 0;
-  int deep_a_ = 0, deep_b_ = 0;  ///< shapes
 };
 
 }  // namespace handsim::simulation

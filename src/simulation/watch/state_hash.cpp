@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/archive.h"
+#include "handsim/simulation/watch/summary_json.h"
 
 namespace handsim::simulation {
 
@@ -27,6 +28,30 @@ void StateHash::add(const model::State& state) {
   value_ =
       hash_bytes({reinterpret_cast<const char*>(numbers_.data()), numbers_.size() * sizeof(double)}, value_);
 }
+
+RunHash::RunHash(const Watched& watched) : engine_(watched.engine) { hash_.add(engine_.state()); }
+
+void RunHash::update(Step& step) {
+  if (++steps_ % kHashEvery == 0) hash_.add(step.engine.state());
+}
+
+void RunHash::save(ArchiveWriter& out) const {
+  out(steps_);
+  out.word(hash_.value());
+}
+
+void RunHash::restore(ArchiveReader& in, const model::State& /*state*/) {
+  in(steps_);
+  hash_.set(in.word());
+}
+
+std::uint64_t RunHash::value() const {
+  StateHash all = hash_;
+  if (steps_ % kHashEvery != 0) all.add(engine_.state());
+  return all.value();
+}
+
+void RunHash::add_summary(SummaryJson& out) const { out.json["state_hash"] = hash_text(value()); }
 
 std::string hash_text(std::uint64_t hash) { return fmt::format("{:016x}", hash); }
 

@@ -11,7 +11,7 @@
 #include <string>
 #include <string_view>
 
-#include "handsim/model/state.h"
+#include "handsim/simulation/watch/watcher.h"
 
 namespace handsim::simulation {
 
@@ -29,6 +29,26 @@ class StateHash {
  private:
   std::uint64_t value_ = 0;
   std::vector<double> numbers_;  ///< of one state
+};
+
+/// Hashes the states of a run.
+class RunHash final : public Watcher {
+ public:
+  explicit RunHash(const Watched& watched);
+
+  std::string_view name() const override { return "state_hash"; }
+  void update(Step& step) override;
+  void save(ArchiveWriter& out) const override;
+  void restore(ArchiveReader& in, const model::State& state) override;
+  void add_summary(SummaryJson& out) const override;
+
+  /// Of the states up to now.
+  std::uint64_t value() const;
+
+ private:
+  const engine::Engine& engine_;
+  long steps_ = 0;
+  StateHash hash_;  ///< up to the last step that kHashEvery divides
 };
 
 /// Sixteen hexadecimal digits.

@@ -16,12 +16,13 @@ void raise(Peak& peak, double value, double time, const std::string& where) {
 
 }  // namespace
 
-Tracking::Tracking(const control::Controller& controller, double step)
-    : controller_(controller),
-      step_(step),
-      axes_(controller.axes().size()),
-      figures_(controller.axes().size()) {
-  const control::Plan& plan = controller.plan();
+Tracking::Tracking(const Watched& watched)
+    : engine_(watched.engine),
+      controller_(*watched.controller),
+      step_(watched.scene.spec.solver.step),
+      axes_(controller_.axes().size()),
+      figures_(controller_.axes().size()) {
+  const control::Plan& plan = controller_.plan();
   std::size_t at = 0;
   for (std::size_t h = 0; h < plan.hands.size(); ++h) {
     Hand hand;
@@ -32,6 +33,10 @@ Tracking::Tracking(const control::Controller& controller, double step)
     }
     hand.last = at;
     hand.trajectory = &plan.hands[h].trajectory;
+    // Of movements that are under way at the start nothing is known.
+    const std::vector<control::Phase>& phases = hand.trajectory->phases();
+    while (hand.phase < phases.size() && phases[hand.phase].start < engine_.state().time - 0.5 * step_)
+      ++hand.phase;
     hands_.push_back(hand);
   }
 }
@@ -90,7 +95,8 @@ void Tracking::watch(Hand& hand, double time) {
   if (next_window) hand.window = time;
 }
 
-void Tracking::look(double time) {
+void Tracking::update(Step& step) {
+  const double time = step.engine.state().time;
   ++steps_;
   for (Hand& hand : hands_) {
     const std::vector<control::Phase>& phases = hand.trajectory->phases();
@@ -109,6 +115,7 @@ void Tracking::look(double time) {
   }
 }
 
+/// Closes holds that the end of the run cuts off.
 void Tracking::finish(double time) {
   for (Hand& hand : hands_)
     if (hand.moving) end(hand, time);
@@ -140,7 +147,7 @@ void Tracking::carry(Archive& archive, Self& self) {
 
 void Tracking::save(ArchiveWriter& out) const { carry(out, *this); }
 
-void Tracking::restore(ArchiveReader& in) {
+void Tracking::restore(ArchiveReader& in, const model::State& /*state*/) {
   carry(in, *this);
   for (const Hand& hand : hands_)
     if (hand.phase > hand.trajectory->phases().size() || (hand.moving && hand.phase == 0))
@@ -160,6 +167,12 @@ std::vector<AxisTracking> Tracking::axes() const {
     out[i].limit_share = static_cast<double>(axes_[i].at_limit) / n;
   }
   return out;
+}
+
+std::vector<AxisTracking> Tracking::figures() const {
+  Tracking closed = *this;
+  closed.finish(engine_.state().time);
+  return closed.axes();
 }
 
 const AxisTracking* Tracking::worst(const std::vector<AxisTracking>& axes) {

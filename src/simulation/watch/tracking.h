@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "handsim/control/controller.h"
 #include "handsim/simulation/watch/monitor.h"
+#include "handsim/simulation/watch/watcher.h"
 
 namespace handsim::simulation {
 
@@ -32,21 +32,20 @@ struct AxisTracking {
   double limit_share = 0;     ///< of the steps with the torque at its limit
 };
 
-class Tracking {
+class Tracking final : public Watcher {
  public:
-  /// The controller must outlive this. @param step of the engine [s].
-  Tracking(const control::Controller& controller, double step);
+  /// Of a scene with a controller.
+  explicit Tracking(const Watched& watched);
 
-  /// Looks at the controller's axes after a step. @param time of the state [s].
-  void look(double time);
-  /// Closes holds that the end of the run cuts off. Call once, at the end.
-  void finish(double time);
+  std::string_view name() const override { return "tracking"; }
+  void update(Step& step) override;
+  void save(ArchiveWriter& out) const override;
+  void restore(ArchiveReader& in, const model::State& state) override;
+  void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
+  void add_summary(SummaryJson& out) const override;
 
-  void save(ArchiveWriter& out) const;
-  void restore(ArchiveReader& in);
-
-  /// By driven axis.
-  std::vector<AxisTracking> axes() const;
+  /// By driven axis, up to now, holds that are under way closed.
+  std::vector<AxisTracking> figures() const;
   /// Axis with the largest RMS error; null where none is driven.
   static const AxisTracking* worst(const std::vector<AxisTracking>& axes);
 
@@ -73,7 +72,10 @@ class Tracking {
   void begin(Hand& hand);
   void watch(Hand& hand, double time);
   void end(Hand& hand, double time);
+  void finish(double time);
+  std::vector<AxisTracking> axes() const;
 
+  const engine::Engine& engine_;
   const control::Controller& controller_;
   double step_;
   long steps_ = 0;

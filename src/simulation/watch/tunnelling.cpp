@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/engine/contact/crossing.h"
+#include "handsim/model/shape_extent.h"
 
 namespace handsim::simulation {
 
@@ -18,23 +19,27 @@ constexpr double kTurnPerChange = 2.3;
 
 }  // namespace
 
-Tunnelling::Tunnelling(const model::Model& model, const model::Effects& effects, const model::State& start)
-    : model_(model), sweep_(model, effects) {
-  for (const model::Shape& shape : model.shapes)
-    radii_.push_back(model.bodies[static_cast<std::size_t>(shape.body)].kinematic ||
+Tunnelling::Tunnelling(const Watched& watched)
+    : model_(watched.scene.model),
+      tested_(watched.engine.tests_contacts()),
+      sweep_(model_, watched.scene.spec.solver.effects) {
+  for (const model::Shape& shape : model_.shapes)
+    radii_.push_back(model_.bodies[static_cast<std::size_t>(shape.body)].kinematic ||
                              shape.body == model::kWorld
                          ? std::numeric_limits<double>::infinity()
-                         : engine::smallest_radius(shape));
-  restart(start);
+                         : model::inner_radius(shape));
+  start_from(watched.engine.state());
 }
 
-void Tunnelling::restart(const model::State& state) {
+void Tunnelling::start_from(const model::State& state) {
   last_.time = state.time;
   last_.bodies = state.bodies;
 }
 
-void Tunnelling::look(std::span<const engine::Contact> contacts, const model::State& state) {
-  look_at_depths(contacts);
+void Tunnelling::update(Step& step) {
+  if (!tested_) return;
+  const model::State& state = step.engine.state();
+  update_depths(step.engine);
   bool fast = false;
   for (const int body : sweep_.bodies()) {
     const model::BodyState &before = last_.bodies[static_cast<std::size_t>(body)],
@@ -44,13 +49,19 @@ void Tunnelling::look(std::span<const engine::Contact> contacts, const model::St
     fast = fast ||
            sweep_.fast(body, (now.p - before.p).squaredNorm(), kTurnPerChange * kTurnPerChange * change2);
   }
-  if (fast) look_at_ways(state);
-  restart(state);
+  if (fast) find_passages(state);
+  start_from(state);
 }
 
 /// Contacts are found where the last step ended.
-void Tunnelling::look_at_depths(std::span<const engine::Contact> contacts) {
-  for (const engine::Contact& contact : contacts) {
+void Tunnelling::update_depths(const engine::Engine& engine) {
+  for (const engine::Contact& contact : engine.contacts()) {
+    if (contact.depth > depth_) {
+      depth_ = contact.depth;
+      depth_time_ = engine.state().time - engine.settings().step;
+      deep_a_ = contact.shape_a;
+      deep_b_ = contact.shape_b;
+    }
     const double most = std::min(radii_[static_cast<std::size_t>(contact.shape_a)],
                                  radii_[static_cast<std::size_t>(contact.shape_b)]);
     if (!(contact.depth > most)) continue;
@@ -61,7 +72,7 @@ void Tunnelling::look_at_depths(std::span<const engine::Contact> contacts) {
   }
 }
 
-void Tunnelling::look_at_ways(const model::State& state) {
+void Tunnelling::find_passages(const model::State& state) {
   ways_.assign(state.bodies.size(), {});
   for (std::size_t i = 0; i < ways_.size(); ++i)
     ways_[i] = {state.bodies[i].p - last_.bodies[i].p,
@@ -92,38 +103,57 @@ Tunnelling::Event& Tunnelling::event(int a, int b, double time) {
   return first;
 }
 
-std::string Tunnelling::first_where() const {
-  if (events_.empty()) return "";
+std::string Tunnelling::names(int a, int b) const {
   const auto name = [&](int shape) { return model_.shapes[static_cast<std::size_t>(shape)].name; };
-  return name(events_.front().a) + " and " + name(events_.front().b);
+  return name(a) + " and " + name(b);
 }
 
-std::vector<std::string> Tunnelling::warnings() const {
-  std::vector<std::string> out;
-  constexpr const char* kRemedy = "try a smaller step, or stiffer contact";
-  for (const Event& met : events_) {
-    if (out.size() == kMostNamed) {
-      out.push_back(fmt::format("{} more pairs of shapes passed or lay deep in each other",
-                                events_.size() - kMostNamed));
-      break;
-    }
-    const auto radius = [&](int shape) { return radii_[static_cast<std::size_t>(shape)]; };
-    const bool first = radius(met.a) <= radius(met.b);
-    const std::string& body = model_.shapes[static_cast<std::size_t>(first ? met.a : met.b)].name;
-    const std::string& other = model_.shapes[static_cast<std::size_t>(first ? met.b : met.a)].name;
-    std::string text =
-        met.passed ? fmt::format("{} passed through {} at {:.3f} s", body, other, met.time) : "";
-    if (met.depth > 0)
-      text += fmt::format("{} {:.3g} mm deep in {} at {:.3f} s, beyond its smallest radius of {:.3g} mm",
-                          met.passed ? " and lay" : body + " lay", 1e3 * met.depth, met.passed ? "it" : other,
-                          met.depth_time, 1e3 * std::min(radius(met.a), radius(met.b)));
-    out.push_back(text + ": " + kRemedy);
-  }
-  return out;
+std::string Tunnelling::first_where() const {
+  return events_.empty() ? "" : names(events_.front().a, events_.front().b);
+}
+
+Peak Tunnelling::penetration() const {
+  return depth_ > 0 ? Peak{depth_, depth_time_, names(deep_a_, deep_b_)} : Peak{};
+}
+
+std::string Tunnelling::warning(const Event& met) const {
+  const auto radius = [&](int shape) { return radii_[static_cast<std::size_t>(shape)]; };
+  const bool first = radius(met.a) <= radius(met.b);
+  const std::string& body = model_.shapes[static_cast<std::size_t>(first ? met.a : met.b)].name;
+  const std::string& other = model_.shapes[static_cast<std::size_t>(first ? met.b : met.a)].name;
+  std::string text = met.passed ? fmt::format("{} passed through {} at {:.3f} s", body, other, met.time) : "";
+  if (met.depth > 0)
+    text += fmt::format("{} {:.3g} mm deep in {} at {:.3f} s, beyond its smallest radius of {:.3g} mm",
+                        met.passed ? " and lay" : body + " lay", 1e3 * met.depth, met.passed ? "it" : other,
+                        met.depth_time, 1e3 * std::min(radius(met.a), radius(met.b)));
+  return text + ": try a smaller step, or stiffer contact";
+}
+
+void Tunnelling::add_warnings(std::vector<std::string>& out) const {
+  const std::size_t named = std::min(kMostNamed, events_.size());
+  for (std::size_t i = 0; i < named; ++i) out.push_back(warning(events_[i]));
+  if (events_.size() > named)
+    out.push_back(
+        fmt::format("{} more pairs of shapes passed or lay deep in each other", events_.size() - named));
+}
+
+/// Nothing is measured where no contacts are tested.
+void Tunnelling::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const {
+  const auto measured = [&](double value) { return tested_ ? std::optional(value) : std::nullopt; };
+  const Peak deepest = penetration();
+  if (tested_ || criteria.penetration)
+    out.push_back(
+        {"penetration", "m", measured(deepest.value), criteria.penetration, deepest.time, deepest.where});
+  if (tested_ || criteria.tunnelling)
+    out.push_back({"tunnelling", "", measured(pairs()), criteria.tunnelling, first_time(), first_where()});
 }
 
 template <class Archive, class Self>
 void Tunnelling::carry(Archive& archive, Self& self) {
+  archive(self.depth_);
+  archive(self.depth_time_);
+  archive(self.deep_a_);
+  archive(self.deep_b_);
   for (auto& met : self.events_) {
     archive(met.a);
     archive(met.b);
@@ -139,13 +169,16 @@ void Tunnelling::save(ArchiveWriter& out) const {
   carry(out, *this);
 }
 
-void Tunnelling::restore(ArchiveReader& in) {
+void Tunnelling::restore(ArchiveReader& in, const model::State& state) {
   events_.resize(in.size());
   carry(in, *this);
   const auto shapes = static_cast<int>(model_.shapes.size());
+  if (depth_ > 0 && (deep_a_ >= shapes || deep_b_ >= shapes))
+    in.refuse("a contact of a shape that is not there", "one of this scene's shapes");
   for (const Event& met : events_)
     if (met.a < 0 || met.b < 0 || met.a >= shapes || met.b >= shapes)
       in.refuse("a pair of shapes that are not there", "pairs of this scene's shapes");
+  start_from(state);
 }
 
 }  // namespace handsim::simulation

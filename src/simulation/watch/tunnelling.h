@@ -1,40 +1,35 @@
-// Watches a run for what contact should never let be: a shape whose centre passes through another within a
-// step, or that lies deeper in another than its own smallest radius. On wherever contacts are tested, at some
-// nanoseconds for each body.
+// How deep shapes penetrate each other, and what contact must never let happen: a shape whose centre passes
+// through another within a step, or that lies deeper in another than its own smallest radius. Measured
+// wherever contacts are tested, at some nanoseconds for each body.
 #pragma once
 
-#include <optional>
-#include <span>
 #include <string>
 #include <vector>
 
-#include "handsim/core/archive.h"
 #include "handsim/engine/contact/sweep.h"
-#include "handsim/engine/engine.h"
+#include "handsim/simulation/watch/monitor.h"
 
 namespace handsim::simulation {
 
-class Tunnelling {
+class Tunnelling final : public Watcher {
  public:
-  /// The model must outlive this. @param start the state before the first step
-  Tunnelling(const model::Model& model, const model::Effects& effects, const model::State& start);
+  explicit Tunnelling(const Watched& watched);
 
-  /// Takes in a step. @param contacts found at the last step's state; @param state after the step
-  void look(std::span<const engine::Contact> contacts, const model::State& state);
-  /// Goes on from another state.
-  void restart(const model::State& state);
+  std::string_view name() const override { return "tunnelling"; }
+  void update(Step& step) override;
+  void save(ArchiveWriter& out) const override;
+  void restore(ArchiveReader& in, const model::State& state) override;
+  void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
+  /// One sentence for each pair, and one for those beyond the first few.
+  void add_warnings(std::vector<std::string>& out) const override;
 
+  /// Largest depth of any contact point so far [m], `A and B` by the names of the shapes.
+  Peak penetration() const;
   /// Pairs of shapes that passed or lay too deep.
   int pairs() const { return static_cast<int>(events_.size()); }
   /// Of the first of them, by time; empty where there is none.
   std::string first_where() const;
   double first_time() const { return events_.empty() ? 0 : events_.front().time; }
-  /// One sentence for each pair, and one for those beyond the first few.
-  std::vector<std::string> warnings() const;
-
-  void save(ArchiveWriter& out) const;
-  /// The last state is to be told by restart.
-  void restore(ArchiveReader& in);
 
  private:
   /// The first time a pair was met, and how deep it was at most.
@@ -47,11 +42,17 @@ class Tunnelling {
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
   Event& event(int a, int b, double time);
-  void look_at_depths(std::span<const engine::Contact> contacts);
-  void look_at_ways(const model::State& state);
+  std::string names(int a, int b) const;
+  std::string warning(const Event& met) const;
+  void start_from(const model::State& state);
+  void update_depths(const engine::Engine& engine);
+  void find_passages(const model::State& state);
   bool passes(std::size_t a, std::size_t b, const model::State& state) const;
 
   const model::Model& model_;
+  bool tested_;  ///< whether the engine tests contacts
+  double depth_ = 0, depth_time_ = 0;
+  int deep_a_ = 0, deep_b_ = 0;  ///< shapes
   engine::Sweep sweep_;
   std::vector<double>
       radii_;  ///< deepest that a shape may lie in others, infinite where nothing moves it [m]

@@ -10,8 +10,8 @@
 #include "handsim/model/energy.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
-#include "handsim/study/accuracy/machine.h"
 #include "handsim/study/accuracy/slider_crank_reference.h"
+#include "handsim/study/machine.h"
 
 namespace handsim::study {
 
@@ -42,11 +42,11 @@ class WorkMeter {
   WorkMeter(const scene::Scene& scene, const model::State& start)
       : model_(scene.model),
         on_(scene.spec.solver.effects.has(Effect::actuation)),
-        last_(model::coordinates(model_, start)) {}
+        last_(start.q) {}
 
   void look(const model::State& state) {
     if (!on_) return;
-    const std::vector<double> q = model::coordinates(model_, state);
+    const std::vector<double>& q = state.q;
     for (const model::Joint& joint : model_.joints)
       for (std::size_t a = 0; a < joint.axes.size(); ++a) {
         const auto i = static_cast<std::size_t>(joint.first_dof) + a;
@@ -68,7 +68,7 @@ class WorkMeter {
 /// What is compared of a state.
 class Observer {
  public:
-  Observer(const std::optional<std::string>& name, const model::Model& model) : model_(model) {
+  Observer(const std::optional<std::string>& name, const model::Model& model) {
     if (!name) {
       for (int i = 0; i < model.dof_count(); ++i) dofs_.push_back(static_cast<std::size_t>(i));
       return;
@@ -91,11 +91,9 @@ class Observer {
       q.push_back(state.bodies[*body_].p[axis_]);
       rate.push_back(state.bodies[*body_].v[axis_]);
     } else {
-      const std::vector<double> all_q = model::coordinates(model_, state);
-      const std::vector<double> all_rates = model::rates(model_, state);
       for (const std::size_t i : dofs_) {
-        q.push_back(all_q[i]);
-        rate.push_back(all_rates[i]);
+        q.push_back(state.q[i]);
+        rate.push_back(state.u[i]);
       }
     }
     series.time.push_back(state.time);
@@ -104,7 +102,6 @@ class Observer {
   }
 
  private:
-  const model::Model& model_;
   std::vector<std::size_t> dofs_;
   std::optional<std::size_t> body_;
   int axis_ = 0;
@@ -174,7 +171,7 @@ Motion follow(const scene::Scene& scene, const std::optional<std::string>& obser
     simulation.step();
     follower.look(simulation.state());
   }
-  Motion motion = follower.finish(simulation.monitor().joint_gap().value);
+  Motion motion = follower.finish(simulation.get<simulation::Monitor>().joint_gap().value);
   motion.engine = simulation.engine().version();
   return motion;
 }
@@ -201,7 +198,7 @@ Motion follow_job(const AccuracySpec& spec, const Job& job) {
       follower.emplace(job.scene, observe, spec.sample_every, state);
       return;
     }
-    monitor.look(state);
+    monitor.update(state);
     follower->look(state);
   };
   const PeerName name = follow_peer(program_of(spec, *job.method), *job.method->peer, job.scene, look);
@@ -411,9 +408,8 @@ scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& resu
   }
   for (const scene::CostRow& row : all)
     if (std::none_of(all.begin(), all.end(), [&](const scene::CostRow& other) {
-          return model::engine_of(other.solver.method) == model::engine_of(row.solver.method) &&
-                 other.error <= row.error && other.cost <= row.cost &&
-                 (other.error < row.error || other.cost < row.cost);
+          return other.solver.engine() == row.solver.engine() && other.error <= row.error &&
+                 other.cost <= row.cost && (other.error < row.error || other.cost < row.cost);
         }))
       table.rows.push_back(row);
   std::sort(table.rows.begin(), table.rows.end(),

@@ -1,26 +1,15 @@
 #include "handsim/study/accuracy/accuracy_report.h"
 
-#include <cstdlib>
+#include <cmath>
 
 #include <fmt/format.h>
 
-#include <nlohmann/json.hpp>
-
-#include "handsim/output/atomic_file.h"
 #include "handsim/output/table/gnuplot.h"
-#include "handsim/study/accuracy/machine.h"
+#include "handsim/study/report.h"
 
 namespace handsim::study {
 
 namespace {
-
-using Json = nlohmann::ordered_json;
-
-/// Quoted for CSV.
-std::string quoted(std::string text) {
-  for (std::size_t at = 0; (at = text.find('"', at)) != std::string::npos; at += 2) text.insert(at, 1, '"');
-  return "\"" + text + "\"";
-}
 
 std::string csv(const AccuracyResult& result) {
   const std::string& unit = result.unit;
@@ -65,8 +54,7 @@ std::string json(const AccuracySpec& spec, const AccuracyResult& result) {
     rows.push_back(std::move(entry));
   }
   Json out = {{"title", spec.title}, {"unit", result.unit}, {"early_window_s", spec.early}};
-  out["machine"] = {{"processor", processor()}, {"system", operating_system()}};
-  out["versions"] = {{"handsim", HANDSIM_VERSION}, {"compiler", __VERSION__}};
+  add_origin(out);
   out["versions"]["engines"] = result.engines;
   out["left_out"] = result.left_out;
   out["rows"] = std::move(rows);
@@ -135,14 +123,14 @@ std::string plot_of(const std::vector<Line>& lines, const char* columns, bool ag
 
 /// Motion of the first observed coordinate at the plotted steps beside the reference: for each step a panel
 /// of handsim's own methods and, where there are, one of peers.
-std::string velocity_plots(const AccuracySpec& spec, const AccuracyResult& result) {
-  std::string data, panels;
+void add_velocity_plot(const AccuracySpec& spec, const AccuracyResult& result, Report& report) {
+  std::string panels;
   int block = 0, count = 0;
   const auto add = [&](const Series& series, const std::string& title, const std::string& look) {
-    data += fmt::format("$v{} << EOD\n", block);
+    report.data += fmt::format("$v{} << EOD\n", block);
     for (std::size_t i = 0; i < series.time.size(); ++i)
-      data += fmt::format("{:.6g} {:.9g}\n", series.time[i], series.rate[i][0]);
-    data += "EOD\n";
+      report.data += fmt::format("{:.6g} {:.9g}\n", series.time[i], series.rate[i][0]);
+    report.data += "EOD\n";
     return fmt::format("$v{} using 1:2 with lines {} title '{}' noenhanced", block++, look,
                        output::plot_text(title));
   };
@@ -163,39 +151,34 @@ std::string velocity_plots(const AccuracySpec& spec, const AccuracyResult& resul
   };
   for (const double step : spec.plot_steps)
     for (const bool peer : {false, true}) panel(step, peer);
-  if (panels.empty()) return "";
-  return data + fmt::format(
-                    "unset logscale\nset format '%g'\nset xlabel 'time [s]'\nset ylabel 'rate [{0}/s]'\n"
-                    "set key outside right font ',9'\n"
-                    "do for [t in 'png svg'] {{\n  set output place('velocity.'.t)\n  if (t eq 'png') {{ set "
-                    "terminal "
-                    "pngcairo size 1400,{1} }} else {{ set terminal svg size 1400,{1} }}\n"
-                    "  set multiplot layout {2},1\n{3}  unset multiplot\n  unset output\n}}\n",
-                    result.unit, 380 * count, count, panels);
+  if (panels.empty()) return;
+  report.plots.push_back(
+      {"velocity", fmt::format("size 1400,{}", 380 * count),
+       fmt::format(
+           "  unset logscale\n  set format '%g'\n  set xlabel 'time [s]'\n  set ylabel 'rate [{}/s]'\n"
+           "  set key outside right font ',9'\n  set multiplot layout {},1\n{}  unset multiplot\n",
+           result.unit, count, panels)});
 }
 
-std::string script(const AccuracySpec& spec, const AccuracyResult& result) {
-  const std::string each =
-      "do for [t in 'png svg'] {{\n  set output place('{0}.'.t)\n  if (t eq 'png') {{ set terminal pngcairo "
-      "size "
-      "1400,800 }} else {{ set terminal svg size 1400,800 }}\n{1}  unset output\n}}\n";
+Report report_of(const AccuracySpec& spec, const AccuracyResult& result) {
   const std::vector<Line> lines = lines_of(spec, result);
-  std::string out = std::string(output::kPlotHead) + "set encoding utf8\n" + blocks(lines);
-  out += "set logscale xy\nset format '10^{%L}'\nset grid\nset key outside right font ',11'\n";
-  out += fmt::format(
-      "set title \"{}\"\nset xlabel 'CPU seconds per simulated second'\nset ylabel 'RMS rate error over the "
-      "whole run [{}/s]'\n",
-      "error against cost", result.unit);
-  out += fmt::format(fmt::runtime(each), "error_cost", plot_of(lines, "4:2", false));
-  out +=
-      "set autoscale xfix\nset xlabel 'step [s]'\nset ylabel 'CPU seconds per simulated second'\nset title "
-      "'cost against step'\n";
-  out += fmt::format(fmt::runtime(each), "cost_step", plot_of(lines, "1:4", true));
-  out +=
-      fmt::format("set ylabel 'RMS rate error up to {:g} s [{}/s]'\nset title 'early error against step'\n",
-                  spec.early, result.unit);
-  out += fmt::format(fmt::runtime(each), "error_step", plot_of(lines, "1:3", true));
-  return out + velocity_plots(spec, result);
+  Report out{csv(result), json(spec, result), blocks(lines), {}};
+  out.data += "set logscale xy\nset format '10^{%L}'\nset grid\nset key outside right font ',11'\n";
+  const auto add = [&](const char* name, const char* title, const std::string& x, const std::string& y,
+                       const char* columns, bool against_step) {
+    out.plots.push_back({name, "size 1400,800",
+                         fmt::format("  {}set title '{}'\n  set xlabel '{}'\n  set ylabel '{}'\n  {}",
+                                     against_step ? "set autoscale xfix\n  " : "", title, x, y,
+                                     plot_of(lines, columns, against_step))});
+  };
+  const std::string cost = "CPU seconds per simulated second";
+  const std::string error = fmt::format("[{}/s]", result.unit);
+  add("error_cost", "error against cost", cost, "RMS rate error over the whole run " + error, "4:2", false);
+  add("cost_step", "cost against step", "step [s]", cost, "1:4", true);
+  add("error_step", "early error against step", "step [s]",
+      fmt::format("RMS rate error up to {:g} s {}", spec.early, error), "1:3", true);
+  add_velocity_plot(spec, result, out);
+  return out;
 }
 
 }  // namespace
@@ -240,24 +223,12 @@ std::string cheapest_table(const AccuracyResult& result) {
 }
 
 std::vector<std::string> accuracy_files() {
-  std::vector<std::string> out = {"accuracy.csv", "accuracy.json", "accuracy.gp"};
-  for (const char* plot : {"error_cost", "cost_step", "error_step", "velocity"})
-    for (const char* kind : {".png", ".svg"}) out.push_back(std::string(plot) + kind);
-  return out;
+  return report_files("accuracy", {"error_cost", "cost_step", "error_step", "velocity"});
 }
 
 bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result,
                     const std::filesystem::path& out) {
-  output::make_folder(out);
-  output::write_file(out / "accuracy.csv", csv(result));
-  output::write_file(out / "accuracy.json", json(spec, result));
-  output::write_file(out / "accuracy.gp", script(spec, result));
-  std::vector<std::string> plots = {"error_cost", "cost_step", "error_step"};
-  if (!velocity_plots(spec, result).empty()) plots.emplace_back("velocity");
-  std::vector<std::string> files;
-  for (const std::string& plot : plots)
-    for (const char* kind : {".png", ".svg"}) files.push_back(plot + kind);
-  return output::plot("accuracy.gp", out, files);
+  return write_report(out, "accuracy", report_of(spec, result));
 }
 
 }  // namespace handsim::study

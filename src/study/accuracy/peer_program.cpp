@@ -17,16 +17,14 @@
 
 #include <fmt/format.h>
 
-#include <nlohmann/json.hpp>
-
 #include "handsim/model/energy.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/study/report.h"
 
 namespace handsim::study {
 
 namespace {
 
-using Json = nlohmann::ordered_json;
 using model::Effect;
 
 /// How far a peer's start may be from the scene's [m], [m/s], [rad/s]; its kinetic energy, relative.

@@ -5,10 +5,9 @@
 #include <fmt/format.h>
 
 #include "handsim/engine/engine.h"
-#include "handsim/output/atomic_file.h"
-#include "handsim/output/table/gnuplot.h"
 #include "handsim/scene/compile/scene.h"
-#include "handsim/study/accuracy/machine.h"
+#include "handsim/study/machine.h"
+#include "handsim/study/report.h"
 
 namespace handsim::study {
 
@@ -77,7 +76,7 @@ std::string csv(const std::vector<ContactCostRow>& rows) {
   return out;
 }
 
-std::string script(const std::vector<ContactCostRow>& rows) {
+Report report_of(const std::vector<ContactCostRow>& rows) {
   std::string data, curves;
   constexpr std::array kColours = {"#1b6ca8", "#c8553d", "#3a7d44", "#202020"};
   for (std::size_t w = 0; w < kWays.size(); ++w) {
@@ -88,19 +87,16 @@ std::string script(const std::vector<ContactCostRow>& rows) {
     curves += fmt::format("$way{0} with linespoints lw {1} dt {2} pt {3} lc rgb '{4}' title '{5}', ", w,
                           w == 3 ? 2.5 : 1.6, w == 3 ? 2 : 1, w == 3 ? 6 : 7, kColours[w], kWays[w].name);
   }
-  return output::kPlotHead + data +
-         fmt::format(
-             "do for [t in 'png svg'] {{\n"
-             "  if (t eq 'png') {{ set terminal pngcairo noenhanced size 1000,640 font 'DejaVu Sans,11' }} "
-             "else {{ set terminal svg noenhanced size 1000,640 font 'DejaVu Sans,11' }}\n"
-             "  set output place('contacts_cost.'.t)\n"
-             "  set title 'A hand on a stack of slabs: cost of a step of 1 ms'\n"
-             "  set xlabel 'contact points in one island, with the 15 joints of a hand'\n"
-             "  set ylabel 'CPU time of a step [us]'\n"
-             "  set logscale y\n  set grid\n  set key left top\n"
-             "  plot {} 1000 with lines dt 3 lw 2 lc rgb '#606060' title 'real time'\n"
-             "  unset output\n}}\n",
-             curves);
+  return {csv(rows),
+          {},
+          data,
+          {{"contacts_cost", "noenhanced size 1000,640 font 'DejaVu Sans,11'",
+            fmt::format("  set title 'A hand on a stack of slabs: cost of a step of 1 ms'\n"
+                        "  set xlabel 'contact points in one island, with the 15 joints of a hand'\n"
+                        "  set ylabel 'CPU time of a step [us]'\n"
+                        "  set logscale y\n  set grid\n  set key left top\n"
+                        "  plot {} 1000 with lines dt 3 lw 2 lc rgb '#606060' title 'real time'\n",
+                        curves)}}};
 }
 
 }  // namespace
@@ -125,15 +121,10 @@ std::string contact_cost_table(const std::vector<ContactCostRow>& rows) {
   return out;
 }
 
-std::vector<std::string> contact_cost_files() {
-  return {"contacts_cost.csv", "contacts_cost.gp", "contacts_cost.png", "contacts_cost.svg"};
-}
+std::vector<std::string> contact_cost_files() { return report_files("contacts_cost", {"contacts_cost"}); }
 
 bool write_contact_cost(const std::vector<ContactCostRow>& rows, const std::filesystem::path& out) {
-  output::make_folder(out);
-  output::write_file(out / "contacts_cost.csv", csv(rows));
-  output::write_file(out / "contacts_cost.gp", script(rows));
-  return output::plot("contacts_cost.gp", out, {"contacts_cost.png", "contacts_cost.svg"});
+  return write_report(out, "contacts_cost", report_of(rows));
 }
 
 }  // namespace handsim::study

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "handsim/model/solver.h"
+#include "handsim/engine/settings.h"
 
 namespace handsim::study {
 

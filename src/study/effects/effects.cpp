@@ -6,7 +6,7 @@
 
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
-#include "handsim/study/accuracy/machine.h"
+#include "handsim/study/machine.h"
 
 namespace handsim::study {
 
@@ -20,34 +20,48 @@ struct Variant {
   scene::Scene scene;
 };
 
-/// One row an effect, and the scenes that are possible.
+/// What the solver does beside the effects, by key; nothing: it does not.
+std::vector<std::pair<std::string, scene::Scene>> without_settings(const scene::Scene& scene) {
+  std::vector<std::pair<std::string, scene::Scene>> out;
+  const auto add = [&](const char* key) -> engine::Settings& {
+    out.emplace_back(std::string("solver.") + key, scene);
+    return out.back().second.spec.solver;
+  };
+  engine::Settings settings = scene.spec.solver;
+  if (settings.engine() == engine::EngineKind::ode && settings.ode().projection)
+    add("projection").ode().projection = false;
+  if (const bool* on = engine::speculative(settings); on && *on && settings.effects.any_contact())
+    *engine::speculative(add("speculative")) = false;
+  if (settings.engine() == engine::EngineKind::ode && settings.ode().guard) add("guard").ode().guard.reset();
+  return out;
+}
+
+/// One row for each effect and setting, and the scenes that are possible.
 std::vector<Variant> variants(const scene::Scene& scene, std::vector<EffectRow>& rows) {
   const model::Effects& effects = scene.spec.solver.effects;
+  std::vector<model::Effect> taken;
   for (int i = 0; i < model::kEffectCount; ++i)
-    if (effects.has(static_cast<model::Effect>(i))) {
-      rows.push_back({});
-      rows.back().effect = static_cast<model::Effect>(i);
-    }
-  const bool speculative = scene.spec.solver.speculative && effects.any_contact();
-  if (speculative && !rows.empty()) rows.push_back({});
+    if (effects.has(static_cast<model::Effect>(i))) taken.push_back(static_cast<model::Effect>(i));
+  std::vector<std::pair<std::string, scene::Scene>> settings;
+  if (!taken.empty()) settings = without_settings(scene);
+  rows.resize(taken.size() + settings.size());
   std::vector<Variant> out;
-  for (EffectRow& row : rows) {
-    if (!row.effect) {
-      out.push_back({&row, scene});
-      out.back().scene.spec.solver.speculative = false;
-      continue;
-    }
+  for (std::size_t k = 0; k < taken.size(); ++k) {
+    EffectRow& row = rows[k];
+    row.name = model::name(taken[k]);
     try {
-      Variant variant{&row, scene::without_effect(scene, *row.effect)};
-      for (int i = 0; i < model::kEffectCount; ++i) {
-        const auto other = static_cast<model::Effect>(i);
-        if (other != row.effect && effects.has(other) && !variant.scene.spec.solver.effects.has(other))
-          row.with.push_back(other);
-      }
+      Variant variant{&row, scene::without_effect(scene, taken[k])};
+      for (const model::Effect other : taken)
+        if (other != taken[k] && !variant.scene.spec.solver.effects.has(other)) row.with.push_back(other);
       out.push_back(std::move(variant));
     } catch (const Error& error) {
       row.fault = error.what();
     }
+  }
+  for (std::size_t k = 0; k < settings.size(); ++k) {
+    EffectRow& row = rows[taken.size() + k];
+    row.name = std::move(settings[k].first);
+    out.push_back({&row, std::move(settings[k].second)});
   }
   return out;
 }
@@ -63,9 +77,8 @@ class Comparison {
            model_.bodies[i].name);
     for (const model::Joint& joint : model_.joints) {
       if (joint.kind == model::JointKind::slider) continue;
-      double a[3] = {}, b[3] = {};
-      model::joint_coordinates(joint, whole, a);
-      model::joint_coordinates(joint, without, b);
+      const auto first = static_cast<std::size_t>(joint.first_dof);
+      const std::span a = std::span(whole.q).subspan(first), b = std::span(without.q).subspan(first);
       if (joint.kind == model::JointKind::ball) {
         const Quat turn = model::joint_transform(joint, a).q.conjugate() * model::joint_transform(joint, b).q;
         book_angle(rotation_vector(turn).norm(), whole.time, joint.name);

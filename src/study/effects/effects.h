@@ -1,5 +1,5 @@
 // What each effect of a scene costs and buys: the scene is simulated whole and with each of its effects taken
-// away in turn, and without the contacts that the solver keeps before they happen.
+// away in turn, and without what its solver does besides.
 #pragma once
 
 #include <functional>
@@ -14,8 +14,9 @@ namespace handsim::study {
 
 /// The scene without one of its effects, against the whole scene.
 struct EffectRow {
-  /// Absent: without the contacts that are about to happen (solver.speculative).
-  std::optional<model::Effect> effect;
+  /// The effect's, or a key of the solver that was turned off: `solver.projection`, `solver.speculative`,
+  /// `solver.guard`.
+  std::string name;
   /// Effects that go with it, as nothing is left for them to act on: friction with the last contact.
   std::vector<model::Effect> with;
   double ns_per_step = 0;  ///< CPU time without the effect
@@ -34,7 +35,7 @@ struct EffectsResult {
   long steps = 0;           ///< of each run
   int repeats = 0;          ///< timed rounds
   bool has_angles = false;  ///< whether any joint turns
-  /// In the order of model::Effect; at last, where the scene has them, contacts that are about to happen.
+  /// In the order of model::Effect; at last, where the scene has them, settings of the solver.
   std::vector<EffectRow> rows;
 };
 

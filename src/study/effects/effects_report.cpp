@@ -5,39 +5,24 @@
 
 #include <fmt/format.h>
 
-#include <nlohmann/json.hpp>
-
 #include "handsim/core/units.h"
-#include "handsim/output/atomic_file.h"
 #include "handsim/output/table/gnuplot.h"
-#include "handsim/study/accuracy/machine.h"
+#include "handsim/study/report.h"
 
 namespace handsim::study {
 
 namespace {
 
-using Json = nlohmann::ordered_json;
-
-std::string name(const EffectRow& row) {
-  return row.effect ? std::string(model::name(*row.effect)) : "solver.speculative";
-}
 
 /// `object_contact with friction`.
 std::string label(const EffectRow& row) {
-  std::string out = name(row);
+  std::string out = row.name;
   for (const model::Effect effect : row.with) out += " with " + std::string(model::name(effect));
   return out;
 }
 
 std::string where(const simulation::Peak& peak) {
   return peak.value > 0 ? fmt::format("{} at {:.3g} s", peak.where, peak.time) : "";
-}
-
-/// Quoted for CSV, on one line.
-std::string quoted(std::string text) {
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  for (std::size_t at = 0; (at = text.find('"', at)) != std::string::npos; at += 2) text.insert(at, 1, '"');
-  return "\"" + text + "\"";
 }
 
 std::string csv(const EffectsResult& result) {
@@ -100,7 +85,8 @@ std::string panel(const char* title, const char* unit, int column, const Decades
       title, unit, column, axis.low, axis.high, column + 1, column + 2);
 }
 
-std::string script(const scene::Scene& scene, const EffectsResult& result) {
+/// Bars of cost and worth, one for each effect.
+void add_plot(const scene::Scene& scene, const EffectsResult& result, Report& report) {
   std::vector<const EffectRow*> rows;
   std::vector<double> angles, displacements;
   double top = 0, bottom = 0;
@@ -112,17 +98,18 @@ std::string script(const scene::Scene& scene, const EffectsResult& result) {
     top = std::max(top, 1e-3 * (row.saved_ns + row.noise_ns));
     bottom = std::min(bottom, 1e-3 * (row.saved_ns - row.noise_ns));
   }
-  if (rows.empty()) return "";
+  if (rows.empty()) return;
   const Decades of_angles = decades(angles), of_displacements = decades(displacements);
-  std::string data = "$rows << EOD\n";
+  report.data = "$rows << EOD\n";
   for (std::size_t i = 0; i < rows.size(); ++i) {
     std::string name = label(*rows[i]);
     if (const std::size_t at = name.find(" with "); at != std::string::npos) name.replace(at, 1, "\\n");
     const double saved = 1e-3 * rows[i]->saved_ns;
-    data += fmt::format("\"{}\" {} {} {} \"{:.3g}\" {} {}\n", name, saved, 1e-3 * rows[i]->noise_ns,
-                        std::max(0.0, saved + 1e-3 * rows[i]->noise_ns), saved, bar(angles[i], of_angles),
-                        bar(displacements[i], of_displacements));
+    report.data += fmt::format("\"{}\" {} {} {} \"{:.3g}\" {} {}\n", name, saved, 1e-3 * rows[i]->noise_ns,
+                               std::max(0.0, saved + 1e-3 * rows[i]->noise_ns), saved,
+                               bar(angles[i], of_angles), bar(displacements[i], of_displacements));
   }
+  report.data += "EOD\n";
   const double room = std::max(1e-3, top - bottom);
   std::string plots = fmt::format(
       "set title 'cost: CPU time of a step, of {:.3g} µs in all'\nset ylabel 'saved without it [µs]'\n"
@@ -134,21 +121,13 @@ std::string script(const scene::Scene& scene, const EffectsResult& result) {
     plots += panel("worth: largest difference of a joint angle", "without it [deg]", 6, of_angles);
   plots += panel("worth: largest difference of a place", "without it [mm]", 9, of_displacements);
   const int panels = result.has_angles ? 3 : 2;
-  return std::string(output::kPlotHead) + "set encoding utf8\n" + data + "EOD\n" +
-         fmt::format(
-             "do for [t in 'png svg'] {{\n  set output place('effects.'.t)\n  if (t eq 'png') {{ set "
-             "terminal "
-             "pngcairo "
-             "noenhanced size 1000,{0} font 'DejaVu Sans,10' }} else {{ set terminal svg noenhanced size "
-             "1000,{0} "
-             "font 'DejaVu Sans,10' }}\n"
-             "  set multiplot layout {1},1 title '{2}: each effect taken away in turn'\n"
-             "set style fill solid 0.8 border linecolor 'black'\nset boxwidth 0.6\nset grid y\nset xrange "
-             "[-0.6:{3}]\nset lmargin "
-             "12\n",
-             60 + 300 * panels, panels, output::plot_text(scene.spec.title),
-             static_cast<double>(rows.size()) - 0.4) +
-         plots + "  unset multiplot\n  unset output\n}\n";
+  report.plots.push_back(
+      {"effects", fmt::format("noenhanced size 1000,{} font 'DejaVu Sans,10'", 60 + 300 * panels),
+       fmt::format("  set multiplot layout {},1 title '{}: each effect taken away in turn'\n"
+                   "set style fill solid 0.8 border linecolor 'black'\nset boxwidth 0.6\nset grid y\n"
+                   "set xrange [-0.6:{}]\nset lmargin 12\n{}  unset multiplot\n",
+                   panels, output::plot_text(scene.spec.title), static_cast<double>(rows.size()) - 0.4,
+                   plots)});
 }
 
 }  // namespace
@@ -179,7 +158,7 @@ std::string effects_table(const EffectsResult& result) {
 std::string effects_json(const scene::Scene& scene, const EffectsResult& result) {
   Json rows = Json::array();
   for (const EffectRow& row : result.rows) {
-    Json entry = {{"effect", name(row)}, {"with", Json::array()}};
+    Json entry = {{"effect", row.name}, {"with", Json::array()}};
     for (const model::Effect effect : row.with) entry["with"].push_back(model::name(effect));
     if (row.fault) {
       entry["fault"] = *row.fault;
@@ -200,22 +179,17 @@ std::string effects_json(const scene::Scene& scene, const EffectsResult& result)
               {"steps", result.steps},
               {"step_s", scene.spec.solver.step},
               {"repeats", result.repeats}};
-  out["machine"] = {{"processor", processor()}, {"system", operating_system()}};
-  out["versions"] = {{"handsim", HANDSIM_VERSION}, {"compiler", __VERSION__}};
+  add_origin(out);
   out["rows"] = std::move(rows);
   return out.dump(2) + "\n";
 }
 
-std::vector<std::string> effects_files() {
-  return {"effects.csv", "effects.json", "effects.gp", "effects.png", "effects.svg"};
-}
+std::vector<std::string> effects_files() { return report_files("effects", {"effects"}); }
 
 bool write_effects(const scene::Scene& scene, const EffectsResult& result, const std::filesystem::path& out) {
-  output::make_folder(out);
-  output::write_file(out / "effects.csv", csv(result));
-  output::write_file(out / "effects.json", effects_json(scene, result));
-  output::write_file(out / "effects.gp", script(scene, result));
-  return output::plot("effects.gp", out, {"effects.png", "effects.svg"});
+  Report report{csv(result), effects_json(scene, result), {}, {}};
+  add_plot(scene, result, report);
+  return write_report(out, "effects", report);
 }
 
 }  // namespace handsim::study

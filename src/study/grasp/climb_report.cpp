@@ -1,15 +1,10 @@
 #include "handsim/study/grasp/climb_report.h"
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
+
+#include "handsim/study/report.h"
 
 namespace handsim::study {
-
-namespace {
-
-using Json = nlohmann::ordered_json;
-
-}  // namespace
 
 std::string climbs_csv(const std::vector<ClimbRow>& rows) {
   std::string out =

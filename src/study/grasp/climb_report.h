@@ -8,13 +8,17 @@
 
 namespace handsim::study {
 
-struct ClimbRow {
-  std::string scene;  ///< file name without extension
-  std::string side;   ///< of the hand
-  simulation::ClimbFigures figures;
+/// What a row says of its run.
+struct RunRow {
+  std::string scene;               ///< file name without extension
+  std::string side;                ///< of the hand
   bool passed = false;             ///< every criterion of the run held
   double simulated = 0, wall = 0;  ///< [s]
   std::string fault;               ///< where the run diverged
+};
+
+struct ClimbRow : RunRow {
+  simulation::ClimbFigures figures;
 };
 
 /// One line a climb.

@@ -4,18 +4,16 @@
 #include <set>
 
 #include <fmt/format.h>
-#include <nlohmann/json.hpp>
 
 #include "handsim/core/units.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/simulation/simulation.h"
+#include "handsim/study/report.h"
 
 namespace handsim::study {
 
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 constexpr int kBisections = 6;
 
@@ -104,43 +102,30 @@ bool held(const scene::Scene& scene) {
   simulation::Simulation simulation(scene);
   const long steps = simulation.step_count();
   try {
-    for (long i = 0; i < steps && !simulation.grasp_lost(); ++i) simulation.step();
+    for (long i = 0; i < steps && !simulation.get<simulation::Grasps>().lost(); ++i) simulation.step();
   } catch (const Error& error) {
     if (!error.fault()) throw;
     return false;
   }
-  const std::vector<simulation::GraspFigures> grasps = simulation.grasps();
+  const std::vector<simulation::GraspFigures> grasps = simulation.figures<simulation::Grasps>();
   return std::all_of(grasps.begin(), grasps.end(), [](const simulation::GraspFigures& g) { return g.held; });
 }
 
-std::vector<GraspRow> rows_of(const Work& work, const simulation::RunResult& result) {
-  std::vector<GraspRow> rows;
-  for (std::size_t i = 0; i < result.grasps.size(); ++i) {
-    GraspRow row;
-    row.scene = work.name;
-    row.side = work.scene.spec.hands[work.scene.plans.grasps[i].hand].placement.name;
-    row.figures = result.grasps[i];
-    row.passed = result.passed();
-    row.simulated = result.simulated;
-    row.wall = result.wall;
-    if (result.fault) row.fault = Error(*result.fault).what();
-    rows.push_back(std::move(row));
+/// A row for each of a run's grasps or climbs.
+/// @param plans one for each of them
+template <class Row, class Figures, class Plan>
+std::vector<Row> rows_of(const Work& work, const simulation::RunResult& result,
+                         const std::vector<Figures>& figures, const std::vector<Plan>& plans) {
+  RunRow run{work.name, {}, result.passed(), result.simulated, result.wall, {}};
+  if (result.fault) run.fault = Error(*result.fault).what();
+  std::vector<Row> rows;
+  for (std::size_t i = 0; i < figures.size(); ++i) {
+    Row& row = rows.emplace_back();
+    static_cast<RunRow&>(row) = run;
+    row.side = work.scene.spec.hands[plans[i].hand].placement.name;
+    row.figures = figures[i];
   }
   return rows;
-}
-
-void add_climbs(const Work& work, const simulation::RunResult& result, std::vector<ClimbRow>& rows) {
-  for (std::size_t i = 0; i < result.climbs.size(); ++i) {
-    ClimbRow row;
-    row.scene = work.name;
-    row.side = work.scene.spec.hands[work.scene.plans.climbs[i].hand].placement.name;
-    row.figures = result.climbs[i];
-    row.passed = result.passed();
-    row.simulated = result.simulated;
-    row.wall = result.wall;
-    if (result.fault) row.fault = Error(*result.fault).what();
-    rows.push_back(std::move(row));
-  }
 }
 
 std::string csv(const std::vector<GraspRow>& rows) {
@@ -188,6 +173,14 @@ std::string json(const std::vector<GraspRow>& rows) {
     out.push_back(std::move(entry));
   }
   return out.dump(2) + "\n";
+}
+
+void write_tables(const GraspTables& tables, const std::filesystem::path& out) {
+  output::write_file(out / "grasps.csv", csv(tables.grasps));
+  output::write_file(out / "grasps.json", json(tables.grasps));
+  if (tables.climbs.empty()) return;
+  output::write_file(out / "climbs.csv", climbs_csv(tables.climbs));
+  output::write_file(out / "climbs.json", climbs_json(tables.climbs));
 }
 
 }  // namespace
@@ -254,19 +247,16 @@ GraspTables run_grasps(const GraspStudy& study) {
     const simulation::RunResult result = simulation::run(work.scene, options, &folders[i]);
     for (const std::string& what : result.missing)
       tables.missing.push_back(options.out.string() + ": " + what);
-    std::vector<GraspRow> found = rows_of(work, result);
+    auto found = rows_of<GraspRow>(work, result, result.grasps, work.scene.plans.grasps);
+    const auto climbs = rows_of<ClimbRow>(work, result, result.climbs, work.scene.plans.climbs);
     if (study.friction_search && !found.empty() && result.passed()) {
       const auto least = smallest_friction(work.scene, tell(own, 1 - own));
       for (GraspRow& row : found) row.smallest_friction = least;
     }
     tables.grasps.insert(tables.grasps.end(), found.begin(), found.end());
-    add_climbs(work, result, tables.climbs);
+    tables.climbs.insert(tables.climbs.end(), climbs.begin(), climbs.end());
   }
-  output::write_file(study.out / "grasps.csv", csv(tables.grasps));
-  output::write_file(study.out / "grasps.json", json(tables.grasps));
-  if (tables.climbs.empty()) return tables;
-  output::write_file(study.out / "climbs.csv", climbs_csv(tables.climbs));
-  output::write_file(study.out / "climbs.json", climbs_json(tables.climbs));
+  write_tables(tables, study.out);
   return tables;
 }
 

@@ -27,15 +27,10 @@ struct GraspStudy {
   std::function<void(double)> progress;
 };
 
-struct GraspRow {
-  std::string scene;  ///< file name without extension
-  std::string side;   ///< of the grasping hand
+struct GraspRow : RunRow {
   simulation::GraspFigures figures;
-  bool passed = false;  ///< every criterion of the run held
   std::optional<double>
-      smallest_friction;           ///< that still holds, of every surface, to a sixtieth of the scene's
-  double simulated = 0, wall = 0;  ///< [s]
-  std::string fault;               ///< where the run diverged
+      smallest_friction;  ///< that still holds, of every surface, to a sixtieth of the scene's
 };
 
 struct GraspTables {

@@ -3,7 +3,6 @@
 #include <array>
 #include <cmath>
 
-#include "handsim/model/kinematics.h"
 #include "handsim/study/stability/measure_tools.h"
 
 namespace handsim::study {

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "handsim/core/index.h"
-#include "handsim/model/kinematics.h"
 #include "handsim/study/stability/measure_tools.h"
 
 namespace handsim::study {
@@ -128,7 +127,7 @@ class Acceleration final : public Measure {
   Acceleration(const scene::Scene& scene, const MeasureSpec& spec)
       : step_(scene.spec.solver.step), spec_(spec) {}
   void look(const Simulation& now) override {
-    std::vector<double> rates = model::rates(now.model(), now.state());
+    const std::vector<double>& rates = now.state().u;
     if (!last_.empty() && within(spec_, now.state().time))
       for (const model::Joint& joint : now.model().joints)
         for (int i = 0; i < model::dof_count(joint.kind); ++i) {
@@ -137,7 +136,7 @@ class Acceleration final : public Measure {
           if (!largest_.figure() || value > largest_.figure()->value)
             largest_.book(value, now.state().time, joint.name);
         }
-    last_ = std::move(rates);
+    last_ = rates;
   }
   std::optional<Figure> figure() const override { return largest_.figure(); }
 

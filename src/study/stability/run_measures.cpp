@@ -63,19 +63,21 @@ std::unique_ptr<Measure> make_kept(const scene::Scene&, const MeasureSpec&) {
 
 std::optional<Figure> of_peak(const Peak& peak) { return Figure{peak.value, peak.time, peak.where}; }
 std::optional<Figure> completes(const Simulation&) { return Figure{}; }
-std::optional<Figure> joint_gap(const Simulation& now) { return of_peak(now.monitor().joint_gap()); }
+std::optional<Figure> joint_gap(const Simulation& now) {
+  return of_peak(now.get<simulation::Monitor>().joint_gap());
+}
 std::optional<Figure> stop_overshoot(const Simulation& now) {
-  return of_peak(now.monitor().stop_overshoot());
+  return of_peak(now.get<simulation::Monitor>().stop_overshoot());
 }
 std::optional<Figure> stop_rest(const Simulation& now) {
-  return of_peak(now.monitor().stop_rest(now.state()));
+  return of_peak(now.get<simulation::Monitor>().stop_rest(now.state()));
 }
 std::optional<Figure> lcp_failures(const Simulation& now) {
-  return Figure{static_cast<double>(now.ledger().lcp_failures()), std::nullopt, ""};
+  return Figure{static_cast<double>(now.get<simulation::Convergence>().lcp_failures()), std::nullopt, ""};
 }
 std::optional<Figure> steady_error(const Simulation& now) {
   std::optional<Figure> out;
-  for (const simulation::AxisTracking& axis : now.tracking())
+  for (const simulation::AxisTracking& axis : now.figures<simulation::Tracking>())
     if (axis.holds > 0 && (!out || axis.steady_error.value > out->value))
       out = {axis.steady_error.value, axis.steady_error.time, axis.name};
   return out;
@@ -85,13 +87,13 @@ std::optional<Figure> steady_error(const Simulation& now) {
 template <double simulation::GraspFigures::*field>
 std::optional<Figure> of_grasps(const Simulation& now) {
   std::optional<Figure> out;
-  for (const simulation::GraspFigures& grasp : now.grasps())
+  for (const simulation::GraspFigures& grasp : now.figures<simulation::Grasps>())
     if (grasp.complete && (!out || grasp.*field > out->value)) out = {grasp.*field, std::nullopt, grasp.name};
   return out;
 }
 std::optional<Figure> grasp_epsilon(const Simulation& now) {
   std::optional<Figure> out;
-  for (const simulation::GraspFigures& grasp : now.grasps())
+  for (const simulation::GraspFigures& grasp : now.figures<simulation::Grasps>())
     if (grasp.complete && (!out || grasp.after.wrenches.epsilon < out->value))
       out = {grasp.after.wrenches.epsilon, std::nullopt, grasp.name};
   return out;

@@ -10,7 +10,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/study/accuracy/machine.h"
+#include "handsim/study/machine.h"
 
 namespace handsim::study {
 

@@ -1,9 +1,6 @@
 #include "handsim/study/stability/measure_tools.h"
 
 #include <algorithm>
-#include <array>
-
-#include "handsim/model/kinematics.h"
 
 namespace handsim::study {
 
@@ -26,15 +23,11 @@ std::vector<std::size_t> bodies_of(const scene::Scene& scene, const MeasureSpec&
 }
 
 double Coordinate::value(const model::State& state) const {
-  std::array<double, 3> q{};
-  model::joint_coordinates(*joint, state, q);
-  return q[axis];
+  return state.q[static_cast<std::size_t>(joint->first_dof) + axis];
 }
 
 double Coordinate::rate(const model::State& state) const {
-  std::array<double, 3> rate{};
-  model::joint_rates(*joint, state, rate);
-  return rate[axis];
+  return state.u[static_cast<std::size_t>(joint->first_dof) + axis];
 }
 
 Coordinate coordinate_of(const scene::Scene& scene, const std::string& name) {

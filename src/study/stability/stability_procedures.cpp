@@ -9,6 +9,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/model/inverse_dynamics.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/study/stability/measure_tools.h"
 
@@ -79,38 +80,6 @@ double log_slope(const std::vector<std::pair<double, double>>& points) {
   return (n * sxy - sx * sy) / (n * sxx - sx * sx);
 }
 
-/// Joint torques that make the bodies move as they do from rest, by Newton and Euler in world axes: for each
-/// joint the moment about its axes of what its bodies beyond need and gravity does not give.
-std::vector<double> inverse_dynamics(const model::Model& model, const model::State& start,
-                                     const model::State& end, double step, bool gravity) {
-  std::vector<double> out(static_cast<std::size_t>(model.dof_count()), 0.0);
-  for (const model::Joint& joint : model.joints) {
-    std::vector<bool> beyond(model.bodies.size(), false);
-    beyond[static_cast<std::size_t>(joint.child)] = true;
-    for (const model::Joint& other : model.joints)
-      if (beyond[static_cast<std::size_t>(other.parent)])
-        beyond[static_cast<std::size_t>(other.child)] = true;
-    const model::BodyState& parent = start.bodies[static_cast<std::size_t>(joint.parent)];
-    const model::BodyState& child = start.bodies[static_cast<std::size_t>(joint.child)];
-    const Vec3 anchor = parent.p + parent.q * joint.parent_frame.p;
-    Vec3 moment = Vec3::Zero();
-    for (std::size_t i = 1; i < model.bodies.size(); ++i) {
-      if (!beyond[i]) continue;
-      const model::BodyState& at = start.bodies[i];
-      const Vec3 a = (end.bodies[i].v - at.v) / step - (gravity ? model.gravity : Vec3(Vec3::Zero()));
-      const Vec3 alpha = (end.bodies[i].w - at.w) / step;
-      moment += at.q * (model.bodies[i].inertia * (at.q.conjugate() * alpha));
-      moment += (at.p - anchor).cross(model.bodies[i].mass * a);
-    }
-    for (std::size_t axis = 0; axis < joint.axes.size(); ++axis) {
-      const Vec3 along = axis == 0 ? parent.q * (joint.parent_frame.q * joint.axes[0].axis)
-                                   : child.q * (joint.child_frame.q * joint.axes[1].axis);
-      out[static_cast<std::size_t>(joint.first_dof) + axis] = moment.dot(along);
-    }
-  }
-  return out;
-}
-
 bool same_bits(const model::State& a, const model::State& b) {
   for (std::size_t i = 0; i < a.bodies.size(); ++i)
     if (a.bodies[i].p != b.bodies[i].p || a.bodies[i].q.coeffs() != b.bodies[i].q.coeffs() ||
@@ -174,17 +143,8 @@ Figure release_ratio(const SceneMaker& scene, const MeasureSpec& spec) {
   const scene::Scene with = scene({});
   const scene::Scene without = scene::without_effect(with, model::Effect::joint_stops);
   Simulation stopped(with), loose(without);
-  const auto rate = [&](const Simulation& now) {
-    for (const model::Joint& joint : now.model().joints)
-      for (std::size_t a = 0; a < joint.axes.size(); ++a) {
-        if (joint.name + "." + joint.axes[a].name != spec.joint && (joint.name != spec.joint || a > 0))
-          continue;
-        std::array<double, 3> rates{};
-        model::joint_rates(joint, now.state(), rates);
-        return rates[a];
-      }
-    throw input_error("measures.joint", spec.joint, "a joint of the scene, or joint.axis");
-  };
+  const Coordinate coordinate = coordinate_of(with, spec.joint);
+  const auto rate = [&](const Simulation& now) { return coordinate.rate(now.state()); };
   Figure out;
   for (int i = 0; i < 2; ++i) {
     stopped.step();
@@ -214,7 +174,8 @@ Figure repeats(const SceneMaker& scene, const MeasureSpec&) {
   for (std::thread& thread : threads) thread.join();
   for (const std::uint64_t hash : hashes) compare(hash, "in eight threads");
   // Another world of another seed in between.
-  const scene::Scene other = scene({"solver.seed=77"});
+  auto other = of;
+  if (other.spec.solver.engine() == engine::EngineKind::ode) other.spec.solver.ode().seed = 77;
   Simulation beside(other), simulation(of);
   for (long i = 0; i < simulation.step_count(); ++i) {
     beside.step();
@@ -252,6 +213,8 @@ Figure twin(const SceneMaker& scene, const MeasureSpec& spec) {
 Figure round_trip(const SceneMaker& scene, const MeasureSpec&) {
   constexpr int kTrials = 200;
   const scene::Scene of = scene({});
+  const bool falls = of.spec.solver.effects.has(model::Effect::gravity);
+  const Vec3 gravity = falls ? of.model.gravity : Vec3(Vec3::Zero());
   std::mt19937 random(1);
   std::uniform_real_distribution<double> uniform(-1, 1);
   Figure out;
@@ -268,8 +231,7 @@ Figure round_trip(const SceneMaker& scene, const MeasureSpec&) {
     const model::State start = model::state_at(of.model, q);
     engine->set_state(start);
     engine->step({tau});
-    const std::vector<double> found = inverse_dynamics(of.model, start, engine->state(), of.spec.solver.step,
-                                                       of.spec.solver.effects.has(model::Effect::gravity));
+    const std::vector<double> found = model::inverse_dynamics(of.model, start, engine->state(), gravity);
     double largest = 0, worst = 0;
     for (std::size_t k = 0; k < tau.size(); ++k) {
       largest = std::max(largest, std::abs(tau[k]));

@@ -8,21 +8,17 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <nlohmann/json.hpp>
-
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
 #include "handsim/output/render/contact_sheet.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
-#include "handsim/study/accuracy/machine.h"
+#include "handsim/study/report.h"
 
 namespace handsim::study {
 
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 std::string_view name(StabilityVerdict verdict) {
   switch (verdict) {
@@ -96,12 +92,6 @@ std::string rows_table(const CaseResult& result) {
   return out;
 }
 
-std::string quoted(std::string text) {
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  for (std::size_t at = 0; (at = text.find('"', at)) != std::string::npos; at += 2) text.insert(at, 1, '"');
-  return "\"" + text + "\"";
-}
-
 std::string csv(const StabilityResult& result) {
   std::string out =
       "case,measure,unit,way,step[s],variant,measured,limit,limit_is,verdict,time[s],cpu[s],where,fault\n";
@@ -142,17 +132,10 @@ std::string json(const StabilitySpec& spec, const StabilityResult& result) {
   }
   Json out = {
       {"title", spec.title}, {"passed", result.passed()}, {"quick", result.quick}, {"wall_s", result.wall}};
-  out["machine"] = {{"processor", processor()}, {"system", operating_system()}};
-  out["versions"] = {{"handsim", HANDSIM_VERSION}, {"compiler", __VERSION__}, {"engines", result.engines}};
+  add_origin(out);
+  out["versions"]["engines"] = result.engines;
   out["cases"] = std::move(cases);
   return out.dump(2) + "\n";
-}
-
-/// Without what could end a quoted text of gnuplot's or begin a command.
-std::string plain(std::string text) {
-  for (char& c : text)
-    if (c == '\'' || c == '`' || c == '"' || c == '\\' || static_cast<unsigned char>(c) < ' ') c = ' ';
-  return text;
 }
 
 std::string spaced(std::string name) {
@@ -164,13 +147,13 @@ std::string spaced(std::string name) {
 constexpr double kLeastSeverity = 1e-6, kMostSeverity = 1e4;
 
 /// One dot for each row of the table, cases from top to bottom.
-std::string overview(const StabilityResult& result) {
+void add_overview(const StabilityResult& result, Report& report) {
   std::string held, known, failed, ticks;
   const auto count = static_cast<int>(result.cases.size());
   for (int i = 0; i < count; ++i) {
     const CaseResult& of = result.cases[static_cast<std::size_t>(i)];
     const int y = count - i;
-    ticks += fmt::format("{}'{}' {}", i > 0 ? ", " : "", plain(spaced(of.of->name)), y);
+    ticks += fmt::format("{}'{}' {}", i > 0 ? ", " : "", output::plot_text(spaced(of.of->name)), y);
     for (const StabilityRow& row : worst_rows(of)) {
       const double x = std::clamp(row.severity(), kLeastSeverity, kMostSeverity);
       std::string& into = row.verdict == StabilityVerdict::fell_short    ? failed
@@ -179,7 +162,7 @@ std::string overview(const StabilityResult& result) {
       into += fmt::format("{} {}\n", x, y);
     }
   }
-  std::string out =
+  report.data +=
       "$held << EOD\n" + held + "EOD\n$known << EOD\n" + known + "EOD\n$failed << EOD\n" + failed + "EOD\n";
   std::vector<std::string> curves;
   const auto curve = [&](const std::string& data, const char* block, const char* look, const char* title) {
@@ -189,30 +172,25 @@ std::string overview(const StabilityResult& result) {
   curve(held, "$held", "pt 7 ps 0.9 lc rgb '#3a7d44'", "holds");
   curve(known, "$known", "pt 9 ps 1.3 lc rgb '#e08e1b'", "falls short, as known of this engine or setting");
   curve(failed, "$failed", "pt 5 ps 1.3 lc rgb '#c1121f'", "falls short");
-  return out +
-         fmt::format(
-             "do for [t in 'png svg'] {{\n  set output place('stability.'.t)\n"
-             "  if (t eq 'png') {{ set terminal pngcairo noenhanced size 1200,{0} font 'DejaVu Sans,11' }} "
-             "else {{ set terminal svg noenhanced size 1200,{0} font 'DejaVu Sans,11' }}\n"
-             "  set title 'Hard cases: figure over limit, one mark for each engine, method and step'\n"
-             "  set logscale x\n  set xrange [{1}:{2}]\n  set yrange [0.3:{3}]\n  set ytics ({4})\n"
-             "  set format x '10^{{%L}}'\n  set termoption enhanced\n  unset ylabel\n  set xlabel 'figure / "
-             "limit (left of "
-             "1: "
-             "holds; what is beyond the frame stands on its edge)'\n"
-             "  set grid x y\n  set key top right outside horizontal\n  set arrow 1 from 1,0.3 to 1,{3} "
-             "nohead "
-             "lw 2 lc rgb '#404040' front\n  plot {5}\n  unset arrow 1\n  unset output\n}}\n",
-             140 + 24 * count, kLeastSeverity * 0.5, kMostSeverity * 2, count + 0.7, ticks,
-             fmt::join(curves, ", "));
+  report.plots.push_back(
+      {"stability", fmt::format("noenhanced size 1200,{} font 'DejaVu Sans,11'", 140 + 24 * count),
+       fmt::format("  set title 'Hard cases: figure over limit, one mark for each engine, method and step'\n"
+                   "  set logscale x\n  set xrange [{0}:{1}]\n  set yrange [0.3:{2}]\n  set ytics ({3})\n"
+                   "  set format x '10^{{%L}}'\n  set termoption enhanced\n  unset ylabel\n"
+                   "  set xlabel 'figure / limit (left of 1: holds; what is beyond the frame stands on its "
+                   "edge)'\n"
+                   "  set grid x y\n  set key top right outside horizontal\n"
+                   "  set arrow 1 from 1,0.3 to 1,{2} nohead lw 2 lc rgb '#404040' front\n"
+                   "  plot {4}\n  unset arrow 1\n",
+                   kLeastSeverity * 0.5, kMostSeverity * 2, count + 0.7, ticks, fmt::join(curves, ", "))});
 }
 
 /// The course of a measure for every way and step, or, of a procedure, error against step.
-std::string course_plot(const CaseResult& of) {
+void add_course(const CaseResult& of, Report& report) {
   const MeasureSpec* spec = nullptr;
   for (const MeasureSpec& measure : of.of->measures)
     if (of.of->plot == measure.name) spec = &measure;
-  if (!spec || of.courses.empty()) return "";
+  if (!spec || of.courses.empty()) return;
   const MeasureKind& kind = *measure_kind(spec->kind);
   const bool ladder = kind.procedure != nullptr;
   std::string data;
@@ -229,30 +207,21 @@ std::string course_plot(const CaseResult& of) {
     }
     data += "EOD\n";
     curves.push_back(fmt::format("${}_{} using 1:2 with {} lw 1.5 title '{}'", of.of->name, i,
-                                 ladder ? "linespoints" : "lines", plain(course.label)));
+                                 ladder ? "linespoints" : "lines", output::plot_text(course.label)));
   }
-  if (curves.empty() || !positive) return "";
+  if (curves.empty() || !positive) return;
   if (!ladder && spec->limit > 0)
     curves.push_back(fmt::format("{} with lines dt 2 lw 2 lc rgb 'black' title 'limit'", spec->limit));
-  return data +
-         fmt::format(
-             "do for [t in 'png svg'] {{\n  set output place('{0}.'.t)\n"
-             "  if (t eq 'png') {{ set terminal pngcairo noenhanced size 1100,600 font 'DejaVu Sans,10' }} "
-             "else {{ set terminal svg noenhanced size 1100,600 font 'DejaVu Sans,10' }}\n"
-             "  set title '{1}'\n  set xlabel '{2}'\n  set ylabel '{3}{4}'\n  {5}set logscale y\n"
-             "  set format x '%g'\n  set format y '%g'\n  set grid\n  set key outside right\n  set ytics "
-             "auto\n"
-             "  set autoscale\n  plot {6}\n  unset logscale\n  unset output\n}}\n",
-             of.of->name, plain(of.of->title), ladder ? "step [s]" : "time [s]",
-             ladder ? "largest position error [m]" : plain(spec->name),
-             ladder || kind.unit.empty() ? "" : fmt::format(" [{}]", kind.unit),
-             ladder ? "set logscale x\n  " : "", fmt::join(curves, ", "));
-}
-
-std::string script(const StabilityResult& result) {
-  std::string out = std::string(output::kPlotHead) + "set encoding utf8\n";
-  for (const CaseResult& of : result.cases) out += course_plot(of);
-  return out + overview(result);
+  report.data += data;
+  report.plots.push_back(
+      {of.of->name, "noenhanced size 1100,600 font 'DejaVu Sans,10'",
+       fmt::format("  set title '{0}'\n  set xlabel '{1}'\n  set ylabel '{2}{3}'\n  {4}set logscale y\n"
+                   "  set format x '%g'\n  set format y '%g'\n  set grid\n  set key outside right\n"
+                   "  set ytics auto\n  set autoscale\n  plot {5}\n  unset logscale\n",
+                   output::plot_text(of.of->title), ladder ? "step [s]" : "time [s]",
+                   ladder ? "largest position error [m]" : output::plot_text(spec->name),
+                   ladder || kind.unit.empty() ? "" : fmt::format(" [{}]", kind.unit),
+                   ladder ? "set logscale x\n  " : "", fmt::join(curves, ", "))});
 }
 
 }  // namespace
@@ -342,26 +311,24 @@ std::string stability_markdown(const StabilityResult& result) {
 }
 
 std::vector<std::string> stability_files(const StabilitySpec& spec) {
-  std::vector<std::string> out = {"stability.csv", "stability.json", "stability.md", "stability.gp",
-                                  "stability.png", "stability.svg",  "scenes.png"};
+  std::vector<std::string> plots = {"stability"}, out = {"stability.md", "scenes.png"};
   for (const StabilityCase& of : spec.cases) {
     if (of.picture) out.push_back("scene_" + of.name + ".png");
-    if (of.plot) out.insert(out.end(), {of.name + ".png", of.name + ".svg"});
+    if (of.plot) plots.push_back(of.name);
   }
+  const std::vector<std::string> files = report_files("stability", plots);
+  out.insert(out.end(), files.begin(), files.end());
   return out;
 }
 
 bool write_stability(const StabilitySpec& spec, const StabilityResult& result,
                      const std::filesystem::path& out) {
   output::make_folder(out);
-  output::write_file(out / "stability.csv", csv(result));
-  output::write_file(out / "stability.json", json(spec, result));
   output::write_file(out / "stability.md", stability_markdown(result));
-  output::write_file(out / "stability.gp", script(result));
-  std::vector<std::string> plots = {"stability.png", "stability.svg"};
-  for (const CaseResult& of : result.cases)
-    if (!course_plot(of).empty()) plots.insert(plots.end(), {of.of->name + ".png", of.of->name + ".svg"});
-  return output::plot("stability.gp", out, plots);
+  Report report{csv(result), json(spec, result), {}, {}};
+  for (const CaseResult& of : result.cases) add_course(of, report);
+  add_overview(result, report);
+  return write_report(out, "stability", report);
 }
 
 std::optional<std::string> draw_stability(const StabilityResult& result, const std::filesystem::path& out) {

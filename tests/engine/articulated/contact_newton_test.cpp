@@ -35,10 +35,10 @@ TEST(ContactNewton, MeetsCoulombsLawOnRandomProblems) {
     for (int i = 0; i < kContacts; ++i) {
       ContactRows& rows = solver.add(dofs, 3);
       rows.open = false;
-      rows.softness = kSoftness;
+      rows.regularization = kSoftness;
       rows.disc_count = 1;
       rows.discs[0].coefficient = 0.4;
-      rows.discs[0].softness = kSoftness;
+      rows.discs[0].regularization = kSoftness;
       for (int k = 0; k < 3; ++k) {
         rows.start[static_cast<std::size_t>(k)] = b[3 * i + k];
         for (int j = 0; j < kDofs; ++j)
@@ -110,7 +110,7 @@ struct RandomProblem {
         if (!J.block(row, i, 3, 1).isZero(0)) places.push_back(i);
       ContactRows& rows = solver.add(places, 3);
       rows.open = false;
-      rows.softness = rows.discs[0].softness = 1e-5;
+      rows.regularization = rows.discs[0].regularization = 1e-5;
       rows.disc_count = 1;
       rows.discs[0].coefficient = friction;
       for (Eigen::Index k = 0; k < 3; ++k) {

@@ -17,7 +17,7 @@ using test::sized;
 const std::initializer_list<Effect> kAll = {Effect::gravity, Effect::object_contact, Effect::friction};
 
 Settings settings(std::initializer_list<Effect> effects, double step = 1e-3) {
-  return test::settings(effects, step, Method::semi_implicit_euler);
+  return test::settings(effects, step, ArticulatedMethod::semi_implicit_euler);
 }
 
 // Oracle: statics: the forces carry the weights within 0.1 %, and push only.
@@ -102,7 +102,7 @@ TEST(ArticulatedContact, BouncesByItsRestitution) {
   for (const double erp : {0.2, 0.8})
     for (const double restitution : {0.0, 0.1, 0.3, 0.5, 0.7, 0.9}) {
       Settings how = settings(kAll);
-      how.erp = erp;
+      test::set_erp(how, erp);
       const model::Model model = test::ball_above_ground(1.02, restitution);
       const auto engine = make_engine(model, how);
       const test::Bounce found = test::bounce(*engine);

@@ -40,7 +40,7 @@ const std::vector<Vec3>& axes() {
 }
 
 Settings with(const std::vector<Effect>& effects, double step) {
-  Settings out = settings({}, step, Method::semi_implicit_euler);
+  Settings out = settings({}, step, ArticulatedMethod::semi_implicit_euler);
   for (const Effect effect : effects) out.effects.add(effect);
   return out;
 }
@@ -104,8 +104,8 @@ TEST(FastSpin, FreeHandsKeepTheirAngularMomentum) {
     for (const Bound& bound : kBounds)
       for (const Vec3& axis : axes()) {
         const model::Model model = spinning_hand(name, bound.spin * axis);
-        const auto engine =
-            make_engine(model, settings({Effect::joint_stops}, bound.step, Method::semi_implicit_euler));
+        const auto engine = make_engine(
+            model, settings({Effect::joint_stops}, bound.step, ArticulatedMethod::semi_implicit_euler));
         const Vec3 start = angular_momentum(model, engine->state());
         double error = 0;
         for (long i = 0; i < std::lround(2 / bound.step); ++i) {
@@ -211,14 +211,14 @@ TEST(FastSpin, ConvergesWithOrderOne) {
   const model::Model model = spinning_hand(kAnatomical, 40 * Vec3(0.6, 0.48, 0.64));
   const auto after = [&](Method method, double step) {
     Settings of = settings({Effect::passive_tissue}, step, method);
-    of.tolerance = 1e-11;
+    test::set_tolerance(of, 1e-11);
     const auto engine = make_engine(model, of);
     engine::test::run(*engine, static_cast<int>(std::lround(0.08 / step)));
-    return model::coordinates(model, engine->state());
+    return engine->state().q;
   };
-  const auto want = after(Method::dormand_prince, 1e-2);
+  const auto want = after(ArticulatedMethod::dormand_prince, 1e-2);
   const auto error = [&](double step) {
-    const auto found = after(Method::semi_implicit_euler, step);
+    const auto found = after(ArticulatedMethod::semi_implicit_euler, step);
     double out = 0;
     for (std::size_t i = 0; i < want.size(); ++i) out = std::max(out, std::abs(found[i] - want[i]));
     return out;
@@ -275,7 +275,7 @@ TEST(FastSpin, LeavesSlowNeighboursAsTheyAre) {
     }
     const auto engine =
         make_engine(model, settings({Effect::joint_stops, Effect::passive_tissue, Effect::gravity}, 1e-3,
-                                    Method::semi_implicit_euler));
+                                    ArticulatedMethod::semi_implicit_euler));
     engine::test::run(*engine, 300);
     State state = engine->state();
     state.bodies.resize(slow.bodies.size());

@@ -17,7 +17,7 @@ using test::kG;
 using test::sized;
 
 Settings settings(std::initializer_list<Effect> effects, double step = 1e-3) {
-  return test::settings(effects, step, Method::semi_implicit_euler);
+  return test::settings(effects, step, ArticulatedMethod::semi_implicit_euler);
 }
 
 /// Five fingers of capsules that close on a ball, palm down above the ground.
@@ -45,7 +45,7 @@ TEST(ArticulatedContact, HandClosingOnABallAgreesWithOdeAsTheStepShrinks) {
     const auto run = [&](Method method, double h) {
       Settings how = test::settings(
           {Effect::gravity, Effect::object_contact, Effect::friction, Effect::passive_tissue}, h, method);
-      if (!c.pads) how.erp = 0;
+      if (!c.pads) test::set_erp(how, 0);
       const auto engine = make_engine(model, how);
       std::vector<double> torques(static_cast<std::size_t>(model.dof_count()), 0.0);
       for (std::size_t i = 0; i < torques.size(); i += 4) torques[i] = torques[i + 2] = 0.01;
@@ -56,7 +56,8 @@ TEST(ArticulatedContact, HandClosingOnABallAgreesWithOdeAsTheStepShrinks) {
       return engine->state();
     };
     const auto distance = [&](double h) {
-      const model::State a = run(Method::semi_implicit_euler, h), b = run(Method::world_step, h);
+      const model::State a = run(ArticulatedMethod::semi_implicit_euler, h),
+                         b = run(OdeMethod::world_step, h);
       double out = 0;
       for (std::size_t i = 0; i < a.bodies.size(); ++i)
         out = std::max(out, (a.bodies[i].p - b.bodies[i].p).norm());
@@ -90,11 +91,11 @@ TEST(ArticulatedContact, SliderCrankPushingABlockAgreesWithOdeAsTheStepShrinks) 
   const auto run = [&](Method method, double h) {
     Settings how = test::settings(
         {Effect::gravity, Effect::object_contact, Effect::ground_contact, Effect::friction}, h, method);
-    if (method == Method::world_step) how.erp = 0.8;
+    if (method == OdeMethod::world_step) test::set_erp(how, 0.8);
     const auto engine = make_engine(model, how);
     for (long i = 0; i < std::lround(0.2 / h); ++i) {
       EXPECT_EQ(engine->step({}).lcp_failures, 0);
-      if (method == Method::world_step) continue;
+      if (method == OdeMethod::world_step) continue;
       for (const model::Joint& joint : model.joints)
         EXPECT_LT(model::joint_gap(joint, engine->state()), 1e-12);
     }
@@ -102,7 +103,7 @@ TEST(ArticulatedContact, SliderCrankPushingABlockAgreesWithOdeAsTheStepShrinks) 
   };
   std::vector<double> distances;
   for (const double h : {1e-3, 2.5e-4, 6.25e-5}) {
-    const model::State a = run(Method::semi_implicit_euler, h), b = run(Method::world_step, h);
+    const model::State a = run(ArticulatedMethod::semi_implicit_euler, h), b = run(OdeMethod::world_step, h);
     EXPECT_GT(a.bodies[block].p.x(), 0.29);
     distances.push_back(std::max((a.bodies[block].p - b.bodies[block].p).norm(),
                                  (a.bodies[kSlider].p - b.bodies[kSlider].p).norm()));
@@ -163,13 +164,13 @@ model::Model bar(std::optional<model::Stop> stop) {
 TEST(ArticulatedContact, SharesTheLoadWithStops) {
   const double touch = std::asin(0.4);
   for (const double stop_at : {1.0, touch + 1e-7, 0.3}) {
-    const model::Model model = bar(model::Stop{-0.5, stop_at, 0, 1});
+    const model::Model model = bar(model::Stop{-0.5, stop_at, 0});
     Settings how = settings({Effect::gravity, Effect::ground_contact, Effect::joint_stops});
     how.contact_forces = true;
     const auto engine = make_engine(model, how);
     StepReport report;
     for (int i = 0; i < 1500; ++i) report = engine->step({});
-    const double q = model::coordinates(model, engine->state())[0];
+    const double q = engine->state().q[0];
     EXPECT_LE(q, stop_at + 1e-12);
     EXPECT_NEAR(q, std::min(touch, stop_at), 3e-4);
     double force = 0;
@@ -194,11 +195,11 @@ TEST(ArticulatedContact, KeepsTorqueLimitsWhilePressing) {
     how.contact_forces = true;
     const auto engine = make_engine(model, how);
     for (int i = 0; i < 1500; ++i) {
-      const double now = model::coordinates(model, engine->state())[0];
+      const double now = engine->state().q[0];
       const model::Servo servo{1, 0.02, 0.5 - now, 0, limit};
       engine->step({.servos = std::span(&servo, 1)});
     }
-    const double at_rest = model::coordinates(model, engine->state())[0];
+    const double at_rest = engine->state().q[0];
     const double torque = std::min(limit, 0.5 - at_rest);
     ASSERT_EQ(engine->contacts().size(), 1U);
     EXPECT_NEAR(engine->contacts()[0].normal_force(), torque / arm + 0.05 * kG, 2e-3 * (torque / arm));

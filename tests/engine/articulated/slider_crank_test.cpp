@@ -32,7 +32,7 @@ TEST(ArticulatedSliderCrank, IsCutAtItsBallJoint) {
 TEST(ArticulatedSliderCrank, IsFollowedToItsToleranceOverFiveSeconds) {
   for (const double tolerance : {1e-6, 1e-8, 1e-10}) {
     const SliderCrankErrors errors =
-        run(SliderCrankSpec::iftomm(), Method::dormand_prince, 1e-2, 5, tolerance);
+        run(SliderCrankSpec::iftomm(), ArticulatedMethod::dormand_prince, 1e-2, 5, tolerance);
     EXPECT_LT(errors.velocity, tolerance);
     EXPECT_LT(errors.gap, 1e-12);
     EXPECT_LT(errors.energy, tolerance);
@@ -41,7 +41,8 @@ TEST(ArticulatedSliderCrank, IsFollowedToItsToleranceOverFiveSeconds) {
 
 // Oracle: the reduction, driven to 45 rad/s.
 TEST(ArticulatedSliderCrank, IsFollowedUnderATorque) {
-  const SliderCrankErrors errors = run(SliderCrankSpec::constant_torque(), Method::dormand_prince, 1e-2, 2);
+  const SliderCrankErrors errors =
+      run(SliderCrankSpec::constant_torque(), ArticulatedMethod::dormand_prince, 1e-2, 2);
   EXPECT_LT(errors.velocity, 1e-9 * 10);
   EXPECT_LT(errors.gap, 1e-12);
 }
@@ -53,21 +54,22 @@ TEST(ArticulatedSliderCrank, HasTheOrdersOfItsMethods) {
     const double b = run(SliderCrankSpec::iftomm(), method, fine, 1).velocity;
     return std::log(a / b) / std::log(coarse / fine);
   };
-  EXPECT_NEAR(order(Method::rk4, 2.5e-4, 1.25e-4), 4, 0.2);
-  EXPECT_NEAR(order(Method::semi_implicit_euler, 2e-4, 2e-5), 1, 0.15);
+  EXPECT_NEAR(order(ArticulatedMethod::rk4, 2.5e-4, 1.25e-4), 4, 0.2);
+  EXPECT_NEAR(order(ArticulatedMethod::semi_implicit_euler, 2e-4, 2e-5), 1, 0.15);
 }
 
 // Oracle: the loop itself, at a step at which ODE's joints come apart by millimetres.
 TEST(ArticulatedSliderCrank, StaysClosedAtAnyStep) {
   for (const double step : {1e-3, 5e-3, 1e-2})
-    EXPECT_LT(run(SliderCrankSpec::iftomm(), Method::semi_implicit_euler, step, 2).gap, 1e-12) << step;
+    EXPECT_LT(run(SliderCrankSpec::iftomm(), ArticulatedMethod::semi_implicit_euler, step, 2).gap, 1e-12)
+        << step;
 }
 
 // Oracle: energy, and the loop, through dead centres with three dependent rows; turned, so that no zero is
 // exact.
 TEST(ArticulatedSliderCrank, TakesDependentRowsThroughDeadCentres) {
   const model::Model model = handsim::test::planar_slider_crank(rotation_quaternion({0.3, 0.5, -0.2}));
-  const auto engine = make_engine(model, settings({}, 1e-2, Method::dormand_prince));
+  const auto engine = make_engine(model, settings({}, 1e-2, ArticulatedMethod::dormand_prince));
   const double start = model::kinetic_energy(model, engine->state());
   double gap = 0;
   for (int i = 0; i < 300; ++i) {
@@ -109,7 +111,8 @@ TEST(ArticulatedSliderCrank, HoldsEveryKindOfCutJoint) {
     model.joints.push_back(tie);
     model.bodies[1].initial_angular_velocity = Vec3(1, 2, 3);
     // A start whose velocities agree with the joints.
-    const model::State begin = make_engine(model, settings({}, 1e-2, Method::dormand_prince))->state();
+    const model::State begin =
+        make_engine(model, settings({}, 1e-2, ArticulatedMethod::dormand_prince))->state();
     const auto result = [&](Method method) {
       const auto engine = make_engine(model, settings({Effect::gravity}, 1e-2, method));
       engine->set_state(begin);
@@ -120,7 +123,8 @@ TEST(ArticulatedSliderCrank, HoldsEveryKindOfCutJoint) {
       return engine->state();
     };
     // Oracle: another engine, another formulation. 1e-7: its tolerance over 0.3 s.
-    const model::State mine = result(Method::dormand_prince), other = result(Method::stabilised_gear);
+    const model::State mine = result(ArticulatedMethod::dormand_prince),
+                       other = result(DaeMethod::stabilised_gear);
     for (std::size_t i = 1; i < mine.bodies.size(); ++i)
       EXPECT_LT((mine.bodies[i].p - other.bodies[i].p).norm(), 1e-7) << static_cast<int>(kind);
   }

@@ -125,9 +125,10 @@ TEST(CapsuleOnMesh, LiesOnBothEndsOfItsLineOfRest) {
 TEST(SphereOnMesh, HasTheDepthOfItsDistance) {
   std::mt19937 random(5);
   const ConvexMesh mesh = icosahedron(0.03);
-  const model::Shape solid = mesh_shape("mesh", mesh);
-  model::Shape ball = test::shape("ball", ShapeKind::sphere, 0);
-  ball.radius = 0.01;
+  model::Model model = model::make_model();
+  model.shapes = {test::shape("ball", ShapeKind::sphere, 0), mesh_shape("mesh", mesh)};
+  model.shapes[0].radius = 0.01;
+  const NarrowPhase narrow(model);
   int touching = 0;
   for (int trial = 0; trial < 2000; ++trial) {
     const Vec3 p = 0.045 * test::random_vector(random);
@@ -141,7 +142,7 @@ TEST(SphereOnMesh, HasTheDepthOfItsDistance) {
       }
     const double distance = (p - x).norm();
     if (distance < 1e-4) continue;
-    const Manifold found = *own_manifold(ball, {p, Quat::Identity()}, solid, {});
+    const Manifold found = *narrow.manifold(0, {p, Quat::Identity()}, 1, {});
     ASSERT_EQ(found.count, distance < 0.01 ? 1 : 0) << distance;
     if (found.count == 0) continue;
     ++touching;

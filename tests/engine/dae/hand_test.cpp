@@ -29,8 +29,8 @@ double slope(const model::Model& model, Method method, const std::vector<double>
 // Oracle: order of convergence towards an independent engine: first order in the step.
 TEST(FallingHand, IsTheSameInOdeToFirstOrderInTheStep) {
   const model::Model model = anatomical_hand(hand::Mount::fixed);
-  const std::vector<double> reference = fallen(model, Method::stabilised_gear, 1e-2);
-  const double found = slope(model, Method::world_step, reference);
+  const std::vector<double> reference = fallen(model, DaeMethod::stabilised_gear, 1e-2);
+  const double found = slope(model, OdeMethod::world_step, reference);
   RecordProperty("slope", std::to_string(found));
   EXPECT_NEAR(found, 1, 0.1);
 }
@@ -38,8 +38,8 @@ TEST(FallingHand, IsTheSameInOdeToFirstOrderInTheStep) {
 // Oracle: the same for a hand thrown freely through the air, one island of 16 bodies.
 TEST(ThrownHand, IsTheSameInOdeToFirstOrderInTheStep) {
   const model::Model model = anatomical_hand(hand::Mount::free);
-  const std::vector<double> reference = fallen(model, Method::stabilised_gear, 1e-2);
-  const double found = slope(model, Method::world_step, reference);
+  const std::vector<double> reference = fallen(model, DaeMethod::stabilised_gear, 1e-2);
+  const double found = slope(model, OdeMethod::world_step, reference);
   RecordProperty("slope", std::to_string(found));
   EXPECT_NEAR(found, 1, 0.2);
 }
@@ -47,10 +47,10 @@ TEST(ThrownHand, IsTheSameInOdeToFirstOrderInTheStep) {
 // Oracle: order of convergence of each formulation towards the reference.
 TEST(FallingHand, ConvergesInEveryFormulation) {
   const model::Model model = anatomical_hand(hand::Mount::fixed);
-  const std::vector<double> reference = fallen(model, Method::stabilised_gear, 1e-2);
-  EXPECT_NEAR(slope(model, Method::euler_linearised, reference), 1, 0.1);
-  EXPECT_NEAR(slope(model, Method::euler_projected, reference), 1, 0.1);
-  EXPECT_NEAR(slope(model, Method::lagrange_penalty, reference), 2, 0.3);
+  const std::vector<double> reference = fallen(model, DaeMethod::stabilised_gear, 1e-2);
+  EXPECT_NEAR(slope(model, DaeMethod::euler_linearised, reference), 1, 0.1);
+  EXPECT_NEAR(slope(model, DaeMethod::euler_projected, reference), 1, 0.1);
+  EXPECT_NEAR(slope(model, DaeMethod::lagrange_penalty, reference), 2, 0.3);
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ using test::SliderCrankErrors;
 
 // Oracle: the reduction; the bounds are those that a reference has to meet.
 TEST(SliderCrank, IsFollowedByStabilisedGearToAHundredNanometresPerSecondOverFiveSeconds) {
-  const SliderCrankErrors errors = run(SliderCrankSpec::iftomm(), Method::stabilised_gear, 1e-3, 5);
+  const SliderCrankErrors errors = run(SliderCrankSpec::iftomm(), DaeMethod::stabilised_gear, 1e-3, 5);
   RecordProperty("rms_velocity_error", std::to_string(errors.velocity * 1e9) + " nm/s");
   EXPECT_LT(errors.velocity, 1e-7);
   EXPECT_LT(errors.position, 1e-7);
@@ -28,7 +28,8 @@ TEST(SliderCrank, IsFollowedByStabilisedGearToAHundredNanometresPerSecondOverFiv
 
 // Oracle: the reduction, driven to 45 rad/s by a torque.
 TEST(SliderCrank, IsFollowedByStabilisedGearUnderTorque) {
-  const SliderCrankErrors errors = run(SliderCrankSpec::constant_torque(), Method::stabilised_gear, 1e-3, 2);
+  const SliderCrankErrors errors =
+      run(SliderCrankSpec::constant_torque(), DaeMethod::stabilised_gear, 1e-3, 2);
   EXPECT_LT(errors.velocity, 1e-6);
   EXPECT_LT(errors.gap, 1e-10);
 }
@@ -36,7 +37,7 @@ TEST(SliderCrank, IsFollowedByStabilisedGearUnderTorque) {
 // Oracle: an error control that works: a tighter tolerance gives a smaller error.
 TEST(SliderCrank, GetsCloserWithATighterTolerance) {
   const auto error = [](double tolerance) {
-    return run(SliderCrankSpec::iftomm(), Method::stabilised_gear, 1e-3, 1, tolerance).velocity;
+    return run(SliderCrankSpec::iftomm(), DaeMethod::stabilised_gear, 1e-3, 1, tolerance).velocity;
   };
   const double coarse = error(1e-5), middle = error(1e-7), fine = error(1e-9);
   EXPECT_LT(middle, 0.1 * coarse);
@@ -45,7 +46,7 @@ TEST(SliderCrank, GetsCloserWithATighterTolerance) {
 
 // Oracle: the exact solution does not care how often it is looked at.
 TEST(SliderCrank, DoesNotDependOnTheStepOfOutputInStabilisedGear) {
-  EXPECT_LT(run(SliderCrankSpec::iftomm(), Method::stabilised_gear, 0.02, 1).velocity, 1e-7);
+  EXPECT_LT(run(SliderCrankSpec::iftomm(), DaeMethod::stabilised_gear, 0.02, 1).velocity, 1e-7);
 }
 
 /// Slope of the error between two steps.
@@ -56,16 +57,16 @@ double order(Method method, double coarse, double fine) {
 
 // Oracle: orders of convergence of the methods, over 0.2 s.
 TEST(SliderCrank, ConvergesAtTheOrderOfEachFixedStepMethod) {
-  EXPECT_NEAR(order(Method::lagrange_penalty, 1e-3, 2.5e-4), 2, 0.15);
-  EXPECT_NEAR(order(Method::euler_linearised, 5e-4, 1e-4), 1, 0.15);
-  EXPECT_NEAR(order(Method::euler_projected, 5e-4, 1e-4), 1, 0.15);
+  EXPECT_NEAR(order(DaeMethod::lagrange_penalty, 1e-3, 2.5e-4), 2, 0.15);
+  EXPECT_NEAR(order(DaeMethod::euler_linearised, 5e-4, 1e-4), 1, 0.15);
+  EXPECT_NEAR(order(DaeMethod::euler_projected, 5e-4, 1e-4), 1, 0.15);
 }
 
 // Oracle: rounding; positions are projected after every step.
 TEST(SliderCrank, HasNoGapInEulerProjectedAndLagrangePenalty) {
-  EXPECT_LT(run(SliderCrankSpec::iftomm(), Method::euler_projected, 1e-3, 2).gap, 1e-12);
-  EXPECT_LT(run(SliderCrankSpec::iftomm(), Method::euler_projected, 1e-2, 2).gap, 1e-12);
-  EXPECT_LT(run(SliderCrankSpec::iftomm(), Method::lagrange_penalty, 1e-3, 2).gap, 1e-11);
+  EXPECT_LT(run(SliderCrankSpec::iftomm(), DaeMethod::euler_projected, 1e-3, 2).gap, 1e-12);
+  EXPECT_LT(run(SliderCrankSpec::iftomm(), DaeMethod::euler_projected, 1e-2, 2).gap, 1e-12);
+  EXPECT_LT(run(SliderCrankSpec::iftomm(), DaeMethod::lagrange_penalty, 1e-3, 2).gap, 1e-11);
 }
 
 /// Largest gap over a second, the motion checked to pass both dead centres.
@@ -88,14 +89,14 @@ double gap_through_dead_centres(const model::Model& model, Method method, double
 // a slider hold the plane three times over.
 TEST(RedundantSliderCrank, PassesDeadCentreWithJointsWhole) {
   const model::Model model = handsim::test::planar_slider_crank();
-  EXPECT_LT(gap_through_dead_centres(model, Method::stabilised_gear, 1e-3), 1e-10);
-  EXPECT_LT(gap_through_dead_centres(model, Method::lagrange_penalty, 1e-3), 1e-11);
-  EXPECT_LT(gap_through_dead_centres(model, Method::euler_projected, 1e-3), 1e-12);
+  EXPECT_LT(gap_through_dead_centres(model, DaeMethod::stabilised_gear, 1e-3), 1e-10);
+  EXPECT_LT(gap_through_dead_centres(model, DaeMethod::lagrange_penalty, 1e-3), 1e-11);
+  EXPECT_LT(gap_through_dead_centres(model, DaeMethod::euler_projected, 1e-3), 1e-12);
 }
 
 // Oracle: rounding; least squares leave the linearised method the gap of its order, as without redundancy.
 TEST(RedundantSliderCrank, StaysTogetherInEulerLinearised) {
-  EXPECT_LT(gap_through_dead_centres(handsim::test::planar_slider_crank(), Method::euler_linearised, 1e-3),
+  EXPECT_LT(gap_through_dead_centres(handsim::test::planar_slider_crank(), DaeMethod::euler_linearised, 1e-3),
             1e-4);
 }
 
@@ -103,7 +104,7 @@ TEST(RedundantSliderCrank, StaysTogetherInEulerLinearised) {
 TEST(RedundantSliderCrank, KeepsItsEnergyInStabilisedGear) {
   for (const Quat& tilt : {Quat::Identity(), rotation_quaternion({0.7, -0.4, 1.1})}) {
     const model::Model model = handsim::test::planar_slider_crank(tilt);
-    const auto engine = make_engine(model, settings({Effect::gravity}, 1e-3, Method::stabilised_gear));
+    const auto engine = make_engine(model, settings({Effect::gravity}, 1e-3, DaeMethod::stabilised_gear));
     const double start = energy(model, engine->state());
     double gap = 0;
     for (int i = 0; i < 1000; ++i) {
@@ -119,16 +120,16 @@ TEST(RedundantSliderCrank, KeepsItsEnergyInStabilisedGear) {
 TEST(SliderCrank, StaysWholeAtTenTimesTheSpeed) {
   SliderCrankSpec spec = SliderCrankSpec::iftomm();
   spec.speed = 60;
-  EXPECT_LT(run(spec, Method::stabilised_gear, 1e-3, 0.5).gap, 1e-10);
-  EXPECT_LT(run(spec, Method::lagrange_penalty, 1e-3, 0.5).gap, 1e-5);
-  EXPECT_LT(run(spec, Method::euler_projected, 1e-3, 0.5).gap, 1e-12);
+  EXPECT_LT(run(spec, DaeMethod::stabilised_gear, 1e-3, 0.5).gap, 1e-10);
+  EXPECT_LT(run(spec, DaeMethod::lagrange_penalty, 1e-3, 0.5).gap, 1e-5);
+  EXPECT_LT(run(spec, DaeMethod::euler_projected, 1e-3, 0.5).gap, 1e-12);
 }
 
 // Oracle: the contract: a start whose rod is off by 1 mm is closed, and the note names the gap.
 TEST(SliderCrank, IsClosedAtTheStartAndSaysSo) {
   model::Model model = handsim::test::slider_crank(SliderCrankSpec::iftomm());
   model.joints[3].parent_frame.p.x() += 1e-3;
-  const auto engine = make_engine(model, settings({Effect::gravity}, 1e-3, Method::stabilised_gear));
+  const auto engine = make_engine(model, settings({Effect::gravity}, 1e-3, DaeMethod::stabilised_gear));
   EXPECT_LT(largest_gap(model, engine->state()), 1e-12);
   ASSERT_EQ(engine->notes().size(), 1U);
   EXPECT_NE(engine->notes()[0].find("0.001 m"), std::string::npos);

@@ -63,7 +63,7 @@ TEST(RestingCapsule, StaysStillOnABoxAndOnACylinder) {
 
 // Oracle: equilibrium; the contacts carry the weight, and their moment about the centre of mass is none.
 TEST(ContactForces, CarryTheWeightAtRest) {
-  for (const Method method : {Method::world_step, Method::quick_step}) {
+  for (const Method method : {OdeMethod::world_step, OdeMethod::quick_step}) {
     model::Model model = empty_world(0.8);
     model.shapes.push_back(sized("table", ShapeKind::box, 0, 0, Vec3(0.2, 0.2, 0.02)));
     add_solid(model, sized("block", ShapeKind::box, 0, 0, Vec3(0.04, 0.03, 0.02)), 0.2,
@@ -72,7 +72,7 @@ TEST(ContactForces, CarryTheWeightAtRest) {
               {Vec3(0, 0, 0.038), rotation_quaternion({0, M_PI / 2, 0})});
     Settings how = settings(kAll, 1e-3, method);
     how.contact_forces = true;
-    how.iterations = 100;
+    how.ode().iterations = 100;
     const auto engine = make_engine(model, how);
     test::run(*engine, 2000);
     Vec3 on_block = Vec3::Zero(), on_table = Vec3::Zero();
@@ -81,7 +81,7 @@ TEST(ContactForces, CarryTheWeightAtRest) {
       const bool table = contact.shape_a == 0;
       (table ? on_table : on_block) += contact.force;
     }
-    const double share = method == Method::world_step ? 1e-3 : 2e-2;
+    const double share = method == OdeMethod::world_step ? 1e-3 : 2e-2;
     EXPECT_NEAR(on_table.z(), -0.25 * kG, share * 0.25 * kG);
     EXPECT_NEAR(on_block.z(), -0.05 * kG, share * 0.05 * kG);
     EXPECT_LT(on_table.head<2>().norm(), share * kG);
@@ -93,7 +93,7 @@ TEST(Restitution, IsTheMaterialsWhateverTheErp) {
   for (const double erp : {0.1, 0.2, 0.5, 0.8, 1.0})
     for (const double restitution : {0.0, 0.1, 0.3, 0.5, 0.7, 0.9}) {
       Settings how = settings(kAll);
-      how.erp = erp;
+      test::set_erp(how, erp);
       const model::Model model = test::ball_above_ground(1.02, restitution);
       const auto engine = make_engine(model, how);
       const test::Bounce found = test::bounce(*engine);
@@ -184,9 +184,9 @@ model::Model stack(double top_mass) {
 TEST(Guard, TakesBackStepsThatTheSolverGaveUpOn) {
   const model::Model model = stack(1);
   Settings plain = settings({Effect::gravity, Effect::ground_contact, Effect::friction});
-  plain.cfm = 1e-10;
+  plain.ode().cfm = 1e-10;
   Settings guarded = plain;
-  guarded.effects.add(Effect::step_guard);
+  guarded.ode().guard.emplace();
   const auto bare = make_engine(model, plain);
   const auto engine = make_engine(model, guarded);
   int failures = 0, kept = 0, retried = 0, unresolved = 0;
@@ -208,9 +208,9 @@ TEST(Guard, TakesBackStepsThatTheSolverGaveUpOn) {
 TEST(Guard, ChangesNothingWhereNothingGoesWrong) {
   const model::Model model = stack(0.1);
   Settings plain = settings({Effect::gravity, Effect::ground_contact, Effect::friction});
-  plain.cfm = 1e-6;
+  plain.ode().cfm = 1e-6;
   Settings guarded = plain;
-  guarded.effects.add(Effect::step_guard);
+  guarded.ode().guard.emplace();
   const auto bare = make_engine(model, plain);
   const auto engine = make_engine(model, guarded);
   for (int i = 0; i < 500; ++i) {
@@ -225,8 +225,8 @@ TEST(Guard, ChangesNothingWhereNothingGoesWrong) {
 // target.
 TEST(Guard, HalvesTheStepExactly) {
   const model::Model model = test::hinged_body();
-  Settings how = settings({Effect::actuation, Effect::step_guard});
-  how.guard.angular_speed = 60;
+  Settings how = settings({Effect::actuation});
+  how.ode().guard = GuardLimits{.angular_speed = 60};
   const auto engine = make_engine(model, how);
   // Explicit: 1e-4 kg m^2 and 5 N m give 50 rad/s in 1 ms, 100 rad/s in 2 ms.
   const double torque = 5;
@@ -246,12 +246,12 @@ TEST(MethodAuto, TakesTheDirectSolverForFewRowsAndTheIterativeOneForMany) {
   for (int i = 0; i < 40; ++i)
     add_solid(many, sized("box" + std::to_string(i), ShapeKind::box, 0, 0, Vec3::Constant(0.04)), 0.1,
               {Vec3(0.02 * (i % 2), 0, 0.0199 + 0.0399 * i), Quat::Identity()});
-  for (const Method method : {Method::world_step, Method::quick_step}) {
-    const model::Model* model = method == Method::world_step ? &few : &many;
-    const auto chosen = make_engine(*model, settings(effects, 1e-3, Method::automatic));
+  for (const Method method : {OdeMethod::world_step, OdeMethod::quick_step}) {
+    const model::Model* model = method == OdeMethod::world_step ? &few : &many;
+    const auto chosen = make_engine(*model, settings(effects, 1e-3, OdeMethod::automatic));
     const auto named = make_engine(*model, settings(effects, 1e-3, method));
     for (int i = 0; i < 20; ++i) {
-      EXPECT_EQ(chosen->step({}).iterative, method == Method::quick_step);
+      EXPECT_EQ(chosen->step({}).iterative, method == OdeMethod::quick_step);
       named->step({});
     }
     EXPECT_EQ(test::bits(chosen->state()), test::bits(named->state()));

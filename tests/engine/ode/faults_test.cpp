@@ -8,7 +8,8 @@
 #include <ode/ode.h>
 
 #include "engine/models.h"
-#include "handsim/engine/ode/handlers.h"
+#include "handsim/engine/contact/ode_library.h"
+#include "handsim/engine/ode/world_resources.h"
 
 namespace handsim::engine {
 namespace {
@@ -52,17 +53,17 @@ const std::vector<Defect> kDefects = {
      "cross.axes"},
     {"NanStop",
      [](model::Model& m, Settings&) {
-       m.joints[0].axes[0].stop = model::Stop{kNan, 1, 0, 1};
+       m.joints[0].axes[0].stop = model::Stop{kNan, 1, 0};
      },
      "stop"},
     {"StopsOutOfOrder",
      [](model::Model& m, Settings&) {
-       m.joints[0].axes[0].stop = model::Stop{1, -1, 0, 1};
+       m.joints[0].axes[0].stop = model::Stop{1, -1, 0};
      },
      "stop"},
     {"StopBeyondHalfATurn",
      [](model::Model& m, Settings&) {
-       m.joints[0].axes[0].stop = model::Stop{-1, 4, 0, 1};
+       m.joints[0].axes[0].stop = model::Stop{-1, 4, 0};
      },
      "stop"},
     {"WrongFirstDof", [](model::Model& m, Settings&) { m.joints[0].first_dof = 9; }, "first_dof"},
@@ -71,9 +72,9 @@ const std::vector<Defect> kDefects = {
     {"ZeroStep", [](model::Model&, Settings& s) { s.step = 0; }, "solver.step"},
     {"NanStep", [](model::Model&, Settings& s) { s.step = kNan; }, "solver.step"},
     {"LongStep", [](model::Model&, Settings& s) { s.step = 1; }, "solver.step"},
-    {"NanErp", [](model::Model&, Settings& s) { s.erp = kNan; }, "solver.erp"},
-    {"ZeroCfm", [](model::Model&, Settings& s) { s.cfm = 0; }, "solver.cfm"},
-    {"NoIterations", [](model::Model&, Settings& s) { s.iterations = 0; }, "solver.iterations"},
+    {"NanErp", [](model::Model&, Settings& s) { test::set_erp(s, kNan); }, "solver.erp"},
+    {"ZeroCfm", [](model::Model&, Settings& s) { s.ode().cfm = 0; }, "solver.cfm"},
+    {"NoIterations", [](model::Model&, Settings& s) { s.ode().iterations = 0; }, "solver.iterations"},
     {"MovingPlane",
      [](model::Model& m, Settings& s) {
        test::add_ground(m);
@@ -127,7 +128,7 @@ TEST(Divergence, InTheMiddleOfAStepDoesNotEndTheProcess) {
   const model::Model model = universal_pair();
   for (const bool guarded : {false, true}) {
     Settings with = settings({Effect::gravity});
-    if (guarded) with.effects.add(Effect::step_guard);
+    if (guarded) with.ode().guard.emplace();
     for (const double bad : {1e80, 1e150, 1e160, 1e200, 1e300})
       for (int number = 0; number < 6; ++number) {
         const auto engine = make_engine(model, with);
@@ -177,20 +178,20 @@ TEST(Inputs, OfTheWrongSizeOrNotFiniteAreRefusedAndTheEngineLives) {
 // Oracle: ODE's own handler slots; an assertion comes out as the exception, a message is counted, not
 // printed.
 TEST(Handlers, ThrowErrorsAndCountFailuresOfTheDirectSolver) {
-  ode::enter_ode();
-  EXPECT_THROW(dError(d_ERR_UASSERT, "one %d", 1), ode::OdeFault);
-  EXPECT_THROW(dDebug(d_ERR_IASSERT, "two"), ode::OdeFault);
-  const int before = ode::lcp_failures();
+  enter_ode();
+  EXPECT_THROW(dError(d_ERR_UASSERT, "one %d", 1), OdeFault);
+  EXPECT_THROW(dDebug(d_ERR_IASSERT, "two"), OdeFault);
+  const int before = lcp_failures();
   testing::internal::CaptureStderr();
   dMessage(d_ERR_LCP, "three");
   dMessage(d_ERR_UNKNOWN, "four");
   EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
-  EXPECT_EQ(ode::lcp_failures(), before + 1);
+  EXPECT_EQ(lcp_failures(), before + 1);
 }
 
 // Oracle: the generator's own seed.
 TEST(Handlers, GiveTheSeedBack) {
-  ode::enter_ode();
+  enter_ode();
   dRandSetSeed(123);
   {
     const ode::RandomSeed seed(77);

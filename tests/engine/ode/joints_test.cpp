@@ -6,6 +6,7 @@
 
 #include "engine/models.h"
 #include "handsim/engine/ode/ode_engine.h"
+#include "handsim/model/kinematics.h"
 
 namespace handsim::engine {
 namespace {
@@ -63,7 +64,7 @@ TEST_P(EveryJoint, HasTheModelsCoordinatesInOde) {
     model::Model model = random_joint(random, GetParam().kind, GetParam().on_world);
     for (model::JointAxis& axis : model.joints[0].axes) axis.initial = angle(random);
     ode::OdeEngine engine(model, settings({}));
-    const std::vector<double> q = model::coordinates(model, engine.state());
+    const std::vector<double> q = engine.state().q;
     for (std::size_t i = 0; i < model.joints[0].axes.size(); ++i) {
       EXPECT_NEAR(q[i], model.joints[0].axes[i].initial, 1e-12);
       EXPECT_NEAR(ode_coordinate(engine.joints().id(0), GetParam().kind, i), q[i], 1e-12) << "axis " << i;
@@ -91,21 +92,22 @@ TEST(Universal, HasTheModelsCoordinatesForAxesAlongTheFrame) {
     }
 }
 
-// Oracle: two independent ways that must agree; the fast reading against model::joint_coordinates, all round.
-TEST(AngleSensor, ReadsTheModelsCoordinatesAndStops) {
+// Oracle: two independent ways that must agree; the fast reading against model::find_coordinates, all round.
+TEST(JointSensors, ReadTheModelsCoordinatesAndRates) {
   std::mt19937 random(9);
   std::uniform_real_distribution<double> turn(-3.1, 3.1);
-  for (const JointKind kind : {JointKind::hinge, JointKind::universal})
+  for (const JointKind kind : {JointKind::hinge, JointKind::universal, JointKind::slider, JointKind::ball})
     for (int trial = 0; trial < 300; ++trial) {
       model::Model model = random_joint(random, kind, trial % 2 == 0);
       for (model::JointAxis& axis : model.joints[0].axes) axis.initial = turn(random);
-      const model::State state = model::initial_state(model);
-      const std::vector<double> q = model::coordinates(model, state);
-      const std::array<ode::Direction, 2> read = ode::AngleSensor(model.joints[0]).read(state);
-      for (std::size_t i = 0; i < q.size(); ++i) {
-        EXPECT_NEAR(read[i].angle(), q[i], 1e-12);
-        for (const auto& [low, high] : {std::pair(-0.2, 1.2), std::pair(-1.9, 1.9), std::pair(0.5, 3.1)})
-          EXPECT_EQ(ode::StopArc(low, high).reached(read[i]), q[i] <= low || q[i] >= high) << q[i];
+      model::State state = model::initial_state(model);
+      state.bodies.back().w = Vec3(turn(random), turn(random), turn(random));
+      model::find_coordinates(model, state);
+      model::State read = state;
+      model::JointSensors(model).read(read);
+      for (std::size_t i = 0; i < state.q.size(); ++i) {
+        EXPECT_NEAR(read.q[i], state.q[i], 1e-12);
+        EXPECT_NEAR(read.u[i], state.u[i], 1e-12);
       }
     }
 }
@@ -119,7 +121,7 @@ TEST_P(EveryJoint, HoldsEachStopOnItsOwnSide) {
     model::Model model = random_joint(random, GetParam().kind, GetParam().on_world);
     const std::size_t axes = model.joints[0].axes.size();
     // Four different ends, so that none can stand in for another.
-    const model::Stop stops[] = {{-0.11, 0.17, 0, 1}, {-0.23, 0.07, 0, 1}};
+    const model::Stop stops[] = {{-0.11, 0.17, 0}, {-0.23, 0.07, 0}};
     for (std::size_t i = 0; i < axes; ++i) model.joints[0].axes[i].stop = stops[i];
     for (std::size_t i = 0; i < axes; ++i)
       for (const double side : {-1.0, 1.0}) {
@@ -131,13 +133,13 @@ TEST_P(EveryJoint, HoldsEachStopOnItsOwnSide) {
         bool reached = false;
         for (int k = 0; k < 3000; ++k) {
           const StepReport report = engine.step({tau});
-          const double rate = side * model::rates(model, engine.state())[i];
+          const double rate = side * engine.state().u[i];
           fastest = std::max(fastest, rate);
           reached = reached || report.stop_rows > 0;
-          ASSERT_LE(side * model::coordinates(model, engine.state())[i], bound + fastest * step + 1e-6);
+          ASSERT_LE(side * engine.state().q[i], bound + fastest * step + 1e-6);
         }
         EXPECT_TRUE(reached);
-        EXPECT_NEAR(side * model::coordinates(model, engine.state())[i], bound, 1e-3);
+        EXPECT_NEAR(side * engine.state().q[i], bound, 1e-3);
       }
   }
 }
@@ -150,12 +152,12 @@ TEST_P(EveryJoint, TurnsTorqueIntoMotionAlongItsCoordinateAndReactsOnItsParent) 
     model::Model model = random_joint(random, GetParam().kind, GetParam().on_world);
     const double step = 1e-4;
     Settings exact = settings({}, step);
-    exact.cfm = 1e-13;
+    exact.ode().cfm = 1e-13;
     ode::OdeEngine engine(model, exact);
     std::vector<double> tau(model.joints[0].axes.size());
     for (double& t : tau) t = std::copysign(0.01, test::random_vector(random).x());
     engine.step({tau});
-    const std::vector<double> rate = model::rates(model, engine.state());
+    const std::vector<double> rate = engine.state().u;
     double power = 0;
     double energy = 0;
     Vec3 momentum = Vec3::Zero();
@@ -190,10 +192,10 @@ TEST(Torque, GivesAHingeTheAccelerationTauOverI) {
   for (int n = 1; n <= 100; ++n) {
     engine.step({std::span(&tau, 1)});
     // cfm 1e-9 softens no row along the axis; the rest is rounding.
-    EXPECT_NEAR(model::rates(model, engine.state())[0], 1e-3 * n * tau / 1e-4, 1e-12);
+    EXPECT_NEAR(engine.state().u[0], 1e-3 * n * tau / 1e-4, 1e-12);
   }
   // ODE's infinitesimal rotation turns by atan(w h / 2) * 2: w^3 h^3 / 12 short a step, 1e-13 in all.
-  EXPECT_NEAR(model::coordinates(model, engine.state())[0], 1e-6 * 5050 * 0.2, 1e-10);
+  EXPECT_NEAR(engine.state().q[0], 1e-6 * 5050 * 0.2, 1e-10);
 }
 
 // Oracle: closed form, three torques on a ball joint of a body with equal moments turn it about their sum.
@@ -207,7 +209,7 @@ TEST(Torque, OnABallActsInTheParentFrame) {
   ode::OdeEngine engine(model, settings({}));
   const std::vector<double> tau = {1e-5, -2e-5, 3e-5};
   engine.step({tau});
-  const std::vector<double> rate = model::rates(model, engine.state());
+  const std::vector<double> rate = engine.state().u;
   for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(rate[i], 1e-3 * tau[i] / 1e-4, 1e-13);
   EXPECT_LT((engine.state().bodies[1].w - frame.q * Vec3(1e-4, -2e-4, 3e-4)).norm(), 1e-13);
 }
@@ -241,11 +243,11 @@ TEST(Pair, KeepsItsMomentumWhileTheJointWorks) {
 TEST(Stop, BouncesByItsRatio) {
   for (const double bounce : {0.3, 0.5, 0.8}) {
     model::Model model = test::hinged_body();
-    model.joints[0].axes[0].stop = model::Stop{-1, 0.3, bounce, 1};
+    model.joints[0].axes[0].stop = model::Stop{-1, 0.3, bounce};
     model.bodies[1].initial_angular_velocity = Vec3(0, 10, 0);
     ode::OdeEngine engine(model, settings({Effect::joint_stops}));
     test::run(engine, 60);
-    EXPECT_NEAR(model::rates(model, engine.state())[0], -10 * bounce, 0.5);
+    EXPECT_NEAR(engine.state().u[0], -10 * bounce, 0.5);
   }
 }
 
@@ -259,16 +261,16 @@ TEST(Stop, ReboundsByItsRatioAtAnyErpAndIsNotPassed) {
           SCOPED_TRACE(testing::Message()
                        << speed << " rad/s, step " << step << ", ERP " << erp << ", bounce " << bounce);
           model::Model model = test::hinged_body();
-          model.joints[0].axes[0].stop = model::Stop{-3, 0.3, bounce, 1};
+          model.joints[0].axes[0].stop = model::Stop{-3, 0.3, bounce};
           model.bodies[1].initial_angular_velocity = Vec3(0, speed, 0);
           Settings how = settings({Effect::joint_stops}, step);
-          how.erp = erp;
+          test::set_erp(how, erp);
           ode::OdeEngine engine(model, how);
           double back = 0;
           for (int i = 0; i < static_cast<int>(0.3 / speed / step) + 2; ++i) {
             engine.step({});
-            EXPECT_LE(model::coordinates(model, engine.state())[0], 0.3 + 1e-9);
-            back = std::max(back, -model::rates(model, engine.state())[0]);
+            EXPECT_LE(engine.state().q[0], 0.3 + 1e-9);
+            back = std::max(back, -engine.state().u[0]);
           }
           EXPECT_NEAR(back, bounce * speed, 1e-5 * speed);
         }
@@ -277,7 +279,7 @@ TEST(Stop, ReboundsByItsRatioAtAnyErpAndIsNotPassed) {
 // Oracle: identity; a stop that is out of reach, or that the joint leaves, changes no bit.
 TEST(Stop, OutOfReachChangesNothing) {
   model::Model with = test::hinged_body(), without = with;
-  with.joints[0].axes[0].stop = model::Stop{-0.01, 3, 0, 1};
+  with.joints[0].axes[0].stop = model::Stop{-0.01, 3, 0};
   with.bodies[1].initial_angular_velocity = without.bodies[1].initial_angular_velocity = Vec3(0, 20, 0);
   ode::OdeEngine a(with, settings({Effect::joint_stops})), b(without, settings({Effect::joint_stops}));
   for (int i = 0; i < 140; ++i) {
@@ -290,13 +292,13 @@ TEST(Stop, OutOfReachChangesNothing) {
 // Oracle: the range; stops whose outside is narrower than a step's turn are not jumped over.
 TEST(Stop, JustShortOfHalfATurnIsNotJumpedOver) {
   model::Model model = test::hinged_body();
-  model.joints[0].axes[0].stop = model::Stop{-3.14, 3.14, 0.9, 1};
+  model.joints[0].axes[0].stop = model::Stop{-3.14, 3.14, 0.9};
   model.bodies[1].initial_angular_velocity = Vec3(0, 50, 0);
   ode::OdeEngine engine(model, settings({Effect::joint_stops}));
   double last = 0;
   for (int i = 0; i < 1000; ++i) {
     engine.step({});
-    const double q = model::coordinates(model, engine.state())[0];
+    const double q = engine.state().q[0];
     ASSERT_LT(std::abs(q - last), 0.06) << i;
     last = q;
   }
@@ -305,23 +307,23 @@ TEST(Stop, JustShortOfHalfATurnIsNotJumpedOver) {
 // Oracle: the model; a joint that starts at rest on a stop of zero must move freely off it, and says why.
 TEST(Stop, AtZeroIsMovedOutwardAndSaysSo) {
   model::Model model = test::hinged_body();
-  model.joints[0].axes[0].stop = model::Stop{0, 0.5, 0, 1};
+  model.joints[0].axes[0].stop = model::Stop{0, 0.5, 0};
   ode::OdeEngine engine(model, settings({Effect::joint_stops}));
   ASSERT_EQ(engine.notes().size(), 1U);
   EXPECT_NE(engine.notes()[0].find("pin.axis0: low stop 0 rad moved to -1e-05 rad"), std::string::npos);
   const double tau = 2e-5;
   EXPECT_EQ(engine.step({std::span(&tau, 1)}).stop_rows, 0);
-  EXPECT_NEAR(model::rates(model, engine.state())[0], 1e-3 * 0.2, 1e-13);
+  EXPECT_NEAR(engine.state().u[0], 1e-3 * 0.2, 1e-13);
 }
 
 // Oracle: the effect's definition; a stop that is not asked for is not there.
 TEST(Stop, IsAbsentWithoutItsEffect) {
   model::Model model = test::hinged_body();
-  model.joints[0].axes[0].stop = model::Stop{-0.1, 0.1, 0, 1};
+  model.joints[0].axes[0].stop = model::Stop{-0.1, 0.1, 0};
   model.bodies[1].initial_angular_velocity = Vec3(0, 2, 0);
   ode::OdeEngine engine(model, settings({}));
   test::run(engine, 500);
-  EXPECT_NEAR(model::coordinates(model, engine.state())[0], 1.0, 1e-6);
+  EXPECT_NEAR(engine.state().q[0], 1.0, 1e-6);
 }
 
 }  // namespace

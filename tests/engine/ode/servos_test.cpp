@@ -15,14 +15,14 @@ using test::settings;
 
 constexpr double kInertia = 2e-6;  // of a fingertip about its joint [kg m^2]
 
-double angle(const model::Model& model, const Engine& engine) {
-  return model::coordinates(model, engine.state())[0];
+double angle(const Engine& engine) {
+  return engine.state().q[0];
 }
 
 /// Steps a hinge with a servo towards a target; the error is taken anew at each step.
-void drive(const model::Model& model, Engine& engine, Servo servo, double target, int steps) {
+void drive(Engine& engine, Servo servo, double target, int steps) {
   for (int i = 0; i < steps; ++i) {
-    servo.error = target - angle(model, engine);
+    servo.error = target - angle(engine);
     engine.step({.servos = std::span(&servo, 1)});
   }
 }
@@ -42,15 +42,15 @@ double worst_departure(Method method, double h) {
   const double k = kInertia * w * w, c = 2 * kInertia * w;
   const model::Model model = test::hinged_body(0, {kInertia, kInertia, kInertia});
   Settings with = settings({Effect::actuation}, h, method);
-  with.iterations = 50;
+  with.ode().iterations = 50;
   const auto engine = make_engine(model, with);
   Recurrence reference;
   double worst = 0;
   for (int i = 0; i < 500; ++i) {
     const double target = 0.7 * std::sin(0.01 * i);
     reference.step(k, c, target, h);
-    drive(model, *engine, {k, c, 0, 0, 10}, target, 1);
-    worst = std::max(worst, std::abs(angle(model, *engine) - reference.x));
+    drive(*engine, {k, c, 0, 0, 10}, target, 1);
+    worst = std::max(worst, std::abs(angle(*engine) - reference.x));
   }
   return worst;
 }
@@ -58,12 +58,12 @@ double worst_departure(Method method, double h) {
 // Oracle: the discrete recurrence. 1e-12: rounding of 500 steps; the iterative solver's bound is looser.
 TEST(Servo, FollowsTheImplicitRecurrenceWithWorldStepTo1e12) {
   for (const double h : {1e-3, 5e-3, 1e-2, 2e-2})
-    EXPECT_LT(worst_departure(Method::world_step, h), 1e-12) << h;
+    EXPECT_LT(worst_departure(OdeMethod::world_step, h), 1e-12) << h;
 }
 
 TEST(Servo, FollowsTheImplicitRecurrenceWithQuickStepTo1e3) {
   for (const double h : {1e-3, 5e-3, 1e-2, 2e-2})
-    EXPECT_LT(worst_departure(Method::quick_step, h), 1e-3) << h;
+    EXPECT_LT(worst_departure(OdeMethod::quick_step, h), 1e-3) << h;
 }
 
 // Oracle: closed form. At the limit the hinge turns with constant acceleration limit / I.
@@ -71,18 +71,18 @@ TEST(Servo, HoldsItsTorqueLimit) {
   const model::Model model = test::hinged_body(0, {kInertia, kInertia, kInertia});
   const auto engine = make_engine(model, settings({Effect::actuation}));
   const double limit = 1e-4;
-  drive(model, *engine, {0.5, 1e-5, 0, 0.2, limit}, 3, 100);
-  EXPECT_NEAR(model::rates(model, engine->state())[0], 100 * 1e-3 * limit / kInertia, 1e-9);
+  drive(*engine, {0.5, 1e-5, 0, 0.2, limit}, 3, 100);
+  EXPECT_NEAR(engine->state().u[0], 100 * 1e-3 * limit / kInertia, 1e-9);
 }
 
 // Oracle: the stop's place. The servo pulls beyond the stop with 20 times what the stop is tested with
 // elsewhere.
 TEST(Servo, LeavesTheStopOfItsJointAlive) {
   model::Model model = test::hinged_body(0, {kInertia, kInertia, kInertia});
-  model.joints[0].axes[0].stop = model::Stop{-0.5, 0.5, 0, 1};
+  model.joints[0].axes[0].stop = model::Stop{-0.5, 0.5, 0};
   const auto engine = make_engine(model, settings({Effect::actuation, Effect::joint_stops}));
-  drive(model, *engine, {0.05, 1e-4, 0, 0, 1}, 1.5, 2000);
-  EXPECT_NEAR(angle(model, *engine), 0.5, 1e-3);
+  drive(*engine, {0.05, 1e-4, 0, 0, 1}, 1.5, 2000);
+  EXPECT_NEAR(angle(*engine), 0.5, 1e-3);
 }
 
 // Oracle: closed form, h feed / (I + h damping) = 1/3 rad/s, with and without a stop. A motor sharing the
@@ -93,10 +93,10 @@ TEST(Servo, LeavesAStopWithoutASpike) {
   for (const bool stop : {false, true}) {
     model::Model model = test::hinged_body(0, {kInertia, kInertia, kInertia});
     model.joints[0].axes[0].initial = 0.5;
-    if (stop) model.joints[0].axes[0].stop = model::Stop{-0.5, 0.5, 0, 1};
+    if (stop) model.joints[0].axes[0].stop = model::Stop{-0.5, 0.5, 0};
     const auto engine = make_engine(model, settings({Effect::actuation, Effect::joint_stops}));
-    drive(model, *engine, {0, 1e-3, 0, -1e-3, 1}, 0, 1);
-    rates[stop ? 1 : 0] = model::rates(model, engine->state())[0];
+    drive(*engine, {0, 1e-3, 0, -1e-3, 1}, 0, 1);
+    rates[stop ? 1 : 0] = engine->state().u[0];
   }
   EXPECT_NEAR(rates[0], -1.0 / 3.0, 1e-9);
   EXPECT_NEAR(rates[1], rates[0], 1e-6 * std::abs(rates[0]));
@@ -119,8 +119,8 @@ TEST(Servo, TurnsBothAxesOfAUniversalJointAsTheTorqueDoes) {
     pushed->step({.torques = tau});
     served->step({.servos = servos});
   }
-  const std::vector<double> a = model::coordinates(model, pushed->state());
-  const std::vector<double> b = model::coordinates(model, served->state());
+  const std::vector<double> a = pushed->state().q;
+  const std::vector<double> b = served->state().q;
   EXPECT_GT(std::abs(a[0] - 0.4), 1e-2);
   for (std::size_t i = 0; i < 2; ++i) EXPECT_NEAR(a[i], b[i], 1e-9);
 }
@@ -130,20 +130,20 @@ TEST(Servo, DrivesASlider) {
   test::add_body(model, test::body("cart", 0.5, {1e-4, 1e-4, 1e-4}));
   test::add_joint(model, "rail", JointKind::slider, 0, 1, {}, {}, {Vec3::UnitX()});
   const auto engine = make_engine(model, settings({Effect::actuation}));
-  drive(model, *engine, {200, 20, 0, 0, 100}, 0.05, 2000);
-  EXPECT_NEAR(angle(model, *engine), 0.05, 1e-6);
+  drive(*engine, {200, 20, 0, 0, 100}, 0.05, 2000);
+  EXPECT_NEAR(angle(*engine), 0.05, 1e-6);
 }
 
 // Oracle: never having been driven. A limit of 0, and no servos after some, leave the joint alone.
 TEST(Servo, LetsGoOfWhatItNoLongerDrives) {
   const model::Model model = test::hinged_body(0, {kInertia, kInertia, kInertia});
   const auto engine = make_engine(model, settings({Effect::actuation}));
-  drive(model, *engine, {1e-3, 1e-5, 0, 0, 1}, 0.3, 5);
-  const double rate = model::rates(model, engine->state())[0];
+  drive(*engine, {1e-3, 1e-5, 0, 0, 1}, 0.3, 5);
+  const double rate = engine->state().u[0];
   engine->step({});
-  EXPECT_NEAR(model::rates(model, engine->state())[0], rate, 1e-12);
-  drive(model, *engine, {1e-3, 1e-5, 0, 0, 0}, 0.3, 5);
-  EXPECT_NEAR(model::rates(model, engine->state())[0], rate, 1e-12);
+  EXPECT_NEAR(engine->state().u[0], rate, 1e-12);
+  drive(*engine, {1e-3, 1e-5, 0, 0, 0}, 0.3, 5);
+  EXPECT_NEAR(engine->state().u[0], rate, 1e-12);
 }
 
 TEST(Servo, WithoutActuationOrWithBadGainsIsRefused) {

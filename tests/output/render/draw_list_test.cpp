@@ -67,15 +67,15 @@ TEST(DrawList, JointAxesStandAsTheBodiesDo) {
 
 /// Points that enclose the surface of a shape of the test hand closely enough: spheres' six extremes
 /// along picture axes at both cap centres, or corners.
-std::vector<Vec3> extremes(const DrawShape& shape, const Projection& project) {
+std::vector<Vec3> extremes(const Solid& shape, const Projection& project) {
   std::vector<Vec3> points;
   for (int i = 0; i < 8; ++i) {
     const Vec3 sign((i & 1) != 0 ? 1 : -1, (i & 2) != 0 ? 1 : -1, (i & 4) != 0 ? 1 : -1);
-    if (shape.kind == model::ShapeKind::box) {
-      points.push_back(shape.pose * Vec3(sign.cwiseProduct(shape.edges / 2)));
+    if (!is_capsule(shape)) {
+      points.push_back(shape.pose * Vec3(sign.cwiseProduct(shape.half)));
     } else {
-      const Vec3 centre = shape.pose * Vec3(0, 0, sign.x() * shape.length / 2);
-      points.push_back(centre + shape.radius * sign.y() * (sign.z() > 0 ? project.x : project.y));
+      const Vec3 centre = shape.pose * Vec3(0, 0, sign.x() * shape.half.z());
+      points.push_back(centre + shape.round * sign.y() * (sign.z() > 0 ? project.x : project.y));
     }
   }
   return points;
@@ -95,7 +95,7 @@ TEST(FramedCamera, SeesAllOfTheHandsTightlyForEveryViewSideAndAspect) {
         const Projection project(camera, width, height);
         double outermost = 0;
         for (const DrawShape& shape : list.shapes)
-          for (const Vec3& point : extremes(shape, project)) {
+          for (const Vec3& point : extremes(shape.solid, project)) {
             const Eigen::Vector2d at = project(point);
             outermost =
                 std::max({outermost, std::abs(at.x() / width * 2 - 1), std::abs(at.y() / height * 2 - 1)});

@@ -35,7 +35,7 @@ TEST(Renderer, FingersShowTheirColourWhereTheirCentresProject) {
       const Camera camera = framed_camera(view, {}, side, list, 640.0 / 480);
       const Image image = renderer.draw(list, camera);
       for (const DrawShape& shape : list.shapes) {
-        const Eigen::Vector2d at = Projection(camera, 640, 480)(shape.pose.p);
+        const Eigen::Vector2d at = Projection(camera, 640, 480)(shape.solid.pose.p);
         const std::uint8_t* pixel = image.pixel(static_cast<int>(at.x()), static_cast<int>(at.y()));
         const std::array<float, 3> paint = {shape.colour.r, shape.colour.g, shape.colour.b};
         const std::size_t strongest =
@@ -86,8 +86,7 @@ TEST(Renderer, NothingIsClippedAtTheBorder) {
 DrawList ball_over_ground() {
   DrawList list;
   list.ground_height = 0;
-  list.shapes.push_back(
-      {model::ShapeKind::sphere, 0.03, 0, Vec3::Zero(), {{0, 0, 0.032}, Quat::Identity()}, {}});
+  list.shapes.push_back(ball({0, 0, 0.032}, 0.03, {}));
   return list;
 }
 
@@ -117,7 +116,7 @@ TEST(Renderer, GroundIsDarkerBelowAShapeThanFarOff) {
 TEST(Renderer, ShadowFallsAwayFromTheLamp) {
   Renderer renderer(480, 360);
   DrawList list = ball_over_ground();
-  list.shapes[0].pose.p.z() = 0.1;
+  list.shapes[0].solid.pose.p.z() = 0.1;
   Camera camera;
   camera.position = {0, -0.05, 0.8};
   camera.target = {0, 0, 0};
@@ -135,13 +134,12 @@ TEST(Renderer, ShadowFallsAwayFromTheLamp) {
 TEST(Renderer, ShapesShadeEachOther) {
   Renderer renderer(320, 240);
   DrawList list;
-  list.shapes.push_back({model::ShapeKind::sphere, 0.03, 0, Vec3::Zero(), {}, {0.5F, 0.5F, 0.5F}});
+  list.shapes.push_back(ball(Vec3::Zero(), 0.03, {0.5F, 0.5F, 0.5F}));
   Camera camera;
   camera.position = {0, -0.5, 0};
   camera.target = Vec3::Zero();
   const Image lit = renderer.draw(list, camera);
-  list.shapes.push_back(
-      {model::ShapeKind::box, 0, 0, {0.08, 0.08, 0.004}, {{-0.07, -0.1, 0.081}, Quat::Identity()}, {}});
+  list.shapes.push_back({{Core::box, {0.04, 0.04, 0.002}, 0, {{-0.07, -0.1, 0.081}, Quat::Identity()}}, {}});
   const Image shaded = renderer.draw(list, camera);
   EXPECT_GT(brightness(lit, 155, 115), brightness(shaded, 155, 115) + 60);
 }
@@ -179,17 +177,17 @@ TEST(Renderer, EdgesAreAntiAliased) {
 }
 
 /// Does the ray from the eye through a pixel's point pass the capsule's axis within its radius?
-bool hits(const DrawShape& shape, const Projection& project, double px, double py, double grown) {
+bool hits(const Solid& shape, const Projection& project, double px, double py, double grown) {
   const Vec3 d = ((px - project.width / 2) * project.x - (py - project.height / 2) * project.y -
                   project.focus * project.z)
                      .normalized();
   const Vec3 axis = shape.pose.q * Vec3::UnitZ();
   double closest = 1e9;
   for (int i = 0; i <= 2000; ++i) {
-    const Vec3 w = shape.pose.p + axis * (shape.length * (i / 2000.0 - 0.5)) - project.eye;
+    const Vec3 w = shape.pose.p + axis * (2 * shape.half.z() * (i / 2000.0 - 0.5)) - project.eye;
     closest = std::min(closest, (w - w.dot(d) * d).norm() - grown / project.focus * w.dot(d));
   }
-  return closest <= shape.radius;
+  return closest <= shape.round;
 }
 
 // Oracle: distance of each pixel's ray from the capsule's axis. Pixels that lie more than 1.5 pixels inside
@@ -207,8 +205,8 @@ TEST(Renderer, CapsuleOutlineMatchesItsProjectionWithinOneAndAHalfPixels) {
     for (int x = 0; x < 320; ++x) {
       const bool drawn = brightness(with, x, y) < brightness(without, x, y) / 2;
       painted += drawn;
-      if (drawn && !hits(list.shapes[0], project, x + 0.5, y + 0.5, 1.5)) ++wrong;
-      if (!drawn && hits(list.shapes[0], project, x + 0.5, y + 0.5, -1.5)) ++wrong;
+      if (drawn && !hits(list.shapes[0].solid, project, x + 0.5, y + 0.5, 1.5)) ++wrong;
+      if (!drawn && hits(list.shapes[0].solid, project, x + 0.5, y + 0.5, -1.5)) ++wrong;
     }
   EXPECT_EQ(wrong, 0);
   EXPECT_GT(painted, 2000);

@@ -11,9 +11,6 @@
 namespace handsim::scene {
 namespace {
 
-using model::EngineKind;
-using model::Method;
-
 std::vector<CostTable> shipped_costs() {
   YamlNode root = load_yaml(test::source("config/accuracy_costs.yaml"));
   Diagnostics diagnostics;
@@ -22,9 +19,10 @@ std::vector<CostTable> shipped_costs() {
   return out;
 }
 
-Scene chosen(const std::string& name, double accuracy, std::vector<std::string> more = {}) {
+Scene chosen(const std::string& name, double accuracy, std::vector<std::string> more = {},
+             const std::string& keys = "") {
   std::ostringstream text;
-  text << "solver={engine: auto, accuracy: " << accuracy << "}";
+  text << "solver={engine: auto, accuracy: " << accuracy << (keys.empty() ? "" : ", ") << keys << "}";
   more.push_back(text.str());
   more.emplace_back("criteria={}");
   return test::shipped_scene(name, more);
@@ -57,9 +55,9 @@ TEST(EngineChoice, IsTheCheapestRowThatReachesTheAccuracy) {
         if (row.error <= accuracy && (!want || row.cost < want->cost)) want = &row;
       ASSERT_NE(want, nullptr);
       const Scene scene = chosen(c.scene, accuracy, c.more);
-      EXPECT_EQ(scene.spec.solver.method, want->solver.method) << c.scene << ' ' << accuracy;
+      EXPECT_EQ(scene.spec.solver.method(), want->solver.method()) << c.scene << ' ' << accuracy;
       EXPECT_EQ(scene.spec.solver.step, want->solver.step);
-      EXPECT_NE(scene.spec.engine_choice.find(model::name(want->solver.method)), std::string::npos);
+      EXPECT_NE(scene.spec.engine_choice.find(engine::name(want->solver.method())), std::string::npos);
       for (const std::string& warning : scene.warnings)
         EXPECT_EQ(warning.find("engine auto"), std::string::npos) << warning;
     }
@@ -77,23 +75,23 @@ TEST(EngineChoice, WarnsOfClimbsThatTakeLongerThanWasMeasured) {
 // Oracle: what the resolved scene is for: it makes the same run, whatever becomes of the table.
 TEST(EngineChoice, StandsInTheResolvedScene) {
   const Scene scene = chosen("two_hands", 1e-8, {kFree, "duration=0.2"});
-  EXPECT_EQ(scene.spec.solver.method, Method::dormand_prince);
+  EXPECT_EQ(scene.spec.solver.method(), engine::ArticulatedMethod::dormand_prince);
   const YamlNode* solver = scene.resolved.find("solver");
   ASSERT_NE(solver, nullptr);
   EXPECT_EQ(solver->find("engine")->text, "articulated");
   EXPECT_EQ(solver->find("accuracy"), nullptr);
   EXPECT_EQ(solver->find("costs"), nullptr);
   const Scene again = compile_scene(scene.resolved);
-  EXPECT_EQ(again.spec.solver.method, scene.spec.solver.method);
+  EXPECT_EQ(again.spec.solver.method(), scene.spec.solver.method());
   EXPECT_EQ(again.spec.solver.step, scene.spec.solver.step);
-  EXPECT_EQ(again.spec.solver.tolerance, scene.spec.solver.tolerance);
+  EXPECT_EQ(again.spec.solver.articulated().tolerance, scene.spec.solver.articulated().tolerance);
 }
 
 // Oracle: the engines' own refusals.
 TEST(EngineChoice, LeavesOutEnginesThatLackWhatTheSceneAsksFor) {
-  const Scene guarded = chosen("grasp_pinch", 0.2);
-  EXPECT_TRUE(guarded.spec.solver.effects.has(model::Effect::step_guard));
-  EXPECT_EQ(model::engine_of(guarded.spec.solver.method), EngineKind::ode);
+  const Scene guarded = chosen("grasp_pinch", 0.2, {}, "guard: true");
+  EXPECT_EQ(guarded.spec.solver.engine(), engine::EngineKind::ode);
+  EXPECT_TRUE(guarded.spec.solver.ode().guard);
 }
 
 // Oracle: the definition.
@@ -107,7 +105,7 @@ TEST(EngineChoice, SaysWhereASceneIsOutsideWhatWasMeasured) {
 // Oracle: what was there before: the default.
 TEST(EngineChoice, IsNotMadeForAnyoneWhoDoesNotAsk) {
   const Scene scene = test::shipped_scene("two_hands");
-  EXPECT_EQ(scene.spec.solver.method, Method::world_step);
+  EXPECT_EQ(scene.spec.solver.method(), engine::OdeMethod::world_step);
   EXPECT_TRUE(scene.spec.engine_choice.empty());
 }
 
@@ -123,7 +121,7 @@ TEST(EngineChoice, TableSurvivesBeingWritten) {
     ASSERT_EQ(again[i].rows.size(), costs[i].rows.size());
     for (std::size_t k = 0; k < costs[i].rows.size(); ++k) {
       EXPECT_EQ(again[i].rows[k].error, costs[i].rows[k].error);
-      EXPECT_EQ(again[i].rows[k].solver.method, costs[i].rows[k].solver.method);
+      EXPECT_EQ(again[i].rows[k].solver.method(), costs[i].rows[k].solver.method());
       EXPECT_EQ(again[i].rows[k].solver.step, costs[i].rows[k].solver.step);
     }
   }

@@ -107,7 +107,7 @@ TEST(ContactForces, AreArrowsInThePicture) {
     Simulation simulation(scene);
     for (int i = 0; i < 1000; ++i) simulation.step();
     const Snapshot moment = snapshot(simulation.engine());
-    const auto scale = force_scale(scene, std::span(&moment, 1));
+    const auto scale = force_scale(scene.spec.pictures, std::span(&moment, 1));
     ASSERT_EQ(scale.has_value(), shown);
     if (shown) {
       double largest = 0;

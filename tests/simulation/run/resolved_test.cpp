@@ -79,6 +79,7 @@ std::string course_of(const scene::Scene& scene) {
 }
 
 TEST(RandomScenes, RunAgainFromTheirResolvedTextToTheBit) {
+  test::drawn::fix_seed();
   int repeated = 0;
   const bool held = rc::check("repeats to the bit", [&] {
     const test::drawn::Drawn drawn = test::drawn::random_scene();

@@ -11,6 +11,7 @@
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
+#include "support/read_png.h"
 #include "support/peak_memory.h"
 
 namespace handsim::simulation {
@@ -45,7 +46,7 @@ TEST(MainScene, FingersEndOnTheirStops) {
   const scene::Scene scene = shipped_scene("two_hands");
   Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-  const std::vector<double> q = model::coordinates(scene.model, simulation.state());
+  const std::vector<double> q = simulation.state().q;
   for (const model::Joint& joint : scene.model.joints) {
     if (joint.name.find("thumb") != std::string::npos) continue;
     EXPECT_NEAR(q[static_cast<std::size_t>(joint.first_dof)], joint.axes[0].stop->low, 1e-3) << joint.name;
@@ -94,20 +95,20 @@ TEST(Effects, AreBuiltOnlyWhereTheSceneListsThem) {
   Simulation without(dry);
   for (int i = 0; i < 100; ++i) without.step();
   EXPECT_FALSE(without.engine().tests_contacts());
-  EXPECT_EQ(without.ledger().collide_calls(), 0);
+  EXPECT_EQ(without.get<Ledger>().collide_calls(), 0);
 
   const scene::Scene wet = shipped_scene("dropped_hand");
   Simulation with(wet);
   for (int i = 0; i < 100; ++i) with.step();
   EXPECT_TRUE(with.engine().tests_contacts());
-  EXPECT_GT(with.ledger().collide_calls(), 0);
+  EXPECT_GT(with.get<Ledger>().collide_calls(), 0);
 
   const scene::Scene floating = shipped_scene("two_hands", {"effects=[]", "criteria={}"});
   Simulation still(floating);
   for (int i = 0; i < 100; ++i) still.step();
   // Without gravity, stops and tissue nothing moves a hand that starts at rest.
-  const std::vector<double> before = model::coordinates(floating.model, model::initial_state(floating.model));
-  const std::vector<double> after = model::coordinates(floating.model, still.state());
+  const std::vector<double> before = model::initial_state(floating.model).q;
+  const std::vector<double> after = still.state().q;
   for (std::size_t i = 0; i < before.size(); ++i) EXPECT_NEAR(after[i], before[i], 1e-14);
 }
 
@@ -152,7 +153,7 @@ TEST(Pictures, AreHandedOnAsTheyAreDrawnAndNotKept) {
   const std::vector<Snapshot> moments(70, {model::initial_state(scene.model), {}});
   double before = 0;
   std::size_t drawn = 0;
-  draw(scene, moments, [&](std::size_t i, const output::Image& image) {
+  draw(scene.model, scene.spec.pictures, moments, [&](std::size_t i, const output::Image& image) {
     EXPECT_EQ(i, drawn++);
     EXPECT_EQ(image.width, 640);
     if (i == 10) before = peak_memory();
@@ -167,7 +168,7 @@ TEST(Pictures, OfALongRunAreAllFilesAndThinnedOutOnTheSheet) {
   run_into(shipped_scene("two_hands", {"pictures.size=[32, 24]", "duration=0.5"}), folder.path(), 150);
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "frame_000.png"));
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "frame_149.png"));
-  const output::Image sheet = output::read_png(folder.path() / "contact_sheet.png");
+  const output::Image sheet = test::read_png(folder.path() / "contact_sheet.png");
   EXPECT_LT(sheet.height, 100 / 4 * 100);
 }
 

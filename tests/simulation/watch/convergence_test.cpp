@@ -26,9 +26,9 @@ Residuals residuals(const std::string& scene_name, int iterations,
   const scene::Scene scene = shipped_scene(scene_name, overrides);
   Simulation simulation(scene);
   for (int i = 0; i < 150; ++i) simulation.step();
-  const Convergence& found = simulation.convergence();
+  const Convergence& found = simulation.get<Convergence>();
   // All steps with contact; of those without every eighth, and where stops come and go.
-  EXPECT_GE(found.measured(), simulation.ledger().contacts() > 0 ? 150 : 19);
+  EXPECT_GE(found.measured(), simulation.get<Ledger>().contacts() > 0 ? 150 : 19);
   EXPECT_LE(found.measured(), 150);
   return {found.linear().value, found.angular().value, found.contact().value};
 }

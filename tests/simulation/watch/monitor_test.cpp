@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "handsim/model/kinematics.h"
-#include "handsim/simulation/run/summary.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
 
@@ -23,7 +22,7 @@ model::Model hinge() {
   model::Joint joint;
   joint.name = "j";
   joint.child = 1;
-  joint.axes.push_back({"a", Vec3::UnitZ(), model::Stop{-1, 1, 0, 1}, {}, 0});
+  joint.axes.push_back({"a", Vec3::UnitZ(), model::Stop{-1, 1, 0}, {}, 0});
   model.joints.push_back(joint);
   return model;
 }
@@ -39,10 +38,10 @@ TEST(Monitor, ExcusesWhatOneStepAtTheImpactRateExplainsAndNoMore) {
   const model::Model model = hinge();
   Monitor monitor(model, kStep, true);
   // 20 rad/s carries 0.02 rad in a step: an overshoot of 0.015 is excused, one of 0.035 by all but 0.02.
-  monitor.look(at(model, 0.995, 20, 0.001));
-  monitor.look(at(model, 1.015, 20, 0.002));
+  monitor.update(at(model, 0.995, 20, 0.001));
+  monitor.update(at(model, 1.015, 20, 0.002));
   EXPECT_EQ(monitor.stop_overshoot().value, 0);
-  monitor.look(at(model, 1.035, 20, 0.003));
+  monitor.update(at(model, 1.035, 20, 0.003));
   EXPECT_NEAR(monitor.stop_overshoot().value, 0.035 - 0.02, 2e-6);
   EXPECT_EQ(monitor.stop_overshoot().time, 0.003);
   EXPECT_EQ(monitor.stop_overshoot().where, "j.a");
@@ -54,7 +53,7 @@ TEST(Monitor, CatchesAnOvershootAfterALongWay) {
   const model::Model model = hinge();
   Monitor monitor(model, kStep, true);
   const double rate = -3;
-  for (int i = 0; i <= 400; ++i) monitor.look(at(model, rate * kStep * i, rate, kStep * i));
+  for (int i = 0; i <= 400; ++i) monitor.update(at(model, rate * kStep * i, rate, kStep * i));
   // -1.2 rad: 0.2 beyond the stop, of which one step explains 0.003.
   EXPECT_NEAR(monitor.stop_overshoot().value, 0.2 - 0.003, 2e-6);
 }
@@ -62,7 +61,7 @@ TEST(Monitor, CatchesAnOvershootAfterALongWay) {
 TEST(Monitor, WatchesNoStopsThatAreNotInForce) {
   const model::Model model = hinge();
   Monitor monitor(model, kStep, false);
-  monitor.look(at(model, 2, 0, 0));
+  monitor.update(at(model, 2, 0, 0));
   EXPECT_EQ(monitor.stop_overshoot().value, 0);
 }
 
@@ -71,8 +70,8 @@ TEST(Monitor, FindsTheLargestGapAndWhen) {
   Monitor monitor(model, kStep, true);
   model::State apart = at(model, 0, 0, 0.5);
   apart.bodies[1].p = {3e-4, 0, 4e-4};
-  monitor.look(apart);
-  monitor.look(at(model, 0, 0, 0.6));
+  monitor.update(apart);
+  monitor.update(at(model, 0, 0, 0.6));
   EXPECT_NEAR(monitor.joint_gap().value, 5e-4, 1e-18);
   EXPECT_EQ(monitor.joint_gap().time, 0.5);
   EXPECT_EQ(monitor.joint_gap().where, "j");
@@ -91,7 +90,7 @@ scene::Scene ball_in_block(double depth, const std::string& rest) {
 Peak deepest(const scene::Scene& scene) {
   Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-  return simulation.monitor().penetration();
+  return simulation.get<Tunnelling>().penetration();
 }
 
 // Oracle: the geometry of the start; the contact then pushes the ball out.
@@ -122,7 +121,7 @@ TEST(Penetration, IsJudgedAndRefusedWhereNothingCanTouch) {
   const auto verdict = [](const scene::Scene& scene) {
     Simulation simulation(scene);
     for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-    for (const Verdict& v : verdicts(simulation, scene.spec.criteria))
+    for (const Verdict& v : simulation.verdicts())
       if (v.name == "penetration") return v;
     return Verdict{};
   };

@@ -44,8 +44,8 @@ std::string controller(const char* name) {
 void expect_poses_reached(const scene::Scene& scene) {
   Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-  EXPECT_EQ(simulation.ledger().lcp_failures(), 0);
-  for (const AxisTracking& axis : simulation.tracking()) {
+  EXPECT_EQ(simulation.get<Convergence>().lcp_failures(), 0);
+  for (const AxisTracking& axis : simulation.figures<Tracking>()) {
     EXPECT_LE(axis.steady_error.value, kHalfDegree) << axis.name << " " << axis.steady_error.where;
     EXPECT_LE(axis.overshoot.value, 0.05) << axis.name << " " << axis.overshoot.where;
     EXPECT_EQ(axis.unsettled, 0) << axis.name;
@@ -138,7 +138,7 @@ TEST(PoseTracking, FiguresOfLeftAndRightAreEqual) {
   const scene::Scene scene = shipped_scene("pose_tracking");
   Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-  const std::vector<AxisTracking> axes = simulation.tracking();
+  const std::vector<AxisTracking> axes = simulation.figures<Tracking>();
   ASSERT_EQ(axes.size(), 40U);
   for (std::size_t i = 0; i < 20; ++i) {
     const AxisTracking &right = axes[i], &left = axes[i + 20];
@@ -168,8 +168,8 @@ TEST_P(Prototype, HoldsItsTestPoseForTenSecondsWithoutALcpFailure) {
   const scene::Scene scene = shipped_scene("prototype_poses", changes);
   Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-  EXPECT_EQ(simulation.ledger().lcp_failures(), 0);
-  for (const AxisTracking& axis : simulation.tracking()) {
+  EXPECT_EQ(simulation.get<Convergence>().lcp_failures(), 0);
+  for (const AxisTracking& axis : simulation.figures<Tracking>()) {
     EXPECT_EQ(axis.holds, 1) << axis.name;
     EXPECT_LE(axis.steady_error.value, kHalfDegree) << axis.name;
   }
@@ -189,7 +189,7 @@ TEST(Explicit, GainsBeyondTheirLimitDoBlowUp) {
   bool calm = true;
   try {
     for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-    for (const AxisTracking& axis : simulation.tracking()) calm = calm && axis.limit_share < 0.05;
+    for (const AxisTracking& axis : simulation.figures<Tracking>()) calm = calm && axis.limit_share < 0.05;
   } catch (const Error& error) {
     calm = false;
   }
@@ -203,7 +203,7 @@ TEST(TorqueLimit, HoldsAndIsCountedInBothForms) {
                                      "control.controller.gains.1={joints: index_mcp, torque_limit: 0.02}"});
     Simulation simulation(scene);
     for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-    const AxisTracking index = simulation.tracking()[4];
+    const AxisTracking index = simulation.figures<Tracking>()[4];
     ASSERT_EQ(index.name, "right.index_mcp.flexion");
     EXPECT_EQ(index.largest_torque, 0.02) << name;
     EXPECT_GT(index.limit_share, 0.1) << name;

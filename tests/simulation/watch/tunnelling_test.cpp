@@ -58,8 +58,8 @@ TEST(Tunnelling, AFastBallIsStoppedByAThinSlabInEveryEngine) {
     const double end = run_through(simulation);
     EXPECT_NEAR(end, 1.0125, 1e-4) << solver;
     EXPECT_NEAR(simulation.state().bodies.back().v.z(), 0, 1e-3) << solver;
-    EXPECT_EQ(simulation.tunnelling()->pairs(), 0) << solver;
-    EXPECT_LE(simulation.monitor().penetration().value, 1e-4) << solver;
+    EXPECT_EQ(simulation.get<Tunnelling>().pairs(), 0) << solver;
+    EXPECT_LE(simulation.get<Tunnelling>().penetration().value, 1e-4) << solver;
   }
 }
 
@@ -70,7 +70,7 @@ TEST(Tunnelling, AFastBallBouncesByItsRestitution) {
     Simulation simulation(scene);
     EXPECT_GT(run_through(simulation), 1.1) << solver;
     EXPECT_NEAR(simulation.state().bodies.back().v.z(), 0.6 * 50, 0.01) << solver;
-    EXPECT_EQ(simulation.tunnelling()->pairs(), 0) << solver;
+    EXPECT_EQ(simulation.get<Tunnelling>().pairs(), 0) << solver;
   }
 }
 
@@ -81,8 +81,8 @@ TEST(Tunnelling, ABallThatPassesIsToldWithTimeAndNames) {
         thrown({.solver = solver + ", speculative: false", .start = 1.52, .duration = 0.02});
     Simulation simulation(scene);
     EXPECT_LT(run_through(simulation), 0.98) << solver;
-    ASSERT_EQ(simulation.tunnelling()->pairs(), 1) << solver;
-    EXPECT_NEAR(simulation.tunnelling()->first_time(), 0.011, 1e-9) << solver;
+    ASSERT_EQ(simulation.get<Tunnelling>().pairs(), 1) << solver;
+    EXPECT_NEAR(simulation.get<Tunnelling>().first_time(), 0.011, 1e-9) << solver;
     const std::vector<std::string> warnings = simulation.warnings();
     ASSERT_FALSE(warnings.empty());
     EXPECT_NE(warnings.back().find("b passed through target at 0.011 s"), std::string::npos)
@@ -130,7 +130,7 @@ TEST(Tunnelling, TwoFastBallsDoNotChangePlaces) {
     const auto& bodies = simulation.state().bodies;
     EXPECT_LT(bodies[1].p.z(), bodies[2].p.z()) << solver;
     EXPECT_NEAR(0.1 * bodies[1].v.z() + 0.2 * bodies[2].v.z(), -5, 1e-9) << solver;
-    EXPECT_EQ(simulation.tunnelling()->pairs(), 0) << solver;
+    EXPECT_EQ(simulation.get<Tunnelling>().pairs(), 0) << solver;
   }
 }
 
@@ -152,7 +152,7 @@ TEST(Tunnelling, ABallThatFallsInStepsOfATenthOfASecondEndsOnTheGround) {
       const scene::Scene scene = thrown(of);
       Simulation simulation(scene);
       EXPECT_NEAR(run_through(simulation), 0.05, 5e-3) << solver << thing;
-      EXPECT_EQ(simulation.tunnelling()->pairs(), 0) << solver << thing;
+      EXPECT_EQ(simulation.get<Tunnelling>().pairs(), 0) << solver << thing;
     }
 }
 
@@ -194,7 +194,7 @@ TEST(Tunnelling, SlowScenesKeepTheirBits) {
           thrown({.solver = solver + more, .speed = 1, .start = 1.05, .duration = 0.1});
       Simulation simulation(scene);
       run_through(simulation);
-      EXPECT_GT(simulation.ledger().contacts(), 0);
+      EXPECT_GT(simulation.get<Ledger>().contacts(), 0);
       return simulation.state_hash();
     };
     EXPECT_EQ(hash(""), hash(", speculative: false")) << solver;
@@ -216,7 +216,7 @@ TEST(Tunnelling, AFastBallThatMissesIsNotTouched) {
     run_through(simulation);
     const model::BodyState& ball = simulation.state().bodies.back();
     EXPECT_EQ(ball.v, Vec3(50, 0, -50)) << solver;
-    EXPECT_EQ(simulation.ledger().contacts(), 0) << solver;
+    EXPECT_EQ(simulation.get<Ledger>().contacts(), 0) << solver;
   }
 }
 
@@ -236,7 +236,7 @@ TEST(Tunnelling, APadGivesWayToAFastBallAsASpring) {
       const scene::Scene scene = thrown(with);
       Simulation simulation(scene);
       run_through(simulation);
-      return simulation.monitor().penetration().value;
+      return simulation.get<Tunnelling>().penetration().value;
     };
     EXPECT_NEAR(deepest(""), 0.05, 0.002) << solver;
     // 5 mm of thickness are fast at 1e-4 s: half of 2.5 mm is more than 0.5 mm, so that the two agree.
@@ -257,7 +257,7 @@ TEST(Tunnelling, AFastHandDoesNotPassAThinSlab) {
          "duration=0.03"});
     Simulation simulation(scene);
     for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-    return simulation.tunnelling()->pairs();
+    return simulation.get<Tunnelling>().pairs();
   };
   for (const char* solver : {"engine: articulated", "method: quick_step, iterations: 100"}) {
     EXPECT_GT(pairs(solver, "false"), 0) << solver;
@@ -277,7 +277,7 @@ TEST(Tunnelling, ARunGoesOnFromASnapshotInFrontOfTheSlab) {
       for (int i = 0; i < 10; ++i) whole.step(), again.step();
       EXPECT_EQ(whole.state_hash(), again.state_hash()) << solver;
       EXPECT_EQ(whole.warnings(), again.warnings()) << solver;
-      EXPECT_EQ(whole.tunnelling()->pairs(), *speculative ? 1 : 0) << solver;
+      EXPECT_EQ(whole.get<Tunnelling>().pairs(), *speculative ? 1 : 0) << solver;
     }
 }
 

@@ -22,7 +22,7 @@ const std::string kBrief = "grasps.0.hold=0.6 s";
 simulation::GraspFigures run(const scene::Scene& scene) {
   simulation::Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-  return simulation.grasps().front();
+  return simulation.figures<simulation::Grasps>().front();
 }
 
 scene::Scene shortened(const std::string& name, const std::vector<std::string>& more = {}) {
@@ -57,11 +57,11 @@ TEST_P(ShippedGrasp, IsHeldByTheArticulatedEngineAndHardlySlips) {
        "effects=[gravity, object_contact, friction, joint_stops, passive_tissue, actuation, wrist_motion]"});
   simulation::Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-  const simulation::GraspFigures figures = simulation.grasps().front();
+  const simulation::GraspFigures figures = simulation.figures<simulation::Grasps>().front();
   EXPECT_TRUE(figures.held) << figures.shaken_shift << " m in the shake, " << figures.shift << " m after it, "
                             << figures.turn << " rad";
   EXPECT_LE(figures.slip, 10e-6);
-  EXPECT_EQ(simulation.ledger().lcp_failures(), 0);
+  EXPECT_EQ(simulation.get<simulation::Convergence>().lcp_failures(), 0);
 }
 
 TEST_P(ShippedGrasp, IsHeldWithQuickStepAt50Iterations) {

@@ -292,7 +292,7 @@ TEST(StabilityStudy, JudgesRefusalsAndFaults) {
 TEST(StabilityStudy, SaysEveryBadWayBeforeAnyRuns) {
   const Study study("[{measure: completes, limit: 0}]",
                     "[{name: good}, {name: light, set: {bodies.0.mass: -1}}, {name: guarded, set: "
-                    "{solver.engine: articulated, effects: [step_guard]}}]");
+                    "{solver.engine: articulated, solver.guard: true}}]");
   StabilityOptions options;
   int ran = 0;
   options.progress = [&](double) { ++ran; };
@@ -302,7 +302,7 @@ TEST(StabilityStudy, SaysEveryBadWayBeforeAnyRuns) {
   } catch (const Error& error) {
     const std::string said = error.what();
     EXPECT_NE(said.find("thrown (light): bodies.0.mass"), std::string::npos) << said;
-    EXPECT_NE(said.find("thrown (guarded): effects"), std::string::npos) << said;
+    EXPECT_NE(said.find("thrown (guarded): solver.guard"), std::string::npos) << said;
   }
   EXPECT_EQ(ran, 0);
 }

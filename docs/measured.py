@@ -1,0 +1,352 @@
+"""The measured tables as Markdown, from the files that studies wrote into out/docs/: one function each."""
+import csv
+import json
+import math
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+OUT = ROOT / "out" / "docs"
+CLIMBS = {"half_crimp": "half crimp, edge of 20 mm", "open_hand": "open hand, edge of 20 mm, three fingers",
+          "jug": "jug"}
+PERSONS = {"child": (1.10, 18), "adult": (1.75, 72), "giant": (2.10, 140)}
+CONTROLLERS = {"implicit": (1, 5, 10, 20), "integral": (1, 5, 10, 20), "explicit": (1,)}
+
+
+# Reading what studies wrote.
+
+class Missing(Exception):
+    """A study's file is not there."""
+
+
+def study_text(study, label, ending="txt"):
+    path = OUT / study / f"{label}.{ending}"
+    if not path.exists():
+        raise Missing(f"{path.relative_to(ROOT)}")
+    return path.read_text()
+
+
+def study_json(study, label, name):
+    path = OUT / study / label / name
+    if not path.exists():
+        raise Missing(f"{path.relative_to(ROOT)}")
+    return json.loads(path.read_text())
+
+
+# Numbers and tables as text.
+
+def number(value, digits=2):
+    """1.2e-05, 0.012, 120: at most `digits` significant digits, more before the point."""
+    if value is None:
+        return "-"
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g}"
+    size = math.floor(math.log10(abs(value)))
+    if -3 <= size < 5:
+        return f"{value:.{max(digits - 1 - size, 0)}f}"
+    return re.sub(r"e([-+])0", r"e\1", f"{value:.{digits - 1}e}").replace("e+", "e")
+
+
+def slashed(values, digits=2):
+    return " / ".join(number(value, digits) for value in values)
+
+
+def table(head, rows):
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join("| " + " | ".join(str(cell) for cell in line) + " |\n" for line in lines)
+
+
+def fenced(text):
+    return "```\n" + "\n".join(line.rstrip() for line in text.rstrip().splitlines()) + "\n```\n"
+
+
+def measured_on(data):
+    return f"\nMeasured on: {data['machine']['processor']}.\n"
+
+
+def criterion(summary, name):
+    return next(entry["measured"] for entry in summary["criteria"] if entry["name"] == name)
+
+
+# The tables, by name.
+
+def demo():
+    # Without the last line, which has the time it took.
+    return fenced(study_text("demo", "run").rpartition("\n  2 s simulated")[0])
+
+
+def few_iterations():
+    return fenced(study_text("demo", "few_iterations", "err"))
+
+
+def hand():
+    lines = study_text("hand", "hand").splitlines()
+    end = next(i for i, line in enumerate(lines) if line.startswith("sources"))
+    return fenced("\n".join(line for line in lines[:end] if not line.startswith("  predicted from")))
+
+
+def poses():
+    rows = []
+    titles = {"implicit": "`implicit.yaml`, 8 Hz, weight and tissue compensated",
+              "integral": "`integral.yaml`, 60 Hz, nothing fed forward", "explicit": "`explicit.yaml`, 3 Hz, compensated"}
+    for controller, steps in CONTROLLERS.items():
+        for step in steps:
+            runs = [study_json("poses", f"{controller}_{step}_{person}", "summary.json") for person in PERSONS]
+            worst = lambda name: max(criterion(run, name) for run in runs)
+            rows.append([titles[controller], f"{step} ms", number(math.degrees(worst("steady_error"))),
+                         number(100 * worst("overshoot")), number(1e3 * worst("joint_gap"))])
+    return table(["controller", "step", "steady error, deg", "overshoot, %", "joint gap, mm"], rows)
+
+
+def tracking():
+    rows = []
+    titles = {"gravity": "`world_step`, 1 ms", "weightless": "the same without gravity",
+              "articulated": "`engine: articulated`, 1 ms", "articulated_20ms": "`engine: articulated`, 20 ms"}
+    for label, title in titles.items():
+        run = study_json("tracking", label, "summary.json")
+        rows.append([title, number(math.degrees(criterion(run, "steady_error"))),
+                     number(math.degrees(criterion(run, "largest_error"))), number(100 * criterion(run, "overshoot")),
+                     number(1e3 * criterion(run, "joint_gap")), number(run["time"]["times_real_time"])])
+    return table(["run", "steady error, deg", "largest error, deg", "overshoot, %", "joint gap, mm",
+                  "times real time"], rows)
+
+
+def grasp():
+    rows = []
+    for entry in study_json("grasp", "both", "grasps.json"):
+        rows.append([entry["scene"].removeprefix("grasp_"), entry["side"], "yes" if entry["held"] else "**no**",
+                     number(1e6 * entry["slip_m_per_s"]),
+                     slashed([1e3 * entry["shaken_shift_m"], 1e3 * entry["shift_m"]]),
+                     number(math.degrees(entry["turn_rad"])), entry["contacts"], number(entry["normal_force_N"]),
+                     number(entry["epsilon"])])
+    return table(["scene", "hand", "held", "slip in the hold, µm/s", "moved in / after the shake, mm", "turned, deg",
+                  "contacts", "grip, N", "epsilon"], rows)
+
+
+def climb():
+    runs = {label: study_json("climb", label, "climbs.json") for label in ("both", "slippery", "2ms", "articulated")}
+    def load(label, scene, side="right"):
+        for entry in runs[label]:
+            if entry["scene"].endswith(scene) and entry["side"] == side:
+                return entry
+        raise Missing(f"{scene} in out/docs/climb/{label}/climbs.json")
+    rows = []
+    for scene, title in CLIMBS.items():
+        right = load("both", scene)
+        rows.append([title, *(number(load("both", scene, side)["load_N"], 4) for side in ("right", "left")),
+                     f"{100 * right['load_over_norm']:.0f} %",
+                     *(number(load(label, scene)["load_N"], 3) for label in ("slippery", "2ms", "articulated"))])
+    return table(["load carried by the median man", "right, N", "left, N", "of the norm", "friction 0.05, N",
+                  "2 ms, N", "`--engine articulated`, N"], rows)
+
+
+def climb_edges():
+    rows = []
+    for label, title in {"both": "edge of 20 mm", "15mm": "edge of 15 mm", "10mm": "edge of 10 mm",
+                         "200Ns": "edge of 20 mm, load growing by 200 N/s",
+                         "half_strength": "edge of 20 mm, half the grip strength",
+                         "woman": "edge of 20 mm, median woman"}.items():
+        entry = next(e for e in study_json("climb", label, "climbs.json")
+                     if e["scene"].endswith("half_crimp") and e["side"] == "right")
+        rows.append([title, number(entry["load_N"], 3), f"{100 * entry['load_over_norm']:.0f} %"])
+    return table(["half crimp, right hand", "load carried, N", "of the norm"], rows)
+
+
+def accuracy_rows(study):
+    """Method -> step in ms -> row of those without a fault, in the study's order."""
+    data = study_json(study, "run", "accuracy.json")
+    methods = {}
+    for row in data["rows"]:
+        if "fault" not in row:
+            methods.setdefault(row["method"], {})[round(1e3 * row["step_s"], 6)] = row
+    return methods
+
+
+OWN_STEPS = re.compile(r"stabilised_gear|dormand_prince|RKM|^slip")
+
+
+def accuracy_table(steps, methods, digits):
+    rows = []
+    for name, found in methods.items():
+        if OWN_STEPS.search(name):
+            row = found[10]
+            cells = [f"{number(row['rate_error_rms'], digits)} (own steps)"] + [""] * (len(steps) - 1)
+            first, cost = row["early_rate_error_rms"], [row["cpu_seconds_per_second"]]
+        else:
+            cells = [number(found[step]["rate_error_rms"], digits) if step in found else "-" for step in steps]
+            first = found[1]["early_rate_error_rms"] if 1 in found else None
+            cost = [found[step]["cpu_seconds_per_second"] for step in (1, 0.1) if step in found]
+        rows.append([name, *cells, number(first), slashed([1e3 * each for each in cost])])
+    head = ["method", *(f"{step:g} ms" for step in steps), "early, at 1 ms", "CPU ms per s, 1 / 0.1 ms"]
+    return table(head, rows)
+
+
+def accuracy():
+    methods = {name: rows for name, rows in accuracy_rows("accuracy").items() if "contact" not in name}
+    return accuracy_table((10, 2, 1, 0.5, 0.1), methods, 2) + measured_on(study_json("accuracy", "run", "accuracy.json"))
+
+
+def accuracy_cheapest():
+    best = []
+    for name, found in accuracy_rows("accuracy").items():
+        if "contact" not in name:
+            best += [(row["cpu_seconds_per_second"], row["rate_error_rms"], name, step) for step, row in found.items()]
+    rows = []
+    for error in (0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9):
+        good = sorted(entry for entry in best if entry[1] <= error)
+        if not good:
+            continue
+        other = next((entry for entry in good if not entry[2].startswith("Articulated")), None)
+        text = lambda entry: entry[2] + ("" if OWN_STEPS.search(entry[2]) else f", {entry[3]:g} ms")
+        rows.append([number(error, 1), text(good[0]), number(1e3 * good[0][0]), text(other) if other else "none",
+                     number(1e3 * other[0]) if other else ""])
+    return table(["error at most, m/s", "cheapest", "CPU ms per s", "cheapest of the others", "CPU ms per s"],
+                 rows)
+
+
+def accuracy_contact():
+    steps = (10, 5, 2, 1, 0.5, 0.1)
+    rows = [[name, *(number(found[step]["rate_error_rms"]) if step in found else "-" for step in steps)]
+            for name, found in accuracy_rows("accuracy").items() if "contact" in name]
+    return table(["method, contact", *(f"{step:g} ms" for step in steps)], rows)
+
+
+def thesis():
+    return accuracy_table((10, 5, 1, 0.1), accuracy_rows("2017"), 3)
+
+
+def accuracy_hands():
+    return accuracy_table((5, 2, 1, 0.5, 0.1), accuracy_rows("hands"), 2)
+
+
+def effects():
+    data = study_json("effects", "run", "effects.json")
+    rows = [["all of them", number(1e-3 * data["cpu_ns_per_step"]), "", "", ""]]
+    for row in data["rows"]:
+        name = row["effect"] + ("".join(f" and {other}" for other in row["with"]))
+        if "fault" in row:
+            rows.append([f"without {name}", "-", row["fault"], "", ""])
+            continue
+        rows.append([f"without {name}", number(1e-3 * row["cpu_ns_per_step"]),
+                     f"{number(1e-3 * row['saved_ns_per_step'])} ± {number(1e-3 * row['noise_ns'], 1)}",
+                     number(row["angle_largest_deg"]["value"]), number(row["displacement_largest_mm"]["value"])])
+    return table(["effects", "CPU of a step, µs", "saved, µs", "largest change of an angle, deg",
+                  "largest change of a place, mm"], rows) + measured_on(data)
+
+
+def contacts():
+    path = OUT / "contacts" / "contacts" / "contacts_cost.csv"
+    if not path.exists():
+        raise Missing(path.relative_to(ROOT))
+    methods = {}
+    with path.open() as file:
+        for row in csv.DictReader(file):
+            methods.setdefault(row["method"], []).append(row)
+    rows = []
+    for at in zip(*methods.values()):
+        rows.append([at[0]["slabs"], *(f"{number(1e-3 * float(row['cpu_per_step[ns]']))} ({float(row['contacts']):.0f})"
+                                       for row in at)])
+    return table(["slabs", *(f"`{name}`, µs (contacts)" for name in methods)], rows)
+
+
+def stability():
+    data = study_json("stability", "run", "stability.json")
+    verdicts = [row["verdict"] for case in data["cases"] for row in case["rows"]]
+    short, failed = verdicts.count("short (known)"), verdicts.count("FELL SHORT")
+    quick = ", with `--quick`" if data["quick"] else ""
+    text = (f"{len(data['cases'])} cases{quick}: {len(verdicts)} figures, of which {len(verdicts) - short - failed} hold, "
+            f"{short} fall short as is known, and {failed} fall short otherwise.\n\n")
+    lines = (OUT / "stability" / "run" / "stability.md").read_text().splitlines()
+    rows = [line for line in lines if line.startswith("| ")]
+    return text + "\n".join(rows[:2] + [row for row in rows[2:] if not row.endswith("|  |")]) + "\n"
+
+
+def stability_cases():
+    cases = re.findall(r"^  - name: (\S+)\n    title: (.*)\n    oracle: (.*)$",
+                       (ROOT / "config" / "stability.yaml").read_text(), re.M)
+    return table(["case", "what happens", "oracle"], cases)
+
+
+def bench():
+    """Name without the aggregate -> entry of the medians."""
+    path = OUT / "speed" / "bench.json"
+    if not path.exists():
+        raise Missing(path.relative_to(ROOT))
+    entries = json.loads(path.read_text())["benchmarks"]
+    return {entry["run_name"].split("/manual_time")[0].split("/iterations")[0].split("/real_time")[0]: entry
+            for entry in entries if entry.get("aggregate_name") == "median"}
+
+
+def speed():
+    found = bench()
+    rows = []
+    for key, title in {"two_hands_world_step": "one step of two hands, `world_step`: stops, tissue, checks, ledger",
+                       "two_hands_quick_step": "the same, `quick_step`, its residual measured",
+                       "slider_crank_world_step": "slider-crank, `world_step`",
+                       "slider_crank_quick_step": "slider-crank, `quick_step`"}.items():
+        entry = found[f"loop_against_bare_ode/{key}"]
+        rows.append([title, f"{number(entry['candidate_us'])} µs", f"{entry['ratio']:.2f} × the bare ODE loop"])
+    for key in ("implicit", "explicit"):
+        entry = found[f"control_share/{key}"]
+        rows.append([f"control of one hand, {key} form", f"{number(1e-3 * entry['control_ns'])} µs",
+                     f"{number(entry['share'])} of the step that it drives"])
+    for key, title in {"auto_50": "mug held in the whole hand, `method: auto`", "world_step": "the same, `world_step`",
+                       "quick_step_50": "the same, `quick_step` 50"}.items():
+        entry = found[f"grasp/{key}"]
+        rows.append([title, "", f"{number(entry['of_real_time'])} of real time, {entry['contacts']:.0f} contacts"])
+    for key, title in {"person_to_world": "from a person to a world ready to step, both hands",
+                       "frame": "a picture of two hands, 1280 × 960", "read_state": "poses of all bodies, articulated engine"}.items():
+        entry = found[key]
+        rows.append([title, f"{number(entry['real_time'])} {entry['time_unit'].replace('us', 'µs')}", ""])
+    return table(["what", "time", "compared with"], rows)
+
+
+def speed_lanes():
+    found = bench()
+    rows = [[f"`{key}`: {found[f'step_against_bare_ode/{key}'].get('label', '')}",
+             number(found[f"step_against_bare_ode/{key}"]["candidate_us"]),
+             f"1/{1 / found[f'step_against_bare_ode/{key}']['ratio']:.0f}"]
+            for key in ("chosen", "four_lanes", "two_lanes", "one_lane") if f"step_against_bare_ode/{key}" in found]
+    return table(["one step of one hand: gravity, stops, tissue, 20 servos", "µs", "of a bare `dWorldStep`"], rows)
+
+
+def speed_load():
+    found = bench()
+    rows = []
+    for key, title in {"step_against_mujoco/without_contact": "gravity, stops, servos; no contact",
+                       "step_against_mujoco/self_contact_tested": "the same, self-contact tested, none touching",
+                       "grasp_against_mujoco/cup_impratio_100": "mug held; MuJoCo with `impratio` 100",
+                       "grasp_against_mujoco/cup_noslip_20": "mug held; MuJoCo with `noslip_iterations` 20",
+                       "grasp_against_ode/cup": "mug held; ODE `world_step`"}.items():
+        if key not in found:
+            continue
+        entry = found[key]
+        slip = (f"{number(entry['slip'])} / {number(entry['slip_yardstick'])}" if "slip" in entry else "")
+        rows.append([title, number(entry["candidate_us"]), number(entry["yardstick_us"]), number(entry["ratio"]), slip])
+    return table(["load", "articulated, µs", "other engine, µs", "ratio", "slip, µm/s: articulated / other"], rows)
+
+
+def pinch():
+    pattern = re.compile(r"(\w+) +([\d.]+)  slip um/s: world_step (\S+), quick_step 50 (\S+); elliptic (\S+), "
+                         r"impratio 10 (\S+), noslip 3 (\S+); tilt")
+    found = {}
+    for shape, ratio, *slips in pattern.findall(study_text("pinch", "test")):
+        found.setdefault(shape, {})[ratio] = [float(slip) for slip in slips]
+    text = lambda slip: "lost" if abs(slip) > 1e4 else number(abs(slip), 1)
+    rows = [[shape, *(f"{text(low)} / {text(high)}" for low, high in zip(found[shape]["1.05"], found[shape]["38.00"]))]
+            for shape in found]
+    if not rows:
+        raise Missing("figures in out/docs/pinch/test.txt")
+    return table(["object", "`world_step`", "`quick_step` 50", "MuJoCo, elliptic cone", "and `impratio` 10",
+                  "and `noslip_iterations` 3"], rows)
+
+
+# Name of the table -> the study whose files it reads, and the function that writes it.
+TABLES = {"demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+          "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "climb": ("climb", climb),
+          "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),
+          "accuracy-cheapest": ("accuracy", accuracy_cheapest), "accuracy-contact": ("accuracy", accuracy_contact),
+          "accuracy-hands": ("hands", accuracy_hands), "2017": ("2017", thesis), "effects": ("effects", effects), "contacts": ("contacts", contacts),
+          "stability": ("stability", stability), "stability-cases": ("stability", stability_cases),
+          "speed": ("speed", speed), "speed-lanes": ("speed", speed_lanes), "speed-load": ("speed", speed_load),
+          "pinch": ("pinch", pinch)}

@@ -1,0 +1,184 @@
+#!/usr/bin/env python3
+"""Writes the measured tables of README.md and docs/, and checks the pages.
+
+A table stands between `<!-- table: NAME -->` and `<!-- end -->`. Its figures come from the files that a study
+writes: `./dev docs` runs every study and rewrites its tables, `./dev docs NAME...` does so for the studies named,
+`--keep` takes the study's files that are already in out/docs/, `--pictures` also renews the study's plots in
+renders/, `--list` says what each study runs and how long it takes, `--check` runs nothing and checks the pages
+(see check_pages.py). A file stands between `<!-- file: PATH -->` and `<!-- end -->`; its copy is always renewed.
+"""
+import argparse
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+sys.dont_write_bytecode = True
+from measured import CLIMBS, CONTROLLERS, OUT, PERSONS, ROOT, TABLES, Missing  # noqa: E402
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCK = re.compile(r"(<!-- (table|file): (\S+) -->\n)(.*?)(<!-- end -->)", re.S)
+
+
+@dataclass
+class Study:
+    """Runs that fill tables. `runs`: label -> arguments of handsim; {out} is the run's folder."""
+    time: str  # CPU time of all runs
+    runs: dict
+    pictures: dict = field(default_factory=dict)  # file of a run -> name in renders/
+
+
+def climb_runs():
+    files = [f"config/climb_{name}.yaml" for name in CLIMBS]
+    grasp = ["grasp", *files, "--out", "{out}"]
+    crimp = ["grasp", files[0], "--out", "{out}"]
+    edge = lambda mm, y: [*crimp, "--set", f"objects.0.file=config/objects/edge_{mm}mm.yaml", "--set",
+                          f"objects.0.position=[0, {y}, 0.5]"]
+    return {"both": [*grasp, "--side", "both"], "slippery": [*grasp, "--friction", "0.05"],
+            "2ms": [*grasp, "--set", "solver.step=2 ms"],
+            "articulated": [*grasp, "--engine", "articulated"],
+            "15mm": edge(15, 0.005), "10mm": edge(10, 0.01),
+            "200Ns": [*crimp, "--set", "climbs.0.load.rate=200"],
+            "half_strength": [*crimp, "--set", "hands.0.person.grip_strength=262.5"],
+            "woman": [*crimp, "--set", "hands.0.person=config/persons/median_woman.yaml"]}
+
+
+def pose_runs():
+    runs = {}
+    for controller, steps in CONTROLLERS.items():
+        for step in steps:
+            for person, (stature, mass) in PERSONS.items():
+                sets = [f"control.controller=controllers/{controller}.yaml", f"solver.step={step} ms"]
+                for hand in (0, 1):
+                    sets += [f"hands.{hand}.person.stature={stature}", f"hands.{hand}.person.mass={mass}"]
+                runs[f"{controller}_{step}_{person}"] = [
+                    "run", "config/every_pose.yaml", "--out", "{out}", "--quiet",
+                    *(word for text in sets for word in ("--set", text))]
+    return runs
+
+
+def tracking_runs():
+    weightless = "effects=[joint_stops, passive_tissue, actuation, wrist_motion]"
+    run = ["run", "config/pose_tracking.yaml", "--out", "{out}", "--quiet"]
+    return {"gravity": run, "weightless": [*run, "--set", weightless],
+            "articulated": [*run, "--engine", "articulated"],
+            "articulated_20ms": [*run, "--engine", "articulated", "--set", "solver.step=20 ms"]}
+
+
+STUDIES = {
+    "demo": Study("1 s", {"run": ["run", "config/two_hands.yaml", "--out", "{out}"],
+                          "few_iterations": ["run", "config/two_hands.yaml", "--out", "{out}", "--quiet", "--set",
+                                             "solver.method=quick_step", "--set", "solver.iterations=5"]}),
+    "hand": Study("1 s", {"hand": ["hand", "--stature", "1.75", "--mass", "72", "--sex", "male", "--side", "right"]}),
+    "poses": Study("20 s", pose_runs()),
+    "tracking": Study("20 s", tracking_runs()),
+    "grasp": Study("6 min", {"both": ["grasp", "config", "--out", "{out}", "--side", "both"]}),
+    "climb": Study("1 min", climb_runs()),
+    "contacts": Study("1.5 min", {"contacts": ["contacts", "--out", "{out}"]},
+                      {"contacts/contacts_cost.png": "contacts_cost.png"}),
+    "accuracy": Study("1.5 min", {"run": ["accuracy", "config/accuracy_slider_crank.yaml", "--out", "{out}"]},
+                      {"run/error_cost.png": "accuracy.png"}),
+    "hands": Study("10 s", {"run": ["accuracy", "config/accuracy_two_hands.yaml", "--out", "{out}", "--no-peers"]}),
+    "2017": Study("1 min", {"run": ["accuracy", "config/accuracy_2017.yaml", "--out", "{out}", "--no-peers"]}),
+    "effects": Study("15 s", {"run": ["effects", "config/dropped_hand.yaml", "--out", "{out}"]},
+                     {"run/effects.png": "effects.png"}),
+    "stability": Study("13 min", {"run": ["stability", "config/stability.yaml", "--out", "{out}"]},
+                       {"run/stability.png": "stability.png", "run/scenes.png": "stability_scenes.png"}),
+    "speed": Study("4 min", {"bench": None}),
+    "pinch": Study("2 min", {"test": None}),
+}
+
+
+# Running studies and writing pages.
+
+def command_of(name, label, build):
+    """The command of a run, as it stands on the pages and as it is run."""
+    if name == "speed":
+        return [str(build / "tests" / "bench_handsim"), "--benchmark_repetitions=9",
+                "--benchmark_report_aggregates_only=true", f"--benchmark_out={OUT / 'speed' / 'bench.json'}"]
+    if name == "pinch":
+        return [str(build / "tests" / "peers" / "test_peers"), "--gtest_filter=*MujocoPinch*"]
+    return [str(build / "src" / "handsim"),
+            *(word.format(out=OUT / name / label) for word in STUDIES[name].runs[label])]
+
+
+def run_study(name, build, handsim):
+    (OUT / name).mkdir(parents=True, exist_ok=True)
+    for label in STUDIES[name].runs:
+        command = command_of(name, label, build)
+        if handsim and command[0].endswith("/handsim"):
+            command[0] = handsim
+        print("+", shlex.join(command), flush=True)
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+        (OUT / name / f"{label}.txt").write_text(done.stdout)
+        (OUT / name / f"{label}.err").write_text(done.stderr)
+        sys.stderr.write(done.stderr)
+        # 1: a criterion failed, which the table shows. Anything else is an error of this script or the scene.
+        if done.returncode not in (0, 1):
+            sys.exit(f"docs: {shlex.join(command)}: exit status {done.returncode}")
+
+
+def copy_of(path):
+    text = (ROOT / path).read_text()
+    return f"```{ {'.cpp': 'cpp', '.yaml': 'yaml'}.get(Path(path).suffix, '') }\n{text.rstrip()}\n```\n"
+
+
+def write_pages(names):
+    """Rewrites the tables of these studies and every copied file."""
+    missing = []
+    def block(match):
+        head, kind, name, _, end = match.groups()
+        if kind == "file":
+            return head + copy_of(name) + end
+        if name not in TABLES or TABLES[name][0] not in names:
+            return match.group(0)
+        try:
+            return head + TABLES[name][1]() + end
+        except Missing as what:
+            missing.append(f"table {name}: no {what}")
+            return match.group(0)
+    for page in PAGES:
+        text = page.read_text()
+        new = BLOCK.sub(block, text)
+        if new != text:
+            page.write_text(new)
+            print("docs: wrote", page.relative_to(ROOT))
+    return missing
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("studies", nargs="*", help="studies to run; default: all")
+    parser.add_argument("--keep", action="store_true", help="use the files in out/docs/, run nothing")
+    parser.add_argument("--pictures", action="store_true", help="also renew the studies' plots in renders/")
+    parser.add_argument("--list", action="store_true", help="say what each study runs and how long it takes")
+    parser.add_argument("--check", action="store_true", help="check the pages, run no study")
+    parser.add_argument("--build", type=Path, default=ROOT / "build" / "release", help="build folder")
+    parser.add_argument("--handsim", help="program, if not the build folder's")
+    options = parser.parse_args()
+    if options.list:
+        for name, study in STUDIES.items():
+            print(f"{name}: {len(study.runs)} run(s), {study.time} of CPU time")
+        return 0
+    if options.check:
+        import check_pages
+        return check_pages.check(options.handsim or str(options.build / "src" / "handsim"))
+    unknown = [name for name in options.studies if name not in STUDIES]
+    if unknown:
+        parser.error(f"unknown study {', '.join(unknown)}; known: {', '.join(STUDIES)}")
+    names = options.studies or list(STUDIES)
+    for name in names:
+        if not options.keep:
+            run_study(name, options.build, options.handsim)
+        for source, target in (STUDIES[name].pictures if options.pictures else {}).items():
+            shutil.copyfile(OUT / name / source, ROOT / "renders" / target)
+    missing = write_pages(names)
+    print("\n".join(f"docs: {line}" for line in missing), end="\n" if missing else "")
+    return 1 if missing and not options.keep else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

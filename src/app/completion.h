@@ -1,0 +1,19 @@
+// What the command line's own description gives: completion scripts for shells, and a man page.
+#pragma once
+
+#include <string>
+
+namespace CLI {
+class App;
+}
+
+namespace handsim::app {
+
+/// A script that completes commands, options and the words that an option takes. @param shell bash, zsh or
+/// fish
+std::string completion_script(const CLI::App& app, const std::string& shell);
+
+/// handsim(1) in the man macros of roff.
+std::string man_page(const CLI::App& app, const std::string& version);
+
+}  // namespace handsim::app

@@ -1,0 +1,32 @@
+// How far shapes reach.
+#pragma once
+
+#include <vector>
+
+#include "handsim/model/model.h"
+
+namespace handsim::model {
+
+/// Largest n . x over a shape [m]: the support function of its solid about its centre; 0 for a plane.
+/// @param n unit vector in the shape's frame
+double support(const Shape& shape, const Vec3& n);
+
+/// Distance of a shape's farthest point from the origin of its body [m]; 0 for a plane.
+double reach(const Shape& shape);
+
+/// Edges of the box along the axes of the shapes' common frame that holds them [m].
+Vec3 box_edges(const std::vector<Shape>& shapes);
+
+/// A box that holds a shape's core: the shape but for the radius by which it is rounded. A mesh counts as a
+/// ball.
+struct Extent {
+  Vec3 half = Vec3::Zero();  ///< along the axes of the shape's frame [m]
+  double round = 0;          ///< [m]
+  double farthest = 0;       ///< distance of the core's farthest point from the shape's centre [m]
+};
+Extent extent(const Shape& shape);
+
+/// Radius of the largest sphere about a shape's centre that lies in it [m]; infinite for a plane.
+double inner_radius(const Shape& shape);
+
+}  // namespace handsim::model

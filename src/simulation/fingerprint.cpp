@@ -1,0 +1,100 @@
+#include "handsim/simulation/fingerprint.h"
+
+#include <map>
+#include <set>
+
+#include <fmt/format.h>
+
+#include "handsim/control/motion_file.h"
+#include "handsim/core/archive.h"
+#include "handsim/simulation/mathematics.h"
+
+namespace handsim::simulation {
+
+namespace {
+
+/// Keys of a scene that its motion does not depend on, and those that the compiled settings stand for.
+const std::set<std::string, std::less<>> kLeftOut = {"title",    "duration", "record", "pictures",
+                                                     "criteria", "solver",   "effects"};
+
+/// One entry for each value of a map or list that stands at the top, one for each other value.
+void add_parts(const YamlNode& resolved, Fingerprint& out) {
+  const auto add = [&](const std::string& name, const YamlNode& node) {
+    out.emplace_back(name, hash_bytes(emit_yaml(node)));
+  };
+  for (const YamlEntry& entry : resolved.entries) {
+    if (kLeftOut.contains(entry.key)) continue;
+    const YamlNode& value = entry.value;
+    for (const YamlEntry& inner : value.entries) add(entry.key + "." + inner.key, inner.value);
+    for (std::size_t i = 0; i < value.items.size(); ++i)
+      add(fmt::format("{}.{}", entry.key, i), value.items[i]);
+    if (value.kind == YamlNode::Kind::scalar) add(entry.key, value);
+  }
+}
+
+void add_settings(const engine::Settings& solver, Fingerprint& out) {
+  const auto add = [&](const char* name, const auto& value) {
+    ArchiveWriter bits;
+    bits(value);
+    out.emplace_back(std::string("solver.") + name, hash_bytes(bits.bytes()));
+  };
+  std::visit(
+      [&](const auto& own) {
+        each_setting(own, [&](const char* name, const auto& value) {
+          if constexpr (std::same_as<std::decay_t<decltype(value)>, std::string_view>)
+            add(name, std::string(value));
+          else if constexpr (requires { value.has_value(); })
+            add(name,
+                value ? Vec3(value->joint_gap, value->speed, value->angular_speed) : Vec3(Vec3::Zero()));
+          else
+            add(name, value);
+        });
+      },
+      solver.own);
+  add("step", solver.step);
+  add("contact_forces", solver.contact_forces);
+  for (int i = 0; i < model::kEffectCount; ++i) {
+    const auto effect = static_cast<model::Effect>(i);
+    if (solver.effects.has(effect)) out.emplace_back("effects." + std::string(model::name(effect)), 1);
+  }
+}
+
+}  // namespace
+
+Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine) {
+  Fingerprint out;
+  // The articulated engine's version names an instruction set; all of them give the same bits.
+  out.emplace_back(scene.spec.solver.engine() == engine::EngineKind::articulated
+                       ? "engine articulated"
+                       : "engine " + engine.version(),
+                   1);
+  out.emplace_back("the mathematics library (its version, or what this processor lets it use)",
+                   hash_bytes(mathematics()));
+  if (scene.spec.record_contacts) out.emplace_back("record.contacts", 1);
+  add_settings(scene.spec.solver, out);
+  // The scene names a mesh's file, not what is in it.
+  for (const model::Shape& shape : scene.model.shapes) {
+    if (!shape.mesh) continue;
+    ArchiveWriter vertices;
+    vertices.each(shape.mesh->vertices);
+    out.emplace_back("mesh of " + shape.name, hash_bytes(vertices.bytes()));
+  }
+  for (const scene::InputFile& file : scene.inputs)
+    if (control::is_motion_file(file.copy)) out.emplace_back(file.copy, hash_bytes(*file.bytes));
+  add_parts(scene::standalone(scene.resolved, scene.inputs), out);
+  return out;
+}
+
+std::vector<std::string> differences(const Fingerprint& a, const Fingerprint& b) {
+  std::vector<std::string> out;
+  const std::map<std::string, std::uint64_t> in_a(a.begin(), a.end()), in_b(b.begin(), b.end());
+  for (const auto& [name, hash] : in_a) {
+    const auto found = in_b.find(name);
+    if (found == in_b.end() || found->second != hash) out.push_back(name);
+  }
+  for (const auto& [name, hash] : in_b)
+    if (!in_a.contains(name)) out.push_back(name);
+  return out;
+}
+
+}  // namespace handsim::simulation

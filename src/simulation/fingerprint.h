@@ -1,0 +1,24 @@
+// Which scene a simulation is of, so that a snapshot is never taken over by another.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "handsim/engine/engine.h"
+#include "handsim/scene/compile/scene.h"
+
+namespace handsim::simulation {
+
+/// What the motion of a scene depends on, part by part, so that a difference can be named: each part's name
+/// (`solver.step`, `hands.0`) and the hash of its value. Title, duration, recording, pictures and criteria
+/// are no part of it.
+using Fingerprint = std::vector<std::pair<std::string, std::uint64_t>>;
+
+Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine);
+
+/// Names of parts that differ or that only one has; empty where none does.
+std::vector<std::string> differences(const Fingerprint& a, const Fingerprint& b);
+
+}  // namespace handsim::simulation

@@ -1,0 +1,57 @@
+// Completion scripts and the man page. Oracle: bash itself completes; the commands' own help has the words.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "app/program.h"
+
+namespace handsim {
+namespace {
+
+using test::contains;
+using test::run_program;
+using test::text_of;
+
+/// What bash offers for the last of some words.
+std::string completed(const std::string& words, int count) {
+  const test::TemporaryFolder folder;
+  const auto script = test::write(folder.path() / "handsim.bash", run_program({"completion", "bash"}).out);
+  const auto ask =
+      test::write(folder.path() / "ask.bash", "source '" + script.string() + "'\nCOMP_WORDS=(" + words +
+                                                  ")\nCOMP_CWORD=" + std::to_string(count) +
+                                                  "\n_handsim\necho \"${COMPREPLY[@]}\"\n");
+  const std::string out = folder.path() / "out";
+  EXPECT_EQ(std::system(("bash '" + ask.string() + "' > '" + out + "' 2>&1").c_str()), 0) << text_of(out);
+  std::string text = text_of(out);
+  while (text.ends_with('\n')) text.pop_back();
+  return text;
+}
+
+TEST(Completion, InBashGivesCommandsOptionsAndWords) {
+  EXPECT_EQ(completed("handsim eff", 1), "effects");
+  EXPECT_EQ(completed("handsim run scene.yaml --fra", 3), "--frames");
+  EXPECT_EQ(completed("handsim hand --side l", 3), "left");
+  EXPECT_EQ(completed("handsim export scene.yaml --format ''", 4), "mjcf urdf");
+  // A file is left to the shell.
+  EXPECT_EQ(completed("handsim run ''", 2), "");
+}
+
+TEST(Completion, OfEveryShellAndTheManPageNameEveryCommandAndOption) {
+  const std::string help = run_program({"--help"}).out;
+  for (const std::string shell : {"bash", "zsh", "fish", "man"}) {
+    const auto outcome = run_program({"completion", shell});
+    EXPECT_EQ(outcome.status, 0);
+    for (const std::string command : {"hand", "check", "run", "render", "accuracy", "grasp", "effects",
+                                      "export", "contacts", "stability", "completion"}) {
+      EXPECT_TRUE(contains(help, command));
+      EXPECT_TRUE(contains(outcome.out, command)) << shell << ", " << command;
+    }
+    EXPECT_TRUE(contains(outcome.out, shell == "man" ? "\\-\\-snapshot\\-at" : "snapshot-at")) << shell;
+  }
+  const auto unknown = run_program({"completion", "tcsh"});
+  EXPECT_EQ(unknown.status, 2);
+  EXPECT_TRUE(contains(unknown.err, "got tcsh, need bash, zsh, fish or man")) << unknown.err;
+}
+
+}  // namespace
+}  // namespace handsim

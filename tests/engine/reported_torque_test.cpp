@@ -1,0 +1,120 @@
+// The torques that engines report, against the motion that they record.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "engine/shared_motions.h"
+#include "handsim/model/inverse_dynamics.h"
+
+namespace handsim::engine {
+namespace {
+
+using model::Effect;
+
+struct Drive {
+  Method method = OdeMethod::world_step;
+  double step = 1e-3;
+  int iterations = 20;
+  std::optional<double> fastest = {};  ///< bound of the guard [rad/s]; none: no guard
+  double stiffness = 0.1;              ///< [N m/rad]
+};
+
+struct Outcome {
+  double error = 0;     ///< largest difference of reported and needed torque, of the largest torque
+  double inferred = 0;  ///< the same for the servos' law at the step's end, with the tissue's
+  int halved = 0;       ///< steps got through in halves
+  int at_limit = 0;     ///< servo torques at their limit
+};
+
+/// A hand on a held palm, swung by servos (dae: by torques) with gravity and tissue: what is reported against
+/// what the momentum of the bodies beyond each joint changes by.
+Outcome drive(const Drive& how) {
+  const model::Model model = test::shipped_hand("anatomical.yaml", hand::Mount::fixed);
+  Settings with =
+      test::settings({Effect::gravity, Effect::passive_tissue, Effect::actuation}, how.step, how.method);
+  if (with.engine() == EngineKind::ode) with.ode().iterations = how.iterations;
+  if (how.fastest) {
+    with.ode().guard.emplace();
+    with.ode().guard->angular_speed = *how.fastest;
+  }
+  const bool servos_act = !std::holds_alternative<DaeMethod>(how.method);
+  const auto engine = make_engine(model, with);
+  const auto dofs = static_cast<std::size_t>(model.dof_count());
+  const double damping = 1e-3, limit = 0.02;
+  const std::vector<double> start = engine->state().q;
+  std::vector<model::Servo> servos(dofs);
+  std::vector<double> torques(servos_act ? 0 : dofs);
+  double worst = 0, worst_inferred = 0, largest = 0;
+  Outcome out;
+  for (long i = 0; i < std::lround(0.05 / how.step); ++i) {
+    const model::State before = engine->state();
+    const double swing = how.fastest ? 1e-3 : 0.2 * (1 - std::cos(40 * (before.time + how.step)));
+    for (std::size_t k = 0; k < dofs; ++k) {
+      const double error = start[k] + (k % 2 == 0 ? swing : -swing) - before.q[k];
+      servos[k] = {how.stiffness, damping, error, 0.001, how.fastest ? 50 : limit};
+      if (!servos_act) torques[k] = k % 2 == 0 ? 0.005 * swing : -0.005 * swing;
+    }
+    const StepReport report = servos_act ? engine->step({.servos = servos}) : engine->step({torques});
+    const model::State& after = engine->state();
+    out.halved += report.rung == Rung::half_steps ? 1 : 0;
+    const std::vector<double> needed = model::inverse_dynamics(model, before, after, model.gravity);
+    for (const model::Joint& joint : model.joints)
+      for (std::size_t a = 0; a < joint.axes.size(); ++a) {
+        const std::size_t k = static_cast<std::size_t>(joint.first_dof) + a;
+        const auto& tissue = joint.axes[a].tissue;
+        const double pull = servos[k].stiffness * (servos[k].error - how.step * after.u[k]) -
+                            servos[k].damping * after.u[k] + servos[k].feed;
+        const double held =
+            tissue ? tissue->stiffness * (after.q[k] - tissue->rest) + tissue->damping * after.u[k] : 0;
+        const double inferred = std::clamp(pull, -servos[k].limit, servos[k].limit) - held;
+        largest = std::max(largest, std::abs(needed[k]));
+        worst = std::max(worst, std::abs(after.tau[k] - needed[k]));
+        worst_inferred = std::max(worst_inferred, std::abs(inferred - needed[k]));
+        out.at_limit += servos_act && std::abs(std::abs(after.tau_servo[k]) - limit) < 1e-9 ? 1 : 0;
+      }
+  }
+  out.error = worst / largest;
+  out.inferred = worst_inferred / largest;
+  return out;
+}
+
+class ReportedTorque : public testing::TestWithParam<Method> {};
+
+// Oracle: Newton and Euler on the recorded motion. Both sides are first order in the step (where the axes
+// stand during it), and so is their difference: it shrinks with the step, and the finer one is small.
+TEST_P(ReportedTorque, IsWhatTheMotionNeeds) {
+  const Outcome coarse = drive({.method = GetParam(), .step = 4e-4}),
+                fine = drive({.method = GetParam(), .step = 1e-4});
+  EXPECT_LT(fine.error, 0.02);
+  EXPECT_LT(fine.error, 0.4 * coarse.error);
+  const bool servos = !std::holds_alternative<DaeMethod>(GetParam());
+  EXPECT_EQ(fine.at_limit > 0, servos);
+}
+
+INSTANTIATE_TEST_SUITE_P(Methods, ReportedTorque,
+                         testing::Values(Method(OdeMethod::world_step),
+                                         Method(ArticulatedMethod::semi_implicit_euler),
+                                         Method(ArticulatedMethod::rk4), Method(DaeMethod::stabilised_gear),
+                                         Method(DaeMethod::euler_projected)),
+                         [](const auto& each) { return std::string(name(each.param)); });
+
+// Oracle: the same. What few iterations apply is not what the servos' law asks for.
+TEST(TorqueOfOde, IsWhatActedWhereQuickStepHasNotConverged) {
+  const Outcome out = drive({.method = OdeMethod::quick_step, .step = 1e-4, .iterations = 3});
+  EXPECT_LT(out.error, 0.02);
+  EXPECT_GT(out.inferred, 10 * out.error);
+}
+
+// Oracle: the same, over both halves. A servo so stiff that a whole step leaves a finger too fast, and a
+// second half step catches it.
+TEST(TorqueOfOde, IsTheMeanOfAStepInHalves) {
+  const Outcome out = drive({.fastest = 1, .stiffness = 5000});
+  EXPECT_GT(out.halved, 0);
+  EXPECT_LT(out.error, 0.02);
+  EXPECT_GT(out.inferred, 10 * out.error);
+}
+
+}  // namespace
+}  // namespace handsim::engine

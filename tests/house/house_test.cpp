@@ -1,0 +1,115 @@
+// Who may include what: USES lines against the includes that are there, and third-party headers in their
+// rooms.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <regex>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace handsim::test {
+namespace {
+
+namespace fs = std::filesystem;
+
+const fs::path kSource = fs::path(HANDSIM_SOURCE_DIR) / "src";
+
+struct File {
+  std::string folder;                  ///< below src/
+  std::vector<std::string> own;        ///< `handsim/...` headers, without `handsim/`
+  std::vector<std::string> libraries;  ///< headers between angle brackets
+};
+
+/// Every source and header by its path below src/.
+std::map<std::string, File> sources() {
+  const std::regex include(R"re(#include ([<"])([^>"]+)[>"])re");
+  std::map<std::string, File> out;
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(kSource)) {
+    if (entry.path().extension() != ".h" && entry.path().extension() != ".cpp") continue;
+    const fs::path path = fs::relative(entry.path(), kSource);
+    File& file = out[path.string()];
+    file.folder = path.parent_path().string();
+    std::ifstream text(entry.path());
+    std::smatch match;
+    for (std::string line; std::getline(text, line);) {
+      if (!std::regex_search(line, match, include)) continue;
+      const std::string header = match[2];
+      if (match[1] == "<")
+        file.libraries.push_back(header);
+      else if (header.starts_with("handsim/"))
+        file.own.push_back(header.substr(8));
+    }
+  }
+  return out;
+}
+
+void reach(const std::map<std::string, File>& all, const std::string& path, std::set<std::string>& seen) {
+  const auto file = all.find(path);
+  if (file == all.end()) return;  // made by the build
+  for (const std::string& header : file->second.own)
+    if (seen.insert(header).second) reach(all, header, seen);
+}
+
+// Oracle: the includes themselves, and those of the headers that they name. A name too few does not build;
+// here a name too many fails.
+TEST(House, AFolderUsesWhatItsUsesLineNamesAndNothingElse) {
+  const std::map<std::string, File> all = sources();
+  std::map<std::string, std::set<std::string>> found;
+  for (const auto& [path, file] : all) {
+    if (path == "app/main.cpp") continue;
+    std::set<std::string> headers;
+    reach(all, path, headers);
+    for (const std::string& header : headers)
+      found[file.folder].insert(fs::path(header).parent_path().string());
+  }
+  std::ifstream lines(HANDSIM_USES_FILE);
+  int folders = 0;
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream words(line);
+    std::string folder;
+    words >> folder;
+    if (folder.empty()) continue;
+    ++folders;
+    std::set<std::string> named;
+    for (std::string word; words >> word;) named.insert(word);
+    found[folder].erase(folder);
+    EXPECT_EQ(named, found[folder]) << folder;
+  }
+  EXPECT_GT(folders, 20);
+}
+
+// Oracle: the design: what may change its mind about a library is one folder, or one file.
+TEST(House, ThirdPartyHeadersStayInTheirRooms) {
+  const std::vector<std::pair<std::string, std::string>> rooms = {
+      {"ode/", "engine/(ode|contact)/"},
+      {"GL/", "output/render/"},
+      {"cairo", "output/render/"},
+      {"png.h", "output/render/"},
+      {"yaml-cpp/", "core/yaml"},
+      {"xxhash", "core/archive"},
+      {"libqhull", "(scene/compile|simulation/watch|core)/"},
+      {"ida/", "engine/dae/"},
+      {"cvode/", "study/accuracy/"},
+      {"CLI/", "app/"},
+      {"nlohmann/", "(simulation|study|app)/"},
+      {"mujoco/", "none"},
+  };
+  std::map<std::string, int> met;
+  for (const auto& [path, file] : sources())
+    for (const std::string& header : file.libraries)
+      for (const auto& [library, room] : rooms)
+        if (header.starts_with(library)) {
+          ++met[library];
+          EXPECT_TRUE(std::regex_search(path, std::regex("^" + room)))
+              << path << " includes <" << header << ">";
+        }
+  // Every library above but the one that none may include is met somewhere.
+  EXPECT_EQ(met.size(), rooms.size() - 1);
+}
+
+}  // namespace
+}  // namespace handsim::test
