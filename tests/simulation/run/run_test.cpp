@@ -11,8 +11,8 @@
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
-#include "support/read_png.h"
 #include "support/peak_memory.h"
+#include "support/read_png.h"
 
 namespace handsim::simulation {
 namespace {
