@@ -103,15 +103,7 @@ void add_segments(BuiltHand& hand, const HandSpec& spec) {
 }
 
 double share_of(const MassRule& rule, Sex sex) {
-  switch (sex) {
-    case Sex::male:
-      return rule.male;
-    case Sex::female:
-      return rule.female;
-    case Sex::unknown:
-      return rule.unknown;
-  }
-  return 0;
+  return sex == Sex::male ? rule.male : sex == Sex::female ? rule.female : rule.unknown;
 }
 
 /// Masses by share of the hand; the palm takes what is left, so that the parts sum to the hand.

@@ -1,5 +1,8 @@
 #include "handsim/scene/read/contact_spec.h"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include "handsim/hand/material.h"
 #include "handsim/scene/read/blocks.h"
 
@@ -58,7 +61,9 @@ std::optional<model::Material> named_material(MapReader& reader, std::string_vie
     known.push_back(material.name);
   }
   reader.problem(key, name,
-                 known.empty() ? "a material of contacts.materials, which has none" : need_word(name, known));
+                 known.empty()
+                     ? "a material of contacts.materials, which has none"
+                     : fmt::format("one of {}{}", fmt::join(known, ", "), nearest_hint(name, known)));
   return std::nullopt;
 }
 

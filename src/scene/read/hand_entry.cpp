@@ -48,20 +48,13 @@ model::PoseMotion read_motion(MapReader reader) {
 }
 
 void refuse_keys_of_other_mounts(MapReader& reader, hand::Mount mount) {
-  struct OfMount {
-    const char* key;
-    hand::Mount mount;
-    const char* need;
+  const auto refuse = [&](const char* key, hand::Mount of, const char* need) {
+    if (of != mount && reader.has(key)) reader.problem(key, "a key of another mount", need);
   };
-  for (const OfMount& of :
-       {OfMount{"motion", hand::Mount::driven, "mount: driven with it, or no motion"},
-        OfMount{"velocity", hand::Mount::free, "mount: free with it, or no velocity"},
-        OfMount{"angular_velocity", hand::Mount::free, "mount: free with it, or no angular_velocity"},
-        OfMount{"along", hand::Mount::rail, "mount: rail with it, or no along"}})
-    if (of.mount != mount && reader.node().find(of.key)) {
-      reader.child(of.key);
-      reader.problem(of.key, "a key of another mount", of.need);
-    }
+  refuse("motion", hand::Mount::driven, "mount: driven with it, or no motion");
+  refuse("velocity", hand::Mount::free, "mount: free with it, or no velocity");
+  refuse("angular_velocity", hand::Mount::free, "mount: free with it, or no angular_velocity");
+  refuse("along", hand::Mount::rail, "mount: rail with it, or no along");
 }
 
 void read_wrist(MapReader reader, const Tasks& tasks, hand::Placement& placement) {

@@ -50,6 +50,34 @@ bool overridden(const YamlNode& entry, const std::string& key) {
          (key == "material" && has_any(entry, kPropertyKeys));
 }
 
+/// `mesh`, named by its absolute path in the resolved scene, which stands in another folder.
+void read_mesh(MapReader& reader, model::Shape& shape) {
+  const double scale = reader.number("scale", {Dimension::none, 1e-6, 1e6}, 1.0);
+  const std::string name = reader.text("mesh");
+  if (!reader.has("mesh") || !reader.sound()) return;
+  YamlNode& node = *reader.child("mesh");
+  const std::filesystem::path beside = std::filesystem::path(node.place().file).parent_path();
+  const std::filesystem::path path = std::filesystem::absolute(beside / name).lexically_normal();
+  try {
+    LoadedMesh loaded = load_convex_mesh(path, scale);
+    shape.mesh = std::move(loaded.mesh);
+    shape.pose.p = loaded.centroid;
+    if (loaded.odd_edges > 0)
+      reader.warning("mesh", fmt::format("{} edges of {} are not shared by two faces: the convex hull closes "
+                                         "what is open",
+                                         loaded.odd_edges, path.filename().string()));
+  } catch (const Error& error) {
+    // Problems within the mesh's file have their place there.
+    for (const Problem& problem : error.problems())
+      if (problem.place)
+        reader.diagnostics().problems.push_back(
+            {problem.place, reader.path_of("mesh"), problem.got, problem.need});
+      else
+        reader.problem("mesh", problem.got, problem.need);
+  }
+  node.text = path.string();
+}
+
 std::string read_name(MapReader& reader, const std::vector<ObjectSpec>& before) {
   std::string name = reader.name("name");
   const char* need = "a name of its own for each object, other than world and ground";
@@ -188,38 +216,6 @@ model::Material read_surface(MapReader& reader, std::string name,
       reader.problem(key, "a property beside the material that has it", "one of the two");
   return named_material(reader, "material", materials).value_or(model::Material{});
 }
-
-namespace {
-
-/// `mesh`, named by its absolute path in the resolved scene, which stands in another folder.
-void read_mesh(MapReader& reader, model::Shape& shape) {
-  const double scale = reader.number("scale", {Dimension::none, 1e-6, 1e6}, 1.0);
-  const std::string name = reader.text("mesh");
-  if (!reader.has("mesh") || !reader.sound()) return;
-  YamlNode& node = *reader.child("mesh");
-  const std::filesystem::path beside = std::filesystem::path(node.place().file).parent_path();
-  const std::filesystem::path path = std::filesystem::absolute(beside / name).lexically_normal();
-  try {
-    LoadedMesh loaded = load_convex_mesh(path, scale);
-    shape.mesh = std::move(loaded.mesh);
-    shape.pose.p = loaded.centroid;
-    if (loaded.odd_edges > 0)
-      reader.warning("mesh", fmt::format("{} edges of {} are not shared by two faces: the convex hull closes "
-                                         "what is open",
-                                         loaded.odd_edges, path.filename().string()));
-  } catch (const Error& error) {
-    // Problems within the mesh's file have their place there.
-    for (const Problem& problem : error.problems())
-      if (problem.place)
-        reader.diagnostics().problems.push_back(
-            {problem.place, reader.path_of("mesh"), problem.got, problem.need});
-      else
-        reader.problem("mesh", problem.got, problem.need);
-  }
-  node.text = path.string();
-}
-
-}  // namespace
 
 bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shape) {
   const std::size_t before = reader.diagnostics().problems.size();

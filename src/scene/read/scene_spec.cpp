@@ -8,6 +8,7 @@
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/contact_groups.h"
 #include "handsim/scene/read/effects.h"
+#include "handsim/scene/read/task_checks.h"
 
 namespace handsim::scene {
 
@@ -51,6 +52,7 @@ void read_content(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics)
   scene.hands = read_hands(reader, scene.tasks);
   scene.contacts = read_contacts(reader);
   scene.objects = read_objects(reader, scene.contacts.materials, scene.tasks, !scene.hands.empty());
+  if (reader.sound()) check_task_sites(scene, diagnostics);
   std::vector<std::string> taken = scene.object_names();
   taken.insert(taken.end(), {"world", "ground"});
   scene.mechanism = read_mechanism(reader, std::move(taken), scene.contacts.materials);
@@ -61,6 +63,7 @@ void read_content(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics)
   if (reader.sound()) check_contact_groups(scene, diagnostics);
   if (reader.has("control"))
     scene.control = read_control(reader.map("control"), scene.hands, !scene.tasks.empty());
+  if (reader.sound()) check_task_programs(scene, diagnostics);
 }
 
 void read_run(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics) {

@@ -43,8 +43,8 @@ struct Plans {
 /// The kinds of task that a scene may have.
 std::span<const TaskKind> task_kinds();
 
-/// @param hands of the scene. Problems: names that the scene has not, hands and objects that a task cannot
-/// place, and tasks that exclude each other.
+/// @param scene as read_scene() leaves it, without problems. @param hands of the scene.
+/// Problems: tasks that exclude each other, and supports whose name is taken.
 Plans make_plans(const SceneSpec& scene, const std::vector<hand::BuiltHand>& hands, Diagnostics& diagnostics);
 
 /// Keys that blocks of all kinds have: the hand and its object, its wrist there, and the poses.

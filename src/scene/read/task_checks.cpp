@@ -1,0 +1,114 @@
+#include "handsim/scene/read/task_checks.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "handsim/scene/read/blocks.h"
+
+namespace handsim::scene {
+
+namespace {
+
+void problem(const TaskSpec& task, const std::string& key, std::string got, std::string need,
+             Diagnostics& diagnostics) {
+  diagnostics.problems.push_back({task.place, task.path + key, std::move(got), std::move(need)});
+}
+
+/// @param taken the task of each hand so far.
+void check_hand(const SceneSpec& scene, const TaskSpec& task, std::vector<const TaskSpec*>& taken,
+                Diagnostics& diagnostics) {
+  const auto hand = hand_of(scene, task);
+  const auto say = [&](std::string got, std::string need) {
+    problem(task, ".hand", std::move(got), std::move(need), diagnostics);
+  };
+  if (!hand) {
+    std::vector<std::string> known;
+    for (const HandEntry& entry : scene.hands) known.push_back(entry.placement.name);
+    return say(task.hand.empty() ? "nothing in a scene of several hands or none" : task.hand,
+               fmt::format("a hand of the scene: {}", fmt::join(known, ", ")));
+  }
+  const hand::Placement& placement = scene.hands[*hand].placement;
+  const bool rail = task.kind->mount == hand::Mount::rail;
+  if (placement.mount != task.kind->mount || !placement.motion.keys.empty())
+    say(std::string("a hand that ") + task.kind->what + " cannot place",
+        rail ? "wrist.mount rail" : "wrist.mount driven without a motion");
+  else if (taken[*hand])
+    say(fmt::format("a hand that {} moves", taken[*hand]->path), "one task a hand");
+  taken[*hand] = &task;
+}
+
+void check_object(const SceneSpec& scene, const TaskSpec& task, Diagnostics& diagnostics) {
+  const auto object = object_of(scene, task);
+  const bool moves = task.kind->moves_object;
+  if (object && scene.objects[*object].is_static != moves) return;
+  std::string got = task.object;
+  if (object) got += moves ? ", which does not move" : ", which moves";
+  problem(task, std::string(".") + task.kind->object, got,
+          fmt::format("the name of a {} object of the scene", moves ? "free" : "static"), diagnostics);
+}
+
+/// A hand whose place is left to tasks needs one.
+void check_idle(const SceneSpec& scene, std::size_t hand, Diagnostics& diagnostics) {
+  const auto say = [&](const char* key, const char* got, const char* need) {
+    diagnostics.problems.push_back({scene.hands[hand].place, item_path("hands", hand) + key, got, need});
+  };
+  const hand::Placement& placement = scene.hands[hand].placement;
+  const auto places = [&](const auto& task) { return task->kind->mount == placement.mount; };
+  if (std::none_of(scene.tasks.begin(), scene.tasks.end(), places)) return;
+  if (placement.mount == hand::Mount::rail)
+    say(".wrist.mount", "a rail without a climb", "a climb of this hand, or another mount");
+  else if (placement.motion.keys.empty())
+    say(".wrist.motion", "nothing", "a mapping with keyframes, or a grasp of this hand");
+}
+
+}  // namespace
+
+std::optional<std::size_t> hand_of(const SceneSpec& scene, const TaskSpec& task) {
+  if (task.hand.empty() && scene.hands.size() == 1) return 0;
+  for (std::size_t i = 0; i < scene.hands.size(); ++i)
+    if (scene.hands[i].placement.name == task.hand) return i;
+  return std::nullopt;
+}
+
+std::optional<std::size_t> object_of(const SceneSpec& scene, const TaskSpec& task) {
+  for (std::size_t i = 0; i < scene.objects.size(); ++i)
+    if (scene.objects[i].name == task.object) return i;
+  return std::nullopt;
+}
+
+void check_task_sites(const SceneSpec& scene, Diagnostics& diagnostics) {
+  std::vector<const TaskSpec*> taken(scene.hands.size());
+  for (const auto& task : scene.tasks) {
+    check_hand(scene, *task, taken, diagnostics);
+    check_object(scene, *task, diagnostics);
+  }
+  for (std::size_t i = 0; i < taken.size(); ++i)
+    if (!taken[i]) check_idle(scene, i, diagnostics);
+}
+
+void check_task_programs(const SceneSpec& scene, Diagnostics& diagnostics) {
+  for (const auto& task : scene.tasks) {
+    const auto say = [&](const char* key, std::string got, std::string need) {
+      problem(*task, key, std::move(got), std::move(need), diagnostics);
+    };
+    const std::string what = task->kind->what;
+    if (!scene.control || !scene.control->poses) {
+      say("", what + " in a scene without control", "a control block with a controller and poses");
+      continue;
+    }
+    const auto& poses = scene.control->poses->poses;
+    std::vector<std::string> known;
+    for (const auto& [name, pose] : poses) known.push_back(name);
+    const auto check = [&](const char* key, const std::string& pose) {
+      if (!poses.contains(pose)) say(key, pose, "a pose of the pose file" + nearest_hint(pose, known));
+    };
+    check(".open", task->open);
+    for (const std::string& pose : task->closed) check(".closed", pose);
+    if (!scene.control->programs[*hand_of(scene, *task)].program.empty())
+      say("", "a hand with a program of its own", what + ", or a program");
+  }
+}
+
+}  // namespace handsim::scene
