@@ -25,7 +25,9 @@ std::uint64_t hash_bytes(std::string_view bytes, std::uint64_t seed) {
 }
 
 void ArchiveWriter::word(std::uint64_t bits) {
-  for (std::size_t i = 0; i < kWord; ++i) bytes_ += static_cast<char>((bits >> (8 * i)) & 0xffU);
+  char bytes[kWord];
+  for (std::size_t i = 0; i < kWord; ++i) bytes[i] = static_cast<char>((bits >> (8 * i)) & 0xffU);
+  bytes_.append(bytes, kWord);
 }
 
 void ArchiveWriter::operator()(double value) { word(std::bit_cast<std::uint64_t>(value)); }

@@ -21,7 +21,6 @@
 #include "handsim/simulation/watch/climb_figures.h"
 #include "handsim/simulation/watch/grasp_figures.h"
 #include "handsim/simulation/watch/tracking.h"
-#include "handsim/simulation/watch/verdict.h"
 
 namespace handsim::simulation {
 

@@ -58,14 +58,9 @@ Json control_json(const control::Plan& plan) {
           {"share_of_step", nullptr}};
 }
 
-}  // namespace
-
-std::string summary_json(const Simulation& simulation, const RunResult& result) {
+/// What the run knows itself, and the keys that watchers fill in, in the order of the file.
+void add_run(const Simulation& simulation, const RunResult& result, Json& out) {
   const scene::Scene& scene = simulation.scene();
-  const engine::Settings& solver = scene.spec.solver;
-  const std::vector<std::string> notes = simulation.engine().notes();
-  SummaryJson summary;
-  Json& out = summary.json;
   out["title"] = scene.spec.title;
   out["verdict"] = overall(result);
   if (result.fault) out["fault"] = fault_json(*result.fault);
@@ -73,11 +68,10 @@ std::string summary_json(const Simulation& simulation, const RunResult& result) 
   out["criteria"] = criteria_json(result.verdicts);
   out["counts"] = {{"steps", simulation.steps()},
                    {"lcp_failures", nullptr},
-                   {"notes", notes.size()},
+                   {"notes", simulation.engine().notes().size()},
                    {"contacts", nullptr},
                    {"collide_calls", nullptr}};
-  out["convergence"] = nullptr;
-  out["state_hash"] = nullptr;
+  for (const char* key : {"convergence", "state_hash"}) out[key] = nullptr;
   if (result.expected_hash) out["expected_hash"] = hash_text(*result.expected_hash);
   if (result.continued_from) out["continued_from_s"] = *result.continued_from;
   out["steps"] = nullptr;
@@ -86,6 +80,16 @@ std::string summary_json(const Simulation& simulation, const RunResult& result) 
                  {"times_real_time", result.wall > 0 ? result.simulated / result.wall : 0.0}};
   for (const char* key : {"grasps", "climbs", "control", "contact_forces", "ledger"}) out[key] = nullptr;
   if (scene.control) out["control"] = control_json(*scene.control);
+}
+
+}  // namespace
+
+std::string summary_json(const Simulation& simulation, const RunResult& result) {
+  const scene::Scene& scene = simulation.scene();
+  const engine::Settings& solver = scene.spec.solver;
+  SummaryJson summary;
+  Json& out = summary.json;
+  add_run(simulation, result, out);
   for (const auto& watcher : simulation.watchers()) watcher->add_summary(summary);
   out["convergence"]["warnings"] = result.warnings;
   out["solver"] = {{"engine", simulation.engine().version()},
@@ -97,7 +101,7 @@ std::string summary_json(const Simulation& simulation, const RunResult& result) 
                      {"compiler", __VERSION__},
                      {"mathematics", mathematics()}};
   if (!scene.spec.engine_choice.empty()) out["engine_choice"] = scene.spec.engine_choice;
-  out["notes"] = notes;
+  out["notes"] = simulation.engine().notes();
   out["warnings"] = scene.warnings;
   out["overlaps_at_start"] = overlaps_json(scene.model, result.overlaps);
   for (auto at = out.begin(); at != out.end();)

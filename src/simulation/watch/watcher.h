@@ -14,7 +14,6 @@
 #include "handsim/control/controller.h"
 #include "handsim/engine/engine.h"
 #include "handsim/scene/compile/scene.h"
-#include "handsim/simulation/watch/verdict.h"
 
 namespace handsim::simulation {
 
@@ -39,6 +38,22 @@ struct Step {
   const StepTimes* times = nullptr;  ///< null where the step was not timed
   /// Set by a watcher that finds the motion unsound: the simulation then fails with it.
   std::optional<PhysicsFault> fault = {};
+};
+
+/// A criterion's figure beside its limit.
+struct Verdict {
+  std::string name;
+  std::string unit;
+  std::optional<double> measured = 0;  ///< absent: the run had nothing to measure, e.g. no hold of a pose
+  std::optional<double> limit;         ///< absent: measured, not judged
+  double time = 0;                     ///< of the figure [s]
+  std::string where;                   ///< joint or body of the figure
+  bool least = false;                  ///< the limit is the least that will do, not the most
+
+  /// A criterion without a measured value is not held.
+  bool held() const { return !limit || (measured && (least ? *measured >= *limit : *measured <= *limit)); }
+  bool missed() const { return limit && !measured; }  ///< the run did not come to what is judged
+  bool failed() const { return !held() && !missed(); }
 };
 
 struct SummaryJson;

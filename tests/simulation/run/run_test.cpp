@@ -133,6 +133,7 @@ TEST(Summary, HasVerdictsLedgerCountsAndVersions) {
   EXPECT_GT(summary["counts"]["contacts"], 0);
   EXPECT_EQ(summary["ledger"]["effects"].size(), 7U);
   for (const auto& entry : summary["ledger"]["phases"]) EXPECT_GT(entry["ns_per_step"], 0) << entry["name"];
+  EXPECT_EQ(summary["counts"]["notes"], summary["notes"].size());
   EXPECT_EQ(summary["solver"]["seed"], 1);
   EXPECT_NE(summary["versions"]["engine"].get<std::string>().find("ODE"), std::string::npos);
   // A scene with contacts has penetration and tunnelling among them.
