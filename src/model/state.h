@@ -45,8 +45,8 @@ struct State {
   std::vector<Presliding> presliding;  ///< ODE only: of the pairs that touched in the last step; empty: none
 };
 
-/// Names time, bodies and torques to an archive (core/archive.h); the numbers of them are the model's, q and u
-/// follow from the bodies, and presliding is its engine's to carry.
+/// Names time, bodies and torques to an archive (core/archive.h); the numbers of them are the model's, q and
+/// u follow from the bodies, and presliding is its engine's to carry.
 template <class Archive, class T>
 void carry(Archive& archive, T& state) {
   archive(state.time);

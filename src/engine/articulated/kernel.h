@@ -144,8 +144,9 @@ struct Lanes {
   static void outward_many(const Tree& tree, Batches& b);
 
   static constexpr Kernel kernel(const char* name) {
-    return {name,  static_cast<int>(W), kinematics, velocities,     prepare,  find_torques, prepare_smooth,
-            solve, revise,              integrate,  position_rates, normalise};
+    return {name,    static_cast<int>(W), kinematics,     velocities,
+            prepare, find_torques,        prepare_smooth, solve,
+            revise,  integrate,           position_rates, normalise};
   }
 };
 

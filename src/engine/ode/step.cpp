@@ -74,7 +74,7 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
   } catch (const std::bad_alloc&) {
     throw OdeFault{kNoMemory, "out of memory"};
   }
-  joints_->read_torques(input.torques, state_, tau_, tau_servo_);
+  joints_->read_torques(input.torques, tau_, tau_servo_);
   if (residual_is_due(report, step))
     report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
