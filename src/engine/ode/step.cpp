@@ -196,8 +196,8 @@ void OdeEngine::check_bodies(double time) {
 void OdeEngine::read(double time) {
   for (const std::size_t i : moving_) state_.bodies[i] = read_state(bodies_[i]);
   if (contacts_) state_.presliding = contacts_->presliding();
-  state_.tau = tau_;
-  state_.tau_servo = tau_servo_;
+  state_.tau.swap(tau_);
+  state_.tau_servo.swap(tau_servo_);
   state_.time = time;
 }
 
