@@ -29,34 +29,40 @@ AngleSensor::AngleSensor(const Joint& joint)
   }
 }
 
-void AngleSensor::read_angles(const State& state, double* q) const {
+double Direction::angle() const { return std::atan2(sin, cos); }
+
+void AngleSensor::read_angles(const State& state, Direction* at) const {
   const Quat r = state.bodies[parent_].q.conjugate() * state.bodies[child_].q;
   if (!universal_) {
     const double s = half_sin_.dot(r.coeffs());
     const double c = half_cos_.dot(r.coeffs());
-    q[0] = std::atan2(2 * s * c, c * c - s * s);
+    at[0] = {2 * s * c, c * c - s * s};
     return;
   }
   // As in joint_coordinates: R b = cos q0 b + sin q0 c, and R^T a = cos q1 a + sin q1 c.
   const Vec3 b = r * b_C_;
   const Vec3 a = r.conjugate() * a_P_;
-  q[0] = std::atan2(b.dot(c_P_), b.dot(b_P_));
-  q[1] = std::atan2(a.dot(c_C_), a.dot(a_C_));
+  at[0] = {b.dot(c_P_), b.dot(b_P_)};
+  at[1] = {a.dot(c_C_), a.dot(a_C_)};
 }
 
-void AngleSensor::read(const State& state, double* q, double* u, Vec3* axes) const {
-  read_angles(state, q);
+void AngleSensor::read(const State& state, double* q, double* u, Vec3* axes, Direction* at) const {
+  read_angles(state, at);
+  q[0] = at[0].angle();
   const BodyState &parent = state.bodies[parent_], &child = state.bodies[child_];
   const Vec3 w = child.w - parent.w;
   axes[0] = parent.q * a_P_;
   u[0] = w.dot(axes[0]);
   if (!universal_) return;
+  q[1] = at[1].angle();
   axes[1] = child.q * b_C_;
   u[1] = w.dot(axes[1]);
 }
 
 JointSensors::JointSensors(const Model& model)
-    : model_(model), axes_(static_cast<std::size_t>(model.dof_count()), Vec3::Zero()) {
+    : model_(model),
+      axes_(static_cast<std::size_t>(model.dof_count()), Vec3::Zero()),
+      directions_(axes_.size()) {
   for (const Joint& joint : model.joints) {
     std::optional<AngleSensor>& sensor = angles_.emplace_back();
     if (joint.kind == JointKind::hinge || joint.kind == JointKind::universal) sensor.emplace(joint);
@@ -70,7 +76,7 @@ void JointSensors::read(State& state) {
     const Joint& joint = model_.joints[j];
     const auto first = static_cast<std::size_t>(joint.first_dof);
     if (angles_[j]) {
-      angles_[j]->read(state, &state.q[first], &state.u[first], &axes_[first]);
+      angles_[j]->read(state, &state.q[first], &state.u[first], &axes_[first], &directions_[first]);
       continue;
     }
     joint_coordinates(joint, state, std::span(state.q).subspan(first));

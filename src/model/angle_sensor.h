@@ -10,15 +10,23 @@
 
 namespace handsim::model {
 
+/// Sine and cosine of an angle, times one common factor >= 0.
+struct Direction {
+  double sin = 0;
+  double cos = 1;
+  double angle() const;  ///< [rad], in (-pi, pi]
+};
+
 /// Reads one hinge or universal joint.
 class AngleSensor {
  public:
   explicit AngleSensor(const Joint& joint);
-  /// Of the joint's one or two coordinates: angles [rad], in (-pi, pi], rates [rad/s] and axes in the world.
-  void read(const State& state, double* q, double* u, Vec3* axes) const;
+  /// Of the joint's one or two coordinates: angles [rad], in (-pi, pi], rates [rad/s], axes in the world
+  /// and directions.
+  void read(const State& state, double* q, double* u, Vec3* axes, Direction* at) const;
 
  private:
-  void read_angles(const State& state, double* q) const;
+  void read_angles(const State& state, Direction* at) const;
 
   bool universal_;
   std::size_t parent_, child_;
@@ -36,11 +44,14 @@ class JointSensors {
   void read(State& state);
   /// Axes of all coordinates in the world, at the state last read; of a ball zero. Size model.dof_count().
   std::span<const Vec3> axes() const { return axes_; }
+  /// The same of their angles; sliders and balls have none.
+  std::span<const Direction> directions() const { return directions_; }
 
  private:
   const Model& model_;
   std::vector<std::optional<AngleSensor>> angles_;  ///< by joint; sliders and balls have none
   std::vector<Vec3> axes_;
+  std::vector<Direction> directions_;
 };
 
 }  // namespace handsim::model

@@ -319,7 +319,10 @@ void Joints::watch(std::size_t link_index, const Settings& settings) {
   Watch watched{link_index, {}};
   watched.pull = slider_pull(link);
   for (std::size_t i = 0; i < joint.axes.size(); ++i)
-    if (with_stops && joint.axes[i].stop) watched.stops[i] = widened(joint, joint.axes[i], false);
+    if (with_stops && joint.axes[i].stop) {
+      const model::Stop stop = widened(joint, joint.axes[i], false);
+      watched.stops[i].emplace(stop.low, stop.high);
+    }
   watches_.push_back(watched);
 }
 
@@ -349,9 +352,11 @@ int Joints::prepare_stops(Watch& watched, const model::State& state) const {
   for (std::size_t i = 0; i < 2; ++i) {
     if (!watched.stops[i]) continue;
     const std::size_t dof = static_cast<std::size_t>(link.joint->first_dof) + i;
-    const Approach approach{i, watched.stops[i]->low, watched.stops[i]->high, state.q[dof], state.u[dof]};
-    // As ODE decides it.
-    if (approach.q <= approach.low || approach.q >= approach.high) {
+    const Approach approach{i, watched.stops[i]->low(), watched.stops[i]->high(), state.q[dof], state.u[dof]};
+    const bool on_stop = link.joint->kind == JointKind::slider
+                             ? approach.q <= approach.low || approach.q >= approach.high
+                             : watched.stops[i]->reached(sensors_.directions()[dof]);
+    if (on_stop) {
       ++reached;
       let_go(link, approach, watched.caught[i]);
     } else {

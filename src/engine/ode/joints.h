@@ -13,6 +13,7 @@
 
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/servos.h"
+#include "handsim/engine/ode/stop_arc.h"
 #include "handsim/model/angle_sensor.h"
 
 namespace handsim::engine::ode {
@@ -72,7 +73,7 @@ class Joints {
   /// A joint with tissue, stops or both.
   struct Watch {
     std::size_t link = 0;
-    std::array<std::optional<model::Stop>, 2> stops;
+    std::array<std::optional<StopArc>, 2> stops;
     std::array<bool, 2> caught = {false, false};
     double pull = 0;  ///< slider: speed towards the tissue's rest per distance [1/s]
   };
