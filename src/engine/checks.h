@@ -32,7 +32,8 @@ std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
 std::optional<PhysicsFault> servo_fault(const model::Model& model, const Settings& settings, double time,
                                         std::span<const model::Servo> servos);
 
-/// @throws Error (input) for a state of another model, with non-finite numbers or a moved world; q and u may be anything.
+/// @throws Error (input) for a state of another model, with non-finite numbers or a moved world; q and u may
+/// be anything.
 void require_state(const model::Model& model, const model::State& state);
 
 namespace ode {

@@ -29,62 +29,62 @@ AngleSensor::AngleSensor(const Joint& joint)
   }
 }
 
-std::array<double, 2> AngleSensor::angles(const State& state) const {
+double Direction::angle() const { return std::atan2(sin, cos); }
+
+void AngleSensor::read_angles(const State& state, Direction* at) const {
   const Quat r = state.bodies[parent_].q.conjugate() * state.bodies[child_].q;
   if (!universal_) {
     const double s = half_sin_.dot(r.coeffs());
     const double c = half_cos_.dot(r.coeffs());
-    return {std::atan2(2 * s * c, c * c - s * s), 0};
+    at[0] = {2 * s * c, c * c - s * s};
+    return;
   }
   // As in joint_coordinates: R b = cos q0 b + sin q0 c, and R^T a = cos q1 a + sin q1 c.
   const Vec3 b = r * b_C_;
   const Vec3 a = r.conjugate() * a_P_;
-  return {std::atan2(b.dot(c_P_), b.dot(b_P_)), std::atan2(a.dot(c_C_), a.dot(a_C_))};
+  at[0] = {b.dot(c_P_), b.dot(b_P_)};
+  at[1] = {a.dot(c_C_), a.dot(a_C_)};
 }
 
-std::array<Vec3, 2> AngleSensor::axes(const State& state) const {
-  return {state.bodies[parent_].q * a_P_,
-          universal_ ? Vec3(state.bodies[child_].q * b_C_) : Vec3(Vec3::Zero())};
+void AngleSensor::read(const State& state, double* q, double* u, Vec3* axes, Direction* at) const {
+  read_angles(state, at);
+  q[0] = at[0].angle();
+  const BodyState &parent = state.bodies[parent_], &child = state.bodies[child_];
+  const Vec3 w = child.w - parent.w;
+  axes[0] = parent.q * a_P_;
+  u[0] = w.dot(axes[0]);
+  if (!universal_) return;
+  q[1] = at[1].angle();
+  axes[1] = child.q * b_C_;
+  u[1] = w.dot(axes[1]);
 }
 
-std::array<double, 2> AngleSensor::rates(const State& state) const {
-  const Vec3 w = state.bodies[child_].w - state.bodies[parent_].w;
-  const std::array<Vec3, 2> axis = axes(state);
-  return {w.dot(axis[0]), universal_ ? w.dot(axis[1]) : 0.0};
-}
-
-JointSensors::JointSensors(const Model& model) : model_(model) {
+JointSensors::JointSensors(const Model& model)
+    : model_(model),
+      axes_(static_cast<std::size_t>(model.dof_count()), Vec3::Zero()),
+      directions_(axes_.size()) {
   for (const Joint& joint : model.joints) {
     std::optional<AngleSensor>& sensor = angles_.emplace_back();
     if (joint.kind == JointKind::hinge || joint.kind == JointKind::universal) sensor.emplace(joint);
   }
 }
 
-void JointSensors::read(State& state) const {
-  state.q.resize(static_cast<std::size_t>(model_.dof_count()));
-  state.u.resize(state.q.size());
+void JointSensors::read(State& state) {
+  state.q.resize(axes_.size());
+  state.u.resize(axes_.size());
   for (std::size_t j = 0; j < angles_.size(); ++j) {
     const Joint& joint = model_.joints[j];
     const auto first = static_cast<std::size_t>(joint.first_dof);
-    if (!angles_[j]) {
-      joint_coordinates(joint, state, std::span(state.q).subspan(first));
-      joint_rates(joint, state, std::span(state.u).subspan(first));
+    if (angles_[j]) {
+      angles_[j]->read(state, &state.q[first], &state.u[first], &axes_[first], &directions_[first]);
       continue;
     }
-    const std::array<double, 2> angle = angles_[j]->angles(state), rate = angles_[j]->rates(state);
-    for (std::size_t k = 0; k < joint.axes.size(); ++k) {
-      state.q[first + k] = angle[k];
-      state.u[first + k] = rate[k];
-    }
+    joint_coordinates(joint, state, std::span(state.q).subspan(first));
+    joint_rates(joint, state, std::span(state.u).subspan(first));
+    if (joint.kind == JointKind::slider)
+      axes_[first] = state.bodies[static_cast<std::size_t>(joint.parent)].q *
+                     (joint.parent_frame.q * joint.axes[0].axis);
   }
-}
-
-std::array<Vec3, 2> JointSensors::axes(std::size_t j, const State& state) const {
-  if (angles_[j]) return angles_[j]->axes(state);
-  const Joint& joint = model_.joints[j];
-  if (joint.axes.empty()) return {Vec3::Zero(), Vec3::Zero()};
-  const Quat& q_WP = state.bodies[static_cast<std::size_t>(joint.parent)].q;
-  return {q_WP * (joint.parent_frame.q * joint.axes[0].axis), Vec3::Zero()};
 }
 
 }  // namespace handsim::model

@@ -2,24 +2,32 @@
 // model::joint_coordinates and equal to it: for engines whose unknowns are the bodies, once a step.
 #pragma once
 
-#include <array>
+#include <optional>
+#include <span>
+#include <vector>
 
 #include "handsim/model/state.h"
 
 namespace handsim::model {
 
+/// Sine and cosine of an angle, times one common factor >= 0.
+struct Direction {
+  double sin = 0;
+  double cos = 1;
+  double angle() const;  ///< [rad], in (-pi, pi]
+};
+
 /// Reads one hinge or universal joint.
 class AngleSensor {
  public:
   explicit AngleSensor(const Joint& joint);
-  /// The joint's one or two angles [rad], in (-pi, pi].
-  std::array<double, 2> angles(const State& state) const;
-  /// Axes of its coordinates in the world; the second zero for a hinge.
-  std::array<Vec3, 2> axes(const State& state) const;
-  /// Rates of its one or two coordinates [rad/s], as model::joint_rates.
-  std::array<double, 2> rates(const State& state) const;
+  /// Of the joint's one or two coordinates: angles [rad], in (-pi, pi], rates [rad/s], axes in the world
+  /// and directions.
+  void read(const State& state, double* q, double* u, Vec3* axes, Direction* at) const;
 
  private:
+  void read_angles(const State& state, Direction* at) const;
+
   bool universal_;
   std::size_t parent_, child_;
   // Hinge: R_FM = q, and (sin, cos) of half its angle are linear in r = conj(q_WP) q_WC (x, y, z, w).
@@ -33,13 +41,17 @@ class JointSensors {
  public:
   explicit JointSensors(const Model& model);
   /// Fills q and u of a state from its bodies.
-  void read(State& state) const;
-  /// Axes of a joint's coordinates in the world; zero where it has none (see Joint::axes).
-  std::array<Vec3, 2> axes(std::size_t joint, const State& state) const;
+  void read(State& state);
+  /// Axes of all coordinates in the world, at the state last read; of a ball zero. Size model.dof_count().
+  std::span<const Vec3> axes() const { return axes_; }
+  /// The same of their angles; sliders and balls have none.
+  std::span<const Direction> directions() const { return directions_; }
 
  private:
   const Model& model_;
   std::vector<std::optional<AngleSensor>> angles_;  ///< by joint; sliders and balls have none
+  std::vector<Vec3> axes_;
+  std::vector<Direction> directions_;
 };
 
 }  // namespace handsim::model

@@ -7,8 +7,9 @@ namespace handsim::model {
 
 /// Torques along all coordinates that take the bodies from one state to a later one, by Newton and Euler: for
 /// each joint what the momentum of its bodies beyond changes by and gravity [m/s^2] does not give, about the
-/// child's anchor and along its axes where the motion begins. Means over the time between the states, right to
-/// first order in it; balls have zeros. Stops and contacts that act count as torque. For models without loops.
+/// child's anchor and along its axes where the motion begins. Means over the time between the states, right
+/// to first order in it; balls have zeros. Stops and contacts that act count as torque. For models without
+/// loops.
 std::vector<double> inverse_dynamics(const Model& model, const State& from, const State& to,
                                      const Vec3& gravity);
 

@@ -1,5 +1,6 @@
 // The control law, what is fed forward, and the gains made from the hand that is built.
 #include "handsim/control/controller.h"
+#include "handsim/model/kinematics.h"
 
 #include <gtest/gtest.h>
 
@@ -39,6 +40,7 @@ struct Bench {
   model::State at(double angle, double rate) const {
     model::State state = model::state_at(model, std::vector<double>{angle});
     state.bodies[1].w = Vec3(0, rate, 0);
+    model::find_coordinates(model, state);
     return state;
   }
   model::Model model;

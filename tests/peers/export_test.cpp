@@ -142,7 +142,7 @@ TEST_P(InMujoco, TheSameDynamicsComeOut) {
     const Eigen::VectorXd mine = turn * theirs;
     std::copy_n(mine.data(), n, mechanism.u().begin());
     std::copy_n(theirs.data(), n, data->qvel);
-    mechanism.settle_bases();
+    mechanism.update_bases();
     mechanism.kernel().kinematics(mechanism.tree());
     mechanism.kernel().prepare_smooth(mechanism.tree());
     mechanism.kernel().solve(mechanism.tree());

@@ -11,17 +11,6 @@ namespace handsim::engine::articulated {
 
 namespace {
 
-Mat3 read_symmetric(const double* x, std::size_t s) {
-  Mat3 out;
-  out(0, 0) = x[0];
-  out(1, 1) = x[3 * s];
-  out(2, 2) = x[5 * s];
-  out(0, 1) = out(1, 0) = x[s];
-  out(0, 2) = out(2, 0) = x[2 * s];
-  out(1, 2) = out(2, 1) = x[4 * s];
-  return out;
-}
-
 /// Squares of turns that may add up before energy and momentum are compared [rad^2]: a step gains at most
 /// about this share of the kinetic energy.
 constexpr double kTurned = 2e-4;

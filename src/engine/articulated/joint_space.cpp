@@ -6,18 +6,6 @@
 
 namespace handsim::engine::articulated {
 
-namespace {
-
-Vec3 read3(const double* x, std::size_t stride) { return {x[0], x[stride], x[2 * stride]}; }
-
-Mat3 read_symmetric(const double* x, std::size_t s) {
-  Mat3 out;
-  out << x[0], x[s], x[2 * s], x[s], x[3 * s], x[4 * s], x[2 * s], x[4 * s], x[5 * s];
-  return out;
-}
-
-}  // namespace
-
 JointSpace::JointSpace(Mechanism& mechanism) : stride_(mechanism.stride()) {
   const Topology& topology = mechanism.topology();
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {

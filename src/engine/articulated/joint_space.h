@@ -22,6 +22,15 @@ inline Spatial read6(const double* x, std::size_t stride) {
   return out;
 }
 
+inline Vec3 read3(const double* x, std::size_t stride) { return {x[0], x[stride], x[2 * stride]}; }
+
+/// A symmetric matrix from its upper triangle, row by row.
+inline Mat3 read_symmetric(const double* x, std::size_t s) {
+  Mat3 out;
+  out << x[0], x[s], x[2 * s], x[s], x[3 * s], x[4 * s], x[2 * s], x[4 * s], x[5 * s];
+  return out;
+}
+
 /// Of a dof that nothing carries.
 inline constexpr int kNoDof = -1;
 

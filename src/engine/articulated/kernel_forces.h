@@ -44,8 +44,7 @@ inline void Lanes<V>::find_torques(const Tree& tree, double step) {
     pull = articulated::select(pull > limit, limit, pull);
     pull = articulated::select(pull < V(zero - limit), V(zero - limit), pull);
     store(tree.tau_servo + b.u, pull);
-    store(tree.tau + b.u,
-          load(a.tau) - load(a.stiffness) * (q - load(a.rest)) - load(a.damping) * u + pull);
+    store(tree.tau + b.u, load(a.tau) - load(a.stiffness) * (q - load(a.rest)) - load(a.damping) * u + pull);
   }
 }
 

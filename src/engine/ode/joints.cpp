@@ -1,5 +1,6 @@
 #include "handsim/engine/ode/joints.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -121,20 +122,22 @@ void set_motor_axes(dJointID motor, const model::Joint& joint, const std::vector
   }
 }
 
-/// Torque, of a slider's motor force, on the child. ODE leaves a motor alone that has no row in a step.
-Vec3 take_feedback(dJointFeedback* feedback, JointKind kind) {
-  if (feedback == nullptr) return Vec3::Zero();
-  const dReal* on_child = kind == JointKind::slider ? feedback->f1 : feedback->t1;
-  const Vec3 out(on_child[0], on_child[1], on_child[2]);
-  *feedback = {};
-  return out;
-}
-
-/// x with sum of x_k axis_k = the vector, which lies in the axes' plane. The axes are unit, perpendicular but
-/// for the joint's error, or the second is zero.
-std::array<double, 2> along(const std::array<Vec3, 2>& axes, const Vec3& vector) {
-  const double a = axes[0].dot(vector), b = axes[1].dot(vector), c = axes[0].dot(axes[1]);
-  return {(a - c * b) / (1 - c * c), (b - c * a) / (1 - c * c)};
+/// Adds what a motor did along a joint's one or two axes: x with sum of x_k axis_k = its torque on the child,
+/// of a slider's its force. ODE leaves the feedback of a motor alone that has no row in a step, so it is
+/// cleared.
+void add_feedback(dJointFeedback& feedback, JointKind kind, std::span<const Vec3> axes, double* out) {
+  dReal* on_child = kind == JointKind::slider ? feedback.f1 : feedback.t1;
+  const Vec3 did(on_child[0], on_child[1], on_child[2]);
+  on_child[0] = on_child[1] = on_child[2] = 0;
+  const double a = axes[0].dot(did);
+  if (axes.size() == 1) {
+    out[0] += a;
+    return;
+  }
+  // Perpendicular but for the joint's error.
+  const double b = axes[1].dot(did), c = axes[0].dot(axes[1]), scale = 1 / (1 - c * c);
+  out[0] += scale * (a - c * b);
+  out[1] += scale * (b - c * a);
 }
 
 void add_torque(const OdeBody& body, const Vec3& torque) {
@@ -315,7 +318,10 @@ void Joints::watch(std::size_t link_index, const Settings& settings) {
   Watch watched{link_index, {}};
   watched.pull = slider_pull(link);
   for (std::size_t i = 0; i < joint.axes.size(); ++i)
-    if (with_stops && joint.axes[i].stop) watched.stops[i] = widened(joint, joint.axes[i], false);
+    if (with_stops && joint.axes[i].stop) {
+      const model::Stop stop = widened(joint, joint.axes[i], false);
+      watched.stops[i].emplace(stop.low, stop.high);
+    }
   watches_.push_back(watched);
 }
 
@@ -345,9 +351,11 @@ int Joints::prepare_stops(Watch& watched, const model::State& state) const {
   for (std::size_t i = 0; i < 2; ++i) {
     if (!watched.stops[i]) continue;
     const std::size_t dof = static_cast<std::size_t>(link.joint->first_dof) + i;
-    const Approach approach{i, watched.stops[i]->low, watched.stops[i]->high, state.q[dof], state.u[dof]};
-    // As ODE decides it.
-    if (approach.q <= approach.low || approach.q >= approach.high) {
+    const Approach approach{i, watched.stops[i]->low(), watched.stops[i]->high(), state.q[dof], state.u[dof]};
+    const bool on_stop = link.joint->kind == JointKind::slider
+                             ? approach.q <= approach.low || approach.q >= approach.high
+                             : watched.stops[i]->reached(sensors_.directions()[dof]);
+    if (on_stop) {
       ++reached;
       let_go(link, approach, watched.caught[i]);
     } else {
@@ -400,25 +408,21 @@ void Joints::set_stop(const Link& link, std::size_t axis, double low, double hig
   set_parameter(link.id, kind, dParamBounce + group, bounce);
 }
 
-void Joints::read_torques(std::span<const double> given, const model::State& start, std::vector<double>& tau,
+void Joints::read_torques(std::span<const double> given, std::vector<double>& tau,
                           std::vector<double>& tau_servo) {
-  tau.assign(start.q.size(), 0);
-  tau_servo.assign(start.q.size(), 0);
-  for (std::size_t j = 0; j < links_.size(); ++j) {
-    Link& link = links_[j];
+  const std::span<const Vec3> axes = sensors_.axes();
+  tau.assign(axes.size(), 0);
+  tau_servo.assign(axes.size(), 0);
+  for (const Link& link : links_) {
     if (link.id == nullptr) continue;
-    const model::Joint& joint = *link.joint;
-    const auto first = static_cast<std::size_t>(joint.first_dof);
-    for (int k = 0; k < dof_count(joint.kind) && !given.empty(); ++k)
-      tau[first + static_cast<std::size_t>(k)] = given[first + static_cast<std::size_t>(k)];
-    if (!link.by_motor && !link.by_servo) continue;
-    const std::array<Vec3, 2> axes = sensors_.axes(j, start);
-    const std::array<double, 2> tissue = along(axes, take_feedback(link.by_motor.get(), joint.kind));
-    const std::array<double, 2> servo = along(axes, take_feedback(link.by_servo.get(), joint.kind));
-    for (std::size_t k = 0; k < joint.axes.size(); ++k) {
-      tau_servo[first + k] = servo[k];
-      tau[first + k] += tissue[k] + servo[k];
-    }
+    const auto first = static_cast<std::size_t>(link.joint->first_dof);
+    const auto count = static_cast<std::size_t>(dof_count(link.joint->kind));
+    const std::span<const Vec3> own = axes.subspan(first, count);
+    if (!given.empty()) std::copy_n(given.data() + first, count, tau.data() + first);
+    if (link.by_motor) add_feedback(*link.by_motor, link.joint->kind, own, tau.data() + first);
+    if (!link.by_servo) continue;
+    add_feedback(*link.by_servo, link.joint->kind, own, tau_servo.data() + first);
+    for (std::size_t k = first; k < first + count; ++k) tau[k] += tau_servo[k];
   }
 }
 

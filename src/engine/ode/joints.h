@@ -13,6 +13,7 @@
 
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/servos.h"
+#include "handsim/engine/ode/stop_arc.h"
 #include "handsim/model/angle_sensor.h"
 
 namespace handsim::engine::ode {
@@ -48,11 +49,10 @@ class Joints {
   /// and counts the stops that the step finds in force.
   int prepare(const model::State& state);
   /// Fills q and u of a state from its bodies.
-  void read_coordinates(model::State& state) const { sensors_.read(state); }
-  /// Torques that acted in the step that was just solved, from the solver's own impulses: sizes
-  /// model.dof_count(). @param given torques of the step or empty @param start state that it began with
-  void read_torques(std::span<const double> given, const model::State& start, std::vector<double>& tau,
-                    std::vector<double>& tau_servo);
+  void read_coordinates(model::State& state) { sensors_.read(state); }
+  /// Torques that acted in the step that was just solved from the state last read, by the solver's own
+  /// impulses; sizes model.dof_count(). @param given torques of the step, or empty
+  void read_torques(std::span<const double> given, std::vector<double>& tau, std::vector<double>& tau_servo);
   /// What was widened, one sentence each.
   const std::vector<std::string>& notes() const { return notes_; }
   /// ODE's joint of a joint of the model; null where neither side can move.
@@ -73,7 +73,7 @@ class Joints {
   /// A joint with tissue, stops or both.
   struct Watch {
     std::size_t link = 0;
-    std::array<std::optional<model::Stop>, 2> stops;
+    std::array<std::optional<StopArc>, 2> stops;
     std::array<bool, 2> caught = {false, false};
     double pull = 0;  ///< slider: speed towards the tissue's rest per distance [1/s]
   };

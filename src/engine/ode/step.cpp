@@ -74,7 +74,7 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
   } catch (const std::bad_alloc&) {
     throw OdeFault{kNoMemory, "out of memory"};
   }
-  joints_->read_torques(input.torques, state_, tau_, tau_servo_);
+  joints_->read_torques(input.torques, tau_, tau_servo_);
   if (residual_is_due(report, step))
     report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
@@ -188,8 +188,8 @@ void OdeEngine::check_bodies(double time) {
 
 void OdeEngine::read(double time) {
   for (const std::size_t i : moving_) state_.bodies[i] = read_state(bodies_[i]);
-  state_.tau = tau_;
-  state_.tau_servo = tau_servo_;
+  state_.tau.swap(tau_);
+  state_.tau_servo.swap(tau_servo_);
   state_.time = time;
 }
 

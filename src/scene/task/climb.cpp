@@ -9,7 +9,6 @@ namespace handsim::scene {
 
 namespace {
 
-const Quantity kSpan = {Dimension::time, 0.01, 1e3};
 
 struct ClimbSpec : TaskSpec {
   TaskPlan plan(const TaskSite& site) const override;

@@ -14,7 +14,6 @@ namespace handsim::scene {
 
 namespace {
 
-const Quantity kSpan = {Dimension::time, 0.01, 1e3};
 constexpr std::size_t kMostLevels = 20;
 
 /// To and fro in six directions, +-x, +-y, +-z of the world.

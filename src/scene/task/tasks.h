@@ -12,6 +12,9 @@
 
 namespace handsim::scene {
 
+/// Of a part of a task.
+inline const Quantity kSpan = {Dimension::time, 0.01, 1e3};
+
 /// The hand and the object of a task.
 struct TaskSite {
   std::size_t hand;  ///< in SceneSpec::hands

@@ -40,9 +40,7 @@ bool keeps_energy(const scene::Scene& scene) {
 class WorkMeter {
  public:
   WorkMeter(const scene::Scene& scene, const model::State& start)
-      : model_(scene.model),
-        on_(scene.spec.solver.effects.has(Effect::actuation)),
-        last_(start.q) {}
+      : model_(scene.model), on_(scene.spec.solver.effects.has(Effect::actuation)), last_(start.q) {}
 
   void look(const model::State& state) {
     if (!on_) return;

@@ -189,8 +189,7 @@ TEST(ArticulatedMotion, GoesOnFromASavedState) {
     engine->set_state(saved);
     EXPECT_EQ(engine->state().time, saved.time);
     test::run(*engine, 20);
-    EXPECT_LT(largest_distance(engine->state().q, want.q),
-              1e-9);
+    EXPECT_LT(largest_distance(engine->state().q, want.q), 1e-9);
   }
 }
 

@@ -16,12 +16,8 @@ using test::settings;
 constexpr double kInertia = 2e-6;  // of a fingertip about its joint [kg m^2]
 constexpr Method kEuler = ArticulatedMethod::semi_implicit_euler;
 
-double angle(const Engine& engine) {
-  return engine.state().q[0];
-}
-double rate(const Engine& engine) {
-  return engine.state().u[0];
-}
+double angle(const Engine& engine) { return engine.state().q[0]; }
+double rate(const Engine& engine) { return engine.state().u[0]; }
 
 void drive(Engine& engine, Servo servo, double target, int steps) {
   for (int i = 0; i < steps; ++i) {

@@ -15,9 +15,7 @@ using test::settings;
 
 constexpr double kInertia = 2e-6;  // of a fingertip about its joint [kg m^2]
 
-double angle(const Engine& engine) {
-  return engine.state().q[0];
-}
+double angle(const Engine& engine) { return engine.state().q[0]; }
 
 /// Steps a hinge with a servo towards a target; the error is taken anew at each step.
 void drive(Engine& engine, Servo servo, double target, int steps) {
