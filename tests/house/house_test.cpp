@@ -91,7 +91,7 @@ TEST(House, ThirdPartyHeadersStayInTheirRooms) {
       {"png.h", "output/render/"},
       {"yaml-cpp/", "core/yaml"},
       {"xxhash", "core/archive"},
-      {"libqhull", "(scene/compile|simulation/watch|core)/"},
+      {"libqhull", "(scene/read|simulation/watch)/"},
       {"ida/", "engine/dae/"},
       {"cvode/", "study/accuracy/"},
       {"CLI/", "app/"},
