@@ -2,9 +2,8 @@
 
 Every table has a generator and every generator a table; every relative link, anchor and picture exists; every
 picture in renders/ is shown; every command of a ```sh block uses commands, options, files, tests and words of
-`./dev` that exist; every key of `handsim schema scene` stands in docs/scenes.md.
+`./dev` that exist.
 """
-import json
 import re
 import shlex
 import subprocess
@@ -163,27 +162,6 @@ def check_sources(problems):
                 problems.append(f"{place(page, text, name.start())}: no src/{path}")
 
 
-def schema_keys(node):
-    if isinstance(node, dict):
-        for key, value in node.items():
-            if key == "properties" and isinstance(value, dict):
-                yield from value
-            yield from schema_keys(value)
-    elif isinstance(node, list):
-        for value in node:
-            yield from schema_keys(value)
-
-
-def check_keys(program, problems):
-    done = subprocess.run([program.path, "schema", "scene"], capture_output=True, text=True)
-    if done.returncode != 0:
-        problems.append("handsim schema scene: no schema, so the keys of docs/scenes.md are not checked")
-        return
-    text = "".join((ROOT / "docs" / name).read_text() for name in ("scenes.md", "persons.md", "control.md"))
-    problems += [f"docs/scenes.md: nothing on key {key}" for key in sorted(set(schema_keys(json.loads(done.stdout))))
-                 if not re.search(rf"`[^`]*\b{re.escape(key)}\b[^`]*`", text)]
-
-
 def check(handsim):
     problems = []
     lines = len((ROOT / "README.md").read_text().splitlines())
@@ -195,7 +173,6 @@ def check(handsim):
     if Path(handsim).exists():
         program = Program(handsim)
         check_commands(program, problems)
-        check_keys(program, problems)
     else:
         problems.append(f"{handsim}: not built, so commands are not checked")
     print("\n".join(problems) or "docs: every table, link, picture and command is as it should be")
