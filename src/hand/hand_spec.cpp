@@ -84,6 +84,7 @@ model::JointAxis read_axis(MapReader reader) {
   if (const auto range = reader.maybe_range("range", kAngle)) {
     model::Stop stop{range->first, range->second};
     stop.bounce = reader.number("bounce", kShare, 0.0);
+    stop.fudge_factor = reader.number("fudge_factor", kShare, 1.0);
     axis.stop = stop;
   } else if (!reader.has("range")) {
     reader.problem("range", "nothing", "a list of two angles, low then high");

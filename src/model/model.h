@@ -66,6 +66,8 @@ struct Stop {
   double low = 0;     ///< [rad] or [m], below `high`
   double high = 0;    ///< [rad] or [m]
   double bounce = 0;  ///< restitution at the stop, 0..1
+  /// ODE's dParamFudgeFactor, 0..1: scales the force of a motor of the same joint where it drives off the stop.
+  double fudge_factor = 1;
 };
 
 /// Linear passive tissue across one joint coordinate: torque = -stiffness (q - rest) - damping qdot.

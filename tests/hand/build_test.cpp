@@ -52,6 +52,21 @@ TEST_P(ShippedHands, HaveAPalmFifteenCapsulesAndNoDefects) {
       EXPECT_TRUE(model::defects(with_hand(hand, side, mount)).empty());
 }
 
+// Oracle: the prototype's own values, which the hand model file states; on both axes of the thumb's universal
+// joint.
+TEST(ShippedPrototype, KeepsTheBounceAndFudgeFactorOfItsThumb) {
+  const model::Model model = with_hand(build_hand(shipped("prototype"), man()), model::Side::left);
+  int found = 0;
+  for (const model::Joint& joint : model.joints)
+    if (joint.kind == model::JointKind::universal)
+      for (const model::JointAxis& axis : joint.axes) {
+        ++found;
+        EXPECT_EQ(axis.stop->bounce, 0.2);
+        EXPECT_EQ(axis.stop->fudge_factor, 0.2);
+      }
+  EXPECT_EQ(found, 2);
+}
+
 TEST_P(ShippedHands, PartsSumToTheHandsMass) {
   const BuiltHand hand = build_hand(shipped(GetParam()), man());
   double sum = 0;
