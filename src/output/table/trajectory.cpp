@@ -43,7 +43,7 @@ std::vector<std::string> coordinate_names(const model::Model& model) {
 }
 
 TrajectoryWriter::TrajectoryWriter(const std::filesystem::path& path, const model::Model& model)
-    : model_(model), file_(path) {
+    : file_(path) {
   file_.write(header(model));
 }
 

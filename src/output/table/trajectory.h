@@ -23,7 +23,6 @@ class TrajectoryWriter {
   void finish();
 
  private:
-  const model::Model& model_;
   AtomicFile file_;
 };
 
