@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/index.h"
+
 namespace handsim::engine {
 
 namespace {
@@ -34,13 +36,13 @@ Decomposition decompose(const Matrix& jacobian) {
 
 Vector values(const std::vector<Row>& rows) {
   Vector out(static_cast<Index>(rows.size()));
-  for (Index i = 0; i < out.size(); ++i) out[i] = rows[static_cast<std::size_t>(i)].value;
+  for (Index i = 0; i < out.size(); ++i) out[i] = rows[at(i)].value;
   return out;
 }
 
 Vector rates(const std::vector<Row>& rows, const model::State& state) {
   Vector out(static_cast<Index>(rows.size()));
-  for (Index i = 0; i < out.size(); ++i) out[i] = rate(rows[static_cast<std::size_t>(i)], state);
+  for (Index i = 0; i < out.size(); ++i) out[i] = rate(rows[at(i)], state);
   return out;
 }
 
@@ -128,7 +130,7 @@ void project_velocities(const System& system, model::State& state) {
 void close_step(const System& system, const model::State& before, double step, model::State& after) {
   if (system.constraint_count() == 0) return;
   std::vector<Row> rows;
-  rows.reserve(static_cast<std::size_t>(system.constraint_count()));
+  rows.reserve(at(system.constraint_count()));
   system.constraints(before, rows);
   // One factorisation serves all corrections: the directions of the impulses are those of `before` anyway,
   // and within a step joints turn little. The shift makes redundant rows share; it slows, but does not bend.
@@ -165,7 +167,7 @@ void require_regular_start(const model::Model& model, const Settings& settings, 
       if (u.norm() <= kAtRest) continue;
       island.set_velocities(u / u.norm(), state);
     }
-    std::vector<Index> all(static_cast<std::size_t>(island.constraint_count()));
+    std::vector<Index> all(at(island.constraint_count()));
     std::iota(all.begin(), all.end(), Index{0});
     const Vector drift = rate_drift(island, state, island.velocities(state), all);
     std::vector<Row> rows;

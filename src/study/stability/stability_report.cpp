@@ -336,7 +336,7 @@ std::optional<std::string> draw_stability(const StabilityResult& result, const s
   struct Picture {
     const StabilityCase* of;
     scene::Scene scene;
-    simulation::Snapshot moment;
+    simulation::Moment moment;
   };
   std::vector<Picture> pictures;
   for (const CaseResult& of : result.cases) {
@@ -349,7 +349,7 @@ std::optional<std::string> draw_stability(const StabilityResult& result, const s
       set.insert(set.end(), dimension.front().set.begin(), dimension.front().set.end());
     set.push_back(fmt::format("pictures.size=[{}, {}]", kWidth, kHeight));
     scene::Scene scene = scene::load_scene(of.of->scenes.front(), set);
-    simulation::Snapshot moment = simulation::snapshot_at(scene, *of.of->picture);
+    simulation::Moment moment = simulation::moment_at(scene, *of.of->picture);
     pictures.push_back({of.of, std::move(scene), std::move(moment)});
   }
   if (pictures.empty()) return std::nullopt;
