@@ -13,7 +13,6 @@ namespace handsim::study {
 
 namespace {
 
-
 /// `object_contact with friction`.
 std::string label(const EffectRow& row) {
   std::string out = row.name;

@@ -1,4 +1,4 @@
-// What effects cost and buy on paper: the table, effects.csv, effects.json and bars drawn by gnuplot.
+// What effects cost and change: the table, effects.csv, effects.json and bars drawn by gnuplot.
 #pragma once
 
 #include <filesystem>
