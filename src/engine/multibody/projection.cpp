@@ -61,6 +61,24 @@ double whole(const System& system, const model::State& state) {
                   value)});
 }
 
+/// Corrects the state until the joints are closed. @throws Error (physics) naming a joint that stays apart.
+template <class Correct>
+void close_joints(const System& system, const model::State& state, Correct correct) {
+  std::vector<Row> rows;
+  double last = INFINITY;
+  for (int i = 0;; ++i) {
+    system.constraints(state, rows);
+    const Vector error = values(rows);
+    const double largest = error.cwiseAbs().maxCoeff();
+    if (i < kMaxCorrections && largest <= whole(system, state)) return;
+    // Written so that NaN fails. Slow progress from afar is fine, none near the end is not.
+    if (i == kMaxCorrections || !(largest < last || i < kMaxCorrections / 2))
+      stays_apart(system, state, error);
+    last = largest;
+    correct(rows, error);
+  }
+}
+
 /// d(G u + g_t)/dt at constant u: by how much the rates would change without accelerations. Central
 /// difference along the motion; its error is (turning speed x interval)^2 of the value.
 Vector rate_drift(const System& system, const model::State& state, const Vector& u,
@@ -99,21 +117,10 @@ Matrix unit_rows(Matrix matrix) {
 
 void project_positions(const System& system, model::State& state) {
   if (system.constraint_count() == 0) return;
-  std::vector<Row> rows;
-  double last = INFINITY;
-  for (int i = 0; i < kMaxCorrections; ++i) {
-    system.constraints(state, rows);
-    const Vector error = values(rows);
-    const double largest = error.cwiseAbs().maxCoeff();
-    if (largest <= whole(system, state)) return;
-    // Written so that NaN fails. Slow progress from afar is fine, none near the end is not.
-    if (!(largest < last || i < kMaxCorrections / 2)) stays_apart(system, state, error);
-    last = largest;
+  close_joints(system, state, [&](const std::vector<Row>& rows, const Vector& error) {
     const Matrix scaled = system.scaled(system.jacobian(rows, state));
     system.displace(system.from_scaled(decompose(scaled).solve(-error)), state);
-  }
-  system.constraints(state, rows);
-  stays_apart(system, state, values(rows));
+  });
 }
 
 void project_velocities(const System& system, model::State& state) {
@@ -138,19 +145,9 @@ void close_step(const System& system, const model::State& before, double step, m
   Matrix gram = scaled * scaled.transpose();
   gram.diagonal() *= 1 + kRedundantShift;
   const Eigen::LLT<Matrix> factors(gram);
-  double last = INFINITY;
-  for (int i = 0; i < kMaxCorrections; ++i) {
-    system.constraints(after, rows);
-    const Vector error = values(rows);
-    const double largest = error.cwiseAbs().maxCoeff();
-    if (largest <= whole(system, after)) return;
-    // Written so that NaN fails.
-    if (!(largest < last || i < kMaxCorrections / 2)) break;
-    last = largest;
+  close_joints(system, after, [&](const std::vector<Row>&, const Vector& error) {
     system.push(system.from_scaled(-(scaled.transpose() * factors.solve(error))), before, step, after);
-  }
-  system.constraints(after, rows);
-  stays_apart(system, after, values(rows));
+  });
 }
 
 void require_regular_start(const model::Model& model, const Settings& settings, const model::State& start) {

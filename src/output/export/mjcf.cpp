@@ -1,4 +1,4 @@
-#include "handsim/output/export/mjcf.h"
+#include "handsim/output/export/export.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "handsim/output/export/urdf.h"
+#include "handsim/output/export/export.h"
 
 #include <cmath>
 

@@ -1,4 +1,4 @@
-#include "handsim/study/accuracy/accuracy_report.h"
+#include "handsim/study/accuracy/accuracy.h"
 
 #include <cmath>
 

@@ -47,4 +47,16 @@ struct EffectsResult {
 EffectsResult run_effects(const scene::Scene& scene, int repeats,
                           const std::function<void(double)>& progress);
 
+/// The rows as a table for the screen.
+std::string effects_table(const EffectsResult& result);
+
+/// effects.json as text.
+std::string effects_json(const scene::Scene& scene, const EffectsResult& result);
+
+/// Writes effects.csv, effects.json and, where gnuplot is installed, effects.png and effects.svg.
+/// @returns false where gnuplot is missing or failed; its script effects.gp is there all the same.
+/// @throws Error (input) where the folder cannot be written.
+bool write_effects(const scene::Scene& scene, const EffectsResult& result, const std::filesystem::path& out);
+std::vector<std::string> effects_files();
+
 }  // namespace handsim::study

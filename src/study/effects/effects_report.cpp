@@ -1,4 +1,4 @@
-#include "handsim/study/effects/effects_report.h"
+#include "handsim/study/effects/effects.h"
 
 #include <algorithm>
 #include <cmath>

@@ -26,23 +26,24 @@ constexpr double kConserved = 1e-7;
 /// Largest torque of a round trip [N m]: in a step of 1 us it moves no finger by more than 1e-12 rad.
 constexpr double kSmallTorque = 1e-7;
 
+std::uint64_t hash_at_end(Simulation& simulation) {
+  while (simulation.steps() < simulation.step_count()) simulation.step();
+  return simulation.state_hash();
+}
+
 std::uint64_t hash_of_run(const scene::Scene& scene) {
   Simulation simulation(scene);
-  for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-  return simulation.state_hash();
+  return hash_at_end(simulation);
 }
 
 /// The same, from a snapshot of the middle of the run in another simulation; and, reset to its start, again.
 std::pair<std::uint64_t, std::uint64_t> hashes_of_restored(const scene::Scene& scene) {
   Simulation first(scene), second(scene);
   const simulation::RunSnapshot start = first.snapshot();
-  const long steps = first.step_count(), half = steps / 2;
-  for (long i = 0; i < half; ++i) first.step();
+  while (first.steps() < first.step_count() / 2) first.step();
   second.restore(first.snapshot());
-  for (long i = half; i < steps; ++i) second.step();
   first.restore(start);
-  for (long i = 0; i < steps; ++i) first.step();
-  return {second.state_hash(), first.state_hash()};
+  return {hash_at_end(second), hash_at_end(first)};
 }
 
 using Places = std::vector<std::vector<Vec3>>;
@@ -174,7 +175,7 @@ Figure repeats(const SceneMaker& scene, const MeasureSpec&) {
   auto other = of;
   if (other.spec.solver.engine() == engine::EngineKind::ode) other.spec.solver.ode().seed = 77;
   Simulation beside(other), simulation(of);
-  for (long i = 0; i < simulation.step_count(); ++i) {
+  while (simulation.steps() < simulation.step_count()) {
     beside.step();
     simulation.step();
   }

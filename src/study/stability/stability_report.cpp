@@ -1,4 +1,4 @@
-#include "handsim/study/stability/stability_report.h"
+#include "handsim/study/stability/stability.h"
 
 #include <algorithm>
 #include <array>

@@ -7,7 +7,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "handsim/study/stability/stability_report.h"
 #include "scene_files.h"
 
 namespace handsim::study {
