@@ -112,7 +112,7 @@ class Simulation {
   std::vector<ClimbLoad> climbs_;
   MakeWatchers maker_;
   Watchers watchers_;
-  bool timed_ = false;  ///< a watcher wants times
+  bool timed_ = false;  ///< a watcher uses times
   long steps_ = 0;
   std::optional<Error> failure_;  ///< of a watcher, or no memory; not of the engine
   std::shared_ptr<LazyFingerprint> fingerprint_;

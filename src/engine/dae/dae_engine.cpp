@@ -11,7 +11,7 @@ namespace handsim::engine::dae {
 
 namespace {
 
-/// A start whose joints are further apart than this is said to have been moved [m].
+/// A start whose joints are further apart than this gets a note that it was moved [m].
 constexpr double kMovedGap = 1e-9;
 
 /// The formulation that the settings name.
@@ -31,7 +31,10 @@ std::unique_ptr<Integrator> make_integrator(System system, const Settings& setti
 }  // namespace
 
 DaeEngine::DaeEngine(const model::Model& model, const Settings& settings)
-    : model_(checked(model, settings)), settings_(settings), told_(model, settings, {}, {}), sensors_(model) {
+    : model_(checked(model, settings)),
+      settings_(settings),
+      drives_(model, settings, {}, {}),
+      sensors_(model) {
   for (System& island : islands(model, settings))
     islands_.push_back(make_integrator(std::move(island), settings));
   state_ = model::initial_state(model);
@@ -48,7 +51,7 @@ DaeEngine::DaeEngine(const model::Model& model, const Settings& settings)
 }
 
 void DaeEngine::drive(double time, model::KeySide side, model::State& state) const {
-  told_.place_driven(time, side, state);
+  drives_.place_driven(time, side, state);
 }
 
 /// Takes a state over, moved onto the joints; what no drive moves among kinematic bodies stands still.

@@ -53,7 +53,7 @@ class Euler final : public Integrator {
   void advance(std::span<const double> torques, double end, model::State& state) override {
     model::State now = state;
     const double step = end - state.time;
-    system_.aim_driven(end, step, now);
+    system_.set_driven_velocities(end, step, now);
     const Vector u = next_velocities(now, torques, step);
     system_.displace(step * u, now);
     system_.set_velocities(u, now);

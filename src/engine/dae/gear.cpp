@@ -107,7 +107,7 @@ class Gear final : public Integrator {
     origin_ = scratch_ = state;
     ends_ = 0;
     system_.place_driven(state.time, model::KeySide::after, scratch_);
-    // A drive that sets off with a jerk takes the joints along at once.
+    // Where a drive starts with a velocity the joints move with it at once.
     project_velocities(system_, scratch_);
     rows_ = independent_rows(system_, scratch_, weakest_);
     const Accelerations start = accelerations(system_, scratch_, torques_, rows_);

@@ -4,7 +4,7 @@
 // is solved by Newton's method; each iteration makes lambda += alpha g, until g is closed. Velocities are
 // then projected onto the constraints. Second order; the first step after a start is implicit Euler.
 //
-// alpha = kPenalty / (h'^2 G M^-1 G^T) per row: a plain number says how much stiffer a joint is than the
+// alpha = kPenalty / (h'^2 G M^-1 G^T) per row: kPenalty is the ratio of a joint's stiffness to the
 // inertia it holds within a step, whatever the bodies weigh. Redundant rows share the load.
 #include <cmath>
 
@@ -116,7 +116,7 @@ class Penalty final : public Integrator {
       const Matrix jacobian = system_.jacobian(rows, state);
       const Vector response = system_.scaled(jacobian).rowwise().squaredNorm();
       const Vector penalty = kPenalty / (past.weight * past.weight) * response.cwiseInverse();
-      // The first guess' error says nothing of the joint forces: they are those of the last step.
+      // The first guess' error is not due to the joint forces, which are those of the last step.
       if (iteration > 0) multipliers_ += penalty.cwiseProduct(error);
       const Vector missing =
           past.weight * (system_.all_forces(state, torques) -

@@ -22,7 +22,7 @@ constexpr double kRedundantShift = 1e-10;
 /// differences that stand for derivatives are right to 1e-6 of it. Less than the second is rounding [m/s^2 or
 /// rad/s^2].
 constexpr double kMostLeft = 1e-3, kLeastLeft = 1e-6;
-/// Velocities that say nothing of where a start goes [m/s, rad/s].
+/// Velocities below this do not show where a start moves to [m/s, rad/s].
 constexpr double kAtRest = 1e-9;
 
 using Decomposition = Eigen::CompleteOrthogonalDecomposition<Matrix>;
@@ -51,7 +51,7 @@ double whole(const System& system, const model::State& state) {
   return kWhole * std::max(1.0, system.positions(state).cwiseAbs().maxCoeff());
 }
 
-[[noreturn]] void stays_apart(const System& system, const model::State& state, const Vector& error) {
+[[noreturn]] void throw_open_joint(const System& system, const model::State& state, const Vector& error) {
   Index worst = 0;
   const double value = error.cwiseAbs().maxCoeff(&worst);
   throw Error(PhysicsFault{
@@ -65,6 +65,7 @@ double whole(const System& system, const model::State& state) {
 template <class Correct>
 void close_joints(const System& system, const model::State& state, Correct correct) {
   std::vector<Row> rows;
+  rows.reserve(static_cast<std::size_t>(system.constraint_count()));
   double last = INFINITY;
   for (int i = 0;; ++i) {
     system.constraints(state, rows);
@@ -73,13 +74,13 @@ void close_joints(const System& system, const model::State& state, Correct corre
     if (i < kMaxCorrections && largest <= whole(system, state)) return;
     // Written so that NaN fails. Slow progress from afar is fine, none near the end is not.
     if (i == kMaxCorrections || !(largest < last || i < kMaxCorrections / 2))
-      stays_apart(system, state, error);
+      throw_open_joint(system, state, error);
     last = largest;
     correct(rows, error);
   }
 }
 
-/// d(G u + g_t)/dt at constant u: by how much the rates would change without accelerations. Central
+/// d(G u + g_t)/dt at constant u: the change of the rates without accelerations. Central
 /// difference along the motion; its error is (turning speed x interval)^2 of the value.
 Vector rate_drift(const System& system, const model::State& state, const Vector& u,
                   const std::vector<Index>& rows) {

@@ -64,7 +64,7 @@ void System::place_driven(double time, model::KeySide side, model::State& state)
   }
 }
 
-void System::aim_driven(double end, double step, model::State& state) const {
+void System::set_driven_velocities(double end, double step, model::State& state) const {
   if (!settings_.effects.has(model::Effect::wrist_motion)) return;
   for (const model::Drive& drive : model_.drives) {
     model::BodyState& now = state.bodies[at(drive.body)];

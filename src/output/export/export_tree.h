@@ -1,5 +1,5 @@
-// A model's joints as a tree for file formats that know only trees: which body hangs on which, in the model's
-// order. Not for users.
+// A model's joints as a tree for file formats that know only trees: which body is the
+// parent of which, in the model's order. Not for users.
 #pragma once
 
 #include <string>
@@ -10,9 +10,9 @@
 
 namespace handsim::output {
 
-/// Body of the model -> indices of the joints that hang children on it, loop-closing ones excepted.
+/// Body of the model -> indices of its joints to children; joints that close loops are left out.
 std::vector<std::vector<int>> children_of(const model::Model& model);
-/// Body of the model -> the joint it hangs on, or -1.
+/// Body of the model -> the joint to its parent, or -1.
 std::vector<int> holder_of(const model::Model& model);
 /// `x y z` with all digits.
 std::string numbers(const Vec3& v);

@@ -83,7 +83,7 @@ class MjcfWriter {
         body.mass, numbers(I.diagonal()), I(0, 1), I(0, 2), I(1, 2)));
   }
 
-  /// A body that hangs on nothing.
+  /// A body without a parent.
   void root(int index) {
     const model::BodyState& body = start_.bodies[at(index)];
     open(index, body.pose(), 4);
@@ -99,7 +99,7 @@ class MjcfWriter {
     const model::Joint& joint = model_.joints[at(joint_index)];
     const Pose zero = joint.parent_frame * joint.child_frame.inverse();
     open(joint.child, zero, indent);
-    if (!model_.bodies[at(joint.child)].kinematic) hang(joint, indent + 2);
+    if (!model_.bodies[at(joint.child)].kinematic) add_joint(joint, indent + 2);
     close(joint.child, indent);
   }
 
@@ -109,13 +109,13 @@ class MjcfWriter {
     line(std::string(at(indent), ' ') + "</body>");
   }
 
-  void hang(const model::Joint& joint, int indent) {
+  void add_joint(const model::Joint& joint, int indent) {
     const std::string in(at(indent), ' ');
     const double *q = start_.q.data() + joint.first_dof, *u = start_.u.data() + joint.first_dof;
     if (joint.kind == JointKind::ball) {
       line(fmt::format("{}<joint name=\"{}\" type=\"ball\" pos=\"{}\"/>", in, attribute(joint.name),
                        numbers(joint.child_frame.p)));
-      // MuJoCo turns the body's own axes, and has rates in them.
+      // MuJoCo's ball joint rotates the body's own axes, and has rates in them.
       const Quat q_FM = rotation_quaternion({q[0], q[1], q[2]});
       const Quat& q_CM = joint.child_frame.q;
       positions_ += " " + wxyz(q_CM * q_FM * q_CM.conjugate());

@@ -45,7 +45,7 @@ class UrdfWriter {
       if (holder[i] < 0)
         joint(model_.bodies[i].name + ".world", model_.bodies[i].kinematic ? "fixed" : "floating", "world",
               model_.bodies[i].name, start_.bodies[i].pose(), "");
-    for (const model::Joint& each : model_.joints) hang(each);
+    for (const model::Joint& each : model_.joints) add_joints(each);
     line("</robot>");
     return std::move(out_);
   }
@@ -124,7 +124,7 @@ class UrdfWriter {
         attribute(name), type, origin(pose), attribute(parent), attribute(child), more));
   }
 
-  void hang(const model::Joint& each) {
+  void add_joints(const model::Joint& each) {
     const std::string& child = model_.bodies[at(each.child)].name;
     // F in the parent's link frame.
     Pose at_parent = in_link(each.parent) * each.parent_frame;

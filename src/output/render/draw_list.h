@@ -36,7 +36,7 @@ struct Solid {
 
 /// The exact solid of a shape that stands at x_WS.
 Solid solid(const model::Shape& shape, const Pose& x_WS);
-/// The same with its edges rounded by 6% of its thickness, so that they catch the light. It lies
+/// The same with its edges rounded by 6% of its thickness, so that edges show. It lies
 /// inside the exact one.
 Solid bevelled(Solid exact);
 
@@ -62,7 +62,7 @@ struct DrawArrow {
   Vec3 to = Vec3::Zero();
   double radius = 0.001;  ///< of the shaft [m]
   Colour colour;
-  bool on_top = false;  ///< seen through whatever stands before it
+  bool on_top = false;  ///< visible through whatever stands before it
 };
 
 struct DrawPoint {
@@ -112,7 +112,7 @@ Bounds bounds(const DrawList& list);
 /// A camera on the named side of `hand_frame` (X_WH; x ulnar, y distal, z dorsal on a right hand) that
 /// sees all lists that are added (not the ground) with a margin of 7% of the half picture, as close as that
 /// allows. `side` turns radial to the thumb's side. Up is distal (dorsal, palmar), dorsal (radial) or the
-/// world's z (three_quarter, which looks on the back of the hand from the fingertips, never from below the
+/// world's z (three_quarter, from the fingertips onto the back of the hand, never from below the
 /// horizon).
 class Framing {
  public:

@@ -1,5 +1,5 @@
-// What stands for the renderer in a build without pictures (CMake option HANDSIM_PICTURES): all of it says
-// so.
+// In place of the renderer in a build without pictures (CMake option HANDSIM_PICTURES): every call is
+// refused.
 #include "handsim/core/error.h"
 #include "handsim/output/render/contact_sheet.h"
 #include "handsim/output/render/renderer.h"

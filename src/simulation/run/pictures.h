@@ -1,4 +1,4 @@
-// Pictures of a scene: moments of a run drawn with one camera that sees all of them.
+// Pictures of a scene: moments of a run drawn with one camera for all of them.
 #pragma once
 
 #include <functional>
@@ -26,7 +26,7 @@ Moment moment_of(const engine::Engine& engine);
 /// has 40 to 100 mm; nothing where the pictures show none or there is none.
 std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<const Moment> moments);
 
-/// Draws the moments with one camera that sees all of them, and hands each picture to `take` with its place
+/// Draws the moments with one camera for all of them, and hands each picture to `take` with its place
 /// among them; keeps no picture. Creates one OpenGL context.
 void draw(const model::Model& model, const scene::PictureSpec& pictures, std::span<const Moment> moments,
           const std::function<void(std::size_t, const output::Image&)>& take);

@@ -93,15 +93,15 @@ void write_files(const Simulation& simulation, const RunOptions& options, const 
   output::write_file(options.out / "resolved.yaml", resolved);
   if (!recorder.moments().empty()) result.missing.emplace_back("pictures: not drawn yet");
   if (options.plots) result.missing.emplace_back("plots: not drawn yet");
-  const bool drawn = !result.missing.empty();
+  const bool draws = !result.missing.empty();
   const auto write_summary = [&] {
     result.summary = summary_json(simulation, result);
     output::write_file(options.out / "summary.json", result.summary);
   };
   write_summary();
-  if (!drawn) return;
+  if (!draws) return;
   draw_all(scene, recorder, options, result);
-  // The first summary stands where a disk that pictures have filled takes no second.
+  // The first summary stays where pictures have filled the disk.
   if (const auto failure = failure_of(write_summary)) result.missing.push_back("summary: " + *failure);
 }
 
@@ -117,7 +117,8 @@ std::optional<long> snapshot_step(const Simulation& simulation, const RunOptions
   return std::clamp(std::lround(at), simulation.steps(), simulation.step_count());
 }
 
-void go_on(Simulation& simulation, const std::filesystem::path& file, double duration, RunResult& result) {
+void continue_from(Simulation& simulation, const std::filesystem::path& file, double duration,
+                   RunResult& result) {
   const RunSnapshot snapshot = read_snapshot(file);
   if (!(snapshot.time < duration))
     throw input_error(file.string(), fmt::format("a snapshot at {:g} s", snapshot.time),
@@ -226,7 +227,7 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
   Simulation simulation = simulation_of(scene, standard_watchers);
   RunResult result;
   const double step = scene.spec.solver.step;
-  if (options.from_snapshot) go_on(simulation, *options.from_snapshot, scene.spec.duration, result);
+  if (options.from_snapshot) continue_from(simulation, *options.from_snapshot, scene.spec.duration, result);
   static_cast<void>(snapshot_step(simulation, options, step));
   const std::string resolved = scene::standalone_text(scene.resolved, scene.inputs);
   const OutputSize size =

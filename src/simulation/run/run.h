@@ -77,8 +77,8 @@ struct RunResult {
 /// @throws Error (output) where a table or the summary cannot be written.
 RunResult run(const scene::Scene& scene, const RunOptions& options);
 
-/// The folder of a run, for a caller with several runs that wants to know before the first that all folders
-/// can be had. @throws Error (input) as OutputFolder does.
+/// The folder of a run, for a caller with several runs that checks all folders before the first run. @throws
+/// Error (input) as OutputFolder does.
 output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& options);
 /// A run into a folder that is held already; null: it is taken for the time of the run.
 RunResult run(const scene::Scene& scene, const RunOptions& options, const output::OutputFolder* folder);

@@ -1,4 +1,4 @@
-// A run's snapshot as a file that says which scene it is of.
+// A run's snapshot as a file that names its scene.
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// The parts of a hand that forces are told apart by, and what one of them bears.
+// The parts of a hand by which forces are listed, and the forces on one of them.
 #pragma once
 
 #include <array>

@@ -1,4 +1,4 @@
-// What Tracking says of a run: its verdicts and its part of the summary.
+// What Tracking reports of a run: its verdicts and its part of the summary.
 #include "handsim/simulation/watch/summary_json.h"
 #include "handsim/simulation/watch/tracking.h"
 

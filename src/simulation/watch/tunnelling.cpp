@@ -80,7 +80,7 @@ void Tunnelling::find_passages(const model::State& state) {
       event(static_cast<int>(a), static_cast<int>(b), state.time).passed = true;
 }
 
-/// Whether the centre of a shape has passed through another, as seen from that.
+/// Whether the centre of a shape has passed through another, in the other's frame.
 bool Tunnelling::passes(std::size_t a, std::size_t b, const model::State& state) const {
   const model::Shape &point = model_.shapes[a], &solid = model_.shapes[b];
   const auto seen = [&](const model::State& then) -> Vec3 {

@@ -245,7 +245,7 @@ Job make_job(const AccuracySpec& spec, const AccuracyMethod& method, double step
   return job;
 }
 
-/// Does a part of a row; where the physics go wrong in it the row says so.
+/// Does a part of a row; a fault of the physics is recorded in the row.
 void attempt(AccuracyRow& row, const std::function<void()>& part) {
   if (row.fault) return;
   try {
@@ -256,7 +256,7 @@ void attempt(AccuracyRow& row, const std::function<void()>& part) {
   }
 }
 
-/// The methods that can run here; of the others the result says why they cannot.
+/// The methods that can run here; the result lists the others and why they cannot.
 std::vector<const AccuracyMethod*> methods_at_hand(const AccuracySpec& spec, AccuracyResult& result) {
   std::vector<const AccuracyMethod*> out;
   std::map<std::string, std::vector<std::string>> left_out;

@@ -90,7 +90,7 @@ AccuracySpec load_accuracy(const std::filesystem::path& path);
 
 /// Costs are taken in rounds, each of which times every row once, so that what else the machine does falls on
 /// all.
-/// @param progress told the share done, 0..1.
+/// @param progress is called with the share done, 0..1.
 /// @throws Error (input) where a scene or an override is bad.
 AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress);
 

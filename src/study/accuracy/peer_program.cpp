@@ -37,7 +37,7 @@ Error failed(const std::filesystem::path& program, double time, std::string quan
 
 Json numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
-const char* word(model::JointKind kind) {
+const char* name(model::JointKind kind) {
   switch (kind) {
     case model::JointKind::hinge:
       return "hinge";
@@ -74,7 +74,7 @@ Json describe(const model::Joint& joint, const model::Model& model, const model:
     forces.push_back(actuated ? joint.axes[a].torque : 0.0);
   }
   return {{"name", joint.name},
-          {"kind", word(joint.kind)},
+          {"kind", name(joint.kind)},
           {"parent", model.bodies[body(joint.parent)].name},
           {"child", model.bodies[body(joint.child)].name},
           {"closes_loop", joint.closes_loop},

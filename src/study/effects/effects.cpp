@@ -105,7 +105,7 @@ class Comparison {
   long count_ = 0;
 };
 
-/// Does a part of a row; where it fails the row says so, and no more of it is done.
+/// Does a part of a row; a failure is recorded in the row and ends its work.
 void attempt(EffectRow& row, const std::function<void()>& part) {
   if (row.fault) return;
   try {

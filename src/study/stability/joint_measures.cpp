@@ -124,7 +124,7 @@ Sampler slider_error(const scene::Scene& scene, const MeasureSpec& spec) {
   };
 }
 
-/// The bodies that hang on a joint. @throws Error (input) where there are none.
+/// The bodies beyond a joint. @throws Error (input) where there are none.
 std::vector<std::size_t> bodies_beyond(const model::Model& model, const std::string& name) {
   std::vector<bool> beyond(model.bodies.size(), false);
   for (const model::Joint& joint : model.joints)
@@ -136,7 +136,7 @@ std::vector<std::size_t> bodies_beyond(const model::Model& model, const std::str
   return out;
 }
 
-/// The force through a joint against the weight of all that hangs on it, which is at rest. The force follows
+/// The force through a joint against the weight of all bodies beyond it, which are at rest. The force follows
 /// from the momentum that the step gave the bodies beyond the joint; nothing else may touch them.
 Sampler reaction_error(const scene::Scene& scene, const MeasureSpec& spec) {
   const std::vector<std::size_t> bodies = bodies_beyond(scene.model, spec.joint);

@@ -189,9 +189,10 @@ void refuse(Job& job) {
     const Simulation simulation(scene);
     row.where = "it was accepted";
   } catch (const Error& error) {
-    const std::string said = error.what();
-    if (error.kind() == ErrorKind::input && said.find(*job.way->refused) != std::string::npos) row.value = 0;
-    row.where = said;
+    const std::string message = error.what();
+    if (error.kind() == ErrorKind::input && message.find(*job.way->refused) != std::string::npos)
+      row.value = 0;
+    row.where = message;
   }
   job.rows.push_back(std::move(row));
 }
@@ -215,7 +216,7 @@ void judge(StabilityRow& row, const StabilityCase& of) {
                              : StabilityVerdict::fell_short;
 }
 
-/// Says which case and way a bad scene or override belongs to.
+/// Adds the case and way that a bad scene or override belongs to.
 Error in_case(const Job& job, const Error& error) {
   std::vector<Problem> problems = error.problems();
   for (Problem& problem : problems)
@@ -304,16 +305,16 @@ class Pool {
   std::size_t done_ = 0;
 };
 
-/// Known shortfalls that were met, and those that were not in any variant.
+/// Marks known shortfalls that occurred, and those that did not in any variant.
 void find_better(CaseResult& result) {
   for (const KnownShort& known : result.of->known) {
-    bool met = false;
+    bool occurred = false;
     const auto covered = [&](const StabilityRow& row) {
       return known.covers(row.way, row.measure, row.step);
     };
     for (const StabilityRow& row : result.rows)
-      met = met || (covered(row) && row.verdict == StabilityVerdict::known_short);
-    if (met) {
+      occurred = occurred || (covered(row) && row.verdict == StabilityVerdict::known_short);
+    if (occurred) {
       result.known.push_back(known.way + ": " + known.why);
       continue;
     }

@@ -126,7 +126,7 @@ struct CaseResult {
   const StabilityCase* of = nullptr;
   std::vector<StabilityRow> rows;
   std::vector<Course> courses;
-  std::vector<std::string> known;  ///< `WAY: why`, of the known shortfalls that were met
+  std::vector<std::string> known;  ///< `WAY: why`, of the known shortfalls that occurred
 };
 
 struct StabilityResult {

@@ -51,7 +51,7 @@ std::vector<Alternative> read_dimension(MapReader reader) {
   return out;
 }
 
-/// Problems with what a measure must be told.
+/// Keys that a measure needs.
 void check_needs(MapReader& reader, const MeasureKind& kind) {
   const auto check = [&](const char* key, bool needed, const char* what) {
     if (needed && !reader.has(key))
@@ -189,7 +189,7 @@ void read_quick(MapReader& reader, StabilityCase& out) {
   quick.finish();
 }
 
-/// What a case must have to say anything: a measure, and for each measure a way that is to hold it.
+/// A case needs a measure, and for each measure a way that is to hold it.
 void check_case(MapReader& reader, const StabilityCase& of) {
   std::set<std::string> names;
   for (const MeasureSpec& measure : of.measures) {
