@@ -40,9 +40,8 @@ class UrdfWriter {
     check();
     line("<?xml version=\"1.0\"?>\n<robot name=\"handsim\">");
     for (std::size_t i = 0; i < model_.bodies.size(); ++i) link(static_cast<int>(i));
-    const std::vector<int> holder = holder_of(model_);
     for (std::size_t i = 1; i < model_.bodies.size(); ++i)
-      if (holder[i] < 0)
+      if (!has_parent(model_, i))
         joint(model_.bodies[i].name + ".world", model_.bodies[i].kinematic ? "fixed" : "floating", "world",
               model_.bodies[i].name, start_.bodies[i].pose(), "");
     for (const model::Joint& each : model_.joints) add_joints(each);

@@ -2,6 +2,7 @@
 // away in turn, and without what its solver does besides.
 #pragma once
 
+#include <filesystem>
 #include <functional>
 #include <optional>
 #include <string>
