@@ -7,7 +7,7 @@
 #include "handsim/app/progress.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/study/accuracy/accuracy_report.h"
+#include "handsim/study/accuracy/accuracy.h"
 
 namespace handsim::app {
 

@@ -3,8 +3,7 @@
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
 #include "handsim/output/atomic_file.h"
-#include "handsim/output/export/mjcf.h"
-#include "handsim/output/export/urdf.h"
+#include "handsim/output/export/export.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/scene/compile/scene.h"
 

@@ -12,7 +12,7 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
-#include "handsim/simulation/mathematics.h"
+#include "handsim/simulation/fingerprint.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/simulation/watch/state_hash.h"
@@ -186,7 +186,7 @@ int render_command(const RenderArguments& arguments) {
   // A path that cannot be written is better known before the simulation than after.
   output::check_not_read(arguments.out, [&] { return scene::files_read(scene); });
   { const output::AtomicFile probe(arguments.out); }
-  const simulation::Snapshot moment = simulation::snapshot_at(scene, arguments.time);
+  const simulation::Moment moment = simulation::moment_at(scene, arguments.time);
   print_warnings(
       overlap_texts(scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))));
   const auto draw = [&](const output::Progress&) {

@@ -4,7 +4,7 @@
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/study/stability/stability_report.h"
+#include "handsim/study/stability/stability.h"
 
 namespace handsim::app {
 

@@ -28,21 +28,13 @@ fs::path folder_of(const fs::path& path) { return path.has_parent_path() ? path.
 std::string open_name(int file) { return fmt::format("/proc/self/fd/{}", file); }
 
 const char* described(fs::file_type type) {
-  switch (type) {
-    case fs::file_type::directory:
-      return "a folder";
-    case fs::file_type::block:
-    case fs::file_type::character:
-      return "a device";
-    case fs::file_type::fifo:
-      return "a pipe";
-    case fs::file_type::socket:
-      return "a socket";
-    case fs::file_type::symlink:
-      return "a link that leads to no file";
-    default:
-      return "no regular file";
-  }
+  using T = fs::file_type;
+  return type == T::directory                       ? "a folder"
+         : type == T::block || type == T::character ? "a device"
+         : type == T::fifo                          ? "a pipe"
+         : type == T::socket                        ? "a socket"
+         : type == T::symlink                       ? "a link that leads to no file"
+                                                    : "no regular file";
 }
 
 Error uncreatable(const fs::path& path, const std::string& why) {

@@ -20,7 +20,7 @@ class AtomicFile {
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
 
-  /// @throws Error (output) where the disk takes no more.
+  /// @throws Error (output) where the disk is full.
   void write(std::string_view text);
   /// Puts text in the place of what was written from byte `at` on; it must have been. @throws as write.
   void overwrite(long at, std::string_view text);

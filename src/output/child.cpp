@@ -24,16 +24,16 @@ namespace {
 
 constexpr int kPipe = 3;  ///< of the child, to its parent
 
-// The child says line by line what it has to say. What libraries write to standard error comes the same way.
+// The child reports in lines. What libraries write to standard error comes the same way.
 constexpr std::string_view kShare = "handsim-share ", kFailure = "handsim-failure ";
-constexpr std::size_t kLongestWord = 500;
+constexpr std::size_t kLongestLine = 500;
 
-void say(int pipe, std::string_view head, std::string_view text) {
+void report(int pipe, std::string_view head, std::string_view text) {
   const std::string line = fmt::format("\n{}{}\n", head, text);
   static_cast<void>(!::write(pipe, line.data(), line.size()));
 }
 
-/// What the child has said.
+/// What the child has reported.
 class Report {
  public:
   explicit Report(const Progress& progress) : progress_(progress) {}
@@ -52,21 +52,21 @@ class Report {
     } else if (line_.starts_with(kFailure)) {
       failure = line_.substr(kFailure.size());
     } else if (line_.find_first_not_of(" \t\r") != std::string::npos) {
-      last_words = printable(line_, kLongestWord);
+      last_line = printable(line_, kLongestLine);
     }
     line_.clear();
   }
 
   std::optional<std::string> failure;
-  std::string last_words;
+  std::string last_line;
 
  private:
   const Progress& progress_;
   std::string line_;
 };
 
-/// The child's life. Leaves without exit handlers or buffers, which are the parent's.
-[[noreturn]] void live(int pipe, pid_t parent, const std::function<void(const Progress&)>& job) {
+/// The child process. Ends without exit handlers or buffers, which are the parent's.
+[[noreturn]] void run_job(int pipe, pid_t parent, const std::function<void(const Progress&)>& job) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != parent) _exit(1);
   const rlimit none{0, 0};
@@ -77,12 +77,12 @@ class Report {
   // Locks and files stay the parent's alone.
   close_range(kPipe + 1, ~0U, 0);
   try {
-    job([](double share) { say(kPipe, kShare, fmt::format("{}", share)); });
+    job([](double share) { report(kPipe, kShare, fmt::format("{}", share)); });
     _exit(0);
   } catch (const std::bad_alloc&) {
-    say(kPipe, kFailure, "out of memory");
+    report(kPipe, kFailure, "out of memory");
   } catch (const std::exception& error) {
-    say(kPipe, kFailure, printable(error.what(), std::strlen(error.what())));
+    report(kPipe, kFailure, printable(error.what(), std::strlen(error.what())));
   }
   _exit(1);
 }
@@ -91,7 +91,7 @@ std::string ended(int status, const Report& report) {
   std::string out = WIFSIGNALED(status) ? fmt::format("ended by signal {} ({})", WTERMSIG(status),
                                                       strsignal(WTERMSIG(status)))
                                         : fmt::format("ended with status {}", WEXITSTATUS(status));
-  return report.last_words.empty() ? out : out + ": " + report.last_words;
+  return report.last_line.empty() ? out : out + ": " + report.last_line;
 }
 
 }  // namespace
@@ -102,7 +102,7 @@ std::optional<std::string> run_in_child(const std::function<void(const Progress&
   const auto cannot = [](int why) { return fmt::format("no process for it ({})", std::strerror(why)); };
   if (pipe2(ends, O_CLOEXEC) != 0) return cannot(errno);
   const pid_t parent = getpid(), child = fork();
-  if (child == 0) live(ends[1], parent, job);
+  if (child == 0) run_job(ends[1], parent, job);
   const int cause = errno;
   close(ends[1]);
   Report report(progress);
@@ -119,7 +119,7 @@ std::optional<std::string> run_in_child(const std::function<void(const Progress&
   if (child < 0)
     out = cannot(cause);
   else if (waitpid(child, &status, 0) != child)
-    out = fmt::format("lost sight of its process ({})", std::strerror(errno));
+    out = fmt::format("lost its process ({})", std::strerror(errno));
   else if (report.failure)
     out = report.failure;
   else if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)

@@ -2,18 +2,22 @@
 // there while the fingers close; then a force along the rail grows with time.
 #pragma once
 
-#include "handsim/model/model.h"
+#include <span>
+
+#include "handsim/model/actuation.h"
+#include "handsim/model/state.h"
 #include "handsim/scene/task/climb.h"
-#include "handsim/simulation/actuator.h"
 
 namespace handsim::simulation {
 
-class ClimbLoad final : public Actuator {
+/// Depends on the state alone: it has no memory that a snapshot would have to hold.
+class ClimbLoad {
  public:
   /// The plan must outlive this. @param step of the engine [s].
   ClimbLoad(const model::Model& model, const scene::ClimbPlan& plan, double step);
-  void command(const model::State& state, std::span<double> torques,
-               std::span<model::Servo> servos) const override;
+  /// What acts on the rail in the step that begins with a state: adds to the forces [N] or sets the servo.
+  /// Sizes model.dof_count().
+  void command(const model::State& state, std::span<double> torques, std::span<model::Servo> servos) const;
 
  private:
   double target(double time) const;

@@ -1,13 +1,16 @@
 #include "handsim/simulation/fingerprint.h"
 
-#include <map>
+#include <cmath>
 #include <set>
+
+#ifdef __GLIBC__
+#include <gnu/libc-version.h>
+#endif
 
 #include <fmt/format.h>
 
 #include "handsim/control/motion_file.h"
 #include "handsim/core/archive.h"
-#include "handsim/simulation/mathematics.h"
 
 namespace handsim::simulation {
 
@@ -59,6 +62,31 @@ void add_settings(const engine::Settings& solver, Fingerprint& out) {
   }
 }
 
+/// Enough arguments that two ways of rounding differ at many of them, and some tens of microseconds.
+constexpr int kArguments = 500;
+
+std::uint64_t results() {
+  ArchiveWriter out;
+  // The compiler must not know the arguments: it would work out the results itself.
+  volatile double step = 0.0137;
+  for (int i = 1; i <= kArguments; ++i) {
+    const double x = step * i, below_one = std::fmod(x, 1.0);
+    for (const double value : {std::sin(x), std::cos(x), std::tan(x), std::exp(x), std::log(x),
+                               std::pow(x, 1.3), std::atan2(x, 2.7), std::asin(below_one),
+                               std::acos(below_one), std::hypot(x, 1.7), std::atan(x), std::exp(-x)})
+      out(value);
+  }
+  return hash_bytes(out.bytes());
+}
+
+std::string library() {
+#ifdef __GLIBC__
+  return fmt::format("glibc {}", gnu_get_libc_version());
+#else
+  return "unknown library";
+#endif
+}
+
 }  // namespace
 
 Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine) {
@@ -86,15 +114,19 @@ Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine)
 }
 
 std::vector<std::string> differences(const Fingerprint& a, const Fingerprint& b) {
-  std::vector<std::string> out;
-  const std::map<std::string, std::uint64_t> in_a(a.begin(), a.end()), in_b(b.begin(), b.end());
-  for (const auto& [name, hash] : in_a) {
-    const auto found = in_b.find(name);
-    if (found == in_b.end() || found->second != hash) out.push_back(name);
-  }
-  for (const auto& [name, hash] : in_b)
-    if (!in_a.contains(name)) out.push_back(name);
-  return out;
+  const std::set<Fingerprint::value_type> in_a(a.begin(), a.end()), in_b(b.begin(), b.end());
+  std::set<std::string> out;
+  for (const auto& part : in_a)
+    if (!in_b.contains(part)) out.insert(part.first);
+  for (const auto& part : in_b)
+    if (!in_a.contains(part)) out.insert(part.first);
+  return {out.begin(), out.end()};
+}
+
+const std::string& mathematics() {
+  static const std::string text =
+      fmt::format("{}, results {:08x}", library(), static_cast<std::uint32_t>(results()));
+  return text;
 }
 
 }  // namespace handsim::simulation

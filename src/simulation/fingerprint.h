@@ -1,4 +1,4 @@
-// Which scene a simulation is of, so that a snapshot is never taken over by another.
+// Which scene and which mathematics library a simulation is of, so that no other restores its snapshots.
 #pragma once
 
 #include <cstdint>
@@ -20,5 +20,11 @@ Fingerprint fingerprint(const scene::Scene& scene, const engine::Engine& engine)
 
 /// Names of parts that differ or that only one has; empty where none does.
 std::vector<std::string> differences(const Fingerprint& a, const Fingerprint& b);
+
+/// The library that rounds a run's sines and powers, and a hash of what its functions give at fixed
+/// arguments, e.g. `glibc 2.36, results 1f2e3d4c`: runs of one build repeat to the bit where this is the
+/// same. glibc has several of each function: on processors without fused multiply-add last bits differ, and
+/// with them a run.
+const std::string& mathematics();
 
 }  // namespace handsim::simulation

@@ -10,11 +10,11 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "handsim/core/index.h"
 #include "handsim/engine/checks.h"
 #include "handsim/engine/contact/overlap.h"
 #include "handsim/engine/contact/pair_table.h"
 #include "handsim/model/kinematics.h"
-#include "handsim/simulation/climb_load.h"
 
 namespace handsim::simulation {
 
@@ -52,8 +52,8 @@ void check_start(const scene::Scene& scene) {
   const std::string need = fmt::format("at most {:g} mm, or overlap: allowed", 1e3 * kDeepestStart);
   for (const engine::Overlap& overlap :
        engine::initial_overlaps(scene.model, model::initial_state(scene.model))) {
-    const model::Shape* hand = &scene.model.shapes[static_cast<std::size_t>(overlap.shape_a)];
-    const model::Shape* other = &scene.model.shapes[static_cast<std::size_t>(overlap.shape_b)];
+    const model::Shape* hand = &scene.model.shapes[at(overlap.shape_a)];
+    const model::Shape* other = &scene.model.shapes[at(overlap.shape_b)];
     if (!of_hand(*hand)) std::swap(hand, other);
     if (overlap.depth <= kDeepestStart || !of_hand(*hand) || !rules.meet(hand->group, other->group)) continue;
     const std::string name = other->name.substr(0, other->name.find('.'));
@@ -90,8 +90,7 @@ Simulation::Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers w
   const double step = spec.solver.step;
   if (spec.solver.effects.has(model::Effect::actuation)) {
     find_constant_torques();
-    for (const scene::ClimbPlan& plan : scene_->plans.climbs)
-      actuators_.push_back(std::make_unique<ClimbLoad>(scene_->model, plan, step));
+    for (const scene::ClimbPlan& plan : scene_->plans.climbs) climbs_.emplace_back(scene_->model, plan, step);
   }
   if (scene_->control)
     controller_ =
@@ -106,10 +105,10 @@ void Simulation::make_watchers() {
 }
 
 void Simulation::find_constant_torques() {
-  constant_.resize(static_cast<std::size_t>(model().dof_count()));
+  constant_.resize(at(model().dof_count()));
   for (const model::Joint& joint : model().joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
-      constant_[static_cast<std::size_t>(joint.first_dof) + a] = joint.axes[a].torque;
+      constant_[at(joint.first_dof) + a] = joint.axes[a].torque;
   if (std::all_of(constant_.begin(), constant_.end(), [](double torque) { return torque == 0; }))
     constant_.clear();
 }
@@ -125,15 +124,15 @@ void Simulation::check(const engine::StepInput& action) const {
     refuse(engine::servo_fault(model(), engine_->settings(), state().time, action.servos));
 }
 
-/// What drives the joints in the next step: the controller, constant torques, actuators and the caller.
+/// What drives the joints in the next step: the controller, constant torques, climbs and the caller.
 engine::StepInput Simulation::command(const engine::StepInput& action) {
   if (controller_) controller_->command(engine_->state());
-  if (actuators_.empty() && action.torques.empty() && action.servos.empty()) {
+  if (climbs_.empty() && action.torques.empty() && action.servos.empty()) {
     if (!controller_) return {.torques = constant_};
     if (constant_.empty()) return {controller_->torques(), controller_->servos()};
   }
-  const auto dofs = static_cast<std::size_t>(model().dof_count());
-  bool any_servos = !actuators_.empty() || !action.servos.empty();
+  const auto dofs = at(model().dof_count());
+  bool any_servos = !climbs_.empty() || !action.servos.empty();
   sum_ = constant_;
   sum_.resize(dofs);
   servos_.assign(dofs, {});
@@ -145,7 +144,7 @@ engine::StepInput Simulation::command(const engine::StepInput& action) {
     std::copy(controller_->servos().begin(), controller_->servos().end(), servos_.begin());
     any_servos = any_servos || !controller_->servos().empty();
   }
-  for (const auto& actuator : actuators_) actuator->command(engine_->state(), sum_, servos_);
+  for (const ClimbLoad& climb : climbs_) climb.command(engine_->state(), sum_, servos_);
   add(action.torques);
   for (std::size_t i = 0; i < action.servos.size(); ++i)
     if (action.servos[i].limit > 0) servos_[i] = action.servos[i];

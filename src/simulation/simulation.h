@@ -1,5 +1,4 @@
-// A scene in motion: command, step, and watchers that are told of it. The loop and nothing else: files and
-// pictures are run/run.h's.
+// A scene in motion: command, step, and watchers of each step. Files and pictures are run/run.h's.
 #pragma once
 
 #include <cstdint>
@@ -10,13 +9,13 @@
 
 #include "handsim/engine/engine.h"
 #include "handsim/scene/compile/scene.h"
-#include "handsim/simulation/actuator.h"
+#include "handsim/simulation/climb_load.h"
 #include "handsim/simulation/snapshot.h"
 #include "handsim/simulation/watch/standard_watchers.h"
 
 namespace handsim::simulation {
 
-/// An object that starts inside a hand would be shot out of it. @throws Error (input) naming all such.
+/// Refuses objects that start inside a hand: contact would throw them out. @throws Error (input) naming all.
 void check_start(const scene::Scene& scene);
 
 /// Can be moved. Const methods may be called from several threads at once.
@@ -37,8 +36,8 @@ class Simulation {
   ///        Each of size model().dof_count() or empty, in the order of the coordinates (Joint::first_dof),
   ///        positive along the coordinate. Servos need the actuation effect (spec.solver.effects).
   /// @throws Error (input) for an action of another size, with numbers that are not finite or out of range,
-  ///         or for servos without actuation; nothing has moved then. Error (physics) with time, body or joint
-  ///         and quantity when the state leaves its bounds; every later step throws the same.
+  ///         or for servos without actuation; nothing has moved then. Error (physics) with time, body or
+  ///         joint and quantity when the state leaves its bounds; every later step throws the same.
   void step(const engine::StepInput& action = {});
 
   const scene::Scene& scene() const { return *scene_; }
@@ -110,16 +109,16 @@ class Simulation {
   std::shared_ptr<const scene::Scene> scene_;
   std::unique_ptr<engine::Engine> engine_;
   std::unique_ptr<control::Controller> controller_;
-  std::vector<std::unique_ptr<Actuator>> actuators_;
+  std::vector<ClimbLoad> climbs_;
   MakeWatchers maker_;
   Watchers watchers_;
-  bool timed_ = false;  ///< a watcher wants times
+  bool timed_ = false;  ///< a watcher uses times
   long steps_ = 0;
-  std::optional<Error> failure_;  ///< what the engine did not find
+  std::optional<Error> failure_;  ///< of a watcher, or no memory; not of the engine
   std::shared_ptr<LazyFingerprint> fingerprint_;
   std::vector<double> constant_;      ///< constant torques of the joints; empty where there are none
-  std::vector<double> sum_;           ///< with those of the controller, actuators and caller
-  std::vector<model::Servo> servos_;  ///< of the controller, actuators and caller
+  std::vector<double> sum_;           ///< with those of the controller, climbs and caller
+  std::vector<model::Servo> servos_;  ///< of the controller, climbs and caller
 };
 
 }  // namespace handsim::simulation

@@ -8,7 +8,7 @@
 
 #include <fstream>
 
-#include "handsim/output/export/mjcf.h"
+#include "handsim/output/export/export.h"
 #endif
 
 #include "bench/paired.h"

@@ -147,7 +147,7 @@ BENCHMARK(person_to_world)->Unit(benchmark::kMicrosecond);
 /// One frame of two hands at 1280 x 960, the context's creation included.
 void first_frame(benchmark::State& state) {
   const scene::Scene scene = test::shipped_scene("two_hands");
-  const simulation::Snapshot moment{model::initial_state(scene.model), {}};
+  const simulation::Moment moment{model::initial_state(scene.model), {}};
   for (auto unused : state) {
     (void)unused;
     benchmark::DoNotOptimize(simulation::draw(scene, moment));
@@ -158,7 +158,7 @@ BENCHMARK(first_frame)->Unit(benchmark::kMillisecond)->UseRealTime();
 /// Eight frames with one context, per frame.
 void frame(benchmark::State& state) {
   const scene::Scene scene = test::shipped_scene("two_hands");
-  const std::vector<simulation::Snapshot> moments(8, {model::initial_state(scene.model), {}});
+  const std::vector<simulation::Moment> moments(8, {model::initial_state(scene.model), {}});
   for (auto unused : state) {
     (void)unused;
     const auto start = std::chrono::steady_clock::now();

@@ -4,9 +4,6 @@
 #include <sundials/sundials_version.h>
 
 #include "handsim/engine/checks.h"
-#include "handsim/engine/dae/euler.h"
-#include "handsim/engine/dae/gear.h"
-#include "handsim/engine/dae/penalty.h"
 #include "handsim/engine/multibody/projection.h"
 #include "handsim/model/kinematics.h"
 
@@ -14,26 +11,30 @@ namespace handsim::engine::dae {
 
 namespace {
 
-/// A start whose joints are further apart than this is said to have been moved [m].
+/// A start whose joints are further apart than this gets a note that it was moved [m].
 constexpr double kMovedGap = 1e-9;
 
-}  // namespace
-
+/// The formulation that the settings name.
 std::unique_ptr<Integrator> make_integrator(System system, const Settings& settings) {
   switch (settings.dae().method) {
     case DaeMethod::stabilised_gear:
-      return std::make_unique<Gear>(std::move(system), settings);
+      return make_gear(std::move(system), settings);
     case DaeMethod::lagrange_penalty:
-      return std::make_unique<Penalty>(std::move(system));
+      return make_penalty(std::move(system));
     case DaeMethod::euler_linearised:
     case DaeMethod::euler_projected:
-      return std::make_unique<Euler>(std::move(system), settings);
+      return make_euler(std::move(system), settings);
   }
   return nullptr;
 }
 
+}  // namespace
+
 DaeEngine::DaeEngine(const model::Model& model, const Settings& settings)
-    : model_(checked(model, settings)), settings_(settings), told_(model, settings, {}, {}), sensors_(model) {
+    : model_(checked(model, settings)),
+      settings_(settings),
+      drives_(model, settings, {}, {}),
+      sensors_(model) {
   for (System& island : islands(model, settings))
     islands_.push_back(make_integrator(std::move(island), settings));
   state_ = model::initial_state(model);
@@ -50,7 +51,7 @@ DaeEngine::DaeEngine(const model::Model& model, const Settings& settings)
 }
 
 void DaeEngine::drive(double time, model::KeySide side, model::State& state) const {
-  told_.place_driven(time, side, state);
+  drives_.place_driven(time, side, state);
 }
 
 /// Takes a state over, moved onto the joints; what no drive moves among kinematic bodies stands still.

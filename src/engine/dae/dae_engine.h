@@ -1,12 +1,12 @@
 // The differential-algebraic engine: the reference for any model whose motion is smooth, that is, without
 // contacts and joint stops. Maximal coordinates, exact gyroscopic torques, driven and kinematic bodies as
-// told motion; each island (say, a finger on a still palm) is integrated on its own by the formulation that
+// prescribed motion; each island (a finger on a still palm) is integrated on its own by the formulation that
 // the settings name.
 //
 // A state handed to set_state is a new start: positions and velocities are moved onto the joints (not by
 // euler_linearised, which never does), and multistep formulations build up their order again, so a resumed
 // run agrees within the formulation's error and not to the bit (see restore for that). Driven bodies are
-// where their drives say.
+// where their drives put them.
 #pragma once
 
 #include <memory>
@@ -31,7 +31,7 @@ class DaeEngine final : public Engine {
   void set_state(const model::State& state) override;
   void save(ArchiveWriter& out) const override;
   /// Bit-exact, unlike set_state: stabilised_gear integrates over its past since torques or the choice of
-  /// constraint rows last changed, which takes the time it took then.
+  /// constraint rows last changed, which takes as long as it did then.
   void restore(const model::State& state, ArchiveReader& in) override;
   std::span<const Contact> contacts() const override { return {}; }
   const Settings& settings() const override { return settings_; }
@@ -48,7 +48,7 @@ class DaeEngine final : public Engine {
 
   const model::Model& model_;
   Settings settings_;
-  System told_;  ///< without bodies of its own: moves the driven ones
+  System drives_;  ///< without bodies of its own: moves the driven ones
   std::vector<std::unique_ptr<Integrator>> islands_;
   std::vector<std::string> notes_;
   model::JointSensors sensors_;

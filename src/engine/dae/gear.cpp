@@ -1,11 +1,19 @@
-#include "handsim/engine/dae/gear.h"
-
+// Variable-order BDF on the stabilised index-2 form: the reference formulation.
+//
+// Gear, Gupta & Leimkuhler (1985, J Comput Appl Math 12:77) keep positions and velocities on the constraints
+// with a second set of multipliers mu:
+//   x' = T(x) (u + M^-1 G^T mu),  u' = M^-1 (f - G^T lambda),  g = 0,  G u + g_t = 0,
+// where mu = 0 in the exact solution. lambda and mu enter as rates of impulses, lambda = Lambda' and
+// mu = Mu' (Gear 1988, SIAM J Sci Stat Comput 9:39): that makes the index 1, and lets the step's size scale
+// the multipliers' columns of the Newton matrix as it does those of the motion.
 #include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
 
 #include "handsim/engine/checks.h"
+#include "handsim/engine/dae/ida.h"
+#include "handsim/engine/dae/integrator.h"
 #include "handsim/engine/multibody/projection.h"
 
 namespace handsim::engine::dae {
@@ -19,161 +27,189 @@ constexpr double kMultiplierTolerance = 1e3;
 /// The rows in use are chosen anew once they are this much less independent than the best ones.
 constexpr double kWornRows = 0.05;
 
-}  // namespace
+class Gear final : public Integrator {
+ public:
+  Gear(System system, const Settings& settings)
+      : system_(std::move(system)), tolerance_(settings.dae().tolerance), step_(settings.step) {}
 
-Gear::Gear(System system, const Settings& settings)
-    : system_(std::move(system)), tolerance_(settings.dae().tolerance), step_(settings.step) {}
-
-void Gear::start(model::State& state) {
-  project_positions(system_, state);
-  project_velocities(system_, state);
-  ida_.reset();
-}
-
-void Gear::restart(const model::State& state) {
-  origin_ = scratch_ = state;
-  ends_ = 0;
-  system_.place_driven(state.time, model::KeySide::after, scratch_);
-  // A drive that sets off with a jerk takes the joints along at once.
-  project_velocities(system_, scratch_);
-  rows_ = independent_rows(system_, scratch_, weakest_);
-  const Accelerations start = accelerations(system_, scratch_, torques_, rows_);
-  const Vector x = system_.positions(scratch_), u = system_.velocities(scratch_);
-  const Index m = static_cast<Index>(rows_.size()), motion = x.size() + u.size();
-  Vector y = Vector::Zero(motion + 2 * m), slope = Vector::Zero(motion + 2 * m);
-  y << x, u, Vector::Zero(2 * m);
-  slope << system_.position_rates(x, u), start.acceleration, start.multipliers, Vector::Zero(m);
-  IdaProblem problem;
-  problem.residual = [this](double t, const Vector& at, const Vector& moving, Vector& out) {
-    residual(t, at, moving, out);
-  };
-  problem.relative = kStepShare * tolerance_;
-  problem.absolute = Vector::Constant(y.size(), kStepShare * tolerance_);
-  problem.absolute.tail(2 * m).setConstant(kMultiplierTolerance);
-  problem.differential = Vector::Ones(y.size());
-  problem.differential.tail(2 * m).setZero();
-  limit_ = system_.next_key(state.time);
-  ida_ = std::make_unique<Ida>(std::move(problem), state.time, y, slope);
-}
-
-void Gear::advance(std::span<const double> torques, double end, model::State& state) {
-  if (!std::equal(torques.begin(), torques.end(), torques_.begin(), torques_.end())) {
-    torques_.assign(torques.begin(), torques.end());
+  void start(model::State& state) override {
+    project_positions(system_, state);
+    project_velocities(system_, state);
     ida_.reset();
   }
-  model::State now = state;
-  try {
-    if (!ida_) restart(now);
-    for (; limit_ <= end; restart(now))
-      read(ida_->advance(limit_, limit_), limit_, model::KeySide::before, now);
-    if (now.time < end) {
-      if (ends_++ == 0) first_end_ = end;
-      read(ida_->advance(end, limit_), end, model::KeySide::before, now);
+
+  /// The integrator runs on from step to step; it starts anew where torques change, at keyframes of drives,
+  /// and where other constraint rows have become the better choice.
+  void advance(std::span<const double> torques, double end, model::State& state) override {
+    if (!std::equal(torques.begin(), torques.end(), torques_.begin(), torques_.end())) {
+      torques_.assign(torques.begin(), torques.end());
+      ida_.reset();
     }
-  } catch (const IdaFailure& failure) {
-    fail(failure);
+    model::State now = state;
+    try {
+      if (!ida_) restart(now);
+      for (; limit_ <= end; restart(now))
+        read(ida_->advance(limit_, limit_), limit_, model::KeySide::before, now);
+      if (now.time < end) {
+        if (ends_++ == 0) first_end_ = end;
+        read(ida_->advance(end, limit_), end, model::KeySide::before, now);
+      }
+    } catch (const IdaFailure& failure) {
+      fail(failure);
+    }
+    system_.copy_bodies(now, state);
+    if (independence(system_, now, rows_) < kWornRows * weakest_) ida_.reset();
   }
-  system_.copy_bodies(now, state);
-  if (independence(system_, now, rows_) < kWornRows * weakest_) ida_.reset();
-}
 
-void Gear::save(ArchiveWriter& out) const {
-  out(torques_);
-  out(ida_ != nullptr);
-  if (!ida_) return;
-  out(ends_);
-  out(first_end_);
-  carry(out, origin_);
-}
-
-void Gear::restore(const model::State& state, ArchiveReader& in) {
-  in(torques_);
-  if (!torques_.empty() && torques_.size() != static_cast<std::size_t>(system_.model().dof_count()))
-    in.refuse(fmt::format("{} torques", torques_.size()), "one for each coordinate");
-  bool runs = false;
-  in(runs);
-  ida_.reset();
-  if (!runs) return;
-  long ends = 0;
-  double end = 0;
-  in(ends);
-  in(end);
-  model::State origin = state;
-  carry(in, origin);
-  require_state(system_.model(), origin);
-  const double past = end + static_cast<double>(ends - 1) * step_;
-  const bool fits = ends == 0 ? origin.time == state.time
-                              : origin.time < end && end <= origin.time + 1.5 * step_ &&
-                                    std::abs(past - state.time) <= 0.5 * step_;
-  if (!(origin.time >= 0 && fits)) in.refuse("a past that does not lead to its state", "one that does");
-  try {
-    restart(origin);
-    first_end_ = end;
-    for (; ends_ < ends; ++ends_, end = next_time(end, step_)) ida_->advance(end, limit_);
-  } catch (const IdaFailure& failure) {
-    fail(failure);
+  /// The integrator's memory is its past since it last started anew: that start and the ends of the steps
+  /// since.
+  void save(ArchiveWriter& out) const override {
+    out(torques_);
+    out(ida_ != nullptr);
+    if (!ida_) return;
+    out(ends_);
+    out(first_end_);
+    carry(out, origin_);
   }
-}
 
-void Gear::read(const Vector& y, double time, model::KeySide side, model::State& state) const {
-  const Index positions = kPoseSize * system_.body_count();
-  state.time = time;
-  system_.place_driven(time, side, state);
-  system_.set_positions(y.head(positions), state);
-  system_.set_velocities(y.segment(positions, kTwistSize * system_.body_count()), state);
-  // The solution is interpolated between steps and good to the tolerance; joints are to be whole.
-  project_positions(system_, state);
-  project_velocities(system_, state);
-}
-
-Vector Gear::joint_force(const Vector& multipliers) const {
-  Vector out = Vector::Zero(kTwistSize * system_.body_count());
-  for (Index i = 0; i < multipliers.size(); ++i)
-    system_.add_transposed(scratch_rows_[static_cast<std::size_t>(rows_[static_cast<std::size_t>(i)])],
-                           multipliers[i], scratch_, out);
-  return out;
-}
-
-void Gear::residual(double t, const Vector& y, const Vector& slope, Vector& out) {
-  const Index nx = kPoseSize * system_.body_count(), nu = kTwistSize * system_.body_count();
-  const Index m = static_cast<Index>(rows_.size());
-  const Vector x = y.head(nx), u = y.segment(nx, nu);
-  system_.place_driven(t, t >= limit_ ? model::KeySide::before : model::KeySide::after, scratch_);
-  system_.set_positions(x, scratch_);
-  system_.set_velocities(u, scratch_);
-  system_.constraints(scratch_, scratch_rows_);
-  const Vector correction = system_.over_mass(joint_force(slope.tail(m)));
-  out.head(nx) = slope.head(nx) - system_.position_rates(x, u + correction);
-  out.segment(nx, nu) = slope.segment(nx, nu) - system_.over_mass(system_.all_forces(scratch_, torques_) -
-                                                                  joint_force(slope.segment(nx + nu, m)));
-  for (Index i = 0; i < m; ++i) {
-    const Row& row = scratch_rows_[static_cast<std::size_t>(rows_[static_cast<std::size_t>(i)])];
-    out[nx + nu + i] = row.value;
-    out[nx + nu + m + i] = rate(row, scratch_);
+  /// Integrates over that past again.
+  void restore(const model::State& state, ArchiveReader& in) override {
+    in(torques_);
+    if (!torques_.empty() && torques_.size() != static_cast<std::size_t>(system_.model().dof_count()))
+      in.refuse(fmt::format("{} torques", torques_.size()), "one for each coordinate");
+    bool runs = false;
+    in(runs);
+    ida_.reset();
+    if (!runs) return;
+    long ends = 0;
+    double end = 0;
+    in(ends);
+    in(end);
+    model::State origin = state;
+    carry(in, origin);
+    require_state(system_.model(), origin);
+    const double past = end + static_cast<double>(ends - 1) * step_;
+    const bool fits = ends == 0 ? origin.time == state.time
+                                : origin.time < end && end <= origin.time + 1.5 * step_ &&
+                                      std::abs(past - state.time) <= 0.5 * step_;
+    if (!(origin.time >= 0 && fits)) in.refuse("a past that does not lead to its state", "one that does");
+    try {
+      restart(origin);
+      first_end_ = end;
+      for (; ends_ < ends; ++ends_, end = next_time(end, step_)) ida_->advance(end, limit_);
+    } catch (const IdaFailure& failure) {
+      fail(failure);
+    }
   }
-}
 
-void Gear::fail(const IdaFailure& failure) const {
-  const Index nx = kPoseSize * system_.body_count(), nu = kTwistSize * system_.body_count();
-  const Index m = static_cast<Index>(rows_.size());
-  std::string where, quantity;
-  if (failure.worst < nx + nu) {
-    const bool position = failure.worst < nx;
-    const Index size = position ? kPoseSize : kTwistSize;
-    const Index within = position ? failure.worst : failure.worst - nx;
-    where = system_.body_name(within / size);
-    const bool linear = within % size < 3;
-    quantity = position ? (linear ? "position [m]" : "rotation")
-                        : (linear ? "velocity [m/s]" : "angular velocity [rad/s]");
-  } else {
-    where = system_.joint_of_row(rows_[static_cast<std::size_t>((failure.worst - nx - nu) % m)]).name;
-    quantity = "joint force [N or N m]";
+ private:
+  void restart(const model::State& state) {
+    origin_ = scratch_ = state;
+    ends_ = 0;
+    system_.place_driven(state.time, model::KeySide::after, scratch_);
+    // Where a drive starts with a velocity the joints move with it at once.
+    project_velocities(system_, scratch_);
+    rows_ = independent_rows(system_, scratch_, weakest_);
+    const Accelerations start = accelerations(system_, scratch_, torques_, rows_);
+    const Vector x = system_.positions(scratch_), u = system_.velocities(scratch_);
+    const Index m = static_cast<Index>(rows_.size()), motion = x.size() + u.size();
+    Vector y = Vector::Zero(motion + 2 * m), slope = Vector::Zero(motion + 2 * m);
+    y << x, u, Vector::Zero(2 * m);
+    slope << system_.position_rates(x, u), start.acceleration, start.multipliers, Vector::Zero(m);
+    IdaProblem problem;
+    problem.residual = [this](double t, const Vector& at, const Vector& moving, Vector& out) {
+      residual(t, at, moving, out);
+    };
+    problem.relative = kStepShare * tolerance_;
+    problem.absolute = Vector::Constant(y.size(), kStepShare * tolerance_);
+    problem.absolute.tail(2 * m).setConstant(kMultiplierTolerance);
+    problem.differential = Vector::Ones(y.size());
+    problem.differential.tail(2 * m).setZero();
+    limit_ = system_.next_key(state.time);
+    ida_ = std::make_unique<Ida>(std::move(problem), state.time, y, slope);
   }
-  throw Error(
-      PhysicsFault{failure.time, where, quantity,
-                   fmt::format("IDA cannot go on at tolerance {:g} ({}): the motion diverges or is not "
-                               "smooth, or the tolerance is too tight",
-                               tolerance_, failure.reason)});
+
+  void read(const Vector& y, double time, model::KeySide side, model::State& state) const {
+    const Index positions = kPoseSize * system_.body_count();
+    state.time = time;
+    system_.place_driven(time, side, state);
+    system_.set_positions(y.head(positions), state);
+    system_.set_velocities(y.segment(positions, kTwistSize * system_.body_count()), state);
+    // The solution is interpolated between steps and good to the tolerance; joints are to be whole.
+    project_positions(system_, state);
+    project_velocities(system_, state);
+  }
+
+  /// G^T multipliers.
+  Vector joint_force(const Vector& multipliers) const {
+    Vector out = Vector::Zero(kTwistSize * system_.body_count());
+    for (Index i = 0; i < multipliers.size(); ++i)
+      system_.add_transposed(scratch_rows_[static_cast<std::size_t>(rows_[static_cast<std::size_t>(i)])],
+                             multipliers[i], scratch_, out);
+    return out;
+  }
+
+  void residual(double t, const Vector& y, const Vector& slope, Vector& out) {
+    const Index nx = kPoseSize * system_.body_count(), nu = kTwistSize * system_.body_count();
+    const Index m = static_cast<Index>(rows_.size());
+    const Vector x = y.head(nx), u = y.segment(nx, nu);
+    system_.place_driven(t, t >= limit_ ? model::KeySide::before : model::KeySide::after, scratch_);
+    system_.set_positions(x, scratch_);
+    system_.set_velocities(u, scratch_);
+    system_.constraints(scratch_, scratch_rows_);
+    const Vector correction = system_.over_mass(joint_force(slope.tail(m)));
+    out.head(nx) = slope.head(nx) - system_.position_rates(x, u + correction);
+    out.segment(nx, nu) = slope.segment(nx, nu) - system_.over_mass(system_.all_forces(scratch_, torques_) -
+                                                                    joint_force(slope.segment(nx + nu, m)));
+    for (Index i = 0; i < m; ++i) {
+      const Row& row = scratch_rows_[static_cast<std::size_t>(rows_[static_cast<std::size_t>(i)])];
+      out[nx + nu + i] = row.value;
+      out[nx + nu + m + i] = rate(row, scratch_);
+    }
+  }
+
+  [[noreturn]] void fail(const IdaFailure& failure) const {
+    const Index nx = kPoseSize * system_.body_count(), nu = kTwistSize * system_.body_count();
+    const Index m = static_cast<Index>(rows_.size());
+    std::string where, quantity;
+    if (failure.worst < nx + nu) {
+      const bool position = failure.worst < nx;
+      const Index size = position ? kPoseSize : kTwistSize;
+      const Index within = position ? failure.worst : failure.worst - nx;
+      where = system_.body_name(within / size);
+      const bool linear = within % size < 3;
+      quantity = position ? (linear ? "position [m]" : "rotation")
+                          : (linear ? "velocity [m/s]" : "angular velocity [rad/s]");
+    } else {
+      where = system_.joint_of_row(rows_[static_cast<std::size_t>((failure.worst - nx - nu) % m)]).name;
+      quantity = "joint force [N or N m]";
+    }
+    throw Error(
+        PhysicsFault{failure.time, where, quantity,
+                     fmt::format("IDA cannot go on at tolerance {:g} ({}): the motion diverges or is not "
+                                 "smooth, or the tolerance is too tight",
+                                 tolerance_, failure.reason)});
+  }
+
+  System system_;
+  double tolerance_;
+  std::vector<double> torques_;
+  std::vector<Index> rows_;  ///< the independent ones
+  double weakest_ = 1;       ///< how independent they were when chosen
+  double limit_ = 0;         ///< next keyframe [s]
+  double step_;              ///< of the engine [s]
+  model::State origin_;      ///< where the integrator last started anew
+  double first_end_ = 0;     ///< of the first step since [s]
+  long ends_ = 0;            ///< steps since
+  std::unique_ptr<Ida> ida_;
+  model::State scratch_;  ///< the residual's
+  std::vector<Row> scratch_rows_;
+};
+
+}  // namespace
+
+std::unique_ptr<Integrator> make_gear(System system, const Settings& settings) {
+  return std::make_unique<Gear>(std::move(system), settings);
 }
 
 }  // namespace handsim::engine::dae

@@ -12,11 +12,11 @@
 
 namespace handsim::engine::dae {
 
-/// IDA gave up.
+/// IDA failed.
 struct IdaFailure {
   double time = 0;     ///< how far it came [s]
   Index worst = 0;     ///< index of the unknown with the largest error, by its weight
-  std::string reason;  ///< in IDA's words
+  std::string reason;  ///< IDA's message
 };
 
 /// F(t, y, y') = 0.

@@ -1,4 +1,4 @@
-#include "handsim/engine/dae/implicit.h"
+#include "handsim/engine/dae/integrator.h"
 
 namespace handsim::engine::dae {
 

@@ -19,12 +19,18 @@ class Integrator {
   virtual void advance(std::span<const double> torques, double end, model::State& state) = 0;
   /// What the steps to come depend on beyond the state.
   virtual void save(ArchiveWriter& out) const = 0;
-  /// Goes on from a state to the bit; touches it not.
+  /// Goes on from a state to the bit; does not change it.
   /// @throws Error (input) for an archive that does not fit
   virtual void restore(const model::State& state, ArchiveReader& in) = 0;
 };
 
-/// The formulation that the settings name.
-std::unique_ptr<Integrator> make_integrator(System system, const Settings& settings);
+std::unique_ptr<Integrator> make_gear(System system, const Settings& settings);
+std::unique_ptr<Integrator> make_penalty(System system);
+std::unique_ptr<Integrator> make_euler(System system, const Settings& settings);
+
+/// The part of the forces that the fixed-step formulations treat implicitly, linearised:
+/// M - a df/du - a b df/dx T for gyroscopic torques and tissue, where new velocities count a times in a
+/// step's momentum and b times in its displacement [s].
+Matrix implicit_mass(const System& system, const model::State& state, double a, double b);
 
 }  // namespace handsim::engine::dae

@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/index.h"
+
 namespace handsim::engine {
 
 namespace {
@@ -20,7 +22,7 @@ constexpr double kRedundantShift = 1e-10;
 /// differences that stand for derivatives are right to 1e-6 of it. Less than the second is rounding [m/s^2 or
 /// rad/s^2].
 constexpr double kMostLeft = 1e-3, kLeastLeft = 1e-6;
-/// Velocities that say nothing of where a start goes [m/s, rad/s].
+/// Velocities below this do not show where a start moves to [m/s, rad/s].
 constexpr double kAtRest = 1e-9;
 
 using Decomposition = Eigen::CompleteOrthogonalDecomposition<Matrix>;
@@ -34,13 +36,13 @@ Decomposition decompose(const Matrix& jacobian) {
 
 Vector values(const std::vector<Row>& rows) {
   Vector out(static_cast<Index>(rows.size()));
-  for (Index i = 0; i < out.size(); ++i) out[i] = rows[static_cast<std::size_t>(i)].value;
+  for (Index i = 0; i < out.size(); ++i) out[i] = rows[at(i)].value;
   return out;
 }
 
 Vector rates(const std::vector<Row>& rows, const model::State& state) {
   Vector out(static_cast<Index>(rows.size()));
-  for (Index i = 0; i < out.size(); ++i) out[i] = rate(rows[static_cast<std::size_t>(i)], state);
+  for (Index i = 0; i < out.size(); ++i) out[i] = rate(rows[at(i)], state);
   return out;
 }
 
@@ -49,7 +51,7 @@ double whole(const System& system, const model::State& state) {
   return kWhole * std::max(1.0, system.positions(state).cwiseAbs().maxCoeff());
 }
 
-[[noreturn]] void stays_apart(const System& system, const model::State& state, const Vector& error) {
+[[noreturn]] void throw_open_joint(const System& system, const model::State& state, const Vector& error) {
   Index worst = 0;
   const double value = error.cwiseAbs().maxCoeff(&worst);
   throw Error(PhysicsFault{
@@ -59,7 +61,26 @@ double whole(const System& system, const model::State& state) {
                   value)});
 }
 
-/// d(G u + g_t)/dt at constant u: by how much the rates would change without accelerations. Central
+/// Corrects the state until the joints are closed. @throws Error (physics) naming a joint that stays apart.
+template <class Correct>
+void close_joints(const System& system, const model::State& state, Correct correct) {
+  std::vector<Row> rows;
+  rows.reserve(static_cast<std::size_t>(system.constraint_count()));
+  double last = INFINITY;
+  for (int i = 0;; ++i) {
+    system.constraints(state, rows);
+    const Vector error = values(rows);
+    const double largest = error.cwiseAbs().maxCoeff();
+    if (i < kMaxCorrections && largest <= whole(system, state)) return;
+    // Written so that NaN fails. Slow progress from afar is fine, none near the end is not.
+    if (i == kMaxCorrections || !(largest < last || i < kMaxCorrections / 2))
+      throw_open_joint(system, state, error);
+    last = largest;
+    correct(rows, error);
+  }
+}
+
+/// d(G u + g_t)/dt at constant u: the change of the rates without accelerations. Central
 /// difference along the motion; its error is (turning speed x interval)^2 of the value.
 Vector rate_drift(const System& system, const model::State& state, const Vector& u,
                   const std::vector<Index>& rows) {
@@ -97,21 +118,10 @@ Matrix unit_rows(Matrix matrix) {
 
 void project_positions(const System& system, model::State& state) {
   if (system.constraint_count() == 0) return;
-  std::vector<Row> rows;
-  double last = INFINITY;
-  for (int i = 0; i < kMaxCorrections; ++i) {
-    system.constraints(state, rows);
-    const Vector error = values(rows);
-    const double largest = error.cwiseAbs().maxCoeff();
-    if (largest <= whole(system, state)) return;
-    // Written so that NaN fails. Slow progress from afar is fine, none near the end is not.
-    if (!(largest < last || i < kMaxCorrections / 2)) stays_apart(system, state, error);
-    last = largest;
+  close_joints(system, state, [&](const std::vector<Row>& rows, const Vector& error) {
     const Matrix scaled = system.scaled(system.jacobian(rows, state));
     system.displace(system.from_scaled(decompose(scaled).solve(-error)), state);
-  }
-  system.constraints(state, rows);
-  stays_apart(system, state, values(rows));
+  });
 }
 
 void project_velocities(const System& system, model::State& state) {
@@ -128,7 +138,7 @@ void project_velocities(const System& system, model::State& state) {
 void close_step(const System& system, const model::State& before, double step, model::State& after) {
   if (system.constraint_count() == 0) return;
   std::vector<Row> rows;
-  rows.reserve(static_cast<std::size_t>(system.constraint_count()));
+  rows.reserve(at(system.constraint_count()));
   system.constraints(before, rows);
   // One factorisation serves all corrections: the directions of the impulses are those of `before` anyway,
   // and within a step joints turn little. The shift makes redundant rows share; it slows, but does not bend.
@@ -136,19 +146,9 @@ void close_step(const System& system, const model::State& before, double step, m
   Matrix gram = scaled * scaled.transpose();
   gram.diagonal() *= 1 + kRedundantShift;
   const Eigen::LLT<Matrix> factors(gram);
-  double last = INFINITY;
-  for (int i = 0; i < kMaxCorrections; ++i) {
-    system.constraints(after, rows);
-    const Vector error = values(rows);
-    const double largest = error.cwiseAbs().maxCoeff();
-    if (largest <= whole(system, after)) return;
-    // Written so that NaN fails.
-    if (!(largest < last || i < kMaxCorrections / 2)) break;
-    last = largest;
+  close_joints(system, after, [&](const std::vector<Row>&, const Vector& error) {
     system.push(system.from_scaled(-(scaled.transpose() * factors.solve(error))), before, step, after);
-  }
-  system.constraints(after, rows);
-  stays_apart(system, after, values(rows));
+  });
 }
 
 void require_regular_start(const model::Model& model, const Settings& settings, const model::State& start) {
@@ -165,7 +165,7 @@ void require_regular_start(const model::Model& model, const Settings& settings, 
       if (u.norm() <= kAtRest) continue;
       island.set_velocities(u / u.norm(), state);
     }
-    std::vector<Index> all(static_cast<std::size_t>(island.constraint_count()));
+    std::vector<Index> all(at(island.constraint_count()));
     std::iota(all.begin(), all.end(), Index{0});
     const Vector drift = rate_drift(island, state, island.velocities(state), all);
     std::vector<Row> rows;

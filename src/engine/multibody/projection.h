@@ -1,5 +1,5 @@
 // Back onto the constraints: the nearest positions (in the metric of the masses) at which every joint is
-// whole, the nearest velocities that keep it so, and the accelerations that go with them. Least squares,
+// closed, the nearest velocities that keep it so, and the accelerations that go with them. Least squares,
 // so redundant constraints are welcome as long as they agree.
 #pragma once
 
@@ -11,7 +11,7 @@ namespace handsim::engine {
 inline constexpr double kWhole = 1e-13;
 
 /// Moves the island's bodies until every constraint error is below kWhole of the largest coordinate or 1.
-/// @throws Error (physics) naming the joint that stays apart.
+/// @throws Error (physics) naming the joint that stays open.
 void project_positions(const System& system, model::State& state);
 
 /// Changes the velocities as an impulse would until no constraint error grows.
@@ -20,7 +20,7 @@ void project_velocities(const System& system, model::State& state);
 /// Closes the joints at the end of a step from `before` to `after` [s long] by impulses of the joints as they
 /// stood in `before`: positions move by what the impulses do within the step, velocities change with them.
 /// That is SHAKE (Ryckaert, Ciccotti & Berendsen 1977, J Comput Phys 23:327) in the metric of the masses.
-/// @throws Error (physics) naming the joint that stays apart.
+/// @throws Error (physics) naming the joint that stays open.
 void close_step(const System& system, const model::State& before, double step, model::State& after);
 
 /// Refuses a start in which joints let the bodies start to move, as their velocities or else gravity and

@@ -24,7 +24,7 @@ struct Sides {
   }
 };
 
-/// The gap's part along a direction. @param turning the direction turns with the parent
+/// The gap's part along a direction. @param turning the direction rotates with the parent
 Row along(const Sides& sides, const Vec3& direction, bool turning) {
   Row row{sides.parent, sides.child, direction.dot(sides.gap)};
   const Vec3 arm = turning ? Vec3(sides.r_parent + sides.gap) : sides.r_parent;

@@ -32,8 +32,8 @@ System::System(const model::Model& model, const Settings& settings, std::vector<
       slot_of_(model.bodies.size(), kNoSlot),
       joints_(std::move(joints)) {
   for (const int index : bodies_) {
-    slot_of_[static_cast<std::size_t>(index)] = static_cast<Index>(mass_.size());
-    const model::Body& each = model.bodies[static_cast<std::size_t>(index)];
+    slot_of_[at(index)] = static_cast<Index>(mass_.size());
+    const model::Body& each = model.bodies[at(index)];
     mass_.push_back(each.mass);
     inertia_.push_back(each.inertia);
     inverse_inertia_.push_back(each.inertia.inverse());
@@ -46,30 +46,28 @@ System::System(const model::Model& model, const Settings& settings, std::vector<
 }
 
 const model::BodyState& System::body(const model::State& state, Index slot) const {
-  return state.bodies[static_cast<std::size_t>(bodies_[at(slot)])];
+  return state.bodies[at(bodies_[at(slot)])];
 }
 
 model::BodyState& System::body(model::State& state, Index slot) const {
-  return state.bodies[static_cast<std::size_t>(bodies_[at(slot)])];
+  return state.bodies[at(bodies_[at(slot)])];
 }
 
-const std::string& System::body_name(Index slot) const {
-  return model_.bodies[static_cast<std::size_t>(bodies_[at(slot)])].name;
-}
+const std::string& System::body_name(Index slot) const { return model_.bodies[at(bodies_[at(slot)])].name; }
 
 void System::place_driven(double time, model::KeySide side, model::State& state) const {
   if (!settings_.effects.has(model::Effect::wrist_motion)) return;
   for (const model::Drive& drive : model_.drives) {
     const Pose x_WD = drive.motion.at(time);
     set_driven(x_WD * drive.frame.inverse(), x_WD, drive.motion.rate(time, side),
-               state.bodies[static_cast<std::size_t>(drive.body)]);
+               state.bodies[at(drive.body)]);
   }
 }
 
-void System::aim_driven(double end, double step, model::State& state) const {
+void System::set_driven_velocities(double end, double step, model::State& state) const {
   if (!settings_.effects.has(model::Effect::wrist_motion)) return;
   for (const model::Drive& drive : model_.drives) {
-    model::BodyState& now = state.bodies[static_cast<std::size_t>(drive.body)];
+    model::BodyState& now = state.bodies[at(drive.body)];
     const Pose then = drive.motion.at(end) * drive.frame.inverse();
     now.v = (then.p - now.p) / step;
     now.w = rotation_vector(then.q * now.q.conjugate()) / step;
@@ -172,7 +170,7 @@ Matrix System::jacobian(const std::vector<Row>& rows, const model::State& state)
 
 void System::add_transposed(const Row& row, double scale, const model::State& state, Vector& out) const {
   const auto add = [&](int index, const Vec3& v, const Vec3& w) {
-    const Index slot = slot_of_[static_cast<std::size_t>(index)];
+    const Index slot = slot_of_[at(index)];
     if (slot == kNoSlot) return;
     out.segment<3>(kTwistSize * slot) += scale * v;
     out.segment<3>(kTwistSize * slot + 3) += scale * (body(state, slot).q.conjugate() * w);
@@ -198,7 +196,7 @@ Vector System::forces(const model::State& state, std::span<const double> torques
   if (torques.empty()) return out;
   for (const model::Joint* joint : joints_)
     for (int k = 0; k < dof_count(joint->kind); ++k) {
-      const double torque = torques[static_cast<std::size_t>(joint->first_dof) + static_cast<std::size_t>(k)];
+      const double torque = torques[at(joint->first_dof) + at(k)];
       if (torque != 0) add_transposed(coordinate_row(*joint, k, state), torque, state, out);
     }
   return out;
@@ -276,19 +274,16 @@ Matrix System::scaled(const Matrix& jacobian) const {
 }
 
 std::vector<System> islands(const model::Model& model, const Settings& settings) {
-  const auto moves = [&](int body) {
-    return !model.bodies[static_cast<std::size_t>(body)].kinematic && body != model::kWorld;
-  };
+  const auto moves = [&](int body) { return !model.bodies[at(body)].kinematic && body != model::kWorld; };
   // Each body points to one of its island; joints between moving bodies make islands one.
   std::vector<int> root(model.bodies.size());
   std::iota(root.begin(), root.end(), 0);
   const auto find = [&](int body) {
-    while (root[static_cast<std::size_t>(body)] != body) body = root[static_cast<std::size_t>(body)];
+    while (root[at(body)] != body) body = root[at(body)];
     return body;
   };
   for (const model::Joint& joint : model.joints)
-    if (moves(joint.parent) && moves(joint.child))
-      root[static_cast<std::size_t>(find(joint.child))] = find(joint.parent);
+    if (moves(joint.parent) && moves(joint.child)) root[at(find(joint.child))] = find(joint.parent);
   std::vector<System> out;
   const int bodies = static_cast<int>(model.bodies.size());
   for (int island = 1; island < bodies; ++island) {

@@ -1,4 +1,4 @@
-// One island of a model (bodies that joints tie together, apart from what is told how to move) as a
+// One island of a model (bodies that joints connect; bodies with prescribed motion do not count) as a
 // differential-algebraic system in maximal coordinates:
 //   x' = T(x) u,  M u' = f(x, u, t) - G(x, t)^T lambda,  g(x, t) = 0,  G u + g_t = 0.
 // x holds p (world) and q (unit quaternion x, y, z, w) of each body, u its v in world axes and w in body
@@ -33,7 +33,8 @@ struct TissueRow {
 
 class System {
  public:
-  /// @param bodies indices of the island's bodies; @param joints its joints, to each other and to told ones.
+  /// @param bodies indices of the island's bodies; @param joints its joints, to each other and to bodies with
+  /// prescribed motion.
   System(const model::Model& model, const Settings& settings, std::vector<int> bodies,
          std::vector<const model::Joint*> joints);
 
@@ -45,7 +46,7 @@ class System {
   void place_driven(double time, model::KeySide side, model::State& state) const;
   /// Gives driven bodies the constant velocities that bring them from where they are to where their drives
   /// have them `step` later, at `end`.
-  void aim_driven(double end, double step, model::State& state) const;
+  void set_driven_velocities(double end, double step, model::State& state) const;
   /// The first keyframe of a drive after a time [s]; infinite where there is none.
   double next_key(double time) const;
 

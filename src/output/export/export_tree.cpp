@@ -1,23 +1,17 @@
 #include "handsim/output/export/export_tree.h"
 
+#include <algorithm>
+
 #include <fmt/format.h>
+
+#include "handsim/core/index.h"
 
 namespace handsim::output {
 
-std::vector<std::vector<int>> children_of(const model::Model& model) {
-  std::vector<std::vector<int>> out(model.bodies.size());
-  for (std::size_t i = 0; i < model.joints.size(); ++i)
-    if (!model.joints[i].closes_loop)
-      out[static_cast<std::size_t>(model.joints[i].parent)].push_back(static_cast<int>(i));
-  return out;
-}
-
-std::vector<int> holder_of(const model::Model& model) {
-  std::vector<int> out(model.bodies.size(), -1);
-  for (std::size_t i = 0; i < model.joints.size(); ++i)
-    if (!model.joints[i].closes_loop)
-      out[static_cast<std::size_t>(model.joints[i].child)] = static_cast<int>(i);
-  return out;
+bool has_parent(const model::Model& model, std::size_t body) {
+  return std::any_of(model.joints.begin(), model.joints.end(), [&](const model::Joint& joint) {
+    return !joint.closes_loop && at(joint.child) == body;
+  });
 }
 
 std::string numbers(const Vec3& v) { return fmt::format("{:.17g} {:.17g} {:.17g}", v.x(), v.y(), v.z()); }

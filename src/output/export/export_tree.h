@@ -1,19 +1,15 @@
-// A model's joints as a tree for file formats that know only trees: which body hangs on which, in the model's
-// order. Not for users.
+// What the exporters share. Not for users.
 #pragma once
 
 #include <string>
-#include <vector>
 
 #include "handsim/core/error.h"
 #include "handsim/model/model.h"
 
 namespace handsim::output {
 
-/// Body of the model -> indices of the joints that hang children on it, loop-closing ones excepted.
-std::vector<std::vector<int>> children_of(const model::Model& model);
-/// Body of the model -> the joint it hangs on, or -1.
-std::vector<int> holder_of(const model::Model& model);
+/// Whether a joint that closes no loop ties the body to a parent.
+bool has_parent(const model::Model& model, std::size_t body);
 /// `x y z` with all digits.
 std::string numbers(const Vec3& v);
 /// `w x y z`, as MuJoCo has it.

@@ -1,4 +1,4 @@
-#include "handsim/output/export/mjcf.h"
+#include "handsim/output/export/export.h"
 
 #include <algorithm>
 #include <cmath>
@@ -22,11 +22,7 @@ constexpr double kPlaneSpacing = 0.1;  ///< of the grid that MuJoCo draws [m]
 class MjcfWriter {
  public:
   MjcfWriter(const model::Model& model, const engine::Settings& settings)
-      : model_(model),
-        settings_(settings),
-        children_(children_of(model)),
-        holder_(holder_of(model)),
-        start_(model::initial_state(model)) {}
+      : model_(model), settings_(settings), start_(model::initial_state(model)) {}
 
   std::string run() {
     check();
@@ -38,8 +34,8 @@ class MjcfWriter {
     line("  <worldbody>");
     shapes(model::kWorld, 4);
     for (std::size_t i = 1; i < model_.bodies.size(); ++i)
-      if (holder_[i] < 0) root(static_cast<int>(i));
-    for (const int joint : children_[model::kWorld]) child(joint, 4);
+      if (!has_parent(model_, i)) root(static_cast<int>(i));
+    children(model::kWorld, 4);
     line("  </worldbody>");
     exclusions();
     loops();
@@ -83,7 +79,7 @@ class MjcfWriter {
         body.mass, numbers(I.diagonal()), I(0, 1), I(0, 2), I(1, 2)));
   }
 
-  /// A body that hangs on nothing.
+  /// A body without a parent.
   void root(int index) {
     const model::BodyState& body = start_.bodies[at(index)];
     open(index, body.pose(), 4);
@@ -95,27 +91,31 @@ class MjcfWriter {
     close(index, 4);
   }
 
-  void child(int joint_index, int indent) {
-    const model::Joint& joint = model_.joints[at(joint_index)];
+  void children(int body, int indent) {
+    for (const model::Joint& joint : model_.joints)
+      if (!joint.closes_loop && joint.parent == body) child(joint, indent);
+  }
+
+  void child(const model::Joint& joint, int indent) {
     const Pose zero = joint.parent_frame * joint.child_frame.inverse();
     open(joint.child, zero, indent);
-    if (!model_.bodies[at(joint.child)].kinematic) hang(joint, indent + 2);
+    if (!model_.bodies[at(joint.child)].kinematic) add_joint(joint, indent + 2);
     close(joint.child, indent);
   }
 
   void close(int index, int indent) {
     shapes(index, indent + 2);
-    for (const int joint : children_[at(index)]) child(joint, indent + 2);
+    children(index, indent + 2);
     line(std::string(at(indent), ' ') + "</body>");
   }
 
-  void hang(const model::Joint& joint, int indent) {
+  void add_joint(const model::Joint& joint, int indent) {
     const std::string in(at(indent), ' ');
     const double *q = start_.q.data() + joint.first_dof, *u = start_.u.data() + joint.first_dof;
     if (joint.kind == JointKind::ball) {
       line(fmt::format("{}<joint name=\"{}\" type=\"ball\" pos=\"{}\"/>", in, attribute(joint.name),
                        numbers(joint.child_frame.p)));
-      // MuJoCo turns the body's own axes, and has rates in them.
+      // MuJoCo's ball joint rotates the body's own axes, and has rates in them.
       const Quat q_FM = rotation_quaternion({q[0], q[1], q[2]});
       const Quat& q_CM = joint.child_frame.q;
       positions_ += " " + wxyz(q_CM * q_FM * q_CM.conjugate());
@@ -233,8 +233,6 @@ class MjcfWriter {
 
   const model::Model& model_;
   const engine::Settings& settings_;
-  std::vector<std::vector<int>> children_;
-  std::vector<int> holder_;
   model::State start_;
   std::string out_, motors_, positions_, velocities_;
 };

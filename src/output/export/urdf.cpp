@@ -1,4 +1,4 @@
-#include "handsim/output/export/urdf.h"
+#include "handsim/output/export/export.h"
 
 #include <cmath>
 
@@ -40,12 +40,11 @@ class UrdfWriter {
     check();
     line("<?xml version=\"1.0\"?>\n<robot name=\"handsim\">");
     for (std::size_t i = 0; i < model_.bodies.size(); ++i) link(static_cast<int>(i));
-    const std::vector<int> holder = holder_of(model_);
     for (std::size_t i = 1; i < model_.bodies.size(); ++i)
-      if (holder[i] < 0)
+      if (!has_parent(model_, i))
         joint(model_.bodies[i].name + ".world", model_.bodies[i].kinematic ? "fixed" : "floating", "world",
               model_.bodies[i].name, start_.bodies[i].pose(), "");
-    for (const model::Joint& each : model_.joints) hang(each);
+    for (const model::Joint& each : model_.joints) add_joints(each);
     line("</robot>");
     return std::move(out_);
   }
@@ -124,7 +123,7 @@ class UrdfWriter {
         attribute(name), type, origin(pose), attribute(parent), attribute(child), more));
   }
 
-  void hang(const model::Joint& each) {
+  void add_joints(const model::Joint& each) {
     const std::string& child = model_.bodies[at(each.child)].name;
     // F in the parent's link frame.
     Pose at_parent = in_link(each.parent) * each.parent_frame;

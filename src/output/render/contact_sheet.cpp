@@ -190,8 +190,6 @@ ContactSheet::ContactSheet(const SheetFormat& format) {
 }
 
 ContactSheet::~ContactSheet() = default;
-ContactSheet::ContactSheet(ContactSheet&&) noexcept = default;
-ContactSheet& ContactSheet::operator=(ContactSheet&&) noexcept = default;
 
 void ContactSheet::add(const Image& image, const std::string& caption) {
   const SheetFormat& format = page_->format;

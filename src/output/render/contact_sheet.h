@@ -25,8 +25,6 @@ class ContactSheet {
   /// @throws Error (input) for a format out of range, or a page too large for memory.
   explicit ContactSheet(const SheetFormat& format);
   ~ContactSheet();
-  ContactSheet(ContactSheet&&) noexcept;
-  ContactSheet& operator=(ContactSheet&&) noexcept;
 
   /// Puts a picture into the next cell. @param caption e.g. `t = 0.25 s`, UTF-8.
   /// @throws Error (input) for a picture of another size than the format's, or one too many.

@@ -3,13 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <limits>
+
+#include "handsim/model/shape_extent.h"
 
 namespace handsim::output {
 
 namespace {
-
-using model::Part;
 
 /// Linear components of an sRGB colour 0xRRGGBB (IEC 61966-2-1).
 Colour from_srgb(std::uint32_t hex) {
@@ -20,31 +21,13 @@ Colour from_srgb(std::uint32_t hex) {
   return {linear(16), linear(8), linear(0)};
 }
 
-/// The fingers follow Okabe & Ito's palette (2008), which the colour-blind tell apart too; neighbours also
-/// differ in lightness.
-Colour colour(Part part) {
-  switch (part) {
-    case Part::palm:
-      return from_srgb(0xE9D3BB);
-    case Part::thumb:
-      return from_srgb(0xD9552B);
-    case Part::index:
-      return from_srgb(0xF0AE2E);
-    case Part::middle:
-      return from_srgb(0x159C76);
-    case Part::ring:
-      return from_srgb(0x2274BD);
-    case Part::little:
-      return from_srgb(0xB86BB4);
-    case Part::object:
-      return from_srgb(0x66737F);
-    case Part::ground:
-      return from_srgb(0xDDDDDA);
-    case Part::mechanism:
-      return from_srgb(0x9DB0BF);
-  }
-  return {};
-}
+/// By model::Part, in its order. The fingers follow Okabe & Ito's palette (2008), which the colour-blind tell
+/// apart too; neighbours also differ in lightness.
+constexpr std::uint32_t kPartColours[] = {0xE9D3BB, 0xD9552B, 0xF0AE2E, 0x159C76, 0x2274BD,
+                                          0xB86BB4, 0x66737F, 0xDDDDDA, 0x9DB0BF};
+static_assert(std::size(kPartColours) == static_cast<std::size_t>(model::Part::mechanism) + 1);
+
+Colour colour(model::Part part) { return from_srgb(kPartColours[static_cast<std::size_t>(part)]); }
 
 Colour axis_colour(std::size_t axis) { return from_srgb(axis == 0 ? 0x22282E : 0xC4123F); }
 
@@ -105,6 +88,36 @@ DrawArrow axis_arrow(const model::Model& model, const model::State& state, const
 }
 
 }  // namespace
+
+Solid solid(const model::Shape& shape, const Pose& x_WS) {
+  if (shape.kind == model::ShapeKind::convex_mesh) {
+    Vec3 half = Vec3::Zero();
+    for (const Vec3& vertex : shape.mesh->vertices) half = half.cwiseMax(vertex.cwiseAbs());
+    return {Core::hull, half, 0, x_WS, shape.mesh};
+  }
+  const model::Extent extent = model::extent(shape);
+  const Core core = shape.kind == model::ShapeKind::cylinder ? Core::cylinder : Core::box;
+  return {core, extent.half, extent.round, x_WS};
+}
+
+Solid bevelled(Solid exact) {
+  if (exact.core == Core::hull) return exact;
+  const double bevel = 0.12 * exact.half.minCoeff();
+  exact.half -= Vec3::Constant(bevel);
+  exact.round += bevel;
+  return exact;
+}
+
+bool is_capsule(const Solid& solid) { return solid.half.x() <= 0 && solid.half.y() <= 0; }
+
+double support(const Solid& solid, const Vec3& n) {
+  const Vec3 m = solid.pose.q.conjugate() * n;
+  if (solid.core == Core::hull) return n.dot(solid.pose.p) + solid.mesh->support(m);
+  const double core = solid.core == Core::box
+                          ? solid.half.dot(m.cwiseAbs())
+                          : solid.half.x() * m.head<2>().norm() + solid.half.z() * std::abs(m.z());
+  return n.dot(solid.pose.p) + core + solid.round * n.norm();
+}
 
 DrawList draw_list(const model::Model& model, const model::State& state, const DrawOptions& options) {
   DrawList list;

@@ -3,15 +3,48 @@
 #pragma once
 
 #include <array>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "handsim/model/model.h"
 #include "handsim/model/state.h"
 #include "handsim/model/view.h"
-#include "handsim/output/render/solid.h"
 
 namespace handsim::output {
+
+// The convex solid behind a drawn shape: a core (box or cylinder, possibly flat to a line or a point) grown
+// by a radius. One form for all kinds serves meshes, shadows, bounds and the framing of cameras.
+enum class Core { box, cylinder, hull };
+
+/// All points within `round` of the core, which lies about the origin of `pose`. A hull is that of its mesh,
+/// with no rounding; where only size counts, the box about it stands for it.
+struct Solid {
+  Core core = Core::box;
+  Vec3 half = Vec3::Zero();  ///< half edges of the core [m]; cylinder: (radius, radius, half height);
+                             ///< hull: of the box about it, as far as it reaches from the centroid
+  double round = 0;          ///< [m]
+  Pose pose;                 ///< X_WS
+  std::shared_ptr<const model::ConvexMesh> mesh = {};  ///< of a hull
+
+  /// Half its smallest full extent [m].
+  double thickness() const { return round + half.minCoeff(); }
+  /// Radius about its origin that holds all of it [m].
+  double reach() const { return half.norm() + round; }
+};
+
+/// The exact solid of a shape that stands at x_WS.
+Solid solid(const model::Shape& shape, const Pose& x_WS);
+/// The same with its edges rounded by 6% of its thickness, so that edges show. It lies
+/// inside the exact one.
+Solid bevelled(Solid exact);
+
+/// Is its core a line or a point (a capsule or a sphere)?
+bool is_capsule(const Solid& solid);
+
+/// Largest n . x over the solid, x in the world (support function; n need not be unit) [m].
+double support(const Solid& solid, const Vec3& n);
 
 /// Linear colour components 0..1.
 struct Colour {
@@ -29,7 +62,7 @@ struct DrawArrow {
   Vec3 to = Vec3::Zero();
   double radius = 0.001;  ///< of the shaft [m]
   Colour colour;
-  bool on_top = false;  ///< seen through whatever stands before it
+  bool on_top = false;  ///< visible through whatever stands before it
 };
 
 struct DrawPoint {
@@ -79,7 +112,7 @@ Bounds bounds(const DrawList& list);
 /// A camera on the named side of `hand_frame` (X_WH; x ulnar, y distal, z dorsal on a right hand) that
 /// sees all lists that are added (not the ground) with a margin of 7% of the half picture, as close as that
 /// allows. `side` turns radial to the thumb's side. Up is distal (dorsal, palmar), dorsal (radial) or the
-/// world's z (three_quarter, which looks on the back of the hand from the fingertips, never from below the
+/// world's z (three_quarter, from the fingertips onto the back of the hand, never from below the
 /// horizon).
 class Framing {
  public:

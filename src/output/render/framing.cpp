@@ -78,7 +78,7 @@ Camera Framing::camera() const {
   camera.field_of_view = kFieldOfView;
   camera.up = y_;
   if (!std::isfinite(front)) {
-    // Nothing to see: the place where a hand would be.
+    // An empty list: the place where a hand would be.
     camera.target = hand_frame_ * Vec3(0, 0.09, 0);
     camera.position = camera.target + 0.6 * z_;
     return camera;

@@ -1,5 +1,5 @@
-// OpenGL 3.3 declarations and the few wrappers the renderer needs. Objects live and die with the context
-// of their Canvas, so nothing here frees anything.
+// OpenGL 3.3 without a display (OSMesa), and the few wrappers the renderer needs. Objects live and die with
+// the context of their Canvas, so nothing else here frees anything.
 #pragma once
 
 #ifndef GL_GLEXT_PROTOTYPES
@@ -9,9 +9,31 @@
 #include <GL/glext.h>
 
 #include <Eigen/Core>
+#include <array>
+#include <memory>
 #include <vector>
 
+struct osmesa_context;
+
 namespace handsim::output {
+
+/// An off-screen OpenGL 3.3 core context. Drawing goes to frame buffer objects; the context's own buffer is
+/// never shown.
+class Canvas {
+ public:
+  /// Creates the context and makes it current. @throws Error (input) where there is none to be had.
+  Canvas();
+  Canvas(const Canvas&) = delete;
+  Canvas& operator=(const Canvas&) = delete;
+
+  /// Sends the OpenGL calls of this thread to this context.
+  void make_current();
+
+ private:
+  static constexpr int kEdge = 16;
+  std::array<unsigned char, 4UL * kEdge * kEdge> buffer_{};
+  std::unique_ptr<osmesa_context, void (*)(osmesa_context*)> context_;
+};
 
 /// OpenGL goes on after an error, a lack of memory among them. @throws Error where there was one.
 void require_no_error();

@@ -25,7 +25,7 @@ struct Image {
 void require_pictures();
 
 /// Writes a PNG; the file appears under its name only when complete.
-/// @throws Error (input) where the path cannot be written, Error (output) where the disk takes no more.
+/// @throws Error (input) where the path cannot be written, Error (output) where the disk is full.
 void write_png(const Image& image, const std::filesystem::path& path);
 
 }  // namespace handsim::output

@@ -78,8 +78,8 @@ std::vector<double> supports(const Solid& solid, const std::vector<Vec3>& across
   return out;
 }
 
-/// Can `other` take key light or sky from the solid with supports `mine`? Never says no wrongly: a plane
-/// that parts them by more than the half shadow and the sky's reach proves it.
+/// Can `other` take key light or sky from the solid with supports `mine`? `false` is certain: then a plane
+/// separates them by more than the half shadow and the sky's reach.
 bool shades(const std::vector<double>& theirs, const std::vector<double>& mine, double sky_reach) {
   const std::size_t count = mine.size() - 2;
   // Positive: the occluder lies that far up the light from the receiver's lowest point.
@@ -130,7 +130,7 @@ struct Rectangle {
   }
 };
 
-/// Where the solid's shadow and its closeness can be seen on the ground.
+/// The part of the ground that the solid's shadow or its closeness darkens.
 Rectangle shade_of(const Solid& solid, double ground, const Vec3& to_key) {
   Eigen::Array2d low, high;
   for (int i = 0; i < 2; ++i) {

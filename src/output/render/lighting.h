@@ -10,7 +10,7 @@
 
 namespace handsim::output {
 
-/// What takes light away, in rows as the shaders read them.
+/// Solids that take light away, in rows as the shaders read them.
 struct Occluders {
   /// Two rows each: (one end of the axis, radius), (from there to the other end, 0).
   std::vector<Eigen::Vector4f> capsules;
@@ -42,7 +42,7 @@ struct Ground {
 
 /// One picture's worth of geometry and light.
 struct Scene {
-  /// @throws Error (input) for a camera that looks nowhere or has no field of view.
+  /// @throws Error (input) for a camera without a direction or a field of view.
   Scene(const DrawList& drawn, const Camera& from, double aspect);
 
   const DrawList* list;

@@ -9,7 +9,6 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
-#include "handsim/output/render/canvas.h"
 #include "handsim/output/render/gl.h"
 #include "handsim/output/render/lighting.h"
 #include "handsim/output/render/mesh.h"
@@ -334,11 +333,6 @@ void Renderer::Impl::read(const Tile& tile, Image& image) {
 
 Renderer::Renderer(int width, int height) : impl_(std::make_unique<Impl>(width, height)) {}
 Renderer::~Renderer() = default;
-Renderer::Renderer(Renderer&&) noexcept = default;
-Renderer& Renderer::operator=(Renderer&&) noexcept = default;
-
 Image Renderer::draw(const DrawList& list, const Camera& camera) { return impl_->draw(list, camera); }
-
-int Renderer::contexts_created() { return Canvas::created(); }
 
 }  // namespace handsim::output

@@ -14,17 +14,12 @@ class Renderer {
   /// @throws Error (input) where no off-screen context can be made or the size is out of 16..8192.
   Renderer(int width, int height);
   ~Renderer();
-  Renderer(Renderer&&) noexcept;
-  Renderer& operator=(Renderer&&) noexcept;
 
   /// The picture of the list. The key light stands over the camera's left shoulder, high above a ground; a
   /// ground seen from below is left out; its coarse grid lines are a power of ten apart (0.1 m about a
   /// hand) with five cells between. The same list and camera give the same bytes on the same machine.
-  /// @throws Error (input) for a camera that looks nowhere or has a field of view out of 0..3 rad.
+  /// @throws Error (input) for a camera without a direction or with a field of view out of 0..3 rad.
   Image draw(const DrawList& list, const Camera& camera);
-
-  /// How many contexts this process has created (a run without pictures leaves it alone).
-  static int contexts_created();
 
  private:
   struct Impl;

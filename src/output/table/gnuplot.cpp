@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Whether a PNG or SVG file has its end: gnuplot says nothing of what it could not write.
+/// Whether a PNG or SVG file has its end: gnuplot does not report files that it could not complete.
 bool is_whole(const fs::path& path) {
   constexpr std::string_view kPngEnd("IEND\xae\x42\x60\x82", 8), kSvgEnd = "</svg>";
   const std::string_view end = path.extension() == ".png" ? kPngEnd : kSvgEnd;

@@ -37,13 +37,13 @@ double contacts_of(const scene::Scene& scene) {
          kObjectContacts * static_cast<double>(scene.plans.objects.size());
 }
 
-/// Free where a path is or will be; nothing where the system does not say.
+/// Free where a path is or will be; nothing where the system does not report it.
 std::optional<double> free_bytes(const std::filesystem::path& path) {
   std::error_code failure;
   std::filesystem::path at = std::filesystem::absolute(path, failure);
   while (!std::filesystem::exists(at, failure) && at.has_relative_path()) at = at.parent_path();
   struct statvfs room {};
-  // Some file systems that are no disks say 0 blocks.
+  // Some file systems that are no disks report 0 blocks.
   if (::statvfs(at.c_str(), &room) != 0 || room.f_blocks == 0) return std::nullopt;
   return static_cast<double>(room.f_bavail) * static_cast<double>(room.f_frsize);
 }

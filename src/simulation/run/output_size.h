@@ -33,7 +33,7 @@ OutputSize output_size(const scene::Scene& scene, long first, long last, int fra
 
 /// Refuses what does not fit: the free space where `out` is or is to be, the largest file that the system
 /// allows, the memory that pictures keep.
-/// @returns what to say of a run that writes more than 1 GB, otherwise nothing.
+/// @returns a note on a run that writes more than 1 GB, otherwise nothing.
 /// @throws Error (input) naming the estimate, the room and the `record.every` that would fit.
 std::optional<std::string> check_room(const scene::Scene& scene, const OutputSize& size,
                                       const std::filesystem::path& out);

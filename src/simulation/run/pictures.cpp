@@ -11,7 +11,7 @@ namespace handsim::simulation {
 
 namespace {
 
-/// Gap between the lowest point of all snapshots and the floor below it [m].
+/// Gap between the lowest point of all moments and the floor below it [m].
 constexpr double kFloorClearance = 0.01;
 constexpr double kContactPointRadius = 0.0025;
 constexpr double kForceRadius = 0.0012;
@@ -25,8 +25,8 @@ Vec3 shown_force(const model::Model& model, const engine::Contact& contact) {
   return on_b || a.body == model::kWorld ? Vec3(-contact.force) : contact.force;
 }
 
-output::DrawList list_of(const model::Model& model, const scene::PictureSpec& pictures,
-                         const Snapshot& moment, std::optional<double> scale) {
+output::DrawList list_of(const model::Model& model, const scene::PictureSpec& pictures, const Moment& moment,
+                         std::optional<double> scale) {
   output::DrawList list = output::draw_list(model, moment.state, {pictures.joint_axes});
   if (scale)
     for (const engine::Contact& contact : moment.contacts)
@@ -70,14 +70,14 @@ output::Camera framed_camera(const model::Model& model, const scene::PictureSpec
 
 }  // namespace
 
-Snapshot snapshot(const engine::Engine& engine) {
+Moment moment_of(const engine::Engine& engine) {
   return {engine.state(), {engine.contacts().begin(), engine.contacts().end()}};
 }
 
-std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<const Snapshot> snapshots) {
+std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<const Moment> moments) {
   if (!pictures.contact_forces) return std::nullopt;
   double largest = 0;
-  for (const Snapshot& moment : snapshots)
+  for (const Moment& moment : moments)
     for (const engine::Contact& contact : moment.contacts) largest = std::max(largest, contact.force.norm());
   if (!(largest > 0)) return std::nullopt;
   // 1, 2 or 5 times a power of ten.
@@ -87,13 +87,13 @@ std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<
   return decade * (share >= 5 ? 5 : share >= 2 ? 2 : 1);
 }
 
-void draw(const model::Model& model, const scene::PictureSpec& pictures, std::span<const Snapshot> snapshots,
+void draw(const model::Model& model, const scene::PictureSpec& pictures, std::span<const Moment> moments,
           const std::function<void(std::size_t, const output::Image&)>& take) {
-  if (snapshots.empty()) return;
-  const std::optional<double> scale = force_scale(pictures, snapshots);
+  if (moments.empty()) return;
+  const std::optional<double> scale = force_scale(pictures, moments);
   std::vector<output::DrawList> lists;
   double lowest = std::numeric_limits<double>::infinity();
-  for (const Snapshot& moment : snapshots) {
+  for (const Moment& moment : moments) {
     lists.push_back(list_of(model, pictures, moment, scale));
     lowest = std::min(lowest, output::bounds(lists.back()).low.z());
   }
@@ -106,7 +106,7 @@ void draw(const model::Model& model, const scene::PictureSpec& pictures, std::sp
   }
 }
 
-output::Image draw(const scene::Scene& scene, const Snapshot& moment) {
+output::Image draw(const scene::Scene& scene, const Moment& moment) {
   output::Image out;
   draw(scene.model, scene.spec.pictures, std::span(&moment, 1),
        [&](std::size_t, const output::Image& image) { out = image; });

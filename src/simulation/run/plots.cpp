@@ -14,8 +14,21 @@ namespace {
 
 constexpr const char* kRemedy = "gnuplot (apt-get install gnuplot-nox), or a run without --plots";
 
-/// What a plot shows of each axis.
-enum class What { angles, errors, torques };
+struct PlotKind {
+  const char* file;
+  const char* title;
+  const char* axis;
+  /// What is drawn of a joint axis: columns {0} target, {1} angle and {2} torque of control.sto (OpenSim's
+  /// header has six lines, then the labels), {3} colour, {4} title.
+  const char* curve;
+};
+constexpr PlotKind kKinds[] = {{"angles", "joint angles; dashed: targets", "angle [deg]",
+                                "data skip 7 using 1:{1} with lines lw 1.6 lc rgb '{3}' title '{4}', "
+                                "data skip 7 using 1:{0} with lines dt 2 lw 1.2 lc rgb '#202020' notitle"},
+                               {"errors", "target minus angle", "error [deg]",
+                                "data skip 7 using 1:(${0}-${1}) with lines lw 1.2 lc rgb '{3}' title '{4}'"},
+                               {"torques", "joint torques", "torque [N m]",
+                                "data skip 7 using 1:{2} with lines lw 1.2 lc rgb '{3}' title '{4}'"}};
 
 /// Axes of a hand that share a panel: a finger, or the wrist.
 std::map<std::string, std::vector<std::size_t>> panels(const control::Plan& plan, std::size_t hand) {
@@ -39,61 +52,21 @@ std::string label(const control::DrivenAxis& axis, const std::string& hand, cons
 
 constexpr const char* kColours[] = {"#1b6ca8", "#c8553d", "#3a7d44", "#8e5ea2", "#b8860b"};
 
-/// Columns of control.sto: time, then for each axis target, angle [deg] and torque [N m]. The OpenSim header
-/// has six lines, then the labels.
 std::string curves(const control::Plan& plan, const std::vector<std::size_t>& axes, const std::string& hand,
-                   const std::string& panel, What what) {
+                   const std::string& panel, const PlotKind& kind) {
   std::string out;
   int colour = 0;
   for (const std::size_t i : axes) {
-    const std::size_t target = 2 + 3 * i, angle = target + 1, torque = target + 2;
-    const std::string name = label(plan.axes[i], hand, panel);
-    const char* rgb = kColours[colour++ % 5];
-    if (!out.empty()) out += ", ";
-    switch (what) {
-      case What::angles:
-        out += fmt::format(
-            "data skip 7 using 1:{} with lines lw 1.6 lc rgb '{}' title '{}', data skip 7 using 1:{} with "
-            "lines dt 2 lw "
-            "1.2 "
-            "lc rgb '#202020' notitle",
-            angle, rgb, name, target);
-        break;
-      case What::errors:
-        out += fmt::format("data skip 7 using 1:(${}-${}) with lines lw 1.2 lc rgb '{}' title '{}'", target,
-                           angle, rgb, name);
-        break;
-      case What::torques:
-        out +=
-            fmt::format("data skip 7 using 1:{} with lines lw 1.2 lc rgb '{}' title '{}'", torque, rgb, name);
-        break;
-    }
+    const std::size_t target = 2 + 3 * i;
+    out += (out.empty() ? "" : ", ") + fmt::format(fmt::runtime(kind.curve), target, target + 1, target + 2,
+                                                   kColours[colour++ % 5], label(plan.axes[i], hand, panel));
   }
   return out;
 }
 
-struct Heading {
-  const char* file;
-  const char* title;
-  const char* axis;
-};
-
-Heading heading(What what) {
-  switch (what) {
-    case What::angles:
-      return {"angles", "joint angles; dashed: targets", "angle [deg]"};
-    case What::errors:
-      return {"errors", "target minus angle", "error [deg]"};
-    case What::torques:
-      return {"torques", "joint torques", "torque [N m]"};
-  }
-  return {};
-}
-
-std::string script(const scene::Scene& scene, std::size_t hand, What what) {
+std::string script(const scene::Scene& scene, std::size_t hand, const PlotKind& kind) {
   const control::Plan& plan = *scene.control;
   const std::string& name = plan.hands[hand].name;
-  const Heading head = heading(what);
   const auto groups = panels(plan, hand);
   std::string out = fmt::format(
       "# gnuplot {0}_{1}.gp\n{8}"
@@ -105,14 +78,14 @@ std::string script(const scene::Scene& scene, std::size_t hand, What what) {
       "set autoscale xfix\nset grid lc rgb '#d0d0d0'\nset key outside right top\nset lmargin 10\nset rmargin "
       "22\nset ylabel "
       "'{7}'\n",
-      name, head.file, 60 + 250 * groups.size(), groups.size(), name, head.title,
-      output::plot_text(scene.spec.title), head.axis, output::kPlotHead);
+      name, kind.file, 60 + 250 * groups.size(), groups.size(), name, kind.title,
+      output::plot_text(scene.spec.title), kind.axis, output::kPlotHead);
   std::size_t left = groups.size();
   for (const char* panel : {"wrist", "thumb", "index", "middle", "ring", "little"}) {
     const auto found = groups.find(panel);
     if (found == groups.end()) continue;
     if (--left == 0) out += "set xlabel 'time [s]'\n";
-    out += fmt::format("set title '{}'\nplot {}\n", panel, curves(plan, found->second, name, panel, what));
+    out += fmt::format("set title '{}'\nplot {}\n", panel, curves(plan, found->second, name, panel, kind));
   }
   return out + "unset multiplot\n";
 }
@@ -127,9 +100,9 @@ void write_plots(const scene::Scene& scene, const std::filesystem::path& out) {
   const std::filesystem::path folder = out / "plots";
   output::make_folder(folder);
   for (std::size_t hand = 0; hand < scene.control->hands.size(); ++hand)
-    for (const What what : {What::angles, What::errors, What::torques}) {
-      const std::string name = scene.control->hands[hand].name + "_" + heading(what).file;
-      output::write_file(folder / (name + ".gp"), script(scene, hand, what));
+    for (const PlotKind& kind : kKinds) {
+      const std::string name = scene.control->hands[hand].name + "_" + kind.file;
+      output::write_file(folder / (name + ".gp"), script(scene, hand, kind));
       if (!output::plot(name + ".gp", folder, {name + ".png"}))
         throw output_error("--plots", "gnuplot failing on " + (folder / (name + ".gp")).string(),
                            "memory, and room on the disk");

@@ -9,7 +9,7 @@
 
 namespace handsim::simulation {
 
-/// @throws Error (input) where no gnuplot can be started: said before a run, not after it.
+/// @throws Error (input) where no gnuplot can be started: to be called before a run.
 void need_gnuplot();
 
 /// Writes plots/HAND_angles.png, HAND_errors.png, HAND_torques.png and the gnuplot scripts that made them,

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/units.h"
+#include "handsim/output/table/csv_rows.h"
 #include "handsim/simulation/run/output_size.h"
 
 namespace handsim::simulation {
@@ -26,31 +27,43 @@ std::vector<std::string> control_columns(const control::Plan& plan) {
   return out;
 }
 
+std::string caption(const std::string& name, double time) {
+  return fmt::format("{}, t = {:.2f} s", name, time);
+}
+
 }  // namespace
 
 Recorder::Recorder(const Simulation& simulation, const RunOptions& options)
     : simulation_(simulation),
       step_(simulation.scene().spec.solver.step),
-      trajectory_(options.out / "trajectory.csv", simulation.model()),
+      trajectory_(options.out / "trajectory.csv"),
       every_(record_steps(simulation.scene().spec)) {
   const scene::Scene& scene = simulation.scene();
   const auto rows =
       static_cast<std::size_t>(record_rows(simulation.steps(), simulation.step_count(), every_));
+  trajectory_.write(output::trajectory_head(scene.model));
   if (all_angles(scene.model))
     motion_.emplace(options.out / "trajectory.mot",
                     output::MotionHead{scene.spec.title, output::coordinate_names(scene.model), rows});
   if (scene.control)
     control_.emplace(options.out / "control.sto",
                      output::MotionHead{scene.spec.title, control_columns(*scene.control), rows});
-  if (scene.spec.record_contacts) contacts_.emplace(options.out / "contacts.csv", scene.model);
-  if (!options.pose_pictures)
-    plan_frames(options.frames);
-  else if (!scene.plans.grasps.empty())
-    plan_phases(scene.plans.grasps.front());
-  else if (simulation.find<Climbs>())
-    plan_climb(scene.plans.climbs.front());
-  else
-    plan_poses();
+  if (scene.spec.record_contacts)
+    contacts_.emplace(options.out / "contacts.csv").write(output::contact_head());
+  plan_pictures(options);
+}
+
+void Recorder::plan_pictures(const RunOptions& options) {
+  const scene::Plans& plans = simulation_.scene().plans;
+  if (!options.pose_pictures) return plan_frames(options.frames);
+  // Of a shake one on its way.
+  if (!plans.grasps.empty()) return plan_phases(plans.grasps.front().phases);
+  const Climbs* climbs = simulation_.find<Climbs>();
+  if (!climbs) return plan_poses();
+  // Before the load; those under it are chosen at the end.
+  climb_ = &climbs->each().front();
+  const auto& phases = plans.climbs.front().phases;
+  plan_phases({phases[0], phases[1]});
 }
 
 /// The first at the start, the last at the end.
@@ -59,7 +72,7 @@ void Recorder::plan_frames(int frames) {
   const long steps = simulation_.step_count() - first;
   for (int k = 0; k < frames; ++k) {
     const double share = frames == 1 ? 1 : static_cast<double>(k) / (frames - 1);
-    moments_.push_back({first + std::lround(share * static_cast<double>(steps)), ""});
+    planned_.push_back({first + std::lround(share * static_cast<double>(steps)), ""});
   }
 }
 
@@ -70,67 +83,55 @@ void Recorder::plan_poses() {
     const long step = std::isfinite(phase.end) ? std::min(steps, std::lround(phase.end / step_)) : steps;
     if (std::lround(phase.arrive / step_) > steps) return;
     if (step < simulation_.steps()) continue;
-    moments_.push_back(
-        {step, fmt::format("{}, t = {:.2f} s", phase.pose, static_cast<double>(step) * step_)});
+    planned_.push_back({step, caption(phase.pose, static_cast<double>(step) * step_)});
   }
 }
 
-/// One at the end of every phase of a grasp; of a shake one on its way.
-void Recorder::plan_phases(const scene::GraspPlan& plan) {
-  const long steps = simulation_.step_count();
-  moments_.push_back({0, "start"});
-  for (const scene::TaskPhase& phase : plan.phases) {
+/// One at the start, and one at the end of every phase.
+void Recorder::plan_phases(const std::vector<scene::TaskPhase>& phases) {
+  planned_.push_back({0, "start"});
+  for (const scene::TaskPhase& phase : phases) {
     const long step = std::lround(phase.end / step_);
-    if (step <= steps)
-      moments_.push_back(
-          {step, fmt::format("{}, t = {:.2f} s", phase.name, static_cast<double>(step) * step_)});
+    if (step <= simulation_.step_count())
+      planned_.push_back({step, caption(phase.name, static_cast<double>(step) * step_)});
   }
 }
 
-/// One at the end of each phase before the load; under it one at half of what is carried, the last that is
-/// carried, and one after the failure, all known only then.
-void Recorder::plan_climb(const scene::ClimbPlan& plan) {
-  climb_ = &simulation_.get<Climbs>().each().front();
-  moments_.push_back({0, "start"});
-  for (const scene::TaskPhase& phase : {plan.phases[0], plan.phases[1]})
-    moments_.push_back(
-        {std::lround(phase.end / step_), phase.name + fmt::format(", t = {:.2f} s", phase.end)});
+void Recorder::show(Moment moment, std::string caption) {
+  moment.caption = std::move(caption);
+  moments_.push_back(std::move(moment));
 }
 
 void Recorder::record_climb() {
   const ClimbFigures figures = climb_->figures();
   if (figures.failed || figures.carried <= 0) return;
   if (loaded_.empty() || figures.carried >= loaded_.back().first + kGripEvery)
-    loaded_.emplace_back(figures.carried, snapshot(simulation_.engine()));
+    loaded_.emplace_back(figures.carried, moment_of(simulation_.engine()));
 }
 
+/// Under the load: half of what is carried, the last that is carried, and after the failure.
 void Recorder::finish_climb() {
   const ClimbFigures figures = climb_->figures();
-  const auto show = [&](Snapshot moment, std::string caption) {
-    snapshots_.push_back(std::move(moment));
-    captions_.push_back(std::move(caption));
-  };
   if (!loaded_.empty()) {
     const auto half = std::find_if(loaded_.begin(), loaded_.end(),
                                    [&](const auto& moment) { return moment.first >= figures.carried / 2; });
     show(half->second, fmt::format("{:.0f} N", half->first));
     show(loaded_.back().second, fmt::format("{:.0f} N", loaded_.back().first));
   }
-  if (figures.failed) show(snapshot(simulation_.engine()), "after failure");
+  if (figures.failed) show(moment_of(simulation_.engine()), "after failure");
 }
 
 void Recorder::add_rows() {
   const model::State& state = simulation_.state();
-  trajectory_.add(state);
+  trajectory_.write(output::trajectory_row(state));
   if (motion_) {
     std::vector<double> angles = state.q;
     for (double& angle : angles) angle *= kDegreesPerRadian;
     motion_->add(state.time, angles);
   }
   if (contacts_)
-    for (const engine::Contact& c : simulation_.engine().contacts())
-      contacts_->add(state.time, {c.shape_a, c.shape_b, c.position, c.normal, c.depth, c.normal_force(),
-                                  c.friction_force()});
+    for (const engine::Contact& contact : simulation_.engine().contacts())
+      contacts_->write(output::contact_row(simulation_.model(), state.time, contact));
   if (!control_) return;
   std::vector<double> row;
   for (const control::AxisState& axis : simulation_.controller()->axes())
@@ -140,19 +141,19 @@ void Recorder::add_rows() {
 
 void Recorder::record(long step) {
   if (step % every_ == 0) add_rows();
-  for (; taken_ < moments_.size() && moments_[taken_].step == step; ++taken_) {
-    snapshots_.push_back(snapshot(simulation_.engine()));
-    const std::string& caption = moments_[taken_].caption;
-    captions_.push_back(caption.empty() ? fmt::format("t = {:.3f} s", simulation_.state().time) : caption);
+  for (; taken_ < planned_.size() && planned_[taken_].step == step; ++taken_) {
+    const std::string& caption = planned_[taken_].caption;
+    show(moment_of(simulation_.engine()),
+         caption.empty() ? fmt::format("t = {:.3f} s", simulation_.state().time) : caption);
   }
   if (climb_) record_climb();
 }
 
 void Recorder::finish() {
   if (climb_) finish_climb();
-  trajectory_.finish();
+  trajectory_.commit();
   if (motion_) motion_->finish();
-  if (contacts_) contacts_->finish();
+  if (contacts_) contacts_->commit();
   if (control_) control_->finish();
 }
 

@@ -5,9 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "handsim/output/table/contact_table.h"
 #include "handsim/output/table/motion_table.h"
-#include "handsim/output/table/trajectory.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/simulation/simulation.h"
@@ -21,41 +19,40 @@ class Recorder {
 
   /// Records the state after a step; the first is the one that the simulation starts or goes on from.
   void record(long step);
-  /// Gives the tables their names: trajectory.csv, trajectory.mot, control.sto, contacts.csv.
+  /// Completes the tables: trajectory.csv, trajectory.mot, control.sto, contacts.csv.
   void finish();
-  const std::vector<Snapshot>& snapshots() const { return snapshots_; }
-  /// Of the pictures, one for each snapshot.
-  const std::vector<std::string>& captions() const { return captions_; }
+  /// Of the pictures, with their captions.
+  const std::vector<Moment>& moments() const { return moments_; }
 
  private:
   /// A step after which a picture is taken.
-  struct Moment {
+  struct Planned {
     long step = 0;
     std::string caption;  ///< empty: the time
   };
+  void plan_pictures(const RunOptions& options);
   void plan_frames(int frames);
   void plan_poses();
-  void plan_phases(const scene::GraspPlan& plan);
-  void plan_climb(const scene::ClimbPlan& plan);
+  void plan_phases(const std::vector<scene::TaskPhase>& phases);
   void record_climb();
+  void show(Moment moment, std::string caption);
   void finish_climb();
   void add_rows();
 
   const Simulation& simulation_;
   double step_;
-  output::TrajectoryWriter trajectory_;
+  output::AtomicFile trajectory_;
   std::optional<output::MotionTableWriter> motion_;  ///< joint angles
-  std::optional<output::MotionTableWriter>
-      control_;  ///< target and angle [deg], torque [N m] of each driven axis
-  std::optional<output::ContactTableWriter> contacts_;
-  long every_;
-  std::vector<Moment> moments_;
+  /// Target and angle [deg], torque [N m] of each driven axis.
+  std::optional<output::MotionTableWriter> control_;
+  std::optional<output::AtomicFile> contacts_;
+  long every_;  ///< steps from one row to the next
+  std::vector<Planned> planned_;
   std::size_t taken_ = 0;
   /// Of a climb: moments under load, among which those to show are chosen once it has failed.
   const ClimbWatch* climb_ = nullptr;
-  std::vector<std::pair<double, Snapshot>> loaded_;  ///< by load [N]
-  std::vector<Snapshot> snapshots_;
-  std::vector<std::string> captions_;
+  std::vector<std::pair<double, Moment>> loaded_;  ///< by load [N]
+  std::vector<Moment> moments_;
 };
 
 }  // namespace handsim::simulation

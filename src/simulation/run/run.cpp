@@ -29,19 +29,19 @@ constexpr std::size_t kSheetCells = 100;
 /// Each picture goes to its file, and smaller onto the sheet, as it is drawn.
 void draw_pictures(const scene::Scene& scene, const Recorder& recorder, const RunOptions& options,
                    const output::Progress& progress) {
-  const std::span<const Snapshot> snapshots = recorder.snapshots();
-  const std::size_t count = snapshots.size(), cells = std::min(count, kSheetCells);
+  const std::span<const Moment> moments = recorder.moments();
+  const std::size_t count = moments.size(), cells = std::min(count, kSheetCells);
   const auto [width, height] = scene.spec.pictures.size;
   std::string title = scene.spec.title;
-  if (const auto scale = force_scale(scene.spec.pictures, snapshots))
+  if (const auto scale = force_scale(scene.spec.pictures, moments))
     title += fmt::format(" (contact forces: {:g} mm for 1 N)", 1e3 * *scale);
   output::ContactSheet sheet({static_cast<int>(cells), width, height, title});
   const std::size_t digits = std::max<std::size_t>(3, std::to_string(count - 1).size());
   std::size_t cell = 0;
-  draw(scene.model, scene.spec.pictures, snapshots, [&](std::size_t i, const output::Image& image) {
+  draw(scene.model, scene.spec.pictures, moments, [&](std::size_t i, const output::Image& image) {
     output::write_png(image, options.out / fmt::format("frame_{:0{}d}.png", i, digits));
     if (cells == 1 || i * (cells - 1) >= cell * (count - 1)) {
-      sheet.add(image, recorder.captions()[i]);
+      sheet.add(image, moments[i].caption);
       ++cell;
     }
     if (progress) progress(static_cast<double>(i + 1) / static_cast<double>(count));
@@ -71,7 +71,7 @@ void draw_all(const scene::Scene& scene, const Recorder& recorder, const RunOpti
   };
   std::optional<std::string> failure;
   result.missing.clear();
-  if (!recorder.snapshots().empty())
+  if (!recorder.moments().empty())
     failure = options.draw_apart ? output::run_in_child(pictures, options.progress)
                                  : failure_of([&] { pictures(options.progress); });
   if (failure) result.missing.push_back("pictures: " + *failure);
@@ -91,17 +91,17 @@ void write_files(const Simulation& simulation, const RunOptions& options, const 
   recorder.finish();
   write_inputs(scene, options.out);
   output::write_file(options.out / "resolved.yaml", resolved);
-  if (!recorder.snapshots().empty()) result.missing.emplace_back("pictures: not drawn yet");
+  if (!recorder.moments().empty()) result.missing.emplace_back("pictures: not drawn yet");
   if (options.plots) result.missing.emplace_back("plots: not drawn yet");
-  const bool drawn = !result.missing.empty();
+  const bool draws = !result.missing.empty();
   const auto write_summary = [&] {
     result.summary = summary_json(simulation, result);
     output::write_file(options.out / "summary.json", result.summary);
   };
   write_summary();
-  if (!drawn) return;
+  if (!draws) return;
   draw_all(scene, recorder, options, result);
-  // The first summary stands where a disk that pictures have filled takes no second.
+  // The first summary stays where pictures have filled the disk.
   if (const auto failure = failure_of(write_summary)) result.missing.push_back("summary: " + *failure);
 }
 
@@ -117,7 +117,8 @@ std::optional<long> snapshot_step(const Simulation& simulation, const RunOptions
   return std::clamp(std::lround(at), simulation.steps(), simulation.step_count());
 }
 
-void go_on(Simulation& simulation, const std::filesystem::path& file, double duration, RunResult& result) {
+void continue_from(Simulation& simulation, const std::filesystem::path& file, double duration,
+                   RunResult& result) {
   const RunSnapshot snapshot = read_snapshot(file);
   if (!(snapshot.time < duration))
     throw input_error(file.string(), fmt::format("a snapshot at {:g} s", snapshot.time),
@@ -191,11 +192,11 @@ bool RunResult::judged() const {
 }
 
 bool RunResult::failed() const {
-  return std::any_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.failed(); });
+  return std::any_of(verdicts.begin(), verdicts.end(), std::mem_fn(&Verdict::failed));
 }
 
 bool RunResult::missed() const {
-  return std::any_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.missed(); });
+  return std::any_of(verdicts.begin(), verdicts.end(), std::mem_fn(&Verdict::missed));
 }
 
 bool RunResult::passed() const { return !fault && hash_as_expected() && !failed() && !missed(); }
@@ -226,7 +227,7 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
   Simulation simulation = simulation_of(scene, standard_watchers);
   RunResult result;
   const double step = scene.spec.solver.step;
-  if (options.from_snapshot) go_on(simulation, *options.from_snapshot, scene.spec.duration, result);
+  if (options.from_snapshot) continue_from(simulation, *options.from_snapshot, scene.spec.duration, result);
   static_cast<void>(snapshot_step(simulation, options, step));
   const std::string resolved = scene::standalone_text(scene.resolved, scene.inputs);
   const OutputSize size =
@@ -252,15 +253,11 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
   return result;
 }
 
-Snapshot snapshot_at(const scene::Scene& scene, double time) {
+Moment moment_at(const scene::Scene& scene, double time) {
   Simulation simulation = simulation_of(scene, only<Monitor>);
   const long steps = std::lround(time / scene.spec.solver.step);
   for (long i = 0; i < steps; ++i) simulation.step();
-  return snapshot(simulation.engine());
-}
-
-output::Image picture(const scene::Scene& scene, double time) {
-  return draw(scene, snapshot_at(scene, time));
+  return moment_of(simulation.engine());
 }
 
 }  // namespace handsim::simulation

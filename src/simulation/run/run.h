@@ -39,19 +39,18 @@ struct RunOptions {
   std::optional<std::uint64_t> expected_hash;
   /// Draws in a process of its own (output/child.h): a lack of memory may end the drawing, and no more.
   bool draw_apart = false;
-  /// Told the share done, 0..1, now and then.
+  /// Is called with the share done, 0..1, now and then.
   std::function<void(double)> progress;
-  /// Told, before anything is run, what there is to know of it: that it writes much.
+  /// Is called before the run with what the user should know of it: that it writes much.
   std::function<void(const std::string&)> note;
 };
 
 struct RunResult {
   std::vector<Verdict> verdicts;
-  std::optional<PhysicsFault>
-      fault;             ///< set where the simulation diverged; the files are complete up to then
-  double simulated = 0;  ///< [s]
-  double wall = 0;       ///< of the loop [s]
-  std::string summary;   ///< text of summary.json
+  std::optional<PhysicsFault> fault;  ///< of a run that diverged; the files are complete up to then
+  double simulated = 0;               ///< [s]
+  double wall = 0;                    ///< of the loop [s]
+  std::string summary;                ///< text of summary.json
   std::vector<std::string> warnings;  ///< Simulation::warnings
   std::uint64_t state_hash = 0;
   std::optional<std::uint64_t> expected_hash;  ///< where one was given
@@ -78,18 +77,14 @@ struct RunResult {
 /// @throws Error (output) where a table or the summary cannot be written.
 RunResult run(const scene::Scene& scene, const RunOptions& options);
 
-/// The folder of a run, for a caller with several runs that wants to know before the first that all folders
-/// can be had. @throws Error (input) as OutputFolder does.
+/// The folder of a run, for a caller with several runs that checks all folders before the first run. @throws
+/// Error (input) as OutputFolder does.
 output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& options);
 /// A run into a folder that is held already; null: it is taken for the time of the run.
 RunResult run(const scene::Scene& scene, const RunOptions& options, const output::OutputFolder* folder);
 
 /// The scene at a time [s] of its motion, 0 to its duration.
 /// @throws Error (physics) where the simulation diverges before that.
-Snapshot snapshot_at(const scene::Scene& scene, double time);
-
-/// One picture of the scene at a time [s] of its motion, 0 to its duration.
-/// @throws Error (physics) where the simulation diverges before that.
-output::Image picture(const scene::Scene& scene, double time);
+Moment moment_at(const scene::Scene& scene, double time);
 
 }  // namespace handsim::simulation

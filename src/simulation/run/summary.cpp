@@ -1,7 +1,7 @@
 #include "handsim/simulation/run/summary.h"
 
 #include "handsim/core/version.h"
-#include "handsim/simulation/mathematics.h"
+#include "handsim/simulation/fingerprint.h"
 #include "handsim/simulation/watch/state_hash.h"
 #include "handsim/simulation/watch/summary_json.h"
 
@@ -58,7 +58,7 @@ Json control_json(const control::Plan& plan) {
           {"share_of_step", nullptr}};
 }
 
-/// What the run knows itself, and the keys that watchers fill in, in the order of the file.
+/// What the run itself reports, and the keys that watchers fill in, in the order of the file.
 void add_run(const Simulation& simulation, const RunResult& result, Json& out) {
   const scene::Scene& scene = simulation.scene();
   out["title"] = scene.spec.title;

@@ -1,4 +1,4 @@
-// A run's outcome as summary.json: what the run itself knows, and the parts of its watchers.
+// A run's outcome as summary.json: the run's own part, and those of its watchers.
 #pragma once
 
 #include <string>
@@ -8,7 +8,7 @@
 
 namespace handsim::simulation {
 
-/// Text of summary.json. `simulation` may have stopped early; `result.fault` says so.
+/// Text of summary.json, also of a run that a fault stopped (`result.fault`).
 std::string summary_json(const Simulation& simulation, const RunResult& result);
 
 }  // namespace handsim::simulation

@@ -12,14 +12,11 @@ namespace {
 
 template <class Archive, class T>
 void carry_loaded(Archive& archive, T& grip) {
-  archive(grip.time);
-  archive(grip.load);
-  archive(grip.travel);
-  archive(grip.contacts);
+  carry_all(archive, grip.time, grip.load, grip.travel, grip.contacts);
   archive.list(grip.parts, [](auto& each, auto& part) { carry_part(each, part); });
 }
 
-/// Interpolated travel and forces say nothing new: the kept grip whose load is nearest.
+/// The kept grip whose load is nearest.
 const LoadedGrip& nearest(const std::vector<LoadedGrip>& grips, double load) {
   return *std::min_element(grips.begin(), grips.end(), [load](const LoadedGrip& a, const LoadedGrip& b) {
     return std::abs(a.load - load) < std::abs(b.load - load);
@@ -99,11 +96,8 @@ void ClimbWatch::update(const engine::Engine& engine) {
 template <class Archive, class Self>
 void ClimbWatch::carry(Archive& archive, Self& self) {
   auto& figures = self.figures_;
-  archive(figures.failed);
-  for (auto* value :
-       {&figures.carried, &figures.carried_time, &figures.failure_time, &figures.travel, &self.start_})
-    archive(*value);
-  archive(self.loading_);
+  carry_all(archive, figures.failed, figures.carried, figures.carried_time, figures.failure_time,
+            figures.travel, self.start_, self.loading_);
   archive.list(self.grips_, [](auto& each, auto& grip) { carry_loaded(each, grip); });
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "handsim/core/index.h"
 #include "handsim/simulation/watch/hand_parts.h"
 #include "handsim/simulation/watch/summary_json.h"
 
@@ -41,7 +42,7 @@ ContactSums::ContactSums(const Watched& watched) {
     const int part = hand_part(shape.part);
     // `right.index_distal` is of `right.index`, `mug.part3` of `mug`.
     const std::string first = shape.name.substr(0, shape.name.find('.'));
-    const std::string name = part < 0 ? first : first + "." + kHandParts[static_cast<std::size_t>(part)];
+    const std::string name = part < 0 ? first : first + "." + kHandParts[at(part)];
     const auto found = std::find(things_.begin(), things_.end(), name);
     thing_.push_back(static_cast<std::size_t>(found - things_.begin()));
     if (found != things_.end()) continue;
@@ -55,8 +56,8 @@ void ContactSums::update(Step& step) {
   begin_step(pairs_);
   begin_step(fingers_);
   for (const engine::Contact& contact : step.engine.contacts()) {
-    const std::size_t a = thing_[static_cast<std::size_t>(contact.shape_a)];
-    const std::size_t b = thing_[static_cast<std::size_t>(contact.shape_b)];
+    const std::size_t a = thing_[at(contact.shape_a)];
+    const std::size_t b = thing_[at(contact.shape_b)];
     add(pairs_[{std::min(a, b), std::max(a, b)}], contact, a <= b ? 1 : -1);
     if (is_finger_[a]) add(fingers_[a], contact, 1);
     if (is_finger_[b] && b != a) add(fingers_[b], contact, -1);
@@ -82,10 +83,8 @@ namespace {
 
 template <class Archive, class T>
 void carry(Archive& archive, T& sum) {
-  archive(sum.contacts);
-  archive(sum.force);
-  for (auto* value : {&sum.normal, &sum.friction, &sum.normal_time, &sum.largest_normal, &sum.largest_at})
-    archive(*value);
+  carry_all(archive, sum.contacts, sum.force, sum.normal, sum.friction, sum.normal_time, sum.largest_normal,
+            sum.largest_at);
 }
 
 }  // namespace

@@ -38,8 +38,6 @@ class ContactSums final : public Watcher {
   std::vector<std::pair<Pair, ContactSum>> pairs() const;
   /// Fingers and palms that have touched anything.
   std::vector<std::pair<std::string, ContactSum>> fingers() const;
-  /// Of the run so far [s].
-  double time() const { return time_; }
 
  private:
   std::vector<std::string> things_;                                  ///< by index, in the order of the shapes
@@ -47,7 +45,7 @@ class ContactSums final : public Watcher {
   std::vector<bool> is_finger_;                                      ///< of each thing
   std::map<std::pair<std::size_t, std::size_t>, ContactSum> pairs_;  ///< lower index first
   std::map<std::size_t, ContactSum> fingers_;
-  double time_ = 0;
+  double time_ = 0;  ///< of the run so far [s]
 };
 
 }  // namespace handsim::simulation

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/index.h"
 #include "handsim/simulation/watch/summary_json.h"
 
 namespace handsim::simulation {
@@ -32,14 +33,12 @@ void Convergence::update(Step& step) {
   if (report.contact_sweeps > 0) {
     ++measured_;
     limit_steps_ += report.limit_updates > 0 ? 1 : 0;
-    if (report.contact_residual > contact_.value)
-      contact_ = {report.contact_residual, time, "contacts and stops"};
+    contact_.raise(report.contact_residual, time, "contacts and stops");
   }
   if (!report.residual) return;
   ++measured_;
   const auto raise = [&](Peak& peak, const engine::ResidualPeak& found, const auto& named) {
-    if (found.value > peak.value)
-      peak = {found.value, time, named[static_cast<std::size_t>(found.where)].name};
+    if (found.value > peak.value) peak = {found.value, time, named[at(found.where)].name};
   };
   raise(linear_, report.residual->linear, scene_.model.joints);
   raise(angular_, report.residual->angular, scene_.model.joints);
@@ -50,9 +49,7 @@ template <class Archive, class Self>
 void Convergence::carry(Archive& archive, Self& self) {
   archive(self.lcp_failures_);
   archive.each(self.rungs_);
-  archive(self.iterative_);
-  archive(self.measured_);
-  archive(self.limit_steps_);
+  carry_all(archive, self.iterative_, self.measured_, self.limit_steps_);
   for (auto* peak : {&self.linear_, &self.angular_, &self.contact_}) simulation::carry(archive, *peak);
 }
 
@@ -61,7 +58,7 @@ void Convergence::save(ArchiveWriter& out) const { carry(out, *this); }
 void Convergence::restore(ArchiveReader& in, const model::State& /*state*/) { carry(in, *this); }
 
 void Convergence::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const {
-  Verdict failures{"lcp_failures", "", static_cast<double>(lcp_failures_), {}, 0, ""};
+  Verdict failures{"lcp_failures", "", static_cast<double>(lcp_failures_)};
   if (criteria.lcp_failures) failures.limit = *criteria.lcp_failures;
   out.push_back(std::move(failures));
 }

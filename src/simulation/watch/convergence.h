@@ -24,16 +24,16 @@ class Convergence final : public Watcher {
   void add_warnings(std::vector<std::string>& out) const override;
   void add_summary(SummaryJson& out) const override;
 
-  /// Times that the solver gave up.
+  /// Steps in which the solver failed, counted once for each failure.
   long lcp_failures() const { return lcp_failures_; }
-  /// Steps by the way they were got through, engine::Rung::none in unguarded ones.
+  /// Steps by the way they were solved, engine::Rung::none in unguarded ones.
   const std::array<long, engine::kRungNames.size()>& rungs() const { return rungs_; }
   /// Steps that quick_step solved, or the articulated engine by relaxation.
   long iterative_steps() const { return iterative_; }
   /// Steps whose residual was measured: quick_step's with contact, those at which a stop comes into force or
   /// goes out of it and every eighth of the others (engine::kResidualEvery); those in which world_step's LCP
-  /// solver gave up; and those with contact on the articulated engine, whose contact solver says how far it
-  /// got.
+  /// solver gave up; and those with contact on the articulated engine, whose contact solver reports its
+  /// residual.
   long measured() const { return measured_; }
   /// Steps in which Newton's method did not find Coulomb's law, and friction's limits were updated from
   /// outside (articulated engine).

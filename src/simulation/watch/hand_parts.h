@@ -1,4 +1,4 @@
-// The parts of a hand that forces are told apart by, and what one of them bears.
+// The parts of a hand by which forces are listed, and the forces on one of them.
 #pragma once
 
 #include <array>
@@ -14,25 +14,8 @@ inline constexpr std::array<const char*, 6> kHandParts = {"palm",   "thumb", "in
 
 /// Index into kHandParts; -1 for what is no part of a hand.
 inline int hand_part(model::Part part) {
-  switch (part) {
-    case model::Part::palm:
-      return 0;
-    case model::Part::thumb:
-      return 1;
-    case model::Part::index:
-      return 2;
-    case model::Part::middle:
-      return 3;
-    case model::Part::ring:
-      return 4;
-    case model::Part::little:
-      return 5;
-    case model::Part::object:
-    case model::Part::ground:
-    case model::Part::mechanism:
-      return -1;
-  }
-  return -1;
+  static_assert(static_cast<int>(model::Part::palm) == 0 && static_cast<int>(model::Part::little) == 5);
+  return part <= model::Part::little ? static_cast<int>(part) : -1;
 }
 
 /// Contact of one part of a hand with the object or hold at one time.

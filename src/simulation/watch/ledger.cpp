@@ -79,14 +79,9 @@ void Ledger::update(Step& step) {
 
 template <class Archive, class Self>
 void Ledger::carry(Archive& archive, Self& self) {
-  for (auto* count : {&self.timed_, &self.steps_, &self.contacts_, &self.collide_calls_}) archive(*count);
-  for (auto* time : {&self.step_ns_, &self.check_ns_, &self.collide_ns_, &self.tissue_ns_, &self.control_ns_,
-                     &self.servo_ns_})
-    archive(*time);
-  for (auto& count : self.counts_) {
-    archive(count.steps);
-    archive(count.rows);
-  }
+  carry_all(archive, self.timed_, self.steps_, self.contacts_, self.collide_calls_, self.step_ns_,
+            self.check_ns_, self.collide_ns_, self.tissue_ns_, self.control_ns_, self.servo_ns_);
+  for (auto& count : self.counts_) carry_all(archive, count.steps, count.rows);
 }
 
 void Ledger::save(ArchiveWriter& out) const { carry(out, *this); }
@@ -113,48 +108,29 @@ std::vector<LedgerEntry> Ledger::phases() const {
 
 LedgerEntry Ledger::entry(Effect effect) const {
   const double n = steps_ > 0 ? static_cast<double>(steps_) : 1.0;
-  LedgerEntry out;
-  out.name = model::name(effect);
-  switch (effect) {
-    case Effect::gravity:
-    case Effect::wrist_motion:
-      out.ran = steps_;
-      out.how = "acts within the step without rows of its own: not told apart";
-      return out;
-    case Effect::actuation:
-    case Effect::object_contact:
-    case Effect::self_contact:
-    case Effect::ground_contact:
-    case Effect::friction:
-    case Effect::joint_stops:
-    case Effect::passive_tissue:
-      break;
-  }
-  if (!rows_) {
-    const Count& acted = counts_[static_cast<std::size_t>(effect)];
-    out.ran = acted.steps;
-    out.rows = static_cast<double>(acted.rows) / n;
-    out.how = "solved with the motion, without rows of its own: not told apart";
-    if (effect != Effect::actuation) return out;
+  const Count& mine = counts_[static_cast<std::size_t>(effect)];
+  LedgerEntry out{std::string(model::name(effect)), mine.steps, static_cast<double>(mine.rows) / n, {}, ""};
+  if (effect == Effect::gravity || effect == Effect::wrist_motion) {
     out.ran = steps_;
-    out.ns_per_step = per_step(control_ns_ + servo_ns_);
-    out.how = "the control phase";
+    out.how = "acts within the step without rows of its own: not told apart";
     return out;
   }
-  long all_rows = joint_rows_ * steps_;
-  for (const Count& any : counts_) all_rows += any.rows;
-  const Count& mine = counts_[static_cast<std::size_t>(effect)];
-  const double share = all_rows > 0 ? static_cast<double>(mine.rows) / static_cast<double>(all_rows) : 0;
-  out.ran = mine.steps;
-  out.rows = static_cast<double>(mine.rows) / n;
-  out.ns_per_step = per_step(share * solver_ns());
-  out.how = "the step's time by share of constraint rows";
+  double ns = 0;
+  if (rows_) {
+    long all_rows = joint_rows_ * steps_;
+    for (const Count& any : counts_) all_rows += any.rows;
+    if (all_rows > 0) ns = static_cast<double>(mine.rows) / static_cast<double>(all_rows) * solver_ns();
+    out.ns_per_step = per_step(ns);
+    out.how = "the step's time by share of constraint rows";
+  } else {
+    out.how = "solved with the motion, without rows of its own: not told apart";
+  }
   if (effect != Effect::actuation) return out;
   // Torques have no rows; servos have. The control phase belongs to both.
   out.ran = steps_;
-  out.ns_per_step = per_step(share * solver_ns() + control_ns_ + servo_ns_);
-  out.how = driven_rows_ > 0 ? "the control phase, and the step's time by share of constraint rows"
-                             : "the control phase";
+  out.ns_per_step = per_step(ns + control_ns_ + servo_ns_);
+  out.how = rows_ && driven_rows_ > 0 ? "the control phase, and the step's time by share of constraint rows"
+                                      : "the control phase";
   return out;
 }
 

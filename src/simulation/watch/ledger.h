@@ -1,5 +1,5 @@
 // What a run's effects and phases cost. Phases are timed. Effects that live inside the solver cannot be timed
-// on their own: they get the solver's time by their share of its constraint rows, and the entry says so.
+// on their own: they get a share of the solver's time by their constraint rows, and the entry states it.
 #pragma once
 
 #include <optional>
@@ -14,7 +14,7 @@ struct LedgerEntry {
   std::string name;                   ///< effect or phase
   long ran = 0;                       ///< steps in which it acted
   double rows = 0;                    ///< constraint rows per step
-  std::optional<double> ns_per_step;  ///< absent where it cannot be told apart
+  std::optional<double> ns_per_step;  ///< absent where it cannot be separated
   std::string how;                    ///< how the cost was found
 };
 

@@ -2,32 +2,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <utility>
 
 #include <fmt/format.h>
+
+#include "handsim/core/index.h"
 
 namespace handsim::simulation {
 
 namespace {
 
-/// Overshoots are followed to this resolution [rad] or [m].
-constexpr double kResolution = 1e-6;
-
-/// Bound of how fast any coordinate of the joint moves. The axes of a universal joint are perpendicular, so
-/// that no rate exceeds the relative angular velocity.
-double fastest_rate(const model::Joint& joint, const model::State& state) {
-  if (joint.kind == model::JointKind::slider)
-    return std::abs(state.u[static_cast<std::size_t>(joint.first_dof)]);
-  return (state.bodies[static_cast<std::size_t>(joint.child)].w -
-          state.bodies[static_cast<std::size_t>(joint.parent)].w)
-      .norm();
-}
-
-double overshoot(const model::Stop& stop, double q) { return std::max({0.0, q - stop.high, stop.low - q}); }
-
-std::string axis_name(const model::Joint& joint, std::size_t axis) {
-  return joint.name + "." + joint.axes[axis].name;
-}
+/// Overshoots that count for nothing [rad] or [m].
+constexpr double kTolerated = 1e-6;
 
 /// @param exists whether the scene has what is measured
 Verdict verdict(std::string name, std::string unit, bool exists, const Peak& peak,
@@ -49,12 +35,18 @@ Monitor::Monitor(const model::Model& model, double step, bool stops) : model_(mo
     slider_axes_.push_back(joint.kind == model::JointKind::slider
                                ? Vec3(joint.parent_frame.q * joint.axes[0].axis)
                                : Vec3(Vec3::Zero()));
-  for (std::size_t i = 0; i < model.joints.size(); ++i) {
-    const auto& axes = model.joints[i].axes;
-    if (stops &&
-        std::any_of(axes.begin(), axes.end(), [](const model::JointAxis& a) { return a.stop.has_value(); }))
-      stopped_.push_back({static_cast<int>(i)});
-  }
+  if (!stops) return;
+  for (const model::Joint& joint : model.joints)
+    for (std::size_t a = 0; a < joint.axes.size(); ++a)
+      if (joint.axes[a].stop) stopped_.push_back({&joint, a});
+}
+
+std::size_t Monitor::StoppedAxis::dof() const { return at(joint->first_dof) + axis; }
+
+double Monitor::StoppedAxis::overshoot_in(const model::State& state) const {
+  const model::Stop& stop = *joint->axes[axis].stop;
+  const double q = state.q[dof()];
+  return std::max({0.0, q - stop.high, stop.low - q});
 }
 
 void Monitor::update(Step& step) {
@@ -68,17 +60,13 @@ void Monitor::update(Step& step) {
 
 void Monitor::update(const model::State& state) {
   update_gaps(state);
-  for (StoppedJoint& stopped : stopped_) {
-    // Twice the rate, for what a rate at the step's end says of the step.
-    stopped.leeway -= 2 * step_ * fastest_rate(model_.joints[static_cast<std::size_t>(stopped.joint)], state);
-    if (!(stopped.leeway > 0)) update_stops(stopped, state);
-  }
+  update_stops(state);
 }
 
 void Monitor::update_gaps(const model::State& state) {
   for (std::size_t i = 0; i < model_.joints.size(); ++i) {
     const model::Joint& joint = model_.joints[i];
-    const model::BodyState& child = state.bodies[static_cast<std::size_t>(joint.child)];
+    const model::BodyState& child = state.bodies[at(joint.child)];
     const bool slides = joint.kind == model::JointKind::slider;
     Vec3 apart = child.p + child.q * joint.child_frame.p;
     Vec3 axis = slides ? slider_axes_[i] : Vec3::Zero();
@@ -86,7 +74,7 @@ void Monitor::update_gaps(const model::State& state) {
     if (joint.parent == model::kWorld) {
       apart -= joint.parent_frame.p;
     } else {
-      const model::BodyState& parent = state.bodies[static_cast<std::size_t>(joint.parent)];
+      const model::BodyState& parent = state.bodies[at(joint.parent)];
       apart -= parent.p + parent.q * joint.parent_frame.p;
       if (slides) axis = parent.q * axis;
     }
@@ -99,41 +87,20 @@ void Monitor::update_gaps(const model::State& state) {
   }
 }
 
-void Monitor::update_stops(StoppedJoint& stopped, const model::State& state) {
-  const model::Joint& joint = model_.joints[static_cast<std::size_t>(stopped.joint)];
-  const double* q = state.q.data() + joint.first_dof;
-  stopped.leeway = std::numeric_limits<double>::infinity();
-  for (std::size_t a = 0; a < joint.axes.size(); ++a) {
-    const auto& stop = joint.axes[a].stop;
-    if (!stop) continue;
-    stopped.leeway =
-        std::min(stopped.leeway, std::max(kResolution, std::min(stop->high - q[a], q[a] - stop->low)));
-    record_overshoot(stopped, a, overshoot(*stop, q[a]), state);
+void Monitor::update_stops(const model::State& state) {
+  for (StoppedAxis& stopped : stopped_) {
+    const double before = std::exchange(stopped.overshoot, stopped.overshoot_in(state));
+    if (!(stopped.overshoot > 0)) continue;
+    if (before <= 0) stopped.allowed = std::abs(state.u[stopped.dof()]) * step_ + kTolerated;
+    const double excess = stopped.overshoot - stopped.allowed;
+    if (excess > excess_.value) excess_ = {excess, state.time, stopped.name()};
   }
-}
-
-void Monitor::record_overshoot(StoppedJoint& stopped, std::size_t axis, double over,
-                                const model::State& state) {
-  const model::Joint& joint = model_.joints[static_cast<std::size_t>(stopped.joint)];
-  if (over > 0 && stopped.overshoot[axis] <= 0) {
-    const double rate = state.u[static_cast<std::size_t>(joint.first_dof) + axis];
-    stopped.allowed[axis] = std::abs(rate) * step_ + kResolution;
-  }
-  stopped.overshoot[axis] = over;
-  const double excess = over - stopped.allowed[axis];
-  if (over > 0 && excess > excess_.value) excess_ = {excess, state.time, axis_name(joint, axis)};
 }
 
 template <class Archive, class Self>
 void Monitor::carry(Archive& archive, Self& self) {
-  for (auto& stopped : self.stopped_) {
-    archive(stopped.leeway);
-    archive.each(stopped.overshoot);
-    archive.each(stopped.allowed);
-  }
-  archive(self.gap2_);
-  archive(self.gap_time_);
-  archive(self.gap_joint_);
+  for (auto& stopped : self.stopped_) carry_all(archive, stopped.overshoot, stopped.allowed);
+  carry_all(archive, self.gap2_, self.gap_time_, self.gap_joint_);
   simulation::carry(archive, self.excess_);
 }
 
@@ -152,15 +119,8 @@ Peak Monitor::joint_gap() const {
 
 Peak Monitor::stop_rest(const model::State& state) const {
   Peak worst;
-  for (const StoppedJoint& stopped : stopped_) {
-    const model::Joint& joint = model_.joints[static_cast<std::size_t>(stopped.joint)];
-    const double* q = state.q.data() + joint.first_dof;
-    for (std::size_t a = 0; a < joint.axes.size(); ++a) {
-      if (!joint.axes[a].stop) continue;
-      const double over = overshoot(*joint.axes[a].stop, q[a]);
-      if (over > worst.value) worst = {over, state.time, axis_name(joint, a)};
-    }
-  }
+  for (const StoppedAxis& stopped : stopped_)
+    worst.raise(stopped.overshoot_in(state), state.time, stopped.name());
   return worst;
 }
 

@@ -1,8 +1,6 @@
-// Measures at every step how far joints come apart and stops are overshot. Costs a small share of a step: a
-// joint's coordinates are computed only when it may have moved far enough since to matter.
+// Measures at every step how far joints come apart and stops are overshot.
 #pragma once
 
-#include <array>
 #include <concepts>
 #include <string>
 #include <type_traits>
@@ -13,22 +11,22 @@
 
 namespace handsim::simulation {
 
-/// A largest value and where and when it was met.
+/// A largest value, where and when.
 struct Peak {
   double value = 0;
-  double time = 0;    ///< [s]
-  std::string where;  ///< joint, joint axis or pair of shapes
+  double time = 0;         ///< [s]
+  std::string where = {};  ///< joint, joint axis or pair of shapes
+
+  void raise(double other, double at, const std::string& place) {
+    if (other > value) *this = {other, at, place};
+  }
 };
 
 template <class Archive, class T>
 requires std::same_as<std::remove_const_t<T>, Peak>
-void carry(Archive& archive, T& peak) {
-  archive(peak.value);
-  archive(peak.time);
-  archive(peak.where);
-}
+void carry(Archive& archive, T& peak) { carry_all(archive, peak.value, peak.time, peak.where); }
 
-/// A hand's bodies are no longer: joints further apart than this are joints no more, and the run fails [m].
+/// A run fails where a joint's bodies are further apart [m]: no body of a hand is longer.
 inline constexpr double kLargestGap = 0.1;
 
 class Monitor final : public Watcher {
@@ -51,31 +49,32 @@ class Monitor final : public Watcher {
   /// Largest joint gap so far [m].
   Peak joint_gap() const;
   /// Largest overshoot of a stop, less what the step that crossed it explains (rate at the crossing times
-  /// step) [rad] or [m], resolved to 1e-6; 0 where no stop was ever overshot by more.
+  /// step, plus 1e-6) [rad] or [m]; 0 where no stop was ever overshot by more.
   const Peak& stop_overshoot() const { return excess_; }
   /// Largest overshoot of a stop in a state [rad] or [m].
   Peak stop_rest(const model::State& state) const;
 
  private:
-  /// A joint with a stop.
-  struct StoppedJoint {
-    int joint = 0;
-    /// Movement of any coordinate that cannot bring news: what is left to the nearest stop, or the
-    /// resolution.
-    double leeway = 0;
-    std::array<double, 2> overshoot = {0, 0};  ///< of each axis when last worked out, 0 inside the stops
-    std::array<double, 2> allowed = {0, 0};    ///< rate at the crossing times step
+  /// A joint axis with a stop.
+  struct StoppedAxis {
+    const model::Joint* joint = nullptr;
+    std::size_t axis = 0;
+    double overshoot = 0;  ///< now; 0 inside the stops
+    double allowed = 0;    ///< rate at the crossing times step
+
+    std::size_t dof() const;
+    double overshoot_in(const model::State& state) const;
+    std::string name() const { return joint->name + "." + joint->axes[axis].name; }
   };
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
   void update_gaps(const model::State& state);
-  void update_stops(StoppedJoint& stopped, const model::State& state);
-  void record_overshoot(StoppedJoint& stopped, std::size_t axis, double over, const model::State& state);
+  void update_stops(const model::State& state);
 
   const model::Model& model_;
   const engine::Engine* engine_ = nullptr;  ///< null where states come from elsewhere
   double step_;
-  std::vector<StoppedJoint> stopped_;
+  std::vector<StoppedAxis> stopped_;
   std::vector<Vec3> slider_axes_;  ///< of each joint in its parent; zero where it is no slider
   double gap2_ = 0, gap_time_ = 0;
   std::size_t gap_joint_ = 0;

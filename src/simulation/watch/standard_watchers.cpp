@@ -14,7 +14,8 @@ Watchers standard_watchers(const Watched& watched) {
                              spec.criteria.tunnelling);
   add.operator()<Grasps>(!watched.scene.plans.grasps.empty());
   // Without actuation nothing pulls.
-  add.operator()<Climbs>(!watched.scene.plans.climbs.empty() && spec.solver.effects.has(model::Effect::actuation));
+  add.operator()<Climbs>(!watched.scene.plans.climbs.empty() &&
+                         spec.solver.effects.has(model::Effect::actuation));
   add.operator()<Tracking>(watched.controller != nullptr);
   add.operator()<ContactSums>(spec.record_contacts);
   add.operator()<Ledger>(true);

@@ -8,14 +8,6 @@
 
 namespace handsim::simulation {
 
-namespace {
-
-void raise(Peak& peak, double value, double time, const std::string& where) {
-  if (value > peak.value) peak = {value, time, where};
-}
-
-}  // namespace
-
 Tracking::Tracking(const Watched& watched)
     : engine_(watched.engine),
       controller_(*watched.controller),
@@ -65,21 +57,21 @@ void Tracking::end(Hand& hand, double time) {
   for (std::size_t i = hand.first; i < hand.last; ++i) {
     const Axis& axis = axes_[i];
     AxisTracking& out = figures_[i];
-    raise(out.steady_error, std::max(axis.error_before, axis.error_now), time, phase.pose);
+    out.steady_error.raise(std::max(axis.error_before, axis.error_now), time, phase.pose);
     ++out.holds;
     const double length = std::abs(axis.to - axis.from);
     if (length < control::kSmallestMovement) continue;
     ++out.movements;
-    raise(out.overshoot, axis.beyond / length, phase.start, phase.pose);
+    out.overshoot.raise(axis.beyond / length, phase.start, phase.pose);
     if (axis.last_outside > time - 1.5 * step_)
       ++out.unsettled;
     else
-      raise(out.settling_time, axis.last_outside - phase.start, phase.start, phase.pose);
+      out.settling_time.raise(axis.last_outside - phase.start, phase.start, phase.pose);
   }
 }
 
 /// The movement under way: what it overshoots, when it settles, how far off it is held.
-void Tracking::watch(Hand& hand, double time) {
+void Tracking::follow(Hand& hand, double time) {
   const control::Phase& phase = hand.trajectory->phases()[hand.phase - 1];
   const bool next_window = time >= hand.window + kSteadyWindow;
   for (std::size_t i = hand.first; i < hand.last; ++i) {
@@ -109,39 +101,24 @@ void Tracking::update(Step& step) {
       axis.torque = std::max(axis.torque, std::abs(now.torque));
       axis.at_limit += now.at_limit ? 1 : 0;
     }
-    if (hand.moving) watch(hand, time);
+    if (hand.moving) follow(hand, time);
     if (hand.moving && time >= phases[hand.phase - 1].end - 0.5 * step_) end(hand, time);
     if (hand.phase < phases.size() && time >= phases[hand.phase].start - 0.5 * step_) begin(hand);
   }
 }
 
-/// Closes holds that the end of the run cuts off.
-void Tracking::finish(double time) {
-  for (Hand& hand : hands_)
-    if (hand.moving) end(hand, time);
-}
-
 template <class Archive, class Self>
 void Tracking::carry(Archive& archive, Self& self) {
   archive(self.steps_);
-  for (auto& axis : self.axes_) {
-    for (auto* value : {&axis.square_sum, &axis.largest, &axis.largest_time, &axis.torque, &axis.from,
-                        &axis.to, &axis.last_outside, &axis.beyond, &axis.error_before, &axis.error_now})
-      archive(*value);
-    archive(axis.at_limit);
-  }
-  for (auto& hand : self.hands_) {
-    archive(hand.phase);
-    archive(hand.moving);
-    archive(hand.window);
-  }
-  // Name, limit share and what axes() derives stay as they are.
+  for (auto& axis : self.axes_)
+    carry_all(archive, axis.square_sum, axis.largest, axis.largest_time, axis.torque, axis.from, axis.to,
+              axis.last_outside, axis.beyond, axis.error_before, axis.error_now, axis.at_limit);
+  for (auto& hand : self.hands_) carry_all(archive, hand.phase, hand.moving, hand.window);
+  // Names are the scene's; what figures() derives is not kept.
   for (auto& figure : self.figures_) {
     for (auto* peak : {&figure.steady_error, &figure.overshoot, &figure.settling_time})
       simulation::carry(archive, *peak);
-    archive(figure.holds);
-    archive(figure.movements);
-    archive(figure.unsettled);
+    carry_all(archive, figure.holds, figure.movements, figure.unsettled);
   }
 }
 
@@ -157,8 +134,11 @@ void Tracking::restore(ArchiveReader& in, const model::State& /*state*/) {
       in.refuse("more movements than holds", "counts that agree");
 }
 
-std::vector<AxisTracking> Tracking::axes() const {
-  std::vector<AxisTracking> out = figures_;
+std::vector<AxisTracking> Tracking::figures() const {
+  Tracking closed = *this;
+  for (Hand& hand : closed.hands_)
+    if (hand.moving) closed.end(hand, engine_.state().time);
+  std::vector<AxisTracking> out = std::move(closed.figures_);
   const double n = steps_ > 0 ? static_cast<double>(steps_) : 1.0;
   for (std::size_t i = 0; i < out.size(); ++i) {
     out[i].rms_error = std::sqrt(axes_[i].square_sum / n);
@@ -167,12 +147,6 @@ std::vector<AxisTracking> Tracking::axes() const {
     out[i].limit_share = static_cast<double>(axes_[i].at_limit) / n;
   }
   return out;
-}
-
-std::vector<AxisTracking> Tracking::figures() const {
-  Tracking closed = *this;
-  closed.finish(engine_.state().time);
-  return closed.axes();
 }
 
 const AxisTracking* Tracking::worst(const std::vector<AxisTracking>& axes) {

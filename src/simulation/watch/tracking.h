@@ -70,10 +70,8 @@ class Tracking final : public Watcher {
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
   void begin(Hand& hand);
-  void watch(Hand& hand, double time);
+  void follow(Hand& hand, double time);
   void end(Hand& hand, double time);
-  void finish(double time);
-  std::vector<AxisTracking> axes() const;
 
   const engine::Engine& engine_;
   const control::Controller& controller_;

@@ -1,4 +1,4 @@
-// What Tracking says of a run: its verdicts and its part of the summary.
+// What Tracking reports of a run: its verdicts and its part of the summary.
 #include "handsim/simulation/watch/summary_json.h"
 #include "handsim/simulation/watch/tracking.h"
 
@@ -6,19 +6,17 @@ namespace handsim::simulation {
 
 namespace {
 
-using Figure = std::optional<Peak> (*)(const AxisTracking& axis);
-
-/// The worst axis of a figure; nothing measured where no axis has it.
-Verdict worst_of(const std::vector<AxisTracking>& axes, const char* name, const char* unit, Figure figure,
-                 std::optional<double> limit) {
-  Verdict verdict{name, unit, {}, limit, 0, ""};
-  for (const AxisTracking& axis : axes) {
-    const std::optional<Peak> peak = figure(axis);
+/// The verdict on the worst axis; nothing measured where no axis has the figure.
+/// @param figures of each axis
+Verdict worst_of(const std::vector<AxisTracking>& axes, const std::vector<std::optional<Peak>>& figures,
+                 Verdict verdict) {
+  for (std::size_t i = 0; i < axes.size(); ++i) {
+    const std::optional<Peak>& peak = figures[i];
     if (!peak || (verdict.measured && peak->value <= *verdict.measured)) continue;
+    const std::string& axis = axes[i].name;
     verdict.measured = peak->value;
     verdict.time = peak->time;
-    verdict.where =
-        peak->where.empty() || peak->where == axis.name ? axis.name : axis.name + " (" + peak->where + ")";
+    verdict.where = peak->where.empty() || peak->where == axis ? axis : axis + " (" + peak->where + ")";
   }
   return verdict;
 }
@@ -59,30 +57,24 @@ void Tracking::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict
   const scene::TrackingCriteria& limits = criteria.tracking;
   const std::vector<AxisTracking> all = figures();
   if (all.empty()) return;
-  const auto add = [&](const char* name, const char* unit, Figure figure, std::optional<double> limit) {
-    out.push_back(worst_of(all, name, unit, figure, limit));
-  };
-  using A = const AxisTracking&;
-  add(
-      "rms_error", "rad",
-      [](A a) {
-        return where(true, {a.rms_error, 0, a.name});
-      },
-      limits.rms_error);
-  out.back().time = engine_.state().time;
-  add(
-      "largest_error", "rad", [](A a) { return where(true, a.largest_error); }, limits.largest_error);
-  add(
-      "steady_error", "rad", [](A a) { return where(a.holds > 0, a.steady_error); }, limits.steady_error);
-  add(
-      "overshoot", "", [](A a) { return where(a.movements > 0, a.overshoot); }, limits.overshoot);
-  add(
-      "settling_time", "s", [](A a) { return where(a.movements > a.unsettled, a.settling_time); },
-      limits.settling_time);
-  Verdict unsettled{"unsettled", "", 0, {}, 0, ""};
+  const double now = engine_.state().time;
+  std::vector<std::optional<Peak>> rms, largest, steady, overshoot, settling;
+  Verdict unsettled{"unsettled", "", 0};
+  for (const AxisTracking& axis : all) {
+    rms.push_back(Peak{axis.rms_error, now});
+    largest.push_back(axis.largest_error);
+    steady.push_back(where(axis.holds > 0, axis.steady_error));
+    overshoot.push_back(where(axis.movements > 0, axis.overshoot));
+    settling.push_back(where(axis.movements > axis.unsettled, axis.settling_time));
+    *unsettled.measured += axis.unsettled;
+  }
+  out.push_back(worst_of(all, rms, {"rms_error", "rad", {}, limits.rms_error}));
+  out.push_back(worst_of(all, largest, {"largest_error", "rad", {}, limits.largest_error}));
+  out.push_back(worst_of(all, steady, {"steady_error", "rad", {}, limits.steady_error}));
+  out.push_back(worst_of(all, overshoot, {"overshoot", "", {}, limits.overshoot}));
+  out.push_back(worst_of(all, settling, {"settling_time", "s", {}, limits.settling_time}));
   // A movement that never settles has no settling time: where that is judged, none may be left.
   if (limits.settling_time) unsettled.limit = 0;
-  for (const AxisTracking& axis : all) *unsettled.measured += axis.unsettled;
   out.push_back(unsettled);
 }
 

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/index.h"
 #include "handsim/engine/contact/crossing.h"
 #include "handsim/model/shape_extent.h"
 
@@ -24,8 +25,7 @@ Tunnelling::Tunnelling(const Watched& watched)
       tested_(watched.engine.tests_contacts()),
       sweep_(model_, watched.scene.spec.solver.effects) {
   for (const model::Shape& shape : model_.shapes)
-    radii_.push_back(model_.bodies[static_cast<std::size_t>(shape.body)].kinematic ||
-                             shape.body == model::kWorld
+    radii_.push_back(model_.bodies[at(shape.body)].kinematic || shape.body == model::kWorld
                          ? std::numeric_limits<double>::infinity()
                          : model::inner_radius(shape));
   start_from(watched.engine.state());
@@ -42,8 +42,7 @@ void Tunnelling::update(Step& step) {
   update_depths(step.engine);
   bool fast = false;
   for (const int body : sweep_.bodies()) {
-    const model::BodyState &before = last_.bodies[static_cast<std::size_t>(body)],
-                           &now = state.bodies[static_cast<std::size_t>(body)];
+    const model::BodyState &before = last_.bodies[at(body)], &now = state.bodies[at(body)];
     const double change2 = std::min((now.q.coeffs() - before.q.coeffs()).squaredNorm(),
                                     (now.q.coeffs() + before.q.coeffs()).squaredNorm());
     fast = fast ||
@@ -62,8 +61,7 @@ void Tunnelling::update_depths(const engine::Engine& engine) {
       deep_a_ = contact.shape_a;
       deep_b_ = contact.shape_b;
     }
-    const double most = std::min(radii_[static_cast<std::size_t>(contact.shape_a)],
-                                 radii_[static_cast<std::size_t>(contact.shape_b)]);
+    const double most = std::min(radii_[at(contact.shape_a)], radii_[at(contact.shape_b)]);
     if (!(contact.depth > most)) continue;
     Event& met = event(contact.shape_a, contact.shape_b, last_.time);
     if (!(contact.depth > met.depth)) continue;
@@ -82,12 +80,12 @@ void Tunnelling::find_passages(const model::State& state) {
       event(static_cast<int>(a), static_cast<int>(b), state.time).passed = true;
 }
 
-/// Whether the centre of a shape has passed through another, as seen from that.
+/// Whether the centre of a shape has passed through another, in the other's frame.
 bool Tunnelling::passes(std::size_t a, std::size_t b, const model::State& state) const {
   const model::Shape &point = model_.shapes[a], &solid = model_.shapes[b];
-  const auto seen = [&](const model::State& at) -> Vec3 {
-    const Pose x_WS = at.bodies[static_cast<std::size_t>(solid.body)].pose() * solid.pose;
-    return x_WS.inverse() * (at.bodies[static_cast<std::size_t>(point.body)].pose() * point.pose.p);
+  const auto seen = [&](const model::State& then) -> Vec3 {
+    const Pose x_WS = then.bodies[at(solid.body)].pose() * solid.pose;
+    return x_WS.inverse() * (then.bodies[at(point.body)].pose() * point.pose.p);
   };
   return point.kind != model::ShapeKind::plane && engine::crosses(solid, seen(last_), seen(state));
 }
@@ -104,7 +102,7 @@ Tunnelling::Event& Tunnelling::event(int a, int b, double time) {
 }
 
 std::string Tunnelling::names(int a, int b) const {
-  const auto name = [&](int shape) { return model_.shapes[static_cast<std::size_t>(shape)].name; };
+  const auto name = [&](int shape) { return model_.shapes[at(shape)].name; };
   return name(a) + " and " + name(b);
 }
 
@@ -117,10 +115,10 @@ Peak Tunnelling::penetration() const {
 }
 
 std::string Tunnelling::warning(const Event& met) const {
-  const auto radius = [&](int shape) { return radii_[static_cast<std::size_t>(shape)]; };
+  const auto radius = [&](int shape) { return radii_[at(shape)]; };
   const bool first = radius(met.a) <= radius(met.b);
-  const std::string& body = model_.shapes[static_cast<std::size_t>(first ? met.a : met.b)].name;
-  const std::string& other = model_.shapes[static_cast<std::size_t>(first ? met.b : met.a)].name;
+  const std::string& body = model_.shapes[at(first ? met.a : met.b)].name;
+  const std::string& other = model_.shapes[at(first ? met.b : met.a)].name;
   std::string text = met.passed ? fmt::format("{} passed through {} at {:.3f} s", body, other, met.time) : "";
   if (met.depth > 0)
     text += fmt::format("{} {:.3g} mm deep in {} at {:.3f} s, beyond its smallest radius of {:.3g} mm",
@@ -150,18 +148,9 @@ void Tunnelling::add_verdicts(const scene::Criteria& criteria, std::vector<Verdi
 
 template <class Archive, class Self>
 void Tunnelling::carry(Archive& archive, Self& self) {
-  archive(self.depth_);
-  archive(self.depth_time_);
-  archive(self.deep_a_);
-  archive(self.deep_b_);
-  for (auto& met : self.events_) {
-    archive(met.a);
-    archive(met.b);
-    archive(met.time);
-    archive(met.passed);
-    archive(met.depth);
-    archive(met.depth_time);
-  }
+  carry_all(archive, self.depth_, self.depth_time_, self.deep_a_, self.deep_b_);
+  for (auto& met : self.events_)
+    carry_all(archive, met.a, met.b, met.time, met.passed, met.depth, met.depth_time);
 }
 
 void Tunnelling::save(ArchiveWriter& out) const {

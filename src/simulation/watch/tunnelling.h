@@ -32,7 +32,7 @@ class Tunnelling final : public Watcher {
   double first_time() const { return events_.empty() ? 0 : events_.front().time; }
 
  private:
-  /// The first time a pair was met, and how deep it was at most.
+  /// The first time that a pair passed or lay too deep, and its largest depth.
   struct Event {
     int a = 0, b = 0;
     double time = 0;

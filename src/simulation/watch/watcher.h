@@ -1,6 +1,6 @@
-// What watches a simulation: a watcher is told of each step, measures, and reports what it found. It never
-// changes the motion. A simulation has any number of watchers, also none; standard_watchers.h lists those
-// that `handsim run` has.
+// What watches a simulation: a watcher gets each step, measures, and reports what it found. It never changes
+// the motion. A simulation has any number of watchers, also none; standard_watchers.h lists those that
+// `handsim run` has.
 #pragma once
 
 #include <chrono>
@@ -45,9 +45,9 @@ struct Verdict {
   std::string name;
   std::string unit;
   std::optional<double> measured = 0;  ///< absent: the run had nothing to measure, e.g. no hold of a pose
-  std::optional<double> limit;         ///< absent: measured, not judged
+  std::optional<double> limit = {};    ///< absent: measured, not judged
   double time = 0;                     ///< of the figure [s]
-  std::string where;                   ///< joint or body of the figure
+  std::string where = {};              ///< joint or body of the figure
   bool least = false;                  ///< the limit is the least that will do, not the most
 
   /// A criterion without a measured value is not held.
@@ -73,8 +73,7 @@ class Watcher {
   /// What it has measured, and back.
   virtual void save(ArchiveWriter& out) const = 0;
   /// @param state that the run goes on from. @throws Error (input) for bytes that do not fit; the watcher
-  /// then
-  ///        has to be restored from others.
+  ///        must then be restored from others.
   virtual void restore(ArchiveReader& in, const model::State& state) = 0;
 
   /// Figures up to now, beside the limits that the scene sets them.
@@ -84,6 +83,12 @@ class Watcher {
   /// Its part of summary.json (summary_json.h).
   virtual void add_summary(SummaryJson& /*out*/) const {}
 };
+
+/// Saves fields in turn, or restores them (core/archive.h).
+template <class Archive, class... Fields>
+void carry_all(Archive& archive, Fields&... fields) {
+  (archive(fields), ...);
+}
 
 using Watchers = std::vector<std::unique_ptr<Watcher>>;
 /// Makes the watchers of a simulation at its start.

@@ -62,7 +62,7 @@ struct Hull {
   Hull& operator=(const Hull&) = delete;
 };
 
-/// The hull of points in six dimensions; null where Qhull gives up. Qx merges facets of coplanar points and
+/// The hull of points in six dimensions; null where Qhull fails. Qx merges facets of coplanar points and
 /// keeps the hull exact to rounding; QJ moves the points by some 1e-11 instead, where nearly coplanar ones
 /// defeat the merging.
 std::unique_ptr<Hull> hull_of(std::vector<double>& coordinates, std::string options) {

@@ -13,7 +13,7 @@ namespace handsim::simulation {
 /// Edges of the pyramid that stands for a friction cone.
 inline constexpr int kConeEdges = 8;
 
-/// A contact as the wrench space sees it.
+/// What the wrench space needs of a contact.
 struct WrenchContact {
   Vec3 position = Vec3::Zero();  ///< relative to the object's centre of mass [m]
   Vec3 normal = Vec3::UnitZ();   ///< unit, into the object

@@ -5,6 +5,7 @@
 #include <map>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "handsim/core/units.h"
 #include "handsim/model/energy.h"
@@ -36,80 +37,28 @@ bool keeps_energy(const scene::Scene& scene) {
   return true;
 }
 
-/// Work of the constant joint torques, from coordinates unwound step by step.
-class WorkMeter {
- public:
-  WorkMeter(const scene::Scene& scene, const model::State& start)
-      : model_(scene.model), on_(scene.spec.solver.effects.has(Effect::actuation)), last_(start.q) {}
+/// A coordinate of a joint, or of a body's centre of mass along a world axis.
+struct Observed {
+  std::optional<std::size_t> dof;
+  std::size_t body = 0;
+  int axis = 0;
 
-  void look(const model::State& state) {
-    if (!on_) return;
-    const std::vector<double>& q = state.q;
-    for (const model::Joint& joint : model_.joints)
-      for (std::size_t a = 0; a < joint.axes.size(); ++a) {
-        const auto i = static_cast<std::size_t>(joint.first_dof) + a;
-        double moved = q[i] - last_[i];
-        if (joint.kind != model::JointKind::slider) moved = std::remainder(moved, 2 * M_PI);
-        work_ += joint.axes[a].torque * moved;
-      }
-    last_ = q;
-  }
-  double work() const { return work_; }
-
- private:
-  const model::Model& model_;
-  bool on_;
-  std::vector<double> last_;
-  double work_ = 0;
+  double place(const model::State& s) const { return dof ? s.q[*dof] : s.bodies[body].p[axis]; }
+  double rate(const model::State& s) const { return dof ? s.u[*dof] : s.bodies[body].v[axis]; }
 };
 
-/// What is compared of a state.
-class Observer {
- public:
-  Observer(const std::optional<std::string>& name, const model::Model& model) {
-    if (!name) {
-      for (int i = 0; i < model.dof_count(); ++i) dofs_.push_back(static_cast<std::size_t>(i));
-      return;
-    }
-    for (const model::Joint& joint : model.joints)
-      if (joint.name == *name) dofs_.push_back(static_cast<std::size_t>(joint.first_dof));
-    for (std::size_t i = 1; i < model.bodies.size(); ++i)
-      for (int axis = 0; axis < 3; ++axis)
-        if (*name == model.bodies[i].name + "." + "xyz"[axis]) {
-          body_ = i;
-          axis_ = axis;
-        }
-    if (dofs_.empty() && !body_)
-      throw input_error("observe", *name, "a joint of the scene, or a body with .x, .y or .z");
-  }
-
-  void add(Series& series, const model::State& state) const {
-    std::vector<double> q, rate;
-    if (body_) {
-      q.push_back(state.bodies[*body_].p[axis_]);
-      rate.push_back(state.bodies[*body_].v[axis_]);
-    } else {
-      for (const std::size_t i : dofs_) {
-        q.push_back(state.q[i]);
-        rate.push_back(state.u[i]);
-      }
-    }
-    series.time.push_back(state.time);
-    series.q.push_back(std::move(q));
-    series.rate.push_back(std::move(rate));
-  }
-
- private:
-  std::vector<std::size_t> dofs_;
-  std::optional<std::size_t> body_;
-  int axis_ = 0;
-};
-
-/// Positions are compared less their start.
-void subtract_start(Series& series) {
-  const std::vector<double> start = series.q.front();
-  for (std::vector<double>& q : series.q)
-    for (std::size_t i = 0; i < q.size(); ++i) q[i] -= start[i];
+/// @throws Error (input) where the model has nothing of this name.
+std::vector<Observed> observed(const std::optional<std::string>& name, const model::Model& model) {
+  std::vector<Observed> out;
+  for (int i = 0; i < model.dof_count() && !name; ++i) out.push_back({static_cast<std::size_t>(i)});
+  if (!name) return out;
+  for (const model::Joint& joint : model.joints)
+    if (joint.name == *name) out.push_back({static_cast<std::size_t>(joint.first_dof)});
+  for (std::size_t i = 1; i < model.bodies.size(); ++i)
+    for (int axis = 0; axis < 3; ++axis)
+      if (*name == model.bodies[i].name + "." + "xyz"[axis]) out.assign(1, {std::nullopt, i, axis});
+  if (out.empty()) throw input_error("observe", *name, "a joint of the scene, or a body with .x, .y or .z");
+  return out;
 }
 
 struct Motion {
@@ -119,46 +68,71 @@ struct Motion {
   std::string engine;  ///< and its version
 };
 
-/// Makes a motion of the states after each step.
+/// Collects a motion from the states after each step.
 class Follower {
  public:
-  Follower(const scene::Scene& scene, const std::optional<std::string>& observe, double sample_every,
+  Follower(const scene::Scene& scene, const std::optional<std::string>& name, double sample_every,
            const model::State& start)
       : scene_(scene),
-        observer_(observe, scene.model),
-        meter_(scene, start),
+        observed_(observed(name, scene.model)),
         stride_(std::max(1L, std::lround(sample_every / scene.spec.solver.step))),
-        start_(energy(start)),
+        start_(start),
+        last_q_(start.q),
+        start_energy_(energy(start)),
         largest_(model::kinetic_energy(scene.model, start)) {
-    observer_.add(out_.series, start);
+    add(start);
   }
 
-  void look(const model::State& state) {
-    meter_.look(state);
+  void update(const model::State& state) {
+    if (scene_.spec.solver.effects.has(Effect::actuation)) add_work(state.q);
     if (++steps_ % stride_ != 0) return;
-    observer_.add(out_.series, state);
-    imbalance_ = std::max(imbalance_, std::abs(energy(state) - start_));
+    add(state);
+    imbalance_ = std::max(imbalance_, std::abs(energy(state) - start_energy_));
     largest_ = std::max(largest_, model::kinetic_energy(scene_.model, state));
   }
 
   Motion finish(double gap) {
-    subtract_start(out_.series);
     out_.gap = gap;
     if (keeps_energy(scene_) && largest_ > 0) out_.energy_error = imbalance_ / largest_;
     return std::move(out_);
   }
 
  private:
+  /// Places are compared less their start.
+  void add(const model::State& state) {
+    Series& series = out_.series;
+    series.time.push_back(state.time);
+    std::vector<double>&q = series.q.emplace_back(), &rate = series.rate.emplace_back();
+    for (const Observed& each : observed_) {
+      q.push_back(each.place(state) - each.place(start_));
+      rate.push_back(each.rate(state));
+    }
+  }
+
+  /// Work of the constant joint torques, from coordinates unwound step by step.
+  void add_work(const std::vector<double>& q) {
+    for (const model::Joint& joint : scene_.model.joints)
+      for (std::size_t a = 0; a < joint.axes.size(); ++a) {
+        const auto i = static_cast<std::size_t>(joint.first_dof) + a;
+        double moved = q[i] - last_q_[i];
+        if (joint.kind != model::JointKind::slider) moved = std::remainder(moved, 2 * M_PI);
+        work_ += joint.axes[a].torque * moved;
+      }
+    last_q_ = q;
+  }
+
   double energy(const model::State& state) const {
     return model::kinetic_energy(scene_.model, state) +
-           model::potential_energy(scene_.model, state, scene_.spec.solver.effects) - meter_.work();
+           model::potential_energy(scene_.model, state, scene_.spec.solver.effects) - work_;
   }
 
   const scene::Scene& scene_;
-  Observer observer_;
-  WorkMeter meter_;
+  std::vector<Observed> observed_;
   long stride_, steps_ = 0;
-  double start_, imbalance_ = 0, largest_;
+  model::State start_;
+  std::vector<double> last_q_;
+  double work_ = 0, imbalance_ = 0;
+  double start_energy_, largest_;
   Motion out_;
 };
 
@@ -167,7 +141,7 @@ Motion follow(const scene::Scene& scene, const std::optional<std::string>& obser
   Follower follower(scene, observe, sample_every, simulation.state());
   for (long i = 1; i <= simulation.step_count(); ++i) {
     simulation.step();
-    follower.look(simulation.state());
+    follower.update(simulation.state());
   }
   Motion motion = follower.finish(simulation.get<simulation::Monitor>().joint_gap().value);
   motion.engine = simulation.engine().version();
@@ -191,15 +165,15 @@ Motion follow_job(const AccuracySpec& spec, const Job& job) {
   if (!job.method->peer) return follow(job.scene, observe, spec.sample_every);
   simulation::Monitor monitor(job.scene.model, job.scene.spec.solver.step, false);
   std::optional<Follower> follower;
-  const auto look = [&](const model::State& state) {
+  const auto update = [&](const model::State& state) {
     if (!follower) {
       follower.emplace(job.scene, observe, spec.sample_every, state);
-      return;
+    } else {
+      monitor.update(state);
+      follower->update(state);
     }
-    monitor.update(state);
-    follower->look(state);
   };
-  const PeerName name = follow_peer(program_of(spec, *job.method), *job.method->peer, job.scene, look);
+  const PeerName name = follow_peer(program_of(spec, *job.method), *job.method->peer, job.scene, update);
   Motion motion = follower->finish(monitor.joint_gap().value);
   motion.engine = name.engine + " " + name.version;
   return motion;
@@ -212,11 +186,8 @@ double cost(const AccuracySpec& spec, const Job& job) {
   const double simulated = static_cast<double>(steps) * h;
   if (job.method->peer)
     return peer_cpu_seconds(program_of(spec, *job.method), *job.method->peer, job.scene, steps) / simulated;
-  {
-    simulation::Simulation warm_up(job.scene);
-    for (long i = 0; i < std::min(steps, kWarmUpSteps); ++i) warm_up.step();
-  }
-  simulation::Simulation simulation(job.scene);
+  simulation::Simulation warm_up(job.scene), simulation(job.scene);
+  for (long i = 0; i < std::min(steps, kWarmUpSteps); ++i) warm_up.step();
   const double start = cpu_now();
   for (long i = 0; i < steps; ++i) simulation.step();
   return (cpu_now() - start) / simulated;
@@ -233,6 +204,7 @@ Series slider_crank_series(const SliderCrankSpec& spec, double duration, double 
   return out;
 }
 
+/// Of the differences up to a time.
 double rms(const std::vector<std::vector<double>>& a, const std::vector<std::vector<double>>& b,
            const std::vector<double>& time, double until) {
   double sum = 0;
@@ -252,20 +224,13 @@ void compare(AccuracyRow& row, const Series& reference, double early) {
 }
 
 std::optional<Series> make_reference(const AccuracySpec& spec) {
-  const auto duration = [&] { return scene::load_scene(spec.scene).spec.duration; };
-  switch (spec.reference) {
-    case Reference::slider_crank_iftomm:
-      return slider_crank_series(SliderCrankSpec::iftomm(), duration(), spec.sample_every);
-    case Reference::slider_crank_torque:
-      return slider_crank_series(SliderCrankSpec::constant_torque(), duration(), spec.sample_every);
-    case Reference::method: {
-      const scene::Scene scene = scene::load_scene(spec.scene, spec.reference_set);
-      return follow(scene, spec.observe, spec.sample_every).series;
-    }
-    case Reference::smallest_step:
-      return std::nullopt;
-  }
-  return std::nullopt;
+  if (spec.reference == Reference::smallest_step) return std::nullopt;
+  const scene::Scene scene = scene::load_scene(spec.scene, spec.reference_set);
+  if (spec.reference == Reference::method) return follow(scene, spec.observe, spec.sample_every).series;
+  return slider_crank_series(spec.reference == Reference::slider_crank_iftomm
+                                 ? SliderCrankSpec::iftomm()
+                                 : SliderCrankSpec::constant_torque(),
+                             scene.spec.duration, spec.sample_every);
 }
 
 Job make_job(const AccuracySpec& spec, const AccuracyMethod& method, double step) {
@@ -280,7 +245,7 @@ Job make_job(const AccuracySpec& spec, const AccuracyMethod& method, double step
   return job;
 }
 
-/// Does a part of a row; where the physics go wrong in it the row says so.
+/// Does a part of a row; a fault of the physics is recorded in the row.
 void attempt(AccuracyRow& row, const std::function<void()>& part) {
   if (row.fault) return;
   try {
@@ -291,20 +256,19 @@ void attempt(AccuracyRow& row, const std::function<void()>& part) {
   }
 }
 
-/// The methods that can run here; of the others the result says why they cannot.
+/// The methods that can run here; the result lists the others and why they cannot.
 std::vector<const AccuracyMethod*> methods_at_hand(const AccuracySpec& spec, AccuracyResult& result) {
   std::vector<const AccuracyMethod*> out;
-  std::map<std::string, std::string> left_out;
-  for (const AccuracyMethod& method : spec.methods) {
-    if (!method.peer || (spec.peers && access(program_of(spec, method).c_str(), X_OK) == 0)) {
+  std::map<std::string, std::vector<std::string>> left_out;
+  for (const AccuracyMethod& method : spec.methods)
+    if (!method.peer || (spec.peers && access(program_of(spec, method).c_str(), X_OK) == 0))
       out.push_back(&method);
-      continue;
-    }
-    std::string& names = left_out[spec.peers ? "there is no " + program_of(spec, method).string()
-                                             : "no other engine is asked for"];
-    names += (names.empty() ? "" : "; ") + method.name;
-  }
-  for (const auto& [why, names] : left_out) result.left_out.push_back(fmt::format("{} ({})", names, why));
+    else
+      left_out[spec.peers ? "there is no " + program_of(spec, method).string()
+                          : "no other engine is asked for"]
+          .push_back(method.name);
+  for (const auto& [why, names] : left_out)
+    result.left_out.push_back(fmt::format("{} ({})", fmt::join(names, "; "), why));
   return out;
 }
 
@@ -384,18 +348,14 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
 scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& result) {
   if (!spec.kind || !result.reference)
     throw input_error("--costs", "a study without a kind or without a reference", "one with both");
-  double square = 0;
-  std::size_t count = 0;
-  for (const std::vector<double>& rates : result.reference->rate)
-    for (const double rate : rates) {
-      square += rate * rate;
-      ++count;
-    }
-  const double signal = std::sqrt(square / static_cast<double>(count));
+  const Series& reference = *result.reference;
+  const std::vector<double> still(reference.rate.front().size(), 0.0);
+  const double signal =
+      rms(reference.rate, std::vector(reference.rate.size(), still), reference.time, reference.time.back());
   scene::CostTable table;
   table.kind = *spec.kind;
   table.scene = spec.scene.filename().string();
-  table.duration = result.reference->time.back();
+  table.duration = reference.time.back();
   std::vector<scene::CostRow> all;
   for (const AccuracyRow& row : result.rows) {
     const auto method = std::find_if(spec.methods.begin(), spec.methods.end(),
@@ -418,10 +378,9 @@ scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& resu
 const AccuracyRow* cheapest(const AccuracyResult& result, double target) {
   const AccuracyRow* best = nullptr;
   for (const AccuracyRow& row : result.rows) {
-    if (row.fault || row.is_reference || (result.reference && row.own_reference) ||
-        !(row.rate_error <= target))
-      continue;
-    if (!best || row.cpu_per_second < best->cpu_per_second) best = &row;
+    const bool competes = !row.fault && !row.is_reference && !(result.reference && row.own_reference);
+    if (competes && row.rate_error <= target && (!best || row.cpu_per_second < best->cpu_per_second))
+      best = &row;
   }
   return best;
 }

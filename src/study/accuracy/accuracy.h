@@ -90,7 +90,7 @@ AccuracySpec load_accuracy(const std::filesystem::path& path);
 
 /// Costs are taken in rounds, each of which times every row once, so that what else the machine does falls on
 /// all.
-/// @param progress told the share done, 0..1.
+/// @param progress is called with the share done, 0..1.
 /// @throws Error (input) where a scene or an override is bad.
 AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress);
 
@@ -102,5 +102,19 @@ scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& resu
 /// The cheapest row whose whole-run error is at most `target`; nothing where none is. Where the study has a
 /// reference, rows with one of their own do not compete.
 const AccuracyRow* cheapest(const AccuracyResult& result, double target);
+
+/// The rows as a table for the screen.
+std::string accuracy_table(const AccuracyResult& result, double early);
+
+/// The cheapest row for each of a ladder of errors, down to the smallest that any row reaches, as a table;
+/// where one row is the cheapest for several, the smallest of them. Empty where no row reaches 0.1.
+std::string cheapest_table(const AccuracyResult& result);
+
+/// Writes accuracy.csv, accuracy.json and, where gnuplot is installed, error_cost, cost_step and velocity as
+/// PNG and SVG.
+/// @returns false where gnuplot is missing or failed; its script accuracy.gp is there all the same.
+/// @throws Error (input) where the folder cannot be written.
+bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result, const std::filesystem::path& out);
+std::vector<std::string> accuracy_files();
 
 }  // namespace handsim::study

@@ -1,4 +1,4 @@
-#include "handsim/study/accuracy/accuracy_report.h"
+#include "handsim/study/accuracy/accuracy.h"
 
 #include <cmath>
 
@@ -65,7 +65,7 @@ std::string json(const AccuracySpec& spec, const AccuracyResult& result) {
 struct Line {
   std::string title;
   bool peer = false;
-  bool has_steps = true;  ///< false: its methods differ in their tolerance, and their step says nothing
+  bool has_steps = true;  ///< false: its methods differ in their tolerance, and their step means nothing
   std::vector<const AccuracyRow*> rows;
 };
 
@@ -85,7 +85,7 @@ std::vector<Line> lines_of(const AccuracySpec& spec, const AccuracyResult& resul
   return lines;
 }
 
-/// Colours that can be told apart on white, drawn through or dashed.
+/// Colours that differ on white, solid or dashed.
 std::string style(std::size_t index, bool dashed) {
   static const char* const colours[] = {"#0060ad", "#d62728", "#2ca02c", "#ff7f0e", "#9467bd",
                                         "#8c564b", "#17becf", "#e377c2", "#7f7f7f", "#bcbd22"};
@@ -106,7 +106,7 @@ std::string blocks(const std::vector<Line>& lines) {
   return out;
 }
 
-/// Handsim's own lines are drawn through, those of peers dashed.
+/// Handsim's own lines are solid, those of peers dashed.
 std::string plot_of(const std::vector<Line>& lines, const char* columns, bool against_step) {
   std::string out;
   std::size_t own = 0, peers = 0;
@@ -126,12 +126,12 @@ std::string plot_of(const std::vector<Line>& lines, const char* columns, bool ag
 void add_velocity_plot(const AccuracySpec& spec, const AccuracyResult& result, Report& report) {
   std::string panels;
   int block = 0, count = 0;
-  const auto add = [&](const Series& series, const std::string& title, const std::string& look) {
+  const auto add = [&](const Series& series, const std::string& title, const std::string& style) {
     report.data += fmt::format("$v{} << EOD\n", block);
     for (std::size_t i = 0; i < series.time.size(); ++i)
       report.data += fmt::format("{:.6g} {:.9g}\n", series.time[i], series.rate[i][0]);
     report.data += "EOD\n";
-    return fmt::format("$v{} using 1:2 with lines {} title '{}' noenhanced", block++, look,
+    return fmt::format("$v{} using 1:2 with lines {} title '{}' noenhanced", block++, style,
                        output::plot_text(title));
   };
   const auto panel = [&](double step, bool peer) {
@@ -207,7 +207,7 @@ std::string cheapest_table(const AccuracyResult& result) {
   std::string out, line;
   for (const double error : {0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10}) {
     const AccuracyRow* row = cheapest(result, error);
-    // Of errors that one row is the cheapest for, the smallest says all.
+    // Of the errors that one row is the cheapest for, only the smallest is shown.
     if (row != last) out += line;
     line.clear();
     last = row;

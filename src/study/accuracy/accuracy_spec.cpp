@@ -9,19 +9,6 @@ namespace handsim::study {
 
 namespace {
 
-AccuracyMethod read_method(MapReader reader, const std::vector<double>& steps) {
-  AccuracyMethod method;
-  method.name = reader.text("name");
-  method.set = read_set(reader, "set");
-  method.scene = read_scene_path(reader, false);
-  if (reader.has("observe")) method.observe = reader.text("observe");
-  if (reader.has("line")) method.line = reader.text("line");
-  method.steps = read_steps(reader, "steps", false);
-  if (method.steps.empty()) method.steps = steps;
-  reader.finish();
-  return method;
-}
-
 /// `{accuracy: 1e-4}` as numbers.
 std::vector<std::pair<std::string, double>> read_settings(MapReader& reader) {
   std::vector<std::pair<std::string, double>> settings;
@@ -36,13 +23,20 @@ std::vector<std::pair<std::string, double>> read_settings(MapReader& reader) {
   return settings;
 }
 
-AccuracyMethod read_peer(MapReader reader, const std::vector<double>& steps) {
+/// A method of handsim's own, or of a peer.
+AccuracyMethod read_method(MapReader reader, const std::vector<double>& steps, bool of_peer) {
   AccuracyMethod method;
   method.name = reader.text("name");
-  method.peer.emplace();
-  method.peer->program = reader.name("program");
-  method.peer->method = reader.name("method");
-  method.peer->settings = read_settings(reader);
+  if (of_peer) {
+    PeerMethod& peer = method.peer.emplace();
+    peer.program = reader.name("program");
+    peer.method = reader.name("method");
+    peer.settings = read_settings(reader);
+  } else {
+    method.set = read_set(reader, "set");
+    method.scene = read_scene_path(reader, false);
+    if (reader.has("observe")) method.observe = reader.text("observe");
+  }
   if (reader.has("line")) method.line = reader.text("line");
   method.steps = read_steps(reader, "steps", false);
   if (method.steps.empty()) method.steps = steps;
@@ -84,14 +78,13 @@ AccuracySpec load_accuracy(const std::filesystem::path& path) {
   spec.repeats = reader.integer("repeats", 1, 1000, 5);
   const std::vector<double> steps = read_steps(reader, "steps", true);
   spec.plot_steps = read_steps(reader, "plot_steps", false);
-  if (YamlNode* methods = reader.list("methods", true, kMostMethods))
-    for (std::size_t i = 0; i < methods->items.size(); ++i)
+  for (const char* key : {"methods", "peers"}) {
+    const bool peers = key == std::string_view("peers");
+    YamlNode* list = reader.list(key, !peers, kMostMethods);
+    for (std::size_t i = 0; list && i < list->items.size(); ++i)
       spec.methods.push_back(
-          read_method(MapReader(methods->items[i], fmt::format("methods.{}", i), diagnostics), steps));
-  if (YamlNode* peers = reader.list("peers", false, kMostMethods))
-    for (std::size_t i = 0; i < peers->items.size(); ++i)
-      spec.methods.push_back(
-          read_peer(MapReader(peers->items[i], fmt::format("peers.{}", i), diagnostics), steps));
+          read_method(MapReader(list->items[i], fmt::format("{}.{}", key, i), diagnostics), steps, peers));
+  }
   if (spec.methods.empty()) reader.problem("methods", "no method", "at least one method");
   reader.finish();
   diagnostics.throw_if_any();

@@ -37,7 +37,7 @@ Error failed(const std::filesystem::path& program, double time, std::string quan
 
 Json numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
 
-const char* word(model::JointKind kind) {
+const char* name(model::JointKind kind) {
   switch (kind) {
     case model::JointKind::hinge:
       return "hinge";
@@ -74,7 +74,7 @@ Json describe(const model::Joint& joint, const model::Model& model, const model:
     forces.push_back(actuated ? joint.axes[a].torque : 0.0);
   }
   return {{"name", joint.name},
-          {"kind", word(joint.kind)},
+          {"kind", name(joint.kind)},
           {"parent", model.bodies[body(joint.parent)].name},
           {"child", model.bodies[body(joint.child)].name},
           {"closes_loop", joint.closes_loop},
@@ -155,16 +155,16 @@ class Conversation {
     child_ = 0;
     if (WIFEXITED(status) && WEXITSTATUS(status) == 0) return;
     throw failed(program_, time, "failed",
-                 WIFEXITED(status) ? last_words() : fmt::format("killed by signal {}", WTERMSIG(status)));
+                 WIFEXITED(status) ? last_message() : fmt::format("killed by signal {}", WTERMSIG(status)));
   }
 
   const std::filesystem::path& program() const { return program_; }
 
  private:
-  /// Standard error's last line with a word in it.
-  std::string last_words() {
+  /// The last line of standard error that is not blank.
+  std::string last_message() {
     std::rewind(errors_.get());
-    std::string last = "no word of why";
+    std::string last = "no message";
     char text[500];
     while (std::fgets(text, sizeof text, errors_.get())) {
       const std::string line(text, std::strcspn(text, "\n"));
@@ -196,32 +196,26 @@ Json head(Conversation& conversation) {
 
 /// @returns false where the line has other than the numbers of a state.
 bool parse(std::string_view line, model::State& state) {
+  std::vector<double> numbers;
   const char* at = line.data();
-  const char* const end = line.data() + line.size();
-  bool good = true;
-  const auto next = [&] {
-    double value = 0;
-    while (at < end && *at == ' ') ++at;
-    const std::from_chars_result result = std::from_chars(at, end, value);
-    good = good && result.ec == std::errc() && std::isfinite(value);
+  const char* const end = at + line.size();
+  while (at < end) {
+    if (*at == ' ') {
+      ++at;
+      continue;
+    }
+    const std::from_chars_result result = std::from_chars(at, end, numbers.emplace_back());
+    if (result.ec != std::errc() || !std::isfinite(numbers.back())) return false;
     at = result.ptr;
-    return value;
-  };
-  const auto next_vector = [&] {
-    const double x = next(), y = next();
-    return Vec3(x, y, next());
-  };
-  state.time = next();
-  for (std::size_t i = 1; i < state.bodies.size(); ++i) {
-    model::BodyState& body = state.bodies[i];
-    body.p = next_vector();
-    body.q.w() = next();
-    body.q.vec() = next_vector();
-    body.v = next_vector();
-    body.w = next_vector();
   }
-  while (at < end && *at == ' ') ++at;
-  return good && at == end;
+  constexpr std::size_t kPerBody = 13;
+  if (numbers.size() != 1 + kPerBody * (state.bodies.size() - 1)) return false;
+  state.time = numbers.front();
+  const double* n = &numbers[1];
+  for (std::size_t i = 1; i < state.bodies.size(); ++i, n += kPerBody)
+    state.bodies[i] = {
+        {n[0], n[1], n[2]}, Quat(n[3], n[4], n[5], n[6]), {n[7], n[8], n[9]}, {n[10], n[11], n[12]}};
+  return true;
 }
 
 /// Largest difference of two states, in whatever unit.
@@ -267,7 +261,7 @@ void check_for_peers(const scene::Scene& scene) {
 }
 
 PeerName follow_peer(const std::filesystem::path& program, const PeerMethod& method,
-                     const scene::Scene& scene, const std::function<void(const model::State&)>& look) {
+                     const scene::Scene& scene, const std::function<void(const model::State&)>& update) {
   const double h = scene.spec.solver.step;
   const long steps = std::lround(scene.spec.duration / h);
   Conversation conversation(program, request("motion", method, scene, steps).dump());
@@ -285,7 +279,7 @@ PeerName follow_peer(const std::filesystem::path& program, const PeerMethod& met
       throw failed(program, time, "time", fmt::format("the state is of {:.12g} s", state.time));
     if (i == 0) check_start(program, scene, state, answer["kinetic_energy"].get<double>());
     model::find_coordinates(scene.model, state);
-    look(state);
+    update(state);
   }
   conversation.finish(scene.spec.duration);
   return {answer["engine"].get<std::string>(), answer["version"].get<std::string>()};

@@ -1,6 +1,5 @@
-// Another engine beside handsim's own methods: a program that is told of a mechanism, simulates it, and
-// answers with its motion or its cost. The protocol stands in tests/peers/peer.h; nothing here links to any
-// engine.
+// Another engine beside handsim's own methods: a program that gets a mechanism, simulates it, and answers
+// with its motion or its cost. The protocol stands in tests/peers/peer.h; nothing here links to any engine.
 #pragma once
 
 #include <filesystem>
@@ -17,7 +16,7 @@ namespace handsim::study {
 /// A method of another engine.
 struct PeerMethod {
   std::string program;                                   ///< file name in the folder of peers
-  std::string method;                                    ///< the program's own word for it
+  std::string method;                                    ///< as the program names it
   std::vector<std::pair<std::string, double>> settings;  ///< of that method
 };
 
@@ -26,16 +25,16 @@ struct PeerName {
   std::string engine, version;
 };
 
-/// Refuses scenes that the protocol has no words for: contact, stops, tissue, drives and controllers.
+/// Refuses scenes that the protocol cannot describe: contact, stops, tissue, drives and controllers.
 /// @throws Error (input).
 void check_for_peers(const scene::Scene& scene);
 
 /// Simulates the scene's mechanism from the scene's start over its duration.
-/// @param look is shown the start and the state after every step.
+/// @param update is called with the start and the state after every step.
 /// @throws Error (physics) where the program fails, diverges, or has built something else: a start state or a
 ///         kinetic energy that is not the scene's.
 PeerName follow_peer(const std::filesystem::path& program, const PeerMethod& method,
-                     const scene::Scene& scene, const std::function<void(const model::State&)>& look);
+                     const scene::Scene& scene, const std::function<void(const model::State&)>& update);
 
 /// CPU seconds of so many steps from the scene's start, after a warm-up, nothing written meanwhile.
 /// @throws Error (physics) where the program fails.

@@ -48,7 +48,7 @@ class SliderCrankReference {
 
   /// States at the times asked for [s], from 0 on, rising. Each step's relative error is held to 3e-15, which
   /// leaves less than 1e-9 (rad, rad/s, m, m/s) after the 5 s of `iftomm`.
-  /// @throws Error (physics) where the integrator gives up or the energy strays by more than 1e-10 of the
+  /// @throws Error (physics) where the integrator fails or the energy changes by more than 1e-10 of the
   ///         largest kinetic energy so far.
   std::vector<SliderCrankState> at(std::span<const double> times) const;
   /// Every `every` seconds from 0 to `duration`, both included.

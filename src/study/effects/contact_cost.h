@@ -22,7 +22,7 @@ struct ContactCostRow {
 
 /// world_step, quick_step with 20 and 50 iterations and auto (50) at 1 ms, all contacts in one island with
 /// the hand's joints. @param data folder with handmodels/ and config/
-/// @param progress told the share done, 0..1.
+/// @param progress is called with the share done, 0..1.
 std::vector<ContactCostRow> run_contact_cost(const std::filesystem::path& data,
                                              const std::function<void(double)>& progress);
 

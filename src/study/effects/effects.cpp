@@ -2,7 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
+#include <span>
 
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
@@ -16,53 +16,55 @@ using simulation::Simulation;
 
 /// The scene without the effect of a row.
 struct Variant {
-  EffectRow* row = nullptr;
-  scene::Scene scene;
+  EffectRow row;
+  std::optional<scene::Scene> scene = {};  ///< nothing where it is not possible without
 };
 
-/// What the solver does beside the effects, by key; nothing: it does not.
-std::vector<std::pair<std::string, scene::Scene>> without_settings(const scene::Scene& scene) {
-  std::vector<std::pair<std::string, scene::Scene>> out;
-  const auto add = [&](const char* key) -> engine::Settings& {
-    out.emplace_back(std::string("solver.") + key, scene);
-    return out.back().second.spec.solver;
-  };
-  engine::Settings settings = scene.spec.solver;
-  if (settings.engine() == engine::EngineKind::ode && settings.ode().projection)
-    add("projection").ode().projection = false;
-  if (const bool* on = engine::speculative(settings); on && *on && settings.effects.any_contact())
-    *engine::speculative(add("speculative")) = false;
-  if (settings.engine() == engine::EngineKind::ode && settings.ode().guard) add("guard").ode().guard.reset();
+std::vector<model::Effect> effects_of(const scene::Scene& scene) {
+  std::vector<model::Effect> out;
+  for (int i = 0; i < model::kEffectCount; ++i)
+    if (const auto effect = static_cast<model::Effect>(i); scene.spec.solver.effects.has(effect))
+      out.push_back(effect);
   return out;
 }
 
-/// One row for each effect and setting, and the scenes that are possible.
-std::vector<Variant> variants(const scene::Scene& scene, std::vector<EffectRow>& rows) {
-  const model::Effects& effects = scene.spec.solver.effects;
-  std::vector<model::Effect> taken;
-  for (int i = 0; i < model::kEffectCount; ++i)
-    if (effects.has(static_cast<model::Effect>(i))) taken.push_back(static_cast<model::Effect>(i));
-  std::vector<std::pair<std::string, scene::Scene>> settings;
-  if (!taken.empty()) settings = without_settings(scene);
-  rows.resize(taken.size() + settings.size());
+/// The scene without one of its effects. @throws Error (input) where it is not possible without it.
+Variant without(const scene::Scene& scene, model::Effect effect) {
+  Variant out;
+  out.row.name = model::name(effect);
+  out.scene = scene::without_effect(scene, effect);
+  for (const model::Effect other : effects_of(scene))
+    if (other != effect && !out.scene->spec.solver.effects.has(other)) out.row.with.push_back(other);
+  return out;
+}
+
+/// What the solver does beside the effects, turned off in turn.
+void add_settings(const scene::Scene& scene, std::vector<Variant>& out) {
+  const auto add = [&](const char* key) -> engine::Settings& {
+    Variant& variant = out.emplace_back();
+    variant.row.name = std::string("solver.") + key;
+    variant.scene = scene;
+    return variant.scene->spec.solver;
+  };
+  engine::Settings settings = scene.spec.solver;
+  const bool ode = settings.engine() == engine::EngineKind::ode;
+  if (ode && settings.ode().projection) add("projection").ode().projection = false;
+  if (const bool* on = engine::speculative(settings); on && *on && settings.effects.any_contact())
+    *engine::speculative(add("speculative")) = false;
+  if (ode && settings.ode().guard) add("guard").ode().guard.reset();
+}
+
+/// One for each effect and setting.
+std::vector<Variant> variants(const scene::Scene& scene) {
   std::vector<Variant> out;
-  for (std::size_t k = 0; k < taken.size(); ++k) {
-    EffectRow& row = rows[k];
-    row.name = model::name(taken[k]);
+  for (const model::Effect effect : effects_of(scene)) {
     try {
-      Variant variant{&row, scene::without_effect(scene, taken[k])};
-      for (const model::Effect other : taken)
-        if (other != taken[k] && !variant.scene.spec.solver.effects.has(other)) row.with.push_back(other);
-      out.push_back(std::move(variant));
+      out.push_back(without(scene, effect));
     } catch (const Error& error) {
-      row.fault = error.what();
+      out.emplace_back().row = {.name = std::string(model::name(effect)), .fault = error.what()};
     }
   }
-  for (std::size_t k = 0; k < settings.size(); ++k) {
-    EffectRow& row = rows[taken.size() + k];
-    row.name = std::move(settings[k].first);
-    out.push_back({&row, std::move(settings[k].second)});
-  }
+  if (!out.empty()) add_settings(scene, out);
   return out;
 }
 
@@ -71,34 +73,28 @@ class Comparison {
  public:
   Comparison(const model::Model& model, EffectRow& row) : model_(model), row_(row) {}
 
-  void look(const model::State& whole, const model::State& without) {
+  void update(const model::State& whole, const model::State& without) {
     for (std::size_t i = 1; i < model_.bodies.size(); ++i)
-      book(row_.displacement, (without.bodies[i].p - whole.bodies[i].p).norm(), whole.time,
-           model_.bodies[i].name);
+      row_.displacement.raise((without.bodies[i].p - whole.bodies[i].p).norm(), whole.time,
+                              model_.bodies[i].name);
     for (const model::Joint& joint : model_.joints) {
       if (joint.kind == model::JointKind::slider) continue;
       const auto first = static_cast<std::size_t>(joint.first_dof);
       const std::span a = std::span(whole.q).subspan(first), b = std::span(without.q).subspan(first);
       if (joint.kind == model::JointKind::ball) {
         const Quat turn = model::joint_transform(joint, a).q.conjugate() * model::joint_transform(joint, b).q;
-        book_angle(rotation_vector(turn).norm(), whole.time, joint.name);
+        add_angle(rotation_vector(turn).norm(), whole.time, joint.name);
       }
       for (std::size_t k = 0; k < joint.axes.size(); ++k)
-        book_angle(std::abs(std::remainder(b[k] - a[k], 2 * M_PI)), whole.time,
-                   joint.name + "." + joint.axes[k].name);
+        add_angle(std::abs(std::remainder(b[k] - a[k], 2 * M_PI)), whole.time,
+                  joint.name + "." + joint.axes[k].name);
     }
-  }
-
-  void finish() {
     if (count_ > 0) row_.angle_rms = std::sqrt(sum_ / static_cast<double>(count_));
   }
 
  private:
-  static void book(simulation::Peak& peak, double value, double time, const std::string& where) {
-    if (value > peak.value) peak = {value, time, where};
-  }
-  void book_angle(double value, double time, const std::string& where) {
-    book(row_.angle, value, time, where);
+  void add_angle(double value, double time, const std::string& where) {
+    row_.angle.raise(value, time, where);
     sum_ += value * value;
     ++count_;
   }
@@ -109,7 +105,17 @@ class Comparison {
   long count_ = 0;
 };
 
-/// A share of the whole work at a time.
+/// Does a part of a row; a failure is recorded in the row and ends its work.
+void attempt(EffectRow& row, const std::function<void()>& part) {
+  if (row.fault) return;
+  try {
+    part();
+  } catch (const Error& error) {
+    row.fault = error.what();
+  }
+}
+
+/// Reports the share of the work that is done.
 class Work {
  public:
   Work(double steps, const std::function<void(double)>& progress) : steps_(steps), progress_(progress) {}
@@ -124,38 +130,29 @@ class Work {
   double done_ = 0;
 };
 
-/// What a variant moves otherwise: all go side by side, each until something goes wrong in it.
+/// How the variants move otherwise: all run side by side, each until it fails.
 void compare_motions(const scene::Scene& scene, std::vector<Variant>& variants, Work& work) {
   struct Runner {
-    Variant* variant;
-    std::unique_ptr<Simulation> simulation;
+    EffectRow& row;
+    Simulation simulation;
     Comparison comparison;
   };
   Simulation whole(scene);
   std::vector<Runner> runners;
-  for (Variant& variant : variants) {
-    try {
-      runners.push_back({&variant, std::make_unique<Simulation>(variant.scene),
-                         Comparison(variant.scene.model, *variant.row)});
-    } catch (const Error& error) {
-      variant.row->fault = error.what();
-    }
-  }
+  for (Variant& variant : variants)
+    if (variant.scene)
+      attempt(variant.row, [&] {
+        runners.push_back({variant.row, Simulation(*variant.scene), {variant.scene->model, variant.row}});
+      });
   for (long i = 0; i < whole.step_count(); ++i) {
     whole.step();
-    for (Runner& runner : runners) {
-      if (runner.variant->row->fault) continue;
-      try {
-        runner.simulation->step();
-        runner.comparison.look(whole.state(), runner.simulation->state());
-      } catch (const Error& error) {
-        runner.variant->row->fault = error.what();
-      }
-    }
-    work.add(1 + static_cast<double>(variants.size()));
+    for (Runner& runner : runners)
+      attempt(runner.row, [&] {
+        runner.simulation.step();
+        runner.comparison.update(whole.state(), runner.simulation.state());
+      });
+    work.add(1 + static_cast<double>(runners.size()));
   }
-  for (Runner& runner : runners) runner.comparison.finish();
-  std::erase_if(variants, [](const Variant& variant) { return variant.row->fault.has_value(); });
 }
 
 /// CPU time of a step [ns], nothing recorded.
@@ -169,22 +166,23 @@ double timed(const scene::Scene& scene, Work& work) {
   return 1e9 * taken / static_cast<double>(steps);
 }
 
-/// Times the scene and its variants in turns, so that a machine that slows down slows all.
-void time_all(const scene::Scene& scene, const std::vector<Variant>& variants, EffectsResult& result,
-              Work& work) {
+/// Times the scene and its variants in turns, so that a machine that slows down slows all. The first round
+/// warms up.
+void time_all(const scene::Scene& scene, std::vector<Variant>& variants, EffectsResult& result, Work& work) {
   std::vector<double> whole;
   std::vector<std::vector<double>> without(variants.size());
   for (int round = 0; round <= result.repeats; ++round) {
-    const double first = timed(scene, work);
-    if (round > 0) whole.push_back(first);
-    for (std::size_t i = 0; i < variants.size(); ++i) {
-      const double other = timed(variants[i].scene, work);
-      if (round > 0) without[i].push_back(other);
-    }
+    whole.push_back(timed(scene, work));
+    for (std::size_t i = 0; i < variants.size(); ++i)
+      if (!variants[i].row.fault) without[i].push_back(timed(*variants[i].scene, work));
+    if (round > 0) continue;
+    whole.clear();
+    for (std::vector<double>& times : without) times.clear();
   }
   result.ns_per_step = median(whole);
   for (std::size_t i = 0; i < variants.size(); ++i) {
-    EffectRow& row = *variants[i].row;
+    EffectRow& row = variants[i].row;
+    if (row.fault) continue;
     row.ns_per_step = median(without[i]);
     std::vector<double> saved(whole.size());
     for (std::size_t k = 0; k < saved.size(); ++k) saved[k] = whole[k] - without[i][k];
@@ -203,12 +201,14 @@ EffectsResult run_effects(const scene::Scene& scene, int repeats,
   result.steps = Simulation(scene).step_count();
   for (const model::Joint& joint : scene.model.joints)
     result.has_angles = result.has_angles || joint.kind != model::JointKind::slider;
-  std::vector<Variant> possible = variants(scene, result.rows);
-  if (result.rows.empty()) throw input_error("effects", "no effect", "a scene with one effect at least");
-  Work work(static_cast<double>(result.steps) * (2 + repeats) * (1 + static_cast<double>(possible.size())),
+  std::vector<Variant> all = variants(scene);
+  if (all.empty()) throw input_error("effects", "no effect", "a scene with one effect at least");
+  const auto possible = std::count_if(all.begin(), all.end(), [](const Variant& v) { return !v.row.fault; });
+  Work work(static_cast<double>(result.steps) * (2 + repeats) * (1 + static_cast<double>(possible)),
             progress);
-  compare_motions(scene, possible, work);
-  time_all(scene, possible, result, work);
+  compare_motions(scene, all, work);
+  time_all(scene, all, result, work);
+  for (Variant& variant : all) result.rows.push_back(std::move(variant.row));
   return result;
 }
 

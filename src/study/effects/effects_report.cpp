@@ -1,4 +1,4 @@
-#include "handsim/study/effects/effects_report.h"
+#include "handsim/study/effects/effects.h"
 
 #include <algorithm>
 #include <cmath>
@@ -12,7 +12,6 @@
 namespace handsim::study {
 
 namespace {
-
 
 /// `object_contact with friction`.
 std::string label(const EffectRow& row) {
@@ -85,7 +84,7 @@ std::string panel(const char* title, const char* unit, int column, const Decades
       title, unit, column, axis.low, axis.high, column + 1, column + 2);
 }
 
-/// Bars of cost and worth, one for each effect.
+/// Bars of cost and difference, one for each effect.
 void add_plot(const scene::Scene& scene, const EffectsResult& result, Report& report) {
   std::vector<const EffectRow*> rows;
   std::vector<double> angles, displacements;

@@ -1,9 +1,10 @@
-// Measures of hard cases: how bodies move.
+// Measures of hard cases: what is conserved, how bodies move, and what surfaces in contact do.
 #include <algorithm>
-#include <array>
 #include <cmath>
+#include <limits>
 
 #include "handsim/core/index.h"
+#include "handsim/model/energy.h"
 #include "handsim/study/stability/measure_tools.h"
 
 namespace handsim::study {
@@ -11,228 +12,246 @@ namespace handsim::study {
 namespace {
 
 using simulation::Simulation;
+using Sample = std::optional<Figure>;
 
-/// Speeds of bodies: the largest, the root mean square, or after the first step alone.
-class Speed final : public Measure {
- public:
-  enum class What { top, rms, first };
-  Speed(What what, const scene::Scene& scene, const MeasureSpec& spec)
-      : what_(what), spec_(spec), bodies_(bodies_of(scene, spec)), sums_(bodies_.size(), 0.0) {}
-
-  void look(const Simulation& now) override {
-    const long look = looks_++;
-    if (look == 0 || (what_ == What::first && look > 1) || !within(spec_, now.state().time)) return;
-    ++count_;
-    last_ = 0;
-    for (std::size_t k = 0; k < bodies_.size(); ++k) {
-      const double speed = now.state().bodies[bodies_[k]].v.norm();
-      last_ = std::max(last_, speed);
-      sums_[k] += speed * speed;
-      const double value = what_ == What::rms ? 0 : speed;
-      if (what_ != What::rms) largest_.book(value, now.state().time, name(now, k));
-    }
-    if (what_ != What::rms) return;
-    // Of the body that moves most.
-    const auto most = std::max_element(sums_.begin(), sums_.end());
-    rms_ = {std::sqrt(*most / static_cast<double>(count_)), std::nullopt,
-            name(now, static_cast<std::size_t>(most - sums_.begin()))};
-  }
-  std::optional<Figure> figure() const override { return what_ == What::rms ? rms_ : largest_.figure(); }
-  std::optional<double> course() const override { return count_ > 0 ? std::optional(last_) : std::nullopt; }
-
- private:
-  std::string name(const Simulation& now, std::size_t k) const { return now.model().bodies[bodies_[k]].name; }
-  What what_;
-  MeasureSpec spec_;
-  std::vector<std::size_t> bodies_;
-  std::vector<double> sums_;
-  long looks_ = 0, count_ = 0;
-  double last_ = 0;
-  std::optional<Figure> rms_;
-  Largest largest_;
+enum class Change {
+  gain,   ///< over the start's
+  error,  ///< either way
+  loss,   ///< at the end
+  rise,   ///< over the lowest so far
 };
 
-template <Speed::What what>
-std::unique_ptr<Measure> make_speed(const scene::Scene& scene, const MeasureSpec& spec) {
-  return std::make_unique<Speed>(what, scene, spec);
+/// Energy against the largest kinetic energy of the run.
+template <Change change>
+Sampler energy(const scene::Scene&, const MeasureSpec& spec) {
+  return [=, start = std::optional<double>(), lowest = 0.0](const Simulation& now) mutable -> Sample {
+    if (!within(spec, now)) return {};
+    const double kinetic = model::kinetic_energy(now.model(), now.state());
+    const double energy =
+        kinetic + model::potential_energy(now.model(), now.state(), now.engine().settings().effects);
+    if (!start) start = lowest = energy;
+    lowest = std::min(lowest, energy);
+    Figure out;
+    // Above 0, for scenes at rest.
+    out.scale = std::max(kinetic, std::numeric_limits<double>::min());
+    switch (change) {
+      case Change::gain:
+        out.value = energy - *start;
+        break;
+      case Change::error:
+        out.value = std::abs(energy - *start);
+        break;
+      case Change::loss:
+        out.value = *start - energy;
+        break;
+      case Change::rise:
+        out.value = energy - lowest;
+        break;
+    }
+    return out;
+  };
 }
 
-/// How far bodies get from where they were at the start of the span: distance, angle, or mean speed of it.
-class Drift final : public Measure {
- public:
-  enum class What { distance, angle, mean_speed };
-  Drift(What what, const scene::Scene& scene, const MeasureSpec& spec)
-      : what_(what), spec_(spec), bodies_(bodies_of(scene, spec)) {}
-
-  void look(const Simulation& now) override {
-    const double time = now.state().time;
-    if (!within(spec_, time)) return;
-    if (start_.empty()) {
-      for (const std::size_t i : bodies_) start_.push_back(now.state().bodies[i].pose());
-      start_time_ = time;
-    }
-    if (what_ == What::mean_speed) largest_ = {};
-    last_ = 0;
-    for (std::size_t k = 0; k < bodies_.size(); ++k) {
-      const model::BodyState& at = now.state().bodies[bodies_[k]];
-      double value = (at.p - start_[k].p).norm();
-      if (what_ == What::angle) value = rotation_vector(start_[k].q.conjugate() * at.q).norm();
-      if (what_ == What::mean_speed && time > start_time_) value /= time - start_time_;
-      last_ = std::max(last_, value);
-      largest_.book(value, time, now.model().bodies[bodies_[k]].name);
-    }
+/// About the common centre of mass.
+Vec3 angular_momentum(const Simulation& now, const std::vector<std::size_t>& bodies) {
+  double mass = 0;
+  Vec3 centre = Vec3::Zero(), velocity = Vec3::Zero(), out = Vec3::Zero();
+  for (const std::size_t i : bodies) {
+    mass += now.model().bodies[i].mass;
+    centre += now.model().bodies[i].mass * now.state().bodies[i].p;
+    velocity += now.model().bodies[i].mass * now.state().bodies[i].v;
   }
-  std::optional<Figure> figure() const override { return largest_.figure(); }
-  std::optional<double> course() const override {
-    return start_.empty() ? std::nullopt : std::optional(last_);
+  centre /= mass, velocity /= mass;
+  for (const std::size_t i : bodies) {
+    const model::Body& body = now.model().bodies[i];
+    const model::BodyState& at = now.state().bodies[i];
+    out += at.q * (body.inertia * (at.q.conjugate() * at.w));
+    out += body.mass * (at.p - centre).cross(at.v - velocity);
   }
+  return out;
+}
 
- private:
-  What what_;
-  MeasureSpec spec_;
-  std::vector<std::size_t> bodies_;
-  std::vector<Pose> start_;
-  double start_time_ = 0, last_ = 0;
-  Largest largest_;
-};
+/// Angular momentum against its start.
+Sampler momentum(const scene::Scene& scene, const MeasureSpec& spec) {
+  return [bodies = bodies_of(scene, spec), start = std::optional<Vec3>()](const Simulation& now) mutable {
+    const Vec3 value = angular_momentum(now, bodies);
+    if (!start) start = value;
+    return Sample{{(value - *start).norm() / start->norm()}};
+  };
+}
 
-template <Drift::What what>
-std::unique_ptr<Measure> make_drift(const scene::Scene& scene, const MeasureSpec& spec) {
-  return std::make_unique<Drift>(what, scene, spec);
+/// The fastest body. @tparam first_step of the first step alone
+template <bool first_step>
+Sampler speed(const scene::Scene& scene, const MeasureSpec& spec) {
+  return [=, bodies = bodies_of(scene, spec)](const Simulation& now) {
+    Sample out;
+    if (now.steps() == 0 || (first_step && now.steps() > 1) || !within(spec, now)) return out;
+    for (const std::size_t i : bodies) raise(out, now.state().bodies[i].v.norm(), now.model().bodies[i].name);
+    return out;
+  };
+}
+
+/// Root mean square over the run, of the body that moves most.
+Sampler rms_speed(const scene::Scene& scene, const MeasureSpec& spec) {
+  return [=, bodies = bodies_of(scene, spec), sums = std::vector<double>(scene.model.bodies.size(), 0.0),
+          count = 0L](const Simulation& now) mutable {
+    Sample out;
+    if (now.steps() == 0 || !within(spec, now)) return out;
+    ++count;
+    for (const std::size_t i : bodies) {
+      const double speed = now.state().bodies[i].v.norm();
+      sums[i] += speed * speed;
+      raise(out, std::sqrt(sums[i] / static_cast<double>(count)), now.model().bodies[i].name);
+    }
+    return out;
+  };
+}
+
+enum class Drift { distance, angle, mean_speed };
+
+/// How far bodies get from where they were at the start of the span: distance, angle, or mean speed.
+template <Drift drift>
+Sampler drifted(const scene::Scene& scene, const MeasureSpec& spec) {
+  return [=, bodies = bodies_of(scene, spec),
+          start = std::optional<model::State>()](const Simulation& now) mutable {
+    Sample out;
+    if (!within(spec, now)) return out;
+    if (!start) start = now.state();
+    const double span = now.state().time - start->time;
+    for (const std::size_t i : bodies) {
+      const model::BodyState &from = start->bodies[i], &to = now.state().bodies[i];
+      double value = (to.p - from.p).norm();
+      if (drift == Drift::angle) value = rotation_vector(from.q.conjugate() * to.q).norm();
+      if (drift == Drift::mean_speed && span > 0) value /= span;
+      raise(out, value, now.model().bodies[i].name);
+    }
+    return out;
+  };
 }
 
 /// Speed of a body at the end of the span against a closed form, relative.
-class SpeedError final : public Measure {
- public:
-  SpeedError(const scene::Scene& scene, const MeasureSpec& spec)
-      : body_(body_of(scene, spec.body)), spec_(spec) {
-    if (!spec.expected) throw input_error("measures.expected", "nothing", "the speed in closed form");
-  }
-  void look(const Simulation& now) override {
-    if (!within(spec_, now.state().time)) return;
-    const double speed = now.state().bodies[body_].v.norm();
-    figure_ = {std::abs(speed - *spec_.expected) / *spec_.expected, now.state().time, ""};
-  }
-  std::optional<Figure> figure() const override { return figure_; }
-
- private:
-  std::size_t body_;
-  MeasureSpec spec_;
-  std::optional<Figure> figure_;
-};
+Sampler speed_error(const scene::Scene& scene, const MeasureSpec& spec) {
+  if (!spec.expected) throw input_error("measures.expected", "nothing", "the speed in closed form");
+  return [=, body = body_of(scene, spec.body)](const Simulation& now) {
+    const double speed = now.state().bodies[body].v.norm();
+    return within(spec, now) ? Sample{{std::abs(speed - *spec.expected) / *spec.expected}} : Sample();
+  };
+}
 
 /// Fastest change of a joint's rate [rad/s^2]: what simulators of control call qacc.
-class Acceleration final : public Measure {
- public:
-  Acceleration(const scene::Scene& scene, const MeasureSpec& spec)
-      : step_(scene.spec.solver.step), spec_(spec) {}
-  void look(const Simulation& now) override {
+Sampler acceleration(const scene::Scene& scene, const MeasureSpec& spec) {
+  return [=, step = scene.spec.solver.step, last = std::vector<double>()](const Simulation& now) mutable {
     const std::vector<double>& rates = now.state().u;
-    if (!last_.empty() && within(spec_, now.state().time))
+    Sample out;
+    if (!last.empty() && within(spec, now))
       for (const model::Joint& joint : now.model().joints)
-        for (int i = 0; i < model::dof_count(joint.kind); ++i) {
-          const std::size_t k = at(joint.first_dof + i);
-          const double value = std::abs(rates[k] - last_[k]) / step_;
-          if (!largest_.figure() || value > largest_.figure()->value)
-            largest_.book(value, now.state().time, joint.name);
-        }
-    last_ = rates;
-  }
-  std::optional<Figure> figure() const override { return largest_.figure(); }
-
- private:
-  double step_;
-  MeasureSpec spec_;
-  std::vector<double> last_;
-  Largest largest_;
-};
+        for (std::size_t k = at(joint.first_dof); k < at(joint.first_dof + dof_count(joint.kind)); ++k)
+          raise(out, std::abs(rates[k] - last[k]) / step, joint.name);
+    last = rates;
+    return out;
+  };
+}
 
 /// Left and right hand of a scene that is its own mirror image in the y-z plane.
-class Mirror final : public Measure {
- public:
-  explicit Mirror(const scene::Scene& scene) {
-    for (std::size_t i = 1; i < scene.model.bodies.size(); ++i) {
-      const std::string& name = scene.model.bodies[i].name;
-      if (name.starts_with("right.")) pairs_.emplace_back(i, body_of(scene, "left." + name.substr(6)));
-    }
-    if (pairs_.empty()) throw input_error("measures", "no hands", "a scene with a right and a left hand");
+Sampler mirror_error(const scene::Scene& scene, const MeasureSpec&) {
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (std::size_t i = 1; i < scene.model.bodies.size(); ++i) {
+    const std::string& name = scene.model.bodies[i].name;
+    if (name.starts_with("right.")) pairs.emplace_back(i, body_of(scene, "left." + name.substr(6)));
   }
-  void look(const Simulation& now) override {
-    last_ = 0;
-    for (const auto& [right, left] : pairs_) {
-      Vec3 image = now.state().bodies[left].p;
-      image.x() = -image.x();
-      const double apart = (now.state().bodies[right].p - image).norm();
-      last_ = std::max(last_, apart);
-      if (!largest_.figure() || apart > largest_.figure()->value)
-        largest_.book(apart, now.state().time, now.model().bodies[right].name);
+  if (pairs.empty()) throw input_error("measures", "no hands", "a scene with a right and a left hand");
+  return [pairs](const Simulation& now) {
+    Sample out;
+    for (const auto& [right, left] : pairs) {
+      const Vec3 image = now.state().bodies[left].p.cwiseProduct(Vec3(-1, 1, 1));
+      raise(out, (now.state().bodies[right].p - image).norm(), now.model().bodies[right].name);
     }
-  }
-  std::optional<Figure> figure() const override { return largest_.figure(); }
-  std::optional<double> course() const override { return last_; }
+    return out;
+  };
+}
 
- private:
-  std::vector<std::pair<std::size_t, std::size_t>> pairs_;
-  double last_ = 0;
-  Largest largest_;
-};
+/// Acceleration down an inclined ground [m/s^2]: by Coulomb g (sin a - mu cos a); of a body that rolls
+/// g sin a / (1 + I / (m r^2)).
+double down_the_ground(const model::Model& model, std::size_t index, bool rolls) {
+  const model::Shape* ground = nullptr;
+  const model::Shape* shape = nullptr;
+  for (const model::Shape& candidate : model.shapes) {
+    if (candidate.kind == model::ShapeKind::plane) ground = &candidate;
+    if (at(candidate.body) == index) shape = &candidate;
+  }
+  if (!ground || !shape) throw input_error("measures", "no ground or no shape", "a body on a ground");
+  const model::Material surface =
+      model::combined(model.materials[at(ground->material)], model.materials[at(shape->material)]);
+  const Vec3 normal = ground->pose.q * Vec3::UnitZ();
+  const double down = -model.gravity.dot(normal);
+  const double along = (model.gravity + down * normal).norm();
+  const model::Body& body = model.bodies[index];
+  if (rolls) return along / (1 + body.inertia(0, 0) / (body.mass * shape->radius * shape->radius));
+  return std::max(0.0, along - surface.friction * down);
+}
+
+/// Speed of a body that starts at rest on an inclined ground against the closed form.
+template <bool rolls>
+Sampler incline_error(const scene::Scene& scene, const MeasureSpec& spec) {
+  const std::size_t body = body_of(scene, spec.body);
+  return [=, acceleration = down_the_ground(scene.model, body, rolls)](const Simulation& now) {
+    const double expected = acceleration * now.state().time;
+    if (!within(spec, now) || !(expected > 0)) return Sample();
+    return Sample{{std::abs(now.state().bodies[body].v.norm() - expected) / expected}};
+  };
+}
+
+/// Mean speed over the span, so that a vibration about one place is none.
+Sampler creep(const scene::Scene& scene, const MeasureSpec& spec) {
+  const std::size_t body = body_of(scene, spec.body);
+  down_the_ground(scene.model, body, false);
+  return [=, start = std::optional<Vec3>(), start_time = 0.0](const Simulation& now) mutable -> Sample {
+    const Vec3& place = now.state().bodies[body].p;
+    if (!within(spec, now)) return {};
+    if (start) return {{(place - *start).norm() / (now.state().time - start_time)}};
+    start = place, start_time = now.state().time;
+    return {};
+  };
+}
+
+/// The deepest contact.
+Sampler penetration(const scene::Scene&, const MeasureSpec& spec) {
+  return [=](const Simulation& now) {
+    Sample out;
+    if (!within(spec, now)) return out;
+    const auto name = [&](int shape) { return now.model().shapes[at(shape)].name; };
+    const engine::Contact* deepest = nullptr;
+    for (const engine::Contact& contact : now.engine().contacts())
+      if (!deepest || contact.depth > deepest->depth) deepest = &contact;
+    out.emplace();
+    if (deepest) out = {deepest->depth, name(deepest->shape_a) + " in " + name(deepest->shape_b)};
+    return out;
+  };
+}
 
 using D = Dimension;
+using R = Reduce;
 
-const std::array kMotionMeasures = {
-    MeasureKind{
-        "top_speed", "largest speed of a body", D::speed, "m/s", false, {}, make_speed<Speed::What::top>},
-    MeasureKind{"rms_speed",
-                "root mean square of a body's speed",
-                D::speed,
-                "m/s",
-                false,
-                {},
-                make_speed<Speed::What::rms>},
-    MeasureKind{"first_speed",
-                "largest speed of a body after one step",
-                D::speed,
-                "m/s",
-                false,
-                {},
-                make_speed<Speed::What::first>},
-    MeasureKind{"drift",
-                "distance of a body from where it was",
-                D::length,
-                "m",
-                false,
-                {},
-                make_drift<Drift::What::distance>},
-    MeasureKind{"turn",
-                "angle of a body from where it was",
-                D::angle,
-                "rad",
-                false,
-                {},
-                make_drift<Drift::What::angle>},
-    MeasureKind{"slip_speed",
-                "distance of a body from where it was, over the time",
-                D::speed,
-                "m/s",
-                false,
-                {},
-                make_drift<Drift::What::mean_speed>},
-    MeasureKind{"speed_error", "speed of a body off a closed form, relative", D::none, "", false, kNeedsBody,
-                make_of_scene<SpeedError>},
-    MeasureKind{"acceleration",
-                "largest change of a joint's rate in a step, over the step",
-                D::none,
-                "rad/s2",
-                false,
-                {},
-                make_of_scene<Acceleration>},
-    MeasureKind{"mirror_error",
-                "distance of a right hand's body from the left's mirror image",
-                D::length,
-                "m",
-                false,
-                {},
-                make_of_scene<Mirror>}};
+const MeasureKind kMotionMeasures[] = {
+    // name, dimension, unit, reduce, make, needs
+    {"energy_gain", D::none, "", R::largest, energy<Change::gain>},
+    {"energy_error", D::none, "", R::largest, energy<Change::error>},
+    {"energy_loss", D::none, "", R::last, energy<Change::loss>},
+    {"energy_rise", D::none, "", R::largest, energy<Change::rise>},
+    {"momentum_error", D::none, "", R::largest, momentum},
+    {"top_speed", D::speed, "m/s", R::largest, speed<false>},
+    {"rms_speed", D::speed, "m/s", R::total, rms_speed},
+    {"first_speed", D::speed, "m/s", R::largest, speed<true>},
+    {"drift", D::length, "m", R::largest, drifted<Drift::distance>},
+    {"turn", D::angle, "rad", R::largest, drifted<Drift::angle>},
+    {"slip_speed", D::speed, "m/s", R::last, drifted<Drift::mean_speed>},
+    {"speed_error", D::none, "", R::last, speed_error, kBody},
+    {"acceleration", D::none, "rad/s2", R::largest, acceleration},
+    {"mirror_error", D::length, "m", R::largest, mirror_error},
+    {"slide_error", D::none, "", R::last, incline_error<false>, kBody},
+    {"creep", D::speed, "m/s", R::last, creep, kBody},
+    {"roll_error", D::none, "", R::last, incline_error<true>, kBody},
+    {"penetration", D::length, "m", R::largest, penetration}};
 
 }  // namespace
 

@@ -1,6 +1,6 @@
 // Hard cases: scenes at which engines go wrong, each run by every engine, method and step that the study
-// names, and judged by figures with an oracle. What an engine is known not to hold is said beside what does
-// hold it.
+// names, and judged by figures with an oracle. Shortfalls of an engine that are known are
+// reported beside what holds.
 #pragma once
 
 #include <filesystem>
@@ -74,7 +74,7 @@ struct StabilityCase {
   std::optional<Draws> draws;
   std::optional<std::string> plot;  ///< name of the measure whose course is drawn
   std::optional<double> picture;    ///< time of the first variant that is drawn [s]
-  bool alone = false;               ///< nothing else may run beside it: it looks at the process
+  bool alone = false;               ///< runs by itself: it measures the process
   /// For the quick suite: overrides, and steps in place of the ways'. Absent: left out of it.
   bool in_quick = true;
   std::vector<std::string> quick_set;
@@ -103,12 +103,12 @@ struct StabilityRow {
   std::string variant;  ///< empty where the case is not varied
   std::string unit;
   double limit = 0;
-  bool at_least = false;        ///< the limit is a lower one
-  std::optional<double> value;  ///< absent where the run went wrong, or had nothing to measure
-  std::optional<double> time;   ///< of the figure, or of the failure [s]
-  double cpu = 0;               ///< of the whole run [s]
-  std::string where;
-  std::string fault;  ///< what went wrong
+  bool at_least = false;             ///< the limit is a lower one
+  std::optional<double> value = {};  ///< absent where the run failed, or had nothing to measure
+  std::optional<double> time = {};   ///< of the figure, or of the failure [s]
+  double cpu = 0;                    ///< of the whole run [s]
+  std::string where = {};
+  std::string fault = {};  ///< what went wrong
   StabilityVerdict verdict = StabilityVerdict::held;
 
   bool within() const { return value && (at_least ? *value >= limit : *value <= limit); }
@@ -126,7 +126,7 @@ struct CaseResult {
   const StabilityCase* of = nullptr;
   std::vector<StabilityRow> rows;
   std::vector<Course> courses;
-  std::vector<std::string> known;  ///< `WAY: why`, of the known shortfalls that were met
+  std::vector<std::string> known;  ///< `WAY: why`, of the known shortfalls that occurred
 };
 
 struct StabilityResult {
@@ -142,7 +142,7 @@ struct StabilityOptions {
   std::vector<std::string> cases;  ///< names; empty: all
   bool quick = false;
   int threads = 0;  ///< 0: as many as the machine has
-  /// Told the share done, 0..1.
+  /// Is called with the share done, 0..1.
   std::function<void(double)> progress;
 };
 
@@ -152,11 +152,41 @@ StabilitySpec load_stability(const std::filesystem::path& path);
 /// The variants that a case draws, the first `most` of them.
 std::vector<Alternative> drawn_variants(const Draws& draws, int most);
 
+/// A scene of a case with an alternative of every dimension.
+struct Variant {
+  std::filesystem::path scene;
+  std::string name;              ///< empty where the case is not varied
+  std::vector<std::string> set;  ///< overrides
+};
+/// Every combination of the scenes, what is varied and what is drawn.
+std::vector<Variant> variants(const StabilityCase& of, bool quick);
+
 /// @throws Error (input) for a case that is not there, and where a scene or an override is bad. The spec must
 /// outlive the result.
 StabilityResult run_stability(const StabilitySpec& spec, const StabilityOptions& options);
 
 /// Of rows that differ in their variant only, the worst: one row for each measure, way and step, in order.
 std::vector<StabilityRow> worst_rows(const CaseResult& result);
+
+/// The rows as a table for the screen: of variants the worst.
+std::string stability_table(const StabilityResult& result);
+
+/// One row a case, in Markdown: the worst of what is to hold, and what is known to fall short.
+std::string stability_markdown(const StabilityResult& result);
+
+/// Writes stability.csv and stability.json (every variant), stability.md, and, where gnuplot is installed,
+/// stability.png and .svg (how far every figure is from its limit) and CASE.png and .svg of cases with a
+/// plot.
+/// @returns false where gnuplot is missing or failed; its script stability.gp is there all the same.
+/// @throws Error (input) where the folder cannot be written.
+bool write_stability(const StabilitySpec& spec, const StabilityResult& result,
+                     const std::filesystem::path& out);
+
+/// Writes scene_CASE.png of every case of the result with a picture, and all of them on scenes.png, in a
+/// process of its own. @return why they are missing; nothing where they are there.
+std::optional<std::string> draw_stability(const StabilityResult& result, const std::filesystem::path& out);
+
+/// Names of all files of a study, those of draw_stability among them.
+std::vector<std::string> stability_files(const StabilitySpec& spec);
 
 }  // namespace handsim::study

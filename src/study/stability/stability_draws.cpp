@@ -1,4 +1,4 @@
-// Variants of hard cases that are drawn at random.
+// Variants of hard cases: every combination of what a case varies, and what is drawn at random.
 #include <cmath>
 #include <random>
 
@@ -68,6 +68,27 @@ std::vector<Alternative> drawn_variants(const Draws& draws, int most) {
       }
       variant.set.push_back(key.key + "=" + value);
     }
+  }
+  return out;
+}
+
+std::vector<Variant> variants(const StabilityCase& of, bool quick) {
+  std::vector<Variant> out;
+  for (const std::filesystem::path& scene : of.scenes)
+    out.push_back({scene, of.scenes.size() > 1 ? scene.stem().string() : "", {}});
+  std::vector<std::vector<Alternative>> dimensions = of.varied;
+  if (of.draws)
+    dimensions.push_back(
+        drawn_variants(*of.draws, quick ? of.quick_draws.value_or(of.draws->count) : of.draws->count));
+  for (const std::vector<Alternative>& dimension : dimensions) {
+    std::vector<Variant> more;
+    for (const Variant& chosen : out)
+      for (const Alternative& alternative : dimension) {
+        Variant& both = more.emplace_back(chosen);
+        both.name += (both.name.empty() ? "" : ", ") + alternative.name;
+        both.set.insert(both.set.end(), alternative.set.begin(), alternative.set.end());
+      }
+    out = std::move(more);
   }
   return out;
 }

@@ -1,11 +1,19 @@
-#include "handsim/study/stability/measure_tools.h"
-
 #include <algorithm>
+
+#include "handsim/core/index.h"
+#include "handsim/study/stability/measure_tools.h"
 
 namespace handsim::study {
 
-bool within(const MeasureSpec& spec, double time) {
+using simulation::Simulation;
+
+bool within(const MeasureSpec& spec, const Simulation& now) {
+  const double time = now.state().time;
   return time >= spec.from - 1e-9 && time <= spec.until + 1e-9;
+}
+
+void raise(std::optional<Figure>& figure, double value, const std::string& where) {
+  if (!figure || value > figure->value) figure = Figure{value, where};
 }
 
 std::size_t body_of(const scene::Scene& scene, const std::string& name) {
@@ -22,13 +30,9 @@ std::vector<std::size_t> bodies_of(const scene::Scene& scene, const MeasureSpec&
   return out;
 }
 
-double Coordinate::value(const model::State& state) const {
-  return state.q[static_cast<std::size_t>(joint->first_dof) + axis];
-}
+double Coordinate::value(const model::State& state) const { return state.q[at(joint->first_dof) + axis]; }
 
-double Coordinate::rate(const model::State& state) const {
-  return state.u[static_cast<std::size_t>(joint->first_dof) + axis];
-}
+double Coordinate::rate(const model::State& state) const { return state.u[at(joint->first_dof) + axis]; }
 
 Coordinate coordinate_of(const scene::Scene& scene, const std::string& name) {
   for (const model::Joint& joint : scene.model.joints) {
@@ -39,11 +43,39 @@ Coordinate coordinate_of(const scene::Scene& scene, const std::string& name) {
   throw input_error("measures.joint", name, "a joint of the scene, or joint.axis");
 }
 
+Measure::Measure(const scene::Scene& scene, const MeasureSpec& spec)
+    : reduce_(measure_kind(spec.kind)->reduce), sample_(measure_kind(spec.kind)->make(scene, spec)) {}
+
+void Measure::update(const Simulation& now) {
+  now_ = &now;
+  if (reduce_ == Reduce::at_end) return;
+  std::optional<Figure> sample = sample_(now);
+  if (!sample) return;
+  scale_ = std::max(scale_, sample->scale);
+  last_ = sample->value / scale_;
+  if (reduce_ == Reduce::largest && kept_ && !(sample->value > kept_->value)) return;
+  if (reduce_ != Reduce::total) sample->time = now.state().time;
+  kept_ = std::move(sample);
+}
+
+std::optional<Figure> Measure::figure() const {
+  if (reduce_ == Reduce::at_end) return now_ ? sample_(*now_) : std::nullopt;
+  std::optional<Figure> out = kept_;
+  if (out) out->value /= scale_;
+  return out;
+}
+
+std::optional<double> Measure::course() const {
+  if (reduce_ != Reduce::at_end) return last_;
+  const std::optional<Figure> now = figure();
+  return now ? std::optional(now->value) : std::nullopt;
+}
+
 std::span<const MeasureKind> measure_kinds() {
   static const std::vector<MeasureKind> all = [] {
     std::vector<MeasureKind> out;
-    for (const std::span<const MeasureKind> theme : {run_measures(), energy_measures(), motion_measures(),
-                                                     joint_measures(), surface_measures(), procedures()})
+    for (const std::span<const MeasureKind> theme :
+         {run_measures(), motion_measures(), joint_measures(), procedures()})
       out.insert(out.end(), theme.begin(), theme.end());
     return out;
   }();

@@ -1,10 +1,9 @@
-// What hard cases are judged by. A measure looks at a simulation after every step and ends in a figure; a
-// procedure makes runs of its own and compares them. Both are found by name in one table.
+// What hard cases are judged by. A measure samples a simulation after every step and reduces the samples to a
+// figure; a procedure makes runs of its own and compares them. Both are found by name in one table.
 #pragma once
 
 #include <functional>
 #include <limits>
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -24,7 +23,7 @@ struct MeasureSpec {
   double limit = 0;                                        ///< SI
   std::string body;                                        ///< whose motion is meant; empty: all that move
   std::string joint;                                       ///< whose coordinate is meant
-  double from = 0;                                         ///< start of the span that is looked at [s]
+  double from = 0;                                         ///< start of the measured span [s]
   double until = std::numeric_limits<double>::infinity();  ///< its end [s]
   std::optional<double> expected;                          ///< closed form of the figure [SI]
   double crank = 0, rod = 0;                               ///< lengths of a slider-crank [m]
@@ -33,46 +32,70 @@ struct MeasureSpec {
   std::vector<std::string> set;  ///< overrides of the run that a procedure compares with
 };
 
-/// A figure, and where and when it was met.
+/// A figure, and where and when it was found.
 struct Figure {
   double value = 0;
-  std::optional<double> time;  ///< [s]
-  std::string where;
-  /// What a procedure found it from, for plots: a ladder of steps [s] and errors.
+  std::string where = {};
+  std::optional<double> time = {};  ///< [s]
+  /// Of a procedure, for plots: a ladder of steps [s] and errors.
   std::vector<std::pair<double, double>> curve = {};
+  /// Of a sample: the run's figure is divided by the largest scale of the run.
+  double scale = 1;
 };
 
-class Measure {
- public:
-  virtual ~Measure() = default;
-  /// Sees the start, and the state after every step.
-  virtual void look(const simulation::Simulation& now) = 0;
-  /// Nothing where the run never came to what is measured.
-  virtual std::optional<Figure> figure() const = 0;
-  /// Present value, for plots.
-  virtual std::optional<double> course() const { return std::nullopt; }
+/// The value at the present step; nothing where there is nothing to measure.
+using Sampler = std::function<std::optional<Figure>(const simulation::Simulation& now)>;
+
+/// How samples become the figure of a run.
+enum class Reduce {
+  largest,
+  last,
+  total,   ///< the last one, without a time: it sums up the run
+  at_end,  ///< sampled at the end alone, with a time of its own
 };
 
 /// Makes scenes of a case with its overrides and more.
 using SceneMaker = std::function<scene::Scene(const std::vector<std::string>& more)>;
 
-/// What a measure has to be told.
+/// Settings that a measure cannot do without.
 struct MeasureNeeds {
   bool body = false, joint = false, steps = false, set = false, crank = false;
 };
-inline constexpr MeasureNeeds kNeedsBody = {.body = true};
 
 struct MeasureKind {
   std::string_view name;
-  std::string_view what;  ///< in words
   Dimension dimension = Dimension::none;
   std::string_view unit;
-  bool at_least = false;  ///< the limit is a lower one
-  MeasureNeeds needs;
-  /// Of a run; null for a procedure. The scene outlives the measure.
-  std::unique_ptr<Measure> (*make)(const scene::Scene& scene, const MeasureSpec& spec) = nullptr;
-  /// Makes runs of its own; null for a measure. @throws Error (physics) where one goes wrong.
+  Reduce reduce = Reduce::largest;
+  /// Of a run; null for a procedure. The scene outlives the sampler.
+  Sampler (*make)(const scene::Scene& scene, const MeasureSpec& spec) = nullptr;
+  MeasureNeeds needs = {};
+  /// Makes runs of its own; null for a measure. @throws Error (physics) where one fails.
   Figure (*procedure)(const SceneMaker& scene, const MeasureSpec& spec) = nullptr;
+  bool at_least = false;  ///< the limit is a lower one
+};
+
+/// A measure of one run.
+class Measure {
+ public:
+  /// Of the kind that the settings name, which is no procedure. The scene must outlive the measure.
+  /// @throws Error (input) where the scene lacks what the settings name.
+  Measure(const scene::Scene& scene, const MeasureSpec& spec);
+
+  /// Samples the start, and the state after every step.
+  void update(const simulation::Simulation& now);
+  /// Nothing where the run had nothing to measure.
+  std::optional<Figure> figure() const;
+  /// Present value, for plots.
+  std::optional<double> course() const;
+
+ private:
+  Reduce reduce_;
+  Sampler sample_;
+  const simulation::Simulation* now_ = nullptr;
+  std::optional<Figure> kept_;
+  double scale_ = 0;
+  std::optional<double> last_;
 };
 
 std::span<const MeasureKind> measure_kinds();

@@ -1,6 +1,5 @@
 // Procedures of hard cases: runs that are compared with each other.
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -22,28 +21,29 @@ using simulation::Simulation;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Energy errors below this say nothing of an order.
+/// Energy errors below this are rounding and show no order.
 constexpr double kConserved = 1e-7;
 /// Largest torque of a round trip [N m]: in a step of 1 us it moves no finger by more than 1e-12 rad.
 constexpr double kSmallTorque = 1e-7;
 
+std::uint64_t hash_at_end(Simulation& simulation) {
+  while (simulation.steps() < simulation.step_count()) simulation.step();
+  return simulation.state_hash();
+}
+
 std::uint64_t hash_of_run(const scene::Scene& scene) {
   Simulation simulation(scene);
-  for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
-  return simulation.state_hash();
+  return hash_at_end(simulation);
 }
 
 /// The same, from a snapshot of the middle of the run in another simulation; and, reset to its start, again.
 std::pair<std::uint64_t, std::uint64_t> hashes_of_restored(const scene::Scene& scene) {
   Simulation first(scene), second(scene);
   const simulation::RunSnapshot start = first.snapshot();
-  const long steps = first.step_count(), half = steps / 2;
-  for (long i = 0; i < half; ++i) first.step();
+  while (first.steps() < first.step_count() / 2) first.step();
   second.restore(first.snapshot());
-  for (long i = half; i < steps; ++i) second.step();
   first.restore(start);
-  for (long i = 0; i < steps; ++i) first.step();
-  return {second.state_hash(), first.state_hash()};
+  return {hash_at_end(second), hash_at_end(first)};
 }
 
 using Places = std::vector<std::vector<Vec3>>;
@@ -99,6 +99,7 @@ bool refused(Call call) {
   return false;
 }
 
+/// Slope of log position error over log step; the ladder's smallest step is the reference.
 Figure convergence(const SceneMaker& scene, const MeasureSpec& spec) {
   // The ladder falls; its last step is the reference.
   Places reference;
@@ -110,35 +111,32 @@ Figure convergence(const SceneMaker& scene, const MeasureSpec& spec) {
     else
       errors.emplace_back(*step, std::max(farthest(run, reference), 1e-300));
   }
-  Figure out{log_slope(errors), std::nullopt,
-             fmt::format("{:.2g} m at {:g} ms", errors.back().second, 1e3 * errors.back().first)};
-  out.curve = std::move(errors);
-  return out;
+  const auto& [step, error] = errors.back();
+  return {log_slope(errors), fmt::format("{:.2g} m at {:g} ms", error, 1e3 * step), {}, errors};
 }
 
+/// Order in the step of the largest energy error; infinite where energy is kept to kConserved.
 Figure energy_order(const SceneMaker& scene, const MeasureSpec& spec) {
-  const MeasureKind& kind = *measure_kind("energy_error");
+  MeasureSpec energy_error;
+  energy_error.kind = "energy_error";
   std::vector<std::pair<double, double>> errors;
   for (const double step : spec.steps) {
     const scene::Scene of = scene({"solver.step=" + number_text(step)});
-    const std::unique_ptr<Measure> measure = kind.make(of, MeasureSpec{});
+    Measure measure(of, energy_error);
     Simulation simulation(of);
-    measure->look(simulation);
+    measure.update(simulation);
     for (long i = 0; i < simulation.step_count(); ++i) {
       simulation.step();
-      measure->look(simulation);
+      measure.update(simulation);
     }
-    errors.emplace_back(step, std::max(measure->figure()->value, 1e-300));
+    errors.emplace_back(step, std::max(measure.figure()->value, 1e-300));
   }
-  if (errors.front().second < kConserved)
-    return {kInfinity, std::nullopt,
-            fmt::format("{:.2g} at {:g} ms", errors.front().second, 1e3 * errors.front().first), errors};
-  Figure out{log_slope(errors), std::nullopt,
-             fmt::format("{:.2g} at {:g} ms", errors.front().second, 1e3 * errors.front().first)};
-  out.curve = std::move(errors);
-  return out;
+  const auto& [step, error] = errors.front();
+  const double order = error < kConserved ? kInfinity : log_slope(errors);
+  return {order, fmt::format("{:.2g} at {:g} ms", error, 1e3 * step), {}, errors};
 }
 
+/// First rates off a stop over those without stops.
 Figure release_ratio(const SceneMaker& scene, const MeasureSpec& spec) {
   const scene::Scene with = scene({});
   const scene::Scene without = scene::without_effect(with, model::Effect::joint_stops);
@@ -151,21 +149,21 @@ Figure release_ratio(const SceneMaker& scene, const MeasureSpec& spec) {
     loose.step();
     const double ratio = rate(stopped) / rate(loose);
     // Held back for good is no release.
-    if (i == 1 && !(ratio > 0)) return {kInfinity, stopped.state().time, spec.joint};
-    if (ratio > out.value) out = {ratio, stopped.state().time, spec.joint};
+    if (i == 1 && !(ratio > 0)) return {kInfinity, spec.joint, stopped.state().time};
+    if (ratio > out.value) out = {ratio, spec.joint, stopped.state().time};
   }
   return out;
 }
 
+/// Runs whose bits differ: again, in eight threads at once, beside others, after restore and reset.
 Figure repeats(const SceneMaker& scene, const MeasureSpec&) {
   const scene::Scene of = scene({});
   const std::uint64_t reference = hash_of_run(of);
-  int differ = 0;
-  std::string where;
+  Figure out;
   const auto compare = [&](std::uint64_t hash, const char* when) {
     if (hash == reference) return;
-    ++differ;
-    where = when;
+    ++out.value;
+    out.where = when;
   };
   for (int i = 0; i < 3; ++i) compare(hash_of_run(of), "again");
   std::vector<std::uint64_t> hashes(8);
@@ -177,7 +175,7 @@ Figure repeats(const SceneMaker& scene, const MeasureSpec&) {
   auto other = of;
   if (other.spec.solver.engine() == engine::EngineKind::ode) other.spec.solver.ode().seed = 77;
   Simulation beside(other), simulation(of);
-  for (long i = 0; i < simulation.step_count(); ++i) {
+  while (simulation.steps() < simulation.step_count()) {
     beside.step();
     simulation.step();
   }
@@ -185,9 +183,10 @@ Figure repeats(const SceneMaker& scene, const MeasureSpec&) {
   const auto [restored, reset] = hashes_of_restored(of);
   compare(restored, "after restore");
   compare(reset, "after reset");
-  return {static_cast<double>(differ), std::nullopt, where};
+  return out;
 }
 
+/// Distance of bodies from those of the run with other settings.
 Figure twin(const SceneMaker& scene, const MeasureSpec& spec) {
   const scene::Scene a = scene({}), b = scene(spec.set);
   std::vector<std::pair<std::size_t, std::size_t>> pairs;
@@ -204,12 +203,13 @@ Figure twin(const SceneMaker& scene, const MeasureSpec& spec) {
     other.step();
     for (const auto& [k, l] : pairs) {
       const double apart = (one.state().bodies[k].p - other.state().bodies[l].p).norm();
-      if (apart > out.value) out = {apart, one.state().time, a.model.bodies[k].name};
+      if (apart > out.value) out = {apart, a.model.bodies[k].name, one.state().time};
     }
   }
   return out;
 }
 
+/// Torques found from the motion that they cause, relative error.
 Figure round_trip(const SceneMaker& scene, const MeasureSpec&) {
   constexpr int kTrials = 200;
   const scene::Scene of = scene({});
@@ -237,11 +237,12 @@ Figure round_trip(const SceneMaker& scene, const MeasureSpec&) {
       largest = std::max(largest, std::abs(tau[k]));
       worst = std::max(worst, std::abs(tau[k] - found[k]));
     }
-    if (worst / largest > out.value) out = {worst / largest, std::nullopt, fmt::format("trial {}", i)};
+    if (worst / largest > out.value) out = {worst / largest, fmt::format("trial {}", i)};
   }
   return out;
 }
 
+/// Bad torques and states that are not refused, or that change another world.
 Figure abuse(const SceneMaker& scene, const MeasureSpec&) {
   constexpr int kSteps = 100;
   const scene::Scene of = scene({});
@@ -285,66 +286,17 @@ Figure abuse(const SceneMaker& scene, const MeasureSpec&) {
   return out;
 }
 
+constexpr MeasureNeeds kSteps = {.steps = true}, kSet = {.set = true};
 using D = Dimension;
 
-const std::array kProcedures = {
-    MeasureKind{"convergence",
-                "slope of log position error over log step, the ladder's smallest step being the reference",
-                D::none,
-                "",
-                true,
-                {.steps = true},
-                nullptr,
-                convergence},
-    MeasureKind{"energy_order",
-                "order in the step of the largest energy error; infinite where energy is kept to 1e-7",
-                D::none,
-                "",
-                true,
-                {.steps = true},
-                nullptr,
-                energy_order},
-    MeasureKind{"release_ratio",
-                "first rates off a stop over those without stops",
-                D::none,
-                "",
-                false,
-                {.joint = true},
-                nullptr,
-                release_ratio},
-    MeasureKind{
-        "repeats",
-        "runs whose bits differ: again, eight threads at once, beside others, after restore and reset",
-        D::none,
-        "",
-        false,
-        {},
-        nullptr,
-        repeats},
-    MeasureKind{"twin",
-                "distance of bodies from those of the run with other settings",
-                D::length,
-                "m",
-                false,
-                {.set = true},
-                nullptr,
-                twin},
-    MeasureKind{"round_trip",
-                "torques found back from the motion that they make, relative",
-                D::none,
-                "",
-                false,
-                {},
-                nullptr,
-                round_trip},
-    MeasureKind{"abuse",
-                "bad torques and states that are not refused, or that other worlds notice",
-                D::none,
-                "",
-                false,
-                {},
-                nullptr,
-                abuse}};
+// name, dimension, unit, reduce, make, needs, procedure, at_least
+const MeasureKind kProcedures[] = {{"convergence", D::none, "", {}, nullptr, kSteps, convergence, true},
+                                   {"energy_order", D::none, "", {}, nullptr, kSteps, energy_order, true},
+                                   {"release_ratio", D::none, "", {}, nullptr, kJoint, release_ratio},
+                                   {"repeats", D::none, "", {}, nullptr, kNothing, repeats},
+                                   {"twin", D::length, "m", {}, nullptr, kSet, twin},
+                                   {"round_trip", D::none, "", {}, nullptr, kNothing, round_trip},
+                                   {"abuse", D::none, "", {}, nullptr, kNothing, abuse}};
 
 }  // namespace
 

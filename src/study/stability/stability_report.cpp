@@ -1,7 +1,9 @@
-#include "handsim/study/stability/stability_report.h"
+#include "handsim/study/stability/stability.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <set>
 
@@ -20,19 +22,10 @@ namespace handsim::study {
 
 namespace {
 
-std::string_view name(StabilityVerdict verdict) {
-  switch (verdict) {
-    case StabilityVerdict::held:
-      return "held";
-    case StabilityVerdict::fell_short:
-      return "FELL SHORT";
-    case StabilityVerdict::known_short:
-      return "short (known)";
-    case StabilityVerdict::better:
-      return "held (known short)";
-  }
-  return {};
-}
+/// By StabilityVerdict, in its order.
+constexpr std::array kVerdicts = {"held", "FELL SHORT", "short (known)", "held (known short)"};
+
+const char* name(StabilityVerdict verdict) { return kVerdicts[static_cast<std::size_t>(verdict)]; }
 
 /// `1.2e-05 m`.
 std::string figure(std::optional<double> value, const std::string& unit) {
@@ -60,19 +53,19 @@ std::string place(const StabilityRow& row) {
   return out;
 }
 
-/// Ways and steps of a case that held a measure in all variants.
-std::vector<std::string> holders(const std::vector<StabilityRow>& worst, const std::string& measure) {
-  std::vector<std::string> out;
-  for (const StabilityRow& row : worst)
-    if (row.measure == measure && row.within())
-      out.push_back(fmt::format("{} {} ms", row.way, milliseconds(row.step)));
-  return out;
-}
-
 std::string shortened(std::string text, std::size_t width) {
   if (text.size() <= width) return text;
   text.resize(width - 3);
   return text + "...";
+}
+
+/// The row with the largest severity of those that count; null: none does.
+template <class Counts>
+const StabilityRow* worst_of(const std::vector<StabilityRow>& rows, Counts counts) {
+  const StabilityRow* worst = nullptr;
+  for (const StabilityRow& row : rows)
+    if (counts(row) && (!worst || row.severity() > worst->severity())) worst = &row;
+  return worst;
 }
 
 std::string rows_table(const CaseResult& result) {
@@ -87,8 +80,13 @@ std::string rows_table(const CaseResult& result) {
     if (row.verdict == StabilityVerdict::known_short) short_of.insert(row.measure);
   }
   for (const std::string& known : result.known) out += "  known: " + known + "\n";
-  for (const std::string& measure : short_of)
-    out += fmt::format("  {} holds with {}\n", measure, fmt::join(holders(worst, measure), ", "));
+  for (const std::string& measure : short_of) {
+    std::vector<std::string> holders;
+    for (const StabilityRow& row : worst)
+      if (row.measure == measure && row.within())
+        holders.push_back(fmt::format("{} {} ms", row.way, milliseconds(row.step)));
+    out += fmt::format("  {} holds with {}\n", measure, fmt::join(holders, ", "));
+  }
   return out;
 }
 
@@ -138,40 +136,42 @@ std::string json(const StabilitySpec& spec, const StabilityResult& result) {
   return out.dump(2) + "\n";
 }
 
-std::string spaced(std::string name) {
-  std::replace(name.begin(), name.end(), '_', ' ');
-  return name;
-}
-
 /// How far figures are from their limits is drawn within these decades.
 constexpr double kLeastSeverity = 1e-6, kMostSeverity = 1e4;
 
 /// One dot for each row of the table, cases from top to bottom.
 void add_overview(const StabilityResult& result, Report& report) {
-  std::string held, known, failed, ticks;
+  struct Marks {
+    const char* block;
+    const char* look;
+    const char* title;
+    std::string data = {};
+  };
+  Marks held{"$held", "pt 7 ps 0.9 lc rgb '#3a7d44'", "holds"},
+      known{"$known", "pt 9 ps 1.3 lc rgb '#e08e1b'", "falls short, as known of this engine or setting"},
+      failed{"$failed", "pt 5 ps 1.3 lc rgb '#c1121f'", "falls short"};
+  std::string ticks;
   const auto count = static_cast<int>(result.cases.size());
   for (int i = 0; i < count; ++i) {
     const CaseResult& of = result.cases[static_cast<std::size_t>(i)];
-    const int y = count - i;
-    ticks += fmt::format("{}'{}' {}", i > 0 ? ", " : "", output::plot_text(spaced(of.of->name)), y);
+    std::string name = of.of->name;
+    std::replace(name.begin(), name.end(), '_', ' ');
+    ticks += fmt::format("{}'{}' {}", i > 0 ? ", " : "", output::plot_text(name), count - i);
     for (const StabilityRow& row : worst_rows(of)) {
       const double x = std::clamp(row.severity(), kLeastSeverity, kMostSeverity);
-      std::string& into = row.verdict == StabilityVerdict::fell_short    ? failed
-                          : row.verdict == StabilityVerdict::known_short ? known
-                                                                         : held;
-      into += fmt::format("{} {}\n", x, y);
+      Marks& marks = row.verdict == StabilityVerdict::fell_short    ? failed
+                     : row.verdict == StabilityVerdict::known_short ? known
+                                                                    : held;
+      marks.data += fmt::format("{} {}\n", x, count - i);
     }
   }
-  report.data +=
-      "$held << EOD\n" + held + "EOD\n$known << EOD\n" + known + "EOD\n$failed << EOD\n" + failed + "EOD\n";
   std::vector<std::string> curves;
-  const auto curve = [&](const std::string& data, const char* block, const char* look, const char* title) {
-    if (!data.empty())
-      curves.push_back(fmt::format("{} using 1:2 with points {} title '{}'", block, look, title));
-  };
-  curve(held, "$held", "pt 7 ps 0.9 lc rgb '#3a7d44'", "holds");
-  curve(known, "$known", "pt 9 ps 1.3 lc rgb '#e08e1b'", "falls short, as known of this engine or setting");
-  curve(failed, "$failed", "pt 5 ps 1.3 lc rgb '#c1121f'", "falls short");
+  for (const Marks& marks : {held, known, failed}) {
+    report.data += fmt::format("{} << EOD\n{}EOD\n", marks.block, marks.data);
+    if (!marks.data.empty())
+      curves.push_back(
+          fmt::format("{} using 1:2 with points {} title '{}'", marks.block, marks.look, marks.title));
+  }
   report.plots.push_back(
       {"stability", fmt::format("noenhanced size 1200,{} font 'DejaVu Sans,11'", 140 + 24 * count),
        fmt::format("  set title 'Hard cases: figure over limit, one mark for each engine, method and step'\n"
@@ -245,15 +245,6 @@ std::string stability_table(const StabilityResult& result) {
 
 namespace {
 
-/// The worst row that is to hold; null: none.
-const StabilityRow* worst_held(const std::vector<StabilityRow>& rows) {
-  const StabilityRow* worst = nullptr;
-  for (const StabilityRow& row : rows)
-    if (row.verdict != StabilityVerdict::known_short && (!worst || row.severity() > worst->severity()))
-      worst = &row;
-  return worst;
-}
-
 /// `ODE world_step at 10, 5 ms, articulated at 1 ms`: who fell short with a figure, or diverged.
 std::string who(const std::vector<StabilityRow>& rows, bool diverged) {
   std::vector<std::string> out;
@@ -271,11 +262,9 @@ std::string who(const std::vector<StabilityRow>& rows, bool diverged) {
 
 /// `to 0.0225 m: ODE world_step at 1 ms`; empty where nothing falls short as known.
 std::string known_short(const std::vector<StabilityRow>& rows) {
-  const StabilityRow* worst = nullptr;
-  for (const StabilityRow& row : rows)
-    if (row.verdict == StabilityVerdict::known_short && row.fault.empty() &&
-        (!worst || row.severity() > worst->severity()))
-      worst = &row;
+  const StabilityRow* worst = worst_of(rows, [](const StabilityRow& row) {
+    return row.verdict == StabilityVerdict::known_short && row.fault.empty();
+  });
   std::string out;
   if (worst) out = fmt::format("to {}: {}", figure(worst->value, worst->unit), who(rows, false));
   if (const std::string lost = who(rows, true); !lost.empty())
@@ -288,13 +277,14 @@ std::string known_short(const std::vector<StabilityRow>& rows) {
 std::string stability_markdown(const StabilityResult& result) {
   std::string out =
       "| case | worst of what is to hold | known to fall short, and who does |\n| --- | --- | --- |\n";
+  const auto to_hold = [](const StabilityRow& row) { return row.verdict != StabilityVerdict::known_short; };
   for (const CaseResult& of : result.cases) {
     std::map<std::string, std::vector<StabilityRow>> by_measure;
     for (StabilityRow& row : worst_rows(of)) by_measure[row.measure].push_back(std::move(row));
     std::vector<std::string> held, known;
     for (const MeasureSpec& measure : of.of->measures) {
       const std::vector<StabilityRow>& rows = by_measure[measure.name];
-      if (const StabilityRow* worst = worst_held(rows))
+      if (const StabilityRow* worst = worst_of(rows, to_hold))
         held.push_back(fmt::format("{} {} ({}){}", measure.name, figure(worst->value, worst->unit),
                                    limit(*worst), worst->within() ? "" : " **falls short**"));
       if (const std::string text = known_short(rows); !text.empty())
@@ -303,8 +293,7 @@ std::string stability_markdown(const StabilityResult& result) {
     if (const std::vector<StabilityRow>& refused = by_measure["refused"]; !refused.empty())
       held.push_back(fmt::format(
           "{} of {} refused with a message",
-          std::count_if(refused.begin(), refused.end(), [](const StabilityRow& row) { return row.within(); }),
-          refused.size()));
+          std::count_if(refused.begin(), refused.end(), std::mem_fn(&StabilityRow::within)), refused.size()));
     out += fmt::format("| {} | {} | {} |\n", of.of->name, fmt::join(held, "; "), fmt::join(known, "; "));
   }
   return out;
@@ -336,7 +325,7 @@ std::optional<std::string> draw_stability(const StabilityResult& result, const s
   struct Picture {
     const StabilityCase* of;
     scene::Scene scene;
-    simulation::Snapshot moment;
+    simulation::Moment moment;
   };
   std::vector<Picture> pictures;
   for (const CaseResult& of : result.cases) {
@@ -349,7 +338,7 @@ std::optional<std::string> draw_stability(const StabilityResult& result, const s
       set.insert(set.end(), dimension.front().set.begin(), dimension.front().set.end());
     set.push_back(fmt::format("pictures.size=[{}, {}]", kWidth, kHeight));
     scene::Scene scene = scene::load_scene(of.of->scenes.front(), set);
-    simulation::Snapshot moment = simulation::snapshot_at(scene, *of.of->picture);
+    simulation::Moment moment = simulation::moment_at(scene, *of.of->picture);
     pictures.push_back({of.of, std::move(scene), std::move(moment)});
   }
   if (pictures.empty()) return std::nullopt;

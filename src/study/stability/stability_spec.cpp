@@ -17,8 +17,9 @@ constexpr int kMostDraws = 100000;
 constexpr std::size_t kMostVariants = 1000;
 const Quantity kMoment = {Dimension::time, 0, 1e6};
 
+/// The items of a list with their paths.
 template <class Read>
-void read_list(MapReader& reader, std::string_view key, bool required, Read read) {
+void read_items(MapReader& reader, std::string_view key, bool required, Read read) {
   YamlNode* list = reader.list(key, required);
   if (!list) return;
   if (required && list->items.empty()) reader.problem(key, "an empty list", "at least one item");
@@ -26,22 +27,31 @@ void read_list(MapReader& reader, std::string_view key, bool required, Read read
     read(list->items[i], fmt::format("{}.{}", reader.path_of(key), i));
 }
 
+/// A list of maps.
+template <class Read>
+auto read_maps(MapReader& reader, std::string_view key, bool required, Read read) {
+  std::vector<decltype(read(std::declval<MapReader>()))> out;
+  read_items(reader, key, required, [&](YamlNode& node, const std::string& path) {
+    out.push_back(read(MapReader(node, path, reader.diagnostics())));
+  });
+  return out;
+}
+
 /// `vary: [{key: solver.erp, values: [0.2, 0.8]}, {of: [{name: box, set: {...}}]}]`.
 std::vector<Alternative> read_dimension(MapReader reader) {
   std::vector<Alternative> out;
   if (reader.has("of")) {
-    read_list(reader, "of", true, [&](YamlNode& node, const std::string& path) {
-      MapReader item(node, path, reader.diagnostics());
+    out = read_maps(reader, "of", true, [](MapReader item) {
       Alternative alternative;
       alternative.name = item.text("name");
       alternative.set = read_set(item, "set");
       item.finish();
-      out.push_back(std::move(alternative));
+      return alternative;
     });
   } else {
     const std::string key = reader.text("key");
     const std::string label = reader.text("label", key.substr(key.rfind('.') + 1));
-    read_list(reader, "values", true, [&](const YamlNode& node, const std::string&) {
+    read_items(reader, "values", true, [&](const YamlNode& node, const std::string&) {
       const std::string value = flow_text(node);
       const std::string shown = node.quoted ? node.text : value;
       out.push_back({label + " " + shown, {key + "=" + value}});
@@ -51,7 +61,7 @@ std::vector<Alternative> read_dimension(MapReader reader) {
   return out;
 }
 
-/// Problems with what a measure must be told.
+/// Keys that a measure needs.
 void check_needs(MapReader& reader, const MeasureKind& kind) {
   const auto check = [&](const char* key, bool needed, const char* what) {
     if (needed && !reader.has(key))
@@ -107,7 +117,7 @@ Way read_way(MapReader reader, const std::vector<double>& steps) {
 /// Names of the case's measures.
 void read_measure_names(MapReader& reader, std::string_view key, const std::vector<std::string>& known,
                         std::vector<std::string>& out) {
-  read_list(reader, key, true, [&](const YamlNode& node, const std::string& path) {
+  read_items(reader, key, true, [&](const YamlNode& node, const std::string& path) {
     if (std::find(known.begin(), known.end(), node.text) == known.end())
       reader.diagnostics().problems.push_back(
           {node.place(), path, node.described(),
@@ -189,7 +199,7 @@ void read_quick(MapReader& reader, StabilityCase& out) {
   quick.finish();
 }
 
-/// What a case must have to say anything: a measure, and for each measure a way that is to hold it.
+/// A case needs a measure, and for each measure a way that is to hold it.
 void check_case(MapReader& reader, const StabilityCase& of) {
   std::set<std::string> names;
   for (const MeasureSpec& measure : of.measures) {
@@ -224,25 +234,17 @@ StabilityCase read_case(MapReader reader) {
   out.title = reader.text("title");
   out.oracle = reader.text("oracle");
   if (reader.has("scenes"))
-    read_list(reader, "scenes", true, [&](const YamlNode& node, const std::string& path) {
+    read_items(reader, "scenes", true, [&](const YamlNode& node, const std::string& path) {
       if (auto scene = scene_path(node, path, reader.diagnostics())) out.scenes.push_back(*scene);
     });
   else if (auto scene = read_scene_path(reader, true))
     out.scenes.push_back(*scene);
   out.set = read_set(reader, "set");
-  read_list(reader, "vary", false, [&](YamlNode& node, const std::string& path) {
-    out.varied.push_back(read_dimension(MapReader(node, path, reader.diagnostics())));
-  });
-  read_list(reader, "measures", false, [&](YamlNode& node, const std::string& path) {
-    out.measures.push_back(read_measure(MapReader(node, path, reader.diagnostics())));
-  });
+  out.varied = read_maps(reader, "vary", false, read_dimension);
+  out.measures = read_maps(reader, "measures", false, read_measure);
   const std::vector<double> steps = read_steps(reader, "steps", false);
-  read_list(reader, "ways", true, [&](YamlNode& node, const std::string& path) {
-    out.ways.push_back(read_way(MapReader(node, path, reader.diagnostics()), steps));
-  });
-  read_list(reader, "known_short", false, [&](YamlNode& node, const std::string& path) {
-    out.known.push_back(read_known(MapReader(node, path, reader.diagnostics()), out));
-  });
+  out.ways = read_maps(reader, "ways", true, [&](MapReader item) { return read_way(item, steps); });
+  out.known = read_maps(reader, "known_short", false, [&](MapReader item) { return read_known(item, out); });
   if (reader.has("draws")) out.draws = read_draws(reader.map("draws"));
   if (reader.has("plot")) out.plot = reader.text("plot");
   out.picture = reader.maybe_number("picture", kMoment);
@@ -266,7 +268,7 @@ StabilitySpec load_stability(const std::filesystem::path& path) {
   // What cases share by aliases.
   reader.child("shared");
   std::set<std::string> names;
-  read_list(reader, "cases", true, [&](YamlNode& node, const std::string& item) {
+  read_items(reader, "cases", true, [&](YamlNode& node, const std::string& item) {
     spec.cases.push_back(read_case(MapReader(node, item, diagnostics)));
     const std::string& name = spec.cases.back().name;
     if (!name.empty() && !names.insert(name).second)

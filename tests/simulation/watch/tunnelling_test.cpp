@@ -44,38 +44,33 @@ double run_through(Simulation& simulation) {
   return simulation.state().bodies.back().p.z();
 }
 
-std::string told(const Simulation& simulation) {
+std::string warnings_of(const Simulation& simulation) {
   std::string out;
   for (const std::string& warning : simulation.warnings()) out += warning + "\n";
   return out;
 }
 
-// Oracle: 50 mm a step against a slab of 5 mm; the surface is at 1.0025 m, the ball's centre 10 mm above.
-TEST(Tunnelling, AFastBallIsStoppedByAThinSlabInEveryEngine) {
-  for (const std::string& solver : kSolvers) {
-    const scene::Scene scene = thrown({.solver = solver});
-    Simulation simulation(scene);
-    const double end = run_through(simulation);
-    EXPECT_NEAR(end, 1.0125, 1e-4) << solver;
-    EXPECT_NEAR(simulation.state().bodies.back().v.z(), 0, 1e-3) << solver;
-    EXPECT_EQ(simulation.get<Tunnelling>().pairs(), 0) << solver;
-    EXPECT_LE(simulation.get<Tunnelling>().penetration().value, 1e-4) << solver;
-  }
-}
-
-// Oracle: restitution times the impact speed; the solvers' own softness is far below.
-TEST(Tunnelling, AFastBallBouncesByItsRestitution) {
-  for (const std::string& solver : kSolvers) {
-    const scene::Scene scene = thrown({.solver = solver, .speed = 50, .restitution = 0.6});
-    Simulation simulation(scene);
-    EXPECT_GT(run_through(simulation), 1.1) << solver;
-    EXPECT_NEAR(simulation.state().bodies.back().v.z(), 0.6 * 50, 0.01) << solver;
-    EXPECT_EQ(simulation.get<Tunnelling>().pairs(), 0) << solver;
-  }
+// Oracle: 50 mm a step against a slab of 5 mm, whose surface is at 1.0025 m; Newton's law of restitution. The
+// solvers' own compliance is far below the tolerances.
+TEST(Tunnelling, AFastBallLeavesAThinSlabByItsRestitutionInEveryEngine) {
+  for (const std::string& solver : kSolvers)
+    for (const double restitution : {0.0, 0.6}) {
+      const scene::Scene scene = thrown({.solver = solver, .speed = 50, .restitution = restitution});
+      Simulation simulation(scene);
+      const double end = run_through(simulation);
+      if (restitution == 0)
+        EXPECT_NEAR(end, 1.0125, 1e-4) << solver;
+      else
+        EXPECT_GT(end, 1.1) << solver;
+      EXPECT_NEAR(simulation.state().bodies.back().v.z(), restitution * 50, restitution > 0 ? 0.01 : 1e-3)
+          << solver;
+      EXPECT_EQ(simulation.get<Tunnelling>().pairs(), 0) << solver;
+      if (restitution == 0) EXPECT_LE(simulation.get<Tunnelling>().penetration().value, 1e-4) << solver;
+    }
 }
 
 // Oracle: geometry: in its 11th step the ball goes from 20 mm above the slab's middle to 30 mm below.
-TEST(Tunnelling, ABallThatPassesIsToldWithTimeAndNames) {
+TEST(Tunnelling, ABallThatPassesIsReportedWithTimeAndNames) {
   for (const std::string& solver : kSolvers) {
     const scene::Scene scene =
         thrown({.solver = solver + ", speculative: false", .start = 1.52, .duration = 0.02});
@@ -111,7 +106,8 @@ TEST(Tunnelling, NoShapePassesAnother) {
         EXPECT_GT(run_through(simulation), 1.0) << what;
         EXPECT_LT(simulation.state().bodies.back().v.norm(), 51) << what;
         // A capsule that lands on one end turns by more than 1 rad in the next step, and may lie deep for it.
-        EXPECT_EQ(told(simulation).find("passed"), std::string::npos) << what << ": " << told(simulation);
+        EXPECT_EQ(warnings_of(simulation).find("passed"), std::string::npos)
+            << what << ": " << warnings_of(simulation);
       }
 }
 
@@ -157,7 +153,7 @@ TEST(Tunnelling, ABallThatFallsInStepsOfATenthOfASecondEndsOnTheGround) {
 }
 
 // Oracle: the depth of the ball, which ends its step 0.1 s below the ground by up to v h.
-TEST(Tunnelling, DeepBurialIsToldWithItsDepthAndIsACriterion) {
+TEST(Tunnelling, DeepBurialIsReportedWithItsDepthAndIsACriterion) {
   const Case of{.solver = "method: world_step, speculative: false",
                 .thing = "shape: sphere, radius: 0.05",
                 .speed = 0,
@@ -244,7 +240,7 @@ TEST(Tunnelling, APadGivesWayToAFastBallAsASpring) {
   }
 }
 
-// A hand that falls at 30 m/s onto a slab of 4 mm. Oracle: the watch, which sees it pass without.
+// A hand that falls at 30 m/s onto a slab of 4 mm. Oracle: the watcher, which finds that it passes without.
 TEST(Tunnelling, AFastHandDoesNotPassAThinSlab) {
   const auto pairs = [](const char* solver, const char* speculative) {
     const scene::Scene scene = test::shipped_scene(

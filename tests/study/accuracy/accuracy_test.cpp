@@ -4,7 +4,6 @@
 
 #include <cmath>
 
-#include "handsim/study/accuracy/accuracy_report.h"
 #include "scene_files.h"
 
 namespace handsim::study {

@@ -8,7 +8,6 @@
 
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
-#include "handsim/study/effects/effects_report.h"
 #include "scene_files.h"
 
 namespace handsim::study {

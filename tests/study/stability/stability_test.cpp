@@ -7,7 +7,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "handsim/study/stability/stability_report.h"
 #include "scene_files.h"
 
 namespace handsim::study {
@@ -43,14 +42,14 @@ MeasureSpec spec_of(const std::string& kind) {
 
 std::optional<Figure> measured(const std::string& text, const MeasureSpec& spec) {
   const scene::Scene scene = scene_of(text);
-  const auto measure = measure_kind(spec.kind)->make(scene, spec);
+  Measure measure(scene, spec);
   Simulation simulation(scene);
-  measure->look(simulation);
+  measure.update(simulation);
   for (long i = 0; i < simulation.step_count(); ++i) {
     simulation.step();
-    measure->look(simulation);
+    measure.update(simulation);
   }
-  return measure->figure();
+  return measure.figure();
 }
 
 double value_of(const std::string& text, MeasureSpec spec) {

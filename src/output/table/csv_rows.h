@@ -1,0 +1,24 @@
+// Rows of a run's CSV tables, at full precision. Column names carry units.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "handsim/engine/engine.h"
+
+namespace handsim::output {
+
+/// Names of a model's coordinates in their order, e.g. `right.index_mcp.flexion`; ball joints have `.x .y
+/// .z`.
+std::vector<std::string> coordinate_names(const model::Model& model);
+
+/// trajectory.csv: time, joint coordinates and rates, body poses. Columns: `right.index_mcp.flexion[rad]`,
+/// `right.index_mcp.flexion.rate[rad/s]`, `right.palm.x[m]`, `right.palm.qw`.
+std::string trajectory_head(const model::Model& model);
+std::string trajectory_row(const model::State& state);
+
+/// contacts.csv: a row for each contact point, in world axes; normal out of b into a, friction on a.
+std::string contact_head();
+std::string contact_row(const model::Model& model, double time, const engine::Contact& contact);
+
+}  // namespace handsim::output
