@@ -87,7 +87,7 @@ STUDIES = {
     "accuracy": Study("1.5 min", {"run": ["accuracy", "config/accuracy_slider_crank.yaml", "--out", "{out}"]},
                       {"run/error_cost.png": "accuracy.png"}),
     "hands": Study("10 s", {"run": ["accuracy", "config/accuracy_two_hands.yaml", "--out", "{out}", "--no-peers"]}),
-    "2017": Study("1 min", {"run": ["accuracy", "config/accuracy_2017.yaml", "--out", "{out}", "--no-peers"]}),
+    "2017": Study("1 min", {"run": ["accuracy", "config/accuracy_2017.yaml", "--out", "{out}"]}),
     "effects": Study("15 s", {"run": ["effects", "config/dropped_hand.yaml", "--out", "{out}"]},
                      {"run/effects.png": "effects.png"}),
     "stability": Study("13 min", {"run": ["stability", "config/stability.yaml", "--out", "{out}"]},

@@ -249,15 +249,15 @@ void grasp_against_mujoco(benchmark::State& state, const char* name, Firmness fi
   state.counters["failures"] = failures;
 }
 /// Grasps of 3, 7 and 19 contacts.
-#define HELD(grasp)                                                                                     \
-  BENCHMARK_CAPTURE(grasp_against_mujoco, grasp##_impratio_1, "grasp_" #grasp, Firmness{1, 0})          \
-      ->UseManualTime()                                                                                 \
-      ->Unit(benchmark::kMillisecond);                                                                  \
-  BENCHMARK_CAPTURE(grasp_against_mujoco, grasp##_impratio_100, "grasp_" #grasp, Firmness{100, 0})      \
-      ->UseManualTime()                                                                                 \
-      ->Unit(benchmark::kMillisecond);                                                                  \
-  BENCHMARK_CAPTURE(grasp_against_mujoco, grasp##_noslip_20, "grasp_" #grasp, Firmness{10, 20})         \
-      ->UseManualTime()                                                                                 \
+#define HELD(grasp)                                                                                \
+  BENCHMARK_CAPTURE(grasp_against_mujoco, grasp##_impratio_1, "grasp_" #grasp, Firmness{1, 0})     \
+      ->UseManualTime()                                                                            \
+      ->Unit(benchmark::kMillisecond);                                                             \
+  BENCHMARK_CAPTURE(grasp_against_mujoco, grasp##_impratio_100, "grasp_" #grasp, Firmness{100, 0}) \
+      ->UseManualTime()                                                                            \
+      ->Unit(benchmark::kMillisecond);                                                             \
+  BENCHMARK_CAPTURE(grasp_against_mujoco, grasp##_noslip_20, "grasp_" #grasp, Firmness{10, 20})    \
+      ->UseManualTime()                                                                            \
       ->Unit(benchmark::kMillisecond)
 HELD(tripod);
 HELD(cylinder_100mm);

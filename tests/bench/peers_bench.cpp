@@ -57,8 +57,8 @@ double wall(const std::function<void()>& work) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-/// 1,024 hands on two threads, wall time of a step of one: MuJoCo's mjBatch (the yardstick), and as many engines here,
-/// half of them on each thread.
+/// 1,024 hands on two threads, wall time of a step of one: MuJoCo's mjBatch (the yardstick), and as many
+/// engines here, half of them on each thread.
 void hands_on_two_threads(benchmark::State& state) {
   const Load load = one_hand();
   const Other other = in_mujoco(load.scene.model, load.scene.spec.solver);
@@ -131,8 +131,8 @@ std::vector<TreeJoint> tree_of(const model::Model& model) {
   return out;
 }
 
-/// Yardstick: Pinocchio's accelerations from torques alone (ABA) or torques from accelerations (RNEA), on the same tree.
-/// Candidate: a whole step here, with stops, tissue and servos.
+/// Yardstick: Pinocchio's accelerations from torques alone (ABA) or torques from accelerations (RNEA), on the
+/// same tree. Candidate: a whole step here, with stops, tissue and servos.
 void step_against_pinocchio(benchmark::State& state, bool aba) {
   constexpr int kSteps = 2000;
   const Load load = one_hand();

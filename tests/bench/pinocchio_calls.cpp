@@ -45,7 +45,8 @@ PinocchioCalls pinocchio_calls(const std::vector<TreeJoint>& tree, const Numbers
   const Eigen::VectorXd q = pinocchio::neutral(*model);
   const Eigen::VectorXd v = Eigen::VectorXd::Constant(model->nv, 0.1);
   return {[=] {
-            for (int i = 0; i < calls; ++i) pinocchio::aba(*model, *data, q, v, v, pinocchio::Convention::LOCAL);
+            for (int i = 0; i < calls; ++i)
+              pinocchio::aba(*model, *data, q, v, v, pinocchio::Convention::LOCAL);
           },
           [=] {
             for (int i = 0; i < calls; ++i) pinocchio::rnea(*model, *data, q, v, v);

@@ -1,5 +1,5 @@
-// A tree of bodies in plain numbers, and Pinocchio's algorithms on it. Its file is compiled for this processor, where
-// Eigen's types are laid out otherwise: none may pass.
+// A tree of bodies in plain numbers, and Pinocchio's algorithms on it. Its file is compiled for this
+// processor, where Eigen's types are laid out otherwise: none may pass.
 #pragma once
 
 #include <array>

@@ -29,7 +29,8 @@ class Child {
  public:
   explicit Child(const char* script) {
     int to[2], from[2];
-    if (pipe2(to, O_CLOEXEC) != 0 || pipe2(from, O_CLOEXEC) != 0) throw input_error("drake", "no pipe", "one");
+    if (pipe2(to, O_CLOEXEC) != 0 || pipe2(from, O_CLOEXEC) != 0)
+      throw input_error("drake", "no pipe", "one");
     id_ = vfork();
     if (id_ == 0) {
       dup2(to[0], 0);
@@ -48,8 +49,12 @@ class Child {
     close(from_);
     waitpid(id_, nullptr, 0);
   }
-  bool send(const void* data, std::size_t size) { return all(size, data, [&](auto* at, auto n) { return write(to_, at, n); }); }
-  bool receive(void* data, std::size_t size) { return all(size, data, [&](auto* at, auto n) { return ::read(from_, at, n); }); }
+  bool send(const void* data, std::size_t size) {
+    return all(size, data, [&](auto* at, auto n) { return write(to_, at, n); });
+  }
+  bool receive(void* data, std::size_t size) {
+    return all(size, data, [&](auto* at, auto n) { return ::read(from_, at, n); });
+  }
 
  private:
   template <class Data, class Move>
@@ -80,10 +85,14 @@ Json pairs_of(const model::Model& model, const engine::Settings& settings) {
   for (std::size_t i = 0; i < model.shapes.size(); ++i)
     for (std::size_t k = 0; k < i; ++k) {
       const model::Shape &a = model.shapes[i], &b = model.shapes[k];
-      const auto fixed = [&](const model::Shape& shape) { return still[static_cast<std::size_t>(shape.body)]; };
-      if (a.body == b.body || (fixed(a) && fixed(b)) || (a.body && b.body && jointed(model, a.body, b.body))) continue;
+      const auto fixed = [&](const model::Shape& shape) {
+        return still[static_cast<std::size_t>(shape.body)];
+      };
+      if (a.body == b.body || (fixed(a) && fixed(b)) || (a.body && b.body && jointed(model, a.body, b.body)))
+        continue;
       for (const model::ContactRule& rule : model.contact_rules)
-        if ((rule.group_a == a.group && rule.group_b == b.group) || (rule.group_a == b.group && rule.group_b == a.group)) {
+        if ((rule.group_a == a.group && rule.group_b == b.group) ||
+            (rule.group_a == b.group && rule.group_b == a.group)) {
           out.push_back({i, k});
           break;
         }
@@ -111,7 +120,8 @@ class DrakeEngine final : public OtherEngine {
     std::vector<double> numbers;
     for (const std::size_t i : bodies_) {
       const model::BodyState& body = state.bodies[i];
-      for (const Vec3& v : {body.p, Vec3(body.q.w(), body.q.x(), body.q.y())}) numbers.insert(numbers.end(), v.data(), v.data() + 3);
+      for (const Vec3& v : {body.p, Vec3(body.q.w(), body.q.x(), body.q.y())})
+        numbers.insert(numbers.end(), v.data(), v.data() + 3);
       numbers.push_back(body.q.z());
       for (const Vec3& v : {body.v, body.w}) numbers.insert(numbers.end(), v.data(), v.data() + 3);
     }
@@ -121,7 +131,8 @@ class DrakeEngine final : public OtherEngine {
   }
 
   void advance(const engine::StepInput& input) override {
-    if (!input.servos.empty()) throw input_error("control", "servos", "none: Drake's gains are fixed at the start");
+    if (!input.servos.empty())
+      throw input_error("control", "servos", "none: Drake's gains are fixed at the start");
     std::vector<double> forces(input.torques.begin(), input.torques.end());
     forces.resize(static_cast<std::size_t>(model_.dof_count()));
     if (!tell('S', forces) || !listen()) fail("no answer from Drake");
@@ -130,14 +141,14 @@ class DrakeEngine final : public OtherEngine {
   void read(model::State& state, std::vector<engine::Contact>& contacts) override {
     const double* at = answer_.data();
     for (const std::size_t i : bodies_) {
-      state.bodies[i] = {Vec3(at[0], at[1], at[2]), Quat(at[3], at[4], at[5], at[6]), Vec3(at[7], at[8], at[9]),
-                         Vec3(at[10], at[11], at[12])};
+      state.bodies[i] = {Vec3(at[0], at[1], at[2]), Quat(at[3], at[4], at[5], at[6]),
+                         Vec3(at[7], at[8], at[9]), Vec3(at[10], at[11], at[12])};
       at += kBodyNumbers;
     }
     for (std::size_t i = 0; i < contacts_.size() / kContactNumbers; ++i) {
       const double* c = contacts_.data() + kContactNumbers * i;
-      contacts.push_back({static_cast<int>(c[0]), static_cast<int>(c[1]), Vec3(c[2], c[3], c[4]), Vec3(c[5], c[6], c[7]),
-                          c[8], Vec3::Zero()});
+      contacts.push_back({static_cast<int>(c[0]), static_cast<int>(c[1]), Vec3(c[2], c[3], c[4]),
+                          Vec3(c[5], c[6], c[7]), c[8], Vec3::Zero()});
     }
   }
 
@@ -147,7 +158,9 @@ class DrakeEngine final : public OtherEngine {
     if (!script) throw input_error("HANDSIM_DRAKE_STEPS", "nothing", "where drake_steps.py is");
     return script;
   }
-  [[noreturn]] static void refuse() { throw input_error("drake", "a model that it does not take", "another"); }
+  [[noreturn]] static void refuse() {
+    throw input_error("drake", "a model that it does not take", "another");
+  }
 
   Json describe(const DrakeOptions& options) const {
     const bool tissue = settings_.effects.has(model::Effect::passive_tissue);
@@ -159,7 +172,8 @@ class DrakeEngine final : public OtherEngine {
       if (joint.kind == model::JointKind::ball && !joint.closes_loop)
         throw input_error(joint.name, "a ball joint", "another: Drake's has a singular place");
       for (int a = 0; a < model::dof_count(joint.kind); ++a) {
-        const model::JointAxis* axis = joint.axes.empty() ? nullptr : &joint.axes[static_cast<std::size_t>(a)];
+        const model::JointAxis* axis =
+            joint.axes.empty() ? nullptr : &joint.axes[static_cast<std::size_t>(a)];
         names.push_back(joint.closes_loop || !axis ? "" : joint.name + "." + axis->name);
         const model::Tissue spring = tissue && axis && axis->tissue ? *axis->tissue : model::Tissue{};
         springs.push_back({spring.stiffness, spring.rest});
@@ -171,9 +185,18 @@ class DrakeEngine final : public OtherEngine {
     }
     for (const model::Shape& shape : model_.shapes) shapes.push_back(shape.name);
     const Vec3 g = settings_.effects.has(model::Effect::gravity) ? model_.gravity : Vec3::Zero();
-    return {{"mjcf", output::to_mjcf(model_, settings_)}, {"step", settings_.step}, {"approximation", options.approximation},
-            {"hydroelastic", options.hydroelastic}, {"hydroelastic_modulus", kHydroelasticModulus}, {"point_stiffness", kPointStiffness}, {"bodies", bodies}, {"floating", floating}, {"coordinates", names},
-            {"springs", springs}, {"shapes", shapes}, {"pairs", pairs_of(model_, settings_)},
+    return {{"mjcf", output::to_mjcf(model_, settings_)},
+            {"step", settings_.step},
+            {"approximation", options.approximation},
+            {"hydroelastic", options.hydroelastic},
+            {"hydroelastic_modulus", kHydroelasticModulus},
+            {"point_stiffness", kPointStiffness},
+            {"bodies", bodies},
+            {"floating", floating},
+            {"coordinates", names},
+            {"springs", springs},
+            {"shapes", shapes},
+            {"pairs", pairs_of(model_, settings_)},
             {"gravity", {g.x(), g.y(), g.z()}}};
   }
 

@@ -38,7 +38,6 @@ def one_joint_a_body(mjcf):
                 continue
             before = ElementTree.Element("body", {"name": body.get("name") + "_before", "pos": body.get("pos"),
                                                   "quat": body.get("quat")})
-            ElementTree.SubElement(before, "inertial", {"pos": "0 0 0", "mass": "0", "diaginertia": "0 0 0"})
             body.set("pos", "0 0 0")
             body.set("quat", "1 0 0 0")
             body.remove(joints[0])
@@ -69,6 +68,7 @@ class World:
             surface.compliance_type = "compliant"
             surface.hydroelastic_modulus = model["hydroelastic_modulus"]
             surface.resolution_hint = 0.005
+            surface.slab_thickness = 0.1
         self.graph.set_config(config)
         Parser(builder).AddModelsFromString(one_joint_a_body(model["mjcf"]), "xml")
         self.bodies = [plant.GetBodyByName(name) for name in model["bodies"]]
@@ -110,7 +110,7 @@ class World:
         for body, floats, s in zip(self.bodies, self.floating, states):
             if floats:
                 plant.SetFreeBodyPose(context, body, RigidTransform(Quaternion(s[3:7] / np.linalg.norm(s[3:7])), s[:3]))
-                plant.SetFreeBodySpatialVelocity(body, SpatialVelocity(s[10:13], s[7:10]), context)
+                plant.SetFreeBodySpatialVelocity(context, body, SpatialVelocity(s[10:13], s[7:10]))
         positions, velocities = plant.GetPositions(context), plant.GetVelocities(context)
         for joint, place, rate in zip(self.joints, q, u):
             if joint is not None:

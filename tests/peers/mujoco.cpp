@@ -1,6 +1,7 @@
 // MuJoCo: the tree in joint coordinates, each loop closed by a `connect` equality. Methods `euler`
-// (semi-implicit), `rk4` and `implicit`, and of newer versions `implicitfast` and `discrete`. The constraint is as stiff as MuJoCo lets it be: impedance 0.9999, time constant
-// 2 steps (1 with rk4, where the guard against shorter ones has to be off).
+// (semi-implicit), `rk4` and `implicit`, and of newer versions `implicitfast` and `discrete`. The constraint
+// is as stiff as MuJoCo lets it be: impedance 0.9999, time constant 2 steps (1 with rk4, where the guard
+// against shorter ones has to be off).
 #include <cstddef>
 #include <cstdio>
 #include <map>
@@ -53,18 +54,22 @@ std::string body_element(const Request& request, const Joint& joint) {
 std::string model_text(const Request& request) {
   const bool rk4 = request.method == "rk4";
   const std::map<std::string, std::string> methods = {
-      {"euler", "Euler"}, {"rk4", "RK4"}, {"implicit", "implicit"},
+    {"euler", "Euler"},
+    {"rk4", "RK4"},
+    {"implicit", "implicit"},
 #if mjVERSION_HEADER >= 4000000
-      {"implicitfast", "implicitfast"}, {"discrete", "discrete"},
+    {"implicitfast", "implicitfast"},
+    {"discrete", "discrete"},
 #endif
   };
   const auto method = methods.find(request.method);
   if (method == methods.end())
-    throw std::runtime_error(std::string("MuJoCo ") + mj_versionString() + " has no method " + request.method);
+    throw std::runtime_error(std::string("MuJoCo ") + mj_versionString() + " has no method " +
+                             request.method);
   std::string xml = std::string("<mujoco><compiler angle='radian'/><option timestep='") +
                     number(request.step) + "' gravity='" + numbers(request.gravity) + "' integrator='" +
-                    method->second + "'><flag contact='disable' refsafe='" +
-                    (rk4 ? "disable" : "enable") + "'/></option><worldbody>";
+                    method->second + "'><flag contact='disable' refsafe='" + (rk4 ? "disable" : "enable") +
+                    "'/></option><worldbody>";
   for (const Joint& joint : request.joints)
     if (!joint.closes_loop && joint.parent == peer::kGround) xml += body_element(request, joint);
   xml += "</worldbody><equality>";

@@ -15,14 +15,15 @@ namespace {
 using mujoco::Free;
 
 int integrator_of(const std::string& name) {
-  static const std::map<std::string, int> kNames = {{"Euler", mjINT_EULER},
-                                                    {"RK4", mjINT_RK4},
-                                                    {"implicit", mjINT_IMPLICIT},
+  static const std::map<std::string, int> kNames = {
+    {"Euler", mjINT_EULER},
+    {"RK4", mjINT_RK4},
+    {"implicit", mjINT_IMPLICIT},
 #if mjVERSION_HEADER >= 320
-                                                    {"implicitfast", mjINT_IMPLICITFAST},
+    {"implicitfast", mjINT_IMPLICITFAST},
 #endif
 #if mjVERSION_HEADER >= 4000000
-                                                    {"discrete", mjINT_DISCRETE},
+    {"discrete", mjINT_DISCRETE},
 #endif
   };
   const auto found = kNames.find(name);
@@ -62,7 +63,8 @@ class MujocoEngine final : public OtherEngine {
       const Vec3 w = body.q.conjugate() * body.w;
       mjtNum* q = data_->qpos + m->jnt_qposadr[joint];
       mjtNum* u = data_->qvel + m->jnt_dofadr[joint];
-      const double pose[] = {body.p.x(), body.p.y(), body.p.z(), body.q.w(), body.q.x(), body.q.y(), body.q.z()};
+      const double pose[] = {body.p.x(), body.p.y(), body.p.z(), body.q.w(),
+                             body.q.x(), body.q.y(), body.q.z()};
       std::copy(std::begin(pose), std::end(pose), q);
       std::copy(body.v.data(), body.v.data() + 3, u);
       std::copy(w.data(), w.data() + 3, u + 3);
@@ -147,8 +149,7 @@ class MujocoEngine final : public OtherEngine {
   void surfaces() {
     mjModel* m = model_there_.get();
     const std::optional<double> friction = common_friction();
-    if (!friction && tests_contacts())
-      throw input_error("materials", "several friction coefficients", "one");
+    if (!friction && tests_contacts()) throw input_error("materials", "several friction coefficients", "one");
     for (int i = 0; i < m->ngeom; ++i)
       if (friction == 0.0) m->geom_condim[i] = 1;
   }

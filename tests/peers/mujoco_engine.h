@@ -1,5 +1,5 @@
-// MuJoCo behind handsim's interface of engines: the model as `handsim export` writes it, with the options that
-// MuJoCo's users choose from.
+// MuJoCo behind handsim's interface of engines: the model as `handsim export` writes it, with the options
+// that MuJoCo's users choose from.
 #pragma once
 
 #include <memory>

@@ -7,26 +7,6 @@
 
 namespace handsim::peers {
 
-namespace {
-
-MakeEngine& chosen() {
-  static MakeEngine make;
-  return make;
-}
-
-}  // namespace
-
-void use_engine(MakeEngine make) { chosen() = std::move(make); }
-
-// What the linker puts in the place of engine::make_engine, and that itself.
-std::unique_ptr<engine::Engine> own_engine(const model::Model& model, const engine::Settings& settings) asm(
-    "__real__ZN7handsim6engine11make_engineERKNS_5model5ModelERKNS0_8SettingsE");
-std::unique_ptr<engine::Engine> any_engine(const model::Model& model, const engine::Settings& settings) asm(
-    "__wrap__ZN7handsim6engine11make_engineERKNS_5model5ModelERKNS0_8SettingsE");
-std::unique_ptr<engine::Engine> any_engine(const model::Model& model, const engine::Settings& settings) {
-  return chosen() ? chosen()(model, settings) : own_engine(model, settings);
-}
-
 OtherEngine::OtherEngine(const model::Model& model, const engine::Settings& settings)
     : model_(model),
       settings_(settings),

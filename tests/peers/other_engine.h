@@ -1,6 +1,6 @@
-// Other engines in the place of handsim's own, so that the hard cases of config/stability.yaml are judged by the
-// same measures: a program that links other_engine.cpp (with the linker option that CMakeLists.txt gives it) gets
-// every engine of every simulation from the function that it names.
+// Other engines in the place of handsim's own, so that the hard cases of config/stability.yaml are judged by
+// the same measures: a program that links replace_engine.cpp (with the linker option that CMakeLists.txt
+// gives it) gets every engine of every simulation from the function that it names.
 #pragma once
 
 #include <functional>
