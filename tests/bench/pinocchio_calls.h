@@ -31,6 +31,7 @@ struct PinocchioCalls {
   std::function<void()> aba, rnea;
 };
 
-PinocchioCalls pinocchio_calls(const std::vector<TreeJoint>& tree, const Numbers3& gravity, int calls);
+__attribute__((visibility("default"))) PinocchioCalls pinocchio_calls(const std::vector<TreeJoint>& tree,
+                                                                      const Numbers3& gravity, int calls);
 
 }  // namespace handsim::bench

@@ -16,10 +16,6 @@ OtherEngine::OtherEngine(const model::Model& model, const engine::Settings& sett
   for (const model::Material& material : model.materials)
     if (tests_contacts_ && material.restitution > 0)
       problems.push_back({std::nullopt, material.name, "a surface that bounces", "none"});
-  for (const model::Joint& joint : model.joints)
-    for (const model::JointAxis& axis : joint.axes)
-      if (settings.effects.has(model::Effect::joint_stops) && axis.stop && axis.stop->bounce > 0)
-        problems.push_back({std::nullopt, joint.name, "a stop that bounces", "none"});
   if (settings.effects.has(model::Effect::wrist_motion) && !model.drives.empty())
     problems.push_back({std::nullopt, "drives", "a body that moves as told", "none"});
   if (!problems.empty()) throw Error(problems);
