@@ -347,6 +347,7 @@ def pinch():
 
 # The peers of today.
 
+LOST = 1e4  # um/s
 ENGINES = {"handsim": "handsim", "mujoco": "MuJoCo", "drake": "Drake"}
 
 
@@ -366,14 +367,14 @@ def peer_bench():
 
 
 def versions_of_peers():
-    """Every version that answered, with its engine's name."""
+    """Of the peers, ODE and the articulated engine on this processor."""
     found = []
     for engine in ENGINES:
         try:
             found += peer_cases(engine)["versions"]
         except Missing:
             pass
-    return sorted(set(found))
+    return sorted(text for text in set(found) if not text.startswith("dae") and text != "articulated, vector unit of the build")
 
 
 def peers_speed():
@@ -383,9 +384,10 @@ def peers_speed():
               "step_against_mujoco/self_contact_tested": "the same, self-contact tested, none touching"}
     for grasp, what in {"tripod": "ball, three fingers", "cylinder_100mm": "cylinder", "cup": "mug"}.items():
         for setting in ("impratio_1", "impratio_100", "noslip_20"):
-            contacts = found[f"grasp_against_mujoco/{grasp}_{setting}"]["contacts"]
+            entry = found.get(f"grasp_against_mujoco/{grasp}_{setting}", {})
+            contacts, there = entry.get("contacts", 0), entry.get("contacts_yardstick", 0)
             titles[f"grasp_against_mujoco/{grasp}_{setting}"] = (
-                f"{what} held, {contacts:.0f} contacts; {mujoco}: elliptic, `{setting.replace('_', ' ')}`")
+                f"{what} held, {contacts:.0f} contacts here, {there:.0f} there; elliptic, `{setting.replace('_', ' ')}`")
     titles["hand_to_engine"] = "a hand: a person's YAML to an engine here, MJCF to a model there"
     titles["hands_on_two_threads"] = "1,024 hands on 2 threads, wall time of a step of one; `mjBatch` there, as many engines here"
     titles["step_against_pinocchio/aba"] = "step of a hand here, Pinocchio's ABA alone there"
@@ -395,7 +397,10 @@ def peers_speed():
         if name not in found or "ratio" not in found[name]:
             continue
         entry = found[name]
-        creep = slashed([entry["slip"], entry["slip_yardstick"]]) if "slip" in entry else ""
+        creep = ""
+        if "slip" in entry:
+            there = "lost" if entry["slip_yardstick"] > LOST else number(entry["slip_yardstick"])
+            creep = f"{number(entry['slip'])} / {there}"
         rows.append([title, number(entry["candidate_us"]), number(entry["yardstick_us"]), number(entry["ratio"]), creep])
     return table([f"what ({mujoco})", "articulated, µs", "the peer, µs", "ratio", "creep, µm/s: here / there"], rows)
 

@@ -97,6 +97,9 @@ STUDIES = {
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
                               "cases_drake": None}),
 }
+# Through its Python Drake takes a millisecond a step: what is about hands and contact.
+DRAKE_CASES = ["spinning_hand", "swinging_hand", "chain", "stack", "incline_sticks", "incline_slides", "ball_on_incline", "crank",
+               "resting_capsule", "large_steps", "limp_hands", "crossed_fingers", "stops_at_zero", "masses", "softness", "pinch"]
 # Built by ./dev peers alone.
 ASKED_FOR = ("peers",)
 
@@ -115,7 +118,8 @@ def command_of(name, label, build):
         out = OUT / name
         if label.startswith("cases_"):
             engine = label.removeprefix("cases_")
-            return [str(newest / "peer_cases"), "config/stability.yaml", str(out / f"{label}.json"), engine]
+            return [str(newest / "peer_cases"), "config/stability.yaml", str(out / f"{label}.json"), engine,
+                    *(DRAKE_CASES if engine == "drake" else [])]
         return {"accuracy": [str(build / "src" / "handsim"), "accuracy", "config/accuracy_peers.yaml", "--out",
                              str(out / label), "--peers", str(newest)],
                 "pinch": [str(newest / "test_pinch")],
