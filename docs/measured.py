@@ -383,11 +383,11 @@ def peers_speed():
     titles = {"step_against_mujoco/without_contact": "step of a hand: gravity, stops, tissue, 20 servos; no contact",
               "step_against_mujoco/self_contact_tested": "the same, self-contact tested, none touching"}
     for grasp, what in {"tripod": "ball, three fingers", "cylinder_100mm": "cylinder", "cup": "mug"}.items():
-        for setting in ("impratio_1", "impratio_100", "noslip_20"):
+        for setting in ("impratio_1", "impratio_100", "noslip_20", "noslip_100", "noslip_20_of_pyramids"):
             entry = found.get(f"grasp_against_mujoco/{grasp}_{setting}", {})
             contacts, there = entry.get("contacts", 0), entry.get("contacts_yardstick", 0)
             titles[f"grasp_against_mujoco/{grasp}_{setting}"] = (
-                f"{what} held, {contacts:.0f} contacts here, {there:.0f} there; elliptic, `{setting.replace('_', ' ')}`")
+                f"{what} held, {contacts:.0f} contacts here, {there:.0f} there; `{setting.replace('_', ' ')}`")
     titles["hand_to_engine"] = "a hand: a person's YAML to an engine here, MJCF to a model there"
     titles["hands_on_two_threads"] = "1,024 hands on 2 threads, wall time of a step of one; `mjBatch` there, as many engines here"
     titles["step_against_pinocchio/aba"] = "step of a hand here, Pinocchio's ABA alone there"

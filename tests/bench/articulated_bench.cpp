@@ -249,16 +249,16 @@ void grasp_against_mujoco(benchmark::State& state, const char* name, Firmness fi
   state.counters["failures"] = failures;
 }
 /// Grasps of 3, 7 and 19 contacts.
-#define HELD(grasp)                                                                                \
-  BENCHMARK_CAPTURE(grasp_against_mujoco, grasp##_impratio_1, "grasp_" #grasp, Firmness{1, 0})     \
-      ->UseManualTime()                                                                            \
-      ->Unit(benchmark::kMillisecond);                                                             \
-  BENCHMARK_CAPTURE(grasp_against_mujoco, grasp##_impratio_100, "grasp_" #grasp, Firmness{100, 0}) \
-      ->UseManualTime()                                                                            \
-      ->Unit(benchmark::kMillisecond);                                                             \
-  BENCHMARK_CAPTURE(grasp_against_mujoco, grasp##_noslip_20, "grasp_" #grasp, Firmness{10, 20})    \
-      ->UseManualTime()                                                                            \
+#define HELD_BY(grasp, setting, ...)                                                                 \
+  BENCHMARK_CAPTURE(grasp_against_mujoco, grasp##_##setting, "grasp_" #grasp, Firmness{__VA_ARGS__}) \
+      ->UseManualTime()                                                                              \
       ->Unit(benchmark::kMillisecond)
+#define HELD(grasp)                     \
+  HELD_BY(grasp, impratio_1, 1, 0);     \
+  HELD_BY(grasp, impratio_100, 100, 0); \
+  HELD_BY(grasp, noslip_20, 10, 20);    \
+  HELD_BY(grasp, noslip_100, 10, 100);  \
+  HELD_BY(grasp, noslip_20_of_pyramids, 1, 20, mjINT_EULER, mjCONE_PYRAMIDAL)
 HELD(tripod);
 HELD(cylinder_100mm);
 HELD(cup);
