@@ -152,9 +152,9 @@ def climb_edges():
     return table(["half crimp, right hand", "load carried, N", "of the norm"], rows)
 
 
-def accuracy_rows(study):
+def accuracy_rows(study, label="run"):
     """Method -> step in ms -> row of those without a fault, in the study's order."""
-    data = study_json(study, "run", "accuracy.json")
+    data = study_json(study, label, "accuracy.json")
     methods = {}
     for row in data["rows"]:
         if "fault" not in row:
@@ -326,19 +326,168 @@ def speed_load():
     return table(["load", "articulated, µs", "other engine, µs", "ratio", "slip, µm/s: articulated / other"], rows)
 
 
-def pinch():
+def pinch_table(text):
     pattern = re.compile(r"(\w+) +([\d.]+)  slip um/s: world_step (\S+), quick_step 50 (\S+); elliptic (\S+), "
                          r"impratio 10 (\S+), noslip 3 (\S+); tilt")
     found = {}
-    for shape, ratio, *slips in pattern.findall(study_text("pinch", "test")):
+    for shape, ratio, *slips in pattern.findall(text):
         found.setdefault(shape, {})[ratio] = [float(slip) for slip in slips]
-    text = lambda slip: "lost" if abs(slip) > 1e4 else number(abs(slip), 1)
-    rows = [[shape, *(f"{text(low)} / {text(high)}" for low, high in zip(found[shape]["1.05"], found[shape]["38.00"]))]
+    cell = lambda slip: "lost" if abs(slip) > 1e4 else number(abs(slip), 1)
+    rows = [[shape, *(f"{cell(low)} / {cell(high)}" for low, high in zip(found[shape]["1.05"], found[shape]["38.00"]))]
             for shape in found]
     if not rows:
-        raise Missing("figures in out/docs/pinch/test.txt")
+        raise Missing("figures of the pinch")
     return table(["object", "`world_step`", "`quick_step` 50", "MuJoCo, elliptic cone", "and `impratio` 10",
                   "and `noslip_iterations` 3"], rows)
+
+
+def pinch():
+    return pinch_table(study_text("pinch", "test"))
+
+
+# The peers of today.
+
+LOST = 1e4  # um/s
+ENGINES = {"handsim": "handsim", "mujoco": "MuJoCo", "drake": "Drake"}
+
+
+def peer_cases(engine):
+    path = OUT / "peers" / f"cases_{engine}.json"
+    if not path.exists():
+        raise Missing(path.relative_to(ROOT))
+    return json.loads(path.read_text())
+
+
+def peer_bench():
+    path = OUT / "peers" / "bench.json"
+    if not path.exists():
+        raise Missing(path.relative_to(ROOT))
+    return {entry["run_name"].split("/manual_time")[0]: entry for entry in json.loads(path.read_text())["benchmarks"]
+            if entry.get("aggregate_name") == "median"}
+
+
+def versions_of_peers():
+    """Of the peers, ODE and the articulated engine on this processor."""
+    found = []
+    for engine in ENGINES:
+        try:
+            found += peer_cases(engine)["versions"]
+        except Missing:
+            pass
+    return sorted(text for text in set(found) if not text.startswith("dae") and text != "articulated, vector unit of the build")
+
+
+def peers_speed():
+    found = peer_bench()
+    mujoco = next(entry["label"] for name, entry in found.items() if name == "hand_to_engine")
+    titles = {"step_against_mujoco/without_contact": "step of a hand: gravity, stops, tissue, 20 servos; no contact",
+              "step_against_mujoco/self_contact_tested": "the same, self-contact tested, none touching"}
+    for grasp, what in {"tripod": "ball, three fingers", "cylinder_100mm": "cylinder", "cup": "mug"}.items():
+        for setting in ("impratio_1", "impratio_100", "noslip_20", "noslip_100", "noslip_20_of_pyramids"):
+            entry = found.get(f"grasp_against_mujoco/{grasp}_{setting}", {})
+            contacts, there = entry.get("contacts", 0), entry.get("contacts_yardstick", 0)
+            titles[f"grasp_against_mujoco/{grasp}_{setting}"] = (
+                f"{what} held, {contacts:.0f} contacts here, {there:.0f} there; `{setting.replace('_', ' ')}`")
+    titles["hand_to_engine"] = "a hand: a person's YAML to an engine here, MJCF to a model there"
+    titles["hands_on_two_threads"] = "1,024 hands on 2 threads, wall time of a step of one; `mjBatch` there, as many engines here"
+    titles["step_against_pinocchio/aba"] = "step of a hand here, Pinocchio's ABA alone there"
+    titles["step_against_pinocchio/rnea"] = "step of a hand here, Pinocchio's RNEA alone there"
+    rows = []
+    for name, title in titles.items():
+        if name not in found or "ratio" not in found[name]:
+            continue
+        entry = found[name]
+        creep = ""
+        if "slip" in entry:
+            there = "lost" if entry["slip_yardstick"] > LOST else number(entry["slip_yardstick"])
+            creep = f"{number(entry['slip'])} / {there}"
+        rows.append([title, number(entry["candidate_us"]), number(entry["yardstick_us"]), number(entry["ratio"]), creep])
+    return table([f"what ({mujoco})", "articulated, µs", "the peer, µs", "ratio", "creep, µm/s: here / there"], rows)
+
+
+def peers_pinch():
+    text = study_text("peers", "pinch")
+    return pinch_table(text)
+
+
+def peers_accuracy():
+    data = study_json("peers", "accuracy", "accuracy.json")
+    engines = ", ".join(data["versions"]["engines"])
+    return accuracy_table((10, 2, 1, 0.5, 0.1), accuracy_rows("peers", "accuracy"), 2) + f"\nEngines: {engines}.\n"
+
+
+def verdict(ways):
+    """The best of some ways: holds, or what it misses most."""
+    if not ways:
+        return "-"
+    best = min(ways, key=lambda way: (not way["held"], way["worst"].get("severity", math.inf)))
+    if best["held"]:
+        return "holds"
+    worst = best["worst"]
+    if worst["fault"]:
+        return "**breaks off**"
+    return f"**{worst['measure']}** × {number(worst['severity'])}" if "severity" in worst else f"**{worst['measure']}**"
+
+
+def case_columns():
+    """Case -> column -> ways, and what was left out of which column."""
+    columns, out = {}, {}
+    for engine in ENGINES:
+        try:
+            cases = peer_cases(engine)["cases"]
+        except Missing:
+            continue
+        for case in cases:
+            for way in case["ways"]:
+                name = way["way"]
+                if engine == "handsim":
+                    column = next((kind for kind in ("articulated", "ODE") if name.startswith(kind)), None)
+                elif engine == "mujoco":
+                    column = "MuJoCo, as exported" if name == "Euler, as exported" else "MuJoCo, best setting"
+                else:
+                    column = "Drake, best setting"
+                if column and "worst" in way:
+                    columns[column] = True
+                    out.setdefault(case["name"], {}).setdefault(column, []).append(way)
+    return list(columns), out
+
+
+def peers_cases():
+    columns, cases = case_columns()
+    rows = [[f"`{name}`", *(verdict(found.get(column)) for column in columns)] for name, found in cases.items()
+            if any(not column.startswith(("articulated", "ODE")) for column in found)]
+    return table(["case", *columns], rows) + f"\nVersions: {', '.join(versions_of_peers())}.\n"
+
+
+def peers_settings():
+    rows = []
+    for engine, title in ENGINES.items():
+        try:
+            cases = [case for case in peer_cases(engine)["cases"] if case["ways"]]
+        except Missing:
+            continue
+        if engine == "handsim":
+            continue
+        names = list(dict.fromkeys(way["way"] for case in cases for way in case["ways"]))
+        for name in names:
+            ways = [way for case in cases for way in case["ways"] if way["way"] == name and "held" in way]
+            rows.append([f"{title}: {name}", f"{sum(way['held'] for way in ways)} of {len(ways)}"])
+    return table(["setting", "cases held"], rows)
+
+
+def peers_ahead():
+    """Cases that a peer holds and one of ours does not."""
+    columns, cases = case_columns()
+    rows = []
+    for name, found in cases.items():
+        holds = [column for column in columns if not column.startswith(("articulated", "ODE"))
+                 and any(way["held"] for way in found.get(column, []))]
+        for ours in ("articulated", "ODE"):
+            ways = found.get(ours)
+            if holds and ways and not any(way["held"] for way in ways):
+                held_by = [way["way"] for column in holds for way in found[column] if way["held"]]
+                rows.append([f"`{name}`", ours, verdict(ways), "; ".join(held_by)])
+    return table(["case", "of ours", "falls short by", "held by"], rows)
 
 
 # Name of the table -> the study whose files it reads, and the function that writes it.
@@ -349,4 +498,6 @@ TABLES = {"demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "h
           "accuracy-hands": ("hands", accuracy_hands), "2017": ("2017", thesis), "effects": ("effects", effects), "contacts": ("contacts", contacts),
           "stability": ("stability", stability), "stability-cases": ("stability", stability_cases),
           "speed": ("speed", speed), "speed-lanes": ("speed", speed_lanes), "speed-load": ("speed", speed_load),
-          "pinch": ("pinch", pinch)}
+          "pinch": ("pinch", pinch), "peers-speed": ("peers", peers_speed), "peers-pinch": ("peers", peers_pinch),
+          "peers-accuracy": ("peers", peers_accuracy), "peers-cases": ("peers", peers_cases),
+          "peers-settings": ("peers", peers_settings), "peers-ahead": ("peers", peers_ahead)}

@@ -8,6 +8,7 @@ renders/, `--list` says what each study runs and how long it takes, `--check` ru
 (see check_pages.py). A file stands between `<!-- file: PATH -->` and `<!-- end -->`; its copy is always renewed.
 """
 import argparse
+import os
 import re
 import shlex
 import shutil
@@ -19,6 +20,10 @@ from pathlib import Path
 sys.dont_write_bytecode = True
 from measured import CLIMBS, CONTROLLERS, OUT, PERSONS, ROOT, TABLES, Missing  # noqa: E402
 
+# What ./dev peers has fetched.
+PACKAGES = ROOT / "build" / "peers" / "packages"
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(PACKAGES),
+               "HANDSIM_DRAKE_STEPS": str(ROOT / "tests" / "peers" / "drake_steps.py")}
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 BLOCK = re.compile(r"(<!-- (table|file): (\S+) -->\n)(.*?)(<!-- end -->)", re.S)
 
@@ -82,14 +87,21 @@ STUDIES = {
     "accuracy": Study("1.5 min", {"run": ["accuracy", "config/accuracy_slider_crank.yaml", "--out", "{out}"]},
                       {"run/error_cost.png": "accuracy.png"}),
     "hands": Study("10 s", {"run": ["accuracy", "config/accuracy_two_hands.yaml", "--out", "{out}", "--no-peers"]}),
-    "2017": Study("1 min", {"run": ["accuracy", "config/accuracy_2017.yaml", "--out", "{out}", "--no-peers"]}),
+    "2017": Study("1 min", {"run": ["accuracy", "config/accuracy_2017.yaml", "--out", "{out}"]}),
     "effects": Study("15 s", {"run": ["effects", "config/dropped_hand.yaml", "--out", "{out}"]},
                      {"run/effects.png": "effects.png"}),
     "stability": Study("13 min", {"run": ["stability", "config/stability.yaml", "--out", "{out}"]},
                        {"run/stability.png": "stability.png", "run/scenes.png": "stability_scenes.png"}),
     "speed": Study("4 min", {"bench": None}),
     "pinch": Study("2 min", {"test": None}),
+    "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
+                              "cases_drake": None}),
 }
+# Through its Python Drake takes a millisecond a step: what is about hands and contact.
+DRAKE_CASES = ["spinning_hand", "swinging_hand", "chain", "stack", "incline_sticks", "incline_slides", "ball_on_incline", "crank",
+               "resting_capsule", "large_steps", "limp_hands", "crossed_fingers", "stops_at_zero", "masses", "softness", "pinch"]
+# Built by ./dev peers alone.
+ASKED_FOR = ("peers",)
 
 
 # Running studies and writing pages.
@@ -101,6 +113,19 @@ def command_of(name, label, build):
                 "--benchmark_report_aggregates_only=true", f"--benchmark_out={OUT / 'speed' / 'bench.json'}"]
     if name == "pinch":
         return [str(build / "tests" / "peers" / "test_peers"), "--gtest_filter=*MujocoPinch*"]
+    if name == "peers":
+        newest = build / "tests" / "peers" / "newest"
+        out = OUT / name
+        if label.startswith("cases_"):
+            engine = label.removeprefix("cases_")
+            return [str(newest / "peer_cases"), "config/stability.yaml", str(out / f"{label}.json"), engine,
+                    *(DRAKE_CASES if engine == "drake" else [])]
+        return {"accuracy": [str(build / "src" / "handsim"), "accuracy", "config/accuracy_peers.yaml", "--out",
+                             str(out / label), "--peers", str(newest)],
+                "pinch": [str(newest / "test_pinch")],
+                "bench": [str(newest / "bench_peers"), "--benchmark_filter=mujoco|pinocchio|hand_to_engine|two_threads",
+                          "--benchmark_repetitions=5", "--benchmark_report_aggregates_only=true",
+                          f"--benchmark_out={out / 'bench.json'}"]}[label]
     return [str(build / "src" / "handsim"),
             *(word.format(out=OUT / name / label) for word in STUDIES[name].runs[label])]
 
@@ -111,8 +136,10 @@ def run_study(name, build, handsim):
         command = command_of(name, label, build)
         if handsim and command[0].endswith("/handsim"):
             command[0] = handsim
+        if label == "cases_drake" and not (PACKAGES / "pydrake").exists():
+            continue
         print("+", shlex.join(command), flush=True)
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=ENVIRONMENT)
         (OUT / name / f"{label}.txt").write_text(done.stdout)
         (OUT / name / f"{label}.err").write_text(done.stderr)
         sys.stderr.write(done.stderr)
@@ -169,7 +196,7 @@ def main():
     unknown = [name for name in options.studies if name not in STUDIES]
     if unknown:
         parser.error(f"unknown study {', '.join(unknown)}; known: {', '.join(STUDIES)}")
-    names = options.studies or list(STUDIES)
+    names = options.studies or [name for name in STUDIES if name not in ASKED_FOR]
     for name in names:
         if not options.keep:
             run_study(name, options.build, options.handsim)

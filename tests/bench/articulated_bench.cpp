@@ -2,15 +2,7 @@
 #include <benchmark/benchmark.h>
 
 #include <ode/ode.h>
-#ifdef HANDSIM_WITH_MUJOCO
-#include <mujoco/mujoco.h>
-#include <unistd.h>
-
-#include <fstream>
-
-#include "handsim/output/export/export.h"
-#endif
-
+#include "bench/one_hand.h"
 #include "bench/paired.h"
 #include "handsim/engine/articulated/articulated_engine.h"
 #include "handsim/engine/ode/ode_engine.h"
@@ -22,36 +14,6 @@ namespace handsim::bench {
 namespace {
 
 constexpr int kSteps = 2000;
-
-/// One anatomical hand on a still palm under gravity, with stops, tissue and a servo on every
-/// coordinate, its error changing as a controller's does.
-struct Load {
-  scene::Scene scene;
-  std::vector<std::vector<model::Servo>> servos;  ///< taken in turns
-};
-
-constexpr int kTurns = 64;
-
-/// @param self_contact tested; the palm is down then, so that the thumb does not come to rest on it
-Load one_hand(bool self_contact = false) {
-  Load out;
-  std::vector<std::string> changes = {"effects=[gravity, joint_stops, passive_tissue]"};
-  if (self_contact)
-    changes = {"effects=[gravity, joint_stops, passive_tissue, self_contact, friction]",
-               "hands.0.wrist.rotation.angle=0"};
-  out.scene = test::shipped_scene("two_hands", changes);
-  YamlNode root = out.scene.resolved;
-  root.find("hands")->items.pop_back();
-  out.scene = scene::compile_scene(std::move(root));
-  out.scene.spec.solver.effects.add(model::Effect::actuation);
-  const auto dofs = static_cast<std::size_t>(out.scene.model.dof_count());
-  for (int turn = 0; turn < kTurns; ++turn) {
-    out.servos.emplace_back(dofs);
-    for (std::size_t i = 0; i < dofs; ++i)
-      out.servos.back()[i] = {0.05, 1e-3, 0.02 * std::sin(0.1 * turn + static_cast<double>(i)), 0, 0.5};
-  }
-  return out;
-}
 
 /// Candidate: the engine's whole step, servos set each time. Yardstick: dWorldStep alone on the same hand,
 /// its servos set once.
@@ -87,29 +49,6 @@ BENCHMARK_CAPTURE(step_against_bare_ode, two_lanes, 2)->UseManualTime()->Unit(be
 BENCHMARK_CAPTURE(step_against_bare_ode, four_lanes, 4)->UseManualTime()->Unit(benchmark::kMillisecond);
 
 #ifdef HANDSIM_WITH_MUJOCO
-struct Freed {
-  void operator()(mjModel* model) const { mj_deleteModel(model); }
-  void operator()(mjData* data) const { mj_deleteData(data); }
-};
-
-/// A model in MuJoCo, with its Euler method.
-struct Other {
-  std::unique_ptr<mjModel, Freed> model;
-  std::unique_ptr<mjData, Freed> data;
-};
-
-Other in_mujoco(const model::Model& model, const engine::Settings& settings) {
-  const std::string path = "/tmp/handsim_bench_" + std::to_string(getpid()) + ".xml";
-  std::ofstream(path) << output::to_mjcf(model, settings);
-  char error[1000] = {};
-  Other out;
-  out.model.reset(mj_loadXML(path.c_str(), nullptr, error, sizeof error));
-  std::filesystem::remove(path);
-  if (!out.model) throw std::runtime_error(error);
-  out.data.reset(mj_makeData(out.model.get()));
-  return out;
-}
-
 /// Yardstick: mj_step on the exported hand, stops on, the same spring-dampers by its motors; no contact
 /// tested, or self-contact of which nothing touches (counters: contacts of either at the end).
 void step_against_mujoco(benchmark::State& state, bool self_contact) {
@@ -248,9 +187,11 @@ BENCHMARK_CAPTURE(grasp_against_ode, cup, "grasp_cup")->UseManualTime()->Unit(be
 struct Firmness {
   double impratio = 1;
   int noslip = 0;
+  int integrator = mjINT_EULER;
+  int cone = mjCONE_ELLIPTIC;
 };
 
-/// Yardstick: mj_step from the same hold, elliptic cones, contacts' time constant 4 ms.
+/// Yardstick: mj_step from the same hold, contacts' time constant 4 ms.
 void grasp_against_mujoco(benchmark::State& state, const char* name, Firmness firmness) {
   const scene::Scene scene = held(name);
   const engine::Settings& settings = scene.spec.solver;
@@ -260,7 +201,8 @@ void grasp_against_mujoco(benchmark::State& state, const char* name, Firmness fi
   const Other other = in_mujoco(scene.model, settings);
   mjModel* m = other.model.get();
   mjData* d = other.data.get();
-  m->opt.cone = mjCONE_ELLIPTIC;
+  m->opt.cone = firmness.cone;
+  m->opt.integrator = firmness.integrator;
   m->opt.impratio = firmness.impratio;
   m->opt.noslip_iterations = firmness.noslip;
   for (int i = 0; i < m->ngeom; ++i) {
@@ -306,15 +248,20 @@ void grasp_against_mujoco(benchmark::State& state, const char* name, Firmness fi
   state.counters["contacts"] = contacts[1];
   state.counters["failures"] = failures;
 }
-BENCHMARK_CAPTURE(grasp_against_mujoco, cup_impratio_1, "grasp_cup", Firmness{1, 0})
-    ->UseManualTime()
-    ->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(grasp_against_mujoco, cup_impratio_100, "grasp_cup", Firmness{100, 0})
-    ->UseManualTime()
-    ->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(grasp_against_mujoco, cup_noslip_20, "grasp_cup", Firmness{10, 20})
-    ->UseManualTime()
-    ->Unit(benchmark::kMillisecond);
+/// Grasps of 3, 7 and 19 contacts.
+#define HELD_BY(grasp, setting, ...)                                                                 \
+  BENCHMARK_CAPTURE(grasp_against_mujoco, grasp##_##setting, "grasp_" #grasp, Firmness{__VA_ARGS__}) \
+      ->UseManualTime()                                                                              \
+      ->Unit(benchmark::kMillisecond)
+#define HELD(grasp)                     \
+  HELD_BY(grasp, impratio_1, 1, 0);     \
+  HELD_BY(grasp, impratio_100, 100, 0); \
+  HELD_BY(grasp, noslip_20, 10, 20);    \
+  HELD_BY(grasp, noslip_100, 10, 100);  \
+  HELD_BY(grasp, noslip_20_of_pyramids, 1, 20, mjINT_EULER, mjCONE_PYRAMIDAL)
+HELD(tripod);
+HELD(cylinder_100mm);
+HELD(cup);
 #endif
 
 /// The poses of all bodies out of the joint coordinates.

@@ -1,8 +1,10 @@
 // MuJoCo: the tree in joint coordinates, each loop closed by a `connect` equality. Methods `euler`
-// (semi-implicit) and `rk4`. The constraint is as stiff as MuJoCo lets it be: impedance 0.9999, time constant
-// 2 steps (1 with rk4, where the guard against shorter ones has to be off).
+// (semi-implicit), `rk4` and `implicit`, and of newer versions `implicitfast` and `discrete`. The constraint
+// is as stiff as MuJoCo lets it be: impedance 0.9999, time constant 2 steps (1 with rk4, where the guard
+// against shorter ones has to be off).
 #include <cstddef>
 #include <cstdio>
+#include <map>
 #include <stdexcept>
 
 #include "mujoco_model.h"
@@ -51,11 +53,23 @@ std::string body_element(const Request& request, const Joint& joint) {
 
 std::string model_text(const Request& request) {
   const bool rk4 = request.method == "rk4";
-  if (!rk4 && request.method != "euler") throw std::runtime_error("MuJoCo has methods euler and rk4");
+  const std::map<std::string, std::string> methods = {
+    {"euler", "Euler"},
+    {"rk4", "RK4"},
+    {"implicit", "implicit"},
+#if mjVERSION_HEADER >= 4000000
+    {"implicitfast", "implicitfast"},
+    {"discrete", "discrete"},
+#endif
+  };
+  const auto method = methods.find(request.method);
+  if (method == methods.end())
+    throw std::runtime_error(std::string("MuJoCo ") + mj_versionString() + " has no method " +
+                             request.method);
   std::string xml = std::string("<mujoco><compiler angle='radian'/><option timestep='") +
                     number(request.step) + "' gravity='" + numbers(request.gravity) + "' integrator='" +
-                    (rk4 ? "RK4" : "Euler") + "'><flag contact='disable' refsafe='" +
-                    (rk4 ? "disable" : "enable") + "'/></option><worldbody>";
+                    method->second + "'><flag contact='disable' refsafe='" + (rk4 ? "disable" : "enable") +
+                    "'/></option><worldbody>";
   for (const Joint& joint : request.joints)
     if (!joint.closes_loop && joint.parent == peer::kGround) xml += body_element(request, joint);
   xml += "</worldbody><equality>";
@@ -116,14 +130,14 @@ class Mechanism final : public peer::Mechanism {
     look();
     std::vector<mjtNum> momentum(static_cast<std::size_t>(model_->nv));
     mj_mulM(model_.get(), view_.get(), momentum.data(), view_->qvel);
-    return mju_dot(momentum.data(), view_->qvel, model_->nv) / 2;
+    return mju_dot(momentum.data(), view_->qvel, static_cast<int>(model_->nv)) / 2;
   }
 
  private:
   /// Body poses and velocities of the state after the step: those in data_ belong to the state before it.
   void look() {
-    mju_copy(view_->qpos, data_->qpos, model_->nq);
-    mju_copy(view_->qvel, data_->qvel, model_->nv);
+    mju_copy(view_->qpos, data_->qpos, static_cast<int>(model_->nq));
+    mju_copy(view_->qvel, data_->qvel, static_cast<int>(model_->nv));
     mj_fwdPosition(model_.get(), view_.get());
     mj_fwdVelocity(model_.get(), view_.get());
   }

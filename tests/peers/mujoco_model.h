@@ -1,4 +1,5 @@
-// MuJoCo's objects as C++ has them: owned, compiled from text, complaining on standard error.
+// MuJoCo's objects as C++ has them: owned, compiled from text, complaining on standard error. Compiles with
+// Debian's 2.2.2 and with PyPI's newest.
 #pragma once
 
 #include <mujoco/mujoco.h>
@@ -22,8 +23,12 @@ inline std::unique_ptr<mjModel, Free> compile(const std::string& xml) {
   // A virtual file: MuJoCo loads models by name.
   const auto files = std::make_unique<mjVFS>();
   mj_defaultVFS(files.get());
+#if mjVERSION_HEADER >= 320
+  mj_addBufferVFS(files.get(), "model.xml", xml.data(), static_cast<int>(xml.size()));
+#else
   const int slot = mj_makeEmptyFileVFS(files.get(), "model.xml", static_cast<int>(xml.size()) + 1);
   std::memcpy(files->filedata[slot], xml.c_str(), xml.size() + 1);
+#endif
   char message[1000] = "";
   std::unique_ptr<mjModel, Free> model(mj_loadXML("model.xml", files.get(), message, sizeof message));
   mj_deleteVFS(files.get());

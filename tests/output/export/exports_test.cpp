@@ -9,8 +9,7 @@
 
 #include "handsim/engine/contact/pair_table.h"
 #include "handsim/model/kinematics.h"
-#include "handsim/output/export/mjcf.h"
-#include "handsim/output/export/urdf.h"
+#include "handsim/output/export/export.h"
 #include "scene_files.h"
 
 namespace handsim::test {
