@@ -81,9 +81,7 @@ Subject read_subject(const HandArguments& arguments) {
     out.model = hand::read_hand_spec(model_node, "", diagnostics);
   if (!diagnostics.problems.empty()) throw Error(of_options(diagnostics.problems));
   out.warnings = std::move(diagnostics.warnings);
-  const Place place = person_node.place();
-  const std::string where =
-      place.file.empty() ? "" : fmt::format("{}:{}:{}: ", place.file, place.line, place.column);
+  const std::string where = person_node.place().text();
   for (const std::string& text : hand::extrapolations(out.model.anthropometry, out.person))
     out.warnings.push_back(where + text);
   return out;

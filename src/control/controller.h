@@ -43,15 +43,7 @@ class Controller {
   std::span<const AxisState> axes() const { return axes_; }
   const Plan& plan() const { return plan_; }
 
-  /// What the controller remembers from step to step: with the engine's state it repeats a run to the bit.
-  struct Memory {
-    std::vector<double> integral;       ///< torque of the integral, by axis [N m]
-    std::vector<double> filtered_rate;  ///< low-passed rate, by axis [rad/s]
-    bool operator==(const Memory&) const = default;
-  };
-  const Memory& memory() const { return memory_; }
-  void set_memory(Memory memory) { memory_ = std::move(memory); }
-  /// The memory and what was last observed.
+  /// What the controller keeps from step to step: with the engine's state it repeats a run to the bit.
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
 
@@ -66,9 +58,13 @@ class Controller {
     double smoothing = 1;         ///< share of the new rate in the filtered one
     double zone = 0;              ///< of the integral [rad]; infinity for none
   };
+  struct Memory {
+    std::vector<double> integral;       ///< torque of the integral, by axis [N m]
+    std::vector<double> filtered_rate;  ///< low-passed rate, by axis [rad/s]
+  };
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
-  void aim(double time);
+  void update_targets(double time);
   double feed(std::size_t axis, double target);
   void drive_explicit();
   void drive_implicit();

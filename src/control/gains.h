@@ -3,7 +3,6 @@
 // built.
 #pragma once
 
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -39,16 +38,13 @@ struct AxisGains {
 struct GainRow {
   std::vector<std::string> joints;  ///< `all`, joints, or joint.axis
   AxisGains gains;
-  std::string source;
   Place place;
 };
 
 struct ControllerSpec {
-  std::string title;
   Form form = Form::implicit_gain;
   bool gravity_compensation = false;  ///< feeds forward what holds the weight at the measured angles
   bool tissue_compensation = false;   ///< feeds forward what holds the passive tissue at the target angles
-  std::map<std::string, std::string> sources;
   /// Grip strength of the hand whose torque limits the rows state [N]: a scene that knows a person's own
   /// scales them by it. Absent: limits of any hand.
   std::optional<double> grip_strength;

@@ -83,11 +83,10 @@ Trajectory choose(const HandWork& hand, const ProgramChoice& choice, const PlanI
   if (found == file.programs.end()) {
     std::vector<std::string> known;
     for (const auto& [name, program] : file.programs) known.push_back(name);
-    const auto near = nearest_word(choice.program, known);
     diagnostics.problems.push_back({choice.place, choice.key,
                                     fmt::format("\"{}\", an unknown program", choice.program),
                                     fmt::format("a program of the pose file{}, or a .csv, .mot or .sto file",
-                                                near ? " (nearest: " + *near + ")" : "")});
+                                                nearest_hint(choice.program, known))});
     return {};
   }
   const std::vector<ProgramKey>* keys = found->second.keys_for(hand.axes.hand);

@@ -44,7 +44,6 @@ struct ProgramSpec {
 };
 
 struct PoseFile {
-  std::string title;
   std::map<std::string, PoseSpec> poses;
   std::map<std::string, ProgramSpec> programs;
 };

@@ -15,6 +15,9 @@ struct Place {
   std::string file;
   int line = 1;
   int column = 1;
+
+  /// `file:line:column: `; empty for a place in no file.
+  std::string text() const;
 };
 
 /// One thing wrong with an input, printed as `file:line:column: key: got X, need Y`.

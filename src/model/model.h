@@ -61,13 +61,18 @@ enum class JointKind {
 /// Number of degrees of freedom: 1, 2, 3, 1.
 int dof_count(JointKind kind);
 
+/// What only ODE knows of a stop; the other engines solve stops without it.
+struct OdeStop {
+  /// dParamFudgeFactor, 0..1: scales the force of a motor of the same joint where it drives off the stop.
+  double fudge_factor = 1;
+};
+
 /// Limits of one joint coordinate.
 struct Stop {
   double low = 0;     ///< [rad] or [m], below `high`
   double high = 0;    ///< [rad] or [m]
   double bounce = 0;  ///< restitution at the stop, 0..1
-  /// ODE's dParamFudgeFactor, 0..1: scales the force of a motor of the same joint where it drives off the stop.
-  double fudge_factor = 1;
+  OdeStop ode = {};   ///< for engine ode alone
 };
 
 /// Linear passive tissue across one joint coordinate: torque = -stiffness (q - rest) - damping qdot.

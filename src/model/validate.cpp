@@ -141,7 +141,7 @@ class Checker {
       if (!(axis.stop->low < axis.stop->high))
         add(key + ".stop", fmt::format("{:g}..{:g}", axis.stop->low, axis.stop->high), "low below high");
       check_range(key + ".stop.bounce", axis.stop->bounce, 0, 1, "");
-      check_range(key + ".stop.fudge_factor", axis.stop->fudge_factor, 0, 1, "");
+      check_range(key + ".stop.ode.fudge_factor", axis.stop->ode.fudge_factor, 0, 1, "");
     }
     if (axis.tissue) {
       check_range(key + ".tissue.stiffness", axis.tissue->stiffness, 0, kFar, "N m/rad");

@@ -24,7 +24,8 @@ control::Plan plan_control(const Scene& scene, const ControlSpec& spec, Diagnost
   const bool implicit = spec.controller.form == control::Form::implicit_gain;
   if (implicit && solver.engine() == engine::EngineKind::dae)
     diagnostics.problems.push_back(
-        {spec.place, "control.controller.form", fmt::format("implicit with {}", engine::name(solver.method())),
+        {spec.place, "control.controller.form",
+         fmt::format("implicit with {}", engine::name(solver.method())),
          "explicit, or the ode or articulated engine, which solve implicit gains within their step"});
   control::PlanInput input;
   input.controller = &spec.controller;
