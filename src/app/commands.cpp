@@ -26,7 +26,7 @@ namespace {
 constexpr int kBadInput = 2;
 constexpr int kFailed = 1;
 
-/// Prints an Error as the exit status that it stands for. Takes no memory to say so.
+/// Calls a command; an exception is printed, without taking memory, and becomes its exit status.
 template <class Command>
 int guarded(Command command) {
   const auto failed = [](std::string_view head, const char* what, int status) {
@@ -140,15 +140,18 @@ void add_hand(CommandLine& line) {
       "hand", "Hands of a person: dimensions, masses, joints; with --out also YAML and a picture",
       "handsim hand --stature 1.75 --mass 72 --sex male --side both --out out/hand", hand_command, arguments);
   hand.add_option("--person", arguments->person, "person file (in place of --stature, --mass, --sex)");
-  hand.add_option("--stature", arguments->stature, "m, or with a unit: 1.75, \"175 cm\"");
-  hand.add_option("--mass", arguments->mass, "kg");
-  hand.add_option("--sex", arguments->sex, "of the person")->type_name("male|female|unknown");
-  hand.add_option("--hand-length", arguments->hand_length, "measured: wrist crease to middle fingertip [m]");
-  hand.add_option("--hand-breadth", arguments->hand_breadth, "measured: across the knuckles [m]");
-  hand.add_option("--hand-circumference", arguments->hand_circumference, "measured: around the knuckles [m]");
-  hand.add_option("--hand-mass", arguments->hand_mass, "measured [kg]");
-  hand.add_option("--hand-length-percentile", arguments->hand_length_percentile,
-                  "among people of this body, 0.01 to 99.99");
+  const auto measure = [&](const char* name, const char* key, const char* help) {
+    return hand.add_option_function<std::string>(
+        name, [arguments, key](const std::string& value) { arguments->measures[key] = value; }, help);
+  };
+  measure("--stature", "stature", "m, or with a unit: 1.75, \"175 cm\"");
+  measure("--mass", "mass", "kg");
+  measure("--sex", "sex", "of the person")->type_name("male|female|unknown");
+  measure("--hand-length", "hand_length", "measured: wrist crease to middle fingertip [m]");
+  measure("--hand-breadth", "hand_breadth", "measured: across the knuckles [m]");
+  measure("--hand-circumference", "hand_circumference", "measured: around the knuckles [m]");
+  measure("--hand-mass", "hand_mass", "measured [kg]");
+  measure("--hand-length-percentile", "hand_length_percentile", "among people of this body, 0.01 to 99.99");
   hand.add_option("--model", arguments->model, "hand model file (default: the anatomical hand)");
   add_words(hand.add_option("--side", arguments->side, "which hands (default both)"), kSides);
   hand.add_option("--out", arguments->out, "folder for hand.yaml and hand.png")->check(check_path);

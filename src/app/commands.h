@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -15,9 +16,8 @@ int run_command_line(int argc, const char* const* argv);
 
 struct HandArguments {
   std::optional<std::filesystem::path> person;  ///< a file, in place of the numbers
-  std::optional<std::string> stature, mass, sex;
-  std::optional<std::string> hand_length, hand_breadth, hand_circumference, hand_mass, hand_length_percentile;
-  std::optional<std::filesystem::path> model;  ///< absent: the anatomical hand that ships with handsim
+  std::map<std::string, std::string> measures;  ///< by the key of a person file
+  std::optional<std::filesystem::path> model;   ///< absent: the anatomical hand that ships with handsim
   std::string side = "both";
   std::optional<std::filesystem::path> out;  ///< absent: only the table
 };

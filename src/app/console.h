@@ -1,4 +1,4 @@
-// What the program says: results on standard output, messages on standard error. A channel that cannot be
+// What the program prints: results on standard output, messages on standard error. A channel that cannot be
 // written (closed, a full disk, a terminal that is gone) never ends a command nor throws; what was lost on
 // standard output is remembered.
 #pragma once

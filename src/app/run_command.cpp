@@ -122,7 +122,7 @@ void print_result(const scene::Scene& scene, const simulation::RunResult& result
         result.wall, result.wall > 0 ? result.simulated / result.wall : 0, out.string());
 }
 
-/// All that fails, in a line each, where no table says it.
+/// A line for each failed criterion, where no table is printed.
 void tell_failures(const simulation::RunResult& result) {
   for (const simulation::Verdict& v : result.verdicts)
     if (!v.held())

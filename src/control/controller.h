@@ -1,7 +1,7 @@
 // PID control of a hand's joints: joint state and targets in, joint torques or servo drives out, for any
 // engine. A step goes: command(state) -> the engine's step -> observe(state). The derivative acts on the
-// measured rate, so a moving target gives no kick; the integral stops where it would only push a saturated
-// joint further (anti-windup).
+// measured rate, so a moving target gives no torque peak; the integral stops where it would only push a
+// saturated joint further (anti-windup).
 #pragma once
 
 #include <span>

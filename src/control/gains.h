@@ -1,6 +1,6 @@
-// What a controller file says: the form of control, what is fed forward, and rows of gains by joint. Knows no
-// person: rows may state a frequency and a damping ratio, from which plan.h makes gains for the hand that is
-// built.
+// The content of a controller file: the form of control, what is fed forward, and rows of gains by joint.
+// Knows no person: rows may state a frequency and a damping ratio, from which plan.h makes gains for the hand
+// that is built.
 #pragma once
 
 #include <optional>
@@ -57,7 +57,7 @@ ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnost
 /// Rows whose joint no hand has.
 void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands, Diagnostics& diagnostics);
 
-/// What the rows say of an axis; nothing where none names it: the axis is left limp.
+/// The gains of an axis from all rows that name it; nothing where none does: the axis stays limp.
 std::optional<AxisGains> gains_of(const ControllerSpec& spec, const HandAxis& axis);
 
 }  // namespace handsim::control

@@ -244,8 +244,8 @@ double in_range(const MotionTable& table, std::size_t row, const HandAxes& hand,
   return held;
 }
 
-/// Columns that no axis of the hand takes. Those of another hand and those of control.sto that say how the
-/// joints followed are no slip.
+/// Columns that no axis of the hand uses. Columns of another hand, and measured angles beside the targets of
+/// control.sto, are not mistakes.
 std::vector<std::string> unmatched(const MotionTable& table, const HandAxes& hand,
                                    const std::vector<std::string>& axes) {
   const auto is_axis = [&](const std::string& name) {

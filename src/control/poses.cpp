@@ -13,7 +13,7 @@ namespace handsim::control {
 
 namespace {
 
-/// Rounding of an angle that stands in degrees, beyond a range that does too [rad].
+/// Rounding of an angle in degrees beyond a range in degrees [rad].
 constexpr double kRangeTolerance = 1e-9;
 constexpr int kMaxRepeats = 10'000;
 constexpr std::size_t kMostBlocks = 1000, kMostJoints = 200;  ///< poses or programs, joints of a pose
@@ -248,7 +248,7 @@ Trajectory program_trajectory(const ProgramSpec& program, const std::vector<Prog
   for (std::size_t i = 0; i < keys.size(); ++i) {
     const ProgramKey& key = keys[i];
     const auto pose = file.poses.find(key.pose);
-    if (pose == file.poses.end()) continue;  // said when the file was read
+    if (pose == file.poses.end()) continue;  // reported when the file was read
     if (!angles.contains(key.pose)) angles[key.pose] = pose_angles(key.pose, pose->second, hand, diagnostics);
     out.add(key.time, held);
     held = angles[key.pose];

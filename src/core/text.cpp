@@ -94,4 +94,11 @@ std::string printable(std::string_view text, std::size_t limit) {
   return cut ? out + "..." : out;
 }
 
+std::string lower_case(std::string_view text) {
+  std::string out(text);
+  for (char& c : out)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return out;
+}
+
 }  // namespace handsim

@@ -23,4 +23,7 @@ std::optional<BadByte> find_bad_byte(std::string_view text);
 /// within a character, with `...`.
 std::string printable(std::string_view text, std::size_t limit = 60);
 
+/// Letters A to Z as a to z.
+std::string lower_case(std::string_view text);
+
 }  // namespace handsim

@@ -21,7 +21,7 @@ namespace handsim {
 namespace {
 
 /// Builds the tree from yaml-cpp's events. YAML::Node has places (Mark), but it keeps one of two equal keys
-/// in silence, does not say where an alias stands, forgets quotes, and expands aliases without a limit.
+/// without a message, does not know the place of an alias, forgets quotes, and expands aliases without limit.
 class TreeBuilder : public YAML::EventHandler {
  public:
   TreeBuilder(std::shared_ptr<const std::string> file, YamlBudget& budget)

@@ -108,7 +108,7 @@ void check_axes(MapReader& reader, const JointSpec& joint, bool any_kind) {
   check_axis_pair(reader, joint.axes);
 }
 
-/// @param kind absent: the file says it as `type`; present (the wrist): one axis or two.
+/// @param kind absent: given in the file as `type`; present (the wrist): one axis or two.
 JointSpec read_joint(MapReader& reader, std::optional<JointKind> kind) {
   JointSpec joint;
   joint.name = reader.name("name");
@@ -121,7 +121,7 @@ JointSpec read_joint(MapReader& reader, std::optional<JointKind> kind) {
   return joint;
 }
 
-/// Nothing where the rule's kind cannot be told.
+/// Nothing where the kind of rule is missing or unknown.
 std::optional<MassRule> read_mass(MapReader reader) {
   MassRule rule;
   rule.kind = reader.choice<MassRule::Kind>(

@@ -52,7 +52,7 @@ class Checker {
     return index >= 0 && static_cast<std::size_t>(index) < list.size();
   }
 
-  /// Checks the parts, of which each stands at its place.
+  /// Checks each part, with its place for the problems.
   template <class T, class Check>
   void each(const std::vector<T>& parts, const std::vector<std::optional<Place>>& places, Check check) {
     for (std::size_t i = 0; i < parts.size(); ++i) {

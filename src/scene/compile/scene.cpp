@@ -52,7 +52,7 @@ void check_climb_load(YamlNode& criteria, const Scene& scene, Diagnostics& diagn
                    "at most the climb's load.max");
 }
 
-/// YAML files are named at each value that stands in them.
+/// Each value knows the YAML file that it comes from.
 void collect(const YamlNode& node, std::set<std::filesystem::path>& out) {
   if (node.file) out.insert(*node.file);
   for (const YamlNode& item : node.items) collect(item, out);

@@ -22,7 +22,7 @@ Pose read_pose(MapReader& reader, std::optional<Vec3> fallback = {});
 /// A referenced file or an inline block; null where it is absent or, with a problem, cannot be read.
 YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind, bool required = true);
 
-/// Puts what the file of a block says under the keys that the block leaves open, in place of its `file`.
+/// Replaces the `file` of a block by the content of that file; keys that the block has itself win.
 /// @param overridden true where the block's own keys take the place of the file's `key`. False, with
 /// problems, where the file cannot be used.
 bool inline_file(MapReader& block, FileKind kind,

@@ -12,7 +12,7 @@ namespace handsim::scene {
 
 namespace {
 
-/// A motion file is named by its absolute path in the resolved scene, which stands in another folder.
+/// The resolved scene names a motion file by its absolute path, because it is written to another folder.
 control::ProgramChoice read_choice(YamlNode& node, const std::string& key) {
   control::ProgramChoice out{node.text, node.place(), key};
   if (control::is_motion_file(node.text))

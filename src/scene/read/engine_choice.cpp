@@ -27,7 +27,7 @@ CostRow read_row(MapReader reader) {
   return row;
 }
 
-/// Bodies that more than one joint hangs on others, or joints in a ring.
+/// A body that is the child of several joints, or joints that form a ring.
 bool has_loop(const MechanismSpec& mechanism) {
   std::map<std::string, std::string> up;
   const auto top = [&](std::string body) {

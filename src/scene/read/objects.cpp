@@ -50,7 +50,7 @@ bool overridden(const YamlNode& entry, const std::string& key) {
          (key == "material" && has_any(entry, kPropertyKeys));
 }
 
-/// `mesh`, named by its absolute path in the resolved scene, which stands in another folder.
+/// `mesh`. The resolved scene names it by its absolute path, because it is written to another folder.
 void read_mesh(MapReader& reader, model::Shape& shape) {
   const double scale = reader.number("scale", {Dimension::none, 1e-6, 1e6}, 1.0);
   const std::string name = reader.text("mesh");
@@ -167,7 +167,7 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
                        bool in_scene) {
   ObjectSpec object;
   object.place = reader.node().place();
-  // The content of an entry's file stands in its place by now.
+  // inline_file() has replaced an entry's file by its content.
   if (reader.has("file"))
     reader.problem("file", "a file that names another", "a file with the object itself");
   object.name = in_scene || reader.has("name") ? read_name(reader, before) : "object";

@@ -187,7 +187,7 @@ void read_solver(MapReader& reader, SceneSpec& scene) {
 PictureSpec read_pictures(MapReader reader) {
   PictureSpec out;
   read_size(reader, out.size);
-  // A camera stands in place of a view.
+  // A camera replaces the view.
   if (!reader.has("camera"))
     out.view = reader.choice<View>("view",
                                    {{"dorsal", View::dorsal},

@@ -111,7 +111,7 @@ model::PoseMotion motion_of(const GraspSpec& grasp, bool left) {
   return motion;
 }
 
-/// @param pose of the object that it stands under.
+/// @param pose of the object above the post.
 ObjectSpec make_post(const PostSpec& post, const std::string& name, const ObjectSpec& object,
                      const Pose& pose) {
   ObjectSpec out;
