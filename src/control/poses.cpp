@@ -16,7 +16,7 @@ namespace {
 /// Rounding of an angle in degrees beyond a range in degrees [rad].
 constexpr double kRangeTolerance = 1e-9;
 constexpr int kMaxRepeats = 10'000;
-constexpr std::size_t kMostBlocks = 1000, kMostJoints = 200;  ///< poses or programs, joints of a pose
+constexpr std::size_t kMostJoints = 200;  ///< of a pose
 /// Of all programs of a file together, repeated.
 constexpr std::size_t kMostKeys = 200'000;
 const Quantity kTime = {Dimension::time, 0, 1e5};
@@ -65,13 +65,8 @@ PoseSpec read_pose(MapReader reader, Unit unit, const PoseFile& before) {
       reader.problem("like", *like, "a pose above this one" + nearest_hint(*like, names_of(before.poses)));
   }
   pose.place = reader.node().place();
-  for (const std::string& joint : reader.keys())
+  for (const std::string& joint : reader.keys(kMostJoints))
     if (joint != "like") pose.joints[joint] = read_angles(reader, joint, unit);
-  if (pose.joints.size() > kMostJoints) {
-    reader.problem("", fmt::format("{} joints", pose.joints.size()),
-                   fmt::format("at most {} joints", kMostJoints));
-    pose.joints.clear();
-  }
   return pose;
 }
 
@@ -194,19 +189,13 @@ PoseFile read_pose_file(YamlNode& node, const std::string& path, Diagnostics& di
   reader.text("title", "untitled");
   const Unit unit = reader.choice<Unit>("unit", {{"rad", Unit::rad}, {"deg", Unit::deg}}, Unit::rad);
   reader.named_texts("sources");
-  const auto each = [&](const char* key, MapReader blocks, const auto& read) {
-    const std::vector<std::string> names = blocks.keys();
-    if (names.size() > kMostBlocks)
-      return reader.problem(key, fmt::format("{} {}", names.size(), key),
-                            fmt::format("at most {}", kMostBlocks));
-    for (const std::string& name : names) read(name, blocks.map(name));
-  };
-  each("poses", reader.required_map("poses", "a mapping of names to poses"),
-       [&](const std::string& name, MapReader pose) { file.poses[name] = read_pose(pose, unit, file); });
-  if (reader.has("programs"))
-    each("programs", reader.map("programs"), [&](const std::string& name, MapReader program) {
-      file.programs[name] = read_program(program, file);
-    });
+  MapReader poses = reader.required_map("poses", "a mapping of names to poses");
+  for (const std::string& name : poses.keys()) file.poses[name] = read_pose(poses.map(name), unit, file);
+  if (reader.has("programs")) {
+    MapReader programs = reader.map("programs");
+    for (const std::string& name : programs.keys())
+      file.programs[name] = read_program(programs.map(name), file);
+  }
   reader.finish();
   return file;
 }

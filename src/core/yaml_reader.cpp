@@ -339,10 +339,13 @@ YamlNode* MapReader::file_or_block(std::string_view key, std::string_view kind, 
   }
 }
 
-std::vector<std::string> MapReader::keys() {
+std::vector<std::string> MapReader::keys(std::size_t most) {
   if (auto* recorder = diagnostics_->recorder) recorder->note(path_, "*", asked_form());
   std::vector<std::string> out;
-  for (const YamlEntry& entry : node_->entries) out.push_back(entry.key);
+  if (node_->entries.size() > most)
+    problem("", fmt::format("{} keys", node_->entries.size()), fmt::format("at most {}", most));
+  else
+    for (const YamlEntry& entry : node_->entries) out.push_back(entry.key);
   return out;
 }
 
@@ -380,16 +383,17 @@ void MapReader::warning(std::string_view key, const std::string& text) {
   diagnostics_->warnings.push_back(fmt::format("{}{}: {}", where, path_of(key), text));
 }
 
+void MapReader::unknown_key(const YamlEntry& entry, std::string got, const std::vector<std::string>& known) {
+  const Place place{entry.value.file ? *entry.value.file : node_->place().file, entry.line, entry.column};
+  diagnostics_->problems.push_back({place, path_of(entry.key), std::move(got), need_word(entry.key, known)});
+}
+
 void MapReader::finish() {
   if (broken_) return;
   if (diagnostics_->recorder) diagnostics_->recorder->close(path_);
   const std::vector<std::string> known(known_.begin(), known_.end());
-  for (const YamlEntry& entry : node_->entries) {
-    if (known_.contains(entry.key)) continue;
-    const Place place{entry.value.file ? *entry.value.file : node_->place().file, entry.line, entry.column};
-    diagnostics_->problems.push_back(
-        {place, path_of(entry.key), "an unknown key", need_word(entry.key, known)});
-  }
+  for (const YamlEntry& entry : node_->entries)
+    if (!known_.contains(entry.key)) unknown_key(entry, "an unknown key", known);
 }
 
 }  // namespace handsim

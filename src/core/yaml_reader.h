@@ -111,8 +111,8 @@ class MapReader {
   /// A file that the key names, read into its place, or the block itself; null, with a problem, where it
   /// cannot be read. @param kind such as `a person`.
   YamlNode* file_or_block(std::string_view key, std::string_view kind, bool required = true);
-  /// The keys of a map in which any name may stand.
-  std::vector<std::string> keys();
+  /// The keys of a map with names of any kind; of more than `most` none, with a problem.
+  std::vector<std::string> keys(std::size_t most = 1000);
   /// A map under this key. If absent, an empty one is written, which then receives the defaults.
   MapReader map(std::string_view key);
   /// A required map; `need` says what it holds. If absent, that is one problem, and its keys are not
@@ -129,6 +129,8 @@ class MapReader {
   Diagnostics& diagnostics() { return *diagnostics_; }
   YamlNode& node() { return *node_; }
 
+  /// A problem of the key of an entry of this map, at the key's place.
+  void unknown_key(const YamlEntry& entry, std::string got, const std::vector<std::string>& known);
   /// Reports every key that was never asked for.
   void finish();
 

@@ -46,11 +46,12 @@ std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::
     YamlNode* choice =
         programs.value(name, {{Kind::scalar}, "a program of the pose file, or a .csv, .mot or .sto file"});
     const auto hand = std::find(known.begin(), known.end(), name);
-    if (hand == known.end())
-      programs.problem(name, "a hand that the scene has not", need_word(name, known));
-    else if (choice)
+    if (hand != known.end() && choice)
       out[static_cast<std::size_t>(hand - known.begin())] = read_choice(*choice, key + "." + name);
   }
+  for (const YamlEntry& given : node->entries)
+    if (std::find(known.begin(), known.end(), given.key) == known.end())
+      programs.unknown_key(given, "a hand that the scene has not", known);
   for (const std::string& name : known)
     if (!has_tasks && !node->find(name))
       reader.problem("program", fmt::format("no program for hand {}", name),

@@ -110,23 +110,23 @@ void read_start_pose(MapReader& reader, HandEntry& entry, bool known) {
   const hand::JointSpec& wrist = entry.model.wrist;
   std::map<std::string, const hand::JointSpec*> joints = {{wrist.name, &wrist}};
   for (const hand::SegmentSpec& segment : entry.model.segments) joints[segment.joint.name] = &segment.joint;
+  std::vector<std::string> names;
+  for (const auto& [joint, spec] : joints) names.push_back(joint);
   for (const std::string& name : pose.keys()) {
     const YamlNode* value = pose.value(
         name, {{YamlNode::Kind::scalar, YamlNode::Kind::sequence}, "an angle, or one for each axis"});
-    if (!known || !value) continue;
     const auto found = joints.find(name);
-    if (found == joints.end()) {
-      std::vector<std::string> names;
-      for (const auto& [joint, spec] : joints) names.push_back(joint);
-      pose.problem(name, "an unknown key", need_word(name, names));
-    } else if (found->second == &wrist && !entry.has_wrist_joint()) {
+    if (!known || !value || found == joints.end()) continue;
+    const hand::JointSpec& joint = *found->second;
+    if (&joint == &wrist && !entry.has_wrist_joint()) {
       pose.problem(name, "an angle of a wrist that has no joint", "wrist.mount hinge or universal with it");
     } else {
-      const hand::JointSpec& joint = *found->second;
       const bool one = &joint == &wrist && entry.placement.mount == hand::Mount::hinge;
       read_joint_angles(pose, joint, one ? 1 : joint.axes.size(), *value, entry.placement.start[name]);
     }
   }
+  for (const YamlEntry& given : pose.node().entries)
+    if (known && !joints.contains(given.key)) pose.unknown_key(given, "an unknown key", names);
 }
 
 void check_mount(MapReader& reader, const HandEntry& entry) {
