@@ -16,7 +16,7 @@ namespace {
 /// Rounding of an angle in degrees beyond a range in degrees [rad].
 constexpr double kRangeTolerance = 1e-9;
 constexpr int kMaxRepeats = 10'000;
-constexpr std::size_t kMostJoints = 200;  ///< of a pose
+constexpr std::size_t kMostJoints = 200;  ///< of a pose and of those that it is like
 /// Of all programs of a file together, repeated.
 constexpr std::size_t kMostKeys = 200'000;
 const Quantity kTime = {Dimension::time, 0, 1e5};
@@ -65,8 +65,13 @@ PoseSpec read_pose(MapReader reader, Unit unit, const PoseFile& before) {
       reader.problem("like", *like, "a pose above this one" + nearest_hint(*like, names_of(before.poses)));
   }
   pose.place = reader.node().place();
-  for (const std::string& joint : reader.keys(kMostJoints))
+  for (const std::string& joint : reader.keys())
     if (joint != "like") pose.joints[joint] = read_angles(reader, joint, unit);
+  if (pose.joints.size() > kMostJoints) {
+    reader.problem("", fmt::format("{} joints", pose.joints.size()),
+                   fmt::format("at most {} joints", kMostJoints));
+    pose.joints.clear();
+  }
   return pose;
 }
 
