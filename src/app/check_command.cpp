@@ -82,7 +82,7 @@ int check_command(const CheckArguments& arguments) {
     } catch (const Error& error) {
       diagnostics.problems = error.problems();
     }
-    for (const std::string& warning : diagnostics.warnings) tell("warning: {}\n", warning);
+    tell_warnings(diagnostics.warnings);
     for (const Problem& problem : diagnostics.problems) tell("{}\n", problem.text());
     if (diagnostics.problems.empty())
       print("{}: {}, good\n", path.string(), kind);

@@ -274,7 +274,7 @@ int hand_command(const HandArguments& arguments) {
     folder.emplace(*arguments.out, std::vector<std::string>{"hand.yaml", "hand.png"},
                    [&] { return scene::files_read(scene); });
 
-  for (const std::string& text : warnings) tell("warning: {}\n", text);
+  tell_warnings(warnings);
   print_size(entry.person, entry.model, built);
   print_parts(entry.model, built);
   print_whole(entry.person, entry.model, built);

@@ -9,6 +9,7 @@
 #include <fmt/ranges.h>
 
 #include "handsim/core/input_file.h"
+#include "handsim/core/text.h"
 #include "handsim/core/units.h"
 
 namespace handsim::control {
@@ -87,9 +88,7 @@ class Reader {
  private:
   bool next_line() {
     if (rest_.empty()) return false;
-    const std::size_t end = std::min(rest_.find('\n'), rest_.size());
-    line_ = rest_.substr(0, end);
-    rest_.remove_prefix(std::min(end + 1, rest_.size()));
+    line_ = take_line(rest_);
     ++number_;
     return true;
   }

@@ -42,9 +42,7 @@ class Lines {
 
   bool next() {
     if (rest_.empty()) return false;
-    const std::size_t end = std::min(rest_.find('\n'), rest_.size());
-    line_ = rest_.substr(0, end);
-    rest_.remove_prefix(std::min(end + 1, rest_.size()));
+    line_ = take_line(rest_);
     ++number_;
     at_ = 0;
     return true;
