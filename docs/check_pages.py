@@ -2,8 +2,9 @@
 
 Every table has a generator and every generator a table; every relative link, anchor and picture exists; every
 picture in renders/ is shown; every command of a ```sh block uses commands, options, files, tests and words of
-`./dev` that exist.
+`./dev` that exist; every key that a reader takes (`handsim schema`) stands on the page of its kind of file.
 """
+import json
 import re
 import shlex
 import subprocess
@@ -13,6 +14,10 @@ import tables
 
 ROOT = tables.ROOT
 README_LINES = 250
+# Pages that name the keys of a kind of file.
+KEY_PAGES = {"scene": ["scenes.md"], "person": ["persons.md"], "hand": ["persons.md", "scenes.md"],
+             "controller": ["control.md"], "poses": ["control.md"], "object": ["scenes.md"],
+             "material": ["scenes.md"]}
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.S | re.M)
 
@@ -162,6 +167,27 @@ def check_sources(problems):
                 problems.append(f"{place(page, text, name.start())}: no src/{path}")
 
 
+def keys_of(schema):
+    """Names of all properties; files that are named have schemas of their own."""
+    found = set()
+    for inner in schema.get("anyOf", []):
+        found |= keys_of(inner)
+    for key, inner in schema.get("properties", {}).items():
+        found |= {key} | keys_of(inner)
+    for part in ("items", "additionalProperties"):
+        if isinstance(schema.get(part), dict):
+            found |= keys_of(schema[part])
+    return found
+
+
+def check_keys(handsim, problems):
+    for kind, pages in KEY_PAGES.items():
+        schema = json.loads(subprocess.run([handsim, "schema", kind], capture_output=True, text=True).stdout)
+        text = "".join((ROOT / "docs" / page).read_text() for page in pages)
+        named = set(re.findall(r"\w+", " ".join(re.findall(r"`[^`]+`", text))))
+        problems += [f"docs/{pages[0]}: no key {key} of handsim schema {kind}" for key in sorted(keys_of(schema) - named)]
+
+
 def check(handsim):
     problems = []
     lines = len((ROOT / "README.md").read_text().splitlines())
@@ -173,6 +199,7 @@ def check(handsim):
     if Path(handsim).exists():
         program = Program(handsim)
         check_commands(program, problems)
+        check_keys(handsim, problems)
     else:
         problems.append(f"{handsim}: not built, so commands are not checked")
     print("\n".join(problems) or "docs: every table, link, picture and command is as it should be")

@@ -21,7 +21,7 @@ void update_costs(const std::filesystem::path& path, const study::AccuracySpec& 
   if (std::filesystem::exists(path)) {
     YamlNode root = load_yaml(path);
     Diagnostics diagnostics;
-    tables = scene::read_costs(root, diagnostics);
+    tables = scene::read_costs(root, "", diagnostics);
     diagnostics.throw_if_any();
   }
   std::erase_if(tables, [&](const scene::CostTable& each) { return each.kind == table.kind; });

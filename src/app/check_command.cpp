@@ -1,14 +1,13 @@
+#include <algorithm>
+
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
+#include "handsim/app/file_readers.h"
 #include "handsim/control/motion_file.h"
 #include "handsim/engine/engine.h"
-#include "handsim/hand/grip_strength.h"
 #include "handsim/scene/compile/scene.h"
-#include "handsim/scene/read/contact_spec.h"
-#include "handsim/scene/read/file_kind.h"
-#include "handsim/scene/read/objects.h"
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/accuracy/accuracy.h"
 #include "handsim/study/stability/stability.h"
@@ -25,47 +24,19 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
   }
   YamlNode root = load_yaml(path);
   const scene::FileKind kind = scene::kind_of(root).value_or(scene::FileKind::scene);
-  switch (kind) {
-    case scene::FileKind::person:
-      hand::read_person(root, "", diagnostics);
-      break;
-    case scene::FileKind::hand_model:
-      hand::read_hand_spec(root, "", diagnostics);
-      break;
-    case scene::FileKind::anthropometry:
-      hand::read_anthropometry(root, "", diagnostics);
-      break;
-    case scene::FileKind::controller:
-      control::read_controller(root, "", diagnostics);
-      break;
-    case scene::FileKind::poses:
-      control::read_pose_file(root, "", diagnostics);
-      break;
-    case scene::FileKind::study:
-      study::load_accuracy(path);
-      break;
-    case scene::FileKind::stability:
-      study::load_stability(path);
-      break;
-    case scene::FileKind::object:
-      scene::read_object_file(root, diagnostics);
-      break;
-    case scene::FileKind::grip_norms:
-      hand::read_grip_table(root, "", diagnostics);
-      break;
-    case scene::FileKind::costs:
-      scene::read_costs(root, diagnostics);
-      break;
-    case scene::FileKind::material:
-      scene::read_material_file(root, diagnostics);
-      break;
-    case scene::FileKind::scene: {
-      const scene::Scene scene = scene::compile_scene(std::move(root));
-      diagnostics.warnings = scene.warnings;
-      simulation::check_start(scene);
-      static_cast<void>(scene::standalone_text(scene.resolved, scene.inputs));
-      break;
-    }
+  const auto reader = std::find_if(file_readers().begin(), file_readers().end(),
+                                   [&](const FileReader& each) { return each.kind == kind; });
+  if (kind == scene::FileKind::scene) {
+    const scene::Scene scene = scene::compile_scene(std::move(root));
+    diagnostics.warnings = scene.warnings;
+    simulation::check_start(scene);
+    static_cast<void>(scene::standalone_text(scene.resolved, scene.inputs));
+  } else if (reader != file_readers().end()) {
+    reader->read(root, diagnostics);
+  } else if (kind == scene::FileKind::study) {
+    study::load_accuracy(path);
+  } else {
+    study::load_stability(path);
   }
   return std::string(scene::described(kind));
 }
@@ -96,13 +67,13 @@ void print_engines(const std::vector<std::filesystem::path>& files) {
 
 }  // namespace
 
-int check_command(const std::vector<std::filesystem::path>& files, bool engines) {
-  if (engines) {
-    print_engines(files);
+int check_command(const CheckArguments& arguments) {
+  if (arguments.engines) {
+    print_engines(arguments.files);
     return 0;
   }
   int bad = 0;
-  for (const std::filesystem::path& path : files) {
+  for (const std::filesystem::path& path : arguments.files) {
     Diagnostics diagnostics;
     std::string kind;
     try {
@@ -111,7 +82,7 @@ int check_command(const std::vector<std::filesystem::path>& files, bool engines)
     } catch (const Error& error) {
       diagnostics.problems = error.problems();
     }
-    for (const std::string& warning : diagnostics.warnings) tell("warning: {}\n", warning);
+    tell_warnings(diagnostics.warnings);
     for (const Problem& problem : diagnostics.problems) tell("{}\n", problem.text());
     if (diagnostics.problems.empty())
       print("{}: {}, good\n", path.string(), kind);

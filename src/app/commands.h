@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -15,16 +16,23 @@ int run_command_line(int argc, const char* const* argv);
 
 struct HandArguments {
   std::optional<std::filesystem::path> person;  ///< a file, in place of the numbers
-  std::optional<std::string> stature, mass, sex;
-  std::optional<std::string> hand_length, hand_breadth, hand_circumference, hand_mass, hand_length_percentile;
-  std::optional<std::filesystem::path> model;  ///< absent: the anatomical hand that ships with handsim
+  std::map<std::string, std::string> measures;  ///< by the key of a person file
+  std::optional<std::filesystem::path> model;   ///< absent: the anatomical hand that ships with handsim
   std::string side = "both";
   std::optional<std::filesystem::path> out;  ///< absent: only the table
 };
 int hand_command(const HandArguments& arguments);
 
-/// @param engines which engines run each of the scenes, in place of checking the files
-int check_command(const std::vector<std::filesystem::path>& files, bool engines);
+struct CheckArguments {
+  std::vector<std::filesystem::path> files;
+  bool engines = false;  ///< which engines run each of the scenes, in place of checking the files
+};
+int check_command(const CheckArguments& arguments);
+
+struct SchemaArguments {
+  std::string kind;  ///< word of a FileReader
+};
+int schema_command(const SchemaArguments& arguments);
 
 struct RunArguments {
   std::filesystem::path scene;
@@ -97,8 +105,10 @@ struct ExportArguments {
 };
 int export_command(const ExportArguments& arguments);
 
-/// @param out folder for the study's files
-int contacts_command(const std::filesystem::path& out);
+struct ContactsArguments {
+  std::filesystem::path out;  ///< folder for the study's files
+};
+int contacts_command(const ContactsArguments& arguments);
 
 /// The ending of a file's name, in small letters: `.png`; empty where it has none.
 std::string ending_of(const std::filesystem::path& path);

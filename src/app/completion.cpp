@@ -105,7 +105,7 @@ std::string fish_script(const CLI::App& app) {
   return out;
 }
 
-/// Text that roff takes for text: no line begins with a control character, and hyphens are minus signs.
+/// Escaped for roff: no line begins with a control character, and hyphens are minus signs.
 std::string roff(const std::string& text) {
   std::string out;
   for (const char c : text) {

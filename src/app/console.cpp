@@ -7,7 +7,6 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
-#include <string>
 
 #include "handsim/output/table/gnuplot.h"
 
@@ -48,6 +47,10 @@ void tell_text(std::string_view text) {
     if (written <= 0) return;
     text.remove_prefix(static_cast<std::size_t>(written));
   }
+}
+
+void tell_warnings(const std::vector<std::string>& warnings) {
+  for (const std::string& warning : warnings) tell("warning: {}\n", warning);
 }
 
 int finish_output(int status) {

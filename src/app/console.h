@@ -1,10 +1,12 @@
-// What the program says: results on standard output, messages on standard error. A channel that cannot be
+// What the program prints: results on standard output, messages on standard error. A channel that cannot be
 // written (closed, a full disk, a terminal that is gone) never ends a command nor throws; what was lost on
 // standard output is remembered.
 #pragma once
 
+#include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include <fmt/format.h>
 
@@ -29,6 +31,9 @@ template <class... Values>
 void tell(fmt::format_string<Values...> format, Values&&... values) {
   tell_text(fmt::format(format, std::forward<Values>(values)...));
 }
+
+/// Each in a line, after `warning: `.
+void tell_warnings(const std::vector<std::string>& warnings);
 
 /// Writes out what is still buffered. @return the command's exit status; 1, and a message, where it was 0 and
 /// something on standard output was lost.

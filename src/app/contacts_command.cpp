@@ -9,7 +9,8 @@
 
 namespace handsim::app {
 
-int contacts_command(const std::filesystem::path& out) {
+int contacts_command(const ContactsArguments& arguments) {
+  const std::filesystem::path& out = arguments.out;
   const output::OutputFolder folder(out, study::contact_cost_files());
   std::vector<study::ContactCostRow> rows;
   {

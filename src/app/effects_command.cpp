@@ -10,7 +10,7 @@ namespace handsim::app {
 
 int effects_command(const EffectsArguments& arguments) {
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
-  for (const std::string& warning : scene.warnings) tell("warning: {}\n", warning);
+  tell_warnings(scene.warnings);
   const output::OutputFolder folder(arguments.out, study::effects_files(),
                                     [&] { return scene::files_read(scene); });
   study::EffectsResult result;

@@ -2,6 +2,7 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
+#include "handsim/core/text.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/export/export.h"
 #include "handsim/output/output_folder.h"
@@ -27,12 +28,7 @@ std::string format_of(const ExportArguments& arguments) {
 
 }  // namespace
 
-std::string ending_of(const std::filesystem::path& path) {
-  std::string out = path.extension().string();
-  for (char& c : out)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  return out;
-}
+std::string ending_of(const std::filesystem::path& path) { return lower_case(path.extension().string()); }
 
 int export_command(const ExportArguments& arguments) {
   const std::string format = format_of(arguments);

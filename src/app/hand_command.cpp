@@ -24,17 +24,7 @@ namespace {
 /// The options that describe a person, under the keys of a person file.
 YamlNode person_of_options(const HandArguments& arguments) {
   YamlNode person = yaml_map();
-  const auto put = [&](const char* key, const std::optional<std::string>& value) {
-    if (value) yaml_put(person, key, yaml_scalar(*value));
-  };
-  put("stature", arguments.stature);
-  put("mass", arguments.mass);
-  put("sex", arguments.sex);
-  put("hand_length", arguments.hand_length);
-  put("hand_breadth", arguments.hand_breadth);
-  put("hand_circumference", arguments.hand_circumference);
-  put("hand_mass", arguments.hand_mass);
-  put("hand_length_percentile", arguments.hand_length_percentile);
+  for (const auto& [key, value] : arguments.measures) yaml_put(person, key, yaml_scalar(value));
   return person;
 }
 
@@ -45,7 +35,7 @@ std::string option_name(const std::string& key) {
   return "--" + name;
 }
 
-/// Problems of a person who stands in no file, as problems of the options.
+/// Problems of a person that no file describes, as problems of the options.
 std::vector<Problem> of_options(std::vector<Problem> problems) {
   for (Problem& problem : problems) {
     if (problem.place && !problem.place->file.empty()) continue;
@@ -63,7 +53,7 @@ struct Subject {
   std::vector<std::string> warnings;
 };
 
-/// @throws Error (input) that speaks of the files' keys or of the options.
+/// @throws Error (input) that names the files' keys or the options.
 Subject read_subject(const HandArguments& arguments) {
   YamlNode person = person_of_options(arguments);
   if (arguments.person && !person.entries.empty())
@@ -81,9 +71,7 @@ Subject read_subject(const HandArguments& arguments) {
     out.model = hand::read_hand_spec(model_node, "", diagnostics);
   if (!diagnostics.problems.empty()) throw Error(of_options(diagnostics.problems));
   out.warnings = std::move(diagnostics.warnings);
-  const Place place = person_node.place();
-  const std::string where =
-      place.file.empty() ? "" : fmt::format("{}:{}:{}: ", place.file, place.line, place.column);
+  const std::string where = person_node.place().text();
   for (const std::string& text : hand::extrapolations(out.model.anthropometry, out.person))
     out.warnings.push_back(where + text);
   return out;
@@ -286,7 +274,7 @@ int hand_command(const HandArguments& arguments) {
     folder.emplace(*arguments.out, std::vector<std::string>{"hand.yaml", "hand.png"},
                    [&] { return scene::files_read(scene); });
 
-  for (const std::string& text : warnings) tell("warning: {}\n", text);
+  tell_warnings(warnings);
   print_size(entry.person, entry.model, built);
   print_parts(entry.model, built);
   print_whole(entry.person, entry.model, built);

@@ -21,10 +21,6 @@ namespace handsim::app {
 
 namespace {
 
-void print_warnings(const std::vector<std::string>& warnings) {
-  for (const std::string& warning : warnings) tell("warning: {}\n", warning);
-}
-
 /// The worst joint in one line.
 void print_tracking(const simulation::RunResult& result) {
   const simulation::AxisTracking* worst = simulation::Tracking::worst(result.tracking);
@@ -37,6 +33,12 @@ void print_tracking(const simulation::RunResult& result) {
   print(", at its torque limit {:.2g} % of the time\n", 100 * worst->limit_share);
 }
 
+void print_parts(const std::vector<simulation::PartForce>& parts) {
+  for (const simulation::PartForce& part : parts)
+    print("      {:<7} {} contacts, normal {:.3g} N, friction {:.3g} N\n", part.part, part.contacts,
+          part.normal, part.friction);
+}
+
 void print_grip(const char* when, const simulation::Grip& grip) {
   print(
       "    {}: {} contacts, {:.3g} N, {:.0f} % of the friction limit used; {}, epsilon {:.3g}, volume "
@@ -44,9 +46,7 @@ void print_grip(const char* when, const simulation::Grip& grip) {
       when, grip.contacts, grip.normal, 100 * grip.friction_used,
       grip.wrenches.force_closure ? "force closure" : "no force closure", grip.wrenches.epsilon,
       grip.wrenches.volume);
-  for (const simulation::PartForce& part : grip.parts)
-    print("      {:<7} {} contacts, normal {:.3g} N, friction {:.3g} N\n", part.part, part.contacts,
-          part.normal, part.friction);
+  print_parts(grip.parts);
 }
 
 void print_grasps(const simulation::RunResult& result) {
@@ -72,9 +72,7 @@ void print_grasps(const simulation::RunResult& result) {
 void print_loaded(const char* when, const simulation::LoadedGrip& grip) {
   print("    {}: {:.4g} N, palm moved {:.2g} mm, {} contacts\n", when, grip.load, 1e3 * grip.travel,
         grip.contacts);
-  for (const simulation::PartForce& part : grip.parts)
-    print("      {:<7} {} contacts, normal {:.3g} N, friction {:.3g} N\n", part.part, part.contacts,
-          part.normal, part.friction);
+  print_parts(grip.parts);
 }
 
 void print_climbs(const simulation::RunResult& result) {
@@ -122,7 +120,7 @@ void print_result(const scene::Scene& scene, const simulation::RunResult& result
         result.wall, result.wall > 0 ? result.simulated / result.wall : 0, out.string());
 }
 
-/// All that fails, in a line each, where no table says it.
+/// A line for each failed criterion, where no table is printed.
 void tell_failures(const simulation::RunResult& result) {
   for (const simulation::Verdict& v : result.verdicts)
     if (!v.held())
@@ -136,7 +134,7 @@ void tell_failures(const simulation::RunResult& result) {
 
 int run_scene_command(const RunArguments& arguments) {
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
-  print_warnings(scene.warnings);
+  tell_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty() && !arguments.quiet && !arguments.json)
     print("engine auto: {}\n", scene.spec.engine_choice);
   simulation::RunResult result;
@@ -155,8 +153,8 @@ int run_scene_command(const RunArguments& arguments) {
     options.note = [](const std::string& text) { tell("note: {}\n", text); };
     result = simulation::run(scene, options);
   }
-  print_warnings(overlap_texts(scene.model, result.overlaps));
-  print_warnings(result.warnings);
+  tell_warnings(overlap_texts(scene.model, result.overlaps));
+  tell_warnings(result.warnings);
   if (arguments.json)
     print_text(result.summary);
   else if (!arguments.quiet)
@@ -178,7 +176,7 @@ int render_command(const RenderArguments& arguments) {
   if (const std::string end = ending_of(arguments.out); !end.empty() && end != ".png")
     throw input_error("--out", arguments.out.string(), "a name that ends in .png");
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
-  print_warnings(scene.warnings);
+  tell_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty()) print("engine auto: {}\n", scene.spec.engine_choice);
   if (arguments.time > scene.spec.duration)
     throw input_error("--time", fmt::format("{:g} s", arguments.time),
@@ -187,7 +185,7 @@ int render_command(const RenderArguments& arguments) {
   output::check_not_read(arguments.out, [&] { return scene::files_read(scene); });
   { const output::AtomicFile probe(arguments.out); }
   const simulation::Moment moment = simulation::moment_at(scene, arguments.time);
-  print_warnings(
+  tell_warnings(
       overlap_texts(scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))));
   const auto draw = [&](const output::Progress&) {
     output::write_png(simulation::draw(scene, moment), arguments.out);

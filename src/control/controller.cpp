@@ -46,7 +46,7 @@ Controller::Controller(const model::Model& model, const Plan& plan, double step,
   }
   memory_.integral.resize(axes_.size());
   memory_.filtered_rate.resize(axes_.size());
-  aim(start.time);
+  update_targets(start.time);
   sense(start);
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     axes_[i].target = targets_[laws_[i].target];
@@ -54,7 +54,7 @@ Controller::Controller(const model::Model& model, const Plan& plan, double step,
   }
 }
 
-void Controller::aim(double time) {
+void Controller::update_targets(double time) {
   for (std::size_t h = 0; h < plan_.hands.size(); ++h) {
     const Trajectory& trajectory = plan_.hands[h].trajectory;
     trajectory.at(time, std::span(targets_).subspan(first_target_[h], trajectory.width()));
@@ -130,7 +130,7 @@ void Controller::drive_implicit() {
 }
 
 void Controller::command(const model::State& state) {
-  aim(state.time + step_);
+  update_targets(state.time + step_);
   if (load_) weight_ = load_->torques(state);
   switch (plan_.form) {
     case Form::explicit_torque:

@@ -1,7 +1,7 @@
 // PID control of a hand's joints: joint state and targets in, joint torques or servo drives out, for any
 // engine. A step goes: command(state) -> the engine's step -> observe(state). The derivative acts on the
-// measured rate, so a moving target gives no kick; the integral stops where it would only push a saturated
-// joint further (anti-windup).
+// measured rate, so a moving target gives no torque peak; the integral stops where it would only push a
+// saturated joint further (anti-windup).
 #pragma once
 
 #include <span>
@@ -43,15 +43,7 @@ class Controller {
   std::span<const AxisState> axes() const { return axes_; }
   const Plan& plan() const { return plan_; }
 
-  /// What the controller remembers from step to step: with the engine's state it repeats a run to the bit.
-  struct Memory {
-    std::vector<double> integral;       ///< torque of the integral, by axis [N m]
-    std::vector<double> filtered_rate;  ///< low-passed rate, by axis [rad/s]
-    bool operator==(const Memory&) const = default;
-  };
-  const Memory& memory() const { return memory_; }
-  void set_memory(Memory memory) { memory_ = std::move(memory); }
-  /// The memory and what was last observed.
+  /// What the controller keeps from step to step: with the engine's state it repeats a run to the bit.
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
 
@@ -66,9 +58,13 @@ class Controller {
     double smoothing = 1;         ///< share of the new rate in the filtered one
     double zone = 0;              ///< of the integral [rad]; infinity for none
   };
+  struct Memory {
+    std::vector<double> integral;       ///< torque of the integral, by axis [N m]
+    std::vector<double> filtered_rate;  ///< low-passed rate, by axis [rad/s]
+  };
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
-  void aim(double time);
+  void update_targets(double time);
   double feed(std::size_t axis, double target);
   void drive_explicit();
   void drive_implicit();

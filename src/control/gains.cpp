@@ -30,29 +30,14 @@ AxisGains read_gains(MapReader& reader) {
   return out;
 }
 
-std::vector<std::string> read_joints(MapReader& reader) {
-  YamlNode* node = reader.child("joints");
-  const char* need =
-      "all, the name of a joint (index_mcp) or of its axis (index_mcp.flexion), or a list of them";
-  std::vector<std::string> out;
-  if (!node) {
-    reader.problem("joints", "nothing", need);
-  } else if (node->kind == YamlNode::Kind::scalar && !node->text.empty()) {
-    out.push_back(node->text);
-  } else if (node->kind == YamlNode::Kind::sequence && !node->items.empty()) {
-    for (const YamlNode& item : node->items) out.push_back(item.text);
-  } else {
-    reader.problem("joints", node->described(), need);
-  }
-  return out;
-}
-
 GainRow read_row(MapReader reader) {
   GainRow row;
   row.place = reader.node().place();
-  row.joints = read_joints(reader);
+  row.joints = reader.texts(
+      "joints", 1, kMostItems,
+      "all, the name of a joint (index_mcp) or of its axis (index_mcp.flexion), or a list of them");
   row.gains = read_gains(reader);
-  row.source = reader.maybe_text("source").value_or("");
+  reader.maybe_text("source");
   reader.finish();
   return row;
 }
@@ -81,20 +66,14 @@ void AxisGains::overlay(const AxisGains& later) {
 ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   ControllerSpec spec;
   MapReader reader(node, path, diagnostics);
-  spec.title = reader.text("title", "untitled");
+  reader.text("title", "untitled");
   spec.form = reader.choice<Form>(
       "form", {{"implicit", Form::implicit_gain}, {"explicit", Form::explicit_torque}}, Form::implicit_gain);
   spec.gravity_compensation = reader.flag("gravity_compensation", false);
   spec.tissue_compensation = reader.flag("tissue_compensation", false);
   spec.grip_strength = reader.maybe_number("grip_strength", {Dimension::force, 1, 5000});
-  if (YamlNode* sources = reader.child("sources"))
-    for (const YamlEntry& entry : sources->entries) spec.sources[entry.key] = entry.value.text;
-  if (YamlNode* rows = reader.list("gains", true)) {
-    if (rows->items.empty()) reader.problem("gains", "an empty list", "at least one row of gains");
-    for (std::size_t i = 0; i < rows->items.size(); ++i)
-      spec.rows.push_back(
-          read_row(MapReader(rows->items[i], fmt::format("{}.{}", reader.path_of("gains"), i), diagnostics)));
-  }
+  reader.named_texts("sources");
+  reader.each("gains", 1, kMostItems, [&](MapReader row) { spec.rows.push_back(read_row(std::move(row))); });
   reader.finish();
   return spec;
 }
@@ -107,11 +86,9 @@ void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands,
       std::vector<std::string> known;
       for (const HandAxes& hand : hands)
         for (const HandAxis& axis : hand.axes) known.insert(known.end(), {axis.joint, axis.name()});
-      const auto near = nearest_word(name, known);
-      diagnostics.problems.push_back(
-          {row.place, "gains.joints", fmt::format("\"{}\", which no hand of the scene has", name),
-           near ? fmt::format("a joint or joint.axis of a hand (nearest: {})", *near)
-                : "a joint or joint.axis of a hand"});
+      diagnostics.problems.push_back({row.place, "gains.joints",
+                                      fmt::format("\"{}\", which no hand of the scene has", name),
+                                      "a joint or joint.axis of a hand" + nearest_hint(name, known)});
     }
 }
 

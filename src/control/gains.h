@@ -1,9 +1,8 @@
-// What a controller file says: the form of control, what is fed forward, and rows of gains by joint. Knows no
-// person: rows may state a frequency and a damping ratio, from which plan.h makes gains for the hand that is
-// built.
+// The content of a controller file: the form of control, what is fed forward, and rows of gains by joint.
+// Knows no person: rows may state a frequency and a damping ratio, from which plan.h makes gains for the hand
+// that is built.
 #pragma once
 
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -39,16 +38,13 @@ struct AxisGains {
 struct GainRow {
   std::vector<std::string> joints;  ///< `all`, joints, or joint.axis
   AxisGains gains;
-  std::string source;
   Place place;
 };
 
 struct ControllerSpec {
-  std::string title;
   Form form = Form::implicit_gain;
   bool gravity_compensation = false;  ///< feeds forward what holds the weight at the measured angles
   bool tissue_compensation = false;   ///< feeds forward what holds the passive tissue at the target angles
-  std::map<std::string, std::string> sources;
   /// Grip strength of the hand whose torque limits the rows state [N]: a scene that knows a person's own
   /// scales them by it. Absent: limits of any hand.
   std::optional<double> grip_strength;
@@ -61,7 +57,7 @@ ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnost
 /// Rows whose joint no hand has.
 void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands, Diagnostics& diagnostics);
 
-/// What the rows say of an axis; nothing where none names it: the axis is left limp.
+/// The gains of an axis from all rows that name it; nothing where none does: the axis stays limp.
 std::optional<AxisGains> gains_of(const ControllerSpec& spec, const HandAxis& axis);
 
 }  // namespace handsim::control

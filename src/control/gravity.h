@@ -15,7 +15,7 @@ class GravityLoad {
   /// this.
   GravityLoad(const model::Model& model, const Vec3& gravity);
 
-  /// Torque of each coordinate that keeps what hangs on it from falling [N m], size model.dof_count(), into
+  /// Torque of each coordinate that carries the weight beyond its joint [N m], size model.dof_count(), into
   /// `out`:
   ///   tau_j = -a_j . ((S_j - m_j p_j) x g), a_j the joint's axis, p_j its anchor, m_j and S_j the mass and
   ///   first
@@ -28,7 +28,7 @@ class GravityLoad {
     const model::Joint* joint = nullptr;
     std::size_t parent = 0, child = 0, dof = 0;
     double mass = 0;               ///< of all that it carries [kg]
-    bool held = false;             ///< its parent hangs on a joint too: moments are handed on
+    bool held = false;             ///< its parent is the child of a joint, too, and gets this moment added
     Vec3 first_axis, second_axis;  ///< in the parent body, in the child body
     bool universal = false;
   };

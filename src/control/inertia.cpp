@@ -6,7 +6,7 @@ namespace {
 
 using Jacobian = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
-/// Index of the joint that a body hangs on, -1 for none.
+/// Index of the joint whose child a body is, -1 for none.
 std::vector<int> carrying_joints(const model::Model& model) {
   std::vector<int> out(model.bodies.size(), -1);
   for (std::size_t j = 0; j < model.joints.size(); ++j)

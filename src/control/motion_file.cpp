@@ -9,6 +9,7 @@
 #include <fmt/ranges.h>
 
 #include "handsim/core/input_file.h"
+#include "handsim/core/text.h"
 #include "handsim/core/units.h"
 
 namespace handsim::control {
@@ -87,9 +88,7 @@ class Reader {
  private:
   bool next_line() {
     if (rest_.empty()) return false;
-    const std::size_t end = std::min(rest_.find('\n'), rest_.size());
-    line_ = rest_.substr(0, end);
-    rest_.remove_prefix(std::min(end + 1, rest_.size()));
+    line_ = take_line(rest_);
     ++number_;
     return true;
   }
@@ -244,8 +243,8 @@ double in_range(const MotionTable& table, std::size_t row, const HandAxes& hand,
   return held;
 }
 
-/// Columns that no axis of the hand takes. Those of another hand and those of control.sto that say how the
-/// joints followed are no slip.
+/// Columns that no axis of the hand uses. Columns of another hand, and measured angles beside the targets of
+/// control.sto, are not mistakes.
 std::vector<std::string> unmatched(const MotionTable& table, const HandAxes& hand,
                                    const std::vector<std::string>& axes) {
   const auto is_axis = [&](const std::string& name) {

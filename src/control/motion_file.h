@@ -17,7 +17,7 @@ inline constexpr std::size_t kMotionMaxRows = 1'000'000;
 /// [rad].
 inline constexpr double kMotionRangeTolerance = 0.5 * 0.017453292519943295;
 
-/// A table as it stands in the file.
+/// The content of a motion file.
 struct MotionTable {
   std::string file;
   std::vector<std::string> names;  ///< of the columns after time, e.g. `right.index_mcp.flexion`

@@ -13,7 +13,7 @@ namespace handsim::control {
 
 namespace {
 
-/// Postures of a trajectory looked at for design and stability.
+/// Most postures of a trajectory at which gains are designed and stability is checked.
 constexpr std::size_t kMaxPostures = 100;
 
 /// A hand on its way into the plan.
@@ -83,11 +83,10 @@ Trajectory choose(const HandWork& hand, const ProgramChoice& choice, const PlanI
   if (found == file.programs.end()) {
     std::vector<std::string> known;
     for (const auto& [name, program] : file.programs) known.push_back(name);
-    const auto near = nearest_word(choice.program, known);
     diagnostics.problems.push_back({choice.place, choice.key,
                                     fmt::format("\"{}\", an unknown program", choice.program),
                                     fmt::format("a program of the pose file{}, or a .csv, .mot or .sto file",
-                                                near ? " (nearest: " + *near + ")" : "")});
+                                                nearest_hint(choice.program, known))});
     return {};
   }
   const std::vector<ProgramKey>* keys = found->second.keys_for(hand.axes.hand);
@@ -215,7 +214,7 @@ Plan make_plan(const model::Model& model, const PlanInput& input, Diagnostics& d
   for (const HandWork& hand : hands) axes.push_back(hand.axes);
   const std::size_t before = diagnostics.problems.size();
   check_names(*input.controller, axes, diagnostics);
-  // A row that names no joint leaves another joint without gains: one slip, one message.
+  // A row with a misspelt joint also leaves a joint without gains: only the first is reported.
   const bool named = diagnostics.problems.size() == before;
   std::size_t knots = 0;
   for (std::size_t i = 0; i < hands.size(); ++i) {

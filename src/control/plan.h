@@ -1,5 +1,5 @@
 // Controller file + poses + built hand into what runs: for each driven axis its gains in N m/rad and its
-// limits, for each hand its trajectory. All that a file can get wrong is said here, before the first step.
+// limits, for each hand its trajectory. All mistakes in files are reported here, before the first step.
 #pragma once
 
 #include <optional>

@@ -13,10 +13,10 @@ namespace handsim::control {
 
 namespace {
 
-/// Rounding of an angle that stands in degrees, beyond a range that does too [rad].
+/// Rounding of an angle in degrees beyond a range in degrees [rad].
 constexpr double kRangeTolerance = 1e-9;
 constexpr int kMaxRepeats = 10'000;
-constexpr std::size_t kMostPoses = 1000, kMostJoints = 200, kMostPrograms = 1000;
+constexpr std::size_t kMostJoints = 200;  ///< of a pose and of those that it is like
 /// Of all programs of a file together, repeated.
 constexpr std::size_t kMostKeys = 200'000;
 const Quantity kTime = {Dimension::time, 0, 1e5};
@@ -36,21 +36,15 @@ std::optional<double> read_angle(const YamlNode& node, const std::string& path, 
   return read_number(node, path, angle, diagnostics);
 }
 
-PoseAngles read_angles(const YamlNode& node, const std::string& path, Unit unit, Diagnostics& diagnostics) {
+PoseAngles read_angles(MapReader& pose, const std::string& joint, Unit unit) {
   PoseAngles out;
-  out.place = node.place();
-  if (node.kind == YamlNode::Kind::sequence) {
-    for (const YamlNode& item : node.items)
-      out.angles.push_back(read_angle(item, path, unit, diagnostics).value_or(0));
-  } else {
-    out.angles.push_back(read_angle(node, path, unit, diagnostics).value_or(0));
-  }
+  const YamlNode* node = pose.value(joint, {{YamlNode::Kind::scalar, YamlNode::Kind::sequence},
+                                            "an angle, or a list of one for each axis"});
+  if (!node) return out;
+  out.place = node->place();
+  for (const YamlNode& item : node->kind == YamlNode::Kind::sequence ? node->items : std::vector{*node})
+    out.angles.push_back(read_angle(item, pose.path_of(joint), unit, pose.diagnostics()).value_or(0));
   return out;
-}
-
-std::string nearest_of(const std::string& word, const std::vector<std::string>& known) {
-  const auto near = nearest_word(word, known);
-  return near ? fmt::format(" (nearest: {})", *near) : "";
 }
 
 template <class Map>
@@ -61,29 +55,21 @@ std::vector<std::string> names_of(const Map& map) {
 }
 
 /// `like: fist` starts from an earlier pose of the file; the joints named then replace its.
-PoseSpec read_pose(YamlNode& node, const std::string& path, Unit unit, const PoseFile& before,
-                   Diagnostics& diagnostics) {
+PoseSpec read_pose(MapReader reader, Unit unit, const PoseFile& before) {
   PoseSpec pose;
-  if (node.kind != YamlNode::Kind::map) {
-    diagnostics.problems.push_back({node.place(), path, node.described(), "a mapping of joints to angles"});
-    return pose;
-  }
-  if (const YamlNode* like = node.find("like")) {
-    const auto found = before.poses.find(like->text);
+  if (const auto like = reader.maybe_text("like")) {
+    const auto found = before.poses.find(*like);
     if (found != before.poses.end())
       pose = found->second;
     else
-      diagnostics.problems.push_back(
-          {like->place(), path + ".like", like->described(),
-           "a pose above this one" + nearest_of(like->text, names_of(before.poses))});
+      reader.problem("like", *like, "a pose above this one" + nearest_hint(*like, names_of(before.poses)));
   }
-  pose.place = node.place();
-  for (const YamlEntry& entry : node.entries)
-    if (entry.key != "like")
-      pose.joints[entry.key] = read_angles(entry.value, path + "." + entry.key, unit, diagnostics);
+  pose.place = reader.node().place();
+  for (const std::string& joint : reader.keys())
+    if (joint != "like") pose.joints[joint] = read_angles(reader, joint, unit);
   if (pose.joints.size() > kMostJoints) {
-    diagnostics.problems.push_back({node.place(), path, fmt::format("{} joints", pose.joints.size()),
-                                    fmt::format("at most {} joints", kMostJoints)});
+    reader.problem("", fmt::format("{} joints", pose.joints.size()),
+                   fmt::format("at most {} joints", kMostJoints));
     pose.joints.clear();
   }
   return pose;
@@ -101,29 +87,22 @@ void check_order(MapReader& reader, const ProgramKey& key, const std::vector<Pro
         "a time at or after its end, or a shorter move");
 }
 
-std::vector<ProgramKey> read_keys(YamlNode& list, const std::string& path, double move, const PoseFile& file,
-                                  Diagnostics& diagnostics) {
+std::vector<ProgramKey> read_keys(MapReader& program, const std::string& list, double move,
+                                  const PoseFile& file) {
   std::vector<ProgramKey> out;
-  if (list.kind != YamlNode::Kind::sequence || list.items.empty()) {
-    diagnostics.problems.push_back(
-        {list.place(), path, list.kind == YamlNode::Kind::sequence ? "an empty list" : list.described(),
-         "a list of {time, pose}"});
-    return out;
-  }
-  for (std::size_t i = 0; i < list.items.size() && !diagnostics.full(); ++i) {
-    MapReader reader(list.items[i], fmt::format("{}.{}", path, i), diagnostics);
+  program.each(list, 1, kMostKeys, [&](MapReader reader) {
     ProgramKey key;
-    key.place = list.items[i].place();
+    key.place = reader.node().place();
     key.time = reader.number("time", kTime);
     key.move = reader.number("move", kTime, move);
     key.pose = reader.text("pose");
     if (!key.pose.empty() && !file.poses.contains(key.pose))
       reader.problem("pose", fmt::format("\"{}\", an unknown pose", key.pose),
-                     "a pose of the file" + nearest_of(key.pose, names_of(file.poses)));
+                     "a pose of the file" + nearest_hint(key.pose, names_of(file.poses)));
     check_order(reader, key, out);
     reader.finish();
     out.push_back(std::move(key));
-  }
+  });
   return out;
 }
 
@@ -172,18 +151,14 @@ ProgramSpec read_program(MapReader reader, const PoseFile& file) {
       {{"minimum_jerk", model::Interpolation::minimum_jerk}, {"linear", model::Interpolation::linear}},
       model::Interpolation::minimum_jerk);
   const double move = reader.number("move", kTime, 0.4);
-  YamlNode* keys = reader.child("keys");
-  YamlNode* hands = reader.child("hands");
-  if ((keys != nullptr) == (hands != nullptr))
-    reader.problem("keys", keys ? "keys and hands" : "neither keys nor hands",
+  if (reader.has("keys") == reader.has("hands"))
+    reader.problem("keys", reader.has("keys") ? "keys and hands" : "neither keys nor hands",
                    "keys for every hand, or hands, each with its keys");
-  if (keys) program.keys = read_keys(*keys, reader.path_of("keys"), move, file, reader.diagnostics());
-  if (hands && hands->kind != YamlNode::Kind::map)
-    reader.problem("hands", hands->described(), "a mapping of hands to lists of keys");
-  else if (hands)
-    for (YamlEntry& entry : hands->entries)
-      program.hands[entry.key] =
-          read_keys(entry.value, reader.path_of("hands") + "." + entry.key, move, file, reader.diagnostics());
+  if (reader.has("keys")) program.keys = read_keys(reader, "keys", move, file);
+  if (reader.has("hands")) {
+    MapReader hands = reader.map("hands");
+    for (const std::string& hand : hands.keys()) program.hands[hand] = read_keys(hands, hand, move, file);
+  }
   std::size_t taken = 0;
   for (const auto& [name, other] : file.programs) taken += key_count(other);
   const std::size_t room = kMostKeys - std::min(taken, kMostKeys);
@@ -216,29 +191,15 @@ const std::vector<ProgramKey>* ProgramSpec::keys_for(const std::string& hand) co
 PoseFile read_pose_file(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   PoseFile file;
   MapReader reader(node, path, diagnostics);
-  file.title = reader.text("title", "untitled");
+  reader.text("title", "untitled");
   const Unit unit = reader.choice<Unit>("unit", {{"rad", Unit::rad}, {"deg", Unit::deg}}, Unit::rad);
-  reader.child("sources");
-  YamlNode* poses = reader.child("poses");
-  if (!poses || poses->kind != YamlNode::Kind::map)
-    reader.problem("poses", poses ? poses->described() : "nothing", "a mapping of names to poses");
-  else if (poses->entries.size() > kMostPoses)
-    reader.problem("poses", fmt::format("{} poses", poses->entries.size()),
-                   fmt::format("at most {}", kMostPoses));
-  else
-    for (YamlEntry& entry : poses->entries)
-      file.poses[entry.key] =
-          read_pose(entry.value, reader.path_of("poses") + "." + entry.key, unit, file, diagnostics);
-  if (YamlNode* programs = reader.child("programs")) {
-    if (programs->kind != YamlNode::Kind::map)
-      reader.problem("programs", programs->described(), "a mapping of names to programs");
-    if (programs->entries.size() > kMostPrograms)
-      reader.problem("programs", fmt::format("{} programs", programs->entries.size()),
-                     fmt::format("at most {}", kMostPrograms));
-    else
-      for (YamlEntry& entry : programs->entries)
-        file.programs[entry.key] = read_program(
-            MapReader(entry.value, reader.path_of("programs") + "." + entry.key, diagnostics), file);
+  reader.named_texts("sources");
+  MapReader poses = reader.required_map("poses", "a mapping of names to poses");
+  for (const std::string& name : poses.keys()) file.poses[name] = read_pose(poses.map(name), unit, file);
+  if (reader.has("programs")) {
+    MapReader programs = reader.map("programs");
+    for (const std::string& name : programs.keys())
+      file.programs[name] = read_program(programs.map(name), file);
   }
   reader.finish();
   return file;
@@ -260,11 +221,10 @@ std::vector<double> pose_angles(const std::string& name, const PoseSpec& pose, c
     const std::string key = fmt::format("poses.{}.{}", name, joint);
     if (count == 0 && !hand.knows(joint))
       diagnostics.problems.push_back({wanted.place, key, "a joint that the hand has not",
-                                      "a joint of its hand model" + nearest_of(joint, hand.joints())});
+                                      "a joint of its hand model" + nearest_hint(joint, hand.joints())});
     else if (count == 0)
-      diagnostics.warnings.push_back(
-          fmt::format("{}:{}:{}: {}: hand {} is mounted without this joint: not driven", wanted.place.file,
-                      wanted.place.line, wanted.place.column, key, hand.hand));
+      diagnostics.warnings.push_back(fmt::format("{}{}: hand {} is mounted without this joint: not driven",
+                                                 wanted.place.text(), key, hand.hand));
     else if (wanted.angles.size() > count)
       diagnostics.problems.push_back(
           {wanted.place, key, fmt::format("{} angles", wanted.angles.size()),
@@ -282,7 +242,7 @@ Trajectory program_trajectory(const ProgramSpec& program, const std::vector<Prog
   for (std::size_t i = 0; i < keys.size(); ++i) {
     const ProgramKey& key = keys[i];
     const auto pose = file.poses.find(key.pose);
-    if (pose == file.poses.end()) continue;  // said when the file was read
+    if (pose == file.poses.end()) continue;  // reported when the file was read
     if (!angles.contains(key.pose)) angles[key.pose] = pose_angles(key.pose, pose->second, hand, diagnostics);
     out.add(key.time, held);
     held = angles[key.pose];

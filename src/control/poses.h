@@ -1,6 +1,6 @@
-// What a pose file says: named poses of a hand by joint, and programs, timed sequences of poses. Angles are
-// those of the joint axes (flexion positive, abduction away from the middle finger), so one pose serves both
-// sides.
+// The content of a pose file: named poses of a hand by joint, and programs, timed sequences of poses. Angles
+// are those of the joint axes (flexion positive, abduction away from the middle finger), so one pose serves
+// both sides.
 #pragma once
 
 #include <map>
@@ -35,7 +35,7 @@ struct ProgramKey {
 
 struct ProgramSpec {
   model::Interpolation interpolation = model::Interpolation::minimum_jerk;
-  std::vector<ProgramKey> keys;                          ///< for every hand; empty where `hands` says them
+  std::vector<ProgramKey> keys;                          ///< for every hand; empty where `hands` has them
   std::map<std::string, std::vector<ProgramKey>> hands;  ///< by the hand's name, e.g. `right`
   Place place;
 
@@ -44,7 +44,6 @@ struct ProgramSpec {
 };
 
 struct PoseFile {
-  std::string title;
   std::map<std::string, PoseSpec> poses;
   std::map<std::string, ProgramSpec> programs;
 };

@@ -9,7 +9,7 @@
 
 namespace handsim::control {
 
-/// One movement of a program: what figures of settling and overshoot are taken over.
+/// One movement of a program: settling time and overshoot are measured over it.
 struct Phase {
   std::string pose;   ///< name of the pose moved to
   double start = 0;   ///< [s]: the target leaves the pose before
@@ -17,7 +17,7 @@ struct Phase {
   double end = 0;     ///< [s]: the next movement starts; infinity for the last
 };
 
-/// Movements smaller than this have no settling time and no overshoot: a share of nothing says nothing [rad].
+/// Smaller movements have no settling time and no overshoot, which are shares of the movement [rad].
 inline constexpr double kSmallestMovement = 5 * 0.017453292519943295;
 
 class Trajectory {

@@ -30,10 +30,12 @@ std::vector<Problem> capped(std::vector<Problem> problems) {
 
 }  // namespace
 
+std::string Place::text() const {
+  return file.empty() ? "" : fmt::format("{}:{}:{}: ", printable(file, file.size()), line, column);
+}
+
 std::string Problem::text() const {
-  std::string out;
-  if (place)
-    out += fmt::format("{}:{}:{}: ", printable(place->file, place->file.size()), place->line, place->column);
+  std::string out = place ? place->text() : "";
   if (!key.empty()) out += printable(key, 200) + ": ";
   return out + fmt::format("got {}, need {}", printable(got, kLongestPart), printable(need, kLongestPart));
 }

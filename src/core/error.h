@@ -15,11 +15,14 @@ struct Place {
   std::string file;
   int line = 1;
   int column = 1;
+
+  /// `file:line:column: `; empty for a place in no file.
+  std::string text() const;
 };
 
 /// One thing wrong with an input, printed as `file:line:column: key: got X, need Y`.
 struct Problem {
-  std::optional<Place> place;  ///< absent for problems that stand in no file
+  std::optional<Place> place;  ///< absent for problems outside any file
   std::string key;             ///< dotted path, e.g. `hands.0.wrist.position`; may be empty
   std::string got;             ///< what was found
   std::string need;            ///< what would have been accepted
@@ -64,7 +67,7 @@ class Error : public std::runtime_error {
   std::optional<PhysicsFault> fault_;
 };
 
-/// An input error that stands in no file: `key: got X, need Y`.
+/// An input error outside any file: `key: got X, need Y`.
 Error input_error(std::string key, std::string got, std::string need);
 /// The same of an output.
 Error output_error(std::string key, std::string got, std::string need);

@@ -28,7 +28,7 @@ std::optional<std::size_t> left_of_address_space() {
   return less(limit.rlim_cur, *pages * static_cast<std::size_t>(sysconf(_SC_PAGESIZE)));
 }
 
-/// Of the control group that the process sees as its own (version 2).
+/// Of the process's own control group (version 2).
 std::optional<std::size_t> left_of_group() {
   std::ifstream in("/proc/self/cgroup");
   for (std::string line; std::getline(in, line);) {

@@ -1,5 +1,6 @@
 #include "handsim/core/text.h"
 
+#include <algorithm>
 #include <array>
 
 #include <fmt/format.h>
@@ -92,6 +93,20 @@ std::string printable(std::string_view text, std::size_t limit) {
       out += c;
   }
   return cut ? out + "..." : out;
+}
+
+std::string_view take_line(std::string_view& text) {
+  const std::size_t end = std::min(text.find('\n'), text.size());
+  const std::string_view line = text.substr(0, end);
+  text.remove_prefix(std::min(end + 1, text.size()));
+  return line;
+}
+
+std::string lower_case(std::string_view text) {
+  std::string out(text);
+  for (char& c : out)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  return out;
 }
 
 }  // namespace handsim

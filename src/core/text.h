@@ -23,4 +23,10 @@ std::optional<BadByte> find_bad_byte(std::string_view text);
 /// within a character, with `...`.
 std::string printable(std::string_view text, std::size_t limit = 60);
 
+/// Takes the first line, without its end, off a text that is not empty.
+std::string_view take_line(std::string_view& text);
+
+/// Letters A to Z as a to z.
+std::string lower_case(std::string_view text);
+
 }  // namespace handsim

@@ -127,6 +127,13 @@ std::optional<double> parse_quantity(std::string_view text, Dimension dimension)
   return std::nullopt;
 }
 
+std::vector<std::string_view> units_of(Dimension dimension) {
+  std::vector<std::string_view> out;
+  for (const Unit& unit : kUnits)
+    if (unit.dimension == dimension) out.push_back(unit.name);
+  return out;
+}
+
 std::string number_text(double value) { return fmt::format("{}", value); }
 
 bool Quantity::allows(double value) const {

@@ -7,6 +7,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 namespace handsim {
 
@@ -47,6 +48,9 @@ struct Quantity {
 
 /// Parses a bare finite number (SI) or a number and a unit of this dimension; nothing otherwise.
 std::optional<double> parse_quantity(std::string_view text, Dimension dimension);
+
+/// Units that a number of this dimension may have.
+std::vector<std::string_view> units_of(Dimension dimension);
 
 /// Parses all of the text as one finite number, with `.` as the decimal point whatever the locale.
 std::optional<double> parse_number(std::string_view text);

@@ -21,7 +21,7 @@ namespace handsim {
 namespace {
 
 /// Builds the tree from yaml-cpp's events. YAML::Node has places (Mark), but it keeps one of two equal keys
-/// in silence, does not say where an alias stands, forgets quotes, and expands aliases without a limit.
+/// without a message, does not know the place of an alias, forgets quotes, and expands aliases without limit.
 class TreeBuilder : public YAML::EventHandler {
  public:
   TreeBuilder(std::shared_ptr<const std::string> file, YamlBudget& budget)
@@ -118,16 +118,15 @@ class TreeBuilder : public YAML::EventHandler {
   }
 
   void spend(int line, int column, std::size_t bytes) {
-    if (bytes <= budget_.left) {
-      budget_.left -= bytes;
-      return;
+    if (bytes > budget_.left) {
+      problems_.push_back(
+          {Place{*file_, line, column}, "", "values that take more than " + bytes_text(kYamlMaxMemory),
+           fmt::format("at most {} ({} bytes for each value and its text), with aliases expanded "
+                       "and all files and --set together",
+                       bytes_text(kYamlMaxMemory), kYamlNodeBytes)});
+      throw Error(problems_);
     }
-    problems_.push_back(
-        {Place{*file_, line, column}, "", "values that take more than " + bytes_text(kYamlMaxMemory),
-         fmt::format("at most {} ({} bytes for each value and its text), with aliases expanded "
-                     "and all files and --set together",
-                     bytes_text(kYamlMaxMemory), kYamlNodeBytes)});
-    throw Error(problems_);
+    budget_.left -= bytes;
   }
 
   void problem(const YAML::Mark& mark, std::string got, std::string need) {
@@ -264,6 +263,12 @@ void emit(YAML::Emitter& out, const YamlNode& node) {
   }
 }
 
+YamlNode empty_node(YamlNode::Kind kind) {
+  YamlNode node;
+  node.kind = kind;
+  return node;
+}
+
 /// The first tab up to line `last` that indents a line. yaml-cpp reports what follows it instead.
 std::optional<Place> first_tab(const std::string& text, const Place& last) {
   std::istringstream lines(text);
@@ -344,9 +349,7 @@ YamlNode parse_yaml(const std::string& text, const std::string& name, YamlBudget
                                      : Problem{place, "", "broken YAML (" + failure.msg + ")", "valid YAML"});
   }
   if (!builder.problems().empty()) throw Error(builder.problems());
-  if (!builder.root.file) {
-    builder.root.file = std::make_shared<const std::string>(name);
-  }
+  if (!builder.root.file) builder.root.file = std::make_shared<const std::string>(name);
   return std::move(builder.root);
 }
 
@@ -371,24 +374,15 @@ std::string emit_yaml(const YamlNode& node) {
 }
 
 YamlNode yaml_scalar(std::string text, bool quoted) {
-  YamlNode node;
-  node.kind = YamlNode::Kind::scalar;
+  YamlNode node = empty_node(YamlNode::Kind::scalar);
   node.text = std::move(text);
   node.quoted = quoted;
   return node;
 }
 
-YamlNode yaml_map() {
-  YamlNode node;
-  node.kind = YamlNode::Kind::map;
-  return node;
-}
+YamlNode yaml_map() { return empty_node(YamlNode::Kind::map); }
 
-YamlNode yaml_sequence() {
-  YamlNode node;
-  node.kind = YamlNode::Kind::sequence;
-  return node;
-}
+YamlNode yaml_sequence() { return empty_node(YamlNode::Kind::sequence); }
 
 YamlNode& yaml_put(YamlNode& map, std::string key, YamlNode value) {
   map.kind = YamlNode::Kind::map;

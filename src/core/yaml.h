@@ -76,8 +76,8 @@ YamlNode yaml_sequence();
 /// Adds or replaces `key` in a map.
 YamlNode& yaml_put(YamlNode& map, std::string key, YamlNode value);
 
-/// Replaces a scalar that names a YAML file (relative to the file it stands in) by that file's tree; other
-/// nodes stay as they are.
+/// Replaces a scalar that names a YAML file (relative to the file that contains it) by that file's tree;
+/// other nodes stay as they are.
 /// @throws Error (input) at the scalar's place where the file cannot be read, or the file's own problems.
 void follow_reference(YamlNode& node, const std::string& key, YamlBudget& budget);
 

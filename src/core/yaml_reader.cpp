@@ -2,42 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <tuple>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
+#include "handsim/core/schema_recorder.h"
 #include "handsim/core/text.h"
 
 namespace handsim {
 
 namespace {
-
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t above = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0U : 1U)});
-      diagonal = above;
-    }
-  }
-  return row[b.size()];
-}
-
-std::string lower_case(std::string_view text) {
-  std::string out(text);
-  for (char& c : out)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  return out;
-}
-
-std::string list_of(const std::vector<std::string>& words) {
-  return words.size() == 1 ? words.front() : "one of " + fmt::format("{}", fmt::join(words, ", "));
-}
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
@@ -71,59 +44,6 @@ YamlNode vector_node(const Vec3& v) {
 
 }  // namespace
 
-std::string nearest_hint(std::string_view got, const std::vector<std::string>& known) {
-  const std::optional<std::string> near = nearest_word(got, known);
-  return near ? fmt::format(" (nearest: {})", *near) : "";
-}
-
-std::string need_word(std::string_view got, const std::vector<std::string>& known) {
-  return list_of(known) + nearest_hint(got, known);
-}
-
-void Diagnostics::throw_if_any() const {
-  if (problems.empty()) return;
-  std::vector<std::string> files;
-  // Problems are sorted by file, in the order of reading, then by place.
-  const auto rank = [&](const Problem& problem) {
-    const Place place = problem.place.value_or(Place{"", 0, 0});
-    auto at = std::find(files.begin(), files.end(), place.file);
-    if (at == files.end()) at = files.insert(files.end(), place.file);
-    return std::tuple(at - files.begin(), place.line, place.column);
-  };
-  for (const Problem& problem : problems) rank(problem);
-  std::vector<Problem> sorted = problems;
-  std::stable_sort(sorted.begin(), sorted.end(),
-                   [&](const Problem& a, const Problem& b) { return rank(a) < rank(b); });
-  // A file that is read twice gives equal problems under two paths; equal places are now neighbours.
-  const auto same = [](const Problem& a, const Problem& b) {
-    const auto last = [](const std::string& key) { return key.substr(key.rfind('.') + 1); };
-    return a.place && last(a.key) == last(b.key) && a.got == b.got;
-  };
-  std::vector<Problem> once;
-  for (Problem& problem : sorted) {
-    bool said = false;
-    for (auto other = once.rbegin(); other != once.rend() && rank(*other) == rank(problem); ++other)
-      said = said || same(*other, problem);
-    if (!said) once.push_back(std::move(problem));
-  }
-  throw Error(std::move(once));
-}
-
-std::optional<std::string> nearest_word(std::string_view word, const std::vector<std::string>& known) {
-  std::optional<std::string> best;
-  std::size_t best_distance = std::clamp<std::size_t>(word.size() / 3, word.size() < 4 ? 1 : 2, 3) + 1;
-  for (const std::string& candidate : known) {
-    // The distance is at least the difference in length; this also skips words of megabytes.
-    if (word.size() >= candidate.size() + best_distance) continue;
-    const std::size_t distance = edit_distance(lower_case(word), lower_case(candidate));
-    if (distance < best_distance) {
-      best_distance = distance;
-      best = candidate;
-    }
-  }
-  return best;
-}
-
 std::optional<double> read_number(const YamlNode& node, const std::string& path, const Quantity& quantity,
                                   Diagnostics& diagnostics) {
   if (node.kind == YamlNode::Kind::scalar)
@@ -139,24 +59,33 @@ MapReader::MapReader(YamlNode& node, std::string path, Diagnostics& diagnostics)
       path_(std::move(path)),
       diagnostics_(&diagnostics),
       problems_before_(diagnostics.problems.size()) {
-  if (node.kind == YamlNode::Kind::map) return;
+  if (node.kind == YamlNode::Kind::map) {
+    if (diagnostics.recorder) diagnostics.recorder->visit(path_);
+    return;
+  }
   broken_ = true;
   diagnostics.problems.push_back({node.place(), path_, node.described(), "a mapping (key: value)"});
 }
 
 std::string MapReader::path_of(std::string_view key) const {
+  if (key.empty()) return path_;
   return path_.empty() ? std::string(key) : fmt::format("{}.{}", path_, key);
 }
 
 bool MapReader::has(std::string_view key) { return child(key) != nullptr; }
 
 YamlNode* MapReader::child(std::string_view key) {
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, asked_form());
+  return find(key);
+}
+
+YamlNode* MapReader::find(std::string_view key) {
   known_.emplace(key);
   return node_->find(key);
 }
 
 YamlNode* MapReader::wanted(std::string_view key, bool required, const std::string& need) {
-  YamlNode* found = child(key);
+  YamlNode* found = find(key);
   if (!found && required && !broken_)
     diagnostics_->problems.push_back({node_->place(), path_of(key), "nothing", need});
   return found;
@@ -183,6 +112,8 @@ bool MapReader::has_decimal_comma(std::string_view key) {
 }
 
 double MapReader::number(std::string_view key, const Quantity& quantity, std::optional<double> fallback) {
+  if (auto* recorder = diagnostics_->recorder)
+    recorder->note(path_, key, number_form(quantity, fallback, !fallback));
   const double harmless = fallback.value_or(
       std::isfinite(quantity.min) && std::isfinite(quantity.max) ? 0.5 * (quantity.min + quantity.max) : 1.0);
   const YamlNode* found = wanted(key, !fallback, quantity.need());
@@ -193,13 +124,15 @@ double MapReader::number(std::string_view key, const Quantity& quantity, std::op
 }
 
 std::optional<double> MapReader::maybe_number(std::string_view key, const Quantity& quantity) {
-  const YamlNode* found = child(key);
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, number_form(quantity, {}, false));
+  const YamlNode* found = find(key);
   if (!found || has_decimal_comma(key)) return std::nullopt;
   return read_number(*found, path_of(key), quantity, *diagnostics_);
 }
 
 int MapReader::integer(std::string_view key, int min, int max, int fallback) {
-  const YamlNode* found = child(key);
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, integer_form(min, max, fallback));
+  const YamlNode* found = find(key);
   if (!found) {
     write_default(key, yaml_scalar(std::to_string(fallback)));
     return fallback;
@@ -214,6 +147,7 @@ int MapReader::integer(std::string_view key, int min, int max, int fallback) {
 }
 
 std::string MapReader::text(std::string_view key, std::optional<std::string> fallback) {
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, text_form(fallback, !fallback));
   const YamlNode* found = wanted(key, !fallback, "a text");
   if (!found) {
     if (fallback) write_default(key, yaml_scalar(*fallback, true));
@@ -226,10 +160,12 @@ std::string MapReader::text(std::string_view key, std::optional<std::string> fal
 }
 
 std::optional<std::string> MapReader::maybe_text(std::string_view key) {
-  return has(key) ? std::optional(text(key)) : std::nullopt;
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, text_form({}, false));
+  return find(key) ? std::optional(text(key)) : std::nullopt;
 }
 
 std::string MapReader::name(std::string_view key) {
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, name_form());
   constexpr std::size_t kLongest = 64;
   const std::string need = "a name of letters, digits, _ and -, at most 64 of them";
   const YamlNode* found = wanted(key, true, need);
@@ -244,7 +180,8 @@ std::string MapReader::name(std::string_view key) {
 }
 
 bool MapReader::flag(std::string_view key, bool fallback) {
-  const YamlNode* found = child(key);
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, flag_form(fallback));
+  const YamlNode* found = find(key);
   if (!found) {
     write_default(key, yaml_scalar(fallback ? "true" : "false"));
     return fallback;
@@ -257,6 +194,7 @@ bool MapReader::flag(std::string_view key, bool fallback) {
 }
 
 Vec3 MapReader::vector(std::string_view key, const Quantity& quantity, std::optional<Vec3> fallback) {
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, vector_form(quantity, fallback));
   const std::string need = "a list of three numbers, each " + quantity.need();
   const YamlNode* found = wanted(key, !fallback, need);
   Vec3 out = fallback.value_or(Vec3::UnitX());
@@ -277,26 +215,26 @@ Vec3 MapReader::vector(std::string_view key, const Quantity& quantity, std::opti
 }
 
 std::optional<std::pair<double, double>> MapReader::maybe_range(std::string_view key,
-                                                                const Quantity& quantity) {
-  const YamlNode* found = child(key);
+                                                                const Quantity& quantity, bool required) {
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, range_form(quantity, required));
+  const std::string need = "a list of two, low then high, each " + quantity.need();
+  const YamlNode* found = wanted(key, required, need);
   if (!found) return std::nullopt;
   if (found->kind != YamlNode::Kind::sequence || found->items.size() != 2) {
-    problem(key, found->described(), "a list of two, low then high, each " + quantity.need());
+    problem(key, found->described(), need);
     return std::nullopt;
   }
   const auto low = read_number(found->items[0], path_of(key) + ".0", quantity, *diagnostics_);
   const auto high = read_number(found->items[1], path_of(key) + ".1", quantity, *diagnostics_);
   if (!low || !high) return std::nullopt;
-  if (!(*low < *high)) {
-    problem(key, fmt::format("{} to {}", found->items[0].text, found->items[1].text),
-            "the lower value first");
-    return std::nullopt;
-  }
-  return std::pair(*low, *high);
+  if (*low < *high) return std::pair(*low, *high);
+  problem(key, fmt::format("{} to {}", found->items[0].text, found->items[1].text), "the lower value first");
+  return std::nullopt;
 }
 
 Quat MapReader::rotation(std::string_view key) {
-  YamlNode* found = child(key);
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, map_form(false));
+  YamlNode* found = find(key);
   if (!found) return Quat::Identity();
   MapReader reader(*found, path_of(key), *diagnostics_);
   const Vec3 axis = reader.direction("axis");
@@ -314,6 +252,7 @@ Vec3 MapReader::direction(std::string_view key) {
 
 std::size_t MapReader::choice_index(std::string_view key, const std::vector<std::string_view>& names,
                                     std::optional<std::string_view> fallback) {
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, choice_form(names, fallback));
   const std::vector<std::string> known(names.begin(), names.end());
   const YamlNode* found = wanted(key, !fallback, list_of(known));
   if (!found && fallback) write_default(key, yaml_scalar(std::string(*fallback)));
@@ -327,6 +266,7 @@ std::size_t MapReader::choice_index(std::string_view key, const std::vector<std:
 }
 
 YamlNode* MapReader::list(std::string_view key, bool required, std::size_t most) {
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, list_form(required ? 1 : 0, most));
   YamlNode* found = wanted(key, required, "a list");
   const bool is_list = found && found->kind == YamlNode::Kind::sequence;
   if (!found || (is_list && found->items.size() <= most)) return found;
@@ -334,8 +274,84 @@ YamlNode* MapReader::list(std::string_view key, bool required, std::size_t most)
   return nullptr;
 }
 
+YamlNode* MapReader::value(std::string_view key, const ValueForm& form) {
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, value_form(form));
+  YamlNode* found = wanted(key, form.required, form.need);
+  if (!found) return nullptr;
+  const bool empty_text = found->kind == YamlNode::Kind::scalar && found->text.empty();
+  if (!empty_text && std::find(form.kinds.begin(), form.kinds.end(), found->kind) != form.kinds.end())
+    return found;
+  problem(key, found->described(), form.need);
+  return nullptr;
+}
+
+void MapReader::each(std::string_view key, std::size_t least, std::size_t most,
+                     const std::function<void(MapReader)>& read) {
+  YamlNode* found = list(key, least > 0, kNoLimit);
+  if (!found) return;
+  if (found->items.size() < least || found->items.size() > most)
+    return problem(
+        key, found->described(),
+        least > 0 ? fmt::format("{} to {} {}", least, most, key) : fmt::format("at most {} {}", most, key));
+  for (std::size_t i = 0; i < found->items.size(); ++i)
+    read(MapReader(found->items[i], fmt::format("{}.{}", path_of(key), i), *diagnostics_));
+}
+
+std::vector<std::string> MapReader::texts(std::string_view key, std::size_t least, std::size_t most,
+                                          const std::string& need) {
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, texts_form(least, most, need));
+  const YamlNode* found = wanted(key, true, need);
+  if (!found) return {};
+  const bool one = found->kind == YamlNode::Kind::scalar && least <= 1;
+  std::vector<std::string> out;
+  for (const YamlNode& item : one ? std::vector{*found} : found->items)
+    if (item.kind == YamlNode::Kind::scalar && !item.text.empty()) out.push_back(item.text);
+  if (out.size() == (one ? 1 : found->items.size()) && out.size() >= least && out.size() <= most) return out;
+  problem(key, found->described(), need);
+  return {};
+}
+
+std::map<std::string, std::string> MapReader::named_texts(std::string_view key) {
+  std::map<std::string, std::string> out;
+  if (!has(key)) return out;
+  MapReader texts = map(key);
+  for (const std::string& name : texts.keys()) out[name] = texts.text(name);
+  return out;
+}
+
+YamlNode* MapReader::file_or_block(std::string_view key, std::string_view kind, bool required) {
+  // Its keys are described by the reader of its kind.
+  if (auto* recorder = diagnostics_->recorder) {
+    recorder->note_file(path_, key, kind, required);
+    known_.emplace(key);
+    return nullptr;
+  }
+  using Kind = YamlNode::Kind;
+  YamlNode* found = value(key, {{Kind::map, Kind::scalar},
+                                fmt::format("{}: the path of its file, or the block itself", kind),
+                                required});
+  try {
+    if (found) follow_reference(*found, path_of(key), diagnostics_->budget);
+    return found;
+  } catch (const Error& error) {
+    diagnostics_->take(error);
+    return nullptr;
+  }
+}
+
+std::vector<std::string> MapReader::keys(std::size_t most) {
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, "*", asked_form());
+  std::vector<std::string> out;
+  if (node_->entries.size() > most)
+    problem("", fmt::format("{} keys", node_->entries.size()), fmt::format("at most {}", most));
+  else
+    for (const YamlEntry& entry : node_->entries) out.push_back(entry.key);
+  return out;
+}
+
 MapReader MapReader::map(std::string_view key) {
-  YamlNode* found = child(key);
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, map_form(false));
+  YamlNode* found = find(key);
   if (!found) found = &yaml_put(*node_, std::string(key), yaml_map());
   if (!broken_) return {*found, path_of(key), *diagnostics_};
   // The parent's problem has been reported; the child reports nothing more.
@@ -347,6 +363,7 @@ MapReader MapReader::map(std::string_view key) {
 }
 
 MapReader MapReader::required_map(std::string_view key, const std::string& need) {
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, map_form(true));
   if (wanted(key, true, need)) return map(key);
   MapReader silent = map(key);
   silent.broken_ = true;
@@ -362,22 +379,21 @@ void MapReader::problem(std::string_view key, std::string got, std::string need)
 
 void MapReader::warning(std::string_view key, const std::string& text) {
   const YamlNode* found = at_path(*node_, key);
-  const Place place = (found ? *found : *node_).place();
-  // A tree that a program made has no file.
-  const std::string where =
-      place.file.empty() ? "" : fmt::format("{}:{}:{}: ", place.file, place.line, place.column);
+  const std::string where = (found ? *found : *node_).place().text();
   diagnostics_->warnings.push_back(fmt::format("{}{}: {}", where, path_of(key), text));
+}
+
+void MapReader::unknown_key(const YamlEntry& entry, std::string got, const std::vector<std::string>& known) {
+  const Place place{entry.value.file ? *entry.value.file : node_->place().file, entry.line, entry.column};
+  diagnostics_->problems.push_back({place, path_of(entry.key), std::move(got), need_word(entry.key, known)});
 }
 
 void MapReader::finish() {
   if (broken_) return;
+  if (diagnostics_->recorder) diagnostics_->recorder->close(path_);
   const std::vector<std::string> known(known_.begin(), known_.end());
-  for (const YamlEntry& entry : node_->entries) {
-    if (known_.contains(entry.key)) continue;
-    const Place place{entry.value.file ? *entry.value.file : node_->place().file, entry.line, entry.column};
-    diagnostics_->problems.push_back(
-        {place, path_of(entry.key), "an unknown key", need_word(entry.key, known)});
-  }
+  for (const YamlEntry& entry : node_->entries)
+    if (!known_.contains(entry.key)) unknown_key(entry, "an unknown key", known);
 }
 
 }  // namespace handsim

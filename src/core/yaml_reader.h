@@ -3,6 +3,9 @@
 // After reading, the tree is the resolved input.
 #pragma once
 
+#include <functional>
+#include <limits>
+#include <map>
 #include <optional>
 #include <set>
 #include <string>
@@ -12,15 +15,19 @@
 
 #include "handsim/core/pose.h"
 #include "handsim/core/units.h"
+#include "handsim/core/words.h"
 #include "handsim/core/yaml.h"
 
 namespace handsim {
+
+class SchemaRecorder;
 
 /// What was found while reading. Problems stop the work once all of them are known; warnings do not.
 struct Diagnostics {
   std::vector<Problem> problems;
   std::vector<std::string> warnings;
-  YamlBudget budget;  ///< of the files that are read on the way
+  YamlBudget budget;                   ///< of the files that are read on the way
+  SchemaRecorder* recorder = nullptr;  ///< notes what readers ask for: json_schema() sets it
 
   /// @throws Error with all problems in the order of the files. A problem of a file that is read twice is
   /// reported once.
@@ -31,6 +38,18 @@ struct Diagnostics {
   void take(const Error& error) {
     problems.insert(problems.end(), error.problems().begin(), error.problems().end());
   }
+};
+
+inline constexpr std::size_t kNoLimit = std::numeric_limits<std::size_t>::max();
+/// Most items of a list where its reader states no other number.
+inline constexpr std::size_t kMostItems = 10'000;
+
+/// A value that a reader takes apart by itself.
+struct ValueForm {
+  std::vector<YamlNode::Kind> kinds;  ///< the usual one first
+  std::string need;                   ///< for messages
+  bool required = true;
+  std::vector<std::string> words = {};  ///< if a scalar or an item can only be one of these
 };
 
 /// Reads one map of a tree. A value that is missing or wrong becomes a problem; a harmless value is returned
@@ -55,8 +74,9 @@ class MapReader {
   Vec3 vector(std::string_view key, const Quantity& quantity, std::optional<Vec3> fallback = {});
   /// Three numbers that are not all 0, normalised. Required.
   Vec3 direction(std::string_view key);
-  /// Two numbers, low then high.
-  std::optional<std::pair<double, double>> maybe_range(std::string_view key, const Quantity& quantity);
+  /// Two numbers, low then high; nothing where it is absent or, with a problem, wrong.
+  std::optional<std::pair<double, double>> maybe_range(std::string_view key, const Quantity& quantity,
+                                                       bool required = false);
   /// `{axis: [x, y, z], angle: "90 deg"}`; the axis is normalised. Absent: no rotation.
   Quat rotation(std::string_view key);
   /// One word of a list.
@@ -73,10 +93,26 @@ class MapReader {
 
   /// Whether the key is there. Asking makes it a known key.
   bool has(std::string_view key);
-  /// The value of a key, or null. Asking makes it a known key.
+  /// The value of a key of any kind, or null. Asking makes it a known key.
   YamlNode* child(std::string_view key);
+  /// A value of one of the form's kinds, no empty text; null, with a problem where required, otherwise.
+  YamlNode* value(std::string_view key, const ValueForm& form);
   /// A list of at most `most` items; null, with a problem where required, otherwise.
-  YamlNode* list(std::string_view key, bool required, std::size_t most = 10'000);
+  YamlNode* list(std::string_view key, bool required, std::size_t most = kMostItems);
+  /// Reads each map of a list; of more than `most` or fewer than `least` none, with a problem. The list may
+  /// be absent where `least` is 0.
+  void each(std::string_view key, std::size_t least, std::size_t most,
+            const std::function<void(MapReader)>& read);
+  /// A required list of texts, or one text where that is enough.
+  std::vector<std::string> texts(std::string_view key, std::size_t least, std::size_t most,
+                                 const std::string& need);
+  /// An optional map of names of any kind to texts.
+  std::map<std::string, std::string> named_texts(std::string_view key);
+  /// A file that the key names, read into its place, or the block itself; null, with a problem, where it
+  /// cannot be read. @param kind such as `a person`.
+  YamlNode* file_or_block(std::string_view key, std::string_view kind, bool required = true);
+  /// The keys of a map with names of any kind; of more than `most` none, with a problem.
+  std::vector<std::string> keys(std::size_t most = 1000);
   /// A map under this key. If absent, an empty one is written, which then receives the defaults.
   MapReader map(std::string_view key);
   /// A required map; `need` says what it holds. If absent, that is one problem, and its keys are not
@@ -88,11 +124,13 @@ class MapReader {
   bool sound() const { return diagnostics_->problems.size() == problems_before_; }
   void problem(std::string_view key, std::string got, std::string need);
   void warning(std::string_view key, const std::string& text);
-  /// Dotted path of a key of this map.
+  /// Dotted path of a key of this map; of the map where the key is empty.
   std::string path_of(std::string_view key) const;
   Diagnostics& diagnostics() { return *diagnostics_; }
   YamlNode& node() { return *node_; }
 
+  /// A problem of the key of an entry of this map, at the key's place.
+  void unknown_key(const YamlEntry& entry, std::string got, const std::vector<std::string>& known);
   /// Reports every key that was never asked for.
   void finish();
 
@@ -103,6 +141,7 @@ class MapReader {
       if (word.second == value) return word.first;
     return {};
   }
+  YamlNode* find(std::string_view key);
   std::size_t choice_index(std::string_view key, const std::vector<std::string_view>& names,
                            std::optional<std::string_view> fallback);
   /// The node of a key, with a problem where it is missing and no default exists.
@@ -122,14 +161,5 @@ class MapReader {
 /// @returns nothing, and a problem, where it is none or out of range.
 std::optional<double> read_number(const YamlNode& node, const std::string& path, const Quantity& quantity,
                                   Diagnostics& diagnostics);
-
-/// What is needed in place of a word that is none of those known: `one of a, b (nearest: b)`.
-std::string need_word(std::string_view got, const std::vector<std::string>& known);
-
-/// ` (nearest: b)`, or nothing where none is near enough to be meant.
-std::string nearest_hint(std::string_view got, const std::vector<std::string>& known);
-
-/// The word of `known` nearest to `word`, if any is near enough to be meant.
-std::optional<std::string> nearest_word(std::string_view word, const std::vector<std::string>& known);
 
 }  // namespace handsim

@@ -18,9 +18,7 @@ GripNorm read_norm(MapReader reader) {
   GripNorm norm;
   norm.sex = reader.choice<Sex>("sex", {{"male", Sex::male}, {"female", Sex::female}});
   const auto range = [&](const char* key, const Quantity& quantity) {
-    const auto found = reader.maybe_range(key, quantity);
-    if (!found && !reader.has(key)) reader.problem(key, "nothing", "two numbers, low then high");
-    return found.value_or(std::pair(0.0, 1.0));
+    return reader.maybe_range(key, quantity, true).value_or(std::pair(0.0, 1.0));
   };
   norm.age = range("age", kYears);
   norm.stature = range("stature", kStature);
@@ -58,16 +56,13 @@ GripTable read_grip_table(YamlNode& node, const std::string& path, Diagnostics& 
   GripTable table;
   reader.text("title", "untitled");
   reader.text("source");
-  if (YamlNode* norms = reader.list("norms", true)) {
-    bool has[2] = {false, false};
-    for (std::size_t i = 0; i < norms->items.size(); ++i) {
-      table.norms.push_back(read_norm(
-          MapReader(norms->items[i], fmt::format("{}.{}", reader.path_of("norms"), i), diagnostics)));
-      has[table.norms.back().sex == Sex::male ? 0 : 1] = true;
-    }
-    if (reader.sound() && !(has[0] && has[1]))
-      reader.problem("norms", "rows of one sex or none", "rows of men and of women");
-  }
+  bool has[2] = {false, false};
+  reader.each("norms", 1, kMostItems, [&](MapReader row) {
+    table.norms.push_back(read_norm(std::move(row)));
+    has[table.norms.back().sex == Sex::male ? 0 : 1] = true;
+  });
+  if (reader.sound() && !(has[0] && has[1]))
+    reader.problem("norms", "rows of one sex", "rows of men and of women");
   reader.finish();
   return table;
 }

@@ -57,16 +57,15 @@ LengthRule read_rule(const YamlNode& node, const std::string& path, bool positiv
 }
 
 LengthRule read_length(MapReader& reader, std::string_view key) {
-  if (const YamlNode* node = reader.child(key))
+  if (const YamlNode* node = reader.value(key, {{YamlNode::Kind::scalar}, std::string(kRuleNeed)}))
     return read_rule(*node, reader.path_of(key), true, reader.diagnostics());
-  reader.problem(key, "nothing", std::string(kRuleNeed));
   return {1, LengthRule::Base::hand_breadth};
 }
 
 std::optional<std::array<LengthRule, 3>> read_place(MapReader& reader, std::string_view key) {
-  const YamlNode* node = reader.child(key);
+  const YamlNode* node = reader.value(key, {{YamlNode::Kind::sequence}, "a list of three lengths", false});
   if (!node) return std::nullopt;
-  if (node->kind != YamlNode::Kind::sequence || node->items.size() != 3) {
+  if (node->items.size() != 3) {
     reader.problem(key, node->described(), "a list of three lengths");
     return std::nullopt;
   }
@@ -81,13 +80,11 @@ model::JointAxis read_axis(MapReader reader) {
   model::JointAxis axis;
   axis.name = reader.name("name");
   axis.axis = reader.direction("axis");
-  if (const auto range = reader.maybe_range("range", kAngle)) {
+  if (const auto range = reader.maybe_range("range", kAngle, true)) {
     model::Stop stop{range->first, range->second};
     stop.bounce = reader.number("bounce", kShare, 0.0);
-    stop.fudge_factor = reader.number("fudge_factor", kShare, 1.0);
+    stop.ode.fudge_factor = reader.number("fudge_factor", kShare, 1.0);
     axis.stop = stop;
-  } else if (!reader.has("range")) {
-    reader.problem("range", "nothing", "a list of two angles, low then high");
   }
   model::Tissue tissue;
   tissue.stiffness = reader.maybe_number("stiffness", {Dimension::rotational_stiffness, 0, 1e3}).value_or(0);
@@ -111,7 +108,7 @@ void check_axes(MapReader& reader, const JointSpec& joint, bool any_kind) {
   check_axis_pair(reader, joint.axes);
 }
 
-/// @param kind absent: the file says it as `type`; present (the wrist): one axis or two.
+/// @param kind absent: given in the file as `type`; present (the wrist): one axis or two.
 JointSpec read_joint(MapReader& reader, std::optional<JointKind> kind) {
   JointSpec joint;
   joint.name = reader.name("name");
@@ -119,16 +116,12 @@ JointSpec read_joint(MapReader& reader, std::optional<JointKind> kind) {
     joint.kind = *kind;
   else
     joint.kind = reader.choice<JointKind>("type", kKinds);
-  YamlNode* axes = reader.list("axes", true);
-  if (!axes) return joint;
-  for (std::size_t i = 0; i < axes->items.size(); ++i)
-    joint.axes.push_back(read_axis(
-        MapReader(axes->items[i], fmt::format("{}.{}", reader.path_of("axes"), i), reader.diagnostics())));
+  reader.each("axes", 1, 2, [&](MapReader axis) { joint.axes.push_back(read_axis(std::move(axis))); });
   if (reader.sound()) check_axes(reader, joint, kind.has_value());
   return joint;
 }
 
-/// Nothing where the rule's kind cannot be told.
+/// Nothing where the kind of rule is missing or unknown.
 std::optional<MassRule> read_mass(MapReader reader) {
   MassRule rule;
   rule.kind = reader.choice<MassRule::Kind>(
@@ -212,16 +205,11 @@ SegmentSpec read_segment(MapReader reader, HandSpec& spec, const std::optional<M
 }
 
 void read_segments(MapReader& reader, HandSpec& spec, const std::optional<MassRule>& mass) {
-  YamlNode* rows = reader.list("segments", true);
-  if (!rows) return;
-  if (rows->items.empty() || rows->items.size() > kMostSegments)
-    return reader.problem("segments", rows->described(), fmt::format("1 to {} segments", kMostSegments));
   double shares = 0;
-  for (std::size_t i = 0; i < rows->items.size(); ++i) {
-    const std::string path = fmt::format("{}.{}", reader.path_of("segments"), i);
-    spec.segments.push_back(read_segment(MapReader(rows->items[i], path, reader.diagnostics()), spec, mass));
+  reader.each("segments", 1, kMostSegments, [&](MapReader row) {
+    spec.segments.push_back(read_segment(std::move(row), spec, mass));
     shares += spec.segments.back().mass_share;
-  }
+  });
   if (reader.sound() && shares >= 1)
     reader.problem("segments", fmt::format("mass shares of {:g} in all", shares),
                    "less than 1, the palm has the rest");
@@ -231,23 +219,6 @@ void read_wrist(MapReader reader, HandSpec& spec) {
   spec.wrist = read_joint(reader, JointKind::universal);
   if (spec.wrist.axes.size() == 1) spec.wrist.kind = JointKind::hinge;
   reader.finish();
-}
-
-void read_sources(MapReader& reader, HandSpec& spec) {
-  if (!reader.has("sources")) return;
-  MapReader sources = reader.map("sources");
-  for (const YamlEntry& entry : sources.node().entries) spec.sources[entry.key] = sources.text(entry.key);
-}
-
-void read_anthropometry_of(MapReader& reader, HandSpec& spec) {
-  YamlNode* file = reader.child("anthropometry");
-  if (!file) return reader.problem("anthropometry", "nothing", "the path of an anthropometry file");
-  try {
-    follow_reference(*file, reader.path_of("anthropometry"), reader.diagnostics().budget);
-    spec.anthropometry = read_anthropometry(*file, reader.path_of("anthropometry"), reader.diagnostics());
-  } catch (const Error& error) {
-    reader.diagnostics().take(error);
-  }
 }
 
 }  // namespace
@@ -283,8 +254,9 @@ HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& di
   MapReader reader(node, path, diagnostics);
   HandSpec spec;
   spec.title = reader.text("title", "a hand");
-  read_sources(reader, spec);
-  read_anthropometry_of(reader, spec);
+  spec.sources = reader.named_texts("sources");
+  if (YamlNode* file = reader.file_or_block("anthropometry", "an anthropometry file"))
+    spec.anthropometry = read_anthropometry(*file, reader.path_of("anthropometry"), diagnostics);
   const std::optional<MassRule> mass =
       read_mass(reader.required_map("mass", "a mapping with the rule of the hand's mass"));
   spec.mass = mass.value_or(MassRule{});

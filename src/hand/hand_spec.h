@@ -1,5 +1,5 @@
-// What a hand model file says: rows of segments with rules for their size, and their joints. One reader for
-// any hand; nothing here knows fingers by name.
+// The content of a hand model file: rows of segments with rules for their size, and their joints. One reader
+// for any hand; nothing here knows fingers by name.
 #pragma once
 
 #include <map>
@@ -21,7 +21,7 @@ struct LengthRule {
   double value(const HandSize& size) const;  ///< [m]
 };
 
-/// A joint row. Axes stand in the segment's frame (wrist: in the hand frame), for a right hand.
+/// A joint row. Axes are given in the segment's frame (wrist: in the hand frame), for a right hand.
 struct JointSpec {
   std::string name;
   model::JointKind kind = model::JointKind::hinge;

@@ -1,4 +1,4 @@
-// A person, as the `person` block or file of a scene says it.
+// A person, as given in the `person` block or file of a scene.
 #pragma once
 
 #include <optional>

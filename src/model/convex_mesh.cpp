@@ -8,7 +8,7 @@ namespace handsim::model {
 
 namespace {
 
-/// Unit normal of a polygon by Newell's sum, which takes no one corner's word for it.
+/// Unit normal of a polygon by Newell's sum over all corners.
 Vec3 polygon_normal(const std::vector<Vec3>& vertices, const std::vector<int>& corners) {
   const auto at = [&](std::size_t i) {
     return vertices[static_cast<std::size_t>(corners[i % corners.size()])];

@@ -11,7 +11,7 @@ Vec3 spin(const Body& body, const BodyState& state) {
   return state.q * (body.inertia * (state.q.conjugate() * state.w));
 }
 
-/// By body: whether it hangs on the joint.
+/// By body: whether the joint moves it.
 std::vector<bool> beyond(const Model& model, const Joint& joint) {
   std::vector<bool> out(model.bodies.size(), false);
   out[at(joint.child)] = true;

@@ -102,7 +102,7 @@ void joint_rates(const Joint& joint, const State& state, std::span<double> out) 
     }
     case JointKind::slider: {
       const Vec3 r_child = child.q * joint.child_frame.p;
-      // Velocity of M's origin seen from the parent.
+      // Velocity of M's origin relative to the parent.
       const Vec3 at = child.p + r_child;
       const Vec3 carried = parent.v + parent.w.cross(at - parent.p);
       const Vec3 v = child.v + child.w.cross(r_child) - carried;

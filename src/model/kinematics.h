@@ -23,7 +23,8 @@ double joint_gap(const Joint& joint, const State& state);
 /// X_FM for given coordinates of this joint.
 Pose joint_transform(const Joint& joint, std::span<const double> q);
 /// State with the given coordinates (size model.dof_count()), at rest. Bodies without a joint to a
-/// parent stay at their zero pose; loop-closing joints are not solved for: State::q says how they stand then.
+/// parent stay at their zero pose; loop-closing joints are not solved for: State::q has their coordinates
+/// then.
 State state_at(const Model& model, std::span<const double> q);
 /// The start: every axis at its `initial` coordinate, drives at time 0, bodies at their initial velocities.
 State initial_state(const Model& model);

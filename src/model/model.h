@@ -16,7 +16,7 @@ namespace handsim::model {
 /// Index of the world in `Model::bodies`.
 inline constexpr int kWorld = 0;
 
-/// What a shape is a part of: contact sums and tables tell shapes apart by it, pictures colour them by it.
+/// What a shape is a part of: contact sums and tables group shapes by it, pictures colour them by it.
 enum class Part { palm, thumb, index, middle, ring, little, object, ground, mechanism };
 
 enum class Side { right, left };
@@ -29,7 +29,7 @@ struct Body {
   Pose zero_pose;                                ///< X_WB with every joint coordinate at zero
   Vec3 initial_velocity = Vec3::Zero();          ///< of the centre of mass, in world axes [m/s]
   Vec3 initial_angular_velocity = Vec3::Zero();  ///< in world axes [rad/s]
-  /// Moves only as told (a `driven` body) or not at all: infinite mass to the others.
+  /// Moves as a Drive prescribes or not at all: infinite mass to the others.
   bool kinematic = false;
 };
 
@@ -61,13 +61,18 @@ enum class JointKind {
 /// Number of degrees of freedom: 1, 2, 3, 1.
 int dof_count(JointKind kind);
 
+/// What only ODE knows of a stop; the other engines solve stops without it.
+struct OdeStop {
+  /// dParamFudgeFactor, 0..1: scales the force of a motor of the same joint where it drives off the stop.
+  double fudge_factor = 1;
+};
+
 /// Limits of one joint coordinate.
 struct Stop {
   double low = 0;     ///< [rad] or [m], below `high`
   double high = 0;    ///< [rad] or [m]
   double bounce = 0;  ///< restitution at the stop, 0..1
-  /// ODE's dParamFudgeFactor, 0..1: scales the force of a motor of the same joint where it drives off the stop.
-  double fudge_factor = 1;
+  OdeStop ode = {};   ///< for engine ode alone
 };
 
 /// Linear passive tissue across one joint coordinate: torque = -stiffness (q - rest) - damping qdot.
@@ -99,7 +104,7 @@ struct Joint {
   Pose child_frame;             ///< X_CM
   std::vector<JointAxis> axes;  ///< hinge, slider 1; universal 2; ball 0
   int first_dof = 0;            ///< index of its first coordinate in vectors of `Model::dof_count()`
-  bool closes_loop = false;     ///< its child already hangs on another joint
+  bool closes_loop = false;     ///< its child is already the child of another joint
 };
 
 /// A pad between two surfaces: normal force = stiffness depth + damping d(depth)/dt, never pulling. Of the
@@ -125,7 +130,7 @@ struct Material {
 /// the other's pad as it is, an undamped one the other's damping). The result has no name.
 Material combined(const Material& a, const Material& b);
 
-/// A named set of shapes that contact rules speak of.
+/// A named set of shapes that contact rules refer to.
 struct ContactGroup {
   std::string name;
 };

@@ -106,7 +106,7 @@ double shake_acceleration(int cycles) {
   Shake unit;
   unit.cycles = cycles;
   unit.amplitude = Vec3::UnitX();
-  // The window repeats itself: one cycle at either end and one between see all there is.
+  // All cycles in the middle are alike, so two cycles contain the largest value.
   constexpr double kStep = 1e-4;
   const int steps = static_cast<int>(std::min(cycles, 2) / kStep);
   double most = 0;

@@ -21,7 +21,7 @@ struct State {
   double time = 0;                ///< [s]
   std::vector<BodyState> bodies;  ///< as Model::bodies; [0], the world, stays at rest at the origin
 
-  // By coordinate, size Model::dof_count(). q and u say of the joints what `bodies` says: an engine that is
+  // By coordinate, size Model::dof_count(). q and u state the same motion as `bodies`: an engine that is
   // handed a state finds them anew.
   std::vector<double> q;  ///< coordinates as in kinematics.h, angles in (-pi, pi] [rad] or [m]
   std::vector<double> u;  ///< rates as in kinematics.h [rad/s] or [m/s]
@@ -33,8 +33,8 @@ struct State {
   std::vector<double> tau_servo;  ///< the servos' part of tau, within their limits [N m] or [N]
 };
 
-/// Names time, bodies and torques to an archive (core/archive.h); the numbers of them are the model's, and q and u
-/// follow from the bodies.
+/// Names time, bodies and torques to an archive (core/archive.h); the numbers of them are the model's, and q
+/// and u follow from the bodies.
 template <class Archive, class T>
 void carry(Archive& archive, T& state) {
   archive(state.time);

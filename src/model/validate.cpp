@@ -52,7 +52,7 @@ class Checker {
     return index >= 0 && static_cast<std::size_t>(index) < list.size();
   }
 
-  /// Checks the parts, of which each stands at its place.
+  /// Checks each part, with its place for the problems.
   template <class T, class Check>
   void each(const std::vector<T>& parts, const std::vector<std::optional<Place>>& places, Check check) {
     for (std::size_t i = 0; i < parts.size(); ++i) {
@@ -141,7 +141,7 @@ class Checker {
       if (!(axis.stop->low < axis.stop->high))
         add(key + ".stop", fmt::format("{:g}..{:g}", axis.stop->low, axis.stop->high), "low below high");
       check_range(key + ".stop.bounce", axis.stop->bounce, 0, 1, "");
-      check_range(key + ".stop.fudge_factor", axis.stop->fudge_factor, 0, 1, "");
+      check_range(key + ".stop.ode.fudge_factor", axis.stop->ode.fudge_factor, 0, 1, "");
     }
     if (axis.tissue) {
       check_range(key + ".tissue.stiffness", axis.tissue->stiffness, 0, kFar, "N m/rad");

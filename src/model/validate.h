@@ -9,7 +9,7 @@
 
 namespace handsim::model {
 
-/// Where parts of a model stand in a file, at their indices; parts beyond the ends stand in none.
+/// Places of a model's parts in a file, by index; parts beyond the ends have none.
 struct Origins {
   std::vector<std::optional<Place>> bodies, joints, shapes, materials;
 

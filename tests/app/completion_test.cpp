@@ -50,7 +50,7 @@ TEST(Completion, OfEveryShellAndTheManPageNameEveryCommandAndOption) {
   }
   const auto unknown = run_program({"completion", "tcsh"});
   EXPECT_EQ(unknown.status, 2);
-  EXPECT_TRUE(contains(unknown.err, "got tcsh, need bash, zsh, fish or man")) << unknown.err;
+  EXPECT_TRUE(contains(unknown.err, "got tcsh, need one of bash, zsh, fish, man")) << unknown.err;
 }
 
 }  // namespace

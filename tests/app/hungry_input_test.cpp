@@ -79,7 +79,7 @@ TEST(HungryPoses, ThatGrowByLikeRepeatOrNumberAreRefused) {
     likes += "  p" + std::to_string(i) + ": {like: p" + std::to_string(i - 1) + "}\n";
   expect_refused(
       {"check", write(folder.path() / "like.yaml", "poses:\n  p0: {" + joints + "}\n" + likes).string()},
-      "got 20000 joints, need at most 200 joints");
+      "got 20000 keys, need at most 1000");
   for (int i = 0; i < 9000; ++i) keys += "{time: " + std::to_string(i) + ", move: 0.1, pose: p},";
   expect_refused(
       {"check", write(folder.path() / "repeat.yaml",

@@ -62,7 +62,7 @@ TEST(ShippedPrototype, KeepsTheBounceAndFudgeFactorOfItsThumb) {
       for (const model::JointAxis& axis : joint.axes) {
         ++found;
         EXPECT_EQ(axis.stop->bounce, 0.2);
-        EXPECT_EQ(axis.stop->fudge_factor, 0.2);
+        EXPECT_EQ(axis.stop->ode.fudge_factor, 0.2);
       }
   EXPECT_EQ(found, 2);
 }

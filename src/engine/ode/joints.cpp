@@ -235,7 +235,7 @@ void Joints::add_stops(const Link& link, const Settings& settings) {
     set(dParamLoStop, stop.low);
     set(dParamHiStop, stop.high);
     set(dParamBounce, stop.bounce);
-    set(dParamFudgeFactor, stop.fudge_factor);
+    set(dParamFudgeFactor, stop.ode.fudge_factor);
     set(dParamStopERP, settings.erp());
     set(dParamStopCFM, settings.ode().cfm);
   }

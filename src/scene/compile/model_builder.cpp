@@ -88,7 +88,7 @@ void add_joint(model::Model& model, const MechanismJointSpec& spec) {
   joint.parent = body_index(model, spec.parent);
   joint.child = body_index(model, spec.child);
   joint.axes = spec.axes;
-  // Frames F and M stand along the world's axes at the start.
+  // Frames F and M are parallel to the world at the start.
   const Pose x_WF{spec.position, Quat::Identity()};
   joint.parent_frame = model.bodies[static_cast<std::size_t>(joint.parent)].zero_pose.inverse() * x_WF;
   joint.child_frame = model.bodies[static_cast<std::size_t>(joint.child)].zero_pose.inverse() * x_WF;
@@ -119,7 +119,7 @@ std::vector<Problem> start_defects(const model::Model& model, const model::Effec
   return problems;
 }
 
-/// Problems of a hand have the keys of its own files: puts them under this hand of the scene.
+/// Problems of a hand name keys of its own files: adds the path of this hand in the scene.
 void take_of_hand(const Error& error, std::size_t i, const HandEntry& hand, Diagnostics& diagnostics) {
   for (Problem problem : error.problems()) {
     if (!problem.place) problem.place = hand.place;
@@ -128,7 +128,7 @@ void take_of_hand(const Error& error, std::size_t i, const HandEntry& hand, Diag
   }
 }
 
-/// Makes the parts one after the other, and keeps their contact groups and where they stand in the file.
+/// Makes the parts one after the other, and records their contact groups and places in the file.
 class Builder {
  public:
   Builder(const SceneSpec& scene, const Plans& plans)
@@ -193,7 +193,7 @@ class Builder {
     }
   }
 
-  /// Those of the contacts block, the later one where two speak of a pair, or else every pair that the
+  /// Those of the contacts block (the last one wins where several name a pair), or else every pair that the
   /// effects let meet.
   void add_contact_rules() {
     const auto add = [&](const ContactGroups::Group& a, const ContactGroups::Group& b, int material) {

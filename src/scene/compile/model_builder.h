@@ -10,7 +10,7 @@ namespace handsim::scene {
 /// @throws Error (input) where a person and a model make no hand.
 std::vector<hand::BuiltHand> build_hands(const std::vector<HandEntry>& hands);
 
-/// @throws Error (input) with all that is wrong with the model, each where its part stands in the file.
+/// @throws Error (input) with all that is wrong with the model, each with the place of its part in the file.
 model::Model build_model(const SceneSpec& scene, const std::vector<hand::BuiltHand>& hands,
                          const Plans& plans);
 

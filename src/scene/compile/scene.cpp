@@ -24,7 +24,8 @@ control::Plan plan_control(const Scene& scene, const ControlSpec& spec, Diagnost
   const bool implicit = spec.controller.form == control::Form::implicit_gain;
   if (implicit && solver.engine() == engine::EngineKind::dae)
     diagnostics.problems.push_back(
-        {spec.place, "control.controller.form", fmt::format("implicit with {}", engine::name(solver.method())),
+        {spec.place, "control.controller.form",
+         fmt::format("implicit with {}", engine::name(solver.method())),
          "explicit, or the ode or articulated engine, which solve implicit gains within their step"});
   control::PlanInput input;
   input.controller = &spec.controller;
@@ -51,7 +52,7 @@ void check_climb_load(YamlNode& criteria, const Scene& scene, Diagnostics& diagn
                    "at most the climb's load.max");
 }
 
-/// YAML files are named at each value that stands in them.
+/// Each value knows the YAML file that it comes from.
 void collect(const YamlNode& node, std::set<std::filesystem::path>& out) {
   if (node.file) out.insert(*node.file);
   for (const YamlNode& item : node.items) collect(item, out);

@@ -2,10 +2,8 @@
 // into the tree.
 #pragma once
 
-#include <functional>
 #include <optional>
 #include <string>
-#include <vector>
 
 #include "handsim/scene/read/file_kind.h"
 
@@ -18,17 +16,13 @@ inline const Quantity kAngularVelocity = {Dimension::angular_speed, -1000, 1000}
 /// `hands.0`.
 std::string item_path(std::string_view list, std::size_t i);
 
-/// Reads each block of an optional list; of more than `most` none, with a problem.
-void each_block(MapReader& reader, std::string_view key, std::size_t most,
-                const std::function<void(MapReader)>& read);
-
 /// `position` and `rotation`. @param fallback position where none is given; absent: it must be.
 Pose read_pose(MapReader& reader, std::optional<Vec3> fallback = {});
 
-/// A referenced file or an inline block, which must be there; null, with a problem, where it cannot be read.
-YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind);
+/// A referenced file or an inline block; null where it is absent or, with a problem, cannot be read.
+YamlNode* referenced(MapReader& reader, std::string_view key, FileKind kind, bool required = true);
 
-/// Puts what the file of a block says under the keys that the block leaves open, in place of its `file`.
+/// Replaces the `file` of a block by the content of that file; keys that the block has itself win.
 /// @param overridden true where the block's own keys take the place of the file's `key`. False, with
 /// problems, where the file cannot be used.
 bool inline_file(MapReader& block, FileKind kind,

@@ -11,7 +11,7 @@
 namespace handsim::scene {
 
 struct ContactGroups {
-  /// What a group belongs to, which tells the effect that a pair of groups needs.
+  /// What a group belongs to. The owners of a pair decide which effect it needs.
   enum class Owner { hand, object, ground, mechanism };
   struct Group {
     int number;  ///< in Model::groups

@@ -1,8 +1,5 @@
 #include "handsim/scene/read/contact_spec.h"
 
-#include <fmt/format.h>
-#include <fmt/ranges.h>
-
 #include "handsim/hand/material.h"
 #include "handsim/scene/read/blocks.h"
 
@@ -10,25 +7,11 @@ namespace handsim::scene {
 
 namespace {
 
-constexpr std::size_t kMost = 10'000;
-
-std::string read_between(const YamlNode& item, const std::string& path, Diagnostics& diagnostics) {
-  if (item.kind == YamlNode::Kind::scalar && !item.text.empty()) return item.text;
-  diagnostics.problems.push_back({item.place(), path, item.described(), "the name of a contact group"});
-  return {};
-}
-
 ContactRuleSpec read_rule(MapReader reader, const std::vector<model::Material>& materials) {
   ContactRuleSpec rule;
   rule.place = reader.node().place();
-  if (const YamlNode* between = reader.list("between", true)) {
-    if (between->items.size() != 2)
-      reader.problem("between", between->described(), "two names of contact groups");
-    else
-      for (std::size_t i = 0; i < 2; ++i)
-        rule.between[i] =
-            read_between(between->items[i], item_path(reader.path_of("between"), i), reader.diagnostics());
-  }
+  if (const auto between = reader.texts("between", 2, 2, "two names of contact groups"); !between.empty())
+    rule.between = {between[0], between[1]};
   if (reader.has("material") && named_material(reader, "material", materials))
     rule.material = reader.text("material");
   reader.finish();
@@ -61,9 +44,7 @@ std::optional<model::Material> named_material(MapReader& reader, std::string_vie
     known.push_back(material.name);
   }
   reader.problem(key, name,
-                 known.empty()
-                     ? "a material of contacts.materials, which has none"
-                     : fmt::format("one of {}{}", fmt::join(known, ", "), nearest_hint(name, known)));
+                 known.empty() ? "a material of contacts.materials, which has none" : need_word(name, known));
   return std::nullopt;
 }
 
@@ -71,7 +52,7 @@ ContactsSpec read_contacts(MapReader& scene) {
   ContactsSpec spec;
   if (!scene.has("contacts")) return spec;
   MapReader reader = scene.map("contacts");
-  each_block(reader, "materials", kMost, [&](MapReader item) {
+  reader.each("materials", 0, kMostItems, [&](MapReader item) {
     if (!inline_file(item, FileKind::material, has_key)) return;
     if (item.has("file"))
       item.problem("file", "a file that names another", "a file with the material itself");
@@ -82,8 +63,8 @@ ContactsSpec read_contacts(MapReader& scene) {
     spec.materials.push_back(read_sourced_material(item, name));
   });
   if (reader.has("rules")) spec.rules.emplace();
-  each_block(reader, "rules", kMost,
-             [&](MapReader rule) { spec.rules->push_back(read_rule(std::move(rule), spec.materials)); });
+  reader.each("rules", 0, kMostItems,
+              [&](MapReader rule) { spec.rules->push_back(read_rule(std::move(rule), spec.materials)); });
   reader.finish();
   return spec;
 }

@@ -12,13 +12,10 @@ namespace handsim::scene {
 
 namespace {
 
-/// A motion file is named by its absolute path in the resolved scene, which stands in another folder.
-control::ProgramChoice read_choice(YamlNode& node, const std::string& key, Diagnostics& diagnostics) {
+/// The resolved scene names a motion file by its absolute path, because it is written to another folder.
+control::ProgramChoice read_choice(YamlNode& node, const std::string& key) {
   control::ProgramChoice out{node.text, node.place(), key};
-  if (node.kind != YamlNode::Kind::scalar || node.text.empty())
-    diagnostics.problems.push_back(
-        {node.place(), key, node.described(), "a program of the pose file, or a .csv, .mot or .sto file"});
-  else if (control::is_motion_file(node.text))
+  if (control::is_motion_file(node.text))
     out.program = node.text =
         std::filesystem::absolute(std::filesystem::path(out.place.file).parent_path() / node.text)
             .lexically_normal()
@@ -30,33 +27,35 @@ control::ProgramChoice read_choice(YamlNode& node, const std::string& key, Diagn
 std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::vector<HandEntry>& hands,
                                                   bool has_tasks) {
   std::vector<control::ProgramChoice> out(hands.size());
-  YamlNode* node = reader.child("program");
+  using Kind = YamlNode::Kind;
   const std::string key = reader.path_of("program");
-  if (!node) {
-    if (has_tasks) return out;
-    reader.problem("program", "nothing",
-                   "a program of the pose file, a motion file, or a mapping of hands to them");
-    return out;
-  }
-  if (node->kind != YamlNode::Kind::map) {
-    const control::ProgramChoice choice = read_choice(*node, key, reader.diagnostics());
-    std::fill(out.begin(), out.end(), choice);
+  YamlNode* node =
+      reader.value("program", {{Kind::scalar, Kind::map},
+                               "a program of the pose file, a .csv, .mot or .sto file, or a mapping "
+                               "of hands to them",
+                               !has_tasks});
+  if (!node) return out;
+  if (node->kind == Kind::scalar) {
+    std::fill(out.begin(), out.end(), read_choice(*node, key));
     return out;
   }
   std::vector<std::string> known;
   for (const HandEntry& hand : hands) known.push_back(hand.placement.name);
-  for (std::size_t i = 0; i < hands.size(); ++i) {
-    if (YamlNode* mine = node->find(known[i]))
-      out[i] = read_choice(*mine, key + "." + known[i], reader.diagnostics());
-    else if (!has_tasks)
-      reader.problem("program", fmt::format("no program for hand {}", known[i]),
-                     "a program for every hand of the scene");
+  MapReader programs = reader.map("program");
+  for (const std::string& name : programs.keys()) {
+    YamlNode* choice =
+        programs.value(name, {{Kind::scalar}, "a program of the pose file, or a .csv, .mot or .sto file"});
+    const auto hand = std::find(known.begin(), known.end(), name);
+    if (hand != known.end() && choice)
+      out[static_cast<std::size_t>(hand - known.begin())] = read_choice(*choice, key + "." + name);
   }
-  for (const YamlEntry& entry : node->entries)
-    if (std::find(known.begin(), known.end(), entry.key) == known.end())
-      reader.diagnostics().problems.push_back({Place{entry.value.place().file, entry.line, entry.column},
-                                               key + "." + entry.key, "a hand that the scene has not",
-                                               need_word(entry.key, known)});
+  for (const YamlEntry& given : node->entries)
+    if (std::find(known.begin(), known.end(), given.key) == known.end())
+      programs.unknown_key(given, "a hand that the scene has not", known);
+  for (const std::string& name : known)
+    if (!has_tasks && !node->find(name))
+      reader.problem("program", fmt::format("no program for hand {}", name),
+                     "a program for every hand of the scene");
   return out;
 }
 
@@ -66,7 +65,7 @@ ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, 
   ControlSpec spec;
   if (YamlNode* node = referenced(reader, "controller", FileKind::controller))
     spec.controller = control::read_controller(*node, reader.path_of("controller"), reader.diagnostics());
-  if (YamlNode* node = reader.has("poses") ? referenced(reader, "poses", FileKind::poses) : nullptr)
+  if (YamlNode* node = referenced(reader, "poses", FileKind::poses, false))
     spec.poses = control::read_pose_file(*node, reader.path_of("poses"), reader.diagnostics());
   spec.programs = read_programs(reader, hands, has_tasks);
   spec.place = reader.node().place();

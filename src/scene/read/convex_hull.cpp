@@ -31,7 +31,7 @@ Surface convex_hull(const std::vector<Vec3>& points) {
   qhT* qh = owner.get();
   qh_zero(qh, nullptr);
   std::vector<Vec3> input = points;
-  // Coplanar facets are merged into polygons. Its own words about bad input are not for our users.
+  // Qhull merges coplanar facets into polygons. Its own messages about bad input are not shown.
   char options[] = "qhull Pp";
   const std::unique_ptr<FILE, int (*)(FILE*)> silence(std::fopen("/dev/null", "w"), &std::fclose);
   const int status = qh_new_qhull(qh, 3, static_cast<int>(input.size()), input.front().data(), False, options,

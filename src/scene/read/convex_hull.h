@@ -14,7 +14,7 @@ struct Surface {
   std::vector<std::vector<int>> faces;
 };
 
-/// Those of the points that are its corners, and its flat faces, counter-clockwise seen from outside.
+/// The points that are corners of the hull, and its flat faces, counter-clockwise from outside.
 /// @param points finite, at least 4.
 /// @throws Error (input) where they span no volume. Thread-safe.
 Surface convex_hull(const std::vector<Vec3>& points);

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/contact_groups.h"
@@ -69,10 +68,7 @@ void read_effect(const YamlNode& item, const std::string& path, Effects& effects
     return;
   }
   if (at == known.end()) {
-    const auto near = nearest_word(item.text, known);
-    diagnostics.problems.push_back(
-        {item.place(), path, item.described(),
-         fmt::format("one of {}{}", fmt::join(known, ", "), near ? " (nearest: " + *near + ")" : "")});
+    diagnostics.problems.push_back({item.place(), path, item.described(), need_word(item.text, known)});
     return;
   }
   const auto effect = static_cast<Effect>(at - known.begin());
@@ -157,16 +153,20 @@ void check_engine(MapReader& reader, const engine::Settings& solver) {
 }
 
 Effects read_effects(MapReader& reader, const SceneSpec& scene) {
-  YamlNode* node = reader.child("effects");
+  using Kind = YamlNode::Kind;
+  ValueForm form{{Kind::sequence, Kind::scalar}, "auto or a list of effects", false, {"auto"}};
+  form.words.insert(form.words.end(), model::kEffectNames.begin(), model::kEffectNames.end());
+  YamlNode* node = reader.value("effects", form);
+  Effects effects;
+  if (!node && reader.node().find("effects")) return effects;
   if (!node) node = &yaml_put(reader.node(), "effects", yaml_scalar("auto"));
-  if (node->kind == YamlNode::Kind::scalar && node->text == "auto") {
-    const Effects effects = needed_effects(scene);
+  if (node->text == "auto") {
+    effects = needed_effects(scene);
     write_effects(*node, effects);
     return effects;
   }
-  Effects effects;
-  if (node->kind != YamlNode::Kind::sequence) {
-    reader.problem("effects", node->described(), "auto or a list of effects");
+  if (node->kind == Kind::scalar) {
+    reader.problem("effects", node->described(), form.need);
     return effects;
   }
   for (std::size_t i = 0; i < node->items.size(); ++i)

@@ -27,7 +27,7 @@ CostRow read_row(MapReader reader) {
   return row;
 }
 
-/// Bodies that more than one joint hangs on others, or joints in a ring.
+/// A body that is the child of several joints, or joints that form a ring.
 bool has_loop(const MechanismSpec& mechanism) {
   std::map<std::string, std::string> up;
   const auto top = [&](std::string body) {
@@ -133,26 +133,21 @@ YamlNode default_costs(const YamlNode& scene, const YamlNode& engine) {
 
 }  // namespace
 
-std::vector<CostTable> read_costs(YamlNode& root, Diagnostics& diagnostics) {
+std::vector<CostTable> read_costs(YamlNode& root, const std::string& path, Diagnostics& diagnostics) {
   std::vector<CostTable> out;
-  if (!is_of_kind(root, "", FileKind::costs, diagnostics)) return out;
-  MapReader reader(root, "", diagnostics);
-  if (YamlNode* kinds = reader.list("kinds", true))
-    for (std::size_t i = 0; i < kinds->items.size(); ++i) {
-      MapReader item(kinds->items[i], item_path("kinds", i), diagnostics);
-      CostTable& table = out.emplace_back();
-      std::vector<std::pair<std::string_view, SceneKind>> words;
-      for (std::size_t k = 0; k < kSceneKindNames.size(); ++k)
-        words.emplace_back(kSceneKindNames[k], static_cast<SceneKind>(k));
-      table.kind = item.choice<SceneKind>("kind", words);
-      table.scene = item.text("scene");
-      table.duration = item.number("duration", {Dimension::time, 1e-6, 1e5});
-      if (YamlNode* rows = item.list("rows", true))
-        for (std::size_t k = 0; k < rows->items.size(); ++k)
-          table.rows.push_back(
-              read_row(MapReader(rows->items[k], item_path(item.path_of("rows"), k), diagnostics)));
-      item.finish();
-    }
+  if (!is_of_kind(root, path, FileKind::costs, diagnostics)) return out;
+  MapReader reader(root, path, diagnostics);
+  reader.each("kinds", 1, kMostItems, [&](MapReader item) {
+    CostTable& table = out.emplace_back();
+    std::vector<std::pair<std::string_view, SceneKind>> words;
+    for (std::size_t k = 0; k < kSceneKindNames.size(); ++k)
+      words.emplace_back(kSceneKindNames[k], static_cast<SceneKind>(k));
+    table.kind = item.choice<SceneKind>("kind", words);
+    table.scene = item.text("scene");
+    table.duration = item.number("duration", {Dimension::time, 1e-6, 1e5});
+    item.each("rows", 1, kMostItems, [&](MapReader row) { table.rows.push_back(read_row(std::move(row))); });
+    item.finish();
+  });
   reader.finish();
   return out;
 }
@@ -184,11 +179,13 @@ namespace {
 
 /// The tables that the block names, or else the default ones. None, with problems, where they cannot be read.
 std::vector<CostTable> tables_of(MapReader& block, const YamlNode& scene, const YamlNode& engine) {
-  YamlNode* given = block.child("costs");
-  YamlNode costs = given ? *given : default_costs(scene, engine);
+  const std::string key = block.path_of("costs");
+  const YamlNode* given = referenced(block, "costs", FileKind::costs, false);
+  if (block.diagnostics().recorder || (!given && block.node().find("costs"))) return {};
   try {
-    follow_reference(costs, "solver.costs", block.diagnostics().budget);
-    return read_costs(costs, block.diagnostics());
+    YamlNode costs = given ? *given : default_costs(scene, engine);
+    follow_reference(costs, key, block.diagnostics().budget);
+    return read_costs(costs, key, block.diagnostics());
   } catch (const Error& error) {
     block.diagnostics().take(error);
   }

@@ -30,7 +30,7 @@ struct CostTable {
 };
 
 /// `kinds`, by the accuracy study (config/accuracy_costs.yaml).
-std::vector<CostTable> read_costs(YamlNode& root, Diagnostics& diagnostics);
+std::vector<CostTable> read_costs(YamlNode& root, const std::string& path, Diagnostics& diagnostics);
 /// The same as a tree; steps in seconds.
 YamlNode write_costs(const std::vector<CostTable>& tables);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include <fmt/format.h>
 
@@ -35,13 +36,9 @@ model::PoseMotion read_motion(MapReader reader) {
       "interpolation",
       {{"minimum_jerk", model::Interpolation::minimum_jerk}, {"linear", model::Interpolation::linear}},
       model::Interpolation::minimum_jerk);
-  if (YamlNode* keys = reader.list("keyframes", true, kMostKeyframes)) {
-    if (keys->items.empty()) reader.problem("keyframes", "an empty list", "at least one keyframe");
-    std::optional<double> last;
-    for (std::size_t i = 0; i < keys->items.size(); ++i)
-      motion.keys.push_back(read_keyframe(
-          MapReader(keys->items[i], item_path(reader.path_of("keyframes"), i), reader.diagnostics()), last));
-  }
+  std::optional<double> last;
+  reader.each("keyframes", 1, kMostKeyframes,
+              [&](MapReader key) { motion.keys.push_back(read_keyframe(std::move(key), last)); });
   reader.finish();
   if (motion.keys.empty()) motion.keys.emplace_back();
   return motion;
@@ -87,10 +84,9 @@ void read_wrist(MapReader reader, const Tasks& tasks, hand::Placement& placement
 }
 
 /// @param axes how many of the joint's axes the hand has.
-void read_joint_angles(MapReader& pose, const hand::JointSpec& joint, std::size_t axes,
+void read_joint_angles(MapReader& pose, const hand::JointSpec& joint, std::size_t axes, const YamlNode& value,
                        std::vector<double>& out) {
   const std::string& name = joint.name;
-  YamlNode& value = *pose.child(name);
   const bool list = value.kind == YamlNode::Kind::sequence;
   const std::size_t count = list ? value.items.size() : 1;
   if (count < 1 || count > axes)
@@ -111,19 +107,26 @@ void read_joint_angles(MapReader& pose, const hand::JointSpec& joint, std::size_
 void read_start_pose(MapReader& reader, HandEntry& entry, bool known) {
   if (!reader.has("pose")) return;
   MapReader pose = reader.map("pose");
-  if (!known) return;
-  const auto read = [&](const hand::JointSpec& joint, std::size_t axes) {
-    if (pose.child(joint.name)) read_joint_angles(pose, joint, axes, entry.placement.start[joint.name]);
-  };
   const hand::JointSpec& wrist = entry.model.wrist;
-  if (entry.has_wrist_joint())
-    read(wrist, entry.placement.mount == hand::Mount::hinge ? 1 : wrist.axes.size());
-  else if (pose.child(wrist.name))
-    pose.problem(wrist.name, "an angle of a wrist that has no joint",
-                 "wrist.mount hinge or universal with it");
-  for (const hand::SegmentSpec& segment : entry.model.segments)
-    read(segment.joint, segment.joint.axes.size());
-  pose.finish();
+  std::map<std::string, const hand::JointSpec*> joints = {{wrist.name, &wrist}};
+  for (const hand::SegmentSpec& segment : entry.model.segments) joints[segment.joint.name] = &segment.joint;
+  std::vector<std::string> names;
+  for (const auto& [joint, spec] : joints) names.push_back(joint);
+  for (const std::string& name : pose.keys()) {
+    const YamlNode* value = pose.value(
+        name, {{YamlNode::Kind::scalar, YamlNode::Kind::sequence}, "an angle, or one for each axis"});
+    const auto found = joints.find(name);
+    if (!known || !value || found == joints.end()) continue;
+    const hand::JointSpec& joint = *found->second;
+    if (&joint == &wrist && !entry.has_wrist_joint()) {
+      pose.problem(name, "an angle of a wrist that has no joint", "wrist.mount hinge or universal with it");
+    } else {
+      const bool one = &joint == &wrist && entry.placement.mount == hand::Mount::hinge;
+      read_joint_angles(pose, joint, one ? 1 : joint.axes.size(), *value, entry.placement.start[name]);
+    }
+  }
+  for (const YamlEntry& given : pose.node().entries)
+    if (known && !joints.contains(given.key)) pose.unknown_key(given, "an unknown key", names);
 }
 
 void check_mount(MapReader& reader, const HandEntry& entry) {
@@ -174,8 +177,8 @@ void name_hands(std::vector<HandEntry>& hands) {
 
 std::vector<HandEntry> read_hands(MapReader& reader, const Tasks& tasks) {
   std::vector<HandEntry> hands;
-  each_block(reader, "hands", kMostHands,
-             [&](MapReader block) { hands.push_back(read_hand(std::move(block), tasks)); });
+  reader.each("hands", 0, kMostHands,
+              [&](MapReader block) { hands.push_back(read_hand(std::move(block), tasks)); });
   name_hands(hands);
   return hands;
 }

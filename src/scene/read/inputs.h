@@ -22,7 +22,7 @@ struct InputFile {
 /// scene; files of one name in several folders get a number. @throws Error (input) where one cannot be read.
 std::vector<InputFile> collect_inputs(YamlNode& resolved);
 
-/// The scene with its files' copies in place of the files: what stands in resolved.yaml.
+/// The scene with its files' copies in place of the files: the content of resolved.yaml.
 YamlNode standalone(YamlNode resolved, const std::vector<InputFile>& inputs);
 
 /// Its text. @throws Error (input) where it is more than the reader takes.

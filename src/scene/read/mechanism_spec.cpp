@@ -90,11 +90,9 @@ MechanismJointSpec read_joint(MapReader reader) {
   joint.child = reader.name("child");
   joint.position = reader.vector("position", kCoordinate);
   const bool turns = joint.kind != JointKind::ball;
-  if (YamlNode* axes = reader.list("axes", kind_known && turns))
-    for (std::size_t i = 0; i < axes->items.size(); ++i)
-      joint.axes.push_back(
-          read_axis(MapReader(axes->items[i], item_path(reader.path_of("axes"), i), reader.diagnostics()),
-                    joint.kind == JointKind::slider));
+  reader.each("axes", kind_known && turns ? 1 : 0, 2, [&](MapReader axis) {
+    joint.axes.push_back(read_axis(std::move(axis), joint.kind == JointKind::slider));
+  });
   if (reader.sound()) check_axes(reader, joint);
   reader.finish();
   return joint;
@@ -142,10 +140,10 @@ MechanismSpec read_mechanism(MapReader& scene, std::vector<std::string> taken,
                              const std::vector<model::Material>& materials) {
   MechanismSpec spec;
   const std::size_t before = scene.diagnostics().problems.size();
-  each_block(scene, "bodies", kMostBodies,
+  scene.each("bodies", 0, kMostBodies,
              [&](MapReader reader) { spec.bodies.push_back(read_body(std::move(reader), materials)); });
   check_bodies(scene, spec.bodies, std::move(taken));
-  each_block(scene, "joints", kMostBodies,
+  scene.each("joints", 0, kMostBodies,
              [&](MapReader reader) { spec.joints.push_back(read_joint(std::move(reader))); });
   if (scene.diagnostics().problems.size() == before) check_joints(scene, spec);
   return spec;

@@ -1,4 +1,4 @@
-// The `bodies` and `joints` of a scene: mechanisms given in the world as they stand at the start, such as the
+// The `bodies` and `joints` of a scene: mechanisms, given in the world at their starting pose, such as the
 // slider-crank that handsim is calibrated on.
 #pragma once
 

@@ -10,6 +10,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
+#include "handsim/core/text.h"
 #include "handsim/scene/read/mesh_reader.h"
 
 namespace handsim::scene {
@@ -142,9 +143,7 @@ void check_convex(const std::vector<Triangle>& triangles, const Surface& hull, d
 }  // namespace
 
 LoadedMesh load_convex_mesh(const std::filesystem::path& path, double scale) {
-  std::string ending = path.extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(),
-                 [](unsigned char c) { return std::tolower(c); });
+  const std::string ending = lower_case(path.extension().string());
   if (ending != ".obj" && ending != ".stl")
     refuse(path.filename().string(), "the path of an OBJ or STL file, relative to this file");
   const Surface surface = read_surface_file(path);

@@ -19,7 +19,7 @@ struct LoadedMesh {
 /// error: surface further inside the hull than 1e-4 of its size, more than 1e-3 of the hull's area without a
 /// face, no extent, numbers that are not finite, more than 100000 triangles or 1000 corners.
 /// @param scale of the file's unit [m].
-/// @throws Error (input) that says what was found and what was needed; with the place in the mesh's file
+/// @throws Error (input) with what was found and what was needed; with the place in the mesh's file
 /// where that cannot be read, otherwise without one.
 LoadedMesh load_convex_mesh(const std::filesystem::path& path, double scale);
 

@@ -25,16 +25,10 @@ constexpr std::size_t kMostFaces = 100'000;
 constexpr std::size_t kMostPoints = 3 * kMostFaces;
 constexpr const char* kNeed = "an OBJ or STL file";
 
-/// Statements of OBJ that say nothing about the surface.
+/// Statements of OBJ that do not describe the surface.
 constexpr std::array<std::string_view, 19> kNoSurface = {
     "vt",     "vn",  "vp", "g", "o",     "s",        "mg",       "usemtl",     "mtllib",   "usemap",
     "maplib", "lod", "l",  "p", "bevel", "c_interp", "d_interp", "shadow_obj", "trace_obj"};
-
-std::string lower(std::string_view text) {
-  std::string out(text);
-  for (char& c : out) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  return out;
-}
 
 struct Word {
   std::string_view text;
@@ -48,9 +42,7 @@ class Lines {
 
   bool next() {
     if (rest_.empty()) return false;
-    const std::size_t end = std::min(rest_.find('\n'), rest_.size());
-    line_ = rest_.substr(0, end);
-    rest_.remove_prefix(std::min(end + 1, rest_.size()));
+    line_ = take_line(rest_);
     ++number_;
     at_ = 0;
     return true;
@@ -208,7 +200,7 @@ Surface read_text_stl(std::string_view text, const std::string& name) {
   while (lines.next()) {
     const std::optional<Word> word = lines.word();
     if (!word) continue;
-    const std::string key = lower(word->text);
+    const std::string key = lower_case(word->text);
     const auto found = std::find_if(kStatements.begin(), kStatements.end(), [&](const Statement& statement) {
       return statement.word == key && statement.from == place;
     });
@@ -232,7 +224,8 @@ Surface read_stl(std::string_view bytes, const std::string& name) {
   if (bytes.size() >= kStlHead && bytes.size() == kStlHead + kStlTriangle * said)
     return read_binary_stl(bytes, name);
   const std::size_t first = bytes.find_first_not_of(" \t\r\n");
-  if (lower(bytes.substr(std::min(first, bytes.size()), 5)) == "solid") return read_text_stl(bytes, name);
+  if (lower_case(bytes.substr(std::min(first, bytes.size()), 5)) == "solid")
+    return read_text_stl(bytes, name);
   Lines({}, name).refuse(1, fmt::format("{} bytes, which do not begin with solid", bytes.size()),
                          bytes.size() < kStlHead
                              ? std::string("an STL file in text or binary")
@@ -244,8 +237,8 @@ Surface read_stl(std::string_view bytes, const std::string& name) {
 
 Surface read_surface_file(const std::filesystem::path& path) {
   const std::string bytes = read_input_file(path, kNeed, kMostBytes);
-  return lower(path.extension().string()) == ".stl" ? read_stl(bytes, path.string())
-                                                    : read_obj(bytes, path.string());
+  return lower_case(path.extension().string()) == ".stl" ? read_stl(bytes, path.string())
+                                                         : read_obj(bytes, path.string());
 }
 
 }  // namespace handsim::scene

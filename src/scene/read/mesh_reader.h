@@ -9,7 +9,7 @@
 namespace handsim::scene {
 
 /// OBJ: `v` and `f` (negative indices too); groups, materials, normals, textures, points and lines are left
-/// out. STL: text or binary, which its size tells.
+/// out. STL: text or binary, which its size decides.
 /// @throws Error (input) with the place in the mesh's file: an unknown statement, a number that is none, a
 /// face of fewer than three corners, a file that is torn or too large.
 Surface read_surface_file(const std::filesystem::path& path);

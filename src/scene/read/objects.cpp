@@ -50,7 +50,7 @@ bool overridden(const YamlNode& entry, const std::string& key) {
          (key == "material" && has_any(entry, kPropertyKeys));
 }
 
-/// `mesh`, named by its absolute path in the resolved scene, which stands in another folder.
+/// `mesh`. The resolved scene names it by its absolute path, because it is written to another folder.
 void read_mesh(MapReader& reader, model::Shape& shape) {
   const double scale = reader.number("scale", {Dimension::none, 1e-6, 1e6}, 1.0);
   const std::string name = reader.text("mesh");
@@ -115,18 +115,11 @@ model::Shape read_form(MapReader& reader) {
 
 /// The parts of a compound. Each has a mass of its own where the first has.
 void read_parts(MapReader& reader, ObjectSpec& object) {
-  YamlNode* list = reader.list("parts", true);
-  if (!list) return;
-  if (list->items.empty() || list->items.size() > kMostParts) {
-    for (const std::string_view key : kMassKeys) reader.child(key);
-    return reader.problem("parts", list->described(), fmt::format("1 to {} parts", kMostParts));
-  }
   const bool of_whole = !object.is_static && (reader.has("mass") || reader.has("density"));
   const bool weighed = !object.is_static && !of_whole;
   std::vector<model::MassProperties> parts;
   double whole_volume = 0;
-  for (std::size_t i = 0; i < list->items.size(); ++i) {
-    MapReader part(list->items[i], item_path(reader.path_of("parts"), i), reader.diagnostics());
+  reader.each("parts", 1, kMostParts, [&](MapReader part) {
     model::Shape shape = read_form(part);
     const Pose at{part.vector("position", kCoordinate, Vec3::Zero()), part.rotation("rotation")};
     shape.pose = at * shape.pose;
@@ -135,8 +128,8 @@ void read_parts(MapReader& reader, ObjectSpec& object) {
     parts.push_back(model::solid_properties(shape, weighed ? read_mass(part, own) : own));
     part.finish();
     object.shapes.push_back(std::move(shape));
-  }
-  if (object.is_static) return;
+  });
+  if (object.is_static || parts.empty()) return;
   object.body = model::joined(parts);
   if (!of_whole || !reader.sound()) return;
   // The parts' masses were their volumes: one density for all.
@@ -168,14 +161,16 @@ void warn_of_size(MapReader& reader, const ObjectSpec& object) {
                  fmt::format("{} is {:.3g} m long, and a hand some 0.2 m: {}", object.name, size, remedy));
 }
 
+/// @param in_scene false: in a file of its own, which may leave name and place open.
 ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
-                       const std::vector<model::Material>& materials, const Tasks& tasks, bool beside_hand) {
+                       const std::vector<model::Material>& materials, const Tasks& tasks, bool beside_hand,
+                       bool in_scene) {
   ObjectSpec object;
   object.place = reader.node().place();
-  // The content of an entry's file stands in its place by now.
+  // inline_file() has replaced an entry's file by its content.
   if (reader.has("file"))
     reader.problem("file", "a file that names another", "a file with the object itself");
-  object.name = read_name(reader, before);
+  object.name = in_scene || reader.has("name") ? read_name(reader, before) : "object";
   object.is_static = reader.flag("static", false);
   if (reader.has("shape") && reader.has("parts")) {
     reader.problem("parts", "parts beside a shape", "one of the two");
@@ -196,7 +191,7 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
     object.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
   }
   if (!places_object(tasks, object.name))
-    object.pose = read_pose(reader);
+    object.pose = read_pose(reader, in_scene ? std::nullopt : std::optional<Vec3>(Vec3::Zero()));
   else if (reader.child("position") || reader.child("rotation"))
     reader.problem("position", "a place beside the grasp that gives it", "one of the two");
   object.may_overlap = reader.choice<bool>("overlap", {{"refused", false}, {"allowed", true}}, false);
@@ -241,19 +236,16 @@ bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shap
 std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials,
                                      const Tasks& tasks, bool beside_hand) {
   std::vector<ObjectSpec> objects;
-  each_block(reader, "objects", kMostObjects, [&](MapReader block) {
+  reader.each("objects", 0, kMostObjects, [&](MapReader block) {
     if (inline_file(block, FileKind::object, overridden))
-      objects.push_back(read_object(std::move(block), objects, materials, tasks, beside_hand));
+      objects.push_back(read_object(std::move(block), objects, materials, tasks, beside_hand, true));
   });
   return objects;
 }
 
 ObjectSpec read_object_file(YamlNode& root, Diagnostics& diagnostics) {
   if (!is_of_kind(root, "", FileKind::object, diagnostics)) return {};
-  // Keys that a scene gives it.
-  if (!root.find("name")) yaml_put(root, "name", yaml_scalar("object"));
-  if (!root.find("position")) yaml_put(root, "position", parse_yaml("[0, 0, 0]", ""));
-  return read_object(MapReader(root, "", diagnostics), {}, {}, {}, true);
+  return read_object(MapReader(root, "", diagnostics), {}, {}, {}, true, false);
 }
 
 std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model::Material>& materials) {

@@ -15,7 +15,7 @@
 namespace handsim::scene {
 
 /// A thing of one shape, or a compound of several that move as one. Its frame O is the one in which its
-/// shapes are given; its body's frame has O's axes and stands at the centre of mass.
+/// shapes are given; its body's frame has O's axes and is at the centre of mass.
 struct ObjectSpec {
   std::string name;
   std::vector<model::Shape> shapes;      ///< kind, size and pose X_OS, nothing else; at least one

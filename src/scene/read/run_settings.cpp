@@ -16,7 +16,8 @@ namespace handsim::scene {
 namespace {
 
 void read_size(MapReader& reader, std::array<int, 2>& out) {
-  const YamlNode* size = reader.list("size", false);
+  const std::string need = "[width, height] in pixels, whole numbers, 16 to 8192";
+  const YamlNode* size = reader.value("size", {{YamlNode::Kind::sequence}, need, false});
   if (!size) return;
   bool valid = size->items.size() == 2;
   for (std::size_t i = 0; valid && i < 2; ++i) {
@@ -24,8 +25,7 @@ void read_size(MapReader& reader, std::array<int, 2>& out) {
     valid = pixels && *pixels >= 16 && *pixels <= 8192 && *pixels == std::floor(*pixels);
     if (valid) out[i] = static_cast<int>(*pixels);
   }
-  if (!valid)
-    reader.problem("size", size->described(), "[width, height] in pixels, whole numbers, 16 to 8192");
+  if (!valid) reader.problem("size", size->described(), need);
 }
 
 CameraSpec read_camera(MapReader camera) {
@@ -187,7 +187,7 @@ void read_solver(MapReader& reader, SceneSpec& scene) {
 PictureSpec read_pictures(MapReader reader) {
   PictureSpec out;
   read_size(reader, out.size);
-  // A camera stands in place of a view.
+  // A camera replaces the view.
   if (!reader.has("camera"))
     out.view = reader.choice<View>("view",
                                    {{"dorsal", View::dorsal},

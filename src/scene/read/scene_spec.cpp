@@ -35,7 +35,7 @@ Tasks read_tasks(MapReader& reader, std::span<const TaskKind> kinds) {
   Tasks tasks;
   for (const TaskKind& kind : kinds) {
     std::size_t i = 0;
-    each_block(reader, kind.list, kMostTasks, [&](MapReader block) {
+    reader.each(kind.list, 0, kMostTasks, [&](MapReader block) {
       std::unique_ptr<TaskSpec> task = kind.read(block);
       task->kind = &kind;
       task->place = block.node().place();

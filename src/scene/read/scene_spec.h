@@ -1,4 +1,4 @@
-// What a scene file says, as plain structs in SI, and its reader. Nobody changes it afterwards.
+// The content of a scene file as plain structs in SI, and its reader. It is not changed after reading.
 #pragma once
 
 #include <span>

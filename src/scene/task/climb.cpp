@@ -9,7 +9,6 @@ namespace handsim::scene {
 
 namespace {
 
-
 struct ClimbSpec : TaskSpec {
   TaskPlan plan(const TaskSite& site) const override;
 

@@ -1,4 +1,4 @@
-// `climbs` of a scene: a hand is to hang on a hold until the grip fails, in one block. The palm hangs on a
+// `climbs` of a scene: a hand is to hold on until its grip fails, one block a climb. The palm is on a
 // rail along the load's direction. A stiff servo lowers it to the hold and keeps it there while the fingers
 // close; then it is freed and pulled by a load that grows.
 #pragma once

@@ -47,9 +47,14 @@ Pose read_frame(MapReader reader) {
 }
 
 std::optional<PostSpec> read_support(MapReader& reader) {
-  const YamlNode* node = reader.child("support");
-  if (node && node->kind == YamlNode::Kind::scalar && node->text == "ground") return std::nullopt;
-  MapReader support = reader.required_map("support", "`ground`, or {radius, height} of a post");
+  using Kind = YamlNode::Kind;
+  const char* need = "`ground`, or {radius, height} of a post";
+  const YamlNode* node = reader.value("support", {{Kind::map, Kind::scalar}, need, true, {"ground"}});
+  if (!node || node->kind == Kind::scalar) {
+    if (node && node->text != "ground") reader.problem("support", node->described(), need);
+    return std::nullopt;
+  }
+  MapReader support = reader.map("support");
   PostSpec post;
   post.radius = support.number("radius", {Dimension::length, 1e-3, 1}, post.radius);
   post.height = support.number("height", {Dimension::length, 1e-3, 2}, post.height);
@@ -67,13 +72,8 @@ ShakeLevel read_level(MapReader reader) {
 }
 
 void read_shake(MapReader reader, GraspSpec& grasp) {
-  if (YamlNode* levels = reader.list("levels", true)) {
-    if (levels->items.size() > kMostLevels)
-      return reader.problem("levels", levels->described(), fmt::format("at most {} levels", kMostLevels));
-    for (std::size_t i = 0; i < levels->items.size(); ++i)
-      grasp.shake.push_back(read_level(
-          MapReader(levels->items[i], item_path(reader.path_of("levels"), i), reader.diagnostics())));
-  }
+  reader.each("levels", 1, kMostLevels,
+              [&](MapReader level) { grasp.shake.push_back(read_level(std::move(level))); });
   grasp.shake_cycles = reader.integer("cycles", 1, 1000, grasp.shake_cycles);
   reader.finish();
 }
@@ -111,7 +111,7 @@ model::PoseMotion motion_of(const GraspSpec& grasp, bool left) {
   return motion;
 }
 
-/// @param pose of the object that it stands under.
+/// @param pose of the object above the post.
 ObjectSpec make_post(const PostSpec& post, const std::string& name, const ObjectSpec& object,
                      const Pose& pose) {
   ObjectSpec out;

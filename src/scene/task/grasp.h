@@ -11,7 +11,7 @@
 
 namespace handsim::scene {
 
-/// A grasp as it is run: what figures are taken over.
+/// A grasp as it is run: what its figures are computed from.
 struct GraspPlan {
   std::size_t hand = 0;           ///< in SceneSpec::hands
   std::string object;             ///< name of a body

@@ -22,19 +22,6 @@ constexpr std::array kKinds = {
 /// Two tasks agree on the place of an object where it differs by less: that is rounding [m], [rad].
 constexpr double kSamePlace = 1e-6;
 
-/// One pose or a list of them, at least one.
-std::vector<std::string> read_pose_names(MapReader& reader, const char* key) {
-  const YamlNode* node = reader.child(key);
-  std::vector<std::string> out;
-  if (node && node->kind == YamlNode::Kind::scalar) out.push_back(node->text);
-  if (node && node->kind == YamlNode::Kind::sequence)
-    for (const YamlNode& item : node->items) out.push_back(item.text);
-  if (out.empty() ||
-      std::any_of(out.begin(), out.end(), [](const std::string& name) { return name.empty(); }))
-    reader.problem(key, node ? node->described() : "nothing", "the name of a pose, or a list of them");
-  return out;
-}
-
 /// Combines the plans of all tasks, and reports tasks that exclude each other.
 class Planner {
  public:
@@ -134,7 +121,7 @@ void read_task(MapReader& block, const char* object_key, TaskSpec& task) {
   task.wrist = read_pose(wrist);
   wrist.finish();
   task.open = block.text("open");
-  task.closed = read_pose_names(block, "closed");
+  task.closed = block.texts("closed", 1, kMostItems, "the name of a pose, or a list of them");
 }
 
 void add_phase(TaskSpec& task, std::string name, double span) {

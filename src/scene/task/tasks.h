@@ -1,5 +1,5 @@
 // The tasks of a scene, planned: which pose each hand and object starts in, how wrists move, which programs
-// drive the hands, and what figures are taken over. The scene stays as it was read.
+// drive the hands, and what figures are computed from. The scene stays as it was read.
 #pragma once
 
 #include <optional>
@@ -37,7 +37,7 @@ struct TaskPlan {
 /// What the tasks of a scene make of it.
 struct Plans {
   std::vector<hand::Placement> hands;  ///< of each hand
-  std::vector<ObjectSpec> objects;     ///< as they stand at the start, then the tasks' supports
+  std::vector<ObjectSpec> objects;     ///< at their starting places, then the tasks' supports
   std::optional<ControlSpec> control;  ///< with the tasks' programs
   std::vector<GraspPlan> grasps;
   std::vector<ClimbPlan> climbs;

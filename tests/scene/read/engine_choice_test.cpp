@@ -14,7 +14,7 @@ namespace {
 std::vector<CostTable> shipped_costs() {
   YamlNode root = load_yaml(test::source("config/accuracy_costs.yaml"));
   Diagnostics diagnostics;
-  std::vector<CostTable> out = read_costs(root, diagnostics);
+  std::vector<CostTable> out = read_costs(root, "", diagnostics);
   EXPECT_TRUE(diagnostics.problems.empty());
   return out;
 }
@@ -114,7 +114,7 @@ TEST(EngineChoice, TableSurvivesBeingWritten) {
   const std::vector<CostTable> costs = shipped_costs();
   YamlNode root = parse_yaml(emit_yaml(write_costs(costs)), "costs");
   Diagnostics diagnostics;
-  const std::vector<CostTable> again = read_costs(root, diagnostics);
+  const std::vector<CostTable> again = read_costs(root, "", diagnostics);
   EXPECT_TRUE(diagnostics.problems.empty());
   ASSERT_EQ(again.size(), costs.size());
   for (std::size_t i = 0; i < costs.size(); ++i) {

@@ -1,0 +1,186 @@
+#include "handsim/core/schema.h"
+
+#include <algorithm>
+
+#include "handsim/core/schema_recorder.h"
+
+namespace handsim {
+
+namespace {
+
+using Setting = SchemaRecorder::Setting;
+
+/// The first key of a dotted path, taken off it.
+std::string_view take_key(std::string_view& path) {
+  const std::size_t dot = path.find('.');
+  const std::string_view key = path.substr(0, dot);
+  path = dot == std::string_view::npos ? std::string_view() : path.substr(dot + 1);
+  return key;
+}
+
+/// Writes a value at its path, in place of whatever is in the way.
+void put(YamlNode& tree, const Setting& setting) {
+  YamlNode* node = &tree;
+  for (std::string_view rest = setting.path; !rest.empty();) {
+    const std::string_view key = take_key(rest);
+    if (key == "0") {
+      if (node->kind != YamlNode::Kind::sequence) *node = yaml_sequence();
+      if (node->items.empty()) node->items.push_back(yaml_map());
+      node = &node->items.front();
+    } else {
+      if (node->kind != YamlNode::Kind::map) *node = yaml_map();
+      YamlNode* found = node->find(key);
+      node = found ? found : &yaml_put(*node, std::string(key), yaml_map());
+    }
+  }
+  *node = setting.value;
+}
+
+YamlNode with(YamlNode tree, const Setting& setting) {
+  put(tree, setting);
+  return tree;
+}
+
+/// Adds a type to those of a key; two lists of words become one.
+void merge(std::vector<Json>& types, Json type) {
+  for (Json& known : types) {
+    if (known == type) return;
+    if (known.contains("enum") && type.contains("enum")) {
+      for (const Json& word : type["enum"])
+        if (std::find(known["enum"].begin(), known["enum"].end(), word) == known["enum"].end())
+          known["enum"].push_back(word);
+      if (known.value("default", Json()) != type.value("default", Json())) known.erase("default");
+      return;
+    }
+    const bool container = type.contains("type") && (type["type"] == "object" || type["type"] == "array");
+    if (container && known.contains("type") && known["type"] == type["type"]) return known.update(type);
+  }
+  types.push_back(std::move(type));
+}
+
+/// The type of this name among those of a key, added where it is missing.
+Json& type_of(std::vector<Json>& types, const char* name) {
+  for (Json& type : types)
+    if (type.contains("type") && type["type"] == name) return type;
+  return types.emplace_back(Json{{"type", name}});
+}
+
+}  // namespace
+
+SchemaRecorder::Node& SchemaRecorder::at(std::string_view path) {
+  Node* node = &root_;
+  while (!path.empty()) {
+    const std::string_view key = take_key(path);
+    auto child = std::find_if(node->children.begin(), node->children.end(),
+                              [&](const auto& each) { return each.first == key; });
+    if (child == node->children.end()) child = node->children.emplace(child, std::string(key), Node());
+    node = &child->second;
+  }
+  return *node;
+}
+
+void SchemaRecorder::note(const std::string& path, std::string_view key, KeyForm form) {
+  const std::string whole = path.empty() ? std::string(key) : path + "." + std::string(key);
+  Node& node = at(whole);
+  for (Json& type : form.types) merge(node.types, std::move(type));
+  if (form.required) required_[path].insert(std::string(key));
+  for (std::size_t i = 0; i < form.samples.size(); ++i)
+    if (known_.emplace(whole, emit_yaml(form.samples[i])).second)
+      found_.push_back({whole, std::move(form.samples[i]), i == 0});
+}
+
+void SchemaRecorder::note_file(const std::string& path, std::string_view key, std::string_view kind,
+                               bool required) {
+  kinds_.emplace(kind);
+  note(path, key, file_form(kind, required));
+}
+
+std::vector<Setting> SchemaRecorder::end_run() {
+  for (const std::string& path : visited_) {
+    std::optional<std::set<std::string>>& always = at(path).required;
+    const std::set<std::string>& now = required_[path];
+    if (!always) always = now;
+    std::erase_if(*always, [&](const std::string& key) { return !now.contains(key); });
+  }
+  visited_.clear();
+  required_.clear();
+  return std::exchange(found_, {});
+}
+
+Json SchemaRecorder::build(const Node& node) {
+  std::vector<Json> types = node.types;
+  for (const auto& [key, child] : node.children) {
+    if (key == "0") {
+      type_of(types, "array")["items"] = build(child);
+    } else if (key == "*") {
+      type_of(types, "object")["additionalProperties"] = build(child);
+    } else {
+      type_of(types, "object")["properties"][key] = build(child);
+    }
+  }
+  if (node.required && !node.required->empty()) type_of(types, "object")["required"] = *node.required;
+  if (node.closed)
+    if (Json& type = type_of(types, "object"); !type.contains("additionalProperties"))
+      type["additionalProperties"] = false;
+  if (types.empty()) return Json::object();
+  return types.size() == 1 ? types.front() : Json{{"anyOf", types}};
+}
+
+namespace {
+
+/// What a reader takes. Keys hide others and bring others in: each setting is read on its own way, and beside
+/// all other keys.
+Json explore(const SchemaSource& source, SchemaRecorder& recorder) {
+  std::vector<Setting> settings;
+  std::vector<YamlNode> waiting = {yaml_map()};
+  YamlNode full = yaml_map();
+  const auto read_waiting = [&] {
+    while (!waiting.empty()) {
+      const YamlNode tree = std::move(waiting.back());
+      waiting.pop_back();
+      Diagnostics diagnostics;
+      diagnostics.recorder = &recorder;
+      YamlNode copy = tree;
+      source.read(copy, diagnostics);
+      for (Setting& setting : recorder.end_run()) {
+        waiting.push_back(with(tree, setting));
+        if (setting.usual) put(full, setting);
+        settings.push_back(std::move(setting));
+      }
+    }
+  };
+  read_waiting();
+  for (std::size_t before = 0; before < settings.size();) {
+    before = settings.size();
+    waiting.push_back(full);
+    for (const Setting& setting : settings)
+      if (!setting.usual) waiting.push_back(with(full, setting));
+    read_waiting();
+  }
+  return recorder.schema();
+}
+
+const SchemaSource& find_source(std::string_view kind, std::span<const SchemaSource> sources) {
+  return *std::find_if(sources.begin(), sources.end(),
+                       [&](const SchemaSource& source) { return source.kind == kind; });
+}
+
+}  // namespace
+
+std::string json_schema(std::string_view kind, std::span<const SchemaSource> sources) {
+  Json out = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
+              {"title", "handsim: " + std::string(kind)}};
+  SchemaRecorder root;
+  out.update(explore(find_source(kind, sources), root));
+  std::set<std::string> waiting = root.kinds();
+  while (!waiting.empty()) {
+    const std::string next = waiting.extract(waiting.begin()).value();
+    SchemaRecorder recorder;
+    out["$defs"][definition_name(next)] = explore(find_source(next, sources), recorder);
+    for (const std::string& other : recorder.kinds())
+      if (!out["$defs"].contains(definition_name(other))) waiting.insert(other);
+  }
+  return out.dump(1) + "\n";
+}
+
+}  // namespace handsim

@@ -1,0 +1,154 @@
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "handsim/core/schema_recorder.h"
+
+namespace handsim {
+
+namespace {
+
+using Kind = YamlNode::Kind;
+
+constexpr const char* kSample = "sample";
+
+YamlNode sample_list(std::vector<YamlNode> items) {
+  YamlNode list = yaml_sequence();
+  list.items = std::move(items);
+  return list;
+}
+
+YamlNode sample_number(const Quantity& quantity, double near) {
+  return yaml_scalar(number_text(std::clamp(near, quantity.min, quantity.max)));
+}
+
+/// Numbers and words are texts, too, where the reader wants a text.
+Json text_type() { return {{"type", {"string", "number", "boolean"}}}; }
+
+/// A bare number in SI, or a text with a unit of its dimension.
+Json number_type(const Quantity& quantity) {
+  std::string pattern = "^ *-?([0-9]+\\.?[0-9]*|\\.[0-9]+)([eE][-+]?[0-9]+)?";
+  std::vector<std::string> units;
+  for (const std::string_view unit : units_of(quantity.dimension)) {
+    std::string& escaped = units.emplace_back();
+    for (const char c : unit) escaped += c == '(' || c == ')' ? fmt::format("\\{}", c) : std::string(1, c);
+  }
+  if (!units.empty()) pattern += fmt::format(" *({})?", fmt::join(units, "|"));
+  Json out = {{"type", {"number", "string"}}, {"description", quantity.need()}};
+  if (std::isfinite(quantity.min)) out[quantity.above_min ? "exclusiveMinimum" : "minimum"] = quantity.min;
+  if (std::isfinite(quantity.max)) out["maximum"] = quantity.max;
+  out["pattern"] = pattern + " *$";
+  return out;
+}
+
+Json array_type(const Json& items, std::size_t least, std::size_t most) {
+  Json out = {{"type", "array"}};
+  if (!items.is_null()) out["items"] = items;
+  if (least > 0) out["minItems"] = least;
+  if (most < kNoLimit) out["maxItems"] = most;
+  return out;
+}
+
+}  // namespace
+
+KeyForm asked_form() { return {{}, {yaml_scalar(kSample), yaml_map(), sample_list({yaml_map()})}}; }
+
+KeyForm number_form(const Quantity& quantity, std::optional<double> fallback, bool required) {
+  Json type = number_type(quantity);
+  if (fallback) type["default"] = *fallback;
+  return {{type}, {sample_number(quantity, 1)}, required};
+}
+
+KeyForm integer_form(int min, int max, int fallback) {
+  const Json type = {{"type", "integer"}, {"minimum", min}, {"maximum", max}, {"default", fallback}};
+  return {{type}, {yaml_scalar(std::to_string(fallback))}};
+}
+
+KeyForm text_form(const std::optional<std::string>& fallback, bool required) {
+  Json type = text_type();
+  if (fallback) type["default"] = *fallback;
+  return {{type}, {yaml_scalar(kSample)}, required};
+}
+
+KeyForm name_form() {
+  Json type = text_type();
+  type["pattern"] = "^[A-Za-z0-9_-]{1,64}$";
+  return {{type}, {yaml_scalar(kSample)}, true};
+}
+
+KeyForm flag_form(bool fallback) {
+  return {{{{"type", "boolean"}, {"default", fallback}}}, {yaml_scalar("true"), yaml_scalar("false")}};
+}
+
+KeyForm vector_form(const Quantity& quantity, const std::optional<Vec3>& fallback) {
+  Json type = array_type(number_type(quantity), 3, 3);
+  if (fallback) type["default"] = {fallback->x(), fallback->y(), fallback->z()};
+  const YamlNode one = sample_number(quantity, 1);
+  return {{type}, {sample_list({one, one, one})}, !fallback};
+}
+
+KeyForm range_form(const Quantity& quantity, bool required) {
+  return {{array_type(number_type(quantity), 2, 2)},
+          {sample_list({sample_number(quantity, 0), sample_number(quantity, 1)})},
+          required};
+}
+
+KeyForm choice_form(const std::vector<std::string_view>& words, std::optional<std::string_view> fallback) {
+  Json type = {{"enum", words}};
+  if (fallback) type["default"] = *fallback;
+  std::vector<YamlNode> samples;
+  for (const std::string_view word : words) samples.push_back(yaml_scalar(std::string(word)));
+  return {{type}, std::move(samples), !fallback};
+}
+
+KeyForm texts_form(std::size_t least, std::size_t most, const std::string& need) {
+  KeyForm out{{array_type(text_type(), least, most)}, {sample_list({yaml_scalar(kSample)})}, true};
+  if (least <= 1) out.types.insert(out.types.begin(), text_type());
+  for (Json& type : out.types) type["description"] = need;
+  return out;
+}
+
+KeyForm list_form(std::size_t least, std::size_t most) {
+  return {{array_type({}, least, most)}, {sample_list({yaml_map()})}, least > 0};
+}
+
+KeyForm map_form(bool required) { return {{{{"type", "object"}}}, {yaml_map()}, required}; }
+
+KeyForm value_form(const ValueForm& form) {
+  KeyForm out;
+  out.required = form.required;
+  for (const Kind kind : form.kinds) {
+    Json type = form.words.empty() ? text_type() : Json{{"enum", form.words}};
+    YamlNode sample = yaml_scalar(form.words.empty() ? kSample : form.words.front());
+    if (kind == Kind::sequence) {
+      type = array_type(form.words.empty() ? Json() : type, 0, kNoLimit);
+      sample = sample_list({yaml_map()});
+    } else if (kind == Kind::map) {
+      type = {{"type", "object"}};
+      sample = yaml_map();
+    }
+    type["description"] = form.need;
+    out.types.push_back(std::move(type));
+    out.samples.push_back(std::move(sample));
+  }
+  return out;
+}
+
+std::string definition_name(std::string_view kind) {
+  std::string name(kind.substr(kind.find(' ') + 1));
+  std::replace(name.begin(), name.end(), ' ', '_');
+  return name;
+}
+
+KeyForm file_form(std::string_view kind, bool required) {
+  KeyForm out;
+  out.types.push_back({{"$ref", "#/$defs/" + definition_name(kind)}});
+  out.types.push_back({{"type", "string"}, {"description", "the path of its file"}});
+  out.samples = {yaml_map()};
+  out.required = required;
+  return out;
+}
+
+}  // namespace handsim

@@ -1,0 +1,59 @@
+#include "handsim/core/words.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "handsim/core/text.h"
+
+namespace handsim {
+
+namespace {
+
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (std::size_t i = 1; i <= a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i;
+    for (std::size_t j = 1; j <= b.size(); ++j) {
+      const std::size_t above = row[j];
+      row[j] = std::min({row[j] + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0U : 1U)});
+      diagonal = above;
+    }
+  }
+  return row[b.size()];
+}
+
+}  // namespace
+
+std::string list_of(const std::vector<std::string>& words) {
+  return words.size() == 1 ? words.front() : "one of " + fmt::format("{}", fmt::join(words, ", "));
+}
+
+std::string nearest_hint(std::string_view got, const std::vector<std::string>& known) {
+  const std::optional<std::string> near = nearest_word(got, known);
+  return near ? fmt::format(" (nearest: {})", *near) : "";
+}
+
+std::string need_word(std::string_view got, const std::vector<std::string>& known) {
+  return list_of(known) + nearest_hint(got, known);
+}
+
+std::optional<std::string> nearest_word(std::string_view word, const std::vector<std::string>& known) {
+  std::optional<std::string> best;
+  std::size_t best_distance = std::clamp<std::size_t>(word.size() / 3, word.size() < 4 ? 1 : 2, 3) + 1;
+  for (const std::string& candidate : known) {
+    // The distance is at least the difference in length; this also skips words of megabytes.
+    if (word.size() >= candidate.size() + best_distance) continue;
+    const std::size_t distance = edit_distance(lower_case(word), lower_case(candidate));
+    if (distance < best_distance) {
+      best_distance = distance;
+      best = candidate;
+    }
+  }
+  return best;
+}
+
+}  // namespace handsim
