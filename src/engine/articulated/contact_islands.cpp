@@ -17,8 +17,8 @@ void ContactNewton::find_islands() {
     return i;
   };
   for (const ContactRows& contact : contacts_)
-    for (std::size_t k = 1; k < contact.dof_count; ++k) {
-      const int a = root(dofs_[contact.first_dof]), b = root(dofs_[contact.first_dof + k]);
+    for (const Run& run : runs(contact)) {
+      const int a = root(dofs_[contact.first_dof]), b = root(run.first);
       island_of_[at(std::max(a, b))] = std::min(a, b);
     }
   islands_ = 0;
@@ -71,9 +71,14 @@ void ContactNewton::load_island(const ContactNewton& whole, int island) {
     const ContactRows& contact = whole.contacts_[at(c)];
     ContactRows& to = contacts_.emplace_back(contact);
     to.first_dof = dofs_.size();
+    to.first_run = dof_runs_.size();
     to.first_entry = J_.size();
     for (std::size_t k = 0; k < contact.dof_count; ++k)
       dofs_.push_back(whole.place_[at(whole.dofs_[contact.first_dof + k])]);
+    for (const Run& run : whole.runs(contact)) {
+      const int first = whole.place_[at(run.first)];
+      dof_runs_.push_back({first, first + run.size()});
+    }
     const auto entries = whole.J_.begin() + static_cast<std::ptrdiff_t>(contact.first_entry);
     J_.insert(J_.end(), entries, entries + static_cast<std::ptrdiff_t>(contact.rows * contact.dof_count));
   }
@@ -89,9 +94,11 @@ void ContactNewton::store_island(ContactNewton& whole, int island) const {
   auto from = contacts_.begin();
   for (const int c : whole.touching(island)) {
     ContactRows& contact = whole.contacts_[at(c)];
-    const std::size_t first_dof = contact.first_dof, first_entry = contact.first_entry;
+    const std::size_t first_dof = contact.first_dof, first_run = contact.first_run,
+                      first_entry = contact.first_entry;
     contact = *from++;
     contact.first_dof = first_dof;
+    contact.first_run = first_run;
     contact.first_entry = first_entry;
   }
 }
