@@ -43,7 +43,8 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
   light_.reserve(kUsualContacts);
   memory_.points.reserve(kUsualContacts);
   dofs_.reserve(at(space_.size()));
-  signs_.reserve(at(space_.size()));
+  pair_runs_.reserve(at(space_.size()));
+  loop_entries_.reserve(at(space_.size()));
   const Topology& topology = mechanism.topology();
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     if (rate_count(topology.nodes[i].kind) != 1) continue;
@@ -75,7 +76,8 @@ void ContactDynamics::order_dofs() {
     for (int j = space_.parent_dof(dof); j != kNoDof; j = space_.parent_dof(j))
       first[at(place_[at(j)])] = std::min(first[at(place_[at(j)])], place_[at(dof)]);
   solver_.resize(first);
-  S_.resize(at(n));
+  S_.resize(6 * at(n));
+  inverse_inertia_.resize(at(n));
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     std::vector<int>& carriers = carriers_.emplace_back();
     for (int dof = space_.last_dof(static_cast<int>(i)); dof != kNoDof; dof = space_.parent_dof(dof))
@@ -117,21 +119,15 @@ int ContactDynamics::collide(const model::State& state, const Prospect& prospect
   return collider_.collide(state, prospect);
 }
 
-/// Velocity of a body at a point; of a base during the step.
-ContactDynamics::Side ContactDynamics::side(int shape, const Vec3& position) const {
-  Side out;
-  out.node = node_of(shape);
-  if (out.node == kNoNode) {
+/// How a body moves; a base during the step.
+ContactDynamics::Side ContactDynamics::side(int shape) const {
+  const int node = node_of(shape);
+  if (node == kNoNode) {
     const BaseMotion& base = mechanism_.base(body_of(shape));
-    out.v = base.v + base.w.cross(position - base.pose.p);
-    out.w = base.w;
-    return out;
+    return {base.pose.p, base.v, base.w};
   }
-  out.r = position - mechanism_.origin(mechanism_.topology().nodes[at(out.node)].island);
-  const Spatial v = space_.velocity(out.node);
-  out.w = v.head<3>();
-  out.v = v.tail<3>() + out.w.cross(out.r);
-  return out;
+  const Spatial v = space_.velocity(node);
+  return {mechanism_.origin(mechanism_.topology().nodes[at(node)].island), v.tail<3>(), v.head<3>()};
 }
 
 ContactDynamics::Mobility ContactDynamics::mobility_of(int shape) const {
@@ -143,7 +139,13 @@ ContactDynamics::Mobility ContactDynamics::mobility_of(int shape) const {
 /// The dofs that move one of two nodes and not the other.
 void ContactDynamics::find_moving_dofs(int node_a, int node_b) {
   dofs_.clear();
-  signs_.clear();
+  pair_runs_.clear();
+  const auto add = [&](int dof, double sign) {
+    if (dofs_.empty() || dofs_.back() + 1 != dof || pair_runs_.back().sign != sign)
+      pair_runs_.push_back({dof, 0, sign});
+    ++pair_runs_.back().count;
+    dofs_.push_back(dof);
+  };
   const std::span<const int> a = node_a == kNoNode ? std::span<const int>() : carriers_[at(node_a)];
   const std::span<const int> b = node_b == kNoNode ? std::span<const int>() : carriers_[at(node_b)];
   for (std::size_t i = 0, j = 0; i < a.size() || j < b.size();) {
@@ -151,11 +153,9 @@ void ContactDynamics::find_moving_dofs(int node_a, int node_b) {
       ++i;
       ++j;
     } else if (j == b.size() || (i < a.size() && a[i] < b[j])) {
-      dofs_.push_back(a[i++]);
-      signs_.push_back(1);
+      add(a[i++], 1);
     } else {
-      dofs_.push_back(b[j++]);
-      signs_.push_back(-1);
+      add(b[j++], -1);
     }
   }
 }
@@ -170,11 +170,13 @@ void ContactDynamics::find_free(double step) {
   const int n = space_.size();
   const std::span<const double> du = mechanism_.du();
   for (int dof = 0; dof < n; ++dof) {
-    S_[at(place_[at(dof)])] = space_.axis(dof);
+    const Spatial S = space_.axis(dof);
+    for (std::size_t k = 0; k < 6; ++k) S_[k * at(n) + at(place_[at(dof)])] = S[static_cast<Eigen::Index>(k)];
     for (int j = dof; j != kNoDof; j = space_.parent_dof(j))
       solver_.inertia(place_[at(dof)], place_[at(j)]) = space_.inertia(dof, j);
   }
   for (const Coordinate& each : axes_) solver_.inertia(each.place, each.place) += *each.axis.weight;
+  for (int i = 0; i < n; ++i) inverse_inertia_[at(i)] = 1 / solver_.inertia(i, i);
   // g = A x of the free step.
   const std::span<double> g = solver_.drive();
   for (int dof = 0; dof < n; ++dof) {

@@ -127,18 +127,30 @@ void ContactNewton::servo(int i, double offset, double slope, double limit, doub
 ContactRows& ContactNewton::add(std::span<const int> dofs, std::size_t rows) {
   ContactRows& out = contacts_.emplace_back();
   out.rows = rows;
-  out.first_dof = dofs_.size();
   out.dof_count = dofs.size();
-  out.first_run = dof_runs_.size();
   out.first_entry = J_.size();
+  J_.resize(J_.size() + rows * dofs.size());
+  // Contacts of one pair share their unknowns.
+  if (contacts_.size() > 1) {
+    const ContactRows& last = contacts_[contacts_.size() - 2];
+    if (std::equal(dofs.begin(), dofs.end(), dofs_.begin() + static_cast<std::ptrdiff_t>(last.first_dof),
+                   dofs_.end())) {
+      out.first_dof = last.first_dof;
+      out.first_run = last.first_run;
+      out.run_count = last.run_count;
+      return out;
+    }
+  }
+  out.first_dof = dofs_.size();
+  out.first_run = dof_runs_.size();
   dofs_.insert(dofs_.end(), dofs.begin(), dofs.end());
   for (std::size_t k = 0; k < dofs.size(); ++k) {
     // A run does not go on from one tree to the next.
-    if (k == 0 || dofs[k] != dofs[k - 1] + 1 || tree_first_[at(dofs[k])] == dofs[k]) dof_runs_.push_back({dofs[k], dofs[k]});
+    if (k == 0 || dofs[k] != dofs[k - 1] + 1 || tree_first_[at(dofs[k])] == dofs[k])
+      dof_runs_.push_back({dofs[k], dofs[k]});
     ++dof_runs_.back().end;
   }
   out.run_count = dof_runs_.size() - out.first_run;
-  J_.resize(J_.size() + rows * dofs.size());
   return out;
 }
 
