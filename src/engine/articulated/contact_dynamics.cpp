@@ -78,6 +78,10 @@ void ContactDynamics::order_dofs() {
   solver_.resize(first);
   S_.resize(6 * at(n));
   inverse_inertia_.resize(at(n));
+  change_.resize(at(n));
+  involved_.resize(at(n));
+  for (int dof = 0; dof < n; ++dof)
+    root_of_.push_back(space_.parent_dof(dof) == kNoDof ? dof : root_of_[at(space_.parent_dof(dof))]);
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     std::vector<int>& carriers = carriers_.emplace_back();
     for (int dof = space_.last_dof(static_cast<int>(i)); dof != kNoDof; dof = space_.parent_dof(dof))
@@ -160,43 +164,80 @@ void ContactDynamics::find_moving_dofs(int node_a, int node_b) {
   }
 }
 
-/// The solver's A and g from the step without contacts and stops.
+/// Whether a coordinate's servo and stops agree with the step that knows of no contacts and stops.
+bool ContactDynamics::free_step_holds(const Coordinate& each, double step) const {
+  const AxisView& a = each.axis;
+  const double rate = *each.u + step * mechanism_.du()[space_.rate_index(each.dof)];
+  if (*a.servo_limit > 0) {
+    const double pull = *a.servo_stiffness * (*a.servo_error - step * rate) + *a.servo_feed - *a.servo_damping * rate;
+    // Written so that NaN does not hold.
+    if (*a.saturated == 0 ? !(std::abs(pull) <= *a.servo_limit) : !(*a.saturated * pull > *a.servo_limit))
+      return false;
+  }
+  return each.side == 0 && rate >= -stop_target(*each.q - *a.low, step) &&
+         rate <= stop_target(*a.high - *each.q, step);
+}
+
+/// Finds the trees that contacts, loops, stops or torque limits keep from the free step.
+void ContactDynamics::choose_trees(double step) {
+  std::fill(involved_.begin(), involved_.end(), loops_ != nullptr);
+  for (const Touch& touch : collider_.touches()) {
+    const Contact& any = collider_.contacts()[touch.first];
+    for (const int node : {node_of(any.shape_a), node_of(any.shape_b)})
+      if (node != kNoNode) involved_[at(root_of_[at(space_.first_dof(node))])] = true;
+  }
+  for (const Coordinate& each : axes_)
+    if (const auto root = at(root_of_[at(each.dof)]); !involved_[root] && !free_step_holds(each, step))
+      involved_[root] = true;
+  for (int dof = 0; dof < space_.size(); ++dof)
+    if (!involved(dof)) solver_.leave_out(place_[at(dof)]);
+}
+
+/// The solver's A and g from the step without contacts and stops, of the trees that are involved.
 void ContactDynamics::find_free(double step) {
   const Kernel& kernel = mechanism_.kernel();
   kernel.prepare(mechanism_.tree(), step);
   kernel.solve(mechanism_.tree());
-  space_.find_inertia();
   solver_.begin();
+  choose_trees(step);
+  space_.find_inertia([&](int dof) { return involved(dof); });
+  for (const Coordinate& each : axes_)
+    if (involved(each.dof)) space_.add_to_diagonal(each.dof, *each.axis.weight);
+  // A, and g = A x of the free step.
   const int n = space_.size();
   const std::span<const double> du = mechanism_.du();
-  for (int dof = 0; dof < n; ++dof) {
-    const Spatial S = space_.axis(dof);
-    for (std::size_t k = 0; k < 6; ++k) S_[k * at(n) + at(place_[at(dof)])] = S[static_cast<Eigen::Index>(k)];
-    for (int j = dof; j != kNoDof; j = space_.parent_dof(j))
-      solver_.inertia(place_[at(dof)], place_[at(j)]) = space_.inertia(dof, j);
-  }
-  for (const Coordinate& each : axes_) solver_.inertia(each.place, each.place) += *each.axis.weight;
-  for (int i = 0; i < n; ++i) inverse_inertia_[at(i)] = 1 / solver_.inertia(i, i);
-  // g = A x of the free step.
   const std::span<double> g = solver_.drive();
   for (int dof = 0; dof < n; ++dof) {
+    if (!involved(dof)) continue;
     const int i = place_[at(dof)];
-    const double change = step * du[space_.rate_index(dof)];
-    g[at(i)] += solver_.inertia(i, i) * change;
+    const double* S = space_.axis_data(dof);
+    for (std::size_t k = 0; k < 6; ++k) S_[k * at(n) + at(i)] = S[k * mechanism_.stride()];
+    const double change = change_[at(dof)] = step * du[space_.rate_index(dof)];
+    const double own = solver_.inertia(i, i) = space_.inertia(dof, dof);
+    inverse_inertia_[at(i)] = 1 / own;
+    double sum = own * change;
     for (int j = space_.parent_dof(dof); j != kNoDof; j = space_.parent_dof(j)) {
       const int k = place_[at(j)];
-      g[at(k)] += solver_.inertia(i, k) * change;
-      g[at(i)] += solver_.inertia(i, k) * step * du[space_.rate_index(j)];
+      const double entry = solver_.inertia(i, k) = space_.inertia(dof, j);
+      g[at(k)] += entry * change;
+      sum += entry * change_[at(j)];
     }
+    g[at(i)] += sum;
   }
+}
+
+/// Greatest speed towards a stop at a distance: the same as the kernels have without contact.
+double ContactDynamics::stop_target(double room, double step) const {
+  return (room < 0 ? erp_ * room : room) / step;
 }
 
 /// Servos with their limits, and stops as bounds of the rates. The servos' part of the free step is removed.
 void ContactDynamics::bound_axes(double step) {
   for (Coordinate& each : axes_) {
+    each.bounced = false;
+    if (!involved(each.dof)) continue;
     const AxisView& a = each.axis;
     const double u = *each.u, q = *each.q;
-    each.bounced = false;
     if (*a.servo_limit > 0) {
       const double slope = step * *a.servo_stiffness + *a.servo_damping;
       const double pull = step * (*a.servo_stiffness * *a.servo_error + *a.servo_feed - slope * u);
@@ -211,9 +252,8 @@ void ContactDynamics::bound_axes(double step) {
       }
     }
     if (*a.low == -HUGE_VAL && *a.high == HUGE_VAL) continue;
-    // The same target as the kernels have without contact.
-    const auto target = [&](double room) { return (room < 0 ? erp_ * room : room) / step; };
-    solver_.bound(each.place, -target(q - *a.low) - u, target(*a.high - q) - u, each.side);
+    solver_.bound(each.place, -stop_target(q - *a.low, step) - u, stop_target(*a.high - q, step) - u,
+                  each.side);
   }
 }
 
@@ -270,8 +310,10 @@ NewtonReport ContactDynamics::solve(double step) {
   }
   const std::span<double> du = mechanism_.du();
   for (int dof = 0; dof < space_.size(); ++dof)
-    du[space_.rate_index(dof)] = solver_.x()[at(place_[at(dof)])] / step;
+    if (involved(dof))
+      du[space_.rate_index(dof)] = solver_.x()[at(place_[at(dof)])] / step;
   for (const Coordinate& each : axes_) {
+    if (!involved(each.dof)) continue;
     *each.axis.side = solver_.side(each.place);
     *each.axis.saturated = solver_.saturated(each.place);
   }

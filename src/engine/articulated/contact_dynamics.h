@@ -82,6 +82,12 @@ class ContactDynamics {
   static void carry(Archive& archive, T& point);
   void order_dofs();
   void find_free(double step);
+  bool free_step_holds(const Coordinate& each, double step) const;
+  double stop_target(double room, double step) const;
+  void choose_trees(double step);
+  bool involved(int dof) const {
+    return involved_[static_cast<std::size_t>(root_of_[static_cast<std::size_t>(dof)])];
+  }
   void add_contacts(double step);
   void add_contact(const Contact& contact, const model::Material& surface, int sharing, double step);
   void find_pair(int shape_a, int shape_b);
@@ -115,9 +121,13 @@ class ContactDynamics {
   double erp_, heaviest_ = 0;  ///< mass of the heaviest body [kg]
   std::vector<Coordinate> axes_;
   std::vector<int> place_, dof_of_;         ///< in the solver, of each dof, and back
+  std::vector<int> root_of_;                ///< of each dof
+  /// By roots: whether contacts, stops or torque limits change the free step of the tree.
+  std::vector<char> involved_;
   std::vector<std::vector<int>> carriers_;  ///< places of the dofs that carry each node, ascending
   std::vector<double> S_;                   ///< row k: entry k of all axes, by place
   std::vector<double> inverse_inertia_;     ///< inverse of the diagonal, by place
+  std::vector<double> change_;              ///< of each dof's rate in the free step
   TouchingPair pair_;
   std::vector<int> dofs_;  ///< places that move the two of a pair against each other
   std::vector<PairRun> pair_runs_;

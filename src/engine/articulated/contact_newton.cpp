@@ -43,7 +43,7 @@ void ContactNewton::lay_out(std::span<const int> first) {
     A_last_[at(i)] = i;
     for (int k = A_first_[at(i)]; k < i; ++k) A_last_[at(k)] = i;
   }
-  lay_out(A_last_, A_start_, A_);
+  A_.assign(lay_out_rows(A_last_, A_start_), 0.0);
   find_chains();
   tree_first_.resize(at(n_));
   tree_last_.resize(at(n_));
@@ -57,6 +57,7 @@ void ContactNewton::lay_out(std::span<const int> first) {
   for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
   bounds_.resize(at(n_));
   servos_.resize(at(n_));
+  left_out_.assign(at(n_), false);
 }
 
 void ContactNewton::reserve(std::size_t n) {
@@ -69,7 +70,7 @@ void ContactNewton::reserve(std::size_t n) {
   for (std::vector<double>* each : {&A_, &M_}) each->reserve(most);
   for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->reserve(n);
   for (std::vector<int>* each :
-       {&A_first_, &A_last_, &last_, &parent_, &tree_first_, &tree_last_, &part_first_})
+       {&A_first_, &A_last_, &last_, &parent_, &tree_first_, &tree_last_, &loaded_, &part_first_})
     each->reserve(n);
   for (std::vector<std::size_t>* each : {&A_start_, &M_start_}) each->reserve(n);
   chains_.reserve(n);
@@ -94,16 +95,15 @@ void ContactNewton::reserve(std::size_t n) {
   K_.reserve(kUsualContacts * (kUsualContacts + 1));
 }
 
-/// Rows of an upper triangle, each from its diagonal to its last entry, all zero.
-void ContactNewton::lay_out(std::span<const int> last, std::vector<std::size_t>& start,
-                            std::vector<double>& rows) const {
+/// Where the rows of an upper triangle start, each from its diagonal to its last entry. @returns their size
+std::size_t ContactNewton::lay_out_rows(std::span<const int> last, std::vector<std::size_t>& start) const {
   start.resize(at(n_));
   std::size_t count = 0;
   for (int i = 0; i < n_; ++i) {
     start[at(i)] = count - at(i);  // entry (i, j) is at start + j
     count += at(last[at(i)] - i + 1);
   }
-  rows.assign(count, 0.0);
+  return count;
 }
 
 void ContactNewton::begin() {
@@ -112,6 +112,7 @@ void ContactNewton::begin() {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   std::fill(bounds_.begin(), bounds_.end(), Bound{-kInfinity, kInfinity, 0});
   std::fill(servos_.begin(), servos_.end(), Servo{});
+  left_out_.assign(at(n_), false);
   contacts_.clear();
   dofs_.clear();
   dof_runs_.clear();
@@ -420,7 +421,7 @@ NewtonReport ContactNewton::solve_island(double tolerance) {
     gauss_seidel(tolerance, report);
     return report;
   }
-  lay_out(last_, M_start_, M_);
+  M_.resize(lay_out_rows(last_, M_start_));
   if (heap) latest_.contacts = contacts_;
   evaluate_residual(Law::active_set);
   newton_steps(heap ? kHeapSteps : kNewtonSteps, tolerance, report);

@@ -80,6 +80,8 @@ class ContactNewton {
   /// A's entry, i <= j.
   double& inertia(int i, int j) { return A_[entry(i, j)]; }
   std::span<double> drive() { return g_; }
+  /// Leaves out the tree of an unknown, which no contact may move: its x is not found.
+  void leave_out(int i) { left_out_[static_cast<std::size_t>(tree_first_[static_cast<std::size_t>(i)])] = true; }
   /// Bounds x_i; `side` -1 or 1: starts on the lower or the upper bound.
   void bound(int i, double low, double high, double side);
   /// Adds offset - slope x_i, clamped to +-limit, to the right side.
@@ -153,6 +155,7 @@ class ContactNewton {
   }
   std::span<const int> members(int island) const { return part(members_, first_member_, island); }
   std::span<const int> touching(int island) const { return part(touching_, first_touching_, island); }
+  void lay_out_island(const ContactNewton& whole, std::span<const int> members);
   void load_island(const ContactNewton& whole, int island);
   void store_island(ContactNewton& whole, int island) const;
   NewtonReport solve_island(double tolerance);
@@ -164,7 +167,7 @@ class ContactNewton {
   std::span<const Run> runs(const ContactRows& contact) const {
     return {dof_runs_.data() + contact.first_run, contact.run_count};
   }
-  void lay_out(std::span<const int> last, std::vector<std::size_t>& start, std::vector<double>& rows) const;
+  std::size_t lay_out_rows(std::span<const int> last, std::vector<std::size_t>& start) const;
   double factor_work() const;
   static void apply_law(ContactRows& contact, const double* r, Law law);
   double bound_compliance(int i) const;
@@ -253,6 +256,7 @@ class ContactNewton {
   std::vector<std::size_t> chain_of_;  ///< of each unknown
   std::vector<Run> runs_;
   std::vector<std::uint64_t> links_;  ///< bits: later chains that each chain has entries in
+  std::vector<bool> left_out_;               ///< of trees, by their first unknowns
   std::vector<int> tree_first_, tree_last_;  ///< first and last unknown of each unknown's tree
   Law law_ = Law::coulomb;
   std::vector<double> A_, M_, g_, x_, F_, sum_, d_, Ad_;
@@ -268,7 +272,7 @@ class ContactNewton {
   /// Unknowns and contacts island by island, and where each island's begin.
   std::vector<int> members_, first_member_, touching_, first_touching_;
   std::unique_ptr<ContactNewton> part_;  ///< solves islands one by one
-  std::vector<int> part_first_, next_;
+  std::vector<int> loaded_, part_first_, next_;  ///< of an island: unknowns of the whole, its A_first_
   std::vector<Block> blocks_;
   std::vector<Range> ranges_;
   std::vector<double> Y_;  ///< A^-1 J^T of the blocks' rows, over their ranges

@@ -103,26 +103,27 @@ void ContactNewton::add_stiffness(const ContactRows& contact) {
         }
       }
   };
-  if (contact.rows == 3) {
-    const auto [xx, xy, yy] = stiffness(contact.discs[0]);
+  std::size_t k = 0;
+  if (contact.disc_count > 0 && contact.discs[0].kind == Disc::Kind::sliding) {
+    const auto [xx, xy, yy] = stiffness(contact.discs[k++]);
     const double *x = J + m, *y = J + 2 * m;
     each_row([&](std::size_t own, double* to, std::size_t from, int count) {
       const double s[3] = {-normal * J[own], -xx * x[own] - xy * y[own], -xy * x[own] - yy * y[own]};
       subtract(to, J + from, x + from, y + from, s, count);
     });
-    return;
+  } else if (normal > 0) {
+    each_row([&](std::size_t own, double* to, std::size_t from, int count) {
+      subtract(to, J + from, -normal * J[own], count);
+    });
   }
-  each_row([&](std::size_t own, double* to, std::size_t from, int count) {
-    if (normal > 0) subtract(to, J + from, -normal * J[own], count);
-  });
-  for (std::size_t k = 0; k < contact.disc_count; ++k) {
+  for (; k < contact.disc_count; ++k) {
     const Disc& disc = contact.discs[k];
     const auto [xx, xy, yy] = stiffness(disc);
-    const double *x = J + disc.row * m, *y = x + (disc.size > 1 ? m : 0);
-    const double both = disc.size > 1 ? 1 : 0;
+    const double *x = J + disc.row * m, *y = x + m;
     each_row([&](std::size_t own, double* to, std::size_t from, int count) {
-      subtract(to, x + from, -xx * x[own] - both * xy * y[own], count);
-      if (disc.size > 1) subtract(to, y + from, -xy * x[own] - yy * y[own], count);
+      if (disc.size == 1) return subtract(to, x + from, -xx * x[own], count);
+      subtract(to, x + from, -xx * x[own] - xy * y[own], count);
+      subtract(to, y + from, -xy * x[own] - yy * y[own], count);
     });
   }
 }

@@ -6,6 +6,7 @@
 #include <limits>
 #include <map>
 #include <new>
+#include <optional>
 
 #include "handsim/engine/articulated/mechanism_lanes.h"
 #include "handsim/engine/articulated/spin.h"
@@ -380,12 +381,15 @@ void Mechanism::give(model::State& state) const {
   of_width(kernel_->width, [&](auto w) {
     constexpr int W = w;
     const In<W> in(*this);
+    std::optional<int> island;
+    Vec3 O = Vec3::Zero();
     for (const Carried& each : carried_) {
       const Seat& seat = seats_[at(each.node)];
       const Frame<W>& frame = in.batch[seat.batch].frame;
       model::BodyState& body = state.bodies[at(each.body)];
+      if (const int own = topology_.nodes[at(each.node)].island; island != own) O = origin(*(island = own));
       const Vec3 p = get3<W>(frame.p, seat.lane), turn = get3<W>(frame.v, seat.lane);
-      body.p = origin(topology_.nodes[at(each.node)].island) + p;
+      body.p = O + p;
       body.q = (get4<W>(frame.quat, seat.lane) * each.q_LB).normalized();
       body.v = get3<W>(frame.v + 3, seat.lane) + turn.cross(p);
       body.w = turn;
