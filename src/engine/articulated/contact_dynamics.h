@@ -89,14 +89,14 @@ class ContactDynamics {
     return involved_[static_cast<std::size_t>(root_of_[static_cast<std::size_t>(dof)])];
   }
   void add_contacts(double step);
-  void add_contact(const Contact& contact, const model::Material& surface, int sharing, double step);
+  void add_contact(const Contact& contact, const model::Material& surface, double share, double step);
   void find_pair(int shape_a, int shape_b);
   void find_moving_dofs(int node_a, int node_b);
   Side side(int shape) const;
   void find_point_rows(const Mat3& frame, const Vec3& position, double* J) const;
   void find_normal_row(const Vec3& normal, const Vec3& position, double* J) const;
   void find_turning_row(const Vec3& axis, double* J) const;
-  double find_target(ContactRows& rows, const Contact& contact, const model::Material& surface, int sharing,
+  double find_target(ContactRows& rows, const Contact& contact, const model::Material& surface, double share,
                      double crossed, double approach, double step);
   void warm_start(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);
   void store_warm_start(double step);

@@ -74,12 +74,12 @@ void ContactDynamics::find_turning_row(const Vec3& axis, double* J) const {
 
 /// Velocity along the normal that a contact is to have after the step, and its regularization.
 double ContactDynamics::find_target(ContactRows& rows, const Contact& contact, const model::Material& surface,
-                                    int sharing, double crossed, double approach, double step) {
+                                    double share, double crossed, double approach, double step) {
   const double inside = std::max(contact.depth - kSurfaceLayer, 0.0);
   double target = 0;
   if (surface.compliance) {
     const SoftRow spring =
-        soft_row(surface.compliance->stiffness / sharing, surface.compliance->damping / sharing, step);
+        soft_row(share * surface.compliance->stiffness, share * surface.compliance->damping, step);
     target = spring.erp * (contact.depth < 0 ? contact.depth : inside) / step;
     rows.regularization = spring.cfm / step;
   } else {
@@ -95,7 +95,7 @@ double ContactDynamics::find_target(ContactRows& rows, const Contact& contact, c
 }
 
 /// A contact's rows by its materials; the same laws as the ODE engine's.
-void ContactDynamics::add_contact(const Contact& contact, const model::Material& surface, int sharing,
+void ContactDynamics::add_contact(const Contact& contact, const model::Material& surface, double share,
                                   double step) {
   // Normals on both sides of a finger would jam it with the friction of a circular cone.
   const double crossed = surface.compliance ? 0 : crossed_.giving(contact);
@@ -110,7 +110,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   frame.col(2) = contact.normal.cross(frame.col(1));
   const Vec3 v =
       frame.transpose() * (pair_.a.velocity(contact.position) - pair_.b.velocity(contact.position));
-  rows.start[0] = v.x() - find_target(rows, contact, surface, sharing, crossed, -v.x(), step);
+  rows.start[0] = v.x() - find_target(rows, contact, surface, share, crossed, -v.x(), step);
 
   const std::size_t m = dofs_.size();
   double* J = solver_.jacobian(rows).data();
@@ -162,7 +162,7 @@ void ContactDynamics::add_contacts(double step) {
     find_pair(any.shape_a, any.shape_b);
     for (int index = 0; index < touch.count; ++index) {
       const Contact& contact = collider_.contacts()[touch.first + at(index)];
-      add_contact(contact, touch.surface, touch.count, step);
+      add_contact(contact, touch.surface, 1.0 / touch.count, step);
       warm_start(solver_.contact(frames_.size() - 1), contact, frames_.back(), index);
     }
   }

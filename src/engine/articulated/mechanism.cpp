@@ -6,7 +6,6 @@
 #include <limits>
 #include <map>
 #include <new>
-#include <optional>
 
 #include "handsim/engine/articulated/mechanism_lanes.h"
 #include "handsim/engine/articulated/spin.h"
@@ -233,15 +232,16 @@ void Mechanism::fill_lane(Batch<W>& b, int batch, int lane, int index, const Set
 
 Vec3 Mechanism::origin(int island) const {
   const std::size_t reference = at(topology_.reference[at(island)]);
-  const Node& node = topology_.nodes[reference];
-  if (node.kind == NodeKind::free) {
-    const double* q = tree_.q + seats_[reference].q;
-    return {q[0], q[stride()], q[2 * stride()]};
-  }
-  return bases_[at(node.base)].pose * node.anchor;
+  if (topology_.nodes[reference].kind != NodeKind::free) return origins_[at(island)];
+  const double* q = tree_.q + seats_[reference].q;
+  return {q[0], q[stride()], q[2 * stride()]};
 }
 
 void Mechanism::update_bases() {
+  origins_.resize(topology_.reference.size());
+  for (std::size_t i = 0; i < origins_.size(); ++i)
+    if (const Node& node = topology_.nodes[at(topology_.reference[i])]; node.kind != NodeKind::free)
+      origins_[i] = bases_[at(node.base)].pose * node.anchor;
   of_width(kernel_->width, [&](auto w) {
     constexpr int W = w;
     const In<W> in(*this);
@@ -381,15 +381,12 @@ void Mechanism::give(model::State& state) const {
   of_width(kernel_->width, [&](auto w) {
     constexpr int W = w;
     const In<W> in(*this);
-    std::optional<int> island;
-    Vec3 O = Vec3::Zero();
     for (const Carried& each : carried_) {
       const Seat& seat = seats_[at(each.node)];
       const Frame<W>& frame = in.batch[seat.batch].frame;
       model::BodyState& body = state.bodies[at(each.body)];
-      if (const int own = topology_.nodes[at(each.node)].island; island != own) O = origin(*(island = own));
       const Vec3 p = get3<W>(frame.p, seat.lane), turn = get3<W>(frame.v, seat.lane);
-      body.p = O + p;
+      body.p = origin(topology_.nodes[at(each.node)].island) + p;
       body.q = (get4<W>(frame.quat, seat.lane) * each.q_LB).normalized();
       body.v = get3<W>(frame.v + 3, seat.lane) + turn.cross(p);
       body.w = turn;
