@@ -169,7 +169,8 @@ bool ContactDynamics::free_step_holds(const Coordinate& each, double step) const
   const AxisView& a = each.axis;
   const double rate = *each.u + step * mechanism_.du()[space_.rate_index(each.dof)];
   if (*a.servo_limit > 0) {
-    const double pull = *a.servo_stiffness * (*a.servo_error - step * rate) + *a.servo_feed - *a.servo_damping * rate;
+    const double pull =
+        *a.servo_stiffness * (*a.servo_error - step * rate) + *a.servo_feed - *a.servo_damping * rate;
     // Written so that NaN does not hold.
     if (*a.saturated == 0 ? !(std::abs(pull) <= *a.servo_limit) : !(*a.saturated * pull > *a.servo_limit))
       return false;
@@ -310,8 +311,7 @@ NewtonReport ContactDynamics::solve(double step) {
   }
   const std::span<double> du = mechanism_.du();
   for (int dof = 0; dof < space_.size(); ++dof)
-    if (involved(dof))
-      du[space_.rate_index(dof)] = solver_.x()[at(place_[at(dof)])] / step;
+    if (involved(dof)) du[space_.rate_index(dof)] = solver_.x()[at(place_[at(dof)])] / step;
   for (const Coordinate& each : axes_) {
     if (!involved(each.dof)) continue;
     *each.axis.side = solver_.side(each.place);

@@ -120,8 +120,8 @@ class ContactDynamics {
   bool friction_, with_forces_;
   double erp_, heaviest_ = 0;  ///< mass of the heaviest body [kg]
   std::vector<Coordinate> axes_;
-  std::vector<int> place_, dof_of_;         ///< in the solver, of each dof, and back
-  std::vector<int> root_of_;                ///< of each dof
+  std::vector<int> place_, dof_of_;  ///< in the solver, of each dof, and back
+  std::vector<int> root_of_;         ///< of each dof
   /// By roots: whether contacts, stops or torque limits change the free step of the tree.
   std::vector<char> involved_;
   std::vector<std::vector<int>> carriers_;  ///< places of the dofs that carry each node, ascending

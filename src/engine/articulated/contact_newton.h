@@ -81,7 +81,9 @@ class ContactNewton {
   double& inertia(int i, int j) { return A_[entry(i, j)]; }
   std::span<double> drive() { return g_; }
   /// Leaves out the tree of an unknown, which no contact may move: its x is not found.
-  void leave_out(int i) { left_out_[static_cast<std::size_t>(tree_first_[static_cast<std::size_t>(i)])] = true; }
+  void leave_out(int i) {
+    left_out_[static_cast<std::size_t>(tree_first_[static_cast<std::size_t>(i)])] = true;
+  }
   /// Bounds x_i; `side` -1 or 1: starts on the lower or the upper bound.
   void bound(int i, double low, double high, double side);
   /// Adds offset - slope x_i, clamped to +-limit, to the right side.
@@ -255,7 +257,7 @@ class ContactNewton {
   std::vector<Chain> chains_;
   std::vector<std::size_t> chain_of_;  ///< of each unknown
   std::vector<Run> runs_;
-  std::vector<std::uint64_t> links_;  ///< bits: later chains that each chain has entries in
+  std::vector<std::uint64_t> links_;         ///< bits: later chains that each chain has entries in
   std::vector<bool> left_out_;               ///< of trees, by their first unknowns
   std::vector<int> tree_first_, tree_last_;  ///< first and last unknown of each unknown's tree
   Law law_ = Law::coulomb;
@@ -271,7 +273,7 @@ class ContactNewton {
   std::vector<int> place_;      ///< index of each unknown in its island
   /// Unknowns and contacts island by island, and where each island's begin.
   std::vector<int> members_, first_member_, touching_, first_touching_;
-  std::unique_ptr<ContactNewton> part_;  ///< solves islands one by one
+  std::unique_ptr<ContactNewton> part_;          ///< solves islands one by one
   std::vector<int> loaded_, part_first_, next_;  ///< of an island: unknowns of the whole, its A_first_
   std::vector<Block> blocks_;
   std::vector<Range> ranges_;

@@ -35,7 +35,8 @@ void ContactNewton::find_structure(std::span<const ContactRows> contacts) {
     links_[from * words + to / 64] |= std::uint64_t{1} << to % 64;
   };
   for (std::size_t c = 0; c < count; ++c)
-    for (int up = parent_[at(chains_[c].own.end - 1)]; up < n_; up = parent_[at(chains_[chain_of_[at(up)]].own.end - 1)])
+    for (int up = parent_[at(chains_[c].own.end - 1)]; up < n_;
+         up = parent_[at(chains_[chain_of_[at(up)]].own.end - 1)])
       link(c, chain_of_[at(up)]);
   std::size_t last_run = dof_runs_.size();
   for (const ContactRows& contact : contacts) {

@@ -47,7 +47,8 @@ void ContactDynamics::find_point_rows(const Mat3& frame, const Vec3& position, d
   for (const PairRun& run : pair_runs_) {
     const Vec3 r = position - (run.sign > 0 ? pair_.a : pair_.b).origin;
     const Mat3 along = run.sign * frame;
-    point_rows(J, dofs_.size(), {S_.data() + run.first, at(space_.size())}, r.data(), along.data(), run.count);
+    point_rows(J, dofs_.size(), {S_.data() + run.first, at(space_.size())}, r.data(), along.data(),
+               run.count);
     J += run.count;
   }
 }
@@ -59,7 +60,8 @@ void ContactDynamics::find_normal_row(const Vec3& normal, const Vec3& position, 
     const Vec3 turn = (position - (run.sign > 0 ? pair_.a : pair_.b).origin).cross(normal);
     for (int i = run.first; i < run.first + run.count; ++i) {
       const double* S = S_.data() + i;
-      *J++ = run.sign * (turn.dot(Vec3(S[0], S[n], S[2 * n])) + normal.dot(Vec3(S[3 * n], S[4 * n], S[5 * n])));
+      *J++ =
+          run.sign * (turn.dot(Vec3(S[0], S[n], S[2 * n])) + normal.dot(Vec3(S[3 * n], S[4 * n], S[5 * n])));
     }
   }
 }
@@ -84,8 +86,7 @@ double ContactDynamics::find_target(ContactRows& rows, const Contact& contact, c
     rows.regularization = spring.cfm / step;
   } else {
     // A gap may close within the step.
-    target =
-        contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, kMaxCorrectingSpeed);
+    target = contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, kMaxCorrectingSpeed);
     rows.regularization = std::max(kNormalRegularization * pair_.mobility.linear, crossed);
     if (crossed == 0 && pair_.mobility.linear * heaviest_ > kLightPair) light_.push_back(frames_.size() - 1);
   }

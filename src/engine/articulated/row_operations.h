@@ -33,7 +33,8 @@ struct AxisRows {
   const double* row(std::size_t k, int i) const { return first + k * stride + i; }
 };
 
-/// Velocities of a point r from the origin along the three directions of `frame` (columns), into rows m apart.
+/// Velocities of a point r from the origin along the three directions of `frame` (columns), into rows m
+/// apart.
 inline void point_rows(double* to, std::size_t m, const AxisRows& axes, const double* r, const double* frame,
                        int n) {
   const auto put = [&](int i, const auto& read, const auto& write) {
