@@ -79,6 +79,7 @@ void ContactNewton::reserve(std::size_t n) {
   links_.reserve(n * (n / 64 + 1));
   bounds_.reserve(n);
   servos_.reserve(n);
+  left_out_.reserve(n);
   for (Solution* each : {&latest_, &best_}) {
     each->x.reserve(n);
     each->bounds.reserve(n);

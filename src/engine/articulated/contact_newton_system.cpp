@@ -42,10 +42,11 @@ void ContactNewton::find_structure(std::span<const ContactRows> contacts) {
   for (const ContactRows& contact : contacts) {
     // Contacts of one pair have the same unknowns.
     if (std::exchange(last_run, contact.first_run) == contact.first_run) continue;
-    std::size_t first = count;
+    if (contact.run_count == 0) continue;
+    const std::size_t first = chain_of_[at(runs(contact).front().first)];
     for (const Run& run : runs(contact))
       for (std::size_t c = chain_of_[at(run.first)]; c < count && chains_[c].own.first < run.end; ++c)
-        first == count ? void(first = c) : link(first, c);
+        if (c > first) link(first, c);
   }
   runs_.clear();
   last_.resize(at(n_));
