@@ -43,7 +43,8 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
   light_.reserve(kUsualContacts);
   memory_.points.reserve(kUsualContacts);
   dofs_.reserve(at(space_.size()));
-  signs_.reserve(at(space_.size()));
+  pair_runs_.reserve(at(space_.size()));
+  loop_entries_.reserve(at(space_.size()));
   const Topology& topology = mechanism.topology();
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     if (rate_count(topology.nodes[i].kind) != 1) continue;
@@ -75,7 +76,12 @@ void ContactDynamics::order_dofs() {
     for (int j = space_.parent_dof(dof); j != kNoDof; j = space_.parent_dof(j))
       first[at(place_[at(j)])] = std::min(first[at(place_[at(j)])], place_[at(dof)]);
   solver_.resize(first);
-  S_.resize(at(n));
+  S_.resize(6 * at(n));
+  inverse_inertia_.resize(at(n));
+  change_.resize(at(n));
+  involved_.resize(at(n));
+  for (int dof = 0; dof < n; ++dof)
+    root_of_.push_back(space_.parent_dof(dof) == kNoDof ? dof : root_of_[at(space_.parent_dof(dof))]);
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     std::vector<int>& carriers = carriers_.emplace_back();
     for (int dof = space_.last_dof(static_cast<int>(i)); dof != kNoDof; dof = space_.parent_dof(dof))
@@ -117,21 +123,15 @@ int ContactDynamics::collide(const model::State& state, const Prospect& prospect
   return collider_.collide(state, prospect);
 }
 
-/// Velocity of a body at a point; of a base during the step.
-ContactDynamics::Side ContactDynamics::side(int shape, const Vec3& position) const {
-  Side out;
-  out.node = node_of(shape);
-  if (out.node == kNoNode) {
+/// How a body moves; a base during the step.
+ContactDynamics::Side ContactDynamics::side(int shape) const {
+  const int node = node_of(shape);
+  if (node == kNoNode) {
     const BaseMotion& base = mechanism_.base(body_of(shape));
-    out.v = base.v + base.w.cross(position - base.pose.p);
-    out.w = base.w;
-    return out;
+    return {base.pose.p, base.v, base.w};
   }
-  out.r = position - mechanism_.origin(mechanism_.topology().nodes[at(out.node)].island);
-  const Spatial v = space_.velocity(out.node);
-  out.w = v.head<3>();
-  out.v = v.tail<3>() + out.w.cross(out.r);
-  return out;
+  const Spatial v = space_.velocity(node);
+  return {mechanism_.origin(mechanism_.topology().nodes[at(node)].island), v.tail<3>(), v.head<3>()};
 }
 
 ContactDynamics::Mobility ContactDynamics::mobility_of(int shape) const {
@@ -143,7 +143,13 @@ ContactDynamics::Mobility ContactDynamics::mobility_of(int shape) const {
 /// The dofs that move one of two nodes and not the other.
 void ContactDynamics::find_moving_dofs(int node_a, int node_b) {
   dofs_.clear();
-  signs_.clear();
+  pair_runs_.clear();
+  const auto add = [&](int dof, double sign) {
+    if (dofs_.empty() || dofs_.back() + 1 != dof || pair_runs_.back().sign != sign)
+      pair_runs_.push_back({dof, 0, sign});
+    ++pair_runs_.back().count;
+    dofs_.push_back(dof);
+  };
   const std::span<const int> a = node_a == kNoNode ? std::span<const int>() : carriers_[at(node_a)];
   const std::span<const int> b = node_b == kNoNode ? std::span<const int>() : carriers_[at(node_b)];
   for (std::size_t i = 0, j = 0; i < a.size() || j < b.size();) {
@@ -151,50 +157,88 @@ void ContactDynamics::find_moving_dofs(int node_a, int node_b) {
       ++i;
       ++j;
     } else if (j == b.size() || (i < a.size() && a[i] < b[j])) {
-      dofs_.push_back(a[i++]);
-      signs_.push_back(1);
+      add(a[i++], 1);
     } else {
-      dofs_.push_back(b[j++]);
-      signs_.push_back(-1);
+      add(b[j++], -1);
     }
   }
 }
 
-/// The solver's A and g from the step without contacts and stops.
+/// Whether a coordinate's servo and stops agree with the step that knows of no contacts and stops.
+bool ContactDynamics::free_step_holds(const Coordinate& each, double step) const {
+  const AxisView& a = each.axis;
+  const double rate = *each.u + step * mechanism_.du()[space_.rate_index(each.dof)];
+  if (*a.servo_limit > 0) {
+    const double pull =
+        *a.servo_stiffness * (*a.servo_error - step * rate) + *a.servo_feed - *a.servo_damping * rate;
+    // Written so that NaN does not hold.
+    if (*a.saturated == 0 ? !(std::abs(pull) <= *a.servo_limit) : !(*a.saturated * pull > *a.servo_limit))
+      return false;
+  }
+  return each.side == 0 && rate >= -stop_target(*each.q - *a.low, step) &&
+         rate <= stop_target(*a.high - *each.q, step);
+}
+
+/// Finds the trees that contacts, loops, stops or torque limits keep from the free step.
+void ContactDynamics::choose_trees(double step) {
+  std::fill(involved_.begin(), involved_.end(), loops_ != nullptr);
+  for (const Touch& touch : collider_.touches()) {
+    const Contact& any = collider_.contacts()[touch.first];
+    for (const int node : {node_of(any.shape_a), node_of(any.shape_b)})
+      if (node != kNoNode) involved_[at(root_of_[at(space_.first_dof(node))])] = true;
+  }
+  for (const Coordinate& each : axes_)
+    if (const auto root = at(root_of_[at(each.dof)]); !involved_[root] && !free_step_holds(each, step))
+      involved_[root] = true;
+  for (int dof = 0; dof < space_.size(); ++dof)
+    if (!involved(dof)) solver_.leave_out(place_[at(dof)]);
+}
+
+/// The solver's A and g from the step without contacts and stops, of the trees that are involved.
 void ContactDynamics::find_free(double step) {
   const Kernel& kernel = mechanism_.kernel();
   kernel.prepare(mechanism_.tree(), step);
   kernel.solve(mechanism_.tree());
-  space_.find_inertia();
   solver_.begin();
+  choose_trees(step);
+  space_.find_inertia([&](int dof) { return involved(dof); });
+  for (const Coordinate& each : axes_)
+    if (involved(each.dof)) space_.add_to_diagonal(each.dof, *each.axis.weight);
+  // A, and g = A x of the free step.
   const int n = space_.size();
   const std::span<const double> du = mechanism_.du();
-  for (int dof = 0; dof < n; ++dof) {
-    S_[at(place_[at(dof)])] = space_.axis(dof);
-    for (int j = dof; j != kNoDof; j = space_.parent_dof(j))
-      solver_.inertia(place_[at(dof)], place_[at(j)]) = space_.inertia(dof, j);
-  }
-  for (const Coordinate& each : axes_) solver_.inertia(each.place, each.place) += *each.axis.weight;
-  // g = A x of the free step.
   const std::span<double> g = solver_.drive();
   for (int dof = 0; dof < n; ++dof) {
+    if (!involved(dof)) continue;
     const int i = place_[at(dof)];
-    const double change = step * du[space_.rate_index(dof)];
-    g[at(i)] += solver_.inertia(i, i) * change;
+    const double* S = space_.axis_data(dof);
+    for (std::size_t k = 0; k < 6; ++k) S_[k * at(n) + at(i)] = S[k * mechanism_.stride()];
+    const double change = change_[at(dof)] = step * du[space_.rate_index(dof)];
+    const double own = solver_.inertia(i, i) = space_.inertia(dof, dof);
+    inverse_inertia_[at(i)] = 1 / own;
+    double sum = own * change;
     for (int j = space_.parent_dof(dof); j != kNoDof; j = space_.parent_dof(j)) {
       const int k = place_[at(j)];
-      g[at(k)] += solver_.inertia(i, k) * change;
-      g[at(i)] += solver_.inertia(i, k) * step * du[space_.rate_index(j)];
+      const double entry = solver_.inertia(i, k) = space_.inertia(dof, j);
+      g[at(k)] += entry * change;
+      sum += entry * change_[at(j)];
     }
+    g[at(i)] += sum;
   }
+}
+
+/// Greatest speed towards a stop at a distance: the same as the kernels have without contact.
+double ContactDynamics::stop_target(double room, double step) const {
+  return (room < 0 ? erp_ * room : room) / step;
 }
 
 /// Servos with their limits, and stops as bounds of the rates. The servos' part of the free step is removed.
 void ContactDynamics::bound_axes(double step) {
   for (Coordinate& each : axes_) {
+    each.bounced = false;
+    if (!involved(each.dof)) continue;
     const AxisView& a = each.axis;
     const double u = *each.u, q = *each.q;
-    each.bounced = false;
     if (*a.servo_limit > 0) {
       const double slope = step * *a.servo_stiffness + *a.servo_damping;
       const double pull = step * (*a.servo_stiffness * *a.servo_error + *a.servo_feed - slope * u);
@@ -209,9 +253,8 @@ void ContactDynamics::bound_axes(double step) {
       }
     }
     if (*a.low == -HUGE_VAL && *a.high == HUGE_VAL) continue;
-    // The same target as the kernels have without contact.
-    const auto target = [&](double room) { return (room < 0 ? erp_ * room : room) / step; };
-    solver_.bound(each.place, -target(q - *a.low) - u, target(*a.high - q) - u, each.side);
+    solver_.bound(each.place, -stop_target(q - *a.low, step) - u, stop_target(*a.high - q, step) - u,
+                  each.side);
   }
 }
 
@@ -268,8 +311,9 @@ NewtonReport ContactDynamics::solve(double step) {
   }
   const std::span<double> du = mechanism_.du();
   for (int dof = 0; dof < space_.size(); ++dof)
-    du[space_.rate_index(dof)] = solver_.x()[at(place_[at(dof)])] / step;
+    if (involved(dof)) du[space_.rate_index(dof)] = solver_.x()[at(place_[at(dof)])] / step;
   for (const Coordinate& each : axes_) {
+    if (!involved(each.dof)) continue;
     *each.axis.side = solver_.side(each.place);
     *each.axis.saturated = solver_.saturated(each.place);
   }

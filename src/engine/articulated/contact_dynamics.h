@@ -58,21 +58,46 @@ class ContactDynamics {
     double side = 0;  ///< stop that was in force
     bool bounced = false;
   };
-  /// One body of a contact.
+  /// One body of a contact: its velocity at an origin, that of its island where it is a node.
   struct Side {
-    int node = kNoNode;
-    Vec3 r = Vec3::Zero();  ///< the point from its island's origin
-    Vec3 v = Vec3::Zero(), w = Vec3::Zero();
+    Vec3 origin = Vec3::Zero(), v = Vec3::Zero(), w = Vec3::Zero();
+    Vec3 velocity(const Vec3& position) const { return v + w.cross(position - origin); }
+  };
+  /// Inverse mass [1/kg] and mean inverse moment of inertia [1/(kg m2)]; zero of a body that cannot move.
+  struct Mobility {
+    double linear = 0, angular = 0;
+  };
+  /// Two bodies that touch; mobilities added.
+  struct TouchingPair {
+    Side a, b;
+    Mobility mobility;
+  };
+  /// Unknowns that follow each other and move body a (sign 1) or b (sign -1).
+  struct PairRun {
+    int first = 0, count = 0;
+    double sign = 1;
   };
 
   template <class Archive, class T>
   static void carry(Archive& archive, T& point);
   void order_dofs();
   void find_free(double step);
+  bool free_step_holds(const Coordinate& each, double step) const;
+  double stop_target(double room, double step) const;
+  void choose_trees(double step);
+  bool involved(int dof) const {
+    return involved_[static_cast<std::size_t>(root_of_[static_cast<std::size_t>(dof)])];
+  }
   void add_contacts(double step);
-  void add_contact(const Contact& contact, const model::Material& surface, int sharing, double step);
+  void add_contact(const Contact& contact, const model::Material& surface, double share, double step);
+  void find_pair(int shape_a, int shape_b);
   void find_moving_dofs(int node_a, int node_b);
-  Side side(int shape, const Vec3& position) const;
+  Side side(int shape) const;
+  void find_point_rows(const Mat3& frame, const Vec3& position, double* J) const;
+  void find_normal_row(const Vec3& normal, const Vec3& position, double* J) const;
+  void find_turning_row(const Vec3& axis, double* J) const;
+  double find_target(ContactRows& rows, const Contact& contact, const model::Material& surface, double share,
+                     double crossed, double approach, double step);
   void warm_start(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);
   void store_warm_start(double step);
   void add_loop_rows();
@@ -83,10 +108,6 @@ class ContactDynamics {
   int node_of(int shape) const {
     return mechanism_.topology().node_of_body[static_cast<std::size_t>(body_of(shape))];
   }
-  /// Inverse mass of a body [1/kg] and mean inverse moment of inertia [1/(kg m2)]; zero where it cannot move.
-  struct Mobility {
-    double linear = 0, angular = 0;
-  };
   Mobility mobility_of(int shape) const;
 
   const model::Model& model_;
@@ -99,11 +120,18 @@ class ContactDynamics {
   bool friction_, with_forces_;
   double erp_, heaviest_ = 0;  ///< mass of the heaviest body [kg]
   std::vector<Coordinate> axes_;
-  std::vector<int> place_, dof_of_;         ///< in the solver, of each dof, and back
+  std::vector<int> place_, dof_of_;  ///< in the solver, of each dof, and back
+  std::vector<int> root_of_;         ///< of each dof
+  /// By roots: whether contacts, stops or torque limits change the free step of the tree.
+  std::vector<char> involved_;
   std::vector<std::vector<int>> carriers_;  ///< places of the dofs that carry each node, ascending
-  std::vector<Spatial> S_;                  ///< by place
-  std::vector<int> dofs_;                   ///< places that move the two of a pair against each other
-  std::vector<double> signs_;
+  std::vector<double> S_;                   ///< row k: entry k of all axes, by place
+  std::vector<double> inverse_inertia_;     ///< inverse of the diagonal, by place
+  std::vector<double> change_;              ///< of each dof's rate in the free step
+  TouchingPair pair_;
+  std::vector<int> dofs_;  ///< places that move the two of a pair against each other
+  std::vector<PairRun> pair_runs_;
+  std::vector<double> loop_entries_;
   std::vector<Mat3> frames_;        ///< of each contact; columns: normal, two tangents
   std::vector<std::size_t> light_;  ///< rigid contacts of light pairs
   ContactMemory memory_;

@@ -17,8 +17,8 @@ void ContactNewton::find_islands() {
     return i;
   };
   for (const ContactRows& contact : contacts_)
-    for (std::size_t k = 1; k < contact.dof_count; ++k) {
-      const int a = root(dofs_[contact.first_dof]), b = root(dofs_[contact.first_dof + k]);
+    for (const Run& run : runs(contact)) {
+      const int a = root(dofs_[contact.first_dof]), b = root(run.first);
       island_of_[at(std::max(a, b))] = std::min(a, b);
     }
   islands_ = 0;
@@ -53,12 +53,22 @@ void ContactNewton::find_islands() {
     touching_[at(next_[at(island_of(contacts_[c]))]++)] = static_cast<int>(c);
 }
 
-void ContactNewton::load_island(const ContactNewton& whole, int island) {
-  const std::span<const int> members = whole.members(island);
+/// Sizes everything for an island, where it is not the last one.
+void ContactNewton::lay_out_island(const ContactNewton& whole, std::span<const int> members) {
+  if (std::equal(members.begin(), members.end(), loaded_.begin(), loaded_.end())) return;
+  loaded_.assign(members.begin(), members.end());
   part_first_.clear();
   for (const int i : members) part_first_.push_back(whole.place_[at(whole.A_first_[at(i)])]);
   lay_out(part_first_);
-  begin();
+}
+
+void ContactNewton::load_island(const ContactNewton& whole, int island) {
+  const std::span<const int> members = whole.members(island);
+  lay_out_island(whole, members);
+  contacts_.clear();
+  dofs_.clear();
+  dof_runs_.clear();
+  J_.clear();
   for (const int i : members) {
     const int to = whole.place_[at(i)];
     std::copy_n(whole.A_.begin() + static_cast<std::ptrdiff_t>(whole.entry(i, i)), A_last_[at(to)] - to + 1,
@@ -67,13 +77,22 @@ void ContactNewton::load_island(const ContactNewton& whole, int island) {
     bounds_[at(to)] = whole.bounds_[at(i)];
     servos_[at(to)] = whole.servos_[at(i)];
   }
+  std::size_t last_run = 0;
   for (const int c : whole.touching(island)) {
     const ContactRows& contact = whole.contacts_[at(c)];
+    const bool shared = std::exchange(last_run, contact.first_run) == contact.first_run && !contacts_.empty();
     ContactRows& to = contacts_.emplace_back(contact);
-    to.first_dof = dofs_.size();
+    to.first_dof = shared ? contacts_[contacts_.size() - 2].first_dof : dofs_.size();
+    to.first_run = shared ? contacts_[contacts_.size() - 2].first_run : dof_runs_.size();
     to.first_entry = J_.size();
-    for (std::size_t k = 0; k < contact.dof_count; ++k)
-      dofs_.push_back(whole.place_[at(whole.dofs_[contact.first_dof + k])]);
+    if (!shared) {
+      for (std::size_t k = 0; k < contact.dof_count; ++k)
+        dofs_.push_back(whole.place_[at(whole.dofs_[contact.first_dof + k])]);
+      for (const Run& run : whole.runs(contact)) {
+        const int first = whole.place_[at(run.first)];
+        dof_runs_.push_back({first, first + run.size()});
+      }
+    }
     const auto entries = whole.J_.begin() + static_cast<std::ptrdiff_t>(contact.first_entry);
     J_.insert(J_.end(), entries, entries + static_cast<std::ptrdiff_t>(contact.rows * contact.dof_count));
   }
@@ -89,19 +108,22 @@ void ContactNewton::store_island(ContactNewton& whole, int island) const {
   auto from = contacts_.begin();
   for (const int c : whole.touching(island)) {
     ContactRows& contact = whole.contacts_[at(c)];
-    const std::size_t first_dof = contact.first_dof, first_entry = contact.first_entry;
+    const std::size_t first_dof = contact.first_dof, first_run = contact.first_run,
+                      first_entry = contact.first_entry;
     contact = *from++;
     contact.first_dof = first_dof;
+    contact.first_run = first_run;
     contact.first_entry = first_entry;
   }
 }
 
 NewtonReport ContactNewton::solve(double tolerance) {
   find_islands();
-  if (islands_ == 1) return solve_island(tolerance);
+  if (islands_ == 1 && !left_out_[0]) return solve_island(tolerance);
   NewtonReport report;
   report.solved = true;
   for (int island = 0; island < islands_; ++island) {
+    if (left_out_[at(members(island).front())]) continue;
     part_->load_island(*this, island);
     const NewtonReport part = part_->solve_island(tolerance);
     part_->store_island(*this, island);

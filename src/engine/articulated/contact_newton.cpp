@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "handsim/core/index.h"
+#include "handsim/engine/articulated/row_operations.h"
 
 namespace handsim::engine::articulated {
 
@@ -41,9 +43,8 @@ void ContactNewton::lay_out(std::span<const int> first) {
     A_last_[at(i)] = i;
     for (int k = A_first_[at(i)]; k < i; ++k) A_last_[at(k)] = i;
   }
-  first_ = A_first_;
-  last_ = A_last_;
-  lay_out(A_last_, A_start_, A_);
+  A_.assign(lay_out_rows(A_last_, A_start_), 0.0);
+  find_chains();
   tree_first_.resize(at(n_));
   tree_last_.resize(at(n_));
   // A tree's unknowns stand together, its root's last.
@@ -56,6 +57,7 @@ void ContactNewton::lay_out(std::span<const int> first) {
   for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
   bounds_.resize(at(n_));
   servos_.resize(at(n_));
+  left_out_.assign(at(n_), false);
 }
 
 void ContactNewton::reserve(std::size_t n) {
@@ -68,11 +70,16 @@ void ContactNewton::reserve(std::size_t n) {
   for (std::vector<double>* each : {&A_, &M_}) each->reserve(most);
   for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->reserve(n);
   for (std::vector<int>* each :
-       {&A_first_, &A_last_, &first_, &last_, &tree_first_, &tree_last_, &part_first_})
+       {&A_first_, &A_last_, &last_, &parent_, &tree_first_, &tree_last_, &loaded_, &part_first_})
     each->reserve(n);
   for (std::vector<std::size_t>* each : {&A_start_, &M_start_}) each->reserve(n);
+  chains_.reserve(n);
+  chain_of_.reserve(n);
+  runs_.reserve(n * n);
+  links_.reserve(n * (n / 64 + 1));
   bounds_.reserve(n);
   servos_.reserve(n);
+  left_out_.reserve(n);
   for (Solution* each : {&latest_, &best_}) {
     each->x.reserve(n);
     each->bounds.reserve(n);
@@ -83,21 +90,21 @@ void ContactNewton::reserve(std::size_t n) {
   J_.reserve(kUsualContacts * kMostRows * n);
   r_.reserve(kUsualContacts * kMostRows);
   s_.reserve(kUsualContacts * kMostRows);
-  coupling_.reserve(kUsualContacts * n);
-  C_.reserve(kUsualContacts * n);
+  dof_runs_.reserve(kUsualContacts * 4);
+  coupling_.reserve(kUsualContacts);
+  CG_.reserve(2 * kUsualContacts * n);
   K_.reserve(kUsualContacts * (kUsualContacts + 1));
 }
 
-/// Rows of an upper triangle, each from its diagonal to its last entry, all zero.
-void ContactNewton::lay_out(std::span<const int> last, std::vector<std::size_t>& start,
-                            std::vector<double>& rows) const {
+/// Where the rows of an upper triangle start, each from its diagonal to its last entry. @returns their size
+std::size_t ContactNewton::lay_out_rows(std::span<const int> last, std::vector<std::size_t>& start) const {
   start.resize(at(n_));
   std::size_t count = 0;
   for (int i = 0; i < n_; ++i) {
     start[at(i)] = count - at(i);  // entry (i, j) is at start + j
     count += at(last[at(i)] - i + 1);
   }
-  rows.assign(count, 0.0);
+  return count;
 }
 
 void ContactNewton::begin() {
@@ -106,8 +113,10 @@ void ContactNewton::begin() {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   std::fill(bounds_.begin(), bounds_.end(), Bound{-kInfinity, kInfinity, 0});
   std::fill(servos_.begin(), servos_.end(), Servo{});
+  left_out_.assign(at(n_), false);
   contacts_.clear();
   dofs_.clear();
+  dof_runs_.clear();
   J_.clear();
 }
 
@@ -120,26 +129,31 @@ void ContactNewton::servo(int i, double offset, double slope, double limit, doub
 ContactRows& ContactNewton::add(std::span<const int> dofs, std::size_t rows) {
   ContactRows& out = contacts_.emplace_back();
   out.rows = rows;
-  out.first_dof = dofs_.size();
   out.dof_count = dofs.size();
   out.first_entry = J_.size();
-  dofs_.insert(dofs_.end(), dofs.begin(), dofs.end());
   J_.resize(J_.size() + rows * dofs.size());
-  return out;
-}
-
-/// The envelope of A and of all contacts.
-void ContactNewton::find_envelope() {
-  first_ = A_first_;
-  for (const ContactRows& contact : contacts_)
-    for (std::size_t k = 1; k < contact.dof_count; ++k) {
-      int& first = first_[at(dofs_[contact.first_dof + k])];
-      first = std::min(first, dofs_[contact.first_dof]);
+  // Contacts of one pair share their unknowns.
+  if (contacts_.size() > 1) {
+    const ContactRows& last = contacts_[contacts_.size() - 2];
+    if (std::equal(dofs.begin(), dofs.end(), dofs_.begin() + static_cast<std::ptrdiff_t>(last.first_dof),
+                   dofs_.end())) {
+      out.first_dof = last.first_dof;
+      out.first_run = last.first_run;
+      out.run_count = last.run_count;
+      return out;
     }
-  for (int i = 0; i < n_; ++i) {
-    last_[at(i)] = i;
-    for (int k = first_[at(i)]; k < i; ++k) last_[at(k)] = i;
   }
+  out.first_dof = dofs_.size();
+  out.first_run = dof_runs_.size();
+  dofs_.insert(dofs_.end(), dofs.begin(), dofs.end());
+  for (std::size_t k = 0; k < dofs.size(); ++k) {
+    // A run does not go on from one tree to the next.
+    if (k == 0 || dofs[k] != dofs[k - 1] + 1 || tree_first_[at(dofs[k])] == dofs[k])
+      dof_runs_.push_back({dofs[k], dofs[k]});
+    ++dof_runs_.back().end;
+  }
+  out.run_count = dof_runs_.size() - out.first_run;
+  return out;
 }
 
 /// Impulses at row velocities r, and the active set.
@@ -192,87 +206,112 @@ void ContactNewton::apply_law(ContactRows& contact, const double* r, Law law) {
 /// Impulses at x_ and the residual F = A x - g - J^T p - servos.
 void ContactNewton::evaluate_residual(Law law) {
   law_ = law;
-  for (int i = 0; i < n_; ++i) {
-    F_[at(i)] = -g_[at(i)];
-    sum_[at(i)] = std::abs(g_[at(i)]);
-  }
-  for (int i = 0; i < n_; ++i) {
+  rounding_known_ = false;
+  still_ = std::all_of(x_.begin(), x_.end(), [](double x) { return x == 0; });
+  for (int i = 0; i < n_; ++i) F_[at(i)] = -g_[at(i)];
+  for (int i = 0; i < n_ && !still_; ++i) {
     const double* row = A_.data() + entry(i, 0);
-    double sum = row[i] * x_[at(i)];
-    for (int j = i + 1; j <= A_last_[at(i)]; ++j) {
-      sum += row[j] * x_[at(j)];
-      F_[at(j)] += row[j] * x_[at(i)];
-    }
-    F_[at(i)] += sum;
+    const int rest = A_last_[at(i)] - i;
+    F_[at(i)] += row[i] * x_[at(i)] + dot(row + i + 1, x_.data() + i + 1, rest);
+    subtract(F_.data() + i + 1, row + i + 1, -x_[at(i)], rest);
   }
   for (int i = 0; i < n_; ++i) {
     if (law == Law::fixed_limits) {
       Bound& bound = bounds_[at(i)];
       bound.side = x_[at(i)] < bound.low ? -1 : (x_[at(i)] > bound.high ? 1 : 0);
-      if (bound.side != 0) {
-        const double end = bound.side < 0 ? bound.low : bound.high;
-        F_[at(i)] += (x_[at(i)] - end) / bound_compliance(i);
-        sum_[at(i)] += (std::abs(x_[at(i)]) + std::abs(end)) / bound_compliance(i);
-      }
+      if (bound.side != 0) F_[at(i)] += (x_[at(i)] - end_of(bound)) / bound_compliance(i);
     }
     Servo& servo = servos_[at(i)];
     if (!(servo.limit > 0)) continue;
-    double pull = servo.offset - servo.slope * x_[at(i)];
+    const double pull = servo.offset - servo.slope * x_[at(i)];
     if (law != Law::active_set) servo.saturated = pull > servo.limit ? 1 : (pull < -servo.limit ? -1 : 0);
-    if (servo.saturated != 0) pull = servo.saturated * servo.limit;
-    F_[at(i)] -= pull;
-    sum_[at(i)] += std::abs(pull);
+    F_[at(i)] -= servo.saturated != 0 ? servo.saturated * servo.limit : pull;
   }
+  find_row_velocities(still_);
+  whole_ = false;
   add_contact_impulses();
+}
+
+/// r = start + J x.
+void ContactNewton::find_row_velocities(bool still) {
+  r_.resize(kMostRows * contacts_.size());
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    const ContactRows& contact = contacts_[c];
+    double* r = r_.data() + kMostRows * c;
+    if (!still && !whole_) multiply_rows(contact, x_.data(), r);
+    for (std::size_t k = 0; k < contact.rows; ++k)
+      r[k] = contact.start[k] + (still ? 0 : (whole_ ? s_[kMostRows * c + k] : r[k]));
+  }
 }
 
 /// -J^T p, into F_.
 void ContactNewton::add_contact_impulses() {
-  r_.resize(kMostRows * contacts_.size());
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
     ContactRows& contact = contacts_[c];
-    const int* dofs = dofs_.data() + contact.first_dof;
-    const double* J = J_.data() + contact.first_entry;
-    double* r = r_.data() + kMostRows * c;
-    std::array<double, kMostRows> size{};
-    for (std::size_t k = 0; k < contact.rows; ++k) {
-      r[k] = contact.start[k];
-      size[k] = std::abs(r[k]);
-      for (std::size_t j = 0; j < contact.dof_count; ++j) {
-        const double part = J[k * contact.dof_count + j] * x_[at(dofs[j])];
-        r[k] += part;
-        size[k] += std::abs(part);
-      }
-    }
-    apply_law(contact, r, law_);
+    apply_law(contact, r_.data() + kMostRows * c, law_);
     if (contact.open && law_ != Law::fixed_limits) continue;
-    size[0] /= contact.regularization;
-    for (std::size_t k = 0; k < contact.disc_count; ++k)
-      for (std::size_t row = 0; row < contact.discs[k].size; ++row)
-        size[contact.discs[k].row + row] /= contact.discs[k].regularization;
-    for (std::size_t k = 0; k < contact.rows; ++k)
-      for (std::size_t j = 0; j < contact.dof_count; ++j) {
-        const double share = J[k * contact.dof_count + j];
-        F_[at(dofs[j])] -= share * contact.impulse[k];
-        sum_[at(dofs[j])] += std::abs(share) * size[k];
+    const std::size_t m = contact.dof_count;
+    const double *J = J_.data() + contact.first_entry, *p = contact.impulse.data();
+    for (const Run& run : runs(contact)) {
+      double* to = F_.data() + run.first;
+      if (contact.rows == 3) {
+        subtract(to, J, J + m, J + 2 * m, p, run.size());
+      } else {
+        for (std::size_t k = 0; k < contact.rows; ++k) subtract(to, J + k * m, p[k], run.size());
       }
+      J += run.size();
+    }
   }
 }
 
-/// Largest entry of F as a rate, without rounding.
-double ContactNewton::residual() const {
-  double most = 0;
+/// The sum of the magnitudes of F's terms, into sum_.
+void ContactNewton::find_rounding() {
+  if (std::exchange(rounding_known_, true)) return;
   for (int i = 0; i < n_; ++i) {
-    if (kept(i)) continue;
-    const double left = std::abs(F_[at(i)]) - kRounding * sum_[at(i)];
-    // Written so that NaN counts.
-    if (!(left <= 0)) most = std::max(most, std::isnan(left) ? HUGE_VAL : left / A_[entry(i, i)]);
+    sum_[at(i)] = std::abs(g_[at(i)]);
+    const Bound& bound = bounds_[at(i)];
+    if (law_ == Law::fixed_limits && bound.side != 0)
+      sum_[at(i)] += (std::abs(x_[at(i)]) + std::abs(end_of(bound))) / bound_compliance(i);
+    const Servo& servo = servos_[at(i)];
+    if (servo.limit > 0)
+      sum_[at(i)] += servo.saturated != 0 ? servo.limit : std::abs(servo.offset - servo.slope * x_[at(i)]);
   }
-  return most;
+  for (const ContactRows& contact : contacts_) {
+    if (contact.open && law_ != Law::fixed_limits) continue;
+    const int* dofs = dofs_.data() + contact.first_dof;
+    const double* J = J_.data() + contact.first_entry;
+    for (std::size_t k = 0; k < contact.rows; ++k, J += contact.dof_count) {
+      double size = std::abs(contact.start[k]), regularization = contact.regularization;
+      for (std::size_t j = 0; j < contact.dof_count; ++j) size += std::abs(J[j] * x_[at(dofs[j])]);
+      for (std::size_t i = 0; i < contact.disc_count; ++i)
+        if (k >= contact.discs[i].row) regularization = contact.discs[i].regularization;
+      for (std::size_t j = 0; j < contact.dof_count; ++j)
+        sum_[at(dofs[j])] += std::abs(J[j]) * size / regularization;
+    }
+  }
+}
+
+/// Largest entry of F as a rate; where that is beyond the tolerance, without rounding.
+double ContactNewton::residual(double tolerance) {
+  const auto largest = [&] {
+    double most = 0;
+    for (int i = 0; i < n_; ++i) {
+      if (kept(i)) continue;
+      const double left = std::abs(F_[at(i)]) - (rounding_known_ ? kRounding * sum_[at(i)] : 0);
+      // Written so that NaN counts.
+      if (!(left <= 0)) most = std::max(most, std::isnan(left) ? HUGE_VAL : left / A_[entry(i, i)]);
+    }
+    return most;
+  };
+  const double most = largest();
+  if (most <= tolerance || rounding_known_) return most;
+  find_rounding();
+  return largest();
 }
 
 /// x += share d, projected on the bounds unless these are penalties.
 void ContactNewton::advance(double share) {
+  whole_ = still_ && share == 1;
   for (int i = 0; i < n_; ++i) {
     if (law_ == Law::fixed_limits) {
       x_[at(i)] += share * d_[at(i)];
@@ -284,7 +323,9 @@ void ContactNewton::advance(double share) {
     x += share * d_[at(i)];
     if (x < bound.low - kBeyond) bound.side = -1;
     if (x > bound.high + kBeyond) bound.side = 1;
-    if (bound.side != 0) x = bound.side < 0 ? bound.low : bound.high;
+    if (bound.side == 0) continue;
+    x = end_of(bound);
+    whole_ = false;
   }
 }
 
@@ -293,23 +334,23 @@ bool ContactNewton::release_bounds() {
   bool any = false;
   for (int i = 0; i < n_; ++i) {
     Bound& bound = bounds_[at(i)];
-    if (bound.side == 0 || !(bound.side * F_[at(i)] > kRounding * sum_[at(i)])) continue;
+    if (bound.side == 0 || !(bound.side * F_[at(i)] > 0)) continue;
+    find_rounding();
+    if (!(bound.side * F_[at(i)] > kRounding * sum_[at(i)])) continue;
     bound.side = 0;
     any = true;
   }
   return any;
 }
 
-/// s_ = J d_.
-void ContactNewton::find_row_changes() {
-  s_.resize(r_.size());
-  for (std::size_t c = 0; c < contacts_.size(); ++c) {
-    const ContactRows& contact = contacts_[c];
-    for (std::size_t k = 0; k < contact.rows; ++k) {
-      double& s = s_[kMostRows * c + k] = 0;
-      for (std::size_t j = 0; j < contact.dof_count; ++j)
-        s += J_[contact.first_entry + k * contact.dof_count + j] * d_[at(dofs_[contact.first_dof + j])];
-    }
+/// out = J x of a contact.
+void ContactNewton::multiply_rows(const ContactRows& contact, const double* x, double* out) const {
+  std::fill_n(out, contact.rows, 0.0);
+  const double* J = J_.data() + contact.first_entry;
+  for (const Run& run : runs(contact)) {
+    for (std::size_t k = 0; k < contact.rows; ++k)
+      out[k] += dot(J + k * contact.dof_count, x + run.first, run.size());
+    J += run.size();
   }
 }
 
@@ -341,19 +382,22 @@ void ContactNewton::update_directions() {
   }
 }
 
-/// Newton's step, into d_.
+/// Newton's step, into d_, and its J d, into s_.
 void ContactNewton::find_newton_step(NewtonReport& report) {
   assemble();
   factor();
   for (int i = 0; i < n_; ++i) d_[at(i)] = kept(i) ? 0 : -F_[at(i)];
-  solve_factored(d_.data(), 0, n_ - 1);
+  eliminate(d_.data(), 0, chains_.size());
   apply_coupling();
-  find_row_changes();
+  substitute_back(d_.data(), 0, chains_.size());
+  s_.resize(r_.size());
+  for (std::size_t c = 0; c < contacts_.size(); ++c)
+    multiply_rows(contacts_[c], d_.data(), s_.data() + kMostRows * c);
   ++report.iterations;
 }
 
 bool ContactNewton::solved(double tolerance, NewtonReport& report) {
-  report.residual = residual();
+  report.residual = residual(tolerance);
   report.solved = report.residual <= tolerance && !release_bounds();
   return report.solved;
 }
@@ -370,18 +414,15 @@ void ContactNewton::newton_steps(int most, double tolerance, NewtonReport& repor
 }
 
 NewtonReport ContactNewton::solve_island(double tolerance) {
-  find_envelope();
-  for (int i = 0; i < n_; ++i) {
-    const Bound& bound = bounds_[at(i)];
-    x_[at(i)] = bound.side == 0 ? 0 : (bound.side < 0 ? bound.low : bound.high);
-  }
+  find_structure(contacts_);
+  for (int i = 0; i < n_; ++i) x_[at(i)] = bounds_[at(i)].side == 0 ? 0 : end_of(bounds_[at(i)]);
   NewtonReport report;
   const bool heap = n_ > kHeap;
   if (heap && factor_work() > kMostWork) {
     gauss_seidel(tolerance, report);
     return report;
   }
-  lay_out(last_, M_start_, M_);
+  M_.resize(lay_out_rows(last_, M_start_));
   if (heap) latest_.contacts = contacts_;
   evaluate_residual(Law::active_set);
   newton_steps(heap ? kHeapSteps : kNewtonSteps, tolerance, report);

@@ -21,6 +21,7 @@
 
 #include <array>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
@@ -57,7 +58,7 @@ struct ContactRows {
   std::size_t rows = 1, disc_count = 0;
   bool open = true;  ///< no normal impulse; in: in the last step, out: in this one
   bool bilateral = false;
-  std::size_t first_dof = 0, dof_count = 0, first_entry = 0;  ///< in the solver's lists
+  std::size_t first_dof = 0, dof_count = 0, first_run = 0, run_count = 0, first_entry = 0;  ///< in the lists
 };
 
 /// What a solution took and how exact it is.
@@ -79,6 +80,10 @@ class ContactNewton {
   /// A's entry, i <= j.
   double& inertia(int i, int j) { return A_[entry(i, j)]; }
   std::span<double> drive() { return g_; }
+  /// Leaves out the tree of an unknown, which no contact may move: its x is not found.
+  void leave_out(int i) {
+    left_out_[static_cast<std::size_t>(tree_first_[static_cast<std::size_t>(i)])] = true;
+  }
   /// Bounds x_i; `side` -1 or 1: starts on the lower or the upper bound.
   void bound(int i, double low, double high, double side);
   /// Adds offset - slope x_i, clamped to +-limit, to the right side.
@@ -106,6 +111,7 @@ class ContactNewton {
   struct Bound {
     double low, high, side;
   };
+  static double end_of(const Bound& bound) { return bound.side < 0 ? bound.low : bound.high; }
   struct Servo {
     double offset = 0, slope = 0, limit = 0, saturated = 0;
   };
@@ -113,6 +119,18 @@ class ContactNewton {
     coulomb,
     active_set,   ///< of the last step: as `open`, `slides` and `saturated` say, whatever the velocities
     fixed_limits  ///< friction's limits are Disc::limit, whatever the normal impulse; bounds are penalties
+  };
+  /// Unknowns first, first + 1, ... end - 1.
+  struct Run {
+    int first = 0, end = 0;
+    int size() const { return end - first; }
+  };
+  /// An unbranched piece of a tree. Its rows of the factor have entries in the chain itself and in runs of
+  /// later unknowns; `next` is the first later chain among these, or the number of chains.
+  struct Chain {
+    Run own;
+    std::size_t first_run = 0, run_count = 0;
+    std::size_t next = 0;
   };
   /// First and second derivative of the energy along a direction.
   struct Slope {
@@ -139,11 +157,19 @@ class ContactNewton {
   }
   std::span<const int> members(int island) const { return part(members_, first_member_, island); }
   std::span<const int> touching(int island) const { return part(touching_, first_touching_, island); }
+  void lay_out_island(const ContactNewton& whole, std::span<const int> members);
   void load_island(const ContactNewton& whole, int island);
   void store_island(ContactNewton& whole, int island) const;
   NewtonReport solve_island(double tolerance);
-  void find_envelope();
-  void lay_out(std::span<const int> last, std::vector<std::size_t>& start, std::vector<double>& rows) const;
+  void find_chains();
+  void find_structure(std::span<const ContactRows> contacts);
+  std::span<const Run> runs(const Chain& chain) const {
+    return {runs_.data() + chain.first_run, chain.run_count};
+  }
+  std::span<const Run> runs(const ContactRows& contact) const {
+    return {dof_runs_.data() + contact.first_run, contact.run_count};
+  }
+  std::size_t lay_out_rows(std::span<const int> last, std::vector<std::size_t>& start) const;
   double factor_work() const;
   static void apply_law(ContactRows& contact, const double* r, Law law);
   double bound_compliance(int i) const;
@@ -152,8 +178,10 @@ class ContactNewton {
     return law_ != Law::fixed_limits && bounds_[static_cast<std::size_t>(i)].side != 0;
   }
   void evaluate_residual(Law law);
+  void find_row_velocities(bool still);
   void add_contact_impulses();
-  double residual() const;
+  void find_rounding();
+  double residual(double tolerance);
   bool release_bounds();
   bool solved(double tolerance, NewtonReport& report);
   /// Minus the derivative of a disc's impulse by its velocity: xx, xy, yy.
@@ -164,11 +192,23 @@ class ContactNewton {
             disc.tangent_stiffness * (1 - disc.force_y * disc.slip_y)};
   }
   void assemble();
+  void add_stiffness(const ContactRows& contact);
   void factor();
-  /// Of a range of unknowns that no entry joins to others.
-  void solve_factored(double* x, int first, int end) const;
+  /// x = U^-T x, then x = U^-1 x: together M^-1; of a range of chains that no entry joins to others.
+  void eliminate(double* x, std::size_t first_chain, std::size_t end) const;
+  void substitute_back(double* x, std::size_t first_chain, std::size_t end) const;
+  void solve_tree(double* x, int first, int last) const {
+    const std::size_t chain = chain_of_[static_cast<std::size_t>(first)],
+                      end = chain_of_[static_cast<std::size_t>(last)] + 1;
+    eliminate(x, chain, end);
+    substitute_back(x, chain, end);
+  }
+  void add_coupling(const ContactRows& contact, const Disc& disc);
+  void eliminate_coupling();
+  void find_coupling_system();
+  void solve_coupling_system();
   void apply_coupling();
-  void find_row_changes();
+  void multiply_rows(const ContactRows& contact, const double* x, double* out) const;
   void find_newton_step(NewtonReport& report);
   void update_directions();
   void advance(double share);
@@ -211,11 +251,19 @@ class ContactNewton {
 
   int n_ = 0;
   std::vector<int> A_first_, A_last_;  ///< last column of a row of A
-  std::vector<int> first_, last_;      ///< of the factor
+  std::vector<int> parent_;            ///< the next unknown up the tree; n_ for a root
+  std::vector<int> last_;              ///< last column of a row of the factor
   std::vector<std::size_t> A_start_, M_start_;
+  std::vector<Chain> chains_;
+  std::vector<std::size_t> chain_of_;  ///< of each unknown
+  std::vector<Run> runs_;
+  std::vector<std::uint64_t> links_;         ///< bits: later chains that each chain has entries in
+  std::vector<bool> left_out_;               ///< of trees, by their first unknowns
   std::vector<int> tree_first_, tree_last_;  ///< first and last unknown of each unknown's tree
   Law law_ = Law::coulomb;
   std::vector<double> A_, M_, g_, x_, F_, sum_, d_, Ad_;
+  bool still_ = false, whole_ = false;  ///< x_ was 0 at the last evaluation; x_ is d_
+  bool rounding_known_ = false;         ///< sum_ is of the last evaluation
   std::vector<Bound> bounds_;
   std::vector<Servo> servos_;
   std::vector<ContactRows> contacts_;
@@ -225,22 +273,18 @@ class ContactNewton {
   std::vector<int> place_;      ///< index of each unknown in its island
   /// Unknowns and contacts island by island, and where each island's begin.
   std::vector<int> members_, first_member_, touching_, first_touching_;
-  std::unique_ptr<ContactNewton> part_;  ///< solves islands one by one
-  std::vector<int> part_first_, next_;
+  std::unique_ptr<ContactNewton> part_;          ///< solves islands one by one
+  std::vector<int> loaded_, part_first_, next_;  ///< of an island: unknowns of the whole, its A_first_
   std::vector<Block> blocks_;
   std::vector<Range> ranges_;
   std::vector<double> Y_;  ///< A^-1 J^T of the blocks' rows, over their ranges
   std::vector<int> dofs_;
+  std::vector<Run> dof_runs_;  ///< the same
   std::vector<double> J_, r_, s_;
-  /// Friction's dependence on the normal impulse: M - C G^T is the whole (unsymmetric) derivative.
-  struct Entry {
-    std::size_t column = 0;
-    int dof = 0;
-    double C = 0, G = 0;
-  };
-  std::vector<Entry> coupling_;
-  std::size_t coupled_ = 0;
-  std::vector<double> C_, K_;
+  /// Friction's dependence on the normal impulse: M - C G^T is the whole (unsymmetric) derivative. Each
+  /// column has C and G of each unknown beside each other, from its first chain on.
+  std::vector<std::size_t> coupling_;  ///< first chain of each column
+  std::vector<double> CG_, K_;
 };
 
 }  // namespace handsim::engine::articulated

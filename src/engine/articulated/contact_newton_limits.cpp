@@ -119,12 +119,12 @@ double ContactNewton::line_search() {
 /// Minimises the energy with fixed limits, from x_. False where rounding prevents the tolerance.
 bool ContactNewton::minimise(double tolerance, NewtonReport& report) {
   evaluate_residual(Law::fixed_limits);
-  for (int i = 0; i < kLeastSteps && !(residual() <= tolerance); ++i) {
+  for (int i = 0; i < kLeastSteps && !(residual(tolerance) <= tolerance); ++i) {
     find_newton_step(report);
     advance(line_search());
     evaluate_residual(Law::fixed_limits);
   }
-  return residual() <= tolerance;
+  return residual(tolerance) <= tolerance;
 }
 
 /// Moves the limits towards coefficient x normal impulse with Aitken's relaxation (Irons and Tuck 1969);

@@ -1,28 +1,151 @@
-// The linear system of a Newton step: assembly, sparse Cholesky factor without fill-in outside its envelope,
-// and the low-rank unsymmetric part of sliding contacts.
+// The linear system of a Newton step: assembly, sparse Cholesky factor, and the low-rank unsymmetric part of
+// sliding contacts. The pattern is kept by chains of unknowns: fingers that hold an object couple with each
+// other through it alone.
 #include <algorithm>
+#include <bit>
 #include <cmath>
-
-#include <Eigen/Dense>
-
-#include "handsim/engine/articulated/contact_newton.h"
+#include <utility>
 
 #include "handsim/core/index.h"
+#include "handsim/engine/articulated/contact_newton.h"
+#include "handsim/engine/articulated/row_operations.h"
 
 namespace handsim::engine::articulated {
 
-namespace {
+/// The unknown above each in its tree, and unbranched pieces of trees.
+void ContactNewton::find_chains() {
+  parent_.assign(at(n_), n_);
+  for (int k = n_ - 1; k >= 0; --k)
+    for (int i = A_first_[at(k)]; i < k; ++i) parent_[at(i)] = k;
+  chains_.clear();
+  chain_of_.resize(at(n_));
+  for (int i = 0; i < n_; ++i) {
+    const bool goes_on = i > 0 && parent_[at(i - 1)] == i && A_first_[at(i - 1)] == A_first_[at(i)];
+    if (!goes_on) chains_.push_back({.own = {i, i}});
+    ++chains_.back().own.end;
+    chain_of_[at(i)] = chains_.size() - 1;
+  }
+}
 
-using Row = Eigen::Map<Eigen::VectorXd>;
-using ConstRow = Eigen::Map<const Eigen::VectorXd>;
+/// The pattern of the factor of A and of what contacts add.
+void ContactNewton::find_structure(std::span<const ContactRows> contacts) {
+  const std::size_t count = chains_.size(), words = count / 64 + 1;
+  links_.assign(count * words, 0);
+  const auto link = [&](std::size_t from, std::size_t to) {
+    links_[from * words + to / 64] |= std::uint64_t{1} << to % 64;
+  };
+  for (std::size_t c = 0; c < count; ++c)
+    for (int up = parent_[at(chains_[c].own.end - 1)]; up < n_;
+         up = parent_[at(chains_[chain_of_[at(up)]].own.end - 1)])
+      link(c, chain_of_[at(up)]);
+  std::size_t last_run = dof_runs_.size();
+  for (const ContactRows& contact : contacts) {
+    // Contacts of one pair have the same unknowns.
+    if (std::exchange(last_run, contact.first_run) == contact.first_run) continue;
+    if (contact.run_count == 0) continue;
+    const std::size_t first = chain_of_[at(runs(contact).front().first)];
+    for (const Run& run : runs(contact))
+      for (std::size_t c = chain_of_[at(run.first)]; c < count && chains_[c].own.first < run.end; ++c)
+        if (c > first) link(first, c);
+  }
+  runs_.clear();
+  last_.resize(at(n_));
+  for (std::size_t c = 0; c < count; ++c) {
+    Chain& chain = chains_[c];
+    chain.first_run = runs_.size();
+    chain.next = count;
+    for (std::size_t word = c / 64; word < words; ++word)
+      for (std::uint64_t bits = links_[c * words + word]; bits != 0; bits &= bits - 1) {
+        const std::size_t to = 64 * word + static_cast<std::size_t>(std::countr_zero(bits));
+        const Run& own = chains_[to].own;
+        // Fill-in: the first of the later chains has entries in all others.
+        if (chain.next == count)
+          chain.next = to;
+        else
+          link(chain.next, to);
+        if (runs_.size() > chain.first_run && runs_.back().end == own.first)
+          runs_.back().end = own.end;
+        else
+          runs_.push_back(own);
+      }
+    chain.run_count = runs_.size() - chain.first_run;
+    const int last = (chain.run_count > 0 ? runs_.back().end : chain.own.end) - 1;
+    for (int i = chain.own.first; i < chain.own.end; ++i) last_[at(i)] = last;
+  }
+}
 
-}  // namespace
-
-/// Multiplications of a factorisation.
+/// Multiplications of a factorisation that knows of no gaps in a row.
 double ContactNewton::factor_work() const {
   double work = 0;
-  for (int i = 0; i < n_; ++i) work += 0.5 * (last_[at(i)] - i) * (last_[at(i)] - i);
+  int last = 0;
+  for (int i = 0; i < n_; ++i) {
+    last = std::max(last, last_[at(i)]);
+    work += 0.5 * (last - i) * (last - i);
+  }
   return work;
+}
+
+/// Adds a contact's -J^T (dp/dr) J, where it is symmetric.
+void ContactNewton::add_stiffness(const ContactRows& contact) {
+  const std::size_t m = contact.dof_count;
+  const double* J = J_.data() + contact.first_entry;
+  const double normal = contact.open ? 0 : 1 / contact.regularization;
+  const std::span<const Run> all = runs(contact);
+  // Of each of the contact's unknowns: what the upper triangle of M has in its row, run by run.
+  const auto each_row = [&](auto&& add) {
+    std::size_t own = 0;
+    for (std::size_t r = 0; r < all.size(); ++r)
+      for (int i = all[r].first; i < all[r].end; ++i, ++own) {
+        double* to = M_.data() + M_entry(i, 0);
+        add(own, to + i, own, all[r].end - i);
+        std::size_t from = own + at(all[r].end - i);
+        for (const Run& run : all.subspan(r + 1)) {
+          add(own, to + run.first, from, run.size());
+          from += at(run.size());
+        }
+      }
+  };
+  std::size_t k = 0;
+  if (contact.disc_count > 0 && contact.discs[0].kind == Disc::Kind::sliding) {
+    const auto [xx, xy, yy] = stiffness(contact.discs[k++]);
+    const double *x = J + m, *y = J + 2 * m;
+    each_row([&](std::size_t own, double* to, std::size_t from, int count) {
+      const double s[3] = {-normal * J[own], -xx * x[own] - xy * y[own], -xy * x[own] - yy * y[own]};
+      subtract(to, J + from, x + from, y + from, s, count);
+    });
+  } else if (normal > 0) {
+    each_row([&](std::size_t own, double* to, std::size_t from, int count) {
+      subtract(to, J + from, -normal * J[own], count);
+    });
+  }
+  for (; k < contact.disc_count; ++k) {
+    const Disc& disc = contact.discs[k];
+    const auto [xx, xy, yy] = stiffness(disc);
+    const double *x = J + disc.row * m, *y = x + m;
+    each_row([&](std::size_t own, double* to, std::size_t from, int count) {
+      if (disc.size == 1) return subtract(to, x + from, -xx * x[own], count);
+      subtract(to, x + from, -xx * x[own] - xy * y[own], count);
+      subtract(to, y + from, -xy * x[own] - yy * y[own], count);
+    });
+  }
+}
+
+/// Adds a column of C and G for a disc that slides.
+void ContactNewton::add_coupling(const ContactRows& contact, const Disc& disc) {
+  const std::size_t m = contact.dof_count, column = coupling_.size(), count = chains_.size();
+  const double *J = J_.data() + contact.first_entry, *rows = J + disc.row * m;
+  const double share = disc.coefficient / contact.regularization;
+  coupling_.push_back(chain_of_[at(dofs_[contact.first_dof])]);
+  CG_.resize(std::max(CG_.size(), 2 * at(n_) * (column + 1)));
+  double* CG = CG_.data() + 2 * at(n_) * column;
+  for (std::size_t c = coupling_.back(); c < count; c = chains_[c].next)
+    std::fill(CG + 2 * at(chains_[c].own.first), CG + 2 * at(chains_[c].own.end), 0.0);
+  for (std::size_t j = 0; j < m; ++j) {
+    const std::size_t dof = at(dofs_[contact.first_dof + j]);
+    if (bounds_[dof].side != 0) continue;
+    CG[2 * dof] = share * (disc.force_x * rows[j] + (disc.size > 1 ? disc.force_y * rows[m + j] : 0));
+    CG[2 * dof + 1] = J[j];
+  }
 }
 
 /// The derivative of F: M is its symmetric part, C and G are friction's dependence on the normal impulse.
@@ -36,131 +159,152 @@ void ContactNewton::assemble() {
     if (servo.limit > 0 && servo.saturated == 0) M[i] += servo.slope;
     if (law_ == Law::fixed_limits && bounds_[at(i)].side != 0) M[i] += 1 / bound_compliance(i);
   }
-  coupled_ = 0;
   coupling_.clear();
   for (const ContactRows& contact : contacts_) {
     if (contact.open && law_ != Law::fixed_limits) continue;
-    const std::size_t m = contact.dof_count;
-    const int* dofs = dofs_.data() + contact.first_dof;
-    const double* J = J_.data() + contact.first_entry;
-    const auto add = [&](double weight, const double* row) {
-      for (std::size_t i = 0; i < m; ++i) {
-        if (row[i] == 0) continue;
-        const double scaled = weight * row[i];
-        double* to = M_.data() + M_entry(dofs[i], 0);
-        for (std::size_t j = i; j < m; ++j) to[dofs[j]] += scaled * row[j];
-      }
-    };
-    if (!contact.open) add(1 / contact.regularization, J);
-    for (std::size_t k = 0; k < contact.disc_count; ++k) {
-      const Disc& disc = contact.discs[k];
-      const double* rows = J + disc.row * m;
-      const auto [xx, xy, yy] = stiffness(disc);
-      if (disc.size == 1) {
-        add(xx, rows);
-      } else {
-        const double *first = rows, *second = rows + m;
-        for (std::size_t i = 0; i < m; ++i) {
-          const double a = xx * first[i] + xy * second[i], b = xy * first[i] + yy * second[i];
-          double* to = M_.data() + M_entry(dofs[i], 0);
-          for (std::size_t j = i; j < m; ++j) to[dofs[j]] += a * first[j] + b * second[j];
-        }
-      }
-      if (!disc.slides || law_ == Law::fixed_limits) continue;
-      const double share = disc.coefficient / contact.regularization;
-      for (std::size_t j = 0; j < m; ++j) {
-        if (bounds_[at(dofs[j])].side != 0) continue;
-        const double slip = disc.force_x * rows[j] + (disc.size > 1 ? disc.force_y * rows[m + j] : 0);
-        coupling_.push_back({coupled_, dofs[j], share * slip, J[j]});
-      }
-      ++coupled_;
-    }
+    add_stiffness(contact);
+    if (law_ == Law::fixed_limits) continue;
+    for (std::size_t k = 0; k < contact.disc_count; ++k)
+      if (contact.discs[k].slides) add_coupling(contact, contact.discs[k]);
   }
   if (law_ == Law::fixed_limits) return;
   for (int i = 0; i < n_; ++i) {
     if (bounds_[at(i)].side == 0) continue;
     std::fill(M_.begin() + static_cast<std::ptrdiff_t>(M_entry(i, i)),
               M_.begin() + static_cast<std::ptrdiff_t>(M_entry(i, last_[at(i)])) + 1, 0.0);
-    for (int j = first_[at(i)]; j < i; ++j) M_[M_entry(j, i)] = 0;
+    for (int j = 0; j < i; ++j)
+      if (last_[at(j)] >= i) M_[M_entry(j, i)] = 0;
     M_[M_entry(i, i)] = 1;
   }
 }
 
-/// M = U^T U in place, its diagonal inverted; structural zeros are skipped.
+/// M = U^T U in place, its diagonal inverted.
 void ContactNewton::factor() {
-  for (int k = 0; k < n_; ++k) {
-    double* row = M_.data() + M_entry(k, 0);
-    const int last = last_[at(k)];
-    const double inverse = 1 / std::sqrt(row[k]);
-    for (int j = k + 1; j <= last; ++j) row[j] *= inverse;
-    row[k] = inverse;
-    for (int i = k + 1; i <= last; ++i) {
-      if (row[i] == 0) continue;
-      Row(M_.data() + M_entry(i, i), last - i + 1) -= row[i] * ConstRow(row + i, last - i + 1);
+  for (const Chain& chain : chains_)
+    for (int k = chain.own.first; k < chain.own.end; ++k) {
+      double* row = M_.data() + M_entry(k, 0);
+      const double inverse = 1 / std::sqrt(row[k]);
+      row[k] = inverse;
+      for (int j = k + 1; j < chain.own.end; ++j) row[j] *= inverse;
+      for (const Run& run : runs(chain))
+        for (int j = run.first; j < run.end; ++j) row[j] *= inverse;
+      for (int i = k + 1; i < chain.own.end; ++i) {
+        double* to = M_.data() + M_entry(i, 0);
+        subtract(to + i, row + i, row[i], chain.own.end - i);
+        for (const Run& run : runs(chain)) subtract(to + run.first, row + run.first, row[i], run.size());
+      }
+      const std::span<const Run> later = runs(chain);
+      for (std::size_t r = 0; r < later.size(); ++r)
+        for (int i = later[r].first; i < later[r].end; ++i) {
+          double* to = M_.data() + M_entry(i, 0);
+          subtract(to + i, row + i, row[i], later[r].end - i);
+          for (const Run& run : later.subspan(r + 1))
+            subtract(to + run.first, row + run.first, row[i], run.size());
+        }
+    }
+}
+
+void ContactNewton::eliminate(double* x, std::size_t first_chain, std::size_t end) const {
+  for (std::size_t c = first_chain; c < end; ++c) {
+    const Chain& chain = chains_[c];
+    for (int k = chain.own.first; k < chain.own.end; ++k) {
+      const double* row = M_.data() + M_entry(k, 0);
+      x[k] *= row[k];
+      if (x[k] == 0) continue;
+      subtract(x + k + 1, row + k + 1, x[k], chain.own.end - k - 1);
+      for (const Run& run : runs(chain)) subtract(x + run.first, row + run.first, x[k], run.size());
     }
   }
 }
 
-void ContactNewton::solve_factored(double* x, int first, int end) const {
-  for (int k = first; k <= end; ++k) {
-    const double* row = M_.data() + M_entry(k, 0);
-    x[k] *= row[k];
-    if (x[k] == 0) continue;
-    for (int j = k + 1; j <= last_[at(k)]; ++j) x[j] -= row[j] * x[k];
-  }
-  for (int k = end; k >= first; --k) {
-    const double* row = M_.data() + M_entry(k, 0);
-    const int count = last_[at(k)] - k;
-    x[k] = (x[k] - ConstRow(row + k + 1, count).dot(ConstRow(x + k + 1, count))) * row[k];
+void ContactNewton::substitute_back(double* x, std::size_t first_chain, std::size_t end) const {
+  for (std::size_t c = end; c-- > first_chain;) {
+    const Chain& chain = chains_[c];
+    for (int k = chain.own.end - 1; k >= chain.own.first; --k) {
+      const double* row = M_.data() + M_entry(k, 0);
+      double sum = dot(row + k + 1, x + k + 1, chain.own.end - k - 1);
+      for (const Run& run : runs(chain)) sum += dot(row + run.first, x + run.first, run.size());
+      x[k] = (x[k] - sum) * row[k];
+    }
   }
 }
 
-/// Corrects d_ = -M^-1 F to -(M - C G^T)^-1 F by the Sherman-Morrison-Woodbury formula. Elimination is by
-/// hand: Eigen's sums round otherwise.
-void ContactNewton::apply_coupling() {
-  const std::size_t m = coupled_;
-  if (m == 0) return;
-  const auto width = static_cast<Eigen::Index>(m);
-  // C = M^-1 C, all columns at once: C lies by rows.
-  C_.resize(std::max(C_.size(), m * at(n_)));
-  std::fill_n(C_.begin(), m * at(n_), 0.0);
-  for (const Entry& each : coupling_) C_[at(each.dof) * m + each.column] = each.C;
-  const auto row_of = [&](int i) { return Row(C_.data() + at(i) * m, width); };
-  for (int k = 0; k < n_; ++k) {
-    const double* row = M_.data() + M_entry(k, 0);
-    row_of(k) *= row[k];
-    for (int j = k + 1; j <= last_[at(k)]; ++j)
-      if (row[j] != 0) row_of(j) -= row[j] * row_of(k);
+/// C = U^-T C and G = U^-T G.
+void ContactNewton::eliminate_coupling() {
+  for (std::size_t column = 0; column < coupling_.size(); ++column) {
+    double* CG = CG_.data() + 2 * at(n_) * column;
+    for (std::size_t c = coupling_[column]; c < chains_.size(); c = chains_[c].next)
+      for (int k = chains_[c].own.first; k < chains_[c].own.end; ++k) {
+        const double* row = M_.data() + M_entry(k, 0);
+        const Pair both = row[k] * load(CG + 2 * k);
+        store(CG + 2 * k, both);
+        if (both.isZero(0)) continue;
+        const auto subtract_run = [&](int first, int end) {
+          for (int j = first; j < end; ++j) store(CG + 2 * j, load(CG + 2 * j) - row[j] * both);
+        };
+        subtract_run(k + 1, chains_[c].own.end);
+        for (const Run& run : runs(chains_[c])) subtract_run(run.first, run.end);
+      }
   }
-  for (int k = n_ - 1; k >= 0; --k) {
-    const double* row = M_.data() + M_entry(k, 0);
-    for (int j = k + 1; j <= last_[at(k)]; ++j)
-      if (row[j] != 0) row_of(k) -= row[j] * row_of(j);
-    row_of(k) *= row[k];
-  }
-  // K = 1 - G^T M^-1 C, and beside it G^T d.
+}
+
+/// K = 1 - G^T M^-1 C, and beside it G^T M^-1 F.
+void ContactNewton::find_coupling_system() {
+  const std::size_t m = coupling_.size();
   K_.assign(m * (m + 1), 0.0);
   const auto K = [&](std::size_t i, std::size_t j) -> double& { return K_[i * (m + 1) + j]; };
-  for (std::size_t i = 0; i < m; ++i) K(i, i) = 1;
-  for (const Entry& each : coupling_) {
-    Row(&K(each.column, 0), width) -= each.G * row_of(each.dof);
-    K(each.column, m) += each.G * d_[at(each.dof)];
+  for (std::size_t i = 0; i < m; ++i) {
+    const double* mine = CG_.data() + 2 * at(n_) * i;
+    K(i, i) = 1;
+    for (std::size_t j = i; j < m; ++j) {
+      const double* other = CG_.data() + 2 * at(n_) * j;
+      // Chains that both have entries in.
+      std::size_t a = coupling_[i], b = coupling_[j];
+      while (a != b) a < b ? a = chains_[a].next : b = chains_[b].next;
+      Pair sum = Pair::Zero();  // C_i G_j, G_i C_j
+      for (; a < chains_.size(); a = chains_[a].next)
+        for (int k = chains_[a].own.first; k < chains_[a].own.end; ++k)
+          sum += load(mine + 2 * k).cwiseProduct(load(other + 2 * k).reverse());
+      K(i, j) -= sum[1];
+      if (j > i) K(j, i) -= sum[0];
+    }
+    for (std::size_t a = coupling_[i]; a < chains_.size(); a = chains_[a].next)
+      for (int k = chains_[a].own.first; k < chains_[a].own.end; ++k) K(i, m) += mine[2 * k + 1] * d_[at(k)];
   }
+}
+
+/// Gaussian elimination with row exchanges, by hand: Eigen's sums round otherwise.
+void ContactNewton::solve_coupling_system() {
+  const std::size_t m = coupling_.size();
+  const auto K = [&](std::size_t i, std::size_t j) -> double& { return K_[i * (m + 1) + j]; };
   for (std::size_t k = 0; k < m; ++k) {
     std::size_t pivot = k;
     for (std::size_t i = k + 1; i < m; ++i)
       if (std::abs(K(i, k)) > std::abs(K(pivot, k))) pivot = i;
     if (pivot != k)
       for (std::size_t j = k; j <= m; ++j) std::swap(K(k, j), K(pivot, j));
-    const auto rest = static_cast<Eigen::Index>(m + 1 - k);
-    for (std::size_t i = k + 1; i < m; ++i) Row(&K(i, k), rest) -= K(i, k) / K(k, k) * Row(&K(k, k), rest);
+    const double inverse = 1 / K(k, k);
+    for (std::size_t i = k + 1; i < m; ++i)
+      subtract(&K(i, k), &K(k, k), K(i, k) * inverse, static_cast<int>(m + 1 - k));
   }
   for (std::size_t k = m; k-- > 0;) {
     for (std::size_t j = k + 1; j < m; ++j) K(k, m) -= K(k, j) * K(j, m);
     K(k, m) /= K(k, k);
   }
-  for (int i = 0; i < n_; ++i)
-    for (std::size_t k = 0; k < m; ++k) d_[at(i)] += C_[at(i) * m + k] * K(k, m);
+}
+
+/// Where d_ = -U^-T F: corrects the step to -(M - C G^T)^-1 F by the Sherman-Morrison-Woodbury formula.
+void ContactNewton::apply_coupling() {
+  const std::size_t m = coupling_.size();
+  if (m == 0) return;
+  eliminate_coupling();
+  find_coupling_system();
+  solve_coupling_system();
+  for (std::size_t column = 0; column < m; ++column) {
+    const double *CG = CG_.data() + 2 * at(n_) * column, share = K_[column * (m + 1) + m];
+    for (std::size_t a = coupling_[column]; a < chains_.size(); a = chains_[a].next)
+      for (int k = chains_[a].own.first; k < chains_[a].own.end; ++k) d_[at(k)] += CG[2 * k] * share;
+  }
 }
 
 }  // namespace handsim::engine::articulated

@@ -61,7 +61,7 @@ void ContactNewton::add_block(Block block) {
       const auto [first, last] = ranges_[range];
       for (; k < dofs.size() && dofs[k] <= last; ++k)
         d_[at(dofs[k])] = contact ? J_[contacts_[block.index].first_entry + row * dofs.size() + k] : 1;
-      solve_factored(d_.data(), first, last);
+      solve_tree(d_.data(), first, last);
       for (int i = first; i <= last; ++i) {
         Y_.push_back(d_[at(i)]);
         d_[at(i)] = 0;
@@ -176,14 +176,13 @@ double ContactNewton::solve_contact(const Block& block) {
 
 void ContactNewton::gauss_seidel(double tolerance, NewtonReport& report) {
   report.iterative = true;
-  first_ = A_first_;
-  last_ = A_last_;
+  find_structure({});
   M_start_ = A_start_;
   M_ = A_;
   factor();
   add_blocks();
   x_ = g_;
-  solve_factored(x_.data(), 0, n_ - 1);
+  solve_tree(x_.data(), 0, n_ - 1);
   for (const Block& block : blocks_)
     if (block.kind == Block::Kind::contact)
       for (std::size_t row = 0; row < block.rows; ++row)

@@ -5,6 +5,7 @@
 
 #include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact_dynamics.h"
+#include "handsim/engine/articulated/row_operations.h"
 #include "handsim/engine/spring.h"
 
 namespace handsim::engine::articulated {
@@ -32,8 +33,70 @@ constexpr double kBilateralRegularization = 1e-8;
 
 }  // namespace
 
+/// The bodies of a pair that touches, and the unknowns that move one against the other.
+void ContactDynamics::find_pair(int shape_a, int shape_b) {
+  pair_.a = side(shape_a);
+  pair_.b = side(shape_b);
+  const Mobility a = mobility_of(shape_a), b = mobility_of(shape_b);
+  pair_.mobility = {a.linear + b.linear, a.angular + b.angular};
+  find_moving_dofs(node_of(shape_a), node_of(shape_b));
+}
+
+/// Velocities along a frame's three columns at a point, per unknown.
+void ContactDynamics::find_point_rows(const Mat3& frame, const Vec3& position, double* J) const {
+  for (const PairRun& run : pair_runs_) {
+    const Vec3 r = position - (run.sign > 0 ? pair_.a : pair_.b).origin;
+    const Mat3 along = run.sign * frame;
+    point_rows(J, dofs_.size(), {S_.data() + run.first, at(space_.size())}, r.data(), along.data(),
+               run.count);
+    J += run.count;
+  }
+}
+
+/// The first of these alone.
+void ContactDynamics::find_normal_row(const Vec3& normal, const Vec3& position, double* J) const {
+  const std::size_t n = at(space_.size());
+  for (const PairRun& run : pair_runs_) {
+    const Vec3 turn = (position - (run.sign > 0 ? pair_.a : pair_.b).origin).cross(normal);
+    for (int i = run.first; i < run.first + run.count; ++i) {
+      const double* S = S_.data() + i;
+      *J++ =
+          run.sign * (turn.dot(Vec3(S[0], S[n], S[2 * n])) + normal.dot(Vec3(S[3 * n], S[4 * n], S[5 * n])));
+    }
+  }
+}
+
+/// Angular velocity about an axis, per unknown.
+void ContactDynamics::find_turning_row(const Vec3& axis, double* J) const {
+  const std::size_t n = at(space_.size());
+  for (const PairRun& run : pair_runs_)
+    for (int i = run.first; i < run.first + run.count; ++i)
+      *J++ = run.sign * axis.dot(Vec3(S_[at(i)], S_[n + at(i)], S_[2 * n + at(i)]));
+}
+
+/// Velocity along the normal that a contact is to have after the step, and its regularization.
+double ContactDynamics::find_target(ContactRows& rows, const Contact& contact, const model::Material& surface,
+                                    double share, double crossed, double approach, double step) {
+  const double inside = std::max(contact.depth - kSurfaceLayer, 0.0);
+  double target = 0;
+  if (surface.compliance) {
+    const SoftRow spring =
+        soft_row(share * surface.compliance->stiffness, share * surface.compliance->damping, step);
+    target = spring.erp * (contact.depth < 0 ? contact.depth : inside) / step;
+    rows.regularization = spring.cfm / step;
+  } else {
+    // A gap may close within the step.
+    target = contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, kMaxCorrectingSpeed);
+    rows.regularization = std::max(kNormalRegularization * pair_.mobility.linear, crossed);
+    if (crossed == 0 && pair_.mobility.linear * heaviest_ > kLightPair) light_.push_back(frames_.size() - 1);
+  }
+  if (surface.restitution > 0 && approach > surface.restitution_speed)
+    target = std::max(target, surface.restitution * approach);
+  return target;
+}
+
 /// A contact's rows by its materials; the same laws as the ODE engine's.
-void ContactDynamics::add_contact(const Contact& contact, const model::Material& surface, int sharing,
+void ContactDynamics::add_contact(const Contact& contact, const model::Material& surface, double share,
                                   double step) {
   // Normals on both sides of a finger would jam it with the friction of a circular cone.
   const double crossed = surface.compliance ? 0 : crossed_.giving(contact);
@@ -46,70 +109,45 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   frame.col(0) = contact.normal;
   frame.col(1) = contact.normal.unitOrthogonal();
   frame.col(2) = contact.normal.cross(frame.col(1));
+  const Vec3 v =
+      frame.transpose() * (pair_.a.velocity(contact.position) - pair_.b.velocity(contact.position));
+  rows.start[0] = v.x() - find_target(rows, contact, surface, share, crossed, -v.x(), step);
 
-  const Mobility mobility_a = mobility_of(contact.shape_a), mobility_b = mobility_of(contact.shape_b);
-  const double mobility = mobility_a.linear + mobility_b.linear,
-               angular = mobility_a.angular + mobility_b.angular;
-  const double inside = std::max(contact.depth - kSurfaceLayer, 0.0);
-  double target = 0;
-  if (surface.compliance) {
-    const SoftRow spring =
-        soft_row(surface.compliance->stiffness / sharing, surface.compliance->damping / sharing, step);
-    target = spring.erp * (contact.depth < 0 ? contact.depth : inside) / step;
-    rows.regularization = spring.cfm / step;
-  } else {
-    // A gap may close within the step.
-    target =
-        contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, kMaxCorrectingSpeed);
-    rows.regularization = std::max(kNormalRegularization * mobility, crossed);
-    if (crossed == 0 && mobility * heaviest_ > kLightPair) light_.push_back(frames_.size() - 1);
-  }
-  const Side a = side(contact.shape_a, contact.position), b = side(contact.shape_b, contact.position);
-  const Vec3 v = frame.transpose() * (a.v - b.v), w = frame.transpose() * (a.w - b.w);
-  if (surface.restitution > 0 && -v.x() > surface.restitution_speed)
-    target = std::max(target, surface.restitution * -v.x());
-
-  const std::span<double> J = solver_.jacobian(rows);
   const std::size_t m = dofs_.size();
-  for (std::size_t k = 0; k < m; ++k) {
-    const Spatial& S = S_[at(dofs_[k])];
-    const Vec3 along = signs_[k] * (S.tail<3>() + S.head<3>().cross(signs_[k] > 0 ? a.r : b.r));
-    J[k] = frame.col(0).dot(along);
-    if (!(friction > 0)) continue;
-    J[m + k] = frame.col(1).dot(along);
-    J[2 * m + k] = frame.col(2).dot(along);
-  }
-  rows.start[0] = v.x() - target;
+  double* J = solver_.jacobian(rows).data();
+  if (friction > 0)
+    find_point_rows(frame, contact.position, J);
+  else
+    find_normal_row(frame.col(0), contact.position, J);
   std::size_t row = 1;
-  const auto add = [&](Disc::Kind kind, double coefficient, double alone, double share = 1) {
+  const auto add = [&](Disc::Kind kind, double coefficient, double regularization) {
     Disc& disc = rows.discs[rows.disc_count++];
     disc.kind = kind;
     disc.row = row;
     disc.size = kind == Disc::Kind::spinning ? 1 : 2;
     disc.coefficient = coefficient;
-    disc.regularization = kFrictionRegularization * share * alone;
+    disc.regularization = kFrictionRegularization * regularization;
   };
   const auto add_turning = [&](int axis) {
-    rows.start[row] = w[axis];
-    for (std::size_t k = 0; k < m; ++k)
-      J[row * m + k] = signs_[k] * frame.col(axis).dot(S_[at(dofs_[k])].head<3>());
-    ++row;
+    rows.start[row] = frame.col(axis).dot(pair_.a.w - pair_.b.w);
+    find_turning_row(frame.col(axis), J + row++ * m);
   };
   if (friction > 0) {
     double across = 0;
     for (std::size_t k = 0; k < m; ++k)
-      across += (J[m + k] * J[m + k] + J[2 * m + k] * J[2 * m + k]) / solver_.inertia(dofs_[k], dofs_[k]);
-    add(Disc::Kind::sliding, friction, mobility,
-        std::clamp(across / (kFirmBelow * mobility), kLeastShare, 1.0));
+      across += (J[m + k] * J[m + k] + J[2 * m + k] * J[2 * m + k]) * inverse_inertia_[at(dofs_[k])];
+    const double mobility = pair_.mobility.linear;
+    add(Disc::Kind::sliding, friction,
+        std::clamp(across / (kFirmBelow * mobility), kLeastShare, 1.0) * mobility);
     rows.start[row++] = v.y();
     rows.start[row++] = v.z();
   }
   if (spinning > 0) {
-    add(Disc::Kind::spinning, spinning, angular);
+    add(Disc::Kind::spinning, spinning, pair_.mobility.angular);
     add_turning(0);
   }
   if (rolling > 0) {
-    add(Disc::Kind::rolling, rolling, angular);
+    add(Disc::Kind::rolling, rolling, pair_.mobility.angular);
     add_turning(1);
     add_turning(2);
   }
@@ -122,10 +160,10 @@ void ContactDynamics::add_contacts(double step) {
   crossed_.find(collider_);
   for (const Touch& touch : collider_.touches()) {
     const Contact& any = collider_.contacts()[touch.first];
-    find_moving_dofs(node_of(any.shape_a), node_of(any.shape_b));
+    find_pair(any.shape_a, any.shape_b);
     for (int index = 0; index < touch.count; ++index) {
       const Contact& contact = collider_.contacts()[touch.first + at(index)];
-      add_contact(contact, touch.surface, touch.count, step);
+      add_contact(contact, touch.surface, 1.0 / touch.count, step);
       warm_start(solver_.contact(frames_.size() - 1), contact, frames_.back(), index);
     }
   }
@@ -136,14 +174,17 @@ void ContactDynamics::add_loop_rows() {
   if (!loops_) return;
   const std::size_t n = at(space_.size());
   const std::span<const double> rates = loops_->rates(), J = loops_->jacobian();
+  std::vector<double>& entries = loop_entries_;
   for (std::size_t i = 0; i < rates.size(); ++i) {
     dofs_.clear();
-    signs_.clear();
+    entries.clear();
+    double mobility = 0;
     for (int place = 0; place < space_.size(); ++place) {
       const double entry = J[i * n + at(dof_of_[at(place)])];
       if (entry == 0) continue;
       dofs_.push_back(place);
-      signs_.push_back(entry);
+      entries.push_back(entry);
+      mobility += entry * entry / solver_.inertia(place, place);
     }
     // No rate changes this row.
     if (dofs_.empty()) continue;
@@ -151,11 +192,7 @@ void ContactDynamics::add_loop_rows() {
     row.bilateral = true;
     row.open = false;
     row.start[0] = rates[i];
-    double mobility = 0;
-    for (std::size_t k = 0; k < dofs_.size(); ++k) {
-      solver_.jacobian(row)[k] = signs_[k];
-      mobility += signs_[k] * signs_[k] / solver_.inertia(dofs_[k], dofs_[k]);
-    }
+    std::copy(entries.begin(), entries.end(), solver_.jacobian(row).begin());
     row.regularization = kBilateralRegularization * mobility;
   }
 }

@@ -49,27 +49,26 @@ void JointSpace::inverse_dynamics(std::span<const double> du, std::span<double> 
   }
 }
 
-void JointSpace::find_inertia() {
-  const int nodes = static_cast<int>(views_.size());
-  for (int i = 0; i < nodes; ++i) {
-    const NodeView& b = views_[at(i)];
-    composite_[at(i)] = {*b.mass, read3(b.h, stride_), read_symmetric(b.I, stride_)};
+void JointSpace::start_composite(std::size_t node) {
+  const NodeView& b = views_[node];
+  composite_[node] = {*b.mass, read3(b.h, stride_), read_symmetric(b.I, stride_)};
+  for (int dof = first_[node]; dof <= last_[node]; ++dof) S_[at(dof)] = axis(dof);
+}
+
+/// What a node carries has been added to it.
+void JointSpace::find_node_inertia(std::size_t node) {
+  const Composite& c = composite_[node];
+  for (int dof = first_[node]; dof <= last_[node]; ++dof) {
+    const Vec3 turn = S_[at(dof)].head<3>(), shift = S_[at(dof)].tail<3>();
+    Spatial F;
+    F << c.I * turn + c.h.cross(shift), c.mass * shift - c.h.cross(turn);
+    for (int j = dof; j != kNoDof; j = parent_dof_[at(j)]) H_[index(dof, j)] = S_[at(j)].dot(F);
   }
-  for (int dof = 0; dof < n_; ++dof) S_[at(dof)] = axis(dof);
-  for (int i = nodes - 1; i >= 0; --i) {
-    const Composite& c = composite_[at(i)];
-    for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) {
-      const Vec3 turn = S_[at(dof)].head<3>(), shift = S_[at(dof)].tail<3>();
-      Spatial F;
-      F << c.I * turn + c.h.cross(shift), c.mass * shift - c.h.cross(turn);
-      for (int j = dof; j != kNoDof; j = parent_dof_[at(j)]) H_[index(dof, j)] = S_[at(j)].dot(F);
-    }
-    if (parent_node_[at(i)] == kNoNode) continue;
-    Composite& parent = composite_[at(parent_node_[at(i)])];
-    parent.mass += c.mass;
-    parent.h += c.h;
-    parent.I += c.I;
-  }
+  if (parent_node_[node] == kNoNode) return;
+  Composite& parent = composite_[at(parent_node_[node])];
+  parent.mass += c.mass;
+  parent.h += c.h;
+  parent.I += c.I;
 }
 
 void JointSpace::factor() {

@@ -48,13 +48,25 @@ class JointSpace {
   /// The dof that carries another, or kNoDof.
   int parent_dof(int dof) const { return parent_dof_[static_cast<std::size_t>(dof)]; }
   /// S of a dof.
-  Spatial axis(int dof) const { return read6(axes_[static_cast<std::size_t>(dof)], stride_); }
+  Spatial axis(int dof) const { return read6(axis_data(dof), stride_); }
+  /// The same where the mechanism has it: every stride'th number.
+  const double* axis_data(int dof) const { return axes_[static_cast<std::size_t>(dof)]; }
 
   /// tau for given accelerations: recursive Newton-Euler (Featherstone 2008, section 5.3, Table 5.1, p. 96).
   /// Gravity and the bases' accelerations included; leaves each node's acceleration for `acceleration`.
   void inverse_dynamics(std::span<const double> du, std::span<double> tau);
-  /// H by the composite-rigid-body algorithm (section 6.2, Table 6.2, p. 107), into `inertia()`.
-  void find_inertia();
+  /// H by the composite-rigid-body algorithm (section 6.2, Table 6.2, p. 107), into `inertia()`. @param of
+  ///        the dofs, by trees, of which it is found
+  template <class Of>
+  void find_inertia(const Of& of) {
+    for (std::size_t i = 0; i < views_.size(); ++i)
+      if (of(first_[i])) start_composite(i);
+    for (std::size_t i = views_.size(); i-- > 0;)
+      if (of(first_[i])) find_node_inertia(i);
+  }
+  void find_inertia() {
+    find_inertia([](int) { return true; });
+  }
   /// Entry (i, j), j <= i; zero where neither dof carries the other.
   double inertia(int i, int j) const { return H_[index(i, j)]; }
   void add_to_diagonal(int i, double weight) { H_[index(i, i)] += weight; }
@@ -76,6 +88,8 @@ class JointSpace {
   Spatial acceleration(int node) const { return a_[static_cast<std::size_t>(node)]; }
 
  private:
+  void start_composite(std::size_t node);
+  void find_node_inertia(std::size_t node);
   std::size_t index(int i, int j) const {
     return static_cast<std::size_t>(i) * static_cast<std::size_t>(n_) + static_cast<std::size_t>(j);
   }

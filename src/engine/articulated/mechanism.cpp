@@ -232,15 +232,16 @@ void Mechanism::fill_lane(Batch<W>& b, int batch, int lane, int index, const Set
 
 Vec3 Mechanism::origin(int island) const {
   const std::size_t reference = at(topology_.reference[at(island)]);
-  const Node& node = topology_.nodes[reference];
-  if (node.kind == NodeKind::free) {
-    const double* q = tree_.q + seats_[reference].q;
-    return {q[0], q[stride()], q[2 * stride()]};
-  }
-  return bases_[at(node.base)].pose * node.anchor;
+  if (topology_.nodes[reference].kind != NodeKind::free) return origins_[at(island)];
+  const double* q = tree_.q + seats_[reference].q;
+  return {q[0], q[stride()], q[2 * stride()]};
 }
 
 void Mechanism::update_bases() {
+  origins_.resize(topology_.reference.size());
+  for (std::size_t i = 0; i < origins_.size(); ++i)
+    if (const Node& node = topology_.nodes[at(topology_.reference[i])]; node.kind != NodeKind::free)
+      origins_[i] = bases_[at(node.base)].pose * node.anchor;
   of_width(kernel_->width, [&](auto w) {
     constexpr int W = w;
     const In<W> in(*this);

@@ -145,6 +145,7 @@ class Mechanism {
   std::vector<int> outside_;       ///< joints that are no node's
   std::vector<int> lone_;          ///< nodes of free bodies without children
   std::vector<BaseMotion> bases_;  ///< as Model::bodies
+  std::vector<Vec3> origins_;      ///< of the islands that are not free
   bool servos_at_rest_ = true;
 };
 

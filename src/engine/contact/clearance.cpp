@@ -2,8 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
-
-#include "handsim/model/shape_extent.h"
+#include <utility>
 
 namespace handsim::engine {
 
@@ -43,33 +42,63 @@ bool segment(const Shape& shape) {
   return shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::sphere;
 }
 
+/// A shape with its extent and rotation.
+struct Placed {
+  const Shape& shape;
+  const Extent& extent;
+  const Pose& pose;
+  const Mat3& R;
+};
+
+double gap_to_plane(const Placed& a, const Pose& plane) {
+  const Vec3 normal = plane.q * Vec3::UnitZ();
+  return normal.dot(a.pose.p - plane.p) - (a.R.transpose() * normal).cwiseAbs().dot(a.extent.half) -
+         a.extent.round;
+}
+
+double gap_between(const Placed& a, const Placed& b) {
+  if (a.shape.kind == ShapeKind::plane) return gap_to_plane(b, a.pose);
+  if (b.shape.kind == ShapeKind::plane) return gap_to_plane(a, b.pose);
+  if (segment(a.shape) && segment(b.shape))
+    return std::sqrt(square_between(a.pose.p, a.extent.half.z() * a.R.col(2), b.pose.p,
+                                    b.extent.half.z() * b.R.col(2))) -
+           a.extent.round - b.extent.round;
+  const Vec3 from_a = b.pose.p - a.pose.p;
+  return std::max(gap_along(a.extent, a.R, b.extent, b.R, from_a),
+                  gap_along(b.extent, b.R, a.extent, a.R, -from_a));
+}
+
 }  // namespace
 
 double least_gap(const Shape& a, const Pose& x_WA, const Shape& b, const Pose& x_WB) {
-  if (a.kind == ShapeKind::plane) return least_gap(b, x_WB, a, x_WA);
-  const Extent of_a = extent(a);
-  const Mat3 R_A = x_WA.q.toRotationMatrix();
-  if (b.kind == ShapeKind::plane) {
-    const Vec3 normal = x_WB.q * Vec3::UnitZ();
-    return normal.dot(x_WA.p - x_WB.p) - (R_A.transpose() * normal).cwiseAbs().dot(of_a.half) - of_a.round;
-  }
-  const Extent of_b = extent(b);
-  const Mat3 R_B = x_WB.q.toRotationMatrix();
-  if (segment(a) && segment(b))
-    return std::sqrt(square_between(x_WA.p, of_a.half.z() * R_A.col(2), x_WB.p, of_b.half.z() * R_B.col(2))) -
-           of_a.round - of_b.round;
-  const Vec3 from_a = x_WB.p - x_WA.p;
-  return std::max(gap_along(of_a, R_A, of_b, R_B, from_a), gap_along(of_b, R_B, of_a, R_A, -from_a));
+  const Extent of_a = extent(a), of_b = extent(b);
+  const Mat3 R_A = x_WA.q.toRotationMatrix(), R_B = x_WB.q.toRotationMatrix();
+  return gap_between({a, of_a, x_WA, R_A}, {b, of_b, x_WB, R_B});
 }
 
 Clearance::Clearance(const model::Model& model, std::vector<Pair> pairs)
-    : model_(model), pairs_(std::move(pairs)), limit_(pairs_.size(), 0.0), travel_(model.shapes.size(), 0.0) {
+    : model_(model),
+      rotations_(model.shapes.size()),
+      rotated_(model.shapes.size(), false),
+      pairs_(std::move(pairs)),
+      limit_(pairs_.size(), 0.0),
+      travel_(model.shapes.size(), 0.0) {
   for (const Shape& shape : model.shapes) {
-    const Extent of = extent(shape);
+    const Extent of = extents_.emplace_back(extent(shape));
     reach_.push_back(of.half.norm() + of.round);
   }
   near_.reserve(pairs_.size());
   last_.resize(model.shapes.size());
+}
+
+const Mat3& Clearance::rotation(std::size_t shape, const Pose& pose) {
+  if (!std::exchange(rotated_[shape], true)) rotations_[shape] = pose.q.toRotationMatrix();
+  return rotations_[shape];
+}
+
+double Clearance::gap(std::size_t a, std::size_t b, std::span<const Pose> poses) {
+  return gap_between({model_.shapes[a], extents_[a], poses[a], rotation(a, poses[a])},
+                     {model_.shapes[b], extents_[b], poses[b], rotation(b, poses[b])});
 }
 
 std::span<const Clearance::Pair> Clearance::near(std::span<const Pose> poses) {
@@ -82,6 +111,7 @@ std::span<const Clearance::Pair> Clearance::near(std::span<const Pose> poses) {
                                            (now.q.coeffs() + last.q.coeffs()).squaredNorm()));
     const double way = (now.p - last.p).norm();
     if (way == 0 && turn == 0) continue;
+    rotated_[i] = false;
     travel_[i] += way + 2 * reach_[i] * turn;
     tilted = tilted || model_.shapes[i].kind == ShapeKind::plane;
     last_[i] = now;
@@ -93,9 +123,8 @@ std::span<const Clearance::Pair> Clearance::near(std::span<const Pose> poses) {
     const auto [a, b] = pairs_[k];
     const double travel = travel_[a] + travel_[b];
     if (travel < limit_[k]) continue;
-    const double gap = least_gap(model_.shapes[a], poses[a], model_.shapes[b], poses[b]);
-    if (gap > kRounding)
-      limit_[k] = travel + gap - kRounding;
+    if (const double apart = gap(a, b, poses); apart > kRounding)
+      limit_[k] = travel + apart - kRounding;
     else
       near_.push_back(pairs_[k]);
   }

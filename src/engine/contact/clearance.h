@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "handsim/model/model.h"
+#include "handsim/model/shape_extent.h"
 
 namespace handsim::engine {
 
@@ -29,7 +29,13 @@ class Clearance {
   std::span<const Pair> near(std::span<const Pose> poses);
 
  private:
+  double gap(std::size_t a, std::size_t b, std::span<const Pose> poses);
+  const Mat3& rotation(std::size_t shape, const Pose& pose);
+
   const model::Model& model_;
+  std::vector<model::Extent> extents_;
+  std::vector<Mat3> rotations_;  ///< of the shapes where `rotated_`
+  std::vector<char> rotated_;
   std::vector<Pair> pairs_, near_;
   std::vector<double> limit_;   ///< of each pair: travel of both at which it may touch [m]
   std::vector<double> travel_;  ///< of each shape: most that a point of it may have moved so far [m]
