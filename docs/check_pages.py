@@ -184,7 +184,8 @@ def check_keys(handsim, problems):
     for kind, pages in KEY_PAGES.items():
         schema = json.loads(subprocess.run([handsim, "schema", kind], capture_output=True, text=True).stdout)
         text = "".join((ROOT / "docs" / page).read_text() for page in pages)
-        named = set(re.findall(r"\w+", " ".join(re.findall(r"`[^`]+`", text))))
+        code = re.findall(r"`[^`]+`", without_code(text)) + [block.group(2) for block in FENCE.finditer(text)]
+        named = set(re.findall(r"\w+", " ".join(code)))
         problems += [f"docs/{pages[0]}: no key {key} of handsim schema {kind}" for key in sorted(keys_of(schema) - named)]
 
 

@@ -72,9 +72,9 @@ SchemaRecorder::Node& SchemaRecorder::at(std::string_view path) {
   while (!path.empty()) {
     const std::string_view key = take_key(path);
     auto child = std::find_if(node->children.begin(), node->children.end(),
-                              [&](const auto& each) { return each.first == key; });
-    if (child == node->children.end()) child = node->children.emplace(child, std::string(key), Node());
-    node = &child->second;
+                              [&](const Node& each) { return each.key == key; });
+    if (child == node->children.end()) child = node->children.insert(child, Node{std::string(key)});
+    node = &*child;
   }
   return *node;
 }
@@ -109,13 +109,13 @@ std::vector<Setting> SchemaRecorder::end_run() {
 
 Json SchemaRecorder::build(const Node& node) {
   std::vector<Json> types = node.types;
-  for (const auto& [key, child] : node.children) {
-    if (key == "0") {
+  for (const Node& child : node.children) {
+    if (child.key == "0") {
       type_of(types, "array")["items"] = build(child);
-    } else if (key == "*") {
+    } else if (child.key == "*") {
       type_of(types, "object")["additionalProperties"] = build(child);
     } else {
-      type_of(types, "object")["properties"][key] = build(child);
+      type_of(types, "object")["properties"][child.key] = build(child);
     }
   }
   if (node.required && !node.required->empty()) type_of(types, "object")["required"] = *node.required;

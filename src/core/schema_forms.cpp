@@ -10,8 +10,6 @@ namespace handsim {
 
 namespace {
 
-using Kind = YamlNode::Kind;
-
 constexpr const char* kSample = "sample";
 
 YamlNode sample_list(std::vector<YamlNode> items) {
@@ -119,13 +117,13 @@ KeyForm map_form(bool required) { return {{{{"type", "object"}}}, {yaml_map()}, 
 KeyForm value_form(const ValueForm& form) {
   KeyForm out;
   out.required = form.required;
-  for (const Kind kind : form.kinds) {
+  for (const YamlNode::Kind kind : form.kinds) {
     Json type = form.words.empty() ? text_type() : Json{{"enum", form.words}};
     YamlNode sample = yaml_scalar(form.words.empty() ? kSample : form.words.front());
-    if (kind == Kind::sequence) {
+    if (kind == YamlNode::Kind::sequence) {
       type = array_type(form.words.empty() ? Json() : type, 0, kNoLimit);
       sample = sample_list({yaml_map()});
-    } else if (kind == Kind::map) {
+    } else if (kind == YamlNode::Kind::map) {
       type = {{"type", "object"}};
       sample = yaml_map();
     }

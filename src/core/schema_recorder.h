@@ -70,8 +70,9 @@ class SchemaRecorder {
 
  private:
   struct Node {
-    std::vector<Json> types;
-    std::vector<std::pair<std::string, Node>> children;  ///< `0`: items of a list, `*`: keys of any name
+    std::string key;  ///< `0`: items of a list, `*`: keys of any name
+    std::vector<Json> types = {};
+    std::vector<Node> children = {};
     std::optional<std::set<std::string>> required = {};  ///< in every run that came here
     bool closed = false;
   };
@@ -79,7 +80,7 @@ class SchemaRecorder {
   Node& at(std::string_view path);
   static Json build(const Node& node);
 
-  Node root_;
+  Node root_ = {};
   std::set<std::string> visited_;
   std::map<std::string, std::set<std::string>> required_;  ///< in this run
   std::set<std::pair<std::string, std::string>> known_;

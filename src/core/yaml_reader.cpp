@@ -166,7 +166,6 @@ std::optional<std::string> MapReader::maybe_text(std::string_view key) {
 
 std::string MapReader::name(std::string_view key) {
   if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, name_form());
-  constexpr std::size_t kLongest = 64;
   const std::string need = "a name of letters, digits, _ and -, at most 64 of them";
   const YamlNode* found = wanted(key, true, need);
   if (!found) return "";
@@ -174,7 +173,7 @@ std::string MapReader::name(std::string_view key) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
   };
   const std::string& word = found->text;
-  if (!word.empty() && word.size() <= kLongest && std::all_of(word.begin(), word.end(), plain)) return word;
+  if (!word.empty() && word.size() <= 64 && std::all_of(word.begin(), word.end(), plain)) return word;
   problem(key, found->described(), need);
   return "";
 }
@@ -287,12 +286,12 @@ YamlNode* MapReader::value(std::string_view key, const ValueForm& form) {
 
 void MapReader::each(std::string_view key, std::size_t least, std::size_t most,
                      const std::function<void(MapReader)>& read) {
+  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, list_form(least, most));
   YamlNode* found = list(key, least > 0, kNoLimit);
   if (!found) return;
+  const std::string range = least > 0 ? fmt::format("{} to", least) : "at most";
   if (found->items.size() < least || found->items.size() > most)
-    return problem(
-        key, found->described(),
-        least > 0 ? fmt::format("{} to {} {}", least, most, key) : fmt::format("at most {} {}", most, key));
+    return problem(key, found->described(), fmt::format("{} {} {}", range, most, key));
   for (std::size_t i = 0; i < found->items.size(); ++i)
     read(MapReader(found->items[i], fmt::format("{}.{}", path_of(key), i), *diagnostics_));
 }

@@ -10,12 +10,12 @@ namespace handsim::scene {
 
 namespace {
 
-using Keys = std::vector<const char*>;
-const Keys kOfTracking = {"rms_error", "largest_error"}, kOfHolds = {"steady_error"},
+using Limits = std::vector<const char*>;
+const Limits kOfTracking = {"rms_error", "largest_error"}, kOfHolds = {"steady_error"},
            kOfMovements = {"overshoot", "settling_time"};
 
 /// Those of the limits that are asked for.
-void refuse(MapReader& reader, const Keys& limits, const char* got, const char* need) {
+void refuse(MapReader& reader, const Limits& limits, const char* got, const char* need) {
   for (const char* limit : limits)
     if (reader.has(limit)) reader.problem(limit, got, std::string(need) + ", or no such limit");
 }
@@ -77,7 +77,7 @@ void check_criteria(MapReader reader, const SceneSpec& scene) {
   if (!has_tasks(scene, "climbs"))
     refuse(reader, {"climb_load"}, "a limit in a scene without climbs", "a climbs block");
   if (!scene.control)
-    for (const Keys& some : {kOfTracking, kOfHolds, kOfMovements})
+    for (const Limits& some : {kOfTracking, kOfHolds, kOfMovements})
       refuse(reader, some, "a limit in a scene without control", "a control block");
 }
 
@@ -87,10 +87,10 @@ void check_tracked(YamlNode& root, const control::Plan& plan, Diagnostics& diagn
   MapReader reader(*criteria, "criteria", diagnostics);
   const std::optional<double> movement = largest_movement(plan);
   if (plan.axes.empty()) {
-    for (const Keys& some : {kOfTracking, kOfHolds, kOfMovements})
+    for (const Limits& some : {kOfTracking, kOfHolds, kOfMovements})
       refuse(reader, some, "a limit where the controller drives no joint", "gains for some joint");
   } else if (!movement) {
-    for (const Keys& some : {kOfHolds, kOfMovements})
+    for (const Limits& some : {kOfHolds, kOfMovements})
       refuse(reader, some, "a limit with a motion file, which holds no pose", "a program of poses");
   } else if (*movement < control::kSmallestMovement) {
     refuse(reader, kOfMovements, "a limit with a program that moves no joint by 5 deg",
