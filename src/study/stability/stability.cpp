@@ -384,22 +384,4 @@ StabilityResult run_stability(const StabilitySpec& spec, const StabilityOptions&
   return result;
 }
 
-std::vector<StabilityRow> worst_rows(const CaseResult& result) {
-  std::vector<StabilityRow> out;
-  for (const MeasureSpec& measure : result.of->measures)
-    for (const StabilityRow& row : result.rows) {
-      if (row.measure != measure.name) continue;
-      const auto same = std::find_if(out.begin(), out.end(), [&](const StabilityRow& other) {
-        return other.measure == row.measure && other.way == row.way && other.step == row.step;
-      });
-      if (same == out.end())
-        out.push_back(row);
-      else if (row.severity() > same->severity())
-        *same = row;
-    }
-  for (const StabilityRow& row : result.rows)
-    if (row.measure == "refused") out.push_back(row);
-  return out;
-}
-
 }  // namespace handsim::study

@@ -226,6 +226,24 @@ void add_course(const CaseResult& of, Report& report) {
 
 }  // namespace
 
+std::vector<StabilityRow> worst_rows(const CaseResult& result) {
+  std::vector<StabilityRow> out;
+  for (const MeasureSpec& measure : result.of->measures)
+    for (const StabilityRow& row : result.rows) {
+      if (row.measure != measure.name) continue;
+      const auto same = std::find_if(out.begin(), out.end(), [&](const StabilityRow& other) {
+        return other.measure == row.measure && other.way == row.way && other.step == row.step;
+      });
+      if (same == out.end())
+        out.push_back(row);
+      else if (row.severity() > same->severity())
+        *same = row;
+    }
+  for (const StabilityRow& row : result.rows)
+    if (row.measure == "refused") out.push_back(row);
+  return out;
+}
+
 std::string stability_table(const StabilityResult& result) {
   std::string out = fmt::format("  {:<16} {:<44} {:>6} {:>16} {:>12}  {:<18} {}\n", "measure", "way", "ms",
                                 "measured", "limit", "verdict", "worst in, where, when");
