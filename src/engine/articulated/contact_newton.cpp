@@ -54,6 +54,12 @@ void ContactNewton::lay_out(std::span<const int> first) {
     if (i > 0 && tree_first_[at(i)] < i)
       tree_first_[at(i - 1)] = std::min(tree_first_[at(i - 1)], tree_first_[at(i)]);
   }
+  trees_.clear();
+  tree_of_.resize(at(n_));
+  for (int i = 0; i < n_; ++i) {
+    if (tree_first_[at(i)] == i) trees_.push_back({i, tree_last_[at(i)] + 1});
+    tree_of_[at(i)] = static_cast<int>(trees_.size()) - 1;
+  }
   for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
   bounds_.resize(at(n_));
   servos_.resize(at(n_));
@@ -61,7 +67,8 @@ void ContactNewton::lay_out(std::span<const int> first) {
 }
 
 void ContactNewton::reserve(std::size_t n) {
-  island_of_.reserve(n);
+  for (std::vector<int>* each : {&island_of_tree_, &tree_of_}) each->reserve(n);
+  trees_.reserve(n);
   place_.reserve(n);
   members_.reserve(n);
   touching_.reserve(kUsualContacts);
