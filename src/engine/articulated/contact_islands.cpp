@@ -79,10 +79,11 @@ void ContactNewton::load_island(const ContactNewton& whole, int island) {
     bounds_[at(to)] = whole.bounds_[at(i)];
     servos_[at(to)] = whole.servos_[at(i)];
   }
-  std::size_t last_run = 0;
+  const ContactRows* last = nullptr;
   for (const int c : whole.touching(island)) {
     const ContactRows& contact = whole.contacts_[at(c)];
-    const bool shared = std::exchange(last_run, contact.first_run) == contact.first_run && !contacts_.empty();
+    const bool shared = last && last->run_count > 0 && last->first_run == contact.first_run;
+    last = &contact;
     ContactRows& to = contacts_.emplace_back(contact);
     to.first_dof = shared ? contacts_[contacts_.size() - 2].first_dof : dofs_.size();
     to.first_run = shared ? contacts_[contacts_.size() - 2].first_run : dof_runs_.size();

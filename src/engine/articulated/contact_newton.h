@@ -108,6 +108,9 @@ class ContactNewton {
   double saturated(int i) const { return servos_[static_cast<std::size_t>(i)].saturated; }
 
  private:
+  /// An island of more unknowns is a heap: more than two hands with what they hold, or a dozen loose bodies.
+  /// Chosen.
+  static constexpr int kHeap = 72;
   struct Bound {
     double low, high, side;
   };
