@@ -181,6 +181,8 @@ void grasp_against_ode(benchmark::State& state, const char* name) {
   state.counters["failures"] = failures;
 }
 BENCHMARK_CAPTURE(grasp_against_ode, cup, "grasp_cup")->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(grasp_against_ode, pinch, "grasp_pinch")->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(grasp_against_ode, tripod, "grasp_tripod")->UseManualTime()->Unit(benchmark::kMillisecond);
 
 #ifdef HANDSIM_WITH_MUJOCO
 /// What may keep an object from creeping in MuJoCo.

@@ -1,6 +1,7 @@
 // Islands: trees of joints that contacts and loops couple are solved one island at a time, so that a hard
 // one does not slow down the others.
 #include <algorithm>
+#include <numeric>
 #include <utility>
 
 #include "handsim/core/index.h"
@@ -10,43 +11,44 @@ namespace handsim::engine::articulated {
 
 /// Numbers the islands in the order of their first unknowns.
 void ContactNewton::find_islands() {
-  // Union-find by the first unknown of each tree.
-  island_of_ = tree_first_;
-  const auto root = [&](int i) {
-    while (island_of_[at(i)] != i) i = island_of_[at(i)] = island_of_[at(island_of_[at(i)])];
-    return i;
+  // Union-find of trees.
+  island_of_tree_.resize(trees_.size());
+  std::iota(island_of_tree_.begin(), island_of_tree_.end(), 0);
+  const auto root = [&](int tree) {
+    while (island_of_tree_[at(tree)] != tree) tree = island_of_tree_[at(tree)];
+    return tree;
   };
   for (const ContactRows& contact : contacts_)
-    for (const Run& run : runs(contact)) {
-      const int a = root(dofs_[contact.first_dof]), b = root(run.first);
-      island_of_[at(std::max(a, b))] = std::min(a, b);
+    for (std::size_t r = 1; r < contact.run_count; ++r) {
+      const int a = root(tree_of_[at(runs(contact)[0].first)]),
+                b = root(tree_of_[at(runs(contact)[r].first)]);
+      island_of_tree_[at(std::max(a, b))] = std::min(a, b);
     }
   islands_ = 0;
-  place_.resize(at(n_));
-  first_member_.clear();
-  for (int i = 0; i < n_; ++i) {
-    // The root of an unknown comes before it and has its island's number already, as -1, -2, ...
-    int& island = island_of_[at(i)];
-    if (island == i) {
-      island = -1 - islands_++;
-      first_member_.push_back(0);
-    } else {
-      island = island_of_[at(island)];
-    }
-    place_[at(i)] = first_member_[at(-1 - island)]++;
+  for (std::size_t tree = 0; tree < trees_.size(); ++tree) {
+    // A root has a lower number than all others, and so its island's number already.
+    int& island = island_of_tree_[tree];
+    island = island == static_cast<int>(tree) ? islands_++ : island_of_tree_[at(island)];
   }
-  for (int& island : island_of_) island = -1 - island;
-  first_touching_.assign(at(islands_), 0);
-  for (const ContactRows& contact : contacts_) ++first_touching_[at(island_of(contact))];
+}
+
+/// Unknowns and contacts of each island.
+void ContactNewton::list_islands() {
   const auto begins = [](std::vector<int>& counts) {
     int sum = 0;
     for (int& count : counts) sum += std::exchange(count, sum);
     counts.push_back(sum);
   };
+  first_member_.assign(at(islands_), 0);
+  place_.resize(at(n_));
+  for (int i = 0; i < n_; ++i) place_[at(i)] = first_member_[at(island_of_tree_[at(tree_of_[at(i)])])]++;
   begins(first_member_);
-  begins(first_touching_);
   members_.resize(at(n_));
-  for (int i = 0; i < n_; ++i) members_[at(first_member_[at(island_of_[at(i)])] + place_[at(i)])] = i;
+  for (int i = 0; i < n_; ++i)
+    members_[at(first_member_[at(island_of_tree_[at(tree_of_[at(i)])])] + place_[at(i)])] = i;
+  first_touching_.assign(at(islands_), 0);
+  for (const ContactRows& contact : contacts_) ++first_touching_[at(island_of(contact))];
+  begins(first_touching_);
   touching_.resize(contacts_.size());
   next_.assign(first_touching_.begin(), first_touching_.end());
   for (std::size_t c = 0; c < contacts_.size(); ++c)
@@ -77,10 +79,11 @@ void ContactNewton::load_island(const ContactNewton& whole, int island) {
     bounds_[at(to)] = whole.bounds_[at(i)];
     servos_[at(to)] = whole.servos_[at(i)];
   }
-  std::size_t last_run = 0;
+  const ContactRows* last = nullptr;
   for (const int c : whole.touching(island)) {
     const ContactRows& contact = whole.contacts_[at(c)];
-    const bool shared = std::exchange(last_run, contact.first_run) == contact.first_run && !contacts_.empty();
+    const bool shared = last && last->run_count > 0 && last->first_run == contact.first_run;
+    last = &contact;
     ContactRows& to = contacts_.emplace_back(contact);
     to.first_dof = shared ? contacts_[contacts_.size() - 2].first_dof : dofs_.size();
     to.first_run = shared ? contacts_[contacts_.size() - 2].first_run : dof_runs_.size();
@@ -120,6 +123,7 @@ void ContactNewton::store_island(ContactNewton& whole, int island) const {
 NewtonReport ContactNewton::solve(double tolerance) {
   find_islands();
   if (islands_ == 1 && !left_out_[0]) return solve_island(tolerance);
+  list_islands();
   NewtonReport report;
   report.solved = true;
   for (int island = 0; island < islands_; ++island) {

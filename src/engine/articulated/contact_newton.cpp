@@ -14,10 +14,9 @@ namespace {
 
 /// Largest number of Newton steps from the active set of the last step. Chosen.
 constexpr int kNewtonSteps = 15;
-/// An island of more unknowns is a heap: more than two hands with what they hold, or a dozen loose bodies.
-/// There are fewer Newton steps, with Gauss-Seidel as the only fallback; and no Newton steps at all where a
-/// factorisation takes more multiplications than kMostWork. All three are chosen.
-constexpr int kHeap = 72, kHeapSteps = 6;
+/// A heap gets fewer Newton steps, with Gauss-Seidel as the only fallback; none where a factorisation takes
+/// more multiplications than kMostWork. Both are chosen.
+constexpr int kHeapSteps = 6;
 constexpr double kMostWork = 5e4;
 /// A residual below this share of the sum of its terms' magnitudes is rounding.
 constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
@@ -25,87 +24,6 @@ constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
 constexpr double kBeyond = 1e-12;
 
 }  // namespace
-
-void ContactNewton::resize(std::span<const int> first) {
-  lay_out(first);
-  reserve(first.size());
-  if (std::count(tree_first_.begin(), tree_first_.end(), 0) == n_) return;
-  part_ = std::make_unique<ContactNewton>();
-  part_->reserve(first.size());
-}
-
-/// Sizes everything for the unknowns; allocates only where there were never as many.
-void ContactNewton::lay_out(std::span<const int> first) {
-  n_ = static_cast<int>(first.size());
-  A_first_.assign(first.begin(), first.end());
-  A_last_.resize(at(n_));
-  for (int i = 0; i < n_; ++i) {
-    A_last_[at(i)] = i;
-    for (int k = A_first_[at(i)]; k < i; ++k) A_last_[at(k)] = i;
-  }
-  A_.assign(lay_out_rows(A_last_, A_start_), 0.0);
-  find_chains();
-  tree_first_.resize(at(n_));
-  tree_last_.resize(at(n_));
-  // A tree's unknowns stand together, its root's last.
-  for (int i = 0; i < n_; ++i) tree_first_[at(i)] = A_first_[at(i)];
-  for (int i = n_ - 1; i >= 0; --i) {
-    tree_last_[at(i)] = i == n_ - 1 || tree_first_[at(i + 1)] > i ? i : tree_last_[at(i + 1)];
-    if (i > 0 && tree_first_[at(i)] < i)
-      tree_first_[at(i - 1)] = std::min(tree_first_[at(i - 1)], tree_first_[at(i)]);
-  }
-  for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
-  bounds_.resize(at(n_));
-  servos_.resize(at(n_));
-  left_out_.assign(at(n_), false);
-}
-
-void ContactNewton::reserve(std::size_t n) {
-  island_of_.reserve(n);
-  place_.reserve(n);
-  members_.reserve(n);
-  touching_.reserve(kUsualContacts);
-  for (std::vector<int>* each : {&first_member_, &first_touching_, &next_}) each->reserve(n + 1);
-  const std::size_t most = std::min(n, at(kHeap)) * (std::min(n, at(kHeap)) + 1) / 2;
-  for (std::vector<double>* each : {&A_, &M_}) each->reserve(most);
-  for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->reserve(n);
-  for (std::vector<int>* each :
-       {&A_first_, &A_last_, &last_, &parent_, &tree_first_, &tree_last_, &loaded_, &part_first_})
-    each->reserve(n);
-  for (std::vector<std::size_t>* each : {&A_start_, &M_start_}) each->reserve(n);
-  chains_.reserve(n);
-  chain_of_.reserve(n);
-  runs_.reserve(n * n);
-  links_.reserve(n * (n / 64 + 1));
-  bounds_.reserve(n);
-  servos_.reserve(n);
-  left_out_.reserve(n);
-  for (Solution* each : {&latest_, &best_}) {
-    each->x.reserve(n);
-    each->bounds.reserve(n);
-    each->contacts.reserve(kUsualContacts);
-  }
-  contacts_.reserve(kUsualContacts);
-  dofs_.reserve(kUsualContacts * n);
-  J_.reserve(kUsualContacts * kMostRows * n);
-  r_.reserve(kUsualContacts * kMostRows);
-  s_.reserve(kUsualContacts * kMostRows);
-  dof_runs_.reserve(kUsualContacts * 4);
-  coupling_.reserve(kUsualContacts);
-  CG_.reserve(2 * kUsualContacts * n);
-  K_.reserve(kUsualContacts * (kUsualContacts + 1));
-}
-
-/// Where the rows of an upper triangle start, each from its diagonal to its last entry. @returns their size
-std::size_t ContactNewton::lay_out_rows(std::span<const int> last, std::vector<std::size_t>& start) const {
-  start.resize(at(n_));
-  std::size_t count = 0;
-  for (int i = 0; i < n_; ++i) {
-    start[at(i)] = count - at(i);  // entry (i, j) is at start + j
-    count += at(last[at(i)] - i + 1);
-  }
-  return count;
-}
 
 void ContactNewton::begin() {
   std::fill(A_.begin(), A_.end(), 0.0);

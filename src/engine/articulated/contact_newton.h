@@ -108,6 +108,9 @@ class ContactNewton {
   double saturated(int i) const { return servos_[static_cast<std::size_t>(i)].saturated; }
 
  private:
+  /// An island of more unknowns is a heap: more than two hands with what they hold, or a dozen loose bodies.
+  /// Chosen.
+  static constexpr int kHeap = 72;
   struct Bound {
     double low, high, side;
   };
@@ -147,9 +150,12 @@ class ContactNewton {
   void lay_out(std::span<const int> first);
   void reserve(std::size_t n);
   void find_islands();
+  void list_islands();
   /// A contact that depends on no unknown belongs to the first island.
   int island_of(const ContactRows& contact) const {
-    return contact.dof_count > 0 ? island_of_[static_cast<std::size_t>(dofs_[contact.first_dof])] : 0;
+    if (contact.dof_count == 0) return 0;
+    const auto tree = static_cast<std::size_t>(tree_of_[static_cast<std::size_t>(dofs_[contact.first_dof])]);
+    return island_of_tree_[tree];
   }
   static std::span<const int> part(const std::vector<int>& all, const std::vector<int>& first, int island) {
     const auto i = static_cast<std::size_t>(island);
@@ -257,7 +263,9 @@ class ContactNewton {
   std::vector<Chain> chains_;
   std::vector<std::size_t> chain_of_;  ///< of each unknown
   std::vector<Run> runs_;
-  std::vector<std::uint64_t> links_;         ///< bits: later chains that each chain has entries in
+  std::vector<std::uint64_t> links_;  ///< bits: later chains that each chain has entries in
+  std::vector<Run> trees_;
+  std::vector<int> tree_of_;                 ///< of each unknown
   std::vector<bool> left_out_;               ///< of trees, by their first unknowns
   std::vector<int> tree_first_, tree_last_;  ///< first and last unknown of each unknown's tree
   Law law_ = Law::coulomb;
@@ -269,8 +277,8 @@ class ContactNewton {
   std::vector<ContactRows> contacts_;
   Solution latest_, best_;
   int islands_ = 0;
-  std::vector<int> island_of_;  ///< of each unknown: trees that contacts and loops couple
-  std::vector<int> place_;      ///< index of each unknown in its island
+  std::vector<int> island_of_tree_;  ///< trees that contacts and loops couple
+  std::vector<int> place_;           ///< index of each unknown in its island
   /// Unknowns and contacts island by island, and where each island's begin.
   std::vector<int> members_, first_member_, touching_, first_touching_;
   std::unique_ptr<ContactNewton> part_;          ///< solves islands one by one

@@ -2,7 +2,6 @@
 // sliding contacts. The pattern is kept by chains of unknowns: fingers that hold an object couple with each
 // other through it alone.
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <utility>
 
@@ -11,68 +10,6 @@
 #include "handsim/engine/articulated/row_operations.h"
 
 namespace handsim::engine::articulated {
-
-/// The unknown above each in its tree, and unbranched pieces of trees.
-void ContactNewton::find_chains() {
-  parent_.assign(at(n_), n_);
-  for (int k = n_ - 1; k >= 0; --k)
-    for (int i = A_first_[at(k)]; i < k; ++i) parent_[at(i)] = k;
-  chains_.clear();
-  chain_of_.resize(at(n_));
-  for (int i = 0; i < n_; ++i) {
-    const bool goes_on = i > 0 && parent_[at(i - 1)] == i && A_first_[at(i - 1)] == A_first_[at(i)];
-    if (!goes_on) chains_.push_back({.own = {i, i}});
-    ++chains_.back().own.end;
-    chain_of_[at(i)] = chains_.size() - 1;
-  }
-}
-
-/// The pattern of the factor of A and of what contacts add.
-void ContactNewton::find_structure(std::span<const ContactRows> contacts) {
-  const std::size_t count = chains_.size(), words = count / 64 + 1;
-  links_.assign(count * words, 0);
-  const auto link = [&](std::size_t from, std::size_t to) {
-    links_[from * words + to / 64] |= std::uint64_t{1} << to % 64;
-  };
-  for (std::size_t c = 0; c < count; ++c)
-    for (int up = parent_[at(chains_[c].own.end - 1)]; up < n_;
-         up = parent_[at(chains_[chain_of_[at(up)]].own.end - 1)])
-      link(c, chain_of_[at(up)]);
-  std::size_t last_run = dof_runs_.size();
-  for (const ContactRows& contact : contacts) {
-    // Contacts of one pair have the same unknowns.
-    if (std::exchange(last_run, contact.first_run) == contact.first_run) continue;
-    if (contact.run_count == 0) continue;
-    const std::size_t first = chain_of_[at(runs(contact).front().first)];
-    for (const Run& run : runs(contact))
-      for (std::size_t c = chain_of_[at(run.first)]; c < count && chains_[c].own.first < run.end; ++c)
-        if (c > first) link(first, c);
-  }
-  runs_.clear();
-  last_.resize(at(n_));
-  for (std::size_t c = 0; c < count; ++c) {
-    Chain& chain = chains_[c];
-    chain.first_run = runs_.size();
-    chain.next = count;
-    for (std::size_t word = c / 64; word < words; ++word)
-      for (std::uint64_t bits = links_[c * words + word]; bits != 0; bits &= bits - 1) {
-        const std::size_t to = 64 * word + static_cast<std::size_t>(std::countr_zero(bits));
-        const Run& own = chains_[to].own;
-        // Fill-in: the first of the later chains has entries in all others.
-        if (chain.next == count)
-          chain.next = to;
-        else
-          link(chain.next, to);
-        if (runs_.size() > chain.first_run && runs_.back().end == own.first)
-          runs_.back().end = own.end;
-        else
-          runs_.push_back(own);
-      }
-    chain.run_count = runs_.size() - chain.first_run;
-    const int last = (chain.run_count > 0 ? runs_.back().end : chain.own.end) - 1;
-    for (int i = chain.own.first; i < chain.own.end; ++i) last_[at(i)] = last;
-  }
-}
 
 /// Multiplications of a factorisation that knows of no gaps in a row.
 double ContactNewton::factor_work() const {

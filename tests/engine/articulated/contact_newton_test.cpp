@@ -218,5 +218,76 @@ TEST(ContactNewton, HeapsAreRelaxedTowardsTheLaw) {
   }
 }
 
+// Oracle: a dense solution of the same linear system. Random trees of unknowns with random branches and
+// bilateral rows on random unknowns, of one branch with gaps, too: the sparse factor has all their fill-in.
+TEST(ContactNewton, SparseSolutionIsTheDenseOne) {
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (int trial = 0; trial < 300; ++trial) {
+    const int n = 4 + trial % 20;
+    // Parents come later, as a tree's unknowns stand: children first, its root last.
+    std::vector<int> first(static_cast<std::size_t>(n)), open;
+    std::vector<std::vector<int>> below(static_cast<std::size_t>(n));
+    for (int i = 0; i < n; ++i) {
+      auto& own = below[static_cast<std::size_t>(i)];
+      first[static_cast<std::size_t>(i)] = i;
+      for (auto children = random() % 3; children > 0 && !open.empty(); --children) {
+        const int child = open.back();
+        open.pop_back();
+        own.insert(own.end(), below[static_cast<std::size_t>(child)].begin(),
+                   below[static_cast<std::size_t>(child)].end());
+        own.push_back(child);
+        first[static_cast<std::size_t>(i)] = first[static_cast<std::size_t>(child)];
+      }
+      open.push_back(i);
+    }
+    Eigen::MatrixXd A = 10 * Eigen::MatrixXd::Identity(n, n);
+    for (int i = 0; i < n; ++i)
+      for (const int j : below[static_cast<std::size_t>(i)]) A(i, j) = A(j, i) = normal(random) / n;
+    ContactNewton solver;
+    solver.resize(first);
+    solver.begin();
+    Eigen::VectorXd g(n);
+    for (int i = 0; i < n; ++i) {
+      solver.drive()[static_cast<std::size_t>(i)] = g[i] = normal(random);
+      for (const int j : below[static_cast<std::size_t>(i)]) solver.inertia(j, i) = A(i, j);
+      solver.inertia(i, i) = A(i, i);
+    }
+    for (int row = 0; row < 3; ++row) {
+      std::vector<int> dofs;
+      for (int i = 0; i < n; ++i)
+        if (random() % 3 == 0) dofs.push_back(i);
+      ContactRows& rows = solver.add(dofs, 1);
+      rows.bilateral = true;
+      rows.regularization = 0.1;
+      rows.start[0] = normal(random);
+      Eigen::VectorXd J = Eigen::VectorXd::Zero(n);
+      for (std::size_t k = 0; k < dofs.size(); ++k) solver.jacobian(rows)[k] = J[dofs[k]] = normal(random);
+      A += J * J.transpose() / rows.regularization;
+      g -= J * rows.start[0] / rows.regularization;
+    }
+    const NewtonReport report = solver.solve(1e-12);
+    ASSERT_TRUE(report.solved) << trial;
+    // One Newton step per island solves a linear problem; rounding may ask for another.
+    EXPECT_LE(report.iterations, 2 * n) << trial;
+    const Eigen::VectorXd x = Eigen::Map<const Eigen::VectorXd>(solver.x().data(), n);
+    EXPECT_LT((x - A.ldlt().solve(g)).cwiseAbs().maxCoeff(), 1e-11) << trial;
+  }
+}
+
+// Oracle: the same problem with nothing left out, to the bit.
+TEST(ContactNewton, WhatIsLeftOutChangesNothingElse) {
+  const RandomProblem problem(1, 5, 6, 10, false);
+  ContactNewton all, some;
+  problem.load(all, 0.5);
+  problem.load(some, 0.5);
+  for (const int tree : {1, 4}) some.leave_out(6 * tree + 2);
+  const NewtonReport whole = all.solve(1e-9), rest = some.solve(1e-9);
+  EXPECT_TRUE(rest.solved);
+  EXPECT_LT(rest.iterations, whole.iterations);
+  for (const int tree : {0, 2, 3})
+    EXPECT_EQ(problem.rates(all).segment(6 * tree, 6), problem.rates(some).segment(6 * tree, 6));
+}
+
 }  // namespace
 }  // namespace handsim::engine::articulated

@@ -1,0 +1,160 @@
+// Where the contact solver has its numbers: trees, their chains, and the rows of A and of the factor.
+#include <algorithm>
+#include <bit>
+#include <utility>
+
+#include "handsim/core/index.h"
+#include "handsim/engine/articulated/contact_newton.h"
+
+namespace handsim::engine::articulated {
+
+void ContactNewton::resize(std::span<const int> first) {
+  lay_out(first);
+  reserve(first.size());
+  if (std::count(tree_first_.begin(), tree_first_.end(), 0) == n_) return;
+  part_ = std::make_unique<ContactNewton>();
+  part_->reserve(first.size());
+}
+
+/// Sizes everything for the unknowns; allocates only where there were never as many.
+void ContactNewton::lay_out(std::span<const int> first) {
+  n_ = static_cast<int>(first.size());
+  A_first_.assign(first.begin(), first.end());
+  A_last_.resize(at(n_));
+  for (int i = 0; i < n_; ++i) {
+    A_last_[at(i)] = i;
+    for (int k = A_first_[at(i)]; k < i; ++k) A_last_[at(k)] = i;
+  }
+  A_.assign(lay_out_rows(A_last_, A_start_), 0.0);
+  find_chains();
+  tree_first_.resize(at(n_));
+  tree_last_.resize(at(n_));
+  // A tree's unknowns stand together, its root's last.
+  for (int i = 0; i < n_; ++i) tree_first_[at(i)] = A_first_[at(i)];
+  for (int i = n_ - 1; i >= 0; --i) {
+    tree_last_[at(i)] = i == n_ - 1 || tree_first_[at(i + 1)] > i ? i : tree_last_[at(i + 1)];
+    if (i > 0 && tree_first_[at(i)] < i)
+      tree_first_[at(i - 1)] = std::min(tree_first_[at(i - 1)], tree_first_[at(i)]);
+  }
+  trees_.clear();
+  tree_of_.resize(at(n_));
+  for (int i = 0; i < n_; ++i) {
+    if (tree_first_[at(i)] == i) trees_.push_back({i, tree_last_[at(i)] + 1});
+    tree_of_[at(i)] = static_cast<int>(trees_.size()) - 1;
+  }
+  for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
+  bounds_.resize(at(n_));
+  servos_.resize(at(n_));
+  left_out_.assign(at(n_), false);
+}
+
+void ContactNewton::reserve(std::size_t n) {
+  for (std::vector<int>* each : {&island_of_tree_, &tree_of_}) each->reserve(n);
+  trees_.reserve(n);
+  place_.reserve(n);
+  members_.reserve(n);
+  touching_.reserve(kUsualContacts);
+  for (std::vector<int>* each : {&first_member_, &first_touching_, &next_}) each->reserve(n + 1);
+  const std::size_t most = std::min(n, at(kHeap)) * (std::min(n, at(kHeap)) + 1) / 2;
+  for (std::vector<double>* each : {&A_, &M_}) each->reserve(most);
+  for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->reserve(n);
+  for (std::vector<int>* each :
+       {&A_first_, &A_last_, &last_, &parent_, &tree_first_, &tree_last_, &loaded_, &part_first_})
+    each->reserve(n);
+  for (std::vector<std::size_t>* each : {&A_start_, &M_start_}) each->reserve(n);
+  chains_.reserve(n);
+  chain_of_.reserve(n);
+  runs_.reserve(n * n);
+  links_.reserve(n * (n / 64 + 1));
+  bounds_.reserve(n);
+  servos_.reserve(n);
+  left_out_.reserve(n);
+  for (Solution* each : {&latest_, &best_}) {
+    each->x.reserve(n);
+    each->bounds.reserve(n);
+    each->contacts.reserve(kUsualContacts);
+  }
+  contacts_.reserve(kUsualContacts);
+  dofs_.reserve(kUsualContacts * n);
+  J_.reserve(kUsualContacts * kMostRows * n);
+  r_.reserve(kUsualContacts * kMostRows);
+  s_.reserve(kUsualContacts * kMostRows);
+  dof_runs_.reserve(kUsualContacts * 4);
+  coupling_.reserve(kUsualContacts);
+  CG_.reserve(2 * kUsualContacts * n);
+  K_.reserve(kUsualContacts * (kUsualContacts + 1));
+}
+
+/// Where the rows of an upper triangle start, each from its diagonal to its last entry. @returns their size
+std::size_t ContactNewton::lay_out_rows(std::span<const int> last, std::vector<std::size_t>& start) const {
+  start.resize(at(n_));
+  std::size_t count = 0;
+  for (int i = 0; i < n_; ++i) {
+    start[at(i)] = count - at(i);  // entry (i, j) is at start + j
+    count += at(last[at(i)] - i + 1);
+  }
+  return count;
+}
+
+/// The unknown above each in its tree, and unbranched pieces of trees.
+void ContactNewton::find_chains() {
+  parent_.assign(at(n_), n_);
+  for (int k = n_ - 1; k >= 0; --k)
+    for (int i = A_first_[at(k)]; i < k; ++i) parent_[at(i)] = k;
+  chains_.clear();
+  chain_of_.resize(at(n_));
+  for (int i = 0; i < n_; ++i) {
+    const bool goes_on = i > 0 && parent_[at(i - 1)] == i && A_first_[at(i - 1)] == A_first_[at(i)];
+    if (!goes_on) chains_.push_back({.own = {i, i}});
+    ++chains_.back().own.end;
+    chain_of_[at(i)] = chains_.size() - 1;
+  }
+}
+
+/// The pattern of the factor of A and of what contacts add.
+void ContactNewton::find_structure(std::span<const ContactRows> contacts) {
+  const std::size_t count = chains_.size(), words = count / 64 + 1;
+  links_.assign(count * words, 0);
+  const auto link = [&](std::size_t from, std::size_t to) {
+    links_[from * words + to / 64] |= std::uint64_t{1} << to % 64;
+  };
+  for (std::size_t c = 0; c < count; ++c)
+    for (int up = parent_[at(chains_[c].own.end - 1)]; up < n_;
+         up = parent_[at(chains_[chain_of_[at(up)]].own.end - 1)])
+      link(c, chain_of_[at(up)]);
+  std::size_t last_run = dof_runs_.size();
+  for (const ContactRows& contact : contacts) {
+    // Contacts of one pair have the same unknowns.
+    if (contact.run_count == 0 || std::exchange(last_run, contact.first_run) == contact.first_run) continue;
+    const std::size_t first = chain_of_[at(runs(contact).front().first)];
+    for (const Run& run : runs(contact))
+      for (std::size_t c = chain_of_[at(run.first)]; c < count && chains_[c].own.first < run.end; ++c)
+        if (c > first) link(first, c);
+  }
+  runs_.clear();
+  last_.resize(at(n_));
+  for (std::size_t c = 0; c < count; ++c) {
+    Chain& chain = chains_[c];
+    chain.first_run = runs_.size();
+    chain.next = count;
+    for (std::size_t word = c / 64; word < words; ++word)
+      for (std::uint64_t bits = links_[c * words + word]; bits != 0; bits &= bits - 1) {
+        const std::size_t to = 64 * word + static_cast<std::size_t>(std::countr_zero(bits));
+        const Run& own = chains_[to].own;
+        // Fill-in: the first of the later chains has entries in all others.
+        if (chain.next == count)
+          chain.next = to;
+        else
+          link(chain.next, to);
+        if (runs_.size() > chain.first_run && runs_.back().end == own.first)
+          runs_.back().end = own.end;
+        else
+          runs_.push_back(own);
+      }
+    chain.run_count = runs_.size() - chain.first_run;
+    const int last = (chain.run_count > 0 ? runs_.back().end : chain.own.end) - 1;
+    for (int i = chain.own.first; i < chain.own.end; ++i) last_[at(i)] = last;
+  }
+}
+
+}  // namespace handsim::engine::articulated
