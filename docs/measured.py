@@ -405,6 +405,24 @@ def peers_speed():
     return table([f"what ({mujoco})", "articulated, µs", "the peer, µs", "ratio", "creep, µm/s: here / there"], rows)
 
 
+def peers_equal():
+    """MuJoCo's fastest setting that creeps no more than the engine here, and the one that creeps least."""
+    found, rows = peer_bench(), []
+    for grasp, what in {"tripod": "ball, three fingers", "cylinder_100mm": "cylinder", "cup": "mug"}.items():
+        head = f"grasp_against_mujoco/{grasp}_"
+        entries = {name.removeprefix(head).replace("_", " "): entry for name, entry in found.items() if name.startswith(head)}
+        if not entries:
+            continue
+        own = next(iter(entries.values()))
+        equal = [name for name, entry in entries.items() if entry["slip_yardstick"] <= entry["slip"]]
+        least = min(entries, key=lambda name: entries[name]["slip_yardstick"])
+        name = min(equal, key=lambda name: entries[name]["yardstick_us"]) if equal else least
+        rows.append([f"{what}, {own['contacts']:.0f} contacts", f"`{name}`" + ("" if equal else ", the least creep: none is equal"),
+                     number(own["candidate_us"]), number(entries[name]["yardstick_us"]), number(entries[name]["ratio"]),
+                     slashed([own["slip"], entries[name]["slip_yardstick"]])])
+    return table(["held", "MuJoCo's setting", "articulated, µs", "MuJoCo, µs", "ratio", "creep, µm/s: here / there"], rows)
+
+
 def peers_pinch():
     text = study_text("peers", "pinch")
     return pinch_table(text)
@@ -498,6 +516,6 @@ TABLES = {"demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "h
           "accuracy-hands": ("hands", accuracy_hands), "2017": ("2017", thesis), "effects": ("effects", effects), "contacts": ("contacts", contacts),
           "stability": ("stability", stability), "stability-cases": ("stability", stability_cases),
           "speed": ("speed", speed), "speed-lanes": ("speed", speed_lanes), "speed-load": ("speed", speed_load),
-          "pinch": ("pinch", pinch), "peers-speed": ("peers", peers_speed), "peers-pinch": ("peers", peers_pinch),
+          "pinch": ("pinch", pinch), "peers-speed": ("peers", peers_speed), "peers-equal": ("peers", peers_equal), "peers-pinch": ("peers", peers_pinch),
           "peers-accuracy": ("peers", peers_accuracy), "peers-cases": ("peers", peers_cases),
           "peers-settings": ("peers", peers_settings), "peers-ahead": ("peers", peers_ahead)}

@@ -66,7 +66,9 @@ std::vector<Setting> mujoco_settings() {
 std::vector<Setting> drake_settings() {
   std::vector<Setting> out;
   const std::vector<std::pair<std::string, peers::DrakeOptions>> options = {
-      {"lagged, hydroelastic", {"lagged", true}}, {"SAP, hydroelastic", {"sap", true}}};
+      {"lagged, 1e6 Pa", {"lagged", 1e6}},
+      {"lagged, 1e8 Pa", {"lagged", 1e8}},
+      {"SAP, 1e6 Pa", {"sap", 1e6}}};
   for (const auto& [name, each] : options)
     out.push_back({name, [each](const model::Model& model, const engine::Settings& settings) {
                      return peers::make_drake(model, settings, each);

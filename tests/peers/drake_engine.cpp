@@ -21,8 +21,8 @@ using Json = nlohmann::json;
 constexpr std::size_t kBodyNumbers = 13, kContactNumbers = 9;
 /// Of a contact point [N/m]: SAP takes what is stiffer than its near-rigid threshold as rigid.
 constexpr double kPointStiffness = 1e7;
-/// Pressure at a body's innermost place [Pa].
-constexpr double kHydroelasticModulus = 1e8;
+/// Speed below which friction is less than the limit [m/s].
+constexpr double kStiction = 1e-6;
 
 /// A program with a pipe to its standard input and one from its standard output.
 class Child {
@@ -188,8 +188,9 @@ class DrakeEngine final : public OtherEngine {
     return {{"mjcf", output::to_mjcf(model_, settings_)},
             {"step", settings_.step},
             {"approximation", options.approximation},
-            {"hydroelastic", options.hydroelastic},
-            {"hydroelastic_modulus", kHydroelasticModulus},
+            {"hydroelastic", options.modulus > 0},
+            {"hydroelastic_modulus", options.modulus},
+            {"stiction_tolerance", kStiction},
             {"point_stiffness", kPointStiffness},
             {"bodies", bodies},
             {"floating", floating},

@@ -11,7 +11,9 @@ namespace handsim::peers {
 
 struct DrakeOptions {
   std::string approximation = "sap";  ///< of discrete contact: sap, similar, lagged, tamsi
-  bool hydroelastic = false;          ///< pressure over surfaces; else one point for each pair of shapes
+  /// Of surfaces that press on each other [Pa]: the pressure at a body's innermost place. 0: one point for
+  /// each pair of shapes.
+  double modulus = 0;
 };
 
 /// The script and where its packages are come from the environment: HANDSIM_DRAKE_STEPS and PYTHONPATH.

@@ -14,7 +14,8 @@ import sys
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
-from pydrake.geometry import CollisionFilterDeclaration, GeometrySet, SceneGraphConfig
+from pydrake.geometry import (AddRigidHydroelasticProperties, CollisionFilterDeclaration, GeometrySet, HalfSpace,
+                              ProximityProperties, RoleAssign, SceneGraphConfig)
 from pydrake.math import RigidTransform
 from pydrake.common.eigen_geometry import Quaternion
 from pydrake.multibody.math import SpatialVelocity
@@ -59,11 +60,11 @@ class World:
             {"sap": DiscreteContactApproximation.kSap, "similar": DiscreteContactApproximation.kSimilar,
              "lagged": DiscreteContactApproximation.kLagged, "tamsi": DiscreteContactApproximation.kTamsi}[
                  model["approximation"]])
-        # Near rigid: beyond this SAP softens contacts itself, by its own rule.
+        plant.set_stiction_tolerance(model["stiction_tolerance"])
         config = SceneGraphConfig()
         surface = config.default_proximity_properties
         surface.point_stiffness = model["point_stiffness"]
-        surface.relaxation_time = model["step"]
+        surface.hunt_crossley_dissipation = 50
         if hydroelastic:
             surface.compliance_type = "compliant"
             surface.hydroelastic_modulus = model["hydroelastic_modulus"]
@@ -89,6 +90,12 @@ class World:
             name = self.inspect.GetName(geometry).rpartition("::")[2]
             if name in names and self.inspect.GetProximityProperties(geometry) is not None:
                 self.shape_of[geometry] = names[name]
+        # Two compliant shapes of which one is a half space have no hydroelastic contact.
+        for geometry in self.shape_of if hydroelastic else []:
+            if isinstance(self.inspect.GetShape(geometry), HalfSpace):
+                rigid = ProximityProperties(self.inspect.GetProximityProperties(geometry))
+                AddRigidHydroelasticProperties(properties=rigid)
+                self.graph.AssignRole(plant.get_source_id(), geometry, rigid, RoleAssign.kReplace)
         allowed = {tuple(sorted(pair)) for pair in model["pairs"]}
         filters = self.graph.collision_filter_manager()
         for a, b in self.inspect.GetCollisionCandidates():

@@ -45,7 +45,8 @@ TEST(MujocoEngine, FollowsOursAndTakesItsStates) {
 }
 
 TEST(MujocoEngine, HasTheSameServos) {
-  const scene::Scene scene = swinging_hand("semi_implicit_euler", "[actuation]");
+  scene::Scene scene = swinging_hand("semi_implicit_euler", "[]");
+  scene.spec.solver.effects.add(model::Effect::actuation);
   const auto ours = engine::make_engine(scene.model, scene.spec.solver);
   const auto theirs = make_mujoco(scene.model, scene.spec.solver, {});
   std::vector<model::Servo> servos(static_cast<std::size_t>(scene.model.dof_count()));

@@ -30,8 +30,8 @@ class OtherEngine : public engine::Engine {
   std::vector<std::string> notes() const final { return {}; }
 
  protected:
-  /// Stops do not bounce here. @throws Error (input) for what no other engine is told: surfaces that bounce, bodies
-  /// that move as told.
+  /// Stops do not bounce here. @throws Error (input) for what no other engine is told: surfaces that bounce,
+  /// bodies that move as told.
   OtherEngine(const model::Model& model, const engine::Settings& settings);
 
   virtual void put(const model::State& state) = 0;
