@@ -44,10 +44,10 @@ void ContactNewton::add_stiffness(const ContactRows& contact) {
   };
   std::size_t k = 0;
   if (contact.disc_count > 0 && contact.discs[0].kind == Disc::Kind::sliding) {
-    const auto [xx, xy, yy] = stiffness(contact.discs[k++]);
+    const std::array<double, 3> D = stiffness(contact.discs[k++]);
     const double *x = J + m, *y = J + 2 * m;
     each_row([&](std::size_t own, double* to, std::size_t from, int count) {
-      const double s[3] = {-normal * J[own], -xx * x[own] - xy * y[own], -xy * x[own] - yy * y[own]};
+      const double s[3] = {-normal * J[own], -D[0] * x[own] - D[1] * y[own], -D[1] * x[own] - D[2] * y[own]};
       subtract(to, J + from, x + from, y + from, s, count);
     });
   } else if (normal > 0) {
@@ -57,12 +57,12 @@ void ContactNewton::add_stiffness(const ContactRows& contact) {
   }
   for (; k < contact.disc_count; ++k) {
     const Disc& disc = contact.discs[k];
-    const auto [xx, xy, yy] = stiffness(disc);
+    const std::array<double, 3> D = stiffness(disc);
     const double *x = J + disc.row * m, *y = x + m;
     each_row([&](std::size_t own, double* to, std::size_t from, int count) {
-      if (disc.size == 1) return subtract(to, x + from, -xx * x[own], count);
-      subtract(to, x + from, -xx * x[own] - xy * y[own], count);
-      subtract(to, y + from, -xy * x[own] - yy * y[own], count);
+      if (disc.size == 1) return subtract(to, x + from, -D[0] * x[own], count);
+      subtract(to, x + from, -D[0] * x[own] - D[1] * y[own], count);
+      subtract(to, y + from, -D[1] * x[own] - D[2] * y[own], count);
     });
   }
 }

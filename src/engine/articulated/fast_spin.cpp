@@ -19,7 +19,6 @@ constexpr double kTurned = 2e-4;
 constexpr double kEnergyTolerance = 2e-4, kMomentumTolerance = 5e-5;
 
 /// What is left of a speed when its energy is cut down to a bound.
-/// What is left of a speed when its energy is cut down to a bound.
 double share_left(double energy, double bound) {
   bound = std::max(0.0, bound);
   return energy > bound ? std::sqrt(bound / energy) : 1;
