@@ -70,7 +70,7 @@ class ContactDynamics {
   void order_dofs();
   void find_free(double step);
   void add_contacts(double step);
-  void add_contact(const Contact& contact, const model::Material& surface, int sharing, double step);
+  void add_contact(const Contact& contact, const model::Material& surface, double share, double step);
   void find_moving_dofs(int node_a, int node_b);
   Side side(int shape, const Vec3& position) const;
   void warm_start(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);

@@ -33,7 +33,7 @@ constexpr double kBilateralRegularization = 1e-8;
 }  // namespace
 
 /// A contact's rows by its materials; the same laws as the ODE engine's.
-void ContactDynamics::add_contact(const Contact& contact, const model::Material& surface, int sharing,
+void ContactDynamics::add_contact(const Contact& contact, const model::Material& surface, double share,
                                   double step) {
   // Normals on both sides of a finger would jam it with the friction of a circular cone.
   const double crossed = surface.compliance ? 0 : crossed_.giving(contact);
@@ -54,7 +54,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   double target = 0;
   if (surface.compliance) {
     const SoftRow spring =
-        soft_row(surface.compliance->stiffness / sharing, surface.compliance->damping / sharing, step);
+        soft_row(share * surface.compliance->stiffness, share * surface.compliance->damping, step);
     target = spring.erp * (contact.depth < 0 ? contact.depth : inside) / step;
     rows.regularization = spring.cfm / step;
   } else {
@@ -81,13 +81,13 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   }
   rows.start[0] = v.x() - target;
   std::size_t row = 1;
-  const auto add = [&](Disc::Kind kind, double coefficient, double alone, double share = 1) {
+  const auto add = [&](Disc::Kind kind, double coefficient, double alone, double firm = 1) {
     Disc& disc = rows.discs[rows.disc_count++];
     disc.kind = kind;
     disc.row = row;
     disc.size = kind == Disc::Kind::spinning ? 1 : 2;
     disc.coefficient = coefficient;
-    disc.regularization = kFrictionRegularization * share * alone;
+    disc.regularization = kFrictionRegularization * firm * alone;
   };
   const auto add_turning = [&](int axis) {
     rows.start[row] = w[axis];
@@ -124,8 +124,9 @@ void ContactDynamics::add_contacts(double step) {
     const Contact& any = collider_.contacts()[touch.first];
     find_moving_dofs(node_of(any.shape_a), node_of(any.shape_b));
     for (int index = 0; index < touch.count; ++index) {
-      const Contact& contact = collider_.contacts()[touch.first + at(index)];
-      add_contact(contact, touch.surface, touch.count, step);
+      const std::size_t i = touch.first + at(index);
+      const Contact& contact = collider_.contacts()[i];
+      add_contact(contact, touch.surface, collider_.shares()[i], step);
       warm_start(solver_.contact(frames_.size() - 1), contact, frames_.back(), index);
     }
   }
