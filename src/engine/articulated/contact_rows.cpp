@@ -59,8 +59,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
     rows.regularization = spring.cfm / step;
   } else {
     // A gap may close within the step.
-    target =
-        contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, kMaxCorrectingSpeed);
+    target = contact.depth < 0 ? contact.depth / step : std::min(erp_ * inside / step, kMaxCorrectingSpeed);
     rows.regularization = std::max(kNormalRegularization * mobility, crossed);
     if (crossed == 0 && mobility * heaviest_ > kLightPair) light_.push_back(frames_.size() - 1);
   }

@@ -21,6 +21,11 @@ constexpr double kStill = 1e-9;
 constexpr double kLeastMoment = 1e-9;
 /// Normal force that stands for none where friction's limits are set [N].
 constexpr double kLeastForce = 1e-9;
+/// Least limit of the second friction row, as a share of the first: together they exceed the cone by 8e-4.
+constexpr double kLeastAcross = 0.04;
+/// Share of the mass at a contact by which slip turns the direction of friction. All contacts turn at once:
+/// with 0.1 those of a hand of 17 points overshoot, and creep.
+constexpr double kDirectionShare = 0.03;
 
 }  // namespace
 
@@ -183,10 +188,10 @@ void Contacts::set_friction(dContact& joint, const Contact& contact, const model
     surface.mode |= dContactApprox1;
   else
     normal = std::max(contact.normal.dot(*known.force), kLeastForce);
-  surface.mu = between.friction * normal;
+  surface.mode |= dContactAxisDep;
+  surface.mu = surface.mu2 = between.friction * normal;
   if (spins_by_motor || (between.rolling_friction == 0 && between.spinning_friction == 0)) return;
-  surface.mode |= dContactRolling | dContactAxisDep;
-  surface.mu2 = surface.mu;
+  surface.mode |= dContactRolling;
   // ODE counts a row for each of the three, at 0 too, but then leaves it blank.
   surface.rho = surface.rho2 = std::max(between.rolling_friction, kLeastMoment) * normal;
   surface.rhoN = std::max(between.spinning_friction, kLeastMoment) * normal;
@@ -221,13 +226,19 @@ void Contacts::aim_friction(dContact& joint, const Contact& contact, const Known
   const Patch* patch = known.patch;
   const Vec3 back =
       patch != nullptr ? Vec3(-kPullBack / step_ * patch->shift_at(contact.position)) : Vec3(Vec3::Zero());
-  Vec3 change = sliding(contact, state) - back;
-  if (known.force != nullptr)
-    change -= step_ / shared_mass(contact) *
-              (*known.force - contact.normal.dot(*known.force) * contact.normal);
+  Vec3 change = sliding(contact, state) - back, friction = Vec3::Zero();
+  if (known.force != nullptr) {
+    friction = *known.force - contact.normal.dot(*known.force) * contact.normal;
+    change -= step_ / shared_mass(contact, state) * friction;
+  }
   const double speed = change.norm();
   if (speed <= kStill) return;
   dSurfaceParameters& surface = joint.surface;
+  if (known.force != nullptr) {
+    // The corner of the two limits lies on the cone's circle.
+    const double along = std::min(std::abs(friction.dot(change)) / (speed * surface.mu), 1.0);
+    surface.mu2 = surface.mu * std::max(std::sqrt(1 - along * along), kLeastAcross);
+  }
   surface.mode |= dContactFDir1;
   for (int i = 0; i < 3; ++i) joint.fdir1[i] = change[i] / speed;
   if (patch == nullptr) return;
@@ -238,14 +249,18 @@ void Contacts::aim_friction(dContact& joint, const Contact& contact, const Known
   surface.motion2 = back.dot(contact.normal.cross(change)) / speed;
 }
 
-/// The mass that a force between the two bodies would move alone [kg].
-double Contacts::shared_mass(const Contact& contact) const {
+/// About the mass that a force at the contact has to move, joints and other contacts left aside [kg]. They
+/// add to it: too large a mass would make the direction overshoot from step to step.
+double Contacts::shared_mass(const Contact& contact, const model::State& state) const {
   double mobility = 0;
   for (const int shape : {contact.shape_a, contact.shape_b}) {
-    const model::Body& body = model_.bodies[body_index(shape)];
-    if (!body.kinematic) mobility += 1 / body.mass;
+    const std::size_t index = body_index(shape);
+    const model::Body& body = model_.bodies[index];
+    if (body.kinematic) continue;
+    mobility +=
+        1 / body.mass + (contact.position - state.bodies[index].p).squaredNorm() * 3 / body.inertia.trace();
   }
-  return 1 / mobility;
+  return kDirectionShare / mobility;
 }
 
 /// Tangential velocity of a against b as it would be after this step without the contact: bodies that rest

@@ -64,14 +64,13 @@ class Contacts {
     const Patch* patch = nullptr;  ///< null: its surfaces are not pulled back
     const Vec3* force = nullptr;   ///< of the last step or pass; null: ODE finds friction's limits
   };
-  void add_contact(const Contact& contact, const Touch& touch, const Known& known,
-                   const model::State& state);
+  void add_contact(const Contact& contact, const Touch& touch, const Known& known, const model::State& state);
   void set_friction(dContact& joint, const Contact& contact, const model::Material& between,
                     const Known& known, bool spins_by_motor);
   void aim_friction(dContact& joint, const Contact& contact, const Known& known,
                     const model::State& state) const;
   void add_spin_row(const Contact& contact, const Touch& touch, const Known& known);
-  double shared_mass(const Contact& contact) const;
+  double shared_mass(const Contact& contact, const model::State& state) const;
   void soften(dSurfaceParameters& surface, const model::Compliance& pad, double share) const;
   dBodyID body_of(int shape) const;
   void come_nearer(dSurfaceParameters& surface, const Contact& contact, const model::Material& between,

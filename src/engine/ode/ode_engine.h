@@ -95,11 +95,11 @@ class OdeEngine final : public Engine {
   std::vector<System> closed_;            ///< islands to close after every step; with projection only
   model::State opened_;                   ///< at the start of the step; with projection only
   model::State state_;
-  StepStart start_;                 ///< of the solver's step, which may be made again
-  model::State before_;             ///< of a guarded step, its start
-  Contacts::Memory memory_before_;  ///< the same
-  std::vector<double> tau_, tau_servo_;        ///< of the step under way
-  std::vector<model::Servo> second_servos_;    ///< of its second half
+  StepStart start_;                          ///< of the solver's step, which may be made again
+  model::State before_;                      ///< of a guarded step, its start
+  Contacts::Memory memory_before_;           ///< the same
+  std::vector<double> tau_, tau_servo_;      ///< of the step under way
+  std::vector<model::Servo> second_servos_;  ///< of its second half
   std::optional<Error> failure_;
 };
 

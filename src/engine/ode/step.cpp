@@ -100,7 +100,8 @@ void OdeEngine::solve(double step, OdeMethod method, StepReport& report) {
   }
 }
 
-/// The direct solver's step is made again where its normal forces are not those that friction's limits are of.
+/// The direct solver's step is made again where its normal forces are not those that friction's limits are
+/// of.
 /// @return false where ODE did not make the step
 bool OdeEngine::solve_passes(double step, OdeMethod method, StepReport& report) {
   const bool again = contacts_ != nullptr && !report.iterative && !contacts_->list().empty();
