@@ -25,10 +25,16 @@ Settings how(Method method) {
   Settings out = test::settings(
       {Effect::gravity, Effect::object_contact, Effect::ground_contact, Effect::friction}, 1e-3, method);
   out.contact_forces = true;
+  // As the shipped grasps: four points of a pad have more rows than ways to slide, which a solver without
+  // compliance gives up on.
+  if (out.engine() == EngineKind::ode) {
+    out.ode().cfm = 1e-8;
+    out.ode().guard = GuardLimits{};
+  }
   return out;
 }
 
-/// A ball's block on three sliders: it cannot turn, and forces act on it along x, y and z.
+/// A block with a ball below it on three sliders: it cannot turn, and forces act on it along x, y and z.
 model::Model pulled_block() {
   model::Model model = model::make_model();
   test::add_ground(model, kMu);
@@ -50,7 +56,7 @@ model::Model pulled_block() {
 // to 1e-3, in any direction.
 TEST_P(Friction, IsMuTimesTheNormalForceInEveryDirection) {
   const model::Model model = pulled_block();
-  const double limit = kMu * (kMass + 2e-3) * test::kG;
+  const double limit = kMu * kMass * test::kG;
   for (int k = 0; k < 16; ++k)
     for (const double share : {0.98, 1.1}) {
       const auto engine = make_engine(model, how(GetParam()));
@@ -144,14 +150,14 @@ TEST_P(Friction, HoldsASqueezedBlockUntilTheForceFallsBelowItsWeight) {
   const auto engine = make_engine(model, how(GetParam()));
   const double least = kMass * test::kG / (2 * kMu);
   double start = 0, force = 0;
-  for (int i = 0; i < 3000; ++i) {
-    // Rises fast, then falls by 1 % of the least in 10 ms.
-    force = i < 500 ? 3 * least : (3 - 1e-3 * (i - 500)) * least;
+  for (int i = 0; i < 4000; ++i) {
+    // Falls by 0.1 % of the least in 10 ms: in 23 ms beyond it the block falls by 2 um.
+    force = i < 500 ? 1.2 * least : (1.2 - 1e-4 * (i - 500)) * least;
     engine->step({std::vector<double>{force, force}});
-    if (i == 500) start = engine->state().bodies[1].p.z();
-    if (i > 500 && start - engine->state().bodies[1].p.z() > 2e-5) break;
+    if (i == 1500) start = engine->state().bodies[1].p.z();
+    if (i > 1500 && start - engine->state().bodies[1].p.z() > 2e-6) break;
   }
-  EXPECT_NEAR(force, least, 0.02 * least);
+  EXPECT_NEAR(force, least, 0.01 * least);
 }
 
 }  // namespace

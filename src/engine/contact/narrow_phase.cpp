@@ -39,7 +39,7 @@ bool NarrowPhase::polyhedral(std::size_t shape) const {
 /// Rigid boxes have ODE's points.
 std::optional<Manifold> NarrowPhase::manifold(std::size_t a, const Pose& x_WA, std::size_t b,
                                               const Pose& x_WB, bool pad) const {
-  if (pad && boxes_[a] && boxes_[b]) return mesh_on_mesh(*boxes_[a], x_WA, *boxes_[b], x_WB);
+  if (pad && boxes_[a] && boxes_[b]) return mesh_on_mesh(*boxes_[a], x_WA, *boxes_[b], x_WB, true);
   if (auto found = in_order(a, x_WA, b, x_WB)) return found;
   auto found = in_order(b, x_WB, a, x_WA);
   if (found)

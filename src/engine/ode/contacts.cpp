@@ -17,6 +17,8 @@ std::vector<dBodyID> ids_of(const std::vector<OdeBody>& bodies) {
 
 /// Slower sliding has no direction that outlasts rounding [m/s].
 constexpr double kStill = 1e-9;
+/// Rigid surfaces that slide faster than this and twice what gravity adds in a step slide on [m/s].
+constexpr double kSlides = 1e-3;
 /// Moment per normal force that stands for none [m].
 constexpr double kLeastMoment = 1e-9;
 /// Normal force that stands for none where friction's limits are set [N].
@@ -72,6 +74,7 @@ void Contacts::join(const model::State& state, bool iterative) {
     if (remembers_ && iterative) known.patch = &memory_.patches()[k];
     for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
       known.share = collider_.shares()[i];
+      known.pad = touch.surface.compliance.has_value();
       if (friction_ && !iterative) known.force = limits_.force(i) ? &*limits_.force(i) : nullptr;
       add_contact(found[i], touch, known, state);
     }
@@ -227,14 +230,16 @@ void Contacts::aim_friction(dContact& joint, const Contact& contact, const Known
   const Vec3 back =
       patch != nullptr ? Vec3(-kPullBack / step_ * patch->shift_at(contact.position)) : Vec3(Vec3::Zero());
   Vec3 change = sliding(contact, state) - back, friction = Vec3::Zero();
-  if (known.force != nullptr) {
+  // Rigid bodies that slide have no force to hold on to.
+  const bool by_force = known.force != nullptr && (known.pad || change.norm() < kSlides + 2 * fall_.norm());
+  if (by_force) {
     friction = *known.force - contact.normal.dot(*known.force) * contact.normal;
     change -= step_ / shared_mass(contact, state) * friction;
   }
   const double speed = change.norm();
   if (speed <= kStill) return;
   dSurfaceParameters& surface = joint.surface;
-  if (known.force != nullptr) {
+  if (by_force) {
     // The corner of the two limits lies on the cone's circle.
     const double along = std::min(std::abs(friction.dot(change)) / (speed * surface.mu), 1.0);
     surface.mu2 = surface.mu * std::max(std::sqrt(1 - along * along), kLeastAcross);
