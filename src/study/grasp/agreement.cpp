@@ -52,7 +52,7 @@ double drawn(std::mt19937_64& random, double low, double high) {
   return low + (high - low) * std::ldexp(static_cast<double>(random() >> 11U), -53);
 }
 
-std::string csv(const AgreementTable& table) {
+std::string agreement_csv(const AgreementTable& table) {
   std::string out = "draw,x[m],y[m],z[m],mass[kg],friction,turning";
   for (const std::string& way : table.ways)
     out += fmt::format(",{0} outcome,{0} margin,{0} slip[um/s],{0} shift[mm],{0} grip[N]", way);
@@ -69,7 +69,7 @@ std::string csv(const AgreementTable& table) {
   return out;
 }
 
-std::string json(const AgreementTable& table, const AgreementStudy& study) {
+std::string agreement_json(const AgreementTable& table, const AgreementStudy& study) {
   Json out = {{"scene", study.scene.filename().string()}, {"draws", study.draws}, {"seed", study.seed}};
   add_origin(out);
   for (std::size_t a = 0; a < table.ways.size(); ++a)
@@ -135,9 +135,9 @@ AgreementTable run_agreement(const AgreementStudy& study) {
                        study.draws);
     }
     // Hours of work are not lost with the last draw.
-    output::write_file(study.out / "agreement.csv", csv(table));
+    output::write_file(study.out / "agreement.csv", agreement_csv(table));
   }
-  output::write_file(study.out / "agreement.json", json(table, study));
+  output::write_file(study.out / "agreement.json", agreement_json(table, study));
   return table;
 }
 
