@@ -10,6 +10,8 @@ namespace {
 
 /// Friction of this share of its limit is at it.
 constexpr double kAtLimit = 1 - 1e-6;
+/// No contact of a saved state has more [N].
+constexpr double kMostForce = 1e12;
 
 template <class Archive, class Point>
 void carry_point(Archive& archive, Point& point) {
@@ -66,7 +68,10 @@ void FrictionLimits::save(ArchiveWriter& out) const {
 
 void FrictionLimits::restore(ArchiveReader& in) {
   last_.resize(in.size());
-  for (PointForce& point : last_) carry_point(in, point);
+  for (PointForce& point : last_) {
+    carry_point(in, point);
+    if (!(point.force.norm() <= kMostForce)) in.refuse("a contact force that is no force", "at most 1e12 N");
+  }
 }
 
 }  // namespace handsim::engine::ode
