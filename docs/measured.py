@@ -123,6 +123,15 @@ def grasp():
                   "contacts", "grip, N", "epsilon"], rows)
 
 
+def agreement():
+    found = study_json("agreement", "run", "agreement.json")
+    rows = [[", ".join(pair["ways"]), f"{pair['same_verdict']} of {pair['not_marginal']}",
+             number(100 * pair["grip_difference_median"]), number(100 * pair["grip_difference_most"])]
+            for pair in found["pairs"]]
+    return table([f"engines, {found['draws']} draws", "same verdict where not marginal", "grip differs by, median, %",
+                  "at most, %"], rows)
+
+
 def climb():
     runs = {label: study_json("climb", label, "climbs.json") for label in ("both", "slippery", "2ms", "articulated")}
     def load(label, scene, side="right"):
@@ -510,7 +519,7 @@ def peers_ahead():
 
 # Name of the table -> the study whose files it reads, and the function that writes it.
 TABLES = {"demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
-          "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "climb": ("climb", climb),
+          "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),
           "accuracy-cheapest": ("accuracy", accuracy_cheapest), "accuracy-contact": ("accuracy", accuracy_contact),
           "accuracy-hands": ("hands", accuracy_hands), "2017": ("2017", thesis), "effects": ("effects", effects), "contacts": ("contacts", contacts),

@@ -234,7 +234,20 @@ void add_grasp(CommandLine& line) {
       ->check(number_from(0, 10, false, "a coefficient of friction, 0 to 10"));
   grasp.add_flag("--friction-search", arguments->friction_search,
                  "also find the smallest friction that still holds (seven more runs a scene)");
+  grasp.add_flag(
+      "--margin", arguments->margin,
+      "run each grasp again with 5 % more and less friction and mass: marginal where that turns it");
   grasp.add_flag("--pictures", arguments->pictures, "a picture at every phase");
+  CLI::Option* agree =
+      grasp
+          .add_option(
+              "--agree", arguments->agree,
+              "random grasps around the one scene, run on ODE and on the articulated engine: in how many "
+              "they say the same")
+          ->check(CLI::Range(1, 100000));
+  grasp.add_option("--seed", arguments->seed, "of the random grasps (default: 1)")->needs(agree);
+  grasp.add_flag("--quarter-steps", arguments->quarter_steps, "each engine also at a quarter of the step")
+      ->needs(agree);
 }
 
 void add_accuracy(CommandLine& line) {

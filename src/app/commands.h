@@ -64,7 +64,11 @@ struct GraspArguments {
   std::vector<std::string> overrides;
   std::optional<double> friction;
   bool friction_search = false;
+  bool margin = false;
   bool pictures = false;
+  std::optional<int> agree;  ///< random grasps on which engines are compared
+  std::uint64_t seed = 1;
+  bool quarter_steps = false;
 };
 int grasp_command(const GraspArguments& arguments);
 

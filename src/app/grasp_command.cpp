@@ -6,6 +6,7 @@
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/core/units.h"
+#include "handsim/study/grasp/agreement.h"
 #include "handsim/study/grasp/grasp_study.h"
 
 namespace handsim::app {
@@ -32,39 +33,74 @@ void print_climbs(const std::vector<study::ClimbRow>& rows) {
 }
 
 void print_table(const std::vector<study::GraspRow>& rows) {
-  print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>8} {:>8} {:>9} {:>9}\n", "scene", "hand",
-        "verdict", "slip", "in shake", "after it", "turned", "contacts", "grip", "epsilon", "volume",
-        "friction");
-  print("{:<24} {:<6} {:<8} {:>8} {:>9} {:>9} {:>8} {:>9} {:>8} {:>8} {:>9} {:>9}\n", "", "", "", "um/s",
-        "mm", "mm", "deg", "", "N", "", "", "least");
+  constexpr const char* kHead =
+      "{:<24} {:<6} {:<8} {:>8} {:>7} {:>8} {:>9} {:>9} {:>8} {:>9} {:>8} {:>8} {:>9} {:>9}\n";
+  print(kHead, "scene", "hand", "verdict", "criteria", "margin", "slip", "in shake", "after it", "turned",
+        "contacts", "grip", "epsilon", "volume", "friction");
+  print(kHead, "", "", "", "", "%", "um/s", "mm", "mm", "deg", "", "N", "", "", "least");
   for (const study::GraspRow& row : rows) {
     const simulation::GraspFigures& f = row.figures;
-    const char* verdict = !row.fault.empty() ? "diverged"
-                          : f.held           ? "held"
-                          : f.complete       ? "LOST"
-                          : f.lost()         ? "LOST"
-                                             : "cut off";
-    print("{:<24} {:<6} {:<8} {:>8.3g} {:>9.3g} {:>9.3g} {:>8.3g} {:>9} {:>8.3g} {:>8.3g} {:>9.3g} {:>9}\n",
-          row.scene, row.side, verdict, 1e6 * f.slip, 1e3 * f.shaken_shift, 1e3 * f.shift,
-          kDegreesPerRadian * f.turn, f.after.contacts, f.after.normal, f.after.wrenches.epsilon,
-          f.after.wrenches.volume,
-          row.smallest_friction ? fmt::format("{:.2g}", *row.smallest_friction) : "-");
+    const bool marginal = row.turning && !row.turning->empty();
+    const char* verdict = !row.fault.empty() ? "diverged" : marginal ? "marginal" : word(f.outcome());
+    print(
+        "{:<24} {:<6} {:<8} {:>8} {:>7.0f} {:>8.3g} {:>9.3g} {:>9.3g} {:>8.3g} {:>9} {:>8.3g} {:>8.3g} "
+        "{:>9.3g} {:>9}\n",
+        row.scene, row.side, verdict, row.passed ? "held" : "FAILED", 100 * f.margin(), 1e6 * f.slip,
+        1e3 * f.shaken_shift, 1e3 * f.shift, kDegreesPerRadian * f.turn, f.after.contacts, f.after.normal,
+        f.after.wrenches.epsilon, f.after.wrenches.volume,
+        row.smallest_friction ? fmt::format("{:.2g}", *row.smallest_friction) : "-");
+    if (marginal)
+      print("  note: {}; {} turns it\n", f.told(), *row.turning);
+    else if (f.complete && !f.held)
+      print("  note: {}\n", f.told());
+    if (!row.not_searched.empty()) print("  note: no search for the least friction: {}\n", row.not_searched);
     if (f.disagree())
-      print("  note: {}, though the contacts {} force closure\n", f.held ? "held" : "lost",
+      print("  note: {}, though the contacts {} force closure\n", f.held ? "held" : "not held",
             f.held ? "have no" : "have");
     if (!row.fault.empty()) tell("{}\n", row.fault);
   }
 }
 
+int agreement_command(const GraspArguments& arguments) {
+  if (arguments.scenes.size() != 1)
+    throw input_error("--agree", fmt::format("{} scenes", arguments.scenes.size()), "one scene");
+  study::AgreementStudy study;
+  study.scene = arguments.scenes.front();
+  study.overrides = arguments.overrides;
+  study.draws = *arguments.agree;
+  study.seed = arguments.seed;
+  study.quarter_steps = arguments.quarter_steps;
+  study.out = arguments.out;
+  study::AgreementTable table;
+  {
+    ProgressBar bar;
+    study.progress = [&bar](double share) { bar.show(share); };
+    table = study::run_agreement(study);
+  }
+  print("{:<32} {:>13} {:>13} {:>13} {:>13}\n", "engines (/4: a quarter of the step)", "same verdict",
+        "not marginal", "grip, median", "most");
+  for (std::size_t a = 0; a < table.ways.size(); ++a)
+    for (std::size_t b = a + 1; b < table.ways.size(); ++b) {
+      const auto count = table.agree(a, b);
+      const auto grip = table.grip(a, b);
+      print("{:<35} {:>10} {:>13} {:>11.2f} % {:>11.2f} %\n", table.ways[a] + ", " + table.ways[b],
+            count.same, count.of, 100 * grip.median, 100 * grip.most);
+    }
+  print("files in {}\n", arguments.out.string());
+  return 0;
+}
+
 }  // namespace
 
 int grasp_command(const GraspArguments& arguments) {
+  if (arguments.agree) return agreement_command(arguments);
   study::GraspStudy study;
   study.scenes = arguments.scenes;
   study.out = arguments.out;
   study.overrides = arguments.overrides;
   study.friction = arguments.friction;
   study.friction_search = arguments.friction_search;
+  study.margin = arguments.margin;
   study.pictures = arguments.pictures;
   study.draw_apart = true;
   if (arguments.side == "both")

@@ -53,18 +53,18 @@ void print_grasps(const simulation::RunResult& result) {
   for (const simulation::GraspFigures& grasp : result.grasps) {
     if (!grasp.complete) {
       print("  grasp {}: the run ended before the grasp{}\n", grasp.name,
-            grasp.lost() ? ", the object is LOST" : "");
+            grasp.failed() ? ", the object is " + grasp.told() : "");
       continue;
     }
     print(
         "  grasp {}: {}; slip {:.3g} um/s in the hold; moved {:.2g} mm during the shake, {:.2g} mm and "
-        "{:.2g} deg after it\n",
-        grasp.name, grasp.held ? "held" : "LOST", 1e6 * grasp.slip, 1e3 * grasp.shaken_shift,
-        1e3 * grasp.shift, kDegreesPerRadian * grasp.turn);
+        "{:.2g} deg after it; {:.0f} % of the nearest limit left\n",
+        grasp.name, grasp.told(), 1e6 * grasp.slip, 1e3 * grasp.shaken_shift, 1e3 * grasp.shift,
+        kDegreesPerRadian * grasp.turn, 100 * grasp.margin());
     print_grip("end of the hold", grasp.hold);
     print_grip("after the shake", grasp.after);
     if (grasp.disagree())
-      print("    note: {}, though the contacts {} force closure\n", grasp.held ? "held" : "lost",
+      print("    note: {}, though the contacts {} force closure\n", grasp.held ? "held" : "not held",
             grasp.after.wrenches.force_closure ? "have" : "have no");
   }
 }

@@ -162,8 +162,9 @@ void ContactDynamics::add_contacts(double step) {
     const Contact& any = collider_.contacts()[touch.first];
     find_pair(any.shape_a, any.shape_b);
     for (int index = 0; index < touch.count; ++index) {
-      const Contact& contact = collider_.contacts()[touch.first + at(index)];
-      add_contact(contact, touch.surface, 1.0 / touch.count, step);
+      const std::size_t i = touch.first + at(index);
+      const Contact& contact = collider_.contacts()[i];
+      add_contact(contact, touch.surface, collider_.shares()[i], step);
       warm_start(solver_.contact(frames_.size() - 1), contact, frames_.back(), index);
     }
   }

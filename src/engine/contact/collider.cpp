@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "handsim/engine/checks.h"
 
@@ -11,6 +12,8 @@ namespace {
 
 /// So many need no allocation in a step.
 constexpr std::size_t kUsualContacts = 64;
+/// Least share of a pad's stiffness: a point that just touches has a spring still.
+constexpr double kLeastStiffness = 1e-3;
 
 template <class Archive, class T>
 void carry(Archive& archive, T& contact) {
@@ -38,6 +41,7 @@ Collider::Collider(const model::Model& model, const model::Effects& effects, boo
   add_geoms(bodies);
   contacts_.reserve(kUsualContacts);
   touches_.reserve(kUsualContacts);
+  shares_.reserve(kUsualContacts);
   if (!bodies.empty()) return;
   clearance_.emplace(model, allowed_pairs());
   near_pairs_.reserve(clearance_->size());
@@ -140,6 +144,7 @@ std::span<const Sweep::Pair> Collider::find_fast(const model::State& state, cons
 int Collider::collide(const model::State& state, const Prospect& prospect) {
   contacts_.clear();
   touches_.clear();
+  shares_.clear();
   find_near(state);
   const std::span<const Sweep::Pair> fast = find_fast(state, prospect);
   if (!fast.empty()) {
@@ -150,12 +155,31 @@ int Collider::collide(const model::State& state, const Prospect& prospect) {
   }
   for (const auto& [a, b] : near_pairs_) {
     const std::size_t first = contacts_.size();
-    int count = narrow_phase(a, b, state);
+    const model::Material surface = rules_.between(model_.shapes[a], model_.shapes[b]);
+    int count = narrow_phase(a, b, surface.compliance.has_value(), state);
     if (std::binary_search(fast.begin(), fast.end(), std::pair(a, b)))
       count += approach(a, b, count > 0, state);
-    if (count > 0) touches_.push_back({first, count, rules_.between(model_.shapes[a], model_.shapes[b])});
+    if (count == 0) continue;
+    touches_.push_back({first, count, surface});
+    share_stiffness(touches_.back(), narrow_.flat(a, b));
   }
   return static_cast<int>(near_pairs_.size());
+}
+
+/// Points of flat faces come and go as these tilt. Equal shares would make all forces of the pair jump; these
+/// are of the energy K/2 sqrt(sum of depth^4), so that a point enters with neither force nor stiffness. One
+/// point alone has all of K, as has the end of a capsule.
+void Collider::share_stiffness(const Touch& touch, bool flat) {
+  double sum = 0;
+  for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
+    const double depth2 = contacts_[i].depth * contacts_[i].depth;
+    sum += depth2 * depth2;
+  }
+  for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
+    const double depth = contacts_[i].depth;
+    shares_.push_back(flat && sum > 0 ? std::max(depth * depth / std::sqrt(sum), kLeastStiffness)
+                                      : 1.0 / touch.count);
+  }
 }
 
 /// Appends the points at which a fast pair is about to touch. @return how many
@@ -174,11 +198,11 @@ Pose Collider::pose(std::size_t shape, const model::State& state) const {
 }
 
 /// Appends the pair's contact points to the list. @return how many
-int Collider::narrow_phase(std::size_t a, std::size_t b, const model::State& state) {
+int Collider::narrow_phase(std::size_t a, std::size_t b, bool pad, const model::State& state) {
   const auto add = [&](const Vec3& position, const Vec3& normal, double depth) {
     contacts_.push_back({static_cast<int>(a), static_cast<int>(b), position, normal, depth, Vec3::Zero()});
   };
-  if (const auto own = narrow_.manifold(a, pose(a, state), b, pose(b, state))) {
+  if (const auto own = narrow_.manifold(a, pose(a, state), b, pose(b, state), pad)) {
     for (int i = 0; i < own->count; ++i) {
       const ManifoldPoint& point = own->points[static_cast<std::size_t>(i)];
       add(point.position, point.normal, point.depth);

@@ -51,6 +51,8 @@ class Collider {
   void restore(ArchiveReader& in);
   /// In the order of their points in the list.
   std::span<const Touch> touches() const { return touches_; }
+  /// Share of the pair's stiffness and damping that each contact has where its surfaces are pads.
+  std::span<const double> shares() const { return shares_; }
 
  private:
   static void near(void* self, dGeomID a, dGeomID b);
@@ -59,8 +61,9 @@ class Collider {
   std::vector<Clearance::Pair> allowed_pairs() const;
   void find_near(const model::State& state);
   Pose pose(std::size_t shape, const model::State& state) const;
-  int narrow_phase(std::size_t a, std::size_t b, const model::State& state);
+  int narrow_phase(std::size_t a, std::size_t b, bool pad, const model::State& state);
   std::span<const Sweep::Pair> find_fast(const model::State& state, const Prospect& prospect);
+  void share_stiffness(const Touch& touch, bool flat);
   int approach(std::size_t a, std::size_t b, bool touching, const model::State& state);
 
   const model::Model& model_;
@@ -79,6 +82,7 @@ class Collider {
   std::vector<Way> ways_;  ///< of each body, in a step with a fast one
   std::vector<Contact> contacts_;
   std::vector<Touch> touches_;
+  std::vector<double> shares_;  ///< as the contacts
 };
 
 }  // namespace handsim::engine

@@ -1,7 +1,5 @@
 #include "handsim/engine/contact/narrow_phase.h"
 
-#include <algorithm>
-
 #include "handsim/engine/contact/polytope.h"
 
 namespace handsim::engine {
@@ -9,8 +7,6 @@ namespace handsim::engine {
 using model::ShapeKind;
 
 NarrowPhase::NarrowPhase(const model::Model& model) : model_(model) {
-  const auto mesh = [](const model::Shape& shape) { return shape.kind == ShapeKind::convex_mesh; };
-  if (std::none_of(model.shapes.begin(), model.shapes.end(), mesh)) return;
   boxes_.resize(model.shapes.size());
   for (std::size_t i = 0; i < boxes_.size(); ++i)
     if (model.shapes[i].kind == ShapeKind::box) boxes_[i] = model::box_polyhedron(model.shapes[i].edges);
@@ -36,8 +32,14 @@ std::optional<Manifold> NarrowPhase::in_order(std::size_t index_a, const Pose& x
   return std::nullopt;
 }
 
+bool NarrowPhase::polyhedral(std::size_t shape) const {
+  return model_.shapes[shape].kind == ShapeKind::box || model_.shapes[shape].kind == ShapeKind::convex_mesh;
+}
+
+/// Rigid boxes have ODE's points.
 std::optional<Manifold> NarrowPhase::manifold(std::size_t a, const Pose& x_WA, std::size_t b,
-                                              const Pose& x_WB) const {
+                                              const Pose& x_WB, bool pad) const {
+  if (pad && boxes_[a] && boxes_[b]) return mesh_on_mesh(*boxes_[a], x_WA, *boxes_[b], x_WB, true);
   if (auto found = in_order(a, x_WA, b, x_WB)) return found;
   auto found = in_order(b, x_WB, a, x_WA);
   if (found)

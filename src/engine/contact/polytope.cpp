@@ -14,6 +14,10 @@ using model::ConvexMesh;
 /// A face stands for the contact unless another feature is nearer by this share of the smaller solid:
 /// rounding must not choose.
 constexpr double kPrefer = 1e-4;
+/// Of pads two edges stand for the contact where they are nearer than this share of what the faces overlap
+/// within each other's outline. A corner beyond the outline may be deeper; compared with it, an edge that
+/// lies along a face flips between one point at its end and its two.
+constexpr double kEdgeShare = 0.8;
 
 struct Point {
   Vec3 position;  ///< on the solid that is clipped
@@ -156,7 +160,8 @@ Manifold face_contact(const ConvexMesh& reference, int face, const ConvexMesh& o
 
 }  // namespace
 
-Manifold mesh_on_mesh(const ConvexMesh& a, const Pose& x_WA, const ConvexMesh& b, const Pose& x_WB) {
+Manifold mesh_on_mesh(const ConvexMesh& a, const Pose& x_WA, const ConvexMesh& b, const Pose& x_WB,
+                      bool pad) {
   if ((x_WA.p - x_WB.p).norm() > a.reach + b.reach) return {};
   const ConvexMesh other = seen_from(b, x_WA.inverse() * x_WB);
   const FaceGap of_a = face_gap(a, other);
@@ -166,16 +171,22 @@ Manifold mesh_on_mesh(const ConvexMesh& a, const Pose& x_WA, const ConvexMesh& b
   const EdgeGap edges = edge_gap(a, other);
   if (edges.value > 0) return {};
   const double prefer = kPrefer * std::min(a.reach, b.reach);
-  Manifold found;
   // Normals of all three kinds leave a; out of b into a is what the caller wants.
-  if (edges.value > std::max(of_a.value, of_b.value) + prefer) {
+  Manifold found;
+  bool edges_meet = edges.value > std::max(of_a.value, of_b.value) + prefer;
+  if (pad || !edges_meet) {
+    if (of_b.value > of_a.value + prefer) {
+      found = face_contact(other, of_b.face, a);
+    } else {
+      found = face_contact(a, of_a.face, other);
+      for (ManifoldPoint& point : found.points) point.normal = -point.normal;
+    }
+  }
+  // The first point is the deepest.
+  if (pad) edges_meet = edges_meet && -edges.value <= kEdgeShare * found.points[0].depth;
+  if (edges_meet) {
     found.count = 1;
     found.points[0] = {0.5 * (edges.on_first + edges.on_second), -edges.normal, -edges.value};
-  } else if (of_b.value > of_a.value + prefer) {
-    found = face_contact(other, of_b.face, a);
-  } else {
-    found = face_contact(a, of_a.face, other);
-    for (ManifoldPoint& point : found.points) point.normal = -point.normal;
   }
   for (int i = 0; i < found.count; ++i) {
     ManifoldPoint& point = found.points[static_cast<std::size_t>(i)];

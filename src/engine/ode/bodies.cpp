@@ -98,4 +98,21 @@ model::BodyState read_state(const OdeBody& body) {
           Vec3(body.v[0], body.v[1], body.v[2]), Vec3(body.w[0], body.w[1], body.w[2])};
 }
 
+void StepStart::take(const std::vector<OdeBody>& bodies, const std::vector<std::size_t>& moving) {
+  loaded_.clear();
+  for (const std::size_t i : moving)
+    loaded_.push_back({read_state(bodies[i]), Eigen::Map<const Vec3>(dBodyGetForce(bodies[i].id)),
+                       Eigen::Map<const Vec3>(dBodyGetTorque(bodies[i].id))});
+}
+
+void StepStart::put_back(const std::vector<OdeBody>& bodies, const std::vector<std::size_t>& moving) const {
+  for (std::size_t k = 0; k < moving.size(); ++k) {
+    const Loaded& at = loaded_[k];
+    const dBodyID id = bodies[moving[k]].id;
+    write_state(bodies[moving[k]], at.state);
+    dBodySetForce(id, at.force.x(), at.force.y(), at.force.z());
+    dBodySetTorque(id, at.torque.x(), at.torque.y(), at.torque.z());
+  }
+}
+
 }  // namespace handsim::engine::ode

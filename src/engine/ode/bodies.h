@@ -51,4 +51,19 @@ OdeBody handle(dBodyID id);
 void write_state(const OdeBody& body, const model::BodyState& state);
 model::BodyState read_state(const OdeBody& body);
 
+/// What a step of ODE's starts from: states of the bodies, and the forces added to them.
+class StepStart {
+ public:
+  /// @param moving indices of the bodies that have an ODE body
+  void take(const std::vector<OdeBody>& bodies, const std::vector<std::size_t>& moving);
+  void put_back(const std::vector<OdeBody>& bodies, const std::vector<std::size_t>& moving) const;
+
+ private:
+  struct Loaded {
+    model::BodyState state;
+    Vec3 force = Vec3::Zero(), torque = Vec3::Zero();  ///< world [N], [N m]
+  };
+  std::vector<Loaded> loaded_;  ///< as the moving bodies
+};
+
 }  // namespace handsim::engine::ode

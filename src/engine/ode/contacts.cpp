@@ -17,8 +17,17 @@ std::vector<dBodyID> ids_of(const std::vector<OdeBody>& bodies) {
 
 /// Slower sliding has no direction that outlasts rounding [m/s].
 constexpr double kStill = 1e-9;
+/// Rigid surfaces that slide faster than this and twice what gravity adds in a step slide on [m/s].
+constexpr double kSlides = 1e-3;
 /// Moment per normal force that stands for none [m].
 constexpr double kLeastMoment = 1e-9;
+/// Normal force that stands for none where friction's limits are set [N].
+constexpr double kLeastForce = 1e-9;
+/// Least limit of the second friction row, as a share of the first: together they exceed the cone by 8e-4.
+constexpr double kLeastAcross = 0.04;
+/// Share of the mass at a contact by which slip turns the direction of friction. All contacts turn at once:
+/// with 0.1 those of a hand of 17 points overshoot, and creep.
+constexpr double kDirectionShare = 0.03;
 
 }  // namespace
 
@@ -33,6 +42,7 @@ Contacts::Contacts(OdeIds& ids, const model::Model& model, const Settings& setti
       friction_(settings.effects.has(model::Effect::friction)),
       remembers_(friction_ && settings.ode().method != OdeMethod::world_step),
       with_forces_(settings.contact_forces),
+      measures_forces_(with_forces_ || (friction_ && settings.ode().method != OdeMethod::quick_step)),
       erp_(settings.erp()),
       gravity_(settings.effects.has(model::Effect::gravity) ? model.gravity : Vec3(Vec3::Zero())) {
   ids.contact_joints.reset(dJointGroupCreate(0));
@@ -46,31 +56,44 @@ void Contacts::set_step(double step) {
   fall_ = gravity_ * step;
 }
 
+void Contacts::recall(const model::State& state, bool iterative) {
+  crossed_.find(collider_);
+  if (remembers_) memory_.recall(collider_, state);
+  if (iterative)
+    limits_.set({});
+  else if (friction_)
+    limits_.recall(collider_);
+}
+
 void Contacts::join(const model::State& state, bool iterative) {
   contact_joints_.clear();
   const std::vector<Contact>& found = collider_.contacts();
-  crossed_.find(collider_);
-  if (remembers_) memory_.recall(collider_, state);
   for (std::size_t k = 0; k < collider_.touches().size(); ++k) {
     const Touch& touch = collider_.touches()[k];
-    const Patch* patch = remembers_ && iterative ? &memory_.patches()[k] : nullptr;
-    for (std::size_t i = 0; i < static_cast<std::size_t>(touch.count); ++i)
-      add_contact(found[touch.first + i], touch, patch, state);
+    Known known;
+    if (remembers_ && iterative) known.patch = &memory_.patches()[k];
+    for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
+      known.share = collider_.shares()[i];
+      known.pad = touch.surface.compliance.has_value();
+      if (friction_ && !iterative) known.force = limits_.force(i) ? &*limits_.force(i) : nullptr;
+      add_contact(found[i], touch, known, state);
+    }
   }
-  if (with_forces_) {
-    feedback_.resize(found.size());
-    for (std::size_t i = 0; i < found.size(); ++i) dJointSetFeedback(contact_joints_[i], &feedback_[i]);
-  }
+  if (!measures_forces_) return;
+  feedback_.resize(found.size());
+  for (std::size_t i = 0; i < found.size(); ++i) dJointSetFeedback(contact_joints_[i], &feedback_[i]);
 }
 
 void Contacts::read_forces() {
-  if (!with_forces_) return;
+  if (!measures_forces_) return;
   std::vector<Contact>& found = collider_.contacts();
+  forces_.resize(found.size());
   for (std::size_t i = 0; i < found.size(); ++i) {
     // ODE makes body b the first of a joint whose body a is not there.
     const dReal* f = feedback_[i].f1;
     const double sign = body_of(found[i].shape_a) == nullptr ? -1 : 1;
-    found[i].force = sign * Vec3(f[0], f[1], f[2]);
+    forces_[i] = sign * Vec3(f[0], f[1], f[2]);
+    if (with_forces_) found[i].force = forces_[i];
   }
 }
 
@@ -83,18 +106,20 @@ void Contacts::release() { dJointGroupEmpty(joints_); }
 void Contacts::save(ArchiveWriter& out) const {
   collider_.save(out);
   memory_.save(out);
+  limits_.save(out);
 }
 
 void Contacts::restore(ArchiveReader& in) {
   collider_.restore(in);
   memory_.restore(in);
+  limits_.restore(in);
 }
 
 dBodyID Contacts::body_of(int shape) const { return bodies_[body_index(shape)].id; }
 
 /// A row of ODE's obeys v+ + CFM lambda = ERP / h depth: the pad's spring and damper at the step's end.
-void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad, int sharing) const {
-  const SoftRow row = soft_row(pad.stiffness / sharing, pad.damping / sharing, step_);
+void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad, double share) const {
+  const SoftRow row = soft_row(share * pad.stiffness, share * pad.damping, step_);
   surface.mode |= dContactSoftERP | dContactSoftCFM;
   surface.soft_erp = row.erp;
   surface.soft_cfm = row.cfm;
@@ -103,20 +128,20 @@ void Contacts::soften(dSurfaceParameters& surface, const model::Compliance& pad,
 /// Of a contact about to happen: the surfaces come nearer by the gap between them and no more, a pad as its
 /// spring and damper at the step's end let it. What is to bounce turns back at once.
 void Contacts::come_nearer(dSurfaceParameters& surface, const Contact& contact,
-                           const model::Material& between, int sharing, const model::State& state) const {
+                           const model::Material& between, double share, const model::State& state) const {
   const Vec3 v = start_velocity(body_index(contact.shape_a), contact.position, state) -
                  start_velocity(body_index(contact.shape_b), contact.position, state);
   if (between.restitution > 0 && -contact.normal.dot(v) > between.restitution_speed) return;
-  const double share = between.compliance ? soft_row(between.compliance->stiffness / sharing,
-                                                     between.compliance->damping / sharing, step_)
-                                                .erp
-                                          : 1;
+  const double closes =
+      between.compliance
+          ? soft_row(share * between.compliance->stiffness, share * between.compliance->damping, step_).erp
+          : 1;
   surface.mode &= ~dContactBounce;
   surface.mode |= dContactMotionN;
-  surface.motionN = share * contact.depth / step_;
+  surface.motionN = closes * contact.depth / step_;
 }
 
-void Contacts::add_contact(const Contact& contact, const Touch& touch, const Patch* patch,
+void Contacts::add_contact(const Contact& contact, const Touch& touch, const Known& known,
                            const model::State& state) {
   const model::Material& between = touch.surface;
   dContact joint{};
@@ -126,17 +151,15 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Pat
   }
   joint.geom.depth = std::max(contact.depth, 0.0);
   dSurfaceParameters& surface = joint.surface;
-  surface.mode = dContactApprox1;
-  surface.mu = friction_ ? between.friction : 0;
   if (between.restitution > 0) {
     surface.mode |= dContactBounce;
     surface.bounce = between.restitution;
     surface.bounce_vel = between.restitution_speed;
   }
-  if (contact.depth < 0) come_nearer(surface, contact, between, touch.count, state);
+  if (contact.depth < 0) come_nearer(surface, contact, between, known.share, state);
   const double inside = contact.depth - kSurfaceLayer;
   if (between.compliance) {
-    soften(surface, *between.compliance, touch.count);
+    soften(surface, *between.compliance, known.share);
   } else {
     if (erp_ * inside > kMaxCorrectingSpeed * step_) {
       surface.mode |= dContactSoftERP;
@@ -147,49 +170,80 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Pat
       surface.soft_cfm = giving * step_;
     }
   }
-  // Of a pad that only spins, the moment is a motor's, whose row can be told a speed.
-  const bool motor = patch != nullptr && between.compliance && between.rolling_friction == 0 &&
-                     between.spinning_friction > 0;
-  if (friction_ && !motor && (between.rolling_friction > 0 || between.spinning_friction > 0)) {
-    surface.mode |= dContactRolling | dContactAxisDep | dContactApprox1_N;
-    surface.mu2 = surface.mu;
-    // ODE counts a row for each of the three, at 0 too, but then leaves it blank.
-    surface.rho = surface.rho2 = std::max(between.rolling_friction, kLeastMoment);
-    surface.rhoN = std::max(between.spinning_friction, kLeastMoment);
-  }
+  // Of a pad that only spins, the moment is a motor's, whose row can be told a speed or a limit.
+  const bool motor = (known.patch != nullptr || known.force != nullptr) && between.compliance &&
+                     between.rolling_friction == 0 && between.spinning_friction > 0;
+  if (friction_) set_friction(joint, contact, between, known, motor);
   const dBodyID a = body_of(contact.shape_a);
-  if (surface.mu > 0) aim_friction(joint, contact, patch, state);
+  if (surface.mu > 0) aim_friction(joint, contact, known, state);
   const dJointID id = dJointCreateContact(world_, joints_, &joint);
   dJointAttach(id, a, body_of(contact.shape_b));
   contact_joints_.push_back(id);
-  if (motor) add_spin_row(contact, touch, *patch);
+  if (motor) add_spin_row(contact, touch, known);
 }
 
-/// The moment about the normal, up to the lever times the force of the pad's spring.
-void Contacts::add_spin_row(const Contact& contact, const Touch& touch, const Patch& patch) {
-  const double inside = std::max(contact.depth - kSurfaceLayer, 0.0);
-  const double force = touch.surface.compliance->stiffness / touch.count * inside;
+/// Limits of friction's rows: shares of the normal force that ODE finds, or forces where that is known.
+void Contacts::set_friction(dContact& joint, const Contact& contact, const model::Material& between,
+                            const Known& known, bool spins_by_motor) {
+  dSurfaceParameters& surface = joint.surface;
+  double normal = 1;
+  if (known.force == nullptr)
+    surface.mode |= dContactApprox1;
+  else
+    normal = std::max(contact.normal.dot(*known.force), kLeastForce);
+  surface.mode |= dContactAxisDep;
+  surface.mu = surface.mu2 = between.friction * normal;
+  if (spins_by_motor || (between.rolling_friction == 0 && between.spinning_friction == 0)) return;
+  surface.mode |= dContactRolling;
+  // ODE counts a row for each of the three, at 0 too, but then leaves it blank.
+  surface.rho = surface.rho2 = std::max(between.rolling_friction, kLeastMoment) * normal;
+  surface.rhoN = std::max(between.spinning_friction, kLeastMoment) * normal;
+}
+
+/// The moment about the normal, up to the lever times the normal force: the known one, or that of the pad's
+/// spring.
+void Contacts::add_spin_row(const Contact& contact, const Touch& touch, const Known& known) {
+  double force = 0;
+  if (known.force != nullptr)
+    force = std::max(contact.normal.dot(*known.force), kLeastForce);
+  else
+    force = known.share * touch.surface.compliance->stiffness * std::max(contact.depth - kSurfaceLayer, 0.0);
   const dBodyID a = body_of(contact.shape_a);
   const dJointID motor = dJointCreateAMotor(world_, joints_);
   dJointAttach(motor, a, body_of(contact.shape_b));
   dJointSetAMotorNumAxes(motor, 1);
   dJointSetAMotorAxis(motor, 0, 0, contact.normal.x(), contact.normal.y(), contact.normal.z());
   // ODE makes body b the first of a joint whose body a is not there.
-  dJointSetAMotorParam(motor, dParamVel, (a == nullptr ? 1 : -1) * kPullBack / step_ * patch.turn);
+  const double turn = known.patch != nullptr ? known.patch->turn : 0;
+  dJointSetAMotorParam(motor, dParamVel, (a == nullptr ? 1 : -1) * kPullBack / step_ * turn);
   dJointSetAMotorParam(motor, dParamFMax, touch.surface.spinning_friction * force);
 }
 
 /// Lays the first friction row along the change of velocity that it has to bring about: from what the
 /// surfaces would slide at to standing still or to taking back what they have crept. The second then has
-/// nothing to do.
-void Contacts::aim_friction(dContact& joint, const Contact& contact, const Patch* patch,
+/// nothing to do. Where the last force is known, it has held up what would slide without it: as in the
+/// augmented Lagrangian of Alart and Curnier (1991), the direction is that of the impulse less the shared
+/// mass times the slip.
+void Contacts::aim_friction(dContact& joint, const Contact& contact, const Known& known,
                             const model::State& state) const {
+  const Patch* patch = known.patch;
   const Vec3 back =
       patch != nullptr ? Vec3(-kPullBack / step_ * patch->shift_at(contact.position)) : Vec3(Vec3::Zero());
-  const Vec3 change = sliding(contact, state) - back;
+  Vec3 change = sliding(contact, state) - back, friction = Vec3::Zero();
+  // Rigid bodies that slide have no force to hold on to.
+  const bool by_force = known.force != nullptr && (known.pad || change.norm() < kSlides + 2 * fall_.norm());
+  if (by_force) {
+    friction = *known.force - contact.normal.dot(*known.force) * contact.normal;
+    change -= step_ / shared_mass(contact, state) * friction;
+  }
   const double speed = change.norm();
   if (speed <= kStill) return;
   dSurfaceParameters& surface = joint.surface;
+  if (by_force) {
+    // The corner of the two limits lies on the cone's circle.
+    const double along = std::min(std::abs(friction.dot(change)) / (speed * surface.mu), 1.0);
+    surface.mu2 = surface.mu * std::max(std::sqrt(1 - along * along), kLeastAcross);
+  }
   surface.mode |= dContactFDir1;
   for (int i = 0; i < 3; ++i) joint.fdir1[i] = change[i] / speed;
   if (patch == nullptr) return;
@@ -198,6 +252,20 @@ void Contacts::aim_friction(dContact& joint, const Contact& contact, const Patch
   surface.mode |= dContactMotion1 | dContactMotion2;
   surface.motion1 = sign * back.dot(change) / speed;
   surface.motion2 = back.dot(contact.normal.cross(change)) / speed;
+}
+
+/// About the mass that a force at the contact has to move, joints and other contacts left aside [kg]. They
+/// add to it: too large a mass would make the direction overshoot from step to step.
+double Contacts::shared_mass(const Contact& contact, const model::State& state) const {
+  double mobility = 0;
+  for (const int shape : {contact.shape_a, contact.shape_b}) {
+    const std::size_t index = body_index(shape);
+    const model::Body& body = model_.bodies[index];
+    if (body.kinematic) continue;
+    mobility +=
+        1 / body.mass + (contact.position - state.bodies[index].p).squaredNorm() * 3 / body.inertia.trace();
+  }
+  return kDirectionShare / mobility;
 }
 
 /// Tangential velocity of a against b as it would be after this step without the contact: bodies that rest

@@ -1,12 +1,14 @@
 // Contacts as ODE's contact joints, one for each point that the collider finds. Friction is Coulomb's, as a
-// pyramid with one edge along the direction in which the surfaces slide or are about to, so that it is exact
-// there. Where quick_step solves, surfaces that stick are pulled back to where they stuck (presliding.h).
+// pyramid with one edge along the direction of the force to come, so that it is exact there. Where the direct
+// solver works, its limits are of the normal forces of the step (friction_limits.h); where quick_step solves,
+// surfaces that stick are pulled back to where they stuck (presliding.h).
 #pragma once
 
 #include <vector>
 
 #include "handsim/engine/contact/collider.h"
 #include "handsim/engine/contact/penetration.h"
+#include "handsim/engine/ode/friction_limits.h"
 #include "handsim/engine/ode/presliding.h"
 
 namespace handsim::engine::ode {
@@ -24,17 +26,29 @@ class Contacts {
   int collide(const model::State& state, std::span<const Prospect::Driven> driven) {
     return collider_.collide(state, {step_, fall_, driven});
   }
-  /// Makes the joints of the contacts found. @param iterative for quick_step: surfaces that stick are pulled
-  /// back
+  /// Recalls the last step's friction at the contacts found.
+  void recall(const model::State& state, bool iterative);
+  /// Makes the joints of the contacts found. @param iterative for quick_step
   void join(const model::State& state, bool iterative);
-  /// Reads the forces of the step just made, where the settings ask for them.
+  /// Reads the forces of the step just made.
   void read_forces();
+  /// Of a step by the direct solver, its forces read. @return true where friction is off: joined again, the
+  /// contacts have the limits of these forces
+  bool revise_limits() { return friction_ && limits_.take_in(collider_, forces_); }
   /// Removes the contact joints; the list stays.
   void release();
   /// Takes in how far surfaces slid in the step just made. @param before its start; @param step [s]
   void take_in_slip(const model::State& before, double step);
-  const std::vector<Presliding>& presliding() const { return memory_.pairs(); }
-  void set_presliding(const std::vector<Presliding>& pairs) { memory_.set(pairs); }
+  /// What friction remembers from step to step.
+  struct Memory {
+    std::vector<Presliding> presliding;
+    std::vector<PointForce> forces;
+  };
+  Memory memory() const { return {memory_.pairs(), limits_.last()}; }
+  void set_memory(const Memory& memory) {
+    memory_.set(memory.presliding);
+    limits_.set(memory.forces);
+  }
   /// Length of the steps to come [s].
   void set_step(double step);
   const std::vector<Contact>& list() const { return collider_.contacts(); }
@@ -44,15 +58,24 @@ class Contacts {
   void restore(ArchiveReader& in);
 
  private:
-  /// @param patch of the touch; null: its surfaces are not pulled back
-  void add_contact(const Contact& contact, const Touch& touch, const Patch* patch, const model::State& state);
-  void aim_friction(dContact& joint, const Contact& contact, const Patch* patch,
+  /// What is known of a contact beside its geometry.
+  struct Known {
+    bool pad = false;              ///< compliant surfaces
+    double share = 1;              ///< of the pair's stiffness
+    const Patch* patch = nullptr;  ///< null: its surfaces are not pulled back
+    const Vec3* force = nullptr;   ///< of the last step or pass; null: ODE finds friction's limits
+  };
+  void add_contact(const Contact& contact, const Touch& touch, const Known& known, const model::State& state);
+  void set_friction(dContact& joint, const Contact& contact, const model::Material& between,
+                    const Known& known, bool spins_by_motor);
+  void aim_friction(dContact& joint, const Contact& contact, const Known& known,
                     const model::State& state) const;
-  void add_spin_row(const Contact& contact, const Touch& touch, const Patch& patch);
-  void soften(dSurfaceParameters& surface, const model::Compliance& pad, int sharing) const;
+  void add_spin_row(const Contact& contact, const Touch& touch, const Known& known);
+  double shared_mass(const Contact& contact, const model::State& state) const;
+  void soften(dSurfaceParameters& surface, const model::Compliance& pad, double share) const;
   dBodyID body_of(int shape) const;
   void come_nearer(dSurfaceParameters& surface, const Contact& contact, const model::Material& between,
-                   int sharing, const model::State& state) const;
+                   double share, const model::State& state) const;
   Vec3 sliding(const Contact& contact, const model::State& state) const;
   std::size_t body_index(int shape) const;
   /// Of a body's point at the start of the step; as it would be after the step without the contact.
@@ -66,15 +89,18 @@ class Contacts {
   Collider collider_;
   CrossedBodies crossed_;
   PreslidingMemory memory_;
+  FrictionLimits limits_;
   bool friction_;
   bool remembers_;  ///< how far surfaces have crept
   bool with_forces_;
+  bool measures_forces_;  ///< for friction's limits or because the settings ask for them
   double erp_;
   double step_;  ///< [s]
   Vec3 gravity_;
   Vec3 fall_;                             ///< velocity that gravity adds in one step [m/s]
   std::vector<dJointID> contact_joints_;  ///< as the list
-  std::vector<dJointFeedback> feedback_;  ///< as the list, where forces are asked for
+  std::vector<dJointFeedback> feedback_;  ///< as the list
+  std::vector<Vec3> forces_;              ///< of the last pass, on a's bodies, as the list [N]
 };
 
 }  // namespace handsim::engine::ode

@@ -18,7 +18,7 @@ constexpr int kGuardIterations = 200;
 
 StepReport OdeEngine::guarded_step(const StepInput& input, double end) {
   before_ = state_;
-  if (contacts_) presliding_before_ = contacts_->presliding();
+  if (contacts_) memory_before_ = contacts_->memory();
   StepReport report;
   std::optional<PhysicsFault> fault;
   for (const Rung rung : {Rung::none, Rung::softer, Rung::half_steps, Rung::quick_step}) {
@@ -129,7 +129,7 @@ std::optional<PhysicsFault> OdeEngine::guard_fault(const StepReport& report) con
 /// Back to the start of the step.
 void OdeEngine::restore() {
   write(before_);
-  if (contacts_) contacts_->set_presliding(presliding_before_);
+  if (contacts_) contacts_->set_memory(memory_before_);
 }
 
 /// A world in which ODE stopped half way can only be destroyed.

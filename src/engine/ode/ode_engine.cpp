@@ -73,7 +73,7 @@ void OdeEngine::set_state(const model::State& state) {
     const bool moved = immovable_moved(state);
     if (moved) joints_->reanchor(state);
     write(state);
-    if (contacts_) contacts_->set_presliding({});
+    if (contacts_) contacts_->set_memory({});
     if (moved && contacts_) contacts_->place_immovable(state_);
   } catch (const OdeFault& fault) {
     fail(fault);

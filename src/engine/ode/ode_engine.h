@@ -35,9 +35,9 @@ class OdeEngine final : public Engine {
 
   StepReport step(const StepInput& input) override;
   const model::State& state() const override { return state_; }
-  /// Bit-exact, but for friction that quick_step and auto hold by position: what has crept is forgotten.
+  /// Bit-exact, but for friction: what has crept, and the contacts' last forces, are forgotten.
   void set_state(const model::State& state) override;
-  /// The contacts, their creep and the stops in force of the last step: all else is in the state.
+  /// The contacts, their creep and forces and the stops in force of the last step: all else is in the state.
   void save(ArchiveWriter& out) const override;
   void restore(const model::State& state, ArchiveReader& in) override;
   std::span<const Contact> contacts() const override;
@@ -57,6 +57,7 @@ class OdeEngine final : public Engine {
   /// One step of ODE's, ending at `end`, of length `step`; the state is not read yet. @throws StepRefused
   StepReport plain_step(const StepInput& input, double end, double step, OdeMethod method);
   void solve(double step, OdeMethod method, StepReport& report);
+  [[nodiscard]] bool solve_passes(double step, OdeMethod method, StepReport& report);
   StepReport guarded_step(const StepInput& input, double end);
   std::optional<PhysicsFault> climb(Rung rung, const StepInput& input, double end, StepReport& report);
   std::optional<PhysicsFault> two_half_steps(const StepInput& input, double end, StepReport& report);
@@ -94,10 +95,11 @@ class OdeEngine final : public Engine {
   std::vector<System> closed_;            ///< islands to close after every step; with projection only
   model::State opened_;                   ///< at the start of the step; with projection only
   model::State state_;
-  model::State before_;                        ///< of a guarded step, its start
-  std::vector<Presliding> presliding_before_;  ///< the same
-  std::vector<double> tau_, tau_servo_;        ///< of the step under way
-  std::vector<model::Servo> second_servos_;    ///< of its second half
+  StepStart start_;                          ///< of the solver's step, which may be made again
+  model::State before_;                      ///< of a guarded step, its start
+  Contacts::Memory memory_before_;           ///< the same
+  std::vector<double> tau_, tau_servo_;      ///< of the step under way
+  std::vector<model::Servo> second_servos_;  ///< of its second half
   std::optional<Error> failure_;
 };
 

@@ -78,7 +78,6 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
   if (residual_is_due(report, step))
     report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
-    contacts_->read_forces();
     contacts_->take_in_slip(state_, step);
     contacts_->release();
   }
@@ -93,18 +92,33 @@ void OdeEngine::solve(double step, OdeMethod method, StepReport& report) {
         choice_->pick(contacts_ ? std::span<const Contact>(contacts_->list()) : std::span<const Contact>());
   for (;;) {
     report.iterative = method == OdeMethod::quick_step;
+    if (contacts_) contacts_->recall(state_, report.iterative);
+    if (solve_passes(step, method, report)) return;
+    if (contacts_) contacts_->release();
+    if (!choose || report.iterative) throw StepRefused{no_memory(state_.time + step, report.iterative)};
+    method = OdeMethod::quick_step;
+  }
+}
+
+/// The direct solver's step is made again where its normal forces are not those that friction's limits are
+/// of.
+/// @return false where ODE did not make the step
+bool OdeEngine::solve_passes(double step, OdeMethod method, StepReport& report) {
+  const bool again = contacts_ != nullptr && !report.iterative && !contacts_->list().empty();
+  if (again) start_.take(bodies_, moving_);
+  for (int pass = 1;; ++pass) {
     if (contacts_) {
       const Clock::time_point start = Clock::now();
       contacts_->join(state_, report.iterative);
       report.collide_ns += ns_since(start);
     }
     const int failures = lcp_failures();
-    const bool made = advance(step, method);
+    if (!advance(step, method)) return false;
     report.lcp_failures = lcp_failures() - failures;
-    if (made) return;
-    if (contacts_) contacts_->release();
-    if (!choose || report.iterative) throw StepRefused{no_memory(state_.time + step, report.iterative)};
-    method = OdeMethod::quick_step;
+    if (contacts_) contacts_->read_forces();
+    if (!again || !contacts_->revise_limits() || pass == kMostPasses) return true;
+    contacts_->release();
+    start_.put_back(bodies_, moving_);
   }
 }
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <concepts>
 
+#include <fmt/format.h>
+
 #include "handsim/model/shape_extent.h"
 #include "handsim/simulation/watch/summary_json.h"
 
@@ -36,6 +38,10 @@ void carry_figures(Archive& archive, T& figures) {
                       &figures.shift, &figures.turn})
     archive(*value);
   archive(figures.held);
+  archive(figures.left);
+  archive(figures.left_time);
+  archive(figures.last_part);
+  archive(figures.moved_time);
 }
 
 template <class Archive, class T>
@@ -63,6 +69,7 @@ GraspWatch::GraspWatch(const model::Model& model, const scene::GraspPlan& plan, 
     if (static_cast<std::size_t>(shape.body) == object_) length_ = std::max(length_, model::reach(shape));
   }
   hold_end_ = plan.phase("hold")->end;
+  lift_start_ = plan.phase("lift")->start;
   slip_start_ = std::max(plan.phase("hold")->start, hold_end_ - kSlipSpan);
   end_ = plan.end();
   figures_.name = hand.name + "." + plan.object;
@@ -133,6 +140,7 @@ void GraspWatch::restore(ArchiveReader& in) {
 void GraspWatch::update(const engine::Engine& engine) {
   if (figures_.complete) return;
   const double time = engine.state().time;
+  if (time >= lift_start_ - half_step_) watch_touch(engine);
   if (time < slip_start_ - half_step_) return;
   const Pose now = object_in_palm(engine.state());
   if (!at_slip_start_) at_slip_start_ = now;
@@ -148,8 +156,31 @@ void GraspWatch::update(const engine::Engine& engine) {
   if (shift > figures_.shaken_shift) {
     figures_.shaken_shift = shift;
     figures_.shaken_time = time;
+    if (figures_.moved_time == 0 && figures_.failed()) figures_.moved_time = time;
   }
   if (time >= end_ - half_step_) finish(engine, now);
+}
+
+/// Which part of the hand touched the object last, and since when none does.
+void GraspWatch::watch_touch(const engine::Engine& engine) {
+  const engine::Contact* deepest = nullptr;
+  int part = -1;
+  for (const engine::Contact& contact : engine.contacts()) {
+    const auto a = static_cast<std::size_t>(model_.shapes[static_cast<std::size_t>(contact.shape_a)].body);
+    const auto b = static_cast<std::size_t>(model_.shapes[static_cast<std::size_t>(contact.shape_b)].body);
+    if ((a != object_ && b != object_) || contact.depth <= 0) continue;
+    const int touching = part_of_body_[a == object_ ? b : a];
+    if (touching < 0 || (deepest != nullptr && deepest->depth >= contact.depth)) continue;
+    deepest = &contact;
+    part = touching;
+  }
+  if (part >= 0) {
+    figures_.left = false;
+    figures_.last_part = kHandParts[static_cast<std::size_t>(part)];
+  } else if (!figures_.left) {
+    figures_.left = true;
+    figures_.left_time = engine.state().time;
+  }
 }
 
 void GraspWatch::finish(const engine::Engine& engine, const Pose& now) {
@@ -160,6 +191,39 @@ void GraspWatch::finish(const engine::Engine& engine, const Pose& now) {
   figures_.held = figures_.shift <= kHeldShift && figures_.turn <= kHeldTurn &&
                   figures_.shaken_shift <= kShakenShift && figures_.after.contacts > 0 &&
                   figures_.after.others == 0 && figures_.hold.others == 0;
+}
+
+const char* word(Outcome outcome) {
+  switch (outcome) {
+    case Outcome::cut_off:
+      return "cut off";
+    case Outcome::held:
+      return "held";
+    case Outcome::moved:
+      return "MOVED";
+    case Outcome::lost:
+      return "LOST";
+  }
+  return "";
+}
+
+Outcome GraspFigures::outcome() const {
+  if (held) return Outcome::held;
+  if (left && (complete || failed())) return Outcome::lost;
+  return complete || failed() ? Outcome::moved : Outcome::cut_off;
+}
+
+double GraspFigures::margin() const {
+  return 1 - std::max({shaken_shift / kShakenShift, shift / kHeldShift, turn / kHeldTurn});
+}
+
+std::string GraspFigures::told() const {
+  std::string out = word(outcome());
+  if (outcome() == Outcome::lost)
+    out += fmt::format(" at {:.3f} s, {}", left_time,
+                       last_part.empty() ? "before it was lifted" : "last touched by the " + last_part);
+  if (outcome() == Outcome::moved && moved_time > 0) out += fmt::format(" at {:.3f} s", moved_time);
+  return out;
 }
 
 Grasps::Grasps(const Watched& watched) {
@@ -186,9 +250,9 @@ std::vector<GraspFigures> Grasps::figures() const {
   return out;
 }
 
-bool Grasps::lost() const {
+bool Grasps::failed() const {
   return std::any_of(grasps_.begin(), grasps_.end(),
-                     [](const GraspWatch& grasp) { return grasp.figures().lost(); });
+                     [](const GraspWatch& grasp) { return grasp.figures().failed(); });
 }
 
 /// Movements of grasped objects are always judged. An object that is lost has failed, however the run goes
@@ -202,7 +266,7 @@ void Grasps::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>&
     };
     const bool complete = grasp.complete;
     const int others = grasp.hold.others + grasp.after.others;
-    add("grasp_shaken", "m", complete || grasp.lost(), grasp.shaken_shift, kShakenShift, grasp.shaken_time);
+    add("grasp_shaken", "m", complete || grasp.failed(), grasp.shaken_shift, kShakenShift, grasp.shaken_time);
     add("grasp_shift", "m", complete, grasp.shift, kHeldShift, grasp.after.time);
     add("grasp_turn", "rad", complete, grasp.turn, kHeldTurn, grasp.after.time);
     add("grasp_others", "", complete || others > 0, others, 0, grasp.after.time);
@@ -226,6 +290,8 @@ void Grasps::add_summary(SummaryJson& out) const {
     out.json["grasps"].push_back({{"name", grasp.name},
                                   {"complete", grasp.complete},
                                   {"held", grasp.held},
+                                  {"outcome", grasp.told()},
+                                  {"margin", grasp.margin()},
                                   {"force_closure_disagrees", grasp.disagree()},
                                   {"slip_m_per_s", grasp.slip},
                                   {"spin_rad_per_s", grasp.spin},

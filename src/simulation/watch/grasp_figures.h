@@ -30,10 +30,17 @@ struct Grip {
   int others = 0;     ///< contacts of the object with what is no part of the hand
   double normal = 0;  ///< sum over the hand [N]
   /// Largest share of a part's friction limit in use, among parts that bear a thousandth of the sum. Can
-  /// exceed 1: friction is a pyramid (1.41 on its diagonal), and ODE takes its limits from the normal forces
-  /// of the step without friction.
+  /// exceed 1 with quick_step, whose cone is a pyramid (1.41 on its diagonal).
   double friction_used = 0;
   WrenchSpace wrenches;
+};
+
+/// What became of a grasped object.
+enum class Outcome {
+  cut_off,  ///< the run ended before the plan
+  held,
+  moved,  ///< by more than a held object may, or it touches something else
+  lost,   ///< it left the hand
 };
 
 struct GraspFigures {
@@ -48,14 +55,26 @@ struct GraspFigures {
   double shift = 0;         ///< movement from the end of the hold to the end of the plan [m]
   double turn = 0;          ///< the same [rad]
   bool held = false;        ///< within the limits, with the hand's contacts and no others
+  bool left = false;        ///< from some time on the hand did not touch the object
+  double left_time = 0;     ///< since then [s]
+  std::string last_part;    ///< of the hand that touched it; empty where none has since it was lifted
+  double moved_time = 0;    ///< when it had first moved by more than a shake may move it [s]; 0: never
 
   /// The run got to the end of the hold.
   bool hold_measured() const { return hold.time > 0; }
   /// The object has moved in the palm by more than a held one may: the rest of the run cannot mend it.
-  bool lost() const { return shaken_shift > kShakenShift; }
+  bool failed() const { return shaken_shift > kShakenShift; }
+  Outcome outcome() const;
+  /// What is left of the limit that is nearest, as a share of it; below 0 beyond it.
+  double margin() const;
+  /// Outcome in words, with time and contact of a loss: `held`, `LOST at 4.21 s, last by the thumb`.
+  std::string told() const;
   /// Force closure and being held tell different stories.
   bool disagree() const { return complete && held != after.wrenches.force_closure; }
 };
+
+/// `held`, `MOVED`, `LOST`, `cut off`.
+const char* word(Outcome outcome);
 
 /// One grasp of the scene.
 class GraspWatch {
@@ -71,6 +90,7 @@ class GraspWatch {
  private:
   Pose object_in_palm(const model::State& state) const;
   Grip grip(const engine::Engine& engine) const;
+  void watch_touch(const engine::Engine& engine);
   void finish(const engine::Engine& engine, const Pose& now);
 
   const model::Model& model_;
@@ -78,7 +98,7 @@ class GraspWatch {
   double half_step_;
   std::size_t palm_ = 0, object_ = 0;
   double length_ = 0;  ///< largest radius of the object about its centre of mass [m]
-  double slip_start_ = 0, hold_end_ = 0, end_ = 0;
+  double lift_start_ = 0, slip_start_ = 0, hold_end_ = 0, end_ = 0;
   std::vector<int> part_of_body_;  ///< by body: -1 no part of the hand, else index into the part names
   std::optional<Pose> at_slip_start_, at_hold_end_;
   GraspFigures figures_;
@@ -98,8 +118,8 @@ class Grasps final : public Watcher {
 
   /// Up to now, in the order of the scene.
   std::vector<GraspFigures> figures() const;
-  /// An object is lost already.
-  bool lost() const;
+  /// An object has moved too far already.
+  bool failed() const;
 
  private:
   std::vector<GraspWatch> grasps_;

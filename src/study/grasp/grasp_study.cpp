@@ -16,6 +16,7 @@ namespace handsim::study {
 namespace {
 
 constexpr int kBisections = 6;
+constexpr double kMarginShare = 0.05;  ///< of friction and mass, up and down
 
 bool has_grasps(const std::filesystem::path& file) {
   const YamlNode root = load_yaml(file);
@@ -97,18 +98,15 @@ void write_friction(YamlNode& node, double friction) {
   for (YamlEntry& entry : node.entries) write_friction(entry.value, friction);
 }
 
-/// True where all grasps of the scene are held to the end; stops at the first that is lost.
-bool held(const scene::Scene& scene) {
-  simulation::Simulation simulation(scene);
-  const long steps = simulation.step_count();
-  try {
-    for (long i = 0; i < steps && !simulation.get<simulation::Grasps>().lost(); ++i) simulation.step();
-  } catch (const Error& error) {
-    if (!error.fault()) throw;
-    return false;
-  }
-  const std::vector<simulation::GraspFigures> grasps = simulation.figures<simulation::Grasps>();
+bool all_held(const std::vector<simulation::GraspFigures>& grasps) {
   return std::all_of(grasps.begin(), grasps.end(), [](const simulation::GraspFigures& g) { return g.held; });
+}
+
+void scale_friction(scene::Scene& scene, double factor) {
+  for (model::Material& material : scene.model.materials) {
+    material.friction *= factor;
+    material.spinning_friction *= factor;
+  }
 }
 
 /// A row for each of a run's grasps or climbs.
@@ -130,13 +128,16 @@ std::vector<Row> rows_of(const Work& work, const simulation::RunResult& result,
 
 std::string csv(const std::vector<GraspRow>& rows) {
   std::string out =
-      "scene,side,object,held,slip[um/s],shaken_shift[mm],shift[mm],turn[deg],contacts,normal_force[N],"
+      "scene,side,object,held,outcome,margin,turning,slip[um/"
+      "s],shaken_shift[mm],shift[mm],turn[deg],contacts,normal_force[N],"
       "friction_used,force_closure,epsilon,wrench_volume,smallest_friction,criteria_held,wall[s]\n";
   for (const GraspRow& row : rows) {
     const simulation::GraspFigures& f = row.figures;
     out += fmt::format(
-        "{},{},{},{},{:.6g},{:.6g},{:.6g},{:.6g},{},{:.6g},{:.6g},{},{:.6g},{:.6g},{},{},{:.3g}\n", row.scene,
-        row.side, f.name, f.held ? 1 : 0, 1e6 * f.slip, 1e3 * f.shaken_shift, 1e3 * f.shift,
+        "{},{},{},{},{},{:.4g},{},{:.6g},{:.6g},{:.6g},{:.6g},{},{:.6g},{:.6g},{},{:.6g},{:.6g},{},{},{:.3g}"
+        "\n",
+        row.scene, row.side, f.name, f.held ? 1 : 0, quoted(f.told()), f.margin(),
+        quoted(row.turning.value_or("")), 1e6 * f.slip, 1e3 * f.shaken_shift, 1e3 * f.shift,
         kDegreesPerRadian * f.turn, f.after.contacts, f.after.normal, f.after.friction_used,
         f.after.wrenches.force_closure ? 1 : 0, f.after.wrenches.epsilon, f.after.wrenches.volume,
         row.smallest_friction ? fmt::format("{:.4g}", *row.smallest_friction) : "", row.passed ? 1 : 0,
@@ -153,6 +154,8 @@ std::string json(const std::vector<GraspRow>& rows) {
                   {"side", row.side},
                   {"object", f.name},
                   {"held", f.held},
+                  {"outcome", f.told()},
+                  {"margin", f.margin()},
                   {"complete", f.complete},
                   {"criteria_held", row.passed},
                   {"slip_m_per_s", f.slip},
@@ -169,6 +172,8 @@ std::string json(const std::vector<GraspRow>& rows) {
                   {"simulated_s", row.simulated},
                   {"wall_s", row.wall}};
     entry["smallest_friction"] = row.smallest_friction ? Json(*row.smallest_friction) : Json();
+    if (!row.not_searched.empty()) entry["not_searched"] = row.not_searched;
+    if (row.turning) entry["turning"] = *row.turning;
     if (!row.fault.empty()) entry["fault"] = row.fault;
     out.push_back(std::move(entry));
   }
@@ -193,6 +198,45 @@ void set_friction(scene::Scene& scene, double friction) {
   write_friction(scene.resolved, friction);
 }
 
+std::vector<simulation::GraspFigures> simulate(const scene::Scene& scene) {
+  simulation::Simulation simulation(scene);
+  const long steps = simulation.step_count();
+  try {
+    for (long i = 0; i < steps && !simulation.get<simulation::Grasps>().failed(); ++i) simulation.step();
+  } catch (const Error& error) {
+    if (!error.fault()) throw;
+  }
+  return simulation.figures<simulation::Grasps>();
+}
+
+void scale_object_mass(scene::Scene& scene, double factor) {
+  for (const scene::GraspPlan& plan : scene.plans.grasps)
+    for (model::Body& body : scene.model.bodies) {
+      if (body.name != plan.object) continue;
+      body.mass *= factor;
+      body.inertia *= factor;
+    }
+}
+
+std::string turning(const scene::Scene& scene, bool is_held, const std::function<void(double)>& told) {
+  struct Change {
+    const char* name;
+    void (*make)(scene::Scene&, double);
+    double share;
+  };
+  double done = 0;
+  for (const Change& change : {Change{"5 % less friction", scale_friction, -kMarginShare},
+                               Change{"5 % more mass", scale_object_mass, kMarginShare},
+                               Change{"5 % more friction", scale_friction, kMarginShare},
+                               Change{"5 % less mass", scale_object_mass, -kMarginShare}}) {
+    scene::Scene trial = scene;
+    change.make(trial, 1 + change.share);
+    if (all_held(simulate(trial)) != is_held) return change.name;
+    if (told) told(done += 0.25);
+  }
+  return {};
+}
+
 std::optional<double> smallest_friction(const scene::Scene& scene, const std::function<void(double)>& told) {
   double high = 0;
   for (const model::Material& material : scene.model.materials) high = std::max(high, material.friction);
@@ -201,7 +245,7 @@ std::optional<double> smallest_friction(const scene::Scene& scene, const std::fu
   const auto holds = [&](double friction) {
     trial.model = scene.model;
     set_friction(trial, friction);
-    return held(trial);
+    return all_held(simulate(trial));
   };
   if (!holds(high)) return std::nullopt;
   for (int i = 0; i < kBisections; ++i) {
@@ -236,7 +280,7 @@ GraspTables run_grasps(const GraspStudy& study) {
   const double share = 1.0 / static_cast<double>(all.size());
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Work& work = all[i];
-    const double own = study.friction_search ? 0.2 : 1;
+    const double own = study.friction_search || study.margin ? 0.2 : 1;
     const auto tell = [&](double from, double part) {
       return [&study, begin = (static_cast<double>(i) + from) * share, span = part * share](double done) {
         if (study.progress) study.progress(begin + done * span);
@@ -249,9 +293,18 @@ GraspTables run_grasps(const GraspStudy& study) {
       tables.missing.push_back(options.out.string() + ": " + what);
     auto found = rows_of<GraspRow>(work, result, result.grasps, work.scene.plans.grasps);
     const auto climbs = rows_of<ClimbRow>(work, result, result.climbs, work.scene.plans.climbs);
-    if (study.friction_search && !found.empty() && result.passed()) {
-      const auto least = smallest_friction(work.scene, tell(own, 1 - own));
-      for (GraspRow& row : found) row.smallest_friction = least;
+    if (study.margin && !found.empty()) {
+      const bool held = std::all_of(found.begin(), found.end(), [](const auto& r) { return r.figures.held; });
+      const std::string what = turning(work.scene, held, tell(own, 1 - own));
+      for (GraspRow& row : found) row.turning = what;
+    }
+    if (study.friction_search && !found.empty()) {
+      const bool search = result.passed();
+      const auto least = search ? smallest_friction(work.scene, tell(own, 1 - own)) : std::optional<double>();
+      for (GraspRow& row : found) {
+        row.smallest_friction = least;
+        if (!search) row.not_searched = "the scene's own friction does not meet all criteria";
+      }
     }
     tables.grasps.insert(tables.grasps.end(), found.begin(), found.end());
     tables.climbs.insert(tables.climbs.end(), climbs.begin(), climbs.end());

@@ -20,6 +20,7 @@ struct GraspStudy {
   std::vector<std::string> overrides;  ///< `key.path=value`, for every scene
   std::optional<double> friction;      ///< of every surface; absent: the scene's
   bool friction_search = false;
+  bool margin = false;      ///< each grasp again with 5 % more and less friction and mass
   bool pictures = false;    ///< at every phase
   bool draw_apart = false;  ///< as RunOptions
   std::filesystem::path out;
@@ -30,7 +31,9 @@ struct GraspStudy {
 struct GraspRow : RunRow {
   simulation::GraspFigures figures;
   std::optional<double>
-      smallest_friction;  ///< that still holds, of every surface, to a sixtieth of the scene's
+      smallest_friction;               ///< that still holds, of every surface, to a sixtieth of the scene's
+  std::string not_searched;            ///< why there is none
+  std::optional<std::string> turning;  ///< what of the 5 % turns the verdict; empty: nothing does
 };
 
 struct GraspTables {
@@ -49,6 +52,16 @@ GraspTables run_grasps(const GraspStudy& study);
 /// Gives every surface of a compiled scene one friction, in what resolved.yaml says of it as well; moments
 /// about contact normals go with it.
 void set_friction(scene::Scene& scene, double friction);
+
+/// Gives the grasped objects of a compiled scene another mass and inertia, the same share of all.
+void scale_object_mass(scene::Scene& scene, double factor);
+
+/// Runs a scene without files until it ends, diverges, or an object has moved too far.
+std::vector<simulation::GraspFigures> simulate(const scene::Scene& scene);
+
+/// The first of 5 % less friction, more mass, more friction and less mass that turns whether all grasps of a
+/// scene are held; empty: none. @param is_held whether they are; @param told the share done, 0..1.
+std::string turning(const scene::Scene& scene, bool is_held, const std::function<void(double)>& told = {});
 
 /// Bisects the smallest friction of every surface with which all grasps of the scene are held; nothing where
 /// its own friction does not hold them. @param told the share done, 0..1.

@@ -80,6 +80,39 @@ TEST_P(ShippedGrasp, IsLostWithoutFriction) {
 }
 
 // Oracle: the mirror: a left hand is the right one's image, so its grasp has the same figures.
+// Oracle: the words' definitions: an object that left the hand is lost, one that shifted in it has moved;
+// what is left of 2 mm after 3 mm is -50 %.
+TEST(GraspFigures, TellWhatLeftTheHandFromWhatMovedInIt) {
+  simulation::GraspFigures figures;
+  figures.complete = true;
+  figures.shift = 3e-3;
+  EXPECT_EQ(figures.told(), "MOVED");
+  EXPECT_NEAR(figures.margin(), -0.5, 1e-12);
+  figures.moved_time = 3.5;
+  figures.shaken_shift = 6e-3;
+  EXPECT_EQ(figures.told(), "MOVED at 3.500 s");
+  figures.left = true;
+  figures.left_time = 4.2;
+  figures.last_part = "thumb";
+  EXPECT_EQ(figures.told(), "LOST at 4.200 s, last touched by the thumb");
+  figures = {};
+  EXPECT_EQ(figures.told(), "cut off");
+}
+
+// Oracle: a sphere without friction drops out of the hand, which says so, and nothing is searched for.
+TEST(GraspStudy, SaysWhenAnObjectLeftTheHand) {
+  scene::Scene scene = shortened("grasp_sphere_35mm",
+                                 {kBrief, "solver.engine=articulated", "solver.method=semi_implicit_euler"});
+  set_friction(scene, 0);
+  const std::vector<simulation::GraspFigures> found = simulate(scene);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_FALSE(found[0].held);
+  EXPECT_TRUE(found[0].outcome() == simulation::Outcome::lost ||
+              found[0].outcome() == simulation::Outcome::moved);
+  EXPECT_LT(found[0].margin(), 0);
+  EXPECT_FALSE(smallest_friction(scene));
+}
+
 TEST(GraspStudy, LeftHandGraspsAsTheRightOne) {
   const std::vector<std::string> brief = {kBrief};
   const simulation::GraspFigures right = run(shortened("grasp_pinch", brief));

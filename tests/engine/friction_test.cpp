@@ -1,0 +1,164 @@
+// Friction that Coulomb gives in closed form, whatever presses and pulls, on each engine that has contact.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "engine/contact_scenes.h"
+
+namespace handsim::engine {
+namespace {
+
+using model::Effect;
+using model::JointKind;
+using model::ShapeKind;
+using test::sized;
+
+constexpr double kMu = 0.5, kMass = 0.2;
+
+class Friction : public testing::TestWithParam<Method> {};
+INSTANTIATE_TEST_SUITE_P(, Friction,
+                         testing::Values(Method(OdeMethod::world_step),
+                                         Method(ArticulatedMethod::semi_implicit_euler)),
+                         [](const auto& method) { return std::string(name(method.param)); });
+
+Settings how(Method method) {
+  Settings out = test::settings(
+      {Effect::gravity, Effect::object_contact, Effect::ground_contact, Effect::friction}, 1e-3, method);
+  out.contact_forces = true;
+  // As the shipped grasps: four points of a pad have more rows than ways to slide, which a solver without
+  // compliance gives up on.
+  if (out.engine() == EngineKind::ode) {
+    out.ode().cfm = 1e-8;
+    out.ode().guard = GuardLimits{};
+  }
+  return out;
+}
+
+/// A block with a ball below it on three sliders: it cannot turn, and forces act on it along x, y and z.
+model::Model pulled_block() {
+  model::Model model = model::make_model();
+  test::add_ground(model, kMu);
+  int parent = 0;
+  for (int i = 0; i < 3; ++i) {
+    const int child = test::add_body(model, test::body(i < 2 ? "rail" + std::to_string(i) : "block",
+                                                       i < 2 ? 1e-3 : kMass, Vec3::Constant(1e-4)));
+    test::add_joint(model, "slider" + std::to_string(i), JointKind::slider, parent, child,
+                    {Vec3(0, 0, i == 0 ? 0.02 : 0), Quat::Identity()}, {}, {Vec3::Unit(i)});
+    parent = child;
+  }
+  model::Shape ball = sized("ball", ShapeKind::sphere, 0.02, 0);
+  ball.body = parent;
+  model.shapes.push_back(ball);
+  return model;
+}
+
+// Oracle: Coulomb's cone is a circle: what pulls by 0.98 of mu N moves nothing, and by 1.1 the force is mu N
+// to 1e-3, in any direction.
+TEST_P(Friction, IsMuTimesTheNormalForceInEveryDirection) {
+  const model::Model model = pulled_block();
+  const double limit = kMu * kMass * test::kG;
+  for (int k = 0; k < 16; ++k)
+    for (const double share : {0.98, 1.1}) {
+      const auto engine = make_engine(model, how(GetParam()));
+      test::run(*engine, 200);
+      const Vec3 start = engine->state().bodies[3].p;
+      const double heading = 0.1 + k * M_PI / 8;
+      const std::vector<double> pull = {share * limit * std::cos(heading), share * limit * std::sin(heading),
+                                        0};
+      for (int i = 0; i < 300; ++i) engine->step({pull});
+      ASSERT_EQ(engine->contacts().size(), 1U);
+      const double friction = engine->contacts()[0].friction_force().norm();
+      const double moved = (engine->state().bodies[3].p - start).norm();
+      EXPECT_NEAR(friction, std::min(share, 1.0) * limit, 1e-3 * limit) << "heading " << heading;
+      if (share < 1)
+        EXPECT_LT(moved, 1e-6) << "heading " << heading;
+      else
+        EXPECT_GT(moved, 1e-3) << "heading " << heading;
+    }
+}
+
+/// A brake shoe: a lever hinged to the world at a height over a sled, its ball on the sled at a distance.
+model::Model shoe_brake(double reach, double height) {
+  model::Model model = model::make_model();
+  model.groups = {{"all"}};
+  model.contact_rules = {{0, 0}};
+  model.materials = {test::material("lining", kMu)};
+  const int sled = test::add_body(model, test::body("sled", 5, Vec3::Constant(1e-2)));
+  test::add_joint(model, "rail", JointKind::slider, 0, sled, {}, {}, {Vec3::UnitX()});
+  model::Shape top = sized("top", ShapeKind::box, 0, 0, Vec3(4, 0.2, 0.02));
+  top.pose.p = Vec3(0, 0, -0.01);
+  top.body = sled;
+  model.shapes.push_back(top);
+  const int lever = test::add_body(model, test::body("lever", 0.02, Vec3::Constant(1e-5)));
+  constexpr double kRadius = 0.005;
+  test::add_joint(model, "pivot", JointKind::hinge, 0, lever, {Vec3(0, 0, height), Quat::Identity()},
+                  {Vec3(-reach, 0, height - kRadius), Quat::Identity()}, {Vec3::UnitY()});
+  model::Shape ball = sized("ball", ShapeKind::sphere, kRadius, 0);
+  ball.body = lever;
+  model.shapes.push_back(ball);
+  return model;
+}
+
+// Oracle: moments about the pivot: N = tau / (reach -+ mu height), where friction helps to press or lifts
+// off. Its limit is not that of the normal force without friction, tau / reach: by 33 % here.
+TEST_P(Friction, OfAShoeBrakeHasTheLimitOfItsOwnNormalForce) {
+  constexpr double kReach = 0.05, kHeight = 0.025, kTorque = 0.2;
+  const model::Model model = shoe_brake(kReach, kHeight);
+  Settings settings = how(GetParam());
+  settings.effects = {};
+  for (const Effect effect : {Effect::object_contact, Effect::friction}) settings.effects.add(effect);
+  for (const double speed : {1.0, -1.0}) {
+    const auto engine = make_engine(model, settings);
+    model::State start = engine->state();
+    start.u[0] = speed;
+    start.bodies[1].v = Vec3(speed, 0, 0);
+    engine->set_state(start);
+    for (int i = 0; i < 100; ++i) engine->step({std::vector<double>{0, kTorque}});
+    ASSERT_EQ(engine->contacts().size(), 1U);
+    const Contact& contact = engine->contacts()[0];
+    // The sled drags the ball along: away from the pivot friction lifts the lever, towards it it presses.
+    const double normal = kTorque / (kReach + (speed > 0 ? 1 : -1) * kMu * kHeight);
+    EXPECT_NEAR(contact.normal_force(), normal, 0.01 * normal) << speed;
+    EXPECT_NEAR(contact.friction_force().norm(), kMu * normal, 0.01 * kMu * normal) << speed;
+  }
+}
+
+/// Two pads on sliders that press a block between them; the block hangs by their friction.
+model::Model squeezed_block() {
+  model::Model model = model::make_model();
+  model.groups = {{"all"}};
+  model.contact_rules = {{0, 0}};
+  model.materials = {test::material("pad", kMu)};
+  model.materials[0].compliance = model::Compliance{3000, 10};
+  test::add_solid(model, sized("block", ShapeKind::box, 0, 0, Vec3(0.04, 0.04, 0.04)), kMass, {});
+  for (const double side : {-1.0, 1.0}) {
+    const int pad =
+        test::add_body(model, test::body(side < 0 ? "left" : "right", 0.02, Vec3::Constant(1e-5)));
+    test::add_joint(model, side < 0 ? "rail_left" : "rail_right", JointKind::slider, 0, pad,
+                    {Vec3(side * 0.03, 0, 0), Quat::Identity()}, {}, {Vec3(-side, 0, 0)});
+    model::Shape shape =
+        sized(side < 0 ? "left_pad" : "right_pad", ShapeKind::box, 0, 0, Vec3::Constant(0.02));
+    shape.body = pad;
+    model.shapes.push_back(shape);
+  }
+  return model;
+}
+
+// Oracle: 2 mu N = m g: while N falls the block stays until it passes m g / (2 mu), to 1 %.
+TEST_P(Friction, HoldsASqueezedBlockUntilTheForceFallsBelowItsWeight) {
+  const model::Model model = squeezed_block();
+  const auto engine = make_engine(model, how(GetParam()));
+  const double least = kMass * test::kG / (2 * kMu);
+  double start = 0, force = 0;
+  for (int i = 0; i < 4000; ++i) {
+    // Falls by 0.1 % of the least in 10 ms: in 23 ms beyond it the block falls by 2 um.
+    force = i < 500 ? 1.2 * least : (1.2 - 1e-4 * (i - 500)) * least;
+    engine->step({std::vector<double>{force, force}});
+    if (i == 1500) start = engine->state().bodies[1].p.z();
+    if (i > 1500 && start - engine->state().bodies[1].p.z() > 2e-6) break;
+  }
+  EXPECT_NEAR(force, least, 0.01 * least);
+}
+
+}  // namespace
+}  // namespace handsim::engine
