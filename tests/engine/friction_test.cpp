@@ -1,4 +1,5 @@
-// Friction that Coulomb gives in closed form, whatever presses and pulls, on each engine that has contact.
+// Friction of pads that Coulomb gives in closed form, whatever presses and pulls, on each engine that has
+// contact.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -38,6 +39,7 @@ Settings how(Method method) {
 model::Model pulled_block() {
   model::Model model = model::make_model();
   test::add_ground(model, kMu);
+  model.materials[0].compliance = model::Compliance{1e5, 100};
   int parent = 0;
   for (int i = 0; i < 3; ++i) {
     const int child = test::add_body(model, test::body(i < 2 ? "rail" + std::to_string(i) : "block",
@@ -83,6 +85,7 @@ model::Model shoe_brake(double reach, double height) {
   model.groups = {{"all"}};
   model.contact_rules = {{0, 0}};
   model.materials = {test::material("lining", kMu)};
+  model.materials[0].compliance = model::Compliance{1e5, 100};
   const int sled = test::add_body(model, test::body("sled", 5, Vec3::Constant(1e-2)));
   test::add_joint(model, "rail", JointKind::slider, 0, sled, {}, {}, {Vec3::UnitX()});
   model::Shape top = sized("top", ShapeKind::box, 0, 0, Vec3(4, 0.2, 0.02));

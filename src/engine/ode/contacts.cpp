@@ -17,8 +17,6 @@ std::vector<dBodyID> ids_of(const std::vector<OdeBody>& bodies) {
 
 /// Slower sliding has no direction that outlasts rounding [m/s].
 constexpr double kStill = 1e-9;
-/// Rigid surfaces that slide faster than this and twice what gravity adds in a step slide on [m/s].
-constexpr double kSlides = 1e-3;
 /// Moment per normal force that stands for none [m].
 constexpr double kLeastMoment = 1e-9;
 /// Normal force that stands for none where friction's limits are set [N].
@@ -75,7 +73,7 @@ void Contacts::join(const model::State& state, bool iterative) {
     for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
       known.share = collider_.shares()[i];
       known.pad = touch.surface.compliance.has_value();
-      if (friction_ && !iterative) known.force = limits_.force(i) ? &*limits_.force(i) : nullptr;
+      if (friction_ && !iterative && known.pad) known.force = limits_.force(i) ? &*limits_.force(i) : nullptr;
       add_contact(found[i], touch, known, state);
     }
   }
@@ -230,8 +228,7 @@ void Contacts::aim_friction(dContact& joint, const Contact& contact, const Known
   const Vec3 back =
       patch != nullptr ? Vec3(-kPullBack / step_ * patch->shift_at(contact.position)) : Vec3(Vec3::Zero());
   Vec3 change = sliding(contact, state) - back, friction = Vec3::Zero();
-  // Rigid bodies that slide have no force to hold on to.
-  const bool by_force = known.force != nullptr && (known.pad || change.norm() < kSlides + 2 * fall_.norm());
+  const bool by_force = known.force != nullptr;
   if (by_force) {
     friction = *known.force - contact.normal.dot(*known.force) * contact.normal;
     change -= step_ / shared_mass(contact, state) * friction;

@@ -50,6 +50,7 @@ bool FrictionLimits::take_in(const Collider& collider, const std::vector<Vec3>& 
       const double normal = std::max(contact.normal.dot(forces[i]), 0.0);
       const double limit = touch.surface.friction * normal;
       const double friction = (forces[i] - contact.normal.dot(forces[i]) * contact.normal).norm();
+      if (!touch.surface.compliance) continue;
       largest = std::max(largest, limit);
       // Friction within its limits and the cone is exact, whatever the limits were. Those of a new contact
       // are not known.

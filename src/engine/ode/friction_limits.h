@@ -1,8 +1,9 @@
-// Friction of the direct solver, whose rows have fixed limits. ODE's own limits come from the normal forces
-// of a step without friction, and fingers that friction holds press elsewhere without it. Here a contact's
-// limits are the friction coefficient times its normal force of the last step, and its first row lies along
-// the force to come, so that the cone is circular where a row is at its limit. A step whose normal forces
-// moved is made again with its own (fixed-point iteration on Tresca's friction: Panagiotopoulos 1975).
+// Friction of pads by the direct solver, whose rows have fixed limits. Rigid contacts, whose normal forces
+// are not unique, keep ODE's. ODE's own limits come from the normal forces of a step without friction, and
+// fingers that friction holds press elsewhere without it. Here a contact's limits are the friction
+// coefficient times its normal force of the last step, and its first row lies along the force to come, so
+// that the cone is circular where a row is at its limit. A step whose normal forces moved is made again with
+// its own (fixed-point iteration on Tresca's friction: Panagiotopoulos 1975).
 #pragma once
 
 #include <optional>
