@@ -41,10 +41,20 @@ YamlNode with(YamlNode tree, const Setting& setting) {
   return tree;
 }
 
-/// Adds a type to those of a key; two lists of words become one.
+Json without_default(Json type) {
+  type.erase("default");
+  return type;
+}
+
+/// Adds a type to those of a key. Two lists of words become one; a default that depends on other keys is
+/// none.
 void merge(std::vector<Json>& types, Json type) {
   for (Json& known : types) {
     if (known == type) return;
+    if (without_default(known) == without_default(type)) {
+      known.erase("default");
+      return;
+    }
     if (known.contains("enum") && type.contains("enum")) {
       for (const Json& word : type["enum"])
         if (std::find(known["enum"].begin(), known["enum"].end(), word) == known["enum"].end())

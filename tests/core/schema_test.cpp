@@ -50,6 +50,23 @@ std::set<std::string> keys_of(const Json& object) {
   return out;
 }
 
+// Oracle: a default that another key decides is not the key's.
+TEST(Schema, SaysNoDefaultThatDependsOnOtherKeys) {
+  const std::vector<SchemaSource> sources = {
+      {"a thing", [](YamlNode& root, Diagnostics& diagnostics) {
+         MapReader reader(root, "", diagnostics);
+         const bool fast = reader.flag("fast", false);
+         reader.number("speed", {Dimension::none, 0, 9}, fast ? 5.0 : 1.0);
+         reader.number("mass", {Dimension::none, 0, 9}, 2.0);
+         reader.finish();
+       }}};
+  const Json thing = Json::parse(json_schema("a thing", sources));
+  const Json &speed = thing.at("properties").at("speed"), &mass = thing.at("properties").at("mass");
+  EXPECT_EQ(mass.at("default"), 2.0);
+  EXPECT_FALSE(speed.contains("default") || speed.contains("anyOf")) << speed;
+  EXPECT_EQ(speed.at("maximum"), 9);
+}
+
 // Oracle: the keys by hand, those among them that no single reading asks for together.
 TEST(Schema, HasEveryKeyThatSomeReadingAsksFor) {
   const Json thing = schema();
