@@ -8,10 +8,10 @@ GravityLoad::GravityLoad(const model::Model& model, const Vec3& gravity)
       moments_(model.bodies.size(), Vec3::Zero()),
       torques_(static_cast<std::size_t>(model.dof_count()), 0.0) {
   std::vector<double> carried;
-  std::vector<bool> hangs(model.bodies.size(), false);
+  std::vector<bool> held(model.bodies.size(), false);
   for (const model::Body& body : model.bodies) carried.push_back(body.mass);
   for (const model::Joint& joint : model.joints)
-    if (!joint.closes_loop) hangs[static_cast<std::size_t>(joint.child)] = true;
+    if (!joint.closes_loop) held[static_cast<std::size_t>(joint.child)] = true;
   // Parents stand before children, so the reverse order adds up from the fingertips.
   for (std::size_t j = model.joints.size(); j-- > 0;) {
     const model::Joint& joint = model.joints[j];
@@ -22,7 +22,7 @@ GravityLoad::GravityLoad(const model::Model& model, const Vec3& gravity)
     link.child = static_cast<std::size_t>(joint.child);
     link.dof = static_cast<std::size_t>(joint.first_dof);
     link.mass = carried[link.child];
-    link.held = hangs[link.parent];
+    link.held = held[link.parent];
     link.universal = joint.kind == model::JointKind::universal;
     if (!joint.axes.empty()) link.first_axis = joint.parent_frame.q * joint.axes[0].axis;
     if (link.universal) link.second_axis = joint.child_frame.q * joint.axes[1].axis;

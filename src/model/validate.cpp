@@ -163,7 +163,7 @@ class Checker {
     each(model_.joints, origins_.joints, [&](const Joint& joint) {
       if (!joint.closes_loop && in(joint.child, model_.bodies)) {
         if (is_child[static_cast<std::size_t>(joint.child)])
-          add(joint.name, "a child that already hangs on another joint", "closes_loop");
+          add(joint.name, "a child that another joint already holds", "closes_loop");
         is_child[static_cast<std::size_t>(joint.child)] = true;
       }
     });

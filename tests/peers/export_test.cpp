@@ -17,8 +17,8 @@ namespace handsim::test {
 namespace {
 
 using engine::articulated::JointSpace;
+using engine::articulated::LaneSlot;
 using engine::articulated::Mechanism;
-using engine::articulated::Seat;
 
 int warnings = 0;
 void count_warning(const char* text) {
@@ -76,7 +76,7 @@ std::vector<Match> matches(const Mechanism& mechanism, const model::Model& model
     }
     const int id = mj_name2id(&other, mjOBJ_JOINT, name.c_str());
     EXPECT_GE(id, 0) << name;
-    out.push_back({mechanism.seat(i).u, other.jnt_dofadr[id], other.jnt_qposadr[id], free});
+    out.push_back({mechanism.slot(i).u, other.jnt_dofadr[id], other.jnt_qposadr[id], free});
   }
   return out;
 }
@@ -117,7 +117,7 @@ TEST_P(InMujoco, TheSameDynamicsComeOut) {
       const auto row = static_cast<Eigen::Index>(match.u);
       if (!match.free) {
         const double q = 1.2 * u(random);
-        mechanism.q()[mechanism.seat(i).q] = data->qpos[match.q] = q;
+        mechanism.q()[mechanism.slot(i).q] = data->qpos[match.q] = q;
         turn(row, match.dof) = 1;
         theirs[match.dof] = 5 * u(random);
         const model::Joint& joint = scene.model.joints[static_cast<std::size_t>(*node.joint)];
@@ -128,10 +128,10 @@ TEST_P(InMujoco, TheSameDynamicsComeOut) {
       const Quat q_WL = q_WB * node.q_LB.conjugate();
       const double p[3] = {u(random), u(random), u(random)};
       for (std::size_t k = 0; k < 3; ++k)
-        mechanism.q()[mechanism.seat(i).q + k] = data->qpos[match.q + static_cast<int>(k)] = p[k];
+        mechanism.q()[mechanism.slot(i).q + k] = data->qpos[match.q + static_cast<int>(k)] = p[k];
       const double w[4] = {q_WB.w(), q_WB.x(), q_WB.y(), q_WB.z()};
       for (int k = 0; k < 4; ++k) {
-        mechanism.q()[mechanism.seat(i).q + 3 + static_cast<std::size_t>(k)] = q_WL.coeffs()[k];
+        mechanism.q()[mechanism.slot(i).q + 3 + static_cast<std::size_t>(k)] = q_WL.coeffs()[k];
         data->qpos[match.q + 3 + k] = w[k];
       }
       turn.block<3, 3>(row, match.dof + 3) = q_WB.toRotationMatrix();

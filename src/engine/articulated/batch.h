@@ -13,7 +13,7 @@ enum class NodeKind {
   revolute,   ///< a hinge, or one axis of a universal joint
   prismatic,  ///< a slider
   ball,
-  free,  ///< a body that hangs on nothing
+  free,  ///< a body without a joint
 };
 
 /// Rates of a node.

@@ -54,7 +54,7 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
   }
 }
 
-/// Children before parents, branch by branch, trees that hang on a base before free ones: the solver's
+/// Children before parents, branch by branch, trees on a base before free ones: the solver's
 /// matrices have no fill-in but where contacts couple branches.
 void ContactDynamics::order_dofs() {
   const int n = space_.size();

@@ -99,7 +99,7 @@ double ContactDynamics::find_target(ContactRows& rows, const Contact& contact, c
 void ContactDynamics::add_contact(const Contact& contact, const model::Material& surface, double share,
                                   double step) {
   // Normals on both sides of a finger would jam it with the friction of a circular cone.
-  const double crossed = surface.compliance ? 0 : crossed_.giving(contact);
+  const double crossed = surface.compliance ? 0 : crossed_.inverse_mass(contact);
   const double friction = friction_ && crossed == 0 ? surface.friction : 0;
   const double spinning = friction_ ? surface.spinning_friction : 0;
   const double rolling = friction_ ? surface.rolling_friction : 0;

@@ -210,7 +210,7 @@ void FastSpin::add_work(bool constrained) {
 void FastSpin::place(Tree& tree) {
   tree.centre = moment(tree) / tree.mass;
   const Vec3 origin = tree.goal - tree.centre;
-  double* p = mechanism_.q().data() + mechanism_.seat(at(tree.nodes[0])).q;
+  double* p = mechanism_.q().data() + mechanism_.slot(at(tree.nodes[0])).q;
   for (int k = 0; k < 3; ++k) p[at(k) * mechanism_.stride()] = origin[k];
 }
 

@@ -16,7 +16,7 @@ JointSpace::JointSpace(Mechanism& mechanism) : stride_(mechanism.stride()) {
     last_.push_back(n_ + rate_count(node.kind) - 1);
     for (int k = 0; k < rate_count(node.kind); ++k, ++n_) {
       parent_dof_.push_back(k > 0 ? n_ - 1 : (node.parent ? last_[at(*node.parent)] : kNoDof));
-      rate_.push_back(mechanism.seat(i).u + at(k) * stride_);
+      rate_.push_back(mechanism.slot(i).u + at(k) * stride_);
       // S[column][row] of a node of several rates.
       axes_.push_back(views_[i].S + 6 * at(k) * stride_);
     }

@@ -42,9 +42,9 @@ NodeView Mechanism::view(std::size_t node) const {
   return of_width(kernel_->width, [&](auto w) {
     constexpr int W = w;
     const In<W> in(*this);
-    const Seat& seat = seats_[node];
-    const Batch<W>& b = in.batch[seat.batch];
-    const auto lane = [&](const Lane<W>& first) { return &first[0] + seat.lane; };
+    const LaneSlot& slot = slots_[node];
+    const Batch<W>& b = in.batch[slot.batch];
+    const auto lane = [&](const Lane<W>& first) { return &first[0] + slot.lane; };
     NodeView out;
     out.h = lane(b.h[0]);
     out.I = lane(b.I[0]);
@@ -61,9 +61,9 @@ NodeView Mechanism::view(std::size_t node) const {
     if (b.link == ParentLink::base) out.base_a = lane(in.base[b.parent].a[0]);
     out.S = single(b.kind) ? lane(b.S[0]) : lane(in.joint3[b.axis].S[0][0]);
     if (!single(b.kind)) out.tau = lane(in.joint3[b.axis].tau[0]);
-    out.q = tree_.q + seat.q;
-    out.u = tree_.u + seat.u;
-    out.du = tree_.du + seat.u;
+    out.q = tree_.q + slot.q;
+    out.u = tree_.u + slot.u;
+    out.du = tree_.du + slot.u;
     return out;
   });
 }
@@ -72,9 +72,9 @@ AxisView Mechanism::axis_view(std::size_t node) const {
   return of_width(kernel_->width, [&](auto w) {
     constexpr int W = w;
     const In<W> in(*this);
-    const Seat& seat = seats_[node];
-    Axis<W>& a = in.axis[in.batch[seat.batch].axis];
-    const int i = seat.lane;
+    const LaneSlot& slot = slots_[node];
+    Axis<W>& a = in.axis[in.batch[slot.batch].axis];
+    const int i = slot.lane;
     return AxisView{
         a.low + i,           a.high + i,        a.bounce + i,     a.weight + i,      a.servo_stiffness + i,
         a.servo_damping + i, a.servo_error + i, a.servo_feed + i, a.servo_limit + i, a.side + i,
@@ -104,7 +104,7 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
   tree_.max_speed = kMaxSpeed;
   tree_.max_turn = kMaxAngularSpeed;
   tree_.spin = static_cast<double*>(allocate(stride() * sizeof(double)));
-  seat_nodes(settings);
+  place_nodes(settings);
   std::vector<bool> parents(topology_.nodes.size(), false);
   for (const Node& node : topology_.nodes)
     if (node.parent) parents[at(*node.parent)] = true;
@@ -123,19 +123,19 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
       carried_.push_back({*topology_.nodes[i].body, static_cast<int>(i), topology_.nodes[i].q_LB});
 }
 
-void Mechanism::seat_nodes(const Settings& settings) {
+void Mechanism::place_nodes(const Settings& settings) {
   const std::size_t width = stride();
   for (const std::vector<int>& level : levels(topology_))
     for (std::size_t begin = 0; begin < level.size(); begin += width)
       chunks_.emplace_back(
           level.begin() + static_cast<std::ptrdiff_t>(begin),
           level.begin() + static_cast<std::ptrdiff_t>(std::min(level.size(), begin + width)));
-  seats_.resize(topology_.nodes.size());
+  slots_.resize(topology_.nodes.size());
   std::size_t positions = 0, rates = 0;
   for (std::size_t b = 0; b < chunks_.size(); ++b) {
     const NodeKind kind = topology_.nodes[at(chunks_[b][0])].kind;
     for (std::size_t lane = 0; lane < chunks_[b].size(); ++lane)
-      seats_[at(chunks_[b][lane])] = {static_cast<int>(b), static_cast<int>(lane), positions + lane,
+      slots_[at(chunks_[b][lane])] = {static_cast<int>(b), static_cast<int>(lane), positions + lane,
                                       rates + lane};
     positions += at(position_count(kind)) * width;
     rates += at(rate_count(kind)) * width;
@@ -193,7 +193,7 @@ void Mechanism::make_batch(Batch<W>& b, const std::vector<int>& nodes) {
     std::fill_n(in.joint3[b.axis].after[3], W, 1.0);
   }
   b.link = first.parent ? ParentLink::aligned : ParentLink::base;
-  b.parent = first.parent ? seats_[at(*first.parent)].batch : base_frames_;
+  b.parent = first.parent ? slots_[at(*first.parent)].batch : base_frames_;
   if (!first.parent) {
     Frame<W>& frame = in.base[base_frames_++];
     for (int lane = 0; lane < W; ++lane) {
@@ -204,11 +204,11 @@ void Mechanism::make_batch(Batch<W>& b, const std::vector<int>& nodes) {
   }
   for (int lane = 0; lane < W; ++lane) {
     const bool present = lane < b.used;
-    const Seat& seat = seats_[at(*topology_.nodes[at(nodes[present ? at(lane) : 0])].parent)];
-    b.parent_batch[lane] = seat.batch;
-    b.parent_lane[lane] = seat.lane;
-    in.batch[seat.batch].has_children = true;
-    if (present && (seat.batch != b.parent || seat.lane != lane)) b.link = ParentLink::gathered;
+    const LaneSlot& slot = slots_[at(*topology_.nodes[at(nodes[present ? at(lane) : 0])].parent)];
+    b.parent_batch[lane] = slot.batch;
+    b.parent_lane[lane] = slot.lane;
+    in.batch[slot.batch].has_children = true;
+    if (present && (slot.batch != b.parent || slot.lane != lane)) b.link = ParentLink::gathered;
     // The contents of an empty lane must not be added to a node.
     if (!present && lane < in.batch[b.parent].used) b.link = ParentLink::gathered;
   }
@@ -226,14 +226,14 @@ void Mechanism::fill_lane(Batch<W>& b, int batch, int lane, int index, const Set
   if (!single(node.kind)) return;
   const model::Joint& joint = model_.joints[at(*node.joint)];
   In<W>::fill(in.axis[b.axis], lane, joint.axes[at(node.axis_index)], settings.effects);
-  const Seat& seat = seats_[at(index)];
-  driven_.push_back({at(joint.first_dof + node.axis_index), batch, b.axis, lane, seat.q, seat.u});
+  const LaneSlot& slot = slots_[at(index)];
+  driven_.push_back({at(joint.first_dof + node.axis_index), batch, b.axis, lane, slot.q, slot.u});
 }
 
 Vec3 Mechanism::origin(int island) const {
   const std::size_t reference = at(topology_.reference[at(island)]);
   if (topology_.nodes[reference].kind != NodeKind::free) return origins_[at(island)];
-  const double* q = tree_.q + seats_[reference].q;
+  const double* q = tree_.q + slots_[reference].q;
   return {q[0], q[stride()], q[2 * stride()]};
 }
 
@@ -275,8 +275,8 @@ void Mechanism::update_gyroscopic_torques(double step) {
   const std::size_t n = stride();
   for (const int index : lone_) {
     const Node& node = topology_.nodes[at(index)];
-    const Seat& seat = seats_[at(index)];
-    const double *q = tree_.q + seat.q + 3 * n, *u = tree_.u + seat.u;
+    const LaneSlot& slot = slots_[at(index)];
+    const double *q = tree_.q + slot.q + 3 * n, *u = tree_.u + slot.u;
     const Quat q_WL(q[3 * n], q[0], q[n], q[2 * n]);
     const Vec3 spin = q_WL.conjugate() * Vec3(u[0], u[n], u[2 * n]);
     if (spin.isZero(0)) continue;
@@ -285,14 +285,14 @@ void Mechanism::update_gyroscopic_torques(double step) {
     const Vec3 torque = q_WL * Vec3(node.inertia.cwiseProduct(spin - *end) / step);
     of_width(kernel_->width, [&](auto w) {
       constexpr int W = w;
-      put3<W>(In<W>(*this).batch[seat.batch].pv, seat.lane, torque);
+      put3<W>(In<W>(*this).batch[slot.batch].pv, slot.lane, torque);
     });
   }
 }
 
-void Mechanism::take_node(const Node& node, const Seat& seat, const model::State& state) {
+void Mechanism::take_node(const Node& node, const LaneSlot& slot, const model::State& state) {
   const std::size_t n = stride();
-  double *q = tree_.q + seat.q, *u = tree_.u + seat.u;
+  double *q = tree_.q + slot.q, *u = tree_.u + slot.u;
   if (node.kind == NodeKind::free) {
     const model::BodyState& body = state.bodies[at(*node.body)];
     const Quat q_WL = body.q * node.q_LB.conjugate();
@@ -326,7 +326,7 @@ void Mechanism::take(const model::State& state) {
   for (std::size_t i = 0; i < bases_.size(); ++i)
     if (model_.bodies[i].kinematic)
       bases_[i] = {state.bodies[i].pose(), state.bodies[i].v, state.bodies[i].w, Vec3::Zero(), Vec3::Zero()};
-  for (std::size_t i = 0; i < topology_.nodes.size(); ++i) take_node(topology_.nodes[i], seats_[i], state);
+  for (std::size_t i = 0; i < topology_.nodes.size(); ++i) take_node(topology_.nodes[i], slots_[i], state);
   take_torques(state);
   update_bases();
 }
@@ -338,7 +338,7 @@ void Mechanism::take_torques(const model::State& state) {
   }
   for (const int ball : balls_) {
     const std::size_t first = at(model_.joints[at(*topology_.nodes[at(ball)].joint)].first_dof);
-    for (std::size_t k = 0; k < 3; ++k) tree_.tau[seats_[at(ball)].u + k * stride()] = state.tau[first + k];
+    for (std::size_t k = 0; k < 3; ++k) tree_.tau[slots_[at(ball)].u + k * stride()] = state.tau[first + k];
   }
 }
 
@@ -354,8 +354,8 @@ void Mechanism::give_coordinates(model::State& state) const {
   const std::size_t n = stride();
   for (const int ball : balls_) {
     const Node& node = topology_.nodes[at(ball)];
-    const Seat& seat = seats_[at(ball)];
-    const double *q = tree_.q + seat.q, *u = tree_.u + seat.u, *tau = tree_.tau + seat.u;
+    const LaneSlot& slot = slots_[at(ball)];
+    const double *q = tree_.q + slot.q, *u = tree_.u + slot.u, *tau = tree_.tau + slot.u;
     Quat q_FM(q[3 * n], q[0], q[n], q[2 * n]);
     Vec3 w(u[0], u[n], u[2 * n]);
     if (node.reversed) {
@@ -382,13 +382,13 @@ void Mechanism::give(model::State& state) const {
     constexpr int W = w;
     const In<W> in(*this);
     for (const Carried& each : carried_) {
-      const Seat& seat = seats_[at(each.node)];
-      const Frame<W>& frame = in.batch[seat.batch].frame;
+      const LaneSlot& slot = slots_[at(each.node)];
+      const Frame<W>& frame = in.batch[slot.batch].frame;
       model::BodyState& body = state.bodies[at(each.body)];
-      const Vec3 p = get3<W>(frame.p, seat.lane), turn = get3<W>(frame.v, seat.lane);
+      const Vec3 p = get3<W>(frame.p, slot.lane), turn = get3<W>(frame.v, slot.lane);
       body.p = origin(topology_.nodes[at(each.node)].island) + p;
-      body.q = (get4<W>(frame.quat, seat.lane) * each.q_LB).normalized();
-      body.v = get3<W>(frame.v + 3, seat.lane) + turn.cross(p);
+      body.q = (get4<W>(frame.quat, slot.lane) * each.q_LB).normalized();
+      body.v = get3<W>(frame.v + 3, slot.lane) + turn.cross(p);
       body.w = turn;
     }
   });

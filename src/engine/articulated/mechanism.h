@@ -21,7 +21,7 @@ struct BaseMotion {
 };
 
 /// Where a node stands among the lanes.
-struct Seat {
+struct LaneSlot {
   int batch = 0, lane = 0;
   std::size_t q = 0, u = 0;  ///< of its first position and rate; the next are `stride` further on
 };
@@ -53,7 +53,7 @@ class Mechanism {
   const Topology& topology() const { return topology_; }
   const Kernel& kernel() const { return *kernel_; }
   const Tree& tree() const { return tree_; }
-  const Seat& seat(std::size_t node) const { return seats_[node]; }
+  const LaneSlot& slot(std::size_t node) const { return slots_[node]; }
   NodeView view(std::size_t node) const;
   /// Of a node of one rate.
   AxisView axis_view(std::size_t node) const;
@@ -80,7 +80,7 @@ class Mechanism {
   BaseMotion& base(int body) { return bases_[static_cast<std::size_t>(body)]; }
   const BaseMotion& base(int body) const { return bases_[static_cast<std::size_t>(body)]; }
   void update_bases();
-  /// Gives free bodies that nothing hangs on the gyroscopic torque of an implicit step of this length
+  /// Gives free bodies without children the gyroscopic torque of an implicit step of this length
   /// (spin.h), in place of the one at its start.
   void update_gyroscopic_torques(double step);
   /// An island's origin in the world; of a free one, where its positions have it.
@@ -89,7 +89,7 @@ class Mechanism {
   /// Plain joint torques, size model.dof_count() or empty.
   void set_torques(std::span<const double> torques);
   /// Servo drives, size model.dof_count() or empty; where one of them is not sound nothing is promised.
-  /// @param absolute servos hold on to where they aim in the midst of the step, too. True where all are
+  /// @param absolute servos keep their targets in the middle of the step, too. True where all are
   /// sound.
   bool set_servos(std::span<const model::Servo> servos, bool absolute);
   /// Stops in force.
@@ -117,18 +117,18 @@ class Mechanism {
   struct Driven {
     std::size_t dof = 0;
     int batch = 0, axis = 0, lane = 0;
-    std::size_t q = 0, u = 0;  ///< as in Seat
+    std::size_t q = 0, u = 0;  ///< as in LaneSlot
   };
 
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
   void* allocate(std::size_t bytes);
-  void seat_nodes(const Settings& settings);
+  void place_nodes(const Settings& settings);
   template <int W>
   void make_batch(Batch<W>& b, const std::vector<int>& nodes);
   template <int W>
   void fill_lane(Batch<W>& b, int batch, int lane, int index, const Settings& settings);
-  void take_node(const Node& node, const Seat& seat, const model::State& state);
+  void take_node(const Node& node, const LaneSlot& slot, const model::State& state);
 
   const model::Model& model_;
   Vec3 gravity_;
@@ -138,7 +138,7 @@ class Mechanism {
   Tree tree_;
   std::vector<std::vector<int>> chunks_;  ///< nodes of each batch
   int axes_ = 0, joints3_ = 0, base_frames_ = 0;
-  std::vector<Seat> seats_;
+  std::vector<LaneSlot> slots_;
   std::vector<Carried> carried_;
   std::vector<Driven> driven_;     ///< single coordinates
   std::vector<int> balls_;         ///< nodes

@@ -15,21 +15,21 @@ void Mechanism::set_torques(std::span<const double> torques) {
       in.axis[each.axis].tau[each.lane] = torques.empty() ? 0 : torques[each.dof];
     for (const int ball : balls_) {
       const Node& node = topology_.nodes[at(ball)];
-      const Seat& seat = seats_[at(ball)];
+      const LaneSlot& slot = slots_[at(ball)];
       Vec3 tau = Vec3::Zero();
       if (!torques.empty()) {
         const auto first = at(model_.joints[at(*node.joint)].first_dof);
         tau = {torques[first], torques[first + 1], torques[first + 2]};
       }
       for (std::size_t k = 0; k < 3; ++k)
-        tree_.tau[seat.u + k * stride()] = tau[static_cast<Eigen::Index>(k)];
+        tree_.tau[slot.u + k * stride()] = tau[static_cast<Eigen::Index>(k)];
       // The model's torque acts on its child, in its F.
       if (node.reversed) {
-        const double* q = tree_.q + seat.q;
+        const double* q = tree_.q + slot.q;
         const std::size_t n = stride();
         tau = -(Quat(q[3 * n], q[0], q[n], q[2 * n]) * tau);
       }
-      put3<W>(in.joint3[in.batch[seat.batch].axis].tau, seat.lane, tau);
+      put3<W>(in.joint3[in.batch[slot.batch].axis].tau, slot.lane, tau);
     }
   });
 }
@@ -85,11 +85,11 @@ void Mechanism::forget_contacts() {
 template <class Archive, class Self>
 void Mechanism::carry(Archive& archive, Self& self) {
   const std::size_t n = self.stride();
-  for (std::size_t i = 0; i < self.seats_.size(); ++i) {
-    const Seat& seat = self.seats_[i];
+  for (std::size_t i = 0; i < self.slots_.size(); ++i) {
+    const LaneSlot& slot = self.slots_[i];
     const NodeKind kind = self.topology_.nodes[i].kind;
-    for (std::size_t k = 0; k < at(position_count(kind)); ++k) archive(self.tree_.q[seat.q + k * n]);
-    for (std::size_t k = 0; k < at(rate_count(kind)); ++k) archive(self.tree_.u[seat.u + k * n]);
+    for (std::size_t k = 0; k < at(position_count(kind)); ++k) archive(self.tree_.q[slot.q + k * n]);
+    for (std::size_t k = 0; k < at(rate_count(kind)); ++k) archive(self.tree_.u[slot.u + k * n]);
   }
   for (auto& base : self.bases_) {
     archive(base.pose.p);

@@ -178,9 +178,9 @@ class Builder {
       last.anchor = Vec3::Zero();
       last.axis_index = 1 - first.axis_index;
       add_node(first);
-      hang(last, joint, Quat::Identity(), q_ML, sign);
+      attach(last, joint, Quat::Identity(), q_ML, sign);
     } else {
-      hang(last, joint, q_LF, q_ML, sign);
+      attach(last, joint, q_LF, q_ML, sign);
     }
     last.arm = -(frames_[at(child)].q_LB * x_CM.p);
     carry(last, child);
@@ -189,7 +189,7 @@ class Builder {
   }
 
   /// The joint's transform, but for the places of its ends.
-  static void hang(Node& node, const model::Joint& joint, const Quat& q_LF, const Quat& q_ML, double sign) {
+  static void attach(Node& node, const model::Joint& joint, const Quat& q_LF, const Quat& q_ML, double sign) {
     switch (joint.kind) {
       case model::JointKind::hinge:
       case model::JointKind::universal: {

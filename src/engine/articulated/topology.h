@@ -17,7 +17,7 @@ namespace handsim::engine::articulated {
 /// axes of that body; a node without a body (the middle of a universal joint) has no mass.
 struct Node {
   NodeKind kind = NodeKind::revolute;
-  std::optional<int> parent;  ///< node; none: hangs on `base`, or is free
+  std::optional<int> parent;  ///< node; none: attached to `base`, or free
   int base = model::kWorld;   ///< kinematic body of the model, where there is no parent
   int depth = 0;              ///< nodes between this one and its base
   std::optional<int> body;    ///< body of the model that the node carries

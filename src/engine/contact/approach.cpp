@@ -13,11 +13,11 @@ namespace handsim::engine {
 
 namespace {
 
-/// Shares of the pair's smaller smallest radius: between two looks where the shapes are near, and how deep in
-/// each other they are looked at, so that a face that comes down a little tilted has all its corners.
-constexpr double kLook = 0.25, kInto = 0.25;
-constexpr int kMostLooks = 500;
-/// To halve the time of the first touch so often leaves them a sixteenth of a look deep.
+/// Shares of the pair's smaller smallest radius: between two samples where the shapes are near, and how deep
+/// in each other they are tested, so that a face that comes down a little tilted has all its corners.
+constexpr double kSampleShare = 0.25, kInto = 0.25;
+constexpr int kMostSamples = 500;
+/// To halve the time of the first touch so often leaves them a sixteenth of an interval deep.
 constexpr int kHalvings = 4;
 
 }  // namespace
@@ -63,10 +63,10 @@ double Approach::gap(const Side& a, const Side& b, double share) const {
 /// The first share of their ways at which two shapes touch: on by the least gap between them where there is
 /// one, by small steps where there is none. @param way most that their points can go against each other [m]
 std::optional<double> Approach::meeting(const Side& a, const Side& b, double way, double radius) {
-  const double look = std::max(kLook * radius / way, 1.0 / kMostLooks);
+  const double interval = std::max(kSampleShare * radius / way, 1.0 / kMostSamples);
   double free = 0;
   for (double share = 0;;) {
-    if (const double apart = gap(a, b, share); apart > look * way) {
+    if (const double apart = gap(a, b, share); apart > interval * way) {
       share += apart / way;
       if (share >= 1) return std::nullopt;
       continue;
@@ -82,7 +82,7 @@ std::optional<double> Approach::meeting(const Side& a, const Side& b, double way
     }
     if (share >= 1) return std::nullopt;
     free = share;
-    share = std::min(1.0, share + look);
+    share = std::min(1.0, share + interval);
   }
 }
 
@@ -109,9 +109,9 @@ void Approach::measure(const Side& a, const Side& b, double share, double least)
 
 /// Of two that touch the points that are still to come: another end that swings down.
 void Approach::meet_again(const Side& a, const Side& b, double way, double radius) {
-  const double look = std::max(kLook * radius / way, 1.0 / kMostLooks);
+  const double interval = std::max(kSampleShare * radius / way, 1.0 / kMostSamples);
   for (double share = 0; share < 1;) {
-    share = std::min(1.0, share + look);
+    share = std::min(1.0, share + interval);
     touch(a, b, share);
     measure(a, b, share, kInto * radius);
     if (!points_.empty()) return;

@@ -268,7 +268,7 @@ Manifold sweep(const Solid& solid, const CapsuleAt& capsule, const Pose& x_WS) {
   if (found[static_cast<std::size_t>(nearest)] - (high - low) * capsule.length > capsule.radius) return {};
   double best = places[nearest];
   double best_distance = found[static_cast<std::size_t>(nearest)];
-  const auto look = [&](double from, double to) {
+  const auto refine = [&](double from, double to) {
     const std::optional<double> known = solid.least(start, axis, from, to);
     const double t = known ? *known : search(distance, from, to);
     // The bend itself where the search only comes near it.
@@ -277,8 +277,8 @@ Manifold sweep(const Solid& solid, const CapsuleAt& capsule, const Pose& x_WS) {
       best_distance = value;
     }
   };
-  if (low < places[nearest]) look(low, places[nearest]);
-  if (high > places[nearest]) look(places[nearest], high);
+  if (low < places[nearest]) refine(low, places[nearest]);
+  if (high > places[nearest]) refine(places[nearest], high);
 
   double first = best, last = best;
   double first_distance = best_distance, last_distance = best_distance;

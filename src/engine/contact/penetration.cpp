@@ -15,7 +15,7 @@ void CrossedBodies::find(const Collider& collider) {
   }
 }
 
-double CrossedBodies::giving(const Contact& contact) const {
+double CrossedBodies::inverse_mass(const Contact& contact) const {
   if (bodies_.empty()) return 0;
   double inverse_mass = 0;
   bool crossed = false;

@@ -25,7 +25,7 @@ class CrossedBodies {
   /// The model must outlive this.
   explicit CrossedBodies(const model::Model& model) : model_(model) {}
 
-  /// Looks through what the collider found.
+  /// Finds the crossed bodies among the collider's contacts.
   void find(const Collider& collider);
 
   /// Of bodies that start through each other some contacts push against others or against joints: none may be
@@ -33,7 +33,7 @@ class CrossedBodies {
   /// share of their masses would, and pushes by (speed asked for + speed of approach) x reduced mass /
   /// kCrossedSoftness a step at most.
   /// @returns that inverse mass for a rigid contact [1/kg]; 0 for one of bodies that are not crossed
-  double giving(const Contact& contact) const;
+  double inverse_mass(const Contact& contact) const;
 
  private:
   int moving_body(int shape) const;

@@ -163,9 +163,9 @@ void Contacts::add_contact(const Contact& contact, const Touch& touch, const Kno
       surface.mode |= dContactSoftERP;
       surface.soft_erp = kMaxCorrectingSpeed * step_ / inside;
     }
-    if (const double giving = crossed_.giving(contact); giving > 0) {
+    if (const double inverse_mass = crossed_.inverse_mass(contact); inverse_mass > 0) {
       surface.mode |= dContactSoftCFM;
-      surface.soft_cfm = giving * step_;
+      surface.soft_cfm = inverse_mass * step_;
     }
   }
   // Of a pad that only spins, the moment is a motor's, whose row can be told a speed or a limit.

@@ -14,7 +14,7 @@ void set_velocity(dBodyID id, const Vec3& v, const Vec3& w) {
 Drives::Drives(const model::Model& model, const std::vector<OdeBody>& bodies)
     : model_(model), bodies_(bodies) {}
 
-void Drives::aim(double end, double step) {
+void Drives::set_velocities(double end, double step) {
   ways_.clear();
   for (const model::Drive& drive : model_.drives) {
     const OdeBody& body = bodies_[static_cast<std::size_t>(drive.body)];

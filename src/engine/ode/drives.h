@@ -15,7 +15,7 @@ class Drives {
   /// The model and the bodies must outlive this.
   Drives(const model::Model& model, const std::vector<OdeBody>& bodies);
   /// Sets the velocities for the step that ends at time `end` [s] and takes `step` [s].
-  void aim(double end, double step);
+  void set_velocities(double end, double step);
   /// Where the bodies go in the step aimed for.
   std::span<const Prospect::Driven> ways() const { return ways_; }
 

@@ -1,5 +1,5 @@
 // Servo drives as rows of motors beside the joints, so that a joint's own stops stay alive (a motor and a
-// stop in one ODE joint share one row, and the motor's force kicks the joint off its stop: see the README).
+// stop in one ODE joint share one row, and the motor's force drives the joint off its stop: see the README).
 #pragma once
 
 #include <span>

@@ -67,7 +67,7 @@ StepReport OdeEngine::step(const StepInput& input) {
 
 StepReport OdeEngine::plain_step(const StepInput& input, double end, double step, OdeMethod method) {
   StepReport report;
-  if (drives_) drives_->aim(end, step);
+  if (drives_) drives_->set_velocities(end, step);
   try {
     prepare(input, report);
     solve(step, method, report);

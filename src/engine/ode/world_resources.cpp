@@ -13,7 +13,7 @@ namespace {
 
 thread_local RefusedMemory refused;
 
-/// Smaller blocks are taken without a look at what is free [bytes].
+/// Smaller blocks are taken without asking what is free [bytes].
 constexpr std::size_t kSmallBlock = std::size_t{16} << 20;
 
 /// Of a step. Linux grants memory that it does not have and ends the process that uses it: hence the test.

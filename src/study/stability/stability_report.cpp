@@ -143,7 +143,7 @@ constexpr double kLeastSeverity = 1e-6, kMostSeverity = 1e4;
 void add_overview(const StabilityResult& result, Report& report) {
   struct Marks {
     const char* block;
-    const char* look;
+    const char* style;
     const char* title;
     std::string data = {};
   };
@@ -170,7 +170,7 @@ void add_overview(const StabilityResult& result, Report& report) {
     report.data += fmt::format("{} << EOD\n{}EOD\n", marks.block, marks.data);
     if (!marks.data.empty())
       curves.push_back(
-          fmt::format("{} using 1:2 with points {} title '{}'", marks.block, marks.look, marks.title));
+          fmt::format("{} using 1:2 with points {} title '{}'", marks.block, marks.style, marks.title));
   }
   report.plots.push_back(
       {"stability", fmt::format("noenhanced size 1200,{} font 'DejaVu Sans,11'", 140 + 24 * count),

@@ -65,7 +65,7 @@ std::vector<Alternative> read_dimension(MapReader reader) {
 void check_needs(MapReader& reader, const MeasureKind& kind) {
   const auto check = [&](const char* key, bool needed, const char* what) {
     if (needed && !reader.has(key))
-      reader.problem(key, "nothing", fmt::format("{}, which {} looks at", what, kind.name));
+      reader.problem(key, "nothing", fmt::format("{}, which {} measures", what, kind.name));
   };
   check("joint", kind.needs.joint, "a joint");
   check("body", kind.needs.body, "a body");
