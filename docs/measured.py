@@ -310,6 +310,25 @@ def speed():
     return table(["what", "time", "compared with"], rows)
 
 
+def environments():
+    found = bench()
+    def of(key, counter="real_time"):
+        return found[key][counter] if key in found else None
+    rows = [["steps of one hand with stops, tissue and control of all joints, one core",
+             f"{1e-6 * of('batch_steps/smooth', 'hand_steps_per_s'):.2f} million a second"],
+            ["the same hand holding a mug", f"{of('batch_steps/mug', 'hand_steps_per_s'):,.0f} a second, "
+                                            f"{of('batch_steps/mug', 'contacts'):.0f} contacts"],
+            ["a batch of one, compared with its bare engine",
+             " and ".join(f"{of(f'batch_of_one_against_engine/{key}', 'ratio'):.3f} (`{key}`)"
+                          for key in ("two_hands", "dropped_hand"))],
+            ["two threads, compared with one", f"{of('two_threads', 'times_as_fast'):.2f} times as fast"],
+            ["`reset()` of a hand, of a grasp, of a grasp with mass and friction drawn",
+             ", ".join(f"{number(of(f'reset/{key}'))}" for key in ("every_pose", "grasp_pinch", "grasp_pinch_drawn")) + " µs"],
+            ["memory of an environment: two hands, a pinch, a mug",
+             ", ".join(f"{of(f'memory/{key}', 'kB'):.0f}" for key in ("every_pose", "grasp_pinch", "grasp_cup")) + " kB"]]
+    return table(["what", "measured"], rows)
+
+
 def speed_lanes():
     found = bench()
     rows = [[f"`{key}`: {found[f'step_against_bare_ode/{key}'].get('label', '')}",
@@ -525,6 +544,6 @@ TABLES = {"demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "h
           "accuracy-hands": ("hands", accuracy_hands), "2017": ("2017", thesis), "effects": ("effects", effects), "contacts": ("contacts", contacts),
           "stability": ("stability", stability), "stability-cases": ("stability", stability_cases),
           "speed": ("speed", speed), "speed-lanes": ("speed", speed_lanes), "speed-load": ("speed", speed_load),
-          "pinch": ("pinch", pinch), "peers-speed": ("peers", peers_speed), "peers-equal": ("peers", peers_equal), "peers-pinch": ("peers", peers_pinch),
+          "environment": ("speed", environments), "pinch": ("pinch", pinch), "peers-speed": ("peers", peers_speed), "peers-equal": ("peers", peers_equal), "peers-pinch": ("peers", peers_pinch),
           "peers-accuracy": ("peers", peers_accuracy), "peers-cases": ("peers", peers_cases),
           "peers-settings": ("peers", peers_settings), "peers-ahead": ("peers", peers_ahead)}

@@ -41,6 +41,11 @@ handsim_need(HANDSIM_SUNDIALS_IS_DOUBLE "SUNDIALS built in double precision (thi
 find_package(Qhull QUIET)
 handsim_need(Qhull_FOUND "Qhull (convex hulls)" libqhull-dev)
 
+find_package(TBB QUIET)
+handsim_need(TBB_FOUND "oneTBB (batches of environments on all cores)" libtbb-dev)
+find_path(HANDSIM_RANDOM123 Random123/philox.h)
+handsim_need(HANDSIM_RANDOM123 "Random123 (numbers drawn by counter)" librandom123-dev)
+
 set(HANDSIM_PICTURE_LIBRARIES)
 if(HANDSIM_PICTURES)
   pkg_check_modules(OSMESA QUIET IMPORTED_TARGET osmesa)

@@ -4,6 +4,10 @@
 #include <cmath>
 #include <limits>
 
+#include <fmt/format.h>
+
+#include "handsim/core/error.h"
+
 namespace handsim::control {
 
 namespace {
@@ -54,7 +58,18 @@ Controller::Controller(const model::Model& model, const Plan& plan, double step,
   }
 }
 
+void Controller::set_targets(std::span<const double> targets) {
+  const bool finite =
+      std::all_of(targets.begin(), targets.end(), [](double target) { return std::isfinite(target); });
+  if (targets.size() != axes_.size() || !finite)
+    throw input_error("targets", finite ? fmt::format("{} angles", targets.size()) : "one that is not finite",
+                      fmt::format("a finite angle for each of {} driven axes", axes_.size()));
+  given_.assign(targets.begin(), targets.end());
+}
+
 void Controller::update_targets(double time) {
+  for (std::size_t i = 0; i < given_.size(); ++i) targets_[laws_[i].target] = given_[i];
+  if (!given_.empty()) return;
   for (std::size_t h = 0; h < plan_.hands.size(); ++h) {
     const Trajectory& trajectory = plan_.hands[h].trajectory;
     trajectory.at(time, std::span(targets_).subspan(first_target_[h], trajectory.width()));

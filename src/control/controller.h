@@ -30,6 +30,10 @@ class Controller {
   /// @param start the engine's state before its first step.
   Controller(const model::Model& model, const Plan& plan, double step, const model::State& start);
 
+  /// Angles [rad] to hold from the next command() on in place of the trajectories', one for each of axes(),
+  /// until release_targets(). @throws Error (input) for another number or one that is not finite.
+  void set_targets(std::span<const double> targets);
+  void release_targets() { given_.clear(); }
   /// Works out what acts during the step that begins with the state last observed.
   void command(const model::State& state);
   /// Reads angles and rates after the step, and what the drives have done in it.
@@ -52,7 +56,7 @@ class Controller {
   struct Law {
     Gains gains;
     std::size_t dof = 0;
-    std::size_t target = 0;       ///< in targets_
+    std::size_t target = 0;       ///< in targets_, by hand and column
     double tissue_stiffness = 0;  ///< to be fed forward, 0 without compensation [N m/rad]
     double tissue_rest = 0;       ///< [rad]
     double smoothing = 1;         ///< share of the new rate in the filtered one
@@ -75,6 +79,7 @@ class Controller {
   std::vector<Law> laws_;
   std::vector<double> targets_;            ///< for the end of the step, hand after hand
   std::vector<std::size_t> first_target_;  ///< of each hand in targets_
+  std::vector<double> given_;              ///< by axis, in place of the trajectories'; empty: those
   std::optional<GravityLoad> load_;
   std::span<const double> weight_;  ///< torques that hold the weight; empty without compensation
   std::vector<AxisState> axes_;

@@ -125,6 +125,35 @@ std::optional<PhysicsFault> servo_fault(const model::Model& model, const Setting
   return std::nullopt;
 }
 
+void require_outside(const model::Model& model, const Settings& settings, const StepInput& input) {
+  if (input.forces.empty() && input.drive_targets.empty()) return;
+  const Method method = settings.method();
+  if (settings.engine() != EngineKind::ode && method != ArticulatedMethod::semi_implicit_euler)
+    throw input_error(input.forces.empty() ? "drive_targets" : "forces",
+                      fmt::format("engine {} with method {}, which takes none", name(settings.engine()),
+                                  name(method)),
+                      "engine ode, or articulated with method semi_implicit_euler");
+  for (const BodyForce& each : input.forces) {
+    const bool there = each.body > model::kWorld && static_cast<std::size_t>(each.body) < model.bodies.size();
+    if (!there || model.bodies[static_cast<std::size_t>(each.body)].kinematic)
+      throw input_error("forces", fmt::format("a force on body {}", each.body),
+                        fmt::format("a body that can move, 1 to {}", model.bodies.size() - 1));
+    if (!each.force.allFinite() || !each.moment.allFinite())
+      throw input_error("forces." + model.bodies[static_cast<std::size_t>(each.body)].name,
+                        "a force or moment that is not finite", "finite numbers");
+  }
+  if (input.drive_targets.empty()) return;
+  if (!settings.effects.has(model::Effect::wrist_motion) || input.drive_targets.size() != model.drives.size())
+    throw input_error("drive_targets", fmt::format("{} poses", input.drive_targets.size()),
+                      settings.effects.has(model::Effect::wrist_motion)
+                          ? fmt::format("one for each of {} driven bodies", model.drives.size())
+                          : "the wrist_motion effect, and a wrist that it drives");
+  for (const Pose& target : input.drive_targets)
+    if (!target.p.allFinite() || !(std::abs(target.q.norm() - 1) <= kUnitTolerance))
+      throw input_error("drive_targets", "a pose that is not finite or not unit",
+                        "finite numbers and a unit quaternion");
+}
+
 void require_state(const model::Model& model, const model::State& state) {
   if (state.bodies.size() != model.bodies.size())
     throw input_error("state", fmt::format("{} bodies", state.bodies.size()),

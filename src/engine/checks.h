@@ -32,6 +32,10 @@ std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
 std::optional<PhysicsFault> servo_fault(const model::Model& model, const Settings& settings, double time,
                                         std::span<const model::Servo> servos);
 
+/// @throws Error (input) for forces on bodies that cannot move, a wrong number of drive targets, targets
+/// without the wrist_motion effect, numbers that are not finite, and any of them where the engine takes none.
+void require_outside(const model::Model& model, const Settings& settings, const StepInput& input);
+
 /// @throws Error (input) for a state of another model, with non-finite numbers or a moved world; q and u may
 /// be anything.
 void require_state(const model::Model& model, const model::State& state);

@@ -1,5 +1,7 @@
 #include "handsim/engine/engine.h"
 
+#include <fmt/format.h>
+
 #include "handsim/engine/checks.h"
 
 namespace handsim::engine {
@@ -7,6 +9,11 @@ namespace handsim::engine {
 void Engine::save(ArchiveWriter& /*out*/) const {}
 
 void Engine::restore(const model::State& state, ArchiveReader& /*in*/) { set_state(state); }
+
+void Engine::refresh() {
+  throw input_error("engine", fmt::format("{}, whose masses cannot change", name(settings().engine())),
+                    "engine ode or articulated");
+}
 
 std::unique_ptr<Engine> make_engine(const model::Model& model, const Settings& settings) {
   switch (settings.engine()) {

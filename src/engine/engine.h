@@ -22,6 +22,13 @@ namespace handsim::engine {
 inline constexpr double kMaxSpeed = 1e3;         ///< [m/s]
 inline constexpr double kMaxAngularSpeed = 1e5;  ///< [rad/s]
 
+/// What acts on one body from outside during one step.
+struct BodyForce {
+  int body = 0;                ///< in Model::bodies, one that can move
+  Vec3 force = Vec3::Zero();   ///< at its centre of mass, world axes [N]
+  Vec3 moment = Vec3::Zero();  ///< world axes [N m]
+};
+
 /// What acts on the model during one step.
 struct StepInput {
   /// Joint torques [N m] or forces [N], size model.dof_count() or empty, positive along the coordinate.
@@ -29,6 +36,11 @@ struct StepInput {
   /// Spring-damper drives solved within the step, size model.dof_count() or empty; they need the actuation
   /// effect. Only hinge, universal and slider coordinates can be driven.
   std::span<const model::Servo> servos = {};
+  /// Forces from outside; several on one body add. Engines ode and articulated with semi_implicit_euler.
+  std::span<const BodyForce> forces = {};
+  /// X_WD at the end of the step for each of Model::drives, in place of their motions, or empty. The bodies
+  /// move there at constant velocity. Engines ode and articulated with semi_implicit_euler.
+  std::span<const Pose> drive_targets = {};
 };
 
 /// How a guarded step was got through: the first way that kept to the limits.
@@ -100,7 +112,8 @@ class Engine {
   /// @throws Error (physics) naming time, body or joint and quantity when the state leaves its bounds or a
   ///         torque or servo is not finite; every later step throws the same error, state() stays the last
   ///         good one, other engines are not affected. Error (input) for a wrong number of torques or servos,
-  ///         servos without actuation, negative gains or limits.
+  ///         servos without actuation, negative gains or limits, forces and drive targets that are not sound
+  ///         or that the engine does not take.
   virtual StepReport step(const StepInput& input) = 0;
 
   virtual const model::State& state() const = 0;
@@ -115,6 +128,10 @@ class Engine {
   ///         stands anywhere, and goes on only from another state. Error (physics) of an engine that has
   ///         failed.
   virtual void restore(const model::State& state, ArchiveReader& in);
+  /// Takes over masses, inertias, gravity and materials of the model, which have changed; all else has to be
+  /// as it was. Engines ode and articulated. @throws Error (input) by another engine; Error (physics) of an
+  /// engine that has failed.
+  virtual void refresh();
   virtual std::span<const Contact> contacts() const = 0;
   virtual const Settings& settings() const = 0;
   /// True where a collision space exists.

@@ -151,6 +151,37 @@ Pose joint_transform(const Joint& joint, std::span<const double> q) {
   return {};
 }
 
+void place_joints(const Model& model, std::span<const double> q, std::span<const double> u, State& state) {
+  hang_children(model, q, state);
+  for (const Joint& joint : model.joints) {
+    if (joint.closes_loop) continue;
+    const auto rates = u.subspan(static_cast<std::size_t>(joint.first_dof));
+    const BodyState& parent = state.bodies[static_cast<std::size_t>(joint.parent)];
+    BodyState& child = state.bodies[static_cast<std::size_t>(joint.child)];
+    const Quat q_WF = parent.q * joint.parent_frame.q;
+    const Vec3 anchor = child.p + child.q * joint.child_frame.p;
+    Vec3 w = Vec3::Zero(), v = Vec3::Zero();  // of M against F
+    switch (joint.kind) {
+      case JointKind::hinge:
+        w = q_WF * Vec3(rates[0] * joint.axes[0].axis);
+        break;
+      case JointKind::universal:
+        w = q_WF * Vec3(rates[0] * joint.axes[0].axis) +
+            child.q * (joint.child_frame.q * Vec3(rates[1] * joint.axes[1].axis));
+        break;
+      case JointKind::slider:
+        v = q_WF * Vec3(rates[0] * joint.axes[0].axis);
+        break;
+      case JointKind::ball:
+        w = q_WF * Vec3(rates[0], rates[1], rates[2]);
+        break;
+    }
+    child.w = parent.w + w;
+    child.v = parent.v + parent.w.cross(anchor - parent.p) + v + child.w.cross(child.p - anchor);
+  }
+  find_coordinates(model, state);
+}
+
 State state_at(const Model& model, std::span<const double> q) {
   State state = zero_state(model);
   hang_children(model, q, state);

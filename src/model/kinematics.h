@@ -22,6 +22,10 @@ double joint_gap(const Joint& joint, const State& state);
 
 /// X_FM for given coordinates of this joint.
 Pose joint_transform(const Joint& joint, std::span<const double> q);
+/// Puts every body that hangs on a joint where coordinates and rates (each of size model.dof_count()) have
+/// it, outward from the bodies without one, which stay where the state has them. Loop-closing joints are not
+/// solved for. Fills q and u.
+void place_joints(const Model& model, std::span<const double> q, std::span<const double> u, State& state);
 /// State with the given coordinates (size model.dof_count()), at rest. Bodies without a joint to a
 /// parent stay at their zero pose; loop-closing joints are not solved for: State::q has their coordinates
 /// then.

@@ -92,10 +92,14 @@ Simulation::Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers w
     find_constant_torques();
     for (const scene::ClimbPlan& plan : scene_->plans.climbs) climbs_.emplace_back(scene_->model, plan, step);
   }
-  if (scene_->control)
-    controller_ =
-        std::make_unique<control::Controller>(scene_->model, *scene_->control, step, engine_->state());
+  make_controller();
   make_watchers();
+}
+
+void Simulation::make_controller() {
+  if (scene_->control)
+    controller_ = std::make_unique<control::Controller>(scene_->model, *scene_->control,
+                                                        scene_->spec.solver.step, engine_->state());
 }
 
 void Simulation::make_watchers() {
@@ -122,14 +126,21 @@ void Simulation::check(const engine::StepInput& action) const {
   if (!action.torques.empty()) refuse(engine::torque_fault(model(), state().time, action.torques));
   if (!action.servos.empty())
     refuse(engine::servo_fault(model(), engine_->settings(), state().time, action.servos));
+  engine::require_outside(model(), engine_->settings(), action);
 }
 
 /// What drives the joints in the next step: the controller, constant torques, climbs and the caller.
 engine::StepInput Simulation::command(const engine::StepInput& action) {
   if (controller_) controller_->command(engine_->state());
   if (climbs_.empty() && action.torques.empty() && action.servos.empty()) {
-    if (!controller_) return {.torques = constant_};
-    if (constant_.empty()) return {controller_->torques(), controller_->servos()};
+    engine::StepInput input = action;
+    input.torques = constant_;
+    if (!controller_) return input;
+    if (constant_.empty()) {
+      input.torques = controller_->torques();
+      input.servos = controller_->servos();
+      return input;
+    }
   }
   const auto dofs = at(model().dof_count());
   bool any_servos = !climbs_.empty() || !action.servos.empty();
@@ -148,12 +159,18 @@ engine::StepInput Simulation::command(const engine::StepInput& action) {
   add(action.torques);
   for (std::size_t i = 0; i < action.servos.size(); ++i)
     if (action.servos[i].limit > 0) servos_[i] = action.servos[i];
-  return {sum_, any_servos ? std::span<const model::Servo>(servos_) : std::span<const model::Servo>()};
+  return {sum_, any_servos ? std::span<const model::Servo>(servos_) : std::span<const model::Servo>(),
+          action.forces, action.drive_targets};
 }
 
-void Simulation::step(const engine::StepInput& action) {
+void Simulation::step(const engine::StepInput& action, std::span<const double> angles) {
   if (failure_) throw Error(*failure_);
-  if (!action.torques.empty() || !action.servos.empty()) check(action);
+  if (!angles.empty() && !controller_)
+    throw input_error("angles", fmt::format("{} angles in a scene that drives no joint", angles.size()),
+                      "a scene with control");
+  if (controller_ && angles.empty()) controller_->release_targets();
+  if (!angles.empty()) controller_->set_targets(angles);
+  check(action);
   try {
     advance(action);
   } catch (const std::bad_alloc&) {
@@ -279,7 +296,7 @@ void Simulation::restore_parts(const RunSnapshot& snapshot) {
 MotionSnapshot Simulation::motion() const {
   if (failure_) throw Error(*failure_);
   MotionSnapshot out;
-  out.scene_ = scene_;
+  out.lineage_ = scene_->lineage;
   out.steps_ = steps_;
   out.state_ = engine_->state();
   ArchiveWriter bytes;
@@ -291,14 +308,27 @@ MotionSnapshot Simulation::motion() const {
 
 void Simulation::reset(const MotionSnapshot& motion) {
   if (failure_) throw Error(*failure_);
-  if (motion.scene_ != scene_)
-    throw input_error("motion", "one of a simulation with a scene of its own",
-                      "one of a simulation that shares this scene");
+  if (motion.lineage_ != scene_->lineage)
+    throw input_error("motion", "one of a scene that was compiled apart", "one of this scene or a copy of it");
   ArchiveReader in(motion.bytes_, "motion");
   engine_->restore(motion.state_, in);
   if (controller_) controller_->restore(in);
   steps_ = motion.steps_;
   make_watchers();
+}
+
+void Simulation::reset(const model::State& state) {
+  if (failure_) throw Error(*failure_);
+  engine_->set_state(state);
+  steps_ = std::lround(state.time / scene_->spec.solver.step);
+  make_controller();
+  make_watchers();
+}
+
+void Simulation::refresh() {
+  if (failure_) throw Error(*failure_);
+  engine_->refresh();
+  make_controller();
 }
 
 }  // namespace handsim::simulation

@@ -34,11 +34,14 @@ class Simulation {
   /// @param action of the caller, for this step alone: torques [N m] or forces [N] that add to those of the
   ///        scene, and servos, which replace those of the scene on coordinates where their limit is above 0.
   ///        Each of size model().dof_count() or empty, in the order of the coordinates (Joint::first_dof),
-  ///        positive along the coordinate. Servos need the actuation effect (spec.solver.effects).
+  ///        positive along the coordinate. Servos need the actuation effect (spec.solver.effects). Forces on
+  ///        bodies, and targets of driven bodies in place of their motions.
+  /// @param angles [rad] that the controller is to hold at the step's end, one for each of its axes; empty:
+  ///        those of the scene's poses
   /// @throws Error (input) for an action of another size, with numbers that are not finite or out of range,
   ///         or for servos without actuation; nothing has moved then. Error (physics) with time, body or
   ///         joint and quantity when the state leaves its bounds; every later step throws the same.
-  void step(const engine::StepInput& action = {});
+  void step(const engine::StepInput& action = {}, std::span<const double> angles = {});
 
   const scene::Scene& scene() const { return *scene_; }
   const model::Model& model() const { return scene_->model; }
@@ -92,13 +95,21 @@ class Simulation {
   /// The motion without the watchers: cheaper. @throws Error (physics) of a simulation that has failed.
   MotionSnapshot motion() const;
   /// Goes on from a motion, to the bit; watchers begin anew.
-  /// @throws Error (input) for a motion of a simulation that does not share this scene object. Error
-  ///         (physics) of a simulation that has failed.
+  /// @throws Error (input) for a motion of a scene that was compiled apart from this one. Error (physics) of
+  ///         a simulation that has failed.
   void reset(const MotionSnapshot& motion);
+  /// Goes on from a state, at the step that is next to its time; controller and watchers begin anew.
+  /// @throws Error (input) as Engine::set_state. Error (physics) of a simulation that has failed.
+  void reset(const model::State& state);
+  /// Takes over masses, inertias, gravity and materials of the scene's model, and gains of its control, that
+  /// its owner has changed; the controller begins anew.
+  /// @throws as Engine::refresh
+  void refresh();
 
  private:
   struct LazyFingerprint;
   void advance(const engine::StepInput& action);
+  void make_controller();
   void check(const engine::StepInput& action) const;
   engine::StepInput command(const engine::StepInput& action);
   void find_constant_torques();

@@ -18,7 +18,7 @@ struct RunSnapshot {
   std::uint64_t sum = 0;  ///< XXH64 of the bytes
 };
 
-/// The motion alone, engine and controller, for a cheap reset of simulations that share one scene object.
+/// The motion alone, engine and controller, for a cheap reset of simulations of one scene or copies of it.
 class MotionSnapshot {
  public:
   /// Of the state [s].
@@ -26,7 +26,7 @@ class MotionSnapshot {
 
  private:
   friend class Simulation;
-  std::shared_ptr<const scene::Scene> scene_;
+  std::shared_ptr<const char> lineage_;  ///< scene::Scene::lineage
   long steps_ = 0;
   model::State state_;
   std::string bytes_;  ///< what the engine and then the controller save

@@ -162,6 +162,7 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
 }
 
 void ArticulatedEngine::accept(const StepInput& input) {
+  require_outside(model_, settings_, input);
   if (!input.torques.empty() || had_torques_) {
     if (!input.torques.empty())
       if (auto fault = torque_fault(model_, time_, input.torques)) fail(std::move(*fault));
@@ -182,13 +183,14 @@ void ArticulatedEngine::accept(const StepInput& input) {
     if (auto fault = servo_fault(model_, settings_, time_, input.servos)) fail(std::move(*fault));
 }
 
-/// Where the drives take their bodies in a step that ends at a time.
-void ArticulatedEngine::find_targets(double end) {
+/// Where the drives take their bodies in a step that ends at a time. @param given by the caller, or empty
+void ArticulatedEngine::find_targets(std::span<const Pose> given, double end) {
   ways_.clear();
   for (std::size_t i = 0; i < drives_.size(); ++i) {
     const model::Drive& drive = model_.drives[static_cast<std::size_t>(drives_[i])];
     const Pose& now = mechanism_.base(drive.body).pose;
-    targets_[i] = drive.motion.at(end) * drive.frame.inverse();
+    const Pose frame = given.empty() ? drive.motion.at(end) : given[static_cast<std::size_t>(drives_[i])];
+    targets_[i] = frame * drive.frame.inverse();
     ways_.push_back(
         {drive.body, {targets_[i].p - now.p, rotation_vector(targets_[i].q * now.q.conjugate())}});
   }
@@ -264,11 +266,12 @@ bool ArticulatedEngine::arrive(bool fast) {
 void ArticulatedEngine::step_implicitly(const StepInput& input, double end, StepReport& report) {
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();
-  find_targets(end);
+  find_targets(input.drive_targets, end);
   if (contact_) collide(report);
   const bool fast = fast_spin_->begin(input, settings_.step);
   const bool moving = set_base_velocities();
   mechanism_.update_gyroscopic_torques(settings_.step);
+  if (!input.forces.empty()) mechanism_.add_forces(input.forces);
   if (report.contacts > 0) {
     const NewtonReport found = contact_->solve(settings_.step);
     report.contact_sweeps = found.iterations;
@@ -285,6 +288,14 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
   kernel.integrate(tree, settings_.step);
   if (moving) place_bases();
   check(arrive(fast), end);
+}
+
+void ArticulatedEngine::refresh() {
+  if (failure_) throw Error(*failure_);
+  mechanism_.refresh(settings_);
+  if (contact_) contact_->refresh();
+  if (fast_spin_) fast_spin_->refresh();
+  mechanism_.kernel().kinematics(mechanism_.tree());
 }
 
 std::span<const Contact> ArticulatedEngine::contacts() const {

@@ -34,6 +34,7 @@ class ArticulatedEngine final : public Engine {
   /// Bit-exact, unlike set_state: the coordinates themselves, and the impulses that contacts start from.
   void save(ArchiveWriter& out) const override;
   void restore(const model::State& state, ArchiveReader& in) override;
+  void refresh() override;
   std::span<const Contact> contacts() const override;
   const Settings& settings() const override { return settings_; }
   bool tests_contacts() const override { return contact_ != nullptr; }
@@ -52,7 +53,7 @@ class ArticulatedEngine final : public Engine {
   void step_implicitly(const StepInput& input, double end, StepReport& report);
   bool arrive(bool fast);
   void collide(StepReport& report);
-  void find_targets(double end);
+  void find_targets(std::span<const Pose> given, double end);
   bool set_base_velocities();
   void place_bases();
   void keep_start();

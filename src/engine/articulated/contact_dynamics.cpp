@@ -36,8 +36,7 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
       friction_(settings.effects.has(model::Effect::friction)),
       with_forces_(settings.contact_forces),
       erp_(settings.erp()) {
-  for (const model::Body& body : model.bodies)
-    if (!body.kinematic) heaviest_ = std::max(heaviest_, body.mass);
+  refresh();
   order_dofs();
   frames_.reserve(kUsualContacts);
   light_.reserve(kUsualContacts);
@@ -52,6 +51,12 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
     const int dof = space_.first_dof(static_cast<int>(i));
     axes_.push_back({dof, place_[at(dof)], mechanism.axis_view(i), view.q, view.u, 0, false});
   }
+}
+
+void ContactDynamics::refresh() {
+  heaviest_ = 0;
+  for (const model::Body& body : model_.bodies)
+    if (!body.kinematic) heaviest_ = std::max(heaviest_, body.mass);
 }
 
 /// Children before parents, branch by branch, trees on a base before free ones: the solver's

@@ -36,6 +36,8 @@ class ContactDynamics {
   /// All must outlive this. @param loops of the mechanism, null where it has none. @throws OdeFault
   ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism, Loops* loops);
 
+  /// Takes over the model's masses.
+  void refresh();
   /// Forgets the impulses of the last step.
   void forget() { memory_.points.clear(); }
   /// Contacts of the last step and their impulses, the warm start of the next.

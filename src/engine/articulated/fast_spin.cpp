@@ -70,6 +70,14 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism)
   forces_.resize(at(space_.size()));
 }
 
+void FastSpin::refresh() {
+  forget();
+  for (Tree& tree : trees_) {
+    tree.mass = 0;
+    for (const int body : tree.bodies) tree.mass += *views_[at(body)].mass;
+  }
+}
+
 void FastSpin::forget() {
   for (Tree& tree : trees_) tree.watched = false;
 }
@@ -125,7 +133,7 @@ bool FastSpin::begin(const StepInput& input, double step) {
   for (Tree& tree : trees_) {
     const double spin = beyond(most, kPassiveTurn) ? turn(tree) : 0;
     const BaseMotion& base = mechanism_.base(tree.base);
-    tree.fast = beyond(spin, kPassiveTurn) && base.v.isZero(0) && base.w.isZero(0) &&
+    tree.fast = beyond(spin, kPassiveTurn) && input.forces.empty() && base.v.isZero(0) && base.w.isZero(0) &&
                 (!driven(tree, input) || beyond(spin, kDrivenTurn));
     if (tree.fast && !tree.watched) {
       if (!found) mechanism_.kernel().momenta(mechanism_.tree());

@@ -13,7 +13,7 @@
 //    Where that is too little, the rest is taken from the rotation of the whole, and only then angular
 //    momentum is lost.
 // Positions stay those of the step: stops and contacts that it landed on are met. A tree on a moving base,
-// whose work is not known, is left alone.
+// whose work is not known, is left alone, and so are all trees in a step with forces from outside.
 #pragma once
 
 #include <span>
@@ -31,6 +31,8 @@ class FastSpin {
   /// Both must outlive this.
   FastSpin(const model::Model& model, Mechanism& mechanism);
 
+  /// Takes over the mechanism's masses, and ends every watch.
+  void refresh();
   /// Ends every watch.
   void forget();
   void save(ArchiveWriter& out) const;

@@ -83,6 +83,10 @@ class Mechanism {
   /// Gives free bodies without children the gyroscopic torque of an implicit step of this length
   /// (spin.h), in place of the one at its start.
   void update_gyroscopic_torques(double step);
+  /// Adds forces from outside to those of the step; after `update_gyroscopic_torques`.
+  void add_forces(std::span<const BodyForce> forces);
+  /// Takes over the model's masses, inertias and gravity; `kinematics` is to be found again.
+  void refresh(const Settings& settings);
   /// An island's origin in the world; of a free one, where its positions have it.
   Vec3 origin(int island) const;
 

@@ -80,6 +80,7 @@ void DaeEngine::find_torques(std::span<const double> given, model::State& state)
 
 StepReport DaeEngine::step(const StepInput& input) {
   if (failure_) throw Error(*failure_);
+  require_outside(model_, settings_, input);
   if (!input.servos.empty())
     throw input_error("servos", "servo drives on the dae engine",
                       "torques (form: explicit), or the ode engine");

@@ -19,10 +19,7 @@ dBodyID make_kinematic(dWorldID world) {
 
 dBodyID make_dynamic(dWorldID world, const model::Body& body) {
   const dBodyID id = dBodyCreate(world);
-  const Mat3& I = body.inertia;
-  dMass mass;
-  dMassSetParameters(&mass, body.mass, 0, 0, 0, I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2));
-  dBodySetMass(id, &mass);
+  set_mass(id, body);
   return id;
 }
 
@@ -36,6 +33,13 @@ std::vector<bool> closed_onto(const model::Model& model, const std::vector<bool>
 }
 
 }  // namespace
+
+void set_mass(dBodyID id, const model::Body& body) {
+  const Mat3& I = body.inertia;
+  dMass mass;
+  dMassSetParameters(&mass, body.mass, 0, 0, 0, I(0, 0), I(1, 1), I(2, 2), I(0, 1), I(0, 2), I(1, 2));
+  dBodySetMass(id, &mass);
+}
 
 OdeIds make_world() {
   OdeIds ids;

@@ -41,6 +41,8 @@ struct OdeBody {
 /// A world with threading of its own.
 OdeIds make_world();
 
+/// Gives an ODE body the mass and inertia of the model's.
+void set_mass(dBodyID id, const model::Body& body);
 /// Creates the bodies, in the order of Model::bodies, at the origin.
 /// @throws OdeFault
 std::vector<OdeBody> make_bodies(dWorldID world, const model::Model& model,

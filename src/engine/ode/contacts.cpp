@@ -54,6 +54,11 @@ void Contacts::set_step(double step) {
   fall_ = gravity_ * step;
 }
 
+void Contacts::set_gravity(const Vec3& gravity) {
+  gravity_ = gravity;
+  set_step(step_);
+}
+
 void Contacts::recall(const model::State& state, bool iterative) {
   crossed_.find(collider_);
   if (remembers_) memory_.recall(collider_, state);

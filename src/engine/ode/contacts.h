@@ -51,6 +51,7 @@ class Contacts {
   }
   /// Length of the steps to come [s].
   void set_step(double step);
+  void set_gravity(const Vec3& gravity);  ///< [m/s^2]
   const std::vector<Contact>& list() const { return collider_.contacts(); }
   std::span<const Touch> touches() const { return collider_.touches(); }
   /// The list, which steps to come do not depend on.

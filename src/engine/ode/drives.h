@@ -16,10 +16,14 @@ class Drives {
   Drives(const model::Model& model, const std::vector<OdeBody>& bodies);
   /// Sets the velocities for the step that ends at time `end` [s] and takes `step` [s].
   void set_velocities(double end, double step);
+  /// The same towards X_WD of each drive, which its body has to reach in `remaining` [s] from now.
+  void set_velocities(std::span<const Pose> targets, double remaining, double step);
   /// Where the bodies go in the step aimed for.
   std::span<const Prospect::Driven> ways() const { return ways_; }
 
  private:
+  void set_velocity(const model::Drive& drive, const Pose& frame, double remaining, double step);
+
   const model::Model& model_;
   const std::vector<OdeBody>& bodies_;
   std::vector<Prospect::Driven> ways_;

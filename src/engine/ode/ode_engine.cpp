@@ -22,11 +22,16 @@ OdeEngine::OdeEngine(const model::Model& model, const Settings& settings)
   }
 }
 
+void OdeEngine::set_gravity() {
+  const Vec3 gravity = settings_.effects.has(model::Effect::gravity) ? model_.gravity : Vec3::Zero();
+  dWorldSetGravity(ids_.world.get(), gravity.x(), gravity.y(), gravity.z());
+  if (contacts_) contacts_->set_gravity(gravity);
+}
+
 void OdeEngine::build() {
   ids_ = make_world();
   const dWorldID world = ids_.world.get();
-  const Vec3 gravity = settings_.effects.has(model::Effect::gravity) ? model_.gravity : Vec3::Zero();
-  dWorldSetGravity(world, gravity.x(), gravity.y(), gravity.z());
+  set_gravity();
   dWorldSetERP(world, settings_.ode().erp);
   dWorldSetCFM(world, settings_.ode().cfm);
   dWorldSetQuickStepNumIterations(world, settings_.ode().iterations);
@@ -94,6 +99,13 @@ void OdeEngine::restore(const model::State& state, ArchiveReader& in) {
   in(with_contacts);
   if (with_contacts != (contacts_ != nullptr)) in.refuse("contacts of another scene", "those of this one");
   if (contacts_) contacts_->restore(in);
+}
+
+void OdeEngine::refresh() {
+  if (failure_) throw Error(*failure_);
+  set_gravity();
+  for (const std::size_t i : moving_)
+    if (!model_.bodies[i].kinematic) set_mass(bodies_[i].id, model_.bodies[i]);
 }
 
 std::span<const Contact> OdeEngine::contacts() const {

@@ -40,6 +40,7 @@ class OdeEngine final : public Engine {
   /// The contacts, their creep and forces and the stops in force of the last step: all else is in the state.
   void save(ArchiveWriter& out) const override;
   void restore(const model::State& state, ArchiveReader& in) override;
+  void refresh() override;
   std::span<const Contact> contacts() const override;
   const Settings& settings() const override { return settings_; }
   bool tests_contacts() const override { return contacts_ != nullptr; }
@@ -52,6 +53,7 @@ class OdeEngine final : public Engine {
 
  private:
   void build();
+  void set_gravity();
   void write(const model::State& state);
   bool immovable_moved(const model::State& state) const;
   /// One step of ODE's, ending at `end`, of length `step`; the state is not read yet. @throws StepRefused
@@ -90,6 +92,7 @@ class OdeEngine final : public Engine {
   std::unique_ptr<Drives> drives_;      ///< with wrist_motion only
   std::unique_ptr<Contacts> contacts_;  ///< with contact effects and rules only
   ResidualMeter residual_;
+  double targets_due_ = 0;                ///< when drives are to have met the caller's targets [s]
   int stop_rows_ = 0;                     ///< joint stops in force in the last step
   std::unique_ptr<MethodChoice> choice_;  ///< with method auto only
   std::vector<System> closed_;            ///< islands to close after every step; with projection only

@@ -50,8 +50,10 @@ double squared_norm(const double* v) { return v[0] * v[0] + v[1] * v[1] + v[2] *
 
 StepReport OdeEngine::step(const StepInput& input) {
   if (failure_) throw Error(*failure_);
+  require_outside(model_, settings_, input);
   enter_ode();
   const double end = next_time(state_.time, settings_.step);
+  targets_due_ = end;
   if (settings_.ode().guard) return guarded_step(input, end);
   try {
     const StepReport report = plain_step(input, end, settings_.step, settings_.ode().method);
@@ -67,7 +69,10 @@ StepReport OdeEngine::step(const StepInput& input) {
 
 StepReport OdeEngine::plain_step(const StepInput& input, double end, double step, OdeMethod method) {
   StepReport report;
-  if (drives_) drives_->set_velocities(end, step);
+  if (drives_ && input.drive_targets.empty())
+    drives_->set_velocities(end, step);
+  else if (drives_)
+    drives_->set_velocities(input.drive_targets, targets_due_ - (end - step), step);
   try {
     prepare(input, report);
     solve(step, method, report);
@@ -163,6 +168,11 @@ void OdeEngine::actuate(const StepInput& input) {
   if (!input.servos.empty())
     if (auto fault = servo_fault(model_, settings_, state_.time, input.servos)) fail(std::move(*fault));
   joints_->set_servos(input.servos);
+  for (const BodyForce& each : input.forces) {
+    const dBodyID id = bodies_[static_cast<std::size_t>(each.body)].id;
+    dBodyAddForce(id, each.force.x(), each.force.y(), each.force.z());
+    dBodyAddTorque(id, each.moment.x(), each.moment.y(), each.moment.z());
+  }
 }
 
 /// @return false where ODE did not make the step

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -21,6 +22,8 @@ struct Scene {
   YamlNode resolved;                     ///< the scene with defaults filled in and references inlined
   std::vector<InputFile> inputs;         ///< meshes and motion files that `resolved` names
   std::vector<std::string> warnings;     ///< e.g. a person outside the survey
+  /// The same in all copies of one compilation: their motions can be exchanged.
+  std::shared_ptr<const char> lineage = std::make_shared<const char>();
 };
 
 /// @param overrides `key.path=value`, applied before reading.

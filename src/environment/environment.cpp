@@ -1,0 +1,183 @@
+#include "handsim/environment/environment.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/core/index.h"
+#include "handsim/model/kinematics.h"
+
+namespace handsim::environment {
+
+namespace {
+
+/// What a run needs of a scene; the texts that repeat it are left behind.
+std::shared_ptr<scene::Scene> lean(const scene::Scene& scene) {
+  auto out = std::make_shared<scene::Scene>();
+  out->spec = scene.spec;
+  out->plans = scene.plans;
+  out->model = scene.model;
+  out->control = scene.control;
+  out->lineage = scene.lineage;
+  return out;
+}
+
+void require_size(const char* what, std::size_t got, std::size_t need, const char* of) {
+  if (got != 0 && got != need)
+    throw input_error(std::string("action.") + what, fmt::format("{}", got),
+                      fmt::format("one for each of {} {}, or none", need, of));
+}
+
+}  // namespace
+
+Environment::Environment(const scene::Scene& scene, Setup setup)
+    : scene_(lean(scene)), setup_(std::move(setup)), variation_(std::make_unique<Variation>(*scene_)) {
+  observation_ = std::make_unique<Observation>(*scene_, setup_.observe);
+  observed_.resize(observation_->size());
+  if (observation_->needs_forces()) scene_->spec.solver.contact_forces = true;
+  build();
+  state_ = simulation_->state();
+  // Wrong names and bounds are told now.
+  variation_->draw(setup_.randomise, 0);
+  reset();
+}
+
+Environment::Environment(Environment&&) noexcept = default;
+Environment& Environment::operator=(Environment&&) noexcept = default;
+Environment::~Environment() = default;
+
+void Environment::build() {
+  simulation_ = std::make_unique<simulation::Simulation>(scene_, setup_.watchers);
+  start_.emplace(simulation_->motion());
+}
+
+/// An engine that works, with the scene's numbers as they are now.
+void Environment::begin() {
+  const bool changed = variation_->take_changed();
+  if (failure_) {
+    build();
+    failure_.reset();
+  } else if (changed) {
+    simulation_->refresh();
+  }
+  steps_ = 0;
+}
+
+void Environment::reset() {
+  begin();
+  if (!variation_->moves_start()) return simulation_->reset(*start_);
+  model::State state = state_;
+  variation_->place(state);
+  simulation_->reset(state);
+}
+
+void Environment::reset(std::uint64_t seed) {
+  variation_->draw(setup_.randomise, seed);
+  reset();
+}
+
+void Environment::reset(const Moment& moment) {
+  begin();
+  simulation_->reset(moment);
+}
+
+void Environment::reset(const Start& start) {
+  const model::Model& model = scene_->model;
+  const auto dofs = at(model.dof_count());
+  std::vector<int> objects;
+  for (const scene::ObjectSpec& object : scene_->plans.objects)
+    for (std::size_t i = 0; i < model.bodies.size(); ++i)
+      if (!object.is_static && model.bodies[i].name == object.name) objects.push_back(static_cast<int>(i));
+  require_size("q", start.q.size(), dofs, "coordinates");
+  require_size("u", start.u.size(), dofs, "coordinates");
+  require_size("objects", start.objects.size(), objects.size(), "objects");
+  begin();
+  model::State state = state_;
+  for (std::size_t i = 0; i < start.objects.size(); ++i) {
+    model::BodyState& body = state.bodies[at(objects[i])];
+    body = {start.objects[i].p, start.objects[i].q, Vec3::Zero(), Vec3::Zero()};
+  }
+  const std::span<const double> q = start.q.empty() ? std::span<const double>(state_.q) : start.q;
+  std::vector<double> u(dofs);
+  std::copy(start.u.begin(), start.u.end(), u.begin());
+  model::place_joints(model, q, u, state);
+  simulation_->reset(state);
+}
+
+void Environment::check(const Action& action, int substeps) const {
+  const model::Model& model = scene_->model;
+  const auto* controller = simulation_->controller();
+  require_size("torques", action.torques.size(), at(model.dof_count()), "coordinates");
+  require_size("angles", action.angles.size(), controller ? controller->axes().size() : 0, "driven axes");
+  require_size("wrists", action.wrists.size(), model.drives.size(), "driven wrists");
+  require_size("wrist_rates", action.wrist_rates.size(), model.drives.size(), "driven wrists");
+  if (!action.wrists.empty() && !action.wrist_rates.empty())
+    throw input_error("action.wrists", "poses and velocities", "one of the two");
+  for (const model::PoseRate& rate : action.wrist_rates)
+    if (!rate.v.allFinite() || !rate.w.allFinite())
+      throw input_error("action.wrist_rates", "one that is not finite", "finite numbers");
+  if (substeps < 1) throw input_error("substeps", fmt::format("{}", substeps), "1 or more");
+}
+
+/// Where the driven wrists are at the end of one of the substeps.
+std::span<const Pose> Environment::wrist_targets(const Action& action, int step, int substeps) {
+  const model::Model& model = scene_->model;
+  const std::size_t count = std::max(action.wrists.size(), action.wrist_rates.size());
+  if (count == 0) return {};
+  if (step == 0) {
+    from_.clear();
+    for (const model::Drive& drive : model.drives)
+      from_.push_back(simulation_->state().bodies[at(drive.body)].pose() * drive.frame);
+  }
+  const double share = static_cast<double>(step + 1) / substeps;
+  const double time = (step + 1) * scene_->spec.solver.step;
+  targets_.clear();
+  for (std::size_t i = 0; i < count; ++i) {
+    if (action.wrists.empty()) {
+      const model::PoseRate& rate = action.wrist_rates[i];
+      targets_.push_back(
+          {from_[i].p + time * rate.v, (rotation_quaternion(time * rate.w) * from_[i].q).normalized()});
+      continue;
+    }
+    const Vec3 turn = rotation_vector(action.wrists[i].q * from_[i].q.conjugate());
+    targets_.push_back({from_[i].p + share * (action.wrists[i].p - from_[i].p),
+                        (rotation_quaternion(share * turn) * from_[i].q).normalized()});
+  }
+  return targets_;
+}
+
+void Environment::step(const Action& action, int substeps) {
+  if (failure_) throw Error(*failure_);
+  check(action, substeps);
+  try {
+    for (int i = 0; i < substeps; ++i) {
+      simulation_->step({.torques = action.torques,
+                         .forces = action.forces,
+                         .drive_targets = wrist_targets(action, i, substeps)},
+                        action.angles);
+      ++steps_;
+    }
+  } catch (const Error& error) {
+    if (!error.problems().empty()) throw;
+    failure_.emplace(error);
+    throw;
+  }
+}
+
+std::span<const double> Environment::observe() {
+  observation_->write(*simulation_, observed_);
+  return observed_;
+}
+
+const Observation& Environment::observation() const { return *observation_; }
+
+Moment Environment::moment() const { return simulation_->motion(); }
+
+void Environment::set(std::string_view name, std::span<const double> values) {
+  variation_->set(name, values);
+}
+
+std::vector<double> Environment::get(std::string_view name) const { return variation_->get(name); }
+
+}  // namespace handsim::environment

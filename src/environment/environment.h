@@ -1,0 +1,109 @@
+// The loop that somebody else drives: a scene that is reset, stepped with actions and observed, again and
+// again, without being built anew. batch.h has many of them at once.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "handsim/environment/observation.h"
+#include "handsim/environment/variation.h"
+#include "handsim/simulation/simulation.h"
+
+namespace handsim::environment {
+
+/// What an environment is to be; the same for all of a batch.
+struct Setup {
+  std::vector<std::string> observe = {"q", "u"};  ///< observation_parts()
+  std::vector<Randomised> randomise = {};         ///< drawn by reset(seed)
+  simulation::MakeWatchers watchers = simulation::no_watchers;
+};
+
+/// What acts from now on until the next action. All of it adds to what the scene itself does, but that
+/// `angles` and the wrists' motion take the place of the scene's own. Empty parts act as if they were not.
+struct Action {
+  /// [N m] or [N], one for each coordinate, positive along it.
+  std::span<const double> torques = {};
+  /// [rad], that the scene's controller holds: one for each of its axes (Controller::axes).
+  std::span<const double> angles = {};
+  /// X_WH of each driven wrist (Model::drives) at the end of the action; it moves there at constant velocity.
+  std::span<const Pose> wrists = {};
+  /// Velocity of each driven wrist, in place of `wrists`.
+  std::span<const model::PoseRate> wrist_rates = {};
+  /// Forces on bodies; engines ode and articulated.
+  std::span<const engine::BodyForce> forces = {};
+};
+
+/// A motion to go back to: of one environment, for all of the same scene.
+using Moment = simulation::MotionSnapshot;
+
+/// Where bodies and joints start, in place of the scene's own start.
+struct Start {
+  std::span<const double> q = {};      ///< size dof_count(), or empty: the scene's
+  std::span<const double> u = {};      ///< the same, or empty: at rest
+  std::span<const Pose> objects = {};  ///< X_WB of each object that can move, or empty: the scene's
+};
+
+/// Can be moved. One thread at a time; different environments are independent.
+class Environment {
+ public:
+  /// @throws Error (input) where the scene does not run, or the setup names what there is not.
+  Environment(const scene::Scene& scene, Setup setup = {});
+  Environment(Environment&&) noexcept;
+  Environment& operator=(Environment&&) noexcept;
+  ~Environment();
+
+  /// To the start of the scene, with the numbers that were set last.
+  void reset();
+  /// The same with the numbers of Setup::randomise drawn: a function of the seed alone.
+  void reset(std::uint64_t seed);
+  /// To a motion, to the bit; numbers that were set stay. @throws Error (input) for one of another scene.
+  void reset(const Moment& moment);
+  /// @throws Error (input) for another number of coordinates or objects.
+  void reset(const Start& start);
+
+  /// @param substeps steps of the scene's solver.
+  /// @throws Error (input) for an action of another size or with numbers that are not finite: nothing has
+  ///         moved then. Error (physics) where the motion diverges: `failure` then says so, and every step
+  ///         throws the same until the next reset.
+  void step(const Action& action = {}, int substeps = 1);
+  /// Why the environment needs a reset; null where it does not.
+  const Error* failure() const { return failure_ ? &*failure_ : nullptr; }
+
+  /// Valid until the next call.
+  std::span<const double> observe();
+  const Observation& observation() const;
+  Moment moment() const;
+
+  /// Changes a number of the scene (variation.h) from the next reset on.
+  void set(std::string_view name, std::span<const double> values);
+  std::vector<double> get(std::string_view name) const;
+
+  const simulation::Simulation& simulation() const { return *simulation_; }
+  const scene::Scene& scene() const { return *scene_; }
+  /// Steps of the solver since the last reset.
+  long steps() const { return steps_; }
+
+ private:
+  void begin();
+  void build();
+  void check(const Action& action, int substeps) const;
+  std::span<const Pose> wrist_targets(const Action& action, int step, int substeps);
+
+  std::shared_ptr<scene::Scene> scene_;  ///< of its own: numbers in it change
+  Setup setup_;
+  std::unique_ptr<Variation> variation_;
+  std::unique_ptr<Observation> observation_;
+  std::unique_ptr<simulation::Simulation> simulation_;
+  std::optional<Moment> start_;
+  model::State state_;  ///< the scene's start
+  std::optional<Error> failure_;
+  std::vector<double> observed_;
+  std::vector<Pose> from_, targets_;  ///< of the driven wrists
+  long steps_ = 0;
+};
+
+}  // namespace handsim::environment

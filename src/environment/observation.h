@@ -1,0 +1,73 @@
+// What an environment tells of its state: a flat vector of the parts that one asks for by name, in that
+// order.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "handsim/simulation/simulation.h"
+
+namespace handsim::environment {
+
+/// Names of the parts that there are, each with what it holds:
+///   time              [s]
+///   q, u, tau         coordinates, rates, and torques that acted in the last step, as State has them
+///   wrists            of each hand, hand frame H: p [m], quaternion w x y z, v [m/s], w [rad/s]; world axes
+///   fingertips        of each finger, hand after hand: p [m] and quaternion w x y z of the last segment
+///   objects           of each object that can move: p [m], quaternion, v [m/s], w [rad/s] of its body
+///   (centre
+///                     of mass), world axes
+///   finger_contacts   of palm and fingers of each hand: force on it [N], world axes, and number of points
+///   contact_pairs     of palm and fingers with each object, then with all else: normal force [N], points
+///   failed            1 where a criterion of the scene is not held up to now, else 0; needs watchers
+std::span<const std::string_view> observation_parts();
+
+/// A part and the names of its numbers, e.g. `right.index_mcp.flexion.rate[rad/s]`.
+struct ObservedPart {
+  std::string name;
+  std::size_t first = 0;  ///< in the vector
+  std::vector<std::string> columns;
+};
+
+class Observation {
+ public:
+  /// The scene must outlive this. @throws Error (input) naming parts that there are not.
+  Observation(const scene::Scene& scene, std::span<const std::string> names);
+
+  std::size_t size() const { return size_; }
+  std::span<const ObservedPart> parts() const { return parts_; }
+  /// Whether engines have to tell contact forces for it.
+  bool needs_forces() const;
+  /// @param out of size().
+  void write(const simulation::Simulation& simulation, std::span<double> out) const;
+
+ private:
+  /// In the order of observation_parts().
+  enum class Kind { time, q, u, tau, wrists, fingertips, objects, finger_contacts, contact_pairs, failed };
+  /// End of a finger.
+  struct Tip {
+    int body = 0;
+    Vec3 p = Vec3::Zero();  ///< in the body [m]
+  };
+  void find_tips();
+  void find_things();
+  void add(const std::string& name, const std::vector<std::string>& coordinates);
+  bool has(Kind kind) const;
+  void write_poses(Kind kind, const model::State& state, double* to) const;
+  void write_contacts(std::span<const engine::Contact> contacts, std::span<double> by_finger,
+                      std::span<double> by_pair) const;
+
+  const scene::Scene& scene_;
+  std::vector<ObservedPart> parts_;
+  std::vector<Kind> kinds_;  ///< of the parts
+  std::size_t size_ = 0;
+  std::vector<Tip> tips_;
+  std::vector<std::string> tip_names_;
+  std::vector<int> objects_;             ///< bodies
+  std::vector<std::string> hand_parts_;  ///< palm and fingers of each hand
+  std::vector<std::string> others_;      ///< objects, then `other`
+  std::vector<int> hand_part_, other_;   ///< of each shape; -1: none
+};
+
+}  // namespace handsim::environment

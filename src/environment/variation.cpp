@@ -1,0 +1,167 @@
+#include "handsim/environment/variation.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "handsim/core/index.h"
+#include "handsim/environment/draws.h"
+#include "handsim/model/kinematics.h"
+
+namespace handsim::environment {
+
+namespace {
+
+constexpr std::string_view kNames =
+    "gravity, gains, torque_limits, q, objects.I.mass, objects.I.friction, objects.I.position";
+
+[[noreturn]] void refuse(std::string_view name, std::string got, std::string need) {
+  throw input_error(std::string(name), std::move(got), std::move(need));
+}
+
+}  // namespace
+
+Variation::Variation(scene::Scene& scene) : scene_(scene) {
+  for (const scene::ObjectSpec& spec : scene.plans.objects) {
+    Object object;
+    object.position = spec.pose.p;
+    for (std::size_t i = 0; i < scene.model.bodies.size(); ++i)
+      if (!spec.is_static && scene.model.bodies[i].name == spec.name) {
+        object.body = static_cast<int>(i);
+        object.mass = scene.model.bodies[i].mass;
+        object.inertia = scene.model.bodies[i].inertia;
+      }
+    for (const model::Shape& shape : scene.model.shapes)
+      if (shape.part == model::Part::object && shape.name.substr(0, shape.name.find(".part")) == spec.name)
+        object.material = shape.material;
+    objects_.push_back(object);
+  }
+  if (scene.control)
+    for (const control::DrivenAxis& axis : scene.control->axes) gains_.push_back(axis.gains);
+  q_.resize(at(scene.model.dof_count()));
+}
+
+/// Of `objects.I.KEY`. @param key set to what follows the index
+Variation::Object& Variation::object(std::string_view name, std::string_view& key) {
+  constexpr std::string_view kFirst = "objects.";
+  std::size_t index = 0;
+  const char* end = name.data() + name.size();
+  const bool of_object = name.starts_with(kFirst);
+  const auto [rest, error] =
+      std::from_chars(name.data() + (of_object ? kFirst.size() : name.size()), end, index);
+  if (!of_object || error != std::errc() || rest == end || *rest != '.')
+    refuse("vary", std::string(name), fmt::format("one of {}", kNames));
+  key = std::string_view(rest + 1, end);
+  if (index >= objects_.size())
+    refuse(name, fmt::format("object {}", index),
+           fmt::format("one of the scene's {} objects", objects_.size()));
+  if (key != "mass" && key != "friction" && key != "position")
+    refuse("vary", std::string(name), fmt::format("one of {}", kNames));
+  if (key != "friction" && objects_[index].body < 0)
+    refuse(name, "an object that is static", "one that can move");
+  return objects_[index];
+}
+
+std::size_t Variation::size_of(std::string_view name) const {
+  if (name == "gravity" || name.ends_with(".position")) return 3;
+  return name == "q" ? q_.size() : 1;
+}
+
+void Variation::set(std::string_view name, std::span<const double> values) {
+  if (values.size() != size_of(name))
+    refuse(name, fmt::format("{} numbers", values.size()), fmt::format("{}", size_of(name)));
+  if (!std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); }))
+    refuse(name, fmt::format("{}", fmt::join(values, ", ")), "finite numbers");
+  if (name == "gravity") {
+    scene_.model.gravity = {values[0], values[1], values[2]};
+    if (scene_.control && scene_.control->gravity) scene_.control->gravity = scene_.model.gravity;
+    changed_ = true;
+  } else if (name == "gains" || name == "torque_limits") {
+    if (!scene_.control) refuse(name, "a scene that drives no joint", "one with control");
+    if (!(values[0] > 0)) refuse(name, fmt::format("{:g}", values[0]), "a factor above 0");
+    (name == "gains" ? gain_ : torque_limit_) = values[0];
+    for (std::size_t i = 0; i < gains_.size(); ++i) {
+      control::Gains& gains = scene_.control->axes[i].gains = gains_[i];
+      gains.proportional *= gain_;
+      gains.derivative *= gain_;
+      gains.integral *= gain_;
+      gains.torque_limit *= torque_limit_;
+    }
+    changed_ = true;
+  } else if (name == "q") {
+    q_.assign(values.begin(), values.end());
+    moves_start_ = true;
+  } else {
+    set_of_object(name, values);
+  }
+}
+
+void Variation::set_of_object(std::string_view name, std::span<const double> values) {
+  std::string_view key;
+  Object& object = this->object(name, key);
+  if (key == "position") {
+    const Vec3 position(values[0], values[1], values[2]);
+    object.shift += position - object.position;
+    object.position = position;
+    moves_start_ = true;
+    return;
+  }
+  if (key == "mass") {
+    if (!(values[0] > 0)) refuse(name, fmt::format("{:g} kg", values[0]), "above 0 kg");
+    model::Body& body = scene_.model.bodies[at(object.body)];
+    body.mass = values[0];
+    body.inertia = object.inertia * (values[0] / object.mass);
+  } else {
+    if (!(values[0] >= 0)) refuse(name, fmt::format("{:g}", values[0]), "0 or more");
+    scene_.model.materials[at(object.material)].friction = values[0];
+  }
+  changed_ = true;
+}
+
+std::vector<double> Variation::get(std::string_view name) const {
+  const auto numbers = [](const Vec3& v) { return std::vector<double>{v.x(), v.y(), v.z()}; };
+  if (name == "gravity") return numbers(scene_.model.gravity);
+  if (name == "gains") return {gain_};
+  if (name == "torque_limits") return {torque_limit_};
+  if (name == "q") return q_;
+  std::string_view key;
+  const Object& object = const_cast<Variation*>(this)->object(name, key);
+  if (key == "position") return numbers(object.position);
+  return {key == "mass" ? scene_.model.bodies[at(object.body)].mass
+                        : scene_.model.materials[at(object.material)].friction};
+}
+
+void Variation::draw(std::span<const Randomised> randomised, std::uint64_t seed) {
+  std::vector<double> values;
+  for (const Randomised& each : randomised) {
+    Draws draws(seed, 0, each.name);
+    values.resize(size_of(each.name));
+    for (double& value : values) switch (each.distribution) {
+        case Distribution::uniform:
+          value = each.a + (each.b - each.a) * draws.uniform();
+          break;
+        case Distribution::normal:
+          value = each.a + each.b * draws.normal();
+          break;
+        case Distribution::log_uniform:
+          if (!(each.a > 0 && each.b > 0)) refuse(each.name, "a bound of 0 or less", "bounds above 0");
+          value = std::exp(std::log(each.a) + (std::log(each.b) - std::log(each.a)) * draws.uniform());
+          break;
+      }
+    set(each.name, values);
+  }
+}
+
+void Variation::place(model::State& state) const {
+  if (!moves_start_) return;
+  for (const Object& object : objects_)
+    if (object.body >= 0) state.bodies[at(object.body)].p += object.shift;
+  std::vector<double> q = state.q;
+  for (std::size_t i = 0; i < q.size(); ++i) q[i] += q_[i];
+  model::place_joints(scene_.model, q, std::vector<double>(state.u), state);
+}
+
+}  // namespace handsim::environment

@@ -1,0 +1,79 @@
+// Numbers of a scene that a reset may change without building anything anew, by name.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "handsim/model/state.h"
+#include "handsim/scene/compile/scene.h"
+
+namespace handsim::environment {
+
+/// What a number is drawn from; a vector's components each by itself.
+enum class Distribution {
+  uniform,      ///< from a to b
+  normal,       ///< mean a, standard deviation b
+  log_uniform,  ///< exp of uniform between log a and log b; both above 0
+};
+
+/// A number to be drawn at each reset with a seed. Names, units and sizes:
+///   gravity             [m/s^2], 3, world axes
+///   objects.I.mass      [kg]; its inertia changes in proportion. I counts the scene's objects from 0
+///   objects.I.friction  coefficient of its surface, where no contact rule names a material for the pair
+///   objects.I.position  [m], 3: where its origin starts
+///   gains               factor on all gains of the controller
+///   torque_limits       factor on all its torque limits
+///   q                   [rad] or [m], one for each coordinate: added to where the scene starts it
+struct Randomised {
+  std::string name;
+  Distribution distribution = Distribution::uniform;
+  double a = 0, b = 0;
+};
+
+/// Values of the names above in one scene, and their way into it.
+class Variation {
+ public:
+  /// @param scene whose numbers are changed; it must outlive this and be nobody else's.
+  explicit Variation(scene::Scene& scene);
+
+  /// Sets a number. @throws Error (input) for a name that there is not, another size, numbers out of range.
+  void set(std::string_view name, std::span<const double> values);
+  /// As the scene had it at the start, or as last set.
+  std::vector<double> get(std::string_view name) const;
+  /// Draws all of them: a function of the seed and the names alone. @throws Error (input) as `set`
+  void draw(std::span<const Randomised> randomised, std::uint64_t seed);
+
+  /// Whether a number that engine or controller hold has been set since the last call.
+  bool take_changed() { return std::exchange(changed_, false); }
+  /// Whether the start is not the scene's own.
+  bool moves_start() const { return moves_start_; }
+  /// The start with what was set. @param state the scene's own, which is changed
+  void place(model::State& state) const;
+
+ private:
+  /// An object that can move: its numbers as the scene has them.
+  struct Object {
+    int body = -1;      ///< -1: static
+    int material = -1;  ///< of its shapes
+    double mass = 0;
+    Mat3 inertia = Mat3::Zero();
+    Vec3 position = Vec3::Zero();  ///< of its origin at the start, as set
+    Vec3 shift = Vec3::Zero();     ///< from the scene's own
+  };
+  /// Checked values of one name.
+  Object& object(std::string_view name, std::string_view& key);
+  std::size_t size_of(std::string_view name) const;
+  void set_of_object(std::string_view name, std::span<const double> values);
+
+  scene::Scene& scene_;
+  std::vector<Object> objects_;
+  std::vector<control::Gains> gains_;  ///< of the plan's axes, as the scene has them
+  double gain_ = 1, torque_limit_ = 1;
+  std::vector<double> q_;  ///< added at the start
+  bool changed_ = false, moves_start_ = false;
+};
+
+}  // namespace handsim::environment

@@ -1,0 +1,123 @@
+// What environments and batches cost beside the engine that they drive: steps, resets, memory, threads.
+#include <benchmark/benchmark.h>
+#include <malloc.h>
+
+#include <chrono>
+
+#include "bench/paired.h"
+#include "handsim/environment/batch.h"
+#include "scene_files.h"
+
+namespace handsim::bench {
+namespace {
+
+using environment::Batch;
+using environment::BatchSetup;
+using environment::Environment;
+
+const std::vector<std::string> kArticulated = {"solver={engine: articulated, step: 1 ms}"};
+
+/// A batch of one against the bare engine, both without control.
+void batch_of_one_against_engine(benchmark::State& state, const char* name) {
+  const scene::Scene scene = test::shipped_scene(name, kArticulated);
+  const std::unique_ptr<engine::Engine> bare = engine::make_engine(scene.model, scene.spec.solver);
+  const model::State initial = bare->state();
+  Batch batch(scene, 1);
+  constexpr int kSteps = 2000, kSubsteps = 10;
+  compare(
+      state, kSteps,
+      [&] {
+        bare->set_state(initial);
+        batch.reset();
+      },
+      [&] {
+        for (int i = 0; i < kSteps; ++i) bare->step({});
+      },
+      [&] {
+        for (int i = 0; i < kSteps; i += kSubsteps) batch.step({}, kSubsteps);
+      });
+}
+BENCHMARK_CAPTURE(batch_of_one_against_engine, two_hands, "two_hands")->UseManualTime();
+BENCHMARK_CAPTURE(batch_of_one_against_engine, dropped_hand, "dropped_hand")->UseManualTime();
+
+/// Steps of a batch in one thread; `hand_steps_per_s` of one core.
+void batch_steps(benchmark::State& state, const char* name, std::vector<std::string> overrides, int warm_up) {
+  overrides.insert(overrides.begin(), kArticulated.begin(), kArticulated.end());
+  const scene::Scene scene = test::shipped_scene(name, overrides);
+  constexpr std::size_t kSize = 64;
+  Batch batch(scene, kSize, {.threads = 1});
+  batch.step({}, warm_up);
+  constexpr int kSubsteps = 10;
+  double spent = 0, steps = 0, contacts = 0;
+  for (auto unused : state) {
+    (void)unused;
+    const double start = cpu_now();
+    batch.step({}, kSubsteps);
+    spent += cpu_now() - start;
+    steps += kSubsteps * static_cast<double>(kSize);
+  }
+  for (std::size_t i = 0; i < kSize; ++i)
+    contacts += static_cast<double>(batch[i].simulation().engine().contacts().size());
+  state.counters["hand_steps_per_s"] = steps * static_cast<double>(scene.model.hands.size()) / spent;
+  state.counters["contacts"] = contacts / kSize;
+}
+BENCHMARK_CAPTURE(batch_steps, smooth, "every_pose", std::vector<std::string>{}, 100);
+BENCHMARK_CAPTURE(batch_steps, mug, "grasp_cup", std::vector<std::string>{}, 2500);
+
+/// Two threads against one, by the wall clock.
+void two_threads(benchmark::State& state) {
+  const scene::Scene scene = test::shipped_scene("every_pose", kArticulated);
+  Batch one(scene, 256, {.threads = 1}), two(scene, 256, {.threads = 2});
+  const auto wall = [](Batch& batch) {
+    const auto start = std::chrono::steady_clock::now();
+    batch.step({}, 20);
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
+  std::vector<double> ratios;
+  for (auto unused : state) {
+    (void)unused;
+    ratios.push_back(wall(one) / wall(two));
+  }
+  state.counters["times_as_fast"] = median(ratios);
+}
+BENCHMARK(two_threads)->Unit(benchmark::kMillisecond)->UseRealTime();
+
+/// To the scene's start, with numbers drawn, and after a change of masses.
+void reset(benchmark::State& state, const char* name, bool drawn) {
+  environment::Setup setup;
+  if (drawn)
+    setup.randomise = {{"objects.0.mass", environment::Distribution::uniform, 0.1, 0.5},
+                       {"objects.0.friction", environment::Distribution::uniform, 0.3, 1}};
+  Environment environment(test::shipped_scene(name, kArticulated), setup);
+  environment.step({}, 100);
+  std::uint64_t seed = 0;
+  for (auto unused : state) {
+    (void)unused;
+    if (drawn)
+      environment.reset(++seed);
+    else
+      environment.reset();
+  }
+}
+BENCHMARK_CAPTURE(reset, every_pose, "every_pose", false)->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(reset, grasp_pinch, "grasp_pinch", false)->Unit(benchmark::kMicrosecond);
+BENCHMARK_CAPTURE(reset, grasp_pinch_drawn, "grasp_pinch", true)->Unit(benchmark::kMicrosecond);
+
+/// Memory that an environment holds; `kB` of each.
+void memory(benchmark::State& state, const char* name) {
+  const scene::Scene scene = test::shipped_scene(name, kArticulated);
+  constexpr int kCount = 64;
+  const std::size_t before = mallinfo2().uordblks;
+  std::vector<Environment> environments;
+  environments.reserve(kCount);
+  for (int i = 0; i < kCount; ++i) environments.emplace_back(scene);
+  const std::size_t after = mallinfo2().uordblks;
+  for (auto unused : state) (void)unused;
+  state.counters["kB"] = 1e-3 * static_cast<double>(after - before) / kCount;
+}
+BENCHMARK_CAPTURE(memory, every_pose, "every_pose")->Iterations(1);
+BENCHMARK_CAPTURE(memory, grasp_pinch, "grasp_pinch")->Iterations(1);
+BENCHMARK_CAPTURE(memory, grasp_cup, "grasp_cup")->Iterations(1);
+
+}  // namespace
+}  // namespace handsim::bench

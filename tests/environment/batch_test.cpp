@@ -1,0 +1,153 @@
+// A batch does what its environments do alone, to the bit, however it is split.
+#include "handsim/environment/batch.h"
+
+#include <gtest/gtest.h>
+
+#include <numeric>
+
+#include "scene_files.h"
+
+namespace handsim::environment {
+namespace {
+
+using test::shipped_scene;
+
+/// Hash of the state's bits.
+std::uint64_t bits(const model::State& state) {
+  ArchiveWriter out;
+  carry(out, state);
+  return hash_bytes(out.bytes());
+}
+std::uint64_t bits(const Environment& environment) { return bits(environment.simulation().state()); }
+
+/// Torques that differ from environment to environment and step to step.
+std::vector<double> torques(const Batch& batch, std::size_t first, int step) {
+  const auto dofs = static_cast<std::size_t>(batch[0].scene().model.dof_count());
+  std::vector<double> out(batch.size() * dofs);
+  for (std::size_t i = 0; i < batch.size(); ++i)
+    for (std::size_t k = 0; k < dofs; ++k)
+      out[i * dofs + k] = 1e-3 * std::sin(0.1 * step + static_cast<double>((first + i) * dofs + k));
+  return out;
+}
+
+/// Last bits of 64 environments stepped in batches of a size.
+std::vector<std::uint64_t> run(const scene::Scene& scene, std::size_t size, int threads, int steps) {
+  std::vector<std::uint64_t> out;
+  for (std::size_t first = 0; first < 64; first += size) {
+    const std::size_t count = std::min(size, 64 - first);
+    environment::Setup setup;
+    setup.randomise = {{"q", Distribution::uniform, 0.0, 0.05}};
+    Batch batch(scene, count, {setup, nullptr, threads});
+    std::vector<std::uint64_t> seeds(count);
+    std::iota(seeds.begin(), seeds.end(), first);
+    batch.reset(seeds);
+    for (int i = 0; i < steps; ++i) batch.step({.torques = torques(batch, first, i)}, 2);
+    for (std::size_t i = 0; i < count; ++i) out.push_back(bits(batch[i]));
+  }
+  return out;
+}
+
+class OnScene : public testing::TestWithParam<std::pair<const char*, const char*>> {};
+INSTANTIATE_TEST_SUITE_P(
+    Scenes, OnScene,
+    testing::Values(std::pair{"two_hands", "articulated"}, std::pair{"dropped_hand", "articulated"},
+                    std::pair{"every_pose", "articulated"}, std::pair{"pose_tracking", "articulated"},
+                    std::pair{"dropped_hand", "ode"}),
+    [](const auto& scene) { return std::string(scene.param.first) + "_" + scene.param.second; });
+
+TEST_P(OnScene, TheBitsAreThoseOfEveryBatchSizeAndNumberOfThreads) {
+  const scene::Scene scene = shipped_scene(
+      GetParam().first, {std::string("solver={engine: ") + GetParam().second + ", step: 1 ms}"});
+  const int steps = GetParam().second == std::string("ode") ? 40 : 90;
+  const std::vector<std::uint64_t> alone = run(scene, 1, 1, steps);
+  EXPECT_NE(alone[0], alone[1]);
+  for (const auto& [size, threads] : {std::pair<std::size_t, int>{64, 1}, {64, 2}, {64, 8}, {7, 2}, {9, 1}})
+    EXPECT_EQ(run(scene, size, threads, steps), alone) << size << " in " << threads << " threads";
+}
+
+TEST(Batch, IsTheSimulationOfTheScene) {
+  const scene::Scene scene = shipped_scene("dropped_hand", {"solver={engine: articulated, step: 1 ms}"});
+  simulation::Simulation simulation(scene, simulation::no_watchers);
+  Batch batch(scene, 9);
+  for (int i = 0; i < 400; ++i) simulation.step();
+  batch.step({}, 400);
+  for (std::size_t i = 0; i < batch.size(); ++i) EXPECT_EQ(bits(batch[i]), bits(simulation.state()));
+}
+
+TEST(Batch, EndsThoseThatAreDoneAndLetsOthersGoOn) {
+  const scene::Scene scene = shipped_scene("dropped_hand", {"solver={engine: articulated, step: 1 ms}"});
+  BatchSetup setup;
+  setup.environment.randomise = {{"objects.0.position", Distribution::uniform, 0.4, 0.8}};
+  const auto height = [](const Environment& of) {
+    return of.simulation().state().bodies[of.scene().model.bodies.size() - 2].p.z();
+  };
+  setup.done = [&](const Environment& of) { return height(of) < 0.35; };
+  Batch batch(scene, 16, setup);
+  std::vector<std::uint64_t> seeds(16);
+  std::iota(seeds.begin(), seeds.end(), 0);
+  batch.reset(seeds);
+  std::vector<double> start(16);
+  for (std::size_t i = 0; i < 16; ++i) start[i] = height(batch[i]);
+  for (int i = 0; i < 200; ++i) batch.step();
+  int done = 0;
+  for (std::size_t i = 0; i < 16; ++i) {
+    // Oracle: free fall, semi-implicit: z = z0 - g h^2 n (n + 1) / 2.
+    const double n = static_cast<double>(batch[i].steps());
+    EXPECT_NEAR(height(batch[i]), start[i] - 9.80665e-6 * n * (n + 1) / 2, 1e-9);
+    EXPECT_EQ(batch.done()[i] != 0, height(batch[i]) < 0.35);
+    done += batch.done()[i];
+  }
+  EXPECT_GT(done, 0);
+  EXPECT_LT(done, 16);
+  std::vector<unsigned char> mask(batch.done().begin(), batch.done().end());
+  const long other =
+      batch[static_cast<std::size_t>(std::find(mask.begin(), mask.end(), 0) - mask.begin())].steps();
+  batch.reset({}, mask);
+  EXPECT_EQ(std::count(batch.done().begin(), batch.done().end(), 0), 16);
+  EXPECT_EQ(other, 200);
+}
+
+TEST(Batch, GoesOnWithoutTheOneThatDiverges) {
+  const scene::Scene scene = shipped_scene("dropped_hand", {"solver={engine: articulated, step: 1 ms}"});
+  Batch batch(scene, 9), calm(scene, 9);
+  std::vector<std::vector<engine::BodyForce>> forces(9);
+  forces[4] = {{1, Vec3(1e6, 0, 0), Vec3::Zero()}};
+  for (int i = 0; i < 20; ++i) batch.step({.forces = forces}, 10);
+  calm.step({}, 200);
+  for (std::size_t i = 0; i < 9; ++i) {
+    EXPECT_EQ(batch.failed()[i] != 0, i == 4);
+    if (i != 4) {
+      EXPECT_EQ(bits(batch[i]), bits(calm[i]));
+    }
+  }
+  ASSERT_NE(batch[4].failure(), nullptr);
+  batch.reset();
+  calm.reset();
+  batch.step({}, 50);
+  calm.step({}, 50);
+  EXPECT_EQ(bits(batch[4]), bits(calm[4]));
+  // What is wrong with an action is an error that names it.
+  const std::vector<double> few(5);
+  EXPECT_THROW(batch.step({.torques = few}), Error);
+}
+
+TEST(Batch, GivesObservationsRowByRow) {
+  const scene::Scene scene = shipped_scene("two_hands", {"solver={engine: articulated, step: 1 ms}"});
+  BatchSetup setup;
+  setup.environment.observe = {"u", "q", "time"};
+  Batch batch(scene, 10, setup);
+  batch.step({}, 5);
+  const std::size_t width = batch.observation_size();
+  ASSERT_EQ(batch.observations().size(), 10 * width);
+  for (std::size_t i = 0; i < 10; ++i) {
+    const model::State& state = batch[i].simulation().state();
+    const auto row = batch.observations().subspan(i * width, width);
+    EXPECT_TRUE(std::equal(state.u.begin(), state.u.end(), row.begin()));
+    EXPECT_TRUE(std::equal(state.q.begin(), state.q.end(),
+                           row.begin() + static_cast<std::ptrdiff_t>(state.u.size())));
+    EXPECT_EQ(row.back(), state.time);
+  }
+}
+
+}  // namespace
+}  // namespace handsim::environment
