@@ -12,11 +12,20 @@ namespace handsim::environment {
 
 namespace {
 
-/// What a run needs of a scene; the texts that repeat it are left behind.
+/// What a simulation needs of a scene. What the model and the plans were made from is left behind: thousands
+/// of environments have a copy each.
 std::shared_ptr<scene::Scene> lean(const scene::Scene& scene) {
   auto out = std::make_shared<scene::Scene>();
-  out->spec = scene.spec;
-  out->plans = scene.plans;
+  out->spec.title = scene.spec.title;
+  out->spec.gravity = scene.spec.gravity;
+  out->spec.solver = scene.spec.solver;
+  out->spec.duration = scene.spec.duration;
+  out->spec.record_every = scene.spec.record_every;
+  out->spec.criteria = scene.spec.criteria;
+  out->plans.hands = scene.plans.hands;
+  out->plans.objects = scene.plans.objects;
+  out->plans.grasps = scene.plans.grasps;
+  out->plans.climbs = scene.plans.climbs;
   out->model = scene.model;
   out->control = scene.control;
   out->lineage = scene.lineage;
