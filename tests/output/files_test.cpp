@@ -89,11 +89,10 @@ TEST(AtomicFile, ToAFullDiskIsAnErrorOfOutput) {
       if (error.kind() == ErrorKind::output) throw;
     }
   };
-  EXPECT_EQ(
-      run_in_child(job, {}),
-      path.string() +
-          ": got a file that cannot be written (File too large), need room on the disk, and a folder that "
-          "stays there");
+  EXPECT_EQ(run_in_child(job, {}), path.string() +
+                                       ": got a file that cannot be written (File too large), need free "
+                                       "space on the disk, and a folder that "
+                                       "is not removed meanwhile");
   EXPECT_EQ(entries(folder.path()), 0U);
 }
 
