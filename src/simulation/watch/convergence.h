@@ -31,8 +31,8 @@ class Convergence final : public Watcher {
   /// Steps that quick_step solved, or the articulated engine by relaxation.
   long iterative_steps() const { return iterative_; }
   /// Steps whose residual was measured: quick_step's with contact, those at which a stop comes into force or
-  /// goes out of it and every eighth of the others (engine::kResidualEvery); those in which world_step's LCP
-  /// solver gave up; and those with contact on the articulated engine, whose contact solver reports its
+  /// goes out of it and every eighth of the others (engine::kResidualInterval); those in which world_step's
+  /// LCP solver gave up; and those with contact on the articulated engine, whose contact solver reports its
   /// residual.
   long measured() const { return measured_; }
   /// Steps in which Newton's method did not find Coulomb's law, and friction's limits were updated from
