@@ -103,7 +103,7 @@ Row coordinate_row(const model::Joint& joint, int coordinate, const model::State
     case JointKind::hinge:
       return relative_rotation(sides, sides.q_WF * joint.axes[0].axis);
     case JointKind::universal:
-      return coordinate == 0 ? turn(sides, sides.q_WF * joint.axes[0].axis)
+      return coordinate == 0 ? relative_rotation(sides, sides.q_WF * joint.axes[0].axis)
                              : relative_rotation(sides, sides.q_WM * joint.axes[1].axis);
     case JointKind::ball:
       return relative_rotation(sides, sides.q_WF * Vec3::Unit(coordinate));
