@@ -230,7 +230,7 @@ def accuracy_hands():
 
 def effects():
     data = study_json("effects", "run", "effects.json")
-    rows = [["all of them", number(1e-3 * data["cpu_ns_per_step"]), "", "", ""]]
+    rows = [["all", number(1e-3 * data["cpu_ns_per_step"]), "", "", ""]]
     for row in data["rows"]:
         name = row["effect"] + ("".join(f" and {other}" for other in row["with"]))
         if "fault" in row:
@@ -240,7 +240,7 @@ def effects():
                      f"{number(1e-3 * row['saved_ns_per_step'])} ± {number(1e-3 * row['noise_ns'], 1)}",
                      number(row["angle_largest_deg"]["value"]), number(row["displacement_largest_mm"]["value"])])
     return table(["effects", "CPU of a step, µs", "saved, µs", "largest change of an angle, deg",
-                  "largest change of a place, mm"], rows) + measured_on(data)
+                  "largest change of a position, mm"], rows) + measured_on(data)
 
 
 def contacts():
@@ -264,7 +264,7 @@ def stability():
     short, failed = verdicts.count("short (known)"), verdicts.count("FELL SHORT")
     quick = ", with `--quick`" if data["quick"] else ""
     text = (f"{len(data['cases'])} cases{quick}: {len(verdicts)} figures, of which {len(verdicts) - short - failed} hold, "
-            f"{short} fall short as is known, and {failed} fall short otherwise.\n\n")
+            f"{short} are known shortfalls, and {failed} are other shortfalls.\n\n")
     lines = (OUT / "stability" / "run" / "stability.md").read_text().splitlines()
     rows = [line for line in lines if line.startswith("| ")]
     return text + "\n".join(rows[:2] + [row for row in rows[2:] if not row.endswith("|  |")]) + "\n"
@@ -273,7 +273,7 @@ def stability():
 def stability_cases():
     cases = re.findall(r"^  - name: (\S+)\n    title: (.*)\n    oracle: (.*)$",
                        (ROOT / "config" / "stability.yaml").read_text(), re.M)
-    return table(["case", "what happens", "oracle"], cases)
+    return table(["case", "description", "oracle"], cases)
 
 
 def bench():
