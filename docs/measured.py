@@ -1,4 +1,4 @@
-"""The measured tables as Markdown, from the files that studies wrote into out/docs/: one function each."""
+"""Makes the measured tables as Markdown from the files of studies in out/docs/: one function for each table."""
 import csv
 import json
 import math
@@ -13,10 +13,10 @@ PERSONS = {"child": (1.10, 18), "adult": (1.75, 72), "giant": (2.10, 140)}
 CONTROLLERS = {"implicit": (1, 5, 10, 20), "integral": (1, 5, 10, 20), "explicit": (1,)}
 
 
-# Reading what studies wrote.
+# Reading the files of studies.
 
 class Missing(Exception):
-    """A study's file is not there."""
+    """A file of a study does not exist."""
 
 
 def study_text(study, label, ending="txt"):
@@ -33,10 +33,10 @@ def study_json(study, label, name):
     return json.loads(path.read_text())
 
 
-# Numbers and tables as text.
+# Formatting of numbers and tables.
 
 def number(value, digits=2):
-    """1.2e-05, 0.012, 120: at most `digits` significant digits, more before the point."""
+    """1.2e-5, 0.012, 120: `digits` significant digits, or all digits before the decimal point."""
     if value is None:
         return "-"
     if value == 0 or not math.isfinite(value):
@@ -71,7 +71,7 @@ def criterion(summary, name):
 # The tables, by name.
 
 def demo():
-    # Without the last line, which has the time it took.
+    # Without the last line, which has the CPU time.
     return fenced(study_text("demo", "run").rpartition("\n  2 s simulated")[0])
 
 
@@ -354,7 +354,7 @@ def pinch():
     return pinch_table(study_text("pinch", "test"))
 
 
-# The peers of today.
+# Comparison with the newest other engines.
 
 LOST = 1e4  # um/s
 ENGINES = {"handsim": "handsim", "mujoco": "MuJoCo", "drake": "Drake"}
@@ -517,7 +517,7 @@ def peers_ahead():
     return table(["case", "of ours", "falls short by", "held by"], rows)
 
 
-# Name of the table -> the study whose files it reads, and the function that writes it.
+# Name of the table -> the study whose files it needs, and the function that makes it.
 TABLES = {"demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),
