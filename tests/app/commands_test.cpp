@@ -82,7 +82,7 @@ const std::vector<Usage> kUsages = {
     {"OutIsNothing", {"run", kScene, "--out", ""}, "--out: got \"\", need a path"},
     {"OutUnderProc",
      {"run", kScene, "--out", "/proc/handsim/out"},
-     "/proc/handsim/out: got a folder that cannot be made"},
+     "/proc/handsim/out: got a folder that cannot be created"},
     {"FramesNegative", run_with({"--frames", "-1"}), "--frames: got -1, need a whole number"},
     {"FramesHalf", run_with({"--frames", "1.5"}), "--frames: got 1.5, need a whole number"},
     {"CheckOfNothing", {"check"}, "files is required"},

@@ -166,7 +166,7 @@ void put_odd(const fs::path& at, const std::string& kind) {
   if (kind == "a folder") fs::create_directory(at);
   if (kind == "a pipe") mkfifo(at.c_str(), 0600);
   if (kind == "a device") fs::create_symlink("/dev/null", at);
-  if (kind == "a link that leads to no file") fs::create_symlink("nothing", at);
+  if (kind == "a broken link") fs::create_symlink("nothing", at);
   if (kind != "a socket") return;
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
@@ -178,8 +178,7 @@ void put_odd(const fs::path& at, const std::string& kind) {
 }
 
 TEST(InTheWay, WhatIsNoFileIsRefusedBeforeTheRunAndStays) {
-  for (const std::string kind :
-       {"a folder", "a pipe", "a device", "a socket", "a link that leads to no file"}) {
+  for (const std::string kind : {"a folder", "a pipe", "a device", "a socket", "a broken link"}) {
     const TemporaryFolder folder;
     for (const char* name : {"x.png", "x.xml", "x.urdf"}) {
       const fs::path at = folder.path() / name;

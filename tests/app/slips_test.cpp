@@ -196,7 +196,7 @@ TEST(TheSceneItself, IsNotWrittenOver) {
   const Outcome outcome =
       run_program({"export", scene.string(), "--out", (folder.path() / "." / "s.xml").string()});
   EXPECT_EQ(outcome.status, 2);
-  EXPECT_TRUE(contains(outcome.err, "which is read, need another file")) << outcome.err;
+  EXPECT_TRUE(contains(outcome.err, "which is also an input, need another file")) << outcome.err;
   EXPECT_EQ(test::text_of(scene), test::kBallScene);
 }
 

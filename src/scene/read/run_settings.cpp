@@ -44,7 +44,7 @@ using engine::EngineKind;
 template <class E>
 E read_method(MapReader& reader, E fallback) {
   std::vector<std::pair<std::string_view, E>> words;
-  for (const std::string_view word : engine::names_beside(fallback))
+  for (const std::string_view word : engine::method_names(fallback))
     words.emplace_back(word, static_cast<E>(words.size()));
   return reader.choice<E>("method", words, fallback);
 }
@@ -74,7 +74,7 @@ engine::Settings settings_of(EngineKind kind) {
 
 /// Names of the methods of an engine.
 std::span<const std::string_view> methods_of(EngineKind kind) {
-  return std::visit([](const auto& own) { return engine::names_beside(own.method); }, settings_of(kind).own);
+  return std::visit([](const auto& own) { return engine::method_names(own.method); }, settings_of(kind).own);
 }
 
 std::vector<std::string_view> keys_of(EngineKind kind) {
