@@ -104,7 +104,7 @@ class Reader {
   void add_column(const std::string& name, double factor, int column) {
     if (name.empty()) return problem(column, "", "a column without a name", "the name of a coordinate");
     if (!known_.insert(name).second)
-      return problem(column, name, "a second column of this name", "a name of its own for each column");
+      return problem(column, name, "a second column of this name", "a unique name for each column");
     table_.names.push_back(name);
     factors_.push_back(factor);
   }

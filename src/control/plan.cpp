@@ -75,7 +75,7 @@ Trajectory choose(const HandWork& hand, const ProgramChoice& choice, const PlanI
     try {
       return motion_trajectory(read_motion(path), hand.axes, driven, hand.start, diagnostics);
     } catch (const Error& error) {
-      diagnostics.take(error);
+      diagnostics.add(error);
       return {};
     }
   }

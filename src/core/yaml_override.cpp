@@ -65,7 +65,7 @@ std::vector<std::string> parts_of(const std::string& path) {
 void follow_reference(YamlNode& node, const std::string& key, YamlBudget& budget) {
   if (node.kind != YamlNode::Kind::scalar) return;
   if (!names_file(node))
-    throw Error(std::vector<Problem>{{node.place(), key, node.described() + ", which is no file",
+    throw Error(std::vector<Problem>{{node.place(), key, node.described() + ", which is not a file",
                                       "the path of a YAML file, relative to this file"}});
   node = load_yaml(path_beside(node), budget);
 }

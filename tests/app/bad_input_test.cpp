@@ -142,11 +142,11 @@ TEST(BadInput, MissingAndOddFilesAreNamed) {
   const TemporaryFolder folder;
   expect_refused(folder.path() / "none.yaml", "got no such file, need a readable YAML file");
   expect_refused(folder.path(), "got a directory, need a readable YAML file");
-  expect_refused("/dev/zero", "got no regular file, need a readable YAML file");
+  expect_refused("/dev/zero", "got a pipe, socket or device, need a readable YAML file");
   expect_refused(folder.path() / std::string(5000, 'x'), "got no such file");
   const fs::path pipe = folder.path() / "pipe";
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
-  expect_refused(pipe, "got no regular file, need a readable YAML file");
+  expect_refused(pipe, "got a pipe, socket or device, need a readable YAML file");
 }
 
 TEST(BadInput, NestingAndSizeAreBounded) {

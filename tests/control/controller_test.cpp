@@ -40,7 +40,7 @@ struct Bench {
   model::State at(double angle, double rate) const {
     model::State state = model::state_at(model, std::vector<double>{angle});
     state.bodies[1].w = Vec3(0, rate, 0);
-    model::find_coordinates(model, state);
+    model::update_coordinates(model, state);
     return state;
   }
   model::Model model;

@@ -139,8 +139,8 @@ TEST(Programs, MoveAlongMinimumJerkOrLinesAndHold) {
   const scene::Scene straight =
       test::shipped_scene("every_pose", {"control.poses.programs.every_pose.interpolation=linear"});
   for (const double s : {0.0, 0.1, 0.25, 0.5, 0.8, 1.0}) {
-    const double eased = s * s * s * (10 - 15 * s + 6 * s * s);
-    EXPECT_NEAR(index_pip(smooth, 2.4 + 0.5 * s), 30 + 68 * eased, 1e-9);
+    const double fraction = s * s * s * (10 - 15 * s + 6 * s * s);
+    EXPECT_NEAR(index_pip(smooth, 2.4 + 0.5 * s), 30 + 68 * fraction, 1e-9);
     EXPECT_NEAR(index_pip(straight, 2.4 + 0.5 * s), 30 + 68 * s, 1e-9);
   }
   for (const double t : {2.9, 3.2, 3.6}) EXPECT_NEAR(index_pip(smooth, t), 98, 1e-9) << t;

@@ -41,9 +41,9 @@ TEST(InputFile, IsNoPipeNoDeviceAndNoFolder) {
   const fs::path pipe = folder.path() / "pipe";
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
   fs::create_symlink(pipe, folder.path() / "link");
-  EXPECT_NE(refusal(pipe).find("got no regular file, need a good file"), std::string::npos);
-  EXPECT_NE(refusal(folder.path() / "link").find("got no regular file"), std::string::npos);
-  EXPECT_NE(refusal("/dev/zero").find("got no regular file"), std::string::npos);
+  EXPECT_NE(refusal(pipe).find("got a pipe, socket or device, need a good file"), std::string::npos);
+  EXPECT_NE(refusal(folder.path() / "link").find("got a pipe, socket or device"), std::string::npos);
+  EXPECT_NE(refusal("/dev/zero").find("got a pipe, socket or device"), std::string::npos);
   EXPECT_NE(refusal(folder.path()).find("got a directory"), std::string::npos);
   EXPECT_NE(refusal(folder.path() / "none").find("got no such file"), std::string::npos);
   EXPECT_NE(refusal(folder.path() / std::string(5000, 'x')).find("got no such file"), std::string::npos);

@@ -119,13 +119,13 @@ TEST(Quotes, ThatNothingClosesAreRefusedAtTheirPlace) {
     const char* part;
   };
   for (const Case& bad :
-       {Case{"a: \"never", "f.yaml:1:4: got a quote that nothing closes, need a closing \""},
-        Case{"a: 1\nb: \"5 s\n", "f.yaml:2:4: got a quote that nothing closes"},
-        Case{"a: \"x\"\nb: \"it's \\\"\n\n", "f.yaml:2:4: got a quote that nothing closes"},
+       {Case{"a: \"never", "f.yaml:1:4: got a quote that is not closed, need a closing \""},
+        Case{"a: 1\nb: \"5 s\n", "f.yaml:2:4: got a quote that is not closed"},
+        Case{"a: \"x\"\nb: \"it's \\\"\n\n", "f.yaml:2:4: got a quote that is not closed"},
         Case{"\xef\xbb\xbf"
              "a: \"x",
-             "a quote that nothing closes"},
-        Case{"\xc3\xa9: \"\xc3\xa9", "got a quote that nothing closes"}, Case{"a: 'x\n", "f.yaml:"},
+             "a quote that is not closed"},
+        Case{"\xc3\xa9: \"\xc3\xa9", "got a quote that is not closed"}, Case{"a: 'x\n", "f.yaml:"},
         Case{"\"a: 1\n", "f.yaml:1:1"}, Case{"a: 'it''s", "f.yaml:"}}) {
     try {
       parse_yaml(bad.text, "f.yaml");

@@ -74,7 +74,7 @@ TEST(Problems, AreReportedUpToAThousand) {
   } catch (const Error& error) {
     ASSERT_EQ(error.problems().size(), kMostProblems + 1);
     EXPECT_EQ(error.problems().front().key, "k0");
-    EXPECT_EQ(error.problems().back().got, "4000 problems more");
+    EXPECT_EQ(error.problems().back().got, "4000 more problems");
   }
 }
 

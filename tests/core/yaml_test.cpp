@@ -36,7 +36,7 @@ TEST(Yaml, AliasesExpandAndMayNotRecur) {
   const YamlNode root = parse_yaml("a: &x {k: [1, 2]}\nb: *x\n", "f.yaml");
   EXPECT_EQ(root.find("b")->find("k")->items[1].text, "2");
   EXPECT_NE(failure("a: &x [1, *x]\n").find("an alias to a value that contains it"), std::string::npos);
-  EXPECT_NE(failure("a: *nobody\n").find("broken YAML"), std::string::npos);
+  EXPECT_NE(failure("a: *nobody\n").find("invalid YAML"), std::string::npos);
 }
 
 TEST(Yaml, AliasesThatGrowWithoutBoundAreRefused) {

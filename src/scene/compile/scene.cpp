@@ -115,7 +115,7 @@ Scene load_scene(const std::filesystem::path& path, const std::vector<std::strin
     try {
       apply_override(root, assignment, diagnostics.budget);
     } catch (const Error& error) {
-      diagnostics.take(error);
+      diagnostics.add(error);
     }
   }
   diagnostics.throw_if_any();

@@ -59,7 +59,7 @@ ContactsSpec read_contacts(MapReader& scene) {
     const std::string name = item.name("name");
     for (const model::Material& other : spec.materials)
       if (!name.empty() && other.name == name)
-        item.problem("name", name + " a second time", "a name of its own for each material");
+        item.problem("name", name + " a second time", "a unique name for each material");
     spec.materials.push_back(read_sourced_material(item, name));
   });
   if (reader.has("rules")) spec.rules.emplace();

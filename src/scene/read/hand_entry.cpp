@@ -78,7 +78,7 @@ void read_wrist(MapReader reader, const Tasks& tasks, hand::Placement& placement
     placement.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
   }
   if (placement.mount == hand::Mount::rail && reader.has("along"))
-    placement.along = reader.direction("along");
+    placement.rail_direction = reader.direction("along");
   refuse_keys_of_other_mounts(reader, placement.mount);
   reader.finish();
 }

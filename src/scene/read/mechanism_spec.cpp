@@ -105,7 +105,7 @@ void check_bodies(MapReader& scene, const std::vector<BodySpec>& bodies, std::ve
     if (!name.empty() && std::find(taken.begin(), taken.end(), name) != taken.end())
       scene.diagnostics().problems.push_back(
           {bodies[i].place, item_path("bodies", i) + ".name", name + " a second time",
-           "a name of its own for each body and object, other than world and ground"});
+           "a unique name for each body and object, other than world and ground"});
     taken.push_back(name);
   }
 }
@@ -130,7 +130,7 @@ void check_joints(MapReader& scene, const MechanismSpec& spec) {
       problem(".child", joint.child, "a body other than the parent and the world");
     for (std::size_t k = 0; k < i; ++k)
       if (spec.joints[k].name == joint.name)
-        problem(".name", joint.name + " a second time", "a name of its own for each joint");
+        problem(".name", joint.name + " a second time", "a unique name for each joint");
   }
 }
 

@@ -80,7 +80,7 @@ void read_mesh(MapReader& reader, model::Shape& shape) {
 
 std::string read_name(MapReader& reader, const std::vector<ObjectSpec>& before) {
   std::string name = reader.name("name");
-  const char* need = "a name of its own for each object, other than world and ground";
+  const char* need = "a unique name for each object, other than world and ground";
   if (name == "world" || name == "ground") reader.problem("name", name, need);
   for (const ObjectSpec& other : before)
     if (!name.empty() && other.name == name) reader.problem("name", name + " a second time", need);

@@ -48,7 +48,7 @@ TaskPlan ClimbSpec::plan(const TaskSite& site) const {
   if (hand_length) at.p = hold + site.built.size.length / *hand_length * (at.p - hold);
   out.placement = site.entry.placement;
   out.placement.pose = left ? mirrored(at) : at;
-  out.placement.along = climb.load.direction;
+  out.placement.rail_direction = climb.load.direction;
   out.placement.start[hand::kRailName] = {-approach_height};
   out.object_pose = left ? mirrored(site.object.pose) : site.object.pose;
   out.close = climb.approach().end;

@@ -278,7 +278,7 @@ PeerName follow_peer(const std::filesystem::path& program, const PeerMethod& met
     if (!(std::abs(state.time - time) <= 1e-6 * h))
       throw failed(program, time, "time", fmt::format("the state is of {:.12g} s", state.time));
     if (i == 0) check_start(program, scene, state, answer["kinetic_energy"].get<double>());
-    model::find_coordinates(scene.model, state);
+    model::update_coordinates(scene.model, state);
     update(state);
   }
   conversation.finish(scene.spec.duration);
