@@ -171,7 +171,7 @@ TEST(MotionColumns, ThatNoAxisTakesAreNamedWithTheNearest) {
   const Outcome warned = with("index_mcp.flexion");
   EXPECT_EQ(warned.status, 0) << warned.err;
   EXPECT_TRUE(contains(warned.err,
-                       "m.csv:1:1: 2 columns that no axis of hand right takes: indx_pip.flexion (nearest: "
+                       "m.csv:1:1: 2 columns that hand right does not use: indx_pip.flexion (nearest: "
                        "index_pip.flexion), right.pelvis_tx"))
       << warned.err;
   const Outcome refused = with("[index_mcp.flexion, index_pip.flexion]");

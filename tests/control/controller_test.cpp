@@ -280,7 +280,7 @@ TEST(Stability, LimitOfExplicitGainsIsWhereTheEngineBlowsUp) {
       const double k = share * (4 - 2 * a) * kInertia / (kStep * kStep);
       const Stability found = explicit_stability(inertia, Eigen::VectorXd::Constant(1, k),
                                                  Eigen::VectorXd::Constant(1, d), kStep);
-      EXPECT_NEAR(found.demand, 4 * share, 1e-9);
+      EXPECT_NEAR(found.eigenvalue, 4 * share, 1e-9);
       EXPECT_EQ(found.largest_step<kStep, share> 1);
       if (share < 1)
         EXPECT_LT(excursion(k, d), 0.02) << a;

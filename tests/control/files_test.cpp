@@ -134,7 +134,7 @@ TEST(MotionFile, RefusesWhatDoesNotHoldWithLineAndColumn) {
   const test::TemporaryFolder folder;
   const std::string header = kHeader;
   const auto mot = [&](const std::string& text) { return problem_of(table(folder, "a.mot", text)); };
-  expect_text(mot(header + "time\ta\n0\t1\n1\t1\n"), {"a.mot:7:1", "2 labels", "3, as nColumns says"});
+  expect_text(mot(header + "time\ta\n0\t1\n1\t1\n"), {"a.mot:7:1", "2 labels", "3, the value of nColumns"});
   expect_text(mot(header + "time\ta\tb\n0\t1\n"), {"a.mot:8:1", "2 values", "3, one for each column"});
   expect_text(mot(header + "time\ta\tb\n0\t1\tx\n"), {"a.mot:8:5", "\"x\"", "a finite number"});
   expect_text(mot(header + "time\ta\tb\n0\t1\tnan\n"), {"a.mot:8:5", "nan"});
