@@ -192,7 +192,7 @@ class Reader {
     if (!time) return problem(1, "time", fmt::format("\"{}\"", fields[0].text), "a time in s");
     if (!table_.times.empty() && !(*time > table_.times.back()))
       return problem(1, "time", fmt::format("{:g} s after {:g} s", *time, table_.times.back()),
-                     "times that rise");
+                     "increasing times");
     if (table_.times.size() == kMotionMaxRows) {
       problem(1, "", fmt::format("more than {} rows", kMotionMaxRows), "a shorter table");
       rest_ = {};

@@ -20,7 +20,7 @@ inline constexpr double kMotionRangeTolerance = 0.5 * kDegree;
 struct MotionTable {
   std::string file;
   std::vector<std::string> names;  ///< of the columns after time, e.g. `right.index_mcp.flexion`
-  std::vector<double> times;       ///< [s], rising
+  std::vector<double> times;       ///< [s], increasing
   std::vector<double> values;      ///< row after row, size times * names [rad]
   std::vector<int> lines;          ///< of the rows in the file
   int header_line = 1;

@@ -79,7 +79,7 @@ void check_order(MapReader& reader, const ProgramKey& key, const std::vector<Pro
   if (before.empty()) return;
   const ProgramKey& last = before.back();
   if (!(key.time > last.time))
-    reader.problem("time", fmt::format("{:g} s after {:g} s", key.time, last.time), "times that rise");
+    reader.problem("time", fmt::format("{:g} s after {:g} s", key.time, last.time), "increasing times");
   else if (key.time < last.time + last.move * (1 - 1e-9))
     reader.problem(
         "time",

@@ -14,7 +14,7 @@ enum class Interpolation {
 };
 
 struct PoseKey {
-  double time = 0;  ///< [s], rising
+  double time = 0;  ///< [s], increasing
   Pose pose;        ///< X_WD
 };
 
@@ -27,9 +27,9 @@ struct PoseRate {
 /// Which one-sided derivative at a keyframe, where the rate of linear motion jumps.
 enum class KeySide { before, after };
 
-/// An oscillation along a line, at rest at its start and end: displacement = amplitude w(n) sin(2 pi n) with n =
-/// frequency (time - start) from 0 to `cycles`; w rises from 0 to 1 over the first half cycle and falls over
-/// the last by the minimum-jerk curve. Acceleration is continuous.
+/// An oscillation along a line, at rest at its start and end: displacement = amplitude w(n) sin(2 pi n) with
+/// n = frequency (time - start) from 0 to `cycles`; w rises from 0 to 1 over the first half cycle and falls
+/// over the last by the minimum-jerk curve. Acceleration is continuous.
 struct Shake {
   double start = 0;               ///< [s]
   double frequency = 1;           ///< [Hz], > 0

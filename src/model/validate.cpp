@@ -119,12 +119,14 @@ class Checker {
           "two different bodies, the child not the world");
     check_pose(joint.name + ".parent_frame", joint.parent_frame);
     check_pose(joint.name + ".child_frame", joint.child_frame);
-    const std::size_t axes = joint.kind == JointKind::ball ? 0 : static_cast<std::size_t>(dof_count(joint.kind));
+    const std::size_t axes =
+        joint.kind == JointKind::ball ? 0 : static_cast<std::size_t>(dof_count(joint.kind));
     if (joint.axes.size() != axes)
       return add(joint.name + ".axes", fmt::format("{} axes", joint.axes.size()), fmt::format("{}", axes));
     for (const JointAxis& axis : joint.axes) {
       check_joint_axis(joint.name + "." + axis.name, axis);
-      if (axis.stop && joint.kind != JointKind::slider) check_angle_stop(joint.name + "." + axis.name, *axis.stop);
+      if (axis.stop && joint.kind != JointKind::slider)
+        check_angle_stop(joint.name + "." + axis.name, *axis.stop);
     }
     if (joint.kind == JointKind::universal &&
         !(std::abs(joint.axes[0].axis.dot(joint.axes[1].axis)) < kUnitTolerance))
@@ -199,7 +201,8 @@ class Checker {
     check_range(material.name + ".rolling_friction", material.rolling_friction, 0, kSizeMax, "m");
     check_range(material.name + ".spinning_friction", material.spinning_friction, 0, kSizeMax, "m");
     if (!material.compliance) return;
-    check_range(material.name + ".stiffness", material.compliance->stiffness, kStiffnessMin, kStiffnessMax, "N/m");
+    check_range(material.name + ".stiffness", material.compliance->stiffness, kStiffnessMin, kStiffnessMax,
+                "N/m");
     check_range(material.name + ".damping", material.compliance->damping, 0, kStiffnessMax, "N s/m");
   }
 
@@ -217,7 +220,7 @@ class Checker {
       if (i > 0 && !(drive.motion.keys[i].time > drive.motion.keys[i - 1].time))
         add(key + ".motion",
             fmt::format("time {:g} after {:g}", drive.motion.keys[i].time, drive.motion.keys[i - 1].time),
-            "rising times");
+            "increasing times");
     }
     for (const Shake& shake : drive.motion.shakes) {
       check_range(key + ".motion.shake", shake.frequency, 1e-3, 1e4, "Hz");

@@ -76,7 +76,7 @@ TEST(CheckCommand, ReadsMotions) {
   EXPECT_TRUE(contains(taken.out, "good.csv: a motion, good")) << taken.out;
   const Outcome refused = run_program({"check", bad.string()});
   EXPECT_EQ(refused.status, 2);
-  EXPECT_TRUE(contains(refused.err, "bad.csv:3:1: time: got 0 s after 0 s, need times that rise"))
+  EXPECT_TRUE(contains(refused.err, "bad.csv:3:1: time: got 0 s after 0 s, need increasing times"))
       << refused.err;
 }
 
@@ -91,7 +91,7 @@ TEST(AFileOfAnObject, NamesNoOther) {
             "duration: 1\n");
   const Outcome outcome = run_program({"check", scene.string()});
   EXPECT_EQ(outcome.status, 2);
-  EXPECT_TRUE(contains(outcome.err, "cup.yaml:4:7: objects.0.file: got a file that names another"))
+  EXPECT_TRUE(contains(outcome.err, "cup.yaml:4:7: objects.0.file: got a file that refers to another"))
       << outcome.err;
   EXPECT_TRUE(contains(outcome.err, "objects.1.fil: got an unknown key") &&
               contains(outcome.err, "(nearest: file)"))

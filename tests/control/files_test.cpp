@@ -138,7 +138,7 @@ TEST(MotionFile, RefusesWhatDoesNotHoldWithLineAndColumn) {
   expect_text(mot(header + "time\ta\tb\n0\t1\n"), {"a.mot:8:1", "2 values", "3, one for each column"});
   expect_text(mot(header + "time\ta\tb\n0\t1\tx\n"), {"a.mot:8:5", "\"x\"", "a finite number"});
   expect_text(mot(header + "time\ta\tb\n0\t1\tnan\n"), {"a.mot:8:5", "nan"});
-  expect_text(mot(header + "time\ta\tb\n1\t1\t1\n1\t1\t1\n"), {"a.mot:9:1", "times that rise"});
+  expect_text(mot(header + "time\ta\tb\n1\t1\t1\n1\t1\t1\n"), {"a.mot:9:1", "increasing times"});
   expect_text(mot(header + "time\ta\tb\n0\t1\t1\n"), {"nRows", "1 rows", "2"});
   expect_text(mot("x\nnRows=2\n"), {"endheader"});
   // More than any integer holds.

@@ -98,7 +98,7 @@ TEST(EngineChoice, LeavesOutEnginesThatLackWhatTheSceneAsksFor) {
 TEST(EngineChoice, SaysWhereASceneIsOutsideWhatWasMeasured) {
   const Scene scene = chosen("two_hands", 0.01, {kFree, "duration=2"});
   ASSERT_EQ(scene.warnings.size(), 1U);
-  EXPECT_NE(scene.warnings.front().find("the scene takes 2 s"), std::string::npos);
+  EXPECT_NE(scene.warnings.front().find("the scene lasts 2 s"), std::string::npos);
   EXPECT_FALSE(chosen("slider_crank_contact", 0.1, {"duration=1"}).warnings.empty());
 }
 

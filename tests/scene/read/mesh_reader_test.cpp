@@ -103,7 +103,7 @@ TEST_F(MeshFile, StlThatIsTornIsRefused) {
   for (const char* end :
        {"", "  endloop\n", "  endloop\n endfacet\n", "  endloop\n endfacet\n facet normal 0 0 1\n"})
     EXPECT_TRUE(refusal("a.stl", text_stl(end))
-                    .ends_with("got a file that ends before endsolid, need a whole STL file"))
+                    .ends_with("got a file that ends before endsolid, need a complete STL file"))
         << end;
   EXPECT_EQ(refusal("a.stl", text_stl("   vertex 1 1 1\n")),
             "7:4: got \"vertex\" after 3 corners, need three corners in each facet");
@@ -123,7 +123,7 @@ const std::string kCube =
     "f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\n";
 
 TEST_F(MeshFile, WithAFaceMissingIsNoBody) {
-  EXPECT_EQ(load_convex_mesh(write("a.obj", kCube + "f 4 1 5 8\n"), 0.1).odd_edges, 0);
+  EXPECT_EQ(load_convex_mesh(write("a.obj", kCube + "f 4 1 5 8\n"), 0.1).open_edges, 0);
   try {
     load_convex_mesh(write("b.obj", kCube), 0.1);
     FAIL();
@@ -138,7 +138,7 @@ TEST_F(MeshFile, WithAFaceMissingIsNoBody) {
 // Faces that meet at a corner of one within an edge of the other leave no hole, but are reported.
 TEST_F(MeshFile, WithACornerWithinAnEdgeIsABodyWithOddEdges) {
   const LoadedMesh mesh = load_convex_mesh(write("a.obj", kCube + "v 0 0.5 0\nf 9 1 5 8\nf 4 9 8\n"), 0.1);
-  EXPECT_EQ(mesh.odd_edges, 3);
+  EXPECT_EQ(mesh.open_edges, 3);
   EXPECT_NEAR(mesh.mesh->volume, 1e-3, 1e-12);
 }
 
@@ -158,7 +158,7 @@ TEST_F(MeshFile, OfASizeThatIsHardlyMeantBesideAHandIsReportedWithTheScaleThatWo
   EXPECT_TRUE(warnings_of(mesh + ", scale: 0.09", true).empty());
   const auto large = warnings_of(mesh + ", scale: 90", true);
   ASSERT_EQ(large.size(), 1U);
-  EXPECT_NE(large[0].find("stone is 90 m long, and a hand some 0.2 m: scale: 0.09 if the file is in mm"),
+  EXPECT_NE(large[0].find("stone is 90 m long, a hand about 0.2 m: scale: 0.09 if the file is in mm"),
             std::string::npos)
       << large[0];
   const auto small = warnings_of(mesh + ", scale: 0.0005", true);

@@ -92,7 +92,7 @@ TEST(Tasks, OfOneObjectAtTwoPlacesAreRefusedWhereTheSecondStands) {
                                    grasp("right", 0.2, "support: ground") +
                                    "  - {hand: left, object: ball, wrist: {position: [0, 0, 0.5]}, at: "
                                    "{position: [0, 0.2, 0]}, support: ground, open: flat, closed: flat}\n");
-  EXPECT_TRUE(contains(text, "test.yaml:8:5: grasps.1.object: got a place of ball 0.1 m")) << text;
+  EXPECT_TRUE(contains(text, "test.yaml:8:5: grasps.1.object: got a pose of ball 0.1 m")) << text;
 }
 
 // Oracle: mirror symmetry, as above; the second left hand is to find the hold where the first does.
@@ -113,7 +113,7 @@ TEST(Tasks, OfBothSidesShareAHoldInTheMirrorPlaneOnly) {
   };
   EXPECT_EQ(compiled(both(0)).plans.objects[0].pose.p, Vec3(0, 0.1, 0.5));
   const std::string text = refusal(both(0.2));
-  EXPECT_TRUE(contains(text, "test.yaml:8:5: climbs.1.hold: got a place of bar 0.4 m")) << text;
+  EXPECT_TRUE(contains(text, "test.yaml:8:5: climbs.1.hold: got a pose of bar 0.4 m")) << text;
 }
 
 TEST(Tasks, OfOneHandAreRefusedButOne) {
