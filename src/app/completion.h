@@ -1,4 +1,4 @@
-// What the command line's own description gives: completion scripts for shells, and a man page.
+// Makes completion scripts for shells and a man page from the description of the command line.
 #pragma once
 
 #include <string>

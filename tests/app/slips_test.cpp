@@ -54,8 +54,8 @@ TEST(Words, TooManySpeakOfQuotes) {
       run_program({"run", kScene, "--out", (folder.path() / "out").string(), "--set", "duration=10", "ms"});
   EXPECT_EQ(outcome.status, 2);
   EXPECT_EQ(outcome.problems(),
-            std::vector<std::string>{"arguments: got one too many, ms, need none more; a value "
-                                     "with a blank in it stands in quotes"});
+            std::vector<std::string>{"arguments: got one too many, ms, need no more; put a value "
+                                     "that contains a blank in quotes"});
 }
 
 TEST(RenderCommand, WritesNoPictureUnderAnotherFormatsName) {

@@ -64,7 +64,7 @@ TEST(DecimalComma, IsSaidOnceWithWhatIsMeant) {
 
 TEST(Vectors, OfTooManyNumbersSpeakOfCommas) {
   const auto read = [](MapReader& reader) { reader.vector("v", {Dimension::none, -9, 9}); };
-  EXPECT_NE(problems("v: [0, 0, -9,81]\n", read).find("a number takes a decimal point"), std::string::npos);
+  EXPECT_NE(problems("v: [0, 0, -9,81]\n", read).find("use a decimal point"), std::string::npos);
 }
 
 TEST(Warnings, StandWhereTheirKeyStands) {
