@@ -1,4 +1,4 @@
-// What is on disk however a run ends: nothing under a final name but whole files, and nothing outside --out.
+// Files on disk after any end of a run: only complete files under final names, and nothing outside --out.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <poll.h>
@@ -51,7 +51,7 @@ pid_t launch(std::vector<std::string> arguments, const fs::path& log, const std:
   _exit(127);
 }
 
-/// Exit status, or -1 where a signal ended the program.
+/// Exit status, or -1 if a signal ended the program.
 int status_of(pid_t child) {
   int status = 0;
   waitpid(child, &status, 0);
@@ -68,7 +68,8 @@ std::map<std::string, std::string> files(const fs::path& folder) {
 
 bool is_part(const std::string& name) { return name.starts_with(".") || name.ends_with(".partial"); }
 
-/// Every file under a final name is the one of a run that ended; those with times in them, by what they say.
+/// Every file under a final name equals that of a complete run; files that contain wall-clock times are
+/// compared by their content.
 void expect_whole(const fs::path& folder, const std::map<std::string, std::string>& reference) {
   for (const auto& [name, text] : files(folder)) {
     if (is_part(name)) continue;
@@ -101,16 +102,15 @@ const std::map<std::string, std::string>& reference() {
   return files_of_reference;
 }
 
-/// Kills a run at the n-th thing that happens in its folder: a file opened, written, closed, named or
-/// removed.
-/// @return false where the run ended by itself before.
+/// Kills a run at the n-th event in its folder: a file opened, written, closed, renamed or removed.
+/// @return false if the run ended before.
 bool killed_at(int n, const fs::path& out, const fs::path& log) {
   const int watch = inotify_init1(IN_NONBLOCK | IN_CLOEXEC);
   inotify_add_watch(watch, out.c_str(), IN_ALL_EVENTS);
   const pid_t child = launch(run_into(out), log, [] {});
   int status = 0;
   for (bool ended = false; n > 0 && !ended;) {
-    // Events that came before the end are still to be read after it.
+    // Events from before the end are read after it.
     ended = waitpid(child, &status, WNOHANG) == child;
     pollfd ready{watch, POLLIN, 0};
     poll(&ready, 1, ended ? 0 : 5);
@@ -129,8 +129,8 @@ bool killed_at(int n, const fs::path& out, const fs::path& log) {
   return status_of(child) == -1;
 }
 
-// Oracle: byte equality with the files of a run that was left alone.
-TEST(KilledRun, LeavesNothingButWholeFilesUnderTheirNames) {
+// Oracle: byte equality with the files of an undisturbed run.
+TEST(KilledRun, LeavesOnlyCompleteFilesUnderTheirNames) {
   ASSERT_EQ(reference().size(), 8U);
   const TemporaryFolder folder;
   const fs::path log = folder.path() / "log";
@@ -143,7 +143,7 @@ TEST(KilledRun, LeavesNothingButWholeFilesUnderTheirNames) {
     killed += again ? 1 : 0;
     expect_whole(out, reference());
     unfinished += fs::exists(out / "summary.json") ? 0 : 1;
-    // What an earlier run left does not stand in the way of the next.
+    // The remains of an earlier run do not disturb the next.
     if (killed % 8 == 1) {
       EXPECT_EQ(status_of(launch(run_into(out), log, [] {})), 0) << text_of(log);
       EXPECT_TRUE(fs::exists(out / "summary.json"));
@@ -153,9 +153,9 @@ TEST(KilledRun, LeavesNothingButWholeFilesUnderTheirNames) {
   EXPECT_GT(unfinished, 5);
 }
 
-// A disk that takes no more than so many bytes a file. Most of it is foreseen; a few bytes too little are
-// not.
-TEST(FullDisk, IsToldAndLeavesNothingButWholeFiles) {
+// A limit on the size of files. Most limits are detected before the run; a limit that is too small by a few
+// bytes is not.
+TEST(FullDisk, IsReportedAndLeavesOnlyCompleteFiles) {
   const std::size_t largest = reference().at("trajectory.csv").size();
   int foreseen = 0, late = 0;
   for (const std::size_t bytes : {std::size_t{0}, std::size_t{100}, std::size_t{1000}, std::size_t{5000},
@@ -179,7 +179,7 @@ TEST(FullDisk, IsToldAndLeavesNothingButWholeFiles) {
   EXPECT_GE(late, 1);
 }
 
-TEST(ReadOnlyFolder, IsToldBeforeAnythingIsRun) {
+TEST(ReadOnlyFolder, IsReportedBeforeTheRun) {
   const TemporaryFolder folder;
   std::vector<fs::path> places = {"/proc/handsim_out", "/proc/self"};
   if (geteuid() != 0) {
@@ -195,15 +195,15 @@ TEST(ReadOnlyFolder, IsToldBeforeAnythingIsRun) {
   }
 }
 
-/// Whether a name anywhere below a folder contains a word.
+/// True if a name anywhere below a folder contains a word.
 bool anything_named(const fs::path& folder, const std::string& word) {
   for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder))
     if (entry.path().filename().string().find(word) != std::string::npos) return true;
   return false;
 }
 
-// Words of a scene that lead out of the folder where they are taken for paths, or do as commands of gnuplot's
-// or the shell's.
+// Texts in a scene that would leave the folder if used as paths, or would act as commands of gnuplot or the
+// shell.
 TEST(WordsInAScene, WriteNothingOutsideTheRunsFolder) {
   const std::vector<std::string> titles = {"../escaped",
                                            "/tmp/handsim_escaped",
@@ -234,13 +234,13 @@ TEST(WordsInAScene, WriteNothingOutsideTheRunsFolder) {
     EXPECT_TRUE(fs::exists(inside / "out/plots/right_angles.png")) << title << text_of(log);
     EXPECT_FALSE(anything_named(folder.path(), "escaped")) << title;
     EXPECT_FALSE(fs::exists("/tmp/handsim_escaped"));
-    // What a title says stays in the title.
+    // The title is not interpreted.
     const control::MotionTable table = control::read_motion(inside / "out/trajectory.mot");
     EXPECT_EQ(std::find(table.names.begin(), table.names.end(), "escaped"), table.names.end());
   }
 }
 
-TEST(ExpectedHash, DecidesTheExitStatusAndIsToldBesideTheOneFound) {
+TEST(ExpectedHash, DecidesTheExitStatusAndIsPrintedWithTheActualOne) {
   const TemporaryFolder folder;
   const std::string hash = nlohmann::json::parse(reference().at("summary.json"))["state_hash"];
   std::vector<std::string> arguments = run_into(folder.path() / "out");
@@ -255,11 +255,11 @@ TEST(ExpectedHash, DecidesTheExitStatusAndIsToldBesideTheOneFound) {
   EXPECT_EQ(run_program(arguments).status, 2);
 }
 
-TEST(Snapshot, IsGoneOnFromOnTheCommandLineAndRefusedWhereItDoesNotFit) {
+TEST(Snapshot, IsContinuedByTheCommandLineAndRefusedIfItDoesNotFit) {
   const TemporaryFolder folder;
   const fs::path file = folder.path() / "snapshot.bin";
   std::ofstream(file, std::ios::binary) << reference().at("snapshot.bin");
-  const auto go_on = [&](const std::vector<std::string>& more) {
+  const auto continue_run = [&](const std::vector<std::string>& more) {
     std::vector<std::string> arguments = {"run",        source("config/dropped_hand.yaml").string(),
                                           "--out",      (folder.path() / "out").string(),
                                           "--set",      "duration=0.3",
@@ -269,15 +269,15 @@ TEST(Snapshot, IsGoneOnFromOnTheCommandLineAndRefusedWhereItDoesNotFit) {
     return run_program(arguments);
   };
   const std::string hash = nlohmann::json::parse(reference().at("summary.json"))["state_hash"];
-  EXPECT_EQ(go_on({"--expect-hash", hash}).status, 0);
+  EXPECT_EQ(continue_run({"--expect-hash", hash}).status, 0);
   fs::remove_all(folder.path() / "out");
-  const Outcome other = go_on({"--set", "solver.erp=0.3"});
+  const Outcome other = continue_run({"--set", "solver.erp=0.3"});
   EXPECT_EQ(other.status, 2);
   EXPECT_NE(other.err.find("differs in solver.erp"), std::string::npos) << other.err;
-  EXPECT_EQ(go_on({"--set", "duration=0.05"}).status, 2);
-  EXPECT_EQ(go_on({"--snapshot-at", "0.05"}).status, 2);
+  EXPECT_EQ(continue_run({"--set", "duration=0.05"}).status, 2);
+  EXPECT_EQ(continue_run({"--snapshot-at", "0.05"}).status, 2);
   fs::resize_file(file, 100);
-  const Outcome torn = go_on({});
+  const Outcome torn = continue_run({});
   EXPECT_EQ(torn.status, 2);
   EXPECT_NE(torn.err.find("torn"), std::string::npos) << torn.err;
   EXPECT_FALSE(fs::exists(folder.path() / "out"));

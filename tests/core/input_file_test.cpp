@@ -1,4 +1,4 @@
-// Files that a user names. Oracle: the bytes that were written; what may not be read is refused at once.
+// Reading of input files. Oracle: the bytes written; what must not be read is refused without waiting.
 #include "handsim/core/input_file.h"
 
 #include <gtest/gtest.h>
@@ -36,7 +36,7 @@ TEST(InputFile, IsReadWholeUpToItsLimit) {
   }
 }
 
-TEST(InputFile, IsNoPipeNoDeviceAndNoFolder) {
+TEST(InputFile, MustNotBeAPipeADeviceOrAFolder) {
   const test::TemporaryFolder folder;
   const fs::path pipe = folder.path() / "pipe";
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
@@ -49,8 +49,8 @@ TEST(InputFile, IsNoPipeNoDeviceAndNoFolder) {
   EXPECT_NE(refusal(folder.path() / std::string(5000, 'x')).find("got no such file"), std::string::npos);
 }
 
-// Files of /proc say that they have no bytes.
-TEST(InputFile, MayHoldMoreThanTheSystemSaysButNotMoreThanTheLimit) {
+// Files of /proc report a size of 0.
+TEST(InputFile, MayBeLargerThanItsReportedSizeButNotThanTheLimit) {
   EXPECT_FALSE(read_input_file("/proc/self/status", "a good file", 1U << 20U).empty());
   EXPECT_NE(refusal("/proc/self/status", 10).find("got a file that grows beyond 10 bytes"),
             std::string::npos);

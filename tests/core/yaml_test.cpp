@@ -116,7 +116,7 @@ TEST(MapReader, WritesTheDefaultsItUsesIntoTheTree) {
   EXPECT_EQ(emit_yaml(reading.root), "a:\n  n: 4\nx: 0.1\ny: true\n");
 }
 
-TEST(MapReader, RangesMustRise) {
+TEST(MapReader, RangesMustIncrease) {
   Reading reading("r: [\"90 deg\", 0]\n");
   MapReader reader = reading.reader();
   EXPECT_FALSE(reader.maybe_range("r", {Dimension::angle}));

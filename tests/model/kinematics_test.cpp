@@ -10,7 +10,7 @@
 namespace handsim::model {
 namespace {
 
-/// World - one joint - body, with frames at odd angles.
+/// World - one joint - body, with arbitrary frames.
 Model one_joint(JointKind kind) {
   Model model = make_model();
   Body body;
