@@ -6,20 +6,14 @@
 #include <sys/resource.h>
 
 #include <array>
-#include <csignal>
-#include <functional>
 #include <map>
 
-#include <nlohmann/json.hpp>
-
-#include "app/program.h"
+#include "app/short_run.h"
 #include "handsim/control/motion_file.h"
 #include "handsim/simulation/run/snapshot_file.h"
 
 namespace handsim::test {
 namespace {
-
-namespace fs = std::filesystem;
 
 const std::vector<std::string> kRun = {"run",
                                        source("config/dropped_hand.yaml").string(),
@@ -35,28 +29,6 @@ const std::vector<std::string> kRun = {"run",
                                        "--set",
                                        "pictures.size=[160, 120]",
                                        "--out"};
-
-/// Starts the program; `prepare` runs in the child.
-pid_t launch(std::vector<std::string> arguments, const fs::path& log, const std::function<void()>& prepare) {
-  std::fflush(nullptr);
-  const pid_t child = fork();
-  if (child != 0) return child;
-  if (!std::freopen(log.c_str(), "wb", stderr) || !std::freopen("/dev/null", "wb", stdout)) _exit(126);
-  std::vector<char*> argv = {const_cast<char*>(HANDSIM_PROGRAM)};
-  for (std::string& argument : arguments) argv.push_back(argument.data());
-  argv.push_back(nullptr);
-  prepare();
-  alarm(60);
-  execv(HANDSIM_PROGRAM, argv.data());
-  _exit(127);
-}
-
-/// Exit status, or -1 if a signal ended the program.
-int status_of(pid_t child) {
-  int status = 0;
-  waitpid(child, &status, 0);
-  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
 
 std::map<std::string, std::string> files(const fs::path& folder) {
   std::map<std::string, std::string> out;
@@ -86,7 +58,7 @@ void expect_whole(const fs::path& folder, const std::map<std::string, std::strin
   }
 }
 
-std::vector<std::string> run_into(const fs::path& out) {
+std::vector<std::string> recorded_run(const fs::path& out) {
   std::vector<std::string> arguments = kRun;
   arguments.push_back(out.string());
   return arguments;
@@ -95,8 +67,8 @@ std::vector<std::string> run_into(const fs::path& out) {
 const std::map<std::string, std::string>& reference() {
   static const std::map<std::string, std::string> files_of_reference = [] {
     const TemporaryFolder folder;
-    EXPECT_EQ(status_of(launch(run_into(folder.path() / "out"), folder.path() / "log", [] {})), 0)
-        << text_of(folder.path() / "log");
+    EXPECT_EQ(status_with(recorded_run(folder.path() / "out"), folder.path(), [] {}), 0)
+        << text_of(folder.path() / "stderr");
     return files(folder.path() / "out");
   }();
   return files_of_reference;
@@ -104,10 +76,10 @@ const std::map<std::string, std::string>& reference() {
 
 /// Kills a run at the n-th event in its folder: a file opened, written, closed, renamed or removed.
 /// @return false if the run ended before.
-bool killed_at(int n, const fs::path& out, const fs::path& log) {
+bool killed_at(int n, const fs::path& out) {
   const int watch = inotify_init1(IN_NONBLOCK | IN_CLOEXEC);
   inotify_add_watch(watch, out.c_str(), IN_ALL_EVENTS);
-  const pid_t child = launch(run_into(out), log, [] {});
+  const pid_t child = start(recorded_run(out), out.parent_path(), [] {});
   int status = 0;
   for (bool ended = false; n > 0 && !ended;) {
     // Events from before the end are read after it.
@@ -126,26 +98,25 @@ bool killed_at(int n, const fs::path& out, const fs::path& log) {
   }
   kill(child, SIGKILL);
   close(watch);
-  return status_of(child) == -1;
+  return wait_for(child) == -SIGKILL;
 }
 
 // Oracle: byte equality with the files of an undisturbed run.
 TEST(KilledRun, LeavesOnlyCompleteFilesUnderTheirNames) {
   ASSERT_EQ(reference().size(), 8U);
   const TemporaryFolder folder;
-  const fs::path log = folder.path() / "log";
   int killed = 0, unfinished = 0;
   bool again = true;
   for (int n = 1; again; n += 1 + n / 8) {
     const fs::path out = folder.path() / std::to_string(n);
     fs::create_directory(out);
-    again = killed_at(n, out, log);
+    again = killed_at(n, out);
     killed += again ? 1 : 0;
     expect_whole(out, reference());
     unfinished += fs::exists(out / "summary.json") ? 0 : 1;
     // The remains of an earlier run do not disturb the next.
     if (killed % 8 == 1) {
-      EXPECT_EQ(status_of(launch(run_into(out), log, [] {})), 0) << text_of(log);
+      EXPECT_EQ(status_with(recorded_run(out), folder.path(), [] {}), 0) << text_of(folder.path() / "stderr");
       EXPECT_TRUE(fs::exists(out / "summary.json"));
     }
   }
@@ -162,11 +133,10 @@ TEST(FullDisk, IsReportedAndLeavesOnlyCompleteFiles) {
                                   std::size_t{20'000}, largest / 2, largest - 1}) {
     const TemporaryFolder folder;
     const fs::path out = folder.path() / "out";
-    const pid_t child = launch(run_into(out), "/dev/null", [&] {
+    const int status = status_with(recorded_run(out), folder.path(), [&] {
       const rlimit limit{bytes, bytes};
       setrlimit(RLIMIT_FSIZE, &limit);
     });
-    const int status = status_of(child);
     const bool ran = fs::exists(out);
     EXPECT_EQ(status, ran ? 1 : 2) << bytes;
     ++(ran ? late : foreseen);
@@ -189,9 +159,9 @@ TEST(ReadOnlyFolder, IsReportedBeforeTheRun) {
     places.push_back(folder.path() / "closed");
   }
   for (const fs::path& place : places) {
-    const fs::path log = folder.path() / "log";
-    EXPECT_EQ(status_of(launch(run_into(place), log, [] {})), 2) << place;
-    EXPECT_NE(text_of(log).find(place.string()), std::string::npos) << text_of(log);
+    EXPECT_EQ(status_with(recorded_run(place), folder.path(), [] {}), 2) << place;
+    const std::string message = text_of(folder.path() / "stderr");
+    EXPECT_NE(message.find(place.string()), std::string::npos) << message;
   }
 }
 
@@ -225,13 +195,13 @@ TEST(WordsInAScene, WriteNothingOutsideTheRunsFolder) {
     const std::size_t line = text.find("title:");
     text.replace(line, text.find('\n', line) - line, "title: \"" + title + "\"");
     std::ofstream(inside / "scene.yaml") << text;
-    const fs::path log = inside / "log";
-    const pid_t child =
-        launch({"run", "scene.yaml", "--out", "out", "--plots", "--set", "duration=0.05"}, log, [&] {
+    const int status =
+        status_with({"run", "scene.yaml", "--out", "out", "--plots", "--set", "duration=0.05"}, inside, [&] {
           if (chdir(inside.c_str()) != 0) _exit(125);
         });
-    EXPECT_NE(status_of(child), 2) << title << text_of(log);
-    EXPECT_TRUE(fs::exists(inside / "out/plots/right_angles.png")) << title << text_of(log);
+    const std::string message = text_of(inside / "stderr");
+    EXPECT_NE(status, 2) << title << message;
+    EXPECT_TRUE(fs::exists(inside / "out/plots/right_angles.png")) << title << message;
     EXPECT_FALSE(anything_named(folder.path(), "escaped")) << title;
     EXPECT_FALSE(fs::exists("/tmp/handsim_escaped"));
     // The title is not interpreted.
@@ -243,7 +213,7 @@ TEST(WordsInAScene, WriteNothingOutsideTheRunsFolder) {
 TEST(ExpectedHash, DecidesTheExitStatusAndIsPrintedWithTheActualOne) {
   const TemporaryFolder folder;
   const std::string hash = nlohmann::json::parse(reference().at("summary.json"))["state_hash"];
-  std::vector<std::string> arguments = run_into(folder.path() / "out");
+  std::vector<std::string> arguments = recorded_run(folder.path() / "out");
   arguments.insert(arguments.end(), {"--expect-hash", hash});
   EXPECT_EQ(run_program(arguments).status, 0);
   arguments.back() = "0123456789abcdef";
