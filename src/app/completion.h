@@ -9,8 +9,7 @@ class App;
 
 namespace handsim::app {
 
-/// A script that completes commands, options and the words that an option takes. @param shell bash, zsh or
-/// fish
+/// A script that completes commands, options and their words. @param shell bash, zsh or fish.
 std::string completion_script(const CLI::App& app, const std::string& shell);
 
 /// handsim(1) in the man macros of roff.

@@ -30,8 +30,7 @@ void prepare_streams() {
   // Child processes inherit ignored signals but not handlers: they keep the default of SIGPIPE.
   static_cast<void>(std::signal(SIGPIPE, [](int) {}));
   for (const int signal : {SIGHUP, SIGXFSZ}) static_cast<void>(std::signal(signal, SIG_IGN));
-  // open() returns the lowest free number. A stream that is open for the wrong direction fails like a closed
-  // one.
+  // open() returns the lowest free number. A stream open for the wrong direction fails like a closed one.
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     if (fcntl(stream, F_GETFD) == -1 && errno == EBADF)
       static_cast<void>(open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY));

@@ -109,8 +109,7 @@ class Reader {
     factors_.push_back(factor);
   }
 
-  /// A label `NAME`, `NAME[unit]` or, in control.sto, `NAME.target[unit]`. Columns without angles are
-  /// ignored.
+  /// A label `NAME`, `NAME[unit]` or, in control.sto, `NAME.target[unit]`. Ignores columns without angles.
   /// @param default_factor to rad, for a label without a unit.
   void read_label(const Field& field, std::size_t index, double default_factor) {
     const std::size_t bracket = field.text.find('[');

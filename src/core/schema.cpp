@@ -100,7 +100,7 @@ void SchemaRecorder::record(const std::string& path, std::string_view key, KeyFo
 }
 
 void SchemaRecorder::record_file(const std::string& path, std::string_view key, std::string_view kind,
-                               bool required) {
+                                 bool required) {
   kinds_.emplace(kind);
   record(path, key, file_form(kind, required));
 }
@@ -138,8 +138,8 @@ Json SchemaRecorder::build(const Node& node) {
 
 namespace {
 
-/// Runs a reader until it asks for no new key. Values enable and disable other keys: each setting is therefore
-/// read with only the settings that led to it, and also together with all other keys.
+/// Runs a reader until it asks for no new key. Values enable and disable other keys: each setting is
+/// therefore read with only the settings that led to it, and also together with all other keys.
 Json explore(const SchemaSource& source, SchemaRecorder& recorder) {
   std::vector<Setting> settings;
   std::vector<YamlNode> waiting = {yaml_map()};

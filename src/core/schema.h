@@ -1,6 +1,6 @@
 // Makes the JSON Schema (draft 2020-12) of a kind of file by running its reader: the schema holds exactly the
-// keys that the reader asks for. Keys of one choice only (`radius` of a sphere) are listed with all others and
-// are required only if every choice requires them: only the reader checks which keys may stand together.
+// keys that the reader asks for. Keys of one choice only (`radius` of a sphere) are listed with all others
+// and are required only if every choice requires them: only the reader checks which keys may stand together.
 #pragma once
 
 #include <functional>

@@ -344,8 +344,9 @@ YamlNode parse_yaml(const std::string& text, const std::string& name, YamlBudget
     // yaml-cpp marks an unknown place with -1.
     const Place place{name, std::max(1, failure.mark.line + 1), std::max(1, failure.mark.column + 1)};
     const std::optional<Place> tab = first_tab(text, place);
-    builder.problems().push_back(tab ? Problem{tab, "", "a tab as indentation", "spaces"}
-                                     : Problem{place, "", "invalid YAML (" + failure.msg + ")", "valid YAML"});
+    builder.problems().push_back(
+        tab ? Problem{tab, "", "a tab as indentation", "spaces"}
+            : Problem{place, "", "invalid YAML (" + failure.msg + ")", "valid YAML"});
   }
   if (!builder.problems().empty()) throw Error(builder.problems());
   if (!builder.root.file) builder.root.file = std::make_shared<const std::string>(name);

@@ -265,7 +265,8 @@ std::size_t MapReader::choice_index(std::string_view key, const std::vector<std:
 }
 
 YamlNode* MapReader::list(std::string_view key, bool required, std::size_t most) {
-  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, list_form(required ? 1 : 0, most));
+  if (auto* recorder = diagnostics_->recorder)
+    recorder->record(path_, key, list_form(required ? 1 : 0, most));
   YamlNode* found = find_or_report(key, required, "a list");
   const bool is_list = found && found->kind == YamlNode::Kind::sequence;
   if (!found || (is_list && found->items.size() <= most)) return found;

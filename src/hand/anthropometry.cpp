@@ -39,7 +39,8 @@ void read_covariance(MapReader& reader, Eigen::Matrix4d& out) {
     }
   if (!reader.sound()) return;
   const bool valid = out.isApprox(out.transpose()) && out.llt().info() == Eigen::Success;
-  if (!valid) reader.problem(key, "a matrix that is not a covariance", "a symmetric positive definite matrix");
+  if (!valid)
+    reader.problem(key, "a matrix that is not a covariance", "a symmetric positive definite matrix");
 }
 
 Fit read_fit(MapReader reader) {

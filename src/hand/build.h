@@ -31,8 +31,8 @@ struct Placement {
   Vec3 rail_direction = {0, 0, -1};                  ///< `rail`: world, unit
   model::PoseMotion motion;                          ///< `driven`: X_WH over time
   std::map<std::string, std::vector<double>> start;  ///< angles by joint name [rad]; others are 0
-  double tissue_stiffness = 1;  ///< factor on the hand model's passive stiffness
-  double tissue_damping = 1;    ///< factor on its passive damping
+  double tissue_stiffness = 1;                       ///< factor on the hand model's passive stiffness
+  double tissue_damping = 1;                         ///< factor on its passive damping
 };
 
 /// One hand of a person, right, in the hand frame.

@@ -246,8 +246,7 @@ void check_axis_pair(MapReader& reader, const std::vector<model::JointAxis>& axe
         fmt::format("axes {:.9g} deg apart", kDegreesPerRadian * std::acos(std::clamp(cosine, -1.0, 1.0))),
         "perpendicular axes");
   if (axes[0].name == axes[1].name)
-    reader.problem("axes", fmt::format("two axes called {}", axes[0].name),
-                   "a unique name for each axis");
+    reader.problem("axes", fmt::format("two axes called {}", axes[0].name), "a unique name for each axis");
 }
 
 HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {

@@ -1,5 +1,5 @@
-// The content of a hand model file: rows of segments with rules for their size, and their joints. Segments are
-// data: one reader serves every hand.
+// The content of a hand model file: rows of segments with rules for their size, and their joints. Segments
+// are data: one reader serves every hand.
 #pragma once
 
 #include <map>
@@ -31,10 +31,11 @@ struct JointSpec {
 struct SegmentSpec {
   std::string name;
   model::Part finger = model::Part::index;
-  int parent = -1;                              ///< row in HandSpec::segments; kPalm: the palm
-  bool has_child = false;                       ///< false: the last segment, whose cap ends at the fingertip
-  std::optional<std::array<LengthRule, 3>> at;  ///< joint centre in the parent's frame; absent: its distal end
-  Quat rotation = Quat::Identity();             ///< q_parent_segment at zero coordinates
+  int parent = -1;         ///< row in HandSpec::segments; kPalm: the palm
+  bool has_child = false;  ///< false: the last segment, whose cap ends at the fingertip
+  std::optional<std::array<LengthRule, 3>>
+      at;                            ///< joint centre in the parent's frame; absent: its distal end
+  Quat rotation = Quat::Identity();  ///< q_parent_segment at zero coordinates
   LengthRule length;
   LengthRule radius;
   double mass_share = 0;  ///< of the hand's mass; body_mass_share rule only
@@ -58,8 +59,7 @@ struct MassRule {
 
 struct PalmSpec {
   LengthRule length, breadth, thickness;
-  std::array<LengthRule, 3>
-      offset;  ///< of the box's centre from (0, length / 2, 0), hand frame
+  std::array<LengthRule, 3> offset;  ///< of the box's centre from (0, length / 2, 0), hand frame
 };
 
 struct HandSpec {

@@ -10,9 +10,7 @@ namespace {
 
 /// Unit normal of a polygon: sum of the cross products over its triangle fan (Newell's method).
 Vec3 polygon_normal(const std::vector<Vec3>& vertices, const std::vector<int>& corners) {
-  const auto at = [&](std::size_t i) {
-    return vertices[static_cast<std::size_t>(corners[i])];
-  };
+  const auto at = [&](std::size_t i) { return vertices[static_cast<std::size_t>(corners[i])]; };
   Vec3 sum = Vec3::Zero();
   for (std::size_t i = 1; i + 1 < corners.size(); ++i) sum += (at(i) - at(0)).cross(at(i + 1) - at(0));
   return sum.normalized();

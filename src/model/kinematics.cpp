@@ -57,7 +57,7 @@ void place_children(const Model& model, std::span<const double> q, State& state)
     if (joint.closes_loop) continue;
     const Pose x_FM = joint_transform(joint, q.subspan(static_cast<std::size_t>(joint.first_dof)));
     set_pose(state, joint.child,
-          frame_in_world(state, joint.parent, joint.parent_frame) * x_FM * joint.child_frame.inverse());
+             frame_in_world(state, joint.parent, joint.parent_frame) * x_FM * joint.child_frame.inverse());
   }
 }
 

@@ -25,7 +25,8 @@ Pose joint_transform(const Joint& joint, std::span<const double> q);
 /// State with the given coordinates (size model.dof_count()), at rest. Bodies without a joint to a parent
 /// have their zero pose. Loop-closing joints are not solved: State::q has the coordinates that result.
 State state_at(const Model& model, std::span<const double> q);
-/// State at the start: every axis at its `initial` coordinate, drives at time 0, bodies at their initial velocities.
+/// State at the start: every axis at its `initial` coordinate, drives at time 0, bodies at their initial
+/// velocities.
 State initial_state(const Model& model);
 
 }  // namespace handsim::model

@@ -138,8 +138,8 @@ struct ContactGroup {
 /// The pair's material is combined from its shapes' own.
 inline constexpr int kCombined = -1;
 
-/// Two groups whose shapes are tested against each other (a rule may name one group twice). Jointed bodies and
-/// pairs of immovable bodies are never tested.
+/// Two groups whose shapes are tested against each other (a rule may name one group twice). Jointed bodies
+/// and pairs of immovable bodies are never tested.
 struct ContactRule {
   int group_a = 0;
   int group_b = 0;

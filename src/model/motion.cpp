@@ -124,7 +124,8 @@ PoseRate PoseMotion::rate(double time, KeySide side) const {
   PoseRate out;
   if (const PoseKey* key = key_before(keys, time, side)) {
     const double span = key[1].time - key->time;
-    out = scaled_difference(*key, key[1], path_fraction_rate(interpolation, (time - key->time) / span) / span);
+    out =
+        scaled_difference(*key, key[1], path_fraction_rate(interpolation, (time - key->time) / span) / span);
   }
   for (const Shake& shake : shakes) out.v += shake.velocity(time);
   return out;
@@ -134,7 +135,8 @@ PoseRate PoseMotion::acceleration(double time, KeySide side) const {
   PoseRate out;
   if (const PoseKey* key = key_before(keys, time, side)) {
     const double span = key[1].time - key->time;
-    out = scaled_difference(*key, key[1], path_fraction_acceleration(interpolation, (time - key->time) / span) / (span * span));
+    out = scaled_difference(
+        *key, key[1], path_fraction_acceleration(interpolation, (time - key->time) / span) / (span * span));
   }
   for (const Shake& shake : shakes) out.v += shake.acceleration(time);
   return out;

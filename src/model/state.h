@@ -27,14 +27,13 @@ struct State {
   std::vector<double> u;  ///< rates as in kinematics.h [rad/s] or [m/s]
   /// Torque on the child in the last step, positive along the coordinate [N m] or [N]: given torques, servos
   /// and passive tissue as the engine solved them, without stops, contacts and joint constraints. Constant
-  /// over the step with engine ode, the value at the step's end with others. Ball: the given torque in F. Zero
-  /// before the first step.
+  /// over the step with engine ode, the value at the step's end with others. Ball: the given torque in F.
+  /// Zero before the first step.
   std::vector<double> tau;
   std::vector<double> tau_servo;  ///< the servos' part of tau, within their limits [N m] or [N]
 };
 
-/// Serialises time, bodies and torques (core/archive.h). The model has their counts; q and u follow from the
-/// bodies.
+/// Serialises time, bodies and torques (core/archive.h); the model has their counts, and q and u follow.
 template <class Archive, class T>
 void carry(Archive& archive, T& state) {
   archive(state.time);

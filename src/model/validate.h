@@ -18,8 +18,8 @@ struct Origins {
 };
 
 /// All defects, each with the place of its part: non-finite numbers, masses and sizes out of bounds, inertias
-/// that violate the triangle inequality, axes not unit or not perpendicular, stops out of order, indices out of range,
-/// parents after children.
+/// that violate the triangle inequality, axes not unit or not perpendicular, stops out of order, indices out
+/// of range, parents after children.
 std::vector<Problem> defects(const Model& model, const Origins& origins = {});
 
 }  // namespace handsim::model

@@ -1,5 +1,4 @@
-// Helpers of the readers of a scene's blocks. Problems go into the reader's diagnostics, defaults into the
-// tree.
+// Helpers of the readers of a scene's blocks. Problems go into the diagnostics, defaults into the tree.
 #pragma once
 
 #include <optional>

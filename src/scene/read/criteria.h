@@ -35,8 +35,7 @@ struct Criteria {
 
 Criteria read_criteria(MapReader reader);
 
-/// Problems: limits on figures that the scene does not measure. Call after content, effects and solver are
-/// read.
+/// Problems: limits on figures that the scene does not measure. Call after all other blocks are read.
 void check_criteria(MapReader reader, const SceneSpec& scene);
 
 /// Problems: limits on holds and movements that the hands' programs do not have. @param root of the scene.

@@ -30,8 +30,7 @@ std::string_view described(FileKind kind);
 /// The kind that a tree's keys indicate, if any.
 std::optional<FileKind> kind_of(const YamlNode& root);
 
-/// False, with a problem, for a tree that is empty, not a mapping, or recognised as another kind than
-/// `wanted`.
+/// False, with a problem, for a tree that is empty, not a mapping, or of another kind than `wanted`.
 bool is_of_kind(const YamlNode& root, const std::string& path, FileKind wanted, Diagnostics& diagnostics);
 
 }  // namespace handsim::scene

@@ -20,8 +20,7 @@ struct HandEntry {
   }
 };
 
-/// Reads `hands`; absent: none. Hands are named `right`, `left`, and `right2`, ... for further ones of a
-/// side.
+/// Reads `hands`; may be absent. Hands are named `right`, `left`, `right2`, ...
 /// @param tasks if they place hands of a mount, driven wrists may lack a motion, and rails have no pose.
 std::vector<HandEntry> read_hands(MapReader& reader, const Tasks& tasks);
 

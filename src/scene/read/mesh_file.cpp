@@ -71,8 +71,7 @@ double area_of(const std::vector<Triangle>& triangles) {
   return sum;
 }
 
-/// Largest depth of a mesh's surface inside its hull: the largest height of a corner above a triangle's
-/// plane.
+/// Largest depth of a mesh's surface inside its hull: largest height of a corner above a triangle's plane.
 double depth_in_hull(const std::vector<Triangle>& triangles, const std::vector<Vec3>& corners) {
   double deepest = 0;
   for (const Triangle& t : triangles) {

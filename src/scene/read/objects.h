@@ -1,6 +1,5 @@
 // The `objects` and the `ground` of a scene. An object file holds the shapes, mass, surface and source of an
-// object, without a pose. An object of a scene may refer to one under `file`; its own keys override the
-// file's.
+// object, without a pose. An object of a scene may refer to one; its own keys override those of its `file`.
 #pragma once
 
 #include <optional>

@@ -38,8 +38,7 @@ struct SceneSpec;
 void read_settings(MapReader& reader, engine::Settings& solver);
 /// Handles keys of a `solver` block that the engine does not have. If the command line names `engine`, such
 /// keys of the file are removed, with a warning; otherwise they are problems.
-/// @param need for messages, what is needed in place of a key; nothing for allowed keys. @param why of the
-/// warning
+/// @param need what is needed in place of a key; nothing for allowed keys. @param why for the warning.
 void refuse_keys(MapReader& reader, const std::function<std::optional<std::string>(const YamlEntry&)>& need,
                  const std::string& why);
 /// True for a value from `--set`.

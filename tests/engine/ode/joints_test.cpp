@@ -92,7 +92,8 @@ TEST(Universal, HasTheModelsCoordinatesForAxesAlongTheFrame) {
     }
 }
 
-// Oracle: two independent ways that must agree; the fast reading against model::update_coordinates, all round.
+// Oracle: two independent ways that must agree; the fast reading against model::update_coordinates, all
+// round.
 TEST(JointSensors, ReadTheModelsCoordinatesAndRates) {
   std::mt19937 random(9);
   std::uniform_real_distribution<double> turn(-3.1, 3.1);
