@@ -31,11 +31,10 @@ struct JointSpec {
 struct SegmentSpec {
   std::string name;
   model::Part finger = model::Part::index;
-  int parent = -1;         ///< row in HandSpec::segments; kPalm: the palm
-  bool has_child = false;  ///< false: the last segment, whose cap ends at the fingertip
-  std::optional<std::array<LengthRule, 3>>
-      at;                            ///< joint centre in the parent's frame; absent: its distal end
-  Quat rotation = Quat::Identity();  ///< q_parent_segment at zero coordinates
+  int parent = -1;                              ///< row in HandSpec::segments; kPalm: the palm
+  bool has_child = false;                       ///< false: the last segment, whose cap ends at the fingertip
+  std::optional<std::array<LengthRule, 3>> at;  ///< joint centre in the parent's frame; absent: distal end
+  Quat rotation = Quat::Identity();             ///< q_parent_segment at zero coordinates
   LengthRule length;
   LengthRule radius;
   double mass_share = 0;  ///< of the hand's mass; body_mass_share rule only
