@@ -39,7 +39,7 @@ class Controller {
   /// model.dof_count(); the other is empty.
   std::span<const double> torques() const { return torques_; }
   std::span<const model::Servo> servos() const { return servos_; }
-  /// By driven axis, as Plan::axes.
+  /// One per driven axis, in the order of Plan::axes.
   std::span<const AxisState> axes() const { return axes_; }
   const Plan& plan() const { return plan_; }
 

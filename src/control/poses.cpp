@@ -17,7 +17,7 @@ namespace {
 constexpr double kRangeTolerance = 1e-9;
 constexpr int kMaxRepeats = 10'000;
 constexpr std::size_t kMostJoints = 200;  ///< of a pose, with those of the poses that it is `like`
-/// Of all programs of a file, after repetition.
+/// Largest number of keys of all programs of a file, after repetition.
 constexpr std::size_t kMostKeys = 200'000;
 const Quantity kTime = {Dimension::time, 0, 1e5};
 

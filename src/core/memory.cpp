@@ -28,7 +28,7 @@ std::optional<std::size_t> free_in_address_space() {
   return remaining(limit.rlim_cur, *pages * static_cast<std::size_t>(sysconf(_SC_PAGESIZE)));
 }
 
-/// Of the process's control group (version 2).
+/// Free memory of the process's control group (version 2).
 std::optional<std::size_t> free_in_group() {
   std::ifstream in("/proc/self/cgroup");
   for (std::string line; std::getline(in, line);) {

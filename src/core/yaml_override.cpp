@@ -28,7 +28,7 @@ YamlNode& item_for_override(YamlNode& list, const std::string& part, const std::
       list.items.empty() ? "a list with items" : fmt::format("an index from 0 to {}", list.items.size() - 1));
 }
 
-/// The child that the next key of an override's path names; added where the map has none.
+/// The child that the next key of an override's path names; added to the map if missing.
 YamlNode& child_for_override(YamlNode& node, const std::string& part, const std::string& path,
                              const std::shared_ptr<const std::string>& origin) {
   if (node.kind == YamlNode::Kind::null) node.kind = YamlNode::Kind::map;

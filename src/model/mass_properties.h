@@ -28,10 +28,10 @@ CapsuleInertia capsule_inertia(double radius, double length);
 /// Volume [m^3]; 0 for a plane.
 double volume(const Shape& shape);
 
-/// Of a uniform solid of this mass, in the frame that `shape.pose` refers to.
+/// Mass properties of a uniform solid of this mass, in the frame that `shape.pose` refers to.
 MassProperties solid_properties(const Shape& shape, double mass);
 
-/// Of rigidly joined parts, all in one frame (parallel axis theorem).
+/// Mass properties of rigidly joined parts, all in one frame (parallel axis theorem).
 MassProperties joined(const std::vector<MassProperties>& parts);
 
 }  // namespace handsim::model

@@ -155,18 +155,18 @@ struct Drive {
 
 /// Indices of a hand's parts in the model.
 struct HandIndex {
-  std::string name;  ///< `right`, `left`, or with a number where a scene has several of a side
+  std::string name;  ///< `right`, `left`, or with a number if a scene has several of a side
   Side side = Side::right;
   int palm = 0;             ///< body
   Pose wrist_frame;         ///< X_PH: hand frame H (origin at the wrist joint centre) in the palm body
   std::vector<int> bodies;  ///< palm first, then segments
-  std::vector<int> joints;  ///< finger joints, and the wrist joint where it has one
+  std::vector<int> joints;  ///< finger joints, and the wrist joint if it has one
   std::optional<int> rail;  ///< slider joint of the palm, if it has one
 };
 
 /// Everything a scene simulates.
 struct Model {
-  Vec3 gravity = {0, 0, -9.80665};  ///< [m/s^2]; acts only where the gravity effect is on
+  Vec3 gravity = {0, 0, -9.80665};  ///< [m/s^2]; acts only if the gravity effect is on
   std::vector<Body> bodies;         ///< [0] is the world
   std::vector<Joint> joints;
   std::vector<Shape> shapes;

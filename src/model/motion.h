@@ -52,17 +52,17 @@ struct PoseMotion {
 
   /// Pose at a time [s].
   Pose at(double time) const;
-  /// Its rate at a time [s]: the exact derivative of `at`.
+  /// The exact derivative of at() at a time [s].
   PoseRate rate(double time, KeySide side) const;
-  /// The exact derivative of that rate [m/s^2], [rad/s^2].
+  /// The exact derivative of rate() [m/s^2], [rad/s^2].
   PoseRate acceleration(double time, KeySide side) const;
 };
 
 /// Fraction of the path, 0..1, after the fraction `s` (0..1) of the time.
 double path_fraction(Interpolation interpolation, double s);
-/// Its derivative.
+/// Derivative of path_fraction() by `s`.
 double path_fraction_rate(Interpolation interpolation, double s);
-/// Its second derivative.
+/// Its second derivative by `s`.
 double path_fraction_acceleration(Interpolation interpolation, double s);
 
 }  // namespace handsim::model

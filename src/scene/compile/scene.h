@@ -27,10 +27,10 @@ struct Scene {
 /// @throws Error (input) with every problem of the file and the files it names.
 Scene load_scene(const std::filesystem::path& path, const std::vector<std::string>& overrides = {});
 
-/// The same from a tree in memory.
+/// Compiles a scene from a tree in memory.
 Scene compile_scene(YamlNode root);
 
-/// The same from the content. @param root from which it was read; without one `resolved` is empty.
+/// Compiles a scene from its content. @param root from which it was read; without one `resolved` is empty.
 Scene compile_scene(SceneSpec spec, YamlNode root = {});
 
 /// The scene without an effect, and without effects that then have nothing to act on: friction is removed
