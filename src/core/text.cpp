@@ -17,15 +17,15 @@ struct Character {
   unsigned long code = 0;  ///< Unicode code point
 };
 
-/// The UTF-8 character at the start of the text.
+/// The UTF-8 character of more than one byte at the start of the text.
 std::optional<Character> decode(std::string_view text) {
   struct Form {
     unsigned char mask, lead;
     std::size_t size;
     unsigned long least;  ///< smaller code points have a shorter form
   };
-  constexpr std::array<Form, 4> kForms = {
-      {{0x80, 0x00, 1, 0}, {0xe0, 0xc0, 2, 0x80}, {0xf0, 0xe0, 3, 0x800}, {0xf8, 0xf0, 4, 0x10000}}};
+  constexpr std::array<Form, 3> kForms = {
+      {{0xe0, 0xc0, 2, 0x80}, {0xf0, 0xe0, 3, 0x800}, {0xf8, 0xf0, 4, 0x10000}}};
   const auto first = static_cast<unsigned char>(text.front());
   for (const Form& form : kForms) {
     if ((first & form.mask) != form.lead) continue;
@@ -57,6 +57,10 @@ std::optional<BadByte> find_bad_byte(std::string_view text) {
     const auto c = static_cast<unsigned char>(text[at]);
     if (is_control(c) && c != '\t' && c != '\n' && c != '\r')
       return BadByte{at, fmt::format("the control character 0x{:02x}", c)};
+    if (c < 0x80) {
+      ++at;
+      continue;
+    }
     const std::optional<Character> found = decode(text.substr(at));
     if (!found) return BadByte{at, fmt::format("the byte 0x{:02x}, which is not UTF-8", c)};
     if (is_noncharacter(found->code))
