@@ -280,7 +280,7 @@ PeerName simulate_with_peer(const std::filesystem::path& program, const PeerMeth
     if (!(std::abs(state.time - time) <= 1e-6 * h))
       throw failed(program, time, "time", fmt::format("the state has the time {:.12g} s", state.time));
     if (i == 0) check_start(program, scene, state, answer["kinetic_energy"].get<double>());
-    model::find_coordinates(scene.model, state);
+    model::update_coordinates(scene.model, state);
     update(state);
   }
   peer.finish(scene.spec.duration);

@@ -204,7 +204,7 @@ void check_case(MapReader& reader, const StabilityCase& of) {
   std::set<std::string> names;
   for (const MeasureSpec& measure : of.measures) {
     if (!names.insert(measure.name).second)
-      reader.problem("measures", measure.name + " a second time", "a name of its own for each measure");
+      reader.problem("measures", measure.name + " a second time", "a unique name for each measure");
     const bool held = std::any_of(of.ways.begin(), of.ways.end(), [&](const Way& way) {
       return !way.refused && std::any_of(way.steps.begin(), way.steps.end(), [&](double step) {
         return std::none_of(of.known.begin(), of.known.end(), [&](const KnownShort& known) {
@@ -274,7 +274,7 @@ StabilitySpec load_stability(const std::filesystem::path& path) {
     const std::string& name = spec.cases.back().name;
     if (!name.empty() && !names.insert(name).second)
       diagnostics.problems.push_back(
-          {node.place(), item + ".name", name + " a second time", "a name of its own for each case"});
+          {node.place(), item + ".name", name + " a second time", "a unique name for each case"});
   });
   reader.finish();
   diagnostics.throw_if_any();
