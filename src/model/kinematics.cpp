@@ -152,7 +152,7 @@ Pose joint_transform(const Joint& joint, std::span<const double> q) {
 }
 
 void place_joints(const Model& model, std::span<const double> q, std::span<const double> u, State& state) {
-  hang_children(model, q, state);
+  place_children(model, q, state);
   for (const Joint& joint : model.joints) {
     if (joint.closes_loop) continue;
     const auto rates = u.subspan(static_cast<std::size_t>(joint.first_dof));
