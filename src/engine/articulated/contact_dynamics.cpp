@@ -42,8 +42,8 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
   frames_.reserve(kUsualContacts);
   light_.reserve(kUsualContacts);
   memory_.points.reserve(kUsualContacts);
-  dofs_.reserve(at(space_.size()));
-  pair_runs_.reserve(at(space_.size()));
+  moving_dofs_.reserve(kUsualContacts);
+  loop_dofs_.reserve(at(space_.size()));
   loop_entries_.reserve(at(space_.size()));
   const Topology& topology = mechanism.topology();
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
@@ -140,18 +140,20 @@ ContactDynamics::Mobility ContactDynamics::mobility_of(int shape) const {
   return {1 / body.mass, 3 / body.inertia.trace()};
 }
 
-/// The dofs that move one of two nodes and not the other.
-void ContactDynamics::find_moving_dofs(int node_a, int node_b) {
-  dofs_.clear();
-  pair_runs_.clear();
+void ContactDynamics::find_moving_dofs(MovingDofs& of) const {
+  std::vector<int>& dofs = of.dofs;
+  std::vector<PairRun>& runs = of.runs;
+  dofs.clear();
+  runs.clear();
   const auto add = [&](int dof, double sign) {
-    if (dofs_.empty() || dofs_.back() + 1 != dof || pair_runs_.back().sign != sign)
-      pair_runs_.push_back({dof, 0, sign});
-    ++pair_runs_.back().count;
-    dofs_.push_back(dof);
+    if (dofs.empty() || dofs.back() + 1 != dof || runs.back().sign != sign) runs.push_back({dof, 0, sign});
+    ++runs.back().count;
+    dofs.push_back(dof);
   };
-  const std::span<const int> a = node_a == kNoNode ? std::span<const int>() : carriers_[at(node_a)];
-  const std::span<const int> b = node_b == kNoNode ? std::span<const int>() : carriers_[at(node_b)];
+  const auto carriers = [&](int node) {
+    return node == kNoNode ? std::span<const int>() : std::span<const int>(carriers_[at(node)]);
+  };
+  const std::span<const int> a = carriers(of.node_a), b = carriers(of.node_b);
   for (std::size_t i = 0, j = 0; i < a.size() || j < b.size();) {
     if (i < a.size() && j < b.size() && a[i] == b[j]) {
       ++i;
