@@ -135,6 +135,10 @@ class ContactNewton {
     std::size_t first_run = 0, run_count = 0;
     std::size_t next = 0;
   };
+  /// A disc that slides.
+  struct Column {
+    std::size_t contact = 0, disc = 0;
+  };
   /// First and second derivative of the energy along a direction.
   struct Slope {
     double value = 0, rise = 0;
@@ -209,7 +213,8 @@ class ContactNewton {
     eliminate(x, chain, end);
     substitute_back(x, chain, end);
   }
-  void add_coupling(const ContactRows& contact, const Disc& disc);
+  void add_coupling();
+  void add_column(std::size_t column);
   void eliminate_coupling();
   void find_coupling_system();
   void solve_coupling_system();
@@ -289,10 +294,11 @@ class ContactNewton {
   std::vector<int> dofs_;
   std::vector<Run> dof_runs_;  ///< the same
   std::vector<double> J_, r_, s_;
-  /// Friction's dependence on the normal impulse: M - C G^T is the whole (unsymmetric) derivative. Each
-  /// column has C and G of each unknown beside each other, from its first chain on.
-  std::vector<std::size_t> coupling_;  ///< first chain of each column
-  std::vector<double> CG_, K_;
+  /// Friction's dependence on the normal impulse: M - C G^T is the whole (unsymmetric) derivative. C and G
+  /// are unknowns by columns.
+  std::vector<Column> columns_;
+  std::vector<Run> column_range_;  ///< of each chain: columns that have entries there
+  std::vector<double> C_, G_, K_;
 };
 
 }  // namespace handsim::engine::articulated

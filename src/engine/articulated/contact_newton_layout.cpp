@@ -80,8 +80,9 @@ void ContactNewton::reserve(std::size_t n) {
   r_.reserve(kUsualContacts * kMostRows);
   s_.reserve(kUsualContacts * kMostRows);
   dof_runs_.reserve(kUsualContacts * 4);
-  coupling_.reserve(kUsualContacts);
-  CG_.reserve(2 * kUsualContacts * n);
+  columns_.reserve(kUsualContacts);
+  column_range_.reserve(n);
+  for (std::vector<double>* each : {&C_, &G_}) each->reserve(kUsualContacts * n);
   K_.reserve(kUsualContacts * (kUsualContacts + 1));
 }
 

@@ -67,21 +67,42 @@ void ContactNewton::add_stiffness(const ContactRows& contact) {
   }
 }
 
-/// Adds a column of C and G for a disc that slides.
-void ContactNewton::add_coupling(const ContactRows& contact, const Disc& disc) {
-  const std::size_t m = contact.dof_count, column = coupling_.size(), count = chains_.size();
+/// The columns of C and G: one for each disc that slides.
+void ContactNewton::add_coupling() {
+  columns_.clear();
+  column_range_.assign(chains_.size(), {});
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    const ContactRows& contact = contacts_[c];
+    if (contact.open || contact.dof_count == 0) continue;
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      if (!contact.discs[k].slides) continue;
+      const int column = static_cast<int>(columns_.size());
+      columns_.push_back({c, k});
+      for (std::size_t chain = chain_of_[at(dofs_[contact.first_dof])]; chain < chains_.size();
+           chain = chains_[chain].next) {
+        Run& range = column_range_[chain];
+        if (range.size() == 0) range.first = column;
+        range.end = column + 1;
+      }
+    }
+  }
+  C_.assign(at(n_) * columns_.size(), 0.0);
+  G_.assign(at(n_) * columns_.size(), 0.0);
+  for (std::size_t column = 0; column < columns_.size(); ++column) add_column(column);
+}
+
+void ContactNewton::add_column(std::size_t column) {
+  const ContactRows& contact = contacts_[columns_[column].contact];
+  const Disc& disc = contact.discs[columns_[column].disc];
+  const std::size_t m = contact.dof_count;
   const double *J = J_.data() + contact.first_entry, *rows = J + disc.row * m;
   const double share = disc.coefficient / contact.regularization;
-  coupling_.push_back(chain_of_[at(dofs_[contact.first_dof])]);
-  CG_.resize(std::max(CG_.size(), 2 * at(n_) * (column + 1)));
-  double* CG = CG_.data() + 2 * at(n_) * column;
-  for (std::size_t c = coupling_.back(); c < count; c = chains_[c].next)
-    std::fill(CG + 2 * at(chains_[c].own.first), CG + 2 * at(chains_[c].own.end), 0.0);
   for (std::size_t j = 0; j < m; ++j) {
     const std::size_t dof = at(dofs_[contact.first_dof + j]);
     if (bounds_[dof].side != 0) continue;
-    CG[2 * dof] = share * (disc.force_x * rows[j] + (disc.size > 1 ? disc.force_y * rows[m + j] : 0));
-    CG[2 * dof + 1] = J[j];
+    const std::size_t place = dof * columns_.size() + column;
+    C_[place] = share * (disc.force_x * rows[j] + (disc.size > 1 ? disc.force_y * rows[m + j] : 0));
+    G_[place] = J[j];
   }
 }
 
@@ -96,15 +117,11 @@ void ContactNewton::assemble() {
     if (servo.limit > 0 && servo.saturated == 0) M[i] += servo.slope;
     if (law_ == Law::fixed_limits && bounds_[at(i)].side != 0) M[i] += 1 / bound_compliance(i);
   }
-  coupling_.clear();
-  for (const ContactRows& contact : contacts_) {
-    if (contact.open && law_ != Law::fixed_limits) continue;
-    add_stiffness(contact);
-    if (law_ == Law::fixed_limits) continue;
-    for (std::size_t k = 0; k < contact.disc_count; ++k)
-      if (contact.discs[k].slides) add_coupling(contact, contact.discs[k]);
-  }
+  for (const ContactRows& contact : contacts_)
+    if (!contact.open || law_ == Law::fixed_limits) add_stiffness(contact);
+  columns_.clear();
   if (law_ == Law::fixed_limits) return;
+  add_coupling();
   for (int i = 0; i < n_; ++i) {
     if (bounds_[at(i)].side == 0) continue;
     std::fill(M_.begin() + static_cast<std::ptrdiff_t>(M_entry(i, i)),
@@ -168,51 +185,52 @@ void ContactNewton::substitute_back(double* x, std::size_t first_chain, std::siz
 
 /// C = U^-T C and G = U^-T G.
 void ContactNewton::eliminate_coupling() {
-  for (std::size_t column = 0; column < coupling_.size(); ++column) {
-    double* CG = CG_.data() + 2 * at(n_) * column;
-    for (std::size_t c = coupling_[column]; c < chains_.size(); c = chains_[c].next)
-      for (int k = chains_[c].own.first; k < chains_[c].own.end; ++k) {
-        const double* row = M_.data() + M_entry(k, 0);
-        const Pair both = row[k] * load(CG + 2 * k);
-        store(CG + 2 * k, both);
-        if (both.isZero(0)) continue;
-        const auto subtract_run = [&](int first, int end) {
-          for (int j = first; j < end; ++j) store(CG + 2 * j, load(CG + 2 * j) - row[j] * both);
-        };
-        subtract_run(k + 1, chains_[c].own.end);
-        for (const Run& run : runs(chains_[c])) subtract_run(run.first, run.end);
+  const std::size_t m = columns_.size();
+  for (std::size_t c = 0; c < chains_.size(); ++c) {
+    const Run range = column_range_[c];
+    if (range.size() == 0) continue;
+    for (int k = chains_[c].own.first; k < chains_[c].own.end; ++k) {
+      const double* row = M_.data() + M_entry(k, 0);
+      double *C = C_.data() + at(k) * m, *G = G_.data() + at(k) * m;
+      for (int i = range.first; i < range.end; ++i) {
+        C[i] *= row[k];
+        G[i] *= row[k];
       }
+      const auto subtract_run = [&](int first, int end) {
+        for (int j = first; j < end; ++j) {
+          const std::size_t to = at(j) * m + at(range.first);
+          subtract(C_.data() + to, C + range.first, row[j], range.size());
+          subtract(G_.data() + to, G + range.first, row[j], range.size());
+        }
+      };
+      subtract_run(k + 1, chains_[c].own.end);
+      for (const Run& run : runs(chains_[c])) subtract_run(run.first, run.end);
+    }
   }
 }
 
 /// K = 1 - G^T M^-1 C, and beside it G^T M^-1 F.
 void ContactNewton::find_coupling_system() {
-  const std::size_t m = coupling_.size();
+  const std::size_t m = columns_.size();
   K_.assign(m * (m + 1), 0.0);
-  const auto K = [&](std::size_t i, std::size_t j) -> double& { return K_[i * (m + 1) + j]; };
-  for (std::size_t i = 0; i < m; ++i) {
-    const double* mine = CG_.data() + 2 * at(n_) * i;
-    K(i, i) = 1;
-    for (std::size_t j = i; j < m; ++j) {
-      const double* other = CG_.data() + 2 * at(n_) * j;
-      // Chains that both have entries in.
-      std::size_t a = coupling_[i], b = coupling_[j];
-      while (a != b) a < b ? a = chains_[a].next : b = chains_[b].next;
-      Pair sum = Pair::Zero();  // C_i G_j, G_i C_j
-      for (; a < chains_.size(); a = chains_[a].next)
-        for (int k = chains_[a].own.first; k < chains_[a].own.end; ++k)
-          sum += load(mine + 2 * k).cwiseProduct(load(other + 2 * k).reverse());
-      K(i, j) -= sum[1];
-      if (j > i) K(j, i) -= sum[0];
+  for (std::size_t i = 0; i < m; ++i) K_[i * (m + 1) + i] = 1;
+  for (std::size_t c = 0; c < chains_.size(); ++c) {
+    const Run range = column_range_[c];
+    if (range.size() == 0) continue;
+    for (int k = chains_[c].own.first; k < chains_[c].own.end; ++k) {
+      const double *C = C_.data() + at(k) * m, *G = G_.data() + at(k) * m, d = d_[at(k)];
+      for (int i = range.first; i < range.end; ++i) {
+        double* K = K_.data() + at(i) * (m + 1);
+        subtract(K + range.first, C + range.first, G[i], range.size());
+        K[m] += G[i] * d;
+      }
     }
-    for (std::size_t a = coupling_[i]; a < chains_.size(); a = chains_[a].next)
-      for (int k = chains_[a].own.first; k < chains_[a].own.end; ++k) K(i, m) += mine[2 * k + 1] * d_[at(k)];
   }
 }
 
 /// Gaussian elimination with row exchanges, by hand: Eigen's sums round otherwise.
 void ContactNewton::solve_coupling_system() {
-  const std::size_t m = coupling_.size();
+  const std::size_t m = columns_.size();
   const auto K = [&](std::size_t i, std::size_t j) -> double& { return K_[i * (m + 1) + j]; };
   for (std::size_t k = 0; k < m; ++k) {
     std::size_t pivot = k;
@@ -232,15 +250,16 @@ void ContactNewton::solve_coupling_system() {
 
 /// Where d_ = -U^-T F: corrects the step to -(M - C G^T)^-1 F by the Sherman-Morrison-Woodbury formula.
 void ContactNewton::apply_coupling() {
-  const std::size_t m = coupling_.size();
+  const std::size_t m = columns_.size();
   if (m == 0) return;
   eliminate_coupling();
   find_coupling_system();
   solve_coupling_system();
-  for (std::size_t column = 0; column < m; ++column) {
-    const double *CG = CG_.data() + 2 * at(n_) * column, share = K_[column * (m + 1) + m];
-    for (std::size_t a = coupling_[column]; a < chains_.size(); a = chains_[a].next)
-      for (int k = chains_[a].own.first; k < chains_[a].own.end; ++k) d_[at(k)] += CG[2 * k] * share;
+  for (std::size_t c = 0; c < chains_.size(); ++c) {
+    const Run range = column_range_[c];
+    for (int k = chains_[c].own.first; k < chains_[c].own.end; ++k)
+      for (int i = range.first; i < range.end; ++i)
+        d_[at(k)] += C_[at(k) * m + at(i)] * K_[at(i) * (m + 1) + m];
   }
 }
 
