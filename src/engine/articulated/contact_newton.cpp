@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "handsim/core/index.h"
-#include "handsim/engine/articulated/row_operations.h"
 
 namespace handsim::engine::articulated {
 
@@ -127,12 +126,7 @@ void ContactNewton::evaluate_residual(Law law) {
   rounding_known_ = false;
   still_ = std::all_of(x_.begin(), x_.end(), [](double x) { return x == 0; });
   for (int i = 0; i < n_; ++i) F_[at(i)] = -g_[at(i)];
-  for (int i = 0; i < n_ && !still_; ++i) {
-    const double* row = A_.data() + entry(i, 0);
-    const int rest = A_last_[at(i)] - i;
-    F_[at(i)] += row[i] * x_[at(i)] + dot(row + i + 1, x_.data() + i + 1, rest);
-    subtract(F_.data() + i + 1, row + i + 1, -x_[at(i)], rest);
-  }
+  if (!still_) kernel_.add_product(A(), A_last_.data(), n_, x_.data(), F_.data());
   for (int i = 0; i < n_; ++i) {
     if (law == Law::fixed_limits) {
       Bound& bound = bounds_[at(i)];
@@ -156,7 +150,7 @@ void ContactNewton::find_row_velocities(bool still) {
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
     const ContactRows& contact = contacts_[c];
     double* r = r_.data() + kMostRows * c;
-    if (!still && !whole_) multiply_rows(contact, x_.data(), r);
+    if (!still && !whole_) kernel_.multiply(rows(contact), x_.data(), r);
     for (std::size_t k = 0; k < contact.rows; ++k)
       r[k] = contact.start[k] + (still ? 0 : (whole_ ? s_[kMostRows * c + k] : r[k]));
   }
@@ -168,17 +162,7 @@ void ContactNewton::add_contact_impulses() {
     ContactRows& contact = contacts_[c];
     apply_law(contact, r_.data() + kMostRows * c, law_);
     if (contact.open && law_ != Law::fixed_limits) continue;
-    const std::size_t m = contact.dof_count;
-    const double *J = J_.data() + contact.first_entry, *p = contact.impulse.data();
-    for (const Run& run : runs(contact)) {
-      double* to = F_.data() + run.first;
-      if (contact.rows == 3) {
-        subtract(to, J, J + m, J + 2 * m, p, run.size());
-      } else {
-        for (std::size_t k = 0; k < contact.rows; ++k) subtract(to, J + k * m, p[k], run.size());
-      }
-      J += run.size();
-    }
+    kernel_.subtract_transposed(rows(contact), contact.impulse.data(), F_.data());
   }
 }
 
@@ -261,17 +245,6 @@ bool ContactNewton::release_bounds() {
   return any;
 }
 
-/// out = J x of a contact.
-void ContactNewton::multiply_rows(const ContactRows& contact, const double* x, double* out) const {
-  std::fill_n(out, contact.rows, 0.0);
-  const double* J = J_.data() + contact.first_entry;
-  for (const Run& run : runs(contact)) {
-    for (std::size_t k = 0; k < contact.rows; ++k)
-      out[k] += dot(J + k * contact.dof_count, x + run.first, run.size());
-    J += run.size();
-  }
-}
-
 /// Friction's direction at the end of the step d_, by the linearised law.
 void ContactNewton::update_directions() {
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
@@ -303,14 +276,14 @@ void ContactNewton::update_directions() {
 /// Newton's step, into d_, and its J d, into s_.
 void ContactNewton::find_newton_step(NewtonReport& report) {
   assemble();
-  factor();
+  kernel_.factor(factor());
   for (int i = 0; i < n_; ++i) d_[at(i)] = kept(i) ? 0 : -F_[at(i)];
-  eliminate(d_.data(), 0, chains_.size());
+  kernel_.eliminate(factor(), d_.data(), 0, chains_.size());
   apply_coupling();
-  substitute_back(d_.data(), 0, chains_.size());
+  kernel_.substitute_back(factor(), d_.data(), 0, chains_.size());
   s_.resize(r_.size());
   for (std::size_t c = 0; c < contacts_.size(); ++c)
-    multiply_rows(contacts_[c], d_.data(), s_.data() + kMostRows * c);
+    kernel_.multiply(rows(contacts_[c]), d_.data(), s_.data() + kMostRows * c);
   ++report.iterations;
 }
 

@@ -26,6 +26,8 @@
 #include <span>
 #include <vector>
 
+#include "handsim/engine/articulated/row_kernel.h"
+
 namespace handsim::engine::articulated {
 
 /// Up to so many contacts are solved without allocating memory.
@@ -72,6 +74,9 @@ struct NewtonReport {
 
 class ContactNewton {
  public:
+  /// @param kernel must outlive this.
+  explicit ContactNewton(const RowKernel& kernel = row_kernel()) : kernel_(kernel) {}
+
   /// @param first for every unknown i the least j <= i with A_ij not zero, whatever the state.
   void resize(std::span<const int> first);
   int size() const { return n_; }
@@ -122,18 +127,6 @@ class ContactNewton {
     coulomb,
     active_set,   ///< of the last step: as `open`, `slides` and `saturated` say, whatever the velocities
     fixed_limits  ///< friction's limits are Disc::limit, whatever the normal impulse; bounds are penalties
-  };
-  /// Unknowns first, first + 1, ... end - 1.
-  struct Run {
-    int first = 0, end = 0;
-    int size() const { return end - first; }
-  };
-  /// An unbranched piece of a tree. Its rows of the factor have entries in the chain itself and in runs of
-  /// later unknowns; `next` is the first later chain among these, or the number of chains.
-  struct Chain {
-    Run own;
-    std::size_t first_run = 0, run_count = 0;
-    std::size_t next = 0;
   };
   /// A disc that slides.
   struct Column {
@@ -203,23 +196,25 @@ class ContactNewton {
   }
   void assemble();
   void add_stiffness(const ContactRows& contact);
-  void factor();
-  /// x = U^-T x, then x = U^-1 x: together M^-1; of a range of chains that no entry joins to others.
-  void eliminate(double* x, std::size_t first_chain, std::size_t end) const;
-  void substitute_back(double* x, std::size_t first_chain, std::size_t end) const;
-  void solve_tree(double* x, int first, int last) const {
+  Triangle A() { return {A_.data(), A_start_.data()}; }
+  Factor factor() { return {{M_.data(), M_start_.data()}, chains_.data(), chains_.size(), runs_.data()}; }
+  Coupling coupling() { return {column_range_.data(), columns_.size(), C_.data(), G_.data(), K_.data()}; }
+  /// Rows of a contact from one of them on.
+  RowBlock rows(const ContactRows& contact, std::size_t first, std::size_t count) const {
+    return {J_.data() + contact.first_entry + first * contact.dof_count, count, contact.dof_count,
+            dof_runs_.data() + contact.first_run, contact.run_count};
+  }
+  RowBlock rows(const ContactRows& contact) const { return rows(contact, 0, contact.rows); }
+  /// x = M^-1 x, of a range of unknowns that no entry joins to others.
+  void solve_tree(double* x, int first, int last) {
     const std::size_t chain = chain_of_[static_cast<std::size_t>(first)],
                       end = chain_of_[static_cast<std::size_t>(last)] + 1;
-    eliminate(x, chain, end);
-    substitute_back(x, chain, end);
+    kernel_.eliminate(factor(), x, chain, end);
+    kernel_.substitute_back(factor(), x, chain, end);
   }
   void add_coupling();
   void add_column(std::size_t column);
-  void eliminate_coupling();
-  void find_coupling_system();
-  void solve_coupling_system();
   void apply_coupling();
-  void multiply_rows(const ContactRows& contact, const double* x, double* out) const;
   void find_newton_step(NewtonReport& report);
   void update_directions();
   void advance(double share);
@@ -260,6 +255,7 @@ class ContactNewton {
     double residual = 0;
   };
 
+  const RowKernel& kernel_;
   int n_ = 0;
   std::vector<int> A_first_, A_last_;  ///< last column of a row of A
   std::vector<int> parent_;            ///< the next unknown up the tree; n_ for a root

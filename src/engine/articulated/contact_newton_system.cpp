@@ -7,7 +7,6 @@
 
 #include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact_newton.h"
-#include "handsim/engine/articulated/row_operations.h"
 
 namespace handsim::engine::articulated {
 
@@ -24,46 +23,16 @@ double ContactNewton::factor_work() const {
 
 /// Adds a contact's -J^T (dp/dr) J, where it is symmetric.
 void ContactNewton::add_stiffness(const ContactRows& contact) {
-  const std::size_t m = contact.dof_count;
-  const double* J = J_.data() + contact.first_entry;
+  const Triangle M = factor().M;
   const double normal = contact.open ? 0 : 1 / contact.regularization;
-  const std::span<const Run> all = runs(contact);
-  // Of each of the contact's unknowns: what the upper triangle of M has in its row, run by run.
-  const auto each_row = [&](auto&& add) {
-    std::size_t own = 0;
-    for (std::size_t r = 0; r < all.size(); ++r)
-      for (int i = all[r].first; i < all[r].end; ++i, ++own) {
-        double* to = M_.data() + M_entry(i, 0);
-        add(own, to + i, own, all[r].end - i);
-        std::size_t from = own + at(all[r].end - i);
-        for (const Run& run : all.subspan(r + 1)) {
-          add(own, to + run.first, from, run.size());
-          from += at(run.size());
-        }
-      }
-  };
   std::size_t k = 0;
-  if (contact.disc_count > 0 && contact.discs[0].kind == Disc::Kind::sliding) {
-    const std::array<double, 3> D = stiffness(contact.discs[k++]);
-    const double *x = J + m, *y = J + 2 * m;
-    each_row([&](std::size_t own, double* to, std::size_t from, int count) {
-      const double s[3] = {-normal * J[own], -D[0] * x[own] - D[1] * y[own], -D[1] * x[own] - D[2] * y[own]};
-      subtract(to, J + from, x + from, y + from, s, count);
-    });
-  } else if (normal > 0) {
-    each_row([&](std::size_t own, double* to, std::size_t from, int count) {
-      subtract(to, J + from, -normal * J[own], count);
-    });
-  }
+  if (contact.disc_count > 0 && contact.discs[0].kind == Disc::Kind::sliding)
+    kernel_.add_stiffness(M, rows(contact, 0, 3), normal, stiffness(contact.discs[k++]));
+  else if (normal > 0)
+    kernel_.add_stiffness(M, rows(contact, 0, 1), 0, {normal, 0, 0});
   for (; k < contact.disc_count; ++k) {
     const Disc& disc = contact.discs[k];
-    const std::array<double, 3> D = stiffness(disc);
-    const double *x = J + disc.row * m, *y = x + m;
-    each_row([&](std::size_t own, double* to, std::size_t from, int count) {
-      if (disc.size == 1) return subtract(to, x + from, -D[0] * x[own], count);
-      subtract(to, x + from, -D[0] * x[own] - D[1] * y[own], count);
-      subtract(to, y + from, -D[1] * x[own] - D[2] * y[own], count);
-    });
+    kernel_.add_stiffness(M, rows(contact, disc.row, disc.size), 0, stiffness(disc));
   }
 }
 
@@ -86,8 +55,15 @@ void ContactNewton::add_coupling() {
       }
     }
   }
-  C_.assign(at(n_) * columns_.size(), 0.0);
-  G_.assign(at(n_) * columns_.size(), 0.0);
+  const std::size_t m = columns_.size();
+  C_.resize(at(n_) * m);
+  G_.resize(at(n_) * m);
+  for (std::size_t c = 0; c < chains_.size(); ++c) {
+    const Run own = chains_[c].own, range = column_range_[c];
+    for (int k = own.first; k < own.end && range.size() > 0; ++k)
+      for (std::vector<double>* each : {&C_, &G_})
+        std::fill_n(each->data() + at(k) * m + at(range.first), range.size(), 0.0);
+  }
   for (std::size_t column = 0; column < columns_.size(); ++column) add_column(column);
 }
 
@@ -132,129 +108,16 @@ void ContactNewton::assemble() {
   }
 }
 
-/// M = U^T U in place, its diagonal inverted.
-void ContactNewton::factor() {
-  for (const Chain& chain : chains_)
-    for (int k = chain.own.first; k < chain.own.end; ++k) {
-      double* row = M_.data() + M_entry(k, 0);
-      const double inverse = 1 / std::sqrt(row[k]);
-      row[k] = inverse;
-      for (int j = k + 1; j < chain.own.end; ++j) row[j] *= inverse;
-      for (const Run& run : runs(chain))
-        for (int j = run.first; j < run.end; ++j) row[j] *= inverse;
-      for (int i = k + 1; i < chain.own.end; ++i) {
-        double* to = M_.data() + M_entry(i, 0);
-        subtract(to + i, row + i, row[i], chain.own.end - i);
-        for (const Run& run : runs(chain)) subtract(to + run.first, row + run.first, row[i], run.size());
-      }
-      const std::span<const Run> later = runs(chain);
-      for (std::size_t r = 0; r < later.size(); ++r)
-        for (int i = later[r].first; i < later[r].end; ++i) {
-          double* to = M_.data() + M_entry(i, 0);
-          subtract(to + i, row + i, row[i], later[r].end - i);
-          for (const Run& run : later.subspan(r + 1))
-            subtract(to + run.first, row + run.first, row[i], run.size());
-        }
-    }
-}
-
-void ContactNewton::eliminate(double* x, std::size_t first_chain, std::size_t end) const {
-  for (std::size_t c = first_chain; c < end; ++c) {
-    const Chain& chain = chains_[c];
-    for (int k = chain.own.first; k < chain.own.end; ++k) {
-      const double* row = M_.data() + M_entry(k, 0);
-      x[k] *= row[k];
-      if (x[k] == 0) continue;
-      subtract(x + k + 1, row + k + 1, x[k], chain.own.end - k - 1);
-      for (const Run& run : runs(chain)) subtract(x + run.first, row + run.first, x[k], run.size());
-    }
-  }
-}
-
-void ContactNewton::substitute_back(double* x, std::size_t first_chain, std::size_t end) const {
-  for (std::size_t c = end; c-- > first_chain;) {
-    const Chain& chain = chains_[c];
-    for (int k = chain.own.end - 1; k >= chain.own.first; --k) {
-      const double* row = M_.data() + M_entry(k, 0);
-      double sum = dot(row + k + 1, x + k + 1, chain.own.end - k - 1);
-      for (const Run& run : runs(chain)) sum += dot(row + run.first, x + run.first, run.size());
-      x[k] = (x[k] - sum) * row[k];
-    }
-  }
-}
-
-/// C = U^-T C and G = U^-T G.
-void ContactNewton::eliminate_coupling() {
-  const std::size_t m = columns_.size();
-  for (std::size_t c = 0; c < chains_.size(); ++c) {
-    const Run range = column_range_[c];
-    if (range.size() == 0) continue;
-    for (int k = chains_[c].own.first; k < chains_[c].own.end; ++k) {
-      const double* row = M_.data() + M_entry(k, 0);
-      double *C = C_.data() + at(k) * m, *G = G_.data() + at(k) * m;
-      for (int i = range.first; i < range.end; ++i) {
-        C[i] *= row[k];
-        G[i] *= row[k];
-      }
-      const auto subtract_run = [&](int first, int end) {
-        for (int j = first; j < end; ++j) {
-          const std::size_t to = at(j) * m + at(range.first);
-          subtract(C_.data() + to, C + range.first, row[j], range.size());
-          subtract(G_.data() + to, G + range.first, row[j], range.size());
-        }
-      };
-      subtract_run(k + 1, chains_[c].own.end);
-      for (const Run& run : runs(chains_[c])) subtract_run(run.first, run.end);
-    }
-  }
-}
-
-/// K = 1 - G^T M^-1 C, and beside it G^T M^-1 F.
-void ContactNewton::find_coupling_system() {
-  const std::size_t m = columns_.size();
-  K_.assign(m * (m + 1), 0.0);
-  for (std::size_t i = 0; i < m; ++i) K_[i * (m + 1) + i] = 1;
-  for (std::size_t c = 0; c < chains_.size(); ++c) {
-    const Run range = column_range_[c];
-    if (range.size() == 0) continue;
-    for (int k = chains_[c].own.first; k < chains_[c].own.end; ++k) {
-      const double *C = C_.data() + at(k) * m, *G = G_.data() + at(k) * m, d = d_[at(k)];
-      for (int i = range.first; i < range.end; ++i) {
-        double* K = K_.data() + at(i) * (m + 1);
-        subtract(K + range.first, C + range.first, G[i], range.size());
-        K[m] += G[i] * d;
-      }
-    }
-  }
-}
-
-/// Gaussian elimination with row exchanges, by hand: Eigen's sums round otherwise.
-void ContactNewton::solve_coupling_system() {
-  const std::size_t m = columns_.size();
-  const auto K = [&](std::size_t i, std::size_t j) -> double& { return K_[i * (m + 1) + j]; };
-  for (std::size_t k = 0; k < m; ++k) {
-    std::size_t pivot = k;
-    for (std::size_t i = k + 1; i < m; ++i)
-      if (std::abs(K(i, k)) > std::abs(K(pivot, k))) pivot = i;
-    if (pivot != k)
-      for (std::size_t j = k; j <= m; ++j) std::swap(K(k, j), K(pivot, j));
-    const double inverse = 1 / K(k, k);
-    for (std::size_t i = k + 1; i < m; ++i)
-      subtract(&K(i, k), &K(k, k), K(i, k) * inverse, static_cast<int>(m + 1 - k));
-  }
-  for (std::size_t k = m; k-- > 0;) {
-    for (std::size_t j = k + 1; j < m; ++j) K(k, m) -= K(k, j) * K(j, m);
-    K(k, m) /= K(k, k);
-  }
-}
-
 /// Where d_ = -U^-T F: corrects the step to -(M - C G^T)^-1 F by the Sherman-Morrison-Woodbury formula.
 void ContactNewton::apply_coupling() {
   const std::size_t m = columns_.size();
   if (m == 0) return;
-  eliminate_coupling();
-  find_coupling_system();
-  solve_coupling_system();
+  kernel_.eliminate_coupling(factor(), coupling());
+  K_.assign(m * (m + 1), 0.0);
+  for (std::size_t i = 0; i < m; ++i) K_[i * (m + 1) + i] = 1;
+  // K = 1 - G^T M^-1 C, and beside it G^T M^-1 F.
+  kernel_.find_coupling_system(factor(), coupling(), d_.data());
+  kernel_.solve_coupling_system(coupling());
   for (std::size_t c = 0; c < chains_.size(); ++c) {
     const Run range = column_range_[c];
     for (int k = chains_[c].own.first; k < chains_[c].own.end; ++k)

@@ -179,7 +179,7 @@ void ContactNewton::gauss_seidel(double tolerance, NewtonReport& report) {
   find_structure({});
   M_start_ = A_start_;
   M_ = A_;
-  factor();
+  kernel_.factor(factor());
   add_blocks();
   x_ = g_;
   solve_tree(x_.data(), 0, n_ - 1);

@@ -5,7 +5,6 @@
 
 #include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact_dynamics.h"
-#include "handsim/engine/articulated/row_operations.h"
 #include "handsim/engine/spring.h"
 
 namespace handsim::engine::articulated {
@@ -54,8 +53,8 @@ void ContactDynamics::find_point_rows(const Mat3& frame, const Vec3& position, d
   for (const PairRun& run : moving_->runs) {
     const Vec3 r = position - (run.sign > 0 ? pair_.a : pair_.b).origin;
     const Mat3 along = run.sign * frame;
-    point_rows(J, moving_->dofs.size(), {S_.data() + run.first, at(space_.size())}, r.data(), along.data(),
-               run.count);
+    row_kernel().find_point_rows(J, moving_->dofs.size(), {S_.data() + run.first, at(space_.size())},
+                                 r.data(), along.data(), run.count);
     J += run.count;
   }
 }
