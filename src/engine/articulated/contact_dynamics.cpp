@@ -42,7 +42,14 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
   frames_.reserve(kUsualContacts);
   light_.reserve(kUsualContacts);
   memory_.points.reserve(kUsualContacts);
-  moving_dofs_.reserve(kUsualContacts);
+  memory_.change.reserve(at(space_.size()));
+  std::size_t most = 0;
+  for (const std::vector<int>& each : carriers_) most = std::max(most, 2 * each.size());
+  moving_dofs_.resize(kUsualContacts);
+  for (MovingDofs& each : moving_dofs_) {
+    each.dofs.reserve(most);
+    each.runs.reserve(most);
+  }
   loop_dofs_.reserve(at(space_.size()));
   loop_entries_.reserve(at(space_.size()));
   const Topology& topology = mechanism.topology();
@@ -104,6 +111,8 @@ void ContactDynamics::save(ArchiveWriter& out) const {
   collider_.save(out);
   out(memory_.points.size());
   for (const ContactMemory::Point& each : memory_.points) carry(out, each);
+  out(memory_.change);
+  solver_.save(out);
 }
 
 void ContactDynamics::restore(ArchiveReader& in) {
@@ -115,6 +124,10 @@ void ContactDynamics::restore(ArchiveReader& in) {
       if (!(tangent_stiffness >= 0))
         in.refuse(fmt::format("a friction of {:g} over its speed", tangent_stiffness), "0 or more");
   }
+  in(memory_.change);
+  if (!memory_.change.empty() && memory_.change.size() != at(space_.size()))
+    in.refuse(fmt::format("{} changes of rates", memory_.change.size()), fmt::format("{}", space_.size()));
+  solver_.restore(in);
 }
 
 int ContactDynamics::collide(const model::State& state, const Prospect& prospect) {
@@ -215,6 +228,7 @@ void ContactDynamics::find_free(double step) {
     const int i = place_[at(dof)];
     const double* S = space_.axis_data(dof);
     for (std::size_t k = 0; k < 6; ++k) S_[k * at(n) + at(i)] = S[k * mechanism_.stride()];
+    if (!memory_.change.empty()) solver_.start()[at(i)] = memory_.change[at(dof)];
     const double change = change_[at(dof)] = step * du[space_.rate_index(dof)];
     const double own = solver_.inertia(i, i) = space_.inertia(dof, dof);
     inverse_inertia_[at(i)] = 1 / own;
@@ -312,8 +326,12 @@ NewtonReport ContactDynamics::solve(double step) {
               again.residual, again.solved, again.iterative};
   }
   const std::span<double> du = mechanism_.du();
-  for (int dof = 0; dof < space_.size(); ++dof)
-    if (involved(dof)) du[space_.rate_index(dof)] = solver_.x()[at(place_[at(dof)])] / step;
+  memory_.change.assign(at(space_.size()), 0.0);
+  for (int dof = 0; dof < space_.size(); ++dof) {
+    if (!involved(dof)) continue;
+    memory_.change[at(dof)] = solver_.x()[at(place_[at(dof)])];
+    du[space_.rate_index(dof)] = memory_.change[at(dof)] / step;
+  }
   for (const Coordinate& each : axes_) {
     if (!involved(each.dof)) continue;
     *each.axis.side = solver_.side(each.place);

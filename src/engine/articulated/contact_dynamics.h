@@ -28,7 +28,8 @@ struct ContactMemory {
     /// Of its sliding, spinning and rolling friction: limit over speed where it slides, else 0.
     std::array<double, 3> tangent_stiffness{};
   };
-  std::vector<Point> points;  ///< by shapes, then index
+  std::vector<Point> points;   ///< by shapes, then index
+  std::vector<double> change;  ///< of each dof's rate; empty: not known
 };
 
 class ContactDynamics {
@@ -37,7 +38,11 @@ class ContactDynamics {
   ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism, Loops* loops);
 
   /// Forgets the impulses of the last step.
-  void forget() { memory_.points.clear(); }
+  void forget() {
+    memory_.points.clear();
+    memory_.change.clear();
+    solver_.forget_factor();
+  }
   /// Contacts of the last step and their impulses, the warm start of the next.
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);

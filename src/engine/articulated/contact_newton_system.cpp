@@ -37,7 +37,7 @@ void ContactNewton::add_stiffness(const ContactRows& contact) {
 }
 
 /// The columns of C and G: one for each disc that slides.
-void ContactNewton::add_coupling() {
+void ContactNewton::list_columns() {
   columns_.clear();
   column_range_.assign(chains_.size(), {});
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
@@ -55,6 +55,17 @@ void ContactNewton::add_coupling() {
       }
     }
   }
+}
+
+void ContactNewton::size_columns() {
+  const std::size_t m = columns_.size();
+  K_.resize(m * m);
+  h_.resize(m);
+  pivots_.resize(m);
+}
+
+void ContactNewton::add_coupling() {
+  list_columns();
   const std::size_t m = columns_.size();
   C_.resize(at(n_) * m);
   G_.resize(at(n_) * m);
@@ -108,22 +119,63 @@ void ContactNewton::assemble() {
   }
 }
 
-/// Where d_ = -U^-T F: corrects the step to -(M - C G^T)^-1 F by the Sherman-Morrison-Woodbury formula.
-void ContactNewton::apply_coupling() {
-  const std::size_t m = columns_.size();
-  if (m == 0) return;
-  kernel_.eliminate_coupling(factor(), coupling());
-  K_.assign(m * (m + 1), 0.0);
-  for (std::size_t i = 0; i < m; ++i) K_[i * (m + 1) + i] = 1;
-  // K = 1 - G^T M^-1 C, and beside it G^T M^-1 F.
-  kernel_.find_coupling_system(factor(), coupling(), d_.data());
-  kernel_.solve_coupling_system(coupling());
-  for (std::size_t c = 0; c < chains_.size(); ++c) {
-    const Run range = column_range_[c];
-    for (int k = chains_[c].own.first; k < chains_[c].own.end; ++k)
-      for (int i = range.first; i < range.end; ++i)
-        d_[at(k)] += C_[at(k) * m + at(i)] * K_[at(i) * (m + 1) + m];
+/// As numbers of 0 or more: of each contact, then of each unknown.
+void ContactNewton::find_active_set() {
+  active_.clear();
+  for (const ContactRows& contact : contacts_) {
+    int code = contact.open ? 1 : 0;
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      const Disc& disc = contact.discs[k];
+      code = 8 * code + 2 * static_cast<int>(disc.kind) + (disc.slides ? 1 : 0);
+    }
+    active_.push_back(code);
   }
+  for (int i = 0; i < n_; ++i)
+    active_.push_back(static_cast<int>(4 * (bounds_[at(i)].side + 1) + servos_[at(i)].saturated + 1));
+}
+
+/// Whether the factor is of the same unknowns, contacts and active set.
+bool ContactNewton::factor_fits() {
+  if (factored_.empty()) return false;
+  find_active_set();
+  if (active_ != factored_) return false;
+  list_columns();
+  // A restored one may be of any size.
+  const std::size_t m = columns_.size();
+  h_.resize(m);
+  return C_.size() == at(n_) * m && G_.size() == C_.size() && K_.size() == m * m && pivots_.size() == m &&
+         std::all_of(pivots_.begin(), pivots_.end(), [&](std::size_t each) { return each < m; });
+}
+
+void ContactNewton::forget_factor() {
+  factored_.clear();
+  failures_ = problems_to_pass_ = 0;
+  if (part_) part_->forget_factor();
+}
+
+void ContactNewton::save(ArchiveWriter& out) const {
+  out(failures_);
+  out(problems_to_pass_);
+  out(factored_);
+  if (!factored_.empty()) {
+    out(laid_out_);
+    for (const std::vector<double>* each : {&M_, &C_, &G_, &K_}) out(*each);
+    out(pivots_);
+  }
+  if (part_) part_->save(out);
+}
+
+void ContactNewton::restore(ArchiveReader& in) {
+  failures_ = static_cast<int>(in.count(kMostFailures));
+  problems_to_pass_ = static_cast<int>(in.count(1 << kMostFailures));
+  in(factored_);
+  if (!factored_.empty()) {
+    structured_ = false;
+    in(laid_out_);
+    for (std::vector<double>* each : {&M_, &C_, &G_, &K_}) in(*each);
+    in(pivots_);
+  }
+  if (part_) part_->restore(in);
 }
 
 }  // namespace handsim::engine::articulated

@@ -177,6 +177,8 @@ double ContactNewton::solve_contact(const Block& block) {
 void ContactNewton::gauss_seidel(double tolerance, NewtonReport& report) {
   report.iterative = true;
   find_structure({});
+  structured_ = false;
+  factored_.clear();
   M_start_ = A_start_;
   M_ = A_;
   kernel_.factor(factor());

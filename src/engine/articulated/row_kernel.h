@@ -42,6 +42,8 @@ struct Coupling {
   const Run* ranges = nullptr;
   std::size_t columns = 0;
   double *C = nullptr, *G = nullptr, *K = nullptr;
+  double* h = nullptr;            ///< a number for each column
+  std::size_t* pivots = nullptr;  ///< row exchanges of K = LU
 };
 
 /// Rows of a contact's Jacobian, `stride` apart, over the unknowns of its runs.
@@ -67,10 +69,10 @@ struct RowKernel {
   void (*substitute_back)(const Factor&, double* x, std::size_t first_chain, std::size_t end);
   /// C = U^-T C, G = U^-T G.
   void (*eliminate_coupling)(const Factor&, const Coupling&);
-  /// K -= G^T C, and G^T d into the column after K's last.
-  void (*find_coupling_system)(const Factor&, const Coupling&, const double* d);
-  /// Solves K h = its last column, into that column.
-  void (*solve_coupling_system)(const Coupling&);
+  /// K = 1 - G^T C, then K = LU.
+  void (*factor_coupling)(const Factor&, const Coupling&);
+  /// d += C K^-1 G^T d.
+  void (*apply_coupling)(const Factor&, const Coupling&, double* d);
   /// M += J^T D J, D = diag(normal, [xx xy; xy yy]); of two rows without the first, of one row xx alone.
   void (*add_stiffness)(const Triangle&, const RowBlock&, double normal, const std::array<double, 3>& D);
   /// out = J x.

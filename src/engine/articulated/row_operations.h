@@ -162,48 +162,68 @@ struct RowOperations {
     }
   }
 
-  static void find_coupling_system(const Factor& f, const Coupling& coupling, const double* d) {
-    const std::size_t m = coupling.columns;
+  /// Calls f with each row that has entries of C and G, and the range of these.
+  template <class F>
+  static void each_coupled(const Factor& f, const Coupling& coupling, const F& use) {
     for (std::size_t c = 0; c < f.chain_count; ++c) {
       const Run range = coupling.ranges[c], own = f.chains[c].own;
-      if (range.size() == 0) continue;
-      for (int k = own.first; k < own.end; ++k) {
-        const std::size_t from = static_cast<std::size_t>(k) * m;
-        const double *C = coupling.C + from, *G = coupling.G + from;
-        for (int i = range.first; i < range.end; ++i) {
-          double* K = coupling.K + static_cast<std::size_t>(i) * (m + 1);
-          subtract(K + range.first, C + range.first, G[i], range.size());
-          K[m] += G[i] * d[k];
-        }
-      }
+      if (range.size() > 0)
+        for (int k = own.first; k < own.end; ++k) use(k, range);
     }
   }
 
-  /// Gaussian elimination with row exchanges.
-  static void solve_coupling_system(const Coupling& coupling) {
+  static void factor_coupling(const Factor& f, const Coupling& coupling) {
     const std::size_t m = coupling.columns;
-    const auto row = [&](std::size_t i) { return coupling.K + i * (m + 1); };
+    const auto row = [&](std::size_t i) { return coupling.K + i * m; };
+    for (std::size_t i = 0; i < m * m; ++i) coupling.K[i] = 0;
+    for (std::size_t i = 0; i < m; ++i) row(i)[i] = 1;
+    each_coupled(f, coupling, [&](int k, const Run& range) {
+      const std::size_t from = static_cast<std::size_t>(k) * m;
+      const double *C = coupling.C + from, *G = coupling.G + from;
+      for (int i = range.first; i < range.end; ++i)
+        subtract(row(static_cast<std::size_t>(i)) + range.first, C + range.first, G[i], range.size());
+    });
+    // Gaussian elimination with row exchanges.
     for (std::size_t k = 0; k < m; ++k) {
       std::size_t pivot = k;
       for (std::size_t i = k + 1; i < m; ++i)
         if (std::abs(row(i)[k]) > std::abs(row(pivot)[k])) pivot = i;
+      coupling.pivots[k] = pivot;
       double* from = row(k);
       if (pivot != k)
-        for (std::size_t j = k; j <= m; ++j) {
-          const double kept = from[j];
-          from[j] = row(pivot)[j];
-          row(pivot)[j] = kept;
-        }
+        for (std::size_t j = 0; j < m; ++j) exchange(from[j], row(pivot)[j]);
       const double inverse = 1 / from[k];
       for (std::size_t i = k + 1; i < m; ++i) {
         double* to = row(i);
-        subtract(to + k + 1, from + k + 1, to[k] * inverse, static_cast<int>(m - k));
+        to[k] *= inverse;
+        subtract(to + k + 1, from + k + 1, to[k], static_cast<int>(m - k) - 1);
       }
     }
+  }
+  static void exchange(double& a, double& b) {
+    const double kept = a;
+    a = b;
+    b = kept;
+  }
+
+  static void apply_coupling(const Factor& f, const Coupling& coupling, double* d) {
+    const std::size_t m = coupling.columns;
+    double* h = coupling.h;
+    for (std::size_t i = 0; i < m; ++i) h[i] = 0;
+    each_coupled(f, coupling, [&](int k, const Run& range) {
+      const double* G = coupling.G + static_cast<std::size_t>(k) * m;
+      subtract(h + range.first, G + range.first, -d[k], range.size());
+    });
+    for (std::size_t k = 0; k < m; ++k) exchange(h[k], h[coupling.pivots[k]]);
+    for (std::size_t k = 1; k < m; ++k) h[k] -= dot(coupling.K + k * m, h, static_cast<int>(k));
     for (std::size_t k = m; k-- > 0;) {
-      for (std::size_t j = k + 1; j < m; ++j) row(k)[m] -= row(k)[j] * row(j)[m];
-      row(k)[m] /= row(k)[k];
+      const double* row = coupling.K + k * m;
+      h[k] = (h[k] - dot(row + k + 1, h + k + 1, static_cast<int>(m - k) - 1)) / row[k];
     }
+    each_coupled(f, coupling, [&](int k, const Run& range) {
+      const double* C = coupling.C + static_cast<std::size_t>(k) * m;
+      d[k] += dot(C + range.first, h + range.first, range.size());
+    });
   }
 
   template <std::size_t N>
@@ -299,16 +319,8 @@ struct RowOperations {
   }
 
   static constexpr RowKernel kernel() {
-    return {factor,
-            eliminate,
-            substitute_back,
-            eliminate_coupling,
-            find_coupling_system,
-            solve_coupling_system,
-            add_stiffness,
-            multiply,
-            subtract_transposed,
-            add_product,
+    return {factor,         eliminate,     substitute_back, eliminate_coupling,  factor_coupling,
+            apply_coupling, add_stiffness, multiply,        subtract_transposed, add_product,
             find_point_rows};
   }
 };
