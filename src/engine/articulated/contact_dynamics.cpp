@@ -41,8 +41,15 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
   frames_.reserve(kUsualContacts);
   light_.reserve(kUsualContacts);
   memory_.points.reserve(kUsualContacts);
-  dofs_.reserve(at(space_.size()));
-  pair_runs_.reserve(at(space_.size()));
+  memory_.change.reserve(at(space_.size()));
+  std::size_t most = 0;
+  for (const std::vector<int>& each : carriers_) most = std::max(most, 2 * each.size());
+  moving_dofs_.resize(kUsualContacts);
+  for (MovingDofs& each : moving_dofs_) {
+    each.dofs.reserve(most);
+    each.runs.reserve(most);
+  }
+  loop_dofs_.reserve(at(space_.size()));
   loop_entries_.reserve(at(space_.size()));
   const Topology& topology = mechanism.topology();
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
@@ -109,6 +116,8 @@ void ContactDynamics::save(ArchiveWriter& out) const {
   collider_.save(out);
   out(memory_.points.size());
   for (const ContactMemory::Point& each : memory_.points) carry(out, each);
+  out(memory_.change);
+  solver_.save(out);
 }
 
 void ContactDynamics::restore(ArchiveReader& in) {
@@ -120,6 +129,10 @@ void ContactDynamics::restore(ArchiveReader& in) {
       if (!(tangent_stiffness >= 0))
         in.refuse(fmt::format("a friction of {:g} over its speed", tangent_stiffness), "0 or more");
   }
+  in(memory_.change);
+  if (!memory_.change.empty() && memory_.change.size() != at(space_.size()))
+    in.refuse(fmt::format("{} changes of rates", memory_.change.size()), fmt::format("{}", space_.size()));
+  solver_.restore(in);
 }
 
 int ContactDynamics::collide(const model::State& state, const Prospect& prospect) {
@@ -145,18 +158,20 @@ ContactDynamics::Mobility ContactDynamics::mobility_of(int shape) const {
   return {1 / body.mass, 3 / body.inertia.trace()};
 }
 
-/// The dofs that move one of two nodes and not the other.
-void ContactDynamics::find_moving_dofs(int node_a, int node_b) {
-  dofs_.clear();
-  pair_runs_.clear();
+void ContactDynamics::find_moving_dofs(MovingDofs& of) const {
+  std::vector<int>& dofs = of.dofs;
+  std::vector<PairRun>& runs = of.runs;
+  dofs.clear();
+  runs.clear();
   const auto add = [&](int dof, double sign) {
-    if (dofs_.empty() || dofs_.back() + 1 != dof || pair_runs_.back().sign != sign)
-      pair_runs_.push_back({dof, 0, sign});
-    ++pair_runs_.back().count;
-    dofs_.push_back(dof);
+    if (dofs.empty() || dofs.back() + 1 != dof || runs.back().sign != sign) runs.push_back({dof, 0, sign});
+    ++runs.back().count;
+    dofs.push_back(dof);
   };
-  const std::span<const int> a = node_a == kNoNode ? std::span<const int>() : carriers_[at(node_a)];
-  const std::span<const int> b = node_b == kNoNode ? std::span<const int>() : carriers_[at(node_b)];
+  const auto carriers = [&](int node) {
+    return node == kNoNode ? std::span<const int>() : std::span<const int>(carriers_[at(node)]);
+  };
+  const std::span<const int> a = carriers(of.node_a), b = carriers(of.node_b);
   for (std::size_t i = 0, j = 0; i < a.size() || j < b.size();) {
     if (i < a.size() && j < b.size() && a[i] == b[j]) {
       ++i;
@@ -218,6 +233,7 @@ void ContactDynamics::find_free(double step) {
     const int i = place_[at(dof)];
     const double* S = space_.axis_data(dof);
     for (std::size_t k = 0; k < 6; ++k) S_[k * at(n) + at(i)] = S[k * mechanism_.stride()];
+    if (!memory_.change.empty()) solver_.start()[at(i)] = memory_.change[at(dof)];
     const double change = change_[at(dof)] = step * du[space_.rate_index(dof)];
     const double own = solver_.inertia(i, i) = space_.inertia(dof, dof);
     inverse_inertia_[at(i)] = 1 / own;
@@ -315,8 +331,12 @@ NewtonReport ContactDynamics::solve(double step) {
               again.residual, again.solved, again.iterative};
   }
   const std::span<double> du = mechanism_.du();
-  for (int dof = 0; dof < space_.size(); ++dof)
-    if (involved(dof)) du[space_.rate_index(dof)] = solver_.x()[at(place_[at(dof)])] / step;
+  memory_.change.assign(at(space_.size()), 0.0);
+  for (int dof = 0; dof < space_.size(); ++dof) {
+    if (!involved(dof)) continue;
+    memory_.change[at(dof)] = solver_.x()[at(place_[at(dof)])];
+    du[space_.rate_index(dof)] = memory_.change[at(dof)] / step;
+  }
   for (const Coordinate& each : axes_) {
     if (!involved(each.dof)) continue;
     *each.axis.side = solver_.side(each.place);

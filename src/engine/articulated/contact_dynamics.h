@@ -28,7 +28,8 @@ struct ContactMemory {
     /// Of its sliding, spinning and rolling friction: limit over speed where it slides, else 0.
     std::array<double, 3> tangent_stiffness{};
   };
-  std::vector<Point> points;  ///< by shapes, then index
+  std::vector<Point> points;   ///< by shapes, then index
+  std::vector<double> change;  ///< of each dof's rate; empty: not known
 };
 
 class ContactDynamics {
@@ -39,7 +40,11 @@ class ContactDynamics {
   /// Takes over the model's masses.
   void refresh();
   /// Forgets the impulses of the last step.
-  void forget() { memory_.points.clear(); }
+  void forget() {
+    memory_.points.clear();
+    memory_.change.clear();
+    solver_.forget_factor();
+  }
   /// Contacts of the last step and their impulses, the warm start of the next.
   void save(ArchiveWriter& out) const;
   void restore(ArchiveReader& in);
@@ -79,6 +84,12 @@ class ContactDynamics {
     int first = 0, count = 0;
     double sign = 1;
   };
+  /// The unknowns that move one of two nodes and not the other.
+  struct MovingDofs {
+    int node_a = kNoNode, node_b = kNoNode;
+    std::vector<int> dofs;
+    std::vector<PairRun> runs;
+  };
 
   template <class Archive, class T>
   static void carry(Archive& archive, T& point);
@@ -92,8 +103,8 @@ class ContactDynamics {
   }
   void add_contacts(double step);
   void add_contact(const Contact& contact, const model::Material& surface, double share, double step);
-  void find_pair(int shape_a, int shape_b);
-  void find_moving_dofs(int node_a, int node_b);
+  void find_pair(std::size_t touch, int shape_a, int shape_b);
+  void find_moving_dofs(MovingDofs& of) const;
   Side side(int shape) const;
   void find_point_rows(const Mat3& frame, const Vec3& position, double* J) const;
   void find_normal_row(const Vec3& normal, const Vec3& position, double* J) const;
@@ -131,8 +142,9 @@ class ContactDynamics {
   std::vector<double> inverse_inertia_;     ///< inverse of the diagonal, by place
   std::vector<double> change_;              ///< of each dof's rate in the free step
   TouchingPair pair_;
-  std::vector<int> dofs_;  ///< places that move the two of a pair against each other
-  std::vector<PairRun> pair_runs_;
+  std::vector<MovingDofs> moving_dofs_;  ///< of each pair that touches; mostly those of the last step
+  const MovingDofs* moving_ = nullptr;   ///< of the pair
+  std::vector<int> loop_dofs_;
   std::vector<double> loop_entries_;
   std::vector<Mat3> frames_;        ///< of each contact; columns: normal, two tangents
   std::vector<std::size_t> light_;  ///< rigid contacts of light pairs

@@ -76,6 +76,7 @@ void ContactNewton::load_island(const ContactNewton& whole, int island) {
     std::copy_n(whole.A_.begin() + static_cast<std::ptrdiff_t>(whole.entry(i, i)), A_last_[at(to)] - to + 1,
                 A_.begin() + static_cast<std::ptrdiff_t>(entry(to, to)));
     g_[at(to)] = whole.g_[at(i)];
+    start_[at(to)] = whole.start_[at(i)];
     bounds_[at(to)] = whole.bounds_[at(i)];
     servos_[at(to)] = whole.servos_[at(i)];
   }

@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "handsim/core/index.h"
-#include "handsim/engine/articulated/row_operations.h"
 
 namespace handsim::engine::articulated {
 
@@ -17,6 +16,8 @@ constexpr int kNewtonSteps = 15;
 /// A heap gets fewer Newton steps, with Gauss-Seidel as the only fallback; none where a factorisation takes
 /// more multiplications than kMostWork. Both are chosen.
 constexpr int kHeapSteps = 6;
+/// Steps with the factor of an earlier problem. Chosen.
+constexpr int kReusedSteps = 3;
 constexpr double kMostWork = 5e4;
 /// A residual below this share of the sum of its terms' magnitudes is rounding.
 constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
@@ -28,6 +29,7 @@ constexpr double kBeyond = 1e-12;
 void ContactNewton::begin() {
   std::fill(A_.begin(), A_.end(), 0.0);
   std::fill(g_.begin(), g_.end(), 0.0);
+  std::fill(start_.begin(), start_.end(), 0.0);
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   std::fill(bounds_.begin(), bounds_.end(), Bound{-kInfinity, kInfinity, 0});
   std::fill(servos_.begin(), servos_.end(), Servo{});
@@ -125,14 +127,9 @@ void ContactNewton::apply_law(ContactRows& contact, const double* r, Law law) {
 void ContactNewton::evaluate_residual(Law law) {
   law_ = law;
   rounding_known_ = false;
-  still_ = std::all_of(x_.begin(), x_.end(), [](double x) { return x == 0; });
+  const bool still = std::all_of(x_.begin(), x_.end(), [](double x) { return x == 0; });
   for (int i = 0; i < n_; ++i) F_[at(i)] = -g_[at(i)];
-  for (int i = 0; i < n_ && !still_; ++i) {
-    const double* row = A_.data() + entry(i, 0);
-    const int rest = A_last_[at(i)] - i;
-    F_[at(i)] += row[i] * x_[at(i)] + dot(row + i + 1, x_.data() + i + 1, rest);
-    subtract(F_.data() + i + 1, row + i + 1, -x_[at(i)], rest);
-  }
+  if (!still) kernel_.add_product(A(), A_last_.data(), n_, x_.data(), F_.data());
   for (int i = 0; i < n_; ++i) {
     if (law == Law::fixed_limits) {
       Bound& bound = bounds_[at(i)];
@@ -145,7 +142,7 @@ void ContactNewton::evaluate_residual(Law law) {
     if (law != Law::active_set) servo.saturated = pull > servo.limit ? 1 : (pull < -servo.limit ? -1 : 0);
     F_[at(i)] -= servo.saturated != 0 ? servo.saturated * servo.limit : pull;
   }
-  find_row_velocities(still_);
+  find_row_velocities(still);
   whole_ = false;
   add_contact_impulses();
 }
@@ -156,9 +153,9 @@ void ContactNewton::find_row_velocities(bool still) {
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
     const ContactRows& contact = contacts_[c];
     double* r = r_.data() + kMostRows * c;
-    if (!still && !whole_) multiply_rows(contact, x_.data(), r);
+    if (!still && !whole_) kernel_.multiply(rows(contact), x_.data(), r);
     for (std::size_t k = 0; k < contact.rows; ++k)
-      r[k] = contact.start[k] + (still ? 0 : (whole_ ? s_[kMostRows * c + k] : r[k]));
+      r[k] = whole_ ? r[k] + s_[kMostRows * c + k] : contact.start[k] + (still ? 0 : r[k]);
   }
 }
 
@@ -168,17 +165,7 @@ void ContactNewton::add_contact_impulses() {
     ContactRows& contact = contacts_[c];
     apply_law(contact, r_.data() + kMostRows * c, law_);
     if (contact.open && law_ != Law::fixed_limits) continue;
-    const std::size_t m = contact.dof_count;
-    const double *J = J_.data() + contact.first_entry, *p = contact.impulse.data();
-    for (const Run& run : runs(contact)) {
-      double* to = F_.data() + run.first;
-      if (contact.rows == 3) {
-        subtract(to, J, J + m, J + 2 * m, p, run.size());
-      } else {
-        for (std::size_t k = 0; k < contact.rows; ++k) subtract(to, J + k * m, p[k], run.size());
-      }
-      J += run.size();
-    }
+    kernel_.subtract_transposed(rows(contact), contact.impulse.data(), F_.data());
   }
 }
 
@@ -229,7 +216,7 @@ double ContactNewton::residual(double tolerance) {
 
 /// x += share d, projected on the bounds unless these are penalties.
 void ContactNewton::advance(double share) {
-  whole_ = still_ && share == 1;
+  whole_ = share == 1;
   for (int i = 0; i < n_; ++i) {
     if (law_ == Law::fixed_limits) {
       x_[at(i)] += share * d_[at(i)];
@@ -261,17 +248,6 @@ bool ContactNewton::release_bounds() {
   return any;
 }
 
-/// out = J x of a contact.
-void ContactNewton::multiply_rows(const ContactRows& contact, const double* x, double* out) const {
-  std::fill_n(out, contact.rows, 0.0);
-  const double* J = J_.data() + contact.first_entry;
-  for (const Run& run : runs(contact)) {
-    for (std::size_t k = 0; k < contact.rows; ++k)
-      out[k] += dot(J + k * contact.dof_count, x + run.first, run.size());
-    J += run.size();
-  }
-}
-
 /// Friction's direction at the end of the step d_, by the linearised law.
 void ContactNewton::update_directions() {
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
@@ -300,17 +276,30 @@ void ContactNewton::update_directions() {
   }
 }
 
-/// Newton's step, into d_, and its J d, into s_.
-void ContactNewton::find_newton_step(NewtonReport& report) {
+/// Factors the derivative of F at x_.
+void ContactNewton::find_factor() {
   assemble();
-  factor();
+  kernel_.factor(factor());
+  size_columns();
+  if (!columns_.empty()) {
+    kernel_.eliminate_coupling(factor(), coupling());
+    kernel_.factor_coupling(factor(), coupling());
+  }
+  factored_.clear();
+  if (law_ == Law::fixed_limits) return;
+  find_active_set();
+  factored_ = active_;
+}
+
+/// Newton's step with the factor, into d_, and its J d, into s_.
+void ContactNewton::find_newton_step(NewtonReport& report) {
   for (int i = 0; i < n_; ++i) d_[at(i)] = kept(i) ? 0 : -F_[at(i)];
-  eliminate(d_.data(), 0, chains_.size());
-  apply_coupling();
-  substitute_back(d_.data(), 0, chains_.size());
+  kernel_.eliminate(factor(), d_.data(), 0, chains_.size());
+  if (!columns_.empty()) kernel_.apply_coupling(factor(), coupling(), d_.data());
+  kernel_.substitute_back(factor(), d_.data(), 0, chains_.size());
   s_.resize(r_.size());
   for (std::size_t c = 0; c < contacts_.size(); ++c)
-    multiply_rows(contacts_[c], d_.data(), s_.data() + kMostRows * c);
+    kernel_.multiply(rows(contacts_[c]), d_.data(), s_.data() + kMostRows * c);
   ++report.iterations;
 }
 
@@ -323,6 +312,7 @@ bool ContactNewton::solved(double tolerance, NewtonReport& report) {
 /// Newton steps from an evaluated x.
 void ContactNewton::newton_steps(int most, double tolerance, NewtonReport& report) {
   for (int i = 0; i < most && !report.solved; ++i) {
+    find_factor();
     find_newton_step(report);
     update_directions();
     advance(1);
@@ -331,9 +321,53 @@ void ContactNewton::newton_steps(int most, double tolerance, NewtonReport& repor
   }
 }
 
+/// Steps with the factor of an earlier problem, from an evaluated x, while the next may be the last: true
+/// where it was. Else x has a smaller residual than it had, or is the start again.
+bool ContactNewton::reuse_factor(double tolerance, NewtonReport& report) {
+  latest_.x = x_;
+  latest_.contacts = contacts_;
+  latest_.bounds = bounds_;
+  latest_.servos = servos_;
+  double last = residual(tolerance);
+  for (int i = 0; i < kReusedSteps; ++i) {
+    find_newton_step(report);
+    update_directions();
+    advance(1);
+    evaluate_residual(Law::coulomb);
+    if (solved(tolerance, report)) return true;
+    // Linear convergence. Written so that NaN does not go on.
+    if (!(report.residual * report.residual < tolerance * last)) break;
+    last = report.residual;
+  }
+  if (report.residual < last) return false;
+  x_ = latest_.x;
+  contacts_ = latest_.contacts;
+  bounds_ = latest_.bounds;
+  servos_ = latest_.servos;
+  evaluate_residual(Law::active_set);
+  return false;
+}
+
+/// Whether the factor of an earlier problem has solved this one. Where it fails again and again, as in fast
+/// motion, ever more problems pass before it is tried again.
+bool ContactNewton::solved_by_old_factor(double tolerance, NewtonReport& report) {
+  if (!factor_fits()) return false;
+  if (problems_to_pass_ > 0) {
+    --problems_to_pass_;
+    return false;
+  }
+  if (reuse_factor(tolerance, report)) {
+    failures_ = 0;
+    return true;
+  }
+  problems_to_pass_ = (1 << failures_) - 1;
+  failures_ = std::min(failures_ + 1, kMostFailures);
+  return false;
+}
+
 NewtonReport ContactNewton::solve_island(double tolerance) {
-  find_structure(contacts_);
-  for (int i = 0; i < n_; ++i) x_[at(i)] = bounds_[at(i)].side == 0 ? 0 : end_of(bounds_[at(i)]);
+  update_structure();
+  for (int i = 0; i < n_; ++i) x_[at(i)] = bounds_[at(i)].side == 0 ? start_[at(i)] : end_of(bounds_[at(i)]);
   NewtonReport report;
   const bool heap = n_ > kHeap;
   if (heap && factor_work() > kMostWork) {
@@ -343,6 +377,7 @@ NewtonReport ContactNewton::solve_island(double tolerance) {
   M_.resize(lay_out_rows(last_, M_start_));
   if (heap) latest_.contacts = contacts_;
   evaluate_residual(Law::active_set);
+  if (!heap && solved_by_old_factor(tolerance, report)) return report;
   newton_steps(heap ? kHeapSteps : kNewtonSteps, tolerance, report);
   if (report.solved) return report;
   if (!heap) {

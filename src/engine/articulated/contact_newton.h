@@ -12,7 +12,9 @@
 //
 // The solution is found by semi-smooth Newton steps (Alart and Curnier 1991, "A mixed formulation for
 // frictional contact problems prone to Newton like solution methods", CMAME 92) from the active set of the
-// last step; the factor is sparse along the branches of the mechanism (Featherstone 2008, section 6.5).
+// last step; the factor is sparse along the branches of the mechanism (Featherstone 2008, section 6.5). While
+// the active set stays, the factor of an earlier problem serves for as long as its steps converge fast (the
+// modified Newton method), as they do in a hold.
 // Coulomb's law is not the gradient of an energy, so these steps need not converge. Then friction's limits
 // are held fixed, which makes the problem convex: Newton's method with an exact line search solves it, and
 // the limits are iterated (contact_newton_limits.cpp). Heaps are solved by block Gauss-Seidel
@@ -25,6 +27,9 @@
 #include <memory>
 #include <span>
 #include <vector>
+
+#include "handsim/core/archive.h"
+#include "handsim/engine/articulated/row_kernel.h"
 
 namespace handsim::engine::articulated {
 
@@ -72,6 +77,9 @@ struct NewtonReport {
 
 class ContactNewton {
  public:
+  /// @param kernel must outlive this.
+  explicit ContactNewton(const RowKernel& kernel = row_kernel()) : kernel_(kernel) {}
+
   /// @param first for every unknown i the least j <= i with A_ij not zero, whatever the state.
   void resize(std::span<const int> first);
   int size() const { return n_; }
@@ -80,6 +88,8 @@ class ContactNewton {
   /// A's entry, i <= j.
   double& inertia(int i, int j) { return A_[entry(i, j)]; }
   std::span<double> drive() { return g_; }
+  /// Where the iteration starts; zero where nothing better is known.
+  std::span<double> start() { return start_; }
   /// Leaves out the tree of an unknown, which no contact may move: its x is not found.
   void leave_out(int i) {
     left_out_[static_cast<std::size_t>(tree_first_[static_cast<std::size_t>(i)])] = true;
@@ -95,11 +105,16 @@ class ContactNewton {
     return {J_.data() + contact.first_entry, contact.rows * contact.dof_count};
   }
 
-  /// Starts from x = 0 and from the active set that `open`, `slides` and the bounds' sides say. Where
+  /// Starts from `start` and from the active set that `open`, `slides` and the bounds' sides say. Where
   /// Coulomb's law is not met to the tolerance, the result is the solution with fixed friction limits that
   /// comes nearest to it; `residual` says how near.
   /// @param tolerance of rates [rad/s or m/s]
   NewtonReport solve(double tolerance);
+
+  /// The factor, which the next problem may use again.
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
+  void forget_factor();
 
   std::span<const double> x() const { return x_; }
   std::span<const ContactRows> contacts() const { return contacts_; }
@@ -123,17 +138,9 @@ class ContactNewton {
     active_set,   ///< of the last step: as `open`, `slides` and `saturated` say, whatever the velocities
     fixed_limits  ///< friction's limits are Disc::limit, whatever the normal impulse; bounds are penalties
   };
-  /// Unknowns first, first + 1, ... end - 1.
-  struct Run {
-    int first = 0, end = 0;
-    int size() const { return end - first; }
-  };
-  /// An unbranched piece of a tree. Its rows of the factor have entries in the chain itself and in runs of
-  /// later unknowns; `next` is the first later chain among these, or the number of chains.
-  struct Chain {
-    Run own;
-    std::size_t first_run = 0, run_count = 0;
-    std::size_t next = 0;
+  /// A disc that slides.
+  struct Column {
+    std::size_t contact = 0, disc = 0;
   };
   /// First and second derivative of the energy along a direction.
   struct Slope {
@@ -197,24 +204,37 @@ class ContactNewton {
             -0.5 * disc.tangent_stiffness * (disc.force_x * disc.slip_y + disc.force_y * disc.slip_x),
             disc.tangent_stiffness * (1 - disc.force_y * disc.slip_y)};
   }
+  void update_structure();
+  void find_active_set();
+  bool factor_fits();
+  bool reuse_factor(double tolerance, NewtonReport& report);
+  bool solved_by_old_factor(double tolerance, NewtonReport& report);
+  void find_factor();
   void assemble();
   void add_stiffness(const ContactRows& contact);
-  void factor();
-  /// x = U^-T x, then x = U^-1 x: together M^-1; of a range of chains that no entry joins to others.
-  void eliminate(double* x, std::size_t first_chain, std::size_t end) const;
-  void substitute_back(double* x, std::size_t first_chain, std::size_t end) const;
-  void solve_tree(double* x, int first, int last) const {
+  Triangle A() { return {A_.data(), A_start_.data()}; }
+  Factor factor() { return {{M_.data(), M_start_.data()}, chains_.data(), chains_.size(), runs_.data()}; }
+  Coupling coupling() {
+    return {column_range_.data(), columns_.size(), C_.data(), G_.data(), K_.data(), h_.data(),
+            pivots_.data()};
+  }
+  /// Rows of a contact from one of them on.
+  RowBlock rows(const ContactRows& contact, std::size_t first, std::size_t count) const {
+    return {J_.data() + contact.first_entry + first * contact.dof_count, count, contact.dof_count,
+            dof_runs_.data() + contact.first_run, contact.run_count};
+  }
+  RowBlock rows(const ContactRows& contact) const { return rows(contact, 0, contact.rows); }
+  /// x = M^-1 x, of a range of unknowns that no entry joins to others.
+  void solve_tree(double* x, int first, int last) {
     const std::size_t chain = chain_of_[static_cast<std::size_t>(first)],
                       end = chain_of_[static_cast<std::size_t>(last)] + 1;
-    eliminate(x, chain, end);
-    substitute_back(x, chain, end);
+    kernel_.eliminate(factor(), x, chain, end);
+    kernel_.substitute_back(factor(), x, chain, end);
   }
-  void add_coupling(const ContactRows& contact, const Disc& disc);
-  void eliminate_coupling();
-  void find_coupling_system();
-  void solve_coupling_system();
-  void apply_coupling();
-  void multiply_rows(const ContactRows& contact, const double* x, double* out) const;
+  void list_columns();
+  void size_columns();
+  void add_coupling();
+  void add_column(std::size_t column);
   void find_newton_step(NewtonReport& report);
   void update_directions();
   void advance(double share);
@@ -252,9 +272,11 @@ class ContactNewton {
     std::vector<double> x;
     std::vector<ContactRows> contacts;
     std::vector<Bound> bounds;
+    std::vector<Servo> servos;
     double residual = 0;
   };
 
+  const RowKernel& kernel_;
   int n_ = 0;
   std::vector<int> A_first_, A_last_;  ///< last column of a row of A
   std::vector<int> parent_;            ///< the next unknown up the tree; n_ for a root
@@ -269,9 +291,9 @@ class ContactNewton {
   std::vector<bool> left_out_;               ///< of trees, by their first unknowns
   std::vector<int> tree_first_, tree_last_;  ///< first and last unknown of each unknown's tree
   Law law_ = Law::coulomb;
-  std::vector<double> A_, M_, g_, x_, F_, sum_, d_, Ad_;
-  bool still_ = false, whole_ = false;  ///< x_ was 0 at the last evaluation; x_ is d_
-  bool rounding_known_ = false;         ///< sum_ is of the last evaluation
+  std::vector<double> A_, M_, g_, start_, x_, F_, sum_, d_, Ad_;
+  bool whole_ = false;           ///< x_ has changed by d_ since the last evaluation
+  bool rounding_known_ = false;  ///< sum_ is of the last evaluation
   std::vector<Bound> bounds_;
   std::vector<Servo> servos_;
   std::vector<ContactRows> contacts_;
@@ -289,10 +311,22 @@ class ContactNewton {
   std::vector<int> dofs_;
   std::vector<Run> dof_runs_;  ///< the same
   std::vector<double> J_, r_, s_;
-  /// Friction's dependence on the normal impulse: M - C G^T is the whole (unsymmetric) derivative. Each
-  /// column has C and G of each unknown beside each other, from its first chain on.
-  std::vector<std::size_t> coupling_;  ///< first chain of each column
-  std::vector<double> CG_, K_;
+  /// Friction's dependence on the normal impulse: M - C G^T is the whole (unsymmetric) derivative. C and G
+  /// are unknowns by columns.
+  std::vector<Column> columns_;
+  std::vector<Run> column_range_;  ///< of each chain: columns that have entries there
+  std::vector<double> C_, G_, K_, h_;
+  std::vector<std::size_t> pivots_;
+  /// What the factor's pattern depends on: unknowns and contacts; of this problem, and of the last. And
+  /// whether that pattern has been found.
+  std::vector<int> layout_, laid_out_;
+  bool structured_ = false;
+  /// Active set of this problem, and of the factor; empty: there is no factor.
+  std::vector<int> active_, factored_;
+  static constexpr int kMostFailures = 5;
+  /// How often in a row the factor of an earlier problem did not do, and how many problems pass before it is
+  /// tried again.
+  int failures_ = 0, problems_to_pass_ = 0;
 };
 
 }  // namespace handsim::engine::articulated

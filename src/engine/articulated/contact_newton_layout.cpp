@@ -12,7 +12,7 @@ void ContactNewton::resize(std::span<const int> first) {
   lay_out(first);
   reserve(first.size());
   if (std::count(tree_first_.begin(), tree_first_.end(), 0) == n_) return;
-  part_ = std::make_unique<ContactNewton>();
+  part_ = std::make_unique<ContactNewton>(kernel_);
   part_->reserve(first.size());
 }
 
@@ -42,10 +42,11 @@ void ContactNewton::lay_out(std::span<const int> first) {
     if (tree_first_[at(i)] == i) trees_.push_back({i, tree_last_[at(i)] + 1});
     tree_of_[at(i)] = static_cast<int>(trees_.size()) - 1;
   }
-  for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
+  for (std::vector<double>* each : {&g_, &start_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
   bounds_.resize(at(n_));
   servos_.resize(at(n_));
   left_out_.assign(at(n_), false);
+  structured_ = false;
 }
 
 void ContactNewton::reserve(std::size_t n) {
@@ -57,7 +58,7 @@ void ContactNewton::reserve(std::size_t n) {
   for (std::vector<int>* each : {&first_member_, &first_touching_, &next_}) each->reserve(n + 1);
   const std::size_t most = std::min(n, at(kHeap)) * (std::min(n, at(kHeap)) + 1) / 2;
   for (std::vector<double>* each : {&A_, &M_}) each->reserve(most);
-  for (std::vector<double>* each : {&g_, &x_, &F_, &sum_, &d_, &Ad_}) each->reserve(n);
+  for (std::vector<double>* each : {&g_, &start_, &x_, &F_, &sum_, &d_, &Ad_}) each->reserve(n);
   for (std::vector<int>* each :
        {&A_first_, &A_last_, &last_, &parent_, &tree_first_, &tree_last_, &loaded_, &part_first_})
     each->reserve(n);
@@ -72,6 +73,7 @@ void ContactNewton::reserve(std::size_t n) {
   for (Solution* each : {&latest_, &best_}) {
     each->x.reserve(n);
     each->bounds.reserve(n);
+    each->servos.reserve(n);
     each->contacts.reserve(kUsualContacts);
   }
   contacts_.reserve(kUsualContacts);
@@ -80,9 +82,14 @@ void ContactNewton::reserve(std::size_t n) {
   r_.reserve(kUsualContacts * kMostRows);
   s_.reserve(kUsualContacts * kMostRows);
   dof_runs_.reserve(kUsualContacts * 4);
-  coupling_.reserve(kUsualContacts);
-  CG_.reserve(2 * kUsualContacts * n);
-  K_.reserve(kUsualContacts * (kUsualContacts + 1));
+  columns_.reserve(kUsualContacts);
+  column_range_.reserve(n);
+  for (std::vector<double>* each : {&C_, &G_}) each->reserve(kUsualContacts * n);
+  K_.reserve(kUsualContacts * kUsualContacts);
+  h_.reserve(kUsualContacts);
+  pivots_.reserve(kUsualContacts);
+  for (std::vector<int>* each : {&layout_, &laid_out_}) each->reserve(n + kUsualContacts * (3 + n));
+  for (std::vector<int>* each : {&active_, &factored_}) each->reserve(n + kUsualContacts);
 }
 
 /// Where the rows of an upper triangle start, each from its diagonal to its last entry. @returns their size
@@ -109,6 +116,23 @@ void ContactNewton::find_chains() {
     ++chains_.back().own.end;
     chain_of_[at(i)] = chains_.size() - 1;
   }
+}
+
+/// Finds the factor's pattern, where unknowns or contacts are not those of the last problem.
+void ContactNewton::update_structure() {
+  layout_.assign(loaded_.begin(), loaded_.end());
+  for (const ContactRows& contact : contacts_) {
+    layout_.push_back(static_cast<int>(contact.first_dof));
+    layout_.push_back(static_cast<int>(contact.dof_count));
+    layout_.push_back(static_cast<int>(contact.rows));
+  }
+  layout_.insert(layout_.end(), dofs_.begin(), dofs_.end());
+  if (layout_ != laid_out_) {
+    laid_out_.swap(layout_);
+    factored_.clear();
+    structured_ = false;
+  }
+  if (!std::exchange(structured_, true)) find_structure(contacts_);
 }
 
 /// The pattern of the factor of A and of what contacts add.

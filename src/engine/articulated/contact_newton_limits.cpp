@@ -120,6 +120,7 @@ double ContactNewton::line_search() {
 bool ContactNewton::minimise(double tolerance, NewtonReport& report) {
   evaluate_residual(Law::fixed_limits);
   for (int i = 0; i < kLeastSteps && !(residual(tolerance) <= tolerance); ++i) {
+    find_factor();
     find_newton_step(report);
     advance(line_search());
     evaluate_residual(Law::fixed_limits);
@@ -156,6 +157,7 @@ double ContactNewton::update_limits(double relaxation, double most) {
 
 /// Moves the limits towards those that a Newton step for Coulomb's law predicts.
 void ContactNewton::predict_limits(NewtonReport& report) {
+  find_factor();
   find_newton_step(report);
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
     ContactRows &contact = contacts_[c], &to = latest_.contacts[c];

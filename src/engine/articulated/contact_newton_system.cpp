@@ -7,7 +7,6 @@
 
 #include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact_newton.h"
-#include "handsim/engine/articulated/row_operations.h"
 
 namespace handsim::engine::articulated {
 
@@ -24,64 +23,73 @@ double ContactNewton::factor_work() const {
 
 /// Adds a contact's -J^T (dp/dr) J, where it is symmetric.
 void ContactNewton::add_stiffness(const ContactRows& contact) {
-  const std::size_t m = contact.dof_count;
-  const double* J = J_.data() + contact.first_entry;
+  const Triangle M = factor().M;
   const double normal = contact.open ? 0 : 1 / contact.regularization;
-  const std::span<const Run> all = runs(contact);
-  // Of each of the contact's unknowns: what the upper triangle of M has in its row, run by run.
-  const auto each_row = [&](auto&& add) {
-    std::size_t own = 0;
-    for (std::size_t r = 0; r < all.size(); ++r)
-      for (int i = all[r].first; i < all[r].end; ++i, ++own) {
-        double* to = M_.data() + M_entry(i, 0);
-        add(own, to + i, own, all[r].end - i);
-        std::size_t from = own + at(all[r].end - i);
-        for (const Run& run : all.subspan(r + 1)) {
-          add(own, to + run.first, from, run.size());
-          from += at(run.size());
-        }
-      }
-  };
   std::size_t k = 0;
-  if (contact.disc_count > 0 && contact.discs[0].kind == Disc::Kind::sliding) {
-    const std::array<double, 3> D = stiffness(contact.discs[k++]);
-    const double *x = J + m, *y = J + 2 * m;
-    each_row([&](std::size_t own, double* to, std::size_t from, int count) {
-      const double s[3] = {-normal * J[own], -D[0] * x[own] - D[1] * y[own], -D[1] * x[own] - D[2] * y[own]};
-      subtract(to, J + from, x + from, y + from, s, count);
-    });
-  } else if (normal > 0) {
-    each_row([&](std::size_t own, double* to, std::size_t from, int count) {
-      subtract(to, J + from, -normal * J[own], count);
-    });
-  }
+  if (contact.disc_count > 0 && contact.discs[0].kind == Disc::Kind::sliding)
+    kernel_.add_stiffness(M, rows(contact, 0, 3), normal, stiffness(contact.discs[k++]));
+  else if (normal > 0)
+    kernel_.add_stiffness(M, rows(contact, 0, 1), 0, {normal, 0, 0});
   for (; k < contact.disc_count; ++k) {
     const Disc& disc = contact.discs[k];
-    const std::array<double, 3> D = stiffness(disc);
-    const double *x = J + disc.row * m, *y = x + m;
-    each_row([&](std::size_t own, double* to, std::size_t from, int count) {
-      if (disc.size == 1) return subtract(to, x + from, -D[0] * x[own], count);
-      subtract(to, x + from, -D[0] * x[own] - D[1] * y[own], count);
-      subtract(to, y + from, -D[1] * x[own] - D[2] * y[own], count);
-    });
+    kernel_.add_stiffness(M, rows(contact, disc.row, disc.size), 0, stiffness(disc));
   }
 }
 
-/// Adds a column of C and G for a disc that slides.
-void ContactNewton::add_coupling(const ContactRows& contact, const Disc& disc) {
-  const std::size_t m = contact.dof_count, column = coupling_.size(), count = chains_.size();
+/// The columns of C and G: one for each disc that slides.
+void ContactNewton::list_columns() {
+  columns_.clear();
+  column_range_.assign(chains_.size(), {});
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    const ContactRows& contact = contacts_[c];
+    if (contact.open || contact.dof_count == 0) continue;
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      if (!contact.discs[k].slides) continue;
+      const int column = static_cast<int>(columns_.size());
+      columns_.push_back({c, k});
+      for (std::size_t chain = chain_of_[at(dofs_[contact.first_dof])]; chain < chains_.size();
+           chain = chains_[chain].next) {
+        Run& range = column_range_[chain];
+        if (range.size() == 0) range.first = column;
+        range.end = column + 1;
+      }
+    }
+  }
+}
+
+void ContactNewton::size_columns() {
+  const std::size_t m = columns_.size();
+  K_.resize(m * m);
+  h_.resize(m);
+  pivots_.resize(m);
+}
+
+void ContactNewton::add_coupling() {
+  list_columns();
+  const std::size_t m = columns_.size();
+  C_.resize(at(n_) * m);
+  G_.resize(at(n_) * m);
+  for (std::size_t c = 0; c < chains_.size(); ++c) {
+    const Run own = chains_[c].own, range = column_range_[c];
+    for (int k = own.first; k < own.end && range.size() > 0; ++k)
+      for (std::vector<double>* each : {&C_, &G_})
+        std::fill_n(each->data() + at(k) * m + at(range.first), range.size(), 0.0);
+  }
+  for (std::size_t column = 0; column < columns_.size(); ++column) add_column(column);
+}
+
+void ContactNewton::add_column(std::size_t column) {
+  const ContactRows& contact = contacts_[columns_[column].contact];
+  const Disc& disc = contact.discs[columns_[column].disc];
+  const std::size_t m = contact.dof_count;
   const double *J = J_.data() + contact.first_entry, *rows = J + disc.row * m;
   const double share = disc.coefficient / contact.regularization;
-  coupling_.push_back(chain_of_[at(dofs_[contact.first_dof])]);
-  CG_.resize(std::max(CG_.size(), 2 * at(n_) * (column + 1)));
-  double* CG = CG_.data() + 2 * at(n_) * column;
-  for (std::size_t c = coupling_.back(); c < count; c = chains_[c].next)
-    std::fill(CG + 2 * at(chains_[c].own.first), CG + 2 * at(chains_[c].own.end), 0.0);
   for (std::size_t j = 0; j < m; ++j) {
     const std::size_t dof = at(dofs_[contact.first_dof + j]);
     if (bounds_[dof].side != 0) continue;
-    CG[2 * dof] = share * (disc.force_x * rows[j] + (disc.size > 1 ? disc.force_y * rows[m + j] : 0));
-    CG[2 * dof + 1] = J[j];
+    const std::size_t place = dof * columns_.size() + column;
+    C_[place] = share * (disc.force_x * rows[j] + (disc.size > 1 ? disc.force_y * rows[m + j] : 0));
+    G_[place] = J[j];
   }
 }
 
@@ -96,15 +104,11 @@ void ContactNewton::assemble() {
     if (servo.limit > 0 && servo.saturated == 0) M[i] += servo.slope;
     if (law_ == Law::fixed_limits && bounds_[at(i)].side != 0) M[i] += 1 / bound_compliance(i);
   }
-  coupling_.clear();
-  for (const ContactRows& contact : contacts_) {
-    if (contact.open && law_ != Law::fixed_limits) continue;
-    add_stiffness(contact);
-    if (law_ == Law::fixed_limits) continue;
-    for (std::size_t k = 0; k < contact.disc_count; ++k)
-      if (contact.discs[k].slides) add_coupling(contact, contact.discs[k]);
-  }
+  for (const ContactRows& contact : contacts_)
+    if (!contact.open || law_ == Law::fixed_limits) add_stiffness(contact);
+  columns_.clear();
   if (law_ == Law::fixed_limits) return;
+  add_coupling();
   for (int i = 0; i < n_; ++i) {
     if (bounds_[at(i)].side == 0) continue;
     std::fill(M_.begin() + static_cast<std::ptrdiff_t>(M_entry(i, i)),
@@ -115,133 +119,63 @@ void ContactNewton::assemble() {
   }
 }
 
-/// M = U^T U in place, its diagonal inverted.
-void ContactNewton::factor() {
-  for (const Chain& chain : chains_)
-    for (int k = chain.own.first; k < chain.own.end; ++k) {
-      double* row = M_.data() + M_entry(k, 0);
-      const double inverse = 1 / std::sqrt(row[k]);
-      row[k] = inverse;
-      for (int j = k + 1; j < chain.own.end; ++j) row[j] *= inverse;
-      for (const Run& run : runs(chain))
-        for (int j = run.first; j < run.end; ++j) row[j] *= inverse;
-      for (int i = k + 1; i < chain.own.end; ++i) {
-        double* to = M_.data() + M_entry(i, 0);
-        subtract(to + i, row + i, row[i], chain.own.end - i);
-        for (const Run& run : runs(chain)) subtract(to + run.first, row + run.first, row[i], run.size());
-      }
-      const std::span<const Run> later = runs(chain);
-      for (std::size_t r = 0; r < later.size(); ++r)
-        for (int i = later[r].first; i < later[r].end; ++i) {
-          double* to = M_.data() + M_entry(i, 0);
-          subtract(to + i, row + i, row[i], later[r].end - i);
-          for (const Run& run : later.subspan(r + 1))
-            subtract(to + run.first, row + run.first, row[i], run.size());
-        }
+/// As numbers of 0 or more: of each contact, then of each unknown.
+void ContactNewton::find_active_set() {
+  active_.clear();
+  for (const ContactRows& contact : contacts_) {
+    int code = contact.open ? 1 : 0;
+    for (std::size_t k = 0; k < contact.disc_count; ++k) {
+      const Disc& disc = contact.discs[k];
+      code = 8 * code + 2 * static_cast<int>(disc.kind) + (disc.slides ? 1 : 0);
     }
+    active_.push_back(code);
+  }
+  for (int i = 0; i < n_; ++i)
+    active_.push_back(static_cast<int>(4 * (bounds_[at(i)].side + 1) + servos_[at(i)].saturated + 1));
 }
 
-void ContactNewton::eliminate(double* x, std::size_t first_chain, std::size_t end) const {
-  for (std::size_t c = first_chain; c < end; ++c) {
-    const Chain& chain = chains_[c];
-    for (int k = chain.own.first; k < chain.own.end; ++k) {
-      const double* row = M_.data() + M_entry(k, 0);
-      x[k] *= row[k];
-      if (x[k] == 0) continue;
-      subtract(x + k + 1, row + k + 1, x[k], chain.own.end - k - 1);
-      for (const Run& run : runs(chain)) subtract(x + run.first, row + run.first, x[k], run.size());
-    }
-  }
+/// Whether the factor is of the same unknowns, contacts and active set.
+bool ContactNewton::factor_fits() {
+  if (factored_.empty()) return false;
+  find_active_set();
+  if (active_ != factored_) return false;
+  list_columns();
+  // A restored one may be of any size.
+  const std::size_t m = columns_.size();
+  h_.resize(m);
+  return C_.size() == at(n_) * m && G_.size() == C_.size() && K_.size() == m * m && pivots_.size() == m &&
+         std::all_of(pivots_.begin(), pivots_.end(), [&](std::size_t each) { return each < m; });
 }
 
-void ContactNewton::substitute_back(double* x, std::size_t first_chain, std::size_t end) const {
-  for (std::size_t c = end; c-- > first_chain;) {
-    const Chain& chain = chains_[c];
-    for (int k = chain.own.end - 1; k >= chain.own.first; --k) {
-      const double* row = M_.data() + M_entry(k, 0);
-      double sum = dot(row + k + 1, x + k + 1, chain.own.end - k - 1);
-      for (const Run& run : runs(chain)) sum += dot(row + run.first, x + run.first, run.size());
-      x[k] = (x[k] - sum) * row[k];
-    }
-  }
+void ContactNewton::forget_factor() {
+  factored_.clear();
+  failures_ = problems_to_pass_ = 0;
+  if (part_) part_->forget_factor();
 }
 
-/// C = U^-T C and G = U^-T G.
-void ContactNewton::eliminate_coupling() {
-  for (std::size_t column = 0; column < coupling_.size(); ++column) {
-    double* CG = CG_.data() + 2 * at(n_) * column;
-    for (std::size_t c = coupling_[column]; c < chains_.size(); c = chains_[c].next)
-      for (int k = chains_[c].own.first; k < chains_[c].own.end; ++k) {
-        const double* row = M_.data() + M_entry(k, 0);
-        const Pair both = row[k] * load(CG + 2 * k);
-        store(CG + 2 * k, both);
-        if (both.isZero(0)) continue;
-        const auto subtract_run = [&](int first, int end) {
-          for (int j = first; j < end; ++j) store(CG + 2 * j, load(CG + 2 * j) - row[j] * both);
-        };
-        subtract_run(k + 1, chains_[c].own.end);
-        for (const Run& run : runs(chains_[c])) subtract_run(run.first, run.end);
-      }
+void ContactNewton::save(ArchiveWriter& out) const {
+  out(failures_);
+  out(problems_to_pass_);
+  out(factored_);
+  if (!factored_.empty()) {
+    out(laid_out_);
+    for (const std::vector<double>* each : {&M_, &C_, &G_, &K_}) out(*each);
+    out(pivots_);
   }
+  if (part_) part_->save(out);
 }
 
-/// K = 1 - G^T M^-1 C, and beside it G^T M^-1 F.
-void ContactNewton::find_coupling_system() {
-  const std::size_t m = coupling_.size();
-  K_.assign(m * (m + 1), 0.0);
-  const auto K = [&](std::size_t i, std::size_t j) -> double& { return K_[i * (m + 1) + j]; };
-  for (std::size_t i = 0; i < m; ++i) {
-    const double* mine = CG_.data() + 2 * at(n_) * i;
-    K(i, i) = 1;
-    for (std::size_t j = i; j < m; ++j) {
-      const double* other = CG_.data() + 2 * at(n_) * j;
-      // Chains that both have entries in.
-      std::size_t a = coupling_[i], b = coupling_[j];
-      while (a != b) a < b ? a = chains_[a].next : b = chains_[b].next;
-      Pair sum = Pair::Zero();  // C_i G_j, G_i C_j
-      for (; a < chains_.size(); a = chains_[a].next)
-        for (int k = chains_[a].own.first; k < chains_[a].own.end; ++k)
-          sum += load(mine + 2 * k).cwiseProduct(load(other + 2 * k).reverse());
-      K(i, j) -= sum[1];
-      if (j > i) K(j, i) -= sum[0];
-    }
-    for (std::size_t a = coupling_[i]; a < chains_.size(); a = chains_[a].next)
-      for (int k = chains_[a].own.first; k < chains_[a].own.end; ++k) K(i, m) += mine[2 * k + 1] * d_[at(k)];
+void ContactNewton::restore(ArchiveReader& in) {
+  failures_ = static_cast<int>(in.count(kMostFailures));
+  problems_to_pass_ = static_cast<int>(in.count(1 << kMostFailures));
+  in(factored_);
+  if (!factored_.empty()) {
+    structured_ = false;
+    in(laid_out_);
+    for (std::vector<double>* each : {&M_, &C_, &G_, &K_}) in(*each);
+    in(pivots_);
   }
-}
-
-/// Gaussian elimination with row exchanges, by hand: Eigen's sums round otherwise.
-void ContactNewton::solve_coupling_system() {
-  const std::size_t m = coupling_.size();
-  const auto K = [&](std::size_t i, std::size_t j) -> double& { return K_[i * (m + 1) + j]; };
-  for (std::size_t k = 0; k < m; ++k) {
-    std::size_t pivot = k;
-    for (std::size_t i = k + 1; i < m; ++i)
-      if (std::abs(K(i, k)) > std::abs(K(pivot, k))) pivot = i;
-    if (pivot != k)
-      for (std::size_t j = k; j <= m; ++j) std::swap(K(k, j), K(pivot, j));
-    const double inverse = 1 / K(k, k);
-    for (std::size_t i = k + 1; i < m; ++i)
-      subtract(&K(i, k), &K(k, k), K(i, k) * inverse, static_cast<int>(m + 1 - k));
-  }
-  for (std::size_t k = m; k-- > 0;) {
-    for (std::size_t j = k + 1; j < m; ++j) K(k, m) -= K(k, j) * K(j, m);
-    K(k, m) /= K(k, k);
-  }
-}
-
-/// Where d_ = -U^-T F: corrects the step to -(M - C G^T)^-1 F by the Sherman-Morrison-Woodbury formula.
-void ContactNewton::apply_coupling() {
-  const std::size_t m = coupling_.size();
-  if (m == 0) return;
-  eliminate_coupling();
-  find_coupling_system();
-  solve_coupling_system();
-  for (std::size_t column = 0; column < m; ++column) {
-    const double *CG = CG_.data() + 2 * at(n_) * column, share = K_[column * (m + 1) + m];
-    for (std::size_t a = coupling_[column]; a < chains_.size(); a = chains_[a].next)
-      for (int k = chains_[a].own.first; k < chains_[a].own.end; ++k) d_[at(k)] += CG[2 * k] * share;
-  }
+  if (part_) part_->restore(in);
 }
 
 }  // namespace handsim::engine::articulated

@@ -177,9 +177,11 @@ double ContactNewton::solve_contact(const Block& block) {
 void ContactNewton::gauss_seidel(double tolerance, NewtonReport& report) {
   report.iterative = true;
   find_structure({});
+  structured_ = false;
+  factored_.clear();
   M_start_ = A_start_;
   M_ = A_;
-  factor();
+  kernel_.factor(factor());
   add_blocks();
   x_ = g_;
   solve_tree(x_.data(), 0, n_ - 1);

@@ -5,7 +5,6 @@
 
 #include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact_dynamics.h"
-#include "handsim/engine/articulated/row_operations.h"
 #include "handsim/engine/spring.h"
 
 namespace handsim::engine::articulated {
@@ -34,21 +33,28 @@ constexpr double kBilateralRegularization = 1e-8;
 }  // namespace
 
 /// The bodies of a pair that touches, and the unknowns that move one against the other.
-void ContactDynamics::find_pair(int shape_a, int shape_b) {
+void ContactDynamics::find_pair(std::size_t touch, int shape_a, int shape_b) {
   pair_.a = side(shape_a);
   pair_.b = side(shape_b);
   const Mobility a = mobility_of(shape_a), b = mobility_of(shape_b);
   pair_.mobility = {a.linear + b.linear, a.angular + b.angular};
-  find_moving_dofs(node_of(shape_a), node_of(shape_b));
+  const int node_a = node_of(shape_a), node_b = node_of(shape_b);
+  if (touch == moving_dofs_.size()) moving_dofs_.emplace_back();
+  MovingDofs& moving = moving_dofs_[touch];
+  moving_ = &moving;
+  if (moving.node_a == node_a && moving.node_b == node_b) return;
+  moving.node_a = node_a;
+  moving.node_b = node_b;
+  find_moving_dofs(moving);
 }
 
 /// Velocities along a frame's three columns at a point, per unknown.
 void ContactDynamics::find_point_rows(const Mat3& frame, const Vec3& position, double* J) const {
-  for (const PairRun& run : pair_runs_) {
+  for (const PairRun& run : moving_->runs) {
     const Vec3 r = position - (run.sign > 0 ? pair_.a : pair_.b).origin;
     const Mat3 along = run.sign * frame;
-    point_rows(J, dofs_.size(), {S_.data() + run.first, at(space_.size())}, r.data(), along.data(),
-               run.count);
+    row_kernel().find_point_rows(J, moving_->dofs.size(), {S_.data() + run.first, at(space_.size())},
+                                 r.data(), along.data(), run.count);
     J += run.count;
   }
 }
@@ -56,7 +62,7 @@ void ContactDynamics::find_point_rows(const Mat3& frame, const Vec3& position, d
 /// The first of these alone.
 void ContactDynamics::find_normal_row(const Vec3& normal, const Vec3& position, double* J) const {
   const std::size_t n = at(space_.size());
-  for (const PairRun& run : pair_runs_) {
+  for (const PairRun& run : moving_->runs) {
     const Vec3 turn = (position - (run.sign > 0 ? pair_.a : pair_.b).origin).cross(normal);
     for (int i = run.first; i < run.first + run.count; ++i) {
       const double* S = S_.data() + i;
@@ -69,7 +75,7 @@ void ContactDynamics::find_normal_row(const Vec3& normal, const Vec3& position, 
 /// Angular velocity about an axis, per unknown.
 void ContactDynamics::find_turning_row(const Vec3& axis, double* J) const {
   const std::size_t n = at(space_.size());
-  for (const PairRun& run : pair_runs_)
+  for (const PairRun& run : moving_->runs)
     for (int i = run.first; i < run.first + run.count; ++i)
       *J++ = run.sign * axis.dot(Vec3(S_[at(i)], S_[n + at(i)], S_[2 * n + at(i)]));
 }
@@ -103,8 +109,8 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   const double friction = friction_ && crossed == 0 ? surface.friction : 0;
   const double spinning = friction_ ? surface.spinning_friction : 0;
   const double rolling = friction_ ? surface.rolling_friction : 0;
-  ContactRows& rows =
-      solver_.add(dofs_, 1U + (friction > 0 ? 2U : 0U) + (spinning > 0 ? 1U : 0U) + (rolling > 0 ? 2U : 0U));
+  ContactRows& rows = solver_.add(
+      moving_->dofs, 1U + (friction > 0 ? 2U : 0U) + (spinning > 0 ? 1U : 0U) + (rolling > 0 ? 2U : 0U));
   Mat3& frame = frames_.emplace_back();
   frame.col(0) = contact.normal;
   frame.col(1) = contact.normal.unitOrthogonal();
@@ -113,7 +119,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
       frame.transpose() * (pair_.a.velocity(contact.position) - pair_.b.velocity(contact.position));
   rows.start[0] = v.x() - find_target(rows, contact, surface, share, crossed, -v.x(), step);
 
-  const std::size_t m = dofs_.size();
+  const std::size_t m = moving_->dofs.size();
   double* J = solver_.jacobian(rows).data();
   if (friction > 0)
     find_point_rows(frame, contact.position, J);
@@ -135,7 +141,7 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   if (friction > 0) {
     double across = 0;
     for (std::size_t k = 0; k < m; ++k)
-      across += (J[m + k] * J[m + k] + J[2 * m + k] * J[2 * m + k]) * inverse_inertia_[at(dofs_[k])];
+      across += (J[m + k] * J[m + k] + J[2 * m + k] * J[2 * m + k]) * inverse_inertia_[at(moving_->dofs[k])];
     const double mobility = pair_.mobility.linear;
     add(Disc::Kind::sliding, friction,
         std::clamp(across / (kFirmBelow * mobility), kLeastShare, 1.0) * mobility);
@@ -158,9 +164,10 @@ void ContactDynamics::add_contacts(double step) {
   light_.clear();
   warm_started_ = 0;
   crossed_.find(collider_);
+  std::size_t pair = 0;
   for (const Touch& touch : collider_.touches()) {
     const Contact& any = collider_.contacts()[touch.first];
-    find_pair(any.shape_a, any.shape_b);
+    find_pair(pair++, any.shape_a, any.shape_b);
     for (int index = 0; index < touch.count; ++index) {
       const std::size_t i = touch.first + at(index);
       const Contact& contact = collider_.contacts()[i];
@@ -177,19 +184,19 @@ void ContactDynamics::add_loop_rows() {
   const std::span<const double> rates = loops_->rates(), J = loops_->jacobian();
   std::vector<double>& entries = loop_entries_;
   for (std::size_t i = 0; i < rates.size(); ++i) {
-    dofs_.clear();
+    loop_dofs_.clear();
     entries.clear();
     double mobility = 0;
     for (int place = 0; place < space_.size(); ++place) {
       const double entry = J[i * n + at(dof_of_[at(place)])];
       if (entry == 0) continue;
-      dofs_.push_back(place);
+      loop_dofs_.push_back(place);
       entries.push_back(entry);
       mobility += entry * entry / solver_.inertia(place, place);
     }
     // No rate changes this row.
-    if (dofs_.empty()) continue;
-    ContactRows& row = solver_.add(dofs_, 1);
+    if (loop_dofs_.empty()) continue;
+    ContactRows& row = solver_.add(loop_dofs_, 1);
     row.bilateral = true;
     row.open = false;
     row.start[0] = rates[i];

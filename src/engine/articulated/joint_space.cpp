@@ -103,11 +103,11 @@ void JointSpace::add_row(int node, const Spatial& wrench, double sign, std::span
     out[at(dof)] += sign * axis(dof).dot(wrench);
 }
 
-double JointSpace::row_scale(int node, const Spatial& wrench) const {
+double JointSpace::row_scale(int node) const {
   double sum = 0;
   for (int dof = last_[at(node)]; dof != kNoDof; dof = parent_dof_[at(dof)])
     sum += axis(dof).squaredNorm() / (H_[index(dof, dof)] * H_[index(dof, dof)]);
-  return sum * wrench.squaredNorm();
+  return sum;
 }
 
 }  // namespace handsim::engine::articulated

@@ -79,9 +79,9 @@ class JointSpace {
   /// Adds sign * J^T-row of a wrench on a node: out[i] += sign * S_i . wrench for every dof that carries the
   /// node.
   void add_row(int node, const Spatial& wrench, double sign, std::span<double> out) const;
-  /// What the square of that row, by the inverse inertia, could come to; after `factor`. A row far below it
-  /// is zero but for rounding.
-  double row_scale(int node, const Spatial& wrench) const;
+  /// What the square of that row, by the inverse inertia, could come to, over that of the wrench; after
+  /// `factor`. A row far below it is zero but for rounding.
+  double row_scale(int node) const;
   /// Spatial velocity of a node.
   Spatial velocity(int node) const { return read6(views_[static_cast<std::size_t>(node)].v, stride_); }
   /// Spatial acceleration of a node, less gravity's, as `inverse_dynamics` last left it.

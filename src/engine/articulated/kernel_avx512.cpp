@@ -1,6 +1,7 @@
 // Built with -mavx512f -mavx512dq -mavx512vl; run only where the processor has them.
 #include "handsim/engine/articulated/kernel.h"
 #include "handsim/engine/articulated/kernel_table.h"
+#include "handsim/engine/articulated/row_operations.h"
 
 namespace handsim::engine::articulated {
 
@@ -8,5 +9,6 @@ using Number = stdx::native_simd<double>;
 static_assert(Number::size() == 8);
 
 const Kernel kAvx512Kernel = Lanes<Number>::kernel("8 lanes (AVX-512)");
+const RowKernel kAvx512Rows = RowOperations<Number>::kernel();
 
 }  // namespace handsim::engine::articulated

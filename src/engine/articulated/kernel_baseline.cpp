@@ -1,6 +1,7 @@
 // The kernels that every machine of the architecture runs: one lane, and the narrowest vector register.
 #include "handsim/engine/articulated/kernel.h"
 #include "handsim/engine/articulated/kernel_table.h"
+#include "handsim/engine/articulated/row_operations.h"
 
 namespace handsim::engine::articulated {
 
@@ -9,5 +10,6 @@ const Kernel kScalarKernel = Lanes<double>::kernel("1 lane");
 using Number = stdx::native_simd<double>;
 
 const Kernel kBaselineKernel = Lanes<Number>::kernel("vector unit of the build");
+const RowKernel kBaselineRows = RowOperations<Number>::kernel();
 
 }  // namespace handsim::engine::articulated

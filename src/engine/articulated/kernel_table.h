@@ -2,6 +2,7 @@
 #pragma once
 
 #include "handsim/engine/articulated/batch.h"
+#include "handsim/engine/articulated/row_kernel.h"
 
 namespace handsim::engine::articulated {
 
@@ -9,5 +10,8 @@ extern const Kernel kScalarKernel;
 extern const Kernel kBaselineKernel;
 extern const Kernel kAvx2Kernel;
 extern const Kernel kAvx512Kernel;
+extern const RowKernel kBaselineRows;
+extern const RowKernel kAvx2Rows;
+extern const RowKernel kAvx512Rows;
 
 }  // namespace handsim::engine::articulated

@@ -19,6 +19,24 @@ std::vector<const Kernel*> kernels() {
   return out;
 }
 
+std::vector<const RowKernel*> row_kernels() {
+  std::vector<const RowKernel*> out = {&kBaselineRows};
+  for (const Kernel* kernel : kernels()) {
+#if defined(HANDSIM_AVX2_KERNEL)
+    if (kernel == &kAvx2Kernel) out.push_back(&kAvx2Rows);
+#endif
+#if defined(HANDSIM_AVX512_KERNEL)
+    if (kernel == &kAvx512Kernel) out.push_back(&kAvx512Rows);
+#endif
+  }
+  return out;
+}
+
+const RowKernel& row_kernel() {
+  static const RowKernel* const fastest = row_kernels().back();
+  return *fastest;
+}
+
 const Kernel& choose_kernel(const std::vector<int>& level_sizes) {
   const Kernel* best = &kScalarKernel;
   double least = 0;

@@ -166,11 +166,10 @@ void Loops::find_jacobian() {
   std::size_t i = 0;
   for (const Cut& cut : mechanism_.topology().cuts) {
     const int count = 6 - model::dof_count(model_.joints[at(cut.joint)].kind);
-    for (int k = 0; k < count; ++k, ++i) {
-      scale_[i] = 0;
-      if (cut.parent.node) scale_[i] += space_.row_scale(*cut.parent.node, rows_[i].on_parent);
-      if (cut.child.node) scale_[i] += space_.row_scale(*cut.child.node, rows_[i].on_child);
-    }
+    const double parent = cut.parent.node ? space_.row_scale(*cut.parent.node) : 0,
+                 child = cut.child.node ? space_.row_scale(*cut.child.node) : 0;
+    for (int k = 0; k < count; ++k, ++i)
+      scale_[i] = parent * rows_[i].on_parent.squaredNorm() + child * rows_[i].on_child.squaredNorm();
   }
   std::fill_n(J_.begin() + static_cast<std::ptrdiff_t>(i * n), locked_.size() * n, 0.0);
   for (const int dof : locked_) {

@@ -81,6 +81,7 @@ Clearance::Clearance(const model::Model& model, std::vector<Pair> pairs)
       rotations_(model.shapes.size()),
       rotated_(model.shapes.size(), false),
       pairs_(std::move(pairs)),
+      overlap_(pairs_.size(), false),
       limit_(pairs_.size(), 0.0),
       travel_(model.shapes.size(), 0.0) {
   for (const Shape& shape : model.shapes) {
@@ -101,33 +102,50 @@ double Clearance::gap(std::size_t a, std::size_t b, std::span<const Pose> poses)
                      {model_.shapes[b], extents_[b], poses[b], rotation(b, poses[b])});
 }
 
-std::span<const Clearance::Pair> Clearance::near(std::span<const Pose> poses) {
-  bool tilted = false;
+/// Adds up how far the shapes have moved. False where a plane has: it has no farthest point.
+bool Clearance::move(std::span<const Pose> poses) {
+  bool bounded = true;
+  double most = 0;
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const Pose &now = poses[i], &last = last_[i];
     // Of a turn by an angle t: |q - q'| = 2 sin(t / 4), while a point moves by 2 sin(t / 2) times its
     // distance.
-    const double turn = std::sqrt(std::min((now.q.coeffs() - last.q.coeffs()).squaredNorm(),
-                                           (now.q.coeffs() + last.q.coeffs()).squaredNorm()));
-    const double way = (now.p - last.p).norm();
-    if (way == 0 && turn == 0) continue;
+    const double turn2 = std::min((now.q.coeffs() - last.q.coeffs()).squaredNorm(),
+                                  (now.q.coeffs() + last.q.coeffs()).squaredNorm());
+    const double way2 = (now.p - last.p).squaredNorm();
+    if (way2 == 0 && turn2 == 0) continue;
     rotated_[i] = false;
-    travel_[i] += way + 2 * reach_[i] * turn;
-    tilted = tilted || model_.shapes[i].kind == ShapeKind::plane;
+    const double travel = std::sqrt(way2) + 2 * reach_[i] * std::sqrt(turn2);
+    travel_[i] += travel;
+    most = std::max(most, travel);
+    bounded = bounded && model_.shapes[i].kind != ShapeKind::plane;
     last_[i] = now;
   }
-  // A plane has no farthest point.
-  if (tilted) std::fill(limit_.begin(), limit_.end(), 0.0);
+  moved_ += 2 * most;
+  return bounded;
+}
+
+void Clearance::test_pairs(std::span<const Pose> poses) {
   near_.clear();
+  moved_ = 0;
+  slack_ = HUGE_VAL;
   for (std::size_t k = 0; k < pairs_.size(); ++k) {
     const auto [a, b] = pairs_[k];
     const double travel = travel_[a] + travel_[b];
-    if (travel < limit_[k]) continue;
-    if (const double apart = gap(a, b, poses); apart > kRounding)
-      limit_[k] = travel + apart - kRounding;
-    else
-      near_.push_back(pairs_[k]);
+    if (!(travel < limit_[k])) {
+      const double apart = gap(a, b, poses);
+      overlap_[k] = !(apart > kRounding);
+      limit_[k] = travel + std::abs(apart) - kRounding;
+    }
+    if (overlap_[k]) near_.push_back(pairs_[k]);
+    slack_ = std::min(slack_, limit_[k] - travel);
   }
+}
+
+std::span<const Clearance::Pair> Clearance::near(std::span<const Pose> poses) {
+  const bool bounded = move(poses);
+  if (!bounded) std::fill(limit_.begin(), limit_.end(), 0.0);
+  if (!bounded || !(moved_ < slack_)) test_pairs(poses);
   return near_;
 }
 

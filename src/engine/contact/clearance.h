@@ -1,6 +1,7 @@
-// Which pairs of shapes may touch: every pair keeps how far apart it was when last looked at, and is not
-// looked at again before its two shapes have together moved as far. Exact: a pair left out does not touch.
-// Knows nothing of time or speeds, so that states may jump.
+// The broad phase: which pairs of shapes may touch. Every pair keeps how far apart it was when it was last
+// tested, or by how much its bounds overlapped, and is not tested again before its two shapes have together
+// moved as far. Exact: a pair left out does not touch. Knows nothing of time or speeds, so that states may
+// jump.
 #pragma once
 
 #include <span>
@@ -29,6 +30,8 @@ class Clearance {
   std::span<const Pair> near(std::span<const Pose> poses);
 
  private:
+  bool move(std::span<const Pose> poses);
+  void test_pairs(std::span<const Pose> poses);
   double gap(std::size_t a, std::size_t b, std::span<const Pose> poses);
   const Mat3& rotation(std::size_t shape, const Pose& pose);
 
@@ -37,10 +40,13 @@ class Clearance {
   std::vector<Mat3> rotations_;  ///< of the shapes where `rotated_`
   std::vector<char> rotated_;
   std::vector<Pair> pairs_, near_;
-  std::vector<double> limit_;   ///< of each pair: travel of both at which it may touch [m]
+  std::vector<char> overlap_;   ///< of each pair: whether it may touch
+  std::vector<double> limit_;   ///< of each pair: travel of both at which it is tested again [m]
   std::vector<double> travel_;  ///< of each shape: most that a point of it may have moved so far [m]
   std::vector<double> reach_;   ///< of each shape: its farthest point from the origin of its frame [m]
   std::vector<Pose> last_;
+  /// No pair is tested before any two shapes have together moved by `slack_`; `moved_`: the most so far [m].
+  double slack_ = 0, moved_ = 0;
 };
 
 }  // namespace handsim::engine

@@ -15,6 +15,7 @@ constexpr double kApart = 0.02;
 /// the radius; more, and depths would jump where it goes.
 constexpr double kBulge = 1e-4;
 constexpr int kSearchSteps = 40;
+constexpr double kSearchEnd = 1e-12;  ///< share of the segment
 constexpr double kGolden = 0.6180339887498949;
 
 /// Of a point from a solid's surface, negative inside; with the way out.
@@ -50,6 +51,35 @@ class Places {
   std::array<double, kMost> at_;
   int count_ = 0;
 };
+
+/// Where an increasing function passes zero, or the end that comes nearest. By false position, with the
+/// Illinois rule (Dowell and Jarratt 1971).
+template <class Function>
+double zero_of(const Function& f, double low, double high) {
+  double below = f(low), above = f(high);
+  if (!(below < 0)) return low;
+  if (!(above > 0)) return high;
+  int side = 0;
+  for (int i = 0; i < kSearchSteps && high - low > kSearchEnd; ++i) {
+    const double t = (low * above - high * below) / (above - below);
+    // Rounding.
+    if (!(t > low && t < high)) break;
+    const double value = f(t);
+    if (value == 0) return t;
+    if (value > 0) {
+      high = t;
+      above = value;
+      if (side > 0) below *= 0.5;
+      side = 1;
+    } else {
+      low = t;
+      below = value;
+      if (side < 0) above *= 0.5;
+      side = -1;
+    }
+  }
+  return side > 0 ? high : low;
+}
 
 struct Box {
   Vec3 half;
@@ -133,10 +163,22 @@ struct Cylinder {
     const Vec3 middle = a + 0.5 * (low + high) * along;
     const bool beside = std::sqrt(middle.x() * middle.x() + middle.y() * middle.y()) > radius;
     const bool beyond = std::abs(middle.z()) > half;
-    if (beside == beyond) return std::nullopt;
+    if (beside && beyond) return nearest_to_rim(a, along, low, high);
+    if (!beside && !beyond) return std::nullopt;
     if (beyond) return middle.z() * along.z() > 0 ? low : high;
     const double square = along.x() * along.x() + along.y() * along.y();
     return square > 0 ? std::clamp(-(a.x() * along.x() + a.y() * along.y()) / square, low, high) : low;
+  }
+
+  /// Between two bends outside the rim: where the derivative of the distance's square vanishes.
+  double nearest_to_rim(const Vec3& a, const Vec3& along, double low, double high) const {
+    const auto slope = [&](double t) {
+      const Vec3 p = a + t * along;
+      const double rho = std::sqrt(p.x() * p.x() + p.y() * p.y());
+      const double rise = rho > 0 ? (p.x() * along.x() + p.y() * along.y()) / rho : 0;
+      return (rho - radius) * rise + (std::abs(p.z()) - half) * std::copysign(along.z(), p.z() * along.z());
+    };
+    return zero_of(slope, low, high);
   }
 
   Places bends(const Vec3& a, const Vec3& along) const {

@@ -101,6 +101,26 @@ struct RandomProblem {
     std::vector<int> first;
     for (int i = 0; i < trees * dofs; ++i) first.push_back(i / dofs * dofs);
     solver.resize(first);
+    fill(solver, friction);
+  }
+  /// Into a solver of the same unknowns, from the active set and the solution of another problem.
+  void load_next(ContactNewton& solver, double friction, const std::vector<ContactRows>& last,
+                 const Eigen::VectorXd& start) const {
+    if (solver.size() == 0)
+      load(solver, friction);
+    else
+      fill(solver, friction);
+    std::copy(start.begin(), start.end(), solver.start().begin());
+    for (std::size_t c = 0; c < last.size(); ++c) {
+      ContactRows& rows = solver.contact(c);
+      rows.open = last[c].open;
+      rows.impulse = last[c].impulse;
+      const double coefficient = rows.discs[0].coefficient;
+      rows.discs = last[c].discs;
+      rows.discs[0].coefficient = coefficient;
+    }
+  }
+  void fill(ContactNewton& solver, double friction) const {
     solver.begin();
     for (int i = 0; i < trees * dofs; ++i) solver.inertia(i, i) = 1;
     for (std::size_t c = 0; c < tree_of.size(); ++c) {
@@ -287,6 +307,53 @@ TEST(ContactNewton, WhatIsLeftOutChangesNothingElse) {
   EXPECT_LT(rest.iterations, whole.iterations);
   for (const int tree : {0, 2, 3})
     EXPECT_EQ(problem.rates(all).segment(6 * tree, 6), problem.rates(some).segment(6 * tree, 6));
+}
+
+// Oracle: bit equality. Islands of several trees, with open, sticking and sliding contacts.
+TEST(ContactNewton, EveryInstructionSetGivesTheSameBits) {
+  for (int seed = 0; seed < 10; ++seed) {
+    const RandomProblem problem(seed, 4, 7, 9, true);
+    ContactNewton first(*row_kernels().front());
+    problem.load(first, 0.5);
+    first.solve(1e-9);
+    for (const RowKernel* kernel : row_kernels()) {
+      ContactNewton solver(*kernel);
+      problem.load(solver, 0.5);
+      solver.solve(1e-9);
+      EXPECT_EQ(problem.rates(solver), problem.rates(first)) << seed;
+    }
+  }
+}
+
+// Oracle: a solver that has no factor yet. The second problem differs from the first by a millionth and
+// starts from its active set and solution, as the next step of a hold does.
+TEST(ContactNewton, AFactorUsedAgainFindsTheSolutionOfTheNewProblem) {
+  int used = 0;
+  for (int seed = 0; seed < 20; ++seed) {
+    RandomProblem problem(seed, 2, 8, 6, true);
+    ContactNewton again, fresh;
+    problem.load(again, 0.5);
+    if (!again.solve(1e-9).solved) continue;
+    const std::vector<ContactRows> last(again.contacts().begin(), again.contacts().end());
+    const Eigen::VectorXd start = problem.rates(again);
+    // A factor of this active set.
+    problem.load_next(again, 0.5, last, start);
+    again.solve(1e-9);
+    problem.J *= 1 + 1e-6;
+    problem.b *= 1 + 5e-7;
+    ArchiveWriter before;
+    again.save(before);
+    for (ContactNewton* solver : {&again, &fresh}) {
+      problem.load_next(*solver, 0.5, last, start);
+      const NewtonReport report = solver->solve(1e-9);
+      ASSERT_TRUE(report.solved) << seed;
+    }
+    ArchiveWriter after;
+    again.save(after);
+    used += before.bytes() == after.bytes() ? 1 : 0;
+    EXPECT_LT((problem.rates(again) - problem.rates(fresh)).cwiseAbs().maxCoeff(), 1e-8) << seed;
+  }
+  EXPECT_GT(used, 5);
 }
 
 }  // namespace

@@ -126,6 +126,31 @@ TEST(ArticulatedContact, RepeatsItselfToTheBit) {
   EXPECT_EQ(run(), run());
 }
 
+// Oracle: bit equality with a run that was not interrupted. The solver's factor of the last step is saved,
+// too.
+TEST(ArticulatedContact, GoesOnFromWhatWasSavedToTheBit) {
+  const model::Model model = hand_on_ball();
+  const Settings of =
+      settings({Effect::gravity, Effect::object_contact, Effect::friction, Effect::passive_tissue});
+  const auto whole = make_engine(model, of), later = make_engine(model, of);
+  std::vector<double> torques(static_cast<std::size_t>(model.dof_count()), 0.0);
+  for (std::size_t i = 0; i < torques.size(); i += 4) torques[i] = torques[i + 2] = 0.01;
+  for (int save = 0; save < 3; ++save) {
+    for (int i = 0; i < 100; ++i) whole->step({torques});
+    ArchiveWriter out;
+    whole->save(out);
+    ArchiveReader in(out.bytes(), "saved");
+    later->restore(whole->state(), in);
+    int touching = 0;
+    for (int i = 0; i < 40; ++i) {
+      touching = std::max(touching, whole->step({torques}).contacts);
+      later->step({torques});
+    }
+    EXPECT_GT(touching, 0) << save;
+    EXPECT_EQ(test::bits(later->state()), test::bits(whole->state())) << save;
+  }
+}
+
 // Oracle: the effects' definition.
 TEST(ArticulatedContact, NoCollisionCodeRunsWithoutAContactEffectAndRule) {
   model::Model model = hand_on_ball();

@@ -1,0 +1,95 @@
+// The inner loops of the contact solver, built for each instruction set. The order of each sum is fixed, so
+// that all give the same bits.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <vector>
+
+namespace handsim::engine::articulated {
+
+/// Unknowns (or columns) first, first + 1, ... end - 1.
+struct Run {
+  int first = 0, end = 0;
+  int size() const { return end - first; }
+};
+
+/// An unbranched piece of a tree. Its rows of the factor have entries in the chain itself and in runs of
+/// later unknowns; `next` is the first later chain among these, or the number of chains.
+struct Chain {
+  Run own;
+  std::size_t first_run = 0, run_count = 0;
+  std::size_t next = 0;
+};
+
+/// Rows of an upper triangle: entry (i, j) is `row(i)[j]`, j >= i.
+struct Triangle {
+  double* entries = nullptr;
+  const std::size_t* start = nullptr;
+  double* row(int i) const { return entries + start[i]; }
+};
+
+/// M, or M = U^T U with the inverse of U's diagonal.
+struct Factor {
+  Triangle M;
+  const Chain* chains = nullptr;
+  std::size_t chain_count = 0;
+  const Run* runs = nullptr;
+};
+
+/// M - C G^T: unknowns by columns; the ranges are of the columns with entries in each chain.
+struct Coupling {
+  const Run* ranges = nullptr;
+  std::size_t columns = 0;
+  double *C = nullptr, *G = nullptr, *K = nullptr;
+  double* h = nullptr;            ///< a number for each column
+  std::size_t* pivots = nullptr;  ///< row exchanges of K = LU
+};
+
+/// Rows of a contact's Jacobian, `stride` apart, over the unknowns of its runs.
+struct RowBlock {
+  const double* J = nullptr;
+  std::size_t rows = 0, stride = 0;
+  const Run* runs = nullptr;
+  std::size_t run_count = 0;
+};
+
+/// The motions of axes, by rows: three of angular velocities, then three of velocities at an origin.
+struct AxisRows {
+  const double* first = nullptr;
+  std::size_t stride = 0;
+  const double* row(std::size_t k, int i) const { return first + k * stride + i; }
+};
+
+struct RowKernel {
+  /// M = U^T U in place, its diagonal inverted.
+  void (*factor)(const Factor&);
+  /// x = U^-T x, then x = U^-1 x, over a range of chains.
+  void (*eliminate)(const Factor&, double* x, std::size_t first_chain, std::size_t end);
+  void (*substitute_back)(const Factor&, double* x, std::size_t first_chain, std::size_t end);
+  /// C = U^-T C, G = U^-T G.
+  void (*eliminate_coupling)(const Factor&, const Coupling&);
+  /// K = 1 - G^T C, then K = LU.
+  void (*factor_coupling)(const Factor&, const Coupling&);
+  /// d += C K^-1 G^T d.
+  void (*apply_coupling)(const Factor&, const Coupling&, double* d);
+  /// M += J^T D J, D = diag(normal, [xx xy; xy yy]); of two rows without the first, of one row xx alone.
+  void (*add_stiffness)(const Triangle&, const RowBlock&, double normal, const std::array<double, 3>& D);
+  /// out = J x.
+  void (*multiply)(const RowBlock&, const double* x, double* out);
+  /// to -= J^T p.
+  void (*subtract_transposed)(const RowBlock&, const double* p, double* to);
+  /// to += A x, A symmetric; `last`: last column of each row.
+  void (*add_product)(const Triangle& A, const int* last, int n, const double* x, double* to);
+  /// Velocities of a point r from the origin along the three directions of `frame` (columns) per axis, into
+  /// rows `stride` apart.
+  void (*find_point_rows)(double* to, std::size_t stride, const AxisRows&, const double* r,
+                          const double* frame, int n);
+};
+
+/// The fastest that this processor runs.
+const RowKernel& row_kernel();
+/// All that this processor runs.
+std::vector<const RowKernel*> row_kernels();
+
+}  // namespace handsim::engine::articulated
