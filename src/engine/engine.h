@@ -63,6 +63,7 @@ inline constexpr long long kResidualEvery = 8;
 struct StepReport {
   int lcp_failures = 0;    ///< times the direct solver gave up, in what was kept of the step
   Rung rung = Rung::none;  ///< of a guarded step
+  int passes = 1;  ///< world_step: times that what was kept of the step was solved, see friction_passes
   bool iterative = false;  ///< solved by quick_step, or a heap of the articulated engine by relaxation
   /// Of steps in which the direct solver gave up, of those solved by iteration with contact or with another
   /// number of stops in force than before, and of every kResidualEvery-th of those without.

@@ -110,6 +110,9 @@ struct OdeSettings {
   /// goes further in a step than half the smaller of their smallest radii. Off: such bodies end steps within
   /// and behind each other.
   bool speculative = true;
+  /// world_step makes a step so many times at most, where friction of pads is off by more than 0.1 %; 1:
+  /// limits of friction are of the last step's normal forces.
+  int friction_passes = 3;
   std::optional<GuardLimits> guard;  ///< absent: steps are taken as they come
 };
 
