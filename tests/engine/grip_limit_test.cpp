@@ -185,9 +185,9 @@ double moved(const model::BodyState& from, const model::BodyState& to) {
   return most;
 }
 
-// Oracle: limit analysis, solved to 1e-9 of the load by a method of its own: friction that balances the load
+// Oracle: limit analysis, solved to 1e-10 of the load by a method of its own: friction that balances the load
 // within all cones, and a motion that shows that none balances more. While all presses fall together the box
-// stays until they pass the limit, to 1 %; there friction is the reference's, to 5 % of its limit, where it
+// stays until they pass the limit, to 0.5 %; there friction is the reference's, to 5 % of its limit, where it
 // is unique.
 TEST_P(GripLimit, IsThatOfAReferenceWithoutSteps) {
   const auto& [of, method] = GetParam();
@@ -196,7 +196,7 @@ TEST_P(GripLimit, IsThatOfAReferenceWithoutSteps) {
   load.head<3>() = kBoxMass * of.gravity;
   const Limit limit = limit_of(points, load);
   ASSERT_LT(limit.unbalanced, 1e-10 * load.norm());
-  ASSERT_LT(std::abs(limit.more), 1e-9 * limit.load);
+  ASSERT_LT(std::abs(limit.more), 1e-10 * limit.load);
 
   const model::Model model = gripped_box(of);
   Settings settings =
@@ -207,6 +207,7 @@ TEST_P(GripLimit, IsThatOfAReferenceWithoutSteps) {
   model::BodyState start;
   double press = 0;
   std::vector<Vec3> friction(points.size(), Vec3::Zero());
+  // Presses fall by 0.1 % in 10 ms: in the 30 ms in which the box falls by 5 um by 0.3 %.
   for (int i = 0; i < 3000; ++i) {
     press = i < 300 ? 1.15 * least : (1.15 - 1e-4 * (i - 300)) * least;
     std::vector<double> forces;
@@ -216,7 +217,7 @@ TEST_P(GripLimit, IsThatOfAReferenceWithoutSteps) {
     if (i == 1300) start = engine->state().bodies[1];
     if (i > 1300 && moved(start, engine->state().bodies[1]) > 5e-6) break;
   }
-  EXPECT_NEAR(press, least, 0.01 * least);
+  EXPECT_NEAR(press, least, 0.005 * least);
   for (const Contact& contact : engine->contacts()) {
     const auto body = [&](int shape) { return model.shapes[static_cast<std::size_t>(shape)].body; };
     const bool first = body(contact.shape_a) == 1;
