@@ -319,7 +319,7 @@ def passes():
     rows = []
     for entry in json.loads(path.read_text())["benchmarks"]:
         _, name, most, *_ = entry["name"].split("/")
-        rows.append([{"box": "box, friction 0.6", "slippery_box": "box, friction 0.25"}[name], most, number(entry["us"], 3),
+        rows.append([{"box": "box, friction 0.9", "slippery_box": "box, friction 0.6"}[name], most, number(entry["us"], 3),
                      number(entry["passes"], 3), slashed([100 * entry["beyond_mean"], 100 * entry["beyond_most"]]),
                      number(entry["grip"], 4), number(entry["shift_mm"], 3), "yes" if entry["held"] else "no"])
     return table(["grasp", "most passes", "a step, µs", "passes a step", "friction beyond its cone, mean / at most, %",
