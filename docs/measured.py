@@ -125,11 +125,37 @@ def grasp():
 
 def agreement():
     found = study_json("agreement", "run", "agreement.json")
-    rows = [[", ".join(pair["ways"]), f"{pair['same_verdict']} of {pair['not_marginal']}",
-             number(100 * pair["grip_difference_median"]), number(100 * pair["grip_difference_most"])]
+    of = lambda count: f"{count['same']} of {count['of']}"
+    rows = [[", ".join(pair["ways"]), of(pair["same_verdict"]), of(pair["same_verdict_not_marginal"]),
+             slashed([100 * pair["grip_difference_median"], 100 * pair["grip_difference_most"]]), of(pair["grip_within_a_tenth"]),
+             slashed([1e6 * slip for slip in pair["slip_median_m_per_s"]])]
             for pair in found["pairs"]]
-    return table([f"engines, {found['draws']} draws", "same verdict where not marginal", "grip differs by, median, %",
-                  "at most, %"], rows)
+    return (f"{found['draws']} draws, seed {found['seed']}, {found['cpu_s'] / 60:.0f} minutes of CPU time.\n\n" +
+            table(["engines (`/4`: a quarter of the step)", "same verdict", "where not marginal", "grip differs by, median / at most, %",
+                   "within 10 %", "slip, median of each, µm/s"], rows))
+
+
+def why_different(entry):
+    """What of a difference the runs show."""
+    if entry["turning"]:
+        return f"marginal: {entry['turning']} turns it"
+    held = {said["way"]: said["held"] for said in entry["says"]}
+    ode, articulated = held["ode/4"] == held["articulated"], held["articulated/4"] == held["ode"]
+    if ode and not articulated:
+        return "the step of ODE: a quarter of it gives the articulated engine's verdict"
+    if articulated and not ode:
+        return "the step of the articulated engine: a quarter of it gives ODE's verdict"
+    return "both verdicts turn with the step" if ode else "no step: both verdicts stay at a quarter of it"
+
+
+def agreement_differences():
+    rows = []
+    for entry in study_json("agreement", "run", "agreement.json")["differences"]:
+        said = [f"{one['outcome'].split(' at ')[0]} ({100 * one['margin']:.0f} %)" for one in entry["says"]]
+        rows.append([entry["draw"], f"{1e3 * entry['mass_kg']:.0f} g, {number(entry['friction'])}", *said, why_different(entry)])
+    if not rows:
+        return "No draw differs.\n"
+    return table(["draw", "mass, friction", "ODE (margin)", "articulated", "articulated/4", "ODE/4", "why"], rows)
 
 
 def climb():
@@ -284,6 +310,20 @@ def bench():
     entries = json.loads(path.read_text())["benchmarks"]
     return {entry["run_name"].split("/manual_time")[0].split("/iterations")[0].split("/real_time")[0]: entry
             for entry in entries if entry.get("aggregate_name") == "median"}
+
+
+def passes():
+    path = OUT / "passes" / "bench.json"
+    if not path.exists():
+        raise Missing(path.relative_to(ROOT))
+    rows = []
+    for entry in json.loads(path.read_text())["benchmarks"]:
+        _, name, most, *_ = entry["name"].split("/")
+        rows.append([{"box": "box, friction 0.9", "slippery_box": "box, friction 0.6"}[name], most, number(entry["us"], 3),
+                     number(entry["passes"], 3), slashed([100 * entry["beyond_mean"], 100 * entry["beyond_most"]]),
+                     number(entry["grip"], 4), number(entry["shift_mm"], 3), "yes" if entry["held"] else "no"])
+    return table(["grasp", "most passes", "a step, µs", "passes a step", "friction beyond its cone, mean / at most, %",
+                  "grip, N", "shift after the shake, mm", "held"], rows)
 
 
 def speed():
@@ -538,12 +578,13 @@ def peers_ahead():
 
 # Name of the table -> the study whose files it needs, and the function that makes it.
 TABLES = {"demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
-          "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement), "climb": ("climb", climb),
+          "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
+          "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),
           "accuracy-cheapest": ("accuracy", accuracy_cheapest), "accuracy-contact": ("accuracy", accuracy_contact),
           "accuracy-hands": ("hands", accuracy_hands), "2017": ("2017", thesis), "effects": ("effects", effects), "contacts": ("contacts", contacts),
           "stability": ("stability", stability), "stability-cases": ("stability", stability_cases),
-          "speed": ("speed", speed), "speed-lanes": ("speed", speed_lanes), "speed-load": ("speed", speed_load),
+          "passes": ("passes", passes), "speed": ("speed", speed), "speed-lanes": ("speed", speed_lanes), "speed-load": ("speed", speed_load),
           "environment": ("speed", environments), "pinch": ("pinch", pinch), "peers-speed": ("peers", peers_speed), "peers-equal": ("peers", peers_equal), "peers-pinch": ("peers", peers_pinch),
           "peers-accuracy": ("peers", peers_accuracy), "peers-cases": ("peers", peers_cases),
           "peers-settings": ("peers", peers_settings), "peers-ahead": ("peers", peers_ahead)}

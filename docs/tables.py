@@ -94,6 +94,7 @@ STUDIES = {
     "stability": Study("13 min", {"run": ["stability", "config/stability.yaml", "--out", "{out}"]},
                        {"run/stability.png": "stability.png", "run/scenes.png": "stability_scenes.png"}),
     "speed": Study("4 min", {"bench": None}),
+    "passes": Study("2 min", {"bench": None}),
     "pinch": Study("2 min", {"test": None}),
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
                               "cases_drake": None}),
@@ -109,8 +110,11 @@ ONLY_IF_NAMED = ("peers",)
 
 def command_of(name, label, build):
     """The command of a run."""
+    if name == "passes":
+        return [str(build / "tests" / "bench_handsim"), "--benchmark_filter=friction_passes",
+                f"--benchmark_out={OUT / 'passes' / 'bench.json'}"]
     if name == "speed":
-        return [str(build / "tests" / "bench_handsim"), "--benchmark_repetitions=9",
+        return [str(build / "tests" / "bench_handsim"), "--benchmark_filter=-friction_passes", "--benchmark_repetitions=9",
                 "--benchmark_report_aggregates_only=true", f"--benchmark_out={OUT / 'speed' / 'bench.json'}"]
     if name == "pinch":
         return [str(build / "tests" / "peers" / "test_peers"), "--gtest_filter=*MujocoPinch*"]

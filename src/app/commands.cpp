@@ -248,7 +248,11 @@ void add_grasp(CommandLine& line) {
               "many give the same verdict")
           ->check(CLI::Range(1, 100000));
   grasp.add_option("--seed", arguments->seed, "of the random grasps (default: 1)")->needs(agree);
-  grasp.add_flag("--quarter-steps", arguments->quarter_steps, "each engine also at a quarter of the step")
+  grasp
+      .add_option("--quarter-steps", arguments->quarter_steps,
+                  "of so many of these ODE also at a quarter of the step (default: of those where the "
+                  "engines differ)")
+      ->check(CLI::Range(1, 100000))
       ->needs(agree);
 }
 

@@ -68,7 +68,7 @@ struct GraspArguments {
   bool pictures = false;
   std::optional<int> agree;  ///< random grasps on which engines are compared
   std::uint64_t seed = 1;
-  bool quarter_steps = false;
+  int quarter_steps = 0;
 };
 int grasp_command(const GraspArguments& arguments);
 

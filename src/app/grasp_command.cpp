@@ -61,6 +61,18 @@ void print_table(const std::vector<study::GraspRow>& rows) {
   }
 }
 
+void print_differences(const study::AgreementTable& table) {
+  for (std::size_t i = 0; i < table.rows.size(); ++i) {
+    const study::AgreementRow& row = table.rows[i];
+    if (!row.differs()) continue;
+    print("draw {} ({:.0f} g, friction {:.2f}){}\n", i, 1e3 * row.mass, row.friction,
+          row.turning.empty() ? "" : fmt::format(": marginal, {} turns it", row.turning));
+    for (std::size_t way = 0; way < row.figures.size(); ++way)
+      print("  {:<14} {} (margin {:.0f} %)\n", study::kWays[way], row.figures[way].told(),
+            100 * row.figures[way].margin());
+  }
+}
+
 int agreement_command(const GraspArguments& arguments) {
   if (arguments.scenes.size() != 1)
     throw input_error("--agree", fmt::format("{} scenes", arguments.scenes.size()), "one scene");
@@ -77,15 +89,20 @@ int agreement_command(const GraspArguments& arguments) {
     study.progress = [&bar](double share) { bar.show(share); };
     table = study::run_agreement(study);
   }
-  print("{:<32} {:>13} {:>13} {:>13} {:>13}\n", "engines (/4: a quarter of the step)", "same verdict",
-        "not marginal", "grip, median", "most");
-  for (std::size_t a = 0; a < table.ways.size(); ++a)
-    for (std::size_t b = a + 1; b < table.ways.size(); ++b) {
-      const auto count = table.agree(a, b);
-      const auto grip = table.grip(a, b);
-      print("{:<35} {:>10} {:>13} {:>11.2f} % {:>11.2f} %\n", table.ways[a] + ", " + table.ways[b],
-            count.same, count.of, 100 * grip.median, 100 * grip.most);
-    }
+  constexpr const char* kHead = "{:<28} {:>13} {:>13} {:>12} {:>8} {:>15} {:>16}\n";
+  print(kHead, "engines", "same verdict", "not marginal", "grip differs", "most", "within 10 %", "slip");
+  print(kHead, "(/4: a quarter of the step)", "", "", "median, %", "%", "", "median, um/s");
+  const auto text = [](const study::AgreementTable::Count& of) {
+    return fmt::format("{} of {}", of.same, of.of);
+  };
+  for (const auto& [way, other] : study::agreement_pairs(table)) {
+    const study::AgreementTable::Pair pair = table.compare(way, other);
+    print(kHead, fmt::format("{}, {}", study::kWays[way], study::kWays[other]), text(pair.all),
+          text(pair.clear), fmt::format("{:.2f}", 100 * pair.grip_median),
+          fmt::format("{:.2f}", 100 * pair.grip_most), text(pair.grip_within),
+          fmt::format("{:.2g}, {:.2g}", 1e6 * pair.slip, 1e6 * pair.other_slip));
+  }
+  print_differences(table);
   print("files in {}\n", arguments.out.string());
   return 0;
 }

@@ -75,8 +75,8 @@ inline constexpr long long kResidualInterval = 8;
 struct StepReport {
   int lcp_failures = 0;    ///< failures of the direct solver, without those of rejected attempts
   Rung rung = Rung::none;  ///< of a guarded step
-  bool iterative =
-      false;  ///< true if quick_step solved the step, or if the articulated engine used relaxation
+  int passes = 1;          ///< world_step: solutions of the step that was kept (OdeSettings::friction_passes)
+  bool iterative = false;  ///< true if quick_step, or relaxation of the articulated engine, solved the step
   /// Measured in steps in which the direct solver failed, in steps of quick_step with contacts or a changed
   /// number of active stops, and in every kResidualInterval-th other step of quick_step.
   std::optional<Residual> residual;

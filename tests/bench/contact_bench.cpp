@@ -3,7 +3,9 @@
 
 #include "bench/paired.h"
 #include "engine/models.h"
+#include "handsim/engine/contact/pair_table.h"
 #include "handsim/simulation/simulation.h"
+#include "handsim/study/grasp/grasp_study.h"
 #include "scene_files.h"
 
 namespace handsim::bench {
@@ -106,6 +108,83 @@ BENCHMARK_CAPTURE(grasp, world_step, "world_step")
 BENCHMARK_CAPTURE(grasp, quick_step_50, "quick_step")
     ->UseManualTime()
     ->Iterations(3)
+    ->Unit(benchmark::kMillisecond);
+
+/// Passes that steps took, and by which share of a step's largest friction limit a contact was beyond its
+/// own.
+class FrictionWatch final : public simulation::Watcher {
+ public:
+  explicit FrictionWatch(const simulation::Watched& watched)
+      : model_(watched.scene.model), rules_(watched.scene.model) {}
+  std::string_view name() const override { return "friction"; }
+  void update(simulation::Step& step) override {
+    ++steps;
+    passes += step.report.passes;
+    double largest = 0, beyond = 0;
+    for (const engine::Contact& contact : step.engine.contacts()) {
+      const model::Material between = rules_.between(shape(contact.shape_a), shape(contact.shape_b));
+      if (!between.compliance) continue;
+      const double limit = between.friction * std::max(contact.normal_force(), 0.0);
+      largest = std::max(largest, limit);
+      beyond = std::max(beyond, contact.friction_force().norm() - limit);
+    }
+    if (largest <= 0) return;
+    sum += beyond / largest;
+    most = std::max(most, beyond / largest);
+  }
+  void save(ArchiveWriter& /*out*/) const override {}
+  void restore(ArchiveReader& /*in*/, const model::State& /*state*/) override {}
+
+  double steps = 0, passes = 0, sum = 0, most = 0;
+
+ private:
+  const model::Shape& shape(int index) const { return model_.shapes[static_cast<std::size_t>(index)]; }
+
+  const model::Model& model_;
+  engine::PairTable rules_;
+};
+
+/// What more passes of the direct solver cost and buy in a grasp: time of a step and passes made, friction
+/// beyond its cone (mean and largest), and the grasp's figures. By the most passes allowed.
+void friction_passes(benchmark::State& state, const char* name, double friction) {
+  scene::Scene scene = test::shipped_scene(name, {"grasps.0.hold=0.5 s"});
+  study::set_friction(scene, friction);
+  scene.spec.solver.ode().friction_passes = static_cast<int>(state.range(0));
+  for (auto unused : state) {
+    (void)unused;
+    simulation::Simulation simulation(scene, simulation::only<simulation::Grasps, FrictionWatch>);
+    const auto& grasps = simulation.get<simulation::Grasps>();
+    auto run = [&] {
+      while (simulation.steps() < simulation.step_count() && !grasps.failed()) simulation.step();
+    };
+    const double cpu = seconds(run);
+    state.SetIterationTime(cpu);
+    const auto& friction_watch = simulation.get<FrictionWatch>();
+    const simulation::GraspFigures figures = grasps.figures().front();
+    state.counters["us"] = 1e6 * cpu / friction_watch.steps;
+    state.counters["passes"] = friction_watch.passes / friction_watch.steps;
+    state.counters["beyond_mean"] = friction_watch.sum / friction_watch.steps;
+    state.counters["beyond_most"] = friction_watch.most;
+    state.counters["held"] = figures.held ? 1 : 0;
+    state.counters["grip"] = figures.hold.normal;
+    state.counters["shift_mm"] = 1e3 * figures.shift;
+    state.counters["slip_um"] = 1e6 * figures.slip;
+  }
+}
+BENCHMARK_CAPTURE(friction_passes, slippery_box, "agreement/box", 0.6)
+    ->Arg(1)
+    ->Arg(2)
+    ->Arg(3)
+    ->Arg(6)
+    ->UseManualTime()
+    ->Iterations(1)
+    ->Repetitions(1)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(friction_passes, box, "agreement/box", 0.9)
+    ->DenseRange(1, 3)
+    ->UseManualTime()
+    ->Iterations(1)
+    ->Repetitions(1)
     ->Unit(benchmark::kMillisecond);
 
 }  // namespace

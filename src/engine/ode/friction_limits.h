@@ -14,8 +14,6 @@
 
 namespace handsim::engine::ode {
 
-/// A step is made so many times at most.
-inline constexpr int kMostPasses = 3;
 /// Friction may be off by this share of the largest friction limit of the step. Chosen.
 inline constexpr double kFrictionError = 1e-3;
 

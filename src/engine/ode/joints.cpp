@@ -5,139 +5,27 @@
 
 #include <fmt/format.h>
 
+#include "handsim/engine/ode/joint_kinds.h"
 #include "handsim/engine/spring.h"
 
 namespace handsim::engine::ode {
 
 namespace {
 
-using model::JointKind;
-
-constexpr int kParamGroup = dParamLoStop2 - dParamLoStop;
-
 /// A stop is looked out for by this many steps of the present rate, for what the step adds to it.
 constexpr double kCatchSteps = 2;
 /// Nearer to its stop than this a coordinate counts as on it, whatever its rate [rad] or [m].
 constexpr double kOnStop = 1e-6;
-
-/// ODE's number (0 or 1) of one of our axes.
-int ode_axis(JointKind kind, std::size_t axis) {
-  return kind == JointKind::universal ? 1 - static_cast<int>(axis) : static_cast<int>(axis);
-}
 
 /// Axes with an end that passive tissue pulls at.
 bool acts(const std::optional<model::Tissue>& tissue) {
   return tissue && (tissue->stiffness > 0 || tissue->damping > 0);
 }
 
-dJointID create(dWorldID world, JointKind kind) {
-  switch (kind) {
-    case JointKind::hinge:
-      return dJointCreateHinge(world, nullptr);
-    case JointKind::universal:
-      return dJointCreateUniversal(world, nullptr);
-    case JointKind::ball:
-      return dJointCreateBall(world, nullptr);
-    case JointKind::slider:
-      return dJointCreateSlider(world, nullptr);
-  }
-  return nullptr;
-}
-
-void set_parameter(dJointID id, JointKind kind, int parameter, double value) {
-  switch (kind) {
-    case JointKind::hinge:
-      return dJointSetHingeParam(id, parameter, value);
-    case JointKind::universal:
-      return dJointSetUniversalParam(id, parameter, value);
-    case JointKind::slider:
-      return dJointSetSliderParam(id, parameter, value);
-    case JointKind::ball:
-      return;
-  }
-}
-
-/// Anchor and axes of a joint whose bodies stand in its zero configuration.
-void set_geometry(dJointID id, const model::Joint& joint, const Pose& x_WF) {
-  const Vec3& p = x_WF.p;
-  const auto axis = [&](std::size_t i) -> Vec3 { return x_WF.q * joint.axes[i].axis; };
-  switch (joint.kind) {
-    case JointKind::hinge: {
-      const Vec3 a = axis(0);
-      dJointSetHingeAnchor(id, p.x(), p.y(), p.z());
-      dJointSetHingeAxis(id, a.x(), a.y(), a.z());
-      return;
-    }
-    case JointKind::universal: {
-      const Vec3 a = axis(0);
-      const Vec3 b = axis(1);
-      dJointSetUniversalAnchor(id, p.x(), p.y(), p.z());
-      dJointSetUniversalAxis1(id, b.x(), b.y(), b.z());
-      dJointSetUniversalAxis2(id, a.x(), a.y(), a.z());
-      return;
-    }
-    case JointKind::slider: {
-      const Vec3 a = axis(0);
-      dJointSetSliderAxis(id, a.x(), a.y(), a.z());
-      return;
-    }
-    case JointKind::ball:
-      dJointSetBallAnchor(id, p.x(), p.y(), p.z());
-      return;
-  }
-}
-
-/// A motor with `count` axes between the bodies of a joint: AMotor, or LMotor of a slider.
-dJointID create_motor(dWorldID world, JointKind kind, std::size_t count, dBodyID child, dBodyID parent) {
-  const bool slider = kind == JointKind::slider;
-  const dJointID motor = slider ? dJointCreateLMotor(world, nullptr) : dJointCreateAMotor(world, nullptr);
-  dJointAttach(motor, child, parent);
-  if (slider) {
-    dJointSetLMotorNumAxes(motor, static_cast<int>(count));
-  } else {
-    dJointSetAMotorMode(motor, dAMotorUser);
-    dJointSetAMotorNumAxes(motor, static_cast<int>(count));
-  }
-  return motor;
-}
-
 std::unique_ptr<dJointFeedback> with_feedback(dJointID motor) {
   auto out = std::make_unique<dJointFeedback>();
   dJointSetFeedback(motor, out.get());
   return out;
-}
-
-/// Axes of a joint's motor, in the same configuration.
-void set_motor_axes(dJointID motor, const model::Joint& joint, const std::vector<std::size_t>& axes,
-                    bool parent_is_body, const Pose& x_WF) {
-  for (std::size_t i = 0; i < axes.size(); ++i) {
-    const Vec3 a = x_WF.q * joint.axes[axes[i]].axis;
-    // ODE: 0 fixed in the world, 1 in our child, 2 in our parent.
-    const bool in_child = joint.kind == JointKind::universal && axes[i] == 1;
-    const int frame = in_child ? 1 : (parent_is_body ? 2 : 0);
-    if (joint.kind == JointKind::slider)
-      dJointSetLMotorAxis(motor, static_cast<int>(i), frame, a.x(), a.y(), a.z());
-    else
-      dJointSetAMotorAxis(motor, static_cast<int>(i), frame, a.x(), a.y(), a.z());
-  }
-}
-
-/// Adds what a motor did along a joint's one or two axes: x with sum of x_k axis_k = its torque on the child,
-/// of a slider's its force. ODE leaves the feedback of a motor alone that has no row in a step, so it is
-/// cleared.
-void add_feedback(dJointFeedback& feedback, JointKind kind, std::span<const Vec3> axes, double* out) {
-  dReal* on_child = kind == JointKind::slider ? feedback.f1 : feedback.t1;
-  const Vec3 did(on_child[0], on_child[1], on_child[2]);
-  on_child[0] = on_child[1] = on_child[2] = 0;
-  const double a = axes[0].dot(did);
-  if (axes.size() == 1) {
-    out[0] += a;
-    return;
-  }
-  // Perpendicular but for the joint's error.
-  const double b = axes[1].dot(did), c = axes[0].dot(axes[1]), scale = 1 / (1 - c * c);
-  out[0] += scale * (a - c * b);
-  out[1] += scale * (b - c * a);
 }
 
 void add_torque(const OdeBody& body, const Vec3& torque) {
@@ -174,7 +62,7 @@ Joints::Link Joints::make_link(dWorldID world, const model::Joint& joint, const 
     link.parent = handle(bodies[parent_index].copies[copies_used[parent_index] - 2]);
   const auto moves = [](const OdeBody& body) { return body.id != nullptr && !dBodyIsKinematic(body.id); };
   if (!moves(link.child) && !moves(link.parent)) return link;
-  link.id = create(world, joint.kind);
+  link.id = create_joint(world, joint.kind);
   dJointAttach(link.id, link.child.id, link.parent.id);
   return link;
 }
@@ -207,7 +95,7 @@ void Joints::reanchor(const model::State& state) {
 }
 
 model::Stop Joints::widened(const model::Joint& joint, const model::JointAxis& axis, bool note) {
-  const bool slider = joint.kind == JointKind::slider;
+  const bool slider = joint.kind == model::JointKind::slider;
   const double margin = slider ? kSliderStopMargin : kStopMargin;
   const auto moved = [&](const char* end, double value, double outward) {
     if (std::abs(value) >= margin) return value;
@@ -259,7 +147,7 @@ void Joints::soften_tissue(const Link& link) const {
     const model::Tissue& tissue = *joint.axes[link.motor_axes[static_cast<std::size_t>(i)]].tissue;
     const SoftRow row = soft_row(tissue.stiffness, tissue.damping, step_);
     const int group = kParamGroup * i;
-    if (joint.kind == JointKind::slider) {
+    if (joint.kind == model::JointKind::slider) {
       // An LMotor has no position: it gets the speed that the same row would ask for.
       dJointSetLMotorParam(link.motor, dParamFMax + group, dInfinity);
       dJointSetLMotorParam(link.motor, dParamCFM + group, row.cfm);
@@ -273,7 +161,7 @@ void Joints::soften_tissue(const Link& link) const {
 }
 
 double Joints::slider_pull(const Link& link) const {
-  if (link.motor == nullptr || link.joint->kind != JointKind::slider) return 0;
+  if (link.motor == nullptr || link.joint->kind != model::JointKind::slider) return 0;
   const model::Tissue& tissue = *link.joint->axes[0].tissue;
   return soft_row(tissue.stiffness, tissue.damping, step_).erp / step_;
 }
@@ -338,7 +226,7 @@ int Joints::prepare(const model::State& state) {
 void Joints::prepare_tissue(const Watch& watched, const model::State& state) const {
   const Link& link = links_[watched.link];
   const double* q = state.q.data() + link.joint->first_dof;
-  if (link.joint->kind == JointKind::slider) {
+  if (link.joint->kind == model::JointKind::slider) {
     dJointSetLMotorParam(link.motor, dParamVel, -watched.pull * (q[0] - link.joint->axes[0].tissue->rest));
     return;
   }
@@ -353,7 +241,7 @@ int Joints::prepare_stops(Watch& watched, const model::State& state) const {
     if (!watched.stops[i]) continue;
     const std::size_t dof = static_cast<std::size_t>(link.joint->first_dof) + i;
     const Approach approach{i, watched.stops[i]->low(), watched.stops[i]->high(), state.q[dof], state.u[dof]};
-    const bool on_stop = link.joint->kind == JointKind::slider
+    const bool on_stop = link.joint->kind == model::JointKind::slider
                              ? approach.q <= approach.low || approach.q >= approach.high
                              : watched.stops[i]->reached(sensors_.directions()[dof]);
     if (on_stop) {
@@ -432,16 +320,16 @@ void Joints::add_torques(std::span<const double> torques, const model::State& st
     if (link.id == nullptr) continue;
     const double* tau = torques.data() + link.joint->first_dof;
     switch (link.joint->kind) {
-      case JointKind::hinge:
+      case model::JointKind::hinge:
         dJointAddHingeTorque(link.id, tau[0]);
         break;
-      case JointKind::universal:
+      case model::JointKind::universal:
         dJointAddUniversalTorques(link.id, tau[1], tau[0]);
         break;
-      case JointKind::slider:
+      case model::JointKind::slider:
         dJointAddSliderForce(link.id, tau[0]);
         break;
-      case JointKind::ball: {
+      case model::JointKind::ball: {
         const Quat q_WF =
             state.bodies[static_cast<std::size_t>(link.joint->parent)].q * link.joint->parent_frame.q;
         const Vec3 torque = q_WF * Vec3(tau[0], tau[1], tau[2]);

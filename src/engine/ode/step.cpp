@@ -120,8 +120,9 @@ bool OdeEngine::solve_passes(double step, OdeMethod method, StepReport& report) 
     const int failures = lcp_failures();
     if (!advance(step, method)) return false;
     report.lcp_failures = lcp_failures() - failures;
+    report.passes = pass;
     if (contacts_) contacts_->read_forces();
-    if (!again || !contacts_->revise_limits() || pass == kMostPasses) return true;
+    if (!again || !contacts_->revise_limits() || pass >= settings_.ode().friction_passes) return true;
     contacts_->release();
     start_.put_back(bodies_, moving_);
   }

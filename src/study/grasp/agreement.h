@@ -1,11 +1,14 @@
 // Do engines agree on what is held? Random grasps drawn around a scene, each run on ODE and on the
-// articulated engine, at the scene's step and where asked at a quarter of it.
+// articulated engine, there at a quarter of the step, too. Grasps of which the two differ, and some others
+// where asked, run on ODE at a quarter of the step as well, which costs four times all the rest.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "handsim/simulation/watch/grasp_figures.h"
@@ -23,7 +26,8 @@ struct AgreementStudy {
   std::vector<std::string> overrides;  ///< `key.path=value`
   int draws = 100;
   std::uint64_t seed = 1;
-  bool quarter_steps = false;
+  int quarter_steps = 0;  ///< the first so many draws run on ODE at a quarter of the step, whatever they say
+  int threads = 0;        ///< 0: as many as the machine has
   std::filesystem::path out;
   std::function<void(double)> progress;  ///< told the share done, 0..1
 };
@@ -32,27 +36,43 @@ struct AgreementRow {
   Vec3 place = Vec3::Zero();  ///< of the object in the palm's frame [m]
   double mass = 0;            ///< [kg]
   double friction = 0;
-  std::vector<simulation::GraspFigures> figures;  ///< by the table's ways
+  std::vector<simulation::GraspFigures>
+      figures;          ///< by kWays; the last may be absent, and all where it has not run
   std::string turning;  ///< what of 5 % friction or mass turns the articulated engine's verdict; empty: none
+  double cpu = 0;       ///< of all its runs [s]
+
+  bool done() const { return !figures.empty(); }
+  bool differs() const { return done() && figures[0].held != figures[1].held; }
 };
 
-struct AgreementTable {
-  std::vector<std::string> ways;  ///< ode, articulated, and then both with `/4`
-  std::vector<AgreementRow> rows;
+/// Engines and steps, the scene's and a quarter of it.
+inline constexpr std::array<const char*, 4> kWays = {"ode", "articulated", "articulated/4", "ode/4"};
 
-  /// Of how many that are not marginal two ways say the same, and how many these are.
+struct AgreementTable {
+  std::vector<AgreementRow> rows;  ///< as drawn
+  std::size_t quarter_rows = 0;    ///< the first of them, whose quarter steps on ODE are counted
+
+  /// Of how many two ways say the same.
   struct Count {
     int same = 0, of = 0;
   };
-  Count agree(std::size_t way, std::size_t other) const;
-  /// Median and largest difference of the grip force at the hold's end, as a share, where both hold.
-  struct Difference {
-    double median = 0, most = 0;
+  struct Pair {
+    Count all, clear;  ///< of all rows; of those that are not marginal
+    /// Median and largest difference of the grip force at the hold's end, as a share, where both hold; and in
+    /// how many it is at most a tenth.
+    double grip_median = 0, grip_most = 0;
+    Count grip_within;
+    double slip = 0, other_slip = 0;  ///< medians where both hold [m/s]
   };
-  Difference grip(std::size_t way, std::size_t other) const;
+  /// @param way, other by kWays
+  Pair compare(std::size_t way, std::size_t other) const;
+  std::size_t done() const;  ///< rows that have run
 };
 
-/// Runs the study; OUT/agreement.csv and OUT/agreement.json.
+/// Which ways are compared: the engines, each with its own quarter step, and these.
+std::vector<std::pair<std::size_t, std::size_t>> agreement_pairs(const AgreementTable& table);
+
+/// Runs the study; OUT/agreement.csv and OUT/agreement.json, written after each draw of the draws done.
 /// @throws Error (input) for a scene without a grasp.
 AgreementTable run_agreement(const AgreementStudy& study);
 

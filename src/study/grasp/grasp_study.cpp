@@ -199,7 +199,7 @@ void set_friction(scene::Scene& scene, double friction) {
 }
 
 std::vector<simulation::GraspFigures> simulate(const scene::Scene& scene) {
-  simulation::Simulation simulation(scene);
+  simulation::Simulation simulation(scene, simulation::only<simulation::Monitor, simulation::Grasps>);
   const long steps = simulation.step_count();
   try {
     for (long i = 0; i < steps && !simulation.get<simulation::Grasps>().failed(); ++i) simulation.step();

@@ -1,0 +1,109 @@
+#include "handsim/engine/ode/joint_kinds.h"
+
+namespace handsim::engine::ode {
+
+using model::JointKind;
+
+int ode_axis(JointKind kind, std::size_t axis) {
+  return kind == JointKind::universal ? 1 - static_cast<int>(axis) : static_cast<int>(axis);
+}
+
+dJointID create_joint(dWorldID world, JointKind kind) {
+  switch (kind) {
+    case JointKind::hinge:
+      return dJointCreateHinge(world, nullptr);
+    case JointKind::universal:
+      return dJointCreateUniversal(world, nullptr);
+    case JointKind::ball:
+      return dJointCreateBall(world, nullptr);
+    case JointKind::slider:
+      return dJointCreateSlider(world, nullptr);
+  }
+  return nullptr;
+}
+
+void set_parameter(dJointID id, JointKind kind, int parameter, double value) {
+  switch (kind) {
+    case JointKind::hinge:
+      return dJointSetHingeParam(id, parameter, value);
+    case JointKind::universal:
+      return dJointSetUniversalParam(id, parameter, value);
+    case JointKind::slider:
+      return dJointSetSliderParam(id, parameter, value);
+    case JointKind::ball:
+      return;
+  }
+}
+
+void set_geometry(dJointID id, const model::Joint& joint, const Pose& x_WF) {
+  const Vec3& p = x_WF.p;
+  const auto axis = [&](std::size_t i) -> Vec3 { return x_WF.q * joint.axes[i].axis; };
+  switch (joint.kind) {
+    case JointKind::hinge: {
+      const Vec3 a = axis(0);
+      dJointSetHingeAnchor(id, p.x(), p.y(), p.z());
+      dJointSetHingeAxis(id, a.x(), a.y(), a.z());
+      return;
+    }
+    case JointKind::universal: {
+      const Vec3 a = axis(0);
+      const Vec3 b = axis(1);
+      dJointSetUniversalAnchor(id, p.x(), p.y(), p.z());
+      dJointSetUniversalAxis1(id, b.x(), b.y(), b.z());
+      dJointSetUniversalAxis2(id, a.x(), a.y(), a.z());
+      return;
+    }
+    case JointKind::slider: {
+      const Vec3 a = axis(0);
+      dJointSetSliderAxis(id, a.x(), a.y(), a.z());
+      return;
+    }
+    case JointKind::ball:
+      dJointSetBallAnchor(id, p.x(), p.y(), p.z());
+      return;
+  }
+}
+
+dJointID create_motor(dWorldID world, JointKind kind, std::size_t count, dBodyID child, dBodyID parent) {
+  const bool slider = kind == JointKind::slider;
+  const dJointID motor = slider ? dJointCreateLMotor(world, nullptr) : dJointCreateAMotor(world, nullptr);
+  dJointAttach(motor, child, parent);
+  if (slider) {
+    dJointSetLMotorNumAxes(motor, static_cast<int>(count));
+  } else {
+    dJointSetAMotorMode(motor, dAMotorUser);
+    dJointSetAMotorNumAxes(motor, static_cast<int>(count));
+  }
+  return motor;
+}
+
+void set_motor_axes(dJointID motor, const model::Joint& joint, const std::vector<std::size_t>& axes,
+                    bool parent_is_body, const Pose& x_WF) {
+  for (std::size_t i = 0; i < axes.size(); ++i) {
+    const Vec3 a = x_WF.q * joint.axes[axes[i]].axis;
+    // ODE: 0 fixed in the world, 1 in our child, 2 in our parent.
+    const bool in_child = joint.kind == JointKind::universal && axes[i] == 1;
+    const int frame = in_child ? 1 : (parent_is_body ? 2 : 0);
+    if (joint.kind == JointKind::slider)
+      dJointSetLMotorAxis(motor, static_cast<int>(i), frame, a.x(), a.y(), a.z());
+    else
+      dJointSetAMotorAxis(motor, static_cast<int>(i), frame, a.x(), a.y(), a.z());
+  }
+}
+
+void add_feedback(dJointFeedback& feedback, JointKind kind, std::span<const Vec3> axes, double* out) {
+  dReal* on_child = kind == JointKind::slider ? feedback.f1 : feedback.t1;
+  const Vec3 did(on_child[0], on_child[1], on_child[2]);
+  on_child[0] = on_child[1] = on_child[2] = 0;
+  const double a = axes[0].dot(did);
+  if (axes.size() == 1) {
+    out[0] += a;
+    return;
+  }
+  // Perpendicular but for the joint's error.
+  const double b = axes[1].dot(did), c = axes[0].dot(axes[1]), scale = 1 / (1 - c * c);
+  out[0] += scale * (a - c * b);
+  out[1] += scale * (b - c * a);
+}
+
+}  // namespace handsim::engine::ode
