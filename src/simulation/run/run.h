@@ -24,6 +24,8 @@
 
 namespace handsim::simulation {
 
+class Simulation;
+
 struct RunOptions {
   std::filesystem::path out;   ///< folder for the run's files; made where it is missing
   int frames = 0;              ///< pictures over the run; 0: no OpenGL context is made
@@ -35,6 +37,8 @@ struct RunOptions {
   /// Goes on from this snapshot file: the tables and pictures are of the rest of the scene, the summary of
   /// all.
   std::optional<std::filesystem::path> from_snapshot;
+  /// Ends the run once a grasped object has moved too far or is lost.
+  bool stop_lost = false;
   /// What the hash of the states is to be (state_hash.h).
   std::optional<std::uint64_t> expected_hash;
   /// Draws in a process of its own (output/child.h): a lack of memory may end the drawing, and no more.
@@ -69,6 +73,10 @@ struct RunResult {
   bool failed() const;  ///< some criterion's figure is beyond its limit
   bool missed() const;  ///< some criterion has no figure
 };
+
+/// Nothing is left to measure: every climb has failed, and the scene has no grasp; or, where asked for, a
+/// grasped object is lost.
+bool over(const Simulation& simulation, bool stop_lost);
 
 /// Runs the scene and writes its files.
 /// @throws Error (input) where the folder cannot be had (output_folder.h), the scene is too large to be
