@@ -104,9 +104,9 @@ Ranks::~Ranks() {
 void Ranks::serve(const RankDesk& desk) {
   if (size_ < 2)
     throw input_error("mpirun", "one process", "two at least: rank 0 hands out, the others compute");
-  const auto give_up = [this](int from, const std::string& why, const char* need) {
+  const auto give_up = [this](int rank, const std::string& why, const std::string& need) {
     messages_->stopped = true;
-    throw output_error(fmt::format("rank {}", from), why, need);
+    throw output_error(fmt::format("rank {}", rank), why, need);
   };
   std::string text;
   int from = 0, tag = 0;

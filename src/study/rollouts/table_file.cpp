@@ -83,8 +83,15 @@ void write_attribute(hid_t of, const char* name, const std::vector<std::string>&
   check(H5Awrite(attribute, type, pointers(texts).data()));
 }
 
+/// HDF5 takes a slash for a group: `grasp_slip[m per s]`.
+std::string link_name(std::string name) {
+  for (std::size_t at = 0; (at = name.find('/', at)) != std::string::npos;) name.replace(at, 1, " per ");
+  return name;
+}
+
 void write_column(hid_t in, const Table& table, std::size_t i) {
-  const Column& column = table.head.columns[i];
+  Column column = table.head.columns[i];
+  column.name = link_name(column.name);
   if (column.text) {
     std::vector<std::string> texts;
     for (const Row& row : table.rows) {
