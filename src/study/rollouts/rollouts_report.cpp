@@ -166,8 +166,7 @@ std::vector<Plot> plots_of(const Table& table, const std::vector<KeyEffect>& eff
   commands += "  set ylabel 'share held'\n  set yrange [-0.03:1.03]\n  set grid ytics\n  unset key\n";
   for (std::size_t k = 0; k < effects.size(); ++k) {
     const KeyEffect& effect = effects[k];
-    commands +=
-        fmt::format("  set xlabel '{}' noenhanced\n  set autoscale x\n", output::plot_text(effect.name));
+    commands += fmt::format("  set xlabel '{}' noenhanced\n", output::plot_text(effect.name));
     if (effect.bins.empty()) {
       commands += "  set multiplot next\n";
     } else if (effect.text) {
@@ -177,6 +176,9 @@ std::vector<Plot> plots_of(const Table& table, const std::vector<KeyEffect>& eff
           "  set xtics auto\n",
           static_cast<double>(effect.bins.size()) - 0.5, k);
     } else {
+      const double low = effect.bins.front().low, high = effect.bins.back().high;
+      const double margin = high > low ? 0.03 * (high - low) : 1;
+      commands += fmt::format("  set xrange [{}:{}]\n", low - margin, high + margin);
       commands += fmt::format(
           "  plot $key{0} using 1:4:2:3:5:6 with xyerrorbars pt 7 lc rgb '#1f5fa8', $key{0} using 1:4 with "
           "lines lc rgb '#1f5fa8'\n",

@@ -236,7 +236,8 @@ TEST(RolloutsProgram, TwoHostsGiveTheSameBytes) {
   ASSERT_EQ(run_program(rollouts(study, whole)).status, 0);
   // mpirun reaches a host by `AGENT HOST COMMAND...`.
   const fs::path agent = folder.path() / "agent";
-  test::write(agent, "#!/bin/sh\nshift\nexec ip netns exec " + host.name() + " sh -c \"$*\"\n");
+  test::write(agent, "#!/bin/sh\ntouch " + (folder.path() / "reached").string() +
+                         "\nshift\nexec ip netns exec " + host.name() + " sh -c \"$*\"\n");
   fs::permissions(agent, fs::perms::owner_all);
   const Words two = {"-n",
                      "4",
@@ -255,6 +256,7 @@ TEST(RolloutsProgram, TwoHostsGiveTheSameBytes) {
                      "oob_tcp_if_include",
                      "10.83.0.0/24"};
   EXPECT_EQ(finish(start(mpirun(two, rollouts(study, out, {"--chunk", "1"})))), 0);
+  EXPECT_TRUE(fs::exists(folder.path() / "reached"));
   expect_same_files(whole, out);
 }
 

@@ -233,11 +233,11 @@ INSTANTIATE_TEST_SUITE_P(
         BadStudy{"NoWay", "objects.0.mass: {}", "got nothing to draw from, need one of uniform"},
         BadStudy{"TwoWays", "objects.0.mass: {uniform: [1, 2], each: [1, 2]}", "got 2 ways to draw"},
         BadStudy{"UnknownWay", "objects.0.mass: {unifrom: [1, 2]}", "nearest: uniform"},
-        BadStudy{"NoMean", "objects.0.velocity: {normal: {sd: 1}}", "need a mean, or a number of the scene"},
+        BadStudy{"NoMean", "title: {normal: {sd: 1}}", "need a mean, or a number of the scene"},
         BadStudy{"NoList", "objects.0.*.mass: {uniform: [1, 2]}", "need a list of the scene before it"},
         BadStudy{"LevelOutOfRange", "objects.0.mass: {each: [1, -1]}", "vary.objects.0.mass: got -1"},
-        BadStudy{"NoPopulation", "objects.0.mass: {population: ansur3}", "need one of ansur2"}),
-    [](const auto& info) { return info.param.name; });
+        BadStudy{"NoPopulation", "objects.0.mass: {population: ansur3}", "got ansur3, need ansur2"}),
+    [](const auto& bad) { return bad.param.name; });
 
 // Oracle: a negative mass is refused when it is drawn, and a ball in a gravity of 1000 m/s2 passes the
 // engines' limit of 1000 m/s at 1.001 s; both are rows.
@@ -258,7 +258,8 @@ TEST(Rollouts, RefusedAndDivergedOnesAreRows) {
   }
   EXPECT_GT(refused, 0);
   EXPECT_TRUE(std::regex_search(run.csv, std::regex("refused,.*mass: got -"))) << run.csv;
-  EXPECT_TRUE(std::regex_search(run.csv, std::regex(",0,diverged,1.001,.*at t = 1.001 s: ball: speed")));
+  EXPECT_TRUE(std::regex_search(run.csv, std::regex(",0,diverged,1.*at t = 1.001 s: ball: speed")))
+      << run.csv;
 }
 
 // Oracle: levels in geometric and arithmetic order, with ends as written.
@@ -282,7 +283,8 @@ TEST(Rollouts, EndOnceTheObjectIsLost) {
   const auto study = [&](const char* lost) {
     std::ofstream(folder.path() / "study.yaml")
         << "scene: " << test::source("config/grasp_pinch.yaml").string()
-        << "\nset: {solver.engine: articulated, grasps.0.hold: 0.3 s, grasps.0.shake.levels: []}\n"
+        << "\nset: {solver.engine: articulated, grasps.0.hold: 0.3 s, "
+           "grasps.0.shake.levels: [{acceleration: 4.9 m/s2, frequency: 5 Hz}]}\n"
            "vary: {contacts.materials.0.friction: {each: [0.01]}}\nstop: {lost: "
         << lost << "}\n";
     return folder.path() / "study.yaml";
