@@ -201,10 +201,11 @@ void RolloutStudy::make_head(const std::vector<scene::Scene>& samples) {
   std::vector<std::string> names;
   for (const Column& column : figures) names.push_back(column.name);
   const auto wanted = [&](const std::string& name) {
-    return spec_.figures.empty() || std::ranges::find(spec_.figures, name) != spec_.figures.end();
+    return spec_.figures.empty() ||
+           std::find(spec_.figures.begin(), spec_.figures.end(), name) != spec_.figures.end();
   };
   for (const std::string& name : spec_.figures)
-    if (std::ranges::find(names, name) == names.end())
+    if (std::find(names.begin(), names.end(), name) == names.end())
       throw input_error("record.figures", name, need_word(name, names));
   for (const Column& column : figures)
     if (wanted(column.name)) columns.push_back(column);
@@ -216,7 +217,7 @@ void RolloutStudy::make_head(const std::vector<scene::Scene>& samples) {
     hash = hash_bytes(emit_yaml(scene::standalone(scene.resolved, scene.inputs)), hash);
     for (const scene::InputFile& input : scene.inputs) hash = hash_bytes(*input.bytes, hash);
     for (std::filesystem::path& file : scene::files_read(scene))
-      if (std::ranges::find(files_, file) == files_.end()) files_.push_back(std::move(file));
+      if (std::find(files_.begin(), files_.end(), file) == files_.end()) files_.push_back(std::move(file));
   }
   head_.origin = {fmt::format("study {:016x}", hash_bytes(study)), fmt::format("scene {:016x}", hash),
                   fmt::format("handsim {}, commit {}, {}", kVersion, kCommit, kOde),

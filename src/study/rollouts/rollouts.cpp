@@ -223,10 +223,10 @@ Table merge_shards(const std::vector<fs::path>& folders) {
     check_same(content.head, out.head, file.string(), "one of the same study, by the same build");
     std::move(content.rows.begin(), content.rows.end(), std::back_inserter(out.rows));
   }
-  const auto number = [](const Row& row) { return row.rollout; };
-  std::ranges::stable_sort(out.rows, {}, number);
-  const auto twice = std::ranges::unique(out.rows, {}, number);
-  out.rows.erase(twice.begin(), twice.end());
+  std::stable_sort(out.rows.begin(), out.rows.end(),
+                   [](const Row& a, const Row& b) { return a.rollout < b.rollout; });
+  const auto same = [](const Row& a, const Row& b) { return a.rollout == b.rollout; };
+  out.rows.erase(std::unique(out.rows.begin(), out.rows.end(), same), out.rows.end());
   if (static_cast<long>(out.rows.size()) < out.head.size) {
     long missing = 0;
     while (missing < static_cast<long>(out.rows.size()) &&

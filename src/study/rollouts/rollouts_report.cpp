@@ -151,11 +151,19 @@ std::string plot_data(const std::vector<KeyEffect>& effects) {
     out += fmt::format("$key{} << EOD\n", k);
     for (const Bin& bin : effects[k].bins)
       if (const auto estimate = share(bin.count.held, bin.count.of))
-        out += fmt::format("{} {} {} {} {} {} '{}'\n", bin.middle, bin.low, bin.high, estimate->value,
+        out += fmt::format("{} {} {} {} {} {} \"{}\"\n", bin.middle, bin.low, bin.high, estimate->value,
                            estimate->low, estimate->high, output::plot_text(bin.label));
     out += "EOD\n";
   }
   return out;
+}
+
+/// A step of 1, 2 or 5 times a power of ten, of which three to seven are in a span.
+double tick(double span) {
+  const double power = std::pow(10, std::floor(std::log10(span / 3)));
+  for (const double digit : {5.0, 2.0})
+    if (span / 3 >= digit * power) return digit * power;
+  return power;
 }
 
 std::vector<Plot> plots_of(const Table& table, const std::vector<KeyEffect>& effects) {
@@ -171,14 +179,15 @@ std::vector<Plot> plots_of(const Table& table, const std::vector<KeyEffect>& eff
       commands += "  set multiplot next\n";
     } else if (effect.text) {
       commands += fmt::format(
-          "  set xrange [-0.5:{}]\n  plot $key{} using 1:4:5:6:xtic(7) with yerrorbars pt 7 lc rgb "
-          "'#1f5fa8'\n"
-          "  set xtics auto\n",
+          "  set xrange [-0.5:{}]\n  set xtics auto\n  plot $key{} using 1:4:5:6:xtic(7) with yerrorbars pt "
+          "7 lc rgb "
+          "'#1f5fa8'\n",
           static_cast<double>(effect.bins.size()) - 0.5, k);
     } else {
       const double low = effect.bins.front().low, high = effect.bins.back().high;
       const double margin = high > low ? 0.03 * (high - low) : 1;
-      commands += fmt::format("  set xrange [{}:{}]\n", low - margin, high + margin);
+      commands += fmt::format("  set xrange [{}:{}]\n  set xtics {}\n", low - margin, high + margin,
+                              tick(2 * margin + high - low));
       commands += fmt::format(
           "  plot $key{0} using 1:4:2:3:5:6 with xyerrorbars pt 7 lc rgb '#1f5fa8', $key{0} using 1:4 with "
           "lines lc rgb '#1f5fa8'\n",
