@@ -10,6 +10,7 @@
 
 #include "handsim/core/error.h"
 #include "handsim/core/input_file.h"
+#include "handsim/output/atomic_file.h"
 
 namespace handsim::study {
 
@@ -71,15 +72,16 @@ JournalContent read_journal(const std::filesystem::path& path) {
 }
 
 Journal::Journal(std::filesystem::path path, const TableHead& head) : path_(std::move(path)) {
-  file_ = open(path_.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0666);
   ArchiveWriter out;
   save(out, head);
-  write(std::string(kMark) + framed(out.bytes()));
+  // Has its name when its head is whole.
+  output::write_file(path_, std::string(kMark) + framed(out.bytes()));
+  file_ = open(path_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
 }
 
 Journal::Journal(std::filesystem::path path, const JournalContent& content) : path_(std::move(path)) {
-  file_ = open(path_.c_str(), O_WRONLY | O_CLOEXEC);
-  if (file_ >= 0 && ftruncate(file_, static_cast<off_t>(content.bytes)) == 0) lseek(file_, 0, SEEK_END);
+  file_ = open(path_.c_str(), O_WRONLY | O_APPEND | O_CLOEXEC);
+  if (file_ < 0 || ftruncate(file_, static_cast<off_t>(content.bytes)) != 0) fail();
 }
 
 Journal::~Journal() {
@@ -104,6 +106,10 @@ void Journal::write(const std::string& record) {
   }
   // Data alone: the length goes with it.
   if (file_ >= 0 && left == 0 && fdatasync(file_) == 0) return;
+  fail();
+}
+
+void Journal::fail() const {
   throw output_error(path_.string(), fmt::format("a file that cannot be written ({})", std::strerror(errno)),
                      "room on the disk; then --resume goes on from what is there");
 }

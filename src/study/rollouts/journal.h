@@ -43,6 +43,7 @@ class Journal {
 
  private:
   void write(const std::string& record);
+  [[noreturn]] void fail() const;
 
   std::filesystem::path path_;
   int file_ = -1;
