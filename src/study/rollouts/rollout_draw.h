@@ -33,7 +33,8 @@ BoundKey bind(const VariedKey& key, const YamlNode& scene);
 /// @param draw number of the draw. @param level of a key with levels.
 Drawn draw(const BoundKey& key, int seed, long draw, std::size_t level);
 
-/// Values that show whether the scene takes the key's range and units: the ends of ranges, every level.
+/// Values that show whether the scene takes the key's range and units: the ends of ranges, every level (of
+/// more than fifty numbers the first and the last).
 std::vector<std::string> probes(const BoundKey& key);
 
 }  // namespace handsim::study

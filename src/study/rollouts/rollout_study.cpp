@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <map>
-#include <set>
 
 #include <fmt/format.h>
 
@@ -164,7 +163,6 @@ scene::Scene RolloutStudy::compile(const std::vector<std::string>& overrides) co
 void RolloutStudy::check_keys() {
   std::vector<std::vector<std::string>> values;
   for (const BoundKey& bound : keys_) values.push_back(probes(bound));
-  std::vector<scene::Scene> samples;
   std::vector<Problem> problems;
   const auto check = [&](std::size_t key, std::size_t value) {
     std::vector<std::string> overrides;
@@ -172,7 +170,7 @@ void RolloutStudy::check_keys() {
       for (const std::string& path : keys_[k].paths)
         overrides.push_back(path + "=" + values[k][k == key ? value : 0]);
     try {
-      samples.push_back(compile(overrides));
+      take_sample(compile(overrides));
     } catch (const Error& error) {
       for (const Problem& problem : error.problems()) problems.push_back(at_key(problem, keys_));
       return false;
@@ -184,10 +182,30 @@ void RolloutStudy::check_keys() {
     for (std::size_t k = 0; k < keys_.size(); ++k)
       for (std::size_t v = 1; v < values[k].size(); ++v) check(k, v);
   if (!problems.empty()) throw Error(std::move(problems));
-  make_head(samples);
+  make_head();
 }
 
-void RolloutStudy::make_head(const std::vector<scene::Scene>& samples) {
+/// Other levels may have figures of their own, and name files of their own.
+void RolloutStudy::take_sample(const scene::Scene& scene) {
+  scene_hash_ = hash_bytes(emit_yaml(scene::standalone(scene.resolved, scene.inputs)), scene_hash_);
+  for (const scene::InputFile& input : scene.inputs) scene_hash_ = hash_bytes(*input.bytes, scene_hash_);
+  for (std::filesystem::path& file : scene::files_read(scene))
+    if (std::find(files_.begin(), files_.end(), file) == files_.end()) files_.push_back(std::move(file));
+  try {
+    for (const auto& [name, cell] : figures_of(Simulation(scene))) {
+      const bool text = name.ends_with("outcome") || name.ends_with("last_touched_by");
+      const Column column = {name, ColumnRole::figure, text};
+      if (std::find(figures_.begin(), figures_.end(), column) == figures_.end()) figures_.push_back(column);
+    }
+  } catch (const Error& error) {
+    refused_ = error.what();
+  }
+}
+
+void RolloutStudy::make_head() {
+  // An object may start within the hand of some persons, but not of all.
+  if (figures_.empty())
+    throw input_error(spec_.scene.string(), refused_, "a scene that some rollout can run");
   head_.title = spec_.title;
   head_.seed = std::to_string(spec_.seed);
   std::vector<Column>& columns = head_.columns;
@@ -197,9 +215,8 @@ void RolloutStudy::make_head(const std::vector<scene::Scene>& samples) {
   add({{"rollout", ColumnRole::index, false}});
   for (const BoundKey& bound : keys_) add(bound.columns);
   add(kOutcome);
-  const std::vector<Column> figures = figure_columns(samples);
   std::vector<std::string> names;
-  for (const Column& column : figures) names.push_back(column.name);
+  for (const Column& column : figures_) names.push_back(column.name);
   const auto wanted = [&](const std::string& name) {
     return spec_.figures.empty() ||
            std::find(spec_.figures.begin(), spec_.figures.end(), name) != spec_.figures.end();
@@ -207,41 +224,14 @@ void RolloutStudy::make_head(const std::vector<scene::Scene>& samples) {
   for (const std::string& name : spec_.figures)
     if (std::find(names.begin(), names.end(), name) == names.end())
       throw input_error("record.figures", name, need_word(name, names));
-  for (const Column& column : figures)
+  for (const Column& column : figures_)
     if (wanted(column.name)) columns.push_back(column);
   add(kLast);
   std::string study = fmt::format("{} {}\n", spec_.count, spec_.seed) + emit_yaml(spec_.resolved);
   for (const std::string& assignment : spec_.set) study += "\n" + assignment;
-  std::uint64_t hash = 0;
-  for (const scene::Scene& scene : samples) {
-    hash = hash_bytes(emit_yaml(scene::standalone(scene.resolved, scene.inputs)), hash);
-    for (const scene::InputFile& input : scene.inputs) hash = hash_bytes(*input.bytes, hash);
-    for (std::filesystem::path& file : scene::files_read(scene))
-      if (std::find(files_.begin(), files_.end(), file) == files_.end()) files_.push_back(std::move(file));
-  }
-  head_.origin = {fmt::format("study {:016x}", hash_bytes(study)), fmt::format("scene {:016x}", hash),
+  head_.origin = {fmt::format("study {:016x}", hash_bytes(study)), fmt::format("scene {:016x}", scene_hash_),
                   fmt::format("handsim {}, commit {}, {}", kVersion, kCommit, kOde),
                   simulation::mathematics()};
-}
-
-/// Of all samples: other levels may have figures of their own.
-std::vector<Column> RolloutStudy::figure_columns(const std::vector<scene::Scene>& samples) const {
-  std::vector<Column> out;
-  std::set<std::string> seen;
-  std::string refused;
-  for (const scene::Scene& scene : samples) {
-    try {
-      for (const auto& [name, cell] : figures_of(Simulation(scene)))
-        if (seen.insert(name).second)
-          out.push_back(
-              {name, ColumnRole::figure, name.ends_with("outcome") || name.ends_with("last_touched_by")});
-    } catch (const Error& error) {
-      refused = error.what();
-    }
-  }
-  // An object may start within the hand of some persons, but not of all.
-  if (out.empty()) throw input_error(spec_.scene.string(), refused, "a scene that some rollout can run");
-  return out;
 }
 
 RolloutStudy::Choice RolloutStudy::choose(long rollout) const {

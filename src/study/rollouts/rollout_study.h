@@ -43,8 +43,8 @@ class RolloutStudy {
   Choice choose(long rollout) const;
   scene::Scene compile(const std::vector<std::string>& overrides) const;
   void check_keys();
-  void make_head(const std::vector<scene::Scene>& samples);
-  std::vector<Column> figure_columns(const std::vector<scene::Scene>& samples) const;
+  void take_sample(const scene::Scene& scene);
+  void make_head();
 
   RolloutsSpec spec_;
   YamlNode root_;  ///< of the scene, with the files that it names
@@ -52,6 +52,9 @@ class RolloutStudy {
   long combinations_ = 1;
   TableHead head_;
   std::vector<std::filesystem::path> files_;
+  std::vector<Column> figures_;   ///< of all samples
+  std::uint64_t scene_hash_ = 0;  ///< of all samples
+  std::string refused_;           ///< why one cannot be run
 };
 
 }  // namespace handsim::study

@@ -37,7 +37,11 @@ class Desk {
         journal_(journal),
         size_(shard_size(study.size(), options.shard)),
         done_(static_cast<std::size_t>(size_)) {
-    for (const Row& row : rows) done_[place(row.rollout)] = true;
+    for (const Row& row : rows) {
+      if (row.rollout >= study.size() || row.rollout % options.shard.n != options.shard.k - 1)
+        throw input_error(kJournalName, fmt::format("rollout {}", row.rollout), "those of this shard");
+      done_[place(row.rollout)] = true;
+    }
     count_ = std::count(done_.begin(), done_.end(), true);
     before_ = count_;
   }
