@@ -1,8 +1,8 @@
-"""Checks of README.md and docs/ that need no study: `./dev docs --check`.
+"""Checks of README.md and docs/ without running a study: `./dev docs --check`.
 
 Every table has a generator and every generator a table; every relative link, anchor and picture exists; every
-picture in renders/ is shown; every command of a ```sh block uses commands, options, files, tests and words of
-`./dev` that exist; every key that a reader takes (`handsim schema`) stands on the page of its kind of file.
+picture in renders/ is on a page; every command of a ```sh block uses commands, options, files, tests and tasks of
+`./dev` that exist; every key of a reader (`handsim schema`) is on the page of its kind of file.
 """
 import json
 import re
@@ -14,7 +14,7 @@ import tables
 
 ROOT = tables.ROOT
 README_LINES = 250
-# Pages that name the keys of a kind of file.
+# Pages with the keys of each kind of file.
 KEY_PAGES = {"scene": ["scenes.md"], "person": ["persons.md"], "hand": ["persons.md", "scenes.md"],
              "controller": ["control.md"], "poses": ["control.md"], "object": ["scenes.md"],
              "material": ["scenes.md"], "rollouts": ["rollouts.md"]}
@@ -27,12 +27,12 @@ def place(page, text, at):
 
 
 def without_code(text):
-    """Blocks of code as blanks, so that places stay what they are."""
+    """The text with blanks instead of blocks of code, so that positions do not change."""
     return FENCE.sub(lambda block: re.sub(r"[^\n]", " ", block.group(0)), text)
 
 
 def anchors(page):
-    """What GitHub makes of headings."""
+    """The anchors that GitHub makes from headings."""
     heads = re.findall(r"^#+ (.*)$", without_code(page.read_text()), re.M)
     return {re.sub(r"[^\w\- ]", "", re.sub(r"[`*]", "", head).lower()).replace(" ", "-") for head in heads}
 
@@ -56,7 +56,7 @@ def check_blocks(problems):
                 problems.append(f"{where}: table {name} is empty")
             if kind == "table":
                 found.add(name)
-    problems += [f"docs/tables.py: table {name} stands on no page" for name in tables.TABLES if name not in found]
+    problems += [f"docs/tables.py: table {name} is on no page" for name in tables.TABLES if name not in found]
 
 
 def check_links(problems):
@@ -74,7 +74,7 @@ def check_links(problems):
             elif anchor and path.suffix == ".md" and anchor not in anchors(path):
                 problems.append(f"{where}: {target} has no heading #{anchor}")
             shown.add(path)
-    problems += [f"{picture.relative_to(ROOT)}: shown on no page"
+    problems += [f"{picture.relative_to(ROOT)}: on no page"
                  for picture in sorted((ROOT / "renders").glob("*.png")) if picture not in shown]
 
 
@@ -132,7 +132,7 @@ def check_commands(program, problems):
         lines = []
         for block in FENCE.finditer(text):
             if block.group(1) == "sh":
-                # A line that goes on is one command; its place is where it begins.
+                # Lines that end with a backslash continue the command; its position is that of its first line.
                 for line in re.finditer(r"(?:[^\n]*\\\n)*[^\n]+", block.group(2)):
                     lines.append((block.start(2) + line.start(), line.group(0).replace("\\\n", " ")))
         for inline in re.finditer(r"`((?:handsim|ctest|\./dev) [^`]+)`", without_code(text)):
@@ -158,7 +158,7 @@ def check_commands(program, problems):
 
 
 def check_sources(problems):
-    """Files of src/ that pages name: `hand/person.cpp`, `handsim/engine/engine.h`."""
+    """Checks files of src/ that pages name: `hand/person.cpp`, `handsim/engine/engine.h`."""
     for page in tables.PAGES:
         text = without_code(page.read_text())
         for name in re.finditer(r"`([a-z_0-9]+/[a-z_0-9/]*\.(?:cpp|h))`", text):
@@ -168,7 +168,7 @@ def check_sources(problems):
 
 
 def keys_of(schema):
-    """Names of all properties; files that are named have schemas of their own."""
+    """Names of all properties; referenced files have separate schemas."""
     found = set()
     for inner in schema.get("anyOf", []):
         found |= keys_of(inner)
@@ -186,7 +186,7 @@ def check_keys(handsim, problems):
         text = "".join((ROOT / "docs" / page).read_text() for page in pages)
         code = re.findall(r"`[^`]+`", without_code(text)) + [block.group(2) for block in FENCE.finditer(text)]
         named = set(re.findall(r"\w+", " ".join(code)))
-        problems += [f"docs/{pages[0]}: no key {key} of handsim schema {kind}" for key in sorted(keys_of(schema) - named)]
+        problems += [f"docs/{pages[0]}: lacks key {key} of handsim schema {kind}" for key in sorted(keys_of(schema) - named)]
 
 
 def check(handsim):
@@ -203,5 +203,5 @@ def check(handsim):
         check_keys(handsim, problems)
     else:
         problems.append(f"{handsim}: not built, so commands are not checked")
-    print("\n".join(problems) or "docs: every table, link, picture and command is as it should be")
+    print("\n".join(problems) or "docs: every table, link, picture and command is right")
     return 1 if problems else 0

@@ -1,4 +1,4 @@
-"""The measured tables as Markdown, from the files that studies wrote into out/docs/: one function each."""
+"""Makes the measured tables as Markdown from the files of studies in out/docs/: one function for each table."""
 import csv
 import json
 import math
@@ -13,10 +13,10 @@ PERSONS = {"child": (1.10, 18), "adult": (1.75, 72), "giant": (2.10, 140)}
 CONTROLLERS = {"implicit": (1, 5, 10, 20), "integral": (1, 5, 10, 20), "explicit": (1,)}
 
 
-# Reading what studies wrote.
+# Reading the files of studies.
 
 class Missing(Exception):
-    """A study's file is not there."""
+    """A file of a study does not exist."""
 
 
 def study_text(study, label, ending="txt"):
@@ -33,10 +33,10 @@ def study_json(study, label, name):
     return json.loads(path.read_text())
 
 
-# Numbers and tables as text.
+# Formatting of numbers and tables.
 
 def number(value, digits=2):
-    """1.2e-05, 0.012, 120: at most `digits` significant digits, more before the point."""
+    """1.2e-5, 0.012, 120: `digits` significant digits, or all digits before the decimal point."""
     if value is None:
         return "-"
     if value == 0 or not math.isfinite(value):
@@ -71,7 +71,7 @@ def criterion(summary, name):
 # The tables, by name.
 
 def demo():
-    # Without the last line, which has the time it took.
+    # Without the last line, which has the CPU time.
     return fenced(study_text("demo", "run").rpartition("\n  2 s simulated")[0])
 
 
@@ -230,7 +230,7 @@ def accuracy_hands():
 
 def effects():
     data = study_json("effects", "run", "effects.json")
-    rows = [["all of them", number(1e-3 * data["cpu_ns_per_step"]), "", "", ""]]
+    rows = [["all", number(1e-3 * data["cpu_ns_per_step"]), "", "", ""]]
     for row in data["rows"]:
         name = row["effect"] + ("".join(f" and {other}" for other in row["with"]))
         if "fault" in row:
@@ -240,7 +240,7 @@ def effects():
                      f"{number(1e-3 * row['saved_ns_per_step'])} ± {number(1e-3 * row['noise_ns'], 1)}",
                      number(row["angle_largest_deg"]["value"]), number(row["displacement_largest_mm"]["value"])])
     return table(["effects", "CPU of a step, µs", "saved, µs", "largest change of an angle, deg",
-                  "largest change of a place, mm"], rows) + measured_on(data)
+                  "largest change of a position, mm"], rows) + measured_on(data)
 
 
 def shown(estimate, digits=2):
@@ -285,7 +285,7 @@ def stability():
     short, failed = verdicts.count("short (known)"), verdicts.count("FELL SHORT")
     quick = ", with `--quick`" if data["quick"] else ""
     text = (f"{len(data['cases'])} cases{quick}: {len(verdicts)} figures, of which {len(verdicts) - short - failed} hold, "
-            f"{short} fall short as is known, and {failed} fall short otherwise.\n\n")
+            f"{short} are known shortfalls, and {failed} are other shortfalls.\n\n")
     lines = (OUT / "stability" / "run" / "stability.md").read_text().splitlines()
     rows = [line for line in lines if line.startswith("| ")]
     return text + "\n".join(rows[:2] + [row for row in rows[2:] if not row.endswith("|  |")]) + "\n"
@@ -294,7 +294,7 @@ def stability():
 def stability_cases():
     cases = re.findall(r"^  - name: (\S+)\n    title: (.*)\n    oracle: (.*)$",
                        (ROOT / "config" / "stability.yaml").read_text(), re.M)
-    return table(["case", "what happens", "oracle"], cases)
+    return table(["case", "description", "oracle"], cases)
 
 
 def bench():
@@ -375,7 +375,7 @@ def pinch():
     return pinch_table(study_text("pinch", "test"))
 
 
-# The peers of today.
+# Comparison with the newest other engines.
 
 LOST = 1e4  # um/s
 ENGINES = {"handsim": "handsim", "mujoco": "MuJoCo", "drake": "Drake"}
@@ -538,7 +538,7 @@ def peers_ahead():
     return table(["case", "of ours", "falls short by", "held by"], rows)
 
 
-# Name of the table -> the study whose files it reads, and the function that writes it.
+# Name of the table -> the study whose files it needs, and the function that makes it.
 TABLES = {"rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Writes the measured tables of README.md and docs/, and checks the pages.
 
-A table stands between `<!-- table: NAME -->` and `<!-- end -->`. Its figures come from the files that a study
-writes: `./dev docs` runs every study and rewrites its tables, `./dev docs NAME...` does so for the studies named,
-`--keep` takes the study's files that are already in out/docs/, `--pictures` also renews the study's plots in
-renders/, `--list` says what each study runs and how long it takes, `--check` runs nothing and checks the pages
-(see check_pages.py). A file stands between `<!-- file: PATH -->` and `<!-- end -->`; its copy is always renewed.
+A table is between `<!-- table: NAME -->` and `<!-- end -->`. Its figures come from the files of a study:
+`./dev docs` runs every study and writes its tables, `./dev docs NAME...` does so for the named studies,
+`--keep` uses the files of the study that are already in out/docs/, `--pictures` also updates the study's plots in
+renders/, `--list` lists the studies with their times, `--check` checks the pages without running a study
+(see check_pages.py). The copy of a file is between `<!-- file: PATH -->` and `<!-- end -->`; it is always updated.
 """
 import argparse
 import os
@@ -20,7 +20,7 @@ from pathlib import Path
 sys.dont_write_bytecode = True
 from measured import CLIMBS, CONTROLLERS, OUT, PERSONS, ROOT, TABLES, Missing  # noqa: E402
 
-# What ./dev peers has fetched.
+# Packages that ./dev peers fetches.
 PACKAGES = ROOT / "build" / "peers" / "packages"
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(PACKAGES),
                "HANDSIM_DRAKE_STEPS": str(ROOT / "tests" / "peers" / "drake_steps.py")}
@@ -30,7 +30,7 @@ BLOCK = re.compile(r"(<!-- (table|file): (\S+) -->\n)(.*?)(<!-- end -->)", re.S)
 
 @dataclass
 class Study:
-    """Runs that fill tables. `runs`: label -> arguments of handsim; {out} is the run's folder."""
+    """Runs that give the figures of tables. `runs`: label -> arguments of handsim; {out} is the run's folder."""
     time: str  # CPU time of all runs
     runs: dict
     pictures: dict = field(default_factory=dict)  # file of a run -> name in renders/
@@ -104,17 +104,17 @@ STUDIES = {
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
                               "cases_drake": None}),
 }
-# Through its Python Drake takes a millisecond a step: what is about hands and contact.
+# A step of Drake through Python takes a millisecond: only cases about hands and contact.
 DRAKE_CASES = ["spinning_hand", "swinging_hand", "chain", "stack", "incline_sticks", "incline_slides", "ball_on_incline", "crank", "pinch",
                "resting_capsule", "softness", "large_steps", "masses", "crossed_fingers", "limp_hands", "stops_at_zero"]
-# Built by ./dev peers alone.
-ASKED_FOR = ("peers",)
+# Studies that run only if they are named: ./dev peers builds their programs.
+ONLY_IF_NAMED = ("peers",)
 
 
 # Running studies and writing pages.
 
 def command_of(name, label, build):
-    """The command of a run, as it stands on the pages and as it is run."""
+    """The command of a run."""
     if name == "speed":
         return [str(build / "tests" / "bench_handsim"), "--benchmark_repetitions=9",
                 "--benchmark_report_aggregates_only=true", f"--benchmark_out={OUT / 'speed' / 'bench.json'}"]
@@ -150,7 +150,7 @@ def run_study(name, build, handsim):
         (OUT / name / f"{label}.txt").write_text(done.stdout)
         (OUT / name / f"{label}.err").write_text(done.stderr)
         sys.stderr.write(done.stderr)
-        # 1: a criterion failed, which the table shows. Anything else is an error of this script or the scene.
+        # Exit status 1: a criterion failed, which the table shows. Others are errors of this script or the scene.
         if done.returncode not in (0, 1):
             sys.exit(f"docs: {shlex.join(command)}: exit status {done.returncode}")
 
@@ -161,7 +161,7 @@ def copy_of(path):
 
 
 def write_pages(names):
-    """Rewrites the tables of these studies and every copied file."""
+    """Writes the tables of these studies and every copied file."""
     missing = []
     def block(match):
         head, kind, name, _, end = match.groups()
@@ -187,8 +187,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("studies", nargs="*", help="studies to run; default: all")
     parser.add_argument("--keep", action="store_true", help="use the files in out/docs/, run nothing")
-    parser.add_argument("--pictures", action="store_true", help="also renew the studies' plots in renders/")
-    parser.add_argument("--list", action="store_true", help="say what each study runs and how long it takes")
+    parser.add_argument("--pictures", action="store_true", help="also update the studies' plots in renders/")
+    parser.add_argument("--list", action="store_true", help="list the studies with their times")
     parser.add_argument("--check", action="store_true", help="check the pages, run no study")
     parser.add_argument("--build", type=Path, default=ROOT / "build" / "release", help="build folder")
     parser.add_argument("--handsim", help="program, if not the build folder's")
@@ -203,7 +203,7 @@ def main():
     unknown = [name for name in options.studies if name not in STUDIES]
     if unknown:
         parser.error(f"unknown study {', '.join(unknown)}; known: {', '.join(STUDIES)}")
-    names = options.studies or [name for name in STUDIES if name not in ASKED_FOR]
+    names = options.studies or [name for name in STUDIES if name not in ONLY_IF_NAMED]
     for name in names:
         if not options.keep:
             run_study(name, options.build, options.handsim)

@@ -1,4 +1,4 @@
-// Shared by tests: the shipped scenes with changes, and a folder that goes away.
+// Shared by tests: the shipped scenes with changes, and a temporary folder.
 #pragma once
 
 #include <unistd.h>

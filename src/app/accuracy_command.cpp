@@ -29,10 +29,10 @@ void update_costs(const std::filesystem::path& path, const study::AccuracySpec& 
   std::sort(tables.begin(), tables.end(),
             [](const scene::CostTable& a, const scene::CostTable& b) { return a.kind < b.kind; });
   output::write_file(path,
-                     "# What accuracy costs, by kind of scene: RMS error of the rates over their RMS, and "
-                     "CPU seconds for a simulated\n"
-                     "# second of the scene that it was measured on. Engine auto chooses by it. Each part is "
-                     "made by its study:\n"
+                     "# Costs of accuracy by kind of scene: RMS error of the rates over their RMS, and CPU "
+                     "seconds per simulated second\n"
+                     "# of the scene measured. Engine auto uses this table. Each part is the result of its "
+                     "study:\n"
                      "# handsim accuracy STUDY --out DIR --no-peers --costs accuracy_costs.yaml, with "
                      "accuracy_two_hands.yaml,\n"
                      "# accuracy_slider_crank.yaml, accuracy_stops.yaml and accuracy_contact.yaml.\n" +
@@ -60,8 +60,8 @@ int accuracy_command(const AccuracyArguments& arguments) {
     result = study::run_accuracy(spec, [&bar](double share) { bar.show(share); });
   }
   print(
-      "{}\nRMS rate error [{}/s] over the whole run and up to {:g} s; the whole-run figure saturates once "
-      "the phase is lost.\n\n{}",
+      "{}\nRMS rate error [{}/s] over the whole run and up to {:g} s; the error over the whole run saturates "
+      "once the motions are out of phase.\n\n{}",
       spec.title, result.unit, spec.early, study::accuracy_table(result, spec.early));
   if (result.reference) print("\n{}", study::cheapest_table(result));
   for (const std::string& text : result.left_out) print("left out: {}\n", text);

@@ -16,7 +16,7 @@ namespace handsim::app {
 
 namespace {
 
-/// Reads a file of any kind that handsim has; the kind of a YAML file shows in its keys.
+/// Reads a file of any kind; the keys of a YAML file show its kind. @returns its kind.
 std::string check_file(const std::filesystem::path& path, Diagnostics& diagnostics) {
   if (control::is_motion_file(path.string())) {
     control::read_motion(path);
@@ -41,7 +41,7 @@ std::string check_file(const std::filesystem::path& path, Diagnostics& diagnosti
   return std::string(scene::described(kind));
 }
 
-/// Why an engine does not run a scene; nothing where it does.
+/// Why an engine cannot run a scene; empty if it can.
 std::string refusal(const std::filesystem::path& path, const std::string& engine) {
   try {
     const scene::Scene scene = scene::load_scene(path, {"solver.engine=" + engine});
@@ -55,7 +55,7 @@ std::string refusal(const std::filesystem::path& path, const std::string& engine
   }
 }
 
-/// `scene, engine, runs or why not`, a line for each pair.
+/// Prints a line for each scene and engine: `runs`, or why not.
 void print_engines(const std::vector<std::filesystem::path>& files) {
   for (const std::filesystem::path& path : files)
     if (scene::kind_of(load_yaml(path)).value_or(scene::FileKind::scene) == scene::FileKind::scene)
@@ -82,8 +82,8 @@ int check_command(const CheckArguments& arguments) {
     } catch (const Error& error) {
       diagnostics.problems = error.problems();
     }
-    tell_warnings(diagnostics.warnings);
-    for (const Problem& problem : diagnostics.problems) tell("{}\n", problem.text());
+    print_warnings(diagnostics.warnings);
+    for (const Problem& problem : diagnostics.problems) print_error("{}\n", problem.text());
     if (diagnostics.problems.empty())
       print("{}: {}, good\n", path.string(), kind);
     else

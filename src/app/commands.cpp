@@ -26,13 +26,13 @@ namespace {
 constexpr int kBadInput = 2;
 constexpr int kFailed = 1;
 
-/// Calls a command; an exception is printed, without taking memory, and becomes its exit status.
+/// Calls a command. Prints an exception, without allocating memory, and returns its exit status.
 template <class Command>
 int guarded(Command command) {
   const auto failed = [](std::string_view head, const char* what, int status) {
-    tell_text(head);
-    tell_text(what);
-    tell_text("\n");
+    print_error_text(head);
+    print_error_text(what);
+    print_error_text("\n");
     return status;
   };
   try {
@@ -46,12 +46,12 @@ int guarded(Command command) {
   }
 }
 
-/// Usage problems in the form of all others; empty for a good value, as CLI11 wants it.
+/// A problem of usage in the form of all others.
 std::string got_need(const std::string& got, const std::string& need) {
   return fmt::format("got {}, need {}", got, need);
 }
 
-/// An option that takes one of some words. Its type, with bars, is for the help and for completion.
+/// Restricts an option to words. @param bars the words with | between them, also for help and completion.
 void add_words(CLI::Option* option, const std::string& bars) {
   option->type_name(bars)->check([bars](const std::string& text) {
     const std::vector<std::string> words = CLI::detail::split(bars, '|');
@@ -74,7 +74,7 @@ Check number_from(double least, double most, bool whole, const std::string& need
 
 std::string check_path(const std::string& text) { return text.empty() ? got_need("\"\"", "a path") : ""; }
 
-/// An option whose text is read by `parse`, which gives nothing for a bad one.
+/// Adds an option whose text `parse` reads; it returns nothing for an invalid text.
 template <class Target, class Parse>
 void add_parsed(CLI::App& command, const std::string& name, Target& target, Parse parse,
                 const std::string& need, const std::string& help) {
@@ -101,7 +101,7 @@ void add_out(CLI::App& command, std::filesystem::path& out, const std::string& h
   command.add_option("--out", out, help)->required()->check(check_path);
 }
 
-/// The command line and what its commands call.
+/// The command line and the functions of its commands.
 struct CommandLine {
   CLI::App app{"handsim: biomechanical hands of a given person, simulated with the Open Dynamics Engine"};
   std::vector<std::pair<CLI::App*, std::function<int()>>> commands;
@@ -117,16 +117,16 @@ struct CommandLine {
   }
 };
 
-/// `--set`, and `--engine` for `--set solver.engine=...`. CLI11 lets an option that may be repeated take
-/// every word after it; these take one.
+/// Adds `--set`, and `--engine` for `--set solver.engine=...`. By default CLI11 gives a repeatable option all
+/// words after it; these take one.
 void add_overrides(CLI::App& app, std::vector<std::string>& overrides) {
   const auto engine = std::make_shared<std::string>();
   add_words(
       app.add_option("--engine", *engine,
-                     "in place of the scene's, with that engine's default method; settings that it does "
-                     "not have are left out"),
+                     "replaces the scene's engine, with its default method; settings that it does not have "
+                     "are left out"),
       "ode|dae|articulated|auto");
-  // Before the others, which may then set what that engine has.
+  // Before the others, which may then set keys of that engine.
   app.callback([engine, &overrides] {
     if (!engine->empty()) overrides.insert(overrides.begin(), "solver.engine=" + *engine);
   });
@@ -151,7 +151,8 @@ void add_hand(CommandLine& line) {
   measure("--hand-breadth", "hand_breadth", "measured: across the knuckles [m]");
   measure("--hand-circumference", "hand_circumference", "measured: around the knuckles [m]");
   measure("--hand-mass", "hand_mass", "measured [kg]");
-  measure("--hand-length-percentile", "hand_length_percentile", "among people of this body, 0.01 to 99.99");
+  measure("--hand-length-percentile", "hand_length_percentile",
+          "among people of this stature, mass and sex, 0.01 to 99.99");
   hand.add_option("--model", arguments->model, "hand model file (default: the anatomical hand)");
   add_words(hand.add_option("--side", arguments->side, "which hands (default both)"), kSides);
   hand.add_option("--out", arguments->out, "folder for hand.yaml and hand.png")->check(check_path);
@@ -161,12 +162,12 @@ void add_check(CommandLine& line) {
   const auto arguments = std::make_shared<CheckArguments>();
   CLI::App& check =
       line.add("check",
-               "Validate scenes, persons, hand models, controllers, poses and motions: say every "
+               "Validate scenes, persons, hand models, controllers, poses and motions: report every "
                "problem, run nothing",
                "handsim check config/two_hands.yaml config/persons/child.yaml", check_command, arguments);
   check.add_option("files", arguments->files, "YAML files")->required();
   check.add_flag("--engines", arguments->engines,
-                 "print which engines run each scene as it stands, and why others do not");
+                 "print which engines can run each scene, and why others cannot");
 }
 
 void add_schema(CommandLine& line) {
@@ -206,14 +207,15 @@ void add_run(CommandLine& line) {
   run.add_flag("--plots", arguments->plots,
                "plots of a controlled scene: angles, errors, torques (needs gnuplot)");
   add_time(run, "--snapshot-at", arguments->snapshot_at,
-           "write the run as it stands at this time as snapshot.bin");
+           "write the state of the run at this time to snapshot.bin");
   run.add_option("--from-snapshot", arguments->from_snapshot,
-                 "go on from a snapshot.bin of this scene: tables and pictures of the rest, a summary of all")
+                 "continue from a snapshot.bin of this scene: tables and pictures of the rest, summary of "
+                 "the whole run")
       ->check(check_path);
   add_parsed(run, "--expect-hash", arguments->expected_hash, simulation::parse_hash,
              "the 16 hexadecimal digits of state_hash in summary.json",
-             "exit 1 where the hash of all states (state_hash in summary.json) is another");
-  run.add_flag("--quiet", arguments->quiet, "print nothing but problems");
+             "exit 1 if the hash of all states (state_hash in summary.json) differs");
+  run.add_flag("--quiet", arguments->quiet, "print only problems");
   run.add_flag("--json", arguments->json, "print summary.json in place of the table");
 }
 
@@ -231,8 +233,8 @@ void add_render(CommandLine& line) {
 void add_grasp(CommandLine& line) {
   const auto arguments = std::make_shared<GraspArguments>();
   CLI::App& grasp = line.add("grasp",
-                             "Run grasp and climb scenes and say in a table what was held, how firmly, with "
-                             "what friction at least, and what load a hand carried on a hold",
+                             "Run grasp and climb scenes: table of what was held, how firmly, the least "
+                             "friction that holds, and the load that a hand carried on a hold",
                              "handsim grasp config --out out/grasps --side both", grasp_command, arguments);
   grasp.add_option("scenes", arguments->scenes, "scene files, or folders of them")->required();
   add_out(grasp, arguments->out, "folder for the runs' files, grasps.csv and climbs.csv, and both as .json");
@@ -241,17 +243,17 @@ void add_grasp(CommandLine& line) {
   grasp.add_option("--friction", arguments->friction, "of every surface, in place of the scenes'")
       ->check(number_from(0, 10, false, "a coefficient of friction, 0 to 10"));
   grasp.add_flag("--friction-search", arguments->friction_search,
-                 "also find the smallest friction that still holds (seven more runs a scene)");
+                 "also find the smallest friction that still holds (seven more runs per scene)");
   grasp.add_flag(
       "--margin", arguments->margin,
-      "run each grasp again with 5 % more and less friction and mass: marginal where that turns it");
+      "run each grasp again with 5 % more and less friction and mass: marginal if that changes the verdict");
   grasp.add_flag("--pictures", arguments->pictures, "a picture at every phase");
   CLI::Option* agree =
       grasp
           .add_option(
               "--agree", arguments->agree,
-              "random grasps around the one scene, run on ODE and on the articulated engine: in how many "
-              "they say the same")
+              "number of random variations of one grasp, run on ODE and on the articulated engine: how "
+              "many give the same verdict")
           ->check(CLI::Range(1, 100000));
   grasp.add_option("--seed", arguments->seed, "of the random grasps (default: 1)")->needs(agree);
   grasp.add_flag("--quarter-steps", arguments->quarter_steps, "each engine also at a quarter of the step")
@@ -261,23 +263,21 @@ void add_grasp(CommandLine& line) {
 void add_accuracy(CommandLine& line) {
   const auto arguments = std::make_shared<AccuracyArguments>();
   CLI::App& accuracy =
-      line.add("accuracy",
-               "What accuracy costs: errors and prices of methods and steps, as table, CSV, JSON and plots",
+      line.add("accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
                "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3",
                accuracy_command, arguments);
   accuracy.add_option("study", arguments->study, "study file")->required();
   add_out(accuracy, arguments->out, "folder for the study's files");
   accuracy
       .add_option("--target", arguments->target,
-                  "name the cheapest method and step that reaches this error; exit 1 where none does")
+                  "name the cheapest method and step that reaches this error; exit 1 if none does")
       ->check(number_from(std::numeric_limits<double>::min(), std::numeric_limits<double>::max(), false,
                           "an error above 0, such as 1e-3"));
   CLI::Option* peers = accuracy.add_option(
       "--peers", arguments->peers, "folder of other engines' programs (default: where the build puts them)");
   accuracy.add_option("--costs", arguments->costs,
-                      "table of costs, for engine auto, whose part on this kind of scene is replaced");
-  accuracy.add_flag("--no-peers", arguments->no_peers, "leave the rows of other engines out")
-      ->excludes(peers);
+                      "table of costs for engine auto: replaces its part on this kind of scene");
+  accuracy.add_flag("--no-peers", arguments->no_peers, "omit the rows of other engines")->excludes(peers);
 }
 
 void add_stability(CommandLine& line) {
@@ -296,7 +296,7 @@ void add_stability(CommandLine& line) {
 
 void add_contacts(CommandLine& line) {
   const auto arguments = std::make_shared<ContactsArguments>();
-  add_out(line.add("contacts", "What a step costs by method and number of contacts",
+  add_out(line.add("contacts", "CPU time of a step by method and number of contacts",
                    "handsim contacts --out out/contacts", contacts_command, arguments),
           arguments->out, "folder for the study's files");
 }
@@ -305,14 +305,14 @@ void add_effects(CommandLine& line) {
   const auto arguments = std::make_shared<EffectsArguments>();
   CLI::App& effects = line.add(
       "effects",
-      "What each effect of a scene costs and what it changes: table, CSV, JSON and a plot of the scene "
-      "with each effect taken away in turn",
+      "CPU time and influence of each effect of a scene: table, CSV, JSON and a plot of the scene without "
+      "each effect in turn",
       "handsim effects config/dropped_hand.yaml --out out/effects --set duration=\"1 s\"", effects_command,
       arguments);
   effects.add_option("scene", arguments->scene, "scene file")->required();
   add_out(effects, arguments->out, "folder for the study's files");
   add_overrides(effects, arguments->overrides);
-  effects.add_option("--repeats", arguments->repeats, "timed rounds of which the median counts (default 7)")
+  effects.add_option("--repeats", arguments->repeats, "timed rounds, for the median (default 7)")
       ->check(number_from(1, 1000, true, "a whole number of timed rounds, 1 to 1000"));
   effects.add_flag("--json", arguments->json, "print effects.json in place of the table");
 }
@@ -386,7 +386,7 @@ void add_completion(CommandLine& line) {
   });
 }
 
-/// A missing or unknown command, which CLI11 only calls missing.
+/// The error of a missing or unknown command; CLI11 reports both as missing.
 Error command_error(const CLI::App& app, int argc, const char* const* argv) {
   std::vector<std::string> known;
   for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
@@ -395,7 +395,7 @@ Error command_error(const CLI::App& app, int argc, const char* const* argv) {
   return input_error("command", got, need_word(got, known));
 }
 
-/// An option that the command has not, or a word too many; nothing where the problem is another.
+/// The error of an unknown option or of an additional word; nothing for other problems.
 std::optional<Error> option_error(const CLI::App& command) {
   std::vector<std::string> known;
   for (const CLI::Option* option : command.get_options())
@@ -403,7 +403,7 @@ std::optional<Error> option_error(const CLI::App& command) {
   for (const std::string& word : command.remaining()) {
     if (!word.starts_with('-'))
       return input_error("arguments", "one too many, " + word,
-                         "none more; a value with a blank in it stands in quotes");
+                         "no more; put a value that contains a blank in quotes");
     const std::string option = word.substr(0, word.find('='));
     return input_error(option, "an unknown option", need_word(option, known));
   }
@@ -418,7 +418,7 @@ int parse_and_call(int argc, const char* const* argv) {
                        fmt::format("handsim {}, commit {}\n{}\n{}", kVersion, kCommit, kCompiler, kOde));
   app.require_subcommand(1);
   app.footer(
-      "handsim COMMAND --help says more. Exit status: 0 done, all criteria held; 1 a criterion failed, the "
+      "Details: handsim COMMAND --help. Exit status: 0 done, all criteria held; 1 a criterion failed, the "
       "simulation diverged, or output was lost; 2 bad input.");
   for (const auto add : {add_hand, add_check, add_run, add_render, add_accuracy, add_grasp, add_effects,
                          add_export, add_contacts, add_stability, add_rollouts, add_schema, add_completion})
@@ -426,7 +426,7 @@ int parse_and_call(int argc, const char* const* argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    // CLI11's own codes are many; usage problems are exit status 2 here.
+    // CLI11 has many codes; here usage problems have exit status 2.
     if (error.get_exit_code() != 0) {
       if (app.get_subcommands().empty()) throw command_error(app, argc, argv);
       if (const std::optional<Error> unknown = option_error(*app.get_subcommands().front())) throw *unknown;
@@ -434,7 +434,7 @@ int parse_and_call(int argc, const char* const* argv) {
     std::ostringstream help, problem;
     const int status = app.exit(error, help, problem) == 0 ? 0 : kBadInput;
     print_text(help.str());
-    tell_text(problem.str());
+    print_error_text(problem.str());
     return status;
   }
   for (const auto& [command, call] : line.commands)

@@ -15,9 +15,9 @@ namespace handsim::app {
 int run_command_line(int argc, const char* const* argv);
 
 struct HandArguments {
-  std::optional<std::filesystem::path> person;  ///< a file, in place of the numbers
-  std::map<std::string, std::string> measures;  ///< by the key of a person file
-  std::optional<std::filesystem::path> model;   ///< absent: the anatomical hand that ships with handsim
+  std::optional<std::filesystem::path> person;  ///< a file, instead of measures
+  std::map<std::string, std::string> measures;  ///< by key of a person file
+  std::optional<std::filesystem::path> model;   ///< absent: the installed anatomical hand
   std::string side = "both";
   std::optional<std::filesystem::path> out;  ///< absent: only the table
 };
@@ -25,7 +25,7 @@ int hand_command(const HandArguments& arguments);
 
 struct CheckArguments {
   std::vector<std::filesystem::path> files;
-  bool engines = false;  ///< which engines run each of the scenes, in place of checking the files
+  bool engines = false;  ///< prints which engines can run each scene instead of checking
 };
 int check_command(const CheckArguments& arguments);
 
@@ -62,7 +62,7 @@ int render_command(const RenderArguments& arguments);
 struct GraspArguments {
   std::vector<std::filesystem::path> scenes;  ///< files or folders
   std::filesystem::path out;
-  std::string side;  ///< right, left, both; empty: as the scenes have it
+  std::string side;  ///< right, left, both; empty: the scene's
   std::vector<std::string> overrides;
   std::optional<double> friction;
   bool friction_search = false;
@@ -79,8 +79,8 @@ struct AccuracyArguments {
   std::filesystem::path out;
   std::optional<double> target;                ///< whole-run error that the cheapest row must reach
   std::optional<std::filesystem::path> peers;  ///< folder of other engines' programs; absent: the build's
-  bool no_peers = false;                       ///< leave their rows out
-  /// Table of costs whose part on the study's kind of scene is to be replaced or added.
+  bool no_peers = false;                       ///< omit their rows
+  /// Table of costs in which the part on the study's kind of scene is replaced or added.
   std::optional<std::filesystem::path> costs;
 };
 int accuracy_command(const AccuracyArguments& arguments);
@@ -130,7 +130,7 @@ struct ContactsArguments {
 };
 int contacts_command(const ContactsArguments& arguments);
 
-/// The ending of a file's name, in small letters: `.png`; empty where it has none.
+/// Extension of a file's name in lower case: `.png`; may be empty.
 std::string ending_of(const std::filesystem::path& path);
 
 }  // namespace handsim::app

@@ -42,7 +42,7 @@ std::string names(const std::vector<const CLI::App*>& commands) {
   return fmt::format("{}", fmt::join(out, " "));
 }
 
-/// Bash; zsh runs it through bashcompinit.
+/// The script for bash; zsh runs it with bashcompinit.
 std::string bash_script(const CLI::App& app) {
   const auto commands = commands_of(app);
   std::string options, choices;
@@ -105,7 +105,7 @@ std::string fish_script(const CLI::App& app) {
   return out;
 }
 
-/// Escaped for roff: no line begins with a control character, and hyphens are minus signs.
+/// Escapes a text for roff: no line begins with a control character, and hyphens are minus signs.
 std::string roff(const std::string& text) {
   std::string out;
   for (const char c : text) {

@@ -1,4 +1,4 @@
-// What the command line's own description gives: completion scripts for shells, and a man page.
+// Makes completion scripts for shells and a man page from the description of the command line.
 #pragma once
 
 #include <string>
@@ -9,8 +9,7 @@ class App;
 
 namespace handsim::app {
 
-/// A script that completes commands, options and the words that an option takes. @param shell bash, zsh or
-/// fish
+/// A script that completes commands, options and their words. @param shell bash, zsh or fish.
 std::string completion_script(const CLI::App& app, const std::string& shell);
 
 /// handsim(1) in the man macros of roff.

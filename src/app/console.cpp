@@ -14,33 +14,33 @@ namespace handsim::app {
 
 namespace {
 
-/// Of the first write to standard output that failed; 0: none has.
-int& lost() {
-  static int cause = 0;
-  return cause;
+/// errno of the first write to standard output that failed, or 0.
+int& output_errno() {
+  static int value = 0;
+  return value;
 }
 
-void remember_loss() {
-  if (lost() == 0) lost() = errno;
+void record_lost_output() {
+  if (output_errno() == 0) output_errno() = errno;
 }
 
 }  // namespace
 
 void prepare_streams() {
-  // Programs that handsim starts inherit what is ignored, and not what is handled.
+  // Child processes inherit ignored signals but not handlers: they keep the default of SIGPIPE.
   static_cast<void>(std::signal(SIGPIPE, [](int) {}));
   for (const int signal : {SIGHUP, SIGXFSZ}) static_cast<void>(std::signal(signal, SIG_IGN));
-  // The lowest free number is the one that is given. What is open the wrong way round fails as closed would.
+  // open() returns the lowest free number. A stream open for the wrong direction fails like a closed one.
   for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
     if (fcntl(stream, F_GETFD) == -1 && errno == EBADF)
       static_cast<void>(open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY));
 }
 
 void print_text(std::string_view text) {
-  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size()) remember_loss();
+  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size()) record_lost_output();
 }
 
-void tell_text(std::string_view text) {
+void print_error_text(std::string_view text) {
   while (!text.empty()) {
     const ssize_t written = ::write(STDERR_FILENO, text.data(), text.size());
     if (written < 0 && errno == EINTR) continue;
@@ -49,16 +49,16 @@ void tell_text(std::string_view text) {
   }
 }
 
-void tell_warnings(const std::vector<std::string>& warnings) {
-  for (const std::string& warning : warnings) tell("warning: {}\n", warning);
+void print_warnings(const std::vector<std::string>& warnings) {
+  for (const std::string& warning : warnings) print_error("warning: {}\n", warning);
 }
 
 int finish_output(int status) {
-  if (std::fflush(stdout) != 0) remember_loss();
-  if (lost() == 0) return status;
-  tell_text("handsim: standard output was lost (");
-  tell_text(std::strerror(lost()));
-  tell_text(")\n");
+  if (std::fflush(stdout) != 0) record_lost_output();
+  if (output_errno() == 0) return status;
+  print_error_text("handsim: standard output was lost (");
+  print_error_text(std::strerror(output_errno()));
+  print_error_text(")\n");
   return status == 0 ? 1 : status;
 }
 

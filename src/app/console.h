@@ -1,6 +1,5 @@
-// What the program prints: results on standard output, messages on standard error. A channel that cannot be
-// written (closed, a full disk, a terminal that is gone) never ends a command nor throws; what was lost on
-// standard output is remembered.
+// Prints results on standard output and messages on standard error. A stream that cannot be written (closed,
+// full disk, closed terminal) neither ends a command nor throws; finish_output() reports lost output.
 #pragma once
 
 #include <string>
@@ -12,15 +11,15 @@
 
 namespace handsim::app {
 
-/// Puts streams that the program was started without in a state in which they can be written to and fail, so
-/// that no file that is opened later takes their number. A reader of a pipe or a terminal that goes away, and
-/// a file that may not grow, are errors to report and not the end of the process.
+/// Opens standard streams that are closed, so that writing to them fails and no later file gets their number.
+/// Signals of a closed pipe or terminal and of the limit on file sizes no longer end the process: writing
+/// then fails.
 void prepare_streams();
 
-/// To standard output.
+/// Prints to standard output.
 void print_text(std::string_view text);
-/// To standard error, at once.
-void tell_text(std::string_view text);
+/// Prints to standard error, unbuffered.
+void print_error_text(std::string_view text);
 
 template <class... Values>
 void print(fmt::format_string<Values...> format, Values&&... values) {
@@ -28,19 +27,19 @@ void print(fmt::format_string<Values...> format, Values&&... values) {
 }
 
 template <class... Values>
-void tell(fmt::format_string<Values...> format, Values&&... values) {
-  tell_text(fmt::format(format, std::forward<Values>(values)...));
+void print_error(fmt::format_string<Values...> format, Values&&... values) {
+  print_error_text(fmt::format(format, std::forward<Values>(values)...));
 }
 
-/// Each in a line, after `warning: `.
-void tell_warnings(const std::vector<std::string>& warnings);
+/// Prints each to standard error in a line, after `warning: `.
+void print_warnings(const std::vector<std::string>& warnings);
 
-/// Writes out what is still buffered. @return the command's exit status; 1, and a message, where it was 0 and
-/// something on standard output was lost.
+/// Flushes standard output. If any of it was lost, prints a message.
+/// @returns the command's exit status, or 1 if that is 0 and output was lost.
 int finish_output(int status);
 
-/// Of a study with plots by gnuplot: what stands behind `files in DIR`, and the exit status. A missing
-/// gnuplot is no failure, one that fails is.
+/// The text after `files in DIR` of a study with plots by gnuplot, and the exit status. A missing gnuplot is
+/// not a failure; a gnuplot that fails is.
 struct PlotNote {
   std::string_view text;
   int status = 0;

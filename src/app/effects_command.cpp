@@ -10,7 +10,7 @@ namespace handsim::app {
 
 int effects_command(const EffectsArguments& arguments) {
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
-  tell_warnings(scene.warnings);
+  print_warnings(scene.warnings);
   const output::OutputFolder folder(arguments.out, study::effects_files(),
                                     [&] { return scene::files_read(scene); });
   study::EffectsResult result;
@@ -22,13 +22,13 @@ int effects_command(const EffectsArguments& arguments) {
   const PlotNote note = plot_note(study::write_effects(scene, result, arguments.out));
   if (arguments.json) {
     print_text(study::effects_json(scene, result));
-    if (note.status != 0) tell("missing: plots{}\n", note.text);
+    if (note.status != 0) print_error("missing: plots{}\n", note.text);
     return note.status;
   }
   print(
-      "{}\nEach effect taken away in turn: CPU time of a step, and what moves otherwise over {:g} s. Median "
-      "of "
-      "{} rounds; +-: half the range of their middle half.\n\n{}\nfiles in {}{}\n",
+      "{}\nWithout each effect in turn: CPU time of a step, and change of the motion over {:g} s. Median of "
+      "{} "
+      "rounds; +-: half their interquartile range.\n\n{}\nfiles in {}{}\n",
       scene.spec.title, scene.spec.duration, result.repeats, study::effects_table(result),
       arguments.out.string(), note.text);
   return note.status;

@@ -12,7 +12,7 @@ namespace handsim::app {
 
 namespace {
 
-/// The format that is asked for, which the file's ending must not contradict.
+/// The requested format, which must agree with the file's extension.
 std::string format_of(const ExportArguments& arguments) {
   const std::string ending = ending_of(arguments.out);
   if (ending.empty()) return arguments.format.value_or("mjcf");

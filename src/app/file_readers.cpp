@@ -17,7 +17,7 @@ namespace handsim::app {
 
 namespace {
 
-/// Reads a tree for its problems alone.
+/// Reads a tree only for its problems.
 template <auto kRead>
 void read_root(YamlNode& root, Diagnostics& diagnostics) {
   if constexpr (requires { kRead(root, "", diagnostics); })

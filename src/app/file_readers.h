@@ -1,5 +1,4 @@
-// The kinds of YAML file that have a reader of their own: `handsim check` reads them, `handsim schema`
-// describes them.
+// Table of the readers of YAML files, for `handsim check` and `handsim schema`.
 #pragma once
 
 #include <span>

@@ -28,7 +28,7 @@ void print_climbs(const std::vector<study::ClimbRow>& rows) {
           row.passed   ? "held"
           : f.complete ? "FAILED"
                        : "NOT MEASURED");
-    if (!row.fault.empty()) tell("{}\n", row.fault);
+    if (!row.fault.empty()) print_error("{}\n", row.fault);
   }
 }
 
@@ -57,7 +57,7 @@ void print_table(const std::vector<study::GraspRow>& rows) {
     if (f.disagree())
       print("  note: {}, though the contacts {} force closure\n", f.held ? "held" : "not held",
             f.held ? "have no" : "have");
-    if (!row.fault.empty()) tell("{}\n", row.fault);
+    if (!row.fault.empty()) print_error("{}\n", row.fault);
   }
 }
 
@@ -116,7 +116,7 @@ int grasp_command(const GraspArguments& arguments) {
   if (!tables.grasps.empty()) print_table(tables.grasps);
   if (!tables.climbs.empty()) print_climbs(tables.climbs);
   print("files in {}\n", arguments.out.string());
-  for (const std::string& what : tables.missing) tell("missing: {}\n", what);
+  for (const std::string& what : tables.missing) print_error("missing: {}\n", what);
   return tables.passed() && tables.missing.empty() ? 0 : 1;
 }
 

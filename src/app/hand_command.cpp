@@ -21,7 +21,7 @@ namespace handsim::app {
 
 namespace {
 
-/// The options that describe a person, under the keys of a person file.
+/// A person from the options, with the keys of a person file.
 YamlNode person_of_options(const HandArguments& arguments) {
   YamlNode person = yaml_map();
   for (const auto& [key, value] : arguments.measures) yaml_put(person, key, yaml_scalar(value));
@@ -35,8 +35,8 @@ std::string option_name(const std::string& key) {
   return "--" + name;
 }
 
-/// Problems of a person that no file describes, as problems of the options.
-std::vector<Problem> of_options(std::vector<Problem> problems) {
+/// Problems of a person without a file as problems of the options.
+std::vector<Problem> option_problems(std::vector<Problem> problems) {
   for (Problem& problem : problems) {
     if (problem.place && !problem.place->file.empty()) continue;
     problem.place.reset();
@@ -45,22 +45,21 @@ std::vector<Problem> of_options(std::vector<Problem> problems) {
   return problems;
 }
 
-/// What the command reads.
-struct Subject {
+/// The input of the command.
+struct Input {
   hand::HandSpec model;
   hand::Person person;
-  YamlNode files = yaml_map();  ///< as they were read
+  YamlNode files = yaml_map();  ///< trees of both files
   std::vector<std::string> warnings;
 };
 
 /// @throws Error (input) that names the files' keys or the options.
-Subject read_subject(const HandArguments& arguments) {
+Input read_input(const HandArguments& arguments) {
   YamlNode person = person_of_options(arguments);
   if (arguments.person && !person.entries.empty())
-    throw input_error(option_name(person.entries.front().key), "a value beside --person",
-                      "the one or the other");
+    throw input_error(option_name(person.entries.front().key), "a value beside --person", "one of the two");
   if (arguments.person) person = load_yaml(*arguments.person);
-  Subject out;
+  Input out;
   Diagnostics diagnostics;
   YamlNode& person_node = yaml_put(out.files, "person", std::move(person));
   YamlNode& model_node = yaml_put(
@@ -69,7 +68,7 @@ Subject read_subject(const HandArguments& arguments) {
     out.person = hand::read_person(person_node, "", diagnostics);
   if (scene::is_of_kind(model_node, "", scene::FileKind::hand_model, diagnostics))
     out.model = hand::read_hand_spec(model_node, "", diagnostics);
-  if (!diagnostics.problems.empty()) throw Error(of_options(diagnostics.problems));
+  if (!diagnostics.problems.empty()) throw Error(option_problems(diagnostics.problems));
   out.warnings = std::move(diagnostics.warnings);
   const std::string where = person_node.place().text();
   for (const std::string& text : hand::extrapolations(out.model.anthropometry, out.person))
@@ -77,26 +76,27 @@ Subject read_subject(const HandArguments& arguments) {
   return out;
 }
 
-/// A scene with the wanted hands, straight, side by side, backs up.
-scene::Scene compiled(const std::string& side, Subject subject) {
+/// A scene with the requested hands: straight, side by side, backs up.
+scene::Scene compile_hands(const std::string& side, Input input) {
   scene::SceneSpec spec;
   spec.title = "hands";
   spec.pictures.view = scene::View::dorsal;
-  const double apart = 1.35 * 0.11 * subject.person.stature;
+  // A hand is about 0.11 statures long.
+  const double distance = 1.35 * 0.11 * input.person.stature;
   for (const model::Side of : {model::Side::left, model::Side::right}) {
     const bool left = of == model::Side::left;
     if (side != "both" && side != (left ? "left" : "right")) continue;
     scene::HandEntry& entry = spec.hands.emplace_back();
-    entry.model = subject.model;
-    entry.person = subject.person;
+    entry.model = input.model;
+    entry.person = input.person;
     entry.placement.name = left ? "left" : "right";
     entry.placement.side = of;
-    entry.placement.pose.p = {side != "both" ? 0 : (left ? -0.5 : 0.5) * apart, 0.0, 0.2};
+    entry.placement.pose.p = {side != "both" ? 0 : (left ? -0.5 : 0.5) * distance, 0.0, 0.2};
   }
   try {
-    return scene::compile_scene(std::move(spec), std::move(subject.files));
+    return scene::compile_scene(std::move(spec), std::move(input.files));
   } catch (const Error& error) {
-    throw Error(of_options(error.problems()));
+    throw Error(option_problems(error.problems()));
   }
 }
 
@@ -109,7 +109,7 @@ std::string ranges(const model::Joint& joint) {
   return out + " deg";
 }
 
-/// By which rule of the hand model, and whose.
+/// The hand model's rule for the mass, with its source.
 std::string mass_rule(const hand::Person& person, const hand::MassRule& rule) {
   const std::string source = rule.source.empty() ? "" : ": " + rule.source;
   if (rule.kind == hand::MassRule::Kind::density) return fmt::format("at {:g} kg/m3{}", rule.density, source);
@@ -172,8 +172,8 @@ void print_whole(const hand::Person& person, const hand::HandSpec& spec, const h
       female ? spec.anthropometry.reference_female : spec.anthropometry.reference_male;
   print("\nwhole hand, fingers straight, in shares of hand length (reference: {}, {})\n",
         spec.anthropometry.reference_source, female ? "women" : "men");
-  const auto row = [](const char* what, double mine, double theirs) {
-    print("  {:<42} {:.4f}  reference {:.4f}\n", what, mine, theirs);
+  const auto row = [](const char* what, double value, double reference) {
+    print("  {:<42} {:.4f}  reference {:.4f}\n", what, value, reference);
   };
   row("centre of mass from the wrist", whole.shares.centre_of_mass, ref.centre_of_mass);
   row("radius of gyration, sagittal axis", whole.shares.gyration_sagittal, ref.gyration_sagittal);
@@ -264,9 +264,9 @@ std::string hand_yaml(const scene::Scene& scene) {
 }  // namespace
 
 int hand_command(const HandArguments& arguments) {
-  Subject subject = read_subject(arguments);
-  const std::vector<std::string> warnings = std::move(subject.warnings);
-  const scene::Scene scene = compiled(arguments.side, std::move(subject));
+  Input input = read_input(arguments);
+  const std::vector<std::string> warnings = std::move(input.warnings);
+  const scene::Scene scene = compile_hands(arguments.side, std::move(input));
   const scene::HandEntry& entry = scene.spec.hands.front();
   const hand::BuiltHand& built = scene.hands.front();
   std::optional<output::OutputFolder> folder;
@@ -274,7 +274,7 @@ int hand_command(const HandArguments& arguments) {
     folder.emplace(*arguments.out, std::vector<std::string>{"hand.yaml", "hand.png"},
                    [&] { return scene::files_read(scene); });
 
-  tell_warnings(warnings);
+  print_warnings(warnings);
   print_size(entry.person, entry.model, built);
   print_parts(entry.model, built);
   print_whole(entry.person, entry.model, built);
@@ -290,7 +290,7 @@ int hand_command(const HandArguments& arguments) {
                       *arguments.out / "hand.png");
   };
   const auto failure = output::run_in_child(draw, {});
-  if (failure) tell("missing: hand.png: {}\n", *failure);
+  if (failure) print_error("missing: hand.png: {}\n", *failure);
   print("\nwritten: {}{}\n", (*arguments.out / "hand.yaml").string(), failure ? "" : " and hand.png");
   return failure ? 1 : 0;
 }

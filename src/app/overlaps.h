@@ -1,4 +1,4 @@
-// Overlaps of shapes at the start, as lines for people.
+// Lines of text on overlaps of shapes at the start.
 #pragma once
 
 #include <string>
@@ -8,7 +8,7 @@
 
 namespace handsim::app {
 
-/// A line for each pair, the deepest first; of more than ten, how many more there are.
+/// A line for each of the ten deepest pairs, deepest first, and the number of the others.
 std::vector<std::string> overlap_texts(const model::Model& model, std::vector<engine::Overlap> overlaps);
 
 }  // namespace handsim::app

@@ -1,4 +1,4 @@
-// A bar on a terminal for what takes longer than a second; nothing where standard error is no terminal.
+// A progress bar for work of more than a second, if standard error is a terminal.
 #pragma once
 
 #include <unistd.h>
@@ -20,10 +20,10 @@ class ProgressBar {
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
   ~ProgressBar() {
-    if (drawn_) tell_text("\r                                                                \r");
+    if (drawn_) print_error_text("\r                                                                \r");
   }
 
-  /// @param share done, 0..1.
+  /// @param share of the work that is done, 0..1.
   void show(double share) {
     const auto now = std::chrono::steady_clock::now();
     if (!terminal_ || now - start_ < std::chrono::seconds(1) || now - shown_ < std::chrono::milliseconds(100))
@@ -35,7 +35,7 @@ class ProgressBar {
     std::array<char, 100> text{};
     const auto end = fmt::format_to_n(text.data(), text.size(), "\r[{:#<{}}{:.<{}}] {:3.0f} %, {:>6} left",
                                       "", full, "", kWidth - full, 100 * share, left(now, share));
-    tell_text({text.data(), end.size});
+    print_error_text({text.data(), end.size});
   }
 
  private:

@@ -96,8 +96,8 @@ int rollouts_command(const RolloutsArguments& arguments) {
     result = study::run_rollouts(study, options, ranks, stop_asked, [&] { folder.clear(); });
   }
   if (result.done < result.size) {
-    tell("stopped: {} of {} rollouts are done; the same command with --resume goes on\n", result.done,
-         result.size);
+    print_error("stopped: {} of {} rollouts are done; the same command with --resume goes on\n", result.done,
+                result.size);
     return 1;
   }
   if (!options.shard.whole()) {

@@ -23,7 +23,7 @@ namespace handsim::app {
 
 namespace {
 
-/// The worst joint in one line.
+/// Prints the worst joint in one line.
 void print_tracking(const simulation::RunResult& result) {
   const simulation::AxisTracking* worst = simulation::Tracking::worst(result.tracking);
   if (!worst) return;
@@ -84,13 +84,14 @@ void print_climbs(const simulation::RunResult& result) {
             climb.begun() ? "; up to then" : "");
     if (!climb.begun()) continue;
     print(
-        "  climb {}: {} {:.4g} N, {:.0f} % of the grip strength of people alike ({:.0f} N, deviation {:.0f} "
-        "N)\n",
+        "  climb {}: {} {:.4g} N, {:.0f} % of the grip strength for this sex, age and stature ({:.0f} N, "
+        "standard "
+        "deviation {:.0f} N)\n",
         climb.name, climb.failed ? "fails beyond" : "holds", climb.carried, 100 * climb.share(),
         climb.strength.norm, climb.strength.deviation);
     if (climb.strength.measured) print("    the person's own grip strength: {:.0f} N\n", climb.strength.own);
-    print_loaded("half of that", climb.half);
-    print_loaded("at most", climb.last);
+    print_loaded("at half of that load", climb.half);
+    print_loaded("at the largest load", climb.last);
   }
 }
 
@@ -113,23 +114,23 @@ void print_result(const scene::Scene& scene, const simulation::RunResult& result
   print_grasps(result);
   print_climbs(result);
   print("  verdict: {}\n", result.fault                 ? "diverged"
-                           : !result.hash_as_expected() ? "another state hash than expected"
-                           : !result.judged()           ? "nothing was judged"
+                           : !result.hash_as_expected() ? "the state hash differs from the expected one"
+                           : !result.judged()           ? "no criterion has a limit"
                            : result.failed()            ? "a criterion failed"
-                           : result.missed() ? "a criterion was NOT MEASURED: the run did not come to it"
-                                             : "every criterion held");
+                           : result.missed()            ? "a criterion was NOT MEASURED: the run ended before"
+                                                        : "every criterion held");
   print("  {:.3g} s simulated in {:.3g} s ({:.0f} times real time); files in {}\n", result.simulated,
         result.wall, result.wall > 0 ? result.simulated / result.wall : 0, out.string());
 }
 
-/// A line for each failed criterion, where no table is printed.
-void tell_failures(const simulation::RunResult& result) {
+/// Prints a line for each failed criterion, if there is no table.
+void print_failures(const simulation::RunResult& result) {
   for (const simulation::Verdict& v : result.verdicts)
     if (!v.held())
-      tell("criterion {}: got {}, need {} {:.4g} {}{}\n", v.name,
-           v.measured ? fmt::format("{:.4g} {}", *v.measured, v.unit) : "nothing measured",
-           v.least ? "at least" : "at most", *v.limit, v.unit,
-           v.where.empty() || v.missed() ? "" : fmt::format(" ({} at {:.3f} s)", v.where, v.time));
+      print_error("criterion {}: got {}, need {} {:.4g} {}{}\n", v.name,
+                  v.measured ? fmt::format("{:.4g} {}", *v.measured, v.unit) : "nothing measured",
+                  v.least ? "at least" : "at most", *v.limit, v.unit,
+                  v.where.empty() || v.missed() ? "" : fmt::format(" ({} at {:.3f} s)", v.where, v.time));
 }
 
 /// A scene, or one of a study's rollouts.
@@ -150,7 +151,7 @@ scene::Scene scene_of(const RunArguments& arguments, bool& stop_lost) {
 int run_scene_command(const RunArguments& arguments) {
   bool stop_lost = false;
   const scene::Scene scene = scene_of(arguments, stop_lost);
-  tell_warnings(scene.warnings);
+  print_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty() && !arguments.quiet && !arguments.json)
     print("engine auto: {}\n", scene.spec.engine_choice);
   simulation::RunResult result;
@@ -167,22 +168,21 @@ int run_scene_command(const RunArguments& arguments) {
     options.expected_hash = arguments.expected_hash;
     options.draw_apart = true;
     if (!arguments.quiet) options.progress = [&bar](double share) { bar.show(share); };
-    options.note = [](const std::string& text) { tell("note: {}\n", text); };
+    options.note = [](const std::string& text) { print_error("note: {}\n", text); };
     result = simulation::run(scene, options);
   }
-  tell_warnings(overlap_texts(scene.model, result.overlaps));
-  tell_warnings(result.warnings);
+  print_warnings(overlap_texts(scene.model, result.overlaps));
+  print_warnings(result.warnings);
   if (arguments.json)
     print_text(result.summary);
   else if (!arguments.quiet)
     print_result(scene, result, arguments.out);
-  if (arguments.quiet) tell_failures(result);
-  if (result.fault) tell("{}\n", Error(*result.fault).what());
-  for (const std::string& what : result.missing) tell("missing: {}\n", what);
+  if (arguments.quiet) print_failures(result);
+  if (result.fault) print_error("{}\n", Error(*result.fault).what());
+  for (const std::string& what : result.missing) print_error("missing: {}\n", what);
   if (!result.hash_as_expected())
-    tell(
-        "state hash: got {}, expected {}: another scene, setting, build, or mathematics library than here "
-        "({})\n",
+    print_error(
+        "state hash: got {}, expected {}: scene, settings, build or mathematics library (here {}) differ\n",
         simulation::hash_text(result.state_hash), simulation::hash_text(*result.expected_hash),
         simulation::mathematics());
   return result.passed() && result.missing.empty() ? 0 : 1;
@@ -193,16 +193,16 @@ int render_command(const RenderArguments& arguments) {
   if (const std::string end = ending_of(arguments.out); !end.empty() && end != ".png")
     throw input_error("--out", arguments.out.string(), "a name that ends in .png");
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
-  tell_warnings(scene.warnings);
+  print_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty()) print("engine auto: {}\n", scene.spec.engine_choice);
   if (arguments.time > scene.spec.duration)
     throw input_error("--time", fmt::format("{:g} s", arguments.time),
                       fmt::format("0 to the scene's duration of {:g} s", scene.spec.duration));
-  // A path that cannot be written is better known before the simulation than after.
+  // Reports a path that cannot be written before the simulation.
   output::check_not_read(arguments.out, [&] { return scene::files_read(scene); });
   { const output::AtomicFile probe(arguments.out); }
   const simulation::Moment moment = simulation::moment_at(scene, arguments.time);
-  tell_warnings(
+  print_warnings(
       overlap_texts(scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))));
   const auto draw = [&](const output::Progress&) {
     output::write_png(simulation::draw(scene, moment), arguments.out);

@@ -30,7 +30,7 @@ int stability_command(const StabilityArguments& arguments) {
   const PlotNote note = plot_note(study::write_stability(spec, result, arguments.out));
   std::optional<std::string> failure;
   if (!arguments.no_pictures) failure = study::draw_stability(result, arguments.out);
-  if (failure) tell("missing: pictures: {}\n", *failure);
+  if (failure) print_error("missing: pictures: {}\n", *failure);
   print("files in {}{}\n", arguments.out.string(), note.text);
   return result.passed() && !failure ? note.status : 1;
 }

@@ -1,6 +1,6 @@
-# Everything handsim needs, each missing piece named in one sentence that says how to get it.
+# All dependencies of handsim. For each missing one, a message names its Debian package.
 
-# Stops the configure step with one sentence.
+# Stops the configure step with a message unless the condition is true.
 function(handsim_need condition what package)
   if(NOT ${condition})
     message(FATAL_ERROR "handsim needs ${what}: install the Debian package ${package}, or run ./dev, which installs all it needs.")
@@ -12,7 +12,7 @@ handsim_need(PKG_CONFIG_FOUND "pkg-config" pkg-config)
 
 pkg_check_modules(ODE QUIET IMPORTED_TARGET ode>=0.16)
 handsim_need(ODE_FOUND "the Open Dynamics Engine (pkg-config ode, 0.16 or newer)" libode-dev)
-# ODE's precision is fixed when ODE is built and its headers follow the flag that pkg-config hands out.
+# The precision of ODE is a choice of its build; its headers use the flag that pkg-config gives.
 try_compile(HANDSIM_ODE_IS_DOUBLE ${PROJECT_BINARY_DIR}/ode_precision
             SOURCES ${PROJECT_SOURCE_DIR}/src/engine/ode/precision.cpp LINK_LIBRARIES PkgConfig::ODE)
 handsim_need(HANDSIM_ODE_IS_DOUBLE "ODE built in double precision (this one is single precision or does not link)" libode-dev)
@@ -35,7 +35,7 @@ check_cxx_source_compiles("
   static_assert(sizeof(realtype) == sizeof(double), \"not double precision\");
   int main() { return IDAGetReturnFlagName(0) == nullptr; }" HANDSIM_SUNDIALS_IS_DOUBLE)
 unset(CMAKE_REQUIRED_LIBRARIES)
-handsim_need(HANDSIM_SUNDIALS_IS_DOUBLE "SUNDIALS built in double precision (this one has another or does not link)"
+handsim_need(HANDSIM_SUNDIALS_IS_DOUBLE "SUNDIALS built in double precision (this one has another precision or does not link)"
              libsundials-dev)
 
 find_package(Qhull QUIET)

@@ -1,18 +1,18 @@
-# One object library per folder of src/. A folder sees its own headers and those of the folders that it USES, and no
-# others: each has an include root that holds only itself, so a wrong include does not build.
+# One object library for each folder of src/. A folder can include its own headers and those of the folders in its
+# USES, and no others: each folder has a separate include directory, so that a wrong include does not compile.
 
 add_library(handsim_flags INTERFACE)
 target_compile_options(handsim_flags INTERFACE -Wall -Wextra -Wconversion -Wshadow
                        $<$<BOOL:${HANDSIM_WERROR}>:-Werror> -ffp-contract=off)
 # GCC 12 reports Eigen's fixed-size temporaries as maybe-uninitialized at -O2.
 target_compile_options(handsim_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
-# Where files are compiled together GCC takes what a file keeps to itself for part of a header.
+# In a unity build GCC warns about anonymous namespaces of included .cpp files as if they were headers.
 if(HANDSIM_UNITY)
   target_compile_options(handsim_flags INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-subobject-linkage>)
 endif()
 
-# Headers that most files of the folders use, read once for each target: clang then parses a file in half the time. The
-# default build goes without.
+# Headers that most files use; with HANDSIM_PRECOMPILE they are precompiled for each target, which halves the parse time
+# of clang.
 set(HANDSIM_PRECOMPILED <algorithm> <array> <cmath> <functional> <map> <memory> <optional> <span> <string> <vector>
                         <Eigen/Dense>)
 function(handsim_precompile target)
@@ -21,20 +21,18 @@ function(handsim_precompile target)
   endif()
 endfunction()
 
-# Folders whose branches guide the fuzzer: those that read files. Instrumented files take half as long again to
-# compile.
+# Folders that the fuzzer instruments: those that read files. Compiling an instrumented file takes 1.5 times as long.
 set(HANDSIM_FUZZED core hand control scene simulation)
 
-# What every folder may include: the standard library and Eigen.
-#
 # handsim_folder(NAME SOURCES file... USES folder... PRIVATE library...)
-# NAME is a folder below src/; its subfolders are folders of their own. USES names every folder whose headers its files
-# read, directly or through a header: nothing is passed on, so an include that is not named does not build.
+# NAME is a folder below src/; its subfolders need calls of their own. USES names every folder whose headers its files
+# include, directly or through another header: USES is not transitive. Every folder may use the standard library and
+# Eigen.
 function(handsim_folder folder)
   cmake_parse_arguments(arg "" "" "SOURCES;USES;PRIVATE" ${ARGN})
   string(REPLACE "/" "_" name ${folder})
   set(target handsim_${name})
-  # Links to the headers of this folder alone.
+  # The include directory has links to the headers of this folder.
   set(root ${PROJECT_BINARY_DIR}/include/${name})
   file(REMOVE_RECURSE ${root})
   file(MAKE_DIRECTORY ${root}/handsim/${folder})

@@ -1,5 +1,5 @@
-# Headers to install: those that files of other folders read, and what these include. What an engine keeps in its own
-# folder is never one of them.
+# Headers to install: those that files of other folders include, and the headers that these include. Headers in the
+# folder of one engine are not installed.
 function(handsim_installed_headers out)
   set(open)
   foreach(folder IN LISTS ARGN)
@@ -26,7 +26,7 @@ function(handsim_installed_headers out)
   set(${out} ${found} PARENT_SCOPE)
 endfunction()
 
-# The headers of handsim that a file includes, from src/ on.
+# The headers of handsim that a file includes, relative to src/.
 function(handsim_included out file)
   file(STRINGS ${file} lines REGEX "^#include \"handsim/")
   list(TRANSFORM lines REPLACE "^#include \"handsim/([^\"]+)\".*" "\\1")

@@ -1,4 +1,4 @@
-# Run at every build: writes version.cpp, and touches it only where its text changes.
+# Runs in every build: writes version.cpp if its text changes.
 execute_process(COMMAND git -C ${SOURCE} describe --always --dirty --exclude=* OUTPUT_VARIABLE commit
                 OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET RESULT_VARIABLE failed)
 if(failed)

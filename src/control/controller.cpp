@@ -8,7 +8,7 @@ namespace handsim::control {
 
 namespace {
 
-/// Share of the newest value in a first-order low-pass of this cut-off [Hz], backward Euler.
+/// Weight of the newest value in a first-order low-pass of this cut-off [Hz], backward Euler.
 double smoothing(const std::optional<double>& cutoff, double step) {
   if (!cutoff) return 1;
   const double x = 2 * M_PI * *cutoff * step;
@@ -27,29 +27,29 @@ Controller::Controller(const model::Model& model, const Plan& plan, double step,
     width += hand.trajectory.width();
   }
   targets_.resize(width);
-  if (plan.gravity) load_.emplace(model, *plan.gravity);
+  if (plan.gravity) gravity_.emplace(model, *plan.gravity);
   for (std::size_t i = 0; i < plan.axes.size(); ++i) {
     const DrivenAxis& axis = plan.axes[i];
     const model::JointAxis& of_model = model.joints[axis.joint].axes[axis.axis];
-    Law law{axis.gains,
-            axis.dof,
-            first_target_[axis.hand] + axis.column,
-            0,
-            0,
-            smoothing(axis.gains.derivative_cutoff, step),
-            axis.gains.integral_zone.value_or(std::numeric_limits<double>::infinity())};
+    AxisConstants c{axis.gains,
+                    axis.dof,
+                    first_target_[axis.hand] + axis.column,
+                    0,
+                    0,
+                    smoothing(axis.gains.derivative_cutoff, step),
+                    axis.gains.integral_zone.value_or(std::numeric_limits<double>::infinity())};
     if (plan.tissue_compensation && of_model.tissue) {
-      law.tissue_stiffness = of_model.tissue->stiffness;
-      law.tissue_rest = of_model.tissue->rest;
+      c.tissue_stiffness = of_model.tissue->stiffness;
+      c.tissue_rest = of_model.tissue->rest;
     }
-    laws_.push_back(law);
+    constants_.push_back(c);
   }
   memory_.integral.resize(axes_.size());
   memory_.filtered_rate.resize(axes_.size());
   update_targets(start.time);
-  sense(start);
+  measure(start);
   for (std::size_t i = 0; i < axes_.size(); ++i) {
-    axes_[i].target = targets_[laws_[i].target];
+    axes_[i].target = targets_[constants_[i].target];
     memory_.filtered_rate[i] = axes_[i].rate;
   }
 }
@@ -61,10 +61,10 @@ void Controller::update_targets(double time) {
   }
 }
 
-void Controller::sense(const model::State& state) {
+void Controller::measure(const model::State& state) {
   for (std::size_t i = 0; i < axes_.size(); ++i) {
-    axes_[i].angle = state.q[laws_[i].dof];
-    axes_[i].rate = state.u[laws_[i].dof];
+    axes_[i].angle = state.q[constants_[i].dof];
+    axes_[i].rate = state.u[constants_[i].dof];
   }
 }
 
@@ -85,72 +85,72 @@ void Controller::save(ArchiveWriter& out) const { carry(out, *this); }
 
 void Controller::restore(ArchiveReader& in) { carry(in, *this); }
 
-/// What is added to spring and damper: the integral, moved on by one step, and what is fed forward.
-double Controller::feed(std::size_t i, double target) {
-  const Law& law = laws_[i];
+/// Torque added to spring and damper: the integral, advanced by one step, and the feed-forward terms.
+double Controller::offset_torque(std::size_t i, double target) {
+  const AxisConstants& c = constants_[i];
   double& integral = memory_.integral[i];
-  if (law.gains.integral > 0) {
+  if (c.gains.integral > 0) {
     const double error = target - axes_[i].angle;
-    const bool pushes_on = axes_[i].at_limit && error * axes_[i].torque > 0;
-    if (!pushes_on && std::abs(error) < law.zone)
-      integral = std::clamp(integral + step_ * law.gains.integral * error, -law.gains.torque_limit,
-                            law.gains.torque_limit);
+    const bool saturated = axes_[i].at_limit && error * axes_[i].torque > 0;
+    if (!saturated && std::abs(error) < c.zone)
+      integral = std::clamp(integral + step_ * c.gains.integral * error, -c.gains.torque_limit,
+                            c.gains.torque_limit);
   }
-  const double weight = weight_.empty() ? 0 : weight_[law.dof];
-  return integral + weight + law.tissue_stiffness * (target - law.tissue_rest);
+  const double weight = gravity_torques_.empty() ? 0 : gravity_torques_[c.dof];
+  return integral + weight + c.tissue_stiffness * (target - c.tissue_rest);
 }
 
-void Controller::drive_explicit() {
+void Controller::command_torques() {
   for (std::size_t i = 0; i < axes_.size(); ++i) {
-    const Law& law = laws_[i];
+    const AxisConstants& c = constants_[i];
     AxisState& axis = axes_[i];
-    const double target = targets_[law.target];
+    const double target = targets_[c.target];
     double& rate = memory_.filtered_rate[i];
-    rate += law.smoothing * (axis.rate - rate);
-    const double wanted =
-        law.gains.proportional * (target - axis.angle) - law.gains.derivative * rate + feed(i, target);
-    axis.torque = std::clamp(wanted, -law.gains.torque_limit, law.gains.torque_limit);
-    axis.at_limit = std::abs(wanted) >= law.gains.torque_limit;
-    torques_[law.dof] = axis.torque;
+    rate += c.smoothing * (axis.rate - rate);
+    const double torque =
+        c.gains.proportional * (target - axis.angle) - c.gains.derivative * rate + offset_torque(i, target);
+    axis.torque = std::clamp(torque, -c.gains.torque_limit, c.gains.torque_limit);
+    axis.at_limit = std::abs(torque) >= c.gains.torque_limit;
+    torques_[c.dof] = axis.torque;
   }
 }
 
-// A low-passed rate d+ = d + s (v+ - d) splits into damping s D on the rate after the step and a known rest.
-void Controller::drive_implicit() {
+// The damping of a low-passed rate d+ = d + s (v+ - d) is s D on the rate after the step plus a known term.
+void Controller::command_servos() {
   for (std::size_t i = 0; i < axes_.size(); ++i) {
-    const Law& law = laws_[i];
-    const double target = targets_[law.target];
-    model::Servo& servo = servos_[law.dof];
-    servo.stiffness = law.gains.proportional;
-    servo.damping = law.smoothing * law.gains.derivative;
+    const AxisConstants& c = constants_[i];
+    const double target = targets_[c.target];
+    model::Servo& servo = servos_[c.dof];
+    servo.stiffness = c.gains.proportional;
+    servo.damping = c.smoothing * c.gains.derivative;
     servo.error = target - axes_[i].angle;
-    servo.feed = feed(i, target) - (1 - law.smoothing) * law.gains.derivative * memory_.filtered_rate[i];
-    servo.limit = law.gains.torque_limit;
+    servo.feed = offset_torque(i, target) - (1 - c.smoothing) * c.gains.derivative * memory_.filtered_rate[i];
+    servo.limit = c.gains.torque_limit;
   }
 }
 
 void Controller::command(const model::State& state) {
   update_targets(state.time + step_);
-  if (load_) weight_ = load_->torques(state);
+  if (gravity_) gravity_torques_ = gravity_->torques(state);
   switch (plan_.form) {
     case Form::explicit_torque:
-      return drive_explicit();
+      return command_torques();
     case Form::implicit_gain:
-      return drive_implicit();
+      return command_servos();
   }
 }
 
 void Controller::observe(const model::State& state) {
-  sense(state);
-  for (std::size_t i = 0; i < axes_.size(); ++i) axes_[i].target = targets_[laws_[i].target];
+  measure(state);
+  for (std::size_t i = 0; i < axes_.size(); ++i) axes_[i].target = targets_[constants_[i].target];
   if (plan_.form == Form::explicit_torque) return;
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     AxisState& axis = axes_[i];
-    const Law& law = laws_[i];
-    axis.torque = state.tau_servo[law.dof];
-    // Rounding must not hide the limit.
-    axis.at_limit = std::abs(axis.torque) >= law.gains.torque_limit * (1 - 1e-9);
-    memory_.filtered_rate[i] += law.smoothing * (axis.rate - memory_.filtered_rate[i]);
+    const AxisConstants& c = constants_[i];
+    axis.torque = state.tau_servo[c.dof];
+    // A torque at its limit may be rounded below it.
+    axis.at_limit = std::abs(axis.torque) >= c.gains.torque_limit * (1 - 1e-9);
+    memory_.filtered_rate[i] += c.smoothing * (axis.rate - memory_.filtered_rate[i]);
   }
 }
 

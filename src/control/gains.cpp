@@ -45,22 +45,22 @@ GainRow read_row(MapReader reader) {
 }  // namespace
 
 void AxisGains::overlay(const AxisGains& later) {
-  const auto take = [](std::optional<double>& mine, const std::optional<double>& theirs) {
-    if (theirs) mine = theirs;
+  const auto replace = [](std::optional<double>& value, const std::optional<double>& stated) {
+    if (stated) value = stated;
   };
   if (later.proportional || later.derivative || later.integral)
     frequency = damping_ratio = integral_time = std::nullopt;
   if (later.frequency || later.damping_ratio || later.integral_time)
     proportional = derivative = integral = std::nullopt;
-  take(proportional, later.proportional);
-  take(derivative, later.derivative);
-  take(integral, later.integral);
-  take(frequency, later.frequency);
-  take(damping_ratio, later.damping_ratio);
-  take(integral_time, later.integral_time);
-  take(torque_limit, later.torque_limit);
-  take(derivative_cutoff, later.derivative_cutoff);
-  take(integral_zone, later.integral_zone);
+  replace(proportional, later.proportional);
+  replace(derivative, later.derivative);
+  replace(integral, later.integral);
+  replace(frequency, later.frequency);
+  replace(damping_ratio, later.damping_ratio);
+  replace(integral_time, later.integral_time);
+  replace(torque_limit, later.torque_limit);
+  replace(derivative_cutoff, later.derivative_cutoff);
+  replace(integral_zone, later.integral_zone);
 }
 
 ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
@@ -81,13 +81,13 @@ ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnost
 void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands, Diagnostics& diagnostics) {
   for (const GainRow& row : spec.rows)
     for (const std::string& name : row.joints) {
-      if (std::any_of(hands.begin(), hands.end(), [&](const HandAxes& hand) { return hand.knows(name); }))
+      if (std::any_of(hands.begin(), hands.end(), [&](const HandAxes& hand) { return hand.accepts(name); }))
         continue;
       std::vector<std::string> known;
       for (const HandAxes& hand : hands)
         for (const HandAxis& axis : hand.axes) known.insert(known.end(), {axis.joint, axis.name()});
       diagnostics.problems.push_back({row.place, "gains.joints",
-                                      fmt::format("\"{}\", which no hand of the scene has", name),
+                                      fmt::format("\"{}\", a joint that no hand of the scene has", name),
                                       "a joint or joint.axis of a hand" + nearest_hint(name, known)});
     }
 }

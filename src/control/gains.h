@@ -1,6 +1,6 @@
-// The content of a controller file: the form of control, what is fed forward, and rows of gains by joint.
-// Knows no person: rows may state a frequency and a damping ratio, from which plan.h makes gains for the hand
-// that is built.
+// The content of a controller file: the form of control, feed-forward terms, and rows of gains by joint.
+// Independent of the person: rows may state a frequency and a damping ratio, from which plan.h computes gains
+// for the built hand.
 #pragma once
 
 #include <optional>
@@ -18,7 +18,7 @@ enum class Form {
   implicit_gain,    ///< spring-dampers that the engine solves within the step: stable at any step
 };
 
-/// Gains of one joint axis as rows state them. Either given (proportional, derivative, integral) or designed
+/// Gains of one joint axis as rows state them: given (proportional, derivative, integral) or designed
 /// (frequency, damping_ratio, integral_time).
 struct AxisGains {
   std::optional<double> proportional;   ///< [N m/rad], 0..1e4
@@ -29,9 +29,9 @@ struct AxisGains {
   std::optional<double> integral_time;  ///< proportional over integral gain [s], above 0; absent: no integral
   std::optional<double> torque_limit;   ///< [N m], above 0
   std::optional<double> derivative_cutoff;  ///< of a first-order low-pass on the rate [Hz]; absent: none
-  std::optional<double> integral_zone;  ///< the integral acts at smaller errors only [rad]; absent: at all
+  std::optional<double> integral_zone;      ///< the integral acts only at errors below [rad]; absent: always
 
-  /// Takes over what a later row states; a given gain displaces designed ones and the other way round.
+  /// Replaces the values that a later row states. A given gain removes designed ones, and vice versa.
   void overlay(const AxisGains& later);
 };
 
@@ -43,21 +43,21 @@ struct GainRow {
 
 struct ControllerSpec {
   Form form = Form::implicit_gain;
-  bool gravity_compensation = false;  ///< feeds forward what holds the weight at the measured angles
-  bool tissue_compensation = false;   ///< feeds forward what holds the passive tissue at the target angles
-  /// Grip strength of the hand whose torque limits the rows state [N]: a scene that knows a person's own
-  /// scales them by it. Absent: limits of any hand.
+  bool gravity_compensation = false;  ///< feeds forward the torques of the weight at the measured angles
+  bool tissue_compensation = false;   ///< feeds forward the torques of passive tissue at the target angles
+  /// Grip strength of the hand whose torque limits the rows state [N]. A task that knows the person's
+  /// strength scales the limits in proportion. Absent: limits are not scaled.
   std::optional<double> grip_strength;
-  std::vector<GainRow> rows;  ///< later rows win
+  std::vector<GainRow> rows;  ///< a later row overrides earlier ones
 };
 
 /// Reads a controller file; every defect goes into the diagnostics.
 ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
-/// Rows whose joint no hand has.
+/// Problems: rows that name a joint that no hand has.
 void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands, Diagnostics& diagnostics);
 
-/// The gains of an axis from all rows that name it; nothing where none does: the axis stays limp.
+/// The gains of an axis from all rows that name it; nothing if none does: the axis is not driven.
 std::optional<AxisGains> gains_of(const ControllerSpec& spec, const HandAxis& axis);
 
 }  // namespace handsim::control

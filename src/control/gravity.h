@@ -1,5 +1,4 @@
-// Torques that hold the weight of a hand's segments, from Model and State: what gravity compensation feeds
-// forward.
+// Joint torques that balance the weight of a hand's segments, for gravity compensation.
 #pragma once
 
 #include <span>
@@ -11,15 +10,13 @@ namespace handsim::control {
 
 class GravityLoad {
  public:
-  /// For all joints that hinge and universal chains hang on. @param gravity [m/s^2]. The model must outlive
-  /// this.
+  /// For all hinges and universal joints of the model, which must outlive this. @param gravity [m/s^2].
   GravityLoad(const model::Model& model, const Vec3& gravity);
 
-  /// Torque of each coordinate that carries the weight beyond its joint [N m], size model.dof_count(), into
-  /// `out`:
-  ///   tau_j = -a_j . ((S_j - m_j p_j) x g), a_j the joint's axis, p_j its anchor, m_j and S_j the mass and
-  ///   first
-  /// moment of all that it carries. Valid until the next call.
+  /// Torque of each coordinate that balances the weight distal to its joint [N m], size model.dof_count():
+  ///   tau_j = -a_j . ((S_j - m_j p_j) x g)
+  /// with the joint's axis a_j and anchor p_j, and mass m_j and first moment S_j of all bodies distal to it.
+  /// Valid until the next call.
   std::span<const double> torques(const model::State& state);
 
  private:
@@ -27,8 +24,8 @@ class GravityLoad {
   struct Link {
     const model::Joint* joint = nullptr;
     std::size_t parent = 0, child = 0, dof = 0;
-    double mass = 0;               ///< of all that it carries [kg]
-    bool held = false;             ///< its parent is the child of a joint, too, and gets this moment added
+    double mass = 0;               ///< of all bodies distal to it [kg]
+    bool adds_to_parent = false;   ///< its parent is the child of another joint
     Vec3 first_axis, second_axis;  ///< in the parent body, in the child body
     bool universal = false;
   };

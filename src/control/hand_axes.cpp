@@ -8,7 +8,7 @@ bool matches(const HandAxis& axis, std::string_view name) {
   return name == "all" || name == axis.joint || name == axis.name();
 }
 
-bool HandAxes::knows(std::string_view name) const {
+bool HandAxes::accepts(std::string_view name) const {
   const auto is_absent = [&](const std::string& joint) {
     return name == joint || name.starts_with(joint + ".");
   };

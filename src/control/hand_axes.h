@@ -24,18 +24,18 @@ struct HandAxis {
 struct HandAxes {
   std::string hand;                 ///< `right`, `left`, ...
   std::vector<HandAxis> axes;       ///< in the order of the hand's joints
-  std::vector<std::string> absent;  ///< joints of the hand model that its mount leaves out, e.g. `wrist`
+  std::vector<std::string> absent;  ///< joints of the hand model that its mount omits, e.g. `wrist`
 
   /// True for `all`, a joint's name, or joint.axis, absent joints included.
-  bool knows(std::string_view name) const;
-  /// Joint names that knows() accepts, absent ones included.
+  bool accepts(std::string_view name) const;
+  /// Names of all joints, absent ones included.
   std::vector<std::string> joints() const;
 };
 
-/// True where `name` is `all`, the axis' joint or the axis itself.
+/// True if `name` is `all`, the axis' joint or the axis itself.
 bool matches(const HandAxis& axis, std::string_view name);
 
-/// @param absent joints that the hand model has but this hand has not.
+/// @param absent joints of the hand model that this hand does not have.
 HandAxes hand_axes(const model::Model& model, const model::HandIndex& hand,
                    std::vector<std::string> absent = {});
 

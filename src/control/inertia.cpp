@@ -1,26 +1,26 @@
 #include "handsim/control/inertia.h"
 
+#include "handsim/core/index.h"
+
 namespace handsim::control {
 
 namespace {
 
 using Jacobian = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
-/// Index of the joint whose child a body is, -1 for none.
-std::vector<int> carrying_joints(const model::Model& model) {
-  std::vector<int> out(model.bodies.size(), -1);
-  for (std::size_t j = 0; j < model.joints.size(); ++j)
-    if (!model.joints[j].closes_loop)
-      out[static_cast<std::size_t>(model.joints[j].child)] = static_cast<int>(j);
+/// For each body the joint to its parent; null if it has none.
+std::vector<const model::Joint*> parent_joints(const model::Model& model) {
+  std::vector<const model::Joint*> out(model.bodies.size());
+  for (const model::Joint& joint : model.joints)
+    if (!joint.closes_loop) out[at(joint.child)] = &joint;
   return out;
 }
 
-/// Axes in the world, one column of J each: linear velocity of the body's centre of mass over its angular
-/// velocity.
+/// Sets one column of a body's Jacobian in world axes: linear velocity of its centre of mass at p, then
+/// angular velocity.
 void add_axis(Jacobian& jacobian, Eigen::Index column, const model::Joint& joint, std::size_t axis,
               const model::State& state, const Vec3& p) {
-  const model::BodyState& parent = state.bodies[static_cast<std::size_t>(joint.parent)];
-  const model::BodyState& child = state.bodies[static_cast<std::size_t>(joint.child)];
+  const model::BodyState &parent = state.bodies[at(joint.parent)], &child = state.bodies[at(joint.child)];
   const Vec3& local = joint.axes[axis].axis;
   const Vec3 a = axis == 0 ? Vec3(parent.q * (joint.parent_frame.q * local))
                            : Vec3(child.q * (joint.child_frame.q * local));
@@ -33,26 +33,23 @@ void add_axis(Jacobian& jacobian, Eigen::Index column, const model::Joint& joint
 
 Eigen::MatrixXd joint_inertia(const model::Model& model, const model::State& state,
                               const model::HandIndex& hand, const HandAxes& axes) {
-  const std::vector<int> carrying = carrying_joints(model);
-  const auto palm = static_cast<std::size_t>(hand.palm);
-  const bool floating = !model.bodies[palm].kinematic && carrying[palm] < 0;
+  const std::vector<const model::Joint*> parent_joint = parent_joints(model);
+  const std::size_t palm = at(hand.palm);
+  const bool floating = !model.bodies[palm].kinematic && !parent_joint[palm];
   const auto n = static_cast<Eigen::Index>(axes.axes.size());
   const Eigen::Index size = n + (floating ? 6 : 0);
   Eigen::MatrixXd inertia = Eigen::MatrixXd::Zero(size, size);
   for (const int index : hand.bodies) {
-    const auto b = static_cast<std::size_t>(index);
+    const std::size_t b = at(index);
     if (model.bodies[b].kinematic) continue;
     const model::BodyState& body = state.bodies[b];
     Jacobian jacobian = Jacobian::Zero(6, size);
-    for (int j = carrying[b]; j >= 0;) {
-      const model::Joint& joint = model.joints[static_cast<std::size_t>(j)];
+    for (const model::Joint* joint = parent_joint[b]; joint; joint = parent_joint[at(joint->parent)])
       for (Eigen::Index k = 0; k < n; ++k) {
-        const HandAxis& axis = axes.axes[static_cast<std::size_t>(k)];
-        if (axis.joint_index == static_cast<std::size_t>(j))
-          add_axis(jacobian, k, joint, axis.axis_index, state, body.p);
+        const HandAxis& axis = axes.axes[at(k)];
+        if (&model.joints[axis.joint_index] == joint)
+          add_axis(jacobian, k, *joint, axis.axis_index, state, body.p);
       }
-      j = carrying[static_cast<std::size_t>(joint.parent)];
-    }
     if (floating) {
       jacobian.rightCols(6).setIdentity();
       const Vec3 r = body.p - state.bodies[palm].p;

@@ -53,7 +53,7 @@ std::vector<Field> split_blanks(std::string_view line) {
   return out;
 }
 
-/// `/jointset/right_index_mcp/NAME/value` is NAME.
+/// NAME of `/jointset/right_index_mcp/NAME/value`.
 std::string coordinate_of(std::string_view label) {
   if (!label.starts_with('/')) return std::string(label);
   if (label.ends_with("/value")) label.remove_suffix(6);
@@ -78,9 +78,9 @@ class Reader {
       if (problems_.size() >= kMaxProblems) break;
     }
     if (problems_.empty() && table_.times.empty()) problem(1, "", "no rows", "at least one row of angles");
-    if (problems_.empty() && rows_said_ && *rows_said_ != table_.times.size())
+    if (problems_.empty() && stated_rows_ && *stated_rows_ != table_.times.size())
       problem(1, "nRows", fmt::format("{} rows", table_.times.size()),
-              fmt::format("{}, as nRows says", *rows_said_));
+              fmt::format("{}, the value of nRows", *stated_rows_));
     stop_if_bad();
     return std::move(table_);
   }
@@ -104,15 +104,14 @@ class Reader {
   void add_column(const std::string& name, double factor, int column) {
     if (name.empty()) return problem(column, "", "a column without a name", "the name of a coordinate");
     if (!known_.insert(name).second)
-      return problem(column, name, "a second column of this name", "a name of its own for each column");
+      return problem(column, name, "a second column of this name", "a unique name for each column");
     table_.names.push_back(name);
     factors_.push_back(factor);
   }
 
-  /// A label `NAME`, `NAME[unit]` or, as control.sto has it, `NAME.target[unit]`; what is no angle is left
-  /// out.
-  /// @param bare to rad for a label without a unit.
-  void read_label(const Field& field, std::size_t index, double bare) {
+  /// A label `NAME`, `NAME[unit]` or, in control.sto, `NAME.target[unit]`. Ignores columns without angles.
+  /// @param default_factor to rad, for a label without a unit.
+  void read_label(const Field& field, std::size_t index, double default_factor) {
     const std::size_t bracket = field.text.find('[');
     const std::string_view unit = bracket == std::string_view::npos ? "" : field.text.substr(bracket);
     std::string name = coordinate_of(field.text.substr(0, bracket));
@@ -123,7 +122,7 @@ class Reader {
       return problem(field.column, std::string(field.text), fmt::format("the unit {}", unit),
                      "[rad] or [deg]");
     if (name.ends_with(kTarget)) name.resize(name.size() - kTarget.size());
-    add_column(name, unit == "[deg]" ? kDegree : unit == "[rad]" ? 1 : bare, field.column);
+    add_column(name, unit == "[deg]" ? kDegree : unit == "[rad]" ? 1 : default_factor, field.column);
     kept_.push_back(index);
   }
 
@@ -160,7 +159,7 @@ class Reader {
       const std::size_t equals = line.find('=');
       if (equals == std::string_view::npos) continue;
       const std::string_view key = trimmed(line.substr(0, equals)), value = trimmed(line.substr(equals + 1));
-      if (key == "nRows" || key == "datarows") read_header_number(key, value, rows_said_);
+      if (key == "nRows" || key == "datarows") read_header_number(key, value, stated_rows_);
       if (key == "nColumns" || key == "datacolumns") read_header_number(key, value, columns);
       if (key == "inDegrees") {
         degrees = value == "yes";
@@ -176,7 +175,8 @@ class Reader {
       return problem(1, "", labels.empty() ? "no labels" : fmt::format("\"{}\"", labels[0].text),
                      "time as the first label");
     if (columns && *columns != width_)
-      problem(1, "nColumns", fmt::format("{} labels", width_), fmt::format("{}, as nColumns says", *columns));
+      problem(1, "nColumns", fmt::format("{} labels", width_),
+              fmt::format("{}, the value of nColumns", *columns));
     for (std::size_t i = 1; i < labels.size(); ++i) read_label(labels[i], i, degrees ? kDegree : 1);
     if (problems_.empty() && kept_.empty())
       problem(1, "", "no column of angles", "columns of coordinates after time");
@@ -191,7 +191,7 @@ class Reader {
     if (!time) return problem(1, "time", fmt::format("\"{}\"", fields[0].text), "a time in s");
     if (!table_.times.empty() && !(*time > table_.times.back()))
       return problem(1, "time", fmt::format("{:g} s after {:g} s", *time, table_.times.back()),
-                     "times that rise");
+                     "increasing times");
     if (table_.times.size() == kMotionMaxRows) {
       problem(1, "", fmt::format("more than {} rows", kMotionMaxRows), "a shorter table");
       rest_ = {};
@@ -219,34 +219,34 @@ class Reader {
   std::vector<std::size_t> kept_;          ///< fields that are columns of the table
   std::vector<double> factors_;            ///< of those, to rad
   std::unordered_set<std::string> known_;  ///< names of the columns so far
-  std::optional<std::size_t> rows_said_;
+  std::optional<std::size_t> stated_rows_;
   std::vector<Problem> problems_;
   MotionTable table_;
 };
 
 std::string suffix_of(const std::string& name) { return std::filesystem::path(name).extension().string(); }
 
-/// Angle in its range; a little beyond is moved to the stop and counted.
-double in_range(const MotionTable& table, std::size_t row, const HandAxes& hand, const HandAxis& axis,
-                double angle, int& moved, Diagnostics& diagnostics) {
+/// The angle, or the nearest in its range: within the tolerance it is counted, otherwise it is a problem.
+double clamp_to_range(const MotionTable& table, std::size_t row, const HandAxes& hand, const HandAxis& axis,
+                      double angle, int& moved, Diagnostics& diagnostics) {
   if (!axis.stop || (angle >= axis.stop->low && angle <= axis.stop->high)) return angle;
-  const double held = std::clamp(angle, axis.stop->low, axis.stop->high);
-  if (std::abs(angle - held) > kMotionRangeTolerance) {
+  const double nearest = std::clamp(angle, axis.stop->low, axis.stop->high);
+  if (std::abs(angle - nearest) > kMotionRangeTolerance) {
     if (diagnostics.problems.size() < kMaxProblems)
       diagnostics.problems.push_back({Place{table.file, table.lines[row], 1}, hand.hand + "." + axis.name(),
                                       fmt::format("{:.4g} deg at {:g} s", angle / kDegree, table.times[row]),
                                       fmt::format("an angle in its range, {:.4g} to {:.4g} deg",
                                                   axis.stop->low / kDegree, axis.stop->high / kDegree)});
-  } else if (std::abs(angle - held) > 1e-9) {
+  } else if (std::abs(angle - nearest) > 1e-9) {
     ++moved;
   }
-  return held;
+  return nearest;
 }
 
-/// Columns that no axis of the hand uses. Columns of another hand, and measured angles beside the targets of
-/// control.sto, are not mistakes.
-std::vector<std::string> unmatched(const MotionTable& table, const HandAxes& hand,
-                                   const std::vector<std::string>& axes) {
+/// Columns that no axis of the hand uses, except columns of another hand and measured angles beside the
+/// targets of control.sto.
+std::vector<std::string> unused_columns(const MotionTable& table, const HandAxes& hand,
+                                        const std::vector<std::string>& axes) {
   const auto is_axis = [&](const std::string& name) {
     return std::find(axes.begin(), axes.end(), name) != axes.end();
   };
@@ -254,21 +254,21 @@ std::vector<std::string> unmatched(const MotionTable& table, const HandAxes& han
   for (const std::string& name : table.names) {
     const std::size_t dot = name.find('.');
     const std::string head = name.substr(0, dot), tail = dot == std::string::npos ? "" : name.substr(dot + 1);
-    const bool a_hand = head == hand.hand || head.starts_with("right") || head.starts_with("left");
-    const bool followed =
+    const bool names_hand = head == hand.hand || head.starts_with("right") || head.starts_with("left");
+    const bool beside_target =
         name.ends_with(".angle") && std::find(table.names.begin(), table.names.end(),
                                               name.substr(0, name.size() - 6)) != table.names.end();
-    if (!is_axis(name) && !(a_hand && is_axis(tail)) && !followed) out.push_back(name);
+    if (!is_axis(name) && !(names_hand && is_axis(tail)) && !beside_target) out.push_back(name);
   }
   return out;
 }
 
-/// The first few, each with the axis that may be meant.
+/// The first few names, each with the nearest axis.
 std::string listed(const std::vector<std::string>& names, const std::vector<std::string>& axes) {
   constexpr std::size_t kNamed = 5;
   std::string out;
   for (std::size_t i = 0; i < std::min(names.size(), kNamed); ++i) {
-    // With the hand's name before it, or without.
+    // A name may start with the hand's name.
     std::string hint = nearest_hint(names[i], axes);
     if (hint.empty()) hint = nearest_hint(names[i].substr(names[i].find('.') + 1), axes);
     out += (i > 0 ? ", " : "") + names[i] + hint;
@@ -301,25 +301,25 @@ Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, con
   }
   std::vector<std::string> axes;
   for (const HandAxis& axis : hand.axes) axes.push_back(axis.name());
-  const std::vector<std::string> strangers = unmatched(table, hand, axes);
-  if (!strangers.empty())
+  const std::vector<std::string> unused = unused_columns(table, hand, axes);
+  if (!unused.empty())
     diagnostics.warnings.push_back(
-        fmt::format("{}:{}:1: {} that no axis of hand {} takes: {}", table.file, table.header_line,
-                    strangers.size() == 1 ? "a column" : fmt::format("{} columns", strangers.size()),
-                    hand.hand, listed(strangers, axes)));
+        fmt::format("{}:{}:1: {} that hand {} does not use: {}", table.file, table.header_line,
+                    unused.size() == 1 ? "a column" : fmt::format("{} columns", unused.size()), hand.hand,
+                    listed(unused, axes)));
   if (!missing.empty())
     diagnostics.problems.push_back(
         {Place{table.file, table.header_line, 1}, hand.hand,
          fmt::format("no column for {}", fmt::join(missing, ", ")),
          fmt::format("a column {}.JOINT.AXIS or JOINT.AXIS for every driven axis{}", hand.hand,
-                     strangers.empty() ? "" : "; no axis takes " + listed(strangers, axes))});
+                     unused.empty() ? "" : "; unused columns: " + listed(unused, axes))});
   Trajectory out(hand.axes.size(), model::Interpolation::linear);
   std::vector<double> row(start.begin(), start.end());
   int moved = 0;
   for (std::size_t r = 0; r < table.times.size(); ++r) {
     for (std::size_t i = 0; i < row.size(); ++i)
       if (source[i])
-        row[i] = in_range(table, r, hand, hand.axes[i], table.at(r, *source[i]), moved, diagnostics);
+        row[i] = clamp_to_range(table, r, hand, hand.axes[i], table.at(r, *source[i]), moved, diagnostics);
     out.add(table.times[r], row);
   }
   if (moved > 0)

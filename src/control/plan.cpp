@@ -13,11 +13,11 @@ namespace handsim::control {
 
 namespace {
 
-/// Most postures of a trajectory at which gains are designed and stability is checked.
+/// Largest number of postures of a trajectory for the design of gains and the check of stability.
 constexpr std::size_t kMaxPostures = 100;
 
-/// A hand on its way into the plan.
-struct HandWork {
+/// Intermediate data of a hand.
+struct HandDraft {
   const model::HandIndex* index = nullptr;
   HandAxes axes;
   std::vector<std::optional<AxisGains>> stated;  ///< by axis
@@ -25,13 +25,13 @@ struct HandWork {
   std::vector<Eigen::MatrixXd> inertias;         ///< at the postures of its trajectory
 };
 
-std::string axis_name(const HandWork& hand, std::size_t i) {
+std::string axis_name(const HandDraft& hand, std::size_t i) {
   return hand.axes.hand + "." + hand.axes.axes[i].name();
 }
 
-HandWork begin_hand(const model::Model& model, std::size_t i, const PlanInput& input,
-                    const std::vector<double>& start) {
-  HandWork out;
+HandDraft make_draft(const model::Model& model, std::size_t i, const PlanInput& input,
+                     const std::vector<double>& start) {
+  HandDraft out;
   out.index = &model.hands[i];
   out.axes = hand_axes(model, model.hands[i], input.absent[i]);
   for (const HandAxis& axis : out.axes.axes) {
@@ -42,30 +42,30 @@ HandWork begin_hand(const model::Model& model, std::size_t i, const PlanInput& i
 }
 
 /// Driven axes need a limit and gains.
-void check_gains(const HandWork& hand, const PlanInput& input, Diagnostics& diagnostics) {
-  const auto say = [&](std::size_t i, const char* got, const char* need) {
+void check_gains(const HandDraft& hand, const PlanInput& input, Diagnostics& diagnostics) {
+  const auto report = [&](std::size_t i, const char* got, const char* need) {
     diagnostics.problems.push_back({input.controller->rows.front().place, "gains",
                                     fmt::format("{} for {}", got, hand.axes.axes[i].name()), need});
   };
   for (std::size_t i = 0; i < hand.stated.size(); ++i) {
     if (!hand.stated[i]) continue;
     const AxisGains& gains = *hand.stated[i];
-    if (!gains.torque_limit) say(i, "no torque_limit", "a torque_limit in some row that names it");
+    if (!gains.torque_limit) report(i, "no torque_limit", "a torque_limit in a row that names it");
     const bool designed = gains.frequency && gains.damping_ratio;
     const bool given = gains.proportional.value_or(0) + gains.derivative.value_or(0) > 0;
     if (!designed && !given)
-      say(i, "no gains", "frequency and damping_ratio, or proportional and derivative, above 0");
+      report(i, "no gains", "frequency and damping_ratio, or proportional and derivative, above 0");
   }
 }
 
 const PoseFile kNoPoses;
 
-/// Angles in the programs of all hands: 400 MB.
+/// Largest number of angles in the programs of all hands: 400 MB.
 constexpr std::size_t kMostKnots = 50'000'000;
 
-/// The trajectory that a hand's choice leads to; empty, with a problem, where it leads nowhere.
-Trajectory choose(const HandWork& hand, const ProgramChoice& choice, const PlanInput& input,
-                  Diagnostics& diagnostics) {
+/// The trajectory of a hand's program or motion file; empty, with a problem, if there is none.
+Trajectory make_trajectory(const HandDraft& hand, const ProgramChoice& choice, const PlanInput& input,
+                           Diagnostics& diagnostics) {
   const PoseFile& file = input.poses ? *input.poses : kNoPoses;
   if (is_motion_file(choice.program)) {
     const std::filesystem::path path =
@@ -75,7 +75,7 @@ Trajectory choose(const HandWork& hand, const ProgramChoice& choice, const PlanI
     try {
       return motion_trajectory(read_motion(path), hand.axes, driven, hand.start, diagnostics);
     } catch (const Error& error) {
-      diagnostics.take(error);
+      diagnostics.add(error);
       return {};
     }
   }
@@ -100,24 +100,24 @@ Trajectory choose(const HandWork& hand, const ProgramChoice& choice, const PlanI
 }
 
 /// Joint-space inertia at the start and at the trajectory's knots, each posture once.
-void find_inertias(const model::Model& model, const Trajectory& trajectory, const std::vector<double>& start,
-                   HandWork& hand) {
-  std::vector<std::vector<double>> seen = {hand.start};
+void compute_inertias(const model::Model& model, const Trajectory& trajectory,
+                      const std::vector<double>& start, HandDraft& hand) {
+  std::vector<std::vector<double>> postures = {hand.start};
   const std::size_t stride = 1 + trajectory.knots() / (20 * kMaxPostures);
-  for (std::size_t k = 0; k < trajectory.knots() && seen.size() < kMaxPostures; k += stride) {
+  for (std::size_t k = 0; k < trajectory.knots() && postures.size() < kMaxPostures; k += stride) {
     const std::span<const double> q = trajectory.knot(k);
     std::vector<double> posture(q.begin(), q.end());
-    if (std::find(seen.begin(), seen.end(), posture) == seen.end()) seen.push_back(std::move(posture));
+    if (std::find(postures.begin(), postures.end(), posture) == postures.end())
+      postures.push_back(std::move(posture));
   }
-  for (const std::vector<double>& posture : seen) {
+  for (const std::vector<double>& posture : postures) {
     std::vector<double> q = start;
     for (std::size_t i = 0; i < posture.size(); ++i) q[hand.axes.axes[i].dof] = posture[i];
     hand.inertias.push_back(joint_inertia(model, model::state_at(model, q), *hand.index, hand.axes));
   }
 }
 
-/// Gains as numbers. Frequency f and damping ratio z on inertia I: K = I (2 pi f)^2, D = 2 z I 2 pi f, Ki = K
-/// / Ti.
+/// Gains from frequency f, damping ratio z and inertia I: K = I (2 pi f)^2, D = 2 z I 2 pi f, Ki = K / Ti.
 Gains make_gains(const AxisGains& stated, double inertia) {
   Gains out;
   const double w = 2 * M_PI * stated.frequency.value_or(0);
@@ -133,7 +133,7 @@ Gains make_gains(const AxisGains& stated, double inertia) {
   return out;
 }
 
-void add_axes(const HandWork& hand, std::size_t hand_index, double strength, Plan& plan) {
+void add_axes(const HandDraft& hand, std::size_t hand_index, double strength, Plan& plan) {
   Eigen::VectorXd effective = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(hand.axes.axes.size()));
   for (const Eigen::MatrixXd& inertia : hand.inertias)
     effective = effective.cwiseMax(effective_inertia(inertia));
@@ -154,8 +154,8 @@ void add_axes(const HandWork& hand, std::size_t hand_index, double strength, Pla
   }
 }
 
-/// Explicit gains of one hand against their limit, at the posture that is worst.
-Stability worst_stability(const HandWork& hand, std::size_t hand_index, const Plan& plan, double step) {
+/// Stability of one hand's explicit gains at the worst posture.
+Stability worst_stability(const HandDraft& hand, std::size_t hand_index, const Plan& plan, double step) {
   const auto n = static_cast<Eigen::Index>(hand.axes.axes.size());
   Eigen::VectorXd proportional = Eigen::VectorXd::Zero(n), derivative = Eigen::VectorXd::Zero(n);
   for (const DrivenAxis& axis : plan.axes) {
@@ -166,28 +166,28 @@ Stability worst_stability(const HandWork& hand, std::size_t hand_index, const Pl
   Stability worst;
   for (const Eigen::MatrixXd& inertia : hand.inertias) {
     const Stability at = explicit_stability(inertia, proportional, derivative, step);
-    if (at.demand > worst.demand) worst = at;
+    if (at.eigenvalue > worst.eigenvalue) worst = at;
   }
   return worst;
 }
 
-/// Refuses explicit gains beyond their limit, or warns of them where they are allowed; names the worst joint.
-void check_stability(const std::vector<HandWork>& hands, const PlanInput& input, Plan& plan,
+/// Refuses explicit gains beyond their limit, or warns if they are allowed; names the worst joint.
+void check_stability(const std::vector<HandDraft>& hands, const PlanInput& input, Plan& plan,
                      Diagnostics& diagnostics) {
   Stability worst;
   std::string name;
   for (std::size_t i = 0; i < hands.size(); ++i) {
     const Stability at = worst_stability(hands[i], i, plan, input.step);
-    if (at.demand <= worst.demand) continue;
+    if (at.eigenvalue <= worst.eigenvalue) continue;
     worst = at;
     name = axis_name(hands[i], at.axis);
   }
-  if (worst.demand < kExplicitLimit) return;
+  if (worst.eigenvalue < kExplicitLimit) return;
   const std::string got = fmt::format(
-      "explicit gains beyond their limit at a step of {:g} ms: 2 D h/I + K h^2/I is {:.3g} with its "
-      "neighbours, {:.3g} alone (D h/I = {:.3g}, K h^2/I = {:.3g}, I = {:.3g} kg m^2)",
-      1e3 * input.step, worst.demand, 2 * worst.damping_number + worst.stiffness_number, worst.damping_number,
-      worst.stiffness_number, worst.inertia);
+      "explicit gains beyond their limit at a step of {:g} ms: 2 D h/I + K h^2/I is {:.3g} for the "
+      "coupled joints, {:.3g} for this joint alone (D h/I = {:.3g}, K h^2/I = {:.3g}, I = {:.3g} kg m^2)",
+      1e3 * input.step, worst.eigenvalue, 2 * worst.damping_number + worst.stiffness_number,
+      worst.damping_number, worst.stiffness_number, worst.inertia);
   const std::string need =
       fmt::format("below {:g}: form: implicit, or a step below {:.3g} ms (or lower gains)", kExplicitLimit,
                   1e3 * worst.largest_step);
@@ -195,7 +195,7 @@ void check_stability(const std::vector<HandWork>& hands, const PlanInput& input,
     diagnostics.problems.push_back({input.controller->rows.front().place, "gains." + name, got, need});
   else
     plan.warnings.push_back(
-        fmt::format("gains.{}: {}, need {}; control.allow_unstable lets it run", name, got, need));
+        fmt::format("gains.{}: {}, need {}; control.allow_unstable accepts it", name, got, need));
 }
 
 }  // namespace
@@ -208,25 +208,25 @@ Plan make_plan(const model::Model& model, const PlanInput& input, Diagnostics& d
   if (input.controller->gravity_compensation && input.effects.has(model::Effect::gravity))
     plan.gravity = model.gravity;
   const std::vector<double> start = model::initial_state(model).q;
-  std::vector<HandWork> hands;
-  for (std::size_t i = 0; i < model.hands.size(); ++i) hands.push_back(begin_hand(model, i, input, start));
+  std::vector<HandDraft> hands;
+  for (std::size_t i = 0; i < model.hands.size(); ++i) hands.push_back(make_draft(model, i, input, start));
   std::vector<HandAxes> axes;
-  for (const HandWork& hand : hands) axes.push_back(hand.axes);
+  for (const HandDraft& hand : hands) axes.push_back(hand.axes);
   const std::size_t before = diagnostics.problems.size();
   check_names(*input.controller, axes, diagnostics);
-  // A row with a misspelt joint also leaves a joint without gains: only the first is reported.
+  // A row with a misspelt joint also leaves a joint without gains: only the misspelling is reported.
   const bool named = diagnostics.problems.size() == before;
   std::size_t knots = 0;
   for (std::size_t i = 0; i < hands.size(); ++i) {
     if (named) check_gains(hands[i], input, diagnostics);
-    Trajectory trajectory = choose(hands[i], input.programs[i], input, diagnostics);
+    Trajectory trajectory = make_trajectory(hands[i], input.programs[i], input, diagnostics);
     knots += trajectory.knots() * trajectory.width();
     if (knots > kMostKnots)
       diagnostics.problems.push_back({input.programs[i].place, input.programs[i].key,
                                       fmt::format("programs of more than {} angles", kMostKnots),
                                       "shorter programs, or fewer hands"});
     if (!diagnostics.problems.empty()) continue;
-    find_inertias(model, trajectory, start, hands[i]);
+    compute_inertias(model, trajectory, start, hands[i]);
     plan.hands.push_back({hands[i].axes.hand, hands[i].index->side, std::move(trajectory)});
     add_axes(hands[i], i, input.strength.empty() ? 1 : input.strength[i], plan);
   }

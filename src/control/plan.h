@@ -1,5 +1,5 @@
-// Controller file + poses + built hand into what runs: for each driven axis its gains in N m/rad and its
-// limits, for each hand its trajectory. All mistakes in files are reported here, before the first step.
+// Makes a control plan from controller file, poses and built hands: gains in N m/rad and limits of each
+// driven axis, the trajectory of each hand. Reports all mistakes in these files before the first step.
 #pragma once
 
 #include <optional>
@@ -16,7 +16,7 @@
 
 namespace handsim::control {
 
-/// Gains of one axis, ready to run.
+/// Gains of one axis as numbers.
 struct Gains {
   double proportional = 0;                  ///< [N m/rad]
   double derivative = 0;                    ///< [N m s/rad]
@@ -35,7 +35,7 @@ struct DrivenAxis {
   std::size_t axis = 0;    ///< of the joint
   std::size_t dof = 0;     ///< in vectors of model.dof_count()
   Gains gains;
-  double inertia = 0;  ///< effective inertia that designed gains rest on [kg m^2]
+  double inertia = 0;  ///< effective inertia for designed gains [kg m^2]
 };
 
 struct HandPlan {
@@ -47,14 +47,14 @@ struct HandPlan {
 struct Plan {
   Form form = Form::implicit_gain;
   bool tissue_compensation = false;
-  /// What gravity compensation holds up against [m/s^2]; absent: no compensation.
+  /// The gravity that is compensated [m/s^2]; absent: no compensation.
   std::optional<Vec3> gravity;
   std::vector<HandPlan> hands;
   std::vector<DrivenAxis> axes;  ///< hand by hand, in the order of the hand's joints
   std::vector<std::string> warnings;
 };
 
-/// What drives one hand: a program of the pose file by name, or a motion file.
+/// Source of a hand's target angles: a program of the pose file by name, or a motion file.
 struct ProgramChoice {
   std::string program;
   Place place;
@@ -63,17 +63,17 @@ struct ProgramChoice {
 
 struct PlanInput {
   const ControllerSpec* controller = nullptr;
-  const PoseFile* poses = nullptr;               ///< null where every hand has a motion file
+  const PoseFile* poses = nullptr;               ///< null if every hand has a motion file
   std::vector<ProgramChoice> programs;           ///< one for each hand of the model, in their order
-  std::vector<std::vector<std::string>> absent;  ///< for each hand the joints that its mount leaves out
-  std::vector<double> strength;                  ///< for each hand the scale of its torque limits; empty: 1
-  model::Effects effects;                        ///< compensation of effects that are off is nothing
+  std::vector<std::vector<std::string>> absent;  ///< for each hand the joints that its mount omits
+  std::vector<double> strength;                  ///< for each hand the factor on its torque limits; empty: 1
+  model::Effects effects;                        ///< effects that are off are not compensated
   double step = 1e-3;                            ///< [s]
-  bool allow_unstable = false;  ///< lets explicit gains beyond their limit run, with a warning
+  bool allow_unstable = false;  ///< accepts explicit gains beyond their limit, with a warning
 };
 
-/// Designed gains rest on the largest effective inertia over the start and the poses of the hand's program,
-/// so that no pose is less damped than asked. @throws nothing: problems go into the diagnostics.
+/// Designed gains use the largest effective inertia over the start and the poses of the hand's program, so
+/// that the damping ratio is reached at every pose. Problems go into the diagnostics.
 Plan make_plan(const model::Model& model, const PlanInput& input, Diagnostics& diagnostics);
 
 }  // namespace handsim::control

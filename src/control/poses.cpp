@@ -13,17 +13,17 @@ namespace handsim::control {
 
 namespace {
 
-/// Rounding of an angle in degrees beyond a range in degrees [rad].
+/// Rounding of an angle and a range that are given in degrees [rad].
 constexpr double kRangeTolerance = 1e-9;
 constexpr int kMaxRepeats = 10'000;
-constexpr std::size_t kMostJoints = 200;  ///< of a pose and of those that it is like
-/// Of all programs of a file together, repeated.
+constexpr std::size_t kMostJoints = 200;  ///< of a pose, with those of the poses that it is `like`
+/// Largest number of keys of all programs of a file, after repetition.
 constexpr std::size_t kMostKeys = 200'000;
 const Quantity kTime = {Dimension::time, 0, 1e5};
 
 enum class Unit { rad, deg };
 
-/// Bare numbers are in the file's unit; a text may carry its own.
+/// Bare numbers are in the file's unit; a text may have a unit of its own.
 std::optional<double> read_angle(const YamlNode& node, const std::string& path, Unit unit,
                                  Diagnostics& diagnostics) {
   const Quantity angle = {Dimension::angle, -M_PI, M_PI};
@@ -54,7 +54,7 @@ std::vector<std::string> names_of(const Map& map) {
   return out;
 }
 
-/// `like: fist` starts from an earlier pose of the file; the joints named then replace its.
+/// `like: fist` starts from an earlier pose of the file; joints named here replace those of that pose.
 PoseSpec read_pose(MapReader reader, Unit unit, const PoseFile& before) {
   PoseSpec pose;
   if (const auto like = reader.maybe_text("like")) {
@@ -79,11 +79,11 @@ void check_order(MapReader& reader, const ProgramKey& key, const std::vector<Pro
   if (before.empty()) return;
   const ProgramKey& last = before.back();
   if (!(key.time > last.time))
-    reader.problem("time", fmt::format("{:g} s after {:g} s", key.time, last.time), "times that rise");
+    reader.problem("time", fmt::format("{:g} s after {:g} s", key.time, last.time), "increasing times");
   else if (key.time < last.time + last.move * (1 - 1e-9))
     reader.problem(
         "time",
-        fmt::format("{:g} s, while the movement before lasts until {:g} s", key.time, last.time + last.move),
+        fmt::format("{:g} s, but the previous movement lasts until {:g} s", key.time, last.time + last.move),
         "a time at or after its end, or a shorter move");
 }
 
@@ -121,7 +121,7 @@ void repeat(std::vector<ProgramKey>& keys, int times, double every) {
     }
 }
 
-/// @param room for keys, those of the program among them.
+/// @param room number of keys still allowed, those of this program included.
 void read_repeat(MapReader reader, ProgramSpec& program, std::size_t room) {
   const int times = reader.integer("times", 1, kMaxRepeats, 1);
   const double every = reader.number("every", kTime);
@@ -208,26 +208,26 @@ PoseFile read_pose_file(YamlNode& node, const std::string& path, Diagnostics& di
 std::vector<double> pose_angles(const std::string& name, const PoseSpec& pose, const HandAxes& hand,
                                 Diagnostics& diagnostics) {
   std::vector<double> out(hand.axes.size(), 0.0);
-  for (const auto& [joint, wanted] : pose.joints) {
+  for (const auto& [joint, given] : pose.joints) {
     std::size_t count = 0;
     for (std::size_t i = 0; i < hand.axes.size(); ++i) {
       const HandAxis& axis = hand.axes[i];
       if (axis.joint != joint) continue;
       ++count;
-      if (axis.axis_index >= wanted.angles.size()) continue;
-      out[i] = wanted.angles[axis.axis_index];
-      check_range(name, axis, out[i], wanted.place, diagnostics);
+      if (axis.axis_index >= given.angles.size()) continue;
+      out[i] = given.angles[axis.axis_index];
+      check_range(name, axis, out[i], given.place, diagnostics);
     }
     const std::string key = fmt::format("poses.{}.{}", name, joint);
-    if (count == 0 && !hand.knows(joint))
-      diagnostics.problems.push_back({wanted.place, key, "a joint that the hand has not",
+    if (count == 0 && !hand.accepts(joint))
+      diagnostics.problems.push_back({given.place, key, "a joint that the hand does not have",
                                       "a joint of its hand model" + nearest_hint(joint, hand.joints())});
     else if (count == 0)
       diagnostics.warnings.push_back(fmt::format("{}{}: hand {} is mounted without this joint: not driven",
-                                                 wanted.place.text(), key, hand.hand));
-    else if (wanted.angles.size() > count)
+                                                 given.place.text(), key, hand.hand));
+    else if (given.angles.size() > count)
       diagnostics.problems.push_back(
-          {wanted.place, key, fmt::format("{} angles", wanted.angles.size()),
+          {given.place, key, fmt::format("{} angles", given.angles.size()),
            fmt::format("at most {}: {}.{} has no more axes", count, hand.hand, joint)});
   }
   return out;

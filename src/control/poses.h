@@ -16,7 +16,7 @@ namespace handsim::control {
 
 /// Angles of one joint in a pose.
 struct PoseAngles {
-  std::vector<double> angles;  ///< by axis, fewer than the joint's axes: the others are 0 [rad]
+  std::vector<double> angles;  ///< by axis [rad]; further axes of the joint are at 0
   Place place;
 };
 
@@ -27,19 +27,19 @@ struct PoseSpec {
 
 /// One movement of a program.
 struct ProgramKey {
-  double time = 0;  ///< the movement starts [s]
-  double move = 0;  ///< and takes [s]; the pose is then held until the next key
+  double time = 0;  ///< start of the movement [s]
+  double move = 0;  ///< its duration [s]; the pose is then held until the next key
   std::string pose;
   Place place;
 };
 
 struct ProgramSpec {
   model::Interpolation interpolation = model::Interpolation::minimum_jerk;
-  std::vector<ProgramKey> keys;                          ///< for every hand; empty where `hands` has them
+  std::vector<ProgramKey> keys;                          ///< for every hand; empty if `hands` has them
   std::map<std::string, std::vector<ProgramKey>> hands;  ///< by the hand's name, e.g. `right`
   Place place;
 
-  /// Keys for a hand; null where the program does not name it.
+  /// Keys for a hand; null if the program does not name it.
   const std::vector<ProgramKey>* keys_for(const std::string& hand) const;
 };
 
@@ -48,12 +48,12 @@ struct PoseFile {
   std::map<std::string, ProgramSpec> programs;
 };
 
-/// Reads a pose file; every defect goes into the diagnostics: unknown poses, times that do not rise,
-/// movements that last beyond the next one's start.
+/// Reads a pose file; every defect goes into the diagnostics: unknown poses, times that do not increase,
+/// movements that end after the next one's start.
 PoseFile read_pose_file(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
-/// Angles of a pose for a hand's axes [rad]. Problems: joints that the hand model has not, more angles than
-/// axes, an angle outside its joint's range. Angles of absent joints count for nothing and are warned of.
+/// Angles of a pose for a hand's axes [rad]. Problems: joints that the hand model does not have, more angles
+/// than axes, an angle outside its joint's range. Angles of absent joints are ignored, with a warning.
 std::vector<double> pose_angles(const std::string& name, const PoseSpec& pose, const HandAxes& hand,
                                 Diagnostics& diagnostics);
 

@@ -4,8 +4,8 @@ namespace handsim::control {
 
 namespace {
 
-/// Largest eigenvalue of M^-1 A for a diagonal A >= 0: that of the symmetric A^1/2 M^-1 A^1/2; and its
-/// eigenvector.
+/// Largest eigenvalue of M^-1 A for a diagonal A >= 0, as that of the symmetric A^1/2 M^-1 A^1/2, and the
+/// eigenvector of the latter.
 std::pair<double, Eigen::VectorXd> largest(const Eigen::MatrixXd& inverse, const Eigen::VectorXd& a) {
   const Eigen::VectorXd root = a.cwiseSqrt();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(root.asDiagonal() * inverse *
@@ -20,22 +20,24 @@ Stability explicit_stability(const Eigen::MatrixXd& inertia, const Eigen::Vector
                              const Eigen::VectorXd& derivative, double step) {
   const Eigen::MatrixXd inverse =
       inertia.llt().solve(Eigen::MatrixXd::Identity(inertia.rows(), inertia.cols()));
-  const auto demand = [&](double h) { return largest(inverse, 2 * h * derivative + h * h * proportional); };
-  const auto [value, vector] = demand(step);
+  const auto eigenvalue = [&](double h) {
+    return largest(inverse, 2 * h * derivative + h * h * proportional);
+  };
+  const auto [value, vector] = eigenvalue(step);
   Stability out;
-  out.demand = value;
+  out.eigenvalue = value;
   Eigen::Index worst = 0;
   vector.cwiseAbs().maxCoeff(&worst);
   out.axis = static_cast<std::size_t>(worst);
   out.inertia = 1 / inverse(worst, worst);
   out.damping_number = derivative[worst] * step / out.inertia;
   out.stiffness_number = proportional[worst] * step * step / out.inertia;
-  // The demand grows with the step: halve the interval in which it crosses the limit.
+  // The eigenvalue grows with the step: bisection for the step at the limit.
   double low = 0, high = step;
-  while (demand(high).first < kExplicitLimit && high < 1) high *= 2;
+  while (eigenvalue(high).first < kExplicitLimit && high < 1) high *= 2;
   for (int i = 0; i < 40; ++i) {
     const double middle = 0.5 * (low + high);
-    (demand(middle).first < kExplicitLimit ? low : high) = middle;
+    (eigenvalue(middle).first < kExplicitLimit ? low : high) = middle;
   }
   out.largest_step = low;
   return out;

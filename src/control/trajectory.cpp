@@ -22,7 +22,7 @@ void Trajectory::at(double time, std::span<double> out) const {
   const std::span<const double> a = knot(next - 1);
   const std::span<const double> b = knot(next);
   const double share = (time - times_[next - 1]) / (times_[next] - times_[next - 1]);
-  const double s = model::eased(interpolation_, share);
+  const double s = model::path_fraction(interpolation_, share);
   for (std::size_t i = 0; i < width_; ++i) out[i] = a[i] + s * (b[i] - a[i]);
 }
 

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/core/units.h"
 #include "handsim/model/motion.h"
 
 namespace handsim::control {
@@ -12,13 +13,13 @@ namespace handsim::control {
 /// One movement of a program: settling time and overshoot are measured over it.
 struct Phase {
   std::string pose;   ///< name of the pose moved to
-  double start = 0;   ///< [s]: the target leaves the pose before
+  double start = 0;   ///< [s]: the target leaves the previous pose
   double arrive = 0;  ///< [s]: the target has reached the pose
   double end = 0;     ///< [s]: the next movement starts; infinity for the last
 };
 
-/// Smaller movements have no settling time and no overshoot, which are shares of the movement [rad].
-inline constexpr double kSmallestMovement = 5 * 0.017453292519943295;
+/// Settling time and overshoot are relative to the movement: not computed for smaller movements [rad].
+inline constexpr double kSmallestMovement = 5 * kDegree;
 
 class Trajectory {
  public:
@@ -27,12 +28,11 @@ class Trajectory {
   Trajectory(std::size_t width, model::Interpolation interpolation)
       : width_(width), interpolation_(interpolation) {}
 
-  /// Adds a knot; times do not fall, two knots at one time make a jump. @param q size width [rad].
+  /// Adds a knot. Times must not decrease; two knots at the same time make a jump. @param q size width [rad].
   void add(double time, std::span<const double> q);
   void add_phase(Phase phase) { phases_.push_back(std::move(phase)); }
 
-  /// Targets at a time [s] into `out`, size width(); the first knot before the first, the last after the
-  /// last.
+  /// Targets at a time [s] into `out`, size width(). Constant before the first knot and after the last.
   void at(double time, std::span<double> out) const;
   /// Knot i, size width().
   std::span<const double> knot(std::size_t i) const { return {q_.data() + i * width_, width_}; }

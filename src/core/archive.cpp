@@ -50,7 +50,7 @@ void ArchiveReader::refuse(const std::string& got, const std::string& need) cons
 }
 
 std::uint64_t ArchiveReader::word() {
-  if (bytes_.size() < kWord) refuse("a file that ends too early", "a whole one");
+  if (bytes_.size() < kWord) refuse("a file that ends too early", "a complete one");
   std::uint64_t bits = 0;
   for (std::size_t i = 0; i < kWord; ++i)
     bits |= static_cast<std::uint64_t>(static_cast<unsigned char>(bytes_[i])) << (8 * i);
@@ -73,7 +73,7 @@ void ArchiveReader::operator()(double& value) {
 
 void ArchiveReader::operator()(std::string& text) {
   const std::uint64_t size = word();
-  if (size > bytes_.size()) refuse("a file that ends too early", "a whole one");
+  if (size > bytes_.size()) refuse("a file that ends too early", "a complete one");
   text = bytes_.substr(0, size);
   bytes_.remove_prefix(size);
 }

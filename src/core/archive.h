@@ -1,7 +1,7 @@
-// Writes numbers and text as bytes and reads back the same bits on any machine: eight bytes each, least
-// significant first. One function template that names a type's fields serves both directions:
+// Serialises numbers and text to bytes and back, bit for bit on any machine: eight bytes per number, least
+// significant first. One function template lists the fields of a type for both directions:
 //   template <class Archive, class T> void carry(Archive& archive, T& value) { archive(value.a); ... }
-// The reader checks every count: it never reads or reserves more than the bytes that are left.
+// The reader checks every count: it never reads or allocates more than the bytes that are left.
 #pragma once
 
 #include <algorithm>
@@ -39,13 +39,13 @@ class ArchiveWriter {
     word(values.size());
     for (const T& value : values) (*this)(value);
   }
-  /// Elements whose fields `carry(archive, element)` names.
+  /// A count, then each element by `carry(archive, element)`.
   template <class T, class Carry>
   void list(const std::vector<T>& values, Carry&& carry) {
     word(values.size());
     for (const T& value : values) carry(*this, value);
   }
-  /// The elements without their count, which the reader knows.
+  /// The elements without a count: the reader knows it.
   template <class Range>
   void each(const Range& values) {
     for (const auto& value : values) (*this)(value);
@@ -60,10 +60,10 @@ class ArchiveWriter {
 
 class ArchiveReader {
  public:
-  /// @param bytes must outlive the reader. @param name of what they are, for messages.
+  /// @param bytes must outlive the reader. @param name of their content, for messages.
   ArchiveReader(std::string_view bytes, std::string name) : bytes_(bytes), name_(std::move(name)) {}
 
-  // Each throws Error (input) where the bytes end too early or hold no such value.
+  // Each throws Error (input) if the bytes end too early or do not hold such a value.
   void operator()(double& value);  ///< finite ones only
   void operator()(std::string& text);
   void operator()(Vec3& v);
@@ -94,9 +94,9 @@ class ArchiveReader {
   std::uint64_t count(std::uint64_t limit);
   /// Count of the elements that follow, each of at least eight bytes; at most what the bytes left can hold.
   std::size_t size();
-  /// Throws where bytes are left over.
+  /// @throws Error (input) if bytes are left over.
   void finish() const;
-  /// @throws Error (input) saying what was found and what was needed.
+  /// @throws Error (input) with the value found and the value needed.
   [[noreturn]] void refuse(const std::string& got, const std::string& need) const;
 
  private:

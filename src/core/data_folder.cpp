@@ -9,7 +9,7 @@ std::filesystem::path data_folder() {
     std::error_code failure;
     if (std::filesystem::is_directory(std::filesystem::path(folder) / "handmodels", failure)) return folder;
   }
-  throw input_error("files that ship with handsim", "nothing at " HANDSIM_INSTALLED_DATA,
+  throw input_error("files installed with handsim", "no folder " HANDSIM_INSTALLED_DATA,
                     "an installed handsim, or the paths of the files");
 }
 

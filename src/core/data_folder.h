@@ -1,4 +1,4 @@
-// Where the files are that ship with handsim: hand models, persons, controllers, scenes.
+// Finds the files installed with handsim: hand models, persons, controllers, scenes.
 #pragma once
 
 #include <filesystem>
@@ -6,7 +6,7 @@
 namespace handsim {
 
 /// Folder with handmodels/ and config/: the installed one, or the source tree's.
-/// @throws Error (input) where neither is there.
+/// @throws Error (input) if neither exists.
 std::filesystem::path data_folder();
 
 }  // namespace handsim

@@ -8,7 +8,7 @@ namespace handsim {
 void Diagnostics::throw_if_any() const {
   if (problems.empty()) return;
   std::vector<std::string> files;
-  // Problems are sorted by file, in the order of reading, then by place.
+  // Sorts problems by file, in the order of reading, then by place.
   const auto rank = [&](const Problem& problem) {
     const Place place = problem.place.value_or(Place{"", 0, 0});
     auto at = std::find(files.begin(), files.end(), place.file);
@@ -19,17 +19,17 @@ void Diagnostics::throw_if_any() const {
   std::vector<Problem> sorted = problems;
   std::stable_sort(sorted.begin(), sorted.end(),
                    [&](const Problem& a, const Problem& b) { return rank(a) < rank(b); });
-  // A file that is read twice gives equal problems under two paths; equal places are now neighbours.
+  // A file that is read twice gives equal problems under two paths; after sorting, equal places are adjacent.
   const auto same = [](const Problem& a, const Problem& b) {
     const auto last = [](const std::string& key) { return key.substr(key.rfind('.') + 1); };
     return a.place && last(a.key) == last(b.key) && a.got == b.got;
   };
   std::vector<Problem> once;
   for (Problem& problem : sorted) {
-    bool said = false;
+    bool reported = false;
     for (auto other = once.rbegin(); other != once.rend() && rank(*other) == rank(problem); ++other)
-      said = said || same(*other, problem);
-    if (!said) once.push_back(std::move(problem));
+      reported = reported || same(*other, problem);
+    if (!reported) once.push_back(std::move(problem));
   }
   throw Error(std::move(once));
 }

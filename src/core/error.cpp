@@ -24,7 +24,7 @@ std::vector<Problem> capped(std::vector<Problem> problems) {
   if (problems.size() <= kMostProblems) return problems;
   const std::size_t more = problems.size() - kMostProblems;
   problems.resize(kMostProblems);
-  problems.push_back({std::nullopt, "", fmt::format("{} problems more", more), "none"});
+  problems.push_back({std::nullopt, "", fmt::format("{} more problems", more), "none"});
   return problems;
 }
 

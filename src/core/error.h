@@ -1,6 +1,6 @@
-// What can go wrong, as one type: `handsim::Error`. Input problems carry the place in the file, what
-// was found and what was needed, many at once; physics faults carry time, body or joint, quantity and
-// value. Nothing in handsim aborts the process and nothing is thrown but this (and std::bad_alloc).
+// The one exception type of handsim. An input error lists all problems, each with the place in the file,
+// the value found and the value needed; a physics fault has time, body or joint, quantity and value.
+// handsim never aborts the process, and throws only this type and std::bad_alloc.
 #pragma once
 
 #include <optional>
@@ -30,7 +30,7 @@ struct Problem {
   std::string text() const;
 };
 
-/// A simulation that went wrong.
+/// A simulation that failed.
 struct PhysicsFault {
   double time = 0;       ///< simulated time [s]
   std::string where;     ///< name of the body or joint
@@ -44,14 +44,12 @@ enum class ErrorKind {
   output,   ///< a file could not be written, e.g. the disk is full: exit status 1
 };
 
-/// Most problems that are reported; nobody reads more.
+/// Largest number of problems that are reported.
 inline constexpr std::size_t kMostProblems = 1000;
 
-/// The only exception type of handsim.
 class Error : public std::runtime_error {
  public:
-  /// Problems of input or output, at least one. Keeps the first kMostProblems and says how many more there
-  /// are.
+  /// At least one problem of input or output. Keeps the first kMostProblems and the number of the others.
   explicit Error(std::vector<Problem> problems, ErrorKind kind = ErrorKind::input);
   explicit Error(PhysicsFault fault);
 
@@ -69,7 +67,7 @@ class Error : public std::runtime_error {
 
 /// An input error outside any file: `key: got X, need Y`.
 Error input_error(std::string key, std::string got, std::string need);
-/// The same of an output.
+/// An output error of the same form.
 Error output_error(std::string key, std::string got, std::string need);
 
 }  // namespace handsim

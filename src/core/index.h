@@ -1,11 +1,11 @@
-// The model counts in int, containers in std::size_t.
+// The model's indices are int, those of containers std::size_t.
 #pragma once
 
 #include <cstddef>
 
 namespace handsim {
 
-/// Index i >= 0 as a container takes it.
+/// Converts an index i >= 0 for a container.
 constexpr std::size_t at(std::ptrdiff_t i) { return static_cast<std::size_t>(i); }
 
 }  // namespace handsim

@@ -31,10 +31,10 @@ class Descriptor {
   int number_;
 };
 
-/// What is wrong with a thing of this mode as a file; null for a regular file.
-const char* odd(mode_t mode) {
+/// Name of a kind of file that is refused; null for a regular file.
+const char* refused_kind(mode_t mode) {
   if (S_ISREG(mode)) return nullptr;
-  return S_ISDIR(mode) ? "a directory" : "no regular file";
+  return S_ISDIR(mode) ? "a directory" : "a pipe, socket or device";
 }
 
 }  // namespace
@@ -57,14 +57,14 @@ std::string read_input_file(const std::filesystem::path& path, std::string_view 
   struct stat status {};
   // Checked before opening, because opening some devices has effects.
   if (::stat(path.c_str(), &status) != 0) throw refuse("no such file", std::string(need));
-  if (const char* what = odd(status.st_mode)) throw refuse(what, std::string(need));
+  if (const char* what = refused_kind(status.st_mode)) throw refuse(what, std::string(need));
   const Descriptor file(path);
   if (file.number() < 0 || ::fstat(file.number(), &status) != 0) throw unreadable("opened");
-  if (const char* what = odd(status.st_mode)) throw refuse(what, std::string(need));
+  if (const char* what = refused_kind(status.st_mode)) throw refuse(what, std::string(need));
   const auto size = static_cast<std::size_t>(std::max<off_t>(status.st_size, 0));
   const std::string most = "at most " + bytes_text(most_bytes);
   if (size > most_bytes) throw refuse(fmt::format("a file of {} bytes", size), most);
-  // The size that the system reports may be wrong, so one byte more than the limit is read.
+  // The reported size may be wrong: reading stops only one byte beyond the limit.
   std::string text(std::min(most_bytes, std::max<std::size_t>(size, 4096)) + 1, '\0');
   std::size_t filled = 0;
   while (true) {

@@ -1,4 +1,4 @@
-// How much memory the process can still get.
+// Measures how much memory the process can still allocate.
 #pragma once
 
 #include <cstddef>
@@ -6,9 +6,9 @@
 
 namespace handsim {
 
-/// Memory that the process can still get [bytes]: the least of what is left of its address space (ulimit -v),
-/// of its control group, and of the machine without swapping. Absent where the system reports none of them.
-/// Takes about 30 us.
+/// Memory that the process can still allocate [bytes]: the smallest of the rest of its address space
+/// (ulimit -v), of its control group, and of the machine without swapping. Absent if the system reports none
+/// of them. Reads files of /proc and /sys on each call.
 std::optional<std::size_t> free_memory();
 
 }  // namespace handsim

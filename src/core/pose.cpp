@@ -5,7 +5,7 @@
 namespace handsim {
 
 Vec3 rotation_vector(const Quat& q) {
-  // The half with w >= 0 is the short way round.
+  // Of q and -q, the one with w >= 0 gives the angle up to pi.
   const double sign = q.w() < 0 ? -1.0 : 1.0;
   const Vec3 v = sign * q.vec();
   const double s = v.norm();

@@ -1,4 +1,4 @@
-// Rigid poses and the mirror that makes a left hand from a right one. Notation: `X_AB` is the pose of
+// Rigid poses, and the mirror image that makes a left hand from a right one. Notation: `X_AB` is the pose of
 // frame B in frame A, with `p_AB` its origin and `q_AB` its rotation (v_A = q_AB * v_B).
 #pragma once
 

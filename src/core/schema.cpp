@@ -10,7 +10,7 @@ namespace {
 
 using Setting = SchemaRecorder::Setting;
 
-/// The first key of a dotted path, taken off it.
+/// Removes the first key from a dotted path and returns it.
 std::string_view take_key(std::string_view& path) {
   const std::size_t dot = path.find('.');
   const std::string_view key = path.substr(0, dot);
@@ -18,7 +18,7 @@ std::string_view take_key(std::string_view& path) {
   return key;
 }
 
-/// Writes a value at its path, in place of whatever is in the way.
+/// Writes a value at its path; replaces values of another kind on the way.
 void put(YamlNode& tree, const Setting& setting) {
   YamlNode* node = &tree;
   for (std::string_view rest = setting.path; !rest.empty();) {
@@ -47,7 +47,7 @@ Json without_default(Json type) {
 }
 
 /// Adds a type to those of a key. Two lists of words become one; a default that depends on other keys is
-/// none.
+/// left out.
 void merge(std::vector<Json>& types, Json type) {
   for (Json& known : types) {
     if (known == type) return;
@@ -68,7 +68,7 @@ void merge(std::vector<Json>& types, Json type) {
   types.push_back(std::move(type));
 }
 
-/// The type of this name among those of a key, added where it is missing.
+/// The type of this name among those of a key, added if missing.
 Json& type_of(std::vector<Json>& types, const char* name) {
   for (Json& type : types)
     if (type.contains("type") && type["type"] == name) return type;
@@ -89,7 +89,7 @@ SchemaRecorder::Node& SchemaRecorder::at(std::string_view path) {
   return *node;
 }
 
-void SchemaRecorder::note(const std::string& path, std::string_view key, KeyForm form) {
+void SchemaRecorder::record(const std::string& path, std::string_view key, KeyForm form) {
   const std::string whole = path.empty() ? std::string(key) : path + "." + std::string(key);
   Node& node = at(whole);
   for (Json& type : form.types) merge(node.types, std::move(type));
@@ -99,10 +99,10 @@ void SchemaRecorder::note(const std::string& path, std::string_view key, KeyForm
       found_.push_back({whole, std::move(form.samples[i]), i == 0});
 }
 
-void SchemaRecorder::note_file(const std::string& path, std::string_view key, std::string_view kind,
-                               bool required) {
+void SchemaRecorder::record_file(const std::string& path, std::string_view key, std::string_view kind,
+                                 bool required) {
   kinds_.emplace(kind);
-  note(path, key, file_form(kind, required));
+  record(path, key, file_form(kind, required));
 }
 
 std::vector<Setting> SchemaRecorder::end_run() {
@@ -138,8 +138,8 @@ Json SchemaRecorder::build(const Node& node) {
 
 namespace {
 
-/// What a reader takes. Keys hide others and bring others in: each setting is read on its own way, and beside
-/// all other keys.
+/// Runs a reader until it asks for no new key. Values enable and disable other keys: each setting is
+/// therefore read with only the settings that led to it, and also together with all other keys.
 Json explore(const SchemaSource& source, SchemaRecorder& recorder) {
   std::vector<Setting> settings;
   std::vector<YamlNode> waiting = {yaml_map()};

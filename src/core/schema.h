@@ -1,6 +1,6 @@
-// JSON Schema (draft 2020-12) of a kind of file, found by running its reader: whatever the reader asks for is
-// in the schema, and nothing else. Keys that a value brings in (`radius` of a sphere) stand beside all
-// others, and are required only where every choice requires them: the reader judges how keys go together.
+// Makes the JSON Schema (draft 2020-12) of a kind of file by running its reader: the schema holds exactly the
+// keys that the reader asks for. Keys of one choice only (`radius` of a sphere) are listed with all others
+// and are required only if every choice requires them: only the reader checks which keys may stand together.
 #pragma once
 
 #include <functional>
@@ -15,11 +15,11 @@ namespace handsim {
 /// A kind of file.
 struct SchemaSource {
   std::string_view kind;  ///< as MapReader::file_or_block() calls it: `a person`
-  /// Its reader; called many times, with trees that grow by what it asks for.
+  /// Its reader; called many times, each time with more of the keys that it asked for.
   std::function<void(YamlNode& root, Diagnostics& diagnostics)> read;
 };
 
-/// @param sources of this kind and of those that its files name.
+/// @param sources of this kind and of all kinds of files that it refers to.
 std::string json_schema(std::string_view kind, std::span<const SchemaSource> sources);
 
 }  // namespace handsim

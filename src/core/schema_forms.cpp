@@ -22,7 +22,7 @@ YamlNode sample_number(const Quantity& quantity, double near) {
   return yaml_scalar(number_text(std::clamp(near, quantity.min, quantity.max)));
 }
 
-/// Numbers and words are texts, too, where the reader wants a text.
+/// Where the reader wants a text it also accepts numbers and truth values.
 Json text_type() { return {{"type", {"string", "number", "boolean"}}}; }
 
 /// A bare number in SI, or a text with a unit of its dimension.
@@ -51,7 +51,7 @@ Json array_type(const Json& items, std::size_t least, std::size_t most) {
 
 }  // namespace
 
-KeyForm asked_form() { return {{}, {yaml_scalar(kSample), yaml_map(), sample_list({yaml_map()})}}; }
+KeyForm presence_form() { return {{}, {yaml_scalar(kSample), yaml_map(), sample_list({yaml_map()})}}; }
 
 KeyForm number_form(const Quantity& quantity, std::optional<double> fallback, bool required) {
   Json type = number_type(quantity);

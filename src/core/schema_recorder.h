@@ -1,4 +1,4 @@
-// What readers ask for while json_schema() runs them. Private to this folder.
+// Records which keys readers ask for while json_schema() runs them. Private to this folder.
 #pragma once
 
 #include <map>
@@ -17,14 +17,14 @@ namespace handsim {
 
 using Json = nlohmann::ordered_json;
 
-/// What a reader takes under a key.
+/// The values that a reader accepts for a key.
 struct KeyForm {
-  std::vector<Json> types;        ///< any of them; none: the reader only asks whether the key is there
-  std::vector<YamlNode> samples;  ///< values to read on with, the usual one first
+  std::vector<Json> types;        ///< accepted ones; empty: the reader only checks that the key exists
+  std::vector<YamlNode> samples;  ///< values for further runs of the reader, the usual one first
   bool required = false;
 };
 
-KeyForm asked_form();
+KeyForm presence_form();
 KeyForm number_form(const Quantity& quantity, std::optional<double> fallback, bool required);
 KeyForm integer_form(int min, int max, int fallback);
 KeyForm text_form(const std::optional<std::string>& fallback, bool required);
@@ -37,34 +37,34 @@ KeyForm texts_form(std::size_t least, std::size_t most, const std::string& need)
 KeyForm list_form(std::size_t least, std::size_t most);
 KeyForm map_form(bool required);
 KeyForm value_form(const ValueForm& form);
-/// A file, or a block in its place, whose keys the schema of its kind has.
+/// A file, or a block in its place; the schema of its kind lists its keys.
 KeyForm file_form(std::string_view kind, bool required);
 
 /// Name of a kind of file within a schema: `hand_model` of `a hand model`.
 std::string definition_name(std::string_view kind);
 
-/// Gathers what all runs of a reader ask for.
+/// Collects the keys of all runs of a reader.
 class SchemaRecorder {
  public:
-  /// A value for a key, under which the reader may ask for more.
+  /// A value for a key; with it the reader may ask for further keys.
   struct Setting {
     std::string path;
     YamlNode value;
     bool usual = true;
   };
 
-  /// A map is read at this path.
-  void visit(const std::string& path) { visited_.insert(path); }
-  /// A key of the map at this path is a file or a block of this kind.
-  void note_file(const std::string& path, std::string_view key, std::string_view kind, bool required);
-  /// A key of the map at this path is asked for.
-  void note(const std::string& path, std::string_view key, KeyForm form);
-  /// Keys of the map at this path that were not asked for are refused.
+  /// Records that the reader reads a map at this path.
+  void record_map(const std::string& path) { visited_.insert(path); }
+  /// Records that a key of the map at this path is a file or a block of this kind.
+  void record_file(const std::string& path, std::string_view key, std::string_view kind, bool required);
+  /// Records that the reader asks for a key of the map at this path.
+  void record(const std::string& path, std::string_view key, KeyForm form);
+  /// Records that the map at this path allows no other keys.
   void close(const std::string& path) { at(path).closed = true; }
 
   const std::set<std::string>& kinds() const { return kinds_; }
 
-  /// The settings that the run has brought up, each once in all runs.
+  /// Ends a run and returns the settings that no run before has returned.
   std::vector<Setting> end_run();
   Json schema() const { return build(root_); }
 
@@ -73,7 +73,7 @@ class SchemaRecorder {
     std::string key;  ///< `0`: items of a list, `*`: keys of any name
     std::vector<Json> types = {};
     std::vector<Node> children = {};
-    std::optional<std::set<std::string>> required = {};  ///< in every run that came here
+    std::optional<std::set<std::string>> required = {};  ///< in every run that read this map
     bool closed = false;
   };
 

@@ -12,35 +12,34 @@ namespace {
 bool is_control(unsigned char c) { return c < 0x20 || c == 0x7f; }
 bool is_continuation(unsigned char c) { return (c & 0xc0U) == 0x80; }
 
-/// Bytes of the UTF-8 character at the front, 0 where there is none.
-std::size_t character_size(std::string_view text) {
+struct Character {
+  std::size_t size = 0;    ///< [bytes]
+  unsigned long code = 0;  ///< Unicode code point
+};
+
+/// The UTF-8 character of more than one byte at the start of the text.
+std::optional<Character> decode(std::string_view text) {
   struct Form {
     unsigned char mask, lead;
     std::size_t size;
     unsigned long least;  ///< smaller code points have a shorter form
   };
-  constexpr std::array<Form, 4> kForms = {
-      {{0x80, 0x00, 1, 0}, {0xe0, 0xc0, 2, 0x80}, {0xf0, 0xe0, 3, 0x800}, {0xf8, 0xf0, 4, 0x10000}}};
+  constexpr std::array<Form, 3> kForms = {
+      {{0xe0, 0xc0, 2, 0x80}, {0xf0, 0xe0, 3, 0x800}, {0xf8, 0xf0, 4, 0x10000}}};
   const auto first = static_cast<unsigned char>(text.front());
   for (const Form& form : kForms) {
     if ((first & form.mask) != form.lead) continue;
-    if (text.size() < form.size) return 0;
+    if (text.size() < form.size) return std::nullopt;
     unsigned long code = first & static_cast<unsigned char>(~form.mask);
     for (const char c : text.substr(1, form.size - 1)) {
-      if (!is_continuation(static_cast<unsigned char>(c))) return 0;
+      if (!is_continuation(static_cast<unsigned char>(c))) return std::nullopt;
       code = (code << 6U) | (static_cast<unsigned char>(c) & 0x3fU);
     }
     const bool surrogate = code >= 0xd800 && code <= 0xdfff;
-    return code < form.least || code > 0x10ffff || surrogate ? 0 : form.size;
+    if (code < form.least || code > 0x10ffff || surrogate) return std::nullopt;
+    return Character{form.size, code};
   }
-  return 0;
-}
-
-/// The code point of a character of more than one byte.
-unsigned long code_point(std::string_view character) {
-  unsigned long code = static_cast<unsigned char>(character.front()) & (0x7fU >> character.size());
-  for (const char c : character.substr(1)) code = (code << 6U) | (static_cast<unsigned char>(c) & 0x3fU);
-  return code;
+  return std::nullopt;
 }
 
 /// Unicode noncharacters, which YAML forbids.
@@ -48,8 +47,8 @@ bool is_noncharacter(unsigned long code) {
   return (code & 0xfffeU) == 0xfffe || (code >= 0xfdd0 && code <= 0xfdef);
 }
 
-/// Terminals take these as commands; U+0085 is a line end.
-bool is_late_control(unsigned long code) { return code >= 0x80 && code <= 0x9f; }
+/// C1 control characters: terminals execute them. U+0085 is a line end.
+bool is_c1_control(unsigned long code) { return code >= 0x80 && code <= 0x9f; }
 
 }  // namespace
 
@@ -58,14 +57,17 @@ std::optional<BadByte> find_bad_byte(std::string_view text) {
     const auto c = static_cast<unsigned char>(text[at]);
     if (is_control(c) && c != '\t' && c != '\n' && c != '\r')
       return BadByte{at, fmt::format("the control character 0x{:02x}", c)};
-    const std::size_t size = character_size(text.substr(at));
-    if (size == 0) return BadByte{at, fmt::format("the byte 0x{:02x}, which is no UTF-8", c)};
-    if (const unsigned long code = size > 1 ? code_point(text.substr(at, size)) : 0; code > 0) {
-      if (is_noncharacter(code)) return BadByte{at, fmt::format("U+{:04X}, which is no character", code)};
-      if (is_late_control(code) && code != 0x85)
-        return BadByte{at, fmt::format("the control character U+{:04X}", code)};
+    if (c < 0x80) {
+      ++at;
+      continue;
     }
-    at += size;
+    const std::optional<Character> found = decode(text.substr(at));
+    if (!found) return BadByte{at, fmt::format("the byte 0x{:02x}, which is not UTF-8", c)};
+    if (is_noncharacter(found->code))
+      return BadByte{at, fmt::format("U+{:04X}, which is not a character", found->code)};
+    if (is_c1_control(found->code) && found->code != 0x85)
+      return BadByte{at, fmt::format("the control character U+{:04X}", found->code)};
+    at += found->size;
   }
   return std::nullopt;
 }
@@ -79,9 +81,9 @@ std::string printable(std::string_view text, std::size_t limit) {
   std::string out;
   for (std::size_t at = 0; at < text.size(); ++at) {
     const char c = text[at];
-    const bool late =
-        c == '\xc2' && at + 1 < text.size() && is_late_control(static_cast<unsigned char>(text[at + 1]));
-    if (late)
+    const bool c1 =
+        c == '\xc2' && at + 1 < text.size() && is_c1_control(static_cast<unsigned char>(text[at + 1]));
+    if (c1)
       out += fmt::format("\\x{:02x}", static_cast<unsigned char>(text[++at]));
     else if (c == '\n')
       out += "\\n";

@@ -1,5 +1,4 @@
-// Makes bytes from files and command lines safe to keep and to print: finds invalid UTF-8, and writes control
-// characters as escapes in messages.
+// Checks text from files and command lines for invalid UTF-8, and escapes control characters in messages.
 #pragma once
 
 #include <cstddef>
@@ -12,18 +11,18 @@ namespace handsim {
 /// The first byte that is not valid text, and why.
 struct BadByte {
   std::size_t at = 0;
-  std::string what;  ///< e.g. `the byte 0xff, which is no UTF-8`
+  std::string what;  ///< e.g. `the byte 0xff, which is not UTF-8`
 };
 
-/// First byte that is not part of valid UTF-8 (RFC 3629), or begins a control character other than tab and
-/// line ends, or one of the code points that are no characters (U+FFFE and the like).
+/// First byte that is not part of valid UTF-8 (RFC 3629), or that starts a control character other than tab
+/// and line ends, or a noncharacter (U+FFFE and the like).
 std::optional<BadByte> find_bad_byte(std::string_view text);
 
 /// The text on one line: control characters as `\n`, `\t`, `\x1b` or `\x9b`; cut after `limit` bytes, never
 /// within a character, with `...`.
 std::string printable(std::string_view text, std::size_t limit = 60);
 
-/// Takes the first line, without its end, off a text that is not empty.
+/// Removes the first line from a text that is not empty; returns it without its line end.
 std::string_view take_line(std::string_view& text);
 
 /// Letters A to Z as a to z.

@@ -101,7 +101,7 @@ std::string_view trimmed(std::string_view text) {
   return text;
 }
 
-/// Reads a number off the front of `text` and leaves the rest.
+/// Removes a number from the start of `text` and returns it.
 std::optional<double> take_number(std::string_view& text) {
   double value = 0;
   const auto result = std::from_chars(text.data(), text.data() + text.size(), value);

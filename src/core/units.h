@@ -1,5 +1,5 @@
-// Numbers with units, as YAML files and command lines write them: `"35 mm"` or a bare SI number in,
-// SI out. Knows the units of mechanics that hand models need and no others.
+// Reads numbers with units, as in YAML files and command lines: `"35 mm"` or a bare SI number in, SI out.
+// Knows only the units of mechanics that hand models need.
 #pragma once
 
 #include <cmath>
@@ -52,7 +52,7 @@ std::optional<double> parse_quantity(std::string_view text, Dimension dimension)
 /// Units that a number of this dimension may have.
 std::vector<std::string_view> units_of(Dimension dimension);
 
-/// Parses all of the text as one finite number, with `.` as the decimal point whatever the locale.
+/// Parses all of the text as one finite number, with `.` as the decimal point in every locale.
 std::optional<double> parse_number(std::string_view text);
 
 /// Shortest text that reads back as the same double.

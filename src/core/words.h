@@ -1,4 +1,4 @@
-// Messages about words of which only some are known.
+// Messages that list the known words and the one nearest to an unknown word.
 #pragma once
 
 #include <optional>
@@ -11,13 +11,13 @@ namespace handsim {
 /// `a`, or `one of a, b`.
 std::string list_of(const std::vector<std::string>& words);
 
-/// What is needed in place of a word that is none of those known: `one of a, b (nearest: b)`.
+/// The known words for a message about an unknown one: `one of a, b (nearest: b)`.
 std::string need_word(std::string_view got, const std::vector<std::string>& known);
 
-/// ` (nearest: b)`, or nothing where none is near enough to be meant.
+/// ` (nearest: b)`, or an empty text if nearest_word() finds none.
 std::string nearest_hint(std::string_view got, const std::vector<std::string>& known);
 
-/// The word of `known` nearest to `word`, if any is near enough to be meant.
+/// The word of `known` nearest to `word`, if it differs by at most 1 to 3 letters (more for longer words).
 std::optional<std::string> nearest_word(std::string_view word, const std::vector<std::string>& known);
 
 }  // namespace handsim

@@ -20,8 +20,8 @@ namespace handsim {
 
 namespace {
 
-/// Builds the tree from yaml-cpp's events. YAML::Node has places (Mark), but it keeps one of two equal keys
-/// without a message, does not know the place of an alias, forgets quotes, and expands aliases without limit.
+/// Builds the tree from yaml-cpp's events. YAML::Node has places (Mark), but it silently drops one of two
+/// equal keys, has no place for an alias, loses quotes, and expands aliases without limit.
 class TreeBuilder : public YAML::EventHandler {
  public:
   TreeBuilder(std::shared_ptr<const std::string> file, YamlBudget& budget)
@@ -29,12 +29,12 @@ class TreeBuilder : public YAML::EventHandler {
 
   void OnDocumentStart(const YAML::Mark& mark) override {
     if (++documents_ == 1) return;
-    problem(mark, "a second document", "one document a file");
+    problem(mark, "a second document", "one document per file");
     throw Error(problems_);
   }
   void OnDocumentEnd() override {}
 
-  void OnNull(const YAML::Mark& mark, YAML::anchor_t anchor) override { add(made(mark, {}), anchor); }
+  void OnNull(const YAML::Mark& mark, YAML::anchor_t anchor) override { add(make_node(mark, {}), anchor); }
 
   void OnAlias(const YAML::Mark& mark, YAML::anchor_t anchor) override {
     const auto found = anchors_.find(anchor);
@@ -51,7 +51,7 @@ class TreeBuilder : public YAML::EventHandler {
 
   void OnScalar(const YAML::Mark& mark, const std::string& tag, YAML::anchor_t anchor,
                 const std::string& value) override {
-    YamlNode node = made(mark, value);
+    YamlNode node = make_node(mark, value);
     node.kind = YamlNode::Kind::scalar;
     node.quoted = tag == "!";
     if (node.quoted) last_quoted_ = mark;
@@ -76,7 +76,7 @@ class TreeBuilder : public YAML::EventHandler {
   YamlNode root;
   std::vector<Problem>& problems() { return problems_; }
 
-  /// Without a closing quote yaml-cpp lets the text run to the end of the file.
+  /// yaml-cpp accepts a text without a closing quote and ends it at the end of the file.
   void check_last_quote(const std::string& text) {
     if (!last_quoted_) return;
     const std::optional<std::size_t> open = offset_of(text, *last_quoted_);
@@ -90,7 +90,7 @@ class TreeBuilder : public YAML::EventHandler {
       else if (text[at] == quote)
         return;
     }
-    problem(*last_quoted_, "a quote that nothing closes", fmt::format("a closing {}", quote));
+    problem(*last_quoted_, "a quote that is not closed", fmt::format("a closing {}", quote));
   }
 
  private:
@@ -107,7 +107,7 @@ class TreeBuilder : public YAML::EventHandler {
     std::size_t bytes = kYamlNodeBytes;
   };
 
-  YamlNode made(const YAML::Mark& mark, const std::string& text) {
+  YamlNode make_node(const YAML::Mark& mark, const std::string& text) {
     spend(mark.line + 1, mark.column + 1, kYamlNodeBytes + text.size());
     YamlNode node;
     node.text = text;
@@ -150,8 +150,7 @@ class TreeBuilder : public YAML::EventHandler {
     return at < text.size() ? std::optional(at) : std::nullopt;
   }
 
-  /// An escape in quotes may produce a character that the file itself may not hold and that cannot be written
-  /// back.
+  /// An escape in quotes may produce a character that is not allowed in the file and cannot be written back.
   void check_escapes(const YAML::Mark& mark, const std::string& value) {
     if (const auto bad = find_bad_byte(value); bad && bad->what.starts_with("U+"))
       problem(mark, bad->what, "characters of Unicode");
@@ -164,7 +163,7 @@ class TreeBuilder : public YAML::EventHandler {
 
   void open(const YAML::Mark& mark, YamlNode::Kind kind, YAML::anchor_t anchor) {
     Level level;
-    level.node = made(mark, {});
+    level.node = make_node(mark, {});
     level.node.kind = kind;
     level.anchor = anchor;
     levels_.push_back(std::move(level));
@@ -183,7 +182,7 @@ class TreeBuilder : public YAML::EventHandler {
 
   void add(YamlNode node, YAML::anchor_t anchor, std::size_t bytes = kYamlNodeBytes) {
     if (anchor != 0) {
-      // A copy counts against the budget; nested anchors would let it grow without bound.
+      // The copy counts, too: nested anchors could otherwise need unlimited memory.
       spend(node.line, node.column, bytes);
       anchors_[anchor] = {node, bytes};
     }
@@ -269,7 +268,7 @@ YamlNode empty_node(YamlNode::Kind kind) {
   return node;
 }
 
-/// The first tab up to line `last` that indents a line. yaml-cpp reports what follows it instead.
+/// The first tab up to line `last` that indents a line. yaml-cpp reports the text after it instead.
 std::optional<Place> first_tab(const std::string& text, const Place& last) {
   std::istringstream lines(text);
   std::string line;
@@ -281,14 +280,14 @@ std::optional<Place> first_tab(const std::string& text, const Place& last) {
   return std::nullopt;
 }
 
-/// @throws Error (input) where the file is too large.
+/// @throws Error (input) if the file is too large.
 void check_size(std::uintmax_t bytes, const std::string& name) {
   if (bytes > kYamlMaxBytes)
     throw Error(std::vector<Problem>{{Place{name, 1, 1}, "", fmt::format("a file of {} bytes", bytes),
                                       "at most " + bytes_text(kYamlMaxBytes)}});
 }
 
-/// @throws Error (input) at the first byte that is no text.
+/// @throws Error (input) at the first byte that is not text.
 void check_text(std::string_view text, const std::string& name) {
   const std::optional<BadByte> bad = find_bad_byte(text);
   if (!bad) return;
@@ -345,8 +344,9 @@ YamlNode parse_yaml(const std::string& text, const std::string& name, YamlBudget
     // yaml-cpp marks an unknown place with -1.
     const Place place{name, std::max(1, failure.mark.line + 1), std::max(1, failure.mark.column + 1)};
     const std::optional<Place> tab = first_tab(text, place);
-    builder.problems().push_back(tab ? Problem{tab, "", "a tab as indentation", "spaces"}
-                                     : Problem{place, "", "broken YAML (" + failure.msg + ")", "valid YAML"});
+    builder.problems().push_back(
+        tab ? Problem{tab, "", "a tab as indentation", "spaces"}
+            : Problem{place, "", "invalid YAML (" + failure.msg + ")", "valid YAML"});
   }
   if (!builder.problems().empty()) throw Error(builder.problems());
   if (!builder.root.file) builder.root.file = std::make_shared<const std::string>(name);

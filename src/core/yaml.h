@@ -1,5 +1,5 @@
-// Parses YAML text into a tree of nodes that know their place in the file, and writes it back. Stricter than
-// YAML: a key stands once, an alias may not contain itself, file size, nesting and memory are limited.
+// Parses YAML text into a tree of nodes with their places in the file, and writes it back. Stricter than
+// YAML: each key occurs once, no alias is inside its own value, file size, nesting and memory are limited.
 // yaml_reader.h reads values out of the tree.
 #pragma once
 
@@ -44,7 +44,7 @@ struct YamlEntry {
 };
 
 /// Largest file and deepest nesting accepted. A scene together with the files that it names has to stay
-/// within these limits, so that its resolved.yaml can be read again. A scene of a thousand mugs does.
+/// within these limits, so that its resolved.yaml can be read again.
 inline constexpr std::size_t kYamlMaxBytes = 32U << 20U;
 inline constexpr int kYamlMaxDepth = 64;
 /// Most memory for the trees of one scene, with aliases expanded, referenced files and `--set`.
@@ -57,19 +57,20 @@ struct YamlBudget {
   std::size_t left = kYamlMaxMemory;
 };
 
-/// @param name the file's name in messages. @param budget taken from; absent: one of its own.
-/// @throws Error (input) with every syntax error, duplicate key and bad alias, or where the budget is spent.
+/// @param name the file's name in messages. @param budget reduced by the tree's memory; without it the file
+/// has a full budget.
+/// @throws Error (input) with every syntax error, duplicate key and bad alias, or if the budget is used up.
 YamlNode parse_yaml(const std::string& text, const std::string& name, YamlBudget& budget);
 YamlNode parse_yaml(const std::string& text, const std::string& name);
 
-/// @throws Error (input) where the file is missing, no regular file, too large, or bad YAML.
+/// @throws Error (input) if the file is missing, not a regular file, too large, or invalid YAML.
 YamlNode load_yaml(const std::filesystem::path& path, YamlBudget& budget);
 YamlNode load_yaml(const std::filesystem::path& path);
 
 /// Canonical YAML that parses back to the same tree.
 std::string emit_yaml(const YamlNode& node);
 
-/// Scalars and containers for trees made in code.
+/// Nodes for trees made in code.
 YamlNode yaml_scalar(std::string text, bool quoted = false);
 YamlNode yaml_map();
 YamlNode yaml_sequence();
@@ -78,12 +79,12 @@ YamlNode& yaml_put(YamlNode& map, std::string key, YamlNode value);
 
 /// Replaces a scalar that names a YAML file (relative to the file that contains it) by that file's tree;
 /// other nodes stay as they are.
-/// @throws Error (input) at the scalar's place where the file cannot be read, or the file's own problems.
+/// @throws Error (input) at the scalar's place if the file cannot be read, or the file's own problems.
 void follow_reference(YamlNode& node, const std::string& key, YamlBudget& budget);
 
 /// Sets the value at a dotted path, e.g. `solver.step=5 ms` or `hands.0.side=left`, following file
 /// references and adding map keys on the way. A path has at most kYamlMaxDepth keys.
-/// @throws Error (input) naming the path where it leads through something that is no map or list.
+/// @throws Error (input) naming the path if a node on it is neither map nor list.
 void apply_override(YamlNode& root, std::string_view assignment, YamlBudget& budget);
 void apply_override(YamlNode& root, std::string_view assignment);
 

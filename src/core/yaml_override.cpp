@@ -28,7 +28,7 @@ YamlNode& item_for_override(YamlNode& list, const std::string& part, const std::
       list.items.empty() ? "a list with items" : fmt::format("an index from 0 to {}", list.items.size() - 1));
 }
 
-/// The child that the next key of an override's path names; added where the map has none.
+/// The child that the next key of an override's path names; added to the map if missing.
 YamlNode& child_for_override(YamlNode& node, const std::string& part, const std::string& path,
                              const std::shared_ptr<const std::string>& origin) {
   if (node.kind == YamlNode::Kind::null) node.kind = YamlNode::Kind::map;
@@ -65,7 +65,7 @@ std::vector<std::string> parts_of(const std::string& path) {
 void follow_reference(YamlNode& node, const std::string& key, YamlBudget& budget) {
   if (node.kind != YamlNode::Kind::scalar) return;
   if (!names_file(node))
-    throw Error(std::vector<Problem>{{node.place(), key, node.described() + ", which is no file",
+    throw Error(std::vector<Problem>{{node.place(), key, node.described() + ", which is not a file",
                                       "the path of a YAML file, relative to this file"}});
   node = load_yaml(path_beside(node), budget);
 }

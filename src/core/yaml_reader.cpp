@@ -14,7 +14,7 @@ namespace {
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-/// How to write a number that has a decimal comma; nothing if it has none.
+/// Message with the correct form of a number that has a decimal comma; nothing if it has none.
 std::optional<std::string> without_comma(const std::string& text) {
   const std::size_t comma = text.find(',');
   if (comma == std::string::npos || comma == 0 || comma + 1 == text.size() || !is_digit(text[comma - 1]) ||
@@ -60,7 +60,7 @@ MapReader::MapReader(YamlNode& node, std::string path, Diagnostics& diagnostics)
       diagnostics_(&diagnostics),
       problems_before_(diagnostics.problems.size()) {
   if (node.kind == YamlNode::Kind::map) {
-    if (diagnostics.recorder) diagnostics.recorder->visit(path_);
+    if (diagnostics.recorder) diagnostics.recorder->record_map(path_);
     return;
   }
   broken_ = true;
@@ -75,7 +75,7 @@ std::string MapReader::path_of(std::string_view key) const {
 bool MapReader::has(std::string_view key) { return child(key) != nullptr; }
 
 YamlNode* MapReader::child(std::string_view key) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, asked_form());
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, presence_form());
   return find(key);
 }
 
@@ -84,7 +84,7 @@ YamlNode* MapReader::find(std::string_view key) {
   return node_->find(key);
 }
 
-YamlNode* MapReader::wanted(std::string_view key, bool required, const std::string& need) {
+YamlNode* MapReader::find_or_report(std::string_view key, bool required, const std::string& need) {
   YamlNode* found = find(key);
   if (!found && required && !broken_)
     diagnostics_->problems.push_back({node_->place(), path_of(key), "nothing", need});
@@ -113,10 +113,10 @@ bool MapReader::has_decimal_comma(std::string_view key) {
 
 double MapReader::number(std::string_view key, const Quantity& quantity, std::optional<double> fallback) {
   if (auto* recorder = diagnostics_->recorder)
-    recorder->note(path_, key, number_form(quantity, fallback, !fallback));
+    recorder->record(path_, key, number_form(quantity, fallback, !fallback));
   const double harmless = fallback.value_or(
       std::isfinite(quantity.min) && std::isfinite(quantity.max) ? 0.5 * (quantity.min + quantity.max) : 1.0);
-  const YamlNode* found = wanted(key, !fallback, quantity.need());
+  const YamlNode* found = find_or_report(key, !fallback, quantity.need());
   if (found && has_decimal_comma(key)) return harmless;
   if (found) return read_number(*found, path_of(key), quantity, *diagnostics_).value_or(harmless);
   if (fallback) write_default(key, yaml_scalar(number_text(*fallback)));
@@ -124,14 +124,14 @@ double MapReader::number(std::string_view key, const Quantity& quantity, std::op
 }
 
 std::optional<double> MapReader::maybe_number(std::string_view key, const Quantity& quantity) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, number_form(quantity, {}, false));
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, number_form(quantity, {}, false));
   const YamlNode* found = find(key);
   if (!found || has_decimal_comma(key)) return std::nullopt;
   return read_number(*found, path_of(key), quantity, *diagnostics_);
 }
 
 int MapReader::integer(std::string_view key, int min, int max, int fallback) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, integer_form(min, max, fallback));
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, integer_form(min, max, fallback));
   const YamlNode* found = find(key);
   if (!found) {
     write_default(key, yaml_scalar(std::to_string(fallback)));
@@ -147,8 +147,8 @@ int MapReader::integer(std::string_view key, int min, int max, int fallback) {
 }
 
 std::string MapReader::text(std::string_view key, std::optional<std::string> fallback) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, text_form(fallback, !fallback));
-  const YamlNode* found = wanted(key, !fallback, "a text");
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, text_form(fallback, !fallback));
+  const YamlNode* found = find_or_report(key, !fallback, "a text");
   if (!found) {
     if (fallback) write_default(key, yaml_scalar(*fallback, true));
     return fallback.value_or("");
@@ -160,14 +160,14 @@ std::string MapReader::text(std::string_view key, std::optional<std::string> fal
 }
 
 std::optional<std::string> MapReader::maybe_text(std::string_view key) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, text_form({}, false));
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, text_form({}, false));
   return find(key) ? std::optional(text(key)) : std::nullopt;
 }
 
 std::string MapReader::name(std::string_view key) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, name_form());
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, name_form());
   const std::string need = "a name of letters, digits, _ and -, at most 64 of them";
-  const YamlNode* found = wanted(key, true, need);
+  const YamlNode* found = find_or_report(key, true, need);
   if (!found) return "";
   const auto plain = [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
@@ -179,7 +179,7 @@ std::string MapReader::name(std::string_view key) {
 }
 
 bool MapReader::flag(std::string_view key, bool fallback) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, flag_form(fallback));
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, flag_form(fallback));
   const YamlNode* found = find(key);
   if (!found) {
     write_default(key, yaml_scalar(fallback ? "true" : "false"));
@@ -193,9 +193,9 @@ bool MapReader::flag(std::string_view key, bool fallback) {
 }
 
 Vec3 MapReader::vector(std::string_view key, const Quantity& quantity, std::optional<Vec3> fallback) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, vector_form(quantity, fallback));
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, vector_form(quantity, fallback));
   const std::string need = "a list of three numbers, each " + quantity.need();
-  const YamlNode* found = wanted(key, !fallback, need);
+  const YamlNode* found = find_or_report(key, !fallback, need);
   Vec3 out = fallback.value_or(Vec3::UnitX());
   if (!found) {
     if (fallback) write_default(key, vector_node(*fallback));
@@ -203,7 +203,7 @@ Vec3 MapReader::vector(std::string_view key, const Quantity& quantity, std::opti
   }
   if (found->kind != YamlNode::Kind::sequence || found->items.size() != 3) {
     problem(key, found->described(),
-            need + (found->items.size() > 3 ? "; a number takes a decimal point, commas part numbers" : ""));
+            need + (found->items.size() > 3 ? "; use a decimal point, a comma separates numbers" : ""));
     return out;
   }
   for (int i = 0; i < 3; ++i)
@@ -215,9 +215,9 @@ Vec3 MapReader::vector(std::string_view key, const Quantity& quantity, std::opti
 
 std::optional<std::pair<double, double>> MapReader::maybe_range(std::string_view key,
                                                                 const Quantity& quantity, bool required) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, range_form(quantity, required));
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, range_form(quantity, required));
   const std::string need = "a list of two, low then high, each " + quantity.need();
-  const YamlNode* found = wanted(key, required, need);
+  const YamlNode* found = find_or_report(key, required, need);
   if (!found) return std::nullopt;
   if (found->kind != YamlNode::Kind::sequence || found->items.size() != 2) {
     problem(key, found->described(), need);
@@ -232,7 +232,7 @@ std::optional<std::pair<double, double>> MapReader::maybe_range(std::string_view
 }
 
 Quat MapReader::rotation(std::string_view key) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, map_form(false));
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, map_form(false));
   YamlNode* found = find(key);
   if (!found) return Quat::Identity();
   MapReader reader(*found, path_of(key), *diagnostics_);
@@ -251,9 +251,9 @@ Vec3 MapReader::direction(std::string_view key) {
 
 std::size_t MapReader::choice_index(std::string_view key, const std::vector<std::string_view>& names,
                                     std::optional<std::string_view> fallback) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, choice_form(names, fallback));
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, choice_form(names, fallback));
   const std::vector<std::string> known(names.begin(), names.end());
-  const YamlNode* found = wanted(key, !fallback, list_of(known));
+  const YamlNode* found = find_or_report(key, !fallback, list_of(known));
   if (!found && fallback) write_default(key, yaml_scalar(std::string(*fallback)));
   if (found && found->kind == YamlNode::Kind::scalar) {
     const auto at = std::find(names.begin(), names.end(), found->text);
@@ -265,8 +265,9 @@ std::size_t MapReader::choice_index(std::string_view key, const std::vector<std:
 }
 
 YamlNode* MapReader::list(std::string_view key, bool required, std::size_t most) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, list_form(required ? 1 : 0, most));
-  YamlNode* found = wanted(key, required, "a list");
+  if (auto* recorder = diagnostics_->recorder)
+    recorder->record(path_, key, list_form(required ? 1 : 0, most));
+  YamlNode* found = find_or_report(key, required, "a list");
   const bool is_list = found && found->kind == YamlNode::Kind::sequence;
   if (!found || (is_list && found->items.size() <= most)) return found;
   problem(key, found->described(), is_list ? fmt::format("at most {} of them", most) : "a list");
@@ -274,8 +275,8 @@ YamlNode* MapReader::list(std::string_view key, bool required, std::size_t most)
 }
 
 YamlNode* MapReader::value(std::string_view key, const ValueForm& form) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, value_form(form));
-  YamlNode* found = wanted(key, form.required, form.need);
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, value_form(form));
+  YamlNode* found = find_or_report(key, form.required, form.need);
   if (!found) return nullptr;
   const bool empty_text = found->kind == YamlNode::Kind::scalar && found->text.empty();
   if (!empty_text && std::find(form.kinds.begin(), form.kinds.end(), found->kind) != form.kinds.end())
@@ -286,7 +287,7 @@ YamlNode* MapReader::value(std::string_view key, const ValueForm& form) {
 
 void MapReader::each(std::string_view key, std::size_t least, std::size_t most,
                      const std::function<void(MapReader)>& read) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, list_form(least, most));
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, list_form(least, most));
   YamlNode* found = list(key, least > 0, kNoLimit);
   if (!found) return;
   const std::string range = least > 0 ? fmt::format("{} to", least) : "at most";
@@ -298,8 +299,8 @@ void MapReader::each(std::string_view key, std::size_t least, std::size_t most,
 
 std::vector<std::string> MapReader::texts(std::string_view key, std::size_t least, std::size_t most,
                                           const std::string& need) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, texts_form(least, most, need));
-  const YamlNode* found = wanted(key, true, need);
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, texts_form(least, most, need));
+  const YamlNode* found = find_or_report(key, true, need);
   if (!found) return {};
   const bool one = found->kind == YamlNode::Kind::scalar && least <= 1;
   std::vector<std::string> out;
@@ -319,9 +320,9 @@ std::map<std::string, std::string> MapReader::named_texts(std::string_view key) 
 }
 
 YamlNode* MapReader::file_or_block(std::string_view key, std::string_view kind, bool required) {
-  // Its keys are described by the reader of its kind.
+  // The schema of its kind lists its keys.
   if (auto* recorder = diagnostics_->recorder) {
-    recorder->note_file(path_, key, kind, required);
+    recorder->record_file(path_, key, kind, required);
     known_.emplace(key);
     return nullptr;
   }
@@ -333,13 +334,13 @@ YamlNode* MapReader::file_or_block(std::string_view key, std::string_view kind, 
     if (found) follow_reference(*found, path_of(key), diagnostics_->budget);
     return found;
   } catch (const Error& error) {
-    diagnostics_->take(error);
+    diagnostics_->add(error);
     return nullptr;
   }
 }
 
 std::vector<std::string> MapReader::keys(std::size_t most) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, "*", asked_form());
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, "*", presence_form());
   std::vector<std::string> out;
   if (node_->entries.size() > most)
     problem("", fmt::format("{} keys", node_->entries.size()), fmt::format("at most {}", most));
@@ -349,7 +350,7 @@ std::vector<std::string> MapReader::keys(std::size_t most) {
 }
 
 MapReader MapReader::map(std::string_view key) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, map_form(false));
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, map_form(false));
   YamlNode* found = find(key);
   if (!found) found = &yaml_put(*node_, std::string(key), yaml_map());
   if (!broken_) return {*found, path_of(key), *diagnostics_};
@@ -362,8 +363,8 @@ MapReader MapReader::map(std::string_view key) {
 }
 
 MapReader MapReader::required_map(std::string_view key, const std::string& need) {
-  if (auto* recorder = diagnostics_->recorder) recorder->note(path_, key, map_form(true));
-  if (wanted(key, true, need)) return map(key);
+  if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, map_form(true));
+  if (find_or_report(key, true, need)) return map(key);
   MapReader silent = map(key);
   silent.broken_ = true;
   return silent;

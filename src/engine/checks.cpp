@@ -18,8 +18,8 @@ bool finite(const model::BodyState& body) {
          std::abs(body.q.norm() - 1) <= kUnitTolerance;
 }
 
-/// Written so that NaN fails.
-bool sound(const model::Servo& servo) {
+/// False also for NaN.
+bool valid(const model::Servo& servo) {
   return servo.stiffness >= 0 && servo.damping >= 0 && servo.limit > 0 &&
          servo.stiffness + servo.damping > 0 && std::isfinite(servo.stiffness + servo.damping);
 }
@@ -31,7 +31,7 @@ bool has_stops(const model::Model& model) {
   return false;
 }
 
-/// A plane on a body that moves.
+/// Planes on bodies that move.
 std::vector<Problem> plane_defects(const model::Model& model, const model::Effects& effects) {
   std::vector<Problem> problems;
   if (!needs_contacts(model, effects)) return problems;
@@ -41,7 +41,7 @@ std::vector<Problem> plane_defects(const model::Model& model, const model::Effec
       problems.push_back(
           {std::nullopt, shape.name,
            "a plane on the moving body " + model.bodies[static_cast<std::size_t>(shape.body)].name,
-           "a plane on the world or on a body that never moves; a box moves"});
+           "a plane on the world or on a body that never moves; a moving body can have a box"});
   return problems;
 }
 
@@ -66,10 +66,10 @@ const model::Model& checked(const model::Model& model, const Settings& settings)
     problems.insert(problems.end(), more.begin(), more.end());
     return more.empty();
   };
-  const bool sound = add(model::defects(model));
-  const bool able = add(missing_effects(settings, has_stops(model)));
-  // Reads indices that only a sound model has right.
-  if (sound && able) add(plane_defects(model, settings.effects));
+  const bool valid_model = add(model::defects(model));
+  const bool valid_effects = add(missing_effects(settings, has_stops(model)));
+  // plane_defects reads indices that must be valid.
+  if (valid_model && valid_effects) add(plane_defects(model, settings.effects));
   if (!problems.empty()) throw Error(std::move(problems));
   return model;
 }
@@ -115,7 +115,7 @@ std::optional<PhysicsFault> servo_fault(const model::Model& model, const Setting
             fmt::format(
                 "coordinate {} has an error of {} and a feed of {}, not finite numbers: check the controller",
                 i, servo.error, servo.feed)};
-      if (!sound(servo) || joint.axes.empty())
+      if (!valid(servo) || joint.axes.empty())
         throw input_error(
             "servos." + joint.name,
             fmt::format("stiffness {:g}, damping {:g}, limit {:g}", servo.stiffness, servo.damping,

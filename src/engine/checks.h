@@ -1,39 +1,39 @@
-// What every engine checks and counts the same way: times of steps, torques, states handed in, and the
-// factories that make_engine chooses from. No types of any engine.
+// Checks and step times that all engines share, and the factories of the engines. No types of any engine.
 #pragma once
 
 #include "handsim/engine/engine.h"
 
 namespace handsim::engine {
 
-/// Steps are counted from time zero, so that time neither drifts nor depends on where a run was resumed.
+/// Number of the step that starts at a time [s]. Steps count from time zero, so that times have no
+/// accumulated rounding error and a resumed run has the same ones.
 long long step_number(double time, double step);
 /// End [s] of the step that starts at a time [s].
 double next_time(double time, double step);
 
-/// True for bodies that no effect in force moves.
+/// True for bodies that no enabled effect moves.
 std::vector<bool> immovable_bodies(const model::Model& model, const model::Effects& effects);
 
-/// True where shapes are to be tested for contact.
+/// True if shapes are tested for contact.
 bool needs_contacts(const model::Model& model, const model::Effects& effects);
 
-/// @throws Error (input) for settings out of range, effects that the engine does not have, or an unsound
+/// @throws Error (input) for settings out of range, effects that the engine does not have, or an invalid
 /// model.
 /// @return the model
 const model::Model& checked(const model::Model& model, const Settings& settings);
 
-/// @throws Error (input) for a wrong number of torques.
-/// Returns the fault of the first torque that is not finite.
+/// @return the fault of the first torque that is not finite. @throws Error (input) for a wrong number of
+/// torques.
 std::optional<PhysicsFault> torque_fault(const model::Model& model, double time,
                                          std::span<const double> torques);
 
-/// @throws Error (input) for a wrong number of servos, servos without actuation, negative gains or limits.
-/// Returns the fault of the first servo with an error or feed that is not finite.
+/// @return the fault of the first servo whose error or feed is not finite. @throws Error (input) for a wrong
+/// number of servos, servos without the actuation effect, and negative gains or limits.
 std::optional<PhysicsFault> servo_fault(const model::Model& model, const Settings& settings, double time,
                                         std::span<const model::Servo> servos);
 
-/// @throws Error (input) for a state of another model, with non-finite numbers or a moved world; q and u may
-/// be anything.
+/// @throws Error (input) for a state of another model, numbers that are not finite, or a world body away from
+/// the origin. Does not check q and u.
 void require_state(const model::Model& model, const model::State& state);
 
 namespace ode {

@@ -1,5 +1,5 @@
-// What every engine offers: a Model and its start in, one step at a time out. Engines own their own
-// representation (ODE ids, reduced coordinates) and hand out poses and velocities as a State.
+// The interface of all engines: an engine is built from a Model and advances it one step at a time. It keeps
+// a representation of its own (ODE ids, joint coordinates) and returns poses and velocities as a State.
 #pragma once
 
 #include <array>
@@ -18,64 +18,65 @@
 
 namespace handsim::engine {
 
-/// Faster than this and a body counts as run away.
+/// A step that makes a body faster than this fails.
 inline constexpr double kMaxSpeed = 1e3;         ///< [m/s]
 inline constexpr double kMaxAngularSpeed = 1e5;  ///< [rad/s]
 
-/// What acts on the model during one step.
+/// Joint torques and servos that act during one step.
 struct StepInput {
   /// Joint torques [N m] or forces [N], size model.dof_count() or empty, positive along the coordinate.
   std::span<const double> torques = {};
-  /// Spring-damper drives solved within the step, size model.dof_count() or empty; they need the actuation
-  /// effect. Only hinge, universal and slider coordinates can be driven.
+  /// Spring-damper drives that the step solves implicitly, size model.dof_count() or empty; they need the
+  /// actuation effect. Only hinge, universal and slider coordinates can be driven.
   std::span<const model::Servo> servos = {};
 };
 
-/// How a guarded step was got through: the first way that kept to the limits.
+/// The first attempt at a guarded step whose result is within the limits.
 enum class Rung {
-  none,        ///< as set
-  softer,      ///< with 100 x the CFM
-  half_steps,  ///< as two steps of half the length
-  quick_step,  ///< with quick_step at 200 iterations
-  unresolved,  ///< none did; the last, which stays within an engine's bounds, was kept
+  none,        ///< the step with its settings
+  softer,      ///< 100 x the CFM
+  half_steps,  ///< two steps of half the length
+  quick_step,  ///< quick_step with 200 iterations
+  unresolved,  ///< no attempt; the result of the last one is kept
 };
 inline constexpr std::array<std::string_view, 5> kRungNames = {"none", "softer", "half_steps", "quick_step",
                                                                "unresolved"};
 
-/// A largest value and the index of where it was met.
+/// A largest value and the index of its joint or shape.
 struct ResidualPeak {
   double value = 0;
   int where = 0;
 };
 
-/// Velocities that a step's solver should have brought to nothing.
+/// Velocities that violate the constraints after a step; an exact solution has none.
 struct Residual {
   ResidualPeak linear;   ///< of joints [m/s]
   ResidualPeak angular;  ///< of joints [rad/s]
-  ResidualPeak contact;  ///< with which rigid surfaces that touch come closer; by shape [m/s]
+  ResidualPeak contact;  ///< approach of rigid surfaces in contact; `where` is a shape [m/s]
 };
 
-/// Steps of quick_step's that nothing new meets, from one whose residual is measured to the next: it changes
-/// slowly there, and to measure it at each would be a twentieth of their cost.
-inline constexpr long long kResidualEvery = 8;
+/// Without contacts and new stops, the residual of quick_step is measured every 8th step: it changes slowly,
+/// and measuring it in every step would take about 5 % of the CPU time.
+inline constexpr long long kResidualInterval = 8;
 
-/// What one step did.
+/// Figures of one step.
 struct StepReport {
-  int lcp_failures = 0;    ///< times the direct solver gave up, in what was kept of the step
+  int lcp_failures = 0;    ///< failures of the direct solver, without those of rejected attempts
   Rung rung = Rung::none;  ///< of a guarded step
-  bool iterative = false;  ///< solved by quick_step, or a heap of the articulated engine by relaxation
-  /// Of steps in which the direct solver gave up, of those solved by iteration with contact or with another
-  /// number of stops in force than before, and of every kResidualEvery-th of those without.
+  bool iterative =
+      false;  ///< true if quick_step solved the step, or if the articulated engine used relaxation
+  /// Measured in steps in which the direct solver failed, in steps of quick_step with contacts or a changed
+  /// number of active stops, and in every kResidualInterval-th other step of quick_step.
   std::optional<Residual> residual;
   int contacts = 0;             ///< contact points
-  int stop_rows = 0;            ///< joint stops in force
-  int collide_calls = 0;        ///< pairs given to the narrow phase
-  int contact_sweeps = 0;       ///< articulated: of the contact solver
-  int limit_updates = 0;        ///< articulated: of friction's limits, where Newton's method did not converge
-  double contact_residual = 0;  ///< articulated: velocity that contacts and stops may be off by [m/s, rad/s]
-  double collide_ns = 0;        ///< time in collision detection [ns]
-  double tissue_ns = 0;         ///< time in setting passive tissue [ns]
-  double servo_ns = 0;          ///< time in setting servos and torques [ns]
+  int stop_rows = 0;            ///< active joint stops
+  int collide_calls = 0;        ///< pairs of shapes tested by the narrow phase
+  int contact_sweeps = 0;       ///< articulated: iterations of the contact solver
+  int limit_updates = 0;        ///< articulated: updates of friction limits after Newton's method failed
+  double contact_residual = 0;  ///< articulated: error bound of velocities at contacts and stops [m/s, rad/s]
+  double collide_ns = 0;        ///< time of collision detection [ns]
+  double tissue_ns = 0;         ///< time to set passive tissue [ns]
+  double servo_ns = 0;          ///< time to set servos and torques [ns]
 };
 
 /// A contact point of the last step.
@@ -83,9 +84,10 @@ struct Contact {
   int shape_a = 0;
   int shape_b = 0;
   Vec3 position = Vec3::Zero();  ///< world [m]
-  Vec3 normal = Vec3::Zero();    ///< world, unit, out of b into a
-  double depth = 0;              ///< penetration; less the gap where the two are about to touch [m]
-  /// On a's body, normal part and friction, over the step; world [N]. Zero unless settings.contact_forces.
+  Vec3 normal = Vec3::Zero();    ///< world, unit, from b to a
+  double depth = 0;              ///< penetration [m]; negative: the gap of a speculative contact
+  /// Mean force on a's body over the step, normal part and friction; world [N]. Zero unless
+  /// settings.contact_forces.
   Vec3 force = Vec3::Zero();
 
   double normal_force() const { return force.dot(normal); }
@@ -97,39 +99,40 @@ class Engine {
   virtual ~Engine() = default;
 
   /// Advances by settings().step.
-  /// @throws Error (physics) naming time, body or joint and quantity when the state leaves its bounds or a
-  ///         torque or servo is not finite; every later step throws the same error, state() stays the last
-  ///         good one, other engines are not affected. Error (input) for a wrong number of torques or servos,
-  ///         servos without actuation, negative gains or limits.
+  /// @throws Error (physics) with time, body or joint, and quantity if the new state is out of bounds or a
+  /// torque
+  ///         or servo is not finite. Then every later step throws the same error, state() keeps the last
+  ///         valid state, and other engines are not affected. Error (input) for a wrong number of torques or
+  ///         servos, servos without the actuation effect, and negative gains or limits.
   virtual StepReport step(const StepInput& input) = 0;
 
   virtual const model::State& state() const = 0;
-  /// Replaces poses, velocities and time. Kinematic bodies may be put elsewhere; those that no drive moves
-  /// stay there, at rest. @throws Error (input) for a state of another model or with non-finite numbers.
+  /// Replaces poses, velocities and time. Kinematic bodies can be moved; those without a drive then rest at
+  /// their new place. @throws Error (input) for a state of another model or numbers that are not finite.
   virtual void set_state(const model::State& state) = 0;
-  /// What the steps to come depend on beyond state(), so that `restore` goes on to the bit. Nothing where an
-  /// engine says nothing. @throws Error (physics) of an engine that has failed.
+  /// Writes the internal state on which the next steps depend, beside state(), so that a run after `restore`
+  /// has the same bits. The default writes nothing. @throws Error (physics) if the engine has failed.
   virtual void save(ArchiveWriter& out) const;
-  /// Takes over a state() and what `save` wrote with it, in an engine of the same model and settings.
+  /// Restores a state() and the data that `save` wrote with it, in an engine of the same model and settings.
   /// @throws Error (input) for a state of another model or an archive that does not fit; the engine then
-  ///         stands anywhere, and goes on only from another state. Error (physics) of an engine that has
-  ///         failed.
+  /// needs
+  ///         another restore or set_state. Error (physics) if the engine has failed.
   virtual void restore(const model::State& state, ArchiveReader& in);
   virtual std::span<const Contact> contacts() const = 0;
   virtual const Settings& settings() const = 0;
-  /// True where a collision space exists.
+  /// True if the engine tests shapes for contact.
   virtual bool tests_contacts() const = 0;
   /// Name, version and build of the engine, e.g. `ODE 0.16.2 double`.
   virtual std::string version() const = 0;
-  /// Where the engine departs from the model, one sentence each, e.g. a stop that it moved.
+  /// Differences between the engine and the model, one sentence each, e.g. a stop that the engine moved.
   virtual std::vector<std::string> notes() const = 0;
 };
 
-/// Builds the engine that the settings are of and puts it at model::initial_state(model).
-/// @throws Error (input) naming every invalid part of the model or setting.
-/// The model must outlive the engine.
+/// Builds the engine of the settings, in the state model::initial_state(model). The model must outlive the
+/// engine.
+/// @throws Error (input) with every invalid part of the model and the settings.
 std::unique_ptr<Engine> make_engine(const model::Model& model, const Settings& settings);
-/// A model that ends before its engine.
+/// Rejects a temporary model, which would end before its engine.
 std::unique_ptr<Engine> make_engine(const model::Model&& model, const Settings& settings) = delete;
 
 }  // namespace handsim::engine

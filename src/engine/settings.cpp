@@ -39,7 +39,7 @@ std::vector<Problem> defects(const Settings& settings) {
     if (!good)
       problems.push_back({std::nullopt, std::string("solver.") + key, fmt::format("{:g}", value), range});
   };
-  // Written so that NaN fails.
+  // These conditions are false for NaN.
   need(settings.step > 0 && settings.step <= kMaxStep, "step", settings.step, "above 0 s, at most 0.1 s");
   std::visit(
       [&](const auto& own) {

@@ -39,7 +39,8 @@ void read_covariance(MapReader& reader, Eigen::Matrix4d& out) {
     }
   if (!reader.sound()) return;
   const bool valid = out.isApprox(out.transpose()) && out.llt().info() == Eigen::Success;
-  if (!valid) reader.problem(key, "a matrix that is no covariance", "a symmetric positive definite matrix");
+  if (!valid)
+    reader.problem(key, "a matrix that is not a covariance", "a symmetric positive definite matrix");
 }
 
 Fit read_fit(MapReader reader) {
@@ -73,7 +74,7 @@ Eigen::Vector4d log_means(const Fit& fit, const Person& person) {
   return out;
 }
 
-/// Conditional mean of all residuals given those that are known.
+/// Conditional mean of all residuals given the known ones (multivariate normal).
 Eigen::Vector4d conditional_residuals(const Eigen::Matrix4d& covariance,
                                       const std::array<std::optional<double>, kHandDimensions>& known) {
   std::vector<int> at;
@@ -138,13 +139,13 @@ HandSize hand_size(const Anthropometry& anthropometry, const Person& person) {
   const auto refuse = [&](const char* key, std::string got, std::string need) {
     throw Error(std::vector<Problem>{{person.place, key, std::move(got), std::move(need)}});
   };
-  // Measured values have been checked one by one; this is for predictions far outside the survey.
+  // Measured values were checked when read; this catches predictions far outside the survey.
   for (std::size_t k = 0; k < kNames.size(); ++k)
     if (const double size = y[static_cast<Eigen::Index>(k)]; !(size > 0.005 && size < 1))
       refuse("person", fmt::format("a body with a predicted {} of {:.4g} m", kNames[k], size),
              "a body for which the anthropometry file predicts 0.005 to 1 m");
   out.thickness = stadium_thickness(out.circumference, out.breadth);
-  // A hand is flatter than broad, and no hand is a sheet.
+  // The thickness must be below the breadth, and above a lower bound that no hand reaches.
   if (!(out.thickness > 0.15 * out.breadth && out.thickness < out.breadth))
     refuse("person.hand_circumference",
            fmt::format("{:.4g} m around a breadth of {:.4g} m, a hand {:.4g} m thick", out.circumference,
@@ -171,7 +172,7 @@ double stadium_thickness(double circumference, double breadth) {
 }
 
 double normal_quantile(double p) {
-  // Bisection on erfc: 60 halvings of [-8, 8] are exact to 1e-17 and need no table.
+  // Bisection on erfc: 60 halvings of [-8, 8] leave an error of 16 / 2^60 = 1.4e-17.
   double low = -8, high = 8;
   for (int i = 0; i < 60; ++i) {
     const double middle = 0.5 * (low + high);

@@ -1,5 +1,5 @@
-// The size of a hand from the body it belongs to: allometric regressions with their residual covariance, read
-// from handmodels/anthropometry.yaml.
+// Predicts the size of a hand from stature, mass and sex: allometric regressions with their residual
+// covariance, read from handmodels/anthropometry.yaml.
 #pragma once
 
 #include <array>
@@ -11,8 +11,8 @@
 
 namespace handsim::hand {
 
-/// The survey's four hand dimensions, in the order of every vector and matrix here.
-enum class Dimension4 { length, breadth, palm_length, circumference };
+/// The survey's hand dimensions; every vector and matrix here has the order length, breadth, palm length,
+/// circumference.
 inline constexpr int kHandDimensions = 4;
 
 /// ln y = intercept + stature ln H + mass ln m + female [woman]; y = smearing exp(ln y) [m].
@@ -60,12 +60,11 @@ struct HandSize {
 
 Anthropometry read_anthropometry(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
-/// Predicted size, with measured dimensions as given and the others moved by the residuals of those.
-/// @throws Error (input) where the dimensions fit no hand (a circumference too small or large for the
-/// breadth).
+/// Size of a person's hand: measured dimensions as given, the others predicted given the measured ones.
+/// @throws Error (input) for impossible dimensions, e.g. a circumference too small for the breadth.
 HandSize hand_size(const Anthropometry& anthropometry, const Person& person);
 
-/// What of the person lies outside the survey, a sentence each.
+/// A sentence for each property of the person that is outside the survey's range.
 std::vector<std::string> extrapolations(const Anthropometry& anthropometry, const Person& person);
 
 /// Thickness of a stadium: (circumference - 2 breadth) / (pi - 2).

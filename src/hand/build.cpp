@@ -19,7 +19,7 @@ using model::ShapeKind;
 /// Capsules and cylinders lie along z, segments along y.
 const Quat kZToY(Eigen::AngleAxisd(-M_PI / 2, Vec3::UnitX()));
 
-Vec3 place(const std::array<LengthRule, 3>& rules, const HandSize& size) {
+Vec3 position(const std::array<LengthRule, 3>& rules, const HandSize& size) {
   return {rules[0].value(size), rules[1].value(size), rules[2].value(size)};
 }
 
@@ -33,14 +33,14 @@ struct Layout {
   }
 };
 
-Layout lay_out(const HandSpec& spec, const HandSize& size) {
+Layout compute_layout(const HandSpec& spec, const HandSize& size) {
   Layout out;
   std::vector<Problem> problems;
   for (const SegmentSpec& row : spec.segments) {
     const bool on_palm = row.parent == kPalm;
     const auto parent = static_cast<std::size_t>(row.parent);
     const Pose parent_frame = on_palm ? Pose{} : out.frames[parent];
-    const Vec3 at = row.at ? place(*row.at, size) : Vec3(0, out.lengths[parent], 0);
+    const Vec3 at = row.at ? position(*row.at, size) : Vec3(0, out.lengths[parent], 0);
     out.frames.push_back(parent_frame * Pose{at, row.rotation});
     out.lengths.push_back(row.length.value(size));
     out.radii.push_back(row.radius.value(size));
@@ -74,13 +74,13 @@ void add_palm(BuiltHand& hand, const HandSpec& spec) {
   box.part = model::Part::palm;
   Body palm;
   palm.name = "palm";
-  palm.zero_pose.p = Vec3(0, 0.5 * box.edges.y(), 0) + place(spec.palm.offset, size);
+  palm.zero_pose.p = Vec3(0, 0.5 * box.edges.y(), 0) + position(spec.palm.offset, size);
   hand.shapes.push_back(box);
   hand.bodies.push_back(palm);
 }
 
 void add_segments(BuiltHand& hand, const HandSpec& spec) {
-  const Layout layout = lay_out(spec, hand.size);
+  const Layout layout = compute_layout(spec, hand.size);
   for (std::size_t i = 0; i < spec.segments.size(); ++i) {
     const SegmentSpec& row = spec.segments[i];
     const double axis = layout.axis(spec, i);
@@ -106,8 +106,8 @@ double share_of(const MassRule& rule, Sex sex) {
   return sex == Sex::male ? rule.male : sex == Sex::female ? rule.female : rule.unknown;
 }
 
-/// Masses by share of the hand; the palm takes what is left, so that the parts sum to the hand.
-void spread_by_share(BuiltHand& hand, const HandSpec& spec, const Person& person) {
+/// Masses by share of the hand; the palm gets the remainder, so that the parts sum to the hand.
+void set_masses_by_share(BuiltHand& hand, const HandSpec& spec, const Person& person) {
   hand.mass = person.hand_mass.value_or(share_of(spec.mass, person.sex) * person.mass);
   double rest = hand.mass;
   for (std::size_t i = 0; i < spec.segments.size(); ++i) {
@@ -118,7 +118,7 @@ void spread_by_share(BuiltHand& hand, const HandSpec& spec, const Person& person
 }
 
 /// Masses by volume; a measured hand mass scales them.
-void spread_by_volume(BuiltHand& hand, const HandSpec& spec, const Person& person) {
+void set_masses_by_volume(BuiltHand& hand, const HandSpec& spec, const Person& person) {
   double total = 0;
   for (const Shape& shape : hand.shapes) total += model::volume(shape);
   hand.mass = person.hand_mass.value_or(spec.mass.density * total);
@@ -139,8 +139,8 @@ void set_inertias(BuiltHand& hand) {
   }
 }
 
-/// The fragment as it is (right) or mirrored (left).
-BuiltHand sided(BuiltHand hand, model::Side side) {
+/// The right hand unchanged, or mirrored to a left one.
+BuiltHand for_side(BuiltHand hand, model::Side side) {
   if (side == model::Side::right) return hand;
   for (Body& body : hand.bodies) body.zero_pose = mirrored(body.zero_pose);
   for (Shape& shape : hand.shapes) shape.pose = mirrored(shape.pose);
@@ -155,7 +155,7 @@ BuiltHand sided(BuiltHand hand, model::Side side) {
   return hand;
 }
 
-/// What a palm on a rail slides on.
+/// The slider joint of a palm on a rail.
 Joint rail_joint(const BuiltHand& hand, const Placement& placement) {
   Joint joint;
   joint.name = kRailName;
@@ -164,22 +164,22 @@ Joint rail_joint(const BuiltHand& hand, const Placement& placement) {
   joint.child_frame = hand.wrist.child_frame;
   model::JointAxis axis;
   axis.name = "travel";
-  axis.axis = placement.pose.q.conjugate() * placement.along;
+  axis.axis = placement.pose.q.conjugate() * placement.rail_direction;
   joint.axes.push_back(axis);
   return joint;
 }
 
-/// The joint for a mount, none for those that need none.
+/// The joint between world and palm, if the mount has one.
 std::optional<Joint> mount_joint(const BuiltHand& hand, const Placement& placement) {
   if (placement.mount == Mount::rail) return rail_joint(hand, placement);
   if (placement.mount != Mount::hinge && placement.mount != Mount::universal) return std::nullopt;
   Joint joint = hand.wrist;
   joint.kind = placement.mount == Mount::hinge ? model::JointKind::hinge : model::JointKind::universal;
-  const auto wanted = static_cast<std::size_t>(model::dof_count(joint.kind));
-  if (joint.axes.size() < wanted)
+  const auto count = static_cast<std::size_t>(model::dof_count(joint.kind));
+  if (joint.axes.size() < count)
     throw input_error("wrist.mount", "universal with a hand model whose wrist has one axis",
                       "hinge, or a hand model whose wrist has two axes");
-  joint.axes.resize(wanted);
+  joint.axes.resize(count);
   joint.parent_frame = placement.pose;
   return joint;
 }
@@ -212,7 +212,7 @@ void check_start_names(const std::vector<Joint>& joints, const Placement& placem
   }
 }
 
-/// The hand's skin as material, its contact groups and its shapes.
+/// Adds the hand's skin as material, its contact groups and its shapes.
 HandGroups add_shapes(model::Model& model, const model::HandIndex& index, const BuiltHand& hand) {
   const HandGroups groups = {model.add_group("palm-" + index.name), model.add_group("fingers-" + index.name),
                              model.add_group("fingertips-" + index.name)};
@@ -230,7 +230,7 @@ HandGroups add_shapes(model::Model& model, const model::HandIndex& index, const 
   return groups;
 }
 
-/// The mount's joint, where it has one, then those of the segments.
+/// Adds the mount's joint, if it has one, then those of the segments.
 void add_joints(model::Model& model, model::HandIndex& index, const BuiltHand& hand,
                 const Placement& placement) {
   std::vector<Joint> joints = hand.joints;
@@ -264,7 +264,7 @@ void set_palm(model::Model& model, int palm, const BuiltHand& hand, const Placem
     model.drives.push_back({palm, hand.bodies[0].zero_pose.inverse(), placement.motion});
 }
 
-/// A free hand starts as one rigid body.
+/// A free hand starts with the velocities of one rigid body.
 void set_velocities(model::Model& model, const model::HandIndex& index, const Placement& placement) {
   if (placement.mount != Mount::free) return;
   const model::State start = model::initial_state(model);
@@ -286,10 +286,10 @@ BuiltHand build_hand(const HandSpec& spec, const Person& person) {
   add_segments(hand, spec);
   switch (spec.mass.kind) {
     case MassRule::Kind::body_mass_share:
-      spread_by_share(hand, spec, person);
+      set_masses_by_share(hand, spec, person);
       break;
     case MassRule::Kind::density:
-      spread_by_volume(hand, spec, person);
+      set_masses_by_volume(hand, spec, person);
       break;
   }
   set_inertias(hand);
@@ -301,7 +301,7 @@ BuiltHand build_hand(const HandSpec& spec, const Person& person) {
 }
 
 HandGroups add_hand(model::Model& model, const BuiltHand& right, const Placement& placement) {
-  const BuiltHand hand = sided(right, placement.side);
+  const BuiltHand hand = for_side(right, placement.side);
   model::HandIndex index;
   index.name = placement.name;
   index.side = placement.side;

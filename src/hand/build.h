@@ -1,5 +1,5 @@
-// Person + hand model into a Model fragment. The right hand is computed; the left one is its mirror image,
-// sign flips only, so that the two are bit-equal up to sign.
+// Builds a hand from a person and a hand model, and adds it to a Model. The right hand is computed; the left
+// one is its mirror image: equal bit for bit, up to sign.
 #pragma once
 
 #include <map>
@@ -10,17 +10,17 @@
 
 namespace handsim::hand {
 
-/// How the palm is held in the world.
+/// How the palm is attached to the world.
 enum class Mount {
   fixed,      ///< the palm does not move: no constraint rows
   hinge,      ///< the wrist's first axis (flexion)
   universal,  ///< the wrist's two axes
-  free,       ///< nothing holds the palm
+  free,       ///< the palm is free
   driven,     ///< the hand frame follows a timed trajectory
-  rail,       ///< the palm slides along a line in the world and does not turn
+  rail,       ///< the palm slides along a line in the world without rotation
 };
 
-/// Where and how a hand is put into the world.
+/// Pose and attachment of a hand in the world.
 struct Placement {
   std::string name = "right";  ///< prefix of all its bodies and joints
   model::Side side = model::Side::right;
@@ -28,11 +28,11 @@ struct Placement {
   Pose pose;                                         ///< X_WH at the start
   Vec3 velocity = Vec3::Zero();                      ///< `free`: of the wrist at the start, world axes [m/s]
   Vec3 angular_velocity = Vec3::Zero();              ///< `free`: of the whole hand at the start [rad/s]
-  Vec3 along = {0, 0, -1};                           ///< `rail`: its direction, world, unit
+  Vec3 rail_direction = {0, 0, -1};                  ///< `rail`: world, unit
   model::PoseMotion motion;                          ///< `driven`: X_WH over time
-  std::map<std::string, std::vector<double>> start;  ///< coordinates by joint name [rad]; others are 0
-  double tissue_stiffness = 1;  ///< scale of the hand model's passive stiffness: 0 limp, above 1 stiff
-  double tissue_damping = 1;    ///< scale of its passive damping
+  std::map<std::string, std::vector<double>> start;  ///< angles by joint name [rad]; others are 0
+  double tissue_stiffness = 1;                       ///< factor on the hand model's passive stiffness
+  double tissue_damping = 1;                         ///< factor on its passive damping
 };
 
 /// One hand of a person, right, in the hand frame.
@@ -40,17 +40,16 @@ struct BuiltHand {
   HandSize size;
   double mass = 0;                   ///< of the whole hand [kg]; the bodies' masses sum to it
   std::vector<model::Body> bodies;   ///< [0] the palm, then the segments as in the spec; zero_pose is X_HB
-  std::vector<model::Shape> shapes;  ///< one a body, at the same index
+  std::vector<model::Shape> shapes;  ///< one per body, at the same index
   std::vector<model::Joint> joints;  ///< of the segments; `parent` and `child` index `bodies`
   model::Joint wrist;                ///< parent frame: the hand frame; child: the palm
   model::Material skin;
 };
 
-/// @throws Error (input) naming rows that make no body for this person: a fingertip shorter than its radius,
-///         dimensions that fit no hand.
+/// @throws Error (input) for a fingertip shorter than its radius and for impossible hand dimensions.
 BuiltHand build_hand(const HandSpec& spec, const Person& person);
 
-/// Name of a rail's joint: a slider whose coordinate [m] is the way from Placement::pose along the rail.
+/// Name of a rail's joint: a slider whose coordinate [m] is the distance from Placement::pose along the rail.
 inline constexpr const char* kRailName = "rail";
 
 /// A hand's contact groups, in Model::groups.
@@ -62,8 +61,8 @@ struct HandGroups {
 
 /// Appends the hand to the model, with its skin as material and its contact groups: `palm-NAME`,
 /// `fingers-NAME` and `fingertips-NAME`.
-/// @throws Error (input) where `start` names no joint or has the wrong number of coordinates, or the wrist
-/// lacks the axes that the mount needs.
+/// @throws Error (input) if `start` has an unknown joint or too many angles, or the wrist has fewer axes than
+/// the mount needs.
 HandGroups add_hand(model::Model& model, const BuiltHand& hand, const Placement& placement);
 
 /// Centre of mass and radii of gyration of the whole hand with straight fingers.

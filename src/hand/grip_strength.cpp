@@ -28,19 +28,19 @@ GripNorm read_norm(MapReader reader) {
   return norm;
 }
 
-double beyond(const std::pair<double, double>& range, double value) {
+double distance_outside(const std::pair<double, double>& range, double value) {
   return std::max({0.0, range.first - value, value - range.second});
 }
 
-/// Nearest in age, and of those nearest in stature.
+/// The row of this sex that is nearest in age, then in stature.
 const GripNorm& nearest(const GripTable& table, Sex sex, double age, double stature) {
   const GripNorm* best = nullptr;
   std::pair<double, double> least;
   for (const GripNorm& norm : table.norms) {
     if (norm.sex != sex) continue;
-    // An age counts until the next birthday; a stature on a border belongs to the taller.
-    const double years = beyond({norm.age.first, norm.age.second + 1 - 1e-9}, age);
-    const double metres = beyond({norm.stature.first, norm.stature.second - 1e-9}, stature);
+    // Ages are completed years; a stature on a boundary belongs to the taller group.
+    const double years = distance_outside({norm.age.first, norm.age.second + 1 - 1e-9}, age);
+    const double metres = distance_outside({norm.stature.first, norm.stature.second - 1e-9}, stature);
     const std::pair<double, double> off = {years, metres};
     if (best && off >= least) continue;
     best = &norm;
@@ -68,7 +68,7 @@ GripTable read_grip_table(YamlNode& node, const std::string& path, Diagnostics& 
 }
 
 GripStrength grip_strength(const GripTable& table, const Person& person) {
-  const double age = person.age.value_or(kUsualAge);
+  const double age = person.age.value_or(kDefaultAge);
   GripStrength out;
   double rows = 0, variance = 0;
   for (const Sex sex : {Sex::male, Sex::female}) {
@@ -76,8 +76,8 @@ GripStrength grip_strength(const GripTable& table, const Person& person) {
     const GripNorm& norm = nearest(table, sex, age, person.stature);
     out.norm += norm.mean;
     variance += norm.deviation * norm.deviation;
-    out.extrapolated = out.extrapolated || beyond({norm.age.first, norm.age.second + 1}, age) > 0 ||
-                       beyond(norm.stature, person.stature) > 0;
+    out.extrapolated = out.extrapolated || distance_outside({norm.age.first, norm.age.second + 1}, age) > 0 ||
+                       distance_outside(norm.stature, person.stature) > 0;
     ++rows;
   }
   out.norm /= rows;

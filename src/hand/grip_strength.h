@@ -1,4 +1,4 @@
-// How strongly people grip: norms of a survey by sex, age and stature, and what a person makes of them.
+// Grip strength of a person: measured, or the norm of a survey by sex, age and stature.
 #pragma once
 
 #include <string>
@@ -26,17 +26,17 @@ struct GripTable {
 /// Reads a table of norms; every defect goes into the diagnostics.
 GripTable read_grip_table(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
-/// What a person's grip is held against.
+/// Grip strength of a person and its norm.
 struct GripStrength {
-  double norm = 0;       ///< mean of people alike [N]
-  double deviation = 0;  ///< of them [N]
-  double own = 0;        ///< measured, where the person states it, else the norm [N]
+  double norm = 0;       ///< mean for this sex, age and stature [N]
+  double deviation = 0;  ///< standard deviation of the norm [N]
+  double own = 0;        ///< measured if the person states it, else the norm [N]
   bool measured = false;
-  bool extrapolated = false;  ///< age or stature outside the table: its nearest row
+  bool extrapolated = false;  ///< age or stature outside the table: nearest row used
 };
 
-/// Age of a person who states none [years].
-inline constexpr double kUsualAge = 30;
+/// Age assumed if the person states none [years].
+inline constexpr double kDefaultAge = 30;
 
 /// The row of the person's sex whose age and stature are nearest; unknown sex: the mean of both.
 GripStrength grip_strength(const GripTable& table, const Person& person);

@@ -22,7 +22,7 @@ const std::vector<std::pair<std::string_view, Part>> kFingers = {{"thumb", Part:
                                                                  {"little", Part::little}};
 const std::vector<std::pair<std::string_view, JointKind>> kKinds = {{"hinge", JointKind::hinge},
                                                                     {"universal", JointKind::universal}};
-/// Largest rule: twice a hand dimension, or half a metre.
+/// Largest length of a rule: twice a hand dimension, or half a metre.
 constexpr double kMostShares = 2, kMostMetres = 0.5;
 constexpr std::size_t kMostSegments = 100;
 const Quantity kAngle = {Dimension::angle, -M_PI, M_PI};
@@ -99,11 +99,11 @@ model::JointAxis read_axis(MapReader reader) {
 /// @param any_kind one axis or two, whatever the joint's kind.
 void check_axes(MapReader& reader, const JointSpec& joint, bool any_kind) {
   const std::size_t count = joint.axes.size();
-  const auto wanted = static_cast<std::size_t>(model::dof_count(joint.kind));
-  if (any_kind ? count < 1 || count > 2 : count != wanted)
+  const auto needed = static_cast<std::size_t>(model::dof_count(joint.kind));
+  if (any_kind ? count < 1 || count > 2 : count != needed)
     return reader.problem("axes", count == 1 ? "one axis" : fmt::format("{} axes", count),
                           any_kind      ? "one axis or two"
-                          : wanted == 1 ? "one axis for a hinge"
+                          : needed == 1 ? "one axis for a hinge"
                                         : "two axes for a universal joint");
   check_axis_pair(reader, joint.axes);
 }
@@ -121,7 +121,7 @@ JointSpec read_joint(MapReader& reader, std::optional<JointKind> kind) {
   return joint;
 }
 
-/// Nothing where the kind of rule is missing or unknown.
+/// Nothing if the kind of rule is missing or unknown.
 std::optional<MassRule> read_mass(MapReader reader) {
   MassRule rule;
   rule.kind = reader.choice<MassRule::Kind>(
@@ -168,13 +168,13 @@ void read_parent(MapReader& reader, SegmentSpec& segment, HandSpec& spec) {
   }
 }
 
-/// The joint of a segment; its name may be no other joint's of the hand.
+/// Reads the joint of a segment; its name must be unique in the hand.
 JointSpec read_segment_joint(MapReader reader, const HandSpec& spec) {
   JointSpec joint = read_joint(reader, std::nullopt);
   bool taken = joint.name == spec.wrist.name;
   for (const SegmentSpec& other : spec.segments) taken = taken || other.joint.name == joint.name;
   if (taken && !joint.name.empty())
-    reader.problem("name", joint.name + " a second time", "a name of its own for each joint");
+    reader.problem("name", joint.name + " a second time", "a unique name for each joint");
   reader.finish();
   return joint;
 }
@@ -185,7 +185,7 @@ SegmentSpec read_segment(MapReader reader, HandSpec& spec, const std::optional<M
   segment.name = reader.name("name");
   const bool taken = segment.name == "palm" || find_segment(spec.segments, segment.name) != kPalm;
   if (taken && !segment.name.empty())
-    reader.problem("name", segment.name + " a second time", "a name of its own for each segment");
+    reader.problem("name", segment.name + " a second time", "a unique name for each segment");
   segment.finger = reader.choice<Part>("finger", kFingers);
   read_parent(reader, segment, spec);
   segment.at = read_place(reader, "at");
@@ -246,8 +246,7 @@ void check_axis_pair(MapReader& reader, const std::vector<model::JointAxis>& axe
         fmt::format("axes {:.9g} deg apart", kDegreesPerRadian * std::acos(std::clamp(cosine, -1.0, 1.0))),
         "perpendicular axes");
   if (axes[0].name == axes[1].name)
-    reader.problem("axes", fmt::format("two axes called {}", axes[0].name),
-                   "a name of its own for each axis");
+    reader.problem("axes", fmt::format("two axes called {}", axes[0].name), "a unique name for each axis");
 }
 
 HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {

@@ -1,5 +1,5 @@
-// The content of a hand model file: rows of segments with rules for their size, and their joints. One reader
-// for any hand; nothing here knows fingers by name.
+// The content of a hand model file: rows of segments with rules for their size, and their joints. Segments
+// are data: one reader serves every hand.
 #pragma once
 
 #include <map>
@@ -33,7 +33,7 @@ struct SegmentSpec {
   model::Part finger = model::Part::index;
   int parent = -1;                              ///< row in HandSpec::segments; kPalm: the palm
   bool has_child = false;                       ///< false: the last segment, whose cap ends at the fingertip
-  std::optional<std::array<LengthRule, 3>> at;  ///< joint centre in the parent's frame; absent: its far end
+  std::optional<std::array<LengthRule, 3>> at;  ///< joint centre in the parent's frame; absent: distal end
   Quat rotation = Quat::Identity();             ///< q_parent_segment at zero coordinates
   LengthRule length;
   LengthRule radius;
@@ -47,7 +47,7 @@ inline constexpr int kPalm = -1;
 /// How the mass of a hand is computed.
 struct MassRule {
   enum class Kind {
-    body_mass_share,  ///< share of body mass, spread over the segments by their mass_share, the palm the rest
+    body_mass_share,  ///< share of body mass; each segment gets its mass_share of it, the palm the rest
     density,          ///< each part its volume times a density
   };
   Kind kind = Kind::density;
@@ -58,8 +58,7 @@ struct MassRule {
 
 struct PalmSpec {
   LengthRule length, breadth, thickness;
-  std::array<LengthRule, 3>
-      offset;  ///< of the box's middle from half its length distal of the wrist, hand frame
+  std::array<LengthRule, 3> offset;  ///< of the box's centre from (0, length / 2, 0), hand frame
 };
 
 struct HandSpec {
@@ -76,7 +75,7 @@ struct HandSpec {
 /// Reads a hand model, following its `anthropometry` reference.
 HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
-/// Two axes of one joint that are not perpendicular, or share a name, are a problem of the reader's `axes`.
+/// Reports a problem of `axes` if two axes of a joint are not perpendicular or have the same name.
 void check_axis_pair(MapReader& reader, const std::vector<model::JointAxis>& axes);
 
 }  // namespace handsim::hand

@@ -1,4 +1,4 @@
-// Reads the surface of a thing: skin, objects, ground, named materials of a scene.
+// Reads the surface properties of skin, objects, ground and named materials of a scene.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 namespace handsim::hand {
 
 /// Keys `friction`, `restitution`, `restitution_speed`, `stiffness`, `damping`, `rolling_friction`,
-/// `spinning_friction` of a mapping that may have others.
+/// `spinning_friction`; the mapping may have others.
 model::Material read_material(MapReader& reader, std::string name);
 
 }  // namespace handsim::hand

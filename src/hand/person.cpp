@@ -9,7 +9,7 @@ namespace {
 const std::vector<std::pair<std::string_view, Sex>> kSexes = {
     {"male", Sex::male}, {"female", Sex::female}, {"unknown", Sex::unknown}};
 
-/// Refuses proportions that no person has.
+/// Refuses impossible proportions of mass, hand and stature.
 void check_body(MapReader& reader, const Person& person) {
   const double index = person.mass / (person.stature * person.stature);
   if (!(index >= 5 && index <= 150))

@@ -15,15 +15,14 @@ struct Person {
   double stature = 1.75;  ///< [m], 0.5..2.5
   double mass = 72;       ///< [kg], 2..400
   Sex sex = Sex::unknown;
-  // Measured values take the place of predicted ones.
+  // Measured values replace predicted ones.
   std::optional<double> hand_length;         ///< wrist crease to tip of the middle finger [m]
   std::optional<double> hand_breadth;        ///< across the metacarpal heads [m]
   std::optional<double> hand_circumference;  ///< around the metacarpal heads [m]
   std::optional<double> hand_mass;           ///< [kg]
   std::optional<double> grip_strength;       ///< on a dynamometer [N]
-  std::optional<double> age;                 ///< [years]; only norms of strength ask for it
-  /// Where in the spread of people of this stature, mass and sex the hand's length lies, 0..100 (50: as
-  /// predicted).
+  std::optional<double> age;                 ///< [years]; only for grip strength
+  /// Percentile of the hand's length among people of this stature, mass and sex, 0..100 (50: as predicted).
   std::optional<double> hand_length_percentile;
   std::optional<Place> place;  ///< of the file or block
 };

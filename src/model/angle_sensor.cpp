@@ -31,30 +31,30 @@ AngleSensor::AngleSensor(const Joint& joint)
 
 double Direction::angle() const { return std::atan2(sin, cos); }
 
-void AngleSensor::read_angles(const State& state, Direction* at) const {
+void AngleSensor::read_angles(const State& state, Direction* directions) const {
   const Quat r = state.bodies[parent_].q.conjugate() * state.bodies[child_].q;
   if (!universal_) {
     const double s = half_sin_.dot(r.coeffs());
     const double c = half_cos_.dot(r.coeffs());
-    at[0] = {2 * s * c, c * c - s * s};
+    directions[0] = {2 * s * c, c * c - s * s};
     return;
   }
   // As in joint_coordinates: R b = cos q0 b + sin q0 c, and R^T a = cos q1 a + sin q1 c.
   const Vec3 b = r * b_C_;
   const Vec3 a = r.conjugate() * a_P_;
-  at[0] = {b.dot(c_P_), b.dot(b_P_)};
-  at[1] = {a.dot(c_C_), a.dot(a_C_)};
+  directions[0] = {b.dot(c_P_), b.dot(b_P_)};
+  directions[1] = {a.dot(c_C_), a.dot(a_C_)};
 }
 
-void AngleSensor::read(const State& state, double* q, double* u, Vec3* axes, Direction* at) const {
-  read_angles(state, at);
-  q[0] = at[0].angle();
+void AngleSensor::read(const State& state, double* q, double* u, Vec3* axes, Direction* directions) const {
+  read_angles(state, directions);
+  q[0] = directions[0].angle();
   const BodyState &parent = state.bodies[parent_], &child = state.bodies[child_];
   const Vec3 w = child.w - parent.w;
   axes[0] = parent.q * a_P_;
   u[0] = w.dot(axes[0]);
   if (!universal_) return;
-  q[1] = at[1].angle();
+  q[1] = directions[1].angle();
   axes[1] = child.q * b_C_;
   u[1] = w.dot(axes[1]);
 }

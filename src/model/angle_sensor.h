@@ -1,5 +1,5 @@
-// Joint coordinates and rates straight from the poses and velocities of bodies, faster than
-// model::joint_coordinates and equal to it: for engines whose unknowns are the bodies, once a step.
+// Joint coordinates and rates from the poses and velocities of bodies. Faster than model::joint_coordinates,
+// same values; for engines whose unknowns are body velocities, once a step.
 #pragma once
 
 #include <optional>
@@ -17,16 +17,16 @@ struct Direction {
   double angle() const;  ///< [rad], in (-pi, pi]
 };
 
-/// Reads one hinge or universal joint.
+/// Measures one hinge or universal joint.
 class AngleSensor {
  public:
   explicit AngleSensor(const Joint& joint);
-  /// Of the joint's one or two coordinates: angles [rad], in (-pi, pi], rates [rad/s], axes in the world
-  /// and directions.
-  void read(const State& state, double* q, double* u, Vec3* axes, Direction* at) const;
+  /// Writes, for the joint's one or two coordinates, angles [rad] in (-pi, pi], rates [rad/s], axes in the
+  /// world, and the angles as sine and cosine.
+  void read(const State& state, double* q, double* u, Vec3* axes, Direction* directions) const;
 
  private:
-  void read_angles(const State& state, Direction* at) const;
+  void read_angles(const State& state, Direction* directions) const;
 
   bool universal_;
   std::size_t parent_, child_;
@@ -36,15 +36,15 @@ class AngleSensor {
   Vec3 a_P_, b_P_, c_P_, a_C_, b_C_, c_C_;
 };
 
-/// Reads all joints of a model, which must outlive this.
+/// Measures all joints of a model, which must outlive this.
 class JointSensors {
  public:
   explicit JointSensors(const Model& model);
   /// Fills q and u of a state from its bodies.
   void read(State& state);
-  /// Axes of all coordinates in the world, at the state last read; of a ball zero. Size model.dof_count().
+  /// Axes of all coordinates in the world at the state last read, size model.dof_count(); zero for balls.
   std::span<const Vec3> axes() const { return axes_; }
-  /// The same of their angles; sliders and balls have none.
+  /// Sine and cosine of all angles; sliders and balls have angle 0 here.
   std::span<const Direction> directions() const { return directions_; }
 
  private:

@@ -8,11 +8,9 @@ namespace handsim::model {
 
 namespace {
 
-/// Unit normal of a polygon by Newell's sum over all corners.
+/// Unit normal of a polygon: sum of the cross products over its triangle fan (Newell's method).
 Vec3 polygon_normal(const std::vector<Vec3>& vertices, const std::vector<int>& corners) {
-  const auto at = [&](std::size_t i) {
-    return vertices[static_cast<std::size_t>(corners[i % corners.size()])];
-  };
+  const auto at = [&](std::size_t i) { return vertices[static_cast<std::size_t>(corners[i])]; };
   Vec3 sum = Vec3::Zero();
   for (std::size_t i = 1; i + 1 < corners.size(); ++i) sum += (at(i) - at(0)).cross(at(i + 1) - at(0));
   return sum.normalized();
@@ -24,7 +22,7 @@ struct Integrals {
   Mat3 second = Mat3::Zero();  ///< of x x^T
 };
 
-/// Over the tetrahedra of the origin and each triangle a, b, c of the fans: with s = a + b + c,
+/// Sums over the tetrahedra of the origin and each triangle a, b, c of the faces: with s = a + b + c,
 /// V = det/6, int x = V s/4, int x x^T = V/20 (a a^T + b b^T + c c^T + s s^T).
 Integrals integrate(const std::vector<Vec3>& vertices, const std::vector<std::vector<int>>& faces) {
   Integrals sum;
@@ -65,7 +63,7 @@ double ConvexMesh::support(const Vec3& n) const {
 
 ConvexMesh make_convex_mesh(std::vector<Vec3> vertices, const std::vector<std::vector<int>>& faces,
                             Vec3& centroid) {
-  // From a point inside first: far from the origin the sums would cancel.
+  // The origin is first moved inside: far from it, cancellation would spoil the sums.
   const Vec3 inside = Eigen::Map<const Eigen::Matrix3Xd>(vertices.front().data(), 3,
                                                          static_cast<Eigen::Index>(vertices.size()))
                           .rowwise()

@@ -1,5 +1,5 @@
-// Convex polyhedra as shapes: corners, flat faces and edges, and what a uniform solid of that form weighs.
-// Made once, by whoever knows a hull (scene/read/convex_hull.h), and shared.
+// Convex polyhedra as shapes: vertices, planar faces, edges, and the mass properties of the uniform solid.
+// Built once from a hull (scene/read/convex_hull.h), then shared.
 #pragma once
 
 #include <memory>
@@ -10,18 +10,18 @@
 
 namespace handsim::model {
 
-/// A bounded convex polyhedron about its centroid. Faces are flat polygons with the solid below.
+/// A bounded convex polyhedron about its centroid. Its faces are planar polygons.
 struct ConvexMesh {
   struct Edge {
     int from = 0, to = 0;     ///< vertices
-    int left = 0, right = 0;  ///< faces; seen from outside the edge runs with `left` on its left
+    int left = 0, right = 0;  ///< faces left and right of it, seen from outside
   };
 
   std::vector<Vec3> vertices;           ///< [m]
   std::vector<Eigen::Vector4d> planes;  ///< of each face: unit outward normal n, and d of n . x = d [m]
-  /// Of each face: number of its corners, then these counter-clockwise seen from outside, face after face.
+  /// For each face: its number of vertices, then their indices counter-clockwise seen from outside.
   std::vector<unsigned> loops;
-  std::vector<int> loop_starts;  ///< of each face: where its number stands in `loops`
+  std::vector<int> loop_starts;  ///< of each face: index of its number in `loops`
   std::vector<Edge> edges;
   double volume = 0;                 ///< [m^3]
   Mat3 unit_inertia = Mat3::Zero();  ///< about the centroid, per mass [m^2]
@@ -29,7 +29,7 @@ struct ConvexMesh {
 
   int face_count() const { return static_cast<int>(planes.size()); }
   Vec3 normal(int face) const { return planes[static_cast<std::size_t>(face)].head<3>(); }
-  /// Of a point above a face's plane [m].
+  /// Signed distance of a point from a face's plane, positive outside [m].
   double height(int face, const Vec3& point) const {
     return normal(face).dot(point) - planes[static_cast<std::size_t>(face)].w();
   }
@@ -42,14 +42,14 @@ struct ConvexMesh {
   double support(const Vec3& n) const;
 };
 
-/// A polyhedron of these corners and faces, moved to its centroid, with edges and mass properties by exact
-/// integrals over the tetrahedra that its faces make with a point inside.
-/// @param faces corners of each, counter-clockwise seen from outside; closed and convex: not checked.
-/// @param centroid set to where it lay in the given coordinates.
+/// A polyhedron of these vertices and faces, moved to its centroid, with edges and mass properties: exact
+/// integrals over the tetrahedra of the faces and a point inside.
+/// @param faces vertices of each, counter-clockwise seen from outside. Not checked: closed and convex.
+/// @param centroid set to its position in the given coordinates.
 ConvexMesh make_convex_mesh(std::vector<Vec3> vertices, const std::vector<std::vector<int>>& faces,
                             Vec3& centroid);
 
-/// A box of these full edges.
+/// A box with these full edge lengths [m].
 ConvexMesh box_polyhedron(const Vec3& edges);
 
 }  // namespace handsim::model

@@ -1,4 +1,4 @@
-// The physical phenomena a scene can ask for. What is not in the set is neither built nor stepped.
+// The physical effects that a scene can switch on. Engines neither build nor evaluate the others.
 #pragma once
 
 #include <array>

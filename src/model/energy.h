@@ -1,4 +1,4 @@
-// Mechanical energy of a state: what conservation checks compare.
+// Mechanical energy of a state, for checks of conservation.
 #pragma once
 
 #include "handsim/model/effects.h"
@@ -9,7 +9,7 @@ namespace handsim::model {
 /// Kinetic energy of all bodies that can move freely [J].
 double kinetic_energy(const Model& model, const State& state);
 
-/// Energy stored in what the effects switch on: height above z = 0 (gravity) and stretched tissue [J].
+/// Potential energy of the effects that are on: gravity (0 at the origin) and stretched tissue [J].
 double potential_energy(const Model& model, const State& state, const Effects& effects);
 
 }  // namespace handsim::model

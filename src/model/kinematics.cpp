@@ -9,7 +9,7 @@ namespace {
 /// Angle [rad] of a rotation about a given unit axis.
 double angle_about(const Quat& q, const Vec3& axis) {
   const double angle = 2.0 * std::atan2(q.vec().dot(axis), q.w());
-  // atan2 gives (-pi, pi], so the double of it may lie one turn off.
+  // Twice atan2 is in (-2 pi, 2 pi].
   if (angle > M_PI) return angle - 2 * M_PI;
   return angle <= -M_PI ? angle + 2 * M_PI : angle;
 }
@@ -25,7 +25,7 @@ Pose relative_pose(const Joint& joint, const State& state) {
 }
 
 /// Coordinates of R_FM = Rot(a, q0) Rot(b, q1) with a perpendicular to b: with c = a x b,
-/// R b = cos q0 b + sin q0 c and R^T a = cos q1 a + sin q1 (a x b)... read off both.
+/// R b = cos q0 b + sin q0 c and R^T a = cos q1 a + sin q1 c.
 void universal_angles(const Quat& q_FM, const Vec3& a, const Vec3& b, std::span<double> out) {
   const Vec3 c = a.cross(b);
   const Vec3 b_F = q_FM * b;
@@ -34,7 +34,7 @@ void universal_angles(const Quat& q_FM, const Vec3& a, const Vec3& b, std::span<
   out[1] = std::atan2(a_M.dot(c), a_M.dot(a));
 }
 
-void place(State& state, int body, const Pose& x_WB) {
+void set_pose(State& state, int body, const Pose& x_WB) {
   BodyState& target = state.bodies[static_cast<std::size_t>(body)];
   target.p = x_WB.p;
   target.q = x_WB.q;
@@ -47,17 +47,17 @@ State zero_state(const Model& model) {
   state.tau.resize(static_cast<std::size_t>(model.dof_count()));
   state.tau_servo.resize(state.tau.size());
   for (std::size_t i = 0; i < model.bodies.size(); ++i)
-    place(state, static_cast<int>(i), model.bodies[i].zero_pose);
+    set_pose(state, static_cast<int>(i), model.bodies[i].zero_pose);
   return state;
 }
 
-/// Places every child where its joint at coordinates q puts it, from the roots outward.
-void hang_children(const Model& model, std::span<const double> q, State& state) {
+/// Sets the pose of every child from its joint's coordinates, parents first.
+void place_children(const Model& model, std::span<const double> q, State& state) {
   for (const Joint& joint : model.joints) {
     if (joint.closes_loop) continue;
     const Pose x_FM = joint_transform(joint, q.subspan(static_cast<std::size_t>(joint.first_dof)));
-    place(state, joint.child,
-          frame_in_world(state, joint.parent, joint.parent_frame) * x_FM * joint.child_frame.inverse());
+    set_pose(state, joint.child,
+             frame_in_world(state, joint.parent, joint.parent_frame) * x_FM * joint.child_frame.inverse());
   }
 }
 
@@ -104,8 +104,8 @@ void joint_rates(const Joint& joint, const State& state, std::span<double> out) 
       const Vec3 r_child = child.q * joint.child_frame.p;
       // Velocity of M's origin relative to the parent.
       const Vec3 at = child.p + r_child;
-      const Vec3 carried = parent.v + parent.w.cross(at - parent.p);
-      const Vec3 v = child.v + child.w.cross(r_child) - carried;
+      const Vec3 v_parent = parent.v + parent.w.cross(at - parent.p);
+      const Vec3 v = child.v + child.w.cross(r_child) - v_parent;
       out[0] = (q_WF.conjugate() * v).dot(joint.axes[0].axis);
       return;
     }
@@ -115,7 +115,7 @@ void joint_rates(const Joint& joint, const State& state, std::span<double> out) 
   }
 }
 
-void find_coordinates(const Model& model, State& state) {
+void update_coordinates(const Model& model, State& state) {
   state.q.resize(static_cast<std::size_t>(model.dof_count()));
   state.u.resize(state.q.size());
   for (const Joint& joint : model.joints) {
@@ -153,8 +153,8 @@ Pose joint_transform(const Joint& joint, std::span<const double> q) {
 
 State state_at(const Model& model, std::span<const double> q) {
   State state = zero_state(model);
-  hang_children(model, q, state);
-  find_coordinates(model, state);
+  place_children(model, q, state);
+  update_coordinates(model, state);
   return state;
 }
 
@@ -165,13 +165,13 @@ State initial_state(const Model& model) {
       q[static_cast<std::size_t>(joint.first_dof) + a] = joint.axes[a].initial;
   State state = zero_state(model);
   for (const Drive& drive : model.drives)
-    place(state, drive.body, drive.motion.at(0) * drive.frame.inverse());
-  hang_children(model, q, state);
+    set_pose(state, drive.body, drive.motion.at(0) * drive.frame.inverse());
+  place_children(model, q, state);
   for (std::size_t i = 0; i < model.bodies.size(); ++i) {
     state.bodies[i].v = model.bodies[i].initial_velocity;
     state.bodies[i].w = model.bodies[i].initial_angular_velocity;
   }
-  find_coordinates(model, state);
+  update_coordinates(model, state);
   return state;
 }
 

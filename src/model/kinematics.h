@@ -14,19 +14,19 @@ void joint_coordinates(const Joint& joint, const State& state, std::span<double>
 /// Joint rates [rad/s] or [m/s] (ball: angular velocity of the child relative to the parent in F).
 void joint_rates(const Joint& joint, const State& state, std::span<double> out);
 /// Fills q and u of a state from its bodies.
-void find_coordinates(const Model& model, State& state);
+void update_coordinates(const Model& model, State& state);
 
-/// How far the joint has come apart [m]: distance between the two anchor points (slider: its part
-/// perpendicular to the axis).
+/// Position error of the joint's constraint [m]: distance between the two anchor points (slider: its
+/// component perpendicular to the axis).
 double joint_gap(const Joint& joint, const State& state);
 
-/// X_FM for given coordinates of this joint.
+/// X_FM at the given coordinates of this joint.
 Pose joint_transform(const Joint& joint, std::span<const double> q);
-/// State with the given coordinates (size model.dof_count()), at rest. Bodies without a joint to a
-/// parent stay at their zero pose; loop-closing joints are not solved for: State::q has their coordinates
-/// then.
+/// State with the given coordinates (size model.dof_count()), at rest. Bodies without a joint to a parent
+/// have their zero pose. Loop-closing joints are not solved: State::q has the coordinates that result.
 State state_at(const Model& model, std::span<const double> q);
-/// The start: every axis at its `initial` coordinate, drives at time 0, bodies at their initial velocities.
+/// State at the start: every axis at its `initial` coordinate, drives at time 0, bodies at their initial
+/// velocities.
 State initial_state(const Model& model);
 
 }  // namespace handsim::model

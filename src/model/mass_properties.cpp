@@ -71,12 +71,12 @@ double volume(const Shape& shape) {
 }
 
 MassProperties solid_properties(const Shape& shape, double mass) {
-  const Mat3 turn = shape.pose.q.toRotationMatrix();
-  return {mass, shape.pose.p, mass * turn * unit_inertia(shape) * turn.transpose()};
+  const Mat3 r = shape.pose.q.toRotationMatrix();
+  return {mass, shape.pose.p, mass * r * unit_inertia(shape) * r.transpose()};
 }
 
 MassProperties joined(const std::vector<MassProperties>& parts) {
-  // One part stays what it is, to the bit.
+  // A single part is returned unchanged, bit for bit.
   if (parts.size() == 1) return parts.front();
   MassProperties out;
   for (const MassProperties& part : parts) {
@@ -88,7 +88,7 @@ MassProperties joined(const std::vector<MassProperties>& parts) {
     const Vec3 d = part.centre - out.centre;
     out.inertia += part.inertia + part.mass * (d.squaredNorm() * Mat3::Identity() - d * d.transpose());
   }
-  // Rounding leaves a trace of skewness.
+  // Rounding makes the sum slightly asymmetric.
   out.inertia = 0.5 * (out.inertia + out.inertia.transpose().eval());
   return out;
 }

@@ -1,4 +1,4 @@
-// Mass, centre and inertia of uniform solids and of rigid bodies put together from them.
+// Mass, centre and inertia of uniform solids and of rigid bodies composed of them.
 #pragma once
 
 #include <vector>
@@ -7,17 +7,17 @@
 
 namespace handsim::model {
 
-/// Of a rigid body, in some frame.
+/// Mass properties of a rigid body in a given frame.
 struct MassProperties {
   double mass = 0;              ///< [kg]
   Vec3 centre = Vec3::Zero();   ///< of mass [m]
   Mat3 inertia = Mat3::Zero();  ///< about the centre of mass, in the frame's axes [kg m^2]
 };
 
-/// Of a solid box: twelve times its principal moments about its centre, per mass [m^2].
+/// Principal moments of a solid box about its centre, per mass, times 12 [m^2].
 Vec3 box_moments(const Vec3& edges);
 
-/// Mass and moments of a solid capsule along z.
+/// Volume and moments of a solid capsule along z.
 struct CapsuleInertia {
   double volume = 0;                 ///< [m^3]
   double axial = 0, transverse = 0;  ///< about its centre, per mass [m^2]
@@ -25,13 +25,13 @@ struct CapsuleInertia {
 /// @param length between the centres of the half spheres [m].
 CapsuleInertia capsule_inertia(double radius, double length);
 
-/// [m^3]; a plane: 0.
+/// Volume [m^3]; 0 for a plane.
 double volume(const Shape& shape);
 
-/// Of a uniform solid of this mass, in the frame in which `shape.pose` places it.
+/// Mass properties of a uniform solid of this mass, in the frame that `shape.pose` refers to.
 MassProperties solid_properties(const Shape& shape, double mass);
 
-/// Parts joined rigidly, all in one frame; parallel axes (Steiner).
+/// Mass properties of rigidly joined parts, all in one frame (parallel axis theorem).
 MassProperties joined(const std::vector<MassProperties>& parts);
 
 }  // namespace handsim::model

@@ -7,7 +7,7 @@ namespace handsim::model {
 
 namespace {
 
-/// Two springs, or two dampers, in series; 0 means that one is absent.
+/// Two springs, or two dampers, in series; one of 0 is absent.
 double in_series(double a, double b) { return a > 0 && b > 0 ? a * b / (a + b) : a + b; }
 
 std::optional<Compliance> in_series(const std::optional<Compliance>& a, const std::optional<Compliance>& b) {

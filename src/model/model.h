@@ -1,6 +1,6 @@
 // The compiled description of everything a scene simulates: bodies, joints, shapes, materials, contact
-// rules and driven bodies, in SI and radians. Constant once built; knows no engine, YAML or OpenGL.
-// Body 0 is the world. Every joint's parent stands before its child, loop-closing joints excepted.
+// rules and driven bodies, in SI and radians. Constant once built; independent of engines, YAML and OpenGL.
+// Body 0 is the world. Parents come before children, except for loop-closing joints.
 #pragma once
 
 #include <optional>
@@ -16,7 +16,7 @@ namespace handsim::model {
 /// Index of the world in `Model::bodies`.
 inline constexpr int kWorld = 0;
 
-/// What a shape is a part of: contact sums and tables group shapes by it, pictures colour them by it.
+/// What a shape belongs to: contact sums and tables group shapes by it, pictures colour them by it.
 enum class Part { palm, thumb, index, middle, ring, little, object, ground, mechanism };
 
 enum class Side { right, left };
@@ -29,7 +29,7 @@ struct Body {
   Pose zero_pose;                                ///< X_WB with every joint coordinate at zero
   Vec3 initial_velocity = Vec3::Zero();          ///< of the centre of mass, in world axes [m/s]
   Vec3 initial_angular_velocity = Vec3::Zero();  ///< in world axes [rad/s]
-  /// Moves as a Drive prescribes or not at all: infinite mass to the others.
+  /// Moves as a Drive prescribes, or is fixed if it has none; acts on other bodies as an infinite mass.
   bool kinematic = false;
 };
 
@@ -61,9 +61,9 @@ enum class JointKind {
 /// Number of degrees of freedom: 1, 2, 3, 1.
 int dof_count(JointKind kind);
 
-/// What only ODE knows of a stop; the other engines solve stops without it.
+/// Parameters of a stop that only ODE uses.
 struct OdeStop {
-  /// dParamFudgeFactor, 0..1: scales the force of a motor of the same joint where it drives off the stop.
+  /// dParamFudgeFactor, 0..1: scales the torque with which a motor of the same joint drives off the stop.
   double fudge_factor = 1;
 };
 
@@ -72,7 +72,7 @@ struct Stop {
   double low = 0;     ///< [rad] or [m], below `high`
   double high = 0;    ///< [rad] or [m]
   double bounce = 0;  ///< restitution at the stop, 0..1
-  OdeStop ode = {};   ///< for engine ode alone
+  OdeStop ode = {};
 };
 
 /// Linear passive tissue across one joint coordinate: torque = -stiffness (q - rest) - damping qdot.
@@ -107,8 +107,8 @@ struct Joint {
   bool closes_loop = false;     ///< its child is already the child of another joint
 };
 
-/// A pad between two surfaces: normal force = stiffness depth + damping d(depth)/dt, never pulling. Of the
-/// whole pad: the contact points of one pair of shapes share it.
+/// Compliant contact of two surfaces: normal force = stiffness depth + damping d(depth)/dt, never negative.
+/// The values hold for a whole pair of shapes; its contact points share them.
 struct Compliance {
   double stiffness = 0;  ///< [N/m], > 0
   double damping = 0;    ///< [N s/m], >= 0
@@ -125,9 +125,9 @@ struct Material {
   double spinning_friction = 0;          ///< largest moment about the normal per normal force [m], >= 0
 };
 
-/// What two surfaces are to each other: friction is the geometric mean; restitution, its speed, rolling and
-/// spinning friction the greater of the two; pads are springs and dampers in series (a rigid surface leaves
-/// the other's pad as it is, an undamped one the other's damping). The result has no name.
+/// Contact of two surfaces: friction is the geometric mean; restitution, its speed, rolling and spinning
+/// friction are the greater of the two; springs and dampers act in series (with a rigid surface the other's
+/// compliance holds, with an undamped one the other's damping). The result has no name.
 Material combined(const Material& a, const Material& b);
 
 /// A named set of shapes that contact rules refer to.
@@ -138,8 +138,8 @@ struct ContactGroup {
 /// The pair's material is combined from its shapes' own.
 inline constexpr int kCombined = -1;
 
-/// Two groups whose shapes are tested against each other (a group may meet itself). Jointed bodies and
-/// pairs of immovable bodies are never tested.
+/// Two groups whose shapes are tested against each other (a rule may name one group twice). Jointed bodies
+/// and pairs of immovable bodies are never tested.
 struct ContactRule {
   int group_a = 0;
   int group_b = 0;
@@ -149,30 +149,30 @@ struct ContactRule {
 /// A kinematic body that follows a timed trajectory of its joint centre frame.
 struct Drive {
   int body = 0;
-  Pose frame;         ///< X_BD: the frame D that the motion moves, in the body frame
+  Pose frame;         ///< X_BD: the driven frame D in the body frame
   PoseMotion motion;  ///< X_WD over time
 };
 
-/// A hand's place in the model.
+/// Indices of a hand's parts in the model.
 struct HandIndex {
-  std::string name;  ///< `right`, `left`, or with a number where a scene has several of a side
+  std::string name;  ///< `right`, `left`, or with a number if a scene has several of a side
   Side side = Side::right;
   int palm = 0;             ///< body
   Pose wrist_frame;         ///< X_PH: hand frame H (origin at the wrist joint centre) in the palm body
   std::vector<int> bodies;  ///< palm first, then segments
-  std::vector<int> joints;  ///< finger joints, and the wrist joint where it has one
-  std::optional<int> rail;  ///< joint that the palm slides on, where it does
+  std::vector<int> joints;  ///< finger joints, and the wrist joint if it has one
+  std::optional<int> rail;  ///< slider joint of the palm, if it has one
 };
 
 /// Everything a scene simulates.
 struct Model {
-  Vec3 gravity = {0, 0, -9.80665};  ///< [m/s^2]; acts only where the gravity effect is on
+  Vec3 gravity = {0, 0, -9.80665};  ///< [m/s^2]; acts only if the gravity effect is on
   std::vector<Body> bodies;         ///< [0] is the world
   std::vector<Joint> joints;
   std::vector<Shape> shapes;
   std::vector<Material> materials;
   std::vector<ContactGroup> groups;
-  std::vector<ContactRule> contact_rules;  ///< empty: nothing is ever tested for contact
+  std::vector<ContactRule> contact_rules;  ///< empty: no contact at all
   std::vector<Drive> drives;
   std::vector<HandIndex> hands;
 

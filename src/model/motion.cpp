@@ -5,7 +5,7 @@
 
 namespace handsim::model {
 
-double eased(Interpolation interpolation, double s) {
+double path_fraction(Interpolation interpolation, double s) {
   switch (interpolation) {
     case Interpolation::linear:
       return s;
@@ -15,7 +15,7 @@ double eased(Interpolation interpolation, double s) {
   return s;
 }
 
-double eased_rate(Interpolation interpolation, double s) {
+double path_fraction_rate(Interpolation interpolation, double s) {
   switch (interpolation) {
     case Interpolation::linear:
       return 1;
@@ -25,7 +25,7 @@ double eased_rate(Interpolation interpolation, double s) {
   return 1;
 }
 
-double eased_acceleration(Interpolation interpolation, double s) {
+double path_fraction_acceleration(Interpolation interpolation, double s) {
   switch (interpolation) {
     case Interpolation::linear:
       return 0;
@@ -37,7 +37,7 @@ double eased_acceleration(Interpolation interpolation, double s) {
 
 namespace {
 
-/// Window of a shake at n of its cycles, and its derivatives by n.
+/// Window of a shake after n of its cycles, and its derivatives with respect to n.
 struct Window {
   double value = 0, rate = 0, acceleration = 0;
 };
@@ -48,12 +48,12 @@ Window window(double n, int cycles) {
   if (inside <= 0) return {};
   if (inside >= 1) return {1, 0, 0};
   const double sign = n < cycles - n ? 1 : -1;
-  return {eased(Interpolation::minimum_jerk, inside),
-          sign * eased_rate(Interpolation::minimum_jerk, inside) / kRamp,
-          eased_acceleration(Interpolation::minimum_jerk, inside) / (kRamp * kRamp)};
+  return {path_fraction(Interpolation::minimum_jerk, inside),
+          sign * path_fraction_rate(Interpolation::minimum_jerk, inside) / kRamp,
+          path_fraction_acceleration(Interpolation::minimum_jerk, inside) / (kRamp * kRamp)};
 }
 
-/// The keyframes around a time, on the side that is meant; null before the first and after the last.
+/// The keyframe before a time, or at it, by side; null before the first and after the last.
 const PoseKey* key_before(const std::vector<PoseKey>& keys, double time, KeySide side) {
   const auto next = std::partition_point(keys.begin(), keys.end(), [&](const PoseKey& key) {
     return side == KeySide::after ? key.time <= time : key.time < time;
@@ -61,9 +61,9 @@ const PoseKey* key_before(const std::vector<PoseKey>& keys, double time, KeySide
   return next == keys.begin() || next == keys.end() ? nullptr : &*(next - 1);
 }
 
-/// The way from a keyframe to the next, `share` of it a second; the turn goes about one axis.
-PoseRate along(const PoseKey& a, const PoseKey& b, double share) {
-  return {share * (b.pose.p - a.pose.p), share * rotation_vector(b.pose.q * a.pose.q.conjugate())};
+/// Difference of two keyframes' poses times a factor [1/s]; the rotation is about one fixed axis.
+PoseRate scaled_difference(const PoseKey& a, const PoseKey& b, double factor) {
+  return {factor * (b.pose.p - a.pose.p), factor * rotation_vector(b.pose.q * a.pose.q.conjugate())};
 }
 
 Pose between_keys(const PoseMotion& motion, double time) {
@@ -74,7 +74,7 @@ Pose between_keys(const PoseMotion& motion, double time) {
                                      [](double t, const PoseKey& key) { return t < key.time; });
   const PoseKey& a = *(next - 1);
   const PoseKey& b = *next;
-  const double s = eased(motion.interpolation, (time - a.time) / (b.time - a.time));
+  const double s = path_fraction(motion.interpolation, (time - a.time) / (b.time - a.time));
   return {a.pose.p + s * (b.pose.p - a.pose.p), a.pose.q.slerp(s, b.pose.q)};
 }
 
@@ -106,7 +106,7 @@ double shake_acceleration(int cycles) {
   Shake unit;
   unit.cycles = cycles;
   unit.amplitude = Vec3::UnitX();
-  // All cycles in the middle are alike, so two cycles contain the largest value.
+  // All middle cycles are equal, so two cycles contain the largest value.
   constexpr double kStep = 1e-4;
   const int steps = static_cast<int>(std::min(cycles, 2) / kStep);
   double most = 0;
@@ -124,7 +124,8 @@ PoseRate PoseMotion::rate(double time, KeySide side) const {
   PoseRate out;
   if (const PoseKey* key = key_before(keys, time, side)) {
     const double span = key[1].time - key->time;
-    out = along(*key, key[1], eased_rate(interpolation, (time - key->time) / span) / span);
+    out =
+        scaled_difference(*key, key[1], path_fraction_rate(interpolation, (time - key->time) / span) / span);
   }
   for (const Shake& shake : shakes) out.v += shake.velocity(time);
   return out;
@@ -134,7 +135,8 @@ PoseRate PoseMotion::acceleration(double time, KeySide side) const {
   PoseRate out;
   if (const PoseKey* key = key_before(keys, time, side)) {
     const double span = key[1].time - key->time;
-    out = along(*key, key[1], eased_acceleration(interpolation, (time - key->time) / span) / (span * span));
+    out = scaled_difference(
+        *key, key[1], path_fraction_acceleration(interpolation, (time - key->time) / span) / (span * span));
   }
   for (const Shake& shake : shakes) out.v += shake.acceleration(time);
   return out;

@@ -1,5 +1,5 @@
-// A timed trajectory of a frame: keyframes joined by straight lines or minimum-jerk curves, and shakes on top
-// of them. Before the first keyframe and after the last the frame stands still, but for shakes.
+// A timed trajectory of a frame: keyframes joined by straight lines or minimum-jerk curves, plus shakes.
+// Before the first keyframe and after the last the frame is at rest, except for shakes.
 #pragma once
 
 #include <vector>
@@ -14,22 +14,22 @@ enum class Interpolation {
 };
 
 struct PoseKey {
-  double time = 0;  ///< [s], rising
+  double time = 0;  ///< [s], increasing
   Pose pose;        ///< X_WD
 };
 
-/// How fast a frame moves.
+/// Velocity of a frame, or its derivative.
 struct PoseRate {
   Vec3 v = Vec3::Zero();  ///< of its origin, world axes [m/s]
   Vec3 w = Vec3::Zero();  ///< world axes [rad/s]
 };
 
-/// On which side of a keyframe a rate is meant: linear motion has a kink there.
+/// Which one-sided derivative at a keyframe, where the rate of linear motion jumps.
 enum class KeySide { before, after };
 
-/// A to and fro along a line that starts and ends at rest: displacement = amplitude w(n) sin(2 pi n) with n =
-/// frequency (time - start) from 0 to `cycles`; w rises from 0 to 1 over the first half cycle and falls over
-/// the last by the minimum-jerk curve. Acceleration is continuous.
+/// An oscillation along a line, at rest at its start and end: displacement = amplitude w(n) sin(2 pi n) with
+/// n = frequency (time - start) from 0 to `cycles`; w rises from 0 to 1 over the first half cycle and falls
+/// over the last by the minimum-jerk curve. Acceleration is continuous.
 struct Shake {
   double start = 0;               ///< [s]
   double frequency = 1;           ///< [Hz], > 0
@@ -42,7 +42,7 @@ struct Shake {
   Vec3 acceleration(double time) const;
 };
 
-/// Largest |acceleration| of a shake of unit amplitude and 1 Hz [m/s^2]; at frequency f it is f^2 times that.
+/// Largest |acceleration| of a shake of amplitude 1 m at 1 Hz [m/s^2]; it grows with frequency squared.
 double shake_acceleration(int cycles);
 
 struct PoseMotion {
@@ -52,17 +52,17 @@ struct PoseMotion {
 
   /// Pose at a time [s].
   Pose at(double time) const;
-  /// Its rate at a time [s]: the exact derivative of `at`.
+  /// The exact derivative of at() at a time [s].
   PoseRate rate(double time, KeySide side) const;
-  /// How fast that rate changes [m/s^2], [rad/s^2]: its exact derivative.
+  /// The exact derivative of rate() [m/s^2], [rad/s^2].
   PoseRate acceleration(double time, KeySide side) const;
 };
 
-/// Fraction of the way, 0..1, after fraction `s` (0..1) of the time.
-double eased(Interpolation interpolation, double s);
-/// Its derivative.
-double eased_rate(Interpolation interpolation, double s);
-/// Its second derivative.
-double eased_acceleration(Interpolation interpolation, double s);
+/// Fraction of the path, 0..1, after the fraction `s` (0..1) of the time.
+double path_fraction(Interpolation interpolation, double s);
+/// Derivative of path_fraction() by `s`.
+double path_fraction_rate(Interpolation interpolation, double s);
+/// Its second derivative by `s`.
+double path_fraction_acceleration(Interpolation interpolation, double s);
 
 }  // namespace handsim::model

@@ -1,4 +1,4 @@
-// How far shapes reach.
+// Support function, bounds and radii of shapes.
 #pragma once
 
 #include <vector>
@@ -14,11 +14,11 @@ double support(const Shape& shape, const Vec3& n);
 /// Distance of a shape's farthest point from the origin of its body [m]; 0 for a plane.
 double reach(const Shape& shape);
 
-/// Edges of the box along the axes of the shapes' common frame that holds them [m].
+/// Edge lengths of the bounding box of shapes along the axes of their common frame [m].
 Vec3 box_edges(const std::vector<Shape>& shapes);
 
-/// A box that holds a shape's core: the shape but for the radius by which it is rounded. A mesh counts as a
-/// ball.
+/// Bounds of a shape: a box that holds its core, and a radius by which the core is rounded. A mesh is bounded
+/// by a sphere.
 struct Extent {
   Vec3 half = Vec3::Zero();  ///< along the axes of the shape's frame [m]
   double round = 0;          ///< [m]

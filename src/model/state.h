@@ -1,5 +1,5 @@
-// What changes: how bodies and joints stand and move at a time, and what acted along the joints in the step
-// that led there. Engines write it, everyone else reads it.
+// State of a model at a time: poses and velocities of bodies, joint coordinates and rates, and the joint
+// torques of the last step. Only engines write it.
 #pragma once
 
 #include <vector>
@@ -21,20 +21,19 @@ struct State {
   double time = 0;                ///< [s]
   std::vector<BodyState> bodies;  ///< as Model::bodies; [0], the world, stays at rest at the origin
 
-  // By coordinate, size Model::dof_count(). q and u state the same motion as `bodies`: an engine that is
-  // handed a state finds them anew.
+  // By coordinate, size Model::dof_count(). q and u describe the same motion as `bodies`: an engine that gets
+  // a state recomputes them.
   std::vector<double> q;  ///< coordinates as in kinematics.h, angles in (-pi, pi] [rad] or [m]
   std::vector<double> u;  ///< rates as in kinematics.h [rad/s] or [m/s]
-  /// Torque that acted on the child in the last step, positive along the coordinate, its mean over the step
-  /// where the engine holds it constant (ode), else its value at the step's end: given torques, servos and
-  /// passive tissue as the engine solved them. Without the forces of stops, contacts and the joint's own
-  /// constraints. Of a ball: the given torque in F. Zero before the first step [N m] or [N].
+  /// Torque on the child in the last step, positive along the coordinate [N m] or [N]: given torques, servos
+  /// and passive tissue as the engine solved them, without stops, contacts and joint constraints. Constant
+  /// over the step with engine ode, the value at the step's end with others. Ball: the given torque in F.
+  /// Zero before the first step.
   std::vector<double> tau;
   std::vector<double> tau_servo;  ///< the servos' part of tau, within their limits [N m] or [N]
 };
 
-/// Names time, bodies and torques to an archive (core/archive.h); the numbers of them are the model's, and q
-/// and u follow from the bodies.
+/// Serialises time, bodies and torques (core/archive.h); the model has their counts, and q and u follow.
 template <class Archive, class T>
 void carry(Archive& archive, T& state) {
   archive(state.time);

@@ -9,11 +9,11 @@ namespace handsim::model {
 
 namespace {
 
-// Beyond these ODE's own checks abort (mass 1e-12) or lose all digits.
+// Outside these bounds ODE aborts (mass below 1e-12) or rounding leaves no correct digits.
 constexpr double kMassMin = 1e-9, kMassMax = 1e6;
 constexpr double kSizeMin = 1e-6, kSizeMax = 1e4;
 constexpr double kFar = 1e6;
-constexpr double kSoftest = 1e-3, kStiffest = 1e12;
+constexpr double kStiffnessMin = 1e-3, kStiffnessMax = 1e12;
 constexpr double kUnitTolerance = 1e-9;
 
 class Checker {
@@ -113,19 +113,20 @@ class Checker {
   }
 
   void check_joint(const Joint& joint) {
-    const int child_dofs = dof_count(joint.kind);
     if (!in(joint.parent, model_.bodies) || !in(joint.child, model_.bodies) || joint.parent == joint.child ||
         joint.child == kWorld)
       add(joint.name, fmt::format("bodies {} and {}", joint.parent, joint.child),
           "two different bodies, the child not the world");
     check_pose(joint.name + ".parent_frame", joint.parent_frame);
     check_pose(joint.name + ".child_frame", joint.child_frame);
-    const std::size_t axes = joint.kind == JointKind::ball ? 0 : static_cast<std::size_t>(child_dofs);
+    const std::size_t axes =
+        joint.kind == JointKind::ball ? 0 : static_cast<std::size_t>(dof_count(joint.kind));
     if (joint.axes.size() != axes)
       return add(joint.name + ".axes", fmt::format("{} axes", joint.axes.size()), fmt::format("{}", axes));
     for (const JointAxis& axis : joint.axes) {
       check_joint_axis(joint.name + "." + axis.name, axis);
-      if (axis.stop && joint.kind != JointKind::slider) check_turn(joint.name + "." + axis.name, *axis.stop);
+      if (axis.stop && joint.kind != JointKind::slider)
+        check_angle_stop(joint.name + "." + axis.name, *axis.stop);
     }
     if (joint.kind == JointKind::universal &&
         !(std::abs(joint.axes[0].axis.dot(joint.axes[1].axis)) < kUnitTolerance))
@@ -150,8 +151,8 @@ class Checker {
     }
   }
 
-  /// Angles live in (-pi, pi]: a finite stop beyond would be passed by a wrap and never act.
-  void check_turn(const std::string& key, const Stop& stop) {
+  /// Angles are in (-pi, pi]: a finite stop outside would never act.
+  void check_angle_stop(const std::string& key, const Stop& stop) {
     for (const double value : {stop.low, stop.high})
       if (std::isfinite(value) && std::abs(value) > M_PI)
         add(key + ".stop", fmt::format("{:g} rad", value), "-pi to pi, or infinite for no stop on that side");
@@ -163,7 +164,7 @@ class Checker {
     each(model_.joints, origins_.joints, [&](const Joint& joint) {
       if (!joint.closes_loop && in(joint.child, model_.bodies)) {
         if (is_child[static_cast<std::size_t>(joint.child)])
-          add(joint.name, "a child that another joint already holds", "closes_loop");
+          add(joint.name, "a child that another joint already has", "closes_loop");
         is_child[static_cast<std::size_t>(joint.child)] = true;
       }
     });
@@ -200,8 +201,9 @@ class Checker {
     check_range(material.name + ".rolling_friction", material.rolling_friction, 0, kSizeMax, "m");
     check_range(material.name + ".spinning_friction", material.spinning_friction, 0, kSizeMax, "m");
     if (!material.compliance) return;
-    check_range(material.name + ".stiffness", material.compliance->stiffness, kSoftest, kStiffest, "N/m");
-    check_range(material.name + ".damping", material.compliance->damping, 0, kStiffest, "N s/m");
+    check_range(material.name + ".stiffness", material.compliance->stiffness, kStiffnessMin, kStiffnessMax,
+                "N/m");
+    check_range(material.name + ".damping", material.compliance->damping, 0, kStiffnessMax, "N s/m");
   }
 
   void check_drive(const Drive& drive) {
@@ -218,7 +220,7 @@ class Checker {
       if (i > 0 && !(drive.motion.keys[i].time > drive.motion.keys[i - 1].time))
         add(key + ".motion",
             fmt::format("time {:g} after {:g}", drive.motion.keys[i].time, drive.motion.keys[i - 1].time),
-            "rising times");
+            "increasing times");
     }
     for (const Shake& shake : drive.motion.shakes) {
       check_range(key + ".motion.shake", shake.frequency, 1e-3, 1e4, "Hz");

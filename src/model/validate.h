@@ -1,4 +1,4 @@
-// Checks whether an engine can step a Model. Every defect is reported, none is corrected.
+// Checks that an engine can step a Model. Reports every defect and corrects none.
 #pragma once
 
 #include <optional>
@@ -9,17 +9,17 @@
 
 namespace handsim::model {
 
-/// Places of a model's parts in a file, by index; parts beyond the ends have none.
+/// Places in a file of a model's parts, by index; parts beyond the end of a list have no place.
 struct Origins {
   std::vector<std::optional<Place>> bodies, joints, shapes, materials;
 
-  /// Gives this place to all that the model got since the last call.
+  /// Assigns this place to all parts that were added to the model since the last call.
   void add(const Model& model, const std::optional<Place>& place);
 };
 
 /// All defects, each with the place of its part: non-finite numbers, masses and sizes out of bounds, inertias
-/// that no body can have, axes not unit or not perpendicular, stops out of order, indices out of range,
-/// parents after children.
+/// that violate the triangle inequality, axes not unit or not perpendicular, stops out of order, indices out
+/// of range, parents after children.
 std::vector<Problem> defects(const Model& model, const Origins& origins = {});
 
 }  // namespace handsim::model

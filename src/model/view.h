@@ -3,7 +3,7 @@
 
 namespace handsim::model {
 
-/// From the back of the hand, from its palm, from the thumb's side, or from above and before the fingertips.
+/// From the back of the hand, its palm, the thumb's side, or obliquely from above in front of the fingertips.
 enum class View { dorsal, palmar, radial, three_quarter };
 
 }  // namespace handsim::model

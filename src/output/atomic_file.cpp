@@ -20,11 +20,11 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kPartHead = ".handsim.", kPartEnd = ".part";
-constexpr mode_t kMode = 0666;  ///< less the user's umask
+constexpr mode_t kMode = 0666;  ///< the user's umask is subtracted
 
 fs::path folder_of(const fs::path& path) { return path.has_parent_path() ? path.parent_path() : "."; }
 
-/// The name under which a file without one can be linked.
+/// A path through which an open file without a name can be linked.
 std::string open_name(int file) { return fmt::format("/proc/self/fd/{}", file); }
 
 const char* described(fs::file_type type) {
@@ -33,7 +33,7 @@ const char* described(fs::file_type type) {
          : type == T::block || type == T::character ? "a device"
          : type == T::fifo                          ? "a pipe"
          : type == T::socket                        ? "a socket"
-         : type == T::symlink                       ? "a link that leads to no file"
+         : type == T::symlink                       ? "a broken link"
                                                     : "no regular file";
 }
 
@@ -88,7 +88,7 @@ AtomicFile::AtomicFile(const fs::path& path) : path_(file_target(path)) {
   throw uncreatable(path_, std::strerror(cause));
 }
 
-/// Without a name where possible: then nothing is left of it however the process ends.
+/// Creates the file without a name if possible: then nothing remains of it if the process is killed.
 int AtomicFile::create() {
   if (path_.filename().empty()) {
     errno = EISDIR;
@@ -111,7 +111,7 @@ AtomicFile::~AtomicFile() {
 
 void AtomicFile::fail() const {
   throw output_error(path_.string(), fmt::format("a file that cannot be written ({})", std::strerror(errno)),
-                     "room on the disk, and a folder that stays there");
+                     "free space on the disk, and a folder that is not removed meanwhile");
 }
 
 void AtomicFile::write(std::string_view text) {
@@ -127,7 +127,7 @@ void AtomicFile::overwrite(long at, std::string_view text) {
 void AtomicFile::commit() {
   if (std::fflush(file_) != 0) fail();
   if (part_.empty()) {
-    // A link cannot take another file's place; a renamed one can.
+    // linkat cannot replace an existing file, rename can.
     name_part();
     if (linkat(AT_FDCWD, open_name(fileno(file_)).c_str(), AT_FDCWD, part_.c_str(), AT_SYMLINK_FOLLOW) != 0)
       fail();
@@ -150,8 +150,8 @@ void make_folder(const fs::path& path) {
   if (failure || !fs::is_directory(path))
     throw input_error(
         path.string(),
-        failure ? fmt::format("a folder that cannot be made ({})", failure.message()) : "no folder",
-        "a folder that can be made");
+        failure ? fmt::format("a folder that cannot be created ({})", failure.message()) : "not a folder",
+        "a folder, or a path where one can be created");
 }
 
 }  // namespace handsim::output

@@ -1,6 +1,6 @@
-// A file that appears under its name only when complete. Until commit() it has no name at all where the file
-// system can do that, else one of its own, `.handsim.PROCESS.NUMBER.part`, beside it: no two writers share
-// one.
+// A file that appears under its name only when it is complete. Until commit() it has no name if the file
+// system supports files without a name, and otherwise a temporary name in the same folder,
+// `.handsim.PROCESS.NUMBER.part`, that no other writer uses.
 #pragma once
 
 #include <cstdio>
@@ -12,19 +12,19 @@ namespace handsim::output {
 
 class AtomicFile {
  public:
-  /// @throws Error (input) where the folder cannot be written, or no regular file can stand there: see
-  ///         file_target.
+  /// @throws Error (input) if the folder cannot be written, and where file_target throws.
   explicit AtomicFile(const std::filesystem::path& path);
-  /// Removes what was not committed.
+  /// Removes the file if it was not committed.
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;
   AtomicFile& operator=(const AtomicFile&) = delete;
 
-  /// @throws Error (output) where the disk is full.
+  /// @throws Error (output) if the disk is full.
   void write(std::string_view text);
-  /// Puts text in the place of what was written from byte `at` on; it must have been. @throws as write.
+  /// Replaces as many bytes as the text has, from byte `at` on; they must have been written before.
+  /// @throws as write.
   void overwrite(long at, std::string_view text);
-  /// Gives the file its name. @throws Error (output) where that fails.
+  /// Gives the file its name. @throws Error (output) if that fails.
   void commit();
 
  private:
@@ -33,24 +33,24 @@ class AtomicFile {
   [[noreturn]] void fail() const;
 
   std::filesystem::path path_;
-  std::filesystem::path part_;  ///< empty as long as the file has no name
+  std::filesystem::path part_;  ///< the temporary name; empty while the file has none
   std::FILE* file_ = nullptr;
 };
 
-/// Where a file of this name is written: links are followed.
-/// @throws Error (input) where a folder, device, pipe or socket stands there, a link leads to nothing, or the
-///         file is one of this process's standard streams.
+/// The path to which a file of this name is written; symbolic links are followed.
+/// @throws Error (input) if the path is a folder, a device, a pipe, a socket, a broken link, or one of this
+///         process's standard streams.
 std::filesystem::path file_target(const std::filesystem::path& path);
 
-/// A name for a part of an output that no other process or file has.
+/// A temporary file name that no other process or file uses.
 std::string part_name();
-/// Whether a file's name is one of part_name, or begins with one.
+/// True for a file name that part_name made, or that begins with one.
 bool is_part_name(std::string_view name);
 
 /// Writes a whole file at once.
 void write_file(const std::filesystem::path& path, std::string_view text);
 
-/// Makes the folder and its parents. @throws Error (input) where it cannot be made or is no folder.
+/// Creates the folder and its parents. @throws Error (input) if it cannot be created or is not a folder.
 void make_folder(const std::filesystem::path& path);
 
 }  // namespace handsim::output

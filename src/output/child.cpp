@@ -22,9 +22,9 @@ namespace handsim::output {
 
 namespace {
 
-constexpr int kPipe = 3;  ///< of the child, to its parent
+constexpr int kPipe = 3;  ///< the child's file descriptor of the pipe to its parent
 
-// The child reports in lines. What libraries write to standard error comes the same way.
+// The child sends one report per line. Output of libraries to standard error uses the same pipe.
 constexpr std::string_view kShare = "handsim-share ", kFailure = "handsim-failure ";
 constexpr std::size_t kLongestLine = 500;
 
@@ -33,7 +33,7 @@ void report(int pipe, std::string_view head, std::string_view text) {
   static_cast<void>(!::write(pipe, line.data(), line.size()));
 }
 
-/// What the child has reported.
+/// Parses the lines that the child sends.
 class Report {
  public:
   explicit Report(const Progress& progress) : progress_(progress) {}
@@ -65,7 +65,8 @@ class Report {
   std::string line_;
 };
 
-/// The child process. Ends without exit handlers or buffers, which are the parent's.
+/// Runs in the child process. Ends without exit handlers and without flushing buffers: both belong to the
+/// parent.
 [[noreturn]] void run_job(int pipe, pid_t parent, const std::function<void(const Progress&)>& job) {
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != parent) _exit(1);
@@ -74,7 +75,7 @@ class Report {
   dup2(pipe, STDOUT_FILENO);
   dup2(pipe, STDERR_FILENO);
   if (pipe != kPipe) dup2(pipe, kPipe);
-  // Locks and files stay the parent's alone.
+  // The child must not hold the parent's locks and files.
   close_range(kPipe + 1, ~0U, 0);
   try {
     job([](double share) { report(kPipe, kShare, fmt::format("{}", share)); });
@@ -87,7 +88,7 @@ class Report {
   _exit(1);
 }
 
-std::string ended(int status, const Report& report) {
+std::string describe_exit(int status, const Report& report) {
   std::string out = WIFSIGNALED(status) ? fmt::format("ended by signal {} ({})", WTERMSIG(status),
                                                       strsignal(WTERMSIG(status)))
                                         : fmt::format("ended with status {}", WEXITSTATUS(status));
@@ -99,7 +100,7 @@ std::string ended(int status, const Report& report) {
 std::optional<std::string> run_in_child(const std::function<void(const Progress&)>& job,
                                         const Progress& progress) {
   int ends[2] = {-1, -1};
-  const auto cannot = [](int why) { return fmt::format("no process for it ({})", std::strerror(why)); };
+  const auto cannot = [](int why) { return fmt::format("cannot start a process ({})", std::strerror(why)); };
   if (pipe2(ends, O_CLOEXEC) != 0) return cannot(errno);
   const pid_t parent = getpid(), child = fork();
   if (child == 0) run_job(ends[1], parent, job);
@@ -119,11 +120,11 @@ std::optional<std::string> run_in_child(const std::function<void(const Progress&
   if (child < 0)
     out = cannot(cause);
   else if (waitpid(child, &status, 0) != child)
-    out = fmt::format("lost its process ({})", std::strerror(errno));
+    out = fmt::format("cannot wait for its process ({})", std::strerror(errno));
   else if (report.failure)
     out = report.failure;
   else if (!WIFEXITED(status) || WEXITSTATUS(status) != 0)
-    out = ended(status, report);
+    out = describe_exit(status, report);
   close(ends[0]);
   return out;
 }

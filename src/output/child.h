@@ -1,5 +1,5 @@
-// Work in a process of its own, for what may end the process that does it: Mesa and LLVM do not survive a
-// lack of memory.
+// Runs a job in a child process, so that a crash of the job does not end the program: Mesa and LLVM abort
+// when memory runs out.
 #pragma once
 
 #include <functional>
@@ -10,10 +10,11 @@ namespace handsim::output {
 
 using Progress = std::function<void(double)>;
 
-/// Runs the job in a copy of this process and waits for it. The copy holds no open file of this one's but the
-/// standard streams, and ends with it. Not for a process that has made OpenGL contexts or runs other threads.
-/// @param job gets a function that passes the share done, 0..1, on to `progress` (may be empty).
-/// @return why it failed: what it threw, or what ended it; nothing where it went well.
+/// Runs the job in a fork of this process and waits for it. The child closes all open files but the standard
+/// streams, and is killed if this process ends. Not for a process that has OpenGL contexts or other threads.
+/// @param job gets a function that reports the finished share, 0..1, to `progress` (may be empty).
+/// @return why the job failed (its exception, or the signal or status that ended it); nothing if it
+/// succeeded.
 std::optional<std::string> run_in_child(const std::function<void(const Progress&)>& job,
                                         const Progress& progress);
 

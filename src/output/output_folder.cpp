@@ -26,7 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// ` (process 123)`: who holds the lock on an open folder, as the kernel lists it; empty where it does not.
+/// ` (process 123)`: the process that holds the lock on an open folder; empty if the kernel does not list it.
 std::string holder(int folder) {
   struct stat of {};
   if (fstat(folder, &of) != 0) return "";
@@ -41,14 +41,14 @@ std::string holder(int folder) {
   return "";
 }
 
-/// The folders that names lie in, relative: nothing, and `plots` of `plots/*.png`.
+/// The folders of the names, relative: the empty path, and e.g. `plots` for `plots/*.png`.
 std::set<fs::path> folders_of(const std::vector<std::string>& names) {
   std::set<fs::path> out = {""};
   for (const std::string& name : names) out.insert(fs::path(name).parent_path());
   return out;
 }
 
-/// Entries of a folder by name; none where it is missing.
+/// Sorted names of the entries of a folder; empty if the folder is missing.
 std::vector<fs::path> entries(const fs::path& folder) {
   std::vector<fs::path> out;
   std::error_code failure;
@@ -97,7 +97,7 @@ void OutputFolder::lock() {
   const std::string who = holder(file_);
   close(file_);
   throw input_error("--out", path_.string() + ", in use by another handsim" + who,
-                    "a folder for each, or to wait for that one's end");
+                    "another folder, or wait until that one ends");
 }
 
 std::vector<fs::path> OutputFolder::present() const {
@@ -119,7 +119,8 @@ void OutputFolder::check(const Inputs& inputs) const {
   for (const fs::path& folder : folders_of(names_)) {
     const fs::file_status status = fs::symlink_status(path_ / folder, failure);
     if (!folder.empty() && fs::exists(status) && !fs::is_directory(status))
-      problems.push_back({std::nullopt, (path_ / folder).string(), "no folder", "a folder, or nothing"});
+      problems.push_back({std::nullopt, (path_ / folder).string(), "not a folder",
+                          "a folder, or a name that does not exist"});
   }
   const std::vector<fs::path> found = present();
   const std::vector<fs::path> read = inputs && !found.empty() ? inputs() : std::vector<fs::path>();
@@ -127,11 +128,12 @@ void OutputFolder::check(const Inputs& inputs) const {
     const fs::path at = path_ / name;
     const auto is_this = [&](const fs::path& input) { return fs::equivalent(at, input, failure); };
     if (fs::is_symlink(fs::symlink_status(at, failure)))
-      problems.push_back({std::nullopt, at.string(), "a link", "nothing, or a file to replace"});
+      problems.push_back(
+          {std::nullopt, at.string(), "a link", "a regular file, or a name that does not exist"});
     else if (std::any_of(read.begin(), read.end(), is_this))
       problems.push_back(
           {std::nullopt, "--out",
-           fmt::format("{}, where {}, which is read, would be replaced", path_.string(), at.string()),
+           fmt::format("{}: the run would overwrite its own input {}", path_.string(), at.string()),
            "another folder"});
     else
       try {
@@ -141,7 +143,7 @@ void OutputFolder::check(const Inputs& inputs) const {
       }
   }
   if (!problems.empty()) throw Error(std::move(problems));
-  // A folder that cannot be written is better known now than at the end.
+  // Report a folder that cannot be written now, not after the run.
   const AtomicFile probe(path_ / part_name());
 }
 
@@ -150,7 +152,7 @@ void OutputFolder::clear() const {
   for (const fs::path& folder : folders_of(names_)) {
     for (const fs::path& name : entries(path_ / folder))
       if (is_part_name(name.string())) remove_earlier(path_ / folder / name);
-    // Of folders within, those that are left empty.
+    // Subfolders that are empty now.
     std::error_code ignored;
     if (!folder.empty() && fs::is_directory(path_ / folder, ignored)) fs::remove(path_ / folder, ignored);
   }
@@ -161,7 +163,7 @@ void check_not_read(const fs::path& path, const OutputFolder::Inputs& inputs) {
   if (!fs::exists(path, failure)) return;
   for (const fs::path& input : inputs())
     if (fs::equivalent(path, input, failure))
-      throw input_error("--out", path.string() + ", which is read", "another file");
+      throw input_error("--out", path.string() + ", which is also an input", "another file");
 }
 
 }  // namespace handsim::output

@@ -1,6 +1,6 @@
-// The folder that a run or study writes into: held against every other handsim as long as the object lives,
-// checked before anything is computed, and emptied of what an earlier one has left. Files that handsim does
-// not write there are never touched.
+// The output folder of a run or study. It is locked against other handsim processes while the object lives,
+// checked before anything is computed, and cleared of the output of earlier runs. Other files in the folder
+// are never changed.
 #pragma once
 
 #include <filesystem>
@@ -12,36 +12,37 @@ namespace handsim::output {
 
 class OutputFolder {
  public:
-  /// Names the files that are read, only asked for where some would be replaced.
+  /// Lists the input files; called only if output files of the same names exist.
   using Inputs = std::function<std::vector<std::filesystem::path>()>;
 
-  /// Makes the folder where it is missing. The lock is the kernel's (flock on the folder itself): it is gone
-  /// with the process, however that ends. On a file system without locks there is none.
-  /// @param names of the files that will be written, relative; `*` and `[0-9]` as in a shell.
-  /// @throws Error (input) where another process holds the folder; where it cannot be written; where under
-  ///         one of the names stands what is no regular file, or one of `inputs`.
+  /// Creates the folder if it is missing. The lock is a kernel lock (flock on the folder): it ends with the
+  /// process. A file system without locks has none.
+  /// @param names names of the files that will be written, relative; `*` and `[0-9]` as in a shell.
+  /// @throws Error (input) if another process has locked the folder, if it cannot be written, or if one of
+  /// the
+  ///         names exists and is not a regular file, or is one of `inputs`.
   OutputFolder(std::filesystem::path path, std::vector<std::string> names, const Inputs& inputs = {});
   ~OutputFolder();
   OutputFolder(OutputFolder&& other) noexcept;
   OutputFolder& operator=(OutputFolder&&) = delete;
 
-  /// Removes all files of these names, and parts that a killed process has left.
-  /// @throws Error (output) where that fails.
+  /// Removes all files of these names, and temporary files of processes that were killed.
+  /// @throws Error (output) if that fails.
   void clear() const;
   const std::filesystem::path& path() const { return path_; }
 
  private:
   void lock();
-  /// Of the names' files, those that are there, relative.
+  /// The files of these names that exist, relative.
   std::vector<std::filesystem::path> present() const;
   void check(const Inputs& inputs) const;
 
   std::filesystem::path path_;
   std::vector<std::string> names_;
-  int file_ = -1;  ///< the folder itself, which has the lock
+  int file_ = -1;  ///< descriptor of the folder, which holds the lock; -1 after a move
 };
 
-/// @throws Error (input) where a single file that is to be written is one of those read.
+/// @throws Error (input) if the output file `path` is one of the input files.
 void check_not_read(const std::filesystem::path& path, const OutputFolder::Inputs& inputs);
 
 }  // namespace handsim::output

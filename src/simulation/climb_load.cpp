@@ -26,7 +26,7 @@ ClimbLoad::ClimbLoad(const model::Model& model, const scene::ClimbPlan& plan, do
 double ClimbLoad::target(double time) const {
   const scene::TaskPhase& approach = plan_.approach();
   const double share = std::clamp((time - approach.start) / (approach.end - approach.start), 0.0, 1.0);
-  return -plan_.height * (1 - model::eased(model::Interpolation::minimum_jerk, share));
+  return -plan_.height * (1 - model::path_fraction(model::Interpolation::minimum_jerk, share));
 }
 
 void ClimbLoad::command(const model::State& state, std::span<double> torques,

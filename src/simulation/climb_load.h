@@ -1,5 +1,5 @@
-// What moves and loads the palm of a climbing hand on its rail: a servo takes it to the hold and keeps it
-// there while the fingers close; then a force along the rail grows with time.
+// The actuator of a climbing hand's palm on its rail: a servo moves it to the hold and keeps it there while
+// the fingers close; then a force along the rail grows with time.
 #pragma once
 
 #include <span>
@@ -10,12 +10,12 @@
 
 namespace handsim::simulation {
 
-/// Depends on the state alone: it has no memory that a snapshot would have to hold.
+/// Depends only on the state; a snapshot needs no data of it.
 class ClimbLoad {
  public:
   /// The plan must outlive this. @param step of the engine [s].
   ClimbLoad(const model::Model& model, const scene::ClimbPlan& plan, double step);
-  /// What acts on the rail in the step that begins with a state: adds to the forces [N] or sets the servo.
+  /// The action on the rail in the step that starts with a state: adds to the forces [N] or sets the servo.
   /// Sizes model.dof_count().
   void command(const model::State& state, std::span<double> torques, std::span<model::Servo> servos) const;
 

@@ -1,4 +1,5 @@
-// A scene in motion: command, step, and watchers of each step. Files and pictures are run/run.h's.
+// The simulation loop of a scene: command, step, and watchers of each step. run/run.h writes files and
+// pictures.
 #pragma once
 
 #include <cstdint>
@@ -15,85 +16,89 @@
 
 namespace handsim::simulation {
 
-/// Refuses objects that start inside a hand: contact would throw them out. @throws Error (input) naming all.
+/// @throws Error (input) with all objects that start inside a hand, because contact would accelerate them.
 void check_start(const scene::Scene& scene);
 
-/// Can be moved. Const methods may be called from several threads at once.
+/// Movable. Several threads may call const methods at the same time.
 class Simulation {
  public:
-  /// Shares the scene. @param watchers makes those that it is to have: standard_watchers, no_watchers,
-  /// `only<Monitor, RunHash>` or the caller's own. Without any the loop costs what its engine costs.
-  /// @throws Error (input) where the engine refuses the model, or an object starts more than 1 mm inside a
-  /// hand that it can touch and is not allowed to.
+  /// Shares the scene. @param watchers makes the watchers: standard_watchers, no_watchers,
+  /// `only<Monitor, RunHash>` or a function of the caller. Without watchers the loop takes the time of its
+  /// engine.
+  /// @throws Error (input) if the engine refuses the model, or if an object starts more than 1 mm inside a
+  /// hand that it can touch, without `overlap: allowed`.
   explicit Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers watchers = standard_watchers);
-  /// The same of a scene of its own.
+  /// The same, with a scene that the simulation owns.
   explicit Simulation(scene::Scene scene, MakeWatchers watchers = standard_watchers)
       : Simulation(std::make_shared<const scene::Scene>(std::move(scene)), std::move(watchers)) {}
 
   /// One step of the scene's solver: command, step, sense, watch.
-  /// @param action of the caller, for this step alone: torques [N m] or forces [N] that add to those of the
+  /// @param action the caller's action in this step: torques [N m] or forces [N], which are added to those of
+  /// the
   ///        scene, and servos, which replace those of the scene on coordinates where their limit is above 0.
   ///        Each of size model().dof_count() or empty, in the order of the coordinates (Joint::first_dof),
   ///        positive along the coordinate. Servos need the actuation effect (spec.solver.effects).
   /// @throws Error (input) for an action of another size, with numbers that are not finite or out of range,
-  ///         or for servos without actuation; nothing has moved then. Error (physics) with time, body or
-  ///         joint and quantity when the state leaves its bounds; every later step throws the same.
+  ///         or for servos without actuation; the state is then unchanged. Error (physics) with time, body or
+  ///         joint and quantity if the state is out of bounds; every later step throws the same.
   void step(const engine::StepInput& action = {});
 
   const scene::Scene& scene() const { return *scene_; }
   const model::Model& model() const { return scene_->model; }
   const model::State& state() const { return engine_->state(); }
   const engine::Engine& engine() const { return *engine_; }
-  /// Null where the scene drives no joint.
+  /// Null if the scene has no control.
   const control::Controller* controller() const { return controller_.get(); }
-  /// Steps made since the start of the scene, before a snapshot too.
+  /// Number of steps since the start of the scene, including those before a snapshot.
   long steps() const { return steps_; }
-  /// Steps that the scene's duration takes.
+  /// Number of steps of the scene's duration.
   long step_count() const;
 
   const Watchers& watchers() const { return watchers_; }
-  /// Null where the simulation has no such watcher. A reset ends the reference, a restore does not.
+  /// A watcher; null if the simulation has none of this type. The pointer is valid until a reset.
   template <class Kind>
   const Kind* find() const {
     for (const auto& watcher : watchers_)
       if (const auto* found = dynamic_cast<const Kind*>(watcher.get())) return found;
     return nullptr;
   }
-  /// @throws Error (input) where the simulation has no such watcher.
+  /// @throws Error (input) if the simulation has no such watcher.
   template <class Kind>
   const Kind& get() const {
     const Kind* found = find<Kind>();
     if (!found) throw input_error("watchers", "a simulation without this watcher", "one that has it");
     return *found;
   }
-  /// `get<Kind>().figures()`; empty where the simulation has no such watcher.
+  /// `get<Kind>().figures()`; empty if the simulation has no such watcher.
   template <class Kind>
   auto figures() const {
     const Kind* found = find<Kind>();
     return found ? found->figures() : decltype(found->figures())();
   }
-  /// Of RunHash. @throws Error (input) without it.
+  /// Value of the watcher RunHash. @throws Error (input) without this watcher.
   std::uint64_t state_hash() const;
-  /// Figures of all watchers beside the scene's criteria.
+  /// Figures of all watchers, with the limits of the scene's criteria.
   std::vector<Verdict> verdicts() const;
-  /// Of all watchers, one sentence each.
+  /// Warnings of all watchers, one sentence each.
   std::vector<std::string> warnings() const;
 
-  /// The run, watchers included. Costs some microseconds, the first one of a simulation some milliseconds.
-  /// @throws Error (physics) of a simulation that has failed.
+  /// The run with its watchers. Takes some microseconds, the first one of a simulation some milliseconds.
+  /// @throws Error (physics) if the simulation has failed.
   RunSnapshot snapshot() const;
-  /// Goes on from a snapshot of the same scene, to the bit as if the run had never stopped. Wall times in the
-  /// ledger are those of both.
-  /// @throws Error (input) naming what differs where the snapshot is of another scene, settings or engine,
-  ///         where it lacks one of the watchers or does not hold together; the simulation then stands where
-  ///         it stood. Error (physics) of a simulation that has failed.
+  /// Continues from a snapshot of the same scene, with the same bits as an uninterrupted run. The ledger has
+  /// the sum of both wall times.
+  /// @throws Error (input) with the difference if the snapshot has another scene, settings or engine, lacks
+  /// one
+  ///         of the watchers, or is damaged; the simulation is then unchanged. Error (physics) if the
+  ///         simulation has failed.
   void restore(const RunSnapshot& snapshot);
 
-  /// The motion without the watchers: cheaper. @throws Error (physics) of a simulation that has failed.
+  /// The motion without the watchers, which is faster. @throws Error (physics) if the simulation has failed.
   MotionSnapshot motion() const;
-  /// Goes on from a motion, to the bit; watchers begin anew.
+  /// Continues from a motion, with the same bits; the watchers are new ones.
   /// @throws Error (input) for a motion of a simulation that does not share this scene object. Error
-  ///         (physics) of a simulation that has failed.
+  /// (physics) if
+  ///         the simulation has failed.
   void reset(const MotionSnapshot& motion);
 
  private:
@@ -114,10 +119,10 @@ class Simulation {
   Watchers watchers_;
   bool timed_ = false;  ///< a watcher uses times
   long steps_ = 0;
-  std::optional<Error> failure_;  ///< of a watcher, or no memory; not of the engine
+  std::optional<Error> failure_;  ///< of a watcher, or lack of memory; engines keep their own
   std::shared_ptr<LazyFingerprint> fingerprint_;
-  std::vector<double> constant_;      ///< constant torques of the joints; empty where there are none
-  std::vector<double> sum_;           ///< with those of the controller, climbs and caller
+  std::vector<double> constant_;      ///< constant torques of the joints; empty if there are none
+  std::vector<double> sum_;           ///< the same plus those of the controller, climbs and caller
   std::vector<model::Servo> servos_;  ///< of the controller, climbs and caller
 };
 

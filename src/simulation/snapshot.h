@@ -1,4 +1,5 @@
-// A simulation at one moment, to go on from in memory; run/snapshot_file.h makes files of them.
+// The state of a simulation in memory, from which it can continue; run/snapshot_file.h writes and reads
+// files.
 #pragma once
 
 #include <cstdint>
@@ -10,18 +11,18 @@
 
 namespace handsim::simulation {
 
-/// A run: the motion and all that its watchers have measured. Goes from one process to another.
+/// A run: the motion and the measurements of its watchers. Can be used in another process.
 struct RunSnapshot {
   std::shared_ptr<const Fingerprint> scene;
   double time = 0;        ///< of the state [s]
-  std::string bytes;      ///< Simulation's own
+  std::string bytes;      ///< data of Simulation
   std::uint64_t sum = 0;  ///< XXH64 of the bytes
 };
 
-/// The motion alone, engine and controller, for a cheap reset of simulations that share one scene object.
+/// Only the motion (engine and controller), for a fast reset of simulations that share one scene object.
 class MotionSnapshot {
  public:
-  /// Of the state [s].
+  /// Time of the state [s].
   double time() const { return state_.time; }
 
  private:
@@ -29,7 +30,7 @@ class MotionSnapshot {
   std::shared_ptr<const scene::Scene> scene_;
   long steps_ = 0;
   model::State state_;
-  std::string bytes_;  ///< what the engine and then the controller save
+  std::string bytes_;  ///< data of the engine, then of the controller
 };
 
 }  // namespace handsim::simulation

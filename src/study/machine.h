@@ -1,4 +1,4 @@
-// What all studies measure with and say of where they were measured.
+// CPU time, the median, and names of processor and operating system, for all studies.
 #pragma once
 
 #include <string>
@@ -8,7 +8,7 @@ namespace handsim::study {
 
 /// CPU time of this thread [s].
 double cpu_now();
-/// The middle value, the upper one of two. At least one value.
+/// The median of at least one value; of an even number, the upper middle value.
 double median(std::vector<double> values);
 
 /// The processor's name.

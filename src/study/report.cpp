@@ -15,7 +15,7 @@ namespace {
 
 constexpr const char* kKinds[] = {".png", ".svg"};
 
-std::string drawn_twice(const Plot& plot) {
+std::string plot_commands(const Plot& plot) {
   return fmt::format(
       "do for [t in 'png svg'] {{\n  set output place('{0}.'.t)\n"
       "  if (t eq 'png') {{ set terminal pngcairo {1} }} else {{ set terminal svg {1} }}\n"
@@ -43,7 +43,7 @@ bool write_report(const std::filesystem::path& out, const std::string& name, con
   std::string script = output::kPlotHead + std::string("set encoding utf8\n") + report.data;
   std::vector<std::string> files;
   for (const Plot& plot : report.plots) {
-    script += drawn_twice(plot);
+    script += plot_commands(plot);
     for (const char* kind : kKinds) files.push_back(plot.name + kind);
   }
   output::write_file(out / (name + ".gp"), script);

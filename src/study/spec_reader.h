@@ -1,4 +1,4 @@
-// What the readers of study files share; private to this folder.
+// Functions for the readers of study files; private to this folder.
 #pragma once
 
 #include <filesystem>
@@ -17,10 +17,10 @@ inline const Quantity kStepRange = {Dimension::time, 1e-6, 0.1};
 std::vector<double> read_steps(MapReader& reader, std::string_view key, bool required);
 /// `{solver.erp: 0.2, effects: [gravity]}` as overrides, `key.path=value`.
 std::vector<std::string> read_set(MapReader& reader, std::string_view key);
-/// A value as it would stand in one line of YAML.
+/// The value as YAML in one line (flow style).
 std::string flow_text(const YamlNode& node);
-/// The path of a scene file, relative to the file that the node stands in; nothing, with a problem, where
-/// there is none.
+/// The path of a scene file, which the node gives relative to its own file; nothing, and a problem, if there
+/// is no such file.
 std::optional<std::filesystem::path> scene_path(const YamlNode& node, const std::string& key,
                                                 Diagnostics& diagnostics);
 std::optional<std::filesystem::path> read_scene_path(MapReader& reader, bool required);

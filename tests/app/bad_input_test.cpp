@@ -31,14 +31,14 @@ std::vector<fs::path> bad_files() {
   return files;
 }
 
-/// What a bad file says of itself.
-struct Promise {
+/// The expectations that a bad file states.
+struct Expectation {
   std::string kind = "run";
   Words expects;
 };
 
-Promise promise_of(const fs::path& file) {
-  Promise out;
+Expectation expectation_of(const fs::path& file) {
+  Expectation out;
   std::istringstream lines(test::text_of(file));
   const std::string expect = "# expect: ", kind = "# kind: ";
   for (std::string line; std::getline(lines, line) && line.starts_with("#");) {
@@ -48,8 +48,8 @@ Promise promise_of(const fs::path& file) {
   return out;
 }
 
-/// True where the line is what is expected: of this file from the place on, or of another file by name. ` ...
-/// ` stands for anything.
+/// True if the line is the expected one: of this file from the place on, or of another file by name. ` ... `
+/// matches any text.
 bool matches(const std::string& line, const std::string& expect, const fs::path& file) {
   const bool of_this_file = std::isdigit(static_cast<unsigned char>(expect.front())) != 0;
   const std::string whole = of_this_file ? file.string() + ":" + expect : expect;
@@ -64,18 +64,18 @@ class BadFile : public testing::TestWithParam<fs::path> {};
 
 TEST_P(BadFile, IsRefusedWithEveryProblemAndNothingWritten) {
   const fs::path& file = GetParam();
-  const Promise promise = promise_of(file);
-  ASSERT_FALSE(promise.expects.empty()) << "the file states no message";
+  const Expectation expected = expectation_of(file);
+  ASSERT_FALSE(expected.expects.empty()) << "the file states no message";
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out";
-  const Outcome outcome = promise.kind == "check"
+  const Outcome outcome = expected.kind == "check"
                               ? run_program({"check", file.string()})
                               : run_program({"run", file.string(), "--out", out.string()});
   EXPECT_EQ(outcome.status, 2) << outcome.err;
   EXPECT_EQ(outcome.out, "");
   EXPECT_TRUE(empty_or_missing(out));
   Words lines = outcome.problems();
-  for (const std::string& expect : promise.expects) {
+  for (const std::string& expect : expected.expects) {
     EXPECT_TRUE(contains(expect, "got ") && contains(expect, ", need")) << expect;
     const auto found = std::find_if(lines.begin(), lines.end(),
                                     [&](const std::string& line) { return matches(line, expect, file); });
@@ -90,7 +90,7 @@ TEST_P(BadFile, IsRefusedWithEveryProblemAndNothingWritten) {
 INSTANTIATE_TEST_SUITE_P(All, BadFile, testing::ValuesIn(bad_files()),
                          [](const auto& test) { return test.param.stem().string(); });
 
-/// A file made here, for those too large or too odd to keep: one line with this part is due.
+/// Expects one problem with this part, for files that are too large or too special for the repository.
 void expect_refused(const fs::path& file, const std::string& part) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out";
@@ -138,15 +138,15 @@ TEST(BadInput, MeshesOfTooManyFacesAreRefused) {
   EXPECT_TRUE(empty_or_missing(out));
 }
 
-TEST(BadInput, MissingAndOddFilesAreNamed) {
+TEST(BadInput, MissingAndSpecialFilesAreNamed) {
   const TemporaryFolder folder;
   expect_refused(folder.path() / "none.yaml", "got no such file, need a readable YAML file");
   expect_refused(folder.path(), "got a directory, need a readable YAML file");
-  expect_refused("/dev/zero", "got no regular file, need a readable YAML file");
+  expect_refused("/dev/zero", "got a pipe, socket or device, need a readable YAML file");
   expect_refused(folder.path() / std::string(5000, 'x'), "got no such file");
   const fs::path pipe = folder.path() / "pipe";
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
-  expect_refused(pipe, "got no regular file, need a readable YAML file");
+  expect_refused(pipe, "got a pipe, socket or device, need a readable YAML file");
 }
 
 TEST(BadInput, NestingAndSizeAreBounded) {
@@ -192,7 +192,7 @@ TEST(BadInput, HugeMapsAndWordsAreReadInTime) {
   expect_refused(write(folder.path() / "twins.yaml", twins + "hands: []\n"), "got a second \"hands\"");
 }
 
-TEST(BadInput, SharedFilesAreBlamedOnce) {
+TEST(BadInput, ProblemsOfSharedFilesAreReportedOnce) {
   const TemporaryFolder folder;
   write(folder.path() / "p.yaml", "stature: tall\nmass: 70\nsex: male\n");
   const std::string hand =

@@ -1,6 +1,5 @@
-// What becomes of a command whose channels fail (closed, full, a terminal or reader that goes away) and of
-// one whose pictures cannot be drawn. Oracle: the README's exit statuses, and the bytes of a run that was
-// left alone.
+// Commands whose standard streams fail (closed, full disk, closed terminal or reader), and commands whose
+// pictures cannot be drawn. Oracle: the README's exit statuses, and the bytes of an undisturbed run.
 #include <fcntl.h>
 #include <sys/ioctl.h>
 #include <sys/resource.h>
@@ -38,7 +37,7 @@ TEST(StandardError, ThatCannotBeWrittenChangesNoExitStatus) {
   }
 }
 
-TEST(StandardOutput, ThatIsLostIsSaidAndGivesStatusOne) {
+TEST(StandardOutput, ThatIsLostIsReportedAndGivesStatusOne) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out";
   const auto to_nobody = [] {
@@ -55,14 +54,14 @@ TEST(StandardOutput, ThatIsLostIsSaidAndGivesStatusOne) {
       EXPECT_TRUE(contains(text_of(folder.path() / "stderr"), "standard output was lost"));
     }
     expect_whole(out);
-    // Nothing to print, nothing lost; what is bad stays bad.
+    // Without output nothing is lost; bad input keeps its status.
     EXPECT_EQ(status_with(run_into(out, {"--quiet"}), folder.path(), prepare), 0);
     EXPECT_EQ(status_with({"check", kScene, "/none.yaml"}, folder.path(), prepare), 2);
   }
 }
 
-// A file that is opened later must not get the number of a closed stream, and messages with it.
-TEST(ClosedStreams, LetNoMessageIntoAFile) {
+// A file that is opened later must not get the number of a closed stream, and its messages.
+TEST(ClosedStreams, SendNoMessageToAFile) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out";
   const auto close_all = [] {
@@ -76,7 +75,7 @@ TEST(ClosedStreams, LetNoMessageIntoAFile) {
   EXPECT_TRUE(text_of(folder.path() / "x.xml").ends_with("</mujoco>\n"));
 }
 
-TEST(Terminal, ThatGoesAwayEndsNoRunAndLosesNoFile) {
+TEST(Terminal, ThatIsClosedEndsNoRunAndLosesNoFile) {
   for (const bool controlling : {false, true}) {
     const TemporaryFolder folder;
     const fs::path out = folder.path() / "out";
@@ -117,9 +116,9 @@ TEST(QuietRun, NamesTheCriterionThatFails) {
   EXPECT_TRUE(contains(outcome.err, "need at most 0 m")) << outcome.err;
 }
 
-#ifndef HANDSIM_SANITIZED  // sanitizers take more address space than there is
-// Below some limit Mesa or LLVM end the process that draws, in ways that differ from limit to limit.
-TEST(LittleMemory, CostsPicturesAndNothingElse) {
+#ifndef HANDSIM_SANITIZED  // sanitizers need more address space than the limits
+// With too little memory Mesa or LLVM end the drawing process, in ways that differ from limit to limit.
+TEST(LittleMemory, PreventsOnlyPictures) {
   const TemporaryFolder folder;
   const fs::path plenty = folder.path() / "plenty", out = folder.path() / "out",
                  picture = folder.path() / "x.png";
@@ -141,7 +140,7 @@ TEST(LittleMemory, CostsPicturesAndNothingElse) {
     EXPECT_EQ(summary.contains("missing"), status == 1);
     EXPECT_EQ(contains(text_of(folder.path() / "stderr"), "missing: pictures: "), status == 1);
     (status == 1 ? missing : drawn) += 1;
-    // No picture is drawn by halves.
+    // Pictures are complete or missing.
     for (const char* name : {"frame_000.png", "frame_001.png", "contact_sheet.png"})
       EXPECT_TRUE(status == 1 || text_of(out / name) == text_of(plenty / name)) << name;
     const int rendered =
@@ -155,8 +154,8 @@ TEST(LittleMemory, CostsPicturesAndNothingElse) {
 }
 #endif
 
-// gnuplot says nothing of a picture that it could not write to its end.
-TEST(FullDiskUnderGnuplot, GivesNoTornPictureAName) {
+// gnuplot does not report a picture that it could not write completely.
+TEST(FullDiskUnderGnuplot, LeavesNoIncompletePicture) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out";
   const Words words = {"run",     source("config/every_pose.yaml"),

@@ -1,4 +1,4 @@
-// The command line: words it does not take, overrides, exit statuses, what commands print and leave behind.
+// The command line: invalid arguments, overrides, exit statuses, output and files of commands.
 // Oracle: the README's exit statuses.
 #include <algorithm>
 #include <regex>
@@ -46,7 +46,7 @@ TEST_P(BadUsage, IsRefusedWithOneMessage) {
   ASSERT_FALSE(outcome.problems().empty());
   const std::string problem = outcome.problems()[0];
   EXPECT_TRUE(contains(problem, GetParam().part)) << outcome.err;
-  // Of an option once, with nothing before it.
+  // The line names the option once, at its start.
   if (GetParam().part.starts_with("--") && contains(GetParam().part, ": got ")) {
     EXPECT_TRUE(problem.starts_with(GetParam().part)) << outcome.err;
   }
@@ -82,7 +82,7 @@ const std::vector<Usage> kUsages = {
     {"OutIsNothing", {"run", kScene, "--out", ""}, "--out: got \"\", need a path"},
     {"OutUnderProc",
      {"run", kScene, "--out", "/proc/handsim/out"},
-     "/proc/handsim/out: got a folder that cannot be made"},
+     "/proc/handsim/out: got a folder that cannot be created"},
     {"FramesNegative", run_with({"--frames", "-1"}), "--frames: got -1, need a whole number"},
     {"FramesHalf", run_with({"--frames", "1.5"}), "--frames: got 1.5, need a whole number"},
     {"CheckOfNothing", {"check"}, "files is required"},
@@ -162,7 +162,7 @@ const std::vector<Usage> kUsages = {
 INSTANTIATE_TEST_SUITE_P(All, BadUsage, testing::ValuesIn(kUsages),
                          [](const auto& test) { return test.param.name; });
 
-TEST(Commands, OverridesAreBlamedAllAtOnce) {
+TEST(Commands, AllInvalidOverridesAreReported) {
   const TemporaryFolder folder;
   const Outcome outcome = run_program({"run", kScene, "--out", (folder.path() / "out").string(), "--set",
                                        "title.x=1", "--set", "hands.9.side=left", "--set", "a"});
@@ -225,7 +225,7 @@ TEST(Commands, HelpIsNoErrorAndHasAnExample) {
   }
 }
 
-// Oracle: the contract: as --set solver.engine does, before any --set.
+// Oracle: the contract: like --set solver.engine, before any --set.
 TEST(EngineOption, SwitchesEnginesAndSaysWhatWasLeftOut) {
   const TemporaryFolder folder;
   const auto run_on = [&](std::vector<std::string> more) {

@@ -1,4 +1,4 @@
-// What is on disk however a run ends: nothing under a final name but whole files, and nothing outside --out.
+// Files on disk after any end of a run: only complete files under final names, and nothing outside --out.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <poll.h>
@@ -6,20 +6,14 @@
 #include <sys/resource.h>
 
 #include <array>
-#include <csignal>
-#include <functional>
 #include <map>
 
-#include <nlohmann/json.hpp>
-
-#include "app/program.h"
+#include "app/short_run.h"
 #include "handsim/control/motion_file.h"
 #include "handsim/simulation/run/snapshot_file.h"
 
 namespace handsim::test {
 namespace {
-
-namespace fs = std::filesystem;
 
 const std::vector<std::string> kRun = {"run",
                                        source("config/dropped_hand.yaml").string(),
@@ -36,28 +30,6 @@ const std::vector<std::string> kRun = {"run",
                                        "pictures.size=[160, 120]",
                                        "--out"};
 
-/// Starts the program; `prepare` runs in the child.
-pid_t launch(std::vector<std::string> arguments, const fs::path& log, const std::function<void()>& prepare) {
-  std::fflush(nullptr);
-  const pid_t child = fork();
-  if (child != 0) return child;
-  if (!std::freopen(log.c_str(), "wb", stderr) || !std::freopen("/dev/null", "wb", stdout)) _exit(126);
-  std::vector<char*> argv = {const_cast<char*>(HANDSIM_PROGRAM)};
-  for (std::string& argument : arguments) argv.push_back(argument.data());
-  argv.push_back(nullptr);
-  prepare();
-  alarm(60);
-  execv(HANDSIM_PROGRAM, argv.data());
-  _exit(127);
-}
-
-/// Exit status, or -1 where a signal ended the program.
-int status_of(pid_t child) {
-  int status = 0;
-  waitpid(child, &status, 0);
-  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-}
-
 std::map<std::string, std::string> files(const fs::path& folder) {
   std::map<std::string, std::string> out;
   if (!fs::exists(folder)) return out;
@@ -68,7 +40,8 @@ std::map<std::string, std::string> files(const fs::path& folder) {
 
 bool is_part(const std::string& name) { return name.starts_with(".") || name.ends_with(".partial"); }
 
-/// Every file under a final name is the one of a run that ended; those with times in them, by what they say.
+/// Every file under a final name equals that of a complete run; files that contain wall-clock times are
+/// compared by their content.
 void expect_whole(const fs::path& folder, const std::map<std::string, std::string>& reference) {
   for (const auto& [name, text] : files(folder)) {
     if (is_part(name)) continue;
@@ -85,7 +58,7 @@ void expect_whole(const fs::path& folder, const std::map<std::string, std::strin
   }
 }
 
-std::vector<std::string> run_into(const fs::path& out) {
+std::vector<std::string> recorded_run(const fs::path& out) {
   std::vector<std::string> arguments = kRun;
   arguments.push_back(out.string());
   return arguments;
@@ -94,23 +67,22 @@ std::vector<std::string> run_into(const fs::path& out) {
 const std::map<std::string, std::string>& reference() {
   static const std::map<std::string, std::string> files_of_reference = [] {
     const TemporaryFolder folder;
-    EXPECT_EQ(status_of(launch(run_into(folder.path() / "out"), folder.path() / "log", [] {})), 0)
-        << text_of(folder.path() / "log");
+    EXPECT_EQ(status_with(recorded_run(folder.path() / "out"), folder.path(), [] {}), 0)
+        << text_of(folder.path() / "stderr");
     return files(folder.path() / "out");
   }();
   return files_of_reference;
 }
 
-/// Kills a run at the n-th thing that happens in its folder: a file opened, written, closed, named or
-/// removed.
-/// @return false where the run ended by itself before.
-bool killed_at(int n, const fs::path& out, const fs::path& log) {
+/// Kills a run at the n-th event in its folder: a file opened, written, closed, renamed or removed.
+/// @return false if the run ended before.
+bool killed_at(int n, const fs::path& out) {
   const int watch = inotify_init1(IN_NONBLOCK | IN_CLOEXEC);
   inotify_add_watch(watch, out.c_str(), IN_ALL_EVENTS);
-  const pid_t child = launch(run_into(out), log, [] {});
+  const pid_t child = start(recorded_run(out), out.parent_path(), [] {});
   int status = 0;
   for (bool ended = false; n > 0 && !ended;) {
-    // Events that came before the end are still to be read after it.
+    // Events from before the end are read after it.
     ended = waitpid(child, &status, WNOHANG) == child;
     pollfd ready{watch, POLLIN, 0};
     poll(&ready, 1, ended ? 0 : 5);
@@ -126,26 +98,25 @@ bool killed_at(int n, const fs::path& out, const fs::path& log) {
   }
   kill(child, SIGKILL);
   close(watch);
-  return status_of(child) == -1;
+  return wait_for(child) == -SIGKILL;
 }
 
-// Oracle: byte equality with the files of a run that was left alone.
-TEST(KilledRun, LeavesNothingButWholeFilesUnderTheirNames) {
+// Oracle: byte equality with the files of an undisturbed run.
+TEST(KilledRun, LeavesOnlyCompleteFilesUnderTheirNames) {
   ASSERT_EQ(reference().size(), 8U);
   const TemporaryFolder folder;
-  const fs::path log = folder.path() / "log";
   int killed = 0, unfinished = 0;
   bool again = true;
   for (int n = 1; again; n += 1 + n / 8) {
     const fs::path out = folder.path() / std::to_string(n);
     fs::create_directory(out);
-    again = killed_at(n, out, log);
+    again = killed_at(n, out);
     killed += again ? 1 : 0;
     expect_whole(out, reference());
     unfinished += fs::exists(out / "summary.json") ? 0 : 1;
-    // What an earlier run left does not stand in the way of the next.
+    // The remains of an earlier run do not disturb the next.
     if (killed % 8 == 1) {
-      EXPECT_EQ(status_of(launch(run_into(out), log, [] {})), 0) << text_of(log);
+      EXPECT_EQ(status_with(recorded_run(out), folder.path(), [] {}), 0) << text_of(folder.path() / "stderr");
       EXPECT_TRUE(fs::exists(out / "summary.json"));
     }
   }
@@ -153,20 +124,19 @@ TEST(KilledRun, LeavesNothingButWholeFilesUnderTheirNames) {
   EXPECT_GT(unfinished, 5);
 }
 
-// A disk that takes no more than so many bytes a file. Most of it is foreseen; a few bytes too little are
-// not.
-TEST(FullDisk, IsToldAndLeavesNothingButWholeFiles) {
+// A limit on the size of files. Most limits are detected before the run; a limit that is too small by a few
+// bytes is not.
+TEST(FullDisk, IsReportedAndLeavesOnlyCompleteFiles) {
   const std::size_t largest = reference().at("trajectory.csv").size();
   int foreseen = 0, late = 0;
   for (const std::size_t bytes : {std::size_t{0}, std::size_t{100}, std::size_t{1000}, std::size_t{5000},
                                   std::size_t{20'000}, largest / 2, largest - 1}) {
     const TemporaryFolder folder;
     const fs::path out = folder.path() / "out";
-    const pid_t child = launch(run_into(out), "/dev/null", [&] {
+    const int status = status_with(recorded_run(out), folder.path(), [&] {
       const rlimit limit{bytes, bytes};
       setrlimit(RLIMIT_FSIZE, &limit);
     });
-    const int status = status_of(child);
     const bool ran = fs::exists(out);
     EXPECT_EQ(status, ran ? 1 : 2) << bytes;
     ++(ran ? late : foreseen);
@@ -179,7 +149,7 @@ TEST(FullDisk, IsToldAndLeavesNothingButWholeFiles) {
   EXPECT_GE(late, 1);
 }
 
-TEST(ReadOnlyFolder, IsToldBeforeAnythingIsRun) {
+TEST(ReadOnlyFolder, IsReportedBeforeTheRun) {
   const TemporaryFolder folder;
   std::vector<fs::path> places = {"/proc/handsim_out", "/proc/self"};
   if (geteuid() != 0) {
@@ -189,21 +159,21 @@ TEST(ReadOnlyFolder, IsToldBeforeAnythingIsRun) {
     places.push_back(folder.path() / "closed");
   }
   for (const fs::path& place : places) {
-    const fs::path log = folder.path() / "log";
-    EXPECT_EQ(status_of(launch(run_into(place), log, [] {})), 2) << place;
-    EXPECT_NE(text_of(log).find(place.string()), std::string::npos) << text_of(log);
+    EXPECT_EQ(status_with(recorded_run(place), folder.path(), [] {}), 2) << place;
+    const std::string message = text_of(folder.path() / "stderr");
+    EXPECT_NE(message.find(place.string()), std::string::npos) << message;
   }
 }
 
-/// Whether a name anywhere below a folder contains a word.
+/// True if a name anywhere below a folder contains a word.
 bool anything_named(const fs::path& folder, const std::string& word) {
   for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder))
     if (entry.path().filename().string().find(word) != std::string::npos) return true;
   return false;
 }
 
-// Words of a scene that lead out of the folder where they are taken for paths, or do as commands of gnuplot's
-// or the shell's.
+// Texts in a scene that would leave the folder if used as paths, or would act as commands of gnuplot or the
+// shell.
 TEST(WordsInAScene, WriteNothingOutsideTheRunsFolder) {
   const std::vector<std::string> titles = {"../escaped",
                                            "/tmp/handsim_escaped",
@@ -225,25 +195,25 @@ TEST(WordsInAScene, WriteNothingOutsideTheRunsFolder) {
     const std::size_t line = text.find("title:");
     text.replace(line, text.find('\n', line) - line, "title: \"" + title + "\"");
     std::ofstream(inside / "scene.yaml") << text;
-    const fs::path log = inside / "log";
-    const pid_t child =
-        launch({"run", "scene.yaml", "--out", "out", "--plots", "--set", "duration=0.05"}, log, [&] {
+    const int status =
+        status_with({"run", "scene.yaml", "--out", "out", "--plots", "--set", "duration=0.05"}, inside, [&] {
           if (chdir(inside.c_str()) != 0) _exit(125);
         });
-    EXPECT_NE(status_of(child), 2) << title << text_of(log);
-    EXPECT_TRUE(fs::exists(inside / "out/plots/right_angles.png")) << title << text_of(log);
+    const std::string message = text_of(inside / "stderr");
+    EXPECT_NE(status, 2) << title << message;
+    EXPECT_TRUE(fs::exists(inside / "out/plots/right_angles.png")) << title << message;
     EXPECT_FALSE(anything_named(folder.path(), "escaped")) << title;
     EXPECT_FALSE(fs::exists("/tmp/handsim_escaped"));
-    // What a title says stays in the title.
+    // The title is not interpreted.
     const control::MotionTable table = control::read_motion(inside / "out/trajectory.mot");
     EXPECT_EQ(std::find(table.names.begin(), table.names.end(), "escaped"), table.names.end());
   }
 }
 
-TEST(ExpectedHash, DecidesTheExitStatusAndIsToldBesideTheOneFound) {
+TEST(ExpectedHash, DecidesTheExitStatusAndIsPrintedWithTheActualOne) {
   const TemporaryFolder folder;
   const std::string hash = nlohmann::json::parse(reference().at("summary.json"))["state_hash"];
-  std::vector<std::string> arguments = run_into(folder.path() / "out");
+  std::vector<std::string> arguments = recorded_run(folder.path() / "out");
   arguments.insert(arguments.end(), {"--expect-hash", hash});
   EXPECT_EQ(run_program(arguments).status, 0);
   arguments.back() = "0123456789abcdef";
@@ -255,11 +225,11 @@ TEST(ExpectedHash, DecidesTheExitStatusAndIsToldBesideTheOneFound) {
   EXPECT_EQ(run_program(arguments).status, 2);
 }
 
-TEST(Snapshot, IsGoneOnFromOnTheCommandLineAndRefusedWhereItDoesNotFit) {
+TEST(Snapshot, IsContinuedByTheCommandLineAndRefusedIfItDoesNotFit) {
   const TemporaryFolder folder;
   const fs::path file = folder.path() / "snapshot.bin";
   std::ofstream(file, std::ios::binary) << reference().at("snapshot.bin");
-  const auto go_on = [&](const std::vector<std::string>& more) {
+  const auto continue_run = [&](const std::vector<std::string>& more) {
     std::vector<std::string> arguments = {"run",        source("config/dropped_hand.yaml").string(),
                                           "--out",      (folder.path() / "out").string(),
                                           "--set",      "duration=0.3",
@@ -269,15 +239,15 @@ TEST(Snapshot, IsGoneOnFromOnTheCommandLineAndRefusedWhereItDoesNotFit) {
     return run_program(arguments);
   };
   const std::string hash = nlohmann::json::parse(reference().at("summary.json"))["state_hash"];
-  EXPECT_EQ(go_on({"--expect-hash", hash}).status, 0);
+  EXPECT_EQ(continue_run({"--expect-hash", hash}).status, 0);
   fs::remove_all(folder.path() / "out");
-  const Outcome other = go_on({"--set", "solver.erp=0.3"});
+  const Outcome other = continue_run({"--set", "solver.erp=0.3"});
   EXPECT_EQ(other.status, 2);
   EXPECT_NE(other.err.find("differs in solver.erp"), std::string::npos) << other.err;
-  EXPECT_EQ(go_on({"--set", "duration=0.05"}).status, 2);
-  EXPECT_EQ(go_on({"--snapshot-at", "0.05"}).status, 2);
+  EXPECT_EQ(continue_run({"--set", "duration=0.05"}).status, 2);
+  EXPECT_EQ(continue_run({"--snapshot-at", "0.05"}).status, 2);
   fs::resize_file(file, 100);
-  const Outcome torn = go_on({});
+  const Outcome torn = continue_run({});
   EXPECT_EQ(torn.status, 2);
   EXPECT_NE(torn.err.find("torn"), std::string::npos) << torn.err;
   EXPECT_FALSE(fs::exists(folder.path() / "out"));

@@ -68,7 +68,7 @@ TEST(HungryYaml, WithMoreProblemsThanAnybodyReadsSaysHowMany) {
   const TemporaryFolder folder;
   std::string text = test::kBallScene;
   for (int i = 0; i < 200'000; ++i) text += "k" + std::to_string(i) + ": 1\n";
-  expect_refused({"check", write(folder.path() / "a.yaml", text).string()}, "got 199000 problems more");
+  expect_refused({"check", write(folder.path() / "a.yaml", text).string()}, "got 199000 more problems");
 }
 
 TEST(HungryPoses, ThatGrowByLikeRepeatOrNumberAreRefused) {
@@ -139,7 +139,7 @@ class HungryProgram : public testing::Test {
 TEST_F(HungryProgram, ThatIsAPipeIsRefusedAndNotWaitedFor) {
   for (const char* name : {"a.mot", "a.sto", "a.csv"}) {
     ASSERT_EQ(mkfifo((folder_.path() / name).c_str(), 0600), 0);
-    refuse(name, std::string(name) + ":1:1: got no regular file");
+    refuse(name, std::string(name) + ":1:1: got a pipe, socket or device");
   }
 }
 
@@ -184,7 +184,7 @@ TEST(HungrySnapshot, ThatIsAPipeIsRefused) {
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
   expect_refused({"run", source("config/two_hands.yaml").string(), "--out", (folder.path() / "out").string(),
                   "--from-snapshot", pipe.string()},
-                 "got no regular file");
+                 "got a pipe, socket or device");
 }
 
 // 1000 s at every microsecond: 5.8 TB of trajectory.csv, by the rows and the 5.8 kB of one.

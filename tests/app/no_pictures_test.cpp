@@ -1,4 +1,4 @@
-// The program as a build without pictures has it (CMake option HANDSIM_PICTURES).
+// The program built without pictures (CMake option HANDSIM_PICTURES=OFF).
 #include <gtest/gtest.h>
 
 #include "app/program.h"
@@ -19,7 +19,7 @@ TEST(NoPictures, RenderIsRefusedBeforeAnythingIsRun) {
   EXPECT_FALSE(fs::exists(picture));
 }
 
-TEST(NoPictures, RunsAreWholeButForTheFramesThatWereAskedFor) {
+TEST(NoPictures, RunsAreCompleteExceptForRequestedFrames) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out";
   std::vector<std::string> command = {"run",        kScene,  "--quiet",      "--out",

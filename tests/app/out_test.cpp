@@ -1,5 +1,5 @@
-// What --out may be, and what is in it after the command: one run's files, whole, and those of others.
-// Oracle: the README, and the bytes of a run that was left alone.
+// The folder --out: what it may be, and its content after the command: the complete files of one run, and
+// foreign files. Oracle: the README, and the bytes of an undisturbed run.
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -31,7 +31,7 @@ TEST(OneFolder, IsForOneRunAtATime) {
   }
   EXPECT_EQ(run_program({"hand", "--stature", "1.7", "--mass", "60", "--sex", "male", "--out", out}).status,
             2);
-  // The kernel's lock goes with the process.
+  // The kernel removes the lock with the process.
   kill(first, SIGKILL);
   EXPECT_EQ(wait_for(first), -SIGKILL);
   EXPECT_EQ(run_program(run_into(out)).status, 0);
@@ -58,7 +58,7 @@ TEST(OneFolder, OfTenRunsAtOnceHoldsOneWholeRun) {
     EXPECT_FALSE(entry.path().filename().string().starts_with(".")) << entry.path();
 }
 
-TEST(EarlierRun, IsGoneFromItsFolderAndForeignFilesStay) {
+TEST(EarlierRun, IsRemovedFromItsFolderAndForeignFilesStay) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out";
   const std::string scene = source("config/dropped_hand.yaml");
@@ -86,7 +86,7 @@ TEST(EarlierRun, IsGoneFromItsFolderAndForeignFilesStay) {
   std::sort(names.begin(), names.end());
   std::sort(due.begin(), due.end());
   EXPECT_EQ(names, due);
-  // Bad input starts no run: all stays.
+  // Bad input starts no run: all files stay.
   EXPECT_EQ(run_program(run_into(out, {"--set", "solver.stepp=1"})).status, 2);
   EXPECT_EQ(run_program(run_into(out, {"--snapshot-at", "5"})).status, 2);
   EXPECT_EQ(static_cast<std::size_t>(std::distance(fs::directory_iterator(out), fs::directory_iterator())),
@@ -115,8 +115,8 @@ TEST(EarlierRun, LeavesNoSummaryBesideTheTablesOfARunThatFails) {
     const char *every, *file;
     rlim_t most;
   };
-  // A disk that takes the summary but not the table, and the other way round. Summaries differ by some
-  // digits of wall-clock times.
+  // A disk with space for the summary but not the table, and the reverse. Summaries differ by some digits of
+  // wall-clock times.
   for (const auto& [every, file, most] :
        {Disk{"2e-3", "contacts.csv", table / 2}, Disk{"1", "summary.json", summary * 9 / 10}}) {
     ASSERT_EQ(run_program(words("1")).status, 0);
@@ -161,12 +161,12 @@ TEST(InputFiles, AreNeverReplaced) {
   EXPECT_EQ(text_of(png), kBallScene);
 }
 
-/// Puts one of the things that are no files under a name.
-void put_odd(const fs::path& at, const std::string& kind) {
+/// Creates something that is not a regular file.
+void make_special_file(const fs::path& at, const std::string& kind) {
   if (kind == "a folder") fs::create_directory(at);
   if (kind == "a pipe") mkfifo(at.c_str(), 0600);
   if (kind == "a device") fs::create_symlink("/dev/null", at);
-  if (kind == "a link that leads to no file") fs::create_symlink("nothing", at);
+  if (kind == "a broken link") fs::create_symlink("nothing", at);
   if (kind != "a socket") return;
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
@@ -177,13 +177,12 @@ void put_odd(const fs::path& at, const std::string& kind) {
   close(socket_file);
 }
 
-TEST(InTheWay, WhatIsNoFileIsRefusedBeforeTheRunAndStays) {
-  for (const std::string kind :
-       {"a folder", "a pipe", "a device", "a socket", "a link that leads to no file"}) {
+TEST(SpecialFiles, UnderTheNamesOfOutputsAreRefusedBeforeTheRunAndStay) {
+  for (const std::string kind : {"a folder", "a pipe", "a device", "a socket", "a broken link"}) {
     const TemporaryFolder folder;
     for (const char* name : {"x.png", "x.xml", "x.urdf"}) {
       const fs::path at = folder.path() / name;
-      put_odd(at, kind);
+      make_special_file(at, kind);
       const fs::file_type type = fs::symlink_status(at).type();
       const Outcome outcome = run_program({name[2] == 'p' ? "render" : "export", kScene, "--out", at});
       EXPECT_EQ(outcome.status, 2);
@@ -194,7 +193,7 @@ TEST(InTheWay, WhatIsNoFileIsRefusedBeforeTheRunAndStays) {
          {"trajectory.csv", "summary.json", "frame_000.png", "contact_sheet.png", "plots/right_angles.png"}) {
       const fs::path out = folder.path() / "out";
       fs::create_directories((out / name).parent_path());
-      put_odd(out / name, kind);
+      make_special_file(out / name, kind);
       const Outcome outcome = run_program(run_into(out, {"--set", "duration=100"}));
       EXPECT_EQ(outcome.status, 2) << kind << name;
       EXPECT_TRUE(contains(outcome.err, (out / name).string() + ": got a ")) << outcome.err;
@@ -221,7 +220,7 @@ TEST(LongNames, AreRefusedBeforeTheRun) {
   EXPECT_EQ(run_program({"render", kScene, "--out", folder.path() / "loop"}).status, 2);
 }
 
-TEST(Export, WritesTheFormatThatTheEndingSays) {
+TEST(Export, WritesTheFormatOfTheExtension) {
   const TemporaryFolder folder;
   struct Case {
     const char* name;

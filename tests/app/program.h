@@ -1,4 +1,4 @@
-// Runs the handsim program as a user does: arguments in; exit status, standard output and standard error out.
+// Runs the handsim program: arguments in; exit status, standard output and standard error out.
 #pragma once
 
 #include <sys/wait.h>
@@ -16,11 +16,11 @@
 namespace handsim::test {
 
 struct Outcome {
-  int status = -1;  ///< exit status; -1: ended by a signal, a hang of more than 10 s among them
+  int status = -1;  ///< exit status; -1: ended by a signal, e.g. after kHang
   std::string out;
   std::string err;
 
-  /// Lines of standard error but for warnings.
+  /// Lines of standard error without warnings.
   std::vector<std::string> problems() const {
     std::vector<std::string> lines;
     std::istringstream stream(err);
@@ -34,7 +34,7 @@ inline Outcome run_program(const std::vector<std::string>& arguments) {
   constexpr unsigned kHang = kSanitized ? 120 : 30;  // [s]
   const TemporaryFolder folder;
   const std::string out = folder.path() / "out", err = folder.path() / "err";
-  // Else the child would write what is still buffered here.
+  // Otherwise the child would also write this process's buffered output.
   std::fflush(nullptr);
   const pid_t child = fork();
   if (child == 0) {

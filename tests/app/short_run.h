@@ -1,5 +1,4 @@
-// Short runs of a shipped scene in processes whose surroundings a test chooses: closed streams, limits,
-// signals.
+// Short runs of a shipped scene in processes with closed streams, limits or signals.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -52,7 +51,7 @@ inline int status_with(const Words& words, const fs::path& folder, const std::fu
   return wait_for(start(words, folder, prepare));
 }
 
-/// The tables of the run that is left alone.
+/// trajectory.csv of an undisturbed run.
 inline const std::string& trajectory() {
   static const std::string text = [] {
     const TemporaryFolder folder;

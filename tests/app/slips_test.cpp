@@ -1,5 +1,5 @@
-// Slips of the hand on the command line and in files get a message that names what was meant. Oracle: the
-// house's form of messages, and the README.
+// Mistakes on the command line and in files get a message that names the probable intention. Oracle: the form
+// of messages, and the README.
 #include <algorithm>
 
 #include <gtest/gtest.h>
@@ -48,14 +48,14 @@ TEST(MistypedOption, IsNamedWithTheNearest) {
 }
 
 // An unquoted `--set duration=10 ms`.
-TEST(Words, TooManySpeakOfQuotes) {
+TEST(Words, TooManyMentionQuotes) {
   const TemporaryFolder folder;
   const Outcome outcome =
       run_program({"run", kScene, "--out", (folder.path() / "out").string(), "--set", "duration=10", "ms"});
   EXPECT_EQ(outcome.status, 2);
   EXPECT_EQ(outcome.problems(),
-            std::vector<std::string>{"arguments: got one too many, ms, need none more; a value "
-                                     "with a blank in it stands in quotes"});
+            std::vector<std::string>{"arguments: got one too many, ms, need no more; put a value "
+                                     "that contains a blank in quotes"});
 }
 
 TEST(RenderCommand, WritesNoPictureUnderAnotherFormatsName) {
@@ -76,11 +76,11 @@ TEST(CheckCommand, ReadsMotions) {
   EXPECT_TRUE(contains(taken.out, "good.csv: a motion, good")) << taken.out;
   const Outcome refused = run_program({"check", bad.string()});
   EXPECT_EQ(refused.status, 2);
-  EXPECT_TRUE(contains(refused.err, "bad.csv:3:1: time: got 0 s after 0 s, need times that rise"))
+  EXPECT_TRUE(contains(refused.err, "bad.csv:3:1: time: got 0 s after 0 s, need increasing times"))
       << refused.err;
 }
 
-TEST(AFileOfAnObject, NamesNoOther) {
+TEST(AFileOfAnObject, MustNotReferToAnother) {
   const TemporaryFolder folder;
   const std::string mug = source("config/objects/mug.yaml").string();
   write(folder.path() / "cup.yaml", "shape: sphere\nradius: 0.1\nmass: 1\nfile: " + mug + "\n");
@@ -91,14 +91,14 @@ TEST(AFileOfAnObject, NamesNoOther) {
             "duration: 1\n");
   const Outcome outcome = run_program({"check", scene.string()});
   EXPECT_EQ(outcome.status, 2);
-  EXPECT_TRUE(contains(outcome.err, "cup.yaml:4:7: objects.0.file: got a file that names another"))
+  EXPECT_TRUE(contains(outcome.err, "cup.yaml:4:7: objects.0.file: got a file that refers to another"))
       << outcome.err;
   EXPECT_TRUE(contains(outcome.err, "objects.1.fil: got an unknown key") &&
               contains(outcome.err, "(nearest: file)"))
       << outcome.err;
 }
 
-TEST(Options, OfWhichOneWouldBeDroppedAreRefused) {
+TEST(Options, ThatExcludeEachOtherAreRefused) {
   const TemporaryFolder folder;
   const Outcome outcome = run_program({"run", source("config/every_pose.yaml"), "--out",
                                        (folder.path() / "out").string(), "--frames", "3", "--poses"});
@@ -106,7 +106,7 @@ TEST(Options, OfWhichOneWouldBeDroppedAreRefused) {
   EXPECT_TRUE(contains(outcome.err, "--frames") && contains(outcome.err, "--poses")) << outcome.err;
 }
 
-TEST(HandCommand, SpeaksOfThePersonsOwnSex) {
+TEST(HandCommand, NamesTheMassRuleOfThePersonsSex) {
   const auto mass = [](const char* sex) {
     const Outcome outcome = run_program({"hand", "--stature", "1.75", "--mass", "72", "--sex", sex});
     const std::size_t at = outcome.out.find("hand mass");
@@ -117,7 +117,7 @@ TEST(HandCommand, SpeaksOfThePersonsOwnSex) {
   EXPECT_TRUE(contains(mass("unknown"), "0.585 % of body mass, as of people of unknown sex"));
 }
 
-TEST(Overlaps, AreSaidOnceAndNoMoreThanElevenLines) {
+TEST(Overlaps, AreReportedOnceInAtMostElevenLines) {
   const TemporaryFolder folder;
   const std::string out = folder.path() / "out";
   const Outcome crossed = run_program({"run", kScene, "--out", out, "--set", "duration=1 ms", "--set",
@@ -125,7 +125,7 @@ TEST(Overlaps, AreSaidOnceAndNoMoreThanElevenLines) {
   EXPECT_EQ(crossed.status, 0) << crossed.err;
   EXPECT_EQ(count(crossed.err, "overlap by "), 10) << crossed.err;
   EXPECT_EQ(count(crossed.err, "more pairs overlap"), 1) << crossed.err;
-  // An object in a hand is refused; the refusal says all.
+  // An object in a hand is refused; there are no further warnings.
   const fs::path scene =
       write(folder.path() / "s.yaml",
             "hands: [{model: " + source("handmodels/anatomical.yaml").string() +
@@ -151,7 +151,7 @@ TEST(EngineAuto, FindsTheShippedCostsFromAnyFolder) {
   EXPECT_TRUE(contains(outcome.out, "engine auto: ")) << outcome.out;
 }
 
-TEST(MotionColumns, ThatNoAxisTakesAreNamedWithTheNearest) {
+TEST(MotionColumns, ThatNoAxisUsesAreNamedWithTheNearest) {
   const TemporaryFolder folder;
   const fs::path motion =
       write(folder.path() / "m.csv",
@@ -171,7 +171,7 @@ TEST(MotionColumns, ThatNoAxisTakesAreNamedWithTheNearest) {
   const Outcome warned = with("index_mcp.flexion");
   EXPECT_EQ(warned.status, 0) << warned.err;
   EXPECT_TRUE(contains(warned.err,
-                       "m.csv:1:1: 2 columns that no axis of hand right takes: indx_pip.flexion (nearest: "
+                       "m.csv:1:1: 2 columns that hand right does not use: indx_pip.flexion (nearest: "
                        "index_pip.flexion), right.pelvis_tx"))
       << warned.err;
   const Outcome refused = with("[index_mcp.flexion, index_pip.flexion]");
@@ -190,13 +190,13 @@ TEST(ControlTable, SaysThatItsAnglesAreDegrees) {
     EXPECT_TRUE(contains(test::text_of(out / name), "\ninDegrees=yes\n")) << name;
 }
 
-TEST(TheSceneItself, IsNotWrittenOver) {
+TEST(TheSceneItself, IsNotOverwritten) {
   const TemporaryFolder folder;
   const fs::path scene = write(folder.path() / "s.xml", test::kBallScene);
   const Outcome outcome =
       run_program({"export", scene.string(), "--out", (folder.path() / "." / "s.xml").string()});
   EXPECT_EQ(outcome.status, 2);
-  EXPECT_TRUE(contains(outcome.err, "which is read, need another file")) << outcome.err;
+  EXPECT_TRUE(contains(outcome.err, "which is also an input, need another file")) << outcome.err;
   EXPECT_EQ(test::text_of(scene), test::kBallScene);
 }
 

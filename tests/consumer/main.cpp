@@ -1,4 +1,4 @@
-// A scene from the command line, simulated and watched: the library's front door.
+// Simulates the scene of the command line and prints joint angles and the largest joint gap.
 #include <cstdio>
 
 #include <handsim/core/error.h>

@@ -1,4 +1,4 @@
-// The control law, what is fed forward, and the gains made from the hand that is built.
+// The control law, feed-forward terms, and gains designed for the built hand.
 #include "handsim/control/controller.h"
 #include "handsim/model/kinematics.h"
 
@@ -40,7 +40,7 @@ struct Bench {
   model::State at(double angle, double rate) const {
     model::State state = model::state_at(model, std::vector<double>{angle});
     state.bodies[1].w = Vec3(0, rate, 0);
-    model::find_coordinates(model, state);
+    model::update_coordinates(model, state);
     return state;
   }
   model::Model model;
@@ -63,7 +63,7 @@ TEST(Pid, GivesTheTextbookTorque) {
   EXPECT_NEAR(controller.torques()[0], 0.2 * 0.4 - 0.01 * 2 + 5 * kStep * 0.4, 1e-14);
 }
 
-// A target that jumps moves the torque by P times the jump and no more.
+// A jump of the target changes the torque by P times the jump only.
 TEST(Pid, TakesItsDerivativeFromTheMeasurement) {
   Bench bench(gains(0.2, 0.01, 0, 10));
   bench.plan.hands[0].trajectory.add(0.5, std::vector<double>{0});
@@ -111,8 +111,8 @@ TEST(Pid, LowPassesItsDerivativeWithinTheStepInTheImplicitForm) {
   }
 }
 
-// Oracle: the integral's limit. A joint that cannot move is pushed for 10 s; once the target turns round, an
-// integral that had wound up would push the wrong way for as long.
+// Oracle: the integral's limit. A blocked joint is driven for 10 s; then the error changes sign, and a
+// wound-up integral would keep the torque's sign for as long.
 TEST(Pid, DoesNotWindUpAtItsLimit) {
   const Bench bench(gains(0.2, 0, 5, 0.1), Form::explicit_torque, 1);
   Controller controller = bench.controller();
@@ -127,8 +127,8 @@ TEST(Pid, DoesNotWindUpAtItsLimit) {
   EXPECT_LT(controller.torques()[0], 0);
 }
 
-// Oracle: bit equality. A controller that restores what another saved goes on as that one does.
-TEST(Pid, RepeatsFromWhatItSavesToTheBit) {
+// Oracle: bit equality of a controller with the one from whose saved state it was restored.
+TEST(Pid, ContinuesFromASavedStateToTheBit) {
   Gains full = gains(0.2, 0.01, 5, 1);
   full.derivative_cutoff = 50;
   const Bench bench(full, Form::implicit_gain, 0.5);
@@ -213,7 +213,7 @@ TEST(Gravity, IsTheGradientOfPotentialEnergy) {
 }
 
 // Oracle: the engine. From rest, rates after one step times M are the torques times h; 1e-6 relative is the
-// softness of the joints' rows.
+// compliance (CFM) of the joints' constraints.
 void expect_inertia_of_engine(const scene::Scene& scene) {
   HandAt hand(scene);
   const auto engine = engine::make_engine(hand.model, settings({}, 1e-5));
@@ -241,7 +241,7 @@ TEST(Inertia, OfAFreeHandIsWhatTheEngineMoves) {
   expect_inertia_of_engine(test::shipped_scene("dropped_hand"));
 }
 
-// Oracle: Gershgorin's bound, of which the design's damping ratio rests.
+// Oracle: Gershgorin's bound, on which the designed damping ratio depends.
 TEST(Inertia, EffectiveInertiaBoundsEveryMode) {
   const scene::Scene scene = test::shipped_scene("resting_hand");
   HandAt hand(scene);
@@ -255,7 +255,7 @@ TEST(Inertia, EffectiveInertiaBoundsEveryMode) {
   }
 }
 
-/// Largest angle of a hinge let go at 1 mrad under explicit gains, over 2000 steps.
+/// Largest angle of a hinge released at 1 mrad under explicit gains, over 2000 steps.
 double excursion(double proportional, double derivative) {
   const Bench bench(gains(proportional, derivative, 0, 1e6), Form::explicit_torque, 0, 1e-3);
   const auto engine = engine::make_engine(bench.model, settings({Effect::actuation}));
@@ -272,7 +272,7 @@ double excursion(double proportional, double derivative) {
 
 // Oracle: the engine on both sides of the limit, 3 % away from it: 1 mrad stays small, or grows a
 // hundredfold.
-TEST(Stability, LimitOfExplicitGainsIsWhereTheEngineBlowsUp) {
+TEST(Stability, LimitOfExplicitGainsIsWhereTheEngineDiverges) {
   const Eigen::MatrixXd inertia = Eigen::MatrixXd::Constant(1, 1, kInertia);
   for (const double a : {1.999, 1.5, 1.0, 0.3}) {  // a = D h / I at the limit, b = K h^2 / I = 4 - 2 a
     for (const double share : {0.97, 1.03}) {
@@ -280,7 +280,7 @@ TEST(Stability, LimitOfExplicitGainsIsWhereTheEngineBlowsUp) {
       const double k = share * (4 - 2 * a) * kInertia / (kStep * kStep);
       const Stability found = explicit_stability(inertia, Eigen::VectorXd::Constant(1, k),
                                                  Eigen::VectorXd::Constant(1, d), kStep);
-      EXPECT_NEAR(found.demand, 4 * share, 1e-9);
+      EXPECT_NEAR(found.eigenvalue, 4 * share, 1e-9);
       EXPECT_EQ(found.largest_step<kStep, share> 1);
       if (share < 1)
         EXPECT_LT(excursion(k, d), 0.02) << a;
@@ -290,7 +290,7 @@ TEST(Stability, LimitOfExplicitGainsIsWhereTheEngineBlowsUp) {
   }
 }
 
-// Oracle: the formula, on a lone hinge with the inertia it was built with.
+// Oracle: the formula, with the effective inertia of each axis.
 TEST(Design, FrequencyAndDampingRatioBecomeGainsOnTheBuiltInertia) {
   const scene::Scene scene = test::shipped_scene("every_pose");
   ASSERT_EQ(scene.control->axes.size(), 40U);

@@ -12,7 +12,7 @@
 namespace handsim::control {
 namespace {
 
-/// The first problem's text of a scene with changes; empty where it is good.
+/// The first problem of a shipped scene with changes; empty if it compiles.
 std::string refused(const std::vector<std::string>& overrides, const std::string& scene = "every_pose") {
   try {
     test::shipped_scene(scene, overrides);
@@ -54,7 +54,7 @@ TEST(BadInput, UnknownNamesAreRefusedWithTheNearest) {
   expect_text(refused({"control.poses.programs.every_pose.keys.3.pose=fits"}),
               {"keys.3.pose", "unknown pose", "nearest: fist"});
   expect_text(refused({"control.poses.poses.fist.indx_mcp=10"}),
-              {"indx_mcp", "the hand has not", "nearest: index_mcp"});
+              {"indx_mcp", "the hand does not have", "nearest: index_mcp"});
   expect_text(refused({"control.controller.gains.1.joints=index_mpc"}),
               {"index_mpc", "no hand", "nearest: index_mcp"});
   expect_text(refused({"control.controller.gians=1"}), {"gians", "unknown key", "nearest: gains"});
@@ -74,11 +74,11 @@ TEST(BadInput, GainsThatAreNegativeOrNotANumberAreRefused) {
   expect_text(refused({"control.controller.gains.0={joints: all, torque_limit: 1}"}), {"no gains"});
 }
 
-TEST(BadInput, ProgramTimesMustRiseAndLeaveTimeToMove) {
+TEST(BadInput, ProgramTimesMustIncreaseAndLeaveTimeToMove) {
   expect_text(refused({"control.poses.programs.every_pose.keys.4.time=1"}),
-              {"keys.4.time", "1 s after 3.6 s", "rise"});
+              {"keys.4.time", "1 s after 3.6 s", "increasing"});
   expect_text(refused({"control.poses.programs.every_pose.keys.4.time=3.6"}),
-              {"keys.4.time", "3.6 s after 3.6 s", "rise"});
+              {"keys.4.time", "3.6 s after 3.6 s", "increasing"});
   expect_text(refused({"control.poses.programs.every_pose.keys.4.time=3.7"}),
               {"keys.4.time", "lasts until 4.1 s"});
 }
@@ -87,7 +87,7 @@ TEST(BadInput, EveryHandNeedsAProgram) {
   expect_text(refused({"control.program={right: every_pose}"}),
               {"control.program", "no program for hand left"});
   expect_text(refused({"control.program={right: every_pose, left: every_pose, lift: every_pose}"}),
-              {"lift", "the scene has not"});
+              {"lift", "the scene does not have"});
   expect_text(refused({"control.poses.programs.every_pose={hands: {right: [{time: 0, pose: fist}]}}"}),
               {"no keys for hand left"});
 }
@@ -130,18 +130,18 @@ TEST(MotionFile, ReadsCsvWithUnitsInItsHeader) {
   EXPECT_EQ(read.at(0, 2), 2);
 }
 
-TEST(MotionFile, RefusesWhatDoesNotHoldWithLineAndColumn) {
+TEST(MotionFile, RefusesInvalidTablesWithLineAndColumn) {
   const test::TemporaryFolder folder;
   const std::string header = kHeader;
   const auto mot = [&](const std::string& text) { return problem_of(table(folder, "a.mot", text)); };
-  expect_text(mot(header + "time\ta\n0\t1\n1\t1\n"), {"a.mot:7:1", "2 labels", "3, as nColumns says"});
+  expect_text(mot(header + "time\ta\n0\t1\n1\t1\n"), {"a.mot:7:1", "2 labels", "3, the value of nColumns"});
   expect_text(mot(header + "time\ta\tb\n0\t1\n"), {"a.mot:8:1", "2 values", "3, one for each column"});
   expect_text(mot(header + "time\ta\tb\n0\t1\tx\n"), {"a.mot:8:5", "\"x\"", "a finite number"});
   expect_text(mot(header + "time\ta\tb\n0\t1\tnan\n"), {"a.mot:8:5", "nan"});
-  expect_text(mot(header + "time\ta\tb\n1\t1\t1\n1\t1\t1\n"), {"a.mot:9:1", "times that rise"});
+  expect_text(mot(header + "time\ta\tb\n1\t1\t1\n1\t1\t1\n"), {"a.mot:9:1", "increasing times"});
   expect_text(mot(header + "time\ta\tb\n0\t1\t1\n"), {"nRows", "1 rows", "2"});
   expect_text(mot("x\nnRows=2\n"), {"endheader"});
-  // More than any integer holds.
+  // Larger than any integer type.
   expect_text(mot("x\nnRows=1e99\nendheader\n"), {"nRows", "\"1e99\"", "a whole number, at most 1e9"});
   expect_text(mot(header + "time\ta\ta\n"), {"a.mot:7:8", "second column"});
   expect_text(problem_of(table(folder, "a.csv", "t,a\n")), {"a.csv:1:1", "time[s]"});

@@ -1,5 +1,5 @@
-// The shipped poses: their angles over time, and that they look as they are named. Oracles: geometry of the
-// built hand's capsules, and ODE's collision detection.
+// The shipped poses: their angles over time, and that their geometry matches their names. Oracles: geometry
+// of the built hand's capsules, and ODE's collision detection.
 #include "handsim/control/poses.h"
 
 #include <gtest/gtest.h>
@@ -25,7 +25,7 @@ struct Segment {
   Vec3 direction() const { return (to - from).normalized(); }
 };
 
-/// Where the skins of two capsules are nearest: their gap [m] and the shares of the axes there.
+/// The nearest points of two capsules: their gap [m] and the positions along the axes, 0..1.
 struct Nearest {
   double gap = 1;
   double a = 0, b = 0;
@@ -71,7 +71,7 @@ struct Posed {
     ADD_FAILURE() << "no shape " << name;
     return {};
   }
-  /// Skin of a fingertip to the palm's, along the palm's normal [m].
+  /// Gap between the surfaces of a fingertip and the palm along the palm's normal [m].
   double tip_above_palm(const model::State& state, const std::string& finger) const {
     const Segment tip = segment(state, finger + "_distal");
     double thickness = 0;
@@ -96,7 +96,7 @@ struct Posed {
   HandAxes axes;
 };
 
-TEST(Poses, OfTheShippedFilesAreThoseAskedFor) {
+TEST(Poses, OfTheShippedFilesAreComplete) {
   const auto names = [](const char* path) {
     YamlNode root = load_yaml(test::source(path));
     Diagnostics diagnostics;
@@ -106,9 +106,9 @@ TEST(Poses, OfTheShippedFilesAreThoseAskedFor) {
     for (const auto& [name, pose] : file.poses) out.push_back(name);
     return out;
   };
-  std::vector<std::string> wanted(std::begin(kNames), std::end(kNames));
-  std::sort(wanted.begin(), wanted.end());
-  EXPECT_EQ(names("controllers/poses.yaml"), wanted);
+  std::vector<std::string> expected(std::begin(kNames), std::end(kNames));
+  std::sort(expected.begin(), expected.end());
+  EXPECT_EQ(names("controllers/poses.yaml"), expected);
   EXPECT_EQ(names("controllers/prototype_poses.yaml"), (std::vector<std::string>{"fist", "open", "test"}));
 }
 
@@ -139,8 +139,8 @@ TEST(Programs, MoveAlongMinimumJerkOrLinesAndHold) {
   const scene::Scene straight =
       test::shipped_scene("every_pose", {"control.poses.programs.every_pose.interpolation=linear"});
   for (const double s : {0.0, 0.1, 0.25, 0.5, 0.8, 1.0}) {
-    const double eased = s * s * s * (10 - 15 * s + 6 * s * s);
-    EXPECT_NEAR(index_pip(smooth, 2.4 + 0.5 * s), 30 + 68 * eased, 1e-9);
+    const double fraction = s * s * s * (10 - 15 * s + 6 * s * s);
+    EXPECT_NEAR(index_pip(smooth, 2.4 + 0.5 * s), 30 + 68 * fraction, 1e-9);
     EXPECT_NEAR(index_pip(straight, 2.4 + 0.5 * s), 30 + 68 * s, 1e-9);
   }
   for (const double t : {2.9, 3.2, 3.6}) EXPECT_NEAR(index_pip(smooth, t), 98, 1e-9) << t;
@@ -158,7 +158,7 @@ TEST(Programs, MayDifferFromHandToHand) {
 class EachPose : public ::testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(, EachPose, ::testing::ValuesIn(kNames));
 
-// 0.4 mm: the angles stand in whole and half degrees. Other proportions press a little deeper.
+// 0.4 mm: the angles are rounded to half degrees. With other proportions the segments overlap more.
 TEST_P(EachPose, PassesNoFingerThroughAnotherOrThePalm) {
   const Posed man;
   EXPECT_LT(man.overlap(man.at(GetParam())), 0.4e-3);

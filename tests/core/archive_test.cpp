@@ -1,4 +1,4 @@
-// Values into bytes and back.
+// Serialisation of values to bytes and back.
 #include "handsim/core/archive.h"
 
 #include <gtest/gtest.h>
@@ -13,8 +13,8 @@ namespace {
 
 ArchiveReader reader(const std::string& bytes) { return {bytes, "saved"}; }
 
-// Oracle: what was written, bit for bit; the sign of zero and the smallest number among them.
-TEST(Archive, GivesBackTheBitsOfEveryKindOfValue) {
+// Oracle: the values written, bit for bit, with the sign of zero and the smallest number.
+TEST(Archive, RestoresTheBitsOfEveryKindOfValue) {
   ArchiveWriter out;
   const std::vector<double> numbers = {0.1, -0.0, std::numeric_limits<double>::denorm_min()};
   out(numbers), out(std::string("a\0b", 3)), out(true), out(std::size_t{7}), out(Vec3(1, 2, 3));
@@ -45,8 +45,8 @@ TEST(Archive, WritesTheLeastSignificantByteFirst) {
   EXPECT_EQ(out.bytes(), std::string("\x08\x07\x06\x05\x04\x03\x02\x01", 8));
 }
 
-// Oracle: the contract; a count is checked against the bytes there are before anything is reserved.
-TEST(Archive, RefusesWhatDoesNotHoldTogether) {
+// Oracle: the contract: a count is checked against the remaining bytes before memory is allocated.
+TEST(Archive, RefusesIncompleteAndInvalidBytes) {
   ArchiveWriter out;
   out(std::vector<double>{1, 2, 3});
   const std::string whole = out.bytes();

@@ -1,4 +1,4 @@
-// Files that a user names. Oracle: the bytes that were written; what may not be read is refused at once.
+// Reading of input files. Oracle: the bytes written; what must not be read is refused without waiting.
 #include "handsim/core/input_file.h"
 
 #include <gtest/gtest.h>
@@ -36,21 +36,21 @@ TEST(InputFile, IsReadWholeUpToItsLimit) {
   }
 }
 
-TEST(InputFile, IsNoPipeNoDeviceAndNoFolder) {
+TEST(InputFile, MustNotBeAPipeADeviceOrAFolder) {
   const test::TemporaryFolder folder;
   const fs::path pipe = folder.path() / "pipe";
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
   fs::create_symlink(pipe, folder.path() / "link");
-  EXPECT_NE(refusal(pipe).find("got no regular file, need a good file"), std::string::npos);
-  EXPECT_NE(refusal(folder.path() / "link").find("got no regular file"), std::string::npos);
-  EXPECT_NE(refusal("/dev/zero").find("got no regular file"), std::string::npos);
+  EXPECT_NE(refusal(pipe).find("got a pipe, socket or device, need a good file"), std::string::npos);
+  EXPECT_NE(refusal(folder.path() / "link").find("got a pipe, socket or device"), std::string::npos);
+  EXPECT_NE(refusal("/dev/zero").find("got a pipe, socket or device"), std::string::npos);
   EXPECT_NE(refusal(folder.path()).find("got a directory"), std::string::npos);
   EXPECT_NE(refusal(folder.path() / "none").find("got no such file"), std::string::npos);
   EXPECT_NE(refusal(folder.path() / std::string(5000, 'x')).find("got no such file"), std::string::npos);
 }
 
-// Files of /proc say that they have no bytes.
-TEST(InputFile, MayHoldMoreThanTheSystemSaysButNotMoreThanTheLimit) {
+// Files of /proc report a size of 0.
+TEST(InputFile, MayBeLargerThanItsReportedSizeButNotThanTheLimit) {
   EXPECT_FALSE(read_input_file("/proc/self/status", "a good file", 1U << 20U).empty());
   EXPECT_NE(refusal("/proc/self/status", 10).find("got a file that grows beyond 10 bytes"),
             std::string::npos);

@@ -1,5 +1,5 @@
-// What the reader makes of slips: keys that are only asked for by presence, numbers with a comma, characters
-// that YAML cannot hold, quotes that nothing closes. Oracle: the message or the tree.
+// Mistakes in files: misspelt optional keys, numbers with a comma, characters that YAML does not allow,
+// quotes that are not closed. Oracle: the message or the tree.
 #include <gtest/gtest.h>
 
 #include "handsim/core/text.h"
@@ -8,7 +8,7 @@
 namespace handsim {
 namespace {
 
-/// What reading gives: the problems, a line each.
+/// The problems of reading, one per line.
 template <class Read>
 std::string problems(const std::string& text, const Read& read) {
   YamlNode root = parse_yaml(text, "f.yaml");
@@ -21,7 +21,7 @@ std::string problems(const std::string& text, const Read& read) {
   return out;
 }
 
-TEST(Keys, ReadByPresenceAloneAreAmongThoseNamed) {
+TEST(Keys, ThatAreOptionalAreSuggested) {
   const auto read = [](MapReader& reader) {
     if (reader.has("camera")) reader.map("camera");
     reader.maybe_text("source");
@@ -44,7 +44,7 @@ TEST(OptionalText, StaysAbsent) {
   EXPECT_EQ(emit_yaml(root), "a: 1\n");
 }
 
-TEST(DecimalComma, IsSaidOnceWithWhatIsMeant) {
+TEST(DecimalComma, IsReportedOnceWithTheCorrectForm) {
   const Quantity length{Dimension::length, 0, 3};
   const auto read = [&](MapReader& reader) {
     reader.number("a", length);
@@ -62,12 +62,12 @@ TEST(DecimalComma, IsSaidOnceWithWhatIsMeant) {
   EXPECT_EQ(problems("{a: 1, 7: 2}", read).substr(0, 37), "f.yaml:1:8: 7: got an unknown key, ne");
 }
 
-TEST(Vectors, OfTooManyNumbersSpeakOfCommas) {
+TEST(Vectors, OfTooManyNumbersMentionTheDecimalPoint) {
   const auto read = [](MapReader& reader) { reader.vector("v", {Dimension::none, -9, 9}); };
-  EXPECT_NE(problems("v: [0, 0, -9,81]\n", read).find("a number takes a decimal point"), std::string::npos);
+  EXPECT_NE(problems("v: [0, 0, -9,81]\n", read).find("use a decimal point"), std::string::npos);
 }
 
-TEST(Warnings, StandWhereTheirKeyStands) {
+TEST(Warnings, HaveThePlaceOfTheirKey) {
   YamlNode root = parse_yaml("a: 1\nrecord: {every: 2}\n", "f.yaml");
   Diagnostics diagnostics;
   MapReader reader(root, "", diagnostics);
@@ -75,7 +75,7 @@ TEST(Warnings, StandWhereTheirKeyStands) {
   EXPECT_EQ(diagnostics.warnings.front(), "f.yaml:2:17: record.every: odd");
 }
 
-TEST(Characters, ThatYamlCannotHoldAreRefused) {
+TEST(Characters, ThatYamlForbidsAreRefused) {
   for (const char* bad :
        {"\xef\xbf\xbe", "\xef\xbf\xbf", "\xef\xb7\x90", "\xf0\x9f\xbf\xbe", "\xf4\x8f\xbf\xbf"}) {
     EXPECT_TRUE(find_bad_byte(bad).has_value()) << bad;
@@ -91,8 +91,8 @@ TEST(Characters, ThatYamlCannotHoldAreRefused) {
             "a\\x9b2J");
 }
 
-// Oracle: what is written is read as the same text, for every character that is taken.
-TEST(Characters, ThatAreTakenAreWrittenAndReadAgain) {
+// Oracle: the text written, for every accepted character.
+TEST(Characters, ThatAreAcceptedSurviveWritingAndReading) {
   for (unsigned long code = 0x20; code <= 0x10ffff; code += code < 0x3000 ? 1 : 97) {
     std::string text;
     const auto put = [&](unsigned long bits) { text += static_cast<char>(static_cast<unsigned char>(bits)); };
@@ -113,19 +113,19 @@ TEST(Characters, ThatAreTakenAreWrittenAndReadAgain) {
   }
 }
 
-TEST(Quotes, ThatNothingClosesAreRefusedAtTheirPlace) {
+TEST(Quotes, ThatAreNotClosedAreRefusedAtTheirPlace) {
   struct Case {
     const char* text;
     const char* part;
   };
   for (const Case& bad :
-       {Case{"a: \"never", "f.yaml:1:4: got a quote that nothing closes, need a closing \""},
-        Case{"a: 1\nb: \"5 s\n", "f.yaml:2:4: got a quote that nothing closes"},
-        Case{"a: \"x\"\nb: \"it's \\\"\n\n", "f.yaml:2:4: got a quote that nothing closes"},
+       {Case{"a: \"never", "f.yaml:1:4: got a quote that is not closed, need a closing \""},
+        Case{"a: 1\nb: \"5 s\n", "f.yaml:2:4: got a quote that is not closed"},
+        Case{"a: \"x\"\nb: \"it's \\\"\n\n", "f.yaml:2:4: got a quote that is not closed"},
         Case{"\xef\xbb\xbf"
              "a: \"x",
-             "a quote that nothing closes"},
-        Case{"\xc3\xa9: \"\xc3\xa9", "got a quote that nothing closes"}, Case{"a: 'x\n", "f.yaml:"},
+             "a quote that is not closed"},
+        Case{"\xc3\xa9: \"\xc3\xa9", "got a quote that is not closed"}, Case{"a: 'x\n", "f.yaml:"},
         Case{"\"a: 1\n", "f.yaml:1:1"}, Case{"a: 'it''s", "f.yaml:"}}) {
     try {
       parse_yaml(bad.text, "f.yaml");

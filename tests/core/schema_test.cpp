@@ -12,7 +12,7 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// A file with a key of every form; `radius` stands beside one word alone.
+/// A file with a key of every form; `radius` exists for one shape only.
 void read_thing(YamlNode& root, Diagnostics& diagnostics) {
   MapReader reader(root, "", diagnostics);
   reader.name("name");
@@ -50,8 +50,8 @@ std::set<std::string> keys_of(const Json& object) {
   return out;
 }
 
-// Oracle: a default that another key decides is not the key's.
-TEST(Schema, SaysNoDefaultThatDependsOnOtherKeys) {
+// Oracle: the definition: a default that depends on another key is not in the schema.
+TEST(Schema, HasNoDefaultThatDependsOnOtherKeys) {
   const std::vector<SchemaSource> sources = {
       {"a thing", [](YamlNode& root, Diagnostics& diagnostics) {
          MapReader reader(root, "", diagnostics);
@@ -67,8 +67,8 @@ TEST(Schema, SaysNoDefaultThatDependsOnOtherKeys) {
   EXPECT_EQ(speed.at("maximum"), 9);
 }
 
-// Oracle: the keys by hand, those among them that no single reading asks for together.
-TEST(Schema, HasEveryKeyThatSomeReadingAsksFor) {
+// Oracle: the keys by hand, including those that no single run of the reader asks for together.
+TEST(Schema, HasEveryKeyThatSomeRunAsksFor) {
   const Json thing = schema();
   EXPECT_EQ(keys_of(thing), (std::set<std::string>{"name", "mass", "shape", "radius", "note", "parts",
                                                    "sources", "joints", "owner", "camera", "view"}));
@@ -98,7 +98,7 @@ TEST(Schema, DescribesTheFilesThatAFileNames) {
   EXPECT_TRUE(thing.at("$defs").at("person").at("properties").contains("stature"));
 }
 
-/// Every key of a schema is one that its reader, too, offers in place of an unknown one.
+/// The keys of a schema are those that its reader lists in its message about an unknown key.
 void expect_same_keys(const std::string& kind, const SchemaSource& source,
                       std::vector<SchemaSource> sources) {
   sources.push_back(source);

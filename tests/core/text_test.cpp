@@ -5,8 +5,8 @@
 namespace handsim {
 namespace {
 
-// Oracle: the table of well-formed byte sequences (Unicode 15, table 3-7), but for control characters and
-// what is no character.
+// Oracle: the table of well-formed byte sequences (Unicode 15, table 3-7), without control characters and
+// noncharacters.
 TEST(Text, WellFormedUtf8IsText) {
   for (const char* good : {"", "plain\ttext\r\n", "\x7e", "\xc2\xa0", "\xdf\xbf", "\xe0\xa0\x80",
                            "\xed\x9f\xbf", "\xee\x80\x80", "\xf0\x90\x80\x80", "\xf4\x8f\xbf\xbd"})

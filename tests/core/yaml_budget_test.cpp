@@ -1,4 +1,4 @@
-// Memory of YAML trees. Oracle: the budget that is stated, kYamlMaxMemory; bytes and values both count.
+// Memory of YAML trees. Oracle: the stated budget, kYamlMaxMemory; bytes and values both count.
 #include <gtest/gtest.h>
 
 #include "handsim/core/yaml.h"
@@ -38,7 +38,7 @@ TEST(YamlBudget, IsSharedByAllTreesThatAreReadWithIt) {
   EXPECT_NE(refusal([&] { apply_override(root, "a=" + text, budget); }).find(kTooMuch), std::string::npos);
 }
 
-// Resolved scenes have defaults and files filled in; the largest that are plausible must be readable again.
+// Resolved scenes contain defaults and files; the largest plausible ones must be readable again.
 TEST(YamlBudget, HasRoomForAMillionValues) {
   std::string text = "a: [";
   for (int i = 0; i < 1'000'000; ++i) text += "1.5,";
@@ -59,7 +59,7 @@ TEST(Override, HasAPathOfAtMost64Keys) {
             "--set: got a path of 60000 keys, need at most 64 keys");
 }
 
-// As many problems as anybody reads, and how many more there are.
+// The first thousand problems, and the number of the others.
 TEST(Problems, AreReportedUpToAThousand) {
   std::string text = "x: 1\n";
   for (int i = 0; i < 5000; ++i) text += "k" + std::to_string(i) + ": 1\n";
@@ -74,7 +74,7 @@ TEST(Problems, AreReportedUpToAThousand) {
   } catch (const Error& error) {
     ASSERT_EQ(error.problems().size(), kMostProblems + 1);
     EXPECT_EQ(error.problems().front().key, "k0");
-    EXPECT_EQ(error.problems().back().got, "4000 problems more");
+    EXPECT_EQ(error.problems().back().got, "4000 more problems");
   }
 }
 

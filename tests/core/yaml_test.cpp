@@ -36,7 +36,7 @@ TEST(Yaml, AliasesExpandAndMayNotRecur) {
   const YamlNode root = parse_yaml("a: &x {k: [1, 2]}\nb: *x\n", "f.yaml");
   EXPECT_EQ(root.find("b")->find("k")->items[1].text, "2");
   EXPECT_NE(failure("a: &x [1, *x]\n").find("an alias to a value that contains it"), std::string::npos);
-  EXPECT_NE(failure("a: *nobody\n").find("broken YAML"), std::string::npos);
+  EXPECT_NE(failure("a: *nobody\n").find("invalid YAML"), std::string::npos);
 }
 
 TEST(Yaml, AliasesThatGrowWithoutBoundAreRefused) {
@@ -116,7 +116,7 @@ TEST(MapReader, WritesTheDefaultsItUsesIntoTheTree) {
   EXPECT_EQ(emit_yaml(reading.root), "a:\n  n: 4\nx: 0.1\ny: true\n");
 }
 
-TEST(MapReader, RangesMustRise) {
+TEST(MapReader, RangesMustIncrease) {
   Reading reading("r: [\"90 deg\", 0]\n");
   MapReader reader = reading.reader();
   EXPECT_FALSE(reader.maybe_range("r", {Dimension::angle}));

@@ -1,4 +1,4 @@
-// Solids, and the scenes of contact that have closed forms, for every engine's tests.
+// Solids, and contact scenes with closed forms, for the tests of all engines.
 #pragma once
 
 #include <cmath>
@@ -50,7 +50,7 @@ inline model::Model box_on_incline(const Quat& tilt, double friction = 0.5) {
   return model;
 }
 
-/// What Coulomb lets a box gain in 1 s on an incline [m/s].
+/// Speed of a box on an incline after 1 s, with Coulomb friction [m/s].
 inline double gain_on_incline(double angle, double friction = 0.5) {
   return std::max(0.0, kG * (std::sin(angle) - friction * std::cos(angle)));
 }
@@ -65,7 +65,7 @@ inline model::Model ball_above_ground(double height, double restitution) {
   return model;
 }
 
-/// The greatest speeds down and up of body 1 within 0.6 s [m/s].
+/// Largest downward and upward speeds of body 1 within 0.6 s [m/s].
 struct Bounce {
   double impact = 0, rebound = 0;
 };
@@ -103,8 +103,8 @@ inline model::Model moving_ball(BallMotion motion) {
   return model;
 }
 
-/// Closed forms after 1 s: a ball set sliding at v rolls in the end at 5/7 v; one that rolls under rolling
-/// friction rho is slowed by rho g / r / (1 + 2/5); spinning friction rho brings a spin down by rho m g / I.
+/// Closed forms after 1 s: a ball that slides at v finally rolls at 5/7 v; rolling friction rho decelerates a
+/// rolling ball by rho g / r / (1 + 2/5); spinning friction rho decelerates a spin by rho m g / I.
 inline void expect_ball_as_in_closed_form(BallMotion motion, Engine& engine) {
   run(engine, 1000);
   const model::BodyState& now = engine.state().bodies[1];
@@ -117,7 +117,7 @@ inline void expect_ball_as_in_closed_form(BallMotion motion, Engine& engine) {
   EXPECT_NEAR(now.w.y() * kBallRadius, want, 5e-3);
 }
 
-/// Root mean square of body 1's speed over 4 s, after 1 s to settle [m/s].
+/// Root mean square of body 1's speed over 4 s, after the first second [m/s].
 inline double rms_speed_at_rest(Engine& engine, double step) {
   run(engine, static_cast<int>(1 / step));
   double square = 0;

@@ -1,4 +1,4 @@
-// The step itself: free motion, order of convergence, drives, tissue, restoring, reproducibility.
+// The step of ODE: free motion, order of convergence, drives, tissue, restoring, reproducibility.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -33,7 +33,7 @@ TEST(FreeFall, FollowsSemiImplicitEuler) {
 }
 
 // Oracle: the effect's definition.
-TEST(FreeFall, DoesNotHappenWithoutGravity) {
+TEST(FreeFall, NeedsTheEffectGravity) {
   model::Model model = model::make_model();
   test::add_body(model, test::body("ball", 0.1, {1e-4, 1e-4, 1e-4}));
   const auto engine = make_engine(model, settings({}));
@@ -68,7 +68,7 @@ TEST(Pendulum, SwingsWithItsSmallAnglePeriod) {
   EXPECT_NEAR(engine->state().time / (1.25 * period), 1, 1e-3);
 }
 
-// Oracle: order of convergence; the error against a fine step halves with the step.
+// Oracle: order of convergence 1: the error relative to a fine step halves with the step.
 TEST(Pendulum, ConvergesAtFirstOrder) {
   const double fine = pendulum_angle(1.0 / 64000);
   const double coarse = std::abs(pendulum_angle(1.0 / 500) - fine);
@@ -76,7 +76,7 @@ TEST(Pendulum, ConvergesAtFirstOrder) {
   EXPECT_NEAR(std::log2(coarse / middle), 1, 0.15);
 }
 
-// Oracle: closed form of both, by definition.
+// Oracle: the closed forms of both.
 TEST(SoftRow, HasTheErpAndCfmOfASpringDamper) {
   const SoftRow row = soft_row(200, 3, 0.01);
   EXPECT_DOUBLE_EQ(row.erp, 0.4);
@@ -84,9 +84,9 @@ TEST(SoftRow, HasTheErpAndCfmOfASpringDamper) {
   EXPECT_EQ(soft_row(0, 3, 0.01).erp, 0);
 }
 
-/// Follows tissue on one coordinate of inertia `inertia` beside its recurrence.
-void follow_tissue(const model::Model& model, double inertia, double q, double stiffness, double damping,
-                   double rest) {
+/// Compares tissue on one coordinate of inertia `inertia` with its recurrence.
+void compare_tissue(const model::Model& model, double inertia, double q, double stiffness, double damping,
+                    double rest) {
   const double h = 2e-3;
   const auto engine = make_engine(model, settings({Effect::passive_tissue}, h));
   double v = 0;
@@ -104,11 +104,11 @@ TEST(Tissue, OnAHingeFollowsTheImplicitSpringDamperRecurrence) {
     model::Model model = test::hinged_body(0, {1e-3, 1e-3, 1e-3});
     model.joints[0].axes[0].tissue = model::Tissue{k, c, 0.03};
     model.joints[0].axes[0].initial = 0.05;
-    follow_tissue(model, 1e-3, 0.05, k, c, 0.03);
+    compare_tissue(model, 1e-3, 0.05, k, c, 0.03);
   }
 }
 
-// Oracle: the same recurrence with mass for inertia.
+// Oracle: the same recurrence with mass instead of inertia.
 TEST(Tissue, OnASliderFollowsTheImplicitSpringDamperRecurrence) {
   model::Model model = model::make_model();
   test::add_body(model, test::body("slide", 0.2, {1e-3, 1e-3, 1e-3}));
@@ -116,7 +116,7 @@ TEST(Tissue, OnASliderFollowsTheImplicitSpringDamperRecurrence) {
                                         {Vec3(0.1, 0, 0), Quat::Identity()}, {}, {Vec3(0.6, 0, 0.8)});
   joint.axes[0].tissue = model::Tissue{40, 0.5, -0.01};
   joint.axes[0].initial = 0.02;
-  follow_tissue(model, 0.2, 0.02, 40, 0.5, -0.01);
+  compare_tissue(model, 0.2, 0.02, 40, 0.5, -0.01);
 }
 
 // Oracle: statics; a torque on either axis of a universal joint deflects that axis by tau / k.
@@ -146,7 +146,8 @@ TEST(Tissue, OnAUniversalJointHoldsEachAxisByItsOwnStiffness) {
   }
 }
 
-// Oracle: a damper only takes energy; at 20 ms and 500 times the explicit limit kinetic energy never grows.
+// Oracle: a damper only removes energy; at 20 ms and 500 times the explicit limit, kinetic energy never
+// grows.
 TEST(Tissue, OfStiffDampingNeverAddsEnergyAtTwentyMilliseconds) {
   model::Model model = test::five_fingers(false, true);
   for (model::Joint& joint : model.joints)
@@ -169,7 +170,7 @@ TEST(Tissue, OfStiffDampingNeverAddsEnergyAtTwentyMilliseconds) {
   double last = start;
   for (int i = 0; i < 200; ++i) {
     engine->step({});
-    // What the joints' own position correction may add: erp^2 of the gap of the first step, far below 1e-6.
+    // The position correction of the joints may add erp^2 of the gap of the first step, far below 1e-6.
     ASSERT_LE(energy(), last + 1e-6 * start) << "step " << i;
     last = energy();
   }
@@ -190,7 +191,7 @@ model::Model driven_hand() {
   return model;
 }
 
-// Oracle: the trajectory itself; rounding alone remains, in every step and at the end.
+// Oracle: the trajectory, to rounding, in every step and at the end.
 TEST(Drive, FollowsItsTrajectoryToRounding) {
   const model::Model model = driven_hand();
   const auto engine =
@@ -208,7 +209,7 @@ TEST(Drive, FollowsItsTrajectoryToRounding) {
 }
 
 // Oracle: the effect's definition.
-TEST(Drive, StandsStillWithoutWristMotion) {
+TEST(Drive, DoesNotMoveWithoutWristMotion) {
   const model::Model model = driven_hand();
   const auto engine = make_engine(model, settings({Effect::gravity}));
   const Vec3 start = engine->state().bodies[1].p;
@@ -216,9 +217,9 @@ TEST(Drive, StandsStillWithoutWristMotion) {
   EXPECT_EQ(engine->state().bodies[1].p, start);
 }
 
-// Oracle: two ways that must agree; a palm that a drive holds still is an ODE body with copies, a palm
-// without is ODE's world, and the mechanics is the same.
-TEST(Islands, OfADrivenPalmAndOfAStillOneMoveAlike) {
+// Oracle: two ways that must agree. A palm that a drive holds at rest is an ODE body with copies, a palm
+// without a drive is ODE's world; the mechanics is the same.
+TEST(Islands, OfADrivenPalmAndOfAFixedOneMoveAlike) {
   model::Model still = test::five_fingers(true, true);
   still.bodies[1].zero_pose = {Vec3(0.1, 0.2, 0.3), rotation_quaternion({0.3, 0.2, 0.1})};
   model::Model driven = still;
@@ -230,12 +231,12 @@ TEST(Islands, OfADrivenPalmAndOfAStillOneMoveAlike) {
   test::run(*a, 1000);
   test::run(*b, 1000);
   for (std::size_t i = 0; i < still.bodies.size(); ++i)
-    // Only rounding differs, and stops and gravity do not amplify it.
+    // Only rounding errors differ, and stops and gravity do not amplify them.
     EXPECT_LT((a->state().bodies[i].p - b->state().bodies[i].p).norm(), 1e-9);
 }
 
-// Oracle: invariance; a hand whose still palm is put elsewhere moves as one built there.
-TEST(SetState, MovesAStillPalmAndWhatHangsOnIt) {
+// Oracle: invariance; a hand whose fixed palm is moved behaves like one that was built there.
+TEST(SetState, MovesAFixedPalmWithItsFingers) {
   model::Model here = test::five_fingers(true, true);
   model::Model there = here;
   there.bodies[1].zero_pose = {Vec3(0.1, 0.2, 0.3), rotation_quaternion({0.3, 0.2, 0.1})};
@@ -257,9 +258,9 @@ class BothMethods : public testing::TestWithParam<Method> {
   }
 };
 
-/// Fingers that touch one another, and balls that roll on the ground into each other: enough shapes for
+/// Fingers that touch each other, and balls that roll on the ground and collide: enough shapes for
 /// sweep-and-prune.
-model::Model busy_hand() {
+model::Model hand_with_many_contacts() {
   model::Model model = test::five_fingers(true, true, true);
   model.drives = driven_hand().drives;
   for (int i = 0; i < 10; ++i) {
@@ -281,9 +282,9 @@ model::Model busy_hand() {
   return model;
 }
 
-// Oracle: bit equality; 3000 steps after a restore, into the same engine and into a fresh one.
-TEST_P(BothMethods, GoOnFromASavedStateAsIfNeverStopped) {
-  const model::Model model = busy_hand();
+// Oracle: bit equality of 3000 steps after a restore, in the same engine and in a new one.
+TEST_P(BothMethods, ContinueFromASavedStateWithTheSameBits) {
+  const model::Model model = hand_with_many_contacts();
   const auto engine = make_engine(model, with());
   test::run(*engine, 500);
   const model::State saved = engine->state();
@@ -302,9 +303,9 @@ TEST_P(BothMethods, GoOnFromASavedStateAsIfNeverStopped) {
   EXPECT_EQ(test::bits(fresh->state()), want);
 }
 
-// Oracle: bit equality; another engine stepped in between leaves no trace.
-TEST_P(BothMethods, AreUntouchedByAnotherEngineInTheProcess) {
-  const model::Model model = busy_hand();
+// Oracle: bit equality with and without steps of another engine in between.
+TEST_P(BothMethods, AreIndependentOfAnotherEngineInTheProcess) {
+  const model::Model model = hand_with_many_contacts();
   const auto alone = make_engine(model, with());
   test::run(*alone, 1000);
   const auto a = make_engine(model, with());
@@ -316,9 +317,9 @@ TEST_P(BothMethods, AreUntouchedByAnotherEngineInTheProcess) {
   EXPECT_EQ(test::bits(a->state()), test::bits(alone->state()));
 }
 
-// Oracle: bit equality of 8 threads, each with its own engine, with a run alone.
+// Oracle: bit equality of 8 threads, each with its own engine, and a single run.
 TEST_P(BothMethods, GiveTheSameBitsInEightThreads) {
-  const model::Model model = busy_hand();
+  const model::Model model = hand_with_many_contacts();
   const auto alone = make_engine(model, with());
   test::run(*alone, 500);
   std::vector<std::future<std::vector<std::uint64_t>>> found;
@@ -336,9 +337,9 @@ INSTANTIATE_TEST_SUITE_P(Methods, BothMethods, testing::Values(OdeMethod::world_
                            return each.param == OdeMethod::world_step ? "WorldStep" : "QuickStep";
                          });
 
-// Oracle: the seed is a setting; another one gives another shuffle and other bits.
+// Oracle: another seed gives another order of rows, hence other bits.
 TEST(QuickStep, DependsOnItsSeed) {
-  const model::Model model = busy_hand();
+  const model::Model model = hand_with_many_contacts();
   Settings with = settings({Effect::gravity, Effect::joint_stops}, 1e-3, OdeMethod::quick_step);
   const auto a = make_engine(model, with);
   with.ode().seed = 2;

@@ -1,5 +1,4 @@
-// Friction of pads that Coulomb gives in closed form, whatever presses and pulls, on each engine that has
-// contact.
+// Friction of pads with closed forms by Coulomb's law, under various loads, on each engine with contact.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -26,8 +25,8 @@ Settings how(Method method) {
   Settings out = test::settings(
       {Effect::gravity, Effect::object_contact, Effect::ground_contact, Effect::friction}, 1e-3, method);
   out.contact_forces = true;
-  // As the shipped grasps: four points of a pad have more rows than ways to slide, which a solver without
-  // compliance gives up on.
+  // The CFM of the shipped grasps: the four points of a pad have redundant friction rows, at which a solver
+  // without compliance fails.
   if (out.engine() == EngineKind::ode) {
     out.ode().cfm = 1e-8;
     out.ode().guard = GuardLimits{};
@@ -35,7 +34,7 @@ Settings how(Method method) {
   return out;
 }
 
-/// A block with a ball below it on three sliders: it cannot turn, and forces act on it along x, y and z.
+/// A block with a ball below it on three sliders: it cannot rotate, and forces act on it along x, y and z.
 model::Model pulled_block() {
   model::Model model = model::make_model();
   test::add_ground(model, kMu);
@@ -54,8 +53,8 @@ model::Model pulled_block() {
   return model;
 }
 
-// Oracle: Coulomb's cone is a circle: what pulls by 0.98 of mu N moves nothing, and by 1.1 the force is mu N
-// to 1e-3, in any direction.
+// Oracle: Coulomb's circular cone: in any direction, a load of 0.98 mu N does not move the block, and at 1.1
+// mu N the friction is mu N to 1e-3.
 TEST_P(Friction, IsMuTimesTheNormalForceInEveryDirection) {
   const model::Model model = pulled_block();
   const double limit = kMu * kMass * test::kG;
@@ -102,8 +101,8 @@ model::Model shoe_brake(double reach, double height) {
   return model;
 }
 
-// Oracle: moments about the pivot: N = tau / (reach -+ mu height), where friction helps to press or lifts
-// off. Its limit is not that of the normal force without friction, tau / reach: by 33 % here.
+// Oracle: moments about the pivot: N = tau / (reach -+ mu height), where friction increases or decreases the
+// normal force. Without friction it would be tau / reach, a difference of 33 % here.
 TEST_P(Friction, OfAShoeBrakeHasTheLimitOfItsOwnNormalForce) {
   constexpr double kReach = 0.05, kHeight = 0.025, kTorque = 0.2;
   const model::Model model = shoe_brake(kReach, kHeight);
@@ -119,14 +118,15 @@ TEST_P(Friction, OfAShoeBrakeHasTheLimitOfItsOwnNormalForce) {
     for (int i = 0; i < 100; ++i) engine->step({std::vector<double>{0, kTorque}});
     ASSERT_EQ(engine->contacts().size(), 1U);
     const Contact& contact = engine->contacts()[0];
-    // The sled drags the ball along: away from the pivot friction lifts the lever, towards it it presses.
+    // Friction of a sled that moves away from the pivot lifts the lever; towards the pivot, it presses the
+    // lever down.
     const double normal = kTorque / (kReach + (speed > 0 ? 1 : -1) * kMu * kHeight);
     EXPECT_NEAR(contact.normal_force(), normal, 0.01 * normal) << speed;
     EXPECT_NEAR(contact.friction_force().norm(), kMu * normal, 0.01 * kMu * normal) << speed;
   }
 }
 
-/// Two pads on sliders that press a block between them; the block hangs by their friction.
+/// Two pads on sliders that press a block between them; only friction carries the block.
 model::Model squeezed_block() {
   model::Model model = model::make_model();
   model.groups = {{"all"}};
@@ -147,14 +147,14 @@ model::Model squeezed_block() {
   return model;
 }
 
-// Oracle: 2 mu N = m g: while N falls the block stays until it passes m g / (2 mu), to 1 %.
+// Oracle: 2 mu N = m g: while N decreases, the block stays at rest until N = m g / (2 mu), to 1 %.
 TEST_P(Friction, HoldsASqueezedBlockUntilTheForceFallsBelowItsWeight) {
   const model::Model model = squeezed_block();
   const auto engine = make_engine(model, how(GetParam()));
   const double least = kMass * test::kG / (2 * kMu);
   double start = 0, force = 0;
   for (int i = 0; i < 4000; ++i) {
-    // Falls by 0.1 % of the least in 10 ms: in 23 ms beyond it the block falls by 2 um.
+    // N decreases by 0.1 % of m g / (2 mu) in 10 ms: 23 ms after that value the block has fallen by 2 um.
     force = i < 500 ? 1.2 * least : (1.2 - 1e-4 * (i - 500)) * least;
     engine->step({std::vector<double>{force, force}});
     if (i == 1500) start = engine->state().bodies[1].p.z();

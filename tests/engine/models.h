@@ -1,4 +1,4 @@
-// Small models that the engine tests share.
+// Small models for the engine tests.
 #pragma once
 
 #include <bit>
@@ -36,7 +36,7 @@ inline void set_tolerance(Settings& settings, double tolerance) {
       settings.own);
 }
 
-/// Goes on where another engine of the same model stands.
+/// Continues from the state of another engine of the same model.
 inline void resume(Engine& engine, const model::State& state, const std::string& bytes) {
   ArchiveReader in(bytes, "saved");
   engine.restore(state, in);
@@ -114,7 +114,7 @@ inline model::Material material(const std::string& name, double friction) {
   return out;
 }
 
-/// One contact group that meets itself, one material, a ground plane on the world.
+/// One contact group with contact within the group, one material, a ground plane on the world.
 inline void add_ground(model::Model& model, double friction = 0.5, const Quat& tilt = Quat::Identity()) {
   model.groups = {{"all"}};
   model.contact_rules = {{0, 0}};
@@ -178,7 +178,7 @@ inline std::vector<std::uint64_t> bits(const model::State& state) {
   return out;
 }
 
-/// What making an engine says against the model or the settings; empty where it says nothing.
+/// The message of the error that make_engine throws; empty if it does not throw.
 inline std::string refusal(const model::Model& model, const Settings& with) {
   try {
     make_engine(model, with);

@@ -1,4 +1,4 @@
-// The torques that engines report, against the motion that they record.
+// The torques that engines report, compared with inverse dynamics of the recorded motion.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -22,14 +22,14 @@ struct Drive {
 };
 
 struct Outcome {
-  double error = 0;     ///< largest difference of reported and needed torque, of the largest torque
-  double inferred = 0;  ///< the same for the servos' law at the step's end, with the tissue's
-  int halved = 0;       ///< steps got through in halves
+  double error = 0;  ///< largest difference of reported and required torque, relative to the largest torque
+  double inferred = 0;  ///< the same for torques of the servo law and tissue at the step's end
+  int halved = 0;       ///< steps solved as two half steps
   int at_limit = 0;     ///< servo torques at their limit
 };
 
-/// A hand on a held palm, swung by servos (dae: by torques) with gravity and tissue: what is reported against
-/// what the momentum of the bodies beyond each joint changes by.
+/// A hand on a fixed palm, moved by servos (dae: by torques), gravity and tissue. Compares the reported
+/// torques with the change of momentum of the bodies distal to each joint.
 Outcome drive(const Drive& how) {
   const model::Model model = test::shipped_hand("anatomical.yaml", hand::Mount::fixed);
   Settings with =
@@ -82,9 +82,9 @@ Outcome drive(const Drive& how) {
 
 class ReportedTorque : public testing::TestWithParam<Method> {};
 
-// Oracle: Newton and Euler on the recorded motion. Both sides are first order in the step (where the axes
-// stand during it), and so is their difference: it shrinks with the step, and the finer one is small.
-TEST_P(ReportedTorque, IsWhatTheMotionNeeds) {
+// Oracle: Newton-Euler equations of the recorded motion. The axes move during a step, so the difference is of
+// first order in the step: it decreases with the step, and is small at the finer one.
+TEST_P(ReportedTorque, IsTheTorqueOfInverseDynamics) {
   const Outcome coarse = drive({.method = GetParam(), .step = 4e-4}),
                 fine = drive({.method = GetParam(), .step = 1e-4});
   EXPECT_LT(fine.error, 0.02);
@@ -100,16 +100,16 @@ INSTANTIATE_TEST_SUITE_P(Methods, ReportedTorque,
                                          Method(DaeMethod::euler_projected)),
                          [](const auto& each) { return std::string(name(each.param)); });
 
-// Oracle: the same. What few iterations apply is not what the servos' law asks for.
-TEST(TorqueOfOde, IsWhatActedWhereQuickStepHasNotConverged) {
+// Oracle: the same. With few iterations the applied torques are not those of the servo law.
+TEST(TorqueOfOde, IsTheAppliedOneWhereQuickStepHasNotConverged) {
   const Outcome out = drive({.method = OdeMethod::quick_step, .step = 1e-4, .iterations = 3});
   EXPECT_LT(out.error, 0.02);
   EXPECT_GT(out.inferred, 10 * out.error);
 }
 
-// Oracle: the same, over both halves. A servo so stiff that a whole step leaves a finger too fast, and a
-// second half step catches it.
-TEST(TorqueOfOde, IsTheMeanOfAStepInHalves) {
+// Oracle: the same, over both half steps. The servo is so stiff that a finger exceeds the speed limit after a
+// whole step, but not after two half steps.
+TEST(TorqueOfOde, IsTheMeanOfTwoHalfSteps) {
   const Outcome out = drive({.fastest = 1, .stiffness = 5000});
   EXPECT_GT(out.halved, 0);
   EXPECT_LT(out.error, 0.02);

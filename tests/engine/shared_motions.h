@@ -1,4 +1,4 @@
-// Motions that several engines' tests compare: shipped hands that fall, a pendulum that is carried.
+// Motions that tests of several engines compare: falling shipped hands, a pendulum on a moving palm.
 #pragma once
 
 #include <cmath>
@@ -13,7 +13,7 @@
 
 namespace handsim::engine::test {
 
-/// A shipped hand, gravity across it.
+/// A shipped hand with gravity perpendicular to it.
 inline model::Model shipped_hand(const char* name, hand::Mount mount) {
   YamlNode node = load_yaml(std::string(HANDSIM_SOURCE_DIR "/handmodels/") + name);
   Diagnostics diagnostics;

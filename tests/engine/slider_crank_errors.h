@@ -1,4 +1,4 @@
-// The slider-crank on an engine beside its exact one-degree-of-freedom reduction.
+// Errors of an engine's slider-crank, compared with its exact reduction to one degree of freedom.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace handsim::engine::test {
 
-/// How far an engine's slider-crank is from its exact reduction over a run.
+/// Differences from the exact reduction over a run.
 struct SliderCrankErrors {
   double velocity = 0;  ///< RMS of the slider's [m/s]
   double position = 0;  ///< largest of the slider's [m]

@@ -41,7 +41,7 @@ struct Survey {
       double v[6];
       char comma;
       for (double& value : v) fields >> value >> comma;
-      // Millimetres and tenths of a kilogram: divided, they are the very numbers that decimals in SI give.
+      // Millimetres and tenths of a kilogram: the quotients equal the decimal SI numbers exactly.
       people.push_back(person(v[0] / 1000, v[1] / 10, sex == "F" ? Sex::female : Sex::male));
       hands.emplace_back(v[2] / 1000, v[3] / 1000, v[4] / 1000, v[5] / 1000);
     }
@@ -55,9 +55,7 @@ double predicted(const HandSize& size, int k) {
 
 class AnthropometrySurvey : public ::testing::Test {
  protected:
-  void SetUp() override {
-    ASSERT_EQ(survey.people.size(), 4247U);
-  }
+  void SetUp() override { ASSERT_EQ(survey.people.size(), 4247U); }
   Survey survey;
 };
 
@@ -80,7 +78,7 @@ TEST_F(AnthropometrySurvey, PredictsLengthWithin7_4AndBreadthWithin3_5Millimetre
   }
 }
 
-// Oracle: the least-squares fit itself, made anew from the rows by QR.
+// Oracle: the least-squares fit, computed again from the rows by QR.
 TEST_F(AnthropometrySurvey, CoefficientsAreTheLeastSquaresFitOfTheRows) {
   const Anthropometry anthropometry = shipped();
   const auto n = static_cast<Eigen::Index>(survey.people.size());
@@ -133,7 +131,7 @@ TEST(Anthropometry, MeasuredDimensionsOverrideThePrediction) {
 }
 
 // Oracle: for one known residual the conditional mean is covariance / variance times it.
-TEST(Anthropometry, AMeasuredLengthMovesTheOtherDimensionsByTheirCovariance) {
+TEST(Anthropometry, AMeasuredLengthShiftsTheOtherDimensionsByTheirCovariance) {
   const Anthropometry anthropometry = shipped();
   Person p = person(1.75, 72, Sex::male);
   const HandSize plain = hand_size(anthropometry, p);

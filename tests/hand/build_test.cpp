@@ -177,9 +177,8 @@ TEST(AnatomicalHand, AbductionMovesAwayFromTheMiddleFinger) {
   }
 }
 
-// Oracle: de Leva 1996. The box and capsules are no scan, and the survey's fingers are straight where de
-// Leva's subjects' were; a tenth of the hand's length tells a sound assembly from one with a misplaced or
-// missing part.
+// Oracle: de Leva 1996. Box and capsules only approximate a hand: a tolerance of a tenth of the hand's length
+// detects misplaced or missing parts.
 TEST(AnatomicalHand, MassIsWhereDeLevaFoundIt) {
   const HandSpec spec = shipped("anatomical");
   const WholeHand whole = whole_hand(build_hand(spec, man()));

@@ -25,7 +25,7 @@ Person person(Sex sex, double stature, std::optional<double> age = {}) {
 
 // Oracle: Steiber 2016, as quoted: a man of 30 to 34 years and 175 to 179 cm grips with 53.5 (8.3) kgf, a
 // woman of 160 to 164 cm with 32.7 (5.8) kgf.
-TEST(GripStrength, IsTheSurveysForPeopleAlike) {
+TEST(GripStrength, IsTheSurveysMeanForSexAgeAndStature) {
   const GripTable table = shipped();
   constexpr double kKilogramForce = 9.80665;
   const GripStrength man = grip_strength(table, person(Sex::male, 1.77, 34.9));
@@ -40,7 +40,7 @@ TEST(GripStrength, IsTheSurveysForPeopleAlike) {
   EXPECT_NEAR(unknown.norm, (man.norm + tall_woman.norm) / 2, 1e-9);
 }
 
-TEST(GripStrength, GivesABorderToTheTallerAndSaysWhereTheTableEnds) {
+TEST(GripStrength, AssignsABoundaryToTheTallerGroupAndReportsExtrapolation) {
   const GripTable table = shipped();
   EXPECT_EQ(grip_strength(table, person(Sex::male, 1.75)).norm,
             grip_strength(table, person(Sex::male, 1.79)).norm);

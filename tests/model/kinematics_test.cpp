@@ -10,7 +10,7 @@
 namespace handsim::model {
 namespace {
 
-/// World - one joint - body, with frames at odd angles.
+/// World - one joint - body, with arbitrary frames.
 Model one_joint(JointKind kind) {
   Model model = make_model();
   Body body;
@@ -73,7 +73,7 @@ TEST_P(EveryJointWithAxes, RatesAreTheDerivativesOfCoordinates) {
   const State b = state_at(model, after);
   state.bodies[1].v = (b.bodies[1].p - a.bodies[1].p) / (2 * h);
   state.bodies[1].w = rotation_vector(b.bodies[1].q * a.bodies[1].q.conjugate()) / (2 * h);
-  find_coordinates(model, state);
+  update_coordinates(model, state);
   const std::vector<double>& found = state.u;
   for (std::size_t i = 0; i < u.size(); ++i) EXPECT_NEAR(found[i], u[i], 1e-8);
 }

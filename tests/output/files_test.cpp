@@ -1,4 +1,4 @@
-// Files that appear when whole, the folder that one command holds, and work in a process of its own.
+// Atomic files, the locked output folder, and jobs in child processes.
 #include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -66,8 +66,8 @@ TEST(AtomicFile, FollowsALinkAndKeepsTheUsersMask) {
   EXPECT_EQ(fs::status(folder.path() / "real").permissions(), fs::perms{0640});
 }
 
-// A name may have 255 bytes; that of a part must not be longer than it.
-TEST(AtomicFile, TakesTheLongestNameThereMayBe) {
+// A name may have 255 bytes; a temporary name must fit, too.
+TEST(AtomicFile, AcceptsTheLongestPossibleName) {
   const TemporaryFolder folder;
   const fs::path path = folder.path() / std::string(255, 'x');
   write_file(path, "whole");
@@ -78,7 +78,7 @@ TEST(AtomicFile, TakesTheLongestNameThereMayBe) {
 TEST(AtomicFile, ToAFullDiskIsAnErrorOfOutput) {
   const TemporaryFolder folder;
   const fs::path path = folder.path() / "a.txt";
-  // A process of its own has the limit.
+  // The limit of the file size applies to a child process only.
   const auto job = [&](const Progress&) {
     const rlimit limit{1000, 1000};
     setrlimit(RLIMIT_FSIZE, &limit);
@@ -89,15 +89,14 @@ TEST(AtomicFile, ToAFullDiskIsAnErrorOfOutput) {
       if (error.kind() == ErrorKind::output) throw;
     }
   };
-  EXPECT_EQ(
-      run_in_child(job, {}),
-      path.string() +
-          ": got a file that cannot be written (File too large), need room on the disk, and a folder that "
-          "stays there");
+  EXPECT_EQ(run_in_child(job, {}), path.string() +
+                                       ": got a file that cannot be written (File too large), need free "
+                                       "space on the disk, and a folder that "
+                                       "is not removed meanwhile");
   EXPECT_EQ(entries(folder.path()), 0U);
 }
 
-TEST(OutputFolder, IsHeldAsLongAsItLives) {
+TEST(OutputFolder, IsLockedDuringItsLifetime) {
   const TemporaryFolder folder;
   const fs::path out = folder.path() / "out";
   {
@@ -131,7 +130,7 @@ TEST(OutputFolder, ClearsItsOwnNamesAndNoOthers) {
   EXPECT_EQ(left, (std::set<std::string>{"b.txt", "frame_12.png", "frame_1234.png", "sub", "sub/a.txt"}));
 }
 
-TEST(OutputFolder, ReplacesNoFileThatIsRead) {
+TEST(OutputFolder, RefusesToReplaceAnInputFile) {
   const TemporaryFolder folder;
   write_file(folder.path() / "a.txt", "input");
   int asked = 0;
@@ -141,28 +140,28 @@ TEST(OutputFolder, ReplacesNoFileThatIsRead) {
   };
   EXPECT_THROW(OutputFolder(folder.path(), {"a.txt"}, inputs), Error);
   EXPECT_EQ(asked, 1);
-  // Where nothing is replaced, nobody need know what is read.
+  // If no file is replaced, the inputs are not listed.
   const OutputFolder other(folder.path(), {"b.txt"}, inputs);
   EXPECT_EQ(asked, 1);
 }
 
-TEST(Child, SaysWhatItsJobHasThrown) {
+TEST(Child, ReportsTheExceptionOfItsJob) {
   EXPECT_EQ(run_in_child([](const Progress&) {}, {}), std::nullopt);
   EXPECT_EQ(run_in_child([](const Progress&) { throw input_error("a", "b", "c"); }, {}), "a: got b, need c");
   EXPECT_EQ(run_in_child([](const Progress&) { throw std::bad_alloc(); }, {}), "out of memory");
 }
 
-TEST(Child, MayDieWithItsLastWordsKept) {
+TEST(Child, ThatCrashesHasItsLastMessageReported) {
   EXPECT_EQ(run_in_child([](const Progress&) { raise(SIGKILL); }, {}), "ended by signal 9 (Killed)");
-  const auto last_words = [](const Progress&) {
+  const auto last_message = [](const Progress&) {
     const std::string text = "first\nLLVM ERROR: out of memory\n";
     static_cast<void>(!::write(STDERR_FILENO, text.data(), text.size()));
     std::abort();
   };
-  EXPECT_EQ(run_in_child(last_words, {}), "ended by signal 6 (Aborted): LLVM ERROR: out of memory");
+  EXPECT_EQ(run_in_child(last_message, {}), "ended by signal 6 (Aborted): LLVM ERROR: out of memory");
 }
 
-TEST(Child, PassesItsProgressOn) {
+TEST(Child, ReportsItsProgress) {
   std::vector<double> shares;
   const auto job = [](const Progress& progress) {
     for (const double share : {0.25, 0.5, 1.0}) progress(share);
@@ -171,7 +170,7 @@ TEST(Child, PassesItsProgressOn) {
   EXPECT_EQ(shares, (std::vector<double>{0.25, 0.5, 1.0}));
 }
 
-// Else a run that is killed would leave its folder locked until the child is gone, too.
+// Otherwise the folder of a killed run would stay locked until its child ends.
 TEST(Child, HoldsNoLockOfItsParents) {
   const TemporaryFolder folder;
   const int inherited = open(folder.path().c_str(), O_RDONLY | O_DIRECTORY);

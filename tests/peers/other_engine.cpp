@@ -54,7 +54,7 @@ engine::StepReport OtherEngine::step(const engine::StepInput& input) {
   contacts_.clear();
   read(state_, contacts_);
   check();
-  model::find_coordinates(model_, state_);
+  model::update_coordinates(model_, state_);
   engine::StepReport report;
   report.contacts = static_cast<int>(contacts_.size());
   return report;
@@ -64,7 +64,7 @@ void OtherEngine::set_state(const model::State& state) {
   if (failure_) throw Error(*failure_);
   engine::require_state(model_, state);
   state_ = state;
-  model::find_coordinates(model_, state_);
+  model::update_coordinates(model_, state_);
   put(state_);
 }
 

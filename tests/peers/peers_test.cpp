@@ -161,7 +161,7 @@ TEST(PeerProtocol, RefusesAMechanismOfOtherMass) {
   const std::string real = std::string(HANDSIM_PEERS_FOLDER) + "/peer_mujoco";
   EXPECT_EQ(fault_of(impostor(folder.path(), "exec '" + real + "'")), "no fault");
   EXPECT_NE(fault_of(impostor(folder.path(), "sed 's/\"mass\":2.0/\"mass\":2.001/' | '" + real + "'"))
-                .find("not the same mechanism"),
+                .find("the mechanisms differ"),
             std::string::npos);
 }
 
@@ -181,7 +181,7 @@ TEST(PeerProtocol, SaysWhyAProgramFailed) {
       fault_of(impostor(folder.path(), "echo 'no such integrator' >&2; exit 3")).find("no such integrator"),
       std::string::npos);
   EXPECT_NE(fault_of(impostor(folder.path(), "kill -9 $$")).find("killed by signal 9"), std::string::npos);
-  EXPECT_NE(fault_of(impostor(folder.path(), "echo hello")).find("no head of the protocol"),
+  EXPECT_NE(fault_of(impostor(folder.path(), "echo hello")).find("not the first line of the protocol"),
             std::string::npos);
 }
 

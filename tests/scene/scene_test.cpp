@@ -51,7 +51,7 @@ TEST(Scene, ResolvedTextIsAFixedPoint) {
   EXPECT_EQ(emit_yaml(once.resolved), emit_yaml(twice.resolved));
 }
 
-// Oracle: what stands in the text: the hand in line 2, an object of the hand's name in line 3.
+// Oracle: the text: the hand is in line 2, an object of the hand's name in line 3.
 TEST(Scene, KeepsThePlaceOfAProblemWithItsPart) {
   try {
     scene_from(

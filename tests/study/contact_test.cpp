@@ -1,4 +1,4 @@
-// The slider-crank whose block slides on a floor: as long as it stays there its motion is determined.
+// The slider-crank whose block slides on a floor; the motion is comparable until the block lifts off.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kBlock = 2;
 
-/// Places of the block every 10 ms [m].
+/// Positions of the block every 10 ms [m].
 std::vector<Vec3> block(double step, double duration) {
   const scene::Scene scene =
       test::shipped_scene("slider_crank_contact",
@@ -33,7 +33,7 @@ double largest_difference(const std::vector<Vec3>& a, const std::vector<Vec3>& b
   return out;
 }
 
-// Oracle: order of convergence, 1, against the smallest step.
+// Oracle: order of convergence 1, with the smallest step as reference.
 TEST(ContactSliderCrank, ConvergesAtFirstOrderWhileTheBlockLiesOnTheFloor) {
   const std::vector<Vec3> fine = block(2e-5, 0.25);
   for (const Vec3& place : fine) EXPECT_LT(place.z(), 1e-5);
@@ -43,7 +43,7 @@ TEST(ContactSliderCrank, ConvergesAtFirstOrderWhileTheBlockLiesOnTheFloor) {
   EXPECT_NEAR(std::log10(coarse_error / fine_error), 1, 0.3);
 }
 
-// Oracle: the rod's upward force, which exceeds the weight once a turn: why the comparison ends there.
+// Oracle: the rod's upward force, which exceeds the weight once a revolution. There the comparison ends.
 TEST(ContactSliderCrank, LiftsTheBlockOffTheFloorAfterwards) {
   double highest = 0;
   for (const Vec3& place : block(1e-4, 0.6)) highest = std::max(highest, place.z());

@@ -11,10 +11,10 @@ namespace handsim::engine::dae {
 
 namespace {
 
-/// A start whose joints are further apart than this gets a note that it was moved [m].
+/// Joint gap of a start [m] above which a note reports that the start was moved.
 constexpr double kMovedGap = 1e-9;
 
-/// The formulation that the settings name.
+/// The integrator of the method of the settings.
 std::unique_ptr<Integrator> make_integrator(System system, const Settings& settings) {
   switch (settings.dae().method) {
     case DaeMethod::stabilised_gear:
@@ -54,7 +54,7 @@ void DaeEngine::drive(double time, model::KeySide side, model::State& state) con
   drives_.place_driven(time, side, state);
 }
 
-/// Takes a state over, moved onto the joints; what no drive moves among kinematic bodies stands still.
+/// Starts from a state, projected onto the joints. Kinematic bodies without a drive get zero velocity.
 void DaeEngine::start(const model::State& state) {
   model::State next = state;
   for (std::size_t i = 0; i < next.bodies.size(); ++i)
@@ -65,8 +65,8 @@ void DaeEngine::start(const model::State& state) {
   state_ = std::move(next);
 }
 
-/// Torques at a state whose coordinates are known.
-void DaeEngine::find_torques(std::span<const double> given, model::State& state) const {
+/// Sets state.tau, given torques and passive tissue, from the coordinates of the state.
+void DaeEngine::set_joint_torques(std::span<const double> given, model::State& state) const {
   state.tau.assign(state.q.size(), 0);
   std::copy(given.begin(), given.end(), state.tau.begin());
   if (!settings_.effects.has(model::Effect::passive_tissue)) return;
@@ -93,7 +93,7 @@ StepReport DaeEngine::step(const StepInput& input) {
     drive(end, model::KeySide::before, next);
     check_bodies(next);
     sensors_.read(next);
-    find_torques(input.torques, next);
+    set_joint_torques(input.torques, next);
   } catch (const Error& error) {
     fail(error);
   }
@@ -103,7 +103,7 @@ StepReport DaeEngine::step(const StepInput& input) {
 
 void DaeEngine::check_bodies(const model::State& state) const {
   for (std::size_t i = 0; i < state.bodies.size(); ++i) {
-    // Written so that NaN fails.
+    // NaN fails these conditions.
     const model::BodyState& body = state.bodies[i];
     const bool slow = body.v.norm() <= kMaxSpeed;
     if (slow && body.w.norm() <= kMaxAngularSpeed && body.p.allFinite() && body.q.coeffs().allFinite())
@@ -126,7 +126,7 @@ void DaeEngine::set_state(const model::State& state) {
   try {
     start(state);
   } catch (const Error& error) {
-    // Nothing is taken over: back to where the engine stood.
+    // Return to the state before the call.
     start(model::State(state_));
     throw input_error("state", error.what(), "joints that can all be closed");
   }

@@ -1,9 +1,10 @@
-// Linearised implicit Euler at velocity level, with the two ways of Chrono (Tasora et al. 2016) to keep
-// joints together. With all of G, g and forces at the start of the step (h its size, + its end):
+// Linearised implicit Euler at velocity level, with the two methods of Chrono (Tasora et al. 2016) that keep
+// the joints closed. G, g and the forces are those at the start of the step; h is its size, + marks its end:
 //   (M - h df/du - h^2 df/dx T) u+ = M u + h (f - df/du u) + G^T P,   G u+ = -(erp / h) g - g_t,
-//   x+ = x moved by h u+,
-// where spring-dampers and gyroscopic torques make up the derivatives. `euler_linearised` pulls gaps back by
-// `erp` a step; `euler_projected` has erp = 0 and moves x+ onto the constraints. First order both.
+//   x+ = x displaced by h u+.
+// The derivatives are those of spring-dampers and gyroscopic torques. `euler_linearised` reduces gaps by the
+// share `erp` in each step; `euler_projected` has erp = 0 and projects x+ onto the constraints. Both are of
+// first order.
 #include <algorithm>
 
 #include <fmt/format.h>
@@ -15,13 +16,15 @@ namespace handsim::engine::dae {
 
 namespace {
 
-/// Relative size below which a combination of scaled constraint rows counts as redundant.
+/// Relative singular value below which scaled constraint rows count as redundant.
 constexpr double kRankThreshold = 1e-12;
-/// A step's way that closing the joints may take back, as a share. In smooth motion it is half the angle that
-/// bodies turn by in the step. Shorter ways are rounding [m].
-constexpr double kMostTakenBack = 0.9, kLeastWay = 1e-9;
+/// Largest share of a step's displacement that the projection may undo. In smooth motion the share is half
+/// the rotation angle of the step.
+constexpr double kMaxUndone = 0.9;
+/// Displacements below this are rounding errors [m].
+constexpr double kMinDisplacement = 1e-9;
 
-/// Solves A u = b + G^T P, G u = r for u, with P the shortest where G's rows depend on each other.
+/// Solves A u = b + G^T P, G u = r for u. P is the minimum-norm solution if rows of G are linearly dependent.
 Vector solve_constrained(const Matrix& mass, const Vector& momentum, const Matrix& jacobian,
                          const Vector& r) {
   const Eigen::PartialPivLU<Matrix> factors(mass);
@@ -29,7 +32,7 @@ Vector solve_constrained(const Matrix& mass, const Vector& momentum, const Matri
   if (r.size() == 0) return free;
   const Matrix response = factors.solve(jacobian.transpose());
   const Matrix schur = jacobian * response;
-  // Rows have different units: scaled so that each responds to its own impulse by 1.
+  // Rows have different units: the scale makes the diagonal of the Schur complement 1.
   const Vector scale = schur.diagonal().cwiseAbs().cwiseSqrt().cwiseInverse();
   Eigen::CompleteOrthogonalDecomposition<Matrix> decomposition;
   decomposition.setThreshold(kRankThreshold);
@@ -62,49 +65,49 @@ class Euler final : public Integrator {
       system_.place_driven(end, model::KeySide::before, now);
       const model::State free = now;
       project_positions(system_, now);
-      check_way(free, state, end, now);
-      // Turned by the projection, the velocities keep their components in body axes.
+      check_displacement(free, state, end, now);
+      // The projection rotates the bodies; u has angular velocities in body axes.
       system_.set_velocities(u, now);
     }
     system_.copy_bodies(now, state);
   }
 
-  // Depends on the state alone.
+  // The next step depends only on the state.
   void save(ArchiveWriter& /*out*/) const override {}
   void restore(const model::State& /*state*/, ArchiveReader& /*in*/) override {}
 
  private:
-  /// Where the joints take back most of the way that the velocities went, these mean nothing: the joints let
-  /// the bodies start to move, and no further (a four-bar pulled straight).
-  /// @param free the step's end before the joints were closed
-  void check_way(const model::State& free, const model::State& before, double end,
-                 const model::State& closed) const {
+  /// Rejects steps whose displacement the projection undoes almost completely: there the velocities satisfy
+  /// the constraints, but the joints allow no finite motion (e.g. a fully stretched four-bar linkage).
+  /// @param free the step's end before the projection
+  void check_displacement(const model::State& free, const model::State& before, double end,
+                          const model::State& closed) const {
     const Vector x0 = system_.positions(before), x1 = system_.positions(free), x2 = system_.positions(closed);
-    double way = 0, back = 0;
+    double moved = 0, undone = 0;
     Index worst = 0;
     for (Index i = 0; i < system_.body_count(); ++i) {
-      way = std::max(way, (x1 - x0).segment<3>(kPoseSize * i).norm());
-      const double taken = (x2 - x1).segment<3>(kPoseSize * i).norm();
-      if (taken > back) back = taken, worst = i;
+      moved = std::max(moved, (x1 - x0).segment<3>(kPoseSize * i).norm());
+      const double correction = (x2 - x1).segment<3>(kPoseSize * i).norm();
+      if (correction > undone) undone = correction, worst = i;
     }
-    if (back <= kMostTakenBack * way || back <= kLeastWay) return;
-    throw Error(
-        PhysicsFault{end, system_.body_name(worst), "way of a step [m]",
-                     fmt::format("{:.3g} of {:.3g} is taken back to close the joints: they are singular "
-                                 "here, or the step is too large",
-                                 back, way)});
+    if (undone <= kMaxUndone * moved || undone <= kMinDisplacement) return;
+    throw Error(PhysicsFault{
+        end, system_.body_name(worst), "displacement in a step [m]",
+        fmt::format("closing the joints undoes {:.3g} of {:.3g}: the joints are singular here, or "
+                    "the step is too large",
+                    undone, moved)});
   }
 
-  /// u+ at the state, in which driven bodies have the velocities of their drives.
+  /// u+ from a state in which driven bodies have the velocities of their drives.
   Vector next_velocities(const model::State& state, std::span<const double> torques, double step) const {
     const Vector u = system_.velocities(state);
     Vector force = system_.forces(state, torques);
-    // f - df/du u of the gyroscopic torques, which are quadratic in u: -(-w x I w).
+    // f - df/du u of the gyroscopic torques f = -w x I w, which are quadratic in u: -f.
     for (Index i = 0; i < system_.body_count(); ++i) {
       const Vec3 w = u.segment<3>(kTwistSize * i + 3);
       force.segment<3>(kTwistSize * i + 3) += 2 * w.cross(system_.inertia(i) * w);
     }
-    // A spring-damper pulls by k (q + h q'+) + c q'+; driven bodies' share of q'+ is known.
+    // The force of a spring-damper is k (q + h q'+) + c q'+; the share of driven bodies in q'+ is known.
     for (const TissueRow& each : system_.tissue(state)) {
       const double known = rate(each.row, state) - system_.own_rate(each.row, u, state);
       const double implicit = each.tissue.damping + step * each.tissue.stiffness;

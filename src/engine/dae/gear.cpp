@@ -4,8 +4,8 @@
 // with a second set of multipliers mu:
 //   x' = T(x) (u + M^-1 G^T mu),  u' = M^-1 (f - G^T lambda),  g = 0,  G u + g_t = 0,
 // where mu = 0 in the exact solution. lambda and mu enter as rates of impulses, lambda = Lambda' and
-// mu = Mu' (Gear 1988, SIAM J Sci Stat Comput 9:39): that makes the index 1, and lets the step's size scale
-// the multipliers' columns of the Newton matrix as it does those of the motion.
+// mu = Mu' (Gear 1988, SIAM J Sci Stat Comput 9:39). That reduces the index to 1, and the step size scales
+// the columns of the multipliers in the Newton matrix like those of the motion.
 #include <algorithm>
 #include <cmath>
 
@@ -20,12 +20,12 @@ namespace handsim::engine::dae {
 
 namespace {
 
-/// Errors of single steps add up over a run: each is held to this share of the tolerance.
+/// Errors of single steps add up over a run: the error test of each step uses this share of the tolerance.
 constexpr double kStepShare = 0.005;
-/// Multipliers take no part in error tests; their impulses [N s] only have to be of some size.
+/// The error tests ignore multipliers; IDA still needs some scale for their impulses [N s].
 constexpr double kMultiplierTolerance = 1e3;
-/// The rows in use are chosen anew once they are this much less independent than the best ones.
-constexpr double kWornRows = 0.05;
+/// The constraint rows are chosen again when their independence is below this share of its initial value.
+constexpr double kRechooseRows = 0.05;
 
 class Gear final : public Integrator {
  public:
@@ -38,8 +38,8 @@ class Gear final : public Integrator {
     ida_.reset();
   }
 
-  /// The integrator runs on from step to step; it starts anew where torques change, at keyframes of drives,
-  /// and where other constraint rows have become the better choice.
+  /// The integrator keeps its history from step to step. It restarts when torques change, at keyframes of
+  /// drives, and when the chosen constraint rows become nearly dependent.
   void advance(std::span<const double> torques, double end, model::State& state) override {
     if (!std::equal(torques.begin(), torques.end(), torques_.begin(), torques_.end())) {
       torques_.assign(torques.begin(), torques.end());
@@ -58,11 +58,10 @@ class Gear final : public Integrator {
       fail(failure);
     }
     system_.copy_bodies(now, state);
-    if (independence(system_, now, rows_) < kWornRows * weakest_) ida_.reset();
+    if (independence(system_, now, rows_) < kRechooseRows * weakest_) ida_.reset();
   }
 
-  /// The integrator's memory is its past since it last started anew: that start and the ends of the steps
-  /// since.
+  /// The history of the integrator follows from its last restart and the ends of the steps since then.
   void save(ArchiveWriter& out) const override {
     out(torques_);
     out(ida_ != nullptr);
@@ -72,7 +71,7 @@ class Gear final : public Integrator {
     carry(out, origin_);
   }
 
-  /// Integrates over that past again.
+  /// Integrates again from the last restart.
   void restore(const model::State& state, ArchiveReader& in) override {
     in(torques_);
     if (!torques_.empty() && torques_.size() != static_cast<std::size_t>(system_.model().dof_count()))
@@ -92,7 +91,8 @@ class Gear final : public Integrator {
     const bool fits = ends == 0 ? origin.time == state.time
                                 : origin.time < end && end <= origin.time + 1.5 * step_ &&
                                       std::abs(past - state.time) <= 0.5 * step_;
-    if (!(origin.time >= 0 && fits)) in.refuse("a past that does not lead to its state", "one that does");
+    if (!(origin.time >= 0 && fits))
+      in.refuse("an integration history that does not end at the state", "a history that ends there");
     try {
       restart(origin);
       first_end_ = end;
@@ -107,7 +107,7 @@ class Gear final : public Integrator {
     origin_ = scratch_ = state;
     ends_ = 0;
     system_.place_driven(state.time, model::KeySide::after, scratch_);
-    // Where a drive starts with a velocity the joints move with it at once.
+    // If a drive starts with a velocity, the joints have it at once.
     project_velocities(system_, scratch_);
     rows_ = independent_rows(system_, scratch_, weakest_);
     const Accelerations start = accelerations(system_, scratch_, torques_, rows_);
@@ -135,7 +135,7 @@ class Gear final : public Integrator {
     system_.place_driven(time, side, state);
     system_.set_positions(y.head(positions), state);
     system_.set_velocities(y.segment(positions, kTwistSize * system_.body_count()), state);
-    // The solution is interpolated between steps and good to the tolerance; joints are to be whole.
+    // IDA's interpolated solution satisfies the constraints only to the tolerance.
     project_positions(system_, state);
     project_velocities(system_, state);
   }
@@ -186,23 +186,23 @@ class Gear final : public Integrator {
     }
     throw Error(
         PhysicsFault{failure.time, where, quantity,
-                     fmt::format("IDA cannot go on at tolerance {:g} ({}): the motion diverges or is not "
-                                 "smooth, or the tolerance is too tight",
+                     fmt::format("IDA cannot continue at tolerance {:g} ({}): the motion diverges or is not "
+                                 "smooth, or the tolerance is too small",
                                  tolerance_, failure.reason)});
   }
 
   System system_;
   double tolerance_;
   std::vector<double> torques_;
-  std::vector<Index> rows_;  ///< the independent ones
-  double weakest_ = 1;       ///< how independent they were when chosen
+  std::vector<Index> rows_;  ///< chosen independent constraint rows
+  double weakest_ = 1;       ///< their independence when they were chosen
   double limit_ = 0;         ///< next keyframe [s]
   double step_;              ///< of the engine [s]
-  model::State origin_;      ///< where the integrator last started anew
-  double first_end_ = 0;     ///< of the first step since [s]
-  long ends_ = 0;            ///< steps since
+  model::State origin_;      ///< state of the last restart
+  double first_end_ = 0;     ///< end of the first step since then [s]
+  long ends_ = 0;            ///< number of steps since then
   std::unique_ptr<Ida> ida_;
-  model::State scratch_;  ///< the residual's
+  model::State scratch_;  ///< work space of the residual
   std::vector<Row> scratch_rows_;
 };
 

@@ -12,10 +12,10 @@ namespace handsim::engine::dae {
 namespace {
 
 constexpr long kMaxSteps = 1'000'000;
-/// Newton's error against the step's; below IDA's 0.33, so that what is left is the step's own.
+/// Convergence coefficient of Newton's method; below IDA's default of 0.33, so that its error is negligible.
 constexpr double kNewtonShare = 0.05;
-/// Change of an unknown for its column of the Jacobian. The residual is of second or third degree in each,
-/// so central differences are exact to this squared, and rounding stays below 1e-9.
+/// Increment of an unknown for its column of the Jacobian. The residual is a polynomial of degree two or
+/// three in each, so the error of central differences is this squared, and rounding errors are below 1e-9.
 constexpr double kIncrement = 1e-6;
 
 Eigen::Map<Vector> mapped(N_Vector vector) {
@@ -88,7 +88,7 @@ int Ida::on_residual(double t, N_Vector y, N_Vector slope, N_Vector out, void* u
   Vector residual(mapped(out).size());
   static_cast<const Ida*>(user)->problem_.residual(t, mapped(y), mapped(slope), residual);
   mapped(out) = residual;
-  // 1: try again with a smaller step.
+  // 1 asks IDA to repeat with a smaller step.
   return residual.allFinite() ? 0 : 1;
 }
 

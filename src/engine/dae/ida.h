@@ -1,5 +1,5 @@
-// SUNDIALS IDA (variable-order, variable-step BDF for F(t, y, y') = 0; Hindmarsh et al. 2005, ACM TOMS 31)
-// behind a small owner: Eigen vectors in and out, failures as one exception, nothing printed.
+// A wrapper of SUNDIALS IDA (variable-order, variable-step BDF for F(t, y, y') = 0; Hindmarsh et al. 2005,
+// ACM TOMS 31) with Eigen vectors. Failures are one exception; nothing is printed.
 #pragma once
 
 #include <functional>
@@ -14,8 +14,8 @@ namespace handsim::engine::dae {
 
 /// IDA failed.
 struct IdaFailure {
-  double time = 0;     ///< how far it came [s]
-  Index worst = 0;     ///< index of the unknown with the largest error, by its weight
+  double time = 0;     ///< time that was reached [s]
+  Index worst = 0;     ///< index of the unknown with the largest weighted error
   std::string reason;  ///< IDA's message
 };
 
@@ -25,14 +25,15 @@ struct IdaProblem {
   Residual residual;
   Vector absolute;      ///< absolute tolerance of each unknown
   double relative = 0;  ///< relative tolerance
-  Vector differential;  ///< 1 where an unknown takes part in the error test, 0 where not
+  Vector differential;  ///< 1 for unknowns in the error test, 0 for the others
 };
 
 class Ida {
  public:
   /// Starts at consistent y and y'.
   Ida(IdaProblem problem, double time, const Vector& y, const Vector& slope);
-  /// Solution at a time [s] at or after the last one asked for. Steps may pass it, but not `limit` [s].
+  /// The solution at a time [s], which must not decrease between calls. Internal steps may pass it, but not
+  /// `limit` [s].
   /// @throws IdaFailure
   Vector advance(double time, double limit);
 

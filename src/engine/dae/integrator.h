@@ -1,4 +1,4 @@
-// What every formulation offers: one island of the model, carried from one time to the next.
+// The interface of all methods: integrates one island of the model.
 #pragma once
 
 #include <memory>
@@ -11,15 +11,16 @@ namespace handsim::engine::dae {
 class Integrator {
  public:
   virtual ~Integrator() = default;
-  /// Forgets the past and goes on from a state, whose bodies it may move onto the joints.
-  /// @throws Error (physics) where the joints cannot be closed.
+  /// Starts from a state without history, and may project its bodies onto the joints.
+  /// @throws Error (physics) if the joints cannot be closed.
   virtual void start(model::State& state) = 0;
-  /// Carries the island's bodies from where it left them, at state.time, to `end` [s]; touches nothing else.
-  /// @param torques size model.dof_count() or empty, constant over the step. @throws Error (physics)
+  /// Advances the island's bodies from state.time to `end` [s]; changes nothing else. The bodies must be as
+  /// the previous call left them. @param torques size model.dof_count() or empty, constant over the step.
+  /// @throws Error (physics)
   virtual void advance(std::span<const double> torques, double end, model::State& state) = 0;
-  /// What the steps to come depend on beyond the state.
+  /// Writes the history on which the next steps depend, beside the state.
   virtual void save(ArchiveWriter& out) const = 0;
-  /// Goes on from a state to the bit; does not change it.
+  /// Reads the history, so that the next steps have the same bits.
   /// @throws Error (input) for an archive that does not fit
   virtual void restore(const model::State& state, ArchiveReader& in) = 0;
 };
@@ -28,9 +29,9 @@ std::unique_ptr<Integrator> make_gear(System system, const Settings& settings);
 std::unique_ptr<Integrator> make_penalty(System system);
 std::unique_ptr<Integrator> make_euler(System system, const Settings& settings);
 
-/// The part of the forces that the fixed-step formulations treat implicitly, linearised:
-/// M - a df/du - a b df/dx T for gyroscopic torques and tissue, where new velocities count a times in a
-/// step's momentum and b times in its displacement [s].
+/// The matrix of the implicit methods with fixed step: M - a df/du - a b df/dx T, with the derivatives of
+/// gyroscopic torques and tissue. a and b [s] are the weights of the new velocities in the step's impulse and
+/// in its displacement.
 Matrix implicit_mass(const System& system, const model::State& state, double a, double b);
 
 }  // namespace handsim::engine::dae

@@ -1,11 +1,11 @@
 // Augmented Lagrangian with second-order backward differences at a fixed step (Bayo & Ledesma 1996,
-// Nonlinear Dyn 9:113). At the end of each step, with h' = 2h/3 and the hats made of the last two states,
-//   x = T-step from x_hat by h' u,   M (u - u_hat) = h' (f - G^T (lambda + alpha g)),
-// is solved by Newton's method; each iteration makes lambda += alpha g, until g is closed. Velocities are
-// then projected onto the constraints. Second order; the first step after a start is implicit Euler.
+// Nonlinear Dyn 9:113). With h' = 2h/3 and x_hat, u_hat from the last two states, Newton's method solves
+//   x = x_hat + h' T(x) u,   M (u - u_hat) = h' (f - G^T (lambda + alpha g))
+// at the end of each step; each iteration adds alpha g to lambda, until g is zero. Then velocities are
+// projected onto the constraints. Second order; the first step after a start is implicit Euler.
 //
-// alpha = kPenalty / (h'^2 G M^-1 G^T) per row: kPenalty is the ratio of a joint's stiffness to the
-// inertia it holds within a step, whatever the bodies weigh. Redundant rows share the load.
+// alpha = kPenalty / (h'^2 G M^-1 G^T) per row: kPenalty is the ratio of a joint's stiffness to the inertia
+// of its bodies over h'^2, for bodies of any mass. Redundant rows share the load.
 #include <cmath>
 
 #include <fmt/format.h>
@@ -19,9 +19,9 @@ namespace {
 
 constexpr double kPenalty = 1e6;
 constexpr int kMaxIterations = 60;
-constexpr double kClosed = 1e-12;   ///< constraint error that ends the iteration [m, or 1]
-constexpr double kSettled = 1e-10;  ///< change of velocities that ends it, relative to 1 + the largest
-constexpr double kSameStep = 1e-6;  ///< steps differ by less: rounding of times
+constexpr double kMaxConstraintError = 1e-12;  ///< ends the iteration [m, or 1]
+constexpr double kMaxVelocityChange = 1e-10;   ///< ends the iteration, relative to 1 + the largest velocity
+constexpr double kSameStep = 1e-6;             ///< relative difference of equal steps, by rounding of times
 
 class Penalty final : public Integrator {
  public:
@@ -40,7 +40,7 @@ class Penalty final : public Integrator {
     const Past before = past(state, step);
     now.time = end;
     system_.place_driven(end, model::KeySide::before, now);
-    close(before, torques, now);
+    solve_step(before, torques, now);
     project_velocities(system_, now);
     last_x_ = system_.positions(state);
     last_u_ = system_.velocities(state);
@@ -59,7 +59,7 @@ class Penalty final : public Integrator {
   }
 
  private:
-  /// What a backward difference takes from the past, and the weight [s] of the present.
+  /// x_hat and u_hat, the past states' part of a backward difference, and the weight h' [s] of the present.
   struct Past {
     Vector x, u;
     double weight = 0;
@@ -79,7 +79,7 @@ class Penalty final : public Integrator {
     const Vector x = system_.positions(state), u = system_.velocities(state);
     if (!has_last_ || std::abs(step - last_step_) > kSameStep * step) return {x, u, step};
     Vector last = last_x_;
-    // A quaternion and its negative are one rotation; differences need the same sign.
+    // q and -q are the same rotation; differences need the same sign.
     for (Index i = 0; i < system_.body_count(); ++i) {
       auto q = last.segment<4>(kPoseSize * i + 3);
       if (q.dot(x.segment<4>(kPoseSize * i + 3)) < 0) q = -q;
@@ -101,7 +101,7 @@ class Penalty final : public Integrator {
     return x;
   }
 
-  void close(const Past& past, std::span<const double> torques, model::State& state) {
+  void solve_step(const Past& past, std::span<const double> torques, model::State& state) {
     Vector u = past.u;
     std::vector<Row> rows;
     Vector error(system_.constraint_count());
@@ -112,11 +112,11 @@ class Penalty final : public Integrator {
       system_.constraints(state, rows);
       for (Index i = 0; i < error.size(); ++i) error[i] = rows[static_cast<std::size_t>(i)].value;
       const double gap = error.size() == 0 ? 0 : error.cwiseAbs().maxCoeff();
-      if (gap <= kClosed && change <= kSettled * (1 + u.cwiseAbs().maxCoeff())) return;
+      if (gap <= kMaxConstraintError && change <= kMaxVelocityChange * (1 + u.cwiseAbs().maxCoeff())) return;
       const Matrix jacobian = system_.jacobian(rows, state);
       const Vector response = system_.scaled(jacobian).rowwise().squaredNorm();
       const Vector penalty = kPenalty / (past.weight * past.weight) * response.cwiseInverse();
-      // The first guess' error is not due to the joint forces, which are those of the last step.
+      // The error of the initial guess is no error of the multipliers, which are those of the last step.
       if (iteration > 0) multipliers_ += penalty.cwiseProduct(error);
       const Vector missing =
           past.weight * (system_.all_forces(state, torques) -
@@ -135,13 +135,13 @@ class Penalty final : public Integrator {
         state.time, error.size() > 0 ? system_.joint_of_row(worst).name : system_.body_name(0),
         "joint gap [m or rad]",
         fmt::format(
-            "{:g} is left after {} iterations, with velocities still changing by {:g}: use a smaller step",
+            "{:g} after {} iterations, in the last of which velocities changed by {:g}: use a smaller step",
             error.size() > 0 ? std::abs(error[worst]) : 0.0, kMaxIterations, change)});
   }
 
   System system_;
   bool has_last_ = false;
-  Vector last_x_, last_u_;  ///< one step before the state
+  Vector last_x_, last_u_;  ///< positions and velocities one step before the state
   double last_step_ = 0;    ///< [s]
   Vector multipliers_;
 };

@@ -12,17 +12,18 @@ namespace handsim::engine {
 namespace {
 
 constexpr int kMaxCorrections = 50;
-/// Rows whose independent part is smaller than this, relative to the largest, count as redundant.
+/// Relative size below which the independent part of a row counts as zero.
 constexpr double kRankThreshold = 1e-8;
-/// Relative shift of the rows' own response that keeps redundant rows solvable: small beside any row that is
-/// independent, large beside rounding.
+/// Relative shift of the diagonal of G M^-1 G^T, with which redundant rows can be solved: small compared with
+/// independent rows, large compared with rounding errors.
 constexpr double kRedundantShift = 1e-10;
 
-/// Of the accelerations that joints ask for at the start, the share that may be beyond all forces;
-/// differences that stand for derivatives are right to 1e-6 of it. Less than the second is rounding [m/s^2 or
-/// rad/s^2].
-constexpr double kMostLeft = 1e-3, kLeastLeft = 1e-6;
-/// Velocities below this do not show where a start moves to [m/s, rad/s].
+/// Largest share of the required joint accelerations at the start that no force can produce; the finite
+/// differences have errors of 1e-6.
+constexpr double kMaxUnreachable = 1e-3;
+/// Accelerations below this are rounding errors [m/s^2 or rad/s^2].
+constexpr double kMinUnreachable = 1e-6;
+/// Velocities below this have no usable direction [m/s, rad/s].
 constexpr double kAtRest = 1e-9;
 
 using Decomposition = Eigen::CompleteOrthogonalDecomposition<Matrix>;
@@ -46,9 +47,9 @@ Vector rates(const std::vector<Row>& rows, const model::State& state) {
   return out;
 }
 
-/// Rounding grows with the coordinates.
-double whole(const System& system, const model::State& state) {
-  return kWhole * std::max(1.0, system.positions(state).cwiseAbs().maxCoeff());
+/// Largest constraint error of closed joints: rounding errors grow with the coordinates.
+double closed_error(const System& system, const model::State& state) {
+  return kMaxClosedError * std::max(1.0, system.positions(state).cwiseAbs().maxCoeff());
 }
 
 [[noreturn]] void throw_open_joint(const System& system, const model::State& state, const Vector& error) {
@@ -56,12 +57,12 @@ double whole(const System& system, const model::State& state) {
   const double value = error.cwiseAbs().maxCoeff(&worst);
   throw Error(PhysicsFault{
       state.time, system.joint_of_row(worst).name, "joint gap [m or rad]",
-      fmt::format("{:g} is left and cannot be closed: the joints contradict each other here, or the step is "
+      fmt::format("{:g} remains and cannot be closed: the joints contradict each other here, or the step is "
                   "too large",
                   value)});
 }
 
-/// Corrects the state until the joints are closed. @throws Error (physics) naming a joint that stays apart.
+/// Calls `correct` until the joints are closed. @throws Error (physics) naming a joint that stays open.
 template <class Correct>
 void close_joints(const System& system, const model::State& state, Correct correct) {
   std::vector<Row> rows;
@@ -71,8 +72,8 @@ void close_joints(const System& system, const model::State& state, Correct corre
     system.constraints(state, rows);
     const Vector error = values(rows);
     const double largest = error.cwiseAbs().maxCoeff();
-    if (i < kMaxCorrections && largest <= whole(system, state)) return;
-    // Written so that NaN fails. Slow progress from afar is fine, none near the end is not.
+    if (i < kMaxCorrections && largest <= closed_error(system, state)) return;
+    // The second half of the corrections must reduce the error. NaN fails the condition.
     if (i == kMaxCorrections || !(largest < last || i < kMaxCorrections / 2))
       throw_open_joint(system, state, error);
     last = largest;
@@ -80,14 +81,14 @@ void close_joints(const System& system, const model::State& state, Correct corre
   }
 }
 
-/// d(G u + g_t)/dt at constant u: the change of the rates without accelerations. Central
-/// difference along the motion; its error is (turning speed x interval)^2 of the value.
+/// d(G u + g_t)/dt at constant u: the change of the rates without accelerations. A one-sided difference of
+/// second order along the motion; its relative error is (angular speed x interval)^2.
 Vector rate_drift(const System& system, const model::State& state, const Vector& u,
                   const std::vector<Index>& rows) {
   const double interval = 1e-4 / (1 + u.cwiseAbs().maxCoeff());
   const auto rates_at = [&](double shift) {
     model::State moved = state;
-    // Just after the state's time, also at a keyframe: drives have no accelerations to remember.
+    // At a keyframe of a drive, the rates after it.
     system.place_driven(state.time + shift, model::KeySide::after, moved);
     system.displace(shift * u, moved);
     system.set_velocities(u, moved);
@@ -98,7 +99,7 @@ Vector rate_drift(const System& system, const model::State& state, const Vector&
       out[i] = rate(all[static_cast<std::size_t>(rows[static_cast<std::size_t>(i)])], moved);
     return out;
   };
-  // One-sided of second order, so that only what comes after the state counts.
+  // One-sided, because a keyframe of a drive can be at the state's time.
   return (4 * rates_at(interval) - 3 * rates_at(0) - rates_at(2 * interval)) / (2 * interval);
 }
 
@@ -108,7 +109,7 @@ Matrix scaled_jacobian(const System& system, const model::State& state) {
   return system.scaled(system.jacobian(rows, state));
 }
 
-/// Rows of a matrix, each made of length 1: units of different rows do not compare.
+/// The matrix with rows of length 1, because the rows have different units.
 Matrix unit_rows(Matrix matrix) {
   for (Index i = 0; i < matrix.rows(); ++i) matrix.row(i).normalize();
   return matrix;
@@ -129,7 +130,7 @@ void project_velocities(const System& system, model::State& state) {
   std::vector<Row> rows;
   system.constraints(state, rows);
   const Decomposition scaled = decompose(system.scaled(system.jacobian(rows, state)));
-  // Twice, for the last digits.
+  // The second pass removes rounding errors.
   for (int i = 0; i < 2; ++i)
     system.set_velocities(system.velocities(state) - system.from_scaled(scaled.solve(rates(rows, state))),
                           state);
@@ -140,14 +141,16 @@ void close_step(const System& system, const model::State& before, double step, m
   std::vector<Row> rows;
   rows.reserve(at(system.constraint_count()));
   system.constraints(before, rows);
-  // One factorisation serves all corrections: the directions of the impulses are those of `before` anyway,
-  // and within a step joints turn little. The shift makes redundant rows share; it slows, but does not bend.
+  // One factorisation is enough: the impulses have the directions of `before`, and joints rotate little in a
+  // step. The shift lets redundant rows share the impulse; it slows convergence, but does not change the
+  // solution.
   const Matrix scaled = system.scaled(system.jacobian(rows, before));
   Matrix gram = scaled * scaled.transpose();
   gram.diagonal() *= 1 + kRedundantShift;
   const Eigen::LLT<Matrix> factors(gram);
   close_joints(system, after, [&](const std::vector<Row>&, const Vector& error) {
-    system.push(system.from_scaled(-(scaled.transpose() * factors.solve(error))), before, step, after);
+    system.displace_by_impulse(system.from_scaled(-(scaled.transpose() * factors.solve(error))), before, step,
+                               after);
   });
 }
 
@@ -158,7 +161,7 @@ void require_regular_start(const model::Model& model, const Settings& settings, 
     model::State state = start;
     project_velocities(island, state);
     if (island.velocities(state).norm() <= kAtRest) {
-      // Where it is about to move.
+      // At rest, test the direction in which the motion starts.
       island.set_velocities(island.over_mass(island.all_forces(state, {})), state);
       project_velocities(island, state);
       const Vector u = island.velocities(state);
@@ -174,12 +177,13 @@ void require_regular_start(const model::Model& model, const Settings& settings, 
     const Vector left = drift - scaled * decompose(scaled).solve(drift);
     Index worst = 0;
     const double most = left.cwiseAbs().maxCoeff(&worst);
-    if (most <= kMostLeft * drift.cwiseAbs().maxCoeff() || most <= kLeastLeft) continue;
+    if (most <= kMaxUnreachable * drift.cwiseAbs().maxCoeff() || most <= kMinUnreachable) continue;
     problems.push_back(
         {std::nullopt, island.joint_of_row(worst).name,
-         fmt::format("joints that let the bodies start to move and no further: {:.3g} m/s^2 or rad/s^2 of "
-                     "their acceleration that no force can bring about",
-                     most),
+         fmt::format(
+             "a singular start: the joints require an acceleration of {:.3g} m/s^2 or rad/s^2 that no "
+             "force can produce",
+             most),
          "a start that is not singular"});
   }
   if (!problems.empty()) throw Error(std::move(problems));
@@ -197,7 +201,7 @@ Accelerations accelerations(const System& system, const model::State& state, std
   const Matrix scaled = system.scaled(jacobian);
   const Vector missing =
       -rate_drift(system, state, system.velocities(state), rows) - jacobian * out.acceleration;
-  // z is what the joints add in scaled accelerations, and the multipliers make it: W^T lambda = -z.
+  // z is the joints' part of the scaled accelerations; the multipliers follow from W^T lambda = -z.
   const Vector z = decompose(scaled).solve(missing);
   out.acceleration += system.from_scaled(z);
   out.multipliers = -Matrix(scaled.transpose()).colPivHouseholderQr().solve(z);

@@ -6,7 +6,7 @@ namespace {
 
 using model::JointKind;
 
-/// Both sides of a joint in world axes.
+/// Both frames of a joint in world axes.
 struct Sides {
   int parent, child;
   Quat q_WF, q_WM;
@@ -24,10 +24,10 @@ struct Sides {
   }
 };
 
-/// The gap's part along a direction. @param turning the direction rotates with the parent
-Row along(const Sides& sides, const Vec3& direction, bool turning) {
+/// The component of the gap along a direction. @param with_parent the direction rotates with the parent
+Row gap_component(const Sides& sides, const Vec3& direction, bool with_parent) {
   Row row{sides.parent, sides.child, direction.dot(sides.gap)};
-  const Vec3 arm = turning ? Vec3(sides.r_parent + sides.gap) : sides.r_parent;
+  const Vec3 arm = with_parent ? Vec3(sides.r_parent + sides.gap) : sides.r_parent;
   row.child_v = direction;
   row.child_w = sides.r_child.cross(direction);
   row.parent_v = -direction;
@@ -43,8 +43,8 @@ Row cosine(const Sides& sides, const Vec3& in_parent, const Vec3& in_child) {
   return row;
 }
 
-/// Turning of the child against the parent about a direction.
-Row turn(const Sides& sides, const Vec3& direction) {
+/// The rotation of the child relative to the parent about a direction.
+Row relative_rotation(const Sides& sides, const Vec3& direction) {
   Row row{sides.parent, sides.child};
   row.child_w = direction;
   row.parent_w = -direction;
@@ -69,7 +69,7 @@ int constraint_count(JointKind kind) {
 void append_constraints(const model::Joint& joint, const model::State& state, std::vector<Row>& rows) {
   const Sides sides(joint, state);
   if (joint.kind != JointKind::slider)
-    for (int i = 0; i < 3; ++i) rows.push_back(along(sides, Vec3::Unit(i), false));
+    for (int i = 0; i < 3; ++i) rows.push_back(gap_component(sides, Vec3::Unit(i), false));
   switch (joint.kind) {
     case JointKind::hinge: {
       const Vec3 axis = joint.axes[0].axis;
@@ -87,8 +87,8 @@ void append_constraints(const model::Joint& joint, const model::State& state, st
       const Vec3 axis = joint.axes[0].axis;
       const Vec3 u = axis.unitOrthogonal();
       const Vec3 w = axis.cross(u);
-      rows.push_back(along(sides, sides.q_WF * u, true));
-      rows.push_back(along(sides, sides.q_WF * w, true));
+      rows.push_back(gap_component(sides, sides.q_WF * u, true));
+      rows.push_back(gap_component(sides, sides.q_WF * w, true));
       rows.push_back(cosine(sides, sides.q_WF * axis, sides.q_WM * u));
       rows.push_back(cosine(sides, sides.q_WF * u, sides.q_WM * w));
       rows.push_back(cosine(sides, sides.q_WF * w, sides.q_WM * axis));
@@ -101,14 +101,14 @@ Row coordinate_row(const model::Joint& joint, int coordinate, const model::State
   const Sides sides(joint, state);
   switch (joint.kind) {
     case JointKind::hinge:
-      return turn(sides, sides.q_WF * joint.axes[0].axis);
+      return relative_rotation(sides, sides.q_WF * joint.axes[0].axis);
     case JointKind::universal:
-      return coordinate == 0 ? turn(sides, sides.q_WF * joint.axes[0].axis)
-                             : turn(sides, sides.q_WM * joint.axes[1].axis);
+      return coordinate == 0 ? relative_rotation(sides, sides.q_WF * joint.axes[0].axis)
+                             : relative_rotation(sides, sides.q_WM * joint.axes[1].axis);
     case JointKind::ball:
-      return turn(sides, sides.q_WF * Vec3::Unit(coordinate));
+      return relative_rotation(sides, sides.q_WF * Vec3::Unit(coordinate));
     case JointKind::slider:
-      return along(sides, sides.q_WF * joint.axes[0].axis, true);
+      return gap_component(sides, sides.q_WF * joint.axes[0].axis, true);
   }
   return {};
 }

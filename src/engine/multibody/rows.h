@@ -1,5 +1,5 @@
-// Joints as rows: each constraint and each joint coordinate of a model as a value and the directions along
-// which the two bodies' velocities change it. Nothing is stored; a state goes in, rows come out.
+// Rows of joints: the value of each constraint or joint coordinate of a model, and its derivatives by the
+// velocities of the two bodies. Pure functions of a state.
 #pragma once
 
 #include <vector>
@@ -9,11 +9,12 @@
 namespace handsim::engine {
 
 /// A scalar function of two bodies' poses. Its rate is parent_v . v_P + parent_w . w_P + child_v . v_C +
-/// child_w . w_C with velocities in world axes, so a multiplier acts on the bodies along the same four.
+/// child_w . w_C with velocities in world axes; a multiplier's forces and torques have the same four
+/// directions.
 struct Row {
   int parent = 0;    ///< body of the model
   int child = 0;     ///< body of the model
-  double value = 0;  ///< [m], or the cosine of an angle that is to be right
+  double value = 0;  ///< [m], or the cosine of an angle that the constraint keeps at 90 degrees
   Vec3 parent_v = Vec3::Zero();
   Vec3 parent_w = Vec3::Zero();
   Vec3 child_v = Vec3::Zero();
@@ -23,11 +24,11 @@ struct Row {
 /// Constraint rows of a joint kind: hinge 5, universal 4, ball 3, slider 5.
 int constraint_count(model::JointKind kind);
 
-/// Appends the constraint rows of a joint, zero where the joint is whole: coincidence of the anchors (along
-/// the world's axes, or across a slider's axis), and axes that must stay perpendicular.
+/// Appends the constraint rows of a joint; their values are zero if it is closed. They make the anchors
+/// coincide (along the world axes, or perpendicular to a slider's axis) and keep axes perpendicular.
 void append_constraints(const model::Joint& joint, const model::State& state, std::vector<Row>& rows);
 
-/// Row whose rate is the rate of one coordinate, without its value.
+/// The row of one joint coordinate: its rate is that of the coordinate, its value is not set.
 Row coordinate_row(const model::Joint& joint, int coordinate, const model::State& state);
 
 /// Rate of a row at a state's velocities.

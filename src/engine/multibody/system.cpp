@@ -14,7 +14,8 @@ namespace {
 
 constexpr Index kNoSlot = -1;
 
-/// Body velocity of a drive's rate: the body's centre of mass lies off the frame that is driven.
+/// Sets a body's pose and velocity from the rate of its driven frame D, whose origin is not the centre of
+/// mass.
 void set_driven(const Pose& x_WB, const Pose& x_WD, const model::PoseRate& rate, model::BodyState& body) {
   body.p = x_WB.p;
   body.q = x_WB.q;
@@ -123,8 +124,8 @@ void System::displace(const Vector& displacement, model::State& state) const {
   }
 }
 
-void System::push(const Vector& displacement, const model::State& before, double step,
-                  model::State& after) const {
+void System::displace_by_impulse(const Vector& displacement, const model::State& before, double step,
+                                 model::State& after) const {
   for (Index i = 0; i < body_count(); ++i) {
     model::BodyState& each = body(after, i);
     const Vec3 shift = displacement.segment<3>(kTwistSize * i);
@@ -275,7 +276,8 @@ Matrix System::scaled(const Matrix& jacobian) const {
 
 std::vector<System> islands(const model::Model& model, const Settings& settings) {
   const auto moves = [&](int body) { return !model.bodies[at(body)].kinematic && body != model::kWorld; };
-  // Each body points to one of its island; joints between moving bodies make islands one.
+  // Disjoint sets: each body refers to another one of its island; a joint between two moving bodies merges
+  // theirs.
   std::vector<int> root(model.bodies.size());
   std::iota(root.begin(), root.end(), 0);
   const auto find = [&](int body) {

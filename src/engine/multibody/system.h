@@ -3,7 +3,7 @@
 //   x' = T(x) u,  M u' = f(x, u, t) - G(x, t)^T lambda,  g(x, t) = 0,  G u + g_t = 0.
 // x holds p (world) and q (unit quaternion x, y, z, w) of each body, u its v in world axes and w in body
 // axes, so that M is constant. World, kinematic and driven bodies enter as functions of time.
-// Knows no integration method.
+// Contains no integration method.
 #pragma once
 
 #include <span>
@@ -26,14 +26,14 @@ inline constexpr Index kTwistSize = 6;
 
 /// A spring-damper on one joint coordinate.
 struct TissueRow {
-  Row row;               ///< its rate is the coordinate's
-  double deviation = 0;  ///< coordinate less the rest position
+  Row row;               ///< the row of the coordinate
+  double deviation = 0;  ///< coordinate minus rest position
   model::Tissue tissue;
 };
 
 class System {
  public:
-  /// @param bodies indices of the island's bodies; @param joints its joints, to each other and to bodies with
+  /// @param bodies indices of the island's bodies; @param joints the joints between them, and to bodies with
   /// prescribed motion.
   System(const model::Model& model, const Settings& settings, std::vector<int> bodies,
          std::vector<const model::Joint*> joints);
@@ -42,25 +42,26 @@ class System {
   Index constraint_count() const { return constraint_count_; }
   const model::Model& model() const { return model_; }
 
-  /// Puts driven bodies where their drives have them at a time; everything else is left alone.
+  /// Sets pose and velocity of driven bodies to those of their drives at a time [s]; changes nothing else.
   void place_driven(double time, model::KeySide side, model::State& state) const;
-  /// Gives driven bodies the constant velocities that bring them from where they are to where their drives
-  /// have them `step` later, at `end`.
+  /// Gives driven bodies the constant velocities with which they reach the poses of their drives at `end`,
+  /// after `step` [s].
   void set_driven_velocities(double end, double step, model::State& state) const;
-  /// The first keyframe of a drive after a time [s]; infinite where there is none.
+  /// Time of the first keyframe of a drive after a time [s]; infinite if there is none.
   double next_key(double time) const;
 
   Vector positions(const model::State& state) const;
   Vector velocities(const model::State& state) const;
-  void set_positions(const Vector& x, model::State& state) const;  ///< q is made unit
-  /// Needs the poses set first: w comes in body axes.
+  void set_positions(const Vector& x, model::State& state) const;  ///< normalises q
+  /// Uses the poses of the state, because w is in body axes.
   void set_velocities(const Vector& u, model::State& state) const;
-  /// Moves the bodies by a displacement: p += d, q turned by the rotation vector d (body axes).
+  /// Moves the bodies by a displacement d: p += d, and q is rotated by the rotation vector of d (body axes).
   void displace(const Vector& displacement, model::State& state) const;
-  /// Moves the bodies by a displacement in the body axes of `before`, and changes their velocities by what
-  /// makes it in `step` [s].
-  void push(const Vector& displacement, const model::State& before, double step, model::State& after) const;
-  /// Copies the island's bodies, and nothing else.
+  /// Moves the bodies of `after` by a displacement in the body axes of `before`, and adds displacement / step
+  /// to their velocities: the result of an impulse at the start of a step [s].
+  void displace_by_impulse(const Vector& displacement, const model::State& before, double step,
+                           model::State& after) const;
+  /// Copies only the island's bodies.
   void copy_bodies(const model::State& from, model::State& to) const;
   /// T(x) u, size 7 per body; x need not be unit.
   Vector position_rates(const Vector& x, const Vector& u) const;
@@ -71,7 +72,7 @@ class System {
   Matrix jacobian(const std::vector<Row>& rows, const model::State& state) const;
   /// out += scale * row^T.
   void add_transposed(const Row& row, double scale, const model::State& state, Vector& out) const;
-  /// The part of a row's rate that the island's own bodies make, at velocities u.
+  /// The part of a row's rate that is due to the island's bodies, at velocities u.
   double own_rate(const Row& row, const Vector& u, const model::State& state) const;
   /// The joint of a constraint row.
   const model::Joint& joint_of_row(Index row) const { return *joint_of_row_[static_cast<std::size_t>(row)]; }
@@ -79,19 +80,19 @@ class System {
 
   /// Gravity, joint torques (size model.dof_count() or empty) and exact gyroscopic torques; no tissue.
   Vector forces(const model::State& state, std::span<const double> torques) const;
-  /// Spring-dampers in force; empty without the passive_tissue effect.
+  /// Active spring-dampers; empty without the passive_tissue effect.
   std::vector<TissueRow> tissue(const model::State& state) const;
-  /// `forces` with the tissue's.
+  /// `forces` plus those of tissue.
   Vector all_forces(const model::State& state, std::span<const double> torques) const;
 
-  /// Block of the mass matrix of one body: inertia in body axes.
+  /// Inertia of one body in body axes, a block of the mass matrix.
   const Mat3& inertia(Index slot) const { return inertia_[static_cast<std::size_t>(slot)]; }
   Matrix mass_matrix() const;
-  Vector times_mass(const Vector& u) const;
-  Vector over_mass(const Vector& force) const;
-  /// L^-T z and L^-1 f with M = L L^T.
+  Vector times_mass(const Vector& u) const;     ///< M u
+  Vector over_mass(const Vector& force) const;  ///< M^-1 force
+  /// L^-T z, with M = L L^T.
   Vector from_scaled(const Vector& z) const;
-  /// G L^-T: the Jacobian in velocities scaled so that their square is twice the kinetic energy.
+  /// G L^-T: the Jacobian by the velocities z = L^T u, for which z . z is twice the kinetic energy.
   Matrix scaled(const Matrix& jacobian) const;
 
  private:
@@ -105,11 +106,11 @@ class System {
   std::vector<const model::Joint*> joints_;
   std::vector<const model::Joint*> joint_of_row_;
   std::vector<double> mass_;
-  std::vector<Mat3> inertia_, inverse_inertia_, root_;  ///< root: L^-T of the inertia
+  std::vector<Mat3> inertia_, inverse_inertia_, root_;  ///< root_: L^-T of the inertia
   Index constraint_count_ = 0;
 };
 
-/// Islands of a model, each to be integrated on its own.
+/// The islands of a model, which can be integrated separately.
 std::vector<System> islands(const model::Model& model, const Settings& settings);
 
 }  // namespace handsim::engine

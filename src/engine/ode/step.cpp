@@ -128,7 +128,7 @@ bool OdeEngine::residual_is_due(const StepReport& report, double step) {
   const bool stops_changed = report.stop_rows != std::exchange(stop_rows_, report.stop_rows);
   if (report.lcp_failures > 0) return true;
   if (!report.iterative) return false;
-  return report.contacts > 0 || stops_changed || step_number(state_.time, step) % kResidualEvery == 0;
+  return report.contacts > 0 || stops_changed || step_number(state_.time, step) % kResidualInterval == 0;
 }
 
 void OdeEngine::prepare(const StepInput& input, StepReport& report) {

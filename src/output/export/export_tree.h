@@ -1,4 +1,4 @@
-// What the exporters share. Not for users.
+// Functions that both exporters use. Private to this folder.
 #pragma once
 
 #include <string>
@@ -8,11 +8,11 @@
 
 namespace handsim::output {
 
-/// Whether a joint that closes no loop ties the body to a parent.
+/// True if the body is the child of a joint that does not close a loop.
 bool has_parent(const model::Model& model, std::size_t body);
 /// `x y z` with all digits.
 std::string numbers(const Vec3& v);
-/// `w x y z`, as MuJoCo has it.
+/// `w x y z`, MuJoCo's order.
 std::string wxyz(const Quat& q);
 /// Text as an XML attribute's value.
 std::string attribute(const std::string& text);

@@ -115,7 +115,7 @@ class MjcfWriter {
     if (joint.kind == JointKind::ball) {
       line(fmt::format("{}<joint name=\"{}\" type=\"ball\" pos=\"{}\"/>", in, attribute(joint.name),
                        numbers(joint.child_frame.p)));
-      // MuJoCo's ball joint rotates the body's own axes, and has rates in them.
+      // MuJoCo's ball joint has its rotation and rates in body axes.
       const Quat q_FM = rotation_quaternion({q[0], q[1], q[2]});
       const Quat& q_CM = joint.child_frame.q;
       positions_ += " " + wxyz(q_CM * q_FM * q_CM.conjugate());
@@ -143,8 +143,8 @@ class MjcfWriter {
     }
   }
 
-  /// Bits of the groups that a group may meet. MuJoCo lets two shapes touch where one's type meets the
-  /// other's affinity.
+  /// Bits of the groups with which a group has contact rules. In MuJoCo two shapes can touch if the contype
+  /// of one shares a bit with the conaffinity of the other.
   unsigned affinity(int group) const {
     unsigned bits = 0;
     for (const model::ContactRule& rule : model_.contact_rules) {
@@ -154,7 +154,7 @@ class MjcfWriter {
     return bits;
   }
 
-  /// MuJoCo makes the hull of the corners again.
+  /// MuJoCo computes the convex hull of the vertices itself.
   void meshes() {
     std::string text;
     for (const model::Shape& shape : model_.shapes) {
@@ -204,7 +204,7 @@ class MjcfWriter {
     }
   }
 
-  /// Jointed bodies never touch.
+  /// No contact between bodies that a joint connects.
   void exclusions() {
     std::string text;
     for (const model::Joint& joint : model_.joints)
@@ -225,7 +225,7 @@ class MjcfWriter {
     for (const model::Joint& joint : model_.joints) {
       if (!joint.closes_loop) continue;
       connect(joint, joint.child_frame.p);
-      // Two points of a hinge's axis hold it.
+      // A hinge needs two points of its axis.
       if (joint.kind == JointKind::hinge) connect(joint, joint.child_frame * Vec3(0.01 * joint.axes[0].axis));
     }
     if (!text.empty()) line("  <equality>\n" + text + "  </equality>");

@@ -16,7 +16,7 @@ using model::Effect;
 using model::JointKind;
 
 constexpr double kEffort = 1000, kVelocity = 1000;
-/// The middle of a universal joint: URDF's users want mass on every moving link.
+/// The link in the middle of a universal joint: programs that read URDF require mass on every moving link.
 constexpr double kMiddleMass = 1e-12, kMiddleInertia = 1e-14;
 
 /// Roll, pitch and yaw: R = Rz(yaw) Ry(pitch) Rx(roll).
@@ -60,7 +60,7 @@ class UrdfWriter {
                             "a tree of hinges, universal joints and sliders, for URDF"});
     for (const model::Shape& shape : model_.shapes)
       if (shape.kind == model::ShapeKind::convex_mesh)
-        problems.push_back({std::nullopt, shape.name, "a mesh, which URDF wants in a file of its own",
+        problems.push_back({std::nullopt, shape.name, "a mesh, which URDF requires in a separate file",
                             "a box, sphere, cylinder or capsule, for URDF"});
     if (!problems.empty()) throw Error(std::move(problems));
   }
@@ -72,7 +72,7 @@ class UrdfWriter {
                     origin(pose), mass, I(0, 0), I(0, 1), I(0, 2), I(1, 1), I(1, 2), I(2, 2)));
   }
 
-  /// A link's frame is its joint's; X_LB of a body.
+  /// X_LB: a body's pose in its link frame, which is the frame of its joint.
   Pose in_link(int body) const {
     for (const model::Joint& each : model_.joints)
       if (each.child == body) return each.child_frame.inverse();
@@ -111,7 +111,7 @@ class UrdfWriter {
       case model::ShapeKind::convex_mesh:
         return;  // refused
       case model::ShapeKind::plane:
-        // URDF has no plane: a wide block with its top there.
+        // URDF has no plane: a wide block whose top lies in it.
         return geometry(pose * Pose{Vec3(0, 0, -0.5), Quat::Identity()}, "<box size=\"10 10 1\"/>");
     }
   }
@@ -125,7 +125,7 @@ class UrdfWriter {
 
   void add_joints(const model::Joint& each) {
     const std::string& child = model_.bodies[at(each.child)].name;
-    // F in the parent's link frame.
+    // The joint frame F in the parent's link frame.
     Pose at_parent = in_link(each.parent) * each.parent_frame;
     std::string parent = model_.bodies[at(each.parent)].name;
     if (model_.bodies[at(each.child)].kinematic)

@@ -33,11 +33,11 @@ struct Layout {
   int width, height;
 };
 
-/// Most cells in one row and fewest, where there is a choice.
+/// Most and fewest cells in a row of a page with several rows.
 constexpr int kWidestRow = 5;
 constexpr int kNarrowestRow = 3;
 
-/// About four to a row: of 4, 3 and 5 the one that leaves the fewest places empty, in this order.
+/// Of 4, 3 and 5 columns the number that leaves the fewest empty cells; the earlier one wins a tie.
 int columns_for(int cells) {
   if (cells <= kWidestRow) return cells;
   int best = 4;
@@ -116,14 +116,14 @@ std::string fitted(cairo_t* pen, const std::string& text, double room) {
     cairo_text_extents(pen, s.c_str(), &extents);
     return extents.x_advance <= room;
   };
-  // No page shows more than this.
+  // More bytes than any page can show.
   constexpr std::size_t kLongest = 4096;
   if (text.size() <= kLongest && fits(text)) return text;
-  // Continuation bytes of a character go with its first byte.
+  // Cuts between characters: continuation bytes of UTF-8 stay with their first byte.
   std::vector<std::size_t> cuts;
   for (std::size_t at = 0; at < std::min(text.size(), kLongest); ++at)
     if ((static_cast<unsigned char>(text[at]) & 0xC0U) != 0x80U) cuts.push_back(at);
-  // A longer text is wider: the first cut that does not fit, by halves.
+  // The width grows with the length: bisection finds the first cut that does not fit.
   const auto first_too_wide = std::partition_point(
       cuts.begin(), cuts.end(), [&](std::size_t cut) { return fits(text.substr(0, cut) + "…"); });
   return text.substr(0, first_too_wide == cuts.begin() ? 0 : *(first_too_wide - 1)) + "…";
@@ -155,7 +155,7 @@ void put_cell(cairo_t* pen, const Image& image, const std::string& caption, cons
               static_cast<double>(page.cell_height) / image.height);
   cairo_set_source_surface(pen, picture.get(), 0, 0);
   cairo_pattern_set_filter(cairo_get_source(pen), CAIRO_FILTER_BEST);
-  // Keeps the edge from fading into the page.
+  // Without padding the edge of the picture blends into the page.
   cairo_pattern_set_extend(cairo_get_source(pen), CAIRO_EXTEND_PAD);
   cairo_paint(pen);
   cairo_restore(pen);
@@ -175,7 +175,7 @@ struct ContactSheet::Page {
   Layout layout;
   Surface surface;
   Pen pen;
-  int cells = 0;  ///< that are filled
+  int cells = 0;  ///< number of filled cells
 };
 
 ContactSheet::ContactSheet(const SheetFormat& format) {
@@ -199,7 +199,7 @@ void ContactSheet::add(const Image& image, const std::string& caption) {
     throw input_error(
         fmt::format("picture `{}` of the contact sheet", caption),
         fmt::format("{} x {} pixels", image.width, image.height),
-        fmt::format("{} x {} pixels, as the sheet's format says", format.cell_width, format.cell_height));
+        fmt::format("{} x {} pixels, the sheet's cell size", format.cell_width, format.cell_height));
   if (page_->cells == format.cells)
     throw input_error("contact sheet", "one picture too many", fmt::format("{} pictures", format.cells));
   const Layout& page = page_->layout;

@@ -21,8 +21,8 @@ Colour from_srgb(std::uint32_t hex) {
   return {linear(16), linear(8), linear(0)};
 }
 
-/// By model::Part, in its order. The fingers follow Okabe & Ito's palette (2008), which the colour-blind tell
-/// apart too; neighbours also differ in lightness.
+/// Colours in the order of model::Part. The fingers have the palette of Okabe & Ito (2008), which
+/// colour-blind people can distinguish; neighbouring fingers also differ in lightness.
 constexpr std::uint32_t kPartColours[] = {0xE9D3BB, 0xD9552B, 0xF0AE2E, 0x159C76, 0x2274BD,
                                           0xB86BB4, 0x66737F, 0xDDDDDA, 0x9DB0BF};
 static_assert(std::size(kPartColours) == static_cast<std::size_t>(model::Part::mechanism) + 1);
@@ -38,13 +38,14 @@ Pose pose_of(const model::State& state, int body) {
 void add_shape(const model::Shape& shape, const model::State& state, DrawList& list) {
   const Pose x_WS = pose_of(state, shape.body) * shape.pose;
   if (shape.kind == model::ShapeKind::plane)
-    // Of several planes the highest is the ground that shows.
+    // Only the highest plane is drawn as the ground.
     list.ground_height = std::max(list.ground_height.value_or(x_WS.p.z()), x_WS.p.z());
   else
     list.shapes.push_back({solid(shape, x_WS), colour(shape.part)});
 }
 
-/// How far from `point` along the unit vector `n` the box about the solid ends [m]; 0 from outside.
+/// Distance from `point` along the unit vector `n` to the surface of the solid's bounding box [m]; 0 for a
+/// point outside.
 double exit_distance(const Solid& solid, const Vec3& point, const Vec3& n) {
   const Vec3 o = solid.pose.inverse() * point;
   const Vec3 d = solid.pose.q.conjugate() * n;
@@ -65,7 +66,8 @@ double exit_distance(const Solid& solid, const Vec3& point, const Vec3& n) {
   return enter > slack || leave < 0 ? 0 : leave;
 }
 
-/// An arrow through the joint that sticks out of the two bodies at both ends, its head on the positive side.
+/// An arrow along the axis, through the joint; its ends project from the two bodies, its head is on the
+/// positive side.
 DrawArrow axis_arrow(const model::Model& model, const model::State& state, const model::Joint& joint,
                      std::size_t axis) {
   const Pose x_WF = pose_of(state, joint.parent) * joint.parent_frame;

@@ -1,4 +1,4 @@
-// What a picture shows, free of OpenGL: shapes, arrows and points in the world, and a camera. Made from a
+// The content of a picture, without OpenGL: shapes, arrows and points in the world, and a camera. Made from a
 // Model and a State; the renderer turns it into an Image.
 #pragma once
 
@@ -14,33 +14,33 @@
 
 namespace handsim::output {
 
-// The convex solid behind a drawn shape: a core (box or cylinder, possibly flat to a line or a point) grown
-// by a radius. One form for all kinds serves meshes, shadows, bounds and the framing of cameras.
+// The convex solid of a drawn shape: a core (a box or a cylinder, possibly of zero size, or the hull of a
+// mesh) dilated by a radius. Meshes, shadows, bounds and the framing of cameras use this one form.
 enum class Core { box, cylinder, hull };
 
-/// All points within `round` of the core, which lies about the origin of `pose`. A hull is that of its mesh,
-/// with no rounding; where only size counts, the box about it stands for it.
+/// All points within `round` of the core, which is centred on the origin of `pose`. A hull has no rounding;
+/// its size functions use its bounding box.
 struct Solid {
   Core core = Core::box;
   Vec3 half = Vec3::Zero();  ///< half edges of the core [m]; cylinder: (radius, radius, half height);
-                             ///< hull: of the box about it, as far as it reaches from the centroid
+                             ///< hull: largest distances from the centroid along the axes
   double round = 0;          ///< [m]
   Pose pose;                 ///< X_WS
-  std::shared_ptr<const model::ConvexMesh> mesh = {};  ///< of a hull
+  std::shared_ptr<const model::ConvexMesh> mesh = {};  ///< set for a hull
 
   /// Half its smallest full extent [m].
   double thickness() const { return round + half.minCoeff(); }
-  /// Radius about its origin that holds all of it [m].
+  /// Radius of a bounding sphere about its origin [m].
   double reach() const { return half.norm() + round; }
 };
 
-/// The exact solid of a shape that stands at x_WS.
+/// The exact solid of a shape at pose x_WS.
 Solid solid(const model::Shape& shape, const Pose& x_WS);
-/// The same with its edges rounded by 6% of its thickness, so that edges show. It lies
-/// inside the exact one.
+/// The same with edges rounded by 12% of the smallest half extent, so that edges are visible. It lies inside
+/// the exact one.
 Solid bevelled(Solid exact);
 
-/// Is its core a line or a point (a capsule or a sphere)?
+/// True if the core is a line or a point (a capsule or a sphere).
 bool is_capsule(const Solid& solid);
 
 /// Largest n . x over the solid, x in the world (support function; n need not be unit) [m].
@@ -62,7 +62,7 @@ struct DrawArrow {
   Vec3 to = Vec3::Zero();
   double radius = 0.001;  ///< of the shaft [m]
   Colour colour;
-  bool on_top = false;  ///< visible through whatever stands before it
+  bool on_top = false;  ///< drawn over everything in front of it
 };
 
 struct DrawPoint {
@@ -109,24 +109,24 @@ struct Bounds {
 };
 Bounds bounds(const DrawList& list);
 
-/// A camera on the named side of `hand_frame` (X_WH; x ulnar, y distal, z dorsal on a right hand) that
-/// sees all lists that are added (not the ground) with a margin of 7% of the half picture, as close as that
-/// allows. `side` turns radial to the thumb's side. Up is distal (dorsal, palmar), dorsal (radial) or the
-/// world's z (three_quarter, from the fingertips onto the back of the hand, never from below the
-/// horizon).
+/// Computes the camera on the named side of `hand_frame` (X_WH; x ulnar, y distal, z dorsal on a right hand)
+/// that is as close as possible while all added lists (not the ground) are in the picture, with a margin of
+/// 7% of the half picture. View `radial` is on the thumb's side of a hand of this `side`. Up is distal in the
+/// views dorsal and palmar, dorsal in radial, and the world's z in three_quarter, which shows the back of the
+/// hand from the fingertips and at least 25 degrees above the horizon.
 class Framing {
  public:
-  /// @throws Error (input) for an aspect (width over height) that is not above 0.
+  /// @throws Error (input) unless the aspect (width over height) is above 0.
   Framing(View view, const Pose& hand_frame, model::Side side, double aspect);
   void add(const DrawList& list);
   Camera camera() const;
 
  private:
   Pose hand_frame_;
-  Vec3 x_, y_, z_;               ///< right, up and back of the picture
-  double rise_, run_;            ///< slopes of its upper and right edge
-  std::array<Vec3, 6> out_;      ///< directions in which the lists reach farthest
-  std::array<double, 6> reach_;  ///< and how far [m]
+  Vec3 x_, y_, z_;                  ///< right, up and back of the picture
+  double slope_y_, slope_x_;        ///< tangents of the angles to its upper and right edge, less the margin
+  std::array<Vec3, 6> directions_;  ///< directions of the support function
+  std::array<double, 6> supports_;  ///< largest value in each direction so far [m]
 };
 
 }  // namespace handsim::output

@@ -12,16 +12,16 @@ namespace handsim::output {
 
 namespace {
 
-/// Share of the half picture that stays free on each side.
+/// Share of the half picture that stays empty on each side.
 constexpr double kMargin = 0.07;
 
-/// Where a camera stands (unit, from the scene to it) and what is up in its picture.
+/// Unit vector from the scene to the camera, and the up direction of its picture.
 struct Direction {
   Vec3 back;
   Vec3 up;
 };
 
-/// Tilts a direction so that it comes from at least 25 degrees above the horizon.
+/// Raises a direction to at least 25 degrees above the horizon.
 Vec3 from_above(const Vec3& direction) {
   const double lowest = std::sin(25 * kDegree);
   if (direction.z() >= lowest) return direction;
@@ -54,36 +54,40 @@ constexpr double kFieldOfView = 0.5;
 
 // In camera axes (x right, y up, z back) a point c lies left of the picture's right edge, for a camera at p
 // and slope t of that edge, if c_x - p_x <= t (p_z - c_z), that is p_x + t p_z >= (x + t z) . c. The worst c
-// is the support s_r of everything along x + t z; likewise s_l for the left edge. Both hold, with what is
-// left over shared evenly, at p_x = (s_r - s_l) / 2 and p_z >= (s_r + s_l) / (2 t). The same goes for y.
+// is the support s_r of everything along x + t z; likewise s_l for the left edge. Both conditions hold, with
+// equal distances left and right, at p_x = (s_r - s_l) / 2 and p_z >= (s_r + s_l) / (2 t). The same for y.
 Framing::Framing(View view, const Pose& hand_frame, model::Side side, double aspect)
-    : hand_frame_(hand_frame), rise_(std::tan(kFieldOfView / 2) * (1 - kMargin)), run_(rise_ * aspect) {
+    : hand_frame_(hand_frame),
+      slope_y_(std::tan(kFieldOfView / 2) * (1 - kMargin)),
+      slope_x_(slope_y_ * aspect) {
   if (!(aspect > 0) || !std::isfinite(aspect))
     throw input_error("aspect", fmt::format("{}", aspect), "width over height, greater than 0");
   const Direction wanted = direction(view, hand_frame, side);
   z_ = wanted.back;
   x_ = wanted.up.cross(z_).normalized();
   y_ = z_.cross(x_);
-  out_ = {x_ + run_ * z_, -x_ + run_ * z_, y_ + rise_ * z_, -y_ + rise_ * z_, z_, -z_};
-  reach_.fill(-std::numeric_limits<double>::infinity());
+  directions_ = {x_ + slope_x_ * z_, -x_ + slope_x_ * z_, y_ + slope_y_ * z_, -y_ + slope_y_ * z_, z_, -z_};
+  supports_.fill(-std::numeric_limits<double>::infinity());
 }
 
 void Framing::add(const DrawList& list) {
-  for (std::size_t i = 0; i < out_.size(); ++i) reach_[i] = std::max(reach_[i], support(list, out_[i]));
+  for (std::size_t i = 0; i < directions_.size(); ++i)
+    supports_[i] = std::max(supports_[i], support(list, directions_[i]));
 }
 
 Camera Framing::camera() const {
-  const auto [right, left, top, bottom, front, back] = reach_;
+  const auto [right, left, top, bottom, front, back] = supports_;
   Camera camera;
   camera.field_of_view = kFieldOfView;
   camera.up = y_;
   if (!std::isfinite(front)) {
-    // An empty list: the place where a hand would be.
+    // Empty lists: aim at the place of a hand.
     camera.target = hand_frame_ * Vec3(0, 0.09, 0);
     camera.position = camera.target + 0.6 * z_;
     return camera;
   }
-  const double distance = std::max({(right + left) / (2 * run_), (top + bottom) / (2 * rise_), front + 0.01});
+  const double distance =
+      std::max({(right + left) / (2 * slope_x_), (top + bottom) / (2 * slope_y_), front + 0.01});
   const Vec3 axis = (right - left) / 2 * x_ + (top - bottom) / 2 * y_;
   camera.position = axis + distance * z_;
   camera.target = axis + (front - back) / 2 * z_;

@@ -14,7 +14,7 @@ namespace {
 
 Error driver_error(const std::string& what) {
   return input_error("rendering", what,
-                     "memory for it, and an off-screen OpenGL 3.3 driver (Debian package libosmesa6)");
+                     "enough memory, and an off-screen OpenGL 3.3 driver (Debian package libosmesa6)");
 }
 
 OSMesaContext new_context() {
@@ -30,7 +30,7 @@ OSMesaContext new_context() {
 }
 
 void destroy(OSMesaContext context) {
-  // A context must not be current when it goes.
+  // A context must not be current when it is destroyed.
   if (OSMesaGetCurrentContext() == context) OSMesaMakeCurrent(nullptr, nullptr, GL_UNSIGNED_BYTE, 0, 0);
   OSMesaDestroyContext(context);
 }

@@ -1,5 +1,5 @@
-// OpenGL 3.3 without a display (OSMesa), and the few wrappers the renderer needs. Objects live and die with
-// the context of their Canvas, so nothing else here frees anything.
+// OpenGL 3.3 without a display (OSMesa), and the wrappers that the renderer needs. The context of a Canvas
+// frees all its OpenGL objects, so no other class here frees anything.
 #pragma once
 
 #ifndef GL_GLEXT_PROTOTYPES
@@ -21,7 +21,7 @@ namespace handsim::output {
 /// never shown.
 class Canvas {
  public:
-  /// Creates the context and makes it current. @throws Error (input) where there is none to be had.
+  /// Creates the context and makes it current. @throws Error (input) if no context can be created.
   Canvas();
   Canvas(const Canvas&) = delete;
   Canvas& operator=(const Canvas&) = delete;
@@ -35,13 +35,13 @@ class Canvas {
   std::unique_ptr<osmesa_context, void (*)(osmesa_context*)> context_;
 };
 
-/// OpenGL goes on after an error, a lack of memory among them. @throws Error where there was one.
+/// OpenGL continues after errors, also when memory runs out. @throws Error if there was an error.
 void require_no_error();
 
 /// A linked vertex and fragment shader.
 class Program {
  public:
-  /// The fragment shader's parts follow each other. @throws Error where the driver rejects the source.
+  /// The parts of the fragment shader are concatenated. @throws Error if the driver rejects the source.
   Program(const char* vertex, const std::vector<const char*>& fragment);
 
   void use() const;
@@ -60,14 +60,14 @@ class Program {
   GLuint id_ = 0;
 };
 
-/// A frame buffer to draw into: colour, and depth where asked for.
+/// A frame buffer to draw into: colour, and possibly depth.
 struct Target {
   GLuint framebuffer = 0;
-  GLuint texture = 0;  ///< 0 where the colour is not to be sampled
+  GLuint texture = 0;  ///< 0 if the colour cannot be sampled
   int width = 0;
   int height = 0;
 
-  /// Several samples a pixel, with depth. @throws Error where the driver has no memory for it.
+  /// Several samples a pixel, with depth. @throws Error if the driver has no memory for it.
   static Target multisampled(int width, int height, int samples);
   /// One RGBA sample a pixel in a texture, no depth. @throws Error as above.
   static Target sampled(int width, int height);

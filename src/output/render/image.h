@@ -20,12 +20,13 @@ struct Image {
   }
 };
 
-/// @throws Error (input) in a build without pictures (CMake option HANDSIM_PICTURES): there nothing of this
-///         folder draws, and all that would draw throws the same.
+/// @throws Error (input) in a build without pictures (CMake option HANDSIM_PICTURES); every drawing function
+/// of
+///         this folder throws the same error there.
 void require_pictures();
 
 /// Writes a PNG; the file appears under its name only when complete.
-/// @throws Error (input) where the path cannot be written, Error (output) where the disk is full.
+/// @throws Error (input) if the path cannot be written, Error (output) if the disk is full.
 void write_png(const Image& image, const std::filesystem::path& path);
 
 }  // namespace handsim::output

@@ -12,15 +12,15 @@ namespace handsim::output {
 
 namespace {
 
-/// The key light over a ground stands at least this high (sine of its elevation).
+/// Smallest elevation of the key light over a ground (its sine).
 constexpr double kLowestKey = 0.62;
 
-/// Right, up and back of a camera, and the shape of its picture.
-struct Eye {
+/// Right, up and back directions of a camera.
+struct CameraAxes {
   Vec3 x, y, z;
 };
 
-Eye eye_of(const Camera& camera) {
+CameraAxes axes_of(const Camera& camera) {
   const Vec3 z = camera.position - camera.target;
   const Vec3 x = camera.up.cross(z);
   if (!(z.norm() > 0) || !(x.norm() > 1e-9 * z.norm() * camera.up.norm()) || !z.allFinite())
@@ -36,13 +36,13 @@ Eye eye_of(const Camera& camera) {
   return {right, back.cross(right), back};
 }
 
-Eigen::Matrix4f projected(const Eye& eye, const Camera& camera, double aspect, double far) {
+Eigen::Matrix4f projected(const CameraAxes& axes, const Camera& camera, double aspect, double far) {
   const double near = far / 2000;
   const double slope = 1 / std::tan(camera.field_of_view / 2);
   Eigen::Matrix4d view = Eigen::Matrix4d::Identity();
-  view.row(0) << eye.x.transpose(), -eye.x.dot(camera.position);
-  view.row(1) << eye.y.transpose(), -eye.y.dot(camera.position);
-  view.row(2) << eye.z.transpose(), -eye.z.dot(camera.position);
+  view.row(0) << axes.x.transpose(), -axes.x.dot(camera.position);
+  view.row(1) << axes.y.transpose(), -axes.y.dot(camera.position);
+  view.row(2) << axes.z.transpose(), -axes.z.dot(camera.position);
   Eigen::Matrix4d projection = Eigen::Matrix4d::Zero();
   projection(0, 0) = slope / aspect;
   projection(1, 1) = slope;
@@ -52,15 +52,15 @@ Eigen::Matrix4f projected(const Eye& eye, const Camera& camera, double aspect, d
   return (projection * view).cast<float>();
 }
 
-/// Over the camera's left shoulder, like a studio lamp that travels with it.
-Vec3 key_direction(const Eye& eye, bool over_ground) {
-  Vec3 key = (-0.62 * eye.x + 0.72 * eye.y + 0.62 * eye.z).normalized();
+/// From above and behind the left of the camera; the light moves with the camera.
+Vec3 key_direction(const CameraAxes& axes, bool over_ground) {
+  Vec3 key = (-0.62 * axes.x + 0.72 * axes.y + 0.62 * axes.z).normalized();
   if (!over_ground || key.z() >= kLowestKey) return key;
   const Vec3 level = Vec3(key.x(), key.y(), 0).normalized();
   return std::sqrt(1 - kLowestKey * kLowestKey) * level + kLowestKey * Vec3::UnitZ();
 }
 
-/// Sixteen directions across the light, opposite ones half the list apart.
+/// Sixteen directions perpendicular to the light; the opposite of entry i is entry i + 8.
 std::vector<Vec3> separating_directions(const Vec3& to_key) {
   std::vector<Vec3> directions;
   const Vec3 u = to_key.unitOrthogonal();
@@ -78,11 +78,11 @@ std::vector<double> supports(const Solid& solid, const std::vector<Vec3>& across
   return out;
 }
 
-/// Can `other` take key light or sky from the solid with supports `mine`? `false` is certain: then a plane
-/// separates them by more than the half shadow and the sky's reach.
-bool shades(const std::vector<double>& theirs, const std::vector<double>& mine, double sky_reach) {
+/// True if the solid with supports `theirs` may shade the solid with supports `mine` from the key light or
+/// the sky. `false` is certain: then a plane separates them by more than the half shadow and the sky's reach.
+bool may_shade(const std::vector<double>& theirs, const std::vector<double>& mine, double sky_reach) {
   const std::size_t count = mine.size() - 2;
-  // Positive: the occluder lies that far up the light from the receiver's lowest point.
+  // Distance of the occluder's highest point above the receiver's lowest point, along the light.
   const double above = theirs[count] + mine[count + 1];
   if (above < -sky_reach) return false;
   const double half_shadow = kLightSize * std::max(above, 0.0);
@@ -102,7 +102,7 @@ void find_occluders(std::vector<LitSolid>& solids, const Vec3& to_key) {
     found.clear();
     for (std::size_t j = 0; j < solids.size(); ++j) {
       const Solid& other = solids[j].solid;
-      if (j != i && shades(reaches[j], reaches[i], kSkyReach * other.thickness()))
+      if (j != i && may_shade(reaches[j], reaches[i], kSkyReach * other.thickness()))
         found.emplace_back((other.pose.p - solids[i].solid.pose.p).norm() - other.reach(), &other);
     }
     std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -115,12 +115,12 @@ void find_occluders(std::vector<LitSolid>& solids, const Vec3& to_key) {
   }
 }
 
-/// A rectangle of the ground that grows.
+/// A rectangle of the ground, extended to contain others.
 struct Rectangle {
   Eigen::Array2d low = Eigen::Array2d::Constant(1e30);
   Eigen::Array2d high = Eigen::Array2d::Constant(-1e30);
 
-  void hold(const Eigen::Array2d& from, const Eigen::Array2d& to, double border) {
+  void include(const Eigen::Array2d& from, const Eigen::Array2d& to, double border) {
     low = low.min(from - border);
     high = high.max(to + border);
   }
@@ -130,7 +130,7 @@ struct Rectangle {
   }
 };
 
-/// The part of the ground that the solid's shadow or its closeness darkens.
+/// The part of the ground that the solid darkens, by its shadow or by hiding the sky.
 Rectangle shade_of(const Solid& solid, double ground, const Vec3& to_key) {
   Eigen::Array2d low, high;
   for (int i = 0; i < 2; ++i) {
@@ -140,12 +140,13 @@ Rectangle shade_of(const Solid& solid, double ground, const Vec3& to_key) {
   const double bottom = std::max(-support(solid, -Vec3::UnitZ()) - ground, 0.0);
   const double top = std::max(support(solid, Vec3::UnitZ()) - ground, 0.0);
   const Eigen::Array2d shift = -to_key.head<2>().array() / to_key.z();
-  // The half shadow widens with the distance along the light, and is stretched where the light falls aslant.
+  // The half shadow grows with the distance along the light, and is longer on the ground if the light is
+  // oblique.
   const double blur = kLightSize * top / (to_key.z() * to_key.z()) + 0.1 * solid.thickness();
   Rectangle area;
-  area.hold(low + (shift * bottom).min(shift * top), high + (shift * bottom).max(shift * top), blur);
+  area.include(low + (shift * bottom).min(shift * top), high + (shift * bottom).max(shift * top), blur);
   const double reach = kSkyReach * solid.thickness();
-  if (bottom < reach) area.hold(low, high, reach);
+  if (bottom < reach) area.include(low, high, reach);
   return area;
 }
 
@@ -161,12 +162,12 @@ Ground make_ground(double height, const std::vector<LitSolid>& solids, const Vec
   for (const LitSolid& lit : solids) {
     if (support(lit.solid, Vec3::UnitZ()) <= height) continue;
     const Rectangle area = shade_of(lit.solid, height, to_key);
-    all.hold(area.low, area.high, 0);
+    all.include(area.low, area.high, 0);
     Shade& shade = ground.shades.emplace_back();
     shade.quad = area.packed();
     shade.occluder.add(lit.solid);
   }
-  if (ground.shades.empty()) all.hold({0, 0}, {1, 1}, 0);
+  if (ground.shades.empty()) all.include({0, 0}, {1, 1}, 0);
   ground.region = all.packed();
   return ground;
 }
@@ -185,13 +186,13 @@ void Occluders::add(const Solid& solid) {
   }
   solids.push_back(row(solid.pose.p, solid.round));
   solids.push_back(solid.pose.q.coeffs().cast<float>());
-  // A hull shades as a box somewhat smaller than the one about it.
+  // A hull shades like a box of 0.75 times the size of its bounding box.
   const Vec3 half = (solid.core == Core::hull ? 0.75 : 1) * solid.half;
   solids.push_back(row(half, solid.core == Core::cylinder ? 1 : 0));
 }
 
 Scene::Scene(const DrawList& drawn, const Camera& from, double aspect) : list(&drawn), camera(from) {
-  const Eye axes = eye_of(camera);
+  const CameraAxes axes = axes_of(camera);
   const bool over_ground = drawn.ground_height && camera.position.z() > *drawn.ground_height;
   const Vec3 key = key_direction(axes, over_ground);
   to_key = key.cast<float>();

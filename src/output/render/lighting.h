@@ -1,5 +1,5 @@
-// A draw list made ready for the graphics driver: projection, directions of the lights, which solids shade
-// which, and where shadows fall on the ground. All of it plain numbers, no OpenGL.
+// Prepares a draw list for the graphics driver: projection, directions of the lights, which solids shade
+// which, and the shadows on the ground. Plain numbers, no OpenGL.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,7 +10,7 @@
 
 namespace handsim::output {
 
-/// Solids that take light away, in rows as the shaders read them.
+/// Solids that shade another one, in the row format of the shaders.
 struct Occluders {
   /// Two rows each: (one end of the axis, radius), (from there to the other end, 0).
   std::vector<Eigen::Vector4f> capsules;
@@ -20,7 +20,7 @@ struct Occluders {
   void add(const Solid& solid);
 };
 
-/// A shape, bevelled, and the solids that take light from it (kMaxOccluders of each form at most).
+/// A bevelled shape, and the solids that shade it (at most kMaxOccluders of each form).
 struct LitSolid : DrawShape {
   Occluders occluders;
 };
@@ -28,19 +28,19 @@ struct LitSolid : DrawShape {
 /// The part of the ground that a solid can darken.
 struct Shade {
   Eigen::Vector4f quad;  ///< x and y of the low corner, width, depth [m]
-  Occluders occluder;    ///< just the one
+  Occluders occluder;    ///< that solid alone
 };
 
 struct Ground {
   float height = 0;        ///< [m]
   Eigen::Vector4f disc;    ///< centre and the radius at which the ground has faded [m]
-  Eigen::Vector4f region;  ///< as Shade::quad, of all shades together
+  Eigen::Vector4f region;  ///< bounding rectangle of all shades, as Shade::quad
   float spacing = 0.1F;    ///< of the coarse grid lines [m], a power of ten
   float line_width = 0;    ///< of the fine lines, as a share of the spacing
   std::vector<Shade> shades;
 };
 
-/// One picture's worth of geometry and light.
+/// Geometry and light of one picture.
 struct Scene {
   /// @throws Error (input) for a camera without a direction or a field of view.
   Scene(const DrawList& drawn, const Camera& from, double aspect);
@@ -50,7 +50,7 @@ struct Scene {
   Eigen::Matrix4f view_projection;
   Eigen::Vector3f eye, to_key, to_fill, sky_up;
   std::vector<LitSolid> solids;  ///< nearest first
-  /// Absent where the list has none or the camera stands below it.
+  /// Absent if the list has none or the camera is below it.
   std::optional<Ground> ground;
 };
 

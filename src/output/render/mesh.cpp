@@ -9,71 +9,72 @@ namespace {
 
 constexpr float kQuarter = std::numbers::pi_v<float> / 2;
 
-/// One meridian: where its part of the core stands in the x-y plane, and its longitude [rad].
-struct Spoke {
+/// One meridian: the x and y of its point of the core, and its longitude [rad].
+struct Meridian {
   float x, y, longitude;
 };
 
-std::uint32_t index(int ring, int spoke, int spokes) {
-  return static_cast<std::uint32_t>(ring * spokes + spoke % spokes);
+std::uint32_t index(int ring, int meridian, int meridians) {
+  return static_cast<std::uint32_t>(ring * meridians + meridian % meridians);
 }
 
-/// A sphere cut along the equator and, where neighbouring spokes stand apart, along meridians, with the
-/// gaps filled. `capped`: the poles are faces, not points.
-Mesh lathe(const std::vector<Spoke>& spokes, int rings, bool capped) {
+/// A sphere that is cut along the equator, and along meridians where neighbours have different points of the
+/// core, with the gaps filled. `capped`: the poles are faces, not points.
+Mesh rounded_mesh(const std::vector<Meridian>& meridians, int rings, bool capped) {
   Mesh mesh;
-  const int n = static_cast<int>(spokes.size());
+  const int n = static_cast<int>(meridians.size());
   const int levels = 2 * (rings + 1);
   for (int level = 0; level < levels; ++level) {
     const bool upper = level > rings;
     const int step = upper ? level - rings - 1 : level - rings;
     const float latitude = kQuarter * static_cast<float>(step) / static_cast<float>(rings);
-    for (const Spoke& spoke : spokes)
-      mesh.vertices.push_back({{spoke.x, spoke.y, upper ? 1.0F : -1.0F},
-                               {std::cos(latitude) * std::cos(spoke.longitude),
-                                std::cos(latitude) * std::sin(spoke.longitude), std::sin(latitude)}});
+    for (const Meridian& meridian : meridians)
+      mesh.vertices.push_back({{meridian.x, meridian.y, upper ? 1.0F : -1.0F},
+                               {std::cos(latitude) * std::cos(meridian.longitude),
+                                std::cos(latitude) * std::sin(meridian.longitude), std::sin(latitude)}});
   }
   for (int level = 0; level + 1 < levels; ++level)
     for (int i = 0; i < n; ++i)
-      for (const auto& [ring, spoke] : {std::pair{level, i},
-                                        {level, i + 1},
-                                        {level + 1, i + 1},
-                                        {level, i},
-                                        {level + 1, i + 1},
-                                        {level + 1, i}})
-        mesh.indices.push_back(index(ring, spoke, n));
+      for (const auto& [ring, meridian] : {std::pair{level, i},
+                                           {level, i + 1},
+                                           {level + 1, i + 1},
+                                           {level, i},
+                                           {level + 1, i + 1},
+                                           {level + 1, i}})
+        mesh.indices.push_back(index(ring, meridian, n));
   if (!capped) return mesh;
   for (int i = 1; i + 1 < n; ++i) {
-    for (const int spoke : {0, i + 1, i}) mesh.indices.push_back(index(0, spoke, n));
-    for (const int spoke : {0, i, i + 1}) mesh.indices.push_back(index(levels - 1, spoke, n));
+    for (const int meridian : {0, i + 1, i}) mesh.indices.push_back(index(0, meridian, n));
+    for (const int meridian : {0, i, i + 1}) mesh.indices.push_back(index(levels - 1, meridian, n));
   }
   return mesh;
 }
 
-/// A spoke for each side of the circle; `core` 1 puts it on the core's rim, 0 on its axis.
-std::vector<Spoke> circle(int sides, float core) {
-  std::vector<Spoke> spokes;
+/// One meridian for each side of the circle; their points of the core are on its rim (`core` 1) or its axis
+/// (0).
+std::vector<Meridian> circle(int sides, float core) {
+  std::vector<Meridian> meridians;
   for (int i = 0; i < sides; ++i) {
     const float longitude = 4 * kQuarter * static_cast<float>(i) / static_cast<float>(sides);
-    spokes.push_back({core * std::cos(longitude), core * std::sin(longitude), longitude});
+    meridians.push_back({core * std::cos(longitude), core * std::sin(longitude), longitude});
   }
-  return spokes;
+  return meridians;
 }
 
 }  // namespace
 
-Mesh capsule_mesh(int sides) { return lathe(circle(sides, 0), sides / 5, false); }
+Mesh capsule_mesh(int sides) { return rounded_mesh(circle(sides, 0), sides / 5, false); }
 
-Mesh cylinder_mesh(int sides) { return lathe(circle(sides, 1), 3, true); }
+Mesh cylinder_mesh(int sides) { return rounded_mesh(circle(sides, 1), 3, true); }
 
 Mesh box_mesh() {
   constexpr int kSteps = 6;
-  std::vector<Spoke> spokes;
+  std::vector<Meridian> meridians;
   for (int quadrant = 0; quadrant < 4; ++quadrant)
     for (int i = 0; i <= kSteps; ++i)
-      spokes.push_back({quadrant == 0 || quadrant == 3 ? 1.0F : -1.0F, quadrant < 2 ? 1.0F : -1.0F,
-                        kQuarter * (static_cast<float>(quadrant) + static_cast<float>(i) / kSteps)});
-  return lathe(spokes, kSteps, true);
+      meridians.push_back({quadrant == 0 || quadrant == 3 ? 1.0F : -1.0F, quadrant < 2 ? 1.0F : -1.0F,
+                           kQuarter * (static_cast<float>(quadrant) + static_cast<float>(i) / kSteps)});
+  return rounded_mesh(meridians, kSteps, true);
 }
 
 Mesh faceted_mesh(const model::ConvexMesh& polyhedron) {
@@ -94,9 +95,9 @@ Mesh cone_mesh(float length) {
   constexpr int kSides = 32;
   Mesh mesh;
   const Eigen::Vector3f tip = Eigen::Vector3f::UnitZ();
-  for (const Spoke& spoke : circle(kSides, 1)) {
-    const Eigen::Vector3f rim = {spoke.x, spoke.y, 0};
-    const Eigen::Vector3f slope = Eigen::Vector3f(length * spoke.x, length * spoke.y, 1).normalized();
+  for (const Meridian& meridian : circle(kSides, 1)) {
+    const Eigen::Vector3f rim = {meridian.x, meridian.y, 0};
+    const Eigen::Vector3f slope = Eigen::Vector3f(length * meridian.x, length * meridian.y, 1).normalized();
     mesh.vertices.push_back({rim, slope});
     mesh.vertices.push_back({tip, slope});
     mesh.vertices.push_back({rim, -tip});

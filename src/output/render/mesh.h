@@ -1,5 +1,5 @@
-// Triangle meshes of unit solids. A vertex is a corner of the core and a normal; the shader puts it at
-// core * half + round * normal, so one mesh serves every size of its kind without distorting roundings.
+// Triangle meshes of unit solids. A vertex has a point of the core and a normal; the shader places it at
+// core * half + round * normal, so one mesh serves all sizes of its kind and roundings stay circular.
 #pragma once
 
 #include <Eigen/Core>

@@ -1,5 +1,4 @@
-// In place of the renderer in a build without pictures (CMake option HANDSIM_PICTURES): every call is
-// refused.
+// Replaces the renderer in a build without pictures (CMake option HANDSIM_PICTURES): every call throws.
 #include "handsim/core/error.h"
 #include "handsim/output/render/contact_sheet.h"
 #include "handsim/output/render/renderer.h"
@@ -9,7 +8,7 @@ namespace handsim::output {
 namespace {
 
 [[noreturn]] void refuse() {
-  throw input_error("handsim", "a build without pictures", "one with -DHANDSIM_PICTURES=ON");
+  throw input_error("handsim", "a build without pictures", "a build with -DHANDSIM_PICTURES=ON");
 }
 
 }  // namespace

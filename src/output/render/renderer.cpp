@@ -26,7 +26,7 @@ constexpr int kSamples = 4;
 /// Edge of the ground's shade texture [texels].
 constexpr int kShadeSize = 512;
 
-/// A mesh on the driver's side.
+/// A mesh in the driver's memory.
 struct Buffer {
   GLuint array = 0;
   GLsizei count = 0;
@@ -46,7 +46,7 @@ Buffer upload(const Mesh& mesh) {
   glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.indices.size() * sizeof(std::uint32_t)),
                mesh.indices.data(), GL_STATIC_DRAW);
   glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex), nullptr);
-  // The second attribute starts behind the first; OpenGL takes the offset as a pointer.
+  // The second attribute follows the first; OpenGL takes the offset as a pointer.
   glVertexAttribPointer(1, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
                         reinterpret_cast<const void*>(sizeof(Eigen::Vector3f)));
   glEnableVertexAttribArray(0);
@@ -54,11 +54,11 @@ Buffer upload(const Mesh& mesh) {
   return buffer;
 }
 
-/// Sides of round meshes. More than a picture needs are slow, because slim triangles waste shading.
+/// Numbers of sides of round meshes. Unneeded sides cost time: narrow triangles shade pixels several times.
 constexpr std::array<int, 4> kSides = {20, 32, 56, 128};
 using RoundBuffers = std::array<Buffer, kSides.size()>;
 
-/// One buffer for each number of sides.
+/// One buffer for each entry of kSides.
 RoundBuffers upload_round(Mesh (*make)(int)) {
   RoundBuffers buffers;
   for (std::size_t i = 0; i < kSides.size(); ++i) buffers[i] = upload(make(kSides[i]));
@@ -71,11 +71,11 @@ int checked_size(int size, const char* what) {
   return size;
 }
 
-Program occluded(const char* vertex, const char* forms, const char* fragment) {
+Program shaded_program(const char* vertex, const char* forms, const char* fragment) {
   return {vertex, {kLightFunctions, forms, shader_constants().c_str(), kOcclusionFunctions, fragment}};
 }
 
-/// Part of the picture, from its lower left corner.
+/// A part of the picture; x and y of its lower left corner.
 struct Tile {
   int x, y, width, height;
 };
@@ -94,7 +94,7 @@ struct Renderer::Impl {
   void draw_annotations(const DrawList& list);
   void draw_ground(const Scene& scene, const Eigen::Matrix4f& projection);
   void place(const Program& program, const Solid& solid, const Colour& colour);
-  /// The coarsest whose outline is off by less than a quarter of a pixel.
+  /// The coarsest mesh whose outline is wrong by less than a quarter of a pixel.
   const Buffer& fitting(const RoundBuffers& buffers, const Scene& scene, const Solid& solid) const;
   const Buffer& hull_buffer(const Solid& solid) {
     const auto [found, fresh] = hulls.try_emplace(solid.mesh);
@@ -113,17 +113,17 @@ struct Renderer::Impl {
 
   int width, height;
   Canvas canvas;
-  /// Capsules as the only occluders cost less than all forms.
-  Program capsule_lit = occluded(kSolidVertex, "", kSolidFragment);
-  Program solid_lit = occluded(kSolidVertex, kWithSolids, kSolidFragment);
-  Program capsule_shade = occluded(kShadeVertex, "", kShadeFragment);
-  Program solid_shade = occluded(kShadeVertex, kWithSolids, kShadeFragment);
+  /// Programs for capsules as the only occluders are faster than those for all forms.
+  Program capsule_lit = shaded_program(kSolidVertex, "", kSolidFragment);
+  Program solid_lit = shaded_program(kSolidVertex, kWithSolids, kSolidFragment);
+  Program capsule_shade = shaded_program(kShadeVertex, "", kShadeFragment);
+  Program solid_shade = shaded_program(kShadeVertex, kWithSolids, kShadeFragment);
   Program ground_program{kGroundVertex, {kLightFunctions, kGroundFragment}};
   Program background_program{kBackgroundVertex, {kLightFunctions, kBackgroundFragment}};
   Target drawn, resolved, shade;
   RoundBuffers capsule, cylinder;
   Buffer box, cone;
-  /// Of the polyhedra drawn so far, which stay alive with their buffers.
+  /// Buffers of the polyhedra drawn so far; the keys keep the polyhedra alive.
   std::map<std::shared_ptr<const model::ConvexMesh>, Buffer> hulls;
   GLuint empty = 0;
   std::vector<std::uint8_t> pixels;
@@ -164,7 +164,7 @@ void Renderer::Impl::draw_shade(const Scene& scene) {
   glDisable(GL_CULL_FACE);
   glClearColor(1, 1, 1, 1);
   glClear(GL_COLOR_BUFFER_BIT);
-  // Key light: the darkest shadow counts, because jointed solids overlap. Sky: shares multiply.
+  // Key light: the minimum, because solids that a joint connects overlap. Sky: the product.
   glEnable(GL_BLEND);
   glBlendEquationSeparate(GL_MIN, GL_FUNC_ADD);
   glBlendFuncSeparate(GL_ONE, GL_ONE, GL_DST_ALPHA, GL_ZERO);
@@ -189,7 +189,7 @@ void Renderer::Impl::draw_tile(const Scene& scene, const Tile& tile) {
   glViewport(0, 0, tile.width, tile.height);
   glDepthMask(GL_TRUE);
   glClear(GL_DEPTH_BUFFER_BIT);
-  // Stretches the tile's part of the picture over the viewport.
+  // Scales the tile's part of the picture to the viewport.
   Eigen::Matrix4f part = Eigen::Matrix4f::Identity();
   part(0, 0) = static_cast<float>(width) / static_cast<float>(tile.width);
   part(1, 1) = static_cast<float>(height) / static_cast<float>(tile.height);
@@ -205,7 +205,7 @@ void Renderer::Impl::draw_tile(const Scene& scene, const Tile& tile) {
   }
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LEQUAL);
-  // Front things first: what they hide is then not shaded.
+  // Front to back: hidden pixels are then not shaded.
   draw_solids(scene, projection);
   draw_ground(scene, projection);
   draw_background();
@@ -219,7 +219,7 @@ void Renderer::Impl::place(const Program& program, const Solid& solid, const Col
   program.set("colour", Eigen::Vector3f(colour.r, colour.g, colour.b));
 }
 
-// A circle of radius r with n sides is off by r (1 - cos(pi / n)), about r (pi / n)^2 / 2.
+// The error of a circle of radius r with n sides is r (1 - cos(pi / n)), about r (pi / n)^2 / 2.
 const Buffer& Renderer::Impl::fitting(const RoundBuffers& buffers, const Scene& scene,
                                       const Solid& solid) const {
   const double nearest = std::max((solid.pose.p - scene.camera.position).norm() - solid.reach(), 1e-6);
@@ -320,7 +320,7 @@ void Renderer::Impl::read(const Tile& tile, Image& image) {
   glBindFramebuffer(GL_READ_FRAMEBUFFER, resolved.framebuffer);
   glReadPixels(0, 0, tile.width, tile.height, GL_RGBA, GL_UNSIGNED_BYTE, pixels.data());
   require_no_error();
-  // OpenGL's rows rise, the image's fall.
+  // OpenGL stores the lowest row first, the image the highest.
   const std::uint8_t* from = pixels.data();
   for (int row = 0; row < tile.height; ++row) {
     const int line = image.height - 1 - tile.y - row;

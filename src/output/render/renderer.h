@@ -1,5 +1,5 @@
-// Draw list in, picture out, with no display: OSMesa behind one class. Lit shapes, a ground with a grid
-// and soft shadows, anti-aliased. Building a Renderer creates the OpenGL context; nothing else does.
+// Renders a draw list to a picture without a display (OSMesa): lit shapes and a ground with a grid and soft
+// shadows, anti-aliased. Only the constructor of a Renderer creates an OpenGL context.
 #pragma once
 
 #include <memory>
@@ -11,13 +11,14 @@ namespace handsim::output {
 
 class Renderer {
  public:
-  /// @throws Error (input) where no off-screen context can be made or the size is out of 16..8192.
+  /// @throws Error (input) if no off-screen context can be created or the size is out of 16..8192 [pixels].
   Renderer(int width, int height);
   ~Renderer();
 
-  /// The picture of the list. The key light stands over the camera's left shoulder, high above a ground; a
-  /// ground seen from below is left out; its coarse grid lines are a power of ten apart (0.1 m about a
-  /// hand) with five cells between. The same list and camera give the same bytes on the same machine.
+  /// The picture of the list. The key light comes from above and behind the left of the camera. The ground is
+  /// drawn only if the camera is above it; the distance of its coarse grid lines is a power of ten (0.1 m for
+  /// a hand), with five fine cells between two of them. The same list and camera give the same bytes on the
+  /// same machine.
   /// @throws Error (input) for a camera without a direction or with a field of view out of 0..3 rad.
   Image draw(const DrawList& list, const Camera& camera);
 

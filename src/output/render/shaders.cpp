@@ -31,15 +31,15 @@ vec3 background() {
 )";
 
 const char* const kOcclusionFunctions = R"(
-// No branches: llvmpipe runs both sides of every `if`. No tall tables: it gathers each component.
+// No branches: llvmpipe runs both sides of every `if`. No large tables: it loads every component separately.
 
-// Share of the key light that passes a solid with this gap beside the ray at a distance s along it.
+// Share of the key light that passes a solid at distance s along the ray, with this gap between ray and solid.
 float passing(float gap, float s, float thickness) {
   float blur = 0.04 * thickness;
   return smoothstep(-1.0, 1.0, (gap + blur) / (kLightSize * s + blur));
 }
 
-// Share of the sky left open, from the gaps at a third of the reach and at all of it.
+// Share of the sky that is visible, from the gaps at one third of the reach and at the full reach.
 float open_sky(float near_gap, float far_gap, float reach) {
   float close = clamp(1.0 - near_gap / (0.33 * reach), 0.0, 1.0);
   float wide = clamp(1.0 - far_gap / reach, 0.0, 1.0);
@@ -50,7 +50,7 @@ float segment_gap(vec3 w, vec3 ab, float inverse, float r) {
   return length(w - clamp(dot(w, ab) * inverse, 0.0, 1.0) * ab) - r;
 }
 
-// Shares (key, sky) that a capsule leaves at p with normal n; start (a, r), span b - a.
+// Shares (key, sky) at p with normal n that pass a capsule; start (a, r), span b - a.
 vec2 past_capsule(vec3 p, vec3 n, vec4 start, vec3 span) {
   float r = start.w;
   vec3 w = p - start.xyz;
@@ -84,7 +84,7 @@ vec2 past_solid(vec3 p, vec3 n, vec4 place, vec4 q, vec4 size) {
   vec3 o = unrotated(q, p - place.xyz);
   vec3 d = unrotated(q, to_key);
   vec3 up = unrotated(q, n);
-  // Between the last slab entered and the first one left, closest to the edge where the two meet.
+  // The ray point closest to the edge between the last slab it enters and the first one it leaves.
   d += vec3(1e-5) * (step(0.0, d) * 2.0 - 1.0);
   vec3 m = 1.0 / d;
   vec3 enter = -m * o - abs(m) * size.xyz;
@@ -131,7 +131,7 @@ uniform vec4 capsules[2 * kMaxOccluders];
 uniform int solid_count;
 uniform vec4 solids[3 * kMaxOccluders];
 #endif
-uniform vec2 ground;  // height, and reach of its shade; reach 0: no ground
+uniform vec2 ground;  // height, and distance within which it hides sky; 0: no ground
 in vec3 world_normal;
 in vec3 world_point;
 out vec4 pixel;
@@ -169,7 +169,7 @@ void main() {
 
 const char* const kShadeVertex = R"(#version 330 core
 uniform vec4 region;  // of the ground: x, y of its low corner, width, depth
-uniform vec4 quad;    // the same of the part to draw
+uniform vec4 quad;    // the part to draw, in the same form
 uniform float ground_height;
 out vec3 point;
 void main() {
@@ -219,8 +219,8 @@ uniform sampler2D shade;
 in vec2 at;
 out vec4 pixel;
 
-// Share of the pixel's footprint that lies on lines one apart and `width` wide: the integral of the line
-// pattern over a box, so it never aliases (Inigo Quilez, "filterable procedurals").
+// Share of the pixel's footprint on lines of distance 1 and of this width: the integral of the line pattern
+// over a box, which does not alias (Inigo Quilez, "filterable procedurals").
 float lines(vec2 p, vec2 footprint, float width) {
   vec2 f = max(footprint, vec2(1e-5));
   vec2 q = p + 0.5 * width;

@@ -1,33 +1,34 @@
-// The GLSL of the renderer. Light: a key light of some size that casts soft shadows, a fill light at the
-// camera, and a sky. Shadows and the sky's occlusion are computed from the solids themselves (distance from
-// a convex solid), not from a depth map: no acne, no resolution, and contacts stay crisp.
+// The GLSL shaders of the renderer. Light: an extended key light that casts soft shadows, a fill light at the
+// camera, and a sky. Shadows and the occlusion of the sky are computed from distances to the convex solids,
+// not from a shadow map: there is no limit of resolution and no shadow acne, and shadows at contacts are
+// sharp.
 #pragma once
 
 #include <string>
 
 namespace handsim::output {
 
-/// Most capsules, and most other solids, that one drawn solid can be shaded by; the nearest are kept.
+/// Most capsules, and most other solids, that can shade one drawn solid; the nearest are used.
 inline constexpr int kMaxOccluders = 24;
-/// Tangent of the angle of half the key light.
+/// Tangent of half the angle under which the key light appears.
 inline constexpr double kLightSize = 0.11;
-/// How far a solid darkens the sky, in its thicknesses.
+/// Distance within which a solid hides sky, in units of its thickness.
 inline constexpr double kSkyReach = 1.7;
 
-/// Text of the constants above for the shaders; follows kLightFunctions.
+/// GLSL text of the constants above; it comes after kLightFunctions.
 std::string shader_constants();
 
 /// Start of every fragment shader: version, lights, background, conversion to sRGB.
 extern const char* const kLightFunctions;
-/// Follows it where other solids than capsules are among the occluders.
+/// Comes after it if there are occluders that are not capsules.
 inline constexpr const char* kWithSolids = "#define WITH_SOLIDS\n";
-/// Follows where solids take light from each other.
+/// Comes next in shaders that compute shadows.
 extern const char* const kOcclusionFunctions;
 
-/// Solids: vertices of a Mesh, lit and shaded by `capsules` and `solids`.
+/// Solids: vertices of a Mesh, shaded by `capsules` and `solids`.
 extern const char* const kSolidVertex;
 extern const char* const kSolidFragment;
-/// One solid's shade on the ground: red the key light, alpha the sky, 1 where it is open.
+/// The shade of one solid on the ground: red is the visible share of the key light, alpha that of the sky.
 extern const char* const kShadeVertex;
 extern const char* const kShadeFragment;
 /// The ground with its grid.

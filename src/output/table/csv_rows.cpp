@@ -34,7 +34,7 @@ std::string trajectory_head(const model::Model& model) {
 }
 
 std::string trajectory_row(const model::State& state) {
-  // Twelve digits leave out the rounding of summed steps.
+  // Twelve digits hide the rounding errors of the time.
   std::string row = fmt::format("{:.12g}", state.time);
   const auto append = [&](double value) { fmt::format_to(std::back_inserter(row), ",{}", value); };
   for (const double q : state.q) append(q);

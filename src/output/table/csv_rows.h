@@ -8,8 +8,8 @@
 
 namespace handsim::output {
 
-/// Names of a model's coordinates in their order, e.g. `right.index_mcp.flexion`; ball joints have `.x .y
-/// .z`.
+/// Names of a model's coordinates, in order, e.g. `right.index_mcp.flexion`; a ball joint has the three
+/// coordinates `.x`, `.y` and `.z`.
 std::vector<std::string> coordinate_names(const model::Model& model);
 
 /// trajectory.csv: time, joint coordinates and rates, body poses. Columns: `right.index_mcp.flexion[rad]`,
@@ -17,7 +17,8 @@ std::vector<std::string> coordinate_names(const model::Model& model);
 std::string trajectory_head(const model::Model& model);
 std::string trajectory_row(const model::State& state);
 
-/// contacts.csv: a row for each contact point, in world axes; normal out of b into a, friction on a.
+/// contacts.csv: a row for each contact point, in world axes; the normal points from b to a, friction acts on
+/// a.
 std::string contact_head();
 std::string contact_row(const model::Model& model, double time, const engine::Contact& contact);
 

@@ -18,8 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Whether a PNG or SVG file has its end: gnuplot does not report files that it could not complete.
-bool is_whole(const fs::path& path) {
+/// True if a PNG or SVG file is complete: gnuplot does not report files that it could not complete.
+bool is_complete(const fs::path& path) {
   constexpr std::string_view kPngEnd("IEND\xae\x42\x60\x82", 8), kSvgEnd = "</svg>";
   const std::string_view end = path.extension() == ".png" ? kPngEnd : kSvgEnd;
   constexpr std::streamoff kTail = 64;
@@ -59,7 +59,7 @@ bool plot(const std::string& script, const fs::path& folder, const std::vector<s
   const std::string head = part_name() + ".";
   const auto part = [&](const std::string& name) { return folder / (head + name); };
   bool good = gnuplot({"-e", fmt::format("part='{}'", head), script}, folder) == 0;
-  for (const std::string& name : outputs) good = good && is_whole(part(name));
+  for (const std::string& name : outputs) good = good && is_complete(part(name));
   std::error_code failure, ignored;
   for (const std::string& name : outputs) {
     if (good) fs::rename(part(name), folder / name, failure);

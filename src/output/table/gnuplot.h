@@ -7,20 +7,20 @@
 
 namespace handsim::output {
 
-/// Runs gnuplot in a folder, without a shell; its exit status, -1 where it cannot be started.
+/// Runs gnuplot in a folder, without a shell. @return its exit status, or -1 if it cannot be started
 int gnuplot(std::vector<std::string> arguments, const std::filesystem::path& folder);
 bool has_gnuplot();
 
-/// Runs a gnuplot script that stands in a folder and names the files it makes by place('NAME.png') or
-/// place('NAME.svg'), which `kPlotHead` defines. They appear under their names only when all are whole,
-/// as those of AtomicFile; a script run by hand writes them at once.
-/// @return false where gnuplot is missing or fails, or one is not whole, as on a full disk.
+/// Runs a gnuplot script of a folder. The script names its output files by place('NAME.png') or
+/// place('NAME.svg'), which `kPlotHead` defines. The files get their names only when all of them are
+/// complete, as with AtomicFile; a script that the user runs writes them directly.
+/// @return false if gnuplot is missing or fails, or if a file is incomplete, for example on a full disk.
 bool plot(const std::string& script, const std::filesystem::path& folder,
           const std::vector<std::string>& outputs);
 inline constexpr const char* kPlotHead = "place(name) = exists('part') ? part.name : name\n";
 
-/// Text that can stand between single quotes in a script: no quotes, backslashes or control characters,
-/// which would end it and begin a command.
+/// Text for use between single quotes in a script: quotes, backslashes and control characters become blanks,
+/// because they could end the string and start a command.
 std::string plot_text(std::string text);
 
 }  // namespace handsim::output

@@ -26,7 +26,7 @@ void MotionTableWriter::add(double time, std::span<const double> values) {
 }
 
 void MotionTableWriter::finish() {
-  // A run that ends early has fewer rows than were foreseen.
+  // A run that ends early has fewer rows than most_rows.
   std::string rows = std::to_string(rows_);
   assert(rows.size() <= rows_text_.size());
   rows.resize(rows_text_.size(), ' ');

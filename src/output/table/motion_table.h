@@ -1,5 +1,5 @@
-// Columns over time as OpenSim reads them: .mot (joint angles) and .sto (any quantities); angles in degrees.
-// Rows go to the disk as they come.
+// Tables over time in OpenSim's format: .mot (joint angles) and .sto (any quantities); angles in degrees.
+// Each row is written to the disk at once.
 #pragma once
 
 #include <filesystem>
@@ -11,29 +11,29 @@
 
 namespace handsim::output {
 
-/// What stands above the rows.
+/// The header of a table.
 struct MotionHead {
   std::string title;
-  std::vector<std::string> names;  ///< of the columns after time, without white space
-  std::size_t most_rows = 0;       ///< that will be added; fewer leave blanks after `nRows=` and their number
+  std::vector<std::string> names;  ///< names of the columns after time, without white space
+  std::size_t most_rows = 0;       ///< upper bound of the number of rows; with fewer, blanks follow `nRows=N`
 };
 
 class MotionTableWriter {
  public:
-  /// @throws Error (input) where the file cannot be made.
+  /// @throws Error (input) if the file cannot be created.
   MotionTableWriter(const std::filesystem::path& path, const MotionHead& head);
 
-  /// A row. @param values one for each name, angles in degrees. Times must rise.
+  /// Adds a row. @param values one for each name, angles in degrees. Times must increase.
   void add(double time, std::span<const double> values);
-  /// Gives the file its name; the header holds the number of rows.
+  /// Writes the number of rows into the header and gives the file its name.
   void finish();
 
  private:
   AtomicFile file_;
   std::size_t columns_;
   std::size_t rows_ = 0;
-  std::string rows_text_;  ///< as it stands in the header
-  long rows_at_ = 0;       ///< where
+  std::string rows_text_;  ///< number of rows that the header has now
+  long rows_at_ = 0;       ///< position of that number in the file [bytes]
 };
 
 }  // namespace handsim::output

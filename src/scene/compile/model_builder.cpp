@@ -41,7 +41,7 @@ void add_object(model::Model& model, const ObjectSpec& object, int group) {
   }
 }
 
-/// @returns its group.
+/// @returns the ground's group.
 int add_ground(model::Model& model, const GroundSpec& ground) {
   model::Shape plane;
   plane.name = "ground";
@@ -98,18 +98,18 @@ void add_joint(model::Model& model, const MechanismJointSpec& spec) {
   model.joints.push_back(std::move(joint));
 }
 
-/// A joint that starts beyond its stop would be driven back by a share of the angle in each step: 1 rad at
-/// 1 ms throws it at 200 rad/s. Less than a thousandth is rounding of whoever wrote the angle.
+/// Problems: joints that start beyond their stops. ODE would correct a share of the angle, erp = 0.2, in the
+/// first step: 1 rad at 1 ms gives 200 rad/s. Up to 1e-3 is rounding in the file.
 std::vector<Problem> start_defects(const model::Model& model, const model::Effects& effects,
                                    const model::Origins& origins) {
-  constexpr double kSlack = 1e-3;
+  constexpr double kRounding = 1e-3;
   std::vector<Problem> problems;
   if (!effects.has(model::Effect::joint_stops)) return problems;
   for (std::size_t i = 0; i < model.joints.size(); ++i)
     for (const model::JointAxis& axis : model.joints[i].axes) {
       const model::Joint& joint = model.joints[i];
       if (!axis.stop) continue;
-      if (axis.initial >= axis.stop->low - kSlack && axis.initial <= axis.stop->high + kSlack) continue;
+      if (axis.initial >= axis.stop->low - kRounding && axis.initial <= axis.stop->high + kRounding) continue;
       const char* unit = joint.kind == model::JointKind::slider ? "m" : "rad";
       problems.push_back(
           {origins.joints[i], joint.name + "." + axis.name,
@@ -119,8 +119,8 @@ std::vector<Problem> start_defects(const model::Model& model, const model::Effec
   return problems;
 }
 
-/// Problems of a hand name keys of its own files: adds the path of this hand in the scene.
-void take_of_hand(const Error& error, std::size_t i, const HandEntry& hand, Diagnostics& diagnostics) {
+/// Adds problems of a hand, which have keys of its own files, with the path of this hand in the scene.
+void add_hand_problems(const Error& error, std::size_t i, const HandEntry& hand, Diagnostics& diagnostics) {
   for (Problem problem : error.problems()) {
     if (!problem.place) problem.place = hand.place;
     problem.key = fmt::format("hands.{}.{}", i, problem.key);
@@ -128,7 +128,7 @@ void take_of_hand(const Error& error, std::size_t i, const HandEntry& hand, Diag
   }
 }
 
-/// Makes the parts one after the other, and records their contact groups and places in the file.
+/// Adds the parts one after the other, and records their contact groups and places in the file.
 class Builder {
  public:
   Builder(const SceneSpec& scene, const Plans& plans)
@@ -160,7 +160,7 @@ class Builder {
       try {
         groups_.add_hand(placement.name, hand::add_hand(model_, hands[i], placement));
       } catch (const Error& error) {
-        take_of_hand(error, i, scene_.hands[i], diagnostics_);
+        add_hand_problems(error, i, scene_.hands[i], diagnostics_);
       }
       origins_.add(model_, scene_.hands[i].place);
     }
@@ -193,8 +193,8 @@ class Builder {
     }
   }
 
-  /// Those of the contacts block (the last one wins where several name a pair), or else every pair that the
-  /// effects let meet.
+  /// Adds the rules of the contacts block (the last of several for one pair applies), or else one for every
+  /// pair whose effect is on.
   void add_contact_rules() {
     const auto add = [&](const ContactGroups::Group& a, const ContactGroups::Group& b, int material) {
       const auto effect = effect_of(a, b);
@@ -235,7 +235,7 @@ std::vector<hand::BuiltHand> build_hands(const std::vector<HandEntry>& hands) {
   for (std::size_t i = 0; i < hands.size(); ++i) try {
       out[i] = hand::build_hand(hands[i].model, hands[i].person);
     } catch (const Error& error) {
-      take_of_hand(error, i, hands[i], diagnostics);
+      add_hand_problems(error, i, hands[i], diagnostics);
     }
   diagnostics.throw_if_any();
   return out;

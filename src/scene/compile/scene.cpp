@@ -10,7 +10,7 @@ namespace handsim::scene {
 
 namespace {
 
-/// Torque limits of a person whose strength a task knows are scaled to it.
+/// Factors on the torque limits of the hands: a person's strength, if a task knows it, over the controller's.
 std::vector<double> strengths(const Scene& scene, const control::ControllerSpec& controller) {
   std::vector<double> out(scene.spec.hands.size(), 1);
   if (controller.grip_strength)
@@ -52,11 +52,11 @@ void check_climb_load(YamlNode& criteria, const Scene& scene, Diagnostics& diagn
                    "at most the climb's load.max");
 }
 
-/// Each value knows the YAML file that it comes from.
-void collect(const YamlNode& node, std::set<std::filesystem::path>& out) {
+/// Collects the YAML files from which a tree's values come.
+void collect_files(const YamlNode& node, std::set<std::filesystem::path>& out) {
   if (node.file) out.insert(*node.file);
-  for (const YamlNode& item : node.items) collect(item, out);
-  for (const YamlEntry& entry : node.entries) collect(entry.value, out);
+  for (const YamlNode& item : node.items) collect_files(item, out);
+  for (const YamlEntry& entry : node.entries) collect_files(entry.value, out);
 }
 
 }  // namespace
@@ -115,7 +115,7 @@ Scene load_scene(const std::filesystem::path& path, const std::vector<std::strin
     try {
       apply_override(root, assignment, diagnostics.budget);
     } catch (const Error& error) {
-      diagnostics.take(error);
+      diagnostics.add(error);
     }
   }
   diagnostics.throw_if_any();
@@ -124,7 +124,7 @@ Scene load_scene(const std::filesystem::path& path, const std::vector<std::strin
 
 std::vector<std::filesystem::path> files_read(const Scene& scene) {
   std::set<std::filesystem::path> out;
-  collect(scene.resolved, out);
+  collect_files(scene.resolved, out);
   for (const InputFile& input : scene.inputs) out.insert(input.path);
   return {out.begin(), out.end()};
 }

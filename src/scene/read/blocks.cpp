@@ -29,7 +29,7 @@ bool inline_file(MapReader& block, FileKind kind,
   try {
     follow_reference(*file, key, diagnostics.budget);
   } catch (const Error& error) {
-    diagnostics.take(error);
+    diagnostics.add(error);
     return false;
   }
   if (!is_of_kind(*file, key, kind, diagnostics)) return false;

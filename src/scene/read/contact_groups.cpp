@@ -15,10 +15,10 @@ using Owner = ContactGroups::Owner;
 using model::Effect;
 using model::Effects;
 
-/// Pairs of groups that rules let meet.
+/// Largest number of pairs of groups in all rules.
 constexpr std::size_t kMostPairs = 10'000'000;
 
-/// The groups that the scene's model will have; their numbers are not known yet, and 0.
+/// The names and owners of the groups of the scene's model; their numbers are not known yet: 0.
 ContactGroups groups_of(const SceneSpec& scene) {
   ContactGroups groups;
   for (const HandEntry& hand : scene.hands) groups.add_hand(hand.placement.name, {});
@@ -87,11 +87,11 @@ void check_contact_groups(const SceneSpec& scene, Diagnostics& diagnostics) {
                                       "fewer rules, or fewer objects named in them"});
       return;
     }
-    bool meets = false;
-    for_each_pair(groups, rule, [&](const auto& a, const auto& b) { meets = meets || effect_of(a, b); });
-    if (both && !meets)
+    bool touch = false;
+    for_each_pair(groups, rule, [&](const auto& a, const auto& b) { touch = touch || effect_of(a, b); });
+    if (both && !touch)
       diagnostics.problems.push_back({rule.place, path, rule.between[0] + " and " + rule.between[1],
-                                      "two groups that can meet: not ground and ground, not mechanism and "
+                                      "two groups that can touch: not ground and ground, not mechanism and "
                                       "mechanism"});
   }
 }

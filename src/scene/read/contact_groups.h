@@ -1,5 +1,4 @@
-// The contact groups of a scene under the names that its rules may call them by, and the effects that let
-// them meet.
+// The contact groups of a scene by the names that rules use, and the effects that their contacts need.
 #pragma once
 
 #include <map>
@@ -25,11 +24,11 @@ struct ContactGroups {
   void add_hand(const std::string& hand, const hand::HandGroups& groups);
 };
 
-/// The effect that lets two groups meet; nothing for the ground with itself and for parts of the mechanism
-/// among each other.
+/// The effect that contact of two groups needs; nothing for the ground with itself and for two parts of the
+/// mechanism, which never touch.
 std::optional<model::Effect> effect_of(const ContactGroups::Group& a, const ContactGroups::Group& b);
 
-/// visit(a, b) for each pair of groups that a rule names.
+/// Calls visit(a, b) for each pair of groups that a rule names.
 template <class Visit>
 void for_each_pair(const ContactGroups& groups, const ContactRuleSpec& rule, const Visit& visit) {
   const auto first = groups.by_name.find(rule.between[0]);
@@ -39,10 +38,10 @@ void for_each_pair(const ContactGroups& groups, const ContactRuleSpec& rule, con
     for (const ContactGroups::Group& b : second->second) visit(a, b);
 }
 
-/// True where a rule names the object, whose shapes are then a group of their own.
+/// True if a rule names the object; its shapes are then a group of their own.
 bool names_object(const ContactsSpec& contacts, const std::string& object);
 
-/// Problems: rules with names that the scene has not, or with groups that cannot meet.
+/// Problems: rules with unknown names, or with groups that never touch.
 void check_contact_groups(const SceneSpec& scene, Diagnostics& diagnostics);
 
 /// The effects that the rules of the contacts block need.

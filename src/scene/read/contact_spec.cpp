@@ -55,11 +55,11 @@ ContactsSpec read_contacts(MapReader& scene) {
   reader.each("materials", 0, kMostItems, [&](MapReader item) {
     if (!inline_file(item, FileKind::material, has_key)) return;
     if (item.has("file"))
-      item.problem("file", "a file that names another", "a file with the material itself");
+      item.problem("file", "a file that refers to another", "a file with the material itself");
     const std::string name = item.name("name");
     for (const model::Material& other : spec.materials)
       if (!name.empty() && other.name == name)
-        item.problem("name", name + " a second time", "a name of its own for each material");
+        item.problem("name", name + " a second time", "a unique name for each material");
     spec.materials.push_back(read_sourced_material(item, name));
   });
   if (reader.has("rules")) spec.rules.emplace();

@@ -22,16 +22,16 @@ struct ContactRuleSpec {
 
 struct ContactsSpec {
   std::vector<model::Material> materials;             ///< by name
-  std::optional<std::vector<ContactRuleSpec>> rules;  ///< absent: all that the effects let meet
+  std::optional<std::vector<ContactRuleSpec>> rules;  ///< absent: all pairs whose effect is on
 };
 
 ContactsSpec read_contacts(MapReader& reader);
 
-/// The material of a name; nothing, with a problem, where there is none.
+/// The material that the key names; nothing, with a problem, if it does not exist.
 std::optional<model::Material> named_material(MapReader& reader, std::string_view key,
                                               const std::vector<model::Material>& materials);
 
-/// Reads a material file as it stands.
+/// Reads a material file on its own.
 model::Material read_material_file(YamlNode& root, Diagnostics& diagnostics);
 
 }  // namespace handsim::scene

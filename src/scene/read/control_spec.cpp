@@ -12,7 +12,7 @@ namespace handsim::scene {
 
 namespace {
 
-/// The resolved scene names a motion file by its absolute path, because it is written to another folder.
+/// Motion files get absolute paths, because the resolved scene is written to another folder.
 control::ProgramChoice read_choice(YamlNode& node, const std::string& key) {
   control::ProgramChoice out{node.text, node.place(), key};
   if (control::is_motion_file(node.text))
@@ -23,7 +23,7 @@ control::ProgramChoice read_choice(YamlNode& node, const std::string& key) {
   return out;
 }
 
-/// One program for every hand, or one for each by its name.
+/// Reads one program for all hands, or a mapping of hands to programs.
 std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::vector<HandEntry>& hands,
                                                   bool has_tasks) {
   std::vector<control::ProgramChoice> out(hands.size());
@@ -51,7 +51,7 @@ std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::
   }
   for (const YamlEntry& given : node->entries)
     if (std::find(known.begin(), known.end(), given.key) == known.end())
-      programs.unknown_key(given, "a hand that the scene has not", known);
+      programs.unknown_key(given, "a hand that the scene does not have", known);
   for (const std::string& name : known)
     if (!has_tasks && !node->find(name))
       reader.problem("program", fmt::format("no program for hand {}", name),

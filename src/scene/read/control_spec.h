@@ -1,4 +1,4 @@
-// The `control:` block of a scene: which controller drives its hands through which program.
+// The `control` block of a scene: its controller, and the program of each hand.
 #pragma once
 
 #include <optional>
@@ -16,12 +16,12 @@ struct ControlSpec {
   control::ControllerSpec controller;
   std::optional<control::PoseFile> poses;
   std::vector<control::ProgramChoice> programs;  ///< one for each hand of the scene, in their order
-  bool allow_unstable = false;                   ///< lets explicit gains beyond their stability limit run
+  bool allow_unstable = false;                   ///< accepts explicit gains beyond their limit
   Place place;                                   ///< of the block
 };
 
 /// Reads `control`, following its references. @param hands of the scene, named.
-/// @param has_tasks tasks may drive hands without a program.
+/// @param has_tasks true if tasks may drive hands without a program.
 ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, bool has_tasks);
 
 }  // namespace handsim::scene

@@ -14,7 +14,7 @@ namespace handsim::scene {
 
 namespace {
 
-/// Frees what Qhull took.
+/// Frees Qhull's memory.
 struct Release {
   void operator()(qhT* qh) const {
     qh_freeqhull(qh, !qh_ALL);
@@ -31,7 +31,7 @@ Surface convex_hull(const std::vector<Vec3>& points) {
   qhT* qh = owner.get();
   qh_zero(qh, nullptr);
   std::vector<Vec3> input = points;
-  // Qhull merges coplanar facets into polygons. Its own messages about bad input are not shown.
+  // Qhull merges coplanar facets into polygons. Its messages about bad input are discarded.
   char options[] = "qhull Pp";
   const std::unique_ptr<FILE, int (*)(FILE*)> silence(std::fopen("/dev/null", "w"), &std::fclose);
   const int status = qh_new_qhull(qh, 3, static_cast<int>(input.size()), input.front().data(), False, options,
@@ -54,9 +54,9 @@ Surface convex_hull(const std::vector<Vec3>& points) {
     }
     qh_settempfree(qh, &corners);
     const auto at = [&](std::size_t i) { return hull.vertices[static_cast<std::size_t>(face[i])]; };
-    Vec3 turn = Vec3::Zero();
-    for (std::size_t i = 1; i + 1 < face.size(); ++i) turn += (at(i) - at(0)).cross(at(i + 1) - at(0));
-    if (turn.dot(Vec3(facet->normal[0], facet->normal[1], facet->normal[2])) < 0)
+    Vec3 normal = Vec3::Zero();
+    for (std::size_t i = 1; i + 1 < face.size(); ++i) normal += (at(i) - at(0)).cross(at(i + 1) - at(0));
+    if (normal.dot(Vec3(facet->normal[0], facet->normal[1], facet->normal[2])) < 0)
       std::reverse(face.begin(), face.end());
   }
   return hull;

@@ -8,15 +8,15 @@
 
 namespace handsim::scene {
 
-/// Polygons between points.
+/// Points and the polygons between them.
 struct Surface {
   std::vector<Vec3> vertices;
   std::vector<std::vector<int>> faces;
 };
 
-/// The points that are corners of the hull, and its flat faces, counter-clockwise from outside.
+/// The vertices of the hull and its planar faces, counter-clockwise seen from outside.
 /// @param points finite, at least 4.
-/// @throws Error (input) where they span no volume. Thread-safe.
+/// @throws Error (input) if they span no volume. Thread-safe.
 Surface convex_hull(const std::vector<Vec3>& points);
 
 }  // namespace handsim::scene

@@ -12,9 +12,9 @@ namespace {
 
 using Limits = std::vector<const char*>;
 const Limits kOfTracking = {"rms_error", "largest_error"}, kOfHolds = {"steady_error"},
-           kOfMovements = {"overshoot", "settling_time"};
+             kOfMovements = {"overshoot", "settling_time"};
 
-/// Those of the limits that are asked for.
+/// Reports a problem for each of these limits that the scene states.
 void refuse(MapReader& reader, const Limits& limits, const char* got, const char* need) {
   for (const char* limit : limits)
     if (reader.has(limit)) reader.problem(limit, got, std::string(need) + ", or no such limit");
@@ -25,7 +25,7 @@ bool has_tasks(const SceneSpec& scene, std::string_view list) {
                      [&](const auto& task) { return task->kind->list == list; });
 }
 
-/// Largest movement of any driven axis to a pose [rad]; nothing where no program goes to a pose.
+/// Largest movement of any driven axis to a pose [rad]; nothing without programs of poses.
 std::optional<double> largest_movement(const control::Plan& plan) {
   std::optional<double> largest;
   for (const control::DrivenAxis& axis : plan.axes) {
@@ -63,14 +63,14 @@ Criteria read_criteria(MapReader reader) {
 
 void check_criteria(MapReader reader, const SceneSpec& scene) {
   const model::Effects& effects = scene.solver.effects;
-  // Failures of the solver are counted in every scene.
+  // lcp_failures is measured in every scene.
   if (scene.hands.empty() && scene.mechanism.joints.empty())
     refuse(reader, {"joint_gap"}, "a limit in a scene without joints", "a hand or a joint");
   if (!effects.has(model::Effect::joint_stops))
     refuse(reader, {"stop_overshoot", "stop_rest"}, "a limit without the effect joint_stops",
            "joint_stops among the effects");
   if (!effects.any_contact())
-    refuse(reader, {"penetration", "tunnelling"}, "a limit where no effect lets anything touch",
+    refuse(reader, {"penetration", "tunnelling"}, "a limit in a scene without contact",
            "object_contact, self_contact or ground_contact among the effects");
   if (!has_tasks(scene, "grasps"))
     refuse(reader, {"grasp_slip"}, "a limit in a scene without grasps", "a grasps block");
@@ -88,7 +88,7 @@ void check_tracked(YamlNode& root, const control::Plan& plan, Diagnostics& diagn
   const std::optional<double> movement = largest_movement(plan);
   if (plan.axes.empty()) {
     for (const Limits& some : {kOfTracking, kOfHolds, kOfMovements})
-      refuse(reader, some, "a limit where the controller drives no joint", "gains for some joint");
+      refuse(reader, some, "a limit in a scene whose controller drives no joint", "gains for some joint");
   } else if (!movement) {
     for (const Limits& some : {kOfHolds, kOfMovements})
       refuse(reader, some, "a limit with a motion file, which holds no pose", "a program of poses");

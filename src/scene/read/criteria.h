@@ -1,5 +1,5 @@
-// Limits that decide whether a run has succeeded: read, and refused where the scene can never measure their
-// figure: such a limit would seem to be kept.
+// Reads the limits that decide whether a run has succeeded. Refuses limits on figures that the scene does not
+// measure: they would always pass.
 #pragma once
 
 #include <optional>
@@ -11,7 +11,7 @@ namespace handsim::scene {
 
 struct SceneSpec;
 
-/// Limits of the tracking figures; absent ones are measured but not judged.
+/// Limits of the tracking figures; figures without a limit are only reported.
 struct TrackingCriteria {
   std::optional<double> rms_error;      ///< of the worst joint over the run [rad]
   std::optional<double> largest_error;  ///< of any joint at any step [rad]
@@ -20,25 +20,25 @@ struct TrackingCriteria {
   std::optional<double> settling_time;  ///< longest, to 2 % of a movement [s]
 };
 
-/// Limits that decide whether a run has succeeded; absent ones are measured but not judged.
+/// Limits that decide whether a run has succeeded; figures without a limit are only reported.
 struct Criteria {
   std::optional<double> joint_gap;       ///< largest gap of any joint at any step [m]
   std::optional<double> stop_overshoot;  ///< largest overshoot of a stop beyond impact rate times step [rad]
   std::optional<double> stop_rest;       ///< largest overshoot of a stop at the end [rad]
-  std::optional<int> lcp_failures;       ///< in all
+  std::optional<int> lcp_failures;       ///< of the LCP solver in the run
   std::optional<double> penetration;     ///< largest depth of any contact at any step [m]
-  std::optional<int> tunnelling;         ///< pairs of shapes that passed or lay deep in each other
+  std::optional<int> tunnelling;         ///< pairs of shapes that passed through or deep into each other
   std::optional<double> grasp_slip;      ///< mean drift of a grasped object in the palm during the hold [m/s]
-  std::optional<double> climb_load;      ///< least load that a climb is to carry [N]
+  std::optional<double> climb_load;      ///< least load that a climb must carry [N]
   TrackingCriteria tracking;             ///< of a controlled scene
 };
 
 Criteria read_criteria(MapReader reader);
 
-/// Problems: limits of what the scene has not. Its content, effects and solver have to be read.
+/// Problems: limits on figures that the scene does not measure. Call after all other blocks are read.
 void check_criteria(MapReader reader, const SceneSpec& scene);
 
-/// Problems: limits of poses and movements that the hands' programs have not. @param root of the scene.
+/// Problems: limits on holds and movements that the hands' programs do not have. @param root of the scene.
 void check_tracked(YamlNode& root, const control::Plan& plan, Diagnostics& diagnostics);
 
 }  // namespace handsim::scene

@@ -14,8 +14,8 @@ namespace {
 using model::Effect;
 using model::Effects;
 
-/// The smallest set of effects that the scene's content needs. Contact of a hand with itself is never
-/// implied, unless a contact rule asks for it.
+/// The smallest set of effects that the scene's content needs. Self contact of a hand is
+/// included only if a contact rule needs it.
 Effects needed_effects(const SceneSpec& scene) {
   Effects effects;
   effects.add(Effect::gravity);
@@ -64,7 +64,7 @@ void read_effect(const YamlNode& item, const std::string& path, Effects& effects
   if (item.text == "step_guard") {
     diagnostics.problems.push_back(
         {item.place(), path, "step_guard",
-         "physics alone: the guard is a setting of engine ode, solver: {guard: true}"});
+         "a physical effect: the guard is a setting of engine ode, solver: {guard: true}"});
     return;
   }
   if (at == known.end()) {
@@ -77,7 +77,7 @@ void read_effect(const YamlNode& item, const std::string& path, Effects& effects
   effects.add(effect);
 }
 
-/// True where an axis of the mechanism's joints is as asked.
+/// True if any axis of the mechanism's joints fulfils the predicate.
 template <class Predicate>
 bool any_axis(const MechanismSpec& mechanism, Predicate predicate) {
   return std::any_of(mechanism.joints.begin(), mechanism.joints.end(), [&](const MechanismJointSpec& joint) {
@@ -86,19 +86,19 @@ bool any_axis(const MechanismSpec& mechanism, Predicate predicate) {
 }
 
 bool any_tissue(const SceneSpec& scene) {
-  const auto soft = [](const hand::JointSpec& joint) {
+  const auto has_tissue = [](const hand::JointSpec& joint) {
     return std::any_of(joint.axes.begin(), joint.axes.end(),
                        [](const model::JointAxis& axis) { return axis.tissue; });
   };
   for (const HandEntry& hand : scene.hands) {
-    if (soft(hand.model.wrist)) return true;
+    if (has_tissue(hand.model.wrist)) return true;
     for (const hand::SegmentSpec& segment : hand.model.segments)
-      if (soft(segment.joint)) return true;
+      if (has_tissue(segment.joint)) return true;
   }
   return false;
 }
 
-/// Effects without anything to act on, and content whose effect is not asked for.
+/// Problems: effects without anything to act on, and content whose effect is off.
 void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& effects) {
   bool driven = false;
   for (const HandEntry& hand : scene.hands) driven = driven || hand.placement.mount == hand::Mount::driven;
@@ -112,9 +112,9 @@ void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& eff
   check(effects.has(Effect::ground_contact) && !scene.ground, "ground_contact without a ground",
         "both or neither");
   check(effects.has(Effect::object_contact) && scene.objects.empty(), "object_contact without objects",
-        "objects to touch");
+        "at least one object");
   check(effects.has(Effect::self_contact) && scene.hands.empty(), "self_contact without hands",
-        "a hand to touch itself");
+        "at least one hand");
   const bool stops = !scene.hands.empty() || any_axis(scene.mechanism, [](const model::JointAxis& axis) {
     return axis.stop.has_value();
   });
@@ -130,7 +130,7 @@ void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& eff
             (name + " among the effects, or no such rule").c_str());
       check(!of_rules.has(effect) && effects.has(effect),
             (name + " without a contact rule that needs it").c_str(),
-            "a rule that says who meets whom, or no rules at all");
+            "a rule with groups that need it, or no rules");
     }
   }
   check(effects.has(Effect::friction) && !effects.any_contact(), "friction without contact",
@@ -171,7 +171,7 @@ Effects read_effects(MapReader& reader, const SceneSpec& scene) {
   }
   for (std::size_t i = 0; i < node->items.size(); ++i)
     read_effect(node->items[i], item_path(reader.path_of("effects"), i), effects, reader.diagnostics());
-  // Content that could not be read would be missed.
+  // With problems, some content was not read: the check would report its effects as unused.
   if (reader.sound()) check_effects(reader, scene, effects);
   return effects;
 }

@@ -1,14 +1,14 @@
-// The `effects` of a scene: which it asks for, which it needs, and whether the two agree.
+// Reads the `effects` of a scene and checks them against its content.
 #pragma once
 
 #include "handsim/scene/read/scene_spec.h"
 
 namespace handsim::scene {
 
-/// The `effects` list, with `auto` resolved and written out. Reads nothing but the scene's content.
+/// The `effects` list; `auto` is replaced by the effects that the scene's content needs.
 model::Effects read_effects(MapReader& reader, const SceneSpec& scene);
 
-/// Effects that the solver's engine or method does not have.
+/// Problems: effects that the solver's engine or method does not have.
 void check_engine(MapReader& reader, const engine::Settings& solver);
 
 }  // namespace handsim::scene

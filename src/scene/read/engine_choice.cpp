@@ -27,17 +27,17 @@ CostRow read_row(MapReader reader) {
   return row;
 }
 
-/// A body that is the child of several joints, or joints that form a ring.
+/// True if joints form a closed loop.
 bool has_loop(const MechanismSpec& mechanism) {
-  std::map<std::string, std::string> up;
-  const auto top = [&](std::string body) {
-    while (up.contains(body)) body = up[body];
+  std::map<std::string, std::string> parent_of;
+  const auto root_of = [&](std::string body) {
+    while (parent_of.contains(body)) body = parent_of[body];
     return body;
   };
   for (const MechanismJointSpec& joint : mechanism.joints) {
-    const std::string a = top(joint.parent), b = top(joint.child);
+    const std::string a = root_of(joint.parent), b = root_of(joint.child);
     if (a == b) return true;
-    up[b] = a;
+    parent_of[b] = a;
   }
   return false;
 }
@@ -56,15 +56,15 @@ std::string_view described(SceneKind kind) {
     case SceneKind::loop:
       return "free motion with closed loops";
     case SceneKind::stops:
-      return "motion that meets joint stops";
+      return "motion with joint stops";
     case SceneKind::contact:
       return "motion with contact";
   }
   return {};
 }
 
-/// The scene asks for what the row's engine does not have.
-bool refused(const CostRow& row, const SceneSpec& scene, bool guarded) {
+/// True if the row's engine cannot run the scene.
+bool unsuitable(const CostRow& row, const SceneSpec& scene, bool guarded) {
   const EngineKind engine = row.solver.engine();
   if (engine != EngineKind::ode && guarded) return true;
   return engine == EngineKind::dae && scene.control.has_value();
@@ -74,7 +74,7 @@ void put(YamlNode& map, std::string_view key, std::string value) {
   yaml_put(map, std::string(key), yaml_scalar(std::move(value)));
 }
 
-/// Engine, step and what the engine has of its own.
+/// Writes engine, step and the engine's own settings.
 void put_settings(YamlNode& map, const engine::Settings& solver) {
   put(map, "engine", std::string(engine::name(solver.engine())));
   put(map, "step", number(solver.step));
@@ -106,19 +106,19 @@ std::string text_of(const CostRow& row) {
   return out;
 }
 
-/// Where the scene lies outside what was measured.
-std::vector<std::string> beyond(const SceneSpec& scene, const CostTable& table, double duration) {
+/// Warnings for a scene outside the range of the measurements.
+std::vector<std::string> extrapolations(const SceneSpec& scene, const CostTable& table, double duration) {
   std::vector<std::string> out;
   if (duration > 1.5 * table.duration)
-    out.push_back(fmt::format("errors were measured over {:g} s, and grow with time: the scene takes {:g} s",
+    out.push_back(fmt::format("errors were measured over {:g} s and grow with time: the scene lasts {:g} s",
                               table.duration, duration));
   if (table.kind != SceneKind::loop && has_loop(scene.mechanism))
-    out.push_back(fmt::format("nothing was measured of closed loops beside {}",
+    out.push_back(fmt::format("there is no measurement of closed loops together with {}",
                               kSceneKindNames[static_cast<std::size_t>(table.kind)]));
   return out;
 }
 
-/// The table beside the scene, or else the one that ships with handsim.
+/// The table beside the scene, or else the installed one.
 YamlNode default_costs(const YamlNode& scene, const YamlNode& engine) {
   const char* name = "accuracy_costs.yaml";
   std::error_code failure;
@@ -177,7 +177,7 @@ YamlNode write_costs(const std::vector<CostTable>& tables) {
 
 namespace {
 
-/// The tables that the block names, or else the default ones. None, with problems, where they cannot be read.
+/// The tables that the block names, or else the default ones; none, with problems, if they cannot be read.
 std::vector<CostTable> tables_of(MapReader& block, const YamlNode& scene, const YamlNode& engine) {
   const std::string key = block.path_of("costs");
   const YamlNode* given = referenced(block, "costs", FileKind::costs, false);
@@ -187,25 +187,25 @@ std::vector<CostTable> tables_of(MapReader& block, const YamlNode& scene, const 
     follow_reference(costs, key, block.diagnostics().budget);
     return read_costs(costs, key, block.diagnostics());
   } catch (const Error& error) {
-    block.diagnostics().take(error);
+    block.diagnostics().add(error);
   }
   return {};
 }
 
-/// The cheapest row that reaches the accuracy; none, with a problem, where no row does.
+/// The cheapest row that reaches the accuracy; null, with a problem, if no row does.
 const CostRow* cheapest(const CostTable& table, const SceneSpec& scene, double accuracy, bool guarded,
                         MapReader& block) {
   const CostRow* best = nullptr;
   double least = std::numeric_limits<double>::infinity();
   for (const CostRow& row : table.rows) {
-    if (refused(row, scene, guarded)) continue;
+    if (unsuitable(row, scene, guarded)) continue;
     least = std::min(least, row.error);
     if (row.error <= accuracy && (!best || row.cost < best->cost)) best = &row;
   }
   if (!best)
     block.problem("accuracy", number(accuracy),
-                  fmt::format("{:.3g} or more: the best that was measured of {}, on {}", least,
-                              described(table.kind), table.scene));
+                  fmt::format("{:.3g} or more: the best measured for {}, on {}", least, described(table.kind),
+                              table.scene));
   return best;
 }
 
@@ -223,10 +223,9 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
   refuse_keys(
       block,
       [&](const YamlEntry& entry) -> std::optional<std::string> {
-        // The file has it for its own engine.
-        const bool passed_over =
-            entry.key == "guard" && of_command_line(engine) && !of_command_line(entry.value);
-        if (passed_over) return "";
+        // A guard in the file is for the file's own engine.
+        const bool ignored = entry.key == "guard" && of_command_line(engine) && !of_command_line(entry.value);
+        if (ignored) return "";
         for (const char* key : {"method", "step", "erp", "cfm", "iterations", "projection", "tolerance"})
           if (entry.key == key) return "nothing: engine auto chooses it";
         return std::nullopt;
@@ -245,7 +244,7 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
       std::find_if(tables.begin(), tables.end(), [&](const CostTable& each) { return each.kind == kind; });
   if (table == tables.end())
     return block.problem("engine", "auto",
-                         fmt::format("an engine: nothing was measured of scenes of kind {}",
+                         fmt::format("a named engine: there is no measurement of scenes of kind {}",
                                      kSceneKindNames[static_cast<std::size_t>(kind)]));
   const CostRow* best = cheapest(*table, scene, accuracy, guard.has_value(), block);
   if (!best) return;
@@ -257,10 +256,10 @@ void choose_engine(MapReader& reader, SceneSpec& scene) {
     scene.solver.ode().seed = seed;
   }
   scene.engine_choice = fmt::format(
-      "{}: the cheapest of what reaches {:g} on {} ({}), with an error of {:.2g} and {:.3g} CPU seconds a "
-      "second",
+      "{}: the cheapest that reaches {:g} on {} ({}), with an error of {:.2g} and {:.3g} CPU seconds per "
+      "simulated second",
       text_of(*best), accuracy, table->scene, described(kind), best->error, best->cost);
-  for (const std::string& text : beyond(scene, *table, duration_of(reader, scene)))
+  for (const std::string& text : extrapolations(scene, *table, duration_of(reader, scene)))
     reader.warning("solver", "engine auto: " + text);
   block.node().entries.clear();
   put_settings(block.node(), scene.solver);

@@ -1,5 +1,5 @@
-// Engine `auto`: from what accuracy studies measured of scenes of four kinds, the cheapest engine, method and
-// step that reaches a stated accuracy. Private to this folder but for the kinds' names.
+// Engine `auto`: chooses the cheapest engine, method and step that reach a stated accuracy, from measurements
+// of accuracy studies on scenes of four kinds.
 #pragma once
 
 #include <array>
@@ -9,34 +9,34 @@
 
 namespace handsim::scene {
 
-/// What decides which methods apply and how well they do: trees of bodies in free motion, the same with
-/// closed loops, motion that meets joint stops, and contact.
+/// Kinds of scenes that differ in which methods apply and in their accuracy: trees of bodies in free motion,
+/// the same with closed loops, motion with joint stops, and contact.
 enum class SceneKind { tree, loop, stops, contact };
 inline constexpr std::array<std::string_view, 4> kSceneKindNames = {"tree", "loop", "stops", "contact"};
 
 /// A line of the table of costs.
 struct CostRow {
-  double error = 0;  ///< RMS of what the rates err by, over the RMS of the rates
+  double error = 0;  ///< RMS error of the rates over the RMS of the rates
   double cost = 0;   ///< CPU seconds per simulated second of the study's scene
   engine::Settings solver;
 };
 
-/// What was measured of scenes of one kind.
+/// Measurements on a scene of one kind.
 struct CostTable {
   SceneKind kind = SceneKind::tree;
-  std::string scene;    ///< that it was measured on
+  std::string scene;    ///< the scene measured
   double duration = 0;  ///< of the measurement [s]
   std::vector<CostRow> rows;
 };
 
-/// `kinds`, by the accuracy study (config/accuracy_costs.yaml).
+/// Reads the tables of an accuracy study (config/accuracy_costs.yaml).
 std::vector<CostTable> read_costs(YamlNode& root, const std::string& path, Diagnostics& diagnostics);
-/// The same as a tree; steps in seconds.
+/// The same tables as a tree; steps in seconds.
 YamlNode write_costs(const std::vector<CostTable>& tables);
 
-/// The `solver` block that says `engine: auto`: sets SceneSpec::solver to what the table of costs has, and
-/// SceneSpec::engine_choice to what was chosen and why; the block then holds the choice. Of `guard`, `seed`
-/// and `speculative` the engine chosen takes what it has; a guard leaves engine ode alone to choose from.
+/// Reads a `solver` block with `engine: auto`: sets SceneSpec::solver from the table of costs and
+/// SceneSpec::engine_choice to the choice and its reason, and writes the choice into the block. `guard`,
+/// `seed` and `speculative` apply if the chosen engine has them; with a guard, only engine ode can be chosen.
 void choose_engine(MapReader& reader, SceneSpec& scene);
 
 }  // namespace handsim::scene

@@ -16,7 +16,7 @@ struct Row {
   std::array<std::string_view, 3> marks;  ///< keys that only this kind has
 };
 
-/// Scenes first, because they may contain the others; materials last, because objects have their mark, too.
+/// Scenes first, because they may contain the others; materials last, because objects also have `friction`.
 constexpr std::array<Row, 13> kRows = {{
     {FileKind::scene, "a scene", "hands, effects, duration", {"hands", "objects", "bodies"}},
     {FileKind::person, "a person", "stature, mass, sex", {"stature"}},

@@ -1,4 +1,4 @@
-// Which of handsim's kinds of file a YAML tree is, so that one file in another's place is one clear message.
+// Recognises the kind of a handsim file, so that a file in the wrong place gives one clear message.
 #pragma once
 
 #include <optional>
@@ -28,10 +28,10 @@ enum class FileKind {
 /// `a scene`, `a person`, ...
 std::string_view described(FileKind kind);
 
-/// The kind that a tree's keys show, if they show one.
+/// The kind that a tree's keys indicate, if any.
 std::optional<FileKind> kind_of(const YamlNode& root);
 
-/// False, with a problem, for a tree that is empty, no mapping, or plainly of another kind than `wanted`.
+/// False, with a problem, for a tree that is empty, not a mapping, or of another kind than `wanted`.
 bool is_of_kind(const YamlNode& root, const std::string& path, FileKind wanted, Diagnostics& diagnostics);
 
 }  // namespace handsim::scene

@@ -12,18 +12,18 @@ namespace handsim::scene {
 
 namespace {
 
-const Quantity kMoment = {Dimension::time, 0, 1e6};
-/// Rigid bodies by the thousand are beyond any solver here.
+const Quantity kKeyTime = {Dimension::time, 0, 1e6};
+/// About a thousand bodies, the most that the engines can step in reasonable time.
 constexpr std::size_t kMostHands = 60;
 constexpr std::size_t kMostKeyframes = 100'000;
 
-/// @param last time of the keyframe before, where it is known; set to this one's.
+/// @param last time of the previous keyframe, if known; set to this one's.
 model::PoseKey read_keyframe(MapReader reader, std::optional<double>& last) {
   model::PoseKey out;
-  out.time = reader.number("time", kMoment);
+  out.time = reader.number("time", kKeyTime);
   const bool known = reader.has("time") && reader.sound();
   if (known && last && out.time <= *last)
-    reader.problem("time", fmt::format("{:g} s after {:g} s", out.time, *last), "times that rise");
+    reader.problem("time", fmt::format("{:g} s after {:g} s", out.time, *last), "increasing times");
   if (known) last = out.time;
   out.pose = read_pose(reader);
   reader.finish();
@@ -63,7 +63,7 @@ void read_wrist(MapReader reader, const Tasks& tasks, hand::Placement& placement
                                                 {"driven", hand::Mount::driven},
                                                 {"rail", hand::Mount::rail}},
                                                hand::Mount::fixed);
-  // Which other keys may stand here depends on the mount.
+  // The mount decides which other keys are allowed.
   if (!reader.sound()) return;
   const bool placed = std::any_of(tasks.begin(), tasks.end(),
                                   [&](const auto& task) { return task->kind->mount == placement.mount; });
@@ -78,12 +78,12 @@ void read_wrist(MapReader reader, const Tasks& tasks, hand::Placement& placement
     placement.angular_velocity = reader.vector("angular_velocity", kAngularVelocity, Vec3::Zero());
   }
   if (placement.mount == hand::Mount::rail && reader.has("along"))
-    placement.along = reader.direction("along");
+    placement.rail_direction = reader.direction("along");
   refuse_keys_of_other_mounts(reader, placement.mount);
   reader.finish();
 }
 
-/// @param axes how many of the joint's axes the hand has.
+/// @param axes number of the joint's axes that the hand has.
 void read_joint_angles(MapReader& pose, const hand::JointSpec& joint, std::size_t axes, const YamlNode& value,
                        std::vector<double>& out) {
   const std::string& name = joint.name;
@@ -103,7 +103,7 @@ void read_joint_angles(MapReader& pose, const hand::JointSpec& joint, std::size_
   }
 }
 
-/// @param known false: the hand model could not be read, and any joint may be meant.
+/// @param known false if hand model or wrist could not be read: any joint is then accepted.
 void read_start_pose(MapReader& reader, HandEntry& entry, bool known) {
   if (!reader.has("pose")) return;
   MapReader pose = reader.map("pose");

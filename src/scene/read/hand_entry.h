@@ -12,7 +12,7 @@ namespace handsim::scene {
 struct HandEntry {
   hand::HandSpec model;
   hand::Person person;
-  hand::Placement placement;  ///< where no task gives the wrist another
+  hand::Placement placement;  ///< unless a task moves the wrist
   Place place;                ///< in the file, for problems found later
 
   bool has_wrist_joint() const {
@@ -20,8 +20,8 @@ struct HandEntry {
   }
 };
 
-/// Absent: none. Hands are named `right`, `left`, and `right2`, ... where a scene has more of a side.
-/// @param tasks where they place hands of a mount, a driven wrist may lack a motion, and a rail has no place.
+/// Reads `hands`; may be absent. Hands are named `right`, `left`, `right2`, ...
+/// @param tasks if they place hands of a mount, driven wrists may lack a motion, and rails have no pose.
 std::vector<HandEntry> read_hands(MapReader& reader, const Tasks& tasks);
 
 }  // namespace handsim::scene

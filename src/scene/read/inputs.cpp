@@ -19,7 +19,7 @@ void visit_mesh(YamlNode& solid, const Visit& visit) {
   if (YamlNode* mesh = solid.find("mesh")) visit(*mesh);
 }
 
-/// Every value that is the path of a file. All other references have been filled in.
+/// Visits every value that is the path of a file. All other references were replaced by their content.
 void each_path(YamlNode& scene, const Visit& visit) {
   if (YamlNode* objects = scene.find("objects"))
     for (YamlNode& object : objects->items) {
@@ -42,7 +42,7 @@ void each_path(YamlNode& scene, const Visit& visit) {
 
 constexpr const char* kFolder = "inputs";
 
-/// Of a file name that every system takes.
+/// True for characters that every file system allows.
 bool is_plain(char c) {
   const bool letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
   return letter || c == '.' || c == '_' || c == '-';
@@ -63,7 +63,7 @@ std::string numbered(const std::string& name, int number) {
   return fmt::format("{}-{}{}", path.stem().string(), number, path.extension().string());
 }
 
-/// Memory as the reader counts it: values and keys.
+/// Memory of a tree by the rule of the YAML reader.
 std::size_t memory_of(const YamlNode& node) {
   std::size_t bytes = kYamlNodeBytes + node.text.size();
   for (const YamlNode& item : node.items) bytes += memory_of(item);
@@ -85,7 +85,7 @@ std::vector<InputFile> collect_inputs(YamlNode& resolved) {
     const auto taken = [&](const InputFile& file) { return file.copy == copy; };
     for (int number = 2; std::any_of(out.begin(), out.end(), taken); ++number)
       copy = fmt::format("{}/{}", kFolder, numbered(name, number));
-    // Motion files are the largest that a scene may name.
+    // Of all input files, motion files have the largest size limit.
     out.push_back({path, copy,
                    std::make_shared<const std::string>(
                        read_input_file(path, "a file that the scene reads", control::kMotionMaxBytes))});

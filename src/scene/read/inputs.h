@@ -1,5 +1,5 @@
-// What a run reads that YAML does not hold: meshes and motion files. A resolved scene names copies of them,
-// so that it stands alone; here are the copies' names and bytes, and the resolved scene's text.
+// Input files of a run other than YAML: meshes and motion files. A resolved scene refers to copies of them,
+// so that it is self-contained. This module names the copies and writes the text of the resolved scene.
 #pragma once
 
 #include <filesystem>
@@ -13,23 +13,23 @@ namespace handsim::scene {
 
 /// A file that a scene reads, as it was when the scene was read.
 struct InputFile {
-  std::filesystem::path path;  ///< where it was read, absolute
-  std::string copy;            ///< where the resolved scene has it, relative to itself: `inputs/wave.mot`
+  std::filesystem::path path;  ///< absolute path of the original
+  std::string copy;            ///< path of the copy, relative to the resolved scene: `inputs/wave.mot`
   std::shared_ptr<const std::string> bytes;  ///< its content
 };
 
 /// The meshes and motion files that a resolved scene names by absolute paths, each once, in the order of the
-/// scene; files of one name in several folders get a number. @throws Error (input) where one cannot be read.
+/// scene; files of equal names in several folders get a number. @throws Error (input) if one cannot be read.
 std::vector<InputFile> collect_inputs(YamlNode& resolved);
 
-/// The scene with its files' copies in place of the files: the content of resolved.yaml.
+/// The scene with the paths of the copies in place of the originals: the content of resolved.yaml.
 YamlNode standalone(YamlNode resolved, const std::vector<InputFile>& inputs);
 
-/// Its text. @throws Error (input) where it is more than the reader takes.
+/// The text of standalone(). @throws Error (input) if it exceeds the limits of the reader.
 std::string standalone_text(const YamlNode& resolved, const std::vector<InputFile>& inputs);
 
-/// The copies that the resolved scene of an earlier run names, relative to it; none where the file is missing
-/// or no such scene.
+/// The copies that the resolved scene of an earlier run names, relative to it; none if the file is missing or
+/// not such a scene.
 std::vector<std::string> copies_named_in(const std::filesystem::path& resolved);
 
 }  // namespace handsim::scene

@@ -17,7 +17,7 @@ using model::JointKind;
 
 constexpr std::size_t kMostBodies = 1000;
 
-/// `rotation`, or `z_axis`: the shortest turn that takes the body's z axis there.
+/// `rotation`, or the shortest rotation of the body's z axis to `z_axis`.
 Quat read_orientation(MapReader& reader) {
   Quat rotation = reader.rotation("rotation");
   if (!reader.has("z_axis")) return rotation;
@@ -48,17 +48,16 @@ BodySpec read_body(MapReader reader, const std::vector<model::Material>& materia
   if (reader.has("shape")) body.shape = read_shape(reader.map("shape"));
   body.collides = reader.flag("collides", false);
   body.material = read_surface(reader, body.name, materials);
-  if (body.collides && !body.shape)
-    reader.problem("collides", "true without a shape", "a shape to touch with");
+  if (body.collides && !body.shape) reader.problem("collides", "true without a shape", "a shape");
   reader.finish();
   return body;
 }
 
-model::JointAxis read_axis(MapReader reader, bool slides) {
+model::JointAxis read_axis(MapReader reader, bool slider) {
   model::JointAxis axis;
   axis.name = reader.name("name");
   axis.axis = reader.direction("axis");
-  const Quantity range = slides ? kCoordinate : Quantity{Dimension::angle, -M_PI, M_PI};
+  const Quantity range = slider ? kCoordinate : Quantity{Dimension::angle, -M_PI, M_PI};
   if (const auto stop = reader.maybe_range("range", range)) {
     axis.stop = model::Stop{stop->first, stop->second, 0};
     axis.stop->bounce = reader.number("bounce", {Dimension::none, 0, 1}, 0.0);
@@ -69,11 +68,11 @@ model::JointAxis read_axis(MapReader reader, bool slides) {
 }
 
 void check_axes(MapReader& reader, const MechanismJointSpec& joint) {
-  const std::size_t wanted =
+  const std::size_t needed =
       joint.kind == JointKind::ball ? 0 : static_cast<std::size_t>(model::dof_count(joint.kind));
-  if (joint.axes.size() != wanted)
+  if (joint.axes.size() != needed)
     return reader.problem("axes", fmt::format("a list of {}", joint.axes.size()),
-                          fmt::format("a list of {} for this type of joint", wanted));
+                          fmt::format("a list of {} for this type of joint", needed));
   hand::check_axis_pair(reader, joint.axes);
 }
 
@@ -89,8 +88,8 @@ MechanismJointSpec read_joint(MapReader reader) {
   joint.parent = reader.text("parent", "world");
   joint.child = reader.name("child");
   joint.position = reader.vector("position", kCoordinate);
-  const bool turns = joint.kind != JointKind::ball;
-  reader.each("axes", kind_known && turns ? 1 : 0, 2, [&](MapReader axis) {
+  const bool needs_axes = joint.kind != JointKind::ball;
+  reader.each("axes", kind_known && needs_axes ? 1 : 0, 2, [&](MapReader axis) {
     joint.axes.push_back(read_axis(std::move(axis), joint.kind == JointKind::slider));
   });
   if (reader.sound()) check_axes(reader, joint);
@@ -98,19 +97,19 @@ MechanismJointSpec read_joint(MapReader reader) {
   return joint;
 }
 
-/// Names must be new.
+/// Names must be unique.
 void check_bodies(MapReader& scene, const std::vector<BodySpec>& bodies, std::vector<std::string> taken) {
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const std::string& name = bodies[i].name;
     if (!name.empty() && std::find(taken.begin(), taken.end(), name) != taken.end())
       scene.diagnostics().problems.push_back(
           {bodies[i].place, item_path("bodies", i) + ".name", name + " a second time",
-           "a name of its own for each body and object, other than world and ground"});
+           "a unique name for each body and object, other than world and ground"});
     taken.push_back(name);
   }
 }
 
-/// Names must be new, and joints must know their bodies.
+/// Names must be unique, and the bodies of joints must exist.
 void check_joints(MapReader& scene, const MechanismSpec& spec) {
   std::vector<std::string> known = {"world"};
   for (const BodySpec& body : spec.bodies) known.push_back(body.name);
@@ -130,7 +129,7 @@ void check_joints(MapReader& scene, const MechanismSpec& spec) {
       problem(".child", joint.child, "a body other than the parent and the world");
     for (std::size_t k = 0; k < i; ++k)
       if (spec.joints[k].name == joint.name)
-        problem(".name", joint.name + " a second time", "a name of its own for each joint");
+        problem(".name", joint.name + " a second time", "a unique name for each joint");
   }
 }
 

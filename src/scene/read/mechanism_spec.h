@@ -1,5 +1,4 @@
-// The `bodies` and `joints` of a scene: mechanisms, given in the world at their starting pose, such as the
-// slider-crank that handsim is calibrated on.
+// The `bodies` and `joints` of a scene: mechanisms such as a slider-crank, given in the world at their start.
 #pragma once
 
 #include <string>
@@ -25,7 +24,7 @@ struct BodySpec {
   Place place;
 };
 
-/// A joint; coordinates are zero as it stands.
+/// A joint; its coordinates are zero at the start.
 struct MechanismJointSpec {
   std::string name;
   model::JointKind kind = model::JointKind::hinge;
@@ -41,7 +40,7 @@ struct MechanismSpec {
   std::vector<MechanismJointSpec> joints;
 };
 
-/// Reads `bodies` and `joints` of a scene, where it has them. @param taken names that no body may have.
+/// Reads `bodies` and `joints` of a scene; both may be absent. @param taken names that no body may have.
 MechanismSpec read_mechanism(MapReader& scene, std::vector<std::string> taken,
                              const std::vector<model::Material>& materials);
 

@@ -18,11 +18,11 @@ namespace handsim::scene {
 namespace {
 
 constexpr std::size_t kMostCorners = 1000;
-/// Share of a mesh's size by which its surface may lie inside the hull; formats round to single precision.
+/// Largest depth of the surface inside the hull, per size of the mesh: formats round to single precision.
 constexpr double kFlat = 1e-4;
 constexpr double kThinnest = 1e-4, kLargest = 100;
 constexpr const char* kSolid = "a solid body, nowhere thinner than 0.0001 m";
-/// Share of the hull's area that may lie under no face of the mesh.
+/// Largest fraction of the hull's area without a face of the mesh.
 constexpr double kUncovered = 1e-3;
 
 [[noreturn]] void refuse(std::string got, std::string need) {
@@ -31,7 +31,7 @@ constexpr double kUncovered = 1e-3;
 
 using Triangle = std::array<Vec3, 3>;
 
-/// Scaled; polygons as fans.
+/// Triangles of a scaled surface; polygons as triangle fans.
 std::vector<Triangle> triangles_of(const Surface& surface, double scale = 1) {
   std::vector<Triangle> out;
   const auto point = [&](int vertex) -> Vec3 {
@@ -43,8 +43,8 @@ std::vector<Triangle> triangles_of(const Surface& surface, double scale = 1) {
   return out;
 }
 
-/// Edges that do not belong to exactly two faces; corners at one place are one corner.
-int odd_edges(const Surface& surface) {
+/// Number of edges that do not belong to exactly two faces; coincident corners count as one.
+int count_open_edges(const Surface& surface) {
   const auto before = [](const Vec3& a, const Vec3& b) {
     return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
   };
@@ -71,8 +71,8 @@ double area_of(const std::vector<Triangle>& triangles) {
   return sum;
 }
 
-/// How far the surface of a mesh lies inside its hull: the most that any triangle's plane has above it.
-double dent(const std::vector<Triangle>& triangles, const std::vector<Vec3>& corners) {
+/// Largest depth of a mesh's surface inside its hull: largest height of a corner above a triangle's plane.
+double depth_in_hull(const std::vector<Triangle>& triangles, const std::vector<Vec3>& corners) {
   double deepest = 0;
   for (const Triangle& t : triangles) {
     const Vec3 normal = (t[1] - t[0]).cross(t[2] - t[0]);
@@ -83,13 +83,13 @@ double dent(const std::vector<Triangle>& triangles, const std::vector<Vec3>& cor
       above = std::max(above, n.dot(corner - t[0]));
       below = std::max(below, -n.dot(corner - t[0]));
     }
-    // Files differ in the order of a triangle's corners.
+    // The orientation of triangles is not reliable.
     deepest = std::max(deepest, std::min(above, below));
   }
   return deepest;
 }
 
-/// Least distance of two parallel planes that hold all of it [m].
+/// Least distance between a face and the parallel support plane opposite to it [m].
 double thickness(const model::ConvexMesh& mesh) {
   double least = std::numeric_limits<double>::infinity();
   for (int f = 0; f < mesh.face_count(); ++f)
@@ -97,7 +97,7 @@ double thickness(const model::ConvexMesh& mesh) {
   return least;
 }
 
-/// @returns the longest edge of the box that holds the points [m].
+/// @returns the longest edge of the points' bounding box [m].
 double checked_size(const std::vector<Vec3>& points) {
   Vec3 low = points.front(), high = low;
   for (const Vec3& point : points) {
@@ -107,7 +107,7 @@ double checked_size(const std::vector<Vec3>& points) {
   const double size = (high - low).maxCoeff();
   if (!(size >= kThinnest && size <= kLargest) || low.cwiseAbs().cwiseMax(high.cwiseAbs()).maxCoeff() > 1000)
     refuse(fmt::format("a mesh of {:.3g} m", size),
-           fmt::format("a size of {:.3g} to {:g} m, near the origin (of a file in mm: scale: 0.001)",
+           fmt::format("a size of {:.3g} to {:g} m, near the origin (for a file in mm: scale: 0.001)",
                        kThinnest, kLargest));
   return size;
 }
@@ -125,9 +125,9 @@ Surface checked_hull(const std::vector<Vec3>& points) {
   return hull;
 }
 
-/// The surface must be the hull's: not inside it, and everywhere.
-void check_convex(const std::vector<Triangle>& triangles, const Surface& hull, double size, int odd_edges) {
-  const double inside = dent(triangles, hull.vertices);
+/// The surface must cover the hull and must not be inside it.
+void check_convex(const std::vector<Triangle>& triangles, const Surface& hull, double size, int open_edges) {
+  const double inside = depth_in_hull(triangles, hull.vertices);
   if (inside > kFlat * size)
     refuse(fmt::format("a mesh that is not convex: surface {:.3g} m inside its hull", inside),
            "a convex mesh; several of them make a compound");
@@ -136,7 +136,7 @@ void check_convex(const std::vector<Triangle>& triangles, const Surface& hull, d
     refuse(
         fmt::format("a mesh with holes: {} edges that are not shared by two faces, and {:.2g} % of its hull "
                     "without a face",
-                    odd_edges, 100 * uncovered),
+                    open_edges, 100 * uncovered),
         "a closed surface");
 }
 
@@ -158,8 +158,8 @@ LoadedMesh load_convex_mesh(const std::filesystem::path& path, double scale) {
       std::make_shared<model::ConvexMesh>(model::make_convex_mesh(hull.vertices, hull.faces, out.centroid));
   if (!(thickness(*mesh) >= kThinnest))
     refuse(fmt::format("a mesh {:.3g} m thick", thickness(*mesh)), kSolid);
-  out.odd_edges = odd_edges(surface);
-  check_convex(triangles, hull, size, out.odd_edges);
+  out.open_edges = count_open_edges(surface);
+  check_convex(triangles, hull, size, out.open_edges);
   out.mesh = mesh;
   return out;
 }

@@ -79,7 +79,7 @@ class Lines {
   std::string name_;
 };
 
-/// A surface being read; refuses, at the line where it happens, more than is allowed.
+/// Builds a surface while it is read; refuses too many points or triangles, with the line.
 class Builder {
  public:
   explicit Builder(const Lines& lines) : lines_(lines) {}
@@ -102,11 +102,11 @@ class Builder {
  private:
   const Lines& lines_;
   Surface surface_;
-  std::vector<int> face_;  ///< that is being read
+  std::vector<int> face_;  ///< the current one
   std::size_t triangles_ = 0;
 };
 
-/// `7`, `7/1`, `7//2`, `7/1/2`, or `-1` for the last point before it.
+/// `7`, `7/1`, `7//2`, `7/1/2`, or `-1` for the last point so far.
 int point_index(const Lines& lines, const Word& word, int points) {
   const auto value = parse_number(word.text.substr(0, word.text.find('/')));
   const double index = value.value_or(0);
@@ -114,7 +114,8 @@ int point_index(const Lines& lines, const Word& word, int points) {
   if (index == 0 || index != std::floor(index) || !(at >= 0 && at < points))
     lines.refuse(
         word.column, Lines::quoted(word.text),
-        fmt::format("the number of one of the {} points before it, from 1 or from the end -1", points));
+        fmt::format("the index of one of the {} points above, from 1, or from the last backwards, from -1",
+                    points));
   return static_cast<int>(at);
 }
 
@@ -153,7 +154,7 @@ Surface read_binary_stl(std::string_view bytes, const std::string& name) {
   const Lines no_lines({}, name);
   Builder surface(no_lines);
   for (std::size_t at = kStlHead; at < bytes.size(); at += kStlTriangle) {
-    // The normal comes first, and is known from the corners.
+    // The normal, which comes first, follows from the corners.
     for (std::size_t corner = 1; corner <= 3; ++corner) {
       Vec3 point;
       for (std::size_t i = 0; i < 3; ++i)
@@ -170,7 +171,7 @@ Surface read_binary_stl(std::string_view bytes, const std::string& name) {
   return surface.take();
 }
 
-/// Where in a text STL a statement stands.
+/// State of the reader of text STL.
 enum class Within { file, solid, facet, loop, end_of_facet };
 
 struct Statement {
@@ -185,7 +186,7 @@ constexpr std::array<Statement, 7> kStatements = {{{"solid", Within::file, Withi
                                                    {"endloop", Within::loop, Within::end_of_facet},
                                                    {"endfacet", Within::end_of_facet, Within::solid}}};
 
-/// The statements that can stand there.
+/// The statements that are allowed in a state.
 std::string words_of(Within place) {
   std::string out;
   for (const Statement& statement : kStatements)
@@ -214,14 +215,14 @@ Surface read_text_stl(std::string_view text, const std::string& name) {
     surface.add_point(lines.point());
     surface.add_corner(surface.points() - 1);
   }
-  if (place != Within::file) lines.refuse(1, "a file that ends before endsolid", "a whole STL file");
+  if (place != Within::file) lines.refuse(1, "a file that ends before endsolid", "a complete STL file");
   return surface.take();
 }
 
 Surface read_stl(std::string_view bytes, const std::string& name) {
-  // A binary file may begin with `solid`, too.
-  const std::size_t said = bytes.size() >= kStlHead ? word_at(bytes, kStlHead - 4) : 0;
-  if (bytes.size() >= kStlHead && bytes.size() == kStlHead + kStlTriangle * said)
+  // A binary file may also begin with `solid`.
+  const std::size_t stated = bytes.size() >= kStlHead ? word_at(bytes, kStlHead - 4) : 0;
+  if (bytes.size() >= kStlHead && bytes.size() == kStlHead + kStlTriangle * stated)
     return read_binary_stl(bytes, name);
   const std::size_t first = bytes.find_first_not_of(" \t\r\n");
   if (lower_case(bytes.substr(std::min(first, bytes.size()), 5)) == "solid")
@@ -230,7 +231,7 @@ Surface read_stl(std::string_view bytes, const std::string& name) {
                          bytes.size() < kStlHead
                              ? std::string("an STL file in text or binary")
                              : fmt::format("{} bytes for its {} triangles in binary, or STL in text",
-                                           kStlHead + kStlTriangle * said, said));
+                                           kStlHead + kStlTriangle * stated, stated));
 }
 
 }  // namespace

@@ -24,7 +24,7 @@ const Quantity kMass = {Dimension::mass, 1e-6, 1e4};
 constexpr std::size_t kMostObjects = 1000;
 constexpr std::size_t kMostParts = 200;
 
-/// Keys that state one thing in different ways: one of them in an entry replaces all of them in its file.
+/// Keys that state the same property in different ways: one of them in an entry replaces all of its file.
 using Keys = std::vector<std::string_view>;
 const Keys kMassKeys = {"mass", "density"};
 const Keys kFormKeys = {"shape", "parts"};
@@ -42,7 +42,7 @@ bool among(const std::string& key, const Keys& keys) {
   return std::find(keys.begin(), keys.end(), key) != keys.end();
 }
 
-/// True where the entry's own keys replace the file's `key`.
+/// True if the entry's own keys replace the file's `key`.
 bool overridden(const YamlNode& entry, const std::string& key) {
   return entry.find(key) != nullptr || (among(key, kMassKeys) && has_any(entry, kMassKeys)) ||
          (among(key, kSizeKeys) && has_any(entry, kFormKeys)) ||
@@ -50,7 +50,7 @@ bool overridden(const YamlNode& entry, const std::string& key) {
          (key == "material" && has_any(entry, kPropertyKeys));
 }
 
-/// `mesh`. The resolved scene names it by its absolute path, because it is written to another folder.
+/// Reads `mesh`. It gets an absolute path, because the resolved scene is written to another folder.
 void read_mesh(MapReader& reader, model::Shape& shape) {
   const double scale = reader.number("scale", {Dimension::none, 1e-6, 1e6}, 1.0);
   const std::string name = reader.text("mesh");
@@ -62,12 +62,12 @@ void read_mesh(MapReader& reader, model::Shape& shape) {
     LoadedMesh loaded = load_convex_mesh(path, scale);
     shape.mesh = std::move(loaded.mesh);
     shape.pose.p = loaded.centroid;
-    if (loaded.odd_edges > 0)
-      reader.warning("mesh", fmt::format("{} edges of {} are not shared by two faces: the convex hull closes "
-                                         "what is open",
-                                         loaded.odd_edges, path.filename().string()));
+    if (loaded.open_edges > 0)
+      reader.warning("mesh", fmt::format("{} edges of {} are not shared by two faces: its convex hull is "
+                                         "used",
+                                         loaded.open_edges, path.filename().string()));
   } catch (const Error& error) {
-    // Problems within the mesh's file have their place there.
+    // Problems within the mesh's file have a place there.
     for (const Problem& problem : error.problems())
       if (problem.place)
         reader.diagnostics().problems.push_back(
@@ -80,7 +80,7 @@ void read_mesh(MapReader& reader, model::Shape& shape) {
 
 std::string read_name(MapReader& reader, const std::vector<ObjectSpec>& before) {
   std::string name = reader.name("name");
-  const char* need = "a name of its own for each object, other than world and ground";
+  const char* need = "a unique name for each object, other than world and ground";
   if (name == "world" || name == "ground") reader.problem("name", name, need);
   for (const ObjectSpec& other : before)
     if (!name.empty() && other.name == name) reader.problem("name", name + " a second time", need);
@@ -92,7 +92,7 @@ bool places_object(const Tasks& tasks, const std::string& object) {
                      [&](const auto& task) { return task->kind->moves_object && task->object == object; });
 }
 
-/// `mass` or `density` of a thing of this volume.
+/// The mass from `mass`, or from `density` and this volume.
 double read_mass(MapReader& reader, double volume) {
   const auto mass = reader.maybe_number("mass", kMass);
   const auto density = reader.maybe_number("density", {Dimension::density, 1, 1e5});
@@ -101,11 +101,11 @@ double read_mass(MapReader& reader, double volume) {
                    "one of the two");
   const double result = mass.value_or(density.value_or(1000) * volume);
   if (reader.sound() && !kMass.allows(result))
-    reader.problem("density", fmt::format("a mass of {:.3g} kg by it", result), kMass.need());
+    reader.problem("density", fmt::format("a density that gives a mass of {:.3g} kg", result), kMass.need());
   return result;
 }
 
-/// A shape with its place in the object. Sizes of an unknown shape can be neither right nor wrong.
+/// A shape with its pose in the object. Sizes of an unknown kind of shape are not checked.
 model::Shape read_form(MapReader& reader) {
   model::Shape shape;
   if (!read_solid(reader, "shape", shape))
@@ -113,10 +113,10 @@ model::Shape read_form(MapReader& reader) {
   return shape;
 }
 
-/// The parts of a compound. Each has a mass of its own where the first has.
+/// The parts of a compound. Without a mass or density of the whole, each part has its own.
 void read_parts(MapReader& reader, ObjectSpec& object) {
   const bool of_whole = !object.is_static && (reader.has("mass") || reader.has("density"));
-  const bool weighed = !object.is_static && !of_whole;
+  const bool of_parts = !object.is_static && !of_whole;
   std::vector<model::MassProperties> parts;
   double whole_volume = 0;
   reader.each("parts", 1, kMostParts, [&](MapReader part) {
@@ -125,20 +125,20 @@ void read_parts(MapReader& reader, ObjectSpec& object) {
     shape.pose = at * shape.pose;
     const double own = model::volume(shape);
     whole_volume += own;
-    parts.push_back(model::solid_properties(shape, weighed ? read_mass(part, own) : own));
+    parts.push_back(model::solid_properties(shape, of_parts ? read_mass(part, own) : own));
     part.finish();
     object.shapes.push_back(std::move(shape));
   });
   if (object.is_static || parts.empty()) return;
   object.body = model::joined(parts);
   if (!of_whole || !reader.sound()) return;
-  // The parts' masses were their volumes: one density for all.
+  // The parts' masses are their volumes so far; all have one density.
   const double density = read_mass(reader, whole_volume) / whole_volume;
   object.body.mass *= density;
   object.body.inertia *= density;
 }
 
-/// The scale under which a mesh is read; nothing for other shapes.
+/// The `scale` of a mesh; nothing for other shapes.
 std::optional<double> mesh_scale(const YamlNode& node) {
   const YamlNode* form = &node;
   if (const YamlNode* parts = node.find("parts"); parts && !parts->items.empty())
@@ -147,7 +147,7 @@ std::optional<double> mesh_scale(const YamlNode& node) {
   return scale ? parse_number(scale->text) : std::nullopt;
 }
 
-/// A size that is unlikely beside a hand is most often a wrong unit. A static object may well be a wall.
+/// A size that is unusual beside a hand is mostly a wrong unit. A static object may be a wall.
 void warn_of_size(MapReader& reader, const ObjectSpec& object) {
   constexpr double kLongest = 2, kShortest = 1e-3;
   const double size = model::box_edges(object.shapes).maxCoeff();
@@ -158,10 +158,10 @@ void warn_of_size(MapReader& reader, const ObjectSpec& object) {
                              : large ? fmt::format("scale: {:g} if the file is in mm", *scale / 1000)
                                      : fmt::format("scale: {:g} if the file is in m", *scale * 1000);
   reader.warning("name",
-                 fmt::format("{} is {:.3g} m long, and a hand some 0.2 m: {}", object.name, size, remedy));
+                 fmt::format("{} is {:.3g} m long, a hand about 0.2 m: {}", object.name, size, remedy));
 }
 
-/// @param in_scene false: in a file of its own, which may leave name and place open.
+/// @param in_scene false for a file of its own, which may lack name and pose.
 ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
                        const std::vector<model::Material>& materials, const Tasks& tasks, bool beside_hand,
                        bool in_scene) {
@@ -169,7 +169,7 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
   object.place = reader.node().place();
   // inline_file() has replaced an entry's file by its content.
   if (reader.has("file"))
-    reader.problem("file", "a file that names another", "a file with the object itself");
+    reader.problem("file", "a file that refers to another", "a file with the object itself");
   object.name = in_scene || reader.has("name") ? read_name(reader, before) : "object";
   object.is_static = reader.flag("static", false);
   if (reader.has("shape") && reader.has("parts")) {
@@ -193,7 +193,7 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
   if (!places_object(tasks, object.name))
     object.pose = read_pose(reader, in_scene ? std::nullopt : std::optional<Vec3>(Vec3::Zero()));
   else if (reader.child("position") || reader.child("rotation"))
-    reader.problem("position", "a place beside the grasp that gives it", "one of the two");
+    reader.problem("position", "a pose beside the task that gives it", "one of the two");
   object.may_overlap = reader.choice<bool>("overlap", {{"refused", false}, {"allowed", true}}, false);
   object.material = read_surface(reader, object.name, materials);
   object.source = reader.maybe_text("source");
@@ -208,7 +208,7 @@ model::Material read_surface(MapReader& reader, std::string name,
   if (!reader.has("material")) return hand::read_material(reader, std::move(name));
   for (const std::string_view key : kPropertyKeys)
     if (reader.child(key))
-      reader.problem(key, "a property beside the material that has it", "one of the two");
+      reader.problem(key, "a property beside the material that states it", "one of the two");
   return named_material(reader, "material", materials).value_or(model::Material{});
 }
 

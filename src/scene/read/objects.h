@@ -1,6 +1,5 @@
-// The `objects` and the `ground` of a scene. An object file holds the shapes, mass, surface and source of a
-// thing, without a place in the world: a scene's object names one under `file`, and its own keys go before
-// the file's.
+// The `objects` and the `ground` of a scene. An object file holds the shapes, mass, surface and source of an
+// object, without a pose. An object of a scene may refer to one; its own keys override those of its `file`.
 #pragma once
 
 #include <optional>
@@ -14,19 +13,19 @@
 
 namespace handsim::scene {
 
-/// A thing of one shape, or a compound of several that move as one. Its frame O is the one in which its
-/// shapes are given; its body's frame has O's axes and is at the centre of mass.
+/// A rigid object of one shape or several. Its shapes are given in frame O; its body's frame has O's axes and
+/// its origin at the centre of mass.
 struct ObjectSpec {
   std::string name;
   std::vector<model::Shape> shapes;      ///< kind, size and pose X_OS, nothing else; at least one
   model::MassProperties body;            ///< in O; static: none
   bool is_static = false;                ///< does not move
-  bool may_overlap = false;              ///< starts inside a hand if it does
+  bool may_overlap = false;              ///< may overlap a hand at the start
   Pose pose;                             ///< X_WO at the start
   Vec3 velocity = Vec3::Zero();          ///< of the centre of mass [m/s]
   Vec3 angular_velocity = Vec3::Zero();  ///< world axes [rad/s]
   model::Material material;
-  std::optional<std::string> source;  ///< where its figures come from
+  std::optional<std::string> source;  ///< where its data come from
   Place place;                        ///< in the file, for problems found later
 
   Pose body_frame() const { return {body.centre, Quat::Identity()}; }  ///< X_OB
@@ -38,22 +37,22 @@ struct GroundSpec {
 };
 
 /// The `objects` list; absent: none.
-/// @param tasks give places to objects that then have none of their own.
-/// @param beside_hand the scene has a hand: sizes that are unlikely beside one are warned of.
+/// @param tasks the objects that they place have no pose of their own.
+/// @param beside_hand true if the scene has a hand: sizes that are unusual beside one give a warning.
 std::vector<ObjectSpec> read_objects(MapReader& reader, const std::vector<model::Material>& materials,
                                      const Tasks& tasks, bool beside_hand);
 
 std::optional<GroundSpec> read_ground(MapReader& reader, const std::vector<model::Material>& materials);
 
-/// Reads an object file as it stands, as an object of its own at the world's origin.
+/// Reads an object file on its own, as an object at the world's origin.
 ObjectSpec read_object_file(YamlNode& root, Diagnostics& diagnostics);
 
-/// Kind and size of a solid: `kind_key` names the kind. The pose is that of its centre: a mesh's lies off the
-/// origin of its file. False, with a problem, where the kind, and so which sizes it has,
-/// is not known.
+/// Reads kind and size of a solid; `kind_key` is the key of the kind. Sets the pose to that of its centre: a
+/// mesh's centroid differs from the origin of its file.
+/// @returns false, with a problem, if the kind is unknown.
 bool read_solid(MapReader& reader, std::string_view kind_key, model::Shape& shape);
 
-/// The surface of a thing: `material`, one of the scene's by name, or its properties.
+/// Reads a surface: `material`, the name of one of the scene's, or its properties.
 model::Material read_surface(MapReader& reader, std::string name,
                              const std::vector<model::Material>& materials);
 

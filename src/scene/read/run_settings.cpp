@@ -34,7 +34,7 @@ CameraSpec read_camera(MapReader camera) {
   spec.target = camera.vector("target", kCoordinate, Vec3::Zero());
   spec.field_of_view = camera.number("field_of_view", {Dimension::angle, 0.01, 2.5}, 0.6);
   if (camera.sound() && (spec.position - spec.target).norm() < 1e-6)
-    camera.problem("position", "the target itself", "a place apart from the target");
+    camera.problem("position", "the target itself", "a position away from the target");
   camera.finish();
   return spec;
 }
@@ -44,7 +44,7 @@ using engine::EngineKind;
 template <class E>
 E read_method(MapReader& reader, E fallback) {
   std::vector<std::pair<std::string_view, E>> words;
-  for (const std::string_view word : engine::names_beside(fallback))
+  for (const std::string_view word : engine::method_names(fallback))
     words.emplace_back(word, static_cast<E>(words.size()));
   return reader.choice<E>("method", words, fallback);
 }
@@ -74,7 +74,7 @@ engine::Settings settings_of(EngineKind kind) {
 
 /// Names of the methods of an engine.
 std::span<const std::string_view> methods_of(EngineKind kind) {
-  return std::visit([](const auto& own) { return engine::names_beside(own.method); }, settings_of(kind).own);
+  return std::visit([](const auto& own) { return engine::method_names(own.method); }, settings_of(kind).own);
 }
 
 std::vector<std::string_view> keys_of(EngineKind kind) {
@@ -93,7 +93,7 @@ bool contains(std::span<const std::string_view> words, std::string_view word) {
 
 constexpr std::array kEngines = {EngineKind::ode, EngineKind::dae, EngineKind::articulated};
 
-/// What a key is needed to be where this engine does not have it.
+/// For a key or method that this engine does not have, what is needed instead; otherwise nothing.
 std::optional<std::string> needed_for(EngineKind kind, const YamlEntry& entry) {
   if (entry.key == "method" && !contains(methods_of(kind), entry.value.text))
     return fmt::format("one of {}", fmt::join(methods_of(kind), ", "));
@@ -141,12 +141,12 @@ void refuse_keys(MapReader& reader, const std::function<std::optional<std::strin
   const bool switched = engine && of_command_line(*engine);
   std::vector<std::string> left_out;
   for (auto entry = block.entries.begin(); entry != block.entries.end();) {
-    const auto wanted = need(*entry);
-    const bool drop = wanted && switched && !of_command_line(entry->value);
+    const auto needed = need(*entry);
+    const bool drop = needed && switched && !of_command_line(entry->value);
     if (drop) left_out.push_back(entry->key == "method" ? "method " + entry->value.text : entry->key);
-    if (wanted && !drop) {
+    if (needed && !drop) {
       reader.has(entry->key);
-      reader.problem(entry->key, entry->value.described(), *wanted);
+      reader.problem(entry->key, entry->value.described(), *needed);
     }
     entry = drop ? block.entries.erase(entry) : std::next(entry);
   }
@@ -157,15 +157,15 @@ void refuse_keys(MapReader& reader, const std::function<std::optional<std::strin
 void read_settings(MapReader& reader, engine::Settings& solver) {
   std::vector<std::pair<std::string_view, EngineKind>> engines;
   for (const EngineKind kind : kEngines) engines.emplace_back(engine::name(kind), kind);
-  // For the message: engine auto is read elsewhere.
+  // For the message only: choose_engine() reads engine auto.
   engines.emplace_back("auto", EngineKind::ode);
   const std::size_t before = reader.diagnostics().problems.size();
   const EngineKind kind = reader.choice<EngineKind>("engine", engines, EngineKind::ode);
   solver.step = reader.number("step", {Dimension::time, engine::kMinStep, engine::kMaxStep}, solver.step);
-  // The keys of an engine that is not known are not known either.
+  // The keys of an unknown engine are unknown, too: all are accepted.
   if (const YamlNode* named = reader.node().find("engine"); named && named->text != engine::name(kind)) {
     if (reader.diagnostics().problems.size() == before)
-      reader.problem("engine", named->text, "an engine: its choice stands in a scene's solver");
+      reader.problem("engine", named->text, "a named engine: auto is for a scene's solver");
     for (const YamlEntry& entry : reader.node().entries) reader.has(entry.key);
     return;
   }

@@ -1,4 +1,4 @@
-// How a scene is run: solver and pictures.
+// Reads the solver settings and the pictures of a scene.
 #pragma once
 
 #include <array>
@@ -23,30 +23,30 @@ struct CameraSpec {
 
 struct PictureSpec {
   std::array<int, 2> size = {1280, 960};  ///< pixels
-  View view = View::three_quarter;        ///< framed to all that moves
-  std::optional<CameraSpec> camera;       ///< in place of the view
-  bool floor = true;                      ///< a floor to cast shadows on where the scene has no ground
+  View view = View::three_quarter;        ///< from this side, framing all moving bodies
+  std::optional<CameraSpec> camera;       ///< replaces the view
+  bool floor = true;                      ///< draws a floor for shadows if the scene has no ground
   bool joint_axes = false;
   bool contact_points = false;
-  bool contact_forces = false;  ///< arrows, through whatever hides them
+  bool contact_forces = false;  ///< arrows, in front of everything
 };
 
 struct SceneSpec;
 
-/// Engine, step and the engine's own settings; keys of other engines are refused. Where the command line
+/// Reads engine, step and the engine's own settings; keys of other engines are refused. If the command line
 /// names the engine, such keys of the file are left out, with a warning.
 void read_settings(MapReader& reader, engine::Settings& solver);
-/// Takes keys out of a `solver` block whose `engine` the command line names and which the file states; given
-/// on the command line, or beside the file's own engine, they are problems.
-/// @param need what is needed in a key's place; nothing: the key may stand. @param why they are left out
+/// Handles keys of a `solver` block that the engine does not have. If the command line names `engine`, such
+/// keys of the file are removed, with a warning; otherwise they are problems.
+/// @param need what is needed in place of a key; nothing for allowed keys. @param why for the warning.
 void refuse_keys(MapReader& reader, const std::function<std::optional<std::string>(const YamlEntry&)>& need,
                  const std::string& why);
-/// True for a value that `--set` gave.
+/// True for a value from `--set`.
 bool of_command_line(const YamlNode& node);
 std::optional<engine::GuardLimits> read_guard(MapReader& reader);
 bool read_speculative(MapReader& reader);
 std::uint64_t read_seed(MapReader& reader);
-/// The `solver` block. Effects, mechanism and control have to be read.
+/// Reads the `solver` block. Call after effects, mechanism and control are read.
 void read_solver(MapReader& reader, SceneSpec& scene);
 
 PictureSpec read_pictures(MapReader reader);

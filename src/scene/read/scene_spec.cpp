@@ -24,8 +24,8 @@ void check_times(MapReader& reader, const SceneSpec& scene) {
   const auto warn_if_rounded = [&](const char* key, double time) {
     const double ratio = time / scene.solver.step;
     if (std::abs(ratio - std::round(ratio)) > 1e-6 * ratio || ratio < 0.5)
-      reader.warning(key, fmt::format("{:g} s is no multiple of the step of {:g} s: rounded to steps", time,
-                                      scene.solver.step));
+      reader.warning(key, fmt::format("{:g} s is not a multiple of the step of {:g} s: rounded to steps",
+                                      time, scene.solver.step));
   };
   warn_if_rounded("duration", scene.duration);
   warn_if_rounded("record.every", scene.record_every);
@@ -47,7 +47,7 @@ Tasks read_tasks(MapReader& reader, std::span<const TaskKind> kinds) {
   return tasks;
 }
 
-/// The things of the scene, what may touch, and control.
+/// Reads hands, objects, mechanism, ground, contacts and control.
 void read_content(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics) {
   scene.hands = read_hands(reader, scene.tasks);
   scene.contacts = read_contacts(reader);
@@ -83,7 +83,7 @@ void read_run(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics) {
       scene.record_contacts || scene.pictures.contact_forces || !scene.tasks.empty();
   if (scene.solver.contact_forces && !scene.solver.effects.any_contact())
     reader.warning(scene.record_contacts ? "record" : "pictures",
-                   "contact forces are asked for, but no effect lets anything touch");
+                   "contact forces are requested, but no effect of contact is on");
 }
 
 }  // namespace

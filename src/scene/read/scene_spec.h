@@ -25,7 +25,7 @@ struct SceneSpec {
   MechanismSpec mechanism;
   Vec3 gravity = {0, 0, -9.80665};  ///< [m/s^2]
   engine::Settings solver;          ///< with the effects, `auto` resolved
-  std::string engine_choice;        ///< what engine `auto` came to, and why; empty where the scene names one
+  std::string engine_choice;        ///< choice of engine `auto` and its reason; empty if the scene names one
   double duration = 1;              ///< [s]
   double record_every = 0.01;       ///< [s]
   bool record_contacts = false;     ///< contacts.csv, and sums of contact forces in the summary
@@ -34,7 +34,7 @@ struct SceneSpec {
   PictureSpec pictures;
   Criteria criteria;
 
-  /// Of the objects, then of those that tasks add.
+  /// Names of the objects, then of those that tasks add.
   std::vector<std::string> object_names() const;
   /// End of the last task [s]; 0 without any.
   double tasks_end() const;
@@ -42,7 +42,7 @@ struct SceneSpec {
 
 /// Reads a scene, following its references. Problems go into the diagnostics, and defaults and referenced
 /// files into the tree, which is then the resolved scene.
-/// @param kinds of tasks that a scene may have.
+/// @param kinds of tasks.
 SceneSpec read_scene(YamlNode& root, std::span<const TaskKind> kinds, Diagnostics& diagnostics);
 
 }  // namespace handsim::scene

@@ -20,22 +20,22 @@ void problem(const TaskSpec& task, const std::string& key, std::string got, std:
 void check_hand(const SceneSpec& scene, const TaskSpec& task, std::vector<const TaskSpec*>& taken,
                 Diagnostics& diagnostics) {
   const auto hand = hand_of(scene, task);
-  const auto say = [&](std::string got, std::string need) {
+  const auto report = [&](std::string got, std::string need) {
     problem(task, ".hand", std::move(got), std::move(need), diagnostics);
   };
   if (!hand) {
     std::vector<std::string> known;
     for (const HandEntry& entry : scene.hands) known.push_back(entry.placement.name);
-    return say(task.hand.empty() ? "nothing in a scene of several hands or none" : task.hand,
-               fmt::format("a hand of the scene: {}", fmt::join(known, ", ")));
+    return report(task.hand.empty() ? "nothing, in a scene with several hands or none" : task.hand,
+                  fmt::format("a hand of the scene: {}", fmt::join(known, ", ")));
   }
   const hand::Placement& placement = scene.hands[*hand].placement;
   const bool rail = task.kind->mount == hand::Mount::rail;
   if (placement.mount != task.kind->mount || !placement.motion.keys.empty())
-    say(std::string("a hand that ") + task.kind->what + " cannot place",
-        rail ? "wrist.mount rail" : "wrist.mount driven without a motion");
+    report(std::string("a hand that ") + task.kind->what + " cannot place",
+           rail ? "wrist.mount rail" : "wrist.mount driven without a motion");
   else if (taken[*hand])
-    say(fmt::format("a hand that {} moves", taken[*hand]->path), "one task a hand");
+    report(fmt::format("a hand that {} moves", taken[*hand]->path), "one task per hand");
   taken[*hand] = &task;
 }
 
@@ -49,18 +49,18 @@ void check_object(const SceneSpec& scene, const TaskSpec& task, Diagnostics& dia
           fmt::format("the name of a {} object of the scene", moves ? "free" : "static"), diagnostics);
 }
 
-/// A hand whose place is left to tasks needs one.
-void check_idle(const SceneSpec& scene, std::size_t hand, Diagnostics& diagnostics) {
-  const auto say = [&](const char* key, const char* got, const char* need) {
+/// A hand whose mount relies on a task needs one.
+void check_unplaced(const SceneSpec& scene, std::size_t hand, Diagnostics& diagnostics) {
+  const auto report = [&](const char* key, const char* got, const char* need) {
     diagnostics.problems.push_back({scene.hands[hand].place, item_path("hands", hand) + key, got, need});
   };
   const hand::Placement& placement = scene.hands[hand].placement;
   const auto places = [&](const auto& task) { return task->kind->mount == placement.mount; };
   if (std::none_of(scene.tasks.begin(), scene.tasks.end(), places)) return;
   if (placement.mount == hand::Mount::rail)
-    say(".wrist.mount", "a rail without a climb", "a climb of this hand, or another mount");
+    report(".wrist.mount", "a rail without a climb", "a climb of this hand, or another mount");
   else if (placement.motion.keys.empty())
-    say(".wrist.motion", "nothing", "a mapping with keyframes, or a grasp of this hand");
+    report(".wrist.motion", "nothing", "a mapping with keyframes, or a grasp of this hand");
 }
 
 }  // namespace
@@ -85,29 +85,29 @@ void check_task_sites(const SceneSpec& scene, Diagnostics& diagnostics) {
     check_object(scene, *task, diagnostics);
   }
   for (std::size_t i = 0; i < taken.size(); ++i)
-    if (!taken[i]) check_idle(scene, i, diagnostics);
+    if (!taken[i]) check_unplaced(scene, i, diagnostics);
 }
 
 void check_task_programs(const SceneSpec& scene, Diagnostics& diagnostics) {
   for (const auto& task : scene.tasks) {
-    const auto say = [&](const char* key, std::string got, std::string need) {
+    const auto report = [&](const char* key, std::string got, std::string need) {
       problem(*task, key, std::move(got), std::move(need), diagnostics);
     };
     const std::string what = task->kind->what;
     if (!scene.control || !scene.control->poses) {
-      say("", what + " in a scene without control", "a control block with a controller and poses");
+      report("", what + " in a scene without control", "a control block with a controller and poses");
       continue;
     }
     const auto& poses = scene.control->poses->poses;
     std::vector<std::string> known;
     for (const auto& [name, pose] : poses) known.push_back(name);
     const auto check = [&](const char* key, const std::string& pose) {
-      if (!poses.contains(pose)) say(key, pose, "a pose of the pose file" + nearest_hint(pose, known));
+      if (!poses.contains(pose)) report(key, pose, "a pose of the pose file" + nearest_hint(pose, known));
     };
     check(".open", task->open);
     for (const std::string& pose : task->closed) check(".closed", pose);
     if (!scene.control->programs[*hand_of(scene, *task)].program.empty())
-      say("", "a hand with a program of its own", what + ", or a program");
+      report("", "a hand with a program of its own", what + ", or a program");
   }
 }
 

@@ -1,21 +1,21 @@
-// Whether the tasks of a scene name what the scene has.
+// Checks that hands, objects and poses of the tasks exist in the scene.
 #pragma once
 
 #include "handsim/scene/read/scene_spec.h"
 
 namespace handsim::scene {
 
-/// Index of the hand of a task's name, or of the only hand where it names none; nothing where there is none.
+/// Index of the hand that a task names, or of the only hand if it names none; nothing if there is none.
 std::optional<std::size_t> hand_of(const SceneSpec& scene, const TaskSpec& task);
 
-/// Index of the object of a task.
+/// Index of the object that a task names; nothing if there is none.
 std::optional<std::size_t> object_of(const SceneSpec& scene, const TaskSpec& task);
 
-/// Problems: hands and objects that the scene has not or the task cannot place, two tasks of one hand, hands
-/// that no task places. Hands and objects have to be read.
+/// Problems: hands and objects that do not exist or that the task cannot place, two tasks of one hand, hands
+/// that no task places. Call after hands and objects are read.
 void check_task_sites(const SceneSpec& scene, Diagnostics& diagnostics);
 
-/// Problems: poses that the pose file has not, hands with a program of their own. Control has to be read.
+/// Problems: unknown poses, hands with a program of their own. Call after control is read.
 void check_task_programs(const SceneSpec& scene, Diagnostics& diagnostics);
 
 }  // namespace handsim::scene

@@ -1,5 +1,5 @@
-// Tasks: what the hands of a scene are to do. Each kind of task has a list of blocks in the scene, and is
-// read and planned by a file of its own in scene/task; this is what readers of other blocks know of them.
+// Tasks of a scene's hands. Each kind of task has a list of blocks in the scene, and a file in scene/task
+// that reads and plans it. This header has what the readers of other blocks need.
 #pragma once
 
 #include <memory>
@@ -19,9 +19,9 @@ struct TaskSite;
 struct TaskKind {
   const char* list;    ///< key of its blocks: `grasps`
   const char* what;    ///< for messages: `a grasp`
-  const char* object;  ///< key of what the hand takes hold of
-  bool moves_object;   ///< the object is free and has no place of its own; otherwise it is static and has one
-  hand::Mount mount;   ///< of a hand that the task can place
+  const char* object;  ///< key of the object
+  bool moves_object;   ///< the object is free and the task places it; otherwise it is static
+  hand::Mount mount;   ///< of hands that the task can place
   std::unique_ptr<TaskSpec> (*read)(MapReader& block);
 };
 
@@ -32,11 +32,11 @@ struct TaskPhase {
   double end = 0;    ///< [s]
 };
 
-/// A block of a kind of task: what all kinds have. Geometry is given for a right hand; a left hand gets its
-/// mirror image in the world's y-z plane.
+/// The content of a task's block that all kinds have. Geometry is given for a right hand; a left hand gets
+/// its mirror image in the world's y-z plane.
 struct TaskSpec {
   virtual ~TaskSpec() = default;
-  /// What the task makes of its hand and object.
+  /// Plans the motion of the task's hand and the pose of its object.
   virtual TaskPlan plan(const TaskSite& site) const = 0;
 
   double end() const { return phases.back().end; }
@@ -45,10 +45,10 @@ struct TaskSpec {
   Place place;
   std::string path;                    ///< of the block: `grasps.0`
   std::string hand;                    ///< name; empty: the scene's only hand
-  std::string object;                  ///< name of what the hand takes hold of
+  std::string object;                  ///< its name
   std::optional<std::string> support;  ///< name of an object that the task adds
   Pose wrist;                          ///< X_WH at the object
-  std::string open;                    ///< pose until the hand closes
+  std::string open;                    ///< pose before the hand closes
   std::vector<std::string> closed;     ///< poses that close it, one after the other
   double close_time = 0.6;             ///< of each closing pose [s]
   std::vector<TaskPhase> phases;       ///< one after the other from time 0

@@ -12,11 +12,12 @@ namespace {
 struct ClimbSpec : TaskSpec {
   TaskPlan plan(const TaskSite& site) const override;
 
-  /// Of the hand that the wrist's position is for [m]: other hands stand off the hold's origin in proportion.
+  /// Length of the hand for which the wrist's position is given [m]: for other hands the distance from the
+  /// hold's origin is scaled in proportion. Absent: not scaled.
   std::optional<double> hand_length;
-  double approach_height = 0.03;  ///< where the wrist comes from, against the load [m]
+  double approach_height = 0.03;  ///< of the wrist's start, against the load [m]
   LoadSpec load;
-  hand::GripTable strength;  ///< norms that the person's grip is held against
+  hand::GripTable strength;  ///< norms of grip strength
 };
 
 LoadSpec read_load(MapReader reader) {
@@ -41,14 +42,14 @@ TaskPlan ClimbSpec::plan(const TaskSite& site) const {
   climb.strength = hand::grip_strength(strength, site.entry.person);
   if (climb.strength.extrapolated)
     out.warnings.push_back(
-        fmt::format("{}.strength: age or stature of {} is outside the table: its nearest row", path,
+        fmt::format("{}.strength: age or stature of {} is outside the table: the nearest row is used", path,
                     site.entry.placement.name));
   Pose at = wrist;
   const Vec3& hold = site.object.pose.p;
   if (hand_length) at.p = hold + site.built.size.length / *hand_length * (at.p - hold);
   out.placement = site.entry.placement;
   out.placement.pose = left ? mirrored(at) : at;
-  out.placement.along = climb.load.direction;
+  out.placement.rail_direction = climb.load.direction;
   out.placement.start[hand::kRailName] = {-approach_height};
   out.object_pose = left ? mirrored(site.object.pose) : site.object.pose;
   out.close = climb.approach().end;

@@ -1,6 +1,6 @@
-// `climbs` of a scene: a hand is to hold on until its grip fails, one block a climb. The palm is on a
-// rail along the load's direction. A stiff servo lowers it to the hold and keeps it there while the fingers
-// close; then it is freed and pulled by a load that grows.
+// `climbs` of a scene: a hand holds on until its grip fails; one block per climb. The palm is on a rail along
+// the load's direction. A stiff servo lowers it to the hold and keeps it there while the fingers close; then
+// the servo is off and an increasing load pulls the palm.
 #pragma once
 
 #include <memory>
@@ -12,20 +12,20 @@
 
 namespace handsim::scene {
 
-/// A load at the wrist that grows with time.
+/// A load at the wrist that increases with time.
 struct LoadSpec {
   Vec3 direction = {0, 0, -1};  ///< world, unit
   double rate = 50;             ///< [N/s]
-  double most = 1000;           ///< the climb ends there [N]
+  double most = 1000;           ///< load at the end of the climb [N]
 };
 
-/// A climb as it is run.
+/// The plan of a climb.
 struct ClimbPlan {
   std::size_t hand = 0;           ///< in SceneSpec::hands
   std::string hold;               ///< name of the object
   std::vector<TaskPhase> phases;  ///< approach, close, load
-  double height = 0;              ///< of the wrist above its place at the start [m]
-  LoadSpec load;                  ///< of this side
+  double height = 0;              ///< of the wrist's start above the hold pose [m]
+  LoadSpec load;                  ///< mirrored for a left hand
   hand::GripStrength strength;    ///< of the person
 
   const TaskPhase& approach() const { return phases[0]; }

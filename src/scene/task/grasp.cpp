@@ -16,13 +16,13 @@ namespace {
 
 constexpr std::size_t kMostLevels = 20;
 
-/// To and fro in six directions, +-x, +-y, +-z of the world.
+/// Oscillations in six directions, +-x, +-y, +-z of the world.
 struct ShakeLevel {
   double acceleration = 9.81;  ///< largest [m/s^2]
   double frequency = 2;        ///< [Hz]
 };
 
-/// A still cylinder under the object.
+/// A static cylinder under the object.
 struct PostSpec {
   double radius = 0.01;  ///< [m]
   double height = 0.1;   ///< [m]
@@ -32,9 +32,9 @@ struct PostSpec {
 struct GraspSpec : TaskSpec {
   TaskPlan plan(const TaskSite& site) const override;
 
-  Pose at;                        ///< X_HO: where a right hand finds the object
+  Pose at;                        ///< X_HO: pose of the object in a right hand
   std::optional<PostSpec> post;   ///< absent: the object rests on the ground or on objects of the scene
-  Vec3 from = Vec3::Zero();       ///< where the wrist comes from, in the hand frame at the grasp [m]
+  Vec3 from = Vec3::Zero();       ///< start of the wrist, in the hand frame at the grasp [m]
   double lift_height = 0.2;       ///< [m]
   std::vector<ShakeLevel> shake;  ///< one after the other, six directions each
   int shake_cycles = 2;           ///< in each direction
@@ -86,25 +86,25 @@ double lowest(const model::Shape& shape, const Pose& frame) {
 }
 
 /// Keyframes of a wrist from the approach to the lift, and its shakes.
-model::PoseMotion motion_of(const GraspSpec& grasp, bool left) {
-  const auto sided = [&](const auto& x) { return left ? mirrored(x) : x; };
-  const Pose wrist = sided(grasp.wrist);
+model::PoseMotion wrist_motion(const GraspSpec& grasp, bool left) {
+  const auto for_side = [&](const auto& x) { return left ? mirrored(x) : x; };
+  const Pose wrist = for_side(grasp.wrist);
   Pose lifted = wrist;
   lifted.p.z() += grasp.lift_height;
   model::PoseMotion motion;
-  motion.keys.push_back({0, wrist * Pose{sided(grasp.from), Quat::Identity()}});
+  motion.keys.push_back({0, wrist * Pose{for_side(grasp.from), Quat::Identity()}});
   motion.keys.push_back({grasp.phases[0].end, wrist});
   motion.keys.push_back({grasp.phases[1].end, wrist});
   motion.keys.push_back({grasp.phases[2].end, lifted});
-  const double sharpness = grasp.shake.empty() ? 1 : model::shake_acceleration(grasp.shake_cycles);
+  const double unit_acceleration = grasp.shake.empty() ? 1 : model::shake_acceleration(grasp.shake_cycles);
   const double x = left ? -1 : 1;
   for (std::size_t i = 0; i < grasp.shake.size(); ++i) {
     const ShakeLevel& level = grasp.shake[i];
-    const double reach = level.acceleration / (sharpness * level.frequency * level.frequency);
+    const double amplitude = level.acceleration / (unit_acceleration * level.frequency * level.frequency);
     double begin = grasp.phases[4 + i].start;
-    for (const Vec3& way :
+    for (const Vec3& direction :
          {Vec3(x, 0, 0), Vec3(-x, 0, 0), Vec3(0, 1, 0), Vec3(0, -1, 0), Vec3(0, 0, 1), Vec3(0, 0, -1)}) {
-      motion.shakes.push_back({begin, level.frequency, grasp.shake_cycles, reach * way});
+      motion.shakes.push_back({begin, level.frequency, grasp.shake_cycles, amplitude * direction});
       begin += grasp.shake_cycles / level.frequency;
     }
   }
@@ -136,7 +136,7 @@ TaskPlan GraspSpec::plan(const TaskSite& site) const {
   const bool left = site.entry.placement.side == model::Side::left;
   TaskPlan out;
   out.placement = site.entry.placement;
-  out.placement.motion = motion_of(*this, left);
+  out.placement.motion = wrist_motion(*this, left);
   out.placement.pose = out.placement.motion.keys.front().pose;
   out.object_pose = left ? mirrored(wrist) * mirrored(at) : wrist * at;
   if (post) out.support = make_post(*post, *support, site.object, out.object_pose);

@@ -1,5 +1,5 @@
-// `grasps` of a scene: a hand is to grasp an object, in one block. The wrist goes to the object, the fingers
-// close, and the hand lifts, holds and shakes it.
+// `grasps` of a scene: a hand grasps an object; one block per grasp. The wrist moves to the object, the
+// fingers close, and the hand lifts, holds and shakes it.
 #pragma once
 
 #include <memory>
@@ -11,14 +11,14 @@
 
 namespace handsim::scene {
 
-/// A grasp as it is run: what its figures are computed from.
+/// The plan of a grasp, from which its figures are computed.
 struct GraspPlan {
   std::size_t hand = 0;           ///< in SceneSpec::hands
   std::string object;             ///< name of a body
   std::vector<TaskPhase> phases;  ///< approach, close, lift, hold, shake_1, ..., rest
 
   double end() const { return phases.back().end; }
-  /// Null where the grasp has no such phase.
+  /// Null if the grasp has no such phase.
   const TaskPhase* phase(std::string_view name) const;
 };
 

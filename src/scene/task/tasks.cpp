@@ -13,14 +13,14 @@ namespace handsim::scene {
 
 namespace {
 
-// A new kind of task: its file, and its line here.
+// A new kind of task needs a file of its own and a line here.
 constexpr std::array kKinds = {
     TaskKind{"grasps", "a grasp", "object", true, hand::Mount::driven, read_grasp},
     TaskKind{"climbs", "a climb", "hold", false, hand::Mount::rail, read_climb},
 };
 
-/// Two tasks agree on the place of an object where it differs by less: that is rounding [m], [rad].
-constexpr double kSamePlace = 1e-6;
+/// Rounding of an object's pose within which two tasks agree on it [m], [rad].
+constexpr double kPoseTolerance = 1e-6;
 
 /// Combines the plans of all tasks, and reports tasks that exclude each other.
 class Planner {
@@ -54,7 +54,7 @@ class Planner {
     if (plan.climb) plans_.climbs.push_back(std::move(*plan.climb));
   }
 
-  /// Two tasks of one object have to agree on where it is.
+  /// Two tasks of one object must agree on its pose.
   void place_object(const TaskSpec& task, std::size_t object, const Pose& pose) {
     Pose& placed = plans_.objects[object].pose;
     const TaskSpec* other = std::exchange(task_of_object_[object], &task);
@@ -62,11 +62,11 @@ class Planner {
       placed = pose;
       return;
     }
-    const double way = (placed.p - pose.p).norm(), turn = placed.q.angularDistance(pose.q);
-    if (way > kSamePlace || turn > kSamePlace)
+    const double distance = (placed.p - pose.p).norm(), angle = placed.q.angularDistance(pose.q);
+    if (distance > kPoseTolerance || angle > kPoseTolerance)
       problem(task, std::string(".") + task.kind->object,
-              fmt::format("a place of {} {:.3g} m and {:.3g} rad from that by {}", task.object, way, turn,
-                          other->path),
+              fmt::format("a pose of {} {:.3g} m and {:.3g} rad from that of {}", task.object, distance,
+                          angle, other->path),
               "tasks that agree on it, or one task for each object");
   }
 
@@ -74,12 +74,13 @@ class Planner {
     const bool taken = std::any_of(plans_.objects.begin(), plans_.objects.end(),
                                    [&](const ObjectSpec& object) { return object.name == support.name; });
     if (taken)
-      problem(task, ".support", support.name + ", an object of the scene", "that name for the post");
+      problem(task, ".support", "an object named " + support.name,
+              "another name: the task gives this one to its post");
     else
       plans_.objects.push_back(std::move(support));
   }
 
-  /// The program that opens the hand and closes it later. The hand starts in its open pose.
+  /// Adds the program that opens the hand and closes it later. The hand starts in its open pose.
   void add_program(const TaskSpec& task, std::size_t hand, double close) {
     control::PoseFile& file = *plans_.control->poses;
     control::ProgramChoice& choice = plans_.control->programs[hand];

@@ -1,5 +1,5 @@
-// The tasks of a scene, planned: which pose each hand and object starts in, how wrists move, which programs
-// drive the hands, and what figures are computed from. The scene stays as it was read.
+// Plans the tasks of a scene: start poses of hands and objects, motions of wrists, programs of the hands, and
+// the phases for figures. Does not change the scene.
 #pragma once
 
 #include <optional>
@@ -12,7 +12,7 @@
 
 namespace handsim::scene {
 
-/// Of a part of a task.
+/// Duration of a part of a task.
 inline const Quantity kSpan = {Dimension::time, 0.01, 1e3};
 
 /// The hand and the object of a task.
@@ -23,37 +23,37 @@ struct TaskSite {
   const ObjectSpec& object;
 };
 
-/// What a task makes of its hand and object.
+/// The plan of one task.
 struct TaskPlan {
   hand::Placement placement;          ///< of the hand
   Pose object_pose;                   ///< X_WO at the start
-  std::optional<ObjectSpec> support;  ///< an object that is added
-  double close = 0;                   ///< when the first of the closing poses begins [s]
+  std::optional<ObjectSpec> support;  ///< an additional object
+  double close = 0;                   ///< start of the movement to the first closing pose [s]
   std::optional<GraspPlan> grasp;
   std::optional<ClimbPlan> climb;
   std::vector<std::string> warnings;
 };
 
-/// What the tasks of a scene make of it.
+/// The plans of all tasks of a scene, combined.
 struct Plans {
   std::vector<hand::Placement> hands;  ///< of each hand
-  std::vector<ObjectSpec> objects;     ///< at their starting places, then the tasks' supports
+  std::vector<ObjectSpec> objects;     ///< at their start poses, then the tasks' supports
   std::optional<ControlSpec> control;  ///< with the tasks' programs
   std::vector<GraspPlan> grasps;
   std::vector<ClimbPlan> climbs;
 };
 
-/// The kinds of task that a scene may have.
+/// All kinds of tasks.
 std::span<const TaskKind> task_kinds();
 
-/// @param scene as read_scene() leaves it, without problems. @param hands of the scene.
-/// Problems: tasks that exclude each other, and supports whose name is taken.
+/// @param scene read without problems. @param hands of the scene.
+/// Problems: tasks that exclude each other, and supports with the name of an object.
 Plans make_plans(const SceneSpec& scene, const std::vector<hand::BuiltHand>& hands, Diagnostics& diagnostics);
 
-/// Keys that blocks of all kinds have: the hand and its object, its wrist there, and the poses.
+/// Reads the keys that blocks of all kinds have: hand, object, wrist and poses.
 void read_task(MapReader& block, const char* object_key, TaskSpec& task);
 
-/// The next phase of a task.
+/// Appends a phase to a task.
 void add_phase(TaskSpec& task, std::string name, double span);
 
 }  // namespace handsim::scene

@@ -1,4 +1,4 @@
-// How much a run will write, estimated before it is run, against the room that there is for it.
+// Estimates the size of a run's output before the run, and compares it with the free space.
 #pragma once
 
 #include <filesystem>
@@ -9,32 +9,31 @@
 
 namespace handsim::simulation {
 
-/// Estimates from the bytes of a number that shipped scenes have, 19; contacts and pictures by a rule of
-/// thumb.
+/// Estimates with 19 bytes for a number, the mean of shipped scenes; contacts and pictures by rough rules.
 struct OutputSize {
   long rows = 0;           ///< of the tables
-  double row = 0;          ///< of all tables together [bytes]
-  double largest_row = 0;  ///< of the largest table [bytes]
+  double row = 0;          ///< a row of all tables together [bytes]
+  double largest_row = 0;  ///< a row of the largest table [bytes]
   double pictures = 0;     ///< of all pictures [bytes]
   double inputs = 0;       ///< of the copies of meshes and motion files [bytes]
-  double moments = 0;      ///< memory that keeps what is to be drawn [bytes]
+  double moments = 0;      ///< memory for the states that will be drawn [bytes]
 
   double total() const { return static_cast<double>(rows) * row + pictures + inputs; }
 };
 
-/// Rows of the tables of steps `first` to `last`, one at every step that `every` divides.
+/// Number of rows for steps `first` to `last`, one for every multiple of `every`.
 long record_rows(long first, long last, long every);
 
-/// Steps from one row to the next.
+/// Number of steps between two rows.
 long record_steps(const scene::SceneSpec& spec);
 
-/// @param first, last the run's steps. @param frames pictures over the run.
+/// @param first, last first and last step of the run. @param frames number of pictures over the run.
 OutputSize output_size(const scene::Scene& scene, long first, long last, int frames);
 
-/// Refuses what does not fit: the free space where `out` is or is to be, the largest file that the system
-/// allows, the memory that pictures keep.
-/// @returns a note on a run that writes more than 1 GB, otherwise nothing.
-/// @throws Error (input) naming the estimate, the room and the `record.every` that would fit.
+/// Compares the size with the free space of the file system of `out`, the largest file that the system
+/// allows, and the free memory for pictures.
+/// @returns a note if the run writes more than 1 GB, otherwise nothing.
+/// @throws Error (input) with the estimate, the free space and a `record.every` that fits.
 std::optional<std::string> check_room(const scene::Scene& scene, const OutputSize& size,
                                       const std::filesystem::path& out);
 

@@ -1,4 +1,4 @@
-// Pictures of a scene: moments of a run drawn with one camera for all of them.
+// Pictures of a scene: moments of a run, drawn with one common camera.
 #pragma once
 
 #include <functional>
@@ -13,7 +13,7 @@
 
 namespace handsim::simulation {
 
-/// What a picture needs of one time of a run.
+/// The data of a picture at one time of a run.
 struct Moment {
   model::State state;
   std::vector<engine::Contact> contacts;
@@ -22,12 +22,12 @@ struct Moment {
 
 Moment moment_of(const engine::Engine& engine);
 
-/// Length of the arrow of a contact force [m/N]: a round figure with which the largest force of the moments
-/// has 40 to 100 mm; nothing where the pictures show none or there is none.
+/// Scale of the arrows of contact forces [m/N]: a round number for which the largest force of the moments has
+/// 40 to 100 mm; nothing if the pictures show no forces or there are none.
 std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<const Moment> moments);
 
-/// Draws the moments with one camera for all of them, and hands each picture to `take` with its place
-/// among them; keeps no picture. Creates one OpenGL context.
+/// Draws the moments with one common camera, and passes each picture and its index to `take`; stores no
+/// picture. Creates one OpenGL context.
 void draw(const model::Model& model, const scene::PictureSpec& pictures, std::span<const Moment> moments,
           const std::function<void(std::size_t, const output::Image&)>& take);
 /// One picture of a scene.

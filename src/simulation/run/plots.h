@@ -1,5 +1,5 @@
-// Plots of a controlled run by gnuplot: for each hand targets against angles, errors, and torques, a panel a
-// finger.
+// Plots of a controlled run by gnuplot: for each hand the targets and angles, errors, and torques, with a
+// panel for each finger.
 #pragma once
 
 #include <filesystem>
@@ -9,11 +9,11 @@
 
 namespace handsim::simulation {
 
-/// @throws Error (input) where no gnuplot can be started: to be called before a run.
+/// @throws Error (input) if gnuplot cannot be started; to be called before a run.
 void need_gnuplot();
 
-/// Writes plots/HAND_angles.png, HAND_errors.png, HAND_torques.png and the gnuplot scripts that made them,
-/// from the run's control.sto (which must be there). @throws Error (output) where gnuplot fails.
+/// Writes plots/HAND_angles.png, HAND_errors.png, HAND_torques.png and their gnuplot scripts from the run's
+/// control.sto, which must exist. @throws Error (output) if gnuplot fails.
 void write_plots(const scene::Scene& scene, const std::filesystem::path& out);
 
 }  // namespace handsim::simulation

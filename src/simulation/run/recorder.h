@@ -1,4 +1,4 @@
-// What a run leaves behind while it goes: rows of its tables and moments for its pictures.
+// Records a run: rows of its tables and moments for its pictures.
 #pragma once
 
 #include <optional>
@@ -17,11 +17,11 @@ class Recorder {
   /// The simulation must outlive the recorder.
   Recorder(const Simulation& simulation, const RunOptions& options);
 
-  /// Records the state after a step; the first is the one that the simulation starts or goes on from.
+  /// Records the state after a step; the first call records the start, or the state of the snapshot.
   void record(long step);
   /// Completes the tables: trajectory.csv, trajectory.mot, control.sto, contacts.csv.
   void finish();
-  /// Of the pictures, with their captions.
+  /// Moments of the pictures, with their captions.
   const std::vector<Moment>& moments() const { return moments_; }
 
  private:
@@ -46,10 +46,10 @@ class Recorder {
   /// Target and angle [deg], torque [N m] of each driven axis.
   std::optional<output::MotionTableWriter> control_;
   std::optional<output::AtomicFile> contacts_;
-  long every_;  ///< steps from one row to the next
+  long every_;  ///< number of steps between two rows
   std::vector<Planned> planned_;
   std::size_t taken_ = 0;
-  /// Of a climb: moments under load, among which those to show are chosen once it has failed.
+  /// Of a climb: moments under load; after its failure, some of them are chosen for pictures.
   const ClimbWatch* climb_ = nullptr;
   std::vector<std::pair<double, Moment>> loaded_;  ///< by load [N]
   std::vector<Moment> moments_;

@@ -1,8 +1,7 @@
-// One execution of a scene with its files: trajectory.csv, summary.json, resolved.yaml with the meshes and
-// motion files it names (inputs/), pictures; contacts.csv where the scene records contacts; trajectory.mot
-// (joint angles for OpenSim, where there are joints), control.sto and plots/ where the scene is controlled.
-// What an earlier run has left in the folder is removed when a run starts; tables and summary are written
-// before anything is drawn.
+// Runs a scene and writes its files: trajectory.csv, summary.json, resolved.yaml with copies of its meshes
+// and motion files (inputs/), pictures; contacts.csv if the scene records contacts; trajectory.mot (joint
+// angles for OpenSim, if there are joints), control.sto and plots/ if the scene has control. A run removes
+// the files of earlier runs from the folder when it starts, and writes tables and summary before it draws.
 #pragma once
 
 #include <cstdint>
@@ -27,51 +26,51 @@ namespace handsim::simulation {
 class Simulation;
 
 struct RunOptions {
-  std::filesystem::path out;   ///< folder for the run's files; made where it is missing
-  int frames = 0;              ///< pictures over the run; 0: no OpenGL context is made
+  std::filesystem::path out;   ///< folder for the run's files; created if it is missing
+  int frames = 0;              ///< pictures over the run; 0: no OpenGL context is created
   bool pose_pictures = false;  ///< a picture at the end of every hold of a controlled scene, or every phase
-                               ///< of a grasp or climb, in place of `frames`
+                               ///< of a grasp or climb, instead of `frames`
   bool plots = false;          ///< of a controlled scene: plots/ by gnuplot
-  /// Writes the run as it stands at this time [s], rounded to a step, as snapshot.bin.
+  /// Writes snapshot.bin at this time [s], rounded to a step.
   std::optional<double> snapshot_at;
-  /// Goes on from this snapshot file: the tables and pictures are of the rest of the scene, the summary of
-  /// all.
+  /// Continues from this snapshot file: tables and pictures are of the rest of the scene, the summary of the
+  /// whole.
   std::optional<std::filesystem::path> from_snapshot;
   /// Ends the run once a grasped object has moved too far or is lost.
   bool stop_lost = false;
-  /// What the hash of the states is to be (state_hash.h).
+  /// Expected hash of the states (state_hash.h).
   std::optional<std::uint64_t> expected_hash;
-  /// Draws in a process of its own (output/child.h): a lack of memory may end the drawing, and no more.
+  /// Draws in a child process (output/child.h), so that a lack of memory ends only the drawing.
   bool draw_apart = false;
-  /// Is called with the share done, 0..1, now and then.
+  /// Called repeatedly with the finished share, 0..1.
   std::function<void(double)> progress;
-  /// Is called before the run with what the user should know of it: that it writes much.
+  /// Called before the run with a message for the user, if the run writes much.
   std::function<void(const std::string&)> note;
 };
 
 struct RunResult {
   std::vector<Verdict> verdicts;
-  std::optional<PhysicsFault> fault;  ///< of a run that diverged; the files are complete up to then
+  std::optional<PhysicsFault> fault;  ///< of a run that diverged; the files have everything before it
   double simulated = 0;               ///< [s]
   double wall = 0;                    ///< of the loop [s]
   std::string summary;                ///< text of summary.json
   std::vector<std::string> warnings;  ///< Simulation::warnings
   std::uint64_t state_hash = 0;
-  std::optional<std::uint64_t> expected_hash;  ///< where one was given
-  std::optional<double> continued_from;        ///< time of the snapshot that the run went on from [s]
-  std::vector<AxisTracking> tracking;          ///< by driven axis; empty where the scene drives none
+  std::optional<std::uint64_t> expected_hash;  ///< of the options
+  std::optional<double> continued_from;        ///< time of the snapshot from which the run continued [s]
+  std::vector<AxisTracking> tracking;          ///< by driven axis; empty without control
   std::vector<GraspFigures> grasps;            ///< of the scene's grasps
   std::vector<ClimbFigures> climbs;            ///< of the scene's climbs
   std::vector<engine::Overlap> overlaps;       ///< of shapes at the start
 
-  /// What was asked for and is not there, with why: `pictures: ...`, `plots: ...`.
+  /// Requested output that is missing, with the reason: `pictures: ...`, `plots: ...`.
   std::vector<std::string> missing;
 
   bool hash_as_expected() const { return !expected_hash || *expected_hash == state_hash; }
   bool passed() const;
   bool judged() const;  ///< there is a criterion
-  bool failed() const;  ///< some criterion's figure is beyond its limit
-  bool missed() const;  ///< some criterion has no figure
+  bool failed() const;  ///< the figure of a criterion is beyond its limit
+  bool missed() const;  ///< a criterion has no figure
 };
 
 /// Nothing is left to measure: every climb has failed, and the scene has no grasp; or, where asked for, a
@@ -79,20 +78,20 @@ struct RunResult {
 bool over(const Simulation& simulation, bool stop_lost);
 
 /// Runs the scene and writes its files.
-/// @throws Error (input) where the folder cannot be had (output_folder.h), the scene is too large to be
-///         written down (inputs.h), the snapshot to go on from is no snapshot of this scene, or is not of a
-///         time before its end, or where the files have no room (output_size.h); nothing is run then.
-/// @throws Error (output) where a table or the summary cannot be written.
+/// @throws Error (input) if the folder cannot be used (output_folder.h), the resolved scene is too large
+///         (inputs.h), the snapshot is not one of this scene before its end, or the files do not fit
+///         (output_size.h); the scene does not run then.
+/// @throws Error (output) if a table or the summary cannot be written.
 RunResult run(const scene::Scene& scene, const RunOptions& options);
 
-/// The folder of a run, for a caller with several runs that checks all folders before the first run. @throws
-/// Error (input) as OutputFolder does.
+/// The folder of a run, for callers that check the folders of several runs before the first one.
+/// @throws Error (input) as OutputFolder does.
 output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& options);
-/// A run into a folder that is held already; null: it is taken for the time of the run.
+/// A run into a folder that is locked already; null: the run locks it.
 RunResult run(const scene::Scene& scene, const RunOptions& options, const output::OutputFolder* folder);
 
-/// The scene at a time [s] of its motion, 0 to its duration.
-/// @throws Error (physics) where the simulation diverges before that.
+/// The scene at a time [s], 0 to its duration. @throws Error (physics) if the simulation diverges before
+/// that.
 Moment moment_at(const scene::Scene& scene, double time);
 
 }  // namespace handsim::simulation

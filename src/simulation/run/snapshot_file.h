@@ -1,4 +1,4 @@
-// A run's snapshot as a file that names its scene.
+// Files of snapshots, which also identify the scene.
 #pragma once
 
 #include <cstdint>
@@ -10,21 +10,22 @@
 
 namespace handsim::simulation {
 
-/// Version of files: others are refused. To be raised with every change of what is in a snapshot, whether of
-/// its parts (what anything saves of itself), their order or how they are written.
+/// Version of files; other versions are refused. Increase it with every change of the content of a snapshot:
+/// its parts (what any class saves), their order, or their format.
 inline constexpr std::uint64_t kSnapshotVersion = 5;
-/// Largest file that is read.
+/// Largest file size that is accepted.
 inline constexpr std::size_t kSnapshotMaxBytes = 64U << 20U;
 
 /// Bytes of a snapshot file: `HANDSNAP`, the version, the fingerprint, the time, the snapshot's bytes, and
-/// XXH64 of all before.
+/// the XXH64 of these.
 std::string snapshot_text(const RunSnapshot& snapshot);
-/// @param name of the file, for messages. @throws Error (input) for bytes that are no whole snapshot.
+/// @param name name of the file, for messages. @throws Error (input) for bytes that are not a complete
+/// snapshot.
 RunSnapshot parse_snapshot(std::string_view text, const std::string& name);
 
-/// @throws Error (input) where the file cannot be written.
+/// @throws Error (input) if the file cannot be written.
 void write_snapshot(const RunSnapshot& snapshot, const std::filesystem::path& path);
-/// @throws Error (input) where the file is missing, too large, torn, of another version or no snapshot.
+/// @throws Error (input) if the file is missing, too large, incomplete, of another version or not a snapshot.
 RunSnapshot read_snapshot(const std::filesystem::path& path);
 
 }  // namespace handsim::simulation

@@ -1,4 +1,4 @@
-// A run's outcome as summary.json: the run's own part, and those of its watchers.
+// The text of summary.json: figures of the run and of its watchers.
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// Figures of climbs: what load the grip carried, and through which parts of the hand.
+// Figures of climbs: the load that the grip carried, and the forces on the parts of the hand.
 #pragma once
 
 #include <string>
@@ -10,13 +10,13 @@
 
 namespace handsim::simulation {
 
-/// A grip has failed once the palm has moved by this much under the load [m].
+/// Travel of the palm under the load at which a grip fails [m].
 inline constexpr double kFailedTravel = 0.02;
-/// A palm that moves slower than this is held: the load it bears then is carried [m/s].
+/// While the palm is slower than this, the load counts as carried [m/s].
 inline constexpr double kHeldSpeed = 0.02;
-/// A climb that has failed is measured for so long: hundreds of newtons throw half a kilogram far [s].
+/// Time for which a failed climb is still measured; after that the load accelerates the hand strongly [s].
 inline constexpr double kAfterFailure = 0.01;
-/// Grips are kept at every so many newtons of load.
+/// Interval of the load at which grips are stored [N].
 inline constexpr double kGripEvery = 2;
 
 /// The load of a climb at a time [N].
@@ -26,8 +26,8 @@ double load_at(const scene::ClimbPlan& plan, double time);
 struct LoadedGrip {
   double time = 0;               ///< [s]
   double load = 0;               ///< [N]
-  double travel = 0;             ///< of the palm since the load began [m]
-  std::vector<PartForce> parts;  ///< what touches the hold
+  double travel = 0;             ///< of the palm since the start of the load [m]
+  std::vector<PartForce> parts;  ///< parts in contact with the hold
   int contacts = 0;
 };
 
@@ -37,16 +37,16 @@ struct ClimbFigures {
   double carried = 0;           ///< largest load with the palm slower than kHeldSpeed [N]
   double carried_time = 0;      ///< [s]
   double failure_time = 0;      ///< [s]
-  double travel = 0;            ///< of the palm under the load, now [m]
-  bool complete = false;        ///< failed, or the load has grown to its end
+  double travel = 0;            ///< present travel of the palm under the load [m]
+  bool complete = false;        ///< failed, or the load has reached its maximum
   hand::GripStrength strength;  ///< of the person
   LoadedGrip before;            ///< closed, without load
   LoadedGrip half;              ///< at half the load carried
   LoadedGrip last;              ///< at the load carried, within kGripEvery
 
-  /// The load has begun to grow.
+  /// True if the load has started to grow.
   bool begun() const { return before.time > 0; }
-  /// Load carried over the norm of people alike.
+  /// Load carried over the norm of grip strength.
   double share() const { return carried / strength.norm; }
 };
 
@@ -61,7 +61,7 @@ class ClimbWatch {
   void restore(ArchiveReader& in);
 
   ClimbFigures figures() const;
-  /// Failed, and measured for kAfterFailure since.
+  /// True if the climb failed at least kAfterFailure ago.
   bool over(double time) const;
 
  private:
@@ -74,7 +74,7 @@ class ClimbWatch {
   std::size_t dof_ = 0;
   std::vector<int> part_of_shape_;  ///< by shape: -1 no part of the hand, else index into kHandParts
   std::vector<bool> of_hold_;       ///< by shape
-  double start_ = 0;                ///< coordinate at which the load began [m]
+  double start_ = 0;                ///< coordinate at the start of the load [m]
   bool loading_ = false;
   ClimbFigures figures_;
   std::vector<LoadedGrip> grips_;  ///< while the palm is held
@@ -92,10 +92,10 @@ class Climbs final : public Watcher {
   void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
   void add_summary(SummaryJson& out) const override;
 
-  /// Up to now, in the order of the scene.
+  /// Figures so far, in the order of the scene.
   std::vector<ClimbFigures> figures() const;
   const std::vector<ClimbWatch>& each() const { return climbs_; }
-  /// Every climb has failed, and has been measured for kAfterFailure since.
+  /// True if every climb failed at least kAfterFailure ago.
   bool over() const;
 
  private:

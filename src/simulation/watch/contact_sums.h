@@ -1,4 +1,4 @@
-// Contact forces summed up by finger and by the pair of things that touch, over a run.
+// Sums of contact forces over a run, for each finger and for each pair of objects in contact.
 #pragma once
 
 #include <map>
@@ -10,12 +10,12 @@
 
 namespace handsim::simulation {
 
-/// Forces between two things, or on a finger from all that it touches.
+/// Forces between two objects, or on a finger from all its contacts.
 struct ContactSum {
   int contacts = 0;           ///< points at the last step
   Vec3 force = Vec3::Zero();  ///< on the first of the two (the finger) at the last step, world [N]
-  double normal = 0;          ///< normal forces of the points, added up, at the last step [N]
-  double friction = 0;        ///< sizes of their friction forces, added up, at the last step [N]
+  double normal = 0;          ///< sum of the normal forces of the points at the last step [N]
+  double friction = 0;        ///< sum of the magnitudes of their friction forces at the last step [N]
   double normal_time = 0;     ///< integral of `normal` over the run [N s]
   double largest_normal = 0;  ///< of all steps [N]
   double largest_at = 0;      ///< its time [s]
@@ -23,7 +23,7 @@ struct ContactSum {
 
 class ContactSums final : public Watcher {
  public:
-  /// Names the things of the model: fingers and palm of each hand (`right.index`), objects whole, the ground,
+  /// The things of the model are fingers and palm of each hand (`right.index`), objects, the ground, and
   /// bodies of a mechanism.
   explicit ContactSums(const Watched& watched);
 
@@ -34,9 +34,9 @@ class ContactSums final : public Watcher {
   void add_summary(SummaryJson& out) const override;
 
   using Pair = std::pair<std::string, std::string>;
-  /// Things that have touched, by name; the force is on the first of a pair.
+  /// Pairs with contact in the run, by name; the force acts on the first one of a pair.
   std::vector<std::pair<Pair, ContactSum>> pairs() const;
-  /// Fingers and palms that have touched anything.
+  /// Fingers and palms with contact in the run.
   std::vector<std::pair<std::string, ContactSum>> fingers() const;
 
  private:

@@ -1,5 +1,4 @@
-// How well the solver has solved, over a run: what it reports of itself, what is measured of it, and warnings
-// of what is bad.
+// Errors of the solver over a run: its own reports, measured residuals, and warnings.
 #pragma once
 
 #include <array>
@@ -18,25 +17,25 @@ class Convergence final : public Watcher {
   void save(ArchiveWriter& out) const override;
   void restore(ArchiveReader& in, const model::State& state) override;
   void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
-  /// One sentence for each thing that is bad: LCP failures, steps that the guard could not mend, and
-  /// residuals that, were they to stay, would hold a joint open by more than 0.1 mm or 5 mrad, or a contact
-  /// in by 0.1 mm (residual times step over ERP).
+  /// One sentence for each problem: LCP failures, steps that the guard could not solve, and residuals that,
+  /// if they persisted, would open a joint by more than 0.1 mm or 5 mrad, or let a contact penetrate by 0.1
+  /// mm (residual times step over ERP).
   void add_warnings(std::vector<std::string>& out) const override;
   void add_summary(SummaryJson& out) const override;
 
-  /// Steps in which the solver failed, counted once for each failure.
+  /// Number of failures of the solver.
   long lcp_failures() const { return lcp_failures_; }
-  /// Steps by the way they were solved, engine::Rung::none in unguarded ones.
+  /// Number of steps for each engine::Rung.
   const std::array<long, engine::kRungNames.size()>& rungs() const { return rungs_; }
-  /// Steps that quick_step solved, or the articulated engine by relaxation.
+  /// Number of steps that quick_step solved, or the articulated engine by relaxation.
   long iterative_steps() const { return iterative_; }
-  /// Steps whose residual was measured: quick_step's with contact, those at which a stop comes into force or
-  /// goes out of it and every eighth of the others (engine::kResidualEvery); those in which world_step's LCP
-  /// solver gave up; and those with contact on the articulated engine, whose contact solver reports its
+  /// Number of steps whose residual was measured: steps of quick_step with contact or with a change of active
+  /// stops, and every eighth of the others (engine::kResidualInterval); steps in which world_step's LCP
+  /// solver failed; and steps of the articulated engine with contact, whose contact solver reports its
   /// residual.
   long measured() const { return measured_; }
-  /// Steps in which Newton's method did not find Coulomb's law, and friction's limits were updated from
-  /// outside (articulated engine).
+  /// Number of steps in which Newton's method did not converge to Coulomb's law, and an outer loop updated
+  /// the friction limits (articulated engine).
   long limit_steps() const { return limit_steps_; }
   /// Largest residuals of the measured steps: of joints [m/s] and [rad/s], and of rigid contacts [m/s].
   const Peak& linear() const { return linear_; }

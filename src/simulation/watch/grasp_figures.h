@@ -1,5 +1,5 @@
-// Figures of grasps: whether the object was held and how firmly. Measured at every step of the plan's hold
-// and shake; contacts are taken at the end of the hold and after the shake.
+// Figures of grasps: motion of the object in the hand, contact forces and grasp quality. Motion is measured
+// at every step of the plan's hold and shake, contacts at the end of the hold and after the shake.
 #pragma once
 
 #include <array>
@@ -15,11 +15,11 @@
 
 namespace handsim::simulation {
 
-/// Limits that make a grasp held: movement of the object relative to the palm.
+/// Limits of a held grasp for the motion of the object relative to the palm.
 inline constexpr double kHeldShift = 2e-3;                     ///< after the shake [m]
 inline constexpr double kHeldTurn = 2 * 0.017453292519943295;  ///< after the shake [rad]
 inline constexpr double kShakenShift = 5e-3;                   ///< at any time of the shake [m]
-/// The hold's last part, over which the slip speed is taken [s].
+/// Time span at the end of the hold over which the slip speed is measured [s].
 inline constexpr double kSlipSpan = 4;
 /// An object that no part of the hand has touched for so long is lost [s]: it has fallen 0.3 m.
 inline constexpr double kLostSpan = 0.25;
@@ -27,27 +27,27 @@ inline constexpr double kLostSpan = 0.25;
 /// The grip at one time.
 struct Grip {
   double time = 0;               ///< [s]
-  std::vector<PartForce> parts;  ///< those that touch, palm first
+  std::vector<PartForce> parts;  ///< parts in contact, palm first
   int contacts = 0;
-  int others = 0;     ///< contacts of the object with what is no part of the hand
+  int others = 0;     ///< contacts of the object with other things than the hand
   double normal = 0;  ///< sum over the hand [N]
-  /// Largest share of a part's friction limit in use, among parts that bear a thousandth of the sum. Can
-  /// exceed 1 with quick_step, whose cone is a pyramid (1.41 on its diagonal).
+  /// Largest friction over friction limit of a part, among parts with a thousandth of the sum of normal
+  /// forces. Can exceed 1 with quick_step, which has a friction pyramid (1.41 on its diagonal).
   double friction_used = 0;
   WrenchSpace wrenches;
 };
 
-/// What became of a grasped object.
+/// The result of a grasp.
 enum class Outcome {
   cut_off,  ///< the run ended before the plan
   held,
-  moved,  ///< by more than a held object may, or it touches something else
-  lost,   ///< it left the hand
+  moved,  ///< the object moved beyond the limits, or it touches something else
+  lost,   ///< the object left the hand
 };
 
 struct GraspFigures {
   std::string name;         ///< HAND.OBJECT
-  bool complete = false;    ///< the run got to the end of the plan
+  bool complete = false;    ///< the run reached the end of the plan
   Grip hold;                ///< at the end of the hold
   Grip after;               ///< at the end of the plan
   double slip = 0;          ///< mean drift of the object's centre in the palm over the end of the hold [m/s]
@@ -56,24 +56,24 @@ struct GraspFigures {
   double shaken_time = 0;   ///< of it [s]
   double shift = 0;         ///< movement from the end of the hold to the end of the plan [m]
   double turn = 0;          ///< the same [rad]
-  bool held = false;        ///< within the limits, with the hand's contacts and no others
-  bool left = false;        ///< from some time on the hand did not touch the object
-  double left_time = 0;     ///< since then [s]
-  std::string last_part;    ///< of the hand that touched it; empty where none has since it was lifted
-  double moved_time = 0;    ///< when it had first moved by more than a shake may move it [s]; 0: never
+  bool held = false;        ///< within the limits, with contacts of the hand and no others
+  bool left = false;        ///< the hand lost contact with the object
+  double left_time = 0;     ///< time of the last contact [s]
+  std::string last_part;    ///< part of the last contact; empty if there was none after the lift
+  double moved_time = 0;    ///< first time beyond the limit of motion in the shake [s]; 0: never
 
-  /// The run got to the end of the hold.
+  /// True if the run reached the end of the hold.
   bool hold_measured() const { return hold.time > 0; }
-  /// The object has moved in the palm by more than a held one may: the rest of the run cannot mend it.
+  /// True if the object has moved beyond the limit of the shake, so that the grasp cannot be held any more.
   bool failed() const { return shaken_shift > kShakenShift; }
   /// The hand has let go of the object. @param now time of the run [s]
   bool lost(double now) const { return left && now - left_time >= kLostSpan; }
   Outcome outcome() const;
-  /// What is left of the limit that is nearest, as a share of it; below 0 beyond it.
+  /// Smallest distance to a limit, as a share of the limit; negative beyond it.
   double margin() const;
-  /// Outcome in words, with time and contact of a loss: `held`, `LOST at 4.21 s, last by the thumb`.
+  /// Text of the outcome, with time and contact of a loss: `held`, `LOST at 4.21 s, last by the thumb`.
   std::string told() const;
-  /// Force closure and being held tell different stories.
+  /// True if force closure and the verdict `held` disagree.
   bool disagree() const { return complete && held != after.wrenches.force_closure; }
 };
 
@@ -120,9 +120,9 @@ class Grasps final : public Watcher {
   void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
   void add_summary(SummaryJson& out) const override;
 
-  /// Up to now, in the order of the scene.
+  /// Figures so far, in the order of the scene.
   std::vector<GraspFigures> figures() const;
-  /// An object has moved too far already.
+  /// True if an object has already moved too far.
   bool failed() const;
   /// An object has moved too far or is lost: the rest of the run cannot mend it. @param now its time [s]
   bool decided(double now) const;

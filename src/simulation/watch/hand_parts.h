@@ -1,4 +1,4 @@
-// The parts of a hand by which forces are listed, and the forces on one of them.
+// The parts of a hand for lists of forces, and the forces on one part.
 #pragma once
 
 #include <array>
@@ -12,7 +12,7 @@ namespace handsim::simulation {
 inline constexpr std::array<const char*, 6> kHandParts = {"palm",   "thumb", "index",
                                                           "middle", "ring",  "little"};
 
-/// Index into kHandParts; -1 for what is no part of a hand.
+/// Index into kHandParts; -1 for a shape that is not part of a hand.
 inline int hand_part(model::Part part) {
   static_assert(static_cast<int>(model::Part::palm) == 0 && static_cast<int>(model::Part::little) == 5);
   return part <= model::Part::little ? static_cast<int>(part) : -1;

@@ -1,5 +1,6 @@
-// What a run's effects and phases cost. Phases are timed. Effects that live inside the solver cannot be timed
-// on their own: they get a share of the solver's time by their constraint rows, and the entry states it.
+// CPU time of a run's effects and phases. Phases are timed. Effects inside the solver cannot be timed
+// separately: they get a share of the solver's time in proportion to their constraint rows, and the entry
+// says so.
 #pragma once
 
 #include <optional>
@@ -14,8 +15,8 @@ struct LedgerEntry {
   std::string name;                   ///< effect or phase
   long ran = 0;                       ///< steps in which it acted
   double rows = 0;                    ///< constraint rows per step
-  std::optional<double> ns_per_step;  ///< absent where it cannot be separated
-  std::string how;                    ///< how the cost was found
+  std::optional<double> ns_per_step;  ///< absent if it cannot be separated
+  std::string how;                    ///< how the time was determined
 };
 
 class Ledger final : public Watcher {
@@ -29,13 +30,13 @@ class Ledger final : public Watcher {
   void restore(ArchiveReader& in, const model::State& state) override;
   void add_summary(SummaryJson& out) const override;
 
-  /// Time in control, the drives' set-up in the engine included, over the time of the step it drives.
+  /// Time of control, including the set-up of servos in the engine, over the time of the step.
   double control_share() const;
   std::vector<LedgerEntry> phases() const;
   std::vector<LedgerEntry> effects() const;
   /// Contact points, summed over the steps.
   long contacts() const { return contacts_; }
-  /// Pairs given to the narrow phase, summed over the steps.
+  /// Pairs tested by the narrow phase, summed over the steps.
   long collide_calls() const { return collide_calls_; }
 
  private:
@@ -51,12 +52,12 @@ class Ledger final : public Watcher {
   LedgerEntry entry(model::Effect effect) const;
   /// Time in the solver itself [ns].
   double solver_ns() const { return step_ns_ - collide_ns_ - tissue_ns_ - servo_ns_; }
-  /// Per timed step; nothing where none was.
+  /// Mean over the timed steps; nothing if there were none.
   std::optional<double> per_step(double ns) const;
 
   const model::Model& model_;
   model::Effects effects_;
-  bool rows_;             ///< whether the engine has constraint rows to share its time by
+  bool rows_;             ///< true if the engine has constraint rows
   long joint_rows_ = 0;   ///< of the joints themselves, each step
   long tissue_rows_ = 0;  ///< each step
   long driven_rows_ = 0;  ///< of servo drives, each step; 0 where torques act

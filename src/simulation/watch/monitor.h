@@ -1,4 +1,4 @@
-// Measures at every step how far joints come apart and stops are overshot.
+// Measures joint gaps and angles beyond stops at every step.
 #pragma once
 
 #include <concepts>
@@ -11,7 +11,7 @@
 
 namespace handsim::simulation {
 
-/// A largest value, where and when.
+/// A largest value with its place and time.
 struct Peak {
   double value = 0;
   double time = 0;         ///< [s]
@@ -26,30 +26,30 @@ template <class Archive, class T>
 requires std::same_as<std::remove_const_t<T>, Peak>
 void carry(Archive& archive, T& peak) { carry_all(archive, peak.value, peak.time, peak.where); }
 
-/// A run fails where a joint's bodies are further apart [m]: no body of a hand is longer.
+/// A larger joint gap ends a run [m]; segments of a hand are shorter than this.
 inline constexpr double kLargestGap = 0.1;
 
 class Monitor final : public Watcher {
  public:
   explicit Monitor(const Watched& watched);
-  /// Without an engine: of states that come from elsewhere. The model must outlive the monitor.
-  /// @param step of the engine [s]. @param stops whether joint stops are in force.
+  /// Without an engine, for states from other sources. The model must outlive the monitor.
+  /// @param step step of the engine [s]. @param stops true if joint stops are active.
   Monitor(const model::Model& model, double step, bool stops);
 
   std::string_view name() const override { return "monitor"; }
   void update(Step& step) override;
-  /// Of the state after a step.
+  /// Measures the state after a step.
   void update(const model::State& state);
   void save(ArchiveWriter& out) const override;
   void restore(ArchiveReader& in, const model::State& state) override;
   void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
 
-  /// Whether any joint has a stop that is in force.
+  /// True if a joint has an active stop.
   bool has_stops() const { return !stopped_.empty(); }
   /// Largest joint gap so far [m].
   Peak joint_gap() const;
-  /// Largest overshoot of a stop, less what the step that crossed it explains (rate at the crossing times
-  /// step, plus 1e-6) [rad] or [m]; 0 where no stop was ever overshot by more.
+  /// Largest overshoot of a stop, minus the motion of the step that crossed it (rate at the crossing times
+  /// step, plus 1e-6) [rad] or [m]; at least 0.
   const Peak& stop_overshoot() const { return excess_; }
   /// Largest overshoot of a stop in a state [rad] or [m].
   Peak stop_rest(const model::State& state) const;
@@ -59,7 +59,7 @@ class Monitor final : public Watcher {
   struct StoppedAxis {
     const model::Joint* joint = nullptr;
     std::size_t axis = 0;
-    double overshoot = 0;  ///< now; 0 inside the stops
+    double overshoot = 0;  ///< present value; 0 inside the stops
     double allowed = 0;    ///< rate at the crossing times step
 
     std::size_t dof() const;
@@ -72,10 +72,10 @@ class Monitor final : public Watcher {
   void update_stops(const model::State& state);
 
   const model::Model& model_;
-  const engine::Engine* engine_ = nullptr;  ///< null where states come from elsewhere
+  const engine::Engine* engine_ = nullptr;  ///< null for states from other sources
   double step_;
   std::vector<StoppedAxis> stopped_;
-  std::vector<Vec3> slider_axes_;  ///< of each joint in its parent; zero where it is no slider
+  std::vector<Vec3> slider_axes_;  ///< of each joint in its parent; zero for other joints
   double gap2_ = 0, gap_time_ = 0;
   std::size_t gap_joint_ = 0;
   Peak excess_;

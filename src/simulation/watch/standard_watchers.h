@@ -1,4 +1,4 @@
-// The watchers of `handsim run`, with all of their headers.
+// The watchers of `handsim run`, with their headers.
 #pragma once
 
 #include "handsim/simulation/watch/climb_figures.h"
@@ -13,8 +13,8 @@
 
 namespace handsim::simulation {
 
-/// In this order, each where the scene has something for it: Monitor, Convergence, Tunnelling (contacts),
-/// Grasps, Climbs, Tracking (control), ContactSums (record.contacts), Ledger, RunHash.
+/// In this order, each only if the scene needs it: Monitor, Convergence, Tunnelling (contacts), Grasps,
+/// Climbs, Tracking (control), ContactSums (record.contacts), Ledger, RunHash.
 Watchers standard_watchers(const Watched& watched);
 
 }  // namespace handsim::simulation

@@ -1,5 +1,6 @@
-// A run's states as one number: equal numbers, equal bits in every body at the steps that are taken in. These
-// are every eighth one from the start on, and the last: all of them would be 3 % of a small mechanism's step.
+// A hash of the states of a run: with equal hashes, all bodies have equal bits at the hashed steps. These are
+// every eighth one from the start on, and the last; hashing all steps would take 3 % of the time of a small
+// mechanism.
 //   h_0 = XXH64(bytes of the start, seed 0),  h_k = XXH64(bytes of the next such state, seed h_(k-1))
 // The bytes of a state are its time and, for each body but the world in the model's order, position x y z,
 // quaternion w x y z, velocity x y z and angular velocity x y z, as doubles with the least significant byte
@@ -15,15 +16,15 @@
 
 namespace handsim::simulation {
 
-/// Steps from one state that is taken in to the next.
+/// Number of steps between two hashed states.
 inline constexpr long kHashEvery = 8;
 
 class StateHash {
  public:
-  /// Takes the next state in.
+  /// Adds the next state to the hash.
   void add(const model::State& state);
   std::uint64_t value() const { return value_; }
-  /// Goes on from a hash.
+  /// Continues from a hash.
   void set(std::uint64_t value) { value_ = value; }
 
  private:
@@ -42,18 +43,18 @@ class RunHash final : public Watcher {
   void restore(ArchiveReader& in, const model::State& state) override;
   void add_summary(SummaryJson& out) const override;
 
-  /// Of the states up to now.
+  /// Hash of the states so far.
   std::uint64_t value() const;
 
  private:
   const engine::Engine& engine_;
   long steps_ = 0;
-  StateHash hash_;  ///< up to the last step that kHashEvery divides
+  StateHash hash_;  ///< up to the last multiple of kHashEvery
 };
 
 /// Sixteen hexadecimal digits.
 std::string hash_text(std::uint64_t hash);
-/// Nothing where the text is no such hash.
+/// Nothing if the text is not such a hash.
 std::optional<std::uint64_t> parse_hash(std::string_view text);
 
 }  // namespace handsim::simulation

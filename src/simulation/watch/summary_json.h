@@ -1,5 +1,5 @@
-// What watchers write their part of summary.json into. Not included by watcher.h: only who writes or reads
-// the summary needs the JSON library.
+// The JSON object to which watchers add their part of summary.json. Not included by watcher.h, so that only
+// files that write or read the summary need the JSON library.
 #pragma once
 
 #include <vector>
@@ -12,7 +12,7 @@ namespace handsim::simulation {
 
 using Json = nlohmann::ordered_json;
 
-/// The summary's top-level keys stand in it already, in the order of the file; those left null are removed.
+/// Has the summary's top-level keys already, in the order of the file; keys that stay null are removed.
 struct SummaryJson {
   Json json;
 };

@@ -1,6 +1,6 @@
-// How deep shapes penetrate each other, and what contact must never let happen: a shape whose centre passes
-// through another within a step, or that lies deeper in another than its own smallest radius. Measured
-// wherever contacts are tested, at some nanoseconds for each body.
+// Measures penetration and detects tunnelling: a shape whose centre passes through another one within a step,
+// or that penetrates another one by more than its own smallest radius. Active in all scenes with contact;
+// takes some nanoseconds for each body.
 #pragma once
 
 #include <string>
@@ -20,19 +20,19 @@ class Tunnelling final : public Watcher {
   void save(ArchiveWriter& out) const override;
   void restore(ArchiveReader& in, const model::State& state) override;
   void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
-  /// One sentence for each pair, and one for those beyond the first few.
+  /// One sentence for each of the first pairs, and one for all others.
   void add_warnings(std::vector<std::string>& out) const override;
 
   /// Largest depth of any contact point so far [m], `A and B` by the names of the shapes.
   Peak penetration() const;
-  /// Pairs of shapes that passed or lay too deep.
+  /// Number of pairs of shapes with tunnelling.
   int pairs() const { return static_cast<int>(events_.size()); }
-  /// Of the first of them, by time; empty where there is none.
+  /// Names of the first pair in time; empty if there is none.
   std::string first_where() const;
   double first_time() const { return events_.empty() ? 0 : events_.front().time; }
 
  private:
-  /// The first time that a pair passed or lay too deep, and its largest depth.
+  /// First time of tunnelling of a pair, and its largest depth.
   struct Event {
     int a = 0, b = 0;
     double time = 0;
@@ -50,12 +50,11 @@ class Tunnelling final : public Watcher {
   bool passes(std::size_t a, std::size_t b, const model::State& state) const;
 
   const model::Model& model_;
-  bool tested_;  ///< whether the engine tests contacts
+  bool tested_;  ///< true if the engine tests contacts
   double depth_ = 0, depth_time_ = 0;
   int deep_a_ = 0, deep_b_ = 0;  ///< shapes
   engine::Sweep sweep_;
-  std::vector<double>
-      radii_;  ///< deepest that a shape may lie in others, infinite where nothing moves it [m]
+  std::vector<double> radii_;  ///< largest allowed depth of each shape; infinite for immovable shapes [m]
   std::vector<Event> events_;
   model::State last_;
   std::vector<engine::Way> ways_;

@@ -1,6 +1,6 @@
-// What watches a simulation: a watcher gets each step, measures, and reports what it found. It never changes
-// the motion. A simulation has any number of watchers, also none; standard_watchers.h lists those that
-// `handsim run` has.
+// The interface of watchers. A watcher measures each step of a simulation and reports figures; it never
+// changes the motion. A simulation has any number of watchers, or none; standard_watchers.h lists those of
+// `handsim run`.
 #pragma once
 
 #include <chrono>
@@ -17,30 +17,30 @@
 
 namespace handsim::simulation {
 
-/// What a watcher watches; all of it outlives the watcher.
+/// The objects that a watcher observes; all of them outlive the watcher.
 struct Watched {
   const scene::Scene& scene;
   const engine::Engine& engine;
-  const control::Controller* controller = nullptr;  ///< null where the scene drives no joint
+  const control::Controller* controller = nullptr;  ///< null without control
 };
 
-/// What the parts of one step took.
+/// Times of the parts of one step.
 struct StepTimes {
-  double control = 0;                             ///< sensing joints and working out what drives them [ns]
-  double step = 0;                                ///< the engine [ns]
-  std::chrono::steady_clock::time_point watched;  ///< when the watchers' turn began
+  double control = 0;                             ///< controller and other commands [ns]
+  double step = 0;                                ///< engine [ns]
+  std::chrono::steady_clock::time_point watched;  ///< start of the watchers
 };
 
-/// A step that has been made.
+/// A finished step.
 struct Step {
   const engine::Engine& engine;  ///< after the step
   const engine::StepReport& report;
-  const StepTimes* times = nullptr;  ///< null where the step was not timed
-  /// Set by a watcher that finds the motion unsound: the simulation then fails with it.
+  const StepTimes* times = nullptr;  ///< null if the step was not timed
+  /// A watcher sets a fault if the motion is invalid; the simulation then fails with it.
   std::optional<PhysicsFault> fault = {};
 };
 
-/// A criterion's figure beside its limit.
+/// A figure and its limit.
 struct Verdict {
   std::string name;
   std::string unit;
@@ -48,11 +48,11 @@ struct Verdict {
   std::optional<double> limit = {};    ///< absent: measured, not judged
   double time = 0;                     ///< of the figure [s]
   std::string where = {};              ///< joint or body of the figure
-  bool least = false;                  ///< the limit is the least that will do, not the most
+  bool least = false;                  ///< true for a lower limit
 
   /// A criterion without a measured value is not held.
   bool held() const { return !limit || (measured && (least ? *measured >= *limit : *measured <= *limit)); }
-  bool missed() const { return limit && !measured; }  ///< the run did not come to what is judged
+  bool missed() const { return limit && !measured; }  ///< the run ended before the measurement
   bool failed() const { return !held() && !missed(); }
 };
 
@@ -62,29 +62,30 @@ class Watcher {
  public:
   virtual ~Watcher() = default;
 
-  /// Of its part in a snapshot; different for each watcher of a simulation.
+  /// Name of its part in a snapshot; different for each watcher of a simulation.
   virtual std::string_view name() const = 0;
   /// Called after each step.
   virtual void update(Step& step) = 0;
-  /// Whether it uses Step::times. One step in 16 is timed then: on small scenes the clock costs as much as a
-  /// phase of the step.
+  /// True if it uses Step::times. Then one step in 16 is timed, because on small scenes reading the clock
+  /// takes as long as a phase of the step.
   virtual bool wants_times() const { return false; }
 
-  /// What it has measured, and back.
+  /// Saves its measurements.
   virtual void save(ArchiveWriter& out) const = 0;
-  /// @param state that the run goes on from. @throws Error (input) for bytes that do not fit; the watcher
-  ///        must then be restored from others.
+  /// Restores its measurements. @param state state from which the run continues. @throws Error (input) for
+  /// invalid
+  ///        data; the watcher then needs another restore.
   virtual void restore(ArchiveReader& in, const model::State& state) = 0;
 
-  /// Figures up to now, beside the limits that the scene sets them.
+  /// Adds its figures so far, with the limits of the scene.
   virtual void add_verdicts(const scene::Criteria& /*criteria*/, std::vector<Verdict>& /*out*/) const {}
-  /// What the user should know of the run, one sentence each.
+  /// Adds warnings for the user, one sentence each.
   virtual void add_warnings(std::vector<std::string>& /*out*/) const {}
-  /// Its part of summary.json (summary_json.h).
+  /// Adds its part of summary.json (summary_json.h).
   virtual void add_summary(SummaryJson& /*out*/) const {}
 };
 
-/// Saves fields in turn, or restores them (core/archive.h).
+/// Saves or restores fields in this order (core/archive.h).
 template <class Archive, class... Fields>
 void carry_all(Archive& archive, Fields&... fields) {
   (archive(fields), ...);
@@ -94,10 +95,10 @@ using Watchers = std::vector<std::unique_ptr<Watcher>>;
 /// Makes the watchers of a simulation at its start.
 using MakeWatchers = std::function<Watchers(const Watched&)>;
 
-/// For a bare simulation.
+/// No watchers.
 inline Watchers no_watchers(const Watched& /*watched*/) { return {}; }
 
-/// These watchers alone, e.g. `Simulation simulation(scene, only<Monitor, RunHash>)`.
+/// Only these watchers, e.g. `Simulation simulation(scene, only<Monitor, RunHash>)`.
 template <class... Each>
 Watchers only(const Watched& watched) {
   Watchers out;

@@ -20,12 +20,12 @@ namespace {
 
 using model::Effect;
 
-/// Simulated time that a row is timed over, where the scene lasts longer [s].
+/// Longest simulated time over which a row is timed [s].
 constexpr double kTimedSpan = 1;
-/// Steps that warm caches and branch predictors before the timed ones.
+/// Steps before the timed ones, which warm up caches and branch prediction.
 constexpr long kWarmUpSteps = 500;
 
-/// Whether the scene's effects keep mechanical energy but for the work of constant torques.
+/// True if the scene conserves mechanical energy, except for the work of constant torques.
 bool keeps_energy(const scene::Scene& scene) {
   const model::Effects& effects = scene.spec.solver.effects;
   if (effects.any_contact() || effects.has(Effect::joint_stops) || effects.has(Effect::wrist_motion))
@@ -47,7 +47,7 @@ struct Observed {
   double rate(const model::State& s) const { return dof ? s.u[*dof] : s.bodies[body].v[axis]; }
 };
 
-/// @throws Error (input) where the model has nothing of this name.
+/// The coordinates of a name, or all. @throws Error (input) if the model has nothing of this name.
 std::vector<Observed> observed(const std::optional<std::string>& name, const model::Model& model) {
   std::vector<Observed> out;
   for (int i = 0; i < model.dof_count() && !name; ++i) out.push_back({static_cast<std::size_t>(i)});
@@ -65,14 +65,14 @@ struct Motion {
   Series series;
   double gap = 0;
   std::optional<double> energy_error;
-  std::string engine;  ///< and its version
+  std::string engine;  ///< name and version
 };
 
-/// Collects a motion from the states after each step.
-class Follower {
+/// Records a motion from the states after each step.
+class MotionRecorder {
  public:
-  Follower(const scene::Scene& scene, const std::optional<std::string>& name, double sample_every,
-           const model::State& start)
+  MotionRecorder(const scene::Scene& scene, const std::optional<std::string>& name, double sample_every,
+                 const model::State& start)
       : scene_(scene),
         observed_(observed(name, scene.model)),
         stride_(std::max(1L, std::lround(sample_every / scene.spec.solver.step))),
@@ -98,7 +98,7 @@ class Follower {
   }
 
  private:
-  /// Places are compared less their start.
+  /// Adds a sample; coordinates are relative to their start.
   void add(const model::State& state) {
     Series& series = out_.series;
     series.time.push_back(state.time);
@@ -109,7 +109,7 @@ class Follower {
     }
   }
 
-  /// Work of the constant joint torques, from coordinates unwound step by step.
+  /// Adds the work of the constant joint torques in a step.
   void add_work(const std::vector<double>& q) {
     for (const model::Joint& joint : scene_.model.joints)
       for (std::size_t a = 0; a < joint.axes.size(); ++a) {
@@ -136,19 +136,20 @@ class Follower {
   Motion out_;
 };
 
-Motion follow(const scene::Scene& scene, const std::optional<std::string>& observe, double sample_every) {
+Motion record_motion(const scene::Scene& scene, const std::optional<std::string>& observe,
+                     double sample_every) {
   simulation::Simulation simulation(scene);
-  Follower follower(scene, observe, sample_every, simulation.state());
+  MotionRecorder recorder(scene, observe, sample_every, simulation.state());
   for (long i = 1; i <= simulation.step_count(); ++i) {
     simulation.step();
-    follower.update(simulation.state());
+    recorder.update(simulation.state());
   }
-  Motion motion = follower.finish(simulation.get<simulation::Monitor>().joint_gap().value);
+  Motion motion = recorder.finish(simulation.get<simulation::Monitor>().joint_gap().value);
   motion.engine = simulation.engine().version();
   return motion;
 }
 
-/// A row on its way.
+/// A row that is not finished.
 struct Job {
   const AccuracyMethod* method = nullptr;
   scene::Scene scene;
@@ -160,26 +161,27 @@ std::filesystem::path program_of(const AccuracySpec& spec, const AccuracyMethod&
   return spec.peers.value_or("") / method.peer->program;
 }
 
-Motion follow_job(const AccuracySpec& spec, const Job& job) {
+Motion record_job(const AccuracySpec& spec, const Job& job) {
   const std::optional<std::string>& observe = job.method->observe ? job.method->observe : spec.observe;
-  if (!job.method->peer) return follow(job.scene, observe, spec.sample_every);
+  if (!job.method->peer) return record_motion(job.scene, observe, spec.sample_every);
   simulation::Monitor monitor(job.scene.model, job.scene.spec.solver.step, false);
-  std::optional<Follower> follower;
+  std::optional<MotionRecorder> recorder;
   const auto update = [&](const model::State& state) {
-    if (!follower) {
-      follower.emplace(job.scene, observe, spec.sample_every, state);
+    if (!recorder) {
+      recorder.emplace(job.scene, observe, spec.sample_every, state);
     } else {
       monitor.update(state);
-      follower->update(state);
+      recorder->update(state);
     }
   };
-  const PeerName name = follow_peer(program_of(spec, *job.method), *job.method->peer, job.scene, update);
-  Motion motion = follower->finish(monitor.joint_gap().value);
+  const PeerName name =
+      simulate_with_peer(program_of(spec, *job.method), *job.method->peer, job.scene, update);
+  Motion motion = recorder->finish(monitor.joint_gap().value);
   motion.engine = name.engine + " " + name.version;
   return motion;
 }
 
-/// CPU seconds per simulated second of the bare loop: nothing recorded, nothing compared.
+/// CPU seconds per simulated second of the simulation loop alone.
 double cost(const AccuracySpec& spec, const Job& job) {
   const double h = job.scene.spec.solver.step;
   const long steps = std::max(1L, std::lround(std::min(job.scene.spec.duration, kTimedSpan) / h));
@@ -204,7 +206,7 @@ Series slider_crank_series(const SliderCrankSpec& spec, double duration, double 
   return out;
 }
 
-/// Of the differences up to a time.
+/// RMS of the differences up to a time.
 double rms(const std::vector<std::vector<double>>& a, const std::vector<std::vector<double>>& b,
            const std::vector<double>& time, double until) {
   double sum = 0;
@@ -226,7 +228,8 @@ void compare(AccuracyRow& row, const Series& reference, double early) {
 std::optional<Series> make_reference(const AccuracySpec& spec) {
   if (spec.reference == Reference::smallest_step) return std::nullopt;
   const scene::Scene scene = scene::load_scene(spec.scene, spec.reference_set);
-  if (spec.reference == Reference::method) return follow(scene, spec.observe, spec.sample_every).series;
+  if (spec.reference == Reference::method)
+    return record_motion(scene, spec.observe, spec.sample_every).series;
   return slider_crank_series(spec.reference == Reference::slider_crank_iftomm
                                  ? SliderCrankSpec::iftomm()
                                  : SliderCrankSpec::constant_torque(),
@@ -245,7 +248,7 @@ Job make_job(const AccuracySpec& spec, const AccuracyMethod& method, double step
   return job;
 }
 
-/// Does a part of a row; a fault of the physics is recorded in the row.
+/// Runs a task of a row; records a fault of the physics in the row.
 void attempt(AccuracyRow& row, const std::function<void()>& part) {
   if (row.fault) return;
   try {
@@ -256,23 +259,22 @@ void attempt(AccuracyRow& row, const std::function<void()>& part) {
   }
 }
 
-/// The methods that can run here; the result lists the others and why they cannot.
-std::vector<const AccuracyMethod*> methods_at_hand(const AccuracySpec& spec, AccuracyResult& result) {
+/// The methods that can run; the result lists the others with the reason.
+std::vector<const AccuracyMethod*> available_methods(const AccuracySpec& spec, AccuracyResult& result) {
   std::vector<const AccuracyMethod*> out;
   std::map<std::string, std::vector<std::string>> left_out;
   for (const AccuracyMethod& method : spec.methods)
     if (!method.peer || (spec.peers && access(program_of(spec, method).c_str(), X_OK) == 0))
       out.push_back(&method);
     else
-      left_out[spec.peers ? "there is no " + program_of(spec, method).string()
-                          : "no other engine is asked for"]
+      left_out[spec.peers ? "there is no " + program_of(spec, method).string() : "without other engines"]
           .push_back(method.name);
   for (const auto& [why, names] : left_out)
     result.left_out.push_back(fmt::format("{} ({})", fmt::join(names, "; "), why));
   return out;
 }
 
-/// Compares the rows of one method and drops the motion that no plot shows.
+/// Compares the rows of one method with the reference, and drops motions that no plot shows.
 void compare_all(const AccuracySpec& spec, std::vector<Job>& jobs, std::size_t first, std::size_t end,
                  const Series& reference) {
   for (std::size_t i = first; i < end; ++i) {
@@ -284,7 +286,7 @@ void compare_all(const AccuracySpec& spec, std::vector<Job>& jobs, std::size_t f
   }
 }
 
-/// Steps of a row's motion, or of one timing: what the progress bar goes by.
+/// Number of steps of a row's motion, or of one timing, for the progress bar.
 double work(const Job& job, bool motion) {
   const double duration = job.scene.spec.duration;
   return (motion ? duration : std::min(duration, kTimedSpan)) / job.scene.spec.solver.step;
@@ -305,7 +307,7 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
   result.reference = make_reference(spec);
   std::vector<Job> jobs;
   double total = 0, done = 0;
-  for (const AccuracyMethod* method : methods_at_hand(spec, result))
+  for (const AccuracyMethod* method : available_methods(spec, result))
     for (const double step : method->steps) {
       jobs.push_back(make_job(spec, *method, step));
       total += work(jobs.back(), true) + spec.repeats * work(jobs.back(), false);
@@ -319,7 +321,7 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
     for (end = first; end < jobs.size() && jobs[end].method == jobs[first].method; ++end) {
       Job& job = jobs[end];
       attempt(job.row, [&] {
-        Motion motion = follow_job(spec, job);
+        Motion motion = record_job(spec, job);
         job.row.series = std::move(motion.series);
         job.row.gap = motion.gap;
         job.row.energy_error = motion.energy_error;

@@ -61,16 +61,16 @@ std::string json(const AccuracySpec& spec, const AccuracyResult& result) {
   return out.dump(2) + "\n";
 }
 
-/// A line of a plot: a method, or several that belong together.
+/// A line of a plot: one method, or several with the same AccuracyMethod::line.
 struct Line {
   std::string title;
   bool peer = false;
-  bool has_steps = true;  ///< false: its methods differ in their tolerance, and their step means nothing
+  bool has_steps = true;  ///< false if its methods differ in their tolerance instead of their step
   std::vector<const AccuracyRow*> rows;
 };
 
-/// The lines of plots of errors and costs. Rows with a scene of their own have a reference of their own, and
-/// their errors do not compare.
+/// The lines of plots of errors and costs. Methods with a scene of their own are left out, because they have
+/// another reference.
 std::vector<Line> lines_of(const AccuracySpec& spec, const AccuracyResult& result) {
   std::vector<Line> lines;
   for (const AccuracyMethod& method : spec.methods) {
@@ -85,7 +85,7 @@ std::vector<Line> lines_of(const AccuracySpec& spec, const AccuracyResult& resul
   return lines;
 }
 
-/// Colours that differ on white, solid or dashed.
+/// Line colours that are distinguishable on white.
 std::string style(std::size_t index, bool dashed) {
   static const char* const colours[] = {"#0060ad", "#d62728", "#2ca02c", "#ff7f0e", "#9467bd",
                                         "#8c564b", "#17becf", "#e377c2", "#7f7f7f", "#bcbd22"};
@@ -93,7 +93,7 @@ std::string style(std::size_t index, bool dashed) {
                      dashed ? 2 : 1, dashed ? 2 : 1.5);
 }
 
-/// One data block a line, for gnuplot: step, error, early error, cost.
+/// One gnuplot data block for each line: step, error, early error, cost.
 std::string blocks(const std::vector<Line>& lines) {
   std::string out;
   for (std::size_t i = 0; i < lines.size(); ++i) {
@@ -106,7 +106,7 @@ std::string blocks(const std::vector<Line>& lines) {
   return out;
 }
 
-/// Handsim's own lines are solid, those of peers dashed.
+/// The plot command. Lines of handsim are solid, those of other engines dashed.
 std::string plot_of(const std::vector<Line>& lines, const char* columns, bool against_step) {
   std::string out;
   std::size_t own = 0, peers = 0;
@@ -121,8 +121,8 @@ std::string plot_of(const std::vector<Line>& lines, const char* columns, bool ag
   return out + "\n";
 }
 
-/// Motion of the first observed coordinate at the plotted steps beside the reference: for each step a panel
-/// of handsim's own methods and, where there are, one of peers.
+/// Plots the rate of the first observed coordinate and the reference: for each plotted step one panel with
+/// handsim's methods and one with those of other engines.
 void add_velocity_plot(const AccuracySpec& spec, const AccuracyResult& result, Report& report) {
   std::string panels;
   int block = 0, count = 0;
@@ -207,7 +207,7 @@ std::string cheapest_table(const AccuracyResult& result) {
   std::string out, line;
   for (const double error : {0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10}) {
     const AccuracyRow* row = cheapest(result, error);
-    // Of the errors that one row is the cheapest for, only the smallest is shown.
+    // A row that is the cheapest for several errors is shown at the smallest one.
     if (row != last) out += line;
     line.clear();
     last = row;

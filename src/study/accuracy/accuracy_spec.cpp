@@ -23,7 +23,7 @@ std::vector<std::pair<std::string, double>> read_settings(MapReader& reader) {
   return settings;
 }
 
-/// A method of handsim's own, or of a peer.
+/// A method of handsim, or of another engine.
 AccuracyMethod read_method(MapReader reader, const std::vector<double>& steps, bool of_peer) {
   AccuracyMethod method;
   method.name = reader.text("name");
@@ -64,8 +64,8 @@ AccuracySpec load_accuracy(const std::filesystem::path& path) {
   spec.reference_set = read_set(reader, "reference_set");
   if (reader.has("reference_set") != (spec.reference == Reference::method))
     reader.problem("reference_set",
-                   reader.has("reference_set") ? "overrides for a reference that is no method" : "nothing",
-                   "overrides exactly where reference is method");
+                   reader.has("reference_set") ? "overrides for a reference that is not a method" : "nothing",
+                   "overrides if reference is method, and only then");
   if (reader.has("observe")) spec.observe = reader.text("observe");
   if (reader.has("kind")) {
     std::vector<std::pair<std::string_view, scene::SceneKind>> words;

@@ -27,9 +27,9 @@ namespace {
 
 using model::Effect;
 
-/// How far a peer's start may be from the scene's [m], [m/s], [rad/s]; its kinetic energy, relative.
+/// Largest difference between a peer's start and the scene's [m], [rad], [m/s], [rad/s].
 constexpr double kSameStart = 1e-9;
-constexpr double kSameEnergy = 1e-9;
+constexpr double kSameEnergy = 1e-9;  ///< the same for kinetic energy, relative
 
 Error failed(const std::filesystem::path& program, double time, std::string quantity, std::string detail) {
   return Error(PhysicsFault{time, program.filename().string(), std::move(quantity), std::move(detail)});
@@ -105,10 +105,10 @@ struct CloseFile {
 };
 using File = std::unique_ptr<std::FILE, CloseFile>;
 
-/// A program at work on a request, whose answer is read line by line.
-class Conversation {
+/// A running program that got a request; its answer is read line by line.
+class PeerProcess {
  public:
-  Conversation(std::filesystem::path program, const std::string& request)
+  PeerProcess(std::filesystem::path program, const std::string& request)
       : program_(std::move(program)), in_(std::tmpfile()), errors_(std::tmpfile()) {
     int ends[2] = {-1, -1};
     if (!in_ || !errors_ || pipe2(ends, O_CLOEXEC) != 0)
@@ -131,9 +131,9 @@ class Conversation {
       throw failed(program_, 0, "start", "the program cannot be run");
     }
   }
-  Conversation(const Conversation&) = delete;
-  Conversation& operator=(const Conversation&) = delete;
-  ~Conversation() {
+  PeerProcess(const PeerProcess&) = delete;
+  PeerProcess& operator=(const PeerProcess&) = delete;
+  ~PeerProcess() {
     if (child_ > 0) {
       kill(child_, SIGKILL);
       waitpid(child_, nullptr, 0);
@@ -148,7 +148,7 @@ class Conversation {
     return std::string_view(line_, static_cast<std::size_t>(length - (line_[length - 1] == '\n' ? 1 : 0)));
   }
 
-  /// @throws Error (physics) unless the program ended well.
+  /// Waits for the end of the program. @throws Error (physics) unless its status is 0.
   void finish(double time) {
     int status = 0;
     waitpid(child_, &status, 0);
@@ -180,21 +180,22 @@ class Conversation {
   std::size_t capacity_ = 0;
 };
 
-Json head(Conversation& conversation) {
-  const std::optional<std::string_view> line = conversation.line();
+/// Reads the first line of the answer.
+Json head(PeerProcess& peer) {
+  const std::optional<std::string_view> line = peer.line();
   if (!line) {
-    conversation.finish(0);
-    throw failed(conversation.program(), 0, "answer", "none");
+    peer.finish(0);
+    throw failed(peer.program(), 0, "answer", "none");
   }
   Json json = Json::parse(*line, nullptr, false);
   if (json.is_object() && json.contains("engine") && json.contains("version") &&
       json.contains("kinetic_energy"))
     return json;
-  throw failed(conversation.program(), 0, "answer",
-               fmt::format("'{:.60}' is no head of the protocol", *line));
+  throw failed(peer.program(), 0, "answer",
+               fmt::format("'{:.60}' is not the first line of the protocol", *line));
 }
 
-/// @returns false where the line has other than the numbers of a state.
+/// @returns false unless the line has exactly the numbers of a state, all finite.
 bool parse(std::string_view line, model::State& state) {
   std::vector<double> numbers;
   const char* at = line.data();
@@ -218,7 +219,7 @@ bool parse(std::string_view line, model::State& state) {
   return true;
 }
 
-/// Largest difference of two states, in whatever unit.
+/// Largest difference of two states in SI units [m], [rad], [m/s], [rad/s].
 double distance(const model::State& a, const model::State& b) {
   double largest = 0;
   for (std::size_t i = 1; i < a.bodies.size(); ++i) {
@@ -238,7 +239,7 @@ void check_start(const std::filesystem::path& program, const scene::Scene& scene
   if (!(std::abs(their_energy - energy) <= kSameEnergy * (energy + 1e-3)))
     throw failed(
         program, 0, "kinetic energy at the start",
-        fmt::format("{:.12g} J, the scene's is {:.12g} J: not the same mechanism", their_energy, energy));
+        fmt::format("{:.12g} J, the scene's is {:.12g} J: the mechanisms differ", their_energy, energy));
 }
 
 }  // namespace
@@ -250,46 +251,47 @@ void check_for_peers(const scene::Scene& scene) {
                               Effect::joint_stops, Effect::passive_tissue, Effect::wrist_motion})
     if (effects.has(effect))
       problems.push_back({std::nullopt, "effects", std::string(name(effect)),
-                          "gravity and actuation alone in a study with peers"});
+                          "only gravity and actuation in a study with other engines"});
   if (scene.control)
-    problems.push_back({std::nullopt, "control", "a controller", "none in a study with peers"});
+    problems.push_back({std::nullopt, "control", "a controller", "none in a study with other engines"});
   for (std::size_t i = 1; i < scene.model.bodies.size(); ++i)
     if (scene.model.bodies[i].kinematic)
-      problems.push_back({std::nullopt, "peers", scene.model.bodies[i].name + " that moves as told",
-                          "bodies that joints hold"});
+      problems.push_back({std::nullopt, "peers", scene.model.bodies[i].name + ", a kinematic body",
+                          "a scene without kinematic bodies"});
   if (!problems.empty()) throw Error(std::move(problems));
 }
 
-PeerName follow_peer(const std::filesystem::path& program, const PeerMethod& method,
-                     const scene::Scene& scene, const std::function<void(const model::State&)>& update) {
+PeerName simulate_with_peer(const std::filesystem::path& program, const PeerMethod& method,
+                            const scene::Scene& scene,
+                            const std::function<void(const model::State&)>& update) {
   const double h = scene.spec.solver.step;
   const long steps = std::lround(scene.spec.duration / h);
-  Conversation conversation(program, request("motion", method, scene, steps).dump());
-  const Json answer = head(conversation);
+  PeerProcess peer(program, request("motion", method, scene, steps).dump());
+  const Json answer = head(peer);
   model::State state = model::initial_state(scene.model);
   for (long i = 0; i <= steps; ++i) {
     const double time = static_cast<double>(i) * h;
-    const std::optional<std::string_view> line = conversation.line();
+    const std::optional<std::string_view> line = peer.line();
     if (!line) {
-      conversation.finish(time);
-      throw failed(program, time, "answer", "ends before its time");
+      peer.finish(time);
+      throw failed(program, time, "answer", "ends before the end of the run");
     }
     if (!parse(*line, state)) throw failed(program, time, "state", fmt::format("'{:.60}'", *line));
     if (!(std::abs(state.time - time) <= 1e-6 * h))
-      throw failed(program, time, "time", fmt::format("the state is of {:.12g} s", state.time));
+      throw failed(program, time, "time", fmt::format("the state has the time {:.12g} s", state.time));
     if (i == 0) check_start(program, scene, state, answer["kinetic_energy"].get<double>());
-    model::find_coordinates(scene.model, state);
+    model::update_coordinates(scene.model, state);
     update(state);
   }
-  conversation.finish(scene.spec.duration);
+  peer.finish(scene.spec.duration);
   return {answer["engine"].get<std::string>(), answer["version"].get<std::string>()};
 }
 
 double peer_cpu_seconds(const std::filesystem::path& program, const PeerMethod& method,
                         const scene::Scene& scene, long steps) {
-  Conversation conversation(program, request("cost", method, scene, steps).dump());
-  const Json answer = head(conversation);
-  conversation.finish(0);
+  PeerProcess peer(program, request("cost", method, scene, steps).dump());
+  const Json answer = head(peer);
+  peer.finish(0);
   if (!answer.contains("cpu_seconds")) throw failed(program, 0, "answer", "has no cpu_seconds");
   return answer["cpu_seconds"].get<double>();
 }

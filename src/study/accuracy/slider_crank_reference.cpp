@@ -25,15 +25,15 @@ constexpr long kMaxSteps = 10'000'000;
 // J(theta) omega^2 / 2 and Lagrange's equation reads J a + J' omega^2 / 2 + V' = torque. Primes are
 // d/dtheta. With the pin at (0, y, z), rho^2 = y^2 + z^2 and the slider at x = sqrt(L^2 - rho^2):
 //   J = I_c + m_c (l/2)^2                                      crank, about its hinge
-//     + m_r |(x', y', z')|^2 / 4 + I_t |(x', y', z')|^2 / L^2  rod: centre of mass and turning across
-//     + I_a s^2 + m_s x'^2                                     rod: turning along; slider
-// The universal joint keeps a transverse axis of the rod perpendicular to x, so the rod turns about itself
-// by s = (x / L) phi', where phi = atan2(z, y) is the direction of that axis about x.
+//     + m_r |(x', y', z')|^2 / 4 + I_t |(x', y', z')|^2 / L^2  rod: centre of mass and transverse rotation
+//     + I_a s^2 + m_s x'^2                                     rod: axial rotation; slider
+// The universal joint keeps a transverse axis of the rod perpendicular to x, so the axial rotation rate of
+// the rod is s = (x / L) phi', where phi = atan2(z, y) is the direction of that axis about x.
 struct Geometry {
   double y, y1, y2;  // pin and its derivatives
   double z, z1, z2;
   double x, x1, x2;  // slider
-  double s, s1;      // turning of the rod along itself
+  double s, s1;      // axial rotation rate of the rod
 };
 
 Geometry geometry(const SliderCrankSpec& spec, double theta) {
@@ -48,14 +48,14 @@ Geometry geometry(const SliderCrankSpec& spec, double theta) {
   g.x = std::sqrt(spec.rod_length * spec.rod_length - rho2);
   g.x1 = -half1 / g.x;
   g.x2 = -(half2 + g.x1 * g.x1) / g.x;
-  const double turn = g.y * g.z1 - g.z * g.y1;
-  const double turn1 = g.y * g.z2 - g.z * g.y2;
-  g.s = g.x * turn / (spec.rod_length * rho2);
-  g.s1 = (g.x1 * turn + g.x * turn1 - 2 * g.x * turn * half1 / rho2) / (spec.rod_length * rho2);
+  const double swept = g.y * g.z1 - g.z * g.y1;
+  const double swept1 = g.y * g.z2 - g.z * g.y2;
+  g.s = g.x * swept / (spec.rod_length * rho2);
+  g.s1 = (g.x1 * swept + g.x * swept1 - 2 * g.x * swept * half1 / rho2) / (spec.rod_length * rho2);
   return g;
 }
 
-/// Inertia that the rod's across-motion has for |(x', y', z')|^2.
+/// Factor of |(x', y', z')|^2 in J: mass and transverse inertia of the rod.
 double rod_share(const SliderCrankSpec& spec) {
   return spec.rod_mass / 4 + spec.rod_inertia / (spec.rod_length * spec.rod_length);
 }
@@ -73,10 +73,10 @@ double half_slope(const SliderCrankSpec& spec, const Geometry& g) {
          spec.slider_mass * g.x1 * g.x2;
 }
 
-/// Mass that rises with the pin: half the crank and half the rod.
+/// Mass that moves with the height of the pin: half the crank and half the rod.
 double lifted_mass(const SliderCrankSpec& spec) { return (spec.crank_mass + spec.rod_mass) / 2; }
 
-/// CVODE and what it stands on, freed in reverse order.
+/// CVODE and its objects, freed in reverse order.
 class Integrator {
  public:
   explicit Integrator(const SliderCrankReference& reference, double theta, double omega)
@@ -87,7 +87,8 @@ class Integrator {
     y_.reset(N_VNew_Serial(2, context));
     NV_Ith_S(y_.get(), 0) = theta;
     NV_Ith_S(y_.get(), 1) = omega;
-    // Smooth and not stiff, so Adams; Newton all the same: fixed points converge too slowly at 1e-13.
+    // Adams for a smooth problem that is not stiff; Newton, because fixed-point iteration converges too
+    // slowly.
     cvode_.reset(CVodeCreate(CV_ADAMS, context));
     matrix_.reset(SUNDenseMatrix(2, 2, context));
     solver_.reset(SUNLinSol_Dense(y_.get(), matrix_.get(), context));
@@ -162,8 +163,9 @@ SliderCrankReference::SliderCrankReference(const SliderCrankSpec& spec) : spec_(
     throw input_error("crank_length", fmt::format("{:g} m", spec.crank_length),
                       fmt::format("above 0, below the axis' distance from the slider's line, {:g} m", axis));
   if (!(spec.rod_length > axis + spec.crank_length))
-    throw input_error("rod_length", fmt::format("{:g} m", spec.rod_length),
-                      fmt::format("above {:g} m, so that the crank turns through", axis + spec.crank_length));
+    throw input_error(
+        "rod_length", fmt::format("{:g} m", spec.rod_length),
+        fmt::format("above {:g} m, so that the crank can rotate fully", axis + spec.crank_length));
   for (const double inertia : {spec.crank_mass, spec.rod_mass, spec.slider_mass, spec.crank_inertia,
                                spec.rod_inertia, spec.rod_axial_inertia})
     if (!(inertia > 0 && std::isfinite(inertia)))
@@ -193,7 +195,7 @@ SliderCrankState SliderCrankReference::state(double time, double theta, double o
 std::vector<SliderCrankState> SliderCrankReference::at(std::span<const double> times) const {
   Integrator integrator(*this, spec_.angle, spec_.speed);
   const double start = state(0, spec_.angle, spec_.speed).energy;
-  // Energies are compared with what the mechanism holds: its motion, and the lift of the crank pin.
+  // Scale of the energy test: the larger of kinetic energy and the potential energy of lifting the pin.
   double scale = lifted_mass(spec_) * std::abs(spec_.gravity) * spec_.crank_length;
   std::vector<SliderCrankState> out;
   for (const double time : times) {
@@ -202,8 +204,8 @@ std::vector<SliderCrankState> SliderCrankReference::at(std::span<const double> t
     scale = std::max(scale, 0.5 * reduced_inertia(spec_, geometry(spec_, now.theta)) * now.omega * now.omega);
     if (!(std::abs(now.energy - start) <= kEnergyTolerance * scale))
       throw Error(PhysicsFault{time, "slider-crank reference", "energy [J]",
-                               fmt::format("{:.12g} is not the {:.12g} of the start to {:g}", now.energy,
-                                           start, kEnergyTolerance)});
+                               fmt::format("{:.12g} differs from {:.12g} at the start by more than {:g}",
+                                           now.energy, start, kEnergyTolerance)});
   }
   return out;
 }

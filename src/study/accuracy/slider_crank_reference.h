@@ -1,6 +1,6 @@
-// The spatial slider-crank of the IFToMM benchmark library reduced exactly to its one degree of freedom,
-// the crank angle, and integrated with error control by SUNDIALS CVODE: the solution known to many digits
-// by which engines are calibrated. Knows no Model and no engine.
+// The reference solution of the accuracy study: the spatial slider-crank of the IFToMM benchmark library,
+// reduced exactly to its one degree of freedom, the crank angle, and integrated with error control by
+// SUNDIALS CVODE. Independent of Model and engines.
 #pragma once
 
 #include <span>
@@ -15,7 +15,7 @@ struct SliderCrankSpec {
   double crank_length = 0.08;          ///< hinge to pin [m]
   double crank_mass = 0.12;            ///< centre of mass in its middle [kg]
   double crank_inertia = 1e-4;         ///< about its centre of mass, across its length [kg m^2]
-  double rod_length = 0.3;             ///< pin to slider, so long that the slider never reaches x = 0 [m]
+  double rod_length = 0.3;             ///< pin to slider; the slider must not reach x = 0 [m]
   double rod_mass = 0.5;               ///< centre of mass in its middle [kg]
   double rod_inertia = 4e-3;           ///< about its centre of mass, across its length [kg m^2]
   double rod_axial_inertia = 4e-4;     ///< along its length [kg m^2]
@@ -38,25 +38,27 @@ struct SliderCrankState {
   double omega = 0;   ///< crank speed [rad/s]
   double x = 0;       ///< slider [m]
   double vx = 0;      ///< slider [m/s]
-  double energy = 0;  ///< kinetic and potential energy less the torque's work [J]: constant
+  double energy = 0;  ///< kinetic and potential energy minus the work of the torque [J]: constant
 };
 
 class SliderCrankReference {
  public:
-  /// @throws Error (input) for a rod that lets the slider reach x = 0, or masses that are not positive.
+  /// @throws Error (input) for a rod so short that the slider can reach x = 0, or masses that are not
+  /// positive.
   explicit SliderCrankReference(const SliderCrankSpec& spec);
 
-  /// States at the times asked for [s], from 0 on, rising. Each step's relative error is held to 3e-15, which
-  /// leaves less than 1e-9 (rad, rad/s, m, m/s) after the 5 s of `iftomm`.
-  /// @throws Error (physics) where the integrator fails or the energy changes by more than 1e-10 of the
-  ///         largest kinetic energy so far.
+  /// States at increasing times [s], from 0 on. The tolerance of each step is 3e-15; the error after the 5 s
+  /// of `iftomm` is below 1e-9 (rad, rad/s, m, m/s).
+  /// @throws Error (physics) if the integrator fails, or if the energy changes by more than 1e-10 of the
+  /// largest
+  ///         kinetic energy so far.
   std::vector<SliderCrankState> at(std::span<const double> times) const;
-  /// Every `every` seconds from 0 to `duration`, both included.
+  /// States every `every` seconds from 0 to `duration`, both included.
   std::vector<SliderCrankState> series(double duration, double every) const;
 
   /// Angular acceleration of the crank [rad/s^2].
   double acceleration(double theta, double omega) const;
-  /// Slider and energy that belong to a crank angle and speed.
+  /// The state for a crank angle and speed.
   SliderCrankState state(double time, double theta, double omega) const;
 
  private:

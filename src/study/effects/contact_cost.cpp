@@ -13,20 +13,21 @@ namespace handsim::study {
 
 namespace {
 
-struct Way {
+struct MethodChoice {
   const char* name;
   const char* method;
   int iterations;
 };
-constexpr std::array kWays = {Way{"world_step", "world_step", 20}, Way{"quick_step 20", "quick_step", 20},
-                              Way{"quick_step 50", "quick_step", 50}, Way{"auto 50", "auto", 50}};
+constexpr std::array kMethods = {
+    MethodChoice{"world_step", "world_step", 20}, MethodChoice{"quick_step 20", "quick_step", 20},
+    MethodChoice{"quick_step 50", "quick_step", 50}, MethodChoice{"auto 50", "auto", 50}};
 constexpr std::array kHeights = {0, 1, 2, 3, 4, 6, 8, 10, 13, 16};
 constexpr double kSlab = 0.02;   ///< thickness [m]
-constexpr int kSettling = 1000;  ///< steps before any is timed: the hand comes to lie
+constexpr int kSettling = 1000;  ///< steps before the timed ones, in which the hand comes to rest
 constexpr int kBatches = 5;
-constexpr int kBatch = 20;  ///< steps
+constexpr int kBatch = 20;  ///< steps in a batch
 
-scene::Scene stack(const std::filesystem::path& data, int slabs, const Way& way) {
+scene::Scene stack(const std::filesystem::path& data, int slabs, const MethodChoice& method) {
   std::string text = fmt::format(
       "hands: [{{model: \"{0}/handmodels/anatomical.yaml\", person: \"{0}/config/persons/median_man.yaml\", "
       "side: right, wrist: {{mount: free, position: [0, -0.09, {1}]}}}}]\n",
@@ -41,16 +42,16 @@ scene::Scene stack(const std::filesystem::path& data, int slabs, const Way& way)
       "ground: {{}}\n"
       "effects: [gravity, {}ground_contact, friction, joint_stops, passive_tissue]\n"
       "solver: {{method: {}, iterations: {}, step: 0.001, cfm: 1e-7}}\nduration: 1\n",
-      slabs > 0 ? "object_contact, " : "", way.method, way.iterations);
+      slabs > 0 ? "object_contact, " : "", method.method, method.iterations);
   return scene::compile_scene(parse_yaml(text, "stack"));
 }
 
-ContactCostRow measure(const std::filesystem::path& data, int slabs, const Way& way) {
-  const scene::Scene scene = stack(data, slabs, way);
+ContactCostRow measure(const std::filesystem::path& data, int slabs, const MethodChoice& method) {
+  const scene::Scene scene = stack(data, slabs, method);
   const auto engine = engine::make_engine(scene.model, scene.spec.solver);
   for (int i = 0; i < kSettling; ++i) engine->step({});
   ContactCostRow row;
-  row.method = way.name;
+  row.method = method.name;
   row.slabs = slabs;
   std::vector<double> times;
   for (int batch = 0; batch < kBatches; ++batch) {
@@ -79,13 +80,14 @@ std::string csv(const std::vector<ContactCostRow>& rows) {
 Report report_of(const std::vector<ContactCostRow>& rows) {
   std::string data, curves;
   constexpr std::array kColours = {"#1b6ca8", "#c8553d", "#3a7d44", "#202020"};
-  for (std::size_t w = 0; w < kWays.size(); ++w) {
-    data += fmt::format("$way{} << EOD\n", w);
+  for (std::size_t w = 0; w < kMethods.size(); ++w) {
+    data += fmt::format("$method{} << EOD\n", w);
     for (const ContactCostRow& row : rows)
-      if (row.method == kWays[w].name) data += fmt::format("{} {}\n", row.contacts, 1e-3 * row.ns_per_step);
+      if (row.method == kMethods[w].name)
+        data += fmt::format("{} {}\n", row.contacts, 1e-3 * row.ns_per_step);
     data += "EOD\n";
-    curves += fmt::format("$way{0} with linespoints lw {1} dt {2} pt {3} lc rgb '{4}' title '{5}', ", w,
-                          w == 3 ? 2.5 : 1.6, w == 3 ? 2 : 1, w == 3 ? 6 : 7, kColours[w], kWays[w].name);
+    curves += fmt::format("$method{0} with linespoints lw {1} dt {2} pt {3} lc rgb '{4}' title '{5}', ", w,
+                          w == 3 ? 2.5 : 1.6, w == 3 ? 2 : 1, w == 3 ? 6 : 7, kColours[w], kMethods[w].name);
   }
   return {csv(rows),
           {},
@@ -104,10 +106,10 @@ Report report_of(const std::vector<ContactCostRow>& rows) {
 std::vector<ContactCostRow> run_contact_cost(const std::filesystem::path& data,
                                              const std::function<void(double)>& progress) {
   std::vector<ContactCostRow> rows;
-  for (const Way& way : kWays)
+  for (const MethodChoice& method : kMethods)
     for (const int slabs : kHeights) {
-      rows.push_back(measure(data, slabs, way));
-      progress(static_cast<double>(rows.size()) / (kWays.size() * kHeights.size()));
+      rows.push_back(measure(data, slabs, method));
+      progress(static_cast<double>(rows.size()) / (kMethods.size() * kHeights.size()));
     }
   return rows;
 }

@@ -17,7 +17,7 @@ using simulation::Simulation;
 /// The scene without the effect of a row.
 struct Variant {
   EffectRow row;
-  std::optional<scene::Scene> scene = {};  ///< nothing where it is not possible without
+  std::optional<scene::Scene> scene = {};  ///< nothing if the scene needs the effect
 };
 
 std::vector<model::Effect> effects_of(const scene::Scene& scene) {
@@ -28,7 +28,7 @@ std::vector<model::Effect> effects_of(const scene::Scene& scene) {
   return out;
 }
 
-/// The scene without one of its effects. @throws Error (input) where it is not possible without it.
+/// The scene without one of its effects. @throws Error (input) if the scene needs it.
 Variant without(const scene::Scene& scene, model::Effect effect) {
   Variant out;
   out.row.name = model::name(effect);
@@ -38,7 +38,7 @@ Variant without(const scene::Scene& scene, model::Effect effect) {
   return out;
 }
 
-/// What the solver does beside the effects, turned off in turn.
+/// Adds a variant for each solver setting that can be turned off.
 void add_settings(const scene::Scene& scene, std::vector<Variant>& out) {
   const auto add = [&](const char* key) -> engine::Settings& {
     Variant& variant = out.emplace_back();
@@ -54,7 +54,7 @@ void add_settings(const scene::Scene& scene, std::vector<Variant>& out) {
   if (ode && settings.ode().guard) add("guard").ode().guard.reset();
 }
 
-/// One for each effect and setting.
+/// One variant for each effect and setting.
 std::vector<Variant> variants(const scene::Scene& scene) {
   std::vector<Variant> out;
   for (const model::Effect effect : effects_of(scene)) {
@@ -68,7 +68,7 @@ std::vector<Variant> variants(const scene::Scene& scene) {
   return out;
 }
 
-/// Differences of two states of one model, gathered over a run.
+/// Accumulates the differences between two runs of one model.
 class Comparison {
  public:
   Comparison(const model::Model& model, EffectRow& row) : model_(model), row_(row) {}
@@ -105,7 +105,7 @@ class Comparison {
   long count_ = 0;
 };
 
-/// Does a part of a row; a failure is recorded in the row and ends its work.
+/// Runs a task of a row; records an error in the row and skips its later tasks.
 void attempt(EffectRow& row, const std::function<void()>& part) {
   if (row.fault) return;
   try {
@@ -115,10 +115,11 @@ void attempt(EffectRow& row, const std::function<void()>& part) {
   }
 }
 
-/// Reports the share of the work that is done.
-class Work {
+/// Reports the finished share of the work.
+class ProgressMeter {
  public:
-  Work(double steps, const std::function<void(double)>& progress) : steps_(steps), progress_(progress) {}
+  ProgressMeter(double steps, const std::function<void(double)>& progress)
+      : steps_(steps), progress_(progress) {}
   void add(double steps) {
     done_ += steps;
     if (progress_) progress_(std::min(1.0, done_ / steps_));
@@ -130,8 +131,8 @@ class Work {
   double done_ = 0;
 };
 
-/// How the variants move otherwise: all run side by side, each until it fails.
-void compare_motions(const scene::Scene& scene, std::vector<Variant>& variants, Work& work) {
+/// Compares the motion of all variants with that of the complete scene, step by step, each until it fails.
+void compare_motions(const scene::Scene& scene, std::vector<Variant>& variants, ProgressMeter& work) {
   struct Runner {
     EffectRow& row;
     Simulation simulation;
@@ -155,8 +156,8 @@ void compare_motions(const scene::Scene& scene, std::vector<Variant>& variants, 
   }
 }
 
-/// CPU time of a step [ns], nothing recorded.
-double timed(const scene::Scene& scene, Work& work) {
+/// CPU time of a step [ns]; the run records nothing.
+double time_per_step(const scene::Scene& scene, ProgressMeter& work) {
   Simulation simulation(scene);
   const long steps = simulation.step_count();
   const double start = cpu_now();
@@ -166,15 +167,16 @@ double timed(const scene::Scene& scene, Work& work) {
   return 1e9 * taken / static_cast<double>(steps);
 }
 
-/// Times the scene and its variants in turns, so that a machine that slows down slows all. The first round
-/// warms up.
-void time_all(const scene::Scene& scene, std::vector<Variant>& variants, EffectsResult& result, Work& work) {
+/// Times the scene and its variants alternately, so that a slower machine affects all of them. The first
+/// round is the warm-up.
+void time_all(const scene::Scene& scene, std::vector<Variant>& variants, EffectsResult& result,
+              ProgressMeter& work) {
   std::vector<double> whole;
   std::vector<std::vector<double>> without(variants.size());
   for (int round = 0; round <= result.repeats; ++round) {
-    whole.push_back(timed(scene, work));
+    whole.push_back(time_per_step(scene, work));
     for (std::size_t i = 0; i < variants.size(); ++i)
-      if (!variants[i].row.fault) without[i].push_back(timed(*variants[i].scene, work));
+      if (!variants[i].row.fault) without[i].push_back(time_per_step(*variants[i].scene, work));
     if (round > 0) continue;
     whole.clear();
     for (std::vector<double>& times : without) times.clear();
@@ -202,10 +204,10 @@ EffectsResult run_effects(const scene::Scene& scene, int repeats,
   for (const model::Joint& joint : scene.model.joints)
     result.has_angles = result.has_angles || joint.kind != model::JointKind::slider;
   std::vector<Variant> all = variants(scene);
-  if (all.empty()) throw input_error("effects", "no effect", "a scene with one effect at least");
+  if (all.empty()) throw input_error("effects", "no effect", "a scene with at least one effect");
   const auto possible = std::count_if(all.begin(), all.end(), [](const Variant& v) { return !v.row.fault; });
-  Work work(static_cast<double>(result.steps) * (2 + repeats) * (1 + static_cast<double>(possible)),
-            progress);
+  ProgressMeter work(static_cast<double>(result.steps) * (2 + repeats) * (1 + static_cast<double>(possible)),
+                     progress);
   compare_motions(scene, all, work);
   time_all(scene, all, result, work);
   for (Variant& variant : all) result.rows.push_back(std::move(variant.row));

@@ -50,13 +50,13 @@ Json peak_json(const simulation::Peak& peak, double value) {
   return out;
 }
 
-/// Three digits, without exponents in the range of readers.
+/// Three significant digits, without an exponent below 1e6.
 std::string figure(double value) {
   return std::abs(value) >= 1000 && std::abs(value) < 1e6 ? fmt::format("{:.0f}", value)
                                                           : fmt::format("{:.3g}", value);
 }
 
-/// Logarithmic range of a panel, from a decade that leaves the smallest bar some height.
+/// Range of a logarithmic axis; its lower end is so low that the smallest bar is visible.
 struct Decades {
   double low = 0.1, high = 1;
 };
@@ -69,13 +69,13 @@ Decades decades(const std::vector<double>& values) {
   return {std::pow(10, std::floor(std::log10(low) - 0.3)), std::pow(10, std::ceil(std::log10(high) + 0.3))};
 }
 
-/// Height of a bar, and where above it its label stands; nothing has no place on a logarithmic axis.
+/// Height of a bar, position of its label, and the label; a logarithmic axis cannot show 0.
 std::string bar(double value, const Decades& axis) {
   return value > 0 ? fmt::format("{} {} \"{}\"", value, value, figure(value))
                    : fmt::format("NaN {} \"0\"", axis.low);
 }
 
-/// A panel of bars in differences, which range over decades.
+/// A panel of bars for differences, with a logarithmic axis.
 std::string panel(const char* title, const char* unit, int column, const Decades& axis) {
   return fmt::format(
       "set title '{0}'\nset ylabel '{1}'\nset logscale y\nset format y '%g'\nset yrange [{3}:{4}]\n"
@@ -117,12 +117,12 @@ void add_plot(const scene::Scene& scene, const EffectsResult& result, Report& re
       "'' using 0:4:5 with labels offset 0,0.7 notitle\n",
       1e-3 * result.ns_per_step, bottom - 0.05 * room, top + 0.15 * room);
   if (result.has_angles)
-    plots += panel("worth: largest difference of a joint angle", "without it [deg]", 6, of_angles);
-  plots += panel("worth: largest difference of a place", "without it [mm]", 9, of_displacements);
+    plots += panel("influence: largest difference of a joint angle", "without it [deg]", 6, of_angles);
+  plots += panel("influence: largest difference of a position", "without it [mm]", 9, of_displacements);
   const int panels = result.has_angles ? 3 : 2;
   report.plots.push_back(
       {"effects", fmt::format("noenhanced size 1000,{} font 'DejaVu Sans,10'", 60 + 300 * panels),
-       fmt::format("  set multiplot layout {},1 title '{}: each effect taken away in turn'\n"
+       fmt::format("  set multiplot layout {},1 title '{}: without each effect in turn'\n"
                    "set style fill solid 0.8 border linecolor 'black'\nset boxwidth 0.6\nset grid y\n"
                    "set xrange [-0.6:{}]\nset lmargin 12\n{}  unset multiplot\n",
                    panels, output::plot_text(scene.spec.title), static_cast<double>(rows.size()) - 0.4,
@@ -133,8 +133,8 @@ void add_plot(const scene::Scene& scene, const EffectsResult& result, Report& re
 
 std::string effects_table(const EffectsResult& result) {
   std::string out = fmt::format("{:<30} {:>11} {:>11} {:>9} {:>7} {:>11} {:>9} {:>12}  {}\n",
-                                "effect taken away", "ns per step", "saved ns", "+-", "saved", "angle deg",
-                                "RMS deg", "place mm", "where the largest differences are");
+                                "without effect", "ns per step", "saved ns", "+-", "saved", "angle deg",
+                                "RMS deg", "position mm", "largest differences at");
   out += fmt::format("{:<30} {:>11.0f}\n", "none", result.ns_per_step);
   for (const EffectRow& row : result.rows) {
     if (row.fault) {
@@ -149,7 +149,7 @@ std::string effects_table(const EffectsResult& result) {
     out += fmt::format("{:<30} {:>11.0f} {:>11.0f} {:>9.0f} {:>6.1f}% {:>11} {:>9} {:>12}  {}\n", label(row),
                        row.ns_per_step, row.saved_ns, row.noise_ns, 100 * row.saved_ns / result.ns_per_step,
                        angle(row.angle.value), angle(row.angle_rms), figure(1e3 * row.displacement.value),
-                       places.empty() ? "moves the same to the bit" : places);
+                       places.empty() ? "identical motion" : places);
   }
   return out;
 }

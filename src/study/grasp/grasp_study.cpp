@@ -68,7 +68,7 @@ std::vector<Work> load(const GraspStudy& study) {
         out.push_back(std::move(work));
       } catch (const Error& error) {
         if (error.kind() != ErrorKind::input) throw;
-        diagnostics.take(error);
+        diagnostics.add(error);
       }
     }
   }

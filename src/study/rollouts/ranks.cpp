@@ -32,17 +32,18 @@ bool started_with_others() {
 
 namespace {
 
-/// First word of a worker's message; the last one it sends is `failed`, or its answer to an empty chunk.
+/// Kinds of messages: the first three of workers, the last of rank 0. An empty chunk ends a worker.
 enum Tag : int { kHello = 1, kRows, kFailed, kChunk };
 
-constexpr double kPatience = 2;  ///< for ranks that are computing when a run is stopped [s]
-/// Between two looks for messages: a rank that waits at full speed would take a core from those that compute.
+constexpr double kStopWait = 2;  ///< wait for ranks that compute when a run is stopped [s]
+/// Between two checks for messages [us]: a rank that waits without pause would use a core of those that
+/// compute.
 constexpr useconds_t kPause = 50;
 
 }  // namespace
 
 struct Ranks::Messages {
-  std::vector<bool> busy;  ///< ranks that have not been sent home
+  std::vector<bool> busy;  ///< ranks that still expect chunks
   bool stopped = false;
 
   bool any_busy() const {
@@ -90,7 +91,7 @@ Ranks::~Ranks() {
   int from = 0, tag = 0;
   while (rank_ == 0 && messages_->any_busy()) {
     const std::chrono::duration<double> waited = std::chrono::steady_clock::now() - start;
-    if (messages_->stopped && waited.count() > kPatience) MPI_Abort(MPI_COMM_WORLD, 1);
+    if (messages_->stopped && waited.count() > kStopWait) MPI_Abort(MPI_COMM_WORLD, 1);
     if (!Messages::receive(text, from, tag))
       usleep(kPause);
     else if (tag == kFailed)
@@ -101,17 +102,17 @@ Ranks::~Ranks() {
   MPI_Finalize();
 }
 
-void Ranks::serve(const RankDesk& desk) {
+void Ranks::serve(const ChunkSource& chunks) {
   if (size_ < 2)
     throw input_error("mpirun", "one process", "two at least: rank 0 hands out, the others compute");
-  const auto give_up = [this](int rank, const std::string& why, const std::string& need) {
+  const auto refuse = [this](int rank, const std::string& why, const std::string& need) {
     messages_->stopped = true;
     throw output_error(fmt::format("rank {}", rank), why, need);
   };
   std::string text;
   int from = 0, tag = 0;
   while (messages_->any_busy()) {
-    if (desk.stopped()) {
+    if (chunks.stopped()) {
       messages_->stopped = true;
       return;
     }
@@ -121,13 +122,13 @@ void Ranks::serve(const RankDesk& desk) {
     }
     if (tag == kFailed) {
       messages_->busy[static_cast<std::size_t>(from)] = false;
-      give_up(from, text, "a rank that can run the study as rank 0 does");
+      refuse(from, text, "a rank that can run the study as rank 0 does");
     }
-    if (tag == kHello && text != desk.origin)
-      give_up(from, "another build, study or mathematics library:\n" + text,
-              "that of rank 0:\n" + desk.origin);
-    if (tag == kRows) desk.take(text);
-    messages_->answer(from, desk.next());
+    if (tag == kHello && text != chunks.origin)
+      refuse(from, "another build, study or mathematics library:\n" + text,
+             "that of rank 0:\n" + chunks.origin);
+    if (tag == kRows) chunks.take(text);
+    messages_->answer(from, chunks.next());
   }
 }
 
@@ -159,7 +160,7 @@ Ranks::Ranks() {
                       "one built where libopenmpi-dev is installed, or --shard k/n");
 }
 Ranks::~Ranks() = default;
-void Ranks::serve(const RankDesk& /*desk*/) {}
+void Ranks::serve(const ChunkSource& /*chunks*/) {}
 void Ranks::work(const std::string& /*origin*/,
                  const std::function<std::string(const std::vector<long>&)>& /*compute*/) {}
 void Ranks::fail(const std::string& /*why*/) {}

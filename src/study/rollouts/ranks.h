@@ -9,8 +9,8 @@
 
 namespace handsim::study {
 
-/// What rank 0 does for the others.
-struct RankDesk {
+/// Where rank 0 gets chunks and puts rows.
+struct ChunkSource {
   std::string origin;                            ///< that every rank must have
   std::function<std::vector<long>()> next;       ///< the next chunk; empty: none is left
   std::function<void(const std::string&)> take;  ///< a chunk's rows, as bytes
@@ -22,7 +22,7 @@ class Ranks {
  public:
   /// @throws Error (input) under mpirun where handsim was built without MPI.
   Ranks();
-  /// Sends the other ranks home.
+  /// Ends the work of the other ranks.
   ~Ranks();
   Ranks(const Ranks&) = delete;
   Ranks& operator=(const Ranks&) = delete;
@@ -32,7 +32,7 @@ class Ranks {
 
   /// Of rank 0: hands out chunks until none is left, or `stopped`.
   /// @throws Error (output) naming a rank that has failed or is of another build.
-  void serve(const RankDesk& desk);
+  void serve(const ChunkSource& chunks);
   /// Of the others: computes chunks until there are no more. @param compute a chunk's rows, as bytes.
   void work(const std::string& origin, const std::function<std::string(const std::vector<long>&)>& compute);
   /// Of the others: tells rank 0 why there will be no rows.

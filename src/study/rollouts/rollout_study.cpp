@@ -135,7 +135,7 @@ RolloutStudy::RolloutStudy(RolloutsSpec spec) : spec_(std::move(spec)) {
     try {
       keys_.push_back(bind(key, base.resolved));
     } catch (const Error& error) {
-      diagnostics.take(error);
+      diagnostics.add(error);
     }
   }
   diagnostics.throw_if_any();

@@ -29,7 +29,7 @@ class RolloutStudy {
 
   /// @throws Error (input) where the scene refuses what was drawn, or there is no such rollout.
   scene::Scene scene(long rollout) const;
-  /// What `handsim run --set` would be told.
+  /// The scene's overrides, as `handsim run --set` takes them.
   std::vector<std::string> overrides(long rollout) const;
   /// Runs one. A scene that is refused and a run that diverges are rows with their reasons.
   /// @return nothing where `stop` has become true.

@@ -28,11 +28,11 @@ constexpr std::size_t kMostSummary = std::size_t{1} << 26U;
 long shard_size(long size, const Shard& shard) { return (size - shard.k + shard.n) / shard.n; }
 
 /// Hands out the rollouts that are not done, and keeps what comes back.
-class Desk {
+class WorkQueue {
  public:
   /// @param done rollouts whose rows are there.
-  Desk(const RolloutStudy& study, const RolloutOptions& options, Journal& journal,
-       const std::vector<Row>& rows)
+  WorkQueue(const RolloutStudy& study, const RolloutOptions& options, Journal& journal,
+            const std::vector<Row>& rows)
       : options_(options),
         journal_(journal),
         size_(shard_size(study.size(), options.shard)),
@@ -88,14 +88,14 @@ std::vector<Row> compute(const RolloutStudy& study, const std::vector<long>& chu
 }
 
 /// Chunk after chunk in each thread. The first exception ends all, and is thrown.
-void run_threads(const RolloutStudy& study, int threads, Desk& desk, const std::atomic<bool>& stop) {
+void run_threads(const RolloutStudy& study, int threads, WorkQueue& queue, const std::atomic<bool>& stop) {
   std::exception_ptr error;
   std::mutex mutex;
   std::atomic<bool> failed = false;
   const auto work = [&] {
     try {
-      for (std::vector<long> chunk = desk.next(); !chunk.empty() && !stop && !failed; chunk = desk.next())
-        desk.take(compute(study, chunk, stop));
+      for (std::vector<long> chunk = queue.next(); !chunk.empty() && !stop && !failed; chunk = queue.next())
+        queue.take(compute(study, chunk, stop));
     } catch (...) {
       failed = true;
       const std::lock_guard lock(mutex);
@@ -175,14 +175,14 @@ RolloutsResult run_rollouts(const RolloutStudy& study, const RolloutOptions& opt
   const auto start = std::chrono::steady_clock::now();
   {
     Journal journal = there ? Journal(file, content) : Journal(file, study.head());
-    Desk desk(study, options, journal, content.rows);
+    WorkQueue queue(study, options, journal, content.rows);
     if (ranks.size() > 1)
-      ranks.serve({origin_text(study.head()), [&] { return desk.next(); },
-                   [&](const std::string& bytes) { desk.take(rows_of(bytes)); },
+      ranks.serve({origin_text(study.head()), [&] { return queue.next(); },
+                   [&](const std::string& bytes) { queue.take(rows_of(bytes)); },
                    [&] { return stop.load(); }});
     else
-      run_threads(study, options.threads, desk, stop);
-    out.size = desk.size(), out.done = desk.done(), out.computed = desk.computed();
+      run_threads(study, options.threads, queue, stop);
+    out.size = queue.size(), out.done = queue.done(), out.computed = queue.computed();
   }
   out.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (out.done < out.size || !options.shard.whole()) return out;

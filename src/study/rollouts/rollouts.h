@@ -20,7 +20,7 @@ struct RolloutOptions {
   int chunk = 8;              ///< rollouts that are done and written down together
   bool resume = false;        ///< goes on from the journal of a run that was stopped
   Shard shard;
-  /// Told the share done, 0..1.
+  /// Receives the share done, 0..1.
   std::function<void(double)> progress;
 };
 

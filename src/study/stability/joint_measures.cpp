@@ -1,4 +1,4 @@
-// Measures of hard cases: what joints and stops do.
+// Measures of hard cases: joints and stops.
 #include <algorithm>
 #include <cmath>
 
@@ -12,7 +12,7 @@ namespace {
 using simulation::Simulation;
 using Sample = std::optional<Figure>;
 
-/// Follows a joint to its stop and back.
+/// Observes the impact of a joint on its stop, and the rebound.
 class StopHit {
  public:
   /// @throws Error (input) for a joint without a stop.
@@ -26,31 +26,31 @@ class StopHit {
     if (now.steps() == 0) return;
     const double direction = impact_ > 0 ? 1 : -1;
     beyond_ = std::max({0.0, q - stop().high, stop().low - q});
-    // At the stop: beyond it, or turned back before it.
+    // The impact: the joint is beyond the stop, or has slowed down before it.
     if (!hit_ && (beyond_ > 0 || direction * rate < 0.9 * direction * impact_)) hit_ = now.steps();
     if (!hit_) {
       impact_ = rate;
       return;
     }
-    // Until it is back where it came from: the other stop does not count.
-    if (!returned_) fastest_back_ = std::max(fastest_back_, -direction * rate / std::abs(impact_));
+    // Until the joint is back at its start: the other stop does not count.
+    if (!returned_) rebound_ = std::max(rebound_, -direction * rate / std::abs(impact_));
     returned_ = returned_ || direction * (q - start_) < 0;
   }
 
   const model::Stop& stop() const { return *at_.joint->axes[at_.axis].stop; }
   const std::string& joint() const { return at_.joint->name; }
-  std::optional<long> hit() const { return hit_; }       ///< step in which it reached the stop
-  double beyond() const { return beyond_; }              ///< the stop, now [rad]
-  double fastest_back() const { return fastest_back_; }  ///< over the impact's rate
+  std::optional<long> hit() const { return hit_; }  ///< step of the impact
+  double beyond() const { return beyond_; }         ///< present angle beyond the stop [rad]
+  double rebound() const { return rebound_; }       ///< largest rebound rate over impact rate
 
  private:
   Coordinate at_;
   std::optional<long> hit_;
   bool returned_ = false;
-  double start_ = 0, impact_ = 0, beyond_ = 0, fastest_back_ = 0;
+  double start_ = 0, impact_ = 0, beyond_ = 0, rebound_ = 0;
 };
 
-/// How far a joint is beyond its stop from ten steps after it reached it.
+/// Angle of a joint beyond its stop, from the tenth step after the impact on.
 Sampler stop_late(const scene::Scene& scene, const MeasureSpec& spec) {
   return [stop = StopHit(scene, spec.joint)](const Simulation& now) mutable {
     stop.update(now);
@@ -58,15 +58,15 @@ Sampler stop_late(const scene::Scene& scene, const MeasureSpec& spec) {
   };
 }
 
-/// Rebound rate over impact rate, off the stop's `bounce`.
+/// Difference between rebound rate over impact rate and the stop's `bounce`.
 Sampler rebound_error(const scene::Scene& scene, const MeasureSpec& spec) {
   return [stop = StopHit(scene, spec.joint)](const Simulation& now) mutable {
     stop.update(now);
-    return stop.hit() ? Sample{{std::abs(stop.fastest_back() - stop.stop().bounce), stop.joint()}} : Sample();
+    return stop.hit() ? Sample{{std::abs(stop.rebound() - stop.stop().bounce), stop.joint()}} : Sample();
   };
 }
 
-/// A coordinate's jumps by more than half a turn in a step.
+/// Number of changes of a coordinate by more than half a turn in a step.
 Sampler wraps(const scene::Scene& scene, const MeasureSpec& spec) {
   return [=, joint = coordinate_of(scene, spec.joint), last = std::optional<double>(),
           count = 0.0](const Simulation& now) mutable {
@@ -77,7 +77,7 @@ Sampler wraps(const scene::Scene& scene, const MeasureSpec& spec) {
   };
 }
 
-/// Changes of a rate over the largest rate.
+/// Change of a rate in a step over the largest rate.
 Sampler rate_jump(const scene::Scene& scene, const MeasureSpec& spec) {
   return [=, joint = coordinate_of(scene, spec.joint), last = std::optional<double>(),
           fastest = 0.0](const Simulation& now) mutable {
@@ -93,7 +93,7 @@ Sampler rate_jump(const scene::Scene& scene, const MeasureSpec& spec) {
   };
 }
 
-/// |a . b| of the two axes of universal joints, from the poses of their bodies.
+/// |a . b| of the two axes of universal joints.
 Sampler axis_error(const scene::Scene&, const MeasureSpec&) {
   return [](const Simulation& now) {
     Sample out;
@@ -102,13 +102,14 @@ Sampler axis_error(const scene::Scene&, const MeasureSpec&) {
       const auto& bodies = now.state().bodies;
       const Vec3 a = bodies[at(joint.parent)].q * (joint.parent_frame.q * joint.axes[0].axis);
       const Vec3 b = bodies[at(joint.child)].q * (joint.child_frame.q * joint.axes[1].axis);
-      raise(out, std::abs(a.dot(b)), joint.name);
+      keep_larger(out, std::abs(a.dot(b)), joint.name);
     }
     return out;
   };
 }
 
-/// The slider of a planar slider-crank against r cos f + sqrt(l^2 - r^2 sin^2 f) at the crank's angle f.
+/// Position error of the slider of a planar slider-crank: its closed form is r cos f + sqrt(l^2 - r^2 sin^2
+/// f) at crank angle f.
 Sampler slider_error(const scene::Scene& scene, const MeasureSpec& spec) {
   const auto slider_at = [=](double angle) {
     const double across = spec.crank * std::sin(angle);
@@ -119,27 +120,27 @@ Sampler slider_error(const scene::Scene& scene, const MeasureSpec& spec) {
     const Vec3& p = now.state().bodies[slider].p;
     if (!start) start = p;
     const double moved = slider_at(spec.crank_angle + crank.value(now.state())) - slider_at(spec.crank_angle);
-    // Across its axis it does not move at all.
+    // Its position perpendicular to the axis is constant.
     return Sample{{(p - *start - Vec3(moved, 0, 0)).norm(), spec.body}};
   };
 }
 
-/// The bodies beyond a joint. @throws Error (input) where there are none.
-std::vector<std::size_t> bodies_beyond(const model::Model& model, const std::string& name) {
-  std::vector<bool> beyond(model.bodies.size(), false);
+/// The bodies distal to a joint. @throws Error (input) if there are none.
+std::vector<std::size_t> distal_bodies(const model::Model& model, const std::string& name) {
+  std::vector<bool> distal(model.bodies.size(), false);
   for (const model::Joint& joint : model.joints)
-    if (joint.name == name || beyond[at(joint.parent)]) beyond[at(joint.child)] = true;
+    if (joint.name == name || distal[at(joint.parent)]) distal[at(joint.child)] = true;
   std::vector<std::size_t> out;
   for (std::size_t i = 1; i < model.bodies.size(); ++i)
-    if (beyond[i]) out.push_back(i);
+    if (distal[i]) out.push_back(i);
   if (out.empty()) throw input_error("measures.joint", name, "a joint of the scene");
   return out;
 }
 
-/// The force through a joint against the weight of all bodies beyond it, which are at rest. The force follows
-/// from the momentum that the step gave the bodies beyond the joint; nothing else may touch them.
+/// Relative error of a joint's reaction force, which must equal the weight of the distal bodies at rest. The
+/// force follows from their change of momentum in a step; the bodies must have no contact.
 Sampler reaction_error(const scene::Scene& scene, const MeasureSpec& spec) {
-  const std::vector<std::size_t> bodies = bodies_beyond(scene.model, spec.joint);
+  const std::vector<std::size_t> bodies = distal_bodies(scene.model, spec.joint);
   double weight = 0;
   for (const std::size_t i : bodies) weight += scene.model.bodies[i].mass * scene.model.gravity.norm();
   return [=, step = scene.spec.solver.step, last = std::optional<Vec3>()](const Simulation& now) mutable {

@@ -1,4 +1,4 @@
-// Measures of hard cases: what is conserved, how bodies move, and what surfaces in contact do.
+// Measures of hard cases: conserved quantities, motion of bodies, and contact.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -15,13 +15,13 @@ using simulation::Simulation;
 using Sample = std::optional<Figure>;
 
 enum class Change {
-  gain,   ///< over the start's
-  error,  ///< either way
-  loss,   ///< at the end
-  rise,   ///< over the lowest so far
+  gain,   ///< above the energy at the start
+  error,  ///< above or below it
+  loss,   ///< below it, at the end
+  rise,   ///< above the lowest energy so far
 };
 
-/// Energy against the largest kinetic energy of the run.
+/// Change of the energy over the largest kinetic energy of the run.
 template <Change change>
 Sampler energy(const scene::Scene&, const MeasureSpec& spec) {
   return [=, start = std::optional<double>(), lowest = 0.0](const Simulation& now) mutable -> Sample {
@@ -32,7 +32,7 @@ Sampler energy(const scene::Scene&, const MeasureSpec& spec) {
     if (!start) start = lowest = energy;
     lowest = std::min(lowest, energy);
     Figure out;
-    // Above 0, for scenes at rest.
+    // Avoids a division by zero in scenes at rest.
     out.scale = std::max(kinetic, std::numeric_limits<double>::min());
     switch (change) {
       case Change::gain:
@@ -71,7 +71,7 @@ Vec3 angular_momentum(const Simulation& now, const std::vector<std::size_t>& bod
   return out;
 }
 
-/// Angular momentum against its start.
+/// Relative change of the angular momentum since the start.
 Sampler momentum(const scene::Scene& scene, const MeasureSpec& spec) {
   return [bodies = bodies_of(scene, spec), start = std::optional<Vec3>()](const Simulation& now) mutable {
     const Vec3 value = angular_momentum(now, bodies);
@@ -80,18 +80,19 @@ Sampler momentum(const scene::Scene& scene, const MeasureSpec& spec) {
   };
 }
 
-/// The fastest body. @tparam first_step of the first step alone
+/// Speed of the fastest body. @tparam first_step only in the first step
 template <bool first_step>
 Sampler speed(const scene::Scene& scene, const MeasureSpec& spec) {
   return [=, bodies = bodies_of(scene, spec)](const Simulation& now) {
     Sample out;
     if (now.steps() == 0 || (first_step && now.steps() > 1) || !within(spec, now)) return out;
-    for (const std::size_t i : bodies) raise(out, now.state().bodies[i].v.norm(), now.model().bodies[i].name);
+    for (const std::size_t i : bodies)
+      keep_larger(out, now.state().bodies[i].v.norm(), now.model().bodies[i].name);
     return out;
   };
 }
 
-/// Root mean square over the run, of the body that moves most.
+/// Root mean square of the speed over the run, of the body with the largest.
 Sampler rms_speed(const scene::Scene& scene, const MeasureSpec& spec) {
   return [=, bodies = bodies_of(scene, spec), sums = std::vector<double>(scene.model.bodies.size(), 0.0),
           count = 0L](const Simulation& now) mutable {
@@ -101,7 +102,7 @@ Sampler rms_speed(const scene::Scene& scene, const MeasureSpec& spec) {
     for (const std::size_t i : bodies) {
       const double speed = now.state().bodies[i].v.norm();
       sums[i] += speed * speed;
-      raise(out, std::sqrt(sums[i] / static_cast<double>(count)), now.model().bodies[i].name);
+      keep_larger(out, std::sqrt(sums[i] / static_cast<double>(count)), now.model().bodies[i].name);
     }
     return out;
   };
@@ -109,9 +110,9 @@ Sampler rms_speed(const scene::Scene& scene, const MeasureSpec& spec) {
 
 enum class Drift { distance, angle, mean_speed };
 
-/// How far bodies get from where they were at the start of the span: distance, angle, or mean speed.
+/// Motion of bodies since the start of the span: distance, angle, or mean speed.
 template <Drift drift>
-Sampler drifted(const scene::Scene& scene, const MeasureSpec& spec) {
+Sampler motion_since_start(const scene::Scene& scene, const MeasureSpec& spec) {
   return [=, bodies = bodies_of(scene, spec),
           start = std::optional<model::State>()](const Simulation& now) mutable {
     Sample out;
@@ -123,13 +124,13 @@ Sampler drifted(const scene::Scene& scene, const MeasureSpec& spec) {
       double value = (to.p - from.p).norm();
       if (drift == Drift::angle) value = rotation_vector(from.q.conjugate() * to.q).norm();
       if (drift == Drift::mean_speed && span > 0) value /= span;
-      raise(out, value, now.model().bodies[i].name);
+      keep_larger(out, value, now.model().bodies[i].name);
     }
     return out;
   };
 }
 
-/// Speed of a body at the end of the span against a closed form, relative.
+/// Relative error of a body's speed at the end of the span, compared with a closed form.
 Sampler speed_error(const scene::Scene& scene, const MeasureSpec& spec) {
   if (!spec.expected) throw input_error("measures.expected", "nothing", "the speed in closed form");
   return [=, body = body_of(scene, spec.body)](const Simulation& now) {
@@ -138,7 +139,7 @@ Sampler speed_error(const scene::Scene& scene, const MeasureSpec& spec) {
   };
 }
 
-/// Fastest change of a joint's rate [rad/s^2]: what simulators of control call qacc.
+/// Largest change of a joint rate over the step [rad/s^2] (qacc in MuJoCo).
 Sampler acceleration(const scene::Scene& scene, const MeasureSpec& spec) {
   return [=, step = scene.spec.solver.step, last = std::vector<double>()](const Simulation& now) mutable {
     const std::vector<double>& rates = now.state().u;
@@ -146,13 +147,13 @@ Sampler acceleration(const scene::Scene& scene, const MeasureSpec& spec) {
     if (!last.empty() && within(spec, now))
       for (const model::Joint& joint : now.model().joints)
         for (std::size_t k = at(joint.first_dof); k < at(joint.first_dof + dof_count(joint.kind)); ++k)
-          raise(out, std::abs(rates[k] - last[k]) / step, joint.name);
+          keep_larger(out, std::abs(rates[k] - last[k]) / step, joint.name);
     last = rates;
     return out;
   };
 }
 
-/// Left and right hand of a scene that is its own mirror image in the y-z plane.
+/// Asymmetry of left and right hand in a scene that is mirror symmetric about the y-z plane.
 Sampler mirror_error(const scene::Scene& scene, const MeasureSpec&) {
   std::vector<std::pair<std::size_t, std::size_t>> pairs;
   for (std::size_t i = 1; i < scene.model.bodies.size(); ++i) {
@@ -164,15 +165,15 @@ Sampler mirror_error(const scene::Scene& scene, const MeasureSpec&) {
     Sample out;
     for (const auto& [right, left] : pairs) {
       const Vec3 image = now.state().bodies[left].p.cwiseProduct(Vec3(-1, 1, 1));
-      raise(out, (now.state().bodies[right].p - image).norm(), now.model().bodies[right].name);
+      keep_larger(out, (now.state().bodies[right].p - image).norm(), now.model().bodies[right].name);
     }
     return out;
   };
 }
 
-/// Acceleration down an inclined ground [m/s^2]: by Coulomb g (sin a - mu cos a); of a body that rolls
-/// g sin a / (1 + I / (m r^2)).
-double down_the_ground(const model::Model& model, std::size_t index, bool rolls) {
+/// Acceleration down an inclined ground [m/s^2]: g (sin a - mu cos a) with Coulomb friction, for a rolling
+/// body g sin a / (1 + I / (m r^2)).
+double incline_acceleration(const model::Model& model, std::size_t index, bool rolls) {
   const model::Shape* ground = nullptr;
   const model::Shape* shape = nullptr;
   for (const model::Shape& candidate : model.shapes) {
@@ -190,21 +191,22 @@ double down_the_ground(const model::Model& model, std::size_t index, bool rolls)
   return std::max(0.0, along - surface.friction * down);
 }
 
-/// Speed of a body that starts at rest on an inclined ground against the closed form.
+/// Relative speed error of a body that starts at rest on an inclined ground, compared with the closed form.
 template <bool rolls>
 Sampler incline_error(const scene::Scene& scene, const MeasureSpec& spec) {
   const std::size_t body = body_of(scene, spec.body);
-  return [=, acceleration = down_the_ground(scene.model, body, rolls)](const Simulation& now) {
+  return [=, acceleration = incline_acceleration(scene.model, body, rolls)](const Simulation& now) {
     const double expected = acceleration * now.state().time;
     if (!within(spec, now) || !(expected > 0)) return Sample();
     return Sample{{std::abs(now.state().bodies[body].v.norm() - expected) / expected}};
   };
 }
 
-/// Mean speed over the span, so that a vibration about one place is none.
+/// Speed of a body on the ground: distance over time since the start of the span, so that vibration does not
+/// count.
 Sampler creep(const scene::Scene& scene, const MeasureSpec& spec) {
   const std::size_t body = body_of(scene, spec.body);
-  down_the_ground(scene.model, body, false);
+  incline_acceleration(scene.model, body, false);
   return [=, start = std::optional<Vec3>(), start_time = 0.0](const Simulation& now) mutable -> Sample {
     const Vec3& place = now.state().bodies[body].p;
     if (!within(spec, now)) return {};
@@ -214,7 +216,7 @@ Sampler creep(const scene::Scene& scene, const MeasureSpec& spec) {
   };
 }
 
-/// The deepest contact.
+/// Depth of the deepest contact.
 Sampler penetration(const scene::Scene&, const MeasureSpec& spec) {
   return [=](const Simulation& now) {
     Sample out;
@@ -242,9 +244,9 @@ const MeasureKind kMotionMeasures[] = {
     {"top_speed", D::speed, "m/s", R::largest, speed<false>},
     {"rms_speed", D::speed, "m/s", R::total, rms_speed},
     {"first_speed", D::speed, "m/s", R::largest, speed<true>},
-    {"drift", D::length, "m", R::largest, drifted<Drift::distance>},
-    {"turn", D::angle, "rad", R::largest, drifted<Drift::angle>},
-    {"slip_speed", D::speed, "m/s", R::last, drifted<Drift::mean_speed>},
+    {"drift", D::length, "m", R::largest, motion_since_start<Drift::distance>},
+    {"turn", D::angle, "rad", R::largest, motion_since_start<Drift::angle>},
+    {"slip_speed", D::speed, "m/s", R::last, motion_since_start<Drift::mean_speed>},
     {"speed_error", D::none, "", R::last, speed_error, kBody},
     {"acceleration", D::none, "rad/s2", R::largest, acceleration},
     {"mirror_error", D::length, "m", R::largest, mirror_error},

@@ -1,4 +1,4 @@
-// Measures of hard cases: what a run measures anyway, and what it costs the process.
+// Measures of hard cases: figures of the simulation's monitors, and the memory of the process.
 #include <fstream>
 
 #include "handsim/study/stability/measure_tools.h"
@@ -11,7 +11,7 @@ using simulation::Peak;
 using simulation::Simulation;
 using Sample = std::optional<Figure>;
 
-/// Growth of the process' resident memory from a tenth of the run on, as a share.
+/// Relative growth of the resident memory of the process after the first tenth of the run.
 Sampler memory_growth(const scene::Scene&, const MeasureSpec&) {
   return [first = std::optional<double>()](const Simulation& now) mutable -> Sample {
     constexpr long kEvery = 1000;
@@ -24,7 +24,7 @@ Sampler memory_growth(const scene::Scene&, const MeasureSpec&) {
   };
 }
 
-/// What the simulation measures anyway, read at the end.
+/// A figure of the simulation's monitors, read at the end.
 template <Sample (*read)(const Simulation&)>
 Sampler at_end(const scene::Scene&, const MeasureSpec&) {
   return read;
@@ -50,12 +50,12 @@ Sample steady_error(const Simulation& now) {
   return out;
 }
 
-/// The worst of the scene's grasps.
+/// The largest value among the scene's grasps.
 template <double simulation::GraspFigures::*field>
 Sample of_grasps(const Simulation& now) {
   Sample out;
   for (const simulation::GraspFigures& grasp : now.figures<simulation::Grasps>())
-    if (grasp.complete) raise(out, grasp.*field, grasp.name);
+    if (grasp.complete) keep_larger(out, grasp.*field, grasp.name);
   return out;
 }
 Sample grasp_epsilon(const Simulation& now) {

@@ -18,8 +18,8 @@ namespace {
 
 using simulation::Simulation;
 
-/// Points of a course in a plot.
-constexpr long kCoursePoints = 400;
+/// Points of a curve in a plot.
+constexpr long kCurvePoints = 400;
 
 template <class T>
 void append(std::vector<T>& to, const std::vector<T>& more) {
@@ -31,7 +31,7 @@ bool contains(const std::vector<T>& list, const T& item) {
   return std::find(list.begin(), list.end(), item) != list.end();
 }
 
-/// One run: a case, a way, a step and a choice of every dimension.
+/// One run: a case, a way, a step and a variant.
 struct Job {
   std::size_t of = 0;  ///< index of the case
   const StabilityCase* the_case = nullptr;
@@ -40,9 +40,9 @@ struct Job {
   std::filesystem::path scene;
   std::vector<std::string> set;
   std::string variant;
-  bool drawn = false;  ///< its course goes into the plot
+  bool plotted = false;
   std::vector<StabilityRow> rows;
-  std::optional<Course> course;
+  std::optional<Curve> curve;
   std::string engine;
 };
 
@@ -61,12 +61,12 @@ std::vector<Job> jobs_of(const StabilityCase& of, std::size_t index, bool quick)
         job.step = step;
         job.scene = variant.scene;
         job.variant = variant.name;
-        job.drawn = of.plot && &variant == &all.front();
+        job.plotted = of.plot && &variant == &all.front();
         job.set = of.set;
         if (quick) append(job.set, of.quick_set);
         append(job.set, way.set);
         append(job.set, variant.set);
-        // A way that is refused for its step sets it itself.
+        // A way that must be rejected may set an invalid step.
         if (!way.refused) job.set.push_back("solver.step=" + number_text(step));
         out.push_back(std::move(job));
       }
@@ -80,7 +80,7 @@ scene::Scene load(const Job& job, const std::vector<std::string>& more = {}) {
   return scene::load_scene(job.scene, set);
 }
 
-/// The row of a measure, without its figure.
+/// The row of a measure, still without its figure.
 StabilityRow row_for(const Job& job, const MeasureSpec& spec) {
   const MeasureKind& kind = *measure_kind(spec.kind);
   return {.of_case = job.the_case->name,
@@ -100,54 +100,54 @@ void set_figure(StabilityRow& row, const std::optional<Figure>& figure) {
   row.time = figure->time;
 }
 
-/// @throws Error where it is not the physics that failed.
+/// @throws Error unless it is a fault of the physics.
 void set_fault(StabilityRow& row, const Error& error) {
   if (!error.fault()) throw Error(error);
   row.fault = error.what();
   row.time = error.fault()->time;
 }
 
-/// A course of at most kCoursePoints points, each the largest value since the one before.
-class CourseKeeper {
+/// Records a curve of about kCurvePoints points, each the largest value since the previous one.
+class CurveRecorder {
  public:
-  CourseKeeper(std::string label, long steps) : stride_(std::max(1L, steps / kCoursePoints)) {
-    course_.label = std::move(label);
+  CurveRecorder(std::string label, long steps) : stride_(std::max(1L, steps / kCurvePoints)) {
+    curve_.label = std::move(label);
   }
   void update(double time, std::optional<double> value) {
     if (value) largest_ = std::max(largest_.value_or(0), std::abs(*value));
     if (updates_++ % stride_ != 0 || !largest_) return;
-    course_.time.push_back(time);
-    course_.value.push_back(*largest_);
+    curve_.time.push_back(time);
+    curve_.value.push_back(*largest_);
     largest_.reset();
   }
-  Course take() { return std::move(course_); }
+  Curve take() { return std::move(curve_); }
 
  private:
-  Course course_;
+  Curve curve_;
   long stride_, updates_ = 0;
   std::optional<double> largest_;
 };
 
 std::string label_of(const Job& job) { return fmt::format("{}, {:g} ms", job.way->name, 1e3 * job.step); }
 
-/// One run with all measures that sample it.
+/// One run with all measures that are not procedures.
 void measure_run(Job& job, const std::vector<const MeasureSpec*>& specs, const std::atomic<bool>& stop) {
   const scene::Scene scene = load(job);
   std::vector<Measure> measures;
-  const Measure* drawn = nullptr;
+  const Measure* plotted = nullptr;
   measures.reserve(specs.size());
   for (const MeasureSpec* spec : specs) {
     measures.emplace_back(scene, *spec);
     job.rows.push_back(row_for(job, *spec));
-    if (job.drawn && spec->name == *job.the_case->plot) drawn = &measures.back();
+    if (job.plotted && spec->name == *job.the_case->plot) plotted = &measures.back();
   }
   try {
     Simulation simulation(scene);
     job.engine = simulation.engine().version();
-    CourseKeeper course(label_of(job), simulation.step_count());
+    CurveRecorder curve(label_of(job), simulation.step_count());
     const auto update = [&] {
       for (Measure& measure : measures) measure.update(simulation);
-      if (drawn) course.update(simulation.state().time, drawn->course());
+      if (plotted) curve.update(simulation.state().time, plotted->present_value());
     };
     update();
     for (long i = 0; i < simulation.step_count() && !stop; ++i) {
@@ -155,7 +155,7 @@ void measure_run(Job& job, const std::vector<const MeasureSpec*>& specs, const s
       update();
     }
     for (std::size_t i = 0; i < measures.size(); ++i) set_figure(job.rows[i], measures[i].figure());
-    if (drawn) job.course = course.take();
+    if (plotted) job.curve = curve.take();
   } catch (const Error& error) {
     for (StabilityRow& row : job.rows) set_fault(row, error);
   }
@@ -167,10 +167,10 @@ void run_procedure(Job& job, const MeasureSpec& spec) {
     const Figure figure = measure_kind(spec.kind)->procedure(
         [&](const std::vector<std::string>& more) { return load(job, more); }, spec);
     set_figure(row, figure);
-    if (job.drawn && *job.the_case->plot == spec.name) {
-      Course course{label_of(job), {}, {}};
-      for (const auto& [x, y] : figure.curve) course.time.push_back(x), course.value.push_back(y);
-      job.course = std::move(course);
+    if (job.plotted && *job.the_case->plot == spec.name) {
+      Curve curve{label_of(job), {}, {}};
+      for (const auto& [x, y] : figure.curve) curve.time.push_back(x), curve.value.push_back(y);
+      job.curve = std::move(curve);
     }
   } catch (const Error& error) {
     set_fault(row, error);
@@ -178,8 +178,8 @@ void run_procedure(Job& job, const MeasureSpec& spec) {
   job.rows.push_back(std::move(row));
 }
 
-/// The scene of a way that is to be refused: 0 where it is, with the message asked for.
-void refuse(Job& job) {
+/// Adds a row with 0 if the engine rejects the scene with the expected message, else 1.
+void check_rejection(Job& job) {
   MeasureSpec spec;
   spec.kind = "completes", spec.name = "refused";
   StabilityRow row = row_for(job, spec);
@@ -187,7 +187,7 @@ void refuse(Job& job) {
   try {
     const scene::Scene scene = load(job);
     const Simulation simulation(scene);
-    row.where = "it was accepted";
+    row.where = "accepted";
   } catch (const Error& error) {
     const std::string message = error.what();
     if (error.kind() == ErrorKind::input && message.find(*job.way->refused) != std::string::npos)
@@ -198,7 +198,7 @@ void refuse(Job& job) {
 }
 
 void run(Job& job, const std::atomic<bool>& stop) {
-  if (job.way->refused) return refuse(job);
+  if (job.way->refused) return check_rejection(job);
   std::vector<const MeasureSpec*> sampled, procedures;
   for (const MeasureSpec& spec : job.the_case->measures)
     (measure_kind(spec.kind)->make ? sampled : procedures).push_back(&spec);
@@ -207,7 +207,7 @@ void run(Job& job, const std::atomic<bool>& stop) {
     if (!stop) run_procedure(job, *spec);
 }
 
-void judge(StabilityRow& row, const StabilityCase& of) {
+void set_verdict(StabilityRow& row, const StabilityCase& of) {
   const bool known = std::any_of(of.known.begin(), of.known.end(), [&](const KnownShort& entry) {
     return entry.covers(row.way, row.measure, row.step);
   });
@@ -216,7 +216,7 @@ void judge(StabilityRow& row, const StabilityCase& of) {
                              : StabilityVerdict::fell_short;
 }
 
-/// Adds the case and way that a bad scene or override belongs to.
+/// The error of a scene or override, with its case and way.
 Error in_case(const Job& job, const Error& error) {
   std::vector<Problem> problems = error.problems();
   for (Problem& problem : problems)
@@ -224,8 +224,8 @@ Error in_case(const Job& job, const Error& error) {
   return Error(std::move(problems));
 }
 
-/// A long study should not end on a bad scene of its last case: the first bad scene of every way is reported
-/// before any runs. Of variants that are drawn, only the first is checked.
+/// Checks scenes before any run, so that a long study does not end with an invalid scene in its last case.
+/// Reports the first invalid scene of every way; of random variants, checks only the first one.
 /// @throws Error (input)
 void check(const std::vector<Job>& jobs) {
   std::vector<Problem> problems;
@@ -251,7 +251,7 @@ void check(const std::vector<Job>& jobs) {
   if (!problems.empty()) throw Error(std::move(problems));
 }
 
-/// Runs the jobs in threads; the first error of input stops all and is thrown.
+/// Runs the jobs in threads; the first input error stops all and is thrown.
 class Pool {
  public:
   Pool(std::vector<Job>& jobs, const StabilityOptions& options) : jobs_(jobs), options_(options) {}
@@ -263,7 +263,7 @@ class Pool {
   }
 
  private:
-  /// The jobs that run beside others, or those that run by themselves.
+  /// Runs the jobs of cases with this value of `alone`.
   void run_some(bool alone, int threads) {
     std::atomic<std::size_t> next = 0;
     const auto work = [&] {
@@ -287,7 +287,7 @@ class Pool {
       error = std::current_exception();
     }
     for (StabilityRow& row : job.rows) {
-      judge(row, *job.the_case);
+      set_verdict(row, *job.the_case);
       row.cpu = cpu_now() - start;
     }
     const std::lock_guard lock(mutex_);
@@ -305,8 +305,8 @@ class Pool {
   std::size_t done_ = 0;
 };
 
-/// Marks known shortfalls that occurred, and those that did not in any variant.
-void find_better(CaseResult& result) {
+/// Lists the known shortfalls that occurred, and marks rows of those that occurred in no variant.
+void check_known_shortfalls(CaseResult& result) {
   for (const KnownShort& known : result.of->known) {
     bool occurred = false;
     const auto covered = [&](const StabilityRow& row) {
@@ -376,10 +376,10 @@ StabilityResult run_stability(const StabilitySpec& spec, const StabilityOptions&
   for (Job& job : jobs) {
     CaseResult& into = result.cases[job.of];
     append(into.rows, job.rows);
-    if (job.course) into.courses.push_back(std::move(*job.course));
+    if (job.curve) into.curves.push_back(std::move(*job.curve));
     if (!job.engine.empty() && !contains(result.engines, job.engine)) result.engines.push_back(job.engine);
   }
-  for (CaseResult& of : result.cases) find_better(of);
+  for (CaseResult& of : result.cases) check_known_shortfalls(of);
   result.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return result;
 }

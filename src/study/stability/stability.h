@@ -1,6 +1,6 @@
-// Hard cases: scenes at which engines go wrong, each run by every engine, method and step that the study
-// names, and judged by figures with an oracle. Shortfalls of an engine that are known are
-// reported beside what holds.
+// The stability study: scenes that are hard for engines, each run with every engine, method and step that the
+// study names. Each figure of a run is compared with a limit from an oracle. Known shortfalls of an engine
+// are reported, but do not fail the study.
 #pragma once
 
 #include <filesystem>
@@ -14,10 +14,10 @@
 
 namespace handsim::study {
 
-/// One alternative of a dimension in which a case is varied.
+/// One alternative of a dimension of variants.
 struct Alternative {
   std::string name;              ///< e.g. `erp 0.2`
-  std::vector<std::string> set;  ///< overrides
+  std::vector<std::string> set;  ///< overrides of the scene, `key.path=value`
 };
 
 /// An engine with its settings.
@@ -25,27 +25,27 @@ struct Way {
   std::string name;
   std::vector<std::string> set;
   std::vector<double> steps;  ///< [s]
-  /// The scene must be refused with a message that holds this text.
+  /// The engine must reject the scene with a message that contains this text.
   std::optional<std::string> refused;
   bool quick = true;  ///< part of the quick suite
 };
 
-/// What a way is known to fall short of, and why.
+/// A known shortfall: limits that a way does not meet, and the reason.
 struct KnownShort {
   std::string way;
   std::vector<std::string> measures;  ///< by name
-  std::vector<double> steps;          ///< [s]; empty: all of the way's
+  std::vector<double> steps;          ///< [s]; empty: all steps of the way
   std::string why;
 
   bool covers(const std::string& of_way, const std::string& measure, double step) const;
 };
 
-/// A key of the scene that every variant of a case draws anew.
+/// A key of the scene with a random value in each variant of a case.
 struct DrawnKey {
   enum class From {
-    person,    ///< 1.4 to 2.1 m, 40 to 150 kg, body mass index 14 to 50; the same for all such keys
-    rotation,  ///< even over all rotations
-    range,     ///< even between two numbers
+    person,    ///< 1.4 to 2.1 m, 40 to 150 kg, body mass index 14 to 50; all such keys have the same person
+    rotation,  ///< uniform over all rotations
+    range,     ///< uniform between two numbers
     choices    ///< one of some texts
   };
   std::string key;  ///< dotted
@@ -54,7 +54,7 @@ struct DrawnKey {
   std::vector<std::string> choices;
 };
 
-/// Variants drawn at random: the same ones for the same seed.
+/// Random variants; a seed always gives the same ones.
 struct Draws {
   int count = 0;
   int seed = 1;
@@ -63,8 +63,8 @@ struct Draws {
 
 struct StabilityCase {
   std::string name;
-  std::string title;   ///< what happens in it
-  std::string oracle;  ///< what tells right from wrong
+  std::string title;   ///< description
+  std::string oracle;  ///< the law or closed form that gives the limits
   std::vector<std::filesystem::path> scenes;
   std::vector<std::string> set;                  ///< for every way
   std::vector<std::vector<Alternative>> varied;  ///< every combination is run
@@ -72,14 +72,14 @@ struct StabilityCase {
   std::vector<Way> ways;
   std::vector<KnownShort> known;
   std::optional<Draws> draws;
-  std::optional<std::string> plot;  ///< name of the measure whose course is drawn
-  std::optional<double> picture;    ///< time of the first variant that is drawn [s]
-  bool alone = false;               ///< runs by itself: it measures the process
-  /// For the quick suite: overrides, and steps in place of the ways'. Absent: left out of it.
+  std::optional<std::string> plot;  ///< name of the measure that is plotted over time
+  std::optional<double> picture;    ///< time of the picture of the first variant [s]
+  bool alone = false;               ///< no other case runs at the same time: it measures the process
+  /// False: not part of the quick suite.
   bool in_quick = true;
-  std::vector<std::string> quick_set;
-  std::vector<double> quick_steps;
-  std::optional<int> quick_draws;
+  std::vector<std::string> quick_set;  ///< overrides in the quick suite
+  std::vector<double> quick_steps;  ///< replace the steps of the ways in the quick suite [s]; empty: do not
+  std::optional<int> quick_draws;   ///< number of random variants in the quick suite
 };
 
 struct StabilitySpec {
@@ -88,10 +88,10 @@ struct StabilitySpec {
 };
 
 enum class StabilityVerdict {
-  held,
-  fell_short,
-  known_short,  ///< falls short, as it is known to; does not fail the suite
-  better,       ///< known to fall short, but held
+  held,         ///< within the limit
+  fell_short,   ///< beyond the limit; the study fails
+  known_short,  ///< beyond the limit, as a KnownShort says; the study does not fail
+  better,       ///< within the limit in all variants, although a KnownShort says otherwise
 };
 
 /// A figure of one run.
@@ -103,21 +103,22 @@ struct StabilityRow {
   std::string variant;  ///< empty where the case is not varied
   std::string unit;
   double limit = 0;
-  bool at_least = false;             ///< the limit is a lower one
-  std::optional<double> value = {};  ///< absent where the run failed, or had nothing to measure
+  bool at_least = false;             ///< true for a lower limit
+  std::optional<double> value = {};  ///< absent if the run failed or had nothing to measure
   std::optional<double> time = {};   ///< of the figure, or of the failure [s]
-  double cpu = 0;                    ///< of the whole run [s]
-  std::string where = {};
-  std::string fault = {};  ///< what went wrong
+  double cpu = 0;                    ///< CPU time of the whole run [s]
+  std::string where = {};            ///< joint, body or circumstance of the figure
+  std::string fault = {};            ///< message of a failed run
   StabilityVerdict verdict = StabilityVerdict::held;
 
   bool within() const { return value && (at_least ? *value >= limit : *value <= limit); }
-  /// How far the figure is from its limit: 1 at the limit, above beyond it, infinity without a figure.
+  /// Figure over limit (inverse for a lower limit): 1 at the limit, larger beyond it, infinite without a
+  /// figure.
   double severity() const;
 };
 
-/// Course of a measure over a run.
-struct Course {
+/// A measure over the time of a run, or the error of a procedure over the step.
+struct Curve {
   std::string label;
   std::vector<double> time, value;
 };
@@ -125,14 +126,14 @@ struct Course {
 struct CaseResult {
   const StabilityCase* of = nullptr;
   std::vector<StabilityRow> rows;
-  std::vector<Course> courses;
-  std::vector<std::string> known;  ///< `WAY: why`, of the known shortfalls that occurred
+  std::vector<Curve> curves;
+  std::vector<std::string> known;  ///< `WAY: why` of each known shortfall that occurred
 };
 
 struct StabilityResult {
   std::vector<CaseResult> cases;
-  std::vector<std::string> engines;  ///< that have rows, each with its version
-  double wall = 0;                   ///< [s]
+  std::vector<std::string> engines;  ///< engines of the rows, with their versions
+  double wall = 0;                   ///< wall-clock time [s]
   bool quick = false;
 
   bool passed() const;
@@ -141,52 +142,51 @@ struct StabilityResult {
 struct StabilityOptions {
   std::vector<std::string> cases;  ///< names; empty: all
   bool quick = false;
-  int threads = 0;  ///< 0: as many as the machine has
-  /// Is called with the share done, 0..1.
+  int threads = 0;  ///< 0: one for each processor core
+  /// Called with the finished share, 0..1.
   std::function<void(double)> progress;
 };
 
 /// @throws Error (input) with every problem of the file.
 StabilitySpec load_stability(const std::filesystem::path& path);
 
-/// The variants that a case draws, the first `most` of them.
+/// The first `most` random variants.
 std::vector<Alternative> drawn_variants(const Draws& draws, int most);
 
-/// A scene of a case with an alternative of every dimension.
+/// A scene of a case with one alternative of every dimension.
 struct Variant {
   std::filesystem::path scene;
   std::string name;              ///< empty where the case is not varied
   std::vector<std::string> set;  ///< overrides
 };
-/// Every combination of the scenes, what is varied and what is drawn.
+/// Every combination of the scenes, the dimensions and the random variants.
 std::vector<Variant> variants(const StabilityCase& of, bool quick);
 
-/// @throws Error (input) for a case that is not there, and where a scene or an override is bad. The spec must
-/// outlive the result.
+/// The spec must outlive the result. @throws Error (input) for an unknown case, and for invalid scenes and
+/// overrides.
 StabilityResult run_stability(const StabilitySpec& spec, const StabilityOptions& options);
 
-/// Of rows that differ in their variant only, the worst: one row for each measure, way and step, in order.
+/// One row for each measure, way and step, in order: the worst of all variants.
 std::vector<StabilityRow> worst_rows(const CaseResult& result);
 
-/// The rows as a table for the screen: of variants the worst.
+/// The worst rows as a table for the screen.
 std::string stability_table(const StabilityResult& result);
 
-/// One row a case, in Markdown: the worst of what is to hold, and what is known to fall short.
+/// A Markdown table with one row for each case: the worst figures, and the known shortfalls.
 std::string stability_markdown(const StabilityResult& result);
 
-/// Writes stability.csv and stability.json (every variant), stability.md, and, where gnuplot is installed,
-/// stability.png and .svg (how far every figure is from its limit) and CASE.png and .svg of cases with a
-/// plot.
-/// @returns false where gnuplot is missing or failed; its script stability.gp is there all the same.
-/// @throws Error (input) where the folder cannot be written.
+/// Writes stability.csv and stability.json (every variant), stability.md, and, if gnuplot is installed,
+/// stability.png and .svg (every figure over its limit) and CASE.png and .svg of cases with a plot.
+/// @returns false if gnuplot is missing or fails; the other files and the script stability.gp are written.
+/// @throws Error (input) if the folder cannot be written.
 bool write_stability(const StabilitySpec& spec, const StabilityResult& result,
                      const std::filesystem::path& out);
 
 /// Writes scene_CASE.png of every case of the result with a picture, and all of them on scenes.png, in a
-/// process of its own. @return why they are missing; nothing where they are there.
+/// child process. @return why it failed; nothing if it succeeded.
 std::optional<std::string> draw_stability(const StabilityResult& result, const std::filesystem::path& out);
 
-/// Names of all files of a study, those of draw_stability among them.
+/// Names of all files of a study, including those of draw_stability.
 std::vector<std::string> stability_files(const StabilitySpec& spec);
 
 }  // namespace handsim::study

@@ -1,4 +1,4 @@
-// Variants of hard cases: every combination of what a case varies, and what is drawn at random.
+// Variants of hard cases: all combinations of alternatives, and random variants.
 #include <cmath>
 #include <random>
 
@@ -12,7 +12,7 @@ namespace handsim::study {
 
 namespace {
 
-/// Its description and its YAML.
+/// Description and YAML of a random person.
 std::pair<std::string, std::string> drawn_person(std::mt19937& random) {
   std::uniform_real_distribution<double> stature(1.4, 2.1), mass(40, 150);
   double metres = 0, kilograms = 0, index = 0;
@@ -25,7 +25,7 @@ std::pair<std::string, std::string> drawn_person(std::mt19937& random) {
           fmt::format("{{stature: {:.4f}, mass: {:.3f}, sex: {}}}", metres, kilograms, sex)};
 }
 
-/// Even over all rotations: a direction of four normal numbers (Marsaglia 1972).
+/// Uniform over all rotations: the direction of four normally distributed numbers (Marsaglia 1972).
 std::string drawn_rotation(std::mt19937& random) {
   std::normal_distribution<double> normal;
   const double w = normal(random), x = normal(random), y = normal(random), z = normal(random);

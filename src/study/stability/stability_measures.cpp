@@ -12,7 +12,7 @@ bool within(const MeasureSpec& spec, const Simulation& now) {
   return time >= spec.from - 1e-9 && time <= spec.until + 1e-9;
 }
 
-void raise(std::optional<Figure>& figure, double value, const std::string& where) {
+void keep_larger(std::optional<Figure>& figure, double value, const std::string& where) {
   if (!figure || value > figure->value) figure = Figure{value, where};
 }
 
@@ -65,7 +65,7 @@ std::optional<Figure> Measure::figure() const {
   return out;
 }
 
-std::optional<double> Measure::course() const {
+std::optional<double> Measure::present_value() const {
   if (reduce_ != Reduce::at_end) return last_;
   const std::optional<Figure> now = figure();
   return now ? std::optional(now->value) : std::nullopt;

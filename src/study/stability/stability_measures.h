@@ -1,5 +1,5 @@
-// What hard cases are judged by. A measure samples a simulation after every step and reduces the samples to a
-// figure; a procedure makes runs of its own and compares them. Both are found by name in one table.
+// The measures of hard cases. A measure samples a simulation after every step and reduces the samples to a
+// figure; a procedure makes runs of its own and compares them. One table has both by name.
 #pragma once
 
 #include <functional>
@@ -16,48 +16,48 @@
 
 namespace handsim::study {
 
-/// A measure as a case asks for it.
+/// A measure with its settings in a case.
 struct MeasureSpec {
-  std::string kind;                                        ///< of the table
-  std::string name;                                        ///< of its rows; the kind where none is given
-  double limit = 0;                                        ///< SI
-  std::string body;                                        ///< whose motion is meant; empty: all that move
-  std::string joint;                                       ///< whose coordinate is meant
-  double from = 0;                                         ///< start of the measured span [s]
+  std::string kind;   ///< name in the table
+  std::string name;   ///< name of its rows; by default the kind
+  double limit = 0;   ///< SI
+  std::string body;   ///< body to measure; empty: all that are not kinematic
+  std::string joint;  ///< joint to measure
+  double from = 0;    ///< start of the measured span [s]
   double until = std::numeric_limits<double>::infinity();  ///< its end [s]
   std::optional<double> expected;                          ///< closed form of the figure [SI]
   double crank = 0, rod = 0;                               ///< lengths of a slider-crank [m]
   double crank_angle = 0;                                  ///< from the slider's axis at the start [rad]
-  std::vector<double> steps;                               ///< ladder of a procedure [s]
-  std::vector<std::string> set;  ///< overrides of the run that a procedure compares with
+  std::vector<double> steps;     ///< steps of the runs of a procedure [s], decreasing
+  std::vector<std::string> set;  ///< overrides of a procedure's second run
 };
 
-/// A figure, and where and when it was found.
+/// A figure with its place and time.
 struct Figure {
   double value = 0;
   std::string where = {};
   std::optional<double> time = {};  ///< [s]
-  /// Of a procedure, for plots: a ladder of steps [s] and errors.
+  /// Of a procedure, for plots: steps [s] and errors.
   std::vector<std::pair<double, double>> curve = {};
   /// Of a sample: the run's figure is divided by the largest scale of the run.
   double scale = 1;
 };
 
-/// The value at the present step; nothing where there is nothing to measure.
+/// The value at the present step; nothing if there is nothing to measure.
 using Sampler = std::function<std::optional<Figure>(const simulation::Simulation& now)>;
 
-/// How samples become the figure of a run.
+/// The reduction of samples to the figure of a run.
 enum class Reduce {
   largest,
   last,
-  total,   ///< the last one, without a time: it sums up the run
-  at_end,  ///< sampled at the end alone, with a time of its own
+  total,   ///< the last one, without a time, because it summarises the run
+  at_end,  ///< sampled only at the end; the sample has its own time
 };
 
-/// Makes scenes of a case with its overrides and more.
+/// Makes a scene of a case with its overrides and more.
 using SceneMaker = std::function<scene::Scene(const std::vector<std::string>& more)>;
 
-/// Settings that a measure cannot do without.
+/// Settings that a measure requires.
 struct MeasureNeeds {
   bool body = false, joint = false, steps = false, set = false, crank = false;
 };
@@ -67,27 +67,27 @@ struct MeasureKind {
   Dimension dimension = Dimension::none;
   std::string_view unit;
   Reduce reduce = Reduce::largest;
-  /// Of a run; null for a procedure. The scene outlives the sampler.
+  /// Makes the sampler of a run; null for a procedure. The scene outlives the sampler.
   Sampler (*make)(const scene::Scene& scene, const MeasureSpec& spec) = nullptr;
   MeasureNeeds needs = {};
-  /// Makes runs of its own; null for a measure. @throws Error (physics) where one fails.
+  /// Makes its runs and compares them; null for a measure. @throws Error (physics) if a run fails.
   Figure (*procedure)(const SceneMaker& scene, const MeasureSpec& spec) = nullptr;
-  bool at_least = false;  ///< the limit is a lower one
+  bool at_least = false;  ///< true for a lower limit
 };
 
 /// A measure of one run.
 class Measure {
  public:
-  /// Of the kind that the settings name, which is no procedure. The scene must outlive the measure.
-  /// @throws Error (input) where the scene lacks what the settings name.
+  /// The scene must outlive the measure. @param spec its kind must not be a procedure.
+  /// @throws Error (input) if the scene lacks a body or joint of the settings.
   Measure(const scene::Scene& scene, const MeasureSpec& spec);
 
-  /// Samples the start, and the state after every step.
+  /// To be called at the start and after every step.
   void update(const simulation::Simulation& now);
-  /// Nothing where the run had nothing to measure.
+  /// Nothing if the run had nothing to measure.
   std::optional<Figure> figure() const;
-  /// Present value, for plots.
-  std::optional<double> course() const;
+  /// For plots over time.
+  std::optional<double> present_value() const;
 
  private:
   Reduce reduce_;
@@ -99,7 +99,7 @@ class Measure {
 };
 
 std::span<const MeasureKind> measure_kinds();
-/// Null where there is none of this name.
+/// Null if there is none of this name.
 const MeasureKind* measure_kind(std::string_view name);
 
 }  // namespace handsim::study

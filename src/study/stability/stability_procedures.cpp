@@ -1,4 +1,4 @@
-// Procedures of hard cases: runs that are compared with each other.
+// Procedures of hard cases: comparisons of several runs.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -21,9 +21,9 @@ using simulation::Simulation;
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-/// Energy errors below this are rounding and show no order.
+/// Energy errors below this are rounding errors, which have no order of convergence.
 constexpr double kConserved = 1e-7;
-/// Largest torque of a round trip [N m]: in a step of 1 us it moves no finger by more than 1e-12 rad.
+/// Largest torque of a round trip [N m]: in a step of 1 us it moves a finger by less than 1e-12 rad.
 constexpr double kSmallTorque = 1e-7;
 
 std::uint64_t hash_at_end(Simulation& simulation) {
@@ -36,7 +36,8 @@ std::uint64_t hash_of_run(const scene::Scene& scene) {
   return hash_at_end(simulation);
 }
 
-/// The same, from a snapshot of the middle of the run in another simulation; and, reset to its start, again.
+/// The hash of a run that another simulation continues from a snapshot of its middle, and that of a run after
+/// a reset to the start.
 std::pair<std::uint64_t, std::uint64_t> hashes_of_restored(const scene::Scene& scene) {
   Simulation first(scene), second(scene);
   const simulation::RunSnapshot start = first.snapshot();
@@ -46,12 +47,12 @@ std::pair<std::uint64_t, std::uint64_t> hashes_of_restored(const scene::Scene& s
   return {hash_at_end(second), hash_at_end(first)};
 }
 
-using Places = std::vector<std::vector<Vec3>>;
+using Positions = std::vector<std::vector<Vec3>>;
 
-/// Places of all bodies at ten or so times that every step of the ladder meets.
-Places places(const scene::Scene& scene, double every) {
+/// Positions of all bodies at multiples of `every` [s].
+Positions positions_of(const scene::Scene& scene, double every) {
   Simulation simulation(scene);
-  Places out;
+  Positions out;
   const long stride = std::max(1L, std::lround(every / scene.spec.solver.step));
   for (long i = 1; i <= simulation.step_count(); ++i) {
     simulation.step();
@@ -62,7 +63,7 @@ Places places(const scene::Scene& scene, double every) {
   return out;
 }
 
-double farthest(const Places& a, const Places& b) {
+double largest_distance(const Positions& a, const Positions& b) {
   double out = 0;
   for (std::size_t i = 0; i < std::min(a.size(), b.size()); ++i)
     for (std::size_t k = 0; k < a[i].size(); ++k) out = std::max(out, (a[i][k] - b[i][k]).norm());
@@ -88,7 +89,7 @@ bool same_bits(const model::State& a, const model::State& b) {
   return true;
 }
 
-/// True where the call ends in a typed error.
+/// True if the call throws an Error.
 template <class Call>
 bool refused(Call call) {
   try {
@@ -99,23 +100,23 @@ bool refused(Call call) {
   return false;
 }
 
-/// Slope of log position error over log step; the ladder's smallest step is the reference.
+/// Slope of log position error over log step.
 Figure convergence(const SceneMaker& scene, const MeasureSpec& spec) {
-  // The ladder falls; its last step is the reference.
-  Places reference;
+  // The run with the smallest step, the last one, is the reference.
+  Positions reference;
   std::vector<std::pair<double, double>> errors;
   for (auto step = spec.steps.rbegin(); step != spec.steps.rend(); ++step) {
-    const Places run = places(scene({"solver.step=" + number_text(*step)}), spec.steps.front() * 5);
+    const Positions run = positions_of(scene({"solver.step=" + number_text(*step)}), spec.steps.front() * 5);
     if (reference.empty())
       reference = run;
     else
-      errors.emplace_back(*step, std::max(farthest(run, reference), 1e-300));
+      errors.emplace_back(*step, std::max(largest_distance(run, reference), 1e-300));
   }
   const auto& [step, error] = errors.back();
   return {log_slope(errors), fmt::format("{:.2g} m at {:g} ms", error, 1e3 * step), {}, errors};
 }
 
-/// Order in the step of the largest energy error; infinite where energy is kept to kConserved.
+/// Order of convergence of the largest energy error; infinite if the error is below kConserved.
 Figure energy_order(const SceneMaker& scene, const MeasureSpec& spec) {
   MeasureSpec energy_error;
   energy_error.kind = "energy_error";
@@ -136,26 +137,27 @@ Figure energy_order(const SceneMaker& scene, const MeasureSpec& spec) {
   return {order, fmt::format("{:.2g} at {:g} ms", error, 1e3 * step), {}, errors};
 }
 
-/// First rates off a stop over those without stops.
+/// Rates of a joint in the first two steps from its stop over those in a run without stops.
 Figure release_ratio(const SceneMaker& scene, const MeasureSpec& spec) {
   const scene::Scene with = scene({});
   const scene::Scene without = scene::without_effect(with, model::Effect::joint_stops);
-  Simulation stopped(with), loose(without);
+  Simulation stopped(with), unstopped(without);
   const Coordinate coordinate = coordinate_of(with, spec.joint);
   const auto rate = [&](const Simulation& now) { return coordinate.rate(now.state()); };
   Figure out;
   for (int i = 0; i < 2; ++i) {
     stopped.step();
-    loose.step();
-    const double ratio = rate(stopped) / rate(loose);
-    // Held back for good is no release.
+    unstopped.step();
+    const double ratio = rate(stopped) / rate(unstopped);
+    // The stop must release the joint.
     if (i == 1 && !(ratio > 0)) return {kInfinity, spec.joint, stopped.state().time};
     if (ratio > out.value) out = {ratio, spec.joint, stopped.state().time};
   }
   return out;
 }
 
-/// Runs whose bits differ: again, in eight threads at once, beside others, after restore and reset.
+/// Number of runs with other bits: repeated, in eight threads, interleaved with another run, after restore
+/// and reset.
 Figure repeats(const SceneMaker& scene, const MeasureSpec&) {
   const scene::Scene of = scene({});
   const std::uint64_t reference = hash_of_run(of);
@@ -165,13 +167,13 @@ Figure repeats(const SceneMaker& scene, const MeasureSpec&) {
     ++out.value;
     out.where = when;
   };
-  for (int i = 0; i < 3; ++i) compare(hash_of_run(of), "again");
+  for (int i = 0; i < 3; ++i) compare(hash_of_run(of), "repeated");
   std::vector<std::uint64_t> hashes(8);
   std::vector<std::thread> threads;
   for (std::uint64_t& hash : hashes) threads.emplace_back([&] { hash = hash_of_run(of); });
   for (std::thread& thread : threads) thread.join();
   for (const std::uint64_t hash : hashes) compare(hash, "in eight threads");
-  // Another world of another seed in between.
+  // Interleaved with a run with another seed.
   auto other = of;
   if (other.spec.solver.engine() == engine::EngineKind::ode) other.spec.solver.ode().seed = 77;
   Simulation beside(other), simulation(of);
@@ -179,14 +181,14 @@ Figure repeats(const SceneMaker& scene, const MeasureSpec&) {
     beside.step();
     simulation.step();
   }
-  compare(simulation.state_hash(), "beside another world");
+  compare(simulation.state_hash(), "interleaved with another run");
   const auto [restored, reset] = hashes_of_restored(of);
   compare(restored, "after restore");
   compare(reset, "after reset");
   return out;
 }
 
-/// Distance of bodies from those of the run with other settings.
+/// Largest distance of bodies from those of a run with other settings.
 Figure twin(const SceneMaker& scene, const MeasureSpec& spec) {
   const scene::Scene a = scene({}), b = scene(spec.set);
   std::vector<std::pair<std::size_t, std::size_t>> pairs;
@@ -195,7 +197,7 @@ Figure twin(const SceneMaker& scene, const MeasureSpec& spec) {
       if (a.model.bodies[i].name == b.model.bodies[k].name && a.model.bodies[i].name.starts_with(spec.body))
         pairs.emplace_back(i, k);
   if (pairs.empty())
-    throw input_error("measures.body", spec.body, "what bodies' names begin with in both runs");
+    throw input_error("measures.body", spec.body, "the start of the name of a body of both runs");
   Simulation one(a), other(b);
   Figure out;
   for (long i = 0; i < one.step_count(); ++i) {
@@ -209,7 +211,7 @@ Figure twin(const SceneMaker& scene, const MeasureSpec& spec) {
   return out;
 }
 
-/// Torques found from the motion that they cause, relative error.
+/// Relative error of torques that inverse dynamics computes from the motion of a step.
 Figure round_trip(const SceneMaker& scene, const MeasureSpec&) {
   constexpr int kTrials = 200;
   const scene::Scene of = scene({});
@@ -242,7 +244,7 @@ Figure round_trip(const SceneMaker& scene, const MeasureSpec&) {
   return out;
 }
 
-/// Bad torques and states that are not refused, or that change another world.
+/// Number of invalid torques and states that an engine accepts, or that change another engine.
 Figure abuse(const SceneMaker& scene, const MeasureSpec&) {
   constexpr int kSteps = 100;
   const scene::Scene of = scene({});
@@ -261,11 +263,11 @@ Figure abuse(const SceneMaker& scene, const MeasureSpec&) {
   };
   const auto dofs = static_cast<std::size_t>(of.model.dof_count());
   for (const double bad : {kNan, kInfinity, -kInfinity, 1e300, 1e200}) {
-    const auto sick = fresh();
-    run(*sick, 10);
+    const auto faulty = fresh();
+    run(*faulty, 10);
     std::vector<double> tau(dofs, 0.0);
     tau.front() = bad;
-    expect(refused([&] { sick->step({tau}); }), fmt::format("a torque of {}", bad));
+    expect(refused([&] { faulty->step({tau}); }), fmt::format("a torque of {}", bad));
     const auto thrown = fresh();
     model::State state = thrown->state();
     state.bodies.back().v = state.bodies.back().w = Vec3::Constant(bad);
@@ -275,14 +277,14 @@ Figure abuse(const SceneMaker& scene, const MeasureSpec&) {
            }),
            fmt::format("a speed of {}", bad));
   }
-  const auto sick = fresh();
-  model::State state = sick->state();
+  const auto faulty = fresh();
+  model::State state = faulty->state();
   state.bodies.back().q = Quat(0, 0, 0, 0);
-  expect(refused([&] { sick->set_state(state); }), "a quaternion of zeros");
+  expect(refused([&] { faulty->set_state(state); }), "a quaternion of zeros");
   const std::vector<double> many(dofs + 1, 0.0);
-  expect(refused([&] { sick->step({many}); }), "too many torques");
+  expect(refused([&] { faulty->step({many}); }), "too many torques");
   run(*healthy, kSteps);
-  expect(same_bits(healthy->state(), alone->state()), "another world changed");
+  expect(same_bits(healthy->state(), alone->state()), "another engine changed");
   return out;
 }
 

@@ -22,7 +22,7 @@ namespace handsim::study {
 
 namespace {
 
-/// By StabilityVerdict, in its order.
+/// In the order of StabilityVerdict.
 constexpr std::array kVerdicts = {"held", "FELL SHORT", "short (known)", "held (known short)"};
 
 const char* name(StabilityVerdict verdict) { return kVerdicts[static_cast<std::size_t>(verdict)]; }
@@ -39,7 +39,7 @@ std::string limit(const StabilityRow& row) {
 
 std::string milliseconds(double step) { return fmt::format("{:g}", 1e3 * step); }
 
-/// Where, when, in which variant, or what went wrong, on one line.
+/// Variant, place and time of the figure, or the fault, on one line.
 std::string place(const StabilityRow& row) {
   std::vector<std::string> parts;
   if (!row.variant.empty()) parts.push_back(row.variant);
@@ -59,7 +59,7 @@ std::string shortened(std::string text, std::size_t width) {
   return text + "...";
 }
 
-/// The row with the largest severity of those that count; null: none does.
+/// The row with the largest severity among those for which `counts` is true; null if there is none.
 template <class Counts>
 const StabilityRow* worst_of(const std::vector<StabilityRow>& rows, Counts counts) {
   const StabilityRow* worst = nullptr;
@@ -136,10 +136,10 @@ std::string json(const StabilitySpec& spec, const StabilityResult& result) {
   return out.dump(2) + "\n";
 }
 
-/// How far figures are from their limits is drawn within these decades.
+/// Range of figure over limit in the plot.
 constexpr double kLeastSeverity = 1e-6, kMostSeverity = 1e4;
 
-/// One dot for each row of the table, cases from top to bottom.
+/// One mark for each row of the table, cases from top to bottom.
 void add_overview(const StabilityResult& result, Report& report) {
   struct Marks {
     const char* block;
@@ -148,7 +148,7 @@ void add_overview(const StabilityResult& result, Report& report) {
     std::string data = {};
   };
   Marks held{"$held", "pt 7 ps 0.9 lc rgb '#3a7d44'", "holds"},
-      known{"$known", "pt 9 ps 1.3 lc rgb '#e08e1b'", "falls short, as known of this engine or setting"},
+      known{"$known", "pt 9 ps 1.3 lc rgb '#e08e1b'", "falls short (known of this engine or setting)"},
       failed{"$failed", "pt 5 ps 1.3 lc rgb '#c1121f'", "falls short"};
   std::string ticks;
   const auto count = static_cast<int>(result.cases.size());
@@ -174,40 +174,40 @@ void add_overview(const StabilityResult& result, Report& report) {
   }
   report.plots.push_back(
       {"stability", fmt::format("noenhanced size 1200,{} font 'DejaVu Sans,11'", 140 + 24 * count),
-       fmt::format("  set title 'Hard cases: figure over limit, one mark for each engine, method and step'\n"
-                   "  set logscale x\n  set xrange [{0}:{1}]\n  set yrange [0.3:{2}]\n  set ytics ({3})\n"
-                   "  set format x '10^{{%L}}'\n  set termoption enhanced\n  unset ylabel\n"
-                   "  set xlabel 'figure / limit (left of 1: holds; what is beyond the frame stands on its "
-                   "edge)'\n"
-                   "  set grid x y\n  set key top right outside horizontal\n"
-                   "  set arrow 1 from 1,0.3 to 1,{2} nohead lw 2 lc rgb '#404040' front\n"
-                   "  plot {4}\n  unset arrow 1\n",
-                   kLeastSeverity * 0.5, kMostSeverity * 2, count + 0.7, ticks, fmt::join(curves, ", "))});
+       fmt::format(
+           "  set title 'Hard cases: figure over limit, one mark for each engine, method and step'\n"
+           "  set logscale x\n  set xrange [{0}:{1}]\n  set yrange [0.3:{2}]\n  set ytics ({3})\n"
+           "  set format x '10^{{%L}}'\n  set termoption enhanced\n  unset ylabel\n"
+           "  set xlabel 'figure / limit (left of 1: holds; values beyond the range are on its edge)'\n"
+           "  set grid x y\n  set key top right outside horizontal\n"
+           "  set arrow 1 from 1,0.3 to 1,{2} nohead lw 2 lc rgb '#404040' front\n"
+           "  plot {4}\n  unset arrow 1\n",
+           kLeastSeverity * 0.5, kMostSeverity * 2, count + 0.7, ticks, fmt::join(curves, ", "))});
 }
 
-/// The course of a measure for every way and step, or, of a procedure, error against step.
-void add_course(const CaseResult& of, Report& report) {
+/// Plots a measure over time for every way and step, or the error of a procedure over the step.
+void add_curves(const CaseResult& of, Report& report) {
   const MeasureSpec* spec = nullptr;
   for (const MeasureSpec& measure : of.of->measures)
     if (of.of->plot == measure.name) spec = &measure;
-  if (!spec || of.courses.empty()) return;
+  if (!spec || of.curves.empty()) return;
   const MeasureKind& kind = *measure_kind(spec->kind);
   const bool ladder = kind.procedure != nullptr;
   std::string data;
   std::vector<std::string> curves;
   bool positive = false;
-  for (std::size_t i = 0; i < of.courses.size(); ++i) {
-    const Course& course = of.courses[i];
-    if (course.time.empty()) continue;
+  for (std::size_t i = 0; i < of.curves.size(); ++i) {
+    const Curve& curve = of.curves[i];
+    if (curve.time.empty()) continue;
     data += fmt::format("${}_{} << EOD\n", of.of->name, i);
-    for (std::size_t k = 0; k < course.time.size(); ++k) {
-      const double value = std::abs(course.value[k]);
+    for (std::size_t k = 0; k < curve.time.size(); ++k) {
+      const double value = std::abs(curve.value[k]);
       positive = positive || value > 0;
-      data += fmt::format("{:.6g} {:.6g}\n", course.time[k], std::max(value, 1e-18));
+      data += fmt::format("{:.6g} {:.6g}\n", curve.time[k], std::max(value, 1e-18));
     }
     data += "EOD\n";
     curves.push_back(fmt::format("${}_{} using 1:2 with {} lw 1.5 title '{}'", of.of->name, i,
-                                 ladder ? "linespoints" : "lines", output::plot_text(course.label)));
+                                 ladder ? "linespoints" : "lines", output::plot_text(curve.label)));
   }
   if (curves.empty() || !positive) return;
   if (!ladder && spec->limit > 0)
@@ -246,7 +246,7 @@ std::vector<StabilityRow> worst_rows(const CaseResult& result) {
 
 std::string stability_table(const StabilityResult& result) {
   std::string out = fmt::format("  {:<16} {:<44} {:>6} {:>16} {:>12}  {:<18} {}\n", "measure", "way", "ms",
-                                "measured", "limit", "verdict", "worst in, where, when");
+                                "measured", "limit", "verdict", "worst variant, place, time");
   std::size_t rows = 0, counts[4] = {};
   for (const CaseResult& of : result.cases) {
     out += rows_table(of);
@@ -254,17 +254,16 @@ std::string stability_table(const StabilityResult& result) {
     for (const StabilityRow& row : of.rows) ++counts[static_cast<std::size_t>(row.verdict)];
   }
   out += fmt::format(
-      "\n{} cases, {} figures in {:.0f} s: {} held, {} fell short, {} short as known; {} held though known "
-      "to fall "
-      "short\n",
+      "\n{} cases, {} figures in {:.0f} s: {} held, {} fell short, {} fell short (known), {} held (known "
+      "short)\n",
       result.cases.size(), rows, result.wall, counts[0], counts[1], counts[2], counts[3]);
   return out;
 }
 
 namespace {
 
-/// `ODE world_step at 10, 5 ms, articulated at 1 ms`: who fell short with a figure, or diverged.
-std::string who(const std::vector<StabilityRow>& rows, bool diverged) {
+/// `ODE world_step at 10, 5 ms, articulated at 1 ms`: ways with a known shortfall that diverged, or did not.
+std::string ways_of(const std::vector<StabilityRow>& rows, bool diverged) {
   std::vector<std::string> out;
   std::string way;
   for (const StabilityRow& row : rows) {
@@ -278,31 +277,30 @@ std::string who(const std::vector<StabilityRow>& rows, bool diverged) {
   return out.empty() ? "" : fmt::format("{} ms", fmt::join(out, " ms, "));
 }
 
-/// `to 0.0225 m: ODE world_step at 1 ms`; empty where nothing falls short as known.
+/// `to 0.0225 m: ODE world_step at 1 ms`; empty if there is no known shortfall.
 std::string known_short(const std::vector<StabilityRow>& rows) {
   const StabilityRow* worst = worst_of(rows, [](const StabilityRow& row) {
     return row.verdict == StabilityVerdict::known_short && row.fault.empty();
   });
   std::string out;
-  if (worst) out = fmt::format("to {}: {}", figure(worst->value, worst->unit), who(rows, false));
-  if (const std::string lost = who(rows, true); !lost.empty())
-    out += (out.empty() ? "diverges: " : "; diverges: ") + lost;
+  if (worst) out = fmt::format("to {}: {}", figure(worst->value, worst->unit), ways_of(rows, false));
+  if (const std::string diverged = ways_of(rows, true); !diverged.empty())
+    out += (out.empty() ? "diverges: " : "; diverges: ") + diverged;
   return out;
 }
 
 }  // namespace
 
 std::string stability_markdown(const StabilityResult& result) {
-  std::string out =
-      "| case | worst of what is to hold | known to fall short, and who does |\n| --- | --- | --- |\n";
-  const auto to_hold = [](const StabilityRow& row) { return row.verdict != StabilityVerdict::known_short; };
+  std::string out = "| case | worst figures | known shortfalls |\n| --- | --- | --- |\n";
+  const auto must_hold = [](const StabilityRow& row) { return row.verdict != StabilityVerdict::known_short; };
   for (const CaseResult& of : result.cases) {
     std::map<std::string, std::vector<StabilityRow>> by_measure;
     for (StabilityRow& row : worst_rows(of)) by_measure[row.measure].push_back(std::move(row));
     std::vector<std::string> held, known;
     for (const MeasureSpec& measure : of.of->measures) {
       const std::vector<StabilityRow>& rows = by_measure[measure.name];
-      if (const StabilityRow* worst = worst_of(rows, to_hold))
+      if (const StabilityRow* worst = worst_of(rows, must_hold))
         held.push_back(fmt::format("{} {} ({}){}", measure.name, figure(worst->value, worst->unit),
                                    limit(*worst), worst->within() ? "" : " **falls short**"));
       if (const std::string text = known_short(rows); !text.empty())
@@ -310,7 +308,7 @@ std::string stability_markdown(const StabilityResult& result) {
     }
     if (const std::vector<StabilityRow>& refused = by_measure["refused"]; !refused.empty())
       held.push_back(fmt::format(
-          "{} of {} refused with a message",
+          "{} of {} rejected with a message",
           std::count_if(refused.begin(), refused.end(), std::mem_fn(&StabilityRow::within)), refused.size()));
     out += fmt::format("| {} | {} | {} |\n", of.of->name, fmt::join(held, "; "), fmt::join(known, "; "));
   }
@@ -333,7 +331,7 @@ bool write_stability(const StabilitySpec& spec, const StabilityResult& result,
   output::make_folder(out);
   output::write_file(out / "stability.md", stability_markdown(result));
   Report report{csv(result), json(spec, result), {}, {}};
-  for (const CaseResult& of : result.cases) add_course(of, report);
+  for (const CaseResult& of : result.cases) add_curves(of, report);
   add_overview(result, report);
   return write_report(out, "stability", report);
 }

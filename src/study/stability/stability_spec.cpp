@@ -13,7 +13,7 @@ namespace handsim::study {
 namespace {
 
 constexpr int kMostDraws = 100000;
-/// Runs of one way of a case.
+/// Combinations of alternatives of one case.
 constexpr std::size_t kMostVariants = 1000;
 const Quantity kMoment = {Dimension::time, 0, 1e6};
 
@@ -61,16 +61,16 @@ std::vector<Alternative> read_dimension(MapReader reader) {
   return out;
 }
 
-/// Keys that a measure needs.
+/// Reports missing keys that a measure requires.
 void check_needs(MapReader& reader, const MeasureKind& kind) {
   const auto check = [&](const char* key, bool needed, const char* what) {
     if (needed && !reader.has(key))
-      reader.problem(key, "nothing", fmt::format("{}, which {} measures", what, kind.name));
+      reader.problem(key, "nothing", fmt::format("{}, which {} requires", what, kind.name));
   };
   check("joint", kind.needs.joint, "a joint");
   check("body", kind.needs.body, "a body");
   check("ladder", kind.needs.steps, "a list of steps");
-  check("with", kind.needs.set, "overrides of the other run");
+  check("with", kind.needs.set, "overrides of the second run");
   check("crank", kind.needs.crank, "a length");
   check("rod", kind.needs.crank, "a length");
 }
@@ -107,7 +107,7 @@ Way read_way(MapReader reader, const std::vector<double>& steps) {
   way.set = read_set(reader, "set");
   way.steps = read_steps(reader, "steps", false);
   if (way.steps.empty()) way.steps = steps;
-  if (way.steps.empty()) reader.problem("steps", "no step", "steps here or of the case");
+  if (way.steps.empty()) reader.problem("steps", "no step", "steps of the way or of the case");
   way.quick = reader.flag("quick", true);
   if (reader.has("refused")) way.refused = reader.text("refused");
   reader.finish();
@@ -166,7 +166,7 @@ DrawnKey read_drawn(const YamlEntry& entry, const std::string& path, Diagnostics
     if (!low || !high || *low <= *high) return out;
   }
   diagnostics.problems.push_back({value.place(), path, value.described(),
-                                  "two numbers, the lower first, {one_of: [...]}, person or rotation"});
+                                  "two numbers, the lower one first, {one_of: [...]}, person or rotation"});
   return out;
 }
 
@@ -180,7 +180,7 @@ Draws read_draws(MapReader reader) {
       out.keys.push_back(
           read_drawn(entry, fmt::format("{}.{}", reader.path_of("set"), entry.key), reader.diagnostics()));
   if (out.keys.empty())
-    reader.problem("set", "no key", "a mapping of dotted keys to what they are drawn from");
+    reader.problem("set", "no key", "a mapping of dotted keys to the sources of their values");
   reader.finish();
   return out;
 }
@@ -199,12 +199,12 @@ void read_quick(MapReader& reader, StabilityCase& out) {
   quick.finish();
 }
 
-/// A case needs a measure, and for each measure a way that is to hold it.
+/// A case needs a measure, and for each measure a way without a known shortfall.
 void check_case(MapReader& reader, const StabilityCase& of) {
   std::set<std::string> names;
   for (const MeasureSpec& measure : of.measures) {
     if (!names.insert(measure.name).second)
-      reader.problem("measures", measure.name + " a second time", "a name of its own for each measure");
+      reader.problem("measures", measure.name + " a second time", "a unique name for each measure");
     const bool held = std::any_of(of.ways.begin(), of.ways.end(), [&](const Way& way) {
       return !way.refused && std::any_of(way.steps.begin(), way.steps.end(), [&](double step) {
         return std::none_of(of.known.begin(), of.known.end(), [&](const KnownShort& known) {
@@ -213,12 +213,13 @@ void check_case(MapReader& reader, const StabilityCase& of) {
       });
     });
     if (!held)
-      reader.problem("ways", "none that is to hold " + measure.name, "one way at least that holds it");
+      reader.problem("ways", "no way without a known shortfall of " + measure.name,
+                     "a way and step whose run must hold " + measure.name);
   }
   const bool refusals =
       std::any_of(of.ways.begin(), of.ways.end(), [](const Way& way) { return way.refused.has_value(); });
   if (of.measures.empty() && !refusals)
-    reader.problem("measures", "no measure", "a measure, or ways that are to be refused");
+    reader.problem("measures", "no measure", "a measure, or ways with `refused`");
   std::size_t variants = of.scenes.size();
   for (const std::vector<Alternative>& dimension : of.varied) variants *= dimension.size();
   if (variants > kMostVariants)
@@ -265,7 +266,7 @@ StabilitySpec load_stability(const std::filesystem::path& path) {
   MapReader reader(root, "", diagnostics);
   StabilitySpec spec;
   spec.title = reader.text("title", "hard cases");
-  // What cases share by aliases.
+  // The place of YAML anchors that several cases use.
   reader.child("shared");
   std::set<std::string> names;
   read_items(reader, "cases", true, [&](YamlNode& node, const std::string& item) {
@@ -273,7 +274,7 @@ StabilitySpec load_stability(const std::filesystem::path& path) {
     const std::string& name = spec.cases.back().name;
     if (!name.empty() && !names.insert(name).second)
       diagnostics.problems.push_back(
-          {node.place(), item + ".name", name + " a second time", "a name of its own for each case"});
+          {node.place(), item + ".name", name + " a second time", "a unique name for each case"});
   });
   reader.finish();
   diagnostics.throw_if_any();

@@ -1,4 +1,4 @@
-// What the differential-algebraic engine refuses, and how it fails.
+// Input that the differential-algebraic engine rejects, and its failures.
 #include <gtest/gtest.h>
 
 #include <limits>
@@ -13,7 +13,7 @@ using model::Effect;
 using test::refusal;
 using test::settings;
 
-// Oracle: the contract: smooth motion only, said clearly.
+// Oracle: the contract: smooth motion only, with a clear message.
 TEST(DaeEngine, RefusesContactsAndStops) {
   model::Model model = test::hinged_body();
   for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact}) {
@@ -46,7 +46,8 @@ TEST(DaeEngine, RefusesAMechanismThatCannotClose) {
     EXPECT_NE(refusal(model, settings({}, 1e-3, method)).find("joint gap"), std::string::npos);
 }
 
-// Oracle: the contract: time, joint, quantity; the same error ever after; the last good state stays.
+// Oracle: the contract: time, joint and quantity; the same error in later steps; state() stays the last valid
+// one.
 TEST(DaeEngine, NamesTheJointOfATorqueThatIsNotFinite) {
   const model::Model model = test::hinged_body(0.1);
   for (const Method method :
@@ -67,8 +68,8 @@ TEST(DaeEngine, NamesTheJointOfATorqueThatIsNotFinite) {
   }
 }
 
-// Oracle: the contract, for a body that is spun up without bounds.
-TEST(DaeEngine, NamesTheBodyThatRunsAway) {
+// Oracle: the contract, for a body that a constant torque accelerates beyond the limit.
+TEST(DaeEngine, NamesTheBodyThatIsTooFast) {
   const model::Model model = test::hinged_body();
   for (const Method method : {DaeMethod::stabilised_gear, DaeMethod::lagrange_penalty,
                               DaeMethod::euler_linearised, DaeMethod::euler_projected}) {
@@ -86,7 +87,7 @@ TEST(DaeEngine, NamesTheBodyThatRunsAway) {
 }
 
 // Oracle: the contract.
-TEST(DaeEngine, RefusesTheStateOfAnotherModelAndGoesOn) {
+TEST(DaeEngine, RefusesTheStateOfAnotherModelAndContinues) {
   const model::Model model = test::hinged_body(0.1);
   const auto engine = make_engine(model, settings({Effect::gravity}, 1e-3, DaeMethod::stabilised_gear));
   EXPECT_THROW(engine->set_state(model::State{}), Error);

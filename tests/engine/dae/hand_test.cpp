@@ -1,4 +1,4 @@
-// A falling hand, without stops: two engines that share nothing but the Model come to the same motion.
+// A falling hand without stops: two independent engines converge to the same motion.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -35,7 +35,7 @@ TEST(FallingHand, IsTheSameInOdeToFirstOrderInTheStep) {
   EXPECT_NEAR(found, 1, 0.1);
 }
 
-// Oracle: the same for a hand thrown freely through the air, one island of 16 bodies.
+// Oracle: the same for a free hand, one island of 16 bodies.
 TEST(ThrownHand, IsTheSameInOdeToFirstOrderInTheStep) {
   const model::Model model = anatomical_hand(hand::Mount::free);
   const std::vector<double> reference = fallen(model, DaeMethod::stabilised_gear, 1e-2);

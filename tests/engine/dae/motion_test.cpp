@@ -1,4 +1,5 @@
-// The differential-algebraic engine against closed forms: pendulum, free rotation, torques, tissue, drives.
+// The differential-algebraic engine compared with closed forms: pendulum, free rotation, torques, tissue,
+// drives.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -38,7 +39,7 @@ model::Model spinning_body(const Vec3& inertia, const Vec3& w) {
   return model;
 }
 
-// Oracle: conservation, at 1e-8 = ten times the tolerance, through the tumbles of the middle axis.
+// Oracle: conservation to 1e-8, ten times the tolerance, during unstable rotation about the middle axis.
 TEST(StabilisedGear, KeepsEnergyAndMomentumOfATumblingBody) {
   const model::Model model = spinning_body({1e-4, 2e-4, 2.8e-4}, {0.01, 20, 0.02});
   const auto engine = make_engine(model, settings({}, 5e-3, DaeMethod::stabilised_gear));
@@ -57,12 +58,12 @@ TEST(StabilisedGear, KeepsEnergyAndMomentumOfATumblingBody) {
     const model::BodyState& b = engine->state().bodies[1];
     least = std::min(least, (b.q.conjugate() * b.w).y());
   }
-  // It did tumble: the spin about the middle axis, seen from the body, turned round.
+  // It tumbled: the angular velocity about the middle axis changed its sign in body axes.
   EXPECT_LT(least, -19);
 }
 
-// Oracle: a symmetric top's axis goes round its momentum at |L| / I1, and it turns about its axis besides.
-TEST(StabilisedGear, TurnsASymmetricTopAsEulerSays) {
+// Oracle: the axis of a symmetric top precesses about its angular momentum at |L| / I1.
+TEST(StabilisedGear, RotatesASymmetricTopByEulersEquations) {
   const double across = 1e-4, along = 3e-5;
   const Vec3 w(3, 0, 40);
   const model::Model model = spinning_body({across, across, along}, w);
@@ -76,7 +77,7 @@ TEST(StabilisedGear, TurnsASymmetricTopAsEulerSays) {
 }
 
 // Oracle: Newton, x = F t^2 / 2 m, and Euler about a principal axis.
-TEST(DaeEngine, PushesSlidersAndTurnsBallsByTheTorquesGiven) {
+TEST(DaeEngine, AppliesTorquesToSlidersAndBallJoints) {
   model::Model model = model::make_model();
   test::add_body(model, test::body("slide", 0.2, {1e-3, 1e-3, 1e-3}));
   test::add_body(model, test::body("ball", 0.2, {1e-3, 2e-3, 3e-3}));
@@ -89,7 +90,7 @@ TEST(DaeEngine, PushesSlidersAndTurnsBallsByTheTorquesGiven) {
     const auto engine = make_engine(model, settings({}, 1e-3, method));
     for (int i = 0; i < 100; ++i) engine->step({torques});
     const std::vector<double> q = engine->state().q;
-    // BDF2 begins with one step of implicit Euler, which is off by a h^2 / 2.
+    // BDF2 starts with one step of implicit Euler, whose error is a h^2 / 2.
     const double margin = method == DaeMethod::stabilised_gear ? 1e-9 : 2e-5;
     EXPECT_NEAR(q[0], 0.7 * 0.01 / 2 / 0.2, margin);
     EXPECT_NEAR(q[2], 0.02 * 0.01 / 2 / 2e-3, margin);
@@ -98,7 +99,7 @@ TEST(DaeEngine, PushesSlidersAndTurnsBallsByTheTorquesGiven) {
 }
 
 // Oracle: closed form of a damped oscillator, on a hinge.
-TEST(StabilisedGear, SwingsTissueAsADampedOscillator) {
+TEST(StabilisedGear, MovesTissueAsADampedOscillator) {
   model::Model model = test::hinged_body(0, {1e-3, 1e-3, 1e-3});
   model.joints[0].axes[0].tissue = model::Tissue{0.05, 1e-3, 0.03};
   model.joints[0].axes[0].initial = 0.4;
@@ -112,7 +113,7 @@ TEST(StabilisedGear, SwingsTissueAsADampedOscillator) {
 }
 
 // Oracle: the effect's definition.
-TEST(DaeEngine, HasNoTissueAndNoGravityUnlessAsked) {
+TEST(DaeEngine, HasTissueAndGravityOnlyAsEffects) {
   model::Model model = test::hinged_body(0.1);
   model.joints[0].axes[0].tissue = model::Tissue{0.05, 1e-3, 0.03};
   model.joints[0].axes[0].initial = 0.4;
@@ -123,8 +124,8 @@ TEST(DaeEngine, HasNoTissueAndNoGravityUnlessAsked) {
   }
 }
 
-// Oracle: four formulations and another engine that must agree; keyframes fall between steps. A linear motion
-// sets off with a jerk, which each catches at the end of its own step.
+// Oracle: four methods and another engine that must agree; keyframes are between steps. A linear motion
+// starts with a velocity jump, which each method applies at the end of its own step.
 TEST(DaeEngine, FollowsDrivenBodiesInEveryFormulation) {
   for (const auto interpolation : {model::Interpolation::minimum_jerk, model::Interpolation::linear}) {
     const Vec3 want = carried(interpolation, DaeMethod::stabilised_gear, 1e-2);
@@ -136,8 +137,8 @@ TEST(DaeEngine, FollowsDrivenBodiesInEveryFormulation) {
   }
 }
 
-// Oracle: the same motion without stopping, within the formulation's error; torques change on the way.
-TEST(DaeEngine, GoesOnFromASavedState) {
+// Oracle: the uninterrupted motion, within the error of the method; torques change during the run.
+TEST(DaeEngine, ContinuesFromASavedState) {
   const model::Model model = test::five_fingers(false, true);
   const std::vector<double> torques(static_cast<std::size_t>(model.dof_count()), 1e-3);
   for (const Method method : kAll) {

@@ -1,4 +1,5 @@
-// The slider-crank as a Model, in the four formulations, against its exact one-degree-of-freedom reduction.
+// The slider-crank as a Model, with the four methods, compared with its exact reduction to one degree of
+// freedom.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -16,8 +17,8 @@ using test::run;
 using test::settings;
 using test::SliderCrankErrors;
 
-// Oracle: the reduction; the bounds are those that a reference has to meet.
-TEST(SliderCrank, IsFollowedByStabilisedGearToAHundredNanometresPerSecondOverFiveSeconds) {
+// Oracle: the reduction; the bounds are the requirements for a reference.
+TEST(SliderCrank, OfStabilisedGearIsExactToAHundredNanometresPerSecondOverFiveSeconds) {
   const SliderCrankErrors errors = run(SliderCrankSpec::iftomm(), DaeMethod::stabilised_gear, 1e-3, 5);
   RecordProperty("rms_velocity_error", std::to_string(errors.velocity * 1e9) + " nm/s");
   EXPECT_LT(errors.velocity, 1e-7);
@@ -27,15 +28,15 @@ TEST(SliderCrank, IsFollowedByStabilisedGearToAHundredNanometresPerSecondOverFiv
 }
 
 // Oracle: the reduction, driven to 45 rad/s by a torque.
-TEST(SliderCrank, IsFollowedByStabilisedGearUnderTorque) {
+TEST(SliderCrank, OfStabilisedGearIsExactUnderTorque) {
   const SliderCrankErrors errors =
       run(SliderCrankSpec::constant_torque(), DaeMethod::stabilised_gear, 1e-3, 2);
   EXPECT_LT(errors.velocity, 1e-6);
   EXPECT_LT(errors.gap, 1e-10);
 }
 
-// Oracle: an error control that works: a tighter tolerance gives a smaller error.
-TEST(SliderCrank, GetsCloserWithATighterTolerance) {
+// Oracle: error control: a smaller tolerance gives a smaller error.
+TEST(SliderCrank, IsMoreExactWithASmallerTolerance) {
   const auto error = [](double tolerance) {
     return run(SliderCrankSpec::iftomm(), DaeMethod::stabilised_gear, 1e-3, 1, tolerance).velocity;
   };
@@ -44,7 +45,7 @@ TEST(SliderCrank, GetsCloserWithATighterTolerance) {
   EXPECT_LT(fine, 0.1 * middle);
 }
 
-// Oracle: the exact solution does not care how often it is looked at.
+// Oracle: the exact solution does not depend on the step of the output.
 TEST(SliderCrank, DoesNotDependOnTheStepOfOutputInStabilisedGear) {
   EXPECT_LT(run(SliderCrankSpec::iftomm(), DaeMethod::stabilised_gear, 0.02, 1).velocity, 1e-7);
 }
@@ -69,7 +70,7 @@ TEST(SliderCrank, HasNoGapInEulerProjectedAndLagrangePenalty) {
   EXPECT_LT(run(SliderCrankSpec::iftomm(), DaeMethod::lagrange_penalty, 1e-3, 2).gap, 1e-11);
 }
 
-/// Largest gap over a second, the motion checked to pass both dead centres.
+/// Largest gap over a second; checks that the motion passes both dead centres.
 double gap_through_dead_centres(const model::Model& model, Method method, double step) {
   const auto engine = make_engine(model, settings({Effect::gravity}, step, method));
   double gap = 0, low = 1, high = -1;
@@ -85,22 +86,22 @@ double gap_through_dead_centres(const model::Model& model, Method method, double
   return gap;
 }
 
-// Oracle: the contract: 0.01 mm at 1 ms. Crank and rod come into one line twice a turn, and three hinges with
-// a slider hold the plane three times over.
-TEST(RedundantSliderCrank, PassesDeadCentreWithJointsWhole) {
+// Oracle: the contract: 0.01 mm at 1 ms. Crank and rod are collinear twice a revolution, and three hinges
+// with a slider have three redundant constraints.
+TEST(RedundantSliderCrank, PassesDeadCentreWithClosedJoints) {
   const model::Model model = handsim::test::planar_slider_crank();
   EXPECT_LT(gap_through_dead_centres(model, DaeMethod::stabilised_gear, 1e-3), 1e-10);
   EXPECT_LT(gap_through_dead_centres(model, DaeMethod::lagrange_penalty, 1e-3), 1e-11);
   EXPECT_LT(gap_through_dead_centres(model, DaeMethod::euler_projected, 1e-3), 1e-12);
 }
 
-// Oracle: rounding; least squares leave the linearised method the gap of its order, as without redundancy.
-TEST(RedundantSliderCrank, StaysTogetherInEulerLinearised) {
+// Oracle: the gap is that of the mechanism without redundancy, because the solution is a least-squares one.
+TEST(RedundantSliderCrank, StaysClosedInEulerLinearised) {
   EXPECT_LT(gap_through_dead_centres(handsim::test::planar_slider_crank(), DaeMethod::euler_linearised, 1e-3),
             1e-4);
 }
 
-// Oracle: conservation of energy, though three rows are one too many each, however the plane lies.
+// Oracle: conservation of energy, with three redundant rows and any orientation of the plane.
 TEST(RedundantSliderCrank, KeepsItsEnergyInStabilisedGear) {
   for (const Quat& tilt : {Quat::Identity(), rotation_quaternion({0.7, -0.4, 1.1})}) {
     const model::Model model = handsim::test::planar_slider_crank(tilt);
@@ -116,8 +117,8 @@ TEST(RedundantSliderCrank, KeepsItsEnergyInStabilisedGear) {
   }
 }
 
-// Oracle: at ten times the speed all stays whole and finite.
-TEST(SliderCrank, StaysWholeAtTenTimesTheSpeed) {
+// Oracle: at ten times the speed, joints stay closed and numbers finite.
+TEST(SliderCrank, StaysClosedAtTenTimesTheSpeed) {
   SliderCrankSpec spec = SliderCrankSpec::iftomm();
   spec.speed = 60;
   EXPECT_LT(run(spec, DaeMethod::stabilised_gear, 1e-3, 0.5).gap, 1e-10);
@@ -125,8 +126,8 @@ TEST(SliderCrank, StaysWholeAtTenTimesTheSpeed) {
   EXPECT_LT(run(spec, DaeMethod::euler_projected, 1e-3, 0.5).gap, 1e-12);
 }
 
-// Oracle: the contract: a start whose rod is off by 1 mm is closed, and the note names the gap.
-TEST(SliderCrank, IsClosedAtTheStartAndSaysSo) {
+// Oracle: the contract: a start with a gap of 1 mm is closed, and a note reports the gap.
+TEST(SliderCrank, IsClosedAtTheStartWithANote) {
   model::Model model = handsim::test::slider_crank(SliderCrankSpec::iftomm());
   model.joints[3].parent_frame.p.x() += 1e-3;
   const auto engine = make_engine(model, settings({Effect::gravity}, 1e-3, DaeMethod::stabilised_gear));

@@ -1,4 +1,4 @@
-// Joints as constraint rows, and what is computed from them: projections and accelerations.
+// Constraint rows of joints, projections and accelerations.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -16,7 +16,7 @@ using model::JointKind;
 const std::vector<JointKind> kKinds = {JointKind::hinge, JointKind::universal, JointKind::ball,
                                        JointKind::slider};
 
-/// Two free bodies and a joint of one kind between them, at random places.
+/// Two free bodies and a joint of one kind between them, at random poses.
 model::Model two_bodies(std::mt19937& random, JointKind kind) {
   model::Model model = model::make_model();
   test::add_body(model, test::body("a", 0.2, {1e-4, 2e-4, 2.5e-4}, test::random_pose(random)));
@@ -29,7 +29,7 @@ model::Model two_bodies(std::mt19937& random, JointKind kind) {
   return model;
 }
 
-/// The state after every body has moved on for a time at its velocity.
+/// The state after every body moved with its velocity for a time.
 model::State moved(model::State state, double time) {
   for (model::BodyState& body : state.bodies) {
     body.p += time * body.v;
@@ -61,7 +61,7 @@ double largest_error(const System& system, const model::State& state) {
   return worst;
 }
 
-// Oracle: a central difference of each row's value along the motion; good to 1e-7 of the speeds of some m/s.
+// Oracle: a central difference of each row's value along the motion; its error is 1e-7 of speeds of some m/s.
 TEST(JointRows, HaveTheRateOfTheirValue) {
   std::mt19937 random(1);
   for (const JointKind kind : kKinds)
@@ -78,9 +78,9 @@ TEST(JointRows, HaveTheRateOfTheirValue) {
     }
 }
 
-// Oracle: definitions: no error is left, and the way there is orthogonal, in the metric of the masses, to
-// every motion that the joint allows.
-TEST(Projection, GoesToTheNearestStateAtWhichTheJointIsWhole) {
+// Oracle: the definition: no error remains, and the displacement is orthogonal, in the metric of the masses,
+// to every motion that the joint allows.
+TEST(Projection, FindsTheNearestStateWithAClosedJoint) {
   std::mt19937 random(2);
   for (const JointKind kind : kKinds) {
     const model::Model model = two_bodies(random, kind);
@@ -97,14 +97,14 @@ TEST(Projection, GoesToTheNearestStateAtWhichTheJointIsWhole) {
     const Matrix jacobian = system.jacobian(rows, state);
     const Vector change = system.velocities(state) - system.velocities(before);
     const Matrix allowed = Eigen::FullPivLU<Matrix>(jacobian).kernel();
-    // The body axes, in which w is, turn by 1e-3 rad in the projection.
+    // The projection rotates the body axes of w by 1e-3 rad.
     EXPECT_LT((allowed.transpose() * system.times_mass(change)).cwiseAbs().maxCoeff(), 1e-5);
   }
 }
 
-// Oracle: closed form: a pendulum held out level falls with alpha = m g l / (I + m l^2), and its pin carries
-// what of its weight does not accelerate it.
-TEST(Accelerations, OfALevelPendulumAreTheClosedForm) {
+// Oracle: closed form: a horizontal pendulum at rest has alpha = m g l / (I + m l^2), and its pin carries the
+// rest of its weight.
+TEST(Accelerations, OfAHorizontalPendulumAreTheClosedForm) {
   model::Model model = test::hinged_body(0.1);
   model.bodies[1].zero_pose.q = rotation_quaternion({0, M_PI / 2, 0});
   model.bodies[1].zero_pose.p = model.bodies[1].zero_pose.q * Vec3(0, 0, -0.1);
@@ -133,8 +133,8 @@ TEST(Accelerations, OfALevelPendulumAreTheClosedForm) {
   EXPECT_LT(left.cwiseAbs().maxCoeff(), 1e-12);
 }
 
-// Oracle: the loop itself: a body hinged to the world twice on one line has five constraints, not ten.
-TEST(IndependentRows, LeaveOutWhatFollowsFromTheOthers) {
+// Oracle: a body with two hinges to the world on one axis has five independent constraints, not ten.
+TEST(IndependentRows, AreWithoutRedundantOnes) {
   model::Model model = test::hinged_body(0.1);
   model::Joint again = model.joints[0];
   again.name = "again";

@@ -92,7 +92,8 @@ TEST(Universal, HasTheModelsCoordinatesForAxesAlongTheFrame) {
     }
 }
 
-// Oracle: two independent ways that must agree; the fast reading against model::find_coordinates, all round.
+// Oracle: two independent ways that must agree; the fast reading against model::update_coordinates, all
+// round.
 TEST(JointSensors, ReadTheModelsCoordinatesAndRates) {
   std::mt19937 random(9);
   std::uniform_real_distribution<double> turn(-3.1, 3.1);
@@ -102,7 +103,7 @@ TEST(JointSensors, ReadTheModelsCoordinatesAndRates) {
       for (model::JointAxis& axis : model.joints[0].axes) axis.initial = turn(random);
       model::State state = model::initial_state(model);
       state.bodies.back().w = Vec3(turn(random), turn(random), turn(random));
-      model::find_coordinates(model, state);
+      model::update_coordinates(model, state);
       model::State read = state;
       model::JointSensors(model).read(read);
       for (std::size_t i = 0; i < state.q.size(); ++i) {

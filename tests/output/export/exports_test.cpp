@@ -1,5 +1,5 @@
-// What the exported files say, read by another XML reader: bodies put together from the file stand where the
-// model's kinematics puts them, and masses, ranges and pairs that may touch are the model's.
+// Exported files, read by another XML reader. Oracle: body poses computed from the file are those of the
+// model's kinematics; masses, ranges and pairs of shapes that can touch are those of the model.
 #include <gtest/gtest.h>
 
 #include <map>
@@ -33,7 +33,7 @@ pugi::xml_document parse(const std::string& text) {
   return out;
 }
 
-/// Names of the model's coordinates, as both formats have them.
+/// Names of the model's coordinates in both formats.
 std::map<std::string, std::size_t> coordinates(const model::Model& model) {
   std::map<std::string, std::size_t> out;
   for (const model::Joint& joint : model.joints)
@@ -42,7 +42,7 @@ std::map<std::string, std::size_t> coordinates(const model::Model& model) {
   return out;
 }
 
-/// Within the stops, so that no file may differ for them.
+/// Random coordinates within the stops.
 std::vector<double> drawn_coordinates(const model::Model& model, std::mt19937& random) {
   std::vector<double> out(static_cast<std::size_t>(model.dof_count()));
   std::uniform_real_distribution<double> angle(-1.5, 1.5);
@@ -50,7 +50,8 @@ std::vector<double> drawn_coordinates(const model::Model& model, std::mt19937& r
   return out;
 }
 
-/// The same body in the file and in the model. Bounds: digits of a double, lost in chains of six rotations.
+/// Compares the poses of a body in the file and in the model. Bounds: rounding errors in chains of six
+/// rotations.
 void expect_at(const Pose& found, const Pose& expected, const std::string& body) {
   EXPECT_LT((found.p - expected.p).norm(), 1e-12) << body;
   EXPECT_LT(found.q.angularDistance(expected.q), 1e-7) << body;  // acos near 1
@@ -88,8 +89,8 @@ class Exports : public testing::TestWithParam<const char*> {
 
 INSTANTIATE_TEST_SUITE_P(Hands, Exports, testing::Values("anatomical", "prototype"));
 
-// MJCF: a body stands at pos, quat in its parent and turns about each joint's axis through the joint's pos,
-// in the order of the file.
+// MJCF: pos and quat are the pose of a body in its parent; the body rotates about the axis of each joint
+// through the joint's pos, in the order of the file.
 struct MjcfBodies {
   const std::map<std::string, std::size_t>& coordinates;
   const std::vector<double>& q;
@@ -121,7 +122,7 @@ TEST_P(Exports, MjcfPutsBodiesWhereTheModelHasThem) {
     const model::State expected = model::state_at(model_, q);
     const model::State start = model::initial_state(model_);
     for (const auto& [name, pose] : found.poses) {
-      // A free hand stands where it starts, not at its zero pose.
+      // A free hand has its initial pose, not the zero pose.
       const std::size_t root = body(name.substr(0, name.find('.')) + ".palm");
       const Pose moved = start.bodies[root].pose() * expected.bodies[root].pose().inverse();
       expect_at(pose, moved * expected.bodies[body(name)].pose(), name);
@@ -185,8 +186,8 @@ Pose origin(const pugi::xml_node& node) {
                Eigen::AngleAxisd(a[0], Vec3::UnitX()))};
 }
 
-/// URDF: a joint stands at its origin in the parent link and turns about its axis; the link's frame is the
-/// joint's, the body's frame that of `inertial`.
+/// URDF: a joint's origin is its pose in the parent link, and it rotates about its axis; the link has the
+/// joint's frame, the body that of `inertial`.
 TEST_P(Exports, UrdfPutsBodiesWhereTheModelHasThem) {
   const auto document = parse(output::to_urdf(model_, scene_.spec.solver));
   const pugi::xml_node robot = document.child("robot");
@@ -196,7 +197,7 @@ TEST_P(Exports, UrdfPutsBodiesWhereTheModelHasThem) {
     std::map<std::string, Pose> links = {{"world", Pose{}}};
     for (const pugi::xml_node& joint : robot.children("joint")) {
       const std::string parent = name(joint.child("parent"), "link");
-      ASSERT_TRUE(links.contains(parent)) << parent << " stands behind its children";
+      ASSERT_TRUE(links.contains(parent)) << parent << " comes after its children";
       Pose pose = links[parent] * origin(joint);
       if (joint.child("axis"))
         pose = pose * Pose{Vec3::Zero(), Quat(Eigen::AngleAxisd(q[coordinates_.at(name(joint))],

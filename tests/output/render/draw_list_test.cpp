@@ -47,8 +47,8 @@ TEST(DrawList, BoundsOfASlantedCapsuleAreExact) {
   EXPECT_TRUE(box.high.isApprox(Vec3(0.12, 0.52, 0.37), 1e-12));
 }
 
-// A universal joint turned by 90 degrees about its first axis carries its second axis along.
-TEST(DrawList, JointAxesStandAsTheBodiesDo) {
+// Oracle: the second axis of a universal joint rotates with the first coordinate, here by 90 degrees.
+TEST(DrawList, JointAxesMoveWithTheBodies) {
   model::Model model = hand_model(Side::right, {});
   model::Joint joint;
   joint.kind = model::JointKind::universal;
@@ -81,8 +81,8 @@ std::vector<Vec3> extremes(const Solid& shape, const Projection& project) {
   return points;
 }
 
-// Oracle: projection of extreme points. All lie inside; and the frame is tight: on one axis at least, the
-// outermost comes to within 15% of the half picture of the border (7% is the margin).
+// Oracle: projection of extreme points. All are inside; and the frame is tight: on at least one axis, the
+// outermost point is within 15% of the half picture from the border (7% is the margin).
 TEST(FramedCamera, SeesAllOfTheHandsTightlyForEveryViewSideAndAspect) {
   for (const View view : kViews)
     for (const Side side : {Side::right, Side::left})

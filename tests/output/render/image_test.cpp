@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// An empty folder that goes with the test.
+/// A temporary folder.
 class ImageTest : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -104,7 +104,7 @@ TEST(ContactSheet, ShrinksPicturesToTheWidth) {
   EXPECT_LT(sheet.height, 2 * 480);
 }
 
-// The same sheet with and without words differs only where words are dark on white.
+// Oracle: the same sheet with and without text differs only in dark pixels on white.
 TEST(ContactSheet, WritesCaptionAndTitle) {
   const std::vector<Image> white = {plain(200, 100, 255, 255, 255)};
   const auto ink = [](const Image& image) {

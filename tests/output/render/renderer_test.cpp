@@ -19,7 +19,7 @@ DrawList hand_list(Side side) {
   return draw_list(model, at_zero(model), {});
 }
 
-/// Empties a list but for its ground.
+/// Removes everything but the ground from a list.
 DrawList without_shapes(const DrawList& list) {
   DrawList empty;
   empty.ground_height = list.ground_height;
@@ -100,7 +100,7 @@ int brightest_about(const Image& image, const Camera& camera, const Vec3& at) {
   return most;
 }
 
-// Straight below a ball that nearly touches the ground neither lamp nor sky gets there; seen from aside.
+// Directly below a ball that nearly touches the ground, neither key light nor sky is visible.
 TEST(Renderer, GroundIsDarkerBelowAShapeThanFarOff) {
   Renderer renderer(480, 360);
   Camera camera;
@@ -112,7 +112,7 @@ TEST(Renderer, GroundIsDarkerBelowAShapeThanFarOff) {
   EXPECT_LT(below, far_off - 100);
 }
 
-// The lamp stands over the camera's left shoulder, so the shadow lies to the right of the shape.
+// The key light comes from the left of the camera, so the shadow is on the right of the shape.
 TEST(Renderer, ShadowFallsAwayFromTheLamp) {
   Renderer renderer(480, 360);
   DrawList list = ball_over_ground();
@@ -130,7 +130,7 @@ TEST(Renderer, ShadowFallsAwayFromTheLamp) {
   EXPECT_LT(right, left - 60);
 }
 
-// A plate between the light (over the camera's left shoulder) and a ball takes light from the ball.
+// A plate between the key light and a ball shades the ball.
 TEST(Renderer, ShapesShadeEachOther) {
   Renderer renderer(320, 240);
   DrawList list;
@@ -144,7 +144,7 @@ TEST(Renderer, ShapesShadeEachOther) {
   EXPECT_GT(brightness(lit, 155, 115), brightness(shaded, 155, 115) + 60);
 }
 
-/// A dark capsule on the light background, aslant so that no edge follows the pixels.
+/// A dark capsule on the light background, oblique so that no edge is parallel to the pixel rows.
 DrawList slanted_capsule() {
   DrawList list;
   list.shapes.push_back(capsule({-0.05, 0, -0.02}, {0.06, 0.01, 0.03}, 0.02, {0, 0, 0}));
@@ -158,7 +158,7 @@ Camera straight_camera() {
   return camera;
 }
 
-// Oracle: the share of the pixel's ray cone that hits. Without anti-aliasing an edge has two levels only.
+// Oracle: an anti-aliased edge has intermediate levels; without anti-aliasing it has two.
 TEST(Renderer, EdgesAreAntiAliased) {
   Renderer renderer(320, 240);
   const Image with = renderer.draw(slanted_capsule(), straight_camera());
@@ -176,7 +176,7 @@ TEST(Renderer, EdgesAreAntiAliased) {
   EXPECT_GT(between, 60);
 }
 
-/// Does the ray from the eye through a pixel's point pass the capsule's axis within its radius?
+/// True if the ray through a point of the picture passes the capsule's axis within its radius.
 bool hits(const Solid& shape, const Projection& project, double px, double py, double grown) {
   const Vec3 d = ((px - project.width / 2) * project.x - (py - project.height / 2) * project.y -
                   project.focus * project.z)
@@ -225,7 +225,7 @@ TEST(Renderer, SameListGivesTheSameBytes) {
   EXPECT_EQ(other.draw(list, camera).rgb, first.rgb);
 }
 
-TEST(Renderer, TwoAtOnceDrawByTurns) {
+TEST(Renderer, TwoCanDrawAlternately) {
   Renderer a(64, 48), b(48, 64);
   EXPECT_EQ(a.draw({}, {}).width, 64);
   EXPECT_EQ(b.draw({}, {}).width, 48);
@@ -251,15 +251,15 @@ TEST(Renderer, EmptyGroundHasAGrid) {
   EXPECT_GT(share_differing(renderer.draw(list, {}), renderer.draw({}, {}), 8), 0.01);
 }
 
-TEST(Renderer, CameraThatLooksNowhereIsAnError) {
+TEST(Renderer, CameraWithoutADirectionIsAnError) {
   Renderer renderer(64, 48);
   Camera camera;
   camera.target = camera.position;
   EXPECT_THROW(renderer.draw({}, camera), Error);
 }
 
-// Pictures above 2048 pixels are drawn in tiles: shrunk by averaging they equal the small picture but for
-// the sampling of edges.
+// Pictures above 2048 pixels are drawn in tiles. Oracle: reduced by averaging, they equal the small picture
+// except at edges.
 TEST(Renderer, TiledPictureShowsWhatASmallOneShows) {
   DrawList list = hand_list(Side::right);
   list.ground_height = -0.05;

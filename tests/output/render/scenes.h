@@ -1,4 +1,4 @@
-// Scenes and measures that the picture tests share.
+// Scenes and measures for the picture tests.
 #pragma once
 
 #include <algorithm>
@@ -64,7 +64,7 @@ inline model::State at_zero(const model::Model& model) {
   return state;
 }
 
-/// Where the pinhole of the camera puts a point: pixels from the upper left corner, pixel centres at .5.
+/// Projects points with a pinhole camera: pixels from the upper left corner, pixel centres at .5.
 struct Projection {
   Vec3 x, y, z, eye;
   double focus, width, height;

@@ -12,10 +12,10 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char *kWhole = "<svg></svg>", *kHalf = "<sv";
+constexpr const char *kComplete = "<svg></svg>", *kHalf = "<sv";
 
-/// A folder with a script, and a gnuplot of the test's own on the path that writes what it is told and ends
-/// with a status.
+/// A folder with a script, and a substitute for gnuplot on the path that writes given texts and ends with a
+/// given status.
 class Plot : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -28,7 +28,7 @@ class Plot : public ::testing::Test {
   void TearDown() override { setenv("PATH", path_.c_str(), 1); }
 
   fs::path out() const { return folder_.path() / "out"; }
-  /// Draws a.svg and b.svg; the stand-in writes these texts for them.
+  /// Draws a.svg and b.svg; the substitute writes these texts.
   bool drawn(const std::string& a, const std::string& b, int status) {
     const fs::path program = folder_.path() / "bin" / "gnuplot";
     write_file(program, "#!/bin/sh\nhead=${2#part=\\'}; head=${head%\\'}\nprintf '" + a +
@@ -46,20 +46,20 @@ class Plot : public ::testing::Test {
   std::string path_;
 };
 
-TEST_F(Plot, AppearsUnderItsNameWhenAllAreWhole) {
-  EXPECT_TRUE(drawn(kWhole, kWhole, 0));
-  EXPECT_EQ(test::text_of(out() / "a.svg"), kWhole);
-  EXPECT_EQ(test::text_of(out() / "b.svg"), kWhole);
+TEST_F(Plot, AppearsUnderItsNameWhenAllAreComplete) {
+  EXPECT_TRUE(drawn(kComplete, kComplete, 0));
+  EXPECT_EQ(test::text_of(out() / "a.svg"), kComplete);
+  EXPECT_EQ(test::text_of(out() / "b.svg"), kComplete);
   EXPECT_EQ(files(), 3U);
 }
 
-TEST_F(Plot, LeavesNothingOfAGnuplotThatFails) {
-  EXPECT_FALSE(drawn(kWhole, kWhole, 1));
+TEST_F(Plot, LeavesNoFilesIfGnuplotFails) {
+  EXPECT_FALSE(drawn(kComplete, kComplete, 1));
   EXPECT_EQ(files(), 1U);
 }
 
-TEST_F(Plot, LeavesNothingWhereOnePictureIsCutOff) {
-  EXPECT_FALSE(drawn(kWhole, kHalf, 0));
+TEST_F(Plot, LeavesNoFilesIfOnePictureIsIncomplete) {
+  EXPECT_FALSE(drawn(kComplete, kHalf, 0));
   EXPECT_EQ(files(), 1U);
 }
 
@@ -68,7 +68,7 @@ TEST_F(Plot, WithoutGnuplotIsNone) {
   EXPECT_EQ(files(), 1U);
 }
 
-// A script may put any title between single quotes; back quotes would start a command.
+// Scripts have titles between single quotes; back quotes would start a command.
 TEST(PlotText, HoldsNothingThatEndsAQuotedTextOrStartsACommand) {
   EXPECT_EQ(plot_text("a'b\"c`d\\e\nf"), "a b c d e f");
 }

@@ -1,4 +1,4 @@
-// OpenSim tables as they come to the disk. Oracle: the text of the format, written out here.
+// OpenSim tables. Oracle: the text of the format.
 #include "handsim/output/table/motion_table.h"
 
 #include <gtest/gtest.h>

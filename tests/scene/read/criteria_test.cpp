@@ -1,5 +1,4 @@
-// Criteria that a scene can never measure are refused when it is read. Oracle: what the scene has and has
-// not.
+// Criteria on figures that a scene does not measure are refused. Oracle: the content of the scene.
 #include "handsim/scene/read/criteria.h"
 
 #include <gtest/gtest.h>
@@ -11,7 +10,7 @@ namespace {
 
 using test::shipped_scene;
 
-/// What a shipped scene with changes is refused with; nothing where it is taken.
+/// The error message of a shipped scene with changes; empty if it compiles.
 std::string refused(const std::string& name, const std::vector<std::string>& changes) {
   try {
     shipped_scene(name, changes);
@@ -53,13 +52,13 @@ TEST(Criteria, OfPosesAndMovementsNeedAProgramThatHasThem) {
       << still;
 }
 
-TEST(Criteria, OfAClimbDoNotAskForMoreThanItsLoad) {
+TEST(Criteria, OfAClimbMustNotExceedItsLoad) {
   EXPECT_TRUE(contains(refused("climb_jug", {"criteria.climb_load=1001 N"}),
                        "criteria.climb_load: got 1001 N of a climb whose load ends at 1000 N"));
   EXPECT_EQ(refused("climb_jug", {"criteria.climb_load=1000 N"}), "");
 }
 
-TEST(Criteria, OfTheSolverCanStandInAnyScene) {
+TEST(Criteria, OfTheSolverAreAllowedInAnyScene) {
   EXPECT_EQ(
       refused("slider_crank_iftomm", {"solver={engine: dae}", "criteria={lcp_failures: 0, joint_gap: 1}"}),
       "");

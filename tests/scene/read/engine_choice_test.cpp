@@ -1,4 +1,4 @@
-// Engine `auto`: what it chooses from the table of costs, and what becomes of the scene.
+// Engine `auto`: its choice from the table of costs, and the resulting scene.
 #include "handsim/scene/read/engine_choice.h"
 
 #include <gtest/gtest.h>
@@ -50,20 +50,20 @@ TEST(EngineChoice, IsTheCheapestRowThatReachesTheAccuracy) {
     for (const double accuracy : {0.3, 0.1, 0.01}) {
       const CostTable& table = costs[static_cast<std::size_t>(c.kind)];
       ASSERT_EQ(table.kind, c.kind);
-      const CostRow* want = nullptr;
+      const CostRow* expected = nullptr;
       for (const CostRow& row : table.rows)
-        if (row.error <= accuracy && (!want || row.cost < want->cost)) want = &row;
-      ASSERT_NE(want, nullptr);
+        if (row.error <= accuracy && (!expected || row.cost < expected->cost)) expected = &row;
+      ASSERT_NE(expected, nullptr);
       const Scene scene = chosen(c.scene, accuracy, c.more);
-      EXPECT_EQ(scene.spec.solver.method(), want->solver.method()) << c.scene << ' ' << accuracy;
-      EXPECT_EQ(scene.spec.solver.step, want->solver.step);
-      EXPECT_NE(scene.spec.engine_choice.find(engine::name(want->solver.method())), std::string::npos);
+      EXPECT_EQ(scene.spec.solver.method(), expected->solver.method()) << c.scene << ' ' << accuracy;
+      EXPECT_EQ(scene.spec.solver.step, expected->solver.step);
+      EXPECT_NE(scene.spec.engine_choice.find(engine::name(expected->solver.method())), std::string::npos);
       for (const std::string& warning : scene.warnings)
         EXPECT_EQ(warning.find("engine auto"), std::string::npos) << warning;
     }
 }
 
-// Oracle: the definition: a climb's end, where the scene names no duration of its own.
+// Oracle: the definition: the scene's duration is the end of the climb.
 TEST(EngineChoice, WarnsOfClimbsThatTakeLongerThanWasMeasured) {
   const Scene scene = chosen("climb_half_crimp", 0.3);
   EXPECT_GT(scene.spec.duration, 20);
@@ -72,8 +72,8 @@ TEST(EngineChoice, WarnsOfClimbsThatTakeLongerThanWasMeasured) {
   }));
 }
 
-// Oracle: what the resolved scene is for: it makes the same run, whatever becomes of the table.
-TEST(EngineChoice, StandsInTheResolvedScene) {
+// Oracle: the purpose of the resolved scene: the same run, even if the table changes.
+TEST(EngineChoice, IsWrittenIntoTheResolvedScene) {
   const Scene scene = chosen("two_hands", 1e-8, {kFree, "duration=0.2"});
   EXPECT_EQ(scene.spec.solver.method(), engine::ArticulatedMethod::dormand_prince);
   const YamlNode* solver = scene.resolved.find("solver");
@@ -88,22 +88,22 @@ TEST(EngineChoice, StandsInTheResolvedScene) {
 }
 
 // Oracle: the engines' own refusals.
-TEST(EngineChoice, LeavesOutEnginesThatLackWhatTheSceneAsksFor) {
+TEST(EngineChoice, ExcludesEnginesThatCannotRunTheScene) {
   const Scene guarded = chosen("grasp_pinch", 0.2, {}, "guard: true");
   EXPECT_EQ(guarded.spec.solver.engine(), engine::EngineKind::ode);
   EXPECT_TRUE(guarded.spec.solver.ode().guard);
 }
 
 // Oracle: the definition.
-TEST(EngineChoice, SaysWhereASceneIsOutsideWhatWasMeasured) {
+TEST(EngineChoice, WarnsOfScenesOutsideTheMeasurements) {
   const Scene scene = chosen("two_hands", 0.01, {kFree, "duration=2"});
   ASSERT_EQ(scene.warnings.size(), 1U);
-  EXPECT_NE(scene.warnings.front().find("the scene takes 2 s"), std::string::npos);
+  EXPECT_NE(scene.warnings.front().find("the scene lasts 2 s"), std::string::npos);
   EXPECT_FALSE(chosen("slider_crank_contact", 0.1, {"duration=1"}).warnings.empty());
 }
 
-// Oracle: what was there before: the default.
-TEST(EngineChoice, IsNotMadeForAnyoneWhoDoesNotAsk) {
+// Oracle: the default settings.
+TEST(EngineChoice, IsOnlyMadeOnRequest) {
   const Scene scene = test::shipped_scene("two_hands");
   EXPECT_EQ(scene.spec.solver.method(), engine::OdeMethod::world_step);
   EXPECT_TRUE(scene.spec.engine_choice.empty());

@@ -1,5 +1,5 @@
-// The `solver` block: each engine's own keys, a switch of engines from the command line, and which engine
-// runs which shipped scene.
+// The `solver` block: each engine's own keys, a switch of engines on the command line, and which engine runs
+// which shipped scene.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -28,7 +28,7 @@ std::string refusal(Make make) {
   } catch (const Error& error) {
     return error.what();
   }
-  return "taken";
+  return "accepted";
 }
 
 std::string refusal_of(const std::string& rest) {
@@ -45,31 +45,31 @@ TEST(SolverKeys, OfAnotherEngineAreRefusedWithTheEngineThatHasThem) {
   EXPECT_NE(refusal_of("solver: {stepp: 0.1}\n").find("an unknown key"), std::string::npos);
 }
 
-// Oracle: the contract of a switch: the engine's default method, what it has in common with the file's stays.
-TEST(EngineSwitch, LeavesOutWhatTheFileSaysOfItsOwnEngine) {
+// Oracle: the contract of a switch: the engine's default method; settings common to both engines stay.
+TEST(EngineSwitch, IgnoresTheFilesSettingsOfItsOwnEngine) {
   const Scene scene = test::shipped_scene("grasp_pinch", {"solver.engine=articulated"});
   const engine::Settings& solver = scene.spec.solver;
   EXPECT_EQ(solver.method(), engine::ArticulatedMethod::semi_implicit_euler);
   EXPECT_EQ(solver.step, 1e-3);
-  const auto says = [&](const std::string& text) {
+  const auto warns = [&](const std::string& text) {
     return std::any_of(scene.warnings.begin(), scene.warnings.end(),
                        [&](const std::string& warning) { return warning.find(text) != std::string::npos; });
   };
-  EXPECT_TRUE(
-      says("the file's method world_step, cfm, seed, guard left out: engine articulated does not have them"));
+  EXPECT_TRUE(warns(
+      "the file's method world_step, cfm, seed, guard left out: engine articulated does not have them"));
   // What was left out is not in the resolved scene, which repeats the run.
   EXPECT_EQ(scene.resolved.find("solver")->find("guard"), nullptr);
   EXPECT_EQ(compile_scene(scene.resolved).spec.solver.method(), solver.method());
 }
 
-// Oracle: the contract: what was asked for beside the engine is not passed over.
+// Oracle: the contract: settings given on the command line with the engine are not ignored.
 TEST(EngineSwitch, RefusesKeysThatTheCommandLineAddsForAnotherEngine) {
   const auto switched = [](const std::string& set) {
     return refusal([&] { test::shipped_scene("two_hands", {"solver.engine=articulated", set}); });
   };
   EXPECT_NE(switched("solver.cfm=1e-7").find("cfm is one of engine ode"), std::string::npos);
   EXPECT_NE(switched("solver.method=quick_step").find("need one of semi_implicit_euler"), std::string::npos);
-  EXPECT_EQ(switched("solver.method=semi_implicit_euler"), "taken");
+  EXPECT_EQ(switched("solver.method=semi_implicit_euler"), "accepted");
 }
 
 // Oracle: the contract; its limits are those of the definition.
@@ -99,8 +99,8 @@ std::vector<std::filesystem::path> shipped() {
   return out;
 }
 
-// Oracle: what engines are for: ode and articulated run whatever ships; dae smooth motion, without contact,
-// stops and servos. The table is printed.
+// Oracle: the engines' contracts: ode and articulated run every shipped scene; dae runs smooth motion,
+// without contact, stops and servos. The table is printed.
 TEST(EngineSwitch, RunsEveryShippedSceneThatTheEngineCanRun) {
   const std::vector<std::filesystem::path> scenes = shipped();
   ASSERT_GT(scenes.size(), 60U);
@@ -112,17 +112,17 @@ TEST(EngineSwitch, RunsEveryShippedSceneThatTheEngineCanRun) {
         const Scene scene = load_scene(path, {"solver.engine=" + engine});
         engine::make_engine(scene.model, scene.spec.solver);
       });
-      std::cout << path.filename().string() << '\t' << engine << '\t' << (why == "taken" ? "runs" : why)
+      std::cout << path.filename().string() << '\t' << engine << '\t' << (why == "accepted" ? "runs" : why)
                 << '\n';
-      if (engine != "dae" || why == "taken") {
-        EXPECT_EQ(why, "taken") << path << ' ' << engine;
+      if (engine != "dae" || why == "accepted") {
+        EXPECT_EQ(why, "accepted") << path << ' ' << engine;
       } else if (effects.any_contact() || effects.has(Effect::joint_stops)) {
         EXPECT_NE(why.find("effects: got "), std::string::npos) << path << ": " << why;
       } else {
         EXPECT_NE(why.find("control.controller.form"), std::string::npos) << path << ": " << why;
       }
       if (engine == "dae" && (effects.any_contact() || effects.has(Effect::joint_stops))) {
-        EXPECT_NE(why, "taken") << path;
+        EXPECT_NE(why, "accepted") << path;
       }
     }
   }

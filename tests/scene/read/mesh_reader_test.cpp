@@ -26,7 +26,7 @@ class MeshFile : public testing::Test {
   Surface read(const std::string& name, const std::string& bytes) const {
     return read_surface_file(write(name, bytes));
   }
-  /// What is said of it, from the line on.
+  /// The error message, from the line number on.
   std::string refusal(const std::string& name, const std::string& bytes) const {
     try {
       read(name, bytes);
@@ -53,7 +53,7 @@ TEST_F(MeshFile, ObjHasPointsAndPolygonsInEveryFormOfIndex) {
   EXPECT_EQ(surface.faces, (std::vector<Ints>{{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}, {0, 1, 2, 3}}));
 }
 
-// A pipe without a writer would hold a reader of materials up for good.
+// A reader that opened a pipe without a writer would wait for ever.
 TEST_F(MeshFile, ObjOpensNoOtherFile) {
   ASSERT_EQ(mkfifo((folder_.path() / "m.mtl").c_str(), 0600), 0);
   EXPECT_EQ(read("a.obj", "mtllib m.mtl\nusemtl m\n" + kPoints + "f 1 2 3\n").faces.size(), 1U);
@@ -66,7 +66,7 @@ TEST_F(MeshFile, ObjIsRefusedWithLineAndColumn) {
   EXPECT_EQ(refusal("a.obj", kPoints + "f 1 2\n"), "5:1: got a face of 2 corners, need at least 3");
   for (const char* index : {"0", "5", "-5", "1.5", "x", "/1", "99999999999999999999", "nan"})
     EXPECT_TRUE(refusal("a.obj", kPoints + "f 1 2 " + index + "\n")
-                    .starts_with(std::string("5:7: got \"") + index + "\", need the number of one of the 4"))
+                    .starts_with(std::string("5:7: got \"") + index + "\", need the index of one of the 4"))
         << index;
   EXPECT_EQ(refusal("a.obj", "curv 0 1\n"), "1:1: got \"curv\", need a statement of OBJ such as v or f");
   EXPECT_TRUE(refusal("a.obj", std::string("\x7f"
@@ -84,7 +84,7 @@ TEST_F(MeshFile, StlIsReadAsTextAndAsBinary) {
   const Surface text = read("a.stl", text_stl("  endloop\n endfacet\nendsolid x\n"));
   EXPECT_EQ(text.faces.size(), 1U);
   EXPECT_EQ(text.vertices[2], Vec3(0, 1, 0));
-  // A binary file whose title begins with the word that text begins with.
+  // A binary file whose title begins like a text file.
   std::string binary = "solid" + std::string(75, ' ') + std::string("\x01\0\0\0", 4);
   for (const float value : {0.F, 0.F, 1.F, 0.F, 0.F, 0.F, 1.F, 0.F, 0.F, 0.F, -2.5F, 0.F}) {
     std::uint32_t bits = 0;
@@ -98,12 +98,12 @@ TEST_F(MeshFile, StlIsReadAsTextAndAsBinary) {
                   .ends_with("need 134 bytes for its 1 triangles in binary, or STL in text"));
 }
 
-TEST_F(MeshFile, StlThatIsTornIsRefused) {
+TEST_F(MeshFile, IncompleteStlIsRefused) {
   const std::string whole = text_stl("  endloop\n endfacet\nendsolid x\n");
   for (const char* end :
        {"", "  endloop\n", "  endloop\n endfacet\n", "  endloop\n endfacet\n facet normal 0 0 1\n"})
     EXPECT_TRUE(refusal("a.stl", text_stl(end))
-                    .ends_with("got a file that ends before endsolid, need a whole STL file"))
+                    .ends_with("got a file that ends before endsolid, need a complete STL file"))
         << end;
   EXPECT_EQ(refusal("a.stl", text_stl("   vertex 1 1 1\n")),
             "7:4: got \"vertex\" after 3 corners, need three corners in each facet");
@@ -122,8 +122,8 @@ const std::string kCube =
     "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
     "f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\n";
 
-TEST_F(MeshFile, WithAFaceMissingIsNoBody) {
-  EXPECT_EQ(load_convex_mesh(write("a.obj", kCube + "f 4 1 5 8\n"), 0.1).odd_edges, 0);
+TEST_F(MeshFile, WithAMissingFaceIsRefused) {
+  EXPECT_EQ(load_convex_mesh(write("a.obj", kCube + "f 4 1 5 8\n"), 0.1).open_edges, 0);
   try {
     load_convex_mesh(write("b.obj", kCube), 0.1);
     FAIL();
@@ -135,10 +135,10 @@ TEST_F(MeshFile, WithAFaceMissingIsNoBody) {
   }
 }
 
-// Faces that meet at a corner of one within an edge of the other leave no hole, but are reported.
-TEST_F(MeshFile, WithACornerWithinAnEdgeIsABodyWithOddEdges) {
+// A corner of one face within an edge of another leaves no hole, but is reported.
+TEST_F(MeshFile, WithACornerWithinAnEdgeIsABodyWithOpenEdges) {
   const LoadedMesh mesh = load_convex_mesh(write("a.obj", kCube + "v 0 0.5 0\nf 9 1 5 8\nf 4 9 8\n"), 0.1);
-  EXPECT_EQ(mesh.odd_edges, 3);
+  EXPECT_EQ(mesh.open_edges, 3);
   EXPECT_NEAR(mesh.mesh->volume, 1e-3, 1e-12);
 }
 
@@ -152,13 +152,13 @@ std::vector<std::string> warnings_of(const std::string& object, bool with_hand) 
 }
 
 // A stone of 90 mm whose file is in mm, without its scale.
-TEST_F(MeshFile, OfASizeThatIsHardlyMeantBesideAHandIsReportedWithTheScaleThatWouldFit) {
+TEST_F(MeshFile, OfAnUnusualSizeBesideAHandIsReportedWithTheScaleThatFits) {
   std::string cube = kCube + "f 4 1 5 8\n";
   const std::string mesh = "shape: convex_mesh, mass: 1, mesh: " + write("c.obj", cube).string();
   EXPECT_TRUE(warnings_of(mesh + ", scale: 0.09", true).empty());
   const auto large = warnings_of(mesh + ", scale: 90", true);
   ASSERT_EQ(large.size(), 1U);
-  EXPECT_NE(large[0].find("stone is 90 m long, and a hand some 0.2 m: scale: 0.09 if the file is in mm"),
+  EXPECT_NE(large[0].find("stone is 90 m long, a hand about 0.2 m: scale: 0.09 if the file is in mm"),
             std::string::npos)
       << large[0];
   const auto small = warnings_of(mesh + ", scale: 0.0005", true);
@@ -167,7 +167,7 @@ TEST_F(MeshFile, OfASizeThatIsHardlyMeantBesideAHandIsReportedWithTheScaleThatWo
   EXPECT_TRUE(warnings_of(mesh + ", scale: 90", false).empty());
 }
 
-TEST(SizeBesideAHand, IsReportedOfAllThatMovesAndNotOfWalls) {
+TEST(SizeBesideAHand, IsReportedForMovableObjectsAndNotForWalls) {
   const std::string box = "shape: box, edges: [90, 0.1, 0.1]";
   EXPECT_EQ(warnings_of(box + ", mass: 1", true).size(), 1U);
   EXPECT_TRUE(warnings_of(box + ", static: true", true).empty());

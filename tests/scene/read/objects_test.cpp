@@ -45,8 +45,8 @@ std::pair<Vec3, Vec3> extents(const ObjectSpec& object) {
   return out;
 }
 
-// Oracle: the file's text; an entry's keys go before those of its file.
-TEST(ObjectFile, GivesWhatTheEntryLeavesOpen) {
+// Oracle: the file's text; an entry's keys override those of its file.
+TEST(ObjectFile, SuppliesTheKeysThatTheEntryLacks) {
   const Scene plain = scene_of("  - {name: can, file: objects/tomato_soup_can.yaml, position: [0, 0, 1]}");
   ASSERT_EQ(plain.spec.objects.size(), 1U);
   EXPECT_DOUBLE_EQ(plain.model.bodies[1].mass, 0.349);
@@ -73,7 +73,7 @@ TEST(ObjectFile, IsInlinedInTheResolvedScene) {
   EXPECT_EQ(first.model.bodies[1].inertia, second.model.bodies[1].inertia);
 }
 
-// Oracle: a brick sawn in three is the brick.
+// Oracle: three slices of a brick together are the brick.
 TEST(Compound, OfTheSlicesOfABrickIsTheBrick) {
   const Scene whole = scene_of(
       "  - {name: brick, shape: box, edges: [0.3, 0.1, 0.2], density: 700, position: [1, 2, 3], rotation: "
@@ -96,9 +96,9 @@ TEST(Compound, OfTheSlicesOfABrickIsTheBrick) {
   EXPECT_EQ(sawn.model.shapes.size(), 3U);
 }
 
-// Oracle: closed form of a dumb-bell; the object's pose is that of its own frame, the body stands at the
-// centre of mass, and the parts are where they were said to be.
-TEST(Compound, StandsAtItsCentreOfMass) {
+// Oracle: closed form of a dumb-bell; the object's pose is that of its own frame, the body's frame is at the
+// centre of mass, and the parts are at their stated positions.
+TEST(Compound, HasItsBodyFrameAtTheCentreOfMass) {
   const Scene scene = scene_of(
       "  - name: bell\n"
       "    position: [0, 0, 1]\n"

@@ -1,5 +1,4 @@
-// Tasks are planned beside the scene, which stays as it was read; two tasks may share an object where they
-// agree on its place.
+// Planning of tasks does not change the scene; two tasks may share an object if they agree on its pose.
 #include "handsim/scene/task/tasks.h"
 
 #include <gtest/gtest.h>
@@ -9,7 +8,7 @@
 namespace handsim::scene {
 namespace {
 
-/// Hands of one man, each with these keys beside.
+/// Hands of one man with this mount, and a controller.
 std::string hands(const std::string& mount, const std::vector<std::string>& sides) {
   std::string text = "hands:\n";
   for (const std::string& side : sides)
@@ -42,7 +41,7 @@ Scene compiled(const std::string& text) {
   return compile_scene(parse_yaml(text, HANDSIM_SOURCE_DIR "/config/test.yaml"));
 }
 
-/// What a scene is refused with.
+/// The error message of a scene; empty if it compiles.
 std::string refusal(const std::string& text) {
   try {
     compiled(text);
@@ -56,8 +55,8 @@ bool contains(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
-// Oracle: what stands in the text.
-TEST(Tasks, LeaveTheSceneAsItWasRead) {
+// Oracle: the text.
+TEST(Tasks, DoNotChangeTheScene) {
   const Scene scene = compiled(hands("driven", {"left"}) + kBall + "grasps:\n" +
                                grasp("left", 0.2, "support: {radius: 0.01}"));
   EXPECT_TRUE(scene.spec.hands[0].placement.motion.keys.empty());
@@ -74,7 +73,7 @@ TEST(Tasks, LeaveTheSceneAsItWasRead) {
 }
 
 // Oracle: mirror symmetry: a ball in the mirror plane is at one place for both hands.
-TEST(Tasks, OfTwoHandsMayShareAnObjectWhereTheyAgree) {
+TEST(Tasks, OfTwoHandsMayShareAnObjectIfTheyAgree) {
   const Scene scene = compiled(hands("driven", {"right", "left"}) + kBall + "grasps:\n" +
                                grasp("right", 0.2, "support: {radius: 0.01}, close: 0.2") +
                                grasp("left", 0.2, "support: ground, close: 0.4"));
@@ -87,15 +86,15 @@ TEST(Tasks, OfTwoHandsMayShareAnObjectWhereTheyAgree) {
     EXPECT_NEAR(scene.control->hands[hand].trajectory.phases().back().arrive, hand == 0 ? 0.7 : 0.9, 1e-12);
 }
 
-TEST(Tasks, OfOneObjectAtTwoPlacesAreRefusedWhereTheSecondStands) {
+TEST(Tasks, OfOneObjectAtTwoPlacesAreRefusedAtTheSecondTask) {
   const std::string text = refusal(hands("driven", {"right", "left"}) + kBall + "grasps:\n" +
                                    grasp("right", 0.2, "support: ground") +
                                    "  - {hand: left, object: ball, wrist: {position: [0, 0, 0.5]}, at: "
                                    "{position: [0, 0.2, 0]}, support: ground, open: flat, closed: flat}\n");
-  EXPECT_TRUE(contains(text, "test.yaml:8:5: grasps.1.object: got a place of ball 0.1 m")) << text;
+  EXPECT_TRUE(contains(text, "test.yaml:8:5: grasps.1.object: got a pose of ball 0.1 m")) << text;
 }
 
-// Oracle: mirror symmetry, as above; the second left hand is to find the hold where the first does.
+// Oracle: mirror symmetry, as above; the hold is at the same pose for both left hands.
 TEST(Tasks, MirrorAHoldOnceForAllLeftHands) {
   const Scene scene = compiled(hands("rail", {"left", "left"}) + bar_at(0.2) + "climbs:\n" +
                                climb("left", 0.2) + climb("left2", 0.4));
@@ -113,10 +112,10 @@ TEST(Tasks, OfBothSidesShareAHoldInTheMirrorPlaneOnly) {
   };
   EXPECT_EQ(compiled(both(0)).plans.objects[0].pose.p, Vec3(0, 0.1, 0.5));
   const std::string text = refusal(both(0.2));
-  EXPECT_TRUE(contains(text, "test.yaml:8:5: climbs.1.hold: got a place of bar 0.4 m")) << text;
+  EXPECT_TRUE(contains(text, "test.yaml:8:5: climbs.1.hold: got a pose of bar 0.4 m")) << text;
 }
 
-TEST(Tasks, OfOneHandAreRefusedButOne) {
+TEST(Tasks, OfAHandThatHasATaskAreRefused) {
   const std::string text =
       refusal(hands("rail", {"right"}) + bar_at(0) + "climbs:\n" + climb("right", 0.2) + climb("right", 0.2));
   EXPECT_TRUE(contains(text, "climbs.1.hand: got a hand that climbs.0 moves")) << text;

@@ -30,7 +30,7 @@ model::Model hinge() {
 model::State at(const model::Model& model, double angle, double rate, double time) {
   model::State state = model::state_at(model, std::vector<double>{angle});
   state.bodies[1].w = {0, 0, rate};
-  model::find_coordinates(model, state);
+  model::update_coordinates(model, state);
   state.time = time;
   return state;
 }

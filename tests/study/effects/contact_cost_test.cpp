@@ -1,4 +1,4 @@
-// What `handsim contacts` measures and writes.
+// Results and files of `handsim contacts`.
 #include "handsim/study/effects/contact_cost.h"
 
 #include <filesystem>
@@ -19,7 +19,7 @@ std::vector<ContactCostRow> of(const std::vector<ContactCostRow>& rows, const st
   return out;
 }
 
-// Oracle: definitions; each method solves as it is called, and auto is iterative at the top.
+// Oracle: the definition of the methods; auto is iterative at the highest stack.
 void expect_solvers(const std::vector<ContactCostRow>& rows) {
   for (const ContactCostRow& row : of(rows, "world_step")) EXPECT_EQ(row.iterative, 0);
   for (const ContactCostRow& row : of(rows, "quick_step 20")) EXPECT_EQ(row.iterative, 1);
@@ -27,7 +27,7 @@ void expect_solvers(const std::vector<ContactCostRow>& rows) {
   EXPECT_GT(of(rows, "world_step").back().contacts, 50);
 }
 
-// Oracle: the rows themselves; the files hold every one of them.
+// Oracle: the files contain every row.
 void expect_files(const std::vector<ContactCostRow>& rows) {
   const test::TemporaryFolder folder;
   write_contact_cost(rows, folder.path());
@@ -40,7 +40,7 @@ void expect_files(const std::vector<ContactCostRow>& rows) {
   EXPECT_TRUE(std::filesystem::exists(folder.path() / "contacts_cost.gp"));
 }
 
-// One study for all that is asked of it, since it takes long.
+// One test for all, because the study takes long.
 TEST(ContactCost, TakesEachSolverAndIsWritten) {
   const std::vector<ContactCostRow> rows = run_contact_cost(HANDSIM_SOURCE_DIR, [](double) {});
   expect_solvers(rows);

@@ -27,7 +27,7 @@ constexpr const char* kBall =
     "objects: [{name: ball, shape: sphere, radius: 0.1, mass: 1, position: [0, 0, 0]}]\nduration: 0.5\n";
 
 // Oracle: free fall under semi-implicit Euler, g h^2 n (n + 1) / 2, that is g t^2 / 2 to first order.
-TEST(Effects, TakingGravityAwayLeavesAFreeBodyWhereItWouldHaveFallenFrom) {
+TEST(Effects, WithoutGravityAFreeBodyStaysAtItsStart) {
   const EffectsResult result =
       run_effects(scene_of(std::string(kBall) + "effects: [gravity]\ngravity: [0, 0, -10]\n"), 1, nullptr);
   ASSERT_EQ(result.rows.size(), 1U);
@@ -39,10 +39,10 @@ TEST(Effects, TakingGravityAwayLeavesAFreeBodyWhereItWouldHaveFallenFrom) {
   EXPECT_NEAR(result.rows[0].displacement.time, 0.5, 1e-12);
 }
 
-// Oracle: a pendulum from the level: without gravity it stays, so that the largest difference is its own
-// swing. Energy: w^2 = 2 m g l sin(q) / (I + m l^2); it passes the lowest point and so differs by 90 degrees
-// and more.
-TEST(Effects, AnglesAreThoseOfTheWholeSceneWhereTheOtherStays) {
+// Oracle: a pendulum that starts horizontally. Without gravity it rests, so the largest difference is the
+// angle of the complete scene. Energy: w^2 = 2 m g l sin(q) / (I + m l^2); it passes the lowest point, so the
+// difference is more than 90 degrees.
+TEST(Effects, AngleDifferencesEqualTheMotionIfTheVariantRests) {
   const scene::Scene scene = scene_of(
       "bodies: [{name: bob, mass: 0.1, inertia: [1e-4, 1e-4, 1e-4], position: [0.1, 0, 0]}]\n"
       "joints: [{name: pin, type: hinge, parent: world, child: bob, position: [0, 0, 0], axes: [{name: "
@@ -63,8 +63,8 @@ TEST(Effects, AnglesAreThoseOfTheWholeSceneWhereTheOtherStays) {
   EXPECT_EQ(row.angle.where, "pin.swing");
 }
 
-// Oracle: bit equality: gravity of nothing.
-TEST(Effects, OneThatDoesNothingChangesNothing) {
+// Oracle: bit equality; the gravity is zero.
+TEST(Effects, AnEffectWithoutInfluenceChangesNothing) {
   scene::Scene scene = test::shipped_scene("two_hands", {"gravity=[0, 0, 0]", "duration=0.2"});
   const EffectsResult result = run_effects(scene, 5, nullptr);
   const EffectRow& gravity = row_of(result, Effect::gravity);
@@ -73,25 +73,24 @@ TEST(Effects, OneThatDoesNothingChangesNothing) {
   EXPECT_EQ(gravity.displacement.value, 0);
 }
 
-// Oracle: the contract: friction cannot stay without the last contact, and says that it went.
-TEST(Effects, ThatOthersNeedTakeThemAlong) {
+// Oracle: the contract: without the last contact effect, friction is removed too and the row says so.
+TEST(Effects, DependentEffectsAreRemovedTogether) {
   const scene::Scene scene =
       scene_of(std::string(kBall) + "ground: {height: -0.1}\neffects: [gravity, ground_contact, friction]\n");
   const EffectsResult result = run_effects(scene, 1, nullptr);
-  // Contacts that are about to happen have a row of their own.
+  // Speculative contacts have a row.
   ASSERT_EQ(result.rows.size(), 4U);
   EXPECT_EQ(result.rows.back().name, "solver.speculative");
   EXPECT_EQ(result.rows.back().displacement.value, 0);
   EXPECT_EQ(row_of(result, Effect::ground_contact).with, std::vector{Effect::friction});
   EXPECT_TRUE(row_of(result, Effect::friction).with.empty());
-  // The ball falls through where the ground was.
+  // Without the ground the ball falls on.
   EXPECT_NEAR(row_of(result, Effect::ground_contact).displacement.value, 0.5 * 9.80665 * 0.25, 0.01);
   EXPECT_NE(effects_table(result).find("ground_contact with friction"), std::string::npos);
 }
 
-// Oracle: the contract: settings of the solver that are on have rows; a guard with nothing to do changes
-// nothing.
-TEST(Effects, HaveRowsForWhatTheSolverDoesBesides) {
+// Oracle: the contract: solver settings that are on have rows; a guard that never acts changes nothing.
+TEST(Effects, HaveRowsForSolverSettings) {
   const scene::Scene scene =
       scene_of(std::string(kBall) + "effects: [gravity]\nsolver: {projection: true, guard: true}\n");
   const EffectsResult result = run_effects(scene, 1, nullptr);
@@ -102,9 +101,9 @@ TEST(Effects, HaveRowsForWhatTheSolverDoesBesides) {
   EXPECT_FALSE(result.rows[2].fault);
 }
 
-// Oracle: the contract: a scene that goes wrong without the effect has its row, with what went wrong. Without
-// the ground the ball passes 1000 m/s.
-TEST(Effects, WithoutWhichTheSceneGoesWrongAreSaidSo) {
+// Oracle: the contract: a scene that fails without the effect has a row with the fault. Without the ground
+// the ball is faster than 1000 m/s.
+TEST(Effects, WithoutWhichTheSceneFailsHaveARowWithTheFault) {
   const scene::Scene scene = scene_of(
       "objects: [{name: ball, shape: sphere, radius: 0.1, mass: 1, position: [0, 0, 0.1]}]\nduration: 1.2\n"
       "ground: {height: 0}\neffects: [gravity, ground_contact]\ngravity: [0, 0, -1000]\n");
@@ -117,8 +116,9 @@ TEST(Effects, WithoutWhichTheSceneGoesWrongAreSaidSo) {
   EXPECT_EQ(json["rows"][1]["fault"], *ground.fault);
 }
 
-// Oracle: the shipped scenes: every effect can be taken away, control and a driven wrist too.
-TEST(Effects, OfAControlledSceneOnADrivenWristCanAllBeTakenAway) {
+// Oracle: the contract, on a shipped scene: every effect can be removed, also with control and a driven
+// wrist.
+TEST(Effects, OfAControlledSceneOnADrivenWristCanAllBeRemoved) {
   const scene::Scene scene = test::shipped_scene("pose_tracking", {"duration=0.05"});
   const EffectsResult result = run_effects(scene, 1, nullptr);
   EXPECT_FALSE(row_of(result, Effect::actuation).fault) << *row_of(result, Effect::actuation).fault;

@@ -1,4 +1,4 @@
-// Measures of hard cases against closed forms, and how a study judges.
+// Measures of hard cases compared with closed forms, and verdicts of a study.
 #include "handsim/study/stability/stability.h"
 
 #include <gtest/gtest.h>
@@ -16,12 +16,12 @@ using simulation::Simulation;
 
 constexpr double kG = 10;
 
-/// A thing of 2 kg that moves at 3 m/s and spins at 4 rad/s about a principal axis, free of forces.
+/// A free body of 2 kg that moves at 3 m/s and rotates at 4 rad/s about a principal axis.
 constexpr const char* kThrown =
     "bodies: [{name: thing, mass: 2, inertia: [0.1, 0.2, 0.25], position: [0, 0, 0], velocity: [3, 0, 0], "
     "angular_velocity: [0, 0, 4]}]\neffects: []\nduration: 0.5\n";
 
-/// A slender rod of 0.1 m hinged at its end, level.
+/// A horizontal slender rod of 0.1 m, hinged at its end.
 std::string rod(const std::string& axis = "", const std::string& rest = "effects: [gravity]\n") {
   return "bodies: [{name: rod, mass: 0.12, inertia: [1e-4, 1e-6, 1e-4], position: [0, 0.05, 0], "
          "angular_velocity: "
@@ -59,13 +59,13 @@ double value_of(const std::string& text, MeasureSpec spec) {
 }
 
 // Oracle: uniform motion.
-TEST(Measures, OfAFreeThingAreThoseOfUniformMotion) {
+TEST(Measures, OfAFreeBodyAreThoseOfUniformMotion) {
   EXPECT_NEAR(value_of(kThrown, spec_of("top_speed")), 3, 1e-12);
   EXPECT_NEAR(value_of(kThrown, spec_of("first_speed")), 3, 1e-12);
   EXPECT_NEAR(value_of(kThrown, spec_of("rms_speed")), 3, 1e-12);
   EXPECT_NEAR(value_of(kThrown, spec_of("drift")), 1.5, 1e-12);
   EXPECT_NEAR(value_of(kThrown, spec_of("slip_speed")), 3, 1e-12);
-  // ODE turns by the tangent: 2 atan(w h / 2) in each step.
+  // ODE rotates by 2 atan(w h / 2) in each step.
   EXPECT_NEAR(value_of(kThrown, spec_of("turn")), 500 * 2 * std::atan(0.002), 1e-9);
   EXPECT_NEAR(value_of(kThrown, spec_of("energy_error")), 0, 1e-12);
   EXPECT_NEAR(value_of(kThrown, spec_of("momentum_error")), 0, 1e-12);
@@ -78,8 +78,8 @@ TEST(Measures, OfAFreeThingAreThoseOfUniformMotion) {
   EXPECT_NEAR(value_of(kThrown, off), 0.2, 1e-12);
 }
 
-// Oracle: semi-implicit Euler in free fall: after n steps the energy is m g^2 h t / 2 less, whatever the
-// start; the largest kinetic energy is m (g t)^2 / 2, so that the loss is h / t of it.
+// Oracle: semi-implicit Euler in free fall: after n steps the energy is smaller by m g^2 h t / 2; the largest
+// kinetic energy is m (g t)^2 / 2, so the relative loss is h / t.
 TEST(Measures, OfEnergyAreThoseOfFreeFallByTheMethod) {
   const std::string fall =
       "objects: [{name: ball, shape: sphere, radius: 0.1, mass: 1, position: [0, 0, 0]}]\neffects: "
@@ -91,9 +91,9 @@ TEST(Measures, OfEnergyAreThoseOfFreeFallByTheMethod) {
   EXPECT_NEAR(value_of(fall, spec_of("energy_rise")), 0, 1e-12);
 }
 
-// Oracle: closed forms; a door that nothing holds gets half a turn and less than a step's 0.02 rad past the
-// place of its stop, and its angle wraps (w t + pi) / 2 pi times.
-TEST(Measures, OfStopsSeeADoorThatHasNone) {
+// Oracle: closed forms. Without the effect joint_stops, the rod rotates past the stop by half a turn plus
+// less than a step's 0.02 rad, and its angle wraps (w t + pi) / 2 pi times.
+TEST(Measures, OfStopsDetectAMissingStop) {
   MeasureSpec late = spec_of("stop_late");
   late.joint = "pin";
   const std::string open = rod(", range: [-3, 0.3]", "effects: []\n");
@@ -117,25 +117,25 @@ TEST(Measures, OfReboundCompareWithTheStopsBounce) {
                "joints: [{name: pin, type: hinge, parent: world, child: rod, position: [0, 0, 0], axes: "
                "[{name: swing, axis: [1, 0, 0], range: [-1, 1]}]}]\neffects: [joint_stops]\nduration: 0.1\n",
                rebound))
-      << "a door at rest has no rebound";
+      << "a joint at rest has no rebound";
 }
 
-// Oracle: a slender rod let go level, alpha = 3 g / (2 l) = 150 rad/s^2, its hinge bears a quarter of the
-// weight.
+// Oracle: a slender rod released horizontally: alpha = 3 g / (2 l) = 150 rad/s^2, and the hinge carries a
+// quarter of the weight.
 TEST(Measures, OfAFallingRodAreThoseOfMechanics) {
   const std::string rest =
       "bodies: [{name: rod, mass: 0.12, inertia: [1e-4, 1e-6, 1e-4], position: [0, 0.05, 0]}]\n"
       "joints: [{name: pin, type: hinge, parent: world, child: rod, position: [0, 0, 0], axes: [{name: "
       "swing, axis: "
       "[1, 0, 0]}]}]\ngravity: [0, 0, -10]\neffects: [gravity]\nduration: 0.001\n";
-  // To the CFM.
+  // Tolerance: the compliance of the CFM.
   EXPECT_NEAR(value_of(rest, spec_of("acceleration")), 150, 1e-4);
   MeasureSpec reaction = spec_of("reaction_error");
   reaction.joint = "pin";
   EXPECT_NEAR(value_of(rest, reaction), 0.75, 1e-6);
 }
 
-// Oracle: without friction a box slides with g sin a t, where Coulomb has g (sin a - mu cos a) t.
+// Oracle: the speed of a sliding box is g (sin a - mu cos a) t with Coulomb friction, and g sin a t without.
 TEST(Measures, OfAnInclineCompareWithCoulomb) {
   const double a = 35 * M_PI / 180;
   const auto scene = [&](const char* effects) {
@@ -154,8 +154,8 @@ TEST(Measures, OfAnInclineCompareWithCoulomb) {
   EXPECT_NEAR(value_of(scene("gravity, ground_contact, friction"), deep), 1e-5, 1e-9);
 }
 
-// Oracle: the methods' orders. Against the smallest step of 0.5 ms a first-order error is C (h - 0.5
-// ms): 3.5, 1.5 and 0.5 C, a slope of 1.404.
+// Oracle: the orders of the methods. With the smallest step of 0.5 ms as reference, a first-order error is
+// C (h - 0.5 ms): 3.5, 1.5 and 0.5 C, a slope of 1.404.
 TEST(Procedures, FindTheOrderOfMethods) {
   const auto order = [](const char* kind, const std::string& solver) {
     MeasureSpec spec = spec_of(kind);
@@ -175,8 +175,8 @@ TEST(Procedures, FindTheOrderOfMethods) {
   EXPECT_GT(order("energy_order", fourth), 3.9);
 }
 
-// Oracle: the torques that went in.
-TEST(Procedures, FindTorquesBackAndTwinsApart) {
+// Oracle: the applied torques; the different velocities of the twin.
+TEST(Procedures, RecoverTorquesAndMeasureTheDistanceOfTwins) {
   const SceneMaker hand = [](const std::vector<std::string>& more) {
     std::vector<std::string> set = {"duration=0.05", "solver.step=1e-6"};
     set.insert(set.end(), more.begin(), more.end());
@@ -196,7 +196,7 @@ TEST(Procedures, FindTorquesBackAndTwinsApart) {
   EXPECT_EQ(measure_kind("repeats")->procedure(thrown, {}).value, 0);
 }
 
-/// A study of the thrown thing; `ways` and `known` as YAML lists.
+/// A study of the free body; `ways` and `known` as YAML lists.
 struct Study {
   test::TemporaryFolder folder;
   StabilitySpec spec;
@@ -216,7 +216,7 @@ constexpr const char* kWays =
     "[{name: slow, set: {bodies.0.velocity: [1, 0, 0]}}, {name: fast, set: {bodies.0.velocity: [5, 0, 0]}}]";
 
 // Oracle: the definition of the verdicts.
-TEST(StabilityStudy, FailsForWhatIsNotKnownToFallShort) {
+TEST(StabilityStudy, FailsForUnknownShortfalls) {
   const char* measures = "[{measure: top_speed, limit: \"2 m/s\"}]";
   const Study unknown(measures, kWays);
   const StabilityResult failed = run_stability(unknown.spec, {});
@@ -243,7 +243,7 @@ TEST(StabilityStudy, FailsForWhatIsNotKnownToFallShort) {
   EXPECT_EQ(held.cases[0].rows[1].verdict, StabilityVerdict::better);
 }
 
-// Oracle: the definition; a table shows the worst of the variants, files show all.
+// Oracle: the definition; the table shows the worst variant, files contain all.
 TEST(StabilityStudy, ShowsTheWorstVariantAndWritesAll) {
   const Study study(
       "[{measure: top_speed, limit: \"6 m/s\"}]", "[{name: any}]",
@@ -264,8 +264,8 @@ TEST(StabilityStudy, ShowsTheWorstVariantAndWritesAll) {
   EXPECT_EQ(std::count(csv.begin(), csv.end(), '\n'), 7);
 }
 
-// Oracle: the definition; a refusal must come and say what was asked for; a fault has its time.
-TEST(StabilityStudy, JudgesRefusalsAndFaults) {
+// Oracle: the definition; a rejection must have the expected message; a fault has a time.
+TEST(StabilityStudy, ChecksRejectionsAndFaults) {
   const Study study("[{measure: completes, limit: 0}]",
                     "[{name: good}, {name: refused, set: {bodies.0.mass: -1}, refused: bodies.0.mass}, "
                     "{name: accepted, set: {bodies.0.mass: 1}, refused: bodies.0.mass}, "
@@ -282,13 +282,13 @@ TEST(StabilityStudy, JudgesRefusalsAndFaults) {
   EXPECT_EQ(row.verdict, StabilityVerdict::fell_short);
   EXPECT_FALSE(row.value);
   ASSERT_TRUE(row.time);
-  // 1000 m/s are reached from 3 m/s after 0.997 s.
+  // With 1000 m/s^2 from 3 m/s, the limit of 1000 m/s is reached after 0.997 s.
   EXPECT_NEAR(*row.time, 0.998, 2e-3);
   EXPECT_NE(row.fault.find("thing"), std::string::npos);
 }
 
-// Oracle: the contract: all problems at once, and before anything runs.
-TEST(StabilityStudy, SaysEveryBadWayBeforeAnyRuns) {
+// Oracle: the contract: all problems at once, before any run.
+TEST(StabilityStudy, ReportsEveryInvalidWayBeforeAnyRun) {
   const Study study("[{measure: completes, limit: 0}]",
                     "[{name: good}, {name: light, set: {bodies.0.mass: -1}}, {name: guarded, set: "
                     "{solver.engine: articulated, solver.guard: true}}]");
@@ -306,8 +306,8 @@ TEST(StabilityStudy, SaysEveryBadWayBeforeAnyRuns) {
   EXPECT_EQ(ran, 0);
 }
 
-// Oracle: one seed, the same draws, each key in its range; others for another seed.
-TEST(StabilityStudy, DrawsVariantsThatRepeat) {
+// Oracle: a seed gives the same variants, another seed others; each value is in its range.
+TEST(StabilityStudy, RandomVariantsAreReproducible) {
   using From = DrawnKey::From;
   Draws draws{5,
               3,
@@ -333,9 +333,9 @@ TEST(StabilityStudy, DrawsVariantsThatRepeat) {
   EXPECT_NE(drawn_variants(draws, 1)[0].set, first[0].set);
 }
 
-// Oracle: the contract of `draws`: a variant for each draw, and a bad source of values is said with its
+// Oracle: the contract of `draws`: one run for each random variant; an invalid range is reported with its
 // place.
-TEST(StabilityStudy, RunsWhatItDraws) {
+TEST(StabilityStudy, RunsItsRandomVariants) {
   const Study study("[{measure: completes, limit: 0}]", "[{name: any}]",
                     "    draws: {count: 5, seed: 3, set: {duration: [0.01, 0.02]}}\n");
   const StabilityResult result = run_stability(study.spec, {});
