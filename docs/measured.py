@@ -269,6 +269,27 @@ def effects():
                   "largest change of a position, mm"], rows) + measured_on(data)
 
 
+def shown(estimate, digits=2):
+    """A figure with its interval."""
+    if not estimate:
+        return "-"
+    return f"{estimate['value']:.{digits}f} ({estimate['low']:.{digits}f} to {estimate['high']:.{digits}f})"
+
+
+def rollouts():
+    rows = []
+    for name in ("power_can", "pinch", "free_fall", "free_fall_articulated"):
+        data = study_json("rollouts", name, "summary.json")
+        rows.append([f"**{data['title']}**, {data['rollouts']:,} rollouts" + (" (articulated)" if "articulated" in name else ""),
+                     "", f"**{shown(data['held']['share'])}**", "", ""])
+        for key, effect in data["keys"].items():
+            ends = effect["shares"][0], effect["shares"][-1]
+            part = (lambda e: f"{e['value']}: {e['share']['value']:.2f}") if "value" in ends[0] else (
+                lambda e: f"{e['from']:.3g} to {e['to']:.3g}: {e['share']['value']:.2f}")
+            rows.append([f"`{key}`", shown(effect.get("rank_correlation")), "", *map(part, ends)])
+    return table(["varied", "rank correlation with held", "share held", "of the lowest tenth", "of the highest tenth"], rows)
+
+
 def contacts():
     path = OUT / "contacts" / "contacts" / "contacts_cost.csv"
     if not path.exists():
@@ -577,7 +598,7 @@ def peers_ahead():
 
 
 # Name of the table -> the study whose files it needs, and the function that makes it.
-TABLES = {"demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+TABLES = {"rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),

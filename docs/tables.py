@@ -93,6 +93,12 @@ STUDIES = {
                      {"run/effects.png": "effects.png"}),
     "stability": Study("13 min", {"run": ["stability", "config/stability.yaml", "--out", "{out}"]},
                        {"run/stability.png": "stability.png", "run/scenes.png": "stability_scenes.png"}),
+    "rollouts": Study("50 min", {
+        "power_can": ["rollouts", "config/rollouts_power_can.yaml", "--out", "{out}"],
+        "pinch": ["rollouts", "config/rollouts_pinch.yaml", "--out", "{out}", "--count", "1000"],
+        "free_fall": ["rollouts", "config/rollouts_free_fall.yaml", "--out", "{out}", "--count", "1000"],
+        "free_fall_articulated": ["rollouts", "config/rollouts_free_fall.yaml", "--out", "{out}", "--engine", "articulated"]},
+        {"power_can/rollouts.png": "rollouts_power_can.png"}),
     "speed": Study("4 min", {"bench": None}),
     "passes": Study("2 min", {"bench": None}),
     "pinch": Study("2 min", {"test": None}),

@@ -190,6 +190,14 @@ void add_run(CommandLine& line) {
   run.add_option("scene", arguments->scene, "scene file")->required();
   add_out(run, arguments->out, "folder for the run's files");
   add_overrides(run, arguments->overrides);
+  const auto from_0 = number_from(0, std::numeric_limits<int>::max(), true, "a whole number, from 0");
+  CLI::Option* rollout =
+      run.add_option("--rollout", arguments->rollout,
+                     "of a rollout study in the scene's place: this one, with its files and pictures")
+          ->check(from_0);
+  run.add_option("--seed", arguments->seed, "of the study, where it was run with --seed")
+      ->check(from_0)
+      ->needs(rollout);
   CLI::Option* frames =
       run.add_option("--frames", arguments->frames, "pictures over the run, and a contact sheet of them")
           ->check(number_from(0, 10000, true, "a whole number of pictures, 0 to 10000"));
@@ -313,6 +321,49 @@ void add_effects(CommandLine& line) {
   effects.add_flag("--json", arguments->json, "print effects.json in place of the table");
 }
 
+constexpr int kMostCount = 100'000'000;
+
+void add_rollouts(CommandLine& line) {
+  const auto arguments = std::make_shared<RolloutsArguments>();
+  CLI::App& rollouts =
+      line.add("rollouts",
+               "Thousands of runs of a scene, each with its own person, mass, friction or pose, on all cores "
+               "and under mpirun on many machines: one table, what makes them held, a plot",
+               "handsim rollouts config/rollouts_power_can.yaml --out out/power_can --count 100",
+               rollouts_command, arguments);
+  CLI::Option* study = rollouts.add_option("study", arguments->study, "study file");
+  CLI::Option* out =
+      rollouts.add_option("--out", arguments->out, "folder for the study's files")->check(check_path);
+  add_overrides(rollouts, arguments->overrides);
+  const auto whole = [](int least, int most) {
+    return number_from(least, most, true, fmt::format("a whole number, {} to {}", least, most));
+  };
+  rollouts.add_option("--count", arguments->count, "draws, in place of the study's")
+      ->check(whole(1, kMostCount));
+  rollouts.add_option("--seed", arguments->seed, "in place of the study's")
+      ->check(whole(0, std::numeric_limits<int>::max()));
+  rollouts.add_option("--jobs", arguments->jobs, "threads (default: as many as the machine has)")
+      ->check(whole(1, 4096));
+  rollouts.add_option("--chunk", arguments->chunk, "rollouts that are written down together (default 8)")
+      ->check(whole(1, 100'000));
+  rollouts.add_flag("--resume", arguments->resume, "go on with a study that was stopped");
+  rollouts.add_option("--shard", arguments->shard,
+                      "this share of the rollouts alone, such as 3/16, for merge");
+  CLI::App* merge = rollouts.add_subcommand("merge", "Make the table of all shards");
+  merge->footer("Example: handsim rollouts merge out/power_can");
+  merge->add_option("folders", arguments->folders, "folders of --shard runs")->required();
+  merge->add_option("--out", arguments->out, "folder for the table (default: the first of the folders)")
+      ->check(check_path);
+  rollouts.parse_complete_callback([merge, study, out] {
+    if (merge->parsed()) return;
+    for (const CLI::Option* option : {study, out})
+      if (option->empty()) throw CLI::RequiredError(option->get_name());
+  });
+  line.commands.back().second = [merge, arguments] {
+    return merge->parsed() ? merge_command(*arguments) : rollouts_command(*arguments);
+  };
+}
+
 void add_export(CommandLine& line) {
   const auto arguments = std::make_shared<ExportArguments>();
   CLI::App& command = line.add("export", "A scene's model as a file for other engines: MJCF or URDF",
@@ -374,7 +425,7 @@ int parse_and_call(int argc, const char* const* argv) {
       "Details: handsim COMMAND --help. Exit status: 0 done, all criteria held; 1 a criterion failed, the "
       "simulation diverged, or output was lost; 2 bad input.");
   for (const auto add : {add_hand, add_check, add_run, add_render, add_accuracy, add_grasp, add_effects,
-                         add_export, add_contacts, add_stability, add_schema, add_completion})
+                         add_export, add_contacts, add_stability, add_rollouts, add_schema, add_completion})
     add(line);
   try {
     app.parse(argc, argv);

@@ -38,6 +38,8 @@ struct RunArguments {
   std::filesystem::path scene;
   std::filesystem::path out;
   std::vector<std::string> overrides;
+  std::optional<int> rollout;  ///< of the study that stands in the scene's place
+  std::optional<int> seed;     ///< in place of the study's
   int frames = 0;
   std::optional<double> snapshot_at;  ///< [s]
   std::optional<std::filesystem::path> from_snapshot;
@@ -91,6 +93,20 @@ struct StabilityArguments {
   bool no_pictures = false;
 };
 int stability_command(const StabilityArguments& arguments);
+
+struct RolloutsArguments {
+  std::filesystem::path study;
+  std::filesystem::path out;
+  std::vector<std::string> overrides;  ///< of the scene
+  std::optional<int> count, seed;      ///< in place of the study's
+  int jobs = 0;
+  int chunk = 8;
+  bool resume = false;
+  std::string shard;                           ///< `3/16`; empty: the whole study
+  std::vector<std::filesystem::path> folders;  ///< of `merge`
+};
+int rollouts_command(const RolloutsArguments& arguments);
+int merge_command(const RolloutsArguments& arguments);
 
 struct EffectsArguments {
   std::filesystem::path scene;

@@ -11,6 +11,7 @@
 #include "handsim/scene/read/objects.h"
 #include "handsim/scene/read/scene_spec.h"
 #include "handsim/scene/task/tasks.h"
+#include "handsim/study/rollouts/rollouts_spec.h"
 
 namespace handsim::app {
 
@@ -41,6 +42,7 @@ constexpr std::array kReaders = {
     FileReader{"material", FileKind::material, read_root<scene::read_material_file>},
     FileReader{"anthropometry", FileKind::anthropometry, read_root<hand::read_anthropometry>},
     FileReader{"grip_norms", FileKind::grip_norms, read_root<hand::read_grip_table>},
+    FileReader{"rollouts", FileKind::rollouts, read_root<study::read_rollouts>},
     FileReader{"costs", FileKind::costs, read_root<scene::read_costs>},
 };
 

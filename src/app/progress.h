@@ -5,7 +5,10 @@
 
 #include <array>
 #include <chrono>
+#include <optional>
+#include <string>
 #include <string_view>
+#include <utility>
 
 #include "handsim/app/console.h"
 
@@ -17,7 +20,7 @@ class ProgressBar {
   ProgressBar(const ProgressBar&) = delete;
   ProgressBar& operator=(const ProgressBar&) = delete;
   ~ProgressBar() {
-    if (drawn_) print_error_text("\r                                                            \r");
+    if (drawn_) print_error_text("\r                                                                \r");
   }
 
   /// @param share of the work that is done, 0..1.
@@ -30,12 +33,25 @@ class ProgressBar {
     constexpr int kWidth = 40;
     const int full = static_cast<int>(share * kWidth);
     std::array<char, 100> text{};
-    const auto end = fmt::format_to_n(text.data(), text.size(), "\r[{:#<{}}{:.<{}}] {:3.0f} %", "", full, "",
-                                      kWidth - full, 100 * share);
+    const auto end = fmt::format_to_n(text.data(), text.size(), "\r[{:#<{}}{:.<{}}] {:3.0f} %, {:>6} left",
+                                      "", full, "", kWidth - full, 100 * share, left(now, share));
     print_error_text({text.data(), end.size});
   }
 
  private:
+  /// `40 s`, `12 min`, `3.2 h`: at the speed since the first share that was shown, which a resumed study has
+  /// from before.
+  std::string left(std::chrono::steady_clock::time_point now, double share) {
+    if (!first_) first_ = {now, share};
+    const double gone = std::chrono::duration<double>(now - first_->first).count();
+    if (gone < 1 || share <= first_->second) return "?";
+    const double seconds = gone * (1 - share) / (share - first_->second);
+    return seconds < 100    ? fmt::format("{:.0f} s", seconds)
+           : seconds < 6000 ? fmt::format("{:.0f} min", seconds / 60)
+                            : fmt::format("{:.3g} h", seconds / 3600);
+  }
+
+  std::optional<std::pair<std::chrono::steady_clock::time_point, double>> first_;
   bool terminal_ = isatty(STDERR_FILENO) == 1;
   bool drawn_ = false;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();

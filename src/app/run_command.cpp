@@ -7,6 +7,7 @@
 #include "handsim/app/console.h"
 #include "handsim/app/overlaps.h"
 #include "handsim/app/progress.h"
+#include "handsim/app/rollouts_command.h"
 #include "handsim/core/units.h"
 #include "handsim/engine/contact/overlap.h"
 #include "handsim/model/kinematics.h"
@@ -16,6 +17,7 @@
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/simulation/watch/state_hash.h"
+#include "handsim/study/rollouts/rollout_study.h"
 
 namespace handsim::app {
 
@@ -131,10 +133,24 @@ void print_failures(const simulation::RunResult& result) {
                   v.where.empty() || v.missed() ? "" : fmt::format(" ({} at {:.3f} s)", v.where, v.time));
 }
 
+/// A scene, or one of a study's rollouts.
+/// @param stop_lost whether the study ends a run that is decided.
+scene::Scene scene_of(const RunArguments& arguments, bool& stop_lost) {
+  if (!arguments.rollout) return scene::load_scene(arguments.scene, arguments.overrides);
+  RolloutsArguments of;
+  of.study = arguments.scene;
+  of.overrides = arguments.overrides;
+  of.seed = arguments.seed;
+  const study::RolloutStudy study(rollouts_of(of));
+  stop_lost = study.spec().stop_lost;
+  return study.scene(*arguments.rollout);
+}
+
 }  // namespace
 
 int run_scene_command(const RunArguments& arguments) {
-  const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
+  bool stop_lost = false;
+  const scene::Scene scene = scene_of(arguments, stop_lost);
   print_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty() && !arguments.quiet && !arguments.json)
     print("engine auto: {}\n", scene.spec.engine_choice);
@@ -143,6 +159,7 @@ int run_scene_command(const RunArguments& arguments) {
     ProgressBar bar;
     simulation::RunOptions options;
     options.out = arguments.out;
+    options.stop_lost = stop_lost;
     options.frames = arguments.frames;
     options.pose_pictures = arguments.poses;
     options.plots = arguments.plots;

@@ -75,7 +75,7 @@ const std::vector<Usage> kUsages = {
     {"UnknownCommand",
      {"rum"},
      "command: got rum, need one of hand, check, run, render, accuracy, grasp, effects, export, contacts, "
-     "stability, schema, completion (nearest: run)"},
+     "stability, rollouts, schema, completion (nearest: run)"},
     {"UnknownOption", run_with({"--fast"}), "--fast"},
     {"RunWithoutOut", {"run", kScene}, "--out is required"},
     {"RunWithoutScene", {"run", "--out", "OUT"}, "scene is required"},

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 
-#include "handsim/environment/draws.h"
 #include "handsim/model/kinematics.h"
 #include "scene_files.h"
 
@@ -247,15 +246,6 @@ TEST(Seeds, DrawTheSameNumbersAgainAndOthersBesides) {
   // Standard errors: 0.115 / sqrt(2000).
   EXPECT_NEAR(mean, 0.3, 4 * 0.0026);
   EXPECT_NEAR(std::sqrt(square - mean * mean), 0.4 / std::sqrt(12), 0.006);
-}
-
-// Oracle: Random123's known answers (kat_vectors, philox4x64 10 rounds).
-TEST(Draws, ArePhilox) {
-  const RandomWords zero = philox({0, 0, 0, 0}, {0, 0});
-  EXPECT_EQ(zero[0], 0x16554d9eca36314cU);
-  EXPECT_EQ(zero[1], 0xdb20fe9d672d0fdcU);
-  EXPECT_EQ(zero[2], 0xd7e772cee186176bU);
-  EXPECT_EQ(zero[3], 0x7e68b68aec7ba23bU);
 }
 
 // Oracle: momentum. What the hand is pushed with in a step is what its momentum and weight say.

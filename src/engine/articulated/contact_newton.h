@@ -34,7 +34,7 @@
 namespace handsim::engine::articulated {
 
 /// Up to so many contacts are solved without allocating memory.
-inline constexpr std::size_t kUsualContacts = 64;
+inline constexpr std::size_t kUsualContacts = 16;
 inline constexpr std::size_t kMostRows = 6;  ///< of a contact
 
 /// Rows whose impulse lies in a disc of radius `coefficient` times the normal impulse: two rows of sliding or

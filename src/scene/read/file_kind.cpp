@@ -17,7 +17,7 @@ struct Row {
 };
 
 /// Scenes first, because they may contain the others; materials last, because objects also have `friction`.
-constexpr std::array<Row, 12> kRows = {{
+constexpr std::array<Row, 13> kRows = {{
     {FileKind::scene, "a scene", "hands, effects, duration", {"hands", "objects", "bodies"}},
     {FileKind::person, "a person", "stature, mass, sex", {"stature"}},
     {FileKind::hand_model, "a hand model", "anthropometry, palm, wrist, segments", {"segments"}},
@@ -28,6 +28,7 @@ constexpr std::array<Row, 12> kRows = {{
     {FileKind::object, "an object", "shape or parts, mass or density", {"shape", "parts"}},
     {FileKind::grip_norms, "a table of grip strength", "source, norms", {"norms"}},
     {FileKind::stability, "a stability study", "cases", {"cases"}},
+    {FileKind::rollouts, "a rollout study", "scene, vary, count", {"vary"}},
     {FileKind::costs, "a table of what accuracy costs", "kinds", {"kinds"}},
     {FileKind::material, "a material", "friction, stiffness, damping", {"friction"}},
 }};

@@ -21,7 +21,8 @@ enum class FileKind {
   object,
   grip_norms,
   material,
-  costs
+  costs,
+  rollouts
 };
 
 /// `a scene`, `a person`, ...

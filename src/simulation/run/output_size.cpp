@@ -118,4 +118,12 @@ std::optional<std::string> check_room(const scene::Scene& scene, const OutputSiz
                      size_text(size.total()), out.string(), size.rows);
 }
 
+void check_free(double bytes, const std::filesystem::path& out, const std::string& remedy) {
+  if (const std::optional<double> free = free_bytes(out); free && bytes > *free)
+    throw input_error("--out",
+                      fmt::format("about {} to write to {}, where {} are free", size_text(bytes),
+                                  out.string(), size_text(*free)),
+                      remedy + ", or more room");
+}
+
 }  // namespace handsim::simulation

@@ -37,4 +37,8 @@ OutputSize output_size(const scene::Scene& scene, long first, long last, int fra
 std::optional<std::string> check_room(const scene::Scene& scene, const OutputSize& size,
                                       const std::filesystem::path& out);
 
+/// @param remedy what writes less. @throws Error (input) where so many bytes do not fit where `out` is or is
+/// to be.
+void check_free(double bytes, const std::filesystem::path& out, const std::string& remedy);
+
 }  // namespace handsim::simulation

@@ -134,12 +134,6 @@ void continue_from(Simulation& simulation, const std::filesystem::path& file, do
   result.continued_from = simulation.state().time;
 }
 
-/// Nothing is left to measure: every climb has failed, and the scene has no grasp.
-bool over(const Simulation& simulation) {
-  const Climbs* climbs = simulation.find<Climbs>();
-  return climbs && climbs->over() && !simulation.find<Grasps>();
-}
-
 /// The caller's scene, which outlives the run.
 Simulation simulation_of(const scene::Scene& scene, MakeWatchers watchers) {
   return Simulation(std::shared_ptr<const scene::Scene>(std::shared_ptr<void>(), &scene),
@@ -157,7 +151,7 @@ void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options,
     if (snapshot == i) write_snapshot(simulation.snapshot(), options.out / "snapshot.bin");
   };
   record(simulation.steps());
-  for (long i = simulation.steps() + 1; i <= steps && !over(simulation); ++i) {
+  for (long i = simulation.steps() + 1; i <= steps && !over(simulation, options.stop_lost); ++i) {
     try {
       simulation.step();
     } catch (const Error& error) {
@@ -186,6 +180,13 @@ void check_controlled(const scene::Scene& scene, const RunOptions& options) {
 }
 
 }  // namespace
+
+bool over(const Simulation& simulation, bool stop_lost) {
+  const Grasps* grasps = simulation.find<Grasps>();
+  if (stop_lost && grasps && grasps->decided(simulation.state().time)) return true;
+  const Climbs* climbs = simulation.find<Climbs>();
+  return climbs && climbs->over() && !grasps;
+}
 
 bool RunResult::judged() const {
   return std::any_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.limit.has_value(); });

@@ -23,6 +23,8 @@
 
 namespace handsim::simulation {
 
+class Simulation;
+
 struct RunOptions {
   std::filesystem::path out;   ///< folder for the run's files; created if it is missing
   int frames = 0;              ///< pictures over the run; 0: no OpenGL context is created
@@ -34,6 +36,8 @@ struct RunOptions {
   /// Continues from this snapshot file: tables and pictures are of the rest of the scene, the summary of the
   /// whole.
   std::optional<std::filesystem::path> from_snapshot;
+  /// Ends the run once a grasped object has moved too far or is lost.
+  bool stop_lost = false;
   /// Expected hash of the states (state_hash.h).
   std::optional<std::uint64_t> expected_hash;
   /// Draws in a child process (output/child.h), so that a lack of memory ends only the drawing.
@@ -68,6 +72,10 @@ struct RunResult {
   bool failed() const;  ///< the figure of a criterion is beyond its limit
   bool missed() const;  ///< a criterion has no figure
 };
+
+/// Nothing is left to measure: every climb has failed, and the scene has no grasp; or, where asked for, a
+/// grasped object is lost.
+bool over(const Simulation& simulation, bool stop_lost);
 
 /// Runs the scene and writes its files.
 /// @throws Error (input) if the folder cannot be used (output_folder.h), the resolved scene is too large

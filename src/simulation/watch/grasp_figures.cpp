@@ -255,6 +255,11 @@ bool Grasps::failed() const {
                      [](const GraspWatch& grasp) { return grasp.figures().failed(); });
 }
 
+bool Grasps::decided(double now) const {
+  return failed() || std::any_of(grasps_.begin(), grasps_.end(),
+                                 [now](const GraspWatch& grasp) { return grasp.figures().lost(now); });
+}
+
 /// Movements of grasped objects are always judged. An object that is lost has failed, however the run goes
 /// on.
 void Grasps::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const {

@@ -21,6 +21,8 @@ inline constexpr double kHeldTurn = 2 * 0.017453292519943295;  ///< after the sh
 inline constexpr double kShakenShift = 5e-3;                   ///< at any time of the shake [m]
 /// Time span at the end of the hold over which the slip speed is measured [s].
 inline constexpr double kSlipSpan = 4;
+/// An object that no part of the hand has touched for so long is lost [s]: it has fallen 0.3 m.
+inline constexpr double kLostSpan = 0.25;
 
 /// The grip at one time.
 struct Grip {
@@ -64,6 +66,8 @@ struct GraspFigures {
   bool hold_measured() const { return hold.time > 0; }
   /// True if the object has moved beyond the limit of the shake, so that the grasp cannot be held any more.
   bool failed() const { return shaken_shift > kShakenShift; }
+  /// The hand has let go of the object. @param now time of the run [s]
+  bool lost(double now) const { return left && now - left_time >= kLostSpan; }
   Outcome outcome() const;
   /// Smallest distance to a limit, as a share of the limit; negative beyond it.
   double margin() const;
@@ -120,6 +124,8 @@ class Grasps final : public Watcher {
   std::vector<GraspFigures> figures() const;
   /// True if an object has already moved too far.
   bool failed() const;
+  /// An object has moved too far or is lost: the rest of the run cannot mend it. @param now its time [s]
+  bool decided(double now) const;
 
  private:
   std::vector<GraspWatch> grasps_;

@@ -1,0 +1,127 @@
+#include "handsim/app/rollouts_command.h"
+
+#include <atomic>
+#include <csignal>
+#include <optional>
+
+#include <fmt/format.h>
+
+#include "handsim/app/console.h"
+#include "handsim/app/progress.h"
+#include "handsim/core/units.h"
+#include "handsim/output/output_folder.h"
+#include "handsim/study/rollouts/rollouts.h"
+
+namespace handsim::app {
+
+namespace {
+
+std::atomic<bool> stop_asked = false;
+
+/// Ctrl-C and the end of a job's time: what is done is written down, and the program ends by itself. A second
+/// Ctrl-C ends it at once.
+void stop_at_signals() {
+  struct sigaction action {};
+  action.sa_handler = [](int) { stop_asked = true; };
+  action.sa_flags = static_cast<int>(SA_RESETHAND);
+  for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
+}
+
+study::Shard shard_of(const std::string& text) {
+  if (text.empty()) return {};
+  const std::size_t slash = text.find('/');
+  const auto k = parse_number(text.substr(0, slash));
+  const auto n = slash == std::string::npos ? std::nullopt : parse_number(text.substr(slash + 1));
+  const auto whole = [](const std::optional<double>& x) {
+    return x && *x == static_cast<int>(*x) && *x >= 1;
+  };
+  if (!whole(k) || !whole(n) || *k > *n || *n > 1e6)
+    throw input_error("--shard", text, "k/n with k from 1 to n, such as 3/16");
+  return {static_cast<int>(*k), static_cast<int>(*n)};
+}
+
+/// The rows are of the other ranks' making; this one's problems are those that rank 0 tells.
+int work_for_rank_0(const RolloutsArguments& arguments, study::Ranks& ranks) {
+  try {
+    const study::RolloutStudy study(rollouts_of(arguments));
+    study::serve_rollouts(study, ranks, stop_asked);
+  } catch (const std::exception& error) {
+    ranks.fail(error.what());
+  }
+  return 0;
+}
+
+void print_end(const study::RolloutsResult& result, const std::filesystem::path& out) {
+  print("  {} rollouts in {:.3g} s", result.computed, result.wall);
+  if (result.wall > 0 && result.computed > 0)
+    print(" ({:.3g} a second)", static_cast<double>(result.computed) / result.wall);
+  print("; files in {}", out.string());
+}
+
+}  // namespace
+
+study::RolloutsSpec rollouts_of(const RolloutsArguments& arguments) {
+  study::RolloutsSpec spec = study::load_rollouts(arguments.study);
+  spec.set.insert(spec.set.end(), arguments.overrides.begin(), arguments.overrides.end());
+  if (arguments.count) spec.count = *arguments.count;
+  if (arguments.seed) spec.seed = *arguments.seed;
+  return spec;
+}
+
+int rollouts_command(const RolloutsArguments& arguments) {
+  study::Ranks ranks;
+  stop_at_signals();
+  if (ranks.rank() > 0) return work_for_rank_0(arguments, ranks);
+  study::RolloutOptions options;
+  options.out = arguments.out;
+  options.threads = arguments.jobs;
+  options.chunk = arguments.chunk;
+  options.resume = arguments.resume;
+  options.shard = shard_of(arguments.shard);
+  const study::RolloutStudy study(rollouts_of(arguments));
+  const std::filesystem::path where = study::shard_folder(options);
+  const output::OutputFolder folder(where, study::rollout_files(), [&] {
+    std::vector<std::filesystem::path> files = study.files();
+    files.push_back(arguments.study);
+    return files;
+  });
+  if (arguments.resume && study::is_complete(study, where)) {
+    print("complete already: files in {}\n", where.string());
+    return 0;
+  }
+  study::RolloutsResult result;
+  {
+    ProgressBar bar;
+    options.progress = [&bar](double share) { bar.show(share); };
+    result = study::run_rollouts(study, options, ranks, stop_asked, [&] { folder.clear(); });
+  }
+  if (result.done < result.size) {
+    print_error("stopped: {} of {} rollouts are done; the same command with --resume goes on\n", result.done,
+                result.size);
+    return 1;
+  }
+  if (!options.shard.whole()) {
+    print("shard {}: {} rollouts of {} are done; handsim rollouts merge {} makes the table of all\n",
+          arguments.shard, result.done, study.size(), arguments.out.string());
+    return 0;
+  }
+  print_text(study::rollouts_screen(result.table));
+  print_end(result, arguments.out);
+  const PlotNote note = plot_note(result.plotted);
+  print("{}\n", note.text);
+  return note.status;
+}
+
+int merge_command(const RolloutsArguments& arguments) {
+  const std::filesystem::path out = arguments.out.empty() ? arguments.folders.front() : arguments.out;
+  const study::Table table = study::merge_shards(arguments.folders);
+  const output::OutputFolder folder(out, study::rollout_files());
+  folder.clear();
+  const bool plotted = study::write_rollouts(table, out);
+  print_text(study::rollouts_screen(table));
+  const PlotNote note = plot_note(plotted);
+  print("  files in {}{}\n", out.string(), note.text);
+  return note.status;
+}
+
+}  // namespace handsim::app

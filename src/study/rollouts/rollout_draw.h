@@ -1,0 +1,40 @@
+// What one rollout changes in its scene.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/study/rollouts/rollout_table.h"
+#include "handsim/study/rollouts/rollouts_spec.h"
+
+namespace handsim::study {
+
+/// A varied key in one scene.
+struct BoundKey {
+  VariedKey key;
+  std::vector<std::string> paths;  ///< of the scene; several where the key has `*`
+  std::vector<double> mean;        ///< of normal
+  std::vector<Column> columns;     ///< that it fills
+  bool numbers = false;            ///< its levels are numbers, SI
+};
+
+/// A value of a key.
+struct Drawn {
+  std::string yaml;
+  std::vector<Cell> cells;
+};
+
+/// @param scene the resolved scene without any of the changes.
+/// @throws Error (input) at the key's place where its path leads to no list that `*` could stand for, or a
+///         normal distribution has no mean.
+BoundKey bind(const VariedKey& key, const YamlNode& scene);
+
+/// @param draw number of the draw. @param level of a key with levels.
+Drawn draw(const BoundKey& key, int seed, long draw, std::size_t level);
+
+/// Values that show whether the scene takes the key's range and units: the ends of ranges, every level (of
+/// more than fifty numbers the first and the last).
+std::vector<std::string> probes(const BoundKey& key);
+
+}  // namespace handsim::study

@@ -1,0 +1,283 @@
+#include "handsim/study/rollouts/rollout_study.h"
+
+#include <algorithm>
+#include <map>
+
+#include <fmt/format.h>
+
+#include "handsim/core/version.h"
+#include "handsim/output/table/csv_rows.h"
+#include "handsim/simulation/fingerprint.h"
+#include "handsim/simulation/run/output_size.h"
+#include "handsim/simulation/run/run.h"
+#include "handsim/simulation/simulation.h"
+#include "handsim/study/rollouts/rollout_figures.h"
+
+namespace handsim::study {
+
+namespace {
+
+using simulation::Simulation;
+
+constexpr long kMostRollouts = 1'000'000'000;
+const std::vector<Column> kOutcome = {{"held", ColumnRole::outcome, false},
+                                      {"ended", ColumnRole::outcome, true},
+                                      {"ended_at[s]", ColumnRole::outcome, false}};
+const std::vector<Column> kLast = {{"error", ColumnRole::outcome, true},
+                                   {"state_hash", ColumnRole::outcome, true}};
+
+/// Puts each file that a value of the scene names in its place, so that no rollout reads it again.
+/// @param resolved the same value after the scene was read.
+void follow_files(YamlNode& node, const YamlNode& resolved) {
+  const bool names_file = node.kind == YamlNode::Kind::scalar && resolved.kind == YamlNode::Kind::map;
+  if (names_file && resolved.file && *resolved.file != node.place().file) {
+    YamlBudget budget;
+    follow_reference(node, "scene", budget);
+  }
+  for (YamlEntry& entry : node.entries)
+    if (const YamlNode* same = resolved.find(entry.key)) follow_files(entry.value, *same);
+  for (std::size_t i = 0; i < std::min(node.items.size(), resolved.items.size()); ++i)
+    follow_files(node.items[i], resolved.items[i]);
+}
+
+std::string on_one_line(std::string text) {
+  for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos;) text.replace(at, 1, "; ");
+  return text;
+}
+
+/// A problem of a value that the study has put into the scene belongs to the study's key.
+Problem at_key(const Problem& problem, const std::vector<BoundKey>& keys) {
+  Problem out = problem;
+  for (const BoundKey& bound : keys)
+    for (const std::string& path : bound.paths)
+      if (problem.place && problem.place->file == "--set " + path) {
+        out.place = bound.key.place;
+        out.key = "vary." + bound.key.key;
+        if (problem.key != path) out.got = fmt::format("{}: {}", problem.key, problem.got);
+      }
+  return out;
+}
+
+std::vector<double> numbers_of(std::string_view row) {
+  std::vector<double> out;
+  for (std::size_t from = 0; from < row.size();) {
+    const std::size_t end = std::min(row.find_first_of(",\n", from), row.size());
+    out.push_back(parse_number(row.substr(from, end - from)).value_or(0));
+    from = end + 1;
+  }
+  return out;
+}
+
+std::vector<std::string> names_of(std::string_view head) {
+  std::vector<std::string> out;
+  for (std::size_t from = 0; from < head.size();) {
+    const std::size_t end = std::min(head.find_first_of(",\n", from), head.size());
+    out.emplace_back(head.substr(from, end - from));
+    from = end + 1;
+  }
+  return out;
+}
+
+void record(const Simulation& simulation, Trajectory& out) {
+  const long every = simulation::record_steps(simulation.scene().spec);
+  if (simulation.steps() % every != 0) return;
+  if (out.columns.empty()) out.columns = names_of(output::trajectory_head(simulation.model()));
+  const std::vector<double> row = numbers_of(output::trajectory_row(simulation.state()));
+  out.values.insert(out.values.end(), row.begin(), row.end());
+}
+
+/// A run's cells, by the name of their column.
+struct Outcome {
+  std::map<std::string, Cell> cells;
+  bool stopped = false;
+};
+
+void take_figures(const Simulation& simulation, bool diverged, Outcome& out) {
+  for (auto& [name, cell] : figures_of(simulation)) out.cells[name] = std::move(cell);
+  if (const auto held = is_held(simulation, diverged)) out.cells["held"] = *held ? 1.0 : 0.0;
+  out.cells["ended"] = diverged ? "diverged" : ended(simulation);
+  out.cells["ended_at[s]"] = simulation.state().time;
+  out.cells["state_hash"] = simulation::hash_text(simulation.state_hash());
+}
+
+/// To the end, or to what ends it.
+Outcome run_to_end(Simulation& simulation, bool stop_lost, const std::atomic<bool>& stop,
+                   std::optional<Trajectory>& trajectory) {
+  Outcome out;
+  bool diverged = false;
+  try {
+    if (trajectory) record(simulation, *trajectory);
+    const long steps = simulation.step_count();
+    while (simulation.steps() < steps && !over(simulation, stop_lost)) {
+      if (stop.load(std::memory_order_relaxed)) return {{}, true};
+      simulation.step();
+      if (trajectory) record(simulation, *trajectory);
+    }
+  } catch (const Error& error) {
+    if (!error.fault()) throw;
+    diverged = true;
+    out.cells["error"] = on_one_line(error.what());
+  }
+  take_figures(simulation, diverged, out);
+  return out;
+}
+
+}  // namespace
+
+RolloutStudy::RolloutStudy(RolloutsSpec spec) : spec_(std::move(spec)) {
+  const scene::Scene base = scene::load_scene(spec_.scene, spec_.set);
+  files_ = scene::files_read(base);
+  Diagnostics diagnostics;
+  root_ = load_yaml(spec_.scene, diagnostics.budget);
+  for (const std::string& assignment : spec_.set) apply_override(root_, assignment, diagnostics.budget);
+  follow_files(root_, base.resolved);
+  for (const VariedKey& key : spec_.vary) {
+    try {
+      keys_.push_back(bind(key, base.resolved));
+    } catch (const Error& error) {
+      diagnostics.add(error);
+    }
+  }
+  diagnostics.throw_if_any();
+  double size = spec_.count;
+  for (const BoundKey& bound : keys_)
+    if (bound.key.from == VariedKey::From::levels) {
+      combinations_ *= static_cast<long>(bound.key.levels.size());
+      size *= static_cast<double>(bound.key.levels.size());
+      if (size > static_cast<double>(kMostRollouts))
+        throw input_error("count", fmt::format("{:g} rollouts with all levels", size),
+                          fmt::format("at most {}", kMostRollouts));
+    }
+  head_.size = spec_.count * combinations_;
+  check_keys();
+}
+
+scene::Scene RolloutStudy::compile(const std::vector<std::string>& overrides) const {
+  YamlNode root = root_;
+  YamlBudget budget;
+  for (const std::string& assignment : overrides) apply_override(root, assignment, budget);
+  return scene::compile_scene(std::move(root));
+}
+
+/// Each value that is probed, beside the first one of every other key.
+void RolloutStudy::check_keys() {
+  std::vector<std::vector<std::string>> values;
+  for (const BoundKey& bound : keys_) values.push_back(probes(bound));
+  std::vector<Problem> problems;
+  const auto check = [&](std::size_t key, std::size_t value) {
+    std::vector<std::string> overrides;
+    for (std::size_t k = 0; k < keys_.size(); ++k)
+      for (const std::string& path : keys_[k].paths)
+        overrides.push_back(path + "=" + values[k][k == key ? value : 0]);
+    try {
+      take_sample(compile(overrides));
+    } catch (const Error& error) {
+      for (const Problem& problem : error.problems()) problems.push_back(at_key(problem, keys_));
+      return false;
+    }
+    return true;
+  };
+  // Where the first values are refused, so are all others.
+  if (check(0, 0))
+    for (std::size_t k = 0; k < keys_.size(); ++k)
+      for (std::size_t v = 1; v < values[k].size(); ++v) check(k, v);
+  if (!problems.empty()) throw Error(std::move(problems));
+  make_head();
+}
+
+/// Other levels may have figures of their own, and name files of their own.
+void RolloutStudy::take_sample(const scene::Scene& scene) {
+  scene_hash_ = hash_bytes(emit_yaml(scene::standalone(scene.resolved, scene.inputs)), scene_hash_);
+  for (const scene::InputFile& input : scene.inputs) scene_hash_ = hash_bytes(*input.bytes, scene_hash_);
+  for (std::filesystem::path& file : scene::files_read(scene))
+    if (std::find(files_.begin(), files_.end(), file) == files_.end()) files_.push_back(std::move(file));
+  try {
+    for (const auto& [name, cell] : figures_of(Simulation(scene))) {
+      const bool text = name.ends_with("outcome") || name.ends_with("last_touched_by");
+      const Column column = {name, ColumnRole::figure, text};
+      if (std::find(figures_.begin(), figures_.end(), column) == figures_.end()) figures_.push_back(column);
+    }
+  } catch (const Error& error) {
+    refused_ = error.what();
+  }
+}
+
+void RolloutStudy::make_head() {
+  // An object may start within the hand of some persons, but not of all.
+  if (figures_.empty())
+    throw input_error(spec_.scene.string(), refused_, "a scene that some rollout can run");
+  head_.title = spec_.title;
+  head_.seed = std::to_string(spec_.seed);
+  std::vector<Column>& columns = head_.columns;
+  const auto add = [&](const std::vector<Column>& more) {
+    columns.insert(columns.end(), more.begin(), more.end());
+  };
+  add({{"rollout", ColumnRole::index, false}});
+  for (const BoundKey& bound : keys_) add(bound.columns);
+  add(kOutcome);
+  std::vector<std::string> names;
+  for (const Column& column : figures_) names.push_back(column.name);
+  const auto wanted = [&](const std::string& name) {
+    return spec_.figures.empty() ||
+           std::find(spec_.figures.begin(), spec_.figures.end(), name) != spec_.figures.end();
+  };
+  for (const std::string& name : spec_.figures)
+    if (std::find(names.begin(), names.end(), name) == names.end())
+      throw input_error("record.figures", name, need_word(name, names));
+  for (const Column& column : figures_)
+    if (wanted(column.name)) columns.push_back(column);
+  add(kLast);
+  std::string study = fmt::format("{} {}\n", spec_.count, spec_.seed) + emit_yaml(spec_.resolved);
+  for (const std::string& assignment : spec_.set) study += "\n" + assignment;
+  head_.origin = {fmt::format("study {:016x}", hash_bytes(study)), fmt::format("scene {:016x}", scene_hash_),
+                  fmt::format("handsim {}, commit {}, {}", kVersion, kCommit, kOde),
+                  simulation::mathematics()};
+}
+
+RolloutStudy::Choice RolloutStudy::choose(long rollout) const {
+  if (rollout < 0 || rollout >= size())
+    throw input_error("--rollout", std::to_string(rollout), fmt::format("0 to {}", size() - 1));
+  Choice out;
+  const long number = rollout / combinations_;
+  long rest = rollout % combinations_;
+  for (const BoundKey& bound : keys_) {
+    std::size_t level = 0;
+    if (bound.key.from == VariedKey::From::levels) {
+      const long levels = static_cast<long>(bound.key.levels.size());
+      level = static_cast<std::size_t>(rest % levels);
+      rest /= levels;
+    }
+    Drawn drawn = draw(bound, spec_.seed, number, level);
+    for (const std::string& path : bound.paths) out.overrides.push_back(path + "=" + drawn.yaml);
+    out.cells.insert(out.cells.end(), drawn.cells.begin(), drawn.cells.end());
+  }
+  return out;
+}
+
+std::vector<std::string> RolloutStudy::overrides(long rollout) const { return choose(rollout).overrides; }
+
+scene::Scene RolloutStudy::scene(long rollout) const { return compile(overrides(rollout)); }
+
+std::optional<Row> RolloutStudy::run(long rollout, const std::atomic<bool>& stop) const {
+  Choice choice = choose(rollout);
+  Row row;
+  row.rollout = rollout;
+  if (rollout < spec_.trajectories) row.trajectory.emplace();
+  Outcome outcome;
+  try {
+    Simulation simulation(compile(choice.overrides));
+    outcome = run_to_end(simulation, spec_.stop_lost, stop, row.trajectory);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::input) throw;
+    row.trajectory.reset();
+    outcome.cells = {{"ended", "refused"}, {"error", on_one_line(error.what())}};
+  }
+  if (outcome.stopped) return std::nullopt;
+  row.cells.emplace_back(static_cast<double>(rollout));
+  row.cells.insert(row.cells.end(), choice.cells.begin(), choice.cells.end());
+  for (std::size_t i = row.cells.size(); i < head_.columns.size(); ++i)
+    row.cells.push_back(std::move(outcome.cells[head_.columns[i].name]));
+  return row;
+}
+
+}  // namespace handsim::study

@@ -1,0 +1,247 @@
+#include "handsim/study/rollouts/rollouts.h"
+
+#include <algorithm>
+#include <chrono>
+#include <mutex>
+#include <thread>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "handsim/core/input_file.h"
+#include "handsim/output/atomic_file.h"
+#include "handsim/simulation/run/output_size.h"
+#include "handsim/study/report.h"
+
+namespace handsim::study {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Bytes of a number in the journal, in CSV and in HDF5 together.
+constexpr double kCellBytes = 16 + 19 + 8;
+/// The same of one in a trajectory, which is not in CSV.
+constexpr double kStateBytes = 8 + 8;
+constexpr std::size_t kMostSummary = std::size_t{1} << 26U;
+
+long shard_size(long size, const Shard& shard) { return (size - shard.k + shard.n) / shard.n; }
+
+/// Hands out the rollouts that are not done, and keeps what comes back.
+class WorkQueue {
+ public:
+  /// @param done rollouts whose rows are there.
+  WorkQueue(const RolloutStudy& study, const RolloutOptions& options, Journal& journal,
+            const std::vector<Row>& rows)
+      : options_(options),
+        journal_(journal),
+        size_(shard_size(study.size(), options.shard)),
+        done_(static_cast<std::size_t>(size_)) {
+    for (const Row& row : rows) {
+      if (row.rollout >= study.size() || row.rollout % options.shard.n != options.shard.k - 1)
+        throw input_error(kJournalName, fmt::format("rollout {}", row.rollout), "those of this shard");
+      done_[place(row.rollout)] = true;
+    }
+    count_ = std::count(done_.begin(), done_.end(), true);
+    before_ = count_;
+  }
+
+  /// The next chunk; empty where all are handed out.
+  std::vector<long> next() {
+    const std::lock_guard lock(mutex_);
+    std::vector<long> out;
+    for (; next_ < size_ && static_cast<int>(out.size()) < options_.chunk; ++next_)
+      if (!done_[static_cast<std::size_t>(next_)])
+        out.push_back(options_.shard.k - 1 + next_ * options_.shard.n);
+    return out;
+  }
+  void take(const std::vector<Row>& rows) {
+    if (rows.empty()) return;
+    const std::lock_guard lock(mutex_);
+    journal_.add(rows);
+    count_ += static_cast<long>(rows.size());
+    if (options_.progress) options_.progress(static_cast<double>(count_) / static_cast<double>(size_));
+  }
+  long size() const { return size_; }
+  long done() const { return count_; }
+  long computed() const { return count_ - before_; }
+
+ private:
+  std::size_t place(long rollout) const { return static_cast<std::size_t>(rollout / options_.shard.n); }
+
+  const RolloutOptions& options_;
+  Journal& journal_;
+  long size_, next_ = 0, count_ = 0, before_ = 0;
+  std::vector<bool> done_;
+  std::mutex mutex_;
+};
+
+std::vector<Row> compute(const RolloutStudy& study, const std::vector<long>& chunk,
+                         const std::atomic<bool>& stop) {
+  std::vector<Row> out;
+  for (const long rollout : chunk)
+    if (auto row = study.run(rollout, stop))
+      out.push_back(std::move(*row));
+    else
+      break;
+  return out;
+}
+
+/// Chunk after chunk in each thread. The first exception ends all, and is thrown.
+void run_threads(const RolloutStudy& study, int threads, WorkQueue& queue, const std::atomic<bool>& stop) {
+  std::exception_ptr error;
+  std::mutex mutex;
+  std::atomic<bool> failed = false;
+  const auto work = [&] {
+    try {
+      for (std::vector<long> chunk = queue.next(); !chunk.empty() && !stop && !failed; chunk = queue.next())
+        queue.take(compute(study, chunk, stop));
+    } catch (...) {
+      failed = true;
+      const std::lock_guard lock(mutex);
+      if (!error) error = std::current_exception();
+    }
+  };
+  if (threads <= 0) threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  std::vector<std::thread> others;
+  for (int i = 1; i < threads; ++i) others.emplace_back(work);
+  work();
+  for (std::thread& thread : others) thread.join();
+  if (error) std::rethrow_exception(error);
+}
+
+std::string rows_bytes(const std::vector<Row>& rows) {
+  ArchiveWriter out;
+  out.list(rows, [](ArchiveWriter& to, const Row& row) { save(to, row); });
+  return out.take();
+}
+
+std::vector<Row> rows_of(const std::string& bytes) {
+  ArchiveReader in(bytes, "rows of a rank");
+  std::vector<Row> out;
+  for (std::size_t n = in.size(); n > 0; --n) out.push_back(read_row(in));
+  return out;
+}
+
+std::string origin_text(const TableHead& head) { return fmt::format("{}", fmt::join(head.origin, "\n")); }
+
+/// @throws Error (input) where two are of different studies.
+void check_same(const TableHead& found, const TableHead& wanted, const std::string& file, const char* need) {
+  std::vector<std::string> other;
+  for (const std::string& part : found.origin)
+    if (std::find(wanted.origin.begin(), wanted.origin.end(), part) == wanted.origin.end())
+      other.push_back(part);
+  if (!other.empty() || found.size != wanted.size || found.columns != wanted.columns)
+    throw input_error(file, fmt::format("one of another study or build ({})", fmt::join(other, "; ")), need);
+}
+
+/// What this shard will write; refuses what does not fit.
+void check_space(const RolloutStudy& study, const RolloutOptions& options) {
+  const double rows = static_cast<double>(shard_size(study.size(), options.shard));
+  double bytes = rows * static_cast<double>(study.head().columns.size()) * kCellBytes;
+  if (const int recorded = study.spec().trajectories; recorded > 0) {
+    const scene::Scene scene = study.scene(0);
+    const auto steps = scene.spec.duration / scene.spec.solver.step;
+    const double width =
+        1 + 2.0 * scene.model.dof_count() + 7.0 * static_cast<double>(scene.model.bodies.size() - 1);
+    bytes += std::min<double>(recorded, rows) * kStateBytes * width * steps /
+             static_cast<double>(simulation::record_steps(scene.spec));
+  }
+  simulation::check_free(bytes, options.out, "fewer rollouts or trajectories");
+}
+
+}  // namespace
+
+fs::path shard_folder(const RolloutOptions& options) {
+  const Shard& shard = options.shard;
+  return shard.whole() ? options.out : options.out / fmt::format("shard_{:02}_of_{:02}", shard.k, shard.n);
+}
+
+RolloutsResult run_rollouts(const RolloutStudy& study, const RolloutOptions& options, Ranks& ranks,
+                            const std::atomic<bool>& stop, const std::function<void()>& clear) {
+  const fs::path file = shard_folder(options) / kJournalName;
+  JournalContent content;
+  const bool there = fs::exists(file);
+  if (there && !options.resume)
+    throw input_error(file.string(), "a study that was stopped", "--resume, or another folder");
+  check_space(study, options);
+  if (there) {
+    content = read_journal(file);
+    check_same(content.head, study.head(), file.string(), "one of this study, by this build");
+  }
+  if (clear) clear();
+  output::make_folder(file.parent_path());
+  RolloutsResult out;
+  const auto start = std::chrono::steady_clock::now();
+  {
+    Journal journal = there ? Journal(file, content) : Journal(file, study.head());
+    WorkQueue queue(study, options, journal, content.rows);
+    if (ranks.size() > 1)
+      ranks.serve({origin_text(study.head()), [&] { return queue.next(); },
+                   [&](const std::string& bytes) { queue.take(rows_of(bytes)); },
+                   [&] { return stop.load(); }});
+    else
+      run_threads(study, options.threads, queue, stop);
+    out.size = queue.size(), out.done = queue.done(), out.computed = queue.computed();
+  }
+  out.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  if (out.done < out.size || !options.shard.whole()) return out;
+  out.table = merge_shards({options.out});
+  out.plotted = write_rollouts(out.table, options.out);
+  std::error_code ignored;
+  fs::remove(file, ignored);
+  return out;
+}
+
+bool is_complete(const RolloutStudy& study, const fs::path& folder) {
+  std::error_code failure;
+  const fs::path file = folder / "summary.json";
+  if (fs::exists(folder / kJournalName, failure) || !fs::is_regular_file(file, failure)) return false;
+  const Json found = Json::parse(read_input_file(file, "a summary", kMostSummary), nullptr, false);
+  return found.is_object() && found.contains("origin") && found["origin"] == Json(study.head().origin);
+}
+
+void serve_rollouts(const RolloutStudy& study, Ranks& ranks, const std::atomic<bool>& stop) {
+  ranks.work(origin_text(study.head()),
+             [&](const std::vector<long>& chunk) { return rows_bytes(compute(study, chunk, stop)); });
+}
+
+Table merge_shards(const std::vector<fs::path>& folders) {
+  std::vector<fs::path> files;
+  for (const fs::path& folder : folders) {
+    const std::size_t before = files.size();
+    std::error_code failure;
+    if (fs::is_regular_file(folder / kJournalName, failure)) files.push_back(folder / kJournalName);
+    for (const auto& entry : fs::directory_iterator(folder, failure))
+      if (entry.path().filename().string().starts_with("shard_") &&
+          fs::is_regular_file(entry.path() / kJournalName, failure))
+        files.push_back(entry.path() / kJournalName);
+    if (files.size() == before)
+      throw input_error(folder.string(), "a folder without a journal", "the folder of --shard runs");
+  }
+  std::sort(files.begin(), files.end());
+  Table out;
+  for (const fs::path& file : files) {
+    JournalContent content = read_journal(file);
+    if (out.head.columns.empty()) out.head = content.head;
+    check_same(content.head, out.head, file.string(), "one of the same study, by the same build");
+    std::move(content.rows.begin(), content.rows.end(), std::back_inserter(out.rows));
+  }
+  std::stable_sort(out.rows.begin(), out.rows.end(),
+                   [](const Row& a, const Row& b) { return a.rollout < b.rollout; });
+  const auto same = [](const Row& a, const Row& b) { return a.rollout == b.rollout; };
+  out.rows.erase(std::unique(out.rows.begin(), out.rows.end(), same), out.rows.end());
+  if (static_cast<long>(out.rows.size()) < out.head.size) {
+    long missing = 0;
+    while (missing < static_cast<long>(out.rows.size()) &&
+           out.rows[static_cast<std::size_t>(missing)].rollout == missing)
+      ++missing;
+    throw input_error("shards",
+                      fmt::format("{} of {} rollouts, of which {} is the first that is missing",
+                                  out.rows.size(), out.head.size, missing),
+                      "all shards, each complete (--resume completes one)");
+  }
+  return out;
+}
+
+}  // namespace handsim::study

@@ -1,0 +1,62 @@
+// A rollout study as its file says it.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/core/yaml_reader.h"
+#include "handsim/hand/person.h"
+#include "handsim/study/rollouts/population.h"
+
+namespace handsim::study {
+
+/// A number of the file.
+struct Given {
+  double value = 0;  ///< SI
+  std::string unit;  ///< as written; empty for a bare number
+};
+
+/// One of some values.
+struct Level {
+  std::string yaml;
+  std::string text;  ///< in tables
+};
+
+/// A key of the scene, and what its values are drawn from.
+struct VariedKey {
+  enum class From { uniform, log_uniform, normal, choice, population, levels };
+
+  std::string key;  ///< dotted; `*` stands for every item of a list, which all get the same value
+  From from = From::uniform;
+  bool list = false;                       ///< a value is a list of numbers
+  std::vector<Given> low, high;            ///< of uniform and log_uniform; the deviation of normal is `high`
+  std::optional<std::vector<Given>> mean;  ///< of normal; absent: the scene's own value
+  std::vector<Level> levels;               ///< of choice and levels
+  const Population* population = nullptr;
+  std::optional<hand::Sex> sex;  ///< absent: either
+  Place place;
+};
+
+struct RolloutsSpec {
+  std::string title;
+  std::filesystem::path scene;
+  std::vector<std::string> set;  ///< overrides of the scene, for every rollout
+  int count = 1;                 ///< draws; each is run with every combination of levels
+  int seed = 1;
+  std::vector<VariedKey> vary;
+  bool stop_lost = false;
+  std::vector<std::string> figures;  ///< columns that are written; empty: all
+  int trajectories = 0;              ///< of the first rollouts, which are written whole
+  YamlNode resolved;                 ///< the file, with defaults
+};
+
+/// Reads a study; every defect goes into the diagnostics.
+RolloutsSpec read_rollouts(YamlNode& root, Diagnostics& diagnostics);
+
+/// @throws Error (input) with every problem of the file.
+RolloutsSpec load_rollouts(const std::filesystem::path& path);
+
+}  // namespace handsim::study

@@ -1,0 +1,306 @@
+// Rollout studies: the same bytes however they are computed, and rows that say what happened.
+#include <regex>
+#include <set>
+
+#include <gtest/gtest.h>
+
+#include "handsim/simulation/run/run.h"
+#include "handsim/simulation/simulation.h"
+#include "study/rollouts/studies.h"
+
+namespace handsim::study {
+namespace {
+
+namespace fs = std::filesystem;
+using test::run_study;
+using test::StudyRun;
+using test::TemporaryFolder;
+using test::text_of;
+using test::write_study;
+
+void expect_same_files(const StudyRun& a, const StudyRun& b) {
+  EXPECT_EQ(a.csv, b.csv);
+  EXPECT_EQ(a.summary, b.summary);
+  EXPECT_TRUE(a.h5 == b.h5);
+  EXPECT_FALSE(a.h5.empty());
+}
+
+std::vector<std::vector<std::string>> cells_of(const std::string& csv) {
+  std::vector<std::vector<std::string>> out;
+  std::istringstream lines(csv);
+  for (std::string line; std::getline(lines, line);) {
+    std::vector<std::string>& row = out.emplace_back();
+    row.emplace_back();
+    bool quoted = false;
+    for (const char c : line) {
+      if (c == '"') quoted = !quoted;
+      if (c == ',' && !quoted)
+        row.emplace_back();
+      else
+        row.back() += c;
+    }
+  }
+  return out;
+}
+
+/// A column of rollouts.csv without its head.
+std::vector<std::string> column(const std::string& csv, const std::string& name) {
+  const auto rows = cells_of(csv);
+  const auto at = std::find(rows[0].begin(), rows[0].end(), name) - rows[0].begin();
+  std::vector<std::string> out;
+  for (std::size_t i = 1; i < rows.size(); ++i) out.push_back(rows[i].at(static_cast<std::size_t>(at)));
+  return out;
+}
+
+// Oracle: one thread, one rollout at a time.
+TEST(Rollouts, GiveTheSameBytesForAnyThreadsAndChunks) {
+  const TemporaryFolder folder;
+  const fs::path study = write_study(folder.path());
+  const StudyRun one = run_study(study, folder.path() / "one", 1, 1);
+  EXPECT_EQ(one.result.done, 12);
+  expect_same_files(one, run_study(study, folder.path() / "two", 2, 5));
+  expect_same_files(one, run_study(study, folder.path() / "eight", 8, 64));
+  EXPECT_FALSE(fs::exists(folder.path() / "one" / kJournalName));
+}
+
+// Oracle: the unbroken study.
+TEST(Rollouts, ShardsMergeToTheWholeStudysBytes) {
+  const TemporaryFolder folder;
+  const fs::path file = write_study(folder.path()), out = folder.path() / "shards";
+  const StudyRun whole = run_study(file, folder.path() / "whole");
+  const RolloutStudy study(load_rollouts(file));
+  Ranks alone;
+  for (const int k : {3, 1, 2}) {
+    if (k == 2) {
+      EXPECT_THROW(merge_shards({out}), Error);
+    }
+    RolloutOptions options;
+    options.out = out;
+    options.shard = {k, 3};
+    EXPECT_EQ(run_rollouts(study, options, alone, false).done, 4);
+  }
+  write_rollouts(merge_shards({out}), out);
+  EXPECT_EQ(text_of(out / "rollouts.csv"), whole.csv);
+  EXPECT_TRUE(text_of(out / "rollouts.h5") == whole.h5);
+  EXPECT_EQ(text_of(out / "summary.json"), whole.summary);
+}
+
+// Oracle: the unbroken study; a journal cut at any byte is what a killed process leaves.
+TEST(Rollouts, GoOnFromATornJournalToTheSameBytes) {
+  const TemporaryFolder folder;
+  const fs::path file = write_study(folder.path()), out = folder.path() / "torn";
+  const StudyRun whole = run_study(file, folder.path() / "whole");
+  const RolloutStudy study(load_rollouts(file));
+  Ranks alone;
+  fs::create_directories(out);
+  {
+    Journal journal(out / kJournalName, study.head());
+    const std::atomic<bool> stop = false;
+    journal.add({*study.run(4, stop), *study.run(0, stop)});
+    journal.add({*study.run(7, stop)});
+  }
+  const auto size = fs::file_size(out / kJournalName);
+  fs::resize_file(out / kJournalName, size - 3);
+  RolloutOptions options;
+  options.out = out;
+  EXPECT_THROW(run_rollouts(study, options, alone, false), Error) << "without --resume";
+  options.resume = true;
+  const RolloutsResult result = run_rollouts(study, options, alone, false);
+  EXPECT_EQ(result.computed, 10);
+  EXPECT_EQ(text_of(out / "rollouts.csv"), whole.csv);
+  EXPECT_TRUE(text_of(out / "rollouts.h5") == whole.h5);
+}
+
+// Oracle: nothing is computed once a run is stopped, and nothing is lost.
+TEST(Rollouts, AreStoppedWithTheirJournal) {
+  const TemporaryFolder folder;
+  const RolloutStudy study(load_rollouts(write_study(folder.path())));
+  RolloutOptions options;
+  options.out = folder.path() / "out";
+  options.threads = 1;
+  options.chunk = 1;
+  std::atomic<bool> stop = false;
+  options.progress = [&](double share) { stop = share > 0.3; };
+  Ranks alone;
+  const RolloutsResult result = run_rollouts(study, options, alone, stop);
+  EXPECT_EQ(result.done, 4);
+  EXPECT_FALSE(fs::exists(options.out / "rollouts.csv"));
+  EXPECT_EQ(read_journal(options.out / kJournalName).rows.size(), 4U);
+}
+
+// Oracle: the journal of one study is refused by another, here of another seed.
+TEST(Rollouts, RefuseTheJournalOfAnotherStudy) {
+  const TemporaryFolder folder;
+  RolloutsSpec spec = load_rollouts(write_study(folder.path()));
+  const RolloutStudy study(spec);
+  spec.seed = 4;
+  const RolloutStudy other(spec);
+  fs::create_directories(folder.path() / "out");
+  { Journal journal(folder.path() / "out" / kJournalName, other.head()); }
+  RolloutOptions options;
+  options.out = folder.path() / "out";
+  options.resume = true;
+  Ranks alone;
+  EXPECT_THROW(run_rollouts(study, options, alone, false), Error);
+}
+
+// Oracle: `handsim run` of the same scene, whose hash is that of all states.
+TEST(Rollouts, HaveTheHashOfARunOfTheSameScene) {
+  const TemporaryFolder folder;
+  const fs::path file = write_study(folder.path());
+  const StudyRun run = run_study(file, folder.path() / "out");
+  const std::vector<std::string> hashes = column(run.csv, "state_hash");
+  EXPECT_EQ(std::set<std::string>(hashes.begin(), hashes.end()).size(), hashes.size());
+  const RolloutStudy study(load_rollouts(file));
+  for (const long i : {0L, 5L}) {
+    simulation::RunOptions options;
+    options.out = folder.path() / "run";
+    EXPECT_EQ(simulation::hash_text(simulation::run(study.scene(i), options).state_hash),
+              hashes[static_cast<std::size_t>(i)]);
+    // By the scene's own file and overrides alone.
+    std::vector<std::string> overrides = study.spec().set;
+    for (const std::string& each : study.overrides(i)) overrides.push_back(each);
+    simulation::Simulation plain(scene::load_scene(study.spec().scene, overrides));
+    for (long k = 0; k < plain.step_count(); ++k) plain.step();
+    EXPECT_EQ(simulation::hash_text(plain.state_hash()), hashes[static_cast<std::size_t>(i)]);
+  }
+}
+
+// Oracle: rollouts of one draw differ by the level alone; both hands are one person's; another key more
+// leaves the draws of the others as they were.
+TEST(Rollouts, DrawEachKeyForItself) {
+  const TemporaryFolder folder;
+  const RolloutStudy study(load_rollouts(write_study(folder.path())));
+  const auto set = [&](long i) {
+    const auto list = study.overrides(i);
+    return std::set<std::string>(list.begin(), list.end());
+  };
+  const auto first = study.overrides(0), second = study.overrides(1);
+  ASSERT_EQ(first.size(), 5U);
+  EXPECT_EQ(std::vector(first.begin(), first.end() - 1), std::vector(second.begin(), second.end() - 1));
+  EXPECT_EQ(first.back(), "solver.engine=ode");
+  EXPECT_EQ(second.back(), "solver.engine=articulated");
+  EXPECT_EQ(first[0].substr(first[0].find('=')), first[1].substr(first[1].find('=')));
+  EXPECT_NE(set(0), set(2));
+  RolloutsSpec more = study.spec();
+  VariedKey stiffness = more.vary[1];
+  stiffness.key = "hands.1.tissue.damping";
+  more.vary.insert(more.vary.begin(), stiffness);
+  const RolloutStudy wider(more);
+  for (const std::string& each : first) {
+    const auto list = wider.overrides(0);
+    EXPECT_NE(std::find(list.begin(), list.end(), each), list.end()) << each;
+  }
+}
+
+struct BadStudy {
+  const char* name;
+  std::string vary;
+  std::string message;  ///< `study.yaml:LINE:COLUMN: ...`
+};
+
+void PrintTo(const BadStudy& bad, std::ostream* out) { *out << bad.name; }
+
+class BadStudies : public testing::TestWithParam<BadStudy> {};
+
+const std::string kBall =
+    "objects: [{name: ball, shape: sphere, radius: 0.1, mass: 1, position: [0, 0, 0]}]\nduration: 0.02\n";
+
+// Oracle: the place of the mistake, and what the scene's own reader says of it, before anything runs.
+TEST_P(BadStudies, AreRefusedAtTheirPlace) {
+  const TemporaryFolder folder;
+  std::ofstream(folder.path() / "ball.yaml") << kBall;
+  std::ofstream(folder.path() / "study.yaml") << "scene: ball.yaml\nvary:\n  " + GetParam().vary + "\n";
+  try {
+    const RolloutStudy study(load_rollouts(folder.path() / "study.yaml"));
+    ADD_FAILURE() << "accepted";
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find(GetParam().message), std::string::npos) << error.what();
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    , BadStudies,
+    testing::Values(
+        BadStudy{"MisspeltKey", "objects.0.mas: {uniform: [1, 2]}", "nearest: mass"},
+        BadStudy{"MisspeltKeyAtItsPlace", "objects.0.mas: {uniform: [1, 2]}", "study.yaml:3:"},
+        BadStudy{"AnotherUnit", "objects.0.mass: {uniform: [\"1 mm\", \"2 mm\"]}",
+                 "vary.objects.0.mass: got \"1 mm\", need a mass"},
+        BadStudy{"DeviationOfAnotherUnit", "objects.0.mass: {normal: {sd: \"1 mm\"}}", "study.yaml:3:"},
+        BadStudy{
+            "HighFirst", "objects.0.mass: {uniform: [2, 1]}",
+            "study.yaml:3:29: vary.objects.0.mass.uniform: got 2 to 1, need two values, the lower first"},
+        BadStudy{"NoWay", "objects.0.mass: {}", "got nothing to draw from, need one of uniform"},
+        BadStudy{"TwoWays", "objects.0.mass: {uniform: [1, 2], each: [1, 2]}", "got 2 ways to draw"},
+        BadStudy{"UnknownWay", "objects.0.mass: {unifrom: [1, 2]}", "nearest: uniform"},
+        BadStudy{"NoMean", "title: {normal: {sd: 1}}", "need a mean, or a number of the scene"},
+        BadStudy{"NoList", "objects.0.*.mass: {uniform: [1, 2]}", "need a list of the scene before it"},
+        BadStudy{"LevelOutOfRange", "objects.0.mass: {each: [1, -1]}", "vary.objects.0.mass: got -1"},
+        BadStudy{"NoPopulation", "objects.0.mass: {population: ansur3}", "got ansur3, need ansur2"}),
+    [](const auto& bad) { return bad.param.name; });
+
+// Oracle: a negative mass is refused when it is drawn, and a ball in a gravity of 1000 m/s2 passes the
+// engines' limit of 1000 m/s at 1.001 s; both are rows.
+TEST(Rollouts, RefusedAndDivergedOnesAreRows) {
+  const TemporaryFolder folder;
+  std::ofstream(folder.path() / "ball.yaml") << kBall << "effects: [gravity]\n";
+  std::ofstream(folder.path() / "study.yaml")
+      << "scene: ball.yaml\nset: {duration: 1.1}\ncount: 20\nvary:\n"
+         "  objects.0.mass: {normal: {sd: 1}}\n  gravity: {each: [[0, 0, -10], [0, 0, -1000]]}\n";
+  const StudyRun run = run_study(folder.path() / "study.yaml", folder.path() / "out");
+  const auto ended = column(run.csv, "ended"), masses = column(run.csv, "objects.0.mass");
+  ASSERT_EQ(ended.size(), 40U);
+  int refused = 0;
+  for (std::size_t i = 0; i < ended.size(); ++i) {
+    const bool bad = std::stod(masses[i]) <= 0;
+    EXPECT_EQ(ended[i], bad ? "refused" : i % 2 == 0 ? "end" : "diverged");
+    refused += bad;
+  }
+  EXPECT_GT(refused, 0);
+  EXPECT_TRUE(std::regex_search(run.csv, std::regex("refused,.*mass: got -"))) << run.csv;
+  EXPECT_TRUE(std::regex_search(run.csv, std::regex(",0,diverged,1.*at t = 1.001 s: ball: speed")))
+      << run.csv;
+}
+
+// Oracle: levels in geometric and arithmetic order, with ends as written.
+TEST(Rollouts, GridsAreEverything) {
+  const TemporaryFolder folder;
+  std::ofstream(folder.path() / "ball.yaml") << kBall;
+  std::ofstream(folder.path() / "study.yaml")
+      << "scene: ball.yaml\nvary:\n  objects.0.mass: {logspace: [\"10 g\", \"1 kg\", 3]}\n"
+         "  duration: {linspace: [0.01, 0.03, 2]}\n";
+  const StudyRun run = run_study(folder.path() / "study.yaml", folder.path() / "out");
+  EXPECT_EQ(column(run.csv, "objects.0.mass"),
+            (std::vector<std::string>{"0.01", "0.1", "1", "0.01", "0.1", "1"}));
+  EXPECT_EQ(column(run.csv, "duration"),
+            (std::vector<std::string>{"0.01", "0.01", "0.01", "0.03", "0.03", "0.03"}));
+}
+
+// Oracle: an object that is not held has fallen from the hand, and its run ends then; with the rest of the
+// run it is not held either.
+TEST(Rollouts, EndOnceTheObjectIsLost) {
+  const TemporaryFolder folder;
+  const auto study = [&](const char* lost) {
+    std::ofstream(folder.path() / "study.yaml")
+        << "scene: " << test::source("config/grasp_pinch.yaml").string()
+        << "\nset: {solver.engine: articulated, grasps.0.hold: 0.3 s, "
+           "grasps.0.shake.levels: [{acceleration: 4.9 m/s2, frequency: 5 Hz}]}\n"
+           "vary: {contacts.materials.0.friction: {each: [0.01]}}\nstop: {lost: "
+        << lost << "}\n";
+    return folder.path() / "study.yaml";
+  };
+  const StudyRun stopped = run_study(study("true"), folder.path() / "a");
+  const StudyRun whole = run_study(study("false"), folder.path() / "b");
+  EXPECT_EQ(column(stopped.csv, "held"), column(whole.csv, "held"));
+  EXPECT_EQ(column(stopped.csv, "held").front(), "0");
+  EXPECT_EQ(column(stopped.csv, "ended").front(), "lost");
+  EXPECT_EQ(column(whole.csv, "ended").front(), "end");
+  EXPECT_EQ(column(stopped.csv, "outcome").front(), "LOST");
+  const double lost = std::stod(column(stopped.csv, "lost_at[s]").front()),
+               end = std::stod(column(stopped.csv, "ended_at[s]").front());
+  EXPECT_NEAR(end - lost, simulation::kLostSpan, 2e-3);
+  EXPECT_LT(end, std::stod(column(whole.csv, "ended_at[s]").front()));
+}
+
+}  // namespace
+}  // namespace handsim::study
