@@ -12,7 +12,7 @@ namespace handsim::simulation {
 
 /// Version of files: others are refused. To be raised with every change of what is in a snapshot, whether of
 /// its parts (what anything saves of itself), their order or how they are written.
-inline constexpr std::uint64_t kSnapshotVersion = 5;
+inline constexpr std::uint64_t kSnapshotVersion = 6;
 /// Largest file that is read.
 inline constexpr std::size_t kSnapshotMaxBytes = 64U << 20U;
 
