@@ -1,12 +1,11 @@
 #include "handsim/engine/ode/servos.h"
 
+#include "handsim/engine/ode/joint_kinds.h"
 #include "handsim/engine/spring.h"
 
 namespace handsim::engine::ode {
 
 namespace {
-
-constexpr int kParamGroup = dParamLoStop2 - dParamLoStop;
 
 void set_parameter(dJointID motor, bool slider, int parameter, double value) {
   if (slider)
