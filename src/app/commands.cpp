@@ -248,13 +248,10 @@ void add_grasp(CommandLine& line) {
       "--margin", arguments->margin,
       "run each grasp again with 5 % more and less friction and mass: marginal if that changes the verdict");
   grasp.add_flag("--pictures", arguments->pictures, "a picture at every phase");
-  CLI::Option* agree =
-      grasp
-          .add_option(
-              "--agree", arguments->agree,
-              "number of random variations of one grasp, run on ODE and on the articulated engine: how "
-              "many give the same verdict")
-          ->check(CLI::Range(1, 100000));
+  CLI::Option* agree = grasp.add_option(
+      "--agree", arguments->agree,
+      "random grasps around the one scene, on ODE and the articulated engine: how often they agree");
+  agree->check(CLI::Range(1, 100000));
   grasp.add_option("--seed", arguments->seed, "of the random grasps (default: 1)")->needs(agree);
   grasp
       .add_option("--quarter-steps", arguments->quarter_steps,

@@ -13,11 +13,11 @@ namespace handsim::engine {
 
 namespace {
 
-/// Shares of the pair's smaller smallest radius: between two samples where the shapes are near, and how deep
-/// in each other they are tested, so that a face that comes down a little tilted has all its corners.
+/// Shares of the pair's smaller smallest radius: the distance between two samples where the shapes are near,
+/// and the depth at which points are taken, so that a face that comes down slightly tilted has all corners.
 constexpr double kSampleShare = 0.25, kInto = 0.25;
 constexpr int kMostSamples = 500;
-/// To halve the time of the first touch so often leaves them a sixteenth of an interval deep.
+/// Bisections of the time of first touch: the shapes are then at most a sixteenth of an interval deep.
 constexpr int kHalvings = 4;
 
 }  // namespace
@@ -107,7 +107,7 @@ void Approach::measure(const Side& a, const Side& b, double share, double least)
   points_.resize(kept);
 }
 
-/// Of two that touch the points that are still to come: another end that swings down.
+/// Adds points of shapes that touch already: another end may swing down within the step.
 void Approach::meet_again(const Side& a, const Side& b, double way, double radius) {
   const double interval = std::max(kSampleShare * radius / way, 1.0 / kMostSamples);
   for (double share = 0; share < 1;) {
@@ -131,7 +131,7 @@ void Approach::onto_plane(const Side& a, const Side& b) {
   bool meets = false;
   for (ManifoldPoint& point : points_) {
     point.depth -= way;
-    // On the shape, whose height there is the gap.
+    // The point is put on the shape, whose height above the plane is the gap.
     point.position -= (up.dot(point.position - ground.p) + point.depth) * up;
     const Vec3 arm = point.position - other.start.p;
     meets = meets || -up.dot(other.way.shift + other.way.turn.cross(arm)) >= -point.depth;

@@ -36,7 +36,7 @@ class Approach {
                                       std::span<const Way> ways);
 
  private:
-  /// One of the two.
+  /// One of the two shapes, with its body's motion.
   struct Side {
     std::size_t shape = 0;
     Pose start;  ///< of its body

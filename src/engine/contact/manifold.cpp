@@ -30,7 +30,7 @@ class Places {
   static constexpr int kMost = 40;
   static constexpr double kSame = 1e-9;
 
-  /// Beyond the most that there is room for, places are left out; the ends never are.
+  /// Places for which there is no room are left out; the two ends always stay.
   void add(double t) {
     if (t > 0 && t < 1 && count_ < kMost - 2) at_[static_cast<std::size_t>(count_++)] = t;
   }
@@ -38,7 +38,7 @@ class Places {
     at_[static_cast<std::size_t>(count_++)] = 0;
     at_[static_cast<std::size_t>(count_++)] = 1;
     std::sort(at_.begin(), at_.begin() + count_);
-    // Two that rounding parts are one place: the least may lie beyond either.
+    // Two places that differ by rounding alone count as one.
     const auto end = std::unique(at_.begin(), at_.begin() + count_,
                                  [](double low, double high) { return high - low < kSame; });
     count_ = static_cast<int>(end - at_.begin());
@@ -233,13 +233,13 @@ struct Polyhedron {
       if (above) return {height, mesh.normal(f)};
     }
     const double value = std::sqrt(least);
-    // On the surface there is no way to it.
+    // A point on the surface has no direction towards it.
     if (value > 1e-9 * mesh.reach && std::isfinite(value)) out = {value, (p - nearest) / value};
     return out;
   }
 
   double distance(const Vec3& p) const { return from(p).value; }
-  /// Not known in closed form.
+  /// There is no closed form.
   std::optional<double> least(const Vec3&, const Vec3&, double, double) const { return std::nullopt; }
 
   Places bends(const Vec3& a, const Vec3& along) const {
@@ -313,7 +313,7 @@ Manifold sweep(const Solid& solid, const CapsuleAt& capsule, const Pose& x_WS) {
   const auto refine = [&](double from, double to) {
     const std::optional<double> known = solid.least(start, axis, from, to);
     const double t = known ? *known : search(distance, from, to);
-    // The bend itself where the search only comes near it.
+    // A minimum at a bend is the bend itself: the search only comes near it.
     if (const double value = distance(t); value < best_distance - 1e-6 * capsule.radius) {
       best = t;
       best_distance = value;
