@@ -255,8 +255,7 @@ void add_grasp(CommandLine& line) {
   grasp.add_option("--seed", arguments->seed, "of the random grasps (default: 1)")->needs(agree);
   grasp
       .add_option("--quarter-steps", arguments->quarter_steps,
-                  "of so many of these ODE also at a quarter of the step (default: of those where the "
-                  "engines differ)")
+                  "of so many also ODE at a quarter of the step (default: where the engines differ)")
       ->check(CLI::Range(1, 100000))
       ->needs(agree);
 }
