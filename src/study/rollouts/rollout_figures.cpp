@@ -85,7 +85,7 @@ std::optional<bool> is_held(const Simulation& simulation, bool diverged) {
 std::string ended(const Simulation& simulation) {
   const auto* grasps = simulation.find<simulation::Grasps>();
   const bool decided = grasps && grasps->decided(simulation.state().time);
-  return decided && simulation.steps() < simulation.step_count() ? "lost" : "end";
+  return decided && simulation.steps() < simulation.step_count() ? "decided" : "end";
 }
 
 }  // namespace handsim::study

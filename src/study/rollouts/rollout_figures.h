@@ -19,7 +19,7 @@ NamedCells figures_of(const simulation::Simulation& simulation);
 /// Every grasp is held; without a grasp, every criterion. Nothing where nothing is judged.
 std::optional<bool> is_held(const simulation::Simulation& simulation, bool diverged);
 
-/// Why a run has ended that did not diverge: `end`, or `lost`.
+/// Why a run has ended that did not diverge: `end`, or `decided` (an object has moved too far or is lost).
 std::string ended(const simulation::Simulation& simulation);
 
 }  // namespace handsim::study

@@ -293,7 +293,7 @@ TEST(Rollouts, EndOnceTheObjectIsLost) {
   const StudyRun whole = run_study(study("false"), folder.path() / "b");
   EXPECT_EQ(column(stopped.csv, "held"), column(whole.csv, "held"));
   EXPECT_EQ(column(stopped.csv, "held").front(), "0");
-  EXPECT_EQ(column(stopped.csv, "ended").front(), "lost");
+  EXPECT_EQ(column(stopped.csv, "ended").front(), "decided");
   EXPECT_EQ(column(whole.csv, "ended").front(), "end");
   EXPECT_EQ(column(stopped.csv, "outcome").front(), "LOST");
   const double lost = std::stod(column(stopped.csv, "lost_at[s]").front()),
