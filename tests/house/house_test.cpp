@@ -97,7 +97,7 @@ TEST(House, ThirdPartyHeadersStayInTheirRooms) {
       {"CLI/", "app/"},
       {"nlohmann/", "(simulation|study|app)/|core/schema"},
       {"hdf5.h", "study/rollouts/table_file"},
-      {"Random123/", "study/rollouts/draws"},
+      {"Random123/", "environment/draws"},
       {"mpi.h", "study/rollouts/ranks"},
       {"mujoco/", "none"},
   };
