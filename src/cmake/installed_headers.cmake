@@ -1,5 +1,5 @@
-# Headers to install: those that files of other folders include, and the headers that these include. Headers in the
-# folder of one engine are not installed.
+# Headers to install: those that files of other folders include, those of environment/, which only users of the library
+# include, and the headers that these include. Headers in the folder of one engine are not installed.
 function(handsim_installed_headers out)
   set(open)
   foreach(folder IN LISTS ARGN)
@@ -8,7 +8,7 @@ function(handsim_installed_headers out)
       handsim_included(headers ${file})
       foreach(header IN LISTS headers)
         cmake_path(GET header PARENT_PATH owner)
-        if(NOT owner STREQUAL folder AND NOT header MATCHES "^engine/(ode|dae|multibody|articulated)/")
+        if((NOT owner STREQUAL folder OR owner STREQUAL "environment") AND NOT header MATCHES "^engine/(ode|dae|multibody|articulated)/")
           list(APPEND open ${header})
         endif()
       endforeach()

@@ -127,8 +127,7 @@ class Engine {
   virtual void save(ArchiveWriter& out) const;
   /// Restores a state() and the data that `save` wrote with it, in an engine of the same model and settings.
   /// @throws Error (input) for a state of another model or an archive that does not fit; the engine then
-  /// needs
-  ///         another restore or set_state. Error (physics) if the engine has failed.
+  ///         needs another restore or set_state. Error (physics) if the engine has failed.
   virtual void restore(const model::State& state, ArchiveReader& in);
   /// Takes over masses, inertias, gravity and materials of the model, which have changed; all else has to be
   /// as it was. Engines ode and articulated. @throws Error (input) by another engine; Error (physics) of an

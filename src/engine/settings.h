@@ -49,8 +49,7 @@ enum class DaeMethod {
 
 enum class ArticulatedMethod {
   /// First order; springs, dampers, servos and stops are implicit, hence stable at any step; contacts with
-  /// the
-  /// exact Coulomb cone.
+  /// the exact Coulomb cone.
   semi_implicit_euler,
   rk4,  ///< the classical fourth-order Runge-Kutta method, for motion without stops
   /// Dormand and Prince's eighth-order Runge-Kutta method with error control to `tolerance`, for motion

@@ -1,6 +1,6 @@
-// Many environments of one scene, stepped on all cores. Their numbers stand in contiguous arrays, one row for
-// each environment. Every environment does the same, to the bit, for any number of threads, in a batch of any
-// size, and as it would alone.
+// Many environments of one scene, stepped on all cores. Actions and observations are contiguous arrays with
+// one row per environment. Every environment has the same bits for any number of threads, in a batch of any
+// size, and alone.
 #pragma once
 
 #include <functional>
@@ -23,10 +23,10 @@ struct BatchAction {
 
 struct BatchSetup {
   Setup environment = {};
-  /// Whether an environment has come to its end, asked after each step of it: it is not stepped any further
-  /// until its reset. From several threads at once, of different environments. Null: never.
+  /// Returns true if an environment is done; called after each of its steps. It is then not stepped until its
+  /// reset. Several threads call it at once, for different environments. Null: never done.
   std::function<bool(const Environment&)> done = {};
-  int threads = 0;  ///< 0: as many as the machine has
+  int threads = 0;  ///< 0: one per core
 };
 
 class Batch {
@@ -42,9 +42,9 @@ class Batch {
   void reset(std::span<const unsigned char> mask = {});
   /// The same with numbers drawn: environment i by `seeds[i]`.
   void reset(std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask = {});
-  /// Steps those that are neither done nor failed. @throws Error (input) for an action of another size or
-  /// with numbers that are not finite, naming the first environment: others may have moved.
-  /// What diverges does not throw: see `failed`.
+  /// Steps the environments that are neither done nor failed. A motion that diverges does not throw: see
+  /// failed(). @throws Error (input) for an action of another size, or with numbers that are not finite;
+  /// other environments may then have moved.
   void step(const BatchAction& action = {}, int substeps = 1);
 
   Environment& operator[](std::size_t i);
@@ -52,7 +52,7 @@ class Batch {
   /// [size, observation size], as of the last step or reset.
   std::span<const double> observations() const;
   std::size_t observation_size() const;
-  /// [size]: 1 where it has come to its end or failed (Environment::failure).
+  /// [size]: 1 if an environment is done or failed (Environment::failure).
   std::span<const unsigned char> done() const;
   std::span<const unsigned char> failed() const;
 

@@ -1,5 +1,5 @@
-// The loop that somebody else drives: a scene that is reset, stepped with actions and observed, again and
-// again, without being built anew. batch.h has many of them at once.
+// A scene that a caller resets, steps with actions and observes, again and again, without building it anew.
+// batch.h steps many of them at once.
 #pragma once
 
 #include <cstdint>
@@ -15,15 +15,15 @@
 
 namespace handsim::environment {
 
-/// What an environment is to be; the same for all of a batch.
+/// Options of an environment; all environments of a batch have the same.
 struct Setup {
   std::vector<std::string> observe = {"q", "u"};  ///< observation_parts()
   std::vector<Randomised> randomise = {};         ///< drawn by reset(seed)
   simulation::MakeWatchers watchers = simulation::no_watchers;
 };
 
-/// What acts from now on until the next action. All of it adds to what the scene itself does, but that
-/// `angles` and the wrists' motion take the place of the scene's own. Empty parts act as if they were not.
+/// The caller's action in a call of step(). Torques and forces are added to those of the scene; angles and
+/// wrists replace its own targets. Empty parts have no effect.
 struct Action {
   /// [N m] or [N], one for each coordinate, positive along it.
   std::span<const double> torques = {};
@@ -37,10 +37,10 @@ struct Action {
   std::span<const engine::BodyForce> forces = {};
 };
 
-/// A motion to go back to: of one environment, for all of the same scene.
+/// The motion at one time; environments of the same scene can exchange them.
 using Moment = simulation::MotionSnapshot;
 
-/// Where bodies and joints start, in place of the scene's own start.
+/// A start that replaces the scene's own.
 struct Start {
   std::span<const double> q = {};      ///< size dof_count(), or empty: the scene's
   std::span<const double> u = {};      ///< the same, or empty: at rest

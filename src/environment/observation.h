@@ -1,5 +1,4 @@
-// What an environment tells of its state: a flat vector of the parts that one asks for by name, in that
-// order.
+// Observation of an environment: a flat vector of parts that the caller selects by name, in their order.
 #pragma once
 
 #include <span>
@@ -10,7 +9,7 @@
 
 namespace handsim::environment {
 
-/// Names of the parts that there are, each with what it holds:
+/// Names of all parts:
 ///   time              [s]
 ///   q, u, tau         coordinates, rates, and torques that acted in the last step, as State has them
 ///   wrists            of each hand, hand frame H: p [m], quaternion w x y z, v [m/s], w [rad/s]; world axes
@@ -32,12 +31,12 @@ struct ObservedPart {
 
 class Observation {
  public:
-  /// The scene must outlive this. @throws Error (input) naming parts that there are not.
+  /// The scene must outlive this. @throws Error (input) for unknown names.
   Observation(const scene::Scene& scene, std::span<const std::string> names);
 
   std::size_t size() const { return size_; }
   std::span<const ObservedPart> parts() const { return parts_; }
-  /// Whether engines have to tell contact forces for it.
+  /// Whether it needs the contact forces of the engine (settings.contact_forces).
   bool needs_forces() const;
   /// @param out of size().
   void write(const simulation::Simulation& simulation, std::span<double> out) const;

@@ -1,4 +1,4 @@
-// Numbers of a scene that a reset may change without building anything anew, by name.
+// Numbers of a scene that a reset can change by name, without building anything anew.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace handsim::environment {
 
-/// What a number is drawn from; a vector's components each by itself.
+/// Distribution of a drawn number; components of a vector are independent.
 enum class Distribution {
   uniform,      ///< from a to b
   normal,       ///< mean a, standard deviation b
@@ -33,13 +33,13 @@ struct Randomised {
   double a = 0, b = 0;
 };
 
-/// Values of the names above in one scene, and their way into it.
+/// Sets, reads and draws the numbers above in one scene.
 class Variation {
  public:
-  /// @param scene whose numbers are changed; it must outlive this and be nobody else's.
+  /// @param scene to change; it must outlive this, and no one else may use it.
   explicit Variation(scene::Scene& scene);
 
-  /// Sets a number. @throws Error (input) for a name that there is not, another size, numbers out of range.
+  /// Sets a number. @throws Error (input) for an unknown name, another size, or numbers out of range.
   void set(std::string_view name, std::span<const double> values);
   /// As the scene had it at the start, or as last set.
   std::vector<double> get(std::string_view name) const;
@@ -63,7 +63,7 @@ class Variation {
     Vec3 position = Vec3::Zero();  ///< of its origin at the start, as set
     Vec3 shift = Vec3::Zero();     ///< from the scene's own
   };
-  /// Checked values of one name.
+  /// The object of a name such as objects.0.mass. @throws Error (input)
   Object& object(std::string_view name, std::string_view& key);
   std::size_t size_of(std::string_view name) const;
   void set_of_object(std::string_view name, std::span<const double> values);

@@ -19,8 +19,7 @@ class OutputFolder {
   /// process. A file system without locks has none.
   /// @param names names of the files that will be written, relative; `*` and `[0-9]` as in a shell.
   /// @throws Error (input) if another process has locked the folder, if it cannot be written, or if one of
-  /// the
-  ///         names exists and is not a regular file, or is one of `inputs`.
+  ///         the names exists and is not a regular file, or is one of `inputs`.
   OutputFolder(std::filesystem::path path, std::vector<std::string> names, const Inputs& inputs = {});
   ~OutputFolder();
   OutputFolder(OutputFolder&& other) noexcept;

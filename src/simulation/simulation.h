@@ -34,11 +34,10 @@ class Simulation {
 
   /// One step of the scene's solver: command, step, sense, watch.
   /// @param action the caller's action in this step: torques [N m] or forces [N], which are added to those of
-  /// the
-  ///        scene, and servos, which replace those of the scene on coordinates where their limit is above 0.
-  ///        Each of size model().dof_count() or empty, in the order of the coordinates (Joint::first_dof),
-  ///        positive along the coordinate. Servos need the actuation effect (spec.solver.effects). Forces on
-  ///        bodies, and targets of driven bodies in place of their motions.
+  ///         the scene, and servos, which replace those of the scene on coordinates where their limit is
+  ///         above 0. Each of size model().dof_count() or empty, in the order of the coordinates
+  ///         (Joint::first_dof), positive along the coordinate. Servos need the actuation effect
+  ///         (spec.solver.effects). Forces on bodies, and targets of driven bodies in place of their motions.
   /// @param angles [rad] that the controller is to hold at the step's end, one for each of its axes; empty:
   ///        those of the scene's poses
   /// @throws Error (input) for an action of another size, with numbers that are not finite or out of range,
@@ -91,8 +90,7 @@ class Simulation {
   /// Continues from a snapshot of the same scene, with the same bits as an uninterrupted run. The ledger has
   /// the sum of both wall times.
   /// @throws Error (input) with the difference if the snapshot has another scene, settings or engine, lacks
-  /// one
-  ///         of the watchers, or is damaged; the simulation is then unchanged. Error (physics) if the
+  ///         one of the watchers, or is damaged; the simulation is then unchanged. Error (physics) if the
   ///         simulation has failed.
   void restore(const RunSnapshot& snapshot);
 

@@ -15,7 +15,7 @@ TEST(NoPictures, RenderIsRefusedBeforeAnythingIsRun) {
   const fs::path picture = folder.path() / "p.png";
   const Outcome outcome = run_program({"render", kScene, "--out", picture.string()});
   EXPECT_EQ(outcome.status, 2);
-  EXPECT_EQ(outcome.err, "handsim: got a build without pictures, need one with -DHANDSIM_PICTURES=ON\n");
+  EXPECT_EQ(outcome.err, "handsim: got a build without pictures, need a build with -DHANDSIM_PICTURES=ON\n");
   EXPECT_FALSE(fs::exists(picture));
 }
 

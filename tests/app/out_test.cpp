@@ -153,7 +153,7 @@ TEST(InputFiles, AreNeverReplaced) {
   for (const Words& words : all) {
     const Outcome outcome = run_program(words);
     EXPECT_EQ(outcome.status, 2) << words[0];
-    EXPECT_TRUE(outcome.err.starts_with("--out: got ") && contains(outcome.err, "is read")) << outcome.err;
+    EXPECT_TRUE(outcome.err.starts_with("--out: got ") && contains(outcome.err, "input")) << outcome.err;
   }
   EXPECT_EQ(text_of(out / "resolved.yaml"), resolved);
   EXPECT_EQ(text_of(out / "snapshot.bin"), snapshot);

@@ -232,7 +232,7 @@ TEST(Action, OfAnotherSizeOrNotFiniteIsRefusedAndNothingMoves) {
 
 TEST(Reset, TakesTheMotionsOfItsOwnSceneAloneAndStartsWatchersAnew) {
   const auto scene = shared("pose_tracking");
-  Simulation first(scene), second(scene), other(*scene);
+  Simulation first(scene), second(*scene), other(shipped_scene("pose_tracking"));
   steps(first, 700);
   const MotionSnapshot motion = first.motion();
   EXPECT_THROW(other.reset(motion), Error);

@@ -21,8 +21,7 @@ struct Image {
 };
 
 /// @throws Error (input) in a build without pictures (CMake option HANDSIM_PICTURES); every drawing function
-/// of
-///         this folder throws the same error there.
+///         of this folder throws the same error there.
 void require_pictures();
 
 /// Writes a PNG; the file appears under its name only when complete.

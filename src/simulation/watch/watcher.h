@@ -73,8 +73,7 @@ class Watcher {
   /// Saves its measurements.
   virtual void save(ArchiveWriter& out) const = 0;
   /// Restores its measurements. @param state state from which the run continues. @throws Error (input) for
-  /// invalid
-  ///        data; the watcher then needs another restore.
+  /// invalid data; the watcher then needs another restore.
   virtual void restore(ArchiveReader& in, const model::State& state) = 0;
 
   /// Adds its figures so far, with the limits of the scene.

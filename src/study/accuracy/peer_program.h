@@ -32,8 +32,7 @@ void check_for_peers(const scene::Scene& scene);
 /// Simulates the scene's mechanism from the scene's start over its duration.
 /// @param update is called with the start and the state after every step.
 /// @throws Error (physics) if the program fails or diverges, or if its start state or kinetic energy differs
-/// from
-///         the scene's.
+///         from the scene's.
 PeerName simulate_with_peer(const std::filesystem::path& program, const PeerMethod& method,
                             const scene::Scene& scene,
                             const std::function<void(const model::State&)>& update);

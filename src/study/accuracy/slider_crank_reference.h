@@ -50,8 +50,7 @@ class SliderCrankReference {
   /// States at increasing times [s], from 0 on. The tolerance of each step is 3e-15; the error after the 5 s
   /// of `iftomm` is below 1e-9 (rad, rad/s, m, m/s).
   /// @throws Error (physics) if the integrator fails, or if the energy changes by more than 1e-10 of the
-  /// largest
-  ///         kinetic energy so far.
+  ///         largest kinetic energy so far.
   std::vector<SliderCrankState> at(std::span<const double> times) const;
   /// States every `every` seconds from 0 to `duration`, both included.
   std::vector<SliderCrankState> series(double duration, double every) const;

@@ -42,8 +42,7 @@ struct EffectsResult {
 };
 
 /// @param repeats timed rounds, each with one run of the complete scene and of each variant; one more round
-/// warms
-///        up.
+///         warms up.
 /// @param progress is called with the finished share, 0..1.
 /// @throws Error (input) for a scene without effects or one that no engine accepts, Error (physics) if the
 ///         complete scene fails.
