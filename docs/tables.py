@@ -100,6 +100,7 @@ STUDIES = {
         "free_fall_articulated": ["rollouts", "config/rollouts_free_fall.yaml", "--out", "{out}", "--engine", "articulated"]},
         {"power_can/rollouts.png": "rollouts_power_can.png"}),
     "speed": Study("4 min", {"bench": None}),
+    "environment": Study("1 min", {"bench": None}),
     "passes": Study("2 min", {"bench": None}),
     "pinch": Study("2 min", {"test": None}),
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
@@ -108,6 +109,8 @@ STUDIES = {
 # A step of Drake through Python takes a millisecond: only cases about hands and contact.
 DRAKE_CASES = ["spinning_hand", "swinging_hand", "chain", "stack", "incline_sticks", "incline_slides", "ball_on_incline", "crank", "pinch",
                "resting_capsule", "softness", "large_steps", "masses", "crossed_fingers", "limp_hands", "stops_at_zero"]
+# Benchmarks of studies of their own; "speed" runs all others.
+BENCHMARKS = {"environment": "^(batch_|two_threads|reset/|memory/)", "passes": "friction_passes"}
 # Studies that run only if they are named: ./dev peers builds their programs.
 ONLY_IF_NAMED = ("peers",)
 
@@ -116,11 +119,11 @@ ONLY_IF_NAMED = ("peers",)
 
 def command_of(name, label, build):
     """The command of a run."""
-    if name == "passes":
-        return [str(build / "tests" / "bench_handsim"), "--benchmark_filter=friction_passes",
-                f"--benchmark_out={OUT / 'passes' / 'bench.json'}"]
+    if name in BENCHMARKS:
+        return [str(build / "tests" / "bench_handsim"), f"--benchmark_filter={BENCHMARKS[name]}",
+                f"--benchmark_out={OUT / name / 'bench.json'}"]
     if name == "speed":
-        return [str(build / "tests" / "bench_handsim"), "--benchmark_filter=-friction_passes", "--benchmark_repetitions=9",
+        return [str(build / "tests" / "bench_handsim"), f"--benchmark_filter=-{'|'.join(BENCHMARKS.values())}", "--benchmark_repetitions=9",
                 "--benchmark_report_aggregates_only=true", f"--benchmark_out={OUT / 'speed' / 'bench.json'}"]
     if name == "pinch":
         return [str(build / "tests" / "peers" / "test_peers"), "--gtest_filter=*MujocoPinch*"]
