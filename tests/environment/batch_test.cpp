@@ -5,6 +5,8 @@
 
 #include <numeric>
 
+#include <tbb/global_control.h>
+
 #include "scene_files.h"
 
 namespace handsim::environment {
@@ -58,6 +60,8 @@ INSTANTIATE_TEST_SUITE_P(
 TEST_P(OnScene, TheBitsAreThoseOfEveryBatchSizeAndNumberOfThreads) {
   const scene::Scene scene = shipped_scene(
       GetParam().first, {std::string("solver={engine: ") + GetParam().second + ", step: 1 ms}"});
+  // TBB starts no more threads than there are cores without this.
+  const tbb::global_control eight(tbb::global_control::max_allowed_parallelism, 8);
   const int steps = GetParam().second == std::string("ode") ? 40 : 90;
   const std::vector<std::uint64_t> alone = run(scene, 1, 1, steps);
   EXPECT_NE(alone[0], alone[1]);

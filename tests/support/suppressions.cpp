@@ -4,8 +4,7 @@
 // it has found out about the machine.
 extern "C" const char* __lsan_default_suppressions();
 extern "C" const char* __lsan_default_suppressions() {
-  return "leak:libOSMesa\nleak:libfontconfig\nleak:libmpi\nleak:libopen-\nleak:libpmix\nleak:libhwloc\nleak:"
-         "mca_\n";
+  return "leak:libOSMesa\nleak:libfontconfig\n";
 }
 
 // ODE's geoms hand the memory of a pose on to each other through an atomic that the sanitizer does not see.

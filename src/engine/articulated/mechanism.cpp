@@ -290,22 +290,6 @@ void Mechanism::update_gyroscopic_torques(double step) {
   }
 }
 
-/// As bias forces: the wrench about the island's origin, taken from the velocity products'.
-void Mechanism::add_forces(std::span<const BodyForce> forces) {
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
-    for (const BodyForce& each : forces) {
-      const LaneSlot& slot = slots_[at(topology_.node_of_body[at(each.body)])];
-      Batch<W>& b = in.batch[slot.batch];
-      const Vec3 p = get3<W>(b.frame.p, slot.lane);
-      const Vec3 moment = each.moment + p.cross(each.force);
-      put3<W>(b.pv, slot.lane, get3<W>(b.pv, slot.lane) - moment);
-      put3<W>(b.pv + 3, slot.lane, get3<W>(b.pv + 3, slot.lane) - each.force);
-    }
-  });
-}
-
 void Mechanism::refresh(const Settings& settings) {
   gravity_ = settings.effects.has(model::Effect::gravity) ? model_.gravity : Vec3::Zero();
   const Topology topology = make_topology(model_);

@@ -96,7 +96,7 @@ TEST(Agreement, IsTheSameInOneThreadAndInTwo) {
   EXPECT_NE(one.rows[0].mass, one.rows[1].mass);
   const auto json = nlohmann::json::parse(test::text_of(study.out / "agreement.json"));
   EXPECT_EQ(json["pairs"][0]["same_verdict"]["same"], two.compare(0, 1).all.same);
-  EXPECT_EQ(json["differences"].size() + two.compare(0, 1).all.same, 2U);
+  EXPECT_EQ(static_cast<int>(json["differences"].size()) + two.compare(0, 1).all.same, 2);
 }
 
 TEST(Agreement, WantsASceneWithOneGrasp) {
