@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <string_view>
 
@@ -20,6 +21,11 @@ class Draws {
 
   /// The next number above 0 and below 1: a multiple of 2^-53.
   double uniform();
+  double uniform(double low, double high) { return low + (high - low) * uniform(); }
+  /// Uniform in the logarithm; both above 0.
+  double log_uniform(double low, double high) {
+    return std::exp(std::log(low) + std::log(high / low) * uniform());
+  }
   /// The next number of the standard normal distribution.
   double normal();
   /// The next index, 0 to count - 1.

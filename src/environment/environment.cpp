@@ -46,6 +46,8 @@ Environment::Environment(const scene::Scene& scene, Setup setup)
   observed_.resize(observation_->size());
   if (observation_->needs_forces()) scene_->spec.solver.contact_forces = true;
   build();
+  if (observation_->needs_watchers() && simulation_->watchers().empty())
+    throw input_error("observe", "failed in a setup without watchers", "watchers, e.g. standard_watchers");
   state_ = simulation_->state();
   // Wrong names and bounds are told now.
   variation_->draw(setup_.randomise, 0);

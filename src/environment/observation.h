@@ -36,6 +36,8 @@ class Observation {
 
   std::size_t size() const { return size_; }
   std::span<const ObservedPart> parts() const { return parts_; }
+  /// Whether it needs watchers, which measure what the criteria judge.
+  bool needs_watchers() const { return has(Kind::failed); }
   /// Whether it needs the contact forces of the engine (settings.contact_forces).
   bool needs_forces() const;
   /// @param out of size().

@@ -45,7 +45,7 @@ Variation::Variation(scene::Scene& scene) : scene_(scene) {
 }
 
 /// Of `objects.I.KEY`. @param key set to what follows the index
-Variation::Object& Variation::object(std::string_view name, std::string_view& key) {
+std::size_t Variation::object_index(std::string_view name, std::string_view& key) const {
   constexpr std::string_view kFirst = "objects.";
   std::size_t index = 0;
   const char* end = name.data() + name.size();
@@ -62,7 +62,7 @@ Variation::Object& Variation::object(std::string_view name, std::string_view& ke
     refuse("vary", std::string(name), fmt::format("one of {}", kNames));
   if (key != "friction" && objects_[index].body < 0)
     refuse(name, "an object that is static", "one that can move");
-  return objects_[index];
+  return index;
 }
 
 std::size_t Variation::size_of(std::string_view name) const {
@@ -101,7 +101,7 @@ void Variation::set(std::string_view name, std::span<const double> values) {
 
 void Variation::set_of_object(std::string_view name, std::span<const double> values) {
   std::string_view key;
-  Object& object = this->object(name, key);
+  Object& object = objects_[object_index(name, key)];
   if (key == "position") {
     const Vec3 position(values[0], values[1], values[2]);
     object.shift += position - object.position;
@@ -128,7 +128,7 @@ std::vector<double> Variation::get(std::string_view name) const {
   if (name == "torque_limits") return {torque_limit_};
   if (name == "q") return q_;
   std::string_view key;
-  const Object& object = const_cast<Variation*>(this)->object(name, key);
+  const Object& object = objects_[object_index(name, key)];
   if (key == "position") return numbers(object.position);
   return {key == "mass" ? scene_.model.bodies[at(object.body)].mass
                         : scene_.model.materials[at(object.material)].friction};
@@ -141,14 +141,14 @@ void Variation::draw(std::span<const Randomised> randomised, std::uint64_t seed)
     values.resize(size_of(each.name));
     for (double& value : values) switch (each.distribution) {
         case Distribution::uniform:
-          value = each.a + (each.b - each.a) * draws.uniform();
+          value = draws.uniform(each.a, each.b);
           break;
         case Distribution::normal:
           value = each.a + each.b * draws.normal();
           break;
         case Distribution::log_uniform:
           if (!(each.a > 0 && each.b > 0)) refuse(each.name, "a bound of 0 or less", "bounds above 0");
-          value = std::exp(std::log(each.a) + (std::log(each.b) - std::log(each.a)) * draws.uniform());
+          value = draws.log_uniform(each.a, each.b);
           break;
       }
     set(each.name, values);

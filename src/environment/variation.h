@@ -64,7 +64,7 @@ class Variation {
     Vec3 shift = Vec3::Zero();     ///< from the scene's own
   };
   /// The object of a name such as objects.0.mass. @throws Error (input)
-  Object& object(std::string_view name, std::string_view& key);
+  std::size_t object_index(std::string_view name, std::string_view& key) const;
   std::size_t size_of(std::string_view name) const;
   void set_of_object(std::string_view name, std::span<const double> values);
 

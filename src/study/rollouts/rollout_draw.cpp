@@ -128,9 +128,8 @@ Drawn draw_numbers(const BoundKey& bound, environment::Draws& draws) {
       values.push_back(bound.mean[i] + high * draws.normal());
       continue;
     }
-    const double low = key.low[i].value, share = draws.uniform();
-    values.push_back(key.from == From::uniform ? low + (high - low) * share
-                                               : std::exp(std::log(low) + std::log(high / low) * share));
+    const double low = key.low[i].value;
+    values.push_back(key.from == From::uniform ? draws.uniform(low, high) : draws.log_uniform(low, high));
   }
   return of_numbers(values, key.list);
 }
