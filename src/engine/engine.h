@@ -129,9 +129,9 @@ class Engine {
   /// @throws Error (input) for a state of another model or an archive that does not fit; the engine then
   ///         needs another restore or set_state. Error (physics) if the engine has failed.
   virtual void restore(const model::State& state, ArchiveReader& in);
-  /// Takes over masses, inertias, gravity and materials of the model, which have changed; all else has to be
-  /// as it was. Engines ode and articulated. @throws Error (input) by another engine; Error (physics) of an
-  /// engine that has failed.
+  /// Takes over masses, inertias, gravity and materials of the model, which have changed. Principal axes of
+  /// inertia and all else have to be as they were. Engines ode and articulated. @throws Error (input) by
+  /// another engine; Error (physics) of an engine that has failed.
   virtual void refresh();
   virtual std::span<const Contact> contacts() const = 0;
   virtual const Settings& settings() const = 0;

@@ -1,6 +1,9 @@
 #include "handsim/output/table/csv_rows.h"
 
+#include <span>
+
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "handsim/core/index.h"
 
@@ -16,34 +19,42 @@ std::vector<std::string> coordinate_names(const model::Model& model) {
   return names;
 }
 
-std::string trajectory_head(const model::Model& model) {
-  std::string out = "time[s]";
+std::vector<std::string> trajectory_columns(const model::Model& model) {
+  std::vector<std::string> out = {"time[s]"}, rates;
   const std::vector<std::string> names = coordinate_names(model);
   std::size_t dof = 0;
-  std::string rates;
   for (const model::Joint& joint : model.joints)
     for (int i = 0; i < model::dof_count(joint.kind); ++i, ++dof) {
       const char* unit = joint.kind == model::JointKind::slider ? "m" : "rad";
-      out += fmt::format(",{}[{}]", names[dof], unit);
-      rates += fmt::format(",{}.rate[{}/s]", names[dof], unit);
+      out.push_back(fmt::format("{}[{}]", names[dof], unit));
+      rates.push_back(fmt::format("{}.rate[{}/s]", names[dof], unit));
     }
-  out += rates;
+  out.insert(out.end(), rates.begin(), rates.end());
   for (std::size_t b = 1; b < model.bodies.size(); ++b)
-    out += fmt::format(",{0}.x[m],{0}.y[m],{0}.z[m],{0}.qw,{0}.qx,{0}.qy,{0}.qz", model.bodies[b].name);
-  return out + "\n";
+    for (const char* part : {".x[m]", ".y[m]", ".z[m]", ".qw", ".qx", ".qy", ".qz"})
+      out.push_back(model.bodies[b].name + part);
+  return out;
+}
+
+std::vector<double> trajectory_values(const model::State& state) {
+  std::vector<double> out = {state.time};
+  out.insert(out.end(), state.q.begin(), state.q.end());
+  out.insert(out.end(), state.u.begin(), state.u.end());
+  for (std::size_t b = 1; b < state.bodies.size(); ++b) {
+    const auto& [p, q, v, w] = state.bodies[b];
+    out.insert(out.end(), {p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()});
+  }
+  return out;
+}
+
+std::string trajectory_head(const model::Model& model) {
+  return fmt::format("{}\n", fmt::join(trajectory_columns(model), ","));
 }
 
 std::string trajectory_row(const model::State& state) {
+  const std::vector<double> values = trajectory_values(state);
   // Twelve digits hide the rounding errors of the time.
-  std::string row = fmt::format("{:.12g}", state.time);
-  const auto append = [&](double value) { fmt::format_to(std::back_inserter(row), ",{}", value); };
-  for (const double q : state.q) append(q);
-  for (const double u : state.u) append(u);
-  for (std::size_t b = 1; b < state.bodies.size(); ++b) {
-    const auto& [p, q, v, w] = state.bodies[b];
-    for (const double value : {p.x(), p.y(), p.z(), q.w(), q.x(), q.y(), q.z()}) append(value);
-  }
-  return row + "\n";
+  return fmt::format("{:.12g},{}\n", values[0], fmt::join(std::span(values).subspan(1), ","));
 }
 
 std::string contact_head() {

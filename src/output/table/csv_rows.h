@@ -16,6 +16,9 @@ std::vector<std::string> coordinate_names(const model::Model& model);
 /// `right.index_mcp.flexion.rate[rad/s]`, `right.palm.x[m]`, `right.palm.qw`.
 std::string trajectory_head(const model::Model& model);
 std::string trajectory_row(const model::State& state);
+/// Columns and values of the same table.
+std::vector<std::string> trajectory_columns(const model::Model& model);
+std::vector<double> trajectory_values(const model::State& state);
 
 /// contacts.csv: a row for each contact point, in world axes; the normal points from b to a, friction acts on
 /// a.

@@ -58,31 +58,11 @@ Problem at_key(const Problem& problem, const std::vector<BoundKey>& keys) {
   return out;
 }
 
-std::vector<double> numbers_of(std::string_view row) {
-  std::vector<double> out;
-  for (std::size_t from = 0; from < row.size();) {
-    const std::size_t end = std::min(row.find_first_of(",\n", from), row.size());
-    out.push_back(parse_number(row.substr(from, end - from)).value_or(0));
-    from = end + 1;
-  }
-  return out;
-}
-
-std::vector<std::string> names_of(std::string_view head) {
-  std::vector<std::string> out;
-  for (std::size_t from = 0; from < head.size();) {
-    const std::size_t end = std::min(head.find_first_of(",\n", from), head.size());
-    out.emplace_back(head.substr(from, end - from));
-    from = end + 1;
-  }
-  return out;
-}
-
 void record(const Simulation& simulation, Trajectory& out) {
   const long every = simulation::record_steps(simulation.scene().spec);
   if (simulation.steps() % every != 0) return;
-  if (out.columns.empty()) out.columns = names_of(output::trajectory_head(simulation.model()));
-  const std::vector<double> row = numbers_of(output::trajectory_row(simulation.state()));
+  if (out.columns.empty()) out.columns = output::trajectory_columns(simulation.model());
+  const std::vector<double> row = output::trajectory_values(simulation.state());
   out.values.insert(out.values.end(), row.begin(), row.end());
 }
 
