@@ -206,6 +206,8 @@ void add_run(CommandLine& line) {
       ->excludes(frames);
   run.add_flag("--plots", arguments->plots,
                "plots of a controlled scene: angles, errors, torques (needs gnuplot)");
+  run.add_flag("--report", arguments->report,
+               "report.html: motion in 3D, curves and verdicts on one page for a browser; records contacts");
   add_time(run, "--snapshot-at", arguments->snapshot_at,
            "write the state of the run at this time to snapshot.bin");
   run.add_option("--from-snapshot", arguments->from_snapshot,
@@ -373,6 +375,27 @@ void add_export(CommandLine& line) {
   add_overrides(command, arguments->overrides);
 }
 
+void add_report(CommandLine& line) {
+  const auto arguments = std::make_shared<ReportArguments>();
+  CLI::App& command =
+      line.add("report", "One HTML page of a finished run or study, or of two runs in comparison",
+               "handsim report out/two_hands", report_command, arguments);
+  command.add_option("folders", arguments->folders, "folder of a run or study; two runs: the second as a ghost")
+      ->required();
+  command.add_option("--out", arguments->out, "page to write (default: report.html in the first folder)")
+      ->check(check_path);
+}
+
+void add_view(CommandLine& line) {
+  const auto arguments = std::make_shared<ViewArguments>();
+  CLI::App& command =
+      line.add("view", "Simulate a scene in a temporary folder and show its report in the browser",
+               "handsim view config/two_hands.yaml", view_command, arguments);
+  command.add_option("scene", arguments->scene, "scene file")->required();
+  add_overrides(command, arguments->overrides);
+  command.add_flag("--no-browser", arguments->no_browser, "only print where the page is");
+}
+
 void add_completion(CommandLine& line) {
   const auto shell = std::make_shared<std::string>();
   CLI::App* command =
@@ -421,7 +444,7 @@ int parse_and_call(int argc, const char* const* argv) {
       "Details: handsim COMMAND --help. Exit status: 0 done, all criteria held; 1 a criterion failed, the "
       "simulation diverged, or output was lost; 2 bad input.");
   for (const auto add : {add_hand, add_check, add_run, add_render, add_accuracy, add_grasp, add_effects,
-                         add_export, add_contacts, add_stability, add_rollouts, add_schema, add_completion})
+                         add_export, add_contacts, add_stability, add_rollouts, add_report, add_view, add_schema, add_completion})
     add(line);
   try {
     app.parse(argc, argv);

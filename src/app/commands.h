@@ -46,6 +46,7 @@ struct RunArguments {
   std::optional<std::uint64_t> expected_hash;
   bool poses = false;
   bool plots = false;
+  bool report = false;  ///< writes report.html
   bool quiet = false;
   bool json = false;
 };
@@ -124,6 +125,19 @@ struct ExportArguments {
   std::vector<std::string> overrides;
 };
 int export_command(const ExportArguments& arguments);
+
+struct ReportArguments {
+  std::vector<std::filesystem::path> folders;  ///< of a run or study, or of two runs
+  std::optional<std::filesystem::path> out;    ///< absent: report.html in the first folder
+};
+int report_command(const ReportArguments& arguments);
+
+struct ViewArguments {
+  std::filesystem::path scene;
+  std::vector<std::string> overrides;
+  bool no_browser = false;
+};
+int view_command(const ViewArguments& arguments);
 
 struct ContactsArguments {
   std::filesystem::path out;  ///< folder for the study's files

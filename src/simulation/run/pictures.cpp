@@ -17,14 +17,6 @@ constexpr double kContactPointRadius = 0.0025;
 constexpr double kForceRadius = 0.0012;
 constexpr double kLongestForce = 0.1;
 
-/// On the one of the two that is free, or on the object that a hand touches.
-Vec3 shown_force(const model::Model& model, const engine::Contact& contact) {
-  const model::Shape& a = model.shapes[static_cast<std::size_t>(contact.shape_a)];
-  const model::Shape& b = model.shapes[static_cast<std::size_t>(contact.shape_b)];
-  const bool on_b = b.body != model::kWorld && b.part == model::Part::object && a.part != model::Part::object;
-  return on_b || a.body == model::kWorld ? Vec3(-contact.force) : contact.force;
-}
-
 output::DrawList list_of(const model::Model& model, const scene::PictureSpec& pictures, const Moment& moment,
                          std::optional<double> scale) {
   output::DrawList list = output::draw_list(model, moment.state, {pictures.joint_axes});
@@ -68,10 +60,37 @@ output::Camera framed_camera(const model::Model& model, const scene::PictureSpec
   return framing.camera();
 }
 
+Stage stage_of_lists(const model::Model& model, const scene::PictureSpec& pictures,
+                     const std::vector<output::DrawList>& lists) {
+  Stage stage;
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const output::DrawList& list : lists) {
+    lowest = std::min(lowest, output::bounds(list).low.z());
+    stage.ground = list.ground_height;
+  }
+  if (pictures.floor && !stage.ground && std::isfinite(lowest)) stage.ground = lowest - kFloorClearance;
+  stage.camera = pictures.camera ? fixed_camera(*pictures.camera) : framed_camera(model, pictures, lists);
+  return stage;
+}
+
 }  // namespace
+
+Stage stage_of(const model::Model& model, const scene::PictureSpec& pictures,
+               std::span<const Moment> moments) {
+  std::vector<output::DrawList> lists;
+  for (const Moment& moment : moments) lists.push_back(list_of(model, pictures, moment, {}));
+  return stage_of_lists(model, pictures, lists);
+}
 
 Moment moment_of(const engine::Engine& engine) {
   return {engine.state(), {engine.contacts().begin(), engine.contacts().end()}};
+}
+
+Vec3 shown_force(const model::Model& model, const engine::Contact& contact) {
+  const model::Shape& a = model.shapes[static_cast<std::size_t>(contact.shape_a)];
+  const model::Shape& b = model.shapes[static_cast<std::size_t>(contact.shape_b)];
+  const bool on_b = b.body != model::kWorld && b.part == model::Part::object && a.part != model::Part::object;
+  return on_b || a.body == model::kWorld ? Vec3(-contact.force) : contact.force;
 }
 
 std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<const Moment> moments) {
@@ -92,17 +111,12 @@ void draw(const model::Model& model, const scene::PictureSpec& pictures, std::sp
   if (moments.empty()) return;
   const std::optional<double> scale = force_scale(pictures, moments);
   std::vector<output::DrawList> lists;
-  double lowest = std::numeric_limits<double>::infinity();
-  for (const Moment& moment : moments) {
-    lists.push_back(list_of(model, pictures, moment, scale));
-    lowest = std::min(lowest, output::bounds(lists.back()).low.z());
-  }
-  const output::Camera camera =
-      pictures.camera ? fixed_camera(*pictures.camera) : framed_camera(model, pictures, lists);
+  for (const Moment& moment : moments) lists.push_back(list_of(model, pictures, moment, scale));
+  const Stage stage = stage_of_lists(model, pictures, lists);
   output::Renderer renderer(pictures.size[0], pictures.size[1]);
   for (std::size_t i = 0; i < lists.size(); ++i) {
-    if (pictures.floor && !lists[i].ground_height) lists[i].ground_height = lowest - kFloorClearance;
-    take(i, renderer.draw(lists[i], camera));
+    lists[i].ground_height = stage.ground;
+    take(i, renderer.draw(lists[i], stage.camera));
   }
 }
 
