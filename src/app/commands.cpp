@@ -101,6 +101,11 @@ void add_out(CLI::App& command, std::filesystem::path& out, const std::string& h
   command.add_option("--out", out, help)->required()->check(check_path);
 }
 
+template <class Arguments>
+void add_report_flag(CLI::App& command, Arguments& arguments) {
+  command.add_flag("--report", arguments.report, "report.html: tables to sort and a plot, for a browser");
+}
+
 /// The command line and the functions of its commands.
 struct CommandLine {
   CLI::App app{"handsim: biomechanical hands of a given person, simulated with the Open Dynamics Engine"};
@@ -249,6 +254,7 @@ void add_grasp(CommandLine& line) {
   grasp.add_flag(
       "--margin", arguments->margin,
       "run each grasp again with 5 % more and less friction and mass: marginal if that changes the verdict");
+  add_report_flag(grasp, *arguments);
   grasp.add_flag("--pictures", arguments->pictures, "a picture at every phase");
   CLI::Option* agree = grasp.add_option(
       "--agree", arguments->agree,
@@ -279,6 +285,7 @@ void add_accuracy(CommandLine& line) {
       "--peers", arguments->peers, "folder of other engines' programs (default: where the build puts them)");
   accuracy.add_option("--costs", arguments->costs,
                       "table of costs for engine auto: replaces its part on this kind of scene");
+  add_report_flag(accuracy, *arguments);
   accuracy.add_flag("--no-peers", arguments->no_peers, "omit the rows of other engines")->excludes(peers);
 }
 
@@ -293,6 +300,7 @@ void add_stability(CommandLine& line) {
   stability.add_option("--case", arguments->cases, "run this case alone; may be repeated")
       ->allow_extra_args(false);
   stability.add_flag("--quick", arguments->quick, "shorter runs of most cases, at most a minute in all");
+  add_report_flag(stability, *arguments);
   stability.add_flag("--no-pictures", arguments->no_pictures, "draw no scenes");
 }
 
@@ -316,6 +324,7 @@ void add_effects(CommandLine& line) {
   add_overrides(effects, arguments->overrides);
   effects.add_option("--repeats", arguments->repeats, "timed rounds, for the median (default 7)")
       ->check(number_from(1, 1000, true, "a whole number of timed rounds, 1 to 1000"));
+  add_report_flag(effects, *arguments);
   effects.add_flag("--json", arguments->json, "print effects.json in place of the table");
 }
 
@@ -344,6 +353,7 @@ void add_rollouts(CommandLine& line) {
       ->check(whole(1, 4096));
   rollouts.add_option("--chunk", arguments->chunk, "rollouts that are written down together (default 8)")
       ->check(whole(1, 100'000));
+  add_report_flag(rollouts, *arguments);
   rollouts.add_flag("--resume", arguments->resume, "go on with a study that was stopped");
   rollouts.add_option("--shard", arguments->shard,
                       "this share of the rollouts alone, such as 3/16, for merge");
@@ -380,7 +390,8 @@ void add_report(CommandLine& line) {
   CLI::App& command =
       line.add("report", "One HTML page of a finished run or study, or of two runs in comparison",
                "handsim report out/two_hands", report_command, arguments);
-  command.add_option("folders", arguments->folders, "folder of a run or study; two runs: the second as a ghost")
+  command
+      .add_option("folders", arguments->folders, "folder of a run or study; two runs: the second as a ghost")
       ->required();
   command.add_option("--out", arguments->out, "page to write (default: report.html in the first folder)")
       ->check(check_path);
@@ -443,8 +454,9 @@ int parse_and_call(int argc, const char* const* argv) {
   app.footer(
       "Details: handsim COMMAND --help. Exit status: 0 done, all criteria held; 1 a criterion failed, the "
       "simulation diverged, or output was lost; 2 bad input.");
-  for (const auto add : {add_hand, add_check, add_run, add_render, add_accuracy, add_grasp, add_effects,
-                         add_export, add_contacts, add_stability, add_rollouts, add_report, add_view, add_schema, add_completion})
+  for (const auto add :
+       {add_hand, add_check, add_run, add_render, add_accuracy, add_grasp, add_effects, add_export,
+        add_contacts, add_stability, add_rollouts, add_report, add_view, add_schema, add_completion})
     add(line);
   try {
     app.parse(argc, argv);

@@ -69,6 +69,7 @@ struct GraspArguments {
   bool friction_search = false;
   bool margin = false;
   bool pictures = false;
+  bool report = false;       ///< writes report.html
   std::optional<int> agree;  ///< random grasps on which engines are compared
   std::uint64_t seed = 1;
   int quarter_steps = 0;
@@ -81,6 +82,7 @@ struct AccuracyArguments {
   std::optional<double> target;                ///< whole-run error that the cheapest row must reach
   std::optional<std::filesystem::path> peers;  ///< folder of other engines' programs; absent: the build's
   bool no_peers = false;                       ///< omit their rows
+  bool report = false;                         ///< writes report.html
   /// Table of costs in which the part on the study's kind of scene is replaced or added.
   std::optional<std::filesystem::path> costs;
 };
@@ -92,6 +94,7 @@ struct StabilityArguments {
   std::vector<std::string> cases;  ///< names; empty: all
   bool quick = false;
   bool no_pictures = false;
+  bool report = false;  ///< writes report.html
 };
 int stability_command(const StabilityArguments& arguments);
 
@@ -103,6 +106,7 @@ struct RolloutsArguments {
   int jobs = 0;
   int chunk = 8;
   bool resume = false;
+  bool report = false;                         ///< writes report.html
   std::string shard;                           ///< `3/16`; empty: the whole study
   std::vector<std::filesystem::path> folders;  ///< of `merge`
 };
@@ -115,6 +119,7 @@ struct EffectsArguments {
   std::vector<std::string> overrides;
   int repeats = 7;  ///< timed rounds
   bool json = false;
+  bool report = false;  ///< writes report.html
 };
 int effects_command(const EffectsArguments& arguments);
 

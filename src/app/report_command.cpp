@@ -11,6 +11,7 @@
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/report/page.h"
 #include "handsim/simulation/report/run_report.h"
+#include "handsim/study/study_page.h"
 
 namespace handsim::app {
 
@@ -62,7 +63,9 @@ int report_command(const ReportArguments& arguments) {
     for (const fs::path& folder : arguments.folders)
       if (!is_run(folder)) throw input_error("report", folder.string() + ", no folder of a run", "two runs");
   const fs::path page = arguments.out.value_or(arguments.folders.front() / simulation::kReportName);
-  output::write_file(page, simulation::run_report(arguments.folders));
+  const bool run = is_run(arguments.folders.front());
+  output::write_file(
+      page, run ? simulation::run_report(arguments.folders) : study::study_page(arguments.folders.front()));
   print("{}\n", page.string());
   return 0;
 }

@@ -34,6 +34,16 @@ void require_three() {
                       "one with it: install libjs-three and build again");
 }
 
+std::string shell_word(const std::string& text) {
+  if (!text.empty() &&
+      text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./=:,+%@") ==
+          std::string::npos)
+    return text;
+  std::string out = "'";
+  for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
+  return out + "'";
+}
+
 std::string report_page(PageKind kind, std::string_view title, std::string_view json) {
   if (kind == PageKind::run) require_three();
   std::string scripts;

@@ -18,6 +18,9 @@ bool has_three();
 /// @throws Error (input) in a build without three.js.
 void require_three();
 
+/// A word of a shell's command, in single quotes where it needs them.
+std::string shell_word(const std::string& text);
+
 /// The text of the page. @param json text of an object; its strings cannot end the script that has them.
 /// @throws Error (input) for a run in a build without three.js.
 std::string report_page(PageKind kind, std::string_view title, std::string_view json);

@@ -10,20 +10,9 @@ namespace handsim::simulation {
 
 namespace {
 
-/// A word of a shell's command.
-std::string shell_word(const std::string& text) {
-  if (!text.empty() &&
-      text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_-./") ==
-          std::string::npos)
-    return text;
-  std::string out = "'";
-  for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
-  return out + "'";
-}
-
 std::string command_of(const RunFiles& run) {
   std::string out =
-      fmt::format("handsim run {} --out again", shell_word((run.folder / "resolved.yaml").string()));
+      fmt::format("handsim run {} --out again", output::shell_word((run.folder / "resolved.yaml").string()));
   if (run.summary.contains("continued_from_s")) out += " --from-snapshot snapshot.bin";
   return out + " --expect-hash " + run.summary.value("state_hash", "");
 }
