@@ -71,7 +71,7 @@ const Curves = (() => {
     const keys = element('div', {class: 'keys'}), hidden = new Set();
     const names = [...new Set(curves.map(curve => curve.name))];
     const labels = names.map(name => {
-      const curve = curves.find(c => c.name === name), value = element('span', {class: 'dim'});
+      const of = curves.filter(c => c.name === name), curve = of.find(c => !c.dash || !c.dash.length) || of[0], value = element('span', {class: 'dim'});
       const mark = element('i', {}), button = element('button', {type: 'button', 'aria-pressed': 'true', click: () => {
         hidden[hidden.has(name) ? 'delete' : 'add'](name);
         button.setAttribute('aria-pressed', String(!hidden.has(name)));

@@ -131,10 +131,10 @@
 
   function timeLine() {
     const place = t => `${100 * (t - start) / (end - start || 1)}%`, out = [];
-    for (const mark of main.marks.filter(m => m.kind === 'phase')) {
+    for (const mark of main.marks.filter(m => m.kind === 'phase' && m.time < end)) {
       const phase = element('span', {class: 'phase', title: `${mark.name}, ${mark.time.toFixed(2)} to ${mark.end.toFixed(2)} s`}, mark.name.replace('_', ' '));
       phase.style.left = place(mark.time);
-      phase.style.width = `${100 * (mark.end - mark.time) / (end - start || 1)}%`;
+      phase.style.width = `${100 * (Math.min(end, mark.end) - mark.time) / (end - start || 1)}%`;
       out.push(phase);
     }
     const events = summary.criteria.filter(c => c.time_s !== undefined && c.measured !== null).map(c => ({time: c.time_s, where: c.where, bad: c.verdict === 'failed',
@@ -155,12 +155,11 @@
       const measured = x => x === undefined || x === null || x.measured === null ? '–' : `${Table.text(x.measured)} ${x.unit}`;
       const at = c.time_s !== undefined && c.measured !== null
         ? element('button', {type: 'button', class: 'link', 'data-time': c.time_s, click: () => jump(c.time_s, c.where)}, `${c.time_s.toFixed(3)} s, ${c.where}`) : '';
-      return element('tr', {class: c.verdict === 'failed' ? 'bad' : null}, element('th', {scope: 'row'}, c.name), element('td', {class: 'number'}, measured(c)),
-        element('td', {class: 'number'}, c.limit === null ? '–' : `${c.limit_is === 'least' ? '≥' : '≤'} ${Table.text(c.limit)} ${c.unit}`),
-        element('td', {}, badge(c.verdict)), element('td', {}, at),
+      return element('tr', {class: c.verdict === 'failed' ? 'bad' : null}, element('th', {scope: 'row'}, c.name), element('td', {}, badge(c.verdict)), element('td', {class: 'number'}, measured(c)),
+        element('td', {class: 'number'}, c.limit === null ? '–' : `${c.limit_is === 'least' ? '≥' : '≤'} ${Table.text(c.limit)} ${c.unit}`), element('td', {}, at),
         other ? [element('td', {class: 'number'}, measured(second)), element('td', {}, second ? badge(second.verdict) : '')] : null);
     });
-    const heads = ['criterion', 'measured', 'limit', 'verdict', 'where: click to go there', ...(other ? ['other run', 'its verdict'] : [])];
+    const heads = ['criterion', 'verdict', 'measured', 'limit', 'where: click to go there', ...(other ? ['other run', 'its verdict'] : [])];
     return element('section', {id: 'verdicts'}, element('h2', {}, 'Verdicts'),
       element('div', {class: 'scroll'}, element('table', {}, element('thead', {}, element('tr', {}, heads.map(h => element('th', {scope: 'col'}, h)))), element('tbody', {}, rows))));
   }
@@ -299,7 +298,8 @@
   slider.max = end;
   if (view) {
     document.getElementById('layers').append(...layerBoxes());
-    if (view.forceScale) legend3d.textContent = `forces: ${Table.text(1e3 * view.forceScale)} mm for 1 N`;
+    legend3d.textContent = [view.forceScale ? `forces: ${Table.text(1e3 * view.forceScale)} mm for 1 N` : '',
+      main.scene.ground !== null && main.scene.floor_is_drawn_only ? 'the floor is only drawn' : ''].filter(Boolean).join('; ');
   }
   timeLine();
   setSpeed(1);

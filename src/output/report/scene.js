@@ -187,38 +187,29 @@ const Scene = (() => {
     return {lines, update: t => lines.forEach(line => line.geometry.setDrawRange(0, rowAt(move.times, t) + 1))};
   }
 
+  // The floor of the pictures: lines by the share of a pixel that they cover, which do not flicker.
+  const floorVertex = 'varying vec2 at; void main() { at = (modelMatrix * vec4(position, 1.0)).xy; gl_Position = projectionMatrix * viewMatrix * vec4(at, modelMatrix[3].z, 1.0); }';
+  const floorFragment = `
+    uniform vec2 centre; uniform float fade, spacing; varying vec2 at;
+    float lines(vec2 p, vec2 footprint, float width) {
+      vec2 f = max(footprint, vec2(1e-5)), q = p + 0.5 * width, a = q + 0.5 * f, b = q - 0.5 * f;
+      vec2 i = (floor(a) * width + min(fract(a), vec2(width)) - floor(b) * width - min(fract(b), vec2(width))) / f;
+      return 1.0 - (1.0 - i.x) * (1.0 - i.y);
+    }
+    void main() {
+      vec2 footprint = 1.2 * fwidth(at) / spacing;
+      float far = length(at - centre) / fade;
+      float fine = lines(5.0 * at / spacing, 5.0 * footprint, 0.04), coarse = lines(at / spacing, footprint, 0.0136);
+      float albedo = 1.0 - max(0.10 * fine, 0.22 * coarse) * (1.0 - smoothstep(0.2, 0.8, far));
+      gl_FragColor = vec4(vec3(0.915, 0.915, 0.91) * albedo, 1.0 - smoothstep(0.25, 1.0, far));
+    }`;
+
   /** A floor with lines that fades, and a plane that only has shadows. */
   function floor(height, centre, radius) {
-    const size = 512, canvas = element('canvas', {width: size, height: size}), draw = canvas.getContext('2d');
-    const spacing = 10 ** Math.floor(Math.log10(3 * radius)), reach = 7 * radius, cells = 2 * reach / spacing, fine = cells <= 24 ? 5 : 1;
-    draw.fillStyle = '#eeeeec';
-    draw.fillRect(0, 0, size, size);
-    for (const [every, shade] of [[1 / fine, '#dfdfdd'], [1, '#c9c9c7']]) {
-      draw.strokeStyle = shade;
-      draw.lineWidth = every === 1 ? 1.4 : 1;
-      // Lines lie at multiples of the spacing in the world.
-      for (const axis of [0, 1]) {
-        const first = Math.ceil((centre.getComponent(axis) - reach) / (spacing * every)) * spacing * every;
-        for (let x = first; x < centre.getComponent(axis) + reach; x += spacing * every) {
-          const at = (x - centre.getComponent(axis) + reach) / (2 * reach) * size, y = size - at;
-          draw.beginPath();
-          draw.moveTo(axis ? 0 : at, axis ? y : 0);
-          draw.lineTo(axis ? size : at, axis ? y : size);
-          draw.stroke();
-        }
-      }
-    }
-    const fade = draw.createRadialGradient(size / 2, size / 2, 0.12 * size, size / 2, size / 2, size / 2);
-    fade.addColorStop(0, 'rgba(0,0,0,1)');
-    fade.addColorStop(1, 'rgba(0,0,0,0)');
-    draw.globalCompositeOperation = 'destination-in';
-    draw.fillStyle = fade;
-    draw.fillRect(0, 0, size, size);
-    const texture = new THREE.CanvasTexture(canvas);
-    texture.encoding = THREE.sRGBEncoding;
-    texture.anisotropy = 4;
-    const plane = new THREE.Mesh(new THREE.PlaneBufferGeometry(2 * reach, 2 * reach),
-      new THREE.MeshBasicMaterial({map: texture, transparent: true, depthWrite: false}));
+    const fade = 7 * radius;
+    const plane = new THREE.Mesh(new THREE.PlaneBufferGeometry(2 * fade, 2 * fade), new THREE.ShaderMaterial({
+      uniforms: {centre: {value: new THREE.Vector2(centre.x, centre.y)}, fade: {value: fade}, spacing: {value: 10 ** Math.floor(Math.log10(3 * radius))}},
+      vertexShader: floorVertex, fragmentShader: floorFragment, transparent: true, depthWrite: false, extensions: {derivatives: true}}));
     plane.position.set(centre.x, centre.y, height);
     plane.renderOrder = -2;
     const shadow = new THREE.Mesh(new THREE.PlaneBufferGeometry(8 * radius, 8 * radius),

@@ -169,6 +169,11 @@ Json marks_json(const RunFiles& run) {
                      {"name", "climb " + entry.value("name", "") + " fails"},
                      {"time", entry["failure_time_s"]}});
   }
+  for (const Json& entry : run.summary.value("grasps", Json::array()))
+    if (entry.contains("lost_time_s"))
+      out.push_back({{"kind", "failed"},
+                     {"name", entry.value("name", "") + " " + entry.value("outcome", "")},
+                     {"time", entry["lost_time_s"]}});
   if (run.summary.contains("fault")) {
     const Json& fault = run.summary["fault"];
     out.push_back({{"kind", "failed"},

@@ -128,11 +128,23 @@ Json bodies_json(const model::Model& model) {
   return out;
 }
 
+/// True if all that can move is near a hand; a lost object falls for the rest of the run.
+bool is_near(const model::Model& model, const model::State& state) {
+  constexpr double kNear = 1;
+  for (std::size_t b = 1; b < state.bodies.size() && !model.hands.empty(); ++b)
+    if (std::none_of(model.hands.begin(), model.hands.end(), [&](const model::HandIndex& hand) {
+          return (state.bodies[at(hand.palm)].p - state.bodies[b].p).norm() < kNear;
+        }))
+      return false;
+  return true;
+}
+
 /// Moments over the run for the camera, as many as a contact sheet shows.
 std::vector<Moment> moments_of(const RunFiles& run) {
   constexpr std::size_t kMoments = 24;
   std::vector<Moment> out;
-  const std::size_t rows = run.times.size();
+  std::size_t rows = 1;
+  while (rows < run.times.size() && is_near(run.scene.model, run.state(rows))) ++rows;
   for (std::size_t i = 0; i < std::min(kMoments, rows); ++i)
     out.push_back({run.state(i * (rows - 1) / std::max<std::size_t>(1, std::min(kMoments, rows) - 1)), {}});
   return out;
@@ -167,6 +179,7 @@ Json scene_json(const RunFiles& run) {
             {"box", mesh_json(output::box_mesh())},
             {"cylinder", mesh_json(output::cylinder_mesh(kSides))}}},
           {"ground", stage.ground ? Json(*stage.ground) : Json()},
+          {"floor_is_drawn_only", !run.scene.spec.ground},
           {"camera",
            {{"position", numbers(stage.camera.position)},
             {"target", numbers(stage.camera.target)},
