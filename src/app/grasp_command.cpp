@@ -7,7 +7,7 @@
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/app/report_command.h"
-#include "handsim/app/study_commands.h"
+#include "handsim/app/study_repeat.h"
 #include "handsim/core/units.h"
 #include "handsim/output/report/page.h"
 #include "handsim/study/grasp/agreement.h"

@@ -8,7 +8,7 @@
 
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
-#include "handsim/app/study_commands.h"
+#include "handsim/app/study_repeat.h"
 #include "handsim/core/units.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/study/rollouts/rollouts.h"

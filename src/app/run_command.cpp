@@ -176,6 +176,7 @@ int run_scene_command(const RunArguments& arguments) {
     options.frames = arguments.frames;
     options.pose_pictures = arguments.poses;
     options.plots = arguments.plots;
+    options.monitor = arguments.report;
     options.snapshot_at = arguments.snapshot_at;
     options.from_snapshot = arguments.from_snapshot;
     options.expected_hash = arguments.expected_hash;

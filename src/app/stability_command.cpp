@@ -3,7 +3,7 @@
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
-#include "handsim/app/study_commands.h"
+#include "handsim/app/study_repeat.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/study/stability/stability.h"
 

@@ -185,7 +185,8 @@ void Simulation::advance(const engine::StepInput& action) {
   const Clock::time_point start = now();
   const engine::StepInput input = command(action);
   const Clock::time_point commanded = now();
-  const engine::StepReport report = engine_->step(input);
+  report_ = engine_->step(input);
+  const engine::StepReport& report = report_;
   const Clock::time_point stepped = now();
   if (controller_) controller_->observe(engine_->state());
   ++steps_;
@@ -309,7 +310,8 @@ MotionSnapshot Simulation::motion() const {
 void Simulation::reset(const MotionSnapshot& motion) {
   if (failure_) throw Error(*failure_);
   if (motion.lineage_ != scene_->lineage)
-    throw input_error("motion", "one of a scene that was compiled apart", "one of this scene or a copy of it");
+    throw input_error("motion", "one of a scene that was compiled apart",
+                      "one of this scene or a copy of it");
   ArchiveReader in(motion.bytes_, "motion");
   engine_->restore(motion.state_, in);
   if (controller_) controller_->restore(in);

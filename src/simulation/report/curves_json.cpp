@@ -24,15 +24,9 @@ class Curves {
   /// @param kind `value` or `target`: drawn dashed, in the colour of the value of the same name.
   void add(const char* group, const char* unit, const std::string& name, const char* kind,
            const std::vector<double>& times, const std::vector<float>& values) {
-    float low = 0, high = 0;
-    bool first = true;
-    for (const float value : values) {
-      if (!std::isfinite(value)) return;
-      low = first ? value : std::min(low, value);
-      high = first ? value : std::max(high, value);
-      first = false;
-    }
-    const double range = high - low;
+    if (values.empty()) return;
+    const auto [low, high] = std::minmax_element(values.begin(), values.end());
+    const double range = *high - *low;
     const output::Thinned thin = output::thinned(times, values, {std::max(range * kCurveTolerance, 1e-30)},
                                                  std::max<std::size_t>(most_, 16));
     std::vector<float> t, v;
@@ -116,19 +110,23 @@ void add_gaps(const RunFiles& run, Curves& curves) {
       curves.add("Joint gaps", "um", names[i], "value", run.times, gaps[i]);
 }
 
-/// Columns of monitor.csv: energies and residuals.
+/// Columns of monitor.csv: energies and residuals. A residual is measured in some steps only.
 void add_monitor(const std::filesystem::path& path, Curves& curves) {
   const output::NumberTable table = output::read_numbers(path);
-  std::vector<double> times;
-  for (std::size_t row = 0; row < table.rows(); ++row) times.push_back(table.at(row, 0));
   for (std::size_t c = 1; c < table.columns.size(); ++c) {
     const auto [name, unit] = parted(table.columns[c]);
-    const char* group = unit == "J" ? "Energies" : "Residuals";
-    curves.add(group,
-               unit == "J"     ? "J"
-               : unit == "m/s" ? "m/s"
-                               : "rad/s",
-               name, "value", times, column(table, c, 1));
+    std::vector<double> times;
+    std::vector<float> values;
+    for (std::size_t row = 0; row < table.rows(); ++row) {
+      const auto value = static_cast<float>(table.at(row, c));
+      if (!std::isfinite(value)) continue;
+      times.push_back(table.at(row, 0));
+      values.push_back(value);
+    }
+    const char* group = unit == "J"       ? "Energies"
+                        : unit == "rad/s" ? "Residuals of rotations"
+                                          : "Residuals of velocities";
+    curves.add(group, unit.c_str(), name, "value", times, values);
   }
 }
 

@@ -210,7 +210,7 @@ output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& opt
   };
   std::vector<std::string> names = {"trajectory.csv", "trajectory.mot", "control.sto",  "contacts.csv",
                                     "summary.json",   "resolved.yaml",  "snapshot.bin", "contact_sheet.png",
-                                    "report.html"};
+                                    "monitor.csv",    "report.html"};
   // At least three digits, and five for the most pictures that there may be.
   for (const char* digits : {"[0-9][0-9][0-9]", "[0-9][0-9][0-9][0-9]", "[0-9][0-9][0-9][0-9][0-9]"})
     names.push_back(fmt::format("frame_{}.png", digits));
