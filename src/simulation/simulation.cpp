@@ -103,6 +103,7 @@ void Simulation::make_controller() {
 }
 
 void Simulation::make_watchers() {
+  report_ = {};
   watchers_ = maker_({*scene_, *engine_, controller_.get()});
   timed_ = std::any_of(watchers_.begin(), watchers_.end(),
                        [](const auto& watcher) { return watcher->wants_times(); });

@@ -11,12 +11,11 @@ import sys
 import time
 import unittest
 
-from selenium import webdriver
-from selenium.webdriver.chrome.options import Options
-from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
+
+from chromium import DRAWN, browser, resize
 
 handsim, source, folder = (pathlib.Path(word).resolve() for word in sys.argv[1:4])
 HOSTILE = '</script><script>window.hostile=1</script><img src=x onerror="window.hostile=1">'
@@ -28,7 +27,6 @@ const draw = copy.getContext('2d');
 draw.drawImage(from, 0, 0, 160, 120);
 return Array.from(draw.getImageData(0, 0, 160, 120).data);
 """
-DRAWN = "const done = arguments[0]; requestAnimationFrame(() => requestAnimationFrame(() => done()))"
 
 
 def run(*words, status=(0,)):
@@ -51,20 +49,6 @@ def write_pages():
     hostile = folder / 'hostile.yaml'
     run('run', scene, '--out', folder / 'hostile', '--report', *short, '--set', 'title=' + HOSTILE)
     run('effects', scene, '--out', folder / 'effects', '--report', '--repeats', 1, '--set', 'duration=0.02 s', '--set', 'title=' + HOSTILE)
-
-
-def browser(width=1280, height=900, gl=True):
-    options = Options()
-    options.binary_location = shutil.which('chromium')
-    for flag in ('--headless=new', '--no-sandbox', '--hide-scrollbars', '--disable-dev-shm-usage', f'--window-size={width},{height}',
-                 *(('--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader') if gl else ('--disable-gpu', '--disable-3d-apis'))):
-        options.add_argument(flag)
-    options.set_capability('goog:loggingPrefs', {'browser': 'ALL', 'performance': 'ALL'})
-    driver = webdriver.Chrome(service=Service(shutil.which('chromedriver')), options=options)
-    driver.set_script_timeout(120)
-    driver.set_page_load_timeout(120)
-    driver.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', {'width': width, 'height': height, 'deviceScaleFactor': 1, 'mobile': width < 500})
-    return driver
 
 
 class Pages(unittest.TestCase):
@@ -249,12 +233,12 @@ class Pages(unittest.TestCase):
 
     def test_no_page_is_wider_than_the_window(self):
         for width in (1280, 390):
-            self.driver.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', {'width': width, 'height': 844, 'deviceScaleFactor': 1, 'mobile': width < 500})
+            resize(self.driver, width, 844)
             for name in ('a/report.html', 'both.html', 'dropped/report.html', 'effects/report.html'):
                 self.open(name)
                 self.script("document.querySelectorAll('details').forEach(d => d.open = true)")
                 self.assertLessEqual(self.script('return document.documentElement.scrollWidth'), width, name)
-        self.driver.execute_cdp_cmd('Emulation.setDeviceMetricsOverride', {'width': 1280, 'height': 900, 'deviceScaleFactor': 1, 'mobile': False})
+        resize(self.driver, 1280, 900)
 
     def test_every_control_has_a_name(self):
         for name in ('both.html', 'effects/report.html'):

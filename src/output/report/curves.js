@@ -79,7 +79,7 @@ const Curves = (() => {
       }}, mark, name, value);
       mark.style.borderColor = curve.colour;
       mark.style.borderTopStyle = curve.dash && curve.dash.length ? 'dashed' : 'solid';
-      return {name, button, value, curves: curves.filter(c => c.name === name)};
+      return {name, button, mark, value, curves: of};
     });
     keys.append(...labels.map(l => l.button));
     let filter = () => true, box = null, time = 0;
@@ -111,7 +111,7 @@ const Curves = (() => {
       draw.clip();
       draw.lineJoin = 'round';
       for (const curve of list) {
-        draw.strokeStyle = curve.colour;
+        draw.strokeStyle = curve.shown || curve.colour;
         draw.globalAlpha = curve.faint ? 0.5 : 1;
         draw.lineWidth = curve.width || 1.5;
         draw.setLineDash(curve.dash || []);
@@ -164,7 +164,14 @@ const Curves = (() => {
       /** Shows only curves of names that pass. */
       only(test) {
         filter = test;
-        for (const label of labels) label.button.hidden = !test(label.name);
+        const names = labels.filter(label => test(label.name));
+        // Few curves, such as those of one finger, get a colour each.
+        const single = names.length < labels.length && names.length <= palette.length;
+        for (const label of labels) {
+          label.button.hidden = !test(label.name);
+          label.curves.forEach(curve => { curve.shown = single && names.includes(label) ? palette[names.indexOf(label)] : curve.colour; });
+          label.mark.style.borderColor = label.curves[0].shown;
+        }
         update();
       },
     };

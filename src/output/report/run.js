@@ -218,7 +218,7 @@
 
   function sections() {
     const has = (key, title) => summary[key] === undefined || Array.isArray(summary[key]) && !summary[key].length ? null :
-      element('details', {}, element('summary', {}, title), Table.any(summary[key]));
+      element('details', {open: key === 'grasps' || key === 'climbs'}, element('summary', {}, title), Table.any(summary[key]));
     const download = element('button', {type: 'button', class: 'screenonly', click: () => {
       const link = element('a', {href: URL.createObjectURL(new Blob([main.resolved], {type: 'text/yaml'})), download: 'resolved.yaml'});
       link.click();

@@ -83,14 +83,24 @@ const Scene = (() => {
 
   const colourOf = list => new THREE.Color(list[0], list[1], list[2]);
 
+  /** True if the processor draws: then no smoothed edges, simpler shadows and no highlights, for a fluent motion. */
+  function drawsInSoftware() {
+    const gl = document.createElement('canvas').getContext('webgl');
+    if (!gl) return false;
+    const info = gl.getExtension('WEBGL_debug_renderer_info'), name = info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : '';
+    const lose = gl.getExtension('WEBGL_lose_context');
+    if (lose) lose.loseContext();
+    return /swiftshader|llvmpipe|software/i.test(name);
+  }
+
   /** The groups of a run's bodies with their shapes. */
-  function bodies(run, geometry, ghost) {
+  function bodies(run, geometry, ghost, plain) {
     const groups = run.scene.bodies.map(() => new THREE.Group());
     for (const shape of run.scene.shapes) {
       const colour = colourOf(shape.colour);
       if (ghost) colour.lerp(new THREE.Color(0.10, 0.16, 0.45), 0.65);
-      const material = new THREE.MeshPhongMaterial({color: colour, specular: 0x222222, shininess: 36, transparent: ghost,
-        opacity: ghost ? 0.4 : 1, flatShading: shape.core === 'hull', depthWrite: !ghost});
+      const look = {color: colour, transparent: ghost, opacity: ghost ? 0.4 : 1, depthWrite: !ghost};
+      const material = plain ? new THREE.MeshLambertMaterial(look) : new THREE.MeshPhongMaterial({...look, specular: 0x222222, shininess: 36});
       const mesh = new THREE.Mesh(geometry(shape), material);
       mesh.position.set(...shape.pose.slice(0, 3));
       mesh.quaternion.set(...shape.pose.slice(3));
@@ -212,7 +222,7 @@ const Scene = (() => {
       vertexShader: floorVertex, fragmentShader: floorFragment, transparent: true, depthWrite: false, extensions: {derivatives: true}}));
     plane.position.set(centre.x, centre.y, height);
     plane.renderOrder = -2;
-    const shadow = new THREE.Mesh(new THREE.PlaneBufferGeometry(8 * radius, 8 * radius),
+    const shadow = new THREE.Mesh(new THREE.PlaneBufferGeometry(4.4 * radius, 4.4 * radius),
       new THREE.ShadowMaterial({opacity: 0.4, depthWrite: false, color: 0x14181c}));
     shadow.position.set(centre.x, centre.y, height + 1e-4);
     shadow.receiveShadow = true;
@@ -322,11 +332,12 @@ const Scene = (() => {
    * @throws Error without WebGL.
    */
   function create(screen, runs, onPick) {
-    const renderer = new THREE.WebGLRenderer({antialias: true, alpha: true, preserveDrawingBuffer: true});
+    const plain = drawsInSoftware() && !location.hash.includes('fine');
+    const renderer = new THREE.WebGLRenderer({antialias: !plain, alpha: true, preserveDrawingBuffer: true});
     renderer.gammaOutput = true;
     renderer.gammaFactor = 2.2;
     renderer.shadowMap.enabled = true;
-    renderer.shadowMap.type = THREE.PCFShadowMap;
+    renderer.shadowMap.type = plain ? THREE.BasicShadowMap : THREE.PCFShadowMap;
     renderer.setPixelRatio(Math.min(2, window.devicePixelRatio || 1));
     const canvas = renderer.domElement;
     canvas.setAttribute('role', 'img');
@@ -336,7 +347,7 @@ const Scene = (() => {
 
     const main = runs[0], view = main.scene.camera, world = new THREE.Scene(), camera = new THREE.PerspectiveCamera(30, 1, 0.005, 100);
     const motions = runs.map(run => motion(run.poses)), contacts = contactRows(main.contacts), marks = contactMeshes(contacts);
-    const solids = runs.map((run, i) => bodies(run, geometries(run.scene.meshes), i > 0));
+    const solids = runs.map((run, i) => bodies(run, geometries(run.scene.meshes), i > 0, plain));
     const flatBodies = solids[0];
     for (const groups of solids) world.add(...groups);
     const partColours = {};
