@@ -128,9 +128,9 @@ Json bodies_json(const model::Model& model) {
   return out;
 }
 
-/// True if all that can move is near a hand; a lost object falls for the rest of the run.
+/// True if all that can move is near a hand; a lost object falls on and on.
 bool is_near(const model::Model& model, const model::State& state) {
-  constexpr double kNear = 1;
+  constexpr double kNear = 0.45;
   for (std::size_t b = 1; b < state.bodies.size() && !model.hands.empty(); ++b)
     if (std::none_of(model.hands.begin(), model.hands.end(), [&](const model::HandIndex& hand) {
           return (state.bodies[at(hand.palm)].p - state.bodies[b].p).norm() < kNear;
