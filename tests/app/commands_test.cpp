@@ -130,7 +130,7 @@ const std::vector<Usage> kUsages = {
      "/none.yaml:1:1: got no such file"},
     {"ExportFormat",
      {"export", kScene, "--format", "sdf", "--out", "OUT"},
-     "--format: got sdf, need one of mjcf, urdf"},
+     "--format: got sdf, need one of mjcf, urdf, osim"},
     {"GraspFriction",
      {"grasp", source("config/grasp_pinch.yaml"), "--out", "OUT", "--friction", "-3"},
      "--friction: got -3, need a coefficient of friction, 0 to 10"},
