@@ -241,5 +241,36 @@ TEST_P(Exports, UrdfHasTheModelsRangesAndShapes) {
   EXPECT_EQ(collisions, expected);
 }
 
+// Oracle: the plan's torque limits; 1000 stands for none.
+TEST(Urdf, EffortIsTheTorqueLimitOfTheDrive) {
+  const scene::Scene scene = shipped_scene("every_pose");
+  ASSERT_TRUE(scene.control);
+  const auto document = parse(output::to_urdf(scene.model, scene.spec.solver, &*scene.control));
+  std::map<std::string, double> efforts;
+  for (const pugi::xml_node& joint : document.child("robot").children("joint"))
+    if (joint.child("axis")) efforts[name(joint)] = joint.child("limit").attribute("effort").as_double();
+  EXPECT_EQ(efforts.size(), static_cast<std::size_t>(scene.model.dof_count()));
+  for (const control::DrivenAxis& axis : scene.control->axes) {
+    EXPECT_EQ(efforts[axis.name], axis.gains.torque_limit) << axis.name;
+    efforts.erase(axis.name);
+  }
+  for (const auto& [joint, effort] : efforts) EXPECT_EQ(effort, 1000) << joint;
+  const auto undriven = parse(output::to_urdf(scene.model, scene.spec.solver));
+  EXPECT_EQ(undriven.select_node("//limit").node().attribute("effort").as_double(), 1000);
+}
+
+// Oracle: the effects: without friction nothing sticks, whatever the surfaces are.
+TEST(Mjcf, WithoutTheEffectOfFrictionEveryContactIsSmooth) {
+  const scene::Scene scene =
+      scene::without_effect(shipped_scene("object_collection"), model::Effect::friction);
+  const auto document = parse(output::to_mjcf(scene.model, scene.spec.solver));
+  int geoms = 0;
+  for (const auto& found : document.select_nodes("//geom | //pair")) {
+    ++geoms;
+    EXPECT_EQ(found.node().attribute("condim").as_int(), 1);
+  }
+  EXPECT_GT(geoms, 0);
+}
+
 }  // namespace
 }  // namespace handsim::test
