@@ -107,6 +107,28 @@ TEST(ExportedSurfaces, ABlockSlidesDownASlopeAsFarInMujocoAsHere) {
   EXPECT_NEAR(slid_here, expected, 0.01 * expected);
 }
 
+// Oracle: closed forms of a ball of radius r that loses speed by a moment of 1 mm times its weight, g 1 mm /
+// (1.4 r), and of one that loses spin by 2 mm, g 2 mm / (0.4 r^2). Bound: 2 % of what is lost.
+TEST(ExportedSurfaces, BallsRollAndSpinDownInMujoco) {
+  const double g = 9.80665, r = 0.05;
+  const scene::Scene scene = from(
+      "objects:\n"
+      "  - {name: rolling, shape: sphere, radius: 0.05, mass: 0.2, position: [0, 0, 0.05], velocity: [1, 0, "
+      "0],"
+      " angular_velocity: [0, 20, 0], material: rough}\n"
+      "  - {name: spinning, shape: sphere, radius: 0.05, mass: 0.2, position: [0, 1, 0.05],"
+      " angular_velocity: [0, 0, 30], material: rough}\n"
+      "ground: {friction: 0.9}\ncontacts: {materials: [{name: rough, friction: 0.1, rolling_friction: 1 mm,"
+      " spinning_friction: 2 mm}]}\ngravity: [0, 0, -9.80665]\nduration: 1\n"
+      "solver: {engine: articulated, step: 0.001}\n");
+  There there(scene);
+  there.run(1);
+  const double slowed = g * 0.001 / (1.4 * r), unspun = g * 0.002 / (0.4 * r * r);
+  EXPECT_NEAR(there.position("rolling").x(), 1 - 0.5 * slowed, 0.02 * 0.5 * slowed);
+  const int joint = there.id(mjOBJ_JOINT, "spinning");
+  EXPECT_NEAR(there.data->qvel[there.model->jnt_dofadr[joint] + 5], 30 - unspun, 0.02 * unspun);
+}
+
 // Oracle: closed form: a ball on a spring-damper of 2000 N/m and 4 N s/m. Bound: 1 % of the depth at rest,
 // 0.05 mm on the way (first-order steps of 0.1 ms).
 TEST(ExportedSurfaces, APadSinksAndRisesAsASpring) {
