@@ -88,6 +88,7 @@ class Environment {
   long steps() const { return steps_; }
 
  private:
+  friend class Lanes;
   void begin();
   void build();
   void check(const Action& action, int substeps) const;

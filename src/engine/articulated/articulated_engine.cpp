@@ -89,6 +89,8 @@ void ArticulatedEngine::start(const model::State& state) {
   if (contact_) contact_->forget();
   if (fast_spin_) fast_spin_->forget();
   mechanism_.kernel().kinematics(mechanism_.tree());
+  placed_ = true;
+  collided_ = false;
   if (loops_ && !(loops_->close() < kOpen))
     throw input_error("state", "loops that are open", "joints that can all be closed");
   time_ = next.time;
@@ -102,6 +104,7 @@ const model::State& ArticulatedEngine::state() const {
     while (made_.load(std::memory_order_acquire) != Made::yes) std::this_thread::yield();
     return state_;
   }
+  place();
   mechanism_.give(state_);
   for (const int drive : drives_) {
     const int body = model_.drives[static_cast<std::size_t>(drive)].body;
@@ -151,6 +154,8 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   if (contact_) contact_->restore(in);
   if (fast_spin_) fast_spin_->restore(in);
   mechanism_.kernel().kinematics(mechanism_.tree());
+  placed_ = true;
+  collided_ = false;
   had_torques_ = true;
   time_ = state.time;
   state_ = state;
@@ -230,7 +235,9 @@ int ArticulatedEngine::solve_step() {
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();
   const double h = settings_.step;
-  for (int i = 0; i < kJointCorrections + kSingleCorrections; ++i) {
+  for (int i = 0; i < kJointCorrections && !loops_; ++i)
+    if (kernel.accelerate(tree, h)) return 0;
+  for (int i = loops_ ? 0 : kJointCorrections; i < kJointCorrections + kSingleCorrections; ++i) {
     kernel.prepare(tree, h);
     if (loops_)
       loops_->solve(h);
@@ -267,7 +274,13 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();
   find_targets(input.drive_targets, end);
-  if (contact_) collide(report);
+  if (collided_) {
+    collided_ = false;
+    report.collide_calls = collide_calls_;
+    report.contacts = static_cast<int>(contact_->contacts().size());
+  } else if (contact_) {
+    collide(report);
+  }
   const bool fast = fast_spin_->begin(input, settings_.step);
   const bool moving = set_base_velocities();
   mechanism_.update_gyroscopic_torques(settings_.step);
@@ -283,11 +296,65 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();
   }
+  if (!fast && !moving && !loops_) return check(kernel.advance(tree, settings_.step), end);
   kernel.find_torques(tree, settings_.step);
   if (fast) fast_spin_->add_work(report.contacts > 0 || loops_);
   kernel.integrate(tree, settings_.step);
   if (moving) place_bases();
   check(arrive(fast), end);
+}
+
+bool ArticulatedEngine::suits_lanes() const {
+  const std::vector<Node>& nodes = mechanism_.topology().nodes;
+  return fast_spin_ && !loops_ && !failure_ && !nodes.empty() &&
+         std::none_of(nodes.begin(), nodes.end(),
+                      [](const Node& node) { return node.kind == NodeKind::ball; });
+}
+
+bool ArticulatedEngine::stands() {
+  if (failure_) return false;
+  for (const int drive : drives_) {
+    const model::Drive& of = model_.drives[static_cast<std::size_t>(drive)];
+    if (of.motion.keys.size() > 1 || !of.motion.shakes.empty()) return false;
+  }
+  find_targets({}, next_time(time_, settings_.step));
+  for (std::size_t i = 0; i < drives_.size(); ++i) {
+    const BaseMotion& base = mechanism_.base(ways_[i].body);
+    for (const Vec3& v : {ways_[i].way.shift, ways_[i].way.turn, base.v, base.w, base.dv, base.dw})
+      if (!v.isZero(0)) return false;
+  }
+  return true;
+}
+
+model::State& ArticulatedEngine::state_in_lanes() {
+  made_.store(Made::no, std::memory_order_relaxed);
+  return state_;
+}
+
+bool ArticulatedEngine::find_contacts() {
+  const bool falls = settings_.effects.has(model::Effect::gravity);
+  const Vec3 fall = falls ? Vec3(settings_.step * model_.gravity) : Vec3(Vec3::Zero());
+  try {
+    collide_calls_ = contact_->collide(state_, {settings_.step, fall, ways_});
+  } catch (const OdeFault&) {
+    // The step alone reports it.
+    return false;
+  }
+  return true;
+}
+
+void ArticulatedEngine::arrive_from_lanes(double time) {
+  fast_spin_->forget();
+  if (contact_) contact_->forget();
+  time_ = time;
+  had_torques_ = true;
+  placed_ = false;
+  made_.store(Made::no, std::memory_order_relaxed);
+}
+
+void ArticulatedEngine::place() const {
+  if (!placed_) mechanism_.kernel().kinematics(mechanism_.tree());
+  placed_ = true;
 }
 
 void ArticulatedEngine::refresh() {
@@ -304,6 +371,7 @@ std::span<const Contact> ArticulatedEngine::contacts() const {
 
 StepReport ArticulatedEngine::step(const StepInput& input) {
   if (failure_) throw Error(*failure_);
+  place();
   keep_start();
   accept(input);
   const double end = next_time(time_, settings_.step);

@@ -49,26 +49,47 @@ inline void Lanes<V>::add_to_parent(const Tree& tree, const Batches& b, const In
 }
 
 template <class V>
+inline void Lanes<V>::inward_any(const Tree& tree, Batches& b) {
+  if (single(b))
+    inward(tree, b);
+  else if (b.kind == NodeKind::ball)
+    inward_many<3>(tree, b);
+  else
+    inward_many<6>(tree, b);
+}
+
+template <class V>
+inline void Lanes<V>::outward_any(const Tree& tree, Batches& b) {
+  if (single(b))
+    outward(tree, b);
+  else if (b.kind == NodeKind::ball)
+    outward_many<3>(tree, b);
+  else
+    outward_many<6>(tree, b);
+}
+
+template <class V>
 inline void Lanes<V>::solve(const Tree& tree) {
+  for (int i = 0; i < tree.batches; ++i) clear(batches(tree)[i]);
+  for (int i = tree.batches - 1; i >= 0; --i) inward_any(tree, batches(tree)[i]);
+  for (int i = 0; i < tree.batches; ++i) outward_any(tree, batches(tree)[i]);
+}
+
+template <class V>
+inline bool Lanes<V>::accelerate(const Tree& tree, double step) {
   for (int i = 0; i < tree.batches; ++i) clear(batches(tree)[i]);
   for (int i = tree.batches - 1; i >= 0; --i) {
     Batches& b = batches(tree)[i];
-    if (single(b))
-      inward(tree, b);
-    else if (b.kind == NodeKind::ball)
-      inward_many<3>(tree, b);
-    else
-      inward_many<6>(tree, b);
+    if (single(b)) prepare_axis(tree, b, step);
+    inward_any(tree, b);
   }
+  bool sound = true;
   for (int i = 0; i < tree.batches; ++i) {
     Batches& b = batches(tree)[i];
-    if (single(b))
-      outward(tree, b);
-    else if (b.kind == NodeKind::ball)
-      outward_many<3>(tree, b);
-    else
-      outward_many<6>(tree, b);
+    outward_any(tree, b);
+    if (single(b)) sound = correct(tree, b, step, false) && sound;
   }
+  return sound;
 }
 
 template <class V>

@@ -1,0 +1,448 @@
+#include "handsim/engine/articulated/lane_group.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <limits>
+
+#include "handsim/engine/articulated/articulated_engine.h"
+#include "handsim/engine/articulated/lane_tree.h"
+#include "handsim/engine/articulated/mechanism_lanes.h"
+#include "handsim/engine/articulated/spin.h"
+#include "handsim/engine/checks.h"
+
+namespace handsim::engine::articulated {
+
+template <int W>
+LaneTree<W>::LaneTree(const Topology& topology, std::size_t body_count, std::size_t dofs)
+    : batches(topology.nodes.size()), bodies(body_count) {
+  std::size_t positions = 0, rates = 0;
+  std::vector<int> axis_of;
+  for (std::size_t i = 0; i < batches.size(); ++i) {
+    const Node& node = topology.nodes[i];
+    Batch<W>& b = batches[i];
+    b.kind = node.kind;
+    b.link = node.parent ? ParentLink::aligned : ParentLink::base;
+    b.parent = node.parent ? *node.parent : static_cast<int>(bases.size());
+    b.massless = !node.body;
+    b.used = W;
+    b.q = static_cast<int>(positions) * W;
+    b.u = static_cast<int>(rates) * W;
+    b.axis = static_cast<int>(single(node.kind) ? axes.size() : joints3.size());
+    positions += handsim::at(position_count(node.kind));
+    rates += handsim::at(rate_count(node.kind));
+    if (single(node.kind))
+      axes.emplace_back();
+    else
+      joints3.emplace_back();
+    if (node.parent)
+      batches[handsim::at(*node.parent)].has_children = true;
+    else
+      bases.emplace_back();
+    for (int lane = 0; lane < W; ++lane) {
+      b.parent_batch[lane] = b.parent;
+      b.parent_lane[lane] = lane;
+    }
+    if (!node.body) continue;
+    LaneBody<W>& body = bodies[handsim::at(*node.body)];
+    body.batch = static_cast<int>(i);
+    body.island = node.island;
+    body.of_node = true;
+  }
+  for (auto* numbers : {&u, &du, &tau, &tau_servo}) numbers->resize(rates);
+  q.resize(positions);
+  spin.resize(1);
+  origins.resize(3 * handsim::at(topology.islands));
+  gravity.resize(3);
+  loads.resize(dofs);
+  tree.batches = static_cast<int>(batches.size());
+  tree.batch = batches.data();
+  tree.axis = axes.data();
+  tree.joint3 = joints3.data();
+  tree.base = bases.data();
+  tree.positions = static_cast<int>(positions) * W;
+  tree.rates = static_cast<int>(rates) * W;
+  tree.q = at(q);
+  tree.u = at(u);
+  tree.du = at(du);
+  tree.tau = at(tau);
+  tree.tau_servo = at(tau_servo);
+  tree.spin = at(spin);
+  tree.max_speed = kMaxSpeed;
+  tree.max_turn = kMaxAngularSpeed;
+}
+
+template <int W>
+void LaneTree<W>::update_control() {
+  control.bodies = static_cast<int>(bodies.size());
+  control.weights = static_cast<int>(weights.size());
+  control.servos = static_cast<int>(servos.size());
+  control.body = bodies.data();
+  control.weight = weights.data();
+  control.servo = servos.data();
+  control.origin = at(origins);
+  control.gravity = at(gravity);
+  control.load = at(loads);
+}
+
+template struct LaneTree<2>;
+template struct LaneTree<4>;
+template struct LaneTree<8>;
+
+namespace {
+
+/// Corrections of stops and torque limits in lanes, before engines find theirs alone.
+constexpr int kCorrections = 8;
+
+template <int W>
+class GroupOf final : public LaneGroup {
+ public:
+  GroupOf(const ArticulatedEngine& like, const Kernel& kernel)
+      : kernel_(kernel),
+        step_(like.settings().step),
+        lanes_(like.mechanism().topology(), like.model().bodies.size(), at(like.model().dof_count())) {
+    const Topology& topology = like.mechanism().topology();
+    lanes_.tree.erp = like.settings().erp();
+    slot_of_dof_.assign(at(like.model().dof_count()), 0);
+    for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
+      const Node& node = topology.nodes[i];
+      kinds_.push_back({node.kind, node.parent.value_or(-1), node.island});
+      if (node.joint)
+        slot_of_dof_[at(like.model().joints[at(*node.joint)].first_dof + node.axis_index)] = i;
+      if (node.kind != NodeKind::free) continue;
+      free_.push_back({i, at(node.island), like.mechanism().is_lone(i)});
+    }
+  }
+
+  int width() const override { return W; }
+
+  bool fits(Engine& other) const override {
+    auto* of_kind = dynamic_cast<ArticulatedEngine*>(&other);
+    if (!of_kind) return false;
+    ArticulatedEngine& engine = *of_kind;
+    const Topology& topology = engine.mechanism().topology();
+    if (!engine.suits_lanes() || topology.nodes.size() != kinds_.size() || engine.settings().step != step_ ||
+        engine.model().bodies.size() != lanes_.bodies.size())
+      return false;
+    for (std::size_t i = 0; i < kinds_.size(); ++i) {
+      const Node& node = topology.nodes[i];
+      if (kinds_[i] != Kind{node.kind, node.parent.value_or(-1), node.island}) return false;
+    }
+    return engine.stands();
+  }
+
+  void load(int lane, Engine& other, std::span<const double> torques, const LaneControlPlan* plan) override {
+    auto& engine = static_cast<ArticulatedEngine&>(other);
+    engine_[at(lane)] = &engine;
+    filled_[at(lane)] = true;
+    moved_[at(lane)] = collided_[at(lane)] = false;
+    time_[at(lane)] = engine.time();
+    engine.mechanism().lend(lanes_, lane);
+    const Topology& topology = engine.mechanism().topology();
+    for (std::size_t dof = 0; dof < slot_of_dof_.size(); ++dof) {
+      if (!single(topology.nodes[slot_of_dof_[dof]].kind)) continue;
+      Axis<W>& a = axis(slot_of_dof_[dof]);
+      a.tau[lane] = torques.empty() ? 0 : torques[dof];
+      for (auto* of_servo : {&a.servo_stiffness, &a.servo_damping, &a.servo_error, &a.servo_feed,
+                             &a.servo_limit})
+        (*of_servo)[lane] = 0;
+    }
+    std::vector<model::Servo>& servos = servos_;
+    servos.clear();
+    if (plan) {
+      servos.resize(slot_of_dof_.size());
+      for (const LaneDrive& drive : plan->drives) servos[drive.dof].limit = drive.limit;
+      load_control(lane, engine.model(), *plan);
+    } else {
+      lanes_.servos.clear();
+      lanes_.weights.clear();
+    }
+    saved_.resize(2 * lanes_.axes.size() + 3 * lanes_.u.size() + lanes_.q.size() + 5 * lanes_.servos.size());
+    for (std::size_t dof = 0; dof < slot_of_dof_.size(); ++dof)
+      if (single(topology.nodes[slot_of_dof_[dof]].kind) && (servos.empty() || servos[dof].limit == 0))
+        axis(slot_of_dof_[dof]).saturated[lane] = 0;
+    calm_[at(lane)] = engine.calm_turn({.torques = torques, .servos = servos});
+  }
+
+  void set_drive_state(int lane, std::size_t drive, const LaneDriveState& state) override {
+    LaneServo<W>& servo = lanes_.servos[drive];
+    servo.torque[lane] = state.torque;
+    servo.at_limit[lane] = state.at_limit ? 1 : 0;
+    servo.integral[lane] = state.integral;
+    servo.filtered_rate[lane] = state.filtered_rate;
+    servo.reached[lane] = state.target;
+  }
+  LaneDriveState drive_state(int lane, std::size_t drive) const override {
+    const LaneServo<W>& servo = lanes_.servos[drive];
+    const Batch<W>& b = lanes_.batches[at(servo.batch)];
+    return {lanes_.tree.q[b.q + lane],  lanes_.tree.u[b.u + lane],
+            servo.reached[lane],  servo.torque[lane],
+            servo.at_limit[lane] != 0,  servo.integral[lane],
+            servo.filtered_rate[lane]};
+  }
+  void set_target(int lane, std::size_t drive, double target) override {
+    lanes_.servos[drive].target[lane] = target;
+  }
+  void set_targets(std::size_t drive, double target) override {
+    std::fill_n(lanes_.servos[drive].target, W, target);
+  }
+
+  void start() override {
+    lanes_.update_control();
+    fill();
+    needs_bodies_ = lanes_.control.weights > 0 || engine_[at(first())]->tests_contacts();
+    kernel_.kinematics(lanes_.tree);
+    place_bodies();
+  }
+
+  double time(int lane) const override { return time_[at(lane)]; }
+
+  unsigned step() override {
+    fill();
+    unsigned leave = 0;
+    for (int lane = 0; lane < W; ++lane) {
+      const double turn = calm_[at(lane)];
+      if (engine_[at(lane)] && (lanes_.tree.spin[lane] * step_ * step_ > turn * turn || !collide(lane)))
+        leave |= 1U << lane;
+    }
+    save();
+    kernel_.lanes.command(lanes_.tree, lanes_.control, step_);
+    add_gyroscopic_torques();
+    if (!accelerate() || !kernel_.advance(lanes_.tree, step_)) return restore();
+    kernel_.lanes.observe(lanes_.tree, lanes_.control);
+    place_bodies();
+    if (leave != 0) keep_back(leave);
+    for (int lane = 0; lane < W; ++lane)
+      if (engine_[at(lane)] && ((leave >> lane) & 1U) == 0) {
+        time_[at(lane)] = next_time(time_[at(lane)], step_);
+        moved_[at(lane)] = true;
+        collided_[at(lane)] = false;
+      }
+    return leave;
+  }
+
+  void store(int lane) override {
+    ArticulatedEngine& engine = *engine_[at(lane)];
+    if (moved_[at(lane)]) {
+      engine.mechanism().take_back(lanes_, lane);
+      engine.arrive_from_lanes(time_[at(lane)]);
+    }
+    engine.set_collided(collided_[at(lane)]);
+    engine_[at(lane)] = nullptr;
+    filled_[at(lane)] = false;
+  }
+
+ private:
+  struct Kind {
+    NodeKind kind;
+    int parent, island;
+    bool operator==(const Kind&) const = default;
+  };
+  struct Free {
+    std::size_t node, island;
+    bool lone;
+  };
+
+  int first() const {
+    return static_cast<int>(std::find_if(engine_.begin(), engine_.end(), [](const auto* engine) {
+                              return engine != nullptr;
+                            }) -
+                            engine_.begin());
+  }
+  /// Lanes without an engine do what another one does.
+  void fill() {
+    for (int lane = 0; lane < W; ++lane) {
+      if (filled_[at(lane)]) continue;
+      copy(first(), lane);
+      filled_[at(lane)] = true;
+    }
+  }
+  Axis<W>& axis(std::size_t node) { return lanes_.axes[at(lanes_.batches[node].axis)]; }
+
+  void load_control(int lane, const model::Model& model, const LaneControlPlan& plan) {
+    lanes_.servos.resize(plan.drives.size());
+    lanes_.weights.resize(plan.links.size());
+    for (std::size_t i = 0; i < plan.drives.size(); ++i) {
+      const LaneDrive& drive = plan.drives[i];
+      LaneServo<W>& servo = lanes_.servos[i];
+      servo.batch = static_cast<int>(slot_of_dof_[drive.dof]);
+      servo.dof = static_cast<int>(drive.dof);
+      servo.proportional[lane] = drive.proportional;
+      servo.derivative[lane] = drive.derivative;
+      servo.integral_gain[lane] = drive.integral;
+      servo.limit[lane] = drive.limit;
+      servo.zone[lane] = drive.zone;
+      servo.smoothing[lane] = drive.smoothing;
+      servo.tissue_stiffness[lane] = drive.tissue_stiffness;
+      servo.tissue_rest[lane] = drive.tissue_rest;
+      servo.target[lane] = drive.target;
+    }
+    for (std::size_t i = 0; i < plan.links.size(); ++i) {
+      const LaneLink& link = plan.links[i];
+      LaneWeight<W>& weight = lanes_.weights[i];
+      weight.parent = static_cast<int>(link.parent);
+      weight.child = static_cast<int>(link.child);
+      weight.dof = static_cast<int>(link.dof);
+      weight.adds_to_parent = link.adds_to_parent;
+      weight.turns = link.turns;
+      weight.universal = link.universal;
+      weight.mass[lane] = link.mass;
+      put3<W>(weight.frame, lane, link.frame);
+      put3<W>(weight.first_axis, lane, link.first_axis);
+      put3<W>(weight.second_axis, lane, link.second_axis);
+      lanes_.bodies[link.child].mass[lane] = model.bodies[link.child].mass;
+    }
+    put3<W>(gravity(), lane, plan.gravity);
+  }
+  Lane<W>* gravity() { return reinterpret_cast<Lane<W>*>(lanes_.at(lanes_.gravity)); }
+
+  /// All numbers of a lane to another one.
+  void copy(int from, int to) {
+    const auto each = [&](auto& items) {
+      using Item = typename std::remove_reference_t<decltype(items)>::value_type;
+      for (Item& item : items) {
+        auto* x = reinterpret_cast<double*>(&item);
+        for (std::size_t i = 0; i < numbers_of(item); ++i) x[i * W + at(to)] = x[i * W + at(from)];
+      }
+    };
+    each(lanes_.batches);
+    each(lanes_.axes);
+    each(lanes_.joints3);
+    each(lanes_.bases);
+    each(lanes_.bodies);
+    each(lanes_.weights);
+    each(lanes_.servos);
+    for (auto* numbers : {&lanes_.q, &lanes_.u, &lanes_.du, &lanes_.tau, &lanes_.tau_servo, &lanes_.spin,
+                          &lanes_.origins, &lanes_.gravity, &lanes_.loads})
+      each(*numbers);
+  }
+  /// Lanes of numbers that a structure begins with.
+  template <class Item>
+  static std::size_t numbers_of(const Item& item) {
+    const auto until = [&](const auto& member) {
+      return static_cast<std::size_t>(reinterpret_cast<const std::byte*>(&member) -
+                                      reinterpret_cast<const std::byte*>(&item)) /
+             sizeof(Lane<W>);
+    };
+    if constexpr (std::is_same_v<Item, Batch<W>>)
+      return until(item.kind);
+    else if constexpr (std::is_same_v<Item, LaneBody<W>> || std::is_same_v<Item, LaneServo<W>>)
+      return until(item.batch);
+    else if constexpr (std::is_same_v<Item, LaneWeight<W>>)
+      return until(item.parent);
+    else
+      return sizeof(Item) / sizeof(Lane<W>);
+  }
+
+  void place_bodies() {
+    for (const Free& each : free_)
+      for (int k = 0; k < 3; ++k) {
+        const double* q = lanes_.tree.q + lanes_.batches[each.node].q + k * W;
+        std::copy_n(q, W, lanes_.origins[3 * each.island + at(k)].x);
+      }
+    if (needs_bodies_) kernel_.lanes.place_bodies(lanes_.tree, lanes_.control);
+  }
+
+  /// False where an engine has contacts in the step to come.
+  bool collide(int lane) {
+    ArticulatedEngine& engine = *engine_[at(lane)];
+    if (!engine.tests_contacts()) return true;
+    model::State& state = engine.state_in_lanes();
+    for (std::size_t i = 0; i < lanes_.bodies.size(); ++i) {
+      const LaneBody<W>& body = lanes_.bodies[i];
+      if (body.of_node)
+        state.bodies[i] = {get3<W>(body.p, lane), get4<W>(body.q, lane), get3<W>(body.v, lane),
+                           get3<W>(body.w, lane)};
+    }
+    collided_[at(lane)] = engine.find_contacts();
+    return collided_[at(lane)] && engine.contacts().empty();
+  }
+
+  void add_gyroscopic_torques() {
+    for (const Free& each : free_) {
+      if (!each.lone) continue;
+      Batch<W>& b = lanes_.batches[each.node];
+      for (int lane = 0; lane < W; ++lane) {
+        const auto* q = reinterpret_cast<const Lane<W>*>(lanes_.tree.q + b.q);
+        const auto* u = reinterpret_cast<const Lane<W>*>(lanes_.tree.u + b.u);
+        if (const auto torque = gyroscopic_torque(get3<W>(b.inertia, lane), get4<W>(q + 3, lane),
+                                                  get3<W>(u, lane), step_))
+          put3<W>(b.pv, lane, *torque);
+      }
+    }
+  }
+
+  bool accelerate() {
+    for (int i = 0; i < kCorrections; ++i)
+      if (kernel_.accelerate(lanes_.tree, step_)) return true;
+    return false;
+  }
+
+  /// Everything of an environment that a step changes, lane by lane.
+  template <class F>
+  void each_state(const F& f) {
+    std::size_t i = 0;
+    for (auto* numbers : {&lanes_.q, &lanes_.u, &lanes_.tau, &lanes_.tau_servo})
+      for (auto& number : *numbers) f(number.x, saved_[i++].x);
+    for (Axis<W>& a : lanes_.axes) {
+      f(a.side, saved_[i++].x);
+      f(a.saturated, saved_[i++].x);
+    }
+    for (LaneServo<W>& servo : lanes_.servos)
+      for (auto* number :
+           {&servo.integral, &servo.filtered_rate, &servo.torque, &servo.at_limit, &servo.reached})
+        f(*number, saved_[i++].x);
+  }
+  void save() {
+    each_state([](const double* now, double* then) { std::copy_n(now, W, then); });
+  }
+  /// To the start of the step. @returns all engines: each takes the step alone
+  unsigned restore() {
+    each_state([](double* now, const double* then) { std::copy_n(then, W, now); });
+    unsigned all = 0;
+    for (int lane = 0; lane < W; ++lane) all |= engine_[at(lane)] ? 1U << lane : 0U;
+    return all;
+  }
+  /// Some lanes to the start of the step.
+  void keep_back(unsigned which) {
+    each_state([&](double* now, const double* then) {
+      for (int lane = 0; lane < W; ++lane)
+        if ((which >> lane) & 1U) now[lane] = then[lane];
+    });
+  }
+  const Kernel& kernel_;
+  double step_;
+  LaneTree<W> lanes_;
+  std::vector<Kind> kinds_;
+  std::vector<Free> free_;
+  std::vector<std::size_t> slot_of_dof_;  ///< node of each dof
+  std::array<ArticulatedEngine*, W> engine_{};
+  std::array<bool, W> filled_{};
+  std::array<bool, W> moved_{};     ///< since it was loaded
+  std::array<bool, W> collided_{};  ///< the contacts of the step to come are known
+  std::array<double, W> time_{}, calm_{};
+  std::vector<typename LaneTree<W>::Numbers> saved_;
+  std::vector<model::Servo> servos_;
+  bool needs_bodies_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<LaneGroup> LaneGroup::make(const Engine& engine) {
+  const auto* of_kind = dynamic_cast<const ArticulatedEngine*>(&engine);
+  if (!of_kind || !of_kind->suits_lanes()) return nullptr;
+  const ArticulatedEngine& like = *of_kind;
+  const Kernel& kernel = *kernels().back();
+  switch (kernel.width) {
+    case 2:
+      return std::make_unique<GroupOf<2>>(like, kernel);
+    case 4:
+      return std::make_unique<GroupOf<4>>(like, kernel);
+    case 8:
+      return std::make_unique<GroupOf<8>>(like, kernel);
+    default:
+      return nullptr;
+  }
+}
+
+}  // namespace handsim::engine::articulated
