@@ -1,6 +1,7 @@
 #include "handsim/environment/environment.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -66,6 +67,8 @@ void Environment::build() {
 /// An engine that works, with the scene's numbers as they are now.
 void Environment::begin() {
   const bool changed = variation_->take_changed();
+  static std::atomic<std::uint64_t> last = 0;
+  if (changed) numbers_ = ++last;
   if (failure_) {
     build();
     failure_.reset();

@@ -105,6 +105,7 @@ class Environment {
   std::vector<double> observed_;
   std::vector<Pose> from_, targets_;  ///< of the driven wrists
   long steps_ = 0;
+  std::uint64_t numbers_ = 0;  ///< of the model and its control; 0: those of the scene
 };
 
 }  // namespace handsim::environment

@@ -55,7 +55,7 @@ bool Lanes::takes(Environment& environment, const Action& action) const {
   // What is wrong with an action is told by the environment alone; so is what touches something.
   return parts && (action.torques.empty() || action.torques.size() == dofs) && finite(action.torques) &&
          (action.angles.empty() || action.angles.size() == axes) && finite(action.angles) &&
-         parts->engine.contacts().empty() && group_->fits(parts->engine);
+         parts->engine.contacts().empty() && group_->fits(parts->engine, parts->controller || !action.torques.empty());
 }
 
 void Lanes::load(int lane, const Member& member) {
@@ -67,13 +67,16 @@ void Lanes::load(int lane, const Member& member) {
     for (std::size_t i = 0; i < torques_.size(); ++i) torques_[i] += member.action.torques[i];
   }
   control::Controller* controller = parts.controller;
-  if (!controller) return group_->load(lane, parts.engine, torques_, nullptr);
+  if (group_->key(lane) != environment.numbers_) {
+    if (controller) describe(*controller, plan_, environment.scene().model);
+    group_->set_constants(lane, parts.engine, controller ? &plan_ : nullptr, environment.numbers_);
+  }
+  group_->load(lane, parts.engine, torques_);
+  if (!controller) return;
   if (member.action.angles.empty())
     controller->release_targets();
   else
     controller->set_targets(member.action.angles);
-  describe(*controller, plan_, environment.scene().model);
-  group_->load(lane, parts.engine, torques_, &plan_);
   for (std::size_t i = 0; i < controller->axes().size(); ++i) {
     const control::AxisState& axis = controller->axis(i);
     group_->set_drive_state(lane, i,

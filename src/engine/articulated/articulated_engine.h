@@ -52,6 +52,10 @@ class ArticulatedEngine final : public Engine {
   bool suits_lanes() const;
   /// True where the drives stand still, now and in all steps to come.
   bool stands();
+  /// True where a body is known to turn by more in a step [rad].
+  bool spins_beyond(double turn) const {
+    return placed_ && mechanism_.spin() * settings_.step * settings_.step > turn * turn;
+  }
   /// FastSpin::calm_turn
   double calm_turn(const StepInput& input) const { return fast_spin_->calm_turn(input); }
   /// State whose bodies the group places for `find_contacts`.

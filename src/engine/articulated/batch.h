@@ -74,7 +74,8 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   // Constants of topology.h.
   Lane<W> before[4], turned[4], direction[3], anchor[3], arm[3], mass, inertia[3];
   // Of the position.
-  Lane<W> S[6];  ///< the joint's motion axis; nodes of one rate
+  Lane<W> sine, cosine;  ///< of half the angle; revolute nodes
+  Lane<W> S[6];          ///< the joint's motion axis; nodes of one rate
   Lane<W> h[3];  ///< mass times p
   Lane<W> I[6];  ///< rotational inertia about O: xx, xy, xz, yy, yz, zz
   // Of the velocity.
@@ -91,6 +92,8 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   NodeKind kind;
   ParentLink link;
   bool has_children;
+  bool adds_first;  ///< aligned, and the first to hand down to its parents, which need not be cleared
+  bool cleared;     ///< before children hand down
   bool massless;  ///< no lane has a body
   int parent;     ///< batch; of Base frames where link is base
   int parent_batch[W], parent_lane[W];

@@ -104,6 +104,7 @@ struct Lanes {
   }
 
   // Poses, velocities and inertias of the links, and integration (kernel_motion.h).
+  static void turn(const Tree& tree, Batches& b);
   static void place(const Tree& tree, Batches& b);
   static Q4<V> unit(const Q4<V>& q);
   static void set_pose(Batches& b, const Q4<V>& quat, const Mat<V>& R, const V3<V>& p);

@@ -151,6 +151,12 @@ template <class V>
 inline void Lanes<V>::lock_at_stops(const Tree& tree, const Batches& b, Axes& a, double step) {
   const V zero = 0.0, h = step;
   const V side = load(a.side), q = load(tree.q + b.q), u = load(tree.u + b.u);
+  const auto on = side * side > zero;
+  if (!any(on)) {
+    store(a.locked, V(1.0 - load(a.present)));
+    store(a.given, zero);
+    return;
+  }
   const V end = articulated::select(side < zero, load(a.low), load(a.high));
   // Along the way out: how far there is to go, and how fast it goes.
   const V room = articulated::select(side < zero, V(q - end), V(end - q));
@@ -158,7 +164,6 @@ inline void Lanes<V>::lock_at_stops(const Tree& tree, const Batches& b, Axes& a,
   V target = articulated::select(room < zero, V(tree.erp * room / h), V(room / h));
   const V bounced = V(zero - load(a.bounce)) * speed;
   target = articulated::select(speed > zero && bounced < target && load(a.bounce) > zero, bounced, target);
-  const auto on = side * side > zero;
   store(a.locked, articulated::select(on, V(1.0), V(1.0 - load(a.present))));
   store(a.given, articulated::select(on, V((side * target - u) / h), zero));
 }

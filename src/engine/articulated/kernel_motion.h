@@ -5,6 +5,16 @@
 
 namespace handsim::engine::articulated {
 
+/// Apart from `place`, whose steps wait for each other: these follow closely.
+template <class V>
+inline void Lanes<V>::turn(const Tree& tree, Batches& b) {
+  if (b.kind != NodeKind::revolute) return;
+  V s, c;
+  sine_cosine(V(load(tree.q + b.q) * 0.5), s, c);
+  store(b.sine, s);
+  store(b.cosine, c);
+}
+
 template <class V>
 inline void Lanes<V>::place(const Tree& tree, Batches& b) {
   Frames scratch;
@@ -14,8 +24,7 @@ inline void Lanes<V>::place(const Tree& tree, Batches& b) {
   V3<V> p;
   switch (b.kind) {
     case NodeKind::revolute: {
-      V s, c;
-      sine_cosine(V(load(q) * 0.5), s, c);
+      const V s = load(b.sine), c = load(b.cosine);
       const Q4<V> k = load4(b.before), t = load4(b.turned);
       quat = load4(from.quat) *
              Q4<V>{c * k.x + s * t.x, c * k.y + s * t.y, c * k.z + s * t.z, c * k.w + s * t.w};
@@ -128,6 +137,7 @@ template <class V>
 inline bool Lanes<V>::kinematics(const Tree& tree) {
   bool sound = true;
   store(tree.spin, V(0.0));
+  for (int i = 0; i < tree.batches; ++i) turn(tree, batches(tree)[i]);
   for (int i = 0; i < tree.batches; ++i) {
     Batches& b = batches(tree)[i];
     place(tree, b);
@@ -191,6 +201,10 @@ inline bool Lanes<V>::advance(const Tree& tree, double step) {
     Batches& b = batches(tree)[i];
     if (single(b)) find_torque(tree, b, step);
     move(tree, b, step);
+    turn(tree, b);
+  }
+  for (int i = 0; i < tree.batches; ++i) {
+    Batches& b = batches(tree)[i];
     place(tree, b);
     sound = update_velocity(tree, b) && sound;
   }

@@ -27,9 +27,19 @@ inline V6<V> Lanes<V>::bias(const Batches& b) {
 
 /// Adds what a batch hands down to its parents.
 template <class V>
-inline void Lanes<V>::add_to_parent(const Tree& tree, const Batches& b, const Inertia<V>& I, const V6<V>& p) {
+[[gnu::always_inline]] inline void Lanes<V>::add_to_parent(const Tree& tree, const Batches& b, const Inertia<V>& I, const V6<V>& p) {
   if (b.link == ParentLink::aligned) {
     Batches& to = batches(tree)[b.parent];
+    if (b.adds_first) {
+      // A sum with zero has no negative zeros.
+      const V zero = 0.0;
+      const V3<V> none = {zero, zero, zero};
+      store_sym(to.A, I.A + Sym3<V>{zero, zero, zero, zero, zero, zero});
+      store_mat(to.B, {I.B.r0 + none, I.B.r1 + none, I.B.r2 + none});
+      store_sym(to.C, I.C + Sym3<V>{zero, zero, zero, zero, zero, zero});
+      store6(to.p, p + V6<V>{none, none});
+      return;
+    }
     store_sym(to.A, load_sym(to.A) + I.A);
     const Mat<V> B = load_mat(to.B);
     store_mat(to.B, {B.r0 + I.B.r0, B.r1 + I.B.r1, B.r2 + I.B.r2});
@@ -94,7 +104,7 @@ inline bool Lanes<V>::accelerate(const Tree& tree, double step) {
 
 template <class V>
 inline void Lanes<V>::clear(Batches& b) {
-  if (!b.has_children) return;
+  if (!b.cleared) return;
   const V zero = 0.0;
   for (int i = 0; i < kArticulated; ++i) store(&b.A[0][0] + i * W, zero);
 }

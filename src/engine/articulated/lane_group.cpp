@@ -49,6 +49,13 @@ LaneTree<W>::LaneTree(const Topology& topology, std::size_t body_count, std::siz
     body.island = node.island;
     body.of_node = true;
   }
+  std::vector<bool> given(batches.size(), false);
+  for (std::size_t i = batches.size(); i-- > 0;) {
+    if (batches[i].link == ParentLink::base) continue;
+    const auto parent = handsim::at(batches[i].parent);
+    batches[i].adds_first = !given[parent];
+    given[parent] = true;
+  }
   for (auto* numbers : {&u, &du, &tau, &tau_servo}) numbers->resize(rates);
   q.resize(positions);
   spin.resize(1);
@@ -106,7 +113,6 @@ class GroupOf final : public LaneGroup {
     slot_of_dof_.assign(at(like.model().dof_count()), 0);
     for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
       const Node& node = topology.nodes[i];
-      kinds_.push_back({node.kind, node.parent.value_or(-1), node.island});
       if (node.joint)
         slot_of_dof_[at(like.model().joints[at(*node.joint)].first_dof + node.axis_index)] = i;
       if (node.kind != NodeKind::free) continue;
@@ -116,52 +122,49 @@ class GroupOf final : public LaneGroup {
 
   int width() const override { return W; }
 
-  bool fits(Engine& other) const override {
-    auto* of_kind = dynamic_cast<ArticulatedEngine*>(&other);
-    if (!of_kind) return false;
-    ArticulatedEngine& engine = *of_kind;
-    const Topology& topology = engine.mechanism().topology();
-    if (!engine.suits_lanes() || topology.nodes.size() != kinds_.size() || engine.settings().step != step_ ||
-        engine.model().bodies.size() != lanes_.bodies.size())
-      return false;
-    for (std::size_t i = 0; i < kinds_.size(); ++i) {
-      const Node& node = topology.nodes[i];
-      if (kinds_[i] != Kind{node.kind, node.parent.value_or(-1), node.island}) return false;
-    }
-    return engine.stands();
+  bool fits(Engine& other, bool driven) const override {
+    auto& engine = static_cast<ArticulatedEngine&>(other);
+    return engine.stands() && !engine.spins_beyond(driven ? kDrivenTurn : kPassiveTurn);
   }
 
-  void load(int lane, Engine& other, std::span<const double> torques, const LaneControlPlan* plan) override {
+  void set_constants(int lane, Engine& other, const LaneControlPlan* plan, std::uint64_t key) override {
     auto& engine = static_cast<ArticulatedEngine&>(other);
-    engine_[at(lane)] = &engine;
-    filled_[at(lane)] = true;
-    moved_[at(lane)] = collided_[at(lane)] = false;
-    time_[at(lane)] = engine.time();
-    engine.mechanism().lend(lanes_, lane);
-    const Topology& topology = engine.mechanism().topology();
-    for (std::size_t dof = 0; dof < slot_of_dof_.size(); ++dof) {
-      if (!single(topology.nodes[slot_of_dof_[dof]].kind)) continue;
-      Axis<W>& a = axis(slot_of_dof_[dof]);
-      a.tau[lane] = torques.empty() ? 0 : torques[dof];
-      for (auto* of_servo : {&a.servo_stiffness, &a.servo_damping, &a.servo_error, &a.servo_feed,
-                             &a.servo_limit})
-        (*of_servo)[lane] = 0;
-    }
-    std::vector<model::Servo>& servos = servos_;
-    servos.clear();
+    key_[at(lane)] = key;
+    engine.mechanism().lend_constants(lanes_, lane);
+    std::vector<model::Servo>& servos = servos_[at(lane)];
+    servos.assign(plan ? slot_of_dof_.size() : 0, {});
     if (plan) {
-      servos.resize(slot_of_dof_.size());
       for (const LaneDrive& drive : plan->drives) servos[drive.dof].limit = drive.limit;
       load_control(lane, engine.model(), *plan);
     } else {
       lanes_.servos.clear();
       lanes_.weights.clear();
     }
+    limp_.clear();
+    for (std::size_t dof = 0; dof < slot_of_dof_.size(); ++dof) {
+      if (!single(lanes_.batches[slot_of_dof_[dof]].kind)) continue;
+      if (servos.empty() || servos[dof].limit == 0) limp_.push_back(slot_of_dof_[dof]);
+      Axis<W>& a = axis(slot_of_dof_[dof]);
+      for (auto* of_servo :
+           {&a.servo_stiffness, &a.servo_damping, &a.servo_error, &a.servo_feed, &a.servo_limit})
+        (*of_servo)[lane] = 0;
+    }
     saved_.resize(2 * lanes_.axes.size() + 3 * lanes_.u.size() + lanes_.q.size() + 5 * lanes_.servos.size());
+  }
+  std::optional<std::uint64_t> key(int lane) const override { return key_[at(lane)]; }
+
+  void load(int lane, Engine& other, std::span<const double> torques) override {
+    auto& engine = static_cast<ArticulatedEngine&>(other);
+    engine_[at(lane)] = &engine;
+    filled_[at(lane)] = true;
+    moved_[at(lane)] = collided_[at(lane)] = false;
+    time_[at(lane)] = engine.time();
+    engine.mechanism().lend(lanes_, lane);
     for (std::size_t dof = 0; dof < slot_of_dof_.size(); ++dof)
-      if (single(topology.nodes[slot_of_dof_[dof]].kind) && (servos.empty() || servos[dof].limit == 0))
-        axis(slot_of_dof_[dof]).saturated[lane] = 0;
-    calm_[at(lane)] = engine.calm_turn({.torques = torques, .servos = servos});
+      if (single(lanes_.batches[slot_of_dof_[dof]].kind))
+        axis(slot_of_dof_[dof]).tau[lane] = torques.empty() ? 0 : torques[dof];
+    for (const std::size_t node : limp_) axis(node).saturated[lane] = 0;
+    calm_[at(lane)] = engine.calm_turn({.torques = torques, .servos = servos_[at(lane)]});
   }
 
   void set_drive_state(int lane, std::size_t drive, const LaneDriveState& state) override {
@@ -233,11 +236,6 @@ class GroupOf final : public LaneGroup {
   }
 
  private:
-  struct Kind {
-    NodeKind kind;
-    int parent, island;
-    bool operator==(const Kind&) const = default;
-  };
   struct Free {
     std::size_t node, island;
     bool lone;
@@ -254,6 +252,7 @@ class GroupOf final : public LaneGroup {
     for (int lane = 0; lane < W; ++lane) {
       if (filled_[at(lane)]) continue;
       copy(first(), lane);
+      key_[at(lane)] = key_[at(first())];
       filled_[at(lane)] = true;
     }
   }
@@ -394,7 +393,9 @@ class GroupOf final : public LaneGroup {
         f(*number, saved_[i++].x);
   }
   void save() {
-    each_state([](const double* now, double* then) { std::copy_n(now, W, then); });
+    each_state([](const double* now, double* then) {
+      for (int lane = 0; lane < W; ++lane) then[lane] = now[lane];
+    });
   }
   /// To the start of the step. @returns all engines: each takes the step alone
   unsigned restore() {
@@ -413,16 +414,17 @@ class GroupOf final : public LaneGroup {
   const Kernel& kernel_;
   double step_;
   LaneTree<W> lanes_;
-  std::vector<Kind> kinds_;
   std::vector<Free> free_;
   std::vector<std::size_t> slot_of_dof_;  ///< node of each dof
   std::array<ArticulatedEngine*, W> engine_{};
+  std::array<std::optional<std::uint64_t>, W> key_;
   std::array<bool, W> filled_{};
   std::array<bool, W> moved_{};     ///< since it was loaded
   std::array<bool, W> collided_{};  ///< the contacts of the step to come are known
   std::array<double, W> time_{}, calm_{};
   std::vector<typename LaneTree<W>::Numbers> saved_;
-  std::vector<model::Servo> servos_;
+  std::array<std::vector<model::Servo>, W> servos_;  ///< their limits
+  std::vector<std::size_t> limp_;                    ///< nodes that no servo drives
   bool needs_bodies_ = false;
 };
 

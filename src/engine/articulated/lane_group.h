@@ -5,6 +5,7 @@
 // start of that step and takes it alone.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <span>
@@ -49,12 +50,17 @@ class LaneGroup {
   virtual ~LaneGroup() = default;
 
   virtual int width() const = 0;
-  /// True where an engine of the same topology can step in lanes from where it is: its drives stand still.
-  virtual bool fits(Engine& engine) const = 0;
-  /// @param engine that fits. @param torques size dof_count() or empty, in force until the lane is stored. @param plan null: no
-  ///        control. All lanes have control, or none; the engine has to outlive its stay.
-  virtual void load(int lane, Engine& engine, std::span<const double> torques,
-                    const LaneControlPlan* plan) = 0;
+  /// True where an engine can step in lanes from where it is: its drives stand still, and its bodies do not
+  /// spin fast. @param engine of the topology that the group was made for, @param driven by torques
+  virtual bool fits(Engine& engine, bool driven) const = 0;
+  /// Sets the constants of a lane: those of the engine's model, and of its control. @param plan null: no
+  ///        control; all lanes have control, or none. @param key of these numbers, from there on
+  virtual void set_constants(int lane, Engine& engine, const LaneControlPlan* plan, std::uint64_t key) = 0;
+  /// Of the constants that the lane has.
+  virtual std::optional<std::uint64_t> key(int lane) const = 0;
+  /// @param engine that fits, with the lane's constants. @param torques size dof_count() or empty, in force
+  ///        until the lane is stored
+  virtual void load(int lane, Engine& engine, std::span<const double> torques) = 0;
   virtual void set_drive_state(int lane, std::size_t drive, const LaneDriveState& state) = 0;
   virtual LaneDriveState drive_state(int lane, std::size_t drive) const = 0;
   virtual void set_target(int lane, std::size_t drive, double target) = 0;

@@ -207,7 +207,7 @@ void Mechanism::make_batch(Batch<W>& b, const std::vector<int>& nodes) {
     const LaneSlot& slot = slots_[at(*topology_.nodes[at(nodes[present ? at(lane) : 0])].parent)];
     b.parent_batch[lane] = slot.batch;
     b.parent_lane[lane] = slot.lane;
-    in.batch[slot.batch].has_children = true;
+    in.batch[slot.batch].has_children = in.batch[slot.batch].cleared = true;
     if (present && (slot.batch != b.parent || slot.lane != lane)) b.link = ParentLink::gathered;
     // The contents of an empty lane must not be added to a node.
     if (!present && lane < in.batch[b.parent].used) b.link = ParentLink::gathered;

@@ -107,8 +107,10 @@ class Mechanism {
   void restore(ArchiveReader& in);
   /// Forgets which stops and torque limits were in force.
   void forget_contacts();
-  /// Copies constants, bases, positions, rates and what is in force into a lane of a tree of its topology;
-  /// not torques and servos.
+  /// Copies constants and bases into a lane of a tree of its topology.
+  template <int N>
+  void lend_constants(LaneTree<N>& to, int lane) const;
+  /// Copies positions, rates, last torques and what is in force there, and bases that have moved.
   template <int N>
   void lend(LaneTree<N>& to, int lane) const;
   /// Copies positions, rates, torques and what is in force from there; `kinematics` is to be found again.
@@ -140,6 +142,8 @@ class Mechanism {
 
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
+  template <int N>
+  void lend_bases(LaneTree<N>& to, int lane) const;
   void* allocate(std::size_t bytes);
   void place_nodes(const Settings& settings);
   template <int W>
