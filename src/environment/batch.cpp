@@ -17,7 +17,9 @@ namespace {
 /// Environments that one task steps.
 constexpr std::size_t kGrain = 8;
 /// Fewer environments are faster one by one than in lanes.
-constexpr std::size_t kFewest = 3;
+constexpr std::size_t kFewest = 5;
+/// So are single steps, because environments are loaded and stored in each call.
+constexpr int kFewestSteps = 2;
 
 /// Row `i` of an array of `rows` rows; empty where the array is.
 template <class T>
@@ -160,7 +162,7 @@ void Batch::step_group(std::size_t first, std::size_t last, const BatchAction& a
   for (std::size_t i = first; i < last; ++i) {
     if (impl_->done[i] != 0) continue;
     stepped.push_back(i);
-    if (impl_->setup.lanes && substeps > 0 && lanes->takes(impl_->environments[i], of(i)))
+    if (impl_->setup.lanes && substeps >= kFewestSteps && lanes->takes(impl_->environments[i], of(i)))
       members.push_back({&impl_->environments[i], of(i)});
   }
   if (members.size() < kFewest) members.clear();

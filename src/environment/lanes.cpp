@@ -109,7 +109,7 @@ void Lanes::set_targets(std::span<const Member> members, unsigned active) {
   });
 }
 
-void Lanes::store(int lane, Member& member, int made) {
+void Lanes::store(int lane, Member& member, int made, bool leaves) {
   Environment& environment = *member.environment;
   const simulation::Simulation::Parts parts = *environment.simulation_->parts();
   member.made = made;
@@ -120,7 +120,7 @@ void Lanes::store(int lane, Member& member, int made) {
       parts.controller->integral(i) = state.integral;
       parts.controller->filtered_rate(i) = state.filtered_rate;
     }
-  group_->store(lane);
+  group_->store(lane, leaves);
   environment.simulation_->add_steps(made);
   environment.steps_ += made;
 }
@@ -136,11 +136,11 @@ void Lanes::step(std::span<Member> members, int substeps) {
     set_targets(members, active);
     const unsigned leave = group_->step();
     for (std::size_t lane = 0; lane < members.size(); ++lane)
-      if ((leave >> lane) & 1U) store(static_cast<int>(lane), members[lane], i);
+      if ((leave >> lane) & 1U) store(static_cast<int>(lane), members[lane], i, true);
     active &= ~leave;
   }
   for (std::size_t lane = 0; lane < members.size(); ++lane)
-    if ((active >> lane) & 1U) store(static_cast<int>(lane), members[lane], substeps);
+    if ((active >> lane) & 1U) store(static_cast<int>(lane), members[lane], substeps, false);
 }
 
 }  // namespace handsim::environment

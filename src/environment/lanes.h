@@ -32,7 +32,7 @@ class Lanes {
  private:
   void load(int lane, const Member& member);
   void set_targets(std::span<const Member> members, unsigned active);
-  void store(int lane, Member& member, int made);
+  void store(int lane, Member& member, int made, bool leaves);
 
   std::unique_ptr<engine::articulated::LaneGroup> group_;
   engine::articulated::LaneControlPlan plan_;

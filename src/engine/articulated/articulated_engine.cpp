@@ -106,6 +106,13 @@ const model::State& ArticulatedEngine::state() const {
   }
   place();
   mechanism_.give(state_);
+  give_rest();
+  made_.store(Made::yes, std::memory_order_release);
+  return state_;
+}
+
+/// All of the state but the bodies of nodes.
+void ArticulatedEngine::give_rest() const {
   for (const int drive : drives_) {
     const int body = model_.drives[static_cast<std::size_t>(drive)].body;
     const BaseMotion& base = mechanism_.base(body);
@@ -113,8 +120,6 @@ const model::State& ArticulatedEngine::state() const {
   }
   mechanism_.give_coordinates(state_);
   state_.time = time_;
-  made_.store(Made::yes, std::memory_order_release);
-  return state_;
 }
 
 void ArticulatedEngine::set_state(const model::State& state) {
@@ -343,13 +348,14 @@ bool ArticulatedEngine::find_contacts() {
   return true;
 }
 
-void ArticulatedEngine::arrive_from_lanes(double time) {
+void ArticulatedEngine::arrive_from_lanes(double time, bool with_bodies) {
   fast_spin_->forget();
   if (contact_) contact_->forget();
   time_ = time;
   had_torques_ = true;
   placed_ = false;
-  made_.store(Made::no, std::memory_order_relaxed);
+  if (with_bodies) give_rest();
+  made_.store(with_bodies ? Made::yes : Made::no, std::memory_order_relaxed);
 }
 
 void ArticulatedEngine::place() const {

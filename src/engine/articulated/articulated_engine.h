@@ -58,14 +58,14 @@ class ArticulatedEngine final : public Engine {
   }
   /// FastSpin::calm_turn
   double calm_turn(const StepInput& input) const { return fast_spin_->calm_turn(input); }
-  /// State whose bodies the group places for `find_contacts`.
+  /// State whose bodies the group places, for `find_contacts` or when it ends.
   model::State& state_in_lanes();
   /// Searches for contacts there. False where ODE reports an error.
   bool find_contacts();
   /// Whether the last search was for the next step, which need not repeat it.
   void set_collided(bool collided) { collided_ = collided; }
-  /// After Mechanism::take_back.
-  void arrive_from_lanes(double time);
+  /// After Mechanism::take_back. @param with_bodies they are in `state_in_lanes`
+  void arrive_from_lanes(double time, bool with_bodies);
   ArticulatedEngine(const ArticulatedEngine&) = delete;
   ArticulatedEngine& operator=(const ArticulatedEngine&) = delete;
 
@@ -77,6 +77,7 @@ class ArticulatedEngine final : public Engine {
   bool arrive(bool fast);
   void collide(StepReport& report);
   void place() const;
+  void give_rest() const;
   void find_targets(std::span<const Pose> given, double end);
   bool set_base_velocities();
   void place_bases();

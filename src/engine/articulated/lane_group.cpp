@@ -224,11 +224,17 @@ class GroupOf final : public LaneGroup {
     return leave;
   }
 
-  void store(int lane) override {
+  void store(int lane, bool leaves) override {
     ArticulatedEngine& engine = *engine_[at(lane)];
     if (moved_[at(lane)]) {
       engine.mechanism().take_back(lanes_, lane);
-      engine.arrive_from_lanes(time_[at(lane)]);
+      // Bodies are those of the end of the last step.
+      if (!leaves && !bodies_placed_) {
+        kernel_.lanes.place_bodies(lanes_.tree, lanes_.control);
+        bodies_placed_ = true;
+      }
+      if (!leaves) give_bodies(lane);
+      engine.arrive_from_lanes(time_[at(lane)], !leaves);
     }
     engine.set_collided(collided_[at(lane)]);
     engine_[at(lane)] = nullptr;
@@ -339,20 +345,25 @@ class GroupOf final : public LaneGroup {
         const double* q = lanes_.tree.q + lanes_.batches[each.node].q + k * W;
         std::copy_n(q, W, lanes_.origins[3 * each.island + at(k)].x);
       }
+    bodies_placed_ = needs_bodies_;
     if (needs_bodies_) kernel_.lanes.place_bodies(lanes_.tree, lanes_.control);
   }
 
-  /// False where an engine has contacts in the step to come.
-  bool collide(int lane) {
-    ArticulatedEngine& engine = *engine_[at(lane)];
-    if (!engine.tests_contacts()) return true;
-    model::State& state = engine.state_in_lanes();
+  void give_bodies(int lane) {
+    model::State& state = engine_[at(lane)]->state_in_lanes();
     for (std::size_t i = 0; i < lanes_.bodies.size(); ++i) {
       const LaneBody<W>& body = lanes_.bodies[i];
       if (body.of_node)
         state.bodies[i] = {get3<W>(body.p, lane), get4<W>(body.q, lane), get3<W>(body.v, lane),
                            get3<W>(body.w, lane)};
     }
+  }
+
+  /// False where an engine has contacts in the step to come.
+  bool collide(int lane) {
+    ArticulatedEngine& engine = *engine_[at(lane)];
+    if (!engine.tests_contacts()) return true;
+    give_bodies(lane);
     collided_[at(lane)] = engine.find_contacts();
     return collided_[at(lane)] && engine.contacts().empty();
   }
@@ -425,7 +436,8 @@ class GroupOf final : public LaneGroup {
   std::vector<typename LaneTree<W>::Numbers> saved_;
   std::array<std::vector<model::Servo>, W> servos_;  ///< their limits
   std::vector<std::size_t> limp_;                    ///< nodes that no servo drives
-  bool needs_bodies_ = false;
+  bool needs_bodies_ = false;   ///< in every step
+  bool bodies_placed_ = false;  ///< where the last step ended
 };
 
 }  // namespace

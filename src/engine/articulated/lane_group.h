@@ -71,8 +71,8 @@ class LaneGroup {
   /// One step of the engines that are in lanes. @returns those that have to leave, one bit each: they are at
   /// the start of the step, to be stored; the others have made it.
   virtual unsigned step() = 0;
-  /// Ends the lane's stay.
-  virtual void store(int lane) = 0;
+  /// Ends the lane's stay. @param leaves in a step that it has to make alone
+  virtual void store(int lane, bool leaves) = 0;
 };
 
 }  // namespace handsim::engine::articulated
