@@ -92,7 +92,10 @@ Batch::Batch(const scene::Scene& scene, std::size_t size, BatchSetup setup)
   if (size == 0) throw input_error("size", "0", "1 or more environments");
   impl_->setup = std::move(setup);
   impl_->environments.reserve(size);
-  for (std::size_t i = 0; i < size; ++i) impl_->environments.emplace_back(scene, impl_->setup.environment);
+  const std::shared_ptr<scene::Scene> shared = Environment::lean(scene);
+  for (std::size_t i = 0; i < size; ++i)
+    impl_->environments.push_back(Environment(shared, impl_->setup.environment, size > 1,
+                                              i > 0 ? impl_->environments[0].start_ : nullptr));
   impl_->observations.resize(size * observation_size());
   impl_->done.resize(size);
   impl_->failed.resize(size);

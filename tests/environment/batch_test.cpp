@@ -131,6 +131,28 @@ TEST(Batch, IsTheSimulationOfTheScene) {
   for (std::size_t i = 0; i < batch.size(); ++i) EXPECT_EQ(bits(batch[i]), bits(simulation.state()));
 }
 
+// Oracle: an environment that shares its scene with none.
+TEST(Batch, ANumberThatOneEnvironmentSetsIsNotThatOfTheOthers) {
+  const scene::Scene scene = shipped_scene("every_pose", {"solver={engine: articulated, step: 1 ms}"});
+  Batch batch(scene, 9);
+  Environment alone(scene);
+  batch[2].set("gravity", std::vector<double>{0, 0, -3});
+  batch[2].set("gains", std::vector<double>{0.5});
+  alone.set("gravity", std::vector<double>{0, 0, -3});
+  alone.set("gains", std::vector<double>{0.5});
+  EXPECT_EQ(batch[2].get("gravity")[2], -3);
+  EXPECT_EQ(batch[3].get("gravity")[2], scene.model.gravity.z());
+  batch.reset();
+  alone.reset();
+  batch.step({}, 40);
+  alone.step({}, 40);
+  EXPECT_EQ(bits(batch[2]), bits(alone));
+  EXPECT_NE(bits(batch[3]), bits(alone));
+  alone = Environment(scene);
+  alone.step({}, 40);
+  EXPECT_EQ(bits(batch[3]), bits(alone));
+}
+
 TEST(Batch, EndsThoseThatAreDoneAndLetsOthersGoOn) {
   const scene::Scene scene = shipped_scene("dropped_hand", {"solver={engine: articulated, step: 1 ms}"});
   BatchSetup setup;

@@ -388,40 +388,39 @@ class GroupOf final : public LaneGroup {
     return false;
   }
 
-  /// Everything of an environment that a step changes, lane by lane.
+  /// What a step changes, as f(first, second) of equal ranges of numbers: as it is, and as it was saved.
   template <class F>
   void each_state(const F& f) {
-    std::size_t i = 0;
-    for (auto* numbers : {&lanes_.q, &lanes_.u, &lanes_.tau, &lanes_.tau_servo})
-      for (auto& number : *numbers) f(number.x, saved_[i++].x);
-    for (Axis<W>& a : lanes_.axes) {
-      f(a.side, saved_[i++].x);
-      f(a.saturated, saved_[i++].x);
-    }
-    for (LaneServo<W>& servo : lanes_.servos)
-      for (auto* number :
-           {&servo.integral, &servo.filtered_rate, &servo.torque, &servo.at_limit, &servo.reached})
-        f(*number, saved_[i++].x);
+    double* then = saved_[0].x;
+    const auto pass = [&](double* now, std::size_t count) {
+      f(now, then, count);
+      then += count;
+    };
+    const Tree& tree = lanes_.tree;
+    pass(tree.q, at(tree.positions));
+    for (double* rates : {tree.u, tree.tau, tree.tau_servo}) pass(rates, at(tree.rates));
+    // Side by side in the Axis, and in the LaneServo.
+    for (Axis<W>& a : lanes_.axes) pass(a.side, 2 * W);
+    for (LaneServo<W>& servo : lanes_.servos) pass(servo.integral, 5 * W);
   }
   void save() {
-    each_state([](const double* now, double* then) {
-      for (int lane = 0; lane < W; ++lane) then[lane] = now[lane];
-    });
+    each_state([](const double* now, double* then, std::size_t count) { std::copy_n(now, count, then); });
   }
   /// To the start of the step. @returns all engines: each takes the step alone
   unsigned restore() {
-    each_state([](double* now, const double* then) { std::copy_n(then, W, now); });
+    each_state([](double* now, const double* then, std::size_t count) { std::copy_n(then, count, now); });
     unsigned all = 0;
     for (int lane = 0; lane < W; ++lane) all |= engine_[at(lane)] ? 1U << lane : 0U;
     return all;
   }
   /// Some lanes to the start of the step.
   void keep_back(unsigned which) {
-    each_state([&](double* now, const double* then) {
-      for (int lane = 0; lane < W; ++lane)
-        if ((which >> lane) & 1U) now[lane] = then[lane];
+    each_state([&](double* now, const double* then, std::size_t count) {
+      for (std::size_t i = 0; i < count; ++i)
+        if ((which >> (i % W)) & 1U) now[i] = then[i];
     });
   }
+
   const Kernel& kernel_;
   double step_;
   LaneTree<W> lanes_;
