@@ -156,8 +156,8 @@ void Batch::step_group(std::size_t first, std::size_t last, const BatchAction& a
   std::vector<Lanes::Member> members;
   std::vector<std::size_t> stepped;
   const auto of = [&](std::size_t i) {
-    return Action{row(action.torques, i, size()), row(action.angles, i, size()), row(action.wrists, i, size()),
-                  row(action.wrist_rates, i, size()),
+    return Action{row(action.torques, i, size()), row(action.angles, i, size()),
+                  row(action.wrists, i, size()), row(action.wrist_rates, i, size()),
                   action.forces.empty() ? std::span<const engine::BodyForce>() : action.forces[i]};
   };
   std::optional<Lanes>& lanes = impl_->lanes.local();

@@ -108,7 +108,7 @@ class Environment {
   std::unique_ptr<Observation> observation_;
   std::unique_ptr<simulation::Simulation> simulation_;
   std::shared_ptr<const Moment> start_;  ///< that of a batch, while the scene is
-  model::State state_;  ///< the scene's start
+  model::State state_;                   ///< the scene's start
   std::optional<Error> failure_;
   std::vector<double> observed_;
   std::vector<Pose> from_, targets_;  ///< of the driven wrists

@@ -39,8 +39,7 @@ void describe(const control::Controller& controller, articulated::LaneControlPla
 }  // namespace
 
 Lanes::Lanes(const Environment& like)
-    : group_(articulated::LaneGroup::make(like.simulation().engine())),
-      step_(like.scene().spec.solver.step) {
+    : group_(articulated::LaneGroup::make(like.simulation().engine())), step_(like.scene().spec.solver.step) {
   const control::Controller* controller = like.simulation().controller();
   if (controller && controller->plan().form != control::Form::implicit_gain) group_.reset();
 }
@@ -55,7 +54,8 @@ bool Lanes::takes(Environment& environment, const Action& action) const {
   // What is wrong with an action is told by the environment alone; so is what touches something.
   return parts && (action.torques.empty() || action.torques.size() == dofs) && finite(action.torques) &&
          (action.angles.empty() || action.angles.size() == axes) && finite(action.angles) &&
-         parts->engine.contacts().empty() && group_->fits(parts->engine, parts->controller || !action.torques.empty());
+         parts->engine.contacts().empty() &&
+         group_->fits(parts->engine, parts->controller || !action.torques.empty());
 }
 
 void Lanes::load(int lane, const Member& member) {

@@ -1,5 +1,5 @@
-// Steps of several environments of one scene in the lanes of the vector unit (articulated/lane_group.h), to the
-// bits of the same steps one by one.
+// Steps of several environments of one scene in the lanes of the vector unit (articulated/lane_group.h), to
+// the bits of the same steps one by one.
 #pragma once
 
 #include <memory>

@@ -314,7 +314,8 @@ MotionSnapshot Simulation::motion() const {
 void Simulation::reset(const MotionSnapshot& motion) {
   if (failure_) throw Error(*failure_);
   if (motion.lineage_ != scene_->lineage)
-    throw input_error("motion", "one of a scene that was compiled apart", "one of this scene or a copy of it");
+    throw input_error("motion", "one of a scene that was compiled apart",
+                      "one of this scene or a copy of it");
   ArchiveReader in(motion.bytes_, "motion");
   engine_->restore(motion.state_, in);
   if (controller_) controller_->restore(in);

@@ -48,7 +48,7 @@ class Simulation {
   /// What steps the simulation where several ones step at once (environment/lanes.h).
   struct Parts {
     engine::Engine& engine;
-    control::Controller* controller;         ///< null without control
+    control::Controller* controller;           ///< null without control
     std::span<const double> constant_torques;  ///< of the joints; empty if there are none
   };
   /// Nothing where a step needs more than these: watchers, climbs; and after a failure.

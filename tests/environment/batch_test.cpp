@@ -67,7 +67,8 @@ TEST_P(OnScene, TheBitsAreThoseOfEveryBatchSizeAndNumberOfThreads) {
   const std::vector<std::uint64_t> alone = run(scene, 1, 1, steps);
   EXPECT_NE(alone[0], alone[1]);
   EXPECT_EQ(run(scene, 64, 1, steps, false), alone) << "without lanes";
-  for (const auto& [size, threads] : {std::pair<std::size_t, int>{64, 1}, {64, 2}, {64, 8}, {7, 2}, {7, 8}, {9, 1}})
+  for (const auto& [size, threads] :
+       {std::pair<std::size_t, int>{64, 1}, {64, 2}, {64, 8}, {7, 2}, {7, 8}, {9, 1}})
     EXPECT_EQ(run(scene, size, threads, steps), alone) << size << " in " << threads << " threads";
 }
 
@@ -115,8 +116,8 @@ INSTANTIATE_TEST_SUITE_P(Effects, InLanes,
                                          "[gravity, actuation]"));
 
 TEST_P(InLanes, EnginesAndControllersKeepTheBitsThatTheyHaveAlone) {
-  const scene::Scene scene =
-      shipped_scene("every_pose", {"solver={engine: articulated, step: 1 ms}", std::string("effects=") + GetParam()});
+  const scene::Scene scene = shipped_scene(
+      "every_pose", {"solver={engine: articulated, step: 1 ms}", std::string("effects=") + GetParam()});
   const std::vector<std::string> alone = drawn(scene, false);
   EXPECT_NE(alone[0], alone[1]);
   EXPECT_EQ(drawn(scene, true), alone);

@@ -76,8 +76,8 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   // Of the position.
   Lane<W> sine, cosine;  ///< of half the angle; revolute nodes
   Lane<W> S[6];          ///< the joint's motion axis; nodes of one rate
-  Lane<W> h[3];  ///< mass times p
-  Lane<W> I[6];  ///< rotational inertia about O: xx, xy, xz, yy, yz, zz
+  Lane<W> h[3];          ///< mass times p
+  Lane<W> I[6];          ///< rotational inertia about O: xx, xy, xz, yy, yz, zz
   // Of the velocity.
   Lane<W> c[6];                 ///< velocity-product acceleration
   Lane<W> pv[6];                ///< velocity-product force v x* I v
@@ -94,8 +94,8 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   bool has_children;
   bool adds_first;  ///< aligned, and the first to hand down to its parents, which need not be cleared
   bool cleared;     ///< before children hand down
-  bool massless;  ///< no lane has a body
-  int parent;     ///< batch; of Base frames where link is base
+  bool massless;    ///< no lane has a body
+  int parent;       ///< batch; of Base frames where link is base
   int parent_batch[W], parent_lane[W];
   int used;  ///< lanes with a node
   int q, u;  ///< first position and rate

@@ -126,8 +126,8 @@ double FastSpin::turn(const Tree& tree) const {
 }
 
 double FastSpin::calm_turn(const StepInput& input) const {
-  const bool all = std::all_of(trees_.begin(), trees_.end(),
-                               [&](const Tree& tree) { return driven(tree, input); });
+  const bool all =
+      std::all_of(trees_.begin(), trees_.end(), [&](const Tree& tree) { return driven(tree, input); });
   return all ? kDrivenTurn : kPassiveTurn;
 }
 

@@ -161,10 +161,23 @@ struct Lanes {
   static void observe(const Tree& tree, const LaneControl& control);
 
   static constexpr Kernel kernel(const char* name) {
-    return {name,           static_cast<int>(W), kinematics, velocities,        prepare,
-            find_torques,   prepare_smooth,      solve,      update_active_set, momenta,
-            work,           integrate,           position_rates, normalise,     accelerate,
-            advance,        {place_bodies, command, observe}};
+    return {name,
+            static_cast<int>(W),
+            kinematics,
+            velocities,
+            prepare,
+            find_torques,
+            prepare_smooth,
+            solve,
+            update_active_set,
+            momenta,
+            work,
+            integrate,
+            position_rates,
+            normalise,
+            accelerate,
+            advance,
+            {place_bodies, command, observe}};
   }
 };
 

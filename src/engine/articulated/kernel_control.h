@@ -1,5 +1,6 @@
-// Of kernel.h: the poses of bodies and the control of joints where each lane is an environment of its own. The
-// same bits as Mechanism::give, control::GravityLoad and control::Controller, which work on one environment.
+// Of kernel.h: the poses of bodies and the control of joints where each lane is an environment of its own.
+// The same bits as Mechanism::give, control::GravityLoad and control::Controller, which work on one
+// environment.
 #pragma once
 
 #include "handsim/engine/articulated/kernel.h"
@@ -9,8 +10,9 @@ namespace handsim::engine::articulated {
 /// Product of quaternions and rotation by one, in the order of sums that Eigen has.
 template <class V>
 inline Q4<V> product(const Q4<V>& a, const Q4<V>& b) {
-  return {(a.w * b.x + a.y * b.z) - (a.z * b.y - a.x * b.w), (a.w * b.y + a.y * b.w) + (a.z * b.x - a.x * b.z),
-          (a.w * b.z - a.y * b.x) + (a.z * b.w + a.x * b.y), (a.w * b.w - a.y * b.y) - (a.z * b.z + a.x * b.x)};
+  return {
+      (a.w * b.x + a.y * b.z) - (a.z * b.y - a.x * b.w), (a.w * b.y + a.y * b.w) + (a.z * b.x - a.x * b.z),
+      (a.w * b.z - a.y * b.x) + (a.z * b.w + a.x * b.y), (a.w * b.w - a.y * b.y) - (a.z * b.z + a.x * b.x)};
 }
 template <class V>
 inline V3<V> rotated(const Q4<V>& q, const V3<V>& a) {
@@ -75,7 +77,8 @@ inline void Lanes<V>::command(const Tree& tree, const LaneControl& control, doub
     const auto saturated = load(servo.at_limit) > zero && V(error * load(servo.torque)) > zero;
     V next = before + h * gain * error;
     next = articulated::select(next < V(-limit), V(-limit), articulated::select(limit < next, limit, next));
-    const V integral = articulated::select(gain > zero && !saturated && size < load(servo.zone), next, before);
+    const V integral =
+        articulated::select(gain > zero && !saturated && size < load(servo.zone), next, before);
     store(servo.integral, integral);
     const V offset = integral + load(control.load + W * servo.dof) +
                      load(servo.tissue_stiffness) * (target - load(servo.tissue_rest));
@@ -99,8 +102,7 @@ inline void Lanes<V>::observe(const Tree& tree, const LaneControl& control) {
     store(servo.reached, load(servo.target));
     store(servo.torque, torque);
     // A torque at its limit may be rounded below it, as in control::Controller.
-    store(servo.at_limit,
-          articulated::select(size >= V(load(servo.limit) * (1 - 1e-9)), one, zero));
+    store(servo.at_limit, articulated::select(size >= V(load(servo.limit) * (1 - 1e-9)), one, zero));
     store(servo.filtered_rate, filtered + load(servo.smoothing) * (load(tree.u + b.u) - filtered));
   }
 }

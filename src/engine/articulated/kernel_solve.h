@@ -27,7 +27,8 @@ inline V6<V> Lanes<V>::bias(const Batches& b) {
 
 /// Adds what a batch hands down to its parents.
 template <class V>
-[[gnu::always_inline]] inline void Lanes<V>::add_to_parent(const Tree& tree, const Batches& b, const Inertia<V>& I, const V6<V>& p) {
+[[gnu::always_inline]] inline void Lanes<V>::add_to_parent(const Tree& tree, const Batches& b,
+                                                           const Inertia<V>& I, const V6<V>& p) {
   if (b.link == ParentLink::aligned) {
     Batches& to = batches(tree)[b.parent];
     if (b.adds_first) {

@@ -1,6 +1,6 @@
-// Engines of one topology that step side by side, each in a lane of the vector unit: lane = environment, where
-// an engine alone has lane = finger. An engine is loaded, stepped with the controller of its joints in the
-// same lanes, and stored; its bits are those of the same steps alone. A lane in which the step needs more
+// Engines of one topology that step side by side, each in a lane of the vector unit: lane = environment,
+// where an engine alone has lane = finger. An engine is loaded, stepped with the controller of its joints in
+// the same lanes, and stored; its bits are those of the same steps alone. A lane in which the step needs more
 // than the smooth part (contact, fast spin, a motion that diverges) has to leave: its engine is stored at the
 // start of that step and takes it alone.
 #pragma once

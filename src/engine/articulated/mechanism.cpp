@@ -278,8 +278,7 @@ void Mechanism::update_gyroscopic_torques(double step) {
     const LaneSlot& slot = slots_[at(index)];
     const double *q = tree_.q + slot.q + 3 * n, *u = tree_.u + slot.u;
     const Quat q_WL(q[3 * n], q[0], q[n], q[2 * n]);
-    const std::optional<Vec3> torque =
-        gyroscopic_torque(node.inertia, q_WL, {u[0], u[n], u[2 * n]}, step);
+    const std::optional<Vec3> torque = gyroscopic_torque(node.inertia, q_WL, {u[0], u[n], u[2 * n]}, step);
     if (!torque) continue;
     of_width(kernel_->width, [&](auto w) {
       constexpr int W = w;

@@ -60,8 +60,9 @@ template <int N>
 void Mechanism::lend(LaneTree<N>& to, int lane) const {
   bool moved = false;
   for (std::size_t i = 0; i < bases_.size(); ++i)
-    moved = moved || (!to.bodies[i].of_node && (get3<N>(to.bodies[i].p, lane) != bases_[i].pose.p ||
-                                                get4<N>(to.bodies[i].q, lane).coeffs() != bases_[i].pose.q.coeffs()));
+    moved = moved ||
+            (!to.bodies[i].of_node && (get3<N>(to.bodies[i].p, lane) != bases_[i].pose.p ||
+                                       get4<N>(to.bodies[i].q, lane).coeffs() != bases_[i].pose.q.coeffs()));
   if (moved) lend_bases(to, lane);
   of_width(kernel_->width, [&](auto w) {
     constexpr int W = w;
