@@ -162,8 +162,8 @@ void frame(benchmark::State& state) {
   for (auto unused : state) {
     (void)unused;
     const auto start = std::chrono::steady_clock::now();
-    simulation::draw(scene.model, scene.spec.pictures, moments, [](std::size_t, const output::Image& image) {
-      benchmark::DoNotOptimize(image.rgb.data());
+    simulation::draw(scene, moments, {}, {}, [](std::size_t, const simulation::Picture& picture) {
+      benchmark::DoNotOptimize(picture.image.rgb.data());
     });
     state.SetIterationTime(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() /
                            8);

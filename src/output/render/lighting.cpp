@@ -102,7 +102,7 @@ void find_occluders(std::vector<LitSolid>& solids, const Vec3& to_key) {
     found.clear();
     for (std::size_t j = 0; j < solids.size(); ++j) {
       const Solid& other = solids[j].solid;
-      if (j != i && may_shade(reaches[j], reaches[i], kSkyReach * other.thickness()))
+      if (j != i && solids[j].shades && may_shade(reaches[j], reaches[i], kSkyReach * other.thickness()))
         found.emplace_back((other.pose.p - solids[i].solid.pose.p).norm() - other.reach(), &other);
     }
     std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
@@ -160,7 +160,7 @@ Ground make_ground(double height, const std::vector<LitSolid>& solids, const Vec
   ground.line_width = 0.008F;
   Rectangle all;
   for (const LitSolid& lit : solids) {
-    if (support(lit.solid, Vec3::UnitZ()) <= height) continue;
+    if (!lit.shades || support(lit.solid, Vec3::UnitZ()) <= height) continue;
     const Rectangle area = shade_of(lit.solid, height, to_key);
     all.include(area.low, area.high, 0);
     Shade& shade = ground.shades.emplace_back();
@@ -206,7 +206,11 @@ Scene::Scene(const DrawList& drawn, const Camera& from, double aspect) : list(&d
   const double distance = (camera.position - centre).norm();
   const double radius = empty ? distance / 4 : (box.high - box.low).norm() / 2;
 
-  for (const DrawShape& shape : drawn.shapes) solids.push_back({{bevelled(shape.solid), shape.colour}, {}});
+  for (const DrawShape& shape : drawn.shapes) {
+    LitSolid& lit = solids.emplace_back();
+    static_cast<DrawShape&>(lit) = shape;
+    lit.solid = bevelled(shape.solid);
+  }
   std::stable_sort(solids.begin(), solids.end(), [&](const LitSolid& a, const LitSolid& b) {
     return (a.solid.pose.p - b.solid.pose.p).dot(axes.z) > 0;
   });

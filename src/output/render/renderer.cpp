@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
+#include "handsim/output/render/canvas.h"
 #include "handsim/output/render/gl.h"
 #include "handsim/output/render/lighting.h"
 #include "handsim/output/render/mesh.h"
@@ -83,7 +84,7 @@ struct Tile {
 }  // namespace
 
 struct Renderer::Impl {
-  Impl(int picture_width, int picture_height);
+  Impl(int picture_width, int picture_height, std::optional<Gl> gl);
 
   Image draw(const DrawList& list, const Camera& camera);
 
@@ -112,7 +113,7 @@ struct Renderer::Impl {
   void read(const Tile& tile, Image& image);
 
   int width, height;
-  Canvas canvas;
+  std::unique_ptr<Canvas> canvas;
   /// Programs for capsules as the only occluders are faster than those for all forms.
   Program capsule_lit = shaded_program(kSolidVertex, "", kSolidFragment);
   Program solid_lit = shaded_program(kSolidVertex, kWithSolids, kSolidFragment);
@@ -129,9 +130,10 @@ struct Renderer::Impl {
   std::vector<std::uint8_t> pixels;
 };
 
-Renderer::Impl::Impl(int picture_width, int picture_height)
+Renderer::Impl::Impl(int picture_width, int picture_height, std::optional<Gl> gl)
     : width(checked_size(picture_width, "picture.width")),
       height(checked_size(picture_height, "picture.height")),
+      canvas(make_canvas(gl)),
       drawn(Target::multisampled(std::min(width, kTile), std::min(height, kTile), kSamples)),
       resolved(Target::sampled(drawn.width, drawn.height)),
       shade(Target::sampled(kShadeSize, kShadeSize)),
@@ -145,7 +147,7 @@ Renderer::Impl::Impl(int picture_width, int picture_height)
 
 Image Renderer::Impl::draw(const DrawList& list, const Camera& camera) {
   const Scene scene(list, camera, static_cast<double>(width) / height);
-  canvas.make_current();
+  canvas->make_current();
   if (scene.ground) draw_shade(scene);
   Image image{width, height, {}};
   image.rgb.resize(3UL * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
@@ -331,7 +333,8 @@ void Renderer::Impl::read(const Tile& tile, Image& image) {
   }
 }
 
-Renderer::Renderer(int width, int height) : impl_(std::make_unique<Impl>(width, height)) {}
+Renderer::Renderer(int width, int height, std::optional<Gl> gl)
+    : impl_(std::make_unique<Impl>(width, height, gl)) {}
 Renderer::~Renderer() = default;
 Image Renderer::draw(const DrawList& list, const Camera& camera) { return impl_->draw(list, camera); }
 
