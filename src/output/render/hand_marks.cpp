@@ -9,8 +9,8 @@ namespace handsim::output {
 namespace {
 
 /// A nail is the part of a capsule that stands out of the fingertip's capsule; its sizes over the
-/// fingertip's radius: it is 1.3 radii wide, and stands out by 0.05.
-constexpr double kNailRadius = 0.88, kNailOffset = 0.17, kNailFrom = -0.4, kNailTo = 0.08;
+/// fingertip's radius: it is 1.1 radii wide, and stands out by 0.1.
+constexpr double kNailRadius = 0.72, kNailOffset = 0.38, kNailFrom = -0.5, kNailTo = 0.15;
 /// Of a stump over the palm's width or thickness.
 constexpr double kStumpWidth = 0.64, kStumpLength = 0.2, kStumpThickness = 0.86;
 

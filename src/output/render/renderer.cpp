@@ -24,8 +24,8 @@ constexpr int kLargest = 8192;
 /// Pictures larger than this are drawn in tiles, which bounds the memory [pixels].
 constexpr int kTile = 2048;
 constexpr int kSamples = 4;
-/// Edge of the ground's shade texture [texels].
-constexpr int kShadeSize = 512;
+/// Edge of the ground's shade texture [texels]; it need not be finer than the picture.
+int shade_size(int height) { return std::clamp(height * 2 / 3, 64, 512); }
 
 /// A mesh in the driver's memory.
 struct Buffer {
@@ -136,7 +136,7 @@ Renderer::Impl::Impl(int picture_width, int picture_height, std::optional<Gl> gl
       canvas(make_canvas(gl)),
       drawn(Target::multisampled(std::min(width, kTile), std::min(height, kTile), kSamples)),
       resolved(Target::sampled(drawn.width, drawn.height)),
-      shade(Target::sampled(kShadeSize, kShadeSize)),
+      shade(Target::sampled(shade_size(height), shade_size(height))),
       capsule(upload_round(capsule_mesh)),
       cylinder(upload_round(cylinder_mesh)),
       box(upload(box_mesh())),
@@ -176,10 +176,10 @@ void Renderer::Impl::draw_shade(const Scene& scene) {
     program->set("region", scene.ground->region);
     program->set("ground_height", scene.ground->height);
     for (const Shade& part : scene.ground->shades) {
-      if (part.occluder.solids.empty() != (program == &capsule_shade)) continue;
+      if ((part.occluder.solids.count == 0) != (program == &capsule_shade)) continue;
       program->set("quad", part.quad);
-      program->set("capsules", part.occluder.capsules);
-      program->set("solids", part.occluder.solids);
+      program->set("capsules", part.occluder.capsules.rows);
+      program->set("solids", part.occluder.solids.rows);
       draw_quad();
     }
   }
@@ -243,17 +243,22 @@ void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& proj
     program->set("eye", scene.eye);
   }
   for (const LitSolid& lit : scene.solids) {
-    const Program& program = lit.occluders.solids.empty() ? capsule_lit : solid_lit;
+    const Occluders& from = lit.occluders;
+    const Program& program = from.solids.count == 0 ? capsule_lit : solid_lit;
     program.use();
     place(program, lit.solid, lit.colour);
     if (lit.solid.core == Core::hull) program.set("half_size", Eigen::Vector3f(1, 1, 1));
     Eigen::Vector2f ground_shade(0, 0);
     if (scene.ground) ground_shade << scene.ground->height, 3 * static_cast<float>(lit.solid.thickness());
     program.set("ground", ground_shade);
-    program.set("capsule_count", static_cast<int>(lit.occluders.capsules.size() / 2));
-    program.set("capsules", lit.occluders.capsules);
-    program.set("solid_count", static_cast<int>(lit.occluders.solids.size() / 3));
-    program.set("solids", lit.occluders.solids);
+    program.set("capsule_key_end", from.capsules.key_end);
+    program.set("capsule_sky_begin", from.capsules.sky_begin);
+    program.set("capsule_count", from.capsules.count);
+    program.set("capsules", from.capsules.rows);
+    program.set("solid_key_end", from.solids.key_end);
+    program.set("solid_sky_begin", from.solids.sky_begin);
+    program.set("solid_count", from.solids.count);
+    program.set("solids", from.solids.rows);
     if (lit.solid.core == Core::hull)
       draw(hull_buffer(lit.solid));
     else if (is_capsule(lit.solid))
@@ -262,7 +267,8 @@ void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& proj
       draw(lit.solid.core == Core::box ? box : fitting(cylinder, scene, lit.solid));
   }
   capsule_lit.use();
-  capsule_lit.set("capsule_count", 0);
+  for (const char* count : {"capsule_key_end", "capsule_sky_begin", "capsule_count"})
+    capsule_lit.set(count, 0);
   capsule_lit.set("ground", Eigen::Vector2f(0, 0));
   draw_annotations(*scene.list);
 }

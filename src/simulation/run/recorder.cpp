@@ -72,7 +72,7 @@ void Recorder::plan_frames(int frames) {
   const long steps = simulation_.step_count() - first;
   for (int k = 0; k < frames; ++k) {
     const double share = frames == 1 ? 1 : static_cast<double>(k) / (frames - 1);
-    planned_.push_back({first + std::lround(share * static_cast<double>(steps)), "", {}});
+    planned_.push_back({first + std::lround(share * static_cast<double>(steps)), "", Vec3::Zero()});
   }
 }
 
@@ -83,13 +83,13 @@ void Recorder::plan_poses() {
     const long step = std::isfinite(phase.end) ? std::min(steps, std::lround(phase.end / step_)) : steps;
     if (std::lround(phase.arrive / step_) > steps) return;
     if (step < simulation_.steps()) continue;
-    planned_.push_back({step, caption(phase.pose, static_cast<double>(step) * step_), {}});
+    planned_.push_back({step, caption(phase.pose, static_cast<double>(step) * step_), Vec3::Zero()});
   }
 }
 
 /// Where a shake has moved the hand furthest: along x in the first level, y in the second, z in the third.
 Recorder::Planned Recorder::extreme_of(const scene::TaskPhase& phase, std::size_t level) const {
-  Planned out{std::lround(phase.end / step_), caption(phase.name, phase.end), {}};
+  Planned out{std::lround(phase.end / step_), caption(phase.name, phase.end), Vec3::Zero()};
   std::vector<model::Shake> of_phase;
   for (const model::Drive& drive : simulation_.model().drives)
     for (const model::Shake& shake : drive.motion.shakes)
@@ -109,7 +109,7 @@ Recorder::Planned Recorder::extreme_of(const scene::TaskPhase& phase, std::size_
 
 /// One at the start, one at the end of every phase, and one at the furthest point of a shake.
 void Recorder::plan_phases(const std::vector<scene::TaskPhase>& phases) {
-  planned_.push_back({0, "start", {}});
+  planned_.push_back({0, "start", Vec3::Zero()});
   std::size_t level = 0;
   for (const scene::TaskPhase& phase : phases) {
     const long step = std::lround(phase.end / step_);
@@ -119,7 +119,7 @@ void Recorder::plan_phases(const std::vector<scene::TaskPhase>& phases) {
       continue;
     }
     if (step <= simulation_.step_count())
-      planned_.push_back({step, caption(phase.name, static_cast<double>(step) * step_), {}});
+      planned_.push_back({step, caption(phase.name, static_cast<double>(step) * step_), Vec3::Zero()});
   }
 }
 
