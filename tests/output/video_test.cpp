@@ -50,7 +50,7 @@ TEST(Video, HasTheFramesThatItWasGivenInOrder) {
         file.string());
     EXPECT_EQ(account, std::string(name) == "a.mp4" ? "66,48,25/1,30\n" : "65,48,25/1,30\n");
     const std::string pixels =
-        output_of("ffmpeg -v error -i " + file.string() + " -vf crop=1:1:20:20 -f rawvideo -pix_fmt gray -");
+        output_of("ffmpeg -v error -i " + file.string() + " -vf format=gray,crop=1:1:20:20 -f rawvideo -pix_fmt gray -");
     ASSERT_EQ(pixels.size(), 30U);
     for (int i = 0; i < 30; ++i)
       EXPECT_NEAR(static_cast<unsigned char>(pixels[static_cast<std::size_t>(i)]), 20 + 6 * i, 4) << name;

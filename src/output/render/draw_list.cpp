@@ -57,6 +57,8 @@ void add_mark(const model::Model& model, const model::State& state, const HandMa
   out.shape = mark.shape;
   out.mark = true;
   out.shades = !mark.nail;
+  out.fine = mark.nail;
+  for (DrawShape& drawn : list.shapes) drawn.fine = drawn.fine || (mark.nail && drawn.shape == mark.shape);
   list.shapes.push_back(out);
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <map>
 
@@ -96,7 +97,7 @@ struct Renderer::Impl {
   void draw_ground(const Scene& scene, const Eigen::Matrix4f& projection);
   void place(const Program& program, const Solid& solid, const Colour& colour);
   /// The coarsest mesh whose outline is wrong by less than a quarter of a pixel.
-  const Buffer& fitting(const RoundBuffers& buffers, const Scene& scene, const Solid& solid) const;
+  const Buffer& fitting(const RoundBuffers& buffers, const Scene& scene, const DrawShape& shape) const;
   const Buffer& hull_buffer(const Solid& solid) {
     const auto [found, fresh] = hulls.try_emplace(solid.mesh);
     if (fresh) found->second = upload(faceted_mesh(*solid.mesh));
@@ -223,11 +224,12 @@ void Renderer::Impl::place(const Program& program, const Solid& solid, const Col
 
 // The error of a circle of radius r with n sides is r (1 - cos(pi / n)), about r (pi / n)^2 / 2.
 const Buffer& Renderer::Impl::fitting(const RoundBuffers& buffers, const Scene& scene,
-                                      const Solid& solid) const {
+                                      const DrawShape& shape) const {
+  const Solid& solid = shape.solid;
   const double nearest = std::max((solid.pose.p - scene.camera.position).norm() - solid.reach(), 1e-6);
   const double focus = height / 2.0 / std::tan(scene.camera.field_of_view / 2);
   const double radius = std::max(solid.round, solid.half.x()) * focus / nearest;
-  for (std::size_t i = 0; i + 1 < kSides.size(); ++i)
+  for (std::size_t i = shape.fine ? 1 : 0; i + 1 < kSides.size(); ++i)
     if (radius * std::pow(M_PI / kSides[i], 2) / 2 < 0.25) return buffers[i];
   return buffers.back();
 }
@@ -262,9 +264,9 @@ void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& proj
     if (lit.solid.core == Core::hull)
       draw(hull_buffer(lit.solid));
     else if (is_capsule(lit.solid))
-      draw(fitting(capsule, scene, lit.solid));
+      draw(fitting(capsule, scene, lit));
     else
-      draw(lit.solid.core == Core::box ? box : fitting(cylinder, scene, lit.solid));
+      draw(lit.solid.core == Core::box ? box : fitting(cylinder, scene, lit));
   }
   capsule_lit.use();
   for (const char* count : {"capsule_key_end", "capsule_sky_begin", "capsule_count"})
@@ -335,7 +337,7 @@ void Renderer::Impl::read(const Tile& tile, Image& image) {
     std::uint8_t* to =
         &image.rgb[3UL * (static_cast<std::size_t>(line) * static_cast<std::size_t>(image.width) +
                           static_cast<std::size_t>(tile.x))];
-    for (int x = 0; x < tile.width; ++x, from += 4, to += 3) std::copy(from, from + 3, to);
+    for (int x = 0; x < tile.width; ++x, from += 4, to += 3) std::memcpy(to, from, 3);
   }
 }
 

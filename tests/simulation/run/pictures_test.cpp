@@ -103,7 +103,10 @@ RunOptions with_phases(const std::filesystem::path& out) {
 // Oracle: the shake's own displacement of the wrist, from its amplitude; the pose at rest is that of the hold.
 TEST(Phases, OfAShakeShowItsExtremes) {
   const test::TemporaryFolder folder;
-  const scene::Scene scene = test::shipped_scene("grasp_power_can");
+  const scene::Scene scene = test::shipped_scene(
+      "grasp_power_can", {"grasps.0.hold=0.5", "grasps.0.shake.cycles=1",
+                          "grasps.0.shake.levels=[{acceleration: 4.9, frequency: 5}, {acceleration: 9.8, "
+                          "frequency: 5}, {acceleration: 19.6, frequency: 10}]"});
   Simulation simulation(scene);
   Recorder recorder(simulation, with_phases(folder.path()));
   recorder.record(0);
