@@ -209,9 +209,8 @@ void render_picture(const scene::Scene& scene, const RenderArguments& arguments)
 void render_video(const scene::Scene& scene, const RenderArguments& arguments) {
   const simulation::VideoSpec spec = *video_of(arguments.drawing);
   ProgressBar bar;
-  const simulation::Film film =
-      simulation::film_until(scene, spec, arguments.time.value_or(scene.spec.duration),
-                             [&bar](double share) { bar.show(share); });
+  const simulation::Film film = simulation::film_until(
+      scene, spec, arguments.time.value_or(scene.spec.duration), [&bar](double share) { bar.show(share); });
   const auto draw = [&](const output::Progress& progress) {
     film.write({gl_of(arguments.drawing), output::core_count(), 0}, progress);
   };

@@ -20,7 +20,8 @@ std::string output_of(const std::string& command) {
   std::FILE* pipe = popen(command.c_str(), "r");
   std::string out;
   char text[4096];
-  for (std::size_t got = 0; pipe && (got = std::fread(text, 1, sizeof text, pipe)) > 0;) out.append(text, got);
+  for (std::size_t got = 0; pipe && (got = std::fread(text, 1, sizeof text, pipe)) > 0;)
+    out.append(text, got);
   if (pipe) pclose(pipe);
   return out;
 }
@@ -46,11 +47,12 @@ TEST(Video, HasTheFramesThatItWasGivenInOrder) {
     EXPECT_FALSE(std::filesystem::exists(file));
     video.finish();
     const std::string account = output_of(
-        "ffprobe -v error -count_frames -show_entries stream=width,height,avg_frame_rate,nb_read_frames -of csv=p=0 " +
+        "ffprobe -v error -count_frames -show_entries stream=width,height,avg_frame_rate,nb_read_frames -of "
+        "csv=p=0 " +
         file.string());
     EXPECT_EQ(account, std::string(name) == "a.mp4" ? "66,48,25/1,30\n" : "65,48,25/1,30\n");
-    const std::string pixels =
-        output_of("ffmpeg -v error -i " + file.string() + " -vf format=gray,crop=1:1:20:20 -f rawvideo -pix_fmt gray -");
+    const std::string pixels = output_of("ffmpeg -v error -i " + file.string() +
+                                         " -vf format=gray,crop=1:1:20:20 -f rawvideo -pix_fmt gray -");
     ASSERT_EQ(pixels.size(), 30U);
     for (int i = 0; i < 30; ++i)
       EXPECT_NEAR(static_cast<unsigned char>(pixels[static_cast<std::size_t>(i)]), 20 + 6 * i, 4) << name;
@@ -93,7 +95,8 @@ TEST(Workers, PassPicturesOnInOrder) {
 
 std::string failure_of(const MakeImage& make) {
   try {
-    make_in_order(8, 2, [&] { return make; }, [](std::size_t, Image&&) {});
+    make_in_order(
+        8, 2, [&] { return make; }, [](std::size_t, Image&&) {});
   } catch (const Error& error) {
     return error.what();
   }

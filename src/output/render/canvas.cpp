@@ -30,12 +30,13 @@ std::unique_ptr<Canvas> make_canvas(std::optional<Gl> gl) {
 #ifdef HANDSIM_EGL
   if (wanted == Gl::egl) return make_egl_canvas();
 #endif
-  throw input_error("--gl", name_of(wanted), fmt::format("{}, which this build has", name_of(built_gls().front())));
+  throw input_error("--gl", name_of(wanted),
+                    fmt::format("{}, which this build has", name_of(built_gls().front())));
 }
 
 void load_functions(GlAddress address) {
   const char* missing = nullptr;
-#define HANDSIM_LOAD(TYPE, NAME)                                             \
+#define HANDSIM_LOAD(TYPE, NAME)                                       \
   gl##NAME = reinterpret_cast<PFNGL##TYPE##PROC>(address("gl" #NAME)); \
   if (!gl##NAME) missing = "gl" #NAME;
   HANDSIM_GL_FUNCTIONS(HANDSIM_LOAD)

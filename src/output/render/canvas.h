@@ -8,8 +8,8 @@
 
 namespace handsim::output {
 
-/// An off-screen OpenGL 3.3 core context, whose end frees all its OpenGL objects. Drawing goes to frame buffer
-/// objects.
+/// An off-screen OpenGL 3.3 core context, whose end frees all its OpenGL objects. Drawing goes to frame
+/// buffer objects.
 class Canvas {
  public:
   virtual ~Canvas() = default;

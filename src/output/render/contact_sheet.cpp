@@ -171,7 +171,8 @@ double round_below(double most) {
 
 /// A line from x to the right, with its text after it. @param head with the head of an arrow.
 /// @returns where the text ends.
-double legend(cairo_t* pen, double x, double y, double length, const std::string& text, double size, bool head) {
+double legend(cairo_t* pen, double x, double y, double length, const std::string& text, double size,
+              bool head) {
   const double thick = std::max(1.5, 0.14 * size), tip = 3.2 * thick;
   cairo_set_line_width(pen, thick);
   cairo_move_to(pen, x, y);

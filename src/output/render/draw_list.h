@@ -54,8 +54,8 @@ struct Colour {
 struct DrawShape {
   Solid solid;
   Colour colour;
-  int shape = 0;      ///< index into Model::shapes; of a mark: that of the shape that it is on
-  bool mark = false;  ///< of pictures alone (hand_marks.h)
+  int shape = 0;       ///< index into Model::shapes; of a mark: that of the shape that it is on
+  bool mark = false;   ///< of pictures alone (hand_marks.h)
   bool shades = true;  ///< others; a nail lies on its fingertip and does not
   bool fine = false;   ///< with more triangles: a nail and its fingertip, for the edge between them
 };

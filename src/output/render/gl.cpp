@@ -11,8 +11,9 @@ namespace handsim::output {
 namespace {
 
 Error driver_error(const std::string& what) {
-  return input_error("rendering", what,
-                     "enough memory, and an off-screen OpenGL 3.3 driver (Debian package libosmesa6 or libegl1)");
+  return input_error(
+      "rendering", what,
+      "enough memory, and an off-screen OpenGL 3.3 driver (Debian package libosmesa6 or libegl1)");
 }
 
 GLuint compiled(GLenum kind, const std::vector<const char*>& parts) {

@@ -1,5 +1,5 @@
-// The functions of OpenGL 3.3 that the renderer calls, as pointers of each thread: a context of OSMesa and one
-// of EGL have functions of their own. In this namespace a call such as glClear() finds the pointer.
+// The functions of OpenGL 3.3 that the renderer calls, as pointers of each thread: a context of OSMesa and
+// one of EGL have functions of their own. In this namespace a call such as glClear() finds the pointer.
 #pragma once
 
 #include <GL/glcorearb.h>

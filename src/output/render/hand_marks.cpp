@@ -38,8 +38,7 @@ std::optional<HandMark> nail(const model::Model& model, const model::Joint& join
   const double from = std::max(tip + kNailFrom * r, -tip), to = tip + kNailTo * r;
   HandMark mark;
   mark.solid = {Core::box, {0, 0, (to - from) / 2}, kNailRadius * r, {}, {}};
-  mark.solid.pose.p =
-      capsule->pose.p + (from + to) / 2 * distal + kNailOffset * r * dorsal.normalized();
+  mark.solid.pose.p = capsule->pose.p + (from + to) / 2 * distal + kNailOffset * r * dorsal.normalized();
   mark.solid.pose.q = capsule->pose.q;
   mark.body = joint.child;
   mark.shape = static_cast<int>(capsule - model.shapes.begin());

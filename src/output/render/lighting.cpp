@@ -83,8 +83,8 @@ std::vector<double> supports(const Solid& solid, const std::vector<Vec3>& across
 std::optional<Hides> may_hide(const std::vector<double>& theirs, const std::vector<double>& mine,
                               double sky_reach) {
   const std::size_t count = mine.size() - 2;
-  // Distance of the occluder's highest point above the receiver's lowest point, along the light; and the widest
-  // gap between the two, seen along the light or across it.
+  // Distance of the occluder's highest point above the receiver's lowest point, along the light; and the
+  // widest gap between the two, seen along the light or across it.
   const double above = theirs[count] + mine[count + 1];
   double gap = -above, across = -above;
   gap = std::max(gap, -theirs[count + 1] - mine[count]);
@@ -117,8 +117,7 @@ void find_occluders(std::vector<LitSolid>& solids, const Vec3& to_key) {
       const Solid& other = solids[j].solid;
       if (j == i || !solids[j].shades) continue;
       if (const auto hides = may_hide(reaches[j], reaches[i], kSkyReach * other.thickness()))
-        found.push_back(
-            {(other.pose.p - solids[i].solid.pose.p).norm() - other.reach(), &other, *hides});
+        found.push_back({(other.pose.p - solids[i].solid.pose.p).norm() - other.reach(), &other, *hides});
     }
     // The nearest are kept.
     std::sort(found.begin(), found.end(),

@@ -1,5 +1,5 @@
-// Renders a draw list to a picture without a display (OSMesa or EGL): lit shapes and a ground with a grid and soft
-// shadows, anti-aliased. Only the constructor of a Renderer creates an OpenGL context.
+// Renders a draw list to a picture without a display (OSMesa or EGL): lit shapes and a ground with a grid and
+// soft shadows, anti-aliased. Only the constructor of a Renderer creates an OpenGL context.
 #pragma once
 
 #include <memory>

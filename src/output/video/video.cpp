@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -69,22 +70,40 @@ Error no_ffmpeg() {
 }
 
 std::vector<std::string> words_of(const VideoFormat& format, const fs::path& part) {
-  std::vector<std::string> words = {"ffmpeg", "-v",       "error",    "-nostdin",  "-y",
-                                    "-f",     "rawvideo", "-pix_fmt", "rgb24",     "-s",
+  std::vector<std::string> words = {"ffmpeg",
+                                    "-v",
+                                    "error",
+                                    "-nostdin",
+                                    "-y",
+                                    "-f",
+                                    "rawvideo",
+                                    "-pix_fmt",
+                                    "rgb24",
+                                    "-s",
                                     fmt::format("{}x{}", format.width, format.height),
-                                    "-r",     fmt::format("{:.9g}", format.fps),
-                                    "-i",     "pipe:0",   "-an"};
+                                    "-r",
+                                    fmt::format("{:.9g}", format.fps),
+                                    "-i",
+                                    "pipe:0",
+                                    "-an"};
   const std::vector<std::string> own =
       is_gif(format.file)
           // A palette for each frame: one for all would need all frames in memory.
           ? std::vector<std::string>{"-vf",
                                      "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1:"
                                      "dither=bayer:bayer_scale=4",
-                                     "-loop", "0", "-f", "gif"}
-          // Players everywhere read 4:2:0, which needs even sizes; the index at the front lets them start at once.
-          : std::vector<std::string>{"-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=0xD8DCE1", "-c:v", "libx264",
-                                     "-preset", "veryfast", "-crf", "18", "-pix_fmt", "yuv420p", "-movflags",
-                                     "+faststart", "-f", "mp4"};
+                                     "-loop",
+                                     "0",
+                                     "-f",
+                                     "gif"}  // Players everywhere read 4:2:0, which needs even sizes; the
+                                             // index at the front lets them start at once.
+          : std::vector<std::string>{"-vf",       "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=0xD8DCE1",
+                                     "-c:v",      "libx264",
+                                     "-preset",   "veryfast",
+                                     "-crf",      "18",
+                                     "-pix_fmt",  "yuv420p",
+                                     "-movflags", "+faststart",
+                                     "-f",        "mp4"};
   words.insert(words.end(), own.begin(), own.end());
   words.push_back("file:" + part.string());
   return words;
@@ -112,9 +131,10 @@ struct VideoWriter::Encoder {
     std::string text(kLongestReport, '\0');
     const ssize_t got = pread(errors, text.data(), text.size(), 0);
     text.resize(got > 0 ? static_cast<std::size_t>(got) : 0);
-    throw output_error(format.file.string(),
-                       "ffmpeg ended: " + (text.empty() ? "no reason given" : printable(text, kLongestReport)),
-                       "room on the disk, and an ffmpeg with libx264");
+    throw output_error(
+        format.file.string(),
+        "ffmpeg ended: " + (text.empty() ? "no reason given" : printable(text, kLongestReport)),
+        "room on the disk, and an ffmpeg with libx264");
   }
 };
 

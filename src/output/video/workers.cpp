@@ -12,7 +12,9 @@
 #include <cstdlib>
 #include <cstring>
 #include <memory>
+#include <new>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include <fmt/format.h>
@@ -133,10 +135,9 @@ class Worker {
     waitpid(process_, &status, 0);
     process_ = -1;
     throw output_error("pictures",
-                       WIFSIGNALED(status)
-                           ? fmt::format("drawing ended by signal {} ({})", WTERMSIG(status),
-                                         strsignal(WTERMSIG(status)))
-                           : fmt::format("drawing ended with status {}", WEXITSTATUS(status)),
+                       WIFSIGNALED(status) ? fmt::format("drawing ended by signal {} ({})", WTERMSIG(status),
+                                                         strsignal(WTERMSIG(status)))
+                                           : fmt::format("drawing ended with status {}", WEXITSTATUS(status)),
                        "more memory, or smaller pictures");
   }
 

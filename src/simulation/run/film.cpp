@@ -25,8 +25,7 @@ Film::Film(const scene::Scene& scene, const VideoSpec& spec, long first, long la
     : scene_(scene), spec_(spec), first_(first), last_(last) {
   output::check_video(spec.file, spec.fps);
   const double span = static_cast<double>(last - first) * scene.spec.solver.step;
-  const double frames =
-      std::min(span / spec.speed * spec.fps, static_cast<double>(last - first)) + 1;
+  const double frames = std::min(span / spec.speed * spec.fps, static_cast<double>(last - first)) + 1;
   // Slow motion repeats frames.
   constexpr double kMostFrames = 1e6;
   if (!(spec.speed > 0) || span / spec.speed * spec.fps > kMostFrames)
@@ -35,7 +34,8 @@ Film::Film(const scene::Scene& scene, const VideoSpec& spec, long first, long la
   const double bytes = frames * (static_cast<double>(scene.model.bodies.size()) * sizeof(model::BodyState) +
                                  kContacts * sizeof(engine::Contact));
   if (bytes > kMostBytes)
-    throw input_error("--video", fmt::format("a video of {:.0f} frames, which take {:.1f} GB", frames, bytes / 1e9),
+    throw input_error("--video",
+                      fmt::format("a video of {:.0f} frames, which take {:.1f} GB", frames, bytes / 1e9),
                       "at most 1 GB: a smaller --fps, or a larger --speed");
 }
 

@@ -51,8 +51,7 @@ std::vector<bool> lost_bodies(const model::Model& model, const model::State& sta
 void add_shake(const model::Model& model, const Moment& moment, output::DrawList& list) {
   if (moment.shaken.isZero() || model.hands.empty()) return;
   const model::HandIndex& hand = model.hands.front();
-  const Vec3 wrist =
-      moment.state.bodies[static_cast<std::size_t>(hand.palm)].pose() * hand.wrist_frame.p;
+  const Vec3 wrist = moment.state.bodies[static_cast<std::size_t>(hand.palm)].pose() * hand.wrist_frame.p;
   list.arrows.push_back({wrist - moment.shaken, wrist, kShakeRadius, {0.05F, 0.06F, 0.08F}, true});
 }
 
@@ -83,8 +82,8 @@ output::Framing framing(const scene::Scene& scene) {
 
 using Extents = output::Framing::Extents;
 
-/// Each value becomes the mean over its neighbours, up to `reach` before and after, of the largest values about
-/// each of them: no smaller than its own.
+/// Each value becomes the mean over its neighbours, up to `reach` before and after, of the largest values
+/// about each of them: no smaller than its own.
 void smooth_out(std::vector<Extents>& values, std::size_t reach) {
   const auto windowed = [&](const auto& from, auto start, auto add, auto end) {
     std::vector<Extents> out(from.size());

@@ -19,8 +19,8 @@ namespace handsim::simulation {
 struct Moment {
   model::State state;
   std::vector<engine::Contact> contacts;
-  std::string caption = {};      ///< on a contact sheet
-  Vec3 shaken = Vec3::Zero();    ///< displacement of the first hand by a shake, drawn as an arrow [m]
+  std::string caption = {};    ///< on a contact sheet
+  Vec3 shaken = Vec3::Zero();  ///< displacement of the first hand by a shake, drawn as an arrow [m]
 };
 
 Moment moment_of(const engine::Engine& engine);
@@ -47,7 +47,8 @@ std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<
 /// `pictures.follow` says so; otherwise one camera shows the whole motion.
 std::vector<output::Camera> cameras(const scene::Scene& scene, std::span<const Moment> moments,
                                     std::size_t smooth = 0);
-/// What a picture of the moment shows: without bodies that are lost, that is further than 1 m from every hand.
+/// What a picture of the moment shows: without bodies that are lost, that is further than 1 m from every
+/// hand.
 output::DrawList shown(const scene::Scene& scene, const Moment& moment, std::optional<double> force_scale);
 /// The part of `shown` that a camera follows: hands and the shapes that they touch.
 output::DrawList followed(const scene::Scene& scene, const Moment& moment, const output::DrawList& shown);

@@ -101,7 +101,9 @@ Recorder::Planned Recorder::extreme_of(const scene::TaskPhase& phase, std::size_
   for (long i = std::lround(shake.start / step_); i <= last; ++i) {
     const Vec3 moved = shake.displacement(static_cast<double>(i) * step_);
     if (moved.norm() <= out.shaken.norm()) continue;
-    out = {i, fmt::format("{}: {:.0f} mm, t = {:.2f} s", phase.name, 1e3 * moved.norm(), static_cast<double>(i) * step_),
+    out = {i,
+           fmt::format("{}: {:.0f} mm, t = {:.2f} s", phase.name, 1e3 * moved.norm(),
+                       static_cast<double>(i) * step_),
            moved};
   }
   return out;

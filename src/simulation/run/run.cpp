@@ -81,9 +81,8 @@ void draw_all(const scene::Scene& scene, const Recorder& recorder, const RunOpti
     if (failure) result.missing.push_back(std::string(what) + ": " + *failure);
   };
   if (!recorder.moments().empty())
-    made("pictures", [&](const output::Progress& progress) {
-      draw_pictures(scene, recorder, options, progress);
-    });
+    made("pictures",
+         [&](const output::Progress& progress) { draw_pictures(scene, recorder, options, progress); });
   if (const Film* film = recorder.film())
     made("video", [&](const output::Progress& progress) { film->write(drawing_of(options), progress); });
   if (!options.plots) return;

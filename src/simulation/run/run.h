@@ -43,7 +43,8 @@ struct RunOptions {
   std::optional<std::uint64_t> expected_hash;
   std::optional<VideoSpec> video;  ///< of the run
   std::optional<output::Gl> gl;    ///< with which pictures are drawn; absent: the default of this build
-  /// Draws in a child process and its forks on all cores (output/child.h), so that a lack of memory ends only the drawing.
+  /// Draws in a child process and its forks on all cores (output/child.h), so that a lack of memory ends only
+  /// the drawing.
   bool draw_apart = false;
   /// Called repeatedly with the finished share, 0..1.
   std::function<void(double)> progress;

@@ -7,14 +7,15 @@
 namespace handsim::output {
 namespace {
 
-// Oracle: anatomy, in the frame of the hand (y distal, z dorsal). Nails of the four fingers are on the back of the
-// fingertips; with straight fingers the flexed side is the palm's. The stump is behind the wrist.
+// Oracle: anatomy, in the frame of the hand (y distal, z dorsal). Nails of the four fingers are on the back
+// of the fingertips; with straight fingers the flexed side is the palm's. The stump is behind the wrist.
 TEST(HandMarks, NailsAreOnTheBackAndTheStumpIsBehindTheWrist) {
   for (const char* side : {"right", "left"}) {
     const scene::Scene scene = test::shipped_scene("grasp_power_can", {std::string("hands.0.side=") + side});
     const model::Model& model = scene.model;
     const model::HandIndex& hand = model.hands.front();
-    const Pose x_HW = (model.bodies[static_cast<std::size_t>(hand.palm)].zero_pose * hand.wrist_frame).inverse();
+    const Pose x_HW =
+        (model.bodies[static_cast<std::size_t>(hand.palm)].zero_pose * hand.wrist_frame).inverse();
     int nails = 0, stumps = 0;
     for (const HandMark& mark : hand_marks(model)) {
       const Pose x_HB = x_HW * model.bodies[static_cast<std::size_t>(mark.body)].zero_pose;
@@ -24,7 +25,9 @@ TEST(HandMarks, NailsAreOnTheBackAndTheStumpIsBehindTheWrist) {
       if (!mark.nail) {
         ++stumps;
         EXPECT_LT(at.y(), 0.01);
-        EXPECT_LT(-support({Core::box, mark.solid.half, mark.solid.round, x_HB * mark.solid.pose, {}}, -Vec3::UnitY()), -0.015);
+        EXPECT_LT(-support({Core::box, mark.solid.half, mark.solid.round, x_HB * mark.solid.pose, {}},
+                           -Vec3::UnitY()),
+                  -0.015);
         continue;
       }
       ++nails;
@@ -45,8 +48,9 @@ TEST(HandMarks, NailsStandOutATenth) {
   for (const HandMark& mark : hand_marks(model)) {
     if (!mark.nail) continue;
     const model::Shape& shape = model.shapes[static_cast<std::size_t>(mark.shape)];
-    const Vec3 dorsal = (mark.solid.pose.p - shape.pose.p) -
-                        shape.pose.q * Vec3(0, 0, (shape.pose.q.conjugate() * (mark.solid.pose.p - shape.pose.p)).z());
+    const Vec3 dorsal =
+        (mark.solid.pose.p - shape.pose.p) -
+        shape.pose.q * Vec3(0, 0, (shape.pose.q.conjugate() * (mark.solid.pose.p - shape.pose.p)).z());
     const Vec3 n = dorsal.normalized();
     EXPECT_NEAR(support(mark.solid, n) - support(solid(shape, shape.pose), n), 0.1 * shape.radius, 1e-9);
   }
@@ -55,7 +59,8 @@ TEST(HandMarks, NailsStandOutATenth) {
 TEST(DrawList, AnObjectHasItsOwnColour) {
   const scene::Scene scene = test::shipped_scene("grasp_power_can");
   model::State state;
-  for (const model::Body& body : scene.model.bodies) state.bodies.push_back({body.zero_pose.p, body.zero_pose.q, Vec3::Zero(), Vec3::Zero()});
+  for (const model::Body& body : scene.model.bodies)
+    state.bodies.push_back({body.zero_pose.p, body.zero_pose.q, Vec3::Zero(), Vec3::Zero()});
   std::optional<Colour> can, post;
   for (const DrawShape& drawn : draw_list(scene.model, state, {}).shapes) {
     const std::string& name = scene.model.shapes[static_cast<std::size_t>(drawn.shape)].name;

@@ -1,5 +1,5 @@
-// What pictures of a run show: the camera that follows the hand, lost objects, the extremes of a shake, and the
-// frames of a video.
+// What pictures of a run show: the camera that follows the hand, lost objects, the extremes of a shake, and
+// the frames of a video.
 #include "handsim/simulation/run/pictures.h"
 
 #include <gtest/gtest.h>
@@ -51,10 +51,12 @@ Fill fill_of(const output::DrawList& list, const output::Camera& camera, double 
 
 class ShippedGrasp : public ::testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(, ShippedGrasp,
-                         ::testing::Values("cracker_box", "cup", "cylinder_100mm", "cylinder_50mm", "hook_bar",
-                                           "pinch", "power_can", "sphere_35mm", "sphere_70mm", "tripod"));
+                         ::testing::Values("cracker_box", "cup", "cylinder_100mm", "cylinder_50mm",
+                                           "hook_bar", "pinch", "power_can", "sphere_35mm", "sphere_70mm",
+                                           "tripod"));
 
-// The start, and the end of the closing: the hand and what it touches fill half of the picture, and no part is cut.
+// The start, and the end of the closing: the hand and what it touches fill half of the picture, and no part
+// is cut.
 TEST_P(ShippedGrasp, FillsHalfOfThePicture) {
   const scene::Scene scene = test::shipped_scene(std::string("grasp_") + GetParam());
   Simulation simulation(scene);
@@ -83,7 +85,8 @@ Moment with_object_at(const scene::Scene& scene, double z) {
 // Oracle: the pictures of the same hand without the object. An object 1,820 m below changes nothing.
 TEST(LostObject, IsNotShownAndMovesNoCamera) {
   for (const char* follow : {"true", "false"}) {
-    const scene::Scene scene = test::shipped_scene("grasp_power_can", {std::string("pictures.follow=") + follow});
+    const scene::Scene scene =
+        test::shipped_scene("grasp_power_can", {std::string("pictures.follow=") + follow});
     const std::vector<Moment> lost = {with_object_at(scene, -1820)}, near = {with_object_at(scene, 0.4)};
     const output::DrawList list = shown(scene, lost.front(), {});
     EXPECT_EQ(list.shapes.size() + 1, shown(scene, near.front(), {}).shapes.size());
@@ -100,7 +103,8 @@ RunOptions with_phases(const std::filesystem::path& out) {
   return options;
 }
 
-// Oracle: the shake's own displacement of the wrist, from its amplitude; the pose at rest is that of the hold.
+// Oracle: the shake's own displacement of the wrist, from its amplitude; the pose at rest is that of the
+// hold.
 TEST(Phases, OfAShakeShowItsExtremes) {
   const test::TemporaryFolder folder;
   const scene::Scene scene = test::shipped_scene(
@@ -143,8 +147,10 @@ TEST(Film, HasAMomentForEachFrame) {
   for (const auto& [speed, frames] : {std::pair{1.0, 7}, {0.25, 25}, {2.0, 4}}) {
     const std::filesystem::path file = folder.path() / "v.mp4";
     film_until(scene, {file, 30, speed}, 0.2, {}).write({}, {});
-    std::FILE* pipe = popen(("ffprobe -v error -count_frames -show_entries stream=nb_read_frames -of csv=p=0 " +
-                             file.string()).c_str(), "r");
+    std::FILE* pipe = popen(
+        ("ffprobe -v error -count_frames -show_entries stream=nb_read_frames -of csv=p=0 " + file.string())
+            .c_str(),
+        "r");
     int found = 0;
     ASSERT_EQ(std::fscanf(pipe, "%d", &found), 1);
     pclose(pipe);
