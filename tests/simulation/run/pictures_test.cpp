@@ -108,9 +108,10 @@ RunOptions with_phases(const std::filesystem::path& out) {
 TEST(Phases, OfAShakeShowItsExtremes) {
   const test::TemporaryFolder folder;
   const scene::Scene scene = test::shipped_scene(
-      "grasp_power_can", {"grasps.0.hold=0.5", "grasps.0.shake.cycles=1",
-                          "grasps.0.shake.levels=[{acceleration: 4.9, frequency: 5}, {acceleration: 9.8, "
-                          "frequency: 5}, {acceleration: 19.6, frequency: 10}]"});
+      "grasp_power_can",
+      {"grasps.0.approach.time=0.1", "grasps.0.close=0.2", "grasps.0.lift.time=0.2", "grasps.0.hold=0.1",
+       "grasps.0.shake.levels=[{acceleration: 9.8, frequency: 10}, {acceleration: 19.6, frequency: 10}, "
+       "{acceleration: 29.4, frequency: 10}]"});
   Simulation simulation(scene);
   Recorder recorder(simulation, with_phases(folder.path()));
   recorder.record(0);
