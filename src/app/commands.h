@@ -129,9 +129,11 @@ struct EffectsArguments {
 int effects_command(const EffectsArguments& arguments);
 
 struct ExportArguments {
-  std::filesystem::path scene;
+  std::optional<std::filesystem::path> scene;
+  HandArguments hands;               ///< without a scene; `side` is empty if it was not given
+  std::optional<std::string> mount;  ///< of these hands; absent: fixed
   std::filesystem::path out;
-  std::optional<std::string> format;  ///< mjcf or urdf; absent: by the ending of `out`, else mjcf
+  std::optional<std::string> format;  ///< mjcf, urdf or osim; absent: by the ending of `out`, else mjcf
   std::vector<std::string> overrides;
 };
 int export_command(const ExportArguments& arguments);

@@ -14,11 +14,8 @@ namespace handsim::app {
 
 namespace {
 
-void add_hand(CommandLine& line) {
-  const auto arguments = std::make_shared<HandArguments>();
-  CLI::App& hand = line.add(
-      "hand", "Hands of a person: dimensions, masses, joints; with --out also YAML and a picture",
-      "handsim hand --stature 1.75 --mass 72 --sex male --side both --out out/hand", hand_command, arguments);
+/// The options that say whose hands.
+void add_person(CLI::App& hand, const std::shared_ptr<HandArguments>& arguments) {
   hand.add_option("--person", arguments->person, "person file (in place of --stature, --mass, --sex)");
   const auto measure = [&](const char* name, const char* key, const char* help) {
     return hand.add_option_function<std::string>(
@@ -34,6 +31,14 @@ void add_hand(CommandLine& line) {
   measure("--hand-length-percentile", "hand_length_percentile",
           "among people of this stature, mass and sex, 0.01 to 99.99");
   hand.add_option("--model", arguments->model, "hand model file (default: the anatomical hand)");
+}
+
+void add_hand(CommandLine& line) {
+  const auto arguments = std::make_shared<HandArguments>();
+  CLI::App& hand = line.add(
+      "hand", "Hands of a person: dimensions, masses, joints; with --out also YAML and a picture",
+      "handsim hand --stature 1.75 --mass 72 --sex male --side both --out out/hand", hand_command, arguments);
+  add_person(hand, arguments);
   add_words(hand.add_option("--side", arguments->side, "which hands (default both)"), kSides);
   hand.add_option("--out", arguments->out, "folder for hand.yaml and hand.png")->check(check_path);
 }
@@ -118,14 +123,21 @@ void add_render(CommandLine& line) {
 
 void add_export(CommandLine& line) {
   const auto arguments = std::make_shared<ExportArguments>();
-  CLI::App& command = line.add("export", "A scene's model as a file for other engines: MJCF or URDF",
-                               "handsim export config/two_hands.yaml --format mjcf --out two_hands.xml",
-                               export_command, arguments);
-  command.add_option("scene", arguments->scene, "scene file")->required();
-  add_words(command.add_option("--format", arguments->format,
-                               "mjcf (MuJoCo) or urdf (ROS); default: by the file's ending, else mjcf"),
-            "mjcf|urdf");
-  add_out(command, arguments->out, "file to write: .xml for mjcf, .urdf for urdf");
+  arguments->hands.side.clear();
+  CLI::App& command = line.add(
+      "export", "A scene's model, or a person's hands, as a file for other programs: MJCF, URDF or OpenSim",
+      "handsim export --stature 1.75 --mass 72 --sex male --side right --out right.osim", export_command,
+      arguments);
+  command.add_option("scene", arguments->scene, "scene file; without one the hands of a person");
+  add_words(command.add_option(
+                "--format", arguments->format,
+                "mjcf (MuJoCo), urdf (ROS) or osim (OpenSim); default: by the file's ending, else mjcf"),
+            "mjcf|urdf|osim");
+  add_out(command, arguments->out, "file to write: .xml or .mjcf, .urdf, .osim");
+  add_person(command, {arguments, &arguments->hands});
+  add_words(command.add_option("--side", arguments->hands.side, "which hands (default both)"), kSides);
+  add_words(command.add_option("--mount", arguments->mount, "how a person's palms are held (default fixed)"),
+            "fixed|hinge|universal|free");
   add_overrides(command, arguments->overrides);
 }
 
