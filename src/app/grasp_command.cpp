@@ -5,6 +5,7 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
+#include "handsim/app/drawing_options.h"
 #include "handsim/app/progress.h"
 #include "handsim/app/report_command.h"
 #include "handsim/app/study_repeat.h"
@@ -139,6 +140,10 @@ int grasp_command(const GraspArguments& arguments) {
   study.friction_search = arguments.friction_search;
   study.margin = arguments.margin;
   study.pictures = arguments.pictures;
+  study.video = video_of(arguments.drawing);
+  if (study.video && study.video->file.has_parent_path())
+    throw input_error("--video", study.video->file.string(), "a name without a folder, such as grasp.mp4");
+  study.gl = gl_of(arguments.drawing);
   study.draw_apart = true;
   if (arguments.side == "both")
     study.sides = {"right", "left"};

@@ -89,6 +89,7 @@ void add_run(CommandLine& line) {
   run.add_flag("--poses", arguments->poses,
                "a picture at the end of every hold of a controlled scene, in place of --frames")
       ->excludes(frames);
+  add_drawing(run, arguments->drawing, "of the run");
   run.add_flag("--plots", arguments->plots,
                "plots of a controlled scene: angles, errors, torques (needs gnuplot)");
   run.add_flag("--report", arguments->report,
@@ -110,12 +111,17 @@ void add_run(CommandLine& line) {
 void add_render(CommandLine& line) {
   const auto arguments = std::make_shared<RenderArguments>();
   CLI::App& render =
-      line.add("render", "One picture of a scene at a time of its motion",
+      line.add("render", "One picture of a scene at a time of its motion, or a video of it",
                "handsim render config/two_hands.yaml --out hands.png --time 0.2", render_command, arguments);
   render.add_option("scene", arguments->scene, "scene file")->required();
-  add_out(render, arguments->out, "PNG file: .png");
+  CLI::Option* out = render.add_option("--out", arguments->out, "PNG file: .png")->check(check_path);
   add_overrides(render, arguments->overrides);
-  add_time(render, "--time", arguments->time, "simulated time (default 0)");
+  add_time(render, "--time", arguments->time,
+           "simulated time of the picture (default 0), end of the video (default: the scene's)");
+  add_drawing(render, arguments->drawing, "in place of --out or beside it");
+  render.parse_complete_callback([out, &render] {
+    if (out->empty() && render.get_option("--video")->empty()) throw CLI::RequiredError("--out or --video");
+  });
 }
 
 void add_export(CommandLine& line) {
@@ -139,6 +145,21 @@ void add_export(CommandLine& line) {
 }
 
 }  // namespace
+
+void add_drawing(CLI::App& command, DrawArguments& drawing, const std::string& where) {
+  CLI::Option* video =
+      command
+          .add_option("--video", drawing.video, "video in real time, .mp4 or .gif (needs ffmpeg), " + where)
+          ->check(check_path);
+  command.add_option("--fps", drawing.fps, "frames in a second of the video (default 30)")
+      ->check(number_from(0.1, 240, false, "a number of frames, 0.1 to 240"))
+      ->needs(video);
+  command.add_option("--speed", drawing.speed, "simulated seconds in a second of the video (default 1)")
+      ->check(number_from(1e-4, 1e4, false, "a factor, 0.0001 to 10000; below 1 it is slow motion"))
+      ->needs(video);
+  add_words(command.add_option("--gl", drawing.gl, "OpenGL without a display (default: osmesa, if built in)"),
+            "osmesa|egl");
+}
 
 void add_scene_commands(CommandLine& line) {
   for (const auto add : {add_hand, add_check, add_run, add_render, add_export, add_schema}) add(line);

@@ -48,13 +48,21 @@ handsim_need(HANDSIM_RANDOM123 "Random123 (numbers drawn by counter)" librandom1
 
 set(HANDSIM_PICTURE_LIBRARIES)
 if(HANDSIM_PICTURES)
-  pkg_check_modules(OSMESA QUIET IMPORTED_TARGET osmesa)
-  handsim_need(OSMESA_FOUND "OSMesa (off-screen OpenGL)" libosmesa6-dev)
+  # One of the two is enough; Mesa has no OSMesa since version 25.1.
+  foreach(gl EGL OSMESA)
+    string(TOLOWER ${gl} name)
+    pkg_check_modules(${gl} QUIET IMPORTED_TARGET ${name})
+    if(${gl}_FOUND)
+      list(APPEND HANDSIM_PICTURE_LIBRARIES PkgConfig::${gl})
+    endif()
+  endforeach()
+  list(LENGTH HANDSIM_PICTURE_LIBRARIES gls)
+  handsim_need(gls "off-screen OpenGL: EGL or OSMesa" "libegl-dev (or libosmesa6-dev)")
   pkg_check_modules(CAIRO QUIET IMPORTED_TARGET cairo)
   handsim_need(CAIRO_FOUND "cairo (text and layout of contact sheets)" libcairo2-dev)
   find_package(PNG QUIET)
   handsim_need(PNG_FOUND "libpng" libpng-dev)
-  set(HANDSIM_PICTURE_LIBRARIES PkgConfig::OSMESA PkgConfig::CAIRO PNG::PNG)
+  list(APPEND HANDSIM_PICTURE_LIBRARIES PkgConfig::CAIRO PNG::PNG)
 endif()
 
 # Reports show runs in 3D; without three.js they are refused.

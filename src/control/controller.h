@@ -47,11 +47,6 @@ class Controller {
   std::span<const AxisState> axes() const { return axes_; }
   const Plan& plan() const { return plan_; }
 
-  /// State from step to step: together with the engine's state it reproduces a run bit for bit.
-  void save(ArchiveWriter& out) const;
-  void restore(ArchiveReader& in);
-
- private:
   /// Constants of an axis.
   struct AxisConstants {
     Gains gains;
@@ -62,6 +57,26 @@ class Controller {
     double smoothing = 1;         ///< weight of the new rate in the filtered one
     double zone = 0;              ///< of the integral [rad]; infinity for none
   };
+  // For steps of several controllers at once (environment/lanes.h).
+  std::span<const AxisConstants> constants() const { return constants_; }
+  /// Null without compensation.
+  const GravityLoad* gravity() const { return gravity_ ? &*gravity_ : nullptr; }
+  /// Targets of all axes at a time [s], as `command` takes them.
+  std::span<const double> targets(double time) {
+    update_targets(time);
+    return targets_;
+  }
+  bool targets_given() const { return !given_.empty(); }
+  /// Torque of the integral [N m], low-passed rate [rad/s].
+  double& integral(std::size_t axis) { return memory_.integral[axis]; }
+  double& filtered_rate(std::size_t axis) { return memory_.filtered_rate[axis]; }
+  AxisState& axis(std::size_t axis) { return axes_[axis]; }
+
+  /// State from step to step: together with the engine's state it reproduces a run bit for bit.
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
+
+ private:
   struct Memory {
     std::vector<double> integral;       ///< torque of the integral, by axis [N m]
     std::vector<double> filtered_rate;  ///< low-passed rate, by axis [rad/s]

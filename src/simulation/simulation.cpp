@@ -202,6 +202,11 @@ void Simulation::advance(const engine::StepInput& action) {
   throw Error(*failure_);
 }
 
+std::optional<Simulation::Parts> Simulation::parts() {
+  if (failure_ || !watchers_.empty() || !climbs_.empty()) return std::nullopt;
+  return Parts{*engine_, controller_.get(), constant_};
+}
+
 std::uint64_t Simulation::state_hash() const { return get<RunHash>().value(); }
 
 std::vector<Verdict> Simulation::verdicts() const {

@@ -95,6 +95,20 @@ const std::vector<Usage> kUsages = {
     {"RenderIntoNoFolder",
      {"render", kScene, "--out", "OUT/none/a.png"},
      ".png: got a file that cannot be created"},
+    {"RenderAJpeg", {"render", kScene, "--out", "OUT.jpg"}, "OUT.jpg, need a name that ends in .png"},
+    {"RenderWithoutEnding", {"render", kScene, "--out", "OUT"}, "need a name that ends in .png"},
+    {"RenderNothing", {"render", kScene}, "--out or --video is required"},
+    {"VideoOfAnUnknownKind",
+     {"render", kScene, "--video", "OUT.avi"},
+     "OUT.avi, need a name that ends in .mp4 or .gif"},
+    {"VideoTooFast",
+     {"render", kScene, "--video", "OUT.gif", "--fps", "60"},
+     "--fps: got 60, need above 0, at most 50"},
+    {"VideoSpeedNone",
+     {"render", kScene, "--video", "OUT.mp4", "--speed", "0"},
+     "--speed: got 0, need a factor"},
+    {"FpsWithoutVideo", run_with({"--fps", "30"}), "--fps requires --video"},
+    {"GlUnknown", run_with({"--gl", "eg"}), "--gl: got eg, need one of osmesa, egl (nearest: egl)"},
     {"HandOfNobody",
      {"hand", "--out", "OUT", "--stature", "1.7", "--mass", "60"},
      "--sex: got nothing, need one of male, female, unknown"},
@@ -170,6 +184,23 @@ const std::vector<Usage> kUsages = {
 
 INSTANTIATE_TEST_SUITE_P(All, BadUsage, testing::ValuesIn(kUsages),
                          [](const auto& test) { return test.param.name; });
+
+// A run that cannot write its video does not start: nothing is in the folder.
+TEST(Video, WithoutFfmpegIsRefusedBeforeTheRun) {
+  const TemporaryFolder folder;
+  const std::string path = std::getenv("PATH");
+  setenv("PATH", "/nonexistent", 1);
+  const std::string video = (folder.path() / "v.mp4").string();
+  const Outcome run =
+      run_program({"run", kScene, "--out", (folder.path() / "out").string(), "--video", video});
+  const Outcome render = run_program({"render", kScene, "--video", video});
+  setenv("PATH", path.c_str(), 1);
+  for (const Outcome& outcome : {run, render}) {
+    EXPECT_EQ(outcome.status, 2);
+    EXPECT_TRUE(outcome.err.starts_with("--video: got no program ffmpeg")) << outcome.err;
+  }
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
 
 TEST(Commands, AllInvalidOverridesAreReported) {
   const TemporaryFolder folder;

@@ -54,10 +54,8 @@ Json solid_json(const output::Solid& solid) {
 Json shapes_json(const model::Model& model, const model::State& start) {
   const output::DrawList drawn = output::draw_list(model, start, {});
   Json out = Json::array();
-  std::size_t next = 0;
-  for (const model::Shape& shape : model.shapes) {
-    if (shape.kind == model::ShapeKind::plane) continue;
-    const output::DrawShape& draw = drawn.shapes[next++];
+  for (const output::DrawShape& draw : drawn.shapes) {
+    const model::Shape& shape = model.shapes[at(draw.shape)];
     Json entry = solid_json(output::bevelled(draw.solid));
     entry["name"] = shape.name;
     entry["body"] = shape.body;
@@ -65,6 +63,7 @@ Json shapes_json(const model::Model& model, const model::State& start) {
     entry["hand"] = hand_of(model, shape.body);
     entry["pose"] = pose_json(start.bodies[at(shape.body)].pose().inverse() * draw.solid.pose);
     entry["colour"] = colour_json(draw.colour);
+    if (draw.mark) entry["mark"] = true;
     out.push_back(std::move(entry));
   }
   return out;
@@ -128,23 +127,11 @@ Json bodies_json(const model::Model& model) {
   return out;
 }
 
-/// True if all that can move is near a hand; a lost object falls on and on.
-bool is_near(const model::Model& model, const model::State& state) {
-  constexpr double kNear = 0.45;
-  for (std::size_t b = 1; b < state.bodies.size() && !model.hands.empty(); ++b)
-    if (std::none_of(model.hands.begin(), model.hands.end(), [&](const model::HandIndex& hand) {
-          return (state.bodies[at(hand.palm)].p - state.bodies[b].p).norm() < kNear;
-        }))
-      return false;
-  return true;
-}
-
 /// Moments over the run for the camera, as many as a contact sheet shows.
 std::vector<Moment> moments_of(const RunFiles& run) {
   constexpr std::size_t kMoments = 24;
   std::vector<Moment> out;
-  std::size_t rows = 1;
-  while (rows < run.times.size() && is_near(run.scene.model, run.state(rows))) ++rows;
+  const std::size_t rows = run.times.size();
   for (std::size_t i = 0; i < std::min(kMoments, rows); ++i)
     out.push_back({run.state(i * (rows - 1) / std::max<std::size_t>(1, std::min(kMoments, rows) - 1)), {}});
   return out;
@@ -168,7 +155,7 @@ Json scene_json(const RunFiles& run) {
   const model::Model& model = run.scene.model;
   const model::State start = model::initial_state(model);
   const scene::PictureSpec& pictures = run.scene.spec.pictures;
-  const Stage stage = stage_of(model, pictures, moments_of(run));
+  const Stage stage = stage_of(run.scene, moments_of(run));
   constexpr int kSides = 24;
   return {{"bodies", bodies_json(model)},
           {"shapes", shapes_json(model, start)},

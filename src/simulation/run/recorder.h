@@ -24,17 +24,21 @@ class Recorder {
   void finish();
   /// Moments of the pictures, with their captions.
   const std::vector<Moment>& moments() const { return moments_; }
+  /// Null if there is no video.
+  const Film* film() const { return film_ ? &*film_ : nullptr; }
 
  private:
   /// A step after which a picture is taken.
   struct Planned {
     long step = 0;
     std::string caption;  ///< empty: the time
+    Vec3 shaken = Vec3::Zero();
   };
   void plan_pictures(const RunOptions& options);
   void plan_frames(int frames);
   void plan_poses();
   void plan_phases(const std::vector<scene::TaskPhase>& phases);
+  Planned extreme_of(const scene::TaskPhase& phase, std::size_t level) const;
   void record_climb();
   void show(Moment moment, std::string caption);
   void finish_climb();
@@ -60,6 +64,7 @@ class Recorder {
   const ClimbWatch* climb_ = nullptr;
   std::vector<std::pair<double, Moment>> loaded_;  ///< by load [N]
   std::vector<Moment> moments_;
+  std::optional<Film> film_;
 };
 
 }  // namespace handsim::simulation
