@@ -23,11 +23,11 @@ struct Kind {
   const char* table;
   const char* about;
 };
-constexpr Kind kKinds[] = {
+constexpr Kind kStudyTables[] = {
     {"accuracy.csv", "accuracy.json"},   {"effects.csv", "effects.json"}, {"stability.csv", "stability.json"},
     {"rollouts.csv", "summary.json"},    {"grasps.csv", nullptr},         {"climbs.csv", nullptr},
     {"agreement.csv", "agreement.json"}, {"contacts_cost.csv", nullptr}};
-constexpr std::size_t kLargestFile = 256UL << 20U;
+constexpr std::size_t kLargestStudyFile = 256UL << 20U;
 
 /// Fields of a line; one in double quotes may have commas and doubled quotes.
 std::vector<std::string> fields_of(const std::string& line) {
@@ -66,7 +66,7 @@ std::string page_of(const fs::path& folder, const std::vector<std::string>& colu
 
 Json read_json(const fs::path& path) {
   if (!fs::exists(path)) return Json::object();
-  Json out = Json::parse(read_input_file(path, "a study's JSON", kLargestFile), nullptr, false);
+  Json out = Json::parse(read_input_file(path, "a study's JSON", kLargestStudyFile), nullptr, false);
   return out.is_object() ? out : Json::object();
 }
 
@@ -105,7 +105,7 @@ void write_commands(const fs::path& out, const StudyCommands& commands) {
 }
 
 bool is_study(const fs::path& folder) {
-  return std::any_of(std::begin(kKinds), std::end(kKinds),
+  return std::any_of(std::begin(kStudyTables), std::end(kStudyTables),
                      [&](const Kind& kind) { return fs::exists(folder / kind.table); });
 }
 
@@ -117,7 +117,7 @@ std::string study_page(const fs::path& folder) {
                {"command", commands.value("command", "")},
                {"tables", Json::array()}};
   std::string title;
-  for (const Kind& kind : kKinds) {
+  for (const Kind& kind : kStudyTables) {
     if (!fs::exists(folder / kind.table)) continue;
     data["tables"].push_back(table_json(folder, kind.table, commands));
     if (!kind.about) continue;
