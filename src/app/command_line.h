@@ -73,5 +73,6 @@ void add_overrides(CLI::App& app, std::vector<std::string>& overrides);
 
 void add_scene_commands(CommandLine& line);
 void add_study_commands(CommandLine& line);
+void add_motion_commands(CommandLine& line);
 
 }  // namespace handsim::app
