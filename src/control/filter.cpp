@@ -4,6 +4,8 @@
 #include <cassert>
 #include <cmath>
 
+#include "handsim/model/spline.h"
+
 namespace handsim::control {
 
 namespace {
@@ -55,6 +57,26 @@ void low_pass(std::vector<double>& values, double step, double cutoff) {
   section.run(x);
   std::reverse(x.begin(), x.end());
   std::copy_n(x.begin() + static_cast<std::ptrdiff_t>(pad), n, values.begin());
+}
+
+bool low_pass_rows(std::vector<double>& times, std::vector<double>& values, std::size_t width,
+                   double cutoff) {
+  const std::size_t n = times.size();
+  if (n < 2) return true;
+  const double step = (times.back() - times.front()) / static_cast<double>(n - 1);
+  if (!(cutoff * step < 0.5)) return false;
+  const model::CubicSpline recorded(times, values, width);
+  for (std::size_t r = 0; r < n; ++r) {
+    times[r] = r + 1 == n ? times.back() : times.front() + static_cast<double>(r) * step;
+    recorded.at(times[r], std::span(values).subspan(r * width, width));
+  }
+  std::vector<double> column(n);
+  for (std::size_t c = 0; c < width; ++c) {
+    for (std::size_t r = 0; r < n; ++r) column[r] = values[r * width + c];
+    low_pass(column, step, cutoff);
+    for (std::size_t r = 0; r < n; ++r) values[r * width + c] = column[r];
+  }
+  return true;
 }
 
 }  // namespace handsim::control

@@ -41,9 +41,11 @@ MotionTable read_motion(const std::filesystem::path& path, TableContent content 
 /// the rotation `qw`, `qx`, `qy`, `qz`, or an axis `axis.x`, `axis.y`, `axis.z` and its `angle[deg]`, or a
 /// rotation vector `rx[deg]`, `ry[deg]`, `rz[deg]`, or none; each alone or as `HAND.wrist.x[m]`. Other
 /// columns are ignored. Samples are joined by a spline.
-/// @param hand `right`, `left`, ... @throws Error (input) as read_motion, and for a missing column, a
-/// quaternion far from unit length, or an axis of no length.
-model::PoseMotion read_pose_table(const std::filesystem::path& path, const std::string& hand);
+/// @param hand `right`, `left`, ... @param filter cut-off of a low-pass [Hz] (filter.h); absent: as recorded.
+/// @throws Error (input) as read_motion, and for a missing column, a quaternion far from unit length, an axis
+/// of no length, or a cut-off not below half the rate.
+model::PoseMotion read_pose_table(const std::filesystem::path& path, const std::string& hand,
+                                  const std::optional<double>& filter = {});
 
 /// True for names that end in .csv, .mot or .sto.
 bool is_motion_file(const std::string& name);

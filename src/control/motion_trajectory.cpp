@@ -191,32 +191,6 @@ bool has_wrong_unit(const MotionTable& table, Diagnostics& diagnostics) {
   return false;
 }
 
-/// Filters a table of angles at equal intervals; others are first sampled so.
-void filter(std::vector<double>& times, std::vector<double>& angles, std::size_t width, double cutoff,
-            const MotionTable& table, Diagnostics& diagnostics) {
-  const std::size_t n = times.size();
-  if (n < 2) return;
-  const double step = (times.back() - times.front()) / static_cast<double>(n - 1);
-  if (!(cutoff * step < 0.5)) {
-    diagnostics.problems.push_back(
-        {Place{table.file, table.header_line, 1}, "control.motion.filter",
-         fmt::format("{:g} Hz for a table of {:.4g} rows a second", cutoff, 1 / step),
-         "a cut-off below half the rate"});
-    return;
-  }
-  const model::CubicSpline recorded(times, angles, width);
-  for (std::size_t r = 0; r < n; ++r) {
-    times[r] = r + 1 == n ? times.back() : times.front() + static_cast<double>(r) * step;
-    recorded.at(times[r], std::span(angles).subspan(r * width, width));
-  }
-  std::vector<double> column(n);
-  for (std::size_t c = 0; c < width; ++c) {
-    for (std::size_t r = 0; r < n; ++r) column[r] = angles[r * width + c];
-    low_pass(column, step, cutoff);
-    for (std::size_t r = 0; r < n; ++r) angles[r * width + c] = column[r];
-  }
-}
-
 void report_names(const MotionTable& table, const HandAxes& hand, const HandTable& of,
                   const std::vector<bool>& driven, Diagnostics& diagnostics) {
   const std::vector<std::string>& unused = of.unused();
@@ -258,7 +232,10 @@ Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, con
       angles.push_back(of.has(i) ? range.inside(r, hand.axes[i], row[i]) : row[i]);
   }
   range.report(diagnostics);
-  if (options.filter) filter(times, angles, width, *options.filter, table, diagnostics);
+  if (options.filter && !low_pass_rows(times, angles, width, *options.filter))
+    diagnostics.problems.push_back({Place{table.file, table.header_line, 1}, "control.motion.filter",
+                                    fmt::format("a filter at {:g} Hz", *options.filter),
+                                    "a cut-off below half the rate of the table"});
   for (std::size_t r = 0; r < times.size(); ++r)
     out.add(times[r], std::span(angles).subspan(r * width, width));
   if (options.spline || options.filter) out.use_spline();

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/control/filter.h"
 #include "handsim/control/motion_file.h"
 #include "handsim/model/spline.h"
 
@@ -84,21 +85,30 @@ Quat rotation_at(const WristColumns& wrist, std::size_t row, const RotationColum
   return rotation_quaternion(table.at(row, *columns.angle) * axis.normalized());
 }
 
+/// Position and quaternion (x, y, z, qw, qx, qy, qz) of all samples.
+struct PoseSamples {
+  std::vector<double> times, values;
+
+  void add(double time, const Pose& pose) {
+    // q and -q are one rotation: the one nearer to the last.
+    const bool turned = !times.empty() && pose.q.dot(last_) < 0;
+    last_ = turned ? Quat(-pose.q.coeffs()) : pose.q;
+    times.push_back(time);
+    const Vec3& p = pose.p;
+    values.insert(values.end(), {p.x(), p.y(), p.z(), last_.w(), last_.x(), last_.y(), last_.z()});
+  }
+
+ private:
+  Quat last_ = Quat::Identity();
+};
+
 /// A spline through the samples as keyframes that stand close together: engines take a wrist's velocity from
 /// its poses, and straight lines between recorded samples would give it a jerk at each of them.
-model::PoseMotion splined(const std::vector<model::PoseKey>& samples) {
+model::PoseMotion splined(PoseSamples samples) {
   model::PoseMotion out;
   out.interpolation = model::Interpolation::linear;
-  std::vector<double> times, values;
-  Quat last = Quat::Identity();
-  for (const model::PoseKey& sample : samples) {
-    // q and -q are one rotation: the one nearer to the last.
-    last = Quat((sample.pose.q.dot(last) < 0 ? -1.0 : 1.0) * sample.pose.q.coeffs());
-    times.push_back(sample.time);
-    const Vec3& p = sample.pose.p;
-    values.insert(values.end(), {p.x(), p.y(), p.z(), last.w(), last.x(), last.y(), last.z()});
-  }
-  const model::CubicSpline spline(times, std::move(values), 7);
+  const std::vector<double> times = samples.times;
+  const model::CubicSpline spline(times, std::move(samples.values), 7);
   const auto add = [&](double time) {
     std::array<double, 7> x{};
     spline.at(time, x);
@@ -115,7 +125,8 @@ model::PoseMotion splined(const std::vector<model::PoseKey>& samples) {
 
 }  // namespace
 
-model::PoseMotion read_pose_table(const std::filesystem::path& path, const std::string& hand) {
+model::PoseMotion read_pose_table(const std::filesystem::path& path, const std::string& hand,
+                                  const std::optional<double>& filter) {
   const MotionTable table = read_motion(path, TableContent::poses);
   const WristColumns wrist(table, hand);
   const Three position = wrist.all<3>({"x", "y", "z"});
@@ -131,11 +142,13 @@ model::PoseMotion read_pose_table(const std::filesystem::path& path, const std::
   if (rotation.quaternion.has_value() + rotation.vector.has_value() + rotation.axis.has_value() > 1)
     wrist.fail(table.header_line, "two kinds of rotation",
                "a quaternion, a rotation vector, or axis and angle");
-  std::vector<model::PoseKey> samples;
+  PoseSamples samples;
   for (std::size_t row = 0; row < table.times.size(); ++row)
-    samples.push_back(
-        {table.times[row], {vector_at(table, row, *position), rotation_at(wrist, row, rotation)}});
-  return splined(samples);
+    samples.add(table.times[row], {vector_at(table, row, *position), rotation_at(wrist, row, rotation)});
+  if (filter && !low_pass_rows(samples.times, samples.values, 7, *filter))
+    wrist.fail(table.header_line, fmt::format("a filter at {:g} Hz", *filter),
+               "a cut-off below half the rate of the table");
+  return splined(std::move(samples));
 }
 
 }  // namespace handsim::control

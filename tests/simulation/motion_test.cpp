@@ -53,7 +53,6 @@ TEST(FeedForward, FollowsARecordedMotionWithoutLag) {
   const double before = tracking_error("implicit"), after = tracking_error("feed_forward");
   EXPECT_GT(before, 2);
   EXPECT_LT(after, 0.3);
-  std::printf("tracking error %.3f deg without, %.3f deg with feed-forward\n", before, after);
 }
 
 std::vector<std::vector<std::string>> rows_of(const std::filesystem::path& path, char separator = ',') {

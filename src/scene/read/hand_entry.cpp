@@ -40,10 +40,11 @@ model::PoseMotion read_table(MapReader& reader, const std::string& hand) {
   if (!node) return motion;
   const std::filesystem::path path = std::filesystem::path(node->place().file).parent_path() / node->text;
   node->text = std::filesystem::absolute(path).lexically_normal().string();
+  const std::optional<double> filter = reader.maybe_number("filter", {Dimension::frequency, 0.01, 1e4});
   // A schema is made without the files that a scene names.
   if (reader.diagnostics().recorder) return motion;
   try {
-    motion = control::read_pose_table(path, hand);
+    motion = control::read_pose_table(path, hand, filter);
   } catch (const Error& error) {
     reader.diagnostics().add(error);
   }

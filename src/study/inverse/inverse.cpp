@@ -225,7 +225,10 @@ InverseResult run_inverse(const scene::Scene& scene, const InverseInput& input,
                           const std::function<void(double)>& progress) {
   check_scene(scene, input);
   InverseResult result;
-  if (input.motion) result.cutoff = input.options.filter;
+  if (input.motion)
+    result.cutoff = input.options.filter;
+  else if (scene.spec.control)
+    result.cutoff = scene.spec.control->motion.filter;
   const SampledMotion motion = sample(scene, input, result);
   std::optional<Loads> loads;
   if (input.loads) loads.emplace(*input.loads, scene.model);

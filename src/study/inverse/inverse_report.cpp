@@ -48,7 +48,7 @@ Plot torque_plot(const scene::Scene& scene, const InverseResult& result) {
   std::string commands = fmt::format(
       "  set multiplot layout {},1 title '{}: torques of inverse dynamics'\n"
       "set autoscale xfix\nset grid lc rgb '#d0d0d0'\nset key outside right top\nset lmargin 10\n"
-      "set rmargin 26\nset ylabel 'torque [N m]'\n",
+      "set rmargin 34\nset ylabel 'torque [N m]'\n",
       panels.size(), output::plot_text(scene.spec.title));
   std::size_t left = panels.size();
   for (const auto& [key, axes] : panels) {

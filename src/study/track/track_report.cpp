@@ -85,7 +85,7 @@ std::string scene_text(const TrackInput& input, const TrackResult& result) {
     if (hand.count(FrameStatus::tracked) == 0) continue;
     out += fmt::format(
         "  - model: \"{}\"\n    person: person.yaml\n    side: {}\n"
-        "    wrist: {{mount: driven, motion: {{table: {}_wrist.csv}}}}\n",
+        "    wrist: {{mount: driven, motion: {{table: {}_wrist.csv, filter: \"6 Hz\"}}}}\n",
         std::filesystem::absolute(input.model_file).lexically_normal().string(), hand.name, hand.name);
     const TrackedFrame& first = *std::find_if(hand.frames.begin(), hand.frames.end(), is_tracked);
     std::string pose;
@@ -100,7 +100,7 @@ std::string scene_text(const TrackInput& input, const TrackResult& result) {
     programs += fmt::format("{}{}: {}.mot", programs.empty() ? "" : ", ", hand.name, hand.name);
   }
   out += fmt::format(
-      "control:\n  controller: \"{}\"\n  program: {{{}}}\n  motion: {{clamp: true}}\n"
+      "control:\n  controller: \"{}\"\n  program: {{{}}}\n  motion: {{clamp: true, filter: \"6 Hz\"}}\n"
       "effects: [gravity, joint_stops, passive_tissue, actuation, wrist_motion, self_contact, friction]\n"
       "solver: {{engine: ode, method: world_step, step: \"1 ms\"}}\nduration: {}\nrecord: {{every: \"10 "
       "ms\"}}\n",
@@ -130,7 +130,7 @@ Plot angle_plot(const TrackedHand& hand) {
   std::string commands = fmt::format(
       "  set multiplot layout {},1 title '{} hand: tracked joint angles'\nset datafile separator '\\t'\n"
       "set autoscale xfix\nset grid lc rgb '#d0d0d0'\nset key outside right top\nset lmargin 10\n"
-      "set rmargin 24\nset ylabel 'angle [deg]'\n",
+      "set rmargin 34\nset ylabel 'angle [deg]'\n",
       std::size(kPanels), hand.name);
   for (const char* panel : kPanels) {
     std::string curves;

@@ -83,7 +83,6 @@ TEST(Track, TwoMillimetresOfNoiseGiveTwoDegreesAtTheFlexionAxes) {
     EXPECT_EQ(result.hands[h].count(FrameStatus::tracked), 600U);
     EXPECT_LT(error.flexion_rms, 2 * kDegree);
     EXPECT_NEAR(result.hands[h].noise, 0.002, 2e-4);
-    RecordProperty("flexion_rms_deg", std::to_string(error.flexion_rms / kDegree));
   }
   std::printf("flexion RMS %.3f %.3f deg, cpu %.3f s for %zu frames; person %.4f %.4f\n",
               error_of(result, 0, right).flexion_rms / kDegree,
