@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "handsim/app/console.h"
@@ -54,6 +55,8 @@ void print_track(const study::TrackResult& result) {
         "{:<6} {} frames: {} tracked, {} without a hand, {} swapped, {} poor; noise {:.3g} mm a coordinate\n",
         hand.name, hand.frames.size(), hand.count(Status::tracked), hand.count(Status::missing),
         hand.count(Status::swapped), hand.count(Status::poor), 1e3 * hand.noise);
+    if (const auto open = std::count(hand.determined.begin(), hand.determined.end(), false); open > 0)
+      print("       {} axes that no point or sensor determines: left out\n", open);
     if (hand.overlaps.frames > 0)
       print(
           "       fingers inside each other in {} of {} frames tested, up to {:.2g} mm ({}): handsim run of "

@@ -198,7 +198,7 @@ Recording read_trc(const std::filesystem::path& path) {
   return out;
 }
 
-using Json = nlohmann::json;
+using Document = nlohmann::json;
 
 /// Reads frames of keypoints from JSON.
 class JsonRecording {
@@ -207,8 +207,8 @@ class JsonRecording {
     out_.file = path.string();
     const std::string text = read_input_file(path, "a recording (.csv, .json, .trc)", kRecordingBytes);
     try {
-      read(Json::parse(text));
-    } catch (const Json::exception& error) {
+      read(Document::parse(text));
+    } catch (const Document::exception& error) {
       fail("", printable(error.what(), 200), "JSON with a list of frames");
     }
   }
@@ -219,8 +219,8 @@ class JsonRecording {
     throw Error({Problem{Place{out_.file, 1, 1}, std::move(key), std::move(got), std::move(need)}});
   }
 
-  void read(const Json& root) {
-    const Json& frames = root.is_array() ? root : root.at("frames");
+  void read(const Document& root) {
+    const Document& frames = root.is_array() ? root : root.at("frames");
     const std::string unit = root.is_object() ? root.value("unit", "m") : "m";
     if (unit != "m" && unit != "mm") fail("unit", unit, "m or mm");
     unit_ = unit == "mm" ? 1e-3 : 1;
@@ -239,7 +239,7 @@ class JsonRecording {
         channel.points.emplace_back();
         channel.orientations.emplace_back();
       }
-      for (const Json& hand : frames[i].at("hands")) add_hand(key, hand);
+      for (const Document& hand : frames[i].at("hands")) add_hand(key, hand);
     }
     std::erase_if(out_.channels, [](const auto& each) {
       return std::none_of(each.second.points.begin(), each.second.points.end(),
@@ -247,14 +247,14 @@ class JsonRecording {
     });
   }
 
-  void add_hand(const std::string& key, const Json& hand) {
+  void add_hand(const std::string& key, const Document& hand) {
     const std::string side = lower_case(hand.at("side").get<std::string>());
     if (side != "right" && side != "left") fail(key, fmt::format("the side {}", side), "right or left");
-    const Json& points = hand.at("points");
+    const Document& points = hand.at("points");
     if (points.size() != names_.size())
       fail(key, fmt::format("{} points", points.size()), "21 points, null for those not seen");
     for (std::size_t p = 0; p < names_.size(); ++p) {
-      const Json& point = points[p];
+      const Document& point = points[p];
       if (point.is_null()) continue;
       const auto value = [&](int index, const char* name) {
         return unit_ *

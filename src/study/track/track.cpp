@@ -104,6 +104,7 @@ class HandTracker {
   /// Smooths all stretches of tracked frames, and measures the distances again.
   void finish() {
     estimate_noise();
+    find_determined();
     for (std::size_t k = 0; k < out_.frames.size();) {
       std::size_t end = k;
       while (end < out_.frames.size() && out_.frames[end].status == FrameStatus::tracked) ++end;
@@ -146,6 +147,24 @@ class HandTracker {
     }
     const auto left_out = std::count(fit.rejected.begin(), fit.rejected.end(), true);
     return fit.rms <= input_.limit && left_out < 5 ? FrameStatus::tracked : FrameStatus::poor;
+  }
+
+  /// Axes that move a feature by more than rounding in one of the first tracked frames.
+  void find_determined() {
+    constexpr std::size_t kFrames = 20;
+    constexpr double kLeast = 1e-12;  // [m^2/rad^2]
+    out_.determined.assign(out_.axes.size(), false);
+    std::size_t looked = 0;
+    for (std::size_t k = 0; k < frames_.size() && looked < kFrames; ++k) {
+      const TrackedFrame& frame = out_.frames[k];
+      if (frame.status != FrameStatus::tracked) continue;
+      const Linearised linear = own_.linearise(frames_[k], frame.pose, frame.rejected);
+      for (std::size_t i = 0; i < out_.axes.size(); ++i) {
+        const auto at = static_cast<Eigen::Index>(6 + i);
+        if (linear.matrix(at, at) > kLeast) out_.determined[i] = true;
+      }
+      ++looked;
+    }
   }
 
   void estimate_noise() {

@@ -44,7 +44,7 @@ void compare(const control::MotionTable& table, const std::vector<double>& times
   for (std::size_t i = 0; i < tracked.axes.size(); ++i) {
     const auto column =
         std::find(table.names.begin(), table.names.end(), tracked.name + "." + tracked.axes[i]);
-    if (column == table.names.end()) continue;
+    if (column == table.names.end() || !tracked.determined[i]) continue;
     double squares = 0, count = 0;
     for (std::size_t k = 0; k < times.size(); ++k) {
       if (tracked.frames[k].status != FrameStatus::tracked) continue;

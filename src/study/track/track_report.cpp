@@ -25,7 +25,8 @@ bool is_tracked(const TrackedFrame& frame) { return frame.status == FrameStatus:
 /// Angles and wrist poses of the tracked frames.
 void write_hand(const TrackResult& result, const TrackedHand& hand, const std::filesystem::path& out) {
   output::MotionHead head{hand.name + " hand, tracked", {}, hand.count(FrameStatus::tracked)};
-  for (const std::string& axis : hand.axes) head.names.push_back(hand.name + "." + axis);
+  for (std::size_t i = 0; i < hand.axes.size(); ++i)
+    if (hand.determined[i]) head.names.push_back(hand.name + "." + hand.axes[i]);
   output::MotionTableWriter angles(out / (hand.name + ".mot"), head);
   output::AtomicFile wrist(out / (hand.name + "_wrist.csv"));
   std::string columns = "time[s]";
@@ -37,7 +38,8 @@ void write_hand(const TrackResult& result, const TrackedHand& hand, const std::f
     if (!is_tracked(hand.frames[k])) continue;
     const HandPose& pose = hand.frames[k].pose;
     row.clear();
-    for (const double angle : pose.angles) row.push_back(kDegreesPerRadian * angle);
+    for (std::size_t i = 0; i < pose.angles.size(); ++i)
+      if (hand.determined[i]) row.push_back(kDegreesPerRadian * pose.angles[i]);
     angles.add(result.times[k], row);
     const Vec3& p = pose.wrist.p;
     const Quat& q = pose.wrist.q;
@@ -135,10 +137,14 @@ Plot angle_plot(const TrackedHand& hand) {
   for (const char* panel : kPanels) {
     std::string curves;
     int ink = 0;
-    for (std::size_t i = 0; i < hand.axes.size(); ++i)
+    std::size_t column = 1;
+    for (std::size_t i = 0; i < hand.axes.size(); ++i) {
+      if (!hand.determined[i]) continue;
+      ++column;
       if (hand.axes[i].starts_with(panel))
         curves += fmt::format("{}'{}.mot' skip 7 using 1:{} with lines lw 1.4 lc rgb '{}' title '{}'",
-                              curves.empty() ? "" : ", ", hand.name, i + 2, kInks[ink++ % 5], hand.axes[i]);
+                              curves.empty() ? "" : ", ", hand.name, column, kInks[ink++ % 5], hand.axes[i]);
+    }
     if (curves.empty()) continue;
     if (panel == kPanels[4]) commands += "set xlabel 'time [s]'\n";
     commands += fmt::format("set title '{}'\nplot {}\n", panel, curves);
@@ -201,6 +207,9 @@ std::string track_json(const TrackInput& input, const TrackResult& result) {
     Json entry = {{"hand", hand.name}};
     for (const FrameStatus status : kStatuses) entry[std::string(name(status))] = hand.count(status);
     entry["noise_mm"] = 1e3 * hand.noise;
+    entry["undetermined_axes"] = Json::array();
+    for (std::size_t i = 0; i < hand.axes.size(); ++i)
+      if (!hand.determined[i]) entry["undetermined_axes"].push_back(hand.axes[i]);
     entry["overlaps"] = {{"frames_tested", hand.overlaps.tested},
                          {"frames_overlapping", hand.overlaps.frames},
                          {"deepest_mm", 1e3 * hand.overlaps.deepest},

@@ -167,5 +167,42 @@ TEST(Track, SensorsOfAGloveGiveTheAnglesBack) {
   EXPECT_LT(error_of(result, 0, truth).largest, 1e-6);
 }
 
+// Markers on the palm and the index finger alone: its joints, and no others, are determined. Oracle: the
+// angles.
+TEST(Track, AxesThatNoMarkerDeterminesAreNotInvented) {
+  TrackInput input = test::shipped_input();
+  input.markers.emplace();
+  MovingHand truth(input, input.person, model::Side::right);
+  Recording recording;
+  recording.times = test::frame_times(50, 50);
+  const auto add = [&](const std::string& name, const std::string& segment, const Vec3& at) {
+    input.markers->markers.push_back(
+        {name, model::Side::right, segment, at, Quat::Identity(), Feature::Kind::point, {}});
+  };
+  add("a", "palm", {0, 0, 0.01});
+  add("b", "palm", {0.03, 0.08, 0.01});
+  add("c", "palm", {-0.03, 0.07, 0.01});
+  add("d", "index_proximal", {0, 0.02, 0.01});
+  add("e", "index_middle", {0, 0.01, 0.01});
+  add("f", "index_distal", {0, 0.01, 0.01});
+  const std::vector<Feature> features = features_of(*input.markers, input.model, model::Side::right);
+  for (const double time : recording.times) {
+    const HandPose pose = truth.pose(time);
+    truth.tree.place(pose.angles);
+    for (const Feature& feature : features) {
+      recording.channels[feature.name].points.push_back(pose.wrist * truth.tree.point(feature));
+      recording.channels[feature.name].orientations.emplace_back();
+    }
+  }
+  const TrackedHand hand = run_track(input, recording).hands.at(0);
+  EXPECT_EQ(hand.count(FrameStatus::tracked), 50U);
+  for (std::size_t i = 0; i < hand.axes.size(); ++i) {
+    EXPECT_EQ(hand.determined[i], hand.axes[i].starts_with("index")) << hand.axes[i];
+    if (hand.determined[i]) {
+      EXPECT_NEAR(hand.frames[20].pose.angles[i], truth.pose(0.4).angles[i], 1e-6);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace handsim::study
