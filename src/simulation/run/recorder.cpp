@@ -50,6 +50,9 @@ Recorder::Recorder(const Simulation& simulation, const RunOptions& options)
                      output::MotionHead{scene.spec.title, control_columns(*scene.control), rows});
   if (scene.spec.record_contacts)
     contacts_.emplace(options.out / "contacts.csv").write(output::contact_head());
+  const scene::RecordTables& tables = scene.spec.tables;
+  if (tables.bodies || tables.markers || tables.momentum || tables.reactions)
+    extra_.emplace(simulation, options.out, rows, static_cast<double>(every_) * step_);
   plan_pictures(options);
   if (options.video) film_.emplace(scene, *options.video, simulation.steps(), simulation.step_count());
 }
@@ -169,6 +172,7 @@ void Recorder::add_rows() {
 
 void Recorder::record(long step) {
   if (step % every_ == 0) add_rows();
+  if (extra_) extra_->update(step % every_ == 0);
   for (; taken_ < planned_.size() && planned_[taken_].step == step; ++taken_) {
     const std::string& caption = planned_[taken_].caption;
     Moment moment = moment_of(simulation_.engine());
@@ -186,6 +190,7 @@ void Recorder::finish() {
   if (motion_) motion_->finish();
   if (contacts_) contacts_->commit();
   if (control_) control_->finish();
+  if (extra_) extra_->finish();
 }
 
 }  // namespace handsim::simulation

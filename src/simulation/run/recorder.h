@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "handsim/output/table/motion_table.h"
+#include "handsim/simulation/run/extra_tables.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/simulation/simulation.h"
@@ -19,7 +20,8 @@ class Recorder {
 
   /// Records the state after a step; the first call records the start, or the state of the snapshot.
   void record(long step);
-  /// Completes the tables: trajectory.csv, trajectory.mot, control.sto, contacts.csv.
+  /// Completes the tables: trajectory.csv, trajectory.mot, control.sto, contacts.csv, and those
+  /// of extra_tables.h.
   void finish();
   /// Moments of the pictures, with their captions.
   const std::vector<Moment>& moments() const { return moments_; }
@@ -50,6 +52,7 @@ class Recorder {
   /// Target and angle [deg], torque [N m] of each driven axis.
   std::optional<output::MotionTableWriter> control_;
   std::optional<output::AtomicFile> contacts_;
+  std::optional<ExtraTables> extra_;
   long every_;  ///< number of steps between two rows
   std::vector<Planned> planned_;
   std::size_t taken_ = 0;
