@@ -59,7 +59,6 @@ class Controller {
     double smoothing = 1;         ///< weight of the new rate in the filtered one
     double zone = 0;              ///< of the integral [rad]; infinity for none
   };
-<<<<<<< HEAD
   // For steps of several controllers at once (environment/lanes.h).
   std::span<const AxisConstants> constants() const { return constants_; }
   /// Null without compensation.
@@ -80,7 +79,6 @@ class Controller {
   void restore(ArchiveReader& in);
 
  private:
-=======
   /// Inverse dynamics along the targets.
   struct FeedForward {
     model::NewtonEuler dynamics;
@@ -88,7 +86,6 @@ class Controller {
     std::vector<double> q, u, change;          ///< by coordinate of the model
     std::span<const double> torques;           ///< by coordinate
   };
->>>>>>> mot
   struct Memory {
     std::vector<double> integral;       ///< torque of the integral, by axis [N m]
     std::vector<double> filtered_rate;  ///< low-passed rate, by axis [rad/s]

@@ -11,12 +11,9 @@
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
 #include "handsim/output/render/contact_sheet.h"
-<<<<<<< HEAD
 #include "handsim/output/video/video.h"
 #include "handsim/output/video/workers.h"
-=======
 #include "handsim/simulation/run/extra_tables.h"
->>>>>>> mot
 #include "handsim/simulation/run/output_size.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/plots.h"
