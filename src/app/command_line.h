@@ -84,5 +84,6 @@ void add_drawing(CLI::App& command, DrawArguments& drawing, const std::string& w
 void add_scene_commands(CommandLine& line);
 void add_study_commands(CommandLine& line);
 void add_report_commands(CommandLine& line);
+void add_motion_commands(CommandLine& line);
 
 }  // namespace handsim::app

@@ -91,6 +91,7 @@ int parse_and_call(int argc, const char* const* argv) {
   add_scene_commands(line);
   add_study_commands(line);
   add_report_commands(line);
+  add_motion_commands(line);
   add_completion(line);
   try {
     app.parse(argc, argv);

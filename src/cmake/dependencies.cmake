@@ -41,6 +41,9 @@ handsim_need(HANDSIM_SUNDIALS_IS_DOUBLE "SUNDIALS built in double precision (thi
 find_package(Qhull QUIET)
 handsim_need(Qhull_FOUND "Qhull (convex hulls)" libqhull-dev)
 
+find_package(Ceres QUIET)
+handsim_need(Ceres_FOUND "Ceres (least squares of handsim track)" libceres-dev)
+
 find_package(TBB QUIET)
 handsim_need(TBB_FOUND "oneTBB (batches of environments on all cores)" libtbb-dev)
 find_path(HANDSIM_RANDOM123 Random123/philox.h)

@@ -54,6 +54,9 @@ Recorder::Recorder(const Simulation& simulation, const RunOptions& options)
   if (options.monitor)
     monitor_.emplace(options.out / "monitor.csv")
         .write("time[s],kinetic[J],potential[J],sum[J],joints[m/s],joints[rad/s],contacts[m/s]\n");
+  const scene::RecordTables& tables = scene.spec.tables;
+  if (tables.bodies || tables.markers || tables.momentum || tables.reactions)
+    extra_.emplace(simulation, options.out, rows, static_cast<double>(every_) * step_);
   plan_pictures(options);
   if (options.video) film_.emplace(scene, *options.video, simulation.steps(), simulation.step_count());
 }
@@ -201,6 +204,7 @@ void Recorder::add_monitor_row() {
 void Recorder::record(long step) {
   if (monitor_) measure();
   if (step % every_ == 0) add_rows();
+  if (extra_) extra_->update(step % every_ == 0);
   for (; taken_ < planned_.size() && planned_[taken_].step == step; ++taken_) {
     const std::string& caption = planned_[taken_].caption;
     Moment moment = moment_of(simulation_.engine());
@@ -219,6 +223,7 @@ void Recorder::finish() {
   if (contacts_) contacts_->commit();
   if (monitor_) monitor_->commit();
   if (control_) control_->finish();
+  if (extra_) extra_->finish();
 }
 
 }  // namespace handsim::simulation

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "handsim/output/table/motion_table.h"
+#include "handsim/simulation/run/extra_tables.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/simulation/simulation.h"
@@ -20,7 +21,8 @@ class Recorder {
 
   /// Records the state after a step; the first call records the start, or the state of the snapshot.
   void record(long step);
-  /// Completes the tables: trajectory.csv, trajectory.mot, control.sto, contacts.csv.
+  /// Completes the tables: trajectory.csv, trajectory.mot, control.sto, contacts.csv, and those
+  /// of extra_tables.h.
   void finish();
   /// Moments of the pictures, with their captions.
   const std::vector<Moment>& moments() const { return moments_; }
@@ -57,6 +59,7 @@ class Recorder {
   /// Largest residuals of joints [m/s] and [rad/s] and of contacts [m/s] since the last row; absent: not
   /// measured.
   std::array<std::optional<double>, 3> residuals_;
+  std::optional<ExtraTables> extra_;
   long every_;  ///< number of steps between two rows
   std::vector<Planned> planned_;
   std::size_t taken_ = 0;

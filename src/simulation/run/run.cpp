@@ -13,6 +13,7 @@
 #include "handsim/output/render/contact_sheet.h"
 #include "handsim/output/video/video.h"
 #include "handsim/output/video/workers.h"
+#include "handsim/simulation/run/extra_tables.h"
 #include "handsim/simulation/run/output_size.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/plots.h"
@@ -223,6 +224,7 @@ output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& opt
   std::vector<std::string> names = {"trajectory.csv", "trajectory.mot", "control.sto",  "contacts.csv",
                                     "summary.json",   "resolved.yaml",  "snapshot.bin", "contact_sheet.png",
                                     "monitor.csv",    "report.html"};
+  for (std::string& name : extra_table_files()) names.push_back(std::move(name));
   // At least three digits, and five for the most pictures that there may be.
   for (const char* digits : {"[0-9][0-9][0-9]", "[0-9][0-9][0-9][0-9]", "[0-9][0-9][0-9][0-9][0-9]"})
     names.push_back(fmt::format("frame_{}.png", digits));
