@@ -5,6 +5,7 @@
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
+#include "handsim/app/study_repeat.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/study/accuracy/accuracy.h"
@@ -67,6 +68,7 @@ int accuracy_command(const AccuracyArguments& arguments) {
   for (const std::string& text : result.left_out) print("left out: {}\n", text);
   folder.clear();
   const PlotNote note = plot_note(study::write_accuracy(spec, result, arguments.out));
+  finish_study(arguments.out, accuracy_commands(arguments.study, spec, result), arguments.report);
   print("\nfiles in {}{}\n", arguments.out.string(), note.text);
   if (arguments.costs) update_costs(*arguments.costs, spec, result);
   if (!arguments.target) return note.status;

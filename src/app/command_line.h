@@ -71,12 +71,19 @@ void add_out(CLI::App& command, std::filesystem::path& out, const std::string& h
 /// Adds `--set`, and `--engine` for `--set solver.engine=...`.
 void add_overrides(CLI::App& app, std::vector<std::string>& overrides);
 
+/// Adds `--report` to a study.
+template <class Arguments>
+void add_report_flag(CLI::App& command, Arguments& arguments) {
+  command.add_flag("--report", arguments.report, "report.html: tables to sort and a plot, for a browser");
+}
+
 struct DrawArguments;
 /// Adds `--video` with its `--fps` and `--speed`, and `--gl`. @param where the video is written.
 void add_drawing(CLI::App& command, DrawArguments& drawing, const std::string& where);
 
 void add_scene_commands(CommandLine& line);
 void add_study_commands(CommandLine& line);
+void add_report_commands(CommandLine& line);
 void add_motion_commands(CommandLine& line);
 
 }  // namespace handsim::app

@@ -54,6 +54,7 @@ struct RunArguments {
   std::optional<std::uint64_t> expected_hash;
   bool poses = false;
   bool plots = false;
+  bool report = false;  ///< writes report.html
   bool quiet = false;
   bool json = false;
   DrawArguments drawing;
@@ -78,6 +79,7 @@ struct GraspArguments {
   bool friction_search = false;
   bool margin = false;
   bool pictures = false;
+  bool report = false;       ///< writes report.html
   std::optional<int> agree;  ///< random grasps on which engines are compared
   std::uint64_t seed = 1;
   int quarter_steps = 0;
@@ -91,6 +93,7 @@ struct AccuracyArguments {
   std::optional<double> target;                ///< whole-run error that the cheapest row must reach
   std::optional<std::filesystem::path> peers;  ///< folder of other engines' programs; absent: the build's
   bool no_peers = false;                       ///< omit their rows
+  bool report = false;                         ///< writes report.html
   /// Table of costs in which the part on the study's kind of scene is replaced or added.
   std::optional<std::filesystem::path> costs;
 };
@@ -102,6 +105,7 @@ struct StabilityArguments {
   std::vector<std::string> cases;  ///< names; empty: all
   bool quick = false;
   bool no_pictures = false;
+  bool report = false;  ///< writes report.html
 };
 int stability_command(const StabilityArguments& arguments);
 
@@ -113,6 +117,7 @@ struct RolloutsArguments {
   int jobs = 0;
   int chunk = 8;
   bool resume = false;
+  bool report = false;                         ///< writes report.html
   std::string shard;                           ///< `3/16`; empty: the whole study
   std::vector<std::filesystem::path> folders;  ///< of `merge`
 };
@@ -125,6 +130,7 @@ struct EffectsArguments {
   std::vector<std::string> overrides;
   int repeats = 7;  ///< timed rounds
   bool json = false;
+  bool report = false;  ///< writes report.html
 };
 int effects_command(const EffectsArguments& arguments);
 
@@ -137,6 +143,19 @@ struct ExportArguments {
   std::vector<std::string> overrides;
 };
 int export_command(const ExportArguments& arguments);
+
+struct ReportArguments {
+  std::vector<std::filesystem::path> folders;  ///< of a run or study, or of two runs
+  std::optional<std::filesystem::path> out;    ///< absent: report.html in the first folder
+};
+int report_command(const ReportArguments& arguments);
+
+struct ViewArguments {
+  std::filesystem::path scene;
+  std::vector<std::string> overrides;
+  bool no_browser = false;
+};
+int view_command(const ViewArguments& arguments);
 
 struct ContactsArguments {
   std::filesystem::path out;  ///< folder for the study's files

@@ -3,6 +3,7 @@
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
+#include "handsim/app/study_repeat.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/study/effects/effects.h"
 
@@ -20,6 +21,8 @@ int effects_command(const EffectsArguments& arguments) {
   }
   folder.clear();
   const PlotNote note = plot_note(study::write_effects(scene, result, arguments.out));
+  finish_study(arguments.out, effects_commands(arguments.scene, arguments.overrides, scene, result),
+               arguments.report);
   if (arguments.json) {
     print_text(study::effects_json(scene, result));
     if (note.status != 0) print_error("missing: plots{}\n", note.text);

@@ -1,4 +1,5 @@
 #include <cmath>
+#include <set>
 
 #include <fmt/format.h>
 
@@ -6,7 +7,10 @@
 #include "handsim/app/console.h"
 #include "handsim/app/drawing_options.h"
 #include "handsim/app/progress.h"
+#include "handsim/app/report_command.h"
+#include "handsim/app/study_repeat.h"
 #include "handsim/core/units.h"
+#include "handsim/output/report/page.h"
 #include "handsim/study/grasp/agreement.h"
 #include "handsim/study/grasp/grasp_study.h"
 
@@ -108,6 +112,18 @@ int agreement_command(const GraspArguments& arguments) {
   return 0;
 }
 
+/// The page of each run.
+void add_reports(const study::GraspTables& tables, const std::filesystem::path& out) {
+  std::set<std::filesystem::path> folders;
+  const auto add = [&](const study::RunRow& row) {
+    for (const std::string& name : {row.scene + "_" + row.side, row.scene})
+      if (std::filesystem::exists(out / name / "trajectory.csv")) folders.insert(out / name);
+  };
+  for (const study::GraspRow& row : tables.grasps) add(row);
+  for (const study::ClimbRow& row : tables.climbs) add(row);
+  for (const std::filesystem::path& folder : folders) write_report(folder);
+}
+
 }  // namespace
 
 int grasp_command(const GraspArguments& arguments) {
@@ -116,6 +132,10 @@ int grasp_command(const GraspArguments& arguments) {
   study.scenes = arguments.scenes;
   study.out = arguments.out;
   study.overrides = arguments.overrides;
+  if (arguments.report) {
+    output::require_three();
+    study.overrides.emplace_back("record.contacts=true");
+  }
   study.friction = arguments.friction;
   study.friction_search = arguments.friction_search;
   study.margin = arguments.margin;
@@ -135,6 +155,15 @@ int grasp_command(const GraspArguments& arguments) {
     study.progress = [&bar](double share) { bar.show(share); };
     tables = study::run_grasps(study);
   }
+  study::StudyCommands commands{"handsim grasp"};
+  for (const std::filesystem::path& scene : arguments.scenes)
+    commands.study += " " + output::shell_word(scene.string());
+  if (!arguments.side.empty()) commands.study += " --side " + arguments.side;
+  if (arguments.friction) commands.study += fmt::format(" --friction {}", *arguments.friction);
+  for (const std::string& set : arguments.overrides) commands.study += " --set " + output::shell_word(set);
+  commands.study += " --out again";
+  if (arguments.report) add_reports(tables, arguments.out);
+  finish_study(arguments.out, commands, arguments.report);
   if (!tables.grasps.empty()) print_table(tables.grasps);
   if (!tables.climbs.empty()) print_climbs(tables.climbs);
   print("files in {}\n", arguments.out.string());

@@ -8,6 +8,7 @@
 
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
+#include "handsim/app/study_repeat.h"
 #include "handsim/core/units.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/study/rollouts/rollouts.h"
@@ -105,6 +106,11 @@ int rollouts_command(const RolloutsArguments& arguments) {
           arguments.shard, result.done, study.size(), arguments.out.string());
     return 0;
   }
+  study::StudyCommands commands{command_text("rollouts", arguments.study, arguments.overrides)};
+  std::string row = command_text("run", arguments.study, arguments.overrides) + " --rollout {rollout}";
+  if (arguments.seed) row += fmt::format(" --seed {}", *arguments.seed);
+  commands.templates["rollouts.csv"] = row;
+  finish_study(arguments.out, commands, arguments.report);
   print_text(study::rollouts_screen(result.table));
   print_end(result, arguments.out);
   const PlotNote note = plot_note(result.plotted);

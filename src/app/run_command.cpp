@@ -8,12 +8,14 @@
 #include "handsim/app/drawing_options.h"
 #include "handsim/app/overlaps.h"
 #include "handsim/app/progress.h"
+#include "handsim/app/report_command.h"
 #include "handsim/app/rollouts_command.h"
 #include "handsim/core/units.h"
 #include "handsim/engine/contact/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
+#include "handsim/output/report/page.h"
 #include "handsim/output/video/video.h"
 #include "handsim/output/video/workers.h"
 #include "handsim/simulation/fingerprint.h"
@@ -149,11 +151,22 @@ scene::Scene scene_of(const RunArguments& arguments, bool& stop_lost) {
   return study.scene(*arguments.rollout);
 }
 
+/// A page that cannot be written is missing; the run's files are there.
+void add_report(const std::filesystem::path& out, simulation::RunResult& result) {
+  try {
+    write_report(out);
+  } catch (const Error& error) {
+    result.missing.push_back(std::string("report: ") + error.what());
+  }
+}
+
 }  // namespace
 
 int run_scene_command(const RunArguments& arguments) {
   bool stop_lost = false;
-  const scene::Scene scene = scene_of(arguments, stop_lost);
+  if (arguments.report) output::require_three();
+  scene::Scene scene = scene_of(arguments, stop_lost);
+  if (arguments.report) record_contacts(scene);
   print_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty() && !arguments.quiet && !arguments.json)
     print("engine auto: {}\n", scene.spec.engine_choice);
@@ -166,6 +179,7 @@ int run_scene_command(const RunArguments& arguments) {
     options.frames = arguments.frames;
     options.pose_pictures = arguments.poses;
     options.plots = arguments.plots;
+    options.monitor = arguments.report;
     options.snapshot_at = arguments.snapshot_at;
     options.from_snapshot = arguments.from_snapshot;
     options.expected_hash = arguments.expected_hash;
@@ -176,6 +190,7 @@ int run_scene_command(const RunArguments& arguments) {
     options.note = [](const std::string& text) { print_error("note: {}\n", text); };
     result = simulation::run(scene, options);
   }
+  if (arguments.report) add_report(arguments.out, result);
   print_warnings(overlap_texts(scene.model, result.overlaps));
   print_warnings(result.warnings);
   if (arguments.json)

@@ -92,6 +92,9 @@ void add_run(CommandLine& line) {
   add_drawing(run, arguments->drawing, "of the run");
   run.add_flag("--plots", arguments->plots,
                "plots of a controlled scene: angles, errors, torques (needs gnuplot)");
+  run.add_flag("--report", arguments->report,
+               "report.html: motion in 3D, curves and verdicts on one page for a browser; records contacts, "
+               "energies and residuals");
   add_time(run, "--snapshot-at", arguments->snapshot_at,
            "write the state of the run at this time to snapshot.bin");
   run.add_option("--from-snapshot", arguments->from_snapshot,

@@ -3,6 +3,7 @@
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
+#include "handsim/app/study_repeat.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/study/stability/stability.h"
 
@@ -28,6 +29,7 @@ int stability_command(const StabilityArguments& arguments) {
   print("{}\n{}", spec.title, study::stability_table(result));
   folder.clear();
   const PlotNote note = plot_note(study::write_stability(spec, result, arguments.out));
+  finish_study(arguments.out, stability_commands(arguments.study, result), arguments.report);
   std::optional<std::string> failure;
   if (!arguments.no_pictures) failure = study::draw_stability(result, arguments.out);
   if (failure) print_error("missing: pictures: {}\n", *failure);

@@ -29,6 +29,7 @@ void add_grasp(CommandLine& line) {
   grasp.add_flag(
       "--margin", arguments->margin,
       "run each grasp again with 5 % more and less friction and mass: marginal if that changes the verdict");
+  add_report_flag(grasp, *arguments);
   grasp.add_flag("--pictures", arguments->pictures, "a picture at every phase");
   add_drawing(grasp, arguments->drawing, "in each run's folder: a name without one");
   CLI::Option* agree = grasp.add_option(
@@ -60,6 +61,7 @@ void add_accuracy(CommandLine& line) {
       "--peers", arguments->peers, "folder of other engines' programs (default: where the build puts them)");
   accuracy.add_option("--costs", arguments->costs,
                       "table of costs for engine auto: replaces its part on this kind of scene");
+  add_report_flag(accuracy, *arguments);
   accuracy.add_flag("--no-peers", arguments->no_peers, "omit the rows of other engines")->excludes(peers);
 }
 
@@ -74,6 +76,7 @@ void add_stability(CommandLine& line) {
   stability.add_option("--case", arguments->cases, "run this case alone; may be repeated")
       ->allow_extra_args(false);
   stability.add_flag("--quick", arguments->quick, "shorter runs of most cases, at most a minute in all");
+  add_report_flag(stability, *arguments);
   stability.add_flag("--no-pictures", arguments->no_pictures, "draw no scenes");
 }
 
@@ -97,6 +100,7 @@ void add_effects(CommandLine& line) {
   add_overrides(effects, arguments->overrides);
   effects.add_option("--repeats", arguments->repeats, "timed rounds, for the median (default 7)")
       ->check(number_from(1, 1000, true, "a whole number of timed rounds, 1 to 1000"));
+  add_report_flag(effects, *arguments);
   effects.add_flag("--json", arguments->json, "print effects.json in place of the table");
 }
 
@@ -125,6 +129,7 @@ void add_rollouts(CommandLine& line) {
       ->check(whole(1, 4096));
   rollouts.add_option("--chunk", arguments->chunk, "rollouts that are written down together (default 8)")
       ->check(whole(1, 100'000));
+  add_report_flag(rollouts, *arguments);
   rollouts.add_flag("--resume", arguments->resume, "go on with a study that was stopped");
   rollouts.add_option("--shard", arguments->shard,
                       "this share of the rollouts alone, such as 3/16, for merge");

@@ -68,6 +68,13 @@ if(HANDSIM_PICTURES)
   list(APPEND HANDSIM_PICTURE_LIBRARIES PkgConfig::CAIRO PNG::PNG)
 endif()
 
+# Reports show runs in 3D; without three.js they are refused.
+find_file(HANDSIM_THREE three.min.js PATHS /usr/share/javascript/three /usr/share/nodejs/three/build NO_DEFAULT_PATH)
+if(NOT HANDSIM_THREE)
+  message(STATUS "Without three.js: no reports of runs (libjs-three)")
+  set(HANDSIM_THREE "")
+endif()
+
 pkg_check_modules(XXHASH QUIET IMPORTED_TARGET libxxhash)
 handsim_need(XXHASH_FOUND "xxHash (hashes of states and files)" libxxhash-dev)
 

@@ -103,6 +103,7 @@ void Simulation::make_controller() {
 }
 
 void Simulation::make_watchers() {
+  report_ = {};
   watchers_ = maker_({*scene_, *engine_, controller_.get()});
   timed_ = std::any_of(watchers_.begin(), watchers_.end(),
                        [](const auto& watcher) { return watcher->wants_times(); });
@@ -185,7 +186,8 @@ void Simulation::advance(const engine::StepInput& action) {
   const Clock::time_point start = now();
   const engine::StepInput input = command(action);
   const Clock::time_point commanded = now();
-  const engine::StepReport report = engine_->step(input);
+  report_ = engine_->step(input);
+  const engine::StepReport& report = report_;
   const Clock::time_point stepped = now();
   if (controller_) controller_->observe(engine_->state());
   ++steps_;

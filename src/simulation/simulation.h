@@ -60,6 +60,8 @@ class Simulation {
   const model::Model& model() const { return scene_->model; }
   const model::State& state() const { return engine_->state(); }
   const engine::Engine& engine() const { return *engine_; }
+  /// Of the last step; empty before the first one.
+  const engine::StepReport& last_report() const { return report_; }
   /// Null if the scene has no control.
   const control::Controller* controller() const { return controller_.get(); }
   /// Number of steps since the start of the scene, including those before a snapshot.
@@ -136,6 +138,7 @@ class Simulation {
   std::vector<ClimbLoad> climbs_;
   MakeWatchers maker_;
   Watchers watchers_;
+  engine::StepReport report_;
   bool timed_ = false;  ///< a watcher uses times
   long steps_ = 0;
   std::optional<Error> failure_;  ///< of a watcher, or lack of memory; engines keep their own

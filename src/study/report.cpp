@@ -8,6 +8,7 @@
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/study/machine.h"
+#include "handsim/study/study_page.h"
 
 namespace handsim::study {
 
@@ -51,7 +52,7 @@ bool write_report(const std::filesystem::path& out, const std::string& name, con
 }
 
 std::vector<std::string> report_files(const std::string& name, const std::vector<std::string>& plots) {
-  std::vector<std::string> out = {name + ".csv", name + ".json", name + ".gp"};
+  std::vector<std::string> out = {name + ".csv", name + ".json", name + ".gp", kStudyFile, kPageFile};
   for (const std::string& plot : plots)
     for (const char* kind : kKinds) out.push_back(plot + kind);
   return out;

@@ -23,14 +23,6 @@ constexpr double kShakeRadius = 0.002;
 /// A body further than this from every hand is lost [m].
 constexpr double kLost = 1;
 
-/// On the one of the two that is free, or on the object that a hand touches.
-Vec3 shown_force(const model::Model& model, const engine::Contact& contact) {
-  const model::Shape& a = model.shapes[static_cast<std::size_t>(contact.shape_a)];
-  const model::Shape& b = model.shapes[static_cast<std::size_t>(contact.shape_b)];
-  const bool on_b = b.body != model::kWorld && b.part == model::Part::object && a.part != model::Part::object;
-  return on_b || a.body == model::kWorld ? Vec3(-contact.force) : contact.force;
-}
-
 bool is_hand(model::Part part) { return part <= model::Part::little; }
 
 Vec3 place_of(const model::State& state, int body) {
@@ -116,6 +108,13 @@ Moment moment_of(const engine::Engine& engine) {
   return {engine.state(), {engine.contacts().begin(), engine.contacts().end()}};
 }
 
+Vec3 shown_force(const model::Model& model, const engine::Contact& contact) {
+  const model::Shape& a = model.shapes[static_cast<std::size_t>(contact.shape_a)];
+  const model::Shape& b = model.shapes[static_cast<std::size_t>(contact.shape_b)];
+  const bool on_b = b.body != model::kWorld && b.part == model::Part::object && a.part != model::Part::object;
+  return on_b || a.body == model::kWorld ? Vec3(-contact.force) : contact.force;
+}
+
 std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<const Moment> moments) {
   if (!pictures.contact_forces) return std::nullopt;
   double largest = 0;
@@ -189,6 +188,22 @@ std::vector<output::Camera> cameras(const scene::Scene& scene, std::span<const M
   std::vector<output::Camera> out;
   for (const Extents& extents : each) out.push_back(all.camera(extents));
   return out;
+}
+
+Stage stage_of(const scene::Scene& scene, std::span<const Moment> moments) {
+  Stage stage;
+  output::Framing all = framing(scene);
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const Moment& moment : moments) {
+    const output::DrawList list = shown(scene, moment, {});
+    lowest = std::min(lowest, output::bounds(list).low.z());
+    stage.ground = list.ground_height;
+    all.add(follows(scene) ? followed(scene, moment, list) : list);
+  }
+  if (scene.spec.pictures.floor && !stage.ground && std::isfinite(lowest))
+    stage.ground = lowest - kFloorClearance;
+  stage.camera = scene.spec.pictures.camera ? fixed_camera(*scene.spec.pictures.camera) : all.camera();
+  return stage;
 }
 
 void draw(const scene::Scene& scene, std::span<const Moment> moments, const Drawing& drawing,

@@ -53,6 +53,16 @@ output::DrawList shown(const scene::Scene& scene, const Moment& moment, std::opt
 /// The part of `shown` that a camera follows: hands and the shapes that they touch.
 output::DrawList followed(const scene::Scene& scene, const Moment& moment, const output::DrawList& shown);
 
+/// What is common to all pictures of a run.
+struct Stage {
+  output::Camera camera;         ///< shows what the cameras of all moments follow
+  std::optional<double> ground;  ///< height of the ground or floor [m]; absent: none
+};
+Stage stage_of(const scene::Scene& scene, std::span<const Moment> moments);
+
+/// The force that an arrow shows: on the one of the two that is free, or on the object that a hand touches.
+Vec3 shown_force(const model::Model& model, const engine::Contact& contact);
+
 /// Draws the moments and passes each picture and its index to `take` in order; stores no picture. Creates an
 /// OpenGL context in each process.
 /// @param store called before in the process that draws, which may be a fork: to write a file, for example.

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/core/units.h"
+#include "handsim/model/energy.h"
 #include "handsim/output/table/csv_rows.h"
 #include "handsim/simulation/run/output_size.h"
 
@@ -50,6 +51,9 @@ Recorder::Recorder(const Simulation& simulation, const RunOptions& options)
                      output::MotionHead{scene.spec.title, control_columns(*scene.control), rows});
   if (scene.spec.record_contacts)
     contacts_.emplace(options.out / "contacts.csv").write(output::contact_head());
+  if (options.monitor)
+    monitor_.emplace(options.out / "monitor.csv")
+        .write("time[s],kinetic[J],potential[J],sum[J],joints[m/s],joints[rad/s],contacts[m/s]\n");
   const scene::RecordTables& tables = scene.spec.tables;
   if (tables.bodies || tables.markers || tables.momentum || tables.reactions)
     extra_.emplace(simulation, options.out, rows, static_cast<double>(every_) * step_);
@@ -163,6 +167,7 @@ void Recorder::add_rows() {
   if (contacts_)
     for (const engine::Contact& contact : simulation_.engine().contacts())
       contacts_->write(output::contact_row(simulation_.model(), state.time, contact));
+  if (monitor_) add_monitor_row();
   if (!control_) return;
   std::vector<double> row;
   for (const control::AxisState& axis : simulation_.controller()->axes())
@@ -170,7 +175,34 @@ void Recorder::add_rows() {
   control_->add(state.time, row);
 }
 
+void Recorder::measure() {
+  const engine::StepReport& report = simulation_.last_report();
+  const auto raise = [this](std::size_t i, double value) {
+    residuals_[i] = std::max(value, residuals_[i].value_or(0));
+  };
+  if (report.contact_sweeps > 0) raise(2, report.contact_residual);
+  if (!report.residual) return;
+  raise(0, report.residual->linear.value);
+  raise(1, report.residual->angular.value);
+  raise(2, report.residual->contact.value);
+}
+
+/// A residual that was not measured is `nan`.
+void Recorder::add_monitor_row() {
+  const model::State& state = simulation_.state();
+  const double kinetic = model::kinetic_energy(simulation_.model(), state);
+  const double potential =
+      model::potential_energy(simulation_.model(), state, simulation_.scene().spec.solver.effects);
+  std::string row = fmt::format("{:.12g},{},{},{}", state.time, kinetic, potential, kinetic + potential);
+  for (std::optional<double>& residual : residuals_) {
+    row += residual ? fmt::format(",{}", *residual) : ",nan";
+    residual.reset();
+  }
+  monitor_->write(row + "\n");
+}
+
 void Recorder::record(long step) {
+  if (monitor_) measure();
   if (step % every_ == 0) add_rows();
   if (extra_) extra_->update(step % every_ == 0);
   for (; taken_ < planned_.size() && planned_[taken_].step == step; ++taken_) {
@@ -189,6 +221,7 @@ void Recorder::finish() {
   trajectory_.commit();
   if (motion_) motion_->finish();
   if (contacts_) contacts_->commit();
+  if (monitor_) monitor_->commit();
   if (control_) control_->finish();
   if (extra_) extra_->finish();
 }

@@ -1,6 +1,7 @@
 // Records a run: rows of its tables and moments for its pictures.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -44,6 +45,8 @@ class Recorder {
   void show(Moment moment, std::string caption);
   void finish_climb();
   void add_rows();
+  void measure();
+  void add_monitor_row();
 
   const Simulation& simulation_;
   double step_;
@@ -52,6 +55,10 @@ class Recorder {
   /// Target and angle [deg], torque [N m] of each driven axis.
   std::optional<output::MotionTableWriter> control_;
   std::optional<output::AtomicFile> contacts_;
+  std::optional<output::AtomicFile> monitor_;
+  /// Largest residuals of joints [m/s] and [rad/s] and of contacts [m/s] since the last row; absent: not
+  /// measured.
+  std::array<std::optional<double>, 3> residuals_;
   std::optional<ExtraTables> extra_;
   long every_;  ///< number of steps between two rows
   std::vector<Planned> planned_;

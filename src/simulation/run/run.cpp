@@ -222,7 +222,8 @@ output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& opt
     return out;
   };
   std::vector<std::string> names = {"trajectory.csv", "trajectory.mot", "control.sto",  "contacts.csv",
-                                    "summary.json",   "resolved.yaml",  "snapshot.bin", "contact_sheet.png"};
+                                    "summary.json",   "resolved.yaml",  "snapshot.bin", "contact_sheet.png",
+                                    "monitor.csv",    "report.html"};
   for (std::string& name : extra_table_files()) names.push_back(std::move(name));
   // At least three digits, and five for the most pictures that there may be.
   for (const char* digits : {"[0-9][0-9][0-9]", "[0-9][0-9][0-9][0-9]", "[0-9][0-9][0-9][0-9][0-9]"})

@@ -31,6 +31,7 @@ struct RunOptions {
   int frames = 0;              ///< pictures over the run; 0: no OpenGL context is created for them
   bool pose_pictures = false;  ///< a picture at the end of every hold of a controlled scene, or every phase
                                ///< of a grasp or climb, instead of `frames`
+  bool monitor = false;        ///< monitor.csv: energies and residuals of the solver
   bool plots = false;          ///< of a controlled scene: plots/ by gnuplot
   /// Writes snapshot.bin at this time [s], rounded to a step.
   std::optional<double> snapshot_at;

@@ -291,7 +291,7 @@ void Grasps::add_summary(SummaryJson& out) const {
                 {"epsilon", grip.wrenches.epsilon},
                 {"wrench_volume", grip.wrenches.volume}};
   };
-  for (const GraspFigures& grasp : figures())
+  for (const GraspFigures& grasp : figures()) {
     out.json["grasps"].push_back({{"name", grasp.name},
                                   {"complete", grasp.complete},
                                   {"held", grasp.held},
@@ -305,6 +305,8 @@ void Grasps::add_summary(SummaryJson& out) const {
                                   {"turn_rad", grasp.turn},
                                   {"end_of_hold", grip_json(grasp.hold)},
                                   {"after_shake", grip_json(grasp.after)}});
+    if (grasp.outcome() == Outcome::lost) out.json["grasps"].back()["lost_time_s"] = grasp.left_time;
+  }
 }
 
 }  // namespace handsim::simulation

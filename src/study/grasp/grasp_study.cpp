@@ -273,8 +273,9 @@ GraspTables run_grasps(const GraspStudy& study) {
     return out;
   };
   // All folders are had before the first run, which may take minutes.
-  const output::OutputFolder folder(study.out, {"grasps.csv", "grasps.json", "climbs.csv", "climbs.json"},
-                                    scenes);
+  const output::OutputFolder folder(
+      study.out, {"grasps.csv", "grasps.json", "climbs.csv", "climbs.json", "study.json", "report.html"},
+      scenes);
   std::vector<output::OutputFolder> folders;
   for (const Work& work : all) folders.push_back(simulation::run_folder(work.scene, options_of(study, work)));
   folder.clear();

@@ -1,0 +1,95 @@
+#include "handsim/app/study_repeat.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "handsim/output/atomic_file.h"
+#include "handsim/output/report/page.h"
+
+namespace handsim::app {
+
+namespace {
+
+/// With the step after the other overrides.
+std::string run_text(const std::filesystem::path& scene, std::vector<std::string> overrides, double step) {
+  overrides.push_back(fmt::format("solver.step={}", step));
+  return command_text("run", scene, overrides);
+}
+
+}  // namespace
+
+std::string command_text(const char* word, const std::filesystem::path& file,
+                         const std::vector<std::string>& overrides) {
+  std::string out = fmt::format("handsim {} {}", word, output::shell_word(file.string()));
+  for (const std::string& set : overrides) out += " --set " + output::shell_word(set);
+  return out + " --out again";
+}
+
+study::StudyCommands accuracy_commands(const std::filesystem::path& file, const study::AccuracySpec& spec,
+                                       const study::AccuracyResult& result) {
+  study::StudyCommands out{command_text("accuracy", file)};
+  for (const study::AccuracyRow& row : result.rows) {
+    const auto method =
+        std::find_if(spec.methods.begin(), spec.methods.end(),
+                     [&](const study::AccuracyMethod& each) { return each.name == row.method; });
+    // The programs of other engines have commands of their own.
+    const bool own = method != spec.methods.end() && !method->peer;
+    out.rows["accuracy.csv"].push_back(
+        own ? run_text(method->scene.value_or(spec.scene), method->set, row.step) : "");
+  }
+  return out;
+}
+
+study::StudyCommands effects_commands(const std::filesystem::path& file,
+                                      const std::vector<std::string>& overrides, const scene::Scene& scene,
+                                      const study::EffectsResult& result) {
+  study::StudyCommands out{command_text("effects", file, overrides)};
+  std::vector<std::string>& rows = out.rows["effects.csv"];
+  rows.push_back(command_text("run", file, overrides));
+  for (const study::EffectRow& row : result.rows) {
+    std::vector<std::string_view> left;
+    bool is_effect = false;
+    for (std::size_t i = 0; i < model::kEffectNames.size(); ++i) {
+      const auto effect = static_cast<model::Effect>(i);
+      const bool own = model::name(effect) == row.name;
+      is_effect = is_effect || own;
+      const bool removed = own || std::find(row.with.begin(), row.with.end(), effect) != row.with.end();
+      if (scene.spec.solver.effects.has(effect) && !removed) left.push_back(model::name(effect));
+    }
+    std::vector<std::string> sets = overrides;
+    sets.push_back(fmt::format("effects=[{}]", fmt::join(left, ", ")));
+    rows.push_back(is_effect && !row.fault ? command_text("run", file, sets) : "");
+  }
+  return out;
+}
+
+study::StudyCommands stability_commands(const std::filesystem::path& file,
+                                        const study::StabilityResult& result) {
+  study::StudyCommands out{command_text("stability", file)};
+  std::vector<std::string>& rows = out.rows["stability.csv"];
+  for (const study::CaseResult& of : result.cases) {
+    const std::vector<study::Variant> variants = study::variants(*of.of, result.quick);
+    for (const study::StabilityRow& row : of.rows) {
+      std::string text;
+      for (const study::Variant& variant : variants)
+        for (const study::Way& way : of.of->ways) {
+          if (variant.name != row.variant || way.name != row.way || way.refused) continue;
+          std::vector<std::string> sets = of.of->set;
+          for (const auto* more : {result.quick ? &of.of->quick_set : nullptr, &way.set, &variant.set})
+            if (more) sets.insert(sets.end(), more->begin(), more->end());
+          text = run_text(variant.scene, sets, row.step);
+        }
+      rows.push_back(text);
+    }
+  }
+  return out;
+}
+
+void finish_study(const std::filesystem::path& out, const study::StudyCommands& commands, bool report) {
+  study::write_commands(out, commands);
+  if (report) output::write_file(out / study::kPageFile, study::study_page(out));
+}
+
+}  // namespace handsim::app

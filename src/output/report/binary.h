@@ -1,0 +1,33 @@
+// Numbers for the page: float32 in base64, and fewer rows where a straight line between kept rows is as good.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace handsim::output {
+
+/// Base64 (RFC 4648) of the numbers as little-endian float32.
+std::string base64(std::span<const float> values);
+/// The same of little-endian uint16.
+std::string base64(std::span<const std::uint16_t> values);
+
+/// Rows of a table over time such that straight lines between kept rows pass every other row within the
+/// tolerance of each column. Keeps the first and last row. Takes one pass: from a kept row, the admissible
+/// slopes of each column narrow until a row is outside them; the row before it is kept (the swinging door of
+/// Bristol, 1990).
+/// @param times increasing [s]. @param values row by row. @param tolerances of each column.
+std::vector<std::size_t> kept_rows(std::span<const double> times, std::span<const float> values,
+                                   std::span<const double> tolerances);
+
+/// The fewest doublings of the tolerances for which at most `most` rows are kept.
+struct Thinned {
+  std::vector<std::size_t> rows;
+  double factor = 1;  ///< of the tolerances
+};
+Thinned thinned(std::span<const double> times, std::span<const float> values, std::vector<double> tolerances,
+                std::size_t most);
+
+}  // namespace handsim::output

@@ -1,0 +1,35 @@
+// Reads the tables that runs write: CSV, and OpenSim's .mot and .sto.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace handsim::output {
+
+/// A table of numbers, row by row.
+struct NumberTable {
+  std::vector<std::string> columns;
+  std::vector<double> values;
+
+  std::size_t rows() const { return columns.empty() ? 0 : values.size() / columns.size(); }
+  double at(std::size_t row, std::size_t column) const { return values[row * columns.size() + column]; }
+};
+
+/// @throws Error (input) at the line of the first field that is no number, or of a row with another number of
+///         fields than the head has.
+NumberTable read_numbers(const std::filesystem::path& path);
+
+/// Calls `take` with the fields of each row after the head; returns the names of the columns.
+/// @throws Error (input) as read_numbers, and where take throws.
+std::vector<std::string> read_rows(
+    const std::filesystem::path& path,
+    const std::function<void(std::size_t line, std::span<const std::string_view> fields)>& take);
+
+/// A field as a number. @throws Error (input) at this line of the file.
+double field_number(std::string_view field, const std::filesystem::path& path, std::size_t line);
+
+}  // namespace handsim::output

@@ -1,0 +1,185 @@
+#include <algorithm>
+#include <cmath>
+
+#include "handsim/core/index.h"
+#include "handsim/core/units.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/output/report/binary.h"
+#include "handsim/simulation/report/run_data.h"
+
+namespace handsim::simulation {
+
+namespace {
+
+/// Curves are kept within this share of their range: half a pixel of a plot of this height.
+constexpr double kCurveTolerance = 1.0 / 500;
+
+/// Collects curves; each is thinned on its own.
+class Curves {
+ public:
+  explicit Curves(std::size_t count)
+      : most_(static_cast<std::size_t>(kCurveBytes / 8 /
+                                       static_cast<double>(std::max<std::size_t>(1, count)))) {}
+
+  /// @param kind `value` or `target`: drawn dashed, in the colour of the value of the same name.
+  void add(const char* group, const char* unit, const std::string& name, const char* kind,
+           const std::vector<double>& times, const std::vector<float>& values) {
+    if (values.empty()) return;
+    const auto [low, high] = std::minmax_element(values.begin(), values.end());
+    const double range = *high - *low;
+    const output::Thinned thin = output::thinned(times, values, {std::max(range * kCurveTolerance, 1e-30)},
+                                                 std::max<std::size_t>(most_, 16));
+    std::vector<float> t, v;
+    for (const std::size_t row : thin.rows) {
+      t.push_back(static_cast<float>(times[row]));
+      v.push_back(values[row]);
+    }
+    json_.push_back({{"group", group},
+                     {"unit", unit},
+                     {"name", name},
+                     {"kind", kind},
+                     {"times", output::base64(t)},
+                     {"values", output::base64(v)}});
+  }
+  Json take() { return std::move(json_); }
+
+ private:
+  std::size_t most_;
+  Json json_ = Json::array();
+};
+
+std::vector<float> column(const output::NumberTable& table, std::size_t index, double factor) {
+  std::vector<float> out;
+  for (std::size_t row = 0; row < table.rows(); ++row)
+    out.push_back(static_cast<float>(factor * table.at(row, index)));
+  return out;
+}
+
+/// The name of a column without its unit, and the unit.
+std::pair<std::string, std::string> parted(const std::string& name) {
+  const std::size_t at = name.find('[');
+  if (at == std::string::npos) return {name, ""};
+  return {name.substr(0, at), name.substr(at + 1, name.size() - at - 2)};
+}
+
+/// Targets, angles and torques of driven axes.
+void add_control(const std::filesystem::path& path, Curves& curves) {
+  const output::NumberTable table = output::read_numbers(path);
+  std::vector<double> times;
+  for (std::size_t row = 0; row < table.rows(); ++row) times.push_back(table.at(row, 0));
+  for (std::size_t c = 1; c < table.columns.size(); ++c) {
+    const auto [name, unit] = parted(table.columns[c]);
+    const std::size_t dot = name.rfind('.');
+    const std::string axis = name.substr(0, dot), what = name.substr(dot + 1);
+    const bool torque = what == "torque";
+    curves.add(torque ? "Torques" : "Angles", torque ? "N m" : "deg", axis,
+               what == "target" ? "target" : "value", times, column(table, c, 1));
+  }
+}
+
+/// Joint coordinates of the trajectory.
+void add_coordinates(const RunFiles& run, Curves& curves) {
+  for (std::size_t c = 1; c <= at(run.scene.model.dof_count()); ++c) {
+    const auto [name, unit] = parted(run.trajectory.columns[c]);
+    const bool angle = unit == "rad";
+    curves.add(angle ? "Angles" : "Sliders", angle ? "deg" : "mm", name, "value", run.times,
+               column(run.trajectory, c, angle ? kDegreesPerRadian : 1e3));
+  }
+}
+
+/// The largest gap of a hand's joints, or of all others.
+void add_gaps(const RunFiles& run, Curves& curves) {
+  const model::Model& model = run.scene.model;
+  if (model.joints.empty()) return;
+  std::vector<std::string> names = {"joints"};
+  std::vector<std::size_t> owner(model.joints.size(), 0);
+  for (const model::HandIndex& hand : model.hands) {
+    for (const int joint : hand.joints) owner[at(joint)] = names.size();
+    names.push_back(hand.name);
+  }
+  std::vector<std::vector<float>> gaps(names.size(), std::vector<float>(run.times.size()));
+  for (std::size_t row = 0; row < run.times.size(); ++row) {
+    const model::State state = run.state(row);
+    for (std::size_t j = 0; j < model.joints.size(); ++j) {
+      float& largest = gaps[owner[j]][row];
+      largest = std::max(largest, static_cast<float>(1e6 * model::joint_gap(model.joints[j], state)));
+    }
+  }
+  for (std::size_t i = 0; i < names.size(); ++i)
+    if (std::find(owner.begin(), owner.end(), i) != owner.end())
+      curves.add("Joint gaps", "um", names[i], "value", run.times, gaps[i]);
+}
+
+/// Columns of monitor.csv: energies and residuals. A residual is measured in some steps only.
+void add_monitor(const std::filesystem::path& path, Curves& curves) {
+  const output::NumberTable table = output::read_numbers(path);
+  for (std::size_t c = 1; c < table.columns.size(); ++c) {
+    const auto [name, unit] = parted(table.columns[c]);
+    std::vector<double> times;
+    std::vector<float> values;
+    for (std::size_t row = 0; row < table.rows(); ++row) {
+      const auto value = static_cast<float>(table.at(row, c));
+      if (!std::isfinite(value)) continue;
+      times.push_back(table.at(row, 0));
+      values.push_back(value);
+    }
+    const char* group = unit == "J"       ? "Energies"
+                        : unit == "rad/s" ? "Residuals of rotations"
+                                          : "Residuals of velocities";
+    curves.add(group, unit.c_str(), name, "value", times, values);
+  }
+}
+
+}  // namespace
+
+Json curves_json(const RunFiles& run, const std::vector<PartCurve>& sums) {
+  const std::filesystem::path control = run.folder / "control.sto", monitor = run.folder / "monitor.csv";
+  const std::size_t axes =
+      run.scene.control ? 3 * run.scene.control->axes.size() : at(run.scene.model.dof_count());
+  Curves curves(axes + sums.size() + 8);
+  if (std::filesystem::exists(control))
+    add_control(control, curves);
+  else
+    add_coordinates(run, curves);
+  for (const PartCurve& sum : sums)
+    curves.add("Contact forces", "N", sum.name, "value", run.times, {sum.values.begin(), sum.values.end()});
+  add_gaps(run, curves);
+  if (std::filesystem::exists(monitor)) add_monitor(monitor, curves);
+  return curves.take();
+}
+
+namespace {
+
+void add_phases(const std::vector<scene::TaskPhase>& phases, Json& out) {
+  for (const scene::TaskPhase& phase : phases)
+    out.push_back({{"kind", "phase"}, {"name", phase.name}, {"time", phase.start}, {"end", phase.end}});
+}
+
+}  // namespace
+
+Json marks_json(const RunFiles& run) {
+  Json out = Json::array();
+  for (const scene::GraspPlan& grasp : run.scene.plans.grasps) add_phases(grasp.phases, out);
+  for (const scene::ClimbPlan& climb : run.scene.plans.climbs) add_phases(climb.phases, out);
+  for (const Json& entry : run.summary.value("climbs", Json::array())) {
+    if (entry.contains("failure_time_s") && entry["failure_time_s"].is_number())
+      out.push_back({{"kind", "failed"},
+                     {"name", "climb " + entry.value("name", "") + " fails"},
+                     {"time", entry["failure_time_s"]}});
+  }
+  for (const Json& entry : run.summary.value("grasps", Json::array()))
+    if (entry.contains("lost_time_s"))
+      out.push_back({{"kind", "failed"},
+                     {"name", entry.value("name", "") + " " + entry.value("outcome", "")},
+                     {"time", entry["lost_time_s"]}});
+  if (run.summary.contains("fault")) {
+    const Json& fault = run.summary["fault"];
+    out.push_back({{"kind", "failed"},
+                   {"name", "diverged: " + fault.value("where", "") + ", " + fault.value("quantity", "") +
+                                " " + fault.value("detail", "")},
+                   {"time", fault.value("time_s", 0.0)}});
+  }
+  return out;
+}
+
+}  // namespace handsim::simulation

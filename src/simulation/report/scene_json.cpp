@@ -1,0 +1,241 @@
+#include <algorithm>
+#include <limits>
+
+#include "handsim/core/index.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/output/render/draw_list.h"
+#include "handsim/output/render/mesh.h"
+#include "handsim/output/report/binary.h"
+#include "handsim/simulation/report/run_data.h"
+#include "handsim/simulation/run/pictures.h"
+
+namespace handsim::simulation {
+
+namespace {
+
+constexpr const char* kPartNames[] = {"palm",   "thumb",  "index",  "middle",   "ring",
+                                      "little", "object", "ground", "mechanism"};
+static_assert(std::size(kPartNames) == static_cast<std::size_t>(model::Part::mechanism) + 1);
+
+Json numbers(const Vec3& v) { return {v.x(), v.y(), v.z()}; }
+Json pose_json(const Pose& x) { return {x.p.x(), x.p.y(), x.p.z(), x.q.x(), x.q.y(), x.q.z(), x.q.w()}; }
+Json colour_json(const output::Colour& c) { return {c.r, c.g, c.b}; }
+
+/// The hand that a body is of; null for others.
+Json hand_of(const model::Model& model, int body) {
+  for (const model::HandIndex& hand : model.hands)
+    if (std::find(hand.bodies.begin(), hand.bodies.end(), body) != hand.bodies.end()) return hand.name;
+  return nullptr;
+}
+
+/// Triangles of a polyhedron, three corners each.
+Json hull_json(const model::ConvexMesh& mesh) {
+  std::vector<float> corners;
+  for (int face = 0; face < mesh.face_count(); ++face) {
+    const auto loop = mesh.corners(face);
+    for (std::size_t i = 1; i + 1 < loop.size(); ++i)
+      for (const unsigned corner : {loop[0], loop[i], loop[i + 1]})
+        for (const double x : mesh.vertex(corner)) corners.push_back(static_cast<float>(x));
+  }
+  return output::base64(corners);
+}
+
+Json solid_json(const output::Solid& solid) {
+  Json out = {{"core", solid.core == output::Core::hull       ? "hull"
+                       : solid.core == output::Core::cylinder ? "cylinder"
+                                                              : "box"},
+              {"half", numbers(solid.half)},
+              {"round", solid.round}};
+  if (solid.mesh) out["corners"] = hull_json(*solid.mesh);
+  return out;
+}
+
+/// The shapes as pictures show them, each in its body's frame.
+Json shapes_json(const model::Model& model, const model::State& start) {
+  const output::DrawList drawn = output::draw_list(model, start, {});
+  Json out = Json::array();
+  for (const output::DrawShape& draw : drawn.shapes) {
+    const model::Shape& shape = model.shapes[at(draw.shape)];
+    Json entry = solid_json(output::bevelled(draw.solid));
+    entry["name"] = shape.name;
+    entry["body"] = shape.body;
+    entry["part"] = kPartNames[static_cast<std::size_t>(shape.part)];
+    entry["hand"] = hand_of(model, shape.body);
+    entry["pose"] = pose_json(start.bodies[at(shape.body)].pose().inverse() * draw.solid.pose);
+    entry["colour"] = colour_json(draw.colour);
+    if (draw.mark) entry["mark"] = true;
+    out.push_back(std::move(entry));
+  }
+  return out;
+}
+
+/// Arrows of the pictures. Each moves with the body in which its axis is fixed and whose place it has.
+Json axes_json(const model::Model& model, const model::State& start) {
+  const output::DrawList drawn = output::draw_list(model, start, {true});
+  Json out = Json::array();
+  std::size_t next = 0;
+  for (const model::Joint& joint : model.joints)
+    for (std::size_t axis = 0; axis < joint.axes.size(); ++axis) {
+      const output::DrawArrow& arrow = drawn.arrows[next++];
+      const bool of_parent = joint.kind == model::JointKind::universal && axis == 0;
+      const int body = of_parent ? joint.parent : joint.child;
+      const Pose x_BW = start.bodies[at(body)].pose().inverse();
+      out.push_back({{"name", joint.name + "." + joint.axes[axis].name},
+                     {"body", body},
+                     {"from", numbers(x_BW * arrow.from)},
+                     {"to", numbers(x_BW * arrow.to)},
+                     {"radius", arrow.radius},
+                     {"colour", colour_json(arrow.colour)}});
+    }
+  return out;
+}
+
+/// The last segment of each finger, and the point of it that is farthest from its joint.
+Json tips_json(const model::Model& model) {
+  Json out = Json::array();
+  for (const model::Joint& joint : model.joints) {
+    const bool last = std::none_of(model.joints.begin(), model.joints.end(),
+                                   [&](const model::Joint& other) { return other.parent == joint.child; });
+    const Json hand = hand_of(model, joint.child);
+    if (!last || hand.is_null()) continue;
+    const Vec3 from = joint.child_frame.p;
+    double farthest = 0;
+    Json tip;
+    for (const model::Shape& shape : model.shapes) {
+      if (shape.body != joint.child || shape.kind == model::ShapeKind::plane) continue;
+      const Vec3 along = (shape.pose.p - from).normalized();
+      const double reach = output::support(output::solid(shape, shape.pose), along) - along.dot(from);
+      if (shape.part == model::Part::palm || !(reach > farthest)) continue;
+      farthest = reach;
+      tip = {{"body", joint.child},
+             {"hand", hand},
+             {"part", kPartNames[static_cast<std::size_t>(shape.part)]},
+             {"point", numbers(from + reach * along)}};
+    }
+    if (!tip.is_null()) out.push_back(tip);
+  }
+  return out;
+}
+
+Json bodies_json(const model::Model& model) {
+  Json out = Json::array();
+  for (std::size_t b = 0; b < model.bodies.size(); ++b) {
+    const model::Body& body = model.bodies[b];
+    out.push_back({{"name", b == 0 ? "world" : body.name},
+                   {"mass", body.kinematic || b == 0 ? Json() : Json(body.mass)}});
+  }
+  return out;
+}
+
+/// Moments over the run for the camera, as many as a contact sheet shows.
+std::vector<Moment> moments_of(const RunFiles& run) {
+  constexpr std::size_t kMoments = 24;
+  std::vector<Moment> out;
+  const std::size_t rows = run.times.size();
+  for (std::size_t i = 0; i < std::min(kMoments, rows); ++i)
+    out.push_back({run.state(i * (rows - 1) / std::max<std::size_t>(1, std::min(kMoments, rows) - 1)), {}});
+  return out;
+}
+
+/// Unit meshes of the pictures: points of the core and normals in turn, and triangles.
+Json mesh_json(const output::Mesh& mesh) {
+  std::vector<float> numbers;
+  std::vector<std::uint16_t> indices;
+  for (const output::Vertex& vertex : mesh.vertices) {
+    for (const float x : vertex.core) numbers.push_back(x);
+    for (const float x : vertex.normal) numbers.push_back(x);
+  }
+  for (const std::uint32_t index : mesh.indices) indices.push_back(static_cast<std::uint16_t>(index));
+  return {{"vertices", output::base64(numbers)}, {"indices", output::base64(indices)}};
+}
+
+}  // namespace
+
+Json scene_json(const RunFiles& run) {
+  const model::Model& model = run.scene.model;
+  const model::State start = model::initial_state(model);
+  const scene::PictureSpec& pictures = run.scene.spec.pictures;
+  const Stage stage = stage_of(run.scene, moments_of(run));
+  constexpr int kSides = 24;
+  return {{"bodies", bodies_json(model)},
+          {"shapes", shapes_json(model, start)},
+          {"axes", axes_json(model, start)},
+          {"tips", tips_json(model)},
+          {"meshes",
+           {{"capsule", mesh_json(output::capsule_mesh(kSides))},
+            {"box", mesh_json(output::box_mesh())},
+            {"cylinder", mesh_json(output::cylinder_mesh(kSides))}}},
+          {"ground", stage.ground ? Json(*stage.ground) : Json()},
+          {"floor_is_drawn_only", !run.scene.spec.ground},
+          {"camera",
+           {{"position", numbers(stage.camera.position)},
+            {"target", numbers(stage.camera.target)},
+            {"up", numbers(stage.camera.up)},
+            {"field_of_view", stage.camera.field_of_view},
+            {"aspect", static_cast<double>(pictures.size[0]) / pictures.size[1]}}}};
+}
+
+Json poses_json(const RunFiles& run) {
+  const model::Model& model = run.scene.model;
+  const std::size_t rows = run.times.size();
+  const model::State start = model::initial_state(model);
+  std::vector<std::size_t> moving;
+  Json fixed = Json::array();
+  for (std::size_t b = 0; b < model.bodies.size(); ++b) {
+    const std::size_t column = run.first_pose() + 7 * (b - 1);
+    bool moves = false;
+    for (std::size_t row = 1; b > 0 && row < rows && !moves; ++row)
+      for (std::size_t i = 0; i < 7; ++i)
+        moves = moves || run.trajectory.at(row, column + i) != run.trajectory.at(0, column + i);
+    if (moves) moving.push_back(b);
+    fixed.push_back(moves ? Json() : pose_json(b == 0 ? Pose{} : run.state(0).bodies[b].pose()));
+  }
+  std::vector<float> values;
+  std::vector<double> tolerances;
+  for (const std::size_t b : moving) {
+    double reach = 0.01;
+    for (const model::Shape& shape : model.shapes)
+      if (at(shape.body) == b && shape.kind != model::ShapeKind::plane) {
+        const output::Solid solid = output::solid(shape, shape.pose);
+        reach = std::max(reach, solid.pose.p.norm() + solid.reach());
+      }
+    // A change of a quaternion's components by e turns by about 2 e.
+    tolerances.insert(tolerances.end(), 3, kPoseTolerance / 2);
+    tolerances.insert(tolerances.end(), 4, kPoseTolerance / 4 / reach);
+  }
+  for (std::size_t row = 0; row < rows; ++row)
+    for (const std::size_t b : moving) {
+      const std::size_t column = run.first_pose() + 7 * (b - 1);
+      const auto value = [&](std::size_t i) {
+        return static_cast<float>(run.trajectory.at(row, column + i));
+      };
+      float pose[] = {value(0), value(1), value(2), value(4), value(5), value(6), value(3)};
+      // The same rotation has two quaternions: the one near the row before.
+      if (row > 0) {
+        const std::span<const float> before = std::span<const float>(values).last(7 * moving.size());
+        float dot = 0;
+        for (std::size_t i = 3; i < 7; ++i) dot += pose[i] * before[i];
+        if (dot < 0)
+          for (std::size_t i = 3; i < 7; ++i) pose[i] = -pose[i];
+      }
+      values.insert(values.end(), pose, pose + 7);
+    }
+  const std::size_t width = 7 * moving.size();
+  const auto most = static_cast<std::size_t>(kPoseBytes / (4.0 * static_cast<double>(width + 1)));
+  const output::Thinned thin = output::thinned(run.times, values, tolerances, most);
+  std::vector<float> times, kept;
+  for (const std::size_t row : thin.rows) {
+    times.push_back(static_cast<float>(run.times[row]));
+    kept.insert(kept.end(), values.begin() + static_cast<std::ptrdiff_t>(row * width),
+                values.begin() + static_cast<std::ptrdiff_t>((row + 1) * width));
+  }
+  return {{"moving", moving},
+          {"fixed", fixed},
+          {"times", output::base64(times)},
+          {"values", output::base64(kept)},
+          {"recorded", rows},
+          {"every", run.scene.spec.record_every},
+          {"tolerance", kPoseTolerance * thin.factor}};
+}
+
+}  // namespace handsim::simulation
