@@ -68,8 +68,9 @@ void Contacts::recall(const model::State& state, bool iterative) {
     limits_.recall(collider_);
 }
 
-void Contacts::join(const model::State& state, bool iterative) {
+void Contacts::join(const model::State& state, bool iterative, bool relaxed) {
   contact_joints_.clear();
+  limits_.relax(relaxed);
   const std::vector<Contact>& found = collider_.contacts();
   for (std::size_t k = 0; k < collider_.touches().size(); ++k) {
     const Touch& touch = collider_.touches()[k];
@@ -77,8 +78,10 @@ void Contacts::join(const model::State& state, bool iterative) {
     if (remembers_ && iterative) known.patch = &memory_.patches()[k];
     for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
       known.share = collider_.shares()[i];
-      known.pad = touch.surface.compliance.has_value();
-      if (friction_ && !iterative && known.pad) known.force = limits_.force(i) ? &*limits_.force(i) : nullptr;
+      if (friction_ && !iterative) {
+        known.force = limits_.force(i) ? &*limits_.force(i) : nullptr;
+        known.sticks = limits_.unlimited(i, found[i], touch.surface);
+      }
       add_contact(found[i], touch, known, state);
     }
   }
@@ -195,7 +198,7 @@ void Contacts::set_friction(dContact& joint, const Contact& contact, const model
   else
     normal = std::max(contact.normal.dot(*known.force), kLeastForce);
   surface.mode |= dContactAxisDep;
-  surface.mu = surface.mu2 = between.friction * normal;
+  surface.mu = surface.mu2 = known.sticks ? dInfinity : between.friction * normal;
   if (spins_by_motor || (between.rolling_friction == 0 && between.spinning_friction == 0)) return;
   surface.mode |= dContactRolling;
   // ODE counts a row for each of the three, at 0 too, but then leaves it blank.

@@ -28,8 +28,9 @@ class Contacts {
   }
   /// Recalls the last step's friction at the contacts found.
   void recall(const model::State& state, bool iterative);
-  /// Makes the joints of the contacts found. @param iterative for quick_step
-  void join(const model::State& state, bool iterative);
+  /// Makes the joints of the contacts found. @param iterative for quick_step; @param relaxed see
+  /// FrictionLimits
+  void join(const model::State& state, bool iterative, bool relaxed);
   /// Reads the forces of the step just made.
   void read_forces();
   /// Of a step by the direct solver, its forces read. @return true where friction is off: joined again, the
@@ -61,7 +62,7 @@ class Contacts {
  private:
   /// What is known of a contact beside its geometry.
   struct Known {
-    bool pad = false;              ///< compliant surfaces
+    bool sticks = false;           ///< friction without limits
     double share = 1;              ///< of the pair's stiffness
     const Patch* patch = nullptr;  ///< null: its surfaces are not pulled back
     const Vec3* force = nullptr;   ///< of the last step or pass; null: ODE finds friction's limits

@@ -10,6 +10,8 @@ namespace {
 
 /// Friction of this share of its limit is at it.
 constexpr double kAtLimit = 1 - 1e-6;
+/// Friction below this share of its limit is taken to stick in the next solution. Chosen.
+constexpr double kStickingShare = 0.5;
 /// No contact of a saved state has more [N].
 constexpr double kMostForce = 1e12;
 
@@ -39,6 +41,13 @@ void FrictionLimits::recall(const Collider& collider) {
     }
 }
 
+bool FrictionLimits::unlimited(std::size_t index, const Contact& contact,
+                               const model::Material& surface) const {
+  if (!relaxed_ || !surface.compliance || !limits_[index]) return false;
+  const double normal = contact.normal.dot(*limits_[index]);
+  return (*limits_[index] - normal * contact.normal).norm() < kStickingShare * surface.friction * normal;
+}
+
 bool FrictionLimits::take_in(const Collider& collider, const std::vector<Vec3>& forces) {
   last_.clear();
   double largest = 0, error = 0;
@@ -50,12 +59,11 @@ bool FrictionLimits::take_in(const Collider& collider, const std::vector<Vec3>& 
       const double normal = std::max(contact.normal.dot(forces[i]), 0.0);
       const double limit = touch.surface.friction * normal;
       const double friction = (forces[i] - contact.normal.dot(forces[i]) * contact.normal).norm();
-      if (!touch.surface.compliance) continue;
       largest = std::max(largest, limit);
       // Friction within its limits and the cone is exact, whatever the limits were. Those of a new contact
       // are not known.
       const double was = limits_[i] ? touch.surface.friction * contact.normal.dot(*limits_[i]) : 0;
-      const bool at_limit = friction >= kAtLimit * was;
+      const bool at_limit = friction >= kAtLimit * was && !unlimited(i, contact, touch.surface);
       error = std::max(error, at_limit ? std::abs(friction - limit) : friction - limit);
       limits_[i] = forces[i];
     }

@@ -1,9 +1,12 @@
-// Friction of pads by the direct solver, whose rows have fixed limits. Rigid contacts, whose normal forces
-// are not unique, keep ODE's. ODE's own limits come from the normal forces of a step without friction, and
-// fingers that friction holds press elsewhere without it. Here a contact's limits are the friction
-// coefficient times its normal force of the last step, and its first row lies along the force to come, so
-// that the cone is circular where a row is at its limit. A step whose normal forces moved is made again with
-// its own (fixed-point iteration on Tresca's friction: Panagiotopoulos 1975).
+// Friction by the direct solver, whose rows have fixed limits. ODE's own limits come from the normal forces
+// of a step without friction: fingers that friction holds press elsewhere without it, and a box that tips on
+// the edge of its support had friction at points that carried nothing. Here a contact's limits are the
+// friction coefficient times its normal force of the last step, and its first row lies along the force to
+// come, so that the cone is circular where a row is at its limit. A step whose normal forces moved is made
+// again with its own (fixed-point iteration on Tresca's friction: Panagiotopoulos 1975).
+//
+// Each row with limits costs the direct solver about as much as all rows without. So pads whose friction is
+// far below its limit have none in the first solutions, and a solution in which they pass it is made again.
 #pragma once
 
 #include <optional>
@@ -30,6 +33,10 @@ class FrictionLimits {
   void recall(const Collider& collider);
   /// Force by which the limits of a contact are set; nothing for one that is new.
   const std::optional<Vec3>& force(std::size_t contact) const { return limits_[contact]; }
+  /// @param relaxed whether sticking pads have no limits in the next solution
+  void relax(bool relaxed) { relaxed_ = relaxed; }
+  /// True if the contact's friction rows have no limits in this solution.
+  bool unlimited(std::size_t index, const Contact& contact, const model::Material& surface) const;
   /// Takes in the forces of the contacts in the step just made, on a's bodies.
   /// @return true where friction is off by more than kFrictionError: the next limits are of these forces
   bool take_in(const Collider& collider, const std::vector<Vec3>& forces);
@@ -42,6 +49,7 @@ class FrictionLimits {
  private:
   std::vector<PointForce> last_;             ///< in the collider's order
   std::vector<std::optional<Vec3>> limits_;  ///< as the contacts
+  bool relaxed_ = false;
 };
 
 }  // namespace handsim::engine::ode
