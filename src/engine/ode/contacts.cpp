@@ -68,9 +68,8 @@ void Contacts::recall(const model::State& state, bool iterative) {
     limits_.recall(collider_);
 }
 
-void Contacts::join(const model::State& state, bool iterative, bool relaxed) {
+void Contacts::join(const model::State& state, bool iterative) {
   contact_joints_.clear();
-  limits_.relax(relaxed);
   const std::vector<Contact>& found = collider_.contacts();
   for (std::size_t k = 0; k < collider_.touches().size(); ++k) {
     const Touch& touch = collider_.touches()[k];
@@ -80,7 +79,6 @@ void Contacts::join(const model::State& state, bool iterative, bool relaxed) {
       known.share = collider_.shares()[i];
       if (friction_ && !iterative) {
         known.force = limits_.force(i) ? &*limits_.force(i) : nullptr;
-        known.sticks = limits_.unlimited(i, found[i], touch.surface);
       }
       add_contact(found[i], touch, known, state);
     }
@@ -198,7 +196,7 @@ void Contacts::set_friction(dContact& joint, const Contact& contact, const model
   else
     normal = std::max(contact.normal.dot(*known.force), kLeastForce);
   surface.mode |= dContactAxisDep;
-  surface.mu = surface.mu2 = known.sticks ? dInfinity : between.friction * normal;
+  surface.mu = surface.mu2 = between.friction * normal;
   if (spins_by_motor || (between.rolling_friction == 0 && between.spinning_friction == 0)) return;
   surface.mode |= dContactRolling;
   // ODE counts a row for each of the three, at 0 too, but then leaves it blank.

@@ -28,9 +28,8 @@ class Contacts {
   }
   /// Recalls the last step's friction at the contacts found.
   void recall(const model::State& state, bool iterative);
-  /// Makes the joints of the contacts found. @param iterative for quick_step; @param relaxed see
-  /// FrictionLimits
-  void join(const model::State& state, bool iterative, bool relaxed);
+  /// Makes the joints of the contacts found. @param iterative for quick_step
+  void join(const model::State& state, bool iterative);
   /// Reads the forces of the step just made.
   void read_forces();
   /// Of a step by the direct solver, its forces read. @return true where friction is off: joined again, the
@@ -43,12 +42,12 @@ class Contacts {
   /// What friction remembers from step to step.
   struct Memory {
     std::vector<Presliding> presliding;
-    std::vector<PointForce> forces;
+    FrictionLimits::Memory limits;
   };
-  Memory memory() const { return {memory_.pairs(), limits_.last()}; }
+  Memory memory() const { return {memory_.pairs(), limits_.memory()}; }
   void set_memory(const Memory& memory) {
     memory_.set(memory.presliding);
-    limits_.set(memory.forces);
+    limits_.set(memory.limits);
   }
   /// Length of the steps to come [s].
   void set_step(double step);
@@ -62,7 +61,6 @@ class Contacts {
  private:
   /// What is known of a contact beside its geometry.
   struct Known {
-    bool sticks = false;           ///< friction without limits
     double share = 1;              ///< of the pair's stiffness
     const Patch* patch = nullptr;  ///< null: its surfaces are not pulled back
     const Vec3* force = nullptr;   ///< of the last step or pass; null: ODE finds friction's limits

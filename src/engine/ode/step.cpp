@@ -118,7 +118,7 @@ bool OdeEngine::solve_passes(const StepInput& input, double step, OdeMethod meth
                                                            : std::span<const double>());
     if (contacts_) {
       const Clock::time_point start = Clock::now();
-      contacts_->join(state_, report.iterative, relaxed);
+      contacts_->join(state_, report.iterative);
       report.collide_ns += ns_since(start);
     }
     const int failures = lcp_failures();
