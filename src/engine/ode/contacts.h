@@ -61,6 +61,7 @@ class Contacts {
  private:
   /// What is known of a contact beside its geometry.
   struct Known {
+    bool pad = false;              ///< compliant surfaces
     double share = 1;              ///< of the pair's stiffness
     const Patch* patch = nullptr;  ///< null: its surfaces are not pulled back
     const Vec3* force = nullptr;   ///< of the last step or pass; null: ODE finds friction's limits

@@ -72,9 +72,12 @@ bool FrictionLimits::take_in(const Collider& collider, const std::vector<Vec3>& 
       // Friction within its limits and the cone is exact, whatever the limits were. Those of a new contact
       // are not known.
       const double was = limits_[i] ? n.dot(*limits_[i]) : 0;
+      const bool pad = touch.surface.compliance.has_value();
       const bool at_limit = friction >= kAtLimit * touch.surface.friction * was;
-      const double may_be = touch.surface.compliance ? kFrictionError : kRigidFrictionError;
-      off = std::max(off, (at_limit ? std::abs(friction - limit) : friction - limit) / may_be);
+      double beyond = at_limit ? std::abs(friction - limit) : friction - limit;
+      // The rows of rigid contacts are a pyramid: what the limits themselves are off by counts.
+      if (!pad && limits_[i]) beyond = std::min(beyond, touch.surface.friction * std::abs(normal - was));
+      off = std::max(off, beyond / (pad ? kFrictionError : kRigidFrictionError));
       normals_.push_back(limits_[i] ? was : normal);
     }
   const double error = largest > 0 ? off / largest : 0;
@@ -91,8 +94,9 @@ bool FrictionLimits::take_in(const Collider& collider, const std::vector<Vec3>& 
   for (const Touch& touch : collider.touches())
     for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
       const Contact& contact = collider.contacts()[i];
-      const double share = touch.surface.compliance ? 1 : memory_.share;
-      const double change = contact.normal.dot(forces[i]) - normals_[i];
+      const double normal = contact.normal.dot(forces[i]), change = normal - normals_[i];
+      // What carries nothing has no friction.
+      const double share = touch.surface.compliance || normal <= 0 ? 1 : memory_.share;
       limits_[i] = forces[i] - (1 - share) * change * contact.normal;
       memory_.points.push_back({contact.shape_a, contact.shape_b, contact.position, *limits_[i]});
     }
