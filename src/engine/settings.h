@@ -109,8 +109,8 @@ struct OdeSettings {
   /// Speculative contacts: two shapes that approach by more than half the smaller of their smallest radii in
   /// a step get contacts before they touch. Off: such shapes penetrate or pass through each other.
   bool speculative = true;
-  /// world_step solves a step at most so many times, until the friction of pads is within 0.1 % of its limit;
-  /// 1: friction limits use the normal forces of the last step.
+  /// world_step solves a step at most so many times, until friction is within 0.1 % of its limit, of rigid
+  /// contacts within 1 %, or comes no nearer; 1: friction limits use the normal forces of the last step.
   int friction_passes = 3;
   std::optional<GuardLimits> guard;  ///< absent: steps are not checked
 };

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <vector>
 
 #include "engine/contact_scenes.h"
 
@@ -124,6 +125,42 @@ TEST_P(Friction, OfAShoeBrakeHasTheLimitOfItsOwnNormalForce) {
     EXPECT_NEAR(contact.normal_force(), normal, 0.01 * normal) << speed;
     EXPECT_NEAR(contact.friction_force().norm(), kMu * normal, 0.01 * kMu * normal) << speed;
   }
+}
+
+/// A box that stands on a post narrower than itself, with eight points on the post's rim.
+model::Model box_on_post() {
+  model::Model model = model::make_model();
+  model.groups = {{"all"}};
+  model.contact_rules = {{0, 0}};
+  model.materials = {test::material("rigid", kMu)};
+  model::Shape post = sized("post", ShapeKind::cylinder, 0.015, 0.2);
+  post.pose.p = Vec3(0, 0, -0.1);
+  model.shapes.push_back(post);
+  test::add_solid(model, sized("box", ShapeKind::box, 0, 0, Vec3(0.045, 0.045, 0.15)), 0.28,
+                  {Vec3(0, 0, 0.075), Quat::Identity()});
+  return model;
+}
+
+// Oracle: Coulomb's law: what presses with nothing has no friction, to 1 % of the largest limit. A box that
+// is pushed over the edge of its post stands on one or two points of the rim. With limits of the normal
+// forces without friction, points that carried nothing had as much friction as these.
+TEST_P(Friction, OfABoxThatTipsIsOnlyWhereItStands) {
+  const model::Model model = box_on_post();
+  const auto engine = make_engine(model, how(GetParam()));
+  test::run(*engine, 50);
+  const Vec3 push(0.7, 0.5, 0), at(0.01, -0.015, 0.05);  // N; from the centre, m
+  for (int i = 0; i < 90; ++i) {
+    const double share = std::min(i / 40.0, 1.0);
+    const std::vector<BodyForce> forces = {{1, share * push, share * at.cross(push)}};
+    engine->step({.forces = forces});
+    double most = 0, unpressed = 0;
+    for (const Contact& contact : engine->contacts()) {
+      most = std::max(most, kMu * contact.normal_force());
+      if (contact.normal_force() <= 0) unpressed = std::max(unpressed, contact.friction_force().norm());
+    }
+    EXPECT_LE(unpressed, 0.01 * most) << "step " << i;
+  }
+  EXPECT_GT(2 * std::acos(std::abs(engine->state().bodies[1].q.w())), 0.02) << "it has to tip";
 }
 
 /// Two pads on sliders that press a block between them; only friction carries the block.

@@ -78,7 +78,9 @@ void Contacts::join(const model::State& state, bool iterative) {
     for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
       known.share = collider_.shares()[i];
       known.pad = touch.surface.compliance.has_value();
-      if (friction_ && !iterative && known.pad) known.force = limits_.force(i) ? &*limits_.force(i) : nullptr;
+      if (friction_ && !iterative) {
+        known.force = limits_.force(i) ? &*limits_.force(i) : nullptr;
+      }
       add_contact(found[i], touch, known, state);
     }
   }
@@ -233,7 +235,8 @@ void Contacts::aim_friction(dContact& joint, const Contact& contact, const Known
   const Vec3 back =
       patch != nullptr ? Vec3(-kPullBack / step_ * patch->shift_at(contact.position)) : Vec3(Vec3::Zero());
   Vec3 change = sliding(contact, state) - back, friction = Vec3::Zero();
-  const bool by_force = known.force != nullptr;
+  // Rigid surfaces that slide do so along the row to rounding.
+  const bool by_force = known.force != nullptr && known.pad;
   if (by_force) {
     friction = *known.force - contact.normal.dot(*known.force) * contact.normal;
     change -= step_ / shared_mass(contact, state) * friction;

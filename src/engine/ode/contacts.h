@@ -42,12 +42,12 @@ class Contacts {
   /// What friction remembers from step to step.
   struct Memory {
     std::vector<Presliding> presliding;
-    std::vector<PointForce> forces;
+    FrictionLimits::Memory limits;
   };
-  Memory memory() const { return {memory_.pairs(), limits_.last()}; }
+  Memory memory() const { return {memory_.pairs(), limits_.memory()}; }
   void set_memory(const Memory& memory) {
     memory_.set(memory.presliding);
-    limits_.set(memory.forces);
+    limits_.set(memory.limits);
   }
   /// Length of the steps to come [s].
   void set_step(double step);

@@ -39,6 +39,9 @@ class Joints {
   void add_torques(std::span<const double> torques, const model::State& state) const;
   /// Sets the servo drives of the next step, size model.dof_count() or empty. They exist with actuation only.
   void set_servos(std::span<const model::Servo> servos) { servos_.set(servos); }
+  /// @param tau the servos' torques of the step before, or empty: see Servos::relax
+  void relax_servos(std::span<const double> tau) { servos_.relax(tau); }
+  bool servos_beyond_limits(std::span<const double> tau) const { return servos_.beyond_limits(tau); }
   /// Length of the steps to come [s].
   void set_step(double step);
   /// Softness of the stops in the steps to come.

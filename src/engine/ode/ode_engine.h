@@ -58,8 +58,8 @@ class OdeEngine final : public Engine {
   bool immovable_moved(const model::State& state) const;
   /// One step of ODE's, ending at `end`, of length `step`; the state is not read yet. @throws StepRefused
   StepReport plain_step(const StepInput& input, double end, double step, OdeMethod method);
-  void solve(double step, OdeMethod method, StepReport& report);
-  [[nodiscard]] bool solve_passes(double step, OdeMethod method, StepReport& report);
+  void solve(const StepInput& input, double step, OdeMethod method, StepReport& report);
+  [[nodiscard]] bool solve_passes(const StepInput& input, double step, OdeMethod method, StepReport& report);
   StepReport guarded_step(const StepInput& input, double end);
   std::optional<PhysicsFault> climb(Rung rung, const StepInput& input, double end, StepReport& report);
   std::optional<PhysicsFault> two_half_steps(const StepInput& input, double end, StepReport& report);

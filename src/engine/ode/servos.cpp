@@ -1,11 +1,17 @@
 #include "handsim/engine/ode/servos.h"
 
+#include <algorithm>
+#include <cmath>
+
 #include "handsim/engine/ode/joint_kinds.h"
 #include "handsim/engine/spring.h"
 
 namespace handsim::engine::ode {
 
 namespace {
+
+/// A torque below this share of its limit is taken to stay within it in the next solution. Chosen.
+constexpr double kWeakShare = 0.8;
 
 void set_parameter(dJointID motor, bool slider, int parameter, double value) {
   if (slider)
@@ -47,14 +53,30 @@ void Servos::soften(Row& row, const model::Servo& servo) const {
   row.damping = servo.damping;
 }
 
+void Servos::set_limit(Row& row, double limit) {
+  if (limit != row.set_limit) set_parameter(row.motor, row.slider, dParamFMax + row.group, limit);
+  row.set_limit = limit;
+}
+
+void Servos::relax(std::span<const double> tau) {
+  for (Row& row : rows_) {
+    const bool weak = !tau.empty() && std::abs(tau[row.dof]) < kWeakShare * row.limit;
+    set_limit(row, weak ? dInfinity : row.limit);
+  }
+}
+
+bool Servos::beyond_limits(std::span<const double> tau) const {
+  return std::any_of(rows_.begin(), rows_.end(), [&](const Row& row) {
+    return row.set_limit > row.limit && std::abs(tau[row.dof]) > row.limit;
+  });
+}
+
 void Servos::set(std::span<const model::Servo> servos) {
   if (servos.empty() && at_rest_) return;
   for (Row& row : rows_) {
     const model::Servo servo = servos.empty() ? model::Servo{} : servos[row.dof];
-    if (servo.limit != row.limit) {
-      set_parameter(row.motor, row.slider, dParamFMax + row.group, servo.limit);
-      row.limit = servo.limit;
-    }
+    row.limit = servo.limit;
+    set_limit(row, servo.limit);
     if (servo.limit == 0) continue;
     soften(row, servo);
     set_parameter(row.motor, row.slider, dParamVel + row.group,

@@ -22,6 +22,12 @@ class Servos {
   void add(dJointID motor, const model::Joint& joint);
   /// Sets the rows of the next step. @param servos size model.dof_count(), or empty: none acts.
   void set(std::span<const model::Servo> servos);
+  /// In the next solution rows whose torque is far below its limit have none, which the direct solver is
+  /// faster with. @param tau of the step before [N m] or [N], size model.dof_count(); empty: all have their
+  /// limits
+  void relax(std::span<const double> tau);
+  /// True if a torque is beyond its limit. @param tau of the last solution, the servos'
+  bool beyond_limits(std::span<const double> tau) const;
 
  private:
   /// One coordinate: its motor, and what the row was last told.
@@ -31,10 +37,12 @@ class Servos {
     std::size_t dof = 0;
     bool slider = false;
     double stiffness = 0, damping = 0, limit = 0;
+    double set_limit = 0;   ///< of the ODE row
     double pull = 0;        ///< speed asked per error [1/s]
     double compliance = 0;  ///< speed asked per torque of feed
   };
   void soften(Row& row, const model::Servo& servo) const;
+  static void set_limit(Row& row, double limit);
 
   double step_;
   std::vector<Row> rows_;

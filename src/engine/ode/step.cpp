@@ -75,11 +75,10 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
     drives_->set_velocities(input.drive_targets, targets_due_ - (end - step), step);
   try {
     prepare(input, report);
-    solve(step, method, report);
+    solve(input, step, method, report);
   } catch (const std::bad_alloc&) {
     throw OdeFault{kNoMemory, "out of memory"};
   }
-  joints_->read_torques(input.torques, tau_, tau_servo_);
   if (residual_is_due(report, step))
     report.residual = residual_.measure(state_, bodies_, step, contacts_.get());
   if (contacts_) {
@@ -90,7 +89,7 @@ StepReport OdeEngine::plain_step(const StepInput& input, double end, double step
 }
 
 /// With method auto by quick_step too where there is no memory for the direct solver.
-void OdeEngine::solve(double step, OdeMethod method, StepReport& report) {
+void OdeEngine::solve(const StepInput& input, double step, OdeMethod method, StepReport& report) {
   const bool choose = method == OdeMethod::automatic;
   if (choose)
     method =
@@ -98,7 +97,7 @@ void OdeEngine::solve(double step, OdeMethod method, StepReport& report) {
   for (;;) {
     report.iterative = method == OdeMethod::quick_step;
     if (contacts_) contacts_->recall(state_, report.iterative);
-    if (solve_passes(step, method, report)) return;
+    if (solve_passes(input, step, method, report)) return;
     if (contacts_) contacts_->release();
     if (!choose || report.iterative) throw StepRefused{no_memory(state_.time + step, report.iterative)};
     method = OdeMethod::quick_step;
@@ -106,12 +105,17 @@ void OdeEngine::solve(double step, OdeMethod method, StepReport& report) {
 }
 
 /// The direct solver's step is made again where its normal forces are not those that friction's limits are
-/// of.
+/// of, or where what had no limit passes it.
 /// @return false where ODE did not make the step
-bool OdeEngine::solve_passes(double step, OdeMethod method, StepReport& report) {
+bool OdeEngine::solve_passes(const StepInput& input, double step, OdeMethod method, StepReport& report) {
   const bool again = contacts_ != nullptr && !report.iterative && !contacts_->list().empty();
+  const int passes = again ? settings_.ode().friction_passes : 1;
   if (again) start_.take(bodies_, moving_);
   for (int pass = 1;; ++pass) {
+    // The last solution has all limits.
+    const bool relaxed = pass < passes;
+    joints_->relax_servos(relaxed && !input.servos.empty() ? (pass > 1 ? tau_servo_ : state_.tau_servo)
+                                                           : std::span<const double>());
     if (contacts_) {
       const Clock::time_point start = Clock::now();
       contacts_->join(state_, report.iterative);
@@ -121,8 +125,12 @@ bool OdeEngine::solve_passes(double step, OdeMethod method, StepReport& report) 
     if (!advance(step, method)) return false;
     report.lcp_failures = lcp_failures() - failures;
     report.passes = pass;
+    joints_->read_torques(input.torques, tau_, tau_servo_);
     if (contacts_) contacts_->read_forces();
-    if (!again || !contacts_->revise_limits() || pass >= settings_.ode().friction_passes) return true;
+    if (!again) return true;
+    const bool revised = contacts_->revise_limits();
+    const bool wrong = revised || report.lcp_failures > 0 || joints_->servos_beyond_limits(tau_servo_);
+    if (pass >= passes || !wrong) return true;
     contacts_->release();
     start_.put_back(bodies_, moving_);
   }
