@@ -11,6 +11,7 @@
 #include "handsim/control/plan.h"
 #include "handsim/core/archive.h"
 #include "handsim/model/actuation.h"
+#include "handsim/model/newton_euler.h"
 #include "handsim/model/state.h"
 
 namespace handsim::control {
@@ -54,6 +55,7 @@ class Controller {
     std::size_t target = 0;       ///< in targets_, by hand and column
     double tissue_stiffness = 0;  ///< fed forward; 0 without compensation [N m/rad]
     double tissue_rest = 0;       ///< [rad]
+    double tissue_damping = 0;    ///< fed forward with the target's rate [N m s/rad]
     double smoothing = 1;         ///< weight of the new rate in the filtered one
     double zone = 0;              ///< of the integral [rad]; infinity for none
   };
@@ -77,6 +79,13 @@ class Controller {
   void restore(ArchiveReader& in);
 
  private:
+  /// Inverse dynamics along the targets.
+  struct FeedForward {
+    model::NewtonEuler dynamics;
+    std::vector<double> rates, accelerations;  ///< of targets_
+    std::vector<double> q, u, change;          ///< by coordinate of the model
+    std::span<const double> torques;           ///< by coordinate
+  };
   struct Memory {
     std::vector<double> integral;       ///< torque of the integral, by axis [N m]
     std::vector<double> filtered_rate;  ///< low-passed rate, by axis [rad/s]
@@ -85,6 +94,7 @@ class Controller {
   static void carry(Archive& archive, Self& self);
   void update_targets(double time);
   double offset_torque(std::size_t axis, double target);
+  void update_feed(const model::State& state);
   void command_torques();
   void command_servos();
   void measure(const model::State& state);
@@ -97,6 +107,7 @@ class Controller {
   std::vector<double> given_;              ///< by axis; empty: targets of the trajectories
   std::optional<GravityLoad> gravity_;
   std::span<const double> gravity_torques_;  ///< feed-forward; empty without compensation
+  std::optional<FeedForward> feed_;
   std::vector<AxisState> axes_;
   std::vector<double> torques_;
   std::vector<model::Servo> servos_;

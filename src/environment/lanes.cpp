@@ -41,7 +41,9 @@ void describe(const control::Controller& controller, articulated::LaneControlPla
 Lanes::Lanes(const Environment& like)
     : group_(articulated::LaneGroup::make(like.simulation().engine())), step_(like.scene().spec.solver.step) {
   const control::Controller* controller = like.simulation().controller();
-  if (controller && controller->plan().form != control::Form::implicit_gain) group_.reset();
+  if (controller &&
+      (controller->plan().form != control::Form::implicit_gain || controller->plan().feed_forward))
+    group_.reset();
 }
 
 bool Lanes::takes(Environment& environment, const Action& action) const {
