@@ -381,6 +381,10 @@ def environments():
         return found[key][counter]
     rows = [["steps of one hand with stops, tissue and control of all joints, one core",
              f"{1e-6 * of('batch_steps/smooth', 'hand_steps_per_s'):.2f} million a second"],
+            ["the same with self-contact tested and none touching",
+             f"{1e-6 * of('batch_steps/self_contact', 'hand_steps_per_s'):.2f} million a second"],
+            ["the first two in lanes, compared with one by one",
+             f"{1 / of('batch_in_lanes/smooth', 'ratio'):.2f} and {1 / of('batch_in_lanes/self_contact', 'ratio'):.2f} times as fast"],
             ["the same hand holding a mug", f"{of('batch_steps/mug', 'hand_steps_per_s'):,.0f} a second, "
                                             f"{of('batch_steps/mug', 'contacts'):.0f} contacts"],
             ["a batch of one, compared with its bare engine",
@@ -389,7 +393,7 @@ def environments():
             ["two threads, compared with one", f"{of('two_threads', 'times_as_fast'):.2f} times as fast"],
             ["`reset()` of a hand, of a grasp, of a grasp with mass and friction drawn",
              ", ".join(f"{number(of(f'reset/{key}'))}" for key in ("every_pose", "grasp_pinch", "grasp_pinch_drawn")) + " µs"],
-            ["memory of an environment: two hands, a pinch, a mug",
+            ["memory of an environment of a batch after 300 steps: two hands, a pinch, a mug",
              ", ".join(f"{of(f'memory/{key}', 'kB'):.0f}" for key in ("every_pose", "grasp_pinch", "grasp_cup")) + " kB"]]
     return table(["what", "measured"], rows)
 

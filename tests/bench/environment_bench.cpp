@@ -62,7 +62,23 @@ void batch_steps(benchmark::State& state, const char* name, std::vector<std::str
   state.counters["contacts"] = contacts / kSize;
 }
 BENCHMARK_CAPTURE(batch_steps, smooth, "every_pose", std::vector<std::string>{}, 100);
+const std::vector<std::string> kSelfContact = {
+    "effects=[gravity, joint_stops, passive_tissue, actuation, self_contact]"};
+BENCHMARK_CAPTURE(batch_steps, self_contact, "every_pose", kSelfContact, 100);
 BENCHMARK_CAPTURE(batch_steps, mug, "grasp_cup", std::vector<std::string>{}, 2500);
+
+/// Lanes that environments share against lanes of each environment's own.
+void batch_in_lanes(benchmark::State& state, std::vector<std::string> overrides) {
+  overrides.insert(overrides.begin(), kArticulated.begin(), kArticulated.end());
+  const scene::Scene scene = test::shipped_scene("every_pose", overrides);
+  constexpr int kSubsteps = 10;
+  Batch alone(scene, 64, {.threads = 1, .lanes = false}), together(scene, 64, {.threads = 1});
+  compare(
+      state, 64 * kSubsteps, [] {}, [&] { alone.step({}, kSubsteps); },
+      [&] { together.step({}, kSubsteps); });
+}
+BENCHMARK_CAPTURE(batch_in_lanes, smooth, std::vector<std::string>{})->UseManualTime();
+BENCHMARK_CAPTURE(batch_in_lanes, self_contact, kSelfContact)->UseManualTime();
 
 /// Two threads against one, by the wall clock.
 void two_threads(benchmark::State& state) {
@@ -103,14 +119,13 @@ BENCHMARK_CAPTURE(reset, every_pose, "every_pose", false)->Unit(benchmark::kMicr
 BENCHMARK_CAPTURE(reset, grasp_pinch, "grasp_pinch", false)->Unit(benchmark::kMicrosecond);
 BENCHMARK_CAPTURE(reset, grasp_pinch_drawn, "grasp_pinch", true)->Unit(benchmark::kMicrosecond);
 
-/// Memory that an environment holds; `kB` of each.
+/// Memory that an environment of a batch holds after some steps; `kB` of each.
 void memory(benchmark::State& state, const char* name) {
   const scene::Scene scene = test::shipped_scene(name, kArticulated);
   constexpr int kCount = 64;
   const std::size_t before = mallinfo2().uordblks;
-  std::vector<Environment> environments;
-  environments.reserve(kCount);
-  for (int i = 0; i < kCount; ++i) environments.emplace_back(scene);
+  Batch batch(scene, kCount, {.threads = 1});
+  batch.step({}, 300);
   const std::size_t after = mallinfo2().uordblks;
   for (auto unused : state) (void)unused;
   state.counters["kB"] = 1e-3 * static_cast<double>(after - before) / kCount;
