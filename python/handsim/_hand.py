@@ -50,7 +50,7 @@ class Hand:
                 "wrist": {"mount": "fixed", "position": [0, 0, 0.2]}}
         try:
             self.scene: Scene = load({
-                "title": f"{side} hand", "hands": [hand], "pictures": {"view": "dorsal"},
+                "title": f"{side} hand", "hands": [hand], "duration": "1 s", "pictures": {"view": "dorsal"},
                 "effects": ["gravity", "joint_stops", "passive_tissue"]})
         except Error as error:
             raise _of_arguments(error) from None

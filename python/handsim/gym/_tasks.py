@@ -158,30 +158,31 @@ class Reach(Task):
         return {"targets": self._targets}
 
     def _distance(self, batch: Batch) -> Array:
-        return self._goal - batch.q[:, self._coordinates]
+        return np.asarray(self._goal - batch.q[:, self._coordinates])
 
     def observation(self, batch: Batch) -> Array:
-        return np.hstack([batch.observation, self._targets, self._distance(batch)])
+        return np.asarray(np.hstack([batch.observation, self._targets, self._distance(batch)]))
 
     def reward(self, batch: Batch, action: Array) -> Array:
-        return np.where(self.terminated(batch), self.bonus, 0) - np.abs(self._distance(batch)).mean(axis=1)
+        distance = np.abs(self._distance(batch)).mean(axis=1)
+        return np.asarray(np.where(self.terminated(batch), self.bonus, 0) - distance)
 
     def terminated(self, batch: Batch) -> Mask:
         return np.asarray(np.abs(self._distance(batch)).max(axis=1) < self.near)
 
 
 class _InHand(Task):
-    """An object in a hand: targets about those angles that the joints have at the start."""
+    """An object in a hand; an action moves the targets about those of `_middle`."""
 
     observe = ("q", "u", "objects")
     span = 0.6
-    """Distance of a target from its angle at the start by an action of 1 [rad]."""
+    """Change of a target by an action of 1 [rad]."""
 
     def _prepare(self, simulation: Simulation) -> None:
         self._motion = simulation.motion()
         self._coordinates = self.scene.axis_coordinates
         self._low, self._high = self.scene.limits[self._coordinates].T
-        self._start_angles = simulation.q[self._coordinates].copy()
+        self._middle = simulation.q[self._coordinates].copy()
         self._start_place = simulation.bodies.position[self.scene.bodies.index(self.scene.objects[0])].copy()
         self.actions = len(self._coordinates)
 
@@ -189,11 +190,11 @@ class _InHand(Task):
         return self._motion
 
     def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
-        return {"targets": np.clip(self._start_angles + self.span * action, self._low, self._high)}
+        return {"targets": np.clip(self._middle + self.span * action, self._low, self._high)}
 
     def _shift(self, batch: Batch) -> Array:
         """Of the object's centre from its place at the start [m], shape (n, 3)."""
-        return batch["objects"][:, :3] - self._start_place
+        return np.asarray(batch["objects"][:, :3] - self._start_place)
 
     def observation(self, batch: Batch) -> Array:
         out = batch.observation.copy()
@@ -205,10 +206,10 @@ class _InHand(Task):
 class Hold(_InHand):
     """The hand holds a soup can while random forces pull at it.
 
-    An episode begins with the can lifted in a closed hand whose joints only hold their angles: without squeezing, the
-    can falls. Observation: q, u, and of the can its shift from the start [m], quaternion, velocity and angular velocity.
-    Action: target of each joint, 1 is 0.6 rad from its angle at the start. Each 0.1 s a new force of random direction
-    pulls at the can, up to ``disturbance`` of its weight. Reward of a step (20 ms): 1 minus the can's shift over 50 mm,
+    An episode begins with the can lifted in a closed hand, which an action of 0 opens by 0.3 rad in each flexion: the can
+    falls. Observation: q, u, and of the can its shift from the start [m], quaternion, velocity and angular velocity.
+    Action: target of each joint, 1 is 0.6 rad more flexion or abduction. Each 0.1 s a new force of random direction pulls
+    at the can, up to ``disturbance`` times its weight. Reward of a step (20 ms): 1 minus the can's shift over 50 mm,
     minus 0.05 times the mean square of the action. An episode is terminated when the can has moved by 50 mm, truncated
     after 100 steps.
     """
@@ -217,16 +218,19 @@ class Hold(_InHand):
     max_steps = 100
     dropped = 0.05
     """Shift at which the can is dropped [m]."""
+    opened = 0.3
+    """Extension of an action of 0 [rad]."""
     force_steps = 5
 
-    def __init__(self, *, disturbance: float = 0.5) -> None:
+    def __init__(self, *, disturbance: float = 1) -> None:
         self.scene = load("grasp_power_can", {
             "title": "a hand holds a can", "grasps.0.hold": "1000 s", "solver.step": "2 ms", "pictures.size": [480, 480],
-            "pictures.camera": {"position": [0.35, -0.35, 0.85], "target": [-0.02, 0.05, 0.58],
-                                "field_of_view": "28 deg"}}, engine="articulated")
+            "pictures.camera": {"position": [-0.4, 0.35, 0.75], "target": [-0.02, 0.06, 0.59],
+                                "field_of_view": "24 deg"}}, engine="articulated")
         simulation = Simulation(self.scene)
         simulation.step(substeps=round(2.0 / self.scene.step))
         self._prepare(simulation)
+        self._middle -= self.opened * np.array([name.endswith("flexion") for name in self.scene.axes])
         self._body = self.scene.objects[0]
         weight = 9.80665 * self.scene.masses[self.scene.bodies.index(self._body)]
         self._largest = disturbance * weight
@@ -242,7 +246,7 @@ class Hold(_InHand):
 
     def reward(self, batch: Batch, action: Array) -> Array:
         shift = np.linalg.norm(self._shift(batch), axis=1)
-        return 1 - np.minimum(1, shift / self.dropped) - 0.05 * np.square(action).mean(axis=1)
+        return np.asarray(1 - np.minimum(1, shift / self.dropped) - 0.05 * np.square(action).mean(axis=1))
 
     def terminated(self, batch: Batch) -> Mask:
         return np.asarray(np.linalg.norm(self._shift(batch), axis=1) > self.dropped)
@@ -251,40 +255,42 @@ class Hold(_InHand):
 class Turn(_InHand):
     """The hand turns a ball that lies in it.
 
-    The palm is up; the ball (a tennis ball) lies in the cupped fingers. Observation: q, u, and of the ball its shift from
-    the start [m], quaternion, velocity and angular velocity. Action: target of each joint, 1 is 0.4 rad from its angle at
-    the start. Reward of a step (20 ms): the angle that the ball turns about the vertical, counterclockwise from above
-    [rad], minus 0.002 times the mean square of the action. An episode is terminated when the ball has moved by 60 mm,
-    with 5 less of reward; truncated after 200 steps.
+    The palm is up, its fingers lower than its wrist; a tennis ball lies in the bent fingers. Observation: q, u, and of the
+    ball its shift from the start [m], quaternion, velocity and angular velocity. Action: target of each joint, 1 is 0.4 rad
+    from its target at the start. Reward of a step (20 ms): the angle that the ball turns about the vertical,
+    counterclockwise from above [rad], minus 0.002 times the mean square of the action. An episode is terminated when the
+    ball has moved by 60 mm, with 5 less of reward; truncated after 200 steps.
     """
 
     max_steps = 200
     span = 0.4
     lost = 0.06
     """Shift at which the ball is lost [m]."""
+    bent = {"thumb_mcp": 0.3, "thumb_ip": 0.4, "mcp": 0.9, "pip": 0.8, "dip": 0.4}
+    """Flexion of thumb and fingers at the start [rad]."""
 
     def __init__(self) -> None:
-        data = data_path()
+        ball = {"name": "ball", "file": str(data_path() / "config/objects/tennis_ball.yaml"),
+                "position": [0, 0.11, 0.23]}
+        # Half a turn about an axis 17.5 degrees from the forearm: the palm is up, the fingers are 35 degrees down.
         self.scene = load(_controlled_hand(
-            "a hand turns a ball", {"axis": [0, 1, 0], "angle": "180 deg"},
-            objects=[{"name": "ball", "file": str(data / "config/objects/tennis_ball.yaml"),
-                      "position": [0.0, 0.1, 0.26]}],
+            "a hand turns a ball", {"axis": [0, 0.9537, -0.3007], "angle": "180 deg"}, objects=[ball],
             effects=["gravity", "object_contact", "friction", "joint_stops", "passive_tissue", "actuation"],
-            pictures={"size": [480, 480], "camera": {"position": [0.1, 0.45, 0.5], "target": [0, 0.09, 0.21],
-                                                     "field_of_view": "26 deg"}}))
-        cup = np.zeros(len(self.scene.axes))
-        for k, name in enumerate(self.scene.axes):
-            finger, _, axis = name.split(".")[1].partition("_")[0], None, name.split(".")[2]
-            if axis == "flexion":
-                cup[k] = 0.35 if finger == "thumb" else 0.5
+            pictures={"size": [480, 480], "camera": {"position": [-0.15, 0.55, 0.5], "target": [0, 0.1, 0.18],
+                                                     "field_of_view": "22 deg"}}))
+        targets = np.array([self._angle(name) for name in self.scene.axes])
         simulation = Simulation(self.scene)
-        simulation.step(targets=cup, substeps=round(1.0 / self.scene.step))
+        simulation.step(targets=targets, substeps=round(1.0 / self.scene.step))
         self._prepare(simulation)
-        self._start_angles = cup
+        self._middle = targets
+
+    def _angle(self, axis: str) -> float:
+        _, joint, kind = axis.split(".")
+        return self.bent.get(joint, self.bent.get(joint.partition("_")[2], 0)) if kind == "flexion" else 0
 
     def reward(self, batch: Batch, action: Array) -> Array:
         turned = batch["objects"][:, 12] * self.scene.step * self.substeps
-        return turned - 0.002 * np.square(action).mean(axis=1) - 5.0 * self.terminated(batch)
+        return np.asarray(turned - 0.002 * np.square(action).mean(axis=1) - 5.0 * self.terminated(batch))
 
     def terminated(self, batch: Batch) -> Mask:
         return np.asarray(np.linalg.norm(self._shift(batch), axis=1) > self.lost)
