@@ -20,7 +20,7 @@ Randomise = Optional[Mapping[str, Sequence[Any]]]
 def _drawn(randomise: Randomise) -> list[tuple[str, str, float, float]]:
     out = []
     for name, spec in (randomise or {}).items():
-        if len(spec) != 3 or not isinstance(spec[0], str):
+        if not isinstance(spec, (tuple, list)) or len(spec) != 3 or not isinstance(spec[0], str):
             raise input_error(f"randomise.{name}", repr(spec), '("uniform", low, high), ("log_uniform", low, high) or '
                               '("normal", mean, deviation)')
         out.append((name, spec[0], float(spec[1]), float(spec[2])))

@@ -16,7 +16,7 @@ MOST_ROWS = 40
 
 def text_of(value: object) -> str:
     if isinstance(value, (float, np.floating)):
-        return f"{value:.4g}"
+        return "" if np.isnan(value) else f"{value:.4g}"
     if isinstance(value, np.ndarray):
         return ", ".join(text_of(each) for each in value.tolist())
     return "" if value is None else str(value)
