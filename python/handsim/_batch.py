@@ -91,7 +91,8 @@ class Batch:
         """Steps all environments that have not failed, on all cores; the action holds for all substeps.
 
         Arrays as in `Simulation.step` with a row for each environment: torques (n, coordinates), targets (n, axes),
-        wrists (n, wrists, 7), forces by body name (n, 3) or (n, 6). float64 in C order is not copied.
+        wrists (n, wrists, 7), forces by body name (n, 3) or (n, 6). float64 in C order is not copied. Ctrl-C ends the
+        call; the environments are then at different times until their reset.
 
         :raises Error: of kind input for another shape or dtype, or numbers that are not finite. A motion that diverges
             does not raise: see `failed`.

@@ -20,7 +20,8 @@ std::filesystem::path beside_this() {
 
 std::filesystem::path data_folder() {
   std::error_code none;
-  if (const std::filesystem::path own = beside_this(); std::filesystem::is_directory(own / "handmodels", none))
+  if (const std::filesystem::path own = beside_this();
+      std::filesystem::is_directory(own / "handmodels", none))
     return own;
   for (const char* folder : {HANDSIM_INSTALLED_DATA, HANDSIM_SOURCE_DATA}) {
     std::error_code failure;

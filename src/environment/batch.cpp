@@ -58,7 +58,8 @@ struct Batch::Impl {
     observe(i);
   }
 
-  void reset(std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask, const Moment* moment) {
+  void reset(std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask,
+             const Moment* moment) {
     const auto require = [&](const char* what, std::size_t count) {
       if (count != 0 && count != environments.size())
         throw input_error(what, fmt::format("{}", count),

@@ -1,7 +1,8 @@
 #include "handsim/environment/batch.h"
 
-#include <chrono>
+#include <algorithm>
 #include <mutex>
+#include <thread>
 
 #include "handsim/core/index.h"
 #include "handsim/environment/draws.h"
@@ -18,11 +19,12 @@ namespace {
 using environment::Batch;
 using Drawn = std::tuple<std::string, std::string, double, double>;
 
-/// A step of a batch is cut into parts of about this time, between which Python's signal handlers run [s].
-constexpr double kPart = 0.1;
+/// A longer step of a batch is cut into parts of so many substeps. Each environment's step ends with a chance
+/// for Python's signal handlers; shorter parts would take the environments through the cache too often.
+constexpr int kMostSubsteps = 500;
 
-environment::BatchSetup setup_of(std::vector<std::string> observe, const std::vector<Drawn>& randomise, int threads,
-                                 bool watch) {
+environment::BatchSetup setup_of(std::vector<std::string> observe, const std::vector<Drawn>& randomise,
+                                 int threads, bool watch) {
   environment::BatchSetup out;
   out.environment.observe = std::move(observe);
   for (const auto& [name, kind, a, b] : randomise) {
@@ -47,7 +49,12 @@ class BatchHandle {
               const std::vector<Drawn>& randomise, std::uint64_t seed, int threads, bool watch)
       : scene_(of.scene),
         batch_(without_gil([&] {
-          return Batch(*of.scene, size, setup_of(std::move(observe), randomise, threads, watch));
+          environment::BatchSetup setup = setup_of(std::move(observe), randomise, threads, watch);
+          setup.done = [this](const environment::Environment&) {
+            poll();
+            return false;
+          };
+          return Batch(*of.scene, size, std::move(setup));
         })),
         seed_(seed),
         episodes_(size) {}
@@ -57,16 +64,31 @@ class BatchHandle {
     const auto rows = static_cast<py::ssize_t>(batch_.size());
     const auto& simulation = batch_[0].simulation();
     const auto dofs = static_cast<py::ssize_t>(simulation.state().q.size());
-    const auto axes = static_cast<py::ssize_t>(simulation.controller() ? simulation.controller()->axes().size() : 0);
+    const auto axes =
+        static_cast<py::ssize_t>(simulation.controller() ? simulation.controller()->axes().size() : 0);
     const auto drives = static_cast<py::ssize_t>(simulation.model().drives.size());
     const Numbers torque(torques, {rows, dofs}, "torques");
     const Numbers target(targets, {rows, axes}, "targets");
     const std::vector<Pose> poses = poses_of(Numbers(wrists, {rows, drives, 7}, "wrists"));
     std::vector<std::vector<engine::BodyForce>> force;
     read_forces(forces, simulation.model(), batch_.size(), force);
-    const environment::BatchAction action{
-        .torques = torque.span(), .angles = target.span(), .wrists = poses, .wrist_rates = {}, .forces = force};
+    const environment::BatchAction action{.torques = torque.span(),
+                                          .angles = target.span(),
+                                          .wrists = poses,
+                                          .wrist_rates = {},
+                                          .forces = force};
     guarded([&] { step_in_parts(action, substeps); });
+  }
+
+  /// `count` steps in one call, for benchmarks: the loop of a C++ program.
+  void repeat(const py::object& torques, int substeps, int count) {
+    const auto dofs = static_cast<py::ssize_t>(batch_[0].simulation().state().q.size());
+    const Numbers torque(torques, {static_cast<py::ssize_t>(batch_.size()), dofs}, "torques");
+    environment::BatchAction action;
+    action.torques = torque.span();
+    guarded([&] {
+      for (int i = 0; i < count; ++i) batch_.step(action, substeps);
+    });
   }
 
   /// @param seeds one for each environment, or None: those of this batch's own seed.
@@ -128,16 +150,24 @@ class BatchHandle {
   /// The action holds for all substeps, so that parts give the same bits; wrists move over the whole call.
   void step_in_parts(const environment::BatchAction& action, int substeps) {
     Signals signals;
-    if (substeps < 1 || !action.wrists.empty()) return batch_.step(action, substeps);
-    for (int left = substeps; left > 0;) {
-      const int most = substep_time_ > 0 ? static_cast<int>(std::min(1e6, kPart / substep_time_)) : 1;
-      const int part = std::clamp(most, 1, left);
-      const auto start = std::chrono::steady_clock::now();
-      batch_.step(action, part);
-      substep_time_ = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() / part;
-      left -= part;
-      if (left > 0) signals.poll(0);
-    }
+    polled_ = &signals;
+    caller_ = std::this_thread::get_id();
+    struct End {
+      BatchHandle& of;
+      ~End() { of.polled_ = nullptr; }
+    } const end{*this};
+    if (!action.wrists.empty()) return batch_.step(action, substeps);
+    int left = substeps;
+    do {
+      batch_.step(action, std::min(left, kMostSubsteps));
+      left -= kMostSubsteps;
+    } while (left > 0);
+  }
+
+  /// Called after each environment's step, by all threads. @throws Interrupted, which ends the step of the
+  /// batch
+  void poll() {
+    if (polled_ != nullptr && std::this_thread::get_id() == caller_) polled_->poll(0);
   }
 
   std::vector<std::uint64_t> next_seeds(const std::vector<unsigned char>& mask) {
@@ -154,7 +184,8 @@ class BatchHandle {
     const auto seeds = py::array_t<std::uint64_t, py::array::c_style | py::array::forcecast>::ensure(of);
     if (!seeds || seeds.ndim() != 1 || seeds.shape(0) != rows) {
       PyErr_Clear();
-      throw input_error("seeds", seeds ? described(seeds) : "no array", shape_text({rows}) + ", dtype uint64");
+      throw input_error("seeds", seeds ? described(seeds) : "no array",
+                        shape_text({rows}) + ", dtype uint64");
     }
     return {seeds.data(), seeds.data() + seeds.size()};
   }
@@ -163,7 +194,8 @@ class BatchHandle {
   Batch batch_;
   std::uint64_t seed_;
   std::vector<std::uint64_t> episodes_;  ///< resets of each environment
-  double substep_time_ = 0;              ///< of the last part [s]
+  Signals* polled_ = nullptr;            ///< during a step
+  std::thread::id caller_;
   std::mutex mutex_;
 };
 
@@ -210,21 +242,25 @@ void bind_batch(py::module_& module) {
            py::arg("threads"), py::arg("watch"))
       .def("step", &Self::step, py::arg("torques"), py::arg("targets"), py::arg("wrists"), py::arg("forces"),
            py::arg("substeps"))
+      .def("repeat", &Self::repeat, py::arg("torques"), py::arg("substeps"), py::arg("count"))
       .def("reset", &Self::reset, py::arg("mask"), py::arg("seeds"), py::arg("motion"))
       .def("seed", &Self::seed, py::arg("seed"))
       .def("set", &Self::set, py::arg("name"), py::arg("values"))
       .def("get", &Self::get, py::arg("name"))
       .def("parts", &parts)
       .def("failure", &failure, py::arg("environment"))
-      .def("motion", [](const Self& self, std::size_t i) { return Motion{self.at_index(i).moment()}; },
-           py::arg("environment"))
-      .def("frame",
-           [](const Self& self, std::size_t i) {
-             return Frame{simulation::moment_of(self.at_index(i).simulation().engine())};
-           },
-           py::arg("environment"))
+      .def(
+          "motion", [](const Self& self, std::size_t i) { return Motion{self.at_index(i).moment()}; },
+          py::arg("environment"))
+      .def(
+          "frame",
+          [](const Self& self, std::size_t i) {
+            return Frame{simulation::moment_of(self.at_index(i).simulation().engine())};
+          },
+          py::arg("environment"))
       .def("observations", [](const py::object& self) { return observations(self); })
-      .def("done", [](const py::object& self) { return flags(self, self.cast<const Self&>().batch().done()); })
+      .def("done",
+           [](const py::object& self) { return flags(self, self.cast<const Self&>().batch().done()); })
       .def("failed",
            [](const py::object& self) { return flags(self, self.cast<const Self&>().batch().failed()); });
 }

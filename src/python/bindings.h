@@ -1,5 +1,5 @@
-// The Python module handsim._core: thin bindings of the library. The package in python/handsim/ has the public
-// classes with their documentation; nothing here is public.
+// The Python module handsim._core: thin bindings of the library. The package in python/handsim/ has the
+// public classes with their documentation; nothing here is public.
 #pragma once
 
 #include <memory>

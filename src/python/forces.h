@@ -17,9 +17,9 @@ std::vector<Pose> poses_of(const Numbers& numbers);
 /// The pose at a share 0..1 of the way from one to another, at constant velocity.
 Pose between(const Pose& from, const Pose& to, double share);
 
-/// Forces by name of the body or the object: each three numbers [N], or six with the moment [N m]; world axes, at the
-/// centre of mass. @param size environments, whose rows the arrays have; 0: no rows, for a simulation. @param
-/// out a list for each environment; empty without forces.
+/// Forces by name of the body or the object: each three numbers [N], or six with the moment [N m]; world
+/// axes, at the centre of mass. @param size environments, whose rows the arrays have; 0: no rows, for a
+/// simulation. @param out a list for each environment; empty without forces.
 void read_forces(const py::object& forces, const model::Model& model, std::size_t size,
                  std::vector<std::vector<engine::BodyForce>>& out);
 

@@ -16,7 +16,8 @@ void append(Column& out, const Vec3& v) { out.insert(out.end(), {v.x(), v.y(), v
 
 std::string part_name(const std::string& body) { return body.substr(body.find('.') + 1); }
 
-/// Bodies of the scene's first hand in its hand frame: palm, then segments. The palm's length is that of its box.
+/// Bodies of the scene's first hand in its hand frame: palm, then segments. The palm's length is that of its
+/// box.
 py::dict segments(const SceneHandle& of) {
   const model::Model& model = of.scene->model;
   const model::HandIndex& hand = model.hands.front();

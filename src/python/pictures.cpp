@@ -1,5 +1,5 @@
-#include "handsim/output/render/contact_sheet.h"
 #include "handsim/core/index.h"
+#include "handsim/output/render/contact_sheet.h"
 #include "handsim/python/bindings.h"
 #include "handsim/python/frame.h"
 #include "handsim/python/signals.h"

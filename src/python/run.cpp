@@ -150,7 +150,8 @@ py::dict run_to_folder(const SceneHandle& of, const std::filesystem::path& folde
 }  // namespace
 
 void bind_run(py::module_& module) {
-  module.def("run", &run_scene, py::arg("scene"), py::arg("frames"), py::arg("stop_lost"), py::arg("progress"));
+  module.def("run", &run_scene, py::arg("scene"), py::arg("frames"), py::arg("stop_lost"),
+             py::arg("progress"));
   module.def("run_to_folder", &run_to_folder, py::arg("scene"), py::arg("folder"), py::arg("frames"),
              py::arg("poses"), py::arg("plots"), py::arg("stop_lost"), py::arg("progress"));
 }

@@ -14,13 +14,13 @@ namespace handsim::python {
 namespace {
 
 SceneHandle load(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
-  return without_gil([&] {
-    return SceneHandle{std::make_shared<const scene::Scene>(scene::load_scene(path, overrides))};
-  });
+  return without_gil(
+      [&] { return SceneHandle{std::make_shared<const scene::Scene>(scene::load_scene(path, overrides))}; });
 }
 
 /// @param name of the text in messages; references in it start from its folder.
-SceneHandle parse(const std::string& text, const std::string& name, const std::vector<std::string>& overrides) {
+SceneHandle parse(const std::string& text, const std::string& name,
+                  const std::vector<std::string>& overrides) {
   return without_gil([&] {
     YamlNode root = parse_yaml(text, name);
     for (const std::string& each : overrides) apply_override(root, each);
@@ -113,12 +113,10 @@ void bind_scene(py::module_& module) {
       .def("bodies", [](const SceneHandle& of) { return names(of.scene->model.bodies); })
       .def("hands", [](const SceneHandle& of) { return names(of.scene->model.hands); })
       .def("coordinates", [](const SceneHandle& of) { return output::coordinate_names(of.scene->model); })
-      .def("to_mjcf", [](const SceneHandle& of) {
-        return output::to_mjcf(of.scene->model, of.scene->spec.solver);
-      })
-      .def("to_urdf", [](const SceneHandle& of) {
-        return output::to_urdf(of.scene->model, of.scene->spec.solver);
-      });
+      .def("to_mjcf",
+           [](const SceneHandle& of) { return output::to_mjcf(of.scene->model, of.scene->spec.solver); })
+      .def("to_urdf",
+           [](const SceneHandle& of) { return output::to_urdf(of.scene->model, of.scene->spec.solver); });
   bound.def_property_readonly("title", [](const SceneHandle& of) { return of.scene->spec.title; })
       .def_property_readonly("duration", [](const SceneHandle& of) { return of.scene->spec.duration; })
       .def_property_readonly("step", [](const SceneHandle& of) { return of.scene->spec.solver.step; })
@@ -128,11 +126,10 @@ void bind_scene(py::module_& module) {
           "method", [](const SceneHandle& of) { return std::string(name(of.scene->spec.solver.method())); })
       .def_property_readonly("engine_choice",
                              [](const SceneHandle& of) { return of.scene->spec.engine_choice; })
-      .def_property_readonly("record_every", [](const SceneHandle& of) { return of.scene->spec.record_every; })
-      .def_property_readonly("has_contact",
-                             [](const SceneHandle& of) {
-                               return of.scene->spec.solver.effects.any_contact();
-                             })
+      .def_property_readonly("record_every",
+                             [](const SceneHandle& of) { return of.scene->spec.record_every; })
+      .def_property_readonly(
+          "has_contact", [](const SceneHandle& of) { return of.scene->spec.solver.effects.any_contact(); })
       .def_property_readonly("warnings", [](const SceneHandle& of) { return of.scene->warnings; });
 }
 

@@ -26,8 +26,9 @@ ScenePtr with_forces(const SceneHandle& of, bool contact_forces) {
 class SimulationHandle {
  public:
   SimulationHandle(const SceneHandle& of, bool watch, bool contact_forces)
-      : simulation_(with_forces(of, contact_forces),
-                    watch ? simulation::MakeWatchers(simulation::standard_watchers) : simulation::no_watchers) {
+      : simulation_(
+            with_forces(of, contact_forces),
+            watch ? simulation::MakeWatchers(simulation::standard_watchers) : simulation::no_watchers) {
     const std::size_t dofs = simulation_.state().q.size();
     for (std::vector<double>* each : {&q, &u, &tau}) each->resize(dofs);
     publish();
@@ -169,10 +170,9 @@ void bind_states(py::module_& module) {
   using simulation::RunSnapshot;
   py::class_<RunSnapshot>(module, "Snapshot")
       .def_property_readonly("time", [](const RunSnapshot& of) { return of.time; })
-      .def(py::pickle([](const RunSnapshot& of) { return py::bytes(simulation::snapshot_text(of)); },
-                      [](const py::bytes& text) {
-                        return simulation::parse_snapshot(std::string(text), "snapshot");
-                      }));
+      .def(py::pickle(
+          [](const RunSnapshot& of) { return py::bytes(simulation::snapshot_text(of)); },
+          [](const py::bytes& text) { return simulation::parse_snapshot(std::string(text), "snapshot"); }));
   py::class_<Motion>(module, "Motion").def_property_readonly("time", [](const Motion& of) {
     return of.motion.time();
   });
@@ -184,8 +184,9 @@ void bind_simulation(py::module_& module) {
   using Self = SimulationHandle;
   bind_states(module);
   py::class_<Self> bound(module, "Simulation");
-  bound.def(py::init<const SceneHandle&, bool, bool>(), py::arg("scene"), py::arg("watch"),
-            py::arg("contact_forces"))
+  bound
+      .def(py::init<const SceneHandle&, bool, bool>(), py::arg("scene"), py::arg("watch"),
+           py::arg("contact_forces"))
       .def("step", &Self::step, py::arg("torques"), py::arg("targets"), py::arg("wrists"), py::arg("forces"),
            py::arg("substeps"))
       .def("bodies", &Self::bodies)
@@ -212,7 +213,8 @@ void bind_simulation(py::module_& module) {
       .def_property_readonly("steps", [](Self& self) { return self.simulation().steps(); })
       .def_property_readonly("q", [](const py::object& self) { return view(self, self.cast<Self&>().q); })
       .def_property_readonly("u", [](const py::object& self) { return view(self, self.cast<Self&>().u); })
-      .def_property_readonly("tau", [](const py::object& self) { return view(self, self.cast<Self&>().tau); });
+      .def_property_readonly("tau",
+                             [](const py::object& self) { return view(self, self.cast<Self&>().tau); });
 }
 
 }  // namespace handsim::python

@@ -143,8 +143,9 @@ void bind_studies(py::module_& module) {
   module.def("grasps", &grasps, py::arg("scenes"), py::arg("out"), py::arg("sides"), py::arg("overrides"),
              py::arg("friction"), py::arg("friction_search"), py::arg("margin"), py::arg("pictures"),
              py::arg("progress"));
-  module.def("agreement", &agreement, py::arg("scene"), py::arg("out"), py::arg("overrides"), py::arg("draws"),
-             py::arg("seed"), py::arg("quarter_steps"), py::arg("threads"), py::arg("progress"));
+  module.def("agreement", &agreement, py::arg("scene"), py::arg("out"), py::arg("overrides"),
+             py::arg("draws"), py::arg("seed"), py::arg("quarter_steps"), py::arg("threads"),
+             py::arg("progress"));
   module.def("rollouts", &rollouts, py::arg("study"), py::arg("out"), py::arg("count"), py::arg("seed"),
              py::arg("overrides"), py::arg("threads"), py::arg("resume"), py::arg("progress"));
 }

@@ -54,11 +54,11 @@ observe: slide
 sample_every: "10 ms"
 early: "0.1 s"
 repeats: 1
-steps: ["10 ms", "5 ms"]
+steps: ["2 ms", "1 ms"]
 methods: [{{name: rk4, set: {{duration: 0.5, solver.engine: articulated, solver.method: rk4}}}}]
 """)
     table = hs.study.accuracy(tmp_path / "study.yaml").table
-    assert table["step[s]"].tolist() == [0.01, 0.005]
+    assert table["step[s]"].tolist() == [0.002, 0.001]
     error = table["rate_error_rms[m/s]"]
     assert 12 < error[0] / error[1] < 20
 
