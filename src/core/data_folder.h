@@ -5,8 +5,8 @@
 
 namespace handsim {
 
-/// Folder with handmodels/ and config/: the installed one, or the source tree's.
-/// @throws Error (input) if neither exists.
+/// Folder with handmodels/ and config/: that of the Python package, the installed one, or the source tree's.
+/// @throws Error (input) if none exists.
 std::filesystem::path data_folder();
 
 }  // namespace handsim

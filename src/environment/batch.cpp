@@ -78,6 +78,27 @@ struct Batch::Impl {
     observe(i);
   }
 
+  void reset(std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask,
+             const Moment* moment) {
+    const auto require = [&](const char* what, std::size_t count) {
+      if (count != 0 && count != environments.size())
+        throw input_error(what, fmt::format("{}", count),
+                          fmt::format("one for each of {} environments", environments.size()));
+    };
+    require("seeds", seeds.size());
+    require("mask", mask.size());
+    each([&](std::size_t i) {
+      if (!mask.empty() && mask[i] == 0) return;
+      Environment& environment = environments[i];
+      if (!seeds.empty())
+        environment.reset(seeds[i]);
+      else if (moment == nullptr)
+        environment.reset();
+      if (moment != nullptr) environment.reset(*moment);
+      begin(i);
+    });
+  }
+
   tbb::task_arena arena;
   BatchSetup setup;
   std::vector<Environment> environments;
@@ -117,21 +138,12 @@ std::span<const unsigned char> Batch::failed() const { return impl_->failed; }
 void Batch::reset(std::span<const unsigned char> mask) { reset({}, mask); }
 
 void Batch::reset(std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask) {
-  const auto require = [&](const char* what, std::size_t count) {
-    if (count != 0 && count != size())
-      throw input_error(what, fmt::format("{}", count),
-                        fmt::format("one for each of {} environments", size()));
-  };
-  require("seeds", seeds.size());
-  require("mask", mask.size());
-  impl_->each([&](std::size_t i) {
-    if (!mask.empty() && mask[i] == 0) return;
-    if (seeds.empty())
-      impl_->environments[i].reset();
-    else
-      impl_->environments[i].reset(seeds[i]);
-    impl_->begin(i);
-  });
+  impl_->reset(seeds, mask, nullptr);
+}
+
+void Batch::reset(const Moment& moment, std::span<const std::uint64_t> seeds,
+                  std::span<const unsigned char> mask) {
+  impl_->reset(seeds, mask, &moment);
 }
 
 void Batch::step(const BatchAction& action, int substeps) {

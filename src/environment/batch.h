@@ -43,6 +43,8 @@ class Batch {
   void reset(std::span<const unsigned char> mask = {});
   /// The same with numbers drawn: environment i by `seeds[i]`.
   void reset(std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask = {});
+  /// The same to a motion instead of the start (Environment::reset); numbers are drawn where there are seeds.
+  void reset(const Moment& moment, std::span<const std::uint64_t> seeds, std::span<const unsigned char> mask);
   /// Steps the environments that are neither done nor failed. A motion that diverges does not throw: see
   /// failed(). @throws Error (input) for an action of another size, or with numbers that are not finite;
   /// other environments may then have moved.

@@ -157,7 +157,7 @@ Simulation simulation_of(const scene::Scene& scene, MakeWatchers watchers) {
 void loop(Simulation& simulation, Recorder& recorder, const RunOptions& options, double step,
           RunResult& result) {
   const long steps = simulation.step_count();
-  const long report_every = std::max(1L, steps / 200);
+  const long report_every = std::clamp(steps / 200, 1L, 50L);
   const std::optional<long> snapshot = snapshot_step(simulation, options, step);
   const auto record = [&](long i) {
     recorder.record(i);

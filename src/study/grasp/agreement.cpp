@@ -178,16 +178,17 @@ class RowPool {
       } catch (...) {
         error = std::current_exception();
       }
-      take_in(i, std::move(row), error);
+      const std::lock_guard lock(mutex_);
+      try {
+        if (error) std::rethrow_exception(error);
+        take_in(i, std::move(row));
+      } catch (...) {
+        if (!error_) error_ = std::current_exception();
+        stop_ = true;
+      }
     }
   }
-  void take_in(std::size_t index, AgreementRow row, const std::exception_ptr& error) {
-    const std::lock_guard lock(mutex_);
-    if (error) {
-      if (!error_) error_ = error;
-      stop_ = true;
-      return;
-    }
+  void take_in(std::size_t index, AgreementRow row) {
     table_.rows[index] = std::move(row);
     ++done_;
     if (study_.progress)

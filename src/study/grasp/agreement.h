@@ -29,7 +29,7 @@ struct AgreementStudy {
   int quarter_steps = 0;  ///< the first so many draws run on ODE at a quarter of the step, whatever they say
   int threads = 0;        ///< 0: as many as the machine has
   std::filesystem::path out;
-  std::function<void(double)> progress;  ///< told the share done, 0..1
+  std::function<void(double)> progress;  ///< told the share done, 0..1; may throw, which ends the study
 };
 
 struct AgreementRow {

@@ -292,9 +292,14 @@ class Pool {
     }
     const std::lock_guard lock(mutex_);
     if (!error_) error_ = error;
-    if (error_) stop_ = true;
     ++done_;
-    if (options_.progress) options_.progress(static_cast<double>(done_) / static_cast<double>(jobs_.size()));
+    try {
+      if (options_.progress)
+        options_.progress(static_cast<double>(done_) / static_cast<double>(jobs_.size()));
+    } catch (...) {
+      if (!error_) error_ = std::current_exception();
+    }
+    if (error_) stop_ = true;
   }
 
   std::vector<Job>& jobs_;

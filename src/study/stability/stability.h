@@ -143,7 +143,7 @@ struct StabilityOptions {
   std::vector<std::string> cases;  ///< names; empty: all
   bool quick = false;
   int threads = 0;  ///< 0: one for each processor core
-  /// Called with the finished share, 0..1.
+  /// Called with the finished share, 0..1; may throw, which ends the study.
   std::function<void(double)> progress;
 };
 

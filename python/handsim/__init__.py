@@ -1,0 +1,44 @@
+"""handsim: biomechanical hands of a given person, built from body data and simulated.
+
+    import handsim as hs
+    scene = hs.load("two_hands")
+    result = scene.run()
+
+`Hand` computes a hand, `load` compiles a scene, `Scene.run` simulates it, `Simulation` steps one, `Batch` steps many on
+all cores, `handsim.study` has the studies and `handsim.gym` environments for gymnasium. Units are SI, angles rad.
+"""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from . import _core, study
+from ._batch import Batch
+from ._core import Frame, Motion, Snapshot
+from ._errors import Error, Fault, Problem
+from ._hand import Hand
+from ._pictures import contact_sheet, png, save_png
+from ._result import Result, Verdict
+from ._scene import Scene, data_path, load, scenes
+from ._simulation import Bodies, Contacts, Simulation
+from ._table import Table
+
+if TYPE_CHECKING:
+    from . import gym
+
+__version__: str = _core.version
+has_pictures: bool = _core.has_pictures
+"""False in a build without OSMesa: nothing can be drawn."""
+
+
+def __getattr__(name: str) -> Any:
+    # gymnasium is imported by those who use it.
+    if name == "gym":
+        import importlib
+
+        return importlib.import_module(".gym", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+__all__ = ["Batch", "Bodies", "Contacts", "Error", "Fault", "Frame", "Hand", "Motion", "Problem", "Result", "Scene",
+           "Simulation", "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "gym", "has_pictures", "load",
+           "png", "save_png", "scenes", "study"]

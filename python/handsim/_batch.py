@@ -1,0 +1,142 @@
+"""Many environments of one scene, stepped on all cores."""
+from __future__ import annotations
+
+from typing import Any, Mapping, Optional, Sequence, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _core
+from ._core import Frame, Motion
+from ._errors import input_error
+from ._pictures import Picture
+from ._scene import Camera, Scene, Source, load
+from ._simulation import Array, Forces
+
+Mask = Optional[NDArray[np.bool_]]
+Randomise = Optional[Mapping[str, Sequence[Any]]]
+
+
+def _drawn(randomise: Randomise) -> list[tuple[str, str, float, float]]:
+    out = []
+    for name, spec in (randomise or {}).items():
+        if not isinstance(spec, (tuple, list)) or len(spec) != 3 or not isinstance(spec[0], str):
+            raise input_error(f"randomise.{name}", repr(spec), '("uniform", low, high), ("log_uniform", low, high) or '
+                              '("normal", mean, deviation)')
+        out.append((name, spec[0], float(spec[1]), float(spec[2])))
+    return out
+
+
+class Batch:
+    """n environments of one scene. Every environment has the same bits in a batch of any size, with any number of
+    threads, and alone.
+
+    The arrays are views without copies of the batch's own memory: they show the state after every step and reset, do
+    not move, cannot be written, and keep the batch alive while they exist. Copy them to keep their values.
+    """
+
+    def __init__(self, scene: Union[Scene, Source], n: int, *, observe: Sequence[str] = ("q", "u"),
+                 randomise: Randomise = None, seed: int = 0, threads: int = 0, watch: bool = False) -> None:
+        """
+        :param scene: a Scene, or what `load` takes
+        :param n: number of environments, 1 or more
+        :param observe: parts of `observation`, in its order: time, q, u, tau, wrists, fingertips, objects,
+            finger_contacts, contact_pairs, failed (docs/environment.md has their numbers); failed needs ``watch``
+        :param randomise: what a reset draws, by name: ``{"objects.0.mass": ("uniform", 0.1, 0.5)}``; also
+            ``("log_uniform", low, high)`` and ``("normal", mean, deviation)``. Names: gravity, objects.I.mass,
+            objects.I.friction, objects.I.position, gains, torque_limits, q.
+        :param seed: environment i draws in its k-th reset a function of seed, i and k alone
+        :param threads: 0: one for each core
+        :param watch: measures the scene's criteria, for the observation ``failed``
+        :raises Error: of kind input where the scene does not run, or a name or bound is wrong
+        """
+        self.scene = scene if isinstance(scene, Scene) else load(scene)
+        if n < 1:
+            raise input_error("n", n, "1 or more environments")
+        names = [*observe, *(name for name in ("q", "u") if name not in observe)]
+        self._core = _core.Batch(self.scene._core, n, names, _drawn(randomise), seed, threads, watch)
+        self._all: Array = self._core.observations()
+        self._parts = {name: (first, columns) for name, first, columns in self._core.parts()}
+        width = sum(len(self._parts[name][1]) for name in observe)
+        self.observation: Array = self._all[:, :width]
+        """What ``observe`` names, shape (n, numbers)."""
+        self.columns: list[str] = [column for name in observe for column in self._parts[name][1]]
+        """Names of the columns of `observation`, with units."""
+        self.q: Array = self["q"]
+        """Coordinates [rad] or [m], shape (n, coordinates), in the order of `Scene.coordinates`."""
+        self.u: Array = self["u"]
+        """Rates [rad/s] or [m/s], shape (n, coordinates)."""
+        self.failed: NDArray[np.bool_] = self._core.failed()
+        """Environments whose motion diverged, shape (n,): they rest until their reset; `failure` says why."""
+        if randomise:
+            self.reset()
+
+    def __len__(self) -> int:
+        return int(self._all.shape[0])
+
+    def __getitem__(self, part: str) -> Array:
+        """The columns of one observed part, e.g. ``batch["fingertips"]``, shape (n, numbers)."""
+        if part not in self._parts:
+            raise input_error("part", part, f"one of {', '.join(self._parts)}; others have to stand in observe")
+        first, columns = self._parts[part]
+        return self._all[:, first:first + len(columns)]
+
+    def columns_of(self, part: str) -> list[str]:
+        """Names of the columns of one observed part."""
+        self[part]
+        return list(self._parts[part][1])
+
+    def step(self, torques: Optional[ArrayLike] = None, *, targets: Optional[ArrayLike] = None,
+             wrists: Optional[ArrayLike] = None, forces: Forces = None, substeps: int = 1) -> None:
+        """Steps all environments that have not failed, on all cores; the action holds for all substeps.
+
+        Arrays as in `Simulation.step` with a row for each environment: torques (n, coordinates), targets (n, axes),
+        wrists (n, wrists, 7), forces by body name (n, 3) or (n, 6). float64 in C order is not copied. Ctrl-C ends the
+        call; the environments are then at different times until their reset.
+
+        :raises Error: of kind input for another shape or dtype, or numbers that are not finite. A motion that diverges
+            does not raise: see `failed`.
+        """
+        self._core.step(torques, targets, wrists, None if forces is None else dict(forces), substeps)
+
+    def reset(self, mask: Mask = None, *, seed: Optional[int] = None, seeds: Optional[ArrayLike] = None,
+              to: Optional[Motion] = None) -> None:
+        """To the start, with numbers drawn by ``randomise``.
+
+        :param mask: environments to reset, shape (n,), dtype bool; None: all
+        :param seed: begins the draws of all environments anew, as a new batch with this seed
+        :param seeds: a seed for each environment, shape (n,), in place of the batch's own
+        :param to: a motion of this Scene (`Simulation.motion`, `motion`) in place of its start
+        """
+        if seed is not None:
+            self._core.seed(seed)
+        self._core.reset(mask, seeds, to)
+
+    def set(self, name: str, values: ArrayLike) -> None:
+        """Sets a number (names as for ``randomise``) from the next reset on, shape (n, numbers) or (n,)."""
+        array = np.asarray(values)
+        self._core.set(name, array[:, np.newaxis] if array.ndim == 1 else array)
+
+    def get(self, name: str) -> Array:
+        """A number of all environments, shape (n, numbers): as last set or drawn."""
+        return self._core.get(name)
+
+    def failure(self, environment: int) -> Optional[str]:
+        """Why an environment failed; None if it did not."""
+        return self._core.failure(environment)
+
+    def motion(self, environment: int) -> Motion:
+        """The motion of one environment now, for `reset`."""
+        return self._core.motion(environment)
+
+    def frame(self, environment: int) -> Frame:
+        """The state of one environment for `Scene.draw_frames`."""
+        return self._core.frame(environment)
+
+    def draw(self, environment: int = 0, *, size: Optional[tuple[int, int]] = None, view: Optional[str] = None,
+             camera: Optional[Camera] = None) -> Picture:
+        """A picture of one environment now; options as in `Scene.draw`."""
+        return self.scene.draw_frames([self.frame(environment)], size=size, view=view, camera=camera)[0]
+
+    def __repr__(self) -> str:
+        return f"<handsim.Batch: {len(self)} x {self.scene.title}>"

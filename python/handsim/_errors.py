@@ -1,0 +1,59 @@
+"""The one exception of handsim, with the places of its problems."""
+from __future__ import annotations
+
+from typing import Any, NamedTuple, Optional, Sequence
+
+
+class Problem(NamedTuple):
+    """One thing that is wrong with an input: ``file:line:column: key: got X, need Y``."""
+
+    file: Optional[str]
+    """Name of the file; None for a problem outside any file."""
+    line: Optional[int]
+    """From 1."""
+    column: Optional[int]
+    """From 1."""
+    key: str
+    """Dotted path, e.g. ``hands.0.wrist.position``; the argument's name where no file is meant."""
+    got: str
+    need: str
+
+
+class Fault(NamedTuple):
+    """A simulation that failed."""
+
+    time: float
+    """Simulated time [s]."""
+    where: str
+    """Name of the body or joint."""
+    quantity: str
+    """What left its bounds, with its unit."""
+    detail: str
+    """Value, bound and remedy."""
+
+
+class Error(Exception):
+    """All that a file, an argument or the physics can cause. ``str(error)`` has every problem on a line of its own."""
+
+    def __init__(self, message: str, kind: str = "input", problems: Sequence[Problem] = (),
+                 fault: Optional[Fault] = None) -> None:
+        super().__init__(message, kind, tuple(problems), fault)
+        self.kind = kind
+        """``input``: a file, key, number or argument is wrong; ``physics``: the motion diverged; ``output``: a file
+        could not be written."""
+        self.problems: tuple[Problem, ...] = tuple(problems)
+        """All problems of an input or output; empty for physics."""
+        self.fault = fault
+        """Set for physics."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+def from_core(message: str, kind: str, problems: Sequence[Any], fault: Any) -> Error:
+    return Error(message, kind, [Problem(*each) for each in problems], None if fault is None else Fault(*fault))
+
+
+def input_error(key: str, got: object, need: str) -> Error:
+    """An input error outside any file."""
+    return Error(f"{key}: got {got}, need {need}", "input", [Problem(None, None, None, key, str(got), need)])

@@ -1,0 +1,60 @@
+"""Pictures: arrays of bytes, shape (height, width, 3), from the top left."""
+from __future__ import annotations
+
+import struct
+from os import PathLike
+from typing import Sequence, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+
+Picture = NDArray[np.uint8]
+
+
+def png(picture: Picture) -> bytes:
+    """The bytes of a PNG file."""
+    import zlib
+
+    if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint8:
+        from ._errors import input_error
+
+        raise input_error("picture", f"shape {picture.shape}, dtype {picture.dtype}",
+                          "shape (height, width, 3), dtype uint8")
+    height, width, _ = picture.shape
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    # Each row begins with its filter, 0: none.
+    rows = np.zeros((height, 1 + 3 * width), np.uint8)
+    rows[:, 1:] = picture.reshape(height, -1)
+    head = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows.tobytes(), 6))
+            + chunk(b"IEND", b""))
+
+
+def save_png(picture: Picture, path: Union[str, "PathLike[str]"]) -> None:
+    """Writes a picture as a PNG file."""
+    with open(path, "wb") as file:
+        file.write(png(picture))
+
+
+def contact_sheet(pictures: Sequence[Picture], captions: Sequence[str], title: str = "",
+                  width: int = 1600) -> Picture:
+    """Pictures of one size on a page, in reading order, three to five in a row.
+
+    :param captions: one for each picture
+    :param width: largest width of the page [pixels], 160 to 16384
+    :raises Error: of kind input without pictures (see ``has_pictures``), or for another number of captions
+    """
+    return _core.contact_sheet(list(pictures), list(captions), title, width)
+
+
+def html_picture(picture: Picture, width: int = 0) -> str:
+    """An <img> with the picture in it."""
+    import base64
+
+    size = f' width="{width}"' if width else ""
+    return f'<img{size} src="data:image/png;base64,{base64.b64encode(png(picture)).decode()}">'

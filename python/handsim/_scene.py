@@ -1,0 +1,261 @@
+"""Scenes: compiled from files, run, drawn and exported."""
+from __future__ import annotations
+
+import html
+from os import PathLike, fspath
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional, Sequence, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from ._errors import input_error
+from ._pictures import Picture, html_picture
+from ._table import rows_table
+
+if TYPE_CHECKING:
+    from ._result import Result
+
+Source = Union[str, "PathLike[str]", Mapping[str, Any]]
+Overrides = Optional[Mapping[str, Any]]
+Camera = tuple[Sequence[float], Sequence[float], float]
+Progress = Optional[Callable[[float], object]]
+
+
+def data_path() -> Path:
+    """The folder with the files that come with handsim: ``handmodels/``, ``controllers/`` and ``config/`` (scenes,
+    persons, objects, studies)."""
+    return Path(_core.data_folder())
+
+
+def scenes() -> list[str]:
+    """Names of the shipped scenes and studies, as `load` and the functions of `handsim.study` take them."""
+    config = data_path() / "config"
+    found = [*config.glob("*.yaml"), *config.glob("stability/*.yaml")]
+    return sorted(str(path.relative_to(config).with_suffix("")) for path in found)
+
+
+def find_file(name: Union[str, "PathLike[str]"]) -> Path:
+    """The path of a file, or of a shipped one by its name below ``config/`` without ``.yaml``.
+
+    :raises Error: of kind input, with the nearest name, where there is none
+    """
+    path = Path(fspath(name))
+    if path.exists():
+        return path
+    shipped = data_path() / "config" / f"{fspath(name)}.yaml"
+    if shipped.exists():
+        return shipped
+    import difflib
+
+    near = difflib.get_close_matches(fspath(name), scenes(), 1, 0.5)
+    raise input_error("scene", fspath(name), "a path, or the name of a shipped file (handsim.scenes())"
+                      + (f"; nearest: {near[0]}" if near else ""))
+
+
+def override_text(value: Any) -> str:
+    """A value as the command line's ``--set key=value`` takes it. Text is passed on as it is: ``"5 ms"``, ``left``."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, PathLike):
+        return str(fspath(value))
+    import json
+
+    return json.dumps(value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value)
+
+
+def override_list(overrides: Overrides, engine: Optional[str] = None) -> list[str]:
+    out = [] if engine is None else [f"solver.engine={engine}"]
+    return out + [f"{key}={override_text(value)}" for key, value in (overrides or {}).items()]
+
+
+class Scene:
+    """A compiled scene. It does not change; simulations and batches share it. Can be pickled.
+
+    Coordinates are those of all joints in order; angles in rad and lengths in m, rates per second. The world's z is
+    up. All numbers are SI.
+    """
+
+    def __init__(self, core: _core.Scene) -> None:
+        self._core = core
+
+    @property
+    def title(self) -> str:
+        return self._core.title
+
+    @property
+    def duration(self) -> float:
+        """[s]"""
+        return self._core.duration
+
+    @property
+    def step(self) -> float:
+        """Step of the solver [s]."""
+        return self._core.step
+
+    @property
+    def engine(self) -> str:
+        """``ode``, ``articulated`` or ``dae``."""
+        return self._core.engine
+
+    @property
+    def method(self) -> str:
+        """Of the engine."""
+        return self._core.method
+
+    @property
+    def effects(self) -> list[str]:
+        """Effects that act, e.g. ``gravity``."""
+        return self._core.effects()
+
+    @property
+    def hands(self) -> list[str]:
+        """Names of the hands: ``right``, ``left``."""
+        return self._core.hands()
+
+    @property
+    def objects(self) -> list[str]:
+        """Names of the objects that can move."""
+        return self._core.objects()
+
+    @property
+    def bodies(self) -> list[str]:
+        """Names of all bodies; 0 is the world."""
+        return self._core.bodies()
+
+    @property
+    def masses(self) -> NDArray[np.float64]:
+        """Of the bodies [kg], shape (bodies,); the world's is 0."""
+        return self._core.masses()
+
+    @property
+    def coordinates(self) -> list[str]:
+        """Names of the joint coordinates, e.g. ``right.index_mcp.flexion``; flexion is positive toward the palm."""
+        return self._core.coordinates()
+
+    @property
+    def limits(self) -> NDArray[np.float64]:
+        """Stops of the coordinates [rad] or [m], shape (coordinates, 2); infinite where there is none."""
+        return self._core.limits()
+
+    @property
+    def axes(self) -> list[str]:
+        """Names of the coordinates that the scene's controller drives, in the order of ``targets``; empty without
+        control."""
+        return self._core.driven_axes()
+
+    @property
+    def axis_coordinates(self) -> NDArray[np.intp]:
+        """Index in `coordinates` of each of `axes`."""
+        return np.array(self._core.driven_coordinates(), dtype=np.intp)
+
+    @property
+    def wrists(self) -> list[str]:
+        """Names of the driven bodies, in the order of ``wrists`` of an action."""
+        return self._core.driven_wrists()
+
+    @property
+    def warnings(self) -> list[str]:
+        """Of reading and compiling, a sentence each."""
+        return self._core.warnings
+
+    @property
+    def resolved(self) -> str:
+        """The scene as YAML with every default and every file that it names in it."""
+        return self._core.standalone()["resolved.yaml"].decode()
+
+    def run(self, out: Union[str, "PathLike[str]", None] = None, *, frames: int = 12, poses: bool = False,
+            plots: bool = False, stop_lost: bool = False, progress: Progress = None) -> "Result":
+        """Simulates the scene to its end, as ``handsim run``. Ctrl-C ends it within 0.1 s.
+
+        :param out: folder for the files of ``handsim run``; None: nothing is written, and the result has the
+            trajectory and the frames of its pictures in memory
+        :param frames: pictures over the run; with a folder they are drawn and written
+        :param poses: with a folder: pictures at the end of every hold or phase instead
+        :param plots: with a folder: plots of a controlled scene by gnuplot
+        :param stop_lost: ends once a grasped object has moved too far or is lost
+        :param progress: called with the share done, 0..1
+        :raises Error: of kind input for a scene that cannot run. A motion that diverges does not raise: see
+            `Result.fault`.
+        """
+        from ._result import Result
+
+        if out is None:
+            return Result(self, _core.run(self._core, frames, stop_lost, progress))
+        folder = Path(out)
+        values = _core.run_to_folder(self._core, folder, frames if _core.has_pictures and not poses else 0, poses,
+                                     plots, stop_lost, progress)
+        return Result(self, values, folder)
+
+    def draw(self, time: float = 0, *, size: Optional[tuple[int, int]] = None, view: Optional[str] = None,
+             camera: Optional[Camera] = None) -> Picture:
+        """A picture at a time.
+
+        :param time: [s], 0 to `duration`; the scene is simulated up to there
+        :param size: width and height [pixels]; None: the scene's
+        :param view: ``dorsal``, ``palmar``, ``radial`` or ``three_quarter``, framing all that moves
+        :param camera: position [m], target [m] and vertical field of view [rad], in place of a view
+        :returns: shape (height, width, 3), dtype uint8
+        :raises Error: of kind input in a build without pictures (`handsim.has_pictures`)
+        """
+        return self.draw_frames([_core.frame_at(self._core, time)], size=size, view=view, camera=camera)[0]
+
+    def draw_frames(self, frames: Sequence["_core.Frame"], *, size: Optional[tuple[int, int]] = None,
+                    view: Optional[str] = None, camera: Optional[Camera] = None) -> list[Picture]:
+        """Pictures of frames (`Simulation.frame`, `Batch.frame`, `Result.frames`) with one common camera; options as
+        in `draw`."""
+        return _core.draw(self._core, list(frames), size, view, camera)
+
+    def to_mjcf(self) -> str:
+        """The model as MJCF, MuJoCo's format. :raises Error: of kind input for what MJCF cannot express"""
+        return self._core.to_mjcf()
+
+    def to_urdf(self) -> str:
+        """The model as URDF. :raises Error: of kind input for what URDF cannot express, e.g. meshes and ball joints"""
+        return self._core.to_urdf()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _unpickle, (self._core.standalone(),)
+
+    def __repr__(self) -> str:
+        return f"<handsim.Scene: {self.title}; {self.engine}, {len(self.coordinates)} coordinates, {self.duration:g} s>"
+
+    def _repr_html_(self) -> str:
+        facts = rows_table(["scene", self.title], [
+            ["hands", ", ".join(self.hands)], ["objects", ", ".join(self.objects)],
+            ["coordinates", str(len(self.coordinates))], ["driven axes", str(len(self.axes))],
+            ["bodies", str(len(self.bodies) - 1)], ["effects", ", ".join(self.effects)],
+            ["engine", f"{self.engine}, {self.method}, step {1e3 * self.step:g} ms"],
+            ["duration", f"{self.duration:g} s"]])
+        notes = "".join(f"<p>{html.escape(text)}</p>" for text in self.warnings)
+        return facts._repr_html_() + notes + (html_picture(self.draw(), 480) if _core.has_pictures else "")
+
+
+def load(source: Source, overrides: Overrides = None, *, engine: Optional[str] = None) -> Scene:
+    """Compiles a scene.
+
+    :param source: path of a scene file, name of a shipped scene (`scenes()`), or a mapping with the keys of a scene
+        file, whose paths start from the working directory
+    :param overrides: values by dotted key, as ``--set`` of the command line: ``{"objects.0.mass": 0.4,
+        "solver.step": "2 ms"}``. Numbers are SI; texts carry units.
+    :param engine: ``ode``, ``articulated``, ``dae`` or ``auto``, in place of the scene's
+    :raises Error: of kind input with every problem of the scene and the files that it names
+    """
+    changes = override_list(overrides, engine)
+    if isinstance(source, Mapping):
+        import json
+
+        return Scene(_core.Scene.parse(json.dumps(source), "scene", changes))
+    return Scene(_core.Scene.load(find_file(source), changes))
+
+
+def _unpickle(files: dict[str, bytes]) -> Scene:
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in files.items():
+            path = Path(folder) / name
+            path.parent.mkdir(exist_ok=True)
+            path.write_bytes(content)
+        return Scene(_core.Scene.load(Path(folder) / "resolved.yaml", []))

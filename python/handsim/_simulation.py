@@ -1,0 +1,155 @@
+"""One simulation, step by step."""
+from __future__ import annotations
+
+from typing import Mapping, NamedTuple, Optional, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _core
+from ._core import Frame, Motion, Snapshot
+from ._pictures import Picture
+from ._result import Verdict, verdicts_of
+from ._scene import Camera, Overrides, Scene, Source, load
+
+Array = NDArray[np.float64]
+Forces = Optional[Mapping[str, ArrayLike]]
+
+
+class Bodies(NamedTuple):
+    """Poses and velocities of all bodies in the world; row i is body i of `Scene.bodies`."""
+
+    position: Array
+    """Centres of mass [m], shape (bodies, 3)."""
+    quaternion: Array
+    """w x y z, from body axes to world axes, shape (bodies, 4)."""
+    velocity: Array
+    """Of the centres of mass [m/s], shape (bodies, 3)."""
+    angular_velocity: Array
+    """World axes [rad/s], shape (bodies, 3)."""
+
+
+class Contacts(NamedTuple):
+    """Contact points of the last step, in world axes; n points."""
+
+    a: list[str]
+    """Name of the one shape of each point."""
+    b: list[str]
+    """Name of the other shape."""
+    position: Array
+    """[m], shape (n, 3)."""
+    normal: Array
+    """From b to a, unit, shape (n, 3)."""
+    depth: Array
+    """Penetration [m], shape (n,); negative: the gap of a contact that is about to close."""
+    force: Array
+    """On a's body, mean over the step, normal part and friction [N], shape (n, 3)."""
+
+
+class Simulation:
+    """A scene that is stepped. One thread at a time uses it; simulations in several threads run side by side, because
+    stepping releases the GIL.
+
+    ``q``, ``u`` and ``tau`` are views that show the state after every step; copy them to keep their values.
+    """
+
+    def __init__(self, scene: Union[Scene, Source], overrides: Overrides = None, *, watch: bool = False,
+                 contact_forces: Optional[bool] = None) -> None:
+        """
+        :param scene: a Scene, or what `load` takes, with its overrides
+        :param watch: measures the figures of the scene's criteria for `verdicts`; costs some time in each step
+        :param contact_forces: `contacts` has forces; None: in scenes with contact
+        :raises Error: of kind input where the scene does not run
+        """
+        self.scene = scene if isinstance(scene, Scene) else load(scene, overrides)
+        forces = self.scene._core.has_contact if contact_forces is None else contact_forces
+        self._core = _core.Simulation(self.scene._core, watch, forces)
+        self.q: Array = self._core.q
+        """Coordinates [rad] or [m], shape (coordinates,), in the order of `Scene.coordinates`; read-only view."""
+        self.u: Array = self._core.u
+        """Rates [rad/s] or [m/s], shape (coordinates,); read-only view."""
+        self.tau: Array = self._core.tau
+        """Torques of drives and tissue in the last step [N m] or [N], shape (coordinates,); read-only view."""
+
+    def step(self, torques: Optional[ArrayLike] = None, *, targets: Optional[ArrayLike] = None,
+             wrists: Optional[ArrayLike] = None, forces: Forces = None, substeps: int = 1) -> None:
+        """Steps the solver; the action holds for all substeps. Ctrl-C ends it between two of them.
+
+        :param torques: [N m] or [N], shape (coordinates,), positive along the coordinate; added to the scene's own
+        :param targets: angles [rad] that the scene's controller holds in place of its poses, shape (axes,)
+        :param wrists: pose of the hand frame of each driven wrist at the end of the call: position [m] and quaternion
+            w x y z, shape (wrists, 7); it moves there at constant velocity
+        :param forces: by name of a body: force at its centre of mass [N], shape (3,), or with the moment [N m], shape
+            (6,); world axes
+        :param substeps: steps of the solver
+        :raises Error: of kind input for another shape or dtype or numbers that are not finite: nothing has moved then;
+            of kind physics where the motion diverges
+        """
+        self._core.step(torques, targets, wrists, None if forces is None else dict(forces), substeps)
+
+    @property
+    def time(self) -> float:
+        """[s]"""
+        return self._core.time
+
+    @property
+    def steps(self) -> int:
+        """Of the solver since the start of the scene."""
+        return self._core.steps
+
+    @property
+    def bodies(self) -> Bodies:
+        """A copy of poses and velocities."""
+        return Bodies(*self._core.bodies())
+
+    @property
+    def contacts(self) -> Contacts:
+        """A copy of the contact points of the last step."""
+        return Contacts(*self._core.contacts())
+
+    @property
+    def verdicts(self) -> list[Verdict]:
+        """Figures so far with the limits of the scene's criteria; empty without ``watch=True``."""
+        return verdicts_of(self._core.verdicts())
+
+    def reset(self, to: Optional[Motion] = None, *, q: Optional[ArrayLike] = None,
+              u: Optional[ArrayLike] = None) -> None:
+        """To the scene's start, to coordinates and rates of your own, or to a motion.
+
+        :param to: of `motion` of this or another simulation of the same Scene; then without q and u
+        :param q: [rad] or [m], shape (coordinates,); None: the scene's
+        :param u: [rad/s] or [m/s], shape (coordinates,); None: at rest
+        :raises Error: of kind input for a motion of another scene; of kind physics after a motion that diverged
+        """
+        if to is not None:
+            self._core.reset_to_motion(to)
+        else:
+            self._core.reset(q, u)
+
+    def motion(self) -> Motion:
+        """The motion now (engine and controller), for `reset` in this process; takes microseconds."""
+        return self._core.motion()
+
+    def snapshot(self) -> Snapshot:
+        """The whole run now, with its figures. Can be pickled and used in another process of the same scene."""
+        return self._core.snapshot()
+
+    def restore(self, snapshot: Snapshot) -> None:
+        """Continues from a snapshot with the same bits as the run that it is of.
+
+        :raises Error: of kind input with the difference for a snapshot of another scene, settings, or of a simulation
+            with other ``watch`` or ``contact_forces``
+        """
+        self._core.restore(snapshot)
+
+    def frame(self) -> Frame:
+        """The state now for `Scene.draw_frames`."""
+        return self._core.frame()
+
+    def draw(self, *, size: Optional[tuple[int, int]] = None, view: Optional[str] = None,
+             camera: Optional[Camera] = None) -> Picture:
+        """A picture of the state now; options as in `Scene.draw`."""
+        return self.scene.draw_frames([self.frame()], size=size, view=view, camera=camera)[0]
+
+    def __repr__(self) -> str:
+        return f"<handsim.Simulation: {self.scene.title}; t = {self.time:g} s>"

@@ -1,0 +1,66 @@
+"""Environments for learning: `make_vec` for gymnasium, three ready tasks, and `Episodes` that needs numpy only.
+
+    env = handsim.gym.make_vec("hold", 1024)                        # reach, hold or turn
+    env = handsim.gym.make_vec("two_hands", 1024, reward=my_reward)  # any scene, with a reward of your own
+
+gymnasium is a package of its own (pip install gymnasium). Where it is installed, importing this module also registers
+``handsim/Reach-v0``, ``handsim/Hold-v0`` and ``handsim/Turn-v0`` with it.
+"""
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Optional, Union
+
+from .._errors import input_error
+from .._scene import Scene
+from ._tasks import TASKS, BatchFunction, Episodes, Hold, Reach, SceneTask, Task, Turn
+
+if TYPE_CHECKING:
+    from ._envs import HandEnv, HandVectorEnv
+
+
+def make_vec(task: Union[Task, Scene, str], n: int, *, reward: Optional[BatchFunction] = None,
+             terminated: Optional[BatchFunction] = None, render_mode: Optional[str] = None, rendered: int = 1,
+             threads: int = 0, **options: Any) -> "HandVectorEnv":
+    """A gymnasium VectorEnv of n environments in one batch.
+
+    :param task: ``reach``, ``hold``, ``turn``, a Task, or a Scene (also by name), which needs a reward
+    :param reward: of a scene: called with the `Batch` after each step, returns shape (n,)
+    :param terminated: of a scene: the same, returns shape (n,) of dtype bool
+    :param render_mode: None or ``rgb_array``
+    :param rendered: `render` draws the first so many environments
+    :param threads: 0: one for each core
+    :param options: of a ready task (`Hold`), or of `SceneTask`: observe, randomise, substeps, max_steps, torque, start
+    :raises ImportError: without gymnasium
+    :raises Error: of kind input for a scene without a reward, or as `Batch`
+    """
+    from ._envs import HandVectorEnv
+
+    if isinstance(task, Task) or (isinstance(task, str) and task in TASKS):
+        if reward is not None:
+            raise input_error("reward", "one beside a task", "a Scene, or a Task that has its own")
+        return HandVectorEnv(task, n, render_mode=render_mode, rendered=rendered, threads=threads, **options)
+    if reward is None:
+        raise input_error("reward", "none", f"a function of the Batch for a scene; or a task: {', '.join(TASKS)}")
+    return HandVectorEnv(SceneTask(task, reward, terminated=terminated, **options), n, render_mode=render_mode,
+                         rendered=rendered, threads=threads)
+
+
+def __getattr__(name: str) -> Any:
+    if name in ("HandEnv", "HandVectorEnv"):
+        from . import _envs
+
+        return getattr(_envs, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def _register() -> None:
+    try:
+        from ._envs import register
+    except ImportError:
+        return
+    register()
+
+
+_register()
+
+__all__ = ["Episodes", "HandEnv", "HandVectorEnv", "Hold", "Reach", "SceneTask", "Task", "Turn", "make_vec"]

@@ -1,0 +1,343 @@
+"""Tasks: what an environment for learning does with a scene. Needs numpy only."""
+from __future__ import annotations
+
+from typing import Any, Callable, Mapping, Optional, Sequence, Union
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._batch import Batch
+from .._core import Motion
+from .._errors import input_error
+from .._scene import Scene, data_path, load
+from .._simulation import Simulation
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+BatchFunction = Callable[[Batch], Any]
+
+
+class Task:
+    """A scene with actions, observations, a reward and ends. Subclasses replace what they need.
+
+    Actions are numbers in -1..1, one for each of `axes`: what they do is `drive`. All methods work on a whole batch;
+    arrays have a row for each environment.
+    """
+
+    scene: Scene
+    substeps = 10
+    """Steps of the solver in one step of the environment."""
+    max_steps = 100
+    """Steps after which an episode is truncated."""
+    observe: Sequence[str] = ("q", "u")
+    """Parts of the batch's observation."""
+    randomise: Mapping[str, Sequence[Any]] = {}
+    """As in `Batch`: drawn at the start of each episode."""
+    actions: int
+    """Numbers of an action."""
+
+    def start(self) -> Optional[Motion]:
+        """The motion that episodes begin with; None: the scene's start."""
+        return None
+
+    def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
+        """Called after the reset of the environments of the mask: draws goals."""
+
+    def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
+        """Arguments of `Batch.step` for an action of shape (n, actions)."""
+        raise NotImplementedError
+
+    def observation(self, batch: Batch) -> Array:
+        """Shape (n, numbers)."""
+        return batch.observation
+
+    def reward(self, batch: Batch, action: Array) -> Array:
+        """Shape (n,)."""
+        raise NotImplementedError
+
+    def terminated(self, batch: Batch) -> Mask:
+        """Shape (n,): episodes that are decided."""
+        return np.zeros(len(batch), bool)
+
+
+class SceneTask(Task):
+    """Any scene, with a reward of the caller's.
+
+    An action moves the targets of the driven axes over their range of motion (0: middle), or without control scales
+    joint torques by ``torque``.
+    """
+
+    def __init__(self, scene: Union[Scene, str], reward: BatchFunction, *,
+                 terminated: Optional[BatchFunction] = None, observe: Sequence[str] = ("q", "u"),
+                 randomise: Mapping[str, Sequence[Any]] = {}, substeps: int = 10, max_steps: int = 100,
+                 torque: float = 0.1, start: Optional[Motion] = None) -> None:
+        """
+        :param reward: called with the `Batch` after each step, returns shape (n,)
+        :param terminated: the same, returns shape (n,) of dtype bool
+        :param torque: of an action of 1 [N m], in a scene without control
+        :param start: a motion of the scene that episodes begin with
+        """
+        self.scene = scene if isinstance(scene, Scene) else load(scene)
+        self.observe, self.randomise = observe, randomise
+        self.substeps, self.max_steps = substeps, max_steps
+        self._reward, self._terminated, self._start = reward, terminated, start
+        self._torque = torque
+        limits = self.scene.limits[self.scene.axis_coordinates]
+        self._middle, self._half = limits.mean(axis=1), np.diff(limits, axis=1)[:, 0] / 2
+        self.actions = len(self.scene.axes) or len(self.scene.coordinates)
+
+    def start(self) -> Optional[Motion]:
+        return self._start
+
+    def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
+        if self.scene.axes:
+            return {"targets": self._middle + self._half * action}
+        return {"torques": self._torque * action}
+
+    def reward(self, batch: Batch, action: Array) -> Array:
+        return np.asarray(self._reward(batch), dtype=float)
+
+    def terminated(self, batch: Batch) -> Mask:
+        if self._terminated is None:
+            return super().terminated(batch)
+        return np.asarray(self._terminated(batch), dtype=bool)
+
+
+def _controlled_hand(title: str, rotation: dict[str, Any], **scene: Any) -> dict[str, Any]:
+    """A hand with a fixed wrist whose joints are all driven."""
+    data = data_path()
+    return {
+        "title": title,
+        "hands": [{"model": str(data / "handmodels/anatomical.yaml"),
+                   "person": str(data / "config/persons/median_man.yaml"), "side": "right",
+                   "wrist": {"mount": "fixed", "position": [0, 0, 0.2], "rotation": rotation},
+                   "tissue": {"stiffness": 0, "damping": 1}}],
+        "control": {"controller": str(data / "controllers/implicit.yaml"),
+                    "poses": str(data / "controllers/poses.yaml"), "program": "every_pose"},
+        "solver": {"engine": "articulated", "step": "2 ms"},
+        "duration": "1000 s", **scene}
+
+
+class Reach(Task):
+    """The hand reaches a pose that is drawn for each episode.
+
+    Observation: q and u of all joints, the targets, and the goal minus q; in rad and rad/s. Action: change of each
+    target, 1 is 0.15 rad a step (20 ms). Reward of a step: minus the mean distance to the goal over all joints [rad].
+    An episode is terminated once every joint is within 0.05 rad of its goal, with 10 more of reward; truncated after
+    100 steps. Goals are uniform over the middle 80 % of every range of motion.
+    """
+
+    max_steps = 100
+    speed = 0.15
+    """Change of a target by an action of 1 [rad]."""
+    near = 0.05
+    """Distance of every joint at which the goal is reached [rad]."""
+    bonus = 10.0
+
+    def __init__(self) -> None:
+        self.scene = load(_controlled_hand(
+            "a hand reaches a pose", {"axis": [1, 0, 0], "angle": "90 deg"},
+            effects=["gravity", "joint_stops", "passive_tissue", "actuation"],
+            pictures={"size": [480, 480], "camera": {"position": [0, 0.5, 0.32], "target": [0, 0, 0.28],
+                                                     "field_of_view": "26 deg"}}))
+        self.actions = len(self.scene.axes)
+        self._coordinates = self.scene.axis_coordinates
+        self._low, self._high = self.scene.limits[self._coordinates].T
+        self._goal = self._targets = np.empty((0, self.actions))
+
+    def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
+        if len(self._goal) != len(batch):
+            self._goal = np.zeros((len(batch), self.actions))
+            self._targets = np.zeros((len(batch), self.actions))
+        share = 0.1 + 0.8 * random.random((int(mask.sum()), self.actions))
+        self._goal[mask] = self._low + share * (self._high - self._low)
+        self._targets[mask] = batch.q[mask][:, self._coordinates]
+
+    def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
+        self._targets = np.clip(self._targets + self.speed * action, self._low, self._high)
+        return {"targets": self._targets}
+
+    def _distance(self, batch: Batch) -> Array:
+        return np.asarray(self._goal - batch.q[:, self._coordinates])
+
+    def observation(self, batch: Batch) -> Array:
+        return np.asarray(np.hstack([batch.observation, self._targets, self._distance(batch)]))
+
+    def reward(self, batch: Batch, action: Array) -> Array:
+        distance = np.abs(self._distance(batch)).mean(axis=1)
+        return np.asarray(np.where(self.terminated(batch), self.bonus, 0) - distance)
+
+    def terminated(self, batch: Batch) -> Mask:
+        return np.asarray(np.abs(self._distance(batch)).max(axis=1) < self.near)
+
+
+class _InHand(Task):
+    """An object in a hand; an action moves the targets about those of `_middle`."""
+
+    observe = ("q", "u", "objects")
+    span = 0.6
+    """Change of a target by an action of 1 [rad]."""
+
+    def _prepare(self, simulation: Simulation) -> None:
+        self._motion = simulation.motion()
+        self._coordinates = self.scene.axis_coordinates
+        self._low, self._high = self.scene.limits[self._coordinates].T
+        self._middle = simulation.q[self._coordinates].copy()
+        self._start_place = simulation.bodies.position[self.scene.bodies.index(self.scene.objects[0])].copy()
+        self.actions = len(self._coordinates)
+
+    def start(self) -> Optional[Motion]:
+        return self._motion
+
+    def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
+        return {"targets": np.clip(self._middle + self.span * action, self._low, self._high)}
+
+    def _shift(self, batch: Batch) -> Array:
+        """Of the object's centre from its place at the start [m], shape (n, 3)."""
+        return np.asarray(batch["objects"][:, :3] - self._start_place)
+
+    def observation(self, batch: Batch) -> Array:
+        out = batch.observation.copy()
+        first = len(batch.columns) - 13
+        out[:, first:first + 3] = self._shift(batch)
+        return out
+
+
+class Hold(_InHand):
+    """The hand holds a soup can while random forces pull at it.
+
+    An episode begins with the can lifted in a closed hand, which an action of 0 opens by 0.3 rad in each flexion: the can
+    falls. Observation: q, u, and of the can its shift from the start [m], quaternion, velocity and angular velocity.
+    Action: target of each joint, 1 is 0.6 rad more flexion or abduction. Each 0.1 s a new force of random direction pulls
+    at the can, up to ``disturbance`` times its weight. Reward of a step (20 ms): 1 minus the can's shift over 50 mm,
+    minus 0.05 times the mean square of the action. An episode is terminated when the can has moved by 50 mm, truncated
+    after 100 steps.
+    """
+
+    substeps = 10
+    max_steps = 100
+    dropped = 0.05
+    """Shift at which the can is dropped [m]."""
+    opened = 0.3
+    """Extension of an action of 0 [rad]."""
+    force_steps = 5
+
+    def __init__(self, *, disturbance: float = 1) -> None:
+        self.scene = load("grasp_power_can", {
+            "title": "a hand holds a can", "grasps.0.hold": "1000 s", "solver.step": "2 ms", "pictures.size": [480, 480],
+            "pictures.camera": {"position": [-0.4, 0.35, 0.75], "target": [-0.02, 0.06, 0.59],
+                                "field_of_view": "24 deg"}}, engine="articulated")
+        simulation = Simulation(self.scene)
+        simulation.step(substeps=round(2.0 / self.scene.step))
+        self._prepare(simulation)
+        self._middle -= self.opened * np.array([name.endswith("flexion") for name in self.scene.axes])
+        self._body = self.scene.objects[0]
+        weight = 9.80665 * self.scene.masses[self.scene.bodies.index(self._body)]
+        self._largest = disturbance * weight
+        self._force, self._age = np.empty((0, 3)), 0
+
+    def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
+        if len(self._force) != len(batch) or self._age % self.force_steps == 0:
+            direction = random.normal(size=(len(batch), 3))
+            direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+            self._force = self._largest * random.random((len(batch), 1)) * direction
+        self._age += 1
+        return {**super().drive(batch, action, random), "forces": {self._body: self._force}}
+
+    def reward(self, batch: Batch, action: Array) -> Array:
+        shift = np.linalg.norm(self._shift(batch), axis=1)
+        return np.asarray(1 - np.minimum(1, shift / self.dropped) - 0.05 * np.square(action).mean(axis=1))
+
+    def terminated(self, batch: Batch) -> Mask:
+        return np.asarray(np.linalg.norm(self._shift(batch), axis=1) > self.dropped)
+
+
+class Turn(_InHand):
+    """The hand turns a ball that lies in it.
+
+    The palm is up, its fingers lower than its wrist; a tennis ball lies in the bent fingers. Observation: q, u, and of the
+    ball its shift from the start [m], quaternion, velocity and angular velocity. Action: target of each joint, 1 is 0.4 rad
+    from its target at the start. Reward of a step (20 ms): the angle that the ball turns about the vertical,
+    counterclockwise from above [rad], minus 0.002 times the mean square of the action. An episode is terminated when the
+    ball has moved by 60 mm, with 5 less of reward; truncated after 200 steps.
+    """
+
+    max_steps = 200
+    span = 0.4
+    lost = 0.06
+    """Shift at which the ball is lost [m]."""
+    bent = {"thumb_mcp": 0.3, "thumb_ip": 0.4, "mcp": 0.9, "pip": 0.8, "dip": 0.4}
+    """Flexion of thumb and fingers at the start [rad]."""
+
+    def __init__(self) -> None:
+        ball = {"name": "ball", "file": str(data_path() / "config/objects/tennis_ball.yaml"),
+                "position": [0, 0.11, 0.23]}
+        # Half a turn about an axis 17.5 degrees from the forearm: the palm is up, the fingers are 35 degrees down.
+        self.scene = load(_controlled_hand(
+            "a hand turns a ball", {"axis": [0, 0.9537, -0.3007], "angle": "180 deg"}, objects=[ball],
+            effects=["gravity", "object_contact", "friction", "joint_stops", "passive_tissue", "actuation"],
+            pictures={"size": [480, 480], "camera": {"position": [-0.15, 0.55, 0.5], "target": [0, 0.1, 0.18],
+                                                     "field_of_view": "22 deg"}}))
+        targets = np.array([self._angle(name) for name in self.scene.axes])
+        simulation = Simulation(self.scene)
+        simulation.step(targets=targets, substeps=round(1.0 / self.scene.step))
+        self._prepare(simulation)
+        self._middle = targets
+
+    def _angle(self, axis: str) -> float:
+        _, joint, kind = axis.split(".")
+        return self.bent.get(joint, self.bent.get(joint.partition("_")[2], 0)) if kind == "flexion" else 0
+
+    def reward(self, batch: Batch, action: Array) -> Array:
+        turned = batch["objects"][:, 12] * self.scene.step * self.substeps
+        return np.asarray(turned - 0.002 * np.square(action).mean(axis=1) - 5.0 * self.terminated(batch))
+
+    def terminated(self, batch: Batch) -> Mask:
+        return np.asarray(np.linalg.norm(self._shift(batch), axis=1) > self.lost)
+
+
+TASKS: dict[str, Callable[..., Task]] = {"reach": Reach, "hold": Hold, "turn": Turn}
+
+
+def task_of(task: Union[Task, str], **options: Any) -> Task:
+    """A ready task by name, or the task itself."""
+    if isinstance(task, Task):
+        return task
+    if task not in TASKS:
+        raise input_error("task", task, f"one of {', '.join(TASKS)}, or a Task")
+    return TASKS[task](**options)
+
+
+class Episodes:
+    """A task on a batch: episodes without gymnasium. `reset` and `step` as there; nothing is reset by itself."""
+
+    def __init__(self, task: Union[Task, str], n: int, *, seed: int = 0, threads: int = 0) -> None:
+        self.task = task_of(task)
+        self.batch = Batch(self.task.scene, n, observe=self.task.observe, randomise=self.task.randomise, seed=seed,
+                           threads=threads)
+        self.random = np.random.default_rng(seed)
+        self.steps = np.zeros(n, int)
+        """Of each environment's episode."""
+        self._start = self.task.start()
+        self.reset()
+
+    def reset(self, mask: Optional[Mask] = None, *, seed: Optional[int] = None) -> Array:
+        """New episodes for the environments of the mask. :returns: the observation, shape (n, numbers)"""
+        if seed is not None:
+            self.random = np.random.default_rng(seed)
+        chosen = np.ones(len(self.batch), bool) if mask is None else mask
+        self.batch.reset(chosen, seed=seed, to=self._start)
+        self.steps[chosen] = 0
+        self.task.begin(self.batch, chosen, self.random)
+        return self.task.observation(self.batch)
+
+    def step(self, action: Array) -> tuple[Array, Array, Mask, Mask]:
+        """:returns: observation (n, numbers), reward, terminated and truncated (n,). Failed environments are
+        terminated, without reward."""
+        clipped = np.clip(action, -1, 1)
+        self.batch.step(**self.task.drive(self.batch, clipped, self.random), substeps=self.task.substeps)
+        self.steps += 1
+        failed = self.batch.failed
+        reward = np.where(failed, 0, self.task.reward(self.batch, clipped))
+        terminated = self.task.terminated(self.batch) | failed
+        return self.task.observation(self.batch), reward, terminated, (self.steps >= self.task.max_steps) & ~terminated

@@ -1,0 +1,173 @@
+"""The studies of the command line: each returns its table, its JSON and its printed text.
+
+A study takes the path of its file or scene, or the name of a shipped one (`handsim.scenes`). With ``out`` its files are
+kept in that folder, as the command writes them. ``progress`` is called with the share done, 0..1. Ctrl-C ends a study
+after the run that is under way.
+"""
+from __future__ import annotations
+
+from contextlib import contextmanager
+from os import PathLike
+from pathlib import Path
+from typing import Any, Iterator, Optional, Sequence, Union
+
+from . import _core
+from ._scene import Overrides, Progress, Scene, Source, find_file, load, override_list
+from ._table import Table, rows_table
+
+PathText = Union[str, "PathLike[str]"]
+Out = Optional[PathText]
+
+
+class Study:
+    """The result of a study. Can be pickled."""
+
+    def __init__(self, name: str, folder: Path, text: str) -> None:
+        self.name = name
+        self.text = text
+        """As the command prints it; may be empty."""
+        self.tables: dict[str, Table] = {path.stem: read_csv(path) for path in sorted(folder.glob("*.csv"))}
+        """Every table of the study by name."""
+        self.summaries: dict[str, Any] = {path.stem: read_json(path) for path in sorted(folder.glob("*.json"))}
+        """Every JSON file by name."""
+        self.plots: dict[str, bytes] = {path.stem: path.read_bytes() for path in sorted(folder.glob("*.png"))}
+        """Plots and pictures by name, as bytes of PNG files; plots need gnuplot."""
+
+    @property
+    def table(self) -> Table:
+        """The table of the study's own name, or the only one."""
+        found = self.tables.get(self.name)
+        return found if found is not None else next(iter(self.tables.values()), Table({}))
+
+    @property
+    def summary(self) -> Any:
+        """The JSON of the study's own name, or the only one."""
+        return self.summaries.get(self.name) or next(iter(self.summaries.values()), {})
+
+    def __repr__(self) -> str:
+        return self.text or repr(self.table)
+
+    def _repr_html_(self) -> str:
+        import base64
+
+        shown = "".join(f'<img width="720" src="data:image/png;base64,{base64.b64encode(data).decode()}">'
+                        for data in self.plots.values())
+        return self.table._repr_html_() + shown
+
+
+def read_json(path: Path) -> Any:
+    import json
+
+    return json.loads(path.read_text())
+
+
+def _value(text: str) -> Union[float, str, None]:
+    if text == "":
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def read_csv(path: PathText) -> Table:
+    """A CSV file of handsim as a table: columns of numbers as arrays, in which an empty field is nan."""
+    import csv
+
+    with open(path, newline="") as file:
+        head, *rows = csv.reader(file)
+    return rows_table(head, [[_value(text) for text in row] for row in rows])
+
+
+@contextmanager
+def _folder(out: Out) -> Iterator[Path]:
+    if out is not None:
+        yield Path(out)
+        return
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder)
+
+
+def accuracy(study: PathText = "accuracy_2017", *, out: Out = None, peers: Optional[PathText] = None,
+             progress: Progress = None) -> Study:
+    """Errors against a reference and CPU time of every method and step of an accuracy study.
+
+    :param peers: folder with the programs of other engines; None: their rows are left out
+    """
+    with _folder(out) as folder:
+        text = _core.accuracy(find_file(study), folder, None if peers is None else Path(peers), progress)
+        return Study("accuracy", folder, text)
+
+
+def effects(scene: Union[Scene, Source], overrides: Overrides = None, *, repeats: int = 7, out: Out = None,
+            progress: Progress = None) -> Study:
+    """CPU time and influence of each effect of a scene. :param repeats: timed rounds, for the median"""
+    of = scene if isinstance(scene, Scene) else load(scene, overrides)
+    with _folder(out) as folder:
+        return Study("effects", folder, _core.effects(of._core, folder, repeats, progress))
+
+
+def contacts(*, out: Out = None, progress: Progress = None) -> Study:
+    """CPU time of a step by method and number of contacts."""
+    with _folder(out) as folder:
+        return Study("contacts_cost", folder, _core.contacts(folder, progress))
+
+
+def stability(study: PathText = "stability", *, cases: Sequence[str] = (), quick: bool = False, threads: int = 0,
+              pictures: bool = False, out: Out = None, progress: Progress = None) -> Study:
+    """Hard cases, every engine, method and step against an oracle.
+
+    :param cases: names; empty: all
+    :param quick: shorter runs of most cases
+    :param threads: 0: one for each core
+    """
+    with _folder(out) as folder:
+        text = _core.stability(find_file(study), folder, list(cases), quick, threads, pictures, progress)
+        return Study("stability", folder, text)
+
+
+def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = None, *, sides: Sequence[str] = (),
+           friction: Optional[float] = None, friction_search: bool = False, margin: bool = False,
+           pictures: bool = False, out: Out = None, progress: Progress = None) -> Study:
+    """Grasp and climb scenes in one table of each: ``tables["grasps"]``, ``tables["climbs"]``.
+
+    :param scenes: files, names of shipped scenes, or folders
+    :param sides: ``right``, ``left`` for the first hand; empty: as the scenes have it
+    :param friction: of every surface; None: the scenes'
+    :param friction_search: the smallest friction that still holds each grasp
+    :param margin: each grasp again with 5 % more and less friction and mass
+    """
+    listed = [scenes] if isinstance(scenes, (str, PathLike)) else list(scenes)
+    with _folder(out) as folder:
+        _core.grasps([find_file(each) for each in listed], folder, list(sides), override_list(overrides), friction,
+                     friction_search, margin, pictures, progress)
+        return Study("grasps", folder, "")
+
+
+def agreement(scene: PathText, overrides: Overrides = None, *, draws: int = 100, seed: int = 1,
+              quarter_steps: int = 0, threads: int = 0, out: Out = None, progress: Progress = None) -> Study:
+    """Random grasps around a scene on both engines: do they agree on what is held?"""
+    with _folder(out) as folder:
+        _core.agreement(find_file(scene), folder, override_list(overrides), draws, seed, quarter_steps, threads,
+                        progress)
+        return Study("agreement", folder, "")
+
+
+def rollouts(study: PathText, overrides: Overrides = None, *, count: Optional[int] = None,
+             seed: Optional[int] = None, threads: int = 0, resume: bool = False, out: Out = None,
+             progress: Progress = None) -> Study:
+    """Thousands of runs of a scene, each with its own person, mass, friction or pose.
+
+    :param count: draws, in place of the study's
+    :param seed: in place of the study's
+    :param resume: goes on with a study that was stopped, from the journal in ``out``
+    """
+    with _folder(out) as folder:
+        text = _core.rollouts(find_file(study), folder, count, seed, override_list(overrides), threads, resume,
+                              progress)
+        return Study("rollouts", folder, text)
+
+
+__all__ = ["Study", "accuracy", "agreement", "contacts", "effects", "grasps", "read_csv", "rollouts", "stability"]

@@ -1,0 +1,17 @@
+# Finds Python and pybind11 for the Python module (HANDSIM_PYTHON); without them the module is left out, but not when
+# a wheel is built. Outside of a wheel it is for Debian's python3, which finds Debian's numpy.
+if(HANDSIM_PYTHON)
+  if(NOT SKBUILD AND NOT DEFINED Python_EXECUTABLE)
+    find_program(Python_EXECUTABLE python3 HINTS /usr/bin)
+  endif()
+  find_package(Python 3.9 QUIET COMPONENTS Interpreter Development.Module)
+  set(PYBIND11_FINDPYTHON ON)
+  find_package(pybind11 2.10 QUIET CONFIG)
+  if(NOT Python_FOUND OR NOT pybind11_FOUND)
+    if(SKBUILD)
+      message(FATAL_ERROR "The Python module needs Python's headers and pybind11 2.10 or newer")
+    endif()
+    message(STATUS "Without the Python module: Python's headers or pybind11 are missing (python3-dev, pybind11-dev)")
+    set(HANDSIM_PYTHON OFF)
+  endif()
+endif()

@@ -1,0 +1,40 @@
+// Arrays of numbers between numpy and the library. A wrong shape or dtype is an Error that says both.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include <pybind11/numpy.h>
+
+namespace handsim::python {
+
+namespace py = pybind11;
+
+/// An array of float64 in C order; one of another real dtype or order is copied.
+class Numbers {
+ public:
+  Numbers() = default;
+  /// @param shape that is needed. @param name for messages. None: no numbers.
+  /// @throws Error (input) for another shape or dtype.
+  Numbers(const py::object& array, const std::vector<py::ssize_t>& shape, const std::string& name);
+
+  std::span<const double> span() const { return span_; }
+  bool empty() const { return span_.empty(); }
+
+ private:
+  py::object keep_;
+  std::span<const double> span_;
+};
+
+/// One flag for each environment, of dtype bool. None: empty.
+std::vector<unsigned char> mask_of(const py::object& mask, std::size_t size);
+
+/// A copy of numbers [rows, columns]; columns 0: one axis.
+py::array_t<double> array_of(std::span<const double> numbers, std::size_t columns = 0);
+
+/// `shape (1024, 23), dtype float64`
+std::string described(const py::array& array);
+std::string shape_text(const std::vector<py::ssize_t>& shape);
+
+}  // namespace handsim::python

@@ -1,0 +1,268 @@
+#include "handsim/environment/batch.h"
+
+#include <algorithm>
+#include <mutex>
+#include <thread>
+
+#include "handsim/core/index.h"
+#include "handsim/environment/draws.h"
+#include "handsim/python/arrays.h"
+#include "handsim/python/bindings.h"
+#include "handsim/python/forces.h"
+#include "handsim/python/frame.h"
+#include "handsim/python/signals.h"
+
+namespace handsim::python {
+
+namespace {
+
+using environment::Batch;
+using Drawn = std::tuple<std::string, std::string, double, double>;
+
+/// A longer step of a batch is cut into parts of so many substeps. Each environment's step ends with a chance
+/// for Python's signal handlers; shorter parts would take the environments through the cache too often.
+constexpr int kMostSubsteps = 500;
+
+environment::BatchSetup setup_of(std::vector<std::string> observe, const std::vector<Drawn>& randomise,
+                                 int threads, bool watch) {
+  environment::BatchSetup out;
+  out.environment.observe = std::move(observe);
+  for (const auto& [name, kind, a, b] : randomise) {
+    environment::Distribution of = environment::Distribution::uniform;
+    if (kind == "normal")
+      of = environment::Distribution::normal;
+    else if (kind == "log_uniform")
+      of = environment::Distribution::log_uniform;
+    else if (kind != "uniform")
+      throw input_error("randomise." + name, kind, "uniform, normal or log_uniform");
+    out.environment.randomise.push_back({name, of, a, b});
+  }
+  if (watch) out.environment.watchers = simulation::standard_watchers;
+  out.threads = threads;
+  return out;
+}
+
+/// A batch whose arrays numpy views; its address does not change.
+class BatchHandle {
+ public:
+  BatchHandle(const SceneHandle& of, std::size_t size, std::vector<std::string> observe,
+              const std::vector<Drawn>& randomise, std::uint64_t seed, int threads, bool watch)
+      : scene_(of.scene),
+        batch_(without_gil([&] {
+          environment::BatchSetup setup = setup_of(std::move(observe), randomise, threads, watch);
+          setup.done = [this](const environment::Environment&) {
+            poll();
+            return false;
+          };
+          return Batch(*of.scene, size, std::move(setup));
+        })),
+        seed_(seed),
+        episodes_(size) {}
+
+  void step(const py::object& torques, const py::object& targets, const py::object& wrists,
+            const py::object& forces, int substeps) {
+    const auto rows = static_cast<py::ssize_t>(batch_.size());
+    const auto& simulation = batch_[0].simulation();
+    const auto dofs = static_cast<py::ssize_t>(simulation.state().q.size());
+    const auto axes =
+        static_cast<py::ssize_t>(simulation.controller() ? simulation.controller()->axes().size() : 0);
+    const auto drives = static_cast<py::ssize_t>(simulation.model().drives.size());
+    const Numbers torque(torques, {rows, dofs}, "torques");
+    const Numbers target(targets, {rows, axes}, "targets");
+    const std::vector<Pose> poses = poses_of(Numbers(wrists, {rows, drives, 7}, "wrists"));
+    std::vector<std::vector<engine::BodyForce>> force;
+    read_forces(forces, simulation.model(), batch_.size(), force);
+    const environment::BatchAction action{.torques = torque.span(),
+                                          .angles = target.span(),
+                                          .wrists = poses,
+                                          .wrist_rates = {},
+                                          .forces = force};
+    guarded([&] { step_in_parts(action, substeps); });
+  }
+
+  /// `count` steps in one call, for benchmarks: the loop of a C++ program.
+  void repeat(const py::object& torques, int substeps, int count) {
+    const auto dofs = static_cast<py::ssize_t>(batch_[0].simulation().state().q.size());
+    const Numbers torque(torques, {static_cast<py::ssize_t>(batch_.size()), dofs}, "torques");
+    environment::BatchAction action;
+    action.torques = torque.span();
+    guarded([&] {
+      for (int i = 0; i < count; ++i) batch_.step(action, substeps);
+    });
+  }
+
+  /// @param seeds one for each environment, or None: those of this batch's own seed.
+  void reset(const py::object& mask_of_rows, const py::object& seeds_of_rows, const Motion* motion) {
+    const std::vector<unsigned char> mask = mask_of(mask_of_rows, batch_.size());
+    const std::vector<std::uint64_t> seeds =
+        seeds_of_rows.is_none() ? next_seeds(mask) : given_seeds(seeds_of_rows);
+    guarded([&] {
+      if (motion)
+        batch_.reset(motion->motion, seeds, mask);
+      else
+        batch_.reset(seeds, mask);
+    });
+  }
+
+  /// Begins the seeds anew.
+  void seed(std::uint64_t seed) {
+    seed_ = seed;
+    std::fill(episodes_.begin(), episodes_.end(), 0);
+  }
+
+  void set(const std::string& name, const py::object& values) {
+    const std::size_t width = batch_[0].get(name).size();
+    const Numbers numbers(values, {static_cast<py::ssize_t>(batch_.size()), static_cast<py::ssize_t>(width)},
+                          name);
+    guarded([&] {
+      for (std::size_t i = 0; i < batch_.size(); ++i)
+        batch_[i].set(name, numbers.span().subspan(i * width, width));
+    });
+  }
+
+  py::array_t<double> get(const std::string& name) const {
+    std::vector<double> out;
+    for (std::size_t i = 0; i < batch_.size(); ++i) {
+      const std::vector<double> row = batch_[i].get(name);
+      out.insert(out.end(), row.begin(), row.end());
+    }
+    return array_of(out, std::max<std::size_t>(1, out.size() / batch_.size()));
+  }
+
+  const environment::Environment& at_index(std::size_t i) const {
+    if (i >= batch_.size())
+      throw input_error("environment", std::to_string(i), "0 to " + std::to_string(batch_.size() - 1));
+    return batch_[i];
+  }
+
+  const Batch& batch() const { return batch_; }
+
+ private:
+  template <class Work>
+  void guarded(Work&& work) {
+    without_gil([&] {
+      const std::lock_guard lock(mutex_);
+      work();
+      return 0;
+    });
+  }
+
+  /// The action holds for all substeps, so that parts give the same bits; wrists move over the whole call.
+  void step_in_parts(const environment::BatchAction& action, int substeps) {
+    Signals signals;
+    polled_ = &signals;
+    caller_ = std::this_thread::get_id();
+    struct End {
+      BatchHandle& of;
+      ~End() { of.polled_ = nullptr; }
+    } const end{*this};
+    if (!action.wrists.empty()) return batch_.step(action, substeps);
+    int left = substeps;
+    do {
+      batch_.step(action, std::min(left, kMostSubsteps));
+      left -= kMostSubsteps;
+    } while (left > 0);
+  }
+
+  /// Called after each environment's step, by all threads. @throws Interrupted, which ends the step of the
+  /// batch
+  void poll() {
+    if (polled_ != nullptr && std::this_thread::get_id() == caller_) polled_->poll(0);
+  }
+
+  std::vector<std::uint64_t> next_seeds(const std::vector<unsigned char>& mask) {
+    std::vector<std::uint64_t> out(batch_.size());
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      if (!mask.empty() && mask[i] == 0) continue;
+      out[i] = environment::philox({i, episodes_[i]++, 0, 0}, {seed_, 0})[0];
+    }
+    return out;
+  }
+
+  std::vector<std::uint64_t> given_seeds(const py::object& of) const {
+    const auto rows = static_cast<py::ssize_t>(batch_.size());
+    const auto seeds = py::array_t<std::uint64_t, py::array::c_style | py::array::forcecast>::ensure(of);
+    if (!seeds || seeds.ndim() != 1 || seeds.shape(0) != rows) {
+      PyErr_Clear();
+      throw input_error("seeds", seeds ? described(seeds) : "no array",
+                        shape_text({rows}) + ", dtype uint64");
+    }
+    return {seeds.data(), seeds.data() + seeds.size()};
+  }
+
+  ScenePtr scene_;
+  Batch batch_;
+  std::uint64_t seed_;
+  std::vector<std::uint64_t> episodes_;  ///< resets of each environment
+  Signals* polled_ = nullptr;            ///< during a step
+  std::thread::id caller_;
+  std::mutex mutex_;
+};
+
+/// Views keep the batch alive and cannot be written.
+template <class T>
+py::array view(const py::object& self, py::dtype type, std::vector<py::ssize_t> shape, const T* data) {
+  py::array out(std::move(type), std::move(shape), {}, data, self);
+  out.attr("flags").attr("writeable") = false;
+  return out;
+}
+
+py::array observations(const py::object& self) {
+  const Batch& batch = self.cast<const BatchHandle&>().batch();
+  return view(self, py::dtype::of<double>(),
+              {static_cast<py::ssize_t>(batch.size()), static_cast<py::ssize_t>(batch.observation_size())},
+              batch.observations().data());
+}
+
+py::array flags(const py::object& self, std::span<const unsigned char> of) {
+  return view(self, py::dtype::of<bool>(), {static_cast<py::ssize_t>(of.size())}, of.data());
+}
+
+/// Name, first column and names of the columns of each part.
+py::list parts(const BatchHandle& self) {
+  py::list out;
+  for (const environment::ObservedPart& part : self.batch()[0].observation().parts())
+    out.append(py::make_tuple(part.name, part.first, part.columns));
+  return out;
+}
+
+py::object failure(const BatchHandle& self, std::size_t i) {
+  const Error* error = self.at_index(i).failure();
+  return error ? py::object(py::str(error->what())) : py::none();
+}
+
+}  // namespace
+
+void bind_batch(py::module_& module) {
+  using Self = BatchHandle;
+  py::class_<Self>(module, "Batch")
+      .def(py::init<const SceneHandle&, std::size_t, std::vector<std::string>, const std::vector<Drawn>&,
+                    std::uint64_t, int, bool>(),
+           py::arg("scene"), py::arg("size"), py::arg("observe"), py::arg("randomise"), py::arg("seed"),
+           py::arg("threads"), py::arg("watch"))
+      .def("step", &Self::step, py::arg("torques"), py::arg("targets"), py::arg("wrists"), py::arg("forces"),
+           py::arg("substeps"))
+      .def("repeat", &Self::repeat, py::arg("torques"), py::arg("substeps"), py::arg("count"))
+      .def("reset", &Self::reset, py::arg("mask"), py::arg("seeds"), py::arg("motion"))
+      .def("seed", &Self::seed, py::arg("seed"))
+      .def("set", &Self::set, py::arg("name"), py::arg("values"))
+      .def("get", &Self::get, py::arg("name"))
+      .def("parts", &parts)
+      .def("failure", &failure, py::arg("environment"))
+      .def(
+          "motion", [](const Self& self, std::size_t i) { return Motion{self.at_index(i).moment()}; },
+          py::arg("environment"))
+      .def(
+          "frame",
+          [](const Self& self, std::size_t i) {
+            return Frame{simulation::moment_of(self.at_index(i).simulation().engine())};
+          },
+          py::arg("environment"))
+      .def("observations", [](const py::object& self) { return observations(self); })
+      .def("done",
+           [](const py::object& self) { return flags(self, self.cast<const Self&>().batch().done()); })
+      .def("failed",
+           [](const py::object& self) { return flags(self, self.cast<const Self&>().batch().failed()); });
+}
+
+}  // namespace handsim::python

@@ -1,0 +1,50 @@
+// The Python module handsim._core: thin bindings of the library. The package in python/handsim/ has the
+// public classes with their documentation; nothing here is public.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include "handsim/scene/compile/scene.h"
+#include "handsim/simulation/run/pictures.h"
+
+namespace handsim::python {
+
+namespace py = pybind11;
+
+using ScenePtr = std::shared_ptr<const scene::Scene>;
+
+/// A scene that Python holds; simulations and batches share it.
+struct SceneHandle {
+  ScenePtr scene;
+};
+
+/// What a picture shows, in place of the scene's own `pictures`.
+struct PictureChoice {
+  std::optional<std::array<int, 2>> size;  ///< width, height [pixels]
+  std::optional<std::string> view;
+  /// Position [m], target [m] and vertical field of view [rad].
+  std::optional<std::tuple<std::array<double, 3>, std::array<double, 3>, double>> camera;
+};
+
+/// Pictures of moments with one common camera, as arrays [height, width, 3] of bytes; without the GIL.
+py::list draw_all(const scene::Scene& scene, std::vector<simulation::Moment> moments,
+                  const PictureChoice& choice);
+
+void bind_errors(py::module_& module);
+void bind_scene(py::module_& module);
+void bind_hand(py::module_& module);
+void bind_pictures(py::module_& module);
+void bind_run(py::module_& module);
+void bind_simulation(py::module_& module);
+void bind_batch(py::module_& module);
+void bind_studies(py::module_& module);
+
+}  // namespace handsim::python

@@ -1,0 +1,48 @@
+#include "handsim/python/bindings.h"
+
+#include "handsim/app/commands.h"
+#include "handsim/core/data_folder.h"
+#include "handsim/core/version.h"
+#include "handsim/output/render/image.h"
+#include "handsim/python/signals.h"
+
+namespace handsim::python {
+
+namespace {
+
+bool has_pictures() {
+  try {
+    output::require_pictures();
+    return true;
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+/// `handsim COMMAND ...` in this process. @return its exit status
+int command_line(const std::vector<std::string>& words) {
+  std::vector<const char*> argv = {"handsim"};
+  for (const std::string& word : words) argv.push_back(word.c_str());
+  return without_gil([&] { return app::run_command_line(static_cast<int>(argv.size()), argv.data()); });
+}
+
+}  // namespace
+
+}  // namespace handsim::python
+
+PYBIND11_MODULE(_core, module) {
+  using namespace handsim::python;
+  module.attr("version") = handsim::kVersion;
+  module.attr("commit") = handsim::kCommit;
+  module.attr("has_pictures") = has_pictures();
+  module.def("data_folder", [] { return handsim::data_folder().string(); });
+  module.def("command_line", &command_line, py::arg("words"));
+  bind_errors(module);
+  bind_scene(module);
+  bind_hand(module);
+  bind_pictures(module);
+  bind_run(module);
+  bind_simulation(module);
+  bind_batch(module);
+  bind_studies(module);
+}

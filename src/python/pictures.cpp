@@ -1,0 +1,118 @@
+#include "handsim/core/index.h"
+#include "handsim/output/render/contact_sheet.h"
+#include "handsim/python/bindings.h"
+#include "handsim/python/frame.h"
+#include "handsim/python/signals.h"
+#include "handsim/simulation/simulation.h"
+
+namespace handsim::python {
+
+namespace {
+
+py::array_t<std::uint8_t> array_of(const output::Image& image) {
+  py::array_t<std::uint8_t> out({image.height, image.width, 3});
+  std::copy(image.rgb.begin(), image.rgb.end(), out.mutable_data());
+  return out;
+}
+
+Vec3 vector_of(const std::array<double, 3>& v) { return {v[0], v[1], v[2]}; }
+
+scene::PictureSpec chosen(scene::PictureSpec spec, const PictureChoice& choice) {
+  if (choice.size) spec.size = *choice.size;
+  if (choice.view) {
+    const std::array<std::string_view, 4> names = {"dorsal", "palmar", "radial", "three_quarter"};
+    const auto found = std::find(names.begin(), names.end(), *choice.view);
+    if (found == names.end())
+      throw input_error("view", *choice.view, "dorsal, palmar, radial or three_quarter");
+    spec.view = static_cast<scene::View>(found - names.begin());
+    spec.camera.reset();
+  }
+  if (choice.camera) {
+    const auto& [position, target, angle] = *choice.camera;
+    spec.camera = scene::CameraSpec{vector_of(position), vector_of(target), angle};
+  }
+  return spec;
+}
+
+/// The scene at a time [s], with contacts.
+Frame frame_at(const SceneHandle& of, double time) {
+  if (!(time >= 0 && time <= of.scene->spec.duration))
+    throw input_error("time", std::to_string(time),
+                      "0 to the scene's duration of " + std::to_string(of.scene->spec.duration) + " s");
+  Signals signals;
+  return without_gil([&] {
+    simulation::Simulation simulation(of.scene, simulation::only<simulation::Monitor>);
+    const long steps = std::lround(time / of.scene->spec.solver.step);
+    for (long i = 0; i < steps; ++i) {
+      simulation.step();
+      signals.poll(0);
+    }
+    return Frame{simulation::moment_of(simulation.engine())};
+  });
+}
+
+py::list draw_frames(const SceneHandle& of, const std::vector<Frame>& frames,
+                     std::optional<std::array<int, 2>> size, std::optional<std::string> view,
+                     decltype(PictureChoice::camera) camera) {
+  std::vector<simulation::Moment> moments;
+  for (const Frame& frame : frames) {
+    if (frame.moment.state.bodies.size() != of.scene->model.bodies.size())
+      throw input_error("frames", std::to_string(frame.moment.state.bodies.size()) + " bodies",
+                        std::to_string(of.scene->model.bodies.size()) + ", of this scene");
+    moments.push_back(frame.moment);
+  }
+  return draw_all(*of.scene, std::move(moments), {size, std::move(view), camera});
+}
+
+using Pixels = py::array_t<std::uint8_t, py::array::c_style | py::array::forcecast>;
+
+/// Pictures of one size on a page.
+py::array_t<std::uint8_t> sheet(const std::vector<Pixels>& pictures, const std::vector<std::string>& captions,
+                                const std::string& title, int width) {
+  if (pictures.empty() || captions.size() != pictures.size())
+    throw input_error("captions", std::to_string(captions.size()),
+                      "one for each of " + std::to_string(pictures.size()) + " pictures, at least one");
+  const auto of = [](const Pixels& pixels) {
+    if (pixels.ndim() != 3 || pixels.shape(2) != 3)
+      throw input_error("pictures", "an array of another shape", "shape (height, width, 3), dtype uint8");
+    output::Image image{static_cast<int>(pixels.shape(1)), static_cast<int>(pixels.shape(0)), {}};
+    image.rgb.assign(pixels.data(), pixels.data() + pixels.size());
+    return image;
+  };
+  const output::Image first = of(pictures[0]);
+  output::ContactSheet page({static_cast<int>(pictures.size()), first.width, first.height, title, width});
+  for (std::size_t i = 0; i < pictures.size(); ++i) page.add(of(pictures[i]), captions[i]);
+  return array_of(page.image());
+}
+
+}  // namespace
+
+py::list draw_all(const scene::Scene& scene, std::vector<simulation::Moment> moments,
+                  const PictureChoice& choice) {
+  const scene::PictureSpec spec = chosen(scene.spec.pictures, choice);
+  std::vector<output::Image> images;
+  Signals signals;
+  without_gil([&] {
+    simulation::draw(scene.model, spec, moments, [&](std::size_t, const output::Image& image) {
+      images.push_back(image);
+      signals.poll(0);
+    });
+    return 0;
+  });
+  py::list out;
+  for (const output::Image& image : images) out.append(array_of(image));
+  return out;
+}
+
+void bind_pictures(py::module_& module) {
+  py::class_<Frame>(module, "Frame").def_property_readonly("time", [](const Frame& of) {
+    return of.moment.state.time;
+  });
+  module.def("frame_at", &frame_at, py::arg("scene"), py::arg("time"));
+  module.def("draw", &draw_frames, py::arg("scene"), py::arg("frames"), py::arg("size"), py::arg("view"),
+             py::arg("camera"));
+  module.def("contact_sheet", &sheet, py::arg("pictures"), py::arg("captions"), py::arg("title"),
+             py::arg("width"));
+}
+
+}  // namespace handsim::python

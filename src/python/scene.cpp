@@ -1,0 +1,136 @@
+#include <algorithm>
+#include <limits>
+
+#include "handsim/core/index.h"
+#include "handsim/core/yaml.h"
+#include "handsim/output/export/export.h"
+#include "handsim/output/table/csv_rows.h"
+#include "handsim/python/arrays.h"
+#include "handsim/python/bindings.h"
+#include "handsim/python/signals.h"
+
+namespace handsim::python {
+
+namespace {
+
+SceneHandle load(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
+  return without_gil(
+      [&] { return SceneHandle{std::make_shared<const scene::Scene>(scene::load_scene(path, overrides))}; });
+}
+
+/// @param name of the text in messages; references in it start from its folder.
+SceneHandle parse(const std::string& text, const std::string& name,
+                  const std::vector<std::string>& overrides) {
+  return without_gil([&] {
+    YamlNode root = parse_yaml(text, name);
+    for (const std::string& each : overrides) apply_override(root, each);
+    return SceneHandle{std::make_shared<const scene::Scene>(scene::compile_scene(std::move(root)))};
+  });
+}
+
+std::vector<std::string> effects(const SceneHandle& of) {
+  std::vector<std::string> out;
+  for (int i = 0; i < model::kEffectCount; ++i)
+    if (const auto effect = static_cast<model::Effect>(i); of.scene->spec.solver.effects.has(effect))
+      out.emplace_back(name(effect));
+  return out;
+}
+
+template <class List>
+std::vector<std::string> names(const List& list) {
+  std::vector<std::string> out;
+  for (const auto& each : list) out.push_back(each.name);
+  return out;
+}
+
+std::vector<std::string> driven_axes(const SceneHandle& of) {
+  return of.scene->control ? names(of.scene->control->axes) : std::vector<std::string>();
+}
+
+std::vector<std::size_t> driven_coordinates(const SceneHandle& of) {
+  std::vector<std::size_t> out;
+  if (of.scene->control)
+    for (const control::DrivenAxis& axis : of.scene->control->axes) out.push_back(axis.dof);
+  return out;
+}
+
+std::vector<std::string> driven_wrists(const SceneHandle& of) {
+  std::vector<std::string> out;
+  for (const model::Drive& drive : of.scene->model.drives)
+    out.push_back(of.scene->model.bodies[at(drive.body)].name);
+  return out;
+}
+
+/// Of objects that move.
+std::vector<std::string> objects(const SceneHandle& of) {
+  std::vector<std::string> out;
+  for (const scene::ObjectSpec& object : of.scene->plans.objects)
+    if (!object.is_static) out.push_back(object.name);
+  return out;
+}
+
+/// Stops by coordinate [coordinates, 2]; infinite where there is none.
+py::array_t<double> limits(const SceneHandle& of) {
+  std::vector<double> out;
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  for (const model::Joint& joint : of.scene->model.joints)
+    for (int i = 0; i < model::dof_count(joint.kind); ++i) {
+      const bool stops = at(i) < joint.axes.size() && joint.axes[at(i)].stop;
+      out.push_back(stops ? joint.axes[at(i)].stop->low : -kNone);
+      out.push_back(stops ? joint.axes[at(i)].stop->high : kNone);
+    }
+  return array_of(out, 2);
+}
+
+py::array_t<double> masses(const SceneHandle& of) {
+  std::vector<double> out;
+  for (const model::Body& body : of.scene->model.bodies) out.push_back(body.mass);
+  return array_of(out);
+}
+
+/// The files that make the same scene anywhere, by their paths relative to resolved.yaml.
+py::dict standalone(const SceneHandle& of) {
+  py::dict out;
+  out["resolved.yaml"] = py::bytes(scene::standalone_text(of.scene->resolved, of.scene->inputs));
+  for (const scene::InputFile& input : of.scene->inputs) out[py::str(input.copy)] = py::bytes(*input.bytes);
+  return out;
+}
+
+}  // namespace
+
+void bind_scene(py::module_& module) {
+  py::class_<SceneHandle> bound(module, "Scene");
+  bound.def_static("load", &load, py::arg("path"), py::arg("overrides"))
+      .def_static("parse", &parse, py::arg("text"), py::arg("name"), py::arg("overrides"))
+      .def("effects", &effects)
+      .def("driven_axes", &driven_axes)
+      .def("driven_coordinates", &driven_coordinates)
+      .def("driven_wrists", &driven_wrists)
+      .def("objects", &objects)
+      .def("limits", &limits)
+      .def("masses", &masses)
+      .def("standalone", &standalone)
+      .def("bodies", [](const SceneHandle& of) { return names(of.scene->model.bodies); })
+      .def("hands", [](const SceneHandle& of) { return names(of.scene->model.hands); })
+      .def("coordinates", [](const SceneHandle& of) { return output::coordinate_names(of.scene->model); })
+      .def("to_mjcf",
+           [](const SceneHandle& of) { return output::to_mjcf(of.scene->model, of.scene->spec.solver); })
+      .def("to_urdf",
+           [](const SceneHandle& of) { return output::to_urdf(of.scene->model, of.scene->spec.solver); });
+  bound.def_property_readonly("title", [](const SceneHandle& of) { return of.scene->spec.title; })
+      .def_property_readonly("duration", [](const SceneHandle& of) { return of.scene->spec.duration; })
+      .def_property_readonly("step", [](const SceneHandle& of) { return of.scene->spec.solver.step; })
+      .def_property_readonly(
+          "engine", [](const SceneHandle& of) { return std::string(name(of.scene->spec.solver.engine())); })
+      .def_property_readonly(
+          "method", [](const SceneHandle& of) { return std::string(name(of.scene->spec.solver.method())); })
+      .def_property_readonly("engine_choice",
+                             [](const SceneHandle& of) { return of.scene->spec.engine_choice; })
+      .def_property_readonly("record_every",
+                             [](const SceneHandle& of) { return of.scene->spec.record_every; })
+      .def_property_readonly(
+          "has_contact", [](const SceneHandle& of) { return of.scene->spec.solver.effects.any_contact(); })
+      .def_property_readonly("warnings", [](const SceneHandle& of) { return of.scene->warnings; });
+}
+
+}  // namespace handsim::python

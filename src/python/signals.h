@@ -1,0 +1,107 @@
+// Work without the GIL that Ctrl-C ends: it calls a function of this header now and then, which runs Python's
+// signal handlers.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <future>
+
+#include <pybind11/pybind11.h>
+
+namespace handsim::python {
+
+namespace py = pybind11;
+
+/// A handler or a callback has raised; the thread's error indicator is set. Not a std::exception, so that the
+/// library does not take it for a failure of its own.
+struct Interrupted {};
+
+/// Between two runs of the handlers.
+inline constexpr std::chrono::milliseconds kSignalInterval{50};
+
+/// Runs work without the GIL. @throws py::error_already_set where a handler has raised.
+template <class Work>
+auto without_gil(Work&& work) {
+  try {
+    const py::gil_scoped_release release;
+    return work();
+  } catch (const Interrupted&) {
+    throw py::error_already_set();
+  }
+}
+
+/// For loops in the thread that has called from Python.
+class Signals {
+ public:
+  /// @param progress called with the share done, 0..1; may be None.
+  explicit Signals(const py::object& progress = py::none())
+      : progress_(progress.is_none() ? nullptr : progress.ptr()) {}
+
+  /// Every kSignalInterval runs the handlers and calls `progress`. To be called without the GIL.
+  /// @throws Interrupted where one raises.
+  void poll(double share) {
+    const auto now = std::chrono::steady_clock::now();
+    if (now < next_) return;
+    const py::gil_scoped_acquire gil;
+    run(share);
+    next_ = std::chrono::steady_clock::now() + kSignalInterval;
+  }
+
+ private:
+  /// With the GIL.
+  void run(double share) const {
+    if (PyErr_CheckSignals() != 0) throw Interrupted{};
+    if (progress_ == nullptr) return;
+    try {
+      py::handle{progress_}(share);
+    } catch (py::error_already_set& error) {
+      error.restore();
+      throw Interrupted{};
+    }
+  }
+
+  PyObject* progress_;  ///< the caller has a reference
+  std::chrono::steady_clock::time_point next_ = std::chrono::steady_clock::now() + kSignalInterval;
+  template <class Study>
+  friend auto run_study(const py::object& progress, Study&& study);
+};
+
+/// What a study gets: to be told the share done, and a flag that ends it.
+struct StudyHooks {
+  std::function<void(double)> told;  ///< throws Interrupted once the study is to end
+  std::atomic<bool> stop = false;
+  std::atomic<double> share = 0;
+};
+
+/// Runs a study, which has threads of its own, in another thread, and Python's signal handlers in this one. A
+/// study ends when it next tells its share.
+/// @param study called with StudyHooks&.
+template <class Study>
+auto run_study(const py::object& progress, Study&& study) {
+  StudyHooks hooks;
+  hooks.told = [&hooks](double share) {
+    if (hooks.stop) throw Interrupted{};
+    hooks.share = share;
+  };
+  const Signals signals(progress);
+  auto result = std::async(std::launch::async, [&] { return study(hooks); });
+  for (;;) {
+    bool ready = false;
+    {
+      const py::gil_scoped_release release;
+      ready = result.wait_for(kSignalInterval) == std::future_status::ready;
+    }
+    if (ready) break;
+    if (hooks.stop) continue;
+    try {
+      signals.run(hooks.share);
+    } catch (const Interrupted&) {
+      hooks.stop = true;
+    }
+  }
+  if (hooks.stop) throw py::error_already_set();
+  return result.get();
+}
+
+}  // namespace handsim::python

@@ -1,0 +1,156 @@
+"""Environments for learning."""
+import multiprocessing
+import warnings
+
+import numpy as np
+import pytest
+
+import handsim as hs
+from handsim.gym import Episodes, Hold, Reach, SceneTask, Turn
+
+needs_gymnasium = pytest.mark.skipif(
+    __import__("importlib.util").util.find_spec("gymnasium") is None,
+    reason="gymnasium is not installed (pip install gymnasium): its environments are not tested")
+TASKS = {"reach": Reach, "hold": Hold, "turn": Turn}
+
+
+# Oracle: the same seed and actions give the same bits, in any number of threads.
+@pytest.mark.parametrize("name", TASKS)
+def test_episodes_are_a_function_of_the_seed(name):
+    first, second = Episodes(name, 4, seed=5, threads=1), Episodes(name, 4, seed=6, threads=2)
+    actions = np.random.default_rng(1).uniform(-1, 1, (5, 4, first.task.actions))
+    histories = []
+    for each in (first, second):
+        each.reset(seed=7)
+        histories.append([np.hstack([np.column_stack(each.step(action)[1:]), each.batch.observation]) for action in actions])
+    assert np.array_equal(*histories)
+    other = Episodes(name, 4, seed=8)
+    if name == "reach":
+        assert not np.array_equal(other.task.observation(other.batch), first.reset(seed=7))
+
+
+# Oracle: a policy that goes straight to the goal reaches it: every episode is terminated, with the bonus.
+def test_reach_is_solved_by_going_to_the_goal():
+    episodes = Episodes("reach", 8)
+    k = episodes.task.actions
+    observation = episodes.task.observation(episodes.batch)
+    reached = np.zeros(8, bool)
+    for _ in range(episodes.task.max_steps):
+        to_goal = observation[:, -2 * k:-k]  # the targets
+        goal = observation[:, -k:] + episodes.batch.q[:, episodes.task.scene.axis_coordinates]
+        observation, reward, terminated, _ = episodes.step((goal - to_goal) / Reach.speed)
+        assert np.all(reward[terminated & ~reached] > 9)
+        reached |= terminated
+    assert reached.all()
+
+
+# Oracle: gravity: an opened hand drops the can within a second; one that squeezes holds it for the whole episode.
+def test_hold_is_lost_by_doing_nothing_and_kept_by_squeezing():
+    episodes = Episodes("hold", 8)
+    flexion = np.array([name.endswith("flexion") for name in episodes.task.scene.axes], float)
+    ended = {}
+    for name, action in (("nothing", 0 * flexion), ("squeeze", 0.6 * flexion)):
+        episodes.reset(seed=1)
+        dropped = np.zeros(8, bool)
+        for step in range(episodes.task.max_steps):
+            *_, terminated, truncated = episodes.step(np.tile(action, (8, 1)))
+            dropped |= terminated
+        ended[name] = dropped
+        assert np.array_equal(truncated, ~terminated)
+    assert ended["nothing"].all() and not ended["squeeze"].any()
+
+
+# Oracle: a ball at rest does not turn; the reward of a turning one is its angular velocity times the time of a step.
+def test_turn_rewards_the_angle_that_the_ball_turns():
+    episodes = Episodes("turn", 4)
+    zero = np.zeros((4, episodes.task.actions))
+    for _ in range(10):
+        _, reward, terminated, _ = episodes.step(zero)
+    assert not terminated.any() and np.abs(reward).max() < 1e-4
+    for _ in range(5):
+        episodes.batch.step(targets=np.tile(episodes.task._middle, (4, 1)),
+                            forces={"ball": np.tile([0, 0, 0, 0, 0, 5e-3], (4, 1))}, substeps=2)
+    spin = episodes.batch["objects"][:, 12]
+    assert np.all(spin > 0.02)
+    assert episodes.task.reward(episodes.batch, zero) == pytest.approx(spin * 0.02)
+
+
+# Oracle: the reward function itself.
+def test_any_scene_becomes_a_task(two_hands):
+    task = SceneTask(two_hands, lambda batch: batch.q.sum(axis=1), terminated=lambda batch: batch.q[:, 0] > 10,
+                     max_steps=3)
+    episodes = Episodes(task, 2)
+    for step in range(3):
+        observation, reward, terminated, truncated = episodes.step(np.ones((2, 40)))
+    assert np.array_equal(reward, observation[:, :40].sum(axis=1))
+    assert not terminated.any() and truncated.all()
+    with pytest.raises(hs.Error, match="task: got jump, need one of reach, hold, turn"):
+        Episodes("jump", 2)
+
+
+@needs_gymnasium
+@pytest.mark.parametrize("name", TASKS)
+def test_gymnasiums_own_check_passes(name):
+    import gymnasium
+    from gymnasium.utils.env_checker import check_env
+
+    render_mode = "rgb_array" if hs.has_pictures else None
+    env = gymnasium.make(f"handsim/{name.capitalize()}-v0", render_mode=render_mode)
+    with warnings.catch_warnings():
+        # Coordinates have no bounds.
+        warnings.filterwarnings("ignore", message=".*(infinity|precision lowered).*")
+        check_env(env.unwrapped, skip_render_check=not hs.has_pictures)
+    env.close()
+
+
+@needs_gymnasium
+def test_vectors_have_gymnasiums_shapes_and_autoreset():
+    import gymnasium
+    from gymnasium.vector import AutoresetMode, VectorEnv
+
+    env = gymnasium.make_vec("handsim/Hold-v0", num_envs=3, vectorization_mode="vector_entry_point")
+    assert isinstance(env.unwrapped, VectorEnv) and env.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
+    observation, info = env.reset(seed=1)
+    first = observation.copy()
+    assert observation.dtype == np.float32 and observation in env.observation_space and info == {}
+    for step in range(100):
+        # Environment 0 opens its hand, the others squeeze.
+        action = np.full((3, 20), 0.6, np.float32) * [[0], [1], [1]]
+        observation, reward, terminated, truncated, info = env.step(action)
+        assert reward.shape == terminated.shape == truncated.shape == (3,)
+        if terminated[0]:
+            break
+    assert step < 99 and not terminated[1:].any()
+    # The can has moved by 50 mm in the last observation, and is back in the next.
+    assert info["_final_obs"].tolist() == [True, False, False]
+    assert np.linalg.norm(info["final_obs"][0, -13:-10]) > 0.05
+    assert observation[0] == pytest.approx(first[0], abs=1e-6)
+    env.close()
+
+
+@needs_gymnasium
+def test_make_vec_takes_a_scene_and_a_reward(two_hands):
+    env = hs.gym.make_vec(two_hands, 4, reward=lambda batch: batch.u[:, 0], render_mode="rgb_array", rendered=2,
+                          max_steps=5)
+    env.reset(seed=3)
+    _, reward, *_ = env.step(env.action_space.sample())
+    assert np.array_equal(reward, env.episodes.batch.u[:, 0])
+    if hs.has_pictures:
+        assert [picture.shape[2] for picture in env.render()] == [3, 3]
+    with pytest.raises(hs.Error, match="reward: got none"):
+        hs.gym.make_vec(two_hands, 4)
+    with pytest.raises(hs.Error, match="reward: got one beside a task"):
+        hs.gym.make_vec("hold", 4, reward=lambda batch: 0)
+
+
+def _mean_q(seed):
+    episodes = Episodes("reach", 4, seed=seed)
+    for _ in range(3):
+        episodes.step(np.full((4, episodes.task.actions), 0.5))
+    return float(episodes.batch.q.mean())
+
+
+# Oracle: the same in this process.
+def test_processes_run_environments_side_by_side():
+    with multiprocessing.get_context("spawn").Pool(2) as pool:
+        assert pool.map(_mean_q, [1, 2]) == [_mean_q(1), _mean_q(2)]

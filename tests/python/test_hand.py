@@ -1,0 +1,78 @@
+"""Hands as tables."""
+import pickle
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+import handsim as hs
+
+
+@pytest.fixture(scope="module")
+def hand():
+    return hs.Hand(stature=1.75, mass=72, sex="male", side="right")
+
+
+# Oracle: the parts make the whole; the hand's share of the body's mass is that of men in the hand model (0.61 %).
+def test_masses_sum_to_the_hands(hand):
+    assert hand.segments["mass[kg]"].sum() == pytest.approx(hand.dimensions["mass[kg]"], rel=1e-12)
+    assert hand.dimensions["mass[kg]"] == pytest.approx(0.0061 * 72, rel=1e-9)
+    centre = hand.segments["mass[kg]"] @ hand.segments["centre_of_mass[m]"] / hand.dimensions["mass[kg]"]
+    assert centre[1] == pytest.approx(hand.dimensions["centre_of_mass[m]"], abs=0.01)
+
+
+# Oracle: geometry: a segment is as long as the distance between its joint centre and the next one's.
+def test_segments_are_as_long_as_joint_centres_are_apart(hand):
+    length = {row["name"]: row["length[m]"] for row in hand.segments.each()}
+    centre = {row["name"].partition(".")[0]: row["centre[m]"] for row in hand.joints.each()}
+    for finger in ("index", "middle", "ring", "little"):
+        for segment, joint, next_joint in (("proximal", "mcp", "pip"), ("middle", "pip", "dip")):
+            apart = np.linalg.norm(centre[f"{finger}_{next_joint}"] - centre[f"{finger}_{joint}"])
+            assert length[f"{finger}_{segment}"] == pytest.approx(apart, rel=1e-9)
+    assert hand.segments.rows == 16 and hand.joints.rows == 20
+
+
+# Oracle: mirror in the y-z plane.
+def test_a_left_hand_is_the_mirror_image(hand):
+    left = hs.Hand(stature=1.75, mass=72, sex="male", side="left")
+    assert left.dimensions == hand.dimensions
+    assert np.allclose(left.segments["centre_of_mass[m]"], hand.segments["centre_of_mass[m]"] * [-1, 1, 1], atol=1e-15)
+    for name in ("low[rad]", "high[rad]", "stiffness[N m/rad]"):
+        assert np.array_equal(left.joints[name], hand.joints[name])
+
+
+# Oracle: measured values stand as given.
+def test_measured_values_replace_predicted_ones():
+    hand = hs.Hand(stature=1.6, mass=55, sex="female", hand_length=0.17, hand_mass=0.3)
+    assert hand.dimensions["length[m]"] == pytest.approx(0.17) and hand.dimensions["mass[kg]"] == pytest.approx(0.3)
+    assert hs.Hand(person="child").dimensions["length[m]"] < 0.16
+
+
+# Oracle: names of the arguments, no places of files that the caller has not written.
+def test_every_impossible_value_is_named_as_an_argument():
+    with pytest.raises(hs.Error) as caught:
+        hs.Hand(stature=17, mass=-3, sex="m", side="right")
+    assert {p.key for p in caught.value.problems} == {"stature", "mass", "sex"}
+    assert all(p.file is None and p.line is None for p in caught.value.problems)
+    assert "stature: got 17, need" in str(caught.value)
+    with pytest.raises(hs.Error, match="person: got measures beside a person"):
+        hs.Hand(stature=1.7, person="child")
+
+
+# Oracle: MJCF's masses.
+def test_the_export_weighs_as_much(hand):
+    root = ET.fromstring(hand.to_mjcf())
+    masses = [float(each.get("mass")) for each in root.findall(".//inertial")]
+    assert sum(masses) == pytest.approx(hand.dimensions["mass[kg]"], rel=1e-9)
+    assert ET.fromstring(hand.to_urdf()).tag == "robot"
+    again = pickle.loads(pickle.dumps(hand))
+    assert again.dimensions == hand.dimensions and again.to_mjcf() == hand.to_mjcf()
+
+
+def test_tables_print_and_become_frames(hand):
+    text = repr(hand.segments)
+    assert "index_distal" in text and "length[m]" in text
+    assert "<th>mass[kg]</th>" in hand.segments._repr_html_()
+    pytest.importorskip("pandas", reason="pandas is not installed: there are no frames")
+    frame = hand.segments.to_pandas()
+    assert len(frame) == 16 and "centre_of_mass.y[m]" in frame.columns

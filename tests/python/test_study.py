@@ -1,0 +1,71 @@
+"""Studies give what the commands write."""
+import numpy as np
+import pytest
+
+import handsim as hs
+
+
+# Oracle: the effects of the scene; the files in the folder that the study was told to keep.
+def test_effects_lists_every_effect(tmp_path):
+    shares = []
+    scene = hs.load("two_hands", {"duration": "0.1 s"})
+    study = hs.study.effects(scene, repeats=1, out=tmp_path, progress=shares.append)
+    assert study.table["effect_taken_away"] == ["none", *scene.effects]
+    assert (tmp_path / "effects.csv").is_file() and "gravity" in study.text
+    assert [row["effect"] for row in study.summary["rows"]] == scene.effects
+    assert all(0 <= share <= 1 for share in shares)
+
+
+# Oracle: number and seed of the draws; the same seed gives the same table, in one thread and in two.
+def test_rollouts_are_a_function_of_the_seed():
+    first, second = (hs.study.rollouts("rollouts_free_fall", count=6, seed=3, threads=n) for n in (1, 2))
+    assert first.table.rows == 6
+    for name, column in first.table.items():
+        if isinstance(column, np.ndarray):
+            assert np.array_equal(column, second.table[name], equal_nan=True), name
+        else:
+            assert column == second.table[name], name
+
+
+# Oracle: the figures of the scene's own run, to the digits of the table.
+def test_grasps_agree_with_the_run():
+    short = {"grasps.0.hold": "0.5 s", "grasps.0.shake.levels": [{"acceleration": 2, "frequency": "4 Hz"}],
+             "solver.engine": "articulated"}
+    study = hs.study.grasps("grasp_power_can", short)
+    figures = hs.load("grasp_power_can", short).run(frames=0).figures
+    row = study.table.row(0)
+    assert study.table.rows == 1 and row["scene"] == "grasp_power_can" and row["side"] == "right"
+    assert row["shift[mm]"] == pytest.approx(1e3 * figures["grasp_shift[m]"], rel=1e-2)
+
+
+# Oracle: the case asked for and no other.
+def test_stability_runs_one_case():
+    study = hs.study.stability(cases=["pendulum"], quick=True, threads=1)
+    assert set(study.table["case"]) == {"pendulum"} and "pendulum" in study.text
+
+
+# Oracle: rk4 is of order 4 on smooth motion: half the step has a sixteenth of the error (12 to 20 here).
+def test_accuracy_measures_the_order_of_a_method(tmp_path):
+    (tmp_path / "study.yaml").write_text(f"""
+title: order of rk4
+scene: {hs.data_path()}/config/slider_crank_iftomm.yaml
+reference: slider_crank_iftomm
+observe: slide
+sample_every: "10 ms"
+early: "0.1 s"
+repeats: 1
+steps: ["2 ms", "1 ms"]
+methods: [{{name: rk4, set: {{duration: 0.5, solver.engine: articulated, solver.method: rk4}}}}]
+""")
+    table = hs.study.accuracy(tmp_path / "study.yaml").table
+    assert table["step[s]"].tolist() == [0.002, 0.001]
+    error = table["rate_error_rms[m/s]"]
+    assert 12 < error[0] / error[1] < 20
+
+
+def test_a_study_of_another_kind_is_refused():
+    with pytest.raises(hs.Error) as caught:
+        hs.study.stability("two_hands")
+    assert caught.value.problems
+    with pytest.raises(hs.Error, match="--case|case"):
+        hs.study.stability(cases=["none"])
