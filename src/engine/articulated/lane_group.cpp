@@ -360,16 +360,9 @@ std::unique_ptr<LaneGroup> LaneGroup::make(const Engine& engine) {
   if (!of_kind || !of_kind->suits_lanes()) return nullptr;
   const ArticulatedEngine& like = *of_kind;
   const Kernel& kernel = *kernels().back();
-  switch (kernel.width) {
-    case 2:
-      return std::make_unique<GroupOf<2>>(like, kernel);
-    case 4:
-      return std::make_unique<GroupOf<4>>(like, kernel);
-    case 8:
-      return std::make_unique<GroupOf<8>>(like, kernel);
-    default:
-      return nullptr;
-  }
+  // Narrower lanes do not have the bits of an engine alone yet.
+  if (kernel.width != 8) return nullptr;
+  return std::make_unique<GroupOf<8>>(like, kernel);
 }
 
 }  // namespace handsim::engine::articulated

@@ -22,7 +22,7 @@ struct LaneTree {
   std::vector<LaneBody<W>> bodies;  ///< as Model::bodies
   std::vector<LaneWeight<W>> weights;
   std::vector<LaneServo<W>> servos;
-  struct alignas(64) Numbers {
+  struct alignas(sizeof(Lane<W>)) Numbers {
     Lane<W> x;
   };
   std::vector<Numbers> q, u, du, tau, tau_servo, spin, origins, gravity, loads;
