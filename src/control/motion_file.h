@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "handsim/core/yaml_reader.h"
-#include "handsim/model/motion.h"
 
 namespace handsim::control {
 
@@ -36,16 +35,6 @@ struct MotionTable {
 /// @param content columns that are kept; the others are ignored. Poses are in m, rad and without unit.
 enum class TableContent { angles, poses };
 MotionTable read_motion(const std::filesystem::path& path, TableContent content = TableContent::angles);
-
-/// Poses of a hand's wrist over time from the same kinds of files: columns `x[m]`, `y[m]`, `z[m]`, and for
-/// the rotation `qw`, `qx`, `qy`, `qz`, or an axis `axis.x`, `axis.y`, `axis.z` and its `angle[deg]`, or a
-/// rotation vector `rx[deg]`, `ry[deg]`, `rz[deg]`, or none; each alone or as `HAND.wrist.x[m]`. Other
-/// columns are ignored. Samples are joined by a spline.
-/// @param hand `right`, `left`, ... @param filter cut-off of a low-pass [Hz] (filter.h); absent: as recorded.
-/// @throws Error (input) as read_motion, and for a missing column, a quaternion far from unit length, an axis
-/// of no length, or a cut-off not below half the rate.
-model::PoseMotion read_pose_table(const std::filesystem::path& path, const std::string& hand,
-                                  const std::optional<double>& filter = {});
 
 /// True for names that end in .csv, .mot or .sto.
 bool is_motion_file(const std::string& name);

@@ -1,3 +1,5 @@
+#include "handsim/control/pose_table.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>

@@ -9,6 +9,7 @@
 
 #include "handsim/control/filter.h"
 #include "handsim/control/motion_trajectory.h"
+#include "handsim/control/pose_table.h"
 #include "handsim/model/spline.h"
 #include "scene_files.h"
 
@@ -211,7 +212,7 @@ TEST(CubicSpline, FollowsValueRateAndAcceleration) {
 model::PoseMotion wrist(const std::string& text, const std::string& hand = "right") {
   const test::TemporaryFolder folder;
   std::ofstream(folder.path() / "w.csv") << text;
-  return read_pose_table(folder.path() / "w.csv", hand);
+  return read_pose_table(folder.path() / "w.csv", hand, std::nullopt);
 }
 
 // Oracle: one rotation of 90 deg about z, written in three ways.

@@ -7,7 +7,7 @@
 
 #include <fmt/format.h>
 
-#include "handsim/control/motion_file.h"
+#include "handsim/control/pose_table.h"
 #include "handsim/scene/read/blocks.h"
 
 namespace handsim::scene {
