@@ -12,6 +12,7 @@
 #include "handsim/scene/read/scene_spec.h"
 #include "handsim/scene/task/tasks.h"
 #include "handsim/study/rollouts/rollouts_spec.h"
+#include "handsim/study/validate/validate.h"
 
 namespace handsim::app {
 
@@ -30,6 +31,11 @@ void read_whole_scene(YamlNode& root, Diagnostics& diagnostics) {
   scene::read_scene(root, scene::task_kinds(), diagnostics);
 }
 
+/// A file of muscles by itself: the axes that it names are those of whatever hand includes it.
+void read_muscles(YamlNode& root, Diagnostics& diagnostics) {
+  hand::read_muscle_file(root, "", std::nullopt, diagnostics);
+}
+
 using scene::FileKind;
 
 constexpr std::array kReaders = {
@@ -42,6 +48,8 @@ constexpr std::array kReaders = {
     FileReader{"material", FileKind::material, read_root<scene::read_material_file>},
     FileReader{"anthropometry", FileKind::anthropometry, read_root<hand::read_anthropometry>},
     FileReader{"grip_norms", FileKind::grip_norms, read_root<hand::read_grip_table>},
+    FileReader{"muscles", FileKind::muscles, read_muscles},
+    FileReader{"measurements", FileKind::measurements, study::read_validate},
     FileReader{"rollouts", FileKind::rollouts, read_root<study::read_rollouts>},
     FileReader{"costs", FileKind::costs, read_root<scene::read_costs>},
 };

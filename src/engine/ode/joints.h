@@ -39,6 +39,9 @@ class Joints {
   void add_torques(std::span<const double> torques, const model::State& state) const;
   /// Sets the servo drives of the next step, size model.dof_count() or empty. They exist with actuation only.
   void set_servos(std::span<const model::Servo> servos) { servos_.set(servos); }
+  /// Damping of the coordinates in the steps to come, beside that of tissue [N m s/rad]; size
+  /// model.dof_count(). Coordinates that no tendon in effect crosses have none.
+  void set_drag(std::span<const double> damping);
   /// Length of the steps to come [s].
   void set_step(double step);
   /// Softness of the stops in the steps to come.
@@ -66,6 +69,7 @@ class Joints {
     OdeBody parent;                       ///< without id: the world or a body that has no ODE body
     dJointID motor = nullptr;             ///< tissue: AMotor, or LMotor of a slider
     std::vector<std::size_t> motor_axes;  ///< our axis of each of the motor's axes
+    std::vector<model::Tissue> tissue;    ///< of each of these; zero where only tendons act
     dJointID servo = nullptr;             ///< drives every axis; with actuation only
     // Where ODE writes what the two motors did. An address that stays.
     std::unique_ptr<dJointFeedback> by_motor, by_servo;
@@ -88,7 +92,7 @@ class Joints {
                  std::vector<std::size_t>& copies_used) const;
   void place(const Link& link, const model::State& state) const;
   void add_stops(const Link& link, const Settings& settings);
-  void add_tissue(dWorldID world, Link& link);
+  void add_tissue(dWorldID world, Link& link, bool with_tissue);
   void soften_tissue(const Link& link) const;
   double slider_pull(const Link& link) const;
   void add_servo(dWorldID world, Link& link);
@@ -108,6 +112,8 @@ class Joints {
   double erp_;   ///< of the stops
   std::vector<std::string> notes_;
   bool has_tissue_ = false;
+  std::vector<bool> dragged_;  ///< by dof: a tendon crosses it
+  std::vector<double> drag_;   ///< by dof
 };
 
 }  // namespace handsim::engine::ode

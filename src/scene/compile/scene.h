@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/control/muscle_drive.h"
 #include "handsim/scene/read/inputs.h"
 #include "handsim/scene/task/tasks.h"
 
@@ -19,6 +20,7 @@ struct Scene {
   Plans plans;                         ///< start poses of hands and objects, and tasks
   model::Model model;
   std::optional<control::Plan> control;  ///< if the scene drives its hands
+  std::optional<control::MusclePlan> muscles;  ///< if the scene drives its muscles
   YamlNode resolved;                     ///< the scene with defaults filled in and references inlined
   std::vector<InputFile> inputs;         ///< meshes and motion files that `resolved` names
   std::vector<std::string> warnings;     ///< e.g. a person outside the survey

@@ -22,7 +22,9 @@ enum class FileKind {
   grip_norms,
   material,
   costs,
-  rollouts
+  rollouts,
+  muscles,
+  measurements
 };
 
 /// `a scene`, `a person`, ...

@@ -61,6 +61,7 @@ void read_content(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics)
   scene.ground = read_ground(reader, scene.contacts.materials);
   scene.gravity = reader.vector("gravity", {Dimension::acceleration, -1000, 1000}, scene.gravity);
   if (reader.sound()) check_contact_groups(scene, diagnostics);
+  scene.excitations = read_excitations(reader);
   if (reader.has("control"))
     scene.control = read_control(reader.map("control"), scene.hands, !scene.tasks.empty());
   if (reader.sound()) check_task_programs(scene, diagnostics);
