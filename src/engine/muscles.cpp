@@ -32,11 +32,15 @@ void require_excitations(const model::Model& model, const Settings& settings,
 
 Muscles::Muscles(const model::Model& model, const Settings& settings, const Solves& solves)
     : step_(settings.step), diagonal_(at(model.dof_count()), kNoSlot) {
+  const auto add = [&](const model::TendonPath& path) -> Tendon& {
+    Tendon& out = tendons_.emplace_back();
+    out.path = &path;
+    return out;
+  };
   if (settings.effects.has(model::Effect::muscles))
-    for (const model::Muscle& muscle : model.muscles) tendons_.push_back({&muscle.path, &muscle, nullptr, {}});
+    for (const model::Muscle& muscle : model.muscles) add(muscle.path).muscle = &muscle;
   if (settings.effects.has(model::Effect::tendon_coupling))
-    for (const model::Ligament& ligament : model.ligaments)
-      tendons_.push_back({&ligament.path, nullptr, &ligament, {}});
+    for (const model::Ligament& ligament : model.ligaments) add(ligament.path).ligament = &ligament;
   if (settings.effects.has(model::Effect::muscles)) muscles_ = model.muscles.size();
   torques_.resize(at(model.dof_count()));
   for (const Tendon& tendon : tendons_)

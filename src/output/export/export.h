@@ -14,7 +14,9 @@ namespace handsim::output {
 /// Body frames are the model's (origin at the centre of mass), angles are in radians, and all digits are
 /// written. Each joint axis becomes a joint named `joint.axis`; a ball joint keeps its name; a motor has the
 /// name of its joint. Joint limits need the effect joint_stops, joint stiffness and damping passive_tissue,
-/// gravity the effect gravity. Kinematic bodies are fixed at their start, driven ones are mocap bodies. Loops
+/// gravity the effect gravity, muscles and bands their effects: fixed tendons with the moment arms of the start, and
+/// actuators of the muscles' names with their isometric forces
+/// there. A band that goes slack is a limit of its tendon. Kinematic bodies are fixed at their start, driven ones are mocap bodies. Loops
 /// are closed by `connect` constraints, which are compliant in MuJoCo.
 /// @throws Error (input) for what MJCF cannot express: loops closed by universal or slider joints, more than
 ///         32 contact groups.

@@ -8,6 +8,7 @@
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/export/export_tree.h"
+#include "handsim/output/export/mjcf_tendons.h"
 
 namespace handsim::output {
 
@@ -39,6 +40,9 @@ class MjcfWriter {
     line("  </worldbody>");
     exclusions();
     loops();
+    const MjcfTendons tendons = mjcf_tendons(model_, settings_, start_);
+    if (!tendons.tendons.empty()) line("  <tendon>\n" + tendons.tendons + "  </tendon>");
+    motors_ += tendons.actuators;
     if (!motors_.empty()) line("  <actuator>\n" + motors_ + "  </actuator>");
     if (!positions_.empty())
       line(fmt::format("  <keyframe>\n    <key name=\"initial\" qpos=\"{}\" qvel=\"{}\"/>\n  </keyframe>",

@@ -10,6 +10,7 @@
 #include "handsim/core/units.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
+#include "handsim/model/pulleys.h"
 #include "handsim/study/report.h"
 #include "handsim/study/validate/subject.h"
 
@@ -163,6 +164,8 @@ double measure(const Subject& subject, const Measurement& of) {
       return measure_rotation(subject, of);
     case Measured::coupled_angle:
       return subject.balance(subject.coordinates(of.pose), {*subject.dof(of.axis)}, {})[at(*subject.dof(of.axis))];
+    case Measured::pulley_force:
+      return model::pulley_forces({of.tension, 0}, of.angles.at(0)).a2;
     case Measured::hand_mass:
       return subject.hand().mass;
     case Measured::centre_of_mass:

@@ -23,6 +23,7 @@ enum class Measured {
   passive_moment,    ///< of tissue and resting muscles about an axis [N m]
   loaded_rotation,   ///< of an axis, from rest to where a loaded tendon, tissue and resting muscles balance [rad]
   coupled_angle,     ///< of an axis where tissue and bands balance, others held at a pose [rad]
+  pulley_force,      ///< on A2, for a tension of the flexors at a PIP angle (model/pulleys.h) [N]
   hand_mass,         ///< [kg]
   centre_of_mass,    ///< of the hand from the wrist, share of hand length [1]
   gyration,          ///< radius of the hand about an axis, share of hand length [1]
@@ -38,6 +39,7 @@ struct Measurement {
   std::vector<std::string> muscles;
   std::vector<double> angles, arms;   ///< moment_arms: [rad], [m]
   Angles pose, from;
+  double tension = 0;                 ///< pulley_force [N]
   double load = 0;                    ///< loaded_rotation: share of the muscle's force
   std::optional<double> hand_length;  ///< of the measured hand: lengths of ours are scaled to it [m]
   double value = 0, spread = 0;

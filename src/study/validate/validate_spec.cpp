@@ -17,7 +17,7 @@ const std::vector<std::pair<std::string_view, Measured>> kKinds = {
     {"tip_force_share", Measured::tip_force_share}, {"tip_force", Measured::tip_force},
     {"joint_moment", Measured::joint_moment},       {"passive_moment", Measured::passive_moment},
     {"loaded_rotation", Measured::loaded_rotation}, {"coupled_angle", Measured::coupled_angle},
-    {"hand_mass", Measured::hand_mass},             {"centre_of_mass", Measured::centre_of_mass},
+    {"pulley_force", Measured::pulley_force},       {"hand_mass", Measured::hand_mass},             {"centre_of_mass", Measured::centre_of_mass},
     {"gyration", Measured::gyration}};
 const ::handsim::Quantity kAngle = {Dimension::angle, -M_PI, M_PI};
 
@@ -34,6 +34,7 @@ KindUnit unit_of(Measured kind) {
     case Measured::excursion:
       return {Dimension::length, "mm", 1e-3};
     case Measured::tip_force:
+    case Measured::pulley_force:
       return {Dimension::force, "N", 1};
     case Measured::joint_moment:
     case Measured::passive_moment:
@@ -160,6 +161,10 @@ class RowReader {
       case Measured::loaded_rotation:
         finger(), muscle(), axis();
         row.load = reader.number("load", {Dimension::none, 0, 1});
+        break;
+      case Measured::pulley_force:
+        row.tension = reader.number("tension", {Dimension::force, 0, 1e4});
+        row.angles = {reader.number("pip", kAngle)};
         break;
       case Measured::gyration:
         direction({"sagittal", "transverse", "longitudinal"});
