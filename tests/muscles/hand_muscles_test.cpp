@@ -130,7 +130,8 @@ bands:
 )",
                              "muscles.yaml");
   Diagnostics diagnostics;
-  read_muscle_file(root, "muscles", {{"index_mcp.flexion", 0, 1, 0}, {"wrist.flexion", 0, 1, 0}}, diagnostics);
+  const std::vector<HandAxis> axes = {{"index_mcp.flexion", 0, 1, 0}, {"wrist.flexion", 0, 1, 0}};
+  read_muscle_file(root, "muscles", axes, diagnostics);
   std::string text;
   for (const Problem& each : diagnostics.problems) text += each.key + ": got " + each.got + ", need " + each.need + "\n";
   for (const char* part : {"index_mcp.flexon", "index_mcp.flexion", "A a second time", "muscles.1.force", "6 coefficients",

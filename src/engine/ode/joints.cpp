@@ -260,8 +260,21 @@ void Joints::prepare_tissue(const Watch& watched, const model::State& state) con
     dJointSetLMotorParam(link.motor, dParamVel, -watched.pull * (q[0] - link.joint->axes[0].tissue->rest));
     return;
   }
-  for (std::size_t i = 0; i < link.motor_axes.size(); ++i)
+  for (std::size_t i = 0; i < link.motor_axes.size(); ++i) {
     dJointSetAMotorAngle(link.motor, static_cast<int>(i), q[link.motor_axes[i]]);
+    const std::size_t dof = static_cast<std::size_t>(link.joint->first_dof) + link.motor_axes[i];
+    if (!dragged_[dof]) continue;
+    // Drag holds the rate that the step starts with: as the row's target, which an iterative solver starts near.
+    // With ERP 1 the row asks for v+ = (rest - q) / h.
+    const model::Tissue& tissue = link.tissue[i];
+    const double pull = tissue.stiffness * (q[link.motor_axes[i]] - tissue.rest) - drag_[dof] * state.u[dof];
+    const double sum = step_ * tissue.stiffness + std::max(tissue.damping + drag_[dof], kLeastDamping);
+    const double target = q[link.motor_axes[i]] - step_ * pull / sum;
+    const int group = kParamGroup * static_cast<int>(i);
+    dJointSetAMotorParam(link.motor, dParamLoStop + group, target);
+    dJointSetAMotorParam(link.motor, dParamHiStop + group, target);
+    dJointSetAMotorParam(link.motor, dParamStopERP + group, 1);
+  }
 }
 
 int Joints::prepare_stops(Watch& watched, const model::State& state) const {

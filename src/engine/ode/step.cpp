@@ -57,6 +57,8 @@ StepInput OdeEngine::with_tendons(const StepInput& given) {
   muscles_->begin(state_.q, state_.u, given.excitations);
   muscles_->by_coordinate(state_.u, given.torques, torques_, drag_);
   joints_->set_drag(drag_);
+  // The joints' rows have the part of the rates at the start.
+  for (std::size_t i = 0; i < torques_.size(); ++i) torques_[i] -= drag_[i] * state_.u[i];
   StepInput out = given;
   out.torques = torques_;
   return out;

@@ -127,13 +127,18 @@ double measure_joint_moment(const Subject& subject, const Measurement& of) {
   return sum;
 }
 
+/// Coordinates of a pose; fingers that it does not name are at their joints' rest angles.
+std::vector<double> with_resting_fingers(const Subject& subject, const Angles& pose) {
+  std::vector<double> out = subject.coordinates(pose);
+  for (const hand::HandAxis& axis : subject.hand().axes)
+    if (const std::optional<int> dof = subject.dof(axis.name); dof && !pose.contains(axis.name))
+      out[at(*dof)] = axis.rest;
+  return out;
+}
+
 double measure_rotation(const Subject& subject, const Measurement& of) {
   const std::vector<int> free = subject.finger_dofs(of.finger);
-  std::vector<double> start = subject.coordinates(of.pose);
-  for (const hand::HandAxis& axis : subject.hand().axes)
-    if (!of.pose.contains(axis.name) && axis.name.starts_with(of.finger))
-      start[at(*subject.dof(axis.name))] = axis.rest;
-  const std::vector<double> rest = subject.balance(start, free, {});
+  const std::vector<double> rest = subject.balance(with_resting_fingers(subject, of.pose), free, {});
   const model::Muscle& muscle = *subject.muscle(of.muscle);
   const std::vector<double> loaded = subject.balance(rest, free, {{&muscle, of.load * muscle.force}});
   const auto dof = at(*subject.dof(of.axis));
@@ -163,7 +168,8 @@ double measure(const Subject& subject, const Measurement& of) {
     case Measured::loaded_rotation:
       return measure_rotation(subject, of);
     case Measured::coupled_angle:
-      return subject.balance(subject.coordinates(of.pose), {*subject.dof(of.axis)}, {})[at(*subject.dof(of.axis))];
+      return subject.balance(with_resting_fingers(subject, of.pose), {*subject.dof(of.axis)},
+                             {})[at(*subject.dof(of.axis))];
     case Measured::pulley_force:
       return model::pulley_forces({of.tension, 0}, of.angles.at(0)).a2;
     case Measured::hand_mass:
