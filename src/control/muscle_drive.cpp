@@ -17,6 +17,8 @@ namespace {
 /// coordinate's muscles have: a thousandth of it missing counts as much as an activation of 1.
 constexpr double kMissing = 1e6;
 constexpr int kNoRow = -1;
+/// Of a muscle's isometric force, the least that it is counted with [1]: chosen.
+constexpr double kLeastShare = 0.2;
 constexpr int kBlockPivots = 20;
 
 }  // namespace
@@ -68,8 +70,13 @@ void StaticOptimisation::assemble(const model::State& state, std::span<const dou
   for (std::size_t m = 0; m < model_.muscles.size(); ++m) {
     const model::Muscle& muscle = model_.muscles[m];
     const model::PathState path = model::path_state(muscle.path, state.q);
-    const double active = model::isometric_force(muscle, path.excursion);
+    double rate = 0;
+    for (std::size_t i = 0; i < muscle.path.arms.size(); ++i)
+      rate -= path.arm[i] * state.u[at(muscle.path.arms[i].dof)];
+    // What an activation gives at the present speed; a muscle that shortens fast keeps a share.
     const double passive = model::passive_force(muscle, path.excursion);
+    const double active = std::max(model::tension(muscle, path.excursion, rate, 1).force - passive,
+                                   kLeastShare * model::isometric_force(muscle, path.excursion));
     for (std::size_t i = 0; i < muscle.path.arms.size(); ++i) {
       const int row = row_[at(muscle.path.arms[i].dof)];
       if (row == kNoRow) continue;

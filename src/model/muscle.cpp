@@ -9,6 +9,9 @@ namespace handsim::model {
 
 namespace {
 
+/// 1 / (k + 1), of an integral's terms.
+constexpr std::array<double, kArmTerms> kIntegral = {1, 1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 5};
+
 double power(double x, int n) {
   double out = 1;
   for (; n > 0; --n) out *= x;
@@ -19,18 +22,22 @@ double power(double x, int n) {
 
 PathState path_state(const TendonPath& path, std::span<const double> q) {
   PathState out;
-  std::array<double, kMostArms> within{};
-  std::array<bool, kMostArms> inside{};
+  // Filled up to the path's arms.
+  std::array<double, kMostArms> within;
+  std::array<bool, kMostArms> inside;
   for (std::size_t i = 0; i < path.arms.size(); ++i) {
     const MomentArm& arm = path.arms[i];
     const double angle = q[at(arm.dof)];
     const double x = within[i] = std::clamp(angle, arm.low, arm.high);
     inside[i] = x == angle;
+    // Most polynomials have fewer terms than there is room for.
+    std::size_t terms = kArmTerms;
+    while (terms > 0 && arm.c[terms - 1] == 0) --terms;
     double sum = 0, r = 0, slope = 0;
-    for (std::size_t k = kArmTerms; k-- > 0;) {
+    for (std::size_t k = terms; k-- > 0;) {
       slope = slope * x + r;
       r = r * x + arm.c[k];
-      sum = sum * x + arm.c[k] / static_cast<double>(k + 1);
+      sum = sum * x + arm.c[k] * kIntegral[k];
     }
     out.arm[i] = r;
     out.bend[i] = inside[i] ? slope : 0;
