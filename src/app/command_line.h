@@ -71,7 +71,12 @@ void add_out(CLI::App& command, std::filesystem::path& out, const std::string& h
 /// Adds `--set`, and `--engine` for `--set solver.engine=...`.
 void add_overrides(CLI::App& app, std::vector<std::string>& overrides);
 
+struct DrawArguments;
+/// Adds `--video` with its `--fps` and `--speed`, and `--gl`. @param where the video is written.
+void add_drawing(CLI::App& command, DrawArguments& drawing, const std::string& where);
+
 void add_scene_commands(CommandLine& line);
 void add_study_commands(CommandLine& line);
+void add_motion_commands(CommandLine& line);
 
 }  // namespace handsim::app

@@ -90,6 +90,7 @@ int parse_and_call(int argc, const char* const* argv) {
       "simulation diverged, or output was lost; 2 bad input.");
   add_scene_commands(line);
   add_study_commands(line);
+  add_motion_commands(line);
   add_completion(line);
   try {
     app.parse(argc, argv);

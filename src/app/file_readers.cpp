@@ -3,6 +3,7 @@
 #include <array>
 
 #include "handsim/control/gains.h"
+#include "handsim/control/motion_names.h"
 #include "handsim/control/poses.h"
 #include "handsim/hand/grip_strength.h"
 #include "handsim/hand/hand_spec.h"
@@ -13,6 +14,7 @@
 #include "handsim/scene/task/tasks.h"
 #include "handsim/study/rollouts/rollouts_spec.h"
 #include "handsim/study/validate/validate.h"
+#include "handsim/study/track/marker_set.h"
 
 namespace handsim::app {
 
@@ -51,6 +53,8 @@ constexpr std::array kReaders = {
     FileReader{"muscles", FileKind::muscles, read_muscles},
     FileReader{"measurements", FileKind::measurements, study::read_validate},
     FileReader{"rollouts", FileKind::rollouts, read_root<study::read_rollouts>},
+    FileReader{"names", FileKind::motion_names, read_root<control::read_motion_names>},
+    FileReader{"markers", FileKind::marker_set, read_root<study::read_marker_set>},
     FileReader{"costs", FileKind::costs, read_root<scene::read_costs>},
 };
 

@@ -14,11 +14,8 @@ namespace handsim::app {
 
 namespace {
 
-void add_hand(CommandLine& line) {
-  const auto arguments = std::make_shared<HandArguments>();
-  CLI::App& hand = line.add(
-      "hand", "Hands of a person: dimensions, masses, joints; with --out also YAML and a picture",
-      "handsim hand --stature 1.75 --mass 72 --sex male --side both --out out/hand", hand_command, arguments);
+/// The options that say whose hands.
+void add_person(CLI::App& hand, const std::shared_ptr<HandArguments>& arguments) {
   hand.add_option("--person", arguments->person, "person file (in place of --stature, --mass, --sex)");
   const auto measure = [&](const char* name, const char* key, const char* help) {
     return hand.add_option_function<std::string>(
@@ -34,6 +31,14 @@ void add_hand(CommandLine& line) {
   measure("--hand-length-percentile", "hand_length_percentile",
           "among people of this stature, mass and sex, 0.01 to 99.99");
   hand.add_option("--model", arguments->model, "hand model file (default: the anatomical hand)");
+}
+
+void add_hand(CommandLine& line) {
+  const auto arguments = std::make_shared<HandArguments>();
+  CLI::App& hand = line.add(
+      "hand", "Hands of a person: dimensions, masses, joints; with --out also YAML and a picture",
+      "handsim hand --stature 1.75 --mass 72 --sex male --side both --out out/hand", hand_command, arguments);
+  add_person(hand, arguments);
   add_words(hand.add_option("--side", arguments->side, "which hands (default both)"), kSides);
   hand.add_option("--out", arguments->out, "folder for hand.yaml and hand.png")->check(check_path);
 }
@@ -84,6 +89,7 @@ void add_run(CommandLine& line) {
   run.add_flag("--poses", arguments->poses,
                "a picture at the end of every hold of a controlled scene, in place of --frames")
       ->excludes(frames);
+  add_drawing(run, arguments->drawing, "of the run");
   run.add_flag("--plots", arguments->plots,
                "plots of a controlled scene: angles, errors, torques (needs gnuplot)");
   add_time(run, "--snapshot-at", arguments->snapshot_at,
@@ -102,28 +108,55 @@ void add_run(CommandLine& line) {
 void add_render(CommandLine& line) {
   const auto arguments = std::make_shared<RenderArguments>();
   CLI::App& render =
-      line.add("render", "One picture of a scene at a time of its motion",
+      line.add("render", "One picture of a scene at a time of its motion, or a video of it",
                "handsim render config/two_hands.yaml --out hands.png --time 0.2", render_command, arguments);
   render.add_option("scene", arguments->scene, "scene file")->required();
-  add_out(render, arguments->out, "PNG file: .png");
+  CLI::Option* out = render.add_option("--out", arguments->out, "PNG file: .png")->check(check_path);
   add_overrides(render, arguments->overrides);
-  add_time(render, "--time", arguments->time, "simulated time (default 0)");
+  add_time(render, "--time", arguments->time,
+           "simulated time of the picture (default 0), end of the video (default: the scene's)");
+  add_drawing(render, arguments->drawing, "in place of --out or beside it");
+  render.parse_complete_callback([out, &render] {
+    if (out->empty() && render.get_option("--video")->empty()) throw CLI::RequiredError("--out or --video");
+  });
 }
 
 void add_export(CommandLine& line) {
   const auto arguments = std::make_shared<ExportArguments>();
-  CLI::App& command = line.add("export", "A scene's model as a file for other engines: MJCF or URDF",
-                               "handsim export config/two_hands.yaml --format mjcf --out two_hands.xml",
-                               export_command, arguments);
-  command.add_option("scene", arguments->scene, "scene file")->required();
-  add_words(command.add_option("--format", arguments->format,
-                               "mjcf (MuJoCo) or urdf (ROS); default: by the file's ending, else mjcf"),
-            "mjcf|urdf");
-  add_out(command, arguments->out, "file to write: .xml for mjcf, .urdf for urdf");
+  arguments->hands.side.clear();
+  CLI::App& command = line.add(
+      "export", "A scene's model, or a person's hands, as a file for other programs: MJCF, URDF or OpenSim",
+      "handsim export --stature 1.75 --mass 72 --sex male --side right --out right.osim", export_command,
+      arguments);
+  command.add_option("scene", arguments->scene, "scene file; without one the hands of a person");
+  add_words(command.add_option(
+                "--format", arguments->format,
+                "mjcf (MuJoCo), urdf (ROS) or osim (OpenSim); default: by the file's ending, else mjcf"),
+            "mjcf|urdf|osim");
+  add_out(command, arguments->out, "file to write: .xml or .mjcf, .urdf, .osim");
+  add_person(command, {arguments, &arguments->hands});
+  add_words(command.add_option("--side", arguments->hands.side, "which hands (default both)"), kSides);
+  add_words(command.add_option("--mount", arguments->mount, "how a person's palms are held (default fixed)"),
+            "fixed|hinge|universal|free");
   add_overrides(command, arguments->overrides);
 }
 
 }  // namespace
+
+void add_drawing(CLI::App& command, DrawArguments& drawing, const std::string& where) {
+  CLI::Option* video =
+      command
+          .add_option("--video", drawing.video, "video in real time, .mp4 or .gif (needs ffmpeg), " + where)
+          ->check(check_path);
+  command.add_option("--fps", drawing.fps, "frames in a second of the video (default 30)")
+      ->check(number_from(0.1, 240, false, "a number of frames, 0.1 to 240"))
+      ->needs(video);
+  command.add_option("--speed", drawing.speed, "simulated seconds in a second of the video (default 1)")
+      ->check(number_from(1e-4, 1e4, false, "a factor, 0.0001 to 10000; below 1 it is slow motion"))
+      ->needs(video);
+  add_words(command.add_option("--gl", drawing.gl, "OpenGL without a display (default: osmesa, if built in)"),
+            "osmesa|egl");
+}
 
 void add_scene_commands(CommandLine& line) {
   for (const auto add : {add_hand, add_check, add_run, add_render, add_export, add_schema}) add(line);

@@ -30,6 +30,7 @@ void add_grasp(CommandLine& line) {
       "--margin", arguments->margin,
       "run each grasp again with 5 % more and less friction and mass: marginal if that changes the verdict");
   grasp.add_flag("--pictures", arguments->pictures, "a picture at every phase");
+  add_drawing(grasp, arguments->drawing, "in each run's folder: a name without one");
   CLI::Option* agree = grasp.add_option(
       "--agree", arguments->agree,
       "random grasps around the one scene, on ODE and the articulated engine: how often they agree");

@@ -37,6 +37,7 @@ void add_muscle(const model::Muscle& muscle, const model::State& state, const st
   if (muscle.path.arms.empty()) return;
   const model::PathState path = model::path_state(muscle.path, state.q);
   out.tendons += fixed_tendon(muscle.name, muscle.path, path, labels, "");
+  ++out.count;
   out.actuators += fmt::format(
       "    <general name=\"{0}\" tendon=\"{0}\" dyntype=\"muscle\" dynprm=\"{1:.17g} {2:.17g}\" "
       "gaintype=\"fixed\" gainprm=\"{3:.17g}\" biastype=\"affine\" biasprm=\"{4:.17g} 0 0\" "

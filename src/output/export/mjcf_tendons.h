@@ -11,6 +11,7 @@ namespace handsim::output {
 /// Elements of <tendon> and <actuator>, each a line, indented by four; empty without muscles and bands in effect.
 struct MjcfTendons {
   std::string tendons, actuators;
+  int count = 0;  ///< of actuators
 };
 
 /// MJCF's fixed tendons have constant moment arms: a tendon gets the arms that it has at the state, an actuator the

@@ -17,6 +17,7 @@ struct ControlSpec {
   std::optional<control::PoseFile> poses;
   std::vector<control::ProgramChoice> programs;  ///< one for each hand of the scene, in their order
   bool by_muscles = false;                       ///< `drive: muscles`: torques become excitations
+  control::MotionOptions motion;                 ///< for programs that are motion files
   bool allow_unstable = false;                   ///< accepts explicit gains beyond their limit
   Place place;                                   ///< of the block
 };

@@ -24,7 +24,9 @@ enum class FileKind {
   costs,
   rollouts,
   muscles,
-  measurements
+  measurements,
+  motion_names,
+  marker_set
 };
 
 /// `a scene`, `a person`, ...
