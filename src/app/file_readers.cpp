@@ -13,8 +13,8 @@
 #include "handsim/scene/read/scene_spec.h"
 #include "handsim/scene/task/tasks.h"
 #include "handsim/study/rollouts/rollouts_spec.h"
-#include "handsim/study/validate/validate.h"
 #include "handsim/study/track/marker_set.h"
+#include "handsim/study/validate/validate.h"
 
 namespace handsim::app {
 

@@ -65,9 +65,9 @@ void add_accuracy(CommandLine& line) {
 
 void add_validate(CommandLine& line) {
   const auto arguments = std::make_shared<ValidateArguments>();
-  CLI::App& validate =
-      line.add("validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
-               "handsim validate --out out/validate", validate_command, arguments);
+  CLI::App& validate = line.add(
+      "validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
+      "handsim validate --out out/validate", validate_command, arguments);
   validate.add_option("measurements", arguments->file, "file of measurements (default: the installed ones)");
   validate.add_option("--out", arguments->out, "folder for validate.csv");
 }
@@ -155,7 +155,8 @@ void add_rollouts(CommandLine& line) {
 }  // namespace
 
 void add_study_commands(CommandLine& line) {
-  for (const auto add : {add_grasp, add_accuracy, add_effects, add_contacts, add_stability, add_validate, add_rollouts})
+  for (const auto add :
+       {add_grasp, add_accuracy, add_effects, add_contacts, add_stability, add_validate, add_rollouts})
     add(line);
 }
 

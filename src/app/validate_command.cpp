@@ -10,7 +10,8 @@
 namespace handsim::app {
 
 int validate_command(const ValidateArguments& arguments) {
-  const std::filesystem::path file = arguments.file ? *arguments.file : data_folder() / "config/validate.yaml";
+  const std::filesystem::path file =
+      arguments.file ? *arguments.file : data_folder() / "config/validate.yaml";
   const study::ValidateSpec spec = study::load_validate(file);
   std::optional<output::OutputFolder> folder;
   if (arguments.out)

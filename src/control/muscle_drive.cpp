@@ -13,8 +13,8 @@ namespace handsim::control {
 
 namespace {
 
-/// Weight of a torque that is missing over the weight of activations [1/(N m)^2], by the largest torque that the
-/// coordinate's muscles have: a thousandth of it missing counts as much as an activation of 1.
+/// Weight of a torque that is missing over the weight of activations [1/(N m)^2], by the largest torque that
+/// the coordinate's muscles have: a thousandth of it missing counts as much as an activation of 1.
 constexpr double kMissing = 1e6;
 constexpr int kNoRow = -1;
 /// Of a muscle's isometric force, the least that it is counted with [1]: chosen.
@@ -118,8 +118,8 @@ void StaticOptimisation::minimise() {
     bool right = true;
     for (Eigen::Index i = n; i-- > 0;) {
       signed char& bound = bound_[at(static_cast<int>(i))];
-      const signed char now = bound != 0 ? (bound * slope[i] > loose ? 0 : bound)
-                              : activation_[i] < -1e-12  ? -1
+      const signed char now = bound != 0                   ? (bound * slope[i] > loose ? 0 : bound)
+                              : activation_[i] < -1e-12    ? -1
                               : activation_[i] > 1 + 1e-12 ? 1
                                                            : 0;
       if (now == bound) continue;
@@ -131,7 +131,8 @@ void StaticOptimisation::minimise() {
   }
 }
 
-std::span<const double> StaticOptimisation::solve(const model::State& state, std::span<const double> torques) {
+std::span<const double> StaticOptimisation::solve(const model::State& state,
+                                                  std::span<const double> torques) {
   assemble(state, torques);
   minimise();
   for (std::size_t i = 0; i < out_.size(); ++i) {
@@ -172,7 +173,8 @@ std::span<const double> MuscleDrive::excitations(const model::State& state, std:
   for (std::size_t i = 0; i < torques.size(); ++i) torques_[i] += torques[i];
   for (std::size_t i = 0; i < servos.size(); ++i) {
     const model::Servo& servo = servos[i];
-    const double pull = servo.stiffness * (servo.error - step_ * state.u[i]) - servo.damping * state.u[i] + servo.feed;
+    const double pull =
+        servo.stiffness * (servo.error - step_ * state.u[i]) - servo.damping * state.u[i] + servo.feed;
     torques_[i] += std::clamp(pull, -servo.limit, servo.limit);
   }
   const std::span<const double> found = optimisation_->solve(state, torques_);

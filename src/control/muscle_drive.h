@@ -1,5 +1,5 @@
-// Excitations of muscles: from a table over time, or from joint torques by static optimisation, which finds the
-// activations 0..1 with the least sum of squares that give the torques, as nearly as the muscles can
+// Excitations of muscles: from a table over time, or from joint torques by static optimisation, which finds
+// the activations 0..1 with the least sum of squares that give the torques, as nearly as the muscles can
 // (Crowninshield & Brand 1981, J Biomech 14:793, with the power 2).
 #pragma once
 
@@ -35,7 +35,9 @@ class StaticOptimisation {
   /// Activations, as Model::muscles. @param torques by Model::dof_count() [N m]
   std::span<const double> solve(const model::State& state, std::span<const double> torques);
   /// Torques that the activations of the last `solve` leave undone, by `dofs` [N m].
-  std::span<const double> missing() const { return {missing_.data(), static_cast<std::size_t>(missing_.size())}; }
+  std::span<const double> missing() const {
+    return {missing_.data(), static_cast<std::size_t>(missing_.size())};
+  }
 
  private:
   void assemble(const model::State& state, std::span<const double> torques);
@@ -59,8 +61,8 @@ class MuscleDrive {
   MuscleDrive(const model::Model& model, const MusclePlan& plan, std::vector<std::size_t> dofs, double step);
 
   bool takes_torques() const { return optimisation_.has_value(); }
-  /// Excitations of the step that begins at a state. @param torques, servos of the step, which drive muscles in
-  /// place of motors where takes_torques(); either may be empty
+  /// Excitations of the step that begins at a state. @param torques, servos of the step, which drive muscles
+  /// in place of motors where takes_torques(); either may be empty
   std::span<const double> excitations(const model::State& state, std::span<const double> torques,
                                       std::span<const model::Servo> servos);
 

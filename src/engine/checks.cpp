@@ -129,10 +129,10 @@ void require_outside(const model::Model& model, const Settings& settings, const 
   if (input.forces.empty() && input.drive_targets.empty()) return;
   const Method method = settings.method();
   if (settings.engine() != EngineKind::ode && method != ArticulatedMethod::semi_implicit_euler)
-    throw input_error(input.forces.empty() ? "drive_targets" : "forces",
-                      fmt::format("engine {} with method {}, which takes none", name(settings.engine()),
-                                  name(method)),
-                      "engine ode, or articulated with method semi_implicit_euler");
+    throw input_error(
+        input.forces.empty() ? "drive_targets" : "forces",
+        fmt::format("engine {} with method {}, which takes none", name(settings.engine()), name(method)),
+        "engine ode, or articulated with method semi_implicit_euler");
   for (const BodyForce& each : input.forces) {
     const bool there = each.body > model::kWorld && static_cast<std::size_t>(each.body) < model.bodies.size();
     if (!there || model.bodies[static_cast<std::size_t>(each.body)].kinematic)

@@ -27,7 +27,8 @@ void require_excitations(const model::Model& model, const Settings& settings,
   for (std::size_t i = 0; i < excitations.size(); ++i)
     // Written so that NaN fails.
     if (!(excitations[i] >= 0 && excitations[i] <= 1))
-      throw input_error("excitations." + model.muscles[i].name, fmt::format("{:g}", excitations[i]), "0 to 1");
+      throw input_error("excitations." + model.muscles[i].name, fmt::format("{:g}", excitations[i]),
+                        "0 to 1");
 }
 
 Muscles::Muscles(const model::Model& model, const Settings& settings, const Solves& solves)

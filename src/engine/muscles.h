@@ -1,9 +1,9 @@
-// Muscles and ligaments within the step of an engine. A tension at the step's end depends on the rates u+ that
-// the step finds: F = F(l0 + h l', l'), linear about the start. The generalised torques are
+// Muscles and ligaments within the step of an engine. A tension at the step's end depends on the rates u+
+// that the step finds: F = F(l0 + h l', l'), linear about the start. The generalised torques are
 //   tau = start - B (u+ - u0),   B = sum over tendons of (h dF/dl + dF/dl') r r^T,
-// with the moment arms r at the start. An engine solves them together with its motion: with B itself, or with a
-// diagonal that exceeds it (row sums of |B|), which is stable at any step and exact at rest, and less exact in
-// fast motion. Activations go one step by their own law before. No engine's types.
+// with the moment arms r at the start. An engine solves them together with its motion: with B itself, or with
+// a diagonal that exceeds it (row sums of |B|), which is stable at any step and exact at rest, and less exact
+// in fast motion. Activations go one step by their own law before. No engine's types.
 #pragma once
 
 #include <functional>
@@ -15,11 +15,13 @@
 namespace handsim::engine {
 
 /// @throws Error (input) for excitations without the muscles effect, of another number, or not within 0..1.
-void require_excitations(const model::Model& model, const Settings& settings, std::span<const double> excitations);
+void require_excitations(const model::Model& model, const Settings& settings,
+                         std::span<const double> excitations);
 
 class Muscles {
  public:
-  /// Whether the engine solves an entry of B, of two coordinates; what it does not is bounded by the diagonal.
+  /// Whether the engine solves an entry of B, of two coordinates; what it does not is bounded by the
+  /// diagonal.
   using Solves = std::function<bool(int, int)>;
   /// The model must outlive this.
   Muscles(const model::Model& model, const Settings& settings, const Solves& solves);

@@ -221,7 +221,7 @@ HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& a
                           const Person& person) {
   HandMuscles out;
   const double scale = size.length / file.hand_length;
-  const double shortness = 
+  const double shortness =
       person.grip_strength ? 1 : std::min(1.0, person.stature / lowest_stature(file.norms, person.sex));
   out.strength = grip_strength(file.norms, person).own / file.grip_strength * shortness * shortness;
   std::vector<double> rest;
@@ -238,8 +238,8 @@ HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& a
     muscle.deactivation_time = spec.deactivation_time;
     const double across = std::sin(spec.pennation);
     const double along = std::sqrt(std::max(0.01, spec.rest * spec.rest - across * across));
-    muscle.length = muscle.slack_length + muscle.fibre_length * along +
-                    model::path_state(muscle.path, rest).excursion;
+    muscle.length =
+        muscle.slack_length + muscle.fibre_length * along + model::path_state(muscle.path, rest).excursion;
   }
   for (const BandSpec& spec : file.bands)
     out.bands.push_back({spec.tendon.name, scaled(spec.tendon.path, scale), spec.stiffness * scale,

@@ -22,11 +22,11 @@ struct TendonSpec {
 
 struct MuscleSpec {
   TendonSpec tendon;
-  double force = 0;         ///< of the reference person [N]
-  double fibre_length = 0;  ///< optimal, of the reference hand [m]
+  double force = 0;          ///< of the reference person [N]
+  double fibre_length = 0;   ///< optimal, of the reference hand [m]
   double tendon_length = 0;  ///< slack, of the reference hand [m]
-  double pennation = 0;     ///< [rad]
-  double rest = 1;          ///< fibre length at the joints' rest angles, over the optimal one
+  double pennation = 0;      ///< [rad]
+  double rest = 1;           ///< fibre length at the joints' rest angles, over the optimal one
   double activation_time = 0.015, deactivation_time = 0.05;  ///< [s]
 };
 
@@ -50,7 +50,7 @@ struct MuscleFile {
 
 /// An axis of a hand, in the order of TendonSpec.
 struct HandAxis {
-  std::string name;  ///< e.g. `index_mcp.flexion`, `wrist.flexion`
+  std::string name;                 ///< e.g. `index_mcp.flexion`, `wrist.flexion`
   double low = -M_PI, high = M_PI;  ///< range [rad]
   double rest = 0;                  ///< rest angle of its tissue [rad]
 };
@@ -66,9 +66,9 @@ struct HandMuscles {
   double strength = 1;  ///< factor on the reference person's forces
 };
 
-/// Arms, fibres, tendons and the stiffness of bands scale with hand length; forces with the grip strength that
-/// the person states or the norm gives. Below the norm's smallest stature, where it has nobody, forces shrink with
-/// the square of stature, as areas do.
+/// Arms, fibres, tendons and the stiffness of bands scale with hand length; forces with the grip strength
+/// that the person states or the norm gives. Below the norm's smallest stature, where it has nobody, forces
+/// shrink with the square of stature, as areas do.
 HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& axes, const HandSize& size,
                           const Person& person);
 

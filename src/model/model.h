@@ -160,11 +160,11 @@ struct Drive {
 struct HandIndex {
   std::string name;  ///< `right`, `left`, or with a number if a scene has several of a side
   Side side = Side::right;
-  int palm = 0;             ///< body
-  Pose wrist_frame;         ///< X_PH: hand frame H (origin at the wrist joint centre) in the palm body
-  std::vector<int> bodies;  ///< palm first, then segments
-  std::vector<int> joints;  ///< finger joints, and the wrist joint if it has one
-  std::optional<int> rail;  ///< slider joint of the palm, if it has one
+  int palm = 0;                ///< body
+  Pose wrist_frame;            ///< X_PH: hand frame H (origin at the wrist joint centre) in the palm body
+  std::vector<int> bodies;     ///< palm first, then segments
+  std::vector<int> joints;     ///< finger joints, and the wrist joint if it has one
+  std::optional<int> rail;     ///< slider joint of the palm, if it has one
   std::vector<int> muscles;    ///< in Model::muscles
   std::vector<int> ligaments;  ///< in Model::ligaments
 };

@@ -1,7 +1,7 @@
 // Muscles and ligaments of a model: tendons with a moment arm about each joint coordinate that they cross.
 // Length and arms agree by construction: both come from one polynomial, the excursion e(q), with
-// length = length at zero - e(q) and moment arm = de/dq = -dlength/dq. No time, no activation: muscle_curves.h
-// and engine/muscles.h have the dynamics.
+// length = length at zero - e(q) and moment arm = de/dq = -dlength/dq. No time, no activation:
+// muscle_curves.h and engine/muscles.h have the dynamics.
 #pragma once
 
 #include <array>
@@ -16,8 +16,8 @@ inline constexpr int kArmTerms = 5;
 /// Most coordinates that a tendon may cross: two of the wrist, four of a finger, and a second finger's.
 inline constexpr int kMostArms = 12;
 
-/// Moment arm about one joint coordinate: r(q) = c0 + c1 q + c2 q^2 + ... [m], q in rad, held at its end values
-/// beyond [low, high]. Positive: tension drives the coordinate towards positive values.
+/// Moment arm about one joint coordinate: r(q) = c0 + c1 q + c2 q^2 + ... [m], q in rad, held at its end
+/// values beyond [low, high]. Positive: tension drives the coordinate towards positive values.
 struct MomentArm {
   int dof = 0;  ///< coordinate, in vectors of Model::dof_count()
   std::array<double, kArmTerms> c{};
@@ -47,7 +47,8 @@ struct PathState {
 /// @param q coordinates of the model [rad]
 PathState path_state(const TendonPath& path, std::span<const double> q);
 
-/// A Hill-type muscle with a rigid tendon. Its fibres lie at `pennation` where they have their optimal length.
+/// A Hill-type muscle with a rigid tendon. Its fibres lie at `pennation` where they have their optimal
+/// length.
 struct Muscle {
   std::string name;  ///< unique, e.g. `right.FDP2`
   TendonPath path;

@@ -21,7 +21,11 @@ constexpr double kSteep = (2 + 2 / kSpeedShape) / (kLengthening - 1);
 /// Of angles up to 1.4 rad, to 1e-11: a call of std::sin takes longer than the rest of a fibre.
 double sine(double x) {
   const double s = x * x;
-  return x * (1 - s * (1.0 / 6) * (1 - s * (1.0 / 20) * (1 - s * (1.0 / 42) * (1 - s * (1.0 / 72) * (1 - s * (1.0 / 110) * (1 - s * (1.0 / 156)))))));
+  return x *
+         (1 - s * (1.0 / 6) *
+                  (1 - s * (1.0 / 20) *
+                           (1 - s * (1.0 / 42) *
+                                    (1 - s * (1.0 / 72) * (1 - s * (1.0 / 110) * (1 - s * (1.0 / 156)))))));
 }
 
 /// A factor of the force and its derivative.
@@ -43,8 +47,9 @@ Curve passive_length(double l) {
   return {(grown - 1) / kExpShape + slope * std::max(0.0, l - 1 - kPassiveStrain), slope};
 }
 
-/// Factor of the speed. @param w rate over the largest speed at the activation, positive: lengthening. The slope
-/// is the greater of the tangent's and the chord's to rest: a step that is linear by it does not overshoot.
+/// Factor of the speed. @param w rate over the largest speed at the activation, positive: lengthening. The
+/// slope is the greater of the tangent's and the chord's to rest: a step that is linear by it does not
+/// overshoot.
 Curve speed(double w) {
   if (w <= -1) return {0, -1 / w};
   const double value =

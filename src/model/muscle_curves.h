@@ -3,7 +3,8 @@
 // Normalised by largest isometric force and optimal fibre length:
 //   active length     exp(-(l - 1)^2 / 0.45)
 //   passive length    (exp(5 (l - 1) / 0.6) - 1) / (exp(5) - 1), 0 below 1; beyond 1.6 along its tangent
-//   speed             eqs. 6 and 7 of the paper, solved for the force, with 0.25 + 0.75 a on the largest speed
+//   speed             eqs. 6 and 7 of the paper, solved for the force, with 0.25 + 0.75 a on the largest
+//   speed
 // The passive part has a damping of its own, so that a lengthened resting muscle does not swing for ever.
 #pragma once
 
@@ -22,9 +23,10 @@ Fibre fibre_at(const Muscle& muscle, double excursion);
 
 /// Tension of the tendon.
 struct Tension {
-  double force = 0;   ///< [N], >= 0
+  double force = 0;      ///< [N], >= 0
   double stiffness = 0;  ///< by the length of muscle and tendon [N/m], may be negative
-  double damping = 0;    ///< by its rate: for an implicit step, at least the slope between the rate and rest [N s/m]
+  double damping =
+      0;  ///< by its rate: for an implicit step, at least the slope between the rate and rest [N s/m]
 };
 
 /// @param rate of the length of muscle and tendon [m/s], positive: lengthening

@@ -38,7 +38,8 @@ struct State {
   std::vector<double> tendon_force;  ///< tension in the last step, at its end [N]
 };
 
-/// Serialises time, bodies, torques and muscles (core/archive.h); the model has their counts, and q and u follow.
+/// Serialises time, bodies, torques and muscles (core/archive.h); the model has their counts, and q and u
+/// follow.
 template <class Archive, class T>
 void carry(Archive& archive, T& state) {
   archive(state.time);

@@ -62,7 +62,8 @@ class Simulation {
   const engine::Engine& engine() const { return *engine_; }
   /// Null if the scene has no control.
   const control::Controller* controller() const { return controller_.get(); }
-  /// Excitations of the muscles in the last step, as Model::muscles; empty if the scene and the caller gave none.
+  /// Excitations of the muscles in the last step, as Model::muscles; empty if the scene and the caller gave
+  /// none.
   std::span<const double> excitations() const { return excitations_; }
   /// Number of steps since the start of the scene, including those before a snapshot.
   long steps() const { return steps_; }

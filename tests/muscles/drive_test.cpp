@@ -42,8 +42,9 @@ std::vector<double> torques_of(const model::Model& model, const model::State& st
   return out;
 }
 
-// Oracle: torques that some activations give can be given by the answer, with no larger sum of squares; and the
-// answer is a minimum: the gradient points out of the box at each bound (Karush-Kuhn-Tucker, by differences).
+// Oracle: torques that some activations give can be given by the answer, with no larger sum of squares; and
+// the answer is a minimum: the gradient points out of the box at each bound (Karush-Kuhn-Tucker, by
+// differences).
 TEST(StaticOptimisation, FindsTheLeastSquaresThatGiveTheTorques) {
   const scene::Scene scene = hand_scene();
   const model::State state = model::initial_state(scene.model);

@@ -2,8 +2,8 @@
 #include <cmath>
 #include <random>
 
-#include <Eigen/Dense>
 #include <gtest/gtest.h>
+#include <Eigen/Dense>
 
 #include "engine/models.h"
 #include "handsim/engine/muscles.h"
@@ -21,7 +21,8 @@ using test::settings;
 model::Model two_links() {
   model::Model model = model::make_model();
   const auto add = [&](const std::string& name, int parent, double y) {
-    const int child = test::add_body(model, test::body(name, 0.02, {6e-6, 1e-6, 6e-6}, {{0, y + 0.02, 0}, Quat::Identity()}));
+    const int child = test::add_body(
+        model, test::body(name, 0.02, {6e-6, 1e-6, 6e-6}, {{0, y + 0.02, 0}, Quat::Identity()}));
     model::Joint joint;
     joint.name = name + "_joint";
     joint.parent = parent;
@@ -45,9 +46,7 @@ model::Model two_links() {
   return model;
 }
 
-Settings with(Method method, double step) {
-  return settings({Effect::muscles}, step, method);
-}
+Settings with(Method method, double step) { return settings({Effect::muscles}, step, method); }
 
 /// H of the two links, in closed form: planar links of mass m with the centre at l/2.
 Eigen::Matrix2d inertia(double q2) {
@@ -73,7 +72,8 @@ TEST(MusclesInEngines, TheArticulatedStepSolvesTheCoupledLaw) {
     const double a = model::next_activation(m, 0, excitation, h);
     const model::Tension at = model::tension(m, 0, 0, a);
     const Eigen::Vector2d r(0.012, 0.007);
-    const Eigen::Matrix2d A = inertia(0) + h * (h * std::max(0.0, at.stiffness) + at.damping) * r * r.transpose();
+    const Eigen::Matrix2d A =
+        inertia(0) + h * (h * std::max(0.0, at.stiffness) + at.damping) * r * r.transpose();
     const Eigen::Vector2d u = A.ldlt().solve(h * at.force * r);
     const model::State& state = engine->state();
     EXPECT_NEAR(state.u[0], u[0], 1e-9 * u.norm());
@@ -86,8 +86,8 @@ TEST(MusclesInEngines, TheArticulatedStepSolvesTheCoupledLaw) {
   }
 }
 
-// Oracle: all engines go to the same motion as the step goes to zero, at first order, from 0.05 rad. The reference is the
-// articulated engine at 5 us.
+// Oracle: all engines go to the same motion as the step goes to zero, at first order, from 0.05 rad. The
+// reference is the articulated engine at 5 us.
 TEST(MusclesInEngines, ConvergeToTheSameMotion) {
   const model::Model model = two_links();
   const auto after = [&](Method method, double h) {
@@ -99,8 +99,8 @@ TEST(MusclesInEngines, ConvergeToTheSameMotion) {
     return Eigen::Vector2d(engine->state().q[0], engine->state().q[1]);
   };
   const Eigen::Vector2d exact = after(ArticulatedMethod::semi_implicit_euler, 5e-6);
-  for (const Method method :
-       {Method(ArticulatedMethod::semi_implicit_euler), Method(OdeMethod::world_step), Method(DaeMethod::euler_projected)}) {
+  for (const Method method : {Method(ArticulatedMethod::semi_implicit_euler), Method(OdeMethod::world_step),
+                              Method(DaeMethod::euler_projected)}) {
     const double coarse = (after(method, 2e-4) - exact).norm(), fine = (after(method, 1e-4) - exact).norm();
     EXPECT_LT(fine, 0.05) << static_cast<int>(method.index());
     EXPECT_GT(coarse / fine, 1.6) << static_cast<int>(method.index());
@@ -108,13 +108,16 @@ TEST(MusclesInEngines, ConvergeToTheSameMotion) {
 }
 
 /// The largest rate [rad/s] over a run of a hand whose muscles are switched on and off in steps.
-double largest_rate(const std::string& person, const std::string& engine, double step, const std::string& effects) {
+double largest_rate(const std::string& person, const std::string& engine, double step,
+                    const std::string& effects) {
   const scene::Scene scene = handsim::test::shipped_scene(
-      "resting_hand", {"hands.0.model=" + handsim::test::source("handmodels/anatomical.yaml").string(),
-                       "hands.0.person=" + (person == "newborn" ? "{stature: 0.5, mass: 3.5, sex: male, age: 1}"
-                                                               : handsim::test::source("config/persons/" + person + ".yaml").string()),
-                       "solver={engine: " + engine + ", step: " + std::to_string(step) + "}", effects,
-                       "hands.0.wrist={mount: universal}"});
+      "resting_hand",
+      {"hands.0.model=" + handsim::test::source("handmodels/anatomical.yaml").string(),
+       "hands.0.person=" + (person == "newborn"
+                                ? "{stature: 0.5, mass: 3.5, sex: male, age: 1}"
+                                : handsim::test::source("config/persons/" + person + ".yaml").string()),
+       "solver={engine: " + engine + ", step: " + std::to_string(step) + "}", effects,
+       "hands.0.wrist={mount: universal}"});
   simulation::Simulation run(scene, simulation::no_watchers);
   std::mt19937 random(7);
   std::vector<double> excitations(scene.model.muscles.size());
@@ -134,8 +137,8 @@ double largest_rate(const std::string& person, const std::string& engine, double
 
 constexpr const char* kAll = "effects=[gravity, joint_stops, passive_tissue, muscles, tendon_coupling]";
 
-// Oracle: muscles cannot move a joint faster than they shorten: 10 fibre lengths a second over the smallest arm,
-// 0.75 m/s over 2 mm, is 375 rad/s; a step that is not stable passes that within some steps.
+// Oracle: muscles cannot move a joint faster than they shorten: 10 fibre lengths a second over the smallest
+// arm, 0.75 m/s over 2 mm, is 375 rad/s; a step that is not stable passes that within some steps.
 class StableMuscles : public testing::TestWithParam<std::tuple<const char*, double, const char*>> {};
 
 TEST_P(StableMuscles, KeepJointsWithinWhatMusclesCanShorten) {
@@ -143,14 +146,14 @@ TEST_P(StableMuscles, KeepJointsWithinWhatMusclesCanShorten) {
   EXPECT_LT(largest_rate(person, engine, step, kAll), 375);
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Articulated, StableMuscles,
-    testing::Combine(testing::Values("articulated, method: semi_implicit_euler"), testing::Values(1e-3, 5e-3),
-                     testing::Values("median_man", "child", "giant", "newborn")));
-INSTANTIATE_TEST_SUITE_P(Ode, StableMuscles,
-                         testing::Combine(testing::Values("ode, method: world_step", "ode, method: quick_step"),
-                                          testing::Values(1e-3),
+INSTANTIATE_TEST_SUITE_P(Articulated, StableMuscles,
+                         testing::Combine(testing::Values("articulated, method: semi_implicit_euler"),
+                                          testing::Values(1e-3, 5e-3),
                                           testing::Values("median_man", "child", "giant", "newborn")));
+INSTANTIATE_TEST_SUITE_P(
+    Ode, StableMuscles,
+    testing::Combine(testing::Values("ode, method: world_step", "ode, method: quick_step"),
+                     testing::Values(1e-3), testing::Values("median_man", "child", "giant", "newborn")));
 
 }  // namespace
 }  // namespace handsim::engine

@@ -50,7 +50,8 @@ TEST(HandMuscles, HaveTheArmsOfTheFileOnTheFilesHand) {
   const model::PathState at = path_state(fdp.path, pose(hand, {}));
   double arm = 0;
   for (std::size_t i = 0; i < fdp.path.arms.size(); ++i)
-    if (hand.axes[static_cast<std::size_t>(fdp.path.arms[i].dof)].name == "index_mcp.flexion") arm = at.arm[i];
+    if (hand.axes[static_cast<std::size_t>(fdp.path.arms[i].dof)].name == "index_mcp.flexion")
+      arm = at.arm[i];
   EXPECT_NEAR(arm, 0.0097, 0.0006);
 }
 
@@ -121,7 +122,8 @@ TEST(HandMuscles, LoseTheAxesThatTheMountOmits) {
 TEST(HandMuscles, NameEveryMistakeOfTheirFile) {
   YamlNode root = parse_yaml(R"(title: t
 reference: {hand_length: "178 mm", grip_strength: 520}
-norms: {title: t, source: s, norms: [{sex: male, age: [1, 99], stature: [1, 2], mean: 500, deviation: 80}, {sex: female, age: [1, 99], stature: [1, 2], mean: 300, deviation: 60}]}
+norms: {title: t, source: s, norms: [{sex: male, age: [1, 99], stature: [1, 2], mean: 500, deviation: 80},
+  {sex: female, age: [1, 99], stature: [1, 2], mean: 300, deviation: 60}]}
 muscles:
   - {name: A, force: 10, fibre: "50 mm", tendon: "0.2 m", arms: {index_mcp.flexon: 0.01}}
   - {name: A, force: -1, fibre: "50 mm", tendon: "0.2 m", arms: {wrist.flexion: [0.01, 1, 2, 3, 4, 5]}}
@@ -133,9 +135,10 @@ bands:
   const std::vector<HandAxis> axes = {{"index_mcp.flexion", 0, 1, 0}, {"wrist.flexion", 0, 1, 0}};
   read_muscle_file(root, "muscles", axes, diagnostics);
   std::string text;
-  for (const Problem& each : diagnostics.problems) text += each.key + ": got " + each.got + ", need " + each.need + "\n";
-  for (const char* part : {"index_mcp.flexon", "index_mcp.flexion", "A a second time", "muscles.1.force", "6 coefficients",
-                           "between: got C"})
+  for (const Problem& each : diagnostics.problems)
+    text += each.key + ": got " + each.got + ", need " + each.need + "\n";
+  for (const char* part : {"index_mcp.flexon", "index_mcp.flexion", "A a second time", "muscles.1.force",
+                           "6 coefficients", "between: got C"})
     EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
 }
 

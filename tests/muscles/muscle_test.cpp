@@ -54,8 +54,8 @@ TEST(TendonPath, ArmsAreTheDerivativeOfTheExcursion) {
   }
 }
 
-// Oracle: Thelen 2003, eqs. 3, 4, 6, 7: 1 at the optimum, 0 at the largest speed of 0.25 + 0.75 a, 1.4 in fast
-// lengthening, exp(-0.25 / 0.45) at half a length more, and a passive force of 1 at a strain of 0.6.
+// Oracle: Thelen 2003, eqs. 3, 4, 6, 7: 1 at the optimum, 0 at the largest speed of 0.25 + 0.75 a, 1.4 in
+// fast lengthening, exp(-0.25 / 0.45) at half a length more, and a passive force of 1 at a strain of 0.6.
 TEST(MuscleCurves, HaveTheValuesOfTheirSource) {
   Muscle m = muscle();
   m.length = m.slack_length + m.fibre_length;
@@ -81,7 +81,8 @@ TEST(MuscleCurves, SlopesBoundTheCurve) {
       const Tension at = tension(m, 0.004, rate, a);
       if (at.force == 0) continue;
       const double h = 1e-7;
-      const double tangent = (tension(m, 0.004, rate + h, a).force - tension(m, 0.004, rate - h, a).force) / (2 * h);
+      const double tangent =
+          (tension(m, 0.004, rate + h, a).force - tension(m, 0.004, rate - h, a).force) / (2 * h);
       const double chord = (at.force - tension(m, 0.004, 0, a).force) / rate;
       EXPECT_GE(at.damping * (1 + 1e-5), tangent) << a << " " << rate;
       EXPECT_GE(at.damping * (1 + 1e-5), chord) << a << " " << rate;

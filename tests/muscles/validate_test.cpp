@@ -25,14 +25,16 @@ TEST(Validate, ShippedHandHasTheRequiredMeasurements) {
   for (const ValidateRow& row : result.rows) EXPECT_TRUE(std::isfinite(row.ours)) << row.of->name;
 }
 
-// Oracle: a required row with a value that the hand does not have fails, the same row without `required` does not.
+// Oracle: a required row with a value that the hand does not have fails, the same row without `required` does
+// not.
 TEST(Validate, FailsWhereARequiredRowFallsShort) {
   const test::TemporaryFolder folder;
   for (const bool required : {true, false}) {
     const auto file = folder.path() / "own.yaml";
-    std::ofstream(file) << head()
-                        << "  - {name: mass, kind: hand_mass, person: man, measured: 5, spread: 0.1, source: s, required: "
-                        << (required ? "true" : "false") << "}\n";
+    std::ofstream(file)
+        << head()
+        << "  - {name: mass, kind: hand_mass, person: man, measured: 5, spread: 0.1, source: s, required: "
+        << (required ? "true" : "false") << "}\n";
     const ValidateSpec spec = load_validate(file);
     EXPECT_EQ(run(spec).passed(), !required);
   }
@@ -41,9 +43,10 @@ TEST(Validate, FailsWhereARequiredRowFallsShort) {
 TEST(Validate, NamesWhatTheHandDoesNotHave) {
   const test::TemporaryFolder folder;
   const auto file = folder.path() / "own.yaml";
-  std::ofstream(file) << head()
-                      << "  - {name: a, kind: moment_arms, person: men, muscle: FPD2, axis: index_mcp.flexon, angles: "
-                         "[0, 1], arms: [0.01], spread: 0.001, source: s}\n";
+  std::ofstream(file)
+      << head()
+      << "  - {name: a, kind: moment_arms, person: men, muscle: FPD2, axis: index_mcp.flexon, angles: "
+         "[0, 1], arms: [0.01], spread: 0.001, source: s}\n";
   try {
     load_validate(file);
     FAIL() << "accepted";

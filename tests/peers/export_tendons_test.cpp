@@ -24,9 +24,10 @@ struct Loaded {
 
 Loaded load() {
   Loaded out;
-  out.scene = shipped_scene("resting_hand", {"effects=[joint_stops, passive_tissue, muscles, tendon_coupling]",
-                                             "hands.0.pose={index_mcp: [0.6, 0.05], index_pip: 0.7, index_dip: 0.3, "
-                                             "middle_pip: 1.1, thumb_mcp: 0.4, wrist: [0.3, -0.1]}"});
+  out.scene =
+      shipped_scene("resting_hand", {"effects=[joint_stops, passive_tissue, muscles, tendon_coupling]",
+                                     "hands.0.pose={index_mcp: [0.6, 0.05], index_pip: 0.7, index_dip: 0.3, "
+                                     "middle_pip: 1.1, thumb_mcp: 0.4, wrist: [0.3, -0.1]}"});
   const TemporaryFolder folder;
   const std::string path = (folder.path() / "hand.xml").string();
   std::ofstream(path) << output::to_mjcf(out.scene.model, out.scene.spec.solver);
@@ -39,13 +40,15 @@ Loaded load() {
   mj_forward(out.model.get(), out.data.get());
   for (const model::Joint& joint : out.scene.model.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a) {
-      const int id = mj_name2id(out.model.get(), mjOBJ_JOINT, (joint.name + "." + joint.axes[a].name).c_str());
+      const int id =
+          mj_name2id(out.model.get(), mjOBJ_JOINT, (joint.name + "." + joint.axes[a].name).c_str());
       out.dof_of[joint.first_dof + static_cast<int>(a)] = out.model->jnt_dofadr[id];
     }
   return out;
 }
 
-// Oracle: MuJoCo's tendon Jacobian is minus the moment arms; its actuators' torques those of the muscles at rest.
+// Oracle: MuJoCo's tendon Jacobian is minus the moment arms; its actuators' torques those of the muscles at
+// rest.
 TEST(MusclesInMujoco, HaveTheSameMomentArmsAndTorques) {
   Loaded in = load();
   ASSERT_TRUE(in.model);
@@ -65,7 +68,8 @@ TEST(MusclesInMujoco, HaveTheSameMomentArmsAndTorques) {
     in.data->act[actuator - (in.model->nu - in.model->na)] = activation;
     for (std::size_t i = 0; i < muscle.path.arms.size(); ++i) {
       const int dof = in.dof_of.at(muscle.path.arms[i].dof);
-      EXPECT_NEAR(in.data->ten_J[tendon * in.model->nv + dof], -path.arm[i], 1e-9 * std::abs(path.arm[i]) + 1e-15);
+      EXPECT_NEAR(in.data->ten_J[tendon * in.model->nv + dof], -path.arm[i],
+                  1e-9 * std::abs(path.arm[i]) + 1e-15);
       torques[static_cast<std::size_t>(muscle.path.arms[i].dof)] +=
           path.arm[i] * model::tension(muscle, path.excursion, 0, activation).force;
       ++seen;
@@ -90,7 +94,8 @@ TEST(MusclesInMujoco, HaveTheSameBands) {
     ASSERT_GE(id, 0) << band.name;
     const model::PathState path = model::path_state(band.path, state.q);
     if (!band.both_ways) {
-      EXPECT_NEAR(in.model->tendon_range[2 * id + 1] - in.data->ten_length[id], band.rest + path.excursion, 1e-12);
+      EXPECT_NEAR(in.model->tendon_range[2 * id + 1] - in.data->ten_length[id], band.rest + path.excursion,
+                  1e-12);
       continue;
     }
     const double tension = band.stiffness * (in.data->ten_length[id] - in.model->tendon_lengthspring[id]);

@@ -103,7 +103,7 @@ class ArticulatedEngine final : public Engine {
   std::vector<std::string> notes_;
   double time_ = 0;
   bool had_torques_ = false;
-  bool stepped_ = false;  ///< muscles_ has the tensions of a step
+  bool stepped_ = false;        ///< muscles_ has the tensions of a step
   mutable bool placed_ = true;  ///< kinematics are of the positions and rates
   bool collided_ = false;       ///< contacts of the next step are found
   int collide_calls_ = 0;       ///< that this took

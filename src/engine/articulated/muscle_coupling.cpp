@@ -10,7 +10,8 @@ namespace handsim::engine::articulated {
 namespace {
 
 /// The joint space's dof of each coordinate of the model.
-std::vector<int> dofs_of_model(const model::Model& model, const Mechanism& mechanism, const JointSpace& space) {
+std::vector<int> dofs_of_model(const model::Model& model, const Mechanism& mechanism,
+                               const JointSpace& space) {
   std::vector<int> out(at(model.dof_count()), kNoDof);
   const auto& nodes = mechanism.topology().nodes;
   for (std::size_t i = 0; i < nodes.size(); ++i)
@@ -66,7 +67,8 @@ void MuscleCoupling::find_trees(const Mechanism& mechanism) {
   std::vector<int> place(at(space_.size()), kNoDof);
   const auto& nodes = mechanism.topology().nodes;
   for (std::size_t i = 0; i < nodes.size(); ++i)
-    for (int dof = space_.first_dof(static_cast<int>(i)); dof <= space_.last_dof(static_cast<int>(i)); ++dof) {
+    for (int dof = space_.first_dof(static_cast<int>(i)); dof <= space_.last_dof(static_cast<int>(i));
+         ++dof) {
       if (!roots[at(root(dof))]) continue;
       with_tendons_[at(dof)] = 1;
       place[at(dof)] = static_cast<int>(dofs_.size());
@@ -84,7 +86,8 @@ void MuscleCoupling::find_trees(const Mechanism& mechanism) {
 
 void MuscleCoupling::find_entries() {
   const auto place = [&](int dof) {
-    const auto found = std::find_if(dofs_.begin(), dofs_.end(), [&](const Dof& each) { return each.dof == dof; });
+    const auto found =
+        std::find_if(dofs_.begin(), dofs_.end(), [&](const Dof& each) { return each.dof == dof; });
     return static_cast<int>(found - dofs_.begin());
   };
   for (std::size_t k = 0; k < slopes().size(); ++k) {

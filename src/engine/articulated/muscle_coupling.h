@@ -1,7 +1,7 @@
-// Muscles and ligaments in the step of a mechanism. Their torques at the step's end couple the coordinates that
-// a tendon crosses (engine/muscles.h): H becomes H + h B. All coordinates of a tendon lie on one branch, so that
-// the factor of H + h B has the same zeros as that of H. The kernels' own solution knows of no B: it is corrected
-// here by one factorisation of the trees that have tendons.
+// Muscles and ligaments in the step of a mechanism. Their torques at the step's end couple the coordinates
+// that a tendon crosses (engine/muscles.h): H becomes H + h B. All coordinates of a tendon lie on one branch,
+// so that the factor of H + h B has the same zeros as that of H. The kernels' own solution knows of no B: it
+// is corrected here by one factorisation of the trees that have tendons.
 #pragma once
 
 #include <span>
@@ -53,7 +53,7 @@ class MuscleCoupling {
 
   Mechanism& mechanism_;
   JointSpace space_;
-  std::vector<int> space_dof_;   ///< of the joint space, of each coordinate of the model, or kNoDof
+  std::vector<int> space_dof_;  ///< of the joint space, of each coordinate of the model, or kNoDof
   Muscles muscles_;
   std::vector<char> with_tendons_;  ///< by dof of the joint space: its tree has some
   /// A coordinate of a tree with tendons.

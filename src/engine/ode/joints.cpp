@@ -51,8 +51,12 @@ void add_torque(const OdeBody& body, const Vec3& torque) {
 
 Joints::Joints(dWorldID world, const model::Model& model, const Settings& settings,
                const std::vector<OdeBody>& bodies, const model::State& start)
-    : sensors_(model), servos_(settings.step), step_(settings.step), erp_(settings.erp()),
-      dragged_(crossed_by_tendons(model, settings.effects)), drag_(dragged_.size(), 0.0) {
+    : sensors_(model),
+      servos_(settings.step),
+      step_(settings.step),
+      erp_(settings.erp()),
+      dragged_(crossed_by_tendons(model, settings.effects)),
+      drag_(dragged_.size(), 0.0) {
   std::vector<std::size_t> copies_used(bodies.size(), 0);
   for (const model::Joint& joint : model.joints) {
     links_.push_back(make_link(world, joint, bodies, copies_used));
@@ -169,7 +173,8 @@ void Joints::soften_tissue(const Link& link) const {
     const std::size_t dof =
         static_cast<std::size_t>(joint.first_dof) + link.motor_axes[static_cast<std::size_t>(i)];
     // A row without stiffness and damping would not be one.
-    const SoftRow row = soft_row(tissue.stiffness, std::max(tissue.damping + drag_[dof], kLeastDamping), step_);
+    const SoftRow row =
+        soft_row(tissue.stiffness, std::max(tissue.damping + drag_[dof], kLeastDamping), step_);
     const int group = kParamGroup * i;
     if (joint.kind == model::JointKind::slider) {
       // An LMotor has no position: it gets the speed that the same row would ask for.
@@ -264,8 +269,8 @@ void Joints::prepare_tissue(const Watch& watched, const model::State& state) con
     dJointSetAMotorAngle(link.motor, static_cast<int>(i), q[link.motor_axes[i]]);
     const std::size_t dof = static_cast<std::size_t>(link.joint->first_dof) + link.motor_axes[i];
     if (!dragged_[dof]) continue;
-    // Drag holds the rate that the step starts with: as the row's target, which an iterative solver starts near.
-    // With ERP 1 the row asks for v+ = (rest - q) / h.
+    // Drag holds the rate that the step starts with: as the row's target, which an iterative solver starts
+    // near. With ERP 1 the row asks for v+ = (rest - q) / h.
     const model::Tissue& tissue = link.tissue[i];
     const double pull = tissue.stiffness * (q[link.motor_axes[i]] - tissue.rest) - drag_[dof] * state.u[dof];
     const double sum = step_ * tissue.stiffness + std::max(tissue.damping + drag_[dof], kLeastDamping);

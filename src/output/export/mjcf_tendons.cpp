@@ -22,8 +22,9 @@ std::vector<std::string> coordinate_labels(const model::Model& model) {
 }
 
 /// A fixed tendon, whose length is the sum of coefficients times angles: coefficients are minus the arms.
-std::string fixed_tendon(const std::string& name, const model::TendonPath& path, const model::PathState& state,
-                         const std::vector<std::string>& labels, const std::string& attributes) {
+std::string fixed_tendon(const std::string& name, const model::TendonPath& path,
+                         const model::PathState& state, const std::vector<std::string>& labels,
+                         const std::string& attributes) {
   std::string out = fmt::format("    <fixed name=\"{}\"{}>\n", attribute(name), attributes);
   for (std::size_t i = 0; i < path.arms.size(); ++i)
     out += fmt::format("      <joint joint=\"{}\" coef=\"{:.17g}\"/>\n",
@@ -31,8 +32,8 @@ std::string fixed_tendon(const std::string& name, const model::TendonPath& path,
   return out + "    </fixed>\n";
 }
 
-void add_muscle(const model::Muscle& muscle, const model::State& state, const std::vector<std::string>& labels,
-                MjcfTendons& out) {
+void add_muscle(const model::Muscle& muscle, const model::State& state,
+                const std::vector<std::string>& labels, MjcfTendons& out) {
   // MJCF knows no tendon without a joint.
   if (muscle.path.arms.empty()) return;
   const model::PathState path = model::path_state(muscle.path, state.q);
@@ -50,7 +51,8 @@ void add_band(const model::Ligament& band, const model::State& state, const std:
               MjcfTendons& out) {
   if (band.path.arms.empty()) return;
   const model::PathState path = model::path_state(band.path, state.q);
-  // MuJoCo's length is that of constant arms: its rest length differs by as much as the lengths do at the state.
+  // MuJoCo's length is that of constant arms: its rest length differs by as much as the lengths do at the
+  // state.
   double length = 0;
   for (std::size_t i = 0; i < band.path.arms.size(); ++i)
     length -= path.arm[i] * state.q[at(band.path.arms[i].dof)];
@@ -65,7 +67,8 @@ void add_band(const model::Ligament& band, const model::State& state, const std:
 
 }  // namespace
 
-MjcfTendons mjcf_tendons(const model::Model& model, const engine::Settings& settings, const model::State& state) {
+MjcfTendons mjcf_tendons(const model::Model& model, const engine::Settings& settings,
+                         const model::State& state) {
   MjcfTendons out;
   const std::vector<std::string> labels = coordinate_labels(model);
   if (settings.effects.has(model::Effect::muscles))

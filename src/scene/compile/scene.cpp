@@ -48,8 +48,8 @@ std::optional<control::MusclePlan> plan_muscles(const Scene& scene, Diagnostics&
   const std::optional<ExcitationSpec>& file = scene.spec.excitations;
   const bool by_torques = scene.plans.control && scene.plans.control->by_muscles;
   if (file && by_torques)
-    diagnostics.problems.push_back({file->place, "excitations", "a table beside control with drive: muscles",
-                                    "one of the two"});
+    diagnostics.problems.push_back(
+        {file->place, "excitations", "a table beside control with drive: muscles", "one of the two"});
   if (!scene.spec.solver.effects.has(model::Effect::muscles)) return std::nullopt;
   if (by_torques) return control::MusclePlan{};
   if (!file) return std::nullopt;

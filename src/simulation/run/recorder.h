@@ -49,8 +49,8 @@ class Recorder {
   double step_;
   output::AtomicFile trajectory_;
   std::optional<output::MotionTableWriter> motion_;  ///< joint angles
-  /// Target and angle [deg], torque [N m] of each driven axis; activation, tension [N] and fibre length [mm] of
-  /// each muscle.
+  /// Target and angle [deg], torque [N m] of each driven axis; activation, tension [N] and fibre length [mm]
+  /// of each muscle.
   std::optional<output::MotionTableWriter> control_;
   std::optional<output::AtomicFile> contacts_;
   std::optional<ExtraTables> extra_;

@@ -73,8 +73,8 @@ void ClimbWatch::find_flexors(const model::Model& model, const hand::BuiltHand& 
   for (std::size_t i = 0; i < fingers.size(); ++i) {
     const std::string number = std::to_string(i + 2), finger = fingers[i];
     const auto dip = dof(finger + "_dip.flexion"), pip = dof(finger + "_pip.flexion");
-    Flexors each{finger, path("FDP" + number), path("FDS" + number), 0, 0, in_effect("FDP" + number),
-                 in_effect("FDS" + number)};
+    Flexors each{finger, path("FDP" + number),      path("FDS" + number),     0,
+                 0,      in_effect("FDP" + number), in_effect("FDS" + number)};
     if (!dip || !pip || each.deep.arms.empty() || each.superficial.arms.empty()) continue;
     each.dip = static_cast<std::size_t>(*dip);
     each.pip = static_cast<std::size_t>(*pip);

@@ -37,8 +37,8 @@ struct LoadedGrip {
   double travel = 0;             ///< of the palm since the start of the load [m]
   std::vector<PartForce> parts;  ///< parts in contact with the hold
   int contacts = 0;
-  /// Of hands with flexors FDP2 to FDP5 and FDS2 to FDS5: the muscles' tensions where they are in effect, else those
-  /// that would give the torques of DIP and PIP.
+  /// Of hands with flexors FDP2 to FDP5 and FDS2 to FDS5: the muscles' tensions where they are in effect,
+  /// else those that would give the torques of DIP and PIP.
   std::vector<FingerLoad> fingers;
 };
 
@@ -65,7 +65,8 @@ struct ClimbFigures {
 class ClimbWatch {
  public:
   /// The model must outlive the watch. @param step of the engine [s].
-  ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, const hand::BuiltHand& hand, double step);
+  ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, const hand::BuiltHand& hand,
+             double step);
 
   void update(const engine::Engine& engine);
   void save(ArchiveWriter& out) const;
@@ -85,7 +86,7 @@ class ClimbWatch {
   struct Flexors {
     std::string finger;
     model::TendonPath deep, superficial;
-    std::size_t dip = 0, pip = 0;                    ///< coordinates
+    std::size_t dip = 0, pip = 0;                                ///< coordinates
     std::optional<std::size_t> deep_muscle, superficial_muscle;  ///< in Model::muscles
     FingerLoad load(const model::State& state) const;
   };

@@ -27,7 +27,8 @@ Subject::Subject(const hand::HandSpec& spec, const hand::Person& person)
 std::optional<int> Subject::dof(const std::string& axis) const {
   for (const model::Joint& joint : model_.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a)
-      if (joint.name + "." + joint.axes[a].name == "right." + axis) return joint.first_dof + static_cast<int>(a);
+      if (joint.name + "." + joint.axes[a].name == "right." + axis)
+        return joint.first_dof + static_cast<int>(a);
   return std::nullopt;
 }
 
@@ -73,7 +74,8 @@ std::vector<double> Subject::bands(std::span<const double> q) const {
     const model::PathState state = model::path_state(band.path, q);
     double force = band.stiffness * (-state.excursion - band.rest);
     if (!band.both_ways) force = std::max(0.0, force);
-    for (std::size_t i = 0; i < band.path.arms.size(); ++i) out[at(band.path.arms[i].dof)] += state.arm[i] * force;
+    for (std::size_t i = 0; i < band.path.arms.size(); ++i)
+      out[at(band.path.arms[i].dof)] += state.arm[i] * force;
   }
   return out;
 }
@@ -101,7 +103,8 @@ std::vector<double> Subject::balance(std::vector<double> q, const std::vector<in
           return std::pair(joint.axes[a].stop->low, joint.axes[a].stop->high);
     return std::pair(-M_PI, M_PI);
   };
-  // Pseudo-transient: steps along the moments, as joints with damping turn, until nothing but stops holds them.
+  // Pseudo-transient: steps along the moments, as joints with damping turn, until nothing but stops holds
+  // them.
   double step = 1;
   Eigen::VectorXd now = moments(q);
   const auto left = [&](const Eigen::VectorXd& moment) {

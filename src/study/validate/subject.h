@@ -1,4 +1,5 @@
-// A person's hand as validation measures it: muscles, kinematics and isometric forces; private to this folder.
+// A person's hand as validation measures it: muscles, kinematics and isometric forces; private to this
+// folder.
 #pragma once
 
 #include <span>
@@ -30,8 +31,8 @@ class Subject {
                               const std::map<const model::Muscle*, double>& tensions) const;
   /// Coordinates of a finger's joints.
   std::vector<int> finger_dofs(const std::string& finger) const;
-  /// Velocity of a fingertip (first three rows) and angular velocity of its segment by its joints' rates, in the
-  /// last segment's frame: x ulnar, y distal, z dorsal (right hand).
+  /// Velocity of a fingertip (first three rows) and angular velocity of its segment by its joints' rates, in
+  /// the last segment's frame: x ulnar, y distal, z dorsal (right hand).
   Eigen::MatrixXd tip_jacobian(const std::string& finger, std::span<const double> q) const;
 
  private:

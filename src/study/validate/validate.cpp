@@ -60,8 +60,8 @@ Vec3 direction_of(const std::string& name) {
   return name == "ulnar" ? Vec3(1, 0, 0) : Vec3(-1, 0, 0);
 }
 
-/// Force on what holds the tip in force and moment, per tension: joint moments r T = J^T (force, moment), of the
-/// finger's flexion axes, with forces in the plane of flexion.
+/// Force on what holds the tip in force and moment, per tension: joint moments r T = J^T (force, moment), of
+/// the finger's flexion axes, with forces in the plane of flexion.
 double measure_tip_share(const Subject& subject, const Measurement& of) {
   const std::vector<double> q = subject.coordinates(of.pose);
   const Eigen::MatrixXd J = subject.tip_jacobian(of.finger, q);
@@ -84,8 +84,8 @@ double measure_tip_share(const Subject& subject, const Measurement& of) {
   return force[0] * along.y() + force[1] * along.z();
 }
 
-/// The largest force along a direction that activations of 0 to 1 can hold at a free fingertip: bisection on what
-/// static optimisation leaves undone.
+/// The largest force along a direction that activations of 0 to 1 can hold at a free fingertip: bisection on
+/// what static optimisation leaves undone.
 double measure_tip_force(const Subject& subject, const Measurement& of) {
   const std::vector<double> q = subject.coordinates(of.pose);
   const Eigen::MatrixXd J = subject.tip_jacobian(of.finger, q);
@@ -122,7 +122,8 @@ double measure_joint_moment(const Subject& subject, const Measurement& of) {
     const model::Muscle& muscle = *subject.muscle(name);
     const double arm = sign * subject.arm(muscle, dof, q);
     const double excursion = model::path_state(muscle.path, q).excursion;
-    if (arm > 0) sum += arm * (model::isometric_force(muscle, excursion) + model::passive_force(muscle, excursion));
+    if (arm > 0)
+      sum += arm * (model::isometric_force(muscle, excursion) + model::passive_force(muscle, excursion));
   }
   return sum;
 }
@@ -197,8 +198,8 @@ ValidateResult run_validate(const ValidateSpec& spec) {
   for (const Measurement& of : spec.measurements) {
     const Subject& subject = subjects.at(of.person);
     ValidateRow row{&of, measure(subject, of), 0};
-    const double difference = of.kind == Measured::moment_arms ? measure_arms(subject, of).second
-                                                               : std::abs(row.ours - of.value);
+    const double difference =
+        of.kind == Measured::moment_arms ? measure_arms(subject, of).second : std::abs(row.ours - of.value);
     row.deviation = difference / of.spread;
     within += row.within() ? 1 : 0;
     out.rows.push_back(row);
@@ -218,8 +219,8 @@ std::string validate_table(const ValidateSpec& spec, const ValidateResult& resul
     const double scale = 1 / of.scale;
     std::string verdict = row.within() ? "within" : fmt::format("{:.1f} x", row.deviation);
     if (!row.within() && of.required) verdict += " short";
-    out += fmt::format("{:<{}}  {:>9.3g}  {:>9.3g} +- {:>5.2g}  {:<6} {:<12} {}\n", of.name, width, scale * row.ours,
-                       scale * of.value, scale * of.spread, of.unit, verdict, of.source);
+    out += fmt::format("{:<{}}  {:>9.3g}  {:>9.3g} +- {:>5.2g}  {:<6} {:<12} {}\n", of.name, width,
+                       scale * row.ours, scale * of.value, scale * of.spread, of.unit, verdict, of.source);
     if (!row.within() && !of.reason.empty()) out += fmt::format("{:>{}}  {}\n", "", width, of.reason);
     required += of.required ? 1 : 0;
   }
@@ -230,11 +231,12 @@ std::string validate_table(const ValidateSpec& spec, const ValidateResult& resul
 }
 
 std::string validate_csv(const ValidateResult& result) {
-  std::string out = "quantity,ours,measured,spread,unit,deviation_over_spread,verdict,required,source,reason\n";
+  std::string out =
+      "quantity,ours,measured,spread,unit,deviation_over_spread,verdict,required,source,reason\n";
   for (const ValidateRow& row : result.rows) {
     const Measurement& of = *row.of;
-    out += fmt::format("{},{:.6g},{:.6g},{:.6g},{},{:.4g},{},{},{},{}\n", quoted(of.name), row.ours / of.scale,
-                       of.value / of.scale, of.spread / of.scale, of.unit, row.deviation,
+    out += fmt::format("{},{:.6g},{:.6g},{:.6g},{},{:.4g},{},{},{},{}\n", quoted(of.name),
+                       row.ours / of.scale, of.value / of.scale, of.spread / of.scale, of.unit, row.deviation,
                        row.within() ? "within" : "short", of.required ? "yes" : "no", quoted(of.source),
                        quoted(of.reason));
   }

@@ -1,6 +1,6 @@
-// The hand against measurements: quantities of a built hand (moment arms, tendon excursions, forces, moments, masses)
-// beside measured values with their spread. The measurements are data: a file of rows, of which the shipped one is
-// config/validate.yaml.
+// The hand against measurements: quantities of a built hand (moment arms, tendon excursions, forces, moments,
+// masses) beside measured values with their spread. The measurements are data: a file of rows, of which the
+// shipped one is config/validate.yaml.
 #pragma once
 
 #include <filesystem>
@@ -15,18 +15,19 @@ namespace handsim::study {
 
 /// What a row measures on the hand.
 enum class Measured {
-  moment_arms,       ///< mean of a muscle's arm about an axis over angles [m]
-  excursion,         ///< of a muscle's tendon from one pose to another [m]
-  tip_force_share,   ///< force of a fingertip held in force and moment, per tension of muscles [1]
-  tip_force,         ///< largest force of a fingertip in a direction [N]
-  joint_moment,      ///< largest isometric moment of muscles about an axis [N m]
-  passive_moment,    ///< of tissue and resting muscles about an axis [N m]
-  loaded_rotation,   ///< of an axis, from rest to where a loaded tendon, tissue and resting muscles balance [rad]
-  coupled_angle,     ///< of an axis where tissue and bands balance, others held at a pose [rad]
-  pulley_force,      ///< on A2, for a tension of the flexors at a PIP angle (model/pulleys.h) [N]
-  hand_mass,         ///< [kg]
-  centre_of_mass,    ///< of the hand from the wrist, share of hand length [1]
-  gyration,          ///< radius of the hand about an axis, share of hand length [1]
+  moment_arms,      ///< mean of a muscle's arm about an axis over angles [m]
+  excursion,        ///< of a muscle's tendon from one pose to another [m]
+  tip_force_share,  ///< force of a fingertip held in force and moment, per tension of muscles [1]
+  tip_force,        ///< largest force of a fingertip in a direction [N]
+  joint_moment,     ///< largest isometric moment of muscles about an axis [N m]
+  passive_moment,   ///< of tissue and resting muscles about an axis [N m]
+  loaded_rotation,  ///< of an axis, from rest to where a loaded tendon, tissue and resting muscles balance
+                    ///< [rad]
+  coupled_angle,    ///< of an axis where tissue and bands balance, others held at a pose [rad]
+  pulley_force,     ///< on A2, for a tension of the flexors at a PIP angle (model/pulleys.h) [N]
+  hand_mass,        ///< [kg]
+  centre_of_mass,   ///< of the hand from the wrist, share of hand length [1]
+  gyration,         ///< radius of the hand about an axis, share of hand length [1]
 };
 
 using Angles = std::map<std::string, double>;  ///< by axis [rad]
@@ -37,7 +38,7 @@ struct Measurement {
   std::string person;
   std::string muscle, axis, finger, direction;
   std::vector<std::string> muscles;
-  std::vector<double> angles, arms;   ///< moment_arms: [rad], [m]
+  std::vector<double> angles, arms;  ///< moment_arms: [rad], [m]
   Angles pose, from;
   double tension = 0;                 ///< pulley_force [N]
   double load = 0;                    ///< loaded_rotation: share of the muscle's force

@@ -17,8 +17,8 @@ const std::vector<std::pair<std::string_view, Measured>> kKinds = {
     {"tip_force_share", Measured::tip_force_share}, {"tip_force", Measured::tip_force},
     {"joint_moment", Measured::joint_moment},       {"passive_moment", Measured::passive_moment},
     {"loaded_rotation", Measured::loaded_rotation}, {"coupled_angle", Measured::coupled_angle},
-    {"pulley_force", Measured::pulley_force},       {"hand_mass", Measured::hand_mass},             {"centre_of_mass", Measured::centre_of_mass},
-    {"gyration", Measured::gyration}};
+    {"pulley_force", Measured::pulley_force},       {"hand_mass", Measured::hand_mass},
+    {"centre_of_mass", Measured::centre_of_mass},   {"gyration", Measured::gyration}};
 const ::handsim::Quantity kAngle = {Dimension::angle, -M_PI, M_PI};
 
 /// What the values of a kind are, and the unit they are printed in.
@@ -64,7 +64,8 @@ Angles read_pose(MapReader& reader, std::string_view key, std::vector<std::strin
   return out;
 }
 
-std::vector<double> read_numbers(MapReader& reader, std::string_view key, const ::handsim::Quantity& quantity) {
+std::vector<double> read_numbers(MapReader& reader, std::string_view key,
+                                 const ::handsim::Quantity& quantity) {
   std::vector<double> out;
   if (YamlNode* list = reader.list(key, true, 1000))
     for (std::size_t i = 0; i < list->items.size(); ++i)
@@ -102,8 +103,8 @@ class RowReader {
   }
 
  private:
-  static std::string known_name(MapReader& reader, std::string_view key, const std::vector<std::string>& known,
-                                const char* need) {
+  static std::string known_name(MapReader& reader, std::string_view key,
+                                const std::vector<std::string>& known, const char* need) {
     std::string name = reader.text(key);
     check(reader, key, name, known, need);
     return name;
@@ -124,7 +125,8 @@ class RowReader {
     const auto finger = [&] { row.finger = known_name(reader, "finger", fingers_, "a finger of the hand"); };
     const auto muscles = [&] {
       row.muscles = reader.texts("muscles", 1, 100, "muscles of the hand");
-      for (const std::string& name : row.muscles) check(reader, "muscles", name, muscles_, "muscles of the hand");
+      for (const std::string& name : row.muscles)
+        check(reader, "muscles", name, muscles_, "muscles of the hand");
     };
     const auto direction = [&](const std::vector<std::string>& words) {
       row.direction = known_name(reader, "direction", words, "a direction");
