@@ -109,6 +109,12 @@ struct StabilityArguments {
 };
 int stability_command(const StabilityArguments& arguments);
 
+struct ValidateArguments {
+  std::optional<std::filesystem::path> file;  ///< of measurements; absent: the installed ones
+  std::optional<std::filesystem::path> out;   ///< absent: only the table
+};
+int validate_command(const ValidateArguments& arguments);
+
 struct RolloutsArguments {
   std::filesystem::path study;
   std::filesystem::path out;

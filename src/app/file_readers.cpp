@@ -14,6 +14,7 @@
 #include "handsim/scene/task/tasks.h"
 #include "handsim/study/rollouts/rollouts_spec.h"
 #include "handsim/study/track/marker_set.h"
+#include "handsim/study/validate/validate.h"
 
 namespace handsim::app {
 
@@ -32,6 +33,11 @@ void read_whole_scene(YamlNode& root, Diagnostics& diagnostics) {
   scene::read_scene(root, scene::task_kinds(), diagnostics);
 }
 
+/// A file of muscles by itself: the axes that it names are those of whatever hand includes it.
+void read_muscles(YamlNode& root, Diagnostics& diagnostics) {
+  hand::read_muscle_file(root, "", std::nullopt, diagnostics);
+}
+
 using scene::FileKind;
 
 constexpr std::array kReaders = {
@@ -44,6 +50,8 @@ constexpr std::array kReaders = {
     FileReader{"material", FileKind::material, read_root<scene::read_material_file>},
     FileReader{"anthropometry", FileKind::anthropometry, read_root<hand::read_anthropometry>},
     FileReader{"grip_norms", FileKind::grip_norms, read_root<hand::read_grip_table>},
+    FileReader{"muscles", FileKind::muscles, read_muscles},
+    FileReader{"measurements", FileKind::measurements, study::read_validate},
     FileReader{"rollouts", FileKind::rollouts, read_root<study::read_rollouts>},
     FileReader{"names", FileKind::motion_names, read_root<control::read_motion_names>},
     FileReader{"markers", FileKind::marker_set, read_root<study::read_marker_set>},

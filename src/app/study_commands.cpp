@@ -65,6 +65,15 @@ void add_accuracy(CommandLine& line) {
   accuracy.add_flag("--no-peers", arguments->no_peers, "omit the rows of other engines")->excludes(peers);
 }
 
+void add_validate(CommandLine& line) {
+  const auto arguments = std::make_shared<ValidateArguments>();
+  CLI::App& validate = line.add(
+      "validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
+      "handsim validate --out out/validate", validate_command, arguments);
+  validate.add_option("measurements", arguments->file, "file of measurements (default: the installed ones)");
+  validate.add_option("--out", arguments->out, "folder for validate.csv");
+}
+
 void add_stability(CommandLine& line) {
   const auto arguments = std::make_shared<StabilityArguments>();
   CLI::App& stability = line.add(
@@ -151,7 +160,8 @@ void add_rollouts(CommandLine& line) {
 }  // namespace
 
 void add_study_commands(CommandLine& line) {
-  for (const auto add : {add_grasp, add_accuracy, add_effects, add_contacts, add_stability, add_rollouts})
+  for (const auto add :
+       {add_grasp, add_accuracy, add_effects, add_contacts, add_stability, add_validate, add_rollouts})
     add(line);
 }
 

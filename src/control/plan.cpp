@@ -8,6 +8,7 @@
 #include "handsim/control/inertia.h"
 #include "handsim/control/stability.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/model/muscle_curves.h"
 
 namespace handsim::control {
 
@@ -157,6 +158,24 @@ void add_axes(const HandDraft& hand, std::size_t hand_index, double strength, Pl
   }
 }
 
+/// Holds torque limits to what the muscles in effect can do at the start: the greater of both directions.
+void limit_by_muscles(const model::Model& model, Plan& plan) {
+  const std::size_t dofs = static_cast<std::size_t>(model.dof_count());
+  std::vector<double> up(dofs), down(dofs);
+  const model::State start = model::initial_state(model);
+  for (const model::Muscle& muscle : model.muscles) {
+    const model::PathState path = model::path_state(muscle.path, start.q);
+    const double force = model::isometric_force(muscle, path.excursion);
+    for (std::size_t i = 0; i < muscle.path.arms.size(); ++i) {
+      const auto dof = static_cast<std::size_t>(muscle.path.arms[i].dof);
+      (path.arm[i] > 0 ? up : down)[dof] += std::abs(path.arm[i]) * force;
+    }
+  }
+  for (DrivenAxis& axis : plan.axes)
+    if (const double most = std::max(up[axis.dof], down[axis.dof]); most > 0)
+      axis.gains.torque_limit = std::min(axis.gains.torque_limit, most);
+}
+
 /// Stability of one hand's explicit gains at the worst posture.
 Stability worst_stability(const HandDraft& hand, std::size_t hand_index, const Plan& plan, double step) {
   const auto n = static_cast<Eigen::Index>(hand.axes.axes.size());
@@ -239,6 +258,7 @@ Plan make_plan(const model::Model& model, const PlanInput& input, Diagnostics& d
     plan.hands.push_back({hands[i].axes.hand, hands[i].index->side, std::move(trajectory)});
     add_axes(hands[i], i, input.strength.empty() ? 1 : input.strength[i], plan);
   }
+  limit_by_muscles(model, plan);
   if (plan.form == Form::explicit_torque && diagnostics.problems.empty())
     check_stability(hands, input, plan, diagnostics);
   return plan;

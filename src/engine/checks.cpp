@@ -129,10 +129,10 @@ void require_outside(const model::Model& model, const Settings& settings, const 
   if (input.forces.empty() && input.drive_targets.empty()) return;
   const Method method = settings.method();
   if (settings.engine() != EngineKind::ode && method != ArticulatedMethod::semi_implicit_euler)
-    throw input_error(input.forces.empty() ? "drive_targets" : "forces",
-                      fmt::format("engine {} with method {}, which takes none", name(settings.engine()),
-                                  name(method)),
-                      "engine ode, or articulated with method semi_implicit_euler");
+    throw input_error(
+        input.forces.empty() ? "drive_targets" : "forces",
+        fmt::format("engine {} with method {}, which takes none", name(settings.engine()), name(method)),
+        "engine ode, or articulated with method semi_implicit_euler");
   for (const BodyForce& each : input.forces) {
     const bool there = each.body > model::kWorld && static_cast<std::size_t>(each.body) < model.bodies.size();
     if (!there || model.bodies[static_cast<std::size_t>(each.body)].kinematic)
@@ -164,6 +164,15 @@ void require_state(const model::Model& model, const model::State& state) {
         !std::all_of(torques->begin(), torques->end(), [](double tau) { return std::isfinite(tau); }))
       throw input_error("state.tau", fmt::format("{} torques, or one that is not finite", torques->size()),
                         fmt::format("{} finite ones", dofs));
+  for (const std::vector<double>* values : {&state.activation, &state.fibre_length, &state.tendon_force})
+    if (values->size() != model.muscles.size() ||
+        !std::all_of(values->begin(), values->end(), [](double value) { return std::isfinite(value); }))
+      throw input_error("state.activation",
+                        fmt::format("{} muscles, or a value that is not finite", values->size()),
+                        fmt::format("{} muscles with finite values", model.muscles.size()));
+  for (const double value : state.activation)
+    if (!(value >= 0 && value <= 1))
+      throw input_error("state.activation", fmt::format("{:g}", value), "0 to 1");
   if (!std::isfinite(state.time))
     throw input_error("state.time", fmt::format("{}", state.time), "a finite time");
   for (std::size_t i = 0; i < state.bodies.size(); ++i)

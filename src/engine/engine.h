@@ -41,6 +41,9 @@ struct StepInput {
   /// X_WD at the end of the step for each of Model::drives, in place of their motions, or empty. The bodies
   /// move there at constant velocity. Engines ode and articulated with semi_implicit_euler.
   std::span<const Pose> drive_targets = {};
+  /// Excitations of the muscles, 0..1, as Model::muscles, or empty: none is excited. They need the muscles
+  /// effect.
+  std::span<const double> excitations = {};
 };
 
 /// The first attempt at a guarded step whose result is within the limits.
@@ -89,6 +92,7 @@ struct StepReport {
   double collide_ns = 0;        ///< time of collision detection [ns]
   double tissue_ns = 0;         ///< time to set passive tissue [ns]
   double servo_ns = 0;          ///< time to set servos and torques [ns]
+  double muscle_ns = 0;         ///< time of muscles and ligaments [ns]
 };
 
 /// A contact point of the last step.

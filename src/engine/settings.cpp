@@ -72,6 +72,9 @@ std::vector<Problem> missing_effects(const Settings& settings, bool with_stops) 
        {model::Effect::object_contact, model::Effect::self_contact, model::Effect::ground_contact})
     refuse(effect, "no contact with");
   if (with_stops) refuse(model::Effect::joint_stops, "smooth motion for");
+  if (settings.engine() == EngineKind::articulated)
+    for (const model::Effect effect : {model::Effect::muscles, model::Effect::tendon_coupling})
+      refuse(effect, "no tendons with");
   return problems;
 }
 

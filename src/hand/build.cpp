@@ -270,6 +270,50 @@ void add_joints(model::Model& model, model::HandIndex& index, const BuiltHand& h
   }
 }
 
+/// A path by the model's coordinates, without the axes that the mount omits.
+model::TendonPath placed(const model::TendonPath& path, const std::vector<std::optional<int>>& dofs) {
+  model::TendonPath out;
+  std::vector<int> place;
+  for (model::MomentArm arm : path.arms) {
+    const std::optional<int> dof = dofs[static_cast<std::size_t>(arm.dof)];
+    place.push_back(dof ? static_cast<int>(out.arms.size()) : -1);
+    if (!dof) continue;
+    arm.dof = *dof;
+    out.arms.push_back(arm);
+  }
+  // The angle of an axis that is not there is 0, and so is its product.
+  for (model::ArmProduct each : path.products) {
+    each.a = place[static_cast<std::size_t>(each.a)];
+    each.b = place[static_cast<std::size_t>(each.b)];
+    if (each.a >= 0 && each.b >= 0) out.products.push_back(each);
+  }
+  return out;
+}
+
+/// Adds muscles and bands; the joints are in the model.
+void add_muscles(model::Model& model, model::HandIndex& index, const BuiltHand& hand) {
+  std::vector<std::optional<int>> dofs(hand.axes.size());
+  for (std::size_t i = 0; i < dofs.size(); ++i)
+    for (const int joint : index.joints) {
+      const Joint& each = model.joints[static_cast<std::size_t>(joint)];
+      for (std::size_t a = 0; a < each.axes.size(); ++a)
+        if (each.name + "." + each.axes[a].name == index.name + "." + hand.axes[i].name)
+          dofs[i] = each.first_dof + static_cast<int>(a);
+    }
+  for (model::Muscle muscle : hand.muscles.muscles) {
+    muscle.name = index.name + "." + muscle.name;
+    muscle.path = placed(muscle.path, dofs);
+    index.muscles.push_back(static_cast<int>(model.muscles.size()));
+    model.muscles.push_back(std::move(muscle));
+  }
+  for (model::Ligament band : hand.muscles.bands) {
+    band.name = index.name + "." + band.name;
+    band.path = placed(band.path, dofs);
+    index.ligaments.push_back(static_cast<int>(model.ligaments.size()));
+    model.ligaments.push_back(std::move(band));
+  }
+}
+
 void set_palm(model::Model& model, int palm, const BuiltHand& hand, const Placement& placement) {
   Body& body = model.bodies[static_cast<std::size_t>(palm)];
   body.kinematic = placement.mount == Mount::fixed || placement.mount == Mount::driven;
@@ -310,6 +354,8 @@ BuiltHand build_hand(const HandSpec& spec, const Person& person) {
   hand.wrist.kind = spec.wrist.kind;
   hand.wrist.axes = spec.wrist.axes;
   hand.wrist.child_frame = hand.bodies[0].zero_pose.inverse();
+  hand.axes = hand_axes(spec);
+  if (spec.muscles) hand.muscles = build_muscles(*spec.muscles, hand.axes, hand.size, person);
   return hand;
 }
 
@@ -328,6 +374,7 @@ HandGroups add_hand(model::Model& model, const BuiltHand& right, const Placement
   }
   const HandGroups groups = add_shapes(model, index, hand);
   add_joints(model, index, hand, placement);
+  add_muscles(model, index, hand);
   set_palm(model, index.palm, hand, placement);
   set_velocities(model, index, placement);
   model.hands.push_back(std::move(index));

@@ -44,6 +44,8 @@ struct BuiltHand {
   std::vector<model::Joint> joints;  ///< of the segments; `parent` and `child` index `bodies`
   model::Joint wrist;                ///< parent frame: the hand frame; child: the palm
   model::Material skin;
+  HandMuscles muscles;         ///< none where the hand model has none
+  std::vector<HandAxis> axes;  ///< that the muscles' arms number
 };
 
 /// @throws Error (input) for a fingertip shorter than its radius and for impossible hand dimensions.
@@ -59,8 +61,8 @@ struct HandGroups {
   int fingertips = 0;  ///< the last segment of each finger
 };
 
-/// Appends the hand to the model, with its skin as material and its contact groups: `palm-NAME`,
-/// `fingers-NAME` and `fingertips-NAME`.
+/// Appends the hand to the model, with its muscles and bands, its skin as material and its contact groups:
+/// `palm-NAME`, `fingers-NAME` and `fingertips-NAME`. Tendons have no arms about axes that the mount omits.
 /// @throws Error (input) if `start` has an unknown joint or too many angles, or the wrist has fewer axes than
 /// the mount needs.
 HandGroups add_hand(model::Model& model, const BuiltHand& hand, const Placement& placement);

@@ -265,8 +265,28 @@ HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& di
   spec.skin = read_material(skin, "skin");
   skin.finish();
   read_segments(reader, spec, mass);
+  if (YamlNode* file = reader.file_or_block("muscles", "muscles of a hand", false))
+    spec.muscles = read_muscle_file(*file, reader.path_of("muscles"), hand_axes(spec), diagnostics);
   reader.finish();
   return spec;
+}
+
+std::vector<HandAxis> hand_axes(const HandSpec& spec) {
+  std::vector<HandAxis> out;
+  const auto add = [&](const JointSpec& joint) {
+    for (const model::JointAxis& axis : joint.axes) {
+      HandAxis& each = out.emplace_back();
+      each.name = joint.name + "." + axis.name;
+      if (axis.stop) {
+        each.low = axis.stop->low;
+        each.high = axis.stop->high;
+      }
+      if (axis.tissue) each.rest = axis.tissue->rest;
+    }
+  };
+  add(spec.wrist);
+  for (const SegmentSpec& segment : spec.segments) add(segment.joint);
+  return out;
 }
 
 }  // namespace handsim::hand

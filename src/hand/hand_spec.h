@@ -8,6 +8,7 @@
 
 #include "handsim/core/yaml_reader.h"
 #include "handsim/hand/anthropometry.h"
+#include "handsim/hand/muscle_spec.h"
 #include "handsim/model/model.h"
 
 namespace handsim::hand {
@@ -70,7 +71,11 @@ struct HandSpec {
   JointSpec wrist;
   model::Material skin;
   std::vector<SegmentSpec> segments;  ///< parents before children
+  std::optional<MuscleFile> muscles;
 };
+
+/// Axes of a hand's joints: the wrist's, then those of the segments.
+std::vector<HandAxis> hand_axes(const HandSpec& spec);
 
 /// Reads a hand model, following its `anthropometry` reference.
 HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& diagnostics);

@@ -16,11 +16,13 @@ enum class Effect {
   passive_tissue,
   actuation,
   wrist_motion,
+  muscles,
+  tendon_coupling,
 };
 
-inline constexpr std::array<std::string_view, 9> kEffectNames = {
-    "gravity",     "object_contact", "self_contact", "ground_contact", "friction",
-    "joint_stops", "passive_tissue", "actuation",    "wrist_motion"};
+inline constexpr std::array<std::string_view, 11> kEffectNames = {
+    "gravity",        "object_contact", "self_contact", "ground_contact", "friction",       "joint_stops",
+    "passive_tissue", "actuation",      "wrist_motion", "muscles",        "tendon_coupling"};
 inline constexpr int kEffectCount = static_cast<int>(kEffectNames.size());
 
 inline std::string_view name(Effect effect) { return kEffectNames[static_cast<std::size_t>(effect)]; }

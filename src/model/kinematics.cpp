@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "handsim/model/muscle_curves.h"
+
 namespace handsim::model {
 
 namespace {
@@ -46,6 +48,9 @@ State zero_state(const Model& model) {
   state.bodies.resize(model.bodies.size());
   state.tau.resize(static_cast<std::size_t>(model.dof_count()));
   state.tau_servo.resize(state.tau.size());
+  state.activation.resize(model.muscles.size());
+  state.fibre_length.resize(model.muscles.size());
+  state.tendon_force.resize(model.muscles.size());
   for (std::size_t i = 0; i < model.bodies.size(); ++i)
     set_pose(state, static_cast<int>(i), model.bodies[i].zero_pose);
   return state;
@@ -203,6 +208,13 @@ State initial_state(const Model& model) {
     state.bodies[i].w = model.bodies[i].initial_angular_velocity;
   }
   update_coordinates(model, state);
+  for (std::size_t i = 0; i < model.muscles.size(); ++i) {
+    const Muscle& muscle = model.muscles[i];
+    const double excursion = path_state(muscle.path, state.q).excursion;
+    state.activation[i] = muscle.initial;
+    state.fibre_length[i] = fibre_at(muscle, excursion).length;
+    state.tendon_force[i] = tension(muscle, excursion, 0, muscle.initial).force;
+  }
   return state;
 }
 

@@ -11,6 +11,7 @@
 #include "handsim/core/pose.h"
 #include "handsim/model/convex_mesh.h"
 #include "handsim/model/motion.h"
+#include "handsim/model/muscle.h"
 
 namespace handsim::model {
 
@@ -159,11 +160,13 @@ struct Drive {
 struct HandIndex {
   std::string name;  ///< `right`, `left`, or with a number if a scene has several of a side
   Side side = Side::right;
-  int palm = 0;             ///< body
-  Pose wrist_frame;         ///< X_PH: hand frame H (origin at the wrist joint centre) in the palm body
-  std::vector<int> bodies;  ///< palm first, then segments
-  std::vector<int> joints;  ///< finger joints, and the wrist joint if it has one
-  std::optional<int> rail;  ///< slider joint of the palm, if it has one
+  int palm = 0;                ///< body
+  Pose wrist_frame;            ///< X_PH: hand frame H (origin at the wrist joint centre) in the palm body
+  std::vector<int> bodies;     ///< palm first, then segments
+  std::vector<int> joints;     ///< finger joints, and the wrist joint if it has one
+  std::optional<int> rail;     ///< slider joint of the palm, if it has one
+  std::vector<int> muscles;    ///< in Model::muscles
+  std::vector<int> ligaments;  ///< in Model::ligaments
 };
 
 /// Everything a scene simulates.
@@ -177,6 +180,8 @@ struct Model {
   std::vector<ContactRule> contact_rules;  ///< empty: no contact at all
   std::vector<Drive> drives;
   std::vector<HandIndex> hands;
+  std::vector<Muscle> muscles;      ///< those in effect
+  std::vector<Ligament> ligaments;  ///< those in effect
 
   int dof_count() const;
   /// Index of a new group.

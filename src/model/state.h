@@ -31,9 +31,15 @@ struct State {
   /// Zero before the first step.
   std::vector<double> tau;
   std::vector<double> tau_servo;  ///< the servos' part of tau, within their limits [N m] or [N]
+
+  // By muscle, size of Model::muscles.
+  std::vector<double> activation;    ///< 0..1
+  std::vector<double> fibre_length;  ///< at the time [m]
+  std::vector<double> tendon_force;  ///< tension in the last step, at its end [N]
 };
 
-/// Serialises time, bodies and torques (core/archive.h); the model has their counts, and q and u follow.
+/// Serialises time, bodies, torques and muscles (core/archive.h); the model has their counts, and q and u
+/// follow.
 template <class Archive, class T>
 void carry(Archive& archive, T& state) {
   archive(state.time);
@@ -45,6 +51,7 @@ void carry(Archive& archive, T& state) {
   }
   archive.each(state.tau);
   archive.each(state.tau_servo);
+  for (auto* values : {&state.activation, &state.fibre_length, &state.tendon_force}) archive.each(*values);
 }
 
 }  // namespace handsim::model

@@ -42,6 +42,8 @@ class Checker {
     check_order();
     each(model_.shapes, origins_.shapes, [&](const Shape& shape) { check_shape(shape); });
     each(model_.materials, origins_.materials, [&](const Material& material) { check_material(material); });
+    for (const Muscle& muscle : model_.muscles) check_muscle(muscle);
+    for (const Ligament& band : model_.ligaments) check_ligament(band);
     for (const ContactRule& rule : model_.contact_rules)
       if (!in(rule.group_a, model_.groups) || !in(rule.group_b, model_.groups))
         add("contact_rules", fmt::format("groups {}, {}", rule.group_a, rule.group_b), "indices of groups");
@@ -237,6 +239,46 @@ class Checker {
       if (shake.cycles < 1)
         add(key + ".motion.shake", fmt::format("{} cycles", shake.cycles), "at least one");
     }
+  }
+
+  void check_path(const std::string& name, const TendonPath& path) {
+    if (path.arms.size() > kMostArms)
+      add(name, fmt::format("{} moment arms", path.arms.size()), fmt::format("at most {}", kMostArms));
+    for (std::size_t i = 0; i < path.arms.size(); ++i) {
+      const MomentArm& arm = path.arms[i];
+      if (arm.dof < 0 || arm.dof >= model_.dof_count())
+        add(name + ".arms", fmt::format("coordinate {}", arm.dof), "a coordinate of the model");
+      for (std::size_t j = 0; j < i; ++j)
+        if (path.arms[j].dof == arm.dof)
+          add(name + ".arms", fmt::format("coordinate {} twice", arm.dof), "each coordinate once");
+      for (const double c : arm.c) check_range(name + ".arms", c, -kSizeMax, kSizeMax, "m");
+    }
+    const int arms = static_cast<int>(path.arms.size());
+    for (const ArmProduct& each : path.products)
+      if (each.a < 0 || each.b < 0 || each.a >= arms || each.b >= arms || each.a == each.b ||
+          each.power_a < 1 || each.power_b < 1 || !std::isfinite(each.factor))
+        add(name + ".products", "a product that is not sound",
+            "two arms of the path and powers of 1 or more");
+  }
+
+  void check_muscle(const Muscle& muscle) {
+    check_path(muscle.name, muscle.path);
+    check_range(muscle.name + ".force", muscle.force, 1e-6, 1e6, "N");
+    check_range(muscle.name + ".fibre_length", muscle.fibre_length, 1e-5, kSizeMax, "m");
+    check_range(muscle.name + ".length", muscle.length, 0, kSizeMax, "m");
+    check_range(muscle.name + ".slack_length", muscle.slack_length, 0, kSizeMax, "m");
+    check_range(muscle.name + ".pennation", muscle.pennation, 0, 1.4, "rad");
+    check_range(muscle.name + ".activation_time", muscle.activation_time, 1e-6, 10, "s");
+    check_range(muscle.name + ".deactivation_time", muscle.deactivation_time, 1e-6, 10, "s");
+    check_range(muscle.name + ".max_speed", muscle.max_speed, 0.01, 1e3, "1/s");
+    check_range(muscle.name + ".initial", muscle.initial, 0, 1, "");
+  }
+
+  void check_ligament(const Ligament& band) {
+    check_path(band.name, band.path);
+    check_range(band.name + ".stiffness", band.stiffness, 0, kStiffnessMax, "N/m");
+    check_range(band.name + ".damping", band.damping, 0, kStiffnessMax, "N s/m");
+    check_range(band.name + ".rest", band.rest, -kSizeMax, kSizeMax, "m");
   }
 
   const Model& model_;

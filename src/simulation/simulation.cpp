@@ -14,6 +14,7 @@
 #include "handsim/engine/checks.h"
 #include "handsim/engine/contact/overlap.h"
 #include "handsim/engine/contact/pair_table.h"
+#include "handsim/engine/muscles.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::simulation {
@@ -92,6 +93,12 @@ Simulation::Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers w
     find_constant_torques();
     for (const scene::ClimbPlan& plan : scene_->plans.climbs) climbs_.emplace_back(scene_->model, plan, step);
   }
+  if (scene_->muscles) {
+    std::vector<std::size_t> driven;
+    if (scene_->control)
+      for (const control::DrivenAxis& axis : scene_->control->axes) driven.push_back(axis.dof);
+    drive_ = std::make_unique<control::MuscleDrive>(model(), *scene_->muscles, std::move(driven), step);
+  }
   make_controller();
   make_watchers();
 }
@@ -128,6 +135,22 @@ void Simulation::check(const engine::StepInput& action) const {
   if (!action.servos.empty())
     refuse(engine::servo_fault(model(), engine_->settings(), state().time, action.servos));
   engine::require_outside(model(), engine_->settings(), action);
+  engine::require_excitations(model(), engine_->settings(), action.excitations);
+}
+
+/// The step's excitations: the caller's, else those of the scene's drive, which may take the place of motors.
+engine::StepInput Simulation::excite(engine::StepInput input, const engine::StepInput& action) {
+  input.excitations = action.excitations;
+  if (drive_) {
+    const std::span<const double> found = drive_->excitations(engine_->state(), input.torques, input.servos);
+    if (drive_->takes_torques()) {
+      input.torques = action.torques;
+      input.servos = action.servos;
+    }
+    if (action.excitations.empty()) input.excitations = found;
+  }
+  excitations_.assign(input.excitations.begin(), input.excitations.end());
+  return input;
 }
 
 /// What drives the joints in the next step: the controller, constant torques, climbs and the caller.
@@ -161,7 +184,7 @@ engine::StepInput Simulation::command(const engine::StepInput& action) {
   for (std::size_t i = 0; i < action.servos.size(); ++i)
     if (action.servos[i].limit > 0) servos_[i] = action.servos[i];
   return {sum_, any_servos ? std::span<const model::Servo>(servos_) : std::span<const model::Servo>(),
-          action.forces, action.drive_targets};
+          action.forces, action.drive_targets, action.excitations};
 }
 
 void Simulation::step(const engine::StepInput& action, std::span<const double> angles) {
@@ -184,7 +207,7 @@ void Simulation::advance(const engine::StepInput& action) {
   const bool timed = timed_ && steps_ % kTimedEvery == kTimedEvery / 2;
   const auto now = [&] { return timed ? Clock::now() : Clock::time_point(); };
   const Clock::time_point start = now();
-  const engine::StepInput input = command(action);
+  const engine::StepInput input = excite(command(action), action);
   const Clock::time_point commanded = now();
   report_ = engine_->step(input);
   const engine::StepReport& report = report_;

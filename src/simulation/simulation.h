@@ -64,6 +64,9 @@ class Simulation {
   const engine::StepReport& last_report() const { return report_; }
   /// Null if the scene has no control.
   const control::Controller* controller() const { return controller_.get(); }
+  /// Excitations of the muscles in the last step, as Model::muscles; empty if the scene and the caller gave
+  /// none.
+  std::span<const double> excitations() const { return excitations_; }
   /// Number of steps since the start of the scene, including those before a snapshot.
   long steps() const { return steps_; }
   /// Number of steps of the scene's duration.
@@ -127,6 +130,7 @@ class Simulation {
   void make_controller();
   void check(const engine::StepInput& action) const;
   engine::StepInput command(const engine::StepInput& action);
+  engine::StepInput excite(engine::StepInput input, const engine::StepInput& action);
   void find_constant_torques();
   void make_watchers();
   void restore_parts(const RunSnapshot& snapshot);
@@ -135,6 +139,7 @@ class Simulation {
   std::shared_ptr<const scene::Scene> scene_;
   std::unique_ptr<engine::Engine> engine_;
   std::unique_ptr<control::Controller> controller_;
+  std::unique_ptr<control::MuscleDrive> drive_;  ///< of muscles, by the scene
   std::vector<ClimbLoad> climbs_;
   MakeWatchers maker_;
   Watchers watchers_;
@@ -146,6 +151,7 @@ class Simulation {
   std::vector<double> constant_;      ///< constant torques of the joints; empty if there are none
   std::vector<double> sum_;           ///< the same plus those of the controller, climbs and caller
   std::vector<model::Servo> servos_;  ///< of the controller, climbs and caller
+  std::vector<double> excitations_;
 };
 
 }  // namespace handsim::simulation

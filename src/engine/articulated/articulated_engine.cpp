@@ -52,9 +52,15 @@ ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& 
         throw input_error(model.joints[static_cast<std::size_t>(cut.joint)].name,
                           "a stop or tissue on every joint of a loop", "one joint of each loop without");
   if (!mechanism_.topology().cuts.empty()) loops_ = std::make_unique<Loops>(model, mechanism_);
+  muscles_ = std::make_unique<MuscleCoupling>(model, settings, mechanism_);
+  if (muscles_->empty()) muscles_.reset();
+  if (muscles_ && loops_)
+    throw input_error("effects", "muscles or tendon_coupling beside closed loops",
+                      "engine ode, or a scene without loops");
   if (needs_contacts(model, settings.effects)) {
     try {
       contact_ = std::make_unique<ContactDynamics>(model, settings, mechanism_, loops_.get());
+      contact_->couple(muscles_.get());
     } catch (const OdeFault& fault) {
       throw input_error("model", "ODE: " + fault.message, "a model that ODE accepts");
     }
@@ -86,6 +92,7 @@ void ArticulatedEngine::start(const model::State& state) {
     if (model_.bodies[i].kinematic && !driven[i]) next.bodies[i].v = next.bodies[i].w = Vec3::Zero();
   mechanism_.take(next);
   mechanism_.forget_contacts();
+  if (muscles_) muscles_->start(next);
   if (contact_) contact_->forget();
   if (fast_spin_) fast_spin_->forget();
   mechanism_.kernel().kinematics(mechanism_.tree());
@@ -94,6 +101,7 @@ void ArticulatedEngine::start(const model::State& state) {
   if (loops_ && !(loops_->close() < kOpen))
     throw input_error("state", "loops that are open", "joints that can all be closed");
   time_ = next.time;
+  stepped_ = false;
   state_ = std::move(next);
   made_.store(Made::no, std::memory_order_relaxed);
 }
@@ -148,6 +156,8 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   if (contact_) contact_->restore(in);
   if (fast_spin_) fast_spin_->restore(in);
   mechanism_.kernel().kinematics(mechanism_.tree());
+  if (muscles_) muscles_->start(state);
+  stepped_ = false;
   placed_ = true;
   collided_ = false;
   had_torques_ = true;
@@ -172,9 +182,11 @@ void ArticulatedEngine::accept(const StepInput& input) {
           throw input_error("torques." + joint.name, "a torque on the joint that the loop is cut at",
                             "a torque on another joint of the loop");
     }
-    mechanism_.set_torques(input.torques);
+    if (!muscles_) mechanism_.set_torques(input.torques);
     had_torques_ = !input.torques.empty();
   }
+  require_excitations(model_, settings_, input.excitations);
+  if (muscles_) mechanism_.set_torques(muscles_->begin(input));
   const bool fits =
       input.servos.empty() || (settings_.effects.has(model::Effect::actuation) &&
                                input.servos.size() == static_cast<std::size_t>(model_.dof_count()));
@@ -229,14 +241,15 @@ int ArticulatedEngine::solve_step() {
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();
   const double h = settings_.step;
-  for (int i = 0; i < kJointCorrections && !loops_; ++i)
+  for (int i = 0; i < kJointCorrections && !loops_ && !muscles_; ++i)
     if (kernel.accelerate(tree, h)) return 0;
-  for (int i = loops_ ? 0 : kJointCorrections; i < kJointCorrections + kSingleCorrections; ++i) {
+  for (int i = loops_ || muscles_ ? 0 : kJointCorrections; i < kJointCorrections + kSingleCorrections; ++i) {
     kernel.prepare(tree, h);
     if (loops_)
       loops_->solve(h);
     else
       kernel.solve(tree);
+    if (muscles_) muscles_->correct(h);
     if (kernel.update_active_set(tree, h, i >= kJointCorrections)) return 0;
   }
   return 1;
@@ -290,8 +303,9 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();
   }
-  if (!fast && !moving && !loops_) return check(kernel.advance(tree, settings_.step), end);
+  if (!fast && !moving && !loops_ && !muscles_) return check(kernel.advance(tree, settings_.step), end);
   kernel.find_torques(tree, settings_.step);
+  if (muscles_) muscles_->find_torques(settings_.step);
   if (fast) fast_spin_->add_work(report.contacts > 0 || loops_);
   kernel.integrate(tree, settings_.step);
   if (moving) place_bases();
@@ -328,6 +342,7 @@ StepReport ArticulatedEngine::step(const StepInput& input) {
     step_implicitly(input, end, report);
   if (settings_.effects.has(model::Effect::joint_stops)) report.stop_rows = mechanism_.stops_in_force();
   time_ = end;
+  stepped_ = true;
   made_.store(Made::no, std::memory_order_relaxed);
   return report;
 }

@@ -17,6 +17,7 @@
 
 #include "handsim/engine/articulated/contact_dynamics.h"
 #include "handsim/engine/articulated/fast_spin.h"
+#include "handsim/engine/articulated/muscle_coupling.h"
 #include "handsim/engine/articulated/smooth.h"
 
 namespace handsim::engine::articulated {
@@ -90,6 +91,7 @@ class ArticulatedEngine final : public Engine {
   Settings settings_;
   Mechanism mechanism_;
   std::unique_ptr<Loops> loops_;              ///< with loops only
+  std::unique_ptr<MuscleCoupling> muscles_;   ///< with tendons in effect only
   std::unique_ptr<ContactDynamics> contact_;  ///< with a contact effect and rule only
   std::unique_ptr<Smooth> smooth_;            ///< with a method for smooth motion only
   std::unique_ptr<FastSpin> fast_spin_;       ///< without one only
@@ -101,6 +103,7 @@ class ArticulatedEngine final : public Engine {
   std::vector<std::string> notes_;
   double time_ = 0;
   bool had_torques_ = false;
+  bool stepped_ = false;        ///< muscles_ has the tensions of a step
   mutable bool placed_ = true;  ///< kinematics are of the positions and rates
   bool collided_ = false;       ///< contacts of the next step are found
   int collide_calls_ = 0;       ///< that this took

@@ -9,7 +9,7 @@ namespace handsim::engine::articulated {
 
 bool ArticulatedEngine::suits_lanes() const {
   const std::vector<Node>& nodes = mechanism_.topology().nodes;
-  return fast_spin_ && !loops_ && !failure_ && !nodes.empty() &&
+  return fast_spin_ && !loops_ && !muscles_ && !failure_ && !nodes.empty() &&
          std::none_of(nodes.begin(), nodes.end(),
                       [](const Node& node) { return node.kind == NodeKind::ball; });
 }
@@ -64,6 +64,7 @@ void ArticulatedEngine::give_rest() const {
     state_.bodies[static_cast<std::size_t>(body)] = {base.pose.p, base.pose.q, base.v, base.w};
   }
   mechanism_.give_coordinates(state_);
+  if (muscles_ && stepped_) muscles_->give(state_);
   state_.time = time_;
 }
 

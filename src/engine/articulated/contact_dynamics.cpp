@@ -219,11 +219,13 @@ void ContactDynamics::find_free(double step) {
   const Kernel& kernel = mechanism_.kernel();
   kernel.prepare(mechanism_.tree(), step);
   kernel.solve(mechanism_.tree());
+  if (muscles_) muscles_->correct(step);
   solver_.begin();
   choose_trees(step);
   space_.find_inertia([&](int dof) { return involved(dof); });
   for (const Coordinate& each : axes_)
     if (involved(each.dof)) space_.add_to_diagonal(each.dof, *each.axis.weight);
+  if (muscles_) muscles_->add_to(space_, step, [&](int dof) { return involved(dof); });
   // A, and g = A x of the free step.
   const int n = space_.size();
   const std::span<const double> du = mechanism_.du();

@@ -10,6 +10,7 @@
 
 #include "handsim/engine/articulated/contact_newton.h"
 #include "handsim/engine/articulated/loops.h"
+#include "handsim/engine/articulated/muscle_coupling.h"
 #include "handsim/engine/contact/collider.h"
 #include "handsim/engine/contact/penetration.h"
 
@@ -37,6 +38,8 @@ class ContactDynamics {
   /// All must outlive this. @param loops of the mechanism, null where it has none. @throws OdeFault
   ContactDynamics(const model::Model& model, const Settings& settings, Mechanism& mechanism, Loops* loops);
 
+  /// Tendons that couple coordinates, or null; they must outlive this.
+  void couple(MuscleCoupling* muscles) { muscles_ = muscles; }
   /// Takes over the model's masses.
   void refresh();
   /// Forgets the impulses of the last step.
@@ -126,6 +129,7 @@ class ContactDynamics {
   const model::Model& model_;
   Mechanism& mechanism_;
   Loops* loops_;
+  MuscleCoupling* muscles_ = nullptr;
   Collider collider_;
   CrossedBodies crossed_;
   JointSpace space_;

@@ -70,6 +70,8 @@ class JointSpace {
   /// Entry (i, j), j <= i; zero where neither dof carries the other.
   double inertia(int i, int j) const { return H_[index(i, j)]; }
   void add_to_diagonal(int i, double weight) { H_[index(i, i)] += weight; }
+  /// Adds to entry (i, j), j <= i; j carries i.
+  void add(int i, int j, double value) { H_[index(i, j)] += value; }
   /// H = L^T L in place, without fill-in outside the branches (section 6.5, Table 6.3, p. 114).
   void factor();
   /// x = L^-T x, then x = L^-1 x: together H^-1.

@@ -42,6 +42,7 @@ struct AxisView {
   const double *low, *high, *bounce, *weight, *servo_stiffness, *servo_damping, *servo_error, *servo_feed,
       *servo_limit;
   double *side, *saturated;
+  double* reaction;
 };
 
 template <int W>

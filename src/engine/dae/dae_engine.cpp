@@ -34,9 +34,13 @@ DaeEngine::DaeEngine(const model::Model& model, const Settings& settings)
     : model_(checked(model, settings)),
       settings_(settings),
       drives_(model, settings, {}, {}),
-      sensors_(model) {
-  for (System& island : islands(model, settings))
+      sensors_(model),
+      muscles_(model, settings, [](int a, int b) { return a == b; }),
+      drag_(muscles_.empty() ? 0 : static_cast<std::size_t>(model.dof_count())) {
+  for (System& island : islands(model, settings)) {
+    island.set_drag(drag_);
     islands_.push_back(make_integrator(std::move(island), settings));
+  }
   state_ = model::initial_state(model);
   double gap = 0;
   for (const model::Joint& joint : model.joints) gap = std::max(gap, model::joint_gap(joint, state_));
@@ -62,6 +66,7 @@ void DaeEngine::start(const model::State& state) {
   drive(next.time, model::KeySide::after, next);
   for (const auto& island : islands_) island->start(next);
   sensors_.read(next);
+  muscles_.start(next);
   state_ = std::move(next);
 }
 
@@ -69,6 +74,7 @@ void DaeEngine::start(const model::State& state) {
 void DaeEngine::set_joint_torques(std::span<const double> given, model::State& state) const {
   state.tau.assign(state.q.size(), 0);
   std::copy(given.begin(), given.end(), state.tau.begin());
+  for (std::size_t i = 0; i < drag_.size(); ++i) state.tau[i] -= drag_[i] * state.u[i];
   if (!settings_.effects.has(model::Effect::passive_tissue)) return;
   for (const model::Joint& joint : model_.joints)
     for (std::size_t k = 0; k < joint.axes.size(); ++k) {
@@ -86,15 +92,23 @@ StepReport DaeEngine::step(const StepInput& input) {
                       "torques (form: explicit), or the ode engine");
   if (!input.torques.empty())
     if (auto fault = torque_fault(model_, state_.time, input.torques)) fail(Error(std::move(*fault)));
+  require_excitations(model_, settings_, input.excitations);
+  std::span<const double> torques = input.torques;
+  if (!muscles_.empty()) {
+    muscles_.begin(state_.q, state_.u, input.excitations);
+    muscles_.by_coordinate(state_.u, torques, torques_, drag_);
+    torques = torques_;
+  }
   const double end = next_time(state_.time, settings_.step);
   model::State next = state_;
   try {
-    for (const auto& island : islands_) island->advance(input.torques, end, next);
+    for (const auto& island : islands_) island->advance(torques, end, next);
     next.time = end;
     drive(end, model::KeySide::before, next);
     check_bodies(next);
     sensors_.read(next);
-    set_joint_torques(input.torques, next);
+    set_joint_torques(torques, next);
+    if (!muscles_.empty()) muscles_.end(next.q, next.u, next);
   } catch (const Error& error) {
     fail(error);
   }
@@ -143,6 +157,7 @@ void DaeEngine::restore(const model::State& state, ArchiveReader& in) {
   require_state(model_, state);
   for (const auto& island : islands_) island->restore(state, in);
   state_ = state;
+  muscles_.start(state_);
   sensors_.read(state_);
 }
 

@@ -15,6 +15,7 @@
 
 #include "handsim/engine/dae/integrator.h"
 #include "handsim/engine/engine.h"
+#include "handsim/engine/muscles.h"
 #include "handsim/model/angle_sensor.h"
 
 namespace handsim::engine::dae {
@@ -51,6 +52,8 @@ class DaeEngine final : public Engine {
   std::vector<std::unique_ptr<Integrator>> islands_;
   std::vector<std::string> notes_;
   model::JointSensors sensors_;
+  Muscles muscles_;
+  std::vector<double> torques_, drag_;  ///< with tendons in effect: of the step, and their damping
   model::State state_;
   std::optional<Error> failure_;
 };

@@ -205,16 +205,19 @@ Vector System::forces(const model::State& state, std::span<const double> torques
 
 std::vector<TissueRow> System::tissue(const model::State& state) const {
   std::vector<TissueRow> out;
-  if (!settings_.effects.has(model::Effect::passive_tissue)) return out;
+  const bool with_tissue = settings_.effects.has(model::Effect::passive_tissue);
+  if (!with_tissue && drag_.empty()) return out;
   for (const model::Joint* joint : joints_) {
     double q[3] = {};
     bool known = false;
     for (std::size_t k = 0; k < joint->axes.size(); ++k) {
-      const auto& each = joint->axes[k].tissue;
-      if (!each || (each->stiffness == 0 && each->damping == 0)) continue;
+      model::Tissue each;
+      if (with_tissue && joint->axes[k].tissue) each = *joint->axes[k].tissue;
+      if (!drag_.empty()) each.damping += drag_[at(joint->first_dof) + k];
+      if (each.stiffness == 0 && each.damping == 0) continue;
       if (!known) model::joint_coordinates(*joint, state, q);
       known = true;
-      out.push_back({coordinate_row(*joint, static_cast<int>(k), state), q[k] - each->rest, *each});
+      out.push_back({coordinate_row(*joint, static_cast<int>(k), state), q[k] - each.rest, each});
     }
   }
   return out;

@@ -80,7 +80,9 @@ class System {
 
   /// Gravity, joint torques (size model.dof_count() or empty) and exact gyroscopic torques; no tissue.
   Vector forces(const model::State& state, std::span<const double> torques) const;
-  /// Active spring-dampers; empty without the passive_tissue effect.
+  /// Damping of coordinates beside that of tissue, by Model::dof_count() [N m s/rad]; must outlive this.
+  void set_drag(std::span<const double> damping) { drag_ = damping; }
+  /// Active spring-dampers: passive tissue in effect, and drag.
   std::vector<TissueRow> tissue(const model::State& state) const;
   /// `forces` plus those of tissue.
   Vector all_forces(const model::State& state, std::span<const double> torques) const;
@@ -108,6 +110,7 @@ class System {
   std::vector<double> mass_;
   std::vector<Mat3> inertia_, inverse_inertia_, root_;  ///< root_: L^-T of the inertia
   Index constraint_count_ = 0;
+  std::span<const double> drag_;
 };
 
 /// The islands of a model, which can be integrated separately.

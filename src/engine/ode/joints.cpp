@@ -16,6 +16,8 @@ namespace {
 constexpr double kCatchSteps = 2;
 /// Nearer to its stop than this a coordinate counts as on it, whatever its rate [rad] or [m].
 constexpr double kOnStop = 1e-6;
+/// Of a row of tissue or tendons [N m s/rad]: far below any that is felt.
+constexpr double kLeastDamping = 1e-15;
 
 /// Axes with an end that passive tissue pulls at.
 bool acts(const std::optional<model::Tissue>& tissue) {
@@ -28,6 +30,19 @@ std::unique_ptr<dJointFeedback> with_feedback(dJointID motor) {
   return out;
 }
 
+/// By dof, whether a tendon in effect crosses it.
+std::vector<bool> crossed_by_tendons(const model::Model& model, const model::Effects& effects) {
+  std::vector<bool> out(static_cast<std::size_t>(model.dof_count()), false);
+  const auto add = [&](const model::TendonPath& path) {
+    for (const model::MomentArm& arm : path.arms) out[static_cast<std::size_t>(arm.dof)] = true;
+  };
+  if (effects.has(model::Effect::muscles))
+    for (const model::Muscle& muscle : model.muscles) add(muscle.path);
+  if (effects.has(model::Effect::tendon_coupling))
+    for (const model::Ligament& ligament : model.ligaments) add(ligament.path);
+  return out;
+}
+
 void add_torque(const OdeBody& body, const Vec3& torque) {
   if (body.id != nullptr) dBodyAddTorque(body.id, torque.x(), torque.y(), torque.z());
 }
@@ -36,14 +51,19 @@ void add_torque(const OdeBody& body, const Vec3& torque) {
 
 Joints::Joints(dWorldID world, const model::Model& model, const Settings& settings,
                const std::vector<OdeBody>& bodies, const model::State& start)
-    : sensors_(model), servos_(settings.step), step_(settings.step), erp_(settings.erp()) {
+    : sensors_(model),
+      servos_(settings.step),
+      step_(settings.step),
+      erp_(settings.erp()),
+      dragged_(crossed_by_tendons(model, settings.effects)),
+      drag_(dragged_.size(), 0.0) {
   std::vector<std::size_t> copies_used(bodies.size(), 0);
   for (const model::Joint& joint : model.joints) {
     links_.push_back(make_link(world, joint, bodies, copies_used));
     Link& link = links_.back();
     if (link.id == nullptr) continue;
     if (settings.effects.has(model::Effect::joint_stops)) add_stops(link, settings);
-    if (settings.effects.has(model::Effect::passive_tissue)) add_tissue(world, link);
+    add_tissue(world, link, settings.effects.has(model::Effect::passive_tissue));
     if (settings.effects.has(model::Effect::actuation)) add_servo(world, link);
     place(link, start);
     watch(links_.size() - 1, settings);
@@ -129,12 +149,17 @@ void Joints::add_stops(const Link& link, const Settings& settings) {
   }
 }
 
-void Joints::add_tissue(dWorldID world, Link& link) {
+/// A row for each axis with tissue in effect or with tendons.
+void Joints::add_tissue(dWorldID world, Link& link, bool with_tissue) {
   const model::Joint& joint = *link.joint;
-  for (std::size_t i = 0; i < joint.axes.size(); ++i)
-    if (acts(joint.axes[i].tissue)) link.motor_axes.push_back(i);
+  for (std::size_t i = 0; i < joint.axes.size(); ++i) {
+    const bool tissue = with_tissue && acts(joint.axes[i].tissue);
+    has_tissue_ = has_tissue_ || tissue;
+    if (!tissue && !dragged_[static_cast<std::size_t>(joint.first_dof) + i]) continue;
+    link.motor_axes.push_back(i);
+    link.tissue.push_back(tissue ? *joint.axes[i].tissue : model::Tissue{});
+  }
   if (link.motor_axes.empty()) return;
-  has_tissue_ = true;
   link.motor = create_motor(world, joint.kind, link.motor_axes.size(), link.child.id, link.parent.id);
   link.by_motor = with_feedback(link.motor);
   soften_tissue(link);
@@ -144,8 +169,12 @@ void Joints::soften_tissue(const Link& link) const {
   const model::Joint& joint = *link.joint;
   const int axes = static_cast<int>(link.motor_axes.size());
   for (int i = 0; i < axes; ++i) {
-    const model::Tissue& tissue = *joint.axes[link.motor_axes[static_cast<std::size_t>(i)]].tissue;
-    const SoftRow row = soft_row(tissue.stiffness, tissue.damping, step_);
+    const model::Tissue& tissue = link.tissue[static_cast<std::size_t>(i)];
+    const std::size_t dof =
+        static_cast<std::size_t>(joint.first_dof) + link.motor_axes[static_cast<std::size_t>(i)];
+    // A row without stiffness and damping would not be one.
+    const SoftRow row =
+        soft_row(tissue.stiffness, std::max(tissue.damping + drag_[dof], kLeastDamping), step_);
     const int group = kParamGroup * i;
     if (joint.kind == model::JointKind::slider) {
       // An LMotor has no position: it gets the speed that the same row would ask for.
@@ -164,6 +193,12 @@ double Joints::slider_pull(const Link& link) const {
   if (link.motor == nullptr || link.joint->kind != model::JointKind::slider) return 0;
   const model::Tissue& tissue = *link.joint->axes[0].tissue;
   return soft_row(tissue.stiffness, tissue.damping, step_).erp / step_;
+}
+
+void Joints::set_drag(std::span<const double> damping) {
+  drag_.assign(damping.begin(), damping.end());
+  for (const Link& link : links_)
+    if (link.motor != nullptr) soften_tissue(link);
 }
 
 void Joints::set_step(double step) {
@@ -230,8 +265,21 @@ void Joints::prepare_tissue(const Watch& watched, const model::State& state) con
     dJointSetLMotorParam(link.motor, dParamVel, -watched.pull * (q[0] - link.joint->axes[0].tissue->rest));
     return;
   }
-  for (std::size_t i = 0; i < link.motor_axes.size(); ++i)
+  for (std::size_t i = 0; i < link.motor_axes.size(); ++i) {
     dJointSetAMotorAngle(link.motor, static_cast<int>(i), q[link.motor_axes[i]]);
+    const std::size_t dof = static_cast<std::size_t>(link.joint->first_dof) + link.motor_axes[i];
+    if (!dragged_[dof]) continue;
+    // Drag holds the rate that the step starts with: as the row's target, which an iterative solver starts
+    // near. With ERP 1 the row asks for v+ = (rest - q) / h.
+    const model::Tissue& tissue = link.tissue[i];
+    const double pull = tissue.stiffness * (q[link.motor_axes[i]] - tissue.rest) - drag_[dof] * state.u[dof];
+    const double sum = step_ * tissue.stiffness + std::max(tissue.damping + drag_[dof], kLeastDamping);
+    const double target = q[link.motor_axes[i]] - step_ * pull / sum;
+    const int group = kParamGroup * static_cast<int>(i);
+    dJointSetAMotorParam(link.motor, dParamLoStop + group, target);
+    dJointSetAMotorParam(link.motor, dParamHiStop + group, target);
+    dJointSetAMotorParam(link.motor, dParamStopERP + group, 1);
+  }
 }
 
 int Joints::prepare_stops(Watch& watched, const model::State& state) const {

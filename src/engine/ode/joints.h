@@ -42,6 +42,9 @@ class Joints {
   /// @param tau the servos' torques of the step before, or empty: see Servos::relax
   void relax_servos(std::span<const double> tau) { servos_.relax(tau); }
   bool servos_beyond_limits(std::span<const double> tau) const { return servos_.beyond_limits(tau); }
+  /// Damping of the coordinates in the steps to come, beside that of tissue [N m s/rad]; size
+  /// model.dof_count(). Coordinates that no tendon in effect crosses have none.
+  void set_drag(std::span<const double> damping);
   /// Length of the steps to come [s].
   void set_step(double step);
   /// Softness of the stops in the steps to come.
@@ -69,6 +72,7 @@ class Joints {
     OdeBody parent;                       ///< without id: the world or a body that has no ODE body
     dJointID motor = nullptr;             ///< tissue: AMotor, or LMotor of a slider
     std::vector<std::size_t> motor_axes;  ///< our axis of each of the motor's axes
+    std::vector<model::Tissue> tissue;    ///< of each of these; zero where only tendons act
     dJointID servo = nullptr;             ///< drives every axis; with actuation only
     // Where ODE writes what the two motors did. An address that stays.
     std::unique_ptr<dJointFeedback> by_motor, by_servo;
@@ -91,7 +95,7 @@ class Joints {
                  std::vector<std::size_t>& copies_used) const;
   void place(const Link& link, const model::State& state) const;
   void add_stops(const Link& link, const Settings& settings);
-  void add_tissue(dWorldID world, Link& link);
+  void add_tissue(dWorldID world, Link& link, bool with_tissue);
   void soften_tissue(const Link& link) const;
   double slider_pull(const Link& link) const;
   void add_servo(dWorldID world, Link& link);
@@ -111,6 +115,8 @@ class Joints {
   double erp_;   ///< of the stops
   std::vector<std::string> notes_;
   bool has_tissue_ = false;
+  std::vector<bool> dragged_;  ///< by dof: a tendon crosses it
+  std::vector<double> drag_;   ///< by dof
 };
 
 }  // namespace handsim::engine::ode

@@ -41,6 +41,11 @@ void OdeEngine::build() {
     if (bodies_[i].id != nullptr) moving_.push_back(i);
   state_ = model::initial_state(model_);
   joints_ = std::make_unique<Joints>(world, model_, settings_, bodies_, state_);
+  if (!drag_.empty()) joints_->set_drag(drag_);
+  if (!muscles_) {
+    muscles_ = std::make_unique<Muscles>(model_, settings_, [](int a, int b) { return a == b; });
+    muscles_->start(state_);
+  }
   if (settings_.effects.has(model::Effect::wrist_motion)) drives_ = std::make_unique<Drives>(model_, bodies_);
   if (needs_contacts(model_, settings_.effects))
     contacts_ = std::make_unique<Contacts>(ids_, model_, settings_, bodies_);
@@ -80,6 +85,7 @@ void OdeEngine::set_state(const model::State& state) {
     write(state);
     if (contacts_) contacts_->set_memory({});
     if (moved && contacts_) contacts_->place_immovable(state_);
+    muscles_->start(state);
   } catch (const OdeFault& fault) {
     fail(fault);
   }

@@ -14,6 +14,7 @@
 
 #include "handsim/engine/engine.h"
 #include "handsim/engine/multibody/system.h"
+#include "handsim/engine/muscles.h"
 #include "handsim/engine/ode/bodies.h"
 #include "handsim/engine/ode/contacts.h"
 #include "handsim/engine/ode/drives.h"
@@ -53,6 +54,7 @@ class OdeEngine final : public Engine {
 
  private:
   void build();
+  StepInput with_tendons(const StepInput& input);
   void set_gravity();
   void write(const model::State& state);
   bool immovable_moved(const model::State& state) const;
@@ -101,6 +103,8 @@ class OdeEngine final : public Engine {
   StepStart start_;                          ///< of the solver's step, which may be made again
   model::State before_;                      ///< of a guarded step, its start
   Contacts::Memory memory_before_;           ///< the same
+  std::unique_ptr<Muscles> muscles_;         ///< with tendons in effect only
+  std::vector<double> torques_, drag_;       ///< of the step, tendons' share included
   std::vector<double> tau_, tau_servo_;      ///< of the step under way
   std::vector<model::Servo> second_servos_;  ///< of its second half
   std::optional<Error> failure_;

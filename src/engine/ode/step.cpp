@@ -48,17 +48,39 @@ double squared_norm(const double* v) { return v[0] * v[0] + v[1] * v[1] + v[2] *
 
 }  // namespace
 
-StepReport OdeEngine::step(const StepInput& input) {
+/// The step's torques with those of tendons, and the tendons' damping in the joints' rows.
+StepInput OdeEngine::with_tendons(const StepInput& given) {
+  require_excitations(model_, settings_, given.excitations);
+  if (muscles_->empty()) return given;
+  if (!given.torques.empty())
+    if (auto fault = torque_fault(model_, state_.time, given.torques)) fail(std::move(*fault));
+  muscles_->begin(state_.q, state_.u, given.excitations);
+  muscles_->by_coordinate(state_.u, given.torques, torques_, drag_);
+  joints_->set_drag(drag_);
+  // The joints' rows have the part of the rates at the start.
+  for (std::size_t i = 0; i < torques_.size(); ++i) torques_[i] -= drag_[i] * state_.u[i];
+  StepInput out = given;
+  out.torques = torques_;
+  return out;
+}
+
+StepReport OdeEngine::step(const StepInput& given) {
   if (failure_) throw Error(*failure_);
-  require_outside(model_, settings_, input);
+  require_outside(model_, settings_, given);
+  const StepInput input = with_tendons(given);
   enter_ode();
   const double end = next_time(state_.time, settings_.step);
   targets_due_ = end;
-  if (settings_.ode().guard) return guarded_step(input, end);
+  if (settings_.ode().guard) {
+    const StepReport report = guarded_step(input, end);
+    if (!muscles_->empty()) muscles_->end(state_.q, state_.u, state_);
+    return report;
+  }
   try {
     const StepReport report = plain_step(input, end, settings_.step, settings_.ode().method);
     check_bodies(end);
     if (auto fault = take_over(end)) fail(std::move(*fault));
+    if (!muscles_->empty()) muscles_->end(state_.q, state_.u, state_);
     return report;
   } catch (const StepRefused& refused) {
     fail(refused.fault);

@@ -20,6 +20,8 @@ namespace handsim::output {
 /// their start, driven ones are mocap bodies. Loops are closed by `connect` constraints, which are compliant
 /// in MuJoCo. Two shapes whose surfaces MuJoCo would combine otherwise than model::combined() get a `pair` of
 /// their own; springs and dampers of surfaces become solref, for the effective mass at zero coordinates.
+/// Muscles and bands in effect become fixed tendons with the moment arms of the start, and actuators of the
+/// muscles' names with their isometric forces there. A band that goes slack is a limit of its tendon.
 /// @param plan axes that it drives get a position actuator with its gains and torque limit (without integral
 /// and
 ///        feed-forward), others a motor. The keyframe has the targets at time 0.

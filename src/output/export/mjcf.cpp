@@ -10,6 +10,7 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/output/export/export_tree.h"
 #include "handsim/output/export/mjcf_pairs.h"
+#include "handsim/output/export/mjcf_tendons.h"
 
 namespace handsim::output {
 
@@ -44,6 +45,10 @@ class MjcfWriter {
     line("  </worldbody>");
     contacts();
     loops();
+    const MjcfTendons tendons = mjcf_tendons(model_, settings_, start_);
+    if (!tendons.tendons.empty()) line("  <tendon>\n" + tendons.tendons + "  </tendon>");
+    actuators_ += tendons.actuators;
+    for (int i = 0; i < tendons.count; ++i) targets_ += " 0";
     if (!actuators_.empty()) line("  <actuator>\n" + actuators_ + "  </actuator>");
     if (!positions_.empty()) {
       const std::string targets = actuators_.empty() ? "" : fmt::format(" ctrl=\"{}\"", targets_.substr(1));

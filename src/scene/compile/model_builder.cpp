@@ -139,6 +139,7 @@ class Builder {
 
   model::Model build(const std::vector<hand::BuiltHand>& hands) {
     add_hands(hands);
+    keep_tendons_in_effect();
     if (!plans_.objects.empty()) add_objects();
     if (scene_.ground) groups_.add({add_ground(model_, *scene_.ground), Owner::ground}, {"ground"});
     origins_.add(model_, std::nullopt);
@@ -164,6 +165,17 @@ class Builder {
       }
       origins_.add(model_, scene_.hands[i].place);
     }
+  }
+
+  /// A model has only the muscles and bands that its scene asks for: its state has their activations.
+  void keep_tendons_in_effect() {
+    if (!effects_.has(model::Effect::muscles)) {
+      model_.muscles.clear();
+      for (model::HandIndex& hand : model_.hands) hand.muscles.clear();
+    }
+    if (effects_.has(model::Effect::tendon_coupling)) return;
+    model_.ligaments.clear();
+    for (model::HandIndex& hand : model_.hands) hand.ligaments.clear();
   }
 
   void add_objects() {

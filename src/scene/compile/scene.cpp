@@ -43,6 +43,24 @@ control::Plan plan_control(const Scene& scene, const ControlSpec& spec, Diagnost
   return control::make_plan(scene.model, input, diagnostics);
 }
 
+/// What drives the muscles of a scene, if anything does.
+std::optional<control::MusclePlan> plan_muscles(const Scene& scene, Diagnostics& diagnostics) {
+  const std::optional<ExcitationSpec>& file = scene.spec.excitations;
+  const bool by_torques = scene.plans.control && scene.plans.control->by_muscles;
+  if (file && by_torques)
+    diagnostics.problems.push_back(
+        {file->place, "excitations", "a table beside control with drive: muscles", "one of the two"});
+  if (!scene.spec.solver.effects.has(model::Effect::muscles)) return std::nullopt;
+  if (by_torques) return control::MusclePlan{};
+  if (!file) return std::nullopt;
+  try {
+    return control::table_plan(scene.model, control::read_motion(file->file), diagnostics);
+  } catch (const Error& error) {
+    diagnostics.add(error);
+  }
+  return std::nullopt;
+}
+
 void check_climb_load(YamlNode& criteria, const Scene& scene, Diagnostics& diagnostics) {
   const std::optional<double>& limit = scene.spec.criteria.climb_load;
   for (const ClimbPlan& climb : scene.plans.climbs)
@@ -88,6 +106,8 @@ Scene compile_scene(SceneSpec spec, YamlNode root) {
     diagnostics.warnings.insert(diagnostics.warnings.end(), scene.control->warnings.begin(),
                                 scene.control->warnings.end());
   }
+  scene.muscles = plan_muscles(scene, diagnostics);
+  diagnostics.throw_if_any();
   scene.resolved = std::move(root);
   scene.inputs = collect_inputs(scene.resolved);
   scene.warnings = std::move(diagnostics.warnings);
@@ -101,6 +121,7 @@ Scene without_effect(const Scene& scene, model::Effect effect) {
   if (!effects.any_contact()) effects.remove(model::Effect::friction);
   out.model = build_model(out.spec, out.hands, out.plans);
   out.control.reset();
+  if (!effects.has(model::Effect::muscles)) out.muscles.reset();
   if (!effects.has(model::Effect::actuation)) out.plans.control.reset();
   if (!out.plans.control) return out;
   Diagnostics diagnostics;

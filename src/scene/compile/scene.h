@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/control/muscle_drive.h"
 #include "handsim/scene/read/inputs.h"
 #include "handsim/scene/task/tasks.h"
 
@@ -18,10 +19,11 @@ struct Scene {
   std::vector<hand::BuiltHand> hands;  ///< right hands, at the indices of SceneSpec::hands
   Plans plans;                         ///< start poses of hands and objects, and tasks
   model::Model model;
-  std::optional<control::Plan> control;  ///< if the scene drives its hands
-  YamlNode resolved;                     ///< the scene with defaults filled in and references inlined
-  std::vector<InputFile> inputs;         ///< meshes and motion files that `resolved` names
-  std::vector<std::string> warnings;     ///< e.g. a person outside the survey
+  std::optional<control::Plan> control;        ///< if the scene drives its hands
+  std::optional<control::MusclePlan> muscles;  ///< if the scene drives its muscles
+  YamlNode resolved;                           ///< the scene with defaults filled in and references inlined
+  std::vector<InputFile> inputs;               ///< meshes and motion files that `resolved` names
+  std::vector<std::string> warnings;           ///< e.g. a person outside the survey
   /// The same in all copies of one compilation: their motions can be exchanged.
   std::shared_ptr<const char> lineage = std::make_shared<const char>();
 };

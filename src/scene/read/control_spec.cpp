@@ -84,9 +84,23 @@ ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, 
   spec.motion = read_motion_options(reader);
   spec.place = reader.node().place();
   spec.allow_unstable = reader.flag("allow_unstable", false);
+  // Written into the resolved scene only where it is asked for.
+  if (reader.has("drive"))
+    spec.by_muscles = reader.choice<bool>("drive", {{"motors", false}, {"muscles", true}});
   if (hands.empty()) reader.problem("controller", "a scene without hands", "at least one hand to drive");
   reader.finish();
   return spec;
+}
+
+std::optional<ExcitationSpec> read_excitations(MapReader& scene) {
+  YamlNode* node = scene.value("excitations", {{YamlNode::Kind::scalar}, "a .csv, .mot or .sto file", false});
+  if (!node) return std::nullopt;
+  if (!control::is_motion_file(node->text)) {
+    scene.problem("excitations", node->text, "a .csv, .mot or .sto file");
+    return std::nullopt;
+  }
+  const control::ProgramChoice choice = read_choice(*node, scene.path_of("excitations"));
+  return ExcitationSpec{choice.program, choice.place};
 }
 
 }  // namespace handsim::scene

@@ -122,6 +122,18 @@ void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& eff
         "a hand, or a joint with a range");
   check(effects.has(Effect::passive_tissue) && !any_tissue(scene), "passive_tissue without tissue",
         "a hand model whose joints have stiffness or damping");
+  bool muscles = false, bands = false;
+  for (const HandEntry& hand : scene.hands) {
+    muscles = muscles || hand.model.muscles;
+    bands = bands || (hand.model.muscles && !hand.model.muscles->bands.empty());
+  }
+  check(effects.has(Effect::muscles) && !muscles, "muscles without a hand that has some",
+        "a hand model with a muscles block");
+  check(effects.has(Effect::tendon_coupling) && !bands, "tendon_coupling without a hand that has bands",
+        "a hand model with bands among its muscles");
+  const bool driven_by_muscles = scene.excitations || (scene.control && scene.control->by_muscles);
+  check(driven_by_muscles && !effects.has(Effect::muscles), "excitations or muscle control without muscles",
+        "muscles among the effects");
   if (scene.contacts.rules) {
     const Effects of_rules = effects_of_rules(scene);
     for (const Effect effect : {Effect::object_contact, Effect::self_contact, Effect::ground_contact}) {

@@ -17,7 +17,7 @@ struct Row {
 };
 
 /// Scenes first, because they may contain the others; materials last, because objects also have `friction`.
-constexpr std::array<Row, 15> kRows = {{
+constexpr std::array<Row, 17> kRows = {{
     {FileKind::scene, "a scene", "hands, effects, duration", {"hands", "objects", "bodies"}},
     {FileKind::person, "a person", "stature, mass, sex", {"stature"}},
     {FileKind::hand_model, "a hand model", "anthropometry, palm, wrist, segments", {"segments"}},
@@ -26,6 +26,8 @@ constexpr std::array<Row, 15> kRows = {{
     {FileKind::poses, "a pose file", "poses, programs", {"poses"}},
     {FileKind::study, "an accuracy study", "scene, reference, steps, methods", {"methods"}},
     {FileKind::object, "an object", "shape or parts, mass or density", {"shape", "parts"}},
+    {FileKind::muscles, "muscles of a hand", "reference, norms, muscles", {"muscles"}},
+    {FileKind::measurements, "a table of measurements", "hand, people, measurements", {"measurements"}},
     {FileKind::grip_norms, "a table of grip strength", "source, norms", {"norms"}},
     {FileKind::stability, "a stability study", "cases", {"cases"}},
     {FileKind::rollouts, "a rollout study", "scene, vary, count", {"vary"}},

@@ -23,6 +23,8 @@ enum class FileKind {
   material,
   costs,
   rollouts,
+  muscles,
+  measurements,
   motion_names,
   marker_set
 };

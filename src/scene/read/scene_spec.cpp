@@ -61,6 +61,7 @@ void read_content(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics)
   scene.ground = read_ground(reader, scene.contacts.materials);
   scene.gravity = reader.vector("gravity", {Dimension::acceleration, -1000, 1000}, scene.gravity);
   if (reader.sound()) check_contact_groups(scene, diagnostics);
+  scene.excitations = read_excitations(reader);
   if (reader.has("control"))
     scene.control = read_control(reader.map("control"), scene.hands, !scene.tasks.empty());
   if (reader.sound()) check_task_programs(scene, diagnostics);
@@ -83,9 +84,9 @@ void read_run(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics) {
   record.finish();
   if (diagnostics.problems.size() == before) check_times(reader, scene);
   scene.pictures = read_pictures(reader.map("pictures"));
-  scene.solver.contact_forces =
-      scene.record_contacts || scene.pictures.contact_forces || !scene.tasks.empty() ||
-      (scene.tables.reactions && scene.solver.effects.any_contact());
+  scene.solver.contact_forces = scene.record_contacts || scene.pictures.contact_forces ||
+                                !scene.tasks.empty() ||
+                                (scene.tables.reactions && scene.solver.effects.any_contact());
   if (scene.solver.contact_forces && !scene.solver.effects.any_contact())
     reader.warning(scene.record_contacts ? "record" : "pictures",
                    "contact forces are requested, but no effect of contact is on");

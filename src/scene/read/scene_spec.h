@@ -37,6 +37,7 @@ struct SceneSpec {
   double duration = 1;              ///< [s]
   double record_every = 0.01;       ///< [s]
   bool record_contacts = false;     ///< contacts.csv, and sums of contact forces in the summary
+  std::optional<ExcitationSpec> excitations;  ///< of muscles; with muscles only
   RecordTables tables;
   std::optional<ControlSpec> control;  ///< drives the joints; with actuation only
   Tasks tasks;

@@ -75,7 +75,7 @@ ShakeLevel read_level(MapReader reader) {
 }
 
 void read_shake(MapReader reader, GraspSpec& grasp) {
-  reader.each("levels", 1, kMostLevels,
+  reader.each("levels", 0, kMostLevels,
               [&](MapReader level) { grasp.shake.push_back(read_level(std::move(level))); });
   grasp.shake_cycles = reader.integer("cycles", 1, 1000, grasp.shake_cycles);
   reader.finish();

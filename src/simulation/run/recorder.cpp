@@ -21,10 +21,14 @@ bool all_angles(const model::Model& model) {
                       [](const model::Joint& joint) { return joint.kind == model::JointKind::slider; });
 }
 
-std::vector<std::string> control_columns(const control::Plan& plan) {
+std::vector<std::string> control_columns(const scene::Scene& scene) {
   std::vector<std::string> out;
-  for (const control::DrivenAxis& axis : plan.axes)
-    for (const char* what : {".target[deg]", ".angle[deg]", ".torque[N_m]"}) out.push_back(axis.name + what);
+  if (scene.control)
+    for (const control::DrivenAxis& axis : scene.control->axes)
+      for (const char* what : {".target[deg]", ".angle[deg]", ".torque[N_m]"})
+        out.push_back(axis.name + what);
+  for (const model::Muscle& muscle : scene.model.muscles)
+    for (const char* what : {".activation", ".tendon[N]", ".fibre[mm]"}) out.push_back(muscle.name + what);
   return out;
 }
 
@@ -46,9 +50,8 @@ Recorder::Recorder(const Simulation& simulation, const RunOptions& options)
   if (all_angles(scene.model))
     motion_.emplace(options.out / "trajectory.mot",
                     output::MotionHead{scene.spec.title, output::coordinate_names(scene.model), rows});
-  if (scene.control)
-    control_.emplace(options.out / "control.sto",
-                     output::MotionHead{scene.spec.title, control_columns(*scene.control), rows});
+  if (const std::vector<std::string> columns = control_columns(scene); !columns.empty())
+    control_.emplace(options.out / "control.sto", output::MotionHead{scene.spec.title, columns, rows});
   if (scene.spec.record_contacts)
     contacts_.emplace(options.out / "contacts.csv").write(output::contact_head());
   if (options.monitor)
@@ -170,8 +173,11 @@ void Recorder::add_rows() {
   if (monitor_) add_monitor_row();
   if (!control_) return;
   std::vector<double> row;
-  for (const control::AxisState& axis : simulation_.controller()->axes())
-    row.insert(row.end(), {kDegreesPerRadian * axis.target, kDegreesPerRadian * axis.angle, axis.torque});
+  if (simulation_.controller())
+    for (const control::AxisState& axis : simulation_.controller()->axes())
+      row.insert(row.end(), {kDegreesPerRadian * axis.target, kDegreesPerRadian * axis.angle, axis.torque});
+  for (std::size_t i = 0; i < state.activation.size(); ++i)
+    row.insert(row.end(), {state.activation[i], state.tendon_force[i], 1e3 * state.fibre_length[i]});
   control_->add(state.time, row);
 }
 

@@ -52,7 +52,8 @@ class Recorder {
   double step_;
   output::AtomicFile trajectory_;
   std::optional<output::MotionTableWriter> motion_;  ///< joint angles
-  /// Target and angle [deg], torque [N m] of each driven axis.
+  /// Target and angle [deg], torque [N m] of each driven axis; activation, tension [N] and fibre length [mm]
+  /// of each muscle.
   std::optional<output::MotionTableWriter> control_;
   std::optional<output::AtomicFile> contacts_;
   std::optional<output::AtomicFile> monitor_;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "handsim/model/pulleys.h"
 #include "handsim/simulation/watch/summary_json.h"
 
 namespace handsim::simulation {
@@ -14,6 +15,20 @@ template <class Archive, class T>
 void carry_loaded(Archive& archive, T& grip) {
   carry_all(archive, grip.time, grip.load, grip.travel, grip.contacts);
   archive.list(grip.parts, [](auto& each, auto& part) { carry_part(each, part); });
+  archive.list(grip.fingers, [](auto& each, auto& load) {
+    carry_all(each, load.finger, load.deep, load.superficial, load.a2, load.a4);
+  });
+}
+
+Json fingers_json(const std::vector<FingerLoad>& fingers) {
+  Json out = Json::array();
+  for (const FingerLoad& each : fingers)
+    out.push_back({{"finger", each.finger},
+                   {"FDP_N", each.deep},
+                   {"FDS_N", each.superficial},
+                   {"A2_N", each.a2},
+                   {"A4_N", each.a4}});
+  return out;
 }
 
 /// The kept grip whose load is nearest.
@@ -29,8 +44,65 @@ double load_at(const scene::ClimbPlan& plan, double time) {
   return std::clamp(plan.load.rate * (time - plan.loading().start), 0.0, plan.load.most);
 }
 
-ClimbWatch::ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, double step)
+/// Finds the flexors of the four fingers, of a hand that has them, and their joints.
+void ClimbWatch::find_flexors(const model::Model& model, const hand::BuiltHand& hand) {
+  const std::string of = model.hands[plan_.hand].name + ".";
+  const auto dof = [&](const std::string& axis) -> std::optional<int> {
+    for (const model::Joint& joint : model.joints)
+      for (std::size_t a = 0; a < joint.axes.size(); ++a)
+        if (joint.name + "." + joint.axes[a].name == of + axis) return joint.first_dof + static_cast<int>(a);
+    return std::nullopt;
+  };
+  const auto path = [&](const std::string& name) {
+    model::TendonPath out;
+    for (const model::Muscle& muscle : hand.muscles.muscles)
+      if (muscle.name == name)
+        for (model::MomentArm arm : muscle.path.arms)
+          if (const auto found = dof(hand.axes[static_cast<std::size_t>(arm.dof)].name)) {
+            arm.dof = *found;
+            out.arms.push_back(arm);
+          }
+    return out;
+  };
+  const auto in_effect = [&](const std::string& name) -> std::optional<std::size_t> {
+    for (std::size_t i = 0; i < model.muscles.size(); ++i)
+      if (model.muscles[i].name == of + name) return i;
+    return std::nullopt;
+  };
+  const std::array<const char*, 4> fingers = {"index", "middle", "ring", "little"};
+  for (std::size_t i = 0; i < fingers.size(); ++i) {
+    const std::string number = std::to_string(i + 2), finger = fingers[i];
+    const auto dip = dof(finger + "_dip.flexion"), pip = dof(finger + "_pip.flexion");
+    Flexors each{finger, path("FDP" + number),      path("FDS" + number),     0,
+                 0,      in_effect("FDP" + number), in_effect("FDS" + number)};
+    if (!dip || !pip || each.deep.arms.empty() || each.superficial.arms.empty()) continue;
+    each.dip = static_cast<std::size_t>(*dip);
+    each.pip = static_cast<std::size_t>(*pip);
+    flexors_.push_back(std::move(each));
+  }
+}
+
+FingerLoad ClimbWatch::Flexors::load(const model::State& state) const {
+  const auto arm = [&](const model::TendonPath& path, std::size_t dof) {
+    const model::PathState at = model::path_state(path, state.q);
+    for (std::size_t i = 0; i < path.arms.size(); ++i)
+      if (static_cast<std::size_t>(path.arms[i].dof) == dof) return at.arm[i];
+    return 0.0;
+  };
+  model::FlexorTensions tensions;
+  if (deep_muscle && superficial_muscle)
+    tensions = {state.tendon_force[*deep_muscle], state.tendon_force[*superficial_muscle]};
+  else
+    tensions = model::flexor_tensions(state.tau[dip], state.tau[pip], arm(deep, dip), arm(deep, pip),
+                                      arm(superficial, pip));
+  const model::PulleyForces pulleys = model::pulley_forces(tensions, state.q[pip]);
+  return {finger, tensions.deep, tensions.superficial, pulleys.a2, pulleys.a4};
+}
+
+ClimbWatch::ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, const hand::BuiltHand& built,
+                       double step)
     : plan_(plan), half_step_(step / 2) {
+  find_flexors(model, built);
   const model::HandIndex& hand = model.hands[plan.hand];
   dof_ = static_cast<std::size_t>(model.joints[static_cast<std::size_t>(*hand.rail)].first_dof);
   for (const model::Shape& shape : model.shapes) {
@@ -65,6 +137,7 @@ LoadedGrip ClimbWatch::grip(const engine::Engine& engine) const {
     parts[i].part = kHandParts[i];
     out.parts.push_back(parts[i]);
   }
+  for (const Flexors& each : flexors_) out.fingers.push_back(each.load(engine.state()));
   return out;
 }
 
@@ -126,7 +199,7 @@ bool ClimbWatch::over(double time) const {
 Climbs::Climbs(const Watched& watched) : engine_(watched.engine) {
   const scene::SceneSpec& spec = watched.scene.spec;
   for (const scene::ClimbPlan& plan : watched.scene.plans.climbs)
-    climbs_.emplace_back(watched.scene.model, plan, spec.solver.step);
+    climbs_.emplace_back(watched.scene.model, plan, watched.scene.hands[plan.hand], spec.solver.step);
 }
 
 void Climbs::update(Step& step) {
@@ -169,7 +242,8 @@ void Climbs::add_summary(SummaryJson& out) const {
                 {"load_N", grip.load},
                 {"travel_m", grip.travel},
                 {"contacts", grip.contacts},
-                {"parts", parts_json(grip.parts)}};
+                {"parts", parts_json(grip.parts)},
+                {"fingers", fingers_json(grip.fingers)}};
   };
   for (const ClimbFigures& climb : figures())
     out.json["climbs"].push_back({{"name", climb.name},

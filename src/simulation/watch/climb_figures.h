@@ -1,6 +1,7 @@
 // Figures of climbs: the load that the grip carried, and the forces on the parts of the hand.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -22,6 +23,13 @@ inline constexpr double kGripEvery = 2;
 /// The load of a climb at a time [N].
 double load_at(const scene::ClimbPlan& plan, double time);
 
+/// Tensions of a finger's flexors and what they load the pulleys with (model/pulleys.h) [N].
+struct FingerLoad {
+  std::string finger;
+  double deep = 0, superficial = 0;
+  double a2 = 0, a4 = 0;
+};
+
 /// The grip under one load.
 struct LoadedGrip {
   double time = 0;               ///< [s]
@@ -29,6 +37,9 @@ struct LoadedGrip {
   double travel = 0;             ///< of the palm since the start of the load [m]
   std::vector<PartForce> parts;  ///< parts in contact with the hold
   int contacts = 0;
+  /// Of hands with flexors FDP2 to FDP5 and FDS2 to FDS5: the muscles' tensions where they are in effect,
+  /// else those that would give the torques of DIP and PIP.
+  std::vector<FingerLoad> fingers;
 };
 
 struct ClimbFigures {
@@ -54,7 +65,8 @@ struct ClimbFigures {
 class ClimbWatch {
  public:
   /// The model must outlive the watch. @param step of the engine [s].
-  ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, double step);
+  ClimbWatch(const model::Model& model, const scene::ClimbPlan& plan, const hand::BuiltHand& hand,
+             double step);
 
   void update(const engine::Engine& engine);
   void save(ArchiveWriter& out) const;
@@ -68,7 +80,17 @@ class ClimbWatch {
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
   LoadedGrip grip(const engine::Engine& engine) const;
+  void find_flexors(const model::Model& model, const hand::BuiltHand& hand);
 
+  /// The flexors of a finger, with arms by the model's coordinates.
+  struct Flexors {
+    std::string finger;
+    model::TendonPath deep, superficial;
+    std::size_t dip = 0, pip = 0;                                ///< coordinates
+    std::optional<std::size_t> deep_muscle, superficial_muscle;  ///< in Model::muscles
+    FingerLoad load(const model::State& state) const;
+  };
+  std::vector<Flexors> flexors_;
   scene::ClimbPlan plan_;
   double half_step_;
   std::size_t dof_ = 0;

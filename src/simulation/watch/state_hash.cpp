@@ -1,5 +1,6 @@
 #include "handsim/simulation/watch/state_hash.h"
 
+#include <algorithm>
 #include <bit>
 #include <charconv>
 
@@ -15,7 +16,7 @@ static_assert(std::endian::native == std::endian::little,
 
 void StateHash::add(const model::State& state) {
   constexpr std::size_t kPerBody = 13;
-  numbers_.resize(1 + kPerBody * (state.bodies.size() - 1));
+  numbers_.resize(1 + kPerBody * (state.bodies.size() - 1) + state.activation.size());
   double* to = numbers_.data();
   *to++ = state.time;
   for (std::size_t i = 1; i < state.bodies.size(); ++i) {
@@ -25,6 +26,7 @@ void StateHash::add(const model::State& state) {
           body.v.y(), body.v.z(), body.w.x(), body.w.y(), body.w.z()})
       *to++ = value;
   }
+  std::copy(state.activation.begin(), state.activation.end(), to);
   value_ =
       hash_bytes({reinterpret_cast<const char*>(numbers_.data()), numbers_.size() * sizeof(double)}, value_);
 }

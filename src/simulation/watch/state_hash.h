@@ -3,8 +3,8 @@
 // mechanism.
 //   h_0 = XXH64(bytes of the start, seed 0),  h_k = XXH64(bytes of the next such state, seed h_(k-1))
 // The bytes of a state are its time and, for each body but the world in the model's order, position x y z,
-// quaternion w x y z, velocity x y z and angular velocity x y z, as doubles with the least significant byte
-// first. The sign of zero counts.
+// quaternion w x y z, velocity x y z and angular velocity x y z, then the activations of the muscles in
+// effect, as doubles with the least significant byte first. The sign of zero counts.
 #pragma once
 
 #include <cstdint>

@@ -1,0 +1,30 @@
+#include <fmt/format.h>
+
+#include "handsim/app/commands.h"
+#include "handsim/app/console.h"
+#include "handsim/core/data_folder.h"
+#include "handsim/output/atomic_file.h"
+#include "handsim/output/output_folder.h"
+#include "handsim/study/validate/validate.h"
+
+namespace handsim::app {
+
+int validate_command(const ValidateArguments& arguments) {
+  const std::filesystem::path file =
+      arguments.file ? *arguments.file : data_folder() / "config/validate.yaml";
+  const study::ValidateSpec spec = study::load_validate(file);
+  std::optional<output::OutputFolder> folder;
+  if (arguments.out)
+    folder.emplace(*arguments.out, std::vector<std::string>{"validate.csv"},
+                   [&] { return std::vector<std::filesystem::path>{file}; });
+  const study::ValidateResult result = study::run_validate(spec);
+  print("{}\n\n{}", spec.title, study::validate_table(spec, result));
+  if (folder) {
+    folder->clear();
+    output::write_file(*arguments.out / "validate.csv", study::validate_csv(result));
+    print("files in {}\n", arguments.out->string());
+  }
+  return result.passed() ? 0 : 1;
+}
+
+}  // namespace handsim::app

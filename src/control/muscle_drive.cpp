@@ -1,0 +1,185 @@
+#include "handsim/control/muscle_drive.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/core/index.h"
+#include "handsim/core/words.h"
+#include "handsim/model/muscle_curves.h"
+
+namespace handsim::control {
+
+namespace {
+
+/// Weight of a torque that is missing over the weight of activations [1/(N m)^2], by the largest torque that
+/// the coordinate's muscles have: a thousandth of it missing counts as much as an activation of 1.
+constexpr double kMissing = 1e6;
+constexpr int kNoRow = -1;
+/// Of a muscle's isometric force, the least that it is counted with [1]: chosen.
+constexpr double kLeastShare = 0.2;
+constexpr int kBlockPivots = 20;
+
+}  // namespace
+
+MusclePlan table_plan(const model::Model& model, MotionTable table, Diagnostics& diagnostics) {
+  MusclePlan plan;
+  std::vector<std::string> known;
+  for (const model::Muscle& muscle : model.muscles) {
+    const std::string bare = muscle.name.substr(muscle.name.find('.') + 1);
+    int column = kNoRow;
+    for (const std::string& name : {bare, muscle.name}) {
+      known.push_back(name);
+      const auto found = std::find(table.names.begin(), table.names.end(), name);
+      if (found != table.names.end()) column = static_cast<int>(found - table.names.begin());
+    }
+    plan.columns.push_back(column);
+  }
+  const Place head{table.file, table.header_line, 1};
+  for (const std::string& name : table.names)
+    if (std::find(known.begin(), known.end(), name) == known.end())
+      diagnostics.problems.push_back(
+          {head, name, "a column that is no muscle", "HAND.MUSCLE or MUSCLE" + nearest_hint(name, known)});
+  for (std::size_t row = 0; row < table.times.size(); ++row)
+    for (std::size_t column = 0; column < table.names.size(); ++column)
+      if (const double value = table.at(row, column); !(value >= 0 && value <= 1) && !diagnostics.full())
+        diagnostics.problems.push_back({Place{table.file, table.lines[row], 1}, table.names[column],
+                                        fmt::format("{:g}", value), "an excitation of 0 to 1"});
+  plan.table = std::make_shared<const MotionTable>(std::move(table));
+  return plan;
+}
+
+StaticOptimisation::StaticOptimisation(const model::Model& model, std::vector<std::size_t> dofs)
+    : model_(model), dofs_(std::move(dofs)), row_(at(model.dof_count()), kNoRow) {
+  for (std::size_t i = 0; i < dofs_.size(); ++i) row_[dofs_[i]] = static_cast<int>(i);
+  const auto rows = static_cast<Eigen::Index>(dofs_.size());
+  const auto muscles = static_cast<Eigen::Index>(model.muscles.size());
+  arms_.resize(rows, muscles);
+  wanted_.resize(rows);
+  missing_ = Eigen::VectorXd::Zero(rows);
+  activation_ = Eigen::VectorXd::Zero(muscles);
+  bound_.assign(at(static_cast<int>(muscles)), 0);
+  out_.resize(bound_.size());
+}
+
+/// Q and c of a . Q a / 2 - c . a.
+void StaticOptimisation::assemble(const model::State& state, std::span<const double> torques) {
+  arms_.setZero();
+  for (std::size_t i = 0; i < dofs_.size(); ++i) wanted_[static_cast<Eigen::Index>(i)] = torques[dofs_[i]];
+  for (std::size_t m = 0; m < model_.muscles.size(); ++m) {
+    const model::Muscle& muscle = model_.muscles[m];
+    const model::PathState path = model::path_state(muscle.path, state.q);
+    double rate = 0;
+    for (std::size_t i = 0; i < muscle.path.arms.size(); ++i)
+      rate -= path.arm[i] * state.u[at(muscle.path.arms[i].dof)];
+    // What an activation gives at the present speed; a muscle that shortens fast keeps a share.
+    const double passive = model::passive_force(muscle, path.excursion);
+    const double active = std::max(model::tension(muscle, path.excursion, rate, 1).force - passive,
+                                   kLeastShare * model::isometric_force(muscle, path.excursion));
+    for (std::size_t i = 0; i < muscle.path.arms.size(); ++i) {
+      const int row = row_[at(muscle.path.arms[i].dof)];
+      if (row == kNoRow) continue;
+      arms_(row, static_cast<Eigen::Index>(m)) = path.arm[i] * active;
+      wanted_[row] -= path.arm[i] * passive;
+    }
+  }
+  // Rows by their largest torque, so that a fingertip counts as much as the wrist.
+  Q_.setIdentity(arms_.cols(), arms_.cols());
+  c_.setZero(arms_.cols());
+  for (Eigen::Index i = 0; i < arms_.rows(); ++i) {
+    const double most = arms_.row(i).cwiseAbs().sum();
+    if (!(most > 0)) continue;
+    const double weight = kMissing / (most * most);
+    Q_.selfadjointView<Eigen::Lower>().rankUpdate(arms_.row(i).transpose(), weight);
+    c_ += weight * wanted_[i] * arms_.row(i).transpose();
+  }
+  Q_ = Eigen::MatrixXd(Q_.selfadjointView<Eigen::Lower>());
+}
+
+/// Block principal pivoting (Judice & Pires 1994, Comput Oper Res 21:587); Q is positive definite. After some
+/// passes one at a time, the last first, which cannot go round in circles (Murty 1974).
+void StaticOptimisation::minimise() {
+  const Eigen::Index n = Q_.rows();
+  std::vector<Eigen::Index> free;
+  for (int pass = 0; pass < kBlockPivots + 20 * static_cast<int>(n); ++pass) {
+    free.clear();
+    for (Eigen::Index i = 0; i < n; ++i) {
+      activation_[i] = bound_[at(static_cast<int>(i))] > 0 ? 1 : 0;
+      if (bound_[at(static_cast<int>(i))] == 0) free.push_back(i);
+    }
+    const Eigen::VectorXd rest = c_ - Q_ * activation_;
+    if (!free.empty()) {
+      const Eigen::VectorXd x = Eigen::MatrixXd(Q_(free, free)).llt().solve(Eigen::VectorXd(rest(free)));
+      for (std::size_t k = 0; k < free.size(); ++k) activation_[free[k]] = x[static_cast<Eigen::Index>(k)];
+    }
+    const Eigen::VectorXd slope = Q_ * activation_ - c_;
+    const double loose = 1e-9 * (1 + c_.cwiseAbs().maxCoeff());
+    bool right = true;
+    for (Eigen::Index i = n; i-- > 0;) {
+      signed char& bound = bound_[at(static_cast<int>(i))];
+      const signed char now = bound != 0                   ? (bound * slope[i] > loose ? 0 : bound)
+                              : activation_[i] < -1e-12    ? -1
+                              : activation_[i] > 1 + 1e-12 ? 1
+                                                           : 0;
+      if (now == bound) continue;
+      bound = now;
+      right = false;
+      if (pass >= kBlockPivots) break;
+    }
+    if (right) return;
+  }
+}
+
+std::span<const double> StaticOptimisation::solve(const model::State& state,
+                                                  std::span<const double> torques) {
+  assemble(state, torques);
+  minimise();
+  for (std::size_t i = 0; i < out_.size(); ++i) {
+    double& value = activation_[static_cast<Eigen::Index>(i)];
+    out_[i] = value = std::clamp(value, 0.0, 1.0);
+  }
+  missing_ = wanted_ - arms_ * activation_;
+  return out_;
+}
+
+MuscleDrive::MuscleDrive(const model::Model& model, const MusclePlan& plan, std::vector<std::size_t> dofs,
+                         double step)
+    : plan_(plan), step_(step), torques_(at(model.dof_count())), excitations_(model.muscles.size()) {
+  if (!plan.table) optimisation_.emplace(model, std::move(dofs));
+}
+
+void MuscleDrive::from_table(double time) {
+  const MotionTable& table = *plan_.table;
+  const auto next = std::upper_bound(table.times.begin(), table.times.end(), time);
+  const auto after = static_cast<std::size_t>(next - table.times.begin());
+  const std::size_t to = std::min(after, table.times.size() - 1), from = after == 0 ? 0 : after - 1;
+  const double span = table.times[to] - table.times[from];
+  const double share = span > 0 ? (time - table.times[from]) / span : 0;
+  for (std::size_t i = 0; i < excitations_.size(); ++i) {
+    if (plan_.columns[i] == kNoRow) continue;
+    const auto column = at(plan_.columns[i]);
+    excitations_[i] = (1 - share) * table.at(from, column) + share * table.at(to, column);
+  }
+}
+
+std::span<const double> MuscleDrive::excitations(const model::State& state, std::span<const double> torques,
+                                                 std::span<const model::Servo> servos) {
+  if (!optimisation_) {
+    from_table(state.time + step_);
+    return excitations_;
+  }
+  std::fill(torques_.begin(), torques_.end(), 0.0);
+  for (std::size_t i = 0; i < torques.size(); ++i) torques_[i] += torques[i];
+  for (std::size_t i = 0; i < servos.size(); ++i) {
+    const model::Servo& servo = servos[i];
+    const double pull =
+        servo.stiffness * (servo.error - step_ * state.u[i]) - servo.damping * state.u[i] + servo.feed;
+    torques_[i] += std::clamp(pull, -servo.limit, servo.limit);
+  }
+  const std::span<const double> found = optimisation_->solve(state, torques_);
+  std::copy(found.begin(), found.end(), excitations_.begin());
+  return excitations_;
+}
+
+}  // namespace handsim::control

@@ -1,0 +1,78 @@
+// Excitations of muscles: from a table over time, or from joint torques by static optimisation, which finds
+// the activations 0..1 with the least sum of squares that give the torques, as nearly as the muscles can
+// (Crowninshield & Brand 1981, J Biomech 14:793, with the power 2).
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include <Eigen/Dense>
+
+#include "handsim/control/motion_file.h"
+#include "handsim/model/actuation.h"
+#include "handsim/model/state.h"
+
+namespace handsim::control {
+
+/// Where excitations come from: a table, or the controller's torques.
+struct MusclePlan {
+  std::shared_ptr<const MotionTable> table;  ///< null: torques
+  std::vector<int> columns;                  ///< of the table, for each muscle; -1: none, 0 at all times
+};
+
+/// @throws nothing; columns that name no muscle are problems, with the nearest one.
+MusclePlan table_plan(const model::Model& model, MotionTable table, Diagnostics& diagnostics);
+
+/// Smallest activations for torques, in a model at a state.
+class StaticOptimisation {
+ public:
+  /// The model must outlive this. @param dofs coordinates whose torques count
+  StaticOptimisation(const model::Model& model, std::vector<std::size_t> dofs);
+
+  /// Activations, as Model::muscles. @param torques by Model::dof_count() [N m]
+  std::span<const double> solve(const model::State& state, std::span<const double> torques);
+  /// Torques that the activations of the last `solve` leave undone, by `dofs` [N m].
+  std::span<const double> missing() const {
+    return {missing_.data(), static_cast<std::size_t>(missing_.size())};
+  }
+
+ private:
+  void assemble(const model::State& state, std::span<const double> torques);
+  void minimise();
+
+  const model::Model& model_;
+  std::vector<std::size_t> dofs_;
+  std::vector<int> row_;  ///< of each coordinate; -1: does not count
+  Eigen::MatrixXd arms_;  ///< torque per activation [N m], dofs by muscles
+  Eigen::VectorXd wanted_, missing_, activation_;
+  Eigen::MatrixXd Q_;
+  Eigen::VectorXd c_;
+  std::vector<signed char> bound_;  ///< -1 at 0, 1 at 1, 0 between: kept from solve to solve
+  std::vector<double> out_;
+};
+
+/// What drives the muscles of a scene.
+class MuscleDrive {
+ public:
+  /// All must outlive this. @param dofs that the controller drives
+  MuscleDrive(const model::Model& model, const MusclePlan& plan, std::vector<std::size_t> dofs, double step);
+
+  bool takes_torques() const { return optimisation_.has_value(); }
+  /// Excitations of the step that begins at a state. @param torques, servos of the step, which drive muscles
+  /// in place of motors where takes_torques(); either may be empty
+  std::span<const double> excitations(const model::State& state, std::span<const double> torques,
+                                      std::span<const model::Servo> servos);
+
+ private:
+  void from_table(double time);
+
+  const MusclePlan& plan_;
+  std::optional<StaticOptimisation> optimisation_;
+  double step_;
+  std::vector<double> torques_, excitations_;
+};
+
+}  // namespace handsim::control

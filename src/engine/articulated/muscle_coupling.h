@@ -1,0 +1,75 @@
+// Muscles and ligaments in the step of a mechanism. Their torques at the step's end couple the coordinates
+// that a tendon crosses (engine/muscles.h): H becomes H + h B. All coordinates of a tendon lie on one branch,
+// so that the factor of H + h B has the same zeros as that of H. The kernels' own solution knows of no B: it
+// is corrected here by one factorisation of the trees that have tendons.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "handsim/engine/articulated/joint_space.h"
+#include "handsim/engine/muscles.h"
+
+namespace handsim::engine::articulated {
+
+class MuscleCoupling {
+ public:
+  /// All must outlive this.
+  MuscleCoupling(const model::Model& model, const Settings& settings, Mechanism& mechanism);
+
+  bool empty() const { return muscles_.empty(); }
+  void start(const model::State& state) { muscles_.start(state); }
+  /// Tensions of the step from where `kinematics` last found the mechanism.
+  /// @return the step's plain torques and those of the tendons at its start, by Model::dof_count()
+  std::span<const double> begin(const StepInput& input);
+  /// Changes the accelerations that the kernel found, and the reactions of its locks, to those with h B.
+  void correct(double step);
+  /// Adds h B to an inertia of the same mechanism.
+  template <class Of>
+  void add_to(JointSpace& space, double step, const Of& of) const {
+    for (const Entry& each : entries_)
+      if (of(each.dof_i)) space.add(each.dof_i, each.dof_j, step * slopes()[each.slope].value);
+  }
+  /// Removes h B du from the torques that `find_torques` wrote.
+  void find_torques(double step);
+  /// Writes activations, fibre lengths and tensions.
+  void give(model::State& state) const { muscles_.end(state.q, state.u, state); }
+
+ private:
+  /// An entry of B: places among `dofs_`, and coordinates of the joint space, i carried by j.
+  struct Entry {
+    int i = 0, j = 0, dof_i = 0, dof_j = 0;
+    std::size_t slope = 0;
+  };
+  std::span<const Muscles::Slope> slopes() const { return muscles_.slopes(); }
+  void find_trees(const Mechanism& mechanism);
+  void find_entries();
+  bool on_one_branch(int a, int b) const;
+  double& entry(std::vector<double>& of, int i, int j) const {
+    return of[static_cast<std::size_t>(i) * dofs_.size() + static_cast<std::size_t>(j)];
+  }
+  void assemble(double step);
+  void solve();
+
+  Mechanism& mechanism_;
+  JointSpace space_;
+  std::vector<int> space_dof_;  ///< of the joint space, of each coordinate of the model, or kNoDof
+  Muscles muscles_;
+  std::vector<char> with_tendons_;  ///< by dof of the joint space: its tree has some
+  /// A coordinate of a tree with tendons.
+  struct Dof {
+    int dof = 0, parent = kNoDof;  ///< of the joint space; place of the one that carries it
+    std::size_t rate = 0;
+    AxisView axis{};
+    bool single = false;
+  };
+  std::vector<Dof> dofs_;
+  std::vector<Entry> entries_;
+  bool have_inertia_ = false;
+  std::vector<double> H_, A_, L_;  ///< of dofs_, lower triangle; A_ with weights and h B, L_ its factor
+  std::vector<double> x_, b_;
+  std::vector<const double*> q_at_, u_at_;  ///< by Model::dof_count(); null: not a single coordinate
+  std::vector<double> q_, u_, given_;
+};
+
+}  // namespace handsim::engine::articulated

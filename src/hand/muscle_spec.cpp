@@ -1,0 +1,250 @@
+#include "handsim/hand/muscle_spec.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/core/index.h"
+
+namespace handsim::hand {
+
+namespace {
+
+constexpr std::size_t kMostMuscles = 200;
+const Quantity kArmTerm = {Dimension::none, -0.2, 0.2};
+const Quantity kTime = {Dimension::time, 1e-4, 1};
+/// An arm's polynomial holds this far beyond the range of its joint [rad].
+constexpr double kBeyond = 0.1;
+
+int find_axis(const std::vector<HandAxis>& axes, std::string_view name) {
+  for (std::size_t i = 0; i < axes.size(); ++i)
+    if (axes[i].name == name) return static_cast<int>(i);
+  return -1;
+}
+
+/// Reads the rows of one file.
+class FileReader {
+ public:
+  FileReader(const std::optional<std::vector<HandAxis>>& axes, MuscleFile& file)
+      : axes_(axes.value_or(std::vector<HandAxis>())), any_axis_(!axes), file_(file) {
+    for (const HandAxis& axis : axes_) names_.push_back(axis.name);
+  }
+
+  void read_muscle(MapReader reader) {
+    MuscleSpec muscle;
+    muscle.tendon = read_tendon(reader);
+    muscle.force = reader.number("force", {Dimension::force, 0.1, 1e4});
+    muscle.fibre_length = reader.number("fibre", {Dimension::length, 1e-3, 1});
+    muscle.tendon_length = reader.number("tendon", {Dimension::length, 0, 1});
+    muscle.pennation = reader.number("pennation", {Dimension::angle, 0, 1}, 0.0);
+    muscle.rest = reader.number("rest", {Dimension::none, 0.5, 1.5}, 1.0);
+    muscle.activation_time = reader.number("activation_time", kTime, 0.015);
+    muscle.deactivation_time = reader.number("deactivation_time", kTime, 0.05);
+    reader.maybe_text("source");
+    reader.finish();
+    file_.muscles.push_back(std::move(muscle));
+  }
+
+  /// A band with arms of its own, or between two muscles' tendons.
+  void read_band(MapReader reader) {
+    BandSpec band;
+    if (reader.has("between"))
+      band.tendon = read_difference(reader);
+    else
+      band.tendon = read_tendon(reader);
+    band.stiffness = reader.number("stiffness", {Dimension::stiffness, 0, 1e7});
+    band.damping = reader.number("damping", {Dimension::damping, 0, 1e5});
+    band.rest = reader.number("rest", {Dimension::length, -0.5, 0.5}, 0.0);
+    band.both_ways = reader.flag("both_ways", true);
+    reader.maybe_text("source");
+    reader.finish();
+    file_.bands.push_back(std::move(band));
+  }
+
+ private:
+  std::string read_name(MapReader& reader) {
+    std::string name = reader.name("name");
+    if (std::find(taken_.begin(), taken_.end(), name) != taken_.end() && !name.empty())
+      reader.problem("name", name + " a second time", "a unique name for each muscle and band");
+    taken_.push_back(name);
+    return name;
+  }
+
+  TendonSpec read_tendon(MapReader& reader) {
+    TendonSpec out;
+    out.name = read_name(reader);
+    MapReader arms = reader.required_map("arms", "a mapping of axes to moment arms");
+    for (const std::string& name : arms.keys(model::kMostArms)) {
+      if (any_axis_ && find_axis(axes_, name) < 0) axes_.push_back({name});
+      const int axis = find_axis(axes_, name);
+      YamlNode* node = arms.value(
+          name, {{YamlNode::Kind::sequence, YamlNode::Kind::scalar}, "a moment arm or its coefficients"});
+      if (axis < 0 || !node) continue;
+      out.path.arms.push_back(read_arm(arms, name, axis, *node));
+    }
+    for (const YamlEntry& given : arms.node().entries)
+      if (find_axis(axes_, given.key) < 0) arms.unknown_key(given, "an unknown axis", names_);
+    reader.each("products", 0, 20, [&](MapReader row) { read_product(std::move(row), out.path); });
+    return out;
+  }
+
+  /// `0.0101`, or coefficients [m], [m/rad], [m/rad^2], ...
+  model::MomentArm read_arm(MapReader& arms, const std::string& name, int axis, const YamlNode& node) {
+    model::MomentArm arm;
+    arm.dof = axis;
+    arm.low = axes_[at(axis)].low - kBeyond;
+    arm.high = axes_[at(axis)].high + kBeyond;
+    const bool list = node.kind == YamlNode::Kind::sequence;
+    const std::size_t count = list ? node.items.size() : 1;
+    if (count < 1 || count > model::kArmTerms) {
+      arms.problem(name, fmt::format("{} coefficients", count),
+                   fmt::format("1 to {} coefficients [m/rad^k]", model::kArmTerms));
+      return arm;
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+      const YamlNode& item = list ? node.items[k] : node;
+      const std::string path = list ? fmt::format("{}.{}", arms.path_of(name), k) : arms.path_of(name);
+      arm.c[k] = read_number(item, path, kArmTerm, arms.diagnostics()).value_or(0);
+    }
+    return arm;
+  }
+
+  void read_product(MapReader reader, model::TendonPath& path) {
+    model::ArmProduct product;
+    const std::vector<std::string> of = reader.texts("axes", 2, 2, "two axes of this tendon's arms");
+    product.power_a = reader.integer("power_a", 1, 4, 1);
+    product.power_b = reader.integer("power_b", 1, 4, 1);
+    product.factor = reader.number("factor", kArmTerm);
+    reader.finish();
+    if (of.size() != 2) return;
+    const auto place = [&](const std::string& name) {
+      for (std::size_t i = 0; i < path.arms.size(); ++i)
+        if (axes_[at(path.arms[i].dof)].name == name) return static_cast<int>(i);
+      reader.problem("axes", name, "an axis among this tendon's arms");
+      return 0;
+    };
+    product.a = place(of[0]);
+    product.b = place(of[1]);
+    if (product.a == product.b && reader.sound())
+      reader.problem("axes", of[0] + " twice", "two axes that differ");
+    if (reader.sound()) path.products.push_back(product);
+  }
+
+  /// The path by which the second muscle's tendon runs ahead of the first one's.
+  TendonSpec read_difference(MapReader& reader) {
+    TendonSpec out;
+    out.name = read_name(reader);
+    const std::vector<std::string> of = reader.texts("between", 2, 2, "two muscles above this row");
+    if (of.size() != 2) return out;
+    for (std::size_t side = 0; side < 2; ++side) {
+      const auto found = std::find_if(file_.muscles.begin(), file_.muscles.end(),
+                                      [&](const MuscleSpec& each) { return each.tendon.name == of[side]; });
+      if (found == file_.muscles.end()) {
+        std::vector<std::string> known;
+        for (const MuscleSpec& each : file_.muscles) known.push_back(each.tendon.name);
+        reader.problem("between", of[side], "a muscle of this file" + nearest_hint(of[side], known));
+        return out;
+      }
+      add(found->tendon.path, side == 0 ? 1.0 : -1.0, out.path);
+    }
+    if (out.path.arms.size() > model::kMostArms)
+      reader.problem("between", fmt::format("tendons that cross {} axes", out.path.arms.size()),
+                     fmt::format("at most {}", model::kMostArms));
+    return out;
+  }
+
+  /// Adds a path with a sign; products stay among its own arms.
+  static void add(const model::TendonPath& path, double sign, model::TendonPath& to) {
+    std::vector<int> place;
+    for (model::MomentArm arm : path.arms) {
+      for (double& c : arm.c) c *= sign;
+      const auto same = std::find_if(to.arms.begin(), to.arms.end(),
+                                     [&](const model::MomentArm& each) { return each.dof == arm.dof; });
+      place.push_back(static_cast<int>(same - to.arms.begin()));
+      if (same == to.arms.end())
+        to.arms.push_back(arm);
+      else
+        for (std::size_t k = 0; k < arm.c.size(); ++k) same->c[k] += arm.c[k];
+    }
+    for (model::ArmProduct each : path.products) {
+      each.a = place[at(each.a)];
+      each.b = place[at(each.b)];
+      each.factor *= sign;
+      to.products.push_back(each);
+    }
+  }
+
+  std::vector<HandAxis> axes_;
+  bool any_axis_;
+  MuscleFile& file_;
+  std::vector<std::string> names_, taken_;
+};
+
+model::TendonPath scaled(model::TendonPath path, double factor) {
+  for (model::MomentArm& arm : path.arms)
+    for (double& c : arm.c) c *= factor;
+  for (model::ArmProduct& each : path.products) each.factor *= factor;
+  return path;
+}
+
+/// The smallest stature that the norm has people of a sex of.
+double lowest_stature(const GripTable& table, Sex sex) {
+  double low = HUGE_VAL;
+  for (const GripNorm& norm : table.norms)
+    if (sex == Sex::unknown || norm.sex == sex) low = std::min(low, norm.stature.first);
+  return low;
+}
+
+}  // namespace
+
+MuscleFile read_muscle_file(YamlNode& node, const std::string& path,
+                            const std::optional<std::vector<HandAxis>>& axes, Diagnostics& diagnostics) {
+  MapReader reader(node, path, diagnostics);
+  MuscleFile file;
+  file.title = reader.text("title", "muscles of a hand");
+  file.sources = reader.named_texts("sources");
+  MapReader reference = reader.required_map("reference", "a mapping with hand_length and grip_strength");
+  file.hand_length = reference.number("hand_length", {Dimension::length, 0.03, 0.5});
+  file.grip_strength = reference.number("grip_strength", {Dimension::force, 1, 3000});
+  reference.finish();
+  if (YamlNode* norms = reader.file_or_block("norms", "a table of grip strength"))
+    file.norms = read_grip_table(*norms, reader.path_of("norms"), diagnostics);
+  FileReader rows(axes, file);
+  reader.each("muscles", 1, kMostMuscles, [&](MapReader row) { rows.read_muscle(std::move(row)); });
+  reader.each("bands", 0, kMostMuscles, [&](MapReader row) { rows.read_band(std::move(row)); });
+  reader.finish();
+  return file;
+}
+
+HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& axes, const HandSize& size,
+                          const Person& person) {
+  HandMuscles out;
+  const double scale = size.length / file.hand_length;
+  const double shortness =
+      person.grip_strength ? 1 : std::min(1.0, person.stature / lowest_stature(file.norms, person.sex));
+  out.strength = grip_strength(file.norms, person).own / file.grip_strength * shortness * shortness;
+  std::vector<double> rest;
+  for (const HandAxis& axis : axes) rest.push_back(axis.rest);
+  for (const MuscleSpec& spec : file.muscles) {
+    model::Muscle& muscle = out.muscles.emplace_back();
+    muscle.name = spec.tendon.name;
+    muscle.path = scaled(spec.tendon.path, scale);
+    muscle.force = spec.force * out.strength;
+    muscle.fibre_length = spec.fibre_length * scale;
+    muscle.slack_length = spec.tendon_length * scale;
+    muscle.pennation = spec.pennation;
+    muscle.activation_time = spec.activation_time;
+    muscle.deactivation_time = spec.deactivation_time;
+    const double across = std::sin(spec.pennation);
+    const double along = std::sqrt(std::max(0.01, spec.rest * spec.rest - across * across));
+    muscle.length =
+        muscle.slack_length + muscle.fibre_length * along + model::path_state(muscle.path, rest).excursion;
+  }
+  for (const BandSpec& spec : file.bands)
+    out.bands.push_back({spec.tendon.name, scaled(spec.tendon.path, scale), spec.stiffness * scale,
+                         spec.damping * scale * scale, spec.rest * scale, spec.both_ways});
+  return out;
+}
+
+}  // namespace handsim::hand

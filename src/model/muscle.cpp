@@ -1,0 +1,61 @@
+#include "handsim/model/muscle.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "handsim/core/index.h"
+
+namespace handsim::model {
+
+namespace {
+
+/// 1 / (k + 1), of an integral's terms.
+constexpr std::array<double, kArmTerms> kIntegral = {1, 1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 5};
+
+double power(double x, int n) {
+  double out = 1;
+  for (; n > 0; --n) out *= x;
+  return out;
+}
+
+}  // namespace
+
+PathState path_state(const TendonPath& path, std::span<const double> q) {
+  PathState out;
+  // Filled up to the path's arms.
+  std::array<double, kMostArms> within;
+  std::array<bool, kMostArms> inside;
+  for (std::size_t i = 0; i < path.arms.size(); ++i) {
+    const MomentArm& arm = path.arms[i];
+    const double angle = q[at(arm.dof)];
+    const double x = within[i] = std::clamp(angle, arm.low, arm.high);
+    inside[i] = x == angle;
+    // Most polynomials have fewer terms than there is room for.
+    std::size_t terms = kArmTerms;
+    while (terms > 0 && arm.c[terms - 1] == 0) --terms;
+    double sum = 0, r = 0, slope = 0;
+    for (std::size_t k = terms; k-- > 0;) {
+      slope = slope * x + r;
+      r = r * x + arm.c[k];
+      sum = sum * x + arm.c[k] * kIntegral[k];
+    }
+    out.arm[i] = r;
+    out.bend[i] = inside[i] ? slope : 0;
+    out.excursion += sum * x + r * (angle - x);
+  }
+  for (const ArmProduct& each : path.products) {
+    const auto a = at(each.a), b = at(each.b);
+    const double pa = power(within[a], each.power_a), pb = power(within[b], each.power_b);
+    out.excursion += each.factor * pa * pb;
+    const auto add = [&](std::size_t i, int n, double other) {
+      if (!inside[i]) return;
+      out.arm[i] += each.factor * other * n * power(within[i], n - 1);
+      if (n > 1) out.bend[i] += each.factor * other * n * (n - 1) * power(within[i], n - 2);
+    };
+    add(a, each.power_a, pb);
+    add(b, each.power_b, pa);
+  }
+  return out;
+}
+
+}  // namespace handsim::model

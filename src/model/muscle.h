@@ -1,0 +1,77 @@
+// Muscles and ligaments of a model: tendons with a moment arm about each joint coordinate that they cross.
+// Length and arms agree by construction: both come from one polynomial, the excursion e(q), with
+// length = length at zero - e(q) and moment arm = de/dq = -dlength/dq. No time, no activation:
+// muscle_curves.h and engine/muscles.h have the dynamics.
+#pragma once
+
+#include <array>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace handsim::model {
+
+/// Coefficients of a moment arm's polynomial.
+inline constexpr int kArmTerms = 5;
+/// Most coordinates that a tendon may cross: two of the wrist, four of a finger, and a second finger's.
+inline constexpr int kMostArms = 12;
+
+/// Moment arm about one joint coordinate: r(q) = c0 + c1 q + c2 q^2 + ... [m], q in rad, held at its end
+/// values beyond [low, high]. Positive: tension drives the coordinate towards positive values.
+struct MomentArm {
+  int dof = 0;  ///< coordinate, in vectors of Model::dof_count()
+  std::array<double, kArmTerms> c{};
+  double low = -4, high = 4;  ///< range of the polynomial [rad]
+};
+
+/// A term `factor q_a^power_a q_b^power_b` [m] of the excursion: it changes the arm about each of the two
+/// coordinates with the angle of the other.
+struct ArmProduct {
+  int a = 0, b = 0;  ///< in TendonPath::arms
+  int power_a = 1, power_b = 1;
+  double factor = 0;
+};
+
+struct TendonPath {
+  std::vector<MomentArm> arms;  ///< each coordinate once
+  std::vector<ArmProduct> products;
+};
+
+/// A path at given coordinates.
+struct PathState {
+  double excursion = 0;                  ///< [m], 0 at zero coordinates
+  std::array<double, kMostArms> arm{};   ///< by TendonPath::arms [m]
+  std::array<double, kMostArms> bend{};  ///< derivative of each arm by its own coordinate [m/rad]
+};
+
+/// @param q coordinates of the model [rad]
+PathState path_state(const TendonPath& path, std::span<const double> q);
+
+/// A Hill-type muscle with a rigid tendon. Its fibres lie at `pennation` where they have their optimal
+/// length.
+struct Muscle {
+  std::string name;  ///< unique, e.g. `right.FDP2`
+  TendonPath path;
+  double force = 0;                 ///< largest isometric force of the fibres [N]
+  double fibre_length = 0;          ///< optimal [m]
+  double slack_length = 0;          ///< of the tendon [m]
+  double length = 0;                ///< of muscle and tendon at zero coordinates [m]
+  double pennation = 0;             ///< [rad]
+  double activation_time = 0.015;   ///< [s]
+  double deactivation_time = 0.05;  ///< [s]
+  double max_speed = 10;            ///< fastest shortening [optimal fibre lengths/s]
+  double initial = 0;               ///< activation at the start, 0..1
+};
+
+/// A passive band that couples joints: tension = stiffness (x - rest) + damping dx/dt with x = -e(q); a slack
+/// one pulls only, another one works both ways.
+struct Ligament {
+  std::string name;  ///< unique, e.g. `right.index_dip_pip`
+  TendonPath path;
+  double stiffness = 0;  ///< [N/m]
+  double damping = 0;    ///< [N s/m]
+  double rest = 0;       ///< [m]
+  bool both_ways = true;
+};
+
+}  // namespace handsim::model

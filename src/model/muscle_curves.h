@@ -1,0 +1,43 @@
+// Force of a Hill-type muscle with a rigid tendon: curves of Thelen 2003 (J Biomech Eng 125:70, young adults,
+// table 1), activation by a first-order law with two time constants (the same, eqs. 1 and 2).
+// Normalised by largest isometric force and optimal fibre length:
+//   active length     exp(-(l - 1)^2 / 0.45)
+//   passive length    (exp(5 (l - 1) / 0.6) - 1) / (exp(5) - 1), 0 below 1; beyond 1.6 along its tangent
+//   speed             eqs. 6 and 7 of the paper, solved for the force, with 0.25 + 0.75 a on the largest
+//   speed
+// The passive part has a damping of its own, so that a lengthened resting muscle does not swing for ever.
+#pragma once
+
+#include "handsim/model/muscle.h"
+
+namespace handsim::model {
+
+/// Fibres at a length of muscle and tendon.
+struct Fibre {
+  double length = 0;  ///< [m]
+  double cosine = 1;  ///< of the pennation
+};
+
+/// @param excursion of the path [m]
+Fibre fibre_at(const Muscle& muscle, double excursion);
+
+/// Tension of the tendon.
+struct Tension {
+  double force = 0;      ///< [N], >= 0
+  double stiffness = 0;  ///< by the length of muscle and tendon [N/m], may be negative
+  double damping =
+      0;  ///< by its rate: for an implicit step, at least the slope between the rate and rest [N s/m]
+};
+
+/// @param rate of the length of muscle and tendon [m/s], positive: lengthening
+Tension tension(const Muscle& muscle, double excursion, double rate, double activation);
+
+/// Tension at rest and full activation less that at none [N]: what the muscle can do at a length.
+double isometric_force(const Muscle& muscle, double excursion);
+/// Tension at rest without activation [N].
+double passive_force(const Muscle& muscle, double excursion);
+
+/// Activation after a step [s] that starts at an activation: the law's backward Euler, in 0..1.
+double next_activation(const Muscle& muscle, double activation, double excitation, double step);
+
+}  // namespace handsim::model

@@ -1,0 +1,174 @@
+#include "handsim/study/validate/subject.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/core/index.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/model/muscle_curves.h"
+
+namespace handsim::study {
+
+namespace {
+
+constexpr double kTurn = 1e-6;  ///< of central differences [rad]
+
+}  // namespace
+
+Subject::Subject(const hand::HandSpec& spec, const hand::Person& person)
+    : hand_(hand::build_hand(spec, person)), model_(model::make_model()) {
+  hand::Placement placement;
+  placement.mount = spec.wrist.axes.size() == 2 ? hand::Mount::universal : hand::Mount::hinge;
+  hand::add_hand(model_, hand_, placement);
+}
+
+std::optional<int> Subject::dof(const std::string& axis) const {
+  for (const model::Joint& joint : model_.joints)
+    for (std::size_t a = 0; a < joint.axes.size(); ++a)
+      if (joint.name + "." + joint.axes[a].name == "right." + axis)
+        return joint.first_dof + static_cast<int>(a);
+  return std::nullopt;
+}
+
+const model::Muscle* Subject::muscle(const std::string& name) const {
+  for (const model::Muscle& each : model_.muscles)
+    if (each.name == "right." + name) return &each;
+  return nullptr;
+}
+
+std::vector<double> Subject::coordinates(const Angles& pose) const {
+  std::vector<double> q(at(model_.dof_count()));
+  for (const auto& [axis, angle] : pose)
+    if (const std::optional<int> found = dof(axis)) q[at(*found)] = angle;
+  return q;
+}
+
+double Subject::arm(const model::Muscle& muscle, int dof, std::span<const double> q) const {
+  const model::PathState state = model::path_state(muscle.path, q);
+  for (std::size_t i = 0; i < muscle.path.arms.size(); ++i)
+    if (muscle.path.arms[i].dof == dof) return state.arm[i];
+  return 0;
+}
+
+std::vector<double> Subject::passive(std::span<const double> q) const {
+  std::vector<double> out(q.size());
+  for (const model::Joint& joint : model_.joints)
+    for (std::size_t a = 0; a < joint.axes.size(); ++a) {
+      const std::size_t i = at(joint.first_dof) + a;
+      if (const auto& tissue = joint.axes[a].tissue) out[i] -= tissue->stiffness * (q[i] - tissue->rest);
+    }
+  for (const model::Muscle& muscle : model_.muscles) {
+    const model::PathState state = model::path_state(muscle.path, q);
+    const double force = model::passive_force(muscle, state.excursion);
+    for (std::size_t i = 0; i < muscle.path.arms.size(); ++i)
+      out[at(muscle.path.arms[i].dof)] += state.arm[i] * force;
+  }
+  return out;
+}
+
+std::vector<double> Subject::bands(std::span<const double> q) const {
+  std::vector<double> out(q.size());
+  for (const model::Ligament& band : model_.ligaments) {
+    const model::PathState state = model::path_state(band.path, q);
+    double force = band.stiffness * (-state.excursion - band.rest);
+    if (!band.both_ways) force = std::max(0.0, force);
+    for (std::size_t i = 0; i < band.path.arms.size(); ++i)
+      out[at(band.path.arms[i].dof)] += state.arm[i] * force;
+  }
+  return out;
+}
+
+std::vector<double> Subject::balance(std::vector<double> q, const std::vector<int>& free,
+                                     const std::map<const model::Muscle*, double>& tensions) const {
+  const auto moments = [&](std::span<const double> at_q) {
+    std::vector<double> all = passive(at_q), of_bands = bands(at_q);
+    for (const auto& [muscle, force] : tensions) {
+      const model::PathState state = model::path_state(muscle->path, at_q);
+      // The tendon has this tension: the muscle's passive one is part of it.
+      const double more = force - model::passive_force(*muscle, state.excursion);
+      for (std::size_t i = 0; i < muscle->path.arms.size(); ++i)
+        all[at(muscle->path.arms[i].dof)] += state.arm[i] * more;
+    }
+    Eigen::VectorXd out(static_cast<Eigen::Index>(free.size()));
+    for (std::size_t i = 0; i < free.size(); ++i)
+      out[static_cast<Eigen::Index>(i)] = all[at(free[i])] + of_bands[at(free[i])];
+    return out;
+  };
+  const auto range = [&](int dof) {
+    for (const model::Joint& joint : model_.joints)
+      for (std::size_t a = 0; a < joint.axes.size(); ++a)
+        if (joint.first_dof + static_cast<int>(a) == dof && joint.axes[a].stop)
+          return std::pair(joint.axes[a].stop->low, joint.axes[a].stop->high);
+    return std::pair(-M_PI, M_PI);
+  };
+  // Pseudo-transient: steps along the moments, as joints with damping turn, until nothing but stops holds
+  // them.
+  double step = 1;
+  Eigen::VectorXd now = moments(q);
+  const auto left = [&](const Eigen::VectorXd& moment) {
+    double out = 0;
+    for (std::size_t i = 0; i < free.size(); ++i) {
+      const auto [low, high] = range(free[i]);
+      const double m = moment[static_cast<Eigen::Index>(i)], x = q[at(free[i])];
+      if ((x <= low && m < 0) || (x >= high && m > 0)) continue;
+      out = std::max(out, std::abs(m));
+    }
+    return out;
+  };
+  for (int pass = 0; pass < 200000; ++pass) {
+    if (left(now) < 1e-8) return q;
+    std::vector<double> next = q;
+    for (std::size_t i = 0; i < free.size(); ++i) {
+      const auto [low, high] = range(free[i]);
+      double& x = next[at(free[i])];
+      x = std::clamp(x + std::clamp(step * now[static_cast<Eigen::Index>(i)], -0.05, 0.05), low, high);
+    }
+    const Eigen::VectorXd then = moments(next);
+    const bool turned = (then.array() * now.array() < -0.25 * now.array().square()).any();
+    if (turned) {
+      step *= 0.5;
+      continue;
+    }
+    step = std::min(step * 1.1, 50.0);
+    q = std::move(next);
+    now = then;
+  }
+  throw Error(PhysicsFault{0, "the hand", "balance", "no posture was found in which moments balance"});
+}
+
+std::vector<int> Subject::finger_dofs(const std::string& finger) const {
+  std::vector<int> out;
+  for (const model::Joint& joint : model_.joints)
+    if (joint.name.starts_with("right." + finger + "_"))
+      for (int k = 0; k < model::dof_count(joint.kind); ++k) out.push_back(joint.first_dof + k);
+  return out;
+}
+
+Eigen::MatrixXd Subject::tip_jacobian(const std::string& finger, std::span<const double> q) const {
+  const std::vector<int> dofs = finger_dofs(finger);
+  std::size_t body = 0;
+  for (std::size_t i = 0; i < model_.bodies.size(); ++i)
+    if (model_.bodies[i].name == "right." + finger + "_distal") body = i;
+  double tip = 0;
+  for (const model::Shape& shape : model_.shapes)
+    if (at(shape.body) == body) tip = 0.5 * shape.length + shape.radius;
+  const auto pose = [&](std::size_t column, double turn) {
+    std::vector<double> moved(q.begin(), q.end());
+    moved[at(dofs[column])] += turn;
+    return model::state_at(model_, moved).bodies[body].pose();
+  };
+  const Quat frame = model::state_at(model_, q).bodies[body].q;
+  Eigen::MatrixXd out(6, static_cast<Eigen::Index>(dofs.size()));
+  for (std::size_t i = 0; i < dofs.size(); ++i) {
+    const Pose up = pose(i, kTurn), down = pose(i, -kTurn);
+    const Vec3 end(0, tip, 0);
+    const Vec3 v = (up.p + up.q * end - down.p - down.q * end) / (2 * kTurn);
+    const Vec3 w = rotation_vector(up.q * down.q.conjugate()) / (2 * kTurn);
+    out.col(static_cast<Eigen::Index>(i)) << frame.conjugate() * v, frame.conjugate() * w;
+  }
+  return out;
+}
+
+}  // namespace handsim::study

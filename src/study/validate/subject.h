@@ -1,0 +1,43 @@
+// A person's hand as validation measures it: muscles, kinematics and isometric forces; private to this
+// folder.
+#pragma once
+
+#include <span>
+
+#include "handsim/model/state.h"
+#include "handsim/study/validate/validate.h"
+
+namespace handsim::study {
+
+class Subject {
+ public:
+  Subject(const hand::HandSpec& spec, const hand::Person& person);
+
+  const hand::BuiltHand& hand() const { return hand_; }
+  const model::Model& model() const { return model_; }
+  /// Coordinate of an axis such as `index_mcp.flexion`, if the hand has it.
+  std::optional<int> dof(const std::string& axis) const;
+  const model::Muscle* muscle(const std::string& name) const;
+  std::vector<double> coordinates(const Angles& pose) const;
+  /// Moment arm [m] about an axis.
+  double arm(const model::Muscle& muscle, int dof, std::span<const double> q) const;
+  /// Moment of tissue, and of muscles without activation, about every coordinate [N m].
+  std::vector<double> passive(std::span<const double> q) const;
+  /// Moment of bands about every coordinate [N m].
+  std::vector<double> bands(std::span<const double> q) const;
+  /// Coordinates where some balance: passive moments, bands and the tensions [N] of muscles.
+  /// @param free that may turn @throws Error (physics) where none is found
+  std::vector<double> balance(std::vector<double> q, const std::vector<int>& free,
+                              const std::map<const model::Muscle*, double>& tensions) const;
+  /// Coordinates of a finger's joints.
+  std::vector<int> finger_dofs(const std::string& finger) const;
+  /// Velocity of a fingertip (first three rows) and angular velocity of its segment by its joints' rates, in
+  /// the last segment's frame: x ulnar, y distal, z dorsal (right hand).
+  Eigen::MatrixXd tip_jacobian(const std::string& finger, std::span<const double> q) const;
+
+ private:
+  hand::BuiltHand hand_;
+  model::Model model_;
+};
+
+}  // namespace handsim::study

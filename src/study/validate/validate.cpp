@@ -1,0 +1,246 @@
+#include "handsim/study/validate/validate.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/control/muscle_drive.h"
+#include "handsim/core/index.h"
+#include "handsim/core/units.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/model/muscle_curves.h"
+#include "handsim/model/pulleys.h"
+#include "handsim/study/report.h"
+#include "handsim/study/validate/subject.h"
+
+namespace handsim::study {
+
+namespace {
+
+/// Sets one axis of a pose.
+Angles with(Angles pose, const std::string& axis, double angle) {
+  pose[axis] = angle;
+  return pose;
+}
+
+/// Mean arm and its root mean square difference from the measured ones.
+std::pair<double, double> measure_arms(const Subject& subject, const Measurement& of) {
+  const model::Muscle& muscle = *subject.muscle(of.muscle);
+  const int dof = *subject.dof(of.axis);
+  const double scale = of.hand_length ? *of.hand_length / subject.hand().size.length : 1;
+  double sum = 0, squares = 0;
+  for (std::size_t i = 0; i < of.angles.size(); ++i) {
+    const double arm =
+        scale * subject.arm(muscle, dof, subject.coordinates(with(of.pose, of.axis, of.angles[i])));
+    sum += arm;
+    squares += (arm - of.arms[i]) * (arm - of.arms[i]);
+  }
+  const auto n = static_cast<double>(of.angles.size());
+  return {sum / n, std::sqrt(squares / n)};
+}
+
+double measure_excursion(const Subject& subject, const Measurement& of) {
+  double sum = 0;
+  for (const std::string& name : of.muscles) {
+    const model::Muscle& muscle = *subject.muscle(name);
+    sum += model::path_state(muscle.path, subject.coordinates(of.pose)).excursion -
+           model::path_state(muscle.path, subject.coordinates(of.from)).excursion;
+  }
+  const double scale = of.hand_length ? *of.hand_length / subject.hand().size.length : 1;
+  return scale * sum / static_cast<double>(of.muscles.size());
+}
+
+/// Sign and axis of a direction in the last segment's frame.
+Vec3 direction_of(const std::string& name) {
+  if (name == "palmar") return {0, 0, -1};
+  if (name == "dorsal") return {0, 0, 1};
+  if (name == "distal") return {0, 1, 0};
+  if (name == "proximal") return {0, -1, 0};
+  return name == "ulnar" ? Vec3(1, 0, 0) : Vec3(-1, 0, 0);
+}
+
+/// Force on what holds the tip in force and moment, per tension: joint moments r T = J^T (force, moment), of
+/// the finger's flexion axes, with forces in the plane of flexion.
+double measure_tip_share(const Subject& subject, const Measurement& of) {
+  const std::vector<double> q = subject.coordinates(of.pose);
+  const Eigen::MatrixXd J = subject.tip_jacobian(of.finger, q);
+  const std::vector<int> dofs = subject.finger_dofs(of.finger);
+  std::vector<Eigen::Index> planar;
+  for (std::size_t i = 0; i < dofs.size(); ++i)
+    for (const char* joint : {"_mcp.flexion", "_pip.flexion", "_dip.flexion"})
+      if (subject.dof(of.finger + joint) == dofs[i]) planar.push_back(static_cast<Eigen::Index>(i));
+  Eigen::Matrix3d A;
+  Eigen::Vector3d tau = Eigen::Vector3d::Zero();
+  for (Eigen::Index k = 0; k < 3; ++k) {
+    const Eigen::Index column = planar[at(static_cast<int>(k))];
+    A.row(k) << J(1, column), J(2, column), J(3, column);
+    for (const std::string& name : of.muscles)
+      tau[k] += subject.arm(*subject.muscle(name), dofs[at(static_cast<int>(column))], q);
+  }
+  const Eigen::Vector3d force = A.partialPivLu().solve(tau);
+  if (of.direction == "any") return force.head<2>().norm();
+  const Vec3 along = direction_of(of.direction);
+  return force[0] * along.y() + force[1] * along.z();
+}
+
+/// The largest force along a direction that activations of 0 to 1 can hold at a free fingertip: bisection on
+/// what static optimisation leaves undone.
+double measure_tip_force(const Subject& subject, const Measurement& of) {
+  const std::vector<double> q = subject.coordinates(of.pose);
+  const Eigen::MatrixXd J = subject.tip_jacobian(of.finger, q);
+  const std::vector<int> dofs = subject.finger_dofs(of.finger);
+  control::StaticOptimisation muscles(subject.model(), {dofs.begin(), dofs.end()});
+  const model::State state = model::state_at(subject.model(), q);
+  const Eigen::VectorXd per_newton = J.topRows<3>().transpose() * direction_of(of.direction);
+  const auto holds = [&](double force) {
+    std::vector<double> torques(q.size());
+    double largest = 0;
+    for (std::size_t i = 0; i < dofs.size(); ++i) {
+      torques[at(dofs[i])] = force * per_newton[static_cast<Eigen::Index>(i)];
+      largest = std::max(largest, std::abs(torques[at(dofs[i])]));
+    }
+    muscles.solve(state, torques);
+    double missing = 0;
+    for (const double each : muscles.missing()) missing = std::max(missing, std::abs(each));
+    return missing <= 0.01 * largest + 1e-3;
+  };
+  double low = 0, high = 2000;
+  for (int i = 0; i < 40; ++i) {
+    const double middle = 0.5 * (low + high);
+    (holds(middle) ? low : high) = middle;
+  }
+  return low;
+}
+
+double measure_joint_moment(const Subject& subject, const Measurement& of) {
+  const std::vector<double> q = subject.coordinates(of.pose);
+  const int dof = *subject.dof(of.axis);
+  const double sign = of.direction == "negative" ? -1 : 1;
+  double sum = 0;
+  for (const std::string& name : of.muscles) {
+    const model::Muscle& muscle = *subject.muscle(name);
+    const double arm = sign * subject.arm(muscle, dof, q);
+    const double excursion = model::path_state(muscle.path, q).excursion;
+    if (arm > 0)
+      sum += arm * (model::isometric_force(muscle, excursion) + model::passive_force(muscle, excursion));
+  }
+  return sum;
+}
+
+/// Coordinates of a pose; fingers that it does not name are at their joints' rest angles.
+std::vector<double> with_resting_fingers(const Subject& subject, const Angles& pose) {
+  std::vector<double> out = subject.coordinates(pose);
+  for (const hand::HandAxis& axis : subject.hand().axes)
+    if (const std::optional<int> dof = subject.dof(axis.name); dof && !pose.contains(axis.name))
+      out[at(*dof)] = axis.rest;
+  return out;
+}
+
+double measure_rotation(const Subject& subject, const Measurement& of) {
+  const std::vector<int> free = subject.finger_dofs(of.finger);
+  const std::vector<double> rest = subject.balance(with_resting_fingers(subject, of.pose), free, {});
+  const model::Muscle& muscle = *subject.muscle(of.muscle);
+  const std::vector<double> loaded = subject.balance(rest, free, {{&muscle, of.load * muscle.force}});
+  const auto dof = at(*subject.dof(of.axis));
+  return loaded[dof] - rest[dof];
+}
+
+double measure_gyration(const Subject& subject, const Measurement& of) {
+  const hand::HandInertiaShares shares = hand::whole_hand(subject.hand()).shares;
+  if (of.direction == "sagittal") return shares.gyration_sagittal;
+  return of.direction == "transverse" ? shares.gyration_transverse : shares.gyration_longitudinal;
+}
+
+double measure(const Subject& subject, const Measurement& of) {
+  switch (of.kind) {
+    case Measured::moment_arms:
+      return measure_arms(subject, of).first;
+    case Measured::excursion:
+      return measure_excursion(subject, of);
+    case Measured::tip_force_share:
+      return measure_tip_share(subject, of);
+    case Measured::tip_force:
+      return measure_tip_force(subject, of);
+    case Measured::joint_moment:
+      return measure_joint_moment(subject, of);
+    case Measured::passive_moment:
+      return subject.passive(subject.coordinates(of.pose))[at(*subject.dof(of.axis))];
+    case Measured::loaded_rotation:
+      return measure_rotation(subject, of);
+    case Measured::coupled_angle:
+      return subject.balance(with_resting_fingers(subject, of.pose), {*subject.dof(of.axis)},
+                             {})[at(*subject.dof(of.axis))];
+    case Measured::pulley_force:
+      return model::pulley_forces({of.tension, 0}, of.angles.at(0)).a2;
+    case Measured::hand_mass:
+      return subject.hand().mass;
+    case Measured::centre_of_mass:
+      return hand::whole_hand(subject.hand()).shares.centre_of_mass;
+    case Measured::gyration:
+      return measure_gyration(subject, of);
+  }
+  return 0;
+}
+
+}  // namespace
+
+bool ValidateResult::passed() const {
+  return std::all_of(rows.begin(), rows.end(),
+                     [](const ValidateRow& row) { return row.within() || !row.of->required; });
+}
+
+ValidateResult run_validate(const ValidateSpec& spec) {
+  std::map<std::string, Subject> subjects;
+  for (const auto& [name, person] : spec.people) subjects.emplace(name, Subject(spec.hand, person));
+  ValidateResult out;
+  double within = 0;
+  for (const Measurement& of : spec.measurements) {
+    const Subject& subject = subjects.at(of.person);
+    ValidateRow row{&of, measure(subject, of), 0};
+    const double difference =
+        of.kind == Measured::moment_arms ? measure_arms(subject, of).second : std::abs(row.ours - of.value);
+    row.deviation = difference / of.spread;
+    within += row.within() ? 1 : 0;
+    out.rows.push_back(row);
+  }
+  out.share = within / static_cast<double>(std::max<std::size_t>(1, out.rows.size()));
+  return out;
+}
+
+std::string validate_table(const ValidateSpec& spec, const ValidateResult& result) {
+  std::size_t width = 8;
+  for (const ValidateRow& row : result.rows) width = std::max(width, row.of->name.size());
+  std::string out = fmt::format("{:<{}}  {:>9}  {:>18}  {:<6} {:<12} {}\n", "quantity", width, "ours",
+                                "measured +- spread", "unit", "verdict", "source");
+  int required = 0;
+  for (const ValidateRow& row : result.rows) {
+    const Measurement& of = *row.of;
+    const double scale = 1 / of.scale;
+    std::string verdict = row.within() ? "within" : fmt::format("{:.1f} x", row.deviation);
+    if (!row.within() && of.required) verdict += " short";
+    out += fmt::format("{:<{}}  {:>9.3g}  {:>9.3g} +- {:>5.2g}  {:<6} {:<12} {}\n", of.name, width,
+                       scale * row.ours, scale * of.value, scale * of.spread, of.unit, verdict, of.source);
+    if (!row.within() && !of.reason.empty()) out += fmt::format("{:>{}}  {}\n", "", width, of.reason);
+    required += of.required ? 1 : 0;
+  }
+  out += fmt::format("\n{:.0f} % of {} rows are within one spread (goal {:.0f} %); {} are required, {}\n",
+                     100 * result.share, result.rows.size(), 100 * spec.goal, required,
+                     result.passed() ? "all within" : "not all within");
+  return out;
+}
+
+std::string validate_csv(const ValidateResult& result) {
+  std::string out =
+      "quantity,ours,measured,spread,unit,deviation_over_spread,verdict,required,source,reason\n";
+  for (const ValidateRow& row : result.rows) {
+    const Measurement& of = *row.of;
+    out += fmt::format("{},{:.6g},{:.6g},{:.6g},{},{:.4g},{},{},{},{}\n", quoted(of.name),
+                       row.ours / of.scale, of.value / of.scale, of.spread / of.scale, of.unit, row.deviation,
+                       row.within() ? "within" : "short", of.required ? "yes" : "no", quoted(of.source),
+                       quoted(of.reason));
+  }
+  return out;
+}
+
+}  // namespace handsim::study

@@ -1,0 +1,80 @@
+// The hand against measurements: quantities of a built hand (moment arms, tendon excursions, forces, moments,
+// masses) beside measured values with their spread. The measurements are data: a file of rows, of which the
+// shipped one is config/validate.yaml.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/hand/build.h"
+
+namespace handsim::study {
+
+/// What a row measures on the hand.
+enum class Measured {
+  moment_arms,      ///< mean of a muscle's arm about an axis over angles [m]
+  excursion,        ///< of a muscle's tendon from one pose to another [m]
+  tip_force_share,  ///< force of a fingertip held in force and moment, per tension of muscles [1]
+  tip_force,        ///< largest force of a fingertip in a direction [N]
+  joint_moment,     ///< largest isometric moment of muscles about an axis [N m]
+  passive_moment,   ///< of tissue and resting muscles about an axis [N m]
+  loaded_rotation,  ///< of an axis, from rest to where a loaded tendon, tissue and resting muscles balance
+                    ///< [rad]
+  coupled_angle,    ///< of an axis where tissue and bands balance, others held at a pose [rad]
+  pulley_force,     ///< on A2, for a tension of the flexors at a PIP angle (model/pulleys.h) [N]
+  hand_mass,        ///< [kg]
+  centre_of_mass,   ///< of the hand from the wrist, share of hand length [1]
+  gyration,         ///< radius of the hand about an axis, share of hand length [1]
+};
+
+using Angles = std::map<std::string, double>;  ///< by axis [rad]
+
+struct Measurement {
+  std::string name, unit, source, reason;
+  Measured kind = Measured::moment_arms;
+  std::string person;
+  std::string muscle, axis, finger, direction;
+  std::vector<std::string> muscles;
+  std::vector<double> angles, arms;  ///< moment_arms: [rad], [m]
+  Angles pose, from;
+  double tension = 0;                 ///< pulley_force [N]
+  double load = 0;                    ///< loaded_rotation: share of the muscle's force
+  std::optional<double> hand_length;  ///< of the measured hand: lengths of ours are scaled to it [m]
+  double value = 0, spread = 0;
+  double scale = 1;  ///< of the printed unit
+  bool required = false;
+};
+
+struct ValidateSpec {
+  std::string title;
+  hand::HandSpec hand;
+  std::map<std::string, hand::Person> people;
+  std::vector<Measurement> measurements;
+  double goal = 0.9;  ///< share of rows within one spread
+};
+
+struct ValidateRow {
+  const Measurement* of = nullptr;
+  double ours = 0;
+  double deviation = 0;  ///< over the spread; moment_arms: root mean square over the angles
+  bool within() const { return deviation <= 1; }
+};
+
+struct ValidateResult {
+  std::vector<ValidateRow> rows;
+  double share = 0;  ///< of rows within their spread
+  /// True if every required row is within its spread.
+  bool passed() const;
+};
+
+/// Reads a file of measurements. @throws Error (input) with every problem
+ValidateSpec load_validate(const std::filesystem::path& path);
+void read_validate(YamlNode& root, Diagnostics& diagnostics);
+ValidateResult run_validate(const ValidateSpec& spec);
+std::string validate_table(const ValidateSpec& spec, const ValidateResult& result);
+std::string validate_csv(const ValidateResult& result);
+
+}  // namespace handsim::study

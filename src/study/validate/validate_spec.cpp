@@ -1,0 +1,224 @@
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/core/units.h"
+#include "handsim/scene/read/file_kind.h"
+#include "handsim/study/validate/subject.h"
+#include "handsim/study/validate/validate.h"
+
+namespace handsim::study {
+
+namespace {
+
+const std::vector<std::pair<std::string_view, Measured>> kKinds = {
+    {"moment_arms", Measured::moment_arms},         {"excursion", Measured::excursion},
+    {"tip_force_share", Measured::tip_force_share}, {"tip_force", Measured::tip_force},
+    {"joint_moment", Measured::joint_moment},       {"passive_moment", Measured::passive_moment},
+    {"loaded_rotation", Measured::loaded_rotation}, {"coupled_angle", Measured::coupled_angle},
+    {"pulley_force", Measured::pulley_force},       {"hand_mass", Measured::hand_mass},
+    {"centre_of_mass", Measured::centre_of_mass},   {"gyration", Measured::gyration}};
+const ::handsim::Quantity kAngle = {Dimension::angle, -M_PI, M_PI};
+
+/// What the values of a kind are, and the unit they are printed in.
+struct KindUnit {
+  Dimension dimension;
+  const char* unit;
+  double scale;
+};
+
+KindUnit unit_of(Measured kind) {
+  switch (kind) {
+    case Measured::moment_arms:
+    case Measured::excursion:
+      return {Dimension::length, "mm", 1e-3};
+    case Measured::tip_force:
+    case Measured::pulley_force:
+      return {Dimension::force, "N", 1};
+    case Measured::joint_moment:
+    case Measured::passive_moment:
+      return {Dimension::torque, "N m", 1};
+    case Measured::loaded_rotation:
+    case Measured::coupled_angle:
+      return {Dimension::angle, "deg", 1 / kDegreesPerRadian};
+    case Measured::hand_mass:
+      return {Dimension::mass, "kg", 1};
+    case Measured::tip_force_share:
+    case Measured::centre_of_mass:
+    case Measured::gyration:
+      return {Dimension::none, "1", 1};
+  }
+  return {Dimension::none, "1", 1};
+}
+
+Angles read_pose(MapReader& reader, std::string_view key, std::vector<std::string>& axes) {
+  Angles out;
+  if (!reader.has(key)) return out;
+  MapReader pose = reader.map(key);
+  for (const std::string& axis : pose.keys()) {
+    out[axis] = pose.maybe_number(axis, kAngle).value_or(0);
+    axes.push_back(axis);
+  }
+  pose.finish();
+  return out;
+}
+
+std::vector<double> read_numbers(MapReader& reader, std::string_view key,
+                                 const ::handsim::Quantity& quantity) {
+  std::vector<double> out;
+  if (YamlNode* list = reader.list(key, true, 1000))
+    for (std::size_t i = 0; i < list->items.size(); ++i)
+      out.push_back(read_number(list->items[i], fmt::format("{}.{}", reader.path_of(key), i), quantity,
+                                reader.diagnostics())
+                        .value_or(0));
+  return out;
+}
+
+/// Reads the rows of a file.
+class RowReader {
+ public:
+  explicit RowReader(ValidateSpec& spec) : spec_(spec) {
+    for (const hand::HandAxis& axis : hand::hand_axes(spec.hand)) axes_.push_back(axis.name);
+    if (spec.hand.muscles)
+      for (const hand::MuscleSpec& each : spec.hand.muscles->muscles) muscles_.push_back(each.tendon.name);
+    for (const hand::SegmentSpec& segment : spec.hand.segments)
+      if (const auto cut = segment.name.rfind("_distal"); cut != std::string::npos)
+        fingers_.push_back(segment.name.substr(0, cut));
+    for (const auto& [name, person] : spec.people) people_.push_back(name);
+  }
+
+  void read(MapReader reader) {
+    Measurement row;
+    row.name = reader.text("name");
+    row.kind = reader.choice<Measured>("kind", kKinds);
+    const bool kind_known = reader.sound();
+    row.person = known_name(reader, "person", people_, "a person of this file");
+    if (kind_known) read_kind(reader, row);
+    row.source = reader.text("source");
+    row.reason = reader.maybe_text("reason").value_or("");
+    row.required = reader.flag("required", false);
+    reader.finish();
+    spec_.measurements.push_back(std::move(row));
+  }
+
+ private:
+  static std::string known_name(MapReader& reader, std::string_view key,
+                                const std::vector<std::string>& known, const char* need) {
+    std::string name = reader.text(key);
+    check(reader, key, name, known, need);
+    return name;
+  }
+  static void check(MapReader& reader, std::string_view key, const std::string& name,
+                    const std::vector<std::string>& known, const char* need) {
+    if (!name.empty() && std::find(known.begin(), known.end(), name) == known.end())
+      reader.problem(key, name, need + nearest_hint(name, known));
+  }
+
+  void read_kind(MapReader& reader, Measurement& row) {
+    const KindUnit unit = unit_of(row.kind);
+    row.unit = unit.unit;
+    row.scale = unit.scale;
+    std::vector<std::string> axes;
+    const auto axis = [&] { row.axis = known_name(reader, "axis", axes_, "an axis of the hand"); };
+    const auto muscle = [&] { row.muscle = known_name(reader, "muscle", muscles_, "a muscle of the hand"); };
+    const auto finger = [&] { row.finger = known_name(reader, "finger", fingers_, "a finger of the hand"); };
+    const auto muscles = [&] {
+      row.muscles = reader.texts("muscles", 1, 100, "muscles of the hand");
+      for (const std::string& name : row.muscles)
+        check(reader, "muscles", name, muscles_, "muscles of the hand");
+    };
+    const auto direction = [&](const std::vector<std::string>& words) {
+      row.direction = known_name(reader, "direction", words, "a direction");
+    };
+    const std::vector<std::string> tips = {"palmar", "dorsal", "distal", "proximal", "ulnar", "radial"};
+    switch (row.kind) {
+      case Measured::moment_arms:
+        muscle(), axis();
+        row.angles = read_numbers(reader, "angles", kAngle);
+        row.arms = read_numbers(reader, "arms", {Dimension::length, -0.1, 0.1});
+        if (reader.sound() && (row.angles.empty() || row.angles.size() != row.arms.size()))
+          reader.problem("arms", fmt::format("{} arms at {} angles", row.arms.size(), row.angles.size()),
+                         "one for each angle");
+        for (const double arm : row.arms) row.value += arm / static_cast<double>(row.arms.size());
+        break;
+      case Measured::excursion:
+        muscles();
+        row.from = read_pose(reader, "from", axes);
+        break;
+      case Measured::tip_force_share:
+        finger(), muscles();
+        direction({"any", "palmar", "dorsal", "distal", "proximal"});
+        break;
+      case Measured::tip_force:
+        finger(), direction(tips);
+        break;
+      case Measured::joint_moment:
+        axis(), muscles(), direction({"positive", "negative"});
+        break;
+      case Measured::passive_moment:
+      case Measured::coupled_angle:
+        axis();
+        break;
+      case Measured::loaded_rotation:
+        finger(), muscle(), axis();
+        row.load = reader.number("load", {Dimension::none, 0, 1});
+        break;
+      case Measured::pulley_force:
+        row.tension = reader.number("tension", {Dimension::force, 0, 1e4});
+        row.angles = {reader.number("pip", kAngle)};
+        break;
+      case Measured::gyration:
+        direction({"sagittal", "transverse", "longitudinal"});
+        break;
+      case Measured::hand_mass:
+      case Measured::centre_of_mass:
+        break;
+    }
+    row.pose = read_pose(reader, "pose", axes);
+    for (const std::string& each : axes) check(reader, "pose", each, axes_, "axes of the hand");
+    row.hand_length = reader.maybe_number("hand_length", {Dimension::length, 0.03, 0.5});
+    const ::handsim::Quantity value = {unit.dimension, -1e4, 1e4};
+    if (row.kind != Measured::moment_arms) row.value = reader.number("measured", value);
+    row.spread = reader.number("spread", {unit.dimension, 0, 1e4, true});
+    if (reader.sound() && !(row.spread > 0)) reader.problem("spread", "0", "more than 0");
+  }
+
+  ValidateSpec& spec_;
+  std::vector<std::string> axes_, muscles_, fingers_, people_;
+};
+
+ValidateSpec read(YamlNode& root, Diagnostics& diagnostics) {
+  ValidateSpec spec;
+  if (!scene::is_of_kind(root, "", scene::FileKind::measurements, diagnostics)) return spec;
+  MapReader reader(root, "", diagnostics);
+  spec.title = reader.text("title", "the hand against measurements");
+  spec.goal = reader.number("goal", {Dimension::none, 0, 1}, 0.9);
+  if (YamlNode* node = reader.file_or_block("hand", "a hand model"))
+    spec.hand = hand::read_hand_spec(*node, reader.path_of("hand"), diagnostics);
+  if (reader.sound() && !spec.hand.muscles)
+    reader.problem("hand", "a hand model without muscles", "one with a muscles block");
+  MapReader people = reader.required_map("people", "a mapping of names to persons");
+  for (const std::string& name : people.keys())
+    if (YamlNode* node = people.file_or_block(name, "a person"))
+      spec.people[name] = hand::read_person(*node, people.path_of(name), diagnostics);
+  people.finish();
+  RowReader rows(spec);
+  reader.each("measurements", 1, 2000, [&](MapReader row) { rows.read(std::move(row)); });
+  reader.finish();
+  return spec;
+}
+
+}  // namespace
+
+void read_validate(YamlNode& root, Diagnostics& diagnostics) { read(root, diagnostics); }
+
+ValidateSpec load_validate(const std::filesystem::path& path) {
+  Diagnostics diagnostics;
+  YamlNode root = load_yaml(path, diagnostics.budget);
+  ValidateSpec spec = read(root, diagnostics);
+  diagnostics.throw_if_any();
+  return spec;
+}
+
+}  // namespace handsim::study

@@ -1,0 +1,150 @@
+// Excitations: static optimisation, tables, and scenes that are driven by them.
+#include <cmath>
+#include <fstream>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "handsim/control/muscle_drive.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/model/muscle_curves.h"
+#include "handsim/simulation/simulation.h"
+#include "scene_files.h"
+
+namespace handsim::control {
+namespace {
+
+scene::Scene hand_scene(const std::vector<std::string>& more = {}) {
+  std::vector<std::string> changes = {
+      "effects=[gravity, joint_stops, passive_tissue, muscles]", "duration=0.5",
+      "solver={engine: articulated, method: semi_implicit_euler, step: 0.001}"};
+  changes.insert(changes.end(), more.begin(), more.end());
+  return test::shipped_scene("resting_hand", changes);
+}
+
+std::vector<std::size_t> all_dofs(const model::Model& model) {
+  std::vector<std::size_t> out;
+  for (int i = 0; i < model.dof_count(); ++i) out.push_back(static_cast<std::size_t>(i));
+  return out;
+}
+
+/// Torques of activations at rest, passive ones included.
+std::vector<double> torques_of(const model::Model& model, const model::State& state,
+                               std::span<const double> activations) {
+  std::vector<double> out(state.q.size());
+  for (std::size_t m = 0; m < model.muscles.size(); ++m) {
+    const model::Muscle& muscle = model.muscles[m];
+    const model::PathState path = model::path_state(muscle.path, state.q);
+    const double force = model::tension(muscle, path.excursion, 0, activations[m]).force;
+    for (std::size_t i = 0; i < muscle.path.arms.size(); ++i)
+      out[static_cast<std::size_t>(muscle.path.arms[i].dof)] += path.arm[i] * force;
+  }
+  return out;
+}
+
+// Oracle: torques that some activations give can be given by the answer, with no larger sum of squares; and
+// the answer is a minimum: the gradient points out of the box at each bound (Karush-Kuhn-Tucker, by
+// differences).
+TEST(StaticOptimisation, FindsTheLeastSquaresThatGiveTheTorques) {
+  const scene::Scene scene = hand_scene();
+  const model::State state = model::initial_state(scene.model);
+  StaticOptimisation find(scene.model, all_dofs(scene.model));
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> share(0, 0.8);
+  for (int sample = 0; sample < 20; ++sample) {
+    std::vector<double> given(scene.model.muscles.size());
+    for (double& each : given) each = random() % 2 ? share(random) : 0;
+    const std::vector<double> wanted = torques_of(scene.model, state, given);
+    const std::span<const double> found = find.solve(state, wanted);
+    const std::vector<double> got = torques_of(scene.model, state, found);
+    double sum = 0, before = 0;
+    for (std::size_t i = 0; i < given.size(); ++i) {
+      EXPECT_GE(found[i], 0);
+      EXPECT_LE(found[i], 1);
+      sum += found[i] * found[i];
+      before += given[i] * given[i];
+    }
+    EXPECT_LE(sum, before * (1 + 1e-6));
+    // A missing torque of a thousandth of the joint's strength counts as an activation of 1.
+    for (std::size_t i = 0; i < wanted.size(); ++i) EXPECT_NEAR(got[i], wanted[i], 0.02) << i;
+  }
+}
+
+// Oracle: a torque beyond the muscles' leaves them at their bounds, and what is missing is said.
+TEST(StaticOptimisation, SaysWhatTheMusclesCannot) {
+  const scene::Scene scene = hand_scene();
+  const model::State state = model::initial_state(scene.model);
+  std::size_t dof = 0;
+  for (const model::Joint& joint : scene.model.joints)
+    if (joint.name == "right.index_pip") dof = static_cast<std::size_t>(joint.first_dof);
+  StaticOptimisation find(scene.model, {dof});
+  std::vector<double> torques(state.q.size());
+  torques[dof] = 100;
+  const std::span<const double> found = find.solve(state, torques);
+  for (std::size_t m = 0; m < found.size(); ++m)
+    if (scene.model.muscles[m].name == "right.FDP2" || scene.model.muscles[m].name == "right.FDS2") {
+      EXPECT_EQ(found[m], 1);
+    }
+  EXPECT_GT(find.missing()[0], 90);
+}
+
+// Oracle: excitations of a table are linear between its rows; muscles without a column have none.
+TEST(Excitations, FollowATable) {
+  const test::TemporaryFolder folder;
+  const auto file = folder.path() / "pull.csv";
+  std::ofstream(file) << "time[s],FDP2[rad],right.FDS3[rad]\n0,0,0.5\n0.4,0.8,0.5\n";
+  const scene::Scene scene = hand_scene({"excitations=" + file.string()});
+  simulation::Simulation run(scene, simulation::no_watchers);
+  for (int i = 0; i < 200; ++i) run.step();
+  for (std::size_t m = 0; m < scene.model.muscles.size(); ++m) {
+    const std::string& name = scene.model.muscles[m].name;
+    const double expected = name == "right.FDP2" ? 0.4 : name == "right.FDS3" ? 0.5 : 0;
+    EXPECT_NEAR(run.excitations()[m], expected, 1e-9) << name;
+  }
+  // Activation lags behind a rising excitation, and the tendon pulls.
+  const auto& state = run.state();
+  for (std::size_t m = 0; m < scene.model.muscles.size(); ++m)
+    if (scene.model.muscles[m].name == "right.FDP2") {
+      EXPECT_GT(state.activation[m], 0.3);
+      EXPECT_LT(state.activation[m], 0.4);
+      EXPECT_GT(state.tendon_force[m], 1);
+    }
+}
+
+TEST(Excitations, NameAColumnThatIsNoMuscle) {
+  const test::TemporaryFolder folder;
+  const auto file = folder.path() / "pull.csv";
+  std::ofstream(file) << "time[s],FPD2[rad]\n0,0\n1,1.5\n";
+  try {
+    hand_scene({"excitations=" + file.string()});
+    FAIL() << "accepted";
+  } catch (const Error& error) {
+    const std::string text = error.what();
+    EXPECT_NE(text.find("FPD2"), std::string::npos) << text;
+    EXPECT_NE(text.find("FDP2"), std::string::npos) << text;
+    EXPECT_NE(text.find("1.5"), std::string::npos) << text;
+  }
+}
+
+// Oracle: what a snapshot continues has the same bits as the run without it, activations included.
+TEST(Excitations, ContinueFromASnapshotWithTheSameBits) {
+  for (const std::string engine : {"articulated, method: semi_implicit_euler", "ode, method: world_step"}) {
+    const scene::Scene scene = hand_scene({"solver={engine: " + engine + ", step: 0.001}"});
+    std::vector<double> excitations(scene.model.muscles.size(), 0.2);
+    engine::StepInput input;
+    input.excitations = excitations;
+    simulation::Simulation run(std::make_shared<const scene::Scene>(scene), simulation::no_watchers);
+    for (int i = 0; i < 37; ++i) run.step(input);
+    const simulation::MotionSnapshot half = run.motion();
+    for (int i = 0; i < 50; ++i) run.step(input);
+    const model::State straight = run.state();
+    run.reset(half);
+    for (int i = 0; i < 50; ++i) run.step(input);
+    EXPECT_EQ(run.state().activation, straight.activation);
+    EXPECT_EQ(run.state().q, straight.q);
+    EXPECT_EQ(run.state().tau, straight.tau);
+  }
+}
+
+}  // namespace
+}  // namespace handsim::control

@@ -1,0 +1,159 @@
+// Muscles in the engines: the step's law, stability on stiff muscles, and bits.
+#include <cmath>
+#include <random>
+
+#include <gtest/gtest.h>
+#include <Eigen/Dense>
+
+#include "engine/models.h"
+#include "handsim/engine/muscles.h"
+#include "handsim/model/muscle_curves.h"
+#include "handsim/simulation/simulation.h"
+#include "scene_files.h"
+
+namespace handsim::engine {
+namespace {
+
+using model::Effect;
+using test::settings;
+
+/// Two links in a plane without gravity, and a tendon across both joints.
+model::Model two_links() {
+  model::Model model = model::make_model();
+  const auto add = [&](const std::string& name, int parent, double y) {
+    const int child = test::add_body(
+        model, test::body(name, 0.02, {6e-6, 1e-6, 6e-6}, {{0, y + 0.02, 0}, Quat::Identity()}));
+    model::Joint joint;
+    joint.name = name + "_joint";
+    joint.parent = parent;
+    joint.child = child;
+    joint.parent_frame.p = {0, parent == model::kWorld ? 0.0 : 0.02, 0};
+    joint.child_frame.p = {0, -0.02, 0};
+    joint.axes.push_back({"flexion", Vec3::UnitX(), {}, {}, 0, 0});
+    joint.first_dof = model.dof_count();
+    model.joints.push_back(joint);
+  };
+  add("first", model::kWorld, 0);
+  add("second", 1, 0.04);
+  model::Muscle muscle;
+  muscle.name = "m";
+  muscle.path.arms = {{0, {0.012}, -4, 4}, {1, {0.007}, -4, 4}};
+  muscle.force = 150;
+  muscle.fibre_length = 0.06;
+  muscle.slack_length = 0.2;
+  muscle.length = 0.265;
+  model.muscles.push_back(muscle);
+  return model;
+}
+
+Settings with(Method method, double step) { return settings({Effect::muscles}, step, method); }
+
+/// H of the two links, in closed form: planar links of mass m with the centre at l/2.
+Eigen::Matrix2d inertia(double q2) {
+  const double m = 0.02, l = 0.04, c = 0.02, I = 6e-6;
+  Eigen::Matrix2d H;
+  H(1, 1) = I + m * c * c;
+  H(0, 1) = H(1, 0) = H(1, 1) + m * l * c * std::cos(q2);
+  H(0, 0) = 2 * I + m * c * c + m * (l * l + c * c + 2 * l * c * std::cos(q2));
+  return H;
+}
+
+// Oracle: the law of engine/muscles.h for the first step from rest, solved densely beside it:
+// (H + h B) u = h r F(l, 0, a), B = (h k + d) r r^T.
+TEST(MusclesInEngines, TheArticulatedStepSolvesTheCoupledLaw) {
+  const model::Model model = two_links();
+  for (const double h : {1e-3, 5e-3}) {
+    const auto engine = make_engine(model, with(ArticulatedMethod::semi_implicit_euler, h));
+    const double excitation = 0.9;
+    StepInput input;
+    input.excitations = {&excitation, 1};
+    engine->step(input);
+    const model::Muscle& m = model.muscles[0];
+    const double a = model::next_activation(m, 0, excitation, h);
+    const model::Tension at = model::tension(m, 0, 0, a);
+    const Eigen::Vector2d r(0.012, 0.007);
+    const Eigen::Matrix2d A =
+        inertia(0) + h * (h * std::max(0.0, at.stiffness) + at.damping) * r * r.transpose();
+    const Eigen::Vector2d u = A.ldlt().solve(h * at.force * r);
+    const model::State& state = engine->state();
+    EXPECT_NEAR(state.u[0], u[0], 1e-9 * u.norm());
+    EXPECT_NEAR(state.u[1], u[1], 1e-9 * u.norm());
+    EXPECT_EQ(state.activation[0], a);
+    // The torques that acted are the tension's at the step's end.
+    EXPECT_NEAR(state.tau[0], r[0] * state.tendon_force[0], 1e-9);
+    EXPECT_NEAR(state.tau[1], r[1] * state.tendon_force[0], 1e-9);
+    EXPECT_NEAR((inertia(0) * u / h - r * state.tendon_force[0]).norm(), 0, 1e-9);
+  }
+}
+
+// Oracle: all engines go to the same motion as the step goes to zero, at first order, from 0.05 rad. The
+// reference is the articulated engine at 5 us.
+TEST(MusclesInEngines, ConvergeToTheSameMotion) {
+  const model::Model model = two_links();
+  const auto after = [&](Method method, double h) {
+    const auto engine = make_engine(model, with(method, h));
+    const double excitation = 0.05;
+    StepInput input;
+    input.excitations = {&excitation, 1};
+    for (int i = 0; i < std::lround(0.02 / h); ++i) engine->step(input);
+    return Eigen::Vector2d(engine->state().q[0], engine->state().q[1]);
+  };
+  const Eigen::Vector2d exact = after(ArticulatedMethod::semi_implicit_euler, 5e-6);
+  for (const Method method : {Method(ArticulatedMethod::semi_implicit_euler), Method(OdeMethod::world_step),
+                              Method(DaeMethod::euler_projected)}) {
+    const double coarse = (after(method, 2e-4) - exact).norm(), fine = (after(method, 1e-4) - exact).norm();
+    EXPECT_LT(fine, 0.05) << static_cast<int>(method.index());
+    EXPECT_GT(coarse / fine, 1.6) << static_cast<int>(method.index());
+  }
+}
+
+/// The largest rate [rad/s] over a run of a hand whose muscles are switched on and off in steps.
+double largest_rate(const std::string& person, const std::string& engine, double step,
+                    const std::string& effects) {
+  const scene::Scene scene = handsim::test::shipped_scene(
+      "resting_hand",
+      {"hands.0.model=" + handsim::test::source("handmodels/anatomical.yaml").string(),
+       "hands.0.person=" + (person == "newborn"
+                                ? "{stature: 0.5, mass: 3.5, sex: male, age: 1}"
+                                : handsim::test::source("config/persons/" + person + ".yaml").string()),
+       "solver={engine: " + engine + ", step: " + std::to_string(step) + "}", effects,
+       "hands.0.wrist={mount: universal}"});
+  simulation::Simulation run(scene, simulation::no_watchers);
+  std::mt19937 random(7);
+  std::vector<double> excitations(scene.model.muscles.size());
+  double largest = 0;
+  for (double time = 0; time < 0.6; time += step) {
+    // Steps from none to all every 50 ms: the fastest that activation can be asked for.
+    if (std::fmod(time, 0.05) < step)
+      for (double& each : excitations) each = random() % 3 == 0 ? 1 : 0;
+    StepInput input;
+    input.excitations = excitations;
+    run.step(input);
+    for (const double u : run.state().u) largest = std::max(largest, std::abs(u));
+    for (const double force : run.state().tendon_force) EXPECT_TRUE(std::isfinite(force) && force >= 0);
+  }
+  return largest;
+}
+
+constexpr const char* kAll = "effects=[gravity, joint_stops, passive_tissue, muscles, tendon_coupling]";
+
+// Oracle: muscles cannot move a joint faster than they shorten: 10 fibre lengths a second over the smallest
+// arm, 0.75 m/s over 2 mm, is 375 rad/s; a step that is not stable passes that within some steps.
+class StableMuscles : public testing::TestWithParam<std::tuple<const char*, double, const char*>> {};
+
+TEST_P(StableMuscles, KeepJointsWithinWhatMusclesCanShorten) {
+  const auto& [engine, step, person] = GetParam();
+  EXPECT_LT(largest_rate(person, engine, step, kAll), 375);
+}
+
+INSTANTIATE_TEST_SUITE_P(Articulated, StableMuscles,
+                         testing::Combine(testing::Values("articulated, method: semi_implicit_euler"),
+                                          testing::Values(1e-3, 5e-3),
+                                          testing::Values("median_man", "child", "giant", "newborn")));
+INSTANTIATE_TEST_SUITE_P(
+    Ode, StableMuscles,
+    testing::Combine(testing::Values("ode, method: world_step", "ode, method: quick_step"),
+                     testing::Values(1e-3), testing::Values("median_man", "child", "giant", "newborn")));
+
+}  // namespace
+}  // namespace handsim::engine

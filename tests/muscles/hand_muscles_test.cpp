@@ -1,0 +1,146 @@
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "handsim/hand/build.h"
+#include "scene_files.h"
+
+namespace handsim::hand {
+namespace {
+
+HandSpec shipped() {
+  YamlNode root = load_yaml(test::source("handmodels/anatomical.yaml"));
+  Diagnostics diagnostics;
+  HandSpec spec = read_hand_spec(root, "", diagnostics);
+  diagnostics.throw_if_any();
+  return spec;
+}
+
+Person person(double stature, double mass, Sex sex, double age = 30) {
+  Person out;
+  out.stature = stature;
+  out.mass = mass;
+  out.sex = sex;
+  out.age = age;
+  return out;
+}
+
+const model::Muscle& muscle(const BuiltHand& hand, const std::string& name) {
+  for (const model::Muscle& each : hand.muscles.muscles)
+    if (each.name == name) return each;
+  throw std::runtime_error(name);
+}
+
+/// Coordinates of a hand with given angles, in degrees.
+std::vector<double> pose(const BuiltHand& hand, const std::map<std::string, double>& degrees) {
+  std::vector<double> q(hand.axes.size());
+  for (std::size_t i = 0; i < q.size(); ++i)
+    if (const auto found = degrees.find(hand.axes[i].name); found != degrees.end())
+      q[i] = found->second * M_PI / 180;
+  return q;
+}
+
+// Oracle: the row of Ketchum 1978 and MyoHand at 0 degrees, 10.1 and 9.6 mm, on the file's own hand.
+TEST(HandMuscles, HaveTheArmsOfTheFileOnTheFilesHand) {
+  const HandSpec spec = shipped();
+  Person reference = person(1.75, 72, Sex::male);
+  reference.hand_length = spec.muscles->hand_length;
+  const BuiltHand hand = build_hand(spec, reference);
+  const model::Muscle& fdp = muscle(hand, "FDP2");
+  const model::PathState at = path_state(fdp.path, pose(hand, {}));
+  double arm = 0;
+  for (std::size_t i = 0; i < fdp.path.arms.size(); ++i)
+    if (hand.axes[static_cast<std::size_t>(fdp.path.arms[i].dof)].name == "index_mcp.flexion")
+      arm = at.arm[i];
+  EXPECT_NEAR(arm, 0.0097, 0.0006);
+}
+
+// Oracle: lengths scale with hand length, torques with length times strength.
+TEST(HandMuscles, ScaleWithHandLengthAndGripStrength) {
+  const HandSpec spec = shipped();
+  Person small = person(1.75, 72, Sex::male), large = small;
+  small.hand_length = 0.16;
+  large.hand_length = 0.20;
+  small.grip_strength = 200;
+  large.grip_strength = 600;
+  const BuiltHand a = build_hand(spec, small), b = build_hand(spec, large);
+  for (std::size_t i = 0; i < a.muscles.muscles.size(); ++i) {
+    const model::Muscle &x = a.muscles.muscles[i], &y = b.muscles.muscles[i];
+    EXPECT_NEAR(y.force / x.force, 3, 1e-12);
+    EXPECT_NEAR(y.fibre_length / x.fibre_length, 1.25, 1e-12);
+    EXPECT_NEAR(path_state(y.path, pose(b, {{"index_mcp.flexion", 40}})).excursion,
+                1.25 * path_state(x.path, pose(a, {{"index_mcp.flexion", 40}})).excursion, 1e-15);
+  }
+}
+
+// Oracle: grip of a man of 30 years and 1.75 m in the norm, 524.7 N, over the file's 520; of a newborn the
+// smallest stature's, 501.1 N, times (0.5 / 1.6)^2.
+TEST(HandMuscles, AreTheStrengthOfThePerson) {
+  const HandSpec spec = shipped();
+  EXPECT_NEAR(build_hand(spec, person(1.75, 72, Sex::male)).muscles.strength, 524.7 / 520, 1e-12);
+  const double newborn = build_hand(spec, person(0.5, 3.5, Sex::male)).muscles.strength;
+  EXPECT_NEAR(newborn, 501.1 / 520 * 0.3125 * 0.3125, 1e-12);
+}
+
+// Oracle: fibres are at their optimal length at the joints' rest angles, by the file's definition.
+TEST(HandMuscles, HaveOptimalFibresAtTheRestAngles) {
+  const BuiltHand hand = build_hand(shipped(), person(1.75, 72, Sex::male));
+  std::vector<double> rest;
+  for (const HandAxis& axis : hand.axes) rest.push_back(axis.rest);
+  for (const model::Muscle& each : hand.muscles.muscles) {
+    const double along = each.length - path_state(each.path, rest).excursion - each.slack_length;
+    const double across = each.fibre_length * std::sin(each.pennation);
+    EXPECT_NEAR(std::hypot(along, across), each.fibre_length, 1e-12) << each.name;
+  }
+}
+
+// Oracle: a mount without a wrist joint has no arms about it; a left hand has the same arms as a right one.
+TEST(HandMuscles, LoseTheAxesThatTheMountOmits) {
+  const BuiltHand hand = build_hand(shipped(), person(1.75, 72, Sex::male));
+  model::Model fixed = model::make_model(), moving = model::make_model();
+  Placement placement;
+  add_hand(fixed, hand, placement);
+  placement.mount = Mount::universal;
+  placement.side = model::Side::left;
+  placement.name = "left";
+  add_hand(moving, hand, placement);
+  const auto arms = [](const model::Model& model, const std::string& name) {
+    for (const model::Muscle& each : model.muscles)
+      if (each.name == name) return each.path.arms;
+    return std::vector<model::MomentArm>();
+  };
+  EXPECT_EQ(arms(fixed, "right.FCR").size(), 0u);
+  EXPECT_EQ(arms(moving, "left.FCR").size(), 2u);
+  const auto right = arms(fixed, "right.FDP3"), left = arms(moving, "left.FDP3");
+  ASSERT_EQ(left.size(), right.size() + 2);
+  for (std::size_t i = 0; i < right.size(); ++i) {
+    EXPECT_EQ(left[i + 2].c, right[i].c);
+    EXPECT_EQ(left[i + 2].dof, right[i].dof + 2);
+  }
+}
+
+TEST(HandMuscles, NameEveryMistakeOfTheirFile) {
+  YamlNode root = parse_yaml(R"(title: t
+reference: {hand_length: "178 mm", grip_strength: 520}
+norms: {title: t, source: s, norms: [{sex: male, age: [1, 99], stature: [1, 2], mean: 500, deviation: 80},
+  {sex: female, age: [1, 99], stature: [1, 2], mean: 300, deviation: 60}]}
+muscles:
+  - {name: A, force: 10, fibre: "50 mm", tendon: "0.2 m", arms: {index_mcp.flexon: 0.01}}
+  - {name: A, force: -1, fibre: "50 mm", tendon: "0.2 m", arms: {wrist.flexion: [0.01, 1, 2, 3, 4, 5]}}
+bands:
+  - {name: B, between: [A, C], stiffness: 1, damping: 1}
+)",
+                             "muscles.yaml");
+  Diagnostics diagnostics;
+  const std::vector<HandAxis> axes = {{"index_mcp.flexion", 0, 1, 0}, {"wrist.flexion", 0, 1, 0}};
+  read_muscle_file(root, "muscles", axes, diagnostics);
+  std::string text;
+  for (const Problem& each : diagnostics.problems)
+    text += each.key + ": got " + each.got + ", need " + each.need + "\n";
+  for (const char* part : {"index_mcp.flexon", "index_mcp.flexion", "A a second time", "muscles.1.force",
+                           "6 coefficients", "between: got C"})
+    EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
+}
+
+}  // namespace
+}  // namespace handsim::hand

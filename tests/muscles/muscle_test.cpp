@@ -1,0 +1,125 @@
+#include "handsim/model/muscle.h"
+
+#include <cmath>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "handsim/model/muscle_curves.h"
+
+namespace handsim::model {
+namespace {
+
+TendonPath path() {
+  TendonPath out;
+  out.arms.push_back({0, {0.010, 0.002, -0.001, 0.0005, 0}, -0.2, 1.6});
+  out.arms.push_back({1, {-0.004, 0.001, 0, 0, 0}, -0.2, 1.6});
+  out.arms.push_back({3, {0.006}, -1, 1});
+  out.products.push_back({0, 1, 1, 1, 0.0008});
+  out.products.push_back({1, 2, 2, 1, -0.0005});
+  return out;
+}
+
+Muscle muscle() {
+  Muscle out;
+  out.name = "m";
+  out.path = path();
+  out.force = 100;
+  out.fibre_length = 0.07;
+  out.slack_length = 0.3;
+  out.length = 0.37;
+  return out;
+}
+
+// Oracle: the moment arm is minus the derivative of length; central differences of the excursion, within and
+// beyond the range of the polynomials. 1e-6 rad: truncation and rounding are below 1e-10 m.
+TEST(TendonPath, ArmsAreTheDerivativeOfTheExcursion) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> angle(-0.6, 2.2);
+  const TendonPath tendon = path();
+  for (int sample = 0; sample < 200; ++sample) {
+    std::vector<double> q(4);
+    for (double& each : q) each = angle(random);
+    const PathState at = path_state(tendon, q);
+    for (std::size_t i = 0; i < tendon.arms.size(); ++i) {
+      const auto dof = static_cast<std::size_t>(tendon.arms[i].dof);
+      std::vector<double> up = q, down = q;
+      up[dof] += 1e-6;
+      down[dof] -= 1e-6;
+      const double slope = (path_state(tendon, up).excursion - path_state(tendon, down).excursion) / 2e-6;
+      EXPECT_NEAR(at.arm[i], slope, 1e-9);
+      const double bend = (path_state(tendon, up).arm[i] - path_state(tendon, down).arm[i]) / 2e-6;
+      EXPECT_NEAR(at.bend[i], bend, 1e-8);
+    }
+  }
+}
+
+// Oracle: Thelen 2003, eqs. 3, 4, 6, 7: 1 at the optimum, 0 at the largest speed of 0.25 + 0.75 a, 1.4 in
+// fast lengthening, exp(-0.25 / 0.45) at half a length more, and a passive force of 1 at a strain of 0.6.
+TEST(MuscleCurves, HaveTheValuesOfTheirSource) {
+  Muscle m = muscle();
+  m.length = m.slack_length + m.fibre_length;
+  EXPECT_NEAR(tension(m, 0, 0, 1).force, 100, 1e-12);
+  EXPECT_NEAR(tension(m, 0, 0, 0.3).force, 30, 1e-12);
+  const double top = 10 * m.fibre_length;
+  EXPECT_NEAR(tension(m, 0, -top, 1).force, 0, 1e-12);
+  EXPECT_NEAR(tension(m, 0, -0.625 * top, 0.5).force, 0, 1e-12);
+  EXPECT_NEAR(tension(m, 0, 1e6 * top, 1).force, 140, 1e-3);
+  // Concentric, eq. 6 by hand at a quarter of the largest speed: (1 - 0.25) / (1 + 0.25 / 0.25).
+  EXPECT_NEAR(tension(m, 0, -0.25 * top, 1).force, 37.5, 1e-9);
+  EXPECT_NEAR(isometric_force(m, -0.5 * m.fibre_length), 100 * std::exp(-0.25 / 0.45), 1e-9);
+  EXPECT_NEAR(passive_force(m, -0.6 * m.fibre_length), 100, 1e-9);
+  EXPECT_EQ(passive_force(m, 0.1 * m.fibre_length), 0);
+}
+
+// Oracle: differences of the force. The damping has to be the tangent at least, and the chord to rest: a step
+// that is linear by it then does not go past the force at rest.
+TEST(MuscleCurves, SlopesBoundTheCurve) {
+  const Muscle m = muscle();
+  for (const double a : {0.02, 0.4, 1.0})
+    for (double rate = -0.5; rate < 0.5; rate += 0.0371) {
+      const Tension at = tension(m, 0.004, rate, a);
+      if (at.force == 0) continue;
+      const double h = 1e-7;
+      const double tangent =
+          (tension(m, 0.004, rate + h, a).force - tension(m, 0.004, rate - h, a).force) / (2 * h);
+      const double chord = (at.force - tension(m, 0.004, 0, a).force) / rate;
+      EXPECT_GE(at.damping * (1 + 1e-5), tangent) << a << " " << rate;
+      EXPECT_GE(at.damping * (1 + 1e-5), chord) << a << " " << rate;
+      const double slope =
+          (tension(m, 0.004 - h, rate, a).force - tension(m, 0.004 + h, rate, a).force) / (2 * h);
+      EXPECT_NEAR(at.stiffness, slope, 1e-3 * std::abs(slope) + 1e-2);
+    }
+}
+
+// Oracle: with a constant excitation of 0 the law is a' = -a (0.5 + 1.5 a) / t, solved by separation:
+// a / (0.5 + 1.5 a) = C exp(-0.5 s / t). Backward Euler is first order: halving the step halves the error.
+TEST(Activation, FollowsItsLawToFirstOrder) {
+  const Muscle m = muscle();
+  const double end = 0.06, start = 0.8;
+  const double c = start / (0.5 + 1.5 * start) * std::exp(-0.5 * end / m.deactivation_time);
+  const double exact = 0.5 * c / (1 - 1.5 * c);
+  double errors[2] = {};
+  for (int k = 0; k < 2; ++k) {
+    const int steps = k == 0 ? 600 : 1200;
+    double a = start;
+    for (int i = 0; i < steps; ++i) a = next_activation(m, a, 0, end / steps);
+    errors[k] = std::abs(a - exact);
+  }
+  EXPECT_LT(errors[0], 1e-3);
+  EXPECT_NEAR(errors[0] / errors[1], 2, 0.05);
+}
+
+TEST(Activation, StaysWithinZeroAndOneAtAnyStep) {
+  const Muscle m = muscle();
+  for (const double step : {1e-4, 1e-2, 10.0})
+    for (const double from : {0.0, 0.3, 1.0})
+      for (const double to : {0.0, 0.5, 1.0}) {
+        const double next = next_activation(m, from, to, step);
+        EXPECT_GE(next, std::min(from, to));
+        EXPECT_LE(next, std::max(from, to));
+      }
+}
+
+}  // namespace
+}  // namespace handsim::model

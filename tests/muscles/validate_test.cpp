@@ -1,0 +1,61 @@
+#include "handsim/study/validate/validate.h"
+
+#include <fstream>
+
+#include <gtest/gtest.h>
+
+#include "scene_files.h"
+
+namespace handsim::study {
+namespace {
+
+std::string head() {
+  return "title: t\nhand: " + test::source("handmodels/anatomical.yaml").string() +
+         "\npeople: {man: " + test::source("config/persons/median_man.yaml").string() + "}\nmeasurements:\n";
+}
+
+ValidateResult run(const ValidateSpec& spec) { return run_validate(spec); }
+
+// Oracle: the shipped file's required rows hold, and none of its values is missing.
+TEST(Validate, ShippedHandHasTheRequiredMeasurements) {
+  const ValidateSpec spec = load_validate(test::source("config/validate.yaml"));
+  const ValidateResult result = run(spec);
+  EXPECT_TRUE(result.passed()) << validate_table(spec, result);
+  EXPECT_GT(result.rows.size(), 80u);
+  for (const ValidateRow& row : result.rows) EXPECT_TRUE(std::isfinite(row.ours)) << row.of->name;
+}
+
+// Oracle: a required row with a value that the hand does not have fails, the same row without `required` does
+// not.
+TEST(Validate, FailsWhereARequiredRowFallsShort) {
+  const test::TemporaryFolder folder;
+  for (const bool required : {true, false}) {
+    const auto file = folder.path() / "own.yaml";
+    std::ofstream(file)
+        << head()
+        << "  - {name: mass, kind: hand_mass, person: man, measured: 5, spread: 0.1, source: s, required: "
+        << (required ? "true" : "false") << "}\n";
+    const ValidateSpec spec = load_validate(file);
+    EXPECT_EQ(run(spec).passed(), !required);
+  }
+}
+
+TEST(Validate, NamesWhatTheHandDoesNotHave) {
+  const test::TemporaryFolder folder;
+  const auto file = folder.path() / "own.yaml";
+  std::ofstream(file)
+      << head()
+      << "  - {name: a, kind: moment_arms, person: men, muscle: FPD2, axis: index_mcp.flexon, angles: "
+         "[0, 1], arms: [0.01], spread: 0.001, source: s}\n";
+  try {
+    load_validate(file);
+    FAIL() << "accepted";
+  } catch (const Error& error) {
+    const std::string text = error.what();
+    for (const char* part : {"men", "FPD2", "FDP2", "index_mcp.flexon", "index_mcp.flexion"})
+      EXPECT_NE(text.find(part), std::string::npos) << part << "\n" << text;
+  }
+}
+
+}  // namespace
+}  // namespace handsim::study
