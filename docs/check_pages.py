@@ -17,7 +17,7 @@ README_LINES = 250
 # Pages with the keys of each kind of file.
 KEY_PAGES = {"scene": ["scenes.md"], "person": ["persons.md"], "hand": ["persons.md", "scenes.md"],
              "controller": ["control.md"], "poses": ["control.md"], "object": ["scenes.md"],
-             "material": ["scenes.md"], "rollouts": ["rollouts.md"]}
+             "material": ["scenes.md"], "rollouts": ["rollouts.md"], "names": ["motion.md"], "markers": ["motion.md"]}
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.S | re.M)
 

@@ -601,8 +601,48 @@ def peers_ahead():
     return table(["case", "of ours", "falls short by", "held by"], rows)
 
 
+def torques_of(label):
+    """Columns `_active` of a torques.sto: name -> values."""
+    path = OUT / "bench" / label / "torques.sto"
+    if not path.exists():
+        raise Missing(path)
+    lines = path.read_text().splitlines()
+    names = lines[6].split("\t")
+    rows = [line.split("\t") for line in lines[7:]]
+    return {name.removesuffix("_active"): [float(row[i]) for row in rows]
+            for i, name in enumerate(names) if name.endswith("_active")}
+
+
+def bench():
+    rms = lambda values: math.sqrt(sum(value * value for value in values) / len(values))
+    exact, noisy = (study_json("bench", label, "summary.json") for label in ("exact", "tracked"))
+    flexion = lambda data: max(hand["finger_flexion_difference_rms_deg"] for hand in data["hands"])
+    true, found = torques_of("true_torques"), torques_of("inverse")
+    axes = [name for name in true if name.endswith(".flexion") and "thumb" not in name]
+    difference = rms([rms([a - b for a, b in zip(true[name], found[name])]) for name in axes])
+    check = study_json("bench", "inverse", "summary.json")["forward"]["rms_error_deg"]
+    run = study_json("bench", "run", "summary.json")
+    errors = [criterion(run, "rms_error"), criterion(run, "largest_error")]
+    overlaps = [hand["overlaps"] for hand in noisy["hands"]]
+    return table(["step", "figure", "value"], [
+        ["track, exact", "angles of the fingers' flexion axes against the true ones, RMS", f"{number(flexion(exact))}°"],
+        ["track, 2 mm of noise", "the same", f"{number(flexion(noisy))}°"],
+        ["", "noise that it estimates, a coordinate", f"{number(noisy['hands'][0]['noise_mm'])} mm"],
+        ["", "hand length; with exact keypoints",
+         f"{noisy['person']['hand_length_mm']:.1f} mm; {exact['person']['hand_length_mm']:.1f} mm"],
+        ["", "frames of one hand in a second of CPU time", f"{noisy['frames_of_a_hand_per_s']:.0f}"],
+        ["", "frames with fingers inside each other, deepest",
+         f"{sum(each['frames_overlapping'] for each in overlaps)} of {sum(each['frames_tested'] for each in overlaps)}, "
+         f"{number(max(each['deepest_mm'] for each in overlaps))} mm"],
+        ["inverse", "torques of the fingers' flexion axes against the true ones, RMS; the torques themselves",
+         f"{number(1e3 * difference)} mN m; {number(1e3 * rms([rms(true[name]) for name in axes]))} mN m"],
+        ["", "simulation with the torques alone, RMS", f"{number(check)}°"],
+        ["run, with contact", "difference from the tracked angles, worst axis: RMS; largest",
+         f"{number(math.degrees(errors[0]))}°; {number(math.degrees(errors[1]))}°"]])
+
+
 # Name of the table -> the study whose files it needs, and the function that makes it.
-TABLES = {"rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+TABLES = {"bench": ("bench", bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),

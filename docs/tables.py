@@ -73,7 +73,21 @@ def tracking_runs():
             "articulated_20ms": [*run, "--engine", "articulated", "--set", "solver.step=20 ms"]}
 
 
+def bench_runs():
+    """The day at the bench: each run reads files of those before it."""
+    of = lambda label, name: str(OUT / "bench" / label / name)
+    track = ["track", of("true", "markers.csv"), "--person", "config/persons/median_woman.yaml", "--truth",
+             of("true", "trajectory.mot"), "--out", "{out}"]
+    apart = "effects=[gravity, joint_stops, passive_tissue, actuation, wrist_motion]"
+    return {"true": ["run", "config/bench.yaml", "--out", "{out}", "--quiet"], "exact": track,
+            "tracked": [*track, "--noise", "2 mm"],
+            "inverse": ["inverse", of("tracked", "scene.yaml"), "--set", apart, "--out", "{out}"],
+            "true_torques": ["inverse", "config/bench.yaml", "--out", "{out}"],
+            "run": ["run", of("tracked", "scene.yaml"), "--out", "{out}", "--quiet"]}
+
+
 STUDIES = {
+    "bench": Study("10 s", bench_runs(), {"tracked/right_angles.png": "bench_angles.png", "inverse/torques.png": "bench_torques.png"}),
     "demo": Study("1 s", {"run": ["run", "config/two_hands.yaml", "--out", "{out}"],
                           "few_iterations": ["run", "config/two_hands.yaml", "--out", "{out}", "--quiet", "--set",
                                              "solver.method=quick_step", "--set", "solver.iterations=5"]}),

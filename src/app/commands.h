@@ -34,6 +34,14 @@ struct SchemaArguments {
 };
 int schema_command(const SchemaArguments& arguments);
 
+/// Options of drawing that run, render and grasp have.
+struct DrawArguments {
+  std::optional<std::filesystem::path> video;
+  double fps = 30;
+  double speed = 1;
+  std::string gl;  ///< osmesa or egl; empty: the default of this build
+};
+
 struct RunArguments {
   std::filesystem::path scene;
   std::filesystem::path out;
@@ -48,14 +56,16 @@ struct RunArguments {
   bool plots = false;
   bool quiet = false;
   bool json = false;
+  DrawArguments drawing;
 };
 int run_scene_command(const RunArguments& arguments);
 
 struct RenderArguments {
   std::filesystem::path scene;
-  std::filesystem::path out;
+  std::optional<std::filesystem::path> out;  ///< of the picture; absent: only the video
   std::vector<std::string> overrides;
-  double time = 0;  ///< [s]
+  std::optional<double> time;  ///< [s]; absent: the start, of a video the scene's end
+  DrawArguments drawing;
 };
 int render_command(const RenderArguments& arguments);
 
@@ -71,6 +81,7 @@ struct GraspArguments {
   std::optional<int> agree;  ///< random grasps on which engines are compared
   std::uint64_t seed = 1;
   int quarter_steps = 0;
+  DrawArguments drawing;
 };
 int grasp_command(const GraspArguments& arguments);
 
@@ -118,9 +129,11 @@ struct EffectsArguments {
 int effects_command(const EffectsArguments& arguments);
 
 struct ExportArguments {
-  std::filesystem::path scene;
+  std::optional<std::filesystem::path> scene;
+  HandArguments hands;               ///< without a scene; `side` is empty if it was not given
+  std::optional<std::string> mount;  ///< of these hands; absent: fixed
   std::filesystem::path out;
-  std::optional<std::string> format;  ///< mjcf or urdf; absent: by the ending of `out`, else mjcf
+  std::optional<std::string> format;  ///< mjcf, urdf or osim; absent: by the ending of `out`, else mjcf
   std::vector<std::string> overrides;
 };
 int export_command(const ExportArguments& arguments);

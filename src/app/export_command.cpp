@@ -1,29 +1,77 @@
+#include <algorithm>
+#include <array>
+
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
+#include "handsim/app/person_hands.h"
 #include "handsim/core/text.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/export/export.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/scene/compile/scene.h"
 
 namespace handsim::app {
 
 namespace {
 
-/// The requested format, which must agree with the file's extension.
+struct Format {
+  const char* name;
+  std::array<const char*, 2> endings;  ///< the second may be empty
+};
+constexpr std::array<Format, 3> kFormats = {
+    {{"mjcf", {".xml", ".mjcf"}}, {"urdf", {".urdf", ""}}, {"osim", {".osim", ""}}}};
+
+/// The requested format, which must agree with the file's ending.
 std::string format_of(const ExportArguments& arguments) {
   const std::string ending = ending_of(arguments.out);
   if (ending.empty()) return arguments.format.value_or("mjcf");
-  const std::string format = ending == ".xml" ? "mjcf" : ending == ".urdf" ? "urdf" : "";
-  if (format.empty() || format != arguments.format.value_or(format))
-    throw input_error("--out", arguments.out.string(),
-                      arguments.format
-                          ? fmt::format("a name that ends in {} for --format {}",
-                                        *arguments.format == "urdf" ? ".urdf" : ".xml", *arguments.format)
-                          : "a name that ends in .xml (MJCF) or .urdf");
-  return format;
+  for (const Format& format : kFormats) {
+    const bool ends = std::find(format.endings.begin(), format.endings.end(), ending) != format.endings.end();
+    if (ends && arguments.format.value_or(format.name) == format.name) return format.name;
+  }
+  std::string need = "a name that ends in .xml or .mjcf (MJCF), .urdf or .osim (OpenSim)";
+  for (const Format& format : kFormats)
+    if (arguments.format == format.name)
+      need = fmt::format("a name that ends in {}{}{} for --format {}", format.endings[0],
+                         *format.endings[1] ? " or " : "", format.endings[1], format.name);
+  throw input_error("--out", arguments.out.string(), need);
+}
+
+/// Refuses options that belong to a person beside a scene, and the other way round.
+void check_source(const ExportArguments& arguments) {
+  const HandArguments& hands = arguments.hands;
+  const bool person = hands.person || !hands.measures.empty();
+  if (!arguments.scene) {
+    if (!person)
+      throw input_error("scene", "nothing",
+                        "a scene file, or a person: --person, or --stature, --mass and --sex");
+    if (!arguments.overrides.empty())
+      throw input_error("--set", arguments.overrides.front(), "a scene, whose keys it overrides");
+    return;
+  }
+  if (person || hands.model || !hands.side.empty() || arguments.mount)
+    throw input_error("scene", arguments.scene->string(), "a scene or the options of a person, not both");
+}
+
+hand::Mount mount_of(const std::string& name) {
+  if (name == "hinge") return hand::Mount::hinge;
+  if (name == "universal") return hand::Mount::universal;
+  return name == "free" ? hand::Mount::free : hand::Mount::fixed;
+}
+
+/// Hands whose parts may touch each other, and what they grip in the other program.
+scene::Scene hands_of_person(const ExportArguments& arguments) {
+  model::Effects effects;
+  for (const model::Effect effect :
+       {model::Effect::gravity, model::Effect::self_contact, model::Effect::friction,
+        model::Effect::joint_stops, model::Effect::passive_tissue})
+    effects.add(effect);
+  PersonHands input = read_person_hands(arguments.hands);
+  print_warnings(input.warnings);
+  const std::string& side = arguments.hands.side;
+  return compile_hands(side.empty() ? "both" : side, mount_of(arguments.mount.value_or("fixed")), effects,
+                       std::move(input));
 }
 
 }  // namespace
@@ -32,11 +80,15 @@ std::string ending_of(const std::filesystem::path& path) { return lower_case(pat
 
 int export_command(const ExportArguments& arguments) {
   const std::string format = format_of(arguments);
-  const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
+  check_source(arguments);
+  const scene::Scene scene =
+      arguments.scene ? scene::load_scene(*arguments.scene, arguments.overrides) : hands_of_person(arguments);
   const engine::Settings& solver = scene.spec.solver;
   output::check_not_read(arguments.out, [&] { return scene::files_read(scene); });
-  const std::string text =
-      format == "urdf" ? output::to_urdf(scene.model, solver) : output::to_mjcf(scene.model, solver);
+  const control::Plan* plan = scene.control ? &*scene.control : nullptr;
+  const std::string text = format == "urdf"   ? output::to_urdf(scene.model, solver, plan)
+                           : format == "osim" ? output::to_osim(scene.model, solver)
+                                              : output::to_mjcf(scene.model, solver, plan);
   output::write_file(arguments.out, text);
   print("{}: {} bodies, {} joints as {}\n", arguments.out.string(), scene.model.bodies.size() - 1,
         scene.model.joints.size(), format);

@@ -3,6 +3,7 @@
 #include <array>
 
 #include "handsim/control/gains.h"
+#include "handsim/control/motion_names.h"
 #include "handsim/control/poses.h"
 #include "handsim/hand/grip_strength.h"
 #include "handsim/hand/hand_spec.h"
@@ -12,6 +13,7 @@
 #include "handsim/scene/read/scene_spec.h"
 #include "handsim/scene/task/tasks.h"
 #include "handsim/study/rollouts/rollouts_spec.h"
+#include "handsim/study/track/marker_set.h"
 
 namespace handsim::app {
 
@@ -43,6 +45,8 @@ constexpr std::array kReaders = {
     FileReader{"anthropometry", FileKind::anthropometry, read_root<hand::read_anthropometry>},
     FileReader{"grip_norms", FileKind::grip_norms, read_root<hand::read_grip_table>},
     FileReader{"rollouts", FileKind::rollouts, read_root<study::read_rollouts>},
+    FileReader{"names", FileKind::motion_names, read_root<control::read_motion_names>},
+    FileReader{"markers", FileKind::marker_set, read_root<study::read_marker_set>},
     FileReader{"costs", FileKind::costs, read_root<scene::read_costs>},
 };
 

@@ -4,6 +4,7 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
+#include "handsim/app/drawing_options.h"
 #include "handsim/app/progress.h"
 #include "handsim/core/units.h"
 #include "handsim/study/grasp/agreement.h"
@@ -119,6 +120,10 @@ int grasp_command(const GraspArguments& arguments) {
   study.friction_search = arguments.friction_search;
   study.margin = arguments.margin;
   study.pictures = arguments.pictures;
+  study.video = video_of(arguments.drawing);
+  if (study.video && study.video->file.has_parent_path())
+    throw input_error("--video", study.video->file.string(), "a name without a folder, such as grasp.mp4");
+  study.gl = gl_of(arguments.drawing);
   study.draw_apart = true;
   if (arguments.side == "both")
     study.sides = {"right", "left"};

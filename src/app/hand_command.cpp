@@ -1,104 +1,20 @@
-#include <algorithm>
-#include <cmath>
-
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
 #include "handsim/app/overlaps.h"
-#include "handsim/core/data_folder.h"
+#include "handsim/app/person_hands.h"
 #include "handsim/core/units.h"
 #include "handsim/engine/contact/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/scene/compile/scene.h"
-#include "handsim/scene/read/file_kind.h"
 #include "handsim/simulation/run/pictures.h"
 
 namespace handsim::app {
 
 namespace {
-
-/// A person from the options, with the keys of a person file.
-YamlNode person_of_options(const HandArguments& arguments) {
-  YamlNode person = yaml_map();
-  for (const auto& [key, value] : arguments.measures) yaml_put(person, key, yaml_scalar(value));
-  return person;
-}
-
-/// `--hand-length` for `hand_length` or `hands.0.person.hand_length`.
-std::string option_name(const std::string& key) {
-  std::string name = key.substr(key.rfind('.') + 1);
-  std::replace(name.begin(), name.end(), '_', '-');
-  return "--" + name;
-}
-
-/// Problems of a person without a file as problems of the options.
-std::vector<Problem> option_problems(std::vector<Problem> problems) {
-  for (Problem& problem : problems) {
-    if (problem.place && !problem.place->file.empty()) continue;
-    problem.place.reset();
-    problem.key = option_name(problem.key);
-  }
-  return problems;
-}
-
-/// The input of the command.
-struct Input {
-  hand::HandSpec model;
-  hand::Person person;
-  YamlNode files = yaml_map();  ///< trees of both files
-  std::vector<std::string> warnings;
-};
-
-/// @throws Error (input) that names the files' keys or the options.
-Input read_input(const HandArguments& arguments) {
-  YamlNode person = person_of_options(arguments);
-  if (arguments.person && !person.entries.empty())
-    throw input_error(option_name(person.entries.front().key), "a value beside --person", "one of the two");
-  if (arguments.person) person = load_yaml(*arguments.person);
-  Input out;
-  Diagnostics diagnostics;
-  YamlNode& person_node = yaml_put(out.files, "person", std::move(person));
-  YamlNode& model_node = yaml_put(
-      out.files, "model", load_yaml(arguments.model.value_or(data_folder() / "handmodels/anatomical.yaml")));
-  if (!arguments.person || scene::is_of_kind(person_node, "", scene::FileKind::person, diagnostics))
-    out.person = hand::read_person(person_node, "", diagnostics);
-  if (scene::is_of_kind(model_node, "", scene::FileKind::hand_model, diagnostics))
-    out.model = hand::read_hand_spec(model_node, "", diagnostics);
-  if (!diagnostics.problems.empty()) throw Error(option_problems(diagnostics.problems));
-  out.warnings = std::move(diagnostics.warnings);
-  const std::string where = person_node.place().text();
-  for (const std::string& text : hand::extrapolations(out.model.anthropometry, out.person))
-    out.warnings.push_back(where + text);
-  return out;
-}
-
-/// A scene with the requested hands: straight, side by side, backs up.
-scene::Scene compile_hands(const std::string& side, Input input) {
-  scene::SceneSpec spec;
-  spec.title = "hands";
-  spec.pictures.view = scene::View::dorsal;
-  // A hand is about 0.11 statures long.
-  const double distance = 1.35 * 0.11 * input.person.stature;
-  for (const model::Side of : {model::Side::left, model::Side::right}) {
-    const bool left = of == model::Side::left;
-    if (side != "both" && side != (left ? "left" : "right")) continue;
-    scene::HandEntry& entry = spec.hands.emplace_back();
-    entry.model = input.model;
-    entry.person = input.person;
-    entry.placement.name = left ? "left" : "right";
-    entry.placement.side = of;
-    entry.placement.pose.p = {side != "both" ? 0 : (left ? -0.5 : 0.5) * distance, 0.0, 0.2};
-  }
-  try {
-    return scene::compile_scene(std::move(spec), std::move(input.files));
-  } catch (const Error& error) {
-    throw Error(option_problems(error.problems()));
-  }
-}
 
 std::string ranges(const model::Joint& joint) {
   std::string out;
@@ -264,9 +180,9 @@ std::string hand_yaml(const scene::Scene& scene) {
 }  // namespace
 
 int hand_command(const HandArguments& arguments) {
-  Input input = read_input(arguments);
+  PersonHands input = read_person_hands(arguments);
   const std::vector<std::string> warnings = std::move(input.warnings);
-  const scene::Scene scene = compile_hands(arguments.side, std::move(input));
+  const scene::Scene scene = compile_hands(arguments.side, hand::Mount::fixed, {}, std::move(input));
   const scene::HandEntry& entry = scene.spec.hands.front();
   const hand::BuiltHand& built = scene.hands.front();
   std::optional<output::OutputFolder> folder;

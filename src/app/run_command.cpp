@@ -5,6 +5,7 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
+#include "handsim/app/drawing_options.h"
 #include "handsim/app/overlaps.h"
 #include "handsim/app/progress.h"
 #include "handsim/app/rollouts_command.h"
@@ -13,6 +14,8 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
+#include "handsim/output/video/video.h"
+#include "handsim/output/video/workers.h"
 #include "handsim/simulation/fingerprint.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
@@ -166,6 +169,8 @@ int run_scene_command(const RunArguments& arguments) {
     options.snapshot_at = arguments.snapshot_at;
     options.from_snapshot = arguments.from_snapshot;
     options.expected_hash = arguments.expected_hash;
+    options.video = video_of(arguments.drawing);
+    options.gl = gl_of(arguments.drawing);
     options.draw_apart = true;
     if (!arguments.quiet) options.progress = [&bar](double share) { bar.show(share); };
     options.note = [](const std::string& text) { print_error("note: {}\n", text); };
@@ -188,28 +193,58 @@ int run_scene_command(const RunArguments& arguments) {
   return result.passed() && result.missing.empty() ? 0 : 1;
 }
 
+namespace {
+
+/// One picture, drawn in a child process.
+void render_picture(const scene::Scene& scene, const RenderArguments& arguments) {
+  const simulation::Moment moment = simulation::moment_at(scene, arguments.time.value_or(0));
+  const auto draw = [&](const output::Progress&) {
+    output::write_png(simulation::draw(scene, moment, gl_of(arguments.drawing)), *arguments.out);
+  };
+  if (const auto failure = output::run_in_child(draw, {}))
+    throw output_error(arguments.out->string(), "no picture: " + *failure,
+                       "memory, room on the disk, or a smaller pictures.size");
+}
+
+void render_video(const scene::Scene& scene, const RenderArguments& arguments) {
+  const simulation::VideoSpec spec = *video_of(arguments.drawing);
+  ProgressBar bar;
+  const simulation::Film film = simulation::film_until(
+      scene, spec, arguments.time.value_or(scene.spec.duration), [&bar](double share) { bar.show(share); });
+  const auto draw = [&](const output::Progress& progress) {
+    film.write({gl_of(arguments.drawing), output::core_count(), 0}, progress);
+  };
+  if (const auto failure = output::run_in_child(draw, [&bar](double share) { bar.show(share); }))
+    throw output_error(spec.file.string(), "no video: " + *failure,
+                       "memory, room on the disk, or a smaller pictures.size");
+}
+
+/// Reports a path that cannot be written before the simulation.
+void check_writable(const std::filesystem::path& path, const scene::Scene& scene) {
+  output::check_not_read(path, [&] { return scene::files_read(scene); });
+  const output::AtomicFile probe(path);
+}
+
+}  // namespace
+
 int render_command(const RenderArguments& arguments) {
   output::require_pictures();
-  if (const std::string end = ending_of(arguments.out); !end.empty() && end != ".png")
-    throw input_error("--out", arguments.out.string(), "a name that ends in .png");
+  if (arguments.out && ending_of(*arguments.out) != ".png")
+    throw input_error("--out", arguments.out->string(), "a name that ends in .png");
+  const auto video = video_of(arguments.drawing);
+  if (video) output::check_video(video->file, video->fps);
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
   print_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty()) print("engine auto: {}\n", scene.spec.engine_choice);
-  if (arguments.time > scene.spec.duration)
-    throw input_error("--time", fmt::format("{:g} s", arguments.time),
+  if (arguments.time.value_or(0) > scene.spec.duration)
+    throw input_error("--time", fmt::format("{:g} s", *arguments.time),
                       fmt::format("0 to the scene's duration of {:g} s", scene.spec.duration));
-  // Reports a path that cannot be written before the simulation.
-  output::check_not_read(arguments.out, [&] { return scene::files_read(scene); });
-  { const output::AtomicFile probe(arguments.out); }
-  const simulation::Moment moment = simulation::moment_at(scene, arguments.time);
+  if (arguments.out) check_writable(*arguments.out, scene);
+  if (video) check_writable(video->file, scene);
   print_warnings(
       overlap_texts(scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))));
-  const auto draw = [&](const output::Progress&) {
-    output::write_png(simulation::draw(scene, moment), arguments.out);
-  };
-  if (const auto failure = output::run_in_child(draw, {}))
-    throw output_error(arguments.out.string(), "no picture: " + *failure,
-                       "memory, room on the disk, or a smaller pictures.size");
+  if (arguments.out) render_picture(scene, arguments);
+  if (video) render_video(scene, arguments);
   return 0;
 }
 

@@ -41,6 +41,9 @@ handsim_need(HANDSIM_SUNDIALS_IS_DOUBLE "SUNDIALS built in double precision (thi
 find_package(Qhull QUIET)
 handsim_need(Qhull_FOUND "Qhull (convex hulls)" libqhull-dev)
 
+find_package(Ceres QUIET)
+handsim_need(Ceres_FOUND "Ceres (least squares of handsim track)" libceres-dev)
+
 find_package(TBB QUIET)
 handsim_need(TBB_FOUND "oneTBB (batches of environments on all cores)" libtbb-dev)
 find_path(HANDSIM_RANDOM123 Random123/philox.h)
@@ -48,13 +51,21 @@ handsim_need(HANDSIM_RANDOM123 "Random123 (numbers drawn by counter)" librandom1
 
 set(HANDSIM_PICTURE_LIBRARIES)
 if(HANDSIM_PICTURES)
-  pkg_check_modules(OSMESA QUIET IMPORTED_TARGET osmesa)
-  handsim_need(OSMESA_FOUND "OSMesa (off-screen OpenGL)" libosmesa6-dev)
+  # One of the two is enough; Mesa has no OSMesa since version 25.1.
+  foreach(gl EGL OSMESA)
+    string(TOLOWER ${gl} name)
+    pkg_check_modules(${gl} QUIET IMPORTED_TARGET ${name})
+    if(${gl}_FOUND)
+      list(APPEND HANDSIM_PICTURE_LIBRARIES PkgConfig::${gl})
+    endif()
+  endforeach()
+  list(LENGTH HANDSIM_PICTURE_LIBRARIES gls)
+  handsim_need(gls "off-screen OpenGL: EGL or OSMesa" "libegl-dev (or libosmesa6-dev)")
   pkg_check_modules(CAIRO QUIET IMPORTED_TARGET cairo)
   handsim_need(CAIRO_FOUND "cairo (text and layout of contact sheets)" libcairo2-dev)
   find_package(PNG QUIET)
   handsim_need(PNG_FOUND "libpng" libpng-dev)
-  set(HANDSIM_PICTURE_LIBRARIES PkgConfig::OSMESA PkgConfig::CAIRO PNG::PNG)
+  list(APPEND HANDSIM_PICTURE_LIBRARIES PkgConfig::CAIRO PNG::PNG)
 endif()
 
 pkg_check_modules(XXHASH QUIET IMPORTED_TARGET libxxhash)

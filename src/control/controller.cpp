@@ -32,6 +32,14 @@ Controller::Controller(const model::Model& model, const Plan& plan, double step,
   }
   targets_.resize(width);
   if (plan.gravity) gravity_.emplace(model, *plan.gravity);
+  if (plan.feed_forward)
+    feed_.emplace(FeedForward{model::NewtonEuler(model, plan.feed_gravity),
+                              std::vector<double>(width),
+                              std::vector<double>(width),
+                              {},
+                              {},
+                              std::vector<double>(dofs),
+                              {}});
   for (std::size_t i = 0; i < plan.axes.size(); ++i) {
     const DrivenAxis& axis = plan.axes[i];
     const model::JointAxis& of_model = model.joints[axis.joint].axes[axis.axis];
@@ -40,11 +48,13 @@ Controller::Controller(const model::Model& model, const Plan& plan, double step,
                     first_target_[axis.hand] + axis.column,
                     0,
                     0,
+                    0,
                     smoothing(axis.gains.derivative_cutoff, step),
                     axis.gains.integral_zone.value_or(std::numeric_limits<double>::infinity())};
     if (plan.tissue_compensation && of_model.tissue) {
       c.tissue_stiffness = of_model.tissue->stiffness;
       c.tissue_rest = of_model.tissue->rest;
+      c.tissue_damping = of_model.tissue->damping;
     }
     constants_.push_back(c);
   }
@@ -69,11 +79,38 @@ void Controller::set_targets(std::span<const double> targets) {
 
 void Controller::update_targets(double time) {
   for (std::size_t i = 0; i < given_.size(); ++i) targets_[constants_[i].target] = given_[i];
-  if (!given_.empty()) return;
+  if (!given_.empty()) {
+    // The caller's targets have no rates.
+    if (feed_) std::fill(feed_->rates.begin(), feed_->rates.end(), 0.0);
+    if (feed_) std::fill(feed_->accelerations.begin(), feed_->accelerations.end(), 0.0);
+    return;
+  }
   for (std::size_t h = 0; h < plan_.hands.size(); ++h) {
     const Trajectory& trajectory = plan_.hands[h].trajectory;
-    trajectory.at(time, std::span(targets_).subspan(first_target_[h], trajectory.width()));
+    const auto part = [&](std::vector<double>& of) {
+      return std::span(of).subspan(first_target_[h], trajectory.width());
+    };
+    if (feed_)
+      trajectory.at(time, part(targets_), part(feed_->rates), part(feed_->accelerations));
+    else
+      trajectory.at(time, part(targets_));
   }
+}
+
+/// Coordinates that are not driven move on at their measured rates.
+void Controller::update_feed(const model::State& state) {
+  FeedForward& feed = *feed_;
+  feed.q = state.q;
+  feed.u = state.u;
+  for (std::size_t i = 0; i < axes_.size(); ++i) {
+    const AxisConstants& c = constants_[i];
+    feed.q[c.dof] = targets_[c.target];
+    feed.u[c.dof] = feed.rates[c.target];
+    feed.change[c.dof] = feed.accelerations[c.target];
+  }
+  feed.dynamics.set_roots(state, state.time + step_);
+  feed.dynamics.place(feed.q, feed.u, feed.change);
+  feed.torques = feed.dynamics.torques();
 }
 
 void Controller::measure(const model::State& state) {
@@ -112,7 +149,10 @@ double Controller::offset_torque(std::size_t i, double target) {
                             c.gains.torque_limit);
   }
   const double weight = gravity_torques_.empty() ? 0 : gravity_torques_[c.dof];
-  return integral + weight + c.tissue_stiffness * (target - c.tissue_rest);
+  const double tissue = c.tissue_stiffness * (target - c.tissue_rest);
+  if (!feed_) return integral + weight + tissue;
+  const double rate = feed_->rates[c.target];
+  return integral + tissue + feed_->torques[c.dof] + (c.gains.derivative + c.tissue_damping) * rate;
 }
 
 void Controller::command_torques() {
@@ -147,6 +187,7 @@ void Controller::command_servos() {
 void Controller::command(const model::State& state) {
   update_targets(state.time + step_);
   if (gravity_) gravity_torques_ = gravity_->torques(state);
+  if (feed_) update_feed(state);
   switch (plan_.form) {
     case Form::explicit_torque:
       return command_torques();

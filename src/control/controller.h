@@ -11,6 +11,7 @@
 #include "handsim/control/plan.h"
 #include "handsim/core/archive.h"
 #include "handsim/model/actuation.h"
+#include "handsim/model/newton_euler.h"
 #include "handsim/model/state.h"
 
 namespace handsim::control {
@@ -47,11 +48,6 @@ class Controller {
   std::span<const AxisState> axes() const { return axes_; }
   const Plan& plan() const { return plan_; }
 
-  /// State from step to step: together with the engine's state it reproduces a run bit for bit.
-  void save(ArchiveWriter& out) const;
-  void restore(ArchiveReader& in);
-
- private:
   /// Constants of an axis.
   struct AxisConstants {
     Gains gains;
@@ -59,8 +55,36 @@ class Controller {
     std::size_t target = 0;       ///< in targets_, by hand and column
     double tissue_stiffness = 0;  ///< fed forward; 0 without compensation [N m/rad]
     double tissue_rest = 0;       ///< [rad]
+    double tissue_damping = 0;    ///< fed forward with the target's rate [N m s/rad]
     double smoothing = 1;         ///< weight of the new rate in the filtered one
     double zone = 0;              ///< of the integral [rad]; infinity for none
+  };
+  // For steps of several controllers at once (environment/lanes.h).
+  std::span<const AxisConstants> constants() const { return constants_; }
+  /// Null without compensation.
+  const GravityLoad* gravity() const { return gravity_ ? &*gravity_ : nullptr; }
+  /// Targets of all axes at a time [s], as `command` takes them.
+  std::span<const double> targets(double time) {
+    update_targets(time);
+    return targets_;
+  }
+  bool targets_given() const { return !given_.empty(); }
+  /// Torque of the integral [N m], low-passed rate [rad/s].
+  double& integral(std::size_t axis) { return memory_.integral[axis]; }
+  double& filtered_rate(std::size_t axis) { return memory_.filtered_rate[axis]; }
+  AxisState& axis(std::size_t axis) { return axes_[axis]; }
+
+  /// State from step to step: together with the engine's state it reproduces a run bit for bit.
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
+
+ private:
+  /// Inverse dynamics along the targets.
+  struct FeedForward {
+    model::NewtonEuler dynamics;
+    std::vector<double> rates, accelerations;  ///< of targets_
+    std::vector<double> q, u, change;          ///< by coordinate of the model
+    std::span<const double> torques;           ///< by coordinate
   };
   struct Memory {
     std::vector<double> integral;       ///< torque of the integral, by axis [N m]
@@ -70,6 +94,7 @@ class Controller {
   static void carry(Archive& archive, Self& self);
   void update_targets(double time);
   double offset_torque(std::size_t axis, double target);
+  void update_feed(const model::State& state);
   void command_torques();
   void command_servos();
   void measure(const model::State& state);
@@ -82,6 +107,7 @@ class Controller {
   std::vector<double> given_;              ///< by axis; empty: targets of the trajectories
   std::optional<GravityLoad> gravity_;
   std::span<const double> gravity_torques_;  ///< feed-forward; empty without compensation
+  std::optional<FeedForward> feed_;
   std::vector<AxisState> axes_;
   std::vector<double> torques_;
   std::vector<model::Servo> servos_;

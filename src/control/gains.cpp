@@ -71,6 +71,7 @@ ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnost
       "form", {{"implicit", Form::implicit_gain}, {"explicit", Form::explicit_torque}}, Form::implicit_gain);
   spec.gravity_compensation = reader.flag("gravity_compensation", false);
   spec.tissue_compensation = reader.flag("tissue_compensation", false);
+  spec.feed_forward = reader.flag("feed_forward", false);
   spec.grip_strength = reader.maybe_number("grip_strength", {Dimension::force, 1, 5000});
   reader.named_texts("sources");
   reader.each("gains", 1, kMostItems, [&](MapReader row) { spec.rows.push_back(read_row(std::move(row))); });

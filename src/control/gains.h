@@ -45,6 +45,9 @@ struct ControllerSpec {
   Form form = Form::implicit_gain;
   bool gravity_compensation = false;  ///< feeds forward the torques of the weight at the measured angles
   bool tissue_compensation = false;   ///< feeds forward the torques of passive tissue at the target angles
+  /// Feeds forward the torques of inverse dynamics along the targets (rates and accelerations included) and
+  /// lets the damping act on the difference of rates; includes the weight.
+  bool feed_forward = false;
   /// Grip strength of the hand whose torque limits the rows state [N]. A task that knows the person's
   /// strength scales the limits in proportion. Absent: limits are not scaled.
   std::optional<double> grip_strength;

@@ -2,11 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <unordered_set>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "handsim/core/input_file.h"
 #include "handsim/core/text.h"
@@ -60,14 +58,26 @@ std::string coordinate_of(std::string_view label) {
   return std::string(label.substr(label.rfind('/') + 1));
 }
 
+/// True for the last part of a column of a pose: `x`, `qw`, `rx`, `axis.x`, `angle`.
+bool is_pose_column(std::string_view name) {
+  constexpr std::string_view kParts[] = {"x",  "y",  "z",  "qw",     "qx",     "qy",     "qz",
+                                         "rx", "ry", "rz", "axis.x", "axis.y", "axis.z", "angle"};
+  return std::any_of(std::begin(kParts), std::end(kParts), [&](std::string_view part) {
+    return name == part ||
+           (name.ends_with(part) && name.substr(0, name.size() - part.size()).ends_with(".wrist."));
+  });
+}
+
 /// One file being read.
 class Reader {
  public:
-  explicit Reader(const std::filesystem::path& path)
+  Reader(const std::filesystem::path& path, TableContent content)
       : name_(path.string()),
+        content_(content),
         text_(read_input_file(path, "a table of joint angles (.csv, .mot, .sto)", kMotionMaxBytes)),
         rest_(text_) {
     table_.file = name_;
+    table_.radians = true;
   }
 
   MotionTable read(bool opensim) {
@@ -115,15 +125,45 @@ class Reader {
     const std::size_t bracket = field.text.find('[');
     const std::string_view unit = bracket == std::string_view::npos ? "" : field.text.substr(bracket);
     std::string name = coordinate_of(field.text.substr(0, bracket));
+    if (content_ == TableContent::poses) return read_pose_label(field, index, default_factor, name, unit);
     const bool quaternion = name.size() > 3 && name[name.size() - 3] == '.' && name[name.size() - 2] == 'q';
     for (const std::string_view other : {"[m]", "[rad/s]", "[m/s]", "[N_m]"})
       if (quaternion || unit == other) return;
     if (!unit.empty() && unit != "[rad]" && unit != "[deg]")
       return problem(field.column, std::string(field.text), fmt::format("the unit {}", unit),
                      "[rad] or [deg]");
+    if (is_pose_column(name) && name.find(".wrist.") != std::string::npos) return;
     if (name.ends_with(kTarget)) name.resize(name.size() - kTarget.size());
-    add_column(name, unit == "[deg]" ? kDegree : unit == "[rad]" ? 1 : default_factor, field.column);
+    const double factor = unit == "[deg]" ? kDegree : unit == "[rad]" ? 1 : default_factor;
+    table_.radians = table_.radians && factor == 1;
+    add_column(name, factor, field.column);
     kept_.push_back(index);
+  }
+
+  void read_pose_label(const Field& field, std::size_t index, double default_factor, const std::string& name,
+                       std::string_view unit) {
+    if (!is_pose_column(name)) return;
+    const bool turn = name.ends_with("angle") || (name.size() >= 2 && name[name.size() - 2] == 'r');
+    const std::vector<std::pair<std::string_view, double>> units =
+        turn ? std::vector<std::pair<std::string_view, double>>{{"", default_factor},
+                                                                {"[rad]", 1},
+                                                                {"[deg]", kDegree}}
+             : std::vector<std::pair<std::string_view, double>>{{"", 1}, {"[m]", 1}, {"[mm]", 1e-3}};
+    const auto found =
+        std::find_if(units.begin(), units.end(), [&](const auto& each) { return each.first == unit; });
+    if (found == units.end())
+      return problem(field.column, std::string(field.text), fmt::format("the unit {}", unit),
+                     turn ? "[rad] or [deg]" : "[m] or [mm]");
+    add_column(name, found->second, field.column);
+    kept_.push_back(index);
+  }
+
+  std::string no_column() const {
+    return content_ == TableContent::angles ? "no column of angles" : "no column of a wrist's pose";
+  }
+  std::string needed_columns() const {
+    return content_ == TableContent::angles ? "columns such as index_mcp.flexion[deg]"
+                                            : "columns such as right.wrist.x[m] and right.wrist.qw";
   }
 
   void read_csv_header() {
@@ -133,8 +173,7 @@ class Reader {
     if (fields[0].text != "time" && fields[0].text != "time[s]")
       problem(1, "", fmt::format("\"{}\"", fields[0].text), "time[s] as the first column");
     for (std::size_t i = 1; i < fields.size(); ++i) read_label(fields[i], i, 1);
-    if (problems_.empty() && kept_.empty())
-      problem(1, "", "no column of angles", "columns such as index_mcp.flexion[deg]");
+    if (problems_.empty() && kept_.empty()) problem(1, "", no_column(), needed_columns());
     table_.header_line = number_;
   }
 
@@ -178,8 +217,7 @@ class Reader {
       problem(1, "nColumns", fmt::format("{} labels", width_),
               fmt::format("{}, the value of nColumns", *columns));
     for (std::size_t i = 1; i < labels.size(); ++i) read_label(labels[i], i, degrees ? kDegree : 1);
-    if (problems_.empty() && kept_.empty())
-      problem(1, "", "no column of angles", "columns of coordinates after time");
+    if (problems_.empty() && kept_.empty()) problem(1, "", no_column(), needed_columns());
     table_.header_line = number_;
   }
 
@@ -212,7 +250,9 @@ class Reader {
     table_.lines.push_back(number_);
   }
 
-  std::string name_, text_;
+  std::string name_;
+  TableContent content_;
+  std::string text_;
   std::string_view rest_, line_;
   int number_ = 0;
   std::size_t width_ = 0;
@@ -226,56 +266,6 @@ class Reader {
 
 std::string suffix_of(const std::string& name) { return std::filesystem::path(name).extension().string(); }
 
-/// The angle, or the nearest in its range: within the tolerance it is counted, otherwise it is a problem.
-double clamp_to_range(const MotionTable& table, std::size_t row, const HandAxes& hand, const HandAxis& axis,
-                      double angle, int& moved, Diagnostics& diagnostics) {
-  if (!axis.stop || (angle >= axis.stop->low && angle <= axis.stop->high)) return angle;
-  const double nearest = std::clamp(angle, axis.stop->low, axis.stop->high);
-  if (std::abs(angle - nearest) > kMotionRangeTolerance) {
-    if (diagnostics.problems.size() < kMaxProblems)
-      diagnostics.problems.push_back({Place{table.file, table.lines[row], 1}, hand.hand + "." + axis.name(),
-                                      fmt::format("{:.4g} deg at {:g} s", angle / kDegree, table.times[row]),
-                                      fmt::format("an angle in its range, {:.4g} to {:.4g} deg",
-                                                  axis.stop->low / kDegree, axis.stop->high / kDegree)});
-  } else if (std::abs(angle - nearest) > 1e-9) {
-    ++moved;
-  }
-  return nearest;
-}
-
-/// Columns that no axis of the hand uses, except columns of another hand and measured angles beside the
-/// targets of control.sto.
-std::vector<std::string> unused_columns(const MotionTable& table, const HandAxes& hand,
-                                        const std::vector<std::string>& axes) {
-  const auto is_axis = [&](const std::string& name) {
-    return std::find(axes.begin(), axes.end(), name) != axes.end();
-  };
-  std::vector<std::string> out;
-  for (const std::string& name : table.names) {
-    const std::size_t dot = name.find('.');
-    const std::string head = name.substr(0, dot), tail = dot == std::string::npos ? "" : name.substr(dot + 1);
-    const bool names_hand = head == hand.hand || head.starts_with("right") || head.starts_with("left");
-    const bool beside_target =
-        name.ends_with(".angle") && std::find(table.names.begin(), table.names.end(),
-                                              name.substr(0, name.size() - 6)) != table.names.end();
-    if (!is_axis(name) && !(names_hand && is_axis(tail)) && !beside_target) out.push_back(name);
-  }
-  return out;
-}
-
-/// The first few names, each with the nearest axis.
-std::string listed(const std::vector<std::string>& names, const std::vector<std::string>& axes) {
-  constexpr std::size_t kNamed = 5;
-  std::string out;
-  for (std::size_t i = 0; i < std::min(names.size(), kNamed); ++i) {
-    // A name may start with the hand's name.
-    std::string hint = nearest_hint(names[i], axes);
-    if (hint.empty()) hint = nearest_hint(names[i].substr(names[i].find('.') + 1), axes);
-    out += (i > 0 ? ", " : "") + names[i] + hint;
-  }
-  return names.size() > kNamed ? fmt::format("{} and {} more", out, names.size() - kNamed) : out;
-}
-
 }  // namespace
 
 bool is_motion_file(const std::string& name) {
@@ -283,50 +273,8 @@ bool is_motion_file(const std::string& name) {
   return suffix == ".csv" || suffix == ".mot" || suffix == ".sto";
 }
 
-MotionTable read_motion(const std::filesystem::path& path) {
-  return Reader(path).read(suffix_of(path.string()) != ".csv");
-}
-
-Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, const std::vector<bool>& driven,
-                             std::span<const double> start, Diagnostics& diagnostics) {
-  std::map<std::string, std::size_t> columns;
-  for (std::size_t c = 0; c < table.names.size(); ++c) columns[table.names[c]] = c;
-  std::vector<std::optional<std::size_t>> source(hand.axes.size());
-  std::vector<std::string> missing;
-  for (std::size_t i = 0; i < hand.axes.size(); ++i) {
-    for (const std::string& name : {hand.hand + "." + hand.axes[i].name(), hand.axes[i].name()})
-      if (const auto found = columns.find(name); found != columns.end() && !source[i])
-        source[i] = found->second;
-    if (!source[i] && driven[i]) missing.push_back(hand.axes[i].name());
-  }
-  std::vector<std::string> axes;
-  for (const HandAxis& axis : hand.axes) axes.push_back(axis.name());
-  const std::vector<std::string> unused = unused_columns(table, hand, axes);
-  if (!unused.empty())
-    diagnostics.warnings.push_back(
-        fmt::format("{}:{}:1: {} that hand {} does not use: {}", table.file, table.header_line,
-                    unused.size() == 1 ? "a column" : fmt::format("{} columns", unused.size()), hand.hand,
-                    listed(unused, axes)));
-  if (!missing.empty())
-    diagnostics.problems.push_back(
-        {Place{table.file, table.header_line, 1}, hand.hand,
-         fmt::format("no column for {}", fmt::join(missing, ", ")),
-         fmt::format("a column {}.JOINT.AXIS or JOINT.AXIS for every driven axis{}", hand.hand,
-                     unused.empty() ? "" : "; unused columns: " + listed(unused, axes))});
-  Trajectory out(hand.axes.size(), model::Interpolation::linear);
-  std::vector<double> row(start.begin(), start.end());
-  int moved = 0;
-  for (std::size_t r = 0; r < table.times.size(); ++r) {
-    for (std::size_t i = 0; i < row.size(); ++i)
-      if (source[i])
-        row[i] = clamp_to_range(table, r, hand, hand.axes[i], table.at(r, *source[i]), moved, diagnostics);
-    out.add(table.times[r], row);
-  }
-  if (moved > 0)
-    diagnostics.warnings.push_back(
-        fmt::format("{}: {} angles of hand {} less than {:.2g} deg beyond their range: moved to the stop",
-                    table.file, moved, hand.hand, kMotionRangeTolerance / kDegree));
-  return out;
+MotionTable read_motion(const std::filesystem::path& path, TableContent content) {
+  return Reader(path, content).read(suffix_of(path.string()) != ".csv");
 }
 
 }  // namespace handsim::control

@@ -1,20 +1,17 @@
-// Reads joint angles over time from a CSV table or an OpenSim motion (.mot, .sto) as trajectories of hands.
+// Reads joint angles and wrist poses over time from a CSV table or an OpenSim motion (.mot, .sto).
 #pragma once
 
 #include <filesystem>
 #include <string>
 #include <vector>
 
-#include "handsim/control/hand_axes.h"
-#include "handsim/control/trajectory.h"
 #include "handsim/core/yaml_reader.h"
+#include "handsim/model/motion.h"
 
 namespace handsim::control {
 
 inline constexpr std::size_t kMotionMaxBytes = 256U << 20U;
 inline constexpr std::size_t kMotionMaxRows = 1'000'000;
-/// An angle beyond its range by at most this much is moved to the stop, with a warning [rad].
-inline constexpr double kMotionRangeTolerance = 0.5 * kDegree;
 
 /// The content of a motion file.
 struct MotionTable {
@@ -24,6 +21,7 @@ struct MotionTable {
   std::vector<double> values;      ///< row after row, size times * names [rad]
   std::vector<int> lines;          ///< of the rows in the file
   int header_line = 1;
+  bool radians = false;  ///< no column is in degrees
 
   double at(std::size_t row, std::size_t column) const { return values[row * names.size() + column]; }
 };
@@ -35,15 +33,21 @@ struct MotionTable {
 /// @throws Error (input) with line and column of the first twenty defects: missing columns, rows of the wrong
 /// length, invalid numbers, times that do not increase, a header that differs from the content, a file that
 /// is not regular or too large.
-MotionTable read_motion(const std::filesystem::path& path);
+/// @param content columns that are kept; the others are ignored. Poses are in m, rad and without unit.
+enum class TableContent { angles, poses };
+MotionTable read_motion(const std::filesystem::path& path, TableContent content = TableContent::angles);
+
+/// Poses of a hand's wrist over time from the same kinds of files: columns `x[m]`, `y[m]`, `z[m]`, and for
+/// the rotation `qw`, `qx`, `qy`, `qz`, or an axis `axis.x`, `axis.y`, `axis.z` and its `angle[deg]`, or a
+/// rotation vector `rx[deg]`, `ry[deg]`, `rz[deg]`, or none; each alone or as `HAND.wrist.x[m]`. Other
+/// columns are ignored. Samples are joined by a spline.
+/// @param hand `right`, `left`, ... @param filter cut-off of a low-pass [Hz] (filter.h); absent: as recorded.
+/// @throws Error (input) as read_motion, and for a missing column, a quaternion far from unit length, an axis
+/// of no length, or a cut-off not below half the rate.
+model::PoseMotion read_pose_table(const std::filesystem::path& path, const std::string& hand,
+                                  const std::optional<double>& filter = {});
 
 /// True for names that end in .csv, .mot or .sto.
 bool is_motion_file(const std::string& name);
-
-/// Trajectory of a hand: columns `HAND.joint.axis`, or `joint.axis` for every hand. Axes that are neither
-/// driven nor in the table keep their start angle.
-/// @param driven for each axis of the hand whether it must be in the table.
-Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, const std::vector<bool>& driven,
-                             std::span<const double> start, Diagnostics& diagnostics);
 
 }  // namespace handsim::control

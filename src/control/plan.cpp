@@ -73,7 +73,10 @@ Trajectory make_trajectory(const HandDraft& hand, const ProgramChoice& choice, c
     std::vector<bool> driven;
     for (const auto& gains : hand.stated) driven.push_back(gains.has_value());
     try {
-      return motion_trajectory(read_motion(path), hand.axes, driven, hand.start, diagnostics);
+      MotionOptions options = input.motion;
+      // Feed-forward needs accelerations.
+      options.spline = input.controller->feed_forward;
+      return motion_trajectory(read_motion(path), hand.axes, driven, hand.start, options, diagnostics);
     } catch (const Error& error) {
       diagnostics.add(error);
       return {};
@@ -207,6 +210,12 @@ Plan make_plan(const model::Model& model, const PlanInput& input, Diagnostics& d
       input.controller->tissue_compensation && input.effects.has(model::Effect::passive_tissue);
   if (input.controller->gravity_compensation && input.effects.has(model::Effect::gravity))
     plan.gravity = model.gravity;
+  plan.feed_forward = input.controller->feed_forward;
+  if (plan.feed_forward) {
+    // The weight is part of it.
+    plan.gravity.reset();
+    if (input.effects.has(model::Effect::gravity)) plan.feed_gravity = model.gravity;
+  }
   const std::vector<double> start = model::initial_state(model).q;
   std::vector<HandDraft> hands;
   for (std::size_t i = 0; i < model.hands.size(); ++i) hands.push_back(make_draft(model, i, input, start));

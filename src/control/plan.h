@@ -9,7 +9,7 @@
 #include <Eigen/Dense>
 
 #include "handsim/control/gains.h"
-#include "handsim/control/motion_file.h"
+#include "handsim/control/motion_trajectory.h"
 #include "handsim/control/poses.h"
 #include "handsim/control/trajectory.h"
 #include "handsim/model/effects.h"
@@ -49,6 +49,8 @@ struct Plan {
   bool tissue_compensation = false;
   /// The gravity that is compensated [m/s^2]; absent: no compensation.
   std::optional<Vec3> gravity;
+  bool feed_forward = false;         ///< torques of inverse dynamics along the targets
+  Vec3 feed_gravity = Vec3::Zero();  ///< that they carry [m/s^2]
   std::vector<HandPlan> hands;
   std::vector<DrivenAxis> axes;  ///< hand by hand, in the order of the hand's joints
   std::vector<std::string> warnings;
@@ -63,6 +65,7 @@ struct ProgramChoice {
 
 struct PlanInput {
   const ControllerSpec* controller = nullptr;
+  MotionOptions motion;                          ///< for motion files
   const PoseFile* poses = nullptr;               ///< null if every hand has a motion file
   std::vector<ProgramChoice> programs;           ///< one for each hand of the model, in their order
   std::vector<std::vector<std::string>> absent;  ///< for each hand the joints that its mount omits

@@ -11,7 +11,29 @@ void Trajectory::add(double time, std::span<const double> q) {
   q_.insert(q_.end(), q.begin(), q.end());
 }
 
+void Trajectory::use_spline() { spline_ = std::make_shared<const model::CubicSpline>(times_, q_, width_); }
+
+void Trajectory::at(double time, std::span<double> out, std::span<double> rates,
+                    std::span<double> accelerations) const {
+  if (spline_) return spline_->at(time, out, rates, accelerations);
+  at(time, out);
+  std::fill(rates.begin(), rates.end(), 0.0);
+  std::fill(accelerations.begin(), accelerations.end(), 0.0);
+  const auto next =
+      static_cast<std::size_t>(std::upper_bound(times_.begin(), times_.end(), time) - times_.begin());
+  if (next == 0 || next == times_.size()) return;
+  const std::span<const double> a = knot(next - 1), b = knot(next);
+  const double duration = times_[next] - times_[next - 1], share = (time - times_[next - 1]) / duration;
+  const double rate = model::path_fraction_rate(interpolation_, share) / duration;
+  const double change = model::path_fraction_acceleration(interpolation_, share) / (duration * duration);
+  for (std::size_t i = 0; i < width_; ++i) {
+    rates[i] = rate * (b[i] - a[i]);
+    accelerations[i] = change * (b[i] - a[i]);
+  }
+}
+
 void Trajectory::at(double time, std::span<double> out) const {
+  if (spline_) return spline_->at(time, out);
   const auto next =
       static_cast<std::size_t>(std::upper_bound(times_.begin(), times_.end(), time) - times_.begin());
   if (next == 0 || next == times_.size()) {

@@ -1,12 +1,14 @@
-// Target angles of one hand over time: knots joined by straight lines or minimum-jerk curves.
+// Target angles of one hand over time: knots joined by straight lines, minimum-jerk curves or a spline.
 #pragma once
 
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "handsim/core/units.h"
 #include "handsim/model/motion.h"
+#include "handsim/model/spline.h"
 
 namespace handsim::control {
 
@@ -34,6 +36,11 @@ class Trajectory {
 
   /// Targets at a time [s] into `out`, size width(). Constant before the first knot and after the last.
   void at(double time, std::span<double> out) const;
+  /// The same with the exact derivatives by time, each of size width() [rad/s], [rad/s^2].
+  void at(double time, std::span<double> out, std::span<double> rates, std::span<double> accelerations) const;
+  /// Joins the knots by a spline in place of straight lines; there must be no jumps. Nothing can be added
+  /// afterwards.
+  void use_spline();
   /// Knot i, size width().
   std::span<const double> knot(std::size_t i) const { return {q_.data() + i * width_, width_}; }
   std::size_t knots() const { return times_.size(); }
@@ -47,6 +54,7 @@ class Trajectory {
   std::vector<double> times_;
   std::vector<double> q_;  ///< knot after knot
   std::vector<Phase> phases_;
+  std::shared_ptr<const model::CubicSpline> spline_;
 };
 
 }  // namespace handsim::control

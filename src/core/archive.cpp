@@ -2,6 +2,7 @@
 
 #include <bit>
 #include <cmath>
+#include <cstring>
 
 #include <fmt/format.h>
 
@@ -15,6 +16,9 @@ namespace handsim {
 namespace {
 
 constexpr std::size_t kWord = 8;
+/// Whether words stand in memory as in an archive. They are then copied whole, as GCC reads eight bytes one
+/// by one.
+constexpr bool kLittle = std::endian::native == std::endian::little;
 
 }  // namespace
 
@@ -26,7 +30,10 @@ std::uint64_t hash_bytes(std::string_view bytes, std::uint64_t seed) {
 
 void ArchiveWriter::word(std::uint64_t bits) {
   char bytes[kWord];
-  for (std::size_t i = 0; i < kWord; ++i) bytes[i] = static_cast<char>((bits >> (8 * i)) & 0xffU);
+  if constexpr (kLittle)
+    std::memcpy(bytes, &bits, kWord);
+  else
+    for (std::size_t i = 0; i < kWord; ++i) bytes[i] = static_cast<char>((bits >> (8 * i)) & 0xffU);
   bytes_.append(bytes, kWord);
 }
 
@@ -52,8 +59,11 @@ void ArchiveReader::refuse(const std::string& got, const std::string& need) cons
 std::uint64_t ArchiveReader::word() {
   if (bytes_.size() < kWord) refuse("a file that ends too early", "a complete one");
   std::uint64_t bits = 0;
-  for (std::size_t i = 0; i < kWord; ++i)
-    bits |= static_cast<std::uint64_t>(static_cast<unsigned char>(bytes_[i])) << (8 * i);
+  if constexpr (kLittle)
+    std::memcpy(&bits, bytes_.data(), kWord);
+  else
+    for (std::size_t i = 0; i < kWord; ++i)
+      bits |= static_cast<std::uint64_t>(static_cast<unsigned char>(bytes_[i])) << (8 * i);
   bytes_.remove_prefix(kWord);
   return bits;
 }

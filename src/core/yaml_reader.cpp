@@ -42,13 +42,18 @@ YamlNode vector_node(const Vec3& v) {
   return list;
 }
 
+/// The number at a node; nothing if it is none or out of range.
+std::optional<double> allowed_number(const YamlNode& node, const Quantity& quantity) {
+  if (node.kind != YamlNode::Kind::scalar) return std::nullopt;
+  const std::optional<double> value = parse_quantity(node.text, quantity.dimension);
+  return value && quantity.allows(*value) ? value : std::nullopt;
+}
+
 }  // namespace
 
 std::optional<double> read_number(const YamlNode& node, const std::string& path, const Quantity& quantity,
                                   Diagnostics& diagnostics) {
-  if (node.kind == YamlNode::Kind::scalar)
-    if (const std::optional<double> value = parse_quantity(node.text, quantity.dimension))
-      if (quantity.allows(*value)) return value;
+  if (const std::optional<double> value = allowed_number(node, quantity)) return value;
   const auto comma = node.kind == YamlNode::Kind::scalar ? without_comma(node.text) : std::nullopt;
   diagnostics.problems.push_back({node.place(), path, node.described(), comma ? *comma : quantity.need()});
   return std::nullopt;
@@ -80,15 +85,28 @@ YamlNode* MapReader::child(std::string_view key) {
 }
 
 YamlNode* MapReader::find(std::string_view key) {
-  known_.emplace(key);
+  if (std::find(known_.begin(), known_.end(), key) == known_.end()) known_.emplace_back(key);
   return node_->find(key);
 }
 
-YamlNode* MapReader::find_or_report(std::string_view key, bool required, const std::string& need) {
+template <class Need>
+YamlNode* MapReader::find_or_report(std::string_view key, bool required, const Need& need) {
   YamlNode* found = find(key);
   if (!found && required && !broken_)
-    diagnostics_->problems.push_back({node_->place(), path_of(key), "nothing", need});
+    diagnostics_->problems.push_back({node_->place(), path_of(key), "nothing", need()});
   return found;
+}
+
+std::optional<double> MapReader::number_at(const YamlNode& node, std::string_view key,
+                                           const Quantity& quantity) {
+  if (const std::optional<double> value = allowed_number(node, quantity)) return value;
+  return read_number(node, path_of(key), quantity, *diagnostics_);
+}
+
+std::optional<double> MapReader::item(const YamlNode& list, std::string_view key, std::size_t i,
+                                      const Quantity& quantity) {
+  if (const std::optional<double> value = allowed_number(list.items[i], quantity)) return value;
+  return read_number(list.items[i], fmt::format("{}.{}", path_of(key), i), quantity, *diagnostics_);
 }
 
 void MapReader::write_default(std::string_view key, YamlNode value) {
@@ -106,7 +124,7 @@ bool MapReader::has_decimal_comma(std::string_view key) {
   const std::string text = at->value.text + "," + next->key;
   const auto need = without_comma(text);
   if (!need) return false;
-  known_.insert(next->key);
+  known_.push_back(next->key);
   problem(key, text, *need);
   return true;
 }
@@ -116,9 +134,9 @@ double MapReader::number(std::string_view key, const Quantity& quantity, std::op
     recorder->record(path_, key, number_form(quantity, fallback, !fallback));
   const double harmless = fallback.value_or(
       std::isfinite(quantity.min) && std::isfinite(quantity.max) ? 0.5 * (quantity.min + quantity.max) : 1.0);
-  const YamlNode* found = find_or_report(key, !fallback, quantity.need());
+  const YamlNode* found = find_or_report(key, !fallback, [&] { return quantity.need(); });
   if (found && has_decimal_comma(key)) return harmless;
-  if (found) return read_number(*found, path_of(key), quantity, *diagnostics_).value_or(harmless);
+  if (found) return number_at(*found, key, quantity).value_or(harmless);
   if (fallback) write_default(key, yaml_scalar(number_text(*fallback)));
   return harmless;
 }
@@ -127,7 +145,7 @@ std::optional<double> MapReader::maybe_number(std::string_view key, const Quanti
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, number_form(quantity, {}, false));
   const YamlNode* found = find(key);
   if (!found || has_decimal_comma(key)) return std::nullopt;
-  return read_number(*found, path_of(key), quantity, *diagnostics_);
+  return number_at(*found, key, quantity);
 }
 
 int MapReader::integer(std::string_view key, int min, int max, int fallback) {
@@ -148,7 +166,7 @@ int MapReader::integer(std::string_view key, int min, int max, int fallback) {
 
 std::string MapReader::text(std::string_view key, std::optional<std::string> fallback) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, text_form(fallback, !fallback));
-  const YamlNode* found = find_or_report(key, !fallback, "a text");
+  const YamlNode* found = find_or_report(key, !fallback, [] { return "a text"; });
   if (!found) {
     if (fallback) write_default(key, yaml_scalar(*fallback, true));
     return fallback.value_or("");
@@ -166,15 +184,15 @@ std::optional<std::string> MapReader::maybe_text(std::string_view key) {
 
 std::string MapReader::name(std::string_view key) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, name_form());
-  const std::string need = "a name of letters, digits, _ and -, at most 64 of them";
-  const YamlNode* found = find_or_report(key, true, need);
+  constexpr const char* kNeed = "a name of letters, digits, _ and -, at most 64 of them";
+  const YamlNode* found = find_or_report(key, true, [] { return kNeed; });
   if (!found) return "";
   const auto plain = [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '-';
   };
   const std::string& word = found->text;
   if (!word.empty() && word.size() <= 64 && std::all_of(word.begin(), word.end(), plain)) return word;
-  problem(key, found->described(), need);
+  problem(key, found->described(), kNeed);
   return "";
 }
 
@@ -194,7 +212,7 @@ bool MapReader::flag(std::string_view key, bool fallback) {
 
 Vec3 MapReader::vector(std::string_view key, const Quantity& quantity, std::optional<Vec3> fallback) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, vector_form(quantity, fallback));
-  const std::string need = "a list of three numbers, each " + quantity.need();
+  const auto need = [&] { return "a list of three numbers, each " + quantity.need(); };
   const YamlNode* found = find_or_report(key, !fallback, need);
   Vec3 out = fallback.value_or(Vec3::UnitX());
   if (!found) {
@@ -203,28 +221,26 @@ Vec3 MapReader::vector(std::string_view key, const Quantity& quantity, std::opti
   }
   if (found->kind != YamlNode::Kind::sequence || found->items.size() != 3) {
     problem(key, found->described(),
-            need + (found->items.size() > 3 ? "; use a decimal point, a comma separates numbers" : ""));
+            need() + (found->items.size() > 3 ? "; use a decimal point, a comma separates numbers" : ""));
     return out;
   }
   for (int i = 0; i < 3; ++i)
-    out[i] = read_number(found->items[static_cast<std::size_t>(i)], path_of(key) + "." + std::to_string(i),
-                         quantity, *diagnostics_)
-                 .value_or(out[i]);
+    out[i] = item(*found, key, static_cast<std::size_t>(i), quantity).value_or(out[i]);
   return out;
 }
 
 std::optional<std::pair<double, double>> MapReader::maybe_range(std::string_view key,
                                                                 const Quantity& quantity, bool required) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, range_form(quantity, required));
-  const std::string need = "a list of two, low then high, each " + quantity.need();
+  const auto need = [&] { return "a list of two, low then high, each " + quantity.need(); };
   const YamlNode* found = find_or_report(key, required, need);
   if (!found) return std::nullopt;
   if (found->kind != YamlNode::Kind::sequence || found->items.size() != 2) {
-    problem(key, found->described(), need);
+    problem(key, found->described(), need());
     return std::nullopt;
   }
-  const auto low = read_number(found->items[0], path_of(key) + ".0", quantity, *diagnostics_);
-  const auto high = read_number(found->items[1], path_of(key) + ".1", quantity, *diagnostics_);
+  const auto low = item(*found, key, 0, quantity);
+  const auto high = item(*found, key, 1, quantity);
   if (!low || !high) return std::nullopt;
   if (*low < *high) return std::pair(*low, *high);
   problem(key, fmt::format("{} to {}", found->items[0].text, found->items[1].text), "the lower value first");
@@ -252,14 +268,14 @@ Vec3 MapReader::direction(std::string_view key) {
 std::size_t MapReader::choice_index(std::string_view key, const std::vector<std::string_view>& names,
                                     std::optional<std::string_view> fallback) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, choice_form(names, fallback));
-  const std::vector<std::string> known(names.begin(), names.end());
-  const YamlNode* found = find_or_report(key, !fallback, list_of(known));
+  const auto known = [&] { return std::vector<std::string>(names.begin(), names.end()); };
+  const YamlNode* found = find_or_report(key, !fallback, [&] { return list_of(known()); });
   if (!found && fallback) write_default(key, yaml_scalar(std::string(*fallback)));
   if (found && found->kind == YamlNode::Kind::scalar) {
     const auto at = std::find(names.begin(), names.end(), found->text);
     if (at != names.end()) return static_cast<std::size_t>(at - names.begin());
   }
-  if (found) problem(key, found->described(), need_word(found->text, known));
+  if (found) problem(key, found->described(), need_word(found->text, known()));
   if (!fallback) return 0;
   return static_cast<std::size_t>(std::find(names.begin(), names.end(), *fallback) - names.begin());
 }
@@ -267,7 +283,7 @@ std::size_t MapReader::choice_index(std::string_view key, const std::vector<std:
 YamlNode* MapReader::list(std::string_view key, bool required, std::size_t most) {
   if (auto* recorder = diagnostics_->recorder)
     recorder->record(path_, key, list_form(required ? 1 : 0, most));
-  YamlNode* found = find_or_report(key, required, "a list");
+  YamlNode* found = find_or_report(key, required, [] { return "a list"; });
   const bool is_list = found && found->kind == YamlNode::Kind::sequence;
   if (!found || (is_list && found->items.size() <= most)) return found;
   problem(key, found->described(), is_list ? fmt::format("at most {} of them", most) : "a list");
@@ -276,7 +292,7 @@ YamlNode* MapReader::list(std::string_view key, bool required, std::size_t most)
 
 YamlNode* MapReader::value(std::string_view key, const ValueForm& form) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, value_form(form));
-  YamlNode* found = find_or_report(key, form.required, form.need);
+  YamlNode* found = find_or_report(key, form.required, [&] { return form.need; });
   if (!found) return nullptr;
   const bool empty_text = found->kind == YamlNode::Kind::scalar && found->text.empty();
   if (!empty_text && std::find(form.kinds.begin(), form.kinds.end(), found->kind) != form.kinds.end())
@@ -290,9 +306,10 @@ void MapReader::each(std::string_view key, std::size_t least, std::size_t most,
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, list_form(least, most));
   YamlNode* found = list(key, least > 0, kNoLimit);
   if (!found) return;
-  const std::string range = least > 0 ? fmt::format("{} to", least) : "at most";
-  if (found->items.size() < least || found->items.size() > most)
+  if (found->items.size() < least || found->items.size() > most) {
+    const std::string range = least > 0 ? fmt::format("{} to", least) : "at most";
     return problem(key, found->described(), fmt::format("{} {} {}", range, most, key));
+  }
   for (std::size_t i = 0; i < found->items.size(); ++i)
     read(MapReader(found->items[i], fmt::format("{}.{}", path_of(key), i), *diagnostics_));
 }
@@ -300,7 +317,7 @@ void MapReader::each(std::string_view key, std::size_t least, std::size_t most,
 std::vector<std::string> MapReader::texts(std::string_view key, std::size_t least, std::size_t most,
                                           const std::string& need) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, texts_form(least, most, need));
-  const YamlNode* found = find_or_report(key, true, need);
+  const YamlNode* found = find_or_report(key, true, [&] { return need; });
   if (!found) return {};
   const bool one = found->kind == YamlNode::Kind::scalar && least <= 1;
   std::vector<std::string> out;
@@ -323,7 +340,7 @@ YamlNode* MapReader::file_or_block(std::string_view key, std::string_view kind, 
   // The schema of its kind lists its keys.
   if (auto* recorder = diagnostics_->recorder) {
     recorder->record_file(path_, key, kind, required);
-    known_.emplace(key);
+    known_.emplace_back(key);
     return nullptr;
   }
   using Kind = YamlNode::Kind;
@@ -364,7 +381,7 @@ MapReader MapReader::map(std::string_view key) {
 
 MapReader MapReader::required_map(std::string_view key, const std::string& need) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, map_form(true));
-  if (find_or_report(key, true, need)) return map(key);
+  if (find_or_report(key, true, [&] { return need; })) return map(key);
   MapReader silent = map(key);
   silent.broken_ = true;
   return silent;
@@ -391,9 +408,11 @@ void MapReader::unknown_key(const YamlEntry& entry, std::string got, const std::
 void MapReader::finish() {
   if (broken_) return;
   if (diagnostics_->recorder) diagnostics_->recorder->close(path_);
-  const std::vector<std::string> known(known_.begin(), known_.end());
-  for (const YamlEntry& entry : node_->entries)
-    if (!known_.contains(entry.key)) unknown_key(entry, "an unknown key", known);
+  for (const YamlEntry& entry : node_->entries) {
+    if (std::find(known_.begin(), known_.end(), entry.key) != known_.end()) continue;
+    std::sort(known_.begin(), known_.end());
+    unknown_key(entry, "an unknown key", known_);
+  }
 }
 
 }  // namespace handsim

@@ -7,7 +7,6 @@
 #include <limits>
 #include <map>
 #include <optional>
-#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -143,8 +142,13 @@ class MapReader {
   YamlNode* find(std::string_view key);
   std::size_t choice_index(std::string_view key, const std::vector<std::string_view>& names,
                            std::optional<std::string_view> fallback);
-  /// The node of a key, or null. A missing required key is a problem.
-  YamlNode* find_or_report(std::string_view key, bool required, const std::string& need);
+  /// The node of a key, or null. A missing required key is a problem. `need()` makes the message's text.
+  template <class Need>
+  YamlNode* find_or_report(std::string_view key, bool required, const Need& need);
+  /// The number of a key, or an item of its list; nothing if wrong, which is a problem.
+  std::optional<double> number_at(const YamlNode& node, std::string_view key, const Quantity& quantity);
+  std::optional<double> item(const YamlNode& list, std::string_view key, std::size_t i,
+                             const Quantity& quantity);
   void write_default(std::string_view key, YamlNode value);
   bool has_decimal_comma(std::string_view key);
 
@@ -152,8 +156,8 @@ class MapReader {
   std::string path_;
   Diagnostics* diagnostics_;
   std::size_t problems_before_;
-  bool broken_ = false;  ///< not a map: reported once; further problems are suppressed
-  std::set<std::string, std::less<>> known_;
+  bool broken_ = false;             ///< not a map: reported once; further problems are suppressed
+  std::vector<std::string> known_;  ///< keys that were asked for
 };
 
 /// A number at a node, for items of lists.

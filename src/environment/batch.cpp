@@ -3,8 +3,12 @@
 #include <algorithm>
 
 #include <fmt/format.h>
+#include <tbb/enumerable_thread_specific.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
+
+#include "handsim/core/index.h"
+#include "handsim/environment/lanes.h"
 
 namespace handsim::environment {
 
@@ -12,6 +16,10 @@ namespace {
 
 /// Environments that one task steps.
 constexpr std::size_t kGrain = 8;
+/// Fewer environments are faster one by one than in lanes.
+constexpr std::size_t kFewest = 5;
+/// So are single steps, because environments are loaded and stored in each call.
+constexpr int kFewestSteps = 2;
 
 /// Row `i` of an array of `rows` rows; empty where the array is.
 template <class T>
@@ -31,23 +39,35 @@ void require_rows(const char* what, std::size_t count, std::size_t rows) {
 struct Batch::Impl {
   explicit Impl(int threads) : arena(threads > 0 ? threads : tbb::task_arena::automatic) {}
 
-  /// Calls f(i) for all environments, on all cores. The first error in their order is thrown.
+  /// Calls f(first, last) for groups of environments, on all cores. The first error in their order is thrown.
   template <class F>
-  void each(const F& f) {
-    std::vector<std::optional<Error>> errors(environments.size());
-    const auto task = [&](const tbb::blocked_range<std::size_t>& range) {
-      for (std::size_t i = range.begin(); i < range.end(); ++i) try {
-          f(i);
-        } catch (const Error& error) {
-          errors[i].emplace(error);
-        }
-    };
+  void each_group(const F& f) {
+    const std::size_t groups = (environments.size() + kGrain - 1) / kGrain;
+    std::vector<std::optional<Error>> errors(groups);
     arena.execute([&] {
-      tbb::parallel_for(tbb::blocked_range<std::size_t>(0, environments.size(), kGrain), task,
-                        tbb::simple_partitioner());
+      tbb::parallel_for(std::size_t{0}, groups, [&](std::size_t group) {
+        try {
+          f(group * kGrain, std::min((group + 1) * kGrain, environments.size()));
+        } catch (const Error& error) {
+          errors[group].emplace(error);
+        }
+      });
     });
     for (const std::optional<Error>& error : errors)
       if (error) throw Error(*error);
+  }
+  /// The same one by one; an error does not keep the others of its group from theirs.
+  template <class F>
+  void each(const F& f) {
+    each_group([&](std::size_t first, std::size_t last) {
+      std::optional<Error> found;
+      for (std::size_t i = first; i < last; ++i) try {
+          f(i);
+        } catch (const Error& error) {
+          if (!found) found.emplace(error);
+        }
+      if (found) throw Error(*found);
+    });
   }
   void observe(std::size_t i) {
     const std::span<const double> now = environments[i].observe();
@@ -84,6 +104,8 @@ struct Batch::Impl {
   std::vector<Environment> environments;
   std::vector<double> observations;
   std::vector<unsigned char> done, failed;
+  /// Of each thread.
+  tbb::enumerable_thread_specific<std::optional<Lanes>> lanes;
 };
 
 Batch::Batch(const scene::Scene& scene, std::size_t size, BatchSetup setup)
@@ -91,7 +113,10 @@ Batch::Batch(const scene::Scene& scene, std::size_t size, BatchSetup setup)
   if (size == 0) throw input_error("size", "0", "1 or more environments");
   impl_->setup = std::move(setup);
   impl_->environments.reserve(size);
-  for (std::size_t i = 0; i < size; ++i) impl_->environments.emplace_back(scene, impl_->setup.environment);
+  const std::shared_ptr<scene::Scene> shared = Environment::lean(scene);
+  for (std::size_t i = 0; i < size; ++i)
+    impl_->environments.push_back(Environment(shared, impl_->setup.environment, size > 1,
+                                              i > 0 ? impl_->environments[0].start_ : nullptr));
   impl_->observations.resize(size * observation_size());
   impl_->done.resize(size);
   impl_->failed.resize(size);
@@ -127,21 +152,51 @@ void Batch::step(const BatchAction& action, int substeps) {
   require_rows("wrists", action.wrists.size(), size());
   require_rows("wrist_rates", action.wrist_rates.size(), size());
   require_rows("forces", action.forces.size(), size());
-  impl_->each([&](std::size_t i) {
-    if (impl_->done[i] != 0) return;
-    Environment& environment = impl_->environments[i];
-    try {
-      environment.step({row(action.torques, i, size()), row(action.angles, i, size()),
-                        row(action.wrists, i, size()), row(action.wrist_rates, i, size()),
-                        action.forces.empty() ? std::span<const engine::BodyForce>() : action.forces[i]},
-                       substeps);
-    } catch (const Error&) {
-      if (!environment.failure()) throw;
-      impl_->failed[i] = impl_->done[i] = 1;
+  impl_->each_group([&](std::size_t first, std::size_t last) { step_group(first, last, action, substeps); });
+}
+
+void Batch::step_alone(std::size_t i, const Action& action, int substeps) {
+  try {
+    impl_->environments[i].step(action, substeps);
+  } catch (const Error&) {
+    if (!impl_->environments[i].failure()) throw;
+    impl_->failed[i] = impl_->done[i] = 1;
+  }
+}
+
+void Batch::step_group(std::size_t first, std::size_t last, const BatchAction& action, int substeps) {
+  std::vector<Lanes::Member> members;
+  std::vector<std::size_t> stepped;
+  const auto of = [&](std::size_t i) {
+    return Action{row(action.torques, i, size()), row(action.angles, i, size()),
+                  row(action.wrists, i, size()), row(action.wrist_rates, i, size()),
+                  action.forces.empty() ? std::span<const engine::BodyForce>() : action.forces[i]};
+  };
+  std::optional<Lanes>& lanes = impl_->lanes.local();
+  if (impl_->setup.lanes && !lanes) lanes.emplace(impl_->environments[0]);
+  for (std::size_t i = first; i < last; ++i) {
+    if (impl_->done[i] != 0) continue;
+    stepped.push_back(i);
+    if (impl_->setup.lanes && substeps >= kFewestSteps && lanes->takes(impl_->environments[i], of(i)))
+      members.push_back({&impl_->environments[i], of(i)});
+  }
+  if (members.size() < kFewest) members.clear();
+  for (std::size_t i = 0; i < members.size(); i += at(lanes->width()))
+    lanes->step(std::span(members).subspan(i, std::min(at(lanes->width()), members.size() - i)), substeps);
+  std::optional<Error> found;
+  for (const std::size_t i : stepped) try {
+      const auto member = std::find_if(members.begin(), members.end(), [&](const Lanes::Member& each) {
+        return each.environment == &impl_->environments[i];
+      });
+      const int made = member == members.end() ? 0 : member->made;
+      if (made < substeps || substeps < 1) step_alone(i, of(i), substeps - made);
+      impl_->observe(i);
+      if (impl_->setup.done && impl_->done[i] == 0 && impl_->setup.done(impl_->environments[i]))
+        impl_->done[i] = 1;
+    } catch (const Error& error) {
+      if (!found) found.emplace(error);
     }
-    impl_->observe(i);
-    if (impl_->setup.done && impl_->done[i] == 0 && impl_->setup.done(environment)) impl_->done[i] = 1;
-  });
+  if (found) throw Error(*found);
 }
 
 }  // namespace handsim::environment

@@ -26,7 +26,8 @@ struct BatchSetup {
   /// Returns true if an environment is done; called after each of its steps. It is then not stepped until its
   /// reset. Several threads call it at once, for different environments. Null: never done.
   std::function<bool(const Environment&)> done = {};
-  int threads = 0;  ///< 0: one per core
+  int threads = 0;    ///< 0: one per core
+  bool lanes = true;  ///< several environments share vector lanes; the same bits without, and slower
 };
 
 class Batch {
@@ -59,6 +60,8 @@ class Batch {
   std::span<const unsigned char> failed() const;
 
  private:
+  void step_alone(std::size_t i, const Action& action, int substeps);
+  void step_group(std::size_t first, std::size_t last, const BatchAction& action, int substeps);
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

@@ -1,7 +1,9 @@
 #include "handsim/environment/environment.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -12,9 +14,17 @@ namespace handsim::environment {
 
 namespace {
 
+void require_size(const char* what, std::size_t got, std::size_t need, const char* of) {
+  if (got != 0 && got != need)
+    throw input_error(std::string("action.") + what, fmt::format("{}", got),
+                      fmt::format("one for each of {} {}, or none", need, of));
+}
+
+}  // namespace
+
 /// What a simulation needs of a scene. What the model and the plans were made from is left behind: thousands
-/// of environments have a copy each.
-std::shared_ptr<scene::Scene> lean(const scene::Scene& scene) {
+/// of environments may have a copy each.
+std::shared_ptr<scene::Scene> Environment::lean(const scene::Scene& scene) {
   auto out = std::make_shared<scene::Scene>();
   out->spec.title = scene.spec.title;
   out->spec.gravity = scene.spec.gravity;
@@ -32,19 +42,22 @@ std::shared_ptr<scene::Scene> lean(const scene::Scene& scene) {
   return out;
 }
 
-void require_size(const char* what, std::size_t got, std::size_t need, const char* of) {
-  if (got != 0 && got != need)
-    throw input_error(std::string("action.") + what, fmt::format("{}", got),
-                      fmt::format("one for each of {} {}, or none", need, of));
-}
-
-}  // namespace
-
 Environment::Environment(const scene::Scene& scene, Setup setup)
-    : scene_(lean(scene)), setup_(std::move(setup)), variation_(std::make_unique<Variation>(*scene_)) {
+    : Environment(lean(scene), std::move(setup), false, nullptr) {}
+
+Environment::Environment(std::shared_ptr<scene::Scene> scene, Setup setup, bool shared,
+                         std::shared_ptr<const Moment> start)
+    : scene_(std::move(scene)),
+      setup_(std::move(setup)),
+      variation_(std::make_unique<Variation>(*scene_)),
+      start_(std::move(start)),
+      shared_(shared) {
   observation_ = std::make_unique<Observation>(*scene_, setup_.observe);
   observed_.resize(observation_->size());
+  // All that share a scene have the same setup.
   if (observation_->needs_forces()) scene_->spec.solver.contact_forces = true;
+  for (const Randomised& each : setup_.randomise)
+    if (Variation::changes_scene(each.name)) own_scene();
   build();
   if (observation_->needs_watchers() && simulation_->watchers().empty())
     throw input_error("observe", "failed in a setup without watchers", "watchers, e.g. standard_watchers");
@@ -58,15 +71,28 @@ Environment::Environment(Environment&&) noexcept = default;
 Environment& Environment::operator=(Environment&&) noexcept = default;
 Environment::~Environment() = default;
 
+/// A copy of a shared scene, in which numbers may change.
+void Environment::own_scene() {
+  if (!std::exchange(shared_, false)) return;
+  // The simulation, up to the next reset, and the observation read the shared one.
+  shared_scene_ = scene_;
+  scene_ = std::make_shared<scene::Scene>(*scene_);
+  variation_->use(*scene_);
+  copied_ = true;
+}
+
 void Environment::build() {
+  copied_ = false;
   simulation_ = std::make_unique<simulation::Simulation>(scene_, setup_.watchers);
-  start_.emplace(simulation_->motion());
+  if (!shared_ || !start_) start_ = std::make_shared<const Moment>(simulation_->motion());
 }
 
 /// An engine that works, with the scene's numbers as they are now.
 void Environment::begin() {
   const bool changed = variation_->take_changed();
-  if (failure_) {
+  static std::atomic<std::uint64_t> last = 0;
+  if (changed) numbers_ = ++last;
+  if (failure_ || copied_) {
     build();
     failure_.reset();
   } else if (changed) {
@@ -186,6 +212,7 @@ const Observation& Environment::observation() const { return *observation_; }
 Moment Environment::moment() const { return simulation_->motion(); }
 
 void Environment::set(std::string_view name, std::span<const double> values) {
+  if (Variation::changes_scene(name)) own_scene();
   variation_->set(name, values);
 }
 

@@ -88,22 +88,34 @@ class Environment {
   long steps() const { return steps_; }
 
  private:
+  friend class Batch;
+  friend class Lanes;
+  /// @param shared others have the scene, too: it is copied before a number in it changes
+  /// @param start theirs, or null
+  Environment(std::shared_ptr<scene::Scene> scene, Setup setup, bool shared,
+              std::shared_ptr<const Moment> start);
+  static std::shared_ptr<scene::Scene> lean(const scene::Scene& scene);
+  void own_scene();
   void begin();
   void build();
   void check(const Action& action, int substeps) const;
   std::span<const Pose> wrist_targets(const Action& action, int step, int substeps);
 
-  std::shared_ptr<scene::Scene> scene_;  ///< of its own: numbers in it change
+  std::shared_ptr<scene::Scene> scene_;         ///< numbers in it change
+  std::shared_ptr<scene::Scene> shared_scene_;  ///< that of a batch, as long as it is the environment's
   Setup setup_;
   std::unique_ptr<Variation> variation_;
   std::unique_ptr<Observation> observation_;
   std::unique_ptr<simulation::Simulation> simulation_;
-  std::optional<Moment> start_;
-  model::State state_;  ///< the scene's start
+  std::shared_ptr<const Moment> start_;  ///< that of a batch, while the scene is
+  model::State state_;                   ///< the scene's start
   std::optional<Error> failure_;
   std::vector<double> observed_;
   std::vector<Pose> from_, targets_;  ///< of the driven wrists
   long steps_ = 0;
+  bool shared_ = false;        ///< scene_ is not the environment's own
+  bool copied_ = false;        ///< the simulation has the shared scene still
+  std::uint64_t numbers_ = 0;  ///< of the model and its control; 0: those of the scene
 };
 
 }  // namespace handsim::environment

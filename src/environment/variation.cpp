@@ -24,7 +24,7 @@ constexpr std::string_view kNames =
 
 }  // namespace
 
-Variation::Variation(scene::Scene& scene) : scene_(scene) {
+Variation::Variation(scene::Scene& scene) : scene_(&scene) {
   for (const scene::ObjectSpec& spec : scene.plans.objects) {
     Object object;
     object.position = spec.pose.p;
@@ -76,15 +76,15 @@ void Variation::set(std::string_view name, std::span<const double> values) {
   if (!std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); }))
     refuse(name, fmt::format("{}", fmt::join(values, ", ")), "finite numbers");
   if (name == "gravity") {
-    scene_.model.gravity = {values[0], values[1], values[2]};
-    if (scene_.control && scene_.control->gravity) scene_.control->gravity = scene_.model.gravity;
+    scene_->model.gravity = {values[0], values[1], values[2]};
+    if (scene_->control && scene_->control->gravity) scene_->control->gravity = scene_->model.gravity;
     changed_ = true;
   } else if (name == "gains" || name == "torque_limits") {
-    if (!scene_.control) refuse(name, "a scene that drives no joint", "one with control");
+    if (!scene_->control) refuse(name, "a scene that drives no joint", "one with control");
     if (!(values[0] > 0)) refuse(name, fmt::format("{:g}", values[0]), "a factor above 0");
     (name == "gains" ? gain_ : torque_limit_) = values[0];
     for (std::size_t i = 0; i < gains_.size(); ++i) {
-      control::Gains& gains = scene_.control->axes[i].gains = gains_[i];
+      control::Gains& gains = scene_->control->axes[i].gains = gains_[i];
       gains.proportional *= gain_;
       gains.derivative *= gain_;
       gains.integral *= gain_;
@@ -111,27 +111,27 @@ void Variation::set_of_object(std::string_view name, std::span<const double> val
   }
   if (key == "mass") {
     if (!(values[0] > 0)) refuse(name, fmt::format("{:g} kg", values[0]), "above 0 kg");
-    model::Body& body = scene_.model.bodies[at(object.body)];
+    model::Body& body = scene_->model.bodies[at(object.body)];
     body.mass = values[0];
     body.inertia = object.inertia * (values[0] / object.mass);
   } else {
     if (!(values[0] >= 0)) refuse(name, fmt::format("{:g}", values[0]), "0 or more");
-    scene_.model.materials[at(object.material)].friction = values[0];
+    scene_->model.materials[at(object.material)].friction = values[0];
   }
   changed_ = true;
 }
 
 std::vector<double> Variation::get(std::string_view name) const {
   const auto numbers = [](const Vec3& v) { return std::vector<double>{v.x(), v.y(), v.z()}; };
-  if (name == "gravity") return numbers(scene_.model.gravity);
+  if (name == "gravity") return numbers(scene_->model.gravity);
   if (name == "gains") return {gain_};
   if (name == "torque_limits") return {torque_limit_};
   if (name == "q") return q_;
   std::string_view key;
   const Object& object = objects_[object_index(name, key)];
   if (key == "position") return numbers(object.position);
-  return {key == "mass" ? scene_.model.bodies[at(object.body)].mass
-                        : scene_.model.materials[at(object.material)].friction};
+  return {key == "mass" ? scene_->model.bodies[at(object.body)].mass
+                        : scene_->model.materials[at(object.material)].friction};
 }
 
 void Variation::draw(std::span<const Randomised> randomised, std::uint64_t seed) {
@@ -161,7 +161,7 @@ void Variation::place(model::State& state) const {
     if (object.body >= 0) state.bodies[at(object.body)].p += object.shift;
   std::vector<double> q = state.q;
   for (std::size_t i = 0; i < q.size(); ++i) q[i] += q_[i];
-  model::place_joints(scene_.model, q, std::vector<double>(state.u), state);
+  model::place_joints(scene_->model, q, std::vector<double>(state.u), state);
 }
 
 }  // namespace handsim::environment

@@ -38,6 +38,10 @@ class Variation {
  public:
   /// @param scene to change; it must outlive this, and no one else may use it.
   explicit Variation(scene::Scene& scene);
+  /// Goes on with an equal scene.
+  void use(scene::Scene& scene) { scene_ = &scene; }
+  /// Whether a number is of the scene's model or control, and not of its start only.
+  static bool changes_scene(std::string_view name) { return name != "q" && !name.ends_with(".position"); }
 
   /// Sets a number. @throws Error (input) for an unknown name, another size, or numbers out of range.
   void set(std::string_view name, std::span<const double> values);
@@ -68,7 +72,7 @@ class Variation {
   std::size_t size_of(std::string_view name) const;
   void set_of_object(std::string_view name, std::span<const double> values);
 
-  scene::Scene& scene_;
+  scene::Scene* scene_;
   std::vector<Object> objects_;
   std::vector<control::Gains> gains_;  ///< of the plan's axes, as the scene has them
   double gain_ = 1, torque_limit_ = 1;

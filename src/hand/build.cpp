@@ -1,5 +1,6 @@
 #include "handsim/hand/build.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
@@ -33,7 +34,17 @@ struct Layout {
   }
 };
 
-Layout compute_layout(const HandSpec& spec, const HandSize& size) {
+/// Measured bones must be segments of the hand model.
+void check_bones(const HandSpec& spec, const Person& person, std::vector<Problem>& problems) {
+  std::vector<std::string> known;
+  for (const SegmentSpec& row : spec.segments) known.push_back(row.name);
+  for (const auto& [name, length] : person.bones)
+    if (std::find(known.begin(), known.end(), name) == known.end())
+      problems.push_back({person.place.value_or(Place{}), "bones." + name, "an unknown segment",
+                          "a segment of the hand model" + nearest_hint(name, known)});
+}
+
+Layout compute_layout(const HandSpec& spec, const HandSize& size, const Person& person) {
   Layout out;
   std::vector<Problem> problems;
   for (const SegmentSpec& row : spec.segments) {
@@ -42,7 +53,8 @@ Layout compute_layout(const HandSpec& spec, const HandSize& size) {
     const Pose parent_frame = on_palm ? Pose{} : out.frames[parent];
     const Vec3 at = row.at ? position(*row.at, size) : Vec3(0, out.lengths[parent], 0);
     out.frames.push_back(parent_frame * Pose{at, row.rotation});
-    out.lengths.push_back(row.length.value(size));
+    const auto measured = person.bones.find(row.name);
+    out.lengths.push_back(measured == person.bones.end() ? row.length.value(size) : measured->second);
     out.radii.push_back(row.radius.value(size));
     if (out.axis(spec, out.frames.size() - 1) < 1e-5)
       problems.push_back({row.place, fmt::format("model.segments.{}.length", out.frames.size() - 1),
@@ -50,6 +62,7 @@ Layout compute_layout(const HandSpec& spec, const HandSize& size) {
                                       out.radii.back()),
                           "a fingertip longer than its radius"});
   }
+  check_bones(spec, person, problems);
   if (!problems.empty()) throw Error(problems);
   return out;
 }
@@ -79,8 +92,8 @@ void add_palm(BuiltHand& hand, const HandSpec& spec) {
   hand.bodies.push_back(palm);
 }
 
-void add_segments(BuiltHand& hand, const HandSpec& spec) {
-  const Layout layout = compute_layout(spec, hand.size);
+void add_segments(BuiltHand& hand, const HandSpec& spec, const Person& person) {
+  const Layout layout = compute_layout(spec, hand.size, person);
   for (std::size_t i = 0; i < spec.segments.size(); ++i) {
     const SegmentSpec& row = spec.segments[i];
     const double axis = layout.axis(spec, i);
@@ -283,7 +296,7 @@ BuiltHand build_hand(const HandSpec& spec, const Person& person) {
   hand.size = hand_size(spec.anthropometry, person);
   hand.skin = spec.skin;
   add_palm(hand, spec);
-  add_segments(hand, spec);
+  add_segments(hand, spec, person);
   switch (spec.mass.kind) {
     case MassRule::Kind::body_mass_share:
       set_masses_by_share(hand, spec, person);

@@ -46,6 +46,12 @@ Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnos
   person.hand_mass = reader.maybe_number("hand_mass", {Dimension::mass, 0.005, 5});
   person.grip_strength = reader.maybe_number("grip_strength", {Dimension::force, 1, 3000});
   person.age = reader.maybe_number("age", {Dimension::none, 1, 120});
+  if (reader.has("bones")) {
+    MapReader bones = reader.map("bones");
+    for (const std::string& bone : bones.keys())
+      person.bones[bone] = bones.number(bone, {Dimension::length, 0.003, 0.2});
+    bones.finish();
+  }
   person.hand_length_percentile =
       reader.maybe_number("hand_length_percentile", {Dimension::none, 0.01, 99.99});
   if (person.hand_length && person.hand_length_percentile)

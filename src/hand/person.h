@@ -1,6 +1,7 @@
 // A person, as given in the `person` block or file of a scene.
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
 
@@ -22,6 +23,8 @@ struct Person {
   std::optional<double> hand_mass;           ///< [kg]
   std::optional<double> grip_strength;       ///< on a dynamometer [N]
   std::optional<double> age;                 ///< [years]; only for grip strength
+  /// Measured lengths of segments by name, e.g. `index_proximal` [m]; others follow from the hand model.
+  std::map<std::string, double> bones;
   /// Percentile of the hand's length among people of this stature, mass and sex, 0..100 (50: as predicted).
   std::optional<double> hand_length_percentile;
   std::optional<Place> place;  ///< of the file or block

@@ -3,6 +3,7 @@
 // Body 0 is the world. Parents come before children, except for loop-closing joints.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -49,6 +50,7 @@ struct Shape {
   int group = 0;                           ///< index into `Model::groups`
   int material = 0;                        ///< index into `Model::materials`
   Part part = Part::object;
+  std::optional<std::uint32_t> colour = {};  ///< in pictures: sRGB 0xRRGGBB; absent: that of its part
 };
 
 enum class JointKind {

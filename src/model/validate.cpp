@@ -16,12 +16,17 @@ constexpr double kFar = 1e6;
 constexpr double kStiffnessMin = 1e-3, kStiffnessMax = 1e12;
 constexpr double kUnitTolerance = 1e-9;
 
+/// A key in messages, put together only for a problem.
+struct Key {
+  std::string_view part, quantity, of = {};
+};
+
 class Checker {
  public:
   Checker(const Model& model, const Origins& origins) : model_(model), origins_(origins) {}
 
   std::vector<Problem> run() {
-    check_vector("gravity", model_.gravity);
+    check_vector({"gravity", ""}, model_.gravity);
     if (model_.bodies.empty()) add("bodies", "none", "the world as body 0");
     each(model_.bodies, origins_.bodies, [&](const Body& body) {
       if (&body != &model_.bodies.front()) check_body(body);
@@ -65,30 +70,33 @@ class Checker {
   void add(std::string key, std::string got, std::string need) {
     problems_.push_back({place_, std::move(key), std::move(got), std::move(need)});
   }
+  void add(const Key& key, std::string got, std::string need) {
+    add(fmt::format("{}{}{}", key.part, key.quantity, key.of), std::move(got), std::move(need));
+  }
 
-  void check_vector(const std::string& key, const Vec3& v) {
+  void check_vector(const Key& key, const Vec3& v) {
     if (!v.allFinite() || v.norm() > kFar)
       add(key, fmt::format("({}, {}, {})", v.x(), v.y(), v.z()),
           fmt::format("finite numbers below {:g}", kFar));
   }
 
-  void check_pose(const std::string& key, const Pose& pose) {
-    check_vector(key + ".position", pose.p);
+  void check_pose(std::string_view part, std::string_view frame, const Pose& pose) {
+    check_vector({part, frame, ".position"}, pose.p);
     if (!pose.q.coeffs().allFinite() || std::abs(pose.q.norm() - 1) > kUnitTolerance)
-      add(key + ".rotation", fmt::format("a quaternion of length {:.12g}", pose.q.norm()),
+      add({part, frame, ".rotation"}, fmt::format("a quaternion of length {:.12g}", pose.q.norm()),
           "a unit quaternion");
   }
 
-  void check_range(const std::string& key, double value, double low, double high, const char* unit) {
+  void check_range(const Key& key, double value, double low, double high, const char* unit) {
     if (!(value >= low && value <= high))
       add(key, fmt::format("{:g} {}", value, unit), fmt::format("{:g} to {:g} {}", low, high, unit));
   }
 
   void check_body(const Body& body) {
-    check_pose(body.name + ".zero_pose", body.zero_pose);
-    check_vector(body.name + ".initial_velocity", body.initial_velocity);
-    check_vector(body.name + ".initial_angular_velocity", body.initial_angular_velocity);
-    check_range(body.name + ".mass", body.mass, kMassMin, kMassMax, "kg");
+    check_pose(body.name, ".zero_pose", body.zero_pose);
+    check_vector({body.name, ".initial_velocity"}, body.initial_velocity);
+    check_vector({body.name, ".initial_angular_velocity"}, body.initial_angular_velocity);
+    check_range({body.name, ".mass"}, body.mass, kMassMin, kMassMax, "kg");
     check_inertia(body);
   }
 
@@ -107,7 +115,7 @@ class Checker {
           "positive moments of which none exceeds the sum of the other two");
   }
 
-  void check_axis(const std::string& key, const Vec3& axis) {
+  void check_axis(const Key& key, const Vec3& axis) {
     if (!axis.allFinite() || std::abs(axis.norm() - 1) > kUnitTolerance)
       add(key, fmt::format("({}, {}, {})", axis.x(), axis.y(), axis.z()), "a unit vector");
   }
@@ -117,8 +125,8 @@ class Checker {
         joint.child == kWorld)
       add(joint.name, fmt::format("bodies {} and {}", joint.parent, joint.child),
           "two different bodies, the child not the world");
-    check_pose(joint.name + ".parent_frame", joint.parent_frame);
-    check_pose(joint.name + ".child_frame", joint.child_frame);
+    check_pose(joint.name, ".parent_frame", joint.parent_frame);
+    check_pose(joint.name, ".child_frame", joint.child_frame);
     const std::size_t axes =
         joint.kind == JointKind::ball ? 0 : static_cast<std::size_t>(dof_count(joint.kind));
     if (joint.axes.size() != axes)
@@ -136,18 +144,18 @@ class Checker {
   }
 
   void check_joint_axis(const std::string& key, const JointAxis& axis) {
-    check_axis(key + ".axis", axis.axis);
-    check_range(key + ".initial", axis.initial, -kFar, kFar, "rad or m");
+    check_axis({key, ".axis"}, axis.axis);
+    check_range({key, ".initial"}, axis.initial, -kFar, kFar, "rad or m");
     if (axis.stop) {
       if (!(axis.stop->low < axis.stop->high))
         add(key + ".stop", fmt::format("{:g}..{:g}", axis.stop->low, axis.stop->high), "low below high");
-      check_range(key + ".stop.bounce", axis.stop->bounce, 0, 1, "");
-      check_range(key + ".stop.ode.fudge_factor", axis.stop->ode.fudge_factor, 0, 1, "");
+      check_range({key, ".stop.bounce"}, axis.stop->bounce, 0, 1, "");
+      check_range({key, ".stop.ode.fudge_factor"}, axis.stop->ode.fudge_factor, 0, 1, "");
     }
     if (axis.tissue) {
-      check_range(key + ".tissue.stiffness", axis.tissue->stiffness, 0, kFar, "N m/rad");
-      check_range(key + ".tissue.damping", axis.tissue->damping, 0, kFar, "N m s/rad");
-      check_range(key + ".tissue.rest", axis.tissue->rest, -kFar, kFar, "rad");
+      check_range({key, ".tissue.stiffness"}, axis.tissue->stiffness, 0, kFar, "N m/rad");
+      check_range({key, ".tissue.damping"}, axis.tissue->damping, 0, kFar, "N m s/rad");
+      check_range({key, ".tissue.rest"}, axis.tissue->rest, -kFar, kFar, "rad");
     }
   }
 
@@ -178,32 +186,33 @@ class Checker {
   }
 
   void check_shape(const Shape& shape) {
-    check_pose(shape.name + ".pose", shape.pose);
+    check_pose(shape.name, ".pose", shape.pose);
     if (!in(shape.body, model_.bodies) || !in(shape.group, model_.groups) ||
         !in(shape.material, model_.materials))
       add(shape.name, fmt::format("body {}, group {}, material {}", shape.body, shape.group, shape.material),
           "indices within the model");
     const bool round = shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::cylinder ||
                        shape.kind == ShapeKind::sphere;
-    if (round) check_range(shape.name + ".radius", shape.radius, kSizeMin, kSizeMax, "m");
+    if (round) check_range({shape.name, ".radius"}, shape.radius, kSizeMin, kSizeMax, "m");
     if (shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::cylinder)
-      check_range(shape.name + ".length", shape.length, kSizeMin, kSizeMax, "m");
+      check_range({shape.name, ".length"}, shape.length, kSizeMin, kSizeMax, "m");
     if (shape.kind == ShapeKind::convex_mesh && (!shape.mesh || !(shape.mesh->volume > 0)))
       add(shape.name + ".mesh", shape.mesh ? "a mesh without volume" : "none", "a convex mesh");
     if (shape.kind == ShapeKind::box)
-      for (int i = 0; i < 3; ++i) check_range(shape.name + ".edges", shape.edges[i], kSizeMin, kSizeMax, "m");
+      for (int i = 0; i < 3; ++i)
+        check_range({shape.name, ".edges"}, shape.edges[i], kSizeMin, kSizeMax, "m");
   }
 
   void check_material(const Material& material) {
-    check_range(material.name + ".friction", material.friction, 0, 1e3, "");
-    check_range(material.name + ".restitution", material.restitution, 0, 1, "");
-    check_range(material.name + ".restitution_speed", material.restitution_speed, 0, kFar, "m/s");
-    check_range(material.name + ".rolling_friction", material.rolling_friction, 0, kSizeMax, "m");
-    check_range(material.name + ".spinning_friction", material.spinning_friction, 0, kSizeMax, "m");
+    check_range({material.name, ".friction"}, material.friction, 0, 1e3, "");
+    check_range({material.name, ".restitution"}, material.restitution, 0, 1, "");
+    check_range({material.name, ".restitution_speed"}, material.restitution_speed, 0, kFar, "m/s");
+    check_range({material.name, ".rolling_friction"}, material.rolling_friction, 0, kSizeMax, "m");
+    check_range({material.name, ".spinning_friction"}, material.spinning_friction, 0, kSizeMax, "m");
     if (!material.compliance) return;
-    check_range(material.name + ".stiffness", material.compliance->stiffness, kStiffnessMin, kStiffnessMax,
+    check_range({material.name, ".stiffness"}, material.compliance->stiffness, kStiffnessMin, kStiffnessMax,
                 "N/m");
-    check_range(material.name + ".damping", material.compliance->damping, 0, kStiffnessMax, "N s/m");
+    check_range({material.name, ".damping"}, material.compliance->damping, 0, kStiffnessMax, "N s/m");
   }
 
   void check_drive(const Drive& drive) {
@@ -212,19 +221,19 @@ class Checker {
         known ? model_.bodies[static_cast<std::size_t>(drive.body)].name + ".drive" : "drive";
     if (!known || drive.body == kWorld || !model_.bodies[static_cast<std::size_t>(drive.body)].kinematic)
       add(key, fmt::format("body {}", drive.body), "a kinematic body other than the world");
-    check_pose(key + ".frame", drive.frame);
+    check_pose(key, ".frame", drive.frame);
     if (drive.motion.keys.empty()) add(key + ".motion", "no keyframe", "at least one");
     for (std::size_t i = 0; i < drive.motion.keys.size(); ++i) {
-      check_pose(key + ".motion", drive.motion.keys[i].pose);
-      check_range(key + ".motion.time", drive.motion.keys[i].time, -kFar, kFar, "s");
+      check_pose(key, ".motion", drive.motion.keys[i].pose);
+      check_range({key, ".motion.time"}, drive.motion.keys[i].time, -kFar, kFar, "s");
       if (i > 0 && !(drive.motion.keys[i].time > drive.motion.keys[i - 1].time))
         add(key + ".motion",
             fmt::format("time {:g} after {:g}", drive.motion.keys[i].time, drive.motion.keys[i - 1].time),
             "increasing times");
     }
     for (const Shake& shake : drive.motion.shakes) {
-      check_range(key + ".motion.shake", shake.frequency, 1e-3, 1e4, "Hz");
-      check_range(key + ".motion.shake", shake.amplitude.norm(), 0, kFar, "m");
+      check_range({key, ".motion.shake"}, shake.frequency, 1e-3, 1e4, "Hz");
+      check_range({key, ".motion.shake"}, shake.amplitude.norm(), 0, kFar, "m");
       if (shake.cycles < 1)
         add(key + ".motion.shake", fmt::format("{} cycles", shake.cycles), "at least one");
     }

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <set>
+#include <utility>
 
 #ifdef __GLIBC__
 #include <gnu/libc-version.h>
@@ -20,10 +21,18 @@ namespace {
 const std::set<std::string, std::less<>> kLeftOut = {"title",    "duration", "record", "pictures",
                                                      "criteria", "solver",   "effects"};
 
+/// The motion does not depend on colours either, at any depth.
+YamlNode without_colours(YamlNode node) {
+  std::erase_if(node.entries, [](const YamlEntry& entry) { return entry.key == "color"; });
+  for (YamlEntry& entry : node.entries) entry.value = without_colours(std::move(entry.value));
+  for (YamlNode& item : node.items) item = without_colours(std::move(item));
+  return node;
+}
+
 /// One entry for each value of a map or list that stands at the top, one for each other value.
 void add_parts(const YamlNode& resolved, Fingerprint& out) {
   const auto add = [&](const std::string& name, const YamlNode& node) {
-    out.emplace_back(name, hash_bytes(emit_yaml(node)));
+    out.emplace_back(name, hash_bytes(emit_yaml(without_colours(node))));
   };
   for (const YamlEntry& entry : resolved.entries) {
     if (kLeftOut.contains(entry.key)) continue;

@@ -200,6 +200,11 @@ void Simulation::advance(const engine::StepInput& action) {
   throw Error(*failure_);
 }
 
+std::optional<Simulation::Parts> Simulation::parts() {
+  if (failure_ || !watchers_.empty() || !climbs_.empty()) return std::nullopt;
+  return Parts{*engine_, controller_.get(), constant_};
+}
+
 std::uint64_t Simulation::state_hash() const { return get<RunHash>().value(); }
 
 std::vector<Verdict> Simulation::verdicts() const {
@@ -309,7 +314,8 @@ MotionSnapshot Simulation::motion() const {
 void Simulation::reset(const MotionSnapshot& motion) {
   if (failure_) throw Error(*failure_);
   if (motion.lineage_ != scene_->lineage)
-    throw input_error("motion", "one of a scene that was compiled apart", "one of this scene or a copy of it");
+    throw input_error("motion", "one of a scene that was compiled apart",
+                      "one of this scene or a copy of it");
   ArchiveReader in(motion.bytes_, "motion");
   engine_->restore(motion.state_, in);
   if (controller_) controller_->restore(in);

@@ -45,6 +45,17 @@ class Simulation {
   ///         joint and quantity if the state is out of bounds; every later step throws the same.
   void step(const engine::StepInput& action = {}, std::span<const double> angles = {});
 
+  /// What steps the simulation where several ones step at once (environment/lanes.h).
+  struct Parts {
+    engine::Engine& engine;
+    control::Controller* controller;           ///< null without control
+    std::span<const double> constant_torques;  ///< of the joints; empty if there are none
+  };
+  /// Nothing where a step needs more than these: watchers, climbs; and after a failure.
+  std::optional<Parts> parts();
+  /// Counts steps that have been made with the parts.
+  void add_steps(long steps) { steps_ += steps; }
+
   const scene::Scene& scene() const { return *scene_; }
   const model::Model& model() const { return scene_->model; }
   const model::State& state() const { return engine_->state(); }

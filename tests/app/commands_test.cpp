@@ -68,14 +68,8 @@ Words hand_with(const Words& rest) {
 }
 
 const std::vector<Usage> kUsages = {
-    {"NoCommand",
-     {},
-     "command: got nothing, need one of hand, check, run, render, accuracy, grasp, effects, export, "
-     "contacts"},
-    {"UnknownCommand",
-     {"rum"},
-     "command: got rum, need one of hand, check, run, render, accuracy, grasp, effects, export, contacts, "
-     "stability, rollouts, schema, completion (nearest: run)"},
+    {"NoCommand", {}, "command: got nothing, need one of hand, check, run, render, export, schema"},
+    {"UnknownCommand", {"rum"}, "completion (nearest: run)"},
     {"UnknownOption", run_with({"--fast"}), "--fast"},
     {"RunWithoutOut", {"run", kScene}, "--out is required"},
     {"RunWithoutScene", {"run", "--out", "OUT"}, "scene is required"},
@@ -101,6 +95,20 @@ const std::vector<Usage> kUsages = {
     {"RenderIntoNoFolder",
      {"render", kScene, "--out", "OUT/none/a.png"},
      ".png: got a file that cannot be created"},
+    {"RenderAJpeg", {"render", kScene, "--out", "OUT.jpg"}, "OUT.jpg, need a name that ends in .png"},
+    {"RenderWithoutEnding", {"render", kScene, "--out", "OUT"}, "need a name that ends in .png"},
+    {"RenderNothing", {"render", kScene}, "--out or --video is required"},
+    {"VideoOfAnUnknownKind",
+     {"render", kScene, "--video", "OUT.avi"},
+     "OUT.avi, need a name that ends in .mp4 or .gif"},
+    {"VideoTooFast",
+     {"render", kScene, "--video", "OUT.gif", "--fps", "60"},
+     "--fps: got 60, need above 0, at most 50"},
+    {"VideoSpeedNone",
+     {"render", kScene, "--video", "OUT.mp4", "--speed", "0"},
+     "--speed: got 0, need a factor"},
+    {"FpsWithoutVideo", run_with({"--fps", "30"}), "--fps requires --video"},
+    {"GlUnknown", run_with({"--gl", "eg"}), "--gl: got eg, need one of osmesa, egl (nearest: egl)"},
     {"HandOfNobody",
      {"hand", "--out", "OUT", "--stature", "1.7", "--mass", "60"},
      "--sex: got nothing, need one of male, female, unknown"},
@@ -128,9 +136,24 @@ const std::vector<Usage> kUsages = {
     {"HandModelMissing",
      hand_with({"--stature", "1.7", "--mass", "60", "--sex", "male", "--model", "/none.yaml"}),
      "/none.yaml:1:1: got no such file"},
+    {"ExportOfNothing",
+     {"export", "--out", "OUT.osim"},
+     "scene: got nothing, need a scene file, or a person"},
+    {"ExportOfBoth",
+     {"export", kScene, "--out", "OUT.osim", "--stature", "1.7"},
+     "need a scene or the options of a person, not both"},
+    {"ExportEnding",
+     {"export", kScene, "--out", "OUT.usd"},
+     "need a name that ends in .xml or .mjcf (MJCF), .urdf or .osim (OpenSim)"},
+    {"ExportSetWithoutScene",
+     {"export", "--person", source("config/persons/child.yaml"), "--out", "OUT.osim", "--set", "duration=1"},
+     "--set: got duration=1, need a scene"},
+    {"ExportPersonSex",
+     {"export", "--out", "OUT.osim", "--stature", "1.7", "--mass", "60"},
+     "--sex: got nothing, need one of male, female, unknown"},
     {"ExportFormat",
      {"export", kScene, "--format", "sdf", "--out", "OUT"},
-     "--format: got sdf, need one of mjcf, urdf"},
+     "--format: got sdf, need one of mjcf, urdf, osim"},
     {"GraspFriction",
      {"grasp", source("config/grasp_pinch.yaml"), "--out", "OUT", "--friction", "-3"},
      "--friction: got -3, need a coefficient of friction, 0 to 10"},
@@ -161,6 +184,23 @@ const std::vector<Usage> kUsages = {
 
 INSTANTIATE_TEST_SUITE_P(All, BadUsage, testing::ValuesIn(kUsages),
                          [](const auto& test) { return test.param.name; });
+
+// A run that cannot write its video does not start: nothing is in the folder.
+TEST(Video, WithoutFfmpegIsRefusedBeforeTheRun) {
+  const TemporaryFolder folder;
+  const std::string path = std::getenv("PATH");
+  setenv("PATH", "/nonexistent", 1);
+  const std::string video = (folder.path() / "v.mp4").string();
+  const Outcome run =
+      run_program({"run", kScene, "--out", (folder.path() / "out").string(), "--video", video});
+  const Outcome render = run_program({"render", kScene, "--video", video});
+  setenv("PATH", path.c_str(), 1);
+  for (const Outcome& outcome : {run, render}) {
+    EXPECT_EQ(outcome.status, 2);
+    EXPECT_TRUE(outcome.err.starts_with("--video: got no program ffmpeg")) << outcome.err;
+  }
+  EXPECT_TRUE(fs::is_empty(folder.path()));
+}
 
 TEST(Commands, AllInvalidOverridesAreReported) {
   const TemporaryFolder folder;

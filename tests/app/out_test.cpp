@@ -220,6 +220,39 @@ TEST(LongNames, AreRefusedBeforeTheRun) {
   EXPECT_EQ(run_program({"render", kScene, "--out", folder.path() / "loop"}).status, 2);
 }
 
+// Oracle: `handsim export` of the scene that has this person's hand, but for the place of the palm.
+TEST(Export, WritesAPersonsHandsWithoutAScene) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "hand.osim";
+  const Words person = {"--stature", "1.75", "--mass", "72", "--sex", "male"};
+  const auto exported = [&](const Words& more) {
+    Words words = {"export", "--out", out};
+    words.insert(words.end(), more.begin(), more.end());
+    EXPECT_EQ(run_program(words).status, 0);
+    return text_of(out);
+  };
+  const auto count = [](const std::string& text, const std::string& part) {
+    std::size_t found = 0;
+    for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++found;
+    return found;
+  };
+  Words right = person;
+  right.insert(right.end(), {"--side", "right"});
+  const std::string one = exported(right);
+  EXPECT_EQ(count(one, "<Body name="), 16u);
+  EXPECT_EQ(count(one, "<Coordinate name="), 20u);
+  EXPECT_EQ(count(one, "<SpringGeneralizedForce"), 20u);
+  EXPECT_EQ(count(exported(person), "<Body name="), 32u);
+  Words moving = right;
+  moving.insert(moving.end(), {"--mount", "universal"});
+  EXPECT_EQ(count(exported(moving), "<Coordinate name="), 22u);
+  const std::string file = source("config/persons/median_man.yaml");
+  EXPECT_EQ(
+      count(exported({"--person", file, "--model", source("handmodels/prototype.yaml"), "--side", "left"}),
+            "<Body name=\"right"),
+      0u);
+}
+
 TEST(Export, WritesTheFormatOfTheExtension) {
   const TemporaryFolder folder;
   struct Case {
@@ -233,6 +266,12 @@ TEST(Export, WritesTheFormatOfTheExtension) {
                                    {"a", {}, "<mujoco"},
                                    {"b", {"--format", "urdf"}, "<robot"},
                                    {"b.urdf", {"--format", "urdf"}, "<robot"},
+                                   {"a.mjcf", {}, "<mujoco"},
+                                   {"a.osim", {}, "<OpenSimDocument"},
+                                   {"c", {"--format", "osim"}, "<OpenSimDocument"},
+                                   {"c.osim", {"--format", "urdf"}, nullptr},
+                                   {"c.xml", {"--format", "osim"}, nullptr},
+                                   {"c.usd", {}, nullptr},
                                    {"c.urdf", {"--format", "mjcf"}, nullptr},
                                    {"c.xml", {"--format", "urdf"}, nullptr},
                                    {"c.sdf", {}, nullptr},

@@ -155,21 +155,23 @@ void first_frame(benchmark::State& state) {
 }
 BENCHMARK(first_frame)->Unit(benchmark::kMillisecond)->UseRealTime();
 
-/// Eight frames with one context, per frame.
+/// Eight frames with one context, per frame, of this width and three quarters of it in height.
 void frame(benchmark::State& state) {
-  const scene::Scene scene = test::shipped_scene("two_hands");
+  const scene::Scene scene =
+      test::shipped_scene("two_hands", {"pictures.size=[" + std::to_string(state.range(0)) + ", " +
+                                        std::to_string(state.range(0) * 3 / 4) + "]"});
   const std::vector<simulation::Moment> moments(8, {model::initial_state(scene.model), {}});
   for (auto unused : state) {
     (void)unused;
     const auto start = std::chrono::steady_clock::now();
-    simulation::draw(scene.model, scene.spec.pictures, moments, [](std::size_t, const output::Image& image) {
-      benchmark::DoNotOptimize(image.rgb.data());
+    simulation::draw(scene, moments, {}, {}, [](std::size_t, const simulation::Picture& picture) {
+      benchmark::DoNotOptimize(picture.image.rgb.data());
     });
     state.SetIterationTime(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count() /
                            8);
   }
 }
-BENCHMARK(frame)->Unit(benchmark::kMillisecond)->UseManualTime();
+BENCHMARK(frame)->Arg(1280)->Arg(640)->Unit(benchmark::kMillisecond)->UseManualTime();
 
 }  // namespace
 }  // namespace handsim::bench

@@ -33,13 +33,14 @@ std::vector<double> torques(const Batch& batch, std::size_t first, int step) {
 }
 
 /// Last bits of 64 environments stepped in batches of a size.
-std::vector<std::uint64_t> run(const scene::Scene& scene, std::size_t size, int threads, int steps) {
+std::vector<std::uint64_t> run(const scene::Scene& scene, std::size_t size, int threads, int steps,
+                               bool lanes = true) {
   std::vector<std::uint64_t> out;
   for (std::size_t first = 0; first < 64; first += size) {
     const std::size_t count = std::min(size, 64 - first);
     environment::Setup setup;
     setup.randomise = {{"q", Distribution::uniform, 0.0, 0.05}};
-    Batch batch(scene, count, {setup, nullptr, threads});
+    Batch batch(scene, count, {setup, nullptr, threads, lanes});
     std::vector<std::uint64_t> seeds(count);
     std::iota(seeds.begin(), seeds.end(), first);
     batch.reset(seeds);
@@ -65,8 +66,61 @@ TEST_P(OnScene, TheBitsAreThoseOfEveryBatchSizeAndNumberOfThreads) {
   const int steps = GetParam().second == std::string("ode") ? 40 : 90;
   const std::vector<std::uint64_t> alone = run(scene, 1, 1, steps);
   EXPECT_NE(alone[0], alone[1]);
-  for (const auto& [size, threads] : {std::pair<std::size_t, int>{64, 1}, {64, 2}, {64, 8}, {7, 2}, {9, 1}})
+  EXPECT_EQ(run(scene, 64, 1, steps, false), alone) << "without lanes";
+  for (const auto& [size, threads] :
+       {std::pair<std::size_t, int>{64, 1}, {64, 2}, {64, 8}, {7, 2}, {7, 8}, {9, 1}})
     EXPECT_EQ(run(scene, size, threads, steps), alone) << size << " in " << threads << " threads";
+}
+
+/// Bits of the motion with what engine and controller keep from step to step, of environments that draw every
+/// number that lanes hold, and are given targets in every third call.
+std::vector<std::string> drawn(const scene::Scene& scene, bool lanes) {
+  environment::Setup setup;
+  setup.randomise = {{"q", Distribution::uniform, 0.0, 0.3},
+                     {"gravity", Distribution::uniform, -9, 9},
+                     {"gains", Distribution::log_uniform, 0.5, 2},
+                     {"torque_limits", Distribution::log_uniform, 0.02, 1}};
+  Batch batch(scene, 13, {setup, nullptr, 2, lanes});
+  std::vector<std::uint64_t> seeds(batch.size());
+  std::iota(seeds.begin(), seeds.end(), 5);
+  batch.reset(seeds);
+  std::vector<double> angles(batch.size() * batch[0].simulation().controller()->axes().size());
+  for (int call = 0; call < 60; ++call) {
+    for (std::size_t i = 0; i < angles.size(); ++i)
+      angles[i] = 0.3 * std::sin(static_cast<double>(i) + 0.2 * call);
+    batch.step({.torques = call % 2 == 0 ? torques(batch, 0, call) : std::vector<double>(),
+                .angles = call % 3 == 0 ? angles : std::vector<double>()},
+               1 + call % 4);
+    // Some are behind the others from here on.
+    if (call == 20) {
+      std::vector<unsigned char> mask(batch.size());
+      mask[3] = mask[7] = 1;
+      seeds[3] = 100;
+      batch.reset(seeds, mask);
+    }
+  }
+  std::vector<std::string> out;
+  for (std::size_t i = 0; i < batch.size(); ++i) {
+    ArchiveWriter bytes;
+    carry(bytes, batch[i].simulation().state());
+    const auto snapshot = batch[i].simulation().snapshot();
+    out.push_back(bytes.take() + snapshot.bytes);
+  }
+  return out;
+}
+
+class InLanes : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Effects, InLanes,
+                         testing::Values("[gravity, joint_stops, passive_tissue, actuation]",
+                                         "[gravity, joint_stops, passive_tissue, actuation, self_contact]",
+                                         "[gravity, actuation]"));
+
+TEST_P(InLanes, EnginesAndControllersKeepTheBitsThatTheyHaveAlone) {
+  const scene::Scene scene = shipped_scene(
+      "every_pose", {"solver={engine: articulated, step: 1 ms}", std::string("effects=") + GetParam()});
+  const std::vector<std::string> alone = drawn(scene, false);
+  EXPECT_NE(alone[0], alone[1]);
+  EXPECT_EQ(drawn(scene, true), alone);
 }
 
 TEST(Batch, IsTheSimulationOfTheScene) {
@@ -76,6 +130,28 @@ TEST(Batch, IsTheSimulationOfTheScene) {
   for (int i = 0; i < 400; ++i) simulation.step();
   batch.step({}, 400);
   for (std::size_t i = 0; i < batch.size(); ++i) EXPECT_EQ(bits(batch[i]), bits(simulation.state()));
+}
+
+// Oracle: an environment that shares its scene with none.
+TEST(Batch, ANumberThatOneEnvironmentSetsIsNotThatOfTheOthers) {
+  const scene::Scene scene = shipped_scene("every_pose", {"solver={engine: articulated, step: 1 ms}"});
+  Batch batch(scene, 9);
+  Environment alone(scene);
+  batch[2].set("gravity", std::vector<double>{0, 0, -3});
+  batch[2].set("gains", std::vector<double>{0.5});
+  alone.set("gravity", std::vector<double>{0, 0, -3});
+  alone.set("gains", std::vector<double>{0.5});
+  EXPECT_EQ(batch[2].get("gravity")[2], -3);
+  EXPECT_EQ(batch[3].get("gravity")[2], scene.model.gravity.z());
+  batch.reset();
+  alone.reset();
+  batch.step({}, 40);
+  alone.step({}, 40);
+  EXPECT_EQ(bits(batch[2]), bits(alone));
+  EXPECT_NE(bits(batch[3]), bits(alone));
+  alone = Environment(scene);
+  alone.step({}, 40);
+  EXPECT_EQ(bits(batch[3]), bits(alone));
 }
 
 TEST(Batch, EndsThoseThatAreDoneAndLetsOthersGoOn) {

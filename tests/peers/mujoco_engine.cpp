@@ -141,6 +141,7 @@ class MujocoEngine final : public OtherEngine {
       }
     };
     set(m->geom_solref, m->geom_solimp, static_cast<int>(m->ngeom));
+    set(m->pair_solref, m->pair_solimp, static_cast<int>(m->npair));
     set(m->jnt_solref, m->jnt_solimp, static_cast<int>(m->njnt));
     set(m->eq_solref, m->eq_solimp, static_cast<int>(m->neq));
   }

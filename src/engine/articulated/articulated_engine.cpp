@@ -89,6 +89,8 @@ void ArticulatedEngine::start(const model::State& state) {
   if (contact_) contact_->forget();
   if (fast_spin_) fast_spin_->forget();
   mechanism_.kernel().kinematics(mechanism_.tree());
+  placed_ = true;
+  collided_ = false;
   if (loops_ && !(loops_->close() < kOpen))
     throw input_error("state", "loops that are open", "joints that can all be closed");
   time_ = next.time;
@@ -102,14 +104,9 @@ const model::State& ArticulatedEngine::state() const {
     while (made_.load(std::memory_order_acquire) != Made::yes) std::this_thread::yield();
     return state_;
   }
+  place();
   mechanism_.give(state_);
-  for (const int drive : drives_) {
-    const int body = model_.drives[static_cast<std::size_t>(drive)].body;
-    const BaseMotion& base = mechanism_.base(body);
-    state_.bodies[static_cast<std::size_t>(body)] = {base.pose.p, base.pose.q, base.v, base.w};
-  }
-  mechanism_.give_coordinates(state_);
-  state_.time = time_;
+  give_rest();
   made_.store(Made::yes, std::memory_order_release);
   return state_;
 }
@@ -151,6 +148,8 @@ void ArticulatedEngine::restore(const model::State& state, ArchiveReader& in) {
   if (contact_) contact_->restore(in);
   if (fast_spin_) fast_spin_->restore(in);
   mechanism_.kernel().kinematics(mechanism_.tree());
+  placed_ = true;
+  collided_ = false;
   had_torques_ = true;
   time_ = state.time;
   state_ = state;
@@ -230,7 +229,9 @@ int ArticulatedEngine::solve_step() {
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();
   const double h = settings_.step;
-  for (int i = 0; i < kJointCorrections + kSingleCorrections; ++i) {
+  for (int i = 0; i < kJointCorrections && !loops_; ++i)
+    if (kernel.accelerate(tree, h)) return 0;
+  for (int i = loops_ ? 0 : kJointCorrections; i < kJointCorrections + kSingleCorrections; ++i) {
     kernel.prepare(tree, h);
     if (loops_)
       loops_->solve(h);
@@ -267,7 +268,13 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
   const Kernel& kernel = mechanism_.kernel();
   const Tree& tree = mechanism_.tree();
   find_targets(input.drive_targets, end);
-  if (contact_) collide(report);
+  if (collided_) {
+    collided_ = false;
+    report.collide_calls = collide_calls_;
+    report.contacts = static_cast<int>(contact_->contacts().size());
+  } else if (contact_) {
+    collide(report);
+  }
   const bool fast = fast_spin_->begin(input, settings_.step);
   const bool moving = set_base_velocities();
   mechanism_.update_gyroscopic_torques(settings_.step);
@@ -283,11 +290,17 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();
   }
+  if (!fast && !moving && !loops_) return check(kernel.advance(tree, settings_.step), end);
   kernel.find_torques(tree, settings_.step);
   if (fast) fast_spin_->add_work(report.contacts > 0 || loops_);
   kernel.integrate(tree, settings_.step);
   if (moving) place_bases();
   check(arrive(fast), end);
+}
+
+void ArticulatedEngine::place() const {
+  if (!placed_) mechanism_.kernel().kinematics(mechanism_.tree());
+  placed_ = true;
 }
 
 void ArticulatedEngine::refresh() {
@@ -304,6 +317,7 @@ std::span<const Contact> ArticulatedEngine::contacts() const {
 
 StepReport ArticulatedEngine::step(const StepInput& input) {
   if (failure_) throw Error(*failure_);
+  place();
   keep_start();
   accept(input);
   const double end = next_time(time_, settings_.step);

@@ -74,9 +74,10 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   // Constants of topology.h.
   Lane<W> before[4], turned[4], direction[3], anchor[3], arm[3], mass, inertia[3];
   // Of the position.
-  Lane<W> S[6];  ///< the joint's motion axis; nodes of one rate
-  Lane<W> h[3];  ///< mass times p
-  Lane<W> I[6];  ///< rotational inertia about O: xx, xy, xz, yy, yz, zz
+  Lane<W> sine, cosine;  ///< of half the angle; revolute nodes
+  Lane<W> S[6];          ///< the joint's motion axis; nodes of one rate
+  Lane<W> h[3];          ///< mass times p
+  Lane<W> I[6];          ///< rotational inertia about O: xx, xy, xz, yy, yz, zz
   // Of the velocity.
   Lane<W> c[6];                 ///< velocity-product acceleration
   Lane<W> pv[6];                ///< velocity-product force v x* I v
@@ -91,8 +92,10 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   NodeKind kind;
   ParentLink link;
   bool has_children;
-  bool massless;  ///< no lane has a body
-  int parent;     ///< batch; of Base frames where link is base
+  bool adds_first;  ///< aligned, and the first to hand down to its parents, which need not be cleared
+  bool cleared;     ///< before children hand down
+  bool massless;    ///< no lane has a body
+  int parent;       ///< batch; of Base frames where link is base
   int parent_batch[W], parent_lane[W];
   int used;  ///< lanes with a node
   int q, u;  ///< first position and rate
@@ -127,6 +130,61 @@ struct Tree {
   double erp = 1;                      ///< share of an angle beyond its stop that a step brings back
 };
 
+/// A body of each lane's model: of a node, or of a base.
+template <int W>
+struct alignas(64) LaneBody {
+  // Constant.
+  Lane<W> q_LB[4];
+  Lane<W> mass;
+  // As model::BodyState; those of bases are set from outside.
+  Lane<W> p[3], q[4], v[3], w[3];
+  Lane<W> moment[3];  ///< of all bodies distal to its joint: mass times position [kg m]
+  int batch = 0, island = 0;
+  bool of_node = false;
+};
+
+/// A joint of control::GravityLoad.
+template <int W>
+struct alignas(64) LaneWeight {
+  Lane<W> mass, frame[3], first_axis[3], second_axis[3];
+  int parent = 0, child = 0;  ///< bodies
+  int dof = 0;
+  bool adds_to_parent = false, turns = false, universal = false;
+};
+
+/// A driven axis of control::Controller, with implicit gains.
+template <int W>
+struct alignas(64) LaneServo {
+  // Constant.
+  Lane<W> proportional, derivative, integral_gain, limit, zone, smoothing, tissue_stiffness, tissue_rest;
+  Lane<W> target;
+  // From step to step.
+  Lane<W> integral, filtered_rate, torque, at_limit;
+  Lane<W> reached;  ///< target of the last step that is over
+  int batch = 0, dof = 0;
+};
+
+/// Bodies and controllers of the environments in the lanes of a Tree.
+struct LaneControl {
+  int bodies = 0, weights = 0, servos = 0, dofs = 0;
+  void* body = nullptr;
+  void* weight = nullptr;
+  void* servo = nullptr;
+  double* origin = nullptr;   ///< of each island, [island][3][lane]
+  double* gravity = nullptr;  ///< that is compensated, [3][lane]
+  double* load = nullptr;     ///< torque that balances the weight, [dof][lane]
+};
+
+/// Of Lanes whose lanes are environments; Kernel::width numbers at a time.
+struct LaneKernel {
+  /// Bodies of nodes to where kinematics found them.
+  void (*place_bodies)(const Tree&, const LaneControl&);
+  /// control::GravityLoad and Controller::command, into the servos of the axes.
+  void (*command)(const Tree&, const LaneControl&, double step);
+  /// Controller::observe.
+  void (*observe)(const Tree&, const LaneControl&);
+};
+
 /// The algorithms for one width and instruction set. Same bits from every one of them.
 struct Kernel {
   const char* name = "";
@@ -157,6 +215,12 @@ struct Kernel {
   void (*position_rates)(const Tree&, double* out);
   /// Makes quaternions unit and brings angles into (-pi, pi].
   void (*normalise)(const Tree&);
+  /// prepare, solve and update_active_set of all axes, in two passes.
+  bool (*accelerate)(const Tree&, double step);
+  /// find_torques, integrate and kinematics, in one pass. False as kinematics.
+  bool (*advance)(const Tree&, double step);
+  /// For trees whose lanes are environments (lane_group.h).
+  LaneKernel lanes;
 };
 
 }  // namespace handsim::engine::articulated

@@ -125,6 +125,8 @@ NewtonReport ContactNewton::solve(double tolerance) {
   find_islands();
   if (islands_ == 1 && !left_out_[0]) return solve_island(tolerance);
   list_islands();
+  // Many scenes never have a second island.
+  if (part_->place_.capacity() == 0) part_->reserve(at(n_));
   NewtonReport report;
   report.solved = true;
   for (int island = 0; island < islands_; ++island) {

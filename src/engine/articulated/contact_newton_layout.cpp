@@ -13,7 +13,6 @@ void ContactNewton::resize(std::span<const int> first) {
   reserve(first.size());
   if (std::count(tree_first_.begin(), tree_first_.end(), 0) == n_) return;
   part_ = std::make_unique<ContactNewton>(kernel_);
-  part_->reserve(first.size());
 }
 
 /// Sizes everything for the unknowns; allocates only where there were never as many.

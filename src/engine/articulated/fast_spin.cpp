@@ -125,6 +125,12 @@ double FastSpin::turn(const Tree& tree) const {
   return out;
 }
 
+double FastSpin::calm_turn(const StepInput& input) const {
+  const bool all =
+      std::all_of(trees_.begin(), trees_.end(), [&](const Tree& tree) { return driven(tree, input); });
+  return all ? kDrivenTurn : kPassiveTurn;
+}
+
 bool FastSpin::begin(const StepInput& input, double step) {
   const auto beyond = [&](double spin, double turn) { return spin * step * step > turn * turn; };
   step_ = step;
@@ -146,7 +152,7 @@ bool FastSpin::begin(const StepInput& input, double step) {
       tree.angular = now.momentum.head<3>() - tree.centre.cross(tree.linear);
     }
     tree.watched = tree.fast;
-    tree.turned += spin * step * step;
+    if (tree.fast) tree.turned += spin * step * step;
     any = any || tree.fast;
   }
   return any;

@@ -40,6 +40,8 @@ class FastSpin {
   /// Finds the fast trees; before bases get the step's velocities. @param step [s]
   /// @returns false where none is fast: the step needs nothing of what follows
   bool begin(const StepInput& input, double step);
+  /// Turn of a step up to which no tree is fast, whatever moves [rad].
+  double calm_turn(const StepInput& input) const;
   /// Adds the work and impulses of the accelerations found, Mechanism::du(); before these move anything.
   /// @param constrained loops or contacts act, too, and not the forces of the joints alone
   void add_work(bool constrained);

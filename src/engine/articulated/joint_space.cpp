@@ -21,14 +21,20 @@ JointSpace::JointSpace(Mechanism& mechanism) : stride_(mechanism.stride()) {
       axes_.push_back(views_[i].S + 6 * at(k) * stride_);
     }
   }
+}
+
+/// Many mechanisms never need the arrays.
+void JointSpace::allocate() {
+  if (!S_.empty()) return;
   H_.resize(at(n_) * at(n_));
   S_.resize(at(n_));
-  a_.resize(topology.nodes.size());
-  f_.resize(topology.nodes.size());
-  composite_.resize(topology.nodes.size());
+  a_.resize(views_.size());
+  f_.resize(views_.size());
+  composite_.resize(views_.size());
 }
 
 void JointSpace::inverse_dynamics(std::span<const double> du, std::span<double> tau) {
+  allocate();
   const int nodes = static_cast<int>(views_.size());
   for (int dof = 0; dof < n_; ++dof) S_[at(dof)] = axis(dof);
   for (int i = 0; i < nodes; ++i) {

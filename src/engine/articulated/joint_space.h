@@ -59,6 +59,7 @@ class JointSpace {
   ///        the dofs, by trees, of which it is found
   template <class Of>
   void find_inertia(const Of& of) {
+    allocate();
     for (std::size_t i = 0; i < views_.size(); ++i)
       if (of(first_[i])) start_composite(i);
     for (std::size_t i = views_.size(); i-- > 0;)
@@ -88,6 +89,7 @@ class JointSpace {
   Spatial acceleration(int node) const { return a_[static_cast<std::size_t>(node)]; }
 
  private:
+  void allocate();
   void start_composite(std::size_t node);
   void find_node_inertia(std::size_t node);
   std::size_t index(int i, int j) const {

@@ -104,6 +104,7 @@ struct Lanes {
   }
 
   // Poses, velocities and inertias of the links, and integration (kernel_motion.h).
+  static void turn(const Tree& tree, Batches& b);
   static void place(const Tree& tree, Batches& b);
   static Q4<V> unit(const Q4<V>& q);
   static void set_pose(Batches& b, const Q4<V>& quat, const Mat<V>& R, const V3<V>& p);
@@ -111,16 +112,21 @@ struct Lanes {
   static bool kinematics(const Tree& tree);
   static bool velocities(const Tree& tree);
   static void momenta(const Tree& tree);
+  static void move(const Tree& tree, const Batches& b, double step);
   static void integrate(const Tree& tree, double step);
+  static bool advance(const Tree& tree, double step);
   static V wrapped(const V& angle);
   static void rotate(double* q, const V3<V>& w, const V& h);
   static void position_rates(const Tree& tree, double* out);
   static void normalise(const Tree& tree);
 
   // Forces of a step, and the stops and limits in force in it (kernel_forces.h).
+  static void prepare_axis(const Tree& tree, const Batches& b, double step);
   static void prepare(const Tree& tree, double step);
+  static void find_torque(const Tree& tree, const Batches& b, double step);
   static void find_torques(const Tree& tree, double step);
   static void prepare_smooth(const Tree& tree);
+  static bool correct(const Tree& tree, const Batches& b, double step, bool only_first);
   static bool update_active_set(const Tree& tree, double step, bool only_first);
   static void work(const Tree& tree, double step);
   static void correct_first(Axes& a, const V& now, const V& reached);
@@ -132,8 +138,11 @@ struct Lanes {
   static constexpr int kArticulated = 27;  ///< numbers of A, B, C, p
   static void add_to_parent(const Tree& tree, const Batches& b, const Inertia<V>& I, const V6<V>& p);
   static void solve(const Tree& tree);
+  static bool accelerate(const Tree& tree, double step);
   static void clear(Batches& b);
   static V6<V> times_rigid(const Batches& b, const Sym3<V>& I, const V6<V>& S);
+  static void inward_any(const Tree& tree, Batches& b);
+  static void outward_any(const Tree& tree, Batches& b);
   static void inward(const Tree& tree, Batches& b);
   static void outward(const Tree& tree, Batches& b);
   template <int N>
@@ -145,14 +154,36 @@ struct Lanes {
   template <int N>
   static void outward_many(const Tree& tree, Batches& b);
 
+  // Bodies and controllers of environments (kernel_control.h).
+  static void place_bodies(const Tree& tree, const LaneControl& control);
+  static void find_loads(const LaneControl& control);
+  static void command(const Tree& tree, const LaneControl& control, double step);
+  static void observe(const Tree& tree, const LaneControl& control);
+
   static constexpr Kernel kernel(const char* name) {
-    return {name,  static_cast<int>(W), kinematics, velocities, prepare,   find_torques,   prepare_smooth,
-            solve, update_active_set,   momenta,    work,       integrate, position_rates, normalise};
+    return {name,
+            static_cast<int>(W),
+            kinematics,
+            velocities,
+            prepare,
+            find_torques,
+            prepare_smooth,
+            solve,
+            update_active_set,
+            momenta,
+            work,
+            integrate,
+            position_rates,
+            normalise,
+            accelerate,
+            advance,
+            {place_bodies, command, observe}};
   }
 };
 
 }  // namespace handsim::engine::articulated
 
+#include "handsim/engine/articulated/kernel_control.h"
 #include "handsim/engine/articulated/kernel_forces.h"
 #include "handsim/engine/articulated/kernel_motion.h"
 #include "handsim/engine/articulated/kernel_solve.h"

@@ -5,6 +5,16 @@
 
 namespace handsim::engine::articulated {
 
+/// Apart from `place`, whose steps wait for each other: these follow closely.
+template <class V>
+inline void Lanes<V>::turn(const Tree& tree, Batches& b) {
+  if (b.kind != NodeKind::revolute) return;
+  V s, c;
+  sine_cosine(V(load(tree.q + b.q) * 0.5), s, c);
+  store(b.sine, s);
+  store(b.cosine, c);
+}
+
 template <class V>
 inline void Lanes<V>::place(const Tree& tree, Batches& b) {
   Frames scratch;
@@ -14,8 +24,7 @@ inline void Lanes<V>::place(const Tree& tree, Batches& b) {
   V3<V> p;
   switch (b.kind) {
     case NodeKind::revolute: {
-      V s, c;
-      sine_cosine(V(load(q) * 0.5), s, c);
+      const V s = load(b.sine), c = load(b.cosine);
       const Q4<V> k = load4(b.before), t = load4(b.turned);
       quat = load4(from.quat) *
              Q4<V>{c * k.x + s * t.x, c * k.y + s * t.y, c * k.z + s * t.z, c * k.w + s * t.w};
@@ -128,6 +137,7 @@ template <class V>
 inline bool Lanes<V>::kinematics(const Tree& tree) {
   bool sound = true;
   store(tree.spin, V(0.0));
+  for (int i = 0; i < tree.batches; ++i) turn(tree, batches(tree)[i]);
   for (int i = 0; i < tree.batches; ++i) {
     Batches& b = batches(tree)[i];
     place(tree, b);
@@ -156,29 +166,49 @@ inline void Lanes<V>::momenta(const Tree& tree) {
 }
 
 template <class V>
-inline void Lanes<V>::integrate(const Tree& tree, double step) {
+inline void Lanes<V>::move(const Tree& tree, const Batches& b, double step) {
   const V h = step;
-  for (int i = 0; i < tree.batches; ++i) {
-    const Batches& b = batches(tree)[i];
-    double *u = tree.u + b.u, *q = tree.q + b.q;
-    for (int k = 0; k < rate_count(b.kind); ++k)
-      store(u + k * W, load(u + k * W) + h * load(tree.du + b.u + k * W));
-    switch (b.kind) {
-      case NodeKind::revolute:
-        store(q, wrapped(V(load(q) + h * load(u))));
-        break;
-      case NodeKind::prismatic:
-        store(q, load(q) + h * load(u));
-        break;
-      case NodeKind::ball:
-        rotate(q, {load(u), load(u + W), load(u + 2 * W)}, h);
-        break;
-      case NodeKind::free:
-        for (int k = 0; k < 3; ++k) store(q + k * W, load(q + k * W) + h * load(u + (3 + k) * W));
-        rotate(q + 3 * W, {load(u), load(u + W), load(u + 2 * W)}, h);
-        break;
-    }
+  double *u = tree.u + b.u, *q = tree.q + b.q;
+  for (int k = 0; k < rate_count(b.kind); ++k)
+    store(u + k * W, load(u + k * W) + h * load(tree.du + b.u + k * W));
+  switch (b.kind) {
+    case NodeKind::revolute:
+      store(q, wrapped(V(load(q) + h * load(u))));
+      break;
+    case NodeKind::prismatic:
+      store(q, load(q) + h * load(u));
+      break;
+    case NodeKind::ball:
+      rotate(q, {load(u), load(u + W), load(u + 2 * W)}, h);
+      break;
+    case NodeKind::free:
+      for (int k = 0; k < 3; ++k) store(q + k * W, load(q + k * W) + h * load(u + (3 + k) * W));
+      rotate(q + 3 * W, {load(u), load(u + W), load(u + 2 * W)}, h);
+      break;
   }
+}
+
+template <class V>
+inline void Lanes<V>::integrate(const Tree& tree, double step) {
+  for (int i = 0; i < tree.batches; ++i) move(tree, batches(tree)[i], step);
+}
+
+template <class V>
+inline bool Lanes<V>::advance(const Tree& tree, double step) {
+  bool sound = true;
+  store(tree.spin, V(0.0));
+  for (int i = 0; i < tree.batches; ++i) {
+    Batches& b = batches(tree)[i];
+    if (single(b)) find_torque(tree, b, step);
+    move(tree, b, step);
+    turn(tree, b);
+  }
+  for (int i = 0; i < tree.batches; ++i) {
+    Batches& b = batches(tree)[i];
+    place(tree, b);
+    sound = update_velocity(tree, b) && sound;
+  }
+  return sound;
 }
 
 template <class V>

@@ -27,9 +27,20 @@ inline V6<V> Lanes<V>::bias(const Batches& b) {
 
 /// Adds what a batch hands down to its parents.
 template <class V>
-inline void Lanes<V>::add_to_parent(const Tree& tree, const Batches& b, const Inertia<V>& I, const V6<V>& p) {
+[[gnu::always_inline]] inline void Lanes<V>::add_to_parent(const Tree& tree, const Batches& b,
+                                                           const Inertia<V>& I, const V6<V>& p) {
   if (b.link == ParentLink::aligned) {
     Batches& to = batches(tree)[b.parent];
+    if (b.adds_first) {
+      // A sum with zero has no negative zeros.
+      const V zero = 0.0;
+      const V3<V> none = {zero, zero, zero};
+      store_sym(to.A, I.A + Sym3<V>{zero, zero, zero, zero, zero, zero});
+      store_mat(to.B, {I.B.r0 + none, I.B.r1 + none, I.B.r2 + none});
+      store_sym(to.C, I.C + Sym3<V>{zero, zero, zero, zero, zero, zero});
+      store6(to.p, p + V6<V>{none, none});
+      return;
+    }
     store_sym(to.A, load_sym(to.A) + I.A);
     const Mat<V> B = load_mat(to.B);
     store_mat(to.B, {B.r0 + I.B.r0, B.r1 + I.B.r1, B.r2 + I.B.r2});
@@ -49,31 +60,52 @@ inline void Lanes<V>::add_to_parent(const Tree& tree, const Batches& b, const In
 }
 
 template <class V>
+inline void Lanes<V>::inward_any(const Tree& tree, Batches& b) {
+  if (single(b))
+    inward(tree, b);
+  else if (b.kind == NodeKind::ball)
+    inward_many<3>(tree, b);
+  else
+    inward_many<6>(tree, b);
+}
+
+template <class V>
+inline void Lanes<V>::outward_any(const Tree& tree, Batches& b) {
+  if (single(b))
+    outward(tree, b);
+  else if (b.kind == NodeKind::ball)
+    outward_many<3>(tree, b);
+  else
+    outward_many<6>(tree, b);
+}
+
+template <class V>
 inline void Lanes<V>::solve(const Tree& tree) {
+  for (int i = 0; i < tree.batches; ++i) clear(batches(tree)[i]);
+  for (int i = tree.batches - 1; i >= 0; --i) inward_any(tree, batches(tree)[i]);
+  for (int i = 0; i < tree.batches; ++i) outward_any(tree, batches(tree)[i]);
+}
+
+template <class V>
+inline bool Lanes<V>::accelerate(const Tree& tree, double step) {
   for (int i = 0; i < tree.batches; ++i) clear(batches(tree)[i]);
   for (int i = tree.batches - 1; i >= 0; --i) {
     Batches& b = batches(tree)[i];
-    if (single(b))
-      inward(tree, b);
-    else if (b.kind == NodeKind::ball)
-      inward_many<3>(tree, b);
-    else
-      inward_many<6>(tree, b);
+    if (single(b)) prepare_axis(tree, b, step);
+    inward_any(tree, b);
   }
+  bool sound = true;
   for (int i = 0; i < tree.batches; ++i) {
     Batches& b = batches(tree)[i];
-    if (single(b))
-      outward(tree, b);
-    else if (b.kind == NodeKind::ball)
-      outward_many<3>(tree, b);
-    else
-      outward_many<6>(tree, b);
+    outward_any(tree, b);
+    if (single(b)) sound = correct(tree, b, step, false) && sound;
   }
+  return sound;
 }
 
 template <class V>
 inline void Lanes<V>::clear(Batches& b) {
-  if (!b.has_children) return;
+  if (!b.cleared) return;
   const V zero = 0.0;
   for (int i = 0; i < kArticulated; ++i) store(&b.A[0][0] + i * W, zero);
 }

@@ -207,7 +207,7 @@ void Mechanism::make_batch(Batch<W>& b, const std::vector<int>& nodes) {
     const LaneSlot& slot = slots_[at(*topology_.nodes[at(nodes[present ? at(lane) : 0])].parent)];
     b.parent_batch[lane] = slot.batch;
     b.parent_lane[lane] = slot.lane;
-    in.batch[slot.batch].has_children = true;
+    in.batch[slot.batch].has_children = in.batch[slot.batch].cleared = true;
     if (present && (slot.batch != b.parent || slot.lane != lane)) b.link = ParentLink::gathered;
     // The contents of an empty lane must not be added to a node.
     if (!present && lane < in.batch[b.parent].used) b.link = ParentLink::gathered;
@@ -278,14 +278,11 @@ void Mechanism::update_gyroscopic_torques(double step) {
     const LaneSlot& slot = slots_[at(index)];
     const double *q = tree_.q + slot.q + 3 * n, *u = tree_.u + slot.u;
     const Quat q_WL(q[3 * n], q[0], q[n], q[2 * n]);
-    const Vec3 spin = q_WL.conjugate() * Vec3(u[0], u[n], u[2 * n]);
-    if (spin.isZero(0)) continue;
-    const std::optional<Vec3> end = spun(node.inertia, spin, step);
-    if (!end) continue;
-    const Vec3 torque = q_WL * Vec3(node.inertia.cwiseProduct(spin - *end) / step);
+    const std::optional<Vec3> torque = gyroscopic_torque(node.inertia, q_WL, {u[0], u[n], u[2 * n]}, step);
+    if (!torque) continue;
     of_width(kernel_->width, [&](auto w) {
       constexpr int W = w;
-      put3<W>(In<W>(*this).batch[slot.batch].pv, slot.lane, torque);
+      put3<W>(In<W>(*this).batch[slot.batch].pv, slot.lane, *torque);
     });
   }
 }

@@ -44,6 +44,9 @@ struct AxisView {
   double *side, *saturated;
 };
 
+template <int W>
+struct LaneTree;
+
 class Mechanism {
  public:
   /// The model must outlive this. @param kernel null: the fastest for the model.
@@ -104,6 +107,19 @@ class Mechanism {
   void restore(ArchiveReader& in);
   /// Forgets which stops and torque limits were in force.
   void forget_contacts();
+  /// Copies constants and bases into a lane of a tree of its topology.
+  template <int N>
+  void lend_constants(LaneTree<N>& to, int lane) const;
+  /// Copies positions, rates, last torques and what is in force there, and bases that have moved.
+  template <int N>
+  void lend(LaneTree<N>& to, int lane) const;
+  /// Copies positions, rates, torques and what is in force from there; `kinematics` is to be found again.
+  template <int N>
+  void take_back(const LaneTree<N>& from, int lane);
+  /// True for a node that `update_gyroscopic_torques` speaks of.
+  bool is_lone(std::size_t node) const {
+    return std::find(lone_.begin(), lone_.end(), static_cast<int>(node)) != lone_.end();
+  }
 
  private:
   template <int W>
@@ -126,6 +142,8 @@ class Mechanism {
 
   template <class Archive, class Self>
   static void carry(Archive& archive, Self& self);
+  template <int N>
+  void lend_bases(LaneTree<N>& to, int lane) const;
   void* allocate(std::size_t bytes);
   void place_nodes(const Settings& settings);
   template <int W>

@@ -5,6 +5,8 @@
 #include <experimental/simd>
 #include <type_traits>
 
+// Inlined always: GCC passes registers of numbers through memory where it calls a function.
+
 namespace handsim::engine::articulated {
 
 namespace stdx = std::experimental;
@@ -15,23 +17,23 @@ struct V3 {
 };
 
 template <class V>
-inline V3<V> operator+(const V3<V>& a, const V3<V>& b) {
+[[gnu::always_inline]] inline V3<V> operator+(const V3<V>& a, const V3<V>& b) {
   return {a.x + b.x, a.y + b.y, a.z + b.z};
 }
 template <class V>
-inline V3<V> operator-(const V3<V>& a, const V3<V>& b) {
+[[gnu::always_inline]] inline V3<V> operator-(const V3<V>& a, const V3<V>& b) {
   return {a.x - b.x, a.y - b.y, a.z - b.z};
 }
 template <class V>
-inline V3<V> operator*(const V& s, const V3<V>& a) {
+[[gnu::always_inline]] inline V3<V> operator*(const V& s, const V3<V>& a) {
   return {s * a.x, s * a.y, s * a.z};
 }
 template <class V>
-inline V dot(const V3<V>& a, const V3<V>& b) {
+[[gnu::always_inline]] inline V dot(const V3<V>& a, const V3<V>& b) {
   return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 template <class V>
-inline V3<V> cross(const V3<V>& a, const V3<V>& b) {
+[[gnu::always_inline]] inline V3<V> cross(const V3<V>& a, const V3<V>& b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
@@ -42,15 +44,15 @@ struct V6 {
 };
 
 template <class V>
-inline V6<V> operator+(const V6<V>& a, const V6<V>& b) {
+[[gnu::always_inline]] inline V6<V> operator+(const V6<V>& a, const V6<V>& b) {
   return {a.n + b.n, a.f + b.f};
 }
 template <class V>
-inline V6<V> operator*(const V& s, const V6<V>& a) {
+[[gnu::always_inline]] inline V6<V> operator*(const V& s, const V6<V>& a) {
   return {s * a.n, s * a.f};
 }
 template <class V>
-inline V dot(const V6<V>& a, const V6<V>& b) {
+[[gnu::always_inline]] inline V dot(const V6<V>& a, const V6<V>& b) {
   return dot(a.n, b.n) + dot(a.f, b.f);
 }
 
@@ -60,17 +62,17 @@ struct Sym3 {
   V xx, xy, xz, yy, yz, zz;
 };
 template <class V>
-inline V3<V> operator*(const Sym3<V>& m, const V3<V>& a) {
+[[gnu::always_inline]] inline V3<V> operator*(const Sym3<V>& m, const V3<V>& a) {
   return {m.xx * a.x + m.xy * a.y + m.xz * a.z, m.xy * a.x + m.yy * a.y + m.yz * a.z,
           m.xz * a.x + m.yz * a.y + m.zz * a.z};
 }
 template <class V>
-inline Sym3<V> operator+(const Sym3<V>& a, const Sym3<V>& b) {
+[[gnu::always_inline]] inline Sym3<V> operator+(const Sym3<V>& a, const Sym3<V>& b) {
   return {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
 }
 /// m - s a a^T.
 template <class V>
-inline Sym3<V> less(const Sym3<V>& m, const V& s, const V3<V>& a) {
+[[gnu::always_inline]] inline Sym3<V> less(const Sym3<V>& m, const V& s, const V3<V>& a) {
   const V3<V> b = s * a;
   return {m.xx - b.x * a.x, m.xy - b.x * a.y, m.xz - b.x * a.z,
           m.yy - b.y * a.y, m.yz - b.y * a.z, m.zz - b.z * a.z};
@@ -82,16 +84,16 @@ struct Mat {
   V3<V> r0, r1, r2;
 };
 template <class V>
-inline V3<V> operator*(const Mat<V>& m, const V3<V>& a) {
+[[gnu::always_inline]] inline V3<V> operator*(const Mat<V>& m, const V3<V>& a) {
   return {dot(m.r0, a), dot(m.r1, a), dot(m.r2, a)};
 }
 template <class V>
-inline V3<V> transposed_times(const Mat<V>& m, const V3<V>& a) {
+[[gnu::always_inline]] inline V3<V> transposed_times(const Mat<V>& m, const V3<V>& a) {
   return a.x * m.r0 + a.y * m.r1 + a.z * m.r2;
 }
 /// m - s a b^T.
 template <class V>
-inline Mat<V> less(const Mat<V>& m, const V& s, const V3<V>& a, const V3<V>& b) {
+[[gnu::always_inline]] inline Mat<V> less(const Mat<V>& m, const V& s, const V3<V>& a, const V3<V>& b) {
   const V3<V> c = s * a;
   return {m.r0 - c.x * b, m.r1 - c.y * b, m.r2 - c.z * b};
 }
@@ -101,12 +103,12 @@ struct Q4 {
   V x, y, z, w;
 };
 template <class V>
-inline Q4<V> operator*(const Q4<V>& a, const Q4<V>& b) {
+[[gnu::always_inline]] inline Q4<V> operator*(const Q4<V>& a, const Q4<V>& b) {
   return {a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y, a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
           a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w, a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z};
 }
 template <class V>
-inline Mat<V> rotation(const Q4<V>& q) {
+[[gnu::always_inline]] inline Mat<V> rotation(const Q4<V>& q) {
   const V x2 = q.x + q.x, y2 = q.y + q.y, z2 = q.z + q.z, one = 1.0;
   const V xx = x2 * q.x, yy = y2 * q.y, zz = z2 * q.z, xy = x2 * q.y, xz = x2 * q.z, yz = y2 * q.z;
   const V wx = x2 * q.w, wy = y2 * q.w, wz = z2 * q.w;
@@ -124,32 +126,32 @@ struct Inertia {
   Sym3<V> C;
 };
 template <class V>
-inline V6<V> operator*(const Inertia<V>& I, const V6<V>& v) {
+[[gnu::always_inline]] inline V6<V> operator*(const Inertia<V>& I, const V6<V>& v) {
   return {I.A * v.n + I.B * v.f, transposed_times(I.B, v.n) + I.C * v.f};
 }
 
 // One name for both kinds of number.
 template <class V>
-inline V select(const typename V::mask_type& mask, const V& yes, const V& no) {
+[[gnu::always_inline]] inline V select(const typename V::mask_type& mask, const V& yes, const V& no) {
   V out = no;
   stdx::where(mask, out) = yes;
   return out;
 }
-inline double select(bool mask, double yes, double no) { return mask ? yes : no; }
+[[gnu::always_inline]] inline double select(bool mask, double yes, double no) { return mask ? yes : no; }
 template <class T, class A>
-inline bool any(const stdx::simd_mask<T, A>& mask) {
+[[gnu::always_inline]] inline bool any(const stdx::simd_mask<T, A>& mask) {
   return stdx::any_of(mask);
 }
-inline bool any(bool mask) { return mask; }
+[[gnu::always_inline]] inline bool any(bool mask) { return mask; }
 template <class V>
-inline V square_root(const V& x) {
+[[gnu::always_inline]] inline V square_root(const V& x) {
   using std::sqrt;
   return sqrt(x);
 }
 
 /// Nearest whole number, for numbers far below 2^51.
 template <class V>
-inline V rounded(const V& x) {
+[[gnu::always_inline]] inline V rounded(const V& x) {
   const V magic = 6755399441055744.0;
   return (x + magic) - magic;
 }
@@ -157,7 +159,7 @@ inline V rounded(const V& x) {
 /// Sine and cosine, to 3e-16 for |x| up to 1e5: x less the nearest multiple of pi (in three parts, Cody &
 /// Waite 1980), then Taylor's series to below half a last place. The same bits on every machine.
 template <class V>
-inline void sine_cosine(const V& x, V& sine, V& cosine) {
+[[gnu::always_inline]] inline void sine_cosine(const V& x, V& sine, V& cosine) {
   const V n = rounded(V(x * 0.31830988618379067154));
   V r = x - n * (4 * 7.85398125648498535156e-1);
   r = r - n * (4 * 3.77489470793079817668e-8);

@@ -46,4 +46,12 @@ std::optional<Vec3> spun(const Vec3& moments, const Vec3& spin, double step) {
   return std::nullopt;
 }
 
+std::optional<Vec3> gyroscopic_torque(const Vec3& moments, const Quat& q_WL, const Vec3& w, double step) {
+  const Vec3 spin = q_WL.conjugate() * w;
+  if (spin.isZero(0)) return std::nullopt;
+  const std::optional<Vec3> end = spun(moments, spin, step);
+  if (!end) return std::nullopt;
+  return q_WL * Vec3(moments.cwiseProduct(spin - *end) / step);
+}
+
 }  // namespace handsim::engine::articulated

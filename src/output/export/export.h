@@ -3,30 +3,52 @@
 
 #include <string>
 
+#include "handsim/control/plan.h"
 #include "handsim/engine/settings.h"
 #include "handsim/model/model.h"
 
 namespace handsim::output {
 
-/// MJCF, the model format of MuJoCo: bodies, joints with ranges and tissue, shapes, contact filters, masses,
-/// a motor on every axis, and the initial state as keyframe `initial`.
+/// MJCF, the model format of MuJoCo (2.2 and newer): bodies, joints with ranges and tissue, shapes, who
+/// touches whom and with what surfaces, masses, an actuator on every axis, and the initial state as keyframe
+/// `initial`.
 ///
 /// Body frames are the model's (origin at the centre of mass), angles are in radians, and all digits are
-/// written. Each joint axis becomes a joint named `joint.axis`; a ball joint keeps its name; a motor has the
-/// name of its joint. Joint limits need the effect joint_stops, joint stiffness and damping passive_tissue,
-/// gravity the effect gravity. Kinematic bodies are fixed at their start, driven ones are mocap bodies. Loops
-/// are closed by `connect` constraints, which are compliant in MuJoCo.
+/// written. Each joint axis becomes a joint named `joint.axis`; a ball joint keeps its name; an actuator has
+/// the name of its joint. Joint limits need the effect joint_stops, joint stiffness and damping
+/// passive_tissue, gravity the effect gravity, friction the effect friction. Kinematic bodies are fixed at
+/// their start, driven ones are mocap bodies. Loops are closed by `connect` constraints, which are compliant
+/// in MuJoCo. Two shapes whose surfaces MuJoCo would combine otherwise than model::combined() get a `pair` of
+/// their own; springs and dampers of surfaces become solref, for the effective mass at zero coordinates.
+/// @param plan axes that it drives get a position actuator with its gains and torque limit (without integral
+/// and
+///        feed-forward), others a motor. The keyframe has the targets at time 0.
 /// @throws Error (input) for what MJCF cannot express: loops closed by universal or slider joints, more than
 ///         32 contact groups.
-std::string to_mjcf(const model::Model& model, const engine::Settings& settings);
+std::string to_mjcf(const model::Model& model, const engine::Settings& settings,
+                    const control::Plan* plan = nullptr);
 
 /// URDF, the robot description of ROS: links with masses and collision shapes, joints with ranges.
 ///
 /// The tree starts at link `world`. A universal joint becomes two revolute joints with a link of 1e-12 kg
 /// between them. A capsule becomes a cylinder with a sphere at each end (URDF has no capsule). A free body
 /// gets a floating joint, a kinematic body a fixed joint at its start. URDF requires limits of effort and
-/// speed, which a Model does not have: they are written as 1000.
+/// speed: effort is the plan's torque limit, and where a Model has no limit both are 1000.
 /// @throws Error (input) for what URDF cannot express without more files: ball joints, loops, meshes.
-std::string to_urdf(const model::Model& model, const engine::Settings& settings);
+std::string to_urdf(const model::Model& model, const engine::Settings& settings,
+                    const control::Plan* plan = nullptr);
+
+/// The model format of OpenSim 4: bodies, joints with ranges, springs and dampers of tissue, the points of
+/// model::hand_markers() as markers, spheres and planes as contact geometry, shapes to look at.
+///
+/// Body frames are the model's, with all digits. Hinges, universal joints, sliders and ball joints become
+/// OpenSim's own, with one coordinate named `joint.axis` for each axis, of the same sign. A free palm's
+/// coordinates `right.palm.world.rx` to `.tz` move its hand frame (an object's: its body) relative to the
+/// start, where they are zero; those of a driven palm are prescribed, sampled every 10 ms. A fixed body is
+/// welded to the ground. Ranges need the effect joint_stops, springs passive_tissue, gravity the effect
+/// gravity. Left out: contact forces, stops as forces, actuators, boxes, cylinders and meshes as contact
+/// geometry.
+/// @throws Error (input) for loops and for universal joints whose axes are not perpendicular.
+std::string to_osim(const model::Model& model, const engine::Settings& settings);
 
 }  // namespace handsim::output

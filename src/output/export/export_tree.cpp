@@ -1,6 +1,7 @@
 #include "handsim/output/export/export_tree.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include <fmt/format.h>
 
@@ -12,6 +13,11 @@ bool has_parent(const model::Model& model, std::size_t body) {
   return std::any_of(model.joints.begin(), model.joints.end(), [&](const model::Joint& joint) {
     return !joint.closes_loop && at(joint.child) == body;
   });
+}
+
+bool has_stop(const model::JointAxis& axis, const engine::Settings& settings) {
+  return axis.stop && settings.effects.has(model::Effect::joint_stops) && std::isfinite(axis.stop->low) &&
+         std::isfinite(axis.stop->high);
 }
 
 std::string numbers(const Vec3& v) { return fmt::format("{:.17g} {:.17g} {:.17g}", v.x(), v.y(), v.z()); }

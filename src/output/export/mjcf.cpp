@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include <fmt/format.h>
 
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/export/export_tree.h"
+#include "handsim/output/export/mjcf_pairs.h"
 
 namespace handsim::output {
 
@@ -21,15 +23,18 @@ constexpr double kPlaneSpacing = 0.1;  ///< of the grid that MuJoCo draws [m]
 
 class MjcfWriter {
  public:
-  MjcfWriter(const model::Model& model, const engine::Settings& settings)
-      : model_(model), settings_(settings), start_(model::initial_state(model)) {}
+  MjcfWriter(const model::Model& model, const engine::Settings& settings, const control::Plan* plan)
+      : model_(model), settings_(settings), plan_(plan), start_(model::initial_state(model)) {
+    if (plan) find_targets();
+  }
 
   std::string run() {
     check();
     const Vec3 gravity = settings_.effects.has(Effect::gravity) ? model_.gravity : Vec3::Zero();
     line("<mujoco model=\"handsim\">");
     line("  <compiler angle=\"radian\" coordinate=\"local\" boundmass=\"0\" boundinertia=\"0\"/>");
-    line(fmt::format("  <option timestep=\"{:.17g}\" gravity=\"{}\"/>", settings_.step, numbers(gravity)));
+    line(fmt::format("  <option timestep=\"{:.17g}\" gravity=\"{}\"{}/>", settings_.step, numbers(gravity),
+                     solver()));
     meshes();
     line("  <worldbody>");
     shapes(model::kWorld, 4);
@@ -37,18 +42,40 @@ class MjcfWriter {
       if (!has_parent(model_, i)) root(static_cast<int>(i));
     children(model::kWorld, 4);
     line("  </worldbody>");
-    exclusions();
+    contacts();
     loops();
-    if (!motors_.empty()) line("  <actuator>\n" + motors_ + "  </actuator>");
-    if (!positions_.empty())
-      line(fmt::format("  <keyframe>\n    <key name=\"initial\" qpos=\"{}\" qvel=\"{}\"/>\n  </keyframe>",
-                       positions_.substr(1), velocities_.substr(1)));
+    if (!actuators_.empty()) line("  <actuator>\n" + actuators_ + "  </actuator>");
+    if (!positions_.empty()) {
+      const std::string targets = actuators_.empty() ? "" : fmt::format(" ctrl=\"{}\"", targets_.substr(1));
+      line(fmt::format("  <keyframe>\n    <key name=\"initial\" qpos=\"{}\" qvel=\"{}\"{}/>\n  </keyframe>",
+                       positions_.substr(1), velocities_.substr(1), targets));
+    }
     line("</mujoco>");
     return std::move(out_);
   }
 
  private:
   void line(const std::string& text) { out_ += text + "\n"; }
+
+  /// Friction as handsim has it: a round cone, and no creep where surfaces stick. Drives with servos: dampers
+  /// that the step solves.
+  std::string solver() const {
+    std::string out;
+    if (!model_.contact_rules.empty() && settings_.effects.has(Effect::friction))
+      out += " cone=\"elliptic\" impratio=\"10\" noslip_iterations=\"10\"";
+    if (plan_ && plan_->form == control::Form::implicit_gain) out += " integrator=\"implicit\"";
+    return out;
+  }
+
+  void find_targets() {
+    std::vector<std::vector<double>> of_hand;
+    for (const control::HandPlan& hand : plan_->hands) {
+      of_hand.emplace_back(hand.trajectory.width());
+      hand.trajectory.at(0, of_hand.back());
+    }
+    for (const control::DrivenAxis& axis : plan_->axes)
+      driven_[axis.dof] = {&axis.gains, of_hand[axis.hand][axis.column]};
+  }
 
   void check() const {
     std::vector<Problem> problems;
@@ -128,8 +155,7 @@ class MjcfWriter {
       std::string text = fmt::format("{}<joint name=\"{}\" type=\"{}\" pos=\"{}\" axis=\"{}\"", in, name,
                                      joint.kind == JointKind::slider ? "slide" : "hinge",
                                      numbers(joint.child_frame.p), numbers(joint.child_frame.q * axis.axis));
-      if (axis.stop && settings_.effects.has(Effect::joint_stops) && std::isfinite(axis.stop->low) &&
-          std::isfinite(axis.stop->high))
+      if (has_stop(axis, settings_))
         text += fmt::format(" limited=\"true\" range=\"{:.17g} {:.17g}\"", axis.stop->low, axis.stop->high);
       else
         text += " limited=\"false\"";
@@ -137,10 +163,26 @@ class MjcfWriter {
         text += fmt::format(" stiffness=\"{:.17g}\" springref=\"{:.17g}\" damping=\"{:.17g}\"",
                             axis.tissue->stiffness, axis.tissue->rest, axis.tissue->damping);
       line(text + "/>");
-      motors_ += fmt::format("    <motor name=\"{}\" joint=\"{}\"/>\n", name, name);
+      add_actuator(name, at(joint.first_dof) + i);
       positions_ += fmt::format(" {:.17g}", q[i]);
       velocities_ += fmt::format(" {:.17g}", u[i]);
     }
+  }
+
+  /// MuJoCo's `position`, whose damping older versions do not read.
+  void add_actuator(const std::string& name, std::size_t dof) {
+    const auto found = driven_.find(dof);
+    if (found == driven_.end()) {
+      actuators_ += fmt::format("    <motor name=\"{}\" joint=\"{}\"/>\n", name, name);
+      targets_ += " 0";
+      return;
+    }
+    const auto& [gains, target] = found->second;
+    actuators_ += fmt::format(
+        "    <general name=\"{0}\" joint=\"{0}\" gainprm=\"{1:.17g}\" biastype=\"affine\" "
+        "biasprm=\"0 -{1:.17g} -{2:.17g}\" forcelimited=\"true\" forcerange=\"-{3:.17g} {3:.17g}\"/>\n",
+        name, gains->proportional, gains->derivative, gains->torque_limit);
+    targets_ += fmt::format(" {:.17g}", target);
   }
 
   /// Bits of the groups with which a group has contact rules. In MuJoCo two shapes can touch if the contype
@@ -197,21 +239,22 @@ class MjcfWriter {
                                                          : fmt::format("size=\"{}\"", size);
       line(
           fmt::format("{}<geom name=\"{}\" type=\"{}\" {} pos=\"{}\" quat=\"{}\" contype=\"{}\" "
-                      "conaffinity=\"{}\" friction=\"{:.17g} 0.005 0.0001\" mass=\"0\"/>",
+                      "conaffinity=\"{}\"{} mass=\"0\"/>",
                       std::string(at(indent), ' '), attribute(shape.name), type, size, numbers(shape.pose.p),
                       wxyz(shape.pose.q), 1U << at(shape.group), affinity(shape.group),
-                      model_.materials[at(shape.material)].friction));
+                      mjcf_friction(model_.materials[at(shape.material)], settings_, false)));
     }
   }
 
-  /// No contact between bodies that a joint connects.
-  void exclusions() {
+  /// No contact between bodies that a joint connects; surfaces of pairs that MuJoCo would combine otherwise.
+  void contacts() {
     std::string text;
     for (const model::Joint& joint : model_.joints)
       if (joint.parent != model::kWorld)
         text += fmt::format("    <exclude body1=\"{}\" body2=\"{}\"/>\n",
                             attribute(model_.bodies[at(joint.parent)].name),
                             attribute(model_.bodies[at(joint.child)].name));
+    text += mjcf_pairs(model_, settings_);
     if (!text.empty()) line("  <contact>\n" + text + "  </contact>");
   }
 
@@ -233,14 +276,17 @@ class MjcfWriter {
 
   const model::Model& model_;
   const engine::Settings& settings_;
+  const control::Plan* plan_;
+  std::map<std::size_t, std::pair<const control::Gains*, double>>
+      driven_;  ///< by dof, with the target at time 0
   model::State start_;
-  std::string out_, motors_, positions_, velocities_;
+  std::string out_, actuators_, targets_, positions_, velocities_;
 };
 
 }  // namespace
 
-std::string to_mjcf(const model::Model& model, const engine::Settings& settings) {
-  return MjcfWriter(model, settings).run();
+std::string to_mjcf(const model::Model& model, const engine::Settings& settings, const control::Plan* plan) {
+  return MjcfWriter(model, settings, plan).run();
 }
 
 }  // namespace handsim::output

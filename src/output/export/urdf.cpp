@@ -15,7 +15,7 @@ namespace {
 using model::Effect;
 using model::JointKind;
 
-constexpr double kEffort = 1000, kVelocity = 1000;
+constexpr double kUnlimited = 1000, kVelocity = 1000;
 /// The link in the middle of a universal joint: programs that read URDF require mass on every moving link.
 constexpr double kMiddleMass = 1e-12, kMiddleInertia = 1e-14;
 
@@ -33,8 +33,8 @@ std::string origin(const Pose& pose) {
 
 class UrdfWriter {
  public:
-  UrdfWriter(const model::Model& model, const engine::Settings& settings)
-      : model_(model), settings_(settings), start_(model::initial_state(model)) {}
+  UrdfWriter(const model::Model& model, const engine::Settings& settings, const control::Plan* plan)
+      : model_(model), settings_(settings), plan_(plan), start_(model::initial_state(model)) {}
 
   std::string run() {
     check();
@@ -123,6 +123,13 @@ class UrdfWriter {
         attribute(name), type, origin(pose), attribute(parent), attribute(child), more));
   }
 
+  double torque_limit(std::size_t dof) const {
+    if (plan_)
+      for (const control::DrivenAxis& axis : plan_->axes)
+        if (axis.dof == dof) return axis.gains.torque_limit;
+    return kUnlimited;
+  }
+
   void add_joints(const model::Joint& each) {
     const std::string& child = model_.bodies[at(each.child)].name;
     // The joint frame F in the parent's link frame.
@@ -139,17 +146,17 @@ class UrdfWriter {
         inertial({}, kMiddleMass, kMiddleInertia * Mat3::Identity());
         line("  </link>");
       }
-      const bool stopped = axis.stop && settings_.effects.has(Effect::joint_stops) &&
-                           std::isfinite(axis.stop->low) && std::isfinite(axis.stop->high);
+      const bool stopped = has_stop(axis, settings_);
+      const double effort = torque_limit(at(each.first_dof) + i);
       const bool slider = each.kind == JointKind::slider;
       std::string more = fmt::format("<axis xyz=\"{}\"/>", numbers(axis.axis));
       const double far = slider ? 1e3 : 2 * M_PI;
       if (stopped || slider)
         more +=
-            fmt::format("<limit lower=\"{:.17g}\" upper=\"{:.17g}\" effort=\"{:g}\" velocity=\"{:g}\"/>",
-                        stopped ? axis.stop->low : -far, stopped ? axis.stop->high : far, kEffort, kVelocity);
+            fmt::format("<limit lower=\"{:.17g}\" upper=\"{:.17g}\" effort=\"{:.17g}\" velocity=\"{:g}\"/>",
+                        stopped ? axis.stop->low : -far, stopped ? axis.stop->high : far, effort, kVelocity);
       else
-        more += fmt::format("<limit effort=\"{:g}\" velocity=\"{:g}\"/>", kEffort, kVelocity);
+        more += fmt::format("<limit effort=\"{:.17g}\" velocity=\"{:g}\"/>", effort, kVelocity);
       if (axis.tissue && settings_.effects.has(Effect::passive_tissue))
         more += fmt::format("<dynamics damping=\"{:.17g}\" friction=\"0\"/>", axis.tissue->damping);
       joint(name, slider ? "prismatic" : (stopped ? "revolute" : "continuous"), parent, to, at_parent, more);
@@ -160,14 +167,15 @@ class UrdfWriter {
 
   const model::Model& model_;
   const engine::Settings& settings_;
+  const control::Plan* plan_;
   model::State start_;
   std::string out_;
 };
 
 }  // namespace
 
-std::string to_urdf(const model::Model& model, const engine::Settings& settings) {
-  return UrdfWriter(model, settings).run();
+std::string to_urdf(const model::Model& model, const engine::Settings& settings, const control::Plan* plan) {
+  return UrdfWriter(model, settings, plan).run();
 }
 
 }  // namespace handsim::output

@@ -163,6 +163,56 @@ void put_cell(cairo_t* pen, const Image& image, const std::string& caption, cons
         {0.52 * page.caption_height, CAIRO_FONT_WEIGHT_NORMAL, 0.25});
 }
 
+/// The largest of 1, 2 and 5 times a power of ten that is not above a number.
+double round_below(double most) {
+  const double decade = std::pow(10, std::floor(std::log10(most)));
+  return decade * (most >= 5 * decade ? 5 : most >= 2 * decade ? 2 : 1);
+}
+
+/// A line from x to the right, with its text after it. @param head with the head of an arrow.
+/// @returns where the text ends.
+double legend(cairo_t* pen, double x, double y, double length, const std::string& text, double size,
+              bool head) {
+  const double thick = std::max(1.5, 0.14 * size), tip = 3.2 * thick;
+  cairo_set_line_width(pen, thick);
+  cairo_move_to(pen, x, y);
+  cairo_line_to(pen, x + length - (head ? tip : 0), y);
+  for (const double end : {x, x + length}) {
+    cairo_move_to(pen, end, y - 2 * thick);
+    if (!head) cairo_line_to(pen, end, y + 2 * thick);
+  }
+  cairo_stroke(pen);
+  if (head) {
+    cairo_move_to(pen, x + length, y);
+    cairo_line_to(pen, x + length - tip, y - 0.45 * tip);
+    cairo_line_to(pen, x + length - tip, y + 0.45 * tip);
+    cairo_fill(pen);
+  }
+  cairo_select_font_face(pen, "DejaVu Sans", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
+  cairo_set_font_size(pen, size);
+  cairo_move_to(pen, x + length + 0.5 * size, y + 0.36 * size);
+  cairo_show_text(pen, text.c_str());
+  cairo_text_extents_t extents;
+  cairo_text_extents(pen, text.c_str(), &extents);
+  return x + length + 0.5 * size + extents.x_advance;
+}
+
+/// In the lower left corner of a cell. @param scale of the cell on the page [pixels/m].
+void put_scale(cairo_t* pen, const Layout& page, int x, int y, double scale, std::optional<double> force) {
+  constexpr double kShare = 0.22;  // of the cell's width at most
+  const double size = 0.46 * page.caption_height;
+  const double line = y + page.cell_height - size, left = x + 0.7 * size;
+  const double bar = round_below(kShare * page.cell_width / scale);
+  const std::string length = bar < 1 ? fmt::format("{:g} mm", 1e3 * bar) : fmt::format("{:g} m", bar);
+  cairo_set_source_rgb(pen, 0.15, 0.16, 0.18);
+  const double end = legend(pen, left, line, bar * scale, length, size, false);
+  if (!force) return;
+  const double newtons = round_below(kShare * page.cell_width / (scale * *force));
+  // The arrows' colour in draw lists, converted to sRGB.
+  cairo_set_source_rgb(pen, 0.88, 0, 0.63);
+  legend(pen, end + 1.5 * size, line, newtons * *force * scale, fmt::format("{:g} N", newtons), size, true);
+}
+
 }  // namespace
 
 struct ContactSheet::Page {
@@ -191,7 +241,7 @@ ContactSheet::ContactSheet(const SheetFormat& format) {
 
 ContactSheet::~ContactSheet() = default;
 
-void ContactSheet::add(const Image& image, const std::string& caption) {
+void ContactSheet::add(const Image& image, const std::string& caption, std::optional<double> scale) {
   const SheetFormat& format = page_->format;
   const auto bytes =
       3UL * static_cast<std::size_t>(format.cell_width) * static_cast<std::size_t>(format.cell_height);
@@ -204,8 +254,11 @@ void ContactSheet::add(const Image& image, const std::string& caption) {
     throw input_error("contact sheet", "one picture too many", fmt::format("{} pictures", format.cells));
   const Layout& page = page_->layout;
   const int column = page_->cells % page.columns, row = page_->cells / page.columns;
-  put_cell(page_->pen.get(), image, caption, page, page.margin + column * (page.cell_width + page.gap),
-           page.margin + page.title_height + row * (page.cell_height + page.caption_height + page.gap));
+  const int x = page.margin + column * (page.cell_width + page.gap);
+  const int y = page.margin + page.title_height + row * (page.cell_height + page.caption_height + page.gap);
+  put_cell(page_->pen.get(), image, caption, page, x, y);
+  if (scale && *scale > 0)
+    put_scale(page_->pen.get(), page, x, y, *scale * page.cell_width / image.width, format.force_scale);
   ++page_->cells;
 }
 

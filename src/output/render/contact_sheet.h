@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "handsim/output/render/image.h"
@@ -16,6 +17,8 @@ struct SheetFormat {
   int cell_height = 0;  ///< [pixels]
   std::string title;    ///< empty: no title
   int width = 1600;     ///< largest width of the page [pixels], 160..16384
+  /// Length of the arrows of forces [m/N], for their legend; absent: none.
+  std::optional<double> force_scale = {};
 };
 
 /// Pictures are placed in reading order, three to five in a row, scaled down (never up) to the format's
@@ -28,8 +31,9 @@ class ContactSheet {
   ~ContactSheet();
 
   /// Puts a picture into the next cell. @param caption e.g. `t = 0.25 s`, UTF-8.
+  /// @param scale of the picture [pixels/m]: draws a scale bar into it, and an arrow of forces beside it.
   /// @throws Error (input) for a picture whose size is not the format's, or if all cells are full.
-  void add(const Image& image, const std::string& caption);
+  void add(const Image& image, const std::string& caption, std::optional<double> scale = {});
   /// The page with the pictures so far. @throws Error (input) for a title or caption that is not UTF-8.
   Image image() const;
 

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "handsim/model/shape_extent.h"
+#include "handsim/output/render/hand_marks.h"
 
 namespace handsim::output {
 
@@ -29,19 +30,46 @@ static_assert(std::size(kPartColours) == static_cast<std::size_t>(model::Part::m
 
 Colour colour(model::Part part) { return from_srgb(kPartColours[static_cast<std::size_t>(part)]); }
 
+Colour colour(const model::Shape& shape) {
+  return shape.colour ? from_srgb(*shape.colour) : colour(shape.part);
+}
+
 Colour axis_colour(std::size_t axis) { return from_srgb(axis == 0 ? 0x22282E : 0xC4123F); }
 
 Pose pose_of(const model::State& state, int body) {
   return state.bodies[static_cast<std::size_t>(body)].pose();
 }
 
-void add_shape(const model::Shape& shape, const model::State& state, DrawList& list) {
+/// A nail is a light tint of its finger, a stump a darker skin than the palm.
+Colour colour(const HandMark& mark, model::Part part) {
+  if (!mark.nail) return from_srgb(0xC9AC90);
+  constexpr float kTint = 0.62F;
+  const Colour finger = colour(part), pale = from_srgb(0xFFF4EC);
+  const auto mixed = [](float a, float b) { return a + kTint * (b - a); };
+  return {mixed(finger.r, pale.r), mixed(finger.g, pale.g), mixed(finger.b, pale.b)};
+}
+
+void add_mark(const model::Model& model, const model::State& state, const HandMark& mark, DrawList& list) {
+  DrawShape out;
+  out.solid = mark.solid;
+  out.solid.pose = pose_of(state, mark.body) * mark.solid.pose;
+  out.colour = colour(mark, model.shapes[static_cast<std::size_t>(mark.shape)].part);
+  out.shape = mark.shape;
+  out.mark = true;
+  out.shades = !mark.nail;
+  out.fine = mark.nail;
+  for (DrawShape& drawn : list.shapes) drawn.fine = drawn.fine || (mark.nail && drawn.shape == mark.shape);
+  list.shapes.push_back(out);
+}
+
+void add_shape(const model::Model& model, std::size_t index, const model::State& state, DrawList& list) {
+  const model::Shape& shape = model.shapes[index];
   const Pose x_WS = pose_of(state, shape.body) * shape.pose;
   if (shape.kind == model::ShapeKind::plane)
     // Only the highest plane is drawn as the ground.
     list.ground_height = std::max(list.ground_height.value_or(x_WS.p.z()), x_WS.p.z());
   else
-    list.shapes.push_back({solid(shape, x_WS), colour(shape.part)});
+    list.shapes.push_back({solid(shape, x_WS), colour(shape), static_cast<int>(index)});
 }
 
 /// Distance from `point` along the unit vector `n` to the surface of the solid's bounding box [m]; 0 for a
@@ -123,7 +151,8 @@ double support(const Solid& solid, const Vec3& n) {
 
 DrawList draw_list(const model::Model& model, const model::State& state, const DrawOptions& options) {
   DrawList list;
-  for (const model::Shape& shape : model.shapes) add_shape(shape, state, list);
+  for (std::size_t i = 0; i < model.shapes.size(); ++i) add_shape(model, i, state, list);
+  for (const HandMark& mark : hand_marks(model)) add_mark(model, state, mark, list);
   if (!options.joint_axes) return list;
   for (const model::Joint& joint : model.joints)
     for (std::size_t axis = 0; axis < joint.axes.size(); ++axis)

@@ -54,6 +54,10 @@ struct Colour {
 struct DrawShape {
   Solid solid;
   Colour colour;
+  int shape = 0;       ///< index into Model::shapes; of a mark: that of the shape that it is on
+  bool mark = false;   ///< of pictures alone (hand_marks.h)
+  bool shades = true;  ///< others; a nail lies on its fingertip and does not
+  bool fine = false;   ///< with more triangles: a nail and its fingertip, for the edge between them
 };
 
 /// A shaft with a head, e.g. a joint axis or a contact force.
@@ -118,15 +122,21 @@ class Framing {
  public:
   /// @throws Error (input) unless the aspect (width over height) is above 0.
   Framing(View view, const Pose& hand_frame, model::Side side, double aspect);
+  /// What the added lists need: their largest extents in six directions [m]. Extents of one Framing or of
+  /// several of the same view can be moved, mixed and given to camera().
+  using Extents = std::array<double, 6>;
+
   void add(const DrawList& list);
-  Camera camera() const;
+  Camera camera() const { return camera(extents_); }
+  const Extents& extents() const { return extents_; }
+  Camera camera(const Extents& extents) const;
 
  private:
   Pose hand_frame_;
   Vec3 x_, y_, z_;                  ///< right, up and back of the picture
   double slope_y_, slope_x_;        ///< tangents of the angles to its upper and right edge, less the margin
   std::array<Vec3, 6> directions_;  ///< directions of the support function
-  std::array<double, 6> supports_;  ///< largest value in each direction so far [m]
+  Extents extents_;                 ///< largest value of the support in each direction so far
 };
 
 }  // namespace handsim::output

@@ -67,16 +67,16 @@ Framing::Framing(View view, const Pose& hand_frame, model::Side side, double asp
   x_ = wanted.up.cross(z_).normalized();
   y_ = z_.cross(x_);
   directions_ = {x_ + slope_x_ * z_, -x_ + slope_x_ * z_, y_ + slope_y_ * z_, -y_ + slope_y_ * z_, z_, -z_};
-  supports_.fill(-std::numeric_limits<double>::infinity());
+  extents_.fill(-std::numeric_limits<double>::infinity());
 }
 
 void Framing::add(const DrawList& list) {
   for (std::size_t i = 0; i < directions_.size(); ++i)
-    supports_[i] = std::max(supports_[i], support(list, directions_[i]));
+    extents_[i] = std::max(extents_[i], support(list, directions_[i]));
 }
 
-Camera Framing::camera() const {
-  const auto [right, left, top, bottom, front, back] = supports_;
+Camera Framing::camera(const Extents& extents) const {
+  const auto [right, left, top, bottom, front, back] = extents;
   Camera camera;
   camera.field_of_view = kFieldOfView;
   camera.up = y_;

@@ -1,7 +1,5 @@
 #include "handsim/output/render/gl.h"
 
-#include <GL/osmesa.h>
-
 #include <string>
 
 #include <fmt/format.h>
@@ -13,26 +11,9 @@ namespace handsim::output {
 namespace {
 
 Error driver_error(const std::string& what) {
-  return input_error("rendering", what,
-                     "enough memory, and an off-screen OpenGL 3.3 driver (Debian package libosmesa6)");
-}
-
-OSMesaContext new_context() {
-  // Pairs of name and value; by default RGBA without depth, stencil and accumulation.
-  constexpr int kCore[] = {OSMESA_PROFILE,
-                           OSMESA_CORE_PROFILE,
-                           OSMESA_CONTEXT_MAJOR_VERSION,
-                           3,
-                           OSMESA_CONTEXT_MINOR_VERSION,
-                           3,
-                           0};
-  return OSMesaCreateContextAttribs(kCore, nullptr);
-}
-
-void destroy(OSMesaContext context) {
-  // A context must not be current when it is destroyed.
-  if (OSMesaGetCurrentContext() == context) OSMesaMakeCurrent(nullptr, nullptr, GL_UNSIGNED_BYTE, 0, 0);
-  OSMesaDestroyContext(context);
+  return input_error(
+      "rendering", what,
+      "enough memory, and an off-screen OpenGL 3.3 driver (Debian package libosmesa6 or libegl1)");
 }
 
 GLuint compiled(GLenum kind, const std::vector<const char*>& parts) {
@@ -57,20 +38,6 @@ void require_complete(const Target& target) {
 }
 
 }  // namespace
-
-Canvas::Canvas() : context_(new_context(), destroy) {
-  if (!context_)
-    throw input_error("rendering", "no off-screen OpenGL 3.3 context",
-                      "a Mesa with OSMesa and llvmpipe (Debian package libosmesa6)");
-  make_current();
-}
-
-void Canvas::make_current() {
-  if (OSMesaGetCurrentContext() == context_.get()) return;
-  if (OSMesaMakeCurrent(context_.get(), buffer_.data(), GL_UNSIGNED_BYTE, kEdge, kEdge) != GL_TRUE)
-    throw input_error("rendering", "an off-screen OpenGL context that cannot be made current",
-                      "one thread at a time for each Renderer");
-}
 
 void require_no_error() {
   const GLenum error = glGetError();

@@ -1,39 +1,13 @@
-// OpenGL 3.3 without a display (OSMesa), and the wrappers that the renderer needs. The context of a Canvas
-// frees all its OpenGL objects, so no other class here frees anything.
+// The wrappers of OpenGL that the renderer needs. The context of a Canvas frees all its OpenGL objects, so
+// nothing here frees anything.
 #pragma once
 
-#ifndef GL_GLEXT_PROTOTYPES
-#define GL_GLEXT_PROTOTYPES
-#endif
-#include <GL/gl.h>
-#include <GL/glext.h>
-
 #include <Eigen/Core>
-#include <array>
-#include <memory>
 #include <vector>
 
-struct osmesa_context;
+#include "handsim/output/render/gl_functions.h"
 
 namespace handsim::output {
-
-/// An off-screen OpenGL 3.3 core context. Drawing goes to frame buffer objects; the context's own buffer is
-/// never shown.
-class Canvas {
- public:
-  /// Creates the context and makes it current. @throws Error (input) if no context can be created.
-  Canvas();
-  Canvas(const Canvas&) = delete;
-  Canvas& operator=(const Canvas&) = delete;
-
-  /// Sends the OpenGL calls of this thread to this context.
-  void make_current();
-
- private:
-  static constexpr int kEdge = 16;
-  std::array<unsigned char, 4UL * kEdge * kEdge> buffer_{};
-  std::unique_ptr<osmesa_context, void (*)(osmesa_context*)> context_;
-};
 
 /// OpenGL continues after errors, also when memory runs out. @throws Error if there was an error.
 void require_no_error();

@@ -78,40 +78,57 @@ std::vector<double> supports(const Solid& solid, const std::vector<Vec3>& across
   return out;
 }
 
-/// True if the solid with supports `theirs` may shade the solid with supports `mine` from the key light or
-/// the sky. `false` is certain: then a plane separates them by more than the half shadow and the sky's reach.
-bool may_shade(const std::vector<double>& theirs, const std::vector<double>& mine, double sky_reach) {
+/// What the solid with supports `theirs` may hide from the solid with supports `mine`; nothing: then it is
+/// certain that a plane separates them by more than the half shadow and the sky's reach.
+std::optional<Hides> may_hide(const std::vector<double>& theirs, const std::vector<double>& mine,
+                              double sky_reach) {
   const std::size_t count = mine.size() - 2;
-  // Distance of the occluder's highest point above the receiver's lowest point, along the light.
+  // Distance of the occluder's highest point above the receiver's lowest point, along the light; and the
+  // widest gap between the two, seen along the light or across it.
   const double above = theirs[count] + mine[count + 1];
-  if (above < -sky_reach) return false;
-  const double half_shadow = kLightSize * std::max(above, 0.0);
+  double gap = -above, across = -above;
+  gap = std::max(gap, -theirs[count + 1] - mine[count]);
   for (std::size_t i = 0; i < count; ++i) {
-    const double gap = -theirs[(i + count / 2) % count] - mine[i];
-    if (gap > std::max(half_shadow, sky_reach)) return false;
+    const double between = -theirs[(i + count / 2) % count] - mine[i];
+    gap = std::max(gap, between);
+    across = i == 0 ? between : std::max(across, between);
   }
-  return true;
+  const bool key = above >= -sky_reach && across <= kLightSize * std::max(above, 0.0) + 0.1 * sky_reach;
+  const bool sky = gap <= sky_reach;
+  if (!key && !sky) return std::nullopt;
+  return !sky ? Hides::key : key ? Hides::both : Hides::sky;
 }
+
+/// A solid that may shade another one.
+struct Found {
+  double distance = 0;  ///< to its bounding sphere [m]
+  const Solid* solid = nullptr;
+  Hides hides = Hides::both;
+};
 
 void find_occluders(std::vector<LitSolid>& solids, const Vec3& to_key) {
   const std::vector<Vec3> across = separating_directions(to_key);
   std::vector<std::vector<double>> reaches;
   for (const LitSolid& lit : solids) reaches.push_back(supports(lit.solid, across, to_key));
-  std::vector<std::pair<double, const Solid*>> found;
+  std::vector<Found> found;
   for (std::size_t i = 0; i < solids.size(); ++i) {
     found.clear();
     for (std::size_t j = 0; j < solids.size(); ++j) {
       const Solid& other = solids[j].solid;
-      if (j != i && may_shade(reaches[j], reaches[i], kSkyReach * other.thickness()))
-        found.emplace_back((other.pose.p - solids[i].solid.pose.p).norm() - other.reach(), &other);
+      if (j == i || !solids[j].shades) continue;
+      if (const auto hides = may_hide(reaches[j], reaches[i], kSkyReach * other.thickness()))
+        found.push_back({(other.pose.p - solids[i].solid.pose.p).norm() - other.reach(), &other, *hides});
     }
-    std::sort(found.begin(), found.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-    Occluders& kept = solids[i].occluders;
-    for (const auto& [distance, other] : found) {
-      const bool room = is_capsule(*other) ? kept.capsules.size() < 2UL * kMaxOccluders
-                                           : kept.solids.size() < 3UL * kMaxOccluders;
-      if (room) kept.add(*other);
-    }
+    // The nearest are kept.
+    std::sort(found.begin(), found.end(),
+              [](const Found& a, const Found& b) { return a.distance < b.distance; });
+    int capsules = 0, others = 0;
+    std::erase_if(found, [&](const Found& one) {
+      return ++(is_capsule(*one.solid) ? capsules : others) > kMaxOccluders;
+    });
+    std::stable_sort(found.begin(), found.end(),
+                     [](const Found& a, const Found& b) { return a.hides < b.hides; });
+    for (const Found& one : found) solids[i].occluders.add(*one.solid, one.hides);
   }
 }
 
@@ -160,12 +177,12 @@ Ground make_ground(double height, const std::vector<LitSolid>& solids, const Vec
   ground.line_width = 0.008F;
   Rectangle all;
   for (const LitSolid& lit : solids) {
-    if (support(lit.solid, Vec3::UnitZ()) <= height) continue;
+    if (!lit.shades || support(lit.solid, Vec3::UnitZ()) <= height) continue;
     const Rectangle area = shade_of(lit.solid, height, to_key);
     all.include(area.low, area.high, 0);
     Shade& shade = ground.shades.emplace_back();
     shade.quad = area.packed();
-    shade.occluder.add(lit.solid);
+    shade.occluder.add(lit.solid, Hides::both);
   }
   if (ground.shades.empty()) all.include({0, 0}, {1, 1}, 0);
   ground.region = all.packed();
@@ -174,21 +191,25 @@ Ground make_ground(double height, const std::vector<LitSolid>& solids, const Vec
 
 }  // namespace
 
-void Occluders::add(const Solid& solid) {
+void Occluders::add(const Solid& solid, Hides hides) {
   const auto row = [](const Vec3& v, double w) {
     return Eigen::Vector4f(Eigen::Vector4d(v.x(), v.y(), v.z(), w).cast<float>());
   };
+  OccluderRows& out = is_capsule(solid) ? capsules : solids;
+  ++out.count;
+  if (hides != Hides::sky) out.key_end = out.count;
+  if (hides == Hides::key) out.sky_begin = out.count;
   if (is_capsule(solid)) {
     const Vec3 half = solid.pose.q * Vec3(0, 0, solid.half.z());
-    capsules.push_back(row(solid.pose.p - half, solid.round));
-    capsules.push_back(row(2 * half, 0));
+    out.rows.push_back(row(solid.pose.p - half, solid.round));
+    out.rows.push_back(row(2 * half, 0));
     return;
   }
-  solids.push_back(row(solid.pose.p, solid.round));
-  solids.push_back(solid.pose.q.coeffs().cast<float>());
+  out.rows.push_back(row(solid.pose.p, solid.round));
+  out.rows.push_back(solid.pose.q.coeffs().cast<float>());
   // A hull shades like a box of 0.75 times the size of its bounding box.
   const Vec3 half = (solid.core == Core::hull ? 0.75 : 1) * solid.half;
-  solids.push_back(row(half, solid.core == Core::cylinder ? 1 : 0));
+  out.rows.push_back(row(half, solid.core == Core::cylinder ? 1 : 0));
 }
 
 Scene::Scene(const DrawList& drawn, const Camera& from, double aspect) : list(&drawn), camera(from) {
@@ -206,7 +227,11 @@ Scene::Scene(const DrawList& drawn, const Camera& from, double aspect) : list(&d
   const double distance = (camera.position - centre).norm();
   const double radius = empty ? distance / 4 : (box.high - box.low).norm() / 2;
 
-  for (const DrawShape& shape : drawn.shapes) solids.push_back({{bevelled(shape.solid), shape.colour}, {}});
+  for (const DrawShape& shape : drawn.shapes) {
+    LitSolid& lit = solids.emplace_back();
+    static_cast<DrawShape&>(lit) = shape;
+    lit.solid = bevelled(shape.solid);
+  }
   std::stable_sort(solids.begin(), solids.end(), [&](const LitSolid& a, const LitSolid& b) {
     return (a.solid.pose.p - b.solid.pose.p).dot(axes.z) > 0;
   });

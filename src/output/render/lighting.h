@@ -10,14 +10,27 @@
 
 namespace handsim::output {
 
-/// Solids that shade another one, in the row format of the shaders.
+/// What a solid may hide from a point: the key light, the sky about the point, or both.
+enum class Hides { key, both, sky };
+
+/// Solids of one form that shade another one, in the row format of the shaders: first those that hide the key
+/// light alone, then those that hide light and sky, then those that hide the sky alone.
+struct OccluderRows {
+  std::vector<Eigen::Vector4f> rows;
+  int key_end = 0;    ///< number of solids that hide the key light
+  int sky_begin = 0;  ///< index of the first that hides the sky
+  int count = 0;
+};
+
+/// Solids that shade another one.
 struct Occluders {
   /// Two rows each: (one end of the axis, radius), (from there to the other end, 0).
-  std::vector<Eigen::Vector4f> capsules;
+  OccluderRows capsules;
   /// Three rows each: (centre, radius), quaternion q_WS (x, y, z, w), (half extents, 1 for a cylinder).
-  std::vector<Eigen::Vector4f> solids;
+  OccluderRows solids;
 
-  void add(const Solid& solid);
+  /// To be added in the order of Hides.
+  void add(const Solid& solid, Hides hides);
 };
 
 /// A bevelled shape, and the solids that shade it (at most kMaxOccluders of each form).

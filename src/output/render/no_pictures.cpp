@@ -14,16 +14,18 @@ namespace {
 }  // namespace
 
 void require_pictures() { refuse(); }
+const char* name_of(Gl) { refuse(); }
+std::vector<Gl> built_gls() { return {}; }
 void write_png(const Image&, const std::filesystem::path&) { refuse(); }
 
 struct ContactSheet::Page {};
 ContactSheet::ContactSheet(const SheetFormat&) { refuse(); }
 ContactSheet::~ContactSheet() = default;
-void ContactSheet::add(const Image&, const std::string&) { refuse(); }
+void ContactSheet::add(const Image&, const std::string&, std::optional<double>) { refuse(); }
 Image ContactSheet::image() const { refuse(); }
 
 struct Renderer::Impl {};
-Renderer::Renderer(int, int) { refuse(); }
+Renderer::Renderer(int, int, std::optional<Gl>) { refuse(); }
 Renderer::~Renderer() = default;
 Image Renderer::draw(const DrawList&, const Camera&) { refuse(); }
 

@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <map>
 
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
+#include "handsim/output/render/canvas.h"
 #include "handsim/output/render/gl.h"
 #include "handsim/output/render/lighting.h"
 #include "handsim/output/render/mesh.h"
@@ -23,8 +25,8 @@ constexpr int kLargest = 8192;
 /// Pictures larger than this are drawn in tiles, which bounds the memory [pixels].
 constexpr int kTile = 2048;
 constexpr int kSamples = 4;
-/// Edge of the ground's shade texture [texels].
-constexpr int kShadeSize = 512;
+/// Edge of the ground's shade texture [texels]; it need not be finer than the picture.
+int shade_size(int height) { return std::clamp(height * 2 / 3, 64, 512); }
 
 /// A mesh in the driver's memory.
 struct Buffer {
@@ -83,7 +85,7 @@ struct Tile {
 }  // namespace
 
 struct Renderer::Impl {
-  Impl(int picture_width, int picture_height);
+  Impl(int picture_width, int picture_height, std::optional<Gl> gl);
 
   Image draw(const DrawList& list, const Camera& camera);
 
@@ -95,7 +97,7 @@ struct Renderer::Impl {
   void draw_ground(const Scene& scene, const Eigen::Matrix4f& projection);
   void place(const Program& program, const Solid& solid, const Colour& colour);
   /// The coarsest mesh whose outline is wrong by less than a quarter of a pixel.
-  const Buffer& fitting(const RoundBuffers& buffers, const Scene& scene, const Solid& solid) const;
+  const Buffer& fitting(const RoundBuffers& buffers, const Scene& scene, const DrawShape& shape) const;
   const Buffer& hull_buffer(const Solid& solid) {
     const auto [found, fresh] = hulls.try_emplace(solid.mesh);
     if (fresh) found->second = upload(faceted_mesh(*solid.mesh));
@@ -112,7 +114,7 @@ struct Renderer::Impl {
   void read(const Tile& tile, Image& image);
 
   int width, height;
-  Canvas canvas;
+  std::unique_ptr<Canvas> canvas;
   /// Programs for capsules as the only occluders are faster than those for all forms.
   Program capsule_lit = shaded_program(kSolidVertex, "", kSolidFragment);
   Program solid_lit = shaded_program(kSolidVertex, kWithSolids, kSolidFragment);
@@ -129,12 +131,13 @@ struct Renderer::Impl {
   std::vector<std::uint8_t> pixels;
 };
 
-Renderer::Impl::Impl(int picture_width, int picture_height)
+Renderer::Impl::Impl(int picture_width, int picture_height, std::optional<Gl> gl)
     : width(checked_size(picture_width, "picture.width")),
       height(checked_size(picture_height, "picture.height")),
+      canvas(make_canvas(gl)),
       drawn(Target::multisampled(std::min(width, kTile), std::min(height, kTile), kSamples)),
       resolved(Target::sampled(drawn.width, drawn.height)),
-      shade(Target::sampled(kShadeSize, kShadeSize)),
+      shade(Target::sampled(shade_size(height), shade_size(height))),
       capsule(upload_round(capsule_mesh)),
       cylinder(upload_round(cylinder_mesh)),
       box(upload(box_mesh())),
@@ -145,7 +148,7 @@ Renderer::Impl::Impl(int picture_width, int picture_height)
 
 Image Renderer::Impl::draw(const DrawList& list, const Camera& camera) {
   const Scene scene(list, camera, static_cast<double>(width) / height);
-  canvas.make_current();
+  canvas->make_current();
   if (scene.ground) draw_shade(scene);
   Image image{width, height, {}};
   image.rgb.resize(3UL * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
@@ -174,10 +177,10 @@ void Renderer::Impl::draw_shade(const Scene& scene) {
     program->set("region", scene.ground->region);
     program->set("ground_height", scene.ground->height);
     for (const Shade& part : scene.ground->shades) {
-      if (part.occluder.solids.empty() != (program == &capsule_shade)) continue;
+      if ((part.occluder.solids.count == 0) != (program == &capsule_shade)) continue;
       program->set("quad", part.quad);
-      program->set("capsules", part.occluder.capsules);
-      program->set("solids", part.occluder.solids);
+      program->set("capsules", part.occluder.capsules.rows);
+      program->set("solids", part.occluder.solids.rows);
       draw_quad();
     }
   }
@@ -221,11 +224,12 @@ void Renderer::Impl::place(const Program& program, const Solid& solid, const Col
 
 // The error of a circle of radius r with n sides is r (1 - cos(pi / n)), about r (pi / n)^2 / 2.
 const Buffer& Renderer::Impl::fitting(const RoundBuffers& buffers, const Scene& scene,
-                                      const Solid& solid) const {
+                                      const DrawShape& shape) const {
+  const Solid& solid = shape.solid;
   const double nearest = std::max((solid.pose.p - scene.camera.position).norm() - solid.reach(), 1e-6);
   const double focus = height / 2.0 / std::tan(scene.camera.field_of_view / 2);
   const double radius = std::max(solid.round, solid.half.x()) * focus / nearest;
-  for (std::size_t i = 0; i + 1 < kSides.size(); ++i)
+  for (std::size_t i = shape.fine ? 1 : 0; i + 1 < kSides.size(); ++i)
     if (radius * std::pow(M_PI / kSides[i], 2) / 2 < 0.25) return buffers[i];
   return buffers.back();
 }
@@ -241,26 +245,32 @@ void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& proj
     program->set("eye", scene.eye);
   }
   for (const LitSolid& lit : scene.solids) {
-    const Program& program = lit.occluders.solids.empty() ? capsule_lit : solid_lit;
+    const Occluders& from = lit.occluders;
+    const Program& program = from.solids.count == 0 ? capsule_lit : solid_lit;
     program.use();
     place(program, lit.solid, lit.colour);
     if (lit.solid.core == Core::hull) program.set("half_size", Eigen::Vector3f(1, 1, 1));
     Eigen::Vector2f ground_shade(0, 0);
     if (scene.ground) ground_shade << scene.ground->height, 3 * static_cast<float>(lit.solid.thickness());
     program.set("ground", ground_shade);
-    program.set("capsule_count", static_cast<int>(lit.occluders.capsules.size() / 2));
-    program.set("capsules", lit.occluders.capsules);
-    program.set("solid_count", static_cast<int>(lit.occluders.solids.size() / 3));
-    program.set("solids", lit.occluders.solids);
+    program.set("capsule_key_end", from.capsules.key_end);
+    program.set("capsule_sky_begin", from.capsules.sky_begin);
+    program.set("capsule_count", from.capsules.count);
+    program.set("capsules", from.capsules.rows);
+    program.set("solid_key_end", from.solids.key_end);
+    program.set("solid_sky_begin", from.solids.sky_begin);
+    program.set("solid_count", from.solids.count);
+    program.set("solids", from.solids.rows);
     if (lit.solid.core == Core::hull)
       draw(hull_buffer(lit.solid));
     else if (is_capsule(lit.solid))
-      draw(fitting(capsule, scene, lit.solid));
+      draw(fitting(capsule, scene, lit));
     else
-      draw(lit.solid.core == Core::box ? box : fitting(cylinder, scene, lit.solid));
+      draw(lit.solid.core == Core::box ? box : fitting(cylinder, scene, lit));
   }
   capsule_lit.use();
-  capsule_lit.set("capsule_count", 0);
+  for (const char* count : {"capsule_key_end", "capsule_sky_begin", "capsule_count"})
+    capsule_lit.set(count, 0);
   capsule_lit.set("ground", Eigen::Vector2f(0, 0));
   draw_annotations(*scene.list);
 }
@@ -327,11 +337,12 @@ void Renderer::Impl::read(const Tile& tile, Image& image) {
     std::uint8_t* to =
         &image.rgb[3UL * (static_cast<std::size_t>(line) * static_cast<std::size_t>(image.width) +
                           static_cast<std::size_t>(tile.x))];
-    for (int x = 0; x < tile.width; ++x, from += 4, to += 3) std::copy(from, from + 3, to);
+    for (int x = 0; x < tile.width; ++x, from += 4, to += 3) std::memcpy(to, from, 3);
   }
 }
 
-Renderer::Renderer(int width, int height) : impl_(std::make_unique<Impl>(width, height)) {}
+Renderer::Renderer(int width, int height, std::optional<Gl> gl)
+    : impl_(std::make_unique<Impl>(width, height, gl)) {}
 Renderer::~Renderer() = default;
 Image Renderer::draw(const DrawList& list, const Camera& camera) { return impl_->draw(list, camera); }
 

@@ -1,18 +1,21 @@
-// Renders a draw list to a picture without a display (OSMesa): lit shapes and a ground with a grid and soft
-// shadows, anti-aliased. Only the constructor of a Renderer creates an OpenGL context.
+// Renders a draw list to a picture without a display (OSMesa or EGL): lit shapes and a ground with a grid and
+// soft shadows, anti-aliased. Only the constructor of a Renderer creates an OpenGL context.
 #pragma once
 
 #include <memory>
+#include <optional>
 
 #include "handsim/output/render/draw_list.h"
+#include "handsim/output/render/gl_choice.h"
 #include "handsim/output/render/image.h"
 
 namespace handsim::output {
 
 class Renderer {
  public:
+  /// @param gl absent: the default of this build.
   /// @throws Error (input) if no off-screen context can be created or the size is out of 16..8192 [pixels].
-  Renderer(int width, int height);
+  Renderer(int width, int height, std::optional<Gl> gl = {});
   ~Renderer();
 
   /// The picture of the list. The key light comes from above and behind the left of the camera. The ground is

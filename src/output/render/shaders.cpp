@@ -50,21 +50,25 @@ float segment_gap(vec3 w, vec3 ab, float inverse, float r) {
   return length(w - clamp(dot(w, ab) * inverse, 0.0, 1.0) * ab) - r;
 }
 
-// Shares (key, sky) at p with normal n that pass a capsule; start (a, r), span b - a.
-vec2 past_capsule(vec3 p, vec3 n, vec4 start, vec3 span) {
-  float r = start.w;
+// Share of the key light at p that passes a capsule; start (a, r), span b - a.
+float key_past_capsule(vec3 p, vec4 start, vec3 span) {
   vec3 w = p - start.xyz;
   float square = max(dot(span, span), 1e-12);
-  float inverse = 1.0 / square;
   float across = dot(to_key, span);
   float along = dot(to_key, w);
   // Closest approach of the ray p + s to_key, s >= 0, to the segment.
   float t = clamp((dot(span, w) - across * along) / max(square - across * across, 1e-6 * square), 0.0, 1.0);
   float s = max(t * across - along, 0.0);
-  float key = passing(segment_gap(w + s * to_key, span, inverse, r), s, r);
-  float reach = kSkyReach * r;
-  return vec2(key, open_sky(segment_gap(w + 0.33 * reach * n, span, inverse, r),
-                            segment_gap(w + reach * n, span, inverse, r), reach));
+  return passing(segment_gap(w + s * to_key, span, 1.0 / square, start.w), s, start.w);
+}
+
+// Share of the sky at p with normal n that passes it.
+float sky_past_capsule(vec3 p, vec3 n, vec4 start, vec3 span) {
+  vec3 w = p - start.xyz;
+  float inverse = 1.0 / max(dot(span, span), 1e-12);
+  float reach = kSkyReach * start.w;
+  return open_sky(segment_gap(w + 0.33 * reach * n, span, inverse, start.w),
+                  segment_gap(w + reach * n, span, inverse, start.w), reach);
 }
 
 vec3 unrotated(vec4 q, vec3 v) {
@@ -78,12 +82,10 @@ float core_distance(vec3 p, vec3 size, bool cylinder) {
 }
 
 // The same for a rounded box or cylinder; place (centre, radius), quaternion q_WS, size (half extents, core).
-vec2 past_solid(vec3 p, vec3 n, vec4 place, vec4 q, vec4 size) {
-  bool cylinder = size.w > 0.5;
+float key_past_solid(vec3 p, vec4 place, vec4 q, vec4 size) {
   float thickness = place.w + min(size.x, min(size.y, size.z));
   vec3 o = unrotated(q, p - place.xyz);
   vec3 d = unrotated(q, to_key);
-  vec3 up = unrotated(q, n);
   // The ray point closest to the edge between the last slab it enters and the first one it leaves.
   d += vec3(1e-5) * (step(0.0, d) * 2.0 - 1.0);
   vec3 m = 1.0 / d;
@@ -96,10 +98,16 @@ vec2 past_solid(vec3 p, vec3 n, vec4 place, vec4 q, vec4 size) {
   w_enter *= w_enter;
   w_leave *= w_leave;
   float s = max((w_enter * t_enter + w_leave * t_leave) / (w_enter + w_leave), 0.0);
-  float key = passing(core_distance(o + s * d, size.xyz, cylinder) - place.w, s, thickness);
-  float reach = kSkyReach * thickness;
-  return vec2(key, open_sky(core_distance(o + 0.33 * reach * up, size.xyz, cylinder) - place.w,
-                            core_distance(o + reach * up, size.xyz, cylinder) - place.w, reach));
+  return passing(core_distance(o + s * d, size.xyz, size.w > 0.5) - place.w, s, thickness);
+}
+
+float sky_past_solid(vec3 p, vec3 n, vec4 place, vec4 q, vec4 size) {
+  bool cylinder = size.w > 0.5;
+  vec3 o = unrotated(q, p - place.xyz);
+  vec3 up = unrotated(q, n);
+  float reach = kSkyReach * (place.w + min(size.x, min(size.y, size.z)));
+  return open_sky(core_distance(o + 0.33 * reach * up, size.xyz, cylinder) - place.w,
+                  core_distance(o + reach * up, size.xyz, cylinder) - place.w, reach);
 }
 )";
 
@@ -125,10 +133,11 @@ uniform vec3 colour;
 uniform vec3 eye;
 uniform vec3 to_fill;
 uniform vec3 sky_up;
-uniform int capsule_count;
+// Of each form: end of those that hide the key light, begin and end of those that hide the sky.
+uniform int capsule_key_end, capsule_sky_begin, capsule_count;
 uniform vec4 capsules[2 * kMaxOccluders];
 #ifdef WITH_SOLIDS
-uniform int solid_count;
+uniform int solid_key_end, solid_sky_begin, solid_count;
 uniform vec4 solids[3 * kMaxOccluders];
 #endif
 uniform vec2 ground;  // height, and distance within which it hides sky; 0: no ground
@@ -141,21 +150,21 @@ void main() {
   vec3 v = normalize(eye - world_point);
   float key = 1.0;
   float sky = 1.0;
-  for (int i = 0; i < capsule_count; ++i) {
-    vec2 share = past_capsule(world_point, n, capsules[2 * i], capsules[2 * i + 1].xyz);
-    key = min(key, share.x);
-    sky *= share.y;
-  }
+  float facing = max(dot(n, to_key), 0.0);
+  // Where a whole block of pixels faces away from the light, llvmpipe leaves out the loop.
+  int lit = facing > 0.0 ? 1 : 0;
+  for (int i = 0; i < lit * capsule_key_end; ++i)
+    key = min(key, key_past_capsule(world_point, capsules[2 * i], capsules[2 * i + 1].xyz));
+  for (int i = capsule_sky_begin; i < capsule_count; ++i)
+    sky *= sky_past_capsule(world_point, n, capsules[2 * i], capsules[2 * i + 1].xyz);
 #ifdef WITH_SOLIDS
-  for (int i = 0; i < solid_count; ++i) {
-    vec2 share = past_solid(world_point, n, solids[3 * i], solids[3 * i + 1], solids[3 * i + 2]);
-    key = min(key, share.x);
-    sky *= share.y;
-  }
+  for (int i = 0; i < lit * solid_key_end; ++i)
+    key = min(key, key_past_solid(world_point, solids[3 * i], solids[3 * i + 1], solids[3 * i + 2]));
+  for (int i = solid_sky_begin; i < solid_count; ++i)
+    sky *= sky_past_solid(world_point, n, solids[3 * i], solids[3 * i + 1], solids[3 * i + 2]);
 #endif
   float open = ground.y > 0.0 ? clamp((world_point.z - ground.x) / ground.y, 0.0, 1.0) : 1.0;
   sky *= mix(0.85 - 0.55 * max(-n.z, 0.0), 1.0, open);
-  float facing = max(dot(n, to_key), 0.0);
   float up = 0.5 + 0.5 * dot(n, sky_up);
   float fill = 0.20 * max(dot(n, to_fill), 0.0) * (0.4 + 0.6 * sky);
   vec3 light = kKey * facing * key + mix(kBounce, kSky, up) * sky + fill;
@@ -191,11 +200,13 @@ out vec4 shade;
 void main() {
   vec3 n = vec3(0.0, 0.0, 1.0);
 #ifdef WITH_SOLIDS
-  vec2 share = past_solid(point, n, solids[0], solids[1], solids[2]);
+  float key = key_past_solid(point, solids[0], solids[1], solids[2]);
+  float sky = sky_past_solid(point, n, solids[0], solids[1], solids[2]);
 #else
-  vec2 share = past_capsule(point, n, capsules[0], capsules[1].xyz);
+  float key = key_past_capsule(point, capsules[0], capsules[1].xyz);
+  float sky = sky_past_capsule(point, n, capsules[0], capsules[1].xyz);
 #endif
-  shade = vec4(share.xxx, share.y);
+  shade = vec4(key, key, key, sky);
 }
 )";
 

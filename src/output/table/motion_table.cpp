@@ -12,7 +12,8 @@ MotionTableWriter::MotionTableWriter(const std::filesystem::path& path, const Mo
     : file_(path), columns_(head.names.size()), rows_text_(std::to_string(head.most_rows)) {
   std::string text = printable(head.title, 4 * head.title.size()) + "\nversion=1\nnRows=";
   rows_at_ = static_cast<long>(text.size());
-  text += fmt::format("{}\nnColumns={}\ninDegrees=yes\nendheader\ntime", rows_text_, columns_ + 1);
+  text += fmt::format("{}\nnColumns={}\ninDegrees={}\nendheader\ntime", rows_text_, columns_ + 1,
+                      head.degrees ? "yes" : "no");
   for (const std::string& name : head.names) text += "\t" + name;
   file_.write(text + "\n");
 }

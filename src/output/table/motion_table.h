@@ -1,4 +1,5 @@
-// Tables over time in OpenSim's format: .mot (joint angles) and .sto (any quantities); angles in degrees.
+// Tables over time in OpenSim's format: .mot (joint angles) and .sto (any quantities); angles in degrees,
+// which inDegrees=yes in the header states.
 // Each row is written to the disk at once.
 #pragma once
 
@@ -16,6 +17,7 @@ struct MotionHead {
   std::string title;
   std::vector<std::string> names;  ///< names of the columns after time, without white space
   std::size_t most_rows = 0;       ///< upper bound of the number of rows; with fewer, blanks follow `nRows=N`
+  bool degrees = true;             ///< angles are in degrees: inDegrees=yes; a table of torques alone: no
 };
 
 class MotionTableWriter {

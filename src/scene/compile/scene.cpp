@@ -30,6 +30,7 @@ control::Plan plan_control(const Scene& scene, const ControlSpec& spec, Diagnost
   control::PlanInput input;
   input.controller = &spec.controller;
   input.poses = spec.poses ? &*spec.poses : nullptr;
+  input.motion = spec.motion;
   input.programs = spec.programs;
   for (const HandEntry& hand : scene.spec.hands) {
     std::vector<std::string>& absent = input.absent.emplace_back();

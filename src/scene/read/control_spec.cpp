@@ -59,6 +59,19 @@ std::vector<control::ProgramChoice> read_programs(MapReader& reader, const std::
   return out;
 }
 
+/// How motion files are read; absent: by their own names, as recorded.
+control::MotionOptions read_motion_options(MapReader& reader) {
+  control::MotionOptions out;
+  if (!reader.has("motion")) return out;
+  MapReader motion = reader.map("motion");
+  if (YamlNode* node = referenced(motion, "names", FileKind::motion_names, false))
+    out.names = control::read_motion_names(*node, motion.path_of("names"), reader.diagnostics());
+  out.clamp = motion.flag("clamp", false);
+  out.filter = motion.maybe_number("filter", {Dimension::frequency, 0.01, 1e4});
+  motion.finish();
+  return out;
+}
+
 }  // namespace
 
 ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, bool has_tasks) {
@@ -68,6 +81,7 @@ ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, 
   if (YamlNode* node = referenced(reader, "poses", FileKind::poses, false))
     spec.poses = control::read_pose_file(*node, reader.path_of("poses"), reader.diagnostics());
   spec.programs = read_programs(reader, hands, has_tasks);
+  spec.motion = read_motion_options(reader);
   spec.place = reader.node().place();
   spec.allow_unstable = reader.flag("allow_unstable", false);
   if (hands.empty()) reader.problem("controller", "a scene without hands", "at least one hand to drive");

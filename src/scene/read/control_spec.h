@@ -16,6 +16,7 @@ struct ControlSpec {
   control::ControllerSpec controller;
   std::optional<control::PoseFile> poses;
   std::vector<control::ProgramChoice> programs;  ///< one for each hand of the scene, in their order
+  control::MotionOptions motion;                 ///< for programs that are motion files
   bool allow_unstable = false;                   ///< accepts explicit gains beyond their limit
   Place place;                                   ///< of the block
 };

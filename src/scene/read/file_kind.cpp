@@ -17,7 +17,7 @@ struct Row {
 };
 
 /// Scenes first, because they may contain the others; materials last, because objects also have `friction`.
-constexpr std::array<Row, 13> kRows = {{
+constexpr std::array<Row, 15> kRows = {{
     {FileKind::scene, "a scene", "hands, effects, duration", {"hands", "objects", "bodies"}},
     {FileKind::person, "a person", "stature, mass, sex", {"stature"}},
     {FileKind::hand_model, "a hand model", "anthropometry, palm, wrist, segments", {"segments"}},
@@ -29,6 +29,8 @@ constexpr std::array<Row, 13> kRows = {{
     {FileKind::grip_norms, "a table of grip strength", "source, norms", {"norms"}},
     {FileKind::stability, "a stability study", "cases", {"cases"}},
     {FileKind::rollouts, "a rollout study", "scene, vary, count", {"vary"}},
+    {FileKind::motion_names, "names of a motion file", "columns, couplings", {"columns", "couplings"}},
+    {FileKind::marker_set, "a marker set", "markers, sensors", {"markers", "sensors"}},
     {FileKind::costs, "a table of what accuracy costs", "kinds", {"kinds"}},
     {FileKind::material, "a material", "friction, stiffness, damping", {"friction"}},
 }};

@@ -22,7 +22,9 @@ enum class FileKind {
   grip_norms,
   material,
   costs,
-  rollouts
+  rollouts,
+  motion_names,
+  marker_set
 };
 
 /// `a scene`, `a person`, ...

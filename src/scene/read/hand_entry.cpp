@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <map>
 
 #include <fmt/format.h>
 
+#include "handsim/control/motion_file.h"
 #include "handsim/scene/read/blocks.h"
 
 namespace handsim::scene {
@@ -30,8 +32,36 @@ model::PoseKey read_keyframe(MapReader reader, std::optional<double>& last) {
   return out;
 }
 
-model::PoseMotion read_motion(MapReader reader) {
+/// The wrist's poses from a table. Its path becomes absolute, because the resolved scene is written to
+/// another folder.
+model::PoseMotion read_table(MapReader& reader, const std::string& hand) {
   model::PoseMotion motion;
+  YamlNode* node = reader.value("table", {{YamlNode::Kind::scalar}, "a .csv, .mot or .sto file"});
+  if (!node) return motion;
+  const std::filesystem::path path = std::filesystem::path(node->place().file).parent_path() / node->text;
+  node->text = std::filesystem::absolute(path).lexically_normal().string();
+  const std::optional<double> filter = reader.maybe_number("filter", {Dimension::frequency, 0.01, 1e4});
+  // A schema is made without the files that a scene names.
+  if (reader.diagnostics().recorder) return motion;
+  try {
+    motion = control::read_pose_table(path, hand, filter);
+  } catch (const Error& error) {
+    reader.diagnostics().add(error);
+  }
+  return motion;
+}
+
+/// @param hand name of the hand in the columns of a table.
+model::PoseMotion read_motion(MapReader reader, const std::string& hand) {
+  model::PoseMotion motion;
+  if (reader.has("table")) {
+    motion = read_table(reader, hand);
+    if (reader.has("keyframes")) reader.problem("keyframes", "keyframes beside a table", "one of the two");
+    reader.has("interpolation");
+    reader.finish();
+    if (motion.keys.empty()) motion.keys.emplace_back();
+    return motion;
+  }
   motion.interpolation = reader.choice<model::Interpolation>(
       "interpolation",
       {{"minimum_jerk", model::Interpolation::minimum_jerk}, {"linear", model::Interpolation::linear}},
@@ -54,7 +84,7 @@ void refuse_keys_of_other_mounts(MapReader& reader, hand::Mount mount) {
   refuse("along", hand::Mount::rail, "mount: rail with it, or no along");
 }
 
-void read_wrist(MapReader reader, const Tasks& tasks, hand::Placement& placement) {
+void read_wrist(MapReader reader, const Tasks& tasks, const std::string& hand, hand::Placement& placement) {
   placement.mount = reader.choice<hand::Mount>("mount",
                                                {{"fixed", hand::Mount::fixed},
                                                 {"hinge", hand::Mount::hinge},
@@ -68,7 +98,8 @@ void read_wrist(MapReader reader, const Tasks& tasks, hand::Placement& placement
   const bool placed = std::any_of(tasks.begin(), tasks.end(),
                                   [&](const auto& task) { return task->kind->mount == placement.mount; });
   if (placement.mount == hand::Mount::driven && (!placed || reader.has("motion"))) {
-    placement.motion = read_motion(reader.required_map("motion", "a mapping with keyframes"));
+    placement.motion =
+        read_motion(reader.required_map("motion", "a mapping with keyframes or a table"), hand);
     placement.pose = placement.motion.keys.front().pose;
   } else if (!placed) {
     placement.pose = read_pose(reader, Vec3::Zero());
@@ -135,7 +166,17 @@ void check_mount(MapReader& reader, const HandEntry& entry) {
                                 "hinge, or a hand model whose wrist has two axes");
 }
 
-HandEntry read_hand(MapReader reader, const Tasks& tasks) {
+/// `right`, `left`, or with the number of this hand of a side.
+struct HandNames {
+  int count[2] = {0, 0};
+  std::string next(model::Side side) {
+    const bool right = side == model::Side::right;
+    const int n = ++count[right ? 0 : 1];
+    return (right ? "right" : "left") + (n > 1 ? std::to_string(n) : std::string());
+  }
+};
+
+HandEntry read_hand(MapReader reader, const Tasks& tasks, HandNames& names) {
   HandEntry entry;
   entry.place = reader.node().place();
   Diagnostics& diagnostics = reader.diagnostics();
@@ -149,7 +190,8 @@ HandEntry read_hand(MapReader reader, const Tasks& tasks) {
   entry.placement.side =
       reader.choice<model::Side>("side", {{"right", model::Side::right}, {"left", model::Side::left}});
   const std::size_t before_wrist = diagnostics.problems.size();
-  read_wrist(reader.map("wrist"), tasks, entry.placement);
+  entry.placement.name = names.next(entry.placement.side);
+  read_wrist(reader.map("wrist"), tasks, entry.placement.name, entry.placement);
   const bool wrist_known = diagnostics.problems.size() == before_wrist;
   if (model_known && wrist_known) check_mount(reader, entry);
   read_start_pose(reader, entry, model_known && wrist_known);
@@ -164,22 +206,13 @@ HandEntry read_hand(MapReader reader, const Tasks& tasks) {
   return entry;
 }
 
-void name_hands(std::vector<HandEntry>& hands) {
-  int count[2] = {0, 0};
-  for (HandEntry& entry : hands) {
-    const bool right = entry.placement.side == model::Side::right;
-    const int n = ++count[right ? 0 : 1];
-    entry.placement.name = (right ? "right" : "left") + (n > 1 ? std::to_string(n) : std::string());
-  }
-}
-
 }  // namespace
 
 std::vector<HandEntry> read_hands(MapReader& reader, const Tasks& tasks) {
   std::vector<HandEntry> hands;
+  HandNames names;
   reader.each("hands", 0, kMostHands,
-              [&](MapReader block) { hands.push_back(read_hand(std::move(block), tasks)); });
-  name_hands(hands);
+              [&](MapReader block) { hands.push_back(read_hand(std::move(block), tasks, names)); });
   return hands;
 }
 

@@ -30,6 +30,12 @@ void each_path(YamlNode& scene, const Visit& visit) {
   if (YamlNode* bodies = scene.find("bodies"))
     for (YamlNode& body : bodies->items)
       if (YamlNode* shape = body.find("shape")) visit_mesh(*shape, visit);
+  if (YamlNode* hands = scene.find("hands"))
+    for (YamlNode& hand : hands->items) {
+      YamlNode* wrist = hand.find("wrist");
+      YamlNode* motion = wrist ? wrist->find("motion") : nullptr;
+      if (YamlNode* table = motion ? motion->find("table") : nullptr) visit(*table);
+    }
   YamlNode* control = scene.find("control");
   YamlNode* program = control ? control->find("program") : nullptr;
   const auto visit_program = [&](YamlNode& choice) {

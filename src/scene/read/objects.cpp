@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <filesystem>
 
@@ -105,6 +106,19 @@ double read_mass(MapReader& reader, double volume) {
   return result;
 }
 
+/// The `color` of an object or a part: "#RRGGBB", sRGB. Without quotes it is a comment of YAML.
+std::optional<std::uint32_t> read_colour(MapReader& reader) {
+  const char* need = "six hexadecimal digits in quotes, such as \"#c0392b\"";
+  const YamlNode* node = reader.value("color", {{YamlNode::Kind::scalar}, need, false});
+  if (!node) return std::nullopt;
+  std::uint32_t colour = 0;
+  const char* end = node->text.data() + node->text.size();
+  const bool good = node->text.size() == 7 && node->text.front() == '#' &&
+                    std::from_chars(node->text.data() + 1, end, colour, 16).ptr == end;
+  if (!good) reader.problem("color", node->described(), need);
+  return good ? std::optional(colour) : std::nullopt;
+}
+
 /// A shape with its pose in the object. Sizes of an unknown kind of shape are not checked.
 model::Shape read_form(MapReader& reader) {
   model::Shape shape;
@@ -123,6 +137,7 @@ void read_parts(MapReader& reader, ObjectSpec& object) {
     model::Shape shape = read_form(part);
     const Pose at{part.vector("position", kCoordinate, Vec3::Zero()), part.rotation("rotation")};
     shape.pose = at * shape.pose;
+    shape.colour = read_colour(part);
     const double own = model::volume(shape);
     whole_volume += own;
     parts.push_back(model::solid_properties(shape, of_parts ? read_mass(part, own) : own));
@@ -196,6 +211,9 @@ ObjectSpec read_object(MapReader reader, const std::vector<ObjectSpec>& before,
     reader.problem("position", "a pose beside the task that gives it", "one of the two");
   object.may_overlap = reader.choice<bool>("overlap", {{"refused", false}, {"allowed", true}}, false);
   object.material = read_surface(reader, object.name, materials);
+  const std::optional<std::uint32_t> colour = read_colour(reader);
+  for (model::Shape& shape : object.shapes)
+    if (!shape.colour) shape.colour = colour;
   object.source = reader.maybe_text("source");
   reader.finish();
   return object;

@@ -29,6 +29,8 @@ struct PictureSpec {
   bool joint_axes = false;
   bool contact_points = false;
   bool contact_forces = false;  ///< arrows, in front of everything
+  /// The camera follows the hands and what they touch; absent: where the scene has a grasp.
+  std::optional<bool> follow = {};
 };
 
 struct SceneSpec;

@@ -76,11 +76,16 @@ void read_run(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics) {
   MapReader record = reader.map("record");
   scene.record_every = record.number("every", {Dimension::time, 1e-6, 1e5}, 0.01);
   scene.record_contacts = record.flag("contacts", false);
+  scene.tables.bodies = record.flag("bodies", false);
+  scene.tables.markers = record.flag("markers", false);
+  scene.tables.momentum = record.flag("momentum", false);
+  scene.tables.reactions = record.flag("reactions", false);
   record.finish();
   if (diagnostics.problems.size() == before) check_times(reader, scene);
   scene.pictures = read_pictures(reader.map("pictures"));
   scene.solver.contact_forces =
-      scene.record_contacts || scene.pictures.contact_forces || !scene.tasks.empty();
+      scene.record_contacts || scene.pictures.contact_forces || !scene.tasks.empty() ||
+      (scene.tables.reactions && scene.solver.effects.any_contact());
   if (scene.solver.contact_forces && !scene.solver.effects.any_contact())
     reader.warning(scene.record_contacts ? "record" : "pictures",
                    "contact forces are requested, but no effect of contact is on");

@@ -16,6 +16,14 @@
 
 namespace handsim::scene {
 
+/// Tables of a run that are written on request.
+struct RecordTables {
+  bool bodies = false;     ///< bodies.csv: pose and velocity of every body
+  bool markers = false;    ///< markers.trc, markers.csv: joint centres and fingertips of every hand
+  bool momentum = false;   ///< momentum.csv: mass centre and momentum of every hand
+  bool reactions = false;  ///< reactions.csv: force and moment in every joint
+};
+
 struct SceneSpec {
   std::string title;
   std::vector<HandEntry> hands;
@@ -29,6 +37,7 @@ struct SceneSpec {
   double duration = 1;              ///< [s]
   double record_every = 0.01;       ///< [s]
   bool record_contacts = false;     ///< contacts.csv, and sums of contact forces in the summary
+  RecordTables tables;
   std::optional<ControlSpec> control;  ///< drives the joints; with actuation only
   Tasks tasks;
   PictureSpec pictures;

@@ -22,6 +22,9 @@ struct ShakeLevel {
   double frequency = 2;        ///< [Hz]
 };
 
+/// Dull, so that it stands back behind the object: sRGB.
+constexpr std::uint32_t kPostColour = 0xA8A296;
+
 /// A static cylinder under the object.
 struct PostSpec {
   double radius = 0.01;  ///< [m]
@@ -120,6 +123,7 @@ ObjectSpec make_post(const PostSpec& post, const std::string& name, const Object
   cylinder.kind = model::ShapeKind::cylinder;
   cylinder.radius = post.radius;
   cylinder.length = post.height;
+  cylinder.colour = kPostColour;
   out.shapes.push_back(cylinder);
   out.is_static = true;
   out.pose.p = pose * object.body.centre;

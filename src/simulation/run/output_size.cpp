@@ -11,6 +11,7 @@
 
 #include "handsim/core/error.h"
 #include "handsim/engine/engine.h"
+#include "handsim/simulation/run/extra_tables.h"
 
 namespace handsim::simulation {
 
@@ -83,7 +84,7 @@ OutputSize output_size(const scene::Scene& scene, long first, long last, int fra
   const double contacts = scene.spec.record_contacts ? kContactBytes * contacts_of(scene) : 0;
   out.rows = record_rows(first, last, record_steps(scene.spec));
   out.largest_row = std::max(trajectory, contacts);
-  out.row = trajectory + contacts + kNumberBytes * (dofs + 3 * axes);
+  out.row = trajectory + contacts + kNumberBytes * (dofs + 3 * axes) + extra_row_bytes(scene, kNumberBytes);
   const auto [width, height] = scene.spec.pictures.size;
   out.pictures = kPixelBytes * frames * width * height;
   for (const scene::InputFile& input : scene.inputs) out.inputs += static_cast<double>(input.bytes->size());

@@ -3,9 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
+#include <utility>
 
 #include "handsim/output/render/draw_list.h"
 #include "handsim/output/render/renderer.h"
+#include "handsim/output/video/workers.h"
 
 namespace handsim::simulation {
 
@@ -16,6 +19,9 @@ constexpr double kFloorClearance = 0.01;
 constexpr double kContactPointRadius = 0.0025;
 constexpr double kForceRadius = 0.0012;
 constexpr double kLongestForce = 0.1;
+constexpr double kShakeRadius = 0.002;
+/// A body further than this from every hand is lost [m].
+constexpr double kLost = 1;
 
 /// On the one of the two that is free, or on the object that a hand touches.
 Vec3 shown_force(const model::Model& model, const engine::Contact& contact) {
@@ -25,20 +31,28 @@ Vec3 shown_force(const model::Model& model, const engine::Contact& contact) {
   return on_b || a.body == model::kWorld ? Vec3(-contact.force) : contact.force;
 }
 
-output::DrawList list_of(const model::Model& model, const scene::PictureSpec& pictures, const Moment& moment,
-                         std::optional<double> scale) {
-  output::DrawList list = output::draw_list(model, moment.state, {pictures.joint_axes});
-  if (scale)
-    for (const engine::Contact& contact : moment.contacts)
-      list.arrows.push_back({contact.position,
-                             contact.position + *scale * shown_force(model, contact),
-                             kForceRadius,
-                             {0.75F, 0.0F, 0.35F},
-                             true});
-  if (!pictures.contact_points) return list;
-  for (const engine::Contact& contact : moment.contacts)
-    list.points.push_back({contact.position, kContactPointRadius, {0.9F, 0.05F, 0.05F}});
-  return list;
+bool is_hand(model::Part part) { return part <= model::Part::little; }
+
+Vec3 place_of(const model::State& state, int body) {
+  return state.bodies[static_cast<std::size_t>(body)].pose().p;
+}
+
+/// Bodies that move and are far from every hand, by their index.
+std::vector<bool> lost_bodies(const model::Model& model, const model::State& state) {
+  std::vector<bool> out(model.bodies.size(), false);
+  if (model.hands.empty()) return out;
+  for (std::size_t i = 1; i < out.size(); ++i)
+    out[i] = std::none_of(model.hands.begin(), model.hands.end(), [&](const model::HandIndex& hand) {
+      return (state.bodies[i].pose().p - place_of(state, hand.palm)).norm() < kLost;
+    });
+  return out;
+}
+
+void add_shake(const model::Model& model, const Moment& moment, output::DrawList& list) {
+  if (moment.shaken.isZero() || model.hands.empty()) return;
+  const model::HandIndex& hand = model.hands.front();
+  const Vec3 wrist = moment.state.bodies[static_cast<std::size_t>(hand.palm)].pose() * hand.wrist_frame.p;
+  list.arrows.push_back({wrist - moment.shaken, wrist, kShakeRadius, {0.05F, 0.06F, 0.08F}, true});
 }
 
 output::Camera fixed_camera(const scene::CameraSpec& spec) {
@@ -52,9 +66,10 @@ output::Camera fixed_camera(const scene::CameraSpec& spec) {
   return camera;
 }
 
-/// All that the lists show, from the side of the first hand that the pictures are to show.
-output::Camera framed_camera(const model::Model& model, const scene::PictureSpec& pictures,
-                             const std::vector<output::DrawList>& lists) {
+/// The side of the first hand from which the pictures show it.
+output::Framing framing(const scene::Scene& scene) {
+  const model::Model& model = scene.model;
+  const scene::PictureSpec& pictures = scene.spec.pictures;
   Pose hand;
   model::Side side = model::Side::right;
   if (!model.hands.empty()) {
@@ -62,10 +77,37 @@ output::Camera framed_camera(const model::Model& model, const scene::PictureSpec
     hand = model.bodies[static_cast<std::size_t>(first.palm)].zero_pose * first.wrist_frame;
     side = first.side;
   }
-  output::Framing framing(pictures.view, hand, side,
-                          static_cast<double>(pictures.size[0]) / pictures.size[1]);
-  for (const output::DrawList& list : lists) framing.add(list);
-  return framing.camera();
+  return {pictures.view, hand, side, static_cast<double>(pictures.size[0]) / pictures.size[1]};
+}
+
+using Extents = output::Framing::Extents;
+
+/// Each value becomes the mean over its neighbours, up to `reach` before and after, of the largest values
+/// about each of them: no smaller than its own.
+void smooth_out(std::vector<Extents>& values, std::size_t reach) {
+  const auto windowed = [&](const auto& from, auto start, auto add, auto end) {
+    std::vector<Extents> out(from.size());
+    for (std::size_t i = 0; i < from.size(); ++i) {
+      const std::size_t first = i > reach ? i - reach : 0, last = std::min(from.size() - 1, i + reach);
+      for (std::size_t k = 0; k < out[i].size(); ++k) {
+        double sum = start;
+        for (std::size_t j = first; j <= last; ++j) sum = add(sum, from[j][k]);
+        out[i][k] = end(sum, last - first + 1);
+      }
+    }
+    return out;
+  };
+  if (reach == 0) return;
+  const auto largest = windowed(
+      values, -std::numeric_limits<double>::infinity(), [](double a, double b) { return std::max(a, b); },
+      [](double sum, std::size_t) { return sum; });
+  values = windowed(
+      largest, 0.0, [](double a, double b) { return a + b; },
+      [](double sum, std::size_t count) { return sum / static_cast<double>(count); });
+}
+
+bool follows(const scene::Scene& scene) {
+  return !scene.model.hands.empty() && scene.spec.pictures.follow.value_or(!scene.plans.grasps.empty());
 }
 
 }  // namespace
@@ -87,29 +129,98 @@ std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<
   return decade * (share >= 5 ? 5 : share >= 2 ? 2 : 1);
 }
 
-void draw(const model::Model& model, const scene::PictureSpec& pictures, std::span<const Moment> moments,
-          const std::function<void(std::size_t, const output::Image&)>& take) {
-  if (moments.empty()) return;
-  const std::optional<double> scale = force_scale(pictures, moments);
-  std::vector<output::DrawList> lists;
-  double lowest = std::numeric_limits<double>::infinity();
-  for (const Moment& moment : moments) {
-    lists.push_back(list_of(model, pictures, moment, scale));
-    lowest = std::min(lowest, output::bounds(lists.back()).low.z());
-  }
-  const output::Camera camera =
-      pictures.camera ? fixed_camera(*pictures.camera) : framed_camera(model, pictures, lists);
-  output::Renderer renderer(pictures.size[0], pictures.size[1]);
-  for (std::size_t i = 0; i < lists.size(); ++i) {
-    if (pictures.floor && !lists[i].ground_height) lists[i].ground_height = lowest - kFloorClearance;
-    take(i, renderer.draw(lists[i], camera));
-  }
+output::DrawList shown(const scene::Scene& scene, const Moment& moment, std::optional<double> force_scale) {
+  const model::Model& model = scene.model;
+  const scene::PictureSpec& pictures = scene.spec.pictures;
+  output::DrawList list = output::draw_list(model, moment.state, {pictures.joint_axes});
+  const std::vector<bool> lost = lost_bodies(model, moment.state);
+  std::erase_if(list.shapes, [&](const output::DrawShape& drawn) {
+    return lost[static_cast<std::size_t>(model.shapes[static_cast<std::size_t>(drawn.shape)].body)];
+  });
+  if (force_scale)
+    for (const engine::Contact& contact : moment.contacts)
+      list.arrows.push_back({contact.position,
+                             contact.position + *force_scale * shown_force(model, contact),
+                             kForceRadius,
+                             {0.75F, 0.0F, 0.35F},
+                             true});
+  add_shake(model, moment, list);
+  if (!pictures.contact_points) return list;
+  for (const engine::Contact& contact : moment.contacts)
+    list.points.push_back({contact.position, kContactPointRadius, {0.9F, 0.05F, 0.05F}});
+  return list;
 }
 
-output::Image draw(const scene::Scene& scene, const Moment& moment) {
+output::DrawList followed(const scene::Scene& scene, const Moment& moment, const output::DrawList& shown) {
+  const std::vector<model::Shape>& shapes = scene.model.shapes;
+  std::vector<bool> in(shapes.size(), false);
+  for (std::size_t i = 0; i < shapes.size(); ++i) in[i] = is_hand(shapes[i].part);
+  for (const engine::Contact& contact : moment.contacts) {
+    const auto a = static_cast<std::size_t>(contact.shape_a), b = static_cast<std::size_t>(contact.shape_b);
+    if (is_hand(shapes[a].part) == is_hand(shapes[b].part)) continue;
+    const std::size_t other = is_hand(shapes[a].part) ? b : a;
+    in[other] = true;
+    // Of what does not move, as a wall, the touched shape alone.
+    for (std::size_t i = 0; i < shapes.size() && shapes[other].body != model::kWorld; ++i)
+      if (shapes[i].body == shapes[other].body) in[i] = true;
+  }
+  output::DrawList out;
+  for (const output::DrawShape& drawn : shown.shapes)
+    if (in[static_cast<std::size_t>(drawn.shape)]) out.shapes.push_back(drawn);
+  return out;
+}
+
+std::vector<output::Camera> cameras(const scene::Scene& scene, std::span<const Moment> moments,
+                                    std::size_t smooth) {
+  const scene::PictureSpec& pictures = scene.spec.pictures;
+  if (pictures.camera) return std::vector(moments.size(), fixed_camera(*pictures.camera));
+  const std::optional<double> scale = force_scale(pictures, moments);
+  output::Framing all = framing(scene);
+  std::vector<Extents> each;
+  for (const Moment& moment : moments) {
+    const output::DrawList list = shown(scene, moment, scale);
+    all.add(list);
+    output::Framing one = framing(scene);
+    one.add(followed(scene, moment, list));
+    each.push_back(one.extents());
+  }
+  if (!follows(scene)) return std::vector(moments.size(), all.camera());
+  smooth_out(each, smooth);
+  std::vector<output::Camera> out;
+  for (const Extents& extents : each) out.push_back(all.camera(extents));
+  return out;
+}
+
+void draw(const scene::Scene& scene, std::span<const Moment> moments, const Drawing& drawing,
+          const std::function<void(std::size_t, const output::Image&)>& store,
+          const std::function<void(std::size_t, const Picture&)>& take) {
+  const scene::PictureSpec& pictures = scene.spec.pictures;
+  const std::optional<double> scale = force_scale(pictures, moments);
+  const std::vector<output::Camera> from = cameras(scene, moments, drawing.smooth);
+  double lowest = std::numeric_limits<double>::infinity();
+  for (const Moment& moment : moments)
+    lowest = std::min(lowest, output::bounds(shown(scene, moment, scale)).low.z());
+  const auto maker = [&] {
+    const auto renderer = std::make_shared<output::Renderer>(pictures.size[0], pictures.size[1], drawing.gl);
+    return [&, renderer](std::size_t i) {
+      output::DrawList list = shown(scene, moments[i], scale);
+      if (pictures.floor && !list.ground_height) list.ground_height = lowest - kFloorClearance;
+      output::Image image = renderer->draw(list, from[i]);
+      if (store) store(i, image);
+      return image;
+    };
+  };
+  output::make_in_order(moments.size(), drawing.processes, maker, [&](std::size_t i, output::Image&& image) {
+    const output::Camera& camera = from[i];
+    const double distance = (camera.position - camera.target).norm();
+    take(i, {std::move(image), pictures.size[1] / (2 * std::tan(camera.field_of_view / 2) * distance)});
+  });
+}
+
+output::Image draw(const scene::Scene& scene, const Moment& moment, std::optional<output::Gl> gl) {
   output::Image out;
-  draw(scene.model, scene.spec.pictures, std::span(&moment, 1),
-       [&](std::size_t, const output::Image& image) { out = image; });
+  draw(scene, std::span(&moment, 1), {gl, 1, 0}, {},
+       [&](std::size_t, const Picture& picture) { out = picture.image; });
   return out;
 }
 

@@ -1,4 +1,4 @@
-// Pictures of a scene: moments of a run, drawn with one common camera.
+// Pictures of a scene: moments of a run, with one camera or one that follows the hand.
 #pragma once
 
 #include <functional>
@@ -8,6 +8,8 @@
 #include <vector>
 
 #include "handsim/engine/engine.h"
+#include "handsim/output/render/draw_list.h"
+#include "handsim/output/render/gl_choice.h"
 #include "handsim/output/render/image.h"
 #include "handsim/scene/compile/scene.h"
 
@@ -17,20 +19,47 @@ namespace handsim::simulation {
 struct Moment {
   model::State state;
   std::vector<engine::Contact> contacts;
-  std::string caption = {};  ///< on a contact sheet
+  std::string caption = {};    ///< on a contact sheet
+  Vec3 shaken = Vec3::Zero();  ///< displacement of the first hand by a shake, drawn as an arrow [m]
 };
 
 Moment moment_of(const engine::Engine& engine);
+
+/// How pictures are drawn, apart from what the scene says.
+struct Drawing {
+  std::optional<output::Gl> gl;  ///< absent: the default of this build
+  int processes = 1;             ///< that draw, see output/video/workers.h
+  /// A camera that follows the hand moves as smoothly as a mean over so many pictures before and after; its
+  /// picture holds what all of them hold. 0 for pictures that stand alone.
+  std::size_t smooth = 0;
+};
+
+struct Picture {
+  output::Image image;
+  double scale = 0;  ///< of what is as far from the camera as the middle of the hand [pixels/m]
+};
 
 /// Scale of the arrows of contact forces [m/N]: a round number for which the largest force of the moments has
 /// 40 to 100 mm; nothing if the pictures show no forces or there are none.
 std::optional<double> force_scale(const scene::PictureSpec& pictures, std::span<const Moment> moments);
 
-/// Draws the moments with one common camera, and passes each picture and its index to `take`; stores no
-/// picture. Creates one OpenGL context.
-void draw(const model::Model& model, const scene::PictureSpec& pictures, std::span<const Moment> moments,
-          const std::function<void(std::size_t, const output::Image&)>& take);
+/// Cameras of the moments, one each. They follow the hand and what it touches where the scene has a grasp or
+/// `pictures.follow` says so; otherwise one camera shows the whole motion.
+std::vector<output::Camera> cameras(const scene::Scene& scene, std::span<const Moment> moments,
+                                    std::size_t smooth = 0);
+/// What a picture of the moment shows: without bodies that are lost, that is further than 1 m from every
+/// hand.
+output::DrawList shown(const scene::Scene& scene, const Moment& moment, std::optional<double> force_scale);
+/// The part of `shown` that a camera follows: hands and the shapes that they touch.
+output::DrawList followed(const scene::Scene& scene, const Moment& moment, const output::DrawList& shown);
+
+/// Draws the moments and passes each picture and its index to `take` in order; stores no picture. Creates an
+/// OpenGL context in each process.
+/// @param store called before in the process that draws, which may be a fork: to write a file, for example.
+void draw(const scene::Scene& scene, std::span<const Moment> moments, const Drawing& drawing,
+          const std::function<void(std::size_t, const output::Image&)>& store,
+          const std::function<void(std::size_t, const Picture&)>& take);
 /// One picture of a scene.
-output::Image draw(const scene::Scene& scene, const Moment& moment);
+output::Image draw(const scene::Scene& scene, const Moment& moment, std::optional<output::Gl> gl = {});
 
 }  // namespace handsim::simulation

@@ -50,13 +50,16 @@ Recorder::Recorder(const Simulation& simulation, const RunOptions& options)
                      output::MotionHead{scene.spec.title, control_columns(*scene.control), rows});
   if (scene.spec.record_contacts)
     contacts_.emplace(options.out / "contacts.csv").write(output::contact_head());
+  const scene::RecordTables& tables = scene.spec.tables;
+  if (tables.bodies || tables.markers || tables.momentum || tables.reactions)
+    extra_.emplace(simulation, options.out, rows, static_cast<double>(every_) * step_);
   plan_pictures(options);
+  if (options.video) film_.emplace(scene, *options.video, simulation.steps(), simulation.step_count());
 }
 
 void Recorder::plan_pictures(const RunOptions& options) {
   const scene::Plans& plans = simulation_.scene().plans;
   if (!options.pose_pictures) return plan_frames(options.frames);
-  // Of a shake one on its way.
   if (!plans.grasps.empty()) return plan_phases(plans.grasps.front().phases);
   const Climbs* climbs = simulation_.find<Climbs>();
   if (!climbs) return plan_poses();
@@ -72,7 +75,7 @@ void Recorder::plan_frames(int frames) {
   const long steps = simulation_.step_count() - first;
   for (int k = 0; k < frames; ++k) {
     const double share = frames == 1 ? 1 : static_cast<double>(k) / (frames - 1);
-    planned_.push_back({first + std::lround(share * static_cast<double>(steps)), ""});
+    planned_.push_back({first + std::lround(share * static_cast<double>(steps)), "", Vec3::Zero()});
   }
 }
 
@@ -83,17 +86,45 @@ void Recorder::plan_poses() {
     const long step = std::isfinite(phase.end) ? std::min(steps, std::lround(phase.end / step_)) : steps;
     if (std::lround(phase.arrive / step_) > steps) return;
     if (step < simulation_.steps()) continue;
-    planned_.push_back({step, caption(phase.pose, static_cast<double>(step) * step_)});
+    planned_.push_back({step, caption(phase.pose, static_cast<double>(step) * step_), Vec3::Zero()});
   }
 }
 
-/// One at the start, and one at the end of every phase.
+/// Where a shake has moved the hand furthest: along x in the first level, y in the second, z in the third.
+Recorder::Planned Recorder::extreme_of(const scene::TaskPhase& phase, std::size_t level) const {
+  Planned out{std::lround(phase.end / step_), caption(phase.name, phase.end), Vec3::Zero()};
+  std::vector<model::Shake> of_phase;
+  for (const model::Drive& drive : simulation_.model().drives)
+    for (const model::Shake& shake : drive.motion.shakes)
+      if (shake.start >= phase.start - step_ / 2 && shake.end() <= phase.end + step_ / 2)
+        of_phase.push_back(shake);
+  if (of_phase.empty()) return out;
+  const model::Shake& shake = of_phase[2 * level % of_phase.size()];
+  const long last = std::lround(shake.end() / step_);
+  for (long i = std::lround(shake.start / step_); i <= last; ++i) {
+    const Vec3 moved = shake.displacement(static_cast<double>(i) * step_);
+    if (moved.norm() <= out.shaken.norm()) continue;
+    out = {i,
+           fmt::format("{}: {:.0f} mm, t = {:.2f} s", phase.name, 1e3 * moved.norm(),
+                       static_cast<double>(i) * step_),
+           moved};
+  }
+  return out;
+}
+
+/// One at the start, one at the end of every phase, and one at the furthest point of a shake.
 void Recorder::plan_phases(const std::vector<scene::TaskPhase>& phases) {
-  planned_.push_back({0, "start"});
+  planned_.push_back({0, "start", Vec3::Zero()});
+  std::size_t level = 0;
   for (const scene::TaskPhase& phase : phases) {
     const long step = std::lround(phase.end / step_);
+    if (phase.name.starts_with("shake")) {
+      if (Planned extreme = extreme_of(phase, level++); extreme.step <= simulation_.step_count())
+        planned_.push_back(std::move(extreme));
+      continue;
+    }
     if (step <= simulation_.step_count())
-      planned_.push_back({step, caption(phase.name, static_cast<double>(step) * step_)});
+      planned_.push_back({step, caption(phase.name, static_cast<double>(step) * step_), Vec3::Zero()});
   }
 }
 
@@ -141,12 +172,16 @@ void Recorder::add_rows() {
 
 void Recorder::record(long step) {
   if (step % every_ == 0) add_rows();
+  if (extra_) extra_->update(step % every_ == 0);
   for (; taken_ < planned_.size() && planned_[taken_].step == step; ++taken_) {
     const std::string& caption = planned_[taken_].caption;
-    show(moment_of(simulation_.engine()),
+    Moment moment = moment_of(simulation_.engine());
+    moment.shaken = planned_[taken_].shaken;
+    show(std::move(moment),
          caption.empty() ? fmt::format("t = {:.3f} s", simulation_.state().time) : caption);
   }
   if (climb_) record_climb();
+  if (film_) film_->record(step, simulation_.engine());
 }
 
 void Recorder::finish() {
@@ -155,6 +190,7 @@ void Recorder::finish() {
   if (motion_) motion_->finish();
   if (contacts_) contacts_->commit();
   if (control_) control_->finish();
+  if (extra_) extra_->finish();
 }
 
 }  // namespace handsim::simulation

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "handsim/output/table/motion_table.h"
+#include "handsim/simulation/run/extra_tables.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/simulation/simulation.h"
@@ -19,21 +20,26 @@ class Recorder {
 
   /// Records the state after a step; the first call records the start, or the state of the snapshot.
   void record(long step);
-  /// Completes the tables: trajectory.csv, trajectory.mot, control.sto, contacts.csv.
+  /// Completes the tables: trajectory.csv, trajectory.mot, control.sto, contacts.csv, and those
+  /// of extra_tables.h.
   void finish();
   /// Moments of the pictures, with their captions.
   const std::vector<Moment>& moments() const { return moments_; }
+  /// Null if there is no video.
+  const Film* film() const { return film_ ? &*film_ : nullptr; }
 
  private:
   /// A step after which a picture is taken.
   struct Planned {
     long step = 0;
     std::string caption;  ///< empty: the time
+    Vec3 shaken = Vec3::Zero();
   };
   void plan_pictures(const RunOptions& options);
   void plan_frames(int frames);
   void plan_poses();
   void plan_phases(const std::vector<scene::TaskPhase>& phases);
+  Planned extreme_of(const scene::TaskPhase& phase, std::size_t level) const;
   void record_climb();
   void show(Moment moment, std::string caption);
   void finish_climb();
@@ -46,6 +52,7 @@ class Recorder {
   /// Target and angle [deg], torque [N m] of each driven axis.
   std::optional<output::MotionTableWriter> control_;
   std::optional<output::AtomicFile> contacts_;
+  std::optional<ExtraTables> extra_;
   long every_;  ///< number of steps between two rows
   std::vector<Planned> planned_;
   std::size_t taken_ = 0;
@@ -53,6 +60,7 @@ class Recorder {
   const ClimbWatch* climb_ = nullptr;
   std::vector<std::pair<double, Moment>> loaded_;  ///< by load [N]
   std::vector<Moment> moments_;
+  std::optional<Film> film_;
 };
 
 }  // namespace handsim::simulation

@@ -11,6 +11,9 @@
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
 #include "handsim/output/render/contact_sheet.h"
+#include "handsim/output/video/video.h"
+#include "handsim/output/video/workers.h"
+#include "handsim/simulation/run/extra_tables.h"
 #include "handsim/simulation/run/output_size.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/plots.h"
@@ -26,22 +29,27 @@ namespace {
 /// Pictures on a contact sheet at most; more are thinned out evenly, the first and the last among them.
 constexpr std::size_t kSheetCells = 100;
 
+Drawing drawing_of(const RunOptions& options) {
+  return {options.gl, options.draw_apart ? output::core_count() : 1, 0};
+}
+
 /// Each picture goes to its file, and smaller onto the sheet, as it is drawn.
 void draw_pictures(const scene::Scene& scene, const Recorder& recorder, const RunOptions& options,
                    const output::Progress& progress) {
   const std::span<const Moment> moments = recorder.moments();
   const std::size_t count = moments.size(), cells = std::min(count, kSheetCells);
   const auto [width, height] = scene.spec.pictures.size;
-  std::string title = scene.spec.title;
-  if (const auto scale = force_scale(scene.spec.pictures, moments))
-    title += fmt::format(" (contact forces: {:g} mm for 1 N)", 1e3 * *scale);
-  output::ContactSheet sheet({static_cast<int>(cells), width, height, title});
+  output::SheetFormat format = {static_cast<int>(cells), width, height, scene.spec.title};
+  format.force_scale = force_scale(scene.spec.pictures, moments);
+  output::ContactSheet sheet(format);
   const std::size_t digits = std::max<std::size_t>(3, std::to_string(count - 1).size());
-  std::size_t cell = 0;
-  draw(scene.model, scene.spec.pictures, moments, [&](std::size_t i, const output::Image& image) {
+  const auto store = [&](std::size_t i, const output::Image& image) {
     output::write_png(image, options.out / fmt::format("frame_{:0{}d}.png", i, digits));
+  };
+  std::size_t cell = 0;
+  draw(scene, moments, drawing_of(options), store, [&](std::size_t i, const Picture& picture) {
     if (cells == 1 || i * (cells - 1) >= cell * (count - 1)) {
-      sheet.add(image, moments[i].caption);
+      sheet.add(picture.image, moments[i].caption, picture.scale);
       ++cell;
     }
     if (progress) progress(static_cast<double>(i + 1) / static_cast<double>(count));
@@ -66,17 +74,21 @@ std::optional<std::string> failure_of(const Draw& draw) {
 /// same.
 void draw_all(const scene::Scene& scene, const Recorder& recorder, const RunOptions& options,
               RunResult& result) {
-  const auto pictures = [&](const output::Progress& progress) {
-    draw_pictures(scene, recorder, options, progress);
-  };
-  std::optional<std::string> failure;
   result.missing.clear();
+  const auto made = [&](const char* what, const std::function<void(const output::Progress&)>& job) {
+    const std::optional<std::string> failure = options.draw_apart
+                                                   ? output::run_in_child(job, options.progress)
+                                                   : failure_of([&] { job(options.progress); });
+    if (failure) result.missing.push_back(std::string(what) + ": " + *failure);
+  };
   if (!recorder.moments().empty())
-    failure = options.draw_apart ? output::run_in_child(pictures, options.progress)
-                                 : failure_of([&] { pictures(options.progress); });
-  if (failure) result.missing.push_back("pictures: " + *failure);
-  if (options.plots) failure = failure_of([&] { write_plots(scene, options.out); });
-  if (options.plots && failure) result.missing.push_back("plots: " + *failure);
+    made("pictures",
+         [&](const output::Progress& progress) { draw_pictures(scene, recorder, options, progress); });
+  if (const Film* film = recorder.film())
+    made("video", [&](const output::Progress& progress) { film->write(drawing_of(options), progress); });
+  if (!options.plots) return;
+  if (const auto failure = failure_of([&] { write_plots(scene, options.out); }))
+    result.missing.push_back("plots: " + *failure);
 }
 
 void write_inputs(const scene::Scene& scene, const std::filesystem::path& out) {
@@ -92,6 +104,7 @@ void write_files(const Simulation& simulation, const RunOptions& options, const 
   write_inputs(scene, options.out);
   output::write_file(options.out / "resolved.yaml", resolved);
   if (!recorder.moments().empty()) result.missing.emplace_back("pictures: not drawn yet");
+  if (recorder.film()) result.missing.emplace_back("video: not drawn yet");
   if (options.plots) result.missing.emplace_back("plots: not drawn yet");
   const bool draws = !result.missing.empty();
   const auto write_summary = [&] {
@@ -210,6 +223,7 @@ output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& opt
   };
   std::vector<std::string> names = {"trajectory.csv", "trajectory.mot", "control.sto",  "contacts.csv",
                                     "summary.json",   "resolved.yaml",  "snapshot.bin", "contact_sheet.png"};
+  for (std::string& name : extra_table_files()) names.push_back(std::move(name));
   // At least three digits, and five for the most pictures that there may be.
   for (const char* digits : {"[0-9][0-9][0-9]", "[0-9][0-9][0-9][0-9]", "[0-9][0-9][0-9][0-9][0-9]"})
     names.push_back(fmt::format("frame_{}.png", digits));
@@ -218,6 +232,8 @@ output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& opt
   for (const scene::InputFile& input : scene.inputs) names.push_back(input.copy);
   for (std::string& copy : scene::copies_named_in(options.out / "resolved.yaml"))
     names.push_back(std::move(copy));
+  if (options.video && options.video->file.parent_path() == options.out)
+    names.push_back(options.video->file.filename().string());
   return {options.out, std::move(names), read};
 }
 
@@ -225,6 +241,7 @@ RunResult run(const scene::Scene& scene, const RunOptions& options) { return run
 
 RunResult run(const scene::Scene& scene, const RunOptions& options, const output::OutputFolder* held) {
   if (options.plots || options.pose_pictures) check_controlled(scene, options);
+  if (options.video) output::check_video(options.video->file, options.video->fps);
   Simulation simulation = simulation_of(scene, standard_watchers);
   RunResult result;
   const double step = scene.spec.solver.step;
@@ -237,6 +254,10 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
   std::optional<output::OutputFolder> own;
   if (!held) own.emplace(run_folder(scene, options));
   (held ? *held : *own).clear();
+  if (options.video) {
+    output::check_not_read(options.video->file, [&] { return scene::files_read(scene); });
+    const output::AtomicFile probe(options.video->file);
+  }
   Recorder recorder(simulation, options);
   const auto start = std::chrono::steady_clock::now();
   loop(simulation, recorder, options, step, result);

@@ -16,6 +16,7 @@
 #include "handsim/output/output_folder.h"
 #include "handsim/output/render/image.h"
 #include "handsim/scene/compile/scene.h"
+#include "handsim/simulation/run/film.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/watch/climb_figures.h"
 #include "handsim/simulation/watch/grasp_figures.h"
@@ -27,7 +28,7 @@ class Simulation;
 
 struct RunOptions {
   std::filesystem::path out;   ///< folder for the run's files; created if it is missing
-  int frames = 0;              ///< pictures over the run; 0: no OpenGL context is created
+  int frames = 0;              ///< pictures over the run; 0: no OpenGL context is created for them
   bool pose_pictures = false;  ///< a picture at the end of every hold of a controlled scene, or every phase
                                ///< of a grasp or climb, instead of `frames`
   bool plots = false;          ///< of a controlled scene: plots/ by gnuplot
@@ -40,7 +41,10 @@ struct RunOptions {
   bool stop_lost = false;
   /// Expected hash of the states (state_hash.h).
   std::optional<std::uint64_t> expected_hash;
-  /// Draws in a child process (output/child.h), so that a lack of memory ends only the drawing.
+  std::optional<VideoSpec> video;  ///< of the run
+  std::optional<output::Gl> gl;    ///< with which pictures are drawn; absent: the default of this build
+  /// Draws in a child process and its forks on all cores (output/child.h), so that a lack of memory ends only
+  /// the drawing.
   bool draw_apart = false;
   /// Called repeatedly with the finished share, 0..1.
   std::function<void(double)> progress;
@@ -63,7 +67,7 @@ struct RunResult {
   std::vector<ClimbFigures> climbs;            ///< of the scene's climbs
   std::vector<engine::Overlap> overlaps;       ///< of shapes at the start
 
-  /// Requested output that is missing, with the reason: `pictures: ...`, `plots: ...`.
+  /// Requested output that is missing, with the reason: `pictures: ...`, `video: ...`, `plots: ...`.
   std::vector<std::string> missing;
 
   bool hash_as_expected() const { return !expected_hash || *expected_hash == state_hash; }

@@ -80,6 +80,9 @@ simulation::RunOptions options_of(const GraspStudy& study, const Work& work) {
   simulation::RunOptions options;
   options.out = study.out / (work.side.empty() ? work.name : work.name + "_" + work.side);
   options.pose_pictures = study.pictures;
+  options.video = study.video;
+  if (options.video) options.video->file = options.out / options.video->file;
+  options.gl = study.gl;
   options.draw_apart = study.draw_apart;
   return options;
 }

@@ -20,9 +20,12 @@ struct GraspStudy {
   std::vector<std::string> overrides;  ///< `key.path=value`, for every scene
   std::optional<double> friction;      ///< of every surface; absent: the scene's
   bool friction_search = false;
-  bool margin = false;      ///< each grasp again with 5 % more and less friction and mass
-  bool pictures = false;    ///< at every phase
-  bool draw_apart = false;  ///< as RunOptions
+  bool margin = false;    ///< each grasp again with 5 % more and less friction and mass
+  bool pictures = false;  ///< at every phase
+  /// Of each run; the file's name without a folder, because it is written into the run's.
+  std::optional<simulation::VideoSpec> video;
+  std::optional<output::Gl> gl;  ///< as RunOptions
+  bool draw_apart = false;       ///< as RunOptions
   std::filesystem::path out;
   /// Told the share done, 0..1.
   std::function<void(double)> progress;

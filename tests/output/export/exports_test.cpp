@@ -9,6 +9,7 @@
 
 #include "handsim/engine/contact/pair_table.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/model/markers.h"
 #include "handsim/output/export/export.h"
 #include "scene_files.h"
 
@@ -239,6 +240,69 @@ TEST_P(Exports, UrdfHasTheModelsRangesAndShapes) {
   std::size_t expected = 0;
   for (const model::Shape& shape : model_.shapes) expected += shape.kind == model::ShapeKind::capsule ? 3 : 1;
   EXPECT_EQ(collisions, expected);
+}
+
+// Oracle: the plan's torque limits; 1000 stands for none.
+TEST(Urdf, EffortIsTheTorqueLimitOfTheDrive) {
+  const scene::Scene scene = shipped_scene("every_pose");
+  ASSERT_TRUE(scene.control);
+  const auto document = parse(output::to_urdf(scene.model, scene.spec.solver, &*scene.control));
+  std::map<std::string, double> efforts;
+  for (const pugi::xml_node& joint : document.child("robot").children("joint"))
+    if (joint.child("axis")) efforts[name(joint)] = joint.child("limit").attribute("effort").as_double();
+  EXPECT_EQ(efforts.size(), static_cast<std::size_t>(scene.model.dof_count()));
+  for (const control::DrivenAxis& axis : scene.control->axes) {
+    EXPECT_EQ(efforts[axis.name], axis.gains.torque_limit) << axis.name;
+    efforts.erase(axis.name);
+  }
+  for (const auto& [joint, effort] : efforts) EXPECT_EQ(effort, 1000) << joint;
+  const auto undriven = parse(output::to_urdf(scene.model, scene.spec.solver));
+  EXPECT_EQ(undriven.select_node("//limit").node().attribute("effort").as_double(), 1000);
+}
+
+// Oracle: the effects: without friction nothing sticks, whatever the surfaces are.
+TEST(Mjcf, WithoutTheEffectOfFrictionEveryContactIsSmooth) {
+  const scene::Scene scene =
+      scene::without_effect(shipped_scene("object_collection"), model::Effect::friction);
+  const auto document = parse(output::to_mjcf(scene.model, scene.spec.solver));
+  int geoms = 0;
+  for (const auto& found : document.select_nodes("//geom | //pair")) {
+    ++geoms;
+    EXPECT_EQ(found.node().attribute("condim").as_int(), 1);
+  }
+  EXPECT_GT(geoms, 0);
+}
+
+// Oracle: the hand model's lengths of segments for this person, which end at the next joint's centre or the
+// fingertip; mirrored sides; one marker for each wrist, joint and finger. Bound: rounding.
+TEST(Markers, SpanTheHand) {
+  const scene::Scene scene = hands("anatomical");
+  const model::State straight = model::state_at(
+      scene.model, std::vector<double>(static_cast<std::size_t>(scene.model.dof_count()), 0.0));
+  std::map<std::string, Vec3> found;
+  for (const model::Marker& marker : model::hand_markers(scene.model)) {
+    const int side = marker.name.starts_with("right.") ? 0 : 1;
+    const model::HandIndex& hand = scene.model.hands[static_cast<std::size_t>(side)];
+    const Pose wrist = straight.bodies[static_cast<std::size_t>(hand.palm)].pose() * hand.wrist_frame;
+    found[marker.name] =
+        wrist.inverse() * (straight.bodies[static_cast<std::size_t>(marker.body)].pose() * marker.point);
+  }
+  EXPECT_EQ(found.size(), 2u * (1 + 15 + 5));
+  EXPECT_LT(found.at("right.wrist").norm(), 1e-12);
+  for (const hand::SegmentSpec& segment : scene.spec.hands[0].model.segments) {
+    const std::string joint = "right." + segment.joint.name, body = "right." + segment.name;
+    Vec3 end = Vec3::Zero();
+    if (!segment.has_child) end = found.at(body + ".tip");
+    for (const hand::SegmentSpec& next : scene.spec.hands[0].model.segments)
+      if (next.parent >= 0 &&
+          scene.spec.hands[0].model.segments[static_cast<std::size_t>(next.parent)].name == segment.name)
+        end = found.at("right." + next.joint.name);
+    EXPECT_NEAR((end - found.at(joint)).norm(), segment.length.value(scene.hands[0].size), 1e-12) << body;
+  }
+  for (const auto& [name, point] : found) {
+    if (!name.starts_with("right.")) continue;
+    EXPECT_LT((mirrored(found.at("left." + name.substr(6))) - point).norm(), 1e-12) << name;
+  }
 }
 
 }  // namespace

@@ -115,6 +115,32 @@ TEST(Compound, HasItsBodyFrameAtTheCentreOfMass) {
   EXPECT_LT(((body.zero_pose * scene.model.shapes[1].pose).p - Vec3(0, 0.4, 1)).norm(), 1e-15);
 }
 
+// Oracle: the digits of the text; a part's own colour comes before that of its object.
+TEST(Colour, IsThatOfThePartOrOfTheObject) {
+  const Scene scene = scene_of(
+      "  - name: two\n"
+      "    position: [0, 0, 1]\n"
+      "    mass: 1\n"
+      "    color: \"#0a0B0c\"\n"
+      "    parts:\n"
+      "      - {shape: sphere, radius: 0.02}\n"
+      "      - {shape: sphere, radius: 0.01, position: [0.4, 0, 0], color: \"#FF8000\"}\n"
+      "  - {name: plain, shape: sphere, radius: 0.02, mass: 1, position: [0, 1, 1]}");
+  EXPECT_EQ(scene.model.shapes[0].colour, std::optional<std::uint32_t>(0x0A0B0C));
+  EXPECT_EQ(scene.model.shapes[1].colour, std::optional<std::uint32_t>(0xFF8000));
+  EXPECT_FALSE(scene.model.shapes[2].colour.has_value());
+}
+
+TEST(Colour, IsSixDigitsInQuotes) {
+  for (const char* colour :
+       {"red", "\"#12345\"", "\"#12345g\"", "\"1234567\"", "\"#-12345\"", "[1, 2, 3]", "#ff8000"})
+    EXPECT_THROW(scene_of(std::string("  - name: a\n    shape: sphere\n    radius: 0.02\n    mass: 1\n"
+                                      "    position: [0, 0, 1]\n    color: ") +
+                          colour),
+                 Error)
+        << colour;
+}
+
 std::vector<std::filesystem::path> shipped_objects() {
   std::vector<std::filesystem::path> files;
   for (const auto& file : std::filesystem::directory_iterator(test::source("config/objects")))

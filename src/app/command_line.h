@@ -1,0 +1,82 @@
+// How commands register their options: helpers around CLI11, and the functions that register them.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <CLI/CLI.hpp>
+
+#include "handsim/core/units.h"
+
+namespace handsim::app {
+
+/// The command line and the functions of its commands.
+struct CommandLine {
+  CLI::App app{"handsim: biomechanical hands of a given person, simulated with the Open Dynamics Engine"};
+  std::vector<std::pair<CLI::App*, std::function<int()>>> commands;
+
+  /// @param arguments filled in when the command line is parsed.
+  template <class Arguments>
+  CLI::App& add(const char* name, const char* help, const char* example, int (*call)(const Arguments&),
+                const std::shared_ptr<Arguments>& arguments) {
+    CLI::App* command = app.add_subcommand(name, help);
+    command->footer(std::string("Example: ") + example);
+    commands.emplace_back(command, [call, arguments] { return call(*arguments); });
+    return *command;
+  }
+};
+
+/// A problem of usage in the form of all others.
+std::string got_need(const std::string& got, const std::string& need);
+
+using Check = std::function<std::string(const std::string&)>;
+Check number_from(double least, double most, bool whole, const std::string& need);
+std::string check_path(const std::string& text);
+
+/// Restricts an option to words. @param bars the words with | between them, also for help and completion.
+void add_words(CLI::Option* option, const std::string& bars);
+
+constexpr const char* kSides = "right|left|both";
+
+/// Adds an option whose text `parse` reads; it returns nothing for an invalid text.
+template <class Target, class Parse>
+void add_parsed(CLI::App& command, const std::string& name, Target& target, Parse parse,
+                const std::string& need, const std::string& help) {
+  command.add_option_function<std::string>(
+      name,
+      [name, &target, parse, need](const std::string& text) {
+        const auto value = parse(text);
+        if (!value) throw CLI::ValidationError(name, got_need(text, need));
+        target = *value;
+      },
+      help);
+}
+
+template <class Target>
+void add_time(CLI::App& command, const std::string& name, Target& target, const std::string& help) {
+  const auto parse = [](const std::string& text) {
+    const auto value = parse_quantity(text, Dimension::time);
+    return value && *value >= 0 ? value : std::nullopt;
+  };
+  add_parsed(command, name, target, parse, "a time from 0, such as 0.2 or \"200 ms\"", help);
+}
+
+void add_out(CLI::App& command, std::filesystem::path& out, const std::string& help);
+
+/// Adds `--set`, and `--engine` for `--set solver.engine=...`.
+void add_overrides(CLI::App& app, std::vector<std::string>& overrides);
+
+struct DrawArguments;
+/// Adds `--video` with its `--fps` and `--speed`, and `--gl`. @param where the video is written.
+void add_drawing(CLI::App& command, DrawArguments& drawing, const std::string& where);
+
+void add_scene_commands(CommandLine& line);
+void add_study_commands(CommandLine& line);
+void add_motion_commands(CommandLine& line);
+
+}  // namespace handsim::app

@@ -1,0 +1,67 @@
+#include <fmt/format.h>
+
+#include "handsim/app/console.h"
+#include "handsim/app/motion_command.h"
+#include "handsim/app/progress.h"
+#include "handsim/output/output_folder.h"
+#include "handsim/scene/read/file_kind.h"
+#include "handsim/study/inverse/inverse.h"
+
+namespace handsim::app {
+
+namespace {
+
+control::MotionNames load_names(const std::filesystem::path& path) {
+  Diagnostics diagnostics;
+  YamlNode root = load_yaml(path, diagnostics.budget);
+  control::MotionNames out;
+  if (scene::is_of_kind(root, "", scene::FileKind::motion_names, diagnostics))
+    out = control::read_motion_names(root, "", diagnostics);
+  diagnostics.throw_if_any();
+  return out;
+}
+
+}  // namespace
+
+int inverse_command(const InverseArguments& arguments) {
+  const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
+  print_warnings(scene.warnings);
+  study::InverseInput input;
+  input.motion = arguments.motion;
+  if (arguments.names) input.options.names = load_names(*arguments.names);
+  input.options.clamp = arguments.clamp;
+  input.options.filter = arguments.cutoff;
+  input.loads = arguments.loads;
+  input.forward = !arguments.no_check;
+  const output::OutputFolder folder(arguments.out, study::inverse_files(), [&] {
+    std::vector<std::filesystem::path> read = scene::files_read(scene);
+    for (const auto& file : {arguments.motion, arguments.names, arguments.loads})
+      if (file) read.push_back(*file);
+    return read;
+  });
+  study::InverseResult result;
+  {
+    ProgressBar bar;
+    result = study::run_inverse(scene, input, [&bar](double share) { bar.show(share); });
+  }
+  print_warnings(result.warnings);
+  folder.clear();
+  const PlotNote note = plot_note(study::write_inverse(scene, input, result, arguments.out));
+  if (result.fault) print_error("the check ended early: {}\n", *result.fault);
+  const int status = result.fault ? 1 : note.status;
+  if (arguments.json) {
+    print_text(study::inverse_json(scene, input, result));
+    if (note.status != 0) print_error("missing: plots{}\n", note.text);
+    return status;
+  }
+  print("{}\n{}", scene.spec.title, study::inverse_table(result));
+  if (result.cutoff)
+    print("filter: Butterworth, second order, forwards and backwards, cut-off {:g} Hz\n", *result.cutoff);
+  if (input.forward)
+    print("a simulation with these torques alone: RMS error {:.3g} deg over all axes\n",
+          kDegreesPerRadian * result.rms_error);
+  print("files in {}{}\n", arguments.out.string(), note.text);
+  return status;
+}
+
+}  // namespace handsim::app

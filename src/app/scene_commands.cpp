@@ -1,0 +1,165 @@
+// Commands for one hand, scene or file.
+#include <limits>
+#include <memory>
+#include <string>
+
+#include <fmt/format.h>
+
+#include "handsim/app/command_line.h"
+#include "handsim/app/commands.h"
+#include "handsim/app/file_readers.h"
+#include "handsim/simulation/watch/state_hash.h"
+
+namespace handsim::app {
+
+namespace {
+
+/// The options that say whose hands.
+void add_person(CLI::App& hand, const std::shared_ptr<HandArguments>& arguments) {
+  hand.add_option("--person", arguments->person, "person file (in place of --stature, --mass, --sex)");
+  const auto measure = [&](const char* name, const char* key, const char* help) {
+    return hand.add_option_function<std::string>(
+        name, [arguments, key](const std::string& value) { arguments->measures[key] = value; }, help);
+  };
+  measure("--stature", "stature", "m, or with a unit: 1.75, \"175 cm\"");
+  measure("--mass", "mass", "kg");
+  measure("--sex", "sex", "of the person")->type_name("male|female|unknown");
+  measure("--hand-length", "hand_length", "measured: wrist crease to middle fingertip [m]");
+  measure("--hand-breadth", "hand_breadth", "measured: across the knuckles [m]");
+  measure("--hand-circumference", "hand_circumference", "measured: around the knuckles [m]");
+  measure("--hand-mass", "hand_mass", "measured [kg]");
+  measure("--hand-length-percentile", "hand_length_percentile",
+          "among people of this stature, mass and sex, 0.01 to 99.99");
+  hand.add_option("--model", arguments->model, "hand model file (default: the anatomical hand)");
+}
+
+void add_hand(CommandLine& line) {
+  const auto arguments = std::make_shared<HandArguments>();
+  CLI::App& hand = line.add(
+      "hand", "Hands of a person: dimensions, masses, joints; with --out also YAML and a picture",
+      "handsim hand --stature 1.75 --mass 72 --sex male --side both --out out/hand", hand_command, arguments);
+  add_person(hand, arguments);
+  add_words(hand.add_option("--side", arguments->side, "which hands (default both)"), kSides);
+  hand.add_option("--out", arguments->out, "folder for hand.yaml and hand.png")->check(check_path);
+}
+
+void add_check(CommandLine& line) {
+  const auto arguments = std::make_shared<CheckArguments>();
+  CLI::App& check =
+      line.add("check",
+               "Validate scenes, persons, hand models, controllers, poses and motions: report every "
+               "problem, run nothing",
+               "handsim check config/two_hands.yaml config/persons/child.yaml", check_command, arguments);
+  check.add_option("files", arguments->files, "YAML files")->required();
+  check.add_flag("--engines", arguments->engines,
+                 "print which engines can run each scene, and why others cannot");
+}
+
+void add_schema(CommandLine& line) {
+  const auto arguments = std::make_shared<SchemaArguments>();
+  CLI::App& schema =
+      line.add("schema", "Print the JSON Schema of a kind of file, for completion and checks in editors",
+               "handsim schema scene > scene.schema.json", schema_command, arguments);
+  std::string words;
+  for (const FileReader& reader : file_readers())
+    words += (words.empty() ? "" : "|") + std::string(reader.word);
+  add_words(schema.add_option("kind", arguments->kind, "kind of file")->required(), words);
+}
+
+void add_run(CommandLine& line) {
+  const auto arguments = std::make_shared<RunArguments>();
+  CLI::App& run =
+      line.add("run", "Simulate a scene: trajectory.csv, summary.json, resolved.yaml, pictures",
+               "handsim run config/two_hands.yaml --out out/two_hands --frames 8 --set solver.step=\"2 ms\"",
+               run_scene_command, arguments);
+  run.add_option("scene", arguments->scene, "scene file")->required();
+  add_out(run, arguments->out, "folder for the run's files");
+  add_overrides(run, arguments->overrides);
+  const auto from_0 = number_from(0, std::numeric_limits<int>::max(), true, "a whole number, from 0");
+  CLI::Option* rollout =
+      run.add_option("--rollout", arguments->rollout,
+                     "of a rollout study in the scene's place: this one, with its files and pictures")
+          ->check(from_0);
+  run.add_option("--seed", arguments->seed, "of the study, where it was run with --seed")
+      ->check(from_0)
+      ->needs(rollout);
+  CLI::Option* frames =
+      run.add_option("--frames", arguments->frames, "pictures over the run, and a contact sheet of them")
+          ->check(number_from(0, 10000, true, "a whole number of pictures, 0 to 10000"));
+  run.add_flag("--poses", arguments->poses,
+               "a picture at the end of every hold of a controlled scene, in place of --frames")
+      ->excludes(frames);
+  add_drawing(run, arguments->drawing, "of the run");
+  run.add_flag("--plots", arguments->plots,
+               "plots of a controlled scene: angles, errors, torques (needs gnuplot)");
+  add_time(run, "--snapshot-at", arguments->snapshot_at,
+           "write the state of the run at this time to snapshot.bin");
+  run.add_option("--from-snapshot", arguments->from_snapshot,
+                 "continue from a snapshot.bin of this scene: tables and pictures of the rest, summary of "
+                 "the whole run")
+      ->check(check_path);
+  add_parsed(run, "--expect-hash", arguments->expected_hash, simulation::parse_hash,
+             "the 16 hexadecimal digits of state_hash in summary.json",
+             "exit 1 if the hash of all states (state_hash in summary.json) differs");
+  run.add_flag("--quiet", arguments->quiet, "print only problems");
+  run.add_flag("--json", arguments->json, "print summary.json in place of the table");
+}
+
+void add_render(CommandLine& line) {
+  const auto arguments = std::make_shared<RenderArguments>();
+  CLI::App& render =
+      line.add("render", "One picture of a scene at a time of its motion, or a video of it",
+               "handsim render config/two_hands.yaml --out hands.png --time 0.2", render_command, arguments);
+  render.add_option("scene", arguments->scene, "scene file")->required();
+  CLI::Option* out = render.add_option("--out", arguments->out, "PNG file: .png")->check(check_path);
+  add_overrides(render, arguments->overrides);
+  add_time(render, "--time", arguments->time,
+           "simulated time of the picture (default 0), end of the video (default: the scene's)");
+  add_drawing(render, arguments->drawing, "in place of --out or beside it");
+  render.parse_complete_callback([out, &render] {
+    if (out->empty() && render.get_option("--video")->empty()) throw CLI::RequiredError("--out or --video");
+  });
+}
+
+void add_export(CommandLine& line) {
+  const auto arguments = std::make_shared<ExportArguments>();
+  arguments->hands.side.clear();
+  CLI::App& command = line.add(
+      "export", "A scene's model, or a person's hands, as a file for other programs: MJCF, URDF or OpenSim",
+      "handsim export --stature 1.75 --mass 72 --sex male --side right --out right.osim", export_command,
+      arguments);
+  command.add_option("scene", arguments->scene, "scene file; without one the hands of a person");
+  add_words(command.add_option(
+                "--format", arguments->format,
+                "mjcf (MuJoCo), urdf (ROS) or osim (OpenSim); default: by the file's ending, else mjcf"),
+            "mjcf|urdf|osim");
+  add_out(command, arguments->out, "file to write: .xml or .mjcf, .urdf, .osim");
+  add_person(command, {arguments, &arguments->hands});
+  add_words(command.add_option("--side", arguments->hands.side, "which hands (default both)"), kSides);
+  add_words(command.add_option("--mount", arguments->mount, "how a person's palms are held (default fixed)"),
+            "fixed|hinge|universal|free");
+  add_overrides(command, arguments->overrides);
+}
+
+}  // namespace
+
+void add_drawing(CLI::App& command, DrawArguments& drawing, const std::string& where) {
+  CLI::Option* video =
+      command
+          .add_option("--video", drawing.video, "video in real time, .mp4 or .gif (needs ffmpeg), " + where)
+          ->check(check_path);
+  command.add_option("--fps", drawing.fps, "frames in a second of the video (default 30)")
+      ->check(number_from(0.1, 240, false, "a number of frames, 0.1 to 240"))
+      ->needs(video);
+  command.add_option("--speed", drawing.speed, "simulated seconds in a second of the video (default 1)")
+      ->check(number_from(1e-4, 1e4, false, "a factor, 0.0001 to 10000; below 1 it is slow motion"))
+      ->needs(video);
+  add_words(command.add_option("--gl", drawing.gl, "OpenGL without a display (default: osmesa, if built in)"),
+            "osmesa|egl");
+}
+
+void add_scene_commands(CommandLine& line) {
+  for (const auto add : {add_hand, add_check, add_run, add_render, add_export, add_schema}) add(line);
+}
+
+}  // namespace handsim::app

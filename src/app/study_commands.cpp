@@ -1,0 +1,153 @@
+// Commands for studies of many runs.
+#include <limits>
+#include <memory>
+#include <string>
+
+#include <fmt/format.h>
+
+#include "handsim/app/command_line.h"
+#include "handsim/app/commands.h"
+
+namespace handsim::app {
+
+namespace {
+
+void add_grasp(CommandLine& line) {
+  const auto arguments = std::make_shared<GraspArguments>();
+  CLI::App& grasp = line.add("grasp",
+                             "Run grasp and climb scenes: table of what was held, how firmly, the least "
+                             "friction that holds, and the load that a hand carried on a hold",
+                             "handsim grasp config --out out/grasps --side both", grasp_command, arguments);
+  grasp.add_option("scenes", arguments->scenes, "scene files, or folders of them")->required();
+  add_out(grasp, arguments->out, "folder for the runs' files, grasps.csv and climbs.csv, and both as .json");
+  add_words(grasp.add_option("--side", arguments->side, "hand that grasps (default: the scene's)"), kSides);
+  add_overrides(grasp, arguments->overrides);
+  grasp.add_option("--friction", arguments->friction, "of every surface, in place of the scenes'")
+      ->check(number_from(0, 10, false, "a coefficient of friction, 0 to 10"));
+  grasp.add_flag("--friction-search", arguments->friction_search,
+                 "also find the smallest friction that still holds (seven more runs per scene)");
+  grasp.add_flag(
+      "--margin", arguments->margin,
+      "run each grasp again with 5 % more and less friction and mass: marginal if that changes the verdict");
+  grasp.add_flag("--pictures", arguments->pictures, "a picture at every phase");
+  add_drawing(grasp, arguments->drawing, "in each run's folder: a name without one");
+  CLI::Option* agree = grasp.add_option(
+      "--agree", arguments->agree,
+      "random grasps around the one scene, on ODE and the articulated engine: how often they agree");
+  agree->check(CLI::Range(1, 100000));
+  grasp.add_option("--seed", arguments->seed, "of the random grasps (default: 1)")->needs(agree);
+  grasp
+      .add_option("--quarter-steps", arguments->quarter_steps,
+                  "of so many also ODE at a quarter of the step (default: where the engines differ)")
+      ->check(CLI::Range(1, 100000))
+      ->needs(agree);
+}
+
+void add_accuracy(CommandLine& line) {
+  const auto arguments = std::make_shared<AccuracyArguments>();
+  CLI::App& accuracy =
+      line.add("accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
+               "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3",
+               accuracy_command, arguments);
+  accuracy.add_option("study", arguments->study, "study file")->required();
+  add_out(accuracy, arguments->out, "folder for the study's files");
+  accuracy
+      .add_option("--target", arguments->target,
+                  "name the cheapest method and step that reaches this error; exit 1 if none does")
+      ->check(number_from(std::numeric_limits<double>::min(), std::numeric_limits<double>::max(), false,
+                          "an error above 0, such as 1e-3"));
+  CLI::Option* peers = accuracy.add_option(
+      "--peers", arguments->peers, "folder of other engines' programs (default: where the build puts them)");
+  accuracy.add_option("--costs", arguments->costs,
+                      "table of costs for engine auto: replaces its part on this kind of scene");
+  accuracy.add_flag("--no-peers", arguments->no_peers, "omit the rows of other engines")->excludes(peers);
+}
+
+void add_stability(CommandLine& line) {
+  const auto arguments = std::make_shared<StabilityArguments>();
+  CLI::App& stability = line.add(
+      "stability",
+      "Hard cases: every engine, method and step against an oracle, as table, CSV, JSON, plots and pictures",
+      "handsim stability config/stability.yaml --out out/stability --quick", stability_command, arguments);
+  stability.add_option("study", arguments->study, "study file")->required();
+  add_out(stability, arguments->out, "folder for the study's files");
+  stability.add_option("--case", arguments->cases, "run this case alone; may be repeated")
+      ->allow_extra_args(false);
+  stability.add_flag("--quick", arguments->quick, "shorter runs of most cases, at most a minute in all");
+  stability.add_flag("--no-pictures", arguments->no_pictures, "draw no scenes");
+}
+
+void add_contacts(CommandLine& line) {
+  const auto arguments = std::make_shared<ContactsArguments>();
+  add_out(line.add("contacts", "CPU time of a step by method and number of contacts",
+                   "handsim contacts --out out/contacts", contacts_command, arguments),
+          arguments->out, "folder for the study's files");
+}
+
+void add_effects(CommandLine& line) {
+  const auto arguments = std::make_shared<EffectsArguments>();
+  CLI::App& effects = line.add(
+      "effects",
+      "CPU time and influence of each effect of a scene: table, CSV, JSON and a plot of the scene without "
+      "each effect in turn",
+      "handsim effects config/dropped_hand.yaml --out out/effects --set duration=\"1 s\"", effects_command,
+      arguments);
+  effects.add_option("scene", arguments->scene, "scene file")->required();
+  add_out(effects, arguments->out, "folder for the study's files");
+  add_overrides(effects, arguments->overrides);
+  effects.add_option("--repeats", arguments->repeats, "timed rounds, for the median (default 7)")
+      ->check(number_from(1, 1000, true, "a whole number of timed rounds, 1 to 1000"));
+  effects.add_flag("--json", arguments->json, "print effects.json in place of the table");
+}
+
+constexpr int kMostCount = 100'000'000;
+
+void add_rollouts(CommandLine& line) {
+  const auto arguments = std::make_shared<RolloutsArguments>();
+  CLI::App& rollouts =
+      line.add("rollouts",
+               "Thousands of runs of a scene, each with its own person, mass, friction or pose, on all cores "
+               "and under mpirun on many machines: one table, what makes them held, a plot",
+               "handsim rollouts config/rollouts_power_can.yaml --out out/power_can --count 100",
+               rollouts_command, arguments);
+  CLI::Option* study = rollouts.add_option("study", arguments->study, "study file");
+  CLI::Option* out =
+      rollouts.add_option("--out", arguments->out, "folder for the study's files")->check(check_path);
+  add_overrides(rollouts, arguments->overrides);
+  const auto whole = [](int least, int most) {
+    return number_from(least, most, true, fmt::format("a whole number, {} to {}", least, most));
+  };
+  rollouts.add_option("--count", arguments->count, "draws, in place of the study's")
+      ->check(whole(1, kMostCount));
+  rollouts.add_option("--seed", arguments->seed, "in place of the study's")
+      ->check(whole(0, std::numeric_limits<int>::max()));
+  rollouts.add_option("--jobs", arguments->jobs, "threads (default: as many as the machine has)")
+      ->check(whole(1, 4096));
+  rollouts.add_option("--chunk", arguments->chunk, "rollouts that are written down together (default 8)")
+      ->check(whole(1, 100'000));
+  rollouts.add_flag("--resume", arguments->resume, "go on with a study that was stopped");
+  rollouts.add_option("--shard", arguments->shard,
+                      "this share of the rollouts alone, such as 3/16, for merge");
+  CLI::App* merge = rollouts.add_subcommand("merge", "Make the table of all shards");
+  merge->footer("Example: handsim rollouts merge out/power_can");
+  merge->add_option("folders", arguments->folders, "folders of --shard runs")->required();
+  merge->add_option("--out", arguments->out, "folder for the table (default: the first of the folders)")
+      ->check(check_path);
+  rollouts.parse_complete_callback([merge, study, out] {
+    if (merge->parsed()) return;
+    for (const CLI::Option* option : {study, out})
+      if (option->empty()) throw CLI::RequiredError(option->get_name());
+  });
+  line.commands.back().second = [merge, arguments] {
+    return merge->parsed() ? merge_command(*arguments) : rollouts_command(*arguments);
+  };
+}
+
+}  // namespace
+
+void add_study_commands(CommandLine& line) {
+  for (const auto add : {add_grasp, add_accuracy, add_effects, add_contacts, add_stability, add_rollouts})
+    add(line);
+}
+
+}  // namespace handsim::app

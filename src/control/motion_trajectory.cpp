@@ -1,0 +1,245 @@
+#include "handsim/control/motion_trajectory.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "handsim/control/filter.h"
+
+namespace handsim::control {
+
+namespace {
+
+constexpr std::size_t kMostPlaces = 5;
+/// No joint turns this far [rad]; also the largest angle of a table in degrees that may be in radians.
+constexpr double kLargestTurn = 2 * M_PI;
+
+/// Where an axis of the hand gets its angles from.
+struct Source {
+  std::optional<std::size_t> column;
+  double sign = 1, offset = 0;         ///< of a renamed column
+  const Coupling* coupling = nullptr;  ///< of an axis without a column
+  std::optional<std::size_t> leader;   ///< axis that the coupling names
+};
+
+/// A table for one hand.
+class HandTable {
+ public:
+  HandTable(const MotionTable& table, const HandAxes& hand, const MotionOptions& options)
+      : table_(table), hand_(hand), options_(options), sources_(hand.axes.size()) {
+    for (const HandAxis& axis : hand.axes) axes_.push_back(axis.name());
+    for (std::size_t c = 0; c < table.names.size(); ++c) add_column(c);
+    for (std::size_t i = 0; i < sources_.size(); ++i)
+      if (!sources_[i].column) couple(i);
+  }
+
+  bool has_columns() const {
+    return std::any_of(sources_.begin(), sources_.end(),
+                       [](const Source& s) { return s.column.has_value(); });
+  }
+  bool has(std::size_t axis) const { return sources_[axis].column || sources_[axis].leader; }
+  /// Axes that get no angle.
+  std::vector<std::string> held(const std::vector<bool>& driven) const {
+    std::vector<std::string> out;
+    for (std::size_t i = 0; i < sources_.size(); ++i)
+      if (driven[i] && !has(i)) out.push_back(axes_[i]);
+    return out;
+  }
+  const std::vector<std::string>& unused() const { return unused_; }
+
+  /// Replaces the angles that the table has.
+  void read_row(std::size_t row, std::vector<double>& angles) const {
+    for (std::size_t i = 0; i < sources_.size(); ++i)
+      if (const Source& s = sources_[i]; s.column) angles[i] = s.sign * table_.at(row, *s.column) + s.offset;
+    for (std::size_t i = 0; i < sources_.size(); ++i)
+      if (const Source& s = sources_[i]; s.leader)
+        angles[i] = s.coupling->ratio * angles[*s.leader] + s.coupling->offset;
+  }
+
+  /// The first few names, each with the nearest axis.
+  std::string listed(const std::vector<std::string>& names) const {
+    std::string out;
+    for (std::size_t i = 0; i < std::min(names.size(), kMostPlaces); ++i) {
+      // A name may start with the hand's name.
+      std::string hint = nearest_hint(names[i], axes_);
+      if (hint.empty()) hint = nearest_hint(names[i].substr(names[i].find('.') + 1), axes_);
+      out += (i > 0 ? ", " : "") + names[i] + hint;
+    }
+    return names.size() > kMostPlaces ? fmt::format("{} and {} more", out, names.size() - kMostPlaces) : out;
+  }
+
+ private:
+  std::optional<std::size_t> axis_of(const std::string& name) const {
+    const bool own = name.starts_with(hand_.hand + ".");
+    const std::string axis = own ? name.substr(hand_.hand.size() + 1) : name;
+    const auto found = std::find(axes_.begin(), axes_.end(), axis);
+    if (found == axes_.end()) return std::nullopt;
+    return static_cast<std::size_t>(found - axes_.begin());
+  }
+
+  /// A name of another hand, or the measured angle beside a target of control.sto.
+  bool is_of_others(const std::string& name) const {
+    const std::size_t dot = name.find('.');
+    if (dot != std::string::npos && (name.starts_with("right") || name.starts_with("left")) &&
+        std::find(axes_.begin(), axes_.end(), name.substr(dot + 1)) != axes_.end())
+      return true;
+    return name.ends_with(".angle") && std::find(table_.names.begin(), table_.names.end(),
+                                                 name.substr(0, name.size() - 6)) != table_.names.end();
+  }
+
+  void add_column(std::size_t c) {
+    const auto renamed = options_.names.columns.find(table_.names[c]);
+    const bool known = renamed != options_.names.columns.end();
+    const std::string& name = known ? renamed->second.axis : table_.names[c];
+    const auto axis = axis_of(name);
+    if (!axis) {
+      if (!is_of_others(name)) unused_.push_back(table_.names[c]);
+      return;
+    }
+    // A column of this hand replaces one of all hands.
+    Source& source = sources_[*axis];
+    if (source.column && !name.starts_with(hand_.hand + ".")) return;
+    source = {};
+    source.column = c;
+    if (known) source.sign = renamed->second.sign;
+    if (known) source.offset = renamed->second.offset;
+  }
+
+  /// Follows a coupling to an axis that has a column.
+  void couple(std::size_t i) {
+    for (const std::string& name : {hand_.hand + "." + axes_[i], axes_[i]}) {
+      const auto found = options_.names.couplings.find(name);
+      if (found == options_.names.couplings.end()) continue;
+      const auto leader = axis_of(found->second.axis);
+      if (!leader || !sources_[*leader].column) continue;
+      sources_[i].coupling = &found->second;
+      sources_[i].leader = leader;
+      return;
+    }
+  }
+
+  const MotionTable& table_;
+  const HandAxes& hand_;
+  const MotionOptions& options_;
+  std::vector<std::string> axes_;
+  std::vector<Source> sources_;
+  std::vector<std::string> unused_;
+};
+
+/// Moves angles into their ranges, and reports those that are too far outside.
+class RangeCheck {
+ public:
+  RangeCheck(const MotionTable& table, const HandAxes& hand, bool clamp)
+      : table_(table), hand_(hand), clamp_(clamp) {}
+
+  double inside(std::size_t row, const HandAxis& axis, double angle) {
+    if (!axis.stop || (angle >= axis.stop->low && angle <= axis.stop->high)) return angle;
+    const double nearest = std::clamp(angle, axis.stop->low, axis.stop->high);
+    const double excess = std::abs(angle - nearest);
+    if (excess > kMotionRangeTolerance && !clamp_) {
+      ++refused_;
+      if (places_.size() < kMostPlaces)
+        places_.push_back({Place{table_.file, table_.lines[row], 1}, hand_.hand + "." + axis.name(),
+                           fmt::format("{:.4g} deg at {:g} s", angle / kDegree, table_.times[row]),
+                           fmt::format("an angle in its range, {:.4g} to {:.4g} deg, or control.motion.clamp",
+                                       axis.stop->low / kDegree, axis.stop->high / kDegree)});
+    } else if (excess > 1e-9) {
+      ++moved_;
+      largest_ = std::max(largest_, excess);
+    }
+    return nearest;
+  }
+
+  void report(Diagnostics& diagnostics) {
+    if (refused_ > places_.size())
+      places_.back().got +=
+          fmt::format(" (and {} more samples of hand {})", refused_ - places_.size(), hand_.hand);
+    diagnostics.problems.insert(diagnostics.problems.end(), places_.begin(), places_.end());
+    if (moved_ > 0)
+      diagnostics.warnings.push_back(
+          fmt::format("{}: {} angles of hand {} up to {:.2g} deg beyond their range: moved to the stop",
+                      table_.file, moved_, hand_.hand, largest_ / kDegree));
+  }
+
+ private:
+  const MotionTable& table_;
+  const HandAxes& hand_;
+  bool clamp_;
+  std::size_t refused_ = 0, moved_ = 0;
+  double largest_ = 0;  ///< [rad]
+  std::vector<Problem> places_;
+};
+
+/// True, with a problem, for a table in radians whose numbers must be degrees; warns of the opposite.
+bool has_wrong_unit(const MotionTable& table, Diagnostics& diagnostics) {
+  double largest = 0;
+  for (const double value : table.values) largest = std::max(largest, std::abs(value));
+  if (table.radians && largest > kLargestTurn) {
+    diagnostics.problems.push_back(
+        {Place{table.file, table.header_line, 1}, "",
+         fmt::format("angles up to {:.4g} in a table in radians, which look like degrees", largest),
+         "inDegrees=yes in the header of .mot or .sto, or columns NAME[deg] in CSV"});
+    return true;
+  }
+  const double in_degrees = largest / kDegree;
+  if (!table.radians && table.times.size() > 1 && in_degrees > 0.2 && in_degrees < M_PI)
+    diagnostics.warnings.push_back(
+        fmt::format("{}: no angle is above {:.2g} deg: are these radians?", table.file, in_degrees));
+  return false;
+}
+
+void report_names(const MotionTable& table, const HandAxes& hand, const HandTable& of,
+                  const std::vector<bool>& driven, Diagnostics& diagnostics) {
+  const std::vector<std::string>& unused = of.unused();
+  const std::string place = fmt::format("{}:{}:1", table.file, table.header_line);
+  if (!of.has_columns()) {
+    diagnostics.problems.push_back(
+        {Place{table.file, table.header_line, 1}, hand.hand, "no column of an axis of this hand",
+         fmt::format("columns {}.JOINT.AXIS or JOINT.AXIS, or control.motion.names{}", hand.hand,
+                     unused.empty() ? "" : "; unused columns: " + of.listed(unused))});
+    return;
+  }
+  if (!unused.empty())
+    diagnostics.warnings.push_back(
+        fmt::format("{}: {} that hand {} does not use: {}", place,
+                    unused.size() == 1 ? "a column" : fmt::format("{} columns", unused.size()), hand.hand,
+                    of.listed(unused)));
+  if (const std::vector<std::string> held = of.held(driven); !held.empty())
+    diagnostics.warnings.push_back(fmt::format("{}: no column for {} of hand {}: held at the start angle",
+                                               place, fmt::join(held, ", "), hand.hand));
+}
+
+}  // namespace
+
+Trajectory motion_trajectory(const MotionTable& table, const HandAxes& hand, const std::vector<bool>& driven,
+                             std::span<const double> start, const MotionOptions& options,
+                             Diagnostics& diagnostics) {
+  const std::size_t width = hand.axes.size();
+  Trajectory out(width, model::Interpolation::linear);
+  if (has_wrong_unit(table, diagnostics)) return out;
+  const HandTable of(table, hand, options);
+  report_names(table, hand, of, driven, diagnostics);
+  RangeCheck range(table, hand, options.clamp);
+  std::vector<double> times = table.times, angles;
+  angles.reserve(times.size() * width);
+  std::vector<double> row(start.begin(), start.end());
+  for (std::size_t r = 0; r < times.size(); ++r) {
+    of.read_row(r, row);
+    for (std::size_t i = 0; i < width; ++i)
+      angles.push_back(of.has(i) ? range.inside(r, hand.axes[i], row[i]) : row[i]);
+  }
+  range.report(diagnostics);
+  if (options.filter && !low_pass_rows(times, angles, width, *options.filter))
+    diagnostics.problems.push_back({Place{table.file, table.header_line, 1}, "control.motion.filter",
+                                    fmt::format("a filter at {:g} Hz", *options.filter),
+                                    "a cut-off below half the rate of the table"});
+  for (std::size_t r = 0; r < times.size(); ++r)
+    out.add(times[r], std::span(angles).subspan(r * width, width));
+  if (options.spline || options.filter) out.use_spline();
+  return out;
+}
+
+}  // namespace handsim::control

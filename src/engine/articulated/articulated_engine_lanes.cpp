@@ -1,0 +1,70 @@
+// What a LaneGroup needs of an engine whose steps it takes.
+#include <algorithm>
+
+#include "handsim/engine/articulated/articulated_engine.h"
+#include "handsim/engine/checks.h"
+#include "handsim/engine/contact/ode_library.h"
+
+namespace handsim::engine::articulated {
+
+bool ArticulatedEngine::suits_lanes() const {
+  const std::vector<Node>& nodes = mechanism_.topology().nodes;
+  return fast_spin_ && !loops_ && !failure_ && !nodes.empty() &&
+         std::none_of(nodes.begin(), nodes.end(),
+                      [](const Node& node) { return node.kind == NodeKind::ball; });
+}
+
+bool ArticulatedEngine::stands() {
+  if (failure_) return false;
+  for (const int drive : drives_) {
+    const model::Drive& of = model_.drives[static_cast<std::size_t>(drive)];
+    if (of.motion.keys.size() > 1 || !of.motion.shakes.empty()) return false;
+  }
+  find_targets({}, next_time(time_, settings_.step));
+  for (std::size_t i = 0; i < drives_.size(); ++i) {
+    const BaseMotion& base = mechanism_.base(ways_[i].body);
+    for (const Vec3& v : {ways_[i].way.shift, ways_[i].way.turn, base.v, base.w, base.dv, base.dw})
+      if (!v.isZero(0)) return false;
+  }
+  return true;
+}
+
+model::State& ArticulatedEngine::state_in_lanes() {
+  made_.store(Made::no, std::memory_order_relaxed);
+  return state_;
+}
+
+bool ArticulatedEngine::find_contacts() {
+  const bool falls = settings_.effects.has(model::Effect::gravity);
+  const Vec3 fall = falls ? Vec3(settings_.step * model_.gravity) : Vec3(Vec3::Zero());
+  try {
+    collide_calls_ = contact_->collide(state_, {settings_.step, fall, ways_});
+  } catch (const OdeFault&) {
+    // The step alone reports it.
+    return false;
+  }
+  return true;
+}
+
+void ArticulatedEngine::arrive_from_lanes(double time, bool with_bodies) {
+  fast_spin_->forget();
+  if (contact_) contact_->forget();
+  time_ = time;
+  had_torques_ = true;
+  placed_ = false;
+  if (with_bodies) give_rest();
+  made_.store(with_bodies ? Made::yes : Made::no, std::memory_order_relaxed);
+}
+
+/// All of the state but the bodies of nodes.
+void ArticulatedEngine::give_rest() const {
+  for (const int drive : drives_) {
+    const int body = model_.drives[static_cast<std::size_t>(drive)].body;
+    const BaseMotion& base = mechanism_.base(body);
+    state_.bodies[static_cast<std::size_t>(body)] = {base.pose.p, base.pose.q, base.v, base.w};
+  }
+  mechanism_.give_coordinates(state_);
+  state_.time = time_;
+}
+
+}  // namespace handsim::engine::articulated

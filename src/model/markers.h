@@ -1,0 +1,22 @@
+// Points of hands that motion capture follows.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "handsim/model/model.h"
+
+namespace handsim::model {
+
+/// A point fixed to a body.
+struct Marker {
+  std::string name;  ///< unique, e.g. `right.index_pip`
+  int body = kWorld;
+  Vec3 point = Vec3::Zero();  ///< in the body frame [m]
+};
+
+/// Of every hand the wrist joint centre (`right.wrist`), the centres of its finger joints under the joints'
+/// names, and the fingertips (`right.index_distal.tip`: the end of a segment that carries no other).
+std::vector<Marker> hand_markers(const Model& model);
+
+}  // namespace handsim::model

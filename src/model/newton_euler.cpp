@@ -1,0 +1,146 @@
+#include "handsim/model/newton_euler.h"
+
+#include "handsim/core/error.h"
+#include "handsim/core/index.h"
+#include "handsim/model/kinematics.h"
+
+namespace handsim::model {
+
+namespace {
+
+Pose pose_of(const BodyMotion& body) { return {body.p, body.q}; }
+
+/// World direction of an axis of a joint: the first is fixed in the parent, the second in the child.
+Vec3 axis_in_world(const Joint& joint, std::size_t axis, const Quat& parent, const Quat& child) {
+  return axis == 0 ? parent * (joint.parent_frame.q * joint.axes[0].axis)
+                   : child * (joint.child_frame.q * joint.axes[axis].axis);
+}
+
+/// Motion of a driven body by central differences, because tables have no accelerations of their own.
+BodyMotion driven(const Drive& drive, double time) {
+  constexpr double kSpan = 2e-3;  // [s]
+  const auto pose = [&](double t) { return drive.motion.at(t) * drive.frame.inverse(); };
+  const Pose before = pose(time - kSpan), now = pose(time), after = pose(time + kSpan);
+  const Vec3 turned = rotation_vector(now.q * before.q.conjugate()) / kSpan;
+  const Vec3 turns = rotation_vector(after.q * now.q.conjugate()) / kSpan;
+  return {now.p,
+          now.q,
+          (after.p - before.p) / (2 * kSpan),
+          0.5 * (turned + turns),
+          (after.p - 2 * now.p + before.p) / (kSpan * kSpan),
+          (turns - turned) / kSpan};
+}
+
+}  // namespace
+
+NewtonEuler::NewtonEuler(const Model& model, const Vec3& gravity)
+    : model_(model),
+      gravity_(gravity),
+      bodies_(model.bodies.size()),
+      sums_(model.bodies.size()),
+      reactions_(model.joints.size()),
+      torques_(at(model.dof_count())) {
+  for (const Joint& joint : model.joints)
+    if (joint.closes_loop)
+      throw input_error("inverse dynamics", joint.name + ", a joint that closes a loop",
+                        "a model without loops");
+}
+
+void NewtonEuler::set_roots(const State& state, double time) {
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    const BodyState& from = state.bodies[i];
+    bodies_[i] = {from.p, from.q, from.v, from.w, Vec3::Zero(), Vec3::Zero()};
+  }
+  for (const Drive& drive : model_.drives) bodies_[at(drive.body)] = driven(drive, time);
+}
+
+// With the parent's w, the rates u along axes s_k and anchor A: w_c = w + sum s_k u_k,
+// alpha_c = alpha + sum (s_k u'_k + s_k' u_k), where s_0' = w x s_0 and s_1' = w_c x s_1.
+void NewtonEuler::place_child(const Joint& joint, std::span<const double> q, std::span<const double> u,
+                              std::span<const double> change) {
+  const BodyMotion& parent = bodies_[at(joint.parent)];
+  BodyMotion& child = bodies_[at(joint.child)];
+  const Pose pose =
+      pose_of(parent) * joint.parent_frame * joint_transform(joint, q) * joint.child_frame.inverse();
+  child.p = pose.p;
+  child.q = pose.q;
+  const Vec3 anchor = pose * joint.child_frame.p, from_parent = anchor - parent.p;
+  child.w = parent.w;
+  child.alpha = parent.alpha;
+  Vec3 v = parent.v + parent.w.cross(from_parent);
+  Vec3 a = parent.a + parent.alpha.cross(from_parent) + parent.w.cross(parent.w.cross(from_parent));
+  if (joint.kind == JointKind::slider) {
+    const Vec3 axis = axis_in_world(joint, 0, parent.q, child.q);
+    v += axis * u[0];
+    a += axis * change[0] + 2 * parent.w.cross(axis * u[0]);
+  } else if (joint.kind == JointKind::ball) {
+    const Quat frame = parent.q * joint.parent_frame.q;
+    const Vec3 relative = frame * Vec3(u[0], u[1], u[2]);
+    child.w += relative;
+    child.alpha += frame * Vec3(change[0], change[1], change[2]) + parent.w.cross(relative);
+  } else {
+    for (std::size_t k = 0; k < joint.axes.size(); ++k) {
+      const Vec3 axis = axis_in_world(joint, k, parent.q, child.q);
+      const Vec3 before = child.w;
+      child.w += axis * u[k];
+      child.alpha += axis * change[k] + before.cross(axis * u[k]);
+    }
+  }
+  const Vec3 arm = child.p - anchor;
+  child.v = v + child.w.cross(arm);
+  child.a = a + child.alpha.cross(arm) + child.w.cross(child.w.cross(arm));
+}
+
+void NewtonEuler::place(std::span<const double> q, std::span<const double> u,
+                        std::span<const double> change) {
+  for (const Joint& joint : model_.joints) {
+    const std::size_t first = at(joint.first_dof);
+    place_child(joint, q.subspan(first), u.subspan(first), change.subspan(first));
+  }
+}
+
+void NewtonEuler::place(const State& from, const State& to) {
+  const double step = to.time - from.time;
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    const BodyState &a = from.bodies[i], &b = to.bodies[i];
+    bodies_[i] = {b.p, b.q, b.v, b.w, (b.v - a.v) / step, (b.w - a.w) / step};
+  }
+}
+
+std::span<const double> NewtonEuler::torques(std::span<const Wrench> loads) {
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    const BodyMotion& body = bodies_[i];
+    const Mat3 rotation = body.q.toRotationMatrix();
+    const Mat3 inertia = rotation * model_.bodies[i].inertia * rotation.transpose();
+    sums_[i].force = model_.bodies[i].mass * (body.a - gravity_);
+    sums_[i].moment = inertia * body.alpha + body.w.cross(inertia * body.w);
+    if (loads.empty()) continue;
+    sums_[i].force -= loads[i].force;
+    sums_[i].moment -= loads[i].moment;
+  }
+  // Parents stand before children: the reverse order sums from the fingertips.
+  for (std::size_t j = model_.joints.size(); j-- > 0;) {
+    const Joint& joint = model_.joints[j];
+    const BodyMotion &parent = bodies_[at(joint.parent)], &child = bodies_[at(joint.child)];
+    const Wrench& sum = sums_[at(joint.child)];
+    const Vec3 anchor = pose_of(child) * joint.child_frame.p;
+    Wrench& reaction = reactions_[j];
+    reaction.force = sum.force;
+    reaction.moment = sum.moment + (child.p - anchor).cross(sum.force);
+    Wrench& onto = sums_[at(joint.parent)];
+    onto.force += reaction.force;
+    onto.moment += reaction.moment + (anchor - parent.p).cross(reaction.force);
+    const std::size_t first = at(joint.first_dof);
+    if (joint.kind == JointKind::ball) {
+      const Vec3 moment = (parent.q * joint.parent_frame.q).conjugate() * reaction.moment;
+      for (int k = 0; k < 3; ++k) torques_[first + at(k)] = moment[k];
+      continue;
+    }
+    for (std::size_t k = 0; k < joint.axes.size(); ++k)
+      torques_[first + k] = (joint.kind == JointKind::slider ? reaction.force : reaction.moment)
+                                .dot(axis_in_world(joint, k, parent.q, child.q));
+  }
+  return torques_;
+}
+
+}  // namespace handsim::model

@@ -1,0 +1,64 @@
+// Inverse dynamics by the recursive Newton-Euler method (Featherstone 2008, chapter 5), in world axes: joint
+// torques and joint reactions that a given motion needs. For models without loops.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "handsim/model/state.h"
+
+namespace handsim::model {
+
+/// Motion of a body with its accelerations.
+struct BodyMotion {
+  Vec3 p = Vec3::Zero();      ///< centre of mass in the world [m]
+  Quat q = Quat::Identity();  ///< q_WB
+  Vec3 v = Vec3::Zero();      ///< of the centre of mass [m/s]
+  Vec3 w = Vec3::Zero();      ///< world axes [rad/s]
+  Vec3 a = Vec3::Zero();      ///< of the centre of mass [m/s^2]
+  Vec3 alpha = Vec3::Zero();  ///< world axes [rad/s^2]
+};
+
+/// A force and a moment in world axes: of a load at the body's centre of mass, of a reaction at the anchor of
+/// the joint's child frame [N], [N m].
+struct Wrench {
+  Vec3 force = Vec3::Zero();
+  Vec3 moment = Vec3::Zero();
+};
+
+class NewtonEuler {
+ public:
+  /// The model must outlive this. @param gravity [m/s^2].
+  /// @throws Error (input) for a model with loops.
+  NewtonEuler(const Model& model, const Vec3& gravity);
+
+  /// Bodies without a joint to a parent move as in the state, without acceleration; the drives of the model
+  /// move theirs as prescribed at `time` [s].
+  void set_roots(const State& state, double time);
+  /// Places all other bodies by coordinates, rates and accelerations, each of size model.dof_count().
+  void place(std::span<const double> q, std::span<const double> u, std::span<const double> change);
+  /// Takes poses and velocities of two states; accelerations are their mean over the time between them, at
+  /// the later state.
+  void place(const State& from, const State& to);
+
+  /// Torques along all coordinates for the motion of place() [N m] or [N], size model.dof_count(): what acts
+  /// on the child in addition to gravity and loads.
+  /// @param loads on bodies from outside, at the indices of Model::bodies, or empty.
+  std::span<const double> torques(std::span<const Wrench> loads = {});
+  /// Of the last torques(): what the parent exerts on the child in each joint, at the index of Model::joints.
+  std::span<const Wrench> reactions() const { return reactions_; }
+  std::span<const BodyMotion> bodies() const { return bodies_; }
+
+ private:
+  void place_child(const Joint& joint, std::span<const double> q, std::span<const double> u,
+                   std::span<const double> change);
+
+  const Model& model_;
+  Vec3 gravity_;
+  std::vector<BodyMotion> bodies_;
+  std::vector<Wrench> sums_;  ///< by body: of it and all bodies beyond, at its centre of mass
+  std::vector<Wrench> reactions_;
+  std::vector<double> torques_;
+};
+
+}  // namespace handsim::model

@@ -1,0 +1,141 @@
+#include "handsim/output/export/mjcf_pairs.h"
+
+#include <algorithm>
+
+#include <fmt/format.h>
+#include <Eigen/Cholesky>
+
+#include "handsim/core/index.h"
+#include "handsim/engine/contact/pair_table.h"
+#include "handsim/output/export/export_tree.h"
+
+namespace handsim::output {
+
+namespace {
+
+using model::Effect;
+
+/// MuJoCo's impedance of compliant contacts. It shares an outside force between the spring, which gets 1 - d
+/// of it, and the contact's inertia; at this small d a spring-damper remains, to 0.1 %.
+constexpr double kImpedance = 1e-3;
+
+/// Columns of a tree's Jacobian: how one coordinate moves a body and all that it carries.
+struct Column {
+  int body = 0;
+  Vec3 w = Vec3::Zero(), point = Vec3::Zero(), v = Vec3::Zero();  ///< rotation about the point; translation
+};
+
+std::vector<Column> columns(const model::Model& model) {
+  std::vector<Column> out;
+  for (std::size_t i = 1; i < model.bodies.size(); ++i) {
+    if (model.bodies[i].kinematic || has_parent(model, i)) continue;
+    for (int k = 0; k < 3; ++k) {
+      out.push_back({static_cast<int>(i), Vec3::Zero(), Vec3::Zero(), Vec3::Unit(k)});
+      out.push_back({static_cast<int>(i), Vec3::Unit(k), model.bodies[i].zero_pose.p, Vec3::Zero()});
+    }
+  }
+  for (const model::Joint& joint : model.joints) {
+    if (joint.closes_loop || model.bodies[at(joint.child)].kinematic) continue;
+    const Pose frame = model.bodies[at(joint.child)].zero_pose * joint.child_frame;
+    if (joint.kind == model::JointKind::ball)
+      for (int k = 0; k < 3; ++k) out.push_back({joint.child, Vec3::Unit(k), frame.p, Vec3::Zero()});
+    for (const model::JointAxis& each : joint.axes) {
+      const Vec3 axis = frame.q * each.axis;
+      if (joint.kind == model::JointKind::slider)
+        out.push_back({joint.child, Vec3::Zero(), Vec3::Zero(), axis});
+      else
+        out.push_back({joint.child, axis, frame.p, Vec3::Zero()});
+    }
+  }
+  return out;
+}
+
+/// For each body the body that it hangs on; the world for others.
+std::vector<int> parents(const model::Model& model) {
+  std::vector<int> out(model.bodies.size(), model::kWorld);
+  for (const model::Joint& joint : model.joints)
+    if (!joint.closes_loop) out[at(joint.child)] = joint.parent;
+  return out;
+}
+
+/// What MuJoCo makes of two surfaces by itself.
+bool combined_there(const model::Material& a, const model::Material& b, const model::Material& pair,
+                    bool friction) {
+  if (pair.compliance) return false;
+  return !friction || (pair.friction == std::max(a.friction, b.friction) &&
+                       pair.rolling_friction == std::max(a.rolling_friction, b.rolling_friction) &&
+                       pair.spinning_friction == std::max(a.spinning_friction, b.spinning_friction));
+}
+
+}  // namespace
+
+std::vector<double> mobilities(const model::Model& model) {
+  const std::vector<Column> all = columns(model);
+  const std::vector<int> parent = parents(model);
+  const auto n = static_cast<Eigen::Index>(all.size());
+  std::vector<Eigen::MatrixXd> jacobians;
+  Eigen::MatrixXd M = Eigen::MatrixXd::Zero(n, n);
+  for (std::size_t i = 0; i < model.bodies.size(); ++i) {
+    const Pose& pose = model.bodies[i].zero_pose;
+    Eigen::MatrixXd linear = Eigen::MatrixXd::Zero(3, n), angular = linear;
+    for (Eigen::Index k = 0; k < n; ++k) {
+      const Column& column = all[static_cast<std::size_t>(k)];
+      for (int up = static_cast<int>(i); up != model::kWorld; up = parent[at(up)]) {
+        if (up != column.body) continue;
+        linear.col(k) = column.v + column.w.cross(pose.p - column.point);
+        angular.col(k) = column.w;
+      }
+    }
+    const Mat3 R = pose.q.toRotationMatrix();
+    M += model.bodies[i].mass * linear.transpose() * linear +
+         angular.transpose() * (R * model.bodies[i].inertia * R.transpose()) * angular;
+    jacobians.push_back(std::move(linear));
+  }
+  std::vector<double> out(model.bodies.size(), 0.0);
+  if (n == 0) return out;
+  const Eigen::LLT<Eigen::MatrixXd> factor(M);
+  for (std::size_t i = 1; i < out.size(); ++i)
+    out[i] = (jacobians[i] * factor.solve(jacobians[i].transpose())).trace() / 3;
+  return out;
+}
+
+std::string mjcf_friction(const model::Material& surface, const engine::Settings& settings, bool of_pair) {
+  if (!settings.effects.has(Effect::friction)) return " condim=\"1\"";
+  const double mu = surface.friction, spin = surface.spinning_friction, roll = surface.rolling_friction;
+  const int condim = roll > 0 ? 6 : spin > 0 ? 4 : mu > 0 ? 3 : 1;
+  return of_pair ? fmt::format(" condim=\"{0}\" friction=\"{1:.17g} {1:.17g} {2:.17g} {3:.17g} {3:.17g}\"",
+                               condim, mu, spin, roll)
+                 : fmt::format(" condim=\"{}\" friction=\"{:.17g} {:.17g} {:.17g}\"", condim, mu, spin, roll);
+}
+
+std::string mjcf_pairs(const model::Model& model, const engine::Settings& settings) {
+  const engine::PairTable rules(model);
+  std::vector<bool> immovable(model.bodies.size());
+  for (std::size_t i = 0; i < immovable.size(); ++i)
+    immovable[i] = i == model::kWorld || model.bodies[i].kinematic;
+  const engine::UntestedPairs untested(model, immovable);
+  const bool friction = settings.effects.has(Effect::friction);
+  std::vector<double> mobility;
+  std::string out;
+  for (std::size_t i = 0; i < model.shapes.size(); ++i)
+    for (std::size_t j = i + 1; j < model.shapes.size(); ++j) {
+      const model::Shape &a = model.shapes[i], &b = model.shapes[j];
+      if (!rules.meet(a.group, b.group) || untested(a.body, b.body)) continue;
+      const model::Material pair = rules.between(a, b);
+      if (combined_there(model.materials[at(a.material)], model.materials[at(b.material)], pair, friction))
+        continue;
+      out += fmt::format("    <pair geom1=\"{}\" geom2=\"{}\"{}", attribute(a.name), attribute(b.name),
+                         mjcf_friction(pair, settings, true));
+      if (pair.compliance) {
+        // MuJoCo's spring is per effective mass of the two bodies.
+        if (mobility.empty()) mobility = mobilities(model);
+        const double w = mobility[at(a.body)] + mobility[at(b.body)];
+        out += fmt::format(" solref=\"{0:.17g} {1:.17g}\" solimp=\"{2:g} {2:g} 0.001\"",
+                           -pair.compliance->stiffness * w, -pair.compliance->damping * w, kImpedance);
+      }
+      out += "/>\n";
+    }
+  return out;
+}
+
+}  // namespace handsim::output

@@ -1,0 +1,203 @@
+#include "handsim/output/video/video.h"
+
+#include <fcntl.h>
+#include <spawn.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <fmt/format.h>
+
+#include "handsim/core/error.h"
+#include "handsim/core/text.h"
+#include "handsim/output/atomic_file.h"
+
+namespace handsim::output {
+
+namespace {
+
+namespace fs = std::filesystem;
+constexpr std::size_t kLongestReport = 400;
+
+bool is_gif(const fs::path& file) { return lower_case(file.extension().string()) == ".gif"; }
+
+/// Starts a program found by PATH. @returns its process, or nothing.
+std::optional<pid_t> start(std::vector<std::string> words, int in, int errors) {
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawn_file_actions_adddup2(&actions, in, STDIN_FILENO);
+  posix_spawn_file_actions_addopen(&actions, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+  posix_spawn_file_actions_adddup2(&actions, errors, STDERR_FILENO);
+  std::vector<char*> pointers;
+  for (std::string& word : words) pointers.push_back(word.data());
+  pointers.push_back(nullptr);
+  pid_t child = 0;
+  const int failure = posix_spawnp(&child, pointers.front(), &actions, nullptr, pointers.data(), environ);
+  posix_spawn_file_actions_destroy(&actions);
+  return failure == 0 ? std::optional(child) : std::nullopt;
+}
+
+/// Waits for a process. @returns its exit status; -1 if it did not exit by itself.
+int wait_for(pid_t child) {
+  int status = 0;
+  while (waitpid(child, &status, 0) < 0)
+    if (errno != EINTR) return -1;
+  return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+/// A file in memory.
+int memory_file() { return memfd_create("handsim", MFD_CLOEXEC); }
+
+bool has_ffmpeg() {
+  const int nothing = memory_file();
+  const std::optional<pid_t> child = start({"ffmpeg", "-version"}, nothing, nothing);
+  const bool good = child && wait_for(*child) == 0;
+  close(nothing);
+  return good;
+}
+
+Error no_ffmpeg() {
+  return input_error("--video", "no program ffmpeg that works", "Debian package ffmpeg, or no --video");
+}
+
+std::vector<std::string> words_of(const VideoFormat& format, const fs::path& part) {
+  std::vector<std::string> words = {"ffmpeg",
+                                    "-v",
+                                    "error",
+                                    "-nostdin",
+                                    "-y",
+                                    "-f",
+                                    "rawvideo",
+                                    "-pix_fmt",
+                                    "rgb24",
+                                    "-s",
+                                    fmt::format("{}x{}", format.width, format.height),
+                                    "-r",
+                                    fmt::format("{:.9g}", format.fps),
+                                    "-i",
+                                    "pipe:0",
+                                    "-an"};
+  const std::vector<std::string> own =
+      is_gif(format.file)
+          // A palette for each frame: one for all would need all frames in memory.
+          ? std::vector<std::string>{"-vf",
+                                     "split[a][b];[a]palettegen=stats_mode=single[p];[b][p]paletteuse=new=1:"
+                                     "dither=bayer:bayer_scale=4",
+                                     "-loop",
+                                     "0",
+                                     "-f",
+                                     "gif"}  // Players everywhere read 4:2:0, which needs even sizes; the
+                                             // index at the front lets them start at once.
+          : std::vector<std::string>{"-vf",       "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=0xD8DCE1",
+                                     "-c:v",      "libx264",
+                                     "-preset",   "veryfast",
+                                     "-crf",      "18",
+                                     "-pix_fmt",  "yuv420p",
+                                     "-movflags", "+faststart",
+                                     "-f",        "mp4"};
+  words.insert(words.end(), own.begin(), own.end());
+  words.push_back("file:" + part.string());
+  return words;
+}
+
+}  // namespace
+
+struct VideoWriter::Encoder {
+  VideoFormat format;
+  fs::path target, part;
+  int frames = -1;  ///< our end of the socket
+  int errors = -1;  ///< ffmpeg's standard error
+  std::optional<pid_t> process;
+
+  void close_frames() {
+    if (frames >= 0) close(std::exchange(frames, -1));
+  }
+  /// Ends the input, waits, and tells whether all is well.
+  bool end() {
+    close_frames();
+    return process && wait_for(*std::exchange(process, std::nullopt)) == 0;
+  }
+  [[noreturn]] void fail() {
+    end();
+    std::string text(kLongestReport, '\0');
+    const ssize_t got = pread(errors, text.data(), text.size(), 0);
+    text.resize(got > 0 ? static_cast<std::size_t>(got) : 0);
+    throw output_error(
+        format.file.string(),
+        "ffmpeg ended: " + (text.empty() ? "no reason given" : printable(text, kLongestReport)),
+        "room on the disk, and an ffmpeg with libx264");
+  }
+};
+
+void check_video(const fs::path& file, double fps) {
+  const std::string ending = lower_case(file.extension().string());
+  if (ending != ".mp4" && ending != ".gif")
+    throw input_error("--video", file.string(), "a name that ends in .mp4 or .gif");
+  const double most = is_gif(file) ? kMostGifFps : kMostFps;
+  if (!(fps > 0 && fps <= most))
+    throw input_error("--fps", fmt::format("{:g}", fps),
+                      fmt::format("above 0, at most {:g} in {}", most, is_gif(file) ? "a GIF" : "an MP4"));
+  { const AtomicFile probe(file); }
+  if (!has_ffmpeg()) throw no_ffmpeg();
+}
+
+VideoWriter::VideoWriter(const VideoFormat& format) : encoder_(std::make_unique<Encoder>()) {
+  check_video(format.file, format.fps);
+  if (std::min(format.width, format.height) < 16)
+    throw input_error("video", fmt::format("{} x {} pixels", format.width, format.height),
+                      "at least 16 x 16 pixels");
+  Encoder& own = *encoder_;
+  own.format = format;
+  own.target = file_target(format.file);
+  own.part = own.target.parent_path() / part_name();
+  own.errors = memory_file();
+  int ends[2] = {-1, -1};
+  // A socket, because a write to a pipe without a reader ends the process by a signal.
+  if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends) != 0)
+    throw output_error(format.file.string(), std::strerror(errno), "a free file descriptor");
+  own.frames = ends[0];
+  own.process = start(words_of(format, own.part), ends[1], own.errors);
+  close(ends[1]);
+  if (!own.process) throw no_ffmpeg();
+}
+
+VideoWriter::~VideoWriter() {
+  encoder_->end();
+  if (encoder_->errors >= 0) close(encoder_->errors);
+  std::error_code ignored;
+  if (!encoder_->part.empty()) fs::remove(encoder_->part, ignored);
+}
+
+void VideoWriter::add(const Image& image) {
+  Encoder& own = *encoder_;
+  if (image.width != own.format.width || image.height != own.format.height)
+    throw input_error("video", fmt::format("a picture of {} x {} pixels", image.width, image.height),
+                      fmt::format("{} x {} pixels", own.format.width, own.format.height));
+  const std::uint8_t* from = image.rgb.data();
+  for (std::size_t left = image.rgb.size(); left > 0;) {
+    const ssize_t sent = send(own.frames, from, left, MSG_NOSIGNAL);
+    if (sent < 0 && errno == EINTR) continue;
+    if (sent <= 0) own.fail();
+    from += sent;
+    left -= static_cast<std::size_t>(sent);
+  }
+}
+
+void VideoWriter::finish() {
+  Encoder& own = *encoder_;
+  if (!own.end()) own.fail();
+  std::error_code failure;
+  fs::rename(own.part, own.target, failure);
+  if (failure) throw output_error(own.format.file.string(), failure.message(), "a path that can be written");
+}
+
+}  // namespace handsim::output

@@ -1,0 +1,44 @@
+// Video files: raw frames go through a socket to ffmpeg's program, which writes an MP4 (H.264) or a GIF.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+
+#include "handsim/output/render/image.h"
+
+namespace handsim::output {
+
+/// Frames in a second at most: a GIF counts time in 1/100 s.
+inline constexpr double kMostFps = 240, kMostGifFps = 50;
+
+struct VideoFormat {
+  std::filesystem::path file;  ///< .mp4 or .gif
+  int width = 0;               ///< of every frame [pixels]; an MP4 of an odd size gets a grey line more
+  int height = 0;              ///< [pixels]
+  double fps = 30;             ///< frames in a second
+};
+
+/// Finds what would fail after a run, before it. @throws Error (input) for another ending than .mp4 and .gif,
+/// for `fps` out of 0 to kMostFps (a GIF: kMostGifFps), for a file that cannot be written, and where there is
+/// no ffmpeg.
+void check_video(const std::filesystem::path& file, double fps);
+
+/// The file appears under its name only when it is complete.
+class VideoWriter {
+ public:
+  /// Starts ffmpeg. @throws Error as check_video does, and for a size below 16 pixels.
+  explicit VideoWriter(const VideoFormat& format);
+  /// Removes the file if it was not finished.
+  ~VideoWriter();
+
+  /// @throws Error (input) for a picture of another size, Error (output) if ffmpeg has ended.
+  void add(const Image& image);
+  /// Waits for ffmpeg. @throws Error (output) with ffmpeg's own words if it fails.
+  void finish();
+
+ private:
+  struct Encoder;
+  std::unique_ptr<Encoder> encoder_;
+};
+
+}  // namespace handsim::output

@@ -1,0 +1,44 @@
+// The tables of a run that a scene asks for under `record`: bodies, markers, momentum, joint reactions.
+#pragma once
+
+#include <memory>
+
+#include "handsim/output/atomic_file.h"
+#include "handsim/simulation/run/run.h"
+#include "handsim/simulation/simulation.h"
+
+namespace handsim::simulation {
+
+/// Names of the files that the scene's tables may have.
+std::vector<std::string> extra_table_files();
+/// Bytes of a row of all these tables, at `number` bytes for each number.
+double extra_row_bytes(const scene::Scene& scene, double number);
+
+/// A joint centre, wrist or fingertip of a hand.
+struct HandMarker {
+  std::string name;  ///< `right.index_pip`, `right.index_tip`, `right.wrist`
+  int body = 0;
+  Vec3 at = Vec3::Zero();  ///< in the body frame [m]
+};
+/// The wrist, every joint centre and every fingertip of all hands, in the order of keypoints: wrist, then
+/// finger by finger from the base to the tip.
+std::vector<HandMarker> hand_markers(const model::Model& model);
+
+class ExtraTables {
+ public:
+  /// @param rows number of rows at most. @param interval between rows [s].
+  /// @throws Error (input) for reactions of a model with loops, and if a file cannot be created.
+  ExtraTables(const Simulation& simulation, const std::filesystem::path& out, std::size_t rows,
+              double interval);
+  ~ExtraTables();
+
+  /// Call after every step, and at the start. @param row whether to add a row.
+  void update(bool row);
+  void finish();
+
+ private:
+  struct Parts;
+  std::unique_ptr<Parts> parts_;
+};
+
+}  // namespace handsim::simulation

@@ -1,0 +1,242 @@
+#include "handsim/study/inverse/inverse.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/control/motion_trajectory.h"
+#include "handsim/core/index.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/simulation/simulation.h"
+#include "handsim/study/inverse/loads.h"
+
+namespace handsim::study {
+
+namespace {
+
+constexpr std::size_t kMostValues = 50'000'000;
+
+/// Angles of all hands over time, on the grid of the solver's steps.
+struct SampledMotion {
+  double start = 0, step = 1e-3;            ///< [s]
+  std::vector<std::vector<double>> angles;  ///< by step, each of size model.dof_count()
+};
+
+/// A hand's trajectory: of the motion file, or of the scene's program.
+control::Trajectory trajectory_of(const scene::Scene& scene, std::size_t hand, const control::HandAxes& axes,
+                                  const control::MotionTable* table, const InverseInput& input,
+                                  const std::vector<double>& start, Diagnostics& diagnostics) {
+  if (!table) return scene.control->hands[hand].trajectory;
+  control::MotionOptions options = input.options;
+  options.spline = true;
+  std::vector<double> angles;
+  for (const control::HandAxis& axis : axes.axes) angles.push_back(start[axis.dof]);
+  return control::motion_trajectory(*table, axes, std::vector<bool>(axes.axes.size(), true), angles, options,
+                                    diagnostics);
+}
+
+void check_scene(const scene::Scene& scene, const InverseInput& input) {
+  if (scene.model.hands.empty()) throw input_error("scene", "a scene without hands", "at least one hand");
+  if (!input.motion && !scene.control)
+    throw input_error("--motion", "none, with a scene without control",
+                      "a motion file, or programs of the scene");
+  for (const scene::HandEntry& hand : scene.spec.hands)
+    if (hand.placement.mount == hand::Mount::free || hand.placement.mount == hand::Mount::rail)
+      throw input_error("hands.wrist.mount", "a hand whose palm is not held",
+                        "mounts fixed, driven, hinge or universal: a palm that nothing holds falls");
+}
+
+SampledMotion sample(const scene::Scene& scene, const InverseInput& input, InverseResult& result) {
+  const model::Model& model = scene.model;
+  std::optional<control::MotionTable> table;
+  if (input.motion) table = control::read_motion(*input.motion);
+  SampledMotion out;
+  out.step = scene.spec.solver.step;
+  out.start = table ? std::max(0.0, table->times.front()) : 0;
+  const double end = table ? table->times.back() : scene.spec.duration;
+  const auto steps = static_cast<std::size_t>(std::max(0.0, std::floor((end - out.start) / out.step + 1e-6)));
+  const std::vector<double> start = model::initial_state(model).q;
+  if (steps < 2 || steps * start.size() > kMostValues)
+    throw input_error("--motion", fmt::format("a motion of {} steps", steps),
+                      fmt::format("2 to {}", kMostValues / std::max<std::size_t>(1, start.size())));
+  out.angles.assign(steps + 1, start);
+  Diagnostics diagnostics;
+  for (std::size_t h = 0; h < model.hands.size(); ++h) {
+    const control::HandAxes axes = control::hand_axes(model, model.hands[h]);
+    const control::Trajectory trajectory =
+        trajectory_of(scene, h, axes, table ? &*table : nullptr, input, start, diagnostics);
+    if (!diagnostics.problems.empty()) continue;
+    std::vector<double> row(trajectory.width());
+    for (std::size_t n = 0; n <= steps; ++n) {
+      trajectory.at(out.start + static_cast<double>(n) * out.step, row);
+      for (std::size_t i = 0; i < row.size(); ++i) out.angles[n][axes.axes[i].dof] = row[i];
+    }
+    for (const control::HandAxis& axis : axes.axes)
+      result.axes.push_back({axes.hand + "." + axis.name(), axis.dof});
+  }
+  diagnostics.throw_if_any();
+  result.warnings = std::move(diagnostics.warnings);
+  return out;
+}
+
+/// Torque of passive tissue at the end of a step.
+void add_tissue(const model::Model& model, std::span<const double> next, double step, InverseRow& row) {
+  for (const model::Joint& joint : model.joints)
+    for (std::size_t a = 0; a < joint.axes.size(); ++a) {
+      const std::size_t dof = at(joint.first_dof) + a;
+      if (const auto& tissue = joint.axes[a].tissue)
+        row.passive[dof] = -tissue->stiffness * (next[dof] - tissue->rest) -
+                           tissue->damping * (next[dof] - row.q[dof]) / step;
+    }
+}
+
+/// The rows of torques.
+class Recursion {
+ public:
+  Recursion(const scene::Scene& scene, const SampledMotion& motion, const Loads* loads)
+      : scene_(scene),
+        motion_(motion),
+        loads_(loads),
+        dynamics_(scene.model, scene.spec.solver.effects.has(model::Effect::gravity) ? scene.model.gravity
+                                                                                     : Vec3(Vec3::Zero())),
+        start_(model::initial_state(scene.model)) {}
+
+  /// Rates at the start of a step; before the first one the motion is continued in a straight line.
+  std::vector<double> rates(std::size_t n) const {
+    const std::size_t later = std::max<std::size_t>(n, 1);
+    std::vector<double> out(motion_.angles[n].size());
+    for (std::size_t i = 0; i < out.size(); ++i)
+      out[i] = (motion_.angles[later][i] - motion_.angles[later - 1][i]) / motion_.step;
+    return out;
+  }
+
+  InverseRow row(std::size_t n) {
+    const std::vector<double>&q = motion_.angles[n], &next = motion_.angles[n + 1];
+    const std::vector<double> u = rates(n);
+    std::vector<double> change(q.size());
+    for (std::size_t i = 0; i < q.size(); ++i)
+      change[i] = ((next[i] - q[i]) / motion_.step - u[i]) / motion_.step;
+    InverseRow out;
+    out.time = motion_.start + static_cast<double>(n) * motion_.step;
+    out.q = q;
+    dynamics_.set_roots(start_, out.time);
+    dynamics_.place(q, u, change);
+    if (loads_) loads_->at(out.time, dynamics_.bodies(), wrenches_);
+    const std::span<const double> moment = dynamics_.torques(wrenches_);
+    out.moment.assign(moment.begin(), moment.end());
+    out.passive.assign(q.size(), 0.0);
+    if (scene_.spec.solver.effects.has(model::Effect::passive_tissue))
+      add_tissue(scene_.model, next, motion_.step, out);
+    return out;
+  }
+  const std::vector<model::Wrench>& wrenches() const { return wrenches_; }
+
+ private:
+  const scene::Scene& scene_;
+  const SampledMotion& motion_;
+  const Loads* loads_;
+  model::NewtonEuler dynamics_;
+  model::State start_;
+  std::vector<model::Wrench> wrenches_;
+};
+
+/// The scene without its controller; torques come from the rows.
+scene::Scene undriven(const scene::Scene& scene, double end) {
+  scene::Scene out = scene;
+  out.control.reset();
+  out.plans.control.reset();
+  out.spec.control.reset();
+  out.spec.duration = end;
+  return out;
+}
+
+/// Simulates with the active torques alone, from the first state of the motion.
+void run_forward(const scene::Scene& scene, const SampledMotion& motion, const Loads* loads,
+                 Recursion& recursion, InverseResult& result, const std::function<void(double)>& progress) {
+  simulation::Simulation simulation(undriven(scene, result.rows.back().time + motion.step),
+                                    simulation::no_watchers);
+  model::State state = model::initial_state(scene.model);
+  state.time = motion.start;
+  for (const model::Drive& drive : scene.model.drives) {
+    const Pose pose = drive.motion.at(motion.start) * drive.frame.inverse();
+    state.bodies[at(drive.body)].p = pose.p;
+    state.bodies[at(drive.body)].q = pose.q;
+  }
+  model::place_joints(scene.model, motion.angles[0], recursion.rates(0), state);
+  simulation.reset(state);
+  const bool pushed = loads && !loads->are_contacts();
+  std::vector<engine::BodyForce> forces;
+  std::vector<double> torques(state.q.size());
+  for (std::size_t n = 0; n < result.rows.size(); ++n) {
+    InverseRow& row = result.rows[n];
+    row.forward = simulation.state().q;
+    for (std::size_t i = 0; i < torques.size(); ++i) torques[i] = row.active(i);
+    forces.clear();
+    if (pushed) {
+      recursion.row(n);
+      for (std::size_t b = 1; b < recursion.wrenches().size(); ++b)
+        if (const model::Wrench& w = recursion.wrenches()[b];
+            w.force != Vec3::Zero() || w.moment != Vec3::Zero())
+          forces.push_back({static_cast<int>(b), w.force, w.moment});
+    }
+    engine::StepInput action;
+    action.torques = torques;
+    action.forces = forces;
+    try {
+      simulation.step(action);
+    } catch (const Error& error) {
+      if (!error.fault()) throw;
+      result.fault = error.what();
+      return;
+    }
+    if (progress && n % 100 == 0) progress(static_cast<double>(n) / static_cast<double>(result.rows.size()));
+  }
+}
+
+/// Figures of each axis over the rows.
+void summarise(InverseResult& result) {
+  double all = 0;
+  std::size_t count = 0;
+  for (InverseAxis& axis : result.axes) {
+    double torque = 0, error = 0;
+    std::size_t checked = 0;
+    for (const InverseRow& row : result.rows) {
+      const double active = row.active(axis.dof);
+      torque += active * active;
+      axis.largest_torque = std::max(axis.largest_torque, std::abs(active));
+      if (row.forward.empty()) continue;
+      const double difference = row.forward[axis.dof] - row.q[axis.dof];
+      error += difference * difference;
+      axis.largest_error = std::max(axis.largest_error, std::abs(difference));
+      ++checked;
+    }
+    axis.rms_torque = std::sqrt(torque / static_cast<double>(result.rows.size()));
+    if (checked > 0) axis.rms_error = std::sqrt(error / static_cast<double>(checked));
+    all += error;
+    count += checked;
+  }
+  if (count > 0) result.rms_error = std::sqrt(all / static_cast<double>(count));
+}
+
+}  // namespace
+
+InverseResult run_inverse(const scene::Scene& scene, const InverseInput& input,
+                          const std::function<void(double)>& progress) {
+  check_scene(scene, input);
+  InverseResult result;
+  if (input.motion)
+    result.cutoff = input.options.filter;
+  else if (scene.spec.control)
+    result.cutoff = scene.spec.control->motion.filter;
+  const SampledMotion motion = sample(scene, input, result);
+  std::optional<Loads> loads;
+  if (input.loads) loads.emplace(*input.loads, scene.model);
+  Recursion recursion(scene, motion, loads ? &*loads : nullptr);
+  for (std::size_t n = 0; n + 1 < motion.angles.size(); ++n) result.rows.push_back(recursion.row(n));
+  if (input.forward) run_forward(scene, motion, loads ? &*loads : nullptr, recursion, result, progress);
+  summarise(result);
+  return result;
+}
+
+}  // namespace handsim::study

@@ -1,0 +1,74 @@
+// Inverse dynamics of a recorded or programmed motion: the torques about every axis of the hands that make
+// it, and a check: a simulation with these torques alone, which should return to the motion.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/control/motion_names.h"
+#include "handsim/scene/compile/scene.h"
+
+namespace handsim::study {
+
+struct InverseInput {
+  /// Joint angles (.csv, .mot, .sto); absent: the programs of the scene's control.
+  std::optional<std::filesystem::path> motion;
+  control::MotionOptions options;  ///< names, clamping and cut-off of the low-pass for `motion`
+  /// Forces from outside (loads.h), or the contacts.csv of a run.
+  std::optional<std::filesystem::path> loads;
+  bool forward = true;  ///< runs the check
+};
+
+/// Torques of one axis and its error in the check.
+struct InverseAxis {
+  std::string name;           ///< `right.index_mcp.flexion`
+  std::size_t dof = 0;        ///< in vectors of model.dof_count()
+  double largest_torque = 0;  ///< |active| [N m]
+  double rms_torque = 0;      ///< of active [N m]
+  double rms_error = 0;       ///< of the check [rad]
+  double largest_error = 0;   ///< of the check [rad]
+};
+
+/// The motion and its torques at one step; all of size model.dof_count().
+struct InverseRow {
+  double time = 0;              ///< start of the step [s]
+  std::vector<double> q;        ///< [rad]
+  std::vector<double> moment;   ///< net torque that the motion needs [N m]
+  std::vector<double> passive;  ///< part of passive tissue [N m]
+  std::vector<double> forward;  ///< angles of the check; empty without it [rad]
+
+  /// What muscles or motors give: moment - passive.
+  double active(std::size_t dof) const { return moment[dof] - passive[dof]; }
+};
+
+struct InverseResult {
+  std::vector<InverseAxis> axes;
+  std::vector<InverseRow> rows;      ///< one for each step
+  std::optional<double> cutoff;      ///< of the filter that was used [Hz]
+  double rms_error = 0;              ///< of the check over all axes and steps [rad]
+  std::optional<std::string> fault;  ///< why the check ended early
+  std::vector<std::string> warnings;
+};
+
+/// Angles are joined by a spline and differentiated at the step h of the scene's solver:
+///   v_n = (q_n - q_{n-1}) / h,  a_n = (q_{n+1} - 2 q_n + q_{n-1}) / h^2,
+/// the difference equations of a semi-implicit step, so that the torque of step n leads from q_n to q_{n+1}.
+/// Passive tissue acts at the end of the step, as the engines solve it.
+/// @throws Error (input) for a scene without hands, with loops or free hands, and for files that do not fit.
+InverseResult run_inverse(const scene::Scene& scene, const InverseInput& input,
+                          const std::function<void(double)>& progress = {});
+
+/// Names of the files of write_inverse().
+std::vector<std::string> inverse_files();
+/// torques.sto, summary.csv, summary.json and, if gnuplot is installed, plots.
+/// @returns false if gnuplot is missing or fails. @throws Error (input) if the folder cannot be written.
+bool write_inverse(const scene::Scene& scene, const InverseInput& input, const InverseResult& result,
+                   const std::filesystem::path& out);
+/// summary.json as text, and the rows as a table for the screen.
+std::string inverse_json(const scene::Scene& scene, const InverseInput& input, const InverseResult& result);
+std::string inverse_table(const InverseResult& result);
+
+}  // namespace handsim::study

@@ -1,0 +1,162 @@
+#include <algorithm>
+#include <map>
+
+#include <fmt/format.h>
+
+#include "handsim/core/units.h"
+#include "handsim/output/table/gnuplot.h"
+#include "handsim/output/table/motion_table.h"
+#include "handsim/study/inverse/inverse.h"
+#include "handsim/study/report.h"
+
+namespace handsim::study {
+
+namespace {
+
+constexpr const char* kGroups[] = {"wrist", "thumb", "index", "middle", "ring", "little"};
+constexpr const char* kColours[] = {"#1b6ca8", "#c8553d", "#3a7d44", "#8e5ea2", "#b8860b"};
+
+/// Columns of torques.sto: time, then three for each axis.
+std::size_t column_of(std::size_t axis) { return 2 + 3 * axis; }
+
+/// Axes of a panel: `right index`.
+using Panels = std::map<std::pair<std::string, std::size_t>, std::vector<std::size_t>>;
+
+Panels panels_of(const InverseResult& result) {
+  Panels out;
+  for (std::size_t i = 0; i < result.axes.size(); ++i) {
+    const std::string& name = result.axes[i].name;
+    const std::size_t dot = name.find('.');
+    for (std::size_t g = 0; g < std::size(kGroups); ++g)
+      if (name.compare(dot + 1, std::string_view(kGroups[g]).size(), kGroups[g]) == 0)
+        out[{name.substr(0, dot), g}].push_back(i);
+  }
+  return out;
+}
+
+std::string panel(const InverseResult& result, const std::vector<std::size_t>& axes) {
+  std::string out;
+  for (std::size_t k = 0; k < axes.size(); ++k)
+    out += fmt::format("{}data skip 7 using 1:{} with lines lw 1.4 lc rgb '{}' title '{}'", k > 0 ? ", " : "",
+                       column_of(axes[k]) + 2, kColours[k % std::size(kColours)],
+                       result.axes[axes[k]].name.substr(result.axes[axes[k]].name.find('.') + 1));
+  return out;
+}
+
+Plot torque_plot(const scene::Scene& scene, const InverseResult& result) {
+  const Panels panels = panels_of(result);
+  std::string commands = fmt::format(
+      "  set multiplot layout {},1 title '{}: torques of inverse dynamics'\n"
+      "set autoscale xfix\nset grid lc rgb '#d0d0d0'\nset key outside right top\nset lmargin 10\n"
+      "set rmargin 34\nset ylabel 'torque [N m]'\n",
+      panels.size(), output::plot_text(scene.spec.title));
+  std::size_t left = panels.size();
+  for (const auto& [key, axes] : panels) {
+    if (--left == 0) commands += "set xlabel 'time [s]'\n";
+    commands +=
+        fmt::format("set title '{} {}'\nplot {}\n", key.first, kGroups[key.second], panel(result, axes));
+  }
+  return {"torques", fmt::format("noenhanced size 1200,{} font 'DejaVu Sans,10'", 60 + 220 * panels.size()),
+          commands + "  unset multiplot\n"};
+}
+
+std::string summary_csv(const InverseResult& result) {
+  std::string out = "axis,largest_torque[N_m],rms_torque[N_m],rms_error[deg],largest_error[deg]\n";
+  for (const InverseAxis& axis : result.axes)
+    out += fmt::format("{},{},{},{},{}\n", axis.name, axis.largest_torque, axis.rms_torque,
+                       kDegreesPerRadian * axis.rms_error, kDegreesPerRadian * axis.largest_error);
+  return out;
+}
+
+void write_torques(const scene::Scene& scene, const InverseResult& result, const std::filesystem::path& out) {
+  output::MotionHead head{scene.spec.title + ": torques about the joint axes [N m]", {}, result.rows.size()};
+  head.degrees = false;
+  for (const InverseAxis& axis : result.axes)
+    for (const char* part : {"_moment", "_passive", "_active"}) head.names.push_back(axis.name + part);
+  output::MotionTableWriter table(out / "torques.sto", head);
+  std::vector<double> values;
+  for (const InverseRow& row : result.rows) {
+    values.clear();
+    for (const InverseAxis& axis : result.axes)
+      values.insert(values.end(), {row.moment[axis.dof], row.passive[axis.dof], row.active(axis.dof)});
+    table.add(row.time, values);
+  }
+  table.finish();
+}
+
+/// The angles whose torques these are, and those of the check, on the same steps.
+void write_motion(const scene::Scene& scene, const InverseResult& result, const char* name,
+                  const std::filesystem::path& out, const std::vector<double> InverseRow::*angles) {
+  output::MotionHead head{scene.spec.title, {}, result.rows.size()};
+  for (const InverseAxis& axis : result.axes) head.names.push_back(axis.name);
+  output::MotionTableWriter table(out / name, head);
+  std::vector<double> values;
+  for (const InverseRow& row : result.rows) {
+    if ((row.*angles).empty()) break;
+    values.clear();
+    for (const InverseAxis& axis : result.axes) values.push_back(kDegreesPerRadian * (row.*angles)[axis.dof]);
+    table.add(row.time, values);
+  }
+  table.finish();
+}
+
+}  // namespace
+
+std::string inverse_json(const scene::Scene& scene, const InverseInput& input, const InverseResult& result) {
+  Json out = {{"title", scene.spec.title},
+              {"motion", input.motion ? input.motion->filename().string() : "programs of the scene"},
+              {"step_s", scene.spec.solver.step},
+              {"steps", result.rows.size()}};
+  if (result.cutoff)
+    out["filter"] = {{"kind", "Butterworth, second order, forwards and backwards"},
+                     {"cutoff_hz", *result.cutoff}};
+  if (input.loads) out["loads"] = input.loads->filename().string();
+  if (input.forward) {
+    out["forward"] = {{"engine", engine::name(scene.spec.solver.engine())},
+                      {"rms_error_deg", kDegreesPerRadian * result.rms_error}};
+    if (result.fault) out["forward"]["fault"] = *result.fault;
+  }
+  add_origin(out);
+  out["axes"] = Json::array();
+  for (const InverseAxis& axis : result.axes) {
+    Json entry = {
+        {"axis", axis.name}, {"largest_torque_Nm", axis.largest_torque}, {"rms_torque_Nm", axis.rms_torque}};
+    if (input.forward) {
+      entry["forward_rms_error_deg"] = kDegreesPerRadian * axis.rms_error;
+      entry["forward_largest_error_deg"] = kDegreesPerRadian * axis.largest_error;
+    }
+    out["axes"].push_back(std::move(entry));
+  }
+  out["warnings"] = result.warnings;
+  return out.dump(2) + "\n";
+}
+
+std::string inverse_table(const InverseResult& result) {
+  std::string out = fmt::format("{:<28} {:>12} {:>12} {:>14} {:>14}\n", "axis", "largest N m", "RMS N m",
+                                "check RMS deg", "largest deg");
+  for (const InverseAxis& axis : result.axes)
+    out += fmt::format("{:<28} {:>12.4g} {:>12.4g} {:>14.3g} {:>14.3g}\n", axis.name, axis.largest_torque,
+                       axis.rms_torque, kDegreesPerRadian * axis.rms_error,
+                       kDegreesPerRadian * axis.largest_error);
+  return out;
+}
+
+std::vector<std::string> inverse_files() {
+  std::vector<std::string> out = report_files("summary", {"torques"});
+  out.insert(out.end(), {"torques.sto", "motion.mot", "forward.mot"});
+  return out;
+}
+
+bool write_inverse(const scene::Scene& scene, const InverseInput& input, const InverseResult& result,
+                   const std::filesystem::path& out) {
+  write_torques(scene, result, out);
+  write_motion(scene, result, "motion.mot", out, &InverseRow::q);
+  if (input.forward) write_motion(scene, result, "forward.mot", out, &InverseRow::forward);
+  Report report{summary_csv(result),
+                inverse_json(scene, input, result),
+                "data = 'torques.sto'\nset datafile separator '\\t'\n",
+                {torque_plot(scene, result)}};
+  return write_report(out, "summary", report);
+}
+
+}  // namespace handsim::study

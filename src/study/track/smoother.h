@@ -1,0 +1,27 @@
+// Smooths the fitted poses of consecutive frames: the most likely motion, given how well each frame
+// determines each angle and how strongly hands accelerate.
+#pragma once
+
+#include <vector>
+
+#include "handsim/study/track/pose_fit.h"
+
+namespace handsim::study {
+
+/// Spectral densities of the accelerations of a hand, taken as white noise. From accelerations of about 20
+/// rad/s^2 and 5 m/s^2 that last 50 ms; chosen.
+struct MotionPrior {
+  double angle = 40;      ///< of joint angles [rad^2/s^3]
+  double position = 2.5;  ///< of the wrist [m^2/s^3]
+  double turn = 40;       ///< of the wrist [rad^2/s^3]
+};
+
+/// Minimises, over a correction of each frame's parameters, the sum of
+///   the squared residuals of the features / noise^2  and
+///   the squared changes of rate between frames / (density * time between them),
+/// with one Gauss-Newton step from the given poses: a banded linear system. Angles stay within their stops.
+/// @param times of the frames, increasing [s]. @param noise standard deviation of a coordinate [m].
+void smooth(const std::vector<double>& times, const std::vector<Linearised>& frames, double noise,
+            const MotionPrior& prior, const HandTree& tree, std::vector<HandPose>& poses);
+
+}  // namespace handsim::study

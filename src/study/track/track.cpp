@@ -1,0 +1,304 @@
+#include "handsim/study/track/track.h"
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+#include <random>
+
+#include "handsim/core/error.h"
+#include "handsim/study/track/track_checks.h"
+
+namespace handsim::study {
+
+namespace {
+
+/// Tracking goes on after a gap of at most this from the last pose [s]; then the hand is searched anew.
+constexpr double kLongestGap = 0.1;
+/// Wrists that would have to move this much farther without a swap are swapped [m].
+constexpr double kSwapDistance = 0.1;
+/// Assumed noise where the points leave none to see [m].
+constexpr double kUnknownNoise = 1e-3;
+/// Smallest noise, so that weights stay finite [m].
+constexpr double kLeastNoise = 1e-9;
+
+double cpu_seconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
+
+const char* side_name(model::Side side) { return side == model::Side::right ? "right" : "left"; }
+
+std::vector<Feature> features_for(const TrackInput& input, const hand::BuiltHand& hand, model::Side side) {
+  if (input.markers) return features_of(*input.markers, input.model, side);
+  std::vector<Feature> out = keypoints(input.model, hand);
+  for (Feature& feature : out) feature.name = std::string(side_name(side)) + "." + feature.name;
+  return out;
+}
+
+/// The frames of one hand's features.
+std::vector<std::vector<Measured>> frames_of(const Recording& recording,
+                                             const std::vector<Feature>& features) {
+  std::vector<std::vector<Measured>> out(recording.times.size(), std::vector<Measured>(features.size()));
+  for (std::size_t i = 0; i < features.size(); ++i) {
+    const auto channel = recording.channels.find(features[i].name);
+    if (channel == recording.channels.end()) continue;
+    for (std::size_t k = 0; k < out.size(); ++k) {
+      if (features[i].kind == Feature::Kind::point)
+        out[k][i].point = channel->second.points[k];
+      else
+        out[k][i].orientation = channel->second.orientations[k];
+    }
+  }
+  return out;
+}
+
+bool seen(const Measured& measured) { return measured.point || measured.orientation; }
+
+/// Tracks one hand.
+class HandTracker {
+ public:
+  HandTracker(const TrackInput& input, const Recording& recording, const hand::BuiltHand& hand,
+              model::Side side)
+      : input_(input),
+        recording_(recording),
+        own_(HandTree(input.model, hand, side), features_for(input, hand, side)),
+        other_(
+            HandTree(input.model, hand, side == model::Side::right ? model::Side::left : model::Side::right),
+            features_for(input, hand, side)),
+        frames_(frames_of(recording, own_.features())) {
+    out_.name = side_name(side);
+    out_.side = side;
+    for (const TreeAxis& axis : own_.tree().axes()) out_.axes.push_back(axis.name);
+    for (const Feature& feature : own_.features()) out_.features.push_back(feature.name);
+    out_.frames.resize(recording.times.size());
+  }
+
+  bool any() const {
+    return std::any_of(frames_.begin(), frames_.end(),
+                       [](const auto& frame) { return std::any_of(frame.begin(), frame.end(), seen); });
+  }
+
+  /// Position of the wrist keypoint, where it is one and was seen.
+  std::optional<Vec3> wrist(std::size_t k) const {
+    return input_.markers ? std::nullopt : frames_[k][0].point;
+  }
+  /// The wrist of the last tracked frame, if it is not long ago.
+  std::optional<Vec3> last_wrist(std::size_t k) const {
+    return last_ && recording_.times[k] - recording_.times[*last_] <= kLongestGap
+               ? std::optional(out_.frames[*last_].pose.wrist.p)
+               : std::nullopt;
+  }
+  void mark(std::size_t k, FrameStatus status) { out_.frames[k].status = status; }
+
+  void track(std::size_t k) {
+    TrackedFrame& frame = out_.frames[k];
+    const auto count = static_cast<std::size_t>(std::count_if(frames_[k].begin(), frames_[k].end(), seen));
+    // A third of the points does not determine a hand.
+    if (count < 3 || 3 * count < own_.features().size()) return;
+    FitResult fit = follow(k);
+    frame.rms = fit.rms;
+    frame.distances = fit.distances;
+    frame.rejected = fit.rejected;
+    frame.pose = std::move(fit.pose);
+    frame.status = status_of(k, fit);
+    if (frame.status == FrameStatus::tracked) last_ = k;
+  }
+
+  /// Smooths all stretches of tracked frames, and measures the distances again.
+  void finish() {
+    estimate_noise();
+    find_determined();
+    for (std::size_t k = 0; k < out_.frames.size();) {
+      std::size_t end = k;
+      while (end < out_.frames.size() && out_.frames[end].status == FrameStatus::tracked) ++end;
+      if (input_.smooth && end - k >= 3) smooth_stretch(k, end);
+      k = std::max(end, k + 1);
+    }
+  }
+  TrackedHand take() { return std::move(out_); }
+
+ private:
+  /// From the last two poses, or searched.
+  FitResult follow(std::size_t k) {
+    if (!last_wrist(k)) return own_.find(frames_[k], input_.outlier);
+    HandPose start = out_.frames[*last_].pose;
+    if (*last_ == k - 1 && k >= 2 && out_.frames[k - 2].status == FrameStatus::tracked) {
+      const HandPose& before = out_.frames[k - 2].pose;
+      const double share = (recording_.times[k] - recording_.times[k - 1]) /
+                           (recording_.times[k - 1] - recording_.times[k - 2]);
+      start.wrist.p += share * (start.wrist.p - before.wrist.p);
+      for (std::size_t i = 0; i < start.angles.size(); ++i)
+        start.angles[i] += share * (start.angles[i] - before.angles[i]);
+    }
+    FitResult out = own_.fit(frames_[k], start, input_.outlier);
+    if (out.rms <= input_.limit && !rejects(out)) return out;
+    FitResult searched = own_.find(frames_[k], input_.outlier);
+    return searched.rms < out.rms ? searched : out;
+  }
+
+  static bool rejects(const FitResult& fit) {
+    return std::find(fit.rejected.begin(), fit.rejected.end(), true) != fit.rejected.end();
+  }
+
+  /// A hand whose mirror image fits much better has the points of the other hand.
+  FrameStatus status_of(std::size_t k, const FitResult& fit) {
+    constexpr double kSuspicious = 0.004, kMuchBetter = 0.6;
+    if (fit.rms > kSuspicious || rejects(fit)) {
+      const FitResult mirrored = other_.find(frames_[k], input_.outlier);
+      if (!rejects(mirrored) && mirrored.rms < kMuchBetter * fit.rms) return FrameStatus::swapped;
+      if (rejects(fit) && !rejects(mirrored)) return FrameStatus::swapped;
+    }
+    const auto left_out = std::count(fit.rejected.begin(), fit.rejected.end(), true);
+    return fit.rms <= input_.limit && left_out < 5 ? FrameStatus::tracked : FrameStatus::poor;
+  }
+
+  /// Axes that move a feature by more than rounding in one of the first tracked frames.
+  void find_determined() {
+    constexpr std::size_t kFrames = 20;
+    constexpr double kLeast = 1e-12;  // [m^2/rad^2]
+    out_.determined.assign(out_.axes.size(), false);
+    std::size_t looked = 0;
+    for (std::size_t k = 0; k < frames_.size() && looked < kFrames; ++k) {
+      const TrackedFrame& frame = out_.frames[k];
+      if (frame.status != FrameStatus::tracked) continue;
+      const Linearised linear = own_.linearise(frames_[k], frame.pose, frame.rejected);
+      for (std::size_t i = 0; i < out_.axes.size(); ++i) {
+        const auto at = static_cast<Eigen::Index>(6 + i);
+        if (linear.matrix(at, at) > kLeast) out_.determined[i] = true;
+      }
+      ++looked;
+    }
+  }
+
+  void estimate_noise() {
+    double squares = 0, spare = 0;
+    for (std::size_t k = 0; k < frames_.size(); ++k) {
+      const TrackedFrame& frame = out_.frames[k];
+      if (frame.status != FrameStatus::tracked) continue;
+      double residuals = 0;
+      for (const auto& distance : frame.distances) {
+        if (!distance) continue;
+        squares += *distance * *distance;
+        residuals += 3;
+      }
+      spare += residuals - static_cast<double>(own_.tree().size());
+    }
+    out_.noise = spare > 0 ? std::max(kLeastNoise, std::sqrt(squares / spare)) : kUnknownNoise;
+  }
+
+  void smooth_stretch(std::size_t first, std::size_t end) {
+    // The second step starts from smooth poses, so that the fits' own curvature does not matter.
+    constexpr int kSteps = 2;
+    std::vector<double> times(recording_.times.begin() + static_cast<std::ptrdiff_t>(first),
+                              recording_.times.begin() + static_cast<std::ptrdiff_t>(end));
+    std::vector<HandPose> poses;
+    for (std::size_t k = first; k < end; ++k) poses.push_back(out_.frames[k].pose);
+    for (int step = 0; step < kSteps; ++step) {
+      std::vector<Linearised> linear;
+      for (std::size_t k = first; k < end; ++k)
+        linear.push_back(own_.linearise(frames_[k], poses[k - first], out_.frames[k].rejected));
+      smooth(times, linear, out_.noise, input_.prior, own_.tree(), poses);
+    }
+    for (std::size_t k = first; k < end; ++k) {
+      out_.frames[k].pose = poses[k - first];
+      measure_again(k);
+    }
+  }
+
+  void measure_again(std::size_t k) {
+    TrackedFrame& frame = out_.frames[k];
+    const std::vector<std::optional<double>> now = own_.distances(frames_[k], frame.pose, frame.rejected);
+    double squares = 0, count = 0;
+    for (const auto& distance : now)
+      if (distance) squares += *distance * *distance, count += 1;
+    frame.distances = now;
+    frame.rms = count > 0 ? std::sqrt(squares / count) : 0;
+  }
+
+  const TrackInput& input_;
+  const Recording& recording_;
+  PoseFit own_, other_;
+  std::vector<std::vector<Measured>> frames_;
+  std::optional<std::size_t> last_;  ///< frame that was tracked last
+  TrackedHand out_;
+};
+
+/// Normal noise of each coordinate, for trials of the tracking.
+void add_noise(Recording& recording, double noise, unsigned seed) {
+  std::mt19937_64 random(seed);
+  std::normal_distribution<double> normal(0, noise);
+  for (auto& [name, channel] : recording.channels)
+    for (std::optional<Vec3>& point : channel.points)
+      if (point) *point += Vec3(normal(random), normal(random), normal(random));
+}
+
+/// True if both wrists are where the other one was: moving there without a swap would be far.
+bool wrists_swapped(const HandTracker& a, const HandTracker& b, std::size_t k) {
+  const auto wrist_a = a.wrist(k), wrist_b = b.wrist(k), last_a = a.last_wrist(k), last_b = b.last_wrist(k);
+  if (!wrist_a || !wrist_b || !last_a || !last_b) return false;
+  const double kept = (*wrist_a - *last_a).norm() + (*wrist_b - *last_b).norm();
+  const double swapped = (*wrist_a - *last_b).norm() + (*wrist_b - *last_a).norm();
+  return kept > swapped + kSwapDistance;
+}
+
+}  // namespace
+
+std::string_view name(FrameStatus status) {
+  switch (status) {
+    case FrameStatus::tracked:
+      return "tracked";
+    case FrameStatus::missing:
+      return "missing";
+    case FrameStatus::swapped:
+      return "swapped";
+    case FrameStatus::poor:
+      return "poor";
+  }
+  return {};
+}
+
+std::size_t TrackedHand::count(FrameStatus status) const {
+  return static_cast<std::size_t>(
+      std::count_if(frames.begin(), frames.end(), [&](const auto& frame) { return frame.status == status; }));
+}
+
+TrackResult run_track(const TrackInput& input, const std::function<void(double)>& progress) {
+  Recording recording = read_recording(input.recording);
+  if (input.noise > 0) add_noise(recording, input.noise, input.seed);
+  return run_track(input, recording, progress);
+}
+
+TrackResult run_track(const TrackInput& input, const Recording& recording,
+                      const std::function<void(double)>& progress) {
+  const double start = cpu_seconds();
+  TrackResult out;
+  out.times = recording.times;
+  out.person = input.person;
+  if (input.fit_bones && !input.markers) out.person = fit_bones(recording, input.model, input.person);
+  const hand::BuiltHand hand = hand::build_hand(input.model, out.person);
+  std::vector<HandTracker> trackers;
+  trackers.reserve(2);
+  for (const model::Side side : {model::Side::right, model::Side::left}) {
+    if (input.markers && features_of(*input.markers, input.model, side).empty()) continue;
+    trackers.emplace_back(input, recording, hand, side);
+    if (!trackers.back().any()) trackers.pop_back();
+  }
+  if (trackers.empty())
+    throw input_error(recording.file, "no point of a hand",
+                      "keypoints such as right.wrist, or --markers with the names in the recording");
+  const std::size_t count = out.times.size();
+  for (std::size_t k = 0; k < count; ++k) {
+    const bool swapped = trackers.size() == 2 && wrists_swapped(trackers[0], trackers[1], k);
+    for (HandTracker& tracker : trackers) swapped ? tracker.mark(k, FrameStatus::swapped) : tracker.track(k);
+    if (progress && k % 100 == 0) progress(static_cast<double>(k) / static_cast<double>(count));
+  }
+  for (HandTracker& tracker : trackers) {
+    tracker.finish();
+    out.hands.push_back(tracker.take());
+  }
+  out.cpu = cpu_seconds() - start;
+  for (TrackedHand& tracked : out.hands) {
+    find_overlaps(hand, tracked);
+    if (input.truth) compare(control::read_motion(*input.truth), out.times, tracked);
+  }
+  return out;
+}
+
+}  // namespace handsim::study

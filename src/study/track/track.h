@@ -1,0 +1,99 @@
+// Inverse kinematics of a recording of hands: joint angles and wrist poses over time of keypoints, markers or
+// sensors, for the person of the recording.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "handsim/study/track/bones.h"
+#include "handsim/study/track/marker_set.h"
+#include "handsim/study/track/recording.h"
+#include "handsim/study/track/smoother.h"
+
+namespace handsim::study {
+
+/// What became of a hand in a frame. Only tracked frames have angles.
+enum class FrameStatus {
+  tracked,
+  missing,  ///< too few points were seen
+  swapped,  ///< the points are those of the other hand
+  poor,     ///< no pose of the hand comes near the points
+};
+std::string_view name(FrameStatus status);
+
+struct TrackInput {
+  std::filesystem::path recording;
+  std::optional<MarkerSet> markers;  ///< absent: 21 keypoints
+  hand::HandSpec model;
+  std::filesystem::path model_file;
+  hand::Person person;
+  bool fit_bones = true;   ///< from keypoints; with markers the person is taken as it is
+  double outlier = 0.025;  ///< a point farther than this from the fit is left out [m]
+  double limit = 0.01;     ///< a frame whose RMS distance is larger is marked as poor [m]
+  bool smooth = true;
+  MotionPrior prior;
+  double noise = 0;                            ///< is added to every coordinate, for trials [m]
+  unsigned seed = 1;                           ///< of that noise
+  std::optional<std::filesystem::path> truth;  ///< joint angles with which the result is compared
+};
+
+/// One hand in one frame.
+struct TrackedFrame {
+  FrameStatus status = FrameStatus::missing;
+  HandPose pose;
+  double rms = 0;                                ///< [m]
+  std::vector<std::optional<double>> distances;  ///< by feature [m]
+  std::vector<bool> rejected;                    ///< by feature
+};
+
+/// Shapes of a hand that penetrate each other in its tracked poses.
+struct OverlapFigures {
+  std::size_t tested = 0;  ///< frames, evenly over the recording
+  std::size_t frames = 0;  ///< of those with an overlap of more than 1 mm
+  double deepest = 0;      ///< [m]
+  std::string where;       ///< `right.index_distal and right.middle_distal`
+};
+
+/// Difference from known angles.
+struct TruthFigures {
+  std::string axis;
+  double rms = 0;  ///< [rad]
+};
+
+struct TrackedHand {
+  std::string name;  ///< `right`, `left`
+  model::Side side = model::Side::right;
+  std::vector<std::string> axes;      ///< names of the angles
+  std::vector<bool> determined;       ///< by axis: a feature moves with it; the others stay where they started
+  std::vector<std::string> features;  ///< names
+  std::vector<TrackedFrame> frames;   ///< at the indices of TrackResult::times
+  OverlapFigures overlaps;
+  std::vector<TruthFigures> truth;  ///< by axis; empty without a table of known angles
+  double noise = 0;                 ///< estimated standard deviation of a coordinate [m]
+
+  std::size_t count(FrameStatus status) const;
+};
+
+struct TrackResult {
+  std::vector<double> times;  ///< [s]
+  hand::Person person;        ///< with the measured hand, if bones were fitted
+  std::vector<TrackedHand> hands;
+  double cpu = 0;  ///< CPU time of the fits [s]
+};
+
+/// @throws Error (input) for a recording that cannot be read or has no hand of the marker set.
+TrackResult run_track(const TrackInput& input, const std::function<void(double)>& progress = {});
+/// The same with a recording in memory.
+TrackResult run_track(const TrackInput& input, const Recording& recording,
+                      const std::function<void(double)>& progress = {});
+
+/// Names of the files of write_track().
+std::vector<std::string> track_files();
+/// HAND.mot, wrists.csv, frames.csv, person.yaml, scene.yaml, summary.csv, summary.json and, if gnuplot is
+/// installed, plots. @returns false if gnuplot is missing or fails.
+bool write_track(const TrackInput& input, const TrackResult& result, const std::filesystem::path& out);
+std::string track_json(const TrackInput& input, const TrackResult& result);
+
+}  // namespace handsim::study

@@ -1,0 +1,63 @@
+// The day at the bench on the command line: a run records keypoints, track follows them, inverse computes
+// torques, and a run plays the tracked scene.
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "app/program.h"
+
+namespace handsim {
+namespace {
+
+using test::contains;
+using test::Outcome;
+using test::run_program;
+using test::source;
+using test::TemporaryFolder;
+
+// Oracle: the motion that was recorded; the tracked angles lead through inverse dynamics and a run back to
+// it. 0.01 deg: the joints of ODE open by 1e-4 mm.
+TEST(DayAtTheBench, LeadsFromKeypointsToTorquesAndBack) {
+  const TemporaryFolder folder;
+  const auto path = [&](const char* name) { return (folder.path() / name).string(); };
+  ASSERT_EQ(run_program({"run", source("config/bench.yaml"), "--out", path("true"), "--quiet", "--set",
+                         "duration=0.6 s"})
+                .status,
+            0);
+  const Outcome tracked = run_program({"track", path("true/markers.csv"), "--out", path("tracked"), "--truth",
+                                       path("true/trajectory.mot"), "--person",
+                                       source("config/persons/median_woman.yaml"), "--json"});
+  ASSERT_EQ(tracked.status, 0) << tracked.err;
+  for (const nlohmann::json& hand : nlohmann::json::parse(tracked.out).at("hands")) {
+    EXPECT_EQ(hand.at("tracked"), 76);
+    EXPECT_LT(hand.at("difference_rms_deg").get<double>(), 0.01);
+  }
+  const Outcome torques =
+      run_program({"inverse", path("tracked/scene.yaml"), "--out", path("torques"), "--json", "--set",
+                   "effects=[gravity, joint_stops, passive_tissue, actuation, wrist_motion]"});
+  ASSERT_EQ(torques.status, 0) << torques.err;
+  EXPECT_LT(nlohmann::json::parse(torques.out).at("forward").at("rms_error_deg").get<double>(), 0.1);
+  const Outcome again = run_program({"run", path("tracked/scene.yaml"), "--out", path("again"), "--json"});
+  ASSERT_EQ(again.status, 0) << again.err;
+}
+
+TEST(DayAtTheBench, BadInputIsRefusedWithItsPlace) {
+  const TemporaryFolder folder;
+  const std::string out = (folder.path() / "out").string();
+  const auto expect = [](const Outcome& outcome, const char* part) {
+    EXPECT_EQ(outcome.status, 2);
+    EXPECT_TRUE(contains(outcome.err, part)) << outcome.err;
+  };
+  test::write(folder.path() / "empty.csv",
+              "time[s],right.wrist.x[m],right.wrist.y[m],right.wrist.z[m]\n0,,,\n");
+  expect(run_program({"track", (folder.path() / "empty.csv").string(), "--out", out}),
+         "no three frames that show the palm");
+  expect(run_program({"inverse", source("config/two_hands.yaml"), "--out", out}),
+         "a motion file, or programs of the scene");
+  expect(run_program({"inverse", source("config/dropped_hand.yaml"), "--motion", "x.csv", "--out", out}),
+         "a hand whose palm is not held");
+  expect(run_program({"track", "none.csv", "--out", out}), "no such file");
+}
+
+}  // namespace
+}  // namespace handsim

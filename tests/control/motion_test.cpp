@@ -1,0 +1,269 @@
+// Motion tables as trajectories: names of other programs, partial columns, couplings, stops, units, filter,
+// and wrist poses.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+
+#include <fmt/format.h>
+
+#include "handsim/control/filter.h"
+#include "handsim/control/motion_trajectory.h"
+#include "handsim/model/spline.h"
+#include "scene_files.h"
+
+namespace handsim::control {
+namespace {
+
+/// `every_pose` with a table for both hands.
+struct Played {
+  test::TemporaryFolder folder;
+  std::vector<std::string> overrides = {"criteria={}"};
+
+  explicit Played(const std::string& text, const std::string& name = "a.csv") {
+    std::ofstream(folder.path() / name) << text;
+    overrides.push_back("control.program=" + (folder.path() / name).string());
+  }
+  scene::Scene scene(const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> all = overrides;
+    all.insert(all.end(), more.begin(), more.end());
+    return test::shipped_scene("every_pose", all);
+  }
+  std::vector<std::string> problems(const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> out;
+    try {
+      scene(more);
+    } catch (const Error& error) {
+      for (const Problem& problem : error.problems()) out.push_back(problem.text());
+    }
+    return out;
+  }
+};
+
+/// Target of an axis of a hand at a time [deg].
+double target(const scene::Scene& scene, std::size_t hand, const std::string& axis, double time) {
+  const HandAxes axes = hand_axes(scene.model, scene.model.hands[hand]);
+  const Trajectory& trajectory = scene.control->hands[hand].trajectory;
+  std::vector<double> row(trajectory.width());
+  trajectory.at(time, row);
+  for (std::size_t i = 0; i < row.size(); ++i)
+    if (axes.axes[i].name() == axis) return row[i] / kDegree;
+  ADD_FAILURE() << axis;
+  return 0;
+}
+
+void expect_one(const std::vector<std::string>& texts, const std::vector<std::string>& parts) {
+  for (const std::string& text : texts)
+    if (std::all_of(parts.begin(), parts.end(),
+                    [&](const std::string& part) { return text.find(part) != std::string::npos; }))
+      return;
+  std::string all;
+  for (const std::string& text : texts) all += text + "\n";
+  ADD_FAILURE() << parts.front() << " not in:\n" << all;
+}
+
+// Oracle: the numbers of the table; an axis without a column keeps the start angle, and a warning names it.
+TEST(MotionTable, PartialColumnsHoldTheOthersAtTheStart) {
+  const Played played("time[s],index_mcp.flexion[deg]\n0,10\n1,30\n");
+  const scene::Scene scene = played.scene({"hands.0.pose={ring_pip: 25 deg}"});
+  EXPECT_NEAR(target(scene, 0, "index_mcp.flexion", 0.5), 20, 1e-12);
+  EXPECT_NEAR(target(scene, 1, "index_mcp.flexion", 0.5), 20, 1e-12);
+  EXPECT_NEAR(target(scene, 0, "ring_pip.flexion", 0.5), 25, 1e-12);
+  expect_one(scene.warnings, {"no column for thumb_cmc.flexion", "hand right", "held at the start angle"});
+}
+
+// Oracle: the coupling, 2/3 of the PIP angle plus 5 deg; a column of the table comes before it.
+TEST(MotionTable, AnAxisWithoutAColumnFollowsItsCoupling) {
+  const Played played(
+      "time[s],index_pip.flexion[deg],ring_pip.flexion[deg],ring_dip.flexion[deg]\n0,30,30,7\n");
+  const std::string couplings =
+      "control.motion.names={columns: {}, couplings: {index_dip.flexion: {axis: index_pip.flexion, ratio: "
+      "0.5, "
+      "offset: 5 deg}, ring_dip.flexion: {axis: ring_pip.flexion}}}";
+  const scene::Scene scene = played.scene({couplings});
+  EXPECT_NEAR(target(scene, 0, "index_dip.flexion", 0), 20, 1e-12);
+  EXPECT_NEAR(target(scene, 0, "ring_dip.flexion", 0), 7, 1e-12);
+}
+
+// Oracle: sign and offset of the file of names.
+TEST(MotionTable, NamesOfOtherProgramsHaveSignAndOffset) {
+  const Played played("time[s],a[deg],b[deg],extra[deg]\n0,10,20,1\n");
+  const scene::Scene scene = played.scene(
+      {"control.motion.names={columns: {a: right.index_mcp.flexion, b: {axis: thumb_mcp.flexion, sign: "
+       "-1, offset: 45 deg}}}"});
+  EXPECT_NEAR(target(scene, 0, "index_mcp.flexion", 0), 10, 1e-12);
+  EXPECT_NEAR(target(scene, 1, "index_mcp.flexion", 0), 0, 1e-12);
+  EXPECT_NEAR(target(scene, 1, "thumb_mcp.flexion", 0), 25, 1e-12);
+  expect_one(scene.warnings, {"a.csv:1:1", "does not use: extra"});
+}
+
+// Oracle: the axes of the anatomical hand; every name of a shipped map reaches one, or the wrist, which this
+// scene has no joint for.
+TEST(MotionTable, ShippedNamesReachTheAxesOfTheHand) {
+  struct Case {
+    const char *file, *column, *axis;
+    double sign;
+  };
+  const Case cases[] = {{"names_arms", "2mcp_flexion", "index_mcp.flexion", 1},
+                        {"names_das", "5md_flexion", "little_dip.flexion", 1},
+                        {"names_myohand", "mcp4_abduction", "ring_mcp.abduction", -1},
+                        {"names_myohand", "mp_flexion", "thumb_mcp.flexion", -1}};
+  for (const Case& each : cases) {
+    const Played played(std::string("time[s],") + each.column + "[deg]\n0," + (each.sign > 0 ? "8" : "-8") +
+                        "\n");
+    const scene::Scene scene = played.scene(
+        {std::string("control.motion.names=") + HANDSIM_SOURCE_DIR "/controllers/" + each.file + ".yaml"});
+    EXPECT_NEAR(target(scene, 0, each.axis, 0), 8, 1e-12) << each.column;
+  }
+  for (const char* file : {"names_arms", "names_das", "names_myohand"}) {
+    Diagnostics diagnostics;
+    YamlNode root = load_yaml(std::string(HANDSIM_SOURCE_DIR "/controllers/") + file + ".yaml");
+    const MotionNames names = read_motion_names(root, "", diagnostics);
+    const scene::Scene scene =
+        test::shipped_scene("every_pose", {"hands.0.wrist.mount=universal", "criteria={}"});
+    const HandAxes axes = hand_axes(scene.model, scene.model.hands[0]);
+    EXPECT_EQ(names.columns.size(), axes.axes.size());
+    for (const auto& [column, name] : names.columns)
+      EXPECT_TRUE(std::any_of(axes.axes.begin(), axes.axes.end(), [&, &to = name.axis](const HandAxis& axis) {
+        return axis.name() == to;
+      })) << name.axis;
+  }
+}
+
+// Oracle: the range of the PIP, 0 to 100 deg; seven samples are beyond it.
+TEST(MotionTable, SamplesBeyondTheStopsAreRefusedWithPlacesOrClampedWithACount) {
+  std::string text = "time[s],right.index_pip.flexion[deg],left.index_pip.flexion[deg]\n";
+  for (int i = 0; i < 10; ++i) text += std::to_string(i) + (i < 7 ? ",120,50\n" : ",90,50\n");
+  const Played played(text);
+  const std::vector<std::string> problems = played.problems();
+  ASSERT_EQ(problems.size(), 5U);
+  expect_one(problems, {"a.csv:2:1", "right.index_pip.flexion", "120 deg at 0 s", "0 to 100 deg"});
+  expect_one(problems, {"a.csv:6:1", "and 2 more"});
+  const scene::Scene scene = played.scene({"control.motion.clamp=true"});
+  EXPECT_NEAR(target(scene, 0, "index_pip.flexion", 3), 100, 1e-12);
+  expect_one(scene.warnings, {"7 angles of hand right", "up to 20 deg", "moved to the stop"});
+}
+
+TEST(MotionTable, UnitsThatCannotBeAreToldApart) {
+  const char* head = "a\nversion=1\nnRows=2\nnColumns=2\ninDegrees=";
+  const char* rows = "\nendheader\ntime\tindex_mcp.flexion\n0\t10\n1\t80\n";
+  expect_one(Played(head + std::string("no") + rows, "a.mot").problems(),
+             {"angles up to 80", "radians", "look like degrees", "inDegrees=yes"});
+  EXPECT_TRUE(Played(head + std::string("yes") + rows, "a.mot").problems().empty());
+  const Played small("time[s],index_mcp.flexion[deg]\n0,0.1\n1,1.4\n");
+  expect_one(small.scene().warnings, {"no angle is above 1.4 deg", "are these radians?"});
+}
+
+TEST(MotionTable, ATableOfAnotherHandIsRefused) {
+  expect_one(Played("time[s],right.index_mcp.flexion[deg]\n0,1\n").problems(),
+             {"left", "no column of an axis of this hand"});
+  expect_one(Played("time[s],index_flexion[deg]\n0,1\n").problems(), {"unused columns: index_flexion"});
+}
+
+// Oracle: the amplitude response of a Butterworth filter of order two, twice: 1 / (1 + (f / fc')^4) with fc'
+// = fc / (sqrt(2) - 1)^(1/4), so 1/sqrt(2) at the cut-off; no delay. 1 %: the bilinear transform bends the
+// frequency axis by (pi f h)^2 / 3.
+TEST(LowPass, HasTheResponseOfAButterworthFilterWithoutDelay) {
+  constexpr double kStep = 1e-3, kCutoff = 6;
+  for (const double frequency : {1.0, 6.0, 20.0}) {
+    std::vector<double> values;
+    for (int i = 0; i < 10'000; ++i) values.push_back(std::sin(2 * M_PI * frequency * i * kStep));
+    low_pass(values, kStep, kCutoff);
+    double sine = 0, cosine = 0;
+    for (int i = 3000; i < 7000; ++i) {
+      sine += values[static_cast<std::size_t>(i)] * std::sin(2 * M_PI * frequency * i * kStep) / 2000;
+      cosine += values[static_cast<std::size_t>(i)] * std::cos(2 * M_PI * frequency * i * kStep) / 2000;
+    }
+    const double ratio = std::pow(frequency / kCutoff, 4) * (std::sqrt(2.0) - 1);
+    EXPECT_NEAR(sine, 1 / (1 + ratio), 0.01 / (1 + ratio)) << frequency;
+    EXPECT_NEAR(cosine, 0, 1e-3);
+  }
+}
+
+// Oracle: a straight line and the first and last value of any series are kept.
+TEST(LowPass, KeepsStraightLines) {
+  std::vector<double> line;
+  for (int i = 0; i < 100; ++i) line.push_back(0.3 + 0.01 * i);
+  std::vector<double> filtered = line;
+  low_pass(filtered, 0.01, 5);
+  for (std::size_t i = 0; i < line.size(); ++i) EXPECT_NEAR(filtered[i], line[i], 2e-3);
+}
+
+// Oracle: sin t and its derivatives; the spline's errors fall with h^4, h^3, h^2 away from the ends.
+TEST(CubicSpline, FollowsValueRateAndAcceleration) {
+  const auto error = [](double step) {
+    std::vector<double> times, values;
+    for (double t = 0; t < 6.3; t += step) times.push_back(t), values.push_back(std::sin(t));
+    const model::CubicSpline spline(times, values, 1);
+    double y = 0, dy = 0, ddy = 0, worst = 0;
+    for (double t = 2; t < 4; t += 0.01) {
+      spline.at(t, {&y, 1}, {&dy, 1}, {&ddy, 1});
+      worst = std::max(
+          {worst, std::abs(y - std::sin(t)), std::abs(dy - std::cos(t)), std::abs(ddy + std::sin(t))});
+    }
+    return worst;
+  };
+  const double coarse = error(0.1), fine = error(0.05);
+  EXPECT_LT(coarse, 2e-3);
+  EXPECT_NEAR(coarse / fine, 4, 0.8);
+}
+
+model::PoseMotion wrist(const std::string& text, const std::string& hand = "right") {
+  const test::TemporaryFolder folder;
+  std::ofstream(folder.path() / "w.csv") << text;
+  return read_pose_table(folder.path() / "w.csv", hand);
+}
+
+// Oracle: one rotation of 90 deg about z, written in three ways.
+TEST(WristTable, ReadsQuaternionsRotationVectorsAndAxesWithAngles) {
+  const Quat quarter(Eigen::AngleAxisd(M_PI / 2, Vec3::UnitZ()));
+  const std::string position = "time[s],right.wrist.x[mm],right.wrist.y[mm],right.wrist.z[mm],";
+  for (const std::string& rotation :
+       {std::string("right.wrist.qw,right.wrist.qx,right.wrist.qy,right.wrist.qz\n0,100,200,300,0."
+                    "7071067811865476,0,0,"
+                    "0.7071067811865476\n"),
+        std::string("right.wrist.rx[deg],right.wrist.ry[deg],right.wrist.rz[deg]\n0,100,200,300,0,0,90\n"),
+        std::string("right.wrist.axis.x,right.wrist.axis.y,right.wrist.axis.z,right.wrist.angle[deg]\n0,100,"
+                    "200,300,0,0,"
+                    "2,90\n")}) {
+    const Pose pose = wrist(position + rotation).at(0);
+    EXPECT_LT((pose.p - Vec3(0.1, 0.2, 0.3)).norm(), 1e-15);
+    EXPECT_LT(pose.q.angularDistance(quarter), 1e-12) << rotation;
+  }
+  EXPECT_THROW(wrist(position + "right.wrist.qw\n0,0,0,0,1\n"), Error);
+  EXPECT_THROW(
+      wrist(position + "right.wrist.qw,right.wrist.qx,right.wrist.qy,right.wrist.qz\n0,0,0,0,2,0,0,0\n"),
+      Error);
+  EXPECT_THROW(wrist("time[s],x[m],y[m]\n0,0,0\n"), Error);
+}
+
+// Oracle: a circle; between samples 0.1 s apart the spline is nearer than straight lines by far.
+TEST(WristTable, JoinsSamplesSmoothly) {
+  std::string text = "time[s],x[m],y[m],z[m],rx[rad],ry[rad],rz[rad]\n";
+  for (int i = 0; i <= 60; ++i) {
+    const double t = 0.1 * i;
+    text += fmt::format("{},{},{},0,0,0,{}\n", t, std::cos(t), std::sin(t), t);
+  }
+  const model::PoseMotion motion = wrist(text);
+  for (double t = 1; t < 5; t += 0.013) {
+    EXPECT_LT((motion.at(t).p - Vec3(std::cos(t), std::sin(t), 0)).norm(), 2e-6);
+    EXPECT_LT(motion.at(t).q.angularDistance(Quat(Eigen::AngleAxisd(t, Vec3::UnitZ()))), 2e-6);
+  }
+}
+
+// A scene's wrist that follows a table; oracle: the same poses as keyframes with straight lines between them.
+TEST(WristTable, DrivesAHandOfAScene) {
+  const test::TemporaryFolder folder;
+  std::ofstream(folder.path() / "w.csv") << "time[s],x[m],y[m],z[m]\n0,0.1,0,0.2\n1,0.3,0,0.2\n";
+  const scene::Scene scene = test::shipped_scene(
+      "every_pose",
+      {"hands.0.wrist={mount: driven, motion: {table: " + (folder.path() / "w.csv").string() + "}}",
+       "effects=[gravity, joint_stops, passive_tissue, actuation, wrist_motion]"});
+  ASSERT_EQ(scene.model.drives.size(), 1U);
+  EXPECT_LT((scene.model.drives[0].motion.at(0.25).p - Vec3(0.15, 0, 0.2)).norm(), 1e-12);
+  ASSERT_EQ(scene.inputs.size(), 1U);
+  EXPECT_EQ(scene.inputs[0].copy, "inputs/w.csv");
+}
+
+}  // namespace
+}  // namespace handsim::control

@@ -1,0 +1,140 @@
+#include "handsim/study/inverse/inverse.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+#include "handsim/control/gravity.h"
+#include "handsim/model/inverse_dynamics.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/model/newton_euler.h"
+#include "scene_files.h"
+#include "smooth_motion.h"
+
+namespace handsim::study {
+namespace {
+
+/// Two hands with moving wrists, without their own control.
+scene::Scene hands(const std::vector<std::string>& more = {}) {
+  std::vector<std::string> all = {"criteria={}"};
+  all.insert(all.end(), more.begin(), more.end());
+  return test::shipped_scene("every_pose", all);
+}
+
+InverseInput smooth_input(const scene::Scene& scene, const test::TemporaryFolder& folder) {
+  InverseInput input;
+  input.motion = folder.path() / "motion.csv";
+  test::write_smooth_motion(*input.motion, scene.model);
+  input.options.filter = 6;
+  return input;
+}
+
+// Oracle: the motion itself. A simulation with the torques alone, without any feedback, stays on it for five
+// seconds; the bound is the goal.
+TEST(Inverse, ForwardSimulationReturnsToTheMotion) {
+  const test::TemporaryFolder folder;
+  for (const char* engine : {"solver.engine=ode", "solver.engine=articulated"}) {
+    const scene::Scene scene = hands({"solver={}", engine, "solver.step=1 ms"});
+    const InverseResult result = run_inverse(scene, smooth_input(scene, folder));
+    ASSERT_FALSE(result.fault) << *result.fault;
+    EXPECT_EQ(result.rows.size(), 5000U);
+    EXPECT_LT(result.rms_error, 0.01 * kDegree) << engine;
+    EXPECT_GT(result.axes[4].largest_torque, 0.005) << result.axes[4].name;
+  }
+}
+
+// Oracle: statics. Hands at rest need the torque of their weight, which the gravity compensation of the
+// controller computes in another way, less that of their tissue.
+TEST(Inverse, HandsAtRestNeedTheirWeightAndTissue) {
+  const test::TemporaryFolder folder;
+  std::ofstream(folder.path() / "rest.csv") << "time[s],index_mcp.flexion[deg]\n0,20\n0.1,20\n";
+  const scene::Scene scene = hands();
+  InverseInput input;
+  input.motion = folder.path() / "rest.csv";
+  input.forward = false;
+  const InverseResult result = run_inverse(scene, input);
+  const InverseRow& row = result.rows[50];
+  model::State state = model::initial_state(scene.model);
+  model::place_joints(scene.model, row.q, std::vector<double>(row.q.size(), 0.0), state);
+  control::GravityLoad load(scene.model, scene.model.gravity);
+  const std::span<const double> weight = load.torques(state);
+  for (const InverseAxis& axis : result.axes) {
+    EXPECT_NEAR(row.moment[axis.dof], weight[axis.dof], 1e-12) << axis.name;
+    if (axis.name == "right.index_mcp.flexion") {
+      EXPECT_NEAR(row.passive[axis.dof], -0.039 * (20 - 45) * kDegree, 1e-12);
+    }
+  }
+}
+
+// Oracle: a force at a point of the fingertip changes the torques by minus its moment about each axis.
+TEST(Inverse, LoadsActWithTheirMoments) {
+  const test::TemporaryFolder folder;
+  std::ofstream(folder.path() / "rest.csv") << "time[s],index_mcp.flexion[deg]\n0,0\n0.1,0\n";
+  std::ofstream(folder.path() / "loads.csv")
+      << "time[s],body,x[m],y[m],z[m],force.x[N],force.y[N],force.z[N]\n"
+      << "0,right.index_distal,0.1,0.05,0.2,1,2,3\n";
+  const scene::Scene scene = hands();
+  InverseInput input;
+  input.motion = folder.path() / "rest.csv";
+  input.forward = false;
+  const InverseResult without = run_inverse(scene, input);
+  input.loads = folder.path() / "loads.csv";
+  const InverseResult with = run_inverse(scene, input);
+  const model::State state = model::state_at(scene.model, with.rows[9].q);
+  std::size_t moved = 0;
+  for (const model::Joint& joint : scene.model.joints) {
+    const auto dof = static_cast<std::size_t>(joint.first_dof);
+    const model::BodyState& parent = state.bodies[static_cast<std::size_t>(joint.parent)];
+    const Vec3 anchor = parent.pose() * joint.parent_frame.p;
+    const Vec3 axis = parent.q * (joint.parent_frame.q * joint.axes[0].axis);
+    const bool loaded = joint.name.starts_with("right.index_");
+    const double moment = loaded ? (Vec3(0.1, 0.05, 0.2) - anchor).cross(Vec3(1, 2, 3)).dot(axis) : 0;
+    EXPECT_NEAR(with.rows[9].moment[dof] - without.rows[9].moment[dof], -moment, 1e-12) << joint.name;
+    moved += loaded ? 1 : 0;
+  }
+  EXPECT_EQ(moved, 3U);
+  std::ofstream(folder.path() / "loads.csv")
+      << "time[s],body,x[m],y[m],z[m],force.x[N],force.y[N],force.z[N]\n"
+      << "0,right.index_dital,0,0,0,1,2,3\n";
+  EXPECT_THROW(run_inverse(scene, input), Error);
+}
+
+// Oracle: the rate of change of momentum of all bodies beyond each joint between two states, computed body by
+// body from their velocities; first order in the time between them.
+TEST(NewtonEuler, AgreesWithTheChangeOfMomentum) {
+  const scene::Scene scene = hands({"hands.0.wrist.mount=universal"});
+  const model::Model& model = scene.model;
+  const auto n = static_cast<std::size_t>(model.dof_count());
+  std::vector<double> q(n), u(n), a(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const double x = static_cast<double>(i);
+    q[i] = 0.3 + 0.2 * std::sin(x), u[i] = 2 * std::cos(2 * x), a[i] = 10 * std::sin(3 * x);
+  }
+  const auto state_at = [&](double t) {
+    std::vector<double> angles(n), rates(n);
+    for (std::size_t i = 0; i < n; ++i)
+      angles[i] = q[i] + u[i] * t + 0.5 * a[i] * t * t, rates[i] = u[i] + a[i] * t;
+    model::State out = model::initial_state(model);
+    model::place_joints(model, angles, rates, out);
+    out.time = t;
+    return out;
+  };
+  model::NewtonEuler dynamics(model, model.gravity);
+  dynamics.set_roots(state_at(0), 0);
+  dynamics.place(q, u, a);
+  const std::span<const double> torques = dynamics.torques();
+  // A central difference of the momentum removes the first order.
+  const std::vector<double> before =
+      model::inverse_dynamics(model, state_at(-1e-5), state_at(0), model.gravity);
+  const std::vector<double> after =
+      model::inverse_dynamics(model, state_at(0), state_at(1e-5), model.gravity);
+  double largest = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    EXPECT_NEAR(torques[i], 0.5 * (before[i] + after[i]), 2e-6 + 1e-4 * std::abs(torques[i])) << i;
+    largest = std::max(largest, std::abs(torques[i]));
+  }
+  EXPECT_GT(largest, 0.05);
+}
+
+}  // namespace
+}  // namespace handsim::study

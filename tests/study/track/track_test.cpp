@@ -1,0 +1,208 @@
+#include "handsim/study/track/track.h"
+
+#include <gtest/gtest.h>
+
+#include "study/track/synthetic_recording.h"
+
+namespace handsim::study {
+namespace {
+
+using test::MovingHand;
+
+hand::Person other_person(const TrackInput& input) {
+  hand::Person out = input.person;
+  out.hand_length = 0.178;
+  out.hand_breadth = 0.081;
+  out.bones["index_proximal"] = 0.049;
+  return out;
+}
+
+/// RMS and largest error of the angles of all tracked frames [rad].
+struct AngleError {
+  double rms = 0, flexion_rms = 0, largest = 0;
+};
+
+AngleError error_of(const TrackResult& result, std::size_t hand, const MovingHand& truth) {
+  AngleError out;
+  double count = 0, flexions = 0;
+  for (std::size_t k = 0; k < result.times.size(); ++k) {
+    const TrackedFrame& frame = result.hands[hand].frames[k];
+    if (frame.status != FrameStatus::tracked) continue;
+    const HandPose expected = truth.pose(result.times[k]);
+    for (std::size_t i = 0; i < expected.angles.size(); ++i) {
+      const double error = frame.pose.angles[i] - expected.angles[i];
+      out.largest = std::max(out.largest, std::abs(error));
+      out.rms += error * error;
+      count += 1;
+      const TreeAxis& axis = truth.tree.axes()[i];
+      if (!axis.flexion || axis.name.starts_with("thumb")) continue;
+      out.flexion_rms += error * error;
+      flexions += 1;
+    }
+  }
+  out.rms = std::sqrt(out.rms / count);
+  out.flexion_rms = std::sqrt(out.flexion_rms / flexions);
+  return out;
+}
+
+// Oracle: the angles from which the keypoints were computed, of a hand whose size the tracker has to find.
+TEST(Track, ExactKeypointsGiveTheAnglesBack) {
+  const TrackInput input = test::shipped_input();
+  std::mt19937 random(1);
+  for (const model::Side side : {model::Side::right, model::Side::left}) {
+    const std::string name = side == model::Side::right ? "right" : "left";
+    MovingHand truth(input, other_person(input), side);
+    Recording recording;
+    recording.times = test::frame_times(200, 50);
+    truth.record(name, 0, random, recording);
+    const TrackResult result = run_track(input, recording);
+    ASSERT_EQ(result.hands.size(), 1U);
+    EXPECT_EQ(result.hands[0].name, name);
+    EXPECT_EQ(result.hands[0].count(FrameStatus::tracked), 200U);
+    EXPECT_LT(error_of(result, 0, truth).largest, 1e-6);
+    EXPECT_NEAR(*result.person.hand_length, 0.178, 1e-9);
+    EXPECT_NEAR(*result.person.hand_breadth, 0.081, 1e-9);
+    EXPECT_NEAR(result.person.bones.at("index_proximal"), 0.049, 1e-9);
+  }
+}
+
+// Oracle: the angles before noise was added. The bound is the goal, 2 deg.
+TEST(Track, TwoMillimetresOfNoiseGiveTwoDegreesAtTheFlexionAxes) {
+  const TrackInput input = test::shipped_input();
+  std::mt19937 random(2);
+  MovingHand right(input, other_person(input), model::Side::right);
+  MovingHand left(input, other_person(input), model::Side::left);
+  Recording recording;
+  recording.times = test::frame_times(600, 120);
+  right.record("right", 0.002, random, recording);
+  left.record("left", 0.002, random, recording);
+  const TrackResult result = run_track(input, recording);
+  ASSERT_EQ(result.hands.size(), 2U);
+  for (std::size_t h = 0; h < 2; ++h) {
+    const AngleError error = error_of(result, h, h == 0 ? right : left);
+    EXPECT_EQ(result.hands[h].count(FrameStatus::tracked), 600U);
+    EXPECT_LT(error.flexion_rms, 2 * kDegree);
+    EXPECT_NEAR(result.hands[h].noise, 0.002, 2e-4);
+  }
+  std::printf("flexion RMS %.3f %.3f deg, cpu %.3f s for %zu frames; person %.4f %.4f\n",
+              error_of(result, 0, right).flexion_rms / kDegree,
+              error_of(result, 1, left).flexion_rms / kDegree, result.cpu, 2 * result.times.size(),
+              *result.person.hand_length, *result.person.hand_breadth);
+}
+
+// Oracle: the frames that were taken away, exchanged, or spoilt below; all others are tracked.
+TEST(Track, FramesWithoutAHandOrWithSwappedHandsAreMarked) {
+  const TrackInput input = test::shipped_input();
+  std::mt19937 random(3);
+  MovingHand right(input, other_person(input), model::Side::right);
+  MovingHand left(input, other_person(input), model::Side::left);
+  Recording recording;
+  recording.times = test::frame_times(120, 60);
+  right.record("right", 0.001, random, recording);
+  left.record("left", 0.001, random, recording);
+  for (auto& [channel, values] : recording.channels) {
+    if (channel.starts_with("right")) values.points[40].reset();
+    // One wild point and three that are not seen do not spoil a frame.
+    if (channel == "right.index_tip") *values.points[60] += Vec3(0.2, 0, 0);
+    if (channel.starts_with("right.middle_") && channel != "right.middle_mcp") values.points[70].reset();
+    if (channel.starts_with("left"))
+      std::swap(values.points[80], recording.channels["right" + channel.substr(4)].points[80]);
+  }
+  const TrackResult result = run_track(input, recording);
+  for (std::size_t h = 0; h < 2; ++h)
+    for (std::size_t k = 0; k < 120; ++k) {
+      const FrameStatus expected = k == 80             ? FrameStatus::swapped
+                                   : h == 0 && k == 40 ? FrameStatus::missing
+                                                       : FrameStatus::tracked;
+      EXPECT_EQ(name(result.hands[h].frames[k].status), name(expected)) << result.hands[h].name << k;
+    }
+  EXPECT_LT(error_of(result, 0, right).flexion_rms, 2 * kDegree);
+  const auto& rejected = result.hands[0].frames[60].rejected;
+  EXPECT_EQ(std::count(rejected.begin(), rejected.end(), true), 1);
+  EXPECT_TRUE(rejected[8]);
+}
+
+// A left hand under the name of the right one, from the first frame on: only its shape tells. Oracle: the
+// side.
+TEST(Track, AHandUnderTheNameOfTheOtherIsMarkedByItsShape) {
+  const TrackInput input = test::shipped_input();
+  std::mt19937 random(4);
+  MovingHand left(input, other_person(input), model::Side::left);
+  Recording recording;
+  recording.times = test::frame_times(60, 30);
+  left.record("right", 0.001, random, recording);
+  const TrackResult result = run_track(input, recording);
+  EXPECT_EQ(result.hands[0].count(FrameStatus::swapped), 60U);
+}
+
+// Oracle: the angles from which the sensors' orientations were computed; their mounting is known.
+TEST(Track, SensorsOfAGloveGiveTheAnglesBack) {
+  TrackInput input = test::shipped_input();
+  input.fit_bones = false;
+  input.markers.emplace();
+  MovingHand truth(input, input.person, model::Side::right);
+  Recording recording;
+  recording.times = test::frame_times(100, 100);
+  std::vector<std::string> segments = {"palm"};
+  for (const hand::SegmentSpec& segment : input.model.segments) segments.push_back(segment.name);
+  for (const std::string& segment : segments)
+    input.markers->markers.push_back({"s_" + segment,
+                                      model::Side::right,
+                                      segment,
+                                      Vec3::Zero(),
+                                      rotation_quaternion({0.3, -0.2, 0.5}),
+                                      Feature::Kind::orientation,
+                                      {}});
+  const std::vector<Feature> features = features_of(*input.markers, input.model, model::Side::right);
+  for (const double time : recording.times) {
+    const HandPose pose = truth.pose(time);
+    truth.tree.place(pose.angles);
+    for (const Feature& feature : features) {
+      recording.channels[feature.name].points.emplace_back();
+      recording.channels[feature.name].orientations.push_back(pose.wrist.q * truth.tree.orientation(feature));
+    }
+  }
+  const TrackResult result = run_track(input, recording);
+  EXPECT_EQ(result.hands.at(0).count(FrameStatus::tracked), 100U);
+  EXPECT_LT(error_of(result, 0, truth).largest, 1e-6);
+}
+
+// Markers on the palm and the index finger alone: its joints, and no others, are determined. Oracle: the
+// angles.
+TEST(Track, AxesThatNoMarkerDeterminesAreNotInvented) {
+  TrackInput input = test::shipped_input();
+  input.markers.emplace();
+  MovingHand truth(input, input.person, model::Side::right);
+  Recording recording;
+  recording.times = test::frame_times(50, 50);
+  const auto add = [&](const std::string& name, const std::string& segment, const Vec3& at) {
+    input.markers->markers.push_back(
+        {name, model::Side::right, segment, at, Quat::Identity(), Feature::Kind::point, {}});
+  };
+  add("a", "palm", {0, 0, 0.01});
+  add("b", "palm", {0.03, 0.08, 0.01});
+  add("c", "palm", {-0.03, 0.07, 0.01});
+  add("d", "index_proximal", {0, 0.02, 0.01});
+  add("e", "index_middle", {0, 0.01, 0.01});
+  add("f", "index_distal", {0, 0.01, 0.01});
+  const std::vector<Feature> features = features_of(*input.markers, input.model, model::Side::right);
+  for (const double time : recording.times) {
+    const HandPose pose = truth.pose(time);
+    truth.tree.place(pose.angles);
+    for (const Feature& feature : features) {
+      recording.channels[feature.name].points.push_back(pose.wrist * truth.tree.point(feature));
+      recording.channels[feature.name].orientations.emplace_back();
+    }
+  }
+  const TrackedHand hand = run_track(input, recording).hands.at(0);
+  EXPECT_EQ(hand.count(FrameStatus::tracked), 50U);
+  for (std::size_t i = 0; i < hand.axes.size(); ++i) {
+    EXPECT_EQ(hand.determined[i], hand.axes[i].starts_with("index")) << hand.axes[i];
+    if (hand.determined[i]) {
+      EXPECT_NEAR(hand.frames[20].pose.angles[i], truth.pose(0.4).angles[i], 1e-6);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace handsim::study
