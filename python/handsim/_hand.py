@@ -82,6 +82,10 @@ class Hand:
         """The hand as URDF, with a fixed palm. :raises Error: of kind input for a hand model with meshes"""
         return self.scene.to_urdf()
 
+    def to_osim(self) -> str:
+        """The hand as .osim, OpenSim 4's format, with a fixed palm."""
+        return self.scene.to_osim()
+
     def draw(self, *, size: Optional[tuple[int, int]] = None, view: Optional[str] = None,
              camera: Optional[Camera] = None) -> Picture:
         """A picture, from the back of the hand; options as in `Scene.draw`."""

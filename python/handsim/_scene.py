@@ -215,6 +215,10 @@ class Scene:
         """The model as URDF. :raises Error: of kind input for what URDF cannot express, e.g. meshes and ball joints"""
         return self._core.to_urdf()
 
+    def to_osim(self) -> str:
+        """The model as .osim, OpenSim 4's format. :raises Error: of kind input for what OpenSim cannot express, e.g. loops"""
+        return self._core.to_osim()
+
     def __reduce__(self) -> tuple[Any, ...]:
         return _unpickle, (self._core.standalone(),)
 

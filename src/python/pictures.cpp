@@ -89,14 +89,17 @@ py::array_t<std::uint8_t> sheet(const std::vector<Pixels>& pictures, const std::
 
 py::list draw_all(const scene::Scene& scene, std::vector<simulation::Moment> moments,
                   const PictureChoice& choice) {
-  const scene::PictureSpec spec = chosen(scene.spec.pictures, choice);
+  scene::Scene shown = scene;
+  shown.spec.pictures = chosen(scene.spec.pictures, choice);
   std::vector<output::Image> images;
   Signals signals;
   without_gil([&] {
-    simulation::draw(scene.model, spec, moments, [&](std::size_t, const output::Image& image) {
-      images.push_back(image);
-      signals.poll(0);
-    });
+    simulation::draw(
+        shown, moments, {}, [](std::size_t, const output::Image&) {},
+        [&](std::size_t, const simulation::Picture& picture) {
+          images.push_back(picture.image);
+          signals.poll(0);
+        });
     return 0;
   });
   py::list out;

@@ -61,6 +61,8 @@ std::vector<std::string> driven_wrists(const SceneHandle& of) {
   return out;
 }
 
+const control::Plan* plan(const SceneHandle& of) { return of.scene->control ? &*of.scene->control : nullptr; }
+
 /// Of objects that move.
 std::vector<std::string> objects(const SceneHandle& of) {
   std::vector<std::string> out;
@@ -114,9 +116,15 @@ void bind_scene(py::module_& module) {
       .def("hands", [](const SceneHandle& of) { return names(of.scene->model.hands); })
       .def("coordinates", [](const SceneHandle& of) { return output::coordinate_names(of.scene->model); })
       .def("to_mjcf",
-           [](const SceneHandle& of) { return output::to_mjcf(of.scene->model, of.scene->spec.solver); })
+           [](const SceneHandle& of) {
+             return output::to_mjcf(of.scene->model, of.scene->spec.solver, plan(of));
+           })
       .def("to_urdf",
-           [](const SceneHandle& of) { return output::to_urdf(of.scene->model, of.scene->spec.solver); });
+           [](const SceneHandle& of) {
+             return output::to_urdf(of.scene->model, of.scene->spec.solver, plan(of));
+           })
+      .def("to_osim",
+           [](const SceneHandle& of) { return output::to_osim(of.scene->model, of.scene->spec.solver); });
   bound.def_property_readonly("title", [](const SceneHandle& of) { return of.scene->spec.title; })
       .def_property_readonly("duration", [](const SceneHandle& of) { return of.scene->spec.duration; })
       .def_property_readonly("step", [](const SceneHandle& of) { return of.scene->spec.solver.step; })

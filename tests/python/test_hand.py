@@ -65,6 +65,7 @@ def test_the_export_weighs_as_much(hand):
     masses = [float(each.get("mass")) for each in root.findall(".//inertial")]
     assert sum(masses) == pytest.approx(hand.dimensions["mass[kg]"], rel=1e-9)
     assert ET.fromstring(hand.to_urdf()).tag == "robot"
+    assert ET.fromstring(hand.to_osim()).tag == "OpenSimDocument"
     again = pickle.loads(pickle.dumps(hand))
     assert again.dimensions == hand.dimensions and again.to_mjcf() == hand.to_mjcf()
 
