@@ -251,7 +251,7 @@ class Checker {
       for (std::size_t j = 0; j < i; ++j)
         if (path.arms[j].dof == arm.dof)
           add(name + ".arms", fmt::format("coordinate {} twice", arm.dof), "each coordinate once");
-      for (const double c : arm.c) check_range(name + ".arms", c, -kSizeMax, kSizeMax, "m");
+      for (const double c : arm.c) check_range({name, ".arms"}, c, -kSizeMax, kSizeMax, "m");
     }
     const int arms = static_cast<int>(path.arms.size());
     for (const ArmProduct& each : path.products)
@@ -263,22 +263,22 @@ class Checker {
 
   void check_muscle(const Muscle& muscle) {
     check_path(muscle.name, muscle.path);
-    check_range(muscle.name + ".force", muscle.force, 1e-6, 1e6, "N");
-    check_range(muscle.name + ".fibre_length", muscle.fibre_length, 1e-5, kSizeMax, "m");
-    check_range(muscle.name + ".length", muscle.length, 0, kSizeMax, "m");
-    check_range(muscle.name + ".slack_length", muscle.slack_length, 0, kSizeMax, "m");
-    check_range(muscle.name + ".pennation", muscle.pennation, 0, 1.4, "rad");
-    check_range(muscle.name + ".activation_time", muscle.activation_time, 1e-6, 10, "s");
-    check_range(muscle.name + ".deactivation_time", muscle.deactivation_time, 1e-6, 10, "s");
-    check_range(muscle.name + ".max_speed", muscle.max_speed, 0.01, 1e3, "1/s");
-    check_range(muscle.name + ".initial", muscle.initial, 0, 1, "");
+    check_range({muscle.name, ".force"}, muscle.force, 1e-6, 1e6, "N");
+    check_range({muscle.name, ".fibre_length"}, muscle.fibre_length, 1e-5, kSizeMax, "m");
+    check_range({muscle.name, ".length"}, muscle.length, 0, kSizeMax, "m");
+    check_range({muscle.name, ".slack_length"}, muscle.slack_length, 0, kSizeMax, "m");
+    check_range({muscle.name, ".pennation"}, muscle.pennation, 0, 1.4, "rad");
+    check_range({muscle.name, ".activation_time"}, muscle.activation_time, 1e-6, 10, "s");
+    check_range({muscle.name, ".deactivation_time"}, muscle.deactivation_time, 1e-6, 10, "s");
+    check_range({muscle.name, ".max_speed"}, muscle.max_speed, 0.01, 1e3, "1/s");
+    check_range({muscle.name, ".initial"}, muscle.initial, 0, 1, "");
   }
 
   void check_ligament(const Ligament& band) {
     check_path(band.name, band.path);
-    check_range(band.name + ".stiffness", band.stiffness, 0, kStiffnessMax, "N/m");
-    check_range(band.name + ".damping", band.damping, 0, kStiffnessMax, "N s/m");
-    check_range(band.name + ".rest", band.rest, -kSizeMax, kSizeMax, "m");
+    check_range({band.name, ".stiffness"}, band.stiffness, 0, kStiffnessMax, "N/m");
+    check_range({band.name, ".damping"}, band.damping, 0, kStiffnessMax, "N s/m");
+    check_range({band.name, ".rest"}, band.rest, -kSizeMax, kSizeMax, "m");
   }
 
   const Model& model_;
