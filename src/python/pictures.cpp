@@ -9,7 +9,7 @@ namespace handsim::python {
 
 namespace {
 
-py::array_t<std::uint8_t> array_of(const output::Image& image) {
+py::array_t<std::uint8_t> image_array(const output::Image& image) {
   py::array_t<std::uint8_t> out({image.height, image.width, 3});
   std::copy(image.rgb.begin(), image.rgb.end(), out.mutable_data());
   return out;
@@ -82,7 +82,7 @@ py::array_t<std::uint8_t> sheet(const std::vector<Pixels>& pictures, const std::
   const output::Image first = of(pictures[0]);
   output::ContactSheet page({static_cast<int>(pictures.size()), first.width, first.height, title, width});
   for (std::size_t i = 0; i < pictures.size(); ++i) page.add(of(pictures[i]), captions[i]);
-  return array_of(page.image());
+  return image_array(page.image());
 }
 
 }  // namespace
@@ -103,7 +103,7 @@ py::list draw_all(const scene::Scene& scene, std::vector<simulation::Moment> mom
     return 0;
   });
   py::list out;
-  for (const output::Image& image : images) out.append(array_of(image));
+  for (const output::Image& image : images) out.append(image_array(image));
   return out;
 }
 

@@ -32,7 +32,7 @@ std::string accuracy(const path& study, const path& out, const std::optional<pat
   });
 }
 
-std::string effects(const SceneHandle& of, const path& out, int repeats, const py::object& progress) {
+std::string effects_study(const SceneHandle& of, const path& out, int repeats, const py::object& progress) {
   return run_study(progress, [&](StudyHooks& hooks) {
     const output::OutputFolder folder(out, study::effects_files());
     const study::EffectsResult result = study::run_effects(*of.scene, repeats, hooks.told);
@@ -136,7 +136,8 @@ std::string rollouts(const path& file, const path& out, std::optional<int> count
 
 void bind_studies(py::module_& module) {
   module.def("accuracy", &accuracy, py::arg("study"), py::arg("out"), py::arg("peers"), py::arg("progress"));
-  module.def("effects", &effects, py::arg("scene"), py::arg("out"), py::arg("repeats"), py::arg("progress"));
+  module.def("effects", &effects_study, py::arg("scene"), py::arg("out"), py::arg("repeats"),
+             py::arg("progress"));
   module.def("contacts", &contacts, py::arg("out"), py::arg("progress"));
   module.def("stability", &stability, py::arg("study"), py::arg("out"), py::arg("cases"), py::arg("quick"),
              py::arg("threads"), py::arg("pictures"), py::arg("progress"));

@@ -57,7 +57,8 @@ class FrameCost final : public ceres::CostFunction {
     set_num_residuals(static_cast<int>(3 * features.size()));
   }
 
-  void set(const std::vector<Measured>* frame, const Quat& reference, const std::vector<bool>& rejected) {
+  void set(const std::vector<MeasuredPoint>* frame, const Quat& reference,
+           const std::vector<bool>& rejected) {
     frame_ = frame;
     reference_ = reference;
     rejected_ = rejected;
@@ -65,7 +66,7 @@ class FrameCost final : public ceres::CostFunction {
 
   bool used(std::size_t i) const {
     if (rejected_[i]) return false;
-    const Measured& m = (*frame_)[i];
+    const MeasuredPoint& m = (*frame_)[i];
     return features_[i].kind == Feature::Kind::point ? m.point.has_value() : m.orientation.has_value();
   }
 
@@ -127,7 +128,7 @@ class FrameCost final : public ceres::CostFunction {
 
   HandTree& tree_;
   const std::vector<Feature>& features_;
-  const std::vector<Measured>* frame_ = nullptr;
+  const std::vector<MeasuredPoint>* frame_ = nullptr;
   Quat reference_ = Quat::Identity();
   std::vector<bool> rejected_;
 };
@@ -223,7 +224,7 @@ PoseFit::PoseFit(PoseFit&&) noexcept = default;
 const HandTree& PoseFit::tree() const { return parts_->tree; }
 const std::vector<Feature>& PoseFit::features() const { return parts_->features; }
 
-FitResult PoseFit::fit(const std::vector<Measured>& frame, const HandPose& start, double outlier) {
+FitResult PoseFit::fit(const std::vector<MeasuredPoint>& frame, const HandPose& start, double outlier) {
   constexpr int kMostRejected = 5;
   Parts& parts = *parts_;
   FitResult out;
@@ -244,7 +245,7 @@ FitResult PoseFit::fit(const std::vector<Measured>& frame, const HandPose& start
   }
 }
 
-FitResult PoseFit::find(const std::vector<Measured>& frame, double outlier) {
+FitResult PoseFit::find(const std::vector<MeasuredPoint>& frame, double outlier) {
   Parts& parts = *parts_;
   std::optional<FitResult> best;
   for (const double flexion : {0.35, 0.9, 0.1}) {
@@ -276,7 +277,7 @@ FitResult PoseFit::find(const std::vector<Measured>& frame, double outlier) {
   return *best;
 }
 
-std::vector<std::optional<double>> PoseFit::distances(const std::vector<Measured>& frame,
+std::vector<std::optional<double>> PoseFit::distances(const std::vector<MeasuredPoint>& frame,
                                                       const HandPose& pose,
                                                       const std::vector<bool>& rejected) {
   Parts& parts = *parts_;
@@ -287,7 +288,7 @@ std::vector<std::optional<double>> PoseFit::distances(const std::vector<Measured
   return out.distances;
 }
 
-Linearised PoseFit::linearise(const std::vector<Measured>& frame, const HandPose& pose,
+Linearised PoseFit::linearise(const std::vector<MeasuredPoint>& frame, const HandPose& pose,
                               const std::vector<bool>& rejected) {
   Parts& parts = *parts_;
   parts.cost.set(&frame, pose.wrist.q, rejected);

@@ -11,7 +11,7 @@
 namespace handsim::study {
 
 /// What was measured of a feature; absent: not seen.
-struct Measured {
+struct MeasuredPoint {
   std::optional<Vec3> point;        ///< world [m]
   std::optional<Quat> orientation;  ///< q_WorldSensor
 };
@@ -47,14 +47,14 @@ class PoseFit {
   const std::vector<Feature>& features() const;
 
   /// From a start pose. @param outlier points farther than this from the fit are left out, worst first [m].
-  FitResult fit(const std::vector<Measured>& frame, const HandPose& start, double outlier);
+  FitResult fit(const std::vector<MeasuredPoint>& frame, const HandPose& start, double outlier);
   /// Without a start pose: the wrist from the points of the palm, fingers from several postures.
-  FitResult find(const std::vector<Measured>& frame, double outlier);
+  FitResult find(const std::vector<MeasuredPoint>& frame, double outlier);
   /// Distances at a pose [m]; absent: not measured or rejected.
-  std::vector<std::optional<double>> distances(const std::vector<Measured>& frame, const HandPose& pose,
+  std::vector<std::optional<double>> distances(const std::vector<MeasuredPoint>& frame, const HandPose& pose,
                                                const std::vector<bool>& rejected);
   /// At a pose, without the rejected features.
-  Linearised linearise(const std::vector<Measured>& frame, const HandPose& pose,
+  Linearised linearise(const std::vector<MeasuredPoint>& frame, const HandPose& pose,
                        const std::vector<bool>& rejected);
 
  private:

@@ -33,9 +33,10 @@ std::vector<Feature> features_for(const TrackInput& input, const hand::BuiltHand
 }
 
 /// The frames of one hand's features.
-std::vector<std::vector<Measured>> frames_of(const Recording& recording,
-                                             const std::vector<Feature>& features) {
-  std::vector<std::vector<Measured>> out(recording.times.size(), std::vector<Measured>(features.size()));
+std::vector<std::vector<MeasuredPoint>> frames_of(const Recording& recording,
+                                                  const std::vector<Feature>& features) {
+  std::vector<std::vector<MeasuredPoint>> out(recording.times.size(),
+                                              std::vector<MeasuredPoint>(features.size()));
   for (std::size_t i = 0; i < features.size(); ++i) {
     const auto channel = recording.channels.find(features[i].name);
     if (channel == recording.channels.end()) continue;
@@ -49,7 +50,7 @@ std::vector<std::vector<Measured>> frames_of(const Recording& recording,
   return out;
 }
 
-bool seen(const Measured& measured) { return measured.point || measured.orientation; }
+bool seen(const MeasuredPoint& measured) { return measured.point || measured.orientation; }
 
 /// Tracks one hand.
 class HandTracker {
@@ -215,7 +216,7 @@ class HandTracker {
   const TrackInput& input_;
   const Recording& recording_;
   PoseFit own_, other_;
-  std::vector<std::vector<Measured>> frames_;
+  std::vector<std::vector<MeasuredPoint>> frames_;
   std::optional<std::size_t> last_;  ///< frame that was tracked last
   TrackedHand out_;
 };

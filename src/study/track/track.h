@@ -65,8 +65,8 @@ struct TruthFigures {
 struct TrackedHand {
   std::string name;  ///< `right`, `left`
   model::Side side = model::Side::right;
-  std::vector<std::string> axes;      ///< names of the angles
-  std::vector<bool> determined;       ///< by axis: a feature moves with it; the others stay where they started
+  std::vector<std::string> axes;  ///< names of the angles
+  std::vector<bool> determined;   ///< by axis: a feature moves with it; the others stay where they started
   std::vector<std::string> features;  ///< names
   std::vector<TrackedFrame> frames;   ///< at the indices of TrackResult::times
   OverlapFigures overlaps;
