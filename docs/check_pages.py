@@ -127,6 +127,7 @@ def check_tests(words, problems, where, sources):
 def check_commands(program, problems):
     sources = "\n".join(path.read_text() for path in (ROOT / "tests").rglob("*.cpp"))
     sources += "\n" + "\n".join(path.read_text() for path in (ROOT / "tests").rglob("CMakeLists.txt"))
+    sources += "\n" + "\n".join(f"python.{path.stem.removeprefix('test_')}" for path in (ROOT / "tests/python").glob("*.py"))
     for page in tables.PAGES:
         text = page.read_text()
         lines = []

@@ -151,7 +151,7 @@ TEST_F(HungryProgram, OfManyColumnsIsReadInTime) {
   }
   write(folder_.path() / "a.mot", "a\nversion=1\nnRows=1\nnColumns=300001\ninDegrees=yes\nendheader\ntime" +
                                       labels + "\n0" + zeros + "\n");
-  refuse("a.mot", "no column for thumb_cmc.flexion");
+  refuse("a.mot", "c4 and 299995 more");
 }
 
 TEST_F(HungryProgram, OfManyRowsIsRefused) {

@@ -209,15 +209,15 @@ TEST(SpecialFiles, UnderTheNamesOfOutputsAreRefusedBeforeTheRunAndStay) {
 
 TEST(LongNames, AreRefusedBeforeTheRun) {
   const TemporaryFolder folder;
-  for (const char* command : {"render", "export"}) {
-    const fs::path at = folder.path() / std::string(300, 'x');
+  for (const auto& [command, ending] : {std::pair("render", ".png"), std::pair("export", ".xml")}) {
+    const fs::path at = folder.path() / (std::string(300, 'x') + ending);
     const Outcome outcome = run_program({command, kScene, "--out", at});
     EXPECT_EQ(outcome.status, 2);
     EXPECT_TRUE(contains(outcome.err, "got a file that cannot be created (File name too long)"))
         << outcome.err;
   }
-  fs::create_symlink("loop", folder.path() / "loop");
-  EXPECT_EQ(run_program({"render", kScene, "--out", folder.path() / "loop"}).status, 2);
+  fs::create_symlink("loop.png", folder.path() / "loop.png");
+  EXPECT_EQ(run_program({"render", kScene, "--out", folder.path() / "loop.png"}).status, 2);
 }
 
 // Oracle: `handsim export` of the scene that has this person's hand, but for the place of the palm.

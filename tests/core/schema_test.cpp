@@ -129,7 +129,9 @@ TEST(Schema, HasTheKeysThatTheReaderOffers) {
   expect_same_keys(
       "a hand model",
       {"a hand model", [](YamlNode& root, Diagnostics& into) { hand::read_hand_spec(root, "", into); }},
-      {anthropometry});
+      {anthropometry, {"muscles of a hand", [](YamlNode& root, Diagnostics& into) {
+                         hand::read_muscle_file(root, "", std::nullopt, into);
+                       }}});
 }
 
 }  // namespace

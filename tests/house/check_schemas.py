@@ -17,7 +17,9 @@ ROOT = Path(__file__).resolve().parents[2]
 KINDS = {"a scene": "scene", "a person": "person", "a hand model": "hand", "a controller": "controller",
          "a pose file": "poses", "an object": "object", "a material": "material",
          "an anthropometry file": "anthropometry", "a table of grip strength": "grip_norms",
-         "a table of what accuracy costs": "costs", "a rollout study": "rollouts"}
+         "a table of what accuracy costs": "costs", "a rollout study": "rollouts",
+         "muscles of a hand": "muscles", "a table of measurements": "measurements",
+         "names of a motion file": "names"}
 # Other studies have no schema.
 OTHERS = {"an accuracy study", "a stability study"}
 

@@ -68,7 +68,7 @@ void Contacts::recall(const model::State& state, bool iterative) {
     limits_.recall(collider_);
 }
 
-void Contacts::join(const model::State& state, bool iterative) {
+void Contacts::join(const model::State& state, bool iterative, bool rigid_limits) {
   contact_joints_.clear();
   const std::vector<Contact>& found = collider_.contacts();
   for (std::size_t k = 0; k < collider_.touches().size(); ++k) {
@@ -78,9 +78,10 @@ void Contacts::join(const model::State& state, bool iterative) {
     for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
       known.share = collider_.shares()[i];
       known.pad = touch.surface.compliance.has_value();
-      if (friction_ && !iterative) {
-        known.force = limits_.force(i) ? &*limits_.force(i) : nullptr;
-      }
+      known.force = nullptr;
+      // Friction of their own normal forces would wedge bodies that lie across each other.
+      const bool limited = known.pad || (rigid_limits && crossed_.inverse_mass(found[i]) == 0);
+      if (friction_ && !iterative && limited && limits_.force(i)) known.force = &*limits_.force(i);
       add_contact(found[i], touch, known, state);
     }
   }
@@ -197,7 +198,10 @@ void Contacts::set_friction(dContact& joint, const Contact& contact, const model
   else
     normal = std::max(contact.normal.dot(*known.force), kLeastForce);
   surface.mode |= dContactAxisDep;
+  // Rows with limits near 0 of rigid points that carry nothing make the solver fail.
+  if (known.force != nullptr && !known.pad && normal <= kLeastForce) normal = 0;
   surface.mu = surface.mu2 = between.friction * normal;
+  if (normal == 0) return;
   if (spins_by_motor || (between.rolling_friction == 0 && between.spinning_friction == 0)) return;
   surface.mode |= dContactRolling;
   // ODE counts a row for each of the three, at 0 too, but then leaves it blank.

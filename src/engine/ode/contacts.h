@@ -29,7 +29,8 @@ class Contacts {
   /// Recalls the last step's friction at the contacts found.
   void recall(const model::State& state, bool iterative);
   /// Makes the joints of the contacts found. @param iterative for quick_step
-  void join(const model::State& state, bool iterative);
+  /// @param rigid_limits friction of rigid contacts has limits of their own normal forces, too
+  void join(const model::State& state, bool iterative, bool rigid_limits);
   /// Reads the forces of the step just made.
   void read_forces();
   /// Of a step by the direct solver, its forces read. @return true where friction is off: joined again, the

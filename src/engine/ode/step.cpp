@@ -133,6 +133,7 @@ bool OdeEngine::solve_passes(const StepInput& input, double step, OdeMethod meth
   const bool again = contacts_ != nullptr && !report.iterative && !contacts_->list().empty();
   const int passes = again ? settings_.ode().friction_passes : 1;
   if (again) start_.take(bodies_, moving_);
+  bool rigid_limits = true;
   for (int pass = 1;; ++pass) {
     // The last solution has all limits.
     const bool relaxed = pass < passes;
@@ -140,7 +141,7 @@ bool OdeEngine::solve_passes(const StepInput& input, double step, OdeMethod meth
                                                            : std::span<const double>());
     if (contacts_) {
       const Clock::time_point start = Clock::now();
-      contacts_->join(state_, report.iterative);
+      contacts_->join(state_, report.iterative, rigid_limits);
       report.collide_ns += ns_since(start);
     }
     const int failures = lcp_failures();
@@ -152,7 +153,10 @@ bool OdeEngine::solve_passes(const StepInput& input, double step, OdeMethod meth
     if (!again) return true;
     const bool revised = contacts_->revise_limits();
     const bool wrong = revised || report.lcp_failures > 0 || joints_->servos_beyond_limits(tau_servo_);
-    if (pass >= passes || !wrong) return true;
+    const bool failed = report.lcp_failures > 0;
+    if (!wrong || (pass >= passes && !(failed && rigid_limits))) return true;
+    // The solver that fails with limits of rigid contacts has ODE's own in one more solution.
+    if (pass >= passes) rigid_limits = false;
     contacts_->release();
     start_.put_back(bodies_, moving_);
   }

@@ -176,12 +176,24 @@ struct HandNames {
   }
 };
 
-HandEntry read_hand(MapReader reader, const Tasks& tasks, HandNames& names) {
+/// True if the scene lists an effect of the hands' muscles and bands, which no automatic list has.
+bool lists_muscles(const YamlNode& scene) {
+  const YamlNode* effects = scene.find("effects");
+  return effects && std::any_of(effects->items.begin(), effects->items.end(), [](const YamlNode& item) {
+           return item.text == model::name(model::Effect::muscles) ||
+                  item.text == model::name(model::Effect::tendon_coupling);
+         });
+}
+
+HandEntry read_hand(MapReader reader, const Tasks& tasks, HandNames& names, bool with_muscles) {
   HandEntry entry;
   entry.place = reader.node().place();
   Diagnostics& diagnostics = reader.diagnostics();
-  if (YamlNode* node = referenced(reader, "model", FileKind::hand_model))
+  if (YamlNode* node = referenced(reader, "model", FileKind::hand_model)) {
+    // A scene without muscles does not pay for reading them.
+    if (!with_muscles) node->entries.remove_if([](const YamlEntry& each) { return each.key == "muscles"; });
     entry.model = hand::read_hand_spec(*node, reader.path_of("model"), diagnostics);
+  }
   const bool model_known = reader.sound();
   if (YamlNode* node = referenced(reader, "person", FileKind::person))
     entry.person = hand::read_person(*node, reader.path_of("person"), diagnostics);
@@ -211,8 +223,10 @@ HandEntry read_hand(MapReader reader, const Tasks& tasks, HandNames& names) {
 std::vector<HandEntry> read_hands(MapReader& reader, const Tasks& tasks) {
   std::vector<HandEntry> hands;
   HandNames names;
-  reader.each("hands", 0, kMostHands,
-              [&](MapReader block) { hands.push_back(read_hand(std::move(block), tasks, names)); });
+  const bool with_muscles = lists_muscles(reader.node());
+  reader.each("hands", 0, kMostHands, [&](MapReader block) {
+    hands.push_back(read_hand(std::move(block), tasks, names, with_muscles));
+  });
   return hands;
 }
 

@@ -351,7 +351,7 @@ TEST(SnapshotFile, OfThisVersionHasTheContentsItHadWhenTheVersionWasRaised) {
       {"contact_world_step", 3232},  {"controlled", 14920}, {"stabilised_gear", 1064},
       {"articulated_contact", 7224}, {"grasp", 8248},       {"climb", 7968},
       {"contact_record", 3272}};
-  EXPECT_EQ(kSnapshotVersion, 6U);
+  EXPECT_EQ(kSnapshotVersion, 7U);
   for (const Case& what : cases()) {
     const auto size = sizes.find(what.name);
     if (size == sizes.end()) continue;

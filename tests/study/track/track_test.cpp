@@ -171,6 +171,7 @@ TEST(Track, SensorsOfAGloveGiveTheAnglesBack) {
 // angles.
 TEST(Track, AxesThatNoMarkerDeterminesAreNotInvented) {
   TrackInput input = test::shipped_input();
+  input.smooth = false;
   input.markers.emplace();
   MovingHand truth(input, input.person, model::Side::right);
   Recording recording;
