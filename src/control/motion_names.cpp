@@ -1,5 +1,7 @@
 #include "handsim/control/motion_names.h"
 
+#include <cmath>
+
 namespace handsim::control {
 
 namespace {
@@ -20,7 +22,8 @@ ColumnName read_column(MapReader& columns, const std::string& name) {
   }
   MapReader column = columns.map(name);
   out.axis = column.text("axis");
-  out.sign = column.choice<double>("sign", {{"1", 1.0}, {"-1", -1.0}}, 1.0);
+  out.sign = column.number("sign", {Dimension::none, -1, 1}, 1.0);
+  if (std::abs(out.sign) != 1) column.problem("sign", number_text(out.sign), "1 or -1");
   out.offset = column.number("offset", kOffset, 0.0);
   column.finish();
   return out;

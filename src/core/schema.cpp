@@ -1,6 +1,7 @@
 #include "handsim/core/schema.h"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include "handsim/core/schema_recorder.h"
 
@@ -171,8 +172,10 @@ Json explore(const SchemaSource& source, SchemaRecorder& recorder) {
 }
 
 const SchemaSource& find_source(std::string_view kind, std::span<const SchemaSource> sources) {
-  return *std::find_if(sources.begin(), sources.end(),
-                       [&](const SchemaSource& source) { return source.kind == kind; });
+  const auto found = std::find_if(sources.begin(), sources.end(),
+                                  [&](const SchemaSource& source) { return source.kind == kind; });
+  if (found == sources.end()) throw std::logic_error("no schema source of " + std::string(kind));
+  return *found;
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include "handsim/hand/grip_strength.h"
 #include "handsim/hand/hand_spec.h"
 
 namespace handsim {
@@ -129,9 +130,11 @@ TEST(Schema, HasTheKeysThatTheReaderOffers) {
   expect_same_keys(
       "a hand model",
       {"a hand model", [](YamlNode& root, Diagnostics& into) { hand::read_hand_spec(root, "", into); }},
-      {anthropometry, {"muscles of a hand", [](YamlNode& root, Diagnostics& into) {
-                         hand::read_muscle_file(root, "", std::nullopt, into);
-                       }}});
+      {anthropometry,
+       {"muscles of a hand",
+        [](YamlNode& root, Diagnostics& into) { hand::read_muscle_file(root, "", std::nullopt, into); }},
+       {"a table of grip strength",
+        [](YamlNode& root, Diagnostics& into) { hand::read_grip_table(root, "", into); }}});
 }
 
 }  // namespace
