@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "handsim/control/pose_table.h"
+#include "handsim/model/effects.h"
 #include "handsim/scene/read/blocks.h"
 
 namespace handsim::scene {
