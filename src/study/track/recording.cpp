@@ -143,7 +143,8 @@ Recording read_csv(const std::filesystem::path& path) {
                   fmt::format("{}, one for each column", labels.size()));
     reader.add_time(out, fields[0]);
     for (std::size_t i = 1; i < fields.size(); ++i) row[i] = reader.number(fields[i]);
-    for (const auto& [name, from] : columns) {
+    for (const auto& [name, of_channel] : columns) {
+      const ChannelColumns& from = of_channel;  // clang 14 captures no structured binding
       const auto value = [&](std::size_t part) { return from.at[part] ? row[*from.at[part]] : std::nullopt; };
       Channel& channel = out.channels[name];
       channel.points.emplace_back();
