@@ -254,8 +254,8 @@ def accuracy_hands():
     return accuracy_table((5, 2, 1, 0.5, 0.1), accuracy_rows("hands"), 2)
 
 
-def effects():
-    data = study_json("effects", "run", "effects.json")
+def effects(label="run"):
+    data = study_json("effects", label, "effects.json")
     rows = [["all", number(1e-3 * data["cpu_ns_per_step"]), "", "", ""]]
     for row in data["rows"]:
         name = row["effect"] + ("".join(f" and {other}" for other in row["with"]))
@@ -651,7 +651,7 @@ TABLES = {"bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollout
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),
           "accuracy-cheapest": ("accuracy", accuracy_cheapest), "accuracy-contact": ("accuracy", accuracy_contact),
-          "accuracy-hands": ("hands", accuracy_hands), "2017": ("2017", thesis), "effects": ("effects", effects), "contacts": ("contacts", contacts),
+          "accuracy-hands": ("hands", accuracy_hands), "2017": ("2017", thesis), "effects": ("effects", effects), "effects-muscles": ("effects", lambda: effects("muscles")), "contacts": ("contacts", contacts),
           "stability": ("stability", stability), "stability-cases": ("stability", stability_cases),
           "passes": ("passes", passes), "speed": ("speed", speed), "speed-lanes": ("speed", speed_lanes), "speed-load": ("speed", speed_load),
           "environment": ("environment", environments), "pinch": ("pinch", pinch), "peers-speed": ("peers", peers_speed), "peers-equal": ("peers", peers_equal), "peers-pinch": ("peers", peers_pinch),

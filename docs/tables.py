@@ -87,7 +87,7 @@ def bench_runs():
 
 
 STUDIES = {
-    "bench": Study("10 s", bench_runs(), {"tracked/right_angles.png": "bench_angles.png"}),
+    "bench": Study("10 s", bench_runs(), {"tracked/right_angles.png": "bench_angles.png", "inverse/torques.png": "bench_torques.png"}),
     "demo": Study("1 s", {"run": ["run", "config/two_hands.yaml", "--out", "{out}"],
                           "few_iterations": ["run", "config/two_hands.yaml", "--out", "{out}", "--quiet", "--set",
                                              "solver.method=quick_step", "--set", "solver.iterations=5"]}),
@@ -103,7 +103,8 @@ STUDIES = {
                       {"run/error_cost.png": "accuracy.png"}),
     "hands": Study("10 s", {"run": ["accuracy", "config/accuracy_two_hands.yaml", "--out", "{out}", "--no-peers"]}),
     "2017": Study("1 min", {"run": ["accuracy", "config/accuracy_2017.yaml", "--out", "{out}"]}),
-    "effects": Study("15 s", {"run": ["effects", "config/dropped_hand.yaml", "--out", "{out}"]},
+    "effects": Study("30 s", {"run": ["effects", "config/dropped_hand.yaml", "--out", "{out}"],
+                                "muscles": ["effects", "config/muscle_poses.yaml", "--set", "duration=2", "--out", "{out}"]},
                      {"run/effects.png": "effects.png"}),
     "stability": Study("13 min", {"run": ["stability", "config/stability.yaml", "--out", "{out}"]},
                        {"run/stability.png": "stability.png", "run/scenes.png": "stability_scenes.png"}),
