@@ -296,10 +296,11 @@ TEST(HandModel, AJointOfThreeAxesTurnsAboutEachWithItsStops) {
 // Oracle: the mirror image, and the joint centres of the hand without the further shape.
 TEST(HandModel, ASegmentMayHaveSeveralShapes) {
   const HandSpec spec = changed([](std::vector<YamlNode>& rows) {
-    yaml_put(row(rows, "thumb_metacarpal"), "shapes",
-             parse_yaml("[{name: thenar, from: [0.1 HB, 0.05 HL, -0.05 HB], to: [0.1 HB, 0.15 HL, -0.05 HB], "
-                        "radius: 0.15 HB}, {name: plate, edges: [5 mm, 10 mm, 3 mm], at: [0, 0.1 HL, 0.12 HB]}]",
-                        "shapes"));
+    yaml_put(
+        row(rows, "thumb_metacarpal"), "shapes",
+        parse_yaml("[{name: thenar, from: [0.1 HB, 0.05 HL, -0.05 HB], to: [0.1 HB, 0.15 HL, -0.05 HB], "
+                   "radius: 0.15 HB}, {name: plate, edges: [5 mm, 10 mm, 3 mm], at: [0, 0.1 HL, 0.12 HB]}]",
+                   "shapes"));
   });
   const Person man = person(1.755, 84.5);
   const BuiltHand plain = build_hand(read(anatomical()), man), hand = build_hand(spec, man);
