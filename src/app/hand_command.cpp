@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include <fmt/format.h>
 
 #include "handsim/app/commands.h"
@@ -29,6 +31,8 @@ std::string ranges(const model::Joint& joint) {
 std::string mass_rule(const hand::Person& person, const hand::MassRule& rule) {
   const std::string source = rule.source.empty() ? "" : ": " + rule.source;
   if (rule.kind == hand::MassRule::Kind::density) return fmt::format("at {:g} kg/m3{}", rule.density, source);
+  if (rule.kind == hand::MassRule::Kind::palm_density)
+    return fmt::format("the palm's volume at {:g} kg/m3, other parts in proportion{}", rule.density, source);
   const bool male = person.sex == hand::Sex::male, female = person.sex == hand::Sex::female;
   return fmt::format("{:g} % of body mass, {}{}",
                      100 * (male     ? rule.male
@@ -53,30 +57,46 @@ void print_size(const hand::Person& person, const hand::HandSpec& spec, const ha
   row("palm length", size.palm_length, "predicted");
   row("hand circumference", size.circumference, origin(size.measured[3]));
   row("hand thickness", size.thickness, "of a slab with half-round edges of that breadth and circumference");
-  print("  {:<18} {:7.1f} g   {}\n", "hand mass", 1e3 * hand.mass,
-        person.hand_mass ? "measured" : mass_rule(person, spec.mass));
+  print("  {:<18} {:7.1f} g   {:.2f} % of body mass; {}\n", "hand mass", 1e3 * hand.mass,
+        100 * hand.mass / person.mass, person.hand_mass ? "measured" : mass_rule(person, spec.mass));
   print("  predicted from: {}\n", spec.anthropometry.source);
+}
+
+std::string moments_of(const model::Body& body) {
+  const Vec3 moments = 1e6 * body.inertia.diagonal();
+  return fmt::format("{:9.4g}, {:9.4g}, {:9.4g}", moments.x(), moments.y(), moments.z());
+}
+
+void print_palm(const hand::BuiltHand& hand) {
+  const model::Body& body = hand.bodies[0];
+  const Vec3 e = 1e3 * hand::palm_box(hand);
+  const auto shapes = std::count_if(hand.shapes.begin(), hand.shapes.end(), [](const model::Shape& shape) {
+    return shape.part == model::Part::palm;
+  });
+  print("{:<18} {:>21} {:8.2f}  {}  {} (breadth, length, thickness), {:.0f} cm3, {:.0f} kg/m3\n", body.name,
+        fmt::format("{:.1f} x {:.1f} x {:.1f}", e.x(), e.y(), e.z()), 1e3 * body.mass, moments_of(body),
+        shapes == 1 ? "box" : fmt::format("{} shapes", shapes), 1e6 * hand.palm_volume,
+        body.mass / hand.palm_volume);
+}
+
+std::string joint_text(const hand::BuiltHand& hand, const hand::BuiltSegment& segment) {
+  if (!segment.joint) return "fixed to " + hand.bodies[static_cast<std::size_t>(segment.body)].name;
+  const model::Joint& joint = hand.joints[static_cast<std::size_t>(*segment.joint)];
+  return fmt::format("{} ({}: {})", joint.name, joint.kind == model::JointKind::hinge ? "hinge" : "universal",
+                     ranges(joint));
 }
 
 void print_parts(const hand::HandSpec& spec, const hand::BuiltHand& hand) {
   print("\n{:<18} {:>10} {:>10} {:>8}  {:>31}  {}\n", "segment", "length mm", "radius mm", "mass g",
         "inertia kg mm2 (x, y, z)", "joint");
-  for (std::size_t i = 0; i < hand.bodies.size(); ++i) {
-    const model::Body& body = hand.bodies[i];
-    const Vec3 moments = 1e6 * body.inertia.diagonal();
-    const std::string inertia =
-        fmt::format("{:9.4g}, {:9.4g}, {:9.4g}", moments.x(), moments.y(), moments.z());
-    if (i == 0) {
-      const Vec3 e = 1e3 * hand.shapes[0].edges;
-      print("{:<18} {:>21} {:8.2f}  {}  box (breadth, length, thickness)\n", body.name,
-            fmt::format("{:.1f} x {:.1f} x {:.1f}", e.x(), e.y(), e.z()), 1e3 * body.mass, inertia);
-      continue;
-    }
-    const hand::SegmentSpec& row = spec.segments[i - 1];
-    const model::Joint& joint = hand.joints[i - 1];
-    print("{:<18} {:10.2f} {:10.2f} {:8.2f}  {}  {} ({}: {})\n", body.name, 1e3 * row.length.value(hand.size),
-          1e3 * row.radius.value(hand.size), 1e3 * body.mass, inertia, joint.name,
-          joint.kind == model::JointKind::hinge ? "hinge" : "universal", ranges(joint));
+  print_palm(hand);
+  for (std::size_t i = 0; i < spec.segments.size(); ++i) {
+    const hand::BuiltSegment& segment = hand.segments[i];
+    const model::Body& body = hand.bodies[static_cast<std::size_t>(segment.body)];
+    // The mass of a fixed segment is in that of its parent's body.
+    print("{:<18} {:10.2f} {:10.2f} {:>8}  {:>31}  {}\n", spec.segments[i].name, 1e3 * segment.length,
+          1e3 * segment.radius, segment.joint ? fmt::format("{:.2f}", 1e3 * body.mass) : "",
+          segment.joint ? moments_of(body) : "", joint_text(hand, segment));
   }
   print("wrist: {} axes ({})\n", hand.wrist.axes.size(), ranges(hand.wrist));
 }
@@ -129,9 +149,27 @@ YamlNode joint_tree(const model::Joint& joint) {
   return map_of({{"name", yaml_scalar(joint.name)}, {"type", yaml_scalar(type)}, {"axes", axes}});
 }
 
+/// Shapes of a body in its own frame: capsules by their ends, boxes by their edges.
+YamlNode shapes_tree(const model::Model& model, int body) {
+  YamlNode shapes = yaml_sequence();
+  for (const model::Shape& shape : model.shapes) {
+    if (shape.body != body) continue;
+    YamlNode& entry = shapes.items.emplace_back(map_of({{"name", yaml_scalar(shape.name)}}));
+    if (shape.kind == model::ShapeKind::box) {
+      yaml_put(entry, "centre", vector_list(shape.pose.p));
+      yaml_put(entry, "edges", vector_list(shape.edges));
+      continue;
+    }
+    const Vec3 half = 0.5 * shape.length * (shape.pose.q * Vec3::UnitZ());
+    yaml_put(entry, "from", vector_list(shape.pose.p - half));
+    yaml_put(entry, "to", vector_list(shape.pose.p + half));
+    yaml_put(entry, "radius", node(shape.radius));
+  }
+  return shapes;
+}
+
 /// Bodies of one hand in its hand frame, SI.
-YamlNode bodies_tree(const model::Model& model, const model::HandIndex& hand, const hand::BuiltHand& built,
-                     const hand::HandSpec& spec) {
+YamlNode bodies_tree(const model::Model& model, const model::HandIndex& hand, const hand::BuiltHand& built) {
   const Pose x_HW =
       (model.bodies[static_cast<std::size_t>(hand.palm)].zero_pose * hand.wrist_frame).inverse();
   YamlNode bodies = yaml_sequence();
@@ -142,15 +180,19 @@ YamlNode bodies_tree(const model::Model& model, const model::HandIndex& hand, co
                                           {"mass", node(body.mass)},
                                           {"inertia", vector_list(body.inertia.diagonal())},
                                           {"centre_of_mass", vector_list(x_HW * body.zero_pose.p)}}));
-    if (i == 0) {
-      yaml_put(entry, "edges", vector_list(built.shapes[0].edges));
-      continue;
+    if (i == 0) yaml_put(entry, "edges", vector_list(hand::palm_box(built)));
+    for (const hand::BuiltSegment& segment : built.segments) {
+      if (!segment.joint || segment.body != static_cast<int>(i)) continue;
+      const auto of = std::find_if(hand.joints.begin(), hand.joints.end(), [&](int index) {
+        return model.joints[static_cast<std::size_t>(index)].child == hand.bodies[i];
+      });
+      const model::Joint& joint = model.joints[static_cast<std::size_t>(*of)];
+      yaml_put(entry, "length", node(segment.length));
+      yaml_put(entry, "radius", node(segment.radius));
+      yaml_put(entry, "joint_centre", vector_list(x_HW * (body.zero_pose * joint.child_frame.p)));
+      yaml_put(entry, "joint", joint_tree(joint));
     }
-    const model::Joint& joint = model.joints[static_cast<std::size_t>(hand.joints[i - 1])];
-    yaml_put(entry, "length", node(spec.segments[i - 1].length.value(built.size)));
-    yaml_put(entry, "radius", node(built.shapes[i].radius));
-    yaml_put(entry, "joint_centre", vector_list(x_HW * (body.zero_pose * joint.child_frame.p)));
-    yaml_put(entry, "joint", joint_tree(joint));
+    yaml_put(entry, "shapes", shapes_tree(model, hand.bodies[i]));
   }
   return bodies;
 }
@@ -170,7 +212,7 @@ std::string hand_yaml(const scene::Scene& scene) {
                                           {"thickness", node(size.thickness)},
                                           {"mass", node(built.mass)}})}});
   for (const model::HandIndex& hand : scene.model.hands)
-    yaml_put(out, hand.name, bodies_tree(scene.model, hand, built, model));
+    yaml_put(out, hand.name, bodies_tree(scene.model, hand, built));
   return "# SI units; positions in the hand frame (origin at the wrist joint centre, y distal, z dorsal), "
          "fingers\n"
          "# straight; inertias about the centre of mass along the segment's x, y (distal) and z axes.\n" +

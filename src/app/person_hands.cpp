@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "handsim/core/data_folder.h"
+#include "handsim/hand/doubts.h"
 #include "handsim/scene/read/file_kind.h"
 
 namespace handsim::app {
@@ -52,7 +53,7 @@ PersonHands read_person_hands(const HandArguments& arguments) {
   if (!diagnostics.problems.empty()) throw Error(option_problems(diagnostics.problems));
   out.warnings = std::move(diagnostics.warnings);
   const std::string where = person_node.place().text();
-  for (const std::string& text : hand::extrapolations(out.model.anthropometry, out.person))
+  for (const std::string& text : hand::doubts(out.model, out.person))
     out.warnings.push_back(where + text);
   return out;
 }

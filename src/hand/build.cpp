@@ -5,8 +5,9 @@
 
 #include <fmt/format.h>
 
-#include "handsim/model/kinematics.h"
 #include "handsim/model/mass_properties.h"
+#include "handsim/model/shape_extent.h"
+#include "handsim/model/shape_union.h"
 
 namespace handsim::hand {
 
@@ -14,323 +15,264 @@ namespace {
 
 using model::Body;
 using model::Joint;
+using model::MassProperties;
 using model::Shape;
 using model::ShapeKind;
 
 /// Capsules and cylinders lie along z, segments along y.
 const Quat kZToY(Eigen::AngleAxisd(-M_PI / 2, Vec3::UnitX()));
 
-Vec3 position(const std::array<LengthRule, 3>& rules, const HandSize& size) {
-  return {rules[0].value(size), rules[1].value(size), rules[2].value(size)};
-}
-
-/// Frames of every segment in the hand frame and their lengths.
-struct Layout {
-  std::vector<Pose> frames;  ///< X_HS, origin at the proximal joint
-  std::vector<double> lengths, radii;
-  /// Length of the capsule's axis: a fingertip's cap ends at the tip, other caps are centred on the joints.
-  double axis(const HandSpec& spec, std::size_t i) const {
-    return spec.segments[i].has_child ? lengths[i] : lengths[i] - radii[i];
-  }
-};
-
 /// Measured bones must be segments of the hand model.
 void check_bones(const HandSpec& spec, const Person& person, std::vector<Problem>& problems) {
   std::vector<std::string> known;
-  for (const SegmentSpec& row : spec.segments) known.push_back(row.name);
+  for (const SegmentSpec& row : spec.segments)
+    if (!row.carrier) known.push_back(row.name);
   for (const auto& [name, length] : person.bones)
     if (std::find(known.begin(), known.end(), name) == known.end())
       problems.push_back({person.place.value_or(Place{}), "bones." + name, "an unknown segment",
                           "a segment of the hand model" + nearest_hint(name, known)});
 }
 
-Layout compute_layout(const HandSpec& spec, const HandSize& size, const Person& person) {
-  Layout out;
+/// Length of the capsule's axis: a fingertip's cap ends at the tip, other caps are centred on the joints.
+double axis_of(const SegmentSpec& row, const BuiltSegment& built) {
+  return row.has_child ? built.length : built.length - built.radius;
+}
+
+/// Frames and sizes of the segments.
+std::vector<BuiltSegment> lay_out(const HandSpec& spec, const HandSize& size, const Person& person) {
+  std::vector<BuiltSegment> out;
   std::vector<Problem> problems;
   for (const SegmentSpec& row : spec.segments) {
     const bool on_palm = row.parent == kPalm;
     const auto parent = static_cast<std::size_t>(row.parent);
-    const Pose parent_frame = on_palm ? Pose{} : out.frames[parent];
-    const Vec3 at = row.at ? position(*row.at, size) : Vec3(0, out.lengths[parent], 0);
-    out.frames.push_back(parent_frame * Pose{at, row.rotation});
+    const Pose parent_frame = on_palm ? Pose{} : out[parent].frame;
+    const Vec3 at = row.at ? position(*row.at, size) : Vec3(0, out[parent].length, 0);
+    BuiltSegment& built = out.emplace_back();
+    built.frame = parent_frame * Pose{at, row.rotation};
+    if (row.carrier) continue;
     const auto measured = person.bones.find(row.name);
-    out.lengths.push_back(measured == person.bones.end() ? row.length.value(size) : measured->second);
-    out.radii.push_back(row.radius.value(size));
-    if (out.axis(spec, out.frames.size() - 1) < 1e-5)
-      problems.push_back({row.place, fmt::format("model.segments.{}.length", out.frames.size() - 1),
-                          fmt::format("a length of {:.3g} m with a radius of {:.3g} m", out.lengths.back(),
-                                      out.radii.back()),
-                          "a fingertip longer than its radius"});
+    built.length = measured == person.bones.end() ? row.length.value(size) : measured->second;
+    built.radius = row.radius.value(size);
+    if (!(axis_of(row, built) >= 1e-5 && built.radius > 0))
+      problems.push_back(
+          {row.place, fmt::format("model.segments.{}.length", out.size() - 1),
+           fmt::format("a length of {:.3g} m with a radius of {:.3g} m", built.length, built.radius),
+           "a fingertip longer than its radius"});
   }
   check_bones(spec, person, problems);
   if (!problems.empty()) throw Error(problems);
   return out;
 }
 
-Shape capsule(std::string name, model::Part part, double radius, double axis) {
-  Shape shape;
-  shape.name = std::move(name);
-  shape.kind = ShapeKind::capsule;
-  shape.pose.q = kZToY;
-  shape.radius = radius;
-  shape.length = axis;
-  shape.part = part;
-  return shape;
-}
+/// What one row, or the palm, brings to a body.
+struct Piece {
+  std::string name;
+  int body = 0;
+  Pose frame;                 ///< X_H of the frame in which the poses of its shapes are
+  std::vector<Shape> shapes;  ///< [0] a segment's own capsule; none: a carrier
+  double mass = 0;            ///< [kg]
+  double round = 0;           ///< radius of a carrier's ball [m]
+};
 
-void add_palm(BuiltHand& hand, const HandSpec& spec) {
-  const HandSize& size = hand.size;
-  Shape box;
-  box.name = "palm";
-  box.kind = ShapeKind::box;
-  box.edges = {spec.palm.breadth.value(size), spec.palm.length.value(size), spec.palm.thickness.value(size)};
-  box.part = model::Part::palm;
-  Body palm;
-  palm.name = "palm";
-  palm.zero_pose.p = Vec3(0, 0.5 * box.edges.y(), 0) + position(spec.palm.offset, size);
-  hand.shapes.push_back(box);
-  hand.bodies.push_back(palm);
-}
-
-void add_segments(BuiltHand& hand, const HandSpec& spec, const Person& person) {
-  const Layout layout = compute_layout(spec, hand.size, person);
-  for (std::size_t i = 0; i < spec.segments.size(); ++i) {
-    const SegmentSpec& row = spec.segments[i];
-    const double axis = layout.axis(spec, i);
-    Body body;
-    body.name = row.name;
-    body.zero_pose = layout.frames[i] * Pose{{0, 0.5 * axis, 0}, Quat::Identity()};
-    Joint joint;
-    joint.name = row.joint.name;
-    joint.kind = row.joint.kind;
-    joint.axes = row.joint.axes;
-    joint.parent = row.parent + 1;
-    joint.child = static_cast<int>(hand.bodies.size());
-    joint.parent_frame =
-        hand.bodies[static_cast<std::size_t>(joint.parent)].zero_pose.inverse() * layout.frames[i];
-    joint.child_frame.p = {0, -0.5 * axis, 0};
-    hand.bodies.push_back(body);
-    hand.joints.push_back(joint);
-    hand.shapes.push_back(capsule(row.name, row.finger, layout.radii[i], axis));
+/// A box has its frame at its centre: that of its body.
+Piece palm_part(const PalmSpec& spec, const HandSize& size) {
+  Piece out;
+  out.name = "palm";
+  if (spec.shapes.empty()) {
+    Shape box;
+    box.name = "palm";
+    box.kind = ShapeKind::box;
+    box.edges = {spec.breadth.value(size), spec.length.value(size), spec.thickness.value(size)};
+    out.frame.p = Vec3(0, 0.5 * box.edges.y(), 0) + position(spec.offset, size);
+    out.shapes.push_back(std::move(box));
   }
+  for (const ShapeSpec& row : spec.shapes) {
+    out.shapes.push_back(shape_of(row, size));
+    out.shapes.back().name = "palm." + row.name;
+  }
+  for (Shape& shape : out.shapes) shape.part = model::Part::palm;
+  return out;
+}
+
+Piece segment_part(const SegmentSpec& row, const BuiltSegment& built, const HandSize& size) {
+  Piece out;
+  out.name = row.name;
+  out.body = built.body;
+  out.frame = built.frame;
+  out.round = row.carrier ? row.radius.value(size) : 0;
+  if (row.carrier) return out;
+  Shape capsule;
+  capsule.name = row.name;
+  capsule.kind = ShapeKind::capsule;
+  capsule.radius = built.radius;
+  capsule.length = axis_of(row, built);
+  capsule.pose = {{0, 0.5 * capsule.length, 0}, kZToY};
+  out.shapes.push_back(std::move(capsule));
+  for (const ShapeSpec& shape : row.shapes) {
+    out.shapes.push_back(shape_of(shape, size));
+    out.shapes.back().name = row.name + "." + shape.name;
+  }
+  for (Shape& shape : out.shapes) shape.part = row.part;
+  return out;
 }
 
 double share_of(const MassRule& rule, Sex sex) {
   return sex == Sex::male ? rule.male : sex == Sex::female ? rule.female : rule.unknown;
 }
 
-/// Masses by share of the hand; the palm gets the remainder, so that the parts sum to the hand.
-void set_masses_by_share(BuiltHand& hand, const HandSpec& spec, const Person& person) {
-  hand.mass = person.hand_mass.value_or(share_of(spec.mass, person.sex) * person.mass);
-  double rest = hand.mass;
+/// Of what the shapes fill; a carrier takes its share of the segment after it.
+double volume_of(const std::vector<Piece>& parts, std::size_t i) {
+  const Piece& part = parts[i];
+  if (part.shapes.empty()) return kCarrierShare / (1 - kCarrierShare) * volume_of(parts, i + 1);
+  const bool carried = i > 0 && parts[i - 1].shapes.empty();
+  const double own =
+      part.shapes.size() == 1 ? model::volume(part.shapes[0]) : model::union_properties(part.shapes).mass;
+  return carried ? (1 - kCarrierShare) * own : own;
+}
+
+/// Masses by share of the hand. Without a share of its own the palm gets the remainder, so that the parts sum
+/// to the hand.
+void set_masses_by_share(std::vector<Piece>& parts, BuiltHand& hand, const HandSpec& spec,
+                         const Person& person) {
+  double sum = spec.palm.mass_share.value_or(0);
+  for (const SegmentSpec& row : spec.segments) sum += row.mass_share;
+  double whole = spec.mass.kind == MassRule::Kind::palm_density
+                     ? spec.mass.density * hand.palm_volume / *spec.palm.mass_share
+                     : share_of(spec.mass, person.sex) * person.mass;
+  if (person.hand_mass) whole = spec.palm.mass_share ? *person.hand_mass / sum : *person.hand_mass;
+  double rest = whole;
   for (std::size_t i = 0; i < spec.segments.size(); ++i) {
-    hand.bodies[i + 1].mass = spec.segments[i].mass_share * hand.mass;
-    rest -= hand.bodies[i + 1].mass;
+    parts[i + 1].mass = spec.segments[i].mass_share * whole;
+    rest -= parts[i + 1].mass;
   }
-  hand.bodies[0].mass = rest;
+  parts[0].mass = spec.palm.mass_share ? *spec.palm.mass_share * whole : rest;
+  hand.mass = person.hand_mass.value_or(spec.palm.mass_share ? sum * whole : whole);
 }
 
 /// Masses by volume; a measured hand mass scales them.
-void set_masses_by_volume(BuiltHand& hand, const HandSpec& spec, const Person& person) {
+void set_masses_by_volume(std::vector<Piece>& parts, BuiltHand& hand, const HandSpec& spec,
+                          const Person& person) {
+  std::vector<double> volumes;
   double total = 0;
-  for (const Shape& shape : hand.shapes) total += model::volume(shape);
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    volumes.push_back(volume_of(parts, i));
+    total += volumes.back();
+  }
   hand.mass = person.hand_mass.value_or(spec.mass.density * total);
-  for (std::size_t i = 0; i < hand.bodies.size(); ++i)
-    hand.bodies[i].mass = hand.mass * model::volume(hand.shapes[i]) / total;
+  for (std::size_t i = 0; i < parts.size(); ++i) parts[i].mass = hand.mass * volumes[i] / total;
 }
 
-void set_inertias(BuiltHand& hand) {
-  for (std::size_t i = 0; i < hand.bodies.size(); ++i) {
-    Body& body = hand.bodies[i];
-    const Shape& shape = hand.shapes[i];
-    if (shape.kind == ShapeKind::box) {
-      body.inertia = (body.mass / 12 * model::box_moments(shape.edges)).asDiagonal();
-    } else {
-      const model::CapsuleInertia solid = model::capsule_inertia(shape.radius, shape.length);
-      body.inertia = (body.mass * Vec3(solid.transverse, solid.axial, solid.transverse)).asDiagonal();
-    }
+/// A body of one shape has its frame at the shape's centre, with the axes of its segment.
+void place_simple(Body& body, Shape& shape, const Piece& part) {
+  body.mass = part.mass;
+  body.zero_pose = part.frame * Pose{shape.pose.p, Quat::Identity()};
+  shape.pose.p.setZero();
+  if (shape.kind == ShapeKind::box) {
+    body.inertia = (body.mass / 12 * model::box_moments(shape.edges)).asDiagonal();
+    return;
   }
+  const model::CapsuleInertia solid = model::capsule_inertia(shape.radius, shape.length);
+  body.inertia = (body.mass * Vec3(solid.transverse, solid.axial, solid.transverse)).asDiagonal();
 }
 
-/// The right hand unchanged, or mirrored to a left one.
-BuiltHand for_side(BuiltHand hand, model::Side side) {
-  if (side == model::Side::right) return hand;
-  for (Body& body : hand.bodies) body.zero_pose = mirrored(body.zero_pose);
-  for (Shape& shape : hand.shapes) shape.pose = mirrored(shape.pose);
-  hand.joints.push_back(hand.wrist);
-  for (Joint& joint : hand.joints) {
-    joint.parent_frame = mirrored(joint.parent_frame);
-    joint.child_frame = mirrored(joint.child_frame);
-    for (model::JointAxis& axis : joint.axes) axis.axis = mirrored_axis(axis.axis);
+/// Mass properties of a part in the hand frame.
+MassProperties properties_of(const Piece& part) {
+  MassProperties out;
+  if (part.shapes.empty()) {
+    out.inertia = 0.4 * part.round * part.round * Mat3::Identity();
+  } else {
+    out = model::union_properties(part.shapes);
+    out.inertia /= out.mass;
   }
-  hand.wrist = hand.joints.back();
-  hand.joints.pop_back();
-  return hand;
+  const Mat3 r = part.frame.q.toRotationMatrix();
+  return {part.mass, part.frame * out.centre, part.mass * r * out.inertia * r.transpose()};
 }
 
-/// The slider joint of a palm on a rail.
-Joint rail_joint(const BuiltHand& hand, const Placement& placement) {
-  Joint joint;
-  joint.name = kRailName;
-  joint.kind = model::JointKind::slider;
-  joint.parent_frame = placement.pose;
-  joint.child_frame = hand.wrist.child_frame;
-  model::JointAxis axis;
-  axis.name = "travel";
-  axis.axis = placement.pose.q.conjugate() * placement.rail_direction;
-  joint.axes.push_back(axis);
-  return joint;
+/// A body of several shapes, of several rows or of none: its frame is at its centre of mass, with the axes of
+/// its first row.
+void place_composite(Body& body, std::vector<Piece*>& parts) {
+  std::vector<MassProperties> each;
+  for (const Piece* part : parts) each.push_back(properties_of(*part));
+  const MassProperties whole = model::joined(each);
+  body.mass = whole.mass;
+  body.zero_pose = {whole.centre, parts[0]->frame.q};
+  const Mat3 r = body.zero_pose.q.conjugate().toRotationMatrix();
+  body.inertia = r * whole.inertia * r.transpose();
+  body.inertia = 0.5 * (body.inertia + body.inertia.transpose().eval());
+  for (Piece* part : parts)
+    for (Shape& shape : part->shapes) shape.pose = body.zero_pose.inverse() * (part->frame * shape.pose);
 }
 
-/// The joint between world and palm, if the mount has one.
-std::optional<Joint> mount_joint(const BuiltHand& hand, const Placement& placement) {
-  if (placement.mount == Mount::rail) return rail_joint(hand, placement);
-  if (placement.mount != Mount::hinge && placement.mount != Mount::universal) return std::nullopt;
-  Joint joint = hand.wrist;
-  joint.kind = placement.mount == Mount::hinge ? model::JointKind::hinge : model::JointKind::universal;
-  const auto count = static_cast<std::size_t>(model::dof_count(joint.kind));
-  if (joint.axes.size() < count)
-    throw input_error("wrist.mount", "universal with a hand model whose wrist has one axis",
-                      "hinge, or a hand model whose wrist has two axes");
-  joint.axes.resize(count);
-  joint.parent_frame = placement.pose;
-  return joint;
-}
-
-void apply_start(Joint& joint, const Placement& placement) {
-  const auto found = placement.start.find(joint.name);
-  if (found == placement.start.end()) return;
-  if (found->second.size() > joint.axes.size())
-    throw input_error("pose." + joint.name, fmt::format("{} angles", found->second.size()),
-                      fmt::format("at most {}", joint.axes.size()));
-  for (std::size_t i = 0; i < found->second.size(); ++i) joint.axes[i].initial = found->second[i];
-}
-
-void scale_tissue(Joint& joint, const Placement& placement) {
-  for (model::JointAxis& axis : joint.axes) {
-    if (!axis.tissue) continue;
-    axis.tissue->stiffness *= placement.tissue_stiffness;
-    axis.tissue->damping *= placement.tissue_damping;
-    if (axis.tissue->stiffness == 0 && axis.tissue->damping == 0) axis.tissue.reset();
-  }
-}
-
-void check_start_names(const std::vector<Joint>& joints, const Placement& placement) {
-  std::vector<std::string> known;
-  for (const Joint& joint : joints) known.push_back(joint.name);
-  for (const auto& [name, angles] : placement.start) {
-    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
-    throw input_error("pose." + name, "an unknown joint",
-                      "a joint of the hand model or its wrist mount" + nearest_hint(name, known));
-  }
-}
-
-/// Adds the hand's skin as material, its contact groups and its shapes.
-HandGroups add_shapes(model::Model& model, const model::HandIndex& index, const BuiltHand& hand) {
-  const HandGroups groups = {model.add_group("palm-" + index.name), model.add_group("fingers-" + index.name),
-                             model.add_group("fingertips-" + index.name)};
-  std::vector<bool> has_child(hand.bodies.size(), false);
-  for (const Joint& joint : hand.joints) has_child[static_cast<std::size_t>(joint.parent)] = true;
-  model.materials.push_back(hand.skin);
-  for (std::size_t i = 0; i < hand.shapes.size(); ++i) {
-    Shape shape = hand.shapes[i];
-    shape.name = index.name + "." + shape.name;
-    shape.body = index.bodies[i];
-    shape.group = i == 0 ? groups.palm : has_child[i] ? groups.fingers : groups.fingertips;
-    shape.material = static_cast<int>(model.materials.size()) - 1;
-    model.shapes.push_back(std::move(shape));
-  }
-  return groups;
-}
-
-/// Adds the mount's joint, if it has one, then those of the segments.
-void add_joints(model::Model& model, model::HandIndex& index, const BuiltHand& hand,
-                const Placement& placement) {
-  std::vector<Joint> joints = hand.joints;
-  for (Joint& joint : joints) {
-    joint.parent += index.palm;
-    joint.child += index.palm;
-  }
-  if (std::optional<Joint> wrist = mount_joint(hand, placement)) {
-    wrist->parent = model::kWorld;
-    wrist->child = index.palm;
-    joints.insert(joints.begin(), std::move(*wrist));
-  }
-  check_start_names(joints, placement);
-  for (Joint& joint : joints) {
-    apply_start(joint, placement);
-    scale_tissue(joint, placement);
-    joint.name = index.name + "." + joint.name;
-    joint.first_dof = model.dof_count();
-    if (placement.mount == Mount::rail && &joint == &joints.front())
-      index.rail = static_cast<int>(model.joints.size());
+void place_bodies(BuiltHand& hand, std::vector<Piece>& parts) {
+  for (std::size_t b = 0; b < hand.bodies.size(); ++b) {
+    std::vector<Piece*> own;
+    for (Piece& part : parts)
+      if (part.body == static_cast<int>(b)) own.push_back(&part);
+    hand.bodies[b].name = own[0]->name;
+    const bool capsule_or_box =
+        own.size() == 1 && own[0]->shapes.size() == 1 && (b > 0 || own[0]->shapes[0].kind == ShapeKind::box);
+    if (capsule_or_box)
+      place_simple(hand.bodies[b], own[0]->shapes[0], *own[0]);
     else
-      index.joints.push_back(static_cast<int>(model.joints.size()));
-    model.joints.push_back(std::move(joint));
+      place_composite(hand.bodies[b], own);
   }
 }
 
-/// A path by the model's coordinates, without the axes that the mount omits.
-model::TendonPath placed(const model::TendonPath& path, const std::vector<std::optional<int>>& dofs) {
-  model::TendonPath out;
-  std::vector<int> place;
-  for (model::MomentArm arm : path.arms) {
-    const std::optional<int> dof = dofs[static_cast<std::size_t>(arm.dof)];
-    place.push_back(dof ? static_cast<int>(out.arms.size()) : -1);
-    if (!dof) continue;
-    arm.dof = *dof;
-    out.arms.push_back(arm);
-  }
-  // The angle of an axis that is not there is 0, and so is its product.
-  for (model::ArmProduct each : path.products) {
-    each.a = place[static_cast<std::size_t>(each.a)];
-    each.b = place[static_cast<std::size_t>(each.b)];
-    if (each.a >= 0 && each.b >= 0) out.products.push_back(each);
-  }
-  return out;
-}
-
-/// Adds muscles and bands; the joints are in the model.
-void add_muscles(model::Model& model, model::HandIndex& index, const BuiltHand& hand) {
-  std::vector<std::optional<int>> dofs(hand.axes.size());
-  for (std::size_t i = 0; i < dofs.size(); ++i)
-    for (const int joint : index.joints) {
-      const Joint& each = model.joints[static_cast<std::size_t>(joint)];
-      for (std::size_t a = 0; a < each.axes.size(); ++a)
-        if (each.name + "." + each.axes[a].name == index.name + "." + hand.axes[i].name)
-          dofs[i] = each.first_dof + static_cast<int>(a);
+void add_shapes_of(BuiltHand& hand, const std::vector<Piece>& parts) {
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    if (i > 0 && !parts[i].shapes.empty()) hand.segments[i - 1].capsule = hand.shapes.size();
+    for (Shape shape : parts[i].shapes) {
+      shape.body = parts[i].body;
+      hand.shapes.push_back(std::move(shape));
     }
-  for (model::Muscle muscle : hand.muscles.muscles) {
-    muscle.name = index.name + "." + muscle.name;
-    muscle.path = placed(muscle.path, dofs);
-    index.muscles.push_back(static_cast<int>(model.muscles.size()));
-    model.muscles.push_back(std::move(muscle));
-  }
-  for (model::Ligament band : hand.muscles.bands) {
-    band.name = index.name + "." + band.name;
-    band.path = placed(band.path, dofs);
-    index.ligaments.push_back(static_cast<int>(model.ligaments.size()));
-    model.ligaments.push_back(std::move(band));
   }
 }
 
-void set_palm(model::Model& model, int palm, const BuiltHand& hand, const Placement& placement) {
-  Body& body = model.bodies[static_cast<std::size_t>(palm)];
-  body.kinematic = placement.mount == Mount::fixed || placement.mount == Mount::driven;
-  if (placement.mount == Mount::driven)
-    model.drives.push_back({palm, hand.bodies[0].zero_pose.inverse(), placement.motion});
+/// The joint frame in a body: of a simple body exactly on the axis of its capsule.
+Pose joint_in_body(const BuiltHand& hand, const HandSpec& spec, std::size_t i) {
+  const BuiltSegment& built = hand.segments[i];
+  const Body& body = hand.bodies[static_cast<std::size_t>(built.body)];
+  const Vec3 half(0, 0.5 * axis_of(spec.segments[i], built), 0);
+  const bool simple = !spec.segments[i].carrier && (built.frame * half - body.zero_pose.p).isZero(0);
+  return simple ? Pose{-half, Quat::Identity()} : body.zero_pose.inverse() * built.frame;
 }
 
-/// A free hand starts with the velocities of one rigid body.
-void set_velocities(model::Model& model, const model::HandIndex& index, const Placement& placement) {
-  if (placement.mount != Mount::free) return;
-  const model::State start = model::initial_state(model);
-  for (const int body : index.bodies) {
-    const auto i = static_cast<std::size_t>(body);
-    model.bodies[i].initial_angular_velocity = placement.angular_velocity;
-    model.bodies[i].initial_velocity =
-        placement.velocity + placement.angular_velocity.cross(start.bodies[i].p - placement.pose.p);
+void add_joints_of(BuiltHand& hand, const HandSpec& spec) {
+  for (std::size_t i = 0; i < spec.segments.size(); ++i) {
+    const SegmentSpec& row = spec.segments[i];
+    if (row.fixed) continue;
+    const BuiltSegment& built = hand.segments[i];
+    Joint joint;
+    joint.name = row.joint.name;
+    joint.kind = row.joint.kind;
+    joint.axes = row.joint.axes;
+    joint.parent = row.parent == kPalm ? 0 : hand.segments[static_cast<std::size_t>(row.parent)].body;
+    joint.child = built.body;
+    joint.parent_frame =
+        hand.bodies[static_cast<std::size_t>(joint.parent)].zero_pose.inverse() * built.frame;
+    joint.child_frame = joint_in_body(hand, spec, i);
+    hand.segments[i].joint = static_cast<int>(hand.joints.size());
+    hand.joints.push_back(std::move(joint));
   }
+}
+
+/// Palm and segments with their bodies; a fixed segment belongs to the body of its parent.
+std::vector<Piece> parts_of(BuiltHand& hand, const HandSpec& spec, const Person& person) {
+  hand.segments = lay_out(spec, hand.size, person);
+  std::vector<Piece> parts = {palm_part(spec.palm, hand.size)};
+  hand.bodies.resize(1);
+  for (std::size_t i = 0; i < spec.segments.size(); ++i) {
+    const SegmentSpec& row = spec.segments[i];
+    BuiltSegment& built = hand.segments[i];
+    if (!row.fixed) {
+      built.body = static_cast<int>(hand.bodies.size());
+      hand.bodies.emplace_back();
+    } else if (row.parent != kPalm) {
+      built.body = hand.segments[static_cast<std::size_t>(row.parent)].body;
+    }
+    parts.push_back(segment_part(row, built, hand.size));
+  }
+  return parts;
 }
 
 }  // namespace
@@ -339,17 +281,15 @@ BuiltHand build_hand(const HandSpec& spec, const Person& person) {
   BuiltHand hand;
   hand.size = hand_size(spec.anthropometry, person);
   hand.skin = spec.skin;
-  add_palm(hand, spec);
-  add_segments(hand, spec, person);
-  switch (spec.mass.kind) {
-    case MassRule::Kind::body_mass_share:
-      set_masses_by_share(hand, spec, person);
-      break;
-    case MassRule::Kind::density:
-      set_masses_by_volume(hand, spec, person);
-      break;
-  }
-  set_inertias(hand);
+  std::vector<Piece> parts = parts_of(hand, spec, person);
+  hand.palm_volume = volume_of(parts, 0);
+  if (spec.mass.kind == MassRule::Kind::density)
+    set_masses_by_volume(parts, hand, spec, person);
+  else
+    set_masses_by_share(parts, hand, spec, person);
+  place_bodies(hand, parts);
+  add_shapes_of(hand, parts);
+  add_joints_of(hand, spec);
   hand.wrist.name = spec.wrist.name;
   hand.wrist.kind = spec.wrist.kind;
   hand.wrist.axes = spec.wrist.axes;
@@ -359,26 +299,11 @@ BuiltHand build_hand(const HandSpec& spec, const Person& person) {
   return hand;
 }
 
-HandGroups add_hand(model::Model& model, const BuiltHand& right, const Placement& placement) {
-  const BuiltHand hand = for_side(right, placement.side);
-  model::HandIndex index;
-  index.name = placement.name;
-  index.side = placement.side;
-  index.palm = static_cast<int>(model.bodies.size());
-  index.wrist_frame = hand.bodies[0].zero_pose.inverse();
-  for (Body body : hand.bodies) {
-    body.name = placement.name + "." + body.name;
-    body.zero_pose = placement.pose * body.zero_pose;
-    index.bodies.push_back(static_cast<int>(model.bodies.size()));
-    model.bodies.push_back(std::move(body));
-  }
-  const HandGroups groups = add_shapes(model, index, hand);
-  add_joints(model, index, hand, placement);
-  add_muscles(model, index, hand);
-  set_palm(model, index.palm, hand, placement);
-  set_velocities(model, index, placement);
-  model.hands.push_back(std::move(index));
-  return groups;
+Vec3 palm_box(const BuiltHand& hand) {
+  std::vector<Shape> palm;
+  for (const Shape& shape : hand.shapes)
+    if (shape.part == model::Part::palm) palm.push_back(shape);
+  return model::box_edges(palm);
 }
 
 WholeHand whole_hand(const BuiltHand& hand) {

@@ -35,20 +35,32 @@ struct Placement {
   double tissue_damping = 1;                         ///< factor on its passive damping
 };
 
+/// A row of the hand model as it was built.
+struct BuiltSegment {
+  Pose frame;                          ///< X_HS, origin at the proximal joint
+  double length = 0, radius = 0;       ///< [m]; of a carrier 0
+  int body = 0;                        ///< in BuiltHand::bodies; of a fixed segment its parent's
+  std::optional<int> joint;            ///< in BuiltHand::joints; absent: fixed
+  std::optional<std::size_t> capsule;  ///< in BuiltHand::shapes; absent: a carrier
+};
+
 /// One hand of a person, right, in the hand frame.
 struct BuiltHand {
   HandSize size;
-  double mass = 0;                   ///< of the whole hand [kg]; the bodies' masses sum to it
-  std::vector<model::Body> bodies;   ///< [0] the palm, then the segments as in the spec; zero_pose is X_HB
-  std::vector<model::Shape> shapes;  ///< one per body, at the same index
-  std::vector<model::Joint> joints;  ///< of the segments; `parent` and `child` index `bodies`
-  model::Joint wrist;                ///< parent frame: the hand frame; child: the palm
+  double mass = 0;                     ///< of the whole hand [kg]; the bodies' masses sum to it
+  double palm_volume = 0;              ///< [m^3]; space that several of its shapes share counts once
+  std::vector<model::Body> bodies;     ///< [0] the palm, then the segments in their order; zero_pose is X_HB
+  std::vector<model::Shape> shapes;    ///< those of the palm, then of the segments; `body` indexes `bodies`
+  std::vector<model::Joint> joints;    ///< of the segments; `parent` and `child` index `bodies`
+  std::vector<BuiltSegment> segments;  ///< as in the spec
+  model::Joint wrist;                  ///< parent frame: the hand frame; child: the palm
   model::Material skin;
   HandMuscles muscles;         ///< none where the hand model has none
   std::vector<HandAxis> axes;  ///< that the muscles' arms number
 };
 
-/// @throws Error (input) for a fingertip shorter than its radius and for impossible hand dimensions.
+/// @throws Error (input) for a fingertip shorter than its radius, a shape without size and impossible hand
+/// dimensions.
 BuiltHand build_hand(const HandSpec& spec, const Person& person);
 
 /// Name of a rail's joint: a slider whose coordinate [m] is the distance from Placement::pose along the rail.
@@ -66,6 +78,9 @@ struct HandGroups {
 /// @throws Error (input) if `start` has an unknown joint or too many angles, or the wrist has fewer axes than
 /// the mount needs.
 HandGroups add_hand(model::Model& model, const BuiltHand& hand, const Placement& placement);
+
+/// Breadth, length and thickness of the box about the palm's shapes [m].
+Vec3 palm_box(const BuiltHand& hand);
 
 /// Centre of mass and radii of gyration of the whole hand with straight fingers.
 struct WholeHand {

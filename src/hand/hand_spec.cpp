@@ -20,61 +20,15 @@ const std::vector<std::pair<std::string_view, Part>> kFingers = {{"thumb", Part:
                                                                  {"middle", Part::middle},
                                                                  {"ring", Part::ring},
                                                                  {"little", Part::little}};
-const std::vector<std::pair<std::string_view, JointKind>> kKinds = {{"hinge", JointKind::hinge},
-                                                                    {"universal", JointKind::universal}};
-/// Largest length of a rule: twice a hand dimension, or half a metre.
-constexpr double kMostShares = 2, kMostMetres = 0.5;
+/// Types of a row's joint; a ball is a universal joint and a hinge, with a carrier between them.
+enum class RowJoint { hinge, universal, ball, fixed };
+const std::vector<std::pair<std::string_view, RowJoint>> kTypes = {{"hinge", RowJoint::hinge},
+                                                                   {"universal", RowJoint::universal},
+                                                                   {"ball", RowJoint::ball},
+                                                                   {"fixed", RowJoint::fixed}};
 constexpr std::size_t kMostSegments = 100;
 const Quantity kAngle = {Dimension::angle, -M_PI, M_PI};
 const Quantity kShare = {Dimension::none, 0, 1};
-
-std::optional<LengthRule> parse_rule(std::string_view text) {
-  using Base = LengthRule::Base;
-  for (const auto& [suffix, base] : {std::pair<std::string_view, Base>{" HL", Base::hand_length},
-                                     {" HB", Base::hand_breadth},
-                                     {" HT", Base::hand_thickness}}) {
-    if (!text.ends_with(suffix)) continue;
-    const std::optional<double> factor = parse_number(text.substr(0, text.size() - suffix.size()));
-    if (factor && std::abs(*factor) <= kMostShares) return LengthRule{*factor, base};
-    return std::nullopt;
-  }
-  const std::optional<double> metres = parse_quantity(text, Dimension::length);
-  if (metres && std::abs(*metres) <= kMostMetres) return LengthRule{*metres, Base::metre};
-  return std::nullopt;
-}
-
-constexpr std::string_view kRuleNeed =
-    "a length such as \"0.245 HL\" (hand length), \"0.1 HB\" (breadth), "
-    "\"1 HT\" (thickness) or \"45 mm\", at most 2 of these or 0.5 m";
-
-LengthRule read_rule(const YamlNode& node, const std::string& path, bool positive, Diagnostics& diagnostics) {
-  const std::optional<LengthRule> rule =
-      node.kind == YamlNode::Kind::scalar ? parse_rule(node.text) : std::nullopt;
-  if (rule && (!positive || rule->factor > 0)) return *rule;
-  diagnostics.problems.push_back(
-      {node.place(), path, node.described(), std::string(kRuleNeed) + (positive ? ", above 0" : "")});
-  return {1, LengthRule::Base::hand_breadth};
-}
-
-LengthRule read_length(MapReader& reader, std::string_view key) {
-  if (const YamlNode* node = reader.value(key, {{YamlNode::Kind::scalar}, std::string(kRuleNeed)}))
-    return read_rule(*node, reader.path_of(key), true, reader.diagnostics());
-  return {1, LengthRule::Base::hand_breadth};
-}
-
-std::optional<std::array<LengthRule, 3>> read_place(MapReader& reader, std::string_view key) {
-  const YamlNode* node = reader.value(key, {{YamlNode::Kind::sequence}, "a list of three lengths", false});
-  if (!node) return std::nullopt;
-  if (node->items.size() != 3) {
-    reader.problem(key, node->described(), "a list of three lengths");
-    return std::nullopt;
-  }
-  std::array<LengthRule, 3> out;
-  for (std::size_t i = 0; i < 3; ++i)
-    out[i] =
-        read_rule(node->items[i], fmt::format("{}.{}", reader.path_of(key), i), false, reader.diagnostics());
-  return out;
-}
 
 model::JointAxis read_axis(MapReader reader) {
   model::JointAxis axis;
@@ -96,36 +50,40 @@ model::JointAxis read_axis(MapReader reader) {
   return axis;
 }
 
-/// @param any_kind one axis or two, whatever the joint's kind.
-void check_axes(MapReader& reader, const JointSpec& joint, bool any_kind) {
+void check_axes(MapReader& reader, const JointSpec& joint, std::size_t least, std::size_t most,
+                const char* need) {
   const std::size_t count = joint.axes.size();
-  const auto needed = static_cast<std::size_t>(model::dof_count(joint.kind));
-  if (any_kind ? count < 1 || count > 2 : count != needed)
-    return reader.problem("axes", count == 1 ? "one axis" : fmt::format("{} axes", count),
-                          any_kind      ? "one axis or two"
-                          : needed == 1 ? "one axis for a hinge"
-                                        : "two axes for a universal joint");
+  if (count < least || count > most)
+    return reader.problem("axes", count == 1 ? "one axis" : fmt::format("{} axes", count), need);
   check_axis_pair(reader, joint.axes);
 }
 
-/// @param kind absent: given in the file as `type`; present (the wrist): one axis or two.
-JointSpec read_joint(MapReader& reader, std::optional<JointKind> kind) {
+void read_axes(MapReader& reader, JointSpec& joint) {
+  reader.each("axes", 1, 3, [&](MapReader axis) { joint.axes.push_back(read_axis(std::move(axis))); });
+}
+
+/// The joint of a row: three axes with a ball, none where it is fixed.
+JointSpec read_joint(MapReader& reader, RowJoint type) {
   JointSpec joint;
+  if (type == RowJoint::fixed) return joint;
   joint.name = reader.name("name");
-  if (kind)
-    joint.kind = *kind;
-  else
-    joint.kind = reader.choice<JointKind>("type", kKinds);
-  reader.each("axes", 1, 2, [&](MapReader axis) { joint.axes.push_back(read_axis(std::move(axis))); });
-  if (reader.sound()) check_axes(reader, joint, kind.has_value());
+  joint.kind = type == RowJoint::hinge ? JointKind::hinge : JointKind::universal;
+  read_axes(reader, joint);
+  const auto needed = static_cast<std::size_t>(type) + 1;
+  if (reader.sound())
+    check_axes(reader, joint, needed, needed,
+               type == RowJoint::hinge       ? "one axis for a hinge"
+               : type == RowJoint::universal ? "two axes for a universal joint"
+                                             : "three axes for a ball joint");
   return joint;
 }
 
 /// Nothing if the kind of rule is missing or unknown.
 std::optional<MassRule> read_mass(MapReader reader) {
   MassRule rule;
-  rule.kind = reader.choice<MassRule::Kind>(
-      "rule", {{"body_mass_share", MassRule::Kind::body_mass_share}, {"density", MassRule::Kind::density}});
+  rule.kind = reader.choice<MassRule::Kind>("rule", {{"body_mass_share", MassRule::Kind::body_mass_share},
+                                                     {"palm_density", MassRule::Kind::palm_density},
+                                                     {"density", MassRule::Kind::density}});
   if (!reader.has("rule") || !reader.sound()) return std::nullopt;
   const Quantity share = {Dimension::none, 0, 0.1, true};
   if (rule.kind == MassRule::Kind::body_mass_share) {
@@ -140,12 +98,22 @@ std::optional<MassRule> read_mass(MapReader reader) {
   return rule;
 }
 
-PalmSpec read_palm(MapReader reader) {
+PalmSpec read_palm(MapReader reader, const std::optional<MassRule>& mass) {
   PalmSpec palm;
-  palm.length = read_length(reader, "length");
-  palm.breadth = read_length(reader, "breadth");
-  palm.thickness = read_length(reader, "thickness");
-  palm.offset = read_place(reader, "offset").value_or(std::array<LengthRule, 3>{});
+  if (reader.has("shapes")) {
+    palm.shapes = read_shapes(reader, 1);
+  } else {
+    palm.length = read_length(reader, "length");
+    palm.breadth = read_length(reader, "breadth");
+    palm.thickness = read_length(reader, "thickness");
+    palm.offset = read_place(reader, "offset").value_or(PlaceRule{});
+  }
+  if (!mass)
+    reader.child("mass_share");
+  else if (mass->kind == MassRule::Kind::palm_density)
+    palm.mass_share = reader.number("mass_share", {Dimension::none, 0, 1, true});
+  else if (mass->kind == MassRule::Kind::body_mass_share)
+    palm.mass_share = reader.maybe_number("mass_share", {Dimension::none, 0, 1, true});
   reader.finish();
   return palm;
 }
@@ -169,14 +137,30 @@ void read_parent(MapReader& reader, SegmentSpec& segment, HandSpec& spec) {
 }
 
 /// Reads the joint of a segment; its name must be unique in the hand.
-JointSpec read_segment_joint(MapReader reader, const HandSpec& spec) {
-  JointSpec joint = read_joint(reader, std::nullopt);
-  bool taken = joint.name == spec.wrist.name;
-  for (const SegmentSpec& other : spec.segments) taken = taken || other.joint.name == joint.name;
-  if (taken && !joint.name.empty())
-    reader.problem("name", joint.name + " a second time", "a unique name for each joint");
+void read_segment_joint(MapReader reader, const HandSpec& spec, SegmentSpec& segment) {
+  const RowJoint type = reader.choice<RowJoint>("type", kTypes);
+  segment.joint = read_joint(reader, type);
+  segment.fixed = type == RowJoint::fixed;
+  const std::string& name = segment.joint.name;
+  bool taken = name == spec.wrist.name;
+  for (const SegmentSpec& other : spec.segments) taken = taken || other.joint.name == name;
+  if (taken && !name.empty()) reader.problem("name", name + " a second time", "a unique name for each joint");
   reader.finish();
-  return joint;
+}
+
+/// Any name; one that is not a finger's says with which finger it counts.
+void read_finger(MapReader& reader, SegmentSpec& segment) {
+  segment.finger = reader.name("finger");
+  for (const auto& [name, part] : kFingers)
+    if (name == segment.finger) {
+      segment.part = part;
+      return;
+    }
+  if (segment.finger.empty() || reader.has("counts_as"))
+    segment.part = reader.choice<Part>("counts_as", kFingers);
+  else
+    reader.problem("finger", segment.finger,
+                   "thumb, index, middle, ring or little, or one of these under `counts_as`");
 }
 
 SegmentSpec read_segment(MapReader reader, HandSpec& spec, const std::optional<MassRule>& mass) {
@@ -186,7 +170,7 @@ SegmentSpec read_segment(MapReader reader, HandSpec& spec, const std::optional<M
   const bool taken = segment.name == "palm" || find_segment(spec.segments, segment.name) != kPalm;
   if (taken && !segment.name.empty())
     reader.problem("name", segment.name + " a second time", "a unique name for each segment");
-  segment.finger = reader.choice<Part>("finger", kFingers);
+  read_finger(reader, segment);
   read_parent(reader, segment, spec);
   segment.at = read_place(reader, "at");
   if (reader.sound() && segment.parent == kPalm && !segment.at)
@@ -194,59 +178,73 @@ SegmentSpec read_segment(MapReader reader, HandSpec& spec, const std::optional<M
   segment.rotation = reader.rotation("rotation");
   segment.length = read_length(reader, "length");
   segment.radius = read_length(reader, "radius");
+  segment.shapes = read_shapes(reader, 0);
   if (!mass)
     reader.child("mass_share");
-  else if (mass->kind == MassRule::Kind::body_mass_share)
+  else if (mass->kind != MassRule::Kind::density)
     segment.mass_share = reader.number("mass_share", {Dimension::none, 0, 1, true});
-  segment.joint =
-      read_segment_joint(reader.required_map("joint", "a mapping with name, type and axes"), spec);
+  read_segment_joint(reader.required_map("joint", "a mapping with name, type and axes"), spec, segment);
   reader.finish();
   return segment;
+}
+
+/// Adds a row. A joint of three axes becomes a carrier on a universal joint and the segment on a hinge,
+/// `JOINT_AXIS`, about the third: what every engine has.
+void add_row(SegmentSpec row, HandSpec& spec) {
+  if (row.joint.axes.size() == 3) {
+    SegmentSpec carrier = row;
+    carrier.name += "_carrier";
+    carrier.carrier = carrier.has_child = true;
+    carrier.shapes.clear();
+    carrier.mass_share *= kCarrierShare;
+    carrier.joint.axes.pop_back();
+    row.parent = static_cast<int>(spec.segments.size());
+    row.at = PlaceRule{};
+    row.rotation = Quat::Identity();
+    row.mass_share *= 1 - kCarrierShare;
+    row.joint.kind = JointKind::hinge;
+    row.joint.axes.erase(row.joint.axes.begin(), row.joint.axes.begin() + 2);
+    row.joint.name += "_" + row.joint.axes.front().name;
+    spec.segments.push_back(std::move(carrier));
+  }
+  spec.segments.push_back(std::move(row));
 }
 
 void read_segments(MapReader& reader, HandSpec& spec, const std::optional<MassRule>& mass) {
   double shares = 0;
   reader.each("segments", 1, kMostSegments, [&](MapReader row) {
-    spec.segments.push_back(read_segment(std::move(row), spec, mass));
-    shares += spec.segments.back().mass_share;
+    SegmentSpec segment = read_segment(std::move(row), spec, mass);
+    shares += segment.mass_share;
+    add_row(std::move(segment), spec);
   });
-  if (reader.sound() && shares >= 1)
+  if (reader.sound() && shares >= 1 && !spec.palm.mass_share)
     reader.problem("segments", fmt::format("mass shares of {:g} in all", shares),
                    "less than 1, the palm has the rest");
 }
 
 void read_wrist(MapReader reader, HandSpec& spec) {
-  spec.wrist = read_joint(reader, JointKind::universal);
-  if (spec.wrist.axes.size() == 1) spec.wrist.kind = JointKind::hinge;
+  spec.wrist.name = reader.name("name");
+  read_axes(reader, spec.wrist);
+  if (reader.sound()) check_axes(reader, spec.wrist, 1, 2, "one axis or two");
+  spec.wrist.kind = spec.wrist.axes.size() == 1 ? JointKind::hinge : JointKind::universal;
   reader.finish();
 }
 
 }  // namespace
 
-double LengthRule::value(const HandSize& size) const {
-  switch (base) {
-    case Base::metre:
-      return factor;
-    case Base::hand_length:
-      return factor * size.length;
-    case Base::hand_breadth:
-      return factor * size.breadth;
-    case Base::hand_thickness:
-      return factor * size.thickness;
-  }
-  return 0;
-}
-
 void check_axis_pair(MapReader& reader, const std::vector<model::JointAxis>& axes) {
-  if (axes.size() < 2) return;
-  const double cosine = axes[0].axis.dot(axes[1].axis);
-  if (std::abs(cosine) > 1e-9)
-    reader.problem(
-        "axes",
-        fmt::format("axes {:.9g} deg apart", kDegreesPerRadian * std::acos(std::clamp(cosine, -1.0, 1.0))),
-        "perpendicular axes");
-  if (axes[0].name == axes[1].name)
-    reader.problem("axes", fmt::format("two axes called {}", axes[0].name), "a unique name for each axis");
+  for (std::size_t j = 1; j < axes.size(); ++j)
+    for (std::size_t i = 0; i < j; ++i) {
+      const double cosine = axes[i].axis.dot(axes[j].axis);
+      if (std::abs(cosine) > 1e-9)
+        reader.problem("axes",
+                       fmt::format("axes {:.9g} deg apart",
+                                   kDegreesPerRadian * std::acos(std::clamp(cosine, -1.0, 1.0))),
+                       "perpendicular axes");
+      if (axes[i].name == axes[j].name)
+        reader.problem("axes", fmt::format("two axes called {}", axes[i].name),
+                       "a unique name for each axis");
+    }
 }
 
 HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
@@ -259,7 +257,8 @@ HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& di
   const std::optional<MassRule> mass =
       read_mass(reader.required_map("mass", "a mapping with the rule of the hand's mass"));
   spec.mass = mass.value_or(MassRule{});
-  spec.palm = read_palm(reader.required_map("palm", "a mapping with length, breadth and thickness"));
+  spec.palm =
+      read_palm(reader.required_map("palm", "a mapping with length, breadth and thickness, or shapes"), mass);
   read_wrist(reader.required_map("wrist", "a mapping with name and axes"), spec);
   MapReader skin = reader.map("skin");
   spec.skin = read_material(skin, "skin");

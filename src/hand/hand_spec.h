@@ -9,18 +9,10 @@
 #include "handsim/core/yaml_reader.h"
 #include "handsim/hand/anthropometry.h"
 #include "handsim/hand/muscle_spec.h"
+#include "handsim/hand/shape_spec.h"
 #include "handsim/model/model.h"
 
 namespace handsim::hand {
-
-/// A length as a share of one of the person's hand dimensions, or fixed.
-struct LengthRule {
-  enum class Base { metre, hand_length, hand_breadth, hand_thickness };
-  double factor = 0;
-  Base base = Base::metre;
-
-  double value(const HandSize& size) const;  ///< [m]
-};
 
 /// A joint row. Axes are given in the segment's frame (wrist: in the hand frame), for a right hand.
 struct JointSpec {
@@ -31,24 +23,32 @@ struct JointSpec {
 
 struct SegmentSpec {
   std::string name;
-  model::Part finger = model::Part::index;
+  std::string finger;                           ///< any name
+  model::Part part = model::Part::index;        ///< the finger with which sums, tables and colours count it
   int parent = -1;                              ///< row in HandSpec::segments; kPalm: the palm
   bool has_child = false;                       ///< false: the last segment, whose cap ends at the fingertip
   std::optional<std::array<LengthRule, 3>> at;  ///< joint centre in the parent's frame; absent: distal end
   Quat rotation = Quat::Identity();             ///< q_parent_segment at zero coordinates
   LengthRule length;
   LengthRule radius;
-  double mass_share = 0;  ///< of the hand's mass; body_mass_share rule only
+  std::vector<ShapeSpec> shapes;  ///< beside the capsule of this length and radius
+  double mass_share = 0;          ///< of the hand's mass; not with the rule `density`
+  bool fixed = false;             ///< part of its parent's body; no joint
+  /// A body without a shape between two joints of a joint of three axes; the next row is its segment.
+  bool carrier = false;
   JointSpec joint;
   Place place;  ///< of the row, for messages
 };
 
 inline constexpr int kPalm = -1;
+/// Of a segment's mass, in the carrier of its joint of three axes.
+inline constexpr double kCarrierShare = 0.05;
 
 /// How the mass of a hand is computed.
 struct MassRule {
   enum class Kind {
-    body_mass_share,  ///< share of body mass; each segment gets its mass_share of it, the palm the rest
+    body_mass_share,  ///< a share of body mass; each part gets its mass_share of it
+    palm_density,     ///< the palm's volume times a density, other parts in proportion to their mass_share
     density,          ///< each part its volume times a density
   };
   Kind kind = Kind::density;
@@ -57,9 +57,14 @@ struct MassRule {
   std::string source;
 };
 
+/// One box, or several shapes in the hand frame.
 struct PalmSpec {
   LengthRule length, breadth, thickness;
-  std::array<LengthRule, 3> offset;  ///< of the box's centre from (0, length / 2, 0), hand frame
+  PlaceRule offset;  ///< of the box's centre from (0, length / 2, 0), hand frame
+  std::vector<ShapeSpec> shapes;
+  /// Of the hand's mass. Absent: what the segments leave of 1. Present: a hand model with fewer fingers has a
+  /// lighter hand.
+  std::optional<double> mass_share;
 };
 
 struct HandSpec {

@@ -1,5 +1,7 @@
 #include "handsim/hand/build.h"
 
+#include <algorithm>
+
 #include "handsim/core/data_folder.h"
 #include "handsim/core/index.h"
 #include "handsim/hand/grip_strength.h"
@@ -16,22 +18,26 @@ void append(Column& out, const Vec3& v) { out.insert(out.end(), {v.x(), v.y(), v
 
 std::string part_name(const std::string& body) { return body.substr(body.find('.') + 1); }
 
-/// Bodies of the scene's first hand in its hand frame: palm, then segments. The palm's length is that of its
-/// box.
+/// Bodies of the scene's first hand in its hand frame: palm, then segments with a joint. The palm's length is
+/// that of the box about its shapes.
 py::dict segments(const SceneHandle& of) {
   const model::Model& model = of.scene->model;
   const model::HandIndex& hand = model.hands.front();
   const hand::BuiltHand& built = of.scene->hands.front();
-  const auto& rows = of.scene->spec.hands.front().model.segments;
   const Pose x_HW = (model.bodies[at(hand.palm)].zero_pose * hand.wrist_frame).inverse();
+  const Vec3 box = hand::palm_box(built);
   std::vector<std::string> names, joints;
   Column length, radius, mass, centre, inertia;
   for (std::size_t i = 0; i < hand.bodies.size(); ++i) {
     const model::Body& body = model.bodies[at(hand.bodies[i])];
+    const auto segment = std::find_if(built.segments.begin(), built.segments.end(), [&](const auto& each) {
+      return each.joint && each.body == static_cast<int>(i);
+    });
+    const bool palm = segment == built.segments.end();
     names.push_back(part_name(body.name));
-    joints.push_back(i == 0 ? "" : part_name(model.joints[at(hand.joints[i - 1])].name));
-    length.push_back(i == 0 ? built.shapes[0].edges.y() : rows[i - 1].length.value(built.size));
-    radius.push_back(i == 0 ? built.shapes[0].edges.z() / 2 : built.shapes[i].radius);
+    joints.push_back(palm ? "" : built.joints[at(*segment->joint)].name);
+    length.push_back(palm ? box.y() : segment->length);
+    radius.push_back(palm ? box.z() / 2 : segment->radius);
     mass.push_back(body.mass);
     append(centre, x_HW * body.zero_pose.p);
     append(inertia, body.inertia.diagonal());

@@ -71,12 +71,12 @@ struct Posed {
     ADD_FAILURE() << "no shape " << name;
     return {};
   }
-  /// Gap between the surfaces of a fingertip and the palm along the palm's normal [m].
+  /// Gap between the surfaces of a fingertip and the middle of the palm along the palm's normal [m].
   double tip_above_palm(const model::State& state, const std::string& finger) const {
     const Segment tip = segment(state, finger + "_distal");
     double thickness = 0;
     for (const model::Shape& shape : scene.model.shapes)
-      if (shape.name == "right.palm") thickness = shape.edges.z();
+      if (shape.name == "right.palm.middle") thickness = 2 * shape.radius;
     return -tip.to.z() - tip.radius - thickness / 2;
   }
   bool straight(const model::State& state, const std::string& digit) const {

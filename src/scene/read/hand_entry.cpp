@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 
 #include "handsim/control/pose_table.h"
+#include "handsim/hand/doubts.h"
 #include "handsim/model/effects.h"
 #include "handsim/scene/read/blocks.h"
 
@@ -214,7 +215,7 @@ HandEntry read_hand(MapReader reader, const Tasks& tasks, HandNames& names, bool
   tissue.finish();
   reader.finish();
   if (person_known)
-    for (const std::string& text : hand::extrapolations(entry.model.anthropometry, entry.person))
+    for (const std::string& text : hand::doubts(entry.model, entry.person))
       reader.warning("person", text);
   return entry;
 }

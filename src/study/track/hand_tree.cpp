@@ -13,17 +13,6 @@ namespace {
 
 constexpr std::array kFingers = {"thumb", "index", "middle", "ring", "little"};
 
-/// Segment's frame in the hand frame at zero angles.
-Pose segment_frame(const hand::BuiltHand& hand, std::size_t segment) {
-  return hand.bodies[segment + 1].zero_pose * hand.joints[segment].child_frame;
-}
-
-/// From the proximal joint to the next one, or to the fingertip.
-double segment_length(const hand::BuiltHand& hand, std::size_t segment, bool has_child) {
-  const model::Shape& shape = hand.shapes[segment + 1];
-  return shape.length + (has_child ? 0 : shape.radius);
-}
-
 }  // namespace
 
 HandTree::HandTree(const hand::HandSpec& spec, const hand::BuiltHand& hand, model::Side side) : side_(side) {
@@ -32,8 +21,8 @@ HandTree::HandTree(const hand::HandSpec& spec, const hand::BuiltHand& hand, mode
     const hand::SegmentSpec& row = spec.segments[i];
     Link link;
     link.parent = row.parent;
-    const Pose parent = row.parent < 0 ? Pose{} : segment_frame(hand, static_cast<std::size_t>(row.parent));
-    link.at = parent.inverse() * segment_frame(hand, i);
+    const Pose parent = row.parent < 0 ? Pose{} : hand.segments[static_cast<std::size_t>(row.parent)].frame;
+    link.at = parent.inverse() * hand.segments[i].frame;
     if (left) link.at = mirrored(link.at);
     link.first = axes_.size();
     for (const model::JointAxis& axis : row.joint.axes) {
@@ -98,7 +87,7 @@ std::vector<Feature> keypoints(const hand::HandSpec& spec, const hand::BuiltHand
         throw input_error("--model", "a hand model without " + name, "joints thumb_cmc to little_dip");
       const auto segment = static_cast<std::size_t>(found - spec.segments.begin());
       feature.segment = static_cast<int>(segment);
-      if (tip) feature.at = {0, segment_length(hand, segment, false), 0};
+      if (tip) feature.at = {0, hand.segments[segment].length, 0};
     }
     out.push_back(std::move(feature));
   }

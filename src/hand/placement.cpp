@@ -1,0 +1,228 @@
+#include <algorithm>
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/hand/build.h"
+#include "handsim/model/kinematics.h"
+
+namespace handsim::hand {
+
+namespace {
+
+using model::Body;
+using model::Joint;
+using model::Shape;
+
+/// The right hand unchanged, or mirrored to a left one.
+BuiltHand for_side(BuiltHand hand, model::Side side) {
+  if (side == model::Side::right) return hand;
+  for (Body& body : hand.bodies) {
+    body.zero_pose = mirrored(body.zero_pose);
+    for (const int k : {1, 2}) {
+      body.inertia(0, k) = -body.inertia(0, k);
+      body.inertia(k, 0) = -body.inertia(k, 0);
+    }
+  }
+  for (Shape& shape : hand.shapes) shape.pose = mirrored(shape.pose);
+  hand.joints.push_back(hand.wrist);
+  for (Joint& joint : hand.joints) {
+    joint.parent_frame = mirrored(joint.parent_frame);
+    joint.child_frame = mirrored(joint.child_frame);
+    for (model::JointAxis& axis : joint.axes) axis.axis = mirrored_axis(axis.axis);
+  }
+  hand.wrist = hand.joints.back();
+  hand.joints.pop_back();
+  return hand;
+}
+
+/// The slider joint of a palm on a rail.
+Joint rail_joint(const BuiltHand& hand, const Placement& placement) {
+  Joint joint;
+  joint.name = kRailName;
+  joint.kind = model::JointKind::slider;
+  joint.parent_frame = placement.pose;
+  joint.child_frame = hand.wrist.child_frame;
+  model::JointAxis axis;
+  axis.name = "travel";
+  axis.axis = placement.pose.q.conjugate() * placement.rail_direction;
+  joint.axes.push_back(axis);
+  return joint;
+}
+
+/// The joint between world and palm, if the mount has one.
+std::optional<Joint> mount_joint(const BuiltHand& hand, const Placement& placement) {
+  if (placement.mount == Mount::rail) return rail_joint(hand, placement);
+  if (placement.mount != Mount::hinge && placement.mount != Mount::universal) return std::nullopt;
+  Joint joint = hand.wrist;
+  joint.kind = placement.mount == Mount::hinge ? model::JointKind::hinge : model::JointKind::universal;
+  const auto count = static_cast<std::size_t>(model::dof_count(joint.kind));
+  if (joint.axes.size() < count)
+    throw input_error("wrist.mount", "universal with a hand model whose wrist has one axis",
+                      "hinge, or a hand model whose wrist has two axes");
+  joint.axes.resize(count);
+  joint.parent_frame = placement.pose;
+  return joint;
+}
+
+void apply_start(Joint& joint, const Placement& placement) {
+  const auto found = placement.start.find(joint.name);
+  if (found == placement.start.end()) return;
+  if (found->second.size() > joint.axes.size())
+    throw input_error("pose." + joint.name, fmt::format("{} angles", found->second.size()),
+                      fmt::format("at most {}", joint.axes.size()));
+  for (std::size_t i = 0; i < found->second.size(); ++i) joint.axes[i].initial = found->second[i];
+}
+
+void scale_tissue(Joint& joint, const Placement& placement) {
+  for (model::JointAxis& axis : joint.axes) {
+    if (!axis.tissue) continue;
+    axis.tissue->stiffness *= placement.tissue_stiffness;
+    axis.tissue->damping *= placement.tissue_damping;
+    if (axis.tissue->stiffness == 0 && axis.tissue->damping == 0) axis.tissue.reset();
+  }
+}
+
+void check_start_names(const std::vector<Joint>& joints, const Placement& placement) {
+  std::vector<std::string> known;
+  for (const Joint& joint : joints) known.push_back(joint.name);
+  for (const auto& [name, angles] : placement.start) {
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    throw input_error("pose." + name, "an unknown joint",
+                      "a joint of the hand model or its wrist mount" + nearest_hint(name, known));
+  }
+}
+
+/// Adds the hand's skin as material, its contact groups and its shapes.
+HandGroups add_shapes(model::Model& model, const model::HandIndex& index, const BuiltHand& hand) {
+  const HandGroups groups = {model.add_group("palm-" + index.name), model.add_group("fingers-" + index.name),
+                             model.add_group("fingertips-" + index.name)};
+  std::vector<bool> has_child(hand.bodies.size(), false);
+  for (const Joint& joint : hand.joints) has_child[static_cast<std::size_t>(joint.parent)] = true;
+  model.materials.push_back(hand.skin);
+  for (Shape shape : hand.shapes) {
+    const auto body = static_cast<std::size_t>(shape.body);
+    shape.name = index.name + "." + shape.name;
+    shape.group = body == 0 ? groups.palm : has_child[body] ? groups.fingers : groups.fingertips;
+    shape.body = index.bodies[body];
+    shape.material = static_cast<int>(model.materials.size()) - 1;
+    model.shapes.push_back(std::move(shape));
+  }
+  return groups;
+}
+
+/// Adds the mount's joint, if it has one, then those of the segments.
+void add_joints(model::Model& model, model::HandIndex& index, const BuiltHand& hand,
+                const Placement& placement) {
+  std::vector<Joint> joints = hand.joints;
+  for (Joint& joint : joints) {
+    joint.parent += index.palm;
+    joint.child += index.palm;
+  }
+  if (std::optional<Joint> wrist = mount_joint(hand, placement)) {
+    wrist->parent = model::kWorld;
+    wrist->child = index.palm;
+    joints.insert(joints.begin(), std::move(*wrist));
+  }
+  check_start_names(joints, placement);
+  for (Joint& joint : joints) {
+    apply_start(joint, placement);
+    scale_tissue(joint, placement);
+    joint.name = index.name + "." + joint.name;
+    joint.first_dof = model.dof_count();
+    if (placement.mount == Mount::rail && &joint == &joints.front())
+      index.rail = static_cast<int>(model.joints.size());
+    else
+      index.joints.push_back(static_cast<int>(model.joints.size()));
+    model.joints.push_back(std::move(joint));
+  }
+}
+
+/// A path by the model's coordinates, without the axes that the mount omits.
+model::TendonPath placed(const model::TendonPath& path, const std::vector<std::optional<int>>& dofs) {
+  model::TendonPath out;
+  std::vector<int> place;
+  for (model::MomentArm arm : path.arms) {
+    const std::optional<int> dof = dofs[static_cast<std::size_t>(arm.dof)];
+    place.push_back(dof ? static_cast<int>(out.arms.size()) : -1);
+    if (!dof) continue;
+    arm.dof = *dof;
+    out.arms.push_back(arm);
+  }
+  // The angle of an axis that is not there is 0, and so is its product.
+  for (model::ArmProduct each : path.products) {
+    each.a = place[static_cast<std::size_t>(each.a)];
+    each.b = place[static_cast<std::size_t>(each.b)];
+    if (each.a >= 0 && each.b >= 0) out.products.push_back(each);
+  }
+  return out;
+}
+
+/// Adds muscles and bands; the joints are in the model.
+void add_muscles(model::Model& model, model::HandIndex& index, const BuiltHand& hand) {
+  std::vector<std::optional<int>> dofs(hand.axes.size());
+  for (std::size_t i = 0; i < dofs.size(); ++i)
+    for (const int joint : index.joints) {
+      const Joint& each = model.joints[static_cast<std::size_t>(joint)];
+      for (std::size_t a = 0; a < each.axes.size(); ++a)
+        if (each.name + "." + each.axes[a].name == index.name + "." + hand.axes[i].name)
+          dofs[i] = each.first_dof + static_cast<int>(a);
+    }
+  for (model::Muscle muscle : hand.muscles.muscles) {
+    muscle.name = index.name + "." + muscle.name;
+    muscle.path = placed(muscle.path, dofs);
+    index.muscles.push_back(static_cast<int>(model.muscles.size()));
+    model.muscles.push_back(std::move(muscle));
+  }
+  for (model::Ligament band : hand.muscles.bands) {
+    band.name = index.name + "." + band.name;
+    band.path = placed(band.path, dofs);
+    index.ligaments.push_back(static_cast<int>(model.ligaments.size()));
+    model.ligaments.push_back(std::move(band));
+  }
+}
+
+void set_palm(model::Model& model, int palm, const BuiltHand& hand, const Placement& placement) {
+  Body& body = model.bodies[static_cast<std::size_t>(palm)];
+  body.kinematic = placement.mount == Mount::fixed || placement.mount == Mount::driven;
+  if (placement.mount == Mount::driven)
+    model.drives.push_back({palm, hand.bodies[0].zero_pose.inverse(), placement.motion});
+}
+
+/// A free hand starts with the velocities of one rigid body.
+void set_velocities(model::Model& model, const model::HandIndex& index, const Placement& placement) {
+  if (placement.mount != Mount::free) return;
+  const model::State start = model::initial_state(model);
+  for (const int body : index.bodies) {
+    const auto i = static_cast<std::size_t>(body);
+    model.bodies[i].initial_angular_velocity = placement.angular_velocity;
+    model.bodies[i].initial_velocity =
+        placement.velocity + placement.angular_velocity.cross(start.bodies[i].p - placement.pose.p);
+  }
+}
+
+}  // namespace
+
+HandGroups add_hand(model::Model& model, const BuiltHand& right, const Placement& placement) {
+  const BuiltHand hand = for_side(right, placement.side);
+  model::HandIndex index;
+  index.name = placement.name;
+  index.side = placement.side;
+  index.palm = static_cast<int>(model.bodies.size());
+  index.wrist_frame = hand.bodies[0].zero_pose.inverse();
+  for (Body body : hand.bodies) {
+    body.name = placement.name + "." + body.name;
+    body.zero_pose = placement.pose * body.zero_pose;
+    index.bodies.push_back(static_cast<int>(model.bodies.size()));
+    model.bodies.push_back(std::move(body));
+  }
+  const HandGroups groups = add_shapes(model, index, hand);
+  add_joints(model, index, hand, placement);
+  add_muscles(model, index, hand);
+  set_palm(model, index.palm, hand, placement);
+  set_velocities(model, index, placement);
+  model.hands.push_back(std::move(index));
+  return groups;
+}
+
+}  // namespace handsim::hand

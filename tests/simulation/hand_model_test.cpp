@@ -1,0 +1,75 @@
+// A hand with every kind of row of a hand model file, in the engines and exports.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "handsim/output/export/export.h"
+#include "handsim/simulation/simulation.h"
+#include "scene_files.h"
+
+namespace handsim::simulation {
+namespace {
+
+scene::Scene scene_of(const std::string& side, const std::string& solver) {
+  return scene::compile_scene(parse_yaml(
+      "hands: [{model: ../tests/data/hands/every_joint.yaml, person: persons/median_man.yaml, side: " + side +
+          ", wrist: {mount: hinge, position: [0, 0, 1]}}]\nduration: 0.15\n"
+          "effects: [gravity, joint_stops, passive_tissue]\nsolver: {" +
+          solver + ", step: 0.0001}\n",
+      HANDSIM_SOURCE_DIR "/config/test.yaml"));
+}
+
+model::State end_of(const scene::Scene& scene) {
+  Simulation simulation(scene);
+  for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
+  return simulation.state();
+}
+
+// Oracle: two engines. Both are of first order: bodies of about 1 m/s may part by some steps of 0.1 mm.
+TEST(EveryKindOfRow, MovesEquallyInBothEngines) {
+  for (const char* side : {"right", "left"}) {
+    const scene::Scene scene = scene_of(side, "engine: ode");
+    ASSERT_EQ(scene.model.bodies.size(), 5U);
+    ASSERT_EQ(scene.model.shapes.size(), 6U);
+    const model::State ode = end_of(scene), articulated = end_of(scene_of(side, "engine: articulated"));
+    double moved = 0;
+    for (std::size_t b = 1; b < ode.bodies.size(); ++b) {
+      EXPECT_LT((ode.bodies[b].p - articulated.bodies[b].p).norm(), 5e-4) << scene.model.bodies[b].name;
+      EXPECT_LT(ode.bodies[b].q.angularDistance(articulated.bodies[b].q), 0.02) << scene.model.bodies[b].name;
+      moved = std::max(moved, (ode.bodies[b].p - scene.model.bodies[b].zero_pose.p).norm());
+    }
+    EXPECT_GT(moved, 0.02);
+  }
+}
+
+std::size_t count(const std::string& text, const std::string& what) {
+  std::size_t out = 0;
+  for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + 1)) ++out;
+  return out;
+}
+
+// Oracle: the model's own numbers of bodies, coordinates and shapes.
+TEST(EveryKindOfRow, IsInEveryExport) {
+  const scene::Scene scene = scene_of("right", "engine: ode");
+  const engine::Settings settings = scene.spec.solver;
+  const std::string mjcf = output::to_mjcf(scene.model, settings);
+  EXPECT_EQ(count(mjcf, "<body "), 4U);
+  EXPECT_EQ(count(mjcf, "<geom "), 6U);
+  EXPECT_EQ(count(mjcf, "<joint name"), 6U);
+  const std::string urdf = output::to_urdf(scene.model, settings);
+  const std::string osim = output::to_osim(scene.model, settings);
+  for (const char* name :
+       {"right.palm", "right.index_proximal_carrier", "right.index_proximal", "right.sixth_only"})
+    EXPECT_NE(urdf.find(std::string("<link name=\"") + name + "\""), std::string::npos) << name;
+  // A capsule is two spheres and a cylinder.
+  EXPECT_EQ(count(urdf, "<collision>"), 5U * 3 + 1);
+  EXPECT_EQ(count(osim, "<Body name"), 4U);
+  EXPECT_EQ(count(osim, "<Cylinder>"), 5U);
+  EXPECT_EQ(count(osim, "<Brick>"), 1U);
+  for (const std::string* text : {&mjcf, &urdf, &osim})
+    EXPECT_NE(text->find("right.index_mcp_rotation.rotation"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace handsim::simulation
