@@ -216,7 +216,7 @@ std::vector<double> pose_angles(const std::string& name, const PoseSpec& pose, c
       ++count;
       if (axis.axis_index >= given.angles.size()) continue;
       out[i] = given.angles[axis.axis_index];
-      check_range(name, axis, out[i], given.place, diagnostics);
+      if (!pose.pressing) check_range(name, axis, out[i], given.place, diagnostics);
     }
     const std::string key = fmt::format("poses.{}.{}", name, joint);
     if (count == 0 && !hand.accepts(joint))

@@ -22,6 +22,7 @@ struct PoseAngles {
 
 struct PoseSpec {
   std::map<std::string, PoseAngles> joints;  ///< joints not named are at 0
+  bool pressing = false;  ///< targets of springs that press: may lie beyond the joints' ranges
   Place place;
 };
 

@@ -13,9 +13,11 @@ namespace {
 /// Factors on the torque limits of the hands: a person's strength, if a task knows it, over the controller's.
 std::vector<double> strengths(const Scene& scene, const control::ControllerSpec& controller) {
   std::vector<double> out(scene.spec.hands.size(), 1);
-  if (controller.grip_strength)
-    for (const ClimbPlan& climb : scene.plans.climbs)
-      out[climb.hand] = climb.strength.own / *controller.grip_strength;
+  if (!controller.grip_strength) return out;
+  for (const ClimbPlan& climb : scene.plans.climbs)
+    out[climb.hand] = climb.strength.own / *controller.grip_strength;
+  for (const GraspPlan& grasp : scene.plans.grasps)
+    if (grasp.strength) out[grasp.hand] = grasp.strength->own / *controller.grip_strength;
   return out;
 }
 

@@ -52,7 +52,7 @@ TaskPlan ClimbSpec::plan(const TaskSite& site) const {
   out.placement.rail_direction = climb.load.direction;
   out.placement.start[hand::kRailName] = {-approach_height};
   out.object_pose = left ? mirrored(site.object.pose) : site.object.pose;
-  out.close = climb.approach().end;
+  out.moves = moves_through_poses(*this, climb.approach().end);
   return out;
 }
 

@@ -8,6 +8,7 @@
 #include "handsim/hand/material.h"
 #include "handsim/model/shape_extent.h"
 #include "handsim/scene/read/blocks.h"
+#include "handsim/scene/task/grip_fit.h"
 #include "handsim/scene/task/tasks.h"
 
 namespace handsim::scene {
@@ -34,8 +35,13 @@ struct PostSpec {
 
 struct GraspSpec : TaskSpec {
   TaskPlan plan(const TaskSite& site) const override;
+  /// Fits the grip; returns X_WH at the object, right hand.
+  Pose fit(const TaskSite& site, TaskPlan& out) const;
 
-  Pose at;                        ///< X_HO: pose of the object in a right hand
+  Pose at;                            ///< X_HO: pose of the object in a right hand
+  std::optional<double> hand_length;  ///< for which `at` is given; for others its position is scaled [m]
+  bool on_palm = false;               ///< the object is moved along the hand's z axis onto the palm
+  std::optional<GripSpec> grip;       ///< absent: poses as they stand
   std::optional<PostSpec> post;   ///< absent: the object rests on the ground or on objects of the scene
   Vec3 from = Vec3::Zero();       ///< start of the wrist, in the hand frame at the grasp [m]
   double lift_height = 0.2;       ///< [m]
@@ -43,10 +49,11 @@ struct GraspSpec : TaskSpec {
   int shake_cycles = 2;           ///< in each direction
 };
 
-Pose read_frame(MapReader reader) {
-  Pose pose = read_pose(reader);
+void read_at(MapReader reader, GraspSpec& grasp) {
+  grasp.at = read_pose(reader);
+  grasp.hand_length = reader.maybe_number("hand_length", {Dimension::length, 0.03, 0.5});
+  grasp.on_palm = reader.choice<bool>("touches", {{"palm", true}, {"nothing", false}}, false);
   reader.finish();
-  return pose;
 }
 
 std::optional<PostSpec> read_support(MapReader& reader) {
@@ -89,9 +96,10 @@ double lowest(const model::Shape& shape, const Pose& frame) {
 }
 
 /// Keyframes of a wrist from the approach to the lift, and its shakes.
-model::PoseMotion wrist_motion(const GraspSpec& grasp, bool left) {
+/// @param at X_WH at the object, right hand
+model::PoseMotion wrist_motion(const GraspSpec& grasp, const Pose& at, bool left) {
   const auto for_side = [&](const auto& x) { return left ? mirrored(x) : x; };
-  const Pose wrist = for_side(grasp.wrist);
+  const Pose wrist = for_side(at);
   Pose lifted = wrist;
   lifted.p.z() += grasp.lift_height;
   model::PoseMotion motion;
@@ -140,13 +148,36 @@ TaskPlan GraspSpec::plan(const TaskSite& site) const {
   const bool left = site.entry.placement.side == model::Side::left;
   TaskPlan out;
   out.placement = site.entry.placement;
-  out.placement.motion = wrist_motion(*this, left);
-  out.placement.pose = out.placement.motion.keys.front().pose;
   out.object_pose = left ? mirrored(wrist) * mirrored(at) : wrist * at;
+  out.grasp = GraspPlan{site.hand, object, phases, std::nullopt};
+  Pose x_WH = wrist;
+  if (grip)
+    x_WH = fit(site, out);
+  else
+    out.moves = moves_through_poses(*this, phases[1].start);
+  out.placement.motion = wrist_motion(*this, x_WH, left);
+  out.placement.pose = out.placement.motion.keys.front().pose;
   if (post) out.support = make_post(*post, *support, site.object, out.object_pose);
-  out.close = phases[1].start;
-  out.grasp = GraspPlan{site.hand, object, phases};
   return out;
+}
+
+/// The object stays where `wrist` and `at` have it, and the hand comes to it as its size needs.
+Pose GraspSpec::fit(const TaskSite& site, TaskPlan& out) const {
+  GripPlace lies;
+  lies.at = at;
+  if (hand_length) lies.at.p *= site.built.size.length / *hand_length;
+  lies.on_palm = on_palm;
+  lies.from = from;
+  if (site.scene.solver.effects.has(model::Effect::gravity))
+    lies.weight = wrist.q.conjugate() * (site.object.body.mass * site.scene.gravity);
+  FittedGrip fitted = fit_grip(site, *grip, lies, *this);
+  out.problems = std::move(fitted.problems);
+  out.warnings = std::move(fitted.warnings);
+  out.grasp->strength = fitted.strength;
+  out.moves = {{0, 0, path + ".open", std::move(fitted.open)},
+               {phases[1].start, close_time, path + ".touch", std::move(fitted.touch)},
+               {phases[1].start + close_time, grip->squeeze, path + ".press", std::move(fitted.press)}};
+  return wrist * at * fitted.x_HO.inverse();
 }
 
 }  // namespace
@@ -161,7 +192,8 @@ std::unique_ptr<TaskSpec> read_grasp(MapReader& block) {
   auto out = std::make_unique<GraspSpec>();
   GraspSpec& grasp = *out;
   read_task(block, "object", grasp);
-  grasp.at = read_frame(block.required_map("at", "position and rotation of the object in the hand frame"));
+  read_at(block.required_map("at", "position and rotation of the object in the hand frame"), grasp);
+  if (block.has("grip")) grasp.grip = read_grip(block.map("grip"));
   grasp.post = read_support(block);
   if (grasp.post) grasp.support = grasp.object + "_post";
   MapReader approach = block.map("approach");
@@ -169,8 +201,9 @@ std::unique_ptr<TaskSpec> read_grasp(MapReader& block) {
   add_phase(grasp, "approach", approach.number("time", kSpan, 0.5));
   approach.finish();
   grasp.close_time = block.number("close", kSpan, grasp.close_time);
-  add_phase(grasp, "close",
-            grasp.close_time * static_cast<double>(grasp.closed.size()) + block.number("settle", kSpan, 0.3));
+  const double closing = grasp.grip ? grasp.close_time + grasp.grip->squeeze
+                                    : grasp.close_time * static_cast<double>(grasp.closed.size());
+  add_phase(grasp, "close", closing + block.number("settle", kSpan, 0.3));
   MapReader lift = block.map("lift");
   grasp.lift_height = lift.number("height", {Dimension::length, 0, 10}, grasp.lift_height);
   add_phase(grasp, "lift", lift.number("time", kSpan, 0.6));

@@ -3,10 +3,12 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "handsim/hand/grip_strength.h"
 #include "handsim/scene/read/task_spec.h"
 
 namespace handsim::scene {
@@ -16,6 +18,7 @@ struct GraspPlan {
   std::size_t hand = 0;           ///< in SceneSpec::hands
   std::string object;             ///< name of a body
   std::vector<TaskPhase> phases;  ///< approach, close, lift, hold, shake_1, ..., rest
+  std::optional<hand::GripStrength> strength;  ///< of the person, with a `grip`
 
   double end() const { return phases.back().end; }
   /// Null if the grasp has no such phase.

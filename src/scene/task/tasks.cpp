@@ -44,12 +44,13 @@ class Planner {
 
   void add(const TaskSpec& task) {
     const std::size_t hand = *hand_of(scene_, task), object = *object_of(scene_, task);
-    TaskPlan plan = task.plan({hand, scene_.hands[hand], hands_[hand], scene_.objects[object]});
+    TaskPlan plan = task.plan({scene_, hand, scene_.hands[hand], hands_[hand], scene_.objects[object]});
     diagnostics_.warnings.insert(diagnostics_.warnings.end(), plan.warnings.begin(), plan.warnings.end());
+    diagnostics_.problems.insert(diagnostics_.problems.end(), plan.problems.begin(), plan.problems.end());
     plans_.hands[hand] = std::move(plan.placement);
     place_object(task, object, plan.object_pose);
     if (plan.support) add_support(task, std::move(*plan.support));
-    add_program(task, hand, plan.close);
+    add_program(task, hand, plan.moves);
     if (plan.grasp) plans_.grasps.push_back(std::move(*plan.grasp));
     if (plan.climb) plans_.climbs.push_back(std::move(*plan.climb));
   }
@@ -81,21 +82,20 @@ class Planner {
   }
 
   /// Adds the program that opens the hand and closes it later. The hand starts in its open pose.
-  void add_program(const TaskSpec& task, std::size_t hand, double close) {
+  void add_program(const TaskSpec& task, std::size_t hand, const std::vector<TaskMove>& moves) {
     control::PoseFile& file = *plans_.control->poses;
     control::ProgramChoice& choice = plans_.control->programs[hand];
     control::ProgramSpec program;
     program.place = task.place;
-    program.keys.push_back({0, 0, task.open, task.place});
-    for (const std::string& pose : task.closed) {
-      program.keys.push_back({close, task.close_time, pose, task.place});
-      close += task.close_time;
+    for (const TaskMove& move : moves) {
+      if (move.pose) file.poses[move.name] = *move.pose;
+      program.keys.push_back({move.start, move.time, move.name, task.place});
     }
     choice = {task.path, task.place, task.path};
     while (file.programs.contains(choice.program)) choice.program += '+';
     file.programs[choice.program] = std::move(program);
     hand::Placement& placement = plans_.hands[hand];
-    for (const auto& [joint, pose] : file.poses.at(task.open).joints)
+    for (const auto& [joint, pose] : file.poses.at(moves.front().name).joints)
       if (joint != scene_.hands[hand].model.wrist.name) placement.start.try_emplace(joint, pose.angles);
   }
 
@@ -113,6 +113,15 @@ std::span<const TaskKind> task_kinds() { return kKinds; }
 Plans make_plans(const SceneSpec& scene, const std::vector<hand::BuiltHand>& hands,
                  Diagnostics& diagnostics) {
   return Planner(scene, hands, diagnostics).run();
+}
+
+std::vector<TaskMove> moves_through_poses(const TaskSpec& task, double close) {
+  std::vector<TaskMove> out = {{0, 0, task.open, std::nullopt}};
+  for (const std::string& pose : task.closed) {
+    out.push_back({close, task.close_time, pose, std::nullopt});
+    close += task.close_time;
+  }
+  return out;
 }
 
 void read_task(MapReader& block, const char* object_key, TaskSpec& task) {

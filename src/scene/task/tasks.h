@@ -17,10 +17,18 @@ inline const Quantity kSpan = {Dimension::time, 0.01, 1e3};
 
 /// The hand and the object of a task.
 struct TaskSite {
+  const SceneSpec& scene;
   std::size_t hand;  ///< in SceneSpec::hands
   const HandEntry& entry;
   const hand::BuiltHand& built;
   const ObjectSpec& object;
+};
+
+/// One movement of a task's hand.
+struct TaskMove {
+  double start = 0, time = 0;  ///< [s]
+  std::string name;
+  std::optional<control::PoseSpec> pose;  ///< absent: the pose of that name in the pose file
 };
 
 /// The plan of one task.
@@ -28,9 +36,10 @@ struct TaskPlan {
   hand::Placement placement;          ///< of the hand
   Pose object_pose;                   ///< X_WO at the start
   std::optional<ObjectSpec> support;  ///< an additional object
-  double close = 0;                   ///< start of the movement to the first closing pose [s]
+  std::vector<TaskMove> moves;        ///< the first, in no time, to the pose at the start
   std::optional<GraspPlan> grasp;
   std::optional<ClimbPlan> climb;
+  std::vector<Problem> problems;
   std::vector<std::string> warnings;
 };
 
@@ -49,6 +58,9 @@ std::span<const TaskKind> task_kinds();
 /// @param scene read without problems. @param hands of the scene.
 /// Problems: tasks that exclude each other, and supports with the name of an object.
 Plans make_plans(const SceneSpec& scene, const std::vector<hand::BuiltHand>& hands, Diagnostics& diagnostics);
+
+/// The movements through a task's poses as they stand. @param close start of the first closing pose [s]
+std::vector<TaskMove> moves_through_poses(const TaskSpec& task, double close);
 
 /// Reads the keys that blocks of all kinds have: hand, object, wrist and poses.
 void read_task(MapReader& block, const char* object_key, TaskSpec& task);

@@ -1,0 +1,161 @@
+#include "handsim/scene/task/closing.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "handsim/core/units.h"
+
+namespace handsim::scene {
+
+namespace {
+
+/// Step of the fastest joint on the way: a fingertip moves by 2 mm, less than any part is thick.
+constexpr double kStep = 1 * kDegree;
+constexpr int kBisections = 30;
+/// A finger that had to open wider opens by so much more.
+constexpr double kSpare = 4 * kDegree;
+constexpr int kApproachPlaces = 24;
+/// A finger opens by at most so many times its way to the closed angles.
+constexpr double kFarthest = 3;
+
+}  // namespace
+
+std::vector<FingerChain> finger_chains(const HandOnObject& hand) {
+  const model::Model& model = hand.model();
+  std::vector<FingerChain> out;
+  std::vector<std::size_t> chain_of(model.bodies.size());
+  std::size_t last = model.joints.size();
+  for (std::size_t i = 0; i < hand.axes().axes.size(); ++i) {
+    const std::size_t index = hand.axes().axes[i].joint_index;
+    const model::Joint& joint = model.joints[index];
+    if (index != last) {
+      if (joint.parent == hand.palm()) {
+        chain_of[static_cast<std::size_t>(joint.child)] = out.size();
+        out.push_back({hand.part(joint.child), {}, {}});
+      } else {
+        chain_of[static_cast<std::size_t>(joint.child)] = chain_of[static_cast<std::size_t>(joint.parent)];
+      }
+      out[chain_of[static_cast<std::size_t>(joint.child)]].bodies.push_back(joint.child);
+      last = index;
+    }
+    out[chain_of[static_cast<std::size_t>(joint.child)]].axes.push_back(i);
+  }
+  return out;
+}
+
+Closing::Closing(HandOnObject& hand, std::vector<double> open, std::vector<double> closed)
+    : hand_(hand),
+      chains_(finger_chains(hand)),
+      start_(std::move(open)),
+      closed_(std::move(closed)),
+      open_(start_) {}
+
+bool Closing::moves(const FingerChain& chain) const {
+  return std::any_of(chain.axes.begin(), chain.axes.end(),
+                     [&](std::size_t i) { return std::abs(closed_[i] - start_[i]) > 1e-9; });
+}
+
+double Closing::angle(std::size_t axis, double share) const {
+  const double angle = start_[axis] + share * (closed_[axis] - start_[axis]);
+  const auto& stop = hand_.axes().axes[axis].stop;
+  return stop ? std::clamp(angle, stop->low, stop->high) : angle;
+}
+
+std::vector<double> Closing::at(double share) const {
+  std::vector<double> out;
+  for (std::size_t i = 0; i < start_.size(); ++i) out.push_back(angle(i, share));
+  return out;
+}
+
+bool Closing::touches(const FingerChain& chain, const std::vector<double>& q) {
+  const std::vector<double>& depths = hand_.depths(q);
+  return std::any_of(chain.bodies.begin(), chain.bodies.end(),
+                     [&](int body) { return depths[static_cast<std::size_t>(body)] > 0; });
+}
+
+bool Closing::open_clear(const Pose& x_HO, const Vec3& from) {
+  bool clear = true;
+  open_ = start_;
+  for (const FingerChain& chain : chains_) {
+    double fastest = 0;
+    for (const std::size_t i : chain.axes) fastest = std::max(fastest, std::abs(closed_[i] - start_[i]));
+    if (fastest == 0) continue;
+    double share = 0;
+    bool opened = false;
+    for (int place = kApproachPlaces; place >= 0 && clear; --place) {
+      hand_.place({x_HO.p - (static_cast<double>(place) / kApproachPlaces) * from, x_HO.q});
+      while (clear && touches(chain, open_)) {
+        opened = true;
+        share -= kStep / fastest;
+        for (const std::size_t i : chain.axes) open_[i] = angle(i, share);
+        clear = share > -kFarthest;
+      }
+    }
+    if (opened)
+      for (const std::size_t i : chain.axes) open_[i] = angle(i, share - kSpare / fastest);
+  }
+  hand_.place(x_HO);
+  return clear;
+}
+
+void Closing::close(const FingerChain& chain, const std::vector<double>& depth, std::vector<double>& q) {
+  double fastest = 0;
+  for (const std::size_t i : chain.axes) fastest = std::max(fastest, std::abs(closed_[i] - start_[i]));
+  if (fastest == 0) return;
+  std::size_t held = 0;  // axes that stand
+  std::size_t part = 0;  // bodies that are not tested any more
+  const auto joint_of = [&](std::size_t axis) { return hand_.axes().axes[axis].joint_index; };
+  const auto go = [&](double share) {
+    for (std::size_t i = held; i < chain.axes.size(); ++i) q[chain.axes[i]] = angle(chain.axes[i], share);
+  };
+  // The outermost of the bodies left that presses as deep as it shall.
+  const auto touching = [&]() -> std::optional<std::size_t> {
+    const std::vector<double>& depths = hand_.depths(q);
+    for (std::size_t k = chain.bodies.size(); k-- > part;) {
+      const auto body = static_cast<std::size_t>(chain.bodies[k]);
+      if (depths[body] > depth[body]) return k;
+    }
+    return std::nullopt;
+  };
+  double share = -kSpare / fastest;
+  for (const std::size_t i : chain.axes)  // from where the finger is open
+    if (std::abs(closed_[i] - start_[i]) > 1e-9)
+      share = std::min(share, (open_[i] - start_[i]) / (closed_[i] - start_[i]));
+  go(share);
+  while (part < chain.bodies.size()) {
+    const double before = share;
+    auto found = touching();
+    if (!found) {
+      if (share >= 1) return;
+      share = std::min(1.0, share + kStep / fastest);
+      go(share);
+      found = touching();
+      if (!found) continue;
+      double low = before, high = share;
+      for (int n = 0; n < kBisections; ++n) {
+        share = 0.5 * (low + high);
+        go(share);
+        (touching() ? high : low) = share;
+      }
+      share = high;
+      go(share);
+      found = touching();
+    }
+    part = found.value_or(part) + 1;
+    // The joints up to that of the body that touches stand.
+    while (held < chain.axes.size() &&
+           hand_.model().joints[joint_of(chain.axes[held])].child != chain.bodies[part - 1])
+      ++held;
+    while (held < chain.axes.size() &&
+           hand_.model().joints[joint_of(chain.axes[held])].child == chain.bodies[part - 1])
+      ++held;
+  }
+}
+
+std::vector<double> Closing::close(const std::vector<double>& depth) {
+  std::vector<double> q = open_;
+  for (const FingerChain& chain : chains_) close(chain, depth, q);
+  return q;
+}
+
+}  // namespace handsim::scene

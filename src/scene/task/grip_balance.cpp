@@ -1,0 +1,97 @@
+#include "handsim/scene/task/grip_balance.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Dense>
+
+namespace handsim::scene {
+
+namespace {
+
+constexpr int kEdges = 8;
+/// Weights of an asked force and of small forces; equilibrium has 1.
+constexpr double kAskedWeight = 0.1, kSmallWeight = 2e-3;
+
+/// min |A x - b| with x >= 0: Lawson and Hanson 1974, Solving Least Squares Problems, chapter 23.
+Eigen::VectorXd solve_nonnegative(const Eigen::MatrixXd& a, const Eigen::VectorXd& b) {
+  const Eigen::Index n = a.cols();
+  const Eigen::MatrixXd normal = a.transpose() * a;
+  const Eigen::VectorXd right = a.transpose() * b;
+  Eigen::VectorXd x = Eigen::VectorXd::Zero(n);
+  std::vector<Eigen::Index> free;
+  const double small = 1e-10 * (1 + right.cwiseAbs().maxCoeff());
+  const auto solve_free = [&] {
+    const auto m = static_cast<Eigen::Index>(free.size());
+    Eigen::MatrixXd part(m, m);
+    Eigen::VectorXd side(m);
+    for (Eigen::Index i = 0; i < m; ++i) {
+      side[i] = right[free[static_cast<std::size_t>(i)]];
+      for (Eigen::Index j = 0; j < m; ++j)
+        part(i, j) = normal(free[static_cast<std::size_t>(i)], free[static_cast<std::size_t>(j)]);
+    }
+    return Eigen::VectorXd(part.ldlt().solve(side));
+  };
+  for (Eigen::Index round = 0; round < 3 * n; ++round) {
+    Eigen::VectorXd gradient = right - normal * x;
+    for (const Eigen::Index i : free) gradient[i] = 0;
+    Eigen::Index most = 0;
+    if (gradient.maxCoeff(&most) <= small) break;
+    free.push_back(most);
+    while (!free.empty()) {
+      const Eigen::VectorXd trial = solve_free();
+      double share = 1;
+      for (std::size_t i = 0; i < free.size(); ++i)
+        if (const double to = trial[static_cast<Eigen::Index>(i)]; to <= 0)
+          share = std::min(share, x[free[i]] / (x[free[i]] - to));
+      for (std::size_t i = 0; i < free.size(); ++i)
+        x[free[i]] += share * (trial[static_cast<Eigen::Index>(i)] - x[free[i]]);
+      if (share >= 1) break;
+      std::erase_if(free, [&](Eigen::Index i) {
+        if (x[i] > 1e-12) return false;
+        x[i] = 0;
+        return true;
+      });
+    }
+  }
+  return x;
+}
+
+Vec3 edge(const GripContact& contact, int i) {
+  const Vec3 t = contact.normal.unitOrthogonal(), u = contact.normal.cross(t);
+  const double angle = 2 * M_PI * i / kEdges;
+  return contact.normal + contact.friction * (std::cos(angle) * t + std::sin(angle) * u);
+}
+
+}  // namespace
+
+GripForces balance(const GripTask& task) {
+  GripForces out;
+  out.forces.assign(task.contacts.size(), Vec3::Zero());
+  const auto n = static_cast<Eigen::Index>(task.contacts.size()) * kEdges;
+  if (n == 0) return out;
+  const auto pressers = static_cast<Eigen::Index>(task.asked.size());
+  Eigen::MatrixXd a = Eigen::MatrixXd::Zero(6 + pressers + n, n);
+  Eigen::VectorXd b = Eigen::VectorXd::Zero(6 + pressers + n);
+  b.head<3>() = -task.load;
+  for (Eigen::Index i = 0; i < pressers; ++i)
+    b[6 + i] = kAskedWeight * task.asked[static_cast<std::size_t>(i)].value_or(0);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const GripContact& contact = task.contacts[static_cast<std::size_t>(k / kEdges)];
+    const Vec3 force = edge(contact, static_cast<int>(k % kEdges));
+    a.block<3, 1>(0, k) = force;
+    a.block<3, 1>(3, k) = (contact.point - task.centre).cross(force) / task.size;
+    if (task.asked[contact.presser]) a(6 + static_cast<Eigen::Index>(contact.presser), k) = kAskedWeight;
+    a(6 + pressers + k, k) = kSmallWeight;
+  }
+  const Eigen::VectorXd x = solve_nonnegative(a, b);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const auto i = static_cast<std::size_t>(k / kEdges);
+    out.forces[i] += x[k] * edge(task.contacts[i], static_cast<int>(k % kEdges));
+  }
+  const double sum = x.sum();
+  out.unbalanced = sum > 0 ? (a * x - b).head<6>().norm() / sum : 1;
+  return out;
+}
+
+}  // namespace handsim::scene

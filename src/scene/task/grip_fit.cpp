@@ -1,0 +1,286 @@
+#include "handsim/scene/task/grip_fit.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include <fmt/format.h>
+
+#include "handsim/control/gains.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/model/shape_extent.h"
+#include "handsim/scene/read/blocks.h"
+#include "handsim/scene/task/grip_balance.h"
+
+namespace handsim::scene {
+
+namespace {
+
+/// Depth of a touch without force [m].
+constexpr double kTouchDepth = 1e-5;
+/// Share of friction that the planned forces may use: the rest is for the shake.
+constexpr double kFrictionShare = 0.6;
+/// Share of the normal forces that may be left over: springs give way by as much.
+constexpr double kUnbalanced = 0.1;
+/// Below this share a place in the hand is good enough.
+constexpr double kBalanced = 0.02;
+/// Of a better place from the named one, in hand lengths.
+constexpr double kFarthestPlace = 0.2;
+/// Rounds in which the depths of the pads and the forces come to agree.
+constexpr int kRounds = 4;
+/// Distance from the palm at which an object starts, and the step towards the palm [m].
+constexpr double kFar = 0.4, kNearer = 1e-3;
+
+struct PartName {
+  const char* name;
+  model::Part part;
+};
+constexpr std::array kFingers = {PartName{"thumb", model::Part::thumb}, PartName{"index", model::Part::index},
+                                 PartName{"middle", model::Part::middle}, PartName{"ring", model::Part::ring},
+                                 PartName{"little", model::Part::little}};
+
+const char* name(model::Part part) {
+  for (const PartName& finger : kFingers)
+    if (finger.part == part) return finger.name;
+  return "palm";
+}
+
+std::vector<double> angles_of(const TaskSite& site, const std::string& pose, const control::HandAxes& axes) {
+  Diagnostics ignored;  // poses are checked with the program
+  return control::pose_angles(pose, site.scene.control->poses->poses.at(pose), axes, ignored);
+}
+
+/// Fits step by step; the members are the intermediate results.
+class Fit {
+ public:
+  Fit(const TaskSite& site, const GripSpec& spec, const GripPlace& place, const TaskSpec& task)
+      : site_(site),
+        spec_(spec),
+        place_(place),
+        task_(task),
+        hand_(site),
+        closing_(hand_, angles_of(site, task.open, hand_.axes()),
+                 angles_of(site, task.closed.front(), hand_.axes())),
+        depth_(hand_.model().bodies.size(), kTouchDepth) {
+    out_.strength = hand::grip_strength(spec.strength, site.entry.person);
+    const auto& reference = site.scene.control->controller.grip_strength;
+    strength_ = reference ? out_.strength.own / *reference : 1;
+  }
+
+  FittedGrip run() {
+    search();
+    report();
+    const std::vector<double> press = pressing();
+    out_.open = pose(closing_.open());
+    out_.touch = pose(touch_);
+    out_.press = pose(press);
+    out_.press.pressing = true;
+    return std::move(out_);
+  }
+
+ private:
+  double asked(model::Part part) const {
+    const auto found = spec_.forces.find(part);
+    return found == spec_.forces.end() ? 0 : strength_ * found->second;
+  }
+
+  /// Closes the hand on the object at a place, and finds the forces. @returns what is wrong with it, 0: nothing
+  double grasp_at(const Vec3& p) {
+    x_HO_ = {p, place_.at.q};
+    depth_.assign(depth_.size(), kTouchDepth);
+    if (place_.on_palm) put_on_palm();
+    opens_ = closing_.open_clear(x_HO_, place_.from);
+    out_.x_HO = x_HO_;
+    q_ = touch_ = closing_.close(depth_);
+    for (int round = 0; round < kRounds; ++round) {
+      find_forces();
+      set_depths();
+      // The squeeze presses the object into the palm and the fingers' pads.
+      if (place_.on_palm) put_on_palm();
+      hand_.place(x_HO_);
+      q_ = closing_.close(depth_);
+    }
+    find_forces();
+    sum_forces();
+    double wrong = (opens_ ? 0 : 10) + std::max(0.0, balanced_.unbalanced - kBalanced);
+    for (const auto& [part, force] : spec_.forces) {
+      const auto found = out_.forces.find(part);
+      const double has = found == out_.forces.end() ? 0 : found->second;
+      wrong += std::max(0.0, std::abs(has / asked(part) - 1) - kBalanced);
+    }
+    return wrong;
+  }
+
+  /// From the place that the task names, in steps that become smaller, to where the forces balance.
+  void search() {
+    Vec3 best = place_.at.p;
+    double least = grasp_at(best);
+    const double length = site_.built.size.length;
+    for (double step = 0.06; step > 0.005 && least > 0; step /= 2) {
+      bool better = true;
+      while (better && least > 0) {
+        better = false;
+        for (int k = 0; k < (place_.on_palm ? 4 : 6) && least > 0; ++k) {
+          const Vec3 trial = best + (k % 2 == 0 ? step : -step) * length * Vec3::Unit(k / 2);
+          if ((trial - place_.at.p).norm() > kFarthestPlace * length) continue;
+          const double wrong = grasp_at(trial);
+          if (wrong >= least) continue;
+          least = wrong;
+          best = trial;
+          better = true;
+        }
+      }
+    }
+    grasp_at(best);
+  }
+
+  void put_on_palm() {
+    const auto depth_at = [&](double z) {
+      x_HO_.p.z() = z;
+      hand_.place(x_HO_);
+      return hand_.depths(closing_.open())[static_cast<std::size_t>(hand_.palm())];
+    };
+    const double wanted = depth_[static_cast<std::size_t>(hand_.palm())];
+    double z = -kFar;
+    while (depth_at(z) <= wanted && z < 0) z += kNearer;
+    double low = z - kNearer, high = z;
+    for (int n = 0; n < 30; ++n) {
+      const double middle = 0.5 * (low + high);
+      (depth_at(middle) > wanted ? high : low) = middle;
+    }
+    depth_at(high);
+  }
+
+  /// The fingers and the palm that touch, and forces that balance.
+  void find_forces() {
+    contacts_.clear();
+    GripTask balance_of;
+    const auto& chains = closing_.chains();
+    for (const FingerChain& chain : chains) {
+      const double force = asked(chain.part);
+      balance_of.asked.push_back(force > 0 ? std::optional(force) : std::nullopt);
+    }
+    balance_of.asked.push_back(std::nullopt);  // the palm
+    for (const TouchPoint& touch : hand_.touches(q_)) {
+      std::size_t presser = chains.size();
+      for (std::size_t i = 0; i < chains.size(); ++i)
+        if (std::find(chains[i].bodies.begin(), chains[i].bodies.end(), touch.body) != chains[i].bodies.end())
+          presser = i;
+      if (presser < chains.size() && !closing_.moves(chains[presser])) continue;
+      contacts_.push_back(touch);
+      balance_of.contacts.push_back({touch.point, touch.normal, kFrictionShare * touch.friction, presser});
+    }
+    balance_of.load = place_.weight;
+    balance_of.centre = x_HO_ * site_.object.body.centre;
+    balance_of.size = 0.5 * model::box_edges(site_.object.shapes).minCoeff();
+    balanced_ = balance(balance_of);
+  }
+
+  double normal_force(std::size_t i) const { return balanced_.forces[i].dot(contacts_[i].normal); }
+
+  void set_depths() {
+    std::vector<double> force(depth_.size()), stiffness(depth_.size());
+    for (std::size_t i = 0; i < contacts_.size(); ++i) {
+      force[static_cast<std::size_t>(contacts_[i].body)] += normal_force(i);
+      stiffness[static_cast<std::size_t>(contacts_[i].body)] += contacts_[i].stiffness;
+    }
+    for (std::size_t b = 0; b < depth_.size(); ++b)
+      depth_[b] = kTouchDepth + (stiffness[b] > 0 ? force[b] / stiffness[b] : 0);
+  }
+
+  void sum_forces() {
+    out_.forces.clear();
+    out_.palm_force = 0;
+    for (std::size_t i = 0; i < contacts_.size(); ++i)
+      (contacts_[i].body == hand_.palm() ? out_.palm_force : out_.forces[hand_.part(contacts_[i].body)]) +=
+          normal_force(i);
+  }
+
+  void report() {
+    if (getenv("GRIP_DEBUG")) {
+      for (std::size_t i = 0; i < contacts_.size(); ++i)
+        fmt::print(stderr, "   {} N {:.2f} depth {:.2f} mm at {:.0f} {:.0f} {:.0f} n {:.2f} {:.2f} {:.2f}\n", hand_.model().bodies[static_cast<std::size_t>(contacts_[i].body)].name, normal_force(i), 1e3 * contacts_[i].depth, 1e3 * contacts_[i].point.x(), 1e3 * contacts_[i].point.y(), 1e3 * contacts_[i].point.z(), contacts_[i].normal.x(), contacts_[i].normal.y(), contacts_[i].normal.z());
+      const Vec3 d = (out_.x_HO.p - place_.at.p) * 1e3;
+      fmt::print(stderr, "   unbalanced {:.3f}, strength {:.3f}, moved {:.1f} {:.1f} {:.1f} hand {:.1f}\n", balanced_.unbalanced, strength_, d.x(), d.y(), d.z(), 1e3 * site_.built.size.length);
+    }
+    const auto problem = [&](std::string got, std::string need) {
+      out_.problems.push_back({task_.place, task_.path, std::move(got), std::move(need)});
+    };
+    if (!opens_) return problem("the fingers cannot open round it", "");
+    for (const auto& [part, force] : spec_.forces)
+      if (!out_.forces.contains(part)) problem(fmt::format("{} does not reach it", name(part)), "");
+    if (balanced_.unbalanced > kUnbalanced)
+      problem(fmt::format("forces of which {:.0f} % are left over", 100 * balanced_.unbalanced), "");
+  }
+
+  /// Torques of the contact forces about the axes, positive where the springs must flex [N m].
+  std::vector<double> torques() const {
+    std::vector<double> out(q_.size());
+    for (std::size_t i = 0; i < contacts_.size(); ++i) {
+      const std::vector<Vec3> way = hand_.jacobian(q_, contacts_[i].body, contacts_[i].point);
+      for (std::size_t k = 0; k < out.size(); ++k) out[k] += balanced_.forces[i].dot(way[k]);
+    }
+    return out;
+  }
+
+  std::vector<double> pressing() const {
+    std::vector<double> out = q_;
+    const std::vector<double> tau = torques();
+    const auto& axes = hand_.axes().axes;
+    for (std::size_t i = 0; i < axes.size(); ++i) {
+      const auto gains = control::gains_of(site_.scene.control->controller, axes[i]);
+      if (gains && gains->proportional.value_or(0) > 0) out[i] += tau[i] / *gains->proportional;
+    }
+    return out;
+  }
+
+  control::PoseSpec pose(const std::vector<double>& angles) const {
+    control::PoseSpec out;
+    out.place = task_.place;
+    for (std::size_t i = 0; i < angles.size(); ++i) {
+      const control::HandAxis& axis = hand_.axes().axes[i];
+      control::PoseAngles& of = out.joints[axis.joint];
+      of.place = task_.place;
+      of.angles.resize(std::max(of.angles.size(), axis.axis_index + 1));
+      of.angles[axis.axis_index] = angles[i];
+    }
+    return out;
+  }
+
+  const TaskSite& site_;
+  const GripSpec& spec_;
+  const GripPlace& place_;
+  const TaskSpec& task_;
+  HandOnObject hand_;
+  Closing closing_;
+  double strength_ = 1;  ///< factor on the forces
+  Pose x_HO_;            ///< of the object as far as it is pressed
+  std::vector<double> depth_;  ///< to which each body presses
+  std::vector<double> touch_, q_;
+  std::vector<TouchPoint> contacts_;
+  GripForces balanced_;
+  bool opens_ = true;
+  FittedGrip out_;
+};
+
+}  // namespace
+
+GripSpec read_grip(MapReader reader) {
+  GripSpec out;
+  MapReader forces = reader.required_map("forces", "a mapping of fingers to forces");
+  for (const PartName& finger : kFingers)
+    if (forces.has(finger.name)) out.forces[finger.part] = forces.number(finger.name, {Dimension::force, 0, 1e3});
+  if (forces.sound() && out.forces.empty()) forces.problem("", "no finger", "a force of at least one finger");
+  forces.finish();
+  if (YamlNode* table = referenced(reader, "strength", FileKind::grip_norms))
+    out.strength = hand::read_grip_table(*table, reader.path_of("strength"), reader.diagnostics());
+  out.squeeze = reader.number("squeeze", kSpan, out.squeeze);
+  reader.finish();
+  return out;
+}
+
+FittedGrip fit_grip(const TaskSite& site, const GripSpec& spec, const GripPlace& place, const TaskSpec& task) {
+  return Fit(site, spec, place, task).run();
+}
+
+}  // namespace handsim::scene

@@ -1,0 +1,50 @@
+// Fits a grip to a person's hand and an object: where the object lies in the hand, and the angles at which the
+// fingers are open, touch, and press with their forces through the springs of their joints. Everything is for a
+// right hand, in the hand frame.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "handsim/control/poses.h"
+#include "handsim/hand/grip_strength.h"
+#include "handsim/scene/task/closing.h"
+
+namespace handsim::scene {
+
+/// A `grip` block: with it fingers close until they touch, and press with a force. Without it a task moves its
+/// hand through poses as they stand.
+struct GripSpec {
+  /// Sum of the normal forces of fingers [N], of a person with the controller's grip strength; for others in
+  /// proportion to theirs. Fingers that move and are not named balance these.
+  std::map<model::Part, double> forces;
+  hand::GripTable strength;  ///< norms of grip strength
+  double squeeze = 0.3;      ///< time from touching to pressing [s]
+};
+
+/// How the object is brought to its place in the hand.
+struct GripPlace {
+  Pose at;                       ///< X_HO, of a hand of this person's size
+  bool on_palm = false;          ///< the object is moved along the hand's z axis until it touches the palm
+  Vec3 from = Vec3::Zero();      ///< start of the hand's approach, in the hand frame [m]
+  Vec3 weight = Vec3::Zero();    ///< of the object, in the hand frame [N]
+};
+
+struct FittedGrip {
+  Pose x_HO;
+  control::PoseSpec open, touch, press;
+  std::map<model::Part, double> forces;  ///< normal forces of the fingers that touch [N]
+  double palm_force = 0;                 ///< [N]
+  hand::GripStrength strength;
+  std::vector<Problem> problems;  ///< why the hand cannot hold the object so; keys without the task's path
+  std::vector<std::string> warnings;
+};
+
+/// Reads a `grip` block.
+GripSpec read_grip(MapReader reader);
+
+/// Fits the grip of a task between the poses `open` and `closed` of the scene's pose file.
+FittedGrip fit_grip(const TaskSite& site, const GripSpec& spec, const GripPlace& place, const TaskSpec& task);
+
+}  // namespace handsim::scene
