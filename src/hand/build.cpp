@@ -72,6 +72,9 @@ struct Piece {
   std::vector<Shape> shapes;  ///< [0] a segment's own capsule; none: a carrier
   double mass = 0;            ///< [kg]
   double round = 0;           ///< radius of a carrier's ball [m]
+  /// Where the matter of a capsule begins, from the joint; what is nearer belongs to the parent. Absent: the
+  /// whole capsule is its matter.
+  std::optional<double> begins;
 };
 
 /// A box has its frame at its centre: that of its body.
@@ -120,13 +123,73 @@ double share_of(const MassRule& rule, Sex sex) {
   return sex == Sex::male ? rule.male : sex == Sex::female ? rule.female : rule.unknown;
 }
 
-/// Of what the shapes fill; a carrier takes its share of the segment after it.
+/// A capsule without its near end: a cylinder from `begins` to the far end of the axis, and a half ball.
+struct Remainder {
+  double volume = 0, centre = 0;     ///< [m^3]; from the joint [m]
+  double transverse = 0, axial = 0;  ///< per mass about the centre [m^2]
+};
+Remainder remainder(const Shape& capsule, double begins) {
+  const double r = capsule.radius, end = capsule.length, l = end - begins, r2 = r * r;
+  const double cylinder = M_PI * r2 * l, cap = 2.0 / 3 * M_PI * r2 * r;
+  const double at_cylinder = 0.5 * (begins + end), at_cap = end + 3 * r / 8;
+  Remainder out;
+  out.volume = cylinder + cap;
+  out.centre = (cylinder * at_cylinder + cap * at_cap) / out.volume;
+  const auto beyond = [&](double at) { return (at - out.centre) * (at - out.centre); };
+  out.axial = (cylinder * r2 / 2 + cap * 0.4 * r2) / out.volume;
+  // A half ball about its own centre of mass, 3/8 r from its flat side.
+  out.transverse = (cylinder * (l * l / 12 + r2 / 4 + beyond(at_cylinder)) +
+                    cap * ((0.4 - 9.0 / 64) * r2 + beyond(at_cap))) /
+                   out.volume;
+  return out;
+}
+
+/// Distance along a segment's axis at which it leaves the shapes of its parent, to a 64th of the segment.
+double exit_from(const Piece& parent, const Piece& piece) {
+  constexpr int kSteps = 64;
+  const double step = piece.shapes[0].length / kSteps;
+  for (int i = 0; i < kSteps; ++i) {
+    const Vec3 at = parent.frame.inverse() * (piece.frame * Vec3(0, (i + 0.5) * step, 0));
+    const bool inside = std::any_of(parent.shapes.begin(), parent.shapes.end(), [&](const Shape& shape) {
+      Vec3 local = shape.pose.inverse() * at;
+      if (shape.kind == ShapeKind::box) return (local.cwiseAbs() - 0.5 * shape.edges).maxCoeff() < 0;
+      local.z() -= std::clamp(local.z(), -0.5 * shape.length, 0.5 * shape.length);
+      return local.norm() < shape.radius;
+    });
+    if (!inside) return i * step;
+  }
+  return piece.shapes[0].length;
+}
+
+/// The capsule shares with its parent what lies in a ball about the joint as far as the parent reaches along
+/// its axis: the length of its own cylinder that has this volume.
+double covered(double reach, double radius) {
+  if (reach <= radius) return 2 * reach * reach * reach / (3 * radius * radius);
+  const double h = std::sqrt(reach * reach - radius * radius);
+  return h + (2 * reach * reach * reach / 3 - reach * reach * h + h * h * h / 3) / (radius * radius);
+}
+
+/// Space that a segment shares with its parent at zero angles belongs to the parent.
+void share_space(std::vector<Piece>& parts, const HandSpec& spec) {
+  for (std::size_t i = 1; i < parts.size(); ++i) {
+    // A carrier has no shape: its segment starts where the carrier does, in the carrier's parent.
+    int parent = spec.segments[i - 1].parent;
+    if (parent != kPalm && spec.segments[static_cast<std::size_t>(parent)].carrier)
+      parent = spec.segments[static_cast<std::size_t>(parent)].parent;
+    if (parts[i].shapes.size() != 1) continue;
+    const double reach = exit_from(parts[static_cast<std::size_t>(parent + 1)], parts[i]);
+    parts[i].begins = std::min(covered(reach, parts[i].shapes[0].radius), 0.95 * parts[i].shapes[0].length);
+  }
+}
+
+/// Of its matter; a carrier takes its share of the segment after it.
 double volume_of(const std::vector<Piece>& parts, std::size_t i) {
   const Piece& part = parts[i];
   if (part.shapes.empty()) return kCarrierShare / (1 - kCarrierShare) * volume_of(parts, i + 1);
   const bool carried = i > 0 && parts[i - 1].shapes.empty();
-  const double own =
-      part.shapes.size() == 1 ? model::volume(part.shapes[0]) : model::union_properties(part.shapes).mass;
+  const double own = part.begins               ? remainder(part.shapes[0], *part.begins).volume
+                     : part.shapes.size() == 1 ? model::volume(part.shapes[0])
+                                               : model::union_properties(part.shapes).mass;
   return carried ? (1 - kCarrierShare) * own : own;
 }
 
@@ -136,9 +199,7 @@ void set_masses_by_share(std::vector<Piece>& parts, BuiltHand& hand, const HandS
                          const Person& person) {
   double sum = spec.palm.mass_share.value_or(0);
   for (const SegmentSpec& row : spec.segments) sum += row.mass_share;
-  double whole = spec.mass.kind == MassRule::Kind::palm_density
-                     ? spec.mass.density * hand.palm_volume / *spec.palm.mass_share
-                     : share_of(spec.mass, person.sex) * person.mass;
+  double whole = share_of(spec.mass, person.sex) * person.mass;
   if (person.hand_mass) whole = spec.palm.mass_share ? *person.hand_mass / sum : *person.hand_mass;
   double rest = whole;
   for (std::size_t i = 0; i < spec.segments.size(); ++i) {
@@ -171,6 +232,13 @@ void place_simple(Body& body, Shape& shape, const Piece& part) {
     body.inertia = (body.mass / 12 * model::box_moments(shape.edges)).asDiagonal();
     return;
   }
+  if (part.begins) {
+    const Remainder own = remainder(shape, *part.begins);
+    shape.pose.p.y() = 0.5 * shape.length - own.centre;
+    body.zero_pose = part.frame * Pose{{0, own.centre, 0}, Quat::Identity()};
+    body.inertia = (body.mass * Vec3(own.transverse, own.axial, own.transverse)).asDiagonal();
+    return;
+  }
   const model::CapsuleInertia solid = model::capsule_inertia(shape.radius, shape.length);
   body.inertia = (body.mass * Vec3(solid.transverse, solid.axial, solid.transverse)).asDiagonal();
 }
@@ -178,7 +246,11 @@ void place_simple(Body& body, Shape& shape, const Piece& part) {
 /// Mass properties of a part in the hand frame.
 MassProperties properties_of(const Piece& part) {
   MassProperties out;
-  if (part.shapes.empty()) {
+  if (part.begins) {
+    const Remainder own = remainder(part.shapes[0], *part.begins);
+    out.centre = {0, own.centre, 0};
+    out.inertia = Vec3(own.transverse, own.axial, own.transverse).asDiagonal();
+  } else if (part.shapes.empty()) {
     out.inertia = 0.4 * part.round * part.round * Mat3::Identity();
   } else {
     out = model::union_properties(part.shapes);
@@ -282,11 +354,12 @@ BuiltHand build_hand(const HandSpec& spec, const Person& person) {
   hand.size = hand_size(spec.anthropometry, person);
   hand.skin = spec.skin;
   std::vector<Piece> parts = parts_of(hand, spec, person);
+  if (spec.mass.kind == MassRule::Kind::palm_density) share_space(parts, spec);
   hand.palm_volume = volume_of(parts, 0);
-  if (spec.mass.kind == MassRule::Kind::density)
-    set_masses_by_volume(parts, hand, spec, person);
-  else
+  if (spec.mass.kind == MassRule::Kind::body_mass_share)
     set_masses_by_share(parts, hand, spec, person);
+  else
+    set_masses_by_volume(parts, hand, spec, person);
   place_bodies(hand, parts);
   add_shapes_of(hand, parts);
   add_joints_of(hand, spec);

@@ -82,7 +82,7 @@ JointSpec read_joint(MapReader& reader, RowJoint type) {
 std::optional<MassRule> read_mass(MapReader reader) {
   MassRule rule;
   rule.kind = reader.choice<MassRule::Kind>("rule", {{"body_mass_share", MassRule::Kind::body_mass_share},
-                                                     {"palm_density", MassRule::Kind::palm_density},
+                                                     {"tissue_density", MassRule::Kind::palm_density},
                                                      {"density", MassRule::Kind::density}});
   if (!reader.has("rule") || !reader.sound()) return std::nullopt;
   const Quantity share = {Dimension::none, 0, 0.1, true};
@@ -110,8 +110,6 @@ PalmSpec read_palm(MapReader reader, const std::optional<MassRule>& mass) {
   }
   if (!mass)
     reader.child("mass_share");
-  else if (mass->kind == MassRule::Kind::palm_density)
-    palm.mass_share = reader.number("mass_share", {Dimension::none, 0, 1, true});
   else if (mass->kind == MassRule::Kind::body_mass_share)
     palm.mass_share = reader.maybe_number("mass_share", {Dimension::none, 0, 1, true});
   reader.finish();
@@ -181,7 +179,7 @@ SegmentSpec read_segment(MapReader reader, HandSpec& spec, const std::optional<M
   segment.shapes = read_shapes(reader, 0);
   if (!mass)
     reader.child("mass_share");
-  else if (mass->kind != MassRule::Kind::density)
+  else if (mass->kind == MassRule::Kind::body_mass_share)
     segment.mass_share = reader.number("mass_share", {Dimension::none, 0, 1, true});
   read_segment_joint(reader.required_map("joint", "a mapping with name, type and axes"), spec, segment);
   reader.finish();

@@ -95,7 +95,7 @@ TEST_P(ShippedHands, SegmentLengthsAreExactJointCentreToJointCentre) {
       const model::Shape& shape = model.shapes[*hand.segments[i].capsule];
       if (!spec.segments[i].has_child) {
         const Vec3 tip = state.bodies[static_cast<std::size_t>(joint.child)].pose() *
-                         Vec3(0, 0.5 * shape.length + shape.radius, 0);
+                         (shape.pose.p + Vec3(0, 0.5 * shape.length + shape.radius, 0));
         EXPECT_NEAR((tip - start).norm(), length, 1e-12);
         continue;
       }

@@ -153,7 +153,7 @@ Eigen::MatrixXd Subject::tip_jacobian(const std::string& finger, std::span<const
     if (model_.bodies[i].name == "right." + finger + "_distal") body = i;
   double tip = 0;
   for (const model::Shape& shape : model_.shapes)
-    if (at(shape.body) == body) tip = 0.5 * shape.length + shape.radius;
+    if (at(shape.body) == body) tip = shape.pose.p.y() + 0.5 * shape.length + shape.radius;
   const auto pose = [&](std::size_t column, double turn) {
     std::vector<double> moved(q.begin(), q.end());
     moved[at(dofs[column])] += turn;
