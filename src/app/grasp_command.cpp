@@ -132,6 +132,7 @@ int grasp_command(const GraspArguments& arguments) {
   study.scenes = arguments.scenes;
   study.out = arguments.out;
   study.overrides = arguments.overrides;
+  study.persons = arguments.persons;
   if (arguments.report) {
     output::require_three();
     study.overrides.emplace_back("record.contacts=true");
@@ -158,6 +159,8 @@ int grasp_command(const GraspArguments& arguments) {
   study::StudyCommands commands{"handsim grasp"};
   for (const std::filesystem::path& scene : arguments.scenes)
     commands.study += " " + output::shell_word(scene.string());
+  for (const std::filesystem::path& person : arguments.persons)
+    commands.study += " --persons " + output::shell_word(person.string());
   if (!arguments.side.empty()) commands.study += " --side " + arguments.side;
   if (arguments.friction) commands.study += fmt::format(" --friction {}", *arguments.friction);
   for (const std::string& set : arguments.overrides) commands.study += " --set " + output::shell_word(set);
@@ -166,6 +169,8 @@ int grasp_command(const GraspArguments& arguments) {
   finish_study(arguments.out, commands, arguments.report);
   if (!tables.grasps.empty()) print_table(tables.grasps);
   if (!tables.climbs.empty()) print_climbs(tables.climbs);
+  for (const study::RefusedGrasp& grasp : tables.refused)
+    print("not for this hand: {} {}: {}\n", grasp.scene, grasp.side, grasp.why);
   print("files in {}\n", arguments.out.string());
   for (const std::string& what : tables.missing) print_error("missing: {}\n", what);
   return tables.passed() && tables.missing.empty() ? 0 : 1;
