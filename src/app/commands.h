@@ -75,6 +75,7 @@ struct GraspArguments {
   std::vector<std::filesystem::path> scenes;  ///< files or folders
   std::filesystem::path out;
   std::string side;  ///< right, left, both; empty: the scene's
+  std::vector<std::filesystem::path> persons;  ///< files or folders
   std::vector<std::string> overrides;
   std::optional<double> friction;
   bool friction_search = false;

@@ -132,6 +132,7 @@ int grasp_command(const GraspArguments& arguments) {
   study.scenes = arguments.scenes;
   study.out = arguments.out;
   study.overrides = arguments.overrides;
+  study.persons = arguments.persons;
   study.friction = arguments.friction;
   if (arguments.side == "both")
     study.sides = {"right", "left"};
@@ -160,6 +161,8 @@ int grasp_command(const GraspArguments& arguments) {
   finish_study(arguments.out, commands, arguments.report);
   if (!tables.grasps.empty()) print_table(tables.grasps);
   if (!tables.climbs.empty()) print_climbs(tables.climbs);
+  for (const study::RefusedGrasp& grasp : tables.refused)
+    print("not for this hand: {} {}: {}\n", grasp.scene, grasp.side, grasp.why);
   print("files in {}\n", arguments.out.string());
   for (const std::string& what : tables.missing) print_error("missing: {}\n", what);
   return tables.passed() && tables.missing.empty() ? 0 : 1;

@@ -21,6 +21,8 @@ void add_grasp(CommandLine& line) {
   grasp.add_option("scenes", arguments->scenes, "scene files, or folders of them")->required();
   add_out(grasp, arguments->out, "folder for the runs' files, grasps.csv and climbs.csv, and both as .json");
   add_words(grasp.add_option("--side", arguments->side, "hand that grasps (default: the scene's)"), kSides);
+  grasp.add_option("--persons", arguments->persons,
+                   "person files, or folders of them, in place of the scenes'");
   add_overrides(grasp, arguments->overrides);
   grasp.add_option("--friction", arguments->friction, "of every surface, in place of the scenes'")
       ->check(number_from(0, 10, false, "a coefficient of friction, 0 to 10"));

@@ -91,6 +91,8 @@ study::StudyCommands grasp_commands(const study::GraspStudy& study) {
   study::StudyCommands out{"handsim grasp"};
   for (const std::filesystem::path& scene : study.scenes)
     out.study += " " + output::shell_word(scene.string());
+  for (const std::filesystem::path& person : study.persons)
+    out.study += " --persons " + output::shell_word(person.string());
   if (study.sides.size() == 2)
     out.study += " --side both";
   else if (!study.sides.empty())

@@ -170,6 +170,9 @@ Pose GraspSpec::fit(const TaskSite& site, TaskPlan& out) const {
   lies.from = from;
   if (site.scene.solver.effects.has(model::Effect::gravity))
     lies.weight = wrist.q.conjugate() * (site.object.body.mass * site.scene.gravity);
+  double shaken = 0;
+  for (const ShakeLevel& level : shake) shaken = std::max(shaken, level.acceleration);
+  lies.load = lies.weight.norm() + site.object.body.mass * shaken;
   FittedGrip fitted = fit_grip(site, *grip, lies, *this);
   out.problems = std::move(fitted.problems);
   out.warnings = std::move(fitted.warnings);

@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kEdges = 8;
 /// Weights of an asked force and of small forces; equilibrium has 1.
-constexpr double kAskedWeight = 0.1, kSmallWeight = 2e-3;
+constexpr double kAskedWeight = 0.1, kSmallWeight = 8e-3;
 
 /// min |A x - b| with x >= 0: Lawson and Hanson 1974, Solving Least Squares Problems, chapter 23.
 Eigen::VectorXd solve_nonnegative(const Eigen::MatrixXd& a, const Eigen::VectorXd& b) {

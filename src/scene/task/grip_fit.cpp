@@ -19,15 +19,21 @@ namespace {
 /// Depth of a touch without force [m].
 constexpr double kTouchDepth = 1e-5;
 /// Share of friction that the planned forces may use: the rest is for the shake.
-constexpr double kFrictionShare = 0.6;
+constexpr double kFrictionShare = 0.5;
 /// Share of the normal forces that may be left over: springs give way by as much.
 constexpr double kUnbalanced = 0.1;
-/// Below this share a place in the hand is good enough.
-constexpr double kBalanced = 0.02;
+/// Of the friction that the forces allow over weight and shake.
+constexpr double kSafety = 2;
+/// Weights in the choice of a place: distance from the named one in hand lengths, forces off those asked, friction.
+constexpr double kFarWeight = 0.5, kOffWeight = 0.2, kFrictionWeight = 0.3;
+/// Of the same with forces that torque limits reduce.
+constexpr double kLeastSafety = 1.2;
 /// Of a better place from the named one, in hand lengths.
 constexpr double kFarthestPlace = 0.2;
 /// Rounds in which the depths of the pads and the forces come to agree.
 constexpr int kRounds = 4;
+/// Times the way from open to closed by which fingers open at most.
+constexpr double kWideOpen = 3;
 /// Distance from the palm at which an object starts, and the step towards the palm [m].
 constexpr double kFar = 0.4, kNearer = 1e-3;
 
@@ -69,7 +75,9 @@ class Fit {
 
   FittedGrip run() {
     search();
+    if (press_as_needed()) search();
     report();
+    limit_torques();
     const std::vector<double> press = pressing();
     out_.open = pose(closing_.open());
     out_.touch = pose(touch_);
@@ -102,13 +110,24 @@ class Fit {
     }
     find_forces();
     sum_forces();
-    double wrong = (opens_ ? 0 : 10) + std::max(0.0, balanced_.unbalanced - kBalanced);
+    return wrong() + kFarWeight * (p - place_.at.p).norm() / site_.built.size.length;
+  }
+
+  /// How far the grasp is from one that holds with little friction and the forces that are asked.
+  double wrong() const {
+    double off = 0, asked_sum = 0, normal = 0, tangential = 0;
     for (const auto& [part, force] : spec_.forces) {
       const auto found = out_.forces.find(part);
-      const double has = found == out_.forces.end() ? 0 : found->second;
-      wrong += std::max(0.0, std::abs(has / asked(part) - 1) - kBalanced);
+      off += std::abs((found == out_.forces.end() ? 0 : found->second) - asked(part));
+      if (found == out_.forces.end()) off += asked(part);
+      asked_sum += asked(part);
     }
-    return wrong;
+    for (std::size_t i = 0; i < contacts_.size(); ++i) {
+      normal += normal_force(i);
+      tangential += (balanced_.forces[i] - normal_force(i) * contacts_[i].normal).norm();
+    }
+    return (opens_ ? 0 : 10) + 2 * balanced_.unbalanced + kOffWeight * off / asked_sum +
+           kFrictionWeight * tangential / (normal + 1e-9);
   }
 
   /// From the place that the task names, in steps that become smaller, to where the forces balance.
@@ -116,16 +135,16 @@ class Fit {
     Vec3 best = place_.at.p;
     double least = grasp_at(best);
     const double length = site_.built.size.length;
-    for (double step = 0.06; step > 0.005 && least > 0; step /= 2) {
+    for (double step = 0.06; step > 0.012; step /= 2) {
       bool better = true;
-      while (better && least > 0) {
+      while (better) {
         better = false;
-        for (int k = 0; k < (place_.on_palm ? 4 : 6) && least > 0; ++k) {
+        for (int k = 0; k < (place_.on_palm ? 4 : 6); ++k) {
           const Vec3 trial = best + (k % 2 == 0 ? step : -step) * length * Vec3::Unit(k / 2);
           if ((trial - place_.at.p).norm() > kFarthestPlace * length) continue;
-          const double wrong = grasp_at(trial);
-          if (wrong >= least) continue;
-          least = wrong;
+          const double now = grasp_at(trial);
+          if (now >= least) continue;
+          least = now;
           best = trial;
           better = true;
         }
@@ -196,6 +215,63 @@ class Fit {
           normal_force(i);
   }
 
+  /// Raises forces that are too small for the object's weight and shake. @returns true if they were
+  bool press_as_needed() {
+    const double most = friction_limit();
+    const double factor = most > 0 ? kSafety * place_.load / most : 1;
+    if (factor <= 1) return false;
+    strength_ *= factor;
+    return true;
+  }
+
+  /// Largest torque over its limit, and the axis.
+  std::pair<double, std::string> worst_torque() const {
+    const auto& reference = site_.scene.control->controller.grip_strength;
+    const double strength = reference ? out_.strength.own / *reference : 1;
+    const std::vector<double> tau = torques();
+    std::pair<double, std::string> worst = {0, ""};
+    for (std::size_t i = 0; i < tau.size(); ++i) {
+      const control::HandAxis& axis = hand_.axes().axes[i];
+      const auto gains = control::gains_of(site_.scene.control->controller, axis);
+      if (!gains || !gains->torque_limit) continue;
+      worst = std::max(worst, {std::abs(tau[i]) / (strength * *gains->torque_limit), axis.name()});
+    }
+    return worst;
+  }
+
+  /// Largest friction of all contacts together [N].
+  double friction_limit() const {
+    double most = 0;
+    for (std::size_t i = 0; i < contacts_.size(); ++i) most += contacts_[i].friction * normal_force(i);
+    return most;
+  }
+
+  /// Reduces forces that the joints cannot press with. A problem if they then do not carry the object.
+  void limit_torques() {
+    if (!out_.problems.empty()) return;
+    const auto [share, axis] = worst_torque();
+    if (share <= 1) return;
+    const double asked_sum = total_force();
+    for (Vec3& force : balanced_.forces) force /= share;
+    sum_forces();
+    if (friction_limit() < kLeastSafety * place_.load)
+      out_.problems.push_back(
+          {task_.place, task_.path,
+           fmt::format("a hand of {:.0f} mm that presses with {:.3g} N in sum, the torque limit of {}",
+                       1e3 * site_.built.size.length, total_force(), axis),
+           fmt::format("{:.3g} N for the object's weight and shake: a stronger hand, or a lighter object",
+                       total_force() * kLeastSafety * place_.load / friction_limit())});
+    else
+      out_.warnings.push_back(fmt::format("{}: the hand presses with {:.3g} N in place of {:.3g} N: torque limit of {}",
+                                          task_.path, total_force(), asked_sum, axis));
+  }
+
+  double total_force() const {
+    double sum = out_.palm_force;
+    for (const auto& [part, force] : out_.forces) sum += force;
+    return sum;
+  }
+
   void report() {
     if (getenv("GRIP_DEBUG")) {
       for (std::size_t i = 0; i < contacts_.size(); ++i)
@@ -203,14 +279,35 @@ class Fit {
       const Vec3 d = (out_.x_HO.p - place_.at.p) * 1e3;
       fmt::print(stderr, "   unbalanced {:.3f}, strength {:.3f}, moved {:.1f} {:.1f} {:.1f} hand {:.1f}\n", balanced_.unbalanced, strength_, d.x(), d.y(), d.z(), 1e3 * site_.built.size.length);
     }
-    const auto problem = [&](std::string got, std::string need) {
-      out_.problems.push_back({task_.place, task_.path, std::move(got), std::move(need)});
-    };
-    if (!opens_) return problem("the fingers cannot open round it", "");
+    std::string why;
+    if (!opens_) why = "cannot open round it";
     for (const auto& [part, force] : spec_.forces)
-      if (!out_.forces.contains(part)) problem(fmt::format("{} does not reach it", name(part)), "");
-    if (balanced_.unbalanced > kUnbalanced)
-      problem(fmt::format("forces of which {:.0f} % are left over", 100 * balanced_.unbalanced), "");
+      if (why.empty() && !out_.forces.contains(part)) why = fmt::format("{} finger does not reach it", name(part));
+    if (why.empty() && balanced_.unbalanced > kUnbalanced)
+      why = fmt::format("forces do not balance: {:.0f} % are left over", 100 * balanced_.unbalanced);
+    if (why.empty()) return;
+    const Vec3 edges = 1e3 * model::box_edges(site_.object.shapes);
+    out_.problems.push_back(
+        {task_.place, task_.path,
+         fmt::format("a hand of {:.0f} mm, which opens to {:.0f} mm between thumb and fingers, on {} of {:.0f} x {:.0f} x "
+                     "{:.0f} mm: {}",
+                     1e3 * site_.built.size.length, 1e3 * opening(), site_.object.name, edges.x(), edges.y(),
+                     edges.z(), why),
+         "a larger hand, or a smaller object"});
+  }
+
+  /// Largest distance of the thumb's tip from another finger's that closes, with the fingers wide open [m].
+  double opening() const {
+    const model::State state = model::state_at(hand_.model(), closing_.at(-kWideOpen));
+    const auto tip = [&](const FingerChain& chain) {
+      return state.bodies[static_cast<std::size_t>(chain.bodies.back())].p;
+    };
+    double most = 0;
+    for (const FingerChain& thumb : closing_.chains())
+      for (const FingerChain& chain : closing_.chains())
+        if (thumb.part == model::Part::thumb && spec_.forces.contains(chain.part))
+          most = std::max(most, (tip(chain) - tip(thumb)).norm());
+    return most;
   }
 
   /// Torques of the contact forces about the axes, positive where the springs must flex [N m].

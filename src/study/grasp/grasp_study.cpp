@@ -50,27 +50,60 @@ struct Work {
   scene::Scene scene;
 };
 
-std::vector<Work> load(const GraspStudy& study) {
+/// Files of persons, folders opened; one without a value: the scene's own.
+std::vector<std::optional<std::filesystem::path>> persons_of(const GraspStudy& study) {
+  std::vector<std::optional<std::filesystem::path>> out;
+  for (const std::filesystem::path& path : study.persons) {
+    if (!std::filesystem::is_directory(path)) {
+      out.emplace_back(path);
+      continue;
+    }
+    for (const auto& entry : std::filesystem::directory_iterator(path))
+      if (entry.path().extension() == ".yaml") out.emplace_back(entry.path());
+  }
+  if (out.empty()) return {std::nullopt};
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+/// True if all problems are that a grasp does not fit its hand.
+bool does_not_fit(const Error& error) {
+  return std::all_of(error.problems().begin(), error.problems().end(), [](const Problem& problem) {
+    return problem.key.starts_with("grasps.") && problem.key.find('.', 7) == std::string::npos;
+  });
+}
+
+/// @param refused grasps that do not fit a person's hand
+std::vector<Work> load(const GraspStudy& study, std::vector<RefusedGrasp>& refused) {
   std::vector<Work> out;
   std::set<std::string> names;
   Diagnostics diagnostics;
   for (const std::filesystem::path& file : files_of(study.scenes)) {
     const std::vector<std::string> sides = study.sides.empty() ? std::vector<std::string>{""} : study.sides;
-    for (const std::string& side : sides) {
-      std::vector<std::string> overrides = study.overrides;
-      if (!side.empty()) overrides.push_back("hands.0.side=" + side);
-      try {
-        if (!names.insert(file.stem().string() + "_" + side).second)
-          throw input_error("scenes", file.string() + ", whose name another has",
-                            "names of their own, by which the runs' folders are called");
-        Work work{file.stem().string(), side, scene::load_scene(file, overrides)};
-        if (study.friction) set_friction(work.scene, *study.friction);
-        out.push_back(std::move(work));
-      } catch (const Error& error) {
-        if (error.kind() != ErrorKind::input) throw;
-        diagnostics.add(error);
+    for (const auto& person : persons_of(study))
+      for (const std::string& side : sides) {
+        std::vector<std::string> overrides = study.overrides;
+        std::string name = file.stem().string();
+        if (person) {
+          overrides.push_back("hands.0.person=" + std::filesystem::absolute(*person).string());
+          name += "_" + person->stem().string();
+        }
+        if (!side.empty()) overrides.push_back("hands.0.side=" + side);
+        try {
+          if (!names.insert(name + "_" + side).second)
+            throw input_error("scenes", file.string() + ", whose name another has",
+                              "names of their own, by which the runs' folders are called");
+          Work work{name, side, scene::load_scene(file, overrides)};
+          if (study.friction) set_friction(work.scene, *study.friction);
+          out.push_back(std::move(work));
+        } catch (const Error& error) {
+          if (error.kind() != ErrorKind::input) throw;
+          if (person && does_not_fit(error))
+            refused.push_back({name, side, error.what()});
+          else
+            diagnostics.add(error);
+        }
       }
-    }
   }
   diagnostics.throw_if_any();
   return out;
@@ -149,7 +182,7 @@ std::string csv(const std::vector<GraspRow>& rows) {
   return out;
 }
 
-std::string json(const std::vector<GraspRow>& rows) {
+std::string json(const std::vector<GraspRow>& rows, const std::vector<RefusedGrasp>& refused) {
   Json out = Json::array();
   for (const GraspRow& row : rows) {
     const simulation::GraspFigures& f = row.figures;
@@ -180,12 +213,14 @@ std::string json(const std::vector<GraspRow>& rows) {
     if (!row.fault.empty()) entry["fault"] = row.fault;
     out.push_back(std::move(entry));
   }
+  for (const RefusedGrasp& grasp : refused)
+    out.push_back({{"scene", grasp.scene}, {"side", grasp.side}, {"refused", grasp.why}});
   return out.dump(2) + "\n";
 }
 
 void write_tables(const GraspTables& tables, const std::filesystem::path& out) {
   output::write_file(out / "grasps.csv", csv(tables.grasps));
-  output::write_file(out / "grasps.json", json(tables.grasps));
+  output::write_file(out / "grasps.json", json(tables.grasps, tables.refused));
   if (tables.climbs.empty()) return;
   output::write_file(out / "climbs.csv", climbs_csv(tables.climbs));
   output::write_file(out / "climbs.json", climbs_json(tables.climbs));
@@ -265,7 +300,8 @@ bool GraspTables::passed() const {
 }
 
 GraspTables run_grasps(const GraspStudy& study) {
-  const std::vector<Work> all = load(study);
+  GraspTables tables;
+  const std::vector<Work> all = load(study, tables.refused);
   const auto scenes = [&] {
     std::vector<std::filesystem::path> out;
     for (const Work& work : all)
@@ -280,7 +316,6 @@ GraspTables run_grasps(const GraspStudy& study) {
   for (const Work& work : all) folders.push_back(simulation::run_folder(work.scene, options_of(study, work)));
   folder.clear();
   for (const output::OutputFolder& of_run : folders) of_run.clear();
-  GraspTables tables;
   const double share = 1.0 / static_cast<double>(all.size());
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Work& work = all[i];

@@ -15,8 +15,10 @@ namespace handsim::study {
 
 struct GraspStudy {
   std::vector<std::filesystem::path>
-      scenes;                          ///< files, or folders: every scene in them with grasps or climbs
-  std::vector<std::string> sides;      ///< `right`, `left` for the first hand; empty: as the scene has it
+      scenes;                      ///< files, or folders: every scene in them with grasps or climbs
+  std::vector<std::string> sides;  ///< `right`, `left` for the first hand; empty: as the scene has it
+  std::vector<std::filesystem::path>
+      persons;                         ///< files, or folders of them, of the first hand; empty: the scene's
   std::vector<std::string> overrides;  ///< `key.path=value`, for every scene
   std::optional<double> friction;      ///< of every surface; absent: the scene's
   bool friction_search = false;
@@ -39,10 +41,17 @@ struct GraspRow : RunRow {
   std::optional<std::string> turning;  ///< what of the 5 % turns the verdict; empty: nothing does
 };
 
+/// A grasp that does not fit its hand: nothing is run.
+struct RefusedGrasp {
+  std::string scene, side;
+  std::string why;
+};
+
 struct GraspTables {
   std::vector<GraspRow> grasps;
   std::vector<ClimbRow> climbs;
-  std::vector<std::string> missing;  ///< `OUT/SCENE: pictures: ...`, see RunResult
+  std::vector<RefusedGrasp> refused;  ///< with `persons` only; without, they are errors of input
+  std::vector<std::string> missing;   ///< `OUT/SCENE: pictures: ...`, see RunResult
 
   bool passed() const;
 };
