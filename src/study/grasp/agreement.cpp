@@ -37,36 +37,9 @@ Vec3 stated_place(const scene::Scene& scene) {
   return place;
 }
 
-scene::Scene drawn_scene(const AgreementStudy& study, const AgreementRow& row, const char* engine,
-                         double step) {
-  std::vector<std::string> overrides = study.overrides;
-  overrides.push_back(
-      fmt::format("grasps.0.at.position=[{}, {}, {}]", row.place.x(), row.place.y(), row.place.z()));
-  overrides.push_back(fmt::format("objects.0.mass={}", row.mass));
-  overrides.emplace_back(kShake);
-  overrides.push_back(fmt::format("solver.engine={}", engine));
-  overrides.push_back(fmt::format("solver.step={}", step));
-  scene::Scene scene = scene::load_scene(study.scene, overrides);
-  set_friction(scene, row.friction);
-  return scene;
-}
-
 /// The generator's bits as a number from low to high, the same with every library.
 double drawn(std::mt19937_64& random, double low, double high) {
   return low + (high - low) * std::ldexp(static_cast<double>(random() >> 11U), -53);
-}
-
-/// The same grasps whatever runs them.
-std::vector<AgreementRow> draw(const AgreementStudy& study, const Vec3& place) {
-  std::vector<AgreementRow> rows;
-  std::mt19937_64 random(study.seed);
-  for (int i = 0; i < study.draws; ++i) {
-    AgreementRow& row = rows.emplace_back();
-    for (int k = 0; k < 3; ++k) row.place[k] = place[k] + drawn(random, -kDrawnShift, kDrawnShift);
-    row.mass = drawn(random, kLeastMass, kMostMass);
-    row.friction = drawn(random, kLeastFriction, kMostFriction);
-  }
-  return rows;
 }
 
 void run_row(const AgreementStudy& study, double step, bool quarters, AgreementRow& row) {
@@ -99,7 +72,8 @@ std::string agreement_csv(const std::vector<AgreementRow>& rows) {
         continue;
       }
       const simulation::GraspFigures& f = row.figures[way];
-      out += fmt::format(",{},{:.4g},{:.4g},{:.4g},{:.5g}", quoted(f.told()), f.margin(), 1e6 * f.slip,
+      out += fmt::format(",{},{},{:.4g},{:.4g},{:.5g}", quoted(f.told()),
+                         f.margin_measured() ? fmt::format("{:.4g}", f.margin()) : "", 1e6 * f.slip,
                          1e3 * f.shift, f.hold.normal);
     }
     out += fmt::format(",{:.3g}\n", row.cpu);
@@ -116,7 +90,9 @@ Json pair_json(const AgreementTable& table, std::size_t way, std::size_t other) 
           {"grip_within_a_tenth", count(pair.grip_within)},
           {"grip_difference_median", pair.grip_median},
           {"grip_difference_most", pair.grip_most},
-          {"slip_median_m_per_s", {pair.slip, pair.other_slip}}};
+          {"slip_median_m_per_s", {pair.slip, pair.other_slip}},
+          {"slip_below_floor", pair.slip_below},
+          {"slip_within_a_tenth", count(pair.slip_within)}};
 }
 
 /// A grasp of which the engines differ, with what each says of it.
@@ -127,10 +103,11 @@ Json difference_json(const AgreementRow& row, std::size_t index) {
               {"friction", row.friction},
               {"turning", row.turning}};
   for (std::size_t way = 0; way < row.figures.size(); ++way)
-    out["says"].push_back({{"way", kWays[way]},
-                           {"outcome", row.figures[way].told()},
-                           {"held", row.figures[way].held},
-                           {"margin", row.figures[way].margin()}});
+    out["says"].push_back(
+        {{"way", kWays[way]},
+         {"outcome", row.figures[way].told()},
+         {"held", row.figures[way].held},
+         {"margin", row.figures[way].margin_measured() ? Json(row.figures[way].margin()) : Json()}});
   return out;
 }
 
@@ -138,7 +115,8 @@ std::string agreement_json(const AgreementTable& table, const AgreementStudy& st
   Json out = {{"scene", study.scene.filename().string()},
               {"draws", table.done()},
               {"seed", study.seed},
-              {"quarter_steps", table.quarter_rows}};
+              {"quarter_steps", table.quarter_rows},
+              {"slip_floor_m_per_s", kSlipFloor}};
   add_origin(out);
   double cpu = 0;
   for (const AgreementRow& row : table.rows) cpu += row.cpu;
@@ -210,6 +188,33 @@ class RowPool {
 
 }  // namespace
 
+scene::Scene drawn_scene(const AgreementStudy& study, const AgreementRow& row, const char* engine,
+                         double step) {
+  std::vector<std::string> overrides = study.overrides;
+  overrides.push_back(
+      fmt::format("grasps.0.at.position=[{}, {}, {}]", row.place.x(), row.place.y(), row.place.z()));
+  overrides.push_back(fmt::format("objects.0.mass={}", row.mass));
+  overrides.emplace_back(kShake);
+  overrides.push_back(fmt::format("solver.engine={}", engine));
+  overrides.push_back(fmt::format("solver.step={}", step));
+  scene::Scene scene = scene::load_scene(study.scene, overrides);
+  set_friction(scene, row.friction);
+  return scene;
+}
+
+std::vector<AgreementRow> drawn_rows(const AgreementStudy& study) {
+  const Vec3 place = stated_place(scene::load_scene(study.scene, study.overrides));
+  std::vector<AgreementRow> rows;
+  std::mt19937_64 random(study.seed);
+  for (int i = 0; i < study.draws; ++i) {
+    AgreementRow& row = rows.emplace_back();
+    for (int k = 0; k < 3; ++k) row.place[k] = place[k] + drawn(random, -kDrawnShift, kDrawnShift);
+    row.mass = drawn(random, kLeastMass, kMostMass);
+    row.friction = drawn(random, kLeastFriction, kMostFriction);
+  }
+  return rows;
+}
+
 std::vector<std::pair<std::size_t, std::size_t>> agreement_pairs(const AgreementTable& table) {
   if (table.quarter_rows == 0) return {{0, 1}, {1, 2}};
   return {{0, 1}, {1, 2}, {0, 3}, {2, 3}};
@@ -237,6 +242,13 @@ AgreementTable::Pair AgreementTable::compare(std::size_t way, std::size_t other)
     ++out.grip_within.of;
     slips.push_back(a.slip);
     other_slips.push_back(b.slip);
+    const double most = std::max(a.slip, b.slip);
+    if (most < kSlipFloor) {
+      ++out.slip_below;
+    } else {
+      out.slip_within.same += std::abs(a.slip - b.slip) <= kTenth * most ? 1 : 0;
+      ++out.slip_within.of;
+    }
   }
   if (grips.empty()) return out;
   out.grip_median = median(grips);
@@ -251,7 +263,7 @@ AgreementTable run_agreement(const AgreementStudy& study) {
   const output::OutputFolder folder(study.out, {"agreement.csv", "agreement.json"},
                                     [&] { return scene::files_read(base); });
   AgreementTable table;
-  table.rows = draw(study, stated_place(base));
+  table.rows = drawn_rows(study);
   table.quarter_rows =
       std::min(static_cast<std::size_t>(std::max(study.quarter_steps, 0)), table.rows.size());
   folder.clear();

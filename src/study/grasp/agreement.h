@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "handsim/scene/compile/scene.h"
 #include "handsim/simulation/watch/grasp_figures.h"
 
 namespace handsim::study {
@@ -45,6 +46,10 @@ struct AgreementRow {
   bool differs() const { return done() && figures[0].held != figures[1].held; }
 };
 
+/// Below this a slip is what the softness of an engine's friction lets creep, of which other engines and
+/// steps have other amounts [m/s]: up to 0.4 um/s in what has settled.
+inline constexpr double kSlipFloor = 1e-6;
+
 /// Engines and steps, the scene's and a quarter of it.
 inline constexpr std::array<const char*, 4> kWays = {"ode", "articulated", "articulated/4", "ode/4"};
 
@@ -63,6 +68,10 @@ struct AgreementTable {
     double grip_median = 0, grip_most = 0;
     Count grip_within;
     double slip = 0, other_slip = 0;  ///< medians where both hold [m/s]
+    /// In how many that both hold the slip of each is below kSlipFloor; in how many of the others the slips
+    /// differ by at most a tenth of the greater.
+    int slip_below = 0;
+    Count slip_within;
   };
   /// @param way, other by kWays
   Pair compare(std::size_t way, std::size_t other) const;
@@ -71,6 +80,13 @@ struct AgreementTable {
 
 /// Which ways are compared: the engines, each with its own quarter step, and these.
 std::vector<std::pair<std::size_t, std::size_t>> agreement_pairs(const AgreementTable& table);
+
+/// The draws, none of which has run. @throws Error (input) for a scene without a grasp, or with several.
+std::vector<AgreementRow> drawn_rows(const AgreementStudy& study);
+
+/// The scene of a draw. @param engine `ode` or `articulated` @param step [s]
+scene::Scene drawn_scene(const AgreementStudy& study, const AgreementRow& row, const char* engine,
+                         double step);
 
 /// Runs the study; OUT/agreement.csv and OUT/agreement.json, written after each draw of the draws done.
 /// @throws Error (input) for a scene without a grasp.
