@@ -529,29 +529,6 @@ def peers_pinch():
     return pinch_table(text)
 
 
-def peers_grasps():
-    path = OUT / "peers" / "grasps.json"
-    ours = OUT / "agreement" / "run" / "agreement.csv"
-    for needed in (path, ours):
-        if not needed.exists():
-            raise Missing(needed.relative_to(ROOT))
-    found = json.loads(path.read_text())
-    with ours.open() as file:
-        own = {int(row["draw"]): row for row in csv.DictReader(file)}
-    def cell(outcome, margin):
-        share = "" if margin in (None, "") else f" ({100 * float(margin):.0f} %)"
-        return outcome.split(" at ")[0] + share
-    rows = []
-    for draw in found["draws"]:
-        row = own.get(draw["draw"])
-        engines = ("ode", "articulated", "articulated/4")
-        rows.append([draw["draw"], f"{1e3 * draw['mass_kg']:.0f} g, {number(draw['friction'])}",
-                     *(cell(row[f"{way} outcome"], row[f"{way} margin"]) if row else "" for way in engines),
-                     *(cell(said["outcome"], said["margin"]) for said in draw["says"])])
-    ways = [f"{found['version']}, {said['way']}" for said in found["draws"][0]["says"]]
-    return table(["draw", "mass, friction", "ODE (margin)", "articulated", "articulated/4", *ways], rows)
-
-
 def peers_accuracy():
     data = study_json("peers", "accuracy", "accuracy.json")
     engines = ", ".join(data["versions"]["engines"])
@@ -682,6 +659,5 @@ TABLES = {"bench": ("bench", bench), "rollouts": ("rollouts", rollouts), "demo":
           "stability": ("stability", stability), "stability-cases": ("stability", stability_cases),
           "passes": ("passes", passes), "speed": ("speed", speed), "speed-lanes": ("speed", speed_lanes), "speed-load": ("speed", speed_load),
           "environment": ("environment", environments), "pinch": ("pinch", pinch), "peers-speed": ("peers", peers_speed), "peers-equal": ("peers", peers_equal), "peers-pinch": ("peers", peers_pinch),
-          "peers-grasps": ("peers", peers_grasps),
           "peers-accuracy": ("peers", peers_accuracy), "peers-cases": ("peers", peers_cases),
           "peers-settings": ("peers", peers_settings), "peers-ahead": ("peers", peers_ahead)}

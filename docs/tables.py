@@ -118,7 +118,7 @@ STUDIES = {
     "passes": Study("2 min", {"bench": None}),
     "pinch": Study("2 min", {"test": None}),
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
-                              "cases_drake": None, "grasps": None}),
+                              "cases_drake": None}),
 }
 # A step of Drake through Python takes a millisecond: only cases about hands and contact.
 DRAKE_CASES = ["spinning_hand", "swinging_hand", "chain", "stack", "incline_sticks", "incline_slides", "ball_on_incline", "crank", "pinch",
@@ -151,7 +151,6 @@ def command_of(name, label, build):
         return {"accuracy": [str(build / "src" / "handsim"), "accuracy", "config/accuracy_peers.yaml", "--out",
                              str(out / label), "--peers", str(newest)],
                 "pinch": [str(newest / "test_pinch")],
-                "grasps": [str(newest / "peer_grasps"), "config/agreement/box.yaml", "2201", "10", str(out / "grasps.json")],
                 "bench": [str(newest / "bench_peers"), "--benchmark_filter=mujoco|pinocchio|hand_to_engine|two_threads",
                           "--benchmark_repetitions=5", "--benchmark_report_aggregates_only=true",
                           f"--benchmark_out={out / 'bench.json'}"]}[label]

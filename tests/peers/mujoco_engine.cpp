@@ -4,7 +4,6 @@
 #include <map>
 #include <mutex>
 
-#include "handsim/engine/checks.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/export/export.h"
 #include "peers/mujoco_model.h"
@@ -33,35 +32,20 @@ int integrator_of(const std::string& name) {
   return found->second;
 }
 
-/// Of bodies that move as told.
-constexpr double kDrivenMass = 1e4, kDrivenInertia = 1e2;
-
-/// MJCF whose mocap bodies are free ones. Without the initial coordinates, which the engine sets itself.
-std::string with_free_bodies(std::string mjcf) {
-  const std::string mocap = " mocap=\"true\">";
-  for (auto at = mjcf.find(mocap); at != std::string::npos; at = mjcf.find(mocap, at))
-    mjcf.replace(at, mocap.size(), "><freejoint/>");
-  const auto first = mjcf.find("<keyframe>"), last = mjcf.find("</keyframe>");
-  if (first != std::string::npos) mjcf.erase(first, last + std::string("</keyframe>").size() - first);
-  return mjcf;
-}
-
 class MujocoEngine final : public OtherEngine {
  public:
   MujocoEngine(const model::Model& model, const engine::Settings& settings, const MujocoOptions& options)
-      : OtherEngine(model, settings, options.drives) {
-    const std::string mjcf = output::to_mjcf(model, settings);
+      : OtherEngine(model, settings) {
     {
       static std::mutex one_at_a_time;
       const std::lock_guard lock(one_at_a_time);
-      model_there_ = mujoco::compile(options.drives ? with_free_bodies(mjcf) : mjcf);
+      model_there_ = mujoco::compile(output::to_mjcf(model, settings));
     }
     choose(options);
     if (options.stiff) stiffen();
     surfaces();
     data_.reset(mj_makeData(model_there_.get()));
     find_names();
-    if (options.drives) make_heavy();
     put(model::initial_state(model));
   }
 
@@ -100,7 +84,6 @@ class MujocoEngine final : public OtherEngine {
       if (!input.torques.empty()) data_->qfrc_applied[m->jnt_dofadr[coordinates_[k]]] = input.torques[k];
       if (!input.servos.empty()) serve(static_cast<int>(k), input.servos[k]);
     }
-    for (const int drive : driven_) pull(model_.drives[static_cast<std::size_t>(drive)]);
     mj_step(m, data_.get());
     // MuJoCo starts anew from the initial state where a state is bad.
     if (data_->warning[mjWARN_BADQPOS].number + data_->warning[mjWARN_BADQVEL].number +
@@ -115,7 +98,7 @@ class MujocoEngine final : public OtherEngine {
     mj_comPos(m, data_.get());
     mj_comVel(m, data_.get());
     for (std::size_t i = 1; i < model_.bodies.size(); ++i) {
-      if (model_.bodies[i].kinematic && driven_.empty()) continue;
+      if (model_.bodies[i].kinematic) continue;
       model::BodyState& body = state.bodies[i];
       const mjtNum* q = data_->xquat + std::ptrdiff_t{4} * bodies_[i];
       mjtNum twist[6];
@@ -127,14 +110,10 @@ class MujocoEngine final : public OtherEngine {
     }
     for (int i = 0; i < data_->ncon; ++i) {
       const mjContact& contact = data_->contact[i];
-      mjtNum force[6];
-      mj_contactForce(m, data_.get(), i, force);
-      // The rows of `frame` are the contact's axes, its normal first.
-      const Vec3 on_second = Eigen::Map<const Mat3>(contact.frame) * Eigen::Map<const Vec3>(force);
       contacts.push_back({shapes_[static_cast<std::size_t>(contact.geom2)],
                           shapes_[static_cast<std::size_t>(contact.geom1)],
                           Eigen::Map<const Vec3>(contact.pos), Eigen::Map<const Vec3>(contact.frame),
-                          -contact.dist, on_second});
+                          -contact.dist, Vec3::Zero()});
     }
   }
 
@@ -201,32 +180,6 @@ class MujocoEngine final : public OtherEngine {
     }
   }
 
-  void make_heavy() {
-    mjModel* m = model_there_.get();
-    for (std::size_t i = 0; i < model_.drives.size(); ++i) {
-      const std::ptrdiff_t body = bodies_[static_cast<std::size_t>(model_.drives[i].body)];
-      m->body_mass[body] = kDrivenMass;
-      std::fill_n(m->body_inertia + 3 * body, 3, kDrivenInertia);
-      driven_.push_back(static_cast<int>(i));
-    }
-    mj_setConst(m, data_.get());
-  }
-
-  /// Accelerates a driven body to the velocity that carries it to its target. Its mass is so large that other
-  /// forces hardly change that, and the next step makes good what they do.
-  void pull(const model::Drive& drive) {
-    const auto body = static_cast<std::size_t>(drive.body);
-    const model::BodyState& now = state().bodies[body];
-    const double h = settings_.step;
-    const Pose target = drive.motion.at(engine::next_time(state().time, h)) * drive.frame.inverse();
-    const Vec3 v = (target.p - now.p) / h, w = rotation_vector(target.q * now.q.conjugate()) / h;
-    const Vec3 force = kDrivenMass * ((v - now.v) / h - Eigen::Map<const Vec3>(model_there_->opt.gravity));
-    const Vec3 moment = kDrivenInertia * (w - now.w) / h;
-    mjtNum* applied = data_->xfrc_applied + std::ptrdiff_t{6} * bodies_[body];
-    std::copy(force.data(), force.data() + 3, applied);
-    std::copy(moment.data(), moment.data() + 3, applied + 3);
-  }
-
   /// The spring at the step's end in first order, as a position actuator.
   void serve(int k, const model::Servo& servo) {
     mjModel* m = model_there_.get();
@@ -263,7 +216,6 @@ class MujocoEngine final : public OtherEngine {
   std::vector<int> bodies_;                ///< MuJoCo's, by body
   std::vector<int> shapes_;                ///< of MuJoCo's geoms
   std::vector<int> coordinates_, motors_;  ///< MuJoCo's joint and actuator, by coordinate; -1: none
-  std::vector<int> driven_;                ///< in Model::drives, of those that this engine moves
 };
 
 }  // namespace

@@ -17,9 +17,6 @@ struct MujocoOptions {
   /// Contacts, limits and loops as stiff as MuJoCo allows: a time constant of two steps, impedance 0.99.
   bool stiff = false;
   bool speculative = false;
-  /// Bodies that move as told are bodies of 10 t, whose forces give them the acceleration told. Else scenes
-  /// with such bodies are refused: a mocap body of MJCF has no velocity, so that it carries nothing along.
-  bool drives = false;
 };
 
 /// @throws Error (input) for what MJCF does not say.

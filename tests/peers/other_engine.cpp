@@ -7,7 +7,7 @@
 
 namespace handsim::peers {
 
-OtherEngine::OtherEngine(const model::Model& model, const engine::Settings& settings, bool drives)
+OtherEngine::OtherEngine(const model::Model& model, const engine::Settings& settings)
     : model_(model),
       settings_(settings),
       state_(model::initial_state(model)),
@@ -16,7 +16,7 @@ OtherEngine::OtherEngine(const model::Model& model, const engine::Settings& sett
   for (const model::Material& material : model.materials)
     if (tests_contacts_ && material.restitution > 0)
       problems.push_back({std::nullopt, material.name, "a surface that bounces", "none"});
-  if (!drives && settings.effects.has(model::Effect::wrist_motion) && !model.drives.empty())
+  if (settings.effects.has(model::Effect::wrist_motion) && !model.drives.empty())
     problems.push_back({std::nullopt, "drives", "a body that moves as told", "none"});
   if (!problems.empty()) throw Error(problems);
 }

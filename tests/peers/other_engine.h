@@ -30,9 +30,9 @@ class OtherEngine : public engine::Engine {
   std::vector<std::string> notes() const final { return {}; }
 
  protected:
-  /// Stops do not bounce here. @throws Error (input) for what the other engine is not told: surfaces that
-  /// bounce and, without `drives`, bodies that move as told.
-  OtherEngine(const model::Model& model, const engine::Settings& settings, bool drives = false);
+  /// Stops do not bounce here. @throws Error (input) for what no other engine is told: surfaces that bounce,
+  /// bodies that move as told.
+  OtherEngine(const model::Model& model, const engine::Settings& settings);
 
   virtual void put(const model::State& state) = 0;
   /// One step. @throws Error (physics)
