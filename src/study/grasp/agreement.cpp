@@ -37,9 +37,36 @@ Vec3 stated_place(const scene::Scene& scene) {
   return place;
 }
 
+scene::Scene drawn_scene(const AgreementStudy& study, const AgreementRow& row, const char* engine,
+                         double step) {
+  std::vector<std::string> overrides = study.overrides;
+  overrides.push_back(
+      fmt::format("grasps.0.at.position=[{}, {}, {}]", row.place.x(), row.place.y(), row.place.z()));
+  overrides.push_back(fmt::format("objects.0.mass={}", row.mass));
+  overrides.emplace_back(kShake);
+  overrides.push_back(fmt::format("solver.engine={}", engine));
+  overrides.push_back(fmt::format("solver.step={}", step));
+  scene::Scene scene = scene::load_scene(study.scene, overrides);
+  set_friction(scene, row.friction);
+  return scene;
+}
+
 /// The generator's bits as a number from low to high, the same with every library.
 double drawn(std::mt19937_64& random, double low, double high) {
   return low + (high - low) * std::ldexp(static_cast<double>(random() >> 11U), -53);
+}
+
+/// The same grasps whatever runs them.
+std::vector<AgreementRow> draw(const AgreementStudy& study, const Vec3& place) {
+  std::vector<AgreementRow> rows;
+  std::mt19937_64 random(study.seed);
+  for (int i = 0; i < study.draws; ++i) {
+    AgreementRow& row = rows.emplace_back();
+    for (int k = 0; k < 3; ++k) row.place[k] = place[k] + drawn(random, -kDrawnShift, kDrawnShift);
+    row.mass = drawn(random, kLeastMass, kMostMass);
+    row.friction = drawn(random, kLeastFriction, kMostFriction);
+  }
+  return rows;
 }
 
 void run_row(const AgreementStudy& study, double step, bool quarters, AgreementRow& row) {
@@ -188,33 +215,6 @@ class RowPool {
 
 }  // namespace
 
-scene::Scene drawn_scene(const AgreementStudy& study, const AgreementRow& row, const char* engine,
-                         double step) {
-  std::vector<std::string> overrides = study.overrides;
-  overrides.push_back(
-      fmt::format("grasps.0.at.position=[{}, {}, {}]", row.place.x(), row.place.y(), row.place.z()));
-  overrides.push_back(fmt::format("objects.0.mass={}", row.mass));
-  overrides.emplace_back(kShake);
-  overrides.push_back(fmt::format("solver.engine={}", engine));
-  overrides.push_back(fmt::format("solver.step={}", step));
-  scene::Scene scene = scene::load_scene(study.scene, overrides);
-  set_friction(scene, row.friction);
-  return scene;
-}
-
-std::vector<AgreementRow> drawn_rows(const AgreementStudy& study) {
-  const Vec3 place = stated_place(scene::load_scene(study.scene, study.overrides));
-  std::vector<AgreementRow> rows;
-  std::mt19937_64 random(study.seed);
-  for (int i = 0; i < study.draws; ++i) {
-    AgreementRow& row = rows.emplace_back();
-    for (int k = 0; k < 3; ++k) row.place[k] = place[k] + drawn(random, -kDrawnShift, kDrawnShift);
-    row.mass = drawn(random, kLeastMass, kMostMass);
-    row.friction = drawn(random, kLeastFriction, kMostFriction);
-  }
-  return rows;
-}
-
 std::vector<std::pair<std::size_t, std::size_t>> agreement_pairs(const AgreementTable& table) {
   if (table.quarter_rows == 0) return {{0, 1}, {1, 2}};
   return {{0, 1}, {1, 2}, {0, 3}, {2, 3}};
@@ -263,7 +263,7 @@ AgreementTable run_agreement(const AgreementStudy& study) {
   const output::OutputFolder folder(study.out, {"agreement.csv", "agreement.json"},
                                     [&] { return scene::files_read(base); });
   AgreementTable table;
-  table.rows = drawn_rows(study);
+  table.rows = draw(study, stated_place(base));
   table.quarter_rows =
       std::min(static_cast<std::size_t>(std::max(study.quarter_steps, 0)), table.rows.size());
   folder.clear();

@@ -11,7 +11,6 @@
 #include <utility>
 #include <vector>
 
-#include "handsim/scene/compile/scene.h"
 #include "handsim/simulation/watch/grasp_figures.h"
 
 namespace handsim::study {
@@ -47,7 +46,7 @@ struct AgreementRow {
 };
 
 /// Below this a slip is what the softness of an engine's friction lets creep, of which other engines and
-/// steps have other amounts [m/s]: up to 0.4 um/s in what has settled.
+/// steps have other amounts [m/s]: up to 0.5 um/s in what has settled.
 inline constexpr double kSlipFloor = 1e-6;
 
 /// Engines and steps, the scene's and a quarter of it.
@@ -80,13 +79,6 @@ struct AgreementTable {
 
 /// Which ways are compared: the engines, each with its own quarter step, and these.
 std::vector<std::pair<std::size_t, std::size_t>> agreement_pairs(const AgreementTable& table);
-
-/// The draws, none of which has run. @throws Error (input) for a scene without a grasp, or with several.
-std::vector<AgreementRow> drawn_rows(const AgreementStudy& study);
-
-/// The scene of a draw. @param engine `ode` or `articulated` @param step [s]
-scene::Scene drawn_scene(const AgreementStudy& study, const AgreementRow& row, const char* engine,
-                         double step);
 
 /// Runs the study; OUT/agreement.csv and OUT/agreement.json, written after each draw of the draws done.
 /// @throws Error (input) for a scene without a grasp.
