@@ -114,11 +114,12 @@ def tracking():
 def grasp():
     rows = []
     for entry in study_json("grasp", "both", "grasps.json"):
-        rows.append([entry["scene"].removeprefix("grasp_"), entry["side"], "yes" if entry["held"] else "**no**",
-                     number(1e6 * entry["slip_m_per_s"]),
-                     slashed([1e3 * entry["shaken_shift_m"], 1e3 * entry["shift_m"]]),
-                     number(math.degrees(entry["turn_rad"])), entry["contacts"], number(entry["normal_force_N"]),
-                     number(entry["epsilon"])])
+        # An object that was lost has no figures.
+        of = lambda key, factor=1: None if entry[key] is None else factor * entry[key]
+        rows.append([entry["scene"].removeprefix("grasp_"), entry["side"], "yes" if entry["held"] else f"**{entry['outcome']}**",
+                     number(of("slip_m_per_s", 1e6)), slashed([of("shaken_shift_m", 1e3), of("shift_m", 1e3)]),
+                     number(of("turn_rad", math.degrees(1))), of("contacts"), number(of("normal_force_N")),
+                     number(of("epsilon"))])
     return table(["scene", "hand", "held", "slip in the hold, µm/s", "moved in / after the shake, mm", "turned, deg",
                   "contacts", "grip, N", "epsilon"], rows)
 
@@ -128,11 +129,13 @@ def agreement():
     of = lambda count: f"{count['same']} of {count['of']}"
     rows = [[", ".join(pair["ways"]), of(pair["same_verdict"]), of(pair["same_verdict_not_marginal"]),
              slashed([100 * pair["grip_difference_median"], 100 * pair["grip_difference_most"]]), of(pair["grip_within_a_tenth"]),
-             slashed([1e6 * slip for slip in pair["slip_median_m_per_s"]])]
+             slashed([1e6 * slip for slip in pair["slip_median_m_per_s"]]), pair["slip_below_floor"],
+             of(pair["slip_within_a_tenth"]) if pair["slip_within_a_tenth"]["of"] else "none"]
             for pair in found["pairs"]]
     return (f"{found['draws']} draws, seed {found['seed']}, {found['cpu_s'] / 60:.0f} minutes of CPU time.\n\n" +
             table(["engines (`/4`: a quarter of the step)", "same verdict", "where not marginal", "grip differs by, median / at most, %",
-                   "within 10 %", "slip, median of each, µm/s"], rows))
+                   "within 10 %", "slip, median of each, µm/s", f"both below {1e6 * found['slip_floor_m_per_s']:g} µm/s",
+                   "of the others within 10 %"], rows))
 
 
 def why_different(entry):
@@ -151,7 +154,8 @@ def why_different(entry):
 def agreement_differences():
     rows = []
     for entry in study_json("agreement", "run", "agreement.json")["differences"]:
-        said = [f"{one['outcome'].split(' at ')[0]} ({100 * one['margin']:.0f} %)" for one in entry["says"]]
+        share = lambda margin: "" if margin is None else f" ({100 * margin:.0f} %)"
+        said = [one["outcome"].split(" at ")[0] + share(one["margin"]) for one in entry["says"]]
         rows.append([entry["draw"], f"{1e3 * entry['mass_kg']:.0f} g, {number(entry['friction'])}", *said, why_different(entry)])
     if not rows:
         rows = [["none"] + [""] * 6]

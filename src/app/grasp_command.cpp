@@ -37,6 +37,13 @@ void print_climbs(const std::vector<study::ClimbRow>& rows) {
   }
 }
 
+/// `-` where it has not been measured.
+std::string figure(bool measured, double value) { return measured ? fmt::format("{:.3g}", value) : "-"; }
+
+std::string margin_text(const simulation::GraspFigures& figures) {
+  return figures.margin_measured() ? fmt::format("{:.0f}", 100 * figures.margin()) : "-";
+}
+
 void print_table(const std::vector<study::GraspRow>& rows) {
   constexpr const char* kHead =
       "{:<24} {:<6} {:<8} {:>8} {:>7} {:>8} {:>9} {:>9} {:>8} {:>9} {:>8} {:>8} {:>9} {:>9}\n";
@@ -47,16 +54,15 @@ void print_table(const std::vector<study::GraspRow>& rows) {
     const simulation::GraspFigures& f = row.figures;
     const bool marginal = row.turning && !row.turning->empty();
     const char* verdict = !row.fault.empty() ? "diverged" : marginal ? "marginal" : word(f.outcome());
-    print(
-        "{:<24} {:<6} {:<8} {:>8} {:>7.0f} {:>8.3g} {:>9.3g} {:>9.3g} {:>8.3g} {:>9} {:>8.3g} {:>8.3g} "
-        "{:>9.3g} {:>9}\n",
-        row.scene, row.side, verdict, row.passed ? "held" : "FAILED", 100 * f.margin(), 1e6 * f.slip,
-        1e3 * f.shaken_shift, 1e3 * f.shift, kDegreesPerRadian * f.turn, f.after.contacts, f.after.normal,
-        f.after.wrenches.epsilon, f.after.wrenches.volume,
-        row.smallest_friction ? fmt::format("{:.2g}", *row.smallest_friction) : "-");
+    const bool held = f.hold_measured(), end = f.complete;
+    print(kHead, row.scene, row.side, verdict, row.passed ? "held" : "FAILED", margin_text(f),
+          figure(held, 1e6 * f.slip), figure(held, 1e3 * f.shaken_shift), figure(end, 1e3 * f.shift),
+          figure(end, kDegreesPerRadian * f.turn), figure(end, f.after.contacts), figure(end, f.after.normal),
+          figure(end, f.after.wrenches.epsilon), figure(end, f.after.wrenches.volume),
+          row.smallest_friction ? fmt::format("{:.2g}", *row.smallest_friction) : "-");
     if (marginal)
       print("  note: {}; {} turns it\n", f.told(), *row.turning);
-    else if (f.complete && !f.held)
+    else if (f.outcome() == simulation::Outcome::moved || f.outcome() == simulation::Outcome::lost)
       print("  note: {}\n", f.told());
     if (!row.not_searched.empty()) print("  note: no search for the least friction: {}\n", row.not_searched);
     if (f.disagree())
@@ -73,8 +79,8 @@ void print_differences(const study::AgreementTable& table) {
     print("draw {} ({:.0f} g, friction {:.2f}){}\n", i, 1e3 * row.mass, row.friction,
           row.turning.empty() ? "" : fmt::format(": marginal, {} turns it", row.turning));
     for (std::size_t way = 0; way < row.figures.size(); ++way)
-      print("  {:<14} {} (margin {:.0f} %)\n", study::kWays[way], row.figures[way].told(),
-            100 * row.figures[way].margin());
+      print("  {:<14} {} (margin {} %)\n", study::kWays[way], row.figures[way].told(),
+            margin_text(row.figures[way]));
   }
 }
 
@@ -94,9 +100,11 @@ int agreement_command(const GraspArguments& arguments) {
     study.progress = [&bar](double share) { bar.show(share); };
     table = study::run_agreement(study);
   }
-  constexpr const char* kHead = "{:<28} {:>13} {:>13} {:>12} {:>8} {:>15} {:>16}\n";
-  print(kHead, "engines", "same verdict", "not marginal", "grip differs", "most", "within 10 %", "slip");
-  print(kHead, "(/4: a quarter of the step)", "", "", "median, %", "%", "", "median, um/s");
+  constexpr const char* kHead = "{:<28} {:>13} {:>13} {:>12} {:>8} {:>15} {:>16} {:>8} {:>13}\n";
+  print(kHead, "engines", "same verdict", "not marginal", "grip differs", "most", "within 10 %", "slip",
+        "slip", "slip");
+  print(kHead, "(/4: a quarter of the step)", "", "", "median, %", "%", "", "median, um/s",
+        fmt::format("< {:g} um/s", 1e6 * study::kSlipFloor), "within 10 %");
   const auto text = [](const study::AgreementTable::Count& of) {
     return fmt::format("{} of {}", of.same, of.of);
   };
@@ -105,7 +113,8 @@ int agreement_command(const GraspArguments& arguments) {
     print(kHead, fmt::format("{}, {}", study::kWays[way], study::kWays[other]), text(pair.all),
           text(pair.clear), fmt::format("{:.2f}", 100 * pair.grip_median),
           fmt::format("{:.2f}", 100 * pair.grip_most), text(pair.grip_within),
-          fmt::format("{:.2g}, {:.2g}", 1e6 * pair.slip, 1e6 * pair.other_slip));
+          fmt::format("{:.2g}, {:.2g}", 1e6 * pair.slip, 1e6 * pair.other_slip), pair.slip_below,
+          text(pair.slip_within));
   }
   print_differences(table);
   print("files in {}\n", arguments.out.string());

@@ -60,7 +60,7 @@ void print_grasps(const simulation::RunResult& result) {
   for (const simulation::GraspFigures& grasp : result.grasps) {
     if (!grasp.complete) {
       print("  grasp {}: the run ended before the grasp{}\n", grasp.name,
-            grasp.failed() ? ", the object is " + grasp.told() : "");
+            grasp.outcome() != simulation::Outcome::cut_off ? ", the object is " + grasp.told() : "");
       continue;
     }
     print(

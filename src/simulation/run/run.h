@@ -38,7 +38,7 @@ struct RunOptions {
   /// Continues from this snapshot file: tables and pictures are of the rest of the scene, the summary of the
   /// whole.
   std::optional<std::filesystem::path> from_snapshot;
-  /// Ends the run once a grasped object has moved too far or is lost.
+  /// Ends the run once a grasp is decided (GraspFigures::decided).
   bool stop_lost = false;
   /// Expected hash of the states (state_hash.h).
   std::optional<std::uint64_t> expected_hash;
@@ -79,7 +79,7 @@ struct RunResult {
 };
 
 /// Nothing is left to measure: every climb has failed, and the scene has no grasp; or, where asked for, a
-/// grasped object is lost.
+/// grasp is decided.
 bool over(const Simulation& simulation, bool stop_lost);
 
 /// Runs the scene and writes its files.

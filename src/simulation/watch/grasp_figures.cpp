@@ -131,15 +131,17 @@ void GraspWatch::save(ArchiveWriter& out) const {
   carry_figures(out, figures_);
 }
 
-void GraspWatch::restore(ArchiveReader& in) {
+void GraspWatch::restore(ArchiveReader& in, double time) {
   carry_pose(in, at_slip_start_);
   carry_pose(in, at_hold_end_);
   carry_figures(in, figures_);
+  figures_.watched_time = time;
 }
 
 void GraspWatch::update(const engine::Engine& engine) {
   if (figures_.complete) return;
   const double time = engine.state().time;
+  figures_.watched_time = time;
   if (time >= lift_start_ - half_step_) watch_touch(engine);
   if (time < slip_start_ - half_step_) return;
   const Pose now = object_in_palm(engine.state());
@@ -209,7 +211,7 @@ const char* word(Outcome outcome) {
 
 Outcome GraspFigures::outcome() const {
   if (held) return Outcome::held;
-  if (left && (complete || failed())) return Outcome::lost;
+  if (left && (complete || failed() || lost(watched_time))) return Outcome::lost;
   return complete || failed() ? Outcome::moved : Outcome::cut_off;
 }
 
@@ -240,8 +242,8 @@ void Grasps::save(ArchiveWriter& out) const {
   for (const GraspWatch& grasp : grasps_) grasp.save(out);
 }
 
-void Grasps::restore(ArchiveReader& in, const model::State& /*state*/) {
-  for (GraspWatch& grasp : grasps_) grasp.restore(in);
+void Grasps::restore(ArchiveReader& in, const model::State& state) {
+  for (GraspWatch& grasp : grasps_) grasp.restore(in, state.time);
 }
 
 std::vector<GraspFigures> Grasps::figures() const {
@@ -256,8 +258,8 @@ bool Grasps::failed() const {
 }
 
 bool Grasps::decided(double now) const {
-  return failed() || std::any_of(grasps_.begin(), grasps_.end(),
-                                 [now](const GraspWatch& grasp) { return grasp.figures().lost(now); });
+  return std::any_of(grasps_.begin(), grasps_.end(),
+                     [now](const GraspWatch& grasp) { return grasp.figures().decided(now); });
 }
 
 /// Movements of grasped objects are always judged. An object that is lost has failed, however the run goes
@@ -296,7 +298,7 @@ void Grasps::add_summary(SummaryJson& out) const {
                                   {"complete", grasp.complete},
                                   {"held", grasp.held},
                                   {"outcome", grasp.told()},
-                                  {"margin", grasp.margin()},
+                                  {"margin", grasp.margin_measured() ? Json(grasp.margin()) : Json()},
                                   {"force_closure_disagrees", grasp.disagree()},
                                   {"slip_m_per_s", grasp.slip},
                                   {"spin_rad_per_s", grasp.spin},
@@ -306,6 +308,7 @@ void Grasps::add_summary(SummaryJson& out) const {
                                   {"end_of_hold", grip_json(grasp.hold)},
                                   {"after_shake", grip_json(grasp.after)}});
     if (grasp.outcome() == Outcome::lost) out.json["grasps"].back()["lost_time_s"] = grasp.left_time;
+    if (grasp.moved_time > 0) out.json["grasps"].back()["moved_time_s"] = grasp.moved_time;
   }
 }
 

@@ -23,6 +23,8 @@ inline constexpr double kShakenShift = 5e-3;                   ///< at any time 
 inline constexpr double kSlipSpan = 4;
 /// An object that no part of the hand has touched for so long is lost [s]: it has fallen 0.3 m.
 inline constexpr double kLostSpan = 0.25;
+/// For so long an object that has moved too far is watched further [s]: the hand may let go of it.
+inline constexpr double kMovedSpan = 0.5;
 
 /// The grip at one time.
 struct Grip {
@@ -61,6 +63,7 @@ struct GraspFigures {
   double left_time = 0;     ///< time of the last contact [s]
   std::string last_part;    ///< part of the last contact; empty if there was none after the lift
   double moved_time = 0;    ///< first time beyond the limit of motion in the shake [s]; 0: never
+  double watched_time = 0;  ///< of the latest step [s]
 
   /// True if the run reached the end of the hold.
   bool hold_measured() const { return hold.time > 0; }
@@ -68,7 +71,11 @@ struct GraspFigures {
   bool failed() const { return shaken_shift > kShakenShift; }
   /// The hand has let go of the object. @param now time of the run [s]
   bool lost(double now) const { return left && now - left_time >= kLostSpan; }
+  /// The object is lost, or it has moved too far for kMovedSpan. @param now time of the run [s]
+  bool decided(double now) const { return lost(now) || (failed() && now - moved_time >= kMovedSpan); }
   Outcome outcome() const;
+  /// True if there is a margin: an object that was lost before the shake has none.
+  bool margin_measured() const { return complete || failed(); }
   /// Smallest distance to a limit, as a share of the limit; negative beyond it.
   double margin() const;
   /// Text of the outcome, with time and contact of a loss: `held`, `LOST at 4.21 s, last by the thumb`.
@@ -88,7 +95,8 @@ class GraspWatch {
 
   void update(const engine::Engine& engine);
   void save(ArchiveWriter& out) const;
-  void restore(ArchiveReader& in);
+  /// @param time of the state [s]
+  void restore(ArchiveReader& in, double time);
   const GraspFigures& figures() const { return figures_; }
 
  private:
@@ -124,7 +132,7 @@ class Grasps final : public Watcher {
   std::vector<GraspFigures> figures() const;
   /// True if an object has already moved too far.
   bool failed() const;
-  /// An object has moved too far or is lost: the rest of the run cannot mend it. @param now its time [s]
+  /// A grasp is decided: the rest of the run cannot mend it. @param now its time [s]
   bool decided(double now) const;
 
  private:

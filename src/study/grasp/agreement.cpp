@@ -99,7 +99,8 @@ std::string agreement_csv(const std::vector<AgreementRow>& rows) {
         continue;
       }
       const simulation::GraspFigures& f = row.figures[way];
-      out += fmt::format(",{},{:.4g},{:.4g},{:.4g},{:.5g}", quoted(f.told()), f.margin(), 1e6 * f.slip,
+      out += fmt::format(",{},{},{:.4g},{:.4g},{:.5g}", quoted(f.told()),
+                         f.margin_measured() ? fmt::format("{:.4g}", f.margin()) : "", 1e6 * f.slip,
                          1e3 * f.shift, f.hold.normal);
     }
     out += fmt::format(",{:.3g}\n", row.cpu);
@@ -116,7 +117,9 @@ Json pair_json(const AgreementTable& table, std::size_t way, std::size_t other) 
           {"grip_within_a_tenth", count(pair.grip_within)},
           {"grip_difference_median", pair.grip_median},
           {"grip_difference_most", pair.grip_most},
-          {"slip_median_m_per_s", {pair.slip, pair.other_slip}}};
+          {"slip_median_m_per_s", {pair.slip, pair.other_slip}},
+          {"slip_below_floor", pair.slip_below},
+          {"slip_within_a_tenth", count(pair.slip_within)}};
 }
 
 /// A grasp of which the engines differ, with what each says of it.
@@ -127,10 +130,11 @@ Json difference_json(const AgreementRow& row, std::size_t index) {
               {"friction", row.friction},
               {"turning", row.turning}};
   for (std::size_t way = 0; way < row.figures.size(); ++way)
-    out["says"].push_back({{"way", kWays[way]},
-                           {"outcome", row.figures[way].told()},
-                           {"held", row.figures[way].held},
-                           {"margin", row.figures[way].margin()}});
+    out["says"].push_back(
+        {{"way", kWays[way]},
+         {"outcome", row.figures[way].told()},
+         {"held", row.figures[way].held},
+         {"margin", row.figures[way].margin_measured() ? Json(row.figures[way].margin()) : Json()}});
   return out;
 }
 
@@ -138,7 +142,8 @@ std::string agreement_json(const AgreementTable& table, const AgreementStudy& st
   Json out = {{"scene", study.scene.filename().string()},
               {"draws", table.done()},
               {"seed", study.seed},
-              {"quarter_steps", table.quarter_rows}};
+              {"quarter_steps", table.quarter_rows},
+              {"slip_floor_m_per_s", kSlipFloor}};
   add_origin(out);
   double cpu = 0;
   for (const AgreementRow& row : table.rows) cpu += row.cpu;
@@ -237,6 +242,13 @@ AgreementTable::Pair AgreementTable::compare(std::size_t way, std::size_t other)
     ++out.grip_within.of;
     slips.push_back(a.slip);
     other_slips.push_back(b.slip);
+    const double most = std::max(a.slip, b.slip);
+    if (most < kSlipFloor) {
+      ++out.slip_below;
+    } else {
+      out.slip_within.same += std::abs(a.slip - b.slip) <= kTenth * most ? 1 : 0;
+      ++out.slip_within.of;
+    }
   }
   if (grips.empty()) return out;
   out.grip_median = median(grips);

@@ -45,6 +45,10 @@ struct AgreementRow {
   bool differs() const { return done() && figures[0].held != figures[1].held; }
 };
 
+/// Below this a slip is what the softness of an engine's friction lets creep, of which other engines and
+/// steps have other amounts [m/s]: up to 0.5 um/s in what has settled.
+inline constexpr double kSlipFloor = 1e-6;
+
 /// Engines and steps, the scene's and a quarter of it.
 inline constexpr std::array<const char*, 4> kWays = {"ode", "articulated", "articulated/4", "ode/4"};
 
@@ -63,6 +67,10 @@ struct AgreementTable {
     double grip_median = 0, grip_most = 0;
     Count grip_within;
     double slip = 0, other_slip = 0;  ///< medians where both hold [m/s]
+    /// In how many that both hold the slip of each is below kSlipFloor; in how many of the others the slips
+    /// differ by at most a tenth of the greater.
+    int slip_below = 0;
+    Count slip_within;
   };
   /// @param way, other by kWays
   Pair compare(std::size_t way, std::size_t other) const;

@@ -4,6 +4,7 @@
 #include <set>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "handsim/core/units.h"
 #include "handsim/output/atomic_file.h"
@@ -117,6 +118,7 @@ simulation::RunOptions options_of(const GraspStudy& study, const Work& work) {
   if (options.video) options.video->file = options.out / options.video->file;
   options.gl = study.gl;
   options.draw_apart = study.draw_apart;
+  options.stop_lost = true;
   return options;
 }
 
@@ -169,15 +171,34 @@ std::string csv(const std::vector<GraspRow>& rows) {
       "friction_used,force_closure,epsilon,wrench_volume,smallest_friction,criteria_held,wall[s]\n";
   for (const GraspRow& row : rows) {
     const simulation::GraspFigures& f = row.figures;
-    out += fmt::format(
-        "{},{},{},{},{},{:.4g},{},{:.6g},{:.6g},{:.6g},{:.6g},{},{:.6g},{:.6g},{},{:.6g},{:.6g},{},{},{:.3g}"
-        "\n",
-        row.scene, row.side, f.name, f.held ? 1 : 0, quoted(f.told()), f.margin(),
-        quoted(row.turning.value_or("")), 1e6 * f.slip, 1e3 * f.shaken_shift, 1e3 * f.shift,
-        kDegreesPerRadian * f.turn, f.after.contacts, f.after.normal, f.after.friction_used,
-        f.after.wrenches.force_closure ? 1 : 0, f.after.wrenches.epsilon, f.after.wrenches.volume,
-        row.smallest_friction ? fmt::format("{:.4g}", *row.smallest_friction) : "", row.passed ? 1 : 0,
-        row.wall);
+    // Empty: not measured.
+    const auto cell = [](bool measured, double value) {
+      return measured ? fmt::format("{:.6g}", value) : "";
+    };
+    const bool held = f.hold_measured(), end = f.complete;
+    const simulation::WrenchSpace& wrenches = f.after.wrenches;
+    const std::vector<std::string> cells = {
+        row.scene,
+        row.side,
+        f.name,
+        f.held ? "1" : "0",
+        quoted(f.told()),
+        cell(f.margin_measured(), f.margin()),
+        quoted(row.turning.value_or("")),
+        cell(held, 1e6 * f.slip),
+        cell(held, 1e3 * f.shaken_shift),
+        cell(end, 1e3 * f.shift),
+        cell(end, kDegreesPerRadian * f.turn),
+        cell(end, f.after.contacts),
+        cell(end, f.after.normal),
+        cell(end, f.after.friction_used),
+        cell(end, wrenches.force_closure ? 1 : 0),
+        cell(end, wrenches.epsilon),
+        cell(end, wrenches.volume),
+        cell(row.smallest_friction.has_value(), row.smallest_friction.value_or(0)),
+        row.passed ? "1" : "0",
+        fmt::format("{:.3g}", row.wall)};
+    out += fmt::format("{}\n", fmt::join(cells, ","));
   }
   return out;
 }
@@ -186,29 +207,32 @@ std::string json(const std::vector<GraspRow>& rows, const std::vector<RefusedGra
   Json out = Json::array();
   for (const GraspRow& row : rows) {
     const simulation::GraspFigures& f = row.figures;
+    const auto known = [](bool measured, auto value) { return measured ? Json(value) : Json(); };
     Json entry = {{"scene", row.scene},
                   {"side", row.side},
                   {"object", f.name},
                   {"held", f.held},
                   {"outcome", f.told()},
-                  {"margin", f.margin()},
+                  {"margin", known(f.margin_measured(), f.margin())},
                   {"complete", f.complete},
                   {"criteria_held", row.passed},
-                  {"slip_m_per_s", f.slip},
-                  {"shaken_shift_m", f.shaken_shift},
-                  {"shift_m", f.shift},
-                  {"turn_rad", f.turn},
-                  {"contacts", f.after.contacts},
-                  {"normal_force_N", f.after.normal},
-                  {"friction_used", f.after.friction_used},
-                  {"force_closure", f.after.wrenches.force_closure},
+                  {"slip_m_per_s", known(f.hold_measured(), f.slip)},
+                  {"shaken_shift_m", known(f.hold_measured(), f.shaken_shift)},
+                  {"shift_m", known(f.complete, f.shift)},
+                  {"turn_rad", known(f.complete, f.turn)},
+                  {"contacts", known(f.complete, f.after.contacts)},
+                  {"normal_force_N", known(f.complete, f.after.normal)},
+                  {"friction_used", known(f.complete, f.after.friction_used)},
+                  {"force_closure", known(f.complete, f.after.wrenches.force_closure)},
                   {"force_closure_disagrees", f.disagree()},
-                  {"epsilon", f.after.wrenches.epsilon},
-                  {"wrench_volume", f.after.wrenches.volume},
+                  {"epsilon", known(f.complete, f.after.wrenches.epsilon)},
+                  {"wrench_volume", known(f.complete, f.after.wrenches.volume)},
                   {"simulated_s", row.simulated},
                   {"wall_s", row.wall}};
     entry["smallest_friction"] = row.smallest_friction ? Json(*row.smallest_friction) : Json();
     if (!row.not_searched.empty()) entry["not_searched"] = row.not_searched;
+    if (f.outcome() == simulation::Outcome::lost) entry["lost_time_s"] = f.left_time;
+    if (f.moved_time > 0) entry["moved_time_s"] = f.moved_time;
     if (row.turning) entry["turning"] = *row.turning;
     if (!row.fault.empty()) entry["fault"] = row.fault;
     out.push_back(std::move(entry));
@@ -240,7 +264,7 @@ std::vector<simulation::GraspFigures> simulate(const scene::Scene& scene) {
   simulation::Simulation simulation(scene, simulation::only<simulation::Monitor, simulation::Grasps>);
   const long steps = simulation.step_count();
   try {
-    for (long i = 0; i < steps && !simulation.get<simulation::Grasps>().failed(); ++i) simulation.step();
+    for (long i = 0; i < steps && !simulation::over(simulation, true); ++i) simulation.step();
   } catch (const Error& error) {
     if (!error.fault()) throw;
   }

@@ -68,7 +68,7 @@ void set_friction(scene::Scene& scene, double friction);
 /// Gives the grasped objects of a compiled scene another mass and inertia, the same share of all.
 void scale_object_mass(scene::Scene& scene, double factor);
 
-/// Runs a scene without files until it ends, diverges, or an object has moved too far.
+/// Runs a scene without files until it ends, diverges, or a grasp is decided.
 std::vector<simulation::GraspFigures> simulate(const scene::Scene& scene);
 
 /// The first of 5 % less friction, more mass, more friction and less mass that turns whether all grasps of a

@@ -43,6 +43,20 @@ TEST(Agreement, CountsVerdictsAndGrips) {
   EXPECT_EQ(agreement_pairs(table).size(), 2U);
 }
 
+// Oracle: counted by hand: one pair of slips is below 1 um/s, of the two others one differs by less than 10 %.
+TEST(Agreement, ComparesSlipsAboveTheFloor) {
+  AgreementTable table;
+  table.rows.resize(4);
+  table.rows[0].figures = {figures(true, 1, 0.2e-6), figures(true, 1, 0.9e-6)};
+  table.rows[1].figures = {figures(true, 1, 0.5e-6), figures(true, 1, 1.5e-6)};
+  table.rows[2].figures = {figures(true, 1, 5.1e-6), figures(true, 1, 5.3e-6)};
+  table.rows[3].figures = {figures(false, 1, 5e-6), figures(true, 1, 5e-6)};
+  const AgreementTable::Pair pair = table.compare(0, 1);
+  EXPECT_EQ(pair.slip_below, 1);
+  EXPECT_EQ(pair.slip_within.same, 1);
+  EXPECT_EQ(pair.slip_within.of, 2);
+}
+
 // Oracle: of ODE's quarter steps only the rows that were to have them count, however many have them.
 TEST(Agreement, CountsQuarterStepsOfTheFirstDrawsAlone) {
   AgreementTable table;
