@@ -621,6 +621,46 @@ def torques_of(label):
             for i, name in enumerate(names) if name.endswith("_active")}
 
 
+def muscles():
+    path = OUT / "muscles" / "bench.json"
+    if not path.exists():
+        raise Missing(path.relative_to(ROOT))
+    found = {entry["run_name"].split("/")[1]: entry for entry in json.loads(path.read_text())["benchmarks"]}
+    return table(["a hand with", "step without, µs", "step with, µs", "ratio", "added, µs"],
+                 [[title, *(number(found[key][counter]) for counter in ("yardstick_us", "candidate_us", "ratio", "added_us"))]
+                  for key, title in {"excited": "41 muscles and the bands, all muscles excited",
+                                     "at_rest": "the same, muscles at rest", "bands_alone": "the bands alone"}.items()])
+
+
+def printed(label):
+    path = OUT / "export" / f"{label}.txt"
+    if not path.exists():
+        raise Missing(path.relative_to(ROOT))
+    return path.read_text()
+
+
+def export_opensim():
+    found = re.findall(r"^OpenSim (\S+), (\w+) hands, (\w+): mass (\S+), centre of mass (\S+) m, torques (\S+), angles (\S+) rad",
+                       printed("opensim"), re.M)
+    if not found:
+        raise Missing("OpenSim, which ./dev peers fetches")
+    return table([f"OpenSim {found[0][0].split(chr(45))[0]}", "mass, relative", "centre of mass, m", "inverse dynamics, over the largest torque",
+                  "OpenSim's inverse kinematics, rad"],
+                 [[f"{model} hands, mount {mount}", mass, centre, "-" if mount == "free" else torque, angle]
+                  for _, model, mount, mass, centre, torque, angle in found])
+
+
+def export_block():
+    text = printed("mujoco")
+    flat = re.findall(r"^block of 0.1 on ground of 0.9, 3 m/s at (\d+) deg, after 1 s: (\S+) m in MuJoCo (\S+), (\S+) m here, (\S+) m", text, re.M)
+    slope = re.findall(r"^the block on a slope of (\d+) deg, after 1 s: (\S+) m in MuJoCo (\S+), (\S+) m here, (\S+) m", text, re.M)
+    if not flat or not slope:
+        raise Missing("MuJoCo")
+    rows = [[f"pushed off at 3 m/s, {angle}° from its edges", formula, there, here] for angle, there, _, here, formula in flat]
+    rows += [[f"down a slope of {angle}°", formula, there, here] for angle, there, _, here, formula in slope]
+    return table(["a block of friction 0.1 on ground of 0.9 slides in 1 s, m", "formula", f"MuJoCo {flat[0][2]}", "handsim, articulated"], rows)
+
+
 def day_at_the_bench():
     rms = lambda values: math.sqrt(sum(value * value for value in values) / len(values))
     exact, noisy = (study_json("bench", label, "summary.json") for label in ("exact", "tracked"))
@@ -650,7 +690,7 @@ def day_at_the_bench():
 
 
 # Name of the table -> the study whose files it needs, and the function that makes it.
-TABLES = {"bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+TABLES = {"export-opensim": ("export", export_opensim), "export-block": ("export", export_block), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),

@@ -117,7 +117,9 @@ STUDIES = {
     "speed": Study("4 min", {"bench": None}),
     "environment": Study("1 min", {"bench": None}),
     "passes": Study("2 min", {"bench": None}),
+    "muscles": Study("10 s", {"bench": None}),
     "pinch": Study("2 min", {"test": None}),
+    "export": Study("1 min", {"mujoco": None, "opensim": None}),
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
                               "cases_drake": None}),
 }
@@ -125,7 +127,7 @@ STUDIES = {
 DRAKE_CASES = ["spinning_hand", "swinging_hand", "chain", "stack", "incline_sticks", "incline_slides", "ball_on_incline", "crank", "pinch",
                "resting_capsule", "softness", "large_steps", "masses", "crossed_fingers", "limp_hands", "stops_at_zero"]
 # Benchmarks of studies of their own; "speed" runs all others.
-BENCHMARKS = {"environment": "^(batch_|two_threads|reset/|memory/)", "passes": "friction_passes"}
+BENCHMARKS = {"environment": "^(batch_|two_threads|reset/|memory/)", "passes": "friction_passes", "muscles": "step_with_muscles"}
 # Studies that run only if they are named: ./dev peers builds their programs.
 ONLY_IF_NAMED = ("peers",)
 
@@ -140,6 +142,9 @@ def command_of(name, label, build):
     if name == "speed":
         return [str(build / "tests" / "bench_handsim"), f"--benchmark_filter=-{'|'.join(BENCHMARKS.values())}", "--benchmark_repetitions=9",
                 "--benchmark_report_aggregates_only=true", f"--benchmark_out={OUT / 'speed' / 'bench.json'}"]
+    if name == "export":
+        return {"mujoco": [str(build / "tests" / "test_export"), "--gtest_filter=*ABlockSlides*"],
+                "opensim": [str(build / "tests" / "test_osim"), "--gtest_filter=*InOpenSim*"]}[label]
     if name == "pinch":
         return [str(build / "tests" / "peers" / "test_peers"), "--gtest_filter=*MujocoPinch*"]
     if name == "peers":

@@ -55,7 +55,8 @@ class Muscles {
     const model::TendonPath* path = nullptr;
     const model::Muscle* muscle = nullptr;
     const model::Ligament* ligament = nullptr;
-    std::size_t first = 0;   ///< of its arms, in arms_
+    std::size_t first = 0, count = 0;  ///< of its arms, in arms_
+    std::vector<int> own;              ///< of slopes_, the diagonal of each arm
     std::vector<int> slots;  ///< of slopes_, pair by pair of its arms; kNoSlot: bounded on the diagonals
     // Of the step.
     double force = 0, slope = 0, rate = 0;
@@ -67,8 +68,7 @@ class Muscles {
 
   double step_;
   std::vector<Tendon> tendons_;
-  PackedArms arms_;            ///< of the tendons, in their order
-  std::vector<int> diagonal_;  ///< slot of each dof, or -1
+  PackedArms arms_;  ///< of the tendons, in their order
   std::vector<Slope> slopes_;
   std::vector<double> torques_;
   std::vector<double> activation_;

@@ -1,6 +1,6 @@
 #include "handsim/engine/packed_arms.h"
 
-#include <Eigen/Core>
+#include <experimental/simd>
 
 #include "handsim/core/index.h"
 
@@ -8,9 +8,10 @@ namespace handsim::engine {
 
 namespace {
 
-using Four = Eigen::Array4d;
+namespace stdx = std::experimental;
+using Lanes = stdx::simd<double, stdx::simd_abi::deduce_t<double, 2>>;
 
-auto four(std::vector<double>& of, std::size_t k) { return Four::Map(of.data() + k); }
+Lanes load(const double* from) { return {from, stdx::element_aligned}; }
 
 double power(double x, int n) {
   double out = 1;
@@ -21,46 +22,50 @@ double power(double x, int n) {
 }  // namespace
 
 std::size_t PackedArms::add(const model::TendonPath& path) {
-  const std::size_t first = dof_.size(), count = first + path.arms.size(), room = (count + 3) / 4 * 4;
-  for (auto* each : {&low_, &high_, &angle_, &within_, &arm_, &bend_, &part_}) each->resize(room);
-  for (std::size_t t = 0; t < c_.size(); ++t) {
-    c_[t].resize(room);
-    integral_[t].resize(room);
-  }
-  for (std::size_t i = 0; i < path.arms.size(); ++i) {
-    const model::MomentArm& arm = path.arms[i];
-    dof_.push_back(arm.dof);
-    low_[first + i] = arm.low;
-    high_[first + i] = arm.high;
-    for (std::size_t t = 0; t < c_.size(); ++t) {
-      c_[t][first + i] = arm.c[t];
-      integral_[t][first + i] = arm.c[t] * (1.0 / static_cast<double>(t + 1));
+  const std::size_t first = dof_.size();
+  for (const model::MomentArm& arm : path.arms) {
+    const std::size_t lane = dof_.size() % 4;
+    if (lane == 0) blocks_.emplace_back();
+    Block& block = blocks_.back();
+    block.low[lane] = arm.low;
+    block.high[lane] = arm.high;
+    for (std::size_t t = 0; t < arm.c.size(); ++t) {
+      block.c[t][lane] = arm.c[t];
+      block.integral[t][lane] = arm.c[t] * (1.0 / static_cast<double>(t + 1));
     }
+    dof_.push_back(arm.dof);
   }
-  paths_.push_back({&path, first});
+  for (auto* each : {&angle_, &within_, &arm_, &bend_, &part_}) each->resize(4 * blocks_.size());
+  paths_.push_back({&path, first, dof_.size()});
   excursion_.push_back(0);
   return first;
 }
 
 void PackedArms::evaluate(std::span<const double> q) {
+  static_assert(model::kArmTerms == 5);
   for (std::size_t k = 0; k < dof_.size(); ++k) angle_[k] = q[at(dof_[k])];
-  for (std::size_t k = 0; k < angle_.size(); k += 4) {
-    const Four angle = four(angle_, k), x = angle.max(four(low_, k)).min(four(high_, k));
-    Four r = four(c_.back(), k), slope = Four::Zero(), sum = four(integral_.back(), k);
-    for (std::size_t t = c_.size() - 1; t-- > 0;) {
-      slope = slope * x + r;
-      r = r * x + four(c_[t], k);
-      sum = sum * x + four(integral_[t], k);
+  std::size_t k = 0;
+  for (const Block& block : blocks_)
+    for (std::size_t lane = 0; lane < 4; lane += Lanes::size(), k += Lanes::size()) {
+      const Lanes angle = load(&angle_[k]);
+      const Lanes x = stdx::min(stdx::max(angle, load(&block.low[lane])), load(&block.high[lane]));
+      Lanes r = load(&block.c[4][lane]), slope = 0, sum = load(&block.integral[4][lane]);
+      const auto next = [&](std::size_t t) {
+        slope = slope * x + r;
+        r = r * x + load(&block.c[t][lane]);
+        sum = sum * x + load(&block.integral[t][lane]);
+      };
+      next(3), next(2), next(1), next(0);
+      stdx::where(x != angle, slope) = 0;
+      x.copy_to(&within_[k], stdx::element_aligned);
+      r.copy_to(&arm_[k], stdx::element_aligned);
+      slope.copy_to(&bend_[k], stdx::element_aligned);
+      (sum * x + r * (angle - x)).copy_to(&part_[k], stdx::element_aligned);
     }
-    four(within_, k) = x;
-    four(arm_, k) = r;
-    four(bend_, k) = (x == angle).select(slope, Four::Zero());
-    four(part_, k) = sum * x + r * (angle - x);
-  }
   for (std::size_t n = 0; n < paths_.size(); ++n) {
-    const auto& [path, first] = paths_[n];
+    const auto& [path, first, end] = paths_[n];
     double excursion = 0;
-    for (std::size_t i = 0; i < path->arms.size(); ++i) excursion += part_[first + i];
+    for (std::size_t i = first; i < end; ++i) excursion += part_[i];
     for (const model::ArmProduct& each : path->products) {
       const std::size_t a = first + at(each.a), b = first + at(each.b);
       if (each.power_a == 1 && each.power_b == 1) {
@@ -71,10 +76,10 @@ void PackedArms::evaluate(std::span<const double> q) {
       }
       const double pa = power(within_[a], each.power_a), pb = power(within_[b], each.power_b);
       excursion += each.factor * pa * pb;
-      const auto change = [&](std::size_t k, int order, double other) {
-        if (within_[k] != angle_[k]) return;
-        arm_[k] += each.factor * other * order * power(within_[k], order - 1);
-        if (order > 1) bend_[k] += each.factor * other * order * (order - 1) * power(within_[k], order - 2);
+      const auto change = [&](std::size_t i, int order, double other) {
+        if (within_[i] != angle_[i]) return;
+        arm_[i] += each.factor * other * order * power(within_[i], order - 1);
+        if (order > 1) bend_[i] += each.factor * other * order * (order - 1) * power(within_[i], order - 2);
       };
       change(a, each.power_a, pb);
       change(b, each.power_b, pa);
