@@ -632,6 +632,23 @@ def muscles():
                                      "at_rest": "the same, muscles at rest", "bands_alone": "the bands alone"}.items()])
 
 
+def validation():
+    path = OUT / "validate" / "run" / "validate.csv"
+    if not path.exists():
+        raise Missing(path.relative_to(ROOT))
+    with path.open() as file:
+        found = list(csv.DictReader(file))
+    short = [row for row in found if row["verdict"] != "within"]
+    by_reason = {}
+    for row in short:
+        by_reason.setdefault(row["reason"] or "no reason known", []).append(row)
+    rows = [["within one spread", f"{len(found) - len(short)} of {len(found)}", ""]]
+    for reason, those in sorted(by_reason.items(), key=lambda item: -len(item[1])):
+        names = [re.split(r"[,:]", row["quantity"])[0] for row in those]
+        rows.append([reason, str(len(those)), "; ".join(dict.fromkeys(names))])
+    return table(["verdict, or why rows fall short", "rows", "quantities"], rows)
+
+
 def printed(label):
     path = OUT / "export" / f"{label}.txt"
     if not path.exists():
@@ -690,7 +707,7 @@ def day_at_the_bench():
 
 
 # Name of the table -> the study whose files it needs, and the function that makes it.
-TABLES = {"export-opensim": ("export", export_opensim), "export-block": ("export", export_block), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+TABLES = {"validate": ("validate", validation), "export-opensim": ("export", export_opensim), "export-block": ("export", export_block), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),

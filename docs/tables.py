@@ -118,6 +118,7 @@ STUDIES = {
     "environment": Study("1 min", {"bench": None}),
     "passes": Study("2 min", {"bench": None}),
     "muscles": Study("10 s", {"bench": None}),
+    "validate": Study("1 min", {"run": ["validate", "config/validate.yaml", "--runs", "--out", "{out}"]}),
     "pinch": Study("2 min", {"test": None}),
     "export": Study("1 min", {"mujoco": None, "opensim": None}),
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
