@@ -75,6 +75,7 @@ struct Piece {
   /// Where the matter of a capsule begins, from the joint; what is nearer belongs to the parent. Absent: the
   /// whole capsule is its matter.
   std::optional<double> begins;
+  std::optional<MassProperties> together;  ///< of several shapes at unit density, in the part's frame
 };
 
 /// A box has its frame at its centre: that of its body.
@@ -189,7 +190,7 @@ double volume_of(const std::vector<Piece>& parts, std::size_t i) {
   const bool carried = i > 0 && parts[i - 1].shapes.empty();
   const double own = part.begins               ? remainder(part.shapes[0], *part.begins).volume
                      : part.shapes.size() == 1 ? model::volume(part.shapes[0])
-                                               : model::union_properties(part.shapes).mass;
+                                               : part.together->mass;
   return carried ? (1 - kCarrierShare) * own : own;
 }
 
@@ -253,7 +254,7 @@ MassProperties properties_of(const Piece& part) {
   } else if (part.shapes.empty()) {
     out.inertia = 0.4 * part.round * part.round * Mat3::Identity();
   } else {
-    out = model::union_properties(part.shapes);
+    out = part.together ? *part.together : model::union_properties(part.shapes);
     out.inertia /= out.mass;
   }
   const Mat3 r = part.frame.q.toRotationMatrix();
@@ -344,6 +345,8 @@ std::vector<Piece> parts_of(BuiltHand& hand, const HandSpec& spec, const Person&
     }
     parts.push_back(segment_part(row, built, hand.size));
   }
+  for (Piece& part : parts)
+    if (part.shapes.size() > 1) part.together = model::union_properties(part.shapes);
   return parts;
 }
 

@@ -12,7 +12,7 @@ namespace handsim::model {
 
 namespace {
 
-constexpr int kColumns = 48;
+constexpr int kColumns = 40;
 
 /// Part of a column inside a solid.
 struct Interval {
@@ -37,30 +37,37 @@ struct RoundCore {
 
   Interval at(double x, double y) const {
     Interval out;
+    // Where both points of the side are between the ends, no ball reaches further.
+    if (across > 1e-12 && add_side(x, y, out)) return out;
     for (const Vec3& end : {from, to}) {
       const double dx = x - end.x(), dy = y - end.y();
       const double room = radius * radius - dx * dx - dy * dy;
       if (room < 0) continue;
-      out.add(end.z() - std::sqrt(room));
-      out.add(end.z() + std::sqrt(room));
+      const double half = std::sqrt(room);
+      out.add(end.z() - half);
+      out.add(end.z() + half);
     }
-    if (across > 1e-12) add_side(x, y, out);
     return out;
   }
 
   /// Points at distance r of the axis between its ends: |w|^2 - (w . u)^2 = r^2 with w = w0 + z e_z.
-  void add_side(double x, double y, Interval& out) const {
-    const Vec3 w(x - from.x(), y - from.y(), -from.z());
-    const double on = w.dot(along);
-    const double b = w.z() - on * along.z();
-    const double c = w.squaredNorm() - on * on - radius * radius;
+  /// @returns true if both are there.
+  bool add_side(double x, double y, Interval& out) const {
+    const double wx = x - from.x(), wy = y - from.y(), wz = -from.z();
+    const double on = wx * along.x() + wy * along.y() + wz * along.z();
+    const double b = wz - on * along.z();
+    const double c = wx * wx + wy * wy + wz * wz - on * on - radius * radius;
     const double room = b * b - across * c;
-    if (room < 0) return;
-    for (const double sign : {-1.0, 1.0}) {
-      const double z = (-b + sign * std::sqrt(room)) / across;
+    if (room < 0) return false;
+    const double root = std::sqrt(room);
+    int found = 0;
+    for (const double z : {(-b - root) / across, (-b + root) / across}) {
       const double t = on + z * along.z();
-      if (t >= 0 && t <= length) out.add(z);
+      if (t < 0 || t > length) continue;
+      out.add(z);
+      ++found;
     }
+    return found == 2;
   }
 
   double radius, length, across;

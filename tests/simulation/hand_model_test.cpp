@@ -31,7 +31,7 @@ TEST(EveryKindOfRow, MovesEquallyInBothEngines) {
   for (const char* side : {"right", "left"}) {
     const scene::Scene scene = scene_of(side, "engine: ode");
     ASSERT_EQ(scene.model.bodies.size(), 5U);
-    ASSERT_EQ(scene.model.shapes.size(), 6U);
+    ASSERT_EQ(scene.model.shapes.size(), 7U);
     const model::State ode = end_of(scene), articulated = end_of(scene_of(side, "engine: articulated"));
     double moved = 0;
     for (std::size_t b = 1; b < ode.bodies.size(); ++b) {
@@ -55,7 +55,7 @@ TEST(EveryKindOfRow, IsInEveryExport) {
   const engine::Settings settings = scene.spec.solver;
   const std::string mjcf = output::to_mjcf(scene.model, settings);
   EXPECT_EQ(count(mjcf, "<body "), 4U);
-  EXPECT_EQ(count(mjcf, "<geom "), 6U);
+  EXPECT_EQ(count(mjcf, "<geom "), 7U);
   EXPECT_EQ(count(mjcf, "<joint name"), 6U);
   const std::string urdf = output::to_urdf(scene.model, settings);
   const std::string osim = output::to_osim(scene.model, settings);
@@ -63,9 +63,9 @@ TEST(EveryKindOfRow, IsInEveryExport) {
        {"right.palm", "right.index_proximal_carrier", "right.index_proximal", "right.sixth_only"})
     EXPECT_NE(urdf.find(std::string("<link name=\"") + name + "\""), std::string::npos) << name;
   // A capsule is two spheres and a cylinder.
-  EXPECT_EQ(count(urdf, "<collision>"), 5U * 3 + 1);
+  EXPECT_EQ(count(urdf, "<collision>"), 6U * 3 + 1);
   EXPECT_EQ(count(osim, "<Body name"), 4U);
-  EXPECT_EQ(count(osim, "<Cylinder>"), 5U);
+  EXPECT_EQ(count(osim, "<Cylinder>"), 6U);
   EXPECT_EQ(count(osim, "<Brick>"), 1U);
   for (const std::string* text : {&mjcf, &urdf, &osim})
     EXPECT_NE(text->find("right.index_mcp_rotation.rotation"), std::string::npos);
