@@ -104,7 +104,7 @@ def test_recorded_motion_is_that_of_the_command_line(tmp_path):
     track = hs.study.track(tmp_path / "true/markers.csv", fit_bones=False, out=tmp_path / "a")
     command("track", tmp_path / "true/markers.csv", "--keep-person", "--out", tmp_path / "b")
     same_tables(tmp_path / "a", tmp_path / "b", ["right.mot", "left.mot", "right_wrist.csv", "frames.csv"])
-    assert track.tables["right"].rows == track.tables["frames"].rows // 2 > 10
+    assert track.tables["right"].rows == track.tables["frames"].rows > 10
     inverse = hs.study.inverse("every_pose", {"duration": "0.1 s"}, check=False, out=tmp_path / "c")
     command("inverse", hs.data_path() / "config/every_pose.yaml", "--set", "duration=0.1 s", "--no-check", "--out", tmp_path / "d")
     same_tables(tmp_path / "c", tmp_path / "d", ["torques.sto", "summary.csv"])
