@@ -31,8 +31,8 @@ std::string ranges(const model::Joint& joint) {
 std::string mass_rule(const hand::Person& person, const hand::MassRule& rule) {
   const std::string source = rule.source.empty() ? "" : ": " + rule.source;
   if (rule.kind == hand::MassRule::Kind::density) return fmt::format("at {:g} kg/m3{}", rule.density, source);
-  if (rule.kind == hand::MassRule::Kind::palm_density)
-    return fmt::format("the palm's volume at {:g} kg/m3, other parts in proportion{}", rule.density, source);
+  if (rule.kind == hand::MassRule::Kind::tissue_density)
+    return fmt::format("its volume at {:g} kg/m3{}", rule.density, source);
   const bool male = person.sex == hand::Sex::male, female = person.sex == hand::Sex::female;
   return fmt::format("{:g} % of body mass, {}{}",
                      100 * (male     ? rule.male

@@ -357,7 +357,7 @@ BuiltHand build_hand(const HandSpec& spec, const Person& person) {
   hand.size = hand_size(spec.anthropometry, person);
   hand.skin = spec.skin;
   std::vector<Piece> parts = parts_of(hand, spec, person);
-  if (spec.mass.kind == MassRule::Kind::palm_density) share_space(parts, spec);
+  if (spec.mass.kind == MassRule::Kind::tissue_density) share_space(parts, spec);
   hand.palm_volume = volume_of(parts, 0);
   if (spec.mass.kind == MassRule::Kind::body_mass_share)
     set_masses_by_share(parts, hand, spec, person);

@@ -82,7 +82,7 @@ JointSpec read_joint(MapReader& reader, RowJoint type) {
 std::optional<MassRule> read_mass(MapReader reader) {
   MassRule rule;
   rule.kind = reader.choice<MassRule::Kind>("rule", {{"body_mass_share", MassRule::Kind::body_mass_share},
-                                                     {"tissue_density", MassRule::Kind::palm_density},
+                                                     {"tissue_density", MassRule::Kind::tissue_density},
                                                      {"density", MassRule::Kind::density}});
   if (!reader.has("rule") || !reader.sound()) return std::nullopt;
   const Quantity share = {Dimension::none, 0, 0.1, true};

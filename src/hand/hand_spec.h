@@ -32,7 +32,7 @@ struct SegmentSpec {
   LengthRule length;
   LengthRule radius;
   std::vector<ShapeSpec> shapes;  ///< beside the capsule of this length and radius
-  double mass_share = 0;          ///< of the hand's mass; not with the rule `density`
+  double mass_share = 0;          ///< of the hand's mass; body_mass_share rule only
   bool fixed = false;             ///< part of its parent's body; no joint
   /// A body without a shape between two joints of a joint of three axes; the next row is its segment.
   bool carrier = false;
@@ -48,8 +48,8 @@ inline constexpr double kCarrierShare = 0.05;
 struct MassRule {
   enum class Kind {
     body_mass_share,  ///< a share of body mass; each part gets its mass_share of it
-    palm_density,     ///< the palm's volume times a density, other parts in proportion to their mass_share
-    density,          ///< each part its volume times a density
+    tissue_density,   ///< volume times a density; space shared with the parent at zero angles is the parent's
+    density,          ///< each part its whole volume times a density
   };
   Kind kind = Kind::density;
   double male = 0, female = 0, unknown = 0;
@@ -62,8 +62,8 @@ struct PalmSpec {
   LengthRule length, breadth, thickness;
   PlaceRule offset;  ///< of the box's centre from (0, length / 2, 0), hand frame
   std::vector<ShapeSpec> shapes;
-  /// Of the hand's mass. Absent: what the segments leave of 1. Present: a hand model with fewer fingers has a
-  /// lighter hand.
+  /// Of the hand's mass, body_mass_share rule only. Absent: what the segments leave of 1. Present: a hand
+  /// model with fewer fingers has a lighter hand.
   std::optional<double> mass_share;
 };
 
