@@ -1,6 +1,6 @@
-// Closes the fingers of a hand on an object, each until it touches: geometry only. A finger goes from its open
-// angles towards its closed ones; a part that touches stops the joints before it, and the joints beyond it go
-// on until the next part touches or the closed angles are reached.
+// Closes the fingers of a hand on an object, each until it touches: geometry only. A finger goes from its
+// open angles towards its closed ones; a part that touches stops the joints before it, and the joints beyond
+// it go on until the next part touches or the closed angles are reached.
 #pragma once
 
 #include <vector>

@@ -42,11 +42,11 @@ struct GraspSpec : TaskSpec {
   std::optional<double> hand_length;  ///< for which `at` is given; for others its position is scaled [m]
   bool on_palm = false;               ///< the object is moved along the hand's z axis onto the palm
   std::optional<GripSpec> grip;       ///< absent: poses as they stand
-  std::optional<PostSpec> post;   ///< absent: the object rests on the ground or on objects of the scene
-  Vec3 from = Vec3::Zero();       ///< start of the wrist, in the hand frame at the grasp [m]
-  double lift_height = 0.2;       ///< [m]
-  std::vector<ShakeLevel> shake;  ///< one after the other, six directions each
-  int shake_cycles = 2;           ///< in each direction
+  std::optional<PostSpec> post;       ///< absent: the object rests on the ground or on objects of the scene
+  Vec3 from = Vec3::Zero();           ///< start of the wrist, in the hand frame at the grasp [m]
+  double lift_height = 0.2;           ///< [m]
+  std::vector<ShakeLevel> shake;      ///< one after the other, six directions each
+  int shake_cycles = 2;               ///< in each direction
 };
 
 void read_at(MapReader reader, GraspSpec& grasp) {

@@ -15,9 +15,9 @@ namespace handsim::scene {
 
 /// The plan of a grasp, from which its figures are computed.
 struct GraspPlan {
-  std::size_t hand = 0;           ///< in SceneSpec::hands
-  std::string object;             ///< name of a body
-  std::vector<TaskPhase> phases;  ///< approach, close, lift, hold, shake_1, ..., rest
+  std::size_t hand = 0;                        ///< in SceneSpec::hands
+  std::string object;                          ///< name of a body
+  std::vector<TaskPhase> phases;               ///< approach, close, lift, hold, shake_1, ..., rest
   std::optional<hand::GripStrength> strength;  ///< of the person, with a `grip`
 
   double end() const { return phases.back().end; }

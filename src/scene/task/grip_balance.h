@@ -30,8 +30,8 @@ struct GripForces {
   double unbalanced = 0;
 };
 
-/// Least squares with forces within their friction cones (of 8 edges): equilibrium first, then the forces that
-/// are asked, then small forces.
+/// Least squares with forces within their friction cones (of 8 edges): equilibrium first, then the forces
+/// that are asked, then small forces.
 GripForces balance(const GripTask& task);
 
 }  // namespace handsim::scene

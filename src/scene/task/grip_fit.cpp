@@ -19,13 +19,14 @@ namespace {
 /// Depth of a touch without force [m].
 constexpr double kTouchDepth = 1e-5;
 /// Share of friction that the planned forces may use: the rest is for the shake.
-constexpr double kFrictionShare = 0.5;
+constexpr double kFrictionShare = 0.6;
 /// Share of the normal forces that may be left over: springs give way by as much.
 constexpr double kUnbalanced = 0.1;
 /// Of the friction that the forces allow over weight and shake.
 constexpr double kSafety = 2;
-/// Weights in the choice of a place: distance from the named one in hand lengths, forces off those asked, friction.
-constexpr double kFarWeight = 0.5, kOffWeight = 0.2, kFrictionWeight = 0.3;
+/// Weights in the choice of a place: distance from the named one in hand lengths, forces off those asked,
+/// friction.
+constexpr double kFarWeight = 2, kOffWeight = 0.2, kFrictionWeight = 0.3;
 /// Of the same with forces that torque limits reduce.
 constexpr double kLeastSafety = 1.2;
 /// Of a better place from the named one, in hand lengths.
@@ -92,7 +93,8 @@ class Fit {
     return found == spec_.forces.end() ? 0 : strength_ * found->second;
   }
 
-  /// Closes the hand on the object at a place, and finds the forces. @returns what is wrong with it, 0: nothing
+  /// Closes the hand on the object at a place, and finds the forces. @returns what is wrong with it, 0:
+  /// nothing
   double grasp_at(const Vec3& p) {
     x_HO_ = {p, place_.at.q};
     depth_.assign(depth_.size(), kTouchDepth);
@@ -262,8 +264,9 @@ class Fit {
            fmt::format("{:.3g} N for the object's weight and shake: a stronger hand, or a lighter object",
                        total_force() * kLeastSafety * place_.load / friction_limit())});
     else
-      out_.warnings.push_back(fmt::format("{}: the hand presses with {:.3g} N in place of {:.3g} N: torque limit of {}",
-                                          task_.path, total_force(), asked_sum, axis));
+      out_.warnings.push_back(
+          fmt::format("{}: the hand presses with {:.3g} N in place of {:.3g} N: torque limit of {}",
+                      task_.path, total_force(), asked_sum, axis));
   }
 
   double total_force() const {
@@ -273,27 +276,22 @@ class Fit {
   }
 
   void report() {
-    if (getenv("GRIP_DEBUG")) {
-      for (std::size_t i = 0; i < contacts_.size(); ++i)
-        fmt::print(stderr, "   {} N {:.2f} depth {:.2f} mm at {:.0f} {:.0f} {:.0f} n {:.2f} {:.2f} {:.2f}\n", hand_.model().bodies[static_cast<std::size_t>(contacts_[i].body)].name, normal_force(i), 1e3 * contacts_[i].depth, 1e3 * contacts_[i].point.x(), 1e3 * contacts_[i].point.y(), 1e3 * contacts_[i].point.z(), contacts_[i].normal.x(), contacts_[i].normal.y(), contacts_[i].normal.z());
-      const Vec3 d = (out_.x_HO.p - place_.at.p) * 1e3;
-      fmt::print(stderr, "   unbalanced {:.3f}, strength {:.3f}, moved {:.1f} {:.1f} {:.1f} hand {:.1f}\n", balanced_.unbalanced, strength_, d.x(), d.y(), d.z(), 1e3 * site_.built.size.length);
-    }
     std::string why;
     if (!opens_) why = "cannot open round it";
     for (const auto& [part, force] : spec_.forces)
-      if (why.empty() && !out_.forces.contains(part)) why = fmt::format("{} finger does not reach it", name(part));
+      if (why.empty() && !out_.forces.contains(part))
+        why = fmt::format("{} finger does not reach it", name(part));
     if (why.empty() && balanced_.unbalanced > kUnbalanced)
       why = fmt::format("forces do not balance: {:.0f} % are left over", 100 * balanced_.unbalanced);
     if (why.empty()) return;
     const Vec3 edges = 1e3 * model::box_edges(site_.object.shapes);
-    out_.problems.push_back(
-        {task_.place, task_.path,
-         fmt::format("a hand of {:.0f} mm, which opens to {:.0f} mm between thumb and fingers, on {} of {:.0f} x {:.0f} x "
-                     "{:.0f} mm: {}",
-                     1e3 * site_.built.size.length, 1e3 * opening(), site_.object.name, edges.x(), edges.y(),
-                     edges.z(), why),
-         "a larger hand, or a smaller object"});
+    out_.problems.push_back({task_.place, task_.path,
+                             fmt::format("a hand of {:.0f} mm, which opens to {:.0f} mm between thumb and "
+                                         "fingers, on {} of {:.0f} x {:.0f} x "
+                                         "{:.0f} mm: {}",
+                                         1e3 * site_.built.size.length, 1e3 * opening(), site_.object.name,
+                                         edges.x(), edges.y(), edges.z(), why),
+                             "a larger hand, or a smaller object"});
   }
 
   /// Largest distance of the thumb's tip from another finger's that closes, with the fingers wide open [m].
@@ -350,8 +348,8 @@ class Fit {
   const TaskSpec& task_;
   HandOnObject hand_;
   Closing closing_;
-  double strength_ = 1;  ///< factor on the forces
-  Pose x_HO_;            ///< of the object as far as it is pressed
+  double strength_ = 1;        ///< factor on the forces
+  Pose x_HO_;                  ///< of the object as far as it is pressed
   std::vector<double> depth_;  ///< to which each body presses
   std::vector<double> touch_, q_;
   std::vector<TouchPoint> contacts_;
@@ -366,7 +364,8 @@ GripSpec read_grip(MapReader reader) {
   GripSpec out;
   MapReader forces = reader.required_map("forces", "a mapping of fingers to forces");
   for (const PartName& finger : kFingers)
-    if (forces.has(finger.name)) out.forces[finger.part] = forces.number(finger.name, {Dimension::force, 0, 1e3});
+    if (forces.has(finger.name))
+      out.forces[finger.part] = forces.number(finger.name, {Dimension::force, 0, 1e3});
   if (forces.sound() && out.forces.empty()) forces.problem("", "no finger", "a force of at least one finger");
   forces.finish();
   if (YamlNode* table = referenced(reader, "strength", FileKind::grip_norms))
@@ -376,7 +375,8 @@ GripSpec read_grip(MapReader reader) {
   return out;
 }
 
-FittedGrip fit_grip(const TaskSite& site, const GripSpec& spec, const GripPlace& place, const TaskSpec& task) {
+FittedGrip fit_grip(const TaskSite& site, const GripSpec& spec, const GripPlace& place,
+                    const TaskSpec& task) {
   return Fit(site, spec, place, task).run();
 }
 

@@ -1,6 +1,6 @@
-// Fits a grip to a person's hand and an object: where the object lies in the hand, and the angles at which the
-// fingers are open, touch, and press with their forces through the springs of their joints. Everything is for a
-// right hand, in the hand frame.
+// Fits a grip to a person's hand and an object: where the object lies in the hand, and the angles at which
+// the fingers are open, touch, and press with their forces through the springs of their joints. Everything is
+// for a right hand, in the hand frame.
 #pragma once
 
 #include <map>
@@ -13,8 +13,8 @@
 
 namespace handsim::scene {
 
-/// A `grip` block: with it fingers close until they touch, and press with a force. Without it a task moves its
-/// hand through poses as they stand.
+/// A `grip` block: with it fingers close until they touch, and press with a force. Without it a task moves
+/// its hand through poses as they stand.
 struct GripSpec {
   /// Sum of the normal forces of fingers [N], of a person with the controller's grip strength; for others in
   /// proportion to theirs. Fingers that move and are not named balance these.
@@ -25,11 +25,11 @@ struct GripSpec {
 
 /// How the object is brought to its place in the hand.
 struct GripPlace {
-  Pose at;                       ///< X_HO, of a hand of this person's size
-  bool on_palm = false;          ///< the object is moved along the hand's z axis until it touches the palm
-  Vec3 from = Vec3::Zero();      ///< start of the hand's approach, in the hand frame [m]
-  Vec3 weight = Vec3::Zero();    ///< of the object, in the hand frame [N]
-  double load = 0;               ///< largest force that moves the object: weight and shake [N]
+  Pose at;                     ///< X_HO, of a hand of this person's size
+  bool on_palm = false;        ///< the object is moved along the hand's z axis until it touches the palm
+  Vec3 from = Vec3::Zero();    ///< start of the hand's approach, in the hand frame [m]
+  Vec3 weight = Vec3::Zero();  ///< of the object, in the hand frame [N]
+  double load = 0;             ///< largest force that moves the object: weight and shake [N]
 };
 
 struct FittedGrip {

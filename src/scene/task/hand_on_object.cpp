@@ -108,16 +108,16 @@ const std::vector<double>& HandOnObject::depths(std::span<const double> q) {
 }
 
 std::vector<Vec3> HandOnObject::jacobian(std::span<const double> q, int body, const Vec3& point) const {
-  constexpr double kStep = 1e-6;
+  constexpr double kAngleStep = 1e-6;
   const auto on_body = static_cast<std::size_t>(body);
   const Vec3 local = model::state_at(model_, q).bodies[on_body].pose().inverse() * point;
   std::vector<Vec3> out(q.size());
   std::vector<double> moved(q.begin(), q.end());
   for (std::size_t i = 0; i < q.size(); ++i) {
-    moved[i] = q[i] + kStep;
+    moved[i] = q[i] + kAngleStep;
     const Vec3 ahead = model::state_at(model_, moved).bodies[on_body].pose() * local;
-    moved[i] = q[i] - kStep;
-    out[i] = (ahead - model::state_at(model_, moved).bodies[on_body].pose() * local) / (2 * kStep);
+    moved[i] = q[i] - kAngleStep;
+    out[i] = (ahead - model::state_at(model_, moved).bodies[on_body].pose() * local) / (2 * kAngleStep);
     moved[i] = q[i];
   }
   return out;

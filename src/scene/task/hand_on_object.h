@@ -14,12 +14,12 @@ namespace handsim::scene {
 
 /// The deepest point of a part of the hand on a part of the object, or one of several points of one depth.
 struct TouchPoint {
-  int body = 0;                  ///< of the hand, in the model
-  Vec3 point = Vec3::Zero();     ///< hand frame [m]
-  Vec3 normal = Vec3::Zero();    ///< unit, out of the hand into the object
-  double depth = 0;              ///< [m]
-  double friction = 0;           ///< coefficient
-  double stiffness = 0;          ///< of the point [N/m]; 0: rigid
+  int body = 0;                ///< of the hand, in the model
+  Vec3 point = Vec3::Zero();   ///< hand frame [m]
+  Vec3 normal = Vec3::Zero();  ///< unit, out of the hand into the object
+  double depth = 0;            ///< [m]
+  double friction = 0;         ///< coefficient
+  double stiffness = 0;        ///< of the point [N/m]; 0: rigid
 };
 
 class HandOnObject {

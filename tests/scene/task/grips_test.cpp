@@ -1,0 +1,123 @@
+// Grips fitted to a person: geometry and statics, and what a run then measures.
+#include <gtest/gtest.h>
+
+#include "handsim/hand/grip_strength.h"
+#include "handsim/scene/task/grip_balance.h"
+#include "handsim/simulation/simulation.h"
+#include "handsim/simulation/watch/grasp_figures.h"
+#include "scene_files.h"
+
+namespace handsim::scene {
+namespace {
+
+using simulation::GraspFigures;
+
+GripTask pinch_of(double load) {
+  GripTask task;
+  task.contacts = {{Vec3(-0.01, 0, 0), Vec3(1, 0, 0), 0.5, 0}, {Vec3(0.01, 0, 0), Vec3(-1, 0, 0), 0.5, 1}};
+  task.asked = {8.0, std::nullopt};
+  task.load = Vec3(0, 0, -load);
+  return task;
+}
+
+// Oracle: two points opposite each other: the other one presses as hard, and each carries half of the weight
+// where its share of friction allows it. 2 %: the weight of small forces in the least squares.
+TEST(GripBalance, OfTwoOppositePointsIsThatOfAPinch) {
+  const GripForces found = balance(pinch_of(2));
+  EXPECT_LT(found.unbalanced, 0.01);
+  EXPECT_NEAR(found.forces[0].x(), 8, 0.16);
+  EXPECT_NEAR(found.forces[1].x(), -8, 0.16);
+  EXPECT_NEAR(found.forces[0].z(), 1, 0.02);
+  EXPECT_NEAR(found.forces[1].z(), 1, 0.02);
+}
+
+// Oracle: a point alone cannot balance its own force.
+TEST(GripBalance, OfOnePointIsNone) {
+  GripTask task = pinch_of(0);
+  task.contacts.pop_back();
+  EXPECT_GT(balance(task).unbalanced, 0.5);
+}
+
+const std::string kArticulated = "solver={engine: articulated, step: 1 ms}";
+
+std::vector<std::string> short_run(const std::string& person, const std::string& side) {
+  return {"hands.0.person=" HANDSIM_SOURCE_DIR "/config/persons/" + person + ".yaml", "hands.0.side=" + side,
+          kArticulated, "grasps.0.hold=0.6 s",
+          "grasps.0.shake.levels=[{acceleration: 19.6 m/s2, frequency: 5 Hz}]"};
+}
+
+GraspFigures run(const Scene& scene) {
+  simulation::Simulation simulation(scene, simulation::only<simulation::Monitor, simulation::Grasps>);
+  for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
+  return simulation.figures<simulation::Grasps>().front();
+}
+
+struct Case {
+  const char* scene;
+  const char* person;
+};
+
+class GripOf : public testing::TestWithParam<Case> {};
+INSTANTIATE_TEST_SUITE_P(Persons, GripOf,
+                         testing::Values(Case{"grasp_sphere_35mm", "child"}, Case{"grasp_tripod", "child"},
+                                         Case{"grasp_sphere_35mm", "median_woman"},
+                                         Case{"grasp_cup", "median_woman"}, Case{"grasp_tripod", "giant"},
+                                         Case{"grasp_sphere_70mm", "giant"}),
+                         [](const auto& of) { return std::string(of.param.scene) + "_" + of.param.person; });
+
+// Oracle: the limits of a held grasp.
+TEST_P(GripOf, IsHeldByBothHands) {
+  for (const std::string side : {"right", "left"}) {
+    const GraspFigures figures =
+        run(test::shipped_scene(GetParam().scene, short_run(GetParam().person, side)));
+    EXPECT_TRUE(figures.held) << side << ": " << figures.told();
+  }
+}
+
+class ForceOf : public testing::TestWithParam<Case> {};
+INSTANTIATE_TEST_SUITE_P(Persons, ForceOf,
+                         testing::Values(Case{"grasp_sphere_35mm", "child"},
+                                         Case{"grasp_sphere_35mm", "median_woman"},
+                                         Case{"grasp_sphere_35mm", "median_man"}),
+                         [](const auto& of) { return std::string(of.param.person); });
+
+// Oracle: the scene asks for 7 N of index and middle finger, of a man of 525 N; others press in proportion to
+// their grip strength. 25 %: after the squeeze the ball has moved until all springs balance.
+TEST_P(ForceOf, EachFingerInTheHoldIsThatOfTheScene) {
+  const Scene scene = test::shipped_scene(GetParam().scene, short_run(GetParam().person, "right"));
+  ASSERT_TRUE(scene.plans.grasps.front().strength);
+  const double asked = 7 * scene.plans.grasps.front().strength->own / 525;
+  const GraspFigures figures = run(scene);
+  int fingers = 0;
+  for (const simulation::PartForce& part : figures.hold.parts) {
+    if (part.part != "index" && part.part != "middle") continue;
+    ++fingers;
+    EXPECT_NEAR(part.normal, asked, 0.25 * asked) << part.part;
+  }
+  EXPECT_EQ(fingers, 2);
+}
+
+// Oracle: a box of 158 mm between thumb and fingers that open to less.
+TEST(Grips, OfABoxThatIsTooLargeForAChildAreRefusedWithBothSizes) {
+  try {
+    test::shipped_scene("grasp_cracker_box", short_run("child", "right"));
+    FAIL() << "not refused";
+  } catch (const Error& error) {
+    const std::string text = error.what();
+    EXPECT_NE(text.find("grasps.0: got a hand of 124 mm, which opens to"), std::string::npos) << text;
+    EXPECT_NE(text.find("on box of 66 x 158 x 207 mm"), std::string::npos) << text;
+  }
+}
+
+// Oracle: mirror symmetry of the plan: the same angles for both hands, bit for bit.
+TEST(Grips, OfLeftHandsHaveTheAnglesOfRightOnes) {
+  const Scene right = test::shipped_scene("grasp_tripod", short_run("giant", "right"));
+  const Scene left = test::shipped_scene("grasp_tripod", short_run("giant", "left"));
+  for (const char* pose : {"grasps.0.open", "grasps.0.touch", "grasps.0.press"})
+    for (const auto& [joint, of] : right.plans.control->poses->poses.at(pose).joints)
+      EXPECT_EQ(of.angles, left.plans.control->poses->poses.at(pose).joints.at(joint).angles)
+          << pose << joint;
+}
+
+}  // namespace
+}  // namespace handsim::scene
