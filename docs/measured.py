@@ -258,8 +258,8 @@ def accuracy_hands():
     return accuracy_table((5, 2, 1, 0.5, 0.1), accuracy_rows("hands"), 2)
 
 
-def effects():
-    data = study_json("effects", "run", "effects.json")
+def effects(label="run"):
+    data = study_json("effects", label, "effects.json")
     rows = [["all", number(1e-3 * data["cpu_ns_per_step"]), "", "", ""]]
     for row in data["rows"]:
         name = row["effect"] + ("".join(f" and {other}" for other in row["with"]))
@@ -621,6 +621,63 @@ def torques_of(label):
             for i, name in enumerate(names) if name.endswith("_active")}
 
 
+def muscles():
+    path = OUT / "muscles" / "bench.json"
+    if not path.exists():
+        raise Missing(path.relative_to(ROOT))
+    found = {entry["run_name"].split("/")[1]: entry for entry in json.loads(path.read_text())["benchmarks"]}
+    return table(["a hand with", "step without, µs", "step with, µs", "ratio", "added, µs"],
+                 [[title, *(number(found[key][counter]) for counter in ("yardstick_us", "candidate_us", "ratio", "added_us"))]
+                  for key, title in {"excited": "41 muscles and the bands, all muscles excited",
+                                     "at_rest": "the same, muscles at rest", "bands_alone": "the bands alone"}.items()])
+
+
+def validation():
+    path = OUT / "validate" / "run" / "validate.csv"
+    if not path.exists():
+        raise Missing(path.relative_to(ROOT))
+    with path.open() as file:
+        found = list(csv.DictReader(file))
+    short = [row for row in found if row["verdict"] != "within"]
+    by_reason = {}
+    for row in short:
+        by_reason.setdefault(row["reason"] or "no reason known", []).append(row)
+    rows = [["within one spread", f"{len(found) - len(short)} of {len(found)}", ""]]
+    for reason, those in sorted(by_reason.items(), key=lambda item: -len(item[1])):
+        names = [re.split(r"[,:]", row["quantity"])[0] for row in those]
+        rows.append([reason, str(len(those)), "; ".join(dict.fromkeys(names))])
+    return table(["verdict, or why rows fall short", "rows", "quantities"], rows)
+
+
+def printed(label):
+    path = OUT / "export" / f"{label}.txt"
+    if not path.exists():
+        raise Missing(path.relative_to(ROOT))
+    return path.read_text()
+
+
+def export_opensim():
+    found = re.findall(r"^OpenSim (\S+), (\w+) hands, (\w+): mass (\S+), centre of mass (\S+) m, torques (\S+), angles (\S+) rad",
+                       printed("opensim"), re.M)
+    if not found:
+        raise Missing("OpenSim, which ./dev peers fetches")
+    return table([f"OpenSim {found[0][0].split(chr(45))[0]}", "mass, relative", "centre of mass, m", "inverse dynamics, over the largest torque",
+                  "OpenSim's inverse kinematics, rad"],
+                 [[f"{model} hands, mount {mount}", mass, centre, "-" if mount == "free" else torque, angle]
+                  for _, model, mount, mass, centre, torque, angle in found])
+
+
+def export_block():
+    text = printed("mujoco")
+    flat = re.findall(r"^block of 0.1 on ground of 0.9, 3 m/s at (\d+) deg, after 1 s: (\S+) m in MuJoCo (\S+), (\S+) m here, (\S+) m", text, re.M)
+    slope = re.findall(r"^the block on a slope of (\d+) deg, after 1 s: (\S+) m in MuJoCo (\S+), (\S+) m here, (\S+) m", text, re.M)
+    if not flat or not slope:
+        raise Missing("MuJoCo")
+    rows = [[f"pushed off at 3 m/s, {angle}° from its edges", formula, there, here] for angle, there, _, here, formula in flat]
+    rows += [[f"down a slope of {angle}°", formula, there, here] for angle, there, _, here, formula in slope]
+    return table(["a block of friction 0.1 on ground of 0.9 slides in 1 s, m", "formula", f"MuJoCo {flat[0][2]}", "handsim, articulated"], rows)
+
+
 def day_at_the_bench():
     rms = lambda values: math.sqrt(sum(value * value for value in values) / len(values))
     exact, noisy = (study_json("bench", label, "summary.json") for label in ("exact", "tracked"))
@@ -650,12 +707,12 @@ def day_at_the_bench():
 
 
 # Name of the table -> the study whose files it needs, and the function that makes it.
-TABLES = {"bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+TABLES = {"validate": ("validate", validation), "export-opensim": ("export", export_opensim), "export-block": ("export", export_block), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),
           "accuracy-cheapest": ("accuracy", accuracy_cheapest), "accuracy-contact": ("accuracy", accuracy_contact),
-          "accuracy-hands": ("hands", accuracy_hands), "2017": ("2017", thesis), "effects": ("effects", effects), "contacts": ("contacts", contacts),
+          "accuracy-hands": ("hands", accuracy_hands), "2017": ("2017", thesis), "effects": ("effects", effects), "effects-muscles": ("effects", lambda: effects("muscles")), "contacts": ("contacts", contacts),
           "stability": ("stability", stability), "stability-cases": ("stability", stability_cases),
           "passes": ("passes", passes), "speed": ("speed", speed), "speed-lanes": ("speed", speed_lanes), "speed-load": ("speed", speed_load),
           "environment": ("environment", environments), "pinch": ("pinch", pinch), "peers-speed": ("peers", peers_speed), "peers-equal": ("peers", peers_equal), "peers-pinch": ("peers", peers_pinch),

@@ -87,7 +87,7 @@ def bench_runs():
 
 
 STUDIES = {
-    "bench": Study("10 s", bench_runs(), {"tracked/right_angles.png": "bench_angles.png"}),
+    "bench": Study("10 s", bench_runs(), {"tracked/right_angles.png": "bench_angles.png", "inverse/torques.png": "bench_torques.png"}),
     "demo": Study("1 s", {"run": ["run", "config/two_hands.yaml", "--out", "{out}"],
                           "few_iterations": ["run", "config/two_hands.yaml", "--out", "{out}", "--quiet", "--set",
                                              "solver.method=quick_step", "--set", "solver.iterations=5"]}),
@@ -103,7 +103,8 @@ STUDIES = {
                       {"run/error_cost.png": "accuracy.png"}),
     "hands": Study("10 s", {"run": ["accuracy", "config/accuracy_two_hands.yaml", "--out", "{out}", "--no-peers"]}),
     "2017": Study("1 min", {"run": ["accuracy", "config/accuracy_2017.yaml", "--out", "{out}"]}),
-    "effects": Study("15 s", {"run": ["effects", "config/dropped_hand.yaml", "--out", "{out}"]},
+    "effects": Study("30 s", {"run": ["effects", "config/dropped_hand.yaml", "--out", "{out}"],
+                                "muscles": ["effects", "config/muscle_poses.yaml", "--set", "duration=2", "--out", "{out}"]},
                      {"run/effects.png": "effects.png"}),
     "stability": Study("13 min", {"run": ["stability", "config/stability.yaml", "--out", "{out}"]},
                        {"run/stability.png": "stability.png", "run/scenes.png": "stability_scenes.png"}),
@@ -116,7 +117,10 @@ STUDIES = {
     "speed": Study("4 min", {"bench": None}),
     "environment": Study("1 min", {"bench": None}),
     "passes": Study("2 min", {"bench": None}),
+    "muscles": Study("10 s", {"bench": None}),
+    "validate": Study("1 min", {"run": ["validate", "config/validate.yaml", "--runs", "--out", "{out}"]}),
     "pinch": Study("2 min", {"test": None}),
+    "export": Study("1 min", {"mujoco": None, "opensim": None}),
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
                               "cases_drake": None}),
 }
@@ -124,7 +128,7 @@ STUDIES = {
 DRAKE_CASES = ["spinning_hand", "swinging_hand", "chain", "stack", "incline_sticks", "incline_slides", "ball_on_incline", "crank", "pinch",
                "resting_capsule", "softness", "large_steps", "masses", "crossed_fingers", "limp_hands", "stops_at_zero"]
 # Benchmarks of studies of their own; "speed" runs all others.
-BENCHMARKS = {"environment": "^(batch_|two_threads|reset/|memory/)", "passes": "friction_passes"}
+BENCHMARKS = {"environment": "^(batch_|two_threads|reset/|memory/)", "passes": "friction_passes", "muscles": "step_with_muscles"}
 # Studies that run only if they are named: ./dev peers builds their programs.
 ONLY_IF_NAMED = ("peers",)
 
@@ -139,6 +143,9 @@ def command_of(name, label, build):
     if name == "speed":
         return [str(build / "tests" / "bench_handsim"), f"--benchmark_filter=-{'|'.join(BENCHMARKS.values())}", "--benchmark_repetitions=9",
                 "--benchmark_report_aggregates_only=true", f"--benchmark_out={OUT / 'speed' / 'bench.json'}"]
+    if name == "export":
+        return {"mujoco": [str(build / "tests" / "test_export"), "--gtest_filter=*ABlockSlides*"],
+                "opensim": [str(build / "tests" / "test_osim"), "--gtest_filter=*InOpenSim*"]}[label]
     if name == "pinch":
         return [str(build / "tests" / "peers" / "test_peers"), "--gtest_filter=*MujocoPinch*"]
     if name == "peers":

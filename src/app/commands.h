@@ -113,6 +113,7 @@ int stability_command(const StabilityArguments& arguments);
 struct ValidateArguments {
   std::optional<std::filesystem::path> file;  ///< of measurements; absent: the installed ones
   std::optional<std::filesystem::path> out;   ///< absent: only the table
+  bool runs = false;                          ///< also runs the rows that are simulations
 };
 int validate_command(const ValidateArguments& arguments);
 

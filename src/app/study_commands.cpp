@@ -71,7 +71,9 @@ void add_validate(CommandLine& line) {
       "validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
       "handsim validate --out out/validate", validate_command, arguments);
   validate.add_option("measurements", arguments->file, "file of measurements (default: the installed ones)");
-  validate.add_option("--out", arguments->out, "folder for validate.csv");
+  CLI::Option* out = validate.add_option("--out", arguments->out, "folder for validate.csv and runs/");
+  validate.add_flag("--runs", arguments->runs, "also run the rows that are simulations (minutes)")
+      ->needs(out);
 }
 
 void add_stability(CommandLine& line) {

@@ -52,13 +52,15 @@ study::TrackInput track_input(const TrackArguments& arguments) {
 namespace {
 
 void print_track(const study::TrackResult& result) {
+  print_warnings(result.warnings);
   for (const study::TrackedHand& hand : result.hands) {
     using Status = study::FrameStatus;
     print(
         "{:<6} {} frames: {} tracked, {} without a hand, {} swapped, {} poor; noise {:.3g} mm a coordinate\n",
         hand.name, hand.frames.size(), hand.count(Status::tracked), hand.count(Status::missing),
         hand.count(Status::swapped), hand.count(Status::poor), 1e3 * hand.noise);
-    if (const auto open = std::count(hand.determined.begin(), hand.determined.end(), false); open > 0)
+    if (const auto open = std::count(hand.determined.begin(), hand.determined.end(), false);
+        open > 0 && hand.count(Status::tracked) > 0)
       print("       {} axes that no point or sensor determines: left out\n", open);
     if (hand.overlaps.frames > 0)
       print(

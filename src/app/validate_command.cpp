@@ -17,7 +17,8 @@ int validate_command(const ValidateArguments& arguments) {
   if (arguments.out)
     folder.emplace(*arguments.out, std::vector<std::string>{"validate.csv"},
                    [&] { return std::vector<std::filesystem::path>{file}; });
-  const study::ValidateResult result = study::run_validate(spec);
+  const study::ValidateResult result =
+      study::run_validate(spec, arguments.runs ? std::optional(*arguments.out / "runs") : std::nullopt);
   print("{}\n\n{}", spec.title, study::validate_table(spec, result));
   if (folder) {
     folder->clear();

@@ -92,7 +92,6 @@ struct StepReport {
   double collide_ns = 0;        ///< time of collision detection [ns]
   double tissue_ns = 0;         ///< time to set passive tissue [ns]
   double servo_ns = 0;          ///< time to set servos and torques [ns]
-  double muscle_ns = 0;         ///< time of muscles and ligaments [ns]
 };
 
 /// A contact point of the last step.

@@ -32,10 +32,12 @@ void require_excitations(const model::Model& model, const Settings& settings,
 }
 
 Muscles::Muscles(const model::Model& model, const Settings& settings, const Solves& solves)
-    : step_(settings.step), diagonal_(at(model.dof_count()), kNoSlot) {
+    : step_(settings.step) {
   const auto add = [&](const model::TendonPath& path) -> Tendon& {
     Tendon& out = tendons_.emplace_back();
     out.path = &path;
+    out.first = arms_.add(path);
+    out.count = path.arms.size();
     return out;
   };
   if (settings.effects.has(model::Effect::muscles))
@@ -44,8 +46,8 @@ Muscles::Muscles(const model::Model& model, const Settings& settings, const Solv
     for (const model::Ligament& ligament : model.ligaments) add(ligament.path).ligament = &ligament;
   if (settings.effects.has(model::Effect::muscles)) muscles_ = model.muscles.size();
   torques_.resize(at(model.dof_count()));
-  for (const Tendon& tendon : tendons_)
-    for (const model::MomentArm& arm : tendon.path->arms) diagonal_[at(arm.dof)] = slot(arm.dof, arm.dof);
+  for (Tendon& tendon : tendons_)
+    for (const model::MomentArm& arm : tendon.path->arms) tendon.own.push_back(slot(arm.dof, arm.dof));
   for (Tendon& tendon : tendons_) {
     const auto& arms = tendon.path->arms;
     for (std::size_t i = 0; i < arms.size(); ++i)
@@ -63,42 +65,50 @@ int Muscles::slot(int a, int b) {
   return static_cast<int>(slopes_.size()) - 1;
 }
 
+/// Of the tendon's length [m/s].
+double Muscles::rate_of(const Tendon& tendon, std::span<const double> u) const {
+  const double* r = arms_.arm() + tendon.first;
+  const int* dof = arms_.dof() + tendon.first;
+  double out = 0;
+  for (std::size_t i = 0; i < tendon.count; ++i) out -= r[i] * u[at(dof[i])];
+  return out;
+}
+
 /// Tension at the start and its slope, into torques and B.
 void Muscles::pull(Tendon& tendon, std::span<const double> u, double activation) {
-  const auto& arms = tendon.path->arms;
-  const double* r = tendon.at.arm.data();
-  double rate = 0;
-  for (std::size_t i = 0; i < arms.size(); ++i) rate -= r[i] * u[at(arms[i].dof)];
-  tendon.rate = rate;
+  const double* r = arms_.arm() + tendon.first;
+  const int* dof = arms_.dof() + tendon.first;
+  const double* bend = arms_.bend() + tendon.first;
+  const double excursion = arms_.excursion(static_cast<std::size_t>(&tendon - tendons_.data()));
+  const double rate = tendon.rate = rate_of(tendon, u);
   if (tendon.muscle) {
-    const model::Tension found = model::tension(*tendon.muscle, tendon.at.excursion, rate, activation);
+    const model::Tension found = model::tension(*tendon.muscle, excursion, rate, activation);
     tendon.force = found.force;
     tendon.slope = step_ * std::max(0.0, found.stiffness) + found.damping;
     // The length at the step's end, at the rate of its start.
     tendon.force = std::max(0.0, tendon.force + step_ * found.stiffness * rate);
   } else {
     const model::Ligament& band = *tendon.ligament;
-    const double x = -tendon.at.excursion - band.rest;
+    const double x = -excursion - band.rest;
     const bool slack = !band.both_ways && x + step_ * rate <= 0;
     tendon.force = slack ? 0 : band.stiffness * (x + step_ * rate) + band.damping * rate;
     tendon.slope = slack ? 0 : step_ * band.stiffness + band.damping;
     if (!band.both_ways) tendon.force = std::max(0.0, tendon.force);
   }
   if (tendon.force == 0 && tendon.slope == 0) return;
-  std::size_t pair = 0;
-  for (std::size_t i = 0; i < arms.size(); ++i) {
-    const auto dof = at(arms[i].dof);
-    torques_[dof] += r[i] * tendon.force;
-    double& own = slopes_[at(diagonal_[dof])].value;
+  const int* slot = tendon.slots.data();
+  for (std::size_t i = 0; i < tendon.count; ++i) {
+    torques_[at(dof[i])] += r[i] * tendon.force;
+    double& own = slopes_[at(tendon.own[i])].value;
     // An arm that grows against the motion holds the coordinate like a spring.
-    own += r[i] * r[i] * tendon.slope + step_ * std::max(0.0, -tendon.at.bend[i] * tendon.force);
-    for (std::size_t j = 0; j < i; ++j, ++pair) {
+    own += r[i] * r[i] * tendon.slope + step_ * std::max(0.0, -bend[i] * tendon.force);
+    for (std::size_t j = 0; j < i; ++j, ++slot) {
       const double entry = r[i] * r[j] * tendon.slope;
-      if (const int slot = tendon.slots[pair]; slot != kNoSlot) {
-        slopes_[at(slot)].value += entry;
+      if (*slot != kNoSlot) {
+        slopes_[at(*slot)].value += entry;
       } else {
         own += std::abs(entry);
-        slopes_[at(diagonal_[at(arms[j].dof)])].value += std::abs(entry);
+        slopes_[at(tendon.own[j])].value += std::abs(entry);
       }
     }
   }
@@ -108,9 +118,9 @@ void Muscles::begin(std::span<const double> q, std::span<const double> u,
                     std::span<const double> excitations) {
   std::fill(torques_.begin(), torques_.end(), 0.0);
   for (Slope& each : slopes_) each.value = 0;
+  arms_.evaluate(q);
   std::size_t muscle = 0;
   for (Tendon& tendon : tendons_) {
-    tendon.at = path_state(*tendon.path, q);
     double activation = 0;
     if (tendon.muscle) {
       double& now = activation_[muscle];
@@ -132,10 +142,7 @@ void Muscles::by_coordinate(std::span<const double> u, std::span<const double> g
 }
 
 double Muscles::tension_at(const Tendon& tendon, std::span<const double> u) const {
-  double rate = 0;
-  for (std::size_t i = 0; i < tendon.path->arms.size(); ++i)
-    rate -= tendon.at.arm[i] * u[at(tendon.path->arms[i].dof)];
-  return tendon.force + tendon.slope * (rate - tendon.rate);
+  return tendon.force + tendon.slope * (rate_of(tendon, u) - tendon.rate);
 }
 
 void Muscles::end(std::span<const double> q, std::span<const double> u, model::State& state) const {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "handsim/engine/engine.h"
+#include "handsim/engine/packed_arms.h"
 
 namespace handsim::engine {
 
@@ -54,18 +55,20 @@ class Muscles {
     const model::TendonPath* path = nullptr;
     const model::Muscle* muscle = nullptr;
     const model::Ligament* ligament = nullptr;
-    std::vector<int> slots;  ///< of slopes_, pair by pair of its arms; -1 - row: bounded on the diagonals
+    std::size_t first = 0, count = 0;  ///< of its arms, in arms_
+    std::vector<int> own;              ///< of slopes_, the diagonal of each arm
+    std::vector<int> slots;  ///< of slopes_, pair by pair of its arms; kNoSlot: bounded on the diagonals
     // Of the step.
-    model::PathState at;
     double force = 0, slope = 0, rate = 0;
   };
   int slot(int a, int b);
+  double rate_of(const Tendon& tendon, std::span<const double> u) const;
   void pull(Tendon& tendon, std::span<const double> u, double activation);
   double tension_at(const Tendon& tendon, std::span<const double> u) const;
 
   double step_;
   std::vector<Tendon> tendons_;
-  std::vector<int> diagonal_;  ///< slot of each dof, or -1
+  PackedArms arms_;  ///< of the tendons, in their order
   std::vector<Slope> slopes_;
   std::vector<double> torques_;
   std::vector<double> activation_;

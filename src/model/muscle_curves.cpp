@@ -73,7 +73,10 @@ Tension tension(const Muscle& muscle, double excursion, double rate, double acti
   const Fibre fibre = fibre_at(muscle, excursion);
   const double l = fibre.length / muscle.fibre_length, per = fibre.cosine / muscle.fibre_length;
   const double top = (0.25 + 0.75 * activation) * muscle.max_speed;
-  const Curve fl = active_length(l), fp = passive_length(l), fv = speed(rate * per / top);
+  const Curve fp = passive_length(l);
+  // A resting muscle has the passive part alone.
+  const Curve fl = activation > 0 ? active_length(l) : Curve{};
+  const Curve fv = activation > 0 ? speed(rate * per / top) : Curve{};
   const double strength = muscle.force * fibre.cosine;
   const double drag = kPassiveDamping * fp.value / muscle.max_speed;
   const double force = activation * fl.value * fv.value + fp.value + drag * rate * per;

@@ -54,6 +54,9 @@ TEST(DayAtTheBench, BadInputIsRefusedWithItsPlace) {
               "time[s],right.wrist.x[m],right.wrist.y[m],right.wrist.z[m]\n0,,,\n");
   expect(run_program({"track", (folder.path() / "empty.csv").string(), "--out", out}),
          "no three frames that show the palm");
+  test::write(folder.path() / "names.csv", "time[s],wrist.x[m],wrist.y[m],wrist.z[m]\n0,1,2,3\n");
+  expect(run_program({"track", (folder.path() / "names.csv").string(), "--out", out}),
+         "no point of a hand, but wrist");
   expect(run_program({"inverse", source("config/two_hands.yaml"), "--out", out}),
          "a motion file, or programs of the scene");
   expect(run_program({"inverse", source("config/dropped_hand.yaml"), "--motion", "x.csv", "--out", out}),

@@ -25,6 +25,25 @@ TEST(Validate, ShippedHandHasTheRequiredMeasurements) {
   for (const ValidateRow& row : result.rows) EXPECT_TRUE(std::isfinite(row.ours)) << row.of->name;
 }
 
+// Oracle: the steps of a run of 0.1 s at 1 ms. Without a folder for runs the row is not measured, and said to
+// be left out.
+TEST(Validate, MeasuresSimulationsWhereAsked) {
+  const test::TemporaryFolder folder;
+  const auto file = folder.path() / "own.yaml";
+  std::ofstream(file)
+      << head()
+      << "  - {name: steps, kind: simulation, scene: " << test::source("config/two_hands.yaml").string()
+      << ", set: [duration=0.1, \"solver.step=1 ms\"], figure: counts.steps, unit: \"1\", measured: 100, "
+         "spread: 0.5, source: s, required: true}\n";
+  const ValidateSpec spec = load_validate(file);
+  const ValidateResult left_out = run(spec), run_too = run_validate(spec, folder.path() / "runs");
+  EXPECT_FALSE(left_out.rows.at(0).measured);
+  EXPECT_NE(validate_table(spec, left_out).find("1 rows are simulations, which --runs runs"),
+            std::string::npos);
+  EXPECT_EQ(run_too.rows.at(0).ours, 100);
+  EXPECT_TRUE(run_too.rows.at(0).within());
+}
+
 // Oracle: a required row with a value that the hand does not have fails, the same row without `required` does
 // not.
 TEST(Validate, FailsWhereARequiredRowFallsShort) {

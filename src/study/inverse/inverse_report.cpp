@@ -43,20 +43,30 @@ std::string panel(const InverseResult& result, const std::vector<std::size_t>& a
   return out;
 }
 
+/// A column of panels for each hand.
 Plot torque_plot(const scene::Scene& scene, const InverseResult& result) {
   const Panels panels = panels_of(result);
+  std::map<std::string, std::size_t> of_hand;
+  std::size_t rows = 0;
+  for (const auto& [key, axes] : panels) rows = std::max(rows, ++of_hand[key.first]);
   std::string commands = fmt::format(
-      "  set multiplot layout {},1 title '{}: torques of inverse dynamics'\n"
-      "set autoscale xfix\nset grid lc rgb '#d0d0d0'\nset key outside right top\nset lmargin 10\n"
-      "set rmargin 34\nset ylabel 'torque [N m]'\n",
-      panels.size(), output::plot_text(scene.spec.title));
-  std::size_t left = panels.size();
+      "  set multiplot layout {},{} columnsfirst downwards title '{}: torques of inverse dynamics'\n"
+      "set autoscale xfix\nset grid lc rgb '#d0d0d0'\nset key outside right top samplen 1.5\nset lmargin 11\n"
+      "set rmargin 27\nset ylabel 'torque [N m]'\n",
+      rows, of_hand.size(), output::plot_text(scene.spec.title));
+  std::string hand;
+  std::size_t left = 0;
   for (const auto& [key, axes] : panels) {
-    if (--left == 0) commands += "set xlabel 'time [s]'\n";
-    commands +=
-        fmt::format("set title '{} {}'\nplot {}\n", key.first, kGroups[key.second], panel(result, axes));
+    // A hand with fewer panels than the other leaves places empty.
+    for (; left > 0 && key.first != hand; --left) commands += "set multiplot next\n";
+    if (left == 0) left = rows;
+    hand = key.first;
+    commands += fmt::format("set xlabel '{}'\nset title '{} {}'\nplot {}\n", --left == 0 ? "time [s]" : "",
+                            key.first, kGroups[key.second], panel(result, axes));
   }
-  return {"torques", fmt::format("noenhanced size 1200,{} font 'DejaVu Sans,10'", 60 + 220 * panels.size()),
+  return {"torques",
+          fmt::format("noenhanced size {},{} font 'DejaVu Sans,10'", of_hand.size() > 1 ? 1500 : 1000,
+                      60 + 180 * rows),
           commands + "  unset multiplot\n"};
 }
 

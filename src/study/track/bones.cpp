@@ -74,6 +74,18 @@ void measure(const Recording& recording, const std::vector<Feature>& points, Dis
   distance.measured = std::sqrt(std::max(0.0, mean * mean - 2 * squares / distance.weight));
 }
 
+/// The longest distance on the palm is 5 to 15 cm: others are in another unit.
+void check_unit(const std::vector<Distance>& distances, const std::string& file) {
+  double longest = 0;
+  for (const Distance& each : distances)
+    if (!each.segment) longest = std::max(longest, each.measured);
+  if (longest < 0.02 || longest > 0.3)
+    throw input_error(
+        file, fmt::format("a palm of {:.3g} m", longest),
+        "one of 0.02 to 0.3 m: the unit stands behind a column's name, [m] or [mm], in .json as "
+        "\"unit\"");
+}
+
 /// Distances of the hand that is built with these dimensions, at zero angles.
 std::vector<double> built(const hand::HandSpec& spec, hand::Person person, double length, double breadth,
                           const std::vector<Distance>& distances) {
@@ -101,7 +113,8 @@ hand::Person fit_bones(const Recording& recording, const hand::HandSpec& spec, c
   std::erase_if(distances, [](const Distance& each) { return each.weight < 3; });
   if (std::none_of(distances.begin(), distances.end(), [](const Distance& each) { return !each.segment; }))
     throw input_error(recording.file, "no three frames that show the palm",
-                      "keypoints of the palm, or --person");
+                      "keypoints of the palm, or --keep-person");
+  check_unit(distances, recording.file);
   // The palm gives both dimensions, the bones then their own lengths. Distances are nearly linear in the
   // dimensions: Gauss-Newton from the predicted hand.
   const hand::HandSize predicted = hand::hand_size(spec.anthropometry, person);

@@ -2,6 +2,7 @@
 
 #include <dlfcn.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -32,6 +33,8 @@ std::vector<std::filesystem::path> places() {
 
 Solve load() {
   std::string why = "not found";
+  // OpenBLAS would start a thread for each core and reserve memory for it; the fits use one.
+  setenv("OPENBLAS_NUM_THREADS", "1", 0);
   for (const std::filesystem::path& folder : places()) {
     std::error_code none;
     if (!std::filesystem::exists(folder / kModule, none)) continue;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fmt/format.h>
+
 #include "handsim/core/error.h"
 
 namespace handsim::study {
@@ -195,10 +197,25 @@ class SizeFit {
   std::vector<std::vector<Used>> used_;
 };
 
+/// The markers of a hand lie 2 to 60 cm apart: others are in another unit.
+void check_marker_unit(const std::vector<HandFrames>& hands, const std::string& recording) {
+  double longest = 0;
+  for (const HandFrames& hand : hands)
+    for (const auto& frame : hand.frames)
+      for (const MeasuredPoint& a : frame)
+        if (a.point && frame.front().point)
+          longest = std::max(longest, (*a.point - *frame.front().point).norm());
+  if (longest > 0 && (longest < 0.02 || longest > 0.6))
+    throw input_error(
+        recording, fmt::format("markers of one hand up to {:.3g} m apart", longest),
+        "0.02 to 0.6 m: the unit is in the header of a .trc, behind the names of columns in a .csv");
+}
+
 }  // namespace
 
 hand::Person fit_bones_to_markers(const std::vector<HandFrames>& hands, const hand::HandSpec& spec,
                                   const hand::Person& person, const std::string& recording) {
+  check_marker_unit(hands, recording);
   SizeFit fit(hands, spec, person);
   if (fit.frames() < 3)
     throw input_error(recording, "fewer than three frames that show a hand",

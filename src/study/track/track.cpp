@@ -290,6 +290,7 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
   const double start = cpu_seconds();
   TrackResult out;
   out.times = recording.times;
+  out.warnings = recording_warnings(input, recording);
   out.person = measured_person(input, recording);
   const hand::BuiltHand hand = hand::build_hand(input.model, out.person);
   std::vector<HandTracker> trackers;
@@ -311,6 +312,8 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
   for (HandTracker& tracker : trackers) {
     tracker.finish();
     out.hands.push_back(tracker.take());
+    if (const std::string warning = swap_warning(out.hands.back()); !warning.empty())
+      out.warnings.push_back(warning);
   }
   out.cpu = cpu_seconds() - start;
   for (TrackedHand& tracked : out.hands) {

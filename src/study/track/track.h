@@ -80,7 +80,8 @@ struct TrackResult {
   std::vector<double> times;  ///< [s]
   hand::Person person;        ///< with the measured hand, if bones were fitted
   std::vector<TrackedHand> hands;
-  double cpu = 0;  ///< CPU time of the fits [s]
+  double cpu = 0;                     ///< CPU time of the fits [s]
+  std::vector<std::string> warnings;  ///< what looks wrong in the recording
 };
 
 /// @throws Error (input) for a recording that cannot be read or has no hand of the marker set.

@@ -3,7 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include <fmt/format.h>
+
 #include "handsim/core/error.h"
+#include "handsim/core/words.h"
 #include "handsim/engine/contact/overlap.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/spline.h"
@@ -59,6 +62,48 @@ void compare(const control::MotionTable& table, const std::vector<double>& times
   if (tracked.truth.empty())
     throw input_error(table.file, "no column of hand " + tracked.name,
                       "columns " + tracked.name + ".JOINT.AXIS");
+}
+
+std::vector<std::string> recording_warnings(const TrackInput& input, const Recording& recording) {
+  constexpr double kLongestInterval = 0.5;
+  constexpr std::size_t kMostNamed = 5;
+  std::vector<std::string> known, out;
+  if (input.markers)
+    for (const MarkerSpec& marker : input.markers->markers) known.push_back(marker.name);
+  else
+    for (const char* side : {"right.", "left."})
+      for (const std::string& name : keypoint_names()) known.push_back(side + name);
+  std::size_t unused = 0;
+  std::string names;
+  for (const auto& [name, channel] : recording.channels) {
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    if (++unused <= kMostNamed) names += (unused > 1 ? ", " : "") + name + nearest_hint(name, known);
+  }
+  if (unused > kMostNamed) names += ", ...";
+  if (unused == recording.channels.size())
+    throw input_error(recording.file, "no point of a hand, but " + names,
+                      input.markers
+                          ? "the names of --markers"
+                          : "keypoints such as right.wrist or left.0, or --markers with these names");
+  if (unused > 0)
+    out.push_back(fmt::format("{}: {} names that no hand uses: {}", recording.file, unused, names));
+  const double interval = (recording.times.back() - recording.times.front()) /
+                          static_cast<double>(std::max<std::size_t>(1, recording.times.size() - 1));
+  if (interval > kLongestInterval)
+    out.push_back(
+        fmt::format("{}: frames {:.3g} s apart: times in milliseconds? They are read as seconds, and "
+                    "no motion is followed over such gaps",
+                    recording.file, interval));
+  return out;
+}
+
+std::string swap_warning(const TrackedHand& tracked) {
+  if (tracked.frames.empty() || 2 * tracked.count(FrameStatus::swapped) < tracked.frames.size()) return {};
+  return fmt::format(
+      "{}: most frames have the shape of the other hand: it is a {} hand under the wrong name, or the axes "
+      "of the "
+      "recording are left-handed (such as y down with z away: change the sign of one of them)",
+      tracked.name, tracked.side == model::Side::right ? "left" : "right");
 }
 
 }  // namespace handsim::study

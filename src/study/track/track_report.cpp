@@ -160,7 +160,7 @@ Plot residual_plot(const TrackResult& result) {
       "  set datafile separator ','\nset grid lc rgb '#d0d0d0'\nset xlabel 'time [s]'\n"
       "set ylabel 'RMS distance [mm]'\nset key outside right top\nset title 'distance of the points from the "
       "fitted hand'\n"
-      "set yrange [0:*]\nplot ";
+      "set yrange [0:1e-3<*]\nplot ";
   std::size_t column = 2;
   int ink = 0;
   for (const TrackedHand& hand : result.hands) {
@@ -202,6 +202,7 @@ std::string track_json(const TrackInput& input, const TrackResult& result) {
   if (result.person.hand_breadth) person["hand_breadth_mm"] = 1e3 * *result.person.hand_breadth;
   for (const auto& [bone, length] : result.person.bones) person["bones_mm"][bone] = 1e3 * length;
   out["person"] = std::move(person);
+  out["warnings"] = result.warnings;
   out["hands"] = Json::array();
   for (const TrackedHand& hand : result.hands) {
     Json entry = {{"hand", hand.name}};

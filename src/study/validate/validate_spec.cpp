@@ -13,12 +13,19 @@ namespace handsim::study {
 namespace {
 
 const std::vector<std::pair<std::string_view, Measured>> kKinds = {
-    {"moment_arms", Measured::moment_arms},         {"excursion", Measured::excursion},
-    {"tip_force_share", Measured::tip_force_share}, {"tip_force", Measured::tip_force},
-    {"joint_moment", Measured::joint_moment},       {"passive_moment", Measured::passive_moment},
-    {"loaded_rotation", Measured::loaded_rotation}, {"coupled_angle", Measured::coupled_angle},
-    {"pulley_force", Measured::pulley_force},       {"hand_mass", Measured::hand_mass},
-    {"centre_of_mass", Measured::centre_of_mass},   {"gyration", Measured::gyration}};
+    {"moment_arms", Measured::moment_arms},
+    {"excursion", Measured::excursion},
+    {"tip_force_share", Measured::tip_force_share},
+    {"tip_force", Measured::tip_force},
+    {"joint_moment", Measured::joint_moment},
+    {"passive_moment", Measured::passive_moment},
+    {"loaded_rotation", Measured::loaded_rotation},
+    {"coupled_angle", Measured::coupled_angle},
+    {"pulley_force", Measured::pulley_force},
+    {"hand_mass", Measured::hand_mass},
+    {"centre_of_mass", Measured::centre_of_mass},
+    {"gyration", Measured::gyration},
+    {"simulation", Measured::simulation}};
 const ::handsim::Quantity kAngle = {Dimension::angle, -M_PI, M_PI};
 
 /// What the values of a kind are, and the unit they are printed in.
@@ -47,6 +54,7 @@ KindUnit unit_of(Measured kind) {
     case Measured::tip_force_share:
     case Measured::centre_of_mass:
     case Measured::gyration:
+    case Measured::simulation:
       return {Dimension::none, "1", 1};
   }
   return {Dimension::none, "1", 1};
@@ -93,7 +101,8 @@ class RowReader {
     row.name = reader.text("name");
     row.kind = reader.choice<Measured>("kind", kKinds);
     const bool kind_known = reader.sound();
-    row.person = known_name(reader, "person", people_, "a person of this file");
+    if (row.kind != Measured::simulation)
+      row.person = known_name(reader, "person", people_, "a person of this file");
     if (kind_known) read_kind(reader, row);
     row.source = reader.text("source");
     row.reason = reader.maybe_text("reason").value_or("");
@@ -113,6 +122,14 @@ class RowReader {
                     const std::vector<std::string>& known, const char* need) {
     if (!name.empty() && std::find(known.begin(), known.end(), name) == known.end())
       reader.problem(key, name, need + nearest_hint(name, known));
+  }
+
+  /// The scene's name is relative to this file.
+  static void read_simulation(MapReader& reader, Measurement& row) {
+    row.scene = std::filesystem::path(reader.node().place().file).parent_path() / reader.text("scene");
+    if (reader.has("set")) row.changes = reader.texts("set", 1, 100, "overrides such as duration=1");
+    row.figure = reader.text("figure");
+    row.unit = reader.text("unit");
   }
 
   void read_kind(MapReader& reader, Measurement& row) {
@@ -170,6 +187,9 @@ class RowReader {
         break;
       case Measured::gyration:
         direction({"sagittal", "transverse", "longitudinal"});
+        break;
+      case Measured::simulation:
+        read_simulation(reader, row);
         break;
       case Measured::hand_mass:
       case Measured::centre_of_mass:
