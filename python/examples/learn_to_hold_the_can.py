@@ -5,7 +5,7 @@
 The policy is a linear function of the can's shift and velocity: 20 joints times 7 numbers. In each generation every
 environment of one batch runs another disturbed policy for an episode; the policy moves along the sum of the disturbances
 weighted by the ranks of their returns (Salimans et al. 2017). Writes curve.csv, curve.png (with matplotlib or gnuplot),
-film_strip.png (before and after) and policy.npy.
+film_strip.png (before and after), policy.npy and, with ffmpeg, learned.mp4 and learned.gif: left before, right after.
 """
 import argparse
 import shutil
@@ -99,6 +99,18 @@ plot 'curve.csv' skip 1 using 1:2 with lines lw 2 title 'mean return', '' skip 1
 """)
 
 
+def draw_film(scene, films, folder):
+    """Both episodes side by side: in real time, and as a small GIF at half the speed."""
+    if not shutil.which("ffmpeg"):
+        return print("no learned.mp4: ffmpeg is not installed")
+    frames = [list(film.values()) for film in films]
+    sides = [scene.draw_frames(each, size=(320, 240)) for each in frames]
+    both = [np.hstack(pair) for pair in zip(*sides)]
+    hs.save_video(both, folder / "learned.mp4", 50)
+    # Ten frames a second show 50 of the 100 steps.
+    hs.save_video(both[:50:2], folder / "learned.gif", 12.5)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--out", type=Path, default=Path("out/learn"))
@@ -115,18 +127,21 @@ def main():
     np.save(arguments.out / "policy.npy", policy)
     draw_curve(rows, arguments.out)
 
-    pictures, captions = [], []
+    pictures, captions, films = [], [], []
     for name, of in (("before", np.zeros_like(policy)), ("after", policy)):
         # The same new disturbances before and after.
-        watch = {step: None for step in (0, 4, 9, 49, 99)}
+        watch = {step: None for step in range(episodes.task.max_steps)}
         returns, held = episode(episodes, np.tile(of, (arguments.environments, 1, 1)), seed=1000, watch=watch)
         print(f"{name} learning: return {returns.mean():.1f}, held in {held.sum()} of {len(held)} new episodes")
-        if hs.has_pictures:
-            pictures += episodes.task.scene.draw_frames(list(watch.values()))
-            captions += [f"{name}, {0.02 * (step + 1):.2f} s" for step in watch]
-    if pictures:
-        hs.save_png(hs.contact_sheet(pictures, captions, "holding a can against random forces", 1400),
+        films.append(watch)
+        for step in (0, 4, 9, 49, 99):
+            pictures.append(watch[step])
+            captions.append(f"{name}, {0.02 * (step + 1):.2f} s")
+    if hs.has_pictures:
+        scene = episodes.task.scene
+        hs.save_png(hs.contact_sheet(scene.draw_frames(pictures), captions, "holding a can against random forces", 1400),
                     arguments.out / "film_strip.png")
+        draw_film(scene, films, arguments.out)
     print(f"files in {arguments.out}")
 
 

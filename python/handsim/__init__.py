@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 __version__: str = _core.version
 has_pictures: bool = _core.has_pictures
 """False in a build without OSMesa and EGL: nothing can be drawn."""
+has_reports: bool = _core.has_reports
+"""False in a build without three.js: runs have no reports."""
 
 
 def __getattr__(name: str) -> Any:
@@ -41,5 +43,5 @@ def __getattr__(name: str) -> Any:
 
 
 __all__ = ["Batch", "Bodies", "Contacts", "Error", "Fault", "Frame", "Hand", "Motion", "Problem", "Result", "Scene",
-           "Simulation", "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "gym", "has_pictures", "load",
-           "png", "report", "save_png", "save_video", "scenes", "study"]
+           "Simulation", "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "gym", "has_pictures", "has_reports",
+           "load", "png", "report", "save_png", "save_video", "scenes", "study"]

@@ -1,5 +1,6 @@
 # Types of the C++ module (src/python). Everything here is private: the package's classes stand in front of it.
 from os import PathLike
+from pathlib import Path
 from typing import Any, Callable, Optional, Sequence, Union
 
 import numpy as np

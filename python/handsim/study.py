@@ -219,7 +219,7 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
 def track(recording: PathText, *, person: Optional[PathText] = None, model: Optional[PathText] = None,
           markers: Optional[PathText] = None, truth: Optional[PathText] = None, fit_bones: bool = True,
           smooth: bool = True, noise: float = 0, seed: int = 1, out: Out = None, progress: Progress = None) -> Study:
-    """Inverse kinematics: joint angles (``tables["right"]``) and wrist poses (``tables["wrists"]``) of recorded hands.
+    """Inverse kinematics: joint angles (``tables["right"]``) and wrist poses (``tables["right_wrist"]``) of recorded hands.
 
     :param recording: 21 keypoints, markers or sensors: ``.csv``, ``.json`` or ``.trc``
     :param person: person file; None: the median man

@@ -45,6 +45,8 @@ def write_pages():
     run('run', scene, '--out', folder / 'b', '--report', *short, '--set', 'gravity=[0, 0, -3]')
     run('run', scene, '--out', folder / 'failed', '--report', *short, '--set', 'criteria.joint_gap=1e-9', status=(1,))
     run('run', 'config/dropped_hand.yaml', '--out', folder / 'dropped', '--report', '--quiet', '--set', 'duration=0.5 s', status=(0, 1))
+    run('run', 'config/dropped_hand.yaml', '--out', folder / 'followed', '--report', '--quiet', '--set', 'duration=2 s', '--set',
+        'pictures.follow=true', status=(0, 1))
     run('report', folder / 'a', folder / 'b', '--out', folder / 'both.html')
     hostile = folder / 'hostile.yaml'
     run('run', scene, '--out', folder / 'hostile', '--report', *short, '--set', 'title=' + HOSTILE)
@@ -188,6 +190,27 @@ class Pages(unittest.TestCase):
         shown = self.pixels()
         self.driver.find_element(By.TAG_NAME, 'body').send_keys('c', 'f')
         self.assertGreater(self.differing(shown, self.pixels()), 5)
+
+    def test_the_camera_follows_the_hand(self):
+        self.open('followed/report.html')
+        where = """const palm = handsimReport.data.runs[0].scene.bodies.findIndex(b => b.name.endsWith('palm'));
+            handsimReport.seek(arguments[0]); handsimReport.view.render(); return handsimReport.view.onScreen(palm)[1]"""
+        self.script(where, 0)
+        followed = self.script(where, 2)
+        labels = [label for label in self.driver.find_elements(By.CSS_SELECTOR, '#layers label') if label.text == 'follow the hand']
+        self.script(where, 0)
+        labels[0].click()
+        # The first half second has the fall; the camera that follows frames the hand on the ground afterwards.
+        self.assertLess(abs(followed), 0.5)
+        self.assertGreater(followed - self.script(where, 2), 0.1)
+
+    def test_curves_have_the_colours_of_their_fingers(self):
+        self.open('a/report.html')
+        thumb = [label for label in self.driver.find_elements(By.CSS_SELECTOR, '#layers label') if label.text == 'thumb'][0]
+        swatch = self.script("return getComputedStyle(arguments[0].querySelector('.swatch')).backgroundColor", thumb)
+        line = self.script("return getComputedStyle([...document.querySelectorAll('.plot .keys button')]"
+                           ".find(b => b.textContent.includes('thumb_ip')).querySelector('i')).borderTopColor")
+        self.assertEqual(swatch, line)
 
     def test_parts_can_be_hidden(self):
         self.open('a/report.html')

@@ -209,22 +209,34 @@ const Scene = (() => {
     void main() {
       vec2 footprint = 1.2 * fwidth(at) / spacing;
       float far = length(at - centre) / fade;
-      float fine = lines(5.0 * at / spacing, 5.0 * footprint, 0.04), coarse = lines(at / spacing, footprint, 0.0136);
+      float coarse = lines(at / spacing, footprint, 0.0136), fine = 0.0;
+    #ifndef PLAIN
+      fine = lines(5.0 * at / spacing, 5.0 * footprint, 0.04);
+    #endif
       float albedo = 1.0 - max(0.10 * fine, 0.22 * coarse) * (1.0 - smoothstep(0.2, 0.8, far));
       gl_FragColor = vec4(vec3(0.915, 0.915, 0.91) * albedo, 1.0 - smoothstep(0.25, 1.0, far));
     }`;
 
-  /** A floor with lines that fades, and a plane that only has shadows. */
-  function floor(height, centre, radius) {
-    const fade = 7 * radius;
+  /**
+   * A floor with lines that fades, and a plane that only has shadows.
+   * @param box of all that casts shadows. @param sun direction towards the light. @param plain with the coarse lines alone
+   */
+  function floor(height, centre, radius, box, sun, plain) {
+    const fade = 7 * radius, low = new THREE.Vector2(Infinity, Infinity), high = low.clone().negate();
+    for (const z of [Math.max(height, box.min.z), Math.max(height, box.max.z)])
+      for (const corner of [box.min, box.max]) {
+        const at = new THREE.Vector2(corner.x, corner.y).addScaledVector(new THREE.Vector2(sun.x, sun.y), (height - z) / sun.z);
+        low.min(at);
+        high.max(at);
+      }
     const plane = new THREE.Mesh(new THREE.PlaneBufferGeometry(2 * fade, 2 * fade), new THREE.ShaderMaterial({
       uniforms: {centre: {value: new THREE.Vector2(centre.x, centre.y)}, fade: {value: fade}, spacing: {value: 10 ** Math.floor(Math.log10(3 * radius))}},
-      vertexShader: floorVertex, fragmentShader: floorFragment, transparent: true, depthWrite: false, extensions: {derivatives: true}}));
+      vertexShader: floorVertex, fragmentShader: plain ? '#define PLAIN\n' + floorFragment : floorFragment, transparent: true, depthWrite: false, extensions: {derivatives: true}}));
     plane.position.set(centre.x, centre.y, height);
     plane.renderOrder = -2;
-    const shadow = new THREE.Mesh(new THREE.PlaneBufferGeometry(4.4 * radius, 4.4 * radius),
+    const shadow = new THREE.Mesh(new THREE.PlaneBufferGeometry(high.x - low.x, high.y - low.y),
       new THREE.ShadowMaterial({opacity: 0.4, depthWrite: false, color: 0x14181c}));
-    shadow.position.set(centre.x, centre.y, height + 1e-4);
+    shadow.position.set((low.x + high.x) / 2, (low.y + high.y) / 2, height + 1e-4);
     shadow.receiveShadow = true;
     shadow.renderOrder = -1;
     return [plane, shadow];
@@ -310,20 +322,25 @@ const Scene = (() => {
     return {target, turn, zoom, shift, place};
   }
 
-  /** Smallest box of everything that is near a hand, or of all without hands: for floor, light and shadows. */
+  /** Smallest boxes over the run: of the hands, or of all without hands, for floor and light; of all near them, for shadows. */
   function extent(run, move, camera) {
-    const box = new THREE.Box3(), p = new THREE.Vector3(), q = new THREE.Quaternion(), m = new THREE.Vector3();
+    const p = new THREE.Vector3(), q = new THREE.Quaternion(), m = new THREE.Vector3();
+    function include(box, shapes, near) {
+      for (const shape of shapes)
+        for (let i = 0; i < 9; ++i) {
+          move.pose(shape.body, move.start + i / 8 * (move.end - move.start), p, q);
+          m.set(...shape.pose.slice(0, 3)).applyQuaternion(q).add(p);
+          const reach = Math.hypot(...shape.half) + shape.round;
+          if (near(m, reach)) box.expandByPoint(m.clone().addScalar(reach)).expandByPoint(m.clone().addScalar(-reach));
+        }
+      return box;
+    }
     const held = run.scene.shapes.filter(shape => shape.hand);
-    for (const shape of held.length ? held : run.scene.shapes)
-      for (let i = 0; i < 9; ++i) {
-        move.pose(shape.body, move.start + i / 8 * (move.end - move.start), p, q);
-        m.set(...shape.pose.slice(0, 3)).applyQuaternion(q).add(p);
-        const reach = Math.hypot(...shape.half) + shape.round;
-        box.expandByPoint(m.clone().addScalar(reach)).expandByPoint(m.clone().addScalar(-reach));
-      }
+    const box = include(new THREE.Box3(), held.length ? held : run.scene.shapes, () => true);
     if (box.isEmpty()) box.expandByPoint(V(camera.target));
-    const centre = box.getCenter(new THREE.Vector3());
-    return {centre, radius: Math.max(0.02, 0.62 * box.getSize(new THREE.Vector3()).length())};
+    const centre = box.getCenter(new THREE.Vector3()), radius = Math.max(0.02, 0.62 * box.getSize(new THREE.Vector3()).length());
+    const shading = include(box.clone(), run.scene.shapes, (at, reach) => at.distanceTo(centre) + reach < 2.2 * radius);
+    return {centre, radius, shading};
   }
 
   /**
@@ -363,7 +380,7 @@ const Scene = (() => {
     const shown = {points: !!contacts, forces: !!contacts, trails: false, axes: false, ghost: true, floor: true};
     const hiddenParts = new Set(), hiddenHands = new Set();
 
-    const {centre, radius} = extent(main, motions[0], view);
+    const {centre, radius, shading} = extent(main, motions[0], view);
     let time = motions[0].start, dirty = true, picked = null, follow = false;
     const changed = () => { dirty = true; };
     const direction = V(view.up);
@@ -391,9 +408,10 @@ const Scene = (() => {
       controls.place();
     }
     reset();
-    world.add(...lights(camera, centre, radius, main.scene.ground !== null));
+    const lit = lights(camera, centre, radius, main.scene.ground !== null);
+    world.add(...lit);
     if (main.scene.ground !== null) {
-      layers.floor = floor(main.scene.ground, centre, radius);
+      layers.floor = floor(main.scene.ground, centre, radius, shading, lit[0].position.clone().sub(centre).normalize(), plain);
       world.add(...layers.floor);
     }
 
