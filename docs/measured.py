@@ -617,7 +617,7 @@ def torques_of(label):
             for i, name in enumerate(names) if name.endswith("_active")}
 
 
-def bench():
+def day_at_the_bench():
     rms = lambda values: math.sqrt(sum(value * value for value in values) / len(values))
     exact, noisy = (study_json("bench", label, "summary.json") for label in ("exact", "tracked"))
     flexion = lambda data: max(hand["finger_flexion_difference_rms_deg"] for hand in data["hands"])
@@ -646,7 +646,7 @@ def bench():
 
 
 # Name of the table -> the study whose files it needs, and the function that makes it.
-TABLES = {"bench": ("bench", bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+TABLES = {"bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),

@@ -17,6 +17,7 @@ from ._core import Frame, Motion, Snapshot
 from ._errors import Error, Fault, Problem
 from ._hand import Hand
 from ._pictures import contact_sheet, png, save_png
+from ._reports import report, save_video
 from ._result import Result, Verdict
 from ._scene import Scene, data_path, load, scenes
 from ._simulation import Bodies, Contacts, Simulation
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 __version__: str = _core.version
 has_pictures: bool = _core.has_pictures
-"""False in a build without OSMesa: nothing can be drawn."""
+"""False in a build without OSMesa and EGL: nothing can be drawn."""
 
 
 def __getattr__(name: str) -> Any:
@@ -41,4 +42,4 @@ def __getattr__(name: str) -> Any:
 
 __all__ = ["Batch", "Bodies", "Contacts", "Error", "Fault", "Frame", "Hand", "Motion", "Problem", "Result", "Scene",
            "Simulation", "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "gym", "has_pictures", "load",
-           "png", "save_png", "scenes", "study"]
+           "png", "report", "save_png", "save_video", "scenes", "study"]

@@ -2,8 +2,9 @@
 from __future__ import annotations
 
 import html
+from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Optional, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,6 +97,33 @@ class Result:
         """The trajectory as a frame. Needs pandas."""
         return self.trajectory.to_pandas()
 
+    def report(self, path: Union[str, "PathLike[str]", None] = None) -> str:
+        """The page of the run for a browser: motion in 3D, curves, verdicts; of a run in memory without contacts.
+
+        :param path: where it is written, too
+        :returns: its HTML
+        :raises Error: of kind input in a build without three.js
+        """
+        from tempfile import TemporaryDirectory
+
+        with TemporaryDirectory() as parent:
+            page = Path(parent) / "page.html"
+            _core.report([self.folder or self._write_files(Path(parent) / "run_in_memory")], page)
+            text = page.read_text().replace(f"{parent}/", "")
+        if path is not None:
+            Path(path).write_text(text)
+        return text
+
+    def _write_files(self, folder: Path) -> Path:
+        """The files from which a page is made."""
+        for name, content in self.scene._core.standalone().items():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_bytes(content)
+        (folder / "summary.json").write_text(self._summary)
+        assert self._rows is not None
+        np.savetxt(folder / "trajectory.csv", self._rows, "%.17g", ",", header=",".join(self._columns), comments="")
+        return folder
+
     def draw(self, *, size: Optional[tuple[int, int]] = None, view: Optional[str] = None,
              camera: Optional["Camera"] = None) -> list[Picture]:
         """A picture of each of `frames`; options as in `Scene.draw`."""
@@ -124,4 +152,11 @@ class Result:
 
     def _repr_html_(self) -> str:
         picture = html_picture(self.film_strip(), 960) if self.frames and _core.has_pictures else ""
-        return f"<p>{html.escape(repr(self)[9:-1])}</p>{self.verdict_table._repr_html_()}{picture}"
+        return f"<p>{html.escape(repr(self)[9:-1])}</p>{self.verdict_table._repr_html_()}{picture}{self._replay()}"
+
+    def _replay(self) -> str:
+        """The page of the run in a frame of its own; nothing where it cannot be made."""
+        if not _core.has_reports or self.simulated == 0:
+            return ""
+        return ('<iframe title="the run in 3D" width="100%" height="760" style="border: 1px solid #ccc" '
+                f'srcdoc="{html.escape(self.report())}"></iframe>')

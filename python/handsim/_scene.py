@@ -166,7 +166,8 @@ class Scene:
         return self._core.standalone()["resolved.yaml"].decode()
 
     def run(self, out: Union[str, "PathLike[str]", None] = None, *, frames: int = 12, poses: bool = False,
-            plots: bool = False, stop_lost: bool = False, progress: Progress = None) -> "Result":
+            plots: bool = False, report: bool = False, video: Union[str, "PathLike[str]", None] = None, fps: float = 30,
+            speed: float = 1, stop_lost: bool = False, progress: Progress = None) -> "Result":
         """Simulates the scene to its end, as ``handsim run``. Ctrl-C ends it within 0.1 s.
 
         :param out: folder for the files of ``handsim run``; None: nothing is written, and the result has the
@@ -174,6 +175,11 @@ class Scene:
         :param frames: pictures over the run; with a folder they are drawn and written
         :param poses: with a folder: pictures at the end of every hold or phase instead
         :param plots: with a folder: plots of a controlled scene by gnuplot
+        :param report: with a folder: ``report.html``, a page with the motion in 3D; contacts, energies and residuals
+            are recorded for it
+        :param video: with a folder: path of a video of the run, ``.mp4`` or ``.gif``
+        :param fps: frames in a second of video
+        :param speed: simulated seconds in a second of video
         :param stop_lost: ends once a grasped object has moved too far or is lost
         :param progress: called with the share done, 0..1
         :raises Error: of kind input for a scene that cannot run. A motion that diverges does not raise: see
@@ -182,11 +188,31 @@ class Scene:
         from ._result import Result
 
         if out is None:
+            if report or video is not None:
+                raise input_error("out", "none", "a folder for the files of report and video; in memory: "
+                                  "Result.report, Scene.video")
             return Result(self, _core.run(self._core, frames, stop_lost, progress))
         folder = Path(out)
         values = _core.run_to_folder(self._core, folder, frames if _core.has_pictures and not poses else 0, poses,
-                                     plots, stop_lost, progress)
+                                     plots, report, None if video is None else (Path(fspath(video)), fps, speed),
+                                     stop_lost, progress)
         return Result(self, values, folder)
+
+    def video(self, path: Union[str, "PathLike[str]"], time: Optional[float] = None, *, fps: float = 30,
+              speed: float = 1, size: Optional[tuple[int, int]] = None, view: Optional[str] = None,
+              camera: Optional[Camera] = None, progress: Progress = None) -> None:
+        """Simulates the scene and writes a video of it, as ``handsim render --video``, by the program ffmpeg.
+
+        :param path: ends in ``.mp4`` (H.264) or ``.gif``
+        :param time: end of the video [s]; None: `duration`
+        :param fps: frames in a second of video; at most 240, in a GIF 50
+        :param speed: simulated seconds in a second of video
+        :param size: and view, camera: as in `draw`
+        :param progress: called with the share done, 0..1
+        :raises Error: of kind input without pictures or without ffmpeg; of kind physics where the motion diverges
+        """
+        _core.film(self._core, (Path(fspath(path)), fps, speed), self.duration if time is None else time, size, view,
+                   camera, progress)
 
     def draw(self, time: float = 0, *, size: Optional[tuple[int, int]] = None, view: Optional[str] = None,
              camera: Optional[Camera] = None) -> Picture:

@@ -27,6 +27,7 @@ class Study:
         self.text = text
         """As the command prints it; may be empty."""
         self.tables: dict[str, Table] = {path.stem: read_csv(path) for path in sorted(folder.glob("*.csv"))}
+        self.tables.update({path.stem: read_sto(path) for path in sorted([*folder.glob("*.sto"), *folder.glob("*.mot")])})
         """Every table of the study by name."""
         self.summaries: dict[str, Any] = {path.stem: read_json(path) for path in sorted(folder.glob("*.json"))}
         """Every JSON file by name."""
@@ -79,6 +80,21 @@ def read_csv(path: PathText) -> Table:
     return rows_table(head, [[_value(text) for text in row] for row in rows])
 
 
+def read_sto(path: PathText) -> Table:
+    """A ``.sto`` or ``.mot`` file as a table of numbers; names are those of the file, angles in its unit."""
+    with open(path) as file:
+        for line in file:
+            if line.strip() == "endheader":
+                break
+        names = file.readline().rstrip("\n").split("\t")
+        rows = [[float(text) for text in line.split("\t")] for line in file if line.strip()]
+    return rows_table(names, rows)
+
+
+def _path(path: Optional[PathText]) -> Optional[Path]:
+    return None if path is None else Path(path)
+
+
 @contextmanager
 def _folder(out: Out) -> Iterator[Path]:
     if out is not None:
@@ -105,8 +121,9 @@ def effects(scene: Union[Scene, Source], overrides: Overrides = None, *, repeats
             progress: Progress = None) -> Study:
     """CPU time and influence of each effect of a scene. :param repeats: timed rounds, for the median"""
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
+    file = find_file(scene) if isinstance(scene, (str, PathLike)) else None
     with _folder(out) as folder:
-        return Study("effects", folder, _core.effects(of._core, folder, repeats, progress))
+        return Study("effects", folder, _core.effects(of._core, file, override_list(overrides), folder, repeats, progress))
 
 
 def contacts(*, out: Out = None, progress: Progress = None) -> Study:
@@ -170,4 +187,63 @@ def rollouts(study: PathText, overrides: Overrides = None, *, count: Optional[in
         return Study("rollouts", folder, text)
 
 
-__all__ = ["Study", "accuracy", "agreement", "contacts", "effects", "grasps", "read_csv", "rollouts", "stability"]
+def merge(folders: Union[PathText, Sequence[PathText]], *, out: Out = None) -> Study:
+    """The table of all shards of a study of rollouts (``handsim rollouts --shard``).
+
+    :param folders: of the shards, or the folder that has them
+    """
+    listed = [folders] if isinstance(folders, (str, PathLike)) else folders
+    with _folder(out) as folder:
+        return Study("rollouts", folder, _core.merge([Path(each) for each in listed], folder))
+
+
+def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion: Optional[PathText] = None,
+            names: Optional[PathText] = None, loads: Optional[PathText] = None, cutoff: Optional[float] = 6.0,
+            clamp: bool = False, check: bool = True, out: Out = None, progress: Progress = None) -> Study:
+    """Inverse dynamics: the torques about every axis that make a motion: ``tables["torques"]`` over time, and
+    ``tables["summary"]`` by axis.
+
+    :param motion: joint angles, ``.csv``, ``.mot`` or ``.sto``; None: the programs of the scene's control
+    :param names: file of the names that the motion's columns have
+    :param loads: forces from outside: a table of loads, or the contacts.csv of a run
+    :param cutoff: of the low-pass filter on the motion's angles [Hz]; None: no filter
+    :param clamp: moves angles beyond a stop to it
+    :param check: simulates with the torques
+    """
+    of = scene if isinstance(scene, Scene) else load(scene, overrides)
+    with _folder(out) as folder:
+        text = _core.inverse(of._core, folder, _path(motion), _path(names), _path(loads), cutoff, clamp, check, progress)
+        return Study("inverse", folder, text)
+
+
+def track(recording: PathText, *, person: Optional[PathText] = None, model: Optional[PathText] = None,
+          markers: Optional[PathText] = None, truth: Optional[PathText] = None, fit_bones: bool = True,
+          smooth: bool = True, noise: float = 0, seed: int = 1, out: Out = None, progress: Progress = None) -> Study:
+    """Inverse kinematics: joint angles (``tables["right"]``) and wrist poses (``tables["wrists"]``) of recorded hands.
+
+    :param recording: 21 keypoints, markers or sensors: ``.csv``, ``.json`` or ``.trc``
+    :param person: person file; None: the median man
+    :param model: hand model file; None: the anatomical hand
+    :param markers: marker set file, for markers and sensors; None: 21 keypoints
+    :param truth: known joint angles (``.mot``, ``.csv``), to compare with
+    :param fit_bones: fits hand length, breadth and bones to keypoints
+    :param noise: for trials: standard deviation of normal noise on every coordinate [m]
+    :param seed: of the noise
+    """
+    with _folder(out) as folder:
+        _core.track(Path(recording), folder, _path(person), _path(model), _path(markers), _path(truth), fit_bones, smooth,
+                    noise, seed, progress)
+        return Study("track", folder, "")
+
+
+def validate(measurements: Optional[PathText] = None, *, out: Out = None) -> Study:
+    """The hand beside measurements: moment arms, forces, moments, masses with their sources.
+
+    :param measurements: file of measurements; None: the shipped one
+    """
+    with _folder(out) as folder:
+        return Study("validate", folder, _core.validate(_path(measurements), folder))
+
+
+__all__ = ["Study", "accuracy", "agreement", "contacts", "effects", "grasps", "inverse", "merge", "read_csv", "read_sto",
+           "rollouts", "stability", "track", "validate"]

@@ -54,7 +54,8 @@ struct RunArguments {
   std::optional<std::uint64_t> expected_hash;
   bool poses = false;
   bool plots = false;
-  bool report = false;  ///< writes report.html
+  bool report = false;   ///< writes report.html
+  bool passing = false;  ///< the folder is removed afterwards, and is not named
   bool quiet = false;
   bool json = false;
   DrawArguments drawing;

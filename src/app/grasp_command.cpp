@@ -121,7 +121,7 @@ void add_reports(const study::GraspTables& tables, const std::filesystem::path& 
   };
   for (const study::GraspRow& row : tables.grasps) add(row);
   for (const study::ClimbRow& row : tables.climbs) add(row);
-  for (const std::filesystem::path& folder : folders) write_report(folder);
+  for (const std::filesystem::path& folder : folders) write_report({folder});
 }
 
 }  // namespace
@@ -132,11 +132,16 @@ int grasp_command(const GraspArguments& arguments) {
   study.scenes = arguments.scenes;
   study.out = arguments.out;
   study.overrides = arguments.overrides;
+  study.friction = arguments.friction;
+  if (arguments.side == "both")
+    study.sides = {"right", "left"};
+  else if (!arguments.side.empty())
+    study.sides = {arguments.side};
+  const study::StudyCommands commands = grasp_commands(study);
   if (arguments.report) {
     output::require_three();
     study.overrides.emplace_back("record.contacts=true");
   }
-  study.friction = arguments.friction;
   study.friction_search = arguments.friction_search;
   study.margin = arguments.margin;
   study.pictures = arguments.pictures;
@@ -145,23 +150,12 @@ int grasp_command(const GraspArguments& arguments) {
     throw input_error("--video", study.video->file.string(), "a name without a folder, such as grasp.mp4");
   study.gl = gl_of(arguments.drawing);
   study.draw_apart = true;
-  if (arguments.side == "both")
-    study.sides = {"right", "left"};
-  else if (!arguments.side.empty())
-    study.sides = {arguments.side};
   study::GraspTables tables;
   {
     ProgressBar bar;
     study.progress = [&bar](double share) { bar.show(share); };
     tables = study::run_grasps(study);
   }
-  study::StudyCommands commands{"handsim grasp"};
-  for (const std::filesystem::path& scene : arguments.scenes)
-    commands.study += " " + output::shell_word(scene.string());
-  if (!arguments.side.empty()) commands.study += " --side " + arguments.side;
-  if (arguments.friction) commands.study += fmt::format(" --friction {}", *arguments.friction);
-  for (const std::string& set : arguments.overrides) commands.study += " --set " + output::shell_word(set);
-  commands.study += " --out again";
   if (arguments.report) add_reports(tables, arguments.out);
   finish_study(arguments.out, commands, arguments.report);
   if (!tables.grasps.empty()) print_table(tables.grasps);

@@ -5,7 +5,6 @@
 #include "handsim/app/progress.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/scene/read/file_kind.h"
-#include "handsim/study/inverse/inverse.h"
 
 namespace handsim::app {
 
@@ -23,9 +22,7 @@ control::MotionNames load_names(const std::filesystem::path& path) {
 
 }  // namespace
 
-int inverse_command(const InverseArguments& arguments) {
-  const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
-  print_warnings(scene.warnings);
+study::InverseInput inverse_input(const InverseArguments& arguments) {
   study::InverseInput input;
   input.motion = arguments.motion;
   if (arguments.names) input.options.names = load_names(*arguments.names);
@@ -33,6 +30,13 @@ int inverse_command(const InverseArguments& arguments) {
   input.options.filter = arguments.cutoff;
   input.loads = arguments.loads;
   input.forward = !arguments.no_check;
+  return input;
+}
+
+int inverse_command(const InverseArguments& arguments) {
+  const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
+  print_warnings(scene.warnings);
+  const study::InverseInput input = inverse_input(arguments);
   const output::OutputFolder folder(arguments.out, study::inverse_files(), [&] {
     std::vector<std::filesystem::path> read = scene::files_read(scene);
     for (const auto& file : {arguments.motion, arguments.names, arguments.loads})

@@ -6,6 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "handsim/study/inverse/inverse.h"
+#include "handsim/study/track/track.h"
+
 namespace handsim::app {
 
 struct InverseArguments {
@@ -18,6 +21,8 @@ struct InverseArguments {
   bool no_check = false;
   bool json = false;
 };
+/// @throws Error (input) for a file of names that is none.
+study::InverseInput inverse_input(const InverseArguments& arguments);
 int inverse_command(const InverseArguments& arguments);
 
 struct TrackArguments {
@@ -30,6 +35,8 @@ struct TrackArguments {
   unsigned seed = 1;
   bool json = false;
 };
+/// @throws Error (input) with every problem of the files.
+study::TrackInput track_input(const TrackArguments& arguments);
 int track_command(const TrackArguments& arguments);
 
 }  // namespace handsim::app

@@ -1,10 +1,12 @@
 #include "handsim/app/report_command.h"
 
 #include <spawn.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <array>
+#include <cerrno>
 #include <cstdlib>
 
 #include "handsim/app/command_line.h"
@@ -22,13 +24,39 @@ namespace fs = std::filesystem;
 
 bool is_run(const fs::path& folder) { return fs::exists(folder / "trajectory.csv"); }
 
-/// A new folder for a run that is only looked at.
-fs::path temporary_folder() {
-  std::string name = (fs::temp_directory_path() / "handsim-XXXXXX").string();
-  if (!::mkdtemp(name.data()))
-    throw input_error(name, "no new folder", "a folder for temporary files (TMPDIR)");
-  return name;
+/// The user's own folder for pages that are only looked at. Other users cannot write into it.
+fs::path pages_folder() {
+  const fs::path out = fs::temp_directory_path() / ("handsim-" + std::to_string(::getuid()));
+  struct stat found {};
+  const bool made = ::mkdir(out.c_str(), 0700) == 0 || errno == EEXIST;
+  if (!made || ::lstat(out.c_str(), &found) != 0 || !S_ISDIR(found.st_mode) || found.st_uid != ::getuid() ||
+      (found.st_mode & 022U) != 0)
+    throw input_error(out.string(), "no folder that only you can write",
+                      "to remove it, or another folder for temporary files (TMPDIR)");
+  return out;
 }
+
+/// A new folder, which is removed with this object.
+class TemporaryFolder {
+ public:
+  explicit TemporaryFolder(const fs::path& parent) {
+    std::string name = (parent / "run-XXXXXX").string();
+    if (!::mkdtemp(name.data()))
+      throw input_error(name, "no new folder", "a folder for temporary files (TMPDIR)");
+    path_ = name;
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
 
 }  // namespace
 
@@ -36,12 +64,6 @@ void record_contacts(scene::Scene& scene) {
   if (!scene.spec.solver.effects.any_contact()) return;
   scene.spec.record_contacts = true;
   scene.spec.solver.contact_forces = true;
-}
-
-fs::path write_report(const fs::path& folder) {
-  const fs::path page = folder / simulation::kReportName;
-  output::write_file(page, simulation::run_report({folder}));
-  return page;
 }
 
 bool open_in_browser(const fs::path& page) {
@@ -54,34 +76,44 @@ bool open_in_browser(const fs::path& page) {
   return ::waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
 }
 
-int report_command(const ReportArguments& arguments) {
-  for (const fs::path& folder : arguments.folders)
+fs::path write_report(const std::vector<fs::path>& folders, const std::optional<fs::path>& out) {
+  for (const fs::path& folder : folders)
     if (!fs::is_directory(folder))
       throw input_error("report", folder.string(), "the folder of a run or study");
-  if (arguments.folders.size() > 2)
-    throw input_error("report", "more than two folders", "one run or study, or two runs to compare");
-  if (arguments.folders.size() == 2)
-    for (const fs::path& folder : arguments.folders)
+  if (folders.empty() || folders.size() > 2)
+    throw input_error("report", folders.empty() ? "no folder" : "more than two folders",
+                      "one run or study, or two runs to compare");
+  if (folders.size() == 2)
+    for (const fs::path& folder : folders)
       if (!is_run(folder)) throw input_error("report", folder.string() + ", no folder of a run", "two runs");
-  const fs::path page = arguments.out.value_or(arguments.folders.front() / simulation::kReportName);
-  const bool run = is_run(arguments.folders.front());
+  const fs::path page = out.value_or(folders.front() / simulation::kReportName);
   output::write_file(
-      page, run ? simulation::run_report(arguments.folders) : study::study_page(arguments.folders.front()));
-  print("{}\n", page.string());
+      page, is_run(folders.front()) ? simulation::run_report(folders) : study::study_page(folders.front()));
+  return page;
+}
+
+int report_command(const ReportArguments& arguments) {
+  print("{}\n", write_report(arguments.folders, arguments.out).string());
   return 0;
 }
 
 int view_command(const ViewArguments& arguments) {
   output::require_three();
+  const fs::path pages = pages_folder();
+  const TemporaryFolder folder(pages);
   RunArguments run;
   run.scene = arguments.scene;
   run.overrides = arguments.overrides;
-  run.out = temporary_folder();
-  run.report = true;
+  run.out = folder.path();
+  run.report = run.passing = true;
   const int status = run_scene_command(run);
-  const fs::path page = run.out / simulation::kReportName;
-  if (fs::exists(page) && (arguments.no_browser || !open_in_browser(page)))
-    print("open it in a browser: {}\n", page.string());
+  if (!fs::exists(run.out / simulation::kReportName)) return status;
+  // The browser may read the page after this program has ended.
+  const fs::path page = pages / (arguments.scene.stem().string() + ".html");
+  std::error_code failure;
+  fs::rename(run.out / simulation::kReportName, page, failure);
+  if (failure) throw output_error(page.string(), failure.message(), "a report of the run");
+  if (arguments.no_browser || !open_in_browser(page)) print("open it in a browser: {}\n", page.string());
   return status;
 }
 

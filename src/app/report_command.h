@@ -2,6 +2,8 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
+#include <vector>
 
 #include "handsim/app/commands.h"
 #include "handsim/scene/compile/scene.h"
@@ -11,9 +13,11 @@ namespace handsim::app {
 /// Sets what the report of a run shows beside its poses: contacts, where an effect of contact is on.
 void record_contacts(scene::Scene& scene);
 
-/// Writes FOLDER/report.html of a run or study; returns its path.
-/// @throws Error (input) for a folder of neither.
-std::filesystem::path write_report(const std::filesystem::path& folder);
+/// Writes the page of a run or study, or of two runs in comparison; returns its path.
+/// @param out absent: report.html in the first folder.
+/// @throws Error (input) for other folders, and for more than two.
+std::filesystem::path write_report(const std::vector<std::filesystem::path>& folders,
+                                   const std::optional<std::filesystem::path>& out = {});
 
 /// Opens a page in the browser of the desktop; false if there is none.
 bool open_in_browser(const std::filesystem::path& page);

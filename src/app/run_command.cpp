@@ -100,8 +100,8 @@ void print_climbs(const simulation::RunResult& result) {
   }
 }
 
-void print_result(const scene::Scene& scene, const simulation::RunResult& result,
-                  const std::filesystem::path& out) {
+/// @param files `; files in OUT`, or nothing.
+void print_result(const scene::Scene& scene, const simulation::RunResult& result, const std::string& files) {
   print("{}\n", scene.spec.title);
   print("  {:<16} {:>12} {:>12}  {:<12} {}\n", "criterion", "measured", "limit", "verdict", "where");
   for (const simulation::Verdict& v : result.verdicts) {
@@ -124,8 +124,8 @@ void print_result(const scene::Scene& scene, const simulation::RunResult& result
                            : result.failed()            ? "a criterion failed"
                            : result.missed()            ? "a criterion was NOT MEASURED: the run ended before"
                                                         : "every criterion held");
-  print("  {:.3g} s simulated in {:.3g} s ({:.0f} times real time); files in {}\n", result.simulated,
-        result.wall, result.wall > 0 ? result.simulated / result.wall : 0, out.string());
+  print("  {:.3g} s simulated in {:.3g} s ({:.0f} times real time){}\n", result.simulated, result.wall,
+        result.wall > 0 ? result.simulated / result.wall : 0, files);
 }
 
 /// Prints a line for each failed criterion, if there is no table.
@@ -154,7 +154,7 @@ scene::Scene scene_of(const RunArguments& arguments, bool& stop_lost) {
 /// A page that cannot be written is missing; the run's files are there.
 void add_report(const std::filesystem::path& out, simulation::RunResult& result) {
   try {
-    write_report(out);
+    write_report({out});
   } catch (const Error& error) {
     result.missing.push_back(std::string("report: ") + error.what());
   }
@@ -196,7 +196,7 @@ int run_scene_command(const RunArguments& arguments) {
   if (arguments.json)
     print_text(result.summary);
   else if (!arguments.quiet)
-    print_result(scene, result, arguments.out);
+    print_result(scene, result, arguments.passing ? "" : "; files in " + arguments.out.string());
   if (arguments.quiet) print_failures(result);
   if (result.fault) print_error("{}\n", Error(*result.fault).what());
   for (const std::string& what : result.missing) print_error("missing: {}\n", what);

@@ -147,6 +147,7 @@ void add_rollouts(CommandLine& line) {
   merge->add_option("folders", arguments->folders, "folders of --shard runs")->required();
   merge->add_option("--out", arguments->out, "folder for the table (default: the first of the folders)")
       ->check(check_path);
+  add_report_flag(*merge, *arguments);
   rollouts.parse_complete_callback([merge, study, out] {
     if (merge->parsed()) return;
     for (const CLI::Option* option : {study, out})

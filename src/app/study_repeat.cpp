@@ -87,6 +87,30 @@ study::StudyCommands stability_commands(const std::filesystem::path& file,
   return out;
 }
 
+study::StudyCommands grasp_commands(const study::GraspStudy& study) {
+  study::StudyCommands out{"handsim grasp"};
+  for (const std::filesystem::path& scene : study.scenes)
+    out.study += " " + output::shell_word(scene.string());
+  if (study.sides.size() == 2)
+    out.study += " --side both";
+  else if (!study.sides.empty())
+    out.study += " --side " + study.sides.front();
+  if (study.friction) out.study += fmt::format(" --friction {}", *study.friction);
+  for (const std::string& set : study.overrides) out.study += " --set " + output::shell_word(set);
+  out.study += " --out again";
+  return out;
+}
+
+study::StudyCommands rollouts_commands(const std::filesystem::path& file,
+                                       const std::vector<std::string>& overrides, std::optional<int> seed) {
+  study::StudyCommands out{command_text("rollouts", file, overrides)};
+  std::string row = command_text("run", file, overrides) + " --rollout {rollout}";
+  for (std::string* text : {&out.study, &row})
+    if (seed) *text += fmt::format(" --seed {}", *seed);
+  out.templates["rollouts.csv"] = row;
+  return out;
+}
+
 void finish_study(const std::filesystem::path& out, const study::StudyCommands& commands, bool report) {
   study::write_commands(out, commands);
   if (report) output::write_file(out / study::kPageFile, study::study_page(out));

@@ -7,7 +7,6 @@
 #include "handsim/core/data_folder.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/scene/read/file_kind.h"
-#include "handsim/study/track/track.h"
 
 namespace handsim::app {
 
@@ -24,6 +23,8 @@ auto load_kind(const std::filesystem::path& path, scene::FileKind kind, const Re
   print_warnings(diagnostics.warnings);
   return out;
 }
+
+}  // namespace
 
 study::TrackInput track_input(const TrackArguments& arguments) {
   study::TrackInput out;
@@ -47,6 +48,8 @@ study::TrackInput track_input(const TrackArguments& arguments) {
   out.truth = arguments.truth;
   return out;
 }
+
+namespace {
 
 void print_track(const study::TrackResult& result) {
   for (const study::TrackedHand& hand : result.hands) {

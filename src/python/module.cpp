@@ -52,6 +52,7 @@ PYBIND11_MODULE(_core, module) {
   bind_scene(module);
   bind_hand(module);
   bind_pictures(module);
+  bind_reports(module);
   bind_run(module);
   bind_simulation(module);
   bind_batch(module);

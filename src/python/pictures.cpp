@@ -3,6 +3,7 @@
 #include "handsim/python/bindings.h"
 #include "handsim/python/frame.h"
 #include "handsim/python/signals.h"
+#include "handsim/python/video_choice.h"
 #include "handsim/simulation/simulation.h"
 
 namespace handsim::python {
@@ -64,6 +65,24 @@ py::list draw_frames(const SceneHandle& of, const std::vector<Frame>& frames,
   return draw_all(*of.scene, std::move(moments), {size, std::move(view), camera});
 }
 
+/// A video of the scene from its start to a time [s].
+void film(const SceneHandle& of, const VideoChoice& video, double time,
+          std::optional<std::array<int, 2>> size, std::optional<std::string> view,
+          decltype(PictureChoice::camera) camera, const py::object& progress) {
+  scene::Scene shown = *of.scene;
+  shown.spec.pictures = chosen(of.scene->spec.pictures, {size, std::move(view), camera});
+  Signals signals(progress);
+  // Half of the share is the simulation's.
+  const auto poll = [&signals](double begin) {
+    return [&signals, begin](double share) { signals.poll(begin + share / 2); };
+  };
+  without_gil([&] {
+    const simulation::Film film = simulation::film_until(shown, video_of(video), time, poll(0));
+    film.write({}, poll(0.5));
+    return 0;
+  });
+}
+
 using Pixels = py::array_t<std::uint8_t, py::array::c_style | py::array::forcecast>;
 
 /// Pictures of one size on a page.
@@ -114,6 +133,8 @@ void bind_pictures(py::module_& module) {
   module.def("frame_at", &frame_at, py::arg("scene"), py::arg("time"));
   module.def("draw", &draw_frames, py::arg("scene"), py::arg("frames"), py::arg("size"), py::arg("view"),
              py::arg("camera"));
+  module.def("film", &film, py::arg("scene"), py::arg("video"), py::arg("time"), py::arg("size"),
+             py::arg("view"), py::arg("camera"), py::arg("progress"));
   module.def("contact_sheet", &sheet, py::arg("pictures"), py::arg("captions"), py::arg("title"),
              py::arg("width"));
 }

@@ -2,12 +2,15 @@
 
 #include <chrono>
 
+#include "handsim/app/report_command.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/output/report/page.h"
 #include "handsim/output/table/csv_rows.h"
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
 #include "handsim/python/frame.h"
 #include "handsim/python/signals.h"
+#include "handsim/python/video_choice.h"
 #include "handsim/simulation/run/output_size.h"
 #include "handsim/simulation/run/summary.h"
 #include "handsim/simulation/simulation.h"
@@ -133,18 +136,29 @@ py::dict run_scene(const SceneHandle& of, int frames, bool stop_lost, const py::
   return out;
 }
 
-/// With files, as `handsim run`.
+/// With files, as `handsim run`. @param video file, frames in a second, and speed; or None.
 py::dict run_to_folder(const SceneHandle& of, const std::filesystem::path& folder, int frames, bool poses,
-                       bool plots, bool stop_lost, const py::object& progress) {
+                       bool plots, bool report, const std::optional<VideoChoice>& video, bool stop_lost,
+                       const py::object& progress) {
   Signals signals(progress);
   simulation::RunOptions options;
   options.out = folder;
   options.frames = frames;
   options.pose_pictures = poses;
   options.plots = plots;
+  options.monitor = report;
+  if (video) options.video = video_of(*video);
   options.stop_lost = stop_lost;
   options.progress = [&signals](double share) { signals.poll(share); };
-  return result_dict(without_gil([&] { return simulation::run(*of.scene, options); }));
+  return result_dict(without_gil([&] {
+    if (!report) return simulation::run(*of.scene, options);
+    output::require_three();
+    scene::Scene scene = *of.scene;
+    app::record_contacts(scene);
+    simulation::RunResult result = simulation::run(scene, options);
+    app::write_report({folder});
+    return result;
+  }));
 }
 
 }  // namespace
@@ -153,7 +167,8 @@ void bind_run(py::module_& module) {
   module.def("run", &run_scene, py::arg("scene"), py::arg("frames"), py::arg("stop_lost"),
              py::arg("progress"));
   module.def("run_to_folder", &run_to_folder, py::arg("scene"), py::arg("folder"), py::arg("frames"),
-             py::arg("poses"), py::arg("plots"), py::arg("stop_lost"), py::arg("progress"));
+             py::arg("poses"), py::arg("plots"), py::arg("report"), py::arg("video"), py::arg("stop_lost"),
+             py::arg("progress"));
 }
 
 }  // namespace handsim::python

@@ -1,4 +1,8 @@
+#include "handsim/app/motion_command.h"
+#include "handsim/app/rollouts_command.h"
+#include "handsim/app/study_repeat.h"
 #include "handsim/core/data_folder.h"
+#include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/python/bindings.h"
 #include "handsim/python/signals.h"
@@ -9,6 +13,7 @@
 #include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/rollouts/rollouts.h"
 #include "handsim/study/stability/stability.h"
+#include "handsim/study/validate/validate.h"
 
 namespace handsim::python {
 
@@ -28,16 +33,21 @@ std::string accuracy(const path& study, const path& out, const std::optional<pat
     const study::AccuracyResult result = study::run_accuracy(spec, hooks.told);
     folder.clear();
     study::write_accuracy(spec, result, out);
+    app::finish_study(out, app::accuracy_commands(study, spec, result), false);
     return study::accuracy_table(result, spec.early);
   });
 }
 
-std::string effects_study(const SceneHandle& of, const path& out, int repeats, const py::object& progress) {
+/// @param file of the scene, for the commands that repeat it; absent: a scene that has none.
+std::string effects_study(const SceneHandle& of, const std::optional<path>& file,
+                          const std::vector<std::string>& overrides, const path& out, int repeats,
+                          const py::object& progress) {
   return run_study(progress, [&](StudyHooks& hooks) {
     const output::OutputFolder folder(out, study::effects_files());
     const study::EffectsResult result = study::run_effects(*of.scene, repeats, hooks.told);
     folder.clear();
     study::write_effects(*of.scene, result, out);
+    if (file) app::finish_study(out, app::effects_commands(*file, overrides, *of.scene, result), false);
     return study::effects_table(result);
   });
 }
@@ -48,6 +58,7 @@ std::string contacts(const path& out, const py::object& progress) {
     const auto rows = study::run_contact_cost(data_folder(), hooks.told);
     folder.clear();
     study::write_contact_cost(rows, out);
+    app::finish_study(out, {"handsim contacts --out again"}, false);
     return study::contact_cost_table(rows);
   });
 }
@@ -65,6 +76,7 @@ std::string stability(const path& study, const path& out, const std::vector<std:
     const study::StabilityResult result = study::run_stability(spec, options);
     folder.clear();
     study::write_stability(spec, result, out);
+    app::finish_study(out, app::stability_commands(study, result), false);
     if (pictures)
       if (const auto failure = study::draw_stability(result, out))
         throw output_error(out.string(), "no pictures: " + *failure, "memory, and room on the disk");
@@ -88,6 +100,7 @@ bool grasps(const std::vector<path>& scenes, const path& out, const std::vector<
     study.pictures = pictures;
     study.progress = hooks.told;
     const study::GraspTables tables = study::run_grasps(study);
+    app::finish_study(out, app::grasp_commands(study), false);
     return tables.passed() && tables.missing.empty();
   });
 }
@@ -128,16 +141,108 @@ std::string rollouts(const path& file, const path& out, std::optional<int> count
     study::Ranks alone;
     const study::RolloutsResult result =
         study::run_rollouts(study, options, alone, hooks.stop, [&] { folder.clear(); });
-    return result.done < result.size ? std::string() : study::rollouts_screen(result.table);
+    if (result.done < result.size) return std::string();
+    app::finish_study(out, app::rollouts_commands(file, overrides, seed), false);
+    return study::rollouts_screen(result.table);
   });
+}
+
+/// Of the shards in the folders.
+std::string merge(const std::vector<path>& folders, const path& out) {
+  return without_gil([&] {
+    const std::string commands = app::shard_commands(folders);
+    const study::Table table = study::merge_shards(folders);
+    const output::OutputFolder folder(out, study::rollout_files());
+    folder.clear();
+    study::write_rollouts(table, out);
+    if (!commands.empty()) output::write_file(out / study::kStudyFile, commands);
+    return study::rollouts_screen(table);
+  });
+}
+
+std::string inverse(const SceneHandle& of, const path& out, const app::InverseArguments& arguments,
+                    const py::object& progress) {
+  return run_study(progress, [&](StudyHooks& hooks) {
+    const study::InverseInput input = app::inverse_input(arguments);
+    const output::OutputFolder folder(out, study::inverse_files());
+    const study::InverseResult result = study::run_inverse(*of.scene, input, hooks.told);
+    folder.clear();
+    study::write_inverse(*of.scene, input, result, out);
+    return study::inverse_table(result) +
+           (result.fault ? "the check ended early: " + *result.fault + "\n" : "");
+  });
+}
+
+void track(const path& out, const app::TrackArguments& arguments, const py::object& progress) {
+  run_study(progress, [&](StudyHooks& hooks) {
+    const study::TrackInput input = app::track_input(arguments);
+    const output::OutputFolder folder(out, study::track_files());
+    const study::TrackResult result = study::run_track(input, hooks.told);
+    folder.clear();
+    study::write_track(input, result, out);
+    return 0;
+  });
+}
+
+std::string validate(const std::optional<path>& file, const path& out) {
+  return without_gil([&] {
+    const study::ValidateSpec spec =
+        study::load_validate(file.value_or(data_folder() / "config/validate.yaml"));
+    const output::OutputFolder folder(out, {"validate.csv"});
+    const study::ValidateResult result = study::run_validate(spec);
+    folder.clear();
+    output::write_file(out / "validate.csv", study::validate_csv(result));
+    return study::validate_table(spec, result);
+  });
+}
+
+void bind_motion(py::module_& module) {
+  using app::InverseArguments, app::TrackArguments;
+  module.def(
+      "inverse",
+      [](const SceneHandle& of, const path& out, const std::optional<path>& motion,
+         const std::optional<path>& names, const std::optional<path>& loads, std::optional<double> cutoff,
+         bool clamp, bool check, const py::object& progress) {
+        InverseArguments arguments;
+        arguments.motion = motion;
+        arguments.names = names;
+        arguments.loads = loads;
+        arguments.cutoff = cutoff;
+        arguments.clamp = clamp;
+        arguments.no_check = !check;
+        return inverse(of, out, arguments, progress);
+      },
+      py::arg("scene"), py::arg("out"), py::arg("motion"), py::arg("names"), py::arg("loads"),
+      py::arg("cutoff"), py::arg("clamp"), py::arg("check"), py::arg("progress"));
+  module.def(
+      "track",
+      [](const path& recording, const path& out, const std::optional<path>& person,
+         const std::optional<path>& model, const std::optional<path>& markers,
+         const std::optional<path>& truth, bool fit_bones, bool smooth, double noise, unsigned seed,
+         const py::object& progress) {
+        TrackArguments arguments;
+        arguments.recording = recording;
+        arguments.person = person;
+        arguments.model = model;
+        arguments.markers = markers;
+        arguments.truth = truth;
+        arguments.keep_person = !fit_bones;
+        arguments.no_smoothing = !smooth;
+        arguments.noise = noise;
+        arguments.seed = seed;
+        track(out, arguments, progress);
+      },
+      py::arg("recording"), py::arg("out"), py::arg("person"), py::arg("model"), py::arg("markers"),
+      py::arg("truth"), py::arg("fit_bones"), py::arg("smooth"), py::arg("noise"), py::arg("seed"),
+      py::arg("progress"));
 }
 
 }  // namespace
 
 void bind_studies(py::module_& module) {
   module.def("accuracy", &accuracy, py::arg("study"), py::arg("out"), py::arg("peers"), py::arg("progress"));
-  module.def("effects", &effects_study, py::arg("scene"), py::arg("out"), py::arg("repeats"),
-             py::arg("progress"));
+  module.def("effects", &effects_study, py::arg("scene"), py::arg("file"), py::arg("overrides"),
+             py::arg("out"), py::arg("repeats"), py::arg("progress"));
   module.def("contacts", &contacts, py::arg("out"), py::arg("progress"));
   module.def("stability", &stability, py::arg("study"), py::arg("out"), py::arg("cases"), py::arg("quick"),
              py::arg("threads"), py::arg("pictures"), py::arg("progress"));
@@ -149,6 +254,9 @@ void bind_studies(py::module_& module) {
              py::arg("progress"));
   module.def("rollouts", &rollouts, py::arg("study"), py::arg("out"), py::arg("count"), py::arg("seed"),
              py::arg("overrides"), py::arg("threads"), py::arg("resume"), py::arg("progress"));
+  module.def("merge", &merge, py::arg("folders"), py::arg("out"));
+  module.def("validate", &validate, py::arg("file"), py::arg("out"));
+  bind_motion(module);
 }
 
 }  // namespace handsim::python

@@ -117,17 +117,16 @@ TEST(QuietRun, NamesTheCriterionThatFails) {
 }
 
 #ifndef HANDSIM_SANITIZED  // sanitizers need more address space than the limits
-// Below 450 MB the libraries themselves do not load. With too little memory Mesa or LLVM end the drawing
-// process, in ways that differ from limit to limit.
+// With too little memory Mesa or LLVM end the drawing process, in ways that differ from limit to limit.
 TEST(LittleMemory, PreventsOnlyPictures) {
   const TemporaryFolder folder;
   const fs::path plenty = folder.path() / "plenty", out = folder.path() / "out",
                  picture = folder.path() / "x.png";
-  const std::string size = "pictures.size=[1600, 1200]";
-  const Words frames = {"--frames", "2", "--quiet", "--set", size};
+  const std::string small = "pictures.size=[320, 240]";
+  const Words frames = {"--frames", "2", "--quiet", "--set", small};
   ASSERT_EQ(run_program(run_into(plenty, frames)).status, 0);
   int missing = 0, drawn = 0;
-  for (rlim_t megabytes = 450; megabytes <= 1000; megabytes += 150) {
+  for (rlim_t megabytes = 250; megabytes <= 1000; megabytes += 50) {
     const auto limited = [&] {
       const rlimit limit{megabytes << 20U, megabytes << 20U};
       setrlimit(RLIMIT_AS, &limit);
@@ -145,7 +144,7 @@ TEST(LittleMemory, PreventsOnlyPictures) {
     for (const char* name : {"frame_000.png", "frame_001.png", "contact_sheet.png"})
       EXPECT_TRUE(status == 1 || text_of(out / name) == text_of(plenty / name)) << name;
     const int rendered =
-        status_with({"render", kScene, "--out", picture, "--set", size}, folder.path(), limited);
+        status_with({"render", kScene, "--out", picture, "--set", small}, folder.path(), limited);
     ASSERT_TRUE(rendered == 0 || rendered == 1) << rendered;
     EXPECT_EQ(fs::exists(picture), rendered == 0);
     fs::remove(picture);

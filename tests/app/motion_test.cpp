@@ -28,7 +28,9 @@ TEST(DayAtTheBench, LeadsFromKeypointsToTorquesAndBack) {
                                        path("true/trajectory.mot"), "--person",
                                        source("config/persons/median_woman.yaml"), "--json"});
   ASSERT_EQ(tracked.status, 0) << tracked.err;
-  for (const nlohmann::json& hand : nlohmann::json::parse(tracked.out).at("hands")) {
+  const nlohmann::json summary = nlohmann::json::parse(tracked.out);
+  ASSERT_EQ(summary.at("hands").size(), 2);
+  for (const nlohmann::json& hand : summary.at("hands")) {
     EXPECT_EQ(hand.at("tracked"), 76);
     EXPECT_LT(hand.at("difference_rms_deg").get<double>(), 0.01);
   }

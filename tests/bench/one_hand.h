@@ -26,9 +26,10 @@ struct Load {
 inline constexpr int kTurns = 64;
 
 /// @param self_contact tested; the palm is down then, so that the thumb does not come to rest on it
-inline Load one_hand(bool self_contact = false) {
+/// @param more effects, each after ", "
+inline Load one_hand(bool self_contact = false, const std::string& more = "") {
   Load out;
-  std::vector<std::string> changes = {"effects=[gravity, joint_stops, passive_tissue]"};
+  std::vector<std::string> changes = {"effects=[gravity, joint_stops, passive_tissue" + more + "]"};
   if (self_contact)
     changes = {"effects=[gravity, joint_stops, passive_tissue, self_contact, friction]",
                "hands.0.wrist.rotation.angle=0"};

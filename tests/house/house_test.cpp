@@ -99,7 +99,7 @@ TEST(House, ThirdPartyHeadersStayInTheirRooms) {
       {"hdf5.h", "study/rollouts/table_file"},
       {"Random123/", "environment/draws"},
       {"mpi.h", "study/rollouts/ranks"},
-      {"ceres/", "study/track/pose_fit"},
+      {"ceres/", "study/track/ceres_module"},
       {"mujoco/", "none"},
   };
   std::map<std::string, int> met;

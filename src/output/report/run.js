@@ -7,7 +7,8 @@
   const fingers = ['thumb', 'index', 'middle', 'ring', 'little', 'palm'];
   const css = list => '#' + list.map(c => Math.round(255 * (c <= 0.0031308 ? 12.92 * c : 1.055 * c ** (1 / 2.4) - 0.055)).toString(16).padStart(2, '0')).join('');
   const partColour = {};
-  for (const shape of main.scene.shapes) partColour[shape.part] = css(shape.colour);
+  // Nails and the like have tints of their own.
+  for (const shape of main.scene.shapes) if (!shape.mark) partColour[shape.part] = css(shape.colour);
   partColour.palm = '#8a6f52';
 
   const words = {held: ['✓ held', 'held'], failed: ['✗ FAILED', 'failed'], 'not measured': ['? NOT MEASURED', 'open'],
@@ -125,6 +126,7 @@
     }
     if (hands.length > 1) for (const hand of hands) out.push(check(`${hand} hand`, true, on => view.hideHand(hand, !on))[0]);
     for (const part of parts) out.push(check(part, true, on => view.hidePart(part, !on), css(main.scene.shapes.find(s => s.part === part).colour))[0]);
+    if (view.followsHand) out.push(check('follow the hand', true, on => view.followHand(on))[0]);
     out.push(check('follow the picked body', false, on => view.follow(on))[0]);
     return out;
   }

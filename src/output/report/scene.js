@@ -351,7 +351,7 @@ const Scene = (() => {
     const flatBodies = solids[0];
     for (const groups of solids) world.add(...groups);
     const partColours = {};
-    for (const shape of main.scene.shapes) partColours[shape.part] = colourOf(shape.colour);
+    for (const shape of main.scene.shapes) if (!shape.mark) partColours[shape.part] = colourOf(shape.colour);
     const paths = trails(main, motions[0], partColours);
     const axes = main.scene.axes.map(axis => {
       const out = arrow(V(axis.from), V(axis.to), axis.radius, colourOf(axis.colour));
@@ -368,9 +368,26 @@ const Scene = (() => {
     const changed = () => { dirty = true; };
     const direction = V(view.up);
     const controls = orbit(camera, canvas, Math.abs(direction.z) > 0.3 ? up.clone().multiplyScalar(Math.sign(direction.z)) : direction, changed, pick);
+    // The camera follows the hand as in a video: [target, distance] over time, on top of what the reader does to it.
+    const path = view.path && {times: floats(view.path.times), values: floats(view.path.values)};
+    const goal = new THREE.Vector3(), held = new THREE.Vector3();
+    let followHand = !!path, heldDistance = 1;
+    function followed(t) {
+      const row = Math.min(rowAt(path.times, t), Math.max(0, path.times.length - 2)), next = Math.min(row + 1, path.times.length - 1);
+      const share = next > row ? Math.min(1, Math.max(0, (t - path.times[row]) / (path.times[next] - path.times[row]))) : 0;
+      const mix = i => path.values[4 * row + i] + share * (path.values[4 * next + i] - path.values[4 * row + i]);
+      goal.set(mix(0), mix(1), mix(2));
+      return mix(3);
+    }
+    function hold() { heldDistance = followed(time); held.copy(goal); }
     function reset() {
       camera.position.copy(V(view.position));
       controls.target.copy(V(view.target));
+      if (followHand) {
+        hold();
+        camera.position.sub(controls.target).setLength(heldDistance).add(held);
+        controls.target.copy(held);
+      }
       controls.place();
     }
     reset();
@@ -402,6 +419,13 @@ const Scene = (() => {
         groups.forEach((group, body) => motions[r].pose(body, t, group.position, group.quaternion));
       });
       if (follow && picked !== null) controls.shift(flatBodies[picked].position.clone().sub(before));
+      else if (followHand) {
+        const distance = followed(time);
+        controls.shift(goal.clone().sub(held));
+        controls.zoom(distance / heldDistance);
+        held.copy(goal);
+        heldDistance = distance;
+      }
       if (contacts) marks.update(contacts.at(time));
       if (shown.trails) paths.update(time);
       changed();
@@ -456,7 +480,11 @@ const Scene = (() => {
       isShown: layer => shown[layer],
       hidePart(part, hidden) { hiddenParts[hidden ? 'add' : 'delete'](part); applyVisibility(); },
       hideHand(hand, hidden) { hiddenHands[hidden ? 'add' : 'delete'](hand); applyVisibility(); },
-      follow(on) { follow = on; if (on && picked !== null) controls.shift(flatBodies[picked].position.clone().sub(controls.target)); },
+      followsHand: followHand,
+      followHand(on) { followHand = on; if (on) hold(); },
+      /** Place of a body on the screen, -1 to 1 to the right and up. */
+      onScreen(body) { camera.updateMatrixWorld(); const at = flatBodies[body].position.clone().project(camera); return [at.x, at.y]; },
+      follow(on) { follow = on; if (!on && path) hold(); if (on && picked !== null) controls.shift(flatBodies[picked].position.clone().sub(controls.target)); },
       forceScale: contacts && contacts.largest > 0 ? marks.scale : null,
       hasContacts: !!contacts,
       /** Speed of a body's centre of mass over the nearest kept rows [m/s]. */

@@ -12,16 +12,11 @@
 
 namespace handsim::simulation {
 
-namespace {
+namespace {}  // namespace
 
-/// Contact points of the rows of a trajectory.
-struct ContactRows {
-  std::vector<engine::Contact> contacts;
-  std::vector<std::size_t> first;  ///< of each row, and the end
-};
-
-ContactRows read_contacts(const RunFiles& run) {
+std::optional<ContactRows> read_contacts(const RunFiles& run) {
   const std::filesystem::path path = run.folder / "contacts.csv";
+  if (!std::filesystem::exists(path)) return std::nullopt;
   std::map<std::string, int, std::less<>> shapes;
   for (std::size_t i = 0; i < run.scene.model.shapes.size(); ++i)
     shapes[run.scene.model.shapes[i].name] = static_cast<int>(i);
@@ -48,6 +43,8 @@ ContactRows read_contacts(const RunFiles& run) {
   return out;
 }
 
+namespace {
+
 /// Sums of normal forces by part of a hand, of parts that touch anything.
 std::vector<PartCurve> part_sums(const RunFiles& run, const ContactRows& rows) {
   const model::Model& model = run.scene.model;
@@ -64,8 +61,7 @@ std::vector<PartCurve> part_sums(const RunFiles& run, const ContactRows& rows) {
     }
   };
   for (std::size_t row = 0; row < run.times.size(); ++row)
-    for (std::size_t i = rows.first[row]; i < rows.first[row + 1]; ++i) {
-      const engine::Contact& contact = rows.contacts[i];
+    for (const engine::Contact& contact : rows.of(row)) {
       add(row, contact.shape_a, contact.normal_force());
       add(row, contact.shape_b, contact.normal_force());
     }
@@ -77,9 +73,10 @@ std::vector<PartCurve> part_sums(const RunFiles& run, const ContactRows& rows) {
 
 }  // namespace
 
-Json contacts_json(const RunFiles& run, std::vector<PartCurve>& sums) {
-  if (!std::filesystem::exists(run.folder / "contacts.csv")) return nullptr;
-  const ContactRows rows = read_contacts(run);
+Json contacts_json(const RunFiles& run, const std::optional<ContactRows>& contacts,
+                   std::vector<PartCurve>& sums) {
+  if (!contacts) return nullptr;
+  const ContactRows& rows = *contacts;
   sums = part_sums(run, rows);
   // Position and force of each contact, and its two shapes.
   constexpr double kBytes = 6 * 4 + 2 * 2;
@@ -92,8 +89,7 @@ Json contacts_json(const RunFiles& run, std::vector<PartCurve>& sums) {
   for (std::size_t row = 0; row < run.times.size(); row += stride) {
     times.push_back(static_cast<float>(run.times[row]));
     starts.push_back(static_cast<float>(values.size() / 6));
-    for (std::size_t i = rows.first[row]; i < rows.first[row + 1]; ++i) {
-      const engine::Contact& contact = rows.contacts[i];
+    for (const engine::Contact& contact : rows.of(row)) {
       const Vec3 force = shown_force(run.scene.model, contact);
       largest = std::max(largest, force.norm());
       for (const double x : contact.position) values.push_back(static_cast<float>(x));

@@ -3,12 +3,14 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include <nlohmann/json.hpp>
 
+#include "handsim/engine/engine.h"
 #include "handsim/model/state.h"
 #include "handsim/output/table/read_rows.h"
 #include "handsim/scene/compile/scene.h"
@@ -40,8 +42,20 @@ inline constexpr double kPoseTolerance = 1e-4;
 /// Bytes of numbers at most for poses, contacts and curves, before base64.
 inline constexpr double kPoseBytes = 0.9e6, kContactBytes = 0.45e6, kCurveBytes = 0.4e6;
 
+/// Contact points of the rows of a trajectory.
+struct ContactRows {
+  std::vector<engine::Contact> contacts;
+  std::vector<std::size_t> first;  ///< of each row, and the end
+
+  std::span<const engine::Contact> of(std::size_t row) const {
+    return std::span(contacts).subspan(first[row], first[row + 1] - first[row]);
+  }
+};
+/// contacts.csv; nothing if the run recorded none.
+std::optional<ContactRows> read_contacts(const RunFiles& run);
+
 /// Bodies, shapes in the colours of the pictures, joint axes, fingertips, camera and floor.
-Json scene_json(const RunFiles& run);
+Json scene_json(const RunFiles& run, const std::optional<ContactRows>& contacts);
 Json poses_json(const RunFiles& run);
 
 /// Normal forces of a hand's parts over time [N].
@@ -50,7 +64,8 @@ struct PartCurve {
   std::vector<double> values;  ///< at RunFiles::times
 };
 /// Contact points and forces; null if the run recorded none.
-Json contacts_json(const RunFiles& run, std::vector<PartCurve>& sums);
+Json contacts_json(const RunFiles& run, const std::optional<ContactRows>& contacts,
+                   std::vector<PartCurve>& sums);
 Json curves_json(const RunFiles& run, const std::vector<PartCurve>& sums);
 /// Phases of tasks, and events: times of figures, verdicts and faults.
 Json marks_json(const RunFiles& run);

@@ -18,15 +18,16 @@ std::string command_of(const RunFiles& run) {
 }
 
 Json run_json(const RunFiles& run) {
+  const std::optional<ContactRows> contacts = read_contacts(run);
   std::vector<PartCurve> sums;
   Json out = {{"name", run.folder.lexically_normal().string()},
               {"title", run.summary.value("title", "")},
               {"command", command_of(run)},
               {"resolved", run.resolved},
               {"summary", run.summary},
-              {"scene", scene_json(run)},
+              {"scene", scene_json(run, contacts)},
               {"poses", poses_json(run)},
-              {"contacts", contacts_json(run, sums)}};
+              {"contacts", contacts_json(run, contacts, sums)}};
   out["curves"] = curves_json(run, sums);
   out["marks"] = marks_json(run);
   return out;

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "handsim/core/index.h"
@@ -127,14 +128,54 @@ Json bodies_json(const model::Model& model) {
   return out;
 }
 
-/// Moments over the run for the camera, as many as a contact sheet shows.
-std::vector<Moment> moments_of(const RunFiles& run) {
-  constexpr std::size_t kMoments = 24;
+/// Moments over the run, evenly.
+std::vector<Moment> moments_of(const RunFiles& run, const std::optional<ContactRows>& contacts,
+                               std::size_t most) {
   std::vector<Moment> out;
-  const std::size_t rows = run.times.size();
-  for (std::size_t i = 0; i < std::min(kMoments, rows); ++i)
-    out.push_back({run.state(i * (rows - 1) / std::max<std::size_t>(1, std::min(kMoments, rows) - 1)), {}});
+  const std::size_t rows = run.times.size(), count = std::min(most, rows);
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t row = i * (rows - 1) / std::max<std::size_t>(1, count - 1);
+    out.push_back({run.state(row), {}});
+    if (contacts) out.back().contacts.assign(contacts->of(row).begin(), contacts->of(row).end());
+  }
   return out;
+}
+
+/// Times, targets and distances of a camera that follows the hand as in a video; null for one that stands.
+Json path_json(const std::vector<Moment>& moments, const std::vector<output::Camera>& cameras) {
+  std::vector<float> times, values;
+  bool moves = false;
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    const output::Camera& camera = cameras[i];
+    moves = moves || camera.target != cameras[0].target || camera.position != cameras[0].position;
+    times.push_back(static_cast<float>(moments[i].state.time));
+    for (const double x : camera.target) values.push_back(static_cast<float>(x));
+    values.push_back(static_cast<float>((camera.position - camera.target).norm()));
+  }
+  if (!moves) return nullptr;
+  return {{"times", output::base64(times)}, {"values", output::base64(values)}};
+}
+
+/// The camera of the start, and how it follows.
+Json camera_json(const RunFiles& run, const std::optional<ContactRows>& contacts, const Stage& stage) {
+  // As many as follow every motion of an arm.
+  constexpr std::size_t kMost = 400;
+  /// A camera looks this far ahead and back [s].
+  constexpr double kSmooth = 0.5;
+  const std::vector<Moment> moments = moments_of(run, contacts, kMost);
+  const double spacing = (run.times.back() - run.times.front()) /
+                         static_cast<double>(std::max<std::size_t>(1, moments.size() - 1));
+  const auto reach = spacing > 0 ? static_cast<std::size_t>(std::lround(kSmooth / spacing)) : 0;
+  const std::vector<output::Camera> along = cameras(run.scene, moments, reach);
+  Json path = path_json(moments, along);
+  const output::Camera& camera = path.is_null() ? stage.camera : along.front();
+  const auto& size = run.scene.spec.pictures.size;
+  return {{"position", numbers(camera.position)},
+          {"target", numbers(camera.target)},
+          {"up", numbers(camera.up)},
+          {"field_of_view", camera.field_of_view},
+          {"aspect", static_cast<double>(size[0]) / size[1]},
+          {"path", std::move(path)}};
 }
 
 /// Unit meshes of the pictures: points of the core and normals in turn, and triangles.
@@ -151,11 +192,11 @@ Json mesh_json(const output::Mesh& mesh) {
 
 }  // namespace
 
-Json scene_json(const RunFiles& run) {
+Json scene_json(const RunFiles& run, const std::optional<ContactRows>& contacts) {
   const model::Model& model = run.scene.model;
   const model::State start = model::initial_state(model);
-  const scene::PictureSpec& pictures = run.scene.spec.pictures;
-  const Stage stage = stage_of(run.scene, moments_of(run));
+  // As many as a contact sheet shows.
+  const Stage stage = stage_of(run.scene, moments_of(run, {}, 24));
   constexpr int kSides = 24;
   return {{"bodies", bodies_json(model)},
           {"shapes", shapes_json(model, start)},
@@ -167,12 +208,7 @@ Json scene_json(const RunFiles& run) {
             {"cylinder", mesh_json(output::cylinder_mesh(kSides))}}},
           {"ground", stage.ground ? Json(*stage.ground) : Json()},
           {"floor_is_drawn_only", !run.scene.spec.ground},
-          {"camera",
-           {{"position", numbers(stage.camera.position)},
-            {"target", numbers(stage.camera.target)},
-            {"up", numbers(stage.camera.up)},
-            {"field_of_view", stage.camera.field_of_view},
-            {"aspect", static_cast<double>(pictures.size[0]) / pictures.size[1]}}}};
+          {"camera", camera_json(run, contacts, stage)}};
 }
 
 Json poses_json(const RunFiles& run) {

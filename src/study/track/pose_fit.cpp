@@ -2,19 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <Eigen/SVD>
 
-#ifdef __GNUC__
-#pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wconversion"
-#pragma GCC diagnostic ignored "-Wshadow"
-#pragma GCC diagnostic ignored "-Wsign-conversion"
-#endif
-#include <ceres/ceres.h>
-#ifdef __GNUC__
-#pragma GCC diagnostic pop
-#endif
+#include "handsim/study/track/least_squares.h"
 
 namespace handsim::study {
 
@@ -50,12 +42,11 @@ Mat3 inverse_left_jacobian(const Vec3& r) {
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 /// The residuals of one frame for the solver; parameters: position, turn, angles.
-class FrameCost final : public ceres::CostFunction {
+class FrameCost {
  public:
-  FrameCost(HandTree& tree, const std::vector<Feature>& features) : tree_(tree), features_(features) {
-    mutable_parameter_block_sizes()->push_back(static_cast<int>(tree.size()));
-    set_num_residuals(static_cast<int>(3 * features.size()));
-  }
+  FrameCost(HandTree& tree, const std::vector<Feature>& features) : tree_(tree), features_(features) {}
+
+  int residuals() const { return static_cast<int>(3 * features_.size()); }
 
   void set(const std::vector<MeasuredPoint>* frame, const Quat& reference,
            const std::vector<bool>& rejected) {
@@ -70,15 +61,13 @@ class FrameCost final : public ceres::CostFunction {
     return features_[i].kind == Feature::Kind::point ? m.point.has_value() : m.orientation.has_value();
   }
 
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
-    const double* x = parameters[0];
+  void evaluate(const double* x, double* residuals, double* derivatives) const {
     const auto n = static_cast<Eigen::Index>(tree_.size());
     const Vec3 position(x[0], x[1], x[2]), turn(x[3], x[4], x[5]);
     const Mat3 rotation = (rotation_quaternion(turn) * reference_).toRotationMatrix();
     tree_.place({x + 6, tree_.size() - 6});
-    const bool derive = jacobians && jacobians[0];
-    Eigen::Map<RowMajor> jacobian(derive ? jacobians[0] : nullptr, derive ? num_residuals() : 0,
-                                  derive ? n : 0);
+    const bool derive = derivatives != nullptr;
+    Out jacobian(derivatives, derive ? this->residuals() : 0, derive ? n : 0);
     if (derive) jacobian.setZero();
     const Mat3 turning = derive ? left_jacobian(turn) : Mat3::Identity();
     for (std::size_t i = 0; i < features_.size(); ++i) {
@@ -91,7 +80,6 @@ class FrameCost final : public ceres::CostFunction {
       else
         sensor(i, rotation, turning, residual, derive ? &jacobian : nullptr, row);
     }
-    return true;
   }
 
  private:
@@ -156,32 +144,24 @@ struct PoseFit::Parts {
   std::vector<Feature> features;
   std::vector<double> x;
   FrameCost cost;
-  ceres::Problem problem;
-  ceres::Solver::Options options;
-
-  static ceres::Problem::Options borrowed() {
-    ceres::Problem::Options out;
-    out.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-    return out;
-  }
+  std::vector<double> low, high;  ///< by parameter
 
   Parts(HandTree of, std::vector<Feature> with)
-      : tree(std::move(of)),
-        features(std::move(with)),
-        x(tree.size(), 0.0),
-        cost(tree, features),
-        problem(borrowed()) {
-    problem.AddResidualBlock(&cost, nullptr, x.data());
-    for (std::size_t i = 0; i < tree.axes().size(); ++i) {
-      problem.SetParameterLowerBound(x.data(), static_cast<int>(6 + i), tree.axes()[i].low);
-      problem.SetParameterUpperBound(x.data(), static_cast<int>(6 + i), tree.axes()[i].high);
+      : tree(std::move(of)), features(std::move(with)), x(tree.size(), 0.0), cost(tree, features) {
+    constexpr double kNone = std::numeric_limits<double>::infinity();
+    low.assign(6, -kNone);
+    high.assign(6, kNone);
+    for (const TreeAxis& axis : tree.axes()) {
+      low.push_back(axis.low);
+      high.push_back(axis.high);
     }
-    options.linear_solver_type = ceres::DENSE_NORMAL_CHOLESKY;
-    options.max_num_iterations = 60;
-    options.function_tolerance = 1e-7;
-    options.parameter_tolerance = 1e-10;
-    options.logging_type = ceres::SILENT;
-    options.num_threads = 1;
+  }
+
+  void solve() {
+    const auto evaluate = [](const void* of, const double* at, double* residuals, double* jacobian) {
+      static_cast<const FrameCost*>(of)->evaluate(at, residuals, jacobian);
+    };
+    study::solve({evaluate, &cost, cost.residuals(), static_cast<int>(x.size()), low.data(), high.data()}, x);
   }
 
   void load(const HandPose& pose) {
@@ -201,8 +181,7 @@ struct PoseFit::Parts {
 
   void measure(FitResult& out) const {
     std::vector<double> residuals(3 * features.size());
-    const double* parameters = x.data();
-    cost.Evaluate(&parameters, residuals.data(), nullptr);
+    cost.evaluate(x.data(), residuals.data(), nullptr);
     out.squares = 0;
     out.residuals = 0;
     out.distances.assign(features.size(), std::nullopt);
@@ -233,8 +212,7 @@ FitResult PoseFit::fit(const std::vector<MeasuredPoint>& frame, const HandPose& 
   for (int round = 0;; ++round) {
     parts.cost.set(&frame, from.wrist.q, out.rejected);
     parts.load(from);
-    ceres::Solver::Summary summary;
-    ceres::Solve(parts.options, &parts.problem, &summary);
+    parts.solve();
     out.pose = parts.pose(from.wrist.q);
     parts.measure(out);
     const auto worst = std::max_element(out.distances.begin(), out.distances.end());
@@ -288,24 +266,26 @@ std::vector<std::optional<double>> PoseFit::distances(const std::vector<Measured
   return out.distances;
 }
 
-Linearised PoseFit::linearise(const std::vector<MeasuredPoint>& frame, const HandPose& pose,
-                              const std::vector<bool>& rejected) {
+Rows PoseFit::rows(const std::vector<MeasuredPoint>& frame, const HandPose& pose,
+                   const std::vector<bool>& rejected) {
   Parts& parts = *parts_;
   parts.cost.set(&frame, pose.wrist.q, rejected);
   parts.load(pose);
-  const auto n = static_cast<Eigen::Index>(parts.tree.size());
-  const Eigen::Index m = parts.cost.num_residuals();
-  Eigen::VectorXd residuals(m);
-  RowMajor jacobian(m, n);
-  const double* parameters = parts.x.data();
-  double* jacobians = jacobian.data();
-  parts.cost.Evaluate(&parameters, residuals.data(), &jacobians);
+  Eigen::VectorXd residuals(parts.cost.residuals());
+  RowMajor jacobian(parts.cost.residuals(), static_cast<Eigen::Index>(parts.tree.size()));
+  parts.cost.evaluate(parts.x.data(), residuals.data(), jacobian.data());
+  return {residuals / kScale, jacobian / kScale};
+}
+
+Linearised PoseFit::linearise(const std::vector<MeasuredPoint>& frame, const HandPose& pose,
+                              const std::vector<bool>& rejected) {
+  const Rows at = rows(frame, pose, rejected);
   Linearised out;
-  out.gradient = jacobian.transpose() * residuals / (kScale * kScale);
-  out.matrix = jacobian.transpose() * jacobian / (kScale * kScale);
-  out.squares = residuals.squaredNorm() / (kScale * kScale);
-  for (std::size_t i = 0; i < parts.features.size(); ++i)
-    if (parts.cost.used(i)) out.residuals += 3;
+  out.gradient = at.jacobian.transpose() * at.residuals;
+  out.matrix = at.jacobian.transpose() * at.jacobian;
+  out.squares = at.residuals.squaredNorm();
+  for (std::size_t i = 0; i < parts_->features.size(); ++i)
+    if (parts_->cost.used(i)) out.residuals += 3;
   return out;
 }
 

@@ -28,6 +28,12 @@ struct FitResult {
   std::vector<bool> rejected;                    ///< by feature: far from the rest, not used
 };
 
+/// Residuals [m] at a pose and their derivatives by its parameters; those of unused features are 0.
+struct Rows {
+  Eigen::VectorXd residuals;
+  Eigen::MatrixXd jacobian;
+};
+
 /// Gradient and matrix of the squared residuals in [m^2] by the parameters (position, turn about world axes,
 /// angles), Gauss-Newton.
 struct Linearised {
@@ -54,6 +60,7 @@ class PoseFit {
   std::vector<std::optional<double>> distances(const std::vector<MeasuredPoint>& frame, const HandPose& pose,
                                                const std::vector<bool>& rejected);
   /// At a pose, without the rejected features.
+  Rows rows(const std::vector<MeasuredPoint>& frame, const HandPose& pose, const std::vector<bool>& rejected);
   Linearised linearise(const std::vector<MeasuredPoint>& frame, const HandPose& pose,
                        const std::vector<bool>& rejected);
 

@@ -6,6 +6,7 @@
 #include <random>
 
 #include "handsim/core/error.h"
+#include "handsim/study/track/marker_bones.h"
 #include "handsim/study/track/track_checks.h"
 
 namespace handsim::study {
@@ -51,6 +52,24 @@ std::vector<std::vector<MeasuredPoint>> frames_of(const Recording& recording,
 }
 
 bool seen(const MeasuredPoint& measured) { return measured.point || measured.orientation; }
+
+/// The person with the size of the hand that the points show.
+hand::Person measured_person(const TrackInput& input, const Recording& recording) {
+  if (!input.fit_bones) return input.person;
+  if (!input.markers) return fit_bones(recording, input.model, input.person);
+  std::vector<HandFrames> hands;
+  for (const model::Side side : {model::Side::right, model::Side::left}) {
+    std::vector<Feature> features = features_of(*input.markers, input.model, side);
+    auto frames = frames_of(recording, features);
+    const bool points = std::any_of(frames.begin(), frames.end(), [](const auto& frame) {
+      return std::any_of(frame.begin(), frame.end(), [](const auto& each) { return each.point.has_value(); });
+    });
+    if (points) hands.push_back({side, std::move(features), std::move(frames)});
+  }
+  // Sensors of orientation do not show sizes.
+  return hands.empty() ? input.person
+                       : fit_bones_to_markers(hands, input.model, input.person, recording.file);
+}
 
 /// Tracks one hand.
 class HandTracker {
@@ -271,8 +290,7 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
   const double start = cpu_seconds();
   TrackResult out;
   out.times = recording.times;
-  out.person = input.person;
-  if (input.fit_bones && !input.markers) out.person = fit_bones(recording, input.model, input.person);
+  out.person = measured_person(input, recording);
   const hand::BuiltHand hand = hand::build_hand(input.model, out.person);
   std::vector<HandTracker> trackers;
   trackers.reserve(2);

@@ -29,7 +29,7 @@ struct TrackInput {
   hand::HandSpec model;
   std::filesystem::path model_file;
   hand::Person person;
-  bool fit_bones = true;   ///< from keypoints; with markers the person is taken as it is
+  bool fit_bones = true;   ///< from keypoints or markers; sensors alone show no sizes
   double outlier = 0.025;  ///< a point farther than this from the fit is left out [m]
   double limit = 0.01;     ///< a frame whose RMS distance is larger is marked as poor [m]
   bool smooth = true;

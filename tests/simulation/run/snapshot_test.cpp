@@ -2,18 +2,14 @@
 
 #include <gtest/gtest.h>
 
-#include <bit>
 #include <future>
-#include <map>
-#include <random>
-#include <set>
 
 #include <nlohmann/json.hpp>
 
 #include "handsim/core/archive.h"
 #include "handsim/simulation/run/run.h"
-#include "handsim/simulation/simulation.h"
 #include "scene_files.h"
+#include "simulation/run/snapshot_cases.h"
 #include "support/sanitized.h"
 
 namespace handsim::simulation {
@@ -22,90 +18,13 @@ namespace {
 using test::shipped_scene;
 using test::TemporaryFolder;
 using test::text_of;
-
-/// A scene, and after how many steps it is saved and how many follow.
-struct Case {
-  std::string name;
-  std::string scene;
-  std::vector<std::string> overrides;
-  int before = 700;
-  int after = 10'000;
-};
-
-void PrintTo(const Case& each, std::ostream* out) { *out << each.name; }
-
-const std::string kGuard =
-    "effects=[gravity, object_contact, self_contact, ground_contact, friction, joint_stops, passive_tissue]";
-/// Tight enough that the guard acts on landing.
-const std::string kTight = "solver.guard={joint_gap: \"20 um\"}";
-
-std::string controller(const std::string& name) {
-  return "control.controller=" + test::source("controllers/" + name + ".yaml").string();
-}
-
-std::vector<Case> cases() {
-  std::vector<Case> out;
-  for (const std::string method : {"world_step", "quick_step", "auto"}) {
-    out.push_back({"contact_" + method, "dropped_hand", {"solver.method=" + method}, 150});
-    out.push_back({"guard_" + method, "dropped_hand", {"solver.method=" + method, kGuard, kTight}, 150});
-  }
-  out.push_back({"projection", "two_hands", {"solver.projection=true"}, 200});
-  out.push_back({"controlled", "pose_tracking", {}, 1100});
-  out.push_back({"controlled_explicit", "pose_tracking", {controller("explicit")}, 1100});
-  out.push_back({"integral", "pose_tracking", {controller("integral")}, 1100});
-  for (const std::string method :
-       {"stabilised_gear", "lagrange_penalty", "euler_linearised", "euler_projected"})
-    out.push_back({method,
-                   "slider_crank_iftomm",
-                   {"solver={engine: dae, method: " + method + ", step: 0.2 ms}", "duration=3"},
-                   4100});
-  for (const std::string method : {"semi_implicit_euler", "rk4", "dormand_prince"})
-    out.push_back({"loop_" + method,
-                   "slider_crank_iftomm",
-                   {"solver={engine: articulated, method: " + method + ", step: 1 ms}"},
-                   700});
-  out.push_back({"articulated_stops",
-                 "two_hands",
-                 {"solver.engine=articulated", "solver.method=semi_implicit_euler"},
-                 200});
-  // Solved by sweeps that start from the impulses of the step before.
-  out.push_back({"articulated_contact",
-                 "dropped_hand",
-                 {"solver.engine=articulated", "solver.method=semi_implicit_euler"},
-                 150});
-  out.push_back({"articulated_grasp",
-                 "grasp_pinch",
-                 {"solver.engine=articulated", "solver.method=semi_implicit_euler",
-                  "effects=[gravity, object_contact, friction, joint_stops, passive_tissue, actuation, "
-                  "wrist_motion]"},
-                 3000});
-  out.push_back({"articulated_controlled",
-                 "pose_tracking",
-                 {"solver.engine=articulated", "solver.method=semi_implicit_euler"},
-                 1100});
-  out.push_back({"grasp", "grasp_pinch", {}, 3000});
-  // Its test of the grip is over then, and what has lost its hold falls ever faster.
-  out.push_back({"climb", "climb_half_crimp", {"solver.step=2 ms"}, 1500, 2000});
-  out.push_back({"contact_record", "dropped_hand", {"record.contacts=true"}, 150});
-  // A driven wrist: the integrator starts anew at keyframes, one of them within a step.
-  out.push_back(
-      {"dae_driven",
-       "dropped_hand",
-       {"hands.0.wrist={mount: driven, motion: {keyframes: [{time: 0, position: [0, 0, 0.2]}, {time: 0.1, "
-        "position: [0, 0, 0.3]}, {time: 0.2001, position: [0.1, 0, 0.2]}]}}",
-        "effects=[gravity, passive_tissue, wrist_motion]",
-        "solver={engine: dae, method: stabilised_gear, step: 0.9 ms, tolerance: 1e-5}"},
-       150});
-  return out;
-}
+using test_cases::Case;
+using test_cases::cases;
+using test_cases::steps;
 
 class EveryEngine : public ::testing::TestWithParam<Case> {};
 INSTANTIATE_TEST_SUITE_P(, EveryEngine, ::testing::ValuesIn(cases()),
                          [](const auto& each) { return each.param.name; });
-
-void steps(Simulation& simulation, int count) {
-  for (int i = 0; i < count; ++i) simulation.step();
-}
 
 /// All that a run shows of itself but the times it took, bit for bit: a snapshot less the clock's readings.
 void expect_same(const Simulation& a, const Simulation& b) {
@@ -305,168 +224,6 @@ TEST(Snapshot, OfAnotherSceneIsRefusedWithWhatDiffers) {
         << change << refusal(shipped_scene("dropped_hand", {change}));
   EXPECT_NE(refusal(scene::without_effect(scene, model::Effect::friction)).find("effects.friction"),
             std::string::npos);
-}
-
-/// A snapshot's bytes, changed, with the sum that they then need.
-std::string resealed(std::string text) {
-  text.resize(text.size() - 8);
-  ArchiveWriter sum;
-  sum.word(hash_bytes(text));
-  return text + sum.bytes();
-}
-
-TEST(SnapshotFile, TornChangedOrOfAnotherVersionIsRefused) {
-  const scene::Scene scene = shipped_scene("dropped_hand");
-  Simulation simulation(scene);
-  steps(simulation, 200);
-  const std::string text = snapshot_text(simulation.snapshot());
-  EXPECT_NO_THROW(parse_snapshot(text, "whole"));
-  for (std::size_t size = 0; size < text.size(); size += 1 + size / 50)
-    EXPECT_THROW(parse_snapshot(text.substr(0, size), "torn"), Error) << size;
-  EXPECT_THROW(parse_snapshot(text + "x", "longer"), Error);
-  for (std::size_t at = 0; at < text.size(); at += 7) {
-    std::string changed = text;
-    changed[at] = static_cast<char>(changed[at] ^ 0x10);
-    EXPECT_THROW(parse_snapshot(changed, "changed"), Error) << at;
-  }
-  std::string later = text;
-  ++later[8];
-  try {
-    parse_snapshot(resealed(later), "later");
-    FAIL();
-  } catch (const Error& error) {
-    EXPECT_NE(std::string(error.what()).find("version " + std::to_string(kSnapshotVersion + 1)),
-              std::string::npos)
-        << error.what();
-  }
-  // Any length, sum right: whatever the counts in it say.
-  for (std::size_t size = 24; size < text.size(); size += 1 + size / 50)
-    EXPECT_THROW(parse_snapshot(resealed(text.substr(0, size)), "shortened"), Error) << size;
-}
-
-// Oracle: the sizes as they were when the version was last raised. Where one differs, raise kSnapshotVersion
-// and write the new ones here.
-TEST(SnapshotFile, OfThisVersionHasTheContentsItHadWhenTheVersionWasRaised) {
-  const std::map<std::string, std::size_t> sizes = {
-      {"contact_world_step", 3272},  {"controlled", 14952}, {"stabilised_gear", 1096},
-      {"articulated_contact", 7256}, {"grasp", 8288},       {"climb", 8008},
-      {"contact_record", 3312}};
-  EXPECT_EQ(kSnapshotVersion, 7U);
-  for (const Case& what : cases()) {
-    const auto size = sizes.find(what.name);
-    if (size == sizes.end()) continue;
-    // Of the start: no contact is in it, whose number another compiler may change.
-    EXPECT_EQ(Simulation(shipped_scene(what.scene, what.overrides)).snapshot().bytes.size(), size->second)
-        << what.name;
-  }
-}
-
-// Whatever stands in the bytes: an input error that leaves the simulation as it was, or a state to go on
-// from, to the end or to a physics fault.
-TEST(SnapshotFile, WithAnyNumbersInItEndsInATypedErrorOrAState) {
-  std::mt19937_64 random(20);
-  int refused = 0, taken = 0;
-  for (const Case& what : cases()) {
-    static const std::set<std::string> kTried = {
-        "contact_world_step", "contact_record",      "controlled",        "stabilised_gear",
-        "lagrange_penalty",   "loop_dormand_prince", "articulated_stops", "articulated_contact"};
-    if (!kTried.contains(what.name)) continue;
-    const scene::Scene scene = shipped_scene(what.scene, what.overrides);
-    Simulation simulation(scene);
-    steps(simulation, 150);
-    const RunSnapshot good = simulation.snapshot();
-    for (int round = 0; round < 100; ++round) {
-      RunSnapshot bad = good;
-      for (std::uint64_t n = 1 + random() % 3; n > 0; --n) {
-        const std::size_t word = 8 * (random() % (bad.bytes.size() / 8));
-        const std::array<std::uint64_t, 6> values = {random(),
-                                                     random() % 100,
-                                                     std::bit_cast<std::uint64_t>(1e300),
-                                                     std::bit_cast<std::uint64_t>(std::nan("")),
-                                                     std::uint64_t{1} << 53U,
-                                                     ~std::uint64_t{0}};
-        ArchiveWriter out;
-        out.word(values[random() % values.size()]);
-        bad.bytes.replace(word, 8, out.bytes());
-      }
-      Simulation into(scene);
-      const std::uint64_t before = into.state_hash();
-      try {
-        into.restore(bad);
-      } catch (const Error&) {
-        EXPECT_EQ(into.state_hash(), before);
-        ++refused;
-        EXPECT_NO_THROW(into.step());
-        continue;
-      }
-      ++taken;
-      try {
-        steps(into, 3);
-      } catch (const Error& error) {
-        EXPECT_TRUE(error.fault()) << error.what();
-      }
-    }
-  }
-  EXPECT_GT(refused, 50);
-  EXPECT_GT(taken, 50);
-}
-
-// Oracle: the definition in the header, worked out from the states alone.
-TEST(StateHash, IsTheChainOfXxh64OverTheStates) {
-  const scene::Scene scene = shipped_scene("slider_crank_iftomm");
-  Simulation simulation(scene);
-  std::uint64_t chain = 0;
-  for (int i = 0; i <= 20; ++i) {
-    if (i > 0) simulation.step();
-    ArchiveWriter bytes;
-    bytes(simulation.state().time);
-    for (std::size_t b = 1; b < simulation.state().bodies.size(); ++b) {
-      const model::BodyState& body = simulation.state().bodies[b];
-      bytes(body.p), bytes(body.q), bytes(body.v), bytes(body.w);
-    }
-    const std::uint64_t now = hash_bytes(bytes.bytes(), chain);
-    EXPECT_EQ(simulation.state_hash(), now) << i;
-    if (i % 8 == 0) chain = now;
-  }
-  // Published test vector of XXH64: no bytes, seed 0.
-  EXPECT_EQ(hash_bytes(""), 0xef46db3751d8e999ULL);
-}
-
-TEST(StateHash, SeesTheLastBitOfAnyNumber) {
-  const scene::Scene scene = shipped_scene("slider_crank_iftomm");
-  const model::State state = model::State(Simulation(scene).state());
-  const auto hash = [](const model::State& of) {
-    StateHash out;
-    out.add(of);
-    return out.value();
-  };
-  const auto next = [](double x) { return std::nextafter(x, 1e9); };
-  model::State changed = state;
-  changed.time = next(changed.time);
-  EXPECT_NE(hash(changed), hash(state));
-  for (std::size_t b = 1; b < state.bodies.size(); ++b)
-    for (int i = 0; i < 3; ++i) {
-      changed = state;
-      changed.bodies[b].p[i] = next(changed.bodies[b].p[i]);
-      EXPECT_NE(hash(changed), hash(state));
-      changed = state;
-      changed.bodies[b].w[i] = changed.bodies[b].w[i] == 0 ? -0.0 : -changed.bodies[b].w[i];
-      EXPECT_NE(hash(changed), hash(state));
-      changed = state;
-      changed.bodies[b].q.coeffs()[i + 1] = next(changed.bodies[b].q.coeffs()[i + 1]);
-      EXPECT_NE(hash(changed), hash(state));
-      changed = state;
-      changed.bodies[b].v[i] = next(changed.bodies[b].v[i]);
-      EXPECT_NE(hash(changed), hash(state));
-    }
-}
-
-TEST(StateHash, IsReadAndWrittenAsSixteenDigits) {
-  EXPECT_EQ(hash_text(0x1f), "000000000000001f");
-  EXPECT_EQ(parse_hash("000000000000001f"), 0x1fU);
-  for (const char* bad :
-       {"", "1f", "000000000000001g", "0x0000000000001f", "-00000000000001f", "0000000000000001f"})
-    EXPECT_FALSE(parse_hash(bad)) << bad;
 }
 
 TEST(ContinuedRun, HasTheTablesOfTheRestAndTheSummaryOfAll) {

@@ -1,0 +1,58 @@
+#include "handsim/app/report_command.h"
+#include "handsim/output/report/page.h"
+#include "handsim/output/video/video.h"
+#include "handsim/python/bindings.h"
+#include "handsim/python/signals.h"
+
+namespace handsim::python {
+
+namespace {
+
+/// The page of a run or study, or of two runs; its path.
+std::filesystem::path report(const std::vector<std::filesystem::path>& folders,
+                             const std::optional<std::filesystem::path>& out) {
+  return without_gil([&] { return app::write_report(folders, out); });
+}
+
+using Pixels = py::array_t<std::uint8_t, py::array::c_style>;
+
+/// A video of arrays of pixels, one size for all.
+class Video {
+ public:
+  Video(const std::filesystem::path& file, int width, int height, double fps)
+      : writer_({file, width, height, fps}) {}
+
+  void add(const Pixels& pixels) {
+    if (pixels.ndim() != 3 || pixels.shape(2) != 3)
+      throw input_error("pictures", "an array of another shape", "shape (height, width, 3), dtype uint8");
+    output::Image image{static_cast<int>(pixels.shape(1)), static_cast<int>(pixels.shape(0)), {}};
+    image.rgb.assign(pixels.data(), pixels.data() + pixels.size());
+    without_gil([&] {
+      writer_.add(image);
+      return 0;
+    });
+  }
+  void finish() {
+    without_gil([&] {
+      writer_.finish();
+      return 0;
+    });
+  }
+
+ private:
+  output::VideoWriter writer_;
+};
+
+}  // namespace
+
+void bind_reports(py::module_& module) {
+  module.attr("has_reports") = output::has_three();
+  module.def("report", &report, py::arg("folders"), py::arg("out"));
+  py::class_<Video>(module, "Video")
+      .def(py::init<const std::filesystem::path&, int, int, double>(), py::arg("file"), py::arg("width"),
+           py::arg("height"), py::arg("fps"))
+      .def("add", &Video::add, py::arg("picture"))
+      .def("finish", &Video::finish);
+}
+
+}  // namespace handsim::python

@@ -1,0 +1,211 @@
+#include "handsim/study/track/marker_bones.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "handsim/core/error.h"
+
+namespace handsim::study {
+
+namespace {
+
+constexpr std::size_t kMostFrames = 40;  ///< of a hand
+constexpr double kSpread = 0.05;         ///< of a size, relative to the predicted one: chosen
+constexpr double kLeastNoise = 1e-7;     ///< of a coordinate [m]
+constexpr double kOutlier = 0.05;        ///< a marker farther from the fit is left out [m]
+constexpr double kStep = 1e-6;           ///< of a size, to differentiate [m]
+using Names = std::vector<std::string>;
+
+/// The sizes that markers can show: hand length, hand breadth, and every bone that carries another one. The
+/// markers of a last segment are placed on it in metres, so that its own length does not move them.
+struct Sizes {
+  Names bones;
+  Eigen::VectorXd predicted;  ///< [m]: length, breadth, bones
+
+  hand::Person person(const hand::Person& of, const Eigen::VectorXd& values) const {
+    hand::Person out = of;
+    out.hand_length = values[0];
+    out.hand_breadth = values[1];
+    out.hand_length_percentile.reset();
+    for (std::size_t i = 0; i < bones.size(); ++i)
+      out.bones[bones[i]] = values[static_cast<Eigen::Index>(2 + i)];
+    return out;
+  }
+};
+
+Sizes sizes_of(const hand::HandSpec& spec, const hand::Person& person) {
+  const hand::BuiltHand built = hand::build_hand(spec, person);
+  std::vector<double> values = {built.size.length, built.size.breadth};
+  Sizes out;
+  for (std::size_t i = 0; i < spec.segments.size(); ++i) {
+    if (!spec.segments[i].has_child) continue;
+    out.bones.push_back(spec.segments[i].name);
+    const auto own = person.bones.find(spec.segments[i].name);
+    values.push_back(own != person.bones.end() ? own->second : spec.segments[i].length.value(built.size));
+  }
+  out.predicted = Eigen::Map<Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+  return out;
+}
+
+/// A frame that takes part, and its pose so far.
+struct Used {
+  const std::vector<MeasuredPoint>* frame = nullptr;
+  FitResult fit;
+};
+
+/// The frames of one hand, evenly over those that show two thirds of its features.
+std::vector<Used> frames_of(const HandFrames& hand, PoseFit& fit) {
+  std::vector<const std::vector<MeasuredPoint>*> good;
+  for (const auto& frame : hand.frames) {
+    const auto seen = std::count_if(frame.begin(), frame.end(), [](const MeasuredPoint& each) {
+      return each.point.has_value() || each.orientation.has_value();
+    });
+    if (seen >= 3 && 3 * seen >= 2 * static_cast<std::ptrdiff_t>(frame.size())) good.push_back(&frame);
+  }
+  std::vector<Used> out;
+  const std::size_t stride = 1 + good.size() / kMostFrames;
+  for (std::size_t i = 0; i < good.size(); i += stride)
+    out.push_back({good[i], fit.find(*good[i], kOutlier)});
+  // A frame far from the others is another hand's, or wrongly found.
+  std::vector<double> rms;
+  for (const Used& each : out) rms.push_back(each.fit.rms);
+  if (rms.empty()) return out;
+  std::nth_element(rms.begin(), rms.begin() + static_cast<std::ptrdiff_t>(rms.size() / 2), rms.end());
+  const double most = 2 * rms[rms.size() / 2] + 1e-6;
+  std::erase_if(out, [&](const Used& each) { return each.fit.rms > most; });
+  return out;
+}
+
+/// Normal equations of the sizes, with the poses eliminated.
+struct Normal {
+  Eigen::MatrixXd matrix;
+  Eigen::VectorXd right;
+  double squares = 0, spare = 0;  ///< squared residuals [m^2]; their number less that of pose parameters
+
+  explicit Normal(Eigen::Index size)
+      : matrix(Eigen::MatrixXd::Zero(size, size)), right(Eigen::VectorXd::Zero(size)) {}
+
+  /// @param r residuals, J by the pose, D by the sizes.
+  void add(const Eigen::VectorXd& r, const Eigen::MatrixXd& J, const Eigen::MatrixXd& D) {
+    const Eigen::MatrixXd own = J.transpose() * J;
+    const double least = 1e-12 * own.diagonal().maxCoeff();
+    const Eigen::LDLT<Eigen::MatrixXd> factor(own +
+                                              least * Eigen::MatrixXd::Identity(own.rows(), own.cols()));
+    const Eigen::MatrixXd rest = D - J * factor.solve(J.transpose() * D);
+    matrix += rest.transpose() * rest;
+    right -= rest.transpose() * r;
+    squares += r.squaredNorm();
+    spare += static_cast<double>(r.size() - J.cols());
+  }
+};
+
+/// Angles at a stop do not move.
+Eigen::MatrixXd free_columns(const Eigen::MatrixXd& J, const HandPose& pose, const HandTree& tree) {
+  constexpr double kNear = 1e-9;
+  std::vector<Eigen::Index> kept;
+  for (Eigen::Index k = 0; k < J.cols(); ++k) {
+    const auto axis = static_cast<std::size_t>(k) - 6;
+    const bool held = k >= 6 && (pose.angles[axis] <= tree.axes()[axis].low + kNear ||
+                                 pose.angles[axis] >= tree.axes()[axis].high - kNear);
+    if (!held) kept.push_back(k);
+  }
+  return J(Eigen::all, kept);
+}
+
+class SizeFit {
+ public:
+  SizeFit(const std::vector<HandFrames>& hands, const hand::HandSpec& spec, const hand::Person& person)
+      : hands_(hands), spec_(spec), person_(person), sizes_(sizes_of(spec, person)), now_(sizes_.predicted) {
+    std::vector<PoseFit> fits = fits_at(now_);
+    for (std::size_t h = 0; h < hands.size(); ++h) used_.push_back(frames_of(hands[h], fits[h]));
+  }
+
+  std::size_t frames() const {
+    std::size_t out = 0;
+    for (const auto& each : used_) out += each.size();
+    return out;
+  }
+
+  /// Gauss-Newton on the sizes; after each step the poses are fitted again.
+  hand::Person run() {
+    constexpr int kMostRounds = 20;
+    Eigen::VectorXd certainty;
+    for (int round = 0; round < kMostRounds; ++round) {
+      std::vector<PoseFit> fits = fits_at(now_);
+      for (std::size_t h = 0; h < used_.size(); ++h)
+        for (Used& each : used_[h]) each.fit = fits[h].fit(*each.frame, each.fit.pose, kOutlier);
+      const Normal normal = linearise(fits);
+      const double noise = std::max(kLeastNoise, std::sqrt(normal.squares / std::max(1.0, normal.spare)));
+      const Eigen::VectorXd prior = (kSpread * sizes_.predicted).cwiseAbs2().cwiseInverse();
+      Eigen::MatrixXd matrix = normal.matrix / (noise * noise);
+      matrix.diagonal() += prior;
+      const Eigen::VectorXd right =
+          normal.right / (noise * noise) + prior.cwiseProduct(sizes_.predicted - now_);
+      const Eigen::LDLT<Eigen::MatrixXd> factor(matrix);
+      const Eigen::VectorXd step = factor.solve(right);
+      now_ += step.cwiseMax(-0.1 * now_).cwiseMin(0.1 * now_);
+      const auto size = now_.size();
+      certainty = factor.solve(Eigen::MatrixXd::Identity(size, size)).diagonal().cwiseProduct(prior);
+      if (step.cwiseAbs().maxCoeff() < 1e-9) break;
+    }
+    hand::Person out = sizes_.person(person_, now_);
+    // What is no more certain than before was not measured.
+    for (std::size_t i = 0; i < sizes_.bones.size(); ++i)
+      if (certainty[static_cast<Eigen::Index>(2 + i)] > 0.25) out.bones.erase(sizes_.bones[i]);
+    return out;
+  }
+
+ private:
+  std::vector<PoseFit> fits_at(const Eigen::VectorXd& values) const {
+    const hand::BuiltHand built = hand::build_hand(spec_, sizes_.person(person_, values));
+    std::vector<PoseFit> out;
+    for (const HandFrames& hand : hands_) out.emplace_back(HandTree(spec_, built, hand.side), hand.features);
+    return out;
+  }
+
+  Normal linearise(std::vector<PoseFit>& fits) const {
+    const Eigen::Index count = now_.size();
+    std::vector<std::vector<PoseFit>> moved;
+    for (Eigen::Index i = 0; i < count; ++i) {
+      Eigen::VectorXd values = now_;
+      values[i] += kStep;
+      moved.push_back(fits_at(values));
+    }
+    Normal out(count);
+    for (std::size_t h = 0; h < used_.size(); ++h)
+      for (const Used& each : used_[h]) {
+        const Rows at = fits[h].rows(*each.frame, each.fit.pose, each.fit.rejected);
+        Eigen::MatrixXd D(at.residuals.size(), count);
+        for (Eigen::Index i = 0; i < count; ++i)
+          D.col(i) = (moved[static_cast<std::size_t>(i)][h]
+                          .rows(*each.frame, each.fit.pose, each.fit.rejected)
+                          .residuals -
+                      at.residuals) /
+                     kStep;
+        out.add(at.residuals, free_columns(at.jacobian, each.fit.pose, fits[h].tree()), D);
+      }
+    return out;
+  }
+
+  const std::vector<HandFrames>& hands_;
+  const hand::HandSpec& spec_;
+  const hand::Person& person_;
+  Sizes sizes_;
+  Eigen::VectorXd now_;
+  std::vector<std::vector<Used>> used_;
+};
+
+}  // namespace
+
+hand::Person fit_bones_to_markers(const std::vector<HandFrames>& hands, const hand::HandSpec& spec,
+                                  const hand::Person& person, const std::string& recording) {
+  SizeFit fit(hands, spec, person);
+  if (fit.frames() < 3)
+    throw input_error(recording, "fewer than three frames that show a hand",
+                      "frames with two thirds of the markers of --markers, or --keep-person");
+  hand::Person out = fit.run();
+  out.title = person.title + ", hand measured from " + std::filesystem::path(recording).filename().string();
+  return out;
+}
+
+}  // namespace handsim::study
