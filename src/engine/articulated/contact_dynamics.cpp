@@ -88,7 +88,6 @@ void ContactDynamics::order_dofs() {
     for (int j = space_.parent_dof(dof); j != kNoDof; j = space_.parent_dof(j))
       first[at(place_[at(j)])] = std::min(first[at(place_[at(j)])], place_[at(dof)]);
   solver_.resize(first);
-  S_.resize(6 * at(n));
   inverse_inertia_.resize(at(n));
   change_.resize(at(n));
   involved_.resize(at(n));
@@ -234,7 +233,11 @@ void ContactDynamics::find_free(double step) {
     if (!involved(dof)) continue;
     const int i = place_[at(dof)];
     const double* S = space_.axis_data(dof);
-    for (std::size_t k = 0; k < 6; ++k) S_[k * at(n) + at(i)] = S[k * mechanism_.stride()];
+    double* motion = solver_.motion(i);
+    for (std::size_t k = 0; k < 3; ++k) {
+      motion[k] = S[k * mechanism_.stride()];
+      motion[4 + k] = S[(3 + k) * mechanism_.stride()];
+    }
     if (!memory_.change.empty()) solver_.start()[at(i)] = memory_.change[at(dof)];
     const double change = change_[at(dof)] = step * du[space_.rate_index(dof)];
     const double own = solver_.inertia(i, i) = space_.inertia(dof, dof);

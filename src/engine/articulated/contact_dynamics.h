@@ -106,12 +106,10 @@ class ContactDynamics {
   }
   void add_contacts(double step);
   void add_contact(const Contact& contact, const model::Material& surface, double share, double step);
-  void find_pair(std::size_t touch, int shape_a, int shape_b);
+  void find_pair(std::size_t index, int shape_a, int shape_b);
   void find_moving_dofs(MovingDofs& of) const;
   Side side(int shape) const;
-  void find_point_rows(const Mat3& frame, const Vec3& position, double* J) const;
-  void find_normal_row(const Vec3& normal, const Vec3& position, double* J) const;
-  void find_turning_row(const Vec3& axis, double* J) const;
+  double mobility_across(const Contact& contact, double enough);
   double find_target(ContactRows& rows, const Contact& contact, const model::Material& surface, double share,
                      double crossed, double approach, double step);
   void warm_start(ContactRows& rows, const Contact& contact, const Mat3& frame, int index);
@@ -142,7 +140,6 @@ class ContactDynamics {
   /// By roots: whether contacts, stops or torque limits change the free step of the tree.
   std::vector<char> involved_;
   std::vector<std::vector<int>> carriers_;  ///< places of the dofs that carry each node, ascending
-  std::vector<double> S_;                   ///< row k: entry k of all axes, by place
   std::vector<double> inverse_inertia_;     ///< inverse of the diagonal, by place
   std::vector<double> change_;              ///< of each dof's rate in the free step
   TouchingPair pair_;

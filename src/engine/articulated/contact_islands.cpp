@@ -70,7 +70,10 @@ void ContactNewton::load_island(const ContactNewton& whole, int island) {
   contacts_.clear();
   dofs_.clear();
   dof_runs_.clear();
-  J_.clear();
+  pairs_.clear();
+  wrenches_.clear();
+  entries_ = own_entries_ = 0;
+  jacobians_known_ = false;
   for (const int i : members) {
     const int to = whole.place_[at(i)];
     std::copy_n(whole.A_.begin() + static_cast<std::ptrdiff_t>(whole.entry(i, i)), A_last_[at(to)] - to + 1,
@@ -79,27 +82,52 @@ void ContactNewton::load_island(const ContactNewton& whole, int island) {
     start_[at(to)] = whole.start_[at(i)];
     bounds_[at(to)] = whole.bounds_[at(i)];
     servos_[at(to)] = whole.servos_[at(i)];
+    std::copy_n(whole.motions_.begin() + static_cast<std::ptrdiff_t>(kSpatial * at(i)), kSpatial, motion(to));
   }
   const ContactRows* last = nullptr;
   for (const int c : whole.touching(island)) {
     const ContactRows& contact = whole.contacts_[at(c)];
     const bool shared = last && last->run_count > 0 && last->first_run == contact.first_run;
-    last = &contact;
-    ContactRows& to = contacts_.emplace_back(contact);
-    to.first_dof = shared ? contacts_[contacts_.size() - 2].first_dof : dofs_.size();
-    to.first_run = shared ? contacts_[contacts_.size() - 2].first_run : dof_runs_.size();
-    to.first_entry = J_.size();
-    if (!shared) {
-      for (std::size_t k = 0; k < contact.dof_count; ++k)
-        dofs_.push_back(whole.place_[at(whole.dofs_[contact.first_dof + k])]);
-      for (const Run& run : whole.runs(contact)) {
-        const int first = whole.place_[at(run.first)];
-        dof_runs_.push_back({first, first + run.size()});
-      }
+    const ContactRows* before = contacts_.empty() ? nullptr : &contacts_.back();
+    ContactRows to = contact;
+    to.first_dof = shared ? before->first_dof : dofs_.size();
+    to.first_run = shared ? before->first_run : dof_runs_.size();
+    to.first_entry = contact.pair == kNone ? own_entries_ : entries_;
+    if (!shared) load_dofs(whole, contact);
+    if (contact.pair != kNone) {
+      if (!last || last->pair != contact.pair) load_pair(whole, contact.pair);
+      to.pair = static_cast<int>(pairs_.size()) - 1;
+      to.first_wrench = wrenches_.size() / kSpatial;
+      const auto wrenches =
+          whole.wrenches_.begin() + static_cast<std::ptrdiff_t>(kSpatial * contact.first_wrench);
+      wrenches_.insert(wrenches_.end(), wrenches,
+                       wrenches + static_cast<std::ptrdiff_t>(kSpatial * contact.rows));
     }
-    const auto entries = whole.J_.begin() + static_cast<std::ptrdiff_t>(contact.first_entry);
-    J_.insert(J_.end(), entries, entries + static_cast<std::ptrdiff_t>(contact.rows * contact.dof_count));
+    const std::size_t count = contact.rows * contact.dof_count;
+    (contact.pair == kNone ? own_entries_ : entries_) += count;
+    if (contact.pair == kNone) {
+      if (J_.size() < own_entries_) J_.resize(own_entries_);
+      std::copy_n(whole.J_.begin() + static_cast<std::ptrdiff_t>(contact.first_entry), count,
+                  J_.begin() + static_cast<std::ptrdiff_t>(to.first_entry));
+    }
+    contacts_.push_back(to);
+    last = &contact;
   }
+}
+
+void ContactNewton::load_dofs(const ContactNewton& whole, const ContactRows& contact) {
+  for (std::size_t k = 0; k < contact.dof_count; ++k)
+    dofs_.push_back(whole.place_[at(whole.dofs_[contact.first_dof + k])]);
+  for (const Run& run : whole.runs(contact)) {
+    const int first = whole.place_[at(run.first)];
+    dof_runs_.push_back({first, first + run.size()});
+  }
+}
+
+void ContactNewton::load_pair(const ContactNewton& whole, int pair) {
+  Pair& to = pairs_.emplace_back(whole.pairs_[at(pair)]);
+  for (int* body : {&to.a, &to.b})
+    if (*body != kNone) *body = whole.place_[at(*body)];
 }
 
 void ContactNewton::store_island(ContactNewton& whole, int island) const {
@@ -113,8 +141,11 @@ void ContactNewton::store_island(ContactNewton& whole, int island) const {
   for (const int c : whole.touching(island)) {
     ContactRows& contact = whole.contacts_[at(c)];
     const std::size_t first_dof = contact.first_dof, first_run = contact.first_run,
-                      first_entry = contact.first_entry;
+                      first_entry = contact.first_entry, first_wrench = contact.first_wrench;
+    const int pair = contact.pair;
     contact = *from++;
+    contact.pair = pair;
+    contact.first_wrench = first_wrench;
     contact.first_dof = first_dof;
     contact.first_run = first_run;
     contact.first_entry = first_entry;

@@ -37,43 +37,16 @@ void ContactNewton::begin() {
   contacts_.clear();
   dofs_.clear();
   dof_runs_.clear();
-  J_.clear();
+  pairs_.clear();
+  wrenches_.clear();
+  entries_ = own_entries_ = 0;
+  jacobians_known_ = false;
 }
 
 void ContactNewton::bound(int i, double low, double high, double side) { bounds_[at(i)] = {low, high, side}; }
 
 void ContactNewton::servo(int i, double offset, double slope, double limit, double saturated) {
   servos_[at(i)] = {offset, slope, limit, saturated};
-}
-
-ContactRows& ContactNewton::add(std::span<const int> dofs, std::size_t rows) {
-  ContactRows& out = contacts_.emplace_back();
-  out.rows = rows;
-  out.dof_count = dofs.size();
-  out.first_entry = J_.size();
-  J_.resize(J_.size() + rows * dofs.size());
-  // Contacts of one pair share their unknowns.
-  if (contacts_.size() > 1) {
-    const ContactRows& last = contacts_[contacts_.size() - 2];
-    if (std::equal(dofs.begin(), dofs.end(), dofs_.begin() + static_cast<std::ptrdiff_t>(last.first_dof),
-                   dofs_.end())) {
-      out.first_dof = last.first_dof;
-      out.first_run = last.first_run;
-      out.run_count = last.run_count;
-      return out;
-    }
-  }
-  out.first_dof = dofs_.size();
-  out.first_run = dof_runs_.size();
-  dofs_.insert(dofs_.end(), dofs.begin(), dofs.end());
-  for (std::size_t k = 0; k < dofs.size(); ++k) {
-    // A run does not go on from one tree to the next.
-    if (k == 0 || dofs[k] != dofs[k - 1] + 1 || tree_first_[at(dofs[k])] == dofs[k])
-      dof_runs_.push_back({dofs[k], dofs[k]});
-    ++dof_runs_.back().end;
-  }
-  out.run_count = dof_runs_.size() - out.first_run;
-  return out;
 }
 
 /// Impulses at row velocities r, and the active set.
@@ -150,28 +123,19 @@ void ContactNewton::evaluate_residual(Law law) {
 /// r = start + J x.
 void ContactNewton::find_row_velocities(bool still) {
   r_.resize(kMostRows * contacts_.size());
+  if (!still && !whole_) multiply_rows(x_.data(), r_.data());
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
     const ContactRows& contact = contacts_[c];
     double* r = r_.data() + kMostRows * c;
-    if (!still && !whole_) kernel_.multiply(rows(contact), x_.data(), r);
     for (std::size_t k = 0; k < contact.rows; ++k)
       r[k] = whole_ ? r[k] + s_[kMostRows * c + k] : contact.start[k] + (still ? 0 : r[k]);
-  }
-}
-
-/// -J^T p, into F_.
-void ContactNewton::add_contact_impulses() {
-  for (std::size_t c = 0; c < contacts_.size(); ++c) {
-    ContactRows& contact = contacts_[c];
-    apply_law(contact, r_.data() + kMostRows * c, law_);
-    if (contact.open && law_ != Law::fixed_limits) continue;
-    kernel_.subtract_transposed(rows(contact), contact.impulse.data(), F_.data());
   }
 }
 
 /// The sum of the magnitudes of F's terms, into sum_.
 void ContactNewton::find_rounding() {
   if (std::exchange(rounding_known_, true)) return;
+  find_jacobians();
   for (int i = 0; i < n_; ++i) {
     sum_[at(i)] = std::abs(g_[at(i)]);
     const Bound& bound = bounds_[at(i)];
@@ -184,7 +148,7 @@ void ContactNewton::find_rounding() {
   for (const ContactRows& contact : contacts_) {
     if (contact.open && law_ != Law::fixed_limits) continue;
     const int* dofs = dofs_.data() + contact.first_dof;
-    const double* J = J_.data() + contact.first_entry;
+    const double* J = entries(contact);
     for (std::size_t k = 0; k < contact.rows; ++k, J += contact.dof_count) {
       double size = std::abs(contact.start[k]), regularization = contact.regularization;
       for (std::size_t j = 0; j < contact.dof_count; ++j) size += std::abs(J[j] * x_[at(dofs[j])]);
@@ -196,22 +160,24 @@ void ContactNewton::find_rounding() {
   }
 }
 
-/// Largest entry of F as a rate; where that is beyond the tolerance, without rounding.
+/// Largest entry of F as a rate, without rounding where that is known.
+double ContactNewton::largest_residual() const {
+  double most = 0;
+  for (int i = 0; i < n_; ++i) {
+    if (kept(i)) continue;
+    const double left = std::abs(F_[at(i)]) - (rounding_known_ ? kRounding * sum_[at(i)] : 0);
+    // Written so that NaN counts.
+    if (!(left <= 0)) most = std::max(most, std::isnan(left) ? HUGE_VAL : left / A_[entry(i, i)]);
+  }
+  return most;
+}
+
+/// The same; where it is beyond the tolerance, without rounding.
 double ContactNewton::residual(double tolerance) {
-  const auto largest = [&] {
-    double most = 0;
-    for (int i = 0; i < n_; ++i) {
-      if (kept(i)) continue;
-      const double left = std::abs(F_[at(i)]) - (rounding_known_ ? kRounding * sum_[at(i)] : 0);
-      // Written so that NaN counts.
-      if (!(left <= 0)) most = std::max(most, std::isnan(left) ? HUGE_VAL : left / A_[entry(i, i)]);
-    }
-    return most;
-  };
-  const double most = largest();
+  const double most = largest_residual();
   if (most <= tolerance || rounding_known_) return most;
   find_rounding();
-  return largest();
+  return largest_residual();
 }
 
 /// x += share d, projected on the bounds unless these are penalties.
@@ -298,8 +264,7 @@ void ContactNewton::find_newton_step(NewtonReport& report) {
   if (!columns_.empty()) kernel_.apply_coupling(factor(), coupling(), d_.data());
   kernel_.substitute_back(factor(), d_.data(), 0, chains_.size());
   s_.resize(r_.size());
-  for (std::size_t c = 0; c < contacts_.size(); ++c)
-    kernel_.multiply(rows(contacts_[c]), d_.data(), s_.data() + kMostRows * c);
+  multiply_rows(d_.data(), s_.data());
   ++report.iterations;
 }
 
@@ -321,14 +286,42 @@ void ContactNewton::newton_steps(int most, double tolerance, NewtonReport& repor
   }
 }
 
+void ContactNewton::keep_start() {
+  Solution& start = scratch().latest;
+  start.x = x_;
+  start.bounds = bounds_;
+  start.servos = servos_;
+  std::vector<Outcome>& outcomes = scratch().start;
+  outcomes.resize(contacts_.size());
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    const ContactRows& contact = contacts_[c];
+    Outcome& to = outcomes[c];
+    to.open = contact.open;
+    to.impulse = contact.impulse;
+    for (std::size_t k = 0; k < contact.disc_count; ++k) to.discs[k] = contact.discs[k];
+  }
+}
+
+void ContactNewton::back_to_start() {
+  const Solution& start = scratch().latest;
+  x_ = start.x;
+  bounds_ = start.bounds;
+  servos_ = start.servos;
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    ContactRows& contact = contacts_[c];
+    const Outcome& from = scratch().start[c];
+    contact.open = from.open;
+    contact.impulse = from.impulse;
+    for (std::size_t k = 0; k < contact.disc_count; ++k)
+      static_cast<Sliding&>(contact.discs[k]) = from.discs[k];
+  }
+}
+
 /// Steps with the factor of an earlier problem, from an evaluated x, while the next may be the last: true
 /// where it was. Else x has a smaller residual than it had, or is the start again.
 bool ContactNewton::reuse_factor(double tolerance, NewtonReport& report) {
-  latest_.x = x_;
-  latest_.contacts = contacts_;
-  latest_.bounds = bounds_;
-  latest_.servos = servos_;
-  double last = residual(tolerance);
+  keep_start();
+  double last = largest_residual();
   for (int i = 0; i < kReusedSteps; ++i) {
     find_newton_step(report);
     update_directions();
@@ -340,10 +333,7 @@ bool ContactNewton::reuse_factor(double tolerance, NewtonReport& report) {
     last = report.residual;
   }
   if (report.residual < last) return false;
-  x_ = latest_.x;
-  contacts_ = latest_.contacts;
-  bounds_ = latest_.bounds;
-  servos_ = latest_.servos;
+  back_to_start();
   evaluate_residual(Law::active_set);
   return false;
 }
@@ -366,6 +356,7 @@ bool ContactNewton::solved_by_old_factor(double tolerance, NewtonReport& report)
 }
 
 NewtonReport ContactNewton::solve_island(double tolerance) {
+  jacobians_known_ = false;
   update_structure();
   for (int i = 0; i < n_; ++i) x_[at(i)] = bounds_[at(i)].side == 0 ? start_[at(i)] : end_of(bounds_[at(i)]);
   NewtonReport report;
@@ -375,7 +366,7 @@ NewtonReport ContactNewton::solve_island(double tolerance) {
     return report;
   }
   M_.resize(lay_out_rows(last_, M_start_));
-  if (heap) latest_.contacts = contacts_;
+  if (heap) scratch().latest.contacts = contacts_;
   evaluate_residual(Law::active_set);
   if (!heap && solved_by_old_factor(tolerance, report)) return report;
   newton_steps(heap ? kHeapSteps : kNewtonSteps, tolerance, report);
@@ -384,7 +375,7 @@ NewtonReport ContactNewton::solve_island(double tolerance) {
     iterate_limits(tolerance, report);
     return report;
   }
-  contacts_ = latest_.contacts;
+  contacts_ = scratch().latest.contacts;
   gauss_seidel(tolerance, report);
   return report;
 }

@@ -29,6 +29,7 @@
 #include <vector>
 
 #include "handsim/core/archive.h"
+#include "handsim/core/pose.h"
 #include "handsim/engine/articulated/row_kernel.h"
 
 namespace handsim::engine::articulated {
@@ -36,10 +37,19 @@ namespace handsim::engine::articulated {
 /// Up to so many contacts are solved without allocating memory.
 inline constexpr std::size_t kUsualContacts = 16;
 inline constexpr std::size_t kMostRows = 6;  ///< of a contact
+inline constexpr std::size_t kUsualRows = 4;
+
+/// Friction on the edge of its disc, and which way.
+struct Sliding {
+  bool slides = false;  ///< the impulse is on the disc's edge
+  /// While it slides: direction of slip (unit); direction opposite to the impulse, as a share of the limit;
+  /// limit over speed, the stiffness across the slip. Both directions agree in the solution.
+  double slip_x = 1, slip_y = 0, force_x = 1, force_y = 0, tangent_stiffness = 0;
+};
 
 /// Rows whose impulse lies in a disc of radius `coefficient` times the normal impulse: two rows of sliding or
 /// rolling friction, one of spinning friction.
-struct Disc {
+struct Disc : Sliding {
   enum class Kind { sliding, spinning, rolling };
   Kind kind = Kind::sliding;
   std::size_t row = 1, size = 2;  ///< among the contact's
@@ -47,11 +57,10 @@ struct Disc {
   double regularization = 0;  ///< R_t: velocity per impulse, > 0
   double limit = 0;           ///< radius of the disc, where it is held fixed
   double change = 0;          ///< of the limit that the last solution asks for
-  bool slides = false;        ///< the impulse is on the disc's edge
-  /// While it slides: direction of slip (unit); direction opposite to the impulse, as a share of the limit;
-  /// limit over speed, the stiffness across the slip. Both directions agree in the solution.
-  double slip_x = 1, slip_y = 0, force_x = 1, force_y = 0, tangent_stiffness = 0;
 };
+
+/// No unknown, or no pair of bodies.
+inline constexpr int kNone = -1;
 
 /// A contact: its normal row, then those of its discs. Or a bilateral constraint: one row whose velocity is
 /// to vanish, by an impulse of either sign.
@@ -63,7 +72,9 @@ struct ContactRows {
   std::size_t rows = 1, disc_count = 0;
   bool open = true;  ///< no normal impulse; in: in the last step, out: in this one
   bool bilateral = false;
-  std::size_t first_dof = 0, dof_count = 0, first_run = 0, run_count = 0, first_entry = 0;  ///< in the lists
+  int pair = kNone;  ///< of the bodies that touch
+  /// In the lists.
+  std::size_t first_dof = 0, dof_count = 0, first_run = 0, run_count = 0, first_entry = 0, first_wrench = 0;
 };
 
 /// What a solution took and how exact it is.
@@ -104,6 +115,15 @@ class ContactNewton {
   std::span<double> jacobian(const ContactRows& contact) {
     return {J_.data() + contact.first_entry, contact.rows * contact.dof_count};
   }
+  /// How an unknown moves what it carries, at the origin of its tree [kSpatial numbers].
+  double* motion(int i) { return motions_.data() + kSpatial * static_cast<std::size_t>(i); }
+  /// Two bodies, by the unknowns that carry them last, or kNone; `dofs`: what moves one against the other.
+  /// @param apart from b's origin to a's [m]
+  void add_pair(int a, int b, const Vec3& apart, std::span<const int> dofs);
+  /// Adds a contact of the last pair. The caller fills in its wrenches on body a at a's origin, one for each
+  /// row.
+  ContactRows& add_contact(std::size_t rows);
+  double* wrenches(const ContactRows& contact) { return wrenches_.data() + kSpatial * contact.first_wrench; }
 
   /// Starts from `start` and from the active set that `open`, `slides` and the bounds' sides say. Where
   /// Coulomb's law is not met to the tolerance, the result is the solution with fixed friction limits that
@@ -154,8 +174,25 @@ class ContactNewton {
   std::size_t M_entry(int i, int j) const {
     return M_start_[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j);
   }
+  /// Two bodies that touch.
+  struct Pair {
+    int a = kNone, b = kNone;
+    Vec3 apart = Vec3::Zero();
+    std::size_t first_dof = 0, dof_count = 0, first_run = 0, run_count = 0;
+  };
+  void list_dofs(std::span<const int> dofs);
+  void find_jacobians();
+  void find_jacobian(const ContactRows& contact);
+  void multiply_rows(const double* x, double* out);
+  void find_relative_motion(const Pair& pair, double* out) const;
+  void add_pair_wrench(const Pair& pair, const double* wrench);
+  double* motion_of(int body) { return carried_.data() + kSpatial * place_of(body); }
+  const double* motion_of(int body) const { return carried_.data() + kSpatial * place_of(body); }
+  std::size_t place_of(int body) const { return static_cast<std::size_t>(body == kNone ? n_ : body); }
+
   void lay_out(std::span<const int> first);
-  void reserve(std::size_t n);
+  std::size_t widest() const;
+  void reserve(const ContactNewton& like);
   void find_islands();
   void list_islands();
   /// A contact that depends on no unknown belongs to the first island.
@@ -172,6 +209,8 @@ class ContactNewton {
   std::span<const int> touching(int island) const { return part(touching_, first_touching_, island); }
   void lay_out_island(const ContactNewton& whole, std::span<const int> members);
   void load_island(const ContactNewton& whole, int island);
+  void load_dofs(const ContactNewton& whole, const ContactRows& contact);
+  void load_pair(const ContactNewton& whole, int pair);
   void store_island(ContactNewton& whole, int island) const;
   NewtonReport solve_island(double tolerance);
   void find_chains();
@@ -194,6 +233,7 @@ class ContactNewton {
   void find_row_velocities(bool still);
   void add_contact_impulses();
   void find_rounding();
+  double largest_residual() const;
   double residual(double tolerance);
   bool release_bounds();
   bool solved(double tolerance, NewtonReport& report);
@@ -218,9 +258,12 @@ class ContactNewton {
     return {column_range_.data(), columns_.size(), C_.data(), G_.data(), K_.data(), h_.data(),
             pivots_.data()};
   }
+  const double* entries(const ContactRows& contact) const {
+    return (contact.pair == kNone ? J_ : scratch().J).data() + contact.first_entry;
+  }
   /// Rows of a contact from one of them on.
   RowBlock rows(const ContactRows& contact, std::size_t first, std::size_t count) const {
-    return {J_.data() + contact.first_entry + first * contact.dof_count, count, contact.dof_count,
+    return {entries(contact) + first * contact.dof_count, count, contact.dof_count,
             dof_runs_.data() + contact.first_run, contact.run_count};
   }
   RowBlock rows(const ContactRows& contact) const { return rows(contact, 0, contact.rows); }
@@ -276,6 +319,26 @@ class ContactNewton {
     double residual = 0;
   };
 
+  /// What a solution changes of a contact.
+  struct Outcome {
+    std::array<double, kMostRows> impulse{};
+    std::array<Sliding, 3> discs;
+    bool open = false;
+  };
+  void keep_start();
+  void back_to_start();
+
+  /// What is needed within a solution only: one for each thread, however many solvers there are.
+  struct Scratch {
+    Solution latest, best;
+    std::vector<Outcome> start;  ///< of the contacts
+    std::vector<double> J;       ///< of contacts of pairs
+    std::vector<Block> blocks;
+    std::vector<Range> ranges;
+    std::vector<double> Y;  ///< A^-1 J^T of the blocks' rows, over their ranges
+  };
+  static Scratch& scratch();
+
   const RowKernel& kernel_;
   int n_ = 0;
   std::vector<int> A_first_, A_last_;  ///< last column of a row of A
@@ -297,7 +360,6 @@ class ContactNewton {
   std::vector<Bound> bounds_;
   std::vector<Servo> servos_;
   std::vector<ContactRows> contacts_;
-  Solution latest_, best_;
   int islands_ = 0;
   std::vector<int> island_of_tree_;  ///< trees that contacts and loops couple
   std::vector<int> place_;           ///< index of each unknown in its island
@@ -305,12 +367,14 @@ class ContactNewton {
   std::vector<int> members_, first_member_, touching_, first_touching_;
   std::unique_ptr<ContactNewton> part_;          ///< solves islands one by one
   std::vector<int> loaded_, part_first_, next_;  ///< of an island: unknowns of the whole, its A_first_
-  std::vector<Block> blocks_;
-  std::vector<Range> ranges_;
-  std::vector<double> Y_;  ///< A^-1 J^T of the blocks' rows, over their ranges
   std::vector<int> dofs_;
   std::vector<Run> dof_runs_;  ///< the same
+  std::vector<Pair> pairs_;
+  /// Motions of unknowns, wrenches of contacts; motions of, and wrenches on, what the unknowns carry.
+  std::vector<double> motions_, wrenches_, carried_;
   std::vector<double> J_, r_, s_;
+  std::size_t entries_ = 0, own_entries_ = 0;  ///< of J; of contacts without a pair, in J_
+  bool jacobians_known_ = false;
   /// Friction's dependence on the normal impulse: M - C G^T is the whole (unsymmetric) derivative. C and G
   /// are unknowns by columns.
   std::vector<Column> columns_;

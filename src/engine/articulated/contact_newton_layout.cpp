@@ -10,10 +10,21 @@ namespace handsim::engine::articulated {
 
 void ContactNewton::resize(std::span<const int> first) {
   lay_out(first);
-  reserve(first.size());
+  reserve(*this);
   if (std::count(tree_first_.begin(), tree_first_.end(), 0) == n_) return;
   part_ = std::make_unique<ContactNewton>(kernel_);
-  part_->reserve(first.size());
+  part_->reserve(*this);
+}
+
+/// Most unknowns that can move two bodies against each other.
+std::size_t ContactNewton::widest() const {
+  std::size_t deepest = 0;
+  for (int i = 0; i < n_; ++i) {
+    std::size_t depth = 0;
+    for (int k = i; k < n_; k = parent_[at(k)]) ++depth;
+    deepest = std::max(deepest, depth);
+  }
+  return std::min(at(n_), 2 * deepest);
 }
 
 /// Sizes everything for the unknowns; allocates only where there were never as many.
@@ -43,13 +54,17 @@ void ContactNewton::lay_out(std::span<const int> first) {
     tree_of_[at(i)] = static_cast<int>(trees_.size()) - 1;
   }
   for (std::vector<double>* each : {&g_, &start_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
+  motions_.assign(kSpatial * at(n_), 0.0);
+  carried_.assign(kSpatial * at(n_ + 1), 0.0);
   bounds_.resize(at(n_));
   servos_.resize(at(n_));
   left_out_.assign(at(n_), false);
   structured_ = false;
 }
 
-void ContactNewton::reserve(std::size_t n) {
+/// Room for the usual contacts of a solver's unknowns.
+void ContactNewton::reserve(const ContactNewton& like) {
+  const std::size_t n = at(like.n_), chains = like.chains_.size(), widest = like.widest();
   for (std::vector<int>* each : {&island_of_tree_, &tree_of_}) each->reserve(n);
   trees_.reserve(n);
   place_.reserve(n);
@@ -57,7 +72,8 @@ void ContactNewton::reserve(std::size_t n) {
   touching_.reserve(kUsualContacts);
   for (std::vector<int>* each : {&first_member_, &first_touching_, &next_}) each->reserve(n + 1);
   const std::size_t most = std::min(n, at(kHeap)) * (std::min(n, at(kHeap)) + 1) / 2;
-  for (std::vector<double>* each : {&A_, &M_}) each->reserve(most);
+  A_.reserve(like.A_.size());
+  M_.reserve(most);
   for (std::vector<double>* each : {&g_, &start_, &x_, &F_, &sum_, &d_, &Ad_}) each->reserve(n);
   for (std::vector<int>* each :
        {&A_first_, &A_last_, &last_, &parent_, &tree_first_, &tree_last_, &loaded_, &part_first_})
@@ -65,20 +81,17 @@ void ContactNewton::reserve(std::size_t n) {
   for (std::vector<std::size_t>* each : {&A_start_, &M_start_}) each->reserve(n);
   chains_.reserve(n);
   chain_of_.reserve(n);
-  runs_.reserve(n * n);
+  runs_.reserve(chains * chains);
   links_.reserve(n * (n / 64 + 1));
   bounds_.reserve(n);
   servos_.reserve(n);
   left_out_.reserve(n);
-  for (Solution* each : {&latest_, &best_}) {
-    each->x.reserve(n);
-    each->bounds.reserve(n);
-    each->servos.reserve(n);
-    each->contacts.reserve(kUsualContacts);
-  }
   contacts_.reserve(kUsualContacts);
-  dofs_.reserve(kUsualContacts * n);
-  J_.reserve(kUsualContacts * kMostRows * n);
+  pairs_.reserve(kUsualContacts);
+  motions_.reserve(kSpatial * n);
+  carried_.reserve(kSpatial * (n + 1));
+  wrenches_.reserve(kUsualContacts * kUsualRows * kSpatial);
+  dofs_.reserve(kUsualContacts * widest);
   r_.reserve(kUsualContacts * kMostRows);
   s_.reserve(kUsualContacts * kMostRows);
   dof_runs_.reserve(kUsualContacts * 4);
@@ -88,8 +101,17 @@ void ContactNewton::reserve(std::size_t n) {
   K_.reserve(kUsualContacts * kUsualContacts);
   h_.reserve(kUsualContacts);
   pivots_.reserve(kUsualContacts);
-  for (std::vector<int>* each : {&layout_, &laid_out_}) each->reserve(n + kUsualContacts * (3 + n));
+  for (std::vector<int>* each : {&layout_, &laid_out_}) each->reserve(n + kUsualContacts * (3 + widest));
   for (std::vector<int>* each : {&active_, &factored_}) each->reserve(n + kUsualContacts);
+  Scratch& shared = scratch();
+  for (Solution* each : {&shared.latest, &shared.best}) {
+    each->x.reserve(n);
+    each->bounds.reserve(n);
+    each->servos.reserve(n);
+    each->contacts.reserve(kUsualContacts);
+  }
+  shared.start.reserve(kUsualContacts);
+  shared.J.reserve(kUsualContacts * kMostRows * widest);
 }
 
 /// Where the rows of an upper triangle start, each from its diagonal to its last entry. @returns their size

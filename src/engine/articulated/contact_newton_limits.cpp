@@ -160,7 +160,7 @@ void ContactNewton::predict_limits(NewtonReport& report) {
   find_factor();
   find_newton_step(report);
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
-    ContactRows &contact = contacts_[c], &to = latest_.contacts[c];
+    ContactRows &contact = contacts_[c], &to = scratch().latest.contacts[c];
     const double end = -(r_[kMostRows * c] + s_[kMostRows * c]) / contact.regularization;
     const double normal = contact.open ? 0 : std::max(end, 0.0);
     for (std::size_t k = 0; k < contact.disc_count; ++k) {
@@ -188,33 +188,34 @@ void ContactNewton::iterate_limits(double tolerance, NewtonReport& report) {
   std::fill(x_.begin(), x_.end(), 0.0);
   restart_limits(0);
   double relaxation = 1;
-  best_.residual = HUGE_VAL;
+  Solution &latest = scratch().latest, &best = scratch().best;
+  best.residual = HUGE_VAL;
   const double work = factor_work();
   for (int i = 0; i < kMostUpdates && (i == 0 || report.iterations * work < kMostFallbackWork); ++i) {
     minimise(tolerance, report);
-    latest_.x = x_;
-    latest_.contacts = contacts_;
-    latest_.bounds = bounds_;
+    latest.x = x_;
+    latest.contacts = contacts_;
+    latest.bounds = bounds_;
     ++report.limit_updates;
     evaluate_residual(Law::coulomb);
     solved(tolerance, report);
-    latest_.residual = report.residual;
-    if (latest_.residual < best_.residual) best_ = latest_;
+    latest.residual = report.residual;
+    if (latest.residual < best.residual) best = latest;
     const bool predicted = i >= kNewtonUpdates && i % 4 == 2;
     if (!report.solved && predicted) predict_limits(report);
     if (!report.solved) newton_steps(kStepsFromFixed, tolerance, report);
     if (report.solved) return;
-    x_ = latest_.x;
-    contacts_ = latest_.contacts;
-    bounds_ = latest_.bounds;
+    x_ = latest.x;
+    contacts_ = latest.contacts;
+    bounds_ = latest.bounds;
     const bool restart = i % kRestart == kRestart - 1;
     if (restart) restart_limits(kRestartAt[at(i / kRestart % 2)]);
     relaxation = restart || predicted ? 1 : update_limits(relaxation, i % 4 == 3 ? kLong : kShort);
   }
-  x_ = best_.x;
-  contacts_ = best_.contacts;
-  bounds_ = best_.bounds;
-  report.residual = best_.residual;
+  x_ = best.x;
+  contacts_ = best.contacts;
+  bounds_ = best.bounds;
+  report.residual = best.residual;
 }
 
 }  // namespace handsim::engine::articulated

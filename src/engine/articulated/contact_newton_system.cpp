@@ -82,7 +82,7 @@ void ContactNewton::add_column(std::size_t column) {
   const ContactRows& contact = contacts_[columns_[column].contact];
   const Disc& disc = contact.discs[columns_[column].disc];
   const std::size_t m = contact.dof_count;
-  const double *J = J_.data() + contact.first_entry, *rows = J + disc.row * m;
+  const double *J = entries(contact), *rows = J + disc.row * m;
   const double share = disc.coefficient / contact.regularization;
   for (std::size_t j = 0; j < m; ++j) {
     const std::size_t dof = at(dofs_[contact.first_dof + j]);
@@ -95,6 +95,7 @@ void ContactNewton::add_column(std::size_t column) {
 
 /// The derivative of F: M is its symmetric part, C and G are friction's dependence on the normal impulse.
 void ContactNewton::assemble() {
+  find_jacobians();
   for (int i = 0; i < n_; ++i) {
     double* M = M_.data() + M_entry(i, 0);
     const double* A = A_.data() + entry(i, 0);

@@ -21,7 +21,7 @@ constexpr int kSweeps = 20;
 double ContactNewton::velocity(const Block& block, std::size_t row) const {
   if (block.kind != Block::Kind::contact) return x_[block.index];
   const ContactRows& contact = contacts_[block.index];
-  const double* J = J_.data() + contact.first_entry + row * contact.dof_count;
+  const double* J = entries(contact) + row * contact.dof_count;
   double out = contact.start[row];
   for (std::size_t k = 0; k < contact.dof_count; ++k) out += J[k] * x_[at(dofs_[contact.first_dof + k])];
   return out;
@@ -30,14 +30,15 @@ double ContactNewton::velocity(const Block& block, std::size_t row) const {
 /// x += A^-1 J^T impulse of a row.
 void ContactNewton::apply_impulse(const Block& block, std::size_t row, double impulse) {
   if (impulse == 0) return;
+  const std::vector<Range>& ranges = scratch().ranges;
   std::size_t width = 0;
   for (std::size_t k = 0; k < block.range_count; ++k) {
-    const Range& range = ranges_[block.first_range + k];
+    const Range& range = ranges[block.first_range + k];
     width += at(range.last - range.first + 1);
   }
-  const double* Y = Y_.data() + block.first_entry + row * width;
+  const double* Y = scratch().Y.data() + block.first_entry + row * width;
   for (std::size_t k = 0; k < block.range_count; ++k) {
-    const Range& range = ranges_[block.first_range + k];
+    const Range& range = ranges[block.first_range + k];
     for (int i = range.first; i <= range.last; ++i) x_[at(i)] += *Y++ * impulse;
   }
 }
@@ -49,47 +50,49 @@ void ContactNewton::add_block(Block block) {
   const std::span<const int> dofs =
       contact ? std::span(dofs_).subspan(contacts_[block.index].first_dof, contacts_[block.index].dof_count)
               : std::span(&own, 1);
-  block.first_range = ranges_.size();
+  const double* J = contact ? entries(contacts_[block.index]) : nullptr;
+  std::vector<Range>& ranges = scratch().ranges;
+  std::vector<double>& Y = scratch().Y;
+  block.first_range = ranges.size();
   for (const int dof : dofs)
-    if (ranges_.size() == block.first_range || dof > ranges_.back().last)
-      ranges_.push_back({tree_first_[at(dof)], tree_last_[at(dof)]});
-  block.range_count = ranges_.size() - block.first_range;
-  block.first_entry = Y_.size();
+    if (ranges.size() == block.first_range || dof > ranges.back().last)
+      ranges.push_back({tree_first_[at(dof)], tree_last_[at(dof)]});
+  block.range_count = ranges.size() - block.first_range;
+  block.first_entry = Y.size();
   for (std::size_t row = 0; row < block.rows; ++row) {
     std::size_t k = 0;
-    for (std::size_t range = block.first_range; range < ranges_.size(); ++range) {
-      const auto [first, last] = ranges_[range];
+    for (std::size_t range = block.first_range; range < ranges.size(); ++range) {
+      const auto [first, last] = ranges[range];
       for (; k < dofs.size() && dofs[k] <= last; ++k)
-        d_[at(dofs[k])] = contact ? J_[contacts_[block.index].first_entry + row * dofs.size() + k] : 1;
+        d_[at(dofs[k])] = contact ? J[row * dofs.size() + k] : 1;
       solve_tree(d_.data(), first, last);
       for (int i = first; i <= last; ++i) {
-        Y_.push_back(d_[at(i)]);
+        Y.push_back(d_[at(i)]);
         d_[at(i)] = 0;
       }
     }
   }
-  const std::size_t width = (Y_.size() - block.first_entry) / block.rows;
+  const std::size_t width = (Y.size() - block.first_entry) / block.rows;
   for (std::size_t col = 0; col < block.rows; ++col) {
     for (std::size_t row = 0; row < block.rows; ++row) {
       double sum = 0;
       std::size_t place = block.first_entry + col * width, k = 0;
-      for (std::size_t range = block.first_range; range < ranges_.size(); ++range) {
-        const auto [first, last] = ranges_[range];
+      for (std::size_t range = block.first_range; range < ranges.size(); ++range) {
+        const auto [first, last] = ranges[range];
         for (; k < dofs.size() && dofs[k] <= last; ++k)
-          sum += (contact ? J_[contacts_[block.index].first_entry + row * dofs.size() + k] : 1) *
-                 Y_[place + at(dofs[k] - first)];
+          sum += (contact ? J[row * dofs.size() + k] : 1) * Y[place + at(dofs[k] - first)];
         place += at(last - first + 1);
       }
       block.D[row * kMostRows + col] = sum;
     }
   }
-  blocks_.push_back(block);
+  scratch().blocks.push_back(block);
 }
 
 void ContactNewton::add_blocks() {
-  blocks_.clear();
-  ranges_.clear();
-  Y_.clear();
+  scratch().blocks.clear();
+  scratch().ranges.clear();
+  scratch().Y.clear();
   std::fill(d_.begin(), d_.end(), 0.0);
   for (std::size_t c = 0; c < contacts_.size(); ++c)
     add_block({.kind = Block::Kind::contact, .index = c, .rows = contacts_[c].rows});
@@ -176,6 +179,7 @@ double ContactNewton::solve_contact(const Block& block) {
 
 void ContactNewton::gauss_seidel(double tolerance, NewtonReport& report) {
   report.iterative = true;
+  find_jacobians();
   find_structure({});
   structured_ = false;
   factored_.clear();
@@ -185,16 +189,17 @@ void ContactNewton::gauss_seidel(double tolerance, NewtonReport& report) {
   add_blocks();
   x_ = g_;
   solve_tree(x_.data(), 0, n_ - 1);
-  for (const Block& block : blocks_)
+  std::vector<Block>& blocks = scratch().blocks;
+  for (const Block& block : blocks)
     if (block.kind == Block::Kind::contact)
       for (std::size_t row = 0; row < block.rows; ++row)
         apply_impulse(block, row, contacts_[block.index].impulse[row]);
   bool converged = false;
   for (int sweep = 0; sweep < kSweeps && !converged; ++sweep) {
     report.residual = 0;
-    const std::size_t count = blocks_.size();
+    const std::size_t count = blocks.size();
     for (std::size_t i = 0; i < count; ++i)
-      report.residual = std::max(report.residual, solve_block(blocks_[sweep % 2 == 0 ? i : count - 1 - i]));
+      report.residual = std::max(report.residual, solve_block(blocks[sweep % 2 == 0 ? i : count - 1 - i]));
     converged = report.residual <= tolerance;
     ++report.iterations;
   }

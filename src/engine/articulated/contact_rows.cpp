@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <tuple>
+#include <utility>
 
 #include "handsim/core/index.h"
 #include "handsim/engine/articulated/contact_dynamics.h"
@@ -34,51 +35,39 @@ constexpr double kBilateralRegularization = 1e-8;
 }  // namespace
 
 /// The bodies of a pair that touches, and the unknowns that move one against the other.
-void ContactDynamics::find_pair(std::size_t touch, int shape_a, int shape_b) {
+void ContactDynamics::find_pair(std::size_t index, int shape_a, int shape_b) {
   pair_.a = side(shape_a);
   pair_.b = side(shape_b);
   const Mobility a = mobility_of(shape_a), b = mobility_of(shape_b);
   pair_.mobility = {a.linear + b.linear, a.angular + b.angular};
   const int node_a = node_of(shape_a), node_b = node_of(shape_b);
-  if (touch == moving_dofs_.size()) moving_dofs_.emplace_back();
-  MovingDofs& moving = moving_dofs_[touch];
+  if (index == moving_dofs_.size()) moving_dofs_.emplace_back();
+  MovingDofs& moving = moving_dofs_[index];
   moving_ = &moving;
-  if (moving.node_a == node_a && moving.node_b == node_b) return;
-  moving.node_a = node_a;
-  moving.node_b = node_b;
-  find_moving_dofs(moving);
-}
-
-/// Velocities along a frame's three columns at a point, per unknown.
-void ContactDynamics::find_point_rows(const Mat3& frame, const Vec3& position, double* J) const {
-  for (const PairRun& run : moving_->runs) {
-    const Vec3 r = position - (run.sign > 0 ? pair_.a : pair_.b).origin;
-    const Mat3 along = run.sign * frame;
-    row_kernel().find_point_rows(J, moving_->dofs.size(), {S_.data() + run.first, at(space_.size())},
-                                 r.data(), along.data(), run.count);
-    J += run.count;
+  if (moving.node_a != node_a || moving.node_b != node_b) {
+    moving.node_a = node_a;
+    moving.node_b = node_b;
+    find_moving_dofs(moving);
   }
+  const auto last = [&](int node) { return node == kNoNode ? kNone : place_[at(space_.last_dof(node))]; };
+  solver_.add_pair(last(node_a), last(node_b), pair_.a.origin - pair_.b.origin, moving.dofs);
 }
 
-/// The first of these alone.
-void ContactDynamics::find_normal_row(const Vec3& normal, const Vec3& position, double* J) const {
-  const std::size_t n = at(space_.size());
+/// How easily impulses across a contact's normal make the bodies slide, by the diagonal of the inertia, both
+/// directions added [1/kg]; a lower bound of it where that is enough.
+double ContactDynamics::mobility_across(const Contact& contact, double enough) {
+  double sum = 0;
   for (const PairRun& run : moving_->runs) {
-    const Vec3 turn = (position - (run.sign > 0 ? pair_.a : pair_.b).origin).cross(normal);
+    const Vec3 r = contact.position - (run.sign > 0 ? pair_.a : pair_.b).origin;
     for (int i = run.first; i < run.first + run.count; ++i) {
-      const double* S = S_.data() + i;
-      *J++ =
-          run.sign * (turn.dot(Vec3(S[0], S[n], S[2 * n])) + normal.dot(Vec3(S[3 * n], S[4 * n], S[5 * n])));
+      const double* S = solver_.motion(i);
+      const Vec3 v = Vec3(S[4], S[5], S[6]) + Vec3(S[0], S[1], S[2]).cross(r);
+      const double along = contact.normal.dot(v);
+      sum += (v.squaredNorm() - along * along) * inverse_inertia_[at(i)];
+      if (sum >= enough) return sum;
     }
   }
-}
-
-/// Angular velocity about an axis, per unknown.
-void ContactDynamics::find_turning_row(const Vec3& axis, double* J) const {
-  const std::size_t n = at(space_.size());
-  for (const PairRun& run : moving_->runs)
-    for (int i = run.first; i < run.first + run.count; ++i)
-      *J++ = run.sign * axis.dot(Vec3(S_[at(i)], S_[n + at(i)], S_[2 * n + at(i)]));
+  return sum;
 }
 
 /// Velocity along the normal that a contact is to have after the step, and its regularization.
@@ -110,8 +99,8 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   const double friction = friction_ && crossed == 0 ? surface.friction : 0;
   const double spinning = friction_ ? surface.spinning_friction : 0;
   const double rolling = friction_ ? surface.rolling_friction : 0;
-  ContactRows& rows = solver_.add(
-      moving_->dofs, 1U + (friction > 0 ? 2U : 0U) + (spinning > 0 ? 1U : 0U) + (rolling > 0 ? 2U : 0U));
+  ContactRows& rows =
+      solver_.add_contact(1U + (friction > 0 ? 2U : 0U) + (spinning > 0 ? 1U : 0U) + (rolling > 0 ? 2U : 0U));
   Mat3& frame = frames_.emplace_back();
   frame.col(0) = contact.normal;
   frame.col(1) = contact.normal.unitOrthogonal();
@@ -120,12 +109,16 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
       frame.transpose() * (pair_.a.velocity(contact.position) - pair_.b.velocity(contact.position));
   rows.start[0] = v.x() - find_target(rows, contact, surface, share, crossed, -v.x(), step);
 
-  const std::size_t m = moving_->dofs.size();
-  double* J = solver_.jacobian(rows).data();
-  if (friction > 0)
-    find_point_rows(frame, contact.position, J);
-  else
-    find_normal_row(frame.col(0), contact.position, J);
+  double* G = solver_.wrenches(rows);
+  const auto set_wrench = [](double* to, const Vec3& moment, const Vec3& force) {
+    for (Eigen::Index k = 0; k < 3; ++k) {
+      to[k] = moment[k];
+      to[4 + k] = force[k];
+    }
+  };
+  const Vec3 arm = contact.position - pair_.a.origin;
+  for (Eigen::Index k = 0; k < (friction > 0 ? 3 : 1); ++k)
+    set_wrench(G + kSpatial * static_cast<std::size_t>(k), arm.cross(frame.col(k)), frame.col(k));
   std::size_t row = 1;
   const auto add = [&](Disc::Kind kind, double coefficient, double regularization) {
     Disc& disc = rows.discs[rows.disc_count++];
@@ -137,15 +130,13 @@ void ContactDynamics::add_contact(const Contact& contact, const model::Material&
   };
   const auto add_turning = [&](int axis) {
     rows.start[row] = frame.col(axis).dot(pair_.a.w - pair_.b.w);
-    find_turning_row(frame.col(axis), J + row++ * m);
+    set_wrench(G + kSpatial * row++, frame.col(axis), Vec3::Zero());
   };
   if (friction > 0) {
-    double across = 0;
-    for (std::size_t k = 0; k < m; ++k)
-      across += (J[m + k] * J[m + k] + J[2 * m + k] * J[2 * m + k]) * inverse_inertia_[at(moving_->dofs[k])];
     const double mobility = pair_.mobility.linear;
+    const double firm = kFirmBelow * mobility;
     add(Disc::Kind::sliding, friction,
-        std::clamp(across / (kFirmBelow * mobility), kLeastShare, 1.0) * mobility);
+        std::clamp(mobility_across(contact, firm) / firm, kLeastShare, 1.0) * mobility);
     rows.start[row++] = v.y();
     rows.start[row++] = v.z();
   }
@@ -165,10 +156,14 @@ void ContactDynamics::add_contacts(double step) {
   light_.clear();
   warm_started_ = 0;
   crossed_.find(collider_);
-  std::size_t pair = 0;
+  std::size_t pairs = 0;
+  std::pair<int, int> bodies;
   for (const Touch& touch : collider_.touches()) {
     const Contact& any = collider_.contacts()[touch.first];
-    find_pair(pair++, any.shape_a, any.shape_b);
+    // Shapes of the same two bodies often follow each other.
+    const std::pair<int, int> these(body_of(any.shape_a), body_of(any.shape_b));
+    if (const auto last = std::exchange(bodies, these); pairs == 0 || last != these)
+      find_pair(pairs++, any.shape_a, any.shape_b);
     for (int index = 0; index < touch.count; ++index) {
       const std::size_t i = touch.first + at(index);
       const Contact& contact = collider_.contacts()[i];

@@ -27,9 +27,10 @@ double share_left(double energy, double bound) {
 }  // namespace
 
 FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism)
-    : mechanism_(mechanism), space_(mechanism) {
+    : mechanism_(mechanism), space_(mechanism, false) {
   const Topology& topology = mechanism.topology();
   std::vector<int> tree_of(topology.nodes.size());
+  views_.reserve(topology.nodes.size());
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     const Node& node = topology.nodes[i];
     views_.push_back(mechanism.view(i));

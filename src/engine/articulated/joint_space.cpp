@@ -6,8 +6,9 @@
 
 namespace handsim::engine::articulated {
 
-JointSpace::JointSpace(Mechanism& mechanism) : stride_(mechanism.stride()) {
+JointSpace::JointSpace(Mechanism& mechanism, bool with_inertia) : stride_(mechanism.stride()) {
   const Topology& topology = mechanism.topology();
+  views_.reserve(topology.nodes.size());
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     const Node& node = topology.nodes[i];
     views_.push_back(mechanism.view(i));
@@ -21,11 +22,13 @@ JointSpace::JointSpace(Mechanism& mechanism) : stride_(mechanism.stride()) {
       axes_.push_back(views_[i].S + 6 * at(k) * stride_);
     }
   }
-  H_.resize(at(n_) * at(n_));
+  if (with_inertia) {
+    H_.resize(at(n_) * at(n_));
+    composite_.resize(topology.nodes.size());
+  }
   S_.resize(at(n_));
   a_.resize(topology.nodes.size());
   f_.resize(topology.nodes.size());
-  composite_.resize(topology.nodes.size());
 }
 
 void JointSpace::inverse_dynamics(std::span<const double> du, std::span<double> tau) {

@@ -38,7 +38,8 @@ class JointSpace {
  public:
   /// @param mechanism must outlive this. All below speak of where its `kinematics` last found it, its rates
   ///        and its bases' motion. Rates are in the order of the nodes; with one lane that of Mechanism::u().
-  explicit JointSpace(Mechanism& mechanism);
+  /// @param with_inertia H is asked for, too
+  explicit JointSpace(Mechanism& mechanism, bool with_inertia = true);
 
   int size() const { return n_; }
   /// Where Mechanism::u() and du() have a dof.

@@ -8,7 +8,6 @@
 #include <new>
 
 #include "handsim/engine/articulated/mechanism_lanes.h"
-#include "handsim/engine/articulated/spin.h"
 #include "handsim/model/kinematics.h"
 
 namespace handsim::engine::articulated {
@@ -269,22 +268,6 @@ void Mechanism::update_bases() {
       }
     }
   });
-}
-
-void Mechanism::update_gyroscopic_torques(double step) {
-  const std::size_t n = stride();
-  for (const int index : lone_) {
-    const Node& node = topology_.nodes[at(index)];
-    const LaneSlot& slot = slots_[at(index)];
-    const double *q = tree_.q + slot.q + 3 * n, *u = tree_.u + slot.u;
-    const Quat q_WL(q[3 * n], q[0], q[n], q[2 * n]);
-    const std::optional<Vec3> torque = gyroscopic_torque(node.inertia, q_WL, {u[0], u[n], u[2 * n]}, step);
-    if (!torque) continue;
-    of_width(kernel_->width, [&](auto w) {
-      constexpr int W = w;
-      put3<W>(In<W>(*this).batch[slot.batch].pv, slot.lane, *torque);
-    });
-  }
 }
 
 void Mechanism::refresh(const Settings& settings) {

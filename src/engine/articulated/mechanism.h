@@ -145,6 +145,8 @@ class Mechanism {
   static void carry(Archive& archive, Self& self);
   template <int N>
   void lend_bases(LaneTree<N>& to, int lane) const;
+  template <int N, class Other, class Copy>
+  void exchange(Other& with, int lane, bool all_torques, const Copy& copy) const;
   void* allocate(std::size_t bytes);
   void place_nodes(const Settings& settings);
   template <int W>

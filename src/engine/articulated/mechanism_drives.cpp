@@ -4,6 +4,7 @@
 
 #include "handsim/engine/articulated/mechanism.h"
 #include "handsim/engine/articulated/mechanism_lanes.h"
+#include "handsim/engine/articulated/spin.h"
 
 namespace handsim::engine::articulated {
 
@@ -76,6 +77,22 @@ void Mechanism::add_forces(std::span<const BodyForce> forces) {
       put3<W>(b.pv + 3, slot.lane, get3<W>(b.pv + 3, slot.lane) - each.force);
     }
   });
+}
+
+void Mechanism::update_gyroscopic_torques(double step) {
+  const std::size_t n = stride();
+  for (const int index : lone_) {
+    const Node& node = topology_.nodes[at(index)];
+    const LaneSlot& slot = slots_[at(index)];
+    const double *q = tree_.q + slot.q + 3 * n, *u = tree_.u + slot.u;
+    const Quat q_WL(q[3 * n], q[0], q[n], q[2 * n]);
+    const std::optional<Vec3> torque = gyroscopic_torque(node.inertia, q_WL, {u[0], u[n], u[2 * n]}, step);
+    if (!torque) continue;
+    of_width(kernel_->width, [&](auto w) {
+      constexpr int W = w;
+      put3<W>(In<W>(*this).batch[slot.batch].pv, slot.lane, *torque);
+    });
+  }
 }
 
 int Mechanism::stops_in_force() const {

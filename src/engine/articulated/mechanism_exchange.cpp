@@ -56,6 +56,33 @@ void Mechanism::lend_bases(LaneTree<N>& to, int lane) const {
     for (int k = 0; k < 3; ++k) to.origins[at(3 * i + k)].x[lane] = origin(i)[k];
 }
 
+/// Calls copy(own, other) with each number of the motion. @param all_torques those of balls, too
+template <int N, class Other, class Copy>
+void Mechanism::exchange(Other& with, int lane, bool all_torques, const Copy& copy) const {
+  of_width(kernel_->width, [&](auto w) {
+    constexpr int W = w;
+    const In<W> in(*this);
+    for (std::size_t i = 0; i < slots_.size(); ++i) {
+      const LaneSlot& slot = slots_[i];
+      const Batch<W>& b = in.batch[slot.batch];
+      const Batch<N>& other = with.batches[i];
+      for (std::size_t k = 0; k < at(position_count(b.kind)); ++k)
+        copy(tree_.q[slot.q + k * W], with.tree.q[at(other.q) + k * N + at(lane)]);
+      for (std::size_t k = 0; k < at(rate_count(b.kind)); ++k) {
+        const std::size_t own = slot.u + k * W, u = at(other.u) + k * N + at(lane);
+        copy(tree_.u[own], with.tree.u[u]);
+        if (!all_torques && !single(b.kind)) continue;
+        copy(tree_.tau[own], with.tree.tau[u]);
+        copy(tree_.tau_servo[own], with.tree.tau_servo[u]);
+      }
+      if (!single(b.kind)) continue;
+      auto& axis = with.axes[at(other.axis)];
+      copy(in.axis[b.axis].side[slot.lane], axis.side[lane]);
+      copy(in.axis[b.axis].saturated[slot.lane], axis.saturated[lane]);
+    }
+  });
+}
+
 template <int N>
 void Mechanism::lend(LaneTree<N>& to, int lane) const {
   bool moved = false;
@@ -64,51 +91,12 @@ void Mechanism::lend(LaneTree<N>& to, int lane) const {
             (!to.bodies[i].of_node && (get3<N>(to.bodies[i].p, lane) != bases_[i].pose.p ||
                                        get4<N>(to.bodies[i].q, lane).coeffs() != bases_[i].pose.q.coeffs()));
   if (moved) lend_bases(to, lane);
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
-    for (std::size_t i = 0; i < slots_.size(); ++i) {
-      const LaneSlot& slot = slots_[i];
-      const Batch<W>& b = in.batch[slot.batch];
-      const Batch<N>& out = to.batches[i];
-      for (std::size_t k = 0; k < at(position_count(b.kind)); ++k)
-        to.tree.q[at(out.q) + k * N + at(lane)] = tree_.q[slot.q + k * W];
-      for (std::size_t k = 0; k < at(rate_count(b.kind)); ++k) {
-        const std::size_t u = at(out.u) + k * N + at(lane);
-        to.tree.u[u] = tree_.u[slot.u + k * W];
-        to.tree.tau[u] = tree_.tau[slot.u + k * W];
-        to.tree.tau_servo[u] = tree_.tau_servo[slot.u + k * W];
-      }
-      if (!single(b.kind)) continue;
-      to.axes[at(out.axis)].side[lane] = in.axis[b.axis].side[slot.lane];
-      to.axes[at(out.axis)].saturated[lane] = in.axis[b.axis].saturated[slot.lane];
-    }
-  });
+  exchange<N>(to, lane, true, [](const double& own, double& other) { other = own; });
 }
 
 template <int N>
 void Mechanism::take_back(const LaneTree<N>& from, int lane) {
-  of_width(kernel_->width, [&](auto w) {
-    constexpr int W = w;
-    const In<W> in(*this);
-    for (std::size_t i = 0; i < slots_.size(); ++i) {
-      const LaneSlot& slot = slots_[i];
-      const Batch<W>& b = in.batch[slot.batch];
-      const Batch<N>& other = from.batches[i];
-      for (std::size_t k = 0; k < at(position_count(b.kind)); ++k)
-        tree_.q[slot.q + k * W] = from.tree.q[at(other.q) + k * N + at(lane)];
-      for (std::size_t k = 0; k < at(rate_count(b.kind)); ++k) {
-        const std::size_t u = at(other.u) + k * N + at(lane);
-        tree_.u[slot.u + k * W] = from.tree.u[u];
-        if (!single(b.kind)) continue;
-        tree_.tau[slot.u + k * W] = from.tree.tau[u];
-        tree_.tau_servo[slot.u + k * W] = from.tree.tau_servo[u];
-      }
-      if (!single(b.kind)) continue;
-      in.axis[b.axis].side[slot.lane] = from.axes[at(other.axis)].side[lane];
-      in.axis[b.axis].saturated[slot.lane] = from.axes[at(other.axis)].saturated[lane];
-    }
-  });
+  exchange<N>(from, lane, false, [](double& own, const double& other) { own = other; });
   // The tree holds what it was last given, not what the next step is given.
   servos_at_rest_ = false;
 }

@@ -54,12 +54,8 @@ struct RowBlock {
   std::size_t run_count = 0;
 };
 
-/// The motions of axes, by rows: three of angular velocities, then three of velocities at an origin.
-struct AxisRows {
-  const double* first = nullptr;
-  std::size_t stride = 0;
-  const double* row(std::size_t k, int i) const { return first + k * stride + i; }
-};
+/// Numbers of a motion or a wrench: three of rotation, a zero, three of translation, a zero.
+inline constexpr std::size_t kSpatial = 8;
 
 struct RowKernel {
   /// M = U^T U in place, its diagonal inverted.
@@ -81,10 +77,15 @@ struct RowKernel {
   void (*subtract_transposed)(const RowBlock&, const double* p, double* to);
   /// to += A x, A symmetric; `last`: last column of each row.
   void (*add_product)(const Triangle& A, const int* last, int n, const double* x, double* to);
-  /// Velocities of a point r from the origin along the three directions of `frame` (columns) per axis, into
-  /// rows `stride` apart.
-  void (*find_point_rows)(double* to, std::size_t stride, const AxisRows&, const double* r,
-                          const double* frame, int n);
+  /// V_i = V_parent + S_i x_i, from the roots on: motions of what the unknowns carry. V_n is zero, and the
+  /// parent of roots.
+  void (*find_motions)(const double* S, const int* parent, int n, const double* x, double* V);
+  /// to_i -= S_i . W_i and W_parent += W_i, from the tips on: what wrenches W do to the unknowns.
+  void (*subtract_wrenches)(const double* S, const int* parent, int n, double* W, double* to);
+  /// out = G V of `rows` wrenches G.
+  void (*project)(const double* G, std::size_t rows, const double* V, double* out);
+  /// W += G^T p.
+  void (*add_wrenches)(const double* G, std::size_t rows, const double* p, double* W);
 };
 
 /// The fastest that this processor runs.

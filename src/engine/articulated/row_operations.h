@@ -305,23 +305,60 @@ struct RowOperations {
     }
   }
 
-  static void find_point_rows(double* to, std::size_t stride, const AxisRows& axes, const double* r,
-                              const double* frame, int n) {
-    each(n, [&](auto kind, int i) {
-      using T = decltype(kind);
-      const T wx = get<T>(axes.row(0, i)), wy = get<T>(axes.row(1, i)), wz = get<T>(axes.row(2, i));
-      const T x = get<T>(axes.row(3, i)) + (wy * T(r[2]) - wz * T(r[1])),
-              y = get<T>(axes.row(4, i)) + (wz * T(r[0]) - wx * T(r[2])),
-              z = get<T>(axes.row(5, i)) + (wx * T(r[1]) - wy * T(r[0]));
-      for (std::size_t k = 0; k < 3; ++k)
-        put<T>(to + k * stride + i, x * T(frame[3 * k]) + y * T(frame[3 * k + 1]) + z * T(frame[3 * k + 2]));
-    });
+  /// Calls f with the type of the numbers taken at a time and each place in a motion or wrench.
+  template <class F>
+  static void each_of_spatial(const F& f) {
+    for (std::size_t i = 0; i < kSpatial; i += W) f(V(), i);
+  }
+  /// The halves are added, then even and odd places.
+  static double dot_spatial(const double* x, const double* y) {
+    if constexpr (W > 2) {
+      const auto [low, high] = stdx::split<2, 2>(load(x) * load(y) + load(x + 4) * load(y + 4));
+      const Two sum = low + high;
+      return sum[0] + sum[1];
+    } else {
+      const auto term = [&](std::size_t i) { return load(x + i) * load(y + i); };
+      const V sum = (term(0) + term(4)) + (term(2) + term(6));
+      return sum[0] + sum[1];
+    }
+  }
+  static double* spatial(double* all, int i) { return all + kSpatial * static_cast<std::size_t>(i); }
+  static const double* spatial(const double* all, int i) {
+    return all + kSpatial * static_cast<std::size_t>(i);
+  }
+
+  static void find_motions(const double* S, const int* parent, int n, const double* x, double* motions) {
+    each_of_spatial([&](auto kind, std::size_t k) { store(spatial(motions, n) + k, decltype(kind)(0)); });
+    for (int i = n - 1; i >= 0; --i)
+      each_of_spatial([&](auto kind, std::size_t k) {
+        using T = decltype(kind);
+        store(spatial(motions, i) + k,
+              load(spatial(motions, parent[i]) + k) + T(x[i]) * load(spatial(S, i) + k));
+      });
+  }
+  static void subtract_wrenches(const double* S, const int* parent, int n, double* wrenches, double* to) {
+    for (int i = 0; i < n; ++i) {
+      to[i] -= dot_spatial(spatial(S, i), spatial(wrenches, i));
+      double* up = spatial(wrenches, parent[i]);
+      each_of_spatial(
+          [&](auto, std::size_t k) { store(up + k, load(up + k) + load(spatial(wrenches, i) + k)); });
+    }
+  }
+  static void project(const double* G, std::size_t rows, const double* motion, double* out) {
+    for (std::size_t k = 0; k < rows; ++k) out[k] = dot_spatial(G + kSpatial * k, motion);
+  }
+  static void add_wrenches(const double* G, std::size_t rows, const double* p, double* wrench) {
+    for (std::size_t k = 0; k < rows; ++k)
+      each_of_spatial([&](auto kind, std::size_t i) {
+        using T = decltype(kind);
+        store(wrench + i, load(wrench + i) + T(p[k]) * load(G + kSpatial * k + i));
+      });
   }
 
   static constexpr RowKernel kernel() {
-    return {factor,         eliminate,     substitute_back, eliminate_coupling,  factor_coupling,
-            apply_coupling, add_stiffness, multiply,        subtract_transposed, add_product,
-            find_point_rows};
+    return {factor,         eliminate,         substitute_back, eliminate_coupling,  factor_coupling,
+            apply_coupling, add_stiffness,     multiply,        subtract_transposed, add_product,
+            find_motions,   subtract_wrenches, project,         add_wrenches};
   }
 };
 

@@ -67,6 +67,8 @@ class Builder {
     sort_by_depth();
     cut();
     number_islands();
+    // Thousands of environments have one each.
+    out_.nodes.shrink_to_fit();
     return std::move(out_);
   }
 

@@ -14,6 +14,8 @@ using model::ShapeKind;
 
 /// Rounding of poses and distances within a few metres [m].
 constexpr double kRounding = 1e-12;
+/// So many pairs are looked at together.
+constexpr std::size_t kGroup = 12;
 
 /// Gap along the axes of the first.
 double gap_along(const Extent& a, const Mat3& R_A, const Extent& b, const Mat3& R_B, const Vec3& from_a) {
@@ -42,21 +44,21 @@ bool segment(const Shape& shape) {
   return shape.kind == ShapeKind::capsule || shape.kind == ShapeKind::sphere;
 }
 
-/// A shape with its extent and rotation.
-struct Placed {
+/// A shape where it is, with its extent and rotation.
+struct At {
   const Shape& shape;
   const Extent& extent;
   const Pose& pose;
   const Mat3& R;
 };
 
-double gap_to_plane(const Placed& a, const Pose& plane) {
+double gap_to_plane(const At& a, const Pose& plane) {
   const Vec3 normal = plane.q * Vec3::UnitZ();
   return normal.dot(a.pose.p - plane.p) - (a.R.transpose() * normal).cwiseAbs().dot(a.extent.half) -
          a.extent.round;
 }
 
-double gap_between(const Placed& a, const Placed& b) {
+double gap_between(const At& a, const At& b) {
   if (a.shape.kind == ShapeKind::plane) return gap_to_plane(b, a.pose);
   if (b.shape.kind == ShapeKind::plane) return gap_to_plane(a, b.pose);
   if (segment(a.shape) && segment(b.shape))
@@ -78,74 +80,109 @@ double least_gap(const Shape& a, const Pose& x_WA, const Shape& b, const Pose& x
 
 Clearance::Clearance(const model::Model& model, std::vector<Pair> pairs)
     : model_(model),
-      rotations_(model.shapes.size()),
-      rotated_(model.shapes.size(), false),
+      placed_(model.shapes.size()),
       pairs_(std::move(pairs)),
-      overlap_(pairs_.size(), false),
-      limit_(pairs_.size(), 0.0),
-      travel_(model.shapes.size(), 0.0) {
-  for (const Shape& shape : model.shapes) {
-    const Extent of = extents_.emplace_back(extent(shape));
-    reach_.push_back(of.half.norm() + of.round);
+      watched_(pairs_.size()),
+      due_((pairs_.size() + kGroup - 1) / kGroup, 0.0) {
+  for (const Shape& shape : model.shapes) extents_.push_back(extent(shape));
+  std::vector<std::size_t> mover_of(model.bodies.size(), model.bodies.size());
+  const auto watch = [&](std::size_t index) {
+    const Shape& shape = model.shapes[index];
+    std::size_t& mover = mover_of[static_cast<std::size_t>(shape.body)];
+    if (mover == model.bodies.size()) {
+      mover = movers_.size();
+      movers_.emplace_back().body = static_cast<std::size_t>(shape.body);
+    }
+    placed_[index].mover = mover;
+    const Extent& of = extents_[index];
+    Mover& by = movers_[mover];
+    by.reach = std::max(by.reach, shape.pose.p.norm() + of.half.norm() + of.round);
+    by.endless = by.endless || shape.kind == ShapeKind::plane;
+  };
+  for (std::size_t k = 0; k < pairs_.size(); ++k) {
+    watch(pairs_[k].first);
+    watch(pairs_[k].second);
+    watched_[k].mover_a = placed_[pairs_[k].first].mover;
+    watched_[k].mover_b = placed_[pairs_[k].second].mover;
   }
+  travel_.assign(movers_.size(), 0.0);
   near_.reserve(pairs_.size());
-  last_.resize(model.shapes.size());
 }
 
-const Mat3& Clearance::rotation(std::size_t shape, const Pose& pose) {
-  if (!std::exchange(rotated_[shape], true)) rotations_[shape] = pose.q.toRotationMatrix();
-  return rotations_[shape];
+const Pose& Clearance::pose(std::size_t shape) {
+  Placed& placed = placed_[shape];
+  const Mover& by = movers_[placed.mover];
+  if (std::exchange(placed.posed, by.moves) != by.moves) placed.pose = by.last * model_.shapes[shape].pose;
+  return placed.pose;
 }
 
-double Clearance::gap(std::size_t a, std::size_t b, std::span<const Pose> poses) {
-  return gap_between({model_.shapes[a], extents_[a], poses[a], rotation(a, poses[a])},
-                     {model_.shapes[b], extents_[b], poses[b], rotation(b, poses[b])});
+const Mat3& Clearance::rotation(std::size_t shape) {
+  Placed& placed = placed_[shape];
+  const int moves = movers_[placed.mover].moves;
+  if (std::exchange(placed.rotated, moves) != moves) placed.R = pose(shape).q.toRotationMatrix();
+  return placed.R;
 }
 
-/// Adds up how far the shapes have moved. False where a plane has: it has no farthest point.
-bool Clearance::move(std::span<const Pose> poses) {
+double Clearance::gap(std::size_t a, std::size_t b) {
+  return gap_between({model_.shapes[a], extents_[a], pose(a), rotation(a)},
+                     {model_.shapes[b], extents_[b], pose(b), rotation(b)});
+}
+
+/// Adds up how far the bodies have moved. False where a plane has: it has no farthest point.
+bool Clearance::move(const model::State& state) {
   bool bounded = true;
   double most = 0;
-  for (std::size_t i = 0; i < poses.size(); ++i) {
-    const Pose &now = poses[i], &last = last_[i];
+  for (std::size_t i = 0; i < movers_.size(); ++i) {
+    Mover& each = movers_[i];
+    const model::BodyState& now = state.bodies[each.body];
     // Of a turn by an angle t: |q - q'| = 2 sin(t / 4), while a point moves by 2 sin(t / 2) times its
-    // distance.
-    const double turn2 = std::min((now.q.coeffs() - last.q.coeffs()).squaredNorm(),
-                                  (now.q.coeffs() + last.q.coeffs()).squaredNorm());
-    const double way2 = (now.p - last.p).squaredNorm();
+    // distance. Of -q for q: a turn that is too large.
+    const double turn2 = (now.q.coeffs() - each.last.q.coeffs()).squaredNorm();
+    const double way2 = (now.p - each.last.p).squaredNorm();
     if (way2 == 0 && turn2 == 0) continue;
-    rotated_[i] = false;
-    const double travel = std::sqrt(way2) + 2 * reach_[i] * std::sqrt(turn2);
+    const double travel = std::sqrt(way2) + 2 * each.reach * std::sqrt(turn2);
     travel_[i] += travel;
+    ++each.moves;
     most = std::max(most, travel);
-    bounded = bounded && model_.shapes[i].kind != ShapeKind::plane;
-    last_[i] = now;
+    bounded = bounded && !each.endless;
+    each.last = now.pose();
   }
   moved_ += 2 * most;
   return bounded;
 }
 
-void Clearance::test_pairs(std::span<const Pose> poses) {
-  near_.clear();
-  moved_ = 0;
-  slack_ = HUGE_VAL;
-  for (std::size_t k = 0; k < pairs_.size(); ++k) {
-    const auto [a, b] = pairs_[k];
-    const double travel = travel_[a] + travel_[b];
-    if (!(travel < limit_[k])) {
-      const double apart = gap(a, b, poses);
-      overlap_[k] = !(apart > kRounding);
-      limit_[k] = travel + std::abs(apart) - kRounding;
+/// Tests the pairs of a group that have moved far enough. True where one may touch now or no longer.
+bool Clearance::test_group(std::size_t group) {
+  bool changed = false;
+  double slack = HUGE_VAL;
+  const std::size_t end = std::min((group + 1) * kGroup, pairs_.size());
+  for (std::size_t k = group * kGroup; k < end; ++k) {
+    Watched& pair = watched_[k];
+    const double travel = travel_[pair.mover_a] + travel_[pair.mover_b];
+    if (!(travel < pair.limit)) {
+      const double apart = gap(pairs_[k].first, pairs_[k].second);
+      const bool overlap = !(apart > kRounding);
+      changed = std::exchange(pair.overlap, overlap) != overlap || changed;
+      pair.limit = travel + std::abs(apart) - kRounding;
     }
-    if (overlap_[k]) near_.push_back(pairs_[k]);
-    slack_ = std::min(slack_, limit_[k] - travel);
+    slack = std::min(slack, pair.limit - travel);
   }
+  due_[group] = moved_ + slack;
+  return changed;
 }
 
-std::span<const Clearance::Pair> Clearance::near(std::span<const Pose> poses) {
-  const bool bounded = move(poses);
-  if (!bounded) std::fill(limit_.begin(), limit_.end(), 0.0);
-  if (!bounded || !(moved_ < slack_)) test_pairs(poses);
+std::span<const Clearance::Pair> Clearance::near(const model::State& state) {
+  if (!move(state)) {
+    for (Watched& pair : watched_) pair.limit = 0;
+    std::fill(due_.begin(), due_.end(), 0.0);
+  }
+  bool changed = false;
+  for (std::size_t group = 0; group < due_.size(); ++group)
+    if (!(moved_ < due_[group])) changed = test_group(group) || changed;
+  if (!changed) return near_;
+  near_.clear();
+  for (std::size_t k = 0; k < pairs_.size(); ++k)
+    if (watched_[k].overlap) near_.push_back(pairs_[k]);
   return near_;
 }
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "handsim/model/shape_extent.h"
+#include "handsim/model/state.h"
 
 namespace handsim::engine {
 
@@ -26,27 +27,47 @@ class Clearance {
 
   /// Pairs watched.
   std::size_t size() const { return pairs_.size(); }
-  /// The pairs that may touch, in their order. @param poses X_WS of every shape
-  std::span<const Pair> near(std::span<const Pose> poses);
+  /// The pairs that may touch, in their order.
+  std::span<const Pair> near(const model::State& state);
+  /// X_WS of a shape at the state last given to `near`.
+  const Pose& pose(std::size_t shape);
 
  private:
-  bool move(std::span<const Pose> poses);
-  void test_pairs(std::span<const Pose> poses);
-  double gap(std::size_t a, std::size_t b, std::span<const Pose> poses);
-  const Mat3& rotation(std::size_t shape, const Pose& pose);
+  /// A body with shapes that are watched.
+  struct Mover {
+    std::size_t body = 0;
+    double reach = 0;  ///< its farthest point from the body's origin [m]
+    bool endless = false;
+    int moves = 0;  ///< how often it has moved
+    Pose last;
+  };
+  /// A shape with its pose, and its rotation, after so many moves of its body.
+  struct Placed {
+    std::size_t mover = 0;
+    int posed = -1, rotated = -1;
+    Pose pose;
+    Mat3 R = Mat3::Identity();
+  };
+  /// Two shapes that are watched.
+  struct Watched {
+    std::size_t mover_a = 0, mover_b = 0;
+    double limit = 0;  ///< travel of both at which they are tested again [m]
+    bool overlap = false;
+  };
+  bool move(const model::State& state);
+  bool test_group(std::size_t group);
+  double gap(std::size_t a, std::size_t b);
+  const Mat3& rotation(std::size_t shape);
 
   const model::Model& model_;
   std::vector<model::Extent> extents_;
-  std::vector<Mat3> rotations_;  ///< of the shapes where `rotated_`
-  std::vector<char> rotated_;
+  std::vector<Mover> movers_;
+  std::vector<Placed> placed_;  ///< as Model::shapes
   std::vector<Pair> pairs_, near_;
-  std::vector<char> overlap_;   ///< of each pair: whether it may touch
-  std::vector<double> limit_;   ///< of each pair: travel of both at which it is tested again [m]
-  std::vector<double> travel_;  ///< of each shape: most that a point of it may have moved so far [m]
-  std::vector<double> reach_;   ///< of each shape: its farthest point from the origin of its frame [m]
-  std::vector<Pose> last_;
-  /// No pair is tested before any two shapes have together moved by `slack_`; `moved_`: the most so far [m].
-  double slack_ = 0, moved_ = 0;
+  std::vector<Watched> watched_;  ///< as the pairs
+  std::vector<double> travel_;    ///< most that a point of each mover may have moved so far [m]
+  double moved_ = 0;              ///< most that any two bodies have moved together so far [m]
+  std::vector<double> due_;       ///< of each group of pairs: the same when one of them may be tested again
 };
 
 }  // namespace handsim::engine

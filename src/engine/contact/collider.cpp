@@ -45,7 +45,6 @@ Collider::Collider(const model::Model& model, const model::Effects& effects, boo
   if (!bodies.empty()) return;
   clearance_.emplace(model, allowed_pairs());
   near_pairs_.reserve(clearance_->size());
-  poses_.resize(model.shapes.size());
 }
 
 bool Collider::allowed(std::size_t i, std::size_t j) const {
@@ -95,11 +94,7 @@ void Collider::find_near(const model::State& state) {
     std::sort(near_pairs_.begin(), near_pairs_.end());
     return;
   }
-  for (std::size_t i = 0; i < poses_.size(); ++i) {
-    const model::Shape& shape = model_.shapes[i];
-    poses_[i] = state.bodies[static_cast<std::size_t>(shape.body)].pose() * shape.pose;
-  }
-  const std::span<const Clearance::Pair> near = clearance_->near(poses_);
+  const std::span<const Clearance::Pair> near = clearance_->near(state);
   near_pairs_.assign(near.begin(), near.end());
 }
 
@@ -191,8 +186,8 @@ int Collider::approach(std::size_t a, std::size_t b, bool touching, const model:
   return static_cast<int>(points.size());
 }
 
-Pose Collider::pose(std::size_t shape, const model::State& state) const {
-  if (clearance_) return poses_[shape];
+Pose Collider::pose(std::size_t shape, const model::State& state) {
+  if (clearance_) return clearance_->pose(shape);
   const model::Shape& of = model_.shapes[shape];
   return state.bodies[static_cast<std::size_t>(of.body)].pose() * of.pose;
 }
@@ -211,8 +206,7 @@ int Collider::narrow_phase(std::size_t a, std::size_t b, bool pad, const model::
   }
   if (clearance_)
     for (const std::size_t shape : {a, b})
-      place_geom(geoms_[shape], model_.shapes[shape],
-                 state.bodies[static_cast<std::size_t>(model_.shapes[shape].body)].pose());
+      place_shape(geoms_[shape], model_.shapes[shape], clearance_->pose(shape));
   std::array<dContactGeom, kMaxPairContacts> points;
   const int count = dCollide(geoms_[a], geoms_[b], kMaxPairContacts, points.data(), sizeof(dContactGeom));
   for (int i = 0; i < count; ++i) {

@@ -60,7 +60,7 @@ class Collider {
   bool allowed(std::size_t shape_a, std::size_t shape_b) const;
   std::vector<Clearance::Pair> allowed_pairs() const;
   void find_near(const model::State& state);
-  Pose pose(std::size_t shape, const model::State& state) const;
+  Pose pose(std::size_t shape, const model::State& state);
   int narrow_phase(std::size_t a, std::size_t b, bool pad, const model::State& state);
   std::span<const Sweep::Pair> find_fast(const model::State& state, const Prospect& prospect);
   void share_stiffness(const Touch& touch, bool flat);
@@ -72,9 +72,8 @@ class Collider {
   std::unique_ptr<dxSpace, Destroyer<dSpaceDestroy>> space_;
   std::vector<dGeomID> geoms_;  ///< as Model::shapes; null where no rule speaks of the shape
   std::vector<Clearance::Pair> near_pairs_;
-  /// Where no shape is fixed to an ODE body: in place of the space, and poses of all shapes.
+  /// Where no shape is fixed to an ODE body: in place of the space.
   std::optional<Clearance> clearance_;
-  std::vector<Pose> poses_;
   /// Where speculative only.
   std::optional<Sweep> sweep_;
   NarrowPhase narrow_;

@@ -41,7 +41,10 @@ void fix_geom(dGeomID geom, const model::Shape& shape, dBodyID body) {
 }
 
 void place_geom(dGeomID geom, const model::Shape& shape, const Pose& x_WB) {
-  const Pose x_WS = x_WB * shape.pose;
+  place_shape(geom, shape, x_WB * shape.pose);
+}
+
+void place_shape(dGeomID geom, const model::Shape& shape, const Pose& x_WS) {
   if (shape.kind == model::ShapeKind::plane) {
     const Vec3 normal = x_WS.q * Vec3::UnitZ();
     dGeomPlaneSetParams(geom, normal.x(), normal.y(), normal.z(), normal.dot(x_WS.p));

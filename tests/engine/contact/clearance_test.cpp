@@ -65,22 +65,33 @@ TEST(Clearance, NeverPartsWhatTouches) {
 // Oracle: looking at every pair at every state, along small and large movements, jumps and a plane that
 // tilts.
 TEST(Clearance, FindsThePairsThatLookingAtAllOfThemFinds) {
-  const model::Model model = one_of_each();
+  model::Model model = one_of_each();
+  // A body of two shapes, neither about its origin.
+  model.shapes[2].pose = {Vec3(0.03, 0, 0.01), rotation_quaternion({0, 1, 0})};
+  model.shapes[3].pose.p = Vec3(0, -0.02, 0.03);
+  model.shapes[3].body = model.shapes[2].body;
   std::vector<Clearance::Pair> pairs;
   for (std::size_t a = 0; a < model.shapes.size(); ++a)
     for (std::size_t b = a + 1; b < model.shapes.size(); ++b) pairs.emplace_back(a, b);
   Clearance clearance(model, pairs);
   std::mt19937 random(7);
-  std::vector<Pose> x(model.shapes.size());
+  model::State state = model::initial_state(model);
+  std::vector<Pose> bodies(state.bodies.size()), x(model.shapes.size());
   int found = 0;
   for (int step = 0; step < 5000; ++step) {
     const double size = step % 500 == 0 ? 0.2 : (step % 50 == 0 ? 0.02 : 2e-4);
-    for (std::size_t i = step % 700 == 0 ? 0 : 1; i < x.size(); ++i) {
-      x[i].p += size * test::random_vector(random);
-      x[i].p = x[i].p.cwiseMax(-0.15).cwiseMin(0.15);
-      x[i].q = (rotation_quaternion(10 * size * test::random_vector(random)) * x[i].q).normalized();
+    for (std::size_t i = step % 700 == 0 ? 0 : 1; i < bodies.size(); ++i) {
+      bodies[i].p += size * test::random_vector(random);
+      bodies[i].p = bodies[i].p.cwiseMax(-0.15).cwiseMin(0.15);
+      bodies[i].q = (rotation_quaternion(10 * size * test::random_vector(random)) * bodies[i].q).normalized();
+      // The other quaternion of the same rotation.
+      if (step % 90 == 0) bodies[i].q.coeffs() *= -1;
+      state.bodies[i].p = bodies[i].p;
+      state.bodies[i].q = bodies[i].q;
     }
-    const auto near = clearance.near(x);
+    for (std::size_t i = 0; i < x.size(); ++i)
+      x[i] = bodies[static_cast<std::size_t>(model.shapes[i].body)] * model.shapes[i].pose;
+    const auto near = clearance.near(state);
     std::vector<Clearance::Pair> all;
     for (const auto& [a, b] : pairs)
       if (least_gap(model.shapes[a], x[a], model.shapes[b], x[b]) <= 0) all.emplace_back(a, b);
