@@ -14,7 +14,7 @@ std::filesystem::path report(const std::vector<std::filesystem::path>& folders,
   return without_gil([&] { return app::write_report(folders, out); });
 }
 
-using Pixels = py::array_t<std::uint8_t, py::array::c_style>;
+using VideoPixels = py::array_t<std::uint8_t, py::array::c_style>;
 
 /// A video of arrays of pixels, one size for all.
 class Video {
@@ -22,7 +22,7 @@ class Video {
   Video(const std::filesystem::path& file, int width, int height, double fps)
       : writer_({file, width, height, fps}) {}
 
-  void add(const Pixels& pixels) {
+  void add(const VideoPixels& pixels) {
     if (pixels.ndim() != 3 || pixels.shape(2) != 3)
       throw input_error("pictures", "an array of another shape", "shape (height, width, 3), dtype uint8");
     output::Image image{static_cast<int>(pixels.shape(1)), static_cast<int>(pixels.shape(0)), {}};
