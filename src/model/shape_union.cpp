@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "handsim/core/error.h"
 
@@ -12,13 +13,19 @@ namespace handsim::model {
 
 namespace {
 
-constexpr int kColumns = 40;
+/// Columns stand at Gauss-Legendre points of panels between all places where a solid begins or ends; about so
+/// many panels each way, beside one for each such place.
+constexpr double kPanels = 8;
+/// Points and weights of a panel from -1 to 1.
+constexpr std::array<std::pair<double, double>, 3> kPoints = {
+    std::pair{-0.7745966692414834, 5.0 / 9}, {0.0, 8.0 / 9}, {0.7745966692414834, 5.0 / 9}};
 
-/// Part of a column inside a solid.
+/// Part of a line inside a solid.
 struct Interval {
   double low = std::numeric_limits<double>::infinity();
   double high = -std::numeric_limits<double>::infinity();
   bool empty() const { return !(low < high); }
+  double length() const { return high - low; }
   void add(double z) {
     low = std::min(low, z);
     high = std::max(high, z);
@@ -46,6 +53,26 @@ struct RoundCore {
       const double half = std::sqrt(room);
       out.add(end.z() - half);
       out.add(end.z() + half);
+    }
+    return out;
+  }
+
+  /// Extent along y of the section at x: of the circles that it cuts out of the balls at both ends, and of
+  /// the side, whose normal at its farthest point is across axis and z.
+  Interval along_y(double x) const {
+    Interval out;
+    for (const Vec3& end : {from, to}) {
+      const double room = radius * radius - (x - end.x()) * (x - end.x());
+      if (room < 0) continue;
+      out.add(end.y() - std::sqrt(room));
+      out.add(end.y() + std::sqrt(room));
+    }
+    const double flat = std::hypot(along.x(), along.y());
+    if (std::abs(along.x()) < 1e-9) return out;
+    for (const double sign : {-1.0, 1.0}) {
+      const double nx = sign * along.y() / flat, ny = -sign * along.x() / flat;
+      const double t = (x - from.x() - radius * nx) / along.x();
+      if (t > 0 && t < length) out.add(from.y() + t * along.y() + radius * ny);
     }
     return out;
   }
@@ -94,20 +121,56 @@ Interval cut_box(const Shape& box, double x, double y) {
   return out;
 }
 
-/// Bounds of a shape along x and y.
-struct Bounds {
-  double low[2], high[2];
-};
-Bounds bounds(const Shape& shape) {
-  Vec3 half;
-  if (shape.kind == ShapeKind::box) {
-    half = 0.5 * shape.pose.q.toRotationMatrix().cwiseAbs() * shape.edges;
-  } else {
-    const double length = shape.kind == ShapeKind::capsule ? shape.length : 0;
-    half = (0.5 * length * (shape.pose.q * Vec3::UnitZ())).cwiseAbs() + Vec3::Constant(shape.radius);
+/// Extent along y of a box's section at x: of the points where it cuts the edges.
+Interval box_along_y(const Shape& box, double x) {
+  const Mat3 half = 0.5 * box.pose.q.toRotationMatrix() * box.edges.asDiagonal();
+  Interval out;
+  for (int k = 0; k < 3; ++k)
+    for (const double i : {-1.0, 1.0})
+      for (const double j : {-1.0, 1.0}) {
+        const Vec3 middle = box.pose.p + i * half.col((k + 1) % 3) + j * half.col((k + 2) % 3);
+        const Vec3 way = half.col(k);
+        if (std::abs(x - middle.x()) > std::abs(way.x()) || way.x() == 0) continue;
+        out.add(middle.y() + (x - middle.x()) / way.x() * way.y());
+      }
+  return out;
+}
+
+Interval along_x(const Shape& shape) {
+  const Mat3 R = shape.pose.q.toRotationMatrix();
+  double half;
+  if (shape.kind == ShapeKind::box)
+    half = 0.5 * R.row(0).cwiseAbs().dot(shape.edges);
+  else
+    half = (shape.kind == ShapeKind::capsule ? 0.5 * shape.length * std::abs(R(0, 2)) : 0) + shape.radius;
+  return {shape.pose.p.x() - half, shape.pose.p.x() + half};
+}
+
+/// Calls `at(place, weight)` along a line through solids: sums of weight times a function are its integral.
+/// In each gap between ends the place is the sine of an angle that has the points: a chord that begins there
+/// like a root is then smooth.
+template <class At>
+void integrate(const std::vector<Interval>& solids, At at) {
+  std::vector<double> ends;
+  for (const Interval& solid : solids) {
+    if (solid.empty()) continue;
+    ends.push_back(solid.low);
+    ends.push_back(solid.high);
   }
-  const Vec3 low = shape.pose.p - half, high = shape.pose.p + half;
-  return {{low.x(), low.y()}, {high.x(), high.y()}};
+  if (ends.empty()) return;
+  std::sort(ends.begin(), ends.end());
+  const double width = (ends.back() - ends.front()) / kPanels;
+  for (std::size_t k = 0; k + 1 < ends.size(); ++k) {
+    const double half = 0.5 * (ends[k + 1] - ends[k]), middle = ends[k] + half;
+    if (half < 1e-9 * width) continue;
+    const int panels = std::max(1, static_cast<int>(std::lround(2 * half / width)));
+    const double span = 0.5 * M_PI / panels;  // half a panel's angle
+    for (int panel = 0; panel < panels; ++panel)
+      for (const auto& [point, weight] : kPoints) {
+        const double angle = -0.5 * M_PI + span * (2 * panel + 1 + point);
+        at(middle + half * std::sin(angle), weight * span * half * std::cos(angle));
+      }
+  }
 }
 
 /// Sums over columns.
@@ -116,45 +179,45 @@ struct Moments {
   Vec3 first = Vec3::Zero();
   Mat3 second = Mat3::Zero();
 
-  void add(double x, double y, double low, double high) {
-    const double h = high - low, z = 0.5 * (low + high), zz = z * z + h * h / 12;
-    volume += h;
-    first += h * Vec3(x, y, z);
-    second(0, 0) += h * x * x;
-    second(1, 1) += h * y * y;
-    second(2, 2) += h * zz;
-    second(0, 1) += h * x * y;
-    second(0, 2) += h * x * z;
-    second(1, 2) += h * y * z;
+  /// @param weight area of the column
+  void add(double x, double y, const Interval& part, double weight) {
+    const double h = part.length(), z = 0.5 * (part.low + part.high), zz = z * z + h * h / 12;
+    const double v = weight * h;
+    volume += v;
+    first += v * Vec3(x, y, z);
+    second(0, 0) += v * x * x;
+    second(1, 1) += v * y * y;
+    second(2, 2) += v * zz;
+    second(0, 1) += v * x * y;
+    second(0, 2) += v * x * z;
+    second(1, 2) += v * y * z;
   }
 };
 
 /// Adds what a column has of the union; `cuts` become sorted.
-void add_column(double x, double y, std::vector<Interval>& cuts, Moments& sums) {
+void add_column(double x, double y, std::vector<Interval>& cuts, double weight, Moments& sums) {
   if (cuts.empty()) return;
   std::sort(cuts.begin(), cuts.end(), [](const Interval& a, const Interval& b) { return a.low < b.low; });
-  double low = cuts.front().low, high = cuts.front().high;
+  Interval part = cuts.front();
   for (const Interval& cut : cuts) {
-    if (cut.low > high) {
-      sums.add(x, y, low, high);
-      low = cut.low;
+    if (cut.low > part.high) {
+      sums.add(x, y, part, weight);
+      part = cut;
     }
-    high = std::max(high, cut.high);
+    part.high = std::max(part.high, cut.high);
   }
-  sums.add(x, y, low, high);
+  sums.add(x, y, part, weight);
 }
 
-MassProperties properties(const Moments& sums, double dx, double dy) {
+MassProperties properties(const Moments& sums) {
   MassProperties out;
-  out.mass = sums.volume * dx * dy;
+  out.mass = sums.volume;
   out.centre = sums.first / sums.volume;
   Mat3 second = sums.second;
   second(1, 0) = second(0, 1);
   second(2, 0) = second(0, 2);
   second(2, 1) = second(1, 2);
   second = (second / sums.volume - out.centre * out.centre.transpose()).eval();
-  second(0, 0) += dx * dx / 12;
-  second(1, 1) += dy * dy / 12;
   out.inertia = out.mass * (second.trace() * Mat3::Identity() - second);
   return out;
 }
@@ -164,36 +227,32 @@ MassProperties properties(const Moments& sums, double dx, double dy) {
 MassProperties union_properties(const std::vector<Shape>& shapes) {
   if (shapes.size() == 1) return solid_properties(shapes.front(), volume(shapes.front()));
   std::vector<std::optional<RoundCore>> round(shapes.size());
-  std::vector<Bounds> extents;
-  Bounds all = {{1e300, 1e300}, {-1e300, -1e300}};
+  std::vector<Interval> across, sections(shapes.size()), cuts;
   for (std::size_t i = 0; i < shapes.size(); ++i) {
     const ShapeKind kind = shapes[i].kind;
     if (kind == ShapeKind::capsule || kind == ShapeKind::sphere)
       round[i].emplace(shapes[i]);
     else if (kind != ShapeKind::box)
       throw input_error(shapes[i].name, "a shape of another kind", "boxes, capsules and spheres");
-    extents.push_back(bounds(shapes[i]));
-    for (int k = 0; k < 2; ++k) {
-      all.low[k] = std::min(all.low[k], extents[i].low[k]);
-      all.high[k] = std::max(all.high[k], extents[i].high[k]);
-    }
+    across.push_back(along_x(shapes[i]));
   }
-  const double dx = (all.high[0] - all.low[0]) / kColumns, dy = (all.high[1] - all.low[1]) / kColumns;
   Moments sums;
-  std::vector<Interval> cuts;
-  for (int i = 0; i < kColumns; ++i)
-    for (int j = 0; j < kColumns; ++j) {
-      const double x = all.low[0] + (i + 0.5) * dx, y = all.low[1] + (j + 0.5) * dy;
+  integrate(across, [&](double x, double width) {
+    for (std::size_t i = 0; i < shapes.size(); ++i)
+      sections[i] = x < across[i].low || x > across[i].high ? Interval{}
+                    : round[i]                              ? round[i]->along_y(x)
+                                                            : box_along_y(shapes[i], x);
+    integrate(sections, [&](double y, double depth) {
       cuts.clear();
-      for (std::size_t k = 0; k < shapes.size(); ++k) {
-        const Bounds& e = extents[k];
-        if (x < e.low[0] || x > e.high[0] || y < e.low[1] || y > e.high[1]) continue;
-        const Interval cut = round[k] ? round[k]->at(x, y) : cut_box(shapes[k], x, y);
+      for (std::size_t i = 0; i < shapes.size(); ++i) {
+        if (y < sections[i].low || y > sections[i].high) continue;
+        const Interval cut = round[i] ? round[i]->at(x, y) : cut_box(shapes[i], x, y);
         if (!cut.empty()) cuts.push_back(cut);
       }
-      add_column(x, y, cuts, sums);
-    }
-  return properties(sums, dx, dy);
+      add_column(x, y, cuts, width * depth, sums);
+    });
+  });
+  return properties(sums);
 }
 
 }  // namespace handsim::model

@@ -9,9 +9,13 @@ namespace handsim::scene {
 
 namespace {
 
-/// Step of the fastest joint on the way: a fingertip moves by 2 mm, less than any part is thick.
-constexpr double kStep = 1 * kDegree;
-constexpr int kBisections = 30;
+/// Step of the fastest joint on the way: a fingertip moves by 6 mm with three joints, less than a finger is
+/// thick.
+constexpr double kStep = 2 * kDegree;
+/// A fingertip is then within 0.4 um.
+constexpr int kBisections = 14;
+/// So far back from where a finger touched it is looked for again.
+constexpr double kBack = 6 * kDegree;
 /// A finger that had to open wider opens by so much more.
 constexpr double kSpare = 4 * kDegree;
 constexpr int kApproachPlaces = 24;
@@ -20,7 +24,7 @@ constexpr double kFarthest = 3;
 
 }  // namespace
 
-std::vector<FingerChain> finger_chains(const HandOnObject& hand) {
+std::vector<FingerChain> finger_chains(HandOnObject& hand) {
   const model::Model& model = hand.model();
   std::vector<FingerChain> out;
   std::vector<std::size_t> chain_of(model.bodies.size());
@@ -31,7 +35,7 @@ std::vector<FingerChain> finger_chains(const HandOnObject& hand) {
     if (index != last) {
       if (joint.parent == hand.palm()) {
         chain_of[static_cast<std::size_t>(joint.child)] = out.size();
-        out.push_back({hand.part(joint.child), {}, {}});
+        out.push_back({hand.part(joint.child), {}, {}, 0});
       } else {
         chain_of[static_cast<std::size_t>(joint.child)] = chain_of[static_cast<std::size_t>(joint.parent)];
       }
@@ -40,6 +44,7 @@ std::vector<FingerChain> finger_chains(const HandOnObject& hand) {
     }
     out[chain_of[static_cast<std::size_t>(joint.child)]].axes.push_back(i);
   }
+  for (FingerChain& chain : out) chain.watched = hand.watch(chain.bodies);
   return out;
 }
 
@@ -48,7 +53,8 @@ Closing::Closing(HandOnObject& hand, std::vector<double> open, std::vector<doubl
       chains_(finger_chains(hand)),
       start_(std::move(open)),
       closed_(std::move(closed)),
-      open_(start_) {}
+      open_(start_),
+      first_(chains_.size()) {}
 
 bool Closing::moves(const FingerChain& chain) const {
   return std::any_of(chain.axes.begin(), chain.axes.end(),
@@ -68,7 +74,7 @@ std::vector<double> Closing::at(double share) const {
 }
 
 bool Closing::touches(const FingerChain& chain, const std::vector<double>& q) {
-  const std::vector<double>& depths = hand_.depths(q);
+  const std::vector<double>& depths = hand_.depths(q, chain.watched);
   return std::any_of(chain.bodies.begin(), chain.bodies.end(),
                      [&](int body) { return depths[static_cast<std::size_t>(body)] > 0; });
 }
@@ -98,7 +104,18 @@ bool Closing::open_clear(const Pose& x_HO, const Vec3& from) {
   return clear;
 }
 
-void Closing::close(const FingerChain& chain, const std::vector<double>& depth, std::vector<double>& q) {
+/// The share from which a finger is closed: where it is open, or shortly before it touched.
+double Closing::start(std::size_t index, double fastest, bool near) const {
+  const FingerChain& chain = chains_[index];
+  double share = -kSpare / fastest;
+  for (const std::size_t i : chain.axes)
+    if (std::abs(closed_[i] - start_[i]) > 1e-9)
+      share = std::min(share, (open_[i] - start_[i]) / (closed_[i] - start_[i]));
+  return near ? std::max(share, first_[index] - kBack / fastest) : share;
+}
+
+void Closing::close(std::size_t index, const std::vector<double>& depth, bool near, std::vector<double>& q) {
+  const FingerChain& chain = chains_[index];
   double fastest = 0;
   for (const std::size_t i : chain.axes) fastest = std::max(fastest, std::abs(closed_[i] - start_[i]));
   if (fastest == 0) return;
@@ -110,18 +127,20 @@ void Closing::close(const FingerChain& chain, const std::vector<double>& depth, 
   };
   // The outermost of the bodies left that presses as deep as it shall.
   const auto touching = [&]() -> std::optional<std::size_t> {
-    const std::vector<double>& depths = hand_.depths(q);
+    const std::vector<double>& depths = hand_.depths(q, chain.watched);
     for (std::size_t k = chain.bodies.size(); k-- > part;) {
       const auto body = static_cast<std::size_t>(chain.bodies[k]);
       if (depths[body] > depth[body]) return k;
     }
     return std::nullopt;
   };
-  double share = -kSpare / fastest;
-  for (const std::size_t i : chain.axes)  // from where the finger is open
-    if (std::abs(closed_[i] - start_[i]) > 1e-9)
-      share = std::min(share, (open_[i] - start_[i]) / (closed_[i] - start_[i]));
+  double share = start(index, fastest, near);
   go(share);
+  if (near && touching()) {
+    share = start(index, fastest, false);
+    go(share);
+  }
+  first_[index] = 1;
   while (part < chain.bodies.size()) {
     const double before = share;
     auto found = touching();
@@ -141,6 +160,7 @@ void Closing::close(const FingerChain& chain, const std::vector<double>& depth, 
       go(share);
       found = touching();
     }
+    if (part == 0) first_[index] = share;
     part = found.value_or(part) + 1;
     // The joints up to that of the body that touches stand.
     while (held < chain.axes.size() &&
@@ -152,9 +172,9 @@ void Closing::close(const FingerChain& chain, const std::vector<double>& depth, 
   }
 }
 
-std::vector<double> Closing::close(const std::vector<double>& depth) {
+std::vector<double> Closing::close(const std::vector<double>& depth, bool near) {
   std::vector<double> q = open_;
-  for (const FingerChain& chain : chains_) close(chain, depth, q);
+  for (std::size_t i = 0; i < chains_.size(); ++i) close(i, depth, near, q);
   return q;
 }
 

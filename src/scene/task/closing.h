@@ -14,10 +14,11 @@ struct FingerChain {
   model::Part part = model::Part::index;
   std::vector<std::size_t> axes;  ///< in HandAxes::axes, from the palm outwards
   std::vector<int> bodies;        ///< from the palm outwards
+  std::size_t watched = 0;        ///< these bodies, in HandOnObject
 };
 
 /// The chains of a hand, in the order of its joints.
-std::vector<FingerChain> finger_chains(const HandOnObject& hand);
+std::vector<FingerChain> finger_chains(HandOnObject& hand);
 
 class Closing {
  public:
@@ -36,17 +37,20 @@ class Closing {
   /// The angles before the fingers close: those of `open`, or wider.
   const std::vector<double>& open() const { return open_; }
   /// Angles with each finger closed on the object. @param depth to which the bodies press [m], by body
-  std::vector<double> close(const std::vector<double>& depth);
+  /// @param near the object is nearly where it was at the last call
+  std::vector<double> close(const std::vector<double>& depth, bool near = false);
 
  private:
   double angle(std::size_t axis, double share) const;
   bool touches(const FingerChain& chain, const std::vector<double>& q);
-  void close(const FingerChain& chain, const std::vector<double>& depth, std::vector<double>& q);
+  double start(std::size_t chain, double fastest, bool near) const;
+  void close(std::size_t chain, const std::vector<double>& depth, bool near, std::vector<double>& q);
 
   HandOnObject& hand_;
   std::vector<FingerChain> chains_;
   std::vector<double> start_, closed_;  ///< the path; `open_` lies on it
   std::vector<double> open_;
+  std::vector<double> first_;  ///< share of the way at which each chain touched first
 };
 
 }  // namespace handsim::scene

@@ -13,39 +13,34 @@ constexpr int kEdges = 8;
 /// Weights of an asked force and of small forces; equilibrium has 1.
 constexpr double kAskedWeight = 0.1, kSmallWeight = 8e-3;
 
-/// min |A x - b| with x >= 0: Lawson and Hanson 1974, Solving Least Squares Problems, chapter 23.
-Eigen::VectorXd solve_nonnegative(const Eigen::MatrixXd& a, const Eigen::VectorXd& b) {
-  const Eigen::Index n = a.cols();
-  const Eigen::MatrixXd normal = a.transpose() * a;
-  const Eigen::VectorXd right = a.transpose() * b;
+/// min |D x - d|^2 + small^2 |x|^2 with x >= 0: Lawson and Hanson 1974, Solving Least Squares Problems,
+/// chapter 23. D has few rows, so that with the free columns F the solution is F^T y, (F F^T + small^2) y =
+/// d.
+Eigen::VectorXd solve_nonnegative(const Eigen::MatrixXd& rows, const Eigen::VectorXd& d, double small) {
+  const Eigen::Index n = rows.cols(), m = rows.rows();
   Eigen::VectorXd x = Eigen::VectorXd::Zero(n);
   std::vector<Eigen::Index> free;
-  const double small = 1e-10 * (1 + right.cwiseAbs().maxCoeff());
+  std::vector<double> trial;
+  const double least = 1e-10 * (1 + (rows.transpose() * d).cwiseAbs().maxCoeff());
   const auto solve_free = [&] {
-    const auto m = static_cast<Eigen::Index>(free.size());
-    Eigen::MatrixXd part(m, m);
-    Eigen::VectorXd side(m);
-    for (Eigen::Index i = 0; i < m; ++i) {
-      side[i] = right[free[static_cast<std::size_t>(i)]];
-      for (Eigen::Index j = 0; j < m; ++j)
-        part(i, j) = normal(free[static_cast<std::size_t>(i)], free[static_cast<std::size_t>(j)]);
-    }
-    return Eigen::VectorXd(part.ldlt().solve(side));
+    Eigen::MatrixXd square = small * small * Eigen::MatrixXd::Identity(m, m);
+    for (const Eigen::Index i : free) square.noalias() += rows.col(i) * rows.col(i).transpose();
+    const Eigen::VectorXd y = square.ldlt().solve(d);
+    trial.clear();
+    for (const Eigen::Index i : free) trial.push_back(rows.col(i).dot(y));
   };
   for (Eigen::Index round = 0; round < 3 * n; ++round) {
-    Eigen::VectorXd gradient = right - normal * x;
+    Eigen::VectorXd gradient = rows.transpose() * (d - rows * x) - small * small * x;
     for (const Eigen::Index i : free) gradient[i] = 0;
     Eigen::Index most = 0;
-    if (gradient.maxCoeff(&most) <= small) break;
+    if (gradient.maxCoeff(&most) <= least) break;
     free.push_back(most);
     while (!free.empty()) {
-      const Eigen::VectorXd trial = solve_free();
+      solve_free();
       double share = 1;
       for (std::size_t i = 0; i < free.size(); ++i)
-        if (const double to = trial[static_cast<Eigen::Index>(i)]; to <= 0)
-          share = std::min(share, x[free[i]] / (x[free[i]] - to));
-      for (std::size_t i = 0; i < free.size(); ++i)
-        x[free[i]] += share * (trial[static_cast<Eigen::Index>(i)] - x[free[i]]);
+        if (trial[i] <= 0) share = std::min(share, x[free[i]] / (x[free[i]] - trial[i]));
+      for (std::size_t i = 0; i < free.size(); ++i) x[free[i]] += share * (trial[i] - x[free[i]]);
       if (share >= 1) break;
       std::erase_if(free, [&](Eigen::Index i) {
         if (x[i] > 1e-12) return false;
@@ -71,8 +66,8 @@ GripForces balance(const GripTask& task) {
   const auto n = static_cast<Eigen::Index>(task.contacts.size()) * kEdges;
   if (n == 0) return out;
   const auto pressers = static_cast<Eigen::Index>(task.asked.size());
-  Eigen::MatrixXd a = Eigen::MatrixXd::Zero(6 + pressers + n, n);
-  Eigen::VectorXd b = Eigen::VectorXd::Zero(6 + pressers + n);
+  Eigen::MatrixXd a = Eigen::MatrixXd::Zero(6 + pressers, n);
+  Eigen::VectorXd b = Eigen::VectorXd::Zero(6 + pressers);
   b.head<3>() = -task.load;
   for (Eigen::Index i = 0; i < pressers; ++i)
     b[6 + i] = kAskedWeight * task.asked[static_cast<std::size_t>(i)].value_or(0);
@@ -82,9 +77,8 @@ GripForces balance(const GripTask& task) {
     a.block<3, 1>(0, k) = force;
     a.block<3, 1>(3, k) = (contact.point - task.centre).cross(force) / task.size;
     if (task.asked[contact.presser]) a(6 + static_cast<Eigen::Index>(contact.presser), k) = kAskedWeight;
-    a(6 + pressers + k, k) = kSmallWeight;
   }
-  const Eigen::VectorXd x = solve_nonnegative(a, b);
+  const Eigen::VectorXd x = solve_nonnegative(a, b, kSmallWeight);
   for (Eigen::Index k = 0; k < n; ++k) {
     const auto i = static_cast<std::size_t>(k / kEdges);
     out.forces[i] += x[k] * edge(task.contacts[i], static_cast<int>(k % kEdges));

@@ -36,7 +36,9 @@ constexpr int kRounds = 4;
 /// Times the way from open to closed by which fingers open at most.
 constexpr double kWideOpen = 3;
 /// Distance from the palm at which an object starts, and the step towards the palm [m].
-constexpr double kFar = 0.4, kNearer = 1e-3;
+constexpr double kFar = 0.4, kNearer = 5e-3;
+/// Then the place is within 0.2 um.
+constexpr int kHalvings = 15;
 
 struct PartName {
   const char* name;
@@ -68,6 +70,7 @@ class Fit {
         hand_(site),
         closing_(hand_, angles_of(site, task.open, hand_.axes()),
                  angles_of(site, task.closed.front(), hand_.axes())),
+        palm_(hand_.watch(std::array{hand_.palm()})),
         depth_(hand_.model().bodies.size(), kTouchDepth) {
     out_.strength = hand::grip_strength(spec.strength, site.entry.person);
     const auto& reference = site.scene.control->controller.grip_strength;
@@ -98,7 +101,7 @@ class Fit {
   double grasp_at(const Vec3& p) {
     x_HO_ = {p, place_.at.q};
     depth_.assign(depth_.size(), kTouchDepth);
-    if (place_.on_palm) put_on_palm();
+    if (place_.on_palm) put_on_palm(-kFar);
     opens_ = closing_.open_clear(x_HO_, place_.from);
     out_.x_HO = x_HO_;
     q_ = touch_ = closing_.close(depth_);
@@ -106,9 +109,9 @@ class Fit {
       find_forces();
       set_depths();
       // The squeeze presses the object into the palm and the fingers' pads.
-      if (place_.on_palm) put_on_palm();
+      if (place_.on_palm) put_on_palm(x_HO_.p.z() - 2 * kNearer);
       hand_.place(x_HO_);
-      q_ = closing_.close(depth_);
+      q_ = closing_.close(depth_, true);
     }
     find_forces();
     sum_forces();
@@ -155,17 +158,18 @@ class Fit {
     grasp_at(best);
   }
 
-  void put_on_palm() {
+  /// @param from where it does not touch the palm, or not so deep, along z
+  void put_on_palm(double from) {
     const auto depth_at = [&](double z) {
       x_HO_.p.z() = z;
       hand_.place(x_HO_);
-      return hand_.depths(closing_.open())[static_cast<std::size_t>(hand_.palm())];
+      return hand_.depths(closing_.open(), palm_)[static_cast<std::size_t>(hand_.palm())];
     };
     const double wanted = depth_[static_cast<std::size_t>(hand_.palm())];
-    double z = -kFar;
+    double z = from;
     while (depth_at(z) <= wanted && z < 0) z += kNearer;
     double low = z - kNearer, high = z;
-    for (int n = 0; n < 30; ++n) {
+    for (int n = 0; n < kHalvings; ++n) {
       const double middle = 0.5 * (low + high);
       (depth_at(middle) > wanted ? high : low) = middle;
     }
@@ -227,7 +231,7 @@ class Fit {
   }
 
   /// Largest torque over its limit, and the axis.
-  std::pair<double, std::string> worst_torque() const {
+  std::pair<double, std::string> worst_torque() {
     const auto& reference = site_.scene.control->controller.grip_strength;
     const double strength = reference ? out_.strength.own / *reference : 1;
     const std::vector<double> tau = torques();
@@ -309,7 +313,7 @@ class Fit {
   }
 
   /// Torques of the contact forces about the axes, positive where the springs must flex [N m].
-  std::vector<double> torques() const {
+  std::vector<double> torques() {
     std::vector<double> out(q_.size());
     for (std::size_t i = 0; i < contacts_.size(); ++i) {
       const std::vector<Vec3> way = hand_.jacobian(q_, contacts_[i].body, contacts_[i].point);
@@ -318,7 +322,7 @@ class Fit {
     return out;
   }
 
-  std::vector<double> pressing() const {
+  std::vector<double> pressing() {
     std::vector<double> out = q_;
     const std::vector<double> tau = torques();
     const auto& axes = hand_.axes().axes;
@@ -348,6 +352,7 @@ class Fit {
   const TaskSpec& task_;
   HandOnObject hand_;
   Closing closing_;
+  std::size_t palm_;           ///< watched in hand_
   double strength_ = 1;        ///< factor on the forces
   Pose x_HO_;                  ///< of the object as far as it is pressed
   std::vector<double> depth_;  ///< to which each body presses

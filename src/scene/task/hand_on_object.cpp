@@ -73,15 +73,36 @@ HandOnObject::HandOnObject(const TaskSite& site) : model_(model::make_model()) {
   parts_.assign(model_.bodies.size(), model::Part::palm);
   for (const model::Shape& shape : model_.shapes) parts_[static_cast<std::size_t>(shape.body)] = shape.part;
   collider_ = std::make_unique<engine::Collider>(model_, model::Effects{}, false);
+  q_.assign(static_cast<std::size_t>(model_.dof_count()), 0.0);
+  state_ = model::state_at(model_, q_);
 }
 
-const std::vector<TouchPoint>& HandOnObject::touches(std::span<const double> q) {
-  model::State state = model::state_at(model_, q);
-  model::BodyState& object = state.bodies[static_cast<std::size_t>(object_)];
+/// Moves the bodies beyond joints whose angles have changed, and the object.
+void HandOnObject::move(std::span<const double> q) {
+  moved_.assign(model_.bodies.size(), false);
+  for (const model::Joint& joint : model_.joints) {
+    const auto first = static_cast<std::size_t>(joint.first_dof);
+    const auto parent = static_cast<std::size_t>(joint.parent), child = static_cast<std::size_t>(joint.child);
+    const auto count = static_cast<std::size_t>(model::dof_count(joint.kind));
+    moved_[child] = moved_[parent] || !std::equal(q.begin() + joint.first_dof,
+                                                  q.begin() + joint.first_dof + static_cast<long>(count),
+                                                  q_.begin() + joint.first_dof);
+    if (!moved_[child]) continue;
+    const Pose pose = state_.bodies[parent].pose() * joint.parent_frame *
+                      model::joint_transform(joint, q.subspan(first)) * joint.child_frame.inverse();
+    state_.bodies[child].p = pose.p;
+    state_.bodies[child].q = pose.q;
+  }
+  q_.assign(q.begin(), q.end());
+  model::BodyState& object = state_.bodies[static_cast<std::size_t>(object_)];
   const Pose x_HB = x_HO_ * body_frame_;
   object.p = x_HB.p;
   object.q = x_HB.q;
-  collider_->collide(state, {});
+}
+
+const std::vector<TouchPoint>& HandOnObject::touches(std::span<const double> q) {
+  move(q);
+  collider_->collide(state_, {});
   touches_.clear();
   for (const engine::Touch& touch : collider_->touches())
     for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
@@ -98,27 +119,45 @@ const std::vector<TouchPoint>& HandOnObject::touches(std::span<const double> q) 
   return touches_;
 }
 
-const std::vector<double>& HandOnObject::depths(std::span<const double> q) {
+std::size_t HandOnObject::watch(std::span<const int> bodies) {
+  auto watched = std::make_unique<Watched>();
+  watched->model = model_;
+  std::erase_if(watched->model.shapes, [&](const model::Shape& shape) {
+    return shape.body != object_ && std::find(bodies.begin(), bodies.end(), shape.body) == bodies.end();
+  });
+  watched->collider = std::make_unique<engine::Collider>(watched->model, model::Effects{}, false);
+  watched_.push_back(std::move(watched));
+  return watched_.size() - 1;
+}
+
+const std::vector<double>& HandOnObject::depths(std::span<const double> q, std::size_t watched) {
+  move(q);
+  Watched& of = *watched_[watched];
+  of.collider->collide(state_, {});
   depths_.assign(model_.bodies.size(), 0);
-  for (const TouchPoint& touch : touches(q)) {
-    double& depth = depths_[static_cast<std::size_t>(touch.body)];
-    depth = std::max(depth, touch.depth);
-  }
+  for (const engine::Contact& contact : of.collider->contacts())
+    for (const int shape : {contact.shape_a, contact.shape_b}) {
+      double& depth =
+          depths_[static_cast<std::size_t>(of.model.shapes[static_cast<std::size_t>(shape)].body)];
+      depth = std::max(depth, contact.depth);
+    }
   return depths_;
 }
 
-std::vector<Vec3> HandOnObject::jacobian(std::span<const double> q, int body, const Vec3& point) const {
-  constexpr double kAngleStep = 1e-6;
-  const auto on_body = static_cast<std::size_t>(body);
-  const Vec3 local = model::state_at(model_, q).bodies[on_body].pose().inverse() * point;
-  std::vector<Vec3> out(q.size());
-  std::vector<double> moved(q.begin(), q.end());
-  for (std::size_t i = 0; i < q.size(); ++i) {
-    moved[i] = q[i] + kAngleStep;
-    const Vec3 ahead = model::state_at(model_, moved).bodies[on_body].pose() * local;
-    moved[i] = q[i] - kAngleStep;
-    out[i] = (ahead - model::state_at(model_, moved).bodies[on_body].pose() * local) / (2 * kAngleStep);
-    moved[i] = q[i];
+std::vector<Vec3> HandOnObject::jacobian(std::span<const double> q, int body, const Vec3& point) {
+  move(q);
+  std::vector<Vec3> out(q.size(), Vec3::Zero());
+  // Joints stand parents first: backwards from the body, each child is met before its own joint's parent.
+  for (auto joint = model_.joints.rbegin(); joint != model_.joints.rend(); ++joint) {
+    if (joint->child != body) continue;
+    body = joint->parent;
+    const model::BodyState& parent = state_.bodies[static_cast<std::size_t>(joint->parent)];
+    const model::BodyState& child = state_.bodies[static_cast<std::size_t>(joint->child)];
+    const Vec3 arm = point - child.pose() * joint->child_frame.p;
+    const auto first = static_cast<std::size_t>(joint->first_dof);
+    out[first] = (parent.q * (joint->parent_frame.q * joint->axes[0].axis)).cross(arm);
+    if (joint->kind == model::JointKind::universal)
+      out[first + 1] = (child.q * (joint->child_frame.q * joint->axes[1].axis)).cross(arm);
   }
   return out;
 }

@@ -36,12 +36,21 @@ class HandOnObject {
   void place(const Pose& x_HO) { x_HO_ = x_HO; }
   /// All points at which the hand touches the object. @param q size model().dof_count() [rad]
   const std::vector<TouchPoint>& touches(std::span<const double> q);
-  /// Deepest of the points of a body, by body [m]; 0: it does not touch.
-  const std::vector<double>& depths(std::span<const double> q);
-  /// Motion of a point of a body [m/rad] by each coordinate, about q.
-  std::vector<Vec3> jacobian(std::span<const double> q, int body, const Vec3& point) const;
+  /// Bodies whose touches are asked for without those of the others. @returns their number for `depths`
+  std::size_t watch(std::span<const int> bodies);
+  /// Deepest of the points of each watched body, by body of the model [m]; 0: it does not touch.
+  const std::vector<double>& depths(std::span<const double> q, std::size_t watched);
+  /// Motion of a point of a body [m/rad] by each coordinate, at q.
+  std::vector<Vec3> jacobian(std::span<const double> q, int body, const Vec3& point);
 
  private:
+  /// The model with the shapes of a few bodies and of the object only.
+  struct Watched {
+    model::Model model;
+    std::unique_ptr<engine::Collider> collider;
+  };
+  void move(std::span<const double> q);
+
   model::Model model_;
   control::HandAxes axes_;
   std::vector<model::Part> parts_;  ///< of the bodies
@@ -49,6 +58,10 @@ class HandOnObject {
   Pose body_frame_;                 ///< X_OB
   Pose x_HO_;
   std::unique_ptr<engine::Collider> collider_;
+  std::vector<std::unique_ptr<Watched>> watched_;
+  model::State state_;       ///< at the angles last asked for
+  std::vector<double> q_;    ///< these
+  std::vector<bool> moved_;  ///< bodies, by the last change of angles
   std::vector<TouchPoint> touches_;
   std::vector<double> depths_;
 };
