@@ -4,6 +4,7 @@
 // jump.
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <utility>
 #include <vector>
@@ -38,13 +39,13 @@ class Clearance {
     std::size_t body = 0;
     double reach = 0;  ///< its farthest point from the body's origin [m]
     bool endless = false;
-    int moves = 0;  ///< how often it has moved
+    std::int64_t moves = 0;  ///< how often it has moved
     Pose last;
   };
   /// A shape with its pose, and its rotation, after so many moves of its body.
   struct Placed {
     std::size_t mover = 0;
-    int posed = -1, rotated = -1;
+    std::int64_t posed = -1, rotated = -1;
     Pose pose;
     Mat3 R = Mat3::Identity();
   };
