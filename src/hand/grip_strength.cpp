@@ -74,8 +74,9 @@ GripStrength grip_strength(const GripTable& table, const Person& person) {
   for (const Sex sex : {Sex::male, Sex::female}) {
     if (person.sex != Sex::unknown && person.sex != sex) continue;
     const GripNorm& norm = nearest(table, sex, age, person.stature);
-    out.norm += norm.mean;
-    variance += norm.deviation * norm.deviation;
+    const double shortness = std::min(1.0, person.stature / norm.stature.first), area = shortness * shortness;
+    out.norm += area * norm.mean;
+    variance += area * area * norm.deviation * norm.deviation;
     out.extrapolated = out.extrapolated || distance_outside({norm.age.first, norm.age.second + 1}, age) > 0 ||
                        distance_outside(norm.stature, person.stature) > 0;
     ++rows;

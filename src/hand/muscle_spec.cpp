@@ -188,14 +188,6 @@ model::TendonPath scaled(model::TendonPath path, double factor) {
   return path;
 }
 
-/// The smallest stature that the norm has people of a sex of.
-double lowest_stature(const GripTable& table, Sex sex) {
-  double low = HUGE_VAL;
-  for (const GripNorm& norm : table.norms)
-    if (sex == Sex::unknown || norm.sex == sex) low = std::min(low, norm.stature.first);
-  return low;
-}
-
 }  // namespace
 
 MuscleFile read_muscle_file(YamlNode& node, const std::string& path,
@@ -221,9 +213,7 @@ HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& a
                           const Person& person) {
   HandMuscles out;
   const double scale = size.length / file.hand_length;
-  const double shortness =
-      person.grip_strength ? 1 : std::min(1.0, person.stature / lowest_stature(file.norms, person.sex));
-  out.strength = grip_strength(file.norms, person).own / file.grip_strength * shortness * shortness;
+  out.strength = grip_strength(file.norms, person).own / file.grip_strength;
   std::vector<double> rest;
   for (const HandAxis& axis : axes) rest.push_back(axis.rest);
   for (const MuscleSpec& spec : file.muscles) {

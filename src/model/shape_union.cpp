@@ -15,7 +15,7 @@ namespace {
 
 /// Columns stand at Gauss-Legendre points of panels between all places where a solid begins or ends; about so
 /// many panels each way, beside one for each such place.
-constexpr double kPanels = 8;
+constexpr double kPanels = 16;
 /// Points and weights of a panel from -1 to 1.
 constexpr std::array<std::pair<double, double>, 3> kPoints = {
     std::pair{-0.7745966692414834, 5.0 / 9}, {0.0, 8.0 / 9}, {0.7745966692414834, 5.0 / 9}};

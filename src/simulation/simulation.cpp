@@ -47,8 +47,7 @@ void check_start(const scene::Scene& scene) {
     return shape.part != model::Part::object && shape.part != model::Part::ground &&
            shape.part != model::Part::mechanism;
   };
-  std::vector<Problem> problems;
-  std::vector<std::size_t> pairs(scene.plans.objects.size());
+  std::vector<std::map<std::pair<std::string, std::string>, double>> deepest(scene.plans.objects.size());
   const engine::PairTable rules(scene.model);
   const std::string need = fmt::format("at most {:g} mm, or overlap: allowed", 1e3 * kDeepestStart);
   for (const engine::Overlap& overlap :
@@ -60,19 +59,26 @@ void check_start(const scene::Scene& scene) {
     const std::string name = other->name.substr(0, other->name.find('.'));
     for (std::size_t i = 0; i < scene.plans.objects.size(); ++i)
       if (const scene::ObjectSpec& object = scene.plans.objects[i];
-          other->part == model::Part::object && object.name == name && !object.may_overlap &&
-          ++pairs[i] <= kNamedPairs)
-        problems.push_back(
-            {object.place, fmt::format("objects.{}.position", i),
-             fmt::format("{} {:.2g} mm inside {} at the start", other->name, 1e3 * overlap.depth, hand->name),
-             need});
+          other->part == model::Part::object && object.name == name && !object.may_overlap) {
+        double& depth = deepest[i][{other->name, scene.model.bodies[at(hand->body)].name}];
+        depth = std::max(depth, overlap.depth);
+      }
   }
-  for (std::size_t i = 0; i < pairs.size(); ++i)
-    if (pairs[i] > kNamedPairs)
-      problems.push_back({scene.plans.objects[i].place, fmt::format("objects.{}.position", i),
-                          fmt::format("{} inside hands at {} more places", scene.plans.objects[i].name,
-                                      pairs[i] - kNamedPairs),
+  std::vector<Problem> problems;
+  for (std::size_t i = 0; i < deepest.size(); ++i) {
+    const scene::ObjectSpec& object = scene.plans.objects[i];
+    const std::string key = fmt::format("objects.{}.position", i);
+    std::size_t named = 0;
+    for (const auto& [pair, depth] : deepest[i])
+      if (++named <= kNamedPairs)
+        problems.push_back(
+            {object.place, key,
+             fmt::format("{} {:.2g} mm inside {} at the start", pair.first, 1e3 * depth, pair.second), need});
+    if (named > kNamedPairs)
+      problems.push_back({object.place, key,
+                          fmt::format("{} inside hands at {} more places", object.name, named - kNamedPairs),
                           need});
+  }
   if (!problems.empty()) throw Error(problems);
 }
 

@@ -46,9 +46,16 @@ TEST(GripStrength, AssignsABoundaryToTheTallerGroupAndReportsExtrapolation) {
             grip_strength(table, person(Sex::male, 1.79)).norm);
   EXPECT_NE(grip_strength(table, person(Sex::male, 1.7499)).norm,
             grip_strength(table, person(Sex::male, 1.75)).norm);
-  const GripStrength child = grip_strength(table, person(Sex::male, 1.2, 8));
-  EXPECT_TRUE(child.extrapolated);
-  EXPECT_EQ(child.norm, grip_strength(table, person(Sex::male, 1.62, 18)).norm);
+  const GripStrength old = grip_strength(table, person(Sex::male, 1.62, 95));
+  EXPECT_TRUE(old.extrapolated);
+  EXPECT_EQ(old.norm, grip_strength(table, person(Sex::male, 1.62, 85)).norm);
+  // A child has a row of its age; who states none is an adult, with muscles of smaller areas.
+  EXPECT_FALSE(grip_strength(table, person(Sex::male, 1.2, 8)).extrapolated);
+  const GripStrength small = grip_strength(table, person(Sex::male, 1.2)),
+                     least = grip_strength(table, person(Sex::male, 1.6));
+  EXPECT_TRUE(small.extrapolated);
+  EXPECT_NEAR(small.norm, 0.75 * 0.75 * least.norm, 1e-9);
+  EXPECT_NEAR(small.deviation, 0.75 * 0.75 * least.deviation, 1e-9);
 }
 
 TEST(GripStrength, OfAPersonWhoStatesItIsTheirOwn) {

@@ -27,7 +27,7 @@ scene::Scene still_life(const std::string& rest) {
       "objects:\n"
       "  - {name: block, shape: box, edges: [0.09, 0.09, 0.05], mass: 0.3, position: [0.3, 0, 0.025]}\n"
       "  - {name: mug, file: objects/mug.yaml, position: [0.3, 0, 0.0905]}\n"
-      "  - {name: box, shape: box, edges: [0.05, 0.05, 0.05], mass: 0.2, position: [0.005, 0.05, 0.34]}\n"
+      "  - {name: box, shape: box, edges: [0.05, 0.05, 0.05], mass: 0.2, position: [-0.015, 0.05, 0.34]}\n"
       "ground: {}\n"
       "effects: [gravity, ground_contact, object_contact, friction, joint_stops, passive_tissue]\n"
       "duration: 1.5\nsolver: {cfm: 1e-7}\n" +
