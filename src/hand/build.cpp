@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/hand/cut_capsule.h"
 #include "handsim/model/mass_properties.h"
 #include "handsim/model/shape_extent.h"
 #include "handsim/model/shape_union.h"
@@ -68,13 +69,11 @@ std::vector<BuiltSegment> lay_out(const HandSpec& spec, const HandSize& size, co
 struct Piece {
   std::string name;
   int body = 0;
-  Pose frame;                 ///< X_H of the frame in which the poses of its shapes are
-  std::vector<Shape> shapes;  ///< [0] a segment's own capsule; none: a carrier
-  double mass = 0;            ///< [kg]
-  double round = 0;           ///< radius of a carrier's ball [m]
-  /// Where the matter of a capsule begins, from the joint; what is nearer belongs to the parent. Absent: the
-  /// whole capsule is its matter.
-  std::optional<double> begins;
+  Pose frame;                              ///< X_H of the frame in which the poses of its shapes are
+  std::vector<Shape> shapes;               ///< [0] a segment's own capsule; none: a carrier
+  double mass = 0;                         ///< [kg]
+  double round = 0;                        ///< radius of a carrier's ball [m]
+  std::optional<Cut> cut;                  ///< of its capsule; absent: the whole capsule is its matter
   std::optional<MassProperties> together;  ///< of several shapes at unit density, in the part's frame
 };
 
@@ -124,27 +123,6 @@ double share_of(const MassRule& rule, Sex sex) {
   return sex == Sex::male ? rule.male : sex == Sex::female ? rule.female : rule.unknown;
 }
 
-/// A capsule without its near end: a cylinder from `begins` to the far end of the axis, and a half ball.
-struct Remainder {
-  double volume = 0, centre = 0;     ///< [m^3]; from the joint [m]
-  double transverse = 0, axial = 0;  ///< per mass about the centre [m^2]
-};
-Remainder remainder(const Shape& capsule, double begins) {
-  const double r = capsule.radius, end = capsule.length, l = end - begins, r2 = r * r;
-  const double cylinder = M_PI * r2 * l, cap = 2.0 / 3 * M_PI * r2 * r;
-  const double at_cylinder = 0.5 * (begins + end), at_cap = end + 3 * r / 8;
-  Remainder out;
-  out.volume = cylinder + cap;
-  out.centre = (cylinder * at_cylinder + cap * at_cap) / out.volume;
-  const auto beyond = [&](double at) { return (at - out.centre) * (at - out.centre); };
-  out.axial = (cylinder * r2 / 2 + cap * 0.4 * r2) / out.volume;
-  // A half ball about its own centre of mass, 3/8 r from its flat side.
-  out.transverse = (cylinder * (l * l / 12 + r2 / 4 + beyond(at_cylinder)) +
-                    cap * ((0.4 - 9.0 / 64) * r2 + beyond(at_cap))) /
-                   out.volume;
-  return out;
-}
-
 /// Distance along a segment's axis at which it leaves the shapes of its parent, to a 64th of the segment.
 double exit_from(const Piece& parent, const Piece& piece) {
   constexpr int kSteps = 64;
@@ -162,24 +140,25 @@ double exit_from(const Piece& parent, const Piece& piece) {
   return piece.shapes[0].length;
 }
 
-/// The capsule shares with its parent what lies in a ball about the joint as far as the parent reaches along
-/// its axis: the length of its own cylinder that has this volume.
-double covered(double reach, double radius) {
-  if (reach <= radius) return 2 * reach * reach * reach / (3 * radius * radius);
-  const double h = std::sqrt(reach * reach - radius * radius);
-  return h + (2 * reach * reach * reach / 3 - reach * reach * h + h * h * h / 3) / (radius * radius);
-}
-
-/// Space that a segment shares with its parent at zero angles belongs to the parent.
+/// Space that two rows share at zero angles counts once. The palm has what is in it; a plane through the
+/// joint divides a segment from the next one at its end.
 void share_space(std::vector<Piece>& parts, const HandSpec& spec) {
   for (std::size_t i = 1; i < parts.size(); ++i) {
     // A carrier has no shape: its segment starts where the carrier does, in the carrier's parent.
-    int parent = spec.segments[i - 1].parent;
-    if (parent != kPalm && spec.segments[static_cast<std::size_t>(parent)].carrier)
-      parent = spec.segments[static_cast<std::size_t>(parent)].parent;
-    if (parts[i].shapes.size() != 1) continue;
-    const double reach = exit_from(parts[static_cast<std::size_t>(parent + 1)], parts[i]);
-    parts[i].begins = std::min(covered(reach, parts[i].shapes[0].radius), 0.95 * parts[i].shapes[0].length);
+    int row = spec.segments[i - 1].parent;
+    if (row != kPalm && spec.segments[static_cast<std::size_t>(row)].carrier)
+      row = spec.segments[static_cast<std::size_t>(row)].parent;
+    Piece& own = parts[i];
+    if (own.shapes.size() != 1) continue;
+    const Shape& capsule = own.shapes[0];
+    Piece& parent = parts[static_cast<std::size_t>(row + 1)];
+    const Vec3 at = parent.frame.inverse() * own.frame.p;
+    if (parent.cut && (at - Vec3(0, parent.shapes[0].length, 0)).norm() < 1e-9) {
+      parent.cut->flat_end = true;
+      own.cut = Cut{-bulge(parent.shapes[0].radius, capsule.radius), false};
+    } else {
+      own.cut = Cut{std::min(covered(exit_from(parent, own), capsule.radius), 0.95 * capsule.length), false};
+    }
   }
 }
 
@@ -188,7 +167,7 @@ double volume_of(const std::vector<Piece>& parts, std::size_t i) {
   const Piece& part = parts[i];
   if (part.shapes.empty()) return kCarrierShare / (1 - kCarrierShare) * volume_of(parts, i + 1);
   const bool carried = i > 0 && parts[i - 1].shapes.empty();
-  const double own = part.begins               ? remainder(part.shapes[0], *part.begins).volume
+  const double own = part.cut                  ? matter(part.shapes[0], *part.cut).volume
                      : part.shapes.size() == 1 ? model::volume(part.shapes[0])
                                                : part.together->mass;
   return carried ? (1 - kCarrierShare) * own : own;
@@ -233,8 +212,8 @@ void place_simple(Body& body, Shape& shape, const Piece& part) {
     body.inertia = (body.mass / 12 * model::box_moments(shape.edges)).asDiagonal();
     return;
   }
-  if (part.begins) {
-    const Remainder own = remainder(shape, *part.begins);
+  if (part.cut) {
+    const CapsuleMatter own = matter(shape, *part.cut);
     shape.pose.p.y() = 0.5 * shape.length - own.centre;
     body.zero_pose = part.frame * Pose{{0, own.centre, 0}, Quat::Identity()};
     body.inertia = (body.mass * Vec3(own.transverse, own.axial, own.transverse)).asDiagonal();
@@ -247,8 +226,8 @@ void place_simple(Body& body, Shape& shape, const Piece& part) {
 /// Mass properties of a part in the hand frame.
 MassProperties properties_of(const Piece& part) {
   MassProperties out;
-  if (part.begins) {
-    const Remainder own = remainder(part.shapes[0], *part.begins);
+  if (part.cut) {
+    const CapsuleMatter own = matter(part.shapes[0], *part.cut);
     out.centre = {0, own.centre, 0};
     out.inertia = Vec3(own.transverse, own.axial, own.transverse).asDiagonal();
   } else if (part.shapes.empty()) {

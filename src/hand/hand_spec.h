@@ -48,7 +48,7 @@ inline constexpr double kCarrierShare = 0.05;
 struct MassRule {
   enum class Kind {
     body_mass_share,  ///< a share of body mass; each part gets its mass_share of it
-    tissue_density,   ///< volume times a density; space shared with the parent at zero angles is the parent's
+    tissue_density,   ///< volume times a density; space that rows share at zero angles counts once
     density,          ///< each part its whole volume times a density
   };
   Kind kind = Kind::density;

@@ -50,7 +50,7 @@ TEST(GripStrength, AssignsABoundaryToTheTallerGroupAndReportsExtrapolation) {
   EXPECT_TRUE(old.extrapolated);
   EXPECT_EQ(old.norm, grip_strength(table, person(Sex::male, 1.62, 85)).norm);
   // A child has a row of its age; who states none is an adult, with muscles of smaller areas.
-  EXPECT_FALSE(grip_strength(table, person(Sex::male, 1.2, 8)).extrapolated);
+  EXPECT_FALSE(grip_strength(table, person(Sex::male, 1.4, 8)).extrapolated);
   const GripStrength small = grip_strength(table, person(Sex::male, 1.2)),
                      least = grip_strength(table, person(Sex::male, 1.6));
   EXPECT_TRUE(small.extrapolated);

@@ -53,6 +53,14 @@ std::string block_on_palm(double friction, const std::string& solver) {
       "{direction: [-1, 0, 0], rate: 40, max: 350 N}");
 }
 
+/// Of the hand [N].
+double weight(const scene::Scene& scene) {
+  double mass = 0;
+  for (const model::Body& body : scene.model.bodies)
+    if (!body.kinematic) mass += body.mass;
+  return mass * kG;
+}
+
 class ClimbOracle : public testing::TestWithParam<std::string> {};
 INSTANTIATE_TEST_SUITE_P(, ClimbOracle,
                          testing::Values("solver: {cfm: 1e-8}\n", "solver: {step: 2 ms, cfm: 1e-8}\n",
@@ -83,10 +91,7 @@ TEST(Climb, APalmAgainstAWallCarriesAllOfTheLoad) {
   ASSERT_EQ(figures.last.parts.size(), 1U);
   EXPECT_EQ(figures.last.parts.front().part, "palm");
   // What bears it is the load and the hand's weight.
-  double mass = 0;
-  for (const model::Body& body : scene.model.bodies)
-    if (!body.kinematic) mass += body.mass;
-  EXPECT_NEAR(figures.last.parts.front().normal, figures.last.load + mass * kG, 1);
+  EXPECT_NEAR(figures.last.parts.front().normal, figures.last.load + weight(scene), 1);
 }
 
 // Oracle: the mount: the palm, with fingers that swing from loose joints, moves along the line and does not
@@ -119,7 +124,7 @@ TEST(Climb, TheHoldBearsTheLoadAndTheHand) {
     const bool first = scene.model.shapes[static_cast<std::size_t>(contact.shape_b)].body == model::kWorld;
     up += (first ? 1 : -1) * contact.force.z();
   }
-  const double wanted = 100 + 0.0061 * 84.5 * kG;
+  const double wanted = 100 + weight(scene);
   EXPECT_NEAR(up, wanted, 0.01 * wanted);
 }
 

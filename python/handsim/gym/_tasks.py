@@ -228,7 +228,7 @@ class Hold(_InHand):
             "pictures.camera": {"position": [-0.4, 0.35, 0.75], "target": [-0.02, 0.06, 0.59],
                                 "field_of_view": "24 deg"}}, engine="articulated")
         simulation = Simulation(self.scene)
-        simulation.step(substeps=round(2.0 / self.scene.step))
+        simulation.step(substeps=round(2.4 / self.scene.step))
         self._prepare(simulation)
         self._middle -= self.opened * np.array([name.endswith("flexion") for name in self.scene.axes])
         self._body = self.scene.objects[0]

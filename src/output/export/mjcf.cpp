@@ -5,6 +5,7 @@
 #include <map>
 
 #include <fmt/format.h>
+#include <Eigen/Eigenvalues>
 
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
@@ -105,10 +106,12 @@ class MjcfWriter {
     const bool mocap = body.kinematic && driven(index) && settings_.effects.has(Effect::wrist_motion);
     line(fmt::format("{}<body name=\"{}\" pos=\"{}\" quat=\"{}\"{}>", in, attribute(body.name),
                      numbers(pose.p), wxyz(pose.q), mocap ? " mocap=\"true\"" : ""));
-    const Mat3& I = body.inertia;
-    line(fmt::format(
-        "{}  <inertial pos=\"0 0 0\" mass=\"{:.17g}\" fullinertia=\"{} {:.17g} {:.17g} {:.17g}\"/>", in,
-        body.mass, numbers(I.diagonal()), I(0, 1), I(0, 2), I(1, 2)));
+    // Principal axes: those that MuJoCo finds itself have an error of 1e-9.
+    const Eigen::SelfAdjointEigenSolver<Mat3> principal(body.inertia);
+    Mat3 axes = principal.eigenvectors();
+    if (axes.determinant() < 0) axes.col(2) *= -1;
+    line(fmt::format("{}  <inertial pos=\"0 0 0\" quat=\"{}\" mass=\"{:.17g}\" diaginertia=\"{}\"/>", in,
+                     wxyz(Quat(axes)), body.mass, numbers(principal.eigenvalues())));
   }
 
   /// A body without a parent.

@@ -223,8 +223,8 @@ TEST(FastSpin, ConvergesWithOrderOne) {
     for (std::size_t i = 0; i < want.size(); ++i) out = std::max(out, std::abs(found[i] - want[i]));
     return out;
   };
-  // 40 rad/s turn 0.008 rad in the coarser step, and 0.004 in the finer: both are corrected.
-  const double coarse = error(2e-4), fine = error(1e-4);
+  // 40 rad/s turn 0.004 rad in the coarser step, and 0.002 in the finer: both are corrected.
+  const double coarse = error(1e-4), fine = error(5e-5);
   EXPECT_NEAR(std::log2(coarse / fine), 1, 0.15) << coarse << " " << fine;
 }
 
