@@ -667,6 +667,23 @@ def export_opensim():
                   for _, model, mount, mass, centre, torque, angle in found])
 
 
+def export_muscles():
+    text = printed("opensim")
+    rest = re.search(r"^OpenSim (\S+), (\d+) muscles at rest: lengths (\S+), arms (\S+), tensions (\S+), torques (\S+)", text, re.M)
+    moving = re.search(r"^OpenSim, muscles moving: rates (\S+), tensions at full activation (\S+), at any activation (\S+)", text, re.M)
+    if not rest or not moving:
+        raise Missing("OpenSim, which ./dev peers fetches")
+    version, count, lengths, arms, tensions, torques = rest.groups()
+    rates, full, partial = moving.groups()
+    return table([f"OpenSim {version.split(chr(45))[0]}, {count} muscles at 20 poses", "largest difference"],
+                 [["lengths, relative", lengths], ["moment arms, over the muscle's largest", arms],
+                  ["tensions at rest, activations of 0 to 1, over the muscle's largest force", tensions],
+                  ["their torques about all axes, by OpenSim's inverse dynamics, over the largest", torques],
+                  ["speeds of the lengths with joints at up to 5 rad/s, over the muscle's fastest", rates],
+                  ["tensions at these speeds, full activation, over the muscle's largest force", f"{100 * float(full):.1f} %"],
+                  ["tensions at these speeds, activations of 0 to 1", f"{100 * float(partial):.1f} %"]])
+
+
 def export_block():
     text = printed("mujoco")
     flat = re.findall(r"^block of 0.1 on ground of 0.9, 3 m/s at (\d+) deg, after 1 s: (\S+) m in MuJoCo (\S+), (\S+) m here, (\S+) m", text, re.M)
@@ -707,7 +724,7 @@ def day_at_the_bench():
 
 
 # Name of the table -> the study whose files it needs, and the function that makes it.
-TABLES = {"validate": ("validate", validation), "export-opensim": ("export", export_opensim), "export-block": ("export", export_block), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+TABLES = {"validate": ("validate", validation), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),

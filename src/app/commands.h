@@ -147,6 +147,7 @@ struct ExportArguments {
   std::optional<std::filesystem::path> scene;
   HandArguments hands;               ///< without a scene; `side` is empty if it was not given
   std::optional<std::string> mount;  ///< of these hands; absent: fixed
+  bool muscles = false;              ///< of these hands, with the bands between their joints
   std::filesystem::path out;
   std::optional<std::string> format;  ///< mjcf, urdf or osim; absent: by the ending of `out`, else mjcf
   std::vector<std::string> overrides;

@@ -50,7 +50,7 @@ void check_source(const ExportArguments& arguments) {
       throw input_error("--set", arguments.overrides.front(), "a scene, whose keys it overrides");
     return;
   }
-  if (person || hands.model || !hands.side.empty() || arguments.mount)
+  if (person || hands.model || !hands.side.empty() || arguments.mount || arguments.muscles)
     throw input_error("scene", arguments.scene->string(), "a scene or the options of a person, not both");
 }
 
@@ -69,6 +69,12 @@ scene::Scene hands_of_person(const ExportArguments& arguments) {
     effects.add(effect);
   PersonHands input = read_person_hands(arguments.hands);
   print_warnings(input.warnings);
+  if (arguments.muscles) {
+    if (!input.model.muscles)
+      throw input_error("--muscles", "a hand model without muscles", "a hand model that has muscles");
+    effects.add(model::Effect::muscles);
+    if (!input.model.muscles->bands.empty()) effects.add(model::Effect::tendon_coupling);
+  }
   const std::string& side = arguments.hands.side;
   return compile_hands(side.empty() ? "both" : side, mount_of(arguments.mount.value_or("fixed")), effects,
                        std::move(input));

@@ -80,6 +80,9 @@ void print_loaded(const char* when, const simulation::LoadedGrip& grip) {
   print("    {}: {:.4g} N, palm moved {:.2g} mm, {} contacts\n", when, grip.load, 1e3 * grip.travel,
         grip.contacts);
   print_parts(grip.parts);
+  for (const simulation::FingerLoad& load : grip.fingers)
+    print("      {:<7} tendons: deep {:.3g} N, superficial {:.3g} N; pulleys: A2 {:.3g} N, A4 {:.3g} N\n",
+          load.finger, load.deep, load.superficial, load.a2, load.a4);
 }
 
 void print_climbs(const simulation::RunResult& result) {

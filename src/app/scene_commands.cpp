@@ -141,6 +141,7 @@ void add_export(CommandLine& line) {
   add_words(command.add_option("--side", arguments->hands.side, "which hands (default both)"), kSides);
   add_words(command.add_option("--mount", arguments->mount, "how a person's palms are held (default fixed)"),
             "fixed|hinge|universal|free");
+  command.add_flag("--muscles", arguments->muscles, "with the muscles of a person's hands");
   add_overrides(command, arguments->overrides);
 }
 

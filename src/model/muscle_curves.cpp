@@ -7,16 +7,10 @@ namespace handsim::model {
 
 namespace {
 
-constexpr double kActiveWidth = 0.45;              ///< gamma
-constexpr double kPassiveShape = 5;                ///< k_PE
-constexpr double kPassiveStrain = 0.6;             ///< epsilon_0
-constexpr double kSpeedShape = 0.25;               ///< A_f
-constexpr double kLengthening = 1.4;               ///< largest force of lengthening over the isometric one
-constexpr double kExpShape = 147.4131591025766;    ///< exp(k_PE) - 1
-constexpr double kPassiveDamping = 0.1;            ///< of the passive part's force and speed: chosen
-constexpr double kShortest = 0.2, kLongest = 1.8;  ///< normalised lengths of fibres with an active force
-/// Slope of lengthening: (2 + 2 / A_f) / (F_len - 1).
-constexpr double kSteep = (2 + 2 / kSpeedShape) / (kLengthening - 1);
+using namespace hill;
+
+constexpr double kExpShape = 147.4131591025766;  ///< exp(k_PE) - 1
+constexpr double kPassiveDamping = 0.1;          ///< of the passive part's force and speed: chosen
 
 /// Of angles up to 1.4 rad, to 1e-11: a call of std::sin takes longer than the rest of a fibre.
 double sine(double x) {

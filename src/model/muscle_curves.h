@@ -12,6 +12,19 @@
 
 namespace handsim::model {
 
+/// Constants of the curves, over optimal fibre length and largest isometric force.
+namespace hill {
+inline constexpr double kActiveWidth = 0.45;   ///< gamma
+inline constexpr double kPassiveShape = 5;     ///< k_PE
+inline constexpr double kPassiveStrain = 0.6;  ///< epsilon_0
+inline constexpr double kSpeedShape = 0.25;    ///< A_f
+inline constexpr double kLengthening = 1.4;    ///< largest force of lengthening over the isometric one
+/// Lengths of fibres with an active force.
+inline constexpr double kShortest = 0.2, kLongest = 1.8;
+/// Slope of lengthening.
+inline constexpr double kSteep = (2 + 2 / kSpeedShape) / (kLengthening - 1);
+}  // namespace hill
+
 /// Fibres at a length of muscle and tendon.
 struct Fibre {
   double length = 0;  ///< [m]

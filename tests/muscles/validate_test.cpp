@@ -34,14 +34,19 @@ TEST(Validate, MeasuresSimulationsWhereAsked) {
       << head()
       << "  - {name: steps, kind: simulation, scene: " << test::source("config/two_hands.yaml").string()
       << ", set: [duration=0.1, \"solver.step=1 ms\"], figure: counts.steps, unit: \"1\", measured: 100, "
-         "spread: 0.5, source: s, required: true}\n";
+         "spread: 0.5, source: s, required: true}\n"
+      << "  - {name: share, kind: simulation, scene: " << test::source("config/two_hands.yaml").string()
+      << ", set: [duration=0.1, \"solver.step=1 ms\"], figure: counts.steps, over: counts.steps, unit: "
+         "\"1\", "
+         "measured: 1, spread: 0.5, source: s}\n";
   const ValidateSpec spec = load_validate(file);
   const ValidateResult left_out = run(spec), run_too = run_validate(spec, folder.path() / "runs");
   EXPECT_FALSE(left_out.rows.at(0).measured);
-  EXPECT_NE(validate_table(spec, left_out).find("1 rows are simulations, which --runs runs"),
+  EXPECT_NE(validate_table(spec, left_out).find("2 rows are simulations, which --runs runs"),
             std::string::npos);
   EXPECT_EQ(run_too.rows.at(0).ours, 100);
   EXPECT_TRUE(run_too.rows.at(0).within());
+  EXPECT_EQ(run_too.rows.at(1).ours, 1);
 }
 
 // Oracle: a required row with a value that the hand does not have fails, the same row without `required` does

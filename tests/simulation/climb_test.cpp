@@ -128,6 +128,23 @@ TEST(Climb, TheHoldBearsTheLoadAndTheHand) {
   EXPECT_NEAR(up, wanted, 0.01 * wanted);
 }
 
+/// Both tendons press on A2, the deep one on A4, none where the PIP is straight; a fingertip's force takes a
+/// tendon that is stronger than it, since its lever is longer than the tendon's arm.
+void expect_pulleys(const LoadedGrip& grip) {
+  EXPECT_EQ(grip.fingers.size(), 4u);
+  double pulleys = 0;
+  for (const FingerLoad& load : grip.fingers) {
+    if (load.deep == 0) continue;
+    EXPECT_NEAR(load.a2 * load.deep, load.a4 * (load.deep + load.superficial), 1e-6) << load.finger;
+    EXPECT_LT(load.a2, load.deep + load.superficial) << load.finger;
+    pulleys += load.a4;
+  }
+  double tendons = 0;
+  for (const FingerLoad& load : grip.fingers) tendons += load.deep + load.superficial;
+  EXPECT_GT(tendons, grip.load);
+  EXPECT_GT(pulleys, 10);
+}
+
 class ShippedClimb : public testing::TestWithParam<std::string> {};
 INSTANTIATE_TEST_SUITE_P(, ShippedClimb, testing::Values("climb_half_crimp", "climb_open_hand", "climb_jug"));
 
@@ -137,6 +154,7 @@ TEST_P(ShippedClimb, FailsAtALoadThatBothHandsShareAndFrictionLowers) {
   const ClimbFigures right = run(scene);
   EXPECT_TRUE(right.failed);
   EXPECT_GE(right.carried, *scene.spec.criteria.climb_load);
+  expect_pulleys(right.last);
   const ClimbFigures left = run(test::shipped_scene(GetParam(), {"hands.0.side=left"}));
   EXPECT_NEAR(left.carried, right.carried, 0.01 * right.carried);
   const ClimbFigures coarse = run(test::shipped_scene(GetParam(), {"solver.step=2 ms"}));

@@ -40,16 +40,19 @@ std::string to_mjcf(const model::Model& model, const engine::Settings& settings,
 std::string to_urdf(const model::Model& model, const engine::Settings& settings,
                     const control::Plan* plan = nullptr);
 
-/// The model format of OpenSim 4: bodies, joints with ranges, springs and dampers of tissue, the points of
-/// model::hand_markers() as markers, spheres and planes as contact geometry, shapes to look at.
+/// The model format of OpenSim 4: bodies, joints with ranges, springs and dampers of tissue, muscles and
+/// bands, the points of model::hand_markers() as markers, spheres and planes as contact geometry, shapes to
+/// look at.
 ///
 /// Body frames are the model's, with all digits. Hinges, universal joints, sliders and ball joints become
 /// OpenSim's own, with one coordinate named `joint.axis` for each axis, of the same sign. A free palm's
 /// coordinates `right.palm.world.rx` to `.tz` move its hand frame (an object's: its body) relative to the
 /// start, where they are zero; those of a driven palm are prescribed, sampled every 10 ms. A fixed body is
 /// welded to the ground. Ranges need the effect joint_stops, springs passive_tissue, gravity the effect
-/// gravity. Left out: contact forces, stops as forces, actuators, boxes, cylinders and meshes as contact
-/// geometry.
+/// gravity. Muscles in effect become RigidTendonMuscles along paths whose lengths are polynomials of the
+/// coordinates: with the model's moment arms within the range of their polynomials, its forces at rest, and
+/// its force by speed at full activation; activation is excitation. Left out: contact forces, stops as
+/// forces, motors, boxes, cylinders and meshes as contact geometry.
 /// @throws Error (input) for loops and for universal joints whose axes are not perpendicular.
 std::string to_osim(const model::Model& model, const engine::Settings& settings);
 

@@ -9,6 +9,7 @@
 #include "handsim/model/markers.h"
 #include "handsim/output/export/export.h"
 #include "handsim/output/export/export_tree.h"
+#include "handsim/output/export/osim_elements.h"
 
 namespace handsim::output {
 
@@ -45,11 +46,6 @@ Vec3 nearest_angles(const Quat& q, const Vec3& before) {
   const Vec3 first = near(found), second = near({found.x() + M_PI, M_PI - found.y(), found.z() + M_PI});
   return (first - before).norm() <= (second - before).norm() ? first : second;
 }
-
-std::string element(const char* tag, const std::string& text) {
-  return fmt::format("<{0}>{1}</{0}>", tag, text);
-}
-std::string element(const char* tag, double value) { return element(tag, fmt::format("{:.17g}", value)); }
 
 std::string place(const char* location, const Pose& pose) {
   return element(location, numbers(pose.p)) + element("orientation", numbers(xyz_angles(pose.q)));
@@ -322,8 +318,9 @@ class OsimWriter {
     return out;
   }
 
-  /// Passive tissue. Muscles belong here too, once a Model has them.
+  /// Muscles, bands and passive tissue.
   void forces() {
+    out_ += osim_muscles(model_, settings_, start_);
     if (!settings_.effects.has(Effect::passive_tissue)) return;
     for (const model::Joint& each : model_.joints)
       for (const model::JointAxis& axis : each.axes) {

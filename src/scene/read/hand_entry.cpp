@@ -178,8 +178,10 @@ struct HandNames {
   }
 };
 
-/// True if the scene lists an effect of the hands' muscles and bands, which no automatic list has.
-bool lists_muscles(const YamlNode& scene) {
+/// True if the scene lists an effect of the hands' muscles and bands, which no automatic list has, or has
+/// climbs, whose figures tell the flexors' tensions from their moment arms.
+bool needs_muscles(const YamlNode& scene) {
+  if (scene.find("climbs")) return true;
   const YamlNode* effects = scene.find("effects");
   return effects && std::any_of(effects->items.begin(), effects->items.end(), [](const YamlNode& item) {
            return item.text == model::name(model::Effect::muscles) ||
@@ -225,7 +227,7 @@ HandEntry read_hand(MapReader reader, const Tasks& tasks, HandNames& names, bool
 std::vector<HandEntry> read_hands(MapReader& reader, const Tasks& tasks) {
   std::vector<HandEntry> hands;
   HandNames names;
-  const bool with_muscles = lists_muscles(reader.node());
+  const bool with_muscles = needs_muscles(reader.node());
   reader.each("hands", 0, kMostHands, [&](MapReader block) {
     hands.push_back(read_hand(std::move(block), tasks, names, with_muscles));
   });

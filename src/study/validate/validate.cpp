@@ -181,7 +181,7 @@ double measure(const Subject& subject, const Measurement& of) {
     case Measured::gyration:
       return measure_gyration(subject, of);
     case Measured::simulation:
-      break;  // of no subject: simulated_figure()
+      break;  // of no subject: SimulatedScenes
   }
   return 0;
 }
@@ -198,12 +198,14 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
   std::map<std::string, Subject> subjects;
   for (const auto& [name, person] : spec.people) subjects.emplace(name, Subject(spec.hand, person));
   ValidateResult out;
+  std::optional<SimulatedScenes> scenes;
+  if (runs) scenes.emplace(*runs);
   double within = 0, measured = 0;
   for (const Measurement& of : spec.measurements) {
     ValidateRow row{&of};
     if (of.kind == Measured::simulation) {
-      row.measured = runs.has_value();
-      if (runs) row.ours = simulated_figure(of, *runs / fmt::format("row_{}", out.rows.size() + 1));
+      row.measured = scenes.has_value();
+      if (scenes) row.ours = scenes->figure(of);
     } else {
       row.ours = measure(subjects.at(of.person), of);
     }

@@ -44,6 +44,7 @@ struct Measurement {
   std::filesystem::path scene;        ///< simulation
   std::vector<std::string> changes;   ///< simulation: overrides of the scene, `key.path=value`
   std::string figure;                 ///< simulation: path in summary.json, `climbs.0.load_N`
+  std::string over;                   ///< simulation: the figure that divides it; empty: none
   double tension = 0;                 ///< pulley_force [N]
   double load = 0;                    ///< loaded_rotation: share of the muscle's force
   std::optional<double> hand_length;  ///< of the measured hand: lengths of ours are scaled to it [m]

@@ -129,6 +129,7 @@ class RowReader {
     row.scene = std::filesystem::path(reader.node().place().file).parent_path() / reader.text("scene");
     if (reader.has("set")) row.changes = reader.texts("set", 1, 100, "overrides such as duration=1");
     row.figure = reader.text("figure");
+    row.over = reader.maybe_text("over").value_or("");
     row.unit = reader.text("unit");
   }
 

@@ -1,7 +1,8 @@
 """Opens an exported model in OpenSim and prints, as JSON, what OpenSim makes of it. The test writes FOLDER with
   model.osim, markers.trc
   motion.json: names of coordinates; samples with their values q, rates u and accelerations du; times at which
-               poses are asked for; whether inverse kinematics is.
+               poses are asked for; whether inverse kinematics is. In samples also activations, by the names of
+               muscles, if muscles are asked about.
 Usage: opensim_check.py FOLDER; without FOLDER: exit status 0 if OpenSim can be used."""
 import json
 import pathlib
@@ -56,6 +57,29 @@ def poses(model, times):
     return out
 
 
+def muscles(model, state, activations):
+    """Of every muscle in this state: length, its rate, moment arms by coordinate, tension."""
+    names = {c.getName(): c for c in (model.getCoordinateSet().get(i) for i in range(model.getCoordinateSet().getSize()))}
+    controls = opensim.Vector(model.getNumControls(), 0.0)
+    for name, value in activations.items():
+        model.getMuscles().get(name).setControls(opensim.Vector(1, value), controls)
+    model.realizeVelocity(state)
+    model.setControls(state, controls)
+    model.realizeDynamics(state)
+    out = {}
+    for name in activations:
+        muscle = model.getMuscles().get(name)
+        path = opensim.FunctionBasedPath.safeDownCast(muscle.getPropertyByName("path").getValueAsObject())
+        crossed = [place.split("/")[-1] for place in path.getCoordinatePaths()]
+        out[name] = {
+            "length": muscle.getLength(state),
+            "rate": muscle.getLengtheningSpeed(state),
+            "arms": {c: muscle.computeMomentArm(state, names[c]) for c in crossed},
+            "tension": muscle.getActuation(state),
+        }
+    return out
+
+
 def inverse_kinematics(folder, model):
     """Angles by coordinate, one row for each frame, by the tool that OpenSim's window has."""
     tool = opensim.InverseKinematicsTool()
@@ -100,6 +124,7 @@ def main(folder):
         "contact": model.getContactGeometrySet().getSize(),
         "centres": [],
         "torques": [],
+        "muscles": [],
     }
     states = opensim.createStateVariableNamesInSystemOrder(model)
     order = [name.split("/")[-2] for name in states if name.endswith("/value")]
@@ -109,6 +134,8 @@ def main(folder):
         place(coordinates, state, sample)
         model.realizeVelocity(state)
         out["centres"].append(vector(model.calcMassCenterPosition(state)))
+        if "activations" in sample:
+            out["muscles"].append(muscles(model, state, sample["activations"]))
         du = opensim.Vector(len(order), 0.0)
         values = dict(zip(sample["names"], sample["du"]))
         for i, name in enumerate(order):

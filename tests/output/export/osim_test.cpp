@@ -4,38 +4,22 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <fstream>
-#include <nlohmann/json.hpp>
 
 #include "handsim/engine/articulated/joint_space.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/markers.h"
 #include "handsim/output/export/export.h"
+#include "output/export/opensim.h"
 #include "scene_files.h"
 
 namespace handsim::test {
 namespace {
 
-using nlohmann::json;
 namespace fs = std::filesystem;
 
 constexpr int kSamples = 100;
 constexpr double kStep = 0.01;  ///< between samples [s]
-
-/// Runs the script with a Python that has OpenSim.
-int run_script(const std::string& arguments) {
-  const std::string folder = HANDSIM_PYTHON_PACKAGES;
-  const std::string path = folder.empty() ? "" : "PYTHONPATH='" + folder + "' ";
-  return std::system((path + HANDSIM_PYTHON + " " + source("tests/output/export/opensim_check.py").string() +
-                      " " + arguments)
-                         .c_str());
-}
-
-bool opensim_is_there() {
-  static const bool there = run_script("> /dev/null 2>&1") == 0;
-  return there;
-}
 
 /// Coordinates of a model in smooth motion between its stops.
 struct Motion {
@@ -129,12 +113,7 @@ json ask(const scene::Scene& scene, const Motion& motion, int samples, const std
     question["samples"].push_back(
         {{"q", motion.at(kStep * i, 0)}, {"u", motion.at(kStep * i, 1)}, {"du", motion.at(kStep * i, 2)}});
   std::ofstream(folder.path() / "motion.json") << question;
-  const fs::path answer = folder.path() / "answer.txt";
-  EXPECT_EQ(run_script(folder.path().string() + " > " + answer.string() + " 2>&1"), 0) << text_of(answer);
-  const std::string text = text_of(answer);
-  const std::size_t at = text.find("RESULT ");
-  EXPECT_NE(at, std::string::npos) << text;
-  return at == std::string::npos ? json() : json::parse(text.substr(at + 7));
+  return opensim_answer(folder.path());
 }
 
 /// Torques that the motion needs beside tissue, by recursive Newton-Euler here. For models whose joints are
@@ -242,7 +221,7 @@ double palm_apart(const json& found) {
 class InOpenSim : public testing::TestWithParam<std::pair<const char*, const char*>> {
  protected:
   void SetUp() override {
-    if (!opensim_is_there()) GTEST_SKIP() << "no opensim for " << HANDSIM_PYTHON << " (PyPI: opensim 4.6)";
+    if (!opensim_is_there()) GTEST_SKIP() << kNoOpenSim;
   }
 };
 
@@ -286,7 +265,7 @@ INSTANTIATE_TEST_SUITE_P(Hands, InOpenSim,
 class ScenesInOpenSim : public testing::TestWithParam<const char*> {
  protected:
   void SetUp() override {
-    if (!opensim_is_there()) GTEST_SKIP() << "no opensim for " << HANDSIM_PYTHON << " (PyPI: opensim 4.6)";
+    if (!opensim_is_there()) GTEST_SKIP() << kNoOpenSim;
   }
 };
 
@@ -351,7 +330,7 @@ INSTANTIATE_TEST_SUITE_P(Shipped, ScenesInOpenSim,
                          });
 
 TEST(OpenSim, HasBallJoints) {
-  if (!opensim_is_there()) GTEST_SKIP() << "no opensim for " << HANDSIM_PYTHON << " (PyPI: opensim 4.6)";
+  if (!opensim_is_there()) GTEST_SKIP() << kNoOpenSim;
   // The link turns about its joint, 0.05 m beside its centre.
   expect_scene(scene::compile_scene(
       parse_yaml("bodies: [{name: link, mass: 0.1, inertia: [8e-5, 1e-5, 8e-5], position: [0, 0.05, 0], "
