@@ -116,7 +116,7 @@ Batch::Batch(const scene::Scene& scene, std::size_t size, BatchSetup setup)
   const std::shared_ptr<scene::Scene> shared = Environment::lean(scene);
   for (std::size_t i = 0; i < size; ++i)
     impl_->environments.push_back(Environment(shared, impl_->setup.environment, size > 1,
-                                              i > 0 ? impl_->environments[0].start_ : nullptr));
+                                              i > 0 ? impl_->environments.data() : nullptr));
   impl_->observations.resize(size * observation_size());
   impl_->done.resize(size);
   impl_->failed.resize(size);

@@ -2,6 +2,7 @@
 #include "handsim/environment/batch.h"
 
 #include <gtest/gtest.h>
+#include <malloc.h>
 
 #include <numeric>
 
@@ -152,6 +153,26 @@ TEST(Batch, ANumberThatOneEnvironmentSetsIsNotThatOfTheOthers) {
   alone = Environment(scene);
   alone.step({}, 40);
   EXPECT_EQ(bits(batch[3]), bits(alone));
+}
+
+// Oracle: the allocator's own count of what is in use. What a thread has once is shared by 128 environments.
+TEST(Batch, AnEnvironmentThatTouchesHoldsLessThan200Kilobytes) {
+  const auto in_use = [] {
+    const auto now = mallinfo2();
+    return static_cast<double>(now.uordblks + now.hblkhd);
+  };
+  // An allocator of another kind, such as the address sanitizer's, tells nothing.
+  const double before = in_use();
+  if (const std::vector<double> block(1'000'000); !(in_use() - before > 7e6 && block[0] == 0))
+    GTEST_SKIP() << "the allocator does not count";
+  for (const char* name : {"grasp_pinch", "grasp_cup", "every_pose"}) {
+    const scene::Scene scene = test::shipped_scene(name, {"solver={engine: articulated, step: 1 ms}"});
+    const double start = in_use();
+    Batch batch(scene, 128, {.threads = 1});
+    batch.step({}, 300);
+    EXPECT_LT(in_use() - start, 128 * 200e3) << name;
+    EXPECT_GT(in_use() - start, 128 * 50e3) << name;
+  }
 }
 
 TEST(Batch, EndsThoseThatAreDoneAndLetsOthersGoOn) {
