@@ -53,13 +53,13 @@ class ContactNewton : private NewtonRoom {
   class Stay {
    public:
     explicit Stay(ContactNewton& solver) : Stay(solver, scratch().whole) {}
-    ~Stay() { std::swap(room_, mine_); }
+    ~Stay() { room_.swap(mine_); }
     Stay(const Stay&) = delete;
     Stay& operator=(const Stay&) = delete;
 
    private:
     friend class ContactNewton;
-    Stay(ContactNewton& solver, NewtonRoom& room) : room_(room), mine_(solver) { std::swap(room_, mine_); }
+    Stay(ContactNewton& solver, NewtonRoom& room) : room_(room), mine_(solver) { room_.swap(mine_); }
     NewtonRoom &room_, &mine_;
   };
 

@@ -62,6 +62,7 @@ class NewtonRoom {
  public:
   /// Room for the usual contacts. @param entries of A, @param widest unknowns that move a contact
   void reserve(std::size_t n, std::size_t entries, std::size_t widest);
+  void swap(NewtonRoom& other);
 
  protected:
   struct Bound {
