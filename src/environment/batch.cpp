@@ -16,9 +16,7 @@ namespace {
 
 /// Environments that one task steps.
 constexpr std::size_t kGrain = 8;
-/// Fewer environments are faster one by one than in lanes.
-constexpr std::size_t kFewest = 5;
-/// So are single steps, because environments are loaded and stored in each call.
+/// Single steps are faster one by one than in lanes, because environments are loaded and stored in each call.
 constexpr int kFewestSteps = 2;
 
 /// Row `i` of an array of `rows` rows; empty where the array is.
@@ -116,7 +114,7 @@ Batch::Batch(const scene::Scene& scene, std::size_t size, BatchSetup setup)
   const std::shared_ptr<scene::Scene> shared = Environment::lean(scene);
   for (std::size_t i = 0; i < size; ++i)
     impl_->environments.push_back(Environment(shared, impl_->setup.environment, size > 1,
-                                              i > 0 ? impl_->environments[0].start_ : nullptr));
+                                              i > 0 ? impl_->environments.data() : nullptr));
   impl_->observations.resize(size * observation_size());
   impl_->done.resize(size);
   impl_->failed.resize(size);
@@ -173,16 +171,18 @@ void Batch::step_group(std::size_t first, std::size_t last, const BatchAction& a
                   action.forces.empty() ? std::span<const engine::BodyForce>() : action.forces[i]};
   };
   std::optional<Lanes>& lanes = impl_->lanes.local();
-  if (impl_->setup.lanes && !lanes) lanes.emplace(impl_->environments[0]);
+  if (impl_->setup.lanes > 0 && !lanes) lanes.emplace(impl_->environments[0], impl_->setup.lanes);
   for (std::size_t i = first; i < last; ++i) {
     if (impl_->done[i] != 0) continue;
     stepped.push_back(i);
-    if (impl_->setup.lanes && substeps >= kFewestSteps && lanes->takes(impl_->environments[i], of(i)))
+    if (impl_->setup.lanes > 0 && substeps >= kFewestSteps && lanes->takes(impl_->environments[i], of(i)))
       members.push_back({&impl_->environments[i], of(i)});
   }
-  if (members.size() < kFewest) members.clear();
-  for (std::size_t i = 0; i < members.size(); i += at(lanes->width()))
-    lanes->step(std::span(members).subspan(i, std::min(at(lanes->width()), members.size() - i)), substeps);
+  for (std::size_t i = 0; i < members.size(); i += at(lanes->width())) {
+    const std::size_t count = std::min(at(lanes->width()), members.size() - i);
+    // Up to half of the lanes are faster one by one.
+    if (2 * count > at(lanes->width())) lanes->step(std::span(members).subspan(i, count), substeps);
+  }
   std::optional<Error> found;
   for (const std::size_t i : stepped) try {
       const auto member = std::find_if(members.begin(), members.end(), [&](const Lanes::Member& each) {

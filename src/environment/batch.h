@@ -26,8 +26,10 @@ struct BatchSetup {
   /// Returns true if an environment is done; called after each of its steps. It is then not stepped until its
   /// reset. Several threads call it at once, for different environments. Null: never done.
   std::function<bool(const Environment&)> done = {};
-  int threads = 0;    ///< 0: one per core
-  bool lanes = true;  ///< several environments share vector lanes; the same bits without, and slower
+  int threads = 0;  ///< 0: one per core
+  /// So many environments share vector lanes at most: 8, 4 or 2, as the processor has them; 0: none. The same
+  /// bits.
+  int lanes = 8;
 };
 
 class Batch {

@@ -46,13 +46,17 @@ Environment::Environment(const scene::Scene& scene, Setup setup)
     : Environment(lean(scene), std::move(setup), false, nullptr) {}
 
 Environment::Environment(std::shared_ptr<scene::Scene> scene, Setup setup, bool shared,
-                         std::shared_ptr<const Moment> start)
+                         const Environment* like)
     : scene_(std::move(scene)),
       setup_(std::move(setup)),
       variation_(std::make_unique<Variation>(*scene_)),
-      start_(std::move(start)),
       shared_(shared) {
-  observation_ = std::make_unique<Observation>(*scene_, setup_.observe);
+  if (like) {
+    start_ = like->start_;
+    observation_ = like->observation_;
+  } else {
+    observation_ = std::make_shared<const Observation>(*scene_, setup_.observe);
+  }
   observed_.resize(observation_->size());
   // All that share a scene have the same setup.
   if (observation_->needs_forces()) scene_->spec.solver.contact_forces = true;

@@ -91,9 +91,8 @@ class Environment {
   friend class Batch;
   friend class Lanes;
   /// @param shared others have the scene, too: it is copied before a number in it changes
-  /// @param start theirs, or null
-  Environment(std::shared_ptr<scene::Scene> scene, Setup setup, bool shared,
-              std::shared_ptr<const Moment> start);
+  /// @param like one of them, or null
+  Environment(std::shared_ptr<scene::Scene> scene, Setup setup, bool shared, const Environment* like);
   static std::shared_ptr<scene::Scene> lean(const scene::Scene& scene);
   void own_scene();
   void begin();
@@ -105,7 +104,7 @@ class Environment {
   std::shared_ptr<scene::Scene> shared_scene_;  ///< that of a batch, as long as it is the environment's
   Setup setup_;
   std::unique_ptr<Variation> variation_;
-  std::unique_ptr<Observation> observation_;
+  std::shared_ptr<const Observation> observation_;  ///< of all that share the scene
   std::unique_ptr<simulation::Simulation> simulation_;
   std::shared_ptr<const Moment> start_;  ///< that of a batch, while the scene is
   model::State state_;                   ///< the scene's start

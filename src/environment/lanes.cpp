@@ -38,8 +38,9 @@ void describe(const control::Controller& controller, articulated::LaneControlPla
 
 }  // namespace
 
-Lanes::Lanes(const Environment& like)
-    : group_(articulated::LaneGroup::make(like.simulation().engine())), step_(like.scene().spec.solver.step) {
+Lanes::Lanes(const Environment& like, int widest)
+    : group_(articulated::LaneGroup::make(like.simulation().engine(), widest)),
+      step_(like.scene().spec.solver.step) {
   const control::Controller* controller = like.simulation().controller();
   if (controller &&
       (controller->plan().form != control::Form::implicit_gain || controller->plan().feed_forward))

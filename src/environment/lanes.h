@@ -13,8 +13,8 @@ namespace handsim::environment {
 
 class Lanes {
  public:
-  /// @param like an environment of the scene
-  explicit Lanes(const Environment& like);
+  /// @param like an environment of the scene, @param widest BatchSetup::lanes
+  Lanes(const Environment& like, int widest);
 
   /// Environments that a call of `step` takes; 0 where the scene has no use for lanes.
   int width() const { return group_ ? group_->width() : 0; }

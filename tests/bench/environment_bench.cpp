@@ -68,17 +68,18 @@ BENCHMARK_CAPTURE(batch_steps, self_contact, "every_pose", kSelfContact, 100);
 BENCHMARK_CAPTURE(batch_steps, mug, "grasp_cup", std::vector<std::string>{}, 2500);
 
 /// Lanes that environments share against lanes of each environment's own.
-void batch_in_lanes(benchmark::State& state, std::vector<std::string> overrides) {
+void batch_in_lanes(benchmark::State& state, int lanes, std::vector<std::string> overrides) {
   overrides.insert(overrides.begin(), kArticulated.begin(), kArticulated.end());
   const scene::Scene scene = test::shipped_scene("every_pose", overrides);
   constexpr int kSubsteps = 10;
-  Batch alone(scene, 64, {.threads = 1, .lanes = false}), together(scene, 64, {.threads = 1});
+  Batch alone(scene, 64, {.threads = 1, .lanes = 0}), together(scene, 64, {.threads = 1, .lanes = lanes});
   compare(
       state, 64 * kSubsteps, [] {}, [&] { alone.step({}, kSubsteps); },
       [&] { together.step({}, kSubsteps); });
 }
-BENCHMARK_CAPTURE(batch_in_lanes, smooth, std::vector<std::string>{})->UseManualTime();
-BENCHMARK_CAPTURE(batch_in_lanes, self_contact, kSelfContact)->UseManualTime();
+BENCHMARK_CAPTURE(batch_in_lanes, smooth, 8, std::vector<std::string>{})->UseManualTime();
+BENCHMARK_CAPTURE(batch_in_lanes, smooth_4, 4, std::vector<std::string>{})->UseManualTime();
+BENCHMARK_CAPTURE(batch_in_lanes, self_contact, 8, kSelfContact)->UseManualTime();
 
 /// Two threads against one, by the wall clock.
 void two_threads(benchmark::State& state) {

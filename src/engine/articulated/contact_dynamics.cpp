@@ -16,6 +16,8 @@ namespace {
 /// speed, in so many passes at most. Chosen: 0.01 m/s is 10 um a step at 1 ms.
 constexpr double kMostYield = 0.01, kFirmShare = 0.1;
 constexpr int kMostFirmer = 12;
+/// So many pairs touch at a time, usually.
+constexpr std::size_t kUsualPairs = 8;
 
 /// Makes ODE ready before anything of its is built.
 const model::Model& entered(const model::Model& model) {
@@ -32,7 +34,7 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
       loops_(loops),
       collider_(model, settings.effects, settings.articulated().speculative),
       crossed_(model),
-      space_(mechanism),
+      space_(mechanism, JointSpace::Inertia::of_thread),
       friction_(settings.effects.has(model::Effect::friction)),
       with_forces_(settings.contact_forces),
       erp_(settings.erp()) {
@@ -44,7 +46,7 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
   memory_.change.reserve(at(space_.size()));
   std::size_t most = 0;
   for (const std::vector<int>& each : carriers_) most = std::max(most, 2 * each.size());
-  moving_dofs_.resize(kUsualContacts);
+  moving_dofs_.resize(kUsualPairs);
   for (MovingDofs& each : moving_dofs_) {
     each.dofs.reserve(most);
     each.runs.reserve(most);
@@ -52,6 +54,7 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
   loop_dofs_.reserve(at(space_.size()));
   loop_entries_.reserve(at(space_.size()));
   const Topology& topology = mechanism.topology();
+  axes_.reserve(topology.nodes.size());
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     if (rate_count(topology.nodes[i].kind) != 1) continue;
     const NodeView view = mechanism.view(i);
@@ -319,6 +322,7 @@ bool ContactDynamics::stiffen() {
 }
 
 NewtonReport ContactDynamics::solve(double step) {
+  const ContactNewton::Stay stay(solver_);
   // Stops are bounds here, and not locks.
   for (Coordinate& each : axes_) {
     each.side = *each.axis.side;

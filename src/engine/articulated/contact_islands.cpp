@@ -67,13 +67,7 @@ void ContactNewton::lay_out_island(const ContactNewton& whole, std::span<const i
 void ContactNewton::load_island(const ContactNewton& whole, int island) {
   const std::span<const int> members = whole.members(island);
   lay_out_island(whole, members);
-  contacts_.clear();
-  dofs_.clear();
-  dof_runs_.clear();
-  pairs_.clear();
-  wrenches_.clear();
-  entries_ = own_entries_ = 0;
-  jacobians_known_ = false;
+  clear();
   for (const int i : members) {
     const int to = whole.place_[at(i)];
     std::copy_n(whole.A_.begin() + static_cast<std::ptrdiff_t>(whole.entry(i, i)), A_last_[at(to)] - to + 1,
@@ -156,6 +150,7 @@ NewtonReport ContactNewton::solve(double tolerance) {
   find_islands();
   if (islands_ == 1 && !left_out_[0]) return solve_island(tolerance);
   list_islands();
+  const Stay stay(*part_, scratch().part);
   NewtonReport report;
   report.solved = true;
   for (int island = 0; island < islands_; ++island) {

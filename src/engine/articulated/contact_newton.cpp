@@ -27,20 +27,8 @@ constexpr double kBeyond = 1e-12;
 }  // namespace
 
 void ContactNewton::begin() {
-  std::fill(A_.begin(), A_.end(), 0.0);
-  std::fill(g_.begin(), g_.end(), 0.0);
-  std::fill(start_.begin(), start_.end(), 0.0);
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  std::fill(bounds_.begin(), bounds_.end(), Bound{-kInfinity, kInfinity, 0});
-  std::fill(servos_.begin(), servos_.end(), Servo{});
+  clear();
   left_out_.assign(at(n_), false);
-  contacts_.clear();
-  dofs_.clear();
-  dof_runs_.clear();
-  pairs_.clear();
-  wrenches_.clear();
-  entries_ = own_entries_ = 0;
-  jacobians_known_ = false;
 }
 
 void ContactNewton::bound(int i, double low, double high, double side) { bounds_[at(i)] = {low, high, side}; }

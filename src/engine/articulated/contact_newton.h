@@ -30,52 +30,9 @@
 
 #include "handsim/core/archive.h"
 #include "handsim/core/pose.h"
-#include "handsim/engine/articulated/row_kernel.h"
+#include "handsim/engine/articulated/contact_newton_room.h"
 
 namespace handsim::engine::articulated {
-
-/// Up to so many contacts are solved without allocating memory.
-inline constexpr std::size_t kUsualContacts = 16;
-inline constexpr std::size_t kMostRows = 6;  ///< of a contact
-inline constexpr std::size_t kUsualRows = 4;
-
-/// Friction on the edge of its disc, and which way.
-struct Sliding {
-  bool slides = false;  ///< the impulse is on the disc's edge
-  /// While it slides: direction of slip (unit); direction opposite to the impulse, as a share of the limit;
-  /// limit over speed, the stiffness across the slip. Both directions agree in the solution.
-  double slip_x = 1, slip_y = 0, force_x = 1, force_y = 0, tangent_stiffness = 0;
-};
-
-/// Rows whose impulse lies in a disc of radius `coefficient` times the normal impulse: two rows of sliding or
-/// rolling friction, one of spinning friction.
-struct Disc : Sliding {
-  enum class Kind { sliding, spinning, rolling };
-  Kind kind = Kind::sliding;
-  std::size_t row = 1, size = 2;  ///< among the contact's
-  double coefficient = 0;
-  double regularization = 0;  ///< R_t: velocity per impulse, > 0
-  double limit = 0;           ///< radius of the disc, where it is held fixed
-  double change = 0;          ///< of the limit that the last solution asks for
-};
-
-/// No unknown, or no pair of bodies.
-inline constexpr int kNone = -1;
-
-/// A contact: its normal row, then those of its discs. Or a bilateral constraint: one row whose velocity is
-/// to vanish, by an impulse of either sign.
-struct ContactRows {
-  std::array<double, kMostRows> start{};    ///< r0 [m/s, rad/s]; of the normal row less its target velocity
-  std::array<double, kMostRows> impulse{};  ///< in: warm start; out: solution
-  double regularization = 0;                ///< R of the normal row
-  std::array<Disc, 3> discs;
-  std::size_t rows = 1, disc_count = 0;
-  bool open = true;  ///< no normal impulse; in: in the last step, out: in this one
-  bool bilateral = false;
-  int pair = kNone;  ///< of the bodies that touch
-  /// In the lists.
-  std::size_t first_dof = 0, dof_count = 0, first_run = 0, run_count = 0, first_entry = 0, first_wrench = 0;
-};
 
 /// What a solution took and how exact it is.
 struct NewtonReport {
@@ -86,10 +43,25 @@ struct NewtonReport {
   bool iterative = false;  ///< by block Gauss-Seidel: too large for Newton's method
 };
 
-class ContactNewton {
+class ContactNewton : private NewtonRoom {
  public:
   /// @param kernel must outlive this.
   explicit ContactNewton(const RowKernel& kernel = row_kernel()) : kernel_(kernel) {}
+
+  /// While this lives, problems have the room of the thread, and their solution is lost at its end: thousands
+  /// of solvers that take turns need one room. Without it, a solver has its own.
+  class Stay {
+   public:
+    explicit Stay(ContactNewton& solver) : Stay(solver, scratch().whole) {}
+    ~Stay() { room_.swap(mine_); }
+    Stay(const Stay&) = delete;
+    Stay& operator=(const Stay&) = delete;
+
+   private:
+    friend class ContactNewton;
+    Stay(ContactNewton& solver, NewtonRoom& room) : room_(room), mine_(solver) { room_.swap(mine_); }
+    NewtonRoom &room_, &mine_;
+  };
 
   /// @param first for every unknown i the least j <= i with A_ij not zero, whatever the state.
   void resize(std::span<const int> first);
@@ -146,21 +118,11 @@ class ContactNewton {
   /// An island of more unknowns is a heap: more than two hands with what they hold, or a dozen loose bodies.
   /// Chosen.
   static constexpr int kHeap = 72;
-  struct Bound {
-    double low, high, side;
-  };
   static double end_of(const Bound& bound) { return bound.side < 0 ? bound.low : bound.high; }
-  struct Servo {
-    double offset = 0, slope = 0, limit = 0, saturated = 0;
-  };
   enum class Law {
     coulomb,
     active_set,   ///< of the last step: as `open`, `slides` and `saturated` say, whatever the velocities
     fixed_limits  ///< friction's limits are Disc::limit, whatever the normal impulse; bounds are penalties
-  };
-  /// A disc that slides.
-  struct Column {
-    std::size_t contact = 0, disc = 0;
   };
   /// First and second derivative of the energy along a direction.
   struct Slope {
@@ -174,12 +136,6 @@ class ContactNewton {
   std::size_t M_entry(int i, int j) const {
     return M_start_[static_cast<std::size_t>(i)] + static_cast<std::size_t>(j);
   }
-  /// Two bodies that touch.
-  struct Pair {
-    int a = kNone, b = kNone;
-    Vec3 apart = Vec3::Zero();
-    std::size_t first_dof = 0, dof_count = 0, first_run = 0, run_count = 0;
-  };
   void list_dofs(std::span<const int> dofs);
   void find_jacobians();
   void find_jacobian(const ContactRows& contact);
@@ -192,7 +148,8 @@ class ContactNewton {
 
   void lay_out(std::span<const int> first);
   std::size_t widest() const;
-  void reserve(const ContactNewton& like);
+  void reserve(const ContactNewton& like, NewtonRoom& room);
+  void clear();
   void find_islands();
   void list_islands();
   /// A contact that depends on no unknown belongs to the first island.
@@ -333,6 +290,7 @@ class ContactNewton {
     Solution latest, best;
     std::vector<Outcome> start;  ///< of the contacts
     std::vector<double> J;       ///< of contacts of pairs
+    NewtonRoom whole, part;      ///< of solvers, and of those of their islands
     std::vector<Block> blocks;
     std::vector<Range> ranges;
     std::vector<double> Y;  ///< A^-1 J^T of the blocks' rows, over their ranges
@@ -348,18 +306,15 @@ class ContactNewton {
   std::vector<Chain> chains_;
   std::vector<std::size_t> chain_of_;  ///< of each unknown
   std::vector<Run> runs_;
-  std::vector<std::uint64_t> links_;  ///< bits: later chains that each chain has entries in
   std::vector<Run> trees_;
   std::vector<int> tree_of_;                 ///< of each unknown
   std::vector<bool> left_out_;               ///< of trees, by their first unknowns
   std::vector<int> tree_first_, tree_last_;  ///< first and last unknown of each unknown's tree
   Law law_ = Law::coulomb;
-  std::vector<double> A_, M_, g_, start_, x_, F_, sum_, d_, Ad_;
+  std::size_t A_size_ = 0;
+  std::vector<double> M_;
   bool whole_ = false;           ///< x_ has changed by d_ since the last evaluation
   bool rounding_known_ = false;  ///< sum_ is of the last evaluation
-  std::vector<Bound> bounds_;
-  std::vector<Servo> servos_;
-  std::vector<ContactRows> contacts_;
   int islands_ = 0;
   std::vector<int> island_of_tree_;  ///< trees that contacts and loops couple
   std::vector<int> place_;           ///< index of each unknown in its island
@@ -367,23 +322,15 @@ class ContactNewton {
   std::vector<int> members_, first_member_, touching_, first_touching_;
   std::unique_ptr<ContactNewton> part_;          ///< solves islands one by one
   std::vector<int> loaded_, part_first_, next_;  ///< of an island: unknowns of the whole, its A_first_
-  std::vector<int> dofs_;
-  std::vector<Run> dof_runs_;  ///< the same
-  std::vector<Pair> pairs_;
-  /// Motions of unknowns, wrenches of contacts; motions of, and wrenches on, what the unknowns carry.
-  std::vector<double> motions_, wrenches_, carried_;
-  std::vector<double> J_, r_, s_;
-  std::size_t entries_ = 0, own_entries_ = 0;  ///< of J; of contacts without a pair, in J_
+  std::size_t entries_ = 0, own_entries_ = 0;    ///< of J; of contacts without a pair, in J_
   bool jacobians_known_ = false;
   /// Friction's dependence on the normal impulse: M - C G^T is the whole (unsymmetric) derivative. C and G
   /// are unknowns by columns.
-  std::vector<Column> columns_;
-  std::vector<Run> column_range_;  ///< of each chain: columns that have entries there
-  std::vector<double> C_, G_, K_, h_;
+  std::vector<double> C_, G_, K_;
   std::vector<std::size_t> pivots_;
-  /// What the factor's pattern depends on: unknowns and contacts; of this problem, and of the last. And
-  /// whether that pattern has been found.
-  std::vector<int> layout_, laid_out_;
+  /// What the factor's pattern depends on: unknowns and contacts of the last problem. And whether that
+  /// pattern has been found.
+  std::vector<int> laid_out_;
   bool structured_ = false;
   /// Active set of this problem, and of the factor; empty: there is no factor.
   std::vector<int> active_, factored_;

@@ -1,6 +1,7 @@
 // Where the contact solver has its numbers: trees, their chains, and the rows of A and of the factor.
 #include <algorithm>
 #include <bit>
+#include <limits>
 #include <utility>
 
 #include "handsim/core/index.h"
@@ -10,10 +11,10 @@ namespace handsim::engine::articulated {
 
 void ContactNewton::resize(std::span<const int> first) {
   lay_out(first);
-  reserve(*this);
+  reserve(*this, scratch().whole);
   if (std::count(tree_first_.begin(), tree_first_.end(), 0) == n_) return;
   part_ = std::make_unique<ContactNewton>(kernel_);
-  part_->reserve(*this);
+  part_->reserve(*this, scratch().part);
 }
 
 /// Most unknowns that can move two bodies against each other.
@@ -36,7 +37,7 @@ void ContactNewton::lay_out(std::span<const int> first) {
     A_last_[at(i)] = i;
     for (int k = A_first_[at(i)]; k < i; ++k) A_last_[at(k)] = i;
   }
-  A_.assign(lay_out_rows(A_last_, A_start_), 0.0);
+  A_size_ = lay_out_rows(A_last_, A_start_);
   find_chains();
   tree_first_.resize(at(n_));
   tree_last_.resize(at(n_));
@@ -53,56 +54,61 @@ void ContactNewton::lay_out(std::span<const int> first) {
     if (tree_first_[at(i)] == i) trees_.push_back({i, tree_last_[at(i)] + 1});
     tree_of_[at(i)] = static_cast<int>(trees_.size()) - 1;
   }
-  for (std::vector<double>* each : {&g_, &start_, &x_, &F_, &sum_, &d_, &Ad_}) each->assign(at(n_), 0.0);
-  motions_.assign(kSpatial * at(n_), 0.0);
-  carried_.assign(kSpatial * at(n_ + 1), 0.0);
-  bounds_.resize(at(n_));
-  servos_.resize(at(n_));
   left_out_.assign(at(n_), false);
   structured_ = false;
 }
 
-/// Room for the usual contacts of a solver's unknowns.
-void ContactNewton::reserve(const ContactNewton& like) {
-  const std::size_t n = at(like.n_), chains = like.chains_.size(), widest = like.widest();
-  for (std::vector<int>* each : {&island_of_tree_, &tree_of_}) each->reserve(n);
-  trees_.reserve(n);
-  place_.reserve(n);
-  members_.reserve(n);
-  touching_.reserve(kUsualContacts);
-  for (std::vector<int>* each : {&first_member_, &first_touching_, &next_}) each->reserve(n + 1);
-  const std::size_t most = std::min(n, at(kHeap)) * (std::min(n, at(kHeap)) + 1) / 2;
-  A_.reserve(like.A_.size());
-  M_.reserve(most);
+void NewtonRoom::reserve(std::size_t n, std::size_t entries, std::size_t widest) {
+  A_.reserve(entries);
   for (std::vector<double>* each : {&g_, &start_, &x_, &F_, &sum_, &d_, &Ad_}) each->reserve(n);
-  for (std::vector<int>* each :
-       {&A_first_, &A_last_, &last_, &parent_, &tree_first_, &tree_last_, &loaded_, &part_first_})
-    each->reserve(n);
-  for (std::vector<std::size_t>* each : {&A_start_, &M_start_}) each->reserve(n);
-  chains_.reserve(n);
-  chain_of_.reserve(n);
-  runs_.reserve(chains * chains);
-  links_.reserve(n * (n / 64 + 1));
   bounds_.reserve(n);
   servos_.reserve(n);
-  left_out_.reserve(n);
   contacts_.reserve(kUsualContacts);
   pairs_.reserve(kUsualContacts);
   motions_.reserve(kSpatial * n);
   carried_.reserve(kSpatial * (n + 1));
   wrenches_.reserve(kUsualContacts * kUsualRows * kSpatial);
   dofs_.reserve(kUsualContacts * widest);
-  r_.reserve(kUsualContacts * kMostRows);
-  s_.reserve(kUsualContacts * kMostRows);
+  for (std::vector<double>* each : {&r_, &s_}) each->reserve(kUsualContacts * kMostRows);
   dof_runs_.reserve(kUsualContacts * 4);
   columns_.reserve(kUsualContacts);
   column_range_.reserve(n);
-  for (std::vector<double>* each : {&C_, &G_}) each->reserve(kUsualContacts * n);
-  K_.reserve(kUsualContacts * kUsualContacts);
   h_.reserve(kUsualContacts);
-  pivots_.reserve(kUsualContacts);
-  for (std::vector<int>* each : {&layout_, &laid_out_}) each->reserve(n + kUsualContacts * (3 + widest));
+  layout_.reserve(n + kUsualContacts * (3 + widest));
+  links_.reserve(n * (n / 64 + 1));
+}
+
+/// Member by member: std::swap of the whole takes 2 % of a step with contacts.
+void NewtonRoom::swap(NewtonRoom& other) {
+  const auto each = [&](auto... members) { ((this->*members).swap(other.*members), ...); };
+  each(&NewtonRoom::A_, &NewtonRoom::g_, &NewtonRoom::start_, &NewtonRoom::x_, &NewtonRoom::F_,
+       &NewtonRoom::sum_, &NewtonRoom::d_, &NewtonRoom::Ad_, &NewtonRoom::bounds_, &NewtonRoom::servos_,
+       &NewtonRoom::contacts_, &NewtonRoom::dofs_, &NewtonRoom::dof_runs_, &NewtonRoom::pairs_,
+       &NewtonRoom::motions_, &NewtonRoom::wrenches_, &NewtonRoom::carried_, &NewtonRoom::J_, &NewtonRoom::r_,
+       &NewtonRoom::s_, &NewtonRoom::columns_, &NewtonRoom::column_range_, &NewtonRoom::h_,
+       &NewtonRoom::layout_, &NewtonRoom::links_);
+}
+
+/// What is kept from problem to problem, of a solver's unknowns; and the room of the thread.
+void ContactNewton::reserve(const ContactNewton& like, NewtonRoom& room) {
+  const std::size_t n = at(like.n_), chains = like.chains_.size(), widest = like.widest();
+  for (std::vector<int>* each : {&island_of_tree_, &tree_of_, &place_, &members_, &A_first_, &A_last_, &last_,
+                                 &parent_, &tree_first_, &tree_last_, &loaded_, &part_first_})
+    each->reserve(n);
+  trees_.reserve(n);
+  touching_.reserve(kUsualContacts);
+  for (std::vector<int>* each : {&first_member_, &first_touching_, &next_}) each->reserve(n + 1);
+  M_.reserve(std::min(n, at(kHeap)) * (std::min(n, at(kHeap)) + 1) / 2);
+  for (std::vector<std::size_t>* each : {&A_start_, &M_start_, &chain_of_}) each->reserve(n);
+  chains_.reserve(n);
+  runs_.reserve(chains * chains);
+  left_out_.reserve(n);
+  for (std::vector<double>* each : {&C_, &G_}) each->reserve(kUsualSliding * n);
+  K_.reserve(kUsualSliding * kUsualSliding);
+  pivots_.reserve(kUsualSliding);
+  laid_out_.reserve(n + kUsualContacts * (3 + widest));
   for (std::vector<int>* each : {&active_, &factored_}) each->reserve(n + kUsualContacts);
+  room.reserve(n, like.A_size_, widest);
   Scratch& shared = scratch();
   for (Solution* each : {&shared.latest, &shared.best}) {
     each->x.reserve(n);
@@ -112,6 +118,25 @@ void ContactNewton::reserve(const ContactNewton& like) {
   }
   shared.start.reserve(kUsualContacts);
   shared.J.reserve(kUsualContacts * kMostRows * widest);
+}
+
+/// Of a problem that begins; the room may be of another solver.
+void ContactNewton::clear() {
+  A_.assign(A_size_, 0.0);
+  for (std::vector<double>* each : {&g_, &start_}) each->assign(at(n_), 0.0);
+  for (std::vector<double>* each : {&x_, &F_, &sum_, &d_, &Ad_}) each->resize(at(n_));
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  bounds_.assign(at(n_), {-kInfinity, kInfinity, 0});
+  servos_.assign(at(n_), {});
+  motions_.assign(kSpatial * at(n_), 0.0);
+  carried_.assign(kSpatial * at(n_ + 1), 0.0);
+  contacts_.clear();
+  dofs_.clear();
+  dof_runs_.clear();
+  pairs_.clear();
+  wrenches_.clear();
+  entries_ = own_entries_ = 0;
+  jacobians_known_ = false;
 }
 
 /// Where the rows of an upper triangle start, each from its diagonal to its last entry. @returns their size

@@ -27,13 +27,13 @@ double share_left(double energy, double bound) {
 }  // namespace
 
 FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism)
-    : mechanism_(mechanism), space_(mechanism, false) {
+    : mechanism_(mechanism), space_(mechanism, JointSpace::Inertia::none) {
   const Topology& topology = mechanism.topology();
   std::vector<int> tree_of(topology.nodes.size());
-  views_.reserve(topology.nodes.size());
+  std::vector<NodeView> views;
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     const Node& node = topology.nodes[i];
-    views_.push_back(mechanism.view(i));
+    views.push_back(mechanism.view(i));
     if (!node.parent) {
       tree_of[i] = static_cast<int>(trees_.size());
       Tree& tree = trees_.emplace_back();
@@ -48,13 +48,13 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism)
     tree.nodes.push_back(static_cast<int>(i));
     if (node.body) {
       tree.bodies.push_back(static_cast<int>(i));
-      tree.moments.push_back(views_[i].h);
-      tree.mass += *views_[i].mass;
+      tree.moments.push_back(views[i].h);
+      tree.mass += *views[i].mass;
     }
     for (int dof = space_.first_dof(static_cast<int>(i)); dof <= space_.last_dof(static_cast<int>(i)); ++dof)
       tree.dofs.push_back(dof);
-    tree.spins.push_back(views_[i].spin);
-    if (views_[i].work) tree.works.push_back(views_[i].work);
+    tree.spins.push_back(views[i].spin);
+    if (views[i].work) tree.works.push_back(views[i].work);
     if (node.kind == NodeKind::ball) tree.balls.push_back(static_cast<int>(i));
     if (!node.joint) continue;
     const int first = model.joints[at(*node.joint)].first_dof + node.axis_index;
@@ -75,7 +75,7 @@ void FastSpin::refresh() {
   forget();
   for (Tree& tree : trees_) {
     tree.mass = 0;
-    for (const int body : tree.bodies) tree.mass += *views_[at(body)].mass;
+    for (const int body : tree.bodies) tree.mass += *mechanism_.view(at(body)).mass;
   }
 }
 
@@ -175,7 +175,7 @@ FastSpin::Motion FastSpin::motion(const Tree& tree) const {
   const std::size_t s = mechanism_.stride();
   Motion out;
   for (const int node : tree.bodies) {
-    const NodeView& b = views_[at(node)];
+    const NodeView b = mechanism_.view(at(node));
     out.kinetic += *b.energy;
     out.momentum += read6(b.momentum, s);
   }
@@ -207,8 +207,8 @@ void FastSpin::add_work(bool constrained) {
       for (const double* work : tree.works) tree.energy += *work;
       for (const int node : tree.balls)
         for (int k = 0; k < 3; ++k)
-          tree.energy +=
-              step_ * views_[at(node)].tau[at(k) * mechanism_.stride()] * mean(space_.first_dof(node) + k);
+          tree.energy += step_ * mechanism_.view(at(node)).tau[at(k) * mechanism_.stride()] *
+                         mean(space_.first_dof(node) + k);
     }
     if (!tree.free) continue;
     tree.linear += step_ * tree.mass * mechanism_.gravity();
@@ -244,7 +244,7 @@ bool FastSpin::correct(bool sound) {
 /// Rotational inertia about the origin.
 Mat3 FastSpin::inertia(const Tree& tree) const {
   Mat3 out = Mat3::Zero();
-  for (const int node : tree.bodies) out += read_symmetric(views_[at(node)].I, mechanism_.stride());
+  for (const int node : tree.bodies) out += read_symmetric(mechanism_.view(at(node)).I, mechanism_.stride());
   return out;
 }
 

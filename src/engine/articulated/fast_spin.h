@@ -95,7 +95,6 @@ class FastSpin {
 
   Mechanism& mechanism_;
   JointSpace space_;
-  std::vector<NodeView> views_;
   std::vector<Tree> trees_;
   double step_ = 0;
   std::vector<double> accelerations_, forces_;  ///< of each dof

@@ -6,7 +6,7 @@
 
 namespace handsim::engine::articulated {
 
-JointSpace::JointSpace(Mechanism& mechanism, bool with_inertia) : stride_(mechanism.stride()) {
+JointSpace::JointSpace(Mechanism& mechanism, Inertia inertia) : stride_(mechanism.stride()), kind_(inertia) {
   const Topology& topology = mechanism.topology();
   views_.reserve(topology.nodes.size());
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
@@ -22,10 +22,8 @@ JointSpace::JointSpace(Mechanism& mechanism, bool with_inertia) : stride_(mechan
       axes_.push_back(views_[i].S + 6 * at(k) * stride_);
     }
   }
-  if (with_inertia) {
-    H_.resize(at(n_) * at(n_));
-    composite_.resize(topology.nodes.size());
-  }
+  if (kind_ == Inertia::own) own_H_.resize(at(n_) * at(n_));
+  if (kind_ != Inertia::none) place_inertia();
   S_.resize(at(n_));
   a_.resize(topology.nodes.size());
   f_.resize(topology.nodes.size());
@@ -52,15 +50,29 @@ void JointSpace::inverse_dynamics(std::span<const double> du, std::span<double> 
   }
 }
 
+std::vector<JointSpace::Composite>& JointSpace::composites() {
+  thread_local std::vector<Composite> own;
+  return own;
+}
+
+void JointSpace::place_inertia() {
+  thread_local std::vector<double> shared;
+  std::vector<double>& H = kind_ == Inertia::own ? own_H_ : shared;
+  if (H.size() < at(n_) * at(n_)) H.resize(at(n_) * at(n_));
+  H_ = H.data();
+  if (composites().size() < views_.size()) composites().resize(views_.size());
+}
+
 void JointSpace::start_composite(std::size_t node) {
   const NodeView& b = views_[node];
-  composite_[node] = {*b.mass, read3(b.h, stride_), read_symmetric(b.I, stride_)};
+  composites()[node] = {*b.mass, read3(b.h, stride_), read_symmetric(b.I, stride_)};
   for (int dof = first_[node]; dof <= last_[node]; ++dof) S_[at(dof)] = axis(dof);
 }
 
 /// What a node carries has been added to it.
 void JointSpace::find_node_inertia(std::size_t node) {
-  const Composite& c = composite_[node];
+  std::vector<Composite>& composites = JointSpace::composites();
+  const Composite& c = composites[node];
   for (int dof = first_[node]; dof <= last_[node]; ++dof) {
     const Vec3 turn = S_[at(dof)].head<3>(), shift = S_[at(dof)].tail<3>();
     Spatial F;
@@ -68,7 +80,7 @@ void JointSpace::find_node_inertia(std::size_t node) {
     for (int j = dof; j != kNoDof; j = parent_dof_[at(j)]) H_[index(dof, j)] = S_[at(j)].dot(F);
   }
   if (parent_node_[node] == kNoNode) return;
-  Composite& parent = composite_[at(parent_node_[node])];
+  Composite& parent = composites[at(parent_node_[node])];
   parent.mass += c.mass;
   parent.h += c.h;
   parent.I += c.I;

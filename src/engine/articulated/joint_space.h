@@ -38,8 +38,12 @@ class JointSpace {
  public:
   /// @param mechanism must outlive this. All below speak of where its `kinematics` last found it, its rates
   ///        and its bases' motion. Rates are in the order of the nodes; with one lane that of Mechanism::u().
-  /// @param with_inertia H is asked for, too
-  explicit JointSpace(Mechanism& mechanism, bool with_inertia = true);
+  /// Whether H is asked for, too, and where it is: its own, or one of the thread that lasts until the next
+  /// `find_inertia` of any such space there.
+  enum class Inertia { none, own, of_thread };
+  explicit JointSpace(Mechanism& mechanism, Inertia inertia = Inertia::own);
+  JointSpace(const JointSpace&) = delete;  ///< H_ points into it
+  JointSpace& operator=(const JointSpace&) = delete;
 
   int size() const { return n_; }
   /// Where Mechanism::u() and du() have a dof.
@@ -60,6 +64,7 @@ class JointSpace {
   ///        the dofs, by trees, of which it is found
   template <class Of>
   void find_inertia(const Of& of) {
+    place_inertia();
     for (std::size_t i = 0; i < views_.size(); ++i)
       if (of(first_[i])) start_composite(i);
     for (std::size_t i = views_.size(); i-- > 0;)
@@ -91,6 +96,7 @@ class JointSpace {
   Spatial acceleration(int node) const { return a_[static_cast<std::size_t>(node)]; }
 
  private:
+  void place_inertia();
   void start_composite(std::size_t node);
   void find_node_inertia(std::size_t node);
   std::size_t index(int i, int j) const {
@@ -105,7 +111,9 @@ class JointSpace {
   std::vector<NodeView> views_;
   std::vector<const double*> axes_;  ///< S of each dof
   std::size_t stride_ = 1;
-  std::vector<double> H_;
+  Inertia kind_;
+  std::vector<double> own_H_;
+  double* H_ = nullptr;
   std::vector<Spatial> a_, f_, S_;
   /// Mass, its moment and rotational inertia about O of a node and all that it carries.
   struct Composite {
@@ -113,7 +121,7 @@ class JointSpace {
     Vec3 h = Vec3::Zero();
     Mat3 I = Mat3::Zero();
   };
-  std::vector<Composite> composite_;
+  static std::vector<Composite>& composites();  ///< of the thread, within `find_inertia`
 };
 
 }  // namespace handsim::engine::articulated

@@ -355,14 +355,22 @@ class GroupOf final : public LaneGroup {
 
 }  // namespace
 
-std::unique_ptr<LaneGroup> LaneGroup::make(const Engine& engine) {
-  const auto* of_kind = dynamic_cast<const ArticulatedEngine*>(&engine);
-  if (!of_kind || !of_kind->suits_lanes()) return nullptr;
-  const ArticulatedEngine& like = *of_kind;
-  const Kernel& kernel = *kernels().back();
-  // Narrower lanes do not have the bits of an engine alone yet.
-  if (kernel.width != 8) return nullptr;
-  return std::make_unique<GroupOf<8>>(like, kernel);
+std::unique_ptr<LaneGroup> LaneGroup::make(const Engine& engine, int widest) {
+  const auto* like = dynamic_cast<const ArticulatedEngine*>(&engine);
+  if (!like || !like->suits_lanes()) return nullptr;
+  const Kernel* best = nullptr;
+  for (const Kernel* kernel : kernels())
+    if (kernel->width <= widest) best = kernel;
+  switch (best ? best->width : 1) {
+    case 2:
+      return std::make_unique<GroupOf<2>>(*like, *best);
+    case 4:
+      return std::make_unique<GroupOf<4>>(*like, *best);
+    case 8:
+      return std::make_unique<GroupOf<8>>(*like, *best);
+    default:
+      return nullptr;
+  }
 }
 
 }  // namespace handsim::engine::articulated

@@ -45,8 +45,8 @@ struct LaneControlPlan {
 class LaneGroup {
  public:
   /// Null where the processor has no lanes, for other engines, and for what lanes do not have: loops, balls,
-  /// a method for smooth motion.
-  static std::unique_ptr<LaneGroup> make(const Engine& like);
+  /// a method for smooth motion. @param widest most lanes: the processor's up to these
+  static std::unique_ptr<LaneGroup> make(const Engine& like, int widest);
   virtual ~LaneGroup() = default;
 
   virtual int width() const = 0;

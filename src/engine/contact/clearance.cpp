@@ -84,6 +84,7 @@ Clearance::Clearance(const model::Model& model, std::vector<Pair> pairs)
       pairs_(std::move(pairs)),
       watched_(pairs_.size()),
       due_((pairs_.size() + kGroup - 1) / kGroup, 0.0) {
+  extents_.reserve(model.shapes.size());
   for (const Shape& shape : model.shapes) extents_.push_back(extent(shape));
   std::vector<std::size_t> mover_of(model.bodies.size(), model.bodies.size());
   const auto watch = [&](std::size_t index) {
@@ -102,11 +103,12 @@ Clearance::Clearance(const model::Model& model, std::vector<Pair> pairs)
   for (std::size_t k = 0; k < pairs_.size(); ++k) {
     watch(pairs_[k].first);
     watch(pairs_[k].second);
-    watched_[k].mover_a = placed_[pairs_[k].first].mover;
-    watched_[k].mover_b = placed_[pairs_[k].second].mover;
+    watched_[k].mover_a = static_cast<std::uint32_t>(placed_[pairs_[k].first].mover);
+    watched_[k].mover_b = static_cast<std::uint32_t>(placed_[pairs_[k].second].mover);
   }
+  movers_.shrink_to_fit();
   travel_.assign(movers_.size(), 0.0);
-  near_.reserve(pairs_.size());
+  near_.reserve(std::min(pairs_.size(), kUsualNear));
 }
 
 const Pose& Clearance::pose(std::size_t shape) {

@@ -21,7 +21,9 @@ double least_gap(const model::Shape& a, const Pose& x_WA, const model::Shape& b,
 
 class Clearance {
  public:
-  using Pair = std::pair<std::size_t, std::size_t>;
+  using Pair = std::pair<std::uint32_t, std::uint32_t>;
+  /// So many near pairs need no allocation in a step.
+  static constexpr std::size_t kUsualNear = 64;
 
   /// The model must outlive this. @param pairs that are to be watched
   Clearance(const model::Model& model, std::vector<Pair> pairs);
@@ -51,7 +53,7 @@ class Clearance {
   };
   /// Two shapes that are watched.
   struct Watched {
-    std::size_t mover_a = 0, mover_b = 0;
+    std::uint32_t mover_a = 0, mover_b = 0;
     double limit = 0;  ///< travel of both at which they are tested again [m]
     bool overlap = false;
   };

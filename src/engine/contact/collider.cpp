@@ -11,9 +11,13 @@ namespace handsim::engine {
 namespace {
 
 /// So many need no allocation in a step.
-constexpr std::size_t kUsualContacts = 64;
+constexpr std::size_t kUsualContacts = 32, kUsualTouches = 16;
 /// Least share of a pad's stiffness: a point that just touches has a spring still.
 constexpr double kLeastStiffness = 1e-3;
+
+Clearance::Pair pair_of(std::size_t i, std::size_t j) {
+  return {static_cast<std::uint32_t>(std::min(i, j)), static_cast<std::uint32_t>(std::max(i, j))};
+}
 
 template <class Archive, class T>
 void carry(Archive& archive, T& contact) {
@@ -40,11 +44,11 @@ Collider::Collider(const model::Model& model, const model::Effects& effects, boo
   space_.reset(sweep ? dSweepAndPruneSpaceCreate(nullptr, dSAP_AXES_XYZ) : dSimpleSpaceCreate(nullptr));
   add_geoms(bodies);
   contacts_.reserve(kUsualContacts);
-  touches_.reserve(kUsualContacts);
+  touches_.reserve(kUsualTouches);
   shares_.reserve(kUsualContacts);
   if (!bodies.empty()) return;
   clearance_.emplace(model, allowed_pairs());
-  near_pairs_.reserve(clearance_->size());
+  near_pairs_.reserve(std::min(clearance_->size(), Clearance::kUsualNear));
 }
 
 bool Collider::allowed(std::size_t i, std::size_t j) const {
@@ -56,7 +60,8 @@ std::vector<Clearance::Pair> Collider::allowed_pairs() const {
   std::vector<Clearance::Pair> out;
   for (std::size_t i = 0; i < model_.shapes.size(); ++i)
     for (std::size_t j = i + 1; j < model_.shapes.size(); ++j)
-      if (allowed(i, j)) out.emplace_back(i, j);
+      if (allowed(i, j)) out.push_back(pair_of(i, j));
+  out.shrink_to_fit();
   return out;
 }
 
@@ -83,7 +88,7 @@ void Collider::near(void* self, dGeomID a, dGeomID b) {
   Collider& collider = *static_cast<Collider*>(self);
   const std::size_t i = shape_index(a);
   const std::size_t j = shape_index(b);
-  if (collider.allowed(i, j)) collider.near_pairs_.emplace_back(std::min(i, j), std::max(i, j));
+  if (collider.allowed(i, j)) collider.near_pairs_.push_back(pair_of(i, j));
 }
 
 void Collider::find_near(const model::State& state) {
@@ -152,7 +157,7 @@ int Collider::collide(const model::State& state, const Prospect& prospect) {
     const std::size_t first = contacts_.size();
     const model::Material surface = rules_.between(model_.shapes[a], model_.shapes[b]);
     int count = narrow_phase(a, b, surface.compliance.has_value(), state);
-    if (std::binary_search(fast.begin(), fast.end(), std::pair(a, b)))
+    if (std::binary_search(fast.begin(), fast.end(), Sweep::Pair(a, b)))
       count += approach(a, b, count > 0, state);
     if (count == 0) continue;
     touches_.push_back({first, count, surface});

@@ -1,15 +1,38 @@
 #include "handsim/engine/contact/narrow_phase.h"
 
+#include <array>
+#include <map>
+#include <mutex>
+
 #include "handsim/engine/contact/polytope.h"
 
 namespace handsim::engine {
 
 using model::ShapeKind;
 
+namespace {
+
+/// The polyhedron of a box. Models of thousands of environments have the same ones.
+std::shared_ptr<const model::ConvexMesh> shared_box(const Vec3& edges) {
+  using Key = std::array<double, 3>;
+  static std::mutex mutex;
+  static std::map<Key, std::weak_ptr<const model::ConvexMesh>> known;
+  const std::lock_guard lock(mutex);
+  const Key key = {edges.x(), edges.y(), edges.z()};
+  if (const auto found = known.find(key); found != known.end())
+    if (auto box = found->second.lock()) return box;
+  std::erase_if(known, [](const auto& each) { return each.second.expired(); });
+  auto box = std::make_shared<const model::ConvexMesh>(model::box_polyhedron(edges));
+  known[key] = box;
+  return box;
+}
+
+}  // namespace
+
 NarrowPhase::NarrowPhase(const model::Model& model) : model_(model) {
   boxes_.resize(model.shapes.size());
   for (std::size_t i = 0; i < boxes_.size(); ++i)
-    if (model.shapes[i].kind == ShapeKind::box) boxes_[i] = model::box_polyhedron(model.shapes[i].edges);
+    if (model.shapes[i].kind == ShapeKind::box) boxes_[i] = shared_box(model.shapes[i].edges);
 }
 
 /// With normals out of b into a; nothing where only the pair the other way round may be known.

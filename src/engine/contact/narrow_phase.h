@@ -1,6 +1,7 @@
 // Which pairs of shapes have contact manifolds of handsim's own; the others are the engine's to test.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -29,7 +30,7 @@ class NarrowPhase {
   bool polyhedral(std::size_t shape) const;
 
   const model::Model& model_;
-  std::vector<std::optional<model::ConvexMesh>> boxes_;  ///< as Model::shapes
+  std::vector<std::shared_ptr<const model::ConvexMesh>> boxes_;  ///< as Model::shapes; null: no box
 };
 
 }  // namespace handsim::engine
