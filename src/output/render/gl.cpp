@@ -32,6 +32,15 @@ GLuint compiled(GLenum kind, const std::vector<const char*>& parts) {
   return shader;
 }
 
+/// A depth buffer of the frame buffer in use.
+void add_depth(int width, int height, int samples) {
+  GLuint depth = 0;
+  glGenRenderbuffers(1, &depth);
+  glBindRenderbuffer(GL_RENDERBUFFER, depth);
+  glRenderbufferStorageMultisample(GL_RENDERBUFFER, samples, GL_DEPTH_COMPONENT24, width, height);
+  glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_RENDERBUFFER, depth);
+}
+
 void require_complete(const Target& target) {
   if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE || glGetError() != GL_NO_ERROR)
     throw driver_error(fmt::format("no frame buffer of {} x {} pixels", target.width, target.height));
@@ -84,22 +93,18 @@ void Program::set(const char* name, const std::vector<Eigen::Vector4f>& values) 
 
 Target Target::multisampled(int width, int height, int samples) {
   Target target{0, 0, width, height};
+  glGenTextures(1, &target.texture);
+  glBindTexture(GL_TEXTURE_2D_MULTISAMPLE, target.texture);
+  glTexImage2DMultisample(GL_TEXTURE_2D_MULTISAMPLE, samples, GL_R8, width, height, GL_TRUE);
   glGenFramebuffers(1, &target.framebuffer);
   glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
-  for (const auto& [attachment, format] :
-       {std::pair{static_cast<GLenum>(GL_COLOR_ATTACHMENT0), static_cast<GLenum>(GL_RGBA8)},
-        std::pair{static_cast<GLenum>(GL_DEPTH_ATTACHMENT), static_cast<GLenum>(GL_DEPTH_COMPONENT24)}}) {
-    GLuint buffer = 0;
-    glGenRenderbuffers(1, &buffer);
-    glBindRenderbuffer(GL_RENDERBUFFER, buffer);
-    glRenderbufferStorageMultisample(GL_RENDERBUFFER, samples, format, width, height);
-    glFramebufferRenderbuffer(GL_FRAMEBUFFER, attachment, GL_RENDERBUFFER, buffer);
-  }
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D_MULTISAMPLE, target.texture, 0);
+  add_depth(width, height, samples);
   require_complete(target);
   return target;
 }
 
-Target Target::sampled(int width, int height) {
+Target Target::sampled(int width, int height, bool with_depth) {
   Target target{0, 0, width, height};
   glGenTextures(1, &target.texture);
   glBindTexture(GL_TEXTURE_2D, target.texture);
@@ -111,6 +116,7 @@ Target Target::sampled(int width, int height) {
   glGenFramebuffers(1, &target.framebuffer);
   glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
   glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target.texture, 0);
+  if (with_depth) add_depth(width, height, 0);
   require_complete(target);
   return target;
 }

@@ -37,14 +37,15 @@ class Program {
 /// A frame buffer to draw into: colour, and possibly depth.
 struct Target {
   GLuint framebuffer = 0;
-  GLuint texture = 0;  ///< 0 if the colour cannot be sampled
+  GLuint texture = 0;
   int width = 0;
   int height = 0;
 
-  /// Several samples a pixel, with depth. @throws Error if the driver has no memory for it.
+  /// Several samples a pixel of one component in a texture of this kind, with depth.
+  /// @throws Error if the driver has no memory for it.
   static Target multisampled(int width, int height, int samples);
-  /// One RGBA sample a pixel in a texture, no depth. @throws Error as above.
-  static Target sampled(int width, int height);
+  /// One RGBA sample a pixel in a texture. @throws Error as above.
+  static Target sampled(int width, int height, bool with_depth = false);
   void bind() const;
 };
 

@@ -6,10 +6,10 @@
 
 // clang-format off
 #define HANDSIM_GL_FUNCTIONS(X)                                                                              \
-  X(ATTACHSHADER, AttachShader) X(BINDBUFFER, BindBuffer) X(BINDFRAMEBUFFER, BindFramebuffer)                \
+  X(ACTIVETEXTURE, ActiveTexture) X(ATTACHSHADER, AttachShader) X(BINDBUFFER, BindBuffer) X(BINDFRAMEBUFFER, BindFramebuffer)                \
   X(BINDRENDERBUFFER, BindRenderbuffer) X(BINDTEXTURE, BindTexture) X(BINDVERTEXARRAY, BindVertexArray)      \
   X(BLENDEQUATIONSEPARATE, BlendEquationSeparate) X(BLENDFUNCSEPARATE, BlendFuncSeparate)                    \
-  X(BLITFRAMEBUFFER, BlitFramebuffer) X(BUFFERDATA, BufferData)                                              \
+  X(BUFFERDATA, BufferData)                                              \
   X(CHECKFRAMEBUFFERSTATUS, CheckFramebufferStatus) X(CLEAR, Clear) X(CLEARCOLOR, ClearColor)                \
   X(COMPILESHADER, CompileShader) X(CREATEPROGRAM, CreateProgram) X(CREATESHADER, CreateShader)              \
   X(DELETESHADER, DeleteShader) X(DEPTHFUNC, DepthFunc) X(DEPTHMASK, DepthMask) X(DISABLE, Disable)          \
@@ -21,7 +21,8 @@
   X(GETSHADERINFOLOG, GetShaderInfoLog) X(GETSHADERIV, GetShaderiv) X(GETSTRING, GetString)                  \
   X(GETUNIFORMLOCATION, GetUniformLocation) X(LINKPROGRAM, LinkProgram) X(READPIXELS, ReadPixels)            \
   X(RENDERBUFFERSTORAGEMULTISAMPLE, RenderbufferStorageMultisample) X(SHADERSOURCE, ShaderSource)            \
-  X(TEXIMAGE2D, TexImage2D) X(TEXPARAMETERI, TexParameteri) X(UNIFORM1F, Uniform1f)                          \
+  X(TEXIMAGE2D, TexImage2D) X(TEXIMAGE2DMULTISAMPLE, TexImage2DMultisample)                                \
+  X(TEXPARAMETERI, TexParameteri) X(UNIFORM1F, Uniform1f)                          \
   X(UNIFORM1I, Uniform1i) X(UNIFORM2FV, Uniform2fv) X(UNIFORM3FV, Uniform3fv) X(UNIFORM4FV, Uniform4fv)      \
   X(UNIFORMMATRIX3FV, UniformMatrix3fv) X(UNIFORMMATRIX4FV, UniformMatrix4fv) X(USEPROGRAM, UseProgram)      \
   X(VERTEXATTRIBPOINTER, VertexAttribPointer) X(VIEWPORT, Viewport)

@@ -82,6 +82,27 @@ struct Tile {
   int x, y, width, height;
 };
 
+/// A mesh in its place, what shades it, and its number in the picture.
+struct Part {
+  Solid solid;
+  Colour colour;
+  const Buffer* buffer = nullptr;
+  const LitSolid* lit = nullptr;  ///< absent: nothing shades it
+  bool on_top = false;
+  float id = 0;  ///< 1/255 to 1
+};
+
+constexpr int kIds = 255;
+/// Grey of the ground in a gap that is narrower than a pixel.
+constexpr std::uint8_t kShaded = 150;
+
+/// Component of sRGB, 0..255, of a linear one in average light.
+std::uint8_t dimmed(float linear) {
+  const float c = 0.75F * linear;
+  return static_cast<std::uint8_t>(255 *
+                                   (c < 0.0031F ? 12.92F * c : 1.055F * std::pow(c, 1 / 2.4F) - 0.055F));
+}
+
 }  // namespace
 
 struct Renderer::Impl {
@@ -90,12 +111,15 @@ struct Renderer::Impl {
   Image draw(const DrawList& list, const Camera& camera);
 
   void draw_shade(const Scene& scene);
-  void draw_tile(const Scene& scene, const Tile& tile);
+  void draw_tile(const Scene& scene, const std::vector<Part>& parts, const Tile& tile);
   void draw_background();
-  void draw_solids(const Scene& scene, const Eigen::Matrix4f& projection);
-  void draw_annotations(const DrawList& list);
+  std::vector<Part> parts_of(const Scene& scene);
+  void add_annotations(const DrawList& list, std::vector<Part>& parts);
+  void draw_lit(const Scene& scene, const std::vector<Part>& parts, const Eigen::Matrix4f& projection);
   void draw_ground(const Scene& scene, const Eigen::Matrix4f& projection);
-  void place(const Program& program, const Solid& solid, const Colour& colour);
+  void draw_ids(const Scene& scene, const std::vector<Part>& parts, const Eigen::Matrix4f& projection);
+  void resolve(const std::vector<Part>& parts, const Tile& tile);
+  void place(const Program& program, const Part& part);
   /// The coarsest mesh whose outline is wrong by less than a quarter of a pixel.
   const Buffer& fitting(const RoundBuffers& buffers, const Scene& scene, const DrawShape& shape) const;
   const Buffer& hull_buffer(const Solid& solid) {
@@ -122,7 +146,12 @@ struct Renderer::Impl {
   Program solid_shade = shaded_program(kShadeVertex, kWithSolids, kShadeFragment);
   Program ground_program{kGroundVertex, {kLightFunctions, kGroundFragment}};
   Program background_program{kBackgroundVertex, {kLightFunctions, kBackgroundFragment}};
-  Target drawn, resolved, shade;
+  Program id_program{kSolidVertex, {kIdFragment}};
+  Program ground_id_program{kGroundVertex, {kIdFragment}};
+  Program resolve_program{kBackgroundVertex, {kResolveFragment}};
+  // Light and shadows cost most and are computed once a pixel; edges get their samples from cheap numbers.
+  Target drawn, ids, resolved, shade;
+  GLuint palette = 0;
   RoundBuffers capsule, cylinder;
   Buffer box, cone;
   /// Buffers of the polyhedra drawn so far; the keys keep the polyhedra alive.
@@ -135,7 +164,8 @@ Renderer::Impl::Impl(int picture_width, int picture_height, std::optional<Gl> gl
     : width(checked_size(picture_width, "picture.width")),
       height(checked_size(picture_height, "picture.height")),
       canvas(make_canvas(gl)),
-      drawn(Target::multisampled(std::min(width, kTile), std::min(height, kTile), kSamples)),
+      drawn(Target::sampled(std::min(width, kTile), std::min(height, kTile), true)),
+      ids(Target::multisampled(drawn.width, drawn.height, kSamples)),
       resolved(Target::sampled(drawn.width, drawn.height)),
       shade(Target::sampled(shade_size(height), shade_size(height))),
       capsule(upload_round(capsule_mesh)),
@@ -143,6 +173,9 @@ Renderer::Impl::Impl(int picture_width, int picture_height, std::optional<Gl> gl
       box(upload(box_mesh())),
       cone(upload(cone_mesh(static_cast<float>(kHeadLength)))) {
   glGenVertexArrays(1, &empty);
+  glGenTextures(1, &palette);
+  glBindTexture(GL_TEXTURE_2D, palette);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
   pixels.resize(4UL * static_cast<std::size_t>(drawn.width) * static_cast<std::size_t>(drawn.height));
 }
 
@@ -151,11 +184,12 @@ Image Renderer::Impl::draw(const DrawList& list, const Camera& camera) {
   canvas->make_current();
   if (scene.ground) draw_shade(scene);
   Image image{width, height, {}};
+  const std::vector<Part> parts = parts_of(scene);
   image.rgb.resize(3UL * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   for (int y = 0; y < height; y += drawn.height)
     for (int x = 0; x < width; x += drawn.width) {
       const Tile tile = {x, y, std::min(drawn.width, width - x), std::min(drawn.height, height - y)};
-      draw_tile(scene, tile);
+      draw_tile(scene, parts, tile);
       read(tile, image);
     }
   return image;
@@ -187,11 +221,7 @@ void Renderer::Impl::draw_shade(const Scene& scene) {
   glDisable(GL_BLEND);
 }
 
-void Renderer::Impl::draw_tile(const Scene& scene, const Tile& tile) {
-  drawn.bind();
-  glViewport(0, 0, tile.width, tile.height);
-  glDepthMask(GL_TRUE);
-  glClear(GL_DEPTH_BUFFER_BIT);
+void Renderer::Impl::draw_tile(const Scene& scene, const std::vector<Part>& parts, const Tile& tile) {
   // Scales the tile's part of the picture to the viewport.
   Eigen::Matrix4f part = Eigen::Matrix4f::Identity();
   part(0, 0) = static_cast<float>(width) / static_cast<float>(tile.width);
@@ -208,18 +238,33 @@ void Renderer::Impl::draw_tile(const Scene& scene, const Tile& tile) {
   }
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LEQUAL);
-  // Front to back: hidden pixels are then not shaded.
-  draw_solids(scene, projection);
-  draw_ground(scene, projection);
-  draw_background();
+  glClearColor(0, 0, 0, 0);
+  for (const Target* target : {&ids, &drawn}) {
+    target->bind();
+    glViewport(0, 0, tile.width, tile.height);
+    glClear(target == &ids ? GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT : GL_DEPTH_BUFFER_BIT);
+    if (target == &ids) {
+      draw_ids(scene, parts, projection);
+      continue;
+    }
+    // Front to back: hidden pixels are then not shaded.
+    draw_lit(scene, parts, projection);
+    draw_ground(scene, projection);
+    draw_background();
+  }
+  glDisable(GL_DEPTH_TEST);
+  resolve(parts, tile);
 }
 
-void Renderer::Impl::place(const Program& program, const Solid& solid, const Colour& colour) {
+void Renderer::Impl::place(const Program& program, const Part& part) {
+  const Solid& solid = part.solid;
   program.set("rotation", Eigen::Matrix3f(solid.pose.q.toRotationMatrix().cast<float>()));
   program.set("origin", Eigen::Vector3f(solid.pose.p.cast<float>()));
-  program.set("half_size", Eigen::Vector3f(solid.half.cast<float>()));
+  program.set("half_size", solid.core == Core::hull ? Eigen::Vector3f(1, 1, 1)
+                                                    : Eigen::Vector3f(solid.half.cast<float>()));
   program.set("rounding", static_cast<float>(solid.round));
-  program.set("colour", Eigen::Vector3f(colour.r, colour.g, colour.b));
+  program.set("id", part.id);
+  glDepthFunc(part.on_top ? GL_ALWAYS : GL_LEQUAL);
 }
 
 // The error of a circle of radius r with n sides is r (1 - cos(pi / n)), about r (pi / n)^2 / 2.
@@ -234,7 +279,51 @@ const Buffer& Renderer::Impl::fitting(const RoundBuffers& buffers, const Scene& 
   return buffers.back();
 }
 
-void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& projection) {
+std::vector<Part> Renderer::Impl::parts_of(const Scene& scene) {
+  std::vector<Part> parts;
+  for (const LitSolid& lit : scene.solids) {
+    const bool box_like = lit.solid.core == Core::box && !is_capsule(lit.solid);
+    const Buffer& buffer = lit.solid.core == Core::hull ? hull_buffer(lit.solid)
+                           : box_like                   ? box
+                                      : fitting(is_capsule(lit.solid) ? capsule : cylinder, scene, lit);
+    parts.push_back({lit.solid, lit.colour, &buffer, &lit});
+  }
+  add_annotations(*scene.list, parts);
+  // Two parts of the same number have no smooth edge between them; few pictures have so many.
+  for (std::size_t i = 0; i < parts.size(); ++i) parts[i].id = static_cast<float>(1 + i % kIds) / kIds;
+  return parts;
+}
+
+void Renderer::Impl::add_annotations(const DrawList& list, std::vector<Part>& parts) {
+  for (const DrawPoint& point : list.points)
+    parts.push_back({{Core::box, Vec3::Zero(), point.radius, {point.position, Quat::Identity()}, {}},
+                     point.colour,
+                     &capsule[1]});
+  for (const DrawArrow& arrow : list.arrows) {
+    const Vec3 along = arrow.to - arrow.from;
+    const double length = along.norm();
+    if (!(length > 0)) continue;
+    const Quat q = Quat::FromTwoVectors(Vec3::UnitZ(), along);
+    const double width_of_head = kHeadWidth * arrow.radius;
+    const double head = std::min(kHeadLength * width_of_head, 0.6 * length);
+    const double shaft = length - head;
+    const Vec3 neck = arrow.from + along * (shaft / length);
+    parts.push_back(
+        {{Core::cylinder, {arrow.radius, arrow.radius, shaft / 2}, 0, {(arrow.from + neck) / 2, q}, {}},
+         arrow.colour,
+         &cylinder[1],
+         nullptr,
+         arrow.on_top});
+    parts.push_back({{Core::cylinder, {width_of_head, width_of_head, head}, 0, {neck, q}, {}},
+                     arrow.colour,
+                     &cone,
+                     nullptr,
+                     arrow.on_top});
+  }
+}
+
+void Renderer::Impl::draw_lit(const Scene& scene, const std::vector<Part>& parts,
+                              const Eigen::Matrix4f& projection) {
   glEnable(GL_CULL_FACE);
   for (const Program* program : {&solid_lit, &capsule_lit}) {
     program->use();
@@ -244,14 +333,16 @@ void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& proj
     program->set("sky_up", scene.sky_up);
     program->set("eye", scene.eye);
   }
-  for (const LitSolid& lit : scene.solids) {
-    const Occluders& from = lit.occluders;
+  const Occluders none;
+  for (const Part& part : parts) {
+    const Occluders& from = part.lit ? part.lit->occluders : none;
     const Program& program = from.solids.count == 0 ? capsule_lit : solid_lit;
     program.use();
-    place(program, lit.solid, lit.colour);
-    if (lit.solid.core == Core::hull) program.set("half_size", Eigen::Vector3f(1, 1, 1));
+    place(program, part);
+    program.set("colour", Eigen::Vector3f(part.colour.r, part.colour.g, part.colour.b));
     Eigen::Vector2f ground_shade(0, 0);
-    if (scene.ground) ground_shade << scene.ground->height, 3 * static_cast<float>(lit.solid.thickness());
+    if (scene.ground && part.lit)
+      ground_shade << scene.ground->height, 3 * static_cast<float>(part.solid.thickness());
     program.set("ground", ground_shade);
     program.set("capsule_key_end", from.capsules.key_end);
     program.set("capsule_sky_begin", from.capsules.sky_begin);
@@ -261,44 +352,55 @@ void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& proj
     program.set("solid_sky_begin", from.solids.sky_begin);
     program.set("solid_count", from.solids.count);
     program.set("solids", from.solids.rows);
-    if (lit.solid.core == Core::hull)
-      draw(hull_buffer(lit.solid));
-    else if (is_capsule(lit.solid))
-      draw(fitting(capsule, scene, lit));
-    else
-      draw(lit.solid.core == Core::box ? box : fitting(cylinder, scene, lit));
-  }
-  capsule_lit.use();
-  for (const char* count : {"capsule_key_end", "capsule_sky_begin", "capsule_count"})
-    capsule_lit.set(count, 0);
-  capsule_lit.set("ground", Eigen::Vector2f(0, 0));
-  draw_annotations(*scene.list);
-}
-
-void Renderer::Impl::draw_annotations(const DrawList& list) {
-  for (const DrawPoint& point : list.points) {
-    place(capsule_lit, {Core::box, Vec3::Zero(), point.radius, {point.position, Quat::Identity()}},
-          point.colour);
-    draw(capsule[1]);
-  }
-  for (const DrawArrow& arrow : list.arrows) {
-    const Vec3 along = arrow.to - arrow.from;
-    const double length = along.norm();
-    if (!(length > 0)) continue;
-    const Quat q = Quat::FromTwoVectors(Vec3::UnitZ(), along);
-    const double width_of_head = kHeadWidth * arrow.radius;
-    const double head = std::min(kHeadLength * width_of_head, 0.6 * length);
-    const double shaft = length - head;
-    glDepthFunc(arrow.on_top ? GL_ALWAYS : GL_LEQUAL);
-    const Vec3 neck = arrow.from + along * (shaft / length);
-    place(capsule_lit,
-          {Core::cylinder, {arrow.radius, arrow.radius, shaft / 2}, 0, {(arrow.from + neck) / 2, q}},
-          arrow.colour);
-    draw(cylinder[1]);
-    place(capsule_lit, {Core::cylinder, {width_of_head, width_of_head, head}, 0, {neck, q}}, arrow.colour);
-    draw(cone);
+    draw(*part.buffer);
   }
   glDepthFunc(GL_LEQUAL);
+}
+
+void Renderer::Impl::draw_ids(const Scene& scene, const std::vector<Part>& parts,
+                              const Eigen::Matrix4f& projection) {
+  glEnable(GL_CULL_FACE);
+  id_program.use();
+  id_program.set("view_projection", projection);
+  for (const Part& part : parts) {
+    place(id_program, part);
+    draw(*part.buffer);
+  }
+  glDepthFunc(GL_LEQUAL);
+  if (!scene.ground) return;
+  glDisable(GL_CULL_FACE);
+  ground_id_program.use();
+  ground_id_program.set("view_projection", projection);
+  ground_id_program.set("disc", scene.ground->disc);
+  ground_id_program.set("id", 0.0F);
+  draw_quad();
+}
+
+void Renderer::Impl::resolve(const std::vector<Part>& parts, const Tile& tile) {
+  std::array<std::uint8_t, 4UL * (kIds + 1)> colours{kShaded, kShaded, kShaded};
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    std::uint8_t* entry = &colours[4 * (1 + i % kIds)];
+    const Colour& colour = parts[i].colour;
+    for (const float c : {colour.r, colour.g, colour.b}) *entry++ = dimmed(c);
+  }
+  resolved.bind();
+  glViewport(0, 0, tile.width, tile.height);
+  glDisable(GL_CULL_FACE);
+  resolve_program.use();
+  resolve_program.set("colours", 0);
+  resolve_program.set("ids", 1);
+  resolve_program.set("palette", 2);
+  resolve_program.set(
+      "last", Eigen::Vector2f(static_cast<float>(tile.width - 1), static_cast<float>(tile.height - 1)));
+  glActiveTexture(GL_TEXTURE2);
+  glBindTexture(GL_TEXTURE_2D, palette);
+  glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, kIds + 1, 1, 0, GL_RGBA, GL_UNSIGNED_BYTE, colours.data());
+  glActiveTexture(GL_TEXTURE1);
+  glBindTexture(GL_TEXTURE_2D_MULTISAMPLE, ids.texture);
+  glActiveTexture(GL_TEXTURE0);
+  glBindTexture(GL_TEXTURE_2D, drawn.texture);
+  glBindVertexArray(empty);
+  glDrawArrays(GL_TRIANGLES, 0, 3);
 }
 
 void Renderer::Impl::draw_ground(const Scene& scene, const Eigen::Matrix4f& projection) {
@@ -323,10 +425,6 @@ void Renderer::Impl::draw_background() {
 }
 
 void Renderer::Impl::read(const Tile& tile, Image& image) {
-  glBindFramebuffer(GL_READ_FRAMEBUFFER, drawn.framebuffer);
-  glBindFramebuffer(GL_DRAW_FRAMEBUFFER, resolved.framebuffer);
-  glBlitFramebuffer(0, 0, tile.width, tile.height, 0, 0, tile.width, tile.height, GL_COLOR_BUFFER_BIT,
-                    GL_NEAREST);
   glBindFramebuffer(GL_READ_FRAMEBUFFER, resolved.framebuffer);
   glReadPixels(0, 0, tile.width, tile.height, GL_RGBA, GL_UNSIGNED_BYTE, pixels.data());
   require_no_error();

@@ -34,6 +34,10 @@ extern const char* const kShadeFragment;
 /// The ground with its grid.
 extern const char* const kGroundVertex;
 extern const char* const kGroundFragment;
+/// The number of each solid (red, of 255), which every sample of a pixel keeps.
+extern const char* const kIdFragment;
+/// The picture: each sample has the colour that its solid has at this pixel or beside it.
+extern const char* const kResolveFragment;
 /// The background: a gradient behind everything.
 extern const char* const kBackgroundVertex;
 extern const char* const kBackgroundFragment;
