@@ -38,15 +38,22 @@ class Program {
 struct Target {
   GLuint framebuffer = 0;
   GLuint texture = 0;
+  GLuint normals = 0;  ///< of surfaces
+  GLuint depth = 0;    ///< with stencil, of surfaces
   int width = 0;
   int height = 0;
 
   /// Several samples a pixel of one component in a texture of this kind, with depth.
   /// @throws Error if the driver has no memory for it.
   static Target multisampled(int width, int height, int samples);
-  /// One RGBA sample a pixel in a texture. @throws Error as above.
-  static Target sampled(int width, int height, bool with_depth = false);
-  void bind() const;
+  /// One RGBA sample a pixel in a texture, 8 bits a component, without depth. @throws Error as above.
+  static Target sampled(int width, int height);
+  /// A float point (32 bits) and a normal (16 bits) a pixel in textures, with depth and stencil.
+  static Target surfaces(int width, int height);
+  /// Uses the depth and stencil of another target of this size, too.
+  void share_depth(const Target& of) const;
+  /// Draws into the lower left part of this size.
+  void bind(int part_width, int part_height) const;
 };
 
 }  // namespace handsim::output

@@ -13,7 +13,7 @@
   X(CHECKFRAMEBUFFERSTATUS, CheckFramebufferStatus) X(CLEAR, Clear) X(CLEARCOLOR, ClearColor)                \
   X(COMPILESHADER, CompileShader) X(CREATEPROGRAM, CreateProgram) X(CREATESHADER, CreateShader)              \
   X(DELETESHADER, DeleteShader) X(DEPTHFUNC, DepthFunc) X(DEPTHMASK, DepthMask) X(DISABLE, Disable)          \
-  X(DRAWARRAYS, DrawArrays) X(DRAWELEMENTS, DrawElements) X(ENABLE, Enable)                                  \
+  X(DRAWARRAYS, DrawArrays) X(DRAWBUFFERS, DrawBuffers) X(DRAWELEMENTS, DrawElements) X(ENABLE, Enable)                                  \
   X(ENABLEVERTEXATTRIBARRAY, EnableVertexAttribArray) X(FRAMEBUFFERRENDERBUFFER, FramebufferRenderbuffer)    \
   X(FRAMEBUFFERTEXTURE2D, FramebufferTexture2D) X(GENBUFFERS, GenBuffers)                                    \
   X(GENFRAMEBUFFERS, GenFramebuffers) X(GENRENDERBUFFERS, GenRenderbuffers) X(GENTEXTURES, GenTextures)      \
@@ -25,7 +25,7 @@
   X(TEXPARAMETERI, TexParameteri) X(UNIFORM1F, Uniform1f)                          \
   X(UNIFORM1I, Uniform1i) X(UNIFORM2FV, Uniform2fv) X(UNIFORM3FV, Uniform3fv) X(UNIFORM4FV, Uniform4fv)      \
   X(UNIFORMMATRIX3FV, UniformMatrix3fv) X(UNIFORMMATRIX4FV, UniformMatrix4fv) X(USEPROGRAM, UseProgram)      \
-  X(VERTEXATTRIBPOINTER, VertexAttribPointer) X(VIEWPORT, Viewport)
+  X(STENCILFUNC, StencilFunc) X(STENCILOP, StencilOp) X(VERTEXATTRIBPOINTER, VertexAttribPointer) X(VIEWPORT, Viewport)
 // clang-format on
 
 namespace handsim::output {

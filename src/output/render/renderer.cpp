@@ -4,8 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <limits>
-#include <map>
+#include <span>
 
 #include <fmt/format.h>
 
@@ -13,7 +12,7 @@
 #include "handsim/output/render/canvas.h"
 #include "handsim/output/render/gl.h"
 #include "handsim/output/render/lighting.h"
-#include "handsim/output/render/mesh.h"
+#include "handsim/output/render/parts.h"
 #include "handsim/output/render/shaders.h"
 
 namespace handsim::output {
@@ -25,47 +24,10 @@ constexpr int kLargest = 8192;
 /// Pictures larger than this are drawn in tiles, which bounds the memory [pixels].
 constexpr int kTile = 2048;
 constexpr int kSamples = 4;
+/// What is less below the ground is no part of the picture's edges [m].
+constexpr double kSunk = 1e-4;
 /// Edge of the ground's shade texture [texels]; it need not be finer than the picture.
 int shade_size(int height) { return std::clamp(height * 2 / 3, 64, 512); }
-
-/// A mesh in the driver's memory.
-struct Buffer {
-  GLuint array = 0;
-  GLsizei count = 0;
-};
-
-Buffer upload(const Mesh& mesh) {
-  Buffer buffer;
-  buffer.count = static_cast<GLsizei>(mesh.indices.size());
-  glGenVertexArrays(1, &buffer.array);
-  glBindVertexArray(buffer.array);
-  std::array<GLuint, 2> data{};
-  glGenBuffers(2, data.data());
-  glBindBuffer(GL_ARRAY_BUFFER, data[0]);
-  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.vertices.size() * sizeof(Vertex)),
-               mesh.vertices.data(), GL_STATIC_DRAW);
-  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, data[1]);
-  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.indices.size() * sizeof(std::uint32_t)),
-               mesh.indices.data(), GL_STATIC_DRAW);
-  glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex), nullptr);
-  // The second attribute follows the first; OpenGL takes the offset as a pointer.
-  glVertexAttribPointer(1, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
-                        reinterpret_cast<const void*>(sizeof(Eigen::Vector3f)));
-  glEnableVertexAttribArray(0);
-  glEnableVertexAttribArray(1);
-  return buffer;
-}
-
-/// Numbers of sides of round meshes. Unneeded sides cost time: narrow triangles shade pixels several times.
-constexpr std::array<int, 4> kSides = {20, 32, 56, 128};
-using RoundBuffers = std::array<Buffer, kSides.size()>;
-
-/// One buffer for each entry of kSides.
-RoundBuffers upload_round(Mesh (*make)(int)) {
-  RoundBuffers buffers;
-  for (std::size_t i = 0; i < kSides.size(); ++i) buffers[i] = upload(make(kSides[i]));
-  return buffers;
-}
 
 int checked_size(int size, const char* what) {
   if (size < kSmallest || size > kLargest)
@@ -82,17 +44,6 @@ struct Tile {
   int x, y, width, height;
 };
 
-/// A mesh in its place, what shades it, and its number in the picture.
-struct Part {
-  Solid solid;
-  Colour colour;
-  const Buffer* buffer = nullptr;
-  const LitSolid* lit = nullptr;  ///< absent: nothing shades it
-  bool on_top = false;
-  float id = 0;  ///< 1/255 to 1
-};
-
-constexpr int kIds = 255;
 /// Grey of the ground in a gap that is narrower than a pixel.
 constexpr std::uint8_t kShaded = 150;
 
@@ -113,20 +64,12 @@ struct Renderer::Impl {
   void draw_shade(const Scene& scene);
   void draw_tile(const Scene& scene, const std::vector<Part>& parts, const Tile& tile);
   void draw_background();
-  std::vector<Part> parts_of(const Scene& scene);
-  void add_annotations(const DrawList& list, std::vector<Part>& parts);
-  void draw_lit(const Scene& scene, const std::vector<Part>& parts, const Eigen::Matrix4f& projection);
+  void draw_surfaces(const std::vector<Part>& parts, std::size_t begin, std::size_t end);
+  void draw_light(const Scene& scene, std::span<const Part> parts, const Eigen::Matrix4f& projection);
   void draw_ground(const Scene& scene, const Eigen::Matrix4f& projection);
   void draw_ids(const Scene& scene, const std::vector<Part>& parts, const Eigen::Matrix4f& projection);
   void resolve(const std::vector<Part>& parts, const Tile& tile);
   void place(const Program& program, const Part& part);
-  /// The coarsest mesh whose outline is wrong by less than a quarter of a pixel.
-  const Buffer& fitting(const RoundBuffers& buffers, const Scene& scene, const DrawShape& shape) const;
-  const Buffer& hull_buffer(const Solid& solid) {
-    const auto [found, fresh] = hulls.try_emplace(solid.mesh);
-    if (fresh) found->second = upload(faceted_mesh(*solid.mesh));
-    return found->second;
-  }
   void draw(const Buffer& buffer) {
     glBindVertexArray(buffer.array);
     glDrawElements(GL_TRIANGLES, buffer.count, GL_UNSIGNED_INT, nullptr);
@@ -140,22 +83,20 @@ struct Renderer::Impl {
   int width, height;
   std::unique_ptr<Canvas> canvas;
   /// Programs for capsules as the only occluders are faster than those for all forms.
-  Program capsule_lit = shaded_program(kSolidVertex, "", kSolidFragment);
-  Program solid_lit = shaded_program(kSolidVertex, kWithSolids, kSolidFragment);
+  Program capsule_lit = shaded_program(kRectangleVertex, "", kSolidFragment);
+  Program solid_lit = shaded_program(kRectangleVertex, kWithSolids, kSolidFragment);
   Program capsule_shade = shaded_program(kShadeVertex, "", kShadeFragment);
   Program solid_shade = shaded_program(kShadeVertex, kWithSolids, kShadeFragment);
   Program ground_program{kGroundVertex, {kLightFunctions, kGroundFragment}};
   Program background_program{kBackgroundVertex, {kLightFunctions, kBackgroundFragment}};
+  Program surface_program{kSolidVertex, {kSurfaceFragment}};
   Program id_program{kSolidVertex, {kIdFragment}};
   Program ground_id_program{kGroundVertex, {kIdFragment}};
   Program resolve_program{kBackgroundVertex, {kResolveFragment}};
   // Light and shadows cost most and are computed once a pixel; edges get their samples from cheap numbers.
-  Target drawn, ids, resolved, shade;
+  Target surfaces, drawn, ids, resolved, shade;
   GLuint palette = 0;
-  RoundBuffers capsule, cylinder;
-  Buffer box, cone;
-  /// Buffers of the polyhedra drawn so far; the keys keep the polyhedra alive.
-  std::map<std::shared_ptr<const model::ConvexMesh>, Buffer> hulls;
+  Meshes meshes;
   GLuint empty = 0;
   std::vector<std::uint8_t> pixels;
 };
@@ -164,14 +105,12 @@ Renderer::Impl::Impl(int picture_width, int picture_height, std::optional<Gl> gl
     : width(checked_size(picture_width, "picture.width")),
       height(checked_size(picture_height, "picture.height")),
       canvas(make_canvas(gl)),
-      drawn(Target::sampled(std::min(width, kTile), std::min(height, kTile), true)),
+      surfaces(Target::surfaces(std::min(width, kTile), std::min(height, kTile))),
+      drawn(Target::sampled(surfaces.width, surfaces.height)),
       ids(Target::multisampled(drawn.width, drawn.height, kSamples)),
       resolved(Target::sampled(drawn.width, drawn.height)),
-      shade(Target::sampled(shade_size(height), shade_size(height))),
-      capsule(upload_round(capsule_mesh)),
-      cylinder(upload_round(cylinder_mesh)),
-      box(upload(box_mesh())),
-      cone(upload(cone_mesh(static_cast<float>(kHeadLength)))) {
+      shade(Target::sampled(shade_size(height), shade_size(height))) {
+  drawn.share_depth(surfaces);
   glGenVertexArrays(1, &empty);
   glGenTextures(1, &palette);
   glBindTexture(GL_TEXTURE_2D, palette);
@@ -184,7 +123,7 @@ Image Renderer::Impl::draw(const DrawList& list, const Camera& camera) {
   canvas->make_current();
   if (scene.ground) draw_shade(scene);
   Image image{width, height, {}};
-  const std::vector<Part> parts = parts_of(scene);
+  const std::vector<Part> parts = meshes.parts(scene, height);
   image.rgb.resize(3UL * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   for (int y = 0; y < height; y += drawn.height)
     for (int x = 0; x < width; x += drawn.width) {
@@ -196,7 +135,7 @@ Image Renderer::Impl::draw(const DrawList& list, const Camera& camera) {
 }
 
 void Renderer::Impl::draw_shade(const Scene& scene) {
-  shade.bind();
+  shade.bind(shade.width, shade.height);
   glDisable(GL_DEPTH_TEST);
   glDisable(GL_CULL_FACE);
   glClearColor(1, 1, 1, 1);
@@ -239,19 +178,27 @@ void Renderer::Impl::draw_tile(const Scene& scene, const std::vector<Part>& part
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LEQUAL);
   glClearColor(0, 0, 0, 0);
-  for (const Target* target : {&ids, &drawn}) {
-    target->bind();
-    glViewport(0, 0, tile.width, tile.height);
-    glClear(target == &ids ? GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT : GL_DEPTH_BUFFER_BIT);
-    if (target == &ids) {
-      draw_ids(scene, parts, projection);
-      continue;
-    }
-    // Front to back: hidden pixels are then not shaded.
-    draw_lit(scene, parts, projection);
-    draw_ground(scene, projection);
-    draw_background();
+  ids.bind(tile.width, tile.height);
+  glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+  draw_ids(scene, parts, projection);
+  surface_program.use();
+  surface_program.set("view_projection", projection);
+  // The stencil has the numbers of so many parts; all parts hide.
+  glStencilOp(GL_KEEP, GL_KEEP, GL_REPLACE);
+  for (std::size_t begin = 0; begin < parts.size(); begin += kIds) {
+    const std::size_t end = std::min(begin + kIds, parts.size());
+    glEnable(GL_STENCIL_TEST);
+    surfaces.bind(tile.width, tile.height);
+    glClear(GL_DEPTH_BUFFER_BIT | GL_STENCIL_BUFFER_BIT);
+    draw_surfaces(parts, begin, end);
+    drawn.bind(tile.width, tile.height);
+    draw_light(scene, std::span(parts).subspan(begin, end - begin), projection);
+    glDisable(GL_STENCIL_TEST);
   }
+  drawn.bind(tile.width, tile.height);
+  if (parts.empty()) glClear(GL_DEPTH_BUFFER_BIT);
+  draw_ground(scene, projection);
+  draw_background();
   glDisable(GL_DEPTH_TEST);
   resolve(parts, tile);
 }
@@ -267,78 +214,44 @@ void Renderer::Impl::place(const Program& program, const Part& part) {
   glDepthFunc(part.on_top ? GL_ALWAYS : GL_LEQUAL);
 }
 
-// The error of a circle of radius r with n sides is r (1 - cos(pi / n)), about r (pi / n)^2 / 2.
-const Buffer& Renderer::Impl::fitting(const RoundBuffers& buffers, const Scene& scene,
-                                      const DrawShape& shape) const {
-  const Solid& solid = shape.solid;
-  const double nearest = std::max((solid.pose.p - scene.camera.position).norm() - solid.reach(), 1e-6);
-  const double focus = height / 2.0 / std::tan(scene.camera.field_of_view / 2);
-  const double radius = std::max(solid.round, solid.half.x()) * focus / nearest;
-  for (std::size_t i = shape.fine ? 1 : 0; i + 1 < kSides.size(); ++i)
-    if (radius * std::pow(M_PI / kSides[i], 2) / 2 < 0.25) return buffers[i];
-  return buffers.back();
-}
-
-std::vector<Part> Renderer::Impl::parts_of(const Scene& scene) {
-  std::vector<Part> parts;
-  for (const LitSolid& lit : scene.solids) {
-    const bool box_like = lit.solid.core == Core::box && !is_capsule(lit.solid);
-    const Buffer& buffer = lit.solid.core == Core::hull ? hull_buffer(lit.solid)
-                           : box_like                   ? box
-                                      : fitting(is_capsule(lit.solid) ? capsule : cylinder, scene, lit);
-    parts.push_back({lit.solid, lit.colour, &buffer, &lit});
-  }
-  add_annotations(*scene.list, parts);
-  // Two parts of the same number have no smooth edge between them; few pictures have so many.
-  for (std::size_t i = 0; i < parts.size(); ++i) parts[i].id = static_cast<float>(1 + i % kIds) / kIds;
-  return parts;
-}
-
-void Renderer::Impl::add_annotations(const DrawList& list, std::vector<Part>& parts) {
-  for (const DrawPoint& point : list.points)
-    parts.push_back({{Core::box, Vec3::Zero(), point.radius, {point.position, Quat::Identity()}, {}},
-                     point.colour,
-                     &capsule[1]});
-  for (const DrawArrow& arrow : list.arrows) {
-    const Vec3 along = arrow.to - arrow.from;
-    const double length = along.norm();
-    if (!(length > 0)) continue;
-    const Quat q = Quat::FromTwoVectors(Vec3::UnitZ(), along);
-    const double width_of_head = kHeadWidth * arrow.radius;
-    const double head = std::min(kHeadLength * width_of_head, 0.6 * length);
-    const double shaft = length - head;
-    const Vec3 neck = arrow.from + along * (shaft / length);
-    parts.push_back(
-        {{Core::cylinder, {arrow.radius, arrow.radius, shaft / 2}, 0, {(arrow.from + neck) / 2, q}, {}},
-         arrow.colour,
-         &cylinder[1],
-         nullptr,
-         arrow.on_top});
-    parts.push_back({{Core::cylinder, {width_of_head, width_of_head, head}, 0, {neck, q}, {}},
-                     arrow.colour,
-                     &cone,
-                     nullptr,
-                     arrow.on_top});
-  }
-}
-
-void Renderer::Impl::draw_lit(const Scene& scene, const std::vector<Part>& parts,
-                              const Eigen::Matrix4f& projection) {
+void Renderer::Impl::draw_surfaces(const std::vector<Part>& parts, std::size_t begin, std::size_t end) {
   glEnable(GL_CULL_FACE);
+  surface_program.use();
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const bool counts = i >= begin && i < end;
+    glStencilFunc(GL_ALWAYS, counts ? static_cast<GLint>(i - begin + 1) : 0, 0xFF);
+    place(surface_program, parts[i]);
+    draw(parts[i].buffer);
+  }
+  glDepthFunc(GL_LEQUAL);
+}
+
+/// The light of pixels that show one of the parts, each computed once.
+void Renderer::Impl::draw_light(const Scene& scene, std::span<const Part> parts,
+                                const Eigen::Matrix4f& projection) {
+  glDisable(GL_CULL_FACE);
+  glDisable(GL_DEPTH_TEST);
+  glActiveTexture(GL_TEXTURE1);
+  glBindTexture(GL_TEXTURE_2D, surfaces.normals);
+  glActiveTexture(GL_TEXTURE0);
+  glBindTexture(GL_TEXTURE_2D, surfaces.texture);
   for (const Program* program : {&solid_lit, &capsule_lit}) {
     program->use();
-    program->set("view_projection", projection);
+    program->set("points", 0);
+    program->set("normals", 1);
     program->set("to_key", scene.to_key);
     program->set("to_fill", scene.to_fill);
     program->set("sky_up", scene.sky_up);
     program->set("eye", scene.eye);
   }
   const Occluders none;
-  for (const Part& part : parts) {
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const Part& part = parts[i];
     const Occluders& from = part.lit ? part.lit->occluders : none;
     const Program& program = from.solids.count == 0 ? capsule_lit : solid_lit;
     program.use();
-    place(program, part);
+    program.set("rectangle", rectangle_of(part.solid, projection));
+    program.set("id", part.id);
     program.set("colour", Eigen::Vector3f(part.colour.r, part.colour.g, part.colour.b));
     Eigen::Vector2f ground_shade(0, 0);
     if (scene.ground && part.lit)
@@ -352,9 +265,10 @@ void Renderer::Impl::draw_lit(const Scene& scene, const std::vector<Part>& parts
     program.set("solid_sky_begin", from.solids.sky_begin);
     program.set("solid_count", from.solids.count);
     program.set("solids", from.solids.rows);
-    draw(*part.buffer);
+    glStencilFunc(GL_EQUAL, static_cast<GLint>(i + 1), 0xFF);
+    draw_quad();
   }
-  glDepthFunc(GL_LEQUAL);
+  glEnable(GL_DEPTH_TEST);
 }
 
 void Renderer::Impl::draw_ids(const Scene& scene, const std::vector<Part>& parts,
@@ -364,10 +278,11 @@ void Renderer::Impl::draw_ids(const Scene& scene, const std::vector<Part>& parts
   id_program.set("view_projection", projection);
   for (const Part& part : parts) {
     place(id_program, part);
-    draw(*part.buffer);
+    draw(part.buffer);
   }
   glDepthFunc(GL_LEQUAL);
-  if (!scene.ground) return;
+  // The ground has number 0 as the background has; it matters where it hides what is below.
+  if (!scene.ground || -support(*scene.list, -Vec3::UnitZ()) > scene.ground->height - kSunk) return;
   glDisable(GL_CULL_FACE);
   ground_id_program.use();
   ground_id_program.set("view_projection", projection);
@@ -383,8 +298,7 @@ void Renderer::Impl::resolve(const std::vector<Part>& parts, const Tile& tile) {
     const Colour& colour = parts[i].colour;
     for (const float c : {colour.r, colour.g, colour.b}) *entry++ = dimmed(c);
   }
-  resolved.bind();
-  glViewport(0, 0, tile.width, tile.height);
+  resolved.bind(tile.width, tile.height);
   glDisable(GL_CULL_FACE);
   resolve_program.use();
   resolve_program.set("colours", 0);

@@ -128,7 +128,27 @@ void main() {
 }
 )";
 
+const char* const kSurfaceFragment = R"(#version 330 core
+in vec3 world_normal;
+in vec3 world_point;
+layout(location = 0) out vec4 point;
+layout(location = 1) out vec4 normal;
+void main() {
+  point = vec4(world_point, 1.0);
+  normal = vec4(world_normal, 0.0);
+}
+)";
+
+const char* const kRectangleVertex = R"(#version 330 core
+uniform vec4 rectangle;  // low and high corner, -1 to 1
+void main() {
+  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+  gl_Position = vec4(mix(rectangle.xy, rectangle.zw, corner), 0.0, 1.0);
+}
+)";
+
 const char* const kSolidFragment = R"(
+uniform sampler2D points, normals;
 uniform vec3 colour;
 uniform float id;
 uniform vec3 eye;
@@ -142,12 +162,11 @@ uniform int solid_key_end, solid_sky_begin, solid_count;
 uniform vec4 solids[3 * kMaxOccluders];
 #endif
 uniform vec2 ground;  // height, and distance within which it hides sky; 0: no ground
-in vec3 world_normal;
-in vec3 world_point;
 out vec4 pixel;
 
 void main() {
-  vec3 n = normalize(world_normal);
+  vec3 world_point = texelFetch(points, ivec2(gl_FragCoord.xy), 0).xyz;
+  vec3 n = normalize(texelFetch(normals, ivec2(gl_FragCoord.xy), 0).xyz);
   vec3 v = normalize(eye - world_point);
   float key = 1.0;
   float sky = 1.0;
