@@ -204,10 +204,13 @@ TEST(Renderer, ShapesBeyondItsNumbersHaveTheirColours) {
   const auto place = [](int i) { return Vec3((i % 17 - 8) * 0.03, 0, (i / 17 - 7) * 0.03); };
   for (int i = 0; i < 255; ++i)
     list.shapes.push_back(capsule(place(i), place(i) + Vec3(0, 0, 1e-4), 0.01, {0.8F, 0.05F, 0.05F}));
-  const Vec3 behind(0.012, 0.05, 0);
+  // Behind and between them a chain of balls that overlap.
+  const Vec3 behind(0.012, 0.05, 0.015);
   for (int i = 0; i < 45; ++i) {
     const Vec3 p = place(i) + behind;
-    list.shapes.push_back(capsule(p, p + Vec3(0, 0, 1e-4), 0.01, {0.05F, 0.8F, 0.05F}));
+    const bool green = i % 2 == 0;
+    list.shapes.push_back(
+        capsule(p, p + Vec3(0, 0, 1e-4), 0.018, {0.05F, green ? 0.8F : 0.05F, green ? 0.05F : 0.8F}));
   }
   Renderer renderer(640, 480);
   const Image image = renderer.draw(list, camera);
@@ -222,8 +225,9 @@ TEST(Renderer, ShapesBeyondItsNumbersHaveTheirColours) {
       EXPECT_GT(front[0], front[1] + 20) << "ball " << i;
     }
   for (int i = 0; i < 45; ++i) {
-    const std::uint8_t* back = pixel(place(i) + behind + Vec3(0.004, 0, 0));
-    EXPECT_GT(back[1], back[0] + 20) << "ball " << 255 + i;
+    const std::uint8_t* back = pixel(place(i) + behind + Vec3(0.0125, 0, 0));
+    const int strong = i % 2 == 0 ? 1 : 2;
+    EXPECT_GT(back[strong], back[3 - strong] + 20) << "ball " << 255 + i;
   }
 }
 
