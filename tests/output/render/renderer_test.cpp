@@ -176,11 +176,11 @@ TEST(Renderer, EdgesAreAntiAliased) {
   EXPECT_GT(between, 60);
 }
 
-// Oracle: a line of 0.6 pixels covers a sample of each row, though not the centre of a pixel of each.
+// Oracle: a line of 0.4 pixels between two columns covers a sample in each row, and no centre of a pixel.
 TEST(Renderer, LineThinnerThanAPixelHasNoGaps) {
   Renderer renderer(320, 240);
   DrawList line;
-  line.arrows.push_back({{-0.03, 0, -0.1}, {0.02, 0, 0.1}, 0.0004, {0, 0, 0}, false});
+  line.arrows.push_back({{0, 0, -0.1}, {0, 0, 0.1}, 0.00026, {0, 0, 0}, false});
   const Image with = renderer.draw(line, straight_camera());
   const Image without = renderer.draw({}, straight_camera());
   const Projection project(straight_camera(), 320, 240);
