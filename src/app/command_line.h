@@ -73,8 +73,9 @@ void add_overrides(CLI::App& app, std::vector<std::string>& overrides);
 
 /// Adds `--report` to a study.
 template <class Arguments>
-void add_report_flag(CLI::App& command, Arguments& arguments) {
-  command.add_flag("--report", arguments.report, "report.html: tables to sort and a plot, for a browser");
+CLI::Option* add_report_flag(CLI::App& command, Arguments& arguments) {
+  return command.add_flag("--report", arguments.report,
+                          "report.html: tables to sort and a plot, for a browser");
 }
 
 struct DrawArguments;

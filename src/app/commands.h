@@ -115,6 +115,7 @@ struct ValidateArguments {
   std::optional<std::filesystem::path> file;  ///< of measurements; absent: the installed ones
   std::optional<std::filesystem::path> out;   ///< absent: only the table
   bool runs = false;                          ///< also runs the rows that are simulations
+  bool report = false;                        ///< writes report.html
 };
 int validate_command(const ValidateArguments& arguments);
 

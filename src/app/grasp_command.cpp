@@ -100,6 +100,7 @@ int agreement_command(const GraspArguments& arguments) {
     study.progress = [&bar](double share) { bar.show(share); };
     table = study::run_agreement(study);
   }
+  finish_study(arguments.out, agreement_commands(study, table), arguments.report);
   constexpr const char* kHead = "{:<28} {:>13} {:>13} {:>12} {:>8} {:>15} {:>16} {:>8} {:>13}\n";
   print(kHead, "engines", "same verdict", "not marginal", "grip differs", "most", "within 10 %", "slip",
         "slip", "slip");

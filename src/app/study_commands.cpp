@@ -73,9 +73,10 @@ void add_validate(CommandLine& line) {
       "validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
       "handsim validate --out out/validate", validate_command, arguments);
   validate.add_option("measurements", arguments->file, "file of measurements (default: the installed ones)");
-  CLI::Option* out = validate.add_option("--out", arguments->out, "folder for validate.csv and runs/");
+  CLI::Option* out = validate.add_option("--out", arguments->out, "folder for the study's files and runs/");
   validate.add_flag("--runs", arguments->runs, "also run the rows that are simulations (minutes)")
       ->needs(out);
+  add_report_flag(validate, *arguments)->needs(out);
 }
 
 void add_stability(CommandLine& line) {

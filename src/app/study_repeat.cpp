@@ -103,6 +103,37 @@ study::StudyCommands grasp_commands(const study::GraspStudy& study) {
   return out;
 }
 
+study::StudyCommands agreement_commands(const study::AgreementStudy& study,
+                                        const study::AgreementTable& table) {
+  const std::string scene = "handsim grasp " + output::shell_word(study.scene.string());
+  const auto with = [](std::string text, const std::vector<std::string>& overrides) {
+    for (const std::string& set : overrides) text += " --set " + output::shell_word(set);
+    return text + " --out again";
+  };
+  std::string all = fmt::format("{} --agree {} --seed {}", scene, study.draws, study.seed);
+  if (study.quarter_steps > 0) all += fmt::format(" --quarter-steps {}", study.quarter_steps);
+  study::StudyCommands out{with(all, study.overrides)};
+  for (const study::AgreementRow& row : table.rows) {
+    if (!row.done()) continue;
+    std::vector<std::string> sets = study::drawn_overrides(study, row);
+    sets.emplace_back("solver.engine=articulated");
+    out.rows["agreement.csv"].push_back(with(fmt::format("{} --friction {}", scene, row.friction), sets));
+  }
+  return out;
+}
+
+study::StudyCommands validate_commands(const std::filesystem::path& file, bool runs,
+                                       const study::ValidateResult& result) {
+  study::StudyCommands out{fmt::format("handsim validate {}{} --out again", output::shell_word(file.string()),
+                                       runs ? " --runs" : "")};
+  for (const study::ValidateRow& row : result.rows)
+    if (row.measured)
+      out.rows["validate.csv"].push_back(row.of->kind == study::Measured::simulation
+                                             ? command_text("run", row.of->scene, row.of->changes)
+                                             : "");
+  return out;
+}
+
 study::StudyCommands rollouts_commands(const std::filesystem::path& file,
                                        const std::vector<std::string>& overrides, std::optional<int> seed) {
   study::StudyCommands out{command_text("rollouts", file, overrides)};

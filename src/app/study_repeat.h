@@ -8,9 +8,11 @@
 
 #include "handsim/study/accuracy/accuracy.h"
 #include "handsim/study/effects/effects.h"
+#include "handsim/study/grasp/agreement.h"
 #include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/stability/stability.h"
 #include "handsim/study/study_page.h"
+#include "handsim/study/validate/validate.h"
 
 namespace handsim::app {
 
@@ -27,6 +29,12 @@ study::StudyCommands stability_commands(const std::filesystem::path& file,
                                         const study::StabilityResult& result);
 
 study::StudyCommands grasp_commands(const study::GraspStudy& study);
+/// A row's command runs its grasp on the articulated engine.
+study::StudyCommands agreement_commands(const study::AgreementStudy& study,
+                                        const study::AgreementTable& table);
+/// Rows that are simulations have commands.
+study::StudyCommands validate_commands(const std::filesystem::path& file, bool runs,
+                                       const study::ValidateResult& result);
 /// @param seed in place of the study's.
 study::StudyCommands rollouts_commands(const std::filesystem::path& file,
                                        const std::vector<std::string>& overrides, std::optional<int> seed);

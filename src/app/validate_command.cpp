@@ -2,8 +2,8 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
+#include "handsim/app/study_repeat.h"
 #include "handsim/core/data_folder.h"
-#include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/study/validate/validate.h"
 
@@ -15,14 +15,15 @@ int validate_command(const ValidateArguments& arguments) {
   const study::ValidateSpec spec = study::load_validate(file);
   std::optional<output::OutputFolder> folder;
   if (arguments.out)
-    folder.emplace(*arguments.out, std::vector<std::string>{"validate.csv"},
+    folder.emplace(*arguments.out, study::validate_files(),
                    [&] { return std::vector<std::filesystem::path>{file}; });
   const study::ValidateResult result =
       study::run_validate(spec, arguments.runs ? std::optional(*arguments.out / "runs") : std::nullopt);
   print("{}\n\n{}", spec.title, study::validate_table(spec, result));
   if (folder) {
     folder->clear();
-    output::write_file(*arguments.out / "validate.csv", study::validate_csv(result));
+    study::write_validate(spec, result, *arguments.out);
+    finish_study(*arguments.out, validate_commands(file, arguments.runs, result), arguments.report);
     print("files in {}\n", arguments.out->string());
   }
   return result.passed() ? 0 : 1;

@@ -117,7 +117,8 @@ void agreement(const path& scene, const path& out, const std::vector<std::string
     study.quarter_steps = quarter_steps;
     study.threads = threads;
     study.progress = hooks.told;
-    study::run_agreement(study);
+    const study::AgreementTable table = study::run_agreement(study);
+    app::finish_study(out, app::agreement_commands(study, table), false);
     return 0;
   });
 }
@@ -186,12 +187,13 @@ void track(const path& out, const app::TrackArguments& arguments, const py::obje
 
 std::string validate(const std::optional<path>& file, const path& out) {
   return without_gil([&] {
-    const study::ValidateSpec spec =
-        study::load_validate(file.value_or(data_folder() / "config/validate.yaml"));
-    const output::OutputFolder folder(out, {"validate.csv"});
+    const path measurements = file.value_or(data_folder() / "config/validate.yaml");
+    const study::ValidateSpec spec = study::load_validate(measurements);
+    const output::OutputFolder folder(out, study::validate_files());
     const study::ValidateResult result = study::run_validate(spec);
     folder.clear();
-    output::write_file(out / "validate.csv", study::validate_csv(result));
+    study::write_validate(spec, result, out);
+    app::finish_study(out, app::validate_commands(measurements, false, result), false);
     return study::validate_table(spec, result);
   });
 }

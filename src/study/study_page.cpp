@@ -26,7 +26,7 @@ struct Kind {
 constexpr Kind kStudyTables[] = {
     {"accuracy.csv", "accuracy.json"},   {"effects.csv", "effects.json"}, {"stability.csv", "stability.json"},
     {"rollouts.csv", "summary.json"},    {"grasps.csv", nullptr},         {"climbs.csv", nullptr},
-    {"agreement.csv", "agreement.json"}, {"contacts_cost.csv", nullptr}};
+    {"agreement.csv", "agreement.json"}, {"contacts_cost.csv", nullptr},  {"validate.csv", "validate.json"}};
 constexpr std::size_t kLargestStudyFile = 256UL << 20U;
 
 /// Fields of a line; one in double quotes may have commas and doubled quotes.

@@ -173,6 +173,19 @@ class Pages(unittest.TestCase):
         canvas.send_keys('r')
         self.assertEqual(self.differing(first, self.pixels()), 0)
 
+    # Chromium draws with the processor here; #fine draws as a graphics card does.
+    def test_a_picture_that_moves_has_fewer_pixels_than_one_that_stands(self):
+        width = "return document.querySelector('.screen canvas').width"
+        for page, fewer in (('a/report.html', True), ('a/report.html#fine', False)):
+            self.driver.get('about:blank')
+            self.driver.get(folder.as_uri() + '/' + page)
+            self.drawn()
+            still = self.script(width)
+            self.driver.find_element(By.ID, 'play').click()
+            self.assertEqual(self.script(width) < 0.75 * still, fewer, page)
+            self.script("document.getElementById('play').click()")
+            self.assertEqual(self.script(width), still, page)
+
     def test_a_failed_verdict_is_marked_on_the_time_line(self):
         self.open('failed/report.html')
         marks = self.driver.find_elements(By.CSS_SELECTOR, '.marks button.failed')

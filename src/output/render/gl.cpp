@@ -32,6 +32,30 @@ GLuint compiled(GLenum kind, const std::vector<const char*>& parts) {
   return shader;
 }
 
+/// A depth buffer of the frame buffer in use.
+GLuint add_depth(int width, int height, int samples, GLenum format, GLenum attachment) {
+  GLuint depth = 0;
+  glGenRenderbuffers(1, &depth);
+  glBindRenderbuffer(GL_RENDERBUFFER, depth);
+  glRenderbufferStorageMultisample(GL_RENDERBUFFER, samples, format, width, height);
+  glFramebufferRenderbuffer(GL_FRAMEBUFFER, attachment, GL_RENDERBUFFER, depth);
+  return depth;
+}
+
+/// A texture as a colour of the frame buffer in use.
+GLuint add_texture(int width, int height, GLenum format, GLenum type, GLenum attachment) {
+  GLuint texture = 0;
+  glGenTextures(1, &texture);
+  glBindTexture(GL_TEXTURE_2D, texture);
+  glTexImage2D(GL_TEXTURE_2D, 0, static_cast<GLint>(format), width, height, 0, GL_RGBA, type, nullptr);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+  glFramebufferTexture2D(GL_FRAMEBUFFER, attachment, GL_TEXTURE_2D, texture, 0);
+  return texture;
+}
+
 void require_complete(const Target& target) {
   if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE || glGetError() != GL_NO_ERROR)
     throw driver_error(fmt::format("no frame buffer of {} x {} pixels", target.width, target.height));
@@ -83,41 +107,49 @@ void Program::set(const char* name, const std::vector<Eigen::Vector4f>& values) 
 }
 
 Target Target::multisampled(int width, int height, int samples) {
-  Target target{0, 0, width, height};
+  Target target{0, 0, 0, 0, width, height};
   glGenFramebuffers(1, &target.framebuffer);
   glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
-  for (const auto& [attachment, format] :
-       {std::pair{static_cast<GLenum>(GL_COLOR_ATTACHMENT0), static_cast<GLenum>(GL_RGBA8)},
-        std::pair{static_cast<GLenum>(GL_DEPTH_ATTACHMENT), static_cast<GLenum>(GL_DEPTH_COMPONENT24)}}) {
-    GLuint buffer = 0;
-    glGenRenderbuffers(1, &buffer);
-    glBindRenderbuffer(GL_RENDERBUFFER, buffer);
-    glRenderbufferStorageMultisample(GL_RENDERBUFFER, samples, format, width, height);
-    glFramebufferRenderbuffer(GL_FRAMEBUFFER, attachment, GL_RENDERBUFFER, buffer);
-  }
+  glGenTextures(1, &target.texture);
+  glBindTexture(GL_TEXTURE_2D_MULTISAMPLE, target.texture);
+  glTexImage2DMultisample(GL_TEXTURE_2D_MULTISAMPLE, samples, GL_R8, width, height, GL_TRUE);
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D_MULTISAMPLE, target.texture, 0);
+  target.depth = add_depth(width, height, samples, GL_DEPTH_COMPONENT24, GL_DEPTH_ATTACHMENT);
   require_complete(target);
   return target;
 }
 
 Target Target::sampled(int width, int height) {
-  Target target{0, 0, width, height};
-  glGenTextures(1, &target.texture);
-  glBindTexture(GL_TEXTURE_2D, target.texture);
-  glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, width, height, 0, GL_RGBA, GL_UNSIGNED_BYTE, nullptr);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
+  Target target{0, 0, 0, 0, width, height};
   glGenFramebuffers(1, &target.framebuffer);
   glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
-  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target.texture, 0);
+  target.texture = add_texture(width, height, GL_RGBA8, GL_UNSIGNED_BYTE, GL_COLOR_ATTACHMENT0);
   require_complete(target);
   return target;
 }
 
-void Target::bind() const {
+Target Target::surfaces(int width, int height) {
+  Target target{0, 0, 0, 0, width, height};
+  glGenFramebuffers(1, &target.framebuffer);
+  glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
+  target.texture = add_texture(width, height, GL_RGBA32F, GL_FLOAT, GL_COLOR_ATTACHMENT0);
+  target.normals = add_texture(width, height, GL_RGBA16F, GL_FLOAT, GL_COLOR_ATTACHMENT1);
+  target.depth = add_depth(width, height, 0, GL_DEPTH24_STENCIL8, GL_DEPTH_STENCIL_ATTACHMENT);
+  const GLenum both[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
+  glDrawBuffers(2, both);
+  require_complete(target);
+  return target;
+}
+
+void Target::share_depth(const Target& of) const {
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
-  glViewport(0, 0, width, height);
+  glFramebufferRenderbuffer(GL_FRAMEBUFFER, GL_DEPTH_STENCIL_ATTACHMENT, GL_RENDERBUFFER, of.depth);
+  require_complete(*this);
+}
+
+void Target::bind(int part_width, int part_height) const {
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+  glViewport(0, 0, part_width, part_height);
 }
 
 }  // namespace handsim::output

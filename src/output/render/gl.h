@@ -37,15 +37,23 @@ class Program {
 /// A frame buffer to draw into: colour, and possibly depth.
 struct Target {
   GLuint framebuffer = 0;
-  GLuint texture = 0;  ///< 0 if the colour cannot be sampled
+  GLuint texture = 0;
+  GLuint normals = 0;  ///< of surfaces
+  GLuint depth = 0;    ///< with stencil, of surfaces
   int width = 0;
   int height = 0;
 
-  /// Several samples a pixel, with depth. @throws Error if the driver has no memory for it.
+  /// Several samples a pixel of one component in a texture of this kind, with depth.
+  /// @throws Error if the driver has no memory for it.
   static Target multisampled(int width, int height, int samples);
-  /// One RGBA sample a pixel in a texture, no depth. @throws Error as above.
+  /// One RGBA sample a pixel in a texture, 8 bits a component, without depth. @throws Error as above.
   static Target sampled(int width, int height);
-  void bind() const;
+  /// A float point (32 bits) and a normal (16 bits) a pixel in textures, with depth and stencil.
+  static Target surfaces(int width, int height);
+  /// Uses the depth and stencil of another target of this size, too.
+  void share_depth(const Target& of) const;
+  /// Draws into the lower left part of this size.
+  void bind(int part_width, int part_height) const;
 };
 
 }  // namespace handsim::output

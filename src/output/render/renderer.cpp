@@ -4,8 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstring>
-#include <limits>
-#include <map>
+#include <span>
 
 #include <fmt/format.h>
 
@@ -13,7 +12,7 @@
 #include "handsim/output/render/canvas.h"
 #include "handsim/output/render/gl.h"
 #include "handsim/output/render/lighting.h"
-#include "handsim/output/render/mesh.h"
+#include "handsim/output/render/parts.h"
 #include "handsim/output/render/shaders.h"
 
 namespace handsim::output {
@@ -25,47 +24,10 @@ constexpr int kLargest = 8192;
 /// Pictures larger than this are drawn in tiles, which bounds the memory [pixels].
 constexpr int kTile = 2048;
 constexpr int kSamples = 4;
+/// What is less below the ground is no part of the picture's edges [m].
+constexpr double kSunk = 1e-4;
 /// Edge of the ground's shade texture [texels]; it need not be finer than the picture.
 int shade_size(int height) { return std::clamp(height * 2 / 3, 64, 512); }
-
-/// A mesh in the driver's memory.
-struct Buffer {
-  GLuint array = 0;
-  GLsizei count = 0;
-};
-
-Buffer upload(const Mesh& mesh) {
-  Buffer buffer;
-  buffer.count = static_cast<GLsizei>(mesh.indices.size());
-  glGenVertexArrays(1, &buffer.array);
-  glBindVertexArray(buffer.array);
-  std::array<GLuint, 2> data{};
-  glGenBuffers(2, data.data());
-  glBindBuffer(GL_ARRAY_BUFFER, data[0]);
-  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.vertices.size() * sizeof(Vertex)),
-               mesh.vertices.data(), GL_STATIC_DRAW);
-  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, data[1]);
-  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.indices.size() * sizeof(std::uint32_t)),
-               mesh.indices.data(), GL_STATIC_DRAW);
-  glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex), nullptr);
-  // The second attribute follows the first; OpenGL takes the offset as a pointer.
-  glVertexAttribPointer(1, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
-                        reinterpret_cast<const void*>(sizeof(Eigen::Vector3f)));
-  glEnableVertexAttribArray(0);
-  glEnableVertexAttribArray(1);
-  return buffer;
-}
-
-/// Numbers of sides of round meshes. Unneeded sides cost time: narrow triangles shade pixels several times.
-constexpr std::array<int, 4> kSides = {20, 32, 56, 128};
-using RoundBuffers = std::array<Buffer, kSides.size()>;
-
-/// One buffer for each entry of kSides.
-RoundBuffers upload_round(Mesh (*make)(int)) {
-  RoundBuffers buffers;
-  for (std::size_t i = 0; i < kSides.size(); ++i) buffers[i] = upload(make(kSides[i]));
-  return buffers;
-}
 
 int checked_size(int size, const char* what) {
   if (size < kSmallest || size > kLargest)
@@ -82,6 +44,16 @@ struct Tile {
   int x, y, width, height;
 };
 
+/// Grey of the ground in a gap that is narrower than a pixel.
+constexpr std::uint8_t kShaded = 150;
+
+/// Component of sRGB, 0..255, of a linear one in average light.
+std::uint8_t dimmed(float linear) {
+  const float c = 0.75F * linear;
+  return static_cast<std::uint8_t>(255 *
+                                   (c < 0.0031F ? 12.92F * c : 1.055F * std::pow(c, 1 / 2.4F) - 0.055F));
+}
+
 }  // namespace
 
 struct Renderer::Impl {
@@ -90,19 +62,14 @@ struct Renderer::Impl {
   Image draw(const DrawList& list, const Camera& camera);
 
   void draw_shade(const Scene& scene);
-  void draw_tile(const Scene& scene, const Tile& tile);
+  void draw_tile(const Scene& scene, const std::vector<Part>& parts, const Tile& tile);
   void draw_background();
-  void draw_solids(const Scene& scene, const Eigen::Matrix4f& projection);
-  void draw_annotations(const DrawList& list);
+  void draw_surfaces(const std::vector<Part>& parts, std::size_t begin, std::size_t end);
+  void draw_light(const Scene& scene, std::span<const Part> parts, const Eigen::Matrix4f& projection);
   void draw_ground(const Scene& scene, const Eigen::Matrix4f& projection);
-  void place(const Program& program, const Solid& solid, const Colour& colour);
-  /// The coarsest mesh whose outline is wrong by less than a quarter of a pixel.
-  const Buffer& fitting(const RoundBuffers& buffers, const Scene& scene, const DrawShape& shape) const;
-  const Buffer& hull_buffer(const Solid& solid) {
-    const auto [found, fresh] = hulls.try_emplace(solid.mesh);
-    if (fresh) found->second = upload(faceted_mesh(*solid.mesh));
-    return found->second;
-  }
+  void draw_ids(const Scene& scene, const std::vector<Part>& parts, const Eigen::Matrix4f& projection);
+  void resolve(const std::vector<Part>& parts, const Tile& tile);
+  void place(const Program& program, const Part& part);
   void draw(const Buffer& buffer) {
     glBindVertexArray(buffer.array);
     glDrawElements(GL_TRIANGLES, buffer.count, GL_UNSIGNED_INT, nullptr);
@@ -116,17 +83,20 @@ struct Renderer::Impl {
   int width, height;
   std::unique_ptr<Canvas> canvas;
   /// Programs for capsules as the only occluders are faster than those for all forms.
-  Program capsule_lit = shaded_program(kSolidVertex, "", kSolidFragment);
-  Program solid_lit = shaded_program(kSolidVertex, kWithSolids, kSolidFragment);
+  Program capsule_lit = shaded_program(kRectangleVertex, "", kSolidFragment);
+  Program solid_lit = shaded_program(kRectangleVertex, kWithSolids, kSolidFragment);
   Program capsule_shade = shaded_program(kShadeVertex, "", kShadeFragment);
   Program solid_shade = shaded_program(kShadeVertex, kWithSolids, kShadeFragment);
   Program ground_program{kGroundVertex, {kLightFunctions, kGroundFragment}};
   Program background_program{kBackgroundVertex, {kLightFunctions, kBackgroundFragment}};
-  Target drawn, resolved, shade;
-  RoundBuffers capsule, cylinder;
-  Buffer box, cone;
-  /// Buffers of the polyhedra drawn so far; the keys keep the polyhedra alive.
-  std::map<std::shared_ptr<const model::ConvexMesh>, Buffer> hulls;
+  Program surface_program{kSolidVertex, {kSurfaceFragment}};
+  Program id_program{kSolidVertex, {kIdFragment}};
+  Program ground_id_program{kGroundVertex, {kIdFragment}};
+  Program resolve_program{kBackgroundVertex, {kResolveFragment}};
+  // Light and shadows cost most and are computed once a pixel; edges get their samples from cheap numbers.
+  Target surfaces, drawn, ids, resolved, shade;
+  GLuint palette = 0;
+  Meshes meshes;
   GLuint empty = 0;
   std::vector<std::uint8_t> pixels;
 };
@@ -135,14 +105,16 @@ Renderer::Impl::Impl(int picture_width, int picture_height, std::optional<Gl> gl
     : width(checked_size(picture_width, "picture.width")),
       height(checked_size(picture_height, "picture.height")),
       canvas(make_canvas(gl)),
-      drawn(Target::multisampled(std::min(width, kTile), std::min(height, kTile), kSamples)),
+      surfaces(Target::surfaces(std::min(width, kTile), std::min(height, kTile))),
+      drawn(Target::sampled(surfaces.width, surfaces.height)),
+      ids(Target::multisampled(drawn.width, drawn.height, kSamples)),
       resolved(Target::sampled(drawn.width, drawn.height)),
-      shade(Target::sampled(shade_size(height), shade_size(height))),
-      capsule(upload_round(capsule_mesh)),
-      cylinder(upload_round(cylinder_mesh)),
-      box(upload(box_mesh())),
-      cone(upload(cone_mesh(static_cast<float>(kHeadLength)))) {
+      shade(Target::sampled(shade_size(height), shade_size(height))) {
+  drawn.share_depth(surfaces);
   glGenVertexArrays(1, &empty);
+  glGenTextures(1, &palette);
+  glBindTexture(GL_TEXTURE_2D, palette);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
   pixels.resize(4UL * static_cast<std::size_t>(drawn.width) * static_cast<std::size_t>(drawn.height));
 }
 
@@ -151,18 +123,19 @@ Image Renderer::Impl::draw(const DrawList& list, const Camera& camera) {
   canvas->make_current();
   if (scene.ground) draw_shade(scene);
   Image image{width, height, {}};
+  const std::vector<Part> parts = meshes.parts(scene, height);
   image.rgb.resize(3UL * static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
   for (int y = 0; y < height; y += drawn.height)
     for (int x = 0; x < width; x += drawn.width) {
       const Tile tile = {x, y, std::min(drawn.width, width - x), std::min(drawn.height, height - y)};
-      draw_tile(scene, tile);
+      draw_tile(scene, parts, tile);
       read(tile, image);
     }
   return image;
 }
 
 void Renderer::Impl::draw_shade(const Scene& scene) {
-  shade.bind();
+  shade.bind(shade.width, shade.height);
   glDisable(GL_DEPTH_TEST);
   glDisable(GL_CULL_FACE);
   glClearColor(1, 1, 1, 1);
@@ -187,11 +160,7 @@ void Renderer::Impl::draw_shade(const Scene& scene) {
   glDisable(GL_BLEND);
 }
 
-void Renderer::Impl::draw_tile(const Scene& scene, const Tile& tile) {
-  drawn.bind();
-  glViewport(0, 0, tile.width, tile.height);
-  glDepthMask(GL_TRUE);
-  glClear(GL_DEPTH_BUFFER_BIT);
+void Renderer::Impl::draw_tile(const Scene& scene, const std::vector<Part>& parts, const Tile& tile) {
   // Scales the tile's part of the picture to the viewport.
   Eigen::Matrix4f part = Eigen::Matrix4f::Identity();
   part(0, 0) = static_cast<float>(width) / static_cast<float>(tile.width);
@@ -208,50 +177,85 @@ void Renderer::Impl::draw_tile(const Scene& scene, const Tile& tile) {
   }
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LEQUAL);
-  // Front to back: hidden pixels are then not shaded.
-  draw_solids(scene, projection);
+  glClearColor(0, 0, 0, 0);
+  ids.bind(tile.width, tile.height);
+  glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+  draw_ids(scene, parts, projection);
+  surface_program.use();
+  surface_program.set("view_projection", projection);
+  // The stencil has the numbers of so many parts; all parts hide.
+  glStencilOp(GL_KEEP, GL_KEEP, GL_REPLACE);
+  for (std::size_t begin = 0; begin < parts.size(); begin += kIds) {
+    const std::size_t end = std::min(begin + kIds, parts.size());
+    glEnable(GL_STENCIL_TEST);
+    surfaces.bind(tile.width, tile.height);
+    glClear(GL_DEPTH_BUFFER_BIT | GL_STENCIL_BUFFER_BIT);
+    draw_surfaces(parts, begin, end);
+    drawn.bind(tile.width, tile.height);
+    draw_light(scene, std::span(parts).subspan(begin, end - begin), projection);
+    glDisable(GL_STENCIL_TEST);
+  }
+  drawn.bind(tile.width, tile.height);
+  if (parts.empty()) glClear(GL_DEPTH_BUFFER_BIT);
   draw_ground(scene, projection);
   draw_background();
+  glDisable(GL_DEPTH_TEST);
+  resolve(parts, tile);
 }
 
-void Renderer::Impl::place(const Program& program, const Solid& solid, const Colour& colour) {
+void Renderer::Impl::place(const Program& program, const Part& part) {
+  const Solid& solid = part.solid;
   program.set("rotation", Eigen::Matrix3f(solid.pose.q.toRotationMatrix().cast<float>()));
   program.set("origin", Eigen::Vector3f(solid.pose.p.cast<float>()));
-  program.set("half_size", Eigen::Vector3f(solid.half.cast<float>()));
+  program.set("half_size", solid.core == Core::hull ? Eigen::Vector3f(1, 1, 1)
+                                                    : Eigen::Vector3f(solid.half.cast<float>()));
   program.set("rounding", static_cast<float>(solid.round));
-  program.set("colour", Eigen::Vector3f(colour.r, colour.g, colour.b));
+  program.set("id", part.id);
+  glDepthFunc(part.on_top ? GL_ALWAYS : GL_LEQUAL);
 }
 
-// The error of a circle of radius r with n sides is r (1 - cos(pi / n)), about r (pi / n)^2 / 2.
-const Buffer& Renderer::Impl::fitting(const RoundBuffers& buffers, const Scene& scene,
-                                      const DrawShape& shape) const {
-  const Solid& solid = shape.solid;
-  const double nearest = std::max((solid.pose.p - scene.camera.position).norm() - solid.reach(), 1e-6);
-  const double focus = height / 2.0 / std::tan(scene.camera.field_of_view / 2);
-  const double radius = std::max(solid.round, solid.half.x()) * focus / nearest;
-  for (std::size_t i = shape.fine ? 1 : 0; i + 1 < kSides.size(); ++i)
-    if (radius * std::pow(M_PI / kSides[i], 2) / 2 < 0.25) return buffers[i];
-  return buffers.back();
-}
-
-void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& projection) {
+void Renderer::Impl::draw_surfaces(const std::vector<Part>& parts, std::size_t begin, std::size_t end) {
   glEnable(GL_CULL_FACE);
+  surface_program.use();
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const bool counts = i >= begin && i < end;
+    glStencilFunc(GL_ALWAYS, counts ? static_cast<GLint>(i - begin + 1) : 0, 0xFF);
+    place(surface_program, parts[i]);
+    draw(parts[i].buffer);
+  }
+  glDepthFunc(GL_LEQUAL);
+}
+
+/// The light of pixels that show one of the parts, each computed once.
+void Renderer::Impl::draw_light(const Scene& scene, std::span<const Part> parts,
+                                const Eigen::Matrix4f& projection) {
+  glDisable(GL_CULL_FACE);
+  glDisable(GL_DEPTH_TEST);
+  glActiveTexture(GL_TEXTURE1);
+  glBindTexture(GL_TEXTURE_2D, surfaces.normals);
+  glActiveTexture(GL_TEXTURE0);
+  glBindTexture(GL_TEXTURE_2D, surfaces.texture);
   for (const Program* program : {&solid_lit, &capsule_lit}) {
     program->use();
-    program->set("view_projection", projection);
+    program->set("points", 0);
+    program->set("normals", 1);
     program->set("to_key", scene.to_key);
     program->set("to_fill", scene.to_fill);
     program->set("sky_up", scene.sky_up);
     program->set("eye", scene.eye);
   }
-  for (const LitSolid& lit : scene.solids) {
-    const Occluders& from = lit.occluders;
+  const Occluders none;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const Part& part = parts[i];
+    const Occluders& from = part.lit ? part.lit->occluders : none;
     const Program& program = from.solids.count == 0 ? capsule_lit : solid_lit;
     program.use();
-    place(program, lit.solid, lit.colour);
-    if (lit.solid.core == Core::hull) program.set("half_size", Eigen::Vector3f(1, 1, 1));
+    program.set("rectangle", rectangle_of(part.solid, projection));
+    program.set("id", part.id);
+    program.set("colour", Eigen::Vector3f(part.colour.r, part.colour.g, part.colour.b));
     Eigen::Vector2f ground_shade(0, 0);
-    if (scene.ground) ground_shade << scene.ground->height, 3 * static_cast<float>(lit.solid.thickness());
+    if (scene.ground && part.lit)
+      ground_shade << scene.ground->height, 3 * static_cast<float>(part.solid.thickness());
     program.set("ground", ground_shade);
     program.set("capsule_key_end", from.capsules.key_end);
     program.set("capsule_sky_begin", from.capsules.sky_begin);
@@ -261,44 +265,56 @@ void Renderer::Impl::draw_solids(const Scene& scene, const Eigen::Matrix4f& proj
     program.set("solid_sky_begin", from.solids.sky_begin);
     program.set("solid_count", from.solids.count);
     program.set("solids", from.solids.rows);
-    if (lit.solid.core == Core::hull)
-      draw(hull_buffer(lit.solid));
-    else if (is_capsule(lit.solid))
-      draw(fitting(capsule, scene, lit));
-    else
-      draw(lit.solid.core == Core::box ? box : fitting(cylinder, scene, lit));
+    glStencilFunc(GL_EQUAL, static_cast<GLint>(i + 1), 0xFF);
+    draw_quad();
   }
-  capsule_lit.use();
-  for (const char* count : {"capsule_key_end", "capsule_sky_begin", "capsule_count"})
-    capsule_lit.set(count, 0);
-  capsule_lit.set("ground", Eigen::Vector2f(0, 0));
-  draw_annotations(*scene.list);
+  glEnable(GL_DEPTH_TEST);
 }
 
-void Renderer::Impl::draw_annotations(const DrawList& list) {
-  for (const DrawPoint& point : list.points) {
-    place(capsule_lit, {Core::box, Vec3::Zero(), point.radius, {point.position, Quat::Identity()}},
-          point.colour);
-    draw(capsule[1]);
-  }
-  for (const DrawArrow& arrow : list.arrows) {
-    const Vec3 along = arrow.to - arrow.from;
-    const double length = along.norm();
-    if (!(length > 0)) continue;
-    const Quat q = Quat::FromTwoVectors(Vec3::UnitZ(), along);
-    const double width_of_head = kHeadWidth * arrow.radius;
-    const double head = std::min(kHeadLength * width_of_head, 0.6 * length);
-    const double shaft = length - head;
-    glDepthFunc(arrow.on_top ? GL_ALWAYS : GL_LEQUAL);
-    const Vec3 neck = arrow.from + along * (shaft / length);
-    place(capsule_lit,
-          {Core::cylinder, {arrow.radius, arrow.radius, shaft / 2}, 0, {(arrow.from + neck) / 2, q}},
-          arrow.colour);
-    draw(cylinder[1]);
-    place(capsule_lit, {Core::cylinder, {width_of_head, width_of_head, head}, 0, {neck, q}}, arrow.colour);
-    draw(cone);
+void Renderer::Impl::draw_ids(const Scene& scene, const std::vector<Part>& parts,
+                              const Eigen::Matrix4f& projection) {
+  glEnable(GL_CULL_FACE);
+  id_program.use();
+  id_program.set("view_projection", projection);
+  for (const Part& part : parts) {
+    place(id_program, part);
+    draw(part.buffer);
   }
   glDepthFunc(GL_LEQUAL);
+  // The ground has number 0 as the background has; it matters where it hides what is below.
+  if (!scene.ground || -support(*scene.list, -Vec3::UnitZ()) > scene.ground->height - kSunk) return;
+  glDisable(GL_CULL_FACE);
+  ground_id_program.use();
+  ground_id_program.set("view_projection", projection);
+  ground_id_program.set("disc", scene.ground->disc);
+  ground_id_program.set("id", 0.0F);
+  draw_quad();
+}
+
+void Renderer::Impl::resolve(const std::vector<Part>& parts, const Tile& tile) {
+  std::array<std::uint8_t, 4UL * (kIds + 1)> colours{kShaded, kShaded, kShaded};
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    std::uint8_t* entry = &colours[4 * (1 + i % kIds)];
+    const Colour& colour = parts[i].colour;
+    for (const float c : {colour.r, colour.g, colour.b}) *entry++ = dimmed(c);
+  }
+  resolved.bind(tile.width, tile.height);
+  glDisable(GL_CULL_FACE);
+  resolve_program.use();
+  resolve_program.set("colours", 0);
+  resolve_program.set("ids", 1);
+  resolve_program.set("palette", 2);
+  resolve_program.set(
+      "last", Eigen::Vector2f(static_cast<float>(tile.width - 1), static_cast<float>(tile.height - 1)));
+  glActiveTexture(GL_TEXTURE2);
+  glBindTexture(GL_TEXTURE_2D, palette);
+  glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, kIds + 1, 1, 0, GL_RGBA, GL_UNSIGNED_BYTE, colours.data());
+  glActiveTexture(GL_TEXTURE1);
+  glBindTexture(GL_TEXTURE_2D_MULTISAMPLE, ids.texture);
+  glActiveTexture(GL_TEXTURE0);
+  glBindTexture(GL_TEXTURE_2D, drawn.texture);
+  glBindVertexArray(empty);
+  glDrawArrays(GL_TRIANGLES, 0, 3);
 }
 
 void Renderer::Impl::draw_ground(const Scene& scene, const Eigen::Matrix4f& projection) {
@@ -323,10 +339,6 @@ void Renderer::Impl::draw_background() {
 }
 
 void Renderer::Impl::read(const Tile& tile, Image& image) {
-  glBindFramebuffer(GL_READ_FRAMEBUFFER, drawn.framebuffer);
-  glBindFramebuffer(GL_DRAW_FRAMEBUFFER, resolved.framebuffer);
-  glBlitFramebuffer(0, 0, tile.width, tile.height, 0, 0, tile.width, tile.height, GL_COLOR_BUFFER_BIT,
-                    GL_NEAREST);
   glBindFramebuffer(GL_READ_FRAMEBUFFER, resolved.framebuffer);
   glReadPixels(0, 0, tile.width, tile.height, GL_RGBA, GL_UNSIGNED_BYTE, pixels.data());
   require_no_error();

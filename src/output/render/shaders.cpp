@@ -128,8 +128,29 @@ void main() {
 }
 )";
 
+const char* const kSurfaceFragment = R"(#version 330 core
+in vec3 world_normal;
+in vec3 world_point;
+layout(location = 0) out vec4 point;
+layout(location = 1) out vec4 normal;
+void main() {
+  point = vec4(world_point, 1.0);
+  normal = vec4(world_normal, 0.0);
+}
+)";
+
+const char* const kRectangleVertex = R"(#version 330 core
+uniform vec4 rectangle;  // low and high corner, -1 to 1
+void main() {
+  vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+  gl_Position = vec4(mix(rectangle.xy, rectangle.zw, corner), 0.0, 1.0);
+}
+)";
+
 const char* const kSolidFragment = R"(
+uniform sampler2D points, normals;
 uniform vec3 colour;
+uniform float id;
 uniform vec3 eye;
 uniform vec3 to_fill;
 uniform vec3 sky_up;
@@ -141,12 +162,11 @@ uniform int solid_key_end, solid_sky_begin, solid_count;
 uniform vec4 solids[3 * kMaxOccluders];
 #endif
 uniform vec2 ground;  // height, and distance within which it hides sky; 0: no ground
-in vec3 world_normal;
-in vec3 world_point;
 out vec4 pixel;
 
 void main() {
-  vec3 n = normalize(world_normal);
+  vec3 world_point = texelFetch(points, ivec2(gl_FragCoord.xy), 0).xyz;
+  vec3 n = normalize(texelFetch(normals, ivec2(gl_FragCoord.xy), 0).xyz);
   vec3 v = normalize(eye - world_point);
   float key = 1.0;
   float sky = 1.0;
@@ -172,7 +192,7 @@ void main() {
   rim *= rim;
   float glance = max(dot(n, normalize(to_key + v)), 0.0);
   float shine = 0.13 * pow(glance, 36.0) * key * step(1e-4, facing) + 0.10 * rim * rim * sky * up;
-  pixel = vec4(to_srgb(colour * light + shine), 1.0);
+  pixel = vec4(to_srgb(colour * light + shine), id);
 }
 )";
 
@@ -253,7 +273,7 @@ void main() {
   float coarse = lines(at / spacing, footprint, 1.7 * line_width);
   albedo *= 1.0 - max(0.16 * fine, 0.36 * coarse) * (1.0 - smoothstep(0.2, 0.8, far));
   vec3 light = kKey * to_key.z * open.r + kSky * 0.78 * (0.25 + 0.75 * open.a);
-  pixel = vec4(mix(background(), to_srgb(albedo * light), shown), 1.0);
+  pixel = vec4(mix(background(), to_srgb(albedo * light), shown), 0.0);
 }
 )";
 
@@ -266,7 +286,50 @@ void main() {
 
 const char* const kBackgroundFragment = R"(
 out vec4 pixel;
-void main() { pixel = vec4(background(), 1.0); }
+void main() { pixel = vec4(background(), 0.0); }
+)";
+
+const char* const kIdFragment = R"(#version 330 core
+uniform float id;
+out vec4 pixel;
+void main() { pixel = vec4(id); }
+)";
+
+const char* const kResolveFragment = R"(#version 330 core
+uniform sampler2D colours;   // and the number of the solid at the pixel's centre
+uniform sampler2DMS ids;     // of its four samples
+uniform sampler2D palette;   // by the number, for what is too thin to cover the centre of a pixel
+uniform vec2 last;           // pixel
+out vec4 pixel;
+
+vec4 at(ivec2 p) { return texelFetch(colours, clamp(p, ivec2(0), ivec2(last)), 0); }
+
+// The colour with weight, if it is of this solid; the sum of weights in alpha.
+vec4 of(vec4 colour, float id, float weight) {
+  return colour.a == id ? vec4(weight * colour.rgb, weight) : vec4(0.0);
+}
+
+void main() {
+  ivec2 p = ivec2(gl_FragCoord.xy);
+  vec4 own = at(p);
+  vec4 four = vec4(texelFetch(ids, p, 0).r, texelFetch(ids, p, 1).r, texelFetch(ids, p, 2).r, texelFetch(ids, p, 3).r);
+  // Where a whole block of pixels has no edge, llvmpipe leaves out the loop.
+  int samples = four == vec4(own.a) ? 0 : 4;
+  vec3 sum = vec3(0.0);
+  for (int i = 0; i < samples; ++i) {
+    float id = texelFetch(ids, p, i).r;
+    vec4 found = of(own, id, 100.0);
+    for (int k = 0; k < 4; ++k) {
+      ivec2 side = ivec2((k & 1) * 2 - 1, 0);
+      ivec2 corner = ivec2(side.x, (k & 2) - 1);
+      if (k > 1) side = side.yx;
+      found += of(at(p + side), id, 1.0) + of(at(p + corner), id, 0.1);
+    }
+    if (found.a == 0.0) found = vec4(texelFetch(palette, ivec2(int(255.0 * id + 0.5), 0), 0).rgb, 1.0);
+    sum += 0.25 * found.rgb / found.a;
+  }
+  pixel = vec4(samples > 0 ? sum : own.rgb, 1.0);
+}
 )";
 
 }  // namespace handsim::output

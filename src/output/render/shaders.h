@@ -25,8 +25,11 @@ inline constexpr const char* kWithSolids = "#define WITH_SOLIDS\n";
 /// Comes next in shaders that compute shadows.
 extern const char* const kOcclusionFunctions;
 
-/// Solids: vertices of a Mesh, shaded by `capsules` and `solids`.
+/// Solids: vertices of a Mesh; the point and the normal of the surface at each pixel.
 extern const char* const kSolidVertex;
+extern const char* const kSurfaceFragment;
+/// Their light: a rectangle of the picture, shaded by `capsules` and `solids`.
+extern const char* const kRectangleVertex;
 extern const char* const kSolidFragment;
 /// The shade of one solid on the ground: red is the visible share of the key light, alpha that of the sky.
 extern const char* const kShadeVertex;
@@ -34,6 +37,10 @@ extern const char* const kShadeFragment;
 /// The ground with its grid.
 extern const char* const kGroundVertex;
 extern const char* const kGroundFragment;
+/// The number of each solid (red, of 255), which every sample of a pixel keeps.
+extern const char* const kIdFragment;
+/// The picture: each sample has the colour that its solid has at this pixel or beside it.
+extern const char* const kResolveFragment;
 /// The background: a gradient behind everything.
 extern const char* const kBackgroundVertex;
 extern const char* const kBackgroundFragment;

@@ -39,6 +39,7 @@
   function play(on) {
     if (on && state.time >= end - 1e-9) seek(start, true);
     state.playing = on;
+    if (view) view.moving(on);
     last = null;
     playButton.textContent = on ? '❚❚ pause' : '▶ play';
   }

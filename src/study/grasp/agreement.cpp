@@ -39,11 +39,7 @@ Vec3 stated_place(const scene::Scene& scene) {
 
 scene::Scene drawn_scene(const AgreementStudy& study, const AgreementRow& row, const char* engine,
                          double step) {
-  std::vector<std::string> overrides = study.overrides;
-  overrides.push_back(
-      fmt::format("grasps.0.at.position=[{}, {}, {}]", row.place.x(), row.place.y(), row.place.z()));
-  overrides.push_back(fmt::format("objects.0.mass={}", row.mass));
-  overrides.emplace_back(kShake);
+  std::vector<std::string> overrides = drawn_overrides(study, row);
   overrides.push_back(fmt::format("solver.engine={}", engine));
   overrides.push_back(fmt::format("solver.step={}", step));
   scene::Scene scene = scene::load_scene(study.scene, overrides);
@@ -215,6 +211,15 @@ class RowPool {
 
 }  // namespace
 
+std::vector<std::string> drawn_overrides(const AgreementStudy& study, const AgreementRow& row) {
+  std::vector<std::string> out = study.overrides;
+  out.push_back(
+      fmt::format("grasps.0.at.position=[{}, {}, {}]", row.place.x(), row.place.y(), row.place.z()));
+  out.push_back(fmt::format("objects.0.mass={}", row.mass));
+  out.emplace_back(kShake);
+  return out;
+}
+
 std::vector<std::pair<std::size_t, std::size_t>> agreement_pairs(const AgreementTable& table) {
   if (table.quarter_rows == 0) return {{0, 1}, {1, 2}};
   return {{0, 1}, {1, 2}, {0, 3}, {2, 3}};
@@ -260,7 +265,8 @@ AgreementTable::Pair AgreementTable::compare(std::size_t way, std::size_t other)
 
 AgreementTable run_agreement(const AgreementStudy& study) {
   const scene::Scene base = scene::load_scene(study.scene, study.overrides);
-  const output::OutputFolder folder(study.out, {"agreement.csv", "agreement.json"},
+  const output::OutputFolder folder(study.out,
+                                    {"agreement.csv", "agreement.json", "study.json", "report.html"},
                                     [&] { return scene::files_read(base); });
   AgreementTable table;
   table.rows = draw(study, stated_place(base));

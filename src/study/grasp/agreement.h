@@ -77,6 +77,9 @@ struct AgreementTable {
   std::size_t done() const;  ///< rows that have run
 };
 
+/// The study's overrides and those of a row's place, mass and shake; its friction is set_friction()'s.
+std::vector<std::string> drawn_overrides(const AgreementStudy& study, const AgreementRow& row);
+
 /// Which ways are compared: the engines, each with its own quarter step, and these.
 std::vector<std::pair<std::size_t, std::size_t>> agreement_pairs(const AgreementTable& table);
 

@@ -11,6 +11,7 @@
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
 #include "handsim/model/pulleys.h"
+#include "handsim/output/atomic_file.h"
 #include "handsim/study/report.h"
 #include "handsim/study/validate/simulated.h"
 #include "handsim/study/validate/subject.h"
@@ -259,6 +260,21 @@ std::string validate_csv(const ValidateResult& result) {
                        quoted(of.reason));
   }
   return out;
+}
+
+std::vector<std::string> validate_files() {
+  return {"validate.csv", "validate.json", "study.json", "report.html"};
+}
+
+void write_validate(const ValidateSpec& spec, const ValidateResult& result,
+                    const std::filesystem::path& out) {
+  Json json = {{"title", spec.title},
+               {"rows_within_spread", result.share},
+               {"goal", spec.goal},
+               {"required_rows_within", result.passed()}};
+  add_origin(json);
+  output::write_file(out / "validate.csv", validate_csv(result));
+  output::write_file(out / "validate.json", json.dump(2) + "\n");
 }
 
 }  // namespace handsim::study

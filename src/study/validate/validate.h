@@ -83,5 +83,9 @@ void read_validate(YamlNode& root, Diagnostics& diagnostics);
 ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::filesystem::path>& runs = {});
 std::string validate_table(const ValidateSpec& spec, const ValidateResult& result);
 std::string validate_csv(const ValidateResult& result);
+/// Names of a study's files.
+std::vector<std::string> validate_files();
+/// Writes validate.csv and validate.json. @throws Error if they cannot be written
+void write_validate(const ValidateSpec& spec, const ValidateResult& result, const std::filesystem::path& out);
 
 }  // namespace handsim::study

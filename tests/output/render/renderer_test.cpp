@@ -176,6 +176,61 @@ TEST(Renderer, EdgesAreAntiAliased) {
   EXPECT_GT(between, 60);
 }
 
+// Oracle: a line of 0.4 pixels between two columns covers a sample in each row, and no centre of a pixel.
+TEST(Renderer, LineThinnerThanAPixelHasNoGaps) {
+  Renderer renderer(320, 240);
+  DrawList line;
+  line.arrows.push_back({{0, 0, -0.1}, {0, 0, 0.1}, 0.00026, {0, 0, 0}, false});
+  const Image with = renderer.draw(line, straight_camera());
+  const Image without = renderer.draw({}, straight_camera());
+  const Projection project(straight_camera(), 320, 240);
+  const int top = static_cast<int>(project(Vec3(0, 0, 0.09)).y());
+  const int bottom = static_cast<int>(project(Vec3(0, 0, -0.09)).y());
+  ASSERT_GT(bottom, top + 100);
+  for (int y = top; y <= bottom; ++y) {
+    int most = 0;
+    for (int x = 0; x < 320; ++x) most = std::max(most, difference(with, without, x, y));
+    EXPECT_GT(most, 30) << "row " << y;
+  }
+}
+
+// The renderer numbers shapes up to 255: of two with the same number each has its own colour. The camera is
+// far, so that places in the picture do not depend on the distance.
+TEST(Renderer, ShapesBeyondItsNumbersHaveTheirColours) {
+  Camera camera;
+  camera.position = {0, -20, 0};
+  camera.field_of_view = 0.03;
+  DrawList list;
+  const auto place = [](int i) { return Vec3((i % 17 - 8) * 0.03, 0, (i / 17 - 7) * 0.03); };
+  for (int i = 0; i < 255; ++i)
+    list.shapes.push_back(capsule(place(i), place(i) + Vec3(0, 0, 1e-4), 0.01, {0.8F, 0.05F, 0.05F}));
+  // Behind and between them a chain of balls that overlap.
+  const Vec3 behind(0.012, 0.05, 0.015);
+  for (int i = 0; i < 45; ++i) {
+    const Vec3 p = place(i) + behind;
+    const bool green = i % 2 == 0;
+    list.shapes.push_back(
+        capsule(p, p + Vec3(0, 0, 1e-4), 0.018, {0.05F, green ? 0.8F : 0.05F, green ? 0.05F : 0.8F}));
+  }
+  Renderer renderer(640, 480);
+  const Image image = renderer.draw(list, camera);
+  const Projection project(camera, 640, 480);
+  const auto pixel = [&](const Vec3& point) {
+    const Eigen::Vector2d at = project(point);
+    return image.pixel(static_cast<int>(at.x()), static_cast<int>(at.y()));
+  };
+  for (int i = 0; i < 255; ++i)
+    for (const double x : {0.0, 0.006}) {
+      const std::uint8_t* front = pixel(place(i) + Vec3(x, 0, 0));
+      EXPECT_GT(front[0], front[1] + 20) << "ball " << i;
+    }
+  for (int i = 0; i < 45; ++i) {
+    const std::uint8_t* back = pixel(place(i) + behind + Vec3(0.0125, 0, 0));
+    const int strong = i % 2 == 0 ? 1 : 2;
+    EXPECT_GT(back[strong], back[3 - strong] + 20) << "ball " << 255 + i;
+  }
+}
+
 /// True if the ray through a point of the picture passes the capsule's axis within its radius.
 bool hits(const Solid& shape, const Projection& project, double px, double py, double grown) {
   const Vec3 d = ((px - project.width / 2) * project.x - (py - project.height / 2) * project.y -

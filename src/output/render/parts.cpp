@@ -1,0 +1,132 @@
+#include "handsim/output/render/parts.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "handsim/output/render/mesh.h"
+
+namespace handsim::output {
+
+namespace {
+
+Buffer upload(const Mesh& mesh) {
+  Buffer buffer;
+  buffer.count = static_cast<GLsizei>(mesh.indices.size());
+  glGenVertexArrays(1, &buffer.array);
+  glBindVertexArray(buffer.array);
+  std::array<GLuint, 2> data{};
+  glGenBuffers(2, data.data());
+  glBindBuffer(GL_ARRAY_BUFFER, data[0]);
+  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.vertices.size() * sizeof(Vertex)),
+               mesh.vertices.data(), GL_STATIC_DRAW);
+  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, data[1]);
+  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(mesh.indices.size() * sizeof(std::uint32_t)),
+               mesh.indices.data(), GL_STATIC_DRAW);
+  glVertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex), nullptr);
+  // The second attribute follows the first; OpenGL takes the offset as a pointer.
+  glVertexAttribPointer(1, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
+                        reinterpret_cast<const void*>(sizeof(Eigen::Vector3f)));
+  glEnableVertexAttribArray(0);
+  glEnableVertexAttribArray(1);
+  return buffer;
+}
+
+}  // namespace
+
+Eigen::Vector4f rectangle_of(const Solid& solid, const Eigen::Matrix4f& projection) {
+  const Vec3 half = solid.half + Vec3::Constant(solid.round);
+  Eigen::Array2f low = Eigen::Array2f::Ones(), high = -low;
+  for (int corner = 0; corner < 8; ++corner) {
+    const Vec3 signs((corner & 1) != 0 ? 1 : -1, (corner & 2) != 0 ? 1 : -1, (corner & 4) != 0 ? 1 : -1);
+    const Vec3 point = solid.pose * Vec3(half.cwiseProduct(signs));
+    const Eigen::Vector4f at = projection * Eigen::Vector4d(point.x(), point.y(), point.z(), 1).cast<float>();
+    // A corner behind the camera has no place in the picture.
+    if (at.w() <= 0) return {-1, -1, 1, 1};
+    low = low.min(at.head<2>().array() / at.w());
+    high = high.max(at.head<2>().array() / at.w());
+  }
+  // A float has less precision than the driver's edges.
+  low -= 1e-3F;
+  high += 1e-3F;
+  return {low.x(), low.y(), high.x(), high.y()};
+}
+
+Meshes::Meshes()
+    : capsule_(upload_round(capsule_mesh)),
+      cylinder_(upload_round(cylinder_mesh)),
+      box_(upload(box_mesh())),
+      cone_(upload(cone_mesh(static_cast<float>(kHeadLength)))) {}
+
+/// One buffer for each entry of kSides.
+Meshes::RoundBuffers Meshes::upload_round(Mesh (*make)(int)) {
+  RoundBuffers buffers;
+  for (std::size_t i = 0; i < kSides.size(); ++i) buffers[i] = upload(make(kSides[i]));
+  return buffers;
+}
+
+// The error of a circle of radius r with n sides is r (1 - cos(pi / n)), about r (pi / n)^2 / 2.
+Buffer Meshes::fitting(const RoundBuffers& buffers, const Scene& scene, const DrawShape& shape, int height) {
+  const Solid& solid = shape.solid;
+  const double nearest = std::max((solid.pose.p - scene.camera.position).norm() - solid.reach(), 1e-6);
+  const double focus = height / 2.0 / std::tan(scene.camera.field_of_view / 2);
+  const double radius = std::max(solid.round, solid.half.x()) * focus / nearest;
+  for (std::size_t i = shape.fine ? 1 : 0; i + 1 < kSides.size(); ++i)
+    if (radius * std::pow(M_PI / kSides[i], 2) / 2 < 0.25) return buffers[i];
+  return buffers.back();
+}
+
+Buffer Meshes::buffer_of(const Scene& scene, const DrawShape& shape, int height) {
+  const Solid& solid = shape.solid;
+  if (is_capsule(solid)) return fitting(capsule_, scene, shape, height);
+  switch (solid.core) {
+    case Core::box:
+      return box_;
+    case Core::cylinder:
+      return fitting(cylinder_, scene, shape, height);
+    case Core::hull:
+      break;
+  }
+  const auto [found, fresh] = hulls_.try_emplace(solid.mesh);
+  if (fresh) found->second = upload(faceted_mesh(*solid.mesh));
+  return found->second;
+}
+
+std::vector<Part> Meshes::parts(const Scene& scene, int height) {
+  std::vector<Part> parts;
+  for (const LitSolid& lit : scene.solids)
+    parts.push_back({lit.solid, lit.colour, buffer_of(scene, lit, height), &lit});
+  add_annotations(*scene.list, parts);
+  // Two parts of the same number have no smooth edge between them; few pictures have so many.
+  for (std::size_t i = 0; i < parts.size(); ++i) parts[i].id = static_cast<float>(1 + i % kIds) / kIds;
+  return parts;
+}
+
+void Meshes::add_annotations(const DrawList& list, std::vector<Part>& parts) const {
+  for (const DrawPoint& point : list.points)
+    parts.push_back({{Core::box, Vec3::Zero(), point.radius, {point.position, Quat::Identity()}, {}},
+                     point.colour,
+                     capsule_[1]});
+  for (const DrawArrow& arrow : list.arrows) {
+    const Vec3 along = arrow.to - arrow.from;
+    const double length = along.norm();
+    if (!(length > 0)) continue;
+    const Quat q = Quat::FromTwoVectors(Vec3::UnitZ(), along);
+    const double width_of_head = kHeadWidth * arrow.radius;
+    const double head = std::min(kHeadLength * width_of_head, 0.6 * length);
+    const double shaft = length - head;
+    const Vec3 neck = arrow.from + along * (shaft / length);
+    parts.push_back(
+        {{Core::cylinder, {arrow.radius, arrow.radius, shaft / 2}, 0, {(arrow.from + neck) / 2, q}, {}},
+         arrow.colour,
+         cylinder_[1],
+         nullptr,
+         arrow.on_top});
+    parts.push_back({{Core::cylinder, {width_of_head, width_of_head, head}, 0, {neck, q}, {}},
+                     arrow.colour,
+                     cone_,
+                     nullptr,
+                     arrow.on_top});
+  }
+}
+
+}  // namespace handsim::output

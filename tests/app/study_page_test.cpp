@@ -1,0 +1,101 @@
+// Studies leave the commands that repeat their rows, and pages.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <sstream>
+#include <stdexcept>
+
+#include <nlohmann/json.hpp>
+
+#include "app/program.h"
+
+namespace handsim {
+namespace {
+
+namespace fs = std::filesystem;
+using test::contains, test::run_program, test::text_of;
+
+std::vector<std::vector<std::string>> table_of(const fs::path& path) {
+  std::vector<std::vector<std::string>> rows;
+  std::istringstream lines(text_of(path));
+  for (std::string line; std::getline(lines, line);) {
+    std::vector<std::string>& row = rows.emplace_back(1);
+    bool quoted = false;
+    for (const char c : line) {
+      if (c == '"') quoted = !quoted;
+      if (c == ',' && !quoted)
+        row.emplace_back();
+      else if (c != '"')
+        row.back() += c;
+    }
+  }
+  return rows;
+}
+
+std::string cell(const std::vector<std::vector<std::string>>& table, std::size_t row,
+                 const std::string& column) {
+  const auto& head = table.at(0);
+  const auto found = std::find(head.begin(), head.end(), column);
+  if (found == head.end()) throw std::out_of_range(column);
+  return table.at(row).at(static_cast<std::size_t>(found - head.begin()));
+}
+
+/// Words of a command as a shell reads them, without the program.
+std::vector<std::string> words_of(const std::string& command) {
+  std::vector<std::string> words(1);
+  bool quoted = false;
+  for (const char c : command) {
+    if (c == '\'') quoted = !quoted;
+    if (c == ' ' && !quoted)
+      words.emplace_back();
+    else if (c != '\'')
+      words.back() += c;
+  }
+  words.erase(words.begin());
+  return words;
+}
+
+// Oracle: the table. The commands of the rows that are simulations name their scenes.
+TEST(StudyPage, OfValidateHasACommandForEachRow) {
+  const test::TemporaryFolder folder;
+  const fs::path out = folder.path() / "validate";
+  run_program({"validate", "--out", out.string(), "--report"});
+  const auto study = nlohmann::json::parse(text_of(out / "study.json"));
+  const auto table = table_of(out / "validate.csv");
+  EXPECT_TRUE(contains(study["command"], "handsim validate "));
+  EXPECT_EQ(study["rows"]["validate.csv"].size(), table.size() - 1);
+  EXPECT_GT(table.size(), 20U);
+  const std::string page = text_of(out / "report.html");
+  EXPECT_TRUE(contains(page, "validate.csv"));
+  EXPECT_TRUE(contains(page, cell(table, 1, "quantity")));
+  const auto about = nlohmann::json::parse(text_of(out / "validate.json"));
+  EXPECT_TRUE(contains(page, about["title"]));
+}
+
+// Oracle: the study's own row: its command runs the same grasp on the articulated engine.
+TEST(StudyPage, CommandOfARowOfAgreementRepeatsIt) {
+  const test::TemporaryFolder folder;
+  const fs::path out = folder.path() / "agree";
+  ASSERT_EQ(run_program({"grasp", test::source("config/agreement/box.yaml").string(), "--agree", "1",
+                         "--seed", "5", "--set", "grasps.0.hold=0.1 s", "--set", "solver.step=4 ms", "--set",
+                         "duration=2.5 s", "--out", out.string(), "--report"})
+                .status,
+            0);
+  const auto table = table_of(out / "agreement.csv");
+  const auto study = nlohmann::json::parse(text_of(out / "study.json"));
+  EXPECT_TRUE(contains(study["command"], "--agree 1 --seed 5"));
+  EXPECT_TRUE(contains(text_of(out / "report.html"), "agreement.csv"));
+  ASSERT_EQ(study["rows"]["agreement.csv"].size(), table.size() - 1);
+  std::vector<std::string> words = words_of(study["rows"]["agreement.csv"][0]);
+  words.back() = (folder.path() / "again").string();
+  run_program(words);
+  const auto again = table_of(folder.path() / "again/grasps.csv");
+  ASSERT_EQ(again.size(), 2U);
+  // The tables have four and six digits.
+  const double slip = std::stod(cell(table, 1, "articulated slip[um/s]"));
+  EXPECT_GT(slip, 0.1);
+  EXPECT_NEAR(std::stod(cell(again, 1, "slip[um/s]")), slip, 1e-3 * slip);
+}
+
+}  // namespace
+}  // namespace handsim
