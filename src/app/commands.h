@@ -74,7 +74,7 @@ int render_command(const RenderArguments& arguments);
 struct GraspArguments {
   std::vector<std::filesystem::path> scenes;  ///< files or folders
   std::filesystem::path out;
-  std::string side;  ///< right, left, both; empty: the scene's
+  std::string side;                            ///< right, left, both; empty: the scene's
   std::vector<std::filesystem::path> persons;  ///< files or folders
   std::vector<std::string> overrides;
   std::optional<double> friction;

@@ -53,8 +53,7 @@ PersonHands read_person_hands(const HandArguments& arguments) {
   if (!diagnostics.problems.empty()) throw Error(option_problems(diagnostics.problems));
   out.warnings = std::move(diagnostics.warnings);
   const std::string where = person_node.place().text();
-  for (const std::string& text : hand::doubts(out.model, out.person))
-    out.warnings.push_back(where + text);
+  for (const std::string& text : hand::doubts(out.model, out.person)) out.warnings.push_back(where + text);
   return out;
 }
 

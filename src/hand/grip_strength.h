@@ -38,8 +38,8 @@ struct GripStrength {
 /// Age assumed if the person states none [years].
 inline constexpr double kDefaultAge = 30;
 
-/// The row of the person's sex whose age and stature are nearest, times (stature / its smallest)^2 for shorter
-/// people: areas of muscles; unknown sex: the mean of both.
+/// The row of the person's sex whose age and stature are nearest, times (stature / its smallest)^2 for
+/// shorter people: areas of muscles; unknown sex: the mean of both.
 GripStrength grip_strength(const GripTable& table, const Person& person);
 
 }  // namespace handsim::hand

@@ -37,7 +37,8 @@ std::string palm_up(const std::string& rest, const std::string& load) {
          load + ", strength: ../handmodels/grip_strength.yaml}\n" + rest;
 }
 
-/// 40 kg on the palm, between its pads and the fingers, kept back by a smooth wall: friction with a known normal force holds the palm.
+/// 40 kg on the palm, between its pads and the fingers, kept back by a smooth wall: friction with a known
+/// normal force holds the palm.
 std::string block_on_palm(double friction, const std::string& solver) {
   return palm_up(
       "objects:\n"

@@ -217,8 +217,7 @@ HandEntry read_hand(MapReader reader, const Tasks& tasks, HandNames& names, bool
   tissue.finish();
   reader.finish();
   if (person_known)
-    for (const std::string& text : hand::doubts(entry.model, entry.person))
-      reader.warning("person", text);
+    for (const std::string& text : hand::doubts(entry.model, entry.person)) reader.warning("person", text);
   return entry;
 }
 
