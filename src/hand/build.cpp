@@ -140,8 +140,18 @@ double exit_from(const Piece& parent, const Piece& piece) {
   return piece.shapes[0].length;
 }
 
-/// Space that two rows share at zero angles counts once. The palm has what is in it; a plane through the
-/// joint divides a segment from the next one at its end.
+/// The first part of a segment's cylinder, in its parent's frame, to be taken from the parent.
+MassProperties taken_from(const Piece& parent, const Piece& piece, double length) {
+  const double r = piece.shapes[0].radius, volume = M_PI * r * r * length;
+  const double across = length * length / 12 + r * r / 4;
+  const Pose frame = parent.frame.inverse() * piece.frame;
+  const Mat3 axes = frame.q.toRotationMatrix();
+  return {-volume, frame * Vec3(0, 0.5 * length, 0),
+          -volume * axes * Vec3(across, r * r / 2, across).asDiagonal() * axes.transpose()};
+}
+
+/// Space that two rows share at zero angles counts once: a plane through the joint divides them. Of a parent
+/// that is one box, or goes on beyond the joint, the segment begins where it leaves it.
 void share_space(std::vector<Piece>& parts, const HandSpec& spec) {
   for (std::size_t i = 1; i < parts.size(); ++i) {
     // A carrier has no shape: its segment starts where the carrier does, in the carrier's parent.
@@ -156,9 +166,11 @@ void share_space(std::vector<Piece>& parts, const HandSpec& spec) {
     if (parent.cut && (at - Vec3(0, parent.shapes[0].length, 0)).norm() < 1e-9) {
       parent.cut->flat_end = true;
       own.cut = Cut{-bulge(parent.shapes[0].radius, capsule.radius), false};
-    } else {
-      own.cut = Cut{std::min(covered(exit_from(parent, own), capsule.radius), 0.95 * capsule.length), false};
+      continue;
     }
+    const double shared = std::min(covered(exit_from(parent, own), capsule.radius), 0.95 * capsule.length);
+    own.cut = Cut{parent.together ? 0 : shared, false};
+    if (parent.together) parent.together = model::joined({*parent.together, taken_from(parent, own, shared)});
   }
 }
 

@@ -56,7 +56,7 @@ TEST(TwoHandsControl, TouchInEveryPhase) {
     for (const engine::Contact& contact : simulation.engine().contacts())
       for (const int shape : {contact.shape_a, contact.shape_b}) {
         const std::string& name = scene.model.shapes[static_cast<std::size_t>(shape)].name;
-        fingers.insert(name.substr(0, name.find('_')));
+        fingers.insert(name.substr(0, name.find_first_of("_.", name.find('.') + 1)));
       }
     return fingers;
   };
