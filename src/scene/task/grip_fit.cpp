@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include <Eigen/Dense>
 #include <fmt/format.h>
 
 #include "handsim/control/gains.h"
@@ -19,20 +20,24 @@ namespace {
 /// Depth of a touch without force [m].
 constexpr double kTouchDepth = 1e-5;
 /// Share of friction that the planned forces may use: the rest is for the shake.
-constexpr double kFrictionShare = 0.6;
+double E(const char* n, double d) { return std::getenv(n) ? std::atof(std::getenv(n)) : d; }
+const double kFrictionShare = E("FS", 0.6);
 /// Share of the normal forces that may be left over: springs give way by as much.
 constexpr double kUnbalanced = 0.1;
-/// Of the friction that the forces allow over weight and shake.
-constexpr double kSafety = 2;
+/// Share of what the contacts hold that weight and shake shall take, and may take; they hold up to about 2.5 times what
+/// use() says.
+
+const double kUse = E("KU", 1.9), kMostUse = E("KM", 2.2), kEnough = 0.03, kUseWeight = E("UW", 0.1);
+constexpr int kRaises = 3;
 /// Weights in the choice of a place: distance from the named one in hand lengths, forces off those asked,
 /// friction.
-constexpr double kFarWeight = 2, kOffWeight = 0.2, kFrictionWeight = 0.3;
-/// Of the same with forces that torque limits reduce.
-constexpr double kLeastSafety = 1.2;
+const double kFarWeight = E("FA", 2), kOffWeight = E("OW", 0.2), kFrictionWeight = E("FW", 1);
 /// Of a better place from the named one, in hand lengths.
 constexpr double kFarthestPlace = 0.2;
 /// Rounds in which the depths of the pads and the forces come to agree.
-constexpr int kRounds = 4;
+const int kRounds = std::getenv("GR") ? std::atoi(std::getenv("GR")) : 8;
+constexpr double kDeeper = 2e-3;
+const double kRidge = std::getenv("RI") ? std::atof(std::getenv("RI")) : 3e-3, kSlideWeight = std::getenv("SW") ? std::atof(std::getenv("SW")) : 0.2;
 /// Times the way from open to closed by which fingers open at most.
 constexpr double kWideOpen = 3;
 /// Distance from the palm at which an object starts, and the step towards the palm [m].
@@ -79,10 +84,10 @@ class Fit {
 
   FittedGrip run() {
     search();
-    if (press_as_needed()) search();
+    press_as_needed();
     report();
-    limit_torques();
     const std::vector<double> press = pressing();
+    if (std::getenv("GRIPDBG")) debug(press);
     out_.open = pose(closing_.open());
     out_.touch = pose(touch_);
     out_.press = pose(press);
@@ -107,11 +112,7 @@ class Fit {
     q_ = touch_ = closing_.close(depth_);
     for (int round = 0; round < kRounds; ++round) {
       find_forces();
-      set_depths();
-      // The squeeze presses the object into the palm and the fingers' pads.
-      if (place_.on_palm) put_on_palm(x_HO_.p.z() - 2 * kNearer);
-      hand_.place(x_HO_);
-      q_ = closing_.close(depth_, true);
+      press_deeper();
     }
     find_forces();
     sum_forces();
@@ -132,7 +133,7 @@ class Fit {
       tangential += (balanced_.forces[i] - normal_force(i) * contacts_[i].normal).norm();
     }
     return (opens_ ? 0 : 10) + 2 * balanced_.unbalanced + kOffWeight * off / asked_sum +
-           kFrictionWeight * tangential / (normal + 1e-9);
+           kFrictionWeight * tangential / (normal + 1e-9) + kUseWeight * use();
   }
 
   /// From the place that the task names, in steps that become smaller, to where the forces balance.
@@ -155,6 +156,7 @@ class Fit {
         }
       }
     }
+    best_ = best;
     grasp_at(best);
   }
 
@@ -203,14 +205,52 @@ class Fit {
 
   double normal_force(std::size_t i) const { return balanced_.forces[i].dot(contacts_[i].normal); }
 
-  void set_depths() {
-    std::vector<double> force(depth_.size()), stiffness(depth_.size());
+  /// Presses each body deeper, or less deep, by what its springs lack of its force.
+  void press_deeper() {
+    std::vector<double> deeper(depth_.size()), stiffness(depth_.size());
     for (std::size_t i = 0; i < contacts_.size(); ++i) {
-      force[static_cast<std::size_t>(contacts_[i].body)] += normal_force(i);
-      stiffness[static_cast<std::size_t>(contacts_[i].body)] += contacts_[i].stiffness;
+      const auto body = static_cast<std::size_t>(contacts_[i].body);
+      deeper[body] += normal_force(i) - contacts_[i].stiffness * contacts_[i].depth;
+      stiffness[body] += contacts_[i].stiffness;
     }
-    for (std::size_t b = 0; b < depth_.size(); ++b)
-      depth_[b] = kTouchDepth + (stiffness[b] > 0 ? force[b] / stiffness[b] : 0);
+    for (std::size_t b = 0; b < deeper.size(); ++b)
+      deeper[b] = stiffness[b] > 0 ? std::clamp(deeper[b] / stiffness[b], -kDeeper, kDeeper) : 0;
+    const Vec3 before = x_HO_.p;
+    if (place_.on_palm) {
+      double& depth = depth_[static_cast<std::size_t>(hand_.palm())];
+      depth = std::max(kTouchDepth, depth + deeper[static_cast<std::size_t>(hand_.palm())]);
+      put_on_palm(x_HO_.p.z() - 2 * kNearer);
+    }
+    hand_.place(x_HO_);
+    const std::vector<double> q = q_;
+    for (const FingerChain& chain : closing_.chains())
+      if (closing_.moves(chain)) press_deeper(chain, deeper, x_HO_.p - before, q);
+  }
+
+  /// Turns the joints of a finger so that its points go into the object and do not slide on it: what slides
+  /// while it is pressed is left with friction that nobody planned.
+  void press_deeper(const FingerChain& chain, const std::vector<double>& deeper, const Vec3& moved,
+                    const std::vector<double>& q) {
+    const auto n = static_cast<Eigen::Index>(chain.axes.size());
+    Eigen::MatrixXd a = kRidge * kRidge * Eigen::MatrixXd::Identity(n, n);
+    Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
+    for (const TouchPoint& contact : contacts_) {
+      if (std::find(chain.bodies.begin(), chain.bodies.end(), contact.body) == chain.bodies.end()) continue;
+      const std::vector<Vec3> way = hand_.jacobian(q, contact.body, contact.point);
+      Eigen::MatrixXd rows(3, n);
+      for (Eigen::Index k = 0; k < n; ++k) rows.col(k) = way[chain.axes[static_cast<std::size_t>(k)]];
+      const Mat3 into = contact.normal * contact.normal.transpose();
+      const Mat3 weight = into + kSlideWeight * (Mat3::Identity() - into);
+      const Vec3 wanted = moved + deeper[static_cast<std::size_t>(contact.body)] * contact.normal;
+      a += rows.transpose() * weight * rows;
+      b += rows.transpose() * weight * wanted;
+    }
+    const Eigen::VectorXd turn = a.ldlt().solve(b);
+    for (Eigen::Index k = 0; k < n; ++k) {
+      const std::size_t axis = chain.axes[static_cast<std::size_t>(k)];
+      q_[axis] += turn[k];
+      if (const auto& stop = hand_.axes().axes[axis].stop) q_[axis] = std::clamp(q_[axis], stop->low, stop->high);
+    }
   }
 
   void sum_forces() {
@@ -221,13 +261,70 @@ class Fit {
           normal_force(i);
   }
 
-  /// Raises forces that are too small for the object's weight and shake. @returns true if they were
-  bool press_as_needed() {
-    const double most = friction_limit();
-    const double factor = most > 0 ? kSafety * place_.load / most : 1;
-    if (factor <= 1) return false;
-    strength_ *= factor;
-    return true;
+  /// The largest share that weight and shake take of what the contacts hold: where each carries at most a share
+  /// s of its own limit, sum of s^2 at the least. Each limit is an ellipsoid with what the planned forces leave.
+  double use() const {
+    using Mat6 = Eigen::Matrix<double, 6, 6>;
+    using Vec6 = Eigen::Matrix<double, 6, 1>;
+    Mat6 holds = 1e-12 * Mat6::Identity();
+    const Vec3 centre = x_HO_ * site_.object.body.centre;
+    for (std::size_t i = 0; i < contacts_.size(); ++i) {
+      const Vec3& n = contacts_[i].normal;
+      const double normal = normal_force(i);
+      const double slides = std::max(0.0, contacts_[i].friction * normal - (balanced_.forces[i] - normal * n).norm());
+      Eigen::Matrix<double, 6, 3> of;
+      const std::array<Vec3, 3> ways = {n, n.unitOrthogonal(), n.cross(n.unitOrthogonal())};
+      for (int k = 0; k < 3; ++k) {
+        const Vec3 force = (k == 0 ? normal : slides) * ways[static_cast<std::size_t>(k)];
+        of.col(k) << force, (contacts_[i].point - centre).cross(force);
+      }
+      holds += of * of.transpose();
+      Vec6 spin;
+      spin << Vec3::Zero(), contacts_[i].spinning * normal * n;
+      holds += spin * spin.transpose();
+    }
+    const Eigen::LDLT<Mat6> solver(holds);
+    double most = 0;
+    for (const Vec3& shake : place_.shakes) {
+      Vec6 load;
+      load << place_.weight + shake, Vec3::Zero();
+      most = std::max(most, load.dot(solver.solve(load)));
+    }
+    return std::sqrt(most);
+  }
+
+  /// Raises forces that are too small for the object's weight and shake, and reduces those that the joints cannot
+  /// press with. A problem if they then do not carry the object.
+  void press_as_needed() {
+    const double asked_strength = strength_;
+    double wanted = strength_;
+    for (int round = 0; round < kRaises; ++round) {
+      wanted = std::max(asked_strength, strength_ * use() / kUse);
+      const double factor = std::min(wanted / strength_, 1 / (worst_torque().first + 1e-9));
+      if (std::abs(factor - 1) < kEnough) break;
+      strength_ *= factor;
+      grasp_at(best_);
+    }
+    const auto [share, axis] = worst_torque();
+    if (share > 1) {
+      for (Vec3& force : balanced_.forces) force /= share;
+      sum_forces();
+    }
+    judge_forces(wanted / strength_, axis);
+  }
+
+  void judge_forces(double lacking, const std::string& axis) {
+    const double used = use();
+    if (used > kMostUse)
+      weak_ = {task_.place, task_.path,
+               fmt::format("a hand of {:.0f} mm that presses with {:.3g} N in sum, the torque limit of {}",
+                           1e3 * site_.built.size.length, total_force(), axis),
+               fmt::format("{:.3g} N for the object's weight and shake: a stronger hand, or a lighter object",
+                           total_force() * used / kMostUse)};
+    else if (lacking > 1 + 2 * kEnough)
+      out_.warnings.push_back(
+          fmt::format("{}: the hand presses with {:.3g} N in place of {:.3g} N: torque limit of {}",
+                      task_.path, total_force(), total_force() * lacking, axis));
   }
 
   /// Largest torque over its limit, and the axis.
@@ -245,34 +342,6 @@ class Fit {
     return worst;
   }
 
-  /// Largest friction of all contacts together [N].
-  double friction_limit() const {
-    double most = 0;
-    for (std::size_t i = 0; i < contacts_.size(); ++i) most += contacts_[i].friction * normal_force(i);
-    return most;
-  }
-
-  /// Reduces forces that the joints cannot press with. A problem if they then do not carry the object.
-  void limit_torques() {
-    if (!out_.problems.empty()) return;
-    const auto [share, axis] = worst_torque();
-    if (share <= 1) return;
-    const double asked_sum = total_force();
-    for (Vec3& force : balanced_.forces) force /= share;
-    sum_forces();
-    if (friction_limit() < kLeastSafety * place_.load)
-      out_.problems.push_back(
-          {task_.place, task_.path,
-           fmt::format("a hand of {:.0f} mm that presses with {:.3g} N in sum, the torque limit of {}",
-                       1e3 * site_.built.size.length, total_force(), axis),
-           fmt::format("{:.3g} N for the object's weight and shake: a stronger hand, or a lighter object",
-                       total_force() * kLeastSafety * place_.load / friction_limit())});
-    else
-      out_.warnings.push_back(
-          fmt::format("{}: the hand presses with {:.3g} N in place of {:.3g} N: torque limit of {}",
-                      task_.path, total_force(), asked_sum, axis));
-  }
-
   double total_force() const {
     double sum = out_.palm_force;
     for (const auto& [part, force] : out_.forces) sum += force;
@@ -287,7 +356,10 @@ class Fit {
         why = fmt::format("{} finger does not reach it", name(part));
     if (why.empty() && balanced_.unbalanced > kUnbalanced)
       why = fmt::format("forces do not balance: {:.0f} % are left over", 100 * balanced_.unbalanced);
-    if (why.empty()) return;
+    if (why.empty()) {
+      if (weak_) out_.problems.push_back(*weak_);
+      return;
+    }
     const Vec3 edges = 1e3 * model::box_edges(site_.object.shapes);
     out_.problems.push_back({task_.place, task_.path,
                              fmt::format("a hand of {:.0f} mm, which opens to {:.0f} mm between thumb and "
@@ -322,15 +394,35 @@ class Fit {
     return out;
   }
 
+  /// Targets of the springs: theirs and those of the tissue, whose torque at the target is fed forward.
   std::vector<double> pressing() {
     std::vector<double> out = q_;
     const std::vector<double> tau = torques();
     const auto& axes = hand_.axes().axes;
+    const bool fed = site_.scene.control->controller.tissue_compensation;
     for (std::size_t i = 0; i < axes.size(); ++i) {
       const auto gains = control::gains_of(site_.scene.control->controller, axes[i]);
-      if (gains && gains->proportional.value_or(0) > 0) out[i] += tau[i] / *gains->proportional;
+      if (!gains || gains->proportional.value_or(0) <= 0) continue;
+      const auto& tissue = hand_.model().joints[axes[i].joint_index].axes[axes[i].axis_index].tissue;
+      const double stiffness = *gains->proportional + (fed && tissue ? tissue->stiffness : 0);
+      out[i] += tau[i] / stiffness;
     }
     return out;
+  }
+
+  void debug(const std::vector<double>& press) {
+    const std::vector<double> tau = torques();
+    fmt::print(stderr, "at ({:.1f} {:.1f} {:.1f}) named ({:.1f} {:.1f} {:.1f}) mm unbalanced {:.3f} use {:.3f} strength {:.2f} wrong {:.3f}\n", 1e3*out_.x_HO.p.x(),
+               1e3*out_.x_HO.p.y(), 1e3*out_.x_HO.p.z(), 1e3*place_.at.p.x(), 1e3*place_.at.p.y(), 1e3*place_.at.p.z(), balanced_.unbalanced, use(), strength_, wrong());
+    fmt::print(stderr, "pressed by ({:.2f} {:.2f} {:.2f}) mm\n", 1e3*(x_HO_.p-out_.x_HO.p).x(), 1e3*(x_HO_.p-out_.x_HO.p).y(), 1e3*(x_HO_.p-out_.x_HO.p).z());
+    const Vec3 c = x_HO_ * site_.object.body.centre;
+    for (std::size_t i = 0; i < contacts_.size(); ++i) {
+      const Vec3 t = balanced_.forces[i] - normal_force(i)*contacts_[i].normal;
+      const Vec3 r = 1e3*(contacts_[i].point - c), nn = contacts_[i].normal;
+      fmt::print(stderr, "  {:22s} depth {:.2f} at ({:6.1f} {:6.1f} {:6.1f}) n ({:5.2f} {:5.2f} {:5.2f}) N {:6.2f} T {:6.2f} k {:.0f}\n", hand_.model().bodies[contacts_[i].body].name, 1e3*contacts_[i].depth, r.x(), r.y(), r.z(), nn.x(), nn.y(), nn.z(), normal_force(i), t.norm(), contacts_[i].stiffness);
+    }
+    for (std::size_t i = 0; i < q_.size(); ++i)
+      if (std::abs(tau[i]) > 1e-9) fmt::print(stderr, "  {:24s} open {:6.1f} touch {:6.1f} q {:6.1f} press {:6.1f} deg tau {:.3f}\n", hand_.axes().axes[i].name(), 57.29578*closing_.open()[i], 57.29578*touch_[i], 57.29578*q_[i], 57.29578*press[i], tau[i]);
   }
 
   control::PoseSpec pose(const std::vector<double>& angles) const {
@@ -360,6 +452,8 @@ class Fit {
   std::vector<TouchPoint> contacts_;
   GripForces balanced_;
   bool opens_ = true;
+  Vec3 best_ = Vec3::Zero();     ///< the place that was chosen
+  std::optional<Problem> weak_;  ///< the forces are too small
   FittedGrip out_;
 };
 
