@@ -173,8 +173,8 @@ Pose GraspSpec::fit(const TaskSite& site, TaskPlan& out) const {
   double shaken = 0;
   for (const ShakeLevel& level : shake) shaken = std::max(shaken, level.acceleration);
   for (int k = 0; k < 6; ++k)
-    lies.shakes.push_back(wrist.q.conjugate() *
-                          ((k % 2 == 0 ? 1 : -1) * site.object.body.mass * shaken * Vec3::Unit(k / 2)));
+    lies.loads.push_back(lies.weight + wrist.q.conjugate() * ((k % 2 == 0 ? 1 : -1) * site.object.body.mass *
+                                                              shaken * Vec3::Unit(k / 2)));
   FittedGrip fitted = fit_grip(site, *grip, lies, *this);
   out.problems = std::move(fitted.problems);
   out.warnings = std::move(fitted.warnings);

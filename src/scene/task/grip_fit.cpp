@@ -5,7 +5,6 @@
 #include <numeric>
 
 #include <fmt/format.h>
-#include <Eigen/Dense>
 
 #include "handsim/control/gains.h"
 #include "handsim/model/kinematics.h"
@@ -41,9 +40,6 @@ constexpr double kFarthestPlace = 0.2, kFirstStep = 0.06, kLastStep = 6e-3;
 /// one [m].
 constexpr int kRounds = 8;
 constexpr double kDeeper = 2e-3;
-/// In the turn of a finger's joints as it is pressed: a turn of 1 rad counts as this error of its points [m];
-/// a squared error along the surface as this share of one into it.
-constexpr double kRidge = 3e-3, kSlideWeight = 0.2;
 /// Times the way from open to closed by which fingers open at most.
 constexpr double kWideOpen = 3;
 /// Distance from the palm at which an object starts, and the step towards the palm [m].
@@ -197,7 +193,8 @@ class Fit {
   /// The fingers and the palm that touch, and forces that balance.
   void find_forces() {
     contacts_.clear();
-    GripTask balance_of;
+    GripTask& balance_of = task_of_;
+    balance_of = {};
     const auto& chains = closing_.chains();
     for (const FingerChain& chain : chains) {
       const double force = asked(chain.part);
@@ -211,7 +208,8 @@ class Fit {
           presser = i;
       if (presser < chains.size() && !closing_.moves(chains[presser])) continue;
       contacts_.push_back(touch);
-      balance_of.contacts.push_back({touch.point, touch.normal, kFrictionShare * touch.friction, presser});
+      balance_of.contacts.push_back({touch.point, touch.normal, kFrictionShare * touch.friction, presser,
+                                     touch.friction, touch.spinning});
     }
     balance_of.load = place_.weight;
     balance_of.centre = x_HO_ * site_.object.body.centre;
@@ -245,36 +243,7 @@ class Fit {
       put_on_palm(x_HO_.p.z() - 2 * kNearer);
     }
     hand_.place(x_HO_);
-    const std::vector<double> q = q_;
-    for (const FingerChain& chain : closing_.chains())
-      if (closing_.moves(chain)) press_deeper(chain, deeper, x_HO_.p - before, q);
-  }
-
-  /// Turns the joints of a finger so that its points go into the object and do not slide on it: what slides
-  /// while it is pressed is left with friction that nobody planned.
-  void press_deeper(const FingerChain& chain, const std::vector<double>& deeper, const Vec3& moved,
-                    const std::vector<double>& q) {
-    const auto n = static_cast<Eigen::Index>(chain.axes.size());
-    Eigen::MatrixXd a = kRidge * kRidge * Eigen::MatrixXd::Identity(n, n);
-    Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
-    for (const TouchPoint& contact : contacts_) {
-      if (std::find(chain.bodies.begin(), chain.bodies.end(), contact.body) == chain.bodies.end()) continue;
-      const std::vector<Vec3> way = hand_.jacobian(q, contact.body, contact.point);
-      Eigen::MatrixXd rows(3, n);
-      for (Eigen::Index k = 0; k < n; ++k) rows.col(k) = way[chain.axes[static_cast<std::size_t>(k)]];
-      const Mat3 into = contact.normal * contact.normal.transpose();
-      const Mat3 weight = into + kSlideWeight * (Mat3::Identity() - into);
-      const Vec3 wanted = moved + deeper[static_cast<std::size_t>(contact.body)] * contact.normal;
-      a += rows.transpose() * weight * rows;
-      b += rows.transpose() * weight * wanted;
-    }
-    const Eigen::VectorXd turn = a.ldlt().solve(b);
-    for (Eigen::Index k = 0; k < n; ++k) {
-      const std::size_t axis = chain.axes[static_cast<std::size_t>(k)];
-      q_[axis] += turn[k];
-      if (const auto& stop = hand_.axes().axes[axis].stop)
-        q_[axis] = std::clamp(q_[axis], stop->low, stop->high);
-    }
+    q_ = closing_.press(q_, contacts_, deeper, x_HO_.p - before);
   }
 
   void sum_forces() {
@@ -285,39 +254,8 @@ class Fit {
           normal_force(i);
   }
 
-  /// The largest share that weight and shake take of what the contacts hold: where each carries at most a
-  /// share s of its own limit, sum of s^2 at the least. Each limit is an ellipsoid with what the planned
-  /// forces leave.
-  double use() const {
-    using Mat6 = Eigen::Matrix<double, 6, 6>;
-    using Vec6 = Eigen::Matrix<double, 6, 1>;
-    Mat6 holds = 1e-12 * Mat6::Identity();
-    const Vec3 centre = x_HO_ * site_.object.body.centre;
-    for (std::size_t i = 0; i < contacts_.size(); ++i) {
-      const Vec3& n = contacts_[i].normal;
-      const double normal = normal_force(i);
-      const double slides =
-          std::max(0.0, contacts_[i].friction * normal - (balanced_.forces[i] - normal * n).norm());
-      Eigen::Matrix<double, 6, 3> of;
-      const std::array<Vec3, 3> ways = {n, n.unitOrthogonal(), n.cross(n.unitOrthogonal())};
-      for (int k = 0; k < 3; ++k) {
-        const Vec3 force = (k == 0 ? normal : slides) * ways[static_cast<std::size_t>(k)];
-        of.col(k) << force, (contacts_[i].point - centre).cross(force);
-      }
-      holds += of * of.transpose();
-      Vec6 spin;
-      spin << Vec3::Zero(), contacts_[i].spinning * normal * n;
-      holds += spin * spin.transpose();
-    }
-    const Eigen::LDLT<Mat6> solver(holds);
-    double most = 0;
-    for (const Vec3& shake : place_.shakes) {
-      Vec6 load;
-      load << place_.weight + shake, Vec3::Zero();
-      most = std::max(most, load.dot(solver.solve(load)));
-    }
-    return std::sqrt(most);
-  }
+  /// Share of what the contacts hold that weight and shake take.
+  double use() const { return load_share(task_of_, balanced_, place_.loads); }
 
   /// Raises forces that are too small for the object's weight and shake, and reduces those that the joints
   /// cannot press with. A problem if they then do not carry the object.
@@ -462,6 +400,7 @@ class Fit {
   std::vector<double> depth_;  ///< to which each body presses
   std::vector<double> touch_, q_;
   std::vector<TouchPoint> contacts_;
+  GripTask task_of_;
   GripForces balanced_;
   bool opens_ = true;
   Vec3 best_ = Vec3::Zero();     ///< the place that was chosen

@@ -29,7 +29,7 @@ struct GripPlace {
   bool on_palm = false;        ///< the object is moved along the hand's z axis until it touches the palm
   Vec3 from = Vec3::Zero();    ///< start of the hand's approach, in the hand frame [m]
   Vec3 weight = Vec3::Zero();  ///< of the object, in the hand frame [N]
-  std::vector<Vec3> shakes;    ///< forces of the strongest shake by direction, in the hand frame [N]
+  std::vector<Vec3> loads;     ///< weight and strongest shake by its directions, in the hand frame [N]
 };
 
 struct FittedGrip {
