@@ -9,7 +9,6 @@
 #include "handsim/control/gains.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/shape_extent.h"
-#include "handsim/scene/read/blocks.h"
 #include "handsim/scene/task/grip_balance.h"
 
 namespace handsim::scene {
@@ -36,7 +35,7 @@ constexpr double kFarWeight = 2, kOffWeight = 0.4, kFrictionWeight = 0.6, kUseWe
                  kUnplannedWeight = 0.1, kMostWrong = 5;
 /// Of a better place from the named one, and the first and last step on the way, in hand lengths.
 constexpr double kFarthestPlace = 0.2, kFirstStep = 0.06, kLastStep = 6e-3;
-/// Rounds in which the depths of the pads and the forces come to agree; most that a pad is pressed deeper in
+/// Rounds in which depths of pads and forces come to agree; most that a pad is pressed deeper in
 /// one [m].
 constexpr int kRounds = 8;
 constexpr double kDeeper = 2e-3;
@@ -47,26 +46,11 @@ constexpr double kFar = 0.4, kNearer = 5e-3;
 /// Then the place is within 5 um.
 constexpr int kHalvings = 10;
 
-struct PartName {
-  const char* name;
-  model::Part part;
-};
-constexpr std::array kFingers = {PartName{"thumb", model::Part::thumb}, PartName{"index", model::Part::index},
-                                 PartName{"middle", model::Part::middle}, PartName{"ring", model::Part::ring},
-                                 PartName{"little", model::Part::little}};
-
-const char* name(model::Part part) {
-  for (const PartName& finger : kFingers)
-    if (finger.part == part) return finger.name;
-  return "palm";
-}
-
 std::vector<double> angles_of(const TaskSite& site, const std::string& pose, const control::HandAxes& axes) {
   Diagnostics ignored;  // poses are checked with the program
   return control::pose_angles(pose, site.scene.control->poses->poses.at(pose), axes, ignored);
 }
 
-/// Fits step by step; the members are the intermediate results.
 class Fit {
  public:
   Fit(const TaskSite& site, const GripSpec& spec, const GripPlace& place, const TaskSpec& task)
@@ -123,10 +107,9 @@ class Fit {
 
   /// Forces of the pads that are not those planned, as a share of the sum.
   double unplanned() const {
-    double off = 0, sum = 1e-9;
+    double off = 0;
     for (const double force : lacking()) off += std::abs(force);
-    for (std::size_t i = 0; i < contacts_.size(); ++i) sum += normal_force(i);
-    return off / sum;
+    return off / (total_force() + 1e-9);
   }
 
   /// How far the grasp is from one that holds with little friction and the forces that are asked.
@@ -307,9 +290,8 @@ class Fit {
   }
 
   double total_force() const {
-    double sum = out_.palm_force;
-    for (const auto& [part, force] : out_.forces) sum += force;
-    return sum;
+    return std::accumulate(out_.forces.begin(), out_.forces.end(), out_.palm_force,
+                           [](double sum, const auto& of) { return sum + of.second; });
   }
 
   void report() {
@@ -317,7 +299,7 @@ class Fit {
     if (!opens_) why = "cannot open round it";
     for (const auto& [part, force] : spec_.forces)
       if (why.empty() && !out_.forces.contains(part))
-        why = fmt::format("{} finger does not reach it", name(part));
+        why = fmt::format("{} finger does not reach it", part_name(part));
     if (why.empty() && balanced_.unbalanced > kUnbalanced)
       why = fmt::format("forces do not balance: {:.0f} % are left over", 100 * balanced_.unbalanced);
     if (why.empty() && unplanned() > kMostUnplanned) why = "it lies against a part that does not press";
@@ -409,21 +391,6 @@ class Fit {
 };
 
 }  // namespace
-
-GripSpec read_grip(MapReader reader) {
-  GripSpec out;
-  MapReader forces = reader.required_map("forces", "a mapping of fingers to forces");
-  for (const PartName& finger : kFingers)
-    if (forces.has(finger.name))
-      out.forces[finger.part] = forces.number(finger.name, {Dimension::force, 0, 1e3});
-  if (forces.sound() && out.forces.empty()) forces.problem("", "no finger", "a force of at least one finger");
-  forces.finish();
-  if (YamlNode* table = referenced(reader, "strength", FileKind::grip_norms))
-    out.strength = hand::read_grip_table(*table, reader.path_of("strength"), reader.diagnostics());
-  out.squeeze = reader.number("squeeze", kSpan, out.squeeze);
-  reader.finish();
-  return out;
-}
 
 FittedGrip fit_grip(const TaskSite& site, const GripSpec& spec, const GripPlace& place,
                     const TaskSpec& task) {
