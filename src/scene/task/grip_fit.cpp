@@ -72,10 +72,9 @@ class Fit {
     search();
     press_as_needed();
     report();
-    const std::vector<double> press = pressing();
     out_.open = pose(closing_.open());
     out_.touch = pose(touch_);
-    out_.press = pose(press);
+    out_.press = pose(pressing());
     out_.press.pressing = true;
     return std::move(out_);
   }

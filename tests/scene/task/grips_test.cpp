@@ -132,15 +132,15 @@ TEST(GripBalance, ShareOfLoadsIsThatOfTheEllipsoidsOfAPinch) {
   EXPECT_NEAR(load_share(task, found, loads), 1 / (std::sqrt(2.0) * 4), 0.01);
 }
 
-// Oracle: a box of 158 mm between thumb and fingers that open to less.
-TEST(Grips, OfABoxThatIsTooLargeForAChildAreRefusedWithBothSizes) {
+// Oracle: a cylinder of 100 mm for a hand of 124 mm.
+TEST(Grips, OfACylinderThatIsTooLargeForAChildAreRefusedWithBothSizes) {
   try {
-    test::shipped_scene("grasp_cracker_box", short_run("child", "right"));
+    test::shipped_scene("grasp_cylinder_100mm", short_run("child", "right"));
     FAIL() << "not refused";
   } catch (const Error& error) {
     const std::string text = error.what();
     EXPECT_NE(text.find("grasps.0: got a hand of 124 mm, which opens to"), std::string::npos) << text;
-    EXPECT_NE(text.find("on box of 66 x 158 x 207 mm"), std::string::npos) << text;
+    EXPECT_NE(text.find("on cylinder of 100 x 100 x 140 mm"), std::string::npos) << text;
   }
 }
 
