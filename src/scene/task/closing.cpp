@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <Eigen/Dense>
+
 #include "handsim/core/units.h"
 
 namespace handsim::scene {
@@ -21,6 +23,9 @@ constexpr double kSpare = 4 * kDegree;
 constexpr int kApproachPlaces = 24;
 /// A finger opens by at most so many times its way to the closed angles.
 constexpr double kFarthest = 3;
+/// In the turn of a finger's joints as it is pressed: a turn of 1 rad counts as this error of its points [m];
+/// a squared error along the surface as this share of one into it.
+constexpr double kRidge = 3e-3, kSlideWeight = 0.2;
 
 }  // namespace
 
@@ -176,6 +181,39 @@ std::vector<double> Closing::close(const std::vector<double>& depth, bool near) 
   std::vector<double> q = open_;
   for (std::size_t i = 0; i < chains_.size(); ++i) close(i, depth, near, q);
   return q;
+}
+
+void Closing::press(const FingerChain& chain, const std::vector<TouchPoint>& contacts,
+                    const std::vector<double>& deeper, const Vec3& moved, const std::vector<double>& from,
+                    std::vector<double>& q) {
+  const auto n = static_cast<Eigen::Index>(chain.axes.size());
+  Eigen::MatrixXd a = kRidge * kRidge * Eigen::MatrixXd::Identity(n, n);
+  Eigen::VectorXd b = Eigen::VectorXd::Zero(n);
+  for (const TouchPoint& contact : contacts) {
+    if (std::find(chain.bodies.begin(), chain.bodies.end(), contact.body) == chain.bodies.end()) continue;
+    const std::vector<Vec3> way = hand_.jacobian(from, contact.body, contact.point);
+    Eigen::MatrixXd rows(3, n);
+    for (Eigen::Index k = 0; k < n; ++k) rows.col(k) = way[chain.axes[static_cast<std::size_t>(k)]];
+    const Mat3 into = contact.normal * contact.normal.transpose();
+    const Mat3 weight = into + kSlideWeight * (Mat3::Identity() - into);
+    const Vec3 wanted = moved + deeper[static_cast<std::size_t>(contact.body)] * contact.normal;
+    a += rows.transpose() * weight * rows;
+    b += rows.transpose() * weight * wanted;
+  }
+  const Eigen::VectorXd turn = a.ldlt().solve(b);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const std::size_t axis = chain.axes[static_cast<std::size_t>(k)];
+    q[axis] += turn[k];
+    if (const auto& stop = hand_.axes().axes[axis].stop) q[axis] = std::clamp(q[axis], stop->low, stop->high);
+  }
+}
+
+std::vector<double> Closing::press(const std::vector<double>& q, const std::vector<TouchPoint>& contacts,
+                                   const std::vector<double>& deeper, const Vec3& moved) {
+  std::vector<double> out = q;
+  for (const FingerChain& chain : chains_)
+    if (moves(chain)) press(chain, contacts, deeper, moved, q, out);
+  return out;
 }
 
 }  // namespace handsim::scene

@@ -39,8 +39,17 @@ class Closing {
   /// Angles with each finger closed on the object. @param depth to which the bodies press [m], by body
   /// @param near the object is nearly where it was at the last call
   std::vector<double> close(const std::vector<double>& depth, bool near = false);
+  /// Angles with which the points of the fingers go into the object and do not slide on it: what slides while
+  /// it is pressed is left with friction that nobody planned. @param q from where @param contacts there, in
+  /// the hand frame
+  /// @param deeper by which each body is pressed [m], by body @param moved by which the object moves [m]
+  std::vector<double> press(const std::vector<double>& q, const std::vector<TouchPoint>& contacts,
+                            const std::vector<double>& deeper, const Vec3& moved);
 
  private:
+  void press(const FingerChain& chain, const std::vector<TouchPoint>& contacts,
+             const std::vector<double>& deeper, const Vec3& moved, const std::vector<double>& from,
+             std::vector<double>& q);
   double angle(std::size_t axis, double share) const;
   bool touches(const FingerChain& chain, const std::vector<double>& q);
   double start(std::size_t chain, double fastest, bool near) const;

@@ -172,7 +172,9 @@ Pose GraspSpec::fit(const TaskSite& site, TaskPlan& out) const {
     lies.weight = wrist.q.conjugate() * (site.object.body.mass * site.scene.gravity);
   double shaken = 0;
   for (const ShakeLevel& level : shake) shaken = std::max(shaken, level.acceleration);
-  lies.load = lies.weight.norm() + site.object.body.mass * shaken;
+  for (int k = 0; k < 6; ++k)
+    lies.loads.push_back(lies.weight + wrist.q.conjugate() * ((k % 2 == 0 ? 1 : -1) * site.object.body.mass *
+                                                              shaken * Vec3::Unit(k / 2)));
   FittedGrip fitted = fit_grip(site, *grip, lies, *this);
   out.problems = std::move(fitted.problems);
   out.warnings = std::move(fitted.warnings);

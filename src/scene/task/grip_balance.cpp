@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <Eigen/Dense>
 
@@ -86,6 +87,34 @@ GripForces balance(const GripTask& task) {
   const double sum = x.sum();
   out.unbalanced = sum > 0 ? (a * x - b).head<6>().norm() / sum : 1;
   return out;
+}
+
+double load_share(const GripTask& task, const GripForces& forces, const std::vector<Vec3>& loads) {
+  using Mat6 = Eigen::Matrix<double, 6, 6>;
+  using Vec6 = Eigen::Matrix<double, 6, 1>;
+  Mat6 holds = 1e-12 * Mat6::Identity();  // no contact: a share that is very large
+  for (std::size_t i = 0; i < task.contacts.size(); ++i) {
+    const GripContact& contact = task.contacts[i];
+    const Vec3& n = contact.normal;
+    const double normal = forces.forces[i].dot(n);
+    const double slides = std::max(0.0, contact.limit * normal - (forces.forces[i] - normal * n).norm());
+    Eigen::Matrix<double, 6, 4> of;
+    const Vec3 t = n.unitOrthogonal();
+    for (const auto& [column, force] :
+         {std::pair<int, Vec3>(0, normal * n), std::pair<int, Vec3>(1, slides * t),
+          std::pair<int, Vec3>(2, slides * n.cross(t))})
+      of.col(column) << force, (contact.point - task.centre).cross(force);
+    of.col(3) << Vec3::Zero(), contact.spinning * normal * n;
+    holds += of * of.transpose();
+  }
+  const Eigen::LDLT<Mat6> solver(holds);
+  double most = 0;
+  for (const Vec3& load : loads) {
+    Vec6 wrench;
+    wrench << load, Vec3::Zero();
+    most = std::max(most, wrench.dot(solver.solve(wrench)));
+  }
+  return std::sqrt(most);
 }
 
 }  // namespace handsim::scene

@@ -14,6 +14,8 @@ struct GripContact {
   Vec3 normal = Vec3::Zero();  ///< unit, into the object
   double friction = 0;         ///< coefficient that may be used
   std::size_t presser = 0;     ///< the finger, in GripTask::asked
+  double limit = friction;     ///< coefficient at which it slides
+  double spinning = 0;         ///< largest moment about the normal over the normal force [m]
 };
 
 struct GripTask {
@@ -33,5 +35,11 @@ struct GripForces {
 /// Least squares with forces within their friction cones (of 8 edges): equilibrium first, then the forces
 /// that are asked, then small forces.
 GripForces balance(const GripTask& task);
+
+/// The share that the worst of several loads at the centre takes of what the contacts hold besides `forces`.
+/// Each contact holds an ellipsoid of forces: along the normal as much as it presses, along the surface the
+/// friction that is left. Each carries at most this share of its own where the sum of squares is least; so
+/// they hold up to the square root of their number more. @param loads [N]
+double load_share(const GripTask& task, const GripForces& forces, const std::vector<Vec3>& loads);
 
 }  // namespace handsim::scene

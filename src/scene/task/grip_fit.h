@@ -8,20 +8,10 @@
 #include <vector>
 
 #include "handsim/control/poses.h"
-#include "handsim/hand/grip_strength.h"
 #include "handsim/scene/task/closing.h"
+#include "handsim/scene/task/grip_spec.h"
 
 namespace handsim::scene {
-
-/// A `grip` block: with it fingers close until they touch, and press with a force. Without it a task moves
-/// its hand through poses as they stand.
-struct GripSpec {
-  /// Sum of the normal forces of fingers [N], of a person with the controller's grip strength; for others in
-  /// proportion to theirs. Fingers that move and are not named balance these.
-  std::map<model::Part, double> forces;
-  hand::GripTable strength;  ///< norms of grip strength
-  double squeeze = 0.3;      ///< time from touching to pressing [s]
-};
 
 /// How the object is brought to its place in the hand.
 struct GripPlace {
@@ -29,7 +19,7 @@ struct GripPlace {
   bool on_palm = false;        ///< the object is moved along the hand's z axis until it touches the palm
   Vec3 from = Vec3::Zero();    ///< start of the hand's approach, in the hand frame [m]
   Vec3 weight = Vec3::Zero();  ///< of the object, in the hand frame [N]
-  double load = 0;             ///< largest force that moves the object: weight and shake [N]
+  std::vector<Vec3> loads;     ///< weight and strongest shake by its directions, in the hand frame [N]
 };
 
 struct FittedGrip {
@@ -41,9 +31,6 @@ struct FittedGrip {
   std::vector<Problem> problems;  ///< why the hand cannot hold the object so; keys without the task's path
   std::vector<std::string> warnings;
 };
-
-/// Reads a `grip` block.
-GripSpec read_grip(MapReader reader);
 
 /// Fits the grip of a task between the poses `open` and `closed` of the scene's pose file.
 FittedGrip fit_grip(const TaskSite& site, const GripSpec& spec, const GripPlace& place, const TaskSpec& task);

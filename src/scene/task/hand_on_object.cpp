@@ -113,7 +113,7 @@ const std::vector<TouchPoint>& HandOnObject::touches(std::span<const double> q) 
       const double share = collider_->shares()[i];
       touches_.push_back({hand_is_a ? a : b, contact.position,
                           hand_is_a ? Vec3(-contact.normal) : contact.normal, contact.depth,
-                          touch.surface.friction,
+                          touch.surface.friction, touch.surface.spinning_friction,
                           touch.surface.compliance ? share * touch.surface.compliance->stiffness : 0});
     }
   return touches_;

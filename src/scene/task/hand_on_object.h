@@ -19,6 +19,7 @@ struct TouchPoint {
   Vec3 normal = Vec3::Zero();  ///< unit, out of the hand into the object
   double depth = 0;            ///< [m]
   double friction = 0;         ///< coefficient
+  double spinning = 0;         ///< moment about the normal over the normal force [m]
   double stiffness = 0;        ///< of the point [N/m]; 0: rigid
 };
 
