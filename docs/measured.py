@@ -88,7 +88,7 @@ def hand():
 def poses():
     rows = []
     titles = {"implicit": "`implicit.yaml`, 8 Hz, weight and tissue compensated",
-              "integral": "`integral.yaml`, 60 Hz, nothing fed forward", "explicit": "`explicit.yaml`, 3 Hz, compensated"}
+              "integral": "`integral.yaml`, 60 Hz, nothing fed forward", "explicit": "`explicit.yaml`, 2.7 Hz, compensated"}
     for controller, steps in CONTROLLERS.items():
         for step in steps:
             runs = [study_json("poses", f"{controller}_{step}_{person}", "summary.json") for person in PERSONS]

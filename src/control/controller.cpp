@@ -40,6 +40,7 @@ Controller::Controller(const model::Model& model, const Plan& plan, double step,
                               {},
                               std::vector<double>(dofs),
                               {}});
+  constants_.reserve(plan.axes.size());
   for (std::size_t i = 0; i < plan.axes.size(); ++i) {
     const DrivenAxis& axis = plan.axes[i];
     const model::JointAxis& of_model = model.joints[axis.joint].axes[axis.axis];

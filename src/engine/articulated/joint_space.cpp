@@ -26,11 +26,12 @@ JointSpace::JointSpace(Mechanism& mechanism, Inertia inertia) : stride_(mechanis
   if (kind_ != Inertia::none) place_inertia();
   S_.resize(at(n_));
   a_.resize(topology.nodes.size());
-  f_.resize(topology.nodes.size());
 }
 
 void JointSpace::inverse_dynamics(std::span<const double> du, std::span<double> tau) {
+  thread_local std::vector<Spatial> forces;
   const int nodes = static_cast<int>(views_.size());
+  if (forces.size() < views_.size()) forces.resize(views_.size());
   for (int dof = 0; dof < n_; ++dof) S_[at(dof)] = axis(dof);
   for (int i = 0; i < nodes; ++i) {
     const NodeView& b = views_[at(i)];
@@ -39,14 +40,14 @@ void JointSpace::inverse_dynamics(std::span<const double> du, std::span<double> 
     a += read6(b.c, stride_);
     for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) a += du[at(dof)] * S_[at(dof)];
     const Vec3 h = read3(b.h, stride_), turn = a.head<3>(), shift = a.tail<3>();
-    Spatial& f = f_[at(i)];
+    Spatial& f = forces[at(i)];
     f = read6(b.pv, stride_);
     f.head<3>() += read_symmetric(b.I, stride_) * turn + h.cross(shift);
     f.tail<3>() += *b.mass * shift - h.cross(turn);
   }
   for (int i = nodes - 1; i >= 0; --i) {
-    for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) tau[at(dof)] = S_[at(dof)].dot(f_[at(i)]);
-    if (parent_node_[at(i)] != kNoNode) f_[at(parent_node_[at(i)])] += f_[at(i)];
+    for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) tau[at(dof)] = S_[at(dof)].dot(forces[at(i)]);
+    if (parent_node_[at(i)] != kNoNode) forces[at(parent_node_[at(i)])] += forces[at(i)];
   }
 }
 

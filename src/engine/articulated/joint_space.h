@@ -114,7 +114,7 @@ class JointSpace {
   Inertia kind_;
   std::vector<double> own_H_;
   double* H_ = nullptr;
-  std::vector<Spatial> a_, f_, S_;
+  std::vector<Spatial> a_, S_;
   /// Mass, its moment and rotational inertia about O of a node and all that it carries.
   struct Composite {
     double mass = 0;

@@ -106,6 +106,7 @@ Clearance::Clearance(const model::Model& model, std::vector<Pair> pairs)
     watched_[k].mover_a = static_cast<std::uint32_t>(placed_[pairs_[k].first].mover);
     watched_[k].mover_b = static_cast<std::uint32_t>(placed_[pairs_[k].second].mover);
   }
+  pairs_.shrink_to_fit();
   movers_.shrink_to_fit();
   travel_.assign(movers_.size(), 0.0);
   near_.reserve(std::min(pairs_.size(), kUsualNear));

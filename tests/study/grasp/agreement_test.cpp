@@ -79,7 +79,7 @@ AgreementStudy brief_study(const std::filesystem::path& out) {
   study.scene = test::source("config/agreement/box.yaml");
   study.overrides = {"grasps.0.hold=0.1 s", "solver.step=4 ms", "duration=2.5 s"};
   study.draws = 2;
-  study.seed = 5;
+  study.seed = 1;
   study.out = out;
   return study;
 }
