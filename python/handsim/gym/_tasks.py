@@ -225,8 +225,8 @@ class Hold(_InHand):
     def __init__(self, *, disturbance: float = 1) -> None:
         self.scene = load("grasp_power_can", {
             "title": "a hand holds a can", "grasps.0.hold": "1000 s", "solver.step": "2 ms", "pictures.size": [480, 480],
-            "pictures.camera": {"position": [-0.4, 0.35, 0.75], "target": [-0.02, 0.06, 0.59],
-                                "field_of_view": "24 deg"}}, engine="articulated")
+            "pictures.camera": {"position": [-0.4, 0.35, 0.75], "target": [-0.02, 0.06, 0.61],
+                                "field_of_view": "29 deg"}}, engine="articulated")
         simulation = Simulation(self.scene)
         simulation.step(substeps=round(2.4 / self.scene.step))
         self._prepare(simulation)
