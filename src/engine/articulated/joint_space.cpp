@@ -26,12 +26,18 @@ JointSpace::JointSpace(Mechanism& mechanism, Inertia inertia) : stride_(mechanis
   if (kind_ != Inertia::none) place_inertia();
   S_.resize(at(n_));
   a_.resize(topology.nodes.size());
+  node_forces();
+}
+
+std::vector<Spatial>& JointSpace::node_forces() {
+  thread_local std::vector<Spatial> own;
+  if (own.size() < views_.size()) own.resize(views_.size());
+  return own;
 }
 
 void JointSpace::inverse_dynamics(std::span<const double> du, std::span<double> tau) {
-  thread_local std::vector<Spatial> forces;
+  std::vector<Spatial>& forces = node_forces();
   const int nodes = static_cast<int>(views_.size());
-  if (forces.size() < views_.size()) forces.resize(views_.size());
   for (int dof = 0; dof < n_; ++dof) S_[at(dof)] = axis(dof);
   for (int i = 0; i < nodes; ++i) {
     const NodeView& b = views_[at(i)];

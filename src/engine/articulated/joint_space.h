@@ -121,6 +121,7 @@ class JointSpace {
     Vec3 h = Vec3::Zero();
     Mat3 I = Mat3::Zero();
   };
+  std::vector<Spatial>& node_forces();          ///< of the thread, within `inverse_dynamics`
   static std::vector<Composite>& composites();  ///< of the thread, within `find_inertia`
 };
 
