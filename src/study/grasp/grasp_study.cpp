@@ -74,7 +74,17 @@ bool does_not_fit(const Error& error) {
   });
 }
 
-/// @param refused grasps that do not fit a person's hand
+/// Why a hand of another size cannot start where the scene has it: it is inside an object. Empty: it can.
+std::string blocked(const scene::Scene& scene) {
+  try {
+    simulation::check_start(scene);
+    return "";
+  } catch (const Error& error) {
+    return error.what();
+  }
+}
+
+/// @param refused grasps and climbs that do not fit a person's hand
 std::vector<Work> load(const GraspStudy& study, std::vector<RefusedGrasp>& refused) {
   std::vector<Work> out;
   std::set<std::string> names;
@@ -96,7 +106,10 @@ std::vector<Work> load(const GraspStudy& study, std::vector<RefusedGrasp>& refus
                               "names of their own, by which the runs' folders are called");
           Work work{name, side, scene::load_scene(file, overrides)};
           if (study.friction) set_friction(work.scene, *study.friction);
-          out.push_back(std::move(work));
+          if (const std::string why = person ? blocked(work.scene) : ""; !why.empty())
+            refused.push_back({name, side, why});
+          else
+            out.push_back(std::move(work));
         } catch (const Error& error) {
           if (error.kind() != ErrorKind::input) throw;
           if (person && does_not_fit(error))

@@ -41,7 +41,7 @@ struct GraspRow : RunRow {
   std::optional<std::string> turning;  ///< what of the 5 % turns the verdict; empty: nothing does
 };
 
-/// A grasp that does not fit its hand: nothing is run.
+/// A grasp or climb that does not fit its hand: nothing is run.
 struct RefusedGrasp {
   std::string scene, side;
   std::string why;

@@ -69,7 +69,8 @@ TEST_P(ShippedGrasp, IsHeldByTheArticulatedEngineAndHardlySlips) {
 TEST_P(ShippedGrasp, IsHeldWithQuickStep) {
   const std::string iterations = GetParam() == "grasp_pinch" ? "100" : "50";
   EXPECT_TRUE(
-      run(shortened(GetParam(), {kBrief, "solver.method=quick_step", "solver.iterations=" + iterations})).held);
+      run(shortened(GetParam(), {kBrief, "solver.method=quick_step", "solver.iterations=" + iterations}))
+          .held);
 }
 
 TEST_P(ShippedGrasp, IsHeldAtTwoMilliseconds) {
@@ -199,6 +200,24 @@ TEST(GraspStudy, FindsTheSmallestFrictionThatHolds) {
   EXPECT_TRUE(run(scene).held);
   set_friction(scene, *least - 0.05);
   EXPECT_FALSE(run(scene).held);
+}
+
+// Oracle: a child's palm is inside the hold where an adult's fingers reach it: a row says so, and the others
+// run.
+TEST(GraspStudyOfPersons, NamesThoseWhoCannotStart) {
+  const test::TemporaryFolder folder;
+  GraspStudy study;
+  study.scenes = {test::source("config/climb_half_crimp.yaml"),
+                  test::source("config/grasp_sphere_35mm.yaml")};
+  study.persons = {test::source("config/persons/child.yaml")};
+  study.overrides = {"solver.engine=articulated", "solver.method=semi_implicit_euler"};
+  study.out = folder.path() / "out";
+  const GraspTables tables = run_grasps(study);
+  ASSERT_EQ(tables.refused.size(), 1U);
+  EXPECT_EQ(tables.refused[0].scene, "climb_half_crimp_child");
+  EXPECT_NE(tables.refused[0].why.find("inside right.palm at the start"), std::string::npos);
+  ASSERT_EQ(tables.grasps.size(), 1U);
+  EXPECT_TRUE(tables.climbs.empty());
 }
 
 }  // namespace
