@@ -1,4 +1,5 @@
 """Scenes that several tests use."""
+import signal
 import sys
 from pathlib import Path
 
@@ -8,6 +9,8 @@ import handsim as hs
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(Path(__file__).parent))
+# A parent that ignores Ctrl-C hands that on, and tests that send it would wait for ever.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # A ball on a plane and one above it.
 BALLS = {

@@ -16,7 +16,7 @@ def blocks():
             yield pytest.param(block.group(2), block.group(1), id=f"{name}:{line}")
 
 
-@pytest.mark.parametrize("code, needs", blocks())
+@pytest.mark.parametrize("code, needs", list(blocks()))
 def test_a_block_runs_as_printed(code, needs, tmp_path, monkeypatch):
     if needs and importlib.util.find_spec(needs) is None:
         pytest.skip(f"{needs} is not installed (pip install {needs})")
