@@ -16,8 +16,6 @@ namespace {
 constexpr double kStep = 2 * kDegree;
 /// A fingertip is then within 0.4 um.
 constexpr int kBisections = 14;
-/// So far back from where a finger touched it is looked for again.
-constexpr double kBack = 6 * kDegree;
 /// A finger that had to open wider opens by so much more.
 constexpr double kSpare = 4 * kDegree;
 constexpr int kApproachPlaces = 24;
@@ -58,8 +56,7 @@ Closing::Closing(HandOnObject& hand, std::vector<double> open, std::vector<doubl
       chains_(finger_chains(hand)),
       start_(std::move(open)),
       closed_(std::move(closed)),
-      open_(start_),
-      first_(chains_.size()) {}
+      open_(start_) {}
 
 bool Closing::moves(const FingerChain& chain) const {
   return std::any_of(chain.axes.begin(), chain.axes.end(),
@@ -109,18 +106,7 @@ bool Closing::open_clear(const Pose& x_HO, const Vec3& from) {
   return clear;
 }
 
-/// The share from which a finger is closed: where it is open, or shortly before it touched.
-double Closing::start(std::size_t index, double fastest, bool near) const {
-  const FingerChain& chain = chains_[index];
-  double share = -kSpare / fastest;
-  for (const std::size_t i : chain.axes)
-    if (std::abs(closed_[i] - start_[i]) > 1e-9)
-      share = std::min(share, (open_[i] - start_[i]) / (closed_[i] - start_[i]));
-  return near ? std::max(share, first_[index] - kBack / fastest) : share;
-}
-
-void Closing::close(std::size_t index, const std::vector<double>& depth, bool near, std::vector<double>& q) {
-  const FingerChain& chain = chains_[index];
+void Closing::close(const FingerChain& chain, const std::vector<double>& depth, std::vector<double>& q) {
   double fastest = 0;
   for (const std::size_t i : chain.axes) fastest = std::max(fastest, std::abs(closed_[i] - start_[i]));
   if (fastest == 0) return;
@@ -139,13 +125,11 @@ void Closing::close(std::size_t index, const std::vector<double>& depth, bool ne
     }
     return std::nullopt;
   };
-  double share = start(index, fastest, near);
+  double share = -kSpare / fastest;
+  for (const std::size_t i : chain.axes)  // from where the finger is open
+    if (std::abs(closed_[i] - start_[i]) > 1e-9)
+      share = std::min(share, (open_[i] - start_[i]) / (closed_[i] - start_[i]));
   go(share);
-  if (near && touching()) {
-    share = start(index, fastest, false);
-    go(share);
-  }
-  first_[index] = 1;
   while (part < chain.bodies.size()) {
     const double before = share;
     auto found = touching();
@@ -165,7 +149,6 @@ void Closing::close(std::size_t index, const std::vector<double>& depth, bool ne
       go(share);
       found = touching();
     }
-    if (part == 0) first_[index] = share;
     part = found.value_or(part) + 1;
     // The joints up to that of the body that touches stand.
     while (held < chain.axes.size() &&
@@ -177,9 +160,9 @@ void Closing::close(std::size_t index, const std::vector<double>& depth, bool ne
   }
 }
 
-std::vector<double> Closing::close(const std::vector<double>& depth, bool near) {
+std::vector<double> Closing::close(const std::vector<double>& depth) {
   std::vector<double> q = open_;
-  for (std::size_t i = 0; i < chains_.size(); ++i) close(i, depth, near, q);
+  for (const FingerChain& chain : chains_) close(chain, depth, q);
   return q;
 }
 

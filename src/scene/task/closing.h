@@ -37,8 +37,7 @@ class Closing {
   /// The angles before the fingers close: those of `open`, or wider.
   const std::vector<double>& open() const { return open_; }
   /// Angles with each finger closed on the object. @param depth to which the bodies press [m], by body
-  /// @param near the object is nearly where it was at the last call
-  std::vector<double> close(const std::vector<double>& depth, bool near = false);
+  std::vector<double> close(const std::vector<double>& depth);
   /// Angles with which the points of the fingers go into the object and do not slide on it: what slides while
   /// it is pressed is left with friction that nobody planned. @param q from where @param contacts there, in
   /// the hand frame
@@ -52,14 +51,12 @@ class Closing {
              std::vector<double>& q);
   double angle(std::size_t axis, double share) const;
   bool touches(const FingerChain& chain, const std::vector<double>& q);
-  double start(std::size_t chain, double fastest, bool near) const;
-  void close(std::size_t chain, const std::vector<double>& depth, bool near, std::vector<double>& q);
+  void close(const FingerChain& chain, const std::vector<double>& depth, std::vector<double>& q);
 
   HandOnObject& hand_;
   std::vector<FingerChain> chains_;
   std::vector<double> start_, closed_;  ///< the path; `open_` lies on it
   std::vector<double> open_;
-  std::vector<double> first_;  ///< share of the way at which each chain touched first
 };
 
 }  // namespace handsim::scene
