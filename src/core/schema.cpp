@@ -94,7 +94,7 @@ void SchemaRecorder::record(const std::string& path, std::string_view key, KeyFo
   const std::string whole = path.empty() ? std::string(key) : path + "." + std::string(key);
   Node& node = at(whole);
   for (Json& type : form.types) merge(node.types, std::move(type));
-  if (form.required) required_[path].insert(std::string(key));
+  if (form.required && !(optional_ && path.starts_with(*optional_))) required_[path].insert(std::string(key));
   for (std::size_t i = 0; i < form.samples.size(); ++i)
     if (known_.emplace(whole, emit_yaml(form.samples[i])).second)
       found_.push_back({whole, std::move(form.samples[i]), i == 0});
@@ -115,6 +115,7 @@ std::vector<Setting> SchemaRecorder::end_run() {
   }
   visited_.clear();
   required_.clear();
+  optional_.reset();
   return std::exchange(found_, {});
 }
 

@@ -59,6 +59,8 @@ class SchemaRecorder {
   void record_file(const std::string& path, std::string_view key, std::string_view kind, bool required);
   /// Records that the reader asks for a key of the map at this path.
   void record(const std::string& path, std::string_view key, KeyForm form);
+  /// From here on in this run, no key of the map at this path, or within it, is required.
+  void make_optional(const std::string& path) { optional_ = path; }
   /// Records that the map at this path allows no other keys.
   void close(const std::string& path) { at(path).closed = true; }
 
@@ -83,6 +85,7 @@ class SchemaRecorder {
   Node root_ = {};
   std::set<std::string> visited_;
   std::map<std::string, std::set<std::string>> required_;  ///< in this run
+  std::optional<std::string> optional_;                    ///< path, in this run
   std::set<std::pair<std::string, std::string>> known_;
   std::set<std::string> kinds_;  ///< of files that are named
   std::vector<Setting> found_;

@@ -82,6 +82,10 @@ YamlNode& yaml_put(YamlNode& map, std::string key, YamlNode value);
 /// @throws Error (input) at the scalar's place if the file cannot be read, or the file's own problems.
 void follow_reference(YamlNode& node, const std::string& key, YamlBudget& budget);
 
+/// Puts one tree over another: maps key by key; of lists whose items all have a `name`, each item over the
+/// one of its name, and new ones before those of the base; anything else replaces what was there.
+void put_over(YamlNode& base, const YamlNode& over);
+
 /// Sets the value at a dotted path, e.g. `solver.step=5 ms` or `hands.0.side=left`, following file
 /// references and adding map keys on the way. A path has at most kYamlMaxDepth keys.
 /// @throws Error (input) naming the path if a node on it is neither map nor list.

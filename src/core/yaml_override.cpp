@@ -1,4 +1,6 @@
 // Inserts referenced files and applies `--set` to a tree before it is read.
+#include <algorithm>
+
 #include <fmt/format.h>
 
 #include "handsim/core/text.h"
@@ -42,6 +44,28 @@ YamlNode& child_for_override(YamlNode& node, const std::string& part, const std:
   return yaml_put(node, part, std::move(fresh));
 }
 
+bool are_named(const YamlNode& list) {
+  return list.kind == YamlNode::Kind::sequence &&
+         std::all_of(list.items.begin(), list.items.end(), [](const YamlNode& item) {
+           const YamlNode* name = item.find("name");
+           return name && name->kind == YamlNode::Kind::scalar;
+         });
+}
+
+void put_rows_over(YamlNode& base, const YamlNode& over) {
+  std::vector<YamlNode> fresh;
+  for (const YamlNode& row : over.items) {
+    const auto found = std::find_if(base.items.begin(), base.items.end(), [&](const YamlNode& each) {
+      return each.find("name")->text == row.find("name")->text;
+    });
+    if (found == base.items.end())
+      fresh.push_back(row);
+    else
+      put_over(*found, row);
+  }
+  base.items.insert(base.items.begin(), fresh.begin(), fresh.end());
+}
+
 std::vector<std::string> parts_of(const std::string& path) {
   std::vector<std::string> parts(1);
   for (const char c : path) {
@@ -61,6 +85,21 @@ std::vector<std::string> parts_of(const std::string& path) {
 }
 
 }  // namespace
+
+void put_over(YamlNode& base, const YamlNode& over) {
+  using Kind = YamlNode::Kind;
+  if (base.kind == Kind::map && over.kind == Kind::map) {
+    for (const YamlEntry& entry : over.entries)
+      if (YamlNode* found = base.find(entry.key))
+        put_over(*found, entry.value);
+      else
+        base.entries.push_back(entry);
+  } else if (are_named(base) && are_named(over)) {
+    put_rows_over(base, over);
+  } else {
+    base = over;
+  }
+}
 
 void follow_reference(YamlNode& node, const std::string& key, YamlBudget& budget) {
   if (node.kind != YamlNode::Kind::scalar) return;

@@ -182,6 +182,32 @@ std::optional<std::string> MapReader::maybe_text(std::string_view key) {
   return find(key) ? std::optional(text(key)) : std::nullopt;
 }
 
+void MapReader::take_base(std::string_view key) {
+  constexpr int kMost = 8;
+  if (auto* recorder = diagnostics_->recorder) {
+    recorder->record(path_, key, text_form({}, false));
+    // What the file lacks, its base has.
+    if (node_->find(key)) recorder->make_optional(path_);
+  }
+  if (!find(key) || diagnostics_->recorder) return;
+  try {
+    for (int i = 0; YamlNode* found = node_->find(key); ++i) {
+      if (i == kMost || found->kind != YamlNode::Kind::scalar) {
+        problem(key, i == kMost ? "files that are based on each other" : found->described(),
+                "the path of a file of the same kind, relative to this file");
+        return;
+      }
+      YamlNode base = *found;
+      follow_reference(base, path_of(key), diagnostics_->budget);
+      node_->entries.remove_if([&](const YamlEntry& entry) { return entry.key == key; });
+      put_over(base, *node_);
+      *node_ = std::move(base);
+    }
+  } catch (const Error& error) {
+    diagnostics_->add(error);
+  }
+}
+
 std::string MapReader::name(std::string_view key) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, name_form());
   constexpr const char* kNeed = "a name of letters, digits, _ and -, at most 64 of them";

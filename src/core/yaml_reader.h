@@ -66,6 +66,8 @@ class MapReader {
   std::string text(std::string_view key, std::optional<std::string> fallback = {});
   /// Optional text; no default is written.
   std::optional<std::string> maybe_text(std::string_view key);
+  /// If the key names a file: puts this map over that file's (put_over), in place; the file may name another.
+  void take_base(std::string_view key);
   /// A required word of letters, digits, `_` and `-`, valid in column names and file names.
   std::string name(std::string_view key);
   bool flag(std::string_view key, bool fallback);

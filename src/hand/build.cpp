@@ -27,7 +27,7 @@ const Quat kZToY(Eigen::AngleAxisd(-M_PI / 2, Vec3::UnitX()));
 void check_bones(const HandSpec& spec, const Person& person, std::vector<Problem>& problems) {
   std::vector<std::string> known;
   for (const SegmentSpec& row : spec.segments)
-    if (!row.carrier) known.push_back(row.name);
+    if (!row.carrier && row.of_palm.empty()) known.push_back(row.name);
   for (const auto& [name, length] : person.bones)
     if (std::find(known.begin(), known.end(), name) == known.end())
       problems.push_back({person.place.value_or(Place{}), "bones." + name, "an unknown segment",
@@ -50,7 +50,7 @@ std::vector<BuiltSegment> lay_out(const HandSpec& spec, const HandSize& size, co
     const Vec3 at = row.at ? position(*row.at, size) : Vec3(0, out[parent].length, 0);
     BuiltSegment& built = out.emplace_back();
     built.frame = parent_frame * Pose{at, row.rotation};
-    if (row.carrier) continue;
+    if (row.carrier || !row.of_palm.empty()) continue;
     const auto measured = person.bones.find(row.name);
     built.length = measured == person.bones.end() ? row.length.value(size) : measured->second;
     built.radius = row.radius.value(size);
@@ -73,8 +73,10 @@ struct Piece {
   std::vector<Shape> shapes;               ///< [0] a segment's own capsule; none: a carrier
   double mass = 0;                         ///< [kg]
   double round = 0;                        ///< radius of a carrier's ball [m]
+  std::vector<std::string> of_palm;        ///< shapes that split_palm brings it
   std::optional<Cut> cut;                  ///< of its capsule; absent: the whole capsule is its matter
   std::optional<MassProperties> together;  ///< of several shapes at unit density, in the part's frame
+  std::optional<MassProperties> taken;     ///< that its parent lacks for it, in the parent's frame
 };
 
 /// A box has its frame at its centre: that of its body.
@@ -103,7 +105,8 @@ Piece segment_part(const SegmentSpec& row, const BuiltSegment& built, const Hand
   out.body = built.body;
   out.frame = built.frame;
   out.round = row.carrier ? row.radius.value(size) : 0;
-  if (row.carrier) return out;
+  for (const std::string& name : row.of_palm) out.of_palm.push_back("palm." + name);
+  if (row.carrier || !row.of_palm.empty()) return out;
   Shape capsule;
   capsule.name = row.name;
   capsule.kind = ShapeKind::capsule;
@@ -154,9 +157,11 @@ MassProperties taken_from(const Piece& parent, const Piece& piece, double length
 /// that is one box, or goes on beyond the joint, the segment begins where it leaves it.
 void share_space(std::vector<Piece>& parts, const HandSpec& spec) {
   for (std::size_t i = 1; i < parts.size(); ++i) {
-    // A carrier has no shape: its segment starts where the carrier does, in the carrier's parent.
+    // A carrier has no shape: its segment starts where the carrier does, in the carrier's parent. Parts of
+    // the palm are still in the palm.
     int row = spec.segments[i - 1].parent;
-    if (row != kPalm && spec.segments[static_cast<std::size_t>(row)].carrier)
+    while (row != kPalm && (spec.segments[static_cast<std::size_t>(row)].carrier ||
+                            !spec.segments[static_cast<std::size_t>(row)].of_palm.empty()))
       row = spec.segments[static_cast<std::size_t>(row)].parent;
     Piece& own = parts[i];
     if (own.shapes.size() != 1) continue;
@@ -170,15 +175,19 @@ void share_space(std::vector<Piece>& parts, const HandSpec& spec) {
     }
     const double shared = std::min(covered(exit_from(parent, own), capsule.radius), 0.95 * capsule.length);
     own.cut = Cut{parent.together ? 0 : shared, false};
-    if (parent.together) parent.together = model::joined({*parent.together, taken_from(parent, own, shared)});
+    if (!parent.together) continue;
+    const MassProperties taken = taken_from(parent, own, shared);
+    parent.together = model::joined({*parent.together, taken});
+    own.taken = taken;
   }
 }
 
 /// Of its matter; a carrier takes its share of the segment after it.
 double volume_of(const std::vector<Piece>& parts, std::size_t i) {
   const Piece& part = parts[i];
+  if (!part.of_palm.empty()) return 0;
   if (part.shapes.empty()) return kCarrierShare / (1 - kCarrierShare) * volume_of(parts, i + 1);
-  const bool carried = i > 0 && parts[i - 1].shapes.empty();
+  const bool carried = i > 0 && parts[i - 1].shapes.empty() && parts[i - 1].of_palm.empty();
   const double own = part.cut                  ? matter(part.shapes[0], *part.cut).volume
                      : part.shapes.size() == 1 ? model::volume(part.shapes[0])
                                                : part.together->mass;
@@ -213,6 +222,47 @@ void set_masses_by_volume(std::vector<Piece>& parts, BuiltHand& hand, const Hand
   }
   hand.mass = person.hand_mass.value_or(spec.mass.density * total);
   for (std::size_t i = 0; i < parts.size(); ++i) parts[i].mass = hand.mass * volumes[i] / total;
+}
+
+/// Gives the parts of the palm their shapes, and of its mass what it would lack without them: what their
+/// shapes share with the rest of it stays there. The sum of both is the palm, to rounding.
+void split_palm(std::vector<Piece>& parts, const HandSpec& spec) {
+  Piece& palm = parts[0];
+  for (std::size_t i = 1; i < parts.size(); ++i) {
+    Piece& own = parts[i];
+    if (own.of_palm.empty()) continue;
+    const auto stays = [&](const Shape& shape) {
+      return std::find(own.of_palm.begin(), own.of_palm.end(), shape.name) == own.of_palm.end();
+    };
+    const MassProperties before = model::union_properties(palm.shapes);
+    const auto moved = std::stable_partition(palm.shapes.begin(), palm.shapes.end(), stays);
+    own.shapes.assign(moved, palm.shapes.end());
+    palm.shapes.erase(moved, palm.shapes.end());
+    MassProperties rest = model::union_properties(palm.shapes);
+    rest.mass = -rest.mass;
+    rest.inertia = -rest.inertia;
+    std::vector<MassProperties> volumes = {before, rest};
+    for (std::size_t k = i + 1; k < parts.size(); ++k)
+      if (spec.segments[k - 1].parent == static_cast<int>(i) - 1 && parts[k].taken)
+        volumes.push_back(*parts[k].taken);
+    MassProperties volume = model::joined(volumes);
+    own.mass = palm.mass * volume.mass / palm.together->mass;
+    palm.mass -= own.mass;
+    MassProperties less = volume;
+    less.mass = -less.mass;
+    less.inertia = -less.inertia;
+    palm.together = model::joined({*palm.together, less});
+    // From the palm's frame, which is the hand's, to its own.
+    const Pose frame = own.frame.inverse();
+    const Mat3 axes = frame.q.toRotationMatrix();
+    own.together =
+        MassProperties{volume.mass, frame * volume.centre, axes * volume.inertia * axes.transpose()};
+    for (Shape& shape : own.shapes) {
+      shape.name = own.name + shape.name.substr(std::string("palm").size());
+      shape.part = spec.segments[i - 1].part;
+      shape.pose = frame * shape.pose;
+    }
+  }
 }
 
 /// A body of one shape has its frame at the shape's centre, with the axes of its segment.
@@ -273,8 +323,8 @@ void place_bodies(BuiltHand& hand, std::vector<Piece>& parts) {
     for (Piece& part : parts)
       if (part.body == static_cast<int>(b)) own.push_back(&part);
     hand.bodies[b].name = own[0]->name;
-    const bool capsule_or_box =
-        own.size() == 1 && own[0]->shapes.size() == 1 && (b > 0 || own[0]->shapes[0].kind == ShapeKind::box);
+    const bool capsule_or_box = own.size() == 1 && own[0]->shapes.size() == 1 && !own[0]->together &&
+                                (b > 0 || own[0]->shapes[0].kind == ShapeKind::box);
     if (capsule_or_box)
       place_simple(hand.bodies[b], own[0]->shapes[0], *own[0]);
     else
@@ -284,7 +334,8 @@ void place_bodies(BuiltHand& hand, std::vector<Piece>& parts) {
 
 void add_shapes_of(BuiltHand& hand, const std::vector<Piece>& parts) {
   for (std::size_t i = 0; i < parts.size(); ++i) {
-    if (i > 0 && !parts[i].shapes.empty()) hand.segments[i - 1].capsule = hand.shapes.size();
+    if (i > 0 && !parts[i].shapes.empty() && parts[i].of_palm.empty())
+      hand.segments[i - 1].capsule = hand.shapes.size();
     for (Shape shape : parts[i].shapes) {
       shape.body = parts[i].body;
       hand.shapes.push_back(std::move(shape));
@@ -341,6 +392,31 @@ std::vector<Piece> parts_of(BuiltHand& hand, const HandSpec& spec, const Person&
   return parts;
 }
 
+/// The elbow lies on the hand frame's y axis behind the wrist.
+BuiltHand::Forearm forearm_of(const ForearmSpec& spec, const HandSize& size, const Person& person) {
+  BuiltHand::Forearm out;
+  const double length = spec.length.value(size), distal = (1 - spec.centre) * length;
+  const double share = person.sex == Sex::male     ? spec.male
+                       : person.sex == Sex::female ? spec.female
+                                                   : spec.unknown;
+  out.body.name = "forearm";
+  out.body.mass = share * person.mass;
+  out.body.zero_pose.p = {0, -distal, 0};
+  const double across = std::pow(spec.across * length, 2), along = std::pow(spec.along * length, 2);
+  out.body.inertia = (out.body.mass * Vec3(across, along, across)).asDiagonal();
+  out.shape.name = "forearm";
+  out.shape.kind = ShapeKind::capsule;
+  out.shape.part = model::Part::palm;
+  out.shape.radius = spec.radius.value(size);
+  out.shape.length = std::max(length - 2 * out.shape.radius, 1e-3 * length);
+  out.shape.pose = {{0, distal - 0.5 * length, 0}, kZToY};
+  out.joint.name = spec.joint.name;
+  out.joint.axes = spec.joint.axes;
+  out.joint.parent_frame.p = {0, -length, 0};
+  out.joint.child_frame.p = {0, distal - length, 0};
+  return out;
+}
+
 }  // namespace
 
 BuiltHand build_hand(const HandSpec& spec, const Person& person) {
@@ -354,6 +430,9 @@ BuiltHand build_hand(const HandSpec& spec, const Person& person) {
     set_masses_by_share(parts, hand, spec, person);
   else
     set_masses_by_volume(parts, hand, spec, person);
+  split_palm(parts, spec);
+  for (std::size_t i = 1; i < parts.size(); ++i)
+    if (!parts[i].of_palm.empty()) hand.palm_parts.push_back(parts[i].body);
   place_bodies(hand, parts);
   add_shapes_of(hand, parts);
   add_joints_of(hand, spec);
@@ -361,6 +440,7 @@ BuiltHand build_hand(const HandSpec& spec, const Person& person) {
   hand.wrist.kind = spec.wrist.kind;
   hand.wrist.axes = spec.wrist.axes;
   hand.wrist.child_frame = hand.bodies[0].zero_pose.inverse();
+  if (spec.forearm) hand.forearm = forearm_of(*spec.forearm, hand.size, person);
   hand.axes = hand_axes(spec);
   if (spec.muscles) hand.muscles = build_muscles(*spec.muscles, hand.axes, hand.size, person);
   return hand;

@@ -54,6 +54,14 @@ struct BuiltHand {
   std::vector<model::Joint> joints;    ///< of the segments; `parent` and `child` index `bodies`
   std::vector<BuiltSegment> segments;  ///< as in the spec
   model::Joint wrist;                  ///< parent frame: the hand frame; child: the palm
+  /// A body on a joint: of hands that hang on their wrist. Frames at zero angles from the hand frame.
+  struct Forearm {
+    model::Body body;
+    model::Shape shape;  ///< its pose is in the body
+    model::Joint joint;  ///< parent frame: from the hand frame
+  };
+  std::optional<Forearm> forearm;
+  std::vector<int> palm_parts;  ///< in `bodies`: segments that are parts of the palm
   model::Material skin;
   HandMuscles muscles;         ///< none where the hand model has none
   std::vector<HandAxis> axes;  ///< that the muscles' arms number

@@ -140,7 +140,7 @@ void read_segment_joint(MapReader reader, const HandSpec& spec, SegmentSpec& seg
   segment.joint = read_joint(reader, type);
   segment.fixed = type == RowJoint::fixed;
   const std::string& name = segment.joint.name;
-  bool taken = name == spec.wrist.name;
+  bool taken = name == spec.wrist.name || (spec.forearm && name == spec.forearm->joint.name);
   for (const SegmentSpec& other : spec.segments) taken = taken || other.joint.name == name;
   if (taken && !name.empty()) reader.problem("name", name + " a second time", "a unique name for each joint");
   reader.finish();
@@ -161,11 +161,38 @@ void read_finger(MapReader& reader, SegmentSpec& segment) {
                    "thumb, index, middle, ring or little, or one of these under `counts_as`");
 }
 
+/// A length and a radius with more shapes, or shapes of the palm.
+void read_matter(MapReader& reader, const HandSpec& spec, SegmentSpec& segment) {
+  const bool on_part =
+      segment.parent != kPalm && !spec.segments[static_cast<std::size_t>(segment.parent)].of_palm.empty();
+  if (reader.sound() && on_part && !segment.at)
+    reader.problem("at", "nothing", "the joint's place in a parent that is a part of the palm");
+  if (!reader.has("of_palm")) {
+    segment.length = read_length(reader, "length");
+    segment.radius = read_length(reader, "radius");
+    segment.shapes = read_shapes(reader, 0);
+    return;
+  }
+  segment.of_palm = reader.texts("of_palm", 1, 20, "names of the palm's shapes");
+  std::vector<std::string> open;
+  for (const ShapeSpec& shape : spec.palm.shapes) open.push_back(shape.name);
+  for (const SegmentSpec& other : spec.segments)
+    for (const std::string& name : other.of_palm) std::erase(open, name);
+  for (const std::string& name : segment.of_palm) {
+    if (reader.sound() && (std::find(open.begin(), open.end(), name) == open.end() || open.size() == 1))
+      reader.problem("of_palm", name, "shapes of the palm that no row above has; one stays with the palm");
+    std::erase(open, name);
+  }
+  if (reader.sound() && segment.parent != kPalm)
+    reader.problem("of_palm", "a row whose parent is not the palm", "parent: palm");
+}
+
 SegmentSpec read_segment(MapReader reader, HandSpec& spec, const std::optional<MassRule>& mass) {
   SegmentSpec segment;
   segment.place = reader.node().place();
   segment.name = reader.name("name");
-  const bool taken = segment.name == "palm" || find_segment(spec.segments, segment.name) != kPalm;
+  const bool taken = segment.name == "palm" || segment.name == "forearm" ||
+                     find_segment(spec.segments, segment.name) != kPalm;
   if (taken && !segment.name.empty())
     reader.problem("name", segment.name + " a second time", "a unique name for each segment");
   read_finger(reader, segment);
@@ -174,9 +201,7 @@ SegmentSpec read_segment(MapReader reader, HandSpec& spec, const std::optional<M
   if (reader.sound() && segment.parent == kPalm && !segment.at)
     reader.problem("at", "nothing", "the joint's place in the palm");
   segment.rotation = reader.rotation("rotation");
-  segment.length = read_length(reader, "length");
-  segment.radius = read_length(reader, "radius");
-  segment.shapes = read_shapes(reader, 0);
+  read_matter(reader, spec, segment);
   if (!mass)
     reader.child("mass_share");
   else if (mass->kind == MassRule::Kind::body_mass_share)
@@ -228,6 +253,25 @@ void read_wrist(MapReader reader, HandSpec& spec) {
   reader.finish();
 }
 
+ForearmSpec read_forearm(MapReader reader) {
+  const Quantity share = {Dimension::none, 0, 0.1, true}, part = {Dimension::none, 0, 1, true};
+  ForearmSpec out;
+  out.length = read_length(reader, "length");
+  out.radius = read_length(reader, "radius");
+  out.male = reader.number("male", share);
+  out.female = reader.number("female", share);
+  out.unknown = reader.number("unknown", share);
+  out.centre = reader.number("centre", part);
+  out.across = reader.number("across", part);
+  out.along = reader.number("along", part);
+  MapReader joint = reader.required_map("joint", "a mapping with name and axes");
+  out.joint = read_joint(joint, RowJoint::hinge);
+  joint.finish();
+  reader.maybe_text("source");
+  reader.finish();
+  return out;
+}
+
 }  // namespace
 
 void check_axis_pair(MapReader& reader, const std::vector<model::JointAxis>& axes) {
@@ -247,6 +291,7 @@ void check_axis_pair(MapReader& reader, const std::vector<model::JointAxis>& axe
 
 HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   MapReader reader(node, path, diagnostics);
+  reader.take_base("based_on");
   HandSpec spec;
   spec.title = reader.text("title", "a hand");
   spec.sources = reader.named_texts("sources");
@@ -258,6 +303,7 @@ HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& di
   spec.palm =
       read_palm(reader.required_map("palm", "a mapping with length, breadth and thickness, or shapes"), mass);
   read_wrist(reader.required_map("wrist", "a mapping with name and axes"), spec);
+  if (reader.has("forearm")) spec.forearm = read_forearm(reader.map("forearm"));
   MapReader skin = reader.map("skin");
   spec.skin = read_material(skin, "skin");
   skin.finish();
@@ -282,6 +328,7 @@ std::vector<HandAxis> hand_axes(const HandSpec& spec) {
     }
   };
   add(spec.wrist);
+  if (spec.forearm) add(spec.forearm->joint);
   for (const SegmentSpec& segment : spec.segments) add(segment.joint);
   return out;
 }

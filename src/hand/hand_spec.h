@@ -36,6 +36,9 @@ struct SegmentSpec {
   bool fixed = false;             ///< part of its parent's body; no joint
   /// A body without a shape between two joints of a joint of three axes; the next row is its segment.
   bool carrier = false;
+  /// Shapes of the palm that move with this row, in place of a length, a radius and shapes of its own: the
+  /// palm's mass is divided between its body and this one.
+  std::vector<std::string> of_palm;
   JointSpec joint;
   Place place;  ///< of the row, for messages
 };
@@ -67,6 +70,17 @@ struct PalmSpec {
   std::optional<double> mass_share;
 };
 
+/// Between the world and the wrist of a hand that hangs on its wrist: a body with the mass, centre of mass
+/// and inertia of shares of body mass and length, on a hinge through its ends.
+struct ForearmSpec {
+  LengthRule length, radius;
+  double male = 0, female = 0, unknown = 0;  ///< shares of body mass
+  double centre = 0.5;                       ///< of its length, from the elbow
+  /// Radii of gyration about the axes across and along it, in shares of its length.
+  double across = 0, along = 0;
+  JointSpec joint;
+};
+
 struct HandSpec {
   std::string title;
   std::map<std::string, std::string> sources;
@@ -74,12 +88,13 @@ struct HandSpec {
   MassRule mass;
   PalmSpec palm;
   JointSpec wrist;
+  std::optional<ForearmSpec> forearm;
   model::Material skin;
   std::vector<SegmentSpec> segments;  ///< parents before children
   std::optional<MuscleFile> muscles;
 };
 
-/// Axes of a hand's joints: the wrist's, then those of the segments.
+/// Axes of a hand's joints: the wrist's, the forearm's, then those of the segments.
 std::vector<HandAxis> hand_axes(const HandSpec& spec);
 
 /// Reads a hand model, following its `anthropometry` reference.

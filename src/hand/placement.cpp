@@ -25,6 +25,9 @@ BuiltHand for_side(BuiltHand hand, model::Side side) {
     }
   }
   for (Shape& shape : hand.shapes) shape.pose = mirrored(shape.pose);
+  // The forearm is its own mirror image, but for the way that it turns.
+  if (hand.forearm)
+    for (model::JointAxis& axis : hand.forearm->joint.axes) axis.axis = mirrored_axis(axis.axis);
   hand.joints.push_back(hand.wrist);
   for (Joint& joint : hand.joints) {
     joint.parent_frame = mirrored(joint.parent_frame);
@@ -65,6 +68,19 @@ std::optional<Joint> mount_joint(const BuiltHand& hand, const Placement& placeme
   return joint;
 }
 
+/// Whether the hand hangs on a forearm.
+bool on_forearm(const BuiltHand& hand, const Placement& placement) {
+  return hand.forearm && (placement.mount == Mount::hinge || placement.mount == Mount::universal);
+}
+
+/// Adds the forearm's body before those of the hand.
+void add_forearm_body(model::Model& model, const BuiltHand& hand, const Placement& placement) {
+  Body body = hand.forearm->body;
+  body.name = placement.name + "." + body.name;
+  body.zero_pose = placement.pose * body.zero_pose;
+  model.bodies.push_back(std::move(body));
+}
+
 void apply_start(Joint& joint, const Placement& placement) {
   const auto found = placement.start.find(joint.name);
   if (found == placement.start.end()) return;
@@ -103,8 +119,18 @@ HandGroups add_shapes(model::Model& model, const model::HandIndex& index, const 
   for (Shape shape : hand.shapes) {
     const auto body = static_cast<std::size_t>(shape.body);
     shape.name = index.name + "." + shape.name;
-    shape.group = body == 0 ? groups.palm : has_child[body] ? groups.fingers : groups.fingertips;
+    const bool palm = body == 0 || std::find(hand.palm_parts.begin(), hand.palm_parts.end(), shape.body) !=
+                                       hand.palm_parts.end();
+    shape.group = palm ? groups.palm : has_child[body] ? groups.fingers : groups.fingertips;
     shape.body = index.bodies[body];
+    shape.material = static_cast<int>(model.materials.size()) - 1;
+    model.shapes.push_back(std::move(shape));
+  }
+  if (index.forearm) {
+    Shape shape = hand.forearm->shape;
+    shape.name = index.name + "." + shape.name;
+    shape.group = groups.palm;
+    shape.body = *index.forearm;
     shape.material = static_cast<int>(model.materials.size()) - 1;
     model.shapes.push_back(std::move(shape));
   }
@@ -122,7 +148,17 @@ void add_joints(model::Model& model, model::HandIndex& index, const BuiltHand& h
   if (std::optional<Joint> wrist = mount_joint(hand, placement)) {
     wrist->parent = model::kWorld;
     wrist->child = index.palm;
-    joints.insert(joints.begin(), std::move(*wrist));
+    if (on_forearm(hand, placement)) {
+      Joint elbow = hand.forearm->joint;
+      elbow.parent = model::kWorld;
+      elbow.child = wrist->parent = *index.forearm;
+      elbow.parent_frame = placement.pose * elbow.parent_frame;
+      wrist->parent_frame = hand.forearm->body.zero_pose.inverse();
+      joints.insert(joints.begin(), std::move(*wrist));
+      joints.insert(joints.begin(), std::move(elbow));
+    } else {
+      joints.insert(joints.begin(), std::move(*wrist));
+    }
   }
   check_start_names(joints, placement);
   for (Joint& joint : joints) {
@@ -208,7 +244,12 @@ HandGroups add_hand(model::Model& model, const BuiltHand& right, const Placement
   model::HandIndex index;
   index.name = placement.name;
   index.side = placement.side;
+  if (on_forearm(hand, placement)) {
+    index.forearm = static_cast<int>(model.bodies.size());
+    add_forearm_body(model, hand, placement);
+  }
   index.palm = static_cast<int>(model.bodies.size());
+  for (const int part : hand.palm_parts) index.palm_parts.push_back(index.palm + part);
   index.wrist_frame = hand.bodies[0].zero_pose.inverse();
   for (Body body : hand.bodies) {
     body.name = placement.name + "." + body.name;

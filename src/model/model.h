@@ -160,13 +160,15 @@ struct Drive {
 struct HandIndex {
   std::string name;  ///< `right`, `left`, or with a number if a scene has several of a side
   Side side = Side::right;
-  int palm = 0;                ///< body
-  Pose wrist_frame;            ///< X_PH: hand frame H (origin at the wrist joint centre) in the palm body
-  std::vector<int> bodies;     ///< palm first, then segments
-  std::vector<int> joints;     ///< finger joints, and the wrist joint if it has one
-  std::optional<int> rail;     ///< slider joint of the palm, if it has one
-  std::vector<int> muscles;    ///< in Model::muscles
-  std::vector<int> ligaments;  ///< in Model::ligaments
+  int palm = 0;                 ///< body
+  Pose wrist_frame;             ///< X_PH: hand frame H (origin at the wrist joint centre) in the palm body
+  std::vector<int> bodies;      ///< palm first, then segments
+  std::optional<int> forearm;   ///< body; the palm hangs on it
+  std::vector<int> palm_parts;  ///< bodies that are parts of the palm beside `palm`: metacarpals
+  std::vector<int> joints;      ///< finger joints, and those of wrist and forearm if it has them
+  std::optional<int> rail;      ///< slider joint of the palm, if it has one
+  std::vector<int> muscles;     ///< in Model::muscles
+  std::vector<int> ligaments;   ///< in Model::ligaments
 };
 
 /// Everything a scene simulates.

@@ -11,13 +11,14 @@
 namespace handsim::simulation {
 namespace {
 
-scene::Scene scene_of(const std::string& side, const std::string& solver) {
-  return scene::compile_scene(parse_yaml(
-      "hands: [{model: ../tests/data/hands/every_joint.yaml, person: persons/median_man.yaml, side: " + side +
-          ", wrist: {mount: hinge, position: [0, 0, 1]}}]\nduration: 0.15\n"
-          "effects: [gravity, joint_stops, passive_tissue]\nsolver: {" +
-          solver + ", step: 0.0001}\n",
-      HANDSIM_SOURCE_DIR "/config/test.yaml"));
+scene::Scene scene_of(const std::string& side, const std::string& solver,
+                      const std::string& model = "../tests/data/hands/every_joint.yaml") {
+  return scene::compile_scene(
+      parse_yaml("hands: [{model: " + model + ", person: persons/median_man.yaml, side: " + side +
+                     ", wrist: {mount: hinge, position: [0, 0, 1]}}]\nduration: 0.15\n"
+                     "effects: [gravity, joint_stops, passive_tissue]\nsolver: {" +
+                     solver + ", step: 0.0001}\n",
+                 HANDSIM_SOURCE_DIR "/config/test.yaml"));
 }
 
 model::State end_of(const scene::Scene& scene) {
@@ -40,6 +41,25 @@ TEST(EveryKindOfRow, MovesEquallyInBothEngines) {
       moved = std::max(moved, (ode.bodies[b].p - scene.model.bodies[b].zero_pose.p).norm());
     }
     EXPECT_GT(moved, 0.02);
+  }
+}
+
+constexpr const char* kForearm = "../handmodels/forearm.yaml";
+
+// Oracle: two engines, as above; gravity turns forearm and metacarpals.
+TEST(ForearmScene, MovesEquallyInBothEngines) {
+  for (const char* side : {"right", "left"}) {
+    const scene::Scene scene = scene_of(side, "engine: ode", kForearm);
+    const model::State ode = end_of(scene),
+                       articulated = end_of(scene_of(side, "engine: articulated", kForearm));
+    for (std::size_t b = 1; b < ode.bodies.size(); ++b)
+      EXPECT_LT((ode.bodies[b].p - articulated.bodies[b].p).norm(), 5e-4) << scene.model.bodies[b].name;
+    for (std::size_t i = 0; i < ode.q.size(); ++i) EXPECT_NEAR(ode.q[i], articulated.q[i], 0.02) << i;
+    for (std::size_t j = 0; j < scene.model.joints.size(); ++j) {
+      const std::string& name = scene.model.joints[j].name;
+      if (name.ends_with("_cmc") || name.ends_with("forearm"))
+        EXPECT_GT(std::abs(ode.q[static_cast<std::size_t>(scene.model.joints[j].first_dof)]), 1e-4) << name;
+    }
   }
 }
 
@@ -69,6 +89,40 @@ TEST(EveryKindOfRow, IsInEveryExport) {
   EXPECT_EQ(count(osim, "<Brick>"), 1U);
   for (const std::string* text : {&mjcf, &urdf, &osim})
     EXPECT_NE(text->find("right.index_mcp_rotation.rotation"), std::string::npos);
+}
+
+// Oracle: the model's own numbers.
+TEST(ForearmScene, IsInEveryExport) {
+  const scene::Scene scene = scene_of("right", "engine: ode", kForearm);
+  const engine::Settings settings = scene.spec.solver;
+  const std::string mjcf = output::to_mjcf(scene.model, settings);
+  EXPECT_EQ(count(mjcf, "<body "), 19U);
+  EXPECT_EQ(count(mjcf, "<geom "), 22U);
+  const std::string urdf = output::to_urdf(scene.model, settings);
+  const std::string osim = output::to_osim(scene.model, settings);
+  EXPECT_EQ(count(osim, "<Body name"), 19U);
+  for (const std::string* text : {&mjcf, &urdf, &osim})
+    for (const char* name : {"right.forearm.pronation", "right.ring_cmc.flexion", "right.little_cmc.flexion"})
+      EXPECT_NE(text->find(name), std::string::npos) << name;
+}
+
+// Oracle: a palm in three bodies meets no more of its own hand than one in one does: at rest, none of the
+// straight fingers.
+TEST(ForearmScene, HasAPalmThatDoesNotTouchItself) {
+  scene::Scene scene = scene::compile_scene(
+      parse_yaml("hands: [{model: ../handmodels/forearm.yaml, person: persons/median_man.yaml, side: right, "
+                 "wrist: {mount: universal, position: [0, 0, 1]}}]\nduration: 0.05\n"
+                 "effects: [joint_stops, passive_tissue, self_contact, friction]\nsolver: {engine: "
+                 "articulated, step: 0.001}\n",
+                 HANDSIM_SOURCE_DIR "/config/test.yaml"));
+  Simulation simulation(scene);
+  for (long i = 0; i < simulation.step_count(); ++i) {
+    simulation.step();
+    for (const auto& contact : simulation.engine().contacts())
+      for (const int shape : {contact.shape_a, contact.shape_b})
+        EXPECT_EQ(scene.model.shapes[static_cast<std::size_t>(shape)].name.find("metacarpal"),
+                  std::string::npos);
+  }
 }
 
 }  // namespace

@@ -27,6 +27,7 @@ Effects needed_effects(const SceneSpec& scene) {
   };
   for (const HandEntry& hand : scene.hands) {
     for (const hand::SegmentSpec& segment : hand.model.segments) add_joint(segment.joint);
+    if (hand.model.forearm && hand.has_wrist_joint()) add_joint(hand.model.forearm->joint);
     if (hand.placement.mount == hand::Mount::driven) effects.add(Effect::wrist_motion);
   }
   for (const MechanismJointSpec& joint : scene.mechanism.joints)
@@ -92,6 +93,7 @@ bool any_tissue(const SceneSpec& scene) {
   };
   for (const HandEntry& hand : scene.hands) {
     if (has_tissue(hand.model.wrist)) return true;
+    if (hand.model.forearm && has_tissue(hand.model.forearm->joint)) return true;
     for (const hand::SegmentSpec& segment : hand.model.segments)
       if (has_tissue(segment.joint)) return true;
   }

@@ -142,6 +142,8 @@ void read_start_pose(MapReader& reader, HandEntry& entry, bool known) {
   MapReader pose = reader.map("pose");
   const hand::JointSpec& wrist = entry.model.wrist;
   std::map<std::string, const hand::JointSpec*> joints = {{wrist.name, &wrist}};
+  const hand::JointSpec* forearm = entry.model.forearm ? &entry.model.forearm->joint : nullptr;
+  if (forearm) joints[forearm->name] = forearm;
   for (const hand::SegmentSpec& segment : entry.model.segments) joints[segment.joint.name] = &segment.joint;
   std::vector<std::string> names;
   for (const auto& [joint, spec] : joints) names.push_back(joint);
@@ -151,7 +153,7 @@ void read_start_pose(MapReader& reader, HandEntry& entry, bool known) {
     const auto found = joints.find(name);
     if (!known || !value || found == joints.end()) continue;
     const hand::JointSpec& joint = *found->second;
-    if (&joint == &wrist && !entry.has_wrist_joint()) {
+    if ((&joint == &wrist || &joint == forearm) && !entry.has_wrist_joint()) {
       pose.problem(name, "an angle of a wrist that has no joint", "wrist.mount hinge or universal with it");
     } else {
       const bool one = &joint == &wrist && entry.placement.mount == hand::Mount::hinge;
