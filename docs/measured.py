@@ -132,7 +132,8 @@ def agreement():
              slashed([1e6 * slip for slip in pair["slip_median_m_per_s"]]), pair["slip_below_floor"],
              of(pair["slip_within_a_tenth"]) if pair["slip_within_a_tenth"]["of"] else "none"]
             for pair in found["pairs"]]
-    return (f"{found['draws']} draws, seed {found['seed']}, {found['cpu_s'] / 60:.0f} minutes of CPU time.\n\n" +
+    refused = f"; {len(found['refused'])} more were refused by the grip" if found["refused"] else ""
+    return (f"{found['draws']} draws, seed {found['seed']}, {found['cpu_s'] / 60:.0f} minutes of CPU time{refused}.\n\n" +
             table(["engines (`/4`: a quarter of the step)", "same verdict", "where not marginal", "grip differs by, median / at most, %",
                    "within 10 %", "slip, median of each, µm/s", f"both below {1e6 * found['slip_floor_m_per_s']:g} µm/s",
                    "of the others within 10 %"], rows))
