@@ -10,12 +10,6 @@
 
 namespace handsim::engine {
 
-namespace {
-
-constexpr int kNoSlot = -1;
-
-}  // namespace
-
 void require_excitations(const model::Model& model, const Settings& settings,
                          std::span<const double> excitations) {
   if (excitations.empty()) return;
@@ -31,105 +25,59 @@ void require_excitations(const model::Model& model, const Settings& settings,
                         "0 to 1");
 }
 
-Muscles::Muscles(const model::Model& model, const Settings& settings, const Solves& solves)
-    : step_(settings.step) {
-  const auto add = [&](const model::TendonPath& path) -> Tendon& {
-    Tendon& out = tendons_.emplace_back();
-    out.path = &path;
-    out.first = arms_.add(path);
-    out.count = path.arms.size();
-    return out;
-  };
-  if (settings.effects.has(model::Effect::muscles))
-    for (const model::Muscle& muscle : model.muscles) add(muscle.path).muscle = &muscle;
-  if (settings.effects.has(model::Effect::tendon_coupling))
-    for (const model::Ligament& ligament : model.ligaments) add(ligament.path).ligament = &ligament;
-  if (settings.effects.has(model::Effect::muscles)) muscles_ = model.muscles.size();
-  torques_.resize(at(model.dof_count()));
-  for (Tendon& tendon : tendons_)
-    for (const model::MomentArm& arm : tendon.path->arms) tendon.own.push_back(slot(arm.dof, arm.dof));
-  for (Tendon& tendon : tendons_) {
-    const auto& arms = tendon.path->arms;
-    for (std::size_t i = 0; i < arms.size(); ++i)
-      for (std::size_t j = 0; j < i; ++j)
-        tendon.slots.push_back(solves(arms[i].dof, arms[j].dof) ? slot(arms[i].dof, arms[j].dof) : kNoSlot);
-  }
+Muscles::Muscles(const model::Model& model, const Settings& settings, const TendonLayout::Solves& solves,
+                 const TendonKernel* kernel)
+    : step_(settings.step),
+      muscles_(settings.effects.has(model::Effect::muscles) ? std::span(model.muscles)
+                                                            : std::span<const model::Muscle>()),
+      layout_(muscles_,
+              settings.effects.has(model::Effect::tendon_coupling) ? std::span(model.ligaments)
+                                                                   : std::span<const model::Ligament>(),
+              solves),
+      kernel_(kernel ? kernel : tendon_kernels().back()),
+      torques_(at(model.dof_count())) {
+  find_parts();
 }
 
 /// The entry of two coordinates, made where there is none.
-int Muscles::slot(int a, int b) {
+std::size_t Muscles::slot(int a, int b) {
   const int row = std::max(a, b), column = std::min(a, b);
   for (std::size_t i = 0; i < slopes_.size(); ++i)
-    if (slopes_[i].row == row && slopes_[i].column == column) return static_cast<int>(i);
+    if (slopes_[i].row == row && slopes_[i].column == column) return i;
   slopes_.push_back({row, column, 0});
-  return static_cast<int>(slopes_.size()) - 1;
+  return slopes_.size() - 1;
 }
 
-/// Of the tendon's length [m/s].
-double Muscles::rate_of(const Tendon& tendon, std::span<const double> u) const {
-  const double* r = arms_.arm() + tendon.first;
-  const int* dof = arms_.dof() + tendon.first;
-  double out = 0;
-  for (std::size_t i = 0; i < tendon.count; ++i) out -= r[i] * u[at(dof[i])];
-  return out;
-}
-
-/// Tension at the start and its slope, into torques and B.
-void Muscles::pull(Tendon& tendon, std::span<const double> u, double activation) {
-  const double* r = arms_.arm() + tendon.first;
-  const int* dof = arms_.dof() + tendon.first;
-  const double* bend = arms_.bend() + tendon.first;
-  const double excursion = arms_.excursion(static_cast<std::size_t>(&tendon - tendons_.data()));
-  const double rate = tendon.rate = rate_of(tendon, u);
-  if (tendon.muscle) {
-    const model::Tension found = model::tension(*tendon.muscle, excursion, rate, activation);
-    tendon.force = found.force;
-    tendon.slope = step_ * std::max(0.0, found.stiffness) + found.damping;
-    // The length at the step's end, at the rate of its start.
-    tendon.force = std::max(0.0, tendon.force + step_ * found.stiffness * rate);
-  } else {
-    const model::Ligament& band = *tendon.ligament;
-    const double x = -excursion - band.rest;
-    const bool slack = !band.both_ways && x + step_ * rate <= 0;
-    tendon.force = slack ? 0 : band.stiffness * (x + step_ * rate) + band.damping * rate;
-    tendon.slope = slack ? 0 : step_ * band.stiffness + band.damping;
-    if (!band.both_ways) tendon.force = std::max(0.0, tendon.force);
-  }
-  if (tendon.force == 0 && tendon.slope == 0) return;
-  const int* slot = tendon.slots.data();
-  for (std::size_t i = 0; i < tendon.count; ++i) {
-    torques_[at(dof[i])] += r[i] * tendon.force;
-    double& own = slopes_[at(tendon.own[i])].value;
-    // An arm that grows against the motion holds the coordinate like a spring.
-    own += r[i] * r[i] * tendon.slope + step_ * std::max(0.0, -bend[i] * tendon.force);
-    for (std::size_t j = 0; j < i; ++j, ++slot) {
-      const double entry = r[i] * r[j] * tendon.slope;
-      if (*slot != kNoSlot) {
-        slopes_[at(*slot)].value += entry;
-      } else {
-        own += std::abs(entry);
-        slopes_[at(tendon.own[j])].value += std::abs(entry);
-      }
+void Muscles::find_parts() {
+  const TendonArrays& all = layout_.arrays();
+  for (int c = 0; c < all.coordinates; ++c)
+    for (std::size_t k = 0; k < kTendonLanes; ++k) {
+      const CoordinateRow& row = all.coordinate[c];
+      torque_parts_.push_back({&row.torque[k], at(row.dof[k])});
+      slope_parts_.push_back({&row.own[k], slot(row.dof[k], row.dof[k])});
     }
+  for (int s = 0; s < all.pairs; ++s)
+    for (std::size_t k = 0; k < kTendonLanes; ++k) {
+      const auto& [a, b] = layout_.pair(at(s));
+      slope_parts_.push_back({&all.sum[s].sum[k], slot(all.coordinate[a].dof[k], all.coordinate[b].dof[k])});
+    }
+}
+
+void Muscles::start(const model::State& state) {
+  for (std::size_t i = 0; i < muscles_.size(); ++i) {
+    const TendonLayout::Place& place = layout_.muscles()[i];
+    layout_.arrays().block[place.block].activation[place.lane] = state.activation[i];
   }
 }
 
 void Muscles::begin(std::span<const double> q, std::span<const double> u,
                     std::span<const double> excitations) {
+  kernel_->pull(layout_.arrays(), q.data(), u.data(), excitations.empty() ? nullptr : excitations.data(),
+                step_);
   std::fill(torques_.begin(), torques_.end(), 0.0);
   for (Slope& each : slopes_) each.value = 0;
-  arms_.evaluate(q);
-  std::size_t muscle = 0;
-  for (Tendon& tendon : tendons_) {
-    double activation = 0;
-    if (tendon.muscle) {
-      double& now = activation_[muscle];
-      now = model::next_activation(*tendon.muscle, now, excitations.empty() ? 0 : excitations[muscle], step_);
-      activation = now;
-      ++muscle;
-    }
-    pull(tendon, u, activation);
-  }
+  for (const Part& each : torque_parts_) torques_[each.to] += *each.from;
+  for (const Part& each : slope_parts_) slopes_[each.to].value += *each.from;
 }
 
 void Muscles::by_coordinate(std::span<const double> u, std::span<const double> given,
@@ -141,17 +89,24 @@ void Muscles::by_coordinate(std::span<const double> u, std::span<const double> g
     torques[i] += damping[i] * u[i] + (given.empty() ? 0 : given[i]);
 }
 
-double Muscles::tension_at(const Tendon& tendon, std::span<const double> u) const {
-  return tendon.force + tendon.slope * (rate_of(tendon, u) - tendon.rate);
+/// At the rates of a step's end, linear about its start.
+double Muscles::tension_at(const TendonLayout::Place& place, std::span<const double> u) const {
+  const TendonArrays& all = layout_.arrays();
+  const TendonBlock& block = all.block[place.block];
+  double rate = 0;
+  for (int i = 0; i < block.arms; ++i) {
+    const ArmRow& arm = all.arm[block.first_arm + i];
+    rate -= arm.arm[place.lane] * u[at(all.coordinate[arm.coordinate].dof[place.lane])];
+  }
+  return block.force[place.lane] + block.slope[place.lane] * (rate - block.rate[place.lane]);
 }
 
 void Muscles::end(std::span<const double> q, std::span<const double> u, model::State& state) const {
-  if (muscles_ == 0) return;
-  state.activation = activation_;
-  for (std::size_t i = 0; i < muscles_; ++i) {
-    const Tendon& tendon = tendons_[i];
-    state.tendon_force[i] = std::max(0.0, tension_at(tendon, u));
-    state.fibre_length[i] = model::fibre_at(*tendon.muscle, path_state(*tendon.path, q).excursion).length;
+  for (std::size_t i = 0; i < muscles_.size(); ++i) {
+    const TendonLayout::Place& place = layout_.muscles()[i];
+    state.activation[i] = layout_.arrays().block[place.block].activation[place.lane];
+    state.tendon_force[i] = std::max(0.0, tension_at(place, u));
+    state.fibre_length[i] = model::fibre_at(muscles_[i], path_state(muscles_[i].path, q).excursion).length;
   }
 }
 

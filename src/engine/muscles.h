@@ -6,12 +6,11 @@
 // in fast motion. Activations go one step by their own law before. No engine's types.
 #pragma once
 
-#include <functional>
 #include <span>
 #include <vector>
 
 #include "handsim/engine/engine.h"
-#include "handsim/engine/packed_arms.h"
+#include "handsim/engine/tendon_layout.h"
 
 namespace handsim::engine {
 
@@ -21,16 +20,15 @@ void require_excitations(const model::Model& model, const Settings& settings,
 
 class Muscles {
  public:
-  /// Whether the engine solves an entry of B, of two coordinates; what it does not is bounded by the
-  /// diagonal.
-  using Solves = std::function<bool(int, int)>;
-  /// The model must outlive this.
-  Muscles(const model::Model& model, const Settings& settings, const Solves& solves);
+  /// The model must outlive this. @param solves an entry of B; what an engine does not solve is bounded by
+  /// the diagonal. @param kernel null: the fastest
+  Muscles(const model::Model& model, const Settings& settings, const TendonLayout::Solves& solves,
+          const TendonKernel* kernel = nullptr);
 
   /// True where neither effect has anything to do.
-  bool empty() const { return tendons_.empty(); }
+  bool empty() const { return layout_.arrays().blocks == 0; }
   /// Takes over activations.
-  void start(const model::State& state) { activation_ = state.activation; }
+  void start(const model::State& state);
   /// Activations at the end of a step, tensions at its start. @param q, u by Model::dof_count()
   void begin(std::span<const double> q, std::span<const double> u, std::span<const double> excitations);
   /// `start` of the torques, by Model::dof_count() [N m].
@@ -50,29 +48,22 @@ class Muscles {
   void end(std::span<const double> q, std::span<const double> u, model::State& state) const;
 
  private:
-  /// A muscle or a ligament.
-  struct Tendon {
-    const model::TendonPath* path = nullptr;
-    const model::Muscle* muscle = nullptr;
-    const model::Ligament* ligament = nullptr;
-    std::size_t first = 0, count = 0;  ///< of its arms, in arms_
-    std::vector<int> own;              ///< of slopes_, the diagonal of each arm
-    std::vector<int> slots;  ///< of slopes_, pair by pair of its arms; kNoSlot: bounded on the diagonals
-    // Of the step.
-    double force = 0, slope = 0, rate = 0;
+  /// A number among the lanes that is added to a torque or an entry of B.
+  struct Part {
+    const double* from = nullptr;
+    std::size_t to = 0;
   };
-  int slot(int a, int b);
-  double rate_of(const Tendon& tendon, std::span<const double> u) const;
-  void pull(Tendon& tendon, std::span<const double> u, double activation);
-  double tension_at(const Tendon& tendon, std::span<const double> u) const;
+  std::size_t slot(int a, int b);
+  void find_parts();
+  double tension_at(const TendonLayout::Place& place, std::span<const double> u) const;
 
   double step_;
-  std::vector<Tendon> tendons_;
-  PackedArms arms_;  ///< of the tendons, in their order
+  std::span<const model::Muscle> muscles_;
+  TendonLayout layout_;
+  const TendonKernel* kernel_;
   std::vector<Slope> slopes_;
   std::vector<double> torques_;
-  std::vector<double> activation_;
-  std::size_t muscles_ = 0;  ///< tendons of muscles, which come first
+  std::vector<Part> torque_parts_, slope_parts_;
 };
 
 }  // namespace handsim::engine

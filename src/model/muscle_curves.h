@@ -25,6 +25,11 @@ inline constexpr double kShortest = 0.2, kLongest = 1.8;
 inline constexpr double kSteep = (2 + 2 / kSpeedShape) / (kLengthening - 1);
 }  // namespace hill
 
+template <class V>
+struct HillConstants;
+/// The muscle as the curves of hill_lanes.h take it.
+HillConstants<double> hill_constants(const Muscle& muscle);
+
 /// Fibres at a length of muscle and tendon.
 struct Fibre {
   double length = 0;  ///< [m]

@@ -7,7 +7,6 @@
 
 #include "engine/models.h"
 #include "handsim/engine/muscles.h"
-#include "handsim/engine/packed_arms.h"
 #include "handsim/model/muscle_curves.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
@@ -87,38 +86,111 @@ TEST(MusclesInEngines, TheArticulatedStepSolvesTheCoupledLaw) {
   }
 }
 
-// Oracle: model::path_state, of one tendon at a time, bit for bit, within and beyond the ranges of the arms.
-TEST(PackedArms, HaveTheBitsOfPathState) {
-  std::mt19937 random(3);
-  std::uniform_real_distribution<double> number(-1, 1);
-  std::vector<model::TendonPath> paths(9);
-  for (std::size_t n = 0; n < paths.size(); ++n) {
-    for (std::size_t i = 0; i <= n % 5; ++i) {
-      model::MomentArm& arm = paths[n].arms.emplace_back();
-      arm.dof = static_cast<int>((n + 2 * i) % 10);
-      arm.low = -0.5;
-      arm.high = 0.7;
-      for (std::size_t t = 0; t < 1 + (n + i) % arm.c.size(); ++t) arm.c[t] = 0.01 * number(random);
-    }
-    if (n % 5 >= 1) paths[n].products.push_back({0, 1, 1, 1, 0.003});
-    if (n % 5 >= 2) paths[n].products.push_back({2, 1, 2, 3, -0.002});
-  }
-  PackedArms packed;
-  std::vector<std::size_t> first;
-  for (const model::TendonPath& path : paths) first.push_back(packed.add(path));
-  for (int round = 0; round < 20; ++round) {
-    std::vector<double> q(10);
-    for (double& angle : q) angle = number(random);
-    packed.evaluate(q);
-    for (std::size_t n = 0; n < paths.size(); ++n) {
-      const model::PathState expected = model::path_state(paths[n], q);
-      EXPECT_EQ(packed.excursion(n), expected.excursion) << n;
-      for (std::size_t i = 0; i < paths[n].arms.size(); ++i) {
-        EXPECT_EQ(packed.arm()[first[n] + i], expected.arm[i]) << n << " " << i;
-        EXPECT_EQ(packed.bend()[first[n] + i], expected.bend[i]) << n << " " << i;
+/// Torques and B of a step's start.
+struct Start {
+  Eigen::VectorXd torques;
+  Eigen::MatrixXd B;
+};
+
+Start start_of(const model::Model& model, Muscles& muscles, const model::State& state,
+               const std::vector<double>& excitations) {
+  muscles.start(state);
+  muscles.begin(state.q, state.u, excitations);
+  const auto n = static_cast<Eigen::Index>(model.dof_count());
+  Start out = {Eigen::VectorXd(n), Eigen::MatrixXd::Zero(n, n)};
+  for (Eigen::Index i = 0; i < n; ++i) out.torques[i] = muscles.torques()[static_cast<std::size_t>(i)];
+  for (const Muscles::Slope& each : muscles.slopes()) out.B(each.row, each.column) = each.value;
+  return out;
+}
+
+/// The law of engine/muscles.h, one tendon at a time.
+Start law(const model::Model& model, double h, const TendonLayout::Solves& solves, const model::State& state,
+          const std::vector<double>& excitations) {
+  const auto n = static_cast<Eigen::Index>(model.dof_count());
+  Start out = {Eigen::VectorXd::Zero(n), Eigen::MatrixXd::Zero(n, n)};
+  const auto add = [&](const model::TendonPath& path, const auto& pull) {
+    const model::PathState at = model::path_state(path, state.q);
+    double rate = 0;
+    for (std::size_t i = 0; i < path.arms.size(); ++i)
+      rate -= at.arm[i] * state.u[static_cast<std::size_t>(path.arms[i].dof)];
+    const auto [force, slope] = pull(at.excursion, rate);
+    for (std::size_t i = 0; i < path.arms.size(); ++i) {
+      const int a = path.arms[i].dof;
+      out.torques[a] += at.arm[i] * force;
+      out.B(a, a) += at.arm[i] * at.arm[i] * slope + h * std::max(0.0, -at.bend[i] * force);
+      for (std::size_t j = 0; j < i; ++j) {
+        const int b = path.arms[j].dof;
+        const double entry = at.arm[i] * at.arm[j] * slope;
+        if (solves(a, b)) {
+          out.B(std::max(a, b), std::min(a, b)) += entry;
+        } else {
+          out.B(a, a) += std::abs(entry);
+          out.B(b, b) += std::abs(entry);
+        }
       }
     }
-  }
+  };
+  for (std::size_t m = 0; m < model.muscles.size(); ++m)
+    add(model.muscles[m].path, [&](double excursion, double rate) {
+      const model::Muscle& muscle = model.muscles[m];
+      const double a = model::next_activation(muscle, state.activation[m], excitations[m], h);
+      const model::Tension found = model::tension(muscle, excursion, rate, a);
+      return std::pair(std::max(0.0, found.force + h * found.stiffness * rate),
+                       h * std::max(0.0, found.stiffness) + found.damping);
+    });
+  for (const model::Ligament& band : model.ligaments)
+    add(band.path, [&](double excursion, double rate) {
+      const double then = -excursion - band.rest + h * rate;
+      const bool slack = !band.both_ways && then <= 0;
+      const double force = slack ? 0 : band.stiffness * then + band.damping * rate;
+      return std::pair(band.both_ways ? force : std::max(0.0, force),
+                       slack ? 0 : h * band.stiffness + band.damping);
+    });
+  return out;
+}
+
+model::Model muscled_hand(const std::string& mount) {
+  return handsim::test::shipped_scene(
+             "resting_hand", {"hands.0.model=" + handsim::test::source("handmodels/anatomical.yaml").string(),
+                              "effects=[muscles, tendon_coupling]", "hands.0.wrist={mount: " + mount + "}"})
+      .model;
+}
+
+// Oracle: the law, one tendon at a time, at angles within and beyond the ranges of the arms: sums in another
+// order differ by rounding. All kernels have the same bits.
+TEST(TendonLanes, AddUpTheLawWithTheSameBitsAtEveryWidth) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> number(0, 1);
+  for (const char* mount : {"fixed", "universal"})
+    for (const bool diagonal : {false, true}) {
+      const model::Model model = muscled_hand(mount);
+      const TendonLayout::Solves solves = [&](int a, int b) {
+        return a == b || (!diagonal && a / 6 == b / 6);
+      };
+      const Settings all =
+          settings({Effect::muscles, Effect::tendon_coupling}, 1e-3, ArticulatedMethod::semi_implicit_euler);
+      for (int sample = 0; sample < 20; ++sample) {
+        model::State state = model::initial_state(model);
+        for (double& q : state.q) q = 3 * number(random) - 1;
+        for (double& u : state.u) u = 20 * number(random) - 10;
+        std::vector<double> excitations;
+        for (double& a : state.activation) {
+          a = number(random);
+          excitations.push_back(number(random));
+        }
+        const Start expected = law(model, all.step, solves, state, excitations);
+        std::optional<Start> first;
+        for (const TendonKernel* kernel : tendon_kernels()) {
+          Muscles muscles(model, all, solves, kernel);
+          const Start found = start_of(model, muscles, state, excitations);
+          if (!first) first = found;
+          EXPECT_EQ(found.torques, first->torques) << kernel->name;
+          EXPECT_EQ(found.B, first->B) << kernel->name;
+          EXPECT_LT((found.torques - expected.torques).norm(), 1e-13 * expected.torques.norm());
+          EXPECT_LT((found.B - expected.B).norm(), 1e-13 * expected.B.norm());
+        }
+      }
+    }
 }
 
 // Oracle: all engines go to the same motion as the step goes to zero, at first order. The reference is the

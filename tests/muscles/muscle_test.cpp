@@ -5,7 +5,7 @@
 
 #include <gtest/gtest.h>
 
-#include "handsim/model/muscle_curves.h"
+#include "handsim/model/hill_lanes.h"
 
 namespace handsim::model {
 namespace {
@@ -70,6 +70,52 @@ TEST(MuscleCurves, HaveTheValuesOfTheirSource) {
   EXPECT_NEAR(isometric_force(m, -0.5 * m.fibre_length), 100 * std::exp(-0.25 / 0.45), 1e-9);
   EXPECT_NEAR(passive_force(m, -0.6 * m.fibre_length), 100, 1e-9);
   EXPECT_EQ(passive_force(m, 0.1 * m.fibre_length), 0);
+}
+
+// Oracle: std::exp. Five squarings double the last place's error five times: 32 times a few 1e-16.
+TEST(Exponential, IsThatOfTheLibraryToTwentyLastPlaces) {
+  double worst = 0;
+  for (double y = -5; y <= 5; y += 1e-4) worst = std::max(worst, std::abs(exponential(y) / std::exp(y) - 1));
+  EXPECT_LT(worst, 2e-14);
+}
+
+// Oracle: the curves of Thelen 2003 written down again with std::exp, and the slope of the speed's factor as
+// the greater of tangent and chord. Tolerance: the exponential's error, of a force of 1.
+TEST(MuscleCurves, AreThoseOfTheirFormulas) {
+  const auto speed = [](double w) {
+    const double value = w <= -1 ? 0 : w < 0 ? (1 + w) / (1 - 4 * w) : (1 + 35 * w) / (1 + 25 * w);
+    const double tangent = w <= -1 ? 0 : w < 0 ? 5 / std::pow(1 - 4 * w, 2) : 10 / std::pow(1 + 25 * w, 2);
+    return std::pair(value, std::max(tangent, w == 0 ? tangent : (value - 1) / w));
+  };
+  Muscle m = muscle();
+  m.pennation = 0.2;
+  std::mt19937 random(5);
+  std::uniform_real_distribution<double> number(0, 1);
+  for (int sample = 0; sample < 2000; ++sample) {
+    const double excursion = -0.07 + 0.14 * number(random), a = number(random);
+    const double rate = 2 * (number(random) - 0.5);
+    const double along = std::max(m.length - excursion - m.slack_length, 1e-3 * m.fibre_length);
+    const double length = std::hypot(m.fibre_length * std::sin(0.2), along), cosine = along / length;
+    const double l = length / m.fibre_length, per = cosine / m.fibre_length;
+    const double active = l < 0.2 || l > 1.8 ? 0 : std::exp(-(l - 1) * (l - 1) / 0.45);
+    const double grown = std::exp(5 * std::min(l - 1, 0.6) / 0.6), over = std::exp(5.0) - 1;
+    const double passive_slope = l <= 1 ? 0 : 5 / 0.6 * grown / over;
+    const double passive = l <= 1 ? 0 : (grown - 1) / over + passive_slope * std::max(0.0, l - 1.6);
+    const double top = (0.25 + 0.75 * a) * m.max_speed;
+    const auto [value, slope] = speed(rate * per / top);
+    const double drag = 0.1 * passive / m.max_speed;
+    const double force = a * active * value + passive + drag * rate * per;
+    const Tension found = tension(m, excursion, rate, a);
+    const double bound = 1e-12 * m.force;
+    if (force <= 0) {
+      EXPECT_EQ(found.force, 0);
+      continue;
+    }
+    EXPECT_NEAR(found.force, m.force * cosine * force, bound);
+    const double stiffness = a * -2 * (l - 1) / 0.45 * active * value + passive_slope;
+    EXPECT_NEAR(found.stiffness, m.force * cosine * stiffness * per, bound * per * 10);
+    EXPECT_NEAR(found.damping, m.force * cosine * (a * active * slope / top + drag) * per, bound * per);
+  }
 }
 
 // Oracle: differences of the force. The damping has to be the tangent at least, and the chord to rest: a step

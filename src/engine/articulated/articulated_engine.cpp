@@ -262,7 +262,11 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();
   }
-  if (!fast && !moving && !loops_ && !muscles_) return check(kernel.advance(tree, settings_.step), end);
+  if (!fast && !moving && !loops_) {
+    const bool sound = kernel.advance(tree, settings_.step);
+    if (muscles_) muscles_->find_torques(settings_.step);
+    return check(sound, end);
+  }
   kernel.find_torques(tree, settings_.step);
   if (muscles_) muscles_->find_torques(settings_.step);
   if (fast) fast_spin_->add_work(report.contacts > 0 || loops_);

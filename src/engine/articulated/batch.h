@@ -202,6 +202,10 @@ struct Kernel {
   void (*prepare_smooth)(const Tree&);
   /// du from q, u, forces and weights: the articulated-body algorithm.
   void (*solve)(const Tree&);
+  /// Joint-space inertia by the composite-rigid-body algorithm, after `solve`, whose sums it writes over. For
+  /// each batch of nodes of one rate, by lanes: the entry of each node with itself, then with every node that
+  /// carries it, up to the base.
+  void (*inertia)(const Tree&, double* out);
   /// Compares du with the stops and limits that it was found with and corrects these. `single`: only the
   /// first one that is wrong. True where nothing was wrong. @param step [s]
   bool (*update_active_set)(const Tree&, double step, bool single);

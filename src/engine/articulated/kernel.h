@@ -140,6 +140,8 @@ struct Lanes {
   static void solve(const Tree& tree);
   static bool accelerate(const Tree& tree, double step);
   static void clear(Batches& b);
+  static void find_composites(const Tree& tree);
+  static void inertia(const Tree& tree, double* out);
   static V6<V> times_rigid(const Batches& b, const Sym3<V>& I, const V6<V>& S);
   static void inward_any(const Tree& tree, Batches& b);
   static void outward_any(const Tree& tree, Batches& b);
@@ -161,23 +163,15 @@ struct Lanes {
   static void observe(const Tree& tree, const LaneControl& control);
 
   static constexpr Kernel kernel(const char* name) {
-    return {name,
-            static_cast<int>(W),
-            kinematics,
-            velocities,
-            prepare,
-            find_torques,
-            prepare_smooth,
-            solve,
-            update_active_set,
-            momenta,
-            work,
-            integrate,
-            position_rates,
-            normalise,
-            accelerate,
-            advance,
-            {place_bodies, command, observe}};
+    return {name,           static_cast<int>(W),
+            kinematics,     velocities,
+            prepare,        find_torques,
+            prepare_smooth, solve,
+            inertia,        update_active_set,
+            momenta,        work,
+            integrate,      position_rates,
+            normalise,      accelerate,
+            advance,        {place_bodies, command, observe}};
   }
 };
 

@@ -86,6 +86,81 @@ inline void Lanes<V>::solve(const Tree& tree) {
   for (int i = 0; i < tree.batches; ++i) outward_any(tree, batches(tree)[i]);
 }
 
+/// Inertia of each node with all that it carries, as its rotational part in A and its mass and the moment of
+/// that in p, and the force U = I S of a unit acceleration of the node (Featherstone 2008, section 6.2).
+template <class V>
+inline void Lanes<V>::find_composites(const Tree& tree) {
+  for (int i = 0; i < tree.batches; ++i) {
+    Batches& b = batches(tree)[i];
+    const V zero = 0.0;
+    const V3<V> none = {zero, zero, zero};
+    store_sym(b.A, b.massless ? Sym3<V>{zero, zero, zero, zero, zero, zero} : load_sym(b.I));
+    store3(b.p, b.massless ? none : load3(b.h));
+    store(b.p[3], b.massless ? zero : load(b.mass));
+  }
+  for (int i = tree.batches - 1; i >= 0; --i) {
+    Batches& b = batches(tree)[i];
+    const Sym3<V> I = load_sym(b.A);
+    const V3<V> h = load3(b.p);
+    const V mass = load(b.p[3]);
+    if (single(b)) {
+      const V6<V> S = load6(b.S);
+      store6(b.U, {I * S.n + cross(h, S.f), cross(S.n, h) + mass * S.f});
+    }
+    if (b.link == ParentLink::aligned) {
+      Batches& to = batches(tree)[b.parent];
+      store_sym(to.A, load_sym(to.A) + I);
+      store3(to.p, load3(to.p) + h);
+      store(to.p[3], load(to.p[3]) + mass);
+    } else if (b.link == ParentLink::gathered) {
+      for (int lane = b.used - 1; lane >= 0; --lane) {
+        Batches& to = batches(tree)[b.parent_batch[lane]];
+        const int at = b.parent_lane[lane];
+        for (int k = 0; k < 6; ++k) to.A[k][at] += b.A[k][lane];
+        for (int k = 0; k < 4; ++k) to.p[k][at] += b.p[k][lane];
+      }
+    }
+  }
+}
+
+template <class V>
+inline void Lanes<V>::inertia(const Tree& tree, double* out) {
+  find_composites(tree);
+  for (int i = 0; i < tree.batches; ++i) {
+    const Batches& b = batches(tree)[i];
+    if (!single(b)) continue;
+    const V6<V> force = load6(b.U);
+    const Batches* over = &b;
+    while (true) {
+      store_loose(out, dot(load6(over->S), force));
+      out += W;
+      if (over->link != ParentLink::aligned) break;
+      over = &batches(tree)[over->parent];
+    }
+    if (over->link == ParentLink::base) continue;
+    // From here on, each lane has its own. Those without a node repeat the first.
+    int batch[W], lane[W];
+    for (int l = 0; l < W; ++l) {
+      const int of = l < b.used ? l : 0;
+      batch[l] = over->parent_batch[of];
+      lane[l] = over->parent_lane[of];
+    }
+    while (true) {
+      alignas(64) Lane<W> S[6];
+      for (int l = 0; l < W; ++l)
+        for (int k = 0; k < 6; ++k) S[k][l] = batches(tree)[batch[l]].S[k][lane[l]];
+      store_loose(out, dot(load6(S), force));
+      out += W;
+      if (batches(tree)[batch[0]].link == ParentLink::base) break;
+      for (int l = 0; l < W; ++l) {
+        const Batches& at = batches(tree)[batch[l]];
+        batch[l] = at.link == ParentLink::aligned ? at.parent : at.parent_batch[lane[l]];
+        lane[l] = at.link == ParentLink::aligned ? lane[l] : at.parent_lane[lane[l]];
+      }
+    }
+  }
+}
+
 template <class V>
 inline bool Lanes<V>::accelerate(const Tree& tree, double step) {
   for (int i = 0; i < tree.batches; ++i) clear(batches(tree)[i]);

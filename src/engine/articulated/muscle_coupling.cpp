@@ -43,6 +43,7 @@ MuscleCoupling::MuscleCoupling(const model::Model& model, const Settings& settin
   given_.resize(space_dof_.size());
   find_trees(mechanism);
   find_entries();
+  find_sources();
 }
 
 /// True if one of two coordinates of the model carries the other.
@@ -75,13 +76,18 @@ void MuscleCoupling::find_trees(const Mechanism& mechanism) {
       Dof& added = dofs_.emplace_back();
       added.dof = dof;
       added.parent = space_.parent_dof(dof) == kNoDof ? kNoDof : place[at(space_.parent_dof(dof))];
+      added.depth = added.parent == kNoDof ? 0 : dofs_[at(added.parent)].depth + 1;
+      added.row = carrier_.size();
+      const std::size_t over = added.depth == 0 ? 0 : dofs_[at(added.parent)].row;
+      for (std::size_t k = 0; k < added.depth; ++k) carrier_.push_back(carrier_[over + k]);
+      carrier_.push_back(dofs_.size() - 1);
       added.rate = space_.rate_index(dof);
       added.single = rate_count(nodes[i].kind) == 1;
       if (added.single) added.axis = mechanism.axis_view(i);
     }
-  for (std::vector<double>* matrix : {&H_, &A_, &L_}) matrix->resize(dofs_.size() * dofs_.size());
-  x_.resize(dofs_.size());
-  b_.resize(dofs_.size());
+  for (std::vector<double>* matrix : {&H_, &A_, &L_}) matrix->resize(carrier_.size());
+  for (std::vector<double>* vector : {&x_, &b_, &inverse_}) vector->resize(dofs_.size());
+  locked_.resize(dofs_.size());
 }
 
 void MuscleCoupling::find_entries() {
@@ -94,7 +100,33 @@ void MuscleCoupling::find_entries() {
     const int a = space_dof_[at(slopes()[k].row)], b = space_dof_[at(slopes()[k].column)];
     if (a == kNoDof || b == kNoDof) continue;
     const int i = std::max(a, b), j = std::min(a, b);
-    entries_.push_back({place(i), place(j), i, j, k});
+    const Dof &row = dofs_[at(place(i))], &column = dofs_[at(place(j))];
+    entries_.push_back({place(i), place(j), i, j, k, row.row + column.depth, row.rate, column.rate});
+  }
+}
+
+void MuscleCoupling::find_sources() {
+  const auto& nodes = mechanism_.topology().nodes;
+  const std::size_t width = mechanism_.stride();
+  // Where the kernel starts with each batch.
+  std::vector<std::size_t> first(at(mechanism_.tree().batches), 0);
+  std::vector<std::size_t> depth(first.size(), 0);
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    if (rate_count(nodes[i].kind) == 1) depth[at(mechanism_.slot(i).batch)] = at(nodes[i].depth) + 1;
+  std::size_t end = 0;
+  for (std::size_t b = 0; b < first.size(); ++b) {
+    first[b] = end;
+    end += width * depth[b];
+  }
+  lanes_.resize(end);
+  for (const Dof& each : dofs_) {
+    if (!each.single) return sources_.clear();
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      if (space_.first_dof(static_cast<int>(i)) != each.dof) continue;
+      const LaneSlot& slot = mechanism_.slot(i);
+      for (std::size_t k = 0; k <= each.depth; ++k)
+        sources_.push_back({first[at(slot.batch)] + k * width + at(slot.lane), each.row + each.depth - k});
+    }
   }
 }
 
@@ -112,51 +144,68 @@ std::span<const double> MuscleCoupling::begin(const StepInput& input) {
   return given_;
 }
 
+void MuscleCoupling::find_inertia() {
+  if (have_inertia_) return;
+  have_inertia_ = true;
+  if (!sources_.empty()) {
+    mechanism_.kernel().inertia(mechanism_.tree(), lanes_.data());
+    for (const Source& each : sources_) H_[each.to] = lanes_[each.from];
+    return;
+  }
+  space_.find_inertia([&](int dof) { return with_tendons_[at(dof)] != 0; });
+  for (const Dof& each : dofs_)
+    for (std::size_t k = 0; k <= each.depth; ++k)
+      H_[each.row + k] = space_.inertia(each.dof, dofs_[carrier_[each.row + k]].dof);
+}
+
 /// A = H + weights + h B, and b = h B du.
 void MuscleCoupling::assemble(double step) {
-  if (!have_inertia_) {
-    space_.find_inertia([&](int dof) { return with_tendons_[at(dof)] != 0; });
-    for (int i = 0; i < static_cast<int>(dofs_.size()); ++i)
-      for (int j = i; j != kNoDof; j = dofs_[at(j)].parent)
-        entry(H_, i, j) = space_.inertia(dofs_[at(i)].dof, dofs_[at(j)].dof);
-    have_inertia_ = true;
-  }
+  find_inertia();
   const std::span<const double> du = mechanism_.du();
-  for (int i = 0; i < static_cast<int>(dofs_.size()); ++i) {
-    for (int j = i; j != kNoDof; j = dofs_[at(j)].parent) entry(A_, i, j) = entry(H_, i, j);
-    if (dofs_[at(i)].single) entry(A_, i, i) += *dofs_[at(i)].axis.weight;
-    b_[at(i)] = 0;
+  std::copy(H_.begin(), H_.end(), A_.begin());
+  for (std::size_t i = 0; i < dofs_.size(); ++i) {
+    if (dofs_[i].single) A_[dofs_[i].row + dofs_[i].depth] += *dofs_[i].axis.weight;
+    locked_[i] = dofs_[i].single && *dofs_[i].axis.side != 0;
+    b_[i] = 0;
   }
   for (const Entry& each : entries_) {
     const double value = step * slopes()[each.slope].value;
-    entry(A_, each.i, each.j) += value;
-    b_[at(each.i)] += value * du[dofs_[at(each.j)].rate];
-    if (each.i != each.j) b_[at(each.j)] += value * du[dofs_[at(each.i)].rate];
+    A_[each.at] += value;
+    b_[at(each.i)] += value * du[each.rate_j];
+    if (each.i != each.j) b_[at(each.j)] += value * du[each.rate_i];
   }
 }
 
-/// x = A^-1 b with x = 0 where a stop locks a coordinate: L^T L as in joint_space.h.
+/// x = A^-1 b with x = 0 where a stop locks a coordinate: L^T L as in joint_space.h, by rows of H.
 void MuscleCoupling::solve() {
-  const int n = static_cast<int>(dofs_.size());
-  const auto locked = [&](int i) { return dofs_[at(i)].single && *dofs_[at(i)].axis.side != 0; };
-  for (int i = 0; i < n; ++i) {
-    const bool fixed = locked(i);
-    x_[at(i)] = fixed ? 0 : b_[at(i)];
-    for (int j = i; j != kNoDof; j = dofs_[at(j)].parent)
-      entry(L_, i, j) = fixed || locked(j) ? (i == j ? 1.0 : 0.0) : entry(A_, i, j);
-  }
-  for (int k = n - 1; k >= 0; --k) {
-    const double inverse = 1 / entry(L_, k, k);
-    for (int i = dofs_[at(k)].parent; i != kNoDof; i = dofs_[at(i)].parent) {
-      const double share = entry(L_, k, i) * inverse;
-      x_[at(i)] -= share * x_[at(k)];
-      for (int j = i; j != kNoDof; j = dofs_[at(j)].parent) entry(L_, i, j) -= share * entry(L_, k, j);
+  std::copy(A_.begin(), A_.end(), L_.begin());
+  std::copy(b_.begin(), b_.end(), x_.begin());
+  if (std::find(locked_.begin(), locked_.end(), 1) != locked_.end())
+    for (std::size_t i = 0; i < dofs_.size(); ++i) {
+      double* row = &L_[dofs_[i].row];
+      const std::size_t* carrier = &carrier_[dofs_[i].row];
+      for (std::size_t k = 0; k <= dofs_[i].depth; ++k)
+        if (locked_[i] || locked_[carrier[k]]) row[k] = k == dofs_[i].depth ? 1 : 0;
+      if (locked_[i]) x_[i] = 0;
+    }
+  for (std::size_t k = dofs_.size(); k-- > 0;) {
+    const Dof& own = dofs_[k];
+    const double* row = &L_[own.row];
+    const std::size_t* carrier = &carrier_[own.row];
+    const double inverse = inverse_[k] = 1 / row[own.depth];
+    for (std::size_t i = own.depth; i-- > 0;) {
+      const double share = row[i] * inverse;
+      x_[carrier[i]] -= share * x_[k];
+      double* to = &L_[dofs_[carrier[i]].row];
+      for (std::size_t j = 0; j <= i; ++j) to[j] -= share * row[j];
     }
   }
-  for (int i = 0; i < n; ++i) {
-    for (int j = dofs_[at(i)].parent; j != kNoDof; j = dofs_[at(j)].parent)
-      x_[at(i)] -= entry(L_, i, j) * x_[at(j)];
-    x_[at(i)] /= entry(L_, i, i);
+  for (std::size_t i = 0; i < dofs_.size(); ++i) {
+    const double* row = &L_[dofs_[i].row];
+    const std::size_t* carrier = &carrier_[dofs_[i].row];
+    double sum = x_[i];
+    for (std::size_t j = 0; j < dofs_[i].depth; ++j) sum -= row[j] * x_[carrier[j]];
+    x_[i] = sum * inverse_[i];
   }
 }
 
@@ -164,16 +213,16 @@ void MuscleCoupling::correct(double step) {
   assemble(step);
   solve();
   const std::span<double> du = mechanism_.du();
-  const int n = static_cast<int>(dofs_.size());
-  for (int i = 0; i < n; ++i) du[dofs_[at(i)].rate] -= x_[at(i)];
+  for (std::size_t i = 0; i < dofs_.size(); ++i) du[dofs_[i].rate] -= x_[i];
+  if (std::find(locked_.begin(), locked_.end(), 1) == locked_.end()) return;
   // What the equation of a locked coordinate lacks is its stop's: b - A x.
-  for (int i = 0; i < n; ++i) {
-    const bool own = dofs_[at(i)].single && *dofs_[at(i)].axis.side != 0;
-    if (own) *dofs_[at(i)].axis.reaction += b_[at(i)];
-    for (int j = dofs_[at(i)].parent; j != kNoDof; j = dofs_[at(j)].parent) {
-      if (own) *dofs_[at(i)].axis.reaction -= entry(A_, i, j) * x_[at(j)];
-      if (dofs_[at(j)].single && *dofs_[at(j)].axis.side != 0)
-        *dofs_[at(j)].axis.reaction -= entry(A_, i, j) * x_[at(i)];
+  for (std::size_t i = 0; i < dofs_.size(); ++i) {
+    if (locked_[i]) *dofs_[i].axis.reaction += b_[i];
+    for (std::size_t k = 0; k < dofs_[i].depth; ++k) {
+      const double entry = A_[dofs_[i].row + k];
+      const std::size_t j = carrier_[dofs_[i].row + k];
+      if (locked_[i]) *dofs_[i].axis.reaction -= entry * x_[j];
+      if (locked_[j]) *dofs_[j].axis.reaction -= entry * x_[i];
     }
   }
 }
@@ -182,9 +231,8 @@ void MuscleCoupling::find_torques(double step) {
   const std::span<double> du = mechanism_.du(), tau = mechanism_.torques();
   for (const Entry& each : entries_) {
     const double value = step * slopes()[each.slope].value;
-    const std::size_t i = dofs_[at(each.i)].rate, j = dofs_[at(each.j)].rate;
-    tau[i] -= value * du[j];
-    if (i != j) tau[j] -= value * du[i];
+    tau[each.rate_i] -= value * du[each.rate_j];
+    if (each.i != each.j) tau[each.rate_j] -= value * du[each.rate_i];
   }
 }
 

@@ -36,18 +36,19 @@ class MuscleCoupling {
   void give(model::State& state) const { muscles_.end(state.q, state.u, state); }
 
  private:
-  /// An entry of B: places among `dofs_`, and coordinates of the joint space, i carried by j.
+  /// An entry of B: places among `dofs_` and in the rows of H, and coordinates of the joint space, i carried
+  /// by j.
   struct Entry {
     int i = 0, j = 0, dof_i = 0, dof_j = 0;
-    std::size_t slope = 0;
+    std::size_t slope = 0, at = 0;
+    std::size_t rate_i = 0, rate_j = 0;
   };
   std::span<const Muscles::Slope> slopes() const { return muscles_.slopes(); }
   void find_trees(const Mechanism& mechanism);
   void find_entries();
+  void find_sources();
+  void find_inertia();
   bool on_one_branch(int a, int b) const;
-  double& entry(std::vector<double>& of, int i, int j) const {
-    return of[static_cast<std::size_t>(i) * dofs_.size() + static_cast<std::size_t>(j)];
-  }
   void assemble(double step);
   void solve();
 
@@ -56,18 +57,29 @@ class MuscleCoupling {
   std::vector<int> space_dof_;  ///< of the joint space, of each coordinate of the model, or kNoDof
   Muscles muscles_;
   std::vector<char> with_tendons_;  ///< by dof of the joint space: its tree has some
-  /// A coordinate of a tree with tendons.
+  /// A coordinate of a tree with tendons. Its row of H has the coordinates that carry it, from the tree's
+  /// first one on, and itself: `depth` + 1 entries from `row`.
   struct Dof {
     int dof = 0, parent = kNoDof;  ///< of the joint space; place of the one that carries it
+    std::size_t depth = 0, row = 0;
     std::size_t rate = 0;
     AxisView axis{};
     bool single = false;
   };
   std::vector<Dof> dofs_;
+  std::vector<std::size_t> carrier_;  ///< by entry of H: the place of its column
   std::vector<Entry> entries_;
+  /// Where the kernel's inertia goes to; empty where a tree has a node of several rates, and JointSpace finds
+  /// it.
+  struct Source {
+    std::size_t from = 0, to = 0;
+  };
+  std::vector<Source> sources_;
+  std::vector<double> lanes_;  ///< the kernel's inertia
   bool have_inertia_ = false;
-  std::vector<double> H_, A_, L_;  ///< of dofs_, lower triangle; A_ with weights and h B, L_ its factor
-  std::vector<double> x_, b_;
+  std::vector<double> H_, A_, L_;  ///< rows of dofs_; A_ with weights and h B, L_ its factor
+  std::vector<double> x_, b_, inverse_;
+  std::vector<char> locked_;
   std::vector<const double*> q_at_, u_at_;  ///< by Model::dof_count(); null: not a single coordinate
   std::vector<double> q_, u_, given_;
 };

@@ -2,14 +2,16 @@
 #pragma once
 
 #include <cmath>
-#include <experimental/simd>
 #include <type_traits>
+
+#include "handsim/model/lane_math.h"
 
 // Inlined always: GCC passes registers of numbers through memory where it calls a function.
 
 namespace handsim::engine::articulated {
 
-namespace stdx = std::experimental;
+using model::any, model::select, model::square_root;
+namespace stdx = model::stdx;
 
 template <class V>
 struct V3 {
@@ -128,25 +130,6 @@ struct Inertia {
 template <class V>
 [[gnu::always_inline]] inline V6<V> operator*(const Inertia<V>& I, const V6<V>& v) {
   return {I.A * v.n + I.B * v.f, transposed_times(I.B, v.n) + I.C * v.f};
-}
-
-// One name for both kinds of number.
-template <class V>
-[[gnu::always_inline]] inline V select(const typename V::mask_type& mask, const V& yes, const V& no) {
-  V out = no;
-  stdx::where(mask, out) = yes;
-  return out;
-}
-[[gnu::always_inline]] inline double select(bool mask, double yes, double no) { return mask ? yes : no; }
-template <class T, class A>
-[[gnu::always_inline]] inline bool any(const stdx::simd_mask<T, A>& mask) {
-  return stdx::any_of(mask);
-}
-[[gnu::always_inline]] inline bool any(bool mask) { return mask; }
-template <class V>
-[[gnu::always_inline]] inline V square_root(const V& x) {
-  using std::sqrt;
-  return sqrt(x);
 }
 
 /// Nearest whole number, for numbers far below 2^51.

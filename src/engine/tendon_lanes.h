@@ -1,0 +1,84 @@
+// Tendons of muscles and bands in lanes, and the arithmetic of a step with them: kTendonLanes tendons to a
+// block, every quantity an array of lanes. Plain data, the same for every instruction set. Lanes of a block
+// add to lanes of the same sums, so that tendons of neighbouring fingers lie side by side (tendon_layout.h).
+#pragma once
+
+#include <vector>
+
+#include "handsim/model/muscle.h"
+
+namespace handsim::engine {
+
+inline constexpr int kTendonLanes = 4;
+using TendonLane = double[kTendonLanes];
+
+/// One coordinate a lane: what the tendons that cross it need of it and add to it.
+struct alignas(32) CoordinateRow {
+  TendonLane q, u;    ///< [rad], [rad/s]
+  TendonLane torque;  ///< out [N m]
+  TendonLane own;     ///< out: the diagonal entry of B [N m s]
+  int dof[kTendonLanes];
+};
+
+/// An arm of each tendon of a block (model::MomentArm).
+struct alignas(32) ArmRow {
+  TendonLane c[model::kArmTerms], integral[model::kArmTerms];
+  TendonLane low, high;
+  TendonLane within, arm, bend;  ///< of the step: angle within the range, arm [m], its derivative [m/rad]
+  int terms;                     ///< of the longest polynomial
+  int coordinate;
+};
+
+/// model::ArmProduct of each tendon of a block; `a` and `b` among its arms.
+struct alignas(32) ProductRow {
+  TendonLane factor;
+  int a, b, power_a, power_b;
+};
+
+/// Sums of an entry of B, of two coordinates.
+struct alignas(32) PairRow {
+  TendonLane sum;
+};
+
+struct alignas(32) TendonBlock {
+  // Constants: muscles.
+  TendonLane strength, length, per_length, height, reach, least, max_speed, drag;  ///< model::HillConstants
+  TendonLane up, down;  ///< times of activation [s]
+  // Bands.
+  TendonLane stiffness, damping, rest;
+  TendonLane one_way;  ///< 1: pulls only
+  // From step to step.
+  TendonLane activation;
+  // Of the step.
+  TendonLane force, slope, rate, excursion;
+  int tendon[kTendonLanes];  ///< of the model: muscle or band; kNoTendon
+  bool muscles;
+  int arms, first_arm;
+  int products, first_product;
+  /// Of the sums of pairs of arms (1, 0), (2, 0), (2, 1), ...: those of an entry that is solved, or kBounded.
+  int first_pair;
+};
+inline constexpr int kNoTendon = -1, kBounded = -1;
+
+struct TendonArrays {
+  int blocks = 0, coordinates = 0, pairs = 0;
+  TendonBlock* block = nullptr;
+  CoordinateRow* coordinate = nullptr;
+  ArmRow* arm = nullptr;
+  const ProductRow* product = nullptr;
+  const int* pair = nullptr;  ///< of each pair of arms of a block
+  PairRow* sum = nullptr;
+};
+
+/// For one instruction set. The same bits from every one of them.
+struct TendonKernel {
+  const char* name;
+  /// Activations at the end of a step [s], arms and tensions at its start, torques and B.
+  /// @param excitations by muscle; null: none
+  void (*pull)(const TendonArrays&, const double* q, const double* u, const double* excitations, double step);
+};
+
+/// All kernels that this processor runs, narrowest first.
+std::vector<const TendonKernel*> tendon_kernels();
+
+}  // namespace handsim::engine
