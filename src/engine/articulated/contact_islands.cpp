@@ -18,12 +18,16 @@ void ContactNewton::find_islands() {
     while (island_of_tree_[at(tree)] != tree) tree = island_of_tree_[at(tree)];
     return tree;
   };
-  for (const ContactRows& contact : contacts_)
+  std::size_t last_run = dof_runs_.size();
+  for (const ContactRows& contact : contacts_) {
+    // Contacts of one pair have the same unknowns.
+    if (contact.run_count == 0 || std::exchange(last_run, contact.first_run) == contact.first_run) continue;
     for (std::size_t r = 1; r < contact.run_count; ++r) {
       const int a = root(tree_of_[at(runs(contact)[0].first)]),
                 b = root(tree_of_[at(runs(contact)[r].first)]);
       island_of_tree_[at(std::max(a, b))] = std::min(a, b);
     }
+  }
   islands_ = 0;
   for (std::size_t tree = 0; tree < trees_.size(); ++tree) {
     // A root has a lower number than all others, and so its island's number already.

@@ -141,6 +141,9 @@ struct Lanes {
   static bool accelerate(const Tree& tree, double step);
   static void clear(Batches& b);
   static V6<V> times_rigid(const Batches& b, const Sym3<V>& I, const V6<V>& S);
+  static bool lone(const Batches& b) { return b.kind == NodeKind::free && !b.has_children; }
+  static void inward_lone(const Tree& tree, Batches& b);
+  static void outward_lone(const Tree& tree, Batches& b);
   static void inward_any(const Tree& tree, Batches& b);
   static void outward_any(const Tree& tree, Batches& b);
   static void inward(const Tree& tree, Batches& b);
