@@ -14,7 +14,8 @@
 // frictional contact problems prone to Newton like solution methods", CMAME 92) from the active set of the
 // last step; the factor is sparse along the branches of the mechanism (Featherstone 2008, section 6.5). While
 // the active set stays, the factor of an earlier problem serves for as long as its steps converge fast (the
-// modified Newton method), as they do in a hold.
+// modified Newton method), as they do in a hold. Where the last solution solves the next problem, as it often
+// does in a hold, no step is taken.
 // Coulomb's law is not the gradient of an energy, so these steps need not converge. Then friction's limits
 // are held fixed, which makes the problem convex: Newton's method with an exact line search solves it, and
 // the limits are iterated (contact_newton_limits.cpp). Heaps are solved by block Gauss-Seidel
@@ -205,6 +206,8 @@ class ContactNewton : private NewtonRoom {
   bool factor_fits();
   bool reuse_factor(double tolerance, NewtonReport& report);
   bool solved_by_old_factor(double tolerance, NewtonReport& report);
+  bool coulomb_agrees();
+  bool starts_solved(double tolerance, NewtonReport& report);
   void find_factor();
   void assemble();
   void add_stiffness(const ContactRows& contact);

@@ -352,6 +352,36 @@ TEST(ContactNewton, EveryInstructionSetGivesTheSameBits) {
   }
 }
 
+// Oracle: the solution itself. The same problem once more, from its solution and active set, takes no step;
+// nor does one that differs by less than a tenth of the tolerance, while one that differs by more does.
+TEST(ContactNewton, ASolutionThatStillHoldsTakesNoStep) {
+  constexpr double kTolerance = 1e-6;
+  int held = 0;
+  for (int seed = 0; seed < 20; ++seed) {
+    const RandomProblem problem(seed, 2, 8, 6, true);
+    ContactNewton solver;
+    problem.load(solver, 0.5);
+    if (!solver.solve(kTolerance).solved) continue;
+    std::vector<ContactRows> last(solver.contacts().begin(), solver.contacts().end());
+    Eigen::VectorXd x = problem.rates(solver);
+    // Once more, to far within the tolerance.
+    problem.load_next(solver, 0.5, last, x);
+    if (!(solver.solve(1e-3 * kTolerance).residual < 1e-2 * kTolerance)) continue;
+    last.assign(solver.contacts().begin(), solver.contacts().end());
+    x = problem.rates(solver);
+    ++held;
+    for (const double change : {0.0, 0.05, 2.0}) {
+      problem.load_next(solver, 0.5, last, x);
+      solver.drive()[3] = change * kTolerance;
+      const NewtonReport report = solver.solve(kTolerance);
+      EXPECT_TRUE(report.solved) << seed;
+      EXPECT_EQ(report.iterations == 0, change < 1) << seed << ", " << change;
+      EXPECT_EQ(problem.rates(solver) == x, change < 1) << seed;
+    }
+  }
+  EXPECT_GT(held, 5);
+}
+
 // Oracle: a solver that has no factor yet. The second problem differs from the first by a millionth and
 // starts from its active set and solution, as the next step of a hold does.
 TEST(ContactNewton, AFactorUsedAgainFindsTheSolutionOfTheNewProblem) {
@@ -363,8 +393,10 @@ TEST(ContactNewton, AFactorUsedAgainFindsTheSolutionOfTheNewProblem) {
     if (!again.solve(1e-9).solved) continue;
     const std::vector<ContactRows> last(again.contacts().begin(), again.contacts().end());
     const Eigen::VectorXd start = problem.rates(again);
-    // A factor of this active set.
-    problem.load_next(again, 0.5, last, start);
+    // A factor of this active set: of a problem that the start does not solve.
+    RandomProblem near = problem;
+    near.b *= 1 + 1e-5;
+    near.load_next(again, 0.5, last, start);
     again.solve(1e-9);
     problem.J *= 1 + 1e-6;
     problem.b *= 1 + 5e-7;
