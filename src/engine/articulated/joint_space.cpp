@@ -13,6 +13,8 @@ JointSpace::JointSpace(Mechanism& mechanism, Inertia inertia) : stride_(mechanis
     const Node& node = topology.nodes[i];
     views_.push_back(mechanism.view(i));
     parent_node_.push_back(node.parent ? *node.parent : kNoNode);
+    lone_.push_back(node.kind == NodeKind::free);
+    if (node.parent) lone_[at(*node.parent)] = false;
     first_.push_back(n_);
     last_.push_back(n_ + rate_count(node.kind) - 1);
     for (int k = 0; k < rate_count(node.kind); ++k, ++n_) {
@@ -57,29 +59,25 @@ void JointSpace::inverse_dynamics(std::span<const double> du, std::span<double> 
   }
 }
 
-std::vector<JointSpace::Composite>& JointSpace::composites() {
-  thread_local std::vector<Composite> own;
-  return own;
-}
-
 void JointSpace::place_inertia() {
   thread_local std::vector<double> shared;
   std::vector<double>& H = kind_ == Inertia::own ? own_H_ : shared;
   if (H.size() < at(n_) * at(n_)) H.resize(at(n_) * at(n_));
   H_ = H.data();
-  if (composites().size() < views_.size()) composites().resize(views_.size());
+  thread_local std::vector<Composite> composites;
+  if (composites.size() < views_.size()) composites.resize(views_.size());
+  composites_ = composites.data();
 }
 
 void JointSpace::start_composite(std::size_t node) {
   const NodeView& b = views_[node];
-  composites()[node] = {*b.mass, read3(b.h, stride_), read_symmetric(b.I, stride_)};
+  composites_[node] = {*b.mass, read3(b.h, stride_), read_symmetric(b.I, stride_)};
   for (int dof = first_[node]; dof <= last_[node]; ++dof) S_[at(dof)] = axis(dof);
 }
 
 /// What a node carries has been added to it.
 void JointSpace::find_node_inertia(std::size_t node) {
-  std::vector<Composite>& composites = JointSpace::composites();
-  const Composite& c = composites[node];
+  const Composite& c = composites_[node];
   for (int dof = first_[node]; dof <= last_[node]; ++dof) {
     const Vec3 turn = S_[at(dof)].head<3>(), shift = S_[at(dof)].tail<3>();
     Spatial F;
@@ -87,10 +85,24 @@ void JointSpace::find_node_inertia(std::size_t node) {
     for (int j = dof; j != kNoDof; j = parent_dof_[at(j)]) H_[index(dof, j)] = S_[at(j)].dot(F);
   }
   if (parent_node_[node] == kNoNode) return;
-  Composite& parent = composites[at(parent_node_[node])];
+  Composite& parent = composites_[parent_node_[node]];
   parent.mass += c.mass;
   parent.h += c.h;
   parent.I += c.I;
+}
+
+/// By the world's axes through the centre of mass.
+void JointSpace::find_lone_inertia(std::size_t node) {
+  const Mat3 I = read_symmetric(views_[node].I, stride_);
+  const int first = first_[node];
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      if (j <= i) {
+        H_[index(first + i, first + j)] = I(i, j);
+        H_[index(first + 3 + i, first + 3 + j)] = i == j ? *views_[node].mass : 0;
+      }
+      H_[index(first + 3 + i, first + j)] = 0;
+    }
 }
 
 void JointSpace::factor() {

@@ -143,6 +143,9 @@ struct Lanes {
   static void find_composites(const Tree& tree);
   static void inertia(const Tree& tree, double* out);
   static V6<V> times_rigid(const Batches& b, const Sym3<V>& I, const V6<V>& S);
+  static bool lone(const Batches& b) { return b.kind == NodeKind::free && !b.has_children; }
+  static void inward_lone(const Tree& tree, Batches& b);
+  static void outward_lone(const Tree& tree, Batches& b);
   static void inward_any(const Tree& tree, Batches& b);
   static void outward_any(const Tree& tree, Batches& b);
   static void inward(const Tree& tree, Batches& b);

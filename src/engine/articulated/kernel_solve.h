@@ -65,6 +65,8 @@ inline void Lanes<V>::inward_any(const Tree& tree, Batches& b) {
     inward(tree, b);
   else if (b.kind == NodeKind::ball)
     inward_many<3>(tree, b);
+  else if (lone(b))
+    inward_lone(tree, b);
   else
     inward_many<6>(tree, b);
 }
@@ -75,6 +77,8 @@ inline void Lanes<V>::outward_any(const Tree& tree, Batches& b) {
     outward(tree, b);
   else if (b.kind == NodeKind::ball)
     outward_many<3>(tree, b);
+  else if (lone(b))
+    outward_lone(tree, b);
   else
     outward_many<6>(tree, b);
 }
@@ -285,6 +289,41 @@ inline void Lanes<V>::inward_many(const Tree& tree, Batches& b) {
     I = {less(I.A, one, half[j].n), less(I.B, one, half[j].n, half[j].f), less(I.C, one, half[j].f)};
   }
   add_to_parent(tree, b, I, p + I * load6(b.c));
+}
+
+/// A free body that carries nothing. Its axes are the world's through its centre of mass, where turning and
+/// shifting are apart: the same as by 6 x 6 blocks, to the bit, without their zeros.
+template <class V>
+inline void Lanes<V>::inward_lone(const Tree& tree, Batches& b) {
+  Joints3& joint = joint3(tree, b);
+  const Sym3<V> I = load_sym(b.I);
+  const V6<V> p = load6(b.pv);
+  const V3<V> columns[3] = {{I.xx, I.xy, I.xz}, {I.xy, I.yy, I.yz}, {I.xz, I.yz, I.zz}};
+  for (int j = 0; j < 3; ++j) store3(joint.D[j], columns[j]);
+  factor<3>(joint.D);
+  const V firm = V(1.0) / square_root(load(b.mass));
+  store(joint.D[3][3], firm);
+  V u[3] = {load(joint.tau[0]) - p.n.x, load(joint.tau[1]) - p.n.y, load(joint.tau[2]) - p.n.z};
+  solve_factored<3>(joint.D, u);
+  const V3<V> f = {load(joint.tau[3]) - p.f.x, load(joint.tau[4]) - p.f.y, load(joint.tau[5]) - p.f.z};
+  store6(joint.rate, {{u[0], u[1], u[2]}, {f.x * firm * firm, f.y * firm * firm, f.z * firm * firm}});
+}
+
+template <class V>
+inline void Lanes<V>::outward_lone(const Tree& tree, Batches& b) {
+  const Joints3& joint = joint3(tree, b);
+  Frames scratch;
+  const V6<V> a = load6(parent(tree, b, scratch).a) + load6(b.c), rate = load6(joint.rate);
+  const V3<V> moment = load_sym(b.I) * a.n;
+  V x[3] = {moment.x, moment.y, moment.z};
+  solve_factored<3>(joint.D, x);
+  const V mass = load(b.mass), firm = load(joint.D[3][3]);
+  const auto shifted = [&](const V& own, const V& carried) { return own - mass * carried * firm * firm; };
+  const V6<V> du = {{rate.n.x - x[0], rate.n.y - x[1], rate.n.z - x[2]},
+                    {shifted(rate.f.x, a.f.x), shifted(rate.f.y, a.f.y), shifted(rate.f.z, a.f.z)}};
+  const V all[6] = {du.n.x, du.n.y, du.n.z, du.f.x, du.f.y, du.f.z};
+  for (int j = 0; j < 6; ++j) store(tree.du + b.u + j * W, all[j]);
+  store6(b.frame.a, a + du);
 }
 
 template <class V>
