@@ -98,7 +98,6 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   int used;  ///< lanes with a node
   int q, u;  ///< first position and rate
   int axis;  ///< index of its Axis or Joint3
-  int body;  ///< LaneBody, of a tree whose lanes are environments
 };
 
 /// What the articulated-body algorithm has of a batch while it works: one array for each thread, which all
@@ -132,7 +131,7 @@ struct alignas(64) Work3 {
 
 /// A tree in lanes of width W; arrays of Batch<W>, Axis<W>, Joint3<W>, Frame<W>.
 struct Tree {
-  int first = 0, batches = 0;  ///< the batches from `first` to before `batches` are worked on
+  int batches = 0;
   void* batch = nullptr;
   void* axis = nullptr;
   void* joint3 = nullptr;
@@ -157,7 +156,7 @@ struct alignas(64) LaneBody {
   // As model::BodyState; those of bases are set from outside.
   Lane<W> p[3], q[4], v[3], w[3];
   Lane<W> moment[3];  ///< of all bodies distal to its joint: mass times position [kg m]
-  int island = 0;
+  int batch = 0, island = 0;
   bool of_node = false;
 };
 
@@ -182,10 +181,9 @@ struct alignas(64) LaneServo {
   int batch = 0, dof = 0;
 };
 
-/// Bodies and controllers of the environments in the lanes of a Tree; of the weights and servos those from
-/// the first to before the last are worked on.
+/// Bodies and controllers of the environments in the lanes of a Tree.
 struct LaneControl {
-  int first_weight = 0, weights = 0, first_servo = 0, servos = 0;
+  int bodies = 0, weights = 0, servos = 0, dofs = 0;
   void* body = nullptr;
   void* weight = nullptr;
   void* servo = nullptr;

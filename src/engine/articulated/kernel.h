@@ -133,16 +133,7 @@ struct Lanes {
   static void lock_at_stops(const Tree& tree, const Batches& b, Axes& a, double step);
 
   // The articulated-body algorithm (kernel_solve.h).
-  /// Of the batches of a tree that are worked on.
-  struct Works {
-    explicit Works(const Tree& tree)
-        : first(tree.first),
-          work(static_cast<Work<W>*>(thread_work(
-              WorkOf::batches, sizeof(Work<W>) * static_cast<std::size_t>(tree.batches - tree.first)))) {}
-    Work<W>& operator[](int batch) const { return work[batch - first]; }
-    int first;
-    Work<W>* work;
-  };
+  using Works = Work<W>*;  ///< of each batch of a tree
   /// The first call in a solution has the largest index.
   static Work3<W>& work3(const Batches& b) {
     const auto index = static_cast<std::size_t>(b.axis);
@@ -151,21 +142,21 @@ struct Lanes {
   static Inertia<V> inertia(const Batches& b, const Work<W>& w);
   static V6<V> bias(const Batches& b, const Work<W>& w);
   static constexpr int kArticulated = 27;  ///< numbers of A, B, C, p
-  static void add_to_parent(const Batches& b, const Works& works, const Inertia<V>& I, const V6<V>& p);
+  static void add_to_parent(const Batches& b, Works works, const Inertia<V>& I, const V6<V>& p);
   static void solve(const Tree& tree);
   static bool accelerate(const Tree& tree, double step);
   static Works cleared(const Tree& tree);
   static V6<V> times_rigid(const Batches& b, const Sym3<V>& I, const V6<V>& S);
-  static void inward_any(const Tree& tree, const Works& works, int batch);
-  static void outward_any(const Tree& tree, const Works& works, int batch);
-  static void inward(const Tree& tree, Batches& b, const Works& works, Work<W>& w);
+  static void inward_any(const Tree& tree, Works works, int batch);
+  static void outward_any(const Tree& tree, Works works, int batch);
+  static void inward(const Tree& tree, Batches& b, Works works, Work<W>& w);
   static void outward(const Tree& tree, Batches& b, const Work<W>& w);
   template <int N>
   static void factor(Lane<W> (*D)[6]);
   template <int N>
   static void solve_factored(const Lane<W> (*D)[6], V (&x)[N]);
   template <int N>
-  static void inward_many(const Tree& tree, Batches& b, const Works& works, const Work<W>& w);
+  static void inward_many(const Tree& tree, Batches& b, Works works, const Work<W>& w);
   template <int N>
   static void outward_many(const Tree& tree, Batches& b);
 

@@ -23,11 +23,10 @@ inline V3<V> rotated(const Q4<V>& q, const V3<V>& a) {
 template <class V>
 inline void Lanes<V>::place_bodies(const Tree& tree, const LaneControl& control) {
   auto* bodies = static_cast<LaneBody<W>*>(control.body);
-  for (int i = tree.first; i < tree.batches; ++i) {
-    const Batches& b = batches(tree)[i];
-    if (b.massless) continue;
-    LaneBody<W>& body = bodies[b.body];
-    const Frames& frame = b.frame;
+  for (int i = 0; i < control.bodies; ++i) {
+    LaneBody<W>& body = bodies[i];
+    if (!body.of_node) continue;
+    const Frames& frame = batches(tree)[body.batch].frame;
     const double* origin = control.origin + 3 * W * body.island;
     const V3<V> p = load3(frame.p), turn = load3(frame.v);
     store3(body.p, V3<V>{load(origin), load(origin + W), load(origin + 2 * W)} + p);
@@ -44,11 +43,11 @@ inline void Lanes<V>::find_loads(const LaneControl& control) {
   auto* bodies = static_cast<LaneBody<W>*>(control.body);
   const auto* links = static_cast<const LaneWeight<W>*>(control.weight);
   const V3<V> g = {load(control.gravity), load(control.gravity + W), load(control.gravity + 2 * W)};
-  for (int i = control.first_weight; i < control.weights; ++i) {
+  for (int i = 0; i < control.weights; ++i) {
     LaneBody<W>& child = bodies[links[i].child];
     store3(child.moment, load(child.mass) * load3(child.p));
   }
-  for (int i = control.first_weight; i < control.weights; ++i) {
+  for (int i = 0; i < control.weights; ++i) {
     const LaneWeight<W>& link = links[i];
     const LaneBody<W>& child = bodies[link.child];
     LaneBody<W>& parent = bodies[link.parent];
@@ -66,9 +65,9 @@ inline void Lanes<V>::find_loads(const LaneControl& control) {
 
 template <class V>
 inline void Lanes<V>::command(const Tree& tree, const LaneControl& control, double step) {
-  if (control.weights > control.first_weight) find_loads(control);
+  if (control.weights > 0) find_loads(control);
   const V h = step, zero = 0.0, one = 1.0;
-  for (int i = control.first_servo; i < control.servos; ++i) {
+  for (int i = 0; i < control.servos; ++i) {
     LaneServo<W>& servo = static_cast<LaneServo<W>*>(control.servo)[i];
     const Batches& b = batches(tree)[servo.batch];
     Axes& a = axis(tree, b);
@@ -95,7 +94,7 @@ inline void Lanes<V>::command(const Tree& tree, const LaneControl& control, doub
 template <class V>
 inline void Lanes<V>::observe(const Tree& tree, const LaneControl& control) {
   const V zero = 0.0, one = 1.0;
-  for (int i = control.first_servo; i < control.servos; ++i) {
+  for (int i = 0; i < control.servos; ++i) {
     LaneServo<W>& servo = static_cast<LaneServo<W>*>(control.servo)[i];
     const Batches& b = batches(tree)[servo.batch];
     const V torque = load(tree.tau_servo + b.u), filtered = load(servo.filtered_rate);

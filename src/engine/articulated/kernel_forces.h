@@ -28,7 +28,7 @@ inline void Lanes<V>::prepare_axis(const Tree& tree, const Batches& b, double st
 
 template <class V>
 inline void Lanes<V>::prepare(const Tree& tree, double step) {
-  for (int i = tree.first; i < tree.batches; ++i)
+  for (int i = 0; i < tree.batches; ++i)
     if (const Batches& b = batches(tree)[i]; single(b)) prepare_axis(tree, b, step);
 }
 
@@ -48,14 +48,14 @@ inline void Lanes<V>::find_torque(const Tree& tree, const Batches& b, double ste
 
 template <class V>
 inline void Lanes<V>::find_torques(const Tree& tree, double step) {
-  for (int i = tree.first; i < tree.batches; ++i)
+  for (int i = 0; i < tree.batches; ++i)
     if (const Batches& b = batches(tree)[i]; single(b)) find_torque(tree, b, step);
 }
 
 template <class V>
 inline void Lanes<V>::prepare_smooth(const Tree& tree) {
   const V zero = 0.0;
-  for (int i = tree.first; i < tree.batches; ++i) {
+  for (int i = 0; i < tree.batches; ++i) {
     const Batches& b = batches(tree)[i];
     if (!single(b)) continue;
     Axes& a = axis(tree, b);
@@ -78,7 +78,7 @@ inline void Lanes<V>::prepare_smooth(const Tree& tree) {
 template <class V>
 inline void Lanes<V>::work(const Tree& tree, double step) {
   const V h = step, half = 0.5 * step;
-  for (int i = tree.first; i < tree.batches; ++i) {
+  for (int i = 0; i < tree.batches; ++i) {
     const Batches& b = batches(tree)[i];
     if (!single(b)) continue;
     Axes& a = axis(tree, b);
@@ -122,7 +122,7 @@ inline bool Lanes<V>::correct(const Tree& tree, const Batches& b, double step, b
 template <class V>
 inline bool Lanes<V>::update_active_set(const Tree& tree, double step, bool only_first) {
   bool sound = true;
-  for (int i = tree.first; i < tree.batches; ++i) {
+  for (int i = 0; i < tree.batches; ++i) {
     const Batches& b = batches(tree)[i];
     if (!single(b) || correct(tree, b, step, only_first)) continue;
     if (only_first) return false;

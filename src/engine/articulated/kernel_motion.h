@@ -137,8 +137,8 @@ template <class V>
 inline bool Lanes<V>::kinematics(const Tree& tree) {
   bool sound = true;
   store(tree.spin, V(0.0));
-  for (int i = tree.first; i < tree.batches; ++i) turn(tree, batches(tree)[i]);
-  for (int i = tree.first; i < tree.batches; ++i) {
+  for (int i = 0; i < tree.batches; ++i) turn(tree, batches(tree)[i]);
+  for (int i = 0; i < tree.batches; ++i) {
     Batches& b = batches(tree)[i];
     place(tree, b);
     sound = update_velocity(tree, b) && sound;
@@ -150,13 +150,13 @@ template <class V>
 inline bool Lanes<V>::velocities(const Tree& tree) {
   bool sound = true;
   store(tree.spin, V(0.0));
-  for (int i = tree.first; i < tree.batches; ++i) sound = update_velocity(tree, batches(tree)[i]) && sound;
+  for (int i = 0; i < tree.batches; ++i) sound = update_velocity(tree, batches(tree)[i]) && sound;
   return sound;
 }
 
 template <class V>
 inline void Lanes<V>::momenta(const Tree& tree) {
-  for (int i = tree.first; i < tree.batches; ++i) {
+  for (int i = 0; i < tree.batches; ++i) {
     Batches& b = batches(tree)[i];
     if (b.massless) continue;
     const V6<V> v = load6(b.frame.v), L = times_rigid(b, load_sym(b.I), v);
@@ -190,20 +190,20 @@ inline void Lanes<V>::move(const Tree& tree, const Batches& b, double step) {
 
 template <class V>
 inline void Lanes<V>::integrate(const Tree& tree, double step) {
-  for (int i = tree.first; i < tree.batches; ++i) move(tree, batches(tree)[i], step);
+  for (int i = 0; i < tree.batches; ++i) move(tree, batches(tree)[i], step);
 }
 
 template <class V>
 inline bool Lanes<V>::advance(const Tree& tree, double step) {
   bool sound = true;
   store(tree.spin, V(0.0));
-  for (int i = tree.first; i < tree.batches; ++i) {
+  for (int i = 0; i < tree.batches; ++i) {
     Batches& b = batches(tree)[i];
     if (single(b)) find_torque(tree, b, step);
     move(tree, b, step);
     turn(tree, b);
   }
-  for (int i = tree.first; i < tree.batches; ++i) {
+  for (int i = 0; i < tree.batches; ++i) {
     Batches& b = batches(tree)[i];
     place(tree, b);
     sound = update_velocity(tree, b) && sound;
@@ -236,7 +236,7 @@ inline void Lanes<V>::rotate(double* q, const V3<V>& w, const V& h) {
 
 template <class V>
 inline void Lanes<V>::position_rates(const Tree& tree, double* out) {
-  for (int i = tree.first; i < tree.batches; ++i) {
+  for (int i = 0; i < tree.batches; ++i) {
     const Batches& b = batches(tree)[i];
     const double *u = tree.u + b.u, *q = tree.q + b.q;
     double* to = out + b.q;
@@ -261,7 +261,7 @@ inline void Lanes<V>::position_rates(const Tree& tree, double* out) {
 
 template <class V>
 inline void Lanes<V>::normalise(const Tree& tree) {
-  for (int i = tree.first; i < tree.batches; ++i) {
+  for (int i = 0; i < tree.batches; ++i) {
     const Batches& b = batches(tree)[i];
     double* q = tree.q + b.q;
     if (b.kind == NodeKind::revolute) store(q, wrapped(load(q)));

@@ -27,8 +27,8 @@ inline V6<V> Lanes<V>::bias(const Batches& b, const Work<W>& w) {
 
 /// Adds what a batch hands down to its parents.
 template <class V>
-[[gnu::always_inline]] inline void Lanes<V>::add_to_parent(const Batches& b, const Works& works,
-                                                           const Inertia<V>& I, const V6<V>& p) {
+[[gnu::always_inline]] inline void Lanes<V>::add_to_parent(const Batches& b, Works works, const Inertia<V>& I,
+                                                           const V6<V>& p) {
   if (b.link == ParentLink::aligned) {
     Work<W>& to = works[b.parent];
     if (b.adds_first) {
@@ -60,7 +60,7 @@ template <class V>
 }
 
 template <class V>
-inline void Lanes<V>::inward_any(const Tree& tree, const Works& works, int batch) {
+inline void Lanes<V>::inward_any(const Tree& tree, Works works, int batch) {
   Batches& b = batches(tree)[batch];
   if (single(b))
     inward(tree, b, works, works[batch]);
@@ -71,7 +71,7 @@ inline void Lanes<V>::inward_any(const Tree& tree, const Works& works, int batch
 }
 
 template <class V>
-inline void Lanes<V>::outward_any(const Tree& tree, const Works& works, int batch) {
+inline void Lanes<V>::outward_any(const Tree& tree, Works works, int batch) {
   Batches& b = batches(tree)[batch];
   if (single(b))
     outward(tree, b, works[batch]);
@@ -84,20 +84,20 @@ inline void Lanes<V>::outward_any(const Tree& tree, const Works& works, int batc
 template <class V>
 inline void Lanes<V>::solve(const Tree& tree) {
   const Works works = cleared(tree);
-  for (int i = tree.batches - 1; i >= tree.first; --i) inward_any(tree, works, i);
-  for (int i = tree.first; i < tree.batches; ++i) outward_any(tree, works, i);
+  for (int i = tree.batches - 1; i >= 0; --i) inward_any(tree, works, i);
+  for (int i = 0; i < tree.batches; ++i) outward_any(tree, works, i);
 }
 
 template <class V>
 inline bool Lanes<V>::accelerate(const Tree& tree, double step) {
   const Works works = cleared(tree);
-  for (int i = tree.batches - 1; i >= tree.first; --i) {
+  for (int i = tree.batches - 1; i >= 0; --i) {
     const Batches& b = batches(tree)[i];
     if (single(b)) prepare_axis(tree, b, step);
     inward_any(tree, works, i);
   }
   bool sound = true;
-  for (int i = tree.first; i < tree.batches; ++i) {
+  for (int i = 0; i < tree.batches; ++i) {
     const Batches& b = batches(tree)[i];
     outward_any(tree, works, i);
     if (single(b)) sound = correct(tree, b, step, false) && sound;
@@ -107,9 +107,10 @@ inline bool Lanes<V>::accelerate(const Tree& tree, double step) {
 
 template <class V>
 inline typename Lanes<V>::Works Lanes<V>::cleared(const Tree& tree) {
-  const Works works(tree);
+  const auto works = static_cast<Works>(
+      thread_work(WorkOf::batches, sizeof(Work<W>) * static_cast<std::size_t>(tree.batches)));
   const V zero = 0.0;
-  for (int i = tree.first; i < tree.batches; ++i)
+  for (int i = 0; i < tree.batches; ++i)
     for (int k = 0; k < kArticulated && batches(tree)[i].cleared; ++k) store(&works[i].A[0][0] + k * W, zero);
   return works;
 }
@@ -122,7 +123,7 @@ inline V6<V> Lanes<V>::times_rigid(const Batches& b, const Sym3<V>& I, const V6<
 }
 
 template <class V>
-inline void Lanes<V>::inward(const Tree& tree, Batches& b, const Works& works, Work<W>& w) {
+inline void Lanes<V>::inward(const Tree& tree, Batches& b, Works works, Work<W>& w) {
   const Axes& a = axis(tree, b);
   const Inertia<V> I = inertia(b, w);
   const V6<V> S = load6(b.S), p = bias(b, w);
@@ -188,7 +189,7 @@ inline void Lanes<V>::solve_factored(const Lane<W> (*D)[6], V (&x)[N]) {
 
 template <class V>
 template <int N>
-inline void Lanes<V>::inward_many(const Tree& tree, Batches& b, const Works& works, const Work<W>& w) {
+inline void Lanes<V>::inward_many(const Tree& tree, Batches& b, Works works, const Work<W>& w) {
   const Joints3& joint = joint3(tree, b);
   Work3<W>& w3 = work3(b);
   Inertia<V> I = inertia(b, w);

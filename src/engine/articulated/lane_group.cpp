@@ -4,7 +4,6 @@
 #include <array>
 #include <bit>
 #include <limits>
-#include <numeric>
 
 #include "handsim/engine/articulated/articulated_engine.h"
 #include "handsim/engine/articulated/lane_tree.h"
@@ -27,15 +26,13 @@ class GroupOf final : public LaneGroup {
         step_(like.settings().step),
         lanes_(like.mechanism().topology(), like.model().bodies.size(), at(like.model().dof_count())) {
     const Topology& topology = like.mechanism().topology();
-    for (auto& part : lanes_.parts) part.tree.erp = like.settings().erp();
+    lanes_.tree.erp = like.settings().erp();
     slot_of_dof_.assign(at(like.model().dof_count()), 0);
     for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
       const Node& node = topology.nodes[i];
-      const std::size_t batch = lanes_.batch_of[i];
-      if (node.joint)
-        slot_of_dof_[at(like.model().joints[at(*node.joint)].first_dof + node.axis_index)] = batch;
+      if (node.joint) slot_of_dof_[at(like.model().joints[at(*node.joint)].first_dof + node.axis_index)] = i;
       if (node.kind != NodeKind::free) continue;
-      free_.push_back({batch, lanes_.part_of[i], at(node.island), like.mechanism().is_lone(i)});
+      free_.push_back({i, at(node.island), like.mechanism().is_lone(i)});
     }
   }
 
@@ -68,13 +65,7 @@ class GroupOf final : public LaneGroup {
            {&a.servo_stiffness, &a.servo_damping, &a.servo_error, &a.servo_feed, &a.servo_limit})
         (*of_servo)[lane] = 0;
     }
-    lanes_.update_control();
-    saved_.resize(lanes_.parts.size());
-    for (std::size_t k = 0; k < saved_.size(); ++k) {
-      std::size_t count = 0;
-      each_state(k, [&](const double*, const double*, std::size_t more) { count += more / W; });
-      saved_[k].resize(count);
-    }
+    saved_.resize(2 * lanes_.axes.size() + 3 * lanes_.u.size() + lanes_.q.size() + 5 * lanes_.servos.size());
   }
   std::optional<std::uint64_t> key(int lane) const override { return key_[at(lane)]; }
 
@@ -93,7 +84,7 @@ class GroupOf final : public LaneGroup {
   }
 
   void set_drive_state(int lane, std::size_t drive, const LaneDriveState& state) override {
-    LaneServo<W>& servo = lanes_.servos[servo_of_[drive]];
+    LaneServo<W>& servo = lanes_.servos[drive];
     servo.torque[lane] = state.torque;
     servo.at_limit[lane] = state.at_limit ? 1 : 0;
     servo.integral[lane] = state.integral;
@@ -101,28 +92,25 @@ class GroupOf final : public LaneGroup {
     servo.reached[lane] = state.target;
   }
   LaneDriveState drive_state(int lane, std::size_t drive) const override {
-    const LaneServo<W>& servo = lanes_.servos[servo_of_[drive]];
+    const LaneServo<W>& servo = lanes_.servos[drive];
     const Batch<W>& b = lanes_.batches[at(servo.batch)];
     return {lanes_.tree.q[b.q + lane], lanes_.tree.u[b.u + lane], servo.reached[lane],
             servo.torque[lane],        servo.at_limit[lane] != 0, servo.integral[lane],
             servo.filtered_rate[lane]};
   }
   void set_target(int lane, std::size_t drive, double target) override {
-    lanes_.servos[servo_of_[drive]].target[lane] = target;
+    lanes_.servos[drive].target[lane] = target;
   }
   void set_targets(std::size_t drive, double target) override {
-    std::fill_n(lanes_.servos[servo_of_[drive]].target, W, target);
+    std::fill_n(lanes_.servos[drive].target, W, target);
   }
 
   void start() override {
+    lanes_.update_control();
     fill();
-    needs_bodies_ = !lanes_.weights.empty() || engine_[at(first())]->tests_contacts();
-    bodies_placed_ = needs_bodies_;
-    for (std::size_t k = 0; k < lanes_.parts.size(); ++k) {
-      kernel_.kinematics(lanes_.parts[k].tree);
-      place_free(k);
-      if (needs_bodies_) kernel_.lanes.place_bodies(lanes_.parts[k].tree, lanes_.parts[k].control);
-    }
+    needs_bodies_ = lanes_.control.weights > 0 || engine_[at(first())]->tests_contacts();
+    kernel_.kinematics(lanes_.tree);
+    place_bodies();
   }
 
   double time(int lane) const override { return time_[at(lane)]; }
@@ -132,12 +120,15 @@ class GroupOf final : public LaneGroup {
     unsigned leave = 0;
     for (int lane = 0; lane < W; ++lane) {
       const double turn = calm_[at(lane)];
-      if (engine_[at(lane)] && (spin(lane) * step_ * step_ > turn * turn || !collide(lane)))
+      if (engine_[at(lane)] && (lanes_.tree.spin[lane] * step_ * step_ > turn * turn || !collide(lane)))
         leave |= 1U << lane;
     }
-    bodies_placed_ = needs_bodies_;
-    for (std::size_t k = 0; k < lanes_.parts.size(); ++k)
-      if (!step_part(k)) return restore(k);
+    save();
+    kernel_.lanes.command(lanes_.tree, lanes_.control, step_);
+    add_gyroscopic_torques();
+    if (!accelerate() || !kernel_.advance(lanes_.tree, step_)) return restore();
+    kernel_.lanes.observe(lanes_.tree, lanes_.control);
+    place_bodies();
     if (leave != 0) keep_back(leave);
     for (int lane = 0; lane < W; ++lane)
       if (engine_[at(lane)] && ((leave >> lane) & 1U) == 0) {
@@ -154,7 +145,7 @@ class GroupOf final : public LaneGroup {
       engine.mechanism().take_back(lanes_, lane);
       // Bodies are those of the end of the last step.
       if (!leaves && !bodies_placed_) {
-        for (const auto& part : lanes_.parts) kernel_.lanes.place_bodies(part.tree, part.control);
+        kernel_.lanes.place_bodies(lanes_.tree, lanes_.control);
         bodies_placed_ = true;
       }
       if (!leaves) give_bodies(lane);
@@ -167,28 +158,9 @@ class GroupOf final : public LaneGroup {
 
  private:
   struct Free {
-    std::size_t node, part, island;  ///< `node` is its batch
+    std::size_t node, island;
     bool lone;
   };
-
-  /// False where the engines have to take the step alone.
-  bool step_part(std::size_t k) {
-    const auto& part = lanes_.parts[k];
-    save(k);
-    kernel_.lanes.command(part.tree, part.control, step_);
-    add_gyroscopic_torques(k);
-    if (!accelerate(part.tree) || !kernel_.advance(part.tree, step_)) return false;
-    kernel_.lanes.observe(part.tree, part.control);
-    place_free(k);
-    if (needs_bodies_) kernel_.lanes.place_bodies(part.tree, part.control);
-    return true;
-  }
-  /// Of the fastest body.
-  double spin(int lane) const {
-    double out = 0;
-    for (const auto& each : lanes_.spin) out = std::max(out, each.x[lane]);
-    return out;
-  }
 
   int first() const {
     return static_cast<int>(
@@ -209,13 +181,9 @@ class GroupOf final : public LaneGroup {
   void load_control(int lane, const model::Model& model, const LaneControlPlan& plan) {
     lanes_.servos.resize(plan.drives.size());
     lanes_.weights.resize(plan.links.size());
-    servo_of_ =
-        places(plan.drives, [&](const LaneDrive& drive) { return part_of_batch(slot_of_dof_[drive.dof]); });
-    const std::vector<std::size_t> weight_of = places(
-        plan.links, [&](const LaneLink& link) { return lanes_.part_of_body(static_cast<int>(link.child)); });
     for (std::size_t i = 0; i < plan.drives.size(); ++i) {
       const LaneDrive& drive = plan.drives[i];
-      LaneServo<W>& servo = lanes_.servos[servo_of_[i]];
+      LaneServo<W>& servo = lanes_.servos[i];
       servo.batch = static_cast<int>(slot_of_dof_[drive.dof]);
       servo.dof = static_cast<int>(drive.dof);
       servo.proportional[lane] = drive.proportional;
@@ -230,7 +198,7 @@ class GroupOf final : public LaneGroup {
     }
     for (std::size_t i = 0; i < plan.links.size(); ++i) {
       const LaneLink& link = plan.links[i];
-      LaneWeight<W>& weight = lanes_.weights[weight_of[i]];
+      LaneWeight<W>& weight = lanes_.weights[i];
       weight.parent = static_cast<int>(link.parent);
       weight.child = static_cast<int>(link.child);
       weight.dof = static_cast<int>(link.dof);
@@ -244,21 +212,6 @@ class GroupOf final : public LaneGroup {
       lanes_.bodies[link.child].mass[lane] = model.bodies[link.child].mass;
     }
     put3<W>(gravity(), lane, plan.gravity);
-  }
-  std::size_t part_of_batch(std::size_t batch) const {
-    std::size_t k = 0;
-    while (at(lanes_.parts[k].tree.batches) <= batch) ++k;
-    return k;
-  }
-  /// Where each item stands when those of a part stand side by side, in their order.
-  template <class Item, class Part>
-  static std::vector<std::size_t> places(const std::vector<Item>& items, const Part& part) {
-    std::vector<std::size_t> order(items.size()), out(items.size());
-    std::iota(order.begin(), order.end(), 0);
-    std::stable_sort(order.begin(), order.end(),
-                     [&](std::size_t a, std::size_t b) { return part(items[a]) < part(items[b]); });
-    for (std::size_t i = 0; i < order.size(); ++i) out[order[i]] = i;
-    return out;
   }
   Lane<W>* gravity() { return reinterpret_cast<Lane<W>*>(lanes_.at(lanes_.gravity)); }
 
@@ -292,9 +245,7 @@ class GroupOf final : public LaneGroup {
     };
     if constexpr (std::is_same_v<Item, Batch<W>>)
       return until(item.kind);
-    else if constexpr (std::is_same_v<Item, LaneBody<W>>)
-      return until(item.island);
-    else if constexpr (std::is_same_v<Item, LaneServo<W>>)
+    else if constexpr (std::is_same_v<Item, LaneBody<W>> || std::is_same_v<Item, LaneServo<W>>)
       return until(item.batch);
     else if constexpr (std::is_same_v<Item, LaneWeight<W>>)
       return until(item.parent);
@@ -302,12 +253,14 @@ class GroupOf final : public LaneGroup {
       return sizeof(Item) / sizeof(Lane<W>);
   }
 
-  void place_free(std::size_t part) {
+  void place_bodies() {
     for (const Free& each : free_)
-      for (int k = 0; k < 3 && each.part == part; ++k) {
+      for (int k = 0; k < 3; ++k) {
         const double* q = lanes_.tree.q + lanes_.batches[each.node].q + k * W;
         std::copy_n(q, W, lanes_.origins[3 * each.island + at(k)].x);
       }
+    bodies_placed_ = needs_bodies_;
+    if (needs_bodies_) kernel_.lanes.place_bodies(lanes_.tree, lanes_.control);
   }
 
   void give_bodies(int lane) {
@@ -329,9 +282,9 @@ class GroupOf final : public LaneGroup {
     return collided_[at(lane)] && engine.contacts().empty();
   }
 
-  void add_gyroscopic_torques(std::size_t part) {
+  void add_gyroscopic_torques() {
     for (const Free& each : free_) {
-      if (!each.lone || each.part != part) continue;
+      if (!each.lone) continue;
       Batch<W>& b = lanes_.batches[each.node];
       for (int lane = 0; lane < W; ++lane) {
         const auto* q = reinterpret_cast<const Lane<W>*>(lanes_.tree.q + b.q);
@@ -343,68 +296,61 @@ class GroupOf final : public LaneGroup {
     }
   }
 
-  bool accelerate(const Tree& tree) {
+  bool accelerate() {
     for (int i = 0; i < kCorrections; ++i)
-      if (kernel_.accelerate(tree, step_)) return true;
+      if (kernel_.accelerate(lanes_.tree, step_)) return true;
     return false;
   }
 
-  /// What a step of a part changes, as f(first, second) of equal ranges of numbers: as it is, and as it was
-  /// saved.
+  /// What a step changes, as f(first, second) of equal ranges of numbers: as it is, and as it was saved.
   template <class F>
-  void each_state(std::size_t k, const F& f) {
-    const auto& part = lanes_.parts[k];
-    std::size_t saved = 0;
+  void each_state(const F& f) {
+    double* then = saved_[0].x;
     const auto pass = [&](double* now, std::size_t count) {
-      f(now, saved_[k].empty() ? nullptr : saved_[k][0].x + saved, count);
-      saved += count;
+      f(now, then, count);
+      then += count;
     };
     const Tree& tree = lanes_.tree;
-    pass(tree.q + part.q, part.positions);
-    for (double* rates : {tree.u, tree.tau, tree.tau_servo}) pass(rates + part.u, part.rates);
+    pass(tree.q, at(tree.positions));
+    for (double* rates : {tree.u, tree.tau, tree.tau_servo}) pass(rates, at(tree.rates));
     // Side by side in the Axis, and in the LaneServo.
-    for (std::size_t i = part.axis; i < part.axis + part.axes; ++i) pass(lanes_.axes[i].side, 2 * W);
-    for (int i = part.control.first_servo; i < part.control.servos; ++i)
-      pass(lanes_.servos[at(i)].integral, 5 * W);
+    for (Axis<W>& a : lanes_.axes) pass(a.side, 2 * W);
+    for (LaneServo<W>& servo : lanes_.servos) pass(servo.integral, 5 * W);
   }
-  void save(std::size_t k) {
-    each_state(k, [](const double* now, double* then, std::size_t count) { std::copy_n(now, count, then); });
+  void save() {
+    each_state([](const double* now, double* then, std::size_t count) { std::copy_n(now, count, then); });
   }
-  /// Parts up to this one to the start of the step. @returns all engines: each takes the step alone
-  unsigned restore(std::size_t last) {
-    for (std::size_t k = 0; k <= last; ++k)
-      each_state(k,
-                 [](double* now, const double* then, std::size_t count) { std::copy_n(then, count, now); });
+  /// To the start of the step. @returns all engines: each takes the step alone
+  unsigned restore() {
+    each_state([](double* now, const double* then, std::size_t count) { std::copy_n(then, count, now); });
     unsigned all = 0;
     for (int lane = 0; lane < W; ++lane) all |= engine_[at(lane)] ? 1U << lane : 0U;
     return all;
   }
   /// Some lanes to the start of the step.
   void keep_back(unsigned which) {
-    for (std::size_t k = 0; k < lanes_.parts.size(); ++k)
-      each_state(k, [&](double* now, const double* then, std::size_t count) {
-        for (std::size_t i = 0; i < count; ++i)
-          if ((which >> (i % W)) & 1U) now[i] = then[i];
-      });
+    each_state([&](double* now, const double* then, std::size_t count) {
+      for (std::size_t i = 0; i < count; ++i)
+        if ((which >> (i % W)) & 1U) now[i] = then[i];
+    });
   }
 
   const Kernel& kernel_;
   double step_;
   LaneTree<W> lanes_;
   std::vector<Free> free_;
-  std::vector<std::size_t> slot_of_dof_;  ///< batch of each dof
-  std::vector<std::size_t> servo_of_;     ///< of each drive
+  std::vector<std::size_t> slot_of_dof_;  ///< node of each dof
   std::array<ArticulatedEngine*, W> engine_{};
   std::array<std::optional<std::uint64_t>, W> key_;
   std::array<bool, W> filled_{};
   std::array<bool, W> moved_{};     ///< since it was loaded
   std::array<bool, W> collided_{};  ///< the contacts of the step to come are known
   std::array<double, W> time_{}, calm_{};
-  std::vector<std::vector<typename LaneTree<W>::Numbers>> saved_;  ///< of each part
-  std::array<std::vector<model::Servo>, W> servos_;                ///< their limits
-  std::vector<std::size_t> limp_;                                  ///< nodes that no servo drives
-  bool needs_bodies_ = false;                                      ///< in every step
-  bool bodies_placed_ = false;                                     ///< where the last step ended
+  std::vector<typename LaneTree<W>::Numbers> saved_;
+  std::array<std::vector<model::Servo>, W> servos_;  ///< their limits
+  std::vector<std::size_t> limp_;                    ///< nodes that no servo drives
+  bool needs_bodies_ = false;                        ///< in every step
+  bool bodies_placed_ = false;                       ///< where the last step ended
 };
 
 }  // namespace
@@ -412,9 +358,6 @@ class GroupOf final : public LaneGroup {
 std::unique_ptr<LaneGroup> LaneGroup::make(const Engine& engine, int widest) {
   const auto* like = dynamic_cast<const ArticulatedEngine*>(&engine);
   if (!like || !like->suits_lanes()) return nullptr;
-  // A part has the weights of its own bodies alone.
-  for (const model::Joint& joint : like->model().joints)
-    if (like->mechanism().topology().node_of_body[at(joint.child)] == kNoNode) return nullptr;
   const Kernel* best = nullptr;
   for (const Kernel* kernel : kernels())
     if (kernel->width <= widest) best = kernel;

@@ -23,7 +23,7 @@ void Mechanism::lend_constants(LaneTree<N>& to, int lane) const {
     for (std::size_t i = 0; i < slots_.size(); ++i) {
       const LaneSlot& slot = slots_[i];
       const Batch<W>& b = in.batch[slot.batch];
-      Batch<N>& out = to.batches[to.batch_of[i]];
+      Batch<N>& out = to.batches[i];
       copy_lane<W, N>(b.before, slot.lane, out.before, lane, &b.sine - &b.before[0]);
       if (!single(b.kind)) continue;
       const Axis<W>& a = in.axis[b.axis];
@@ -43,7 +43,7 @@ void Mechanism::lend_bases(LaneTree<N>& to, int lane) const {
     for (std::size_t i = 0; i < slots_.size(); ++i) {
       const Batch<W>& b = in.batch[slots_[i].batch];
       if (b.link != ParentLink::base) continue;
-      Frame<N>& frame = to.bases[at(to.batches[to.batch_of[i]].parent)];
+      Frame<N>& frame = to.bases[at(to.batches[i].parent)];
       copy_lane<W, N>(in.base[b.parent].quat, slots_[i].lane, frame.quat, lane, kFrame);
     }
   });
@@ -65,7 +65,7 @@ void Mechanism::exchange(Other& with, int lane, bool all_torques, const Copy& co
     for (std::size_t i = 0; i < slots_.size(); ++i) {
       const LaneSlot& slot = slots_[i];
       const Batch<W>& b = in.batch[slot.batch];
-      const Batch<N>& other = with.batches[with.batch_of[i]];
+      const Batch<N>& other = with.batches[i];
       for (std::size_t k = 0; k < at(position_count(b.kind)); ++k)
         copy(tree_.q[slot.q + k * W], with.tree.q[at(other.q) + k * N + at(lane)]);
       for (std::size_t k = 0; k < at(rate_count(b.kind)); ++k) {
