@@ -491,7 +491,10 @@ def peers_speed():
             titles[f"grasp_against_mujoco/{grasp}_{setting}"] = (
                 f"{what} held, {contacts:.0f} contacts here, {there:.0f} there; `{setting.replace('_', ' ')}`")
     titles["hand_to_engine"] = "a hand: a person's YAML to an engine here, MJCF to a model there"
-    titles["hands_on_two_threads"] = "1,024 hands on 2 threads, wall time of a step of one; `mjBatch` there, as many engines here"
+    batch = "1,024 controlled hands on 2 threads, wall time of a step of one, {} steps in a call; `mjBatch` there, `Batch` here"
+    titles["hands_on_two_threads/steps_10"] = batch.format(10)
+    titles["hands_on_two_threads/steps_40"] = batch.format(40)
+    titles["hands_on_two_threads/self_contact_40"] = batch.format(40) + "; self-contact tested, none touching"
     titles["step_against_pinocchio/aba"] = "step of a hand here, Pinocchio's ABA alone there"
     titles["step_against_pinocchio/rnea"] = "step of a hand here, Pinocchio's RNEA alone there"
     rows = []

@@ -58,7 +58,7 @@ ContactDynamics::ContactDynamics(const model::Model& model, const Settings& sett
   axes_.reserve(topology.nodes.size());
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     if (rate_count(topology.nodes[i].kind) != 1) continue;
-    const NodeView view = mechanism.view(i);
+    const NodeView& view = mechanism.view(i);
     const int dof = space_.first_dof(static_cast<int>(i));
     axes_.push_back({dof, place_[at(dof)], mechanism.axis_view(i), view.q, view.u, 0, false});
   }

@@ -110,13 +110,14 @@ class JointSpace {
   std::vector<int> parent_node_;
   std::vector<char> lone_;  ///< of each node: a free body that carries nothing
   std::vector<std::size_t> rate_;
-  std::vector<NodeView> views_;
+  std::span<const NodeView> views_;
   std::vector<const double*> axes_;  ///< S of each dof
   std::size_t stride_ = 1;
   Inertia kind_;
   std::vector<double> own_H_;
   double* H_ = nullptr;
-  std::vector<Spatial> a_, S_;
+  std::vector<Spatial> a_;
+  Spatial* S_ = nullptr;  ///< of each dof; of the thread, within `inverse_dynamics` or `find_inertia`
   /// Mass, its moment and rotational inertia about O of a node and all that it carries.
   struct Composite {
     double mass = 0;
@@ -125,6 +126,7 @@ class JointSpace {
   };
   Composite* composites_ = nullptr;     ///< of the thread, within `find_inertia`
   std::vector<Spatial>& node_forces();  ///< of the thread, within `inverse_dynamics`
+  void place_axes();
 };
 
 }  // namespace handsim::engine::articulated

@@ -36,7 +36,7 @@ control::Plan plan_control(const Scene& scene, const ControlSpec& spec, Diagnost
   input.programs = spec.programs;
   for (const HandEntry& hand : scene.spec.hands) {
     std::vector<std::string>& absent = input.absent.emplace_back();
-    if (!hand.has_wrist_joint()) absent.push_back(hand.model.wrist.name);
+    if (!hand.has_wrist_joint()) absent.push_back(hand.model->wrist.name);
   }
   input.strength = strengths(scene, spec.controller);
   input.effects = solver.effects;
