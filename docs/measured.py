@@ -132,7 +132,8 @@ def agreement():
              slashed([1e6 * slip for slip in pair["slip_median_m_per_s"]]), pair["slip_below_floor"],
              of(pair["slip_within_a_tenth"]) if pair["slip_within_a_tenth"]["of"] else "none"]
             for pair in found["pairs"]]
-    return (f"{found['draws']} draws, seed {found['seed']}, {found['cpu_s'] / 60:.0f} minutes of CPU time.\n\n" +
+    refused = f"; {len(found['refused'])} more were refused by the grip" if found["refused"] else ""
+    return (f"{found['draws']} draws, seed {found['seed']}, {found['cpu_s'] / 60:.0f} minutes of CPU time{refused}.\n\n" +
             table(["engines (`/4`: a quarter of the step)", "same verdict", "where not marginal", "grip differs by, median / at most, %",
                    "within 10 %", "slip, median of each, µm/s", f"both below {1e6 * found['slip_floor_m_per_s']:g} µm/s",
                    "of the others within 10 %"], rows))
@@ -490,7 +491,10 @@ def peers_speed():
             titles[f"grasp_against_mujoco/{grasp}_{setting}"] = (
                 f"{what} held, {contacts:.0f} contacts here, {there:.0f} there; `{setting.replace('_', ' ')}`")
     titles["hand_to_engine"] = "a hand: a person's YAML to an engine here, MJCF to a model there"
-    titles["hands_on_two_threads"] = "1,024 hands on 2 threads, wall time of a step of one; `mjBatch` there, as many engines here"
+    batch = "1,024 controlled hands on 2 threads, wall time of a step of one, {} steps in a call; `mjBatch` there, `Batch` here"
+    titles["hands_on_two_threads/steps_10"] = batch.format(10)
+    titles["hands_on_two_threads/steps_40"] = batch.format(40)
+    titles["hands_on_two_threads/self_contact_40"] = batch.format(40) + "; self-contact tested, none touching"
     titles["step_against_pinocchio/aba"] = "step of a hand here, Pinocchio's ABA alone there"
     titles["step_against_pinocchio/rnea"] = "step of a hand here, Pinocchio's RNEA alone there"
     rows = []

@@ -24,7 +24,7 @@ class Hand:
 
     def __init__(self, stature: Optional[float] = None, mass: Optional[float] = None, sex: str = "unknown",
                  side: str = "right", *, model: Union[str, "PathLike[str]"] = "anatomical",
-                 person: Union[str, "PathLike[str]", None] = None, **measures: float) -> None:
+                 person: Union[str, "PathLike[str]", None] = None, muscles: bool = False, **measures: float) -> None:
         """
         :param stature: [m], 0.5 to 2.5
         :param mass: of the body [kg], 2 to 400
@@ -32,6 +32,7 @@ class Hand:
         :param side: ``right`` or ``left``
         :param model: ``anatomical``, ``prototype``, or the path of a hand model file
         :param person: name of a shipped person (``median_man``) or path of a person file, in place of all measures
+        :param muscles: with the hand model's muscles and tendons, which exports then have, too
         :param measures: measured values in place of predicted ones: ``hand_length``, ``hand_breadth``,
             ``hand_circumference`` [m], ``hand_mass`` [kg], ``grip_strength`` [N], ``age`` [years],
             ``hand_length_percentile`` (0 to 100)
@@ -51,7 +52,7 @@ class Hand:
         try:
             self.scene: Scene = load({
                 "title": f"{side} hand", "hands": [hand], "duration": "1 s", "pictures": {"view": "dorsal"},
-                "effects": ["gravity", "joint_stops", "passive_tissue"]})
+                "effects": ["gravity", "joint_stops", "passive_tissue", *(["muscles", "tendon_coupling"] if muscles else [])]})
         except Error as error:
             raise _of_arguments(error) from None
 

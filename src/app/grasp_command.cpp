@@ -118,6 +118,9 @@ int agreement_command(const GraspArguments& arguments) {
           text(pair.slip_within));
   }
   print_differences(table);
+  if (!table.refused.empty())
+    print("{} further draws were refused by the grip, such as: {}\n", table.refused.size(),
+          table.refused.front());
   print("files in {}\n", arguments.out.string());
   return 0;
 }

@@ -233,13 +233,13 @@ int hand_command(const HandArguments& arguments) {
                    [&] { return scene::files_read(scene); });
 
   print_warnings(warnings);
-  print_size(entry.person, entry.model, built);
-  print_parts(entry.model, built);
-  print_whole(entry.person, entry.model, built);
+  print_size(entry.person, *entry.model, built);
+  print_parts(*entry.model, built);
+  print_whole(entry.person, *entry.model, built);
   for (const std::string& text :
        overlap_texts(scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))))
     print("{}\n", text);
-  print_sources(entry.model);
+  print_sources(*entry.model);
   if (!arguments.out) return 0;
   folder->clear();
   output::write_file(*arguments.out / "hand.yaml", hand_yaml(scene));

@@ -69,7 +69,7 @@ scene::Scene compile_hands(const std::string& side, hand::Mount mount, const mod
     const bool left = of == model::Side::left;
     if (side != "both" && side != (left ? "left" : "right")) continue;
     scene::HandEntry& entry = spec.hands.emplace_back();
-    entry.model = input.model;
+    entry.model = std::make_shared<const hand::HandSpec>(input.model);
     entry.person = input.person;
     entry.placement.name = left ? "left" : "right";
     entry.placement.side = of;

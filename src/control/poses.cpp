@@ -42,7 +42,8 @@ PoseAngles read_angles(MapReader& pose, const std::string& joint, Unit unit) {
                                             "an angle, or a list of one for each axis"});
   if (!node) return out;
   out.place = node->place();
-  for (const YamlNode& item : node->kind == YamlNode::Kind::sequence ? node->items : std::vector{*node})
+  for (const YamlNode& item :
+       node->kind == YamlNode::Kind::sequence ? node->items : SharedList<std::vector<YamlNode>>{*node})
     out.angles.push_back(read_angle(item, pose.path_of(joint), unit, pose.diagnostics()).value_or(0));
   return out;
 }

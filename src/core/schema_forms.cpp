@@ -14,7 +14,7 @@ constexpr const char* kSample = "sample";
 
 YamlNode sample_list(std::vector<YamlNode> items) {
   YamlNode list = yaml_sequence();
-  list.items = std::move(items);
+  for (YamlNode& item : items) list.items.push_back(std::move(item));
   return list;
 }
 

@@ -301,12 +301,34 @@ void check_text(std::string_view text, const std::string& name) {
 }  // namespace
 
 YamlNode* YamlNode::find(std::string_view key) {
+  // What a map does not have is no reason to make its entries its own.
+  if (!std::as_const(*this).find(key)) return nullptr;
   for (YamlEntry& entry : entries)
     if (entry.key == key) return &entry.value;
   return nullptr;
 }
 
-const YamlNode* YamlNode::find(std::string_view key) const { return const_cast<YamlNode*>(this)->find(key); }
+const YamlNode* YamlNode::find(std::string_view key) const {
+  for (const YamlEntry& entry : entries)
+    if (entry.key == key) return &entry.value;
+  return nullptr;
+}
+
+bool YamlNode::same_as(const YamlNode& other) const {
+  const bool same_file = file == other.file || (file && other.file && *file == *other.file);
+  if (kind != other.kind || line != other.line || column != other.column || quoted != other.quoted ||
+      text != other.text || !same_file)
+    return false;
+  return (items.is(other.items) ||
+          std::equal(items.begin(), items.end(), other.items.begin(), other.items.end(),
+                     [](const YamlNode& a, const YamlNode& b) { return a.same_as(b); })) &&
+         (entries.is(other.entries) ||
+          std::equal(entries.begin(), entries.end(), other.entries.begin(), other.entries.end(),
+                     [](const YamlEntry& a, const YamlEntry& b) {
+                       return a.key == b.key && a.line == b.line && a.column == b.column &&
+                              a.value.same_as(b.value);
+                     }));
+}
 
 std::string YamlNode::described() const {
   switch (kind) {
@@ -356,15 +378,6 @@ YamlNode parse_yaml(const std::string& text, const std::string& name, YamlBudget
 YamlNode parse_yaml(const std::string& text, const std::string& name) {
   YamlBudget budget;
   return parse_yaml(text, name, budget);
-}
-
-YamlNode load_yaml(const std::filesystem::path& path, YamlBudget& budget) {
-  return parse_yaml(read_input_file(path, "a readable YAML file", kYamlMaxBytes), path.string(), budget);
-}
-
-YamlNode load_yaml(const std::filesystem::path& path) {
-  YamlBudget budget;
-  return load_yaml(path, budget);
 }
 
 std::string emit_yaml(const YamlNode& node) {

@@ -11,27 +11,30 @@
 #include <vector>
 
 #include "handsim/core/error.h"
+#include "handsim/core/shared_list.h"
 
 namespace handsim {
 
 struct YamlEntry;
 
-/// One value of a YAML document.
+/// One value of a YAML document. Copies share what is below them (shared_list.h).
 struct YamlNode {
   enum class Kind { null, scalar, sequence, map };
 
   Kind kind = Kind::null;
-  std::string text;              ///< scalar
-  bool quoted = false;           ///< scalar in quotes: text, never a number or a truth value
-  std::vector<YamlNode> items;   ///< sequence
-  std::list<YamlEntry> entries;  ///< map, in the order of the file; addresses stay valid while keys are added
-  std::shared_ptr<const std::string> file;  ///< name as given by the user
+  std::string text;                          ///< scalar
+  bool quoted = false;                       ///< scalar in quotes: text, never a number or a truth value
+  SharedList<std::vector<YamlNode>> items;   ///< sequence
+  SharedList<std::list<YamlEntry>> entries;  ///< map, in the order of the file; keys may be added
+  std::shared_ptr<const std::string> file;   ///< name as given by the user
   int line = 1;
   int column = 1;
 
   Place place() const { return {file ? *file : std::string(), line, column}; }
   YamlNode* find(std::string_view key);
   const YamlNode* find(std::string_view key) const;
+  /// The same values at the same places. At once where both are copies of one tree.
+  bool same_as(const YamlNode& other) const;
   /// For messages: `0.5`, `"x"`, `a list`, `a mapping`, `nothing`.
   std::string described() const;
 };
@@ -63,6 +66,7 @@ struct YamlBudget {
 YamlNode parse_yaml(const std::string& text, const std::string& name, YamlBudget& budget);
 YamlNode parse_yaml(const std::string& text, const std::string& name);
 
+/// A file that has not changed since it was last loaded is not parsed again. Any thread.
 /// @throws Error (input) if the file is missing, not a regular file, too large, or invalid YAML.
 YamlNode load_yaml(const std::filesystem::path& path, YamlBudget& budget);
 YamlNode load_yaml(const std::filesystem::path& path);

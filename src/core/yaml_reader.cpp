@@ -347,7 +347,7 @@ std::vector<std::string> MapReader::texts(std::string_view key, std::size_t leas
   if (!found) return {};
   const bool one = found->kind == YamlNode::Kind::scalar && least <= 1;
   std::vector<std::string> out;
-  for (const YamlNode& item : one ? std::vector{*found} : found->items)
+  for (const YamlNode& item : one ? SharedList<std::vector<YamlNode>>{*found} : found->items)
     if (item.kind == YamlNode::Kind::scalar && !item.text.empty()) out.push_back(item.text);
   if (out.size() == (one ? 1 : found->items.size()) && out.size() >= least && out.size() <= most) return out;
   problem(key, found->described(), need);

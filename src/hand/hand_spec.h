@@ -3,6 +3,7 @@
 #pragma once
 
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -99,6 +100,10 @@ std::vector<HandAxis> hand_axes(const HandSpec& spec);
 
 /// Reads a hand model, following its `anthropometry` reference.
 HandSpec read_hand_spec(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
+/// The same, read once for equal trees: where only the person changes, a hand model costs nothing.
+/// Defaults of the first one stand in the tree. Any thread.
+std::shared_ptr<const HandSpec> shared_hand_spec(YamlNode& node, const std::string& path,
+                                                 Diagnostics& diagnostics);
 
 /// Reports a problem of `axes` if two axes of a joint are not perpendicular or have the same name.
 void check_axis_pair(MapReader& reader, const std::vector<model::JointAxis>& axes);

@@ -1,5 +1,7 @@
 #include "handsim/hand/person.h"
 
+#include <tuple>
+
 #include <fmt/format.h>
 
 namespace handsim::hand {
@@ -8,6 +10,12 @@ namespace {
 
 const std::vector<std::pair<std::string_view, Sex>> kSexes = {
     {"male", Sex::male}, {"female", Sex::female}, {"unknown", Sex::unknown}};
+
+auto measures(const Person& person) {
+  return std::tie(person.stature, person.mass, person.sex, person.hand_length, person.hand_breadth,
+                  person.hand_circumference, person.hand_mass, person.grip_strength, person.age, person.bones,
+                  person.hand_length_percentile);
+}
 
 /// Refuses impossible proportions of mass, hand and stature.
 void check_body(MapReader& reader, const Person& person) {
@@ -31,6 +39,8 @@ std::string_view name(Sex sex) {
     if (entry.second == sex) return entry.first;
   return {};
 }
+
+bool same_body(const Person& a, const Person& b) { return measures(a) == measures(b); }
 
 Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
   MapReader reader(node, path, diagnostics);

@@ -32,6 +32,9 @@ struct Person {
 
 std::string_view name(Sex sex);
 
+/// True if both have the same hands; titles and places in files may differ.
+bool same_body(const Person& a, const Person& b);
+
 /// Reads a person; every defect goes into the diagnostics.
 Person read_person(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 

@@ -14,9 +14,8 @@ using model::Body;
 using model::Joint;
 using model::Shape;
 
-/// The right hand unchanged, or mirrored to a left one.
-BuiltHand for_side(BuiltHand hand, model::Side side) {
-  if (side == model::Side::right) return hand;
+/// The left hand of a right one.
+BuiltHand left_of(BuiltHand hand) {
   for (Body& body : hand.bodies) {
     body.zero_pose = mirrored(body.zero_pose);
     for (const int k : {1, 2}) {
@@ -196,14 +195,18 @@ model::TendonPath placed(const model::TendonPath& path, const std::vector<std::o
 
 /// Adds muscles and bands; the joints are in the model.
 void add_muscles(model::Model& model, model::HandIndex& index, const BuiltHand& hand) {
-  std::vector<std::optional<int>> dofs(hand.axes.size());
-  for (std::size_t i = 0; i < dofs.size(); ++i)
-    for (const int joint : index.joints) {
-      const Joint& each = model.joints[static_cast<std::size_t>(joint)];
-      for (std::size_t a = 0; a < each.axes.size(); ++a)
-        if (each.name + "." + each.axes[a].name == index.name + "." + hand.axes[i].name)
-          dofs[i] = each.first_dof + static_cast<int>(a);
-    }
+  if (hand.muscles.muscles.empty() && hand.muscles.bands.empty()) return;
+  std::map<std::string, int> dof_of;
+  for (const int joint : index.joints) {
+    const Joint& each = model.joints[static_cast<std::size_t>(joint)];
+    for (std::size_t a = 0; a < each.axes.size(); ++a)
+      dof_of[each.name + "." + each.axes[a].name] = each.first_dof + static_cast<int>(a);
+  }
+  std::vector<std::optional<int>> dofs;
+  for (const HandAxis& axis : hand.axes) {
+    const auto found = dof_of.find(index.name + "." + axis.name);
+    dofs.push_back(found == dof_of.end() ? std::nullopt : std::optional(found->second));
+  }
   for (model::Muscle muscle : hand.muscles.muscles) {
     muscle.name = index.name + "." + muscle.name;
     muscle.path = placed(muscle.path, dofs);
@@ -240,7 +243,9 @@ void set_velocities(model::Model& model, const model::HandIndex& index, const Pl
 }  // namespace
 
 HandGroups add_hand(model::Model& model, const BuiltHand& right, const Placement& placement) {
-  const BuiltHand hand = for_side(right, placement.side);
+  std::optional<BuiltHand> left;
+  if (placement.side == model::Side::left) left = left_of(right);
+  const BuiltHand& hand = left ? *left : right;
   model::HandIndex index;
   index.name = placement.name;
   index.side = placement.side;

@@ -20,6 +20,32 @@ constexpr double kPanels = 16;
 constexpr std::array<std::pair<double, double>, 3> kPoints = {
     std::pair{-0.7745966692414834, 5.0 / 9}, {0.0, 8.0 / 9}, {0.7745966692414834, 5.0 / 9}};
 
+/// Gauss points of panels that share the angles from -pi/2 to pi/2.
+struct Arc {
+  explicit Arc(int panels) {
+    const double span = 0.5 * M_PI / panels;  // half a panel's angle
+    for (int panel = 0; panel < panels; ++panel)
+      for (const auto& [point, weight] : kPoints) {
+        const double angle = -0.5 * M_PI + span * (2 * panel + 1 + point);
+        points.push_back({std::sin(angle), std::cos(angle), weight * span});
+      }
+  }
+  struct Point {
+    double sine, cosine, weight;
+  };
+  std::vector<Point> points;
+};
+
+/// Of 1 to kPanels panels: columns by the thousand have the same few.
+const Arc& arc(int panels) {
+  static const std::vector<Arc> arcs = [] {
+    std::vector<Arc> out;
+    for (int n = 1; n <= static_cast<int>(kPanels); ++n) out.emplace_back(n);
+    return out;
+  }();
+  return arcs[static_cast<std::size_t>(panels - 1)];
+}
+
 /// Part of a line inside a solid.
 struct Interval {
   double low = std::numeric_limits<double>::infinity();
@@ -164,12 +190,8 @@ void integrate(const std::vector<Interval>& solids, At at) {
     const double half = 0.5 * (ends[k + 1] - ends[k]), middle = ends[k] + half;
     if (half < 1e-9 * width) continue;
     const int panels = std::max(1, static_cast<int>(std::lround(2 * half / width)));
-    const double span = 0.5 * M_PI / panels;  // half a panel's angle
-    for (int panel = 0; panel < panels; ++panel)
-      for (const auto& [point, weight] : kPoints) {
-        const double angle = -0.5 * M_PI + span * (2 * panel + 1 + point);
-        at(middle + half * std::sin(angle), weight * span * half * std::cos(angle));
-      }
+    for (const Arc::Point& point : arc(panels).points)
+      at(middle + half * point.sine, point.weight * half * point.cosine);
   }
 }
 
@@ -197,7 +219,9 @@ struct Moments {
 /// Adds what a column has of the union; `cuts` become sorted.
 void add_column(double x, double y, std::vector<Interval>& cuts, double weight, Moments& sums) {
   if (cuts.empty()) return;
-  std::sort(cuts.begin(), cuts.end(), [](const Interval& a, const Interval& b) { return a.low < b.low; });
+  // A few, mostly in order.
+  for (std::size_t i = 1; i < cuts.size(); ++i)
+    for (std::size_t k = i; k > 0 && cuts[k].low < cuts[k - 1].low; --k) std::swap(cuts[k], cuts[k - 1]);
   Interval part = cuts.front();
   for (const Interval& cut : cuts) {
     if (cut.low > part.high) {

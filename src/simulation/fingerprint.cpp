@@ -23,7 +23,7 @@ const std::set<std::string, std::less<>> kLeftOut = {"title",    "duration", "re
 
 /// The motion does not depend on colours either, at any depth.
 YamlNode without_colours(YamlNode node) {
-  std::erase_if(node.entries, [](const YamlEntry& entry) { return entry.key == "color"; });
+  node.entries.remove_if([](const YamlEntry& entry) { return entry.key == "color"; });
   for (YamlEntry& entry : node.entries) entry.value = without_colours(std::move(entry.value));
   for (YamlNode& item : node.items) item = without_colours(std::move(item));
   return node;

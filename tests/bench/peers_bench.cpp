@@ -2,9 +2,10 @@
 // Pinocchio's algorithms for smooth motion. Asserts nothing.
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <chrono>
 #include <functional>
-#include <thread>
+#include <stdexcept>
 
 #include "bench/one_hand.h"
 #include "bench/paired.h"
@@ -12,6 +13,7 @@
 #include "bench/pinocchio_calls.h"
 #endif
 #include "handsim/engine/articulated/articulated_engine.h"
+#include "handsim/environment/batch.h"
 #include "handsim/model/kinematics.h"
 #if defined(HANDSIM_WITH_MUJOCO) && mjVERSION_HEADER >= 4000000
 #include <mujoco/mjbatch.h>
@@ -49,7 +51,8 @@ void hand_to_engine(benchmark::State& state) {
 BENCHMARK(hand_to_engine)->UseManualTime()->Unit(benchmark::kMicrosecond);
 
 #if mjVERSION_HEADER >= 4000000
-constexpr int kHands = 1024, kThreads = 2, kBatchSteps = 20;
+constexpr int kHands = 1024, kThreads = 2;
+constexpr double kTarget = 0.2;  // [rad], of every axis
 
 double wall(const std::function<void()>& work) {
   const auto start = std::chrono::steady_clock::now();
@@ -57,46 +60,70 @@ double wall(const std::function<void()>& work) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-/// 1,024 hands on two threads, wall time of a step of one: MuJoCo's mjBatch (the yardstick), and as many
-/// engines here, half of them on each thread.
-void hands_on_two_threads(benchmark::State& state) {
-  const Load load = one_hand();
-  const Other other = in_mujoco(load.scene.model, load.scene.spec.solver);
-  other.model->opt.disableflags |= mjDSBL_CONTACT;
+/// One hand with stops, tissue and control of all joints.
+scene::Scene controlled_hand(bool self_contact) {
+  const std::string effects = "effects=[gravity, joint_stops, passive_tissue, actuation";
+  YamlNode root = test::shipped_scene("every_pose", {"solver={engine: articulated, step: 1 ms}",
+                                                     effects + (self_contact ? ", self_contact]" : "]")})
+                      .resolved;
+  root.find("hands")->items.pop_back();
+  return scene::compile_scene(std::move(root));
+}
+
+struct DeleteBatch {
+  void operator()(mjBatch* batch) const { mjb_deleteBatch(batch); }
+};
+
+/// MuJoCo's batch of a scene's hand at the start, with position actuators of the controller's gains.
+std::unique_ptr<mjBatch, DeleteBatch> in_mujoco_batch(const scene::Scene& scene, bool self_contact) {
+  const auto model = mujoco::compile(
+      output::to_mjcf(scene.model, scene.spec.solver, scene.control ? &*scene.control : nullptr));
+  if (!self_contact) model->opt.disableflags |= mjDSBL_CONTACT;
   mjBatchConfig config;
   mjb_defaultConfig(&config);
   config.nthread = kThreads;
   char error[1000] = "";
-  mjBatch* batch = mjb_makeBatch(other.model.get(), kHands, &config, error, sizeof error);
-  if (!batch) return state.SkipWithError(error);
+  std::unique_ptr<mjBatch, DeleteBatch> out(mjb_makeBatch(model.get(), kHands, &config, error, sizeof error));
+  if (!out) throw std::runtime_error(error);
   const std::vector<int> keys(kHands, 0);
-  mjb_reset(batch, nullptr, kHands, keys.data(), 0);
-  std::vector<std::unique_ptr<engine::articulated::ArticulatedEngine>> hands;
-  for (int i = 0; i < kHands; ++i)
-    hands.push_back(
-        std::make_unique<engine::articulated::ArticulatedEngine>(load.scene.model, smooth(load.scene)));
-  const auto half = [&](int thread) {
-    for (std::size_t i = static_cast<std::size_t>(thread); i < hands.size(); i += kThreads)
-      for (int k = 0; k < kBatchSteps; ++k) hands[i]->step({});
-  };
-  std::vector<double> there, here, ratios;
+  mjb_reset(out.get(), nullptr, kHands, keys.data(), 0);
+  int count = 0;
+  mjtNum* control = mjb_stateComponent(out.get(), mjSTATE_CTRL, &count);
+  for (int i = 0; i < kHands; ++i) std::fill_n(control + i * mjb_nstate(out.get()), count, kTarget);
+  return out;
+}
+
+/// 1,024 hands on two threads, which hold the same angles, wall time of a step of one: MuJoCo's mjBatch (the
+/// yardstick), and a Batch here.
+void hands_on_two_threads(benchmark::State& state, int steps, bool self_contact) {
+  const scene::Scene scene = controlled_hand(self_contact);
+  const auto there = in_mujoco_batch(scene, self_contact);
+  environment::Batch here(scene, kHands, {.threads = kThreads});
+  const std::vector<double> angles(kHands * here[0].simulation().controller()->axes().size(), kTarget);
+  const auto step_there = [&] { mjb_step(there.get(), nullptr, kHands, steps, 0); };
+  const auto step_here = [&] { here.step({.angles = angles}, steps); };
+  step_there();
+  step_here();
+  std::vector<double> of_peer, own, ratios;
   for (auto unused : state) {
     (void)unused;
-    there.push_back(wall([&] { mjb_step(batch, nullptr, kHands, kBatchSteps, 0); }));
-    here.push_back(wall([&] {
-      std::thread second(half, 1);
-      half(0);
-      second.join();
-    }));
-    ratios.push_back(here.back() / there.back());
-    state.SetIterationTime(here.back());
+    of_peer.push_back(wall(step_there));
+    own.push_back(wall(step_here));
+    ratios.push_back(own.back() / of_peer.back());
+    state.SetIterationTime(own.back());
   }
-  mjb_deleteBatch(batch);
+  std::size_t touching = 0;
+  for (std::size_t i = 0; i < here.size(); ++i) touching += here[i].simulation().engine().contacts().size();
+  state.counters["touching"] = static_cast<double>(touching);
   state.counters["ratio"] = median(ratios);
-  state.counters["yardstick_us"] = 1e6 * median(there) / (kHands * kBatchSteps);
-  state.counters["candidate_us"] = 1e6 * median(here) / (kHands * kBatchSteps);
+  state.counters["yardstick_us"] = 1e6 * median(of_peer) / (kHands * steps);
+  state.counters["candidate_us"] = 1e6 * median(own) / (kHands * steps);
 }
-BENCHMARK(hands_on_two_threads)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(hands_on_two_threads, steps_10, 10, false)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(hands_on_two_threads, steps_40, 40, false)->UseManualTime()->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(hands_on_two_threads, self_contact_40, 40, true)
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
 #endif
 #endif
 

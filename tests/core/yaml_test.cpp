@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <fstream>
+
 #include "handsim/core/yaml_reader.h"
 
 namespace handsim {
@@ -37,6 +39,52 @@ TEST(Yaml, AliasesExpandAndMayNotRecur) {
   EXPECT_EQ(root.find("b")->find("k")->items[1].text, "2");
   EXPECT_NE(failure("a: &x [1, *x]\n").find("an alias to a value that contains it"), std::string::npos);
   EXPECT_NE(failure("a: *nobody\n").find("invalid YAML"), std::string::npos);
+}
+
+// Oracle: a second parse of the same text.
+TEST(Yaml, ACopyAndItsOriginalChangeWithoutEachOther) {
+  const std::string text = "a: {b: [1, 2, {c: 3}], d: x}\ne: 5\n";
+  YamlNode tree = parse_yaml(text, "f.yaml");
+  const YamlNode as_read = parse_yaml(text, "f.yaml");
+  YamlNode copy = tree;
+  EXPECT_TRUE(copy.entries.is(tree.entries));
+  copy.find("a")->find("b")->items[2].find("c")->text = "4";
+  copy.entries.remove_if([](const YamlEntry& entry) { return entry.key == "e"; });
+  yaml_put(*copy.find("a"), "f", yaml_scalar("y"));
+  EXPECT_TRUE(tree.same_as(as_read));
+  EXPECT_FALSE(copy.same_as(as_read));
+  EXPECT_EQ(emit_yaml(copy), "a:\n  b:\n    - 1\n    - 2\n    - c: 4\n  d: x\n  f: y\n");
+  // The original, too, when the copy is the one that stays.
+  copy = tree;
+  tree.find("a")->find("b")->items.clear();
+  EXPECT_TRUE(copy.same_as(as_read));
+  EXPECT_FALSE(tree.same_as(as_read));
+}
+
+TEST(Yaml, AFileThatChangesIsParsedAgain) {
+  const auto path = std::filesystem::temp_directory_path() / "handsim_yaml_files_test.yaml";
+  std::ofstream(path) << "a: 1\n";
+  YamlBudget first, second, third;
+  YamlNode tree = load_yaml(path, first);
+  tree.find("a")->text = "2";
+  const YamlNode again = load_yaml(path, second);
+  EXPECT_EQ(again.find("a")->text, "1");
+  EXPECT_EQ(first.left, second.left);
+  EXPECT_LT(second.left, kYamlMaxMemory);
+  std::ofstream(path) << "a: 3\n";
+  EXPECT_EQ(load_yaml(path).find("a")->text, "3");
+  third.left = 10;
+  EXPECT_THROW(load_yaml(path, third), Error);
+  std::filesystem::remove(path);
+}
+
+TEST(Yaml, TreesAreTheSameOnlyWithTheSamePlacesAndQuotes) {
+  const YamlNode tree = parse_yaml("a: [1, x]\n", "f.yaml");
+  EXPECT_TRUE(tree.same_as(parse_yaml("a: [1, x]\n", "f.yaml")));
+  EXPECT_FALSE(tree.same_as(parse_yaml("a: [1, x]\n", "g.yaml")));
+  EXPECT_FALSE(tree.same_as(parse_yaml("a: [1,  x]\n", "f.yaml")));
+  EXPECT_FALSE(tree.same_as(parse_yaml("a: [1, \"x\"]\n", "f.yaml")));
+  EXPECT_FALSE(tree.same_as(parse_yaml("a: [1, x]\nb: 1\n", "f.yaml")));
 }
 
 TEST(Yaml, AliasesThatGrowWithoutBoundAreRefused) {

@@ -28,12 +28,12 @@ HandSpec read(YamlNode node) {
 template <class Change>
 HandSpec changed(Change change) {
   YamlNode node = anatomical();
-  std::erase_if(node.entries, [](const YamlEntry& entry) { return entry.key == "muscles"; });
+  node.entries.remove_if([](const YamlEntry& entry) { return entry.key == "muscles"; });
   change(node.find("segments")->items);
   return read(std::move(node));
 }
 
-YamlNode& row(std::vector<YamlNode>& rows, const std::string& name) {
+YamlNode& row(SharedList<std::vector<YamlNode>>& rows, const std::string& name) {
   for (YamlNode& each : rows)
     if (each.find("name")->text == name) return each;
   throw std::runtime_error("no row " + name);
@@ -195,8 +195,8 @@ TEST(HandModel, AMissingFingerTakesItsMassWithIt) {
   const Person man = person(1.755, 84.5);
   const BuiltHand whole = build_hand(read(anatomical()), man);
   const BuiltHand four =
-      build_hand(changed([](std::vector<YamlNode>& rows) {
-                   std::erase_if(rows, [](YamlNode& each) { return each.find("finger")->text == "little"; });
+      build_hand(changed([](SharedList<std::vector<YamlNode>>& rows) {
+                   rows.remove_if([](const YamlNode& each) { return each.find("finger")->text == "little"; });
                  }),
                  man);
   EXPECT_EQ(four.bodies.size(), 13U);
@@ -210,7 +210,7 @@ TEST(HandModel, AMissingFingerTakesItsMassWithIt) {
 }
 
 /// A finger beside the little one.
-void add_sixth(std::vector<YamlNode>& rows, const std::string& counts_as) {
+void add_sixth(SharedList<std::vector<YamlNode>>& rows, const std::string& counts_as) {
   rows.push_back(parse_yaml("{name: sixth_only, finger: sixth, " + counts_as +
                                 " parent: palm, at: [0.55 HB, 0.3 HL, 0], length: 0.2 HL, radius: 0.07 HB, "
                                 "joint: {name: sixth_mcp, type: hinge, axes: [{name: flexion, "
@@ -219,7 +219,8 @@ void add_sixth(std::vector<YamlNode>& rows, const std::string& counts_as) {
 }
 
 TEST(HandModel, ASixthFingerCountsWithTheOneItNames) {
-  const HandSpec spec = changed([](std::vector<YamlNode>& rows) { add_sixth(rows, "counts_as: little,"); });
+  const HandSpec spec =
+      changed([](SharedList<std::vector<YamlNode>>& rows) { add_sixth(rows, "counts_as: little,"); });
   const BuiltHand hand = build_hand(spec, person(1.755, 84.5));
   ASSERT_EQ(hand.bodies.size(), 17U);
   EXPECT_EQ(hand.bodies.back().name, "sixth_only");
@@ -229,14 +230,14 @@ TEST(HandModel, ASixthFingerCountsWithTheOneItNames) {
               1e-15);
   EXPECT_TRUE(model::defects(with_hand(hand)).empty());
   try {
-    changed([](std::vector<YamlNode>& rows) { add_sixth(rows, ""); });
+    changed([](SharedList<std::vector<YamlNode>>& rows) { add_sixth(rows, ""); });
     FAIL() << "accepted";
   } catch (const Error& error) {
     EXPECT_NE(std::string(error.what()).find("counts_as"), std::string::npos) << error.what();
   }
 }
 
-void fix(std::vector<YamlNode>& rows, const std::string& name) {
+void fix(SharedList<std::vector<YamlNode>>& rows, const std::string& name) {
   *row(rows, name).find("joint") = parse_yaml("{type: fixed}", "joint");
 }
 
@@ -244,7 +245,7 @@ void fix(std::vector<YamlNode>& rows, const std::string& name) {
 TEST(HandModel, FixedSegmentsArePartOfTheirParentsBody) {
   const Person man = person(1.755, 84.5);
   const BuiltHand whole = build_hand(read(anatomical()), man);
-  const BuiltHand stiff = build_hand(changed([](std::vector<YamlNode>& rows) {
+  const BuiltHand stiff = build_hand(changed([](SharedList<std::vector<YamlNode>>& rows) {
                                        fix(rows, "index_distal");
                                        fix(rows, "little_proximal");
                                      }),
@@ -270,7 +271,7 @@ TEST(HandModel, FixedSegmentsArePartOfTheirParentsBody) {
 
 // Oracle: the product of the three rotations, and the mass of the segment without a carrier.
 TEST(HandModel, AJointOfThreeAxesTurnsAboutEachWithItsStops) {
-  const HandSpec spec = changed([](std::vector<YamlNode>& rows) {
+  const HandSpec spec = changed([](SharedList<std::vector<YamlNode>>& rows) {
     *row(rows, "index_proximal").find("joint") = parse_yaml(
         "{name: index_mcp, type: ball, axes: [{name: flexion, axis: [-1, 0, 0], range: [-0.5, 1.5]},"
         " {name: abduction, axis: [0, 0, 1], range: [-0.2, 0.2]},"
@@ -304,7 +305,7 @@ TEST(HandModel, AJointOfThreeAxesTurnsAboutEachWithItsStops) {
 
 // Oracle: the mirror image, and the joint centres of the hand without the further shape.
 TEST(HandModel, ASegmentMayHaveSeveralShapes) {
-  const HandSpec spec = changed([](std::vector<YamlNode>& rows) {
+  const HandSpec spec = changed([](SharedList<std::vector<YamlNode>>& rows) {
     yaml_put(
         row(rows, "thumb_metacarpal"), "shapes",
         parse_yaml("[{name: thenar, from: [0.1 HB, 0.05 HL, -0.05 HB], to: [0.1 HB, 0.15 HL, -0.05 HB], "

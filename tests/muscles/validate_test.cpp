@@ -49,6 +49,54 @@ TEST(Validate, MeasuresSimulationsWhereAsked) {
   EXPECT_EQ(run_too.rows.at(1).ours, 1);
 }
 
+// Oracle: the steps of a run of 0.1 s at 1 ms, twice; a cube of 1 kg at rest on the ground under 9.80665
+// m/s2: a vector counts by its length, and a list's entry may be named.
+TEST(Validate, AddsFiguresAndTakesTheLengthOfVectors) {
+  const test::TemporaryFolder folder;
+  const auto file = folder.path() / "own.yaml", scene = folder.path() / "cube.yaml";
+  std::ofstream(scene)
+      << "objects: [{name: cube, shape: box, edges: [0.1, 0.1, 0.1], mass: 1, position: [0, 0, 0.05]}]\n"
+         "ground: {}\neffects: [gravity, ground_contact, friction]\n"
+         "solver: {engine: articulated}\nduration: 1\nrecord: {contacts: true}\n";
+  const std::string pair = "contact_forces.pairs.0.force_at_end_N";
+  std::ofstream(file)
+      << head() << "  - {name: both, kind: simulation, scene: " << scene.string()
+      << ", figure: [counts.steps, counts.steps], unit: \"1\", measured: 2000, spread: 0.5, source: s}\n"
+      << "  - {name: weight, kind: simulation, scene: " << scene.string() << ", figure: " << pair
+      << ", unit: N, measured: 9.80665, spread: 0.01, source: s}\n"
+      << "  - {name: none, kind: simulation, scene: " << scene.string()
+      << ", figure: contact_forces.pairs.9.force_at_end_N, unit: N, measured: 1, spread: 1, source: s}\n";
+  ValidateSpec spec = load_validate(file);
+  EXPECT_THROW(run_validate(spec, folder.path() / "bad"), Error);
+  spec.measurements.pop_back();
+  const ValidateResult result = run_validate(spec, folder.path() / "runs");
+  EXPECT_TRUE(result.rows.at(0).within()) << result.rows.at(0).ours;
+  EXPECT_TRUE(result.rows.at(1).within()) << result.rows.at(1).ours;
+}
+
+// Oracle: forces that may lean are a larger set than forces that may not, to the bisection's end; stronger
+// muscles hold more.
+TEST(Validate, PinchNeverFallsWithFrictionAndGrowsWithStrength) {
+  const test::TemporaryFolder folder;
+  const auto file = folder.path() / "own.yaml";
+  std::ofstream out(file);
+  out << "hand: " << test::source("handmodels/anatomical.yaml").string()
+      << "\npeople:\n  weak: {stature: 1.75, mass: 70, sex: male, grip_strength: 300}\n"
+         "  strong: {stature: 1.75, mass: 70, sex: male, grip_strength: 600}\nmeasurements:\n";
+  for (const char* person : {"weak", "strong"})
+    for (const char* friction : {"0", "0.4", "0.8"})
+      out << "  - {name: " << person << friction << ", kind: pinch_force, person: " << person
+          << ", finger: index, friction: " << friction
+          << ", pose: {thumb_cmc.flexion: 15 deg, thumb_mcp.flexion: 28 deg, index_mcp.flexion: 74 deg, "
+             "index_pip.flexion: 47 deg}, measured: 1, spread: 1, source: s}\n";
+  out.close();
+  const ValidateResult result = run(load_validate(file));
+  const auto ours = [&](std::size_t i) { return result.rows.at(i).ours; };
+  EXPECT_GE(ours(1), ours(0) - 0.01);
+  EXPECT_GE(ours(2), ours(1) - 0.01);
+  EXPECT_GT(ours(5), ours(2));
+}
+
 // Oracle: a required row with a value that the hand does not have fails, the same row without `required` does
 // not.
 TEST(Validate, FailsWhereARequiredRowFallsShort) {

@@ -70,6 +70,16 @@ def test_the_export_weighs_as_much(hand):
     assert again.dimensions == hand.dimensions and again.to_mjcf() == hand.to_mjcf()
 
 
+def test_muscles_come_along(hand):
+    muscled = hs.Hand(person="median_man", muscles=True)
+    names = {muscle.get("name") for muscle in ET.fromstring(muscled.to_osim()).iter("RigidTendonMuscle")}
+    assert len(names) == 41 and any("FDP2" in name for name in names)
+    assert ET.fromstring(muscled.to_mjcf()).find("tendon") is not None
+    assert not list(ET.fromstring(hand.to_osim()).iter("RigidTendonMuscle"))
+    with pytest.raises(hs.Error, match="muscles"):
+        hs.Hand(stature=1.7, model="prototype", muscles=True)
+
+
 def test_tables_print_and_become_frames(hand):
     text = repr(hand.segments)
     assert "index_distal" in text and "length[m]" in text

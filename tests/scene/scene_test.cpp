@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
 
+#include <fstream>
+
 #include "handsim/model/kinematics.h"
 #include "handsim/scene/read/file_kind.h"
 #include "scene_files.h"
@@ -43,6 +45,64 @@ TEST(Scene, AutoEffectsAreWhatTheContentNeeds) {
   const std::string text = emit_yaml(ball.resolved);
   EXPECT_NE(text.find("effects: [gravity, object_contact, ground_contact, friction]"), std::string::npos)
       << text;
+}
+
+// Oracle: a scene whose hands have files of their own, read where nothing is shared.
+TEST(Scene, HandsOfOnePersonAndModelShareBoth) {
+  const Scene scene = shipped_scene("two_hands");
+  EXPECT_EQ(scene.spec.hands[0].model, scene.spec.hands[1].model);
+  Diagnostics diagnostics;
+  YamlNode tree = load_yaml(test::source("handmodels/anatomical.yaml"));
+  tree.entries.remove_if([](const YamlEntry& entry) { return entry.key == "muscles"; });
+  const hand::HandSpec own = hand::read_hand_spec(tree, "", diagnostics);
+  const hand::BuiltHand built = hand::build_hand(own, scene.spec.hands[1].person);
+  ASSERT_EQ(built.bodies.size(), scene.hands[1].bodies.size());
+  for (std::size_t i = 0; i < built.bodies.size(); ++i) {
+    EXPECT_EQ(built.bodies[i].mass, scene.hands[1].bodies[i].mass);
+    EXPECT_EQ(built.bodies[i].inertia, scene.hands[1].bodies[i].inertia);
+  }
+}
+
+// Oracle: the same scene from its own text, whose trees nobody has seen before.
+TEST(Scene, AnotherPersonBesideAKnownModelIsAsInAFreshFile) {
+  const Scene known = shipped_scene("two_hands");
+  YamlNode root = known.resolved;
+  apply_override(root, "hands.1.person.stature=1.6");
+  const Scene changed = compile_scene(root);
+  EXPECT_EQ(changed.spec.hands[0].model, known.spec.hands[0].model);
+  const Scene fresh = compile_scene(parse_yaml(emit_yaml(root), "fresh.yaml"));
+  EXPECT_NE(fresh.spec.hands[0].model, known.spec.hands[0].model);
+  EXPECT_EQ(emit_yaml(changed.resolved), emit_yaml(fresh.resolved));
+  ASSERT_EQ(changed.model.bodies.size(), fresh.model.bodies.size());
+  for (std::size_t i = 0; i < fresh.model.bodies.size(); ++i) {
+    EXPECT_EQ(changed.model.bodies[i].mass, fresh.model.bodies[i].mass);
+    EXPECT_EQ(changed.model.bodies[i].inertia, fresh.model.bodies[i].inertia);
+    EXPECT_EQ(changed.model.bodies[i].zero_pose.p, fresh.model.bodies[i].zero_pose.p);
+  }
+  EXPECT_NE(changed.model.bodies[1].mass, changed.model.bodies[17].mass);
+}
+
+// A hand model that names a file is read again: the file may have changed.
+TEST(Scene, AFileThatAHandModelNamesIsReadEachTime) {
+  const auto folder = std::filesystem::temp_directory_path() / "handsim_shared_model";
+  std::filesystem::create_directories(folder);
+  for (const char* name : {"anatomical.yaml", "anthropometry.yaml", "grip_strength.yaml", "muscles.yaml"})
+    std::filesystem::copy_file(test::source(std::string("handmodels/") + name), folder / name,
+                               std::filesystem::copy_options::overwrite_existing);
+  const auto length = [&] {
+    Diagnostics diagnostics;
+    YamlNode tree = load_yaml(folder / "anatomical.yaml");
+    const auto spec = hand::shared_hand_spec(tree, "", diagnostics);
+    diagnostics.throw_if_any();
+    return hand::hand_size(spec->anthropometry, hand::Person{}).length;
+  };
+  const double before = length();
+  EXPECT_EQ(length(), before);
+  YamlNode changed = load_yaml(folder / "anthropometry.yaml");
+  changed.find("fits")->find("pooled")->find("hand_length")->find("smearing")->text = "1.5";
+  std::ofstream(folder / "anthropometry.yaml") << emit_yaml(changed);
+  EXPECT_NE(length(), before);
+  std::filesystem::remove_all(folder);
 }
 
 TEST(Scene, ResolvedTextIsAFixedPoint) {

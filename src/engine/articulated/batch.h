@@ -7,6 +7,8 @@
 // the island's reference node has its joint, so that distances stay as small as the mechanism.
 #pragma once
 
+#include <cstddef>
+
 namespace handsim::engine::articulated {
 
 enum class NodeKind {
@@ -83,10 +85,6 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   Lane<W> pv[6];                ///< velocity-product force v x* I v
   Lane<W> spin;                 ///< square of the angular velocity
   Lane<W> momentum[6], energy;  ///< of the bodies: about O, and kinetic; by Kernel::momenta
-  // What children hand down: A angular block (as I), B coupling (rows first), C linear block, p force.
-  Lane<W> A[6], B[9], C[6], p[6];
-  Lane<W> U[6], weighted, inverse, u_force,
-      rate;  ///< U, D with its weight, 1/D, u, and du apart from the parent's
   Frame<W> frame;
   // Last, so that every Lane is aligned.
   NodeKind kind;
@@ -102,14 +100,33 @@ struct alignas(64) Batch {  // NOLINT(clang-analyzer-optin.performance.Padding):
   int axis;  ///< index of its Axis or Joint3
 };
 
+/// What the articulated-body algorithm has of a batch while it works: one array for each thread, which all
+/// trees share.
+template <int W>
+struct alignas(64) Work {
+  // What children hand down: A angular block (as I), B coupling (rows first), C linear block, p force.
+  Lane<W> A[6], B[9], C[6], p[6];
+  Lane<W> U[6], weighted, inverse, u_force,
+      rate;  ///< U, D with its weight, 1/D, u, and du apart from the parent's
+};
+
+enum class WorkOf { batches, joints3 };
+/// Memory of this thread, aligned to 64 bytes; its content stays until other trees work.
+void* thread_work(WorkOf of, std::size_t bytes);
+
 /// The larger blocks of ball and free nodes.
 template <int W>
 struct alignas(64) Joint3 {
   Lane<W> after[4];
   Lane<W> S[6][6];  ///< S[column][row], rate_count columns
+  Lane<W> tau[6];
+};
+/// As Work, of a Joint3.
+template <int W>
+struct alignas(64) Work3 {
   Lane<W> U[6][6];
   Lane<W> D[6][6];  ///< Cholesky factor of S^T U, diagonal inverted
-  Lane<W> tau[6], rate[6];
+  Lane<W> rate[6];
 };
 
 /// A tree in lanes of width W; arrays of Batch<W>, Axis<W>, Joint3<W>, Frame<W>.

@@ -18,12 +18,16 @@ void ContactNewton::find_islands() {
     while (island_of_tree_[at(tree)] != tree) tree = island_of_tree_[at(tree)];
     return tree;
   };
-  for (const ContactRows& contact : contacts_)
+  std::size_t last_run = dof_runs_.size();
+  for (const ContactRows& contact : contacts_) {
+    // Contacts of one pair have the same unknowns.
+    if (contact.run_count == 0 || std::exchange(last_run, contact.first_run) == contact.first_run) continue;
     for (std::size_t r = 1; r < contact.run_count; ++r) {
       const int a = root(tree_of_[at(runs(contact)[0].first)]),
                 b = root(tree_of_[at(runs(contact)[r].first)]);
       island_of_tree_[at(std::max(a, b))] = std::min(a, b);
     }
+  }
   islands_ = 0;
   for (std::size_t tree = 0; tree < trees_.size(); ++tree) {
     // A root has a lower number than all others, and so its island's number already.
@@ -55,18 +59,9 @@ void ContactNewton::list_islands() {
     touching_[at(next_[at(island_of(contacts_[c]))]++)] = static_cast<int>(c);
 }
 
-/// Sizes everything for an island, where it is not the last one.
-void ContactNewton::lay_out_island(const ContactNewton& whole, std::span<const int> members) {
-  if (std::equal(members.begin(), members.end(), loaded_.begin(), loaded_.end())) return;
-  loaded_.assign(members.begin(), members.end());
-  part_first_.clear();
-  for (const int i : members) part_first_.push_back(whole.place_[at(whole.A_first_[at(i)])]);
-  lay_out(part_first_);
-}
-
 void ContactNewton::load_island(const ContactNewton& whole, int island) {
   const std::span<const int> members = whole.members(island);
-  lay_out_island(whole, members);
+  lay_out_some(members, &whole);
   clear();
   for (const int i : members) {
     const int to = whole.place_[at(i)];
@@ -148,13 +143,12 @@ void ContactNewton::store_island(ContactNewton& whole, int island) const {
 
 NewtonReport ContactNewton::solve(double tolerance) {
   find_islands();
-  if (islands_ == 1 && !left_out_[0]) return solve_island(tolerance);
+  if (islands_ == 1) return solve_island(tolerance);
   list_islands();
   const Stay stay(*part_, scratch().part);
   NewtonReport report;
   report.solved = true;
   for (int island = 0; island < islands_; ++island) {
-    if (left_out_[at(members(island).front())]) continue;
     part_->load_island(*this, island);
     const NewtonReport part = part_->solve_island(tolerance);
     part_->store_island(*this, island);

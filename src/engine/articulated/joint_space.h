@@ -66,9 +66,9 @@ class JointSpace {
   void find_inertia(const Of& of) {
     place_inertia();
     for (std::size_t i = 0; i < views_.size(); ++i)
-      if (of(first_[i])) start_composite(i);
+      if (!lone_[i] && of(first_[i])) start_composite(i);
     for (std::size_t i = views_.size(); i-- > 0;)
-      if (of(first_[i])) find_node_inertia(i);
+      if (of(first_[i])) lone_[i] ? find_lone_inertia(i) : find_node_inertia(i);
   }
   void find_inertia() {
     find_inertia([](int) { return true; });
@@ -99,6 +99,7 @@ class JointSpace {
   void place_inertia();
   void start_composite(std::size_t node);
   void find_node_inertia(std::size_t node);
+  void find_lone_inertia(std::size_t node);
   std::size_t index(int i, int j) const {
     return static_cast<std::size_t>(i) * static_cast<std::size_t>(n_) + static_cast<std::size_t>(j);
   }
@@ -107,22 +108,25 @@ class JointSpace {
   std::vector<int> first_, last_;  ///< dofs of each node
   std::vector<int> parent_dof_;    ///< lambda of each dof, or kNoDof
   std::vector<int> parent_node_;
+  std::vector<char> lone_;  ///< of each node: a free body that carries nothing
   std::vector<std::size_t> rate_;
-  std::vector<NodeView> views_;
+  std::span<const NodeView> views_;
   std::vector<const double*> axes_;  ///< S of each dof
   std::size_t stride_ = 1;
   Inertia kind_;
   std::vector<double> own_H_;
   double* H_ = nullptr;
-  std::vector<Spatial> a_, S_;
+  std::vector<Spatial> a_;
+  Spatial* S_ = nullptr;  ///< of each dof; of the thread, within `inverse_dynamics` or `find_inertia`
   /// Mass, its moment and rotational inertia about O of a node and all that it carries.
   struct Composite {
     double mass = 0;
     Vec3 h = Vec3::Zero();
     Mat3 I = Mat3::Zero();
   };
-  std::vector<Spatial>& node_forces();          ///< of the thread, within `inverse_dynamics`
-  static std::vector<Composite>& composites();  ///< of the thread, within `find_inertia`
+  Composite* composites_ = nullptr;     ///< of the thread, within `find_inertia`
+  std::vector<Spatial>& node_forces();  ///< of the thread, within `inverse_dynamics`
+  void place_axes();
 };
 
 }  // namespace handsim::engine::articulated

@@ -133,26 +133,36 @@ struct Lanes {
   static void lock_at_stops(const Tree& tree, const Batches& b, Axes& a, double step);
 
   // The articulated-body algorithm (kernel_solve.h).
-  static Inertia<V> inertia(const Batches& b);
-  static V6<V> bias(const Batches& b);
+  using Works = Work<W>*;  ///< of each batch of a tree
+  /// The first call in a solution has the largest index.
+  static Work3<W>& work3(const Batches& b) {
+    const auto index = static_cast<std::size_t>(b.axis);
+    return static_cast<Work3<W>*>(thread_work(WorkOf::joints3, sizeof(Work3<W>) * (index + 1)))[index];
+  }
+  static Inertia<V> inertia(const Batches& b, const Work<W>& w);
+  static V6<V> bias(const Batches& b, const Work<W>& w);
   static constexpr int kArticulated = 27;  ///< numbers of A, B, C, p
-  static void add_to_parent(const Tree& tree, const Batches& b, const Inertia<V>& I, const V6<V>& p);
+  static void add_to_parent(const Batches& b, Works works, const Inertia<V>& I, const V6<V>& p);
   static void solve(const Tree& tree);
   static bool accelerate(const Tree& tree, double step);
-  static void clear(Batches& b);
-  static void find_composites(const Tree& tree);
+  static Works works_of(const Tree& tree);
+  static Works cleared(const Tree& tree);
+  static Works find_composites(const Tree& tree);
   static void inertia(const Tree& tree, double* out);
   static V6<V> times_rigid(const Batches& b, const Sym3<V>& I, const V6<V>& S);
-  static void inward_any(const Tree& tree, Batches& b);
-  static void outward_any(const Tree& tree, Batches& b);
-  static void inward(const Tree& tree, Batches& b);
-  static void outward(const Tree& tree, Batches& b);
+  static bool lone(const Batches& b) { return b.kind == NodeKind::free && !b.has_children; }
+  static void inward_lone(const Tree& tree, Batches& b);
+  static void outward_lone(const Tree& tree, Batches& b);
+  static void inward_any(const Tree& tree, Works works, int batch);
+  static void outward_any(const Tree& tree, Works works, int batch);
+  static void inward(const Tree& tree, Batches& b, Works works, Work<W>& w);
+  static void outward(const Tree& tree, Batches& b, const Work<W>& w);
   template <int N>
   static void factor(Lane<W> (*D)[6]);
   template <int N>
   static void solve_factored(const Lane<W> (*D)[6], V (&x)[N]);
   template <int N>
-  static void inward_many(const Tree& tree, Batches& b);
+  static void inward_many(const Tree& tree, Batches& b, Works works, const Work<W>& w);
   template <int N>
   static void outward_many(const Tree& tree, Batches& b);
 

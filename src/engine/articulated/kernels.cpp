@@ -1,9 +1,21 @@
+#include <cstddef>
 #include <vector>
 
 #include "handsim/engine/articulated/kernel_table.h"
 #include "handsim/engine/articulated/lanes.h"
 
 namespace handsim::engine::articulated {
+
+// Not in the kernels' own files: what the standard library instantiates there is of their instruction sets.
+void* thread_work(WorkOf of, std::size_t bytes) {
+  struct alignas(64) Line {
+    std::byte bytes[64];
+  };
+  thread_local std::vector<Line> works[2];
+  std::vector<Line>& work = works[static_cast<int>(of)];
+  if (work.size() * sizeof(Line) < bytes) work.resize((bytes + sizeof(Line) - 1) / sizeof(Line));
+  return work.data();
+}
 
 std::vector<const Kernel*> kernels() {
   std::vector<const Kernel*> out = {&kScalarKernel};

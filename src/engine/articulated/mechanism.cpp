@@ -37,7 +37,7 @@ const Kernel& fitting(const Topology& topology) {
 
 }  // namespace
 
-NodeView Mechanism::view(std::size_t node) const {
+NodeView Mechanism::find_view(std::size_t node) const {
   return of_width(kernel_->width, [&](auto w) {
     constexpr int W = w;
     const In<W> in(*this);
@@ -104,6 +104,8 @@ Mechanism::Mechanism(const model::Model& model, const Settings& settings, const 
   tree_.max_turn = kMaxAngularSpeed;
   tree_.spin = static_cast<double*>(allocate(stride() * sizeof(double)));
   place_nodes(settings);
+  views_.reserve(slots_.size());
+  for (std::size_t i = 0; i < slots_.size(); ++i) views_.push_back(find_view(i));
   std::vector<bool> parents(topology_.nodes.size(), false);
   for (const Node& node : topology_.nodes)
     if (node.parent) parents[at(*node.parent)] = true;

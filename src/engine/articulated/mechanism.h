@@ -58,7 +58,8 @@ class Mechanism {
   const Kernel& kernel() const { return *kernel_; }
   const Tree& tree() const { return tree_; }
   const LaneSlot& slot(std::size_t node) const { return slots_[node]; }
-  NodeView view(std::size_t node) const;
+  const NodeView& view(std::size_t node) const { return views_[node]; }
+  std::span<const NodeView> views() const { return views_; }
   /// Of a node of one rate.
   AxisView axis_view(std::size_t node) const;
   std::size_t stride() const { return static_cast<std::size_t>(kernel_->width); }
@@ -149,6 +150,7 @@ class Mechanism {
   void exchange(Other& with, int lane, bool all_torques, const Copy& copy) const;
   void* allocate(std::size_t bytes);
   void place_nodes(const Settings& settings);
+  NodeView find_view(std::size_t node) const;
   template <int W>
   void make_batch(Batch<W>& b, const std::vector<int>& nodes);
   template <int W>
@@ -164,6 +166,7 @@ class Mechanism {
   std::vector<std::vector<int>> chunks_;  ///< nodes of each batch
   int axes_ = 0, joints3_ = 0, base_frames_ = 0;
   std::vector<LaneSlot> slots_;
+  std::vector<NodeView> views_;  ///< of each node
   std::vector<Carried> carried_;
   std::vector<Driven> driven_;     ///< single coordinates
   std::vector<int> balls_;         ///< nodes

@@ -155,13 +155,14 @@ int Collider::collide(const model::State& state, const Prospect& prospect) {
   }
   for (const auto& [a, b] : near_pairs_) {
     const std::size_t first = contacts_.size();
-    const model::Material surface = rules_.between(model_.shapes[a], model_.shapes[b]);
-    int count = narrow_phase(a, b, surface.compliance.has_value(), state);
-    if (std::binary_search(fast.begin(), fast.end(), Sweep::Pair(a, b)))
+    const auto surface = [&] { return rules_.between(model_.shapes[a], model_.shapes[b]); };
+    const bool flat = narrow_.flat(a, b);
+    int count = narrow_phase(a, b, flat && surface().compliance.has_value(), state);
+    if (!fast.empty() && std::binary_search(fast.begin(), fast.end(), Sweep::Pair(a, b)))
       count += approach(a, b, count > 0, state);
     if (count == 0) continue;
-    touches_.push_back({first, count, surface});
-    share_stiffness(touches_.back(), narrow_.flat(a, b));
+    touches_.push_back({first, count, surface()});
+    share_stiffness(touches_.back(), flat);
   }
   return static_cast<int>(near_pairs_.size());
 }
@@ -171,7 +172,7 @@ int Collider::collide(const model::State& state, const Prospect& prospect) {
 /// point alone has all of K, as has the end of a capsule.
 void Collider::share_stiffness(const Touch& touch, bool flat) {
   double sum = 0;
-  for (std::size_t i = touch.first; i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
+  for (std::size_t i = touch.first; flat && i < touch.first + static_cast<std::size_t>(touch.count); ++i) {
     const double depth2 = contacts_[i].depth * contacts_[i].depth;
     sum += depth2 * depth2;
   }
@@ -197,6 +198,22 @@ Pose Collider::pose(std::size_t shape, const model::State& state) {
   return state.bodies[static_cast<std::size_t>(of.body)].pose() * of.pose;
 }
 
+/// The same of a capsule and a sphere; nothing for other pairs.
+std::optional<int> Collider::capsule_and_sphere(std::size_t a, std::size_t b) {
+  using model::ShapeKind;
+  const bool turned = model_.shapes[a].kind == ShapeKind::sphere;
+  const std::size_t i = turned ? b : a, j = turned ? a : b;
+  const model::Shape &capsule = model_.shapes[i], &sphere = model_.shapes[j];
+  if (capsule.kind != ShapeKind::capsule || sphere.kind != ShapeKind::sphere) return std::nullopt;
+  const auto found = capsule_on_sphere({clearance_->pose(i), capsule.radius, capsule.length},
+                                       clearance_->pose(j).p, sphere.radius);
+  if (!found) return 0;
+  const Vec3 normal = turned ? Vec3(-found->normal) : found->normal;
+  contacts_.push_back(
+      {static_cast<int>(a), static_cast<int>(b), found->position, normal, found->depth, Vec3::Zero()});
+  return 1;
+}
+
 /// Appends the pair's contact points to the list. @return how many
 int Collider::narrow_phase(std::size_t a, std::size_t b, bool pad, const model::State& state) {
   const auto add = [&](const Vec3& position, const Vec3& normal, double depth) {
@@ -209,9 +226,11 @@ int Collider::narrow_phase(std::size_t a, std::size_t b, bool pad, const model::
     }
     return own->count;
   }
-  if (clearance_)
+  if (clearance_) {
+    if (const auto count = capsule_and_sphere(a, b)) return *count;
     for (const std::size_t shape : {a, b})
       place_shape(geoms_[shape], model_.shapes[shape], clearance_->pose(shape));
+  }
   std::array<dContactGeom, kMaxPairContacts> points;
   const int count = dCollide(geoms_[a], geoms_[b], kMaxPairContacts, points.data(), sizeof(dContactGeom));
   for (int i = 0; i < count; ++i) {

@@ -62,6 +62,7 @@ class Collider {
   void find_near(const model::State& state);
   Pose pose(std::size_t shape, const model::State& state);
   int narrow_phase(std::size_t a, std::size_t b, bool pad, const model::State& state);
+  std::optional<int> capsule_and_sphere(std::size_t a, std::size_t b);
   std::span<const Sweep::Pair> find_fast(const model::State& state, const Prospect& prospect);
   void share_stiffness(const Touch& touch, bool flat);
   int approach(std::size_t a, std::size_t b, bool touching, const model::State& state);

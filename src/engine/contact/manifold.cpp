@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
+#include <utility>
 
 namespace handsim::engine {
 
@@ -17,6 +17,8 @@ constexpr double kBulge = 1e-4;
 constexpr int kSearchSteps = 40;
 constexpr double kSearchEnd = 1e-12;  ///< share of the segment
 constexpr double kGolden = 0.6180339887498949;
+/// Squares of distances that differ by this factor do so by more than rounding.
+constexpr double kSurelyApart = 1 + 1e-9;
 
 /// Of a point from a solid's surface, negative inside; with the way out.
 struct Distance {
@@ -37,7 +39,10 @@ class Places {
   void sort() {
     at_[static_cast<std::size_t>(count_++)] = 0;
     at_[static_cast<std::size_t>(count_++)] = 1;
-    std::sort(at_.begin(), at_.begin() + count_);
+    // By insertion: most often there are two to four.
+    for (int i = 1; i < count_; ++i)
+      for (auto k = static_cast<std::size_t>(i); k > 0 && at_[k] < at_[k - 1]; --k)
+        std::swap(at_[k], at_[k - 1]);
     // Two places that differ by rounding alone count as one.
     const auto end = std::unique(at_.begin(), at_.begin() + count_,
                                  [](double low, double high) { return high - low < kSame; });
@@ -83,6 +88,12 @@ double zero_of(const Function& f, double low, double high) {
 
 struct Box {
   Vec3 half;
+
+  /// Whether a segment's bounding box is further off than a radius, by more than rounding.
+  bool apart(const Vec3& a, const Vec3& along, double radius) const {
+    const Vec3 beyond = (a + 0.5 * along).cwiseAbs() - 0.5 * along.cwiseAbs() - half;
+    return beyond.cwiseMax(0.0).squaredNorm() > kSurelyApart * radius * radius;
+  }
 
   Distance from(const Vec3& p) const {
     const Vec3 beyond = p.cwiseAbs() - half;
@@ -136,6 +147,17 @@ struct Box {
 struct Cylinder {
   double radius;
   double half;
+
+  /// The same, by its distance from the axis and its height.
+  bool apart(const Vec3& a, const Vec3& along, double within) const {
+    const double square = along.x() * along.x() + along.y() * along.y();
+    const double mixed = a.x() * along.x() + a.y() * along.y();
+    const double t = square > 0 ? std::clamp(-mixed / square, 0.0, 1.0) : 0;
+    const double x = a.x() + t * along.x(), y = a.y() + t * along.y();
+    const double beside = std::max(std::sqrt(x * x + y * y) - radius, 0.0);
+    const double beyond = std::max(std::abs(a.z() + 0.5 * along.z()) - 0.5 * std::abs(along.z()) - half, 0.0);
+    return beside * beside + beyond * beyond > kSurelyApart * within * within;
+  }
 
   Distance from(const Vec3& p) const {
     const double rho = std::hypot(p.x(), p.y());
@@ -207,6 +229,7 @@ struct Polyhedron {
   const model::ConvexMesh& mesh;
   double within;
 
+  bool apart(const Vec3& /*a*/, const Vec3& /*along*/, double /*radius*/) const { return false; }
   Distance from(const Vec3& p) const {
     int highest = 0;
     double most = mesh.height(0, p);
@@ -297,6 +320,7 @@ Manifold sweep(const Solid& solid, const CapsuleAt& capsule, const Pose& x_WS) {
   const auto at = [&](double t) -> Vec3 { return start + t * axis; };
   const auto distance = [&](double t) { return solid.distance(at(t)); };
 
+  if (solid.apart(start, axis, capsule.radius)) return {};
   const Places places = solid.bends(start, axis);
   std::array<double, Places::kMost> found;
   int nearest = 0;
@@ -363,6 +387,23 @@ Manifold capsule_on_mesh(const CapsuleAt& capsule, const Pose& pose, const model
   const double apart = (capsule.pose.p - pose.p).norm();
   if (apart > mesh.reach + 0.5 * capsule.length + capsule.radius) return {};
   return sweep(Polyhedron{mesh, capsule.radius}, capsule, pose);
+}
+
+std::optional<ManifoldPoint> capsule_on_sphere(const CapsuleAt& capsule, const Vec3& centre, double radius) {
+  // The rotation's last column and the sums as ODE has them.
+  const double s = capsule.pose.q.w(), x = capsule.pose.q.x(), y = capsule.pose.q.y(), z = capsule.pose.q.z();
+  const Vec3 axis(2 * (x * z + s * y), 2 * (y * z - s * x), 1 - 2 * x * x - 2 * y * y);
+  const Vec3 away = centre - capsule.pose.p;
+  const double half = 0.5 * capsule.length;
+  const double along =
+      std::clamp(axis.x() * away.x() + axis.y() * away.y() + axis.z() * away.z(), -half, half);
+  const Vec3 nearest = capsule.pose.p + along * axis, apart = nearest - centre;
+  const double distance = std::sqrt(apart.x() * apart.x() + apart.y() * apart.y() + apart.z() * apart.z());
+  if (distance > capsule.radius + radius) return std::nullopt;
+  if (!(distance > 0)) return ManifoldPoint{nearest, Vec3::UnitX(), capsule.radius + radius};
+  const Vec3 normal = apart * (1 / distance);
+  return ManifoldPoint{nearest + normal * (0.5 * (radius - capsule.radius - distance)), normal,
+                       capsule.radius + radius - distance};
 }
 
 Manifold capsule_on_cylinder(const CapsuleAt& capsule, const Pose& pose, double radius, double length) {

@@ -35,24 +35,23 @@ NarrowPhase::NarrowPhase(const model::Model& model) : model_(model) {
     if (model.shapes[i].kind == ShapeKind::box) boxes_[i] = shared_box(model.shapes[i].edges);
 }
 
-/// With normals out of b into a; nothing where only the pair the other way round may be known.
-std::optional<Manifold> NarrowPhase::in_order(std::size_t index_a, const Pose& x_WA, std::size_t index_b,
-                                              const Pose& x_WB) const {
+/// With normals out of b into a; false where only the pair the other way round may be known.
+bool NarrowPhase::in_order(std::size_t index_a, const Pose& x_WA, std::size_t index_b, const Pose& x_WB,
+                           std::optional<Manifold>& out) const {
   const model::Shape &a = model_.shapes[index_a], &b = model_.shapes[index_b];
   if (a.kind == ShapeKind::capsule) {
     const CapsuleAt capsule{x_WA, a.radius, a.length};
-    if (b.kind == ShapeKind::box) return capsule_on_box(capsule, x_WB, b.edges);
-    if (b.kind == ShapeKind::cylinder) return capsule_on_cylinder(capsule, x_WB, b.radius, b.length);
-    if (b.kind == ShapeKind::convex_mesh) return capsule_on_mesh(capsule, x_WB, *b.mesh);
-    return std::nullopt;
+    if (b.kind == ShapeKind::box) out = capsule_on_box(capsule, x_WB, b.edges);
+    if (b.kind == ShapeKind::cylinder) out = capsule_on_cylinder(capsule, x_WB, b.radius, b.length);
+    if (b.kind == ShapeKind::convex_mesh) out = capsule_on_mesh(capsule, x_WB, *b.mesh);
+  } else if (a.kind == ShapeKind::sphere) {
+    if (b.kind == ShapeKind::convex_mesh) out = capsule_on_mesh({x_WA, a.radius, 0}, x_WB, *b.mesh);
+  } else if (a.kind == ShapeKind::convex_mesh) {
+    if (b.kind == ShapeKind::plane) out = mesh_on_plane(*a.mesh, x_WA, x_WB);
+    if (b.kind == ShapeKind::convex_mesh) out = mesh_on_mesh(*a.mesh, x_WA, *b.mesh, x_WB);
+    if (b.kind == ShapeKind::box) out = mesh_on_mesh(*a.mesh, x_WA, *boxes_[index_b], x_WB);
   }
-  if (a.kind == ShapeKind::sphere && b.kind == ShapeKind::convex_mesh)
-    return capsule_on_mesh({x_WA, a.radius, 0}, x_WB, *b.mesh);
-  if (a.kind != ShapeKind::convex_mesh) return std::nullopt;
-  if (b.kind == ShapeKind::plane) return mesh_on_plane(*a.mesh, x_WA, x_WB);
-  if (b.kind == ShapeKind::convex_mesh) return mesh_on_mesh(*a.mesh, x_WA, *b.mesh, x_WB);
-  if (b.kind == ShapeKind::box) return mesh_on_mesh(*a.mesh, x_WA, *boxes_[index_b], x_WB);
-  return std::nullopt;
+  return out.has_value();
 }
 
 bool NarrowPhase::polyhedral(std::size_t shape) const {
@@ -63,10 +62,12 @@ bool NarrowPhase::polyhedral(std::size_t shape) const {
 std::optional<Manifold> NarrowPhase::manifold(std::size_t a, const Pose& x_WA, std::size_t b,
                                               const Pose& x_WB, bool pad) const {
   if (pad && boxes_[a] && boxes_[b]) return mesh_on_mesh(*boxes_[a], x_WA, *boxes_[b], x_WB, true);
-  if (auto found = in_order(a, x_WA, b, x_WB)) return found;
-  auto found = in_order(b, x_WB, a, x_WA);
-  if (found)
-    for (ManifoldPoint& point : found->points) point.normal = -point.normal;
+  std::optional<Manifold> found;
+  if (!in_order(a, x_WA, b, x_WB, found) && in_order(b, x_WB, a, x_WA, found))
+    for (int i = 0; i < found->count; ++i) {
+      Vec3& normal = found->points[static_cast<std::size_t>(i)].normal;
+      normal = -normal;
+    }
   return found;
 }
 

@@ -26,7 +26,8 @@ class NarrowPhase {
   bool flat(std::size_t a, std::size_t b) const { return polyhedral(a) && polyhedral(b); }
 
  private:
-  std::optional<Manifold> in_order(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB) const;
+  bool in_order(std::size_t a, const Pose& x_WA, std::size_t b, const Pose& x_WB,
+                std::optional<Manifold>& out) const;
   bool polyhedral(std::size_t shape) const;
 
   const model::Model& model_;

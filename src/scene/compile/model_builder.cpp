@@ -128,6 +128,10 @@ void add_hand_problems(const Error& error, std::size_t i, const HandEntry& hand,
   }
 }
 
+bool same_hand(const HandEntry& a, const HandEntry& b) {
+  return a.model == b.model && hand::same_body(a.person, b.person);
+}
+
 /// Adds the parts one after the other, and records their contact groups and places in the file.
 class Builder {
  public:
@@ -245,7 +249,10 @@ std::vector<hand::BuiltHand> build_hands(const std::vector<HandEntry>& hands) {
   Diagnostics diagnostics;
   std::vector<hand::BuiltHand> out(hands.size());
   for (std::size_t i = 0; i < hands.size(); ++i) try {
-      out[i] = hand::build_hand(hands[i].model, hands[i].person);
+      // The two hands of a person are built once.
+      std::size_t same = 0;
+      while (same < i && (out[same].bodies.empty() || !same_hand(hands[same], hands[i]))) ++same;
+      out[i] = same < i ? out[same] : hand::build_hand(*hands[i].model, hands[i].person);
     } catch (const Error& error) {
       add_hand_problems(error, i, hands[i], diagnostics);
     }

@@ -37,8 +37,8 @@ control::Plan plan_control(const Scene& scene, const ControlSpec& spec, Diagnost
   for (const HandEntry& hand : scene.spec.hands) {
     std::vector<std::string>& absent = input.absent.emplace_back();
     if (hand.has_wrist_joint()) continue;
-    absent.push_back(hand.model.wrist.name);
-    if (hand.model.forearm) absent.push_back(hand.model.forearm->joint.name);
+    absent.push_back(hand.model->wrist.name);
+    if (hand.model->forearm) absent.push_back(hand.model->forearm->joint.name);
   }
   input.strength = strengths(scene, spec.controller);
   input.effects = solver.effects;

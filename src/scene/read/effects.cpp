@@ -26,8 +26,8 @@ Effects needed_effects(const SceneSpec& scene) {
     }
   };
   for (const HandEntry& hand : scene.hands) {
-    for (const hand::SegmentSpec& segment : hand.model.segments) add_joint(segment.joint);
-    if (hand.model.forearm && hand.has_wrist_joint()) add_joint(hand.model.forearm->joint);
+    for (const hand::SegmentSpec& segment : hand.model->segments) add_joint(segment.joint);
+    if (hand.model->forearm && hand.has_wrist_joint()) add_joint(hand.model->forearm->joint);
     if (hand.placement.mount == hand::Mount::driven) effects.add(Effect::wrist_motion);
   }
   for (const MechanismJointSpec& joint : scene.mechanism.joints)
@@ -92,9 +92,9 @@ bool any_tissue(const SceneSpec& scene) {
                        [](const model::JointAxis& axis) { return axis.tissue; });
   };
   for (const HandEntry& hand : scene.hands) {
-    if (has_tissue(hand.model.wrist)) return true;
-    if (hand.model.forearm && has_tissue(hand.model.forearm->joint)) return true;
-    for (const hand::SegmentSpec& segment : hand.model.segments)
+    if (has_tissue(hand.model->wrist)) return true;
+    if (hand.model->forearm && has_tissue(hand.model->forearm->joint)) return true;
+    for (const hand::SegmentSpec& segment : hand.model->segments)
       if (has_tissue(segment.joint)) return true;
   }
   return false;
@@ -126,8 +126,8 @@ void check_effects(MapReader& reader, const SceneSpec& scene, const Effects& eff
         "a hand model whose joints have stiffness or damping");
   bool muscles = false, bands = false;
   for (const HandEntry& hand : scene.hands) {
-    muscles = muscles || hand.model.muscles;
-    bands = bands || (hand.model.muscles && !hand.model.muscles->bands.empty());
+    muscles = muscles || hand.model->muscles;
+    bands = bands || (hand.model->muscles && !hand.model->muscles->bands.empty());
   }
   check(effects.has(Effect::muscles) && !muscles, "muscles without a hand that has some",
         "a hand model with a muscles block");

@@ -140,11 +140,11 @@ void read_joint_angles(MapReader& pose, const hand::JointSpec& joint, std::size_
 void read_start_pose(MapReader& reader, HandEntry& entry, bool known) {
   if (!reader.has("pose")) return;
   MapReader pose = reader.map("pose");
-  const hand::JointSpec& wrist = entry.model.wrist;
+  const hand::JointSpec& wrist = entry.model->wrist;
   std::map<std::string, const hand::JointSpec*> joints = {{wrist.name, &wrist}};
-  const hand::JointSpec* forearm = entry.model.forearm ? &entry.model.forearm->joint : nullptr;
+  const hand::JointSpec* forearm = entry.model->forearm ? &entry.model->forearm->joint : nullptr;
   if (forearm) joints[forearm->name] = forearm;
-  for (const hand::SegmentSpec& segment : entry.model.segments) joints[segment.joint.name] = &segment.joint;
+  for (const hand::SegmentSpec& segment : entry.model->segments) joints[segment.joint.name] = &segment.joint;
   std::vector<std::string> names;
   for (const auto& [joint, spec] : joints) names.push_back(joint);
   for (const std::string& name : pose.keys()) {
@@ -165,7 +165,7 @@ void read_start_pose(MapReader& reader, HandEntry& entry, bool known) {
 }
 
 void check_mount(MapReader& reader, const HandEntry& entry) {
-  if (entry.placement.mount == hand::Mount::universal && entry.model.wrist.axes.size() < 2)
+  if (entry.placement.mount == hand::Mount::universal && entry.model->wrist.axes.size() < 2)
     reader.map("wrist").problem("mount", "universal with a hand model whose wrist has one axis",
                                 "hinge, or a hand model whose wrist has two axes");
 }
@@ -198,7 +198,9 @@ HandEntry read_hand(MapReader reader, const Tasks& tasks, HandNames& names, bool
   if (YamlNode* node = referenced(reader, "model", FileKind::hand_model)) {
     // A scene without muscles does not pay for reading them.
     if (!with_muscles) node->entries.remove_if([](const YamlEntry& each) { return each.key == "muscles"; });
-    entry.model = hand::read_hand_spec(*node, reader.path_of("model"), diagnostics);
+    entry.model = hand::shared_hand_spec(*node, reader.path_of("model"), diagnostics);
+  } else {
+    entry.model = std::make_shared<const hand::HandSpec>();
   }
   const bool model_known = reader.sound();
   if (YamlNode* node = referenced(reader, "person", FileKind::person))
@@ -219,7 +221,7 @@ HandEntry read_hand(MapReader reader, const Tasks& tasks, HandNames& names, bool
   tissue.finish();
   reader.finish();
   if (person_known)
-    for (const std::string& text : hand::doubts(entry.model, entry.person)) reader.warning("person", text);
+    for (const std::string& text : hand::doubts(*entry.model, entry.person)) reader.warning("person", text);
   return entry;
 }
 

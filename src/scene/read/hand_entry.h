@@ -1,6 +1,7 @@
 // The `hands` of a scene: model, person, side, wrist, start pose, tissue.
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "handsim/core/yaml_reader.h"
@@ -10,7 +11,7 @@
 namespace handsim::scene {
 
 struct HandEntry {
-  hand::HandSpec model;
+  std::shared_ptr<const hand::HandSpec> model;  ///< of all hands with an equal one
   hand::Person person;
   hand::Placement placement;  ///< unless a task moves the wrist
   Place place;                ///< in the file, for problems found later

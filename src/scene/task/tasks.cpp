@@ -96,7 +96,7 @@ class Planner {
     file.programs[choice.program] = std::move(program);
     hand::Placement& placement = plans_.hands[hand];
     for (const auto& [joint, pose] : file.poses.at(moves.front().name).joints)
-      if (joint != scene_.hands[hand].model.wrist.name) placement.start.try_emplace(joint, pose.angles);
+      if (joint != scene_.hands[hand].model->wrist.name) placement.start.try_emplace(joint, pose.angles);
   }
 
   const SceneSpec& scene_;

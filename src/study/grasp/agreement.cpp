@@ -52,17 +52,23 @@ double drawn(std::mt19937_64& random, double low, double high) {
   return low + (high - low) * std::ldexp(static_cast<double>(random() >> 11U), -53);
 }
 
-/// The same grasps whatever runs them.
-std::vector<AgreementRow> draw(const AgreementStudy& study, const Vec3& place) {
-  std::vector<AgreementRow> rows;
+/// The same grasps whatever runs them. A draw that the scene's grip refuses is replaced by the next one.
+void draw(const AgreementStudy& study, const Vec3& place, double step, AgreementTable& table) {
   std::mt19937_64 random(study.seed);
-  for (int i = 0; i < study.draws; ++i) {
-    AgreementRow& row = rows.emplace_back();
+  const auto draws = static_cast<std::size_t>(study.draws);
+  while (table.rows.size() < draws) {
+    AgreementRow row;
     for (int k = 0; k < 3; ++k) row.place[k] = place[k] + drawn(random, -kDrawnShift, kDrawnShift);
     row.mass = drawn(random, kLeastMass, kMostMass);
     row.friction = drawn(random, kLeastFriction, kMostFriction);
+    try {
+      (void)drawn_scene(study, row, "articulated", step);
+      table.rows.push_back(row);
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::input || table.refused.size() > draws) throw;
+      table.refused.emplace_back(error.what());
+    }
   }
-  return rows;
 }
 
 void run_row(const AgreementStudy& study, double step, bool quarters, AgreementRow& row) {
@@ -139,6 +145,7 @@ std::string agreement_json(const AgreementTable& table, const AgreementStudy& st
               {"draws", table.done()},
               {"seed", study.seed},
               {"quarter_steps", table.quarter_rows},
+              {"refused", table.refused},
               {"slip_floor_m_per_s", kSlipFloor}};
   add_origin(out);
   double cpu = 0;
@@ -269,7 +276,7 @@ AgreementTable run_agreement(const AgreementStudy& study) {
                                     {"agreement.csv", "agreement.json", "study.json", "report.html"},
                                     [&] { return scene::files_read(base); });
   AgreementTable table;
-  table.rows = draw(study, stated_place(base));
+  draw(study, stated_place(base), base.spec.solver.step, table);
   table.quarter_rows =
       std::min(static_cast<std::size_t>(std::max(study.quarter_steps, 0)), table.rows.size());
   folder.clear();

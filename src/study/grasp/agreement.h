@@ -53,8 +53,9 @@ inline constexpr double kSlipFloor = 1e-6;
 inline constexpr std::array<const char*, 4> kWays = {"ode", "articulated", "articulated/4", "ode/4"};
 
 struct AgreementTable {
-  std::vector<AgreementRow> rows;  ///< as drawn
-  std::size_t quarter_rows = 0;    ///< the first of them, whose quarter steps on ODE are counted
+  std::vector<AgreementRow> rows;    ///< as drawn
+  std::size_t quarter_rows = 0;      ///< the first of them, whose quarter steps on ODE are counted
+  std::vector<std::string> refused;  ///< why: further draws, which the scene's grip cannot hold at all
 
   /// Of how many two ways say the same.
   struct Count {
@@ -84,7 +85,7 @@ std::vector<std::string> drawn_overrides(const AgreementStudy& study, const Agre
 std::vector<std::pair<std::size_t, std::size_t>> agreement_pairs(const AgreementTable& table);
 
 /// Runs the study; OUT/agreement.csv and OUT/agreement.json, written after each draw of the draws done.
-/// @throws Error (input) for a scene without a grasp.
+/// @throws Error (input) for a scene without a grasp, or whose grip refuses more draws than it takes.
 AgreementTable run_agreement(const AgreementStudy& study);
 
 }  // namespace handsim::study

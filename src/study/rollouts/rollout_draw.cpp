@@ -63,7 +63,7 @@ std::vector<double> own_value(const BoundKey& bound, const YamlNode& scene) {
   const YamlNode* node = value_at(scene, bound.paths.front());
   std::vector<double> out;
   if (!node) return out;
-  const std::vector<YamlNode> one = {*node};
+  const SharedList<std::vector<YamlNode>> one = {*node};
   for (const YamlNode& item : node->kind == YamlNode::Kind::sequence ? node->items : one)
     for (int i = 0; i <= static_cast<int>(Dimension::force); ++i)
       if (const auto value = parse_quantity(item.text, static_cast<Dimension>(i))) {

@@ -40,7 +40,7 @@ std::optional<Given> read_given(const YamlNode& node) {
 std::optional<std::vector<Given>> read_givens(const YamlNode& node, bool& list) {
   std::vector<Given> out;
   list = node.kind == Kind::sequence;
-  const std::vector<YamlNode> one = {node};
+  const SharedList<std::vector<YamlNode>> one = {node};
   for (const YamlNode& item : list ? node.items : one) {
     const auto given = read_given(item);
     if (!given || out.size() == kMostComponents) return std::nullopt;

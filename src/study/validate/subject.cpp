@@ -146,24 +146,57 @@ std::vector<int> Subject::finger_dofs(const std::string& finger) const {
   return out;
 }
 
-Eigen::MatrixXd Subject::tip_jacobian(const std::string& finger, std::span<const double> q) const {
-  const std::vector<int> dofs = finger_dofs(finger);
+Vec3 tip_direction(const std::string& name) {
+  if (name == "palmar") return {0, 0, -1};
+  if (name == "dorsal") return {0, 0, 1};
+  if (name == "distal") return {0, 1, 0};
+  if (name == "proximal") return {0, -1, 0};
+  return name == "ulnar" ? Vec3(1, 0, 0) : Vec3(-1, 0, 0);
+}
+
+std::size_t Subject::last_body(const std::string& finger) const {
   std::size_t body = 0;
   for (std::size_t i = 0; i < model_.bodies.size(); ++i)
     if (model_.bodies[i].name == "right." + finger + "_distal") body = i;
-  double tip = 0;
-  for (const model::Shape& shape : model_.shapes)
-    if (at(shape.body) == body) tip = shape.pose.p.y() + 0.5 * shape.length + shape.radius;
+  return body;
+}
+
+const model::Shape& Subject::last_shape(const std::string& finger) const {
+  const std::size_t body = last_body(finger);
+  return *std::find_if(model_.shapes.begin(), model_.shapes.end(),
+                       [&](const model::Shape& shape) { return at(shape.body) == body; });
+}
+
+double Subject::tip_centre(const std::string& finger) const {
+  const model::Shape& shape = last_shape(finger);
+  return shape.pose.p.y() + 0.5 * shape.length;
+}
+
+double Subject::tip(const std::string& finger) const {
+  return tip_centre(finger) + last_shape(finger).radius;
+}
+
+Pose Subject::last_segment(const std::string& finger, std::span<const double> q) const {
+  return model::state_at(model_, q).bodies[last_body(finger)].pose();
+}
+
+Eigen::MatrixXd Subject::tip_jacobian(const std::string& finger, std::span<const double> q) const {
+  return point_jacobian(finger, tip(finger), q);
+}
+
+Eigen::MatrixXd Subject::point_jacobian(const std::string& finger, double along,
+                                        std::span<const double> q) const {
+  const std::vector<int> dofs = finger_dofs(finger);
   const auto pose = [&](std::size_t column, double turn) {
     std::vector<double> moved(q.begin(), q.end());
     moved[at(dofs[column])] += turn;
-    return model::state_at(model_, moved).bodies[body].pose();
+    return last_segment(finger, moved);
   };
-  const Quat frame = model::state_at(model_, q).bodies[body].q;
+  const Quat frame = last_segment(finger, q).q;
   Eigen::MatrixXd out(6, static_cast<Eigen::Index>(dofs.size()));
   for (std::size_t i = 0; i < dofs.size(); ++i) {
     const Pose up = pose(i, kTurn), down = pose(i, -kTurn);
-    const Vec3 end(0, tip, 0);
+    const Vec3 end(0, along, 0);
     const Vec3 v = (up.p + up.q * end - down.p - down.q * end) / (2 * kTurn);
     const Vec3 w = rotation_vector(up.q * down.q.conjugate()) / (2 * kTurn);
     out.col(static_cast<Eigen::Index>(i)) << frame.conjugate() * v, frame.conjugate() * w;

@@ -5,7 +5,6 @@
 
 #include <fmt/format.h>
 
-#include "handsim/control/muscle_drive.h"
 #include "handsim/core/index.h"
 #include "handsim/core/units.h"
 #include "handsim/model/kinematics.h"
@@ -13,6 +12,7 @@
 #include "handsim/model/pulleys.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/study/report.h"
+#include "handsim/study/validate/largest_force.h"
 #include "handsim/study/validate/simulated.h"
 #include "handsim/study/validate/subject.h"
 
@@ -53,15 +53,6 @@ double measure_excursion(const Subject& subject, const Measurement& of) {
   return scale * sum / static_cast<double>(of.muscles.size());
 }
 
-/// Sign and axis of a direction in the last segment's frame.
-Vec3 direction_of(const std::string& name) {
-  if (name == "palmar") return {0, 0, -1};
-  if (name == "dorsal") return {0, 0, 1};
-  if (name == "distal") return {0, 1, 0};
-  if (name == "proximal") return {0, -1, 0};
-  return name == "ulnar" ? Vec3(1, 0, 0) : Vec3(-1, 0, 0);
-}
-
 /// Force on what holds the tip in force and moment, per tension: joint moments r T = J^T (force, moment), of
 /// the finger's flexion axes, with forces in the plane of flexion.
 double measure_tip_share(const Subject& subject, const Measurement& of) {
@@ -82,37 +73,8 @@ double measure_tip_share(const Subject& subject, const Measurement& of) {
   }
   const Eigen::Vector3d force = A.partialPivLu().solve(tau);
   if (of.direction == "any") return force.head<2>().norm();
-  const Vec3 along = direction_of(of.direction);
+  const Vec3 along = tip_direction(of.direction);
   return force[0] * along.y() + force[1] * along.z();
-}
-
-/// The largest force along a direction that activations of 0 to 1 can hold at a free fingertip: bisection on
-/// what static optimisation leaves undone.
-double measure_tip_force(const Subject& subject, const Measurement& of) {
-  const std::vector<double> q = subject.coordinates(of.pose);
-  const Eigen::MatrixXd J = subject.tip_jacobian(of.finger, q);
-  const std::vector<int> dofs = subject.finger_dofs(of.finger);
-  control::StaticOptimisation muscles(subject.model(), {dofs.begin(), dofs.end()});
-  const model::State state = model::state_at(subject.model(), q);
-  const Eigen::VectorXd per_newton = J.topRows<3>().transpose() * direction_of(of.direction);
-  const auto holds = [&](double force) {
-    std::vector<double> torques(q.size());
-    double largest = 0;
-    for (std::size_t i = 0; i < dofs.size(); ++i) {
-      torques[at(dofs[i])] = force * per_newton[static_cast<Eigen::Index>(i)];
-      largest = std::max(largest, std::abs(torques[at(dofs[i])]));
-    }
-    muscles.solve(state, torques);
-    double missing = 0;
-    for (const double each : muscles.missing()) missing = std::max(missing, std::abs(each));
-    return missing <= 0.01 * largest + 1e-3;
-  };
-  double low = 0, high = 2000;
-  for (int i = 0; i < 40; ++i) {
-    const double middle = 0.5 * (low + high);
-    (holds(middle) ? low : high) = middle;
-  }
-  return low;
 }
 
 double measure_joint_moment(const Subject& subject, const Measurement& of) {
@@ -163,11 +125,13 @@ double measure(const Subject& subject, const Measurement& of) {
     case Measured::tip_force_share:
       return measure_tip_share(subject, of);
     case Measured::tip_force:
-      return measure_tip_force(subject, of);
+      return largest_tip_force(subject, of);
+    case Measured::pinch_force:
+      return largest_pinch_force(subject, of);
     case Measured::joint_moment:
       return measure_joint_moment(subject, of);
     case Measured::passive_moment:
-      return subject.passive(subject.coordinates(of.pose))[at(*subject.dof(of.axis))];
+      return subject.passive(with_resting_fingers(subject, of.pose))[at(*subject.dof(of.axis))];
     case Measured::loaded_rotation:
       return measure_rotation(subject, of);
     case Measured::coupled_angle:

@@ -19,8 +19,9 @@ enum class Measured {
   excursion,        ///< of a muscle's tendon from one pose to another [m]
   tip_force_share,  ///< force of a fingertip held in force and moment, per tension of muscles [1]
   tip_force,        ///< largest force of a fingertip in a direction [N]
+  pinch_force,      ///< largest force between thumb and a finger [N]
   joint_moment,     ///< largest isometric moment of muscles about an axis [N m]
-  passive_moment,   ///< of tissue and resting muscles about an axis [N m]
+  passive_moment,   ///< of tissue and resting muscles about an axis, other joints at rest [N m]
   loaded_rotation,  ///< of an axis, from rest to where a loaded tendon, tissue and resting muscles balance
                     ///< [rad]
   coupled_angle,    ///< of an axis where tissue and bands balance, others held at a pose [rad]
@@ -41,10 +42,13 @@ struct Measurement {
   std::vector<std::string> muscles;
   std::vector<double> angles, arms;  ///< moment_arms: [rad], [m]
   Angles pose, from;
-  std::filesystem::path scene;        ///< simulation
-  std::vector<std::string> changes;   ///< simulation: overrides of the scene, `key.path=value`
-  std::string figure;                 ///< simulation: path in summary.json, `climbs.0.load_N`
-  std::string over;                   ///< simulation: the figure that divides it; empty: none
+  std::filesystem::path scene;       ///< simulation
+  std::vector<std::string> changes;  ///< simulation: overrides of the scene, `key.path=value`
+  /// simulation: paths in summary.json whose numbers, or vectors, are added; a vector counts by its length,
+  /// `climbs.0.load_N`
+  std::vector<std::string> figures;
+  std::vector<std::string> over;      ///< simulation: figures whose sum divides it; empty: none
+  double friction = 0;                ///< tip_force, pinch_force: of the surface; 0: force without shear
   double tension = 0;                 ///< pulley_force [N]
   double load = 0;                    ///< loaded_rotation: share of the muscle's force
   std::optional<double> hand_length;  ///< of the measured hand: lengths of ours are scaled to it [m]

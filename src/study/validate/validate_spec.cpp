@@ -17,6 +17,7 @@ const std::vector<std::pair<std::string_view, Measured>> kKinds = {
     {"excursion", Measured::excursion},
     {"tip_force_share", Measured::tip_force_share},
     {"tip_force", Measured::tip_force},
+    {"pinch_force", Measured::pinch_force},
     {"joint_moment", Measured::joint_moment},
     {"passive_moment", Measured::passive_moment},
     {"loaded_rotation", Measured::loaded_rotation},
@@ -26,6 +27,7 @@ const std::vector<std::pair<std::string_view, Measured>> kKinds = {
     {"centre_of_mass", Measured::centre_of_mass},
     {"gyration", Measured::gyration},
     {"simulation", Measured::simulation}};
+constexpr const char* kFigures = "figures such as climbs.0.load_N";
 const ::handsim::Quantity kAngle = {Dimension::angle, -M_PI, M_PI};
 
 /// What the values of a kind are, and the unit they are printed in.
@@ -41,6 +43,7 @@ KindUnit unit_of(Measured kind) {
     case Measured::excursion:
       return {Dimension::length, "mm", 1e-3};
     case Measured::tip_force:
+    case Measured::pinch_force:
     case Measured::pulley_force:
       return {Dimension::force, "N", 1};
     case Measured::joint_moment:
@@ -128,8 +131,8 @@ class RowReader {
   static void read_simulation(MapReader& reader, Measurement& row) {
     row.scene = std::filesystem::path(reader.node().place().file).parent_path() / reader.text("scene");
     if (reader.has("set")) row.changes = reader.texts("set", 1, 100, "overrides such as duration=1");
-    row.figure = reader.text("figure");
-    row.over = reader.maybe_text("over").value_or("");
+    row.figures = reader.texts("figure", 1, 100, kFigures);
+    if (reader.has("over")) row.over = reader.texts("over", 1, 100, kFigures);
     row.unit = reader.text("unit");
   }
 
@@ -170,6 +173,11 @@ class RowReader {
         break;
       case Measured::tip_force:
         finger(), direction(tips);
+        row.friction = reader.number("friction", {Dimension::none, 0, 10}, 0);
+        break;
+      case Measured::pinch_force:
+        finger();
+        row.friction = reader.number("friction", {Dimension::none, 0, 10}, 0);
         break;
       case Measured::joint_moment:
         axis(), muscles(), direction({"positive", "negative"});

@@ -1,6 +1,7 @@
 // The solver of contact impulses by itself, against the law's own conditions.
 #include <gtest/gtest.h>
 
+#include <numeric>
 #include <random>
 
 #include <Eigen/Dense>
@@ -295,18 +296,44 @@ TEST(ContactNewton, SparseSolutionIsTheDenseOne) {
   }
 }
 
-// Oracle: the same problem with nothing left out, to the bit.
-TEST(ContactNewton, WhatIsLeftOutChangesNothingElse) {
+// Oracle: the same problem with all unknowns, to the bit; after it and before it in the same solver.
+TEST(ContactNewton, WhatIsNotSelectedChangesNothingElse) {
   const RandomProblem problem(1, 5, 6, 10, false);
   ContactNewton all, some;
   problem.load(all, 0.5);
+  const NewtonReport whole = all.solve(1e-9);
   problem.load(some, 0.5);
-  for (const int tree : {1, 4}) some.leave_out(6 * tree + 2);
-  const NewtonReport whole = all.solve(1e-9), rest = some.solve(1e-9);
+  some.solve(1e-9);
+  RandomProblem chosen = problem;
+  chosen.trees = 3;
+  chosen.tree_of.clear();
+  std::vector<int> unknowns;
+  std::vector<Eigen::Index> rows, columns;
+  for (const int tree : {0, 2, 3})
+    for (int i = 6 * tree; i < 6 * (tree + 1); ++i) {
+      unknowns.push_back(i);
+      columns.push_back(i);
+    }
+  for (std::size_t c = 0; c < problem.tree_of.size(); ++c) {
+    if (problem.tree_of[c] == 1 || problem.tree_of[c] == 4) continue;
+    chosen.tree_of.push_back(problem.tree_of[c]);
+    for (std::size_t k = 0; k < 3; ++k) rows.push_back(static_cast<Eigen::Index>(3 * c + k));
+  }
+  chosen.J = problem.J(rows, columns);
+  chosen.b = problem.b(rows);
+  EXPECT_TRUE(some.select(unknowns));
+  EXPECT_FALSE(some.select(unknowns));
+  chosen.fill(some, 0.5);
+  const NewtonReport rest = some.solve(1e-9);
   EXPECT_TRUE(rest.solved);
   EXPECT_LT(rest.iterations, whole.iterations);
-  for (const int tree : {0, 2, 3})
-    EXPECT_EQ(problem.rates(all).segment(6 * tree, 6), problem.rates(some).segment(6 * tree, 6));
+  EXPECT_EQ(Eigen::VectorXd(problem.rates(all)(columns)), chosen.rates(some));
+  std::vector<int> every(30);
+  std::iota(every.begin(), every.end(), 0);
+  EXPECT_TRUE(some.select(every));
+  problem.fill(some, 0.5);
+  some.solve(1e-9);
+  EXPECT_EQ(problem.rates(all), problem.rates(some));
 }
 
 // Oracle: bit equality. Islands of several trees, with open, sticking and sliding contacts.
@@ -325,6 +352,36 @@ TEST(ContactNewton, EveryInstructionSetGivesTheSameBits) {
   }
 }
 
+// Oracle: the solution itself. The same problem once more, from its solution and active set, takes no step;
+// nor does one that differs by less than a tenth of the tolerance, while one that differs by more does.
+TEST(ContactNewton, ASolutionThatStillHoldsTakesNoStep) {
+  constexpr double kTolerance = 1e-6;
+  int held = 0;
+  for (int seed = 0; seed < 20; ++seed) {
+    const RandomProblem problem(seed, 2, 8, 6, true);
+    ContactNewton solver;
+    problem.load(solver, 0.5);
+    if (!solver.solve(kTolerance).solved) continue;
+    std::vector<ContactRows> last(solver.contacts().begin(), solver.contacts().end());
+    Eigen::VectorXd x = problem.rates(solver);
+    // Once more, to far within the tolerance.
+    problem.load_next(solver, 0.5, last, x);
+    if (!(solver.solve(1e-3 * kTolerance).residual < 1e-2 * kTolerance)) continue;
+    last.assign(solver.contacts().begin(), solver.contacts().end());
+    x = problem.rates(solver);
+    ++held;
+    for (const double change : {0.0, 0.05, 2.0}) {
+      problem.load_next(solver, 0.5, last, x);
+      solver.drive()[3] = change * kTolerance;
+      const NewtonReport report = solver.solve(kTolerance);
+      EXPECT_TRUE(report.solved) << seed;
+      EXPECT_EQ(report.iterations == 0, change < 1) << seed << ", " << change;
+      EXPECT_EQ(problem.rates(solver) == x, change < 1) << seed;
+    }
+  }
+  EXPECT_GT(held, 5);
+}
+
 // Oracle: a solver that has no factor yet. The second problem differs from the first by a millionth and
 // starts from its active set and solution, as the next step of a hold does.
 TEST(ContactNewton, AFactorUsedAgainFindsTheSolutionOfTheNewProblem) {
@@ -336,8 +393,10 @@ TEST(ContactNewton, AFactorUsedAgainFindsTheSolutionOfTheNewProblem) {
     if (!again.solve(1e-9).solved) continue;
     const std::vector<ContactRows> last(again.contacts().begin(), again.contacts().end());
     const Eigen::VectorXd start = problem.rates(again);
-    // A factor of this active set.
-    problem.load_next(again, 0.5, last, start);
+    // A factor of this active set: of a problem that the start does not solve.
+    RandomProblem near = problem;
+    near.b *= 1 + 1e-5;
+    near.load_next(again, 0.5, last, start);
     again.solve(1e-9);
     problem.J *= 1 + 1e-6;
     problem.b *= 1 + 5e-7;

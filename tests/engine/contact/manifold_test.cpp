@@ -2,10 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <memory>
 #include <random>
 
 #include "engine/models.h"
+#include "handsim/engine/contact/geoms.h"
 #include "handsim/engine/contact/manifold.h"
+#include "handsim/engine/contact/ode_library.h"
 
 namespace handsim::engine {
 namespace {
@@ -154,6 +157,42 @@ TEST(CapsuleOnBox, ChangesContinuously) {
     }
     before = now;
   }
+}
+
+// Oracle: ODE's own point, to the bit; the sphere beside, beyond the ends and on the axis.
+TEST(CapsuleOnSphere, IsOdesOwnPoint) {
+  enter_ode();
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  model::Shape capsule, sphere;
+  capsule.kind = model::ShapeKind::capsule;
+  sphere.kind = model::ShapeKind::sphere;
+  capsule.radius = 0.008;
+  capsule.length = 0.03;
+  sphere.radius = 0.02;
+  const std::unique_ptr<dxGeom, Destroyer<dGeomDestroy>> a(make_geom(nullptr, capsule, 0)),
+      b(make_geom(nullptr, sphere, 1));
+  int touching = 0;
+  for (int trial = 0; trial < 1000; ++trial) {
+    Pose at{{normal(random), normal(random), normal(random)}, Quat::Identity()};
+    Vec3 centre = at.p;
+    if (trial > 0) {
+      at.q = Quat(normal(random), normal(random), normal(random), normal(random)).normalized();
+      centre += 0.02 * Vec3(normal(random), normal(random), normal(random));
+    }
+    place_shape(a.get(), capsule, at);
+    place_shape(b.get(), sphere, {centre, Quat::Identity()});
+    dContactGeom point;
+    const int count = dCollide(a.get(), b.get(), 1, &point, sizeof point);
+    const auto found = capsule_on_sphere({at, capsule.radius, capsule.length}, centre, sphere.radius);
+    ASSERT_EQ(found.has_value(), count == 1) << trial;
+    if (!found) continue;
+    ++touching;
+    EXPECT_EQ(found->position, Vec3(point.pos[0], point.pos[1], point.pos[2])) << trial;
+    EXPECT_EQ(found->normal, Vec3(point.normal[0], point.normal[1], point.normal[2])) << trial;
+    EXPECT_EQ(found->depth, point.depth) << trial;
+  }
+  EXPECT_GT(touching, 100);
 }
 
 }  // namespace

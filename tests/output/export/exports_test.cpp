@@ -290,13 +290,13 @@ TEST(Markers, SpanTheHand) {
   }
   EXPECT_EQ(found.size(), 2u * (1 + 15 + 5));
   EXPECT_LT(found.at("right.wrist").norm(), 1e-12);
-  for (const hand::SegmentSpec& segment : scene.spec.hands[0].model.segments) {
+  for (const hand::SegmentSpec& segment : scene.spec.hands[0].model->segments) {
     const std::string joint = "right." + segment.joint.name, body = "right." + segment.name;
     Vec3 end = Vec3::Zero();
     if (!segment.has_child) end = found.at(body + ".tip");
-    for (const hand::SegmentSpec& next : scene.spec.hands[0].model.segments)
+    for (const hand::SegmentSpec& next : scene.spec.hands[0].model->segments)
       if (next.parent >= 0 &&
-          scene.spec.hands[0].model.segments[static_cast<std::size_t>(next.parent)].name == segment.name)
+          scene.spec.hands[0].model->segments[static_cast<std::size_t>(next.parent)].name == segment.name)
         end = found.at("right." + next.joint.name);
     EXPECT_NEAR((end - found.at(joint)).norm(), segment.length.value(scene.hands[0].size), 1e-12) << body;
   }

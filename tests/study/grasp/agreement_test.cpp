@@ -43,7 +43,8 @@ TEST(Agreement, CountsVerdictsAndGrips) {
   EXPECT_EQ(agreement_pairs(table).size(), 2U);
 }
 
-// Oracle: counted by hand: one pair of slips is below 1 um/s, of the two others one differs by less than 10 %.
+// Oracle: counted by hand: one pair of slips is below 1 um/s, of the two others one differs by less than 10
+// %.
 TEST(Agreement, ComparesSlipsAboveTheFloor) {
   AgreementTable table;
   table.rows.resize(4);
@@ -111,6 +112,22 @@ TEST(Agreement, IsTheSameInOneThreadAndInTwo) {
   const auto json = nlohmann::json::parse(test::text_of(study.out / "agreement.json"));
   EXPECT_EQ(json["pairs"][0]["same_verdict"]["same"], two.compare(0, 1).all.same);
   EXPECT_EQ(static_cast<int>(json["differences"].size()) + two.compare(0, 1).all.same, 2);
+}
+
+// A draw that the grip refuses is replaced by the next one: the fourth of this seed lies against a part that
+// does not press.
+TEST(Agreement, DrawsAgainWhatTheGripRefuses) {
+  const test::TemporaryFolder folder;
+  AgreementStudy study = brief_study(folder.path() / "out");
+  study.overrides.emplace_back("duration=0.1 s");
+  study.seed = 2201;
+  study.draws = 6;
+  const AgreementTable table = run_agreement(study);
+  EXPECT_EQ(table.done(), 6U);
+  ASSERT_EQ(table.refused.size(), 1U);
+  EXPECT_NE(table.refused[0].find("grasps.0: got a hand of"), std::string::npos) << table.refused[0];
+  study.overrides.emplace_back("objects.0.edges=[0.3, 0.3, 0.3]");  // no draw can be held
+  EXPECT_THROW(run_agreement(study), Error);
 }
 
 TEST(Agreement, WantsASceneWithOneGrasp) {
