@@ -89,11 +89,8 @@ TEST(StaticOptimisation, SaysWhatTheMusclesCannot) {
 }
 
 // Oracle: excitations of a table are linear between its rows; muscles without a column have none.
-TEST(Excitations, FollowATable) {
-  const test::TemporaryFolder folder;
-  const auto file = folder.path() / "pull.csv";
-  std::ofstream(file) << "time[s],FDP2[rad],right.FDS3[rad]\n0,0,0.5\n0.4,0.8,0.5\n";
-  const scene::Scene scene = hand_scene({"excitations=" + file.string()});
+void expect_table(const std::string& excitations) {
+  const scene::Scene scene = hand_scene({"excitations=" + excitations});
   simulation::Simulation run(scene, simulation::no_watchers);
   for (int i = 0; i < 200; ++i) run.step();
   for (std::size_t m = 0; m < scene.model.muscles.size(); ++m) {
@@ -109,6 +106,34 @@ TEST(Excitations, FollowATable) {
       EXPECT_LT(state.activation[m], 0.4);
       EXPECT_GT(state.tendon_force[m], 1);
     }
+}
+
+TEST(Excitations, FollowATable) {
+  const test::TemporaryFolder folder;
+  const auto file = folder.path() / "pull.csv";
+  std::ofstream(file) << "time[s],FDP2[rad],right.FDS3[rad]\n0,0,0.5\n0.4,0.8,0.5\n";
+  expect_table(file.string());
+  expect_table("{times: [0, 400 ms], FDP2: [0, 0.8], right.FDS3: 0.5}");
+}
+
+TEST(Excitations, SayWhatIsWrongInAScene) {
+  try {
+    hand_scene({"excitations={times: [0, 1, 1], FDP2: [0, 1.5], FDS2: [1, 2]}"});
+    FAIL() << "accepted";
+  } catch (const Error& error) {
+    const std::string text = error.what();
+    EXPECT_NE(text.find("excitations.times: got 1 s after 1 s, need times that increase"), std::string::npos)
+        << text;
+    EXPECT_NE(text.find("got 1.5"), std::string::npos) << text;
+  }
+  try {
+    hand_scene({"excitations={times: [0, 1], FDP2: [0, 1, 0]}"});
+    FAIL() << "accepted";
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("excitations.FDP2: got 3 numbers, need one, or 2 as times has"),
+              std::string::npos)
+        << error.what();
+  }
 }
 
 TEST(Excitations, NameAColumnThatIsNoMuscle) {

@@ -72,6 +72,51 @@ control::MotionOptions read_motion_options(MapReader& reader) {
   return out;
 }
 
+std::vector<double> numbers_of(const YamlNode& node, const std::string& path, const Quantity& quantity,
+                               Diagnostics& diagnostics) {
+  std::vector<double> out;
+  const auto add = [&](const YamlNode& item) {
+    out.push_back(read_number(item, path, quantity, diagnostics).value_or(0));
+  };
+  if (node.kind == YamlNode::Kind::scalar) add(node);
+  for (const YamlNode& item : node.items) add(item);
+  return out;
+}
+
+/// `times`, and for each muscle its excitation at each of them; a single number holds at all times.
+control::MotionTable read_excitation_table(MapReader reader) {
+  control::MotionTable table;
+  table.file = reader.node().place().file;
+  table.header_line = reader.node().place().line;
+  const auto values = [&](const std::string& key, const Quantity& quantity) {
+    const YamlNode* node =
+        reader.value(key, {{YamlNode::Kind::scalar, YamlNode::Kind::sequence}, "numbers, one for each time"});
+    return node ? numbers_of(*node, reader.path_of(key), quantity, reader.diagnostics())
+                : std::vector<double>();
+  };
+  table.times = values("times", {Dimension::time, 0, 1e6, false});
+  for (std::size_t i = 1; i < table.times.size(); ++i)
+    if (reader.sound() && !(table.times[i] > table.times[i - 1]))
+      reader.problem("times", fmt::format("{:g} s after {:g} s", table.times[i], table.times[i - 1]),
+                     "times that increase");
+  std::vector<std::vector<double>> columns;
+  for (const std::string& name : reader.keys()) {
+    if (name == "times") continue;
+    std::vector<double> column = values(name, {Dimension::none, 0, 1, false});
+    if (column.size() == 1) column.resize(table.times.size(), column[0]);
+    if (reader.sound() && column.size() != table.times.size())
+      reader.problem(name, fmt::format("{} numbers", column.size()),
+                     fmt::format("one, or {} as times has", table.times.size()));
+    table.names.push_back(name);
+    columns.push_back(std::move(column));
+  }
+  if (!reader.sound()) return {};
+  for (std::size_t row = 0; row < table.times.size(); ++row)
+    for (const std::vector<double>& column : columns) table.values.push_back(column[row]);
+  table.lines.assign(table.times.size(), table.header_line);
+  return table;
+}
+
 }  // namespace
 
 ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, bool has_tasks) {
@@ -93,14 +138,19 @@ ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, 
 }
 
 std::optional<ExcitationSpec> read_excitations(MapReader& scene) {
-  YamlNode* node = scene.value("excitations", {{YamlNode::Kind::scalar}, "a .csv, .mot or .sto file", false});
+  const std::string need = "a .csv, .mot or .sto file, or a mapping with times and muscles";
+  YamlNode* node = scene.value("excitations", {{YamlNode::Kind::scalar, YamlNode::Kind::map}, need, false});
   if (!node) return std::nullopt;
+  if (node->kind == YamlNode::Kind::map) {
+    const Place place = node->place();
+    return ExcitationSpec{{}, read_excitation_table(scene.map("excitations")), place};
+  }
   if (!control::is_motion_file(node->text)) {
-    scene.problem("excitations", node->text, "a .csv, .mot or .sto file");
+    scene.problem("excitations", node->text, need);
     return std::nullopt;
   }
   const control::ProgramChoice choice = read_choice(*node, scene.path_of("excitations"));
-  return ExcitationSpec{choice.program, choice.place};
+  return ExcitationSpec{choice.program, {}, choice.place};
 }
 
 }  // namespace handsim::scene

@@ -24,7 +24,8 @@ struct ControlSpec {
 
 /// `excitations`: a table of excitations over time, columns `HAND.MUSCLE`, or `MUSCLE` for every hand.
 struct ExcitationSpec {
-  std::string file;
+  std::string file;            ///< empty: the table is in the scene
+  control::MotionTable table;  ///< then
   Place place;
 };
 
