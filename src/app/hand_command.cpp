@@ -201,7 +201,7 @@ std::string hand_yaml(const scene::Scene& scene) {
   const hand::BuiltHand& built = scene.hands.front();
   const hand::HandSize& size = built.size;
   const auto& [model, person, placement, place] = scene.spec.hands.front();
-  YamlNode out = map_of({{"title", yaml_scalar(model.title, true)},
+  YamlNode out = map_of({{"title", yaml_scalar(model->title, true)},
                          {"person", map_of({{"stature", node(person.stature)},
                                             {"mass", node(person.mass)},
                                             {"sex", yaml_scalar(std::string(hand::name(person.sex)))}})},
