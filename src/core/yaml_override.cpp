@@ -1,5 +1,6 @@
 // Inserts referenced files and applies `--set` to a tree before it is read.
 #include <algorithm>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -53,17 +54,18 @@ bool are_named(const YamlNode& list) {
 }
 
 void put_rows_over(YamlNode& base, const YamlNode& over) {
-  std::vector<YamlNode> fresh;
+  decltype(base.items) rows;
   for (const YamlNode& row : over.items) {
     const auto found = std::find_if(base.items.begin(), base.items.end(), [&](const YamlNode& each) {
       return each.find("name")->text == row.find("name")->text;
     });
     if (found == base.items.end())
-      fresh.push_back(row);
+      rows.push_back(row);
     else
       put_over(*found, row);
   }
-  base.items.insert(base.items.begin(), fresh.begin(), fresh.end());
+  for (const YamlNode& row : std::as_const(base.items)) rows.push_back(row);
+  base.items = std::move(rows);
 }
 
 std::vector<std::string> parts_of(const std::string& path) {
