@@ -115,6 +115,7 @@ TEST(ForearmScene, HasAPalmThatDoesNotTouchItself) {
                  "effects: [joint_stops, passive_tissue, self_contact, friction]\nsolver: {engine: "
                  "articulated, step: 0.001}\n",
                  HANDSIM_SOURCE_DIR "/config/test.yaml"));
+  EXPECT_TRUE(scene.warnings.empty());
   Simulation simulation(scene);
   for (long i = 0; i < simulation.step_count(); ++i) {
     simulation.step();

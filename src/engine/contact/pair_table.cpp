@@ -40,12 +40,13 @@ UntestedPairs::UntestedPairs(const model::Model& model, const std::vector<bool>&
     const auto b = static_cast<std::size_t>(joint.child);
     untested_[a * count_ + b] = untested_[b * count_ + a] = true;
   }
-  // What hangs on one part of a palm meets no part of it, as if the palm were one body.
+  // What hangs on one part of a palm, or carries it, meets no part of it, as if the palm were one body.
   for (const model::HandIndex& hand : model.hands) {
     if (hand.palm_parts.empty()) continue;
     std::vector<int> parts = hand.palm_parts;
     parts.push_back(hand.palm);
     std::vector<int> near = parts;
+    if (hand.forearm) near.push_back(*hand.forearm);
     for (const model::Joint& joint : model.joints)
       if (std::find(parts.begin(), parts.end(), joint.parent) != parts.end()) near.push_back(joint.child);
     for (const int part : parts)
