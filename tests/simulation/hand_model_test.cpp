@@ -57,8 +57,9 @@ TEST(ForearmScene, MovesEquallyInBothEngines) {
     for (std::size_t i = 0; i < ode.q.size(); ++i) EXPECT_NEAR(ode.q[i], articulated.q[i], 0.02) << i;
     for (std::size_t j = 0; j < scene.model.joints.size(); ++j) {
       const std::string& name = scene.model.joints[j].name;
-      if (name.ends_with("_cmc") || name.ends_with("forearm"))
+      if (name.ends_with("_cmc") || name.ends_with("forearm")) {
         EXPECT_GT(std::abs(ode.q[static_cast<std::size_t>(scene.model.joints[j].first_dof)]), 1e-4) << name;
+      }
     }
   }
 }
