@@ -59,9 +59,18 @@ void ContactNewton::list_islands() {
     touching_[at(next_[at(island_of(contacts_[c]))]++)] = static_cast<int>(c);
 }
 
+/// Sizes everything for an island, where it is not the last one.
+void ContactNewton::lay_out_island(const ContactNewton& whole, std::span<const int> members) {
+  if (std::equal(members.begin(), members.end(), loaded_.begin(), loaded_.end())) return;
+  loaded_.assign(members.begin(), members.end());
+  part_first_.clear();
+  for (const int i : members) part_first_.push_back(whole.place_[at(whole.A_first_[at(i)])]);
+  lay_out(part_first_);
+}
+
 void ContactNewton::load_island(const ContactNewton& whole, int island) {
   const std::span<const int> members = whole.members(island);
-  lay_out_some(members, &whole);
+  lay_out_island(whole, members);
   clear();
   for (const int i : members) {
     const int to = whole.place_[at(i)];
@@ -143,12 +152,13 @@ void ContactNewton::store_island(ContactNewton& whole, int island) const {
 
 NewtonReport ContactNewton::solve(double tolerance) {
   find_islands();
-  if (islands_ == 1) return solve_island(tolerance);
+  if (islands_ == 1 && !left_out_[0]) return solve_island(tolerance);
   list_islands();
   const Stay stay(*part_, scratch().part);
   NewtonReport report;
   report.solved = true;
   for (int island = 0; island < islands_; ++island) {
+    if (left_out_[at(members(island).front())]) continue;
     part_->load_island(*this, island);
     const NewtonReport part = part_->solve_island(tolerance);
     part_->store_island(*this, island);

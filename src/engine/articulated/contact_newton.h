@@ -66,9 +66,6 @@ class ContactNewton : private NewtonRoom {
 
   /// @param first for every unknown i the least j <= i with A_ij not zero, whatever the state.
   void resize(std::span<const int> first);
-  /// The unknowns that the problems to come have: those of whole trees, ascending, of the numbers given to
-  /// `resize`. From here on they are numbered by their place among these. @returns whether they changed
-  bool select(std::span<const int> unknowns);
   int size() const { return n_; }
   /// Starts a new problem: A and g zero, no contacts, bounds or servos.
   void begin();
@@ -77,6 +74,10 @@ class ContactNewton : private NewtonRoom {
   std::span<double> drive() { return g_; }
   /// Where the iteration starts; zero where nothing better is known.
   std::span<double> start() { return start_; }
+  /// Leaves out the tree of an unknown, which no contact may move: its x is not found.
+  void leave_out(int i) {
+    left_out_[static_cast<std::size_t>(tree_first_[static_cast<std::size_t>(i)])] = true;
+  }
   /// Bounds x_i; `side` -1 or 1: starts on the lower or the upper bound.
   void bound(int i, double low, double high, double side);
   /// Adds offset - slope x_i, clamped to +-limit, to the right side.
@@ -147,7 +148,6 @@ class ContactNewton : private NewtonRoom {
   std::size_t place_of(int body) const { return static_cast<std::size_t>(body == kNone ? n_ : body); }
 
   void lay_out(std::span<const int> first);
-  bool lay_out_some(std::span<const int> unknowns, const ContactNewton* whole);
   std::size_t widest() const;
   void reserve(const ContactNewton& like, NewtonRoom& room);
   void clear();
@@ -165,6 +165,7 @@ class ContactNewton : private NewtonRoom {
   }
   std::span<const int> members(int island) const { return part(members_, first_member_, island); }
   std::span<const int> touching(int island) const { return part(touching_, first_touching_, island); }
+  void lay_out_island(const ContactNewton& whole, std::span<const int> members);
   void load_island(const ContactNewton& whole, int island);
   void load_dofs(const ContactNewton& whole, const ContactRows& contact);
   void load_pair(const ContactNewton& whole, int pair);
@@ -301,7 +302,6 @@ class ContactNewton : private NewtonRoom {
 
   const RowKernel& kernel_;
   int n_ = 0;
-  std::vector<int> first_;             ///< as given to `resize`
   std::vector<int> A_first_, A_last_;  ///< last column of a row of A
   std::vector<int> parent_;            ///< the next unknown up the tree; n_ for a root
   std::vector<int> last_;              ///< last column of a row of the factor
@@ -311,6 +311,7 @@ class ContactNewton : private NewtonRoom {
   std::vector<Run> runs_;
   std::vector<Run> trees_;
   std::vector<int> tree_of_;                 ///< of each unknown
+  std::vector<bool> left_out_;               ///< of trees, by their first unknowns
   std::vector<int> tree_first_, tree_last_;  ///< first and last unknown of each unknown's tree
   Law law_ = Law::coulomb;
   std::size_t A_size_ = 0;
@@ -322,10 +323,9 @@ class ContactNewton : private NewtonRoom {
   std::vector<int> place_;           ///< index of each unknown in its island
   /// Unknowns and contacts island by island, and where each island's begin.
   std::vector<int> members_, first_member_, touching_, first_touching_;
-  std::unique_ptr<ContactNewton> part_;        ///< solves islands one by one
-  std::vector<int> loaded_;                    ///< unknowns, by the numbers given to the whole's `resize`
-  std::vector<int> own_first_, next_;          ///< A_first_ in the making
-  std::size_t entries_ = 0, own_entries_ = 0;  ///< of J; of contacts without a pair, in J_
+  std::unique_ptr<ContactNewton> part_;          ///< solves islands one by one
+  std::vector<int> loaded_, part_first_, next_;  ///< of an island: unknowns of the whole, its A_first_
+  std::size_t entries_ = 0, own_entries_ = 0;    ///< of J; of contacts without a pair, in J_
   bool jacobians_known_ = false;
   /// Friction's dependence on the normal impulse: M - C G^T is the whole (unsymmetric) derivative. C and G
   /// are unknowns by columns.
