@@ -49,12 +49,16 @@ class Hand:
         self.side = side
         hand = {"model": _shipped(model, "handmodels"), "person": who, "side": side,
                 "wrist": {"mount": "fixed", "position": [0, 0, 0.2]}}
-        try:
-            self.scene: Scene = load({
-                "title": f"{side} hand", "hands": [hand], "duration": "1 s", "pictures": {"view": "dorsal"},
-                "effects": ["gravity", "joint_stops", "passive_tissue", *(["muscles", "tendon_coupling"] if muscles else [])]})
-        except Error as error:
-            raise _of_arguments(error) from None
+        for tissue in (["passive_tissue"], []):
+            try:
+                self.scene: Scene = load({
+                    "title": f"{side} hand", "hands": [hand], "duration": "1 s", "pictures": {"view": "dorsal"},
+                    "effects": ["gravity", "joint_stops", *tissue, *(["muscles", "tendon_coupling"] if muscles else [])]})
+                break
+            except Error as error:
+                # A hand model may have no tissue, as the prototype.
+                if not any(problem.got == "passive_tissue without tissue" for problem in error.problems):
+                    raise _of_arguments(error) from None
 
     @cached_property
     def dimensions(self) -> dict[str, float]:

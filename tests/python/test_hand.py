@@ -76,8 +76,9 @@ def test_muscles_come_along(hand):
     assert len(names) == 41 - 6 and "right.FDP2" in names  # those of the wrist alone pull nothing on a fixed palm
     assert ET.fromstring(muscled.to_mjcf()).find("tendon") is not None
     assert not list(ET.fromstring(hand.to_osim()).iter("RigidTendonMuscle"))
-    with pytest.raises(hs.Error, match="muscles"):
-        hs.Hand(stature=1.7, model="prototype", muscles=True)
+    assert len(hs.Hand(stature=1.7, mass=70, model="prototype").joints["name"]) == 16
+    with pytest.raises(hs.Error, match="muscles without a hand that has some"):
+        hs.Hand(stature=1.7, mass=70, model="prototype", muscles=True)
 
 
 def test_tables_print_and_become_frames(hand):
