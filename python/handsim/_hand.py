@@ -49,11 +49,14 @@ class Hand:
         self.side = side
         hand = {"model": _shipped(model, "handmodels"), "person": who, "side": side,
                 "wrist": {"mount": "fixed", "position": [0, 0, 0.2]}}
-        for tissue in (["passive_tissue"], []):
+        effects = ["gravity", "joint_stops", "passive_tissue"]
+        if muscles:
+            effects += ["muscles", "tendon_coupling"]
+        for without in ("", "passive_tissue"):
             try:
                 self.scene: Scene = load({
                     "title": f"{side} hand", "hands": [hand], "duration": "1 s", "pictures": {"view": "dorsal"},
-                    "effects": ["gravity", "joint_stops", *tissue, *(["muscles", "tendon_coupling"] if muscles else [])]})
+                    "effects": [effect for effect in effects if effect != without]})
                 break
             except Error as error:
                 # A hand model may have no tissue, as the prototype.
