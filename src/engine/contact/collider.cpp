@@ -155,7 +155,7 @@ int Collider::collide(const model::State& state, const Prospect& prospect) {
   }
   for (const auto& [a, b] : near_pairs_) {
     const std::size_t first = contacts_.size();
-    const auto surface = [&] { return rules_.between(model_.shapes[a], model_.shapes[b]); };
+    const auto surface = [this, a = a, b = b] { return rules_.between(model_.shapes[a], model_.shapes[b]); };
     const bool flat = narrow_.flat(a, b);
     int count = narrow_phase(a, b, flat && surface().compliance.has_value(), state);
     if (!fast.empty() && std::binary_search(fast.begin(), fast.end(), Sweep::Pair(a, b)))
