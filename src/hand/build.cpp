@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include "handsim/hand/cut_capsule.h"
+#include "handsim/hand/forearm.h"
 #include "handsim/model/mass_properties.h"
 #include "handsim/model/shape_extent.h"
 #include "handsim/model/shape_union.h"
@@ -120,10 +121,6 @@ Piece segment_part(const SegmentSpec& row, const BuiltSegment& built, const Hand
   }
   for (Shape& shape : out.shapes) shape.part = row.part;
   return out;
-}
-
-double share_of(const MassRule& rule, Sex sex) {
-  return sex == Sex::male ? rule.male : sex == Sex::female ? rule.female : rule.unknown;
 }
 
 /// Distance along a segment's axis at which it leaves the shapes of its parent, to a 64th of the segment.
@@ -390,31 +387,6 @@ std::vector<Piece> parts_of(BuiltHand& hand, const HandSpec& spec, const Person&
   for (Piece& part : parts)
     if (part.shapes.size() > 1) part.together = model::union_properties(part.shapes);
   return parts;
-}
-
-/// The elbow lies on the hand frame's y axis behind the wrist.
-BuiltHand::Forearm forearm_of(const ForearmSpec& spec, const HandSize& size, const Person& person) {
-  BuiltHand::Forearm out;
-  const double length = spec.length.value(size), distal = (1 - spec.centre) * length;
-  const double share = person.sex == Sex::male     ? spec.male
-                       : person.sex == Sex::female ? spec.female
-                                                   : spec.unknown;
-  out.body.name = "forearm";
-  out.body.mass = share * person.mass;
-  out.body.zero_pose.p = {0, -distal, 0};
-  const double across = std::pow(spec.across * length, 2), along = std::pow(spec.along * length, 2);
-  out.body.inertia = (out.body.mass * Vec3(across, along, across)).asDiagonal();
-  out.shape.name = "forearm";
-  out.shape.kind = ShapeKind::capsule;
-  out.shape.part = model::Part::palm;
-  out.shape.radius = spec.radius.value(size);
-  out.shape.length = std::max(length - 2 * out.shape.radius, 1e-3 * length);
-  out.shape.pose = {{0, distal - 0.5 * length, 0}, kZToY};
-  out.joint.name = spec.joint.name;
-  out.joint.axes = spec.joint.axes;
-  out.joint.parent_frame.p = {0, -length, 0};
-  out.joint.child_frame.p = {0, distal - length, 0};
-  return out;
 }
 
 }  // namespace

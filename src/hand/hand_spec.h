@@ -82,6 +82,12 @@ struct ForearmSpec {
   JointSpec joint;
 };
 
+/// A person's share of body mass, of a MassRule or a ForearmSpec.
+template <class Shares>
+double share_of(const Shares& of, Sex sex) {
+  return sex == Sex::male ? of.male : sex == Sex::female ? of.female : of.unknown;
+}
+
 struct HandSpec {
   std::string title;
   std::map<std::string, std::string> sources;

@@ -6,6 +6,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "hand/shipped_hands.h"
+
 namespace handsim::hand {
 namespace {
 
@@ -14,14 +16,6 @@ Anthropometry shipped() {
   Diagnostics diagnostics;
   Anthropometry out = read_anthropometry(node, "", diagnostics);
   diagnostics.throw_if_any();
-  return out;
-}
-
-Person person(double stature, double mass, Sex sex) {
-  Person out;
-  out.stature = stature;
-  out.mass = mass;
-  out.sex = sex;
   return out;
 }
 

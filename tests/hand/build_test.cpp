@@ -5,20 +5,13 @@
 #include <cmath>
 #include <cstring>
 
+#include "hand/shipped_hands.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/mass_properties.h"
 #include "handsim/model/validate.h"
 
 namespace handsim::hand {
 namespace {
-
-HandSpec shipped(const std::string& name) {
-  YamlNode node = load_yaml(HANDSIM_SOURCE_DIR "/handmodels/" + name + ".yaml");
-  Diagnostics diagnostics;
-  HandSpec spec = read_hand_spec(node, "", diagnostics);
-  diagnostics.throw_if_any();
-  return spec;
-}
 
 Person man() {
   Person out;

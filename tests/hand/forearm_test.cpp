@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "hand/shipped_hands.h"
 #include "handsim/hand/build.h"
 #include "handsim/model/energy.h"
 #include "handsim/model/kinematics.h"
@@ -11,22 +12,6 @@
 
 namespace handsim::hand {
 namespace {
-
-HandSpec shipped(const std::string& name) {
-  YamlNode node = load_yaml(HANDSIM_SOURCE_DIR "/handmodels/" + name + ".yaml");
-  Diagnostics diagnostics;
-  HandSpec spec = read_hand_spec(node, "", diagnostics);
-  diagnostics.throw_if_any();
-  return spec;
-}
-
-Person person(double stature, double mass, Sex sex) {
-  Person out;
-  out.stature = stature;
-  out.mass = mass;
-  out.sex = sex;
-  return out;
-}
 
 const std::vector<Person> kPeople = {person(0.5, 3.5, Sex::female), person(1.1, 19, Sex::male),
                                      person(1.62, 62, Sex::female), person(1.755, 84.5, Sex::male),
