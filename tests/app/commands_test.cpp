@@ -253,6 +253,16 @@ TEST(Commands, CheckTellsGoodFilesFromBad) {
   EXPECT_EQ(run_program({"check", kScene, person, model}).status, 0);
 }
 
+// A hand model may say where it differs from another and nothing else.
+TEST(Commands, CheckKnowsAHandModelByItsBase) {
+  const TemporaryFolder folder;
+  const std::string model =
+      write(folder.path() / "mine.yaml", "based_on: " + source("handmodels/anatomical.yaml").string() + "\n");
+  const Outcome outcome = run_program({"check", model});
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_TRUE(contains(outcome.out, model + ": a hand model, good")) << outcome.out;
+}
+
 TEST(Commands, HandWarnsOfAPersonOutsideTheSurvey) {
   for (const char* side : {"right", "both"}) {
     const Outcome outcome =

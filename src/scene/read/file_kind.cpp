@@ -20,7 +20,7 @@ struct Row {
 constexpr std::array<Row, 17> kRows = {{
     {FileKind::scene, "a scene", "hands, effects, duration", {"hands", "objects", "bodies"}},
     {FileKind::person, "a person", "stature, mass, sex", {"stature"}},
-    {FileKind::hand_model, "a hand model", "anthropometry, palm, wrist, segments", {"segments"}},
+    {FileKind::hand_model, "a hand model", "anthropometry, palm, wrist, segments", {"segments", "based_on"}},
     {FileKind::anthropometry, "an anthropometry file", "fits, reference", {"fits"}},
     {FileKind::controller, "a controller", "form, gains", {"gains"}},
     {FileKind::poses, "a pose file", "poses, programs", {"poses"}},
