@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <future>
+#include <set>
 
 #include <nlohmann/json.hpp>
 
@@ -175,6 +176,34 @@ TEST_P(EveryEngine, IsReadByManyThreadsAtOnce) {
     const std::string first = threads.front().get();
     for (std::size_t i = 1; i < threads.size(); ++i) EXPECT_EQ(threads[i].get(), first);
   }
+}
+
+// Loading shares parsed files and hand models between threads, and editing a scene's text must not reach the
+// others. Oracle: bit equality with scenes that are loaded one after the other; the thread sanitizer.
+TEST(Scenes, LoadedInThreadsAreThoseLoadedAlone) {
+  const auto hash = [](int i) {
+    const std::string stature = "hands.0.person.stature=" + std::to_string(1.5 + 0.05 * (i % 5));
+    scene::Scene scene = shipped_scene(i % 2 == 0 ? "two_hands" : "dropped_hand", {stature});
+    return hash_of(scene, 2);
+  };
+  constexpr int kThreads = 4, kScenes = 10;
+  std::vector<std::future<std::vector<std::uint64_t>>> threads;
+  for (int thread = 0; thread < kThreads; ++thread)
+    threads.push_back(std::async(std::launch::async, [&, thread] {
+      std::vector<std::uint64_t> out(kScenes);
+      for (int i = 0; i < kScenes; ++i) {
+        const int which = (i + 3 * thread) % kScenes;
+        out[static_cast<std::size_t>(which)] = hash(which);
+      }
+      return out;
+    }));
+  std::vector<std::uint64_t> alone;
+  for (auto& thread : threads) {
+    const std::vector<std::uint64_t> hashes = thread.get();
+    for (int i = 0; alone.size() < kScenes; ++i) alone.push_back(hash(i));
+    EXPECT_EQ(hashes, alone);
+  }
+  EXPECT_EQ(std::set<std::uint64_t>(alone.begin(), alone.end()).size(), alone.size());
 }
 
 // A world that has come to grief leaves no trace in others.
