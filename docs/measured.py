@@ -502,12 +502,14 @@ def peers_speed():
         if name not in found or "ratio" not in found[name]:
             continue
         entry = found[name]
-        creep = ""
+        creep = grip = ""
         if "slip" in entry:
-            there = "lost" if entry["slip_yardstick"] > LOST else number(entry["slip_yardstick"])
-            creep = f"{number(entry['slip'])} / {there}"
-        rows.append([title, number(entry["candidate_us"]), number(entry["yardstick_us"]), number(entry["ratio"]), creep])
-    return table([f"what ({mujoco})", "articulated, µs", "the peer, µs", "ratio", "creep, µm/s: here / there"], rows)
+            lost = entry["slip_yardstick"] > LOST
+            creep = f"{number(entry['slip'])} / {'lost' if lost else number(entry['slip_yardstick'])}"
+            grip = f"{number(entry['grip'])} / {'lost' if lost else number(entry['grip_yardstick'])}"
+        rows.append([title, number(entry["candidate_us"]), number(entry["yardstick_us"]), number(entry["ratio"]), creep, grip])
+    return table([f"what ({mujoco})", "articulated, µs", "the peer, µs", "ratio", "creep, µm/s: here / there",
+                  "sum of normal forces, N: here / there"], rows)
 
 
 def peers_equal():

@@ -2,9 +2,14 @@
 #include <benchmark/benchmark.h>
 
 #include <ode/ode.h>
+
+#include <algorithm>
+#include <map>
+
 #include "bench/one_hand.h"
 #include "bench/paired.h"
 #include "handsim/engine/articulated/articulated_engine.h"
+#include "handsim/engine/contact/pair_table.h"
 #include "handsim/engine/ode/ode_engine.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
@@ -193,7 +198,92 @@ struct Firmness {
   int cone = mjCONE_ELLIPTIC;
 };
 
-/// Yardstick: mj_step from the same hold, contacts' time constant 4 ms.
+/// Gives MuJoCo's contacts the stiffness and damping of the model's pads. MuJoCo solves a + R f = K depth - b
+/// v with R = (1 - d) / d times the bodies' inverse weights, so at rest f = K depth / R with any impedance d.
+/// With the exported d = 0.001 friction has this large R too, and a damper of b / d: without `noslip` the
+/// object slides out of the hand, with it the damper overshoots. Contact points of a pair share its stiffness
+/// here and have all of it there: each pair gets the stiffness with which its force at the start is the same.
+void set_pads(mjModel* m, mjData* d, const scene::Scene& scene) {
+  constexpr double kImpedance = 0.9;  // MuJoCo's default
+  const engine::PairTable rules(scene.model);
+  std::vector<const model::Shape*> shapes(static_cast<std::size_t>(m->ngeom), nullptr);
+  for (const model::Shape& shape : scene.model.shapes)
+    shapes[static_cast<std::size_t>(mj_name2id(m, mjOBJ_GEOM, shape.name.c_str()))] = &shape;
+  struct Depths {
+    double here = 0, there = 0;
+    int points = 0;
+  };
+  std::map<std::pair<const model::Shape*, const model::Shape*>, Depths> start;
+  engine::articulated::ArticulatedEngine engine(scene.model, scene.spec.solver);
+  engine.step({});
+  for (const engine::Contact& contact : engine.contacts()) {
+    const model::Shape* first = scene.model.shapes.data();
+    Depths& of_pair = start[std::minmax(first + contact.shape_a, first + contact.shape_b)];
+    of_pair.here += contact.depth;
+    ++of_pair.points;
+  }
+  mj_resetDataKeyframe(m, d, 0);
+  mj_forward(m, d);
+  for (int i = 0; i < d->ncon; ++i) {
+    const mjContact& contact = d->contact[i];
+    start[std::minmax(shapes[static_cast<std::size_t>(contact.geom1)],
+                      shapes[static_cast<std::size_t>(contact.geom2)])]
+        .there -= contact.dist;
+  }
+  for (int i = 0; i < m->npair; ++i) {
+    const int a = m->pair_geom1[i], b = m->pair_geom2[i];
+    const model::Material pad =
+        rules.between(*shapes[static_cast<std::size_t>(a)], *shapes[static_cast<std::size_t>(b)]);
+    if (!pad.compliance) continue;
+    const double weight =
+        m->body_invweight0[2 * m->geom_bodyid[a]] + m->body_invweight0[2 * m->geom_bodyid[b]];
+    double R = (1 - kImpedance) / kImpedance * weight, damping = R * pad.compliance->damping;
+    if (m->opt.cone == mjCONE_PYRAMIDAL) {
+      // Each edge of a pyramid has an R of its own, and the normal force is the sum of the edges. A slip has
+      // the same damper as the depth there: it halves in a step.
+      const double mu2 = pad.friction * pad.friction;
+      R *= mu2 * (1 + mu2) / ((m->pair_dim[i] - 1) * m->opt.impratio);
+      damping = 0.5 / m->opt.timestep;
+    }
+    const Depths& depths =
+        start[std::minmax(shapes[static_cast<std::size_t>(a)], shapes[static_cast<std::size_t>(b)])];
+    const double share =
+        depths.here > 0 && depths.there > 0 ? depths.here / (depths.points * depths.there) : 1;
+    m->pair_solref[mjNREF * i] = -kImpedance * R * share * pad.compliance->stiffness;
+    m->pair_solref[mjNREF * i + 1] = -kImpedance * damping;
+    mjtNum* solimp = m->pair_solimp + std::ptrdiff_t{mjNIMP} * i;
+    solimp[0] = solimp[1] = kImpedance;
+#if mjVERSION_HEADER >= 320
+    // Elliptic cones: friction stops a slip within a step.
+    m->pair_solreffriction[mjNREF * i] = 0;
+    m->pair_solreffriction[mjNREF * i + 1] = -kImpedance / m->opt.timestep;
+#endif
+  }
+}
+
+/// Sum of the normal forces on the object in one more step [N].
+double grip(const scene::Scene& scene, const model::State& at) {
+  engine::Settings settings = scene.spec.solver;
+  settings.contact_forces = true;
+  engine::articulated::ArticulatedEngine engine(scene.model, settings);
+  engine.set_state(at);
+  engine.step({});
+  double out = 0;
+  for (const engine::Contact& contact : engine.contacts()) out += contact.normal_force();
+  return out;
+}
+
+double grip(const mjModel* m, mjData* d) {
+  double out = 0;
+  for (int i = 0; i < d->ncon; ++i) {
+    mjtNum force[6];
+    mj_contactForce(m, d, i, force);
+    out += force[0];
+  }
+  return out;
+}
+
+/// Yardstick: mj_step from the same hold, with the same pads and springs.
 void grasp_against_mujoco(benchmark::State& state, const char* name, Firmness firmness) {
   const scene::Scene scene = held(name);
   const engine::Settings& settings = scene.spec.solver;
@@ -207,10 +297,7 @@ void grasp_against_mujoco(benchmark::State& state, const char* name, Firmness fi
   m->opt.integrator = firmness.integrator;
   m->opt.impratio = firmness.impratio;
   m->opt.noslip_iterations = firmness.noslip;
-  for (int i = 0; i < m->ngeom; ++i) {
-    m->geom_friction[3 * i] = 0.8;
-    m->geom_solref[2 * i] = 0.004;
-  }
+  set_pads(m, d, scene);
   // Springs that MuJoCo has at the step's start and the engine at its end.
   for (int k = 0; k < m->njnt; ++k)
     if (m->jnt_type[k] == mjJNT_HINGE)
@@ -246,6 +333,8 @@ void grasp_against_mujoco(benchmark::State& state, const char* name, Firmness fi
       });
   state.counters["slip_yardstick"] = slips[0];
   state.counters["slip"] = slips[1];
+  state.counters["grip_yardstick"] = grip(m, d);
+  state.counters["grip"] = grip(scene, engine.state());
   state.counters["contacts_yardstick"] = contacts[0];
   state.counters["contacts"] = contacts[1];
   state.counters["failures"] = failures;
