@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <fmt/format.h>
 
@@ -77,8 +78,8 @@ void ContactDynamics::order_dofs() {
   const auto visit = [&](auto&& self, int dof) -> void {
     for (int child = dof + 1; child < n; ++child)
       if (space_.parent_dof(child) == dof) self(self, child);
-    place_[at(dof)] = static_cast<int>(dof_of_.size());
-    dof_of_.push_back(dof);
+    place_[at(dof)] = static_cast<int>(order_.size());
+    order_.push_back(dof);
   };
   const Topology& topology = mechanism_.topology();
   for (const bool free : {false, true})
@@ -96,10 +97,35 @@ void ContactDynamics::order_dofs() {
   involved_.resize(at(n));
   for (int dof = 0; dof < n; ++dof)
     root_of_.push_back(space_.parent_dof(dof) == kNoDof ? dof : root_of_[at(space_.parent_dof(dof))]);
-  for (std::size_t i = 0; i < topology.nodes.size(); ++i) {
-    std::vector<int>& carriers = carriers_.emplace_back();
+  carriers_.resize(topology.nodes.size());
+  for (std::size_t i = 0; i < topology.nodes.size(); ++i)
     for (int dof = space_.last_dof(static_cast<int>(i)); dof != kNoDof; dof = space_.parent_dof(dof))
-      carriers.push_back(place_[at(dof)]);
+      carriers_[i].push_back(place_[at(dof)]);
+  dof_of_ = order_;
+  chosen_.reserve(at(n));
+}
+
+/// Gives the solver the dofs that are involved.
+void ContactDynamics::select_dofs() {
+  chosen_.clear();
+  for (int i = 0; i < space_.size(); ++i)
+    if (involved(order_[at(i)])) chosen_.push_back(i);
+  if (!solver_.select(chosen_)) return;
+  dof_of_.clear();
+  std::fill(place_.begin(), place_.end(), kNoDof);
+  for (const int i : chosen_) {
+    place_[at(order_[at(i)])] = static_cast<int>(dof_of_.size());
+    dof_of_.push_back(order_[at(i)]);
+  }
+  for (Coordinate& each : axes_) each.place = place_[at(each.dof)];
+  for (std::size_t i = 0; i < carriers_.size(); ++i) {
+    int dof = space_.last_dof(static_cast<int>(i));
+    for (int& each : carriers_[i]) each = place_[at(std::exchange(dof, space_.parent_dof(dof)))];
+  }
+  for (MovingDofs& each : moving_dofs_) {
+    each.node_a = each.node_b = kNoNode;
+    each.dofs.clear();
+    each.runs.clear();
   }
 }
 
@@ -212,8 +238,7 @@ void ContactDynamics::choose_trees(double step) {
   for (const Coordinate& each : axes_)
     if (const auto root = at(root_of_[at(each.dof)]); !involved_[root] && !free_step_holds(each, step))
       involved_[root] = true;
-  for (int dof = 0; dof < space_.size(); ++dof)
-    if (!involved(dof)) solver_.leave_out(place_[at(dof)]);
+  select_dofs();
 }
 
 /// The solver's A and g from the step without contacts and stops, of the trees that are involved.
@@ -222,8 +247,8 @@ void ContactDynamics::find_free(double step) {
   kernel.prepare(mechanism_.tree(), step);
   kernel.solve(mechanism_.tree());
   if (muscles_) muscles_->correct(step);
-  solver_.begin();
   choose_trees(step);
+  solver_.begin();
   space_.find_inertia([&](int dof) { return involved(dof); });
   for (const Coordinate& each : axes_)
     if (involved(each.dof)) space_.add_to_diagonal(each.dof, *each.axis.weight);
@@ -265,7 +290,7 @@ double ContactDynamics::stop_target(double room, double step) const {
 void ContactDynamics::bound_axes(double step) {
   for (Coordinate& each : axes_) {
     each.bounced = false;
-    if (!involved(each.dof)) continue;
+    if (each.place == kNoDof) continue;
     const AxisView& a = each.axis;
     const double u = *each.u, q = *each.q;
     if (*a.servo_limit > 0) {
@@ -291,6 +316,7 @@ void ContactDynamics::bound_axes(double step) {
 bool ContactDynamics::apply_restitution() {
   bool any = false;
   for (Coordinate& each : axes_) {
+    if (each.place == kNoDof) continue;
     const double side = solver_.side(each.place), speed = side * *each.u;
     if (each.bounced || side == 0 || !(speed > 0) || !(*each.axis.bounce > 0)) continue;
     // Speeds towards the stop after the step: without and with restitution.
@@ -341,13 +367,13 @@ NewtonReport ContactDynamics::solve(double step) {
   }
   const std::span<double> du = mechanism_.du();
   memory_.change.assign(at(space_.size()), 0.0);
-  for (int dof = 0; dof < space_.size(); ++dof) {
-    if (!involved(dof)) continue;
-    memory_.change[at(dof)] = solver_.x()[at(place_[at(dof)])];
+  for (std::size_t i = 0; i < dof_of_.size(); ++i) {
+    const int dof = dof_of_[i];
+    memory_.change[at(dof)] = solver_.x()[i];
     du[space_.rate_index(dof)] = memory_.change[at(dof)] / step;
   }
   for (const Coordinate& each : axes_) {
-    if (!involved(each.dof)) continue;
+    if (each.place == kNoDof) continue;
     *each.axis.side = solver_.side(each.place);
     *each.axis.saturated = solver_.saturated(each.place);
   }

@@ -97,6 +97,7 @@ class ContactDynamics {
   template <class Archive, class T>
   static void carry(Archive& archive, T& point);
   void order_dofs();
+  void select_dofs();
   void find_free(double step);
   bool free_step_holds(const Coordinate& each, double step) const;
   double stop_target(double room, double step) const;
@@ -104,6 +105,7 @@ class ContactDynamics {
   bool involved(int dof) const {
     return involved_[static_cast<std::size_t>(root_of_[static_cast<std::size_t>(dof)])];
   }
+  bool matters(const Touch& touch) const;
   void add_contacts(double step);
   void add_contact(const Contact& contact, const model::Material& surface, double share, double step);
   void find_pair(std::size_t index, int shape_a, int shape_b);
@@ -135,7 +137,8 @@ class ContactDynamics {
   bool friction_, with_forces_;
   double erp_, heaviest_ = 0;  ///< mass of the heaviest body [kg]
   std::vector<Coordinate> axes_;
-  std::vector<int> place_, dof_of_;  ///< in the solver, of each dof, and back
+  std::vector<int> order_, chosen_;  ///< of all dofs; places there of those that are involved
+  std::vector<int> place_, dof_of_;  ///< in the solver, of each dof that is involved, and back
   std::vector<int> root_of_;         ///< of each dof
   /// By roots: whether contacts, stops or torque limits change the free step of the tree.
   std::vector<char> involved_;

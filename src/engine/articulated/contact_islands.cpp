@@ -21,7 +21,7 @@ void ContactNewton::find_islands() {
   std::size_t last_run = dof_runs_.size();
   for (const ContactRows& contact : contacts_) {
     // Contacts of one pair have the same unknowns.
-    if (contact.run_count == 0 || std::exchange(last_run, contact.first_run) == contact.first_run) continue;
+    if (std::exchange(last_run, contact.first_run) == contact.first_run) continue;
     for (std::size_t r = 1; r < contact.run_count; ++r) {
       const int a = root(tree_of_[at(runs(contact)[0].first)]),
                 b = root(tree_of_[at(runs(contact)[r].first)]);
@@ -59,18 +59,9 @@ void ContactNewton::list_islands() {
     touching_[at(next_[at(island_of(contacts_[c]))]++)] = static_cast<int>(c);
 }
 
-/// Sizes everything for an island, where it is not the last one.
-void ContactNewton::lay_out_island(const ContactNewton& whole, std::span<const int> members) {
-  if (std::equal(members.begin(), members.end(), loaded_.begin(), loaded_.end())) return;
-  loaded_.assign(members.begin(), members.end());
-  part_first_.clear();
-  for (const int i : members) part_first_.push_back(whole.place_[at(whole.A_first_[at(i)])]);
-  lay_out(part_first_);
-}
-
 void ContactNewton::load_island(const ContactNewton& whole, int island) {
   const std::span<const int> members = whole.members(island);
-  lay_out_island(whole, members);
+  lay_out_some(members, &whole);
   clear();
   for (const int i : members) {
     const int to = whole.place_[at(i)];
@@ -85,7 +76,7 @@ void ContactNewton::load_island(const ContactNewton& whole, int island) {
   const ContactRows* last = nullptr;
   for (const int c : whole.touching(island)) {
     const ContactRows& contact = whole.contacts_[at(c)];
-    const bool shared = last && last->run_count > 0 && last->first_run == contact.first_run;
+    const bool shared = last && last->first_run == contact.first_run;
     const ContactRows* before = contacts_.empty() ? nullptr : &contacts_.back();
     ContactRows to = contact;
     to.first_dof = shared ? before->first_dof : dofs_.size();
@@ -152,13 +143,13 @@ void ContactNewton::store_island(ContactNewton& whole, int island) const {
 
 NewtonReport ContactNewton::solve(double tolerance) {
   find_islands();
-  if (islands_ == 1 && !left_out_[0]) return solve_island(tolerance);
-  list_islands();
-  const Stay stay(*part_, scratch().part);
+  if (islands_ == 1) return solve_island(tolerance);
   NewtonReport report;
   report.solved = true;
+  if (islands_ == 0) return report;
+  list_islands();
+  const Stay stay(*part_, scratch().part);
   for (int island = 0; island < islands_; ++island) {
-    if (left_out_[at(members(island).front())]) continue;
     part_->load_island(*this, island);
     const NewtonReport part = part_->solve_island(tolerance);
     part_->store_island(*this, island);

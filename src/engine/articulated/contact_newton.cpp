@@ -29,10 +29,7 @@ constexpr double kBeyond = 1e-12;
 
 }  // namespace
 
-void ContactNewton::begin() {
-  clear();
-  left_out_.assign(at(n_), false);
-}
+void ContactNewton::begin() { clear(); }
 
 void ContactNewton::bound(int i, double low, double high, double side) { bounds_[at(i)] = {low, high, side}; }
 

@@ -66,6 +66,9 @@ class ContactNewton : private NewtonRoom {
 
   /// @param first for every unknown i the least j <= i with A_ij not zero, whatever the state.
   void resize(std::span<const int> first);
+  /// The unknowns that the problems to come have: those of whole trees, ascending, of the numbers given to
+  /// `resize`. From here on they are numbered by their place among these. @returns whether they changed
+  bool select(std::span<const int> unknowns);
   int size() const { return n_; }
   /// Starts a new problem: A and g zero, no contacts, bounds or servos.
   void begin();
@@ -74,23 +77,20 @@ class ContactNewton : private NewtonRoom {
   std::span<double> drive() { return g_; }
   /// Where the iteration starts; zero where nothing better is known.
   std::span<double> start() { return start_; }
-  /// Leaves out the tree of an unknown, which no contact may move: its x is not found.
-  void leave_out(int i) {
-    left_out_[static_cast<std::size_t>(tree_first_[static_cast<std::size_t>(i)])] = true;
-  }
   /// Bounds x_i; `side` -1 or 1: starts on the lower or the upper bound.
   void bound(int i, double low, double high, double side);
   /// Adds offset - slope x_i, clamped to +-limit, to the right side.
   void servo(int i, double offset, double slope, double limit, double saturated);
-  /// Adds a contact that depends on the given unknowns, in ascending order. The caller fills in its J, rows
-  /// by unknowns.
+  /// Adds a contact that depends on the given unknowns, one at least, in ascending order. The caller fills in
+  /// its J, rows by unknowns.
   ContactRows& add(std::span<const int> dofs, std::size_t rows);
   std::span<double> jacobian(const ContactRows& contact) {
     return {J_.data() + contact.first_entry, contact.rows * contact.dof_count};
   }
   /// How an unknown moves what it carries, at the origin of its tree [kSpatial numbers].
   double* motion(int i) { return motions_.data() + kSpatial * static_cast<std::size_t>(i); }
-  /// Two bodies, by the unknowns that carry them last, or kNone; `dofs`: what moves one against the other.
+  /// Two bodies, by the unknowns that carry them last, or kNone; `dofs`: what moves one against the other,
+  /// one at least.
   /// @param apart from b's origin to a's [m]
   void add_pair(int a, int b, const Vec3& apart, std::span<const int> dofs);
   /// Adds a contact of the last pair. The caller fills in its wrenches on body a at a's origin, one for each
@@ -148,14 +148,13 @@ class ContactNewton : private NewtonRoom {
   std::size_t place_of(int body) const { return static_cast<std::size_t>(body == kNone ? n_ : body); }
 
   void lay_out(std::span<const int> first);
+  bool lay_out_some(std::span<const int> unknowns, const ContactNewton* whole);
   std::size_t widest() const;
   void reserve(const ContactNewton& like, NewtonRoom& room);
   void clear();
   void find_islands();
   void list_islands();
-  /// A contact that depends on no unknown belongs to the first island.
   int island_of(const ContactRows& contact) const {
-    if (contact.dof_count == 0) return 0;
     const auto tree = static_cast<std::size_t>(tree_of_[static_cast<std::size_t>(dofs_[contact.first_dof])]);
     return island_of_tree_[tree];
   }
@@ -165,7 +164,6 @@ class ContactNewton : private NewtonRoom {
   }
   std::span<const int> members(int island) const { return part(members_, first_member_, island); }
   std::span<const int> touching(int island) const { return part(touching_, first_touching_, island); }
-  void lay_out_island(const ContactNewton& whole, std::span<const int> members);
   void load_island(const ContactNewton& whole, int island);
   void load_dofs(const ContactNewton& whole, const ContactRows& contact);
   void load_pair(const ContactNewton& whole, int pair);
@@ -302,6 +300,7 @@ class ContactNewton : private NewtonRoom {
 
   const RowKernel& kernel_;
   int n_ = 0;
+  std::vector<int> first_;             ///< as given to `resize`
   std::vector<int> A_first_, A_last_;  ///< last column of a row of A
   std::vector<int> parent_;            ///< the next unknown up the tree; n_ for a root
   std::vector<int> last_;              ///< last column of a row of the factor
@@ -311,7 +310,6 @@ class ContactNewton : private NewtonRoom {
   std::vector<Run> runs_;
   std::vector<Run> trees_;
   std::vector<int> tree_of_;                 ///< of each unknown
-  std::vector<bool> left_out_;               ///< of trees, by their first unknowns
   std::vector<int> tree_first_, tree_last_;  ///< first and last unknown of each unknown's tree
   Law law_ = Law::coulomb;
   std::size_t A_size_ = 0;
@@ -323,9 +321,10 @@ class ContactNewton : private NewtonRoom {
   std::vector<int> place_;           ///< index of each unknown in its island
   /// Unknowns and contacts island by island, and where each island's begin.
   std::vector<int> members_, first_member_, touching_, first_touching_;
-  std::unique_ptr<ContactNewton> part_;          ///< solves islands one by one
-  std::vector<int> loaded_, part_first_, next_;  ///< of an island: unknowns of the whole, its A_first_
-  std::size_t entries_ = 0, own_entries_ = 0;    ///< of J; of contacts without a pair, in J_
+  std::unique_ptr<ContactNewton> part_;        ///< solves islands one by one
+  std::vector<int> loaded_;                    ///< unknowns, by the numbers given to the whole's `resize`
+  std::vector<int> own_first_, next_;          ///< A_first_ in the making
+  std::size_t entries_ = 0, own_entries_ = 0;  ///< of J; of contacts without a pair, in J_
   bool jacobians_known_ = false;
   /// Friction's dependence on the normal impulse: M - C G^T is the whole (unsymmetric) derivative. C and G
   /// are unknowns by columns.

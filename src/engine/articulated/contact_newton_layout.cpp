@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <bit>
 #include <limits>
+#include <numeric>
 #include <utility>
 
 #include "handsim/core/index.h"
@@ -10,12 +11,35 @@
 namespace handsim::engine::articulated {
 
 void ContactNewton::resize(std::span<const int> first) {
+  first_.assign(first.begin(), first.end());
   lay_out(first);
+  loaded_.resize(at(n_));
+  std::iota(loaded_.begin(), loaded_.end(), 0);
   reserve(*this, scratch().whole);
   if (std::count(tree_first_.begin(), tree_first_.end(), 0) == n_) return;
   part_ = std::make_unique<ContactNewton>(kernel_);
   part_->reserve(*this, scratch().part);
 }
+
+/// Sizes everything for some unknowns, where they are not those of the last problem. @param whole null: they
+/// are of those given to `resize`
+bool ContactNewton::lay_out_some(std::span<const int> unknowns, const ContactNewton* whole) {
+  const std::span<const int> first = whole ? whole->A_first_ : first_;
+  const auto id = [&](int i) { return whole ? whole->loaded_[at(i)] : i; };
+  const auto same = [&](int unknown, int loaded) { return id(unknown) == loaded; };
+  if (std::equal(unknowns.begin(), unknowns.end(), loaded_.begin(), loaded_.end(), same)) return false;
+  loaded_.clear();
+  own_first_.clear();
+  for (const int i : unknowns) {
+    // A tree's unknowns stay together.
+    own_first_.push_back(static_cast<int>(loaded_.size()) - (i - first[at(i)]));
+    loaded_.push_back(id(i));
+  }
+  lay_out(own_first_);
+  return true;
+}
+
+bool ContactNewton::select(std::span<const int> unknowns) { return lay_out_some(unknowns, nullptr); }
 
 /// Most unknowns that can move two bodies against each other.
 std::size_t ContactNewton::widest() const {
@@ -54,7 +78,6 @@ void ContactNewton::lay_out(std::span<const int> first) {
     if (tree_first_[at(i)] == i) trees_.push_back({i, tree_last_[at(i)] + 1});
     tree_of_[at(i)] = static_cast<int>(trees_.size()) - 1;
   }
-  left_out_.assign(at(n_), false);
   structured_ = false;
 }
 
@@ -93,7 +116,7 @@ void NewtonRoom::swap(NewtonRoom& other) {
 void ContactNewton::reserve(const ContactNewton& like, NewtonRoom& room) {
   const std::size_t n = at(like.n_), chains = like.chains_.size(), widest = like.widest();
   for (std::vector<int>* each : {&island_of_tree_, &tree_of_, &place_, &members_, &A_first_, &A_last_, &last_,
-                                 &parent_, &tree_first_, &tree_last_, &loaded_, &part_first_})
+                                 &parent_, &tree_first_, &tree_last_, &loaded_, &own_first_})
     each->reserve(n);
   trees_.reserve(n);
   touching_.reserve(kUsualContacts);
@@ -102,7 +125,6 @@ void ContactNewton::reserve(const ContactNewton& like, NewtonRoom& room) {
   for (std::vector<std::size_t>* each : {&A_start_, &M_start_, &chain_of_}) each->reserve(n);
   chains_.reserve(n);
   runs_.reserve(chains * chains);
-  left_out_.reserve(n);
   for (std::vector<double>* each : {&C_, &G_}) each->reserve(kUsualSliding * n);
   K_.reserve(kUsualSliding * kUsualSliding);
   pivots_.reserve(kUsualSliding);
@@ -196,7 +218,7 @@ void ContactNewton::find_structure(std::span<const ContactRows> contacts) {
   std::size_t last_run = dof_runs_.size();
   for (const ContactRows& contact : contacts) {
     // Contacts of one pair have the same unknowns.
-    if (contact.run_count == 0 || std::exchange(last_run, contact.first_run) == contact.first_run) continue;
+    if (std::exchange(last_run, contact.first_run) == contact.first_run) continue;
     const std::size_t first = chain_of_[at(runs(contact).front().first)];
     for (const Run& run : runs(contact))
       for (std::size_t c = chain_of_[at(run.first)]; c < count && chains_[c].own.first < run.end; ++c)

@@ -42,7 +42,7 @@ void ContactNewton::list_columns() {
   column_range_.assign(chains_.size(), {});
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
     const ContactRows& contact = contacts_[c];
-    if (contact.open || contact.dof_count == 0) continue;
+    if (contact.open) continue;
     for (std::size_t k = 0; k < contact.disc_count; ++k) {
       if (!contact.discs[k].slides) continue;
       const int column = static_cast<int>(columns_.size());

@@ -34,6 +34,13 @@ constexpr double kBilateralRegularization = 1e-8;
 
 }  // namespace
 
+/// Whether the step moves the two bodies against each other: not so two bases, whose contacts would have rows
+/// without unknowns and, by their mobility of zero, without a finite impulse.
+bool ContactDynamics::matters(const Touch& touch) const {
+  const Contact& any = collider_.contacts()[touch.first];
+  return node_of(any.shape_a) != node_of(any.shape_b);
+}
+
 /// The bodies of a pair that touches, and the unknowns that move one against the other.
 void ContactDynamics::find_pair(std::size_t index, int shape_a, int shape_b) {
   pair_.a = side(shape_a);
@@ -159,6 +166,7 @@ void ContactDynamics::add_contacts(double step) {
   std::size_t pairs = 0;
   std::pair<int, int> bodies;
   for (const Touch& touch : collider_.touches()) {
+    if (!matters(touch)) continue;
     const Contact& any = collider_.contacts()[touch.first];
     // Shapes of the same two bodies often follow each other.
     const std::pair<int, int> these(body_of(any.shape_a), body_of(any.shape_b));
@@ -232,7 +240,8 @@ void ContactDynamics::warm_start(ContactRows& rows, const Contact& contact, cons
 void ContactDynamics::store_warm_start(double step) {
   memory_.points.clear();
   std::size_t i = 0;
-  for (const Touch& touch : collider_.touches())
+  for (const Touch& touch : collider_.touches()) {
+    if (!matters(touch)) continue;
     for (int index = 0; index < touch.count; ++index, ++i) {
       Contact& contact = collider_.contacts()[touch.first + at(index)];
       const ContactRows& rows = solver_.contacts()[i];
@@ -256,6 +265,7 @@ void ContactDynamics::store_warm_start(double step) {
       point.moment = frames_[i] * moment;
       if (with_forces_) contact.force = point.impulse / step;
     }
+  }
 }
 
 }  // namespace handsim::engine::articulated
