@@ -74,6 +74,11 @@ TEST(Validate, AddsFiguresAndTakesTheLengthOfVectors) {
   EXPECT_TRUE(result.rows.at(1).within()) << result.rows.at(1).ours;
 }
 
+constexpr const char* kPinch =
+    "{thumb_cmc.flexion: 11 deg, thumb_cmc.abduction: -1 deg, thumb_mcp.flexion: 20 deg, thumb_ip.flexion: "
+    "25 "
+    "deg, index_mcp.flexion: 54 deg, index_pip.flexion: 47 deg, index_dip.flexion: 27 deg}";
+
 // Oracle: forces that may lean are a larger set than forces that may not, to the bisection's end; stronger
 // muscles hold more.
 TEST(Validate, PinchNeverFallsWithFrictionAndGrowsWithStrength) {
@@ -86,15 +91,51 @@ TEST(Validate, PinchNeverFallsWithFrictionAndGrowsWithStrength) {
   for (const char* person : {"weak", "strong"})
     for (const char* friction : {"0", "0.4", "0.8"})
       out << "  - {name: " << person << friction << ", kind: pinch_force, person: " << person
-          << ", finger: index, friction: " << friction
-          << ", pose: {thumb_cmc.flexion: 15 deg, thumb_mcp.flexion: 28 deg, index_mcp.flexion: 74 deg, "
-             "index_pip.flexion: 47 deg}, measured: 1, spread: 1, source: s}\n";
+          << ", finger: index, friction: " << friction << ", pose: " << kPinch
+          << ", measured: 1, spread: 1, source: s}\n";
   out.close();
   const ValidateResult result = run(load_validate(file));
   const auto ours = [&](std::size_t i) { return result.rows.at(i).ours; };
   EXPECT_GE(ours(1), ours(0) - 0.01);
   EXPECT_GE(ours(2), ours(1) - 0.01);
   EXPECT_GT(ours(5), ours(2));
+}
+
+// In this pose the tips have passed each other: the line between their ends runs through the finger's shaft.
+TEST(Validate, RefusesAPinchWhoseEndsDoNotFaceEachOther) {
+  const test::TemporaryFolder folder;
+  const auto file = folder.path() / "own.yaml";
+  std::ofstream(file)
+      << head()
+      << "  - {name: past, kind: pinch_force, person: man, finger: index, friction: 0.8, pose: "
+         "{thumb_cmc.flexion: 15 deg, thumb_mcp.flexion: 28 deg, thumb_ip.flexion: 9 deg, "
+         "index_mcp.flexion: 74 deg, index_mcp.abduction: 8 deg, index_pip.flexion: 47 deg, "
+         "index_dip.flexion: 21 deg}, measured: 1, spread: 1, source: s}\n";
+  EXPECT_THROW(run(load_validate(file)), Error);
+}
+
+// Oracle: only the long flexor bends the thumb's IP, so that a palmar force at the middle of the last segment
+// is at most its tension x arm over half the segment's length, and at the tip over the whole.
+TEST(Validate, AForceAtASegmentsMiddleIsHeldByTheMomentAtItsJoint) {
+  const test::TemporaryFolder folder;
+  const auto file = folder.path() / "own.yaml";
+  const std::string row =
+      "kind: tip_force, person: man, finger: thumb, direction: palmar, friction: 2, pose: "
+      "{thumb_mcp.flexion: "
+      "20 deg, thumb_ip.flexion: 20 deg}, measured: 1, spread: 1, source: s}\n";
+  std::ofstream(file) << head() << "  - {name: tip, " << row << "  - {name: pad, segment: thumb_distal, "
+                      << row
+                      << "  - {name: moment, kind: joint_moment, person: man, axis: thumb_ip.flexion, "
+                         "direction: positive, muscles: [FPL], pose: {thumb_mcp.flexion: 20 deg, "
+                         "thumb_ip.flexion: 20 deg}, measured: 1, spread: 1, source: s}\n";
+  const ValidateSpec spec = load_validate(file);
+  const ValidateResult result = run(spec);
+  const double length = 0.158 * 0.1931;  // of the last segment of a hand of 193.1 mm
+  const double most = result.rows.at(2).ours / length;
+  // The search lets 1 % of the largest torque be missing, which is up to 5 % of the IP's.
+  EXPECT_NEAR(result.rows.at(0).ours, most, 0.05 * most);
+  EXPECT_LE(result.rows.at(1).ours, 2 * most * 1.05);
+  EXPECT_GT(result.rows.at(1).ours, result.rows.at(0).ours);
 }
 
 // Oracle: a required row with a value that the hand does not have fails, the same row without `required` does

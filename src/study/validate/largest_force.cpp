@@ -16,6 +16,7 @@ namespace {
 constexpr double kHighest = 2000;  ///< of the forces that are tried [N]
 /// Share of the largest torque, and torque [N m], that may be missing.
 constexpr double kMissingShare = 0.01, kMissingTorque = 1e-3;
+constexpr double kInwards = -0.5;     ///< cosine beyond which the other end lies inside the finger's shaft
 constexpr double kFinestLean = 1e-4;  ///< of the search, over the friction
 
 /// Forces of a contact whose torques muscles have to hold, at one posture.
@@ -103,28 +104,36 @@ class Press {
 
 double largest_tip_force(const Subject& subject, const Measurement& of) {
   const std::vector<double> q = subject.coordinates(of.pose);
-  Press press(subject, q, subject.finger_dofs(of.finger), subject.tip_jacobian(of.finger, q).topRows<3>());
+  const Eigen::MatrixXd J = of.segment.empty()
+                                ? subject.tip_jacobian(of.finger, q)
+                                : subject.point_jacobian(of.segment, subject.middle(of.segment), q);
+  Press press(subject, q, subject.finger_dofs(of.finger), J.topRows<3>());
   return press.largest(tip_direction(of.direction), of.friction);
 }
 
 double largest_pinch_force(const Subject& subject, const Measurement& of) {
   const std::vector<double> q = subject.coordinates(of.pose);
   std::vector<int> dofs;
-  std::array<Vec3, 2> centre;
+  std::array<Vec3, 2> centre, outwards;
   std::array<Eigen::MatrixXd, 2> J;  // in the world
   const std::array<std::string, 2> fingers = {"thumb", of.finger};
   for (std::size_t i = 0; i < 2; ++i) {
-    const Pose segment = subject.last_segment(fingers[i], q);
+    const std::string last = last_segment(fingers[i]);
+    const Pose segment = subject.segment_pose(last, q);
     const double along = subject.tip_centre(fingers[i]);
     centre[i] = segment.p + segment.q * Vec3(0, along, 0);
-    J[i] = segment.q.toRotationMatrix() * subject.point_jacobian(fingers[i], along, q).topRows<3>();
+    outwards[i] = segment.q * Vec3(0, 1, 0);
+    J[i] = segment.q.toRotationMatrix() * subject.point_jacobian(last, along, q).topRows<3>();
     for (const int dof : subject.finger_dofs(fingers[i])) dofs.push_back(dof);
   }
+  const Vec3 normal = (centre[1] - centre[0]).normalized();
+  if (normal.dot(outwards[0]) < kInwards || -normal.dot(outwards[1]) < kInwards)
+    throw Error(PhysicsFault{0, of.name, "pinch", "the round ends do not face each other in this pose"});
   // The thumb presses towards the finger, the finger with the opposite force.
   Eigen::MatrixXd both(3, J[0].cols() + J[1].cols());
   both << J[0], -J[1];
   Press press(subject, q, dofs, std::move(both));
-  return press.largest((centre[1] - centre[0]).normalized(), of.friction);
+  return press.largest(normal, of.friction);
 }
 
 }  // namespace handsim::study

@@ -154,45 +154,53 @@ Vec3 tip_direction(const std::string& name) {
   return name == "ulnar" ? Vec3(1, 0, 0) : Vec3(-1, 0, 0);
 }
 
-std::size_t Subject::last_body(const std::string& finger) const {
+std::string last_segment(const std::string& finger) { return finger + "_distal"; }
+
+std::size_t Subject::body(const std::string& segment) const {
   std::size_t body = 0;
   for (std::size_t i = 0; i < model_.bodies.size(); ++i)
-    if (model_.bodies[i].name == "right." + finger + "_distal") body = i;
+    if (model_.bodies[i].name == "right." + segment) body = i;
   return body;
 }
 
-const model::Shape& Subject::last_shape(const std::string& finger) const {
-  const std::size_t body = last_body(finger);
+const model::Shape& Subject::shape(const std::string& segment) const {
+  const std::size_t of = body(segment);
   return *std::find_if(model_.shapes.begin(), model_.shapes.end(),
-                       [&](const model::Shape& shape) { return at(shape.body) == body; });
+                       [&](const model::Shape& shape) { return at(shape.body) == of; });
 }
 
 double Subject::tip_centre(const std::string& finger) const {
-  const model::Shape& shape = last_shape(finger);
-  return shape.pose.p.y() + 0.5 * shape.length;
+  const model::Shape& last = shape(last_segment(finger));
+  return last.pose.p.y() + 0.5 * last.length;
 }
 
 double Subject::tip(const std::string& finger) const {
-  return tip_centre(finger) + last_shape(finger).radius;
+  return tip_centre(finger) + shape(last_segment(finger)).radius;
 }
 
-Pose Subject::last_segment(const std::string& finger, std::span<const double> q) const {
-  return model::state_at(model_, q).bodies[last_body(finger)].pose();
+double Subject::middle(const std::string& segment) const {
+  const model::Shape& of = shape(segment);
+  const bool last = segment == last_segment(segment.substr(0, segment.rfind('_')));
+  return of.pose.p.y() + (last ? 0.5 * of.radius : 0);  // only the fingertip's round end is beyond the ends
+}
+
+Pose Subject::segment_pose(const std::string& segment, std::span<const double> q) const {
+  return model::state_at(model_, q).bodies[body(segment)].pose();
 }
 
 Eigen::MatrixXd Subject::tip_jacobian(const std::string& finger, std::span<const double> q) const {
-  return point_jacobian(finger, tip(finger), q);
+  return point_jacobian(last_segment(finger), tip(finger), q);
 }
 
-Eigen::MatrixXd Subject::point_jacobian(const std::string& finger, double along,
+Eigen::MatrixXd Subject::point_jacobian(const std::string& segment, double along,
                                         std::span<const double> q) const {
-  const std::vector<int> dofs = finger_dofs(finger);
+  const std::vector<int> dofs = finger_dofs(segment.substr(0, segment.rfind('_')));
   const auto pose = [&](std::size_t column, double turn) {
     std::vector<double> moved(q.begin(), q.end());
     moved[at(dofs[column])] += turn;
-    return last_segment(finger, moved);
+    return segment_pose(segment, moved);
   };
-  const Quat frame = last_segment(finger, q).q;
+  const Quat frame = segment_pose(segment, q).q;
   Eigen::MatrixXd out(6, static_cast<Eigen::Index>(dofs.size()));
   for (std::size_t i = 0; i < dofs.size(); ++i) {
     const Pose up = pose(i, kTurn), down = pose(i, -kTurn);

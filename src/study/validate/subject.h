@@ -9,6 +9,9 @@
 
 namespace handsim::study {
 
+/// Name of a finger's last segment.
+std::string last_segment(const std::string& finger);
+
 /// Unit vector of palmar, dorsal, distal, proximal, ulnar or radial in a last segment's frame (right hand).
 Vec3 tip_direction(const std::string& name);
 
@@ -34,21 +37,23 @@ class Subject {
                               const std::map<const model::Muscle*, double>& tensions) const;
   /// Coordinates of a finger's joints.
   std::vector<int> finger_dofs(const std::string& finger) const;
-  /// Velocity of a point of the last segment (first three rows) and angular velocity of the segment by the
+  /// Velocity of a point of a finger's segment (first three rows) and angular velocity of the segment by the
   /// finger's joints' rates, in the segment's frame: x ulnar, y distal, z dorsal (right hand).
   /// @param along the segment: the point's y [m]
-  Eigen::MatrixXd point_jacobian(const std::string& finger, double along, std::span<const double> q) const;
+  Eigen::MatrixXd point_jacobian(const std::string& segment, double along, std::span<const double> q) const;
   /// The same of the fingertip.
   Eigen::MatrixXd tip_jacobian(const std::string& finger, std::span<const double> q) const;
-  /// Pose of a finger's last segment in the world.
-  Pose last_segment(const std::string& finger, std::span<const double> q) const;
-  /// Distance [m] of the fingertip, and of the centre of its round end, from the last joint.
+  /// Pose of a finger's segment in the world.
+  Pose segment_pose(const std::string& segment, std::span<const double> q) const;
+  /// y [m] in the last segment's frame of the fingertip, and of the centre of its round end.
   double tip(const std::string& finger) const;
   double tip_centre(const std::string& finger) const;
+  /// y [m] of the middle of a segment: between its joints, or its joint and the fingertip.
+  double middle(const std::string& segment) const;
 
  private:
-  std::size_t last_body(const std::string& finger) const;
-  const model::Shape& last_shape(const std::string& finger) const;
+  std::size_t body(const std::string& segment) const;
+  const model::Shape& shape(const std::string& segment) const;
 
   hand::BuiltHand hand_;
   model::Model model_;

@@ -39,6 +39,7 @@ struct Measurement {
   Measured kind = Measured::moment_arms;
   std::string person;
   std::string muscle, axis, finger, direction;
+  std::string segment;  ///< tip_force: whose middle is pressed; empty: the fingertip
   std::vector<std::string> muscles;
   std::vector<double> angles, arms;  ///< moment_arms: [rad], [m]
   Angles pose, from;

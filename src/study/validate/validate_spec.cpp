@@ -115,6 +115,12 @@ class RowReader {
   }
 
  private:
+  std::vector<std::string> segments_of(const std::string& finger) const {
+    std::vector<std::string> out;
+    for (const hand::SegmentSpec& segment : spec_.hand.segments)
+      if (segment.name.starts_with(finger + "_")) out.push_back(segment.name);
+    return out;
+  }
   static std::string known_name(MapReader& reader, std::string_view key,
                                 const std::vector<std::string>& known, const char* need) {
     std::string name = reader.text(key);
@@ -173,6 +179,8 @@ class RowReader {
         break;
       case Measured::tip_force:
         finger(), direction(tips);
+        if (reader.has("segment"))
+          row.segment = known_name(reader, "segment", segments_of(row.finger), "a segment of the finger");
         row.friction = reader.number("friction", {Dimension::none, 0, 10}, 0);
         break;
       case Measured::pinch_force:
