@@ -7,6 +7,7 @@
 
 #include "engine/shared_motions.h"
 #include "handsim/model/inverse_dynamics.h"
+#include "support/sanitized.h"
 
 namespace handsim::engine {
 namespace {
@@ -48,7 +49,9 @@ Outcome drive(const Drive& how) {
   std::vector<double> torques(servos_act ? 0 : dofs);
   double worst = 0, worst_inferred = 0, largest = 0;
   Outcome out;
-  for (long i = 0; i < std::lround(0.05 / how.step); ++i) {
+  // With a sanitizer a step of the reference engine takes a third of a second.
+  const double duration = test::kSanitized && !servos_act ? 0.01 : 0.05;
+  for (long i = 0; i < std::lround(duration / how.step); ++i) {
     const model::State before = engine->state();
     const double swing = how.fastest ? 1e-3 : 0.2 * (1 - std::cos(40 * (before.time + how.step)));
     for (std::size_t k = 0; k < dofs; ++k) {
