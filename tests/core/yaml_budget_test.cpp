@@ -30,7 +30,7 @@ TEST(YamlBudget, CountsTheBytesOfAliasesNotOnlyTheirNumber) {
 }
 
 TEST(YamlBudget, IsSharedByAllTreesThatAreReadWithIt) {
-  const std::string text = "\"" + std::string(110'000, 'x') + "\"\n";
+  const std::string text = "\"" + std::string(117'000, 'x') + "\"\n";
   YamlBudget budget{1'000'000};
   for (int i = 0; i < 8; ++i) parse_yaml(text, "f", budget);
   EXPECT_NE(refusal([&] { parse_yaml(text, "f", budget); }).find(kTooMuch), std::string::npos);
