@@ -22,9 +22,10 @@ int validate_command(const ValidateArguments& arguments) {
   print("{}\n\n{}", spec.title, study::validate_table(spec, result));
   if (folder) {
     folder->clear();
-    study::write_validate(spec, result, *arguments.out);
+    const PlotNote note = plot_note(study::write_validate(spec, result, *arguments.out));
     finish_study(*arguments.out, validate_commands(file, arguments.runs, result), arguments.report);
-    print("files in {}\n", arguments.out->string());
+    print("files in {}{}\n", arguments.out->string(), note.text);
+    if (note.status != 0) return note.status;
   }
   return result.passed() ? 0 : 1;
 }

@@ -153,6 +153,24 @@ TEST(Validate, FailsWhereARequiredRowFallsShort) {
   }
 }
 
+// Oracle: the two rows. A kind has its name and its count, a row that falls short its name; a text of the
+// file cannot end a string of the script.
+TEST(Validate, PlotNamesTheKindsAndWhatFallsShort) {
+  const test::TemporaryFolder folder;
+  const auto file = folder.path() / "own.yaml";
+  const std::string mass = "kind: hand_mass, person: man, measured: 5, source: s, spread: ";
+  std::ofstream(file) << head() << "  - {name: \"it's `mass`\", " << mass << "1}\n  - {name: loose, " << mass
+                      << "100}\n";
+  const ValidateSpec spec = load_validate(file);
+  EXPECT_TRUE(write_validate(spec, run(spec), folder.path() / "out"));
+  const std::string script = test::text_of(folder.path() / "out" / "validate.gp");
+  EXPECT_NE(script.find("\"hand mass\\n1 of 2\""), std::string::npos) << script;
+  EXPECT_NE(script.find("'it s  mass : -4."), std::string::npos) << script;
+  EXPECT_EQ(script.find("loose"), std::string::npos) << script;
+  for (const char* plot : {"validate.png", "validate.svg"})
+    EXPECT_GT(std::filesystem::file_size(folder.path() / "out" / plot), 100U) << plot;
+}
+
 TEST(Validate, NamesWhatTheHandDoesNotHave) {
   const test::TemporaryFolder folder;
   const auto file = folder.path() / "own.yaml";

@@ -3,15 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include <fmt/format.h>
-
 #include "handsim/core/index.h"
-#include "handsim/core/units.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
 #include "handsim/model/pulleys.h"
-#include "handsim/output/atomic_file.h"
-#include "handsim/study/report.h"
 #include "handsim/study/validate/largest_force.h"
 #include "handsim/study/validate/simulated.h"
 #include "handsim/study/validate/subject.h"
@@ -184,61 +179,6 @@ ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::f
   }
   out.share = within / std::max(1.0, measured);
   return out;
-}
-
-std::string validate_table(const ValidateSpec& spec, const ValidateResult& result) {
-  std::size_t width = 8;
-  for (const ValidateRow& row : result.rows) width = std::max(width, row.of->name.size());
-  std::string out = fmt::format("{:<{}}  {:>9}  {:>18}  {:<6} {:<12} {}\n", "quantity", width, "ours",
-                                "measured +- spread", "unit", "verdict", "source");
-  int required = 0;
-  std::size_t left_out = 0;
-  for (const ValidateRow& row : result.rows) {
-    const Measurement& of = *row.of;
-    left_out += row.measured ? 0 : 1;
-    if (!row.measured) continue;
-    const double scale = 1 / of.scale;
-    std::string verdict = row.within() ? "within" : fmt::format("{:.1f} x", row.deviation);
-    if (!row.within() && of.required) verdict += " short";
-    out += fmt::format("{:<{}}  {:>9.3g}  {:>9.3g} +- {:>5.2g}  {:<6} {:<12} {}\n", of.name, width,
-                       scale * row.ours, scale * of.value, scale * of.spread, of.unit, verdict, of.source);
-    if (!row.within() && !of.reason.empty()) out += fmt::format("{:>{}}  {}\n", "", width, of.reason);
-    required += of.required ? 1 : 0;
-  }
-  out += fmt::format("\n{:.0f} % of {} rows are within one spread (goal {:.0f} %); {} are required, {}\n",
-                     100 * result.share, result.rows.size() - left_out, 100 * spec.goal, required,
-                     result.passed() ? "all within" : "not all within");
-  if (left_out > 0) out += fmt::format("{} rows are simulations, which --runs runs\n", left_out);
-  return out;
-}
-
-std::string validate_csv(const ValidateResult& result) {
-  std::string out =
-      "quantity,ours,measured,spread,unit,deviation_over_spread,verdict,required,source,reason\n";
-  for (const ValidateRow& row : result.rows) {
-    if (!row.measured) continue;
-    const Measurement& of = *row.of;
-    out += fmt::format("{},{:.6g},{:.6g},{:.6g},{},{:.4g},{},{},{},{}\n", quoted(of.name),
-                       row.ours / of.scale, of.value / of.scale, of.spread / of.scale, of.unit, row.deviation,
-                       row.within() ? "within" : "short", of.required ? "yes" : "no", quoted(of.source),
-                       quoted(of.reason));
-  }
-  return out;
-}
-
-std::vector<std::string> validate_files() {
-  return {"validate.csv", "validate.json", "study.json", "report.html"};
-}
-
-void write_validate(const ValidateSpec& spec, const ValidateResult& result,
-                    const std::filesystem::path& out) {
-  Json json = {{"title", spec.title},
-               {"rows_within_spread", result.share},
-               {"goal", spec.goal},
-               {"required_rows_within", result.passed()}};
-  add_origin(json);
-  output::write_file(out / "validate.csv", validate_csv(result));
-  output::write_file(out / "validate.json", json.dump(2) + "\n");
 }
 
 }  // namespace handsim::study

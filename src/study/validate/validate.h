@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "handsim/hand/build.h"
@@ -31,6 +32,9 @@ enum class Measured {
   gyration,         ///< radius of the hand about an axis, share of hand length [1]
   simulation,       ///< a number of the summary of a scene's run, in the summary's own unit
 };
+
+/// Its word in files.
+std::string_view kind_name(Measured kind);
 
 using Angles = std::map<std::string, double>;  ///< by axis [rad]
 
@@ -90,7 +94,8 @@ std::string validate_table(const ValidateSpec& spec, const ValidateResult& resul
 std::string validate_csv(const ValidateResult& result);
 /// Names of a study's files.
 std::vector<std::string> validate_files();
-/// Writes validate.csv and validate.json. @throws Error if they cannot be written
-void write_validate(const ValidateSpec& spec, const ValidateResult& result, const std::filesystem::path& out);
+/// Writes validate.csv, validate.json, and a plot of the differences over the spreads by kind. @return false
+/// if gnuplot is missing or fails @throws Error if the files cannot be written
+bool write_validate(const ValidateSpec& spec, const ValidateResult& result, const std::filesystem::path& out);
 
 }  // namespace handsim::study

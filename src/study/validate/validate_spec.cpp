@@ -248,6 +248,11 @@ ValidateSpec read(YamlNode& root, Diagnostics& diagnostics) {
 
 }  // namespace
 
+std::string_view kind_name(Measured kind) {
+  return std::find_if(kKinds.begin(), kKinds.end(), [&](const auto& each) { return each.second == kind; })
+      ->first;
+}
+
 void read_validate(YamlNode& root, Diagnostics& diagnostics) { read(root, diagnostics); }
 
 ValidateSpec load_validate(const std::filesystem::path& path) {
