@@ -38,9 +38,11 @@ struct Batch::Impl {
   explicit Impl(int threads) : arena(threads > 0 ? threads : tbb::task_arena::automatic) {}
 
   /// Calls f(first, last) for groups of environments, on all cores. The first error in their order is thrown.
+  /// A single group needs no other thread: entering the arena costs more than a step of some scenes.
   template <class F>
   void each_group(const F& f) {
     const std::size_t groups = (environments.size() + kGrain - 1) / kGrain;
+    if (groups == 1) return f(0, environments.size());
     std::vector<std::optional<Error>> errors(groups);
     arena.execute([&] {
       tbb::parallel_for(std::size_t{0}, groups, [&](std::size_t group) {

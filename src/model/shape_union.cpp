@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "handsim/core/error.h"
@@ -58,29 +59,14 @@ struct Interval {
   }
 };
 
-/// A capsule (or a sphere, of no length) as a column cuts it.
+/// A capsule, or a sphere, which is one of no length.
 struct RoundCore {
-  RoundCore(const Shape& shape)
+  explicit RoundCore(const Shape& shape)
       : radius(shape.radius), length(shape.kind == ShapeKind::capsule ? shape.length : 0) {
     along = shape.pose.q * Vec3::UnitZ();
     from = shape.pose.p - 0.5 * length * along;
     to = shape.pose.p + 0.5 * length * along;
     across = 1 - along.z() * along.z();
-  }
-
-  Interval at(double x, double y) const {
-    Interval out;
-    // Where both points of the side are between the ends, no ball reaches further.
-    if (across > 1e-12 && add_side(x, y, out)) return out;
-    for (const Vec3& end : {from, to}) {
-      const double dx = x - end.x(), dy = y - end.y();
-      const double room = radius * radius - dx * dx - dy * dy;
-      if (room < 0) continue;
-      const double half = std::sqrt(room);
-      out.add(end.z() - half);
-      out.add(end.z() + half);
-    }
-    return out;
   }
 
   /// Extent along y of the section at x: of the circles that it cuts out of the balls at both ends, and of
@@ -103,28 +89,64 @@ struct RoundCore {
     return out;
   }
 
-  /// Points at distance r of the axis between its ends: |w|^2 - (w . u)^2 = r^2 with w = w0 + z e_z.
-  /// @returns true if both are there.
-  bool add_side(double x, double y, Interval& out) const {
-    const double wx = x - from.x(), wy = y - from.y(), wz = -from.z();
-    const double on = wx * along.x() + wy * along.y() + wz * along.z();
-    const double b = wz - on * along.z();
-    const double c = wx * wx + wy * wy + wz * wz - on * on - radius * radius;
-    const double room = b * b - across * c;
-    if (room < 0) return false;
-    const double root = std::sqrt(room);
-    int found = 0;
-    for (const double z : {(-b - root) / across, (-b + root) / across}) {
-      const double t = on + z * along.z();
-      if (t < 0 || t > length) continue;
-      out.add(z);
-      ++found;
-    }
-    return found == 2;
-  }
-
   double radius, length, across;
   Vec3 along, from, to;
+};
+
+/// Columns of one x through a round core: what they share is found once.
+class RoundSection {
+ public:
+  RoundSection() = default;
+  RoundSection(const RoundCore& core, double x)
+      : core_(&core),
+        wx_(x - core.from.x()),
+        room_from_(core.radius * core.radius - wx_ * wx_),
+        room_to_(core.radius * core.radius - (x - core.to.x()) * (x - core.to.x())) {}
+
+  Interval at(double y) const {
+    Interval out;
+    // Where both points of the side are between the ends, no ball reaches further.
+    if (core_->across > 1e-12 && add_side(y, out)) return out;
+    add_ball(room_from_, core_->from, y, out);
+    add_ball(room_to_, core_->to, y, out);
+    return out;
+  }
+
+ private:
+  static void add_ball(double room_at_x, const Vec3& centre, double y, Interval& out) {
+    const double dy = y - centre.y(), room = room_at_x - dy * dy;
+    if (room < 0) return;
+    const double half = std::sqrt(room);
+    out.add(centre.z() - half);
+    out.add(centre.z() + half);
+  }
+
+  /// Points at distance r of the axis between its ends: |w|^2 - (w . u)^2 = r^2 with w = w0 + z e_z.
+  /// @returns true if both are there.
+  bool add_side(double y, Interval& out) const {
+    const RoundCore& core = *core_;
+    const Vec3& u = core.along;
+    const double wy = y - core.from.y(), wz = -core.from.z();
+    const double on = wx_ * u.x() + wy * u.y() + wz * u.z();
+    const double b = wz - on * u.z();
+    const double c = wx_ * wx_ + wy * wy + wz * wz - on * on - core.radius * core.radius;
+    const double room = b * b - core.across * c;
+    if (room < 0) return false;
+    const double root = std::sqrt(room);
+    const double low = (-b - root) / core.across, high = (-b + root) / core.across;
+    const auto between_ends = [&](double z) {
+      const double t = on + z * u.z();
+      return t >= 0 && t <= core.length;
+    };
+    const bool first = between_ends(low), second = between_ends(high);
+    if (first) out = {low, low};
+    if (second) out = {first ? low : high, high};
+    return first && second;
+  }
+
+  const RoundCore* core_ = nullptr;
+  double wx_ = 0;                       ///< from the core's first end [m]
+  double room_from_ = 0, room_to_ = 0;  ///< what x leaves of each ball's squared radius [m^2]
 };
 
 Interval cut_box(const Shape& box, double x, double y) {
@@ -217,7 +239,7 @@ struct Moments {
 };
 
 /// Adds what a column has of the union; `cuts` become sorted.
-void add_column(double x, double y, std::vector<Interval>& cuts, double weight, Moments& sums) {
+void add_column(double x, double y, std::span<Interval> cuts, double weight, Moments& sums) {
   if (cuts.empty()) return;
   // A few, mostly in order.
   for (std::size_t i = 1; i < cuts.size(); ++i)
@@ -251,7 +273,8 @@ MassProperties properties(const Moments& sums) {
 MassProperties union_properties(const std::vector<Shape>& shapes) {
   if (shapes.size() == 1) return solid_properties(shapes.front(), volume(shapes.front()));
   std::vector<std::optional<RoundCore>> round(shapes.size());
-  std::vector<Interval> across, sections(shapes.size()), cuts;
+  std::vector<Interval> across, extents(shapes.size()), cuts(shapes.size());
+  std::vector<RoundSection> sections(shapes.size());
   for (std::size_t i = 0; i < shapes.size(); ++i) {
     const ShapeKind kind = shapes[i].kind;
     if (kind == ShapeKind::capsule || kind == ShapeKind::sphere)
@@ -262,18 +285,20 @@ MassProperties union_properties(const std::vector<Shape>& shapes) {
   }
   Moments sums;
   integrate(across, [&](double x, double width) {
-    for (std::size_t i = 0; i < shapes.size(); ++i)
-      sections[i] = x < across[i].low || x > across[i].high ? Interval{}
-                    : round[i]                              ? round[i]->along_y(x)
-                                                            : box_along_y(shapes[i], x);
-    integrate(sections, [&](double y, double depth) {
-      cuts.clear();
+    for (std::size_t i = 0; i < shapes.size(); ++i) {
+      extents[i] = x < across[i].low || x > across[i].high ? Interval{}
+                   : round[i]                              ? round[i]->along_y(x)
+                                                           : box_along_y(shapes[i], x);
+      if (round[i]) sections[i] = RoundSection(*round[i], x);
+    }
+    integrate(extents, [&](double y, double depth) {
+      std::size_t found = 0;
       for (std::size_t i = 0; i < shapes.size(); ++i) {
-        if (y < sections[i].low || y > sections[i].high) continue;
-        const Interval cut = round[i] ? round[i]->at(x, y) : cut_box(shapes[i], x, y);
-        if (!cut.empty()) cuts.push_back(cut);
+        if (y < extents[i].low || y > extents[i].high) continue;
+        const Interval cut = round[i] ? sections[i].at(y) : cut_box(shapes[i], x, y);
+        if (!cut.empty()) cuts[found++] = cut;
       }
-      add_column(x, y, cuts, width * depth, sums);
+      add_column(x, y, std::span(cuts).first(found), width * depth, sums);
     });
   });
   return properties(sums);

@@ -6,6 +6,7 @@
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/grasp/grasp_study.h"
 #include "scene_files.h"
+#include "support/sanitized.h"
 
 namespace handsim::simulation {
 namespace {
@@ -70,6 +71,7 @@ INSTANTIATE_TEST_SUITE_P(, ClimbOracle,
 // Oracle: Coulomb. The grip is friction under a weight: it fails at mu m g. The rate of the load and the
 // speed that counts as held make 0.5 %.
 TEST_P(ClimbOracle, FrictionUnderAWeightFailsAtItsLimit) {
+  HANDSIM_SKIP_WITH_SANITIZER("other climbs load a palm");
   for (const double friction : {0.3, 0.6}) {
     const ClimbFigures figures = run(compiled(block_on_palm(friction, GetParam())));
     EXPECT_TRUE(figures.failed);
@@ -151,6 +153,7 @@ INSTANTIATE_TEST_SUITE_P(, ShippedClimb, testing::Values("climb_half_crimp", "cl
 
 // Oracle: the scene's own least load; the mirror; the step's order; Coulomb (less friction, less load).
 TEST_P(ShippedClimb, FailsAtALoadThatBothHandsShareAndFrictionLowers) {
+  HANDSIM_SKIP_WITH_SANITIZER("a shorter test loads a grip");
   const scene::Scene scene = test::shipped_scene(GetParam());
   const ClimbFigures right = run(scene);
   EXPECT_TRUE(right.failed);
@@ -167,6 +170,7 @@ TEST_P(ShippedClimb, FailsAtALoadThatBothHandsShareAndFrictionLowers) {
 
 // Oracle: a torque's lever: with half the grip strength every flexor has half the torque.
 TEST(Climb, HalfTheGripStrengthCarriesAboutHalfTheLoad) {
+  HANDSIM_SKIP_WITH_SANITIZER("a shorter test loads a grip");
   const ClimbFigures full = run(half_crimp());
   const std::string person =
       "hands.0.person={stature: 1.755, mass: 84.5, sex: male, grip_strength: 262.35 N}";

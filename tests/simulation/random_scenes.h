@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "scene_files.h"
+#include "support/sanitized.h"
 
 namespace handsim::test::drawn {
 
@@ -105,7 +106,7 @@ struct Drawn {
 
 /// A fixed seed, unless another is asked for: RC_PARAMS="seed=7" test_simulation --gtest_filter=RandomScenes*
 inline void fix_seed() {
-  setenv("RC_PARAMS", "seed=20261122", 0);
+  setenv("RC_PARAMS", fmt::format("seed=20261122 max_success={}", kDrawnCases).c_str(), 0);
   std::cout << "RC_PARAMS=\"" << std::getenv("RC_PARAMS") << "\"\n";
 }
 

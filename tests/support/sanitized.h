@@ -18,4 +18,12 @@ inline constexpr bool kSanitized = true;
 inline constexpr bool kSanitized = false;
 #endif
 
+/// Of tests with drawn input: of 100.
+inline constexpr int kDrawnCases = kSanitized ? 40 : 100;
+
 }  // namespace handsim::test
+
+/// For tests that repeat much of what shorter ones run: with a sanitizer they would take minutes and read no
+/// other code.
+#define HANDSIM_SKIP_WITH_SANITIZER(why) \
+  if (handsim::test::kSanitized) GTEST_SKIP() << "not with a sanitizer: " << (why)

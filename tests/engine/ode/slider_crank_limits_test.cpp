@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "engine/models.h"
+#include "support/sanitized.h"
 #include "support/slider_crank.h"
 
 namespace handsim::engine {
@@ -104,6 +105,7 @@ Settings projected(Method method) {
 // Oracle: the contract; dead centres in closed form, to what a step of 1 ms can pass over (the crank's 50
 // rad/s make it (50 * 0.5e-3)^2 / 2 * 0.08 m).
 TEST(SliderCrankLimits, AreHeldByTheMethodsThatCloseTheirJoints) {
+  HANDSIM_SKIP_WITH_SANITIZER("tests of the methods step the same mechanism");
   for (const Case& each : {dead_centre(), redundant(), tilted(), ordinary(), fast()})
     for (const Settings& settings : {projected(OdeMethod::world_step), projected(OdeMethod::quick_step),
                                      with(DaeMethod::stabilised_gear), with(DaeMethod::lagrange_penalty),
@@ -123,6 +125,7 @@ TEST(SliderCrankLimits, AreHeldByTheMethodsThatCloseTheirJoints) {
 // that is more than the contract (0.12 mm at ordinary speed, 1.6 mm at ten times), and even at ERP 1 (0.024
 // mm).
 TEST(SliderCrankLimits, LeaveVelocityLevelMethodsTheGapOfTheirOrder) {
+  HANDSIM_SKIP_WITH_SANITIZER("tests of the methods step the same mechanism");
   for (const Case& each : {dead_centre(), redundant(), tilted(), ordinary(), fast()})
     for (const Method method :
          std::initializer_list<Method>{OdeMethod::world_step, DaeMethod::euler_linearised})
@@ -136,6 +139,7 @@ TEST(SliderCrankLimits, LeaveVelocityLevelMethodsTheGapOfTheirOrder) {
 
 // Oracle: the contract, at the settings that the rule above says hold it.
 TEST(SliderCrankLimits, AreHeldByVelocityLevelMethodsAtErp0_8AndSmallerSteps) {
+  HANDSIM_SKIP_WITH_SANITIZER("tests of the methods step the same mechanism");
   for (const Method method :
        std::initializer_list<Method>{OdeMethod::world_step, DaeMethod::euler_linearised}) {
     for (const Case& each : {dead_centre(), redundant(), ordinary()})
@@ -147,6 +151,7 @@ TEST(SliderCrankLimits, AreHeldByVelocityLevelMethodsAtErp0_8AndSmallerSteps) {
 // quick_step's 20 iterations leave more than the rule: 0.26 mm at ordinary speed, 2 mm at ten times. Oracle:
 // a crank of 80 mm that is still a crank.
 TEST(SliderCrankLimits, LeaveQuickStepFiniteAndTheCrankACrank) {
+  HANDSIM_SKIP_WITH_SANITIZER("tests of the methods step the same mechanism");
   for (const Case& each : {dead_centre(), redundant(), tilted(), ordinary()})
     EXPECT_LE(follow(each, with(OdeMethod::quick_step)).gap, 6e-4) << each.name;
   EXPECT_LE(follow(fast(), with(OdeMethod::quick_step)).gap, 2.5e-3);
@@ -168,6 +173,7 @@ double velocity_error(const Settings& settings) {
 
 // Oracle: first order in the step, as a symplectic Euler method must be.
 TEST(Projection, ConvergesAtFirstOrderFromTenMillisecondsOn) {
+  HANDSIM_SKIP_WITH_SANITIZER("shorter tests project a hand");
   for (const Method method : {OdeMethod::world_step, OdeMethod::quick_step}) {
     const auto error = [&](double step) {
       Settings settings = projected(method);
@@ -197,6 +203,7 @@ double energy_error(const Settings& settings) {
 // Oracle: conservation of energy, to first order in the step. Without projection a step of 10 ms is beyond
 // any order: all energy is lost.
 TEST(Projection, KeepsTheEnergyThatLongStepsLose) {
+  HANDSIM_SKIP_WITH_SANITIZER("shorter tests project a hand");
   Settings settings = projected(OdeMethod::world_step);
   EXPECT_LT(energy_error(settings), 0.012);
   settings.step = 1e-2;

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "scene_files.h"
+#include "support/sanitized.h"
 
 namespace handsim::study {
 namespace {
@@ -42,6 +43,7 @@ void expect_files(const std::vector<ContactCostRow>& rows) {
 
 // One test for all, because the study takes long.
 TEST(ContactCost, TakesEachSolverAndIsWritten) {
+  HANDSIM_SKIP_WITH_SANITIZER("high stacks");
   const std::vector<ContactCostRow> rows = run_contact_cost(HANDSIM_SOURCE_DIR, [](double) {});
   expect_solvers(rows);
   expect_files(rows);
