@@ -8,6 +8,7 @@
 #include "handsim/study/rollouts/population.h"
 #include "handsim/study/validate/validate.h"
 #include "scene_files.h"
+#include "support/sanitized.h"
 
 namespace handsim::study {
 namespace {
@@ -47,6 +48,7 @@ Moments moments(const std::vector<double>& values) {
 
 // Oracle: Steiber 2016 by sex, age and stature. No force of a muscle was fitted to a grip.
 TEST(Grip, OfAPopulationHasTheMeanAndTheScatterOfTheNorm) {
+  HANDSIM_SKIP_WITH_SANITIZER("tests of muscles and of rows that are simulations run the same code");
   const test::TemporaryFolder folder;
   const auto file = folder.path() / "grips.yaml";
   std::ofstream out(file);
