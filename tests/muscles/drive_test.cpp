@@ -8,8 +8,10 @@
 #include "handsim/control/muscle_drive.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/muscle_curves.h"
+#include "handsim/simulation/run/run.h"
 #include "handsim/simulation/simulation.h"
 #include "scene_files.h"
+#include "support/sanitized.h"
 
 namespace handsim::control {
 namespace {
@@ -149,6 +151,17 @@ TEST(Excitations, NameAColumnThatIsNoMuscle) {
     EXPECT_NE(text.find("FDP2"), std::string::npos) << text;
     EXPECT_NE(text.find("1.5"), std::string::npos) << text;
   }
+}
+
+// Oracle: the scene's criterion on the error at the end of a hold. Among the poses are counts and `point`, in
+// which straight fingers are beside bent ones: a stiff quadriga bends an index that points by 75 deg.
+TEST(MuscleDrive, HoldsEveryPose) {
+  HANDSIM_SKIP_WITH_SANITIZER("shorter tests run the same code");
+  const test::TemporaryFolder folder;
+  simulation::RunOptions options;
+  options.out = folder.path();
+  const simulation::RunResult result = simulation::run(test::shipped_scene("muscle_poses"), options);
+  EXPECT_TRUE(result.passed()) << result.summary;
 }
 
 // Oracle: what a snapshot continues has the same bits as the run without it, activations included.
