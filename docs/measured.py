@@ -417,8 +417,8 @@ def speed_load():
     rows = []
     for key, title in {"step_against_mujoco/without_contact": "gravity, stops, servos; no contact",
                        "step_against_mujoco/self_contact_tested": "the same, self-contact tested, none touching",
-                       "grasp_against_mujoco/cup_impratio_100": "mug held; MuJoCo with `impratio` 100",
-                       "grasp_against_mujoco/cup_noslip_20": "mug held; MuJoCo with `noslip_iterations` 20",
+                       "grasp_against_mujoco/cup_as_exported": "mug held; MuJoCo as exported",
+                       "grasp_against_mujoco/cup_impratio_1e6": "mug held; MuJoCo with `impratio` 1e6",
                        "grasp_against_ode/cup": "mug held; ODE `world_step`"}.items():
         if key not in found:
             continue
@@ -485,7 +485,7 @@ def peers_speed():
     titles = {"step_against_mujoco/without_contact": "step of a hand: gravity, stops, tissue, 20 servos; no contact",
               "step_against_mujoco/self_contact_tested": "the same, self-contact tested, none touching"}
     for grasp, what in {"tripod": "ball, three fingers", "cylinder_100mm": "cylinder", "cup": "mug"}.items():
-        for setting in ("impratio_1", "impratio_100", "noslip_20", "noslip_100", "noslip_20_of_pyramids"):
+        for setting in ("as_exported", "impratio_1", "impratio_1e6", "noslip_100", "pyramids"):
             entry = found.get(f"grasp_against_mujoco/{grasp}_{setting}", {})
             contacts, there = entry.get("contacts", 0), entry.get("contacts_yardstick", 0)
             titles[f"grasp_against_mujoco/{grasp}_{setting}"] = (
