@@ -701,6 +701,14 @@ def export_block():
     return table(["a block of friction 0.1 on ground of 0.9 slides in 1 s, m", "formula", f"MuJoCo {flat[0][2]}", "handsim, articulated"], rows)
 
 
+def export_grasps():
+    found = re.findall(r"^grasp_(\S+) in MuJoCo (\S+): (\d+) contacts, at most (\S+) mm from", printed("mujoco"), re.M)
+    if not found:
+        raise Missing("MuJoCo")
+    return table([f"held in MuJoCo {found[0][1]}", "contacts there", "farthest from its start in 1 s, mm"],
+                 [[f"`grasp_{name}`", contacts, way] for name, _, contacts, way in found])
+
+
 def day_at_the_bench():
     rms = lambda values: math.sqrt(sum(value * value for value in values) / len(values))
     exact, noisy = (study_json("bench", label, "summary.json") for label in ("exact", "tracked"))
@@ -730,7 +738,7 @@ def day_at_the_bench():
 
 
 # Name of the table -> the study whose files it needs, and the function that makes it.
-TABLES = {"validate": ("validate", validation), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
+TABLES = {"validate": ("validate", validation), "export-opensim": ("export", export_opensim), "export-muscles": ("export", export_muscles), "export-block": ("export", export_block), "export-grasps": ("export", export_grasps), "muscles": ("muscles", muscles), "bench": ("bench", day_at_the_bench), "rollouts": ("rollouts", rollouts), "demo": ("demo", demo), "few-iterations": ("demo", few_iterations), "hand": ("hand", hand), "poses": ("poses", poses),
           "tracking": ("tracking", tracking), "grasp": ("grasp", grasp), "agreement": ("agreement", agreement),
           "agreement-differences": ("agreement", agreement_differences), "climb": ("climb", climb),
           "climb-edges": ("climb", climb_edges), "accuracy": ("accuracy", accuracy),
