@@ -207,9 +207,9 @@ void noslip_100(mjOption& option) {
   option.noslip_iterations = 100;
   option.noslip_tolerance = 1e-12;
 }
-/// With `impratio` 1: a pyramid's edges have the regularisation of friction.
+/// `impratio` would stiffen all edges of a pyramid, and with them the pad.
 void pyramids(mjOption& option) {
-  impratio_1(option);
+  option.impratio = 1;
   option.cone = mjCONE_PYRAMIDAL;
 }
 
