@@ -151,6 +151,7 @@ struct ExportArguments {
   bool muscles = false;              ///< of these hands, with the bands between their joints
   std::filesystem::path out;
   std::optional<std::string> format;  ///< mjcf, urdf or osim; absent: by the ending of `out`, else mjcf
+  std::optional<double> time;         ///< of the scene's run, at which the file begins [s]; absent: 0
   std::vector<std::string> overrides;
 };
 int export_command(const ExportArguments& arguments);

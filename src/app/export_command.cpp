@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <optional>
 
 #include <fmt/format.h>
 
@@ -10,6 +11,7 @@
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/export/export.h"
 #include "handsim/output/output_folder.h"
+#include "handsim/simulation/simulation.h"
 
 namespace handsim::app {
 
@@ -38,8 +40,11 @@ std::string format_of(const ExportArguments& arguments) {
   throw input_error("--out", arguments.out.string(), need);
 }
 
-/// Refuses options that belong to a person beside a scene, and the other way round.
-void check_source(const ExportArguments& arguments) {
+/// Refuses options that belong to a person beside a scene, and the other way round, and `--time` of what has
+/// none.
+void check_source(const ExportArguments& arguments, const std::string& format) {
+  if (arguments.time && (!arguments.scene || format != "mjcf"))
+    throw input_error("--time", fmt::format("{:g} s", *arguments.time), "a scene, and the format mjcf");
   const HandArguments& hands = arguments.hands;
   const bool person = hands.person || !hands.measures.empty();
   if (!arguments.scene) {
@@ -80,21 +85,35 @@ scene::Scene hands_of_person(const ExportArguments& arguments) {
                        std::move(input));
 }
 
+/// The scene's run until a time above 0.
+output::Moment moment_at(const scene::Scene& scene, double time) {
+  if (time > scene.spec.duration)
+    throw input_error("--time", fmt::format("{:g} s", time),
+                      fmt::format("0 to the scene's duration of {:g} s", scene.spec.duration));
+  simulation::Simulation run(scene, simulation::no_watchers);
+  // Half a step, so that rounding makes no further one.
+  while (run.state().time < time - 0.5 * scene.spec.solver.step) run.step();
+  return output::moment_after(run.state(), run.controller());
+}
+
 }  // namespace
 
 std::string ending_of(const std::filesystem::path& path) { return lower_case(path.extension().string()); }
 
 int export_command(const ExportArguments& arguments) {
   const std::string format = format_of(arguments);
-  check_source(arguments);
+  check_source(arguments, format);
   const scene::Scene scene =
       arguments.scene ? scene::load_scene(*arguments.scene, arguments.overrides) : hands_of_person(arguments);
   const engine::Settings& solver = scene.spec.solver;
   output::check_not_read(arguments.out, [&] { return scene::files_read(scene); });
   const control::Plan* plan = scene.control ? &*scene.control : nullptr;
-  const std::string text = format == "urdf"   ? output::to_urdf(scene.model, solver, plan)
-                           : format == "osim" ? output::to_osim(scene.model, solver)
-                                              : output::to_mjcf(scene.model, solver, plan);
+  std::optional<output::Moment> moment;
+  if (arguments.time.value_or(0) > 0) moment = moment_at(scene, *arguments.time);
+  const std::string text = format == "urdf" ? output::to_urdf(scene.model, solver, plan)
+                           : format == "osim"
+                               ? output::to_osim(scene.model, solver)
+                               : output::to_mjcf(scene.model, solver, plan, moment ? &*moment : nullptr);
   output::write_file(arguments.out, text);
   print("{}: {} bodies, {} joints as {}\n", arguments.out.string(), scene.model.bodies.size() - 1,
         scene.model.joints.size(), format);

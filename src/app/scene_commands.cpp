@@ -142,6 +142,8 @@ void add_export(CommandLine& line) {
   add_words(command.add_option("--mount", arguments->mount, "how a person's palms are held (default fixed)"),
             "fixed|hinge|universal|free");
   command.add_flag("--muscles", arguments->muscles, "with the muscles of a person's hands");
+  add_time(command, "--time", arguments->time,
+           "simulated time at which a MJCF file of a scene begins (default 0)");
   add_overrides(command, arguments->overrides);
 }
 

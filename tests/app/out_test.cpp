@@ -10,6 +10,8 @@
 #include <thread>
 
 #include "app/short_run.h"
+#include "handsim/output/export/export.h"
+#include "handsim/simulation/simulation.h"
 
 namespace handsim::test {
 namespace {
@@ -251,6 +253,21 @@ TEST(Export, WritesAPersonsHandsWithoutAScene) {
       count(exported({"--person", file, "--model", source("handmodels/prototype.yaml"), "--side", "left"}),
             "<Body name=\"right"),
       0u);
+}
+
+// Oracle: the library's run until then.
+TEST(Export, BeginsAtATimeOfTheRun) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "a.xml";
+  const std::string file = source("config/pose_tracking.yaml");
+  ASSERT_EQ(run_program({"export", file, "--time", "50 ms", "--out", out}).status, 0);
+  const scene::Scene scene = scene::load_scene(file, {});
+  simulation::Simulation run(scene, simulation::no_watchers);
+  while (run.state().time < 0.0499) run.step();
+  const output::Moment moment = output::moment_after(run.state(), run.controller());
+  const std::string expected = output::to_mjcf(scene.model, scene.spec.solver, &*scene.control, &moment);
+  EXPECT_EQ(text_of(out), expected);
+  EXPECT_NE(expected, output::to_mjcf(scene.model, scene.spec.solver, &*scene.control));
 }
 
 TEST(Export, WritesTheFormatOfTheExtension) {

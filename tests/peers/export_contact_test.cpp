@@ -152,6 +152,30 @@ TEST(ExportedSurfaces, APadSinksAndRisesAsASpring) {
   EXPECT_NEAR(there.position("ball").z() - r, rest, 0.01 * -rest);
 }
 
+// Oracle: one step of 1 ms of the spring-damper at its end, from each state of the way:
+// v+ = (v - h (g + K r / m)) / (1 + h (c + h K) / m). Bound: rounding, and MuJoCo's solver.
+TEST(ExportedSurfaces, APadActsAtTheStepsEnd) {
+  const double m = 0.02, k = 3000, c = 10, g = 9.80665, h = 1e-3, radius = 0.05;
+  const scene::Scene scene = from(
+      "objects: [{name: ball, shape: sphere, radius: 0.05, mass: 0.02, position: [0, 0, 0.05], velocity: [0, "
+      "0, -1],"
+      " material: pad}]\nground: {friction: 0.5}\ncontacts: {materials: [{name: pad, stiffness: 3000, "
+      "damping: 10}]}\n"
+      "gravity: [0, 0, -9.80665]\nduration: 1\nsolver: {engine: articulated, step: 0.001}\n");
+  There there(scene);
+  const mjtNum *z = there.data->qpos + 2, *v = there.data->qvel + 2;
+  int touching = 0;
+  for (int step = 0; step < 100; ++step) {
+    const double r = *z - radius, end = (*v - h * (g + k * r / m)) / (1 + h * (c + h * k) / m);
+    const bool pressed = k * (r + h * end) + c * end < 0;
+    mj_step(there.model.get(), there.data.get());
+    if (r >= 0 || !pressed) continue;
+    ++touching;
+    EXPECT_NEAR(*v, end, 1e-9) << step;
+  }
+  EXPECT_GT(touching, 5);
+}
+
 // Oracle: the model's rules and materials: for all shapes whether MuJoCo may test them, and with what
 // friction.
 TEST(ExportedSurfaces, EveryPairHasTheRulesSurface) {
@@ -195,10 +219,14 @@ TEST(ExportedSurfaces, EveryPairHasTheRulesSurface) {
                                             : want.spinning_friction > 0 ? 4
                                                                          : 3);
         if (!want.compliance) continue;
-        // MuJoCo's own mobilities of the two bodies. Bound: rounding.
+        // What MuJoCo makes of solimp and solref with its own mobilities of the two bodies. Bound: rounding.
         const double w = m.body_invweight0[2 * m.geom_bodyid[g]] + m.body_invweight0[2 * m.geom_bodyid[h]];
-        EXPECT_NEAR(-m.pair_solref[mjNREF * pair->second] / (want.compliance->stiffness * w), 1, 1e-9)
-            << a.name << " and " << b.name;
+        const double d = m.pair_solimp[mjNIMP * pair->second], R = (1 - d) / d * w;
+        const mjtNum* reference = m.pair_solref + std::ptrdiff_t{mjNREF} * pair->second;
+        const double step = scene.spec.solver.step, stiffness = want.compliance->stiffness;
+        EXPECT_NEAR(R * step * (want.compliance->damping + step * stiffness), 1, 1e-9) << a.name << b.name;
+        EXPECT_NEAR(-reference[0] / (d * R * stiffness), 1, 1e-9) << a.name << b.name;
+        EXPECT_NEAR(-reference[1] / d * step, 1, 1e-9) << a.name << b.name;
       }
     EXPECT_GT(ruled, 0) << name;
     if (std::string(name) == "grasp_power_can") {

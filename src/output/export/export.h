@@ -2,12 +2,25 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
+#include "handsim/control/controller.h"
 #include "handsim/control/plan.h"
 #include "handsim/engine/settings.h"
+#include "handsim/model/actuation.h"
 #include "handsim/model/model.h"
+#include "handsim/model/state.h"
 
 namespace handsim::output {
+
+/// A moment of a run.
+struct Moment {
+  model::State state;
+  std::vector<model::Servo>
+      drives;  ///< of the controller, by coordinate; empty: the plan's gains and targets
+};
+/// The moment after a step. @param controller that commanded the step; null: none
+Moment moment_after(const model::State& state, const control::Controller* controller);
 
 /// MJCF, the model format of MuJoCo (2.2 and newer): bodies, joints with ranges and tissue, shapes, who
 /// touches whom and with what surfaces, masses, an actuator on every axis, and the initial state as keyframe
@@ -19,16 +32,17 @@ namespace handsim::output {
 /// passive_tissue, gravity the effect gravity, friction the effect friction. Kinematic bodies are fixed at
 /// their start, driven ones are mocap bodies. Loops are closed by `connect` constraints, which are compliant
 /// in MuJoCo. Two shapes whose surfaces MuJoCo would combine otherwise than model::combined() get a `pair` of
-/// their own; springs and dampers of surfaces become solref, for the effective mass at zero coordinates.
-/// Muscles and bands in effect become fixed tendons with the moment arms of the start, and actuators of the
-/// muscles' names with their isometric forces there. A band that goes slack is a limit of its tendon.
+/// their own; springs and dampers of surfaces act at the end of the file's step, as they do here (solref,
+/// solimp). Muscles and bands in effect become fixed tendons with the moment arms of the start, and actuators
+/// of the muscles' names with their isometric forces there. A band that goes slack is a limit of its tendon.
 /// @param plan axes that it drives get a position actuator with its gains and torque limit (without integral
-/// and
-///        feed-forward), others a motor. The keyframe has the targets at time 0.
+///        and feed-forward), others a motor. The keyframe has the targets at the start.
+/// @param moment the start, with drives as they are there, feed-forward torques included, which remain what
+///        they are; null: the model's initial state
 /// @throws Error (input) for what MJCF cannot express: loops closed by universal or slider joints, more than
 ///         32 contact groups.
 std::string to_mjcf(const model::Model& model, const engine::Settings& settings,
-                    const control::Plan* plan = nullptr);
+                    const control::Plan* plan = nullptr, const Moment* moment = nullptr);
 
 /// URDF, the robot description of ROS: links with masses and collision shapes, joints with ranges.
 ///

@@ -25,9 +25,16 @@ constexpr double kPlaneSpacing = 0.1;  ///< of the grid that MuJoCo draws [m]
 
 class MjcfWriter {
  public:
-  MjcfWriter(const model::Model& model, const engine::Settings& settings, const control::Plan* plan)
-      : model_(model), settings_(settings), plan_(plan), start_(model::initial_state(model)) {
-    if (plan) find_targets();
+  MjcfWriter(const model::Model& model, const engine::Settings& settings, const control::Plan* plan,
+             const Moment* moment)
+      : model_(model),
+        settings_(settings),
+        plan_(plan),
+        start_(moment ? moment->state : model::initial_state(model)) {
+    if (moment && !moment->drives.empty())
+      find_drives(moment->drives);
+    else if (plan)
+      find_drives(*plan);
   }
 
   std::string run() {
@@ -68,19 +75,27 @@ class MjcfWriter {
   std::string solver() const {
     std::string out;
     if (!model_.contact_rules.empty() && settings_.effects.has(Effect::friction))
-      out += " cone=\"elliptic\" impratio=\"10\" noslip_iterations=\"10\"";
+      out += " cone=\"elliptic\" impratio=\"1000\" noslip_iterations=\"10\"";
     if (plan_ && plan_->form == control::Form::implicit_gain) out += " integrator=\"implicit\"";
     return out;
   }
 
-  void find_targets() {
+  void find_drives(const control::Plan& plan) {
     std::vector<std::vector<double>> of_hand;
-    for (const control::HandPlan& hand : plan_->hands) {
+    for (const control::HandPlan& hand : plan.hands) {
       of_hand.emplace_back(hand.trajectory.width());
-      hand.trajectory.at(0, of_hand.back());
+      hand.trajectory.at(start_.time, of_hand.back());
     }
-    for (const control::DrivenAxis& axis : plan_->axes)
-      driven_[axis.dof] = {&axis.gains, of_hand[axis.hand][axis.column]};
+    for (const control::DrivenAxis& axis : plan.axes) {
+      const double target = of_hand[axis.hand][axis.column];
+      drives_[axis.dof] = {axis.gains.proportional, axis.gains.derivative, target - start_.q[axis.dof], 0,
+                           axis.gains.torque_limit};
+    }
+  }
+
+  void find_drives(const std::vector<model::Servo>& servos) {
+    for (std::size_t dof = 0; dof < servos.size(); ++dof)
+      if (servos[dof].limit > 0) drives_[dof] = servos[dof];
   }
 
   void check() const {
@@ -179,18 +194,19 @@ class MjcfWriter {
 
   /// MuJoCo's `position`, whose damping older versions do not read.
   void add_actuator(const std::string& name, std::size_t dof) {
-    const auto found = driven_.find(dof);
-    if (found == driven_.end()) {
+    const auto found = drives_.find(dof);
+    if (found == drives_.end()) {
       actuators_ += fmt::format("    <motor name=\"{}\" joint=\"{}\"/>\n", name, name);
       targets_ += " 0";
       return;
     }
-    const auto& [gains, target] = found->second;
+    const model::Servo& drive = found->second;
     actuators_ += fmt::format(
         "    <general name=\"{0}\" joint=\"{0}\" gainprm=\"{1:.17g}\" biastype=\"affine\" "
-        "biasprm=\"0 -{1:.17g} -{2:.17g}\" forcelimited=\"true\" forcerange=\"-{3:.17g} {3:.17g}\"/>\n",
-        name, gains->proportional, gains->derivative, gains->torque_limit);
-    targets_ += fmt::format(" {:.17g}", target);
+        "biasprm=\"{2:.17g} -{1:.17g} -{3:.17g}\" forcelimited=\"true\" "
+        "forcerange=\"-{4:.17g} {4:.17g}\"/>\n",
+        name, drive.stiffness, drive.feed, drive.damping, drive.limit);
+    targets_ += fmt::format(" {:.17g}", start_.q[dof] + drive.error);
   }
 
   /// Bits of the groups with which a group has contact rules. In MuJoCo two shapes can touch if the contype
@@ -285,16 +301,28 @@ class MjcfWriter {
   const model::Model& model_;
   const engine::Settings& settings_;
   const control::Plan* plan_;
-  std::map<std::size_t, std::pair<const control::Gains*, double>>
-      driven_;  ///< by dof, with the target at time 0
+  std::map<std::size_t, model::Servo> drives_;  ///< by dof, at the start
   model::State start_;
   std::string out_, actuators_, targets_, positions_, velocities_;
 };
 
 }  // namespace
 
-std::string to_mjcf(const model::Model& model, const engine::Settings& settings, const control::Plan* plan) {
-  return MjcfWriter(model, settings, plan).run();
+Moment moment_after(const model::State& state, const control::Controller* controller) {
+  Moment out{state, {}};
+  if (!controller) return out;
+  out.drives.assign(controller->servos().begin(), controller->servos().end());
+  if (out.drives.empty()) return out;
+  for (std::size_t i = 0; i < controller->axes().size(); ++i) {
+    const control::AxisState& axis = controller->axes()[i];
+    out.drives[controller->constants()[i].dof].error = axis.target - axis.angle;
+  }
+  return out;
+}
+
+std::string to_mjcf(const model::Model& model, const engine::Settings& settings, const control::Plan* plan,
+                    const Moment* moment) {
+  return MjcfWriter(model, settings, plan, moment).run();
 }
 
 }  // namespace handsim::output

@@ -15,10 +15,6 @@ namespace {
 
 using model::Effect;
 
-/// MuJoCo's impedance of compliant contacts. It shares an outside force between the spring, which gets 1 - d
-/// of it, and the contact's inertia; at this small d a spring-damper remains, to 0.1 %.
-constexpr double kImpedance = 1e-3;
-
 /// Columns of a tree's Jacobian: how one coordinate moves a body and all that it carries.
 struct Column {
   int body = 0;
@@ -56,6 +52,17 @@ std::vector<int> parents(const model::Model& model) {
   for (const model::Joint& joint : model.joints)
     if (!joint.closes_loop) out[at(joint.child)] = joint.parent;
   return out;
+}
+
+/// A spring-damper at the step's end, f = -(K (r + h v+) + c v+) for a gap r and its rate v+ after the step
+/// of length h. MuJoCo's contact is f = -(a + b v + k r) / R with the acceleration a = (v+ - v) / h, so b = 1
+/// / h, R = 1 / (h (c + h K)) and k = K R. It takes R from the impedance d, as (1 - d) / d times the mobility
+/// of the two bodies, and from `solref` d k and d b. Friction shares b: it stops a slip within a step.
+std::string spring_damper(const model::Compliance& pad, double mobility, double h) {
+  const double R = 1 / (h * (pad.damping + h * pad.stiffness));
+  const double d = mobility / (mobility + R);
+  return fmt::format(" solref=\"{0:.17g} {1:.17g}\" solimp=\"{2:.17g} {2:.17g} 0.001\"",
+                     -d * pad.stiffness * R, -d / h, d);
 }
 
 /// What MuJoCo makes of two surfaces by itself.
@@ -127,11 +134,8 @@ std::string mjcf_pairs(const model::Model& model, const engine::Settings& settin
       out += fmt::format("    <pair geom1=\"{}\" geom2=\"{}\"{}", attribute(a.name), attribute(b.name),
                          mjcf_friction(pair, settings, true));
       if (pair.compliance) {
-        // MuJoCo's spring is per effective mass of the two bodies.
         if (mobility.empty()) mobility = mobilities(model);
-        const double w = mobility[at(a.body)] + mobility[at(b.body)];
-        out += fmt::format(" solref=\"{0:.17g} {1:.17g}\" solimp=\"{2:g} {2:g} 0.001\"",
-                           -pair.compliance->stiffness * w, -pair.compliance->damping * w, kImpedance);
+        out += spring_damper(*pair.compliance, mobility[at(a.body)] + mobility[at(b.body)], settings.step);
       }
       out += "/>\n";
     }
