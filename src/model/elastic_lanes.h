@@ -82,8 +82,8 @@ template <class V>
 [[gnu::always_inline]] inline ElasticPull<V> elastic_pull(const HillConstants<V>& m,
                                                           const ElasticStep<V>& of) {
   constexpr int kMost = 60;
-  // Newton's last step is below it, and its error below rounding.
-  const V zero = 0.0, near = 1e-10 * m.length;
+  // Of Newton's last step: the error that it leaves goes with its square.
+  const V zero = 0.0, near = 1e-8 * m.length;
   V low = m.least, high = greater(of.taut, m.least);
   const auto slack = !(elastic_fibres(m, of, high).value > zero) || of.taut <= m.least;
   const V cosine = of.start / square_root(V(m.height + of.start * of.start));

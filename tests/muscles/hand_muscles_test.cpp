@@ -145,7 +145,7 @@ TEST(HandMuscles, AreAtRestWhereJointsArePlaced) {
       const double stretch = strain ? *strain * each.slack_length : 0;
       const double tendon = strain ? each.force * model::tendon_curve((taut - reach) / stretch).value : own;
       EXPECT_NEAR(state.tendon_force[i], tendon, 1e-9 * each.force) << each.name;
-      if (!strain) EXPECT_NEAR(reach, taut, 1e-12) << each.name;
+      EXPECT_NEAR(reach, taut, strain ? stretch : 1e-12) << each.name;
     }
   }
 }
