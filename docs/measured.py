@@ -635,7 +635,8 @@ def muscles():
     return table(["a hand with", "step without, µs", "step with, µs", "ratio", "added, µs"],
                  [[title, *(number(found[key][counter]) for counter in ("yardstick_us", "candidate_us", "ratio", "added_us"))]
                   for key, title in {"excited": "41 muscles and the bands, all muscles excited",
-                                     "at_rest": "the same, muscles at rest", "bands_alone": "the bands alone"}.items()])
+                                     "elastic": "the same, elastic tendons",
+                                     "at_rest": "rigid tendons, muscles at rest", "bands_alone": "the bands alone"}.items()])
 
 
 def validation():

@@ -115,6 +115,8 @@ int export_command(const ExportArguments& arguments) {
                                ? output::to_osim(scene.model, solver)
                                : output::to_mjcf(scene.model, solver, plan, moment ? &*moment : nullptr);
   output::write_file(arguments.out, text);
+  if (format != "urdf" && model::any_elastic(scene.model.muscles))
+    print_warnings({"tendon_strain: elastic tendons are exported as rigid ones"});
   print("{}: {} bodies, {} joints as {}\n", arguments.out.string(), scene.model.bodies.size() - 1,
         scene.model.joints.size(), format);
   return 0;

@@ -74,9 +74,11 @@ void StaticOptimisation::assemble(const model::State& state, std::span<const dou
     for (std::size_t i = 0; i < muscle.path.arms.size(); ++i)
       rate -= path.arm[i] * state.u[at(muscle.path.arms[i].dof)];
     // What an activation gives at the present speed; a muscle that shortens fast keeps a share.
-    const double passive = model::passive_force(muscle, path.excursion);
-    const double active = std::max(model::tension(muscle, path.excursion, rate, 1).force - passive,
-                                   kLeastShare * model::isometric_force(muscle, path.excursion));
+    const double excursion =
+        muscle.tendon_strain ? model::fibre_excursion(muscle, state.fibre_length[m]) : path.excursion;
+    const double passive = model::passive_force(muscle, excursion);
+    const double active = std::max(model::tension(muscle, excursion, rate, 1).force - passive,
+                                   kLeastShare * model::isometric_force(muscle, excursion));
     for (std::size_t i = 0; i < muscle.path.arms.size(); ++i) {
       const int row = row_[at(muscle.path.arms[i].dof)];
       if (row == kNoRow) continue;

@@ -64,16 +64,21 @@ void Muscles::find_parts() {
 }
 
 void Muscles::start(const model::State& state) {
+  const TendonArrays& all = layout_.arrays();
+  goes_on_ = false;
   for (std::size_t i = 0; i < muscles_.size(); ++i) {
     const TendonLayout::Place& place = layout_.muscles()[i];
-    layout_.arrays().block[place.block].activation[place.lane] = state.activation[i];
+    TendonBlock& block = all.block[place.block];
+    block.activation[place.lane] = state.activation[i];
+    if (block.elastic != kRigid) all.elastic[block.elastic].fibre[place.lane] = state.fibre_length[i];
   }
 }
 
 void Muscles::begin(std::span<const double> q, std::span<const double> u,
                     std::span<const double> excitations) {
-  kernel_->pull(layout_.arrays(), q.data(), u.data(), excitations.empty() ? nullptr : excitations.data(),
-                step_);
+  kernel_->pull(layout_.arrays(),
+                {q.data(), u.data(), excitations.empty() ? nullptr : excitations.data(), step_, goes_on_});
+  goes_on_ = true;
   std::fill(torques_.begin(), torques_.end(), 0.0);
   for (Slope& each : slopes_) each.value = 0;
   for (const Part& each : torque_parts_) torques_[each.to] += *each.from;
@@ -89,8 +94,8 @@ void Muscles::by_coordinate(std::span<const double> u, std::span<const double> g
     torques[i] += damping[i] * u[i] + (given.empty() ? 0 : given[i]);
 }
 
-/// At the rates of a step's end, linear about its start.
-double Muscles::tension_at(const TendonLayout::Place& place, std::span<const double> u) const {
+/// What a tendon's length changes faster at the rates of a step's end than at those of its start [m/s].
+double Muscles::rate_change(const TendonLayout::Place& place, std::span<const double> u) const {
   const TendonArrays& all = layout_.arrays();
   const TendonBlock& block = all.block[place.block];
   double rate = 0;
@@ -98,15 +103,29 @@ double Muscles::tension_at(const TendonLayout::Place& place, std::span<const dou
     const ArmRow& arm = all.arm[block.first_arm + i];
     rate -= arm.arm[place.lane] * u[at(all.coordinate[arm.coordinate].dof[place.lane])];
   }
-  return block.force[place.lane] + block.slope[place.lane] * (rate - block.rate[place.lane]);
+  return rate - block.rate[place.lane];
+}
+
+double Muscles::fibre_length(std::size_t muscle, std::span<const double> q, double faster) const {
+  const model::Muscle& of = muscles_[muscle];
+  if (!of.tendon_strain) return model::fibre_at(of, path_state(of.path, q).excursion).length;
+  // As the kernel does before the next step, with the same bits.
+  const TendonLayout::Place& place = layout_.muscles()[muscle];
+  const TendonBlock& block = layout_.arrays().block[place.block];
+  const ElasticRow& row = layout_.arrays().elastic[block.elastic];
+  const double reach =
+      std::max(block.least[place.lane], row.reach[place.lane] + row.share[place.lane] * faster);
+  return std::sqrt(block.height[place.lane] + reach * reach);
 }
 
 void Muscles::end(std::span<const double> q, std::span<const double> u, model::State& state) const {
   for (std::size_t i = 0; i < muscles_.size(); ++i) {
     const TendonLayout::Place& place = layout_.muscles()[i];
-    state.activation[i] = layout_.arrays().block[place.block].activation[place.lane];
-    state.tendon_force[i] = std::max(0.0, tension_at(place, u));
-    state.fibre_length[i] = model::fibre_at(muscles_[i], path_state(muscles_[i].path, q).excursion).length;
+    const TendonBlock& block = layout_.arrays().block[place.block];
+    const double faster = rate_change(place, u);
+    state.activation[i] = block.activation[place.lane];
+    state.tendon_force[i] = std::max(0.0, block.force[place.lane] + block.slope[place.lane] * faster);
+    state.fibre_length[i] = fibre_length(i, q, faster);
   }
 }
 

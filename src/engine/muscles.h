@@ -3,7 +3,9 @@
 //   tau = start - B (u+ - u0),   B = sum over tendons of (h dF/dl + dF/dl') r r^T,
 // with the moment arms r at the start. An engine solves them together with its motion: with B itself, or with
 // a diagonal that exceeds it (row sums of |B|), which is stable at any step and exact at rest, and less exact
-// in fast motion. Activations go one step by their own law before. No engine's types.
+// in fast motion. Activations go one step by their own law before. With an elastic tendon F is the tension
+// with which fibres and tendon pull alike at the end (model/elastic_lanes.h), and the fibres' length is a
+// state. No engine's types.
 #pragma once
 
 #include <span>
@@ -27,7 +29,7 @@ class Muscles {
 
   /// True where neither effect has anything to do.
   bool empty() const { return layout_.arrays().blocks == 0; }
-  /// Takes over activations.
+  /// Takes over activations, and fibre lengths of muscles with elastic tendons.
   void start(const model::State& state);
   /// Activations at the end of a step, tensions at its start. @param q, u by Model::dof_count()
   void begin(std::span<const double> q, std::span<const double> u, std::span<const double> excitations);
@@ -55,9 +57,11 @@ class Muscles {
   };
   std::size_t slot(int a, int b);
   void find_parts();
-  double tension_at(const TendonLayout::Place& place, std::span<const double> u) const;
+  double rate_change(const TendonLayout::Place& place, std::span<const double> u) const;
+  double fibre_length(std::size_t muscle, std::span<const double> q, double faster) const;
 
   double step_;
+  bool goes_on_ = false;  ///< since `start`
   std::span<const model::Muscle> muscles_;
   TendonLayout layout_;
   const TendonKernel* kernel_;

@@ -40,6 +40,15 @@ struct alignas(32) PairRow {
   TendonLane sum;
 };
 
+/// Elastic tendons of a block of muscles (model/elastic_lanes.h).
+struct alignas(32) ElasticRow {
+  TendonLane per_stretch;
+  // From step to step.
+  TendonLane fibre;  ///< length of the fibres at the start [m]
+  // Of the step: reach of the fibres at the end at the rate of the start [m], and by this rate [s].
+  TendonLane reach, share;
+};
+
 struct alignas(32) TendonBlock {
   // Constants: muscles.
   TendonLane strength, length, per_length, height, reach, least, max_speed, drag;  ///< model::HillConstants
@@ -53,12 +62,13 @@ struct alignas(32) TendonBlock {
   TendonLane force, slope, rate, excursion;
   int tendon[kTendonLanes];  ///< of the model: muscle or band; kNoTendon
   bool muscles;
+  int elastic;  ///< in TendonArrays::elastic, or kRigid
   int arms, first_arm;
   int products, first_product;
   /// Of the sums of pairs of arms (1, 0), (2, 0), (2, 1), ...: those of an entry that is solved, or kBounded.
   int first_pair;
 };
-inline constexpr int kNoTendon = -1, kBounded = -1;
+inline constexpr int kNoTendon = -1, kBounded = -1, kRigid = -1;
 
 struct TendonArrays {
   int blocks = 0, coordinates = 0, pairs = 0;
@@ -68,14 +78,22 @@ struct TendonArrays {
   const ProductRow* product = nullptr;
   const int* pair = nullptr;  ///< of each pair of arms of a block
   PairRow* sum = nullptr;
+  ElasticRow* elastic = nullptr;
+};
+
+/// What a step starts from.
+struct TendonInput {
+  const double *q, *u;        ///< coordinates and rates of the model [rad], [rad/s]
+  const double* excitations;  ///< by muscle; null: none
+  double step;                ///< [s]
+  bool goes_on;               ///< the rows have the step before, whose fibres end at these rates
 };
 
 /// For one instruction set. The same bits from every one of them.
 struct TendonKernel {
   const char* name;
-  /// Activations at the end of a step [s], arms and tensions at its start, torques and B.
-  /// @param excitations by muscle; null: none
-  void (*pull)(const TendonArrays&, const double* q, const double* u, const double* excitations, double step);
+  /// Activations at the end of a step, arms and tensions at its start, torques and B.
+  void (*pull)(const TendonArrays&, const TendonInput&);
 };
 
 /// All kernels that this processor runs, narrowest first.

@@ -70,6 +70,12 @@ TendonBlock empty_block() {
   return out;
 }
 
+ElasticRow empty_elastic() {
+  ElasticRow out{};
+  for (TendonLane* each : {&out.per_stretch, &out.fibre, &out.reach}) fill(*each, 1);
+  return out;
+}
+
 void set_muscle(TendonBlock& block, std::size_t lane, const model::Muscle& muscle) {
   const model::HillConstants<double> hill = model::hill_constants(muscle);
   block.strength[lane] = hill.force;
@@ -97,10 +103,13 @@ TendonLayout::TendonLayout(std::span<const model::Muscle> muscles, std::span<con
                            const Solves& solves)
     : muscles_(muscles.size()), bands_(bands.size()) {
   std::vector<Tendon> tendons;
-  for (std::size_t i = 0; i < muscles.size(); ++i)
-    tendons.push_back({&muscles[i].path, &muscles[i], nullptr, static_cast<int>(i), 0});
-  add_tendons(std::move(tendons), solves);
-  tendons.clear();
+  for (const bool elastic : {false, true}) {
+    for (std::size_t i = 0; i < muscles.size(); ++i)
+      if (muscles[i].tendon_strain.has_value() == elastic)
+        tendons.push_back({&muscles[i].path, &muscles[i], nullptr, static_cast<int>(i), 0});
+    add_tendons(std::move(tendons), solves);
+    tendons.clear();
+  }
   for (std::size_t i = 0; i < bands.size(); ++i)
     tendons.push_back({&bands[i].path, nullptr, &bands[i], static_cast<int>(i), 0});
   add_tendons(std::move(tendons), solves);
@@ -112,7 +121,8 @@ TendonLayout::TendonLayout(std::span<const model::Muscle> muscles, std::span<con
              arms_.data(),
              products_.data(),
              pairs_.data(),
-             sums_.data()};
+             sums_.data(),
+             elastic_.data()};
 }
 
 void TendonLayout::add_tendons(std::vector<Tendon> tendons, const Solves& solves) {
@@ -173,6 +183,7 @@ void TendonLayout::add_family(const Family& family, std::vector<std::vector<Tend
 void TendonLayout::add_block(const Family& family, const std::array<Tendon, kTendonLanes>& row,
                              const Solves& solves) {
   TendonBlock& block = blocks_.emplace_back(empty_block());
+  block.elastic = kRigid;
   for (std::size_t k = 0; k < row.size(); ++k) {
     const Tendon& tendon = row[k];
     if (!tendon.path) continue;
@@ -182,6 +193,13 @@ void TendonLayout::add_block(const Family& family, const std::array<Tendon, kTen
     if (tendon.muscle) {
       block.muscles = true;
       set_muscle(block, k, *tendon.muscle);
+      if (tendon.muscle->tendon_strain) {
+        if (block.elastic == kRigid) {
+          block.elastic = static_cast<int>(elastic_.size());
+          elastic_.push_back(empty_elastic());
+        }
+        elastic_.back().per_stretch[k] = model::per_stretch(*tendon.muscle);
+      }
       muscles_[at(tendon.index)] = place;
     } else {
       set_band(block, k, *tendon.band);

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "handsim/engine/tendon_lanes.h"
-#include "handsim/model/hill_lanes.h"
+#include "handsim/model/elastic_lanes.h"
 
 namespace handsim::engine {
 
@@ -68,24 +68,50 @@ struct TendonOperations {
   struct Pull {
     V force, slope;
   };
-  [[gnu::always_inline]] static inline Pull pull_muscles(TendonBlock& b, const V& excursion, const V& rate,
-                                                         const double* excitations, const V& step, int l) {
+  [[gnu::always_inline]] static inline model::HillConstants<V> hill_of(const TendonBlock& b, int l) {
+    return {load(b.strength + l), load(b.length + l), load(b.per_length + l), load(b.height + l),
+            load(b.reach + l),    load(b.least + l),  load(b.max_speed + l),  load(b.drag + l)};
+  }
+  [[gnu::always_inline]] static inline V activate(TendonBlock& b, const TendonInput& in, int l) {
     V excitation = 0.0;
-    if (excitations)
+    if (in.excitations)
       excitation = V([&](auto i) {
         const int muscle = b.tendon[static_cast<int>(i) + l];
-        return muscle == kNoTendon ? 0 : excitations[muscle];
+        return muscle == kNoTendon ? 0 : in.excitations[muscle];
       });
-    const V activation =
-        model::hill_activation(load(b.up + l), load(b.down + l), load(b.activation + l), excitation, step);
+    const V activation = model::hill_activation(load(b.up + l), load(b.down + l), load(b.activation + l),
+                                                excitation, V(in.step));
     store(b.activation + l, activation);
-    const model::HillConstants<V> hill = {load(b.strength + l),  load(b.length + l), load(b.per_length + l),
-                                          load(b.height + l),    load(b.reach + l),  load(b.least + l),
-                                          load(b.max_speed + l), load(b.drag + l)};
-    const model::HillTension<V> found = model::hill_tension(hill, excursion, rate, activation);
-    const V zero = 0.0;
+    return activation;
+  }
+  [[gnu::always_inline]] static inline Pull pull_muscles(TendonBlock& b, const V& excursion, const V& rate,
+                                                         const TendonInput& in, int l) {
+    const V activation = activate(b, in, l), step = in.step, zero = 0.0;
+    const model::HillTension<V> found = model::hill_tension(hill_of(b, l), excursion, rate, activation);
     return {model::greater(V(found.force + step * found.stiffness * rate), zero),
             V(step * model::greater(found.stiffness, zero) + found.damping)};
+  }
+  static Pull pull_elastic(TendonBlock& b, ElasticRow& row, const V& excursion, const V& rate,
+                           const TendonInput& in, int l) {
+    const V activation = activate(b, in, l), step = in.step;
+    const model::HillConstants<V> hill = hill_of(b, l);
+    const model::ElasticStep<V> of = {load(row.per_stretch + l),
+                                      V(hill.reach - excursion + step * rate),
+                                      model::fibre_reach(hill, load(row.fibre + l)),
+                                      step,
+                                      V(1 / in.step),
+                                      activation};
+    const model::ElasticPull<V> found = model::elastic_pull(hill, of);
+    store(row.reach + l, found.reach);
+    store(row.share + l, step * found.share);
+    return {found.force, V(step * found.stiffness)};
+  }
+  /// The rates of a step's end tell where its fibres are.
+  static void end_fibres(const TendonArrays& all, TendonBlock& b, int l) {
+    ElasticRow& row = all.elastic[b.elastic];
+    const V faster = rate_of(all, b, l) - load(b.rate + l);
+    const V reach = model::greater(V(load(row.reach + l) + load(row.share + l) * faster), load(b.least + l));
+    store(row.fibre + l, model::square_root(V(load(b.height + l) + reach * reach)));
   }
   [[gnu::always_inline]] static inline Pull pull_bands(const TendonBlock& b, const V& excursion,
                                                        const V& rate, const V& step, int l) {
@@ -98,16 +124,24 @@ struct TendonOperations {
             model::select(slack, zero, V(step * k + d))};
   }
 
-  static void pull_block(const TendonArrays& all, TendonBlock& b, const double* excitations, double h,
-                         int l) {
-    const V step = h, zero = 0.0;
-    const V excursion = find_arms(all, b, l);
+  /// Of the length of muscle and tendon, by the arms as they stand.
+  [[gnu::always_inline]] static inline V rate_of(const TendonArrays& all, const TendonBlock& b, int l) {
     const ArmRow* arms = all.arm + b.first_arm;
-    V rate = zero;
+    V rate = 0.0;
     for (int i = 0; i < b.arms; ++i)
       rate = rate - load(arms[i].arm + l) * load(all.coordinate[arms[i].coordinate].u + l);
-    const Pull pull = b.muscles ? pull_muscles(b, excursion, rate, excitations, step, l)
-                                : pull_bands(b, excursion, rate, step, l);
+    return rate;
+  }
+
+  static void pull_block(const TendonArrays& all, TendonBlock& b, const TendonInput& in, int l) {
+    const V step = in.step, zero = 0.0;
+    if (b.elastic != kRigid && in.goes_on) end_fibres(all, b, l);
+    const V excursion = find_arms(all, b, l);
+    const ArmRow* arms = all.arm + b.first_arm;
+    const V rate = rate_of(all, b, l);
+    const Pull pull = !b.muscles            ? pull_bands(b, excursion, rate, step, l)
+                      : b.elastic == kRigid ? pull_muscles(b, excursion, rate, in, l)
+                                            : pull_elastic(b, all.elastic[b.elastic], excursion, rate, in, l);
     store(b.excursion + l, excursion);
     store(b.rate + l, rate);
     store(b.force + l, pull.force);
@@ -134,20 +168,19 @@ struct TendonOperations {
     }
   }
 
-  static void pull(const TendonArrays& all, const double* q, const double* u, const double* excitations,
-                   double step) {
+  static void pull(const TendonArrays& all, const TendonInput& in) {
     const V zero = 0.0;
     for (CoordinateRow* c = all.coordinate; c != all.coordinate + all.coordinates; ++c)
       for (int l = 0; l < kTendonLanes; l += W) {
-        store(c->q + l, V([&](auto i) { return q[c->dof[static_cast<int>(i) + l]]; }));
-        store(c->u + l, V([&](auto i) { return u[c->dof[static_cast<int>(i) + l]]; }));
+        store(c->q + l, V([&](auto i) { return in.q[c->dof[static_cast<int>(i) + l]]; }));
+        store(c->u + l, V([&](auto i) { return in.u[c->dof[static_cast<int>(i) + l]]; }));
         store(c->torque + l, zero);
         store(c->own + l, zero);
       }
     for (PairRow* s = all.sum; s != all.sum + all.pairs; ++s)
       for (int l = 0; l < kTendonLanes; l += W) store(s->sum + l, zero);
     for (TendonBlock* b = all.block; b != all.block + all.blocks; ++b)
-      for (int l = 0; l < kTendonLanes; l += W) pull_block(all, *b, excitations, step, l);
+      for (int l = 0; l < kTendonLanes; l += W) pull_block(all, *b, in, l);
   }
 
   static constexpr TendonKernel kernel(const char* name) { return {name, pull}; }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -33,6 +34,8 @@ struct Placement {
   std::map<std::string, std::vector<double>> start;  ///< angles by joint name [rad]; others are 0
   double tissue_stiffness = 1;                       ///< factor on the hand model's passive stiffness
   double tissue_damping = 1;                         ///< factor on its passive damping
+  /// Strain of all tendons at their muscles' largest isometric force; absent: tendons are rigid.
+  std::optional<double> tendon_strain;
 };
 
 /// A row of the hand model as it was built.

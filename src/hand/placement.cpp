@@ -194,7 +194,8 @@ model::TendonPath placed(const model::TendonPath& path, const std::vector<std::o
 }
 
 /// Adds muscles and bands; the joints are in the model.
-void add_muscles(model::Model& model, model::HandIndex& index, const BuiltHand& hand) {
+void add_muscles(model::Model& model, model::HandIndex& index, const BuiltHand& hand,
+                 const Placement& placement) {
   if (hand.muscles.muscles.empty() && hand.muscles.bands.empty()) return;
   std::map<std::string, int> dof_of;
   for (const int joint : index.joints) {
@@ -210,6 +211,7 @@ void add_muscles(model::Model& model, model::HandIndex& index, const BuiltHand& 
   for (model::Muscle muscle : hand.muscles.muscles) {
     muscle.name = index.name + "." + muscle.name;
     muscle.path = placed(muscle.path, dofs);
+    if (muscle.slack_length > 0) muscle.tendon_strain = placement.tendon_strain;
     index.muscles.push_back(static_cast<int>(model.muscles.size()));
     model.muscles.push_back(std::move(muscle));
   }
@@ -264,7 +266,7 @@ HandGroups add_hand(model::Model& model, const BuiltHand& right, const Placement
   }
   const HandGroups groups = add_shapes(model, index, hand);
   add_joints(model, index, hand, placement);
-  add_muscles(model, index, hand);
+  add_muscles(model, index, hand, placement);
   set_palm(model, index.palm, hand, placement);
   set_velocities(model, index, placement);
   model.hands.push_back(std::move(index));

@@ -48,17 +48,23 @@ template <class V>
   return {select(inside, value, zero), select(inside, V(x * (-2 / hill::kActiveWidth) * value), zero)};
 }
 
+/// `over` (exp(shape x / end) - 1) of an x above 0, beyond `end` along its tangent.
+template <class V>
+[[gnu::always_inline]] inline HillCurve<V> hill_stretched(const V& x, double shape, double end, double over) {
+  const V zero = 0.0, most = end;
+  const auto taut = x > zero;
+  if (!any(taut)) return {};
+  const V curved = smaller(greater(x, zero), most);
+  const V grown = exponential(V(curved * (shape / end)));
+  const V slope = grown * (shape / end * over);
+  const V value = (grown - 1.0) * over + slope * (x - curved);
+  return {select(taut, value, zero), select(taut, slope, zero)};
+}
+
 template <class V>
 [[gnu::always_inline]] inline HillCurve<V> hill_passive(const V& l) {
   constexpr double kOver = 1 / 147.4131591025766;  // 1 / (exp(k_PE) - 1)
-  const V strain = l - 1.0, zero = 0.0, most = hill::kPassiveStrain;
-  const auto taut = strain > zero;
-  if (!any(taut)) return {};
-  const V curved = smaller(greater(strain, zero), most);
-  const V grown = exponential(V(curved * (hill::kPassiveShape / hill::kPassiveStrain)));
-  const V slope = grown * (hill::kPassiveShape / hill::kPassiveStrain * kOver);
-  const V value = (grown - 1.0) * kOver + slope * (strain - curved);
-  return {select(taut, value, zero), select(taut, slope, zero)};
+  return hill_stretched(V(l - 1.0), hill::kPassiveShape, hill::kPassiveStrain, kOver);
 }
 
 /// Factor of the speed; its slope is divided by `top`. @param rate of normalised fibres, @param top largest

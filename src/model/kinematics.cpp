@@ -185,12 +185,24 @@ void place_joints(const Model& model, std::span<const double> q, std::span<const
     child.v = parent.v + parent.w.cross(anchor - parent.p) + v + child.w.cross(child.p - anchor);
   }
   update_coordinates(model, state);
+  rest_muscles(model, state);
+}
+
+void rest_muscles(const Model& model, State& state) {
+  for (std::size_t i = 0; i < model.muscles.size(); ++i) {
+    const Muscle& muscle = model.muscles[i];
+    const RestingMuscle rest =
+        at_rest(muscle, path_state(muscle.path, state.q).excursion, state.activation[i]);
+    state.fibre_length[i] = rest.fibre_length;
+    state.tendon_force[i] = rest.force;
+  }
 }
 
 State state_at(const Model& model, std::span<const double> q) {
   State state = zero_state(model);
   place_children(model, q, state);
   update_coordinates(model, state);
+  rest_muscles(model, state);
   return state;
 }
 
@@ -208,13 +220,8 @@ State initial_state(const Model& model) {
     state.bodies[i].w = model.bodies[i].initial_angular_velocity;
   }
   update_coordinates(model, state);
-  for (std::size_t i = 0; i < model.muscles.size(); ++i) {
-    const Muscle& muscle = model.muscles[i];
-    const double excursion = path_state(muscle.path, state.q).excursion;
-    state.activation[i] = muscle.initial;
-    state.fibre_length[i] = fibre_at(muscle, excursion).length;
-    state.tendon_force[i] = tension(muscle, excursion, 0, muscle.initial).force;
-  }
+  for (std::size_t i = 0; i < model.muscles.size(); ++i) state.activation[i] = model.muscles[i].initial;
+  rest_muscles(model, state);
   return state;
 }
 

@@ -24,8 +24,10 @@ double joint_gap(const Joint& joint, const State& state);
 Pose joint_transform(const Joint& joint, std::span<const double> q);
 /// Places the children of joints at the given coordinates and rates (each of size model.dof_count()),
 /// outward from the bodies without a parent joint, which keep their pose and velocity. Loop-closing joints
-/// are not solved. Fills q and u.
+/// are not solved. Fills q and u, and rests the muscles there.
 void place_joints(const Model& model, std::span<const double> q, std::span<const double> u, State& state);
+/// Fibre lengths and tensions of muscles that rest at the state's coordinates and activations.
+void rest_muscles(const Model& model, State& state);
 /// State with the given coordinates (size model.dof_count()), at rest. Bodies without a joint to a parent
 /// have their zero pose. Loop-closing joints are not solved: State::q has the coordinates that result.
 State state_at(const Model& model, std::span<const double> q);

@@ -58,4 +58,9 @@ PathState path_state(const TendonPath& path, std::span<const double> q) {
   return out;
 }
 
+bool any_elastic(std::span<const Muscle> muscles) {
+  return std::any_of(muscles.begin(), muscles.end(),
+                     [](const Muscle& each) { return each.tendon_strain.has_value(); });
+}
+
 }  // namespace handsim::model

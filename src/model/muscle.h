@@ -5,6 +5,7 @@
 #pragma once
 
 #include <array>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -47,8 +48,10 @@ struct PathState {
 /// @param q coordinates of the model [rad]
 PathState path_state(const TendonPath& path, std::span<const double> q);
 
-/// A Hill-type muscle with a rigid tendon. Its fibres lie at `pennation` where they have their optimal
-/// length.
+/// Strains of an elastic tendon at the largest isometric force.
+inline constexpr double kLeastTendonStrain = 1e-4, kMostTendonStrain = 0.5;
+
+/// A Hill-type muscle. Its fibres lie at `pennation` where they have their optimal length.
 struct Muscle {
   std::string name;  ///< unique, e.g. `right.FDP2`
   TendonPath path;
@@ -61,7 +64,12 @@ struct Muscle {
   double deactivation_time = 0.05;  ///< [s]
   double max_speed = 10;            ///< fastest shortening [optimal fibre lengths/s]
   double initial = 0;               ///< activation at the start, 0..1
+  /// Strain of the tendon at the largest isometric force; absent: the tendon is rigid.
+  std::optional<double> tendon_strain;
 };
+
+/// Whether some muscle has an elastic tendon.
+bool any_elastic(std::span<const Muscle> muscles);
 
 /// A passive band that couples joints: tension = stiffness (x - rest) + damping dx/dt with x = -e(q); a slack
 /// one pulls only, another one works both ways.

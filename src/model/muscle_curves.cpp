@@ -1,6 +1,8 @@
 #include "handsim/model/muscle_curves.h"
 
-#include "handsim/model/hill_lanes.h"
+#include <cmath>
+
+#include "handsim/model/elastic_lanes.h"
 
 namespace handsim::model {
 
@@ -32,6 +34,8 @@ HillConstants<double> hill_constants(const Muscle& muscle) {
           kPassiveDamping / muscle.max_speed};
 }
 
+double per_stretch(const Muscle& muscle) { return 1 / (*muscle.tendon_strain * muscle.slack_length); }
+
 Fibre fibre_at(const Muscle& muscle, double excursion) {
   const HillFibre<double> fibre = hill_fibre(hill_constants(muscle), excursion);
   return {fibre.length, fibre.cosine};
@@ -50,6 +54,21 @@ double isometric_force(const Muscle& muscle, double excursion) {
 double passive_force(const Muscle& muscle, double excursion) {
   const Fibre fibre = fibre_at(muscle, excursion);
   return muscle.force * fibre.cosine * hill_passive(fibre.length / muscle.fibre_length).value;
+}
+
+RestingMuscle at_rest(const Muscle& muscle, double excursion, double activation) {
+  if (!muscle.tendon_strain)
+    return {fibre_at(muscle, excursion).length, tension(muscle, excursion, 0, activation).force};
+  const HillConstants<double> hill = hill_constants(muscle);
+  const double taut = hill.reach - excursion;
+  const ElasticPull<double> found =
+      elastic_pull(hill, ElasticStep<double>{per_stretch(muscle), taut, taut, 0, 0, activation});
+  return {std::sqrt(hill.height + found.reach * found.reach), found.force};
+}
+
+double fibre_excursion(const Muscle& muscle, double fibre_length) {
+  const HillConstants<double> hill = hill_constants(muscle);
+  return hill.reach - fibre_reach(hill, fibre_length);
 }
 
 double next_activation(const Muscle& muscle, double activation, double excitation, double step) {

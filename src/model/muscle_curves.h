@@ -1,5 +1,6 @@
-// Force of a Hill-type muscle with a rigid tendon: curves of Thelen 2003 (J Biomech Eng 125:70, young adults,
-// table 1), activation by a first-order law with two time constants (the same, eqs. 1 and 2).
+// Force of a Hill-type muscle: curves of Thelen 2003 (J Biomech Eng 125:70, young adults, table 1),
+// activation by a first-order law with two time constants (the same, eqs. 1 and 2). Tendons are rigid but
+// for at_rest(); elastic_lanes.h has the others.
 // Normalised by largest isometric force and optimal fibre length:
 //   active length     exp(-(l - 1)^2 / 0.45)
 //   passive length    (exp(5 (l - 1) / 0.6) - 1) / (exp(5) - 1), 0 below 1; beyond 1.6 along its tangent
@@ -30,6 +31,9 @@ struct HillConstants;
 /// The muscle as the curves of hill_lanes.h take it.
 HillConstants<double> hill_constants(const Muscle& muscle);
 
+/// Of an elastic tendon: 1 / its stretch at the largest isometric force [1/m].
+double per_stretch(const Muscle& muscle);
+
 /// Fibres at a length of muscle and tendon.
 struct Fibre {
   double length = 0;  ///< [m]
@@ -54,6 +58,15 @@ Tension tension(const Muscle& muscle, double excursion, double rate, double acti
 double isometric_force(const Muscle& muscle, double excursion);
 /// Tension at rest without activation [N].
 double passive_force(const Muscle& muscle, double excursion);
+
+/// A muscle at rest at an activation, its tendon rigid or elastic.
+struct RestingMuscle {
+  double fibre_length = 0;  ///< [m]
+  double force = 0;         ///< tension [N]
+};
+RestingMuscle at_rest(const Muscle& muscle, double excursion, double activation);
+/// Excursion at which a rigid tendon has fibres of this length [m].
+double fibre_excursion(const Muscle& muscle, double fibre_length);
 
 /// Activation after a step [s] that starts at an activation: the law's backward Euler, in 0..1.
 double next_activation(const Muscle& muscle, double activation, double excitation, double step);

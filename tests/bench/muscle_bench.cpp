@@ -13,8 +13,11 @@ constexpr int kSteps = 2000;
 
 /// Yardstick: the step of the same hand without these effects. Candidate: with them; excitations of 0 to 1
 /// that change in every step, or none.
-void step_with_muscles(benchmark::State& state, const std::string& effects, bool excited) {
-  const Load load = one_hand(false, effects);
+/// @param strain of elastic tendons
+void step_with_muscles(benchmark::State& state, const std::string& effects, bool excited,
+                       std::optional<double> strain = {}) {
+  Load load = one_hand(false, effects);
+  for (model::Muscle& each : load.scene.model.muscles) each.tendon_strain = strain;
   const model::Model& model = load.scene.model;
   engine::Settings settings = load.scene.spec.solver;
   settings.use(engine::ArticulatedMethod::semi_implicit_euler);
@@ -49,6 +52,9 @@ void step_with_muscles(benchmark::State& state, const std::string& effects, bool
   state.SetLabel(with.version());
 }
 BENCHMARK_CAPTURE(step_with_muscles, excited, ", muscles, tendon_coupling", true)
+    ->UseManualTime()
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(step_with_muscles, elastic, ", muscles, tendon_coupling", true, 0.049)
     ->UseManualTime()
     ->Unit(benchmark::kMillisecond);
 BENCHMARK_CAPTURE(step_with_muscles, at_rest, ", muscles, tendon_coupling", false)

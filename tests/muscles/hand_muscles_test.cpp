@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "handsim/hand/build.h"
+#include "handsim/model/elastic_lanes.h"
+#include "handsim/model/kinematics.h"
 #include "scene_files.h"
 
 namespace handsim::hand {
@@ -116,6 +118,35 @@ TEST(HandMuscles, LoseTheAxesThatTheMountOmits) {
   for (std::size_t i = 0; i < right.size(); ++i) {
     EXPECT_EQ(left[i + 2].c, right[i].c);
     EXPECT_EQ(left[i + 2].dof, right[i].dof + 2);
+  }
+}
+
+// Oracle: what tendons say of each muscle alone at the new angles and at no speed.
+TEST(HandMuscles, AreAtRestWhereJointsArePlaced) {
+  const BuiltHand hand = build_hand(shipped(), person(1.75, 72, Sex::male));
+  for (const std::optional<double> strain : {std::optional<double>(), std::optional<double>(0.049)}) {
+    model::Model model = model::make_model();
+    Placement placement;
+    placement.tendon_strain = strain;
+    add_hand(model, hand, placement);
+    model::State state = model::initial_state(model);
+    std::fill(state.activation.begin(), state.activation.end(), 0.4);
+    const std::vector<double> q(state.q.size(), 0.5), u(state.q.size(), 3.0);
+    model::place_joints(model, q, u, state);
+    for (std::size_t i = 0; i < model.muscles.size(); ++i) {
+      const model::Muscle& each = model.muscles[i];
+      const double excursion = path_state(each.path, state.q).excursion;
+      const double taut = each.length - excursion - each.slack_length;
+      const double across = each.fibre_length * std::sin(each.pennation);
+      const double reach = std::sqrt(std::pow(state.fibre_length[i], 2) - across * across);
+      const double own =
+          model::tension(each, model::fibre_excursion(each, state.fibre_length[i]), 0, 0.4).force;
+      EXPECT_NEAR(state.tendon_force[i], own, 1e-9 * each.force) << each.name;
+      const double stretch = strain ? *strain * each.slack_length : 0;
+      const double tendon = strain ? each.force * model::tendon_curve((taut - reach) / stretch).value : own;
+      EXPECT_NEAR(state.tendon_force[i], tendon, 1e-9 * each.force) << each.name;
+      EXPECT_NEAR(reach, taut, strain ? stretch : 1e-12) << each.name;
+    }
   }
 }
 

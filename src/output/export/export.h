@@ -65,8 +65,8 @@ std::string to_urdf(const model::Model& model, const engine::Settings& settings,
 /// welded to the ground. Ranges need the effect joint_stops, springs passive_tissue, gravity the effect
 /// gravity. Muscles in effect become RigidTendonMuscles along paths whose lengths are polynomials of the
 /// coordinates: with the model's moment arms within the range of their polynomials, its forces at rest, and
-/// its force by speed at full activation; activation is excitation. Left out: contact forces, stops as
-/// forces, motors, boxes, cylinders and meshes as contact geometry.
+/// its force by speed at full activation; activation is excitation, and elastic tendons are rigid. Left out:
+/// contact forces, stops as forces, motors, boxes, cylinders and meshes as contact geometry.
 /// @throws Error (input) for loops and for universal joints whose axes are not perpendicular.
 std::string to_osim(const model::Model& model, const engine::Settings& settings);
 

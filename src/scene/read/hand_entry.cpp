@@ -219,6 +219,8 @@ HandEntry read_hand(MapReader reader, const Tasks& tasks, HandNames& names, bool
   entry.placement.tissue_stiffness = tissue.number("stiffness", {Dimension::none, 0, 1000}, 1.0);
   entry.placement.tissue_damping = tissue.number("damping", {Dimension::none, 0, 1000}, 1.0);
   tissue.finish();
+  entry.placement.tendon_strain = reader.maybe_number(
+      "tendon_strain", {Dimension::none, model::kLeastTendonStrain, model::kMostTendonStrain});
   reader.finish();
   if (person_known)
     for (const std::string& text : hand::doubts(*entry.model, entry.person)) reader.warning("person", text);

@@ -14,9 +14,9 @@ namespace handsim::simulation {
 static_assert(std::endian::native == std::endian::little,
               "the hash is of the numbers as they stand in memory: swap their bytes here");
 
-void StateHash::add(const model::State& state) {
+void StateHash::add(const model::State& state, bool fibres) {
   constexpr std::size_t kPerBody = 13;
-  numbers_.resize(1 + kPerBody * (state.bodies.size() - 1) + state.activation.size());
+  numbers_.resize(1 + kPerBody * (state.bodies.size() - 1) + state.activation.size() * (fibres ? 2 : 1));
   double* to = numbers_.data();
   *to++ = state.time;
   for (std::size_t i = 1; i < state.bodies.size(); ++i) {
@@ -26,15 +26,19 @@ void StateHash::add(const model::State& state) {
           body.v.y(), body.v.z(), body.w.x(), body.w.y(), body.w.z()})
       *to++ = value;
   }
-  std::copy(state.activation.begin(), state.activation.end(), to);
+  to = std::copy(state.activation.begin(), state.activation.end(), to);
+  if (fibres) std::copy(state.fibre_length.begin(), state.fibre_length.end(), to);
   value_ =
       hash_bytes({reinterpret_cast<const char*>(numbers_.data()), numbers_.size() * sizeof(double)}, value_);
 }
 
-RunHash::RunHash(const Watched& watched) : engine_(watched.engine) { hash_.add(engine_.state()); }
+RunHash::RunHash(const Watched& watched)
+    : engine_(watched.engine), fibres_(model::any_elastic(watched.scene.model.muscles)) {
+  hash_.add(engine_.state(), fibres_);
+}
 
 void RunHash::update(Step& step) {
-  if (++steps_ % kHashEvery == 0) hash_.add(step.engine.state());
+  if (++steps_ % kHashEvery == 0) hash_.add(step.engine.state(), fibres_);
 }
 
 void RunHash::save(ArchiveWriter& out) const {
@@ -49,7 +53,7 @@ void RunHash::restore(ArchiveReader& in, const model::State& /*state*/) {
 
 std::uint64_t RunHash::value() const {
   StateHash all = hash_;
-  if (steps_ % kHashEvery != 0) all.add(engine_.state());
+  if (steps_ % kHashEvery != 0) all.add(engine_.state(), fibres_);
   return all.value();
 }
 

@@ -1,0 +1,345 @@
+// Muscles with elastic tendons: their equilibrium, their step, and their state.
+#include <cmath>
+#include <functional>
+#include <random>
+
+#include <gtest/gtest.h>
+
+#include "engine/models.h"
+#include "handsim/engine/muscles.h"
+#include "handsim/environment/environment.h"
+#include "handsim/model/elastic_lanes.h"
+#include "handsim/model/kinematics.h"
+#include "handsim/simulation/simulation.h"
+#include "scene_files.h"
+
+namespace handsim::engine {
+namespace {
+
+using model::Effect;
+using model::Muscle;
+
+Muscle long_flexor(double strain) {
+  Muscle out;
+  out.name = "m";
+  out.path.arms = {{0, {0.01}, -4, 4}};
+  out.force = 200;
+  out.fibre_length = 0.07;
+  out.slack_length = 0.3;
+  out.length = 0.37;
+  out.pennation = 0.12;
+  out.tendon_strain = strain;
+  return out;
+}
+
+/// The curves of Thelen 2003 written down again, at full width and without speed.
+double fibres_at(const Muscle& m, double reach, double activation) {
+  const double length = std::hypot(m.fibre_length * std::sin(m.pennation), reach),
+               l = length / m.fibre_length;
+  const double active = l < 0.2 || l > 1.8 ? 0 : std::exp(-(l - 1) * (l - 1) / 0.45);
+  const double over = std::exp(5.0) - 1, grown = std::exp(5 * std::min(l - 1, 0.6) / 0.6);
+  const double passive = l <= 1 ? 0 : (grown - 1) / over + 5 / 0.6 * grown / over * std::max(0.0, l - 1.6);
+  return m.force * reach / length * (activation * active + passive);
+}
+
+double tendon_at(const Muscle& m, double stretch) {
+  const double s = stretch / (*m.tendon_strain * m.slack_length), e = std::exp(3.0);
+  const double toe = 99 * e / (166 * e - 67);
+  if (s <= 0) return 0;
+  return m.force *
+         (s < toe ? 0.33 * (std::exp(3 * s / toe) - 1) / (e - 1) : 0.33 + 0.67 / (1 - toe) * (s - toe));
+}
+
+/// Where an increasing function is zero.
+double root(double low, double high, const std::function<double(double)>& of) {
+  for (int i = 0; i < 100; ++i) (of(0.5 * (low + high)) > 0 ? high : low) = 0.5 * (low + high);
+  return 0.5 * (low + high);
+}
+
+double resting_tension(const Muscle& m, double excursion, double activation) {
+  const double taut = m.length - excursion - m.slack_length;
+  const double reach =
+      root(1e-4, taut, [&](double w) { return fibres_at(m, w, activation) - tendon_at(m, taut - w); });
+  return tendon_at(m, taut - reach);
+}
+
+// Oracle: the equilibrium of the published curves by bisection. Tolerance: 1e-9 of the largest force.
+TEST(ElasticTendon, PullsAsItsFibresAtRest) {
+  for (const double strain : {0.01, 0.049, 0.2})
+    for (const double activation : {0.0, 0.01, 0.3, 1.0})
+      for (const double excursion : {-0.03, -0.01, 0.0, 0.02, 0.05}) {
+        const Muscle m = long_flexor(strain);
+        EXPECT_NEAR(model::at_rest(m, excursion, activation).force, resting_tension(m, excursion, activation),
+                    1e-9 * m.force)
+            << strain << " " << activation << " " << excursion;
+      }
+}
+
+// Oracle: fibres longer than the optimal length alone pull at rest; others leave the tendon slack.
+TEST(ElasticTendon, CarriesNothingWhereItIsSlack) {
+  const Muscle m = long_flexor(0.049);
+  const model::RestingMuscle rest = model::at_rest(m, 0.01, 0);
+  EXPECT_EQ(rest.force, 0);
+  EXPECT_NEAR(rest.fibre_length, model::fibre_at(m, 0.01).length, 1e-15);
+  EXPECT_EQ(model::tendon_curve(-0.3).value, 0);
+  EXPECT_NEAR(model::tendon_curve(1.0).value, 1, 1e-13);
+}
+
+model::Model one_hinge(const Muscle& muscle) {
+  model::Model model = model::make_model();
+  const int child =
+      test::add_body(model, test::body("link", 0.02, {6e-6, 1e-6, 6e-6}, {{0, 0.02, 0}, Quat::Identity()}));
+  model::Joint joint;
+  joint.name = "hinge";
+  joint.child = child;
+  joint.child_frame.p = {0, -0.02, 0};
+  joint.axes.push_back({"flexion", Vec3::UnitX(), {}, {}, 0, 0});
+  model.joints.push_back(joint);
+  model.muscles.push_back(muscle);
+  return model;
+}
+
+/// Steps of a muscle whose joint is held at an angle [rad].
+class Held {
+ public:
+  Held(const Muscle& muscle, double h, double activation, double angle = 0)
+      : model_(one_hinge(muscle)),
+        muscles_(model_, test::settings({Effect::muscles}, h, ArticulatedMethod::semi_implicit_euler),
+                 [](int, int) { return true; }),
+        state_(model::initial_state(model_)) {
+    state_.q = {angle};
+    state_.activation = {activation};
+    model::rest_muscles(model_, state_);
+    muscles_.start(state_);
+  }
+  /// Tension at the end [N].
+  double step(double excitation) {
+    muscles_.begin(state_.q, state_.u, {&excitation, 1});
+    muscles_.end(state_.q, state_.u, state_);
+    return state_.tendon_force[0];
+  }
+  const model::State& state() const { return state_; }
+
+ private:
+  model::Model model_;
+  Muscles muscles_;
+  model::State state_;
+};
+
+// Oracle: what a muscle tends to is its rest, which bisection finds.
+TEST(ElasticTendon, ComesToRestInEquilibrium) {
+  for (const double h : {1e-3, 5e-3})
+    for (const double angle : {-1.0, 0.0, 2.0}) {
+      Held held(long_flexor(0.049), h, 0.02, angle);
+      double tension = 0;
+      for (int i = 0; i < 2000; ++i) tension = held.step(0.4);
+      const double activation = held.state().activation[0];
+      EXPECT_NEAR(tension, resting_tension(long_flexor(0.049), 0.01 * angle, activation), 1e-9 * 200);
+    }
+}
+
+/// Tension after a rise of the excitation from 0.05 to 1, by Runge and Kutta's method of order four; the
+/// speed of the fibres by bisection.
+double risen(const Muscle& m, double end) {
+  const double taut = m.length - m.slack_length, top_speed = m.max_speed;
+  const auto speed = [&](double reach, double a) {
+    const double length = std::hypot(m.fibre_length * std::sin(m.pennation), reach);
+    const double top = (0.25 + 0.75 * a) * top_speed, cosine = reach / length;
+    const double active = fibres_at(m, reach, a) - fibres_at(m, reach, 0);
+    const double passive = fibres_at(m, reach, 0), tension = tendon_at(m, taut - reach);
+    const double x = root(-top, top, [&](double v) {
+      const double w = v / top, factor = w < 0 ? (1 + w) / (1 - 4 * w) : (1 + 35 * w) / (1 + 25 * w);
+      return active * factor + passive * (1 + 0.1 * v / top_speed) - tension;
+    });
+    return x * m.fibre_length / cosine;
+  };
+  const auto slopes = [&](const std::array<double, 2>& y) {
+    return std::array<double, 2>{speed(y[0], y[1]), (1 - y[1]) / (m.activation_time * (0.5 + 1.5 * y[1]))};
+  };
+  std::array<double, 2> y = {
+      root(1e-4, taut, [&](double w) { return fibres_at(m, w, 0.05) - tendon_at(m, taut - w); }), 0.05};
+  const int steps = 2000;
+  const double h = end / steps;
+  const auto beyond = [&](const std::array<double, 2>& by, double much) {
+    return std::array<double, 2>{y[0] + much * by[0], y[1] + much * by[1]};
+  };
+  for (int i = 0; i < steps; ++i) {
+    const auto a = slopes(y), b = slopes(beyond(a, h / 2)), c = slopes(beyond(b, h / 2)),
+               d = slopes(beyond(c, h));
+    for (std::size_t k = 0; k < 2; ++k) y[k] += h / 6 * (a[k] + 2 * b[k] + 2 * c[k] + d[k]);
+  }
+  return tendon_at(m, taut - y[0]);
+}
+
+// Oracle: another integration of the same equations, with an error below 1e-6 N. Backward Euler is first
+// order.
+TEST(ElasticTendon, RisesAsAFineIntegrationToFirstOrder) {
+  const Muscle m = long_flexor(0.049);
+  const double end = 0.04, exact = risen(m, end);
+  const auto error = [&](double h) {
+    Held held(m, h, 0.05);
+    double tension = 0;
+    for (int i = 0; i < std::lround(end / h); ++i) tension = held.step(1);
+    return std::abs(tension - exact);
+  };
+  const double coarse = error(2e-4), fine = error(1e-4);
+  EXPECT_LT(fine, 0.01 * exact);
+  EXPECT_NEAR(coarse / fine, 2, 0.1);
+}
+
+// Oracle: a rigid tendon. What a tendon stretches by, and with it the difference, goes with its strain.
+TEST(ElasticTendon, TendsToTheRigidOne) {
+  Muscle rigid = long_flexor(0.049);
+  rigid.tendon_strain.reset();
+  const auto difference = [&](double strain) {
+    Held elastic(long_flexor(strain), 1e-3, 0.05, 0.5), stiff(rigid, 1e-3, 0.05, 0.5);
+    double worst = 0;
+    for (int i = 0; i < 100; ++i) worst = std::max(worst, std::abs(elastic.step(0.8) - stiff.step(0.8)));
+    return worst;
+  };
+  const double coarse = difference(1e-5), fine = difference(1e-6);
+  EXPECT_LT(fine, 0.03);
+  EXPECT_NEAR(coarse / fine, 10, 0.5);
+}
+
+/// Angle of a hinge that a muscle moves for 50 ms.
+double moved(std::optional<double> strain, Method method, double h) {
+  Muscle muscle = long_flexor(0.049);
+  muscle.tendon_strain = strain;
+  const model::Model model = one_hinge(muscle);
+  const auto engine = make_engine(model, test::settings({Effect::muscles}, h, method));
+  const double excitation = 0.3;
+  StepInput input;
+  input.excitations = {&excitation, 1};
+  for (int i = 0; i < std::lround(0.05 / h); ++i) engine->step(input);
+  return engine->state().q[0];
+}
+
+// Oracle: of a joint that moves, the rigid tendon again; a step of 10 us, of which either has its own error.
+TEST(ElasticTendon, MovesAJointAsTheRigidOneWhereItIsStiff) {
+  const auto difference = [rigid = moved({}, ArticulatedMethod::semi_implicit_euler, 1e-5)](double strain) {
+    return std::abs(moved(strain, ArticulatedMethod::semi_implicit_euler, 1e-5) / rigid - 1);
+  };
+  EXPECT_LT(difference(1e-3), 0.003);
+  EXPECT_GT(difference(1e-2) / difference(1e-3), 5);
+}
+
+// Oracle: all engines go to the same motion as the step goes to zero, at first order; the reference is the
+// articulated engine at 2 us.
+TEST(ElasticTendon, MovesAJointTheSameInEveryEngine) {
+  const double exact = moved(0.049, ArticulatedMethod::semi_implicit_euler, 2e-6);
+  for (const Method method : {Method(ArticulatedMethod::semi_implicit_euler), Method(OdeMethod::world_step),
+                              Method(DaeMethod::euler_projected)}) {
+    const double coarse = std::abs(moved(0.049, method, 1e-4) - exact);
+    const double fine = std::abs(moved(0.049, method, 5e-5) - exact);
+    EXPECT_LT(fine, 0.005 * exact) << method.index();
+    EXPECT_GT(coarse / fine, 1.7) << method.index();
+  }
+}
+
+// Oracle: the same arithmetic for one muscle at a time; all kernels have the same bits.
+TEST(ElasticTendon, HasTheSameBitsAtEveryWidth) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> number(0, 1);
+  const model::Model model =
+      handsim::test::shipped_scene(
+          "resting_hand", {"hands.0.model=" + handsim::test::source("handmodels/anatomical.yaml").string(),
+                           "effects=[muscles]", "hands.0.tendon_strain=0.049"})
+          .model;
+  const Settings all = test::settings({Effect::muscles}, 1e-3, ArticulatedMethod::semi_implicit_euler);
+  for (int sample = 0; sample < 20; ++sample) {
+    model::State start = model::initial_state(model);
+    for (double& q : start.q) q = 2 * number(random) - 0.5;
+    std::vector<double> excitations;
+    for (double& a : start.activation) {
+      a = number(random) < 0.3 ? 0 : number(random);
+      excitations.push_back(number(random));
+    }
+    model::rest_muscles(model, start);
+    for (double& u : start.u) u = 20 * number(random) - 10;
+    std::optional<model::State> first;
+    for (const TendonKernel* kernel : tendon_kernels()) {
+      Muscles muscles(
+          model, all, [](int a, int b) { return a == b; }, kernel);
+      model::State state = start;
+      muscles.start(state);
+      for (int step = 0; step < 3; ++step) {
+        muscles.begin(state.q, state.u, excitations);
+        for (double& u : state.u) u *= 0.9;
+        muscles.end(state.q, state.u, state);
+      }
+      if (!first) first = state;
+      EXPECT_EQ(state.fibre_length, first->fibre_length) << kernel->name;
+      EXPECT_EQ(state.tendon_force, first->tendon_force) << kernel->name;
+    }
+    for (std::size_t m = 0; m < model.muscles.size(); ++m) {
+      const Muscle& muscle = model.muscles[m];
+      const double shorter = first->fibre_length[m] - start.fibre_length[m];
+      EXPECT_GE(first->tendon_force[m], 0);
+      // Fibres on their own shorten by at most ten optimal lengths a second, along their pennation.
+      if (first->tendon_force[m] > 0) continue;
+      EXPECT_GE(shorter, -3e-3 * 10.01 * muscle.fibre_length) << m;
+    }
+  }
+}
+
+scene::Scene muscled(const std::string& engine) {
+  return handsim::test::shipped_scene(
+      "resting_hand", {"hands.0.model=" + handsim::test::source("handmodels/anatomical.yaml").string(),
+                       "effects=[gravity, joint_stops, passive_tissue, muscles, tendon_coupling]",
+                       "hands.0.tendon_strain=0.049", "solver=" + engine,
+                       "excitations={times: [0, 0.05], FDP2: [0, 0.8], EDC2: [0.3, 0]}"});
+}
+
+class ElasticState : public testing::TestWithParam<const char*> {};
+
+// Oracle: bits. A run that goes on from a snapshot, and one from a state, are the one that was not stopped.
+TEST_P(ElasticState, GoesOnWithTheSameBits) {
+  const scene::Scene scene = muscled(GetParam());
+  simulation::Simulation whole(scene), first(scene), second(scene);
+  for (int i = 0; i < 60; ++i) whole.step();
+  for (int i = 0; i < 33; ++i) first.step();
+  second.restore(first.snapshot());
+  for (int i = 33; i < 60; ++i) second.step();
+  EXPECT_EQ(second.state().fibre_length, whole.state().fibre_length);
+  EXPECT_EQ(second.state().q, whole.state().q);
+  EXPECT_EQ(second.state_hash(), whole.state_hash());
+  // Tendons do stretch.
+  const model::Model& model = scene.model;
+  double stretch = 0;
+  for (std::size_t m = 0; m < model.muscles.size(); ++m) {
+    const double excursion = model::path_state(model.muscles[m].path, whole.state().q).excursion;
+    stretch = std::max(stretch,
+                       model::fibre_at(model.muscles[m], excursion).length - whole.state().fibre_length[m]);
+  }
+  EXPECT_GT(stretch, 1e-3);
+}
+
+INSTANTIATE_TEST_SUITE_P(Engines, ElasticState,
+                         testing::Values("{engine: articulated, method: semi_implicit_euler, step: 0.001}",
+                                         "{engine: ode, method: world_step, step: 0.001}",
+                                         "{engine: ode, method: quick_step, step: 0.001}"));
+
+// Oracle: bits of two resets of one environment.
+TEST(ElasticTendon, StartsAgainWithTheSameBits) {
+  environment::Environment env(muscled("{engine: articulated, method: semi_implicit_euler, step: 0.001}"));
+  std::vector<double> fibres[2];
+  for (auto& each : fibres) {
+    env.reset();
+    env.step({}, 40);
+    each = env.simulation().state().fibre_length;
+  }
+  EXPECT_EQ(fibres[0], fibres[1]);
+}
+
+TEST(ElasticTendon, RefusesStrainsThatAreNone) {
+  for (const char* bad : {"-0.01", "0", "0.6", "stiff"}) try {
+      handsim::test::shipped_scene("resting_hand", {std::string("hands.0.tendon_strain=") + bad});
+      ADD_FAILURE() << bad;
+    } catch (const Error& error) {
+      EXPECT_NE(std::string(error.what()).find("hands.0.tendon_strain"), std::string::npos) << error.what();
+    }
+}
+
+}  // namespace
+}  // namespace handsim::engine
