@@ -133,15 +133,19 @@ struct TendonOperations {
     return rate;
   }
 
+  /// Apart for elastic tendons, whose call would take the registers of the others.
+  template <bool kElastic>
   static void pull_block(const TendonArrays& all, TendonBlock& b, const TendonInput& in, int l) {
     const V step = in.step, zero = 0.0;
-    if (b.elastic != kRigid && in.goes_on) end_fibres(all, b, l);
+    if constexpr (kElastic)
+      if (in.goes_on) end_fibres(all, b, l);
     const V excursion = find_arms(all, b, l);
     const ArmRow* arms = all.arm + b.first_arm;
     const V rate = rate_of(all, b, l);
-    const Pull pull = !b.muscles            ? pull_bands(b, excursion, rate, step, l)
-                      : b.elastic == kRigid ? pull_muscles(b, excursion, rate, in, l)
-                                            : pull_elastic(b, all.elastic[b.elastic], excursion, rate, in, l);
+    const Pull pull = [&] {
+      if constexpr (kElastic) return pull_elastic(b, all.elastic[b.elastic], excursion, rate, in, l);
+      return b.muscles ? pull_muscles(b, excursion, rate, in, l) : pull_bands(b, excursion, rate, step, l);
+    }();
     store(b.excursion + l, excursion);
     store(b.rate + l, rate);
     store(b.force + l, pull.force);
@@ -180,7 +184,11 @@ struct TendonOperations {
     for (PairRow* s = all.sum; s != all.sum + all.pairs; ++s)
       for (int l = 0; l < kTendonLanes; l += W) store(s->sum + l, zero);
     for (TendonBlock* b = all.block; b != all.block + all.blocks; ++b)
-      for (int l = 0; l < kTendonLanes; l += W) pull_block(all, *b, in, l);
+      for (int l = 0; l < kTendonLanes; l += W)
+        if (b->elastic == kRigid)
+          pull_block<false>(all, *b, in, l);
+        else
+          pull_block<true>(all, *b, in, l);
   }
 
   static constexpr TendonKernel kernel(const char* name) { return {name, pull}; }
