@@ -136,20 +136,20 @@ struct TendonOperations {
 
   /// Apart for elastic tendons, whose call would take the registers of the others.
   template <bool kElastic>
-  static void pull_block(const TendonArrays& all, TendonBlock& b, const double* excitations, double h,
-                         bool goes_on, int l) {
+  [[gnu::noinline]] static void pull_block(const TendonArrays& all, TendonBlock& b, const double* excitations,
+                                           double h, bool goes_on, int l) {
     const V step = h, zero = 0.0;
     if constexpr (kElastic)
       if (goes_on) end_fibres(all, b, l);
     const V excursion = find_arms(all, b, l);
     const ArmRow* arms = all.arm + b.first_arm;
     const V rate = rate_of(all, b, l);
-    const Pull pull = [&] {
-      if constexpr (kElastic)
-        return pull_elastic(b, all.elastic[b.elastic], excursion, rate, excitations, step, l);
-      return b.muscles ? pull_muscles(b, excursion, rate, excitations, step, l)
+    Pull pull;
+    if constexpr (kElastic)
+      pull = pull_elastic(b, all.elastic[b.elastic], excursion, rate, excitations, step, l);
+    else
+      pull = b.muscles ? pull_muscles(b, excursion, rate, excitations, step, l)
                        : pull_bands(b, excursion, rate, step, l);
-    }();
     store(b.excursion + l, excursion);
     store(b.rate + l, rate);
     store(b.force + l, pull.force);
