@@ -72,34 +72,35 @@ struct TendonOperations {
     return {load(b.strength + l), load(b.length + l), load(b.per_length + l), load(b.height + l),
             load(b.reach + l),    load(b.least + l),  load(b.max_speed + l),  load(b.drag + l)};
   }
-  [[gnu::always_inline]] static inline V activate(TendonBlock& b, const TendonInput& in, int l) {
+  [[gnu::always_inline]] static inline V activate(TendonBlock& b, const double* excitations, const V& step,
+                                                  int l) {
     V excitation = 0.0;
-    if (in.excitations)
+    if (excitations)
       excitation = V([&](auto i) {
         const int muscle = b.tendon[static_cast<int>(i) + l];
-        return muscle == kNoTendon ? 0 : in.excitations[muscle];
+        return muscle == kNoTendon ? 0 : excitations[muscle];
       });
-    const V activation = model::hill_activation(load(b.up + l), load(b.down + l), load(b.activation + l),
-                                                excitation, V(in.step));
+    const V activation =
+        model::hill_activation(load(b.up + l), load(b.down + l), load(b.activation + l), excitation, step);
     store(b.activation + l, activation);
     return activation;
   }
   [[gnu::always_inline]] static inline Pull pull_muscles(TendonBlock& b, const V& excursion, const V& rate,
-                                                         const TendonInput& in, int l) {
-    const V activation = activate(b, in, l), step = in.step, zero = 0.0;
+                                                         const double* excitations, const V& step, int l) {
+    const V activation = activate(b, excitations, step, l), zero = 0.0;
     const model::HillTension<V> found = model::hill_tension(hill_of(b, l), excursion, rate, activation);
     return {model::greater(V(found.force + step * found.stiffness * rate), zero),
             V(step * model::greater(found.stiffness, zero) + found.damping)};
   }
   static Pull pull_elastic(TendonBlock& b, ElasticRow& row, const V& excursion, const V& rate,
-                           const TendonInput& in, int l) {
-    const V activation = activate(b, in, l), step = in.step;
+                           const double* excitations, const V& step, int l) {
+    const V activation = activate(b, excitations, step, l);
     const model::HillConstants<V> hill = hill_of(b, l);
     const model::ElasticStep<V> of = {load(row.per_stretch + l),
                                       V(hill.reach - excursion + step * rate),
                                       model::fibre_reach(hill, load(row.fibre + l)),
                                       step,
-                                      V(1 / in.step),
+                                      V(1.0 / step),
                                       activation};
     const model::ElasticPull<V> found = model::elastic_pull(hill, of);
     store(row.reach + l, found.reach);
@@ -133,15 +134,22 @@ struct TendonOperations {
     return rate;
   }
 
-  static void pull_block(const TendonArrays& all, TendonBlock& b, const TendonInput& in, int l) {
-    const V step = in.step, zero = 0.0;
-    if (b.elastic != kRigid && in.goes_on) end_fibres(all, b, l);
+  /// Apart for elastic tendons, whose call would take the registers of the others.
+  template <bool kElastic>
+  [[gnu::noinline]] static void pull_block(const TendonArrays& all, TendonBlock& b, const double* excitations,
+                                           double h, bool goes_on, int l) {
+    const V step = h, zero = 0.0;
+    if constexpr (kElastic)
+      if (goes_on) end_fibres(all, b, l);
     const V excursion = find_arms(all, b, l);
     const ArmRow* arms = all.arm + b.first_arm;
     const V rate = rate_of(all, b, l);
-    const Pull pull = !b.muscles            ? pull_bands(b, excursion, rate, step, l)
-                      : b.elastic == kRigid ? pull_muscles(b, excursion, rate, in, l)
-                                            : pull_elastic(b, all.elastic[b.elastic], excursion, rate, in, l);
+    Pull pull;
+    if constexpr (kElastic)
+      pull = pull_elastic(b, all.elastic[b.elastic], excursion, rate, excitations, step, l);
+    else
+      pull = b.muscles ? pull_muscles(b, excursion, rate, excitations, step, l)
+                       : pull_bands(b, excursion, rate, step, l);
     store(b.excursion + l, excursion);
     store(b.rate + l, rate);
     store(b.force + l, pull.force);
@@ -180,7 +188,11 @@ struct TendonOperations {
     for (PairRow* s = all.sum; s != all.sum + all.pairs; ++s)
       for (int l = 0; l < kTendonLanes; l += W) store(s->sum + l, zero);
     for (TendonBlock* b = all.block; b != all.block + all.blocks; ++b)
-      for (int l = 0; l < kTendonLanes; l += W) pull_block(all, *b, in, l);
+      for (int l = 0; l < kTendonLanes; l += W)
+        if (b->elastic == kRigid)
+          pull_block<false>(all, *b, in.excitations, in.step, in.goes_on, l);
+        else
+          pull_block<true>(all, *b, in.excitations, in.step, in.goes_on, l);
   }
 
   static constexpr TendonKernel kernel(const char* name) { return {name, pull}; }

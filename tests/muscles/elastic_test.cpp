@@ -237,7 +237,7 @@ TEST(ElasticTendon, MovesAJointTheSameInEveryEngine) {
   }
 }
 
-// Oracle: the same arithmetic for one muscle at a time; all kernels have the same bits.
+// Oracle: bits of all kernels; and fibres that carry nothing shorten by ten optimal lengths a second at most.
 TEST(ElasticTendon, HasTheSameBitsAtEveryWidth) {
   std::mt19937 random(3);
   std::uniform_real_distribution<double> number(0, 1);
@@ -276,7 +276,6 @@ TEST(ElasticTendon, HasTheSameBitsAtEveryWidth) {
       const Muscle& muscle = model.muscles[m];
       const double shorter = first->fibre_length[m] - start.fibre_length[m];
       EXPECT_GE(first->tendon_force[m], 0);
-      // Fibres on their own shorten by at most ten optimal lengths a second, along their pennation.
       if (first->tendon_force[m] > 0) continue;
       EXPECT_GE(shorter, -3e-3 * 10.01 * muscle.fibre_length) << m;
     }
