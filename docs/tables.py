@@ -95,7 +95,7 @@ STUDIES = {
     "poses": Study("20 s", pose_runs()),
     "tracking": Study("20 s", tracking_runs()),
     "grasp": Study("6 min", {"both": ["grasp", "config", "--out", "{out}", "--side", "both"]}),
-    "agreement": Study("75 min", {"run": ["grasp", "config/agreement/box.yaml", "--agree", "100", "--seed", "2201", "--out", "{out}"]}),
+    "agreement": Study("45 min", {"run": ["grasp", "config/agreement/box.yaml", "--agree", "100", "--seed", "2201", "--out", "{out}"]}),
     "climb": Study("1 min", climb_runs()),
     "contacts": Study("1.5 min", {"contacts": ["contacts", "--out", "{out}"]},
                       {"contacts/contacts_cost.png": "contacts_cost.png"}),
