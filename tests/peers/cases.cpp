@@ -36,7 +36,7 @@ struct Setting {
   bool of_contact = false;  ///< the same as the engine's other settings where nothing can touch
 };
 
-/// CPU time of Drake for a case with a setting [s], so that the study ends: its steps through Python are slow.
+/// CPU time of Drake for a case with a setting [s]: its steps through Python are slow.
 constexpr double kDrakeTime = 8;
 
 /// Long, and with palms that move as told, which no peer is asked.
