@@ -542,9 +542,12 @@ def peers_accuracy():
 
 
 def verdict(ways):
-    """The best of some ways: holds, or what it misses most."""
+    """The best of some ways: holds, or what it misses most; "too slow" if the limit of CPU time left none a verdict."""
     if not ways:
         return "-"
+    ways = [way for way in ways if "too_slow" not in way]
+    if not ways:
+        return "too slow"
     best = min(ways, key=lambda way: (not way["held"], way["worst"].get("severity", math.inf)))
     if best["held"]:
         return "holds"
@@ -571,7 +574,7 @@ def case_columns():
                     column = "MuJoCo, as exported" if name == "Euler, as exported" else "MuJoCo, best setting"
                 else:
                     column = "Drake, best setting"
-                if column and "worst" in way:
+                if column and ("worst" in way or "too_slow" in way):
                     columns[column] = True
                     out.setdefault(case["name"], {}).setdefault(column, []).append(way)
     return list(columns), out
@@ -595,9 +598,11 @@ def peers_settings():
             continue
         names = list(dict.fromkeys(way["way"] for case in cases for way in case["ways"]))
         for name in names:
-            ways = [way for case in cases for way in case["ways"] if way["way"] == name and "held" in way]
-            rows.append([f"{title}: {name}", f"{sum(way['held'] for way in ways)} of {len(ways)}"])
-    return table(["setting", "cases held"], rows)
+            ways = [way for case in cases for way in case["ways"] if way["way"] == name]
+            held = [way["held"] for way in ways if "held" in way]
+            slow = sum("too_slow" in way for way in ways)
+            rows.append([f"{title}: {name}", f"{sum(held)} of {len(held)}", f"{slow or ''}"])
+    return table(["setting", "cases held", "too slow"], rows)
 
 
 def peers_ahead():
@@ -606,11 +611,11 @@ def peers_ahead():
     rows = []
     for name, found in cases.items():
         holds = [column for column in columns if not column.startswith(("articulated", "ODE"))
-                 and any(way["held"] for way in found.get(column, []))]
+                 and any(way.get("held") for way in found.get(column, []))]
         for ours in ("articulated", "ODE"):
             ways = found.get(ours)
             if holds and ways and not any(way["held"] for way in ways):
-                held_by = [way["way"] for column in holds for way in found[column] if way["held"]]
+                held_by = [way["way"] for column in holds for way in found[column] if way.get("held")]
                 rows.append([f"`{name}`", ours, verdict(ways), "; ".join(held_by)])
     return table(["case", "of ours", "falls short by", "held by"], rows)
 

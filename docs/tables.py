@@ -125,9 +125,6 @@ STUDIES = {
     "peers": Study("30 min", {"accuracy": None, "pinch": None, "bench": None, "cases_handsim": None, "cases_mujoco": None,
                               "cases_drake": None}),
 }
-# A step of Drake through Python takes a millisecond: only cases about hands and contact.
-DRAKE_CASES = ["spinning_hand", "swinging_hand", "chain", "stack", "incline_sticks", "incline_slides", "ball_on_incline", "crank", "pinch",
-               "resting_capsule", "softness", "large_steps", "masses", "crossed_fingers", "limp_hands", "stops_at_zero"]
 # Benchmarks of studies of their own; "speed" runs all others.
 BENCHMARKS = {"environment": "^(batch_|two_threads|reset/|memory/)", "passes": "friction_passes", "muscles": "step_with_muscles"}
 # Studies that run only if they are named: ./dev peers builds their programs.
@@ -153,9 +150,7 @@ def command_of(name, label, build):
         newest = build / "tests" / "peers" / "newest"
         out = OUT / name
         if label.startswith("cases_"):
-            engine = label.removeprefix("cases_")
-            return [str(newest / "peer_cases"), "config/stability.yaml", str(out / f"{label}.json"), engine,
-                    *(DRAKE_CASES if engine == "drake" else [])]
+            return [str(newest / "peer_cases"), "config/stability.yaml", str(out / f"{label}.json"), label.removeprefix("cases_")]
         return {"accuracy": [str(build / "src" / "handsim"), "accuracy", "config/accuracy_peers.yaml", "--out",
                              str(out / label), "--peers", str(newest)],
                 "pinch": [str(newest / "test_pinch")],

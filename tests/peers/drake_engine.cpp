@@ -6,7 +6,11 @@
 
 #include <cstdlib>
 #include <cstring>
+#include <ctime>
+#include <mutex>
+#include <utility>
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include "handsim/engine/checks.h"
@@ -55,6 +59,13 @@ class Child {
   bool receive(void* data, std::size_t size) {
     return all(size, data, [&](auto* at, auto n) { return ::read(from_, at, n); });
   }
+  /// CPU time so far [s].
+  double cpu() const {
+    clockid_t clock{};
+    timespec now{};
+    if (clock_getcpuclockid(id_, &clock) != 0 || clock_gettime(clock, &now) != 0) return 0;
+    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+  }
 
  private:
   template <class Data, class Move>
@@ -71,10 +82,41 @@ class Child {
   int to_ = 0, from_ = 0;
 };
 
+/// Idle children, as Drake's modules take a second to load.
+class Children {
+ public:
+  std::unique_ptr<Child> take(const char* script) {
+    const std::lock_guard lock(mutex_);
+    if (idle_.empty()) return std::make_unique<Child>(script);
+    std::unique_ptr<Child> out = std::move(idle_.back());
+    idle_.pop_back();
+    return out;
+  }
+  void give_back(std::unique_ptr<Child> child) {
+    const std::lock_guard lock(mutex_);
+    idle_.push_back(std::move(child));
+  }
+
+ private:
+  std::mutex mutex_;
+  std::vector<std::unique_ptr<Child>> idle_;
+};
+
+Children& children() {
+  static Children all;
+  return all;
+}
+
 bool jointed(const model::Model& model, int a, int b) {
   for (const model::Joint& joint : model.joints)
     if ((joint.parent == a && joint.child == b) || (joint.parent == b && joint.child == a)) return true;
   return false;
+}
+
+/// @throws Error (physics) where the limit is reached.
+void require_time(const DrakeOptions& options, double time) {
+  if (options.limit && options.limit->spent >= options.limit->seconds)
+    throw Error(PhysicsFault{time, "drake", kTooSlow, fmt::format("at most {:g}", options.limit->seconds)});
 }
 
 /// Shapes that may touch.
@@ -103,14 +145,22 @@ Json pairs_of(const model::Model& model, const engine::Settings& settings) {
 class DrakeEngine final : public OtherEngine {
  public:
   DrakeEngine(const model::Model& model, const engine::Settings& settings, const DrakeOptions& options)
-      : OtherEngine(model, settings), child_(script()) {
+      : OtherEngine(model, settings),
+        options_(options),
+        child_(children().take(script())),
+        counted_(child_->cpu()) {
     for (std::size_t i = 1; i < model.bodies.size(); ++i)
       if (!model.bodies[i].kinematic) bodies_.push_back(i);
-    const std::string request = describe(options).dump() + "\n";
-    if (!child_.send(request.data(), request.size())) refuse();
-    for (char next = 0; child_.receive(&next, 1) && next != '\n';) version_ += next;
+    const std::string request = "M" + describe().dump() + "\n";
+    if (!child_->send(request.data(), request.size())) refuse();
+    for (char next = 0; child_->receive(&next, 1) && next != '\n';) version_ += next;
     if (version_.empty()) refuse();
     put(state());
+    count_time();
+  }
+
+  ~DrakeEngine() override {
+    if (answers_) children().give_back(std::move(child_));
   }
 
   std::string version() const override { return "Drake " + version_; }
@@ -127,7 +177,8 @@ class DrakeEngine final : public OtherEngine {
     }
     numbers.insert(numbers.end(), state.q.begin(), state.q.end());
     numbers.insert(numbers.end(), state.u.begin(), state.u.end());
-    if (!tell('P', numbers) || !listen()) refuse();
+    answers_ = tell('P', numbers) && listen();
+    if (!answers_) refuse();
   }
 
   void advance(const engine::StepInput& input) override {
@@ -135,7 +186,9 @@ class DrakeEngine final : public OtherEngine {
       throw input_error("control", "servos", "none: Drake's gains are fixed at the start");
     std::vector<double> forces(input.torques.begin(), input.torques.end());
     forces.resize(static_cast<std::size_t>(model_.dof_count()));
-    if (!tell('S', forces) || !listen()) fail("no answer from Drake");
+    answers_ = tell('S', forces) && listen();
+    if (!answers_) fail("no answer from Drake");
+    count_time();
   }
 
   void read(model::State& state, std::vector<engine::Contact>& contacts) override {
@@ -162,7 +215,14 @@ class DrakeEngine final : public OtherEngine {
     throw input_error("drake", "a model that it does not take", "another");
   }
 
-  Json describe(const DrakeOptions& options) const {
+  void count_time() {
+    if (!options_.limit) return;
+    const double now = child_->cpu();
+    options_.limit->spent += now - std::exchange(counted_, now);
+    require_time(options_, state().time);
+  }
+
+  Json describe() const {
     const bool tissue = settings_.effects.has(model::Effect::passive_tissue);
     Json names = Json::array(), springs = Json::array(), bodies = Json::array(), floating = Json::array(),
          shapes = Json::array();
@@ -187,9 +247,9 @@ class DrakeEngine final : public OtherEngine {
     const Vec3 g = settings_.effects.has(model::Effect::gravity) ? model_.gravity : Vec3::Zero();
     return {{"mjcf", output::to_mjcf(model_, settings_)},
             {"step", settings_.step},
-            {"approximation", options.approximation},
-            {"hydroelastic", options.modulus > 0},
-            {"hydroelastic_modulus", options.modulus},
+            {"approximation", options_.approximation},
+            {"hydroelastic", options_.modulus > 0},
+            {"hydroelastic_modulus", options_.modulus},
             {"stiction_tolerance", kStiction},
             {"point_stiffness", kPointStiffness},
             {"bodies", bodies},
@@ -202,17 +262,20 @@ class DrakeEngine final : public OtherEngine {
   }
 
   bool tell(char kind, const std::vector<double>& numbers) {
-    return child_.send(&kind, 1) && child_.send(numbers.data(), 8 * numbers.size());
+    return child_->send(&kind, 1) && child_->send(numbers.data(), 8 * numbers.size());
   }
   bool listen() {
     answer_.resize(kBodyNumbers * bodies_.size());
     double count = 0;
-    if (!child_.receive(answer_.data(), 8 * answer_.size()) || !child_.receive(&count, 8)) return false;
+    if (!child_->receive(answer_.data(), 8 * answer_.size()) || !child_->receive(&count, 8)) return false;
     contacts_.resize(kContactNumbers * static_cast<std::size_t>(count));
-    return child_.receive(contacts_.data(), 8 * contacts_.size());
+    return child_->receive(contacts_.data(), 8 * contacts_.size());
   }
 
-  Child child_;
+  const DrakeOptions options_;
+  std::unique_ptr<Child> child_;
+  bool answers_ = false;
+  double counted_;  ///< of the child's CPU time, in the limit [s]
   std::string version_;
   std::vector<std::size_t> bodies_;  ///< that move
   std::vector<double> answer_, contacts_;
@@ -222,6 +285,7 @@ class DrakeEngine final : public OtherEngine {
 
 std::unique_ptr<engine::Engine> make_drake(const model::Model& model, const engine::Settings& settings,
                                            const DrakeOptions& options) {
+  require_time(options, 0);
   return std::make_unique<DrakeEngine>(model, settings, options);
 }
 

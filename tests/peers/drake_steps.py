@@ -1,10 +1,9 @@
-"""Steps a model in Drake for drake_engine.cpp: a line of JSON says which, and the answer is a line with Drake's version; then
-binary doubles follow.
+"""Steps models in Drake for drake_engine.cpp, one after the other: answers requests, both with binary doubles.
 
-Request: `P`, then 13 doubles for each body (place, orientation w x y z, velocity, angular velocity) and q, u of all
-coordinates; or `S`, then a force for each coordinate, which makes a step. Answer to either: 13 doubles for each body,
-a number of contacts, and 9 doubles for each: shape a, shape b, place, normal out of b, depth. Where the step fails the
-answer is one line of text on standard error and the end.
+Request: `M` and a line of JSON, the model, whose answer is a line with Drake's version; `P`, then 13 doubles for each body
+(place, orientation w x y z, velocity, angular velocity) and q, u of all coordinates; or `S`, then a force for each coordinate,
+which makes a step. Answer to `P` and `S`: 13 doubles for each body, a number of contacts, and 9 doubles for each: shape a,
+shape b, place, normal out of b, depth. Where a request fails the answer is one line of text on standard error and the end.
 """
 import importlib.metadata
 import json
@@ -167,12 +166,14 @@ class World:
 
 def main():
     source, out = sys.stdin.buffer, sys.stdout.buffer
-    model = json.loads(source.readline())
-    world = World(model)
-    out.write(f"{importlib.metadata.version('drake')}\n".encode())
-    out.flush()
-    bodies, dofs = len(model["bodies"]), len(model["coordinates"])
     while kind := source.read(1):
+        if kind == b"M":
+            model = json.loads(source.readline())
+            world = World(model)
+            bodies, dofs = len(model["bodies"]), len(model["coordinates"])
+            out.write(f"{importlib.metadata.version('drake')}\n".encode())
+            out.flush()
+            continue
         if kind == b"P":
             values = np.frombuffer(source.read(8 * (13 * bodies + 2 * dofs)))
             states = values[:13 * bodies].reshape(bodies, 13)
