@@ -100,7 +100,7 @@ TEST(RandomScenes, RunAgainFromTheirResolvedTextToTheBit) {
     }
   });
   EXPECT_TRUE(held);
-  EXPECT_GT(repeated, 50);
+  EXPECT_GT(repeated, test::kDrawnCases / 2);
 }
 
 /// Angles of one joint over 0.1 s.
