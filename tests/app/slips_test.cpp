@@ -139,6 +139,19 @@ TEST(Overlaps, AreReportedOnceInAtMostElevenLines) {
       << refused.err;
 }
 
+// Oracle: what is asked for and has no effect is said, what has one is not.
+TEST(TendonStrain, WithoutMusclesIsAWarning) {
+  const auto words = [](const char* scene) {
+    const TemporaryFolder folder;
+    return run_program({"run", source(scene), "--set", "hands.0.tendon_strain=0.049", "--set",
+                        "duration=2 ms", "--out", folder.path() / "a"})
+        .err;
+  };
+  const std::string given = "tendon_strain is given, but ";
+  EXPECT_TRUE(contains(words("config/two_hands.yaml"), given + "the effect muscles is not on"));
+  EXPECT_FALSE(contains(words("config/muscle_poses.yaml"), given));
+}
+
 TEST(EngineAuto, FindsTheShippedCostsFromAnyFolder) {
   const TemporaryFolder folder;
   const fs::path scene = write(folder.path() / "s.yaml",

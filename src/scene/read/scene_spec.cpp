@@ -90,6 +90,12 @@ void read_run(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics) {
   if (scene.solver.contact_forces && !scene.solver.effects.any_contact())
     reader.warning(scene.record_contacts ? "record" : "pictures",
                    "contact forces are requested, but no effect of contact is on");
+  const bool muscles = scene.solver.effects.has(model::Effect::muscles);
+  for (const HandEntry& hand : scene.hands)
+    if (hand.placement.tendon_strain && !(muscles && hand.model->muscles))
+      reader.warning("hands",
+                     fmt::format("{}: tendon_strain is given, but {}", hand.placement.name,
+                                 muscles ? "the hand model has no muscles" : "the effect muscles is not on"));
 }
 
 }  // namespace
