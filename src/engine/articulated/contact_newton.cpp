@@ -326,32 +326,28 @@ bool ContactNewton::reuse_factor(double tolerance, NewtonReport& report) {
   return false;
 }
 
-/// Impulses by Coulomb's law at the velocities of an evaluated x: true where they are those that it was
-/// evaluated with, and no servo reaches or leaves its limit.
-bool ContactNewton::coulomb_agrees() {
-  bool same = true;
+/// Whether the active set is that of the start.
+bool ContactNewton::keeps_active_set() const {
   for (std::size_t c = 0; c < contacts_.size(); ++c) {
-    const std::array<double, kMostRows> before = contacts_[c].impulse;
-    apply_law(contacts_[c], r_.data() + kMostRows * c, Law::coulomb);
-    for (std::size_t k = 0; k < contacts_[c].rows; ++k) same = same && contacts_[c].impulse[k] == before[k];
+    const ContactRows& contact = contacts_[c];
+    const Outcome& start = scratch().start[c];
+    if (contact.open != start.open) return false;
+    for (std::size_t k = 0; k < contact.disc_count; ++k)
+      if (contact.discs[k].slides != start.discs[k].slides) return false;
   }
-  for (int i = 0; i < n_ && same; ++i)
-    if (const Servo& servo = servos_[at(i)]; servo.limit > 0)
-      same = servo.saturated == servo.side(servo.offset - servo.slope * x_[at(i)]);
-  return same;
+  return std::equal(servos_.begin(), servos_.begin() + n_, scratch().latest.servos.begin(),
+                    [](const Servo& a, const Servo& b) { return a.saturated == b.saturated; });
 }
 
-/// Whether the start, which is the last solution, solves this problem, as it does where nothing moves; from
-/// an evaluated x, which stays.
+/// Evaluates the start, by Coulomb's law where nothing opens, closes, sticks or slides anew: slow slip that
+/// goes on bends along the cone, and the active set's straight continuation is further off. @returns whether
+/// the start, which goes on as the last solution, solves this problem
 bool ContactNewton::starts_solved(double tolerance, NewtonReport& report) {
   const double enough = kAtRest * tolerance;
-  if (!(largest_residual() <= enough)) return false;
   keep_start();
-  if (coulomb_agrees())
-    law_ = Law::coulomb;
-  else
-    evaluate_residual(Law::coulomb);
-  if (solved(enough, report)) return true;
+  evaluate_residual(Law::coulomb);
+  if (largest_residual() <= enough && solved(enough, report)) return true;
+  if (keeps_active_set()) return false;
   back_to_start();
   evaluate_residual(Law::active_set);
   return false;
@@ -386,8 +382,10 @@ NewtonReport ContactNewton::solve_island(double tolerance) {
   }
   M_.resize(lay_out_rows(last_, M_start_));
   if (heap) scratch().latest.contacts = contacts_;
-  evaluate_residual(Law::active_set);
-  if (!heap && (starts_solved(tolerance, report) || solved_by_old_factor(tolerance, report))) return report;
+  if (heap)
+    evaluate_residual(Law::active_set);
+  else if (starts_solved(tolerance, report) || solved_by_old_factor(tolerance, report))
+    return report;
   newton_steps(heap ? kHeapSteps : kNewtonSteps, tolerance, report);
   if (report.solved) return report;
   if (!heap) {

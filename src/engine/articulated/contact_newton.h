@@ -205,7 +205,6 @@ class ContactNewton : private NewtonRoom {
   bool factor_fits();
   bool reuse_factor(double tolerance, NewtonReport& report);
   bool solved_by_old_factor(double tolerance, NewtonReport& report);
-  bool coulomb_agrees();
   bool starts_solved(double tolerance, NewtonReport& report);
   void find_factor();
   void assemble();
@@ -285,6 +284,7 @@ class ContactNewton : private NewtonRoom {
   };
   void keep_start();
   void back_to_start();
+  bool keeps_active_set() const;
 
   /// What is needed within a solution only: one for each thread, however many solvers there are.
   struct Scratch {

@@ -189,6 +189,26 @@ TEST(GraspStudy, ContactForcesCarryTheObject) {
   EXPECT_LT((sum - Vec3(0, 0, weight)).norm(), 1e-3 * weight);
 }
 
+// Oracle: the last step. Where a held object creeps along a bend, the start of a step lies on the edge of
+// friction's disc and one solution is nearly always enough; a start along the tangent takes two, each with a
+// factor of its own.
+TEST(GraspStudy, AHoldThatCreepsTakesOneSolutionAStep) {
+  simulation::Simulation simulation(test::shipped_scene(
+      "grasp_cup", {"solver={engine: articulated, step: 1 ms}", "record.contacts=false"}));
+  const double from = simulation.scene().plans.grasps.front().phase("hold")->start + 2.5;
+  while (simulation.state().time < from) simulation.step();
+  constexpr int kSteps = 300;
+  int solutions = 0;
+  for (int i = 0; i < kSteps; ++i) {
+    simulation.step();
+    const engine::StepReport& report = simulation.last_report();
+    EXPECT_GT(report.contacts, 15);
+    EXPECT_EQ(report.limit_updates, 0);
+    solutions += report.contact_sweeps;
+  }
+  EXPECT_LT(solutions, 1.5 * kSteps);
+}
+
 // Oracle: it holds with the friction found and not with a sixteenth of the scene's less.
 TEST(GraspStudy, FindsTheSmallestFrictionThatHolds) {
   scene::Scene scene = shortened("grasp_sphere_35mm", {kBrief});
