@@ -240,17 +240,31 @@ class Fit {
   /// Share of what the contacts hold that weight and shake take.
   double use() const { return load_share(task_of_, balanced_, place_.loads); }
 
+  bool balances() const { return balanced_.unbalanced <= kUnbalanced; }
+
+  /// Presses more, or less; more only as long as the object stays between the pads.
+  void press_with(double factor) {
+    const double held = strength_;
+    for (int n = 0; n < kRaises; ++n, factor = std::sqrt(factor)) {
+      strength_ = factor * held;
+      grasp_at(best_);
+      if (balances()) return;
+      slips_ = true;
+    }
+    strength_ = held;
+    grasp_at(best_);
+  }
+
   /// Raises forces that are too small for the object's weight and shake, and reduces those that the joints
   /// cannot press with. A problem if they then do not carry the object.
   void press_as_needed() {
     const double asked_strength = strength_;
     double wanted = strength_;
-    for (int round = 0; round < kRaises; ++round) {
+    for (int round = 0; round < kRaises && balances() && !slips_; ++round) {
       wanted = std::max(asked_strength, strength_ * use() / kUse);
       const double factor = std::min(wanted / strength_, 1 / (worst_torque().first + 1e-9));
       if (std::abs(factor - 1) < kEnough) break;
-      strength_ *= factor;
-      grasp_at(best_);
+      press_with(factor);
     }
     const auto [share, axis] = worst_torque();
     if (share > 1) {
@@ -262,16 +276,17 @@ class Fit {
 
   void judge_forces(double lacking, const std::string& axis) {
     const double used = use();
+    const std::string limit =
+        slips_ ? "more than which pushes it out of the grip" : "the torque limit of " + axis;
     if (used > kMostUse)
       weak_ = {task_.place, task_.path,
-               fmt::format("a hand of {:.0f} mm that presses with {:.3g} N in sum, the torque limit of {}",
-                           1e3 * site_.built.size.length, total_force(), axis),
+               fmt::format("a hand of {:.0f} mm that presses with {:.3g} N in sum, {}",
+                           1e3 * site_.built.size.length, total_force(), limit),
                fmt::format("{:.3g} N for the object's weight and shake: a stronger hand, or a lighter object",
                            total_force() * used / kMostUse)};
     else if (lacking > 1 + 2 * kEnough)
-      out_.warnings.push_back(
-          fmt::format("{}: the hand presses with {:.3g} N in place of {:.3g} N: torque limit of {}",
-                      task_.path, total_force(), total_force() * lacking, axis));
+      out_.warnings.push_back(fmt::format("{}: the hand presses with {:.3g} N in place of {:.3g} N: {}",
+                                          task_.path, total_force(), total_force() * lacking, limit));
   }
 
   /// Largest torque over its limit, and the axis.
@@ -300,7 +315,7 @@ class Fit {
     for (const auto& [part, force] : spec_.forces)
       if (why.empty() && !out_.forces.contains(part))
         why = fmt::format("{} finger does not reach it", part_name(part));
-    if (why.empty() && balanced_.unbalanced > kUnbalanced)
+    if (why.empty() && !balances())
       why = fmt::format("forces do not balance: {:.0f} % are left over", 100 * balanced_.unbalanced);
     if (why.empty() && unplanned() > kMostUnplanned) why = "it lies against a part that does not press";
     if (why.empty()) {
@@ -385,6 +400,7 @@ class Fit {
   GripTask task_of_;
   GripForces balanced_;
   bool opens_ = true;
+  bool slips_ = false;           ///< where the fingers press with more
   Vec3 best_ = Vec3::Zero();     ///< the place that was chosen
   std::optional<Problem> weak_;  ///< the forces are too small
   FittedGrip out_;

@@ -1,6 +1,8 @@
 // Grips fitted to a person: geometry and statics, and what a run then measures.
 #include <gtest/gtest.h>
 
+#include <regex>
+
 #include "handsim/hand/grip_strength.h"
 #include "handsim/scene/task/grip_balance.h"
 #include "handsim/simulation/simulation.h"
@@ -141,6 +143,30 @@ TEST(Grips, OfACylinderThatIsTooLargeForAChildAreRefusedWithBothSizes) {
     const std::string text = error.what();
     EXPECT_NE(text.find("grasps.0: got a hand of 124 mm, which opens to"), std::string::npos) << text;
     EXPECT_NE(text.find("on cylinder of 100 x 100 x 140 mm"), std::string::npos) << text;
+  }
+}
+
+// Oracle: what the hand can press with, and what the weight and the shake need. A card pressed harder turns
+// until the thumb is off it.
+TEST(Grips, WhoseForceCannotGrowAsTheLoadNeedsAreRefusedWithBothForces) {
+  const std::vector<std::string> woman = {
+      "hands.0.person={stature: 1.6817, mass: 78.491, sex: female}",
+      "grasps.0.shake.levels=[{acceleration: 19.6 m/s2, frequency: 5 Hz}]"};
+  const auto with = [&](const std::string& more) {
+    std::vector<std::string> all = woman;
+    all.push_back(more);
+    return all;
+  };
+  EXPECT_NO_THROW(test::shipped_scene("grasp_pinch", with("objects.0.mass=60 g")));
+  try {
+    test::shipped_scene("grasp_pinch", with("objects.0.mass=100 g"));
+    FAIL() << "not refused";
+  } catch (const Error& error) {
+    const std::string text = error.what();
+    EXPECT_TRUE(std::regex_search(
+        text, std::regex("grasps.0: got a hand of 187 mm that presses with 1[0-9.]+ N in sum, more than "
+                         "which pushes it out of the grip, need 3[0-9.]+ N")))
+        << text;
   }
 }
 
