@@ -139,7 +139,8 @@ scene::Scene RolloutStudy::compile(const std::vector<std::string>& overrides) co
   return scene::compile_scene(std::move(root));
 }
 
-/// Each value that is probed, beside the first one of every other key.
+/// Each value that is probed, beside the first one of every other key. What the scene itself cannot have
+/// beside these, as a grip that is too weak for the heaviest object, is refused rollout by rollout.
 void RolloutStudy::check_keys() {
   std::vector<std::vector<std::string>> values;
   for (const BoundKey& bound : keys_) values.push_back(probes(bound));
@@ -152,12 +153,16 @@ void RolloutStudy::check_keys() {
     try {
       take_sample(compile(overrides));
     } catch (const Error& error) {
-      for (const Problem& problem : error.problems()) problems.push_back(at_key(problem, keys_));
-      return false;
+      for (const Problem& problem : error.problems()) {
+        if (problem.place && problem.place->file == spec_.scene.string())
+          refused_ = problem.text();
+        else
+          problems.push_back(at_key(problem, keys_));
+      }
     }
-    return true;
+    return problems.empty();
   };
-  // Where the first values are refused, so are all others.
+  // Where the first values are wrong, so are all others.
   if (check(0, 0))
     for (std::size_t k = 0; k < keys_.size(); ++k)
       for (std::size_t v = 1; v < values[k].size(); ++v) check(k, v);

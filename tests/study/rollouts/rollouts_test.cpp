@@ -262,6 +262,17 @@ TEST(Rollouts, RefusedAndDivergedOnesAreRows) {
       << run.csv;
 }
 
+class ShippedStudy : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(, ShippedStudy,
+                         testing::Values("rollouts_power_can", "rollouts_pinch", "rollouts_free_fall"),
+                         [](const auto& of) { return std::string(of.param); });
+
+// Oracle: the study's own count. Some of its draws the grip refuses; that is no reason not to begin.
+TEST_P(ShippedStudy, Begins) {
+  const RolloutStudy study(load_rollouts(test::source(std::string("config/") + GetParam() + ".yaml")));
+  EXPECT_EQ(study.head().size, 10000);
+}
+
 // Oracle: levels in geometric and arithmetic order, with ends as written.
 TEST(Rollouts, GridsAreEverything) {
   const TemporaryFolder folder;
