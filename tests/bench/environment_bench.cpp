@@ -16,6 +16,7 @@ using environment::BatchSetup;
 using environment::Environment;
 
 const std::vector<std::string> kArticulated = {"solver={engine: articulated, step: 1 ms}"};
+constexpr int kSubsteps = 10;
 
 /// A batch of one against the bare engine, both without control.
 void batch_of_one_against_engine(benchmark::State& state, const char* name) {
@@ -23,7 +24,7 @@ void batch_of_one_against_engine(benchmark::State& state, const char* name) {
   const std::unique_ptr<engine::Engine> bare = engine::make_engine(scene.model, scene.spec.solver);
   const model::State initial = bare->state();
   Batch batch(scene, 1);
-  constexpr int kSteps = 2000, kSubsteps = 10;
+  constexpr int kSteps = 2000;
   compare(
       state, kSteps,
       [&] {
@@ -40,46 +41,95 @@ void batch_of_one_against_engine(benchmark::State& state, const char* name) {
 BENCHMARK_CAPTURE(batch_of_one_against_engine, two_hands, "two_hands")->UseManualTime();
 BENCHMARK_CAPTURE(batch_of_one_against_engine, dropped_hand, "dropped_hand")->UseManualTime();
 
-/// Steps of a batch in one thread; `hand_steps_per_s` of one core.
-void batch_steps(benchmark::State& state, const char* name, std::vector<std::string> overrides, int warm_up) {
-  overrides.insert(overrides.begin(), kArticulated.begin(), kArticulated.end());
-  const scene::Scene scene = test::shipped_scene(name, overrides);
-  constexpr std::size_t kSize = 64;
-  Batch batch(scene, kSize, {.threads = 1});
-  batch.step({}, warm_up);
-  constexpr int kSubsteps = 10;
-  double spent = 0, steps = 0, contacts = 0;
-  for (auto unused : state) {
-    (void)unused;
-    const double start = cpu_now();
-    batch.step({}, kSubsteps);
-    spent += cpu_now() - start;
-    steps += kSubsteps * static_cast<double>(kSize);
+constexpr std::size_t kBatch = 64;
+
+/// Steps of a scene between which a benchmark steps a batch, over and over.
+struct Stretch {
+  int first = 0, last = 0;
+};
+
+/// A batch that stays within a stretch.
+struct Stepped {
+  Batch batch;
+  Stretch stretch;
+  int now = stretch.last;
+
+  /// Untimed.
+  void prepare() {
+    if (now + kSubsteps <= stretch.last) return;
+    batch.reset();
+    batch.step({}, now = stretch.first);
   }
-  for (std::size_t i = 0; i < kSize; ++i)
-    contacts += static_cast<double>(batch[i].simulation().engine().contacts().size());
-  state.counters["hand_steps_per_s"] = steps * static_cast<double>(scene.model.hands.size()) / spent;
-  state.counters["contacts"] = contacts / kSize;
-}
-BENCHMARK_CAPTURE(batch_steps, smooth, "every_pose", std::vector<std::string>{}, 100);
+  void step() {
+    batch.step({}, kSubsteps);
+    now += kSubsteps;
+  }
+  /// Contact points of an environment.
+  double contacts() const {
+    double sum = 0;
+    for (std::size_t i = 0; i < kBatch; ++i)
+      sum += static_cast<double>(batch[i].simulation().engine().contacts().size());
+    return sum / kBatch;
+  }
+};
+
+/// All poses; and open hands until they are at rest, which do not touch themselves.
+constexpr Stretch kAllPoses = {100, 17000}, kOpen = {100, 1000};
+/// From the time when the mug is lifted.
+constexpr Stretch kHold = {2000, 5000};
 const std::vector<std::string> kSelfContact = {
     "effects=[gravity, joint_stops, passive_tissue, actuation, self_contact]"};
-BENCHMARK_CAPTURE(batch_steps, self_contact, "every_pose", kSelfContact, 100);
-BENCHMARK_CAPTURE(batch_steps, mug, "grasp_cup", std::vector<std::string>{}, 2500);
+
+scene::Scene scene_of(const char* name, std::vector<std::string> overrides) {
+  overrides.insert(overrides.begin(), kArticulated.begin(), kArticulated.end());
+  return test::shipped_scene(name, overrides);
+}
+
+/// Steps of a batch in one thread; `hand_steps_per_s` of one core, and the mean of the contact points.
+void batch_steps(benchmark::State& state, const char* name, const std::vector<std::string>& overrides,
+                 Stretch stretch) {
+  const scene::Scene scene = scene_of(name, overrides);
+  Stepped stepped{Batch(scene, kBatch, {.threads = 1}), stretch};
+  double spent = 0, contacts = 0;
+  for (auto unused : state) {
+    (void)unused;
+    stepped.prepare();
+    const double start = cpu_now();
+    stepped.step();
+    state.SetIterationTime(cpu_now() - start);
+    spent += cpu_now() - start;
+    contacts += stepped.contacts();
+  }
+  const double hands = static_cast<double>(scene.model.hands.size() * kBatch * kSubsteps);
+  state.counters["hand_steps_per_s"] = hands * static_cast<double>(state.iterations()) / spent;
+  state.counters["contacts"] = contacts / static_cast<double>(state.iterations());
+}
+BENCHMARK_CAPTURE(batch_steps, smooth, "every_pose", std::vector<std::string>{}, kAllPoses)->UseManualTime();
+BENCHMARK_CAPTURE(batch_steps, self_contact, "every_pose", kSelfContact, kOpen)->UseManualTime();
+BENCHMARK_CAPTURE(batch_steps, self_contact_all_poses, "every_pose", kSelfContact, kAllPoses)
+    ->UseManualTime()
+    ->Iterations((kAllPoses.last - kAllPoses.first) / kSubsteps);
+BENCHMARK_CAPTURE(batch_steps, mug, "grasp_cup", std::vector<std::string>{}, kHold)
+    ->UseManualTime()
+    ->Iterations((kHold.last - kHold.first) / kSubsteps);
 
 /// Lanes that environments share against lanes of each environment's own.
-void batch_in_lanes(benchmark::State& state, int lanes, std::vector<std::string> overrides) {
-  overrides.insert(overrides.begin(), kArticulated.begin(), kArticulated.end());
-  const scene::Scene scene = test::shipped_scene("every_pose", overrides);
-  constexpr int kSubsteps = 10;
-  Batch alone(scene, 64, {.threads = 1, .lanes = 0}), together(scene, 64, {.threads = 1, .lanes = lanes});
+void batch_in_lanes(benchmark::State& state, int lanes, const std::vector<std::string>& overrides,
+                    Stretch stretch) {
+  const scene::Scene scene = scene_of("every_pose", overrides);
+  Stepped alone{Batch(scene, kBatch, {.threads = 1, .lanes = 0}), stretch};
+  Stepped together{Batch(scene, kBatch, {.threads = 1, .lanes = lanes}), stretch};
   compare(
-      state, 64 * kSubsteps, [] {}, [&] { alone.step({}, kSubsteps); },
-      [&] { together.step({}, kSubsteps); });
+      state, kBatch * kSubsteps,
+      [&] {
+        alone.prepare();
+        together.prepare();
+      },
+      [&] { alone.step(); }, [&] { together.step(); });
 }
-BENCHMARK_CAPTURE(batch_in_lanes, smooth, 8, std::vector<std::string>{})->UseManualTime();
-BENCHMARK_CAPTURE(batch_in_lanes, smooth_4, 4, std::vector<std::string>{})->UseManualTime();
-BENCHMARK_CAPTURE(batch_in_lanes, self_contact, 8, kSelfContact)->UseManualTime();
+BENCHMARK_CAPTURE(batch_in_lanes, smooth, 8, std::vector<std::string>{}, kAllPoses)->UseManualTime();
+BENCHMARK_CAPTURE(batch_in_lanes, smooth_4, 4, std::vector<std::string>{}, kAllPoses)->UseManualTime();
+BENCHMARK_CAPTURE(batch_in_lanes, self_contact, 8, kSelfContact, kOpen)->UseManualTime();
 
 /// Two threads against one, by the wall clock.
 void two_threads(benchmark::State& state) {
