@@ -370,7 +370,7 @@ def speed():
         entry = found[f"grasp/{key}"]
         rows.append([title, "", f"{number(entry['of_real_time'])} of real time, {entry['contacts']:.0f} contacts"])
     for key, title in {"person_to_world": "from a person to a world ready to step, both hands",
-                       "frame": "a picture of two hands, 1280 × 960", "read_state": "poses of all bodies, articulated engine"}.items():
+                       "frame/1280": "a picture of two hands, 1280 × 960", "read_state": "poses of all bodies, articulated engine"}.items():
         entry = found[key]
         rows.append([title, f"{number(entry['real_time'])} {entry['time_unit'].replace('us', 'µs')}", ""])
     return table(["what", "time", "compared with"], rows)
@@ -388,6 +388,8 @@ def environments():
              f"{1e-6 * of('batch_steps/smooth', 'hand_steps_per_s'):.2f} million a second"],
             ["the same with self-contact tested and none touching",
              f"{1e-6 * of('batch_steps/self_contact', 'hand_steps_per_s'):.2f} million a second"],
+            ["the same through all poses, of which some touch themselves",
+             f"{1e-6 * of('batch_steps/self_contact_all_poses', 'hand_steps_per_s'):.2f} million a second"],
             ["the first two in lanes, compared with one by one",
              f"{1 / of('batch_in_lanes/smooth', 'ratio'):.2f} and {1 / of('batch_in_lanes/self_contact', 'ratio'):.2f} times as fast"],
             ["the same hand holding a mug", f"{of('batch_steps/mug', 'hand_steps_per_s'):,.0f} a second, "
@@ -417,6 +419,8 @@ def speed_load():
     rows = []
     for key, title in {"step_against_mujoco/without_contact": "gravity, stops, servos; no contact",
                        "step_against_mujoco/self_contact_tested": "the same, self-contact tested, none touching",
+                       "grasp_against_mujoco/tripod_as_exported": "ball held by three fingers; MuJoCo as exported",
+                       "grasp_against_mujoco/cylinder_100mm_as_exported": "cylinder of 100 mm held; MuJoCo as exported",
                        "grasp_against_mujoco/cup_as_exported": "mug held; MuJoCo as exported",
                        "grasp_against_mujoco/cup_impratio_1e6": "mug held; MuJoCo with `impratio` 1e6",
                        "grasp_against_ode/cup": "mug held; ODE `world_step`"}.items():
@@ -424,8 +428,9 @@ def speed_load():
             continue
         entry = found[key]
         slip = (f"{number(entry['slip'])} / {number(entry['slip_yardstick'])}" if "slip" in entry else "")
-        rows.append([title, number(entry["candidate_us"]), number(entry["yardstick_us"]), number(entry["ratio"]), slip])
-    return table(["load", "articulated, µs", "other engine, µs", "ratio", "slip, µm/s: articulated / other"], rows)
+        contacts = f"{entry['contacts']:.0f}" if "contacts" in entry else ""
+        rows.append([title, contacts, number(entry["candidate_us"]), number(entry["yardstick_us"]), number(entry["ratio"]), slip])
+    return table(["load", "contacts", "articulated, µs", "other engine, µs", "ratio", "slip, µm/s: articulated / other"], rows)
 
 
 def pinch_table(text):

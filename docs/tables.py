@@ -114,7 +114,7 @@ STUDIES = {
         "free_fall": ["rollouts", "config/rollouts_free_fall.yaml", "--out", "{out}", "--count", "1000"],
         "free_fall_articulated": ["rollouts", "config/rollouts_free_fall.yaml", "--out", "{out}", "--engine", "articulated"]},
         {"power_can/rollouts.png": "rollouts_power_can.png"}),
-    "speed": Study("4 min", {"bench": None}),
+    "speed": Study("16 min", {"bench": None}),
     "environment": Study("1 min", {"bench": None}),
     "passes": Study("2 min", {"bench": None}),
     "muscles": Study("10 s", {"bench": None}),
