@@ -329,7 +329,8 @@ class Fit {
                                          "{:.0f} mm: {}",
                                          1e3 * site_.built.size.length, 1e3 * opening(), site_.object.name,
                                          edges.x(), edges.y(), edges.z(), why),
-                             "a larger hand, or a smaller object"});
+                             balances() ? "a larger hand, or a smaller object"
+                                        : "a larger hand, or a smaller or lighter object"});
   }
 
   /// Largest distance of the thumb's tip from another finger's that closes, with the fingers wide open [m].

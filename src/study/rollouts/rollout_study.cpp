@@ -155,7 +155,7 @@ void RolloutStudy::check_keys() {
     } catch (const Error& error) {
       for (const Problem& problem : error.problems()) {
         if (problem.place && problem.place->file == spec_.scene.string())
-          refused_ = problem.text();
+          refused_.emplace(std::vector{problem});
         else
           problems.push_back(at_key(problem, keys_));
       }
@@ -183,14 +183,13 @@ void RolloutStudy::take_sample(const scene::Scene& scene) {
       if (std::find(figures_.begin(), figures_.end(), column) == figures_.end()) figures_.push_back(column);
     }
   } catch (const Error& error) {
-    refused_ = error.what();
+    refused_ = error;
   }
 }
 
 void RolloutStudy::make_head() {
   // An object may start within the hand of some persons, but not of all.
-  if (figures_.empty())
-    throw input_error(spec_.scene.string(), refused_, "a scene that some rollout can run");
+  if (refused_ && figures_.empty()) throw *refused_;
   head_.title = spec_.title;
   head_.seed = std::to_string(spec_.seed);
   std::vector<Column>& columns = head_.columns;

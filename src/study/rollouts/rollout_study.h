@@ -54,7 +54,7 @@ class RolloutStudy {
   std::vector<std::filesystem::path> files_;
   std::vector<Column> figures_;   ///< of all samples
   std::uint64_t scene_hash_ = 0;  ///< of all samples
-  std::string refused_;           ///< why one cannot be run
+  std::optional<Error> refused_;  ///< why one cannot be run
 };
 
 }  // namespace handsim::study

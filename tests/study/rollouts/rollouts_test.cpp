@@ -273,6 +273,30 @@ TEST_P(ShippedStudy, Begins) {
   EXPECT_EQ(study.head().size, 10000);
 }
 
+// Oracle: what the scene's own reader says of a card of 5 kg: of a study of nothing else it is the problem,
+// of a study with a light card too it is a row.
+TEST(Rollouts, RefuseWhatNoneOfThemCanHave) {
+  const TemporaryFolder folder;
+  const fs::path file = folder.path() / "study.yaml";
+  const auto write = [&](const std::string& masses) {
+    std::ofstream(file) << "scene: " << test::source("config/grasp_pinch.yaml").string()
+                        << "\nvary: {objects.0.mass: {each: [" << masses << "]}}\n";
+  };
+  write("20 g, 5 kg");
+  EXPECT_EQ(RolloutStudy(load_rollouts(file)).head().size, 2);
+  write("5 kg");
+  try {
+    const RolloutStudy study(load_rollouts(file));
+    ADD_FAILURE() << "accepted";
+  } catch (const Error& error) {
+    EXPECT_TRUE(
+        std::regex_search(error.what(), std::regex("^[^ ]*grasp_pinch.yaml:10:5: grasps.0: got a hand "
+                                                   "of .*, need a larger hand, or a smaller or "
+                                                   "lighter object$")))
+        << error.what();
+  }
+}
+
 // Oracle: levels in geometric and arithmetic order, with ends as written.
 TEST(Rollouts, GridsAreEverything) {
   const TemporaryFolder folder;
