@@ -195,7 +195,7 @@ TEST(GraspStudy, ContactForcesCarryTheObject) {
 TEST(GraspStudy, AHoldThatCreepsTakesOneSolutionAStep) {
   simulation::Simulation simulation(test::shipped_scene(
       "grasp_cup", {"solver={engine: articulated, step: 1 ms}", "record.contacts=false"}));
-  const double from = simulation.scene().plans.grasps.front().phase("hold")->start + 2.5;
+  const double from = simulation.scene().plans.grasps.front().phase("hold")->start + 1.3;
   while (simulation.state().time < from) simulation.step();
   constexpr int kSteps = 300;
   int solutions = 0;
