@@ -4,6 +4,8 @@
 
 namespace handsim {
 
+Quat rotation_between(const Vec3& from, const Vec3& to) { return Quat::FromTwoVectors(from, to); }
+
 Vec3 rotation_vector(const Quat& q) {
   // Of q and -q, the one with w >= 0 gives the angle up to pi.
   const double sign = q.w() < 0 ? -1.0 : 1.0;

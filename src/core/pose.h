@@ -30,6 +30,9 @@ inline Vec3 mirrored_axis(const Vec3& a) { return {a.x(), -a.y(), -a.z()}; }
 inline Quat mirrored(const Quat& q) { return {q.w(), q.x(), -q.y(), -q.z()}; }
 inline Pose mirrored(const Pose& x) { return {mirrored(x.p), mirrored(x.q)}; }
 
+/// The shortest rotation that turns direction `from` into direction `to`, which need no unit length. Where
+/// they are opposite, the axis is any one that is perpendicular to them.
+Quat rotation_between(const Vec3& from, const Vec3& to);
 /// Rotation vector (axis times angle in 0..pi) [rad] of a unit quaternion.
 Vec3 rotation_vector(const Quat& q);
 /// Unit quaternion of a rotation vector [rad].

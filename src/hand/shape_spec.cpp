@@ -121,7 +121,7 @@ model::Shape shape_of(const ShapeSpec& spec, const HandSize& size) {
   out.length = (to - from).norm();
   check_size(spec, "a radius", out.radius);
   check_size(spec, "an axis", out.length);
-  out.pose = {0.5 * (from + to), Quat::FromTwoVectors(kAlong, to - from)};
+  out.pose = {0.5 * (from + to), rotation_between(kAlong, to - from)};
   return out;
 }
 

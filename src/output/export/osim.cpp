@@ -278,7 +278,7 @@ class OsimWriter {
     switch (each.kind) {
       case JointKind::hinge:
         type = "PinJoint";
-        turn.q = Quat::FromTwoVectors(Vec3::UnitZ(), each.axes[0].axis);
+        turn.q = rotation_between(Vec3::UnitZ(), each.axes[0].axis);
         break;
       case JointKind::universal: {
         type = "UniversalJoint";
@@ -291,7 +291,7 @@ class OsimWriter {
       }
       case JointKind::slider:
         type = "SliderJoint";
-        turn.q = Quat::FromTwoVectors(Vec3::UnitX(), each.axes[0].axis);
+        turn.q = rotation_between(Vec3::UnitX(), each.axes[0].axis);
         break;
       case JointKind::ball:
         break;

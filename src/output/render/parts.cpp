@@ -110,7 +110,7 @@ void Meshes::add_annotations(const DrawList& list, std::vector<Part>& parts) con
     const Vec3 along = arrow.to - arrow.from;
     const double length = along.norm();
     if (!(length > 0)) continue;
-    const Quat q = Quat::FromTwoVectors(Vec3::UnitZ(), along);
+    const Quat q = rotation_between(Vec3::UnitZ(), along);
     const double width_of_head = kHeadWidth * arrow.radius;
     const double head = std::min(kHeadLength * width_of_head, 0.6 * length);
     const double shaft = length - head;

@@ -22,7 +22,7 @@ Quat read_orientation(MapReader& reader) {
   Quat rotation = reader.rotation("rotation");
   if (!reader.has("z_axis")) return rotation;
   if (reader.has("rotation")) reader.problem("z_axis", "a z_axis beside a rotation", "one of the two");
-  return Quat::FromTwoVectors(Vec3::UnitZ(), reader.direction("z_axis"));
+  return rotation_between(Vec3::UnitZ(), reader.direction("z_axis"));
 }
 
 model::Shape read_shape(MapReader reader) {

@@ -11,11 +11,11 @@ namespace handsim::study {
 
 namespace {
 
-constexpr std::size_t kMostFrames = 40;  ///< of a hand
-constexpr double kSpread = 0.05;         ///< of a size, relative to the predicted one: chosen
-constexpr double kLeastNoise = 1e-7;     ///< of a coordinate [m]
-constexpr double kOutlier = 0.05;        ///< a marker farther from the fit is left out [m]
-constexpr double kStep = 1e-6;           ///< of a size, to differentiate [m]
+constexpr std::size_t kMostHandFrames = 40;     ///< of a hand
+constexpr double kSpread = 0.05;                ///< of a size, relative to the predicted one: chosen
+constexpr double kLeastCoordinateNoise = 1e-7;  ///< of a coordinate [m]
+constexpr double kOutlier = 0.05;               ///< a marker farther from the fit is left out [m]
+constexpr double kStep = 1e-6;                  ///< of a size, to differentiate [m]
 using Names = std::vector<std::string>;
 
 /// The sizes that markers can show: hand length, hand breadth, and every bone that carries another one. The
@@ -65,7 +65,7 @@ std::vector<Used> frames_of(const HandFrames& hand, PoseFit& fit) {
     if (seen >= 3 && 3 * seen >= 2 * static_cast<std::ptrdiff_t>(frame.size())) good.push_back(&frame);
   }
   std::vector<Used> out;
-  const std::size_t stride = 1 + good.size() / kMostFrames;
+  const std::size_t stride = 1 + good.size() / kMostHandFrames;
   for (std::size_t i = 0; i < good.size(); i += stride)
     out.push_back({good[i], fit.find(*good[i], kOutlier)});
   // A frame far from the others is another hand's, or wrongly found.
@@ -137,7 +137,8 @@ class SizeFit {
       for (std::size_t h = 0; h < used_.size(); ++h)
         for (Used& each : used_[h]) each.fit = fits[h].fit(*each.frame, each.fit.pose, kOutlier);
       const Normal normal = linearise(fits);
-      const double noise = std::max(kLeastNoise, std::sqrt(normal.squares / std::max(1.0, normal.spare)));
+      const double noise =
+          std::max(kLeastCoordinateNoise, std::sqrt(normal.squares / std::max(1.0, normal.spare)));
       const Eigen::VectorXd prior = (kSpread * sizes_.predicted).cwiseAbs2().cwiseInverse();
       Eigen::MatrixXd matrix = normal.matrix / (noise * noise);
       matrix.diagonal() += prior;
