@@ -1,34 +1,21 @@
-# Headers to install: those that files of other folders include, those of environment/, which only users of the library
-# include, and the headers that these include. Headers in the folder of one engine are not installed.
+# Headers to install: those of docs/library.md, and the headers that these include.
+set(HANDSIM_PUBLIC_HEADERS
+    core/error.h model/kinematics.h model/markers.h model/model.h model/state.h hand/build.h control/controller.h engine/engine.h
+    scene/compile/scene.h simulation/simulation.h simulation/watch/standard_watchers.h simulation/run/run.h environment/batch.h
+    output/export/export.h output/render/draw_list.h output/render/renderer.h)
+
 function(handsim_installed_headers out)
-  set(open)
-  foreach(folder IN LISTS ARGN)
-    file(GLOB files CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/src/${folder}/*.h ${PROJECT_SOURCE_DIR}/src/${folder}/*.cpp)
-    foreach(file IN LISTS files)
-      handsim_included(headers ${file})
-      foreach(header IN LISTS headers)
-        cmake_path(GET header PARENT_PATH owner)
-        if((NOT owner STREQUAL folder OR owner STREQUAL "environment") AND NOT header MATCHES "^engine/(ode|dae|multibody|articulated)/")
-          list(APPEND open ${header})
-        endif()
-      endforeach()
-    endforeach()
-  endforeach()
+  set(open ${HANDSIM_PUBLIC_HEADERS})
   set(found)
   while(open)
     list(POP_FRONT open header)
     if(NOT header IN_LIST found)
       list(APPEND found ${header})
-      handsim_included(headers ${PROJECT_SOURCE_DIR}/src/${header})
-      list(APPEND open ${headers})
+      # The headers of handsim that it includes, relative to src/.
+      file(STRINGS ${PROJECT_SOURCE_DIR}/src/${header} lines REGEX "^#include \"handsim/")
+      list(TRANSFORM lines REPLACE "^#include \"handsim/([^\"]+)\".*" "\\1")
+      list(APPEND open ${lines})
     endif()
   endwhile()
   set(${out} ${found} PARENT_SCOPE)
-endfunction()
-
-# The headers of handsim that a file includes, relative to src/.
-function(handsim_included out file)
-  file(STRINGS ${file} lines REGEX "^#include \"handsim/")
-  list(TRANSFORM lines REPLACE "^#include \"handsim/([^\"]+)\".*" "\\1")
-  set(${out} ${lines} PARENT_SCOPE)
 endfunction()
