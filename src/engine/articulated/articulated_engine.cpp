@@ -20,7 +20,7 @@ namespace {
 /// wrong first (Murty 1974: such a sequence ends), and how many of these.
 constexpr int kJointCorrections = 8, kSingleCorrections = 200;
 /// A start whose loops are further apart than this is said to have been moved, beyond kOpen refused [m].
-constexpr double kMovedGap = 1e-9, kOpen = 1e-8;
+constexpr double kMovedGap = 1e-9;
 
 bool smooth(const Settings& settings) {
   return settings.articulated().method != ArticulatedMethod::semi_implicit_euler;

@@ -10,6 +10,9 @@
 
 namespace handsim::engine::articulated {
 
+/// Loops further apart than this after a step are not to be held [m].
+inline constexpr double kOpen = 1e-8;
+
 class Loops {
  public:
   /// @param mechanism of one lane. Both must outlive this.

@@ -13,8 +13,6 @@ constexpr double kStepShare = 0.05;
 constexpr double kSmallestStep = 1e-12;  ///< [s]
 constexpr double kRejected = 0.9;
 constexpr long kMostTries = 1'000'000;  ///< steps of the method in one of the engine
-/// Loops further apart than this after a step are not to be held.
-constexpr double kOpen = 1e-8;
 
 std::size_t weighed(const Topology& topology) {
   std::size_t count = 0;
