@@ -1,0 +1,160 @@
+#include "handsim/engine/articulated/momentum.h"
+
+#include <algorithm>
+#include <numeric>
+
+#include "handsim/core/index.h"
+#include "handsim/engine/articulated/contact_dynamics.h"
+
+namespace handsim::engine::articulated {
+
+void TreeBodies::add(const Mechanism& mechanism, int node) {
+  views_.push_back(&mechanism.view(at(node)));
+  stride_ = mechanism.stride();
+  mass_ += *views_.back()->mass;
+}
+
+void TreeBodies::refresh() {
+  mass_ = 0;
+  for (const NodeView* view : views_) mass_ += *view->mass;
+}
+
+Vec3 TreeBodies::moment() const {
+  Vec3 out = Vec3::Zero();
+  for (const NodeView* view : views_) out += read3(view->h, stride_);
+  return out;
+}
+
+Mat3 TreeBodies::inertia() const {
+  Mat3 out = Mat3::Zero();
+  for (const NodeView* view : views_) out += read_symmetric(view->I, stride_);
+  return out;
+}
+
+Spatial TreeBodies::momentum() const {
+  Spatial out = Spatial::Zero();
+  for (const NodeView* view : views_) out += read6(view->momentum, stride_);
+  return out;
+}
+
+double TreeBodies::kinetic() const {
+  double out = 0;
+  for (const NodeView* view : views_) out += *view->energy;
+  return out;
+}
+
+Spatial TreeBodies::rigid_velocity(const Vec3& h, const Mat3& I, const Spatial& momentum) const {
+  const Vec3 c = h / mass_, P = momentum.tail<3>(), L = Vec3(momentum.head<3>()) - c.cross(P);
+  const Mat3 own = I - h.dot(c) * Mat3::Identity() + h * c.transpose();
+  const Vec3 turn = own.inverse() * L;
+  Spatial out;
+  out << turn, P / mass_ - turn.cross(c);
+  return out;
+}
+
+MomentumBalance::MomentumBalance(Mechanism& mechanism) : mechanism_(mechanism) {
+  const std::vector<Node>& nodes = mechanism.topology().nodes;
+  std::vector<int> roots;
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    if (nodes[i].kind == NodeKind::free) roots.push_back(static_cast<int>(i));
+  trees_.resize(roots.size());
+  group_.resize(roots.size() + 1);
+  for (std::size_t i = 0; i < nodes.size(); ++i) {
+    const int parent = nodes[i].parent.value_or(static_cast<int>(i));
+    const auto root = std::find(roots.begin(), roots.end(), parent);
+    tree_of_.push_back(nodes[i].parent ? tree_of_[at(parent)] : static_cast<int>(root - roots.begin()));
+    if (at(tree_of_[i]) == trees_.size()) continue;
+    Tree& tree = trees_[at(tree_of_[i])];
+    if (!nodes[i].parent) tree.root = static_cast<int>(i), tree.island = nodes[i].island;
+    tree.jointed = tree.jointed || nodes[i].parent;
+    if (nodes[i].body) tree.bodies.add(mechanism, static_cast<int>(i));
+  }
+  jointed_ = std::any_of(trees_.begin(), trees_.end(), [](const Tree& tree) { return tree.jointed; });
+}
+
+void MomentumBalance::refresh() {
+  for (Tree& tree : trees_) tree.bodies.refresh();
+}
+
+int MomentumBalance::group(int tree) {
+  while (group_[at(tree)] != tree) tree = group_[at(tree)] = group_[at(group_[at(tree)])];
+  return tree;
+}
+
+void MomentumBalance::choose(const ContactDynamics* contacts, bool smooth) {
+  for (Tree& tree : trees_) tree.active = tree.jointed || smooth;
+  if (contacts && trees_.size() > 1) {
+    std::iota(group_.begin(), group_.end(), 0);
+    const auto tree_of = [&](int node) {
+      return node == kNoNode ? static_cast<int>(trees_.size()) : tree_of_[at(node)];
+    };
+    contacts->each_impulse([&](int a, int b, const Vec3&, const Vec3&, const Vec3&) {
+      group_[at(group(tree_of(a)))] = group(tree_of(b));
+    });
+    const int held = group(static_cast<int>(trees_.size()));
+    contacts->each_impulse([&](int a, int b, const Vec3&, const Vec3&, const Vec3&) {
+      for (const int tree : {tree_of(a), tree_of(b)})
+        if (group(tree) != held) trees_[at(tree)].active = true;
+    });
+  }
+  active_ = std::any_of(trees_.begin(), trees_.end(), [](const Tree& tree) { return tree.active; });
+}
+
+void MomentumBalance::begin(std::span<const BodyForce> forces, const ContactDynamics* contacts, double step,
+                            bool smooth) {
+  choose(contacts, smooth);
+  if (!active_) return;
+  mechanism_.kernel().momenta(mechanism_.tree());
+  for (Tree& tree : trees_) {
+    if (!tree.active) continue;
+    const Spatial momentum = tree.bodies.momentum();
+    const Vec3 c = tree.bodies.moment() / tree.bodies.mass();
+    tree.centre = mechanism_.origin(tree.island) + c;
+    tree.linear = momentum.tail<3>();
+    tree.angular = momentum.head<3>() - c.cross(tree.linear);
+    tree.linear += step * tree.bodies.mass() * mechanism_.gravity();
+  }
+  for (const BodyForce& each : forces) {
+    const int node = mechanism_.topology().node_of_body[at(each.body)];
+    const Vec3 position = mechanism_.origin(mechanism_.topology().nodes[at(node)].island) +
+                          read3(mechanism_.view(at(node)).p, mechanism_.stride());
+    add(node, position, step * each.force, step * each.moment);
+  }
+  if (contacts)
+    contacts->each_impulse([&](int a, int b, const Vec3& point, const Vec3& impulse, const Vec3& moment) {
+      add(a, point, impulse, moment);
+      add(b, point, -impulse, -moment);
+    });
+  for (Tree& tree : trees_) {
+    tree.centre += step / tree.bodies.mass() * tree.linear;
+    if (smooth) tree.centre -= 0.5 * step * step * mechanism_.gravity();
+  }
+}
+
+void MomentumBalance::add(int node, const Vec3& point, const Vec3& impulse, const Vec3& moment) {
+  if (node == kNoNode || at(tree_of_[at(node)]) == trees_.size()) return;
+  Tree& tree = trees_[at(tree_of_[at(node)])];
+  tree.linear += impulse;
+  tree.angular += (point - tree.centre).cross(impulse) + moment;
+}
+
+bool MomentumBalance::correct(bool sound) {
+  if (!active_) return sound;
+  mechanism_.kernel().momenta(mechanism_.tree());
+  const std::size_t s = mechanism_.stride();
+  for (Tree& tree : trees_) {
+    if (!tree.active) continue;
+    const LaneSlot& slot = mechanism_.slot(at(tree.root));
+    const Vec3 h = tree.bodies.moment(), c = h / tree.bodies.mass();
+    Spatial missing;
+    missing << tree.angular + c.cross(tree.linear), tree.linear;
+    missing -= tree.bodies.momentum();
+    const Spatial change = tree.bodies.rigid_velocity(h, tree.bodies.inertia(), missing);
+    double *q = &mechanism_.q()[slot.q], *u = &mechanism_.u()[slot.u];
+    for (Eigen::Index k = 0; k < 3; ++k) q[at(k) * s] = tree.centre[k] - c[k];
+    for (Eigen::Index k = 0; k < 6; ++k) u[at(k) * s] += change[k];
+  }
+  return mechanism_.kernel().velocities(mechanism_.tree());
+}
+
+}  // namespace handsim::engine::articulated
