@@ -19,29 +19,21 @@ void TreeBodies::refresh() {
   for (const NodeView* view : views_) mass_ += *view->mass;
 }
 
-Vec3 TreeBodies::moment() const {
-  Vec3 out = Vec3::Zero();
-  for (const NodeView* view : views_) out += read3(view->h, stride_);
+/// Of N numbers of each body.
+template <std::size_t N>
+std::array<double, N> TreeBodies::sum(const double* NodeView::*of) const {
+  std::array<double, N> out{};
+  for (const NodeView* view : views_) {
+    const double* x = view->*of;
+    for (std::size_t k = 0; k < N; ++k) out[k] += x[k * stride_];
+  }
   return out;
 }
 
-Mat3 TreeBodies::inertia() const {
-  Mat3 out = Mat3::Zero();
-  for (const NodeView* view : views_) out += read_symmetric(view->I, stride_);
-  return out;
-}
-
-Spatial TreeBodies::momentum() const {
-  Spatial out = Spatial::Zero();
-  for (const NodeView* view : views_) out += read6(view->momentum, stride_);
-  return out;
-}
-
-double TreeBodies::kinetic() const {
-  double out = 0;
-  for (const NodeView* view : views_) out += *view->energy;
-  return out;
-}
+Vec3 TreeBodies::moment() const { return read3(sum<3>(&NodeView::h).data(), 1); }
+Mat3 TreeBodies::inertia() const { return read_symmetric(sum<6>(&NodeView::I).data(), 1); }
+Spatial TreeBodies::momentum() const { return read6(sum<6>(&NodeView::momentum).data(), 1); }
+double TreeBodies::kinetic() const { return sum<1>(&NodeView::energy)[0]; }
 
 Spatial TreeBodies::rigid_velocity(const Vec3& h, const Mat3& I, const Spatial& momentum) const {
   const Vec3 c = h / mass_, P = momentum.tail<3>(), L = Vec3(momentum.head<3>()) - c.cross(P);

@@ -10,6 +10,7 @@
 // what floats, too: what a base holds takes momentum out of any sum.
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -35,6 +36,9 @@ class TreeBodies {
   Spatial rigid_velocity(const Vec3& moment, const Mat3& inertia, const Spatial& momentum) const;
 
  private:
+  template <std::size_t N>
+  std::array<double, N> sum(const double* NodeView::*of) const;
+
   std::vector<const NodeView*> views_;
   std::size_t stride_ = 1;
   double mass_ = 0;

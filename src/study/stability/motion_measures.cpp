@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 
 #include "handsim/core/index.h"
 #include "handsim/model/energy.h"
@@ -52,31 +53,60 @@ Sampler energy(const scene::Scene&, const MeasureSpec& spec) {
   };
 }
 
-/// About the common centre of mass.
-Vec3 angular_momentum(const Simulation& now, const std::vector<std::size_t>& bodies) {
-  double mass = 0;
-  Vec3 centre = Vec3::Zero(), velocity = Vec3::Zero(), out = Vec3::Zero();
-  for (const std::size_t i : bodies) {
-    mass += now.model().bodies[i].mass;
-    centre += now.model().bodies[i].mass * now.state().bodies[i].p;
-    velocity += now.model().bodies[i].mass * now.state().bodies[i].v;
+/// A sum of momenta, and of their amounts.
+struct Sum {
+  Vec3 value = Vec3::Zero();
+  double amounts = 0;
+  void add(const Vec3& part, const Vec3& more = Vec3::Zero()) {
+    value += part + more;
+    amounts += part.norm() + more.norm();
   }
-  centre /= mass, velocity /= mass;
-  for (const std::size_t i : bodies) {
-    const model::Body& body = now.model().bodies[i];
-    const model::BodyState& at = now.state().bodies[i];
-    out += at.q * (body.inertia * (at.q.conjugate() * at.w));
-    out += body.mass * (at.p - centre).cross(at.v - velocity);
+  /// Change over the largest amounts of the run. @param expected [SI]
+  double change(const Sum& start, double& largest, const Vec3& expected = Vec3::Zero()) const {
+    largest = std::max(largest, amounts);
+    const double error = (value - start.value - expected).norm();
+    return error > 0 ? error / largest : 0;
   }
-  return out;
-}
+};
 
-/// Relative change of the angular momentum since the start.
+/// Change of the bodies' linear momentum, less gravity's, over the sum of its amounts; or that of the angular
+/// momentum, over the sum of the amounts of spins and of moments of momentum, in the frame that flies on as
+/// the common mass centre did at the start. The larger of the two.
 Sampler momentum(const scene::Scene& scene, const MeasureSpec& spec) {
-  return [bodies = bodies_of(scene, spec), start = std::optional<Vec3>()](const Simulation& now) mutable {
-    const Vec3 value = angular_momentum(now, bodies);
-    if (!start) start = value;
-    return Sample{{(value - *start).norm() / start->norm()}};
+  struct Start {
+    double time = 0, mass = 0;
+    Vec3 centre = Vec3::Zero(), velocity = Vec3::Zero();
+    Sum linear, angular;
+  };
+  return [bodies = bodies_of(scene, spec), start = std::optional<Start>(), scale = 0.0,
+          turning = 0.0](const Simulation& now) mutable -> Sample {
+    const auto of = [&](std::size_t i) { return std::tie(now.model().bodies[i], now.state().bodies[i]); };
+    const bool first = !start;
+    if (first) {
+      start.emplace().time = now.state().time;
+      for (const std::size_t i : bodies) {
+        const auto [body, at] = of(i);
+        start->mass += body.mass;
+        start->centre += body.mass * at.p;
+        start->velocity += body.mass * at.v;
+      }
+      start->centre /= start->mass, start->velocity /= start->mass;
+    }
+    const double time = now.state().time - start->time;
+    const Vec3 point = start->centre + time * start->velocity;
+    Sum linear, angular;
+    for (const std::size_t i : bodies) {
+      const auto [body, at] = of(i);
+      linear.add(body.mass * at.v);
+      angular.add(body.mass * (at.p - point).cross(at.v - start->velocity),
+                  at.q * (body.inertia * (at.q.conjugate() * at.w)));
+    }
+    if (first) start->linear = linear, start->angular = angular;
+    const bool falls = now.engine().settings().effects.has(model::Effect::gravity);
+    const Vec3 gained = falls ? Vec3(time * start->mass * now.model().gravity) : Vec3(Vec3::Zero());
+    const double shift = linear.change(start->linear, scale, gained);
+    const double turn = angular.change(start->angular, turning);
+    return Figure{std::max(shift, turn), shift > turn ? "linear" : "angular"};
   };
 }
 
