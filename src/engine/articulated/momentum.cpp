@@ -44,49 +44,37 @@ Spatial TreeBodies::rigid_velocity(const Vec3& h, const Mat3& I, const Spatial& 
   return out;
 }
 
-MomentumBalance::MomentumBalance(Mechanism& mechanism) : mechanism_(mechanism) {
+MomentumBalance::MomentumBalance(Mechanism& mechanism) : mechanism_(mechanism), trees_(1) {
   const std::vector<Node>& nodes = mechanism.topology().nodes;
-  std::vector<int> roots;
-  for (std::size_t i = 0; i < nodes.size(); ++i)
-    if (nodes[i].kind == NodeKind::free) roots.push_back(static_cast<int>(i));
-  trees_.resize(roots.size());
-  group_.resize(roots.size() + 1);
   for (std::size_t i = 0; i < nodes.size(); ++i) {
-    const int parent = nodes[i].parent.value_or(static_cast<int>(i));
-    const auto root = std::find(roots.begin(), roots.end(), parent);
-    tree_of_.push_back(nodes[i].parent ? tree_of_[at(parent)] : static_cast<int>(root - roots.begin()));
-    if (at(tree_of_[i]) == trees_.size()) continue;
-    Tree& tree = trees_[at(tree_of_[i])];
-    if (!nodes[i].parent) tree.root = static_cast<int>(i), tree.island = nodes[i].island;
-    tree.jointed = tree.jointed || nodes[i].parent;
+    const bool root = nodes[i].kind == NodeKind::free;
+    if (root) trees_.push_back({{}, static_cast<int>(i), nodes[i].island});
+    tree_of_.push_back(root ? trees_.size() - 1 : nodes[i].parent ? tree_of_[at(*nodes[i].parent)] : kHeld);
+    Tree& tree = trees_[tree_of_[i]];
     if (nodes[i].body) tree.bodies.add(mechanism, static_cast<int>(i));
+    if (tree_of_[i] != kHeld && !root) tree.jointed = jointed_ = true;
   }
-  jointed_ = std::any_of(trees_.begin(), trees_.end(), [](const Tree& tree) { return tree.jointed; });
+  group_.resize(trees_.size());
 }
 
 void MomentumBalance::refresh() {
   for (Tree& tree : trees_) tree.bodies.refresh();
 }
 
-int MomentumBalance::group(int tree) {
-  while (group_[at(tree)] != tree) tree = group_[at(tree)] = group_[at(group_[at(tree)])];
+std::size_t MomentumBalance::group(std::size_t tree) {
+  while (group_[tree] != tree) tree = group_[tree] = group_[group_[tree]];
   return tree;
 }
 
 void MomentumBalance::choose(const ContactDynamics* contacts, bool smooth) {
-  for (Tree& tree : trees_) tree.active = tree.jointed || smooth;
-  if (contacts && trees_.size() > 1) {
-    std::iota(group_.begin(), group_.end(), 0);
-    const auto tree_of = [&](int node) {
-      return node == kNoNode ? static_cast<int>(trees_.size()) : tree_of_[at(node)];
-    };
+  for (std::size_t i = 1; i < trees_.size(); ++i) trees_[i].active = trees_[i].jointed || smooth;
+  if (contacts && trees_.size() > 2) {
+    std::iota(group_.begin(), group_.end(), std::size_t{0});
     contacts->each_impulse([&](int a, int b, const Vec3&, const Vec3&, const Vec3&) {
-      group_[at(group(tree_of(a)))] = group(tree_of(b));
+      group_[group(tree_of(a))] = group(tree_of(b));
     });
-    const int held = group(static_cast<int>(trees_.size()));
     contacts->each_impulse([&](int a, int b, const Vec3&, const Vec3&, const Vec3&) {
-      for (const int tree : {tree_of(a), tree_of(b)})
-        if (group(tree) != held) trees_[at(tree)].active = true;
+      if (group(tree_of(a)) != group(kHeld)) trees_[tree_of(a)].active = trees_[tree_of(b)].active = true;
     });
   }
   active_ = std::any_of(trees_.begin(), trees_.end(), [](const Tree& tree) { return tree.active; });
@@ -118,14 +106,14 @@ void MomentumBalance::begin(std::span<const BodyForce> forces, const ContactDyna
       add(b, point, -impulse, -moment);
     });
   for (Tree& tree : trees_) {
+    if (!tree.active) continue;
     tree.centre += step / tree.bodies.mass() * tree.linear;
     if (smooth) tree.centre -= 0.5 * step * step * mechanism_.gravity();
   }
 }
 
 void MomentumBalance::add(int node, const Vec3& point, const Vec3& impulse, const Vec3& moment) {
-  if (node == kNoNode || at(tree_of_[at(node)]) == trees_.size()) return;
-  Tree& tree = trees_[at(tree_of_[at(node)])];
+  Tree& tree = trees_[tree_of(node)];
   tree.linear += impulse;
   tree.angular += (point - tree.centre).cross(impulse) + moment;
 }

@@ -67,14 +67,19 @@ class MomentumBalance {
     Vec3 linear = Vec3::Zero(), angular = Vec3::Zero();  ///< [kg m/s], about the mass centre [kg m^2/s]
     Vec3 centre = Vec3::Zero();  ///< of mass at the start, later at the end: world [m]
   };
+  /// In trees_: stands for all that bases hold, and never takes part.
+  static constexpr std::size_t kHeld = 0;
+  std::size_t tree_of(int node) const {
+    return node == kNoNode ? kHeld : tree_of_[static_cast<std::size_t>(node)];
+  }
   void choose(const ContactDynamics* contacts, bool smooth);
-  int group(int tree);
+  std::size_t group(std::size_t tree);
   void add(int node, const Vec3& point, const Vec3& impulse, const Vec3& moment);
 
   Mechanism& mechanism_;
   std::vector<Tree> trees_;
-  std::vector<int> tree_of_;  ///< of each node; trees_.size() where a base holds it
-  std::vector<int> group_;    ///< of each tree: another of those that contacts connect, or itself
+  std::vector<std::size_t> tree_of_;  ///< of each node
+  std::vector<std::size_t> group_;    ///< of each tree: another of those that contacts connect, or itself
   bool jointed_ = false, active_ = false;
 };
 

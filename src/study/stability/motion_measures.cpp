@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <tuple>
 
 #include "handsim/core/index.h"
 #include "handsim/model/energy.h"
@@ -53,59 +52,41 @@ Sampler energy(const scene::Scene&, const MeasureSpec& spec) {
   };
 }
 
-/// A sum of momenta, and of their amounts.
-struct Sum {
-  Vec3 value = Vec3::Zero();
-  double amounts = 0;
-  void add(const Vec3& part, const Vec3& more = Vec3::Zero()) {
-    value += part + more;
-    amounts += part.norm() + more.norm();
-  }
-  /// Change over the largest amounts of the run. @param expected [SI]
-  double change(const Sum& start, double& largest, const Vec3& expected = Vec3::Zero()) const {
-    largest = std::max(largest, amounts);
-    const double error = (value - start.value - expected).norm();
-    return error > 0 ? error / largest : 0;
+/// Linear and angular momentum, and the sums of the amounts of their parts: m v; r x m v and I w. In the
+/// frame of a point and its velocity.
+struct Momenta {
+  Vec3 linear = Vec3::Zero(), angular = Vec3::Zero();
+  double shifts = 0, turns = 0, mass = 0;
+  Vec3 moment = Vec3::Zero();  ///< mass times mass centre
+  Momenta(const Simulation& now, const std::vector<std::size_t>& bodies, const Vec3& point, const Vec3& v) {
+    for (const std::size_t i : bodies) {
+      const model::Body& body = now.model().bodies[i];
+      const model::BodyState& at = now.state().bodies[i];
+      const Vec3 arm = body.mass * (at.p - point).cross(at.v - v), p = body.mass * at.v;
+      const Vec3 spin = at.q * (body.inertia * (at.q.conjugate() * at.w));
+      linear += p, angular += arm + spin, mass += body.mass, moment += body.mass * at.p;
+      shifts += p.norm(), turns += arm.norm() + spin.norm();
+    }
   }
 };
 
-/// Change of the bodies' linear momentum, less gravity's, over the sum of its amounts; or that of the angular
-/// momentum, over the sum of the amounts of spins and of moments of momentum, in the frame that flies on as
-/// the common mass centre did at the start. The larger of the two.
+/// Change of the linear momentum, less gravity's, or of the angular momentum in the frame that flies on as
+/// the common mass centre did at the start; over the largest sums of amounts. The larger of the two.
 Sampler momentum(const scene::Scene& scene, const MeasureSpec& spec) {
-  struct Start {
-    double time = 0, mass = 0;
-    Vec3 centre = Vec3::Zero(), velocity = Vec3::Zero();
-    Sum linear, angular;
-  };
-  return [bodies = bodies_of(scene, spec), start = std::optional<Start>(), scale = 0.0,
-          turning = 0.0](const Simulation& now) mutable -> Sample {
-    const auto of = [&](std::size_t i) { return std::tie(now.model().bodies[i], now.state().bodies[i]); };
-    const bool first = !start;
-    if (first) {
-      start.emplace().time = now.state().time;
-      for (const std::size_t i : bodies) {
-        const auto [body, at] = of(i);
-        start->mass += body.mass;
-        start->centre += body.mass * at.p;
-        start->velocity += body.mass * at.v;
-      }
-      start->centre /= start->mass, start->velocity /= start->mass;
-    }
-    const double time = now.state().time - start->time;
-    const Vec3 point = start->centre + time * start->velocity;
-    Sum linear, angular;
-    for (const std::size_t i : bodies) {
-      const auto [body, at] = of(i);
-      linear.add(body.mass * at.v);
-      angular.add(body.mass * (at.p - point).cross(at.v - start->velocity),
-                  at.q * (body.inertia * (at.q.conjugate() * at.w)));
-    }
-    if (first) start->linear = linear, start->angular = angular;
+  return [bodies = bodies_of(scene, spec), start = std::optional<Momenta>(), first = 0.0, shifts = 0.0,
+          turns = 0.0](const Simulation& now) mutable -> Sample {
+    const Momenta any = start.value_or(Momenta(now, bodies, Vec3::Zero(), Vec3::Zero()));
+    if (!start) first = now.state().time;
+    const double time = now.state().time - first;
+    const Vec3 v = any.linear / any.mass;
+    const Momenta here(now, bodies, any.moment / any.mass + time * v, v);
+    if (!start) start = here, start->moment = any.moment;
+    shifts = std::max(shifts, here.shifts), turns = std::max(turns, here.turns);
     const bool falls = now.engine().settings().effects.has(model::Effect::gravity);
-    const Vec3 gained = falls ? Vec3(time * start->mass * now.model().gravity) : Vec3(Vec3::Zero());
-    const double shift = linear.change(start->linear, scale, gained);
-    const double turn = angular.change(start->angular, turning);
+    const Vec3 weight = falls ? Vec3(any.mass * now.model().gravity) : Vec3(Vec3::Zero());
+    const double tiny = std::numeric_limits<double>::min();
+    const double shift = (here.linear - start->linear - time * weight).norm() / std::max(shifts, tiny);
+    const double turn = (here.angular - start->angular).norm() / std::max(turns, tiny);
     return Figure{std::max(shift, turn), shift > turn ? "linear" : "angular"};
   };
 }
