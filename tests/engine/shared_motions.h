@@ -13,8 +13,8 @@
 
 namespace handsim::engine::test {
 
-/// A shipped hand with gravity perpendicular to it.
-inline model::Model shipped_hand(const char* name, hand::Mount mount) {
+/// Adds the shipped hand of a person of 1.755 m.
+inline void add_shipped_hand(model::Model& model, const char* name, const hand::Placement& placement) {
   YamlNode node = load_yaml(std::string(HANDSIM_SOURCE_DIR "/handmodels/") + name);
   Diagnostics diagnostics;
   const hand::HandSpec spec = hand::read_hand_spec(node, "", diagnostics);
@@ -23,6 +23,11 @@ inline model::Model shipped_hand(const char* name, hand::Mount mount) {
   person.stature = 1.755;
   person.mass = 84.5;
   person.sex = hand::Sex::male;
+  hand::add_hand(model, hand::build_hand(spec, person), placement);
+}
+
+/// A shipped hand with gravity perpendicular to it.
+inline model::Model shipped_hand(const char* name, hand::Mount mount) {
   model::Model model = model::make_model();
   hand::Placement placement;
   placement.mount = mount;
@@ -31,7 +36,7 @@ inline model::Model shipped_hand(const char* name, hand::Mount mount) {
     placement.velocity = Vec3(0.3, 0, 0.5);
     placement.angular_velocity = Vec3(3, -2, 4);
   }
-  hand::add_hand(model, hand::build_hand(spec, person), placement);
+  add_shipped_hand(model, name, placement);
   return model;
 }
 

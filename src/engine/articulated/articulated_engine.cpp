@@ -43,7 +43,10 @@ bool same_motion(const model::State& a, const model::State& b) {
 
 ArticulatedEngine::ArticulatedEngine(const model::Model& model, const Settings& settings,
                                      const Kernel* kernel)
-    : model_(checked(model, settings)), settings_(settings), mechanism_(model, settings, kernel) {
+    : model_(checked(model, settings)),
+      settings_(settings),
+      mechanism_(model, settings, kernel),
+      momentum_(mechanism_) {
   if (settings.effects.has(model::Effect::wrist_motion))
     for (std::size_t i = 0; i < model.drives.size(); ++i) drives_.push_back(static_cast<int>(i));
   for (const Cut& cut : mechanism_.topology().cuts)
@@ -230,10 +233,11 @@ void ArticulatedEngine::collide(StepReport& report) {
 
 /// Where a step ends: poses, and rates that go with them. False where the motion is not sound.
 bool ArticulatedEngine::arrive(bool fast) {
-  bool sound = mechanism_.kernel().kinematics(mechanism_.tree());
+  bool sound = momentum_.correct(mechanism_.kernel().kinematics(mechanism_.tree()));
   // Rates beyond all bounds may come back within them.
   if (fast) sound = fast_spin_->correct(sound);
-  return sound && (!loops_ || loops_->close() < kOpen);
+  if (!loops_) return sound;
+  return sound && loops_->close() < kOpen && momentum_.correct(sound);
 }
 
 void ArticulatedEngine::step_implicitly(const StepInput& input, double end, StepReport& report) {
@@ -262,8 +266,9 @@ void ArticulatedEngine::step_implicitly(const StepInput& input, double end, Step
     if (contact_) contact_->forget();
     report.lcp_failures = solve_step();
   }
+  momentum_.begin(input.forces, report.contacts > 0 ? contact_.get() : nullptr, settings_.step, false);
   if (!fast && !moving && !loops_) {
-    const bool sound = kernel.advance(tree, settings_.step);
+    const bool sound = momentum_.correct(kernel.advance(tree, settings_.step));
     if (muscles_) muscles_->find_torques(settings_.step);
     return check(sound, end);
   }
@@ -283,6 +288,7 @@ void ArticulatedEngine::place() const {
 void ArticulatedEngine::refresh() {
   if (failure_) throw Error(*failure_);
   mechanism_.refresh(settings_);
+  momentum_.refresh();
   if (contact_) contact_->refresh();
   if (fast_spin_) fast_spin_->refresh();
   mechanism_.kernel().kinematics(mechanism_.tree());
@@ -299,10 +305,12 @@ StepReport ArticulatedEngine::step(const StepInput& input) {
   accept(input);
   const double end = next_time(time_, settings_.step);
   StepReport report;
-  if (smooth_)
-    check(smooth_->advance(time_, end), end);
-  else
+  if (smooth_) {
+    momentum_.begin({}, nullptr, end - time_, true);
+    check(momentum_.correct(smooth_->advance(time_, end)), end);
+  } else {
     step_implicitly(input, end, report);
+  }
   if (settings_.effects.has(model::Effect::joint_stops)) report.stop_rows = mechanism_.stops_in_force();
   time_ = end;
   stepped_ = true;

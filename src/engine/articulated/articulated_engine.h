@@ -17,6 +17,7 @@
 
 #include "handsim/engine/articulated/contact_dynamics.h"
 #include "handsim/engine/articulated/fast_spin.h"
+#include "handsim/engine/articulated/momentum.h"
 #include "handsim/engine/articulated/muscle_coupling.h"
 #include "handsim/engine/articulated/smooth.h"
 
@@ -95,11 +96,12 @@ class ArticulatedEngine final : public Engine {
   std::unique_ptr<ContactDynamics> contact_;  ///< with a contact effect and rule only
   std::unique_ptr<Smooth> smooth_;            ///< with a method for smooth motion only
   std::unique_ptr<FastSpin> fast_spin_;       ///< without one only
-  std::vector<int> drives_;                   ///< of the model, in force
-  std::vector<double> saved_;                 ///< positions, rates and torques before the step
-  std::vector<BaseMotion> saved_bases_;       ///< of the drives
-  std::vector<Prospect::Driven> ways_;        ///< of the drives, during the step
-  std::vector<Pose> targets_;                 ///< of the drives, at the end of the step
+  MomentumBalance momentum_;
+  std::vector<int> drives_;              ///< of the model, in force
+  std::vector<double> saved_;            ///< positions, rates and torques before the step
+  std::vector<BaseMotion> saved_bases_;  ///< of the drives
+  std::vector<Prospect::Driven> ways_;   ///< of the drives, during the step
+  std::vector<Pose> targets_;            ///< of the drives, at the end of the step
   std::vector<std::string> notes_;
   double time_ = 0;
   bool had_torques_ = false;

@@ -9,7 +9,7 @@ namespace handsim::engine::articulated {
 
 bool ArticulatedEngine::suits_lanes() const {
   const std::vector<Node>& nodes = mechanism_.topology().nodes;
-  return fast_spin_ && !loops_ && !muscles_ && !failure_ && !nodes.empty() &&
+  return fast_spin_ && !momentum_.jointed() && !loops_ && !muscles_ && !failure_ && !nodes.empty() &&
          std::none_of(nodes.begin(), nodes.end(),
                       [](const Node& node) { return node.kind == NodeKind::ball; });
 }

@@ -54,6 +54,16 @@ class ContactDynamics {
   /// Finds the contacts at a state. @return pairs given to the narrow phase. @throws OdeFault
   int collide(const model::State& state, const Prospect& prospect);
   std::span<const Contact> contacts() const { return collider_.contacts(); }
+  /// Calls f(node a, node b, point, impulse on a [N s], moment on a [N m s]) for each contact of the last
+  /// `solve`; world axes; kNoNode for what cannot move.
+  template <class F>
+  void each_impulse(const F& f) const {
+    auto point = memory_.points.begin();
+    for (const Touch& touch : collider_.touches())
+      for (int index = 0; matters(touch) && index < touch.count; ++index, ++point)
+        f(node_of(point->shape_a), node_of(point->shape_b),
+          contacts()[touch.first + static_cast<std::size_t>(index)].position, point->impulse, point->moment);
+  }
 
   /// Accelerations, into Mechanism::du(), of a step [s] that ends with contacts, stops and torque limits
   /// kept; `kinematics` and the bases' motion have to be found. Leaves which stops and limits are in force.

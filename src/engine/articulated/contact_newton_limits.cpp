@@ -23,7 +23,7 @@ constexpr int kMostUpdates = 240, kStepsFromFixed = 6;
 /// After so many updates the limits start anew, at these multiples of the largest normal impulse by turns:
 /// from large ones sticking solutions are found, from small ones sliding solutions.
 constexpr int kRestart = 40;
-constexpr std::array<double, 2> kRestartAt = {10, 0.3};
+constexpr std::array<double, 5> kRestartAt = {10, 0.3, 2, 0.05, 1};
 /// Largest relaxation factor of an update, and that of every fourth: small ones end limit cycles, large ones
 /// speed up slow convergence. Chosen, as the numbers above and below.
 constexpr double kShort = 0.7, kLong = 1000;
@@ -209,7 +209,7 @@ void ContactNewton::iterate_limits(double tolerance, NewtonReport& report) {
     contacts_ = latest.contacts;
     bounds_ = latest.bounds;
     const bool restart = i % kRestart == kRestart - 1;
-    if (restart) restart_limits(kRestartAt[at(i / kRestart % 2)]);
+    if (restart) restart_limits(kRestartAt[at(i / kRestart) % kRestartAt.size()]);
     relaxation = restart || predicted ? 1 : update_limits(relaxation, i % 4 == 3 ? kLong : kShort);
   }
   x_ = best.x;

@@ -14,9 +14,8 @@ namespace {
 /// Squares of turns that may add up before energy and momentum are compared [rad^2]: a step gains at most
 /// about this share of the kinetic energy.
 constexpr double kTurned = 2e-4;
-/// Shares of energy and momentum that are let be. Chosen: energies stay within 1e-3, also while kTurned adds
-/// up; momentum is the smaller, as a body that flies far off has a large lever.
-constexpr double kEnergyTolerance = 2e-4, kMomentumTolerance = 5e-5;
+/// Share of energy that is let be. Chosen: energies stay within 1e-3, also while kTurned adds up.
+constexpr double kEnergyTolerance = 2e-4;
 
 /// What is left of a speed when its energy is cut down to a bound.
 double share_left(double energy, double bound) {
@@ -45,11 +44,7 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism)
     }
     Tree& tree = trees_[at(tree_of[i])];
     tree.nodes.push_back(static_cast<int>(i));
-    if (node.body) {
-      tree.bodies.push_back(static_cast<int>(i));
-      tree.moments.push_back(views[i].h);
-      tree.mass += *views[i].mass;
-    }
+    if (node.body) tree.bodies.add(mechanism, static_cast<int>(i));
     for (int dof = space_.first_dof(static_cast<int>(i)); dof <= space_.last_dof(static_cast<int>(i)); ++dof)
       tree.dofs.push_back(dof);
     tree.spins.push_back(views[i].spin);
@@ -72,10 +67,7 @@ FastSpin::FastSpin(const model::Model& model, Mechanism& mechanism)
 
 void FastSpin::refresh() {
   forget();
-  for (Tree& tree : trees_) {
-    tree.mass = 0;
-    for (const int body : tree.bodies) tree.mass += *mechanism_.view(at(body)).mass;
-  }
+  for (Tree& tree : trees_) tree.bodies.refresh();
 }
 
 void FastSpin::forget() {
@@ -88,9 +80,6 @@ void FastSpin::save(ArchiveWriter& out) const {
     out(tree.turned);
     out(tree.energy);
     out(tree.credit);
-    out(tree.linear);
-    out(tree.angular);
-    out(tree.centre);
   }
 }
 
@@ -100,11 +89,7 @@ void FastSpin::restore(ArchiveReader& in) {
     in(tree.turned);
     in(tree.energy);
     in(tree.credit);
-    in(tree.linear);
-    in(tree.angular);
-    in(tree.centre);
-    if (!(std::isfinite(tree.turned) && std::isfinite(tree.energy) && tree.credit >= 0 &&
-          tree.linear.allFinite() && tree.angular.allFinite() && tree.centre.allFinite()))
+    if (!(std::isfinite(tree.turned) && std::isfinite(tree.energy) && tree.credit >= 0))
       in.refuse(fmt::format("a tree's energy of {:g} J", tree.energy), "finite numbers");
   }
 }
@@ -144,12 +129,8 @@ bool FastSpin::begin(const StepInput& input, double step) {
     if (tree.fast && !tree.watched) {
       if (!found) mechanism_.kernel().momenta(mechanism_.tree());
       found = true;
-      const Motion now = motion(tree);
-      tree.centre = now.h / tree.mass;
       tree.turned = tree.credit = 0;
-      tree.energy = now.kinetic + potential(tree, now.h);
-      tree.linear = now.momentum.tail<3>();
-      tree.angular = now.momentum.head<3>() - tree.centre.cross(tree.linear);
+      tree.energy = tree.bodies.kinetic() + potential(tree);
     }
     tree.watched = tree.fast;
     if (tree.fast) tree.turned += spin * step * step;
@@ -158,32 +139,9 @@ bool FastSpin::begin(const StepInput& input, double step) {
   return any;
 }
 
-/// Mass times centre of mass from the origin [kg m].
-Vec3 FastSpin::moment(const Tree& tree) const {
-  const std::size_t s = mechanism_.stride();
-  double x = 0, y = 0, z = 0;
-  for (const double* h : tree.moments) {
-    x += h[0];
-    y += h[s];
-    z += h[2 * s];
-  }
-  return {x, y, z};
-}
-
-FastSpin::Motion FastSpin::motion(const Tree& tree) const {
-  const std::size_t s = mechanism_.stride();
-  Motion out;
-  for (const int node : tree.bodies) {
-    const NodeView& b = mechanism_.view(at(node));
-    out.kinetic += *b.energy;
-    out.momentum += read6(b.momentum, s);
-  }
-  out.h = moment(tree);
-  return out;
-}
-
-double FastSpin::potential(const Tree& tree, const Vec3& h) const {
-  return -mechanism_.gravity().dot(h + tree.mass * mechanism_.origin(tree.island));
+double FastSpin::potential(const Tree& tree) const {
+  return -mechanism_.gravity().dot(tree.bodies.moment() +
+                                   tree.bodies.mass() * mechanism_.origin(tree.island));
 }
 
 void FastSpin::add_work(bool constrained) {
@@ -209,28 +167,10 @@ void FastSpin::add_work(bool constrained) {
           tree.energy += step_ * mechanism_.view(at(node)).tau[at(k) * mechanism_.stride()] *
                          mean(space_.first_dof(node) + k);
     }
-    if (!tree.free) continue;
-    tree.linear += step_ * tree.mass * mechanism_.gravity();
-    if (constrained) {
-      const double* f = &forces_[at(space_.first_dof(tree.nodes[0]))];
-      const Vec3 torque(f[0], f[1], f[2]), force(f[3], f[4], f[5]);
-      tree.linear += step_ * force;
-      tree.angular += step_ * (torque - tree.centre.cross(force));
-    }
-    tree.goal = mechanism_.origin(tree.island) + tree.centre + step_ / tree.mass * tree.linear;
   }
 }
 
-void FastSpin::place(Tree& tree) {
-  tree.centre = moment(tree) / tree.mass;
-  const Vec3 origin = tree.goal - tree.centre;
-  double* p = mechanism_.q().data() + mechanism_.slot(at(tree.nodes[0])).q;
-  for (int k = 0; k < 3; ++k) p[at(k) * mechanism_.stride()] = origin[k];
-}
-
 bool FastSpin::correct(bool sound) {
-  for (Tree& tree : trees_)
-    if (tree.fast && tree.free) place(tree);
   const auto due = [&](const Tree& tree) { return tree.fast && (tree.turned >= kTurned || !sound); };
   if (!std::any_of(trees_.begin(), trees_.end(), due)) return sound;
   mechanism_.kernel().momenta(mechanism_.tree());
@@ -240,24 +180,13 @@ bool FastSpin::correct(bool sound) {
   return changed ? mechanism_.kernel().velocities(mechanism_.tree()) : sound;
 }
 
-/// Rotational inertia about the origin.
-Mat3 FastSpin::inertia(const Tree& tree) const {
-  Mat3 out = Mat3::Zero();
-  for (const int node : tree.bodies) out += read_symmetric(mechanism_.view(at(node)).I, mechanism_.stride());
-  return out;
-}
-
 /// The root's rates, padded with zeros, at which the tree has its momentum along the root's axes when all its
 /// other joints are locked. Zero for a root that rests on its stop, and where a loop could not follow it.
-Spatial FastSpin::as_one_body(const Tree& tree, const Mat3& I, const Vec3& h, const Spatial& momentum) const {
+Spatial FastSpin::as_one_body(const Tree& tree, const Spatial& momentum) const {
+  const Vec3 h = tree.bodies.moment();
+  const Mat3 I = tree.bodies.inertia();
+  if (tree.free) return tree.bodies.rigid_velocity(h, I, momentum);
   Spatial out = Spatial::Zero();
-  if (tree.free) {
-    const Vec3 c = h / tree.mass, P = momentum.tail<3>(), L = Vec3(momentum.head<3>()) - c.cross(P);
-    const Mat3 own = I - h.dot(c) * Mat3::Identity() + h * c.transpose();
-    const Vec3 turn = own.inverse() * L;
-    out << turn, P / tree.mass - turn.cross(c);
-    return out;
-  }
   if (tree.looped) return out;
   if (tree.stop && *tree.stop != 0 && mechanism_.u()[space_.rate_index(tree.dofs[0])] == 0) return out;
   const int root = tree.nodes[0], first = space_.first_dof(root), count = space_.last_dof(root) - first + 1;
@@ -267,7 +196,7 @@ Spatial FastSpin::as_one_body(const Tree& tree, const Mat3& I, const Vec3& h, co
     const Spatial S = space_.axis(first + j);
     const Vec3 turn = S.head<3>(), shift = S.tail<3>();
     Spatial F;
-    F << I * turn + h.cross(shift), tree.mass * shift - h.cross(turn);
+    F << I * turn + h.cross(shift), tree.bodies.mass() * shift - h.cross(turn);
     for (int i = 0; i < count; ++i) H(i, j) = space_.axis(first + i).dot(F);
     p[j] = S.dot(momentum);
   }
@@ -278,72 +207,35 @@ Spatial FastSpin::as_one_body(const Tree& tree, const Mat3& I, const Vec3& h, co
 /// Returns true where rates changed.
 bool FastSpin::project(Tree& tree) {
   tree.turned = 0;
-  Motion now = motion(tree);
-  if (!std::isfinite(now.kinetic)) return false;
-  const std::span<double> u = mechanism_.u();
-  const int root = tree.nodes[0];
-  double allowed = tree.energy - potential(tree, now.h);
-  bool exact = now.kinetic - allowed <= kEnergyTolerance * now.kinetic;
-  Spatial missing = Spatial::Zero();
-  if (tree.free) {
-    // As angular and linear momentum that cost as much energy.
-    const Vec3 c = now.h / tree.mass, linear = tree.linear;
-    missing.tail<3>() = linear - now.momentum.tail<3>();
-    missing.head<3>() = tree.angular + c.cross(linear) - now.momentum.head<3>();
-    const Vec3 P = missing.tail<3>(), L = Vec3(missing.head<3>()) - c.cross(P);
-    const double bound = kMomentumTolerance * now.kinetic;
-    exact = exact && L.squaredNorm() * turn(tree) <= 4 * bound * bound &&
-            P.squaredNorm() * now.kinetic <= 2 * bound * bound * tree.mass;
+  const double kinetic = tree.bodies.kinetic(), allowed = tree.energy - potential(tree);
+  if (!std::isfinite(kinetic)) return false;
+  if (kinetic - allowed > kEnergyTolerance * kinetic) {
+    reduce_energy(tree, kinetic, allowed);
+    return true;
   }
-  const auto keep = [&] {
-    const double lost = std::max(0.0, allowed - now.kinetic);
-    tree.credit += lost;
-    tree.energy -= lost;
-  };
-  if (exact) {
-    keep();
-    return false;
-  }
-
-  const Mat3 I = inertia(tree);
-  if (tree.free) {
-    const Spatial change = as_one_body(tree, I, now.h, missing);
-    now.kinetic += change.dot(now.momentum + 0.5 * missing);
-    now.momentum += missing;
-    for (int k = 0; k < 6; ++k) u[space_.rate_index(space_.first_dof(root) + k)] += change[k];
-  }
-  if (now.kinetic <= allowed) {
-    keep();
-    return tree.free;
-  }
-  reduce_energy(tree, now, I, allowed);
-  return true;
+  const double lost = std::max(0.0, allowed - kinetic);
+  tree.credit += lost;
+  tree.energy -= lost;
+  return false;
 }
 
 /// Scales the rates down to the energy allowed, first those of the joints against each other.
-void FastSpin::reduce_energy(Tree& tree, const Motion& now, const Mat3& I, double allowed) {
+void FastSpin::reduce_energy(Tree& tree, double kinetic, double allowed) {
   const std::span<double> u = mechanism_.u();
   const int root = tree.nodes[0];
-  Spatial rates = as_one_body(tree, I, now.h, now.momentum);
+  const Spatial momentum = tree.bodies.momentum();
+  Spatial rates = as_one_body(tree, momentum);
   double least = 0;
   const int count = space_.last_dof(root) - space_.first_dof(root) + 1;
   for (int k = 0; k < count; ++k)
-    least += 0.5 * rates[k] * space_.axis(space_.first_dof(root) + k).dot(now.momentum);
+    least += 0.5 * rates[k] * space_.axis(space_.first_dof(root) + k).dot(momentum);
   // The inertia of a loop gains and loses by turns as it goes round.
-  const double lent = std::clamp((tree.looped ? now.kinetic : least) - allowed, 0.0, tree.credit);
+  const double lent = std::clamp((tree.looped ? kinetic : least) - allowed, 0.0, tree.credit);
   tree.credit -= lent;
   tree.energy += lent;
   allowed += lent;
-  const double share = share_left(now.kinetic - least, allowed - least);
-  if (least > allowed) {
-    // A free tree's centre of mass flies on.
-    Spatial flight = Spatial::Zero();
-    if (tree.free) flight.tail<3>() = tree.linear / tree.mass;
-    const double flying = tree.free ? 0.5 * tree.linear.squaredNorm() / tree.mass : 0;
-    const double left = share_left(least - flying, allowed - flying);
-    rates = flight + left * (rates - flight);
-    tree.angular *= left;
-  }
+  const double share = share_left(kinetic - least, allowed - least);
+  if (least > allowed && !tree.free) rates *= share_left(least, allowed);
   for (std::size_t i = 0; i < tree.dofs.size(); ++i) {
     double& rate = u[space_.rate_index(tree.dofs[i])];
     const double one = static_cast<int>(i) < count ? rates[static_cast<Eigen::Index>(i)] : 0;

@@ -1,17 +1,13 @@
-// Bounds on energy and momentum of trees that turn fast. A step that takes velocity products at its start
+// Bounds on the energy of trees that turn fast. A step that takes velocity products at its start
 // gains kinetic energy in proportion to the square of the angle by which bodies turn in it; a hand that spins
 // freely blows up. Trees beyond a bound of this angle are therefore watched: the work of all forces on them,
 //   W = h f . (u0 + u1) / 2,
 // f the generalised forces that the step found (joints, stops, contacts, loops), and gravity's potential say
-// what kinetic energy they may have, and for a free tree the impulses say what momentum. As soon as the
-// angles of the steps since the last comparison add up to what could be an error, the two are compared with
-// what the tree has; beyond a tolerance the rates are projected back:
-// 1. a free tree is given the missing linear and angular momentum as one rigid body (Featherstone 2008,
-//    section 6.2: its composite inertia), so that none is lost or gained however long it spins;
-// 2. energy beyond the bound is taken from the motion of the joints against each other: at rates u, with u_1
-//    those as one rigid body, u_1 + s (u - u_1) has the same momentum and the energy T_1 + s^2 (T - T_1).
-//    Where that is too little, the rest is taken from the rotation of the whole, and only then angular
-//    momentum is lost.
+// what kinetic energy they may have. As soon as the angles of the steps since the last comparison add up to
+// what could be an error, the two are compared; energy beyond the bound and a tolerance is taken from the
+// motion of the joints against each other: at rates u, with u_1 those as one rigid body, u_1 + s (u - u_1)
+// has the same momentum and the energy T_1 + s^2 (T - T_1). Where that is too little, a tree on a base loses
+// rotation as a whole; a free tree keeps its momentum (momentum.h).
 // Positions stay those of the step: stops and contacts that it landed on are met. A tree on a moving base,
 // whose work is not known, is left alone, and so are all trees in a step with forces from outside.
 #pragma once
@@ -19,7 +15,7 @@
 #include <span>
 #include <vector>
 
-#include "handsim/engine/articulated/joint_space.h"
+#include "handsim/engine/articulated/momentum.h"
 
 namespace handsim::engine::articulated {
 
@@ -52,46 +48,30 @@ class FastSpin {
 
  private:
   struct Tree {
-    std::vector<int> nodes;              ///< the root first
-    std::vector<int> bodies;             ///< nodes with one
+    std::vector<int> nodes;  ///< the root first
+    TreeBodies bodies;
     std::vector<int> balls;              ///< nodes
     std::vector<const double*> spins;    ///< NodeView::spin
     std::vector<const double*> works;    ///< NodeView::work
-    std::vector<const double*> moments;  ///< NodeView::h, of the bodies
     std::vector<int> dofs;               ///< of the joint space
     std::vector<std::size_t> driven_by;  ///< dofs of the model, of joints that torques or servos may drive
     const double* stop = nullptr;        ///< of a root of one rate: AxisView::side
     int island = 0, base = model::kWorld;
-    double mass = 0;  ///< [kg]
     bool free = false;
     bool looped = false;  ///< by a joint that is held by constraints
     bool fast = false;
     // Since it is fast.
     bool watched = false;
-    double turned = 0;            ///< squares of the turns since the last comparison [rad^2]
-    double energy = 0;            ///< that it may have: kinetic and gravity's [J]
-    double credit = 0;            ///< that its inertia lost, less what was lent of it [J]
-    Vec3 linear = Vec3::Zero();   ///< momentum that it should have, if free [kg m/s]
-    Vec3 angular = Vec3::Zero();  ///< about its centre of mass [kg m^2/s]
-    Vec3 centre = Vec3::Zero();   ///< of mass, if free: from the origin [m]
-    Vec3 goal = Vec3::Zero();     ///< where the step brings it [m]
-  };
-  /// What a tree has.
-  struct Motion {
-    double kinetic = 0;                  ///< [J]
-    Spatial momentum = Spatial::Zero();  ///< about the origin
-    Vec3 h = Vec3::Zero();               ///< mass times centre of mass [kg m]
+    double turned = 0;  ///< squares of the turns since the last comparison [rad^2]
+    double energy = 0;  ///< that it may have: kinetic and gravity's [J]
+    double credit = 0;  ///< that its inertia lost, less what was lent of it [J]
   };
   bool driven(const Tree& tree, const StepInput& input) const;
   double turn(const Tree& tree) const;
-  Vec3 moment(const Tree& tree) const;
-  Motion motion(const Tree& tree) const;
-  double potential(const Tree& tree, const Vec3& h) const;
-  Mat3 inertia(const Tree& tree) const;
-  Spatial as_one_body(const Tree& tree, const Mat3& I, const Vec3& h, const Spatial& momentum) const;
-  void place(Tree& tree);
+  double potential(const Tree& tree) const;
+  Spatial as_one_body(const Tree& tree, const Spatial& momentum) const;
   bool project(Tree& tree);
-  void reduce_energy(Tree& tree, const Motion& now, const Mat3& I, double allowed);
+  void reduce_energy(Tree& tree, double kinetic, double allowed);
 
   Mechanism& mechanism_;
   JointSpace space_;

@@ -52,31 +52,42 @@ Sampler energy(const scene::Scene&, const MeasureSpec& spec) {
   };
 }
 
-/// About the common centre of mass.
-Vec3 angular_momentum(const Simulation& now, const std::vector<std::size_t>& bodies) {
-  double mass = 0;
-  Vec3 centre = Vec3::Zero(), velocity = Vec3::Zero(), out = Vec3::Zero();
-  for (const std::size_t i : bodies) {
-    mass += now.model().bodies[i].mass;
-    centre += now.model().bodies[i].mass * now.state().bodies[i].p;
-    velocity += now.model().bodies[i].mass * now.state().bodies[i].v;
+/// Linear and angular momentum, and the sums of the amounts of their parts: m v; r x m v and I w. In the
+/// frame of a point and its velocity.
+struct Momenta {
+  Vec3 linear = Vec3::Zero(), angular = Vec3::Zero();
+  double shifts = 0, turns = 0, mass = 0;
+  Vec3 moment = Vec3::Zero();  ///< mass times mass centre
+  Momenta(const Simulation& now, const std::vector<std::size_t>& bodies, const Vec3& point, const Vec3& v) {
+    for (const std::size_t i : bodies) {
+      const model::Body& body = now.model().bodies[i];
+      const model::BodyState& at = now.state().bodies[i];
+      const Vec3 arm = body.mass * (at.p - point).cross(at.v - v), p = body.mass * at.v;
+      const Vec3 spin = at.q * (body.inertia * (at.q.conjugate() * at.w));
+      linear += p, angular += arm + spin, mass += body.mass, moment += body.mass * at.p;
+      shifts += p.norm(), turns += arm.norm() + spin.norm();
+    }
   }
-  centre /= mass, velocity /= mass;
-  for (const std::size_t i : bodies) {
-    const model::Body& body = now.model().bodies[i];
-    const model::BodyState& at = now.state().bodies[i];
-    out += at.q * (body.inertia * (at.q.conjugate() * at.w));
-    out += body.mass * (at.p - centre).cross(at.v - velocity);
-  }
-  return out;
-}
+};
 
-/// Relative change of the angular momentum since the start.
+/// Change of the linear momentum, less gravity's, or of the angular momentum in the frame that flies on as
+/// the common mass centre did at the start; over the largest sums of amounts. The larger of the two.
 Sampler momentum(const scene::Scene& scene, const MeasureSpec& spec) {
-  return [bodies = bodies_of(scene, spec), start = std::optional<Vec3>()](const Simulation& now) mutable {
-    const Vec3 value = angular_momentum(now, bodies);
-    if (!start) start = value;
-    return Sample{{(value - *start).norm() / start->norm()}};
+  return [bodies = bodies_of(scene, spec), start = std::optional<Momenta>(), first = 0.0, shifts = 0.0,
+          turns = 0.0](const Simulation& now) mutable -> Sample {
+    const Momenta any = start.value_or(Momenta(now, bodies, Vec3::Zero(), Vec3::Zero()));
+    if (!start) first = now.state().time;
+    const double time = now.state().time - first;
+    const Vec3 v = any.linear / any.mass;
+    const Momenta here(now, bodies, any.moment / any.mass + time * v, v);
+    if (!start) start = here, start->moment = any.moment;
+    shifts = std::max(shifts, here.shifts), turns = std::max(turns, here.turns);
+    const bool falls = now.engine().settings().effects.has(model::Effect::gravity);
+    const Vec3 weight = falls ? Vec3(any.mass * now.model().gravity) : Vec3(Vec3::Zero());
+    const double tiny = std::numeric_limits<double>::min();
+    const double shift = (here.linear - start->linear - time * weight).norm() / std::max(shifts, tiny);
+    const double turn = (here.angular - start->angular).norm() / std::max(turns, tiny);
+    return Figure{std::max(shift, turn), shift > turn ? "linear" : "angular"};
   };
 }
 
