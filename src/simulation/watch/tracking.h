@@ -19,7 +19,7 @@ inline constexpr double kSettledShare = 0.02;
 inline constexpr double kSteadyWindow = 0.05;
 
 /// RMS error over all axes beyond which a hand driven by muscles does not follow its targets [rad].
-inline constexpr double kLostTargets = 10 * kDegree;
+inline constexpr double kLostTargets = 7 * kDegree;
 
 /// Figures of one axis.
 struct AxisTracking {

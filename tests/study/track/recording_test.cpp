@@ -130,7 +130,7 @@ TEST(Recording, RefusesSpoiltJsonWithItsPlace) {
       {frames(R"("rate": 1e308, )", ""), "a.json:1:1: rate: got 1e+308, need a rate above 0 to 1e6 Hz"},
       {frames(R"("rate": 0, )", ""), "no time in 2 of 2 frames"},
       {frames(R"("rate": "60", )", ""), "type must be number"},
-      {R"({"rate": 1, "frames": [], "frames": []})", "a.json:1:32: frames: got a second list"},
+      {R"({"rate": 1, "frames": [], "frames": []})", "a.json:1:35: frames: got a second list"},
       {frames(R"("unit": "inch", )", ""), "unit: got inch, need m or mm"},
       {frames("", ""), "no time in 2 of 2 frames"},
       {frames(R"("rate": 1, )", R"({"side": "both"})"), "a.json:3:"},
