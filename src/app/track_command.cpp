@@ -41,6 +41,7 @@ study::TrackInput track_input(const TrackArguments& arguments) {
                             [](YamlNode& root, Diagnostics& diagnostics) {
                               return study::read_marker_set(root, "", diagnostics);
                             });
+  out.person_named = arguments.person.has_value();
   out.fit_bones = !arguments.keep_person;
   out.smooth = !arguments.no_smoothing;
   out.noise = arguments.noise;
@@ -51,7 +52,7 @@ study::TrackInput track_input(const TrackArguments& arguments) {
 
 namespace {
 
-void print_track(const study::TrackResult& result) {
+void print_track(const study::TrackInput& input, const study::TrackResult& result) {
   print_warnings(result.warnings);
   for (const study::TrackedHand& hand : result.hands) {
     using Status = study::FrameStatus;
@@ -79,6 +80,8 @@ void print_track(const study::TrackResult& result) {
     print("hand length {:.1f} mm, breadth {:.1f} mm; ", 1e3 * *result.person.hand_length,
           1e3 * *result.person.hand_breadth);
   print("{:.3g} s of CPU time\n", result.cpu);
+  if (!input.person_named)
+    print("stature, mass and sex are those of the {}: --person states others\n", input.person.title);
 }
 
 }  // namespace
@@ -98,14 +101,19 @@ int track_command(const TrackArguments& arguments) {
   }
   folder.clear();
   const PlotNote note = plot_note(study::write_track(input, result, arguments.out));
+  const bool tracked = std::any_of(result.hands.begin(), result.hands.end(), [](const auto& hand) {
+    return hand.count(study::FrameStatus::tracked) > 0;
+  });
+  if (!tracked) print_error("no frame of any hand is tracked: frames.csv says why of each\n");
+  const int status = tracked ? note.status : 1;
   if (arguments.json) {
     print_text(study::track_json(input, result));
     if (note.status != 0) print_error("missing: plots{}\n", note.text);
-    return note.status;
+    return status;
   }
-  print_track(result);
+  print_track(input, result);
   print("files in {}{}\n", arguments.out.string(), note.text);
-  return note.status;
+  return status;
 }
 
 }  // namespace handsim::app

@@ -127,7 +127,15 @@ class Reader {
     std::string name = coordinate_of(field.text.substr(0, bracket));
     if (content_ == TableContent::poses) return read_pose_label(field, index, default_factor, name, unit);
     const bool quaternion = name.size() > 3 && name[name.size() - 3] == '.' && name[name.size() - 2] == 'q';
-    for (const std::string_view other : {"[m]", "[rad/s]", "[m/s]", "[N_m]"})
+    if (content_ == TableContent::excitations) {
+      if (!unit.empty() && unit != "[]" && unit != "[rad]")
+        return problem(field.column, std::string(field.text), fmt::format("the unit {}", unit),
+                       "no unit, or []: excitations are numbers of 0 to 1");
+      add_column(name, 1, field.column);
+      kept_.push_back(index);
+      return;
+    }
+    for (const std::string_view other : {"[m]", "[mm]", "[rad/s]", "[m/s]", "[N_m]", "[N]", "[]"})
       if (quaternion || unit == other) return;
     if (!unit.empty() && unit != "[rad]" && unit != "[deg]")
       return problem(field.column, std::string(field.text), fmt::format("the unit {}", unit),
@@ -159,11 +167,14 @@ class Reader {
   }
 
   std::string no_column() const {
-    return content_ == TableContent::angles ? "no column of angles" : "no column of a wrist's pose";
+    return content_ == TableContent::poses         ? "no column of a wrist's pose"
+           : content_ == TableContent::excitations ? "no column of a muscle"
+                                                   : "no column of angles";
   }
   std::string needed_columns() const {
-    return content_ == TableContent::angles ? "columns such as index_mcp.flexion[deg]"
-                                            : "columns such as right.wrist.x[m] and right.wrist.qw";
+    return content_ == TableContent::poses         ? "columns such as right.wrist.x[m] and right.wrist.qw"
+           : content_ == TableContent::excitations ? "columns such as FDP2 or right.FDP2"
+                                                   : "columns such as index_mcp.flexion[deg]";
   }
 
   void read_csv_header() {

@@ -26,14 +26,15 @@ struct MotionTable {
 };
 
 /// CSV: first line `time[s],NAME[rad],...`, units rad (default) or deg; columns in other units (those of
-/// trajectory.csv) are ignored. .mot and .sto: the OpenSim header with nRows, nColumns, inDegrees,
-/// endheader, then labels and rows separated by white space. Coordinate paths (`/jointset/.../NAME/value`)
-/// count as NAME.
+/// trajectory.csv and control.sto) are ignored. .mot and .sto: the OpenSim header with nRows, nColumns,
+/// inDegrees, endheader, then labels and rows separated by white space. Coordinate paths
+/// (`/jointset/.../NAME/value`) count as NAME.
 /// @throws Error (input) with line and column of the first twenty defects: missing columns, rows of the wrong
 /// length, invalid numbers, times that do not increase, a header that differs from the content, a file that
 /// is not regular or too large.
-/// @param content columns that are kept; the others are ignored. Poses are in m, rad and without unit.
-enum class TableContent { angles, poses };
+/// @param content columns that are kept; the others are ignored. Poses are in m, rad and without unit,
+/// excitations without unit, `[]`, or `[rad]` as in older files.
+enum class TableContent { angles, poses, excitations };
 MotionTable read_motion(const std::filesystem::path& path, TableContent content = TableContent::angles);
 
 /// True for names that end in .csv, .mot or .sto.

@@ -43,6 +43,41 @@ TEST(DayAtTheBench, LeadsFromKeypointsToTorquesAndBack) {
   ASSERT_EQ(again.status, 0) << again.err;
 }
 
+// A force of 5 N on a fingertip that the simulation does not have: its torques do not return to the motion.
+TEST(DayAtTheBench, ACheckThatMissesIsAFailure) {
+  const TemporaryFolder folder;
+  test::write(folder.path() / "contacts.csv",
+              "time[s],a,b,x[m],y[m],z[m],normal.x,normal.y,normal.z,depth[m],normal_force[N],friction.x[N],"
+              "friction.y[N],"
+              "friction.z[N]\n0,right.index_distal,right.middle_distal,0,0,0,0,0,1,0,5,0,0,0\n"
+              "1,right.index_distal,right.middle_distal,0,0,0,0,0,1,0,5,0,0,0\n");
+  std::vector<std::string> command = {"inverse", source("config/every_pose.yaml"),
+                                      "--loads", (folder.path() / "contacts.csv").string(),
+                                      "--out",   (folder.path() / "out").string(),
+                                      "--set",   "duration=0.5",
+                                      "--set",   "criteria={}"};
+  const Outcome missed = run_program(command);
+  EXPECT_EQ(missed.status, 1) << missed.out;
+  EXPECT_TRUE(contains(missed.err, "the check misses the motion: RMS error")) << missed.err;
+  command.emplace_back("--no-check");
+  const Outcome unchecked = run_program(command);
+  EXPECT_EQ(unchecked.status, 0) << unchecked.err;
+  EXPECT_TRUE(contains(unchecked.out, "not checked"));
+}
+
+TEST(DayAtTheBench, ARecordingWithoutATrackedFrameIsAFailure) {
+  const TemporaryFolder folder;
+  std::string head = "time[s]", row;
+  for (const char* name : {"wrist", "index_mcp", "little_mcp"})
+    for (const char* axis : {"x", "y", "z"}) head += std::string(",right.") + name + "." + axis + "[m]";
+  for (int k = 0; k < 5; ++k) row += std::to_string(k) + ",0,0,0,-0.03,0.09,0,0.03,0.08,0\n";
+  test::write(folder.path() / "palm.csv", head + "\n" + row);
+  const Outcome done = run_program(
+      {"track", (folder.path() / "palm.csv").string(), "--out", (folder.path() / "out").string()});
+  EXPECT_EQ(done.status, 1);
+  EXPECT_TRUE(contains(done.err, "no frame of any hand is tracked")) << done.err;
+}
+
 TEST(DayAtTheBench, BadInputIsRefusedWithItsPlace) {
   const TemporaryFolder folder;
   const std::string out = (folder.path() / "out").string();

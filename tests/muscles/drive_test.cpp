@@ -113,8 +113,16 @@ void expect_table(const std::string& excitations) {
 TEST(Excitations, FollowATable) {
   const test::TemporaryFolder folder;
   const auto file = folder.path() / "pull.csv";
-  std::ofstream(file) << "time[s],FDP2[rad],right.FDS3[rad]\n0,0,0.5\n0.4,0.8,0.5\n";
-  expect_table(file.string());
+  // `[rad]` as in older files.
+  for (const std::string unit : {"", "[]", "[rad]"}) {
+    std::ofstream(file) << "time[s],FDP2" << unit << ",right.FDS3" << unit << "\n0,0,0.5\n0.4,0.8,0.5\n";
+    expect_table(file.string());
+  }
+  for (const char* degrees : {"yes", "no"}) {
+    std::ofstream(folder.path() / "pull.sto") << "pull\nnRows=2\nnColumns=3\ninDegrees=" << degrees
+                                              << "\nendheader\ntime FDP2 right.FDS3\n0 0 0.5\n0.4 0.8 0.5\n";
+    expect_table((folder.path() / "pull.sto").string());
+  }
   expect_table("{times: [0, 400 ms], FDP2: [0, 0.8], right.FDS3: 0.5}");
 }
 
@@ -136,6 +144,31 @@ TEST(Excitations, SayWhatIsWrongInAScene) {
               std::string::npos)
         << error.what();
   }
+}
+
+// Oracle: each table lacks what it needs, or has what it must not have.
+TEST(Excitations, SpoiltTablesAreRefusedWithTheirPlace) {
+  const test::TemporaryFolder folder;
+  const auto file = folder.path() / "pull.csv";
+  std::ofstream(file) << "time[s],FDP2[deg]\n0,0\n";
+  const std::vector<std::pair<std::string, std::string>> spoilt = {
+      {"{times: [], FDP2: []}", "excitations.times: got no time, need one time or more"},
+      {"{times: [], FDP2: 0.5}", "excitations.times: got no time"},
+      {"{times: []}", "excitations.times: got no time"},
+      {"{times: [0]}", "got times alone, need a muscle"},
+      {"{times: [0, 1], FDP2: []}", "excitations.FDP2: got 0 numbers"},
+      {"{times: [0, .nan], FDP2: [0, 0]}", "got .nan"},
+      {"{times: [0, 1], FDP2: [0, .inf]}", "got .inf"},
+      {"{times: [-1, 1], FDP2: [0, 0]}", "got -1"},
+      {"{times: [[0], 1], FDP2: [0, 0]}", "got a list"},
+      {"{times: [1, 0], FDP2: [0, 0]}", "times that increase"},
+      {file.string(), "pull.csv:1:9: FDP2[deg]: got the unit [deg], need no unit, or []"}};
+  for (const auto& [table, problem] : spoilt) try {
+      hand_scene({"excitations=" + table});
+      ADD_FAILURE() << "accepted " << table;
+    } catch (const Error& error) {
+      EXPECT_NE(std::string(error.what()).find(problem), std::string::npos) << table << ": " << error.what();
+    }
 }
 
 TEST(Excitations, NameAColumnThatIsNoMuscle) {
@@ -162,6 +195,43 @@ TEST(MuscleDrive, HoldsEveryPose) {
   options.out = folder.path();
   const simulation::RunResult result = simulation::run(test::shipped_scene("muscle_poses"), options);
   EXPECT_TRUE(result.passed()) << result.summary;
+}
+
+std::vector<std::string> warnings_of_run(const std::vector<std::string>& changes) {
+  const test::TemporaryFolder folder;
+  simulation::RunOptions options;
+  options.out = folder.path();
+  std::vector<std::string> all = {"duration=4 s", "criteria={}"};
+  all.insert(all.end(), changes.begin(), changes.end());
+  return simulation::run(test::shipped_scene("muscle_poses", all), options).warnings;
+}
+
+// Oracle: the gains of the shipped files, 30 Hz for muscles and 8 Hz for motors.
+TEST(MuscleDrive, AControlWithoutControllerGetsTheOneOfItsDrive) {
+  const auto control = [](const std::string& drive, const std::string& controller) {
+    return test::shipped_scene(
+        "muscle_poses", {"criteria={}", "control={" + controller +
+                                            "poses: " + test::source("controllers/poses.yaml").string() +
+                                            ", program: every_pose, drive: " + drive + "}"});
+  };
+  for (const auto& [drive, file] : {std::pair("muscles", "muscles"), std::pair("motors", "implicit")}) {
+    const scene::Scene own = control(drive, "");
+    const scene::Scene named = control(
+        drive, "controller: " + test::source("controllers/" + std::string(file) + ".yaml").string() + ", ");
+    ASSERT_EQ(own.control->axes.size(), named.control->axes.size());
+    for (std::size_t i = 0; i < own.control->axes.size(); ++i)
+      EXPECT_EQ(own.control->axes[i].gains.proportional, named.control->axes[i].gains.proportional);
+  }
+}
+
+// Oracle: a hand at 8 Hz creeps after its targets, since muscles damp it.
+TEST(MuscleDrive, AHandThatDoesNotFollowIsAWarning) {
+  HANDSIM_SKIP_WITH_SANITIZER("shorter tests run the same code");
+  const std::string slow = test::source("controllers/implicit.yaml").string();
+  const std::vector<std::string> warnings = warnings_of_run({"control.controller=" + slow});
+  ASSERT_EQ(warnings.size(), 1U);
+  EXPECT_NE(warnings[0].find("the muscles do not follow their targets"), std::string::npos) << warnings[0];
+  EXPECT_TRUE(warnings_of_run({}).empty());
 }
 
 // Oracle: what a snapshot continues has the same bits as the run without it, activations included.

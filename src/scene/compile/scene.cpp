@@ -58,8 +58,11 @@ std::optional<control::MusclePlan> plan_muscles(const Scene& scene, Diagnostics&
   if (by_torques) return control::MusclePlan{};
   if (!file) return std::nullopt;
   try {
-    return control::table_plan(
-        scene.model, file->file.empty() ? file->table : control::read_motion(file->file), diagnostics);
+    return control::table_plan(scene.model,
+                               file->file.empty()
+                                   ? file->table
+                                   : control::read_motion(file->file, control::TableContent::excitations),
+                               diagnostics);
   } catch (const Error& error) {
     diagnostics.add(error);
   }

@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/data_folder.h"
 #include "handsim/scene/read/blocks.h"
 #include "handsim/scene/read/hand_entry.h"
 
@@ -95,6 +96,7 @@ control::MotionTable read_excitation_table(MapReader reader) {
                 : std::vector<double>();
   };
   table.times = values("times", {Dimension::time, 0, 1e6, false});
+  if (reader.sound() && table.times.empty()) reader.problem("times", "no time", "one time or more");
   for (std::size_t i = 1; i < table.times.size(); ++i)
     if (reader.sound() && !(table.times[i] > table.times[i - 1]))
       reader.problem("times", fmt::format("{:g} s after {:g} s", table.times[i], table.times[i - 1]),
@@ -110,6 +112,7 @@ control::MotionTable read_excitation_table(MapReader reader) {
     table.names.push_back(name);
     columns.push_back(std::move(column));
   }
+  if (reader.sound() && columns.empty()) reader.problem("", "times alone", "a muscle and its excitations");
   if (!reader.sound()) return {};
   for (std::size_t row = 0; row < table.times.size(); ++row)
     for (const std::vector<double>& column : columns) table.values.push_back(column[row]);
@@ -117,11 +120,26 @@ control::MotionTable read_excitation_table(MapReader reader) {
   return table;
 }
 
+/// Names the shipped controller of what drives the joints where the scene names none.
+void choose_controller(MapReader& reader) {
+  if (reader.diagnostics().recorder || reader.has("controller")) return;
+  YamlNode& control = reader.node();
+  const YamlNode* drive = control.find("drive");
+  YamlNode chosen = control;
+  chosen.kind = YamlNode::Kind::scalar;
+  chosen.entries = {};
+  const char* file =
+      drive && drive->text == "muscles" ? "controllers/muscles.yaml" : "controllers/implicit.yaml";
+  chosen.text = (data_folder() / file).string();
+  control.entries.push_back({"controller", control.line, control.column, std::move(chosen)});
+}
+
 }  // namespace
 
 ControlSpec read_control(MapReader reader, const std::vector<HandEntry>& hands, bool has_tasks) {
   ControlSpec spec;
-  if (YamlNode* node = referenced(reader, "controller", FileKind::controller))
+  choose_controller(reader);
+  if (YamlNode* node = referenced(reader, "controller", FileKind::controller, false))
     spec.controller = control::read_controller(*node, reader.path_of("controller"), reader.diagnostics());
   if (YamlNode* node = referenced(reader, "poses", FileKind::poses, false))
     spec.poses = control::read_pose_file(*node, reader.path_of("poses"), reader.diagnostics());

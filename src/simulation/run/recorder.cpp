@@ -28,7 +28,7 @@ std::vector<std::string> control_columns(const scene::Scene& scene) {
       for (const char* what : {".target[deg]", ".angle[deg]", ".torque[N_m]"})
         out.push_back(axis.name + what);
   for (const model::Muscle& muscle : scene.model.muscles)
-    for (const char* what : {".activation", ".tendon[N]", ".fibre[mm]"}) out.push_back(muscle.name + what);
+    for (const char* what : {".activation[]", ".tendon[N]", ".fibre[mm]"}) out.push_back(muscle.name + what);
   return out;
 }
 

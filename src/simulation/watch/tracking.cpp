@@ -11,6 +11,7 @@ namespace handsim::simulation {
 Tracking::Tracking(const Watched& watched)
     : engine_(watched.engine),
       controller_(*watched.controller),
+      by_muscles_(watched.scene.plans.control && watched.scene.plans.control->by_muscles),
       step_(watched.scene.spec.solver.step),
       axes_(controller_.axes().size()),
       figures_(controller_.axes().size()) {

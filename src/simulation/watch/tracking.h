@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/core/units.h"
 #include "handsim/simulation/watch/monitor.h"
 #include "handsim/simulation/watch/watcher.h"
 
@@ -16,6 +17,9 @@ inline constexpr double kSettledShare = 0.02;
 
 /// The steady error is measured over this time at the end of a hold, or up to twice as much [s].
 inline constexpr double kSteadyWindow = 0.05;
+
+/// RMS error over all axes beyond which a hand driven by muscles does not follow its targets [rad].
+inline constexpr double kLostTargets = 7 * kDegree;
 
 /// Figures of one axis.
 struct AxisTracking {
@@ -42,6 +46,7 @@ class Tracking final : public Watcher {
   void save(ArchiveWriter& out) const override;
   void restore(ArchiveReader& in, const model::State& state) override;
   void add_verdicts(const scene::Criteria& criteria, std::vector<Verdict>& out) const override;
+  void add_warnings(std::vector<std::string>& out) const override;
   void add_summary(SummaryJson& out) const override;
 
   /// Figures of each driven axis so far; present holds count as ended.
@@ -75,6 +80,7 @@ class Tracking final : public Watcher {
 
   const engine::Engine& engine_;
   const control::Controller& controller_;
+  bool by_muscles_;
   double step_;
   long steps_ = 0;
   std::vector<Axis> axes_;

@@ -1,4 +1,9 @@
 // What Tracking reports of a run: its verdicts and its part of the summary.
+#include <cmath>
+
+#include <fmt/format.h>
+
+#include "handsim/core/units.h"
 #include "handsim/simulation/watch/summary_json.h"
 #include "handsim/simulation/watch/tracking.h"
 
@@ -76,6 +81,21 @@ void Tracking::add_verdicts(const scene::Criteria& criteria, std::vector<Verdict
   // A movement that never settles has no settling time: where that is judged, none may be left.
   if (limits.settling_time) unsettled.limit = 0;
   out.push_back(unsettled);
+}
+
+void Tracking::add_warnings(std::vector<std::string>& out) const {
+  const std::vector<AxisTracking> all = figures();
+  const AxisTracking* worst_axis = worst(all);
+  if (!by_muscles_ || !worst_axis) return;
+  double squares = 0;
+  for (const AxisTracking& axis : all) squares += axis.rms_error * axis.rms_error;
+  const double rms = std::sqrt(squares / static_cast<double>(all.size()));
+  if (rms <= kLostTargets) return;
+  out.push_back(
+      fmt::format("the muscles do not follow their targets: RMS error {:.3g} deg over all axes, {:.3g} deg "
+                  "at {}. Without "
+                  "control.controller the scene has controllers/muscles.yaml, which is made for muscles",
+                  kDegreesPerRadian * rms, kDegreesPerRadian * worst_axis->rms_error, worst_axis->name));
 }
 
 void Tracking::add_summary(SummaryJson& out) const {

@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include <fmt/format.h>
 
 #include "handsim/control/motion_trajectory.h"
 #include "handsim/core/index.h"
+#include "handsim/engine/muscles.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/inverse/loads.h"
@@ -73,7 +75,8 @@ SampledMotion sample(const scene::Scene& scene, const InverseInput& input, Inver
       for (std::size_t i = 0; i < row.size(); ++i) out.angles[n][axes.axes[i].dof] = row[i];
     }
     for (const control::HandAxis& axis : axes.axes)
-      result.axes.push_back({axes.hand + "." + axis.name(), axis.dof});
+      result.axes.push_back(
+          {.name = axes.hand + "." + axis.name(), .dof = axis.dof, .rms_error = {}, .largest_error = {}});
   }
   diagnostics.throw_if_any();
   result.warnings = std::move(diagnostics.warnings);
@@ -91,6 +94,26 @@ void add_tissue(const model::Model& model, std::span<const double> next, double 
     }
 }
 
+/// Entries of the tendons' coupling that the scene's engine solves: of joints of which one carries the other,
+/// or of single joints.
+engine::TendonLayout::Solves solved(const scene::Scene& scene) {
+  if (scene.spec.solver.engine() != engine::EngineKind::articulated) return std::equal_to<int>();
+  const model::Model& model = scene.model;
+  std::vector<int> child(at(model.dof_count()));  // body that each coordinate moves
+  std::vector<int> parent(model.bodies.size(), 0);
+  for (const model::Joint& joint : model.joints) {
+    parent[at(joint.child)] = joint.parent;
+    for (std::size_t a = 0; a < joint.axes.size(); ++a) child[at(joint.first_dof) + a] = joint.child;
+  }
+  return [child, parent](int a, int b) {
+    const auto carries = [&](int body, int other) {
+      while (other != body && other != 0) other = parent[at(other)];
+      return other == body;
+    };
+    return carries(child[at(a)], child[at(b)]) || carries(child[at(b)], child[at(a)]);
+  };
+}
+
 /// The rows of torques.
 class Recursion {
  public:
@@ -100,7 +123,19 @@ class Recursion {
         loads_(loads),
         dynamics_(scene.model, scene.spec.solver.effects.has(model::Effect::gravity) ? scene.model.gravity
                                                                                      : Vec3(Vec3::Zero())),
-        start_(model::initial_state(scene.model)) {}
+        start_(model::initial_state(scene.model)),
+        tendons_(scene.model, scene.spec.solver, solved(scene)) {
+    start_.time = motion.start;
+    for (const model::Drive& drive : scene.model.drives) {
+      const Pose pose = drive.motion.at(motion.start) * drive.frame.inverse();
+      start_.bodies[at(drive.body)].p = pose.p;
+      start_.bodies[at(drive.body)].q = pose.q;
+    }
+    model::place_joints(scene.model, motion.angles[0], rates(0), start_);
+    tendons_.start(start_);
+  }
+  /// The motion's first state.
+  const model::State& start() const { return start_; }
 
   /// Rates at the start of a step; before the first one the motion is continued in a straight line.
   std::vector<double> rates(std::size_t n) const {
@@ -109,6 +144,21 @@ class Recursion {
     for (std::size_t i = 0; i < out.size(); ++i)
       out[i] = (motion_.angles[later][i] - motion_.angles[later - 1][i]) / motion_.step;
     return out;
+  }
+
+  /// Adds what resting muscles and bands pull in the step that leads to the next row: the law of
+  /// engine/muscles.h, which the engine solves. Activations and fibres go on from row to row: from the first
+  /// on.
+  void add_tendons(std::size_t n, InverseRow& row) {
+    if (tendons_.empty()) return;
+    const std::vector<double> u = rates(n), next = rates(n + 1);
+    tendons_.begin(row.q, u, {});
+    for (std::size_t i = 0; i < u.size(); ++i) row.passive[i] += tendons_.torques()[i];
+    for (const engine::Muscles::Slope& each : tendons_.slopes()) {
+      const auto a = at(each.row), b = at(each.column);
+      row.passive[a] -= each.value * (next[b] - u[b]);
+      if (a != b) row.passive[b] -= each.value * (next[a] - u[a]);
+    }
   }
 
   InverseRow row(std::size_t n) {
@@ -138,6 +188,7 @@ class Recursion {
   const Loads* loads_;
   model::NewtonEuler dynamics_;
   model::State start_;
+  engine::Muscles tendons_;
   std::vector<model::Wrench> wrenches_;
 };
 
@@ -147,6 +198,7 @@ scene::Scene undriven(const scene::Scene& scene, double end) {
   out.control.reset();
   out.plans.control.reset();
   out.spec.control.reset();
+  out.muscles.reset();
   out.spec.duration = end;
   return out;
 }
@@ -156,18 +208,10 @@ void run_forward(const scene::Scene& scene, const SampledMotion& motion, const L
                  Recursion& recursion, InverseResult& result, const std::function<void(double)>& progress) {
   simulation::Simulation simulation(undriven(scene, result.rows.back().time + motion.step),
                                     simulation::no_watchers);
-  model::State state = model::initial_state(scene.model);
-  state.time = motion.start;
-  for (const model::Drive& drive : scene.model.drives) {
-    const Pose pose = drive.motion.at(motion.start) * drive.frame.inverse();
-    state.bodies[at(drive.body)].p = pose.p;
-    state.bodies[at(drive.body)].q = pose.q;
-  }
-  model::place_joints(scene.model, motion.angles[0], recursion.rates(0), state);
-  simulation.reset(state);
+  simulation.reset(recursion.start());
   const bool pushed = loads && !loads->are_contacts();
   std::vector<engine::BodyForce> forces;
-  std::vector<double> torques(state.q.size());
+  std::vector<double> torques(motion.angles[0].size());
   for (std::size_t n = 0; n < result.rows.size(); ++n) {
     InverseRow& row = result.rows[n];
     row.forward = simulation.state().q;
@@ -208,7 +252,7 @@ void summarise(InverseResult& result) {
       if (row.forward.empty()) continue;
       const double difference = row.forward[axis.dof] - row.q[axis.dof];
       error += difference * difference;
-      axis.largest_error = std::max(axis.largest_error, std::abs(difference));
+      axis.largest_error = std::max(axis.largest_error.value_or(0), std::abs(difference));
       ++checked;
     }
     axis.rms_torque = std::sqrt(torque / static_cast<double>(result.rows.size()));
@@ -233,7 +277,10 @@ InverseResult run_inverse(const scene::Scene& scene, const InverseInput& input,
   std::optional<Loads> loads;
   if (input.loads) loads.emplace(*input.loads, scene.model);
   Recursion recursion(scene, motion, loads ? &*loads : nullptr);
-  for (std::size_t n = 0; n + 1 < motion.angles.size(); ++n) result.rows.push_back(recursion.row(n));
+  for (std::size_t n = 0; n + 1 < motion.angles.size(); ++n) {
+    result.rows.push_back(recursion.row(n));
+    recursion.add_tendons(n, result.rows.back());
+  }
   if (input.forward) run_forward(scene, motion, loads ? &*loads : nullptr, recursion, result, progress);
   summarise(result);
   return result;

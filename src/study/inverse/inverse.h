@@ -9,9 +9,13 @@
 #include <vector>
 
 #include "handsim/control/motion_names.h"
+#include "handsim/core/units.h"
 #include "handsim/scene/compile/scene.h"
 
 namespace handsim::study {
+
+/// RMS error over all axes of a check that returns to the motion [rad].
+inline constexpr double kLargestCheckError = 1 * kDegree;
 
 struct InverseInput {
   /// Joint angles (.csv, .mot, .sto); absent: the programs of the scene's control.
@@ -24,12 +28,11 @@ struct InverseInput {
 
 /// Torques of one axis and its error in the check.
 struct InverseAxis {
-  std::string name;           ///< `right.index_mcp.flexion`
-  std::size_t dof = 0;        ///< in vectors of model.dof_count()
-  double largest_torque = 0;  ///< |active| [N m]
-  double rms_torque = 0;      ///< of active [N m]
-  double rms_error = 0;       ///< of the check [rad]
-  double largest_error = 0;   ///< of the check [rad]
+  std::string name;                                ///< `right.index_mcp.flexion`
+  std::size_t dof = 0;                             ///< in vectors of model.dof_count()
+  double largest_torque = 0;                       ///< |active| [N m]
+  double rms_torque = 0;                           ///< of active [N m]
+  std::optional<double> rms_error, largest_error;  ///< of the check; absent: not made [rad]
 };
 
 /// The motion and its torques at one step; all of size model.dof_count().
@@ -37,7 +40,7 @@ struct InverseRow {
   double time = 0;              ///< start of the step [s]
   std::vector<double> q;        ///< [rad]
   std::vector<double> moment;   ///< net torque that the motion needs [N m]
-  std::vector<double> passive;  ///< part of passive tissue [N m]
+  std::vector<double> passive;  ///< part of passive tissue, resting muscles and bands [N m]
   std::vector<double> forward;  ///< angles of the check; empty without it [rad]
 
   /// What muscles or motors give: moment - passive.
@@ -48,15 +51,19 @@ struct InverseResult {
   std::vector<InverseAxis> axes;
   std::vector<InverseRow> rows;      ///< one for each step
   std::optional<double> cutoff;      ///< of the filter that was used [Hz]
-  double rms_error = 0;              ///< of the check over all axes and steps [rad]
+  std::optional<double> rms_error;   ///< of the check over all axes and steps; absent: not made [rad]
   std::optional<std::string> fault;  ///< why the check ended early
   std::vector<std::string> warnings;
+
+  /// False where the check was made and did not return to the motion.
+  bool agrees() const { return !fault && rms_error.value_or(0) <= kLargestCheckError; }
 };
 
 /// Angles are joined by a spline and differentiated at the step h of the scene's solver:
 ///   v_n = (q_n - q_{n-1}) / h,  a_n = (q_{n+1} - 2 q_n + q_{n-1}) / h^2,
 /// the difference equations of a semi-implicit step, so that the torque of step n leads from q_n to q_{n+1}.
-/// Passive tissue acts at the end of the step, as the engines solve it.
+/// Passive tissue, resting muscles and bands act at the end of the step, as the engines solve them;
+/// excitations of the scene do not count.
 /// @throws Error (input) for a scene without hands, with loops or free hands, and for files that do not fit.
 InverseResult run_inverse(const scene::Scene& scene, const InverseInput& input,
                           const std::function<void(double)>& progress = {});

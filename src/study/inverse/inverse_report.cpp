@@ -70,11 +70,16 @@ Plot torque_plot(const scene::Scene& scene, const InverseResult& result) {
           commands + "  unset multiplot\n"};
 }
 
+/// In degrees; nothing for what was not measured.
+std::string degrees(const std::optional<double>& angle, const char* format, const char* absent) {
+  return angle ? fmt::format(fmt::runtime(format), kDegreesPerRadian * *angle) : absent;
+}
+
 std::string summary_csv(const InverseResult& result) {
   std::string out = "axis,largest_torque[N_m],rms_torque[N_m],rms_error[deg],largest_error[deg]\n";
   for (const InverseAxis& axis : result.axes)
     out += fmt::format("{},{},{},{},{}\n", axis.name, axis.largest_torque, axis.rms_torque,
-                       kDegreesPerRadian * axis.rms_error, kDegreesPerRadian * axis.largest_error);
+                       degrees(axis.rms_error, "{}", ""), degrees(axis.largest_error, "{}", ""));
   return out;
 }
 
@@ -121,9 +126,11 @@ std::string inverse_json(const scene::Scene& scene, const InverseInput& input, c
     out["filter"] = {{"kind", "Butterworth, second order, forwards and backwards"},
                      {"cutoff_hz", *result.cutoff}};
   if (input.loads) out["loads"] = input.loads->filename().string();
-  if (input.forward) {
+  if (result.rms_error) {
     out["forward"] = {{"engine", engine::name(scene.spec.solver.engine())},
-                      {"rms_error_deg", kDegreesPerRadian * result.rms_error}};
+                      {"rms_error_deg", kDegreesPerRadian * *result.rms_error},
+                      {"limit_deg", kDegreesPerRadian * kLargestCheckError},
+                      {"passed", result.agrees()}};
     if (result.fault) out["forward"]["fault"] = *result.fault;
   }
   add_origin(out);
@@ -131,9 +138,9 @@ std::string inverse_json(const scene::Scene& scene, const InverseInput& input, c
   for (const InverseAxis& axis : result.axes) {
     Json entry = {
         {"axis", axis.name}, {"largest_torque_Nm", axis.largest_torque}, {"rms_torque_Nm", axis.rms_torque}};
-    if (input.forward) {
-      entry["forward_rms_error_deg"] = kDegreesPerRadian * axis.rms_error;
-      entry["forward_largest_error_deg"] = kDegreesPerRadian * axis.largest_error;
+    if (axis.rms_error && axis.largest_error) {
+      entry["forward_rms_error_deg"] = kDegreesPerRadian * *axis.rms_error;
+      entry["forward_largest_error_deg"] = kDegreesPerRadian * *axis.largest_error;
     }
     out["axes"].push_back(std::move(entry));
   }
@@ -145,9 +152,9 @@ std::string inverse_table(const InverseResult& result) {
   std::string out = fmt::format("{:<28} {:>12} {:>12} {:>14} {:>14}\n", "axis", "largest N m", "RMS N m",
                                 "check RMS deg", "largest deg");
   for (const InverseAxis& axis : result.axes)
-    out += fmt::format("{:<28} {:>12.4g} {:>12.4g} {:>14.3g} {:>14.3g}\n", axis.name, axis.largest_torque,
-                       axis.rms_torque, kDegreesPerRadian * axis.rms_error,
-                       kDegreesPerRadian * axis.largest_error);
+    out += fmt::format("{:<28} {:>12.4g} {:>12.4g} {:>14} {:>14}\n", axis.name, axis.largest_torque,
+                       axis.rms_torque, degrees(axis.rms_error, "{:.3g}", "not checked"),
+                       degrees(axis.largest_error, "{:.3g}", "not checked"));
   return out;
 }
 

@@ -43,9 +43,9 @@ std::vector<double> lengths_of(const Recording& recording, const std::vector<Fea
     const auto a = recording.channels.find(std::string(side) + "." + points[distance.a].name);
     const auto b = recording.channels.find(std::string(side) + "." + points[distance.b].name);
     if (a == recording.channels.end() || b == recording.channels.end()) continue;
-    for (std::size_t k = 0; k < recording.times.size(); ++k)
-      if (a->second.points[k] && b->second.points[k])
-        out.push_back((*a->second.points[k] - *b->second.points[k]).norm());
+    for (std::size_t i = 0; i < a->second.points.frames().size(); ++i)
+      if (const Vec3* other = b->second.points.at(a->second.points.frames()[i]))
+        out.push_back((a->second.points.values()[i] - *other).norm());
   }
   return out;
 }

@@ -11,63 +11,73 @@ namespace handsim::study {
 
 namespace {
 
-constexpr std::size_t kMostHandFrames = 40;     ///< of a hand
-constexpr double kSpread = 0.05;                ///< of a size, relative to the predicted one: chosen
+constexpr std::size_t kMostHandFrames = 40;  ///< of a hand
+constexpr double kSpread = 0.05;             ///< of a size, relative to the predicted one: chosen
+constexpr double kUnknownSpread = 0.25;      ///< of the length of a hand of which nobody says whose: chosen
 constexpr double kLeastCoordinateNoise = 1e-7;  ///< of a coordinate [m]
 constexpr double kOutlier = 0.05;               ///< a marker farther from the fit is left out [m]
-constexpr double kStep = 1e-6;                  ///< of a size, to differentiate [m]
-using Names = std::vector<std::string>;
+constexpr double kStep = 1e-6;                  ///< of a size, to differentiate
 
-/// The sizes that markers can show: hand length, hand breadth, and every bone that carries another one. The
-/// markers of a last segment are placed on it in metres, so that its own length does not move them.
+/// The sizes that markers can show: hand length, then hand breadth and every bone that carries another one,
+/// over those of a person with that length. The markers of a last segment are placed on it in metres, so that
+/// its own length does not move them.
 struct Sizes {
-  Names bones;
-  Eigen::VectorXd predicted;  ///< [m]: length, breadth, bones
+  const hand::HandSpec* spec;
+  const hand::Person* of;
+  hand::HandSize size;
+  std::vector<std::size_t> bones;     ///< rows of the hand model's segments
+  Eigen::VectorXd predicted, spread;  ///< length [m], ratios; their deviations
 
-  hand::Person person(const hand::Person& of, const Eigen::VectorXd& values) const {
-    hand::Person out = of;
-    out.hand_length = values[0];
-    out.hand_breadth = values[1];
+  Sizes(const hand::HandSpec& model, const MarkerPerson& person)
+      : spec(&model), of(&person.predicted), size(hand::build_hand(model, *of).size) {
+    for (std::size_t i = 0; i < model.segments.size(); ++i)
+      if (model.segments[i].has_child) bones.push_back(i);
+    predicted = Eigen::VectorXd::Ones(static_cast<Eigen::Index>(2 + bones.size()));
+    spread = kSpread * predicted;
+    predicted[0] = size.length;
+    spread[0] = (person.named ? kSpread : kUnknownSpread) * size.length;
+  }
+
+  hand::Person person(const Eigen::VectorXd& values) const {
+    hand::HandSize now = size;
+    now.length = values[0];
+    now.breadth = values[1] * size.breadth * values[0] / size.length;
+    hand::Person out = *of;
+    out.hand_length = now.length;
+    out.hand_breadth = now.breadth;
     out.hand_length_percentile.reset();
-    for (std::size_t i = 0; i < bones.size(); ++i)
-      out.bones[bones[i]] = values[static_cast<Eigen::Index>(2 + i)];
+    for (std::size_t i = 0; i < bones.size(); ++i) {
+      const hand::SegmentSpec& bone = spec->segments[bones[i]];
+      const auto own = of->bones.find(bone.name);
+      out.bones[bone.name] = values[static_cast<Eigen::Index>(2 + i)] *
+                             (own != of->bones.end() ? own->second : bone.length.value(now));
+    }
     return out;
   }
 };
 
-Sizes sizes_of(const hand::HandSpec& spec, const hand::Person& person) {
-  const hand::BuiltHand built = hand::build_hand(spec, person);
-  std::vector<double> values = {built.size.length, built.size.breadth};
-  Sizes out;
-  for (std::size_t i = 0; i < spec.segments.size(); ++i) {
-    if (!spec.segments[i].has_child) continue;
-    out.bones.push_back(spec.segments[i].name);
-    const auto own = person.bones.find(spec.segments[i].name);
-    values.push_back(own != person.bones.end() ? own->second : spec.segments[i].length.value(built.size));
-  }
-  out.predicted = Eigen::Map<Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
-  return out;
-}
-
 /// A frame that takes part, and its pose so far.
 struct Used {
-  const std::vector<MeasuredPoint>* frame = nullptr;
+  std::vector<MeasuredPoint> frame;
   FitResult fit;
 };
 
 /// The frames of one hand, evenly over those that show two thirds of its features.
 std::vector<Used> frames_of(const HandFrames& hand, PoseFit& fit) {
-  std::vector<const std::vector<MeasuredPoint>*> good;
-  for (const auto& frame : hand.frames) {
+  std::vector<std::size_t> good;
+  for (std::size_t k = 0; k < hand.size(); ++k) {
+    const std::vector<MeasuredPoint> frame = hand.at(k);
     const auto seen = std::count_if(frame.begin(), frame.end(), [](const MeasuredPoint& each) {
       return each.point.has_value() || each.orientation.has_value();
     });
-    if (seen >= 3 && 3 * seen >= 2 * static_cast<std::ptrdiff_t>(frame.size())) good.push_back(&frame);
+    if (seen >= 3 && 3 * seen >= 2 * static_cast<std::ptrdiff_t>(frame.size())) good.push_back(k);
   }
   std::vector<Used> out;
   const std::size_t stride = 1 + good.size() / kMostHandFrames;
-  for (std::size_t i = 0; i < good.size(); i += stride)
-    out.push_back({good[i], fit.find(*good[i], kOutlier)});
+  for (std::size_t i = 0; i < good.size(); i += stride) {
+    out.push_back({hand.at(good[i]), {}});
+    out.back().fit = fit.find(out.back().frame, kOutlier);
+  }
   // A frame far from the others is another hand's, or wrongly found.
   std::vector<double> rms;
   for (const Used& each : out) rms.push_back(each.fit.rms);
@@ -116,8 +126,8 @@ Eigen::MatrixXd free_columns(const Eigen::MatrixXd& J, const HandPose& pose, con
 
 class SizeFit {
  public:
-  SizeFit(const std::vector<HandFrames>& hands, const hand::HandSpec& spec, const hand::Person& person)
-      : hands_(hands), spec_(spec), person_(person), sizes_(sizes_of(spec, person)), now_(sizes_.predicted) {
+  SizeFit(const std::vector<HandFrames>& hands, const hand::HandSpec& spec, const MarkerPerson& person)
+      : hands_(hands), spec_(spec), sizes_(spec, person), now_(sizes_.predicted) {
     std::vector<PoseFit> fits = fits_at(now_);
     for (std::size_t h = 0; h < hands.size(); ++h) used_.push_back(frames_of(hands[h], fits[h]));
   }
@@ -131,15 +141,14 @@ class SizeFit {
   /// Gauss-Newton on the sizes; after each step the poses are fitted again.
   hand::Person run() {
     constexpr int kMostRounds = 20;
-    Eigen::VectorXd certainty;
     for (int round = 0; round < kMostRounds; ++round) {
       std::vector<PoseFit> fits = fits_at(now_);
       for (std::size_t h = 0; h < used_.size(); ++h)
-        for (Used& each : used_[h]) each.fit = fits[h].fit(*each.frame, each.fit.pose, kOutlier);
+        for (Used& each : used_[h]) each.fit = fits[h].fit(each.frame, each.fit.pose, kOutlier);
       const Normal normal = linearise(fits);
       const double noise =
           std::max(kLeastCoordinateNoise, std::sqrt(normal.squares / std::max(1.0, normal.spare)));
-      const Eigen::VectorXd prior = (kSpread * sizes_.predicted).cwiseAbs2().cwiseInverse();
+      const Eigen::VectorXd prior = sizes_.spread.cwiseAbs2().cwiseInverse();
       Eigen::MatrixXd matrix = normal.matrix / (noise * noise);
       matrix.diagonal() += prior;
       const Eigen::VectorXd right =
@@ -148,19 +157,22 @@ class SizeFit {
       const Eigen::VectorXd step = factor.solve(right);
       now_ += step.cwiseMax(-0.1 * now_).cwiseMin(0.1 * now_);
       const auto size = now_.size();
-      certainty = factor.solve(Eigen::MatrixXd::Identity(size, size)).diagonal().cwiseProduct(prior);
+      left_ = factor.solve(Eigen::MatrixXd::Identity(size, size)).diagonal().cwiseProduct(prior);
       if (step.cwiseAbs().maxCoeff() < 1e-9) break;
     }
-    hand::Person out = sizes_.person(person_, now_);
-    // What is no more certain than before was not measured.
+    hand::Person out = sizes_.person(now_);
+    // What is as uncertain as before was not measured.
     for (std::size_t i = 0; i < sizes_.bones.size(); ++i)
-      if (certainty[static_cast<Eigen::Index>(2 + i)] > 0.25) out.bones.erase(sizes_.bones[i]);
+      if (left_[static_cast<Eigen::Index>(2 + i)] > 0.99)
+        out.bones.erase(spec_.segments[sizes_.bones[i]].name);
     return out;
   }
+  /// The uncertainty of the length is less than half of what it was before.
+  bool shows_length() const { return left_[0] < 0.25; }
 
  private:
   std::vector<PoseFit> fits_at(const Eigen::VectorXd& values) const {
-    const hand::BuiltHand built = hand::build_hand(spec_, sizes_.person(person_, values));
+    const hand::BuiltHand built = hand::build_hand(spec_, sizes_.person(values));
     std::vector<PoseFit> out;
     for (const HandFrames& hand : hands_) out.emplace_back(HandTree(spec_, built, hand.side), hand.features);
     return out;
@@ -177,11 +189,11 @@ class SizeFit {
     Normal out(count);
     for (std::size_t h = 0; h < used_.size(); ++h)
       for (const Used& each : used_[h]) {
-        const Rows at = fits[h].rows(*each.frame, each.fit.pose, each.fit.rejected);
+        const Rows at = fits[h].rows(each.frame, each.fit.pose, each.fit.rejected);
         Eigen::MatrixXd D(at.residuals.size(), count);
         for (Eigen::Index i = 0; i < count; ++i)
           D.col(i) = (moved[static_cast<std::size_t>(i)][h]
-                          .rows(*each.frame, each.fit.pose, each.fit.rejected)
+                          .rows(each.frame, each.fit.pose, each.fit.rejected)
                           .residuals -
                       at.residuals) /
                      kStep;
@@ -192,9 +204,8 @@ class SizeFit {
 
   const std::vector<HandFrames>& hands_;
   const hand::HandSpec& spec_;
-  const hand::Person& person_;
   Sizes sizes_;
-  Eigen::VectorXd now_;
+  Eigen::VectorXd now_, left_;  ///< left_: variance over that before
   std::vector<std::vector<Used>> used_;
 };
 
@@ -202,10 +213,12 @@ class SizeFit {
 void check_marker_unit(const std::vector<HandFrames>& hands, const std::string& recording) {
   double longest = 0;
   for (const HandFrames& hand : hands)
-    for (const auto& frame : hand.frames)
+    for (std::size_t k = 0; k < hand.size(); ++k) {
+      const std::vector<MeasuredPoint> frame = hand.at(k);
       for (const MeasuredPoint& a : frame)
         if (a.point && frame.front().point)
           longest = std::max(longest, (*a.point - *frame.front().point).norm());
+    }
   if (longest > 0 && (longest < 0.02 || longest > 0.6))
     throw input_error(
         recording, fmt::format("markers of one hand up to {:.3g} m apart", longest),
@@ -214,15 +227,52 @@ void check_marker_unit(const std::vector<HandFrames>& hands, const std::string& 
 
 }  // namespace
 
+HandFrames::HandFrames(const Recording& recording, std::vector<Feature> of, model::Side of_side)
+    : side(of_side), features(std::move(of)), size_(recording.times.size()) {
+  for (const Feature& feature : features) {
+    const auto found = recording.channels.find(feature.name);
+    channels_.push_back(found == recording.channels.end() ? nullptr : &found->second);
+  }
+}
+
+std::vector<MeasuredPoint> HandFrames::at(std::size_t frame) const {
+  std::vector<MeasuredPoint> out(features.size());
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    if (!channels_[i]) continue;
+    if (features[i].kind == Feature::Kind::point) {
+      if (const Vec3* point = channels_[i]->points.at(frame)) out[i].point = *point;
+    } else if (const Quat* orientation = channels_[i]->orientations.at(frame)) {
+      out[i].orientation = *orientation;
+    }
+  }
+  return out;
+}
+
+bool HandFrames::any(Feature::Kind kind) const {
+  for (std::size_t i = 0; i < features.size(); ++i)
+    if (features[i].kind == kind && channels_[i] &&
+        !(kind == Feature::Kind::point ? channels_[i]->points.empty() : channels_[i]->orientations.empty()))
+      return true;
+  return false;
+}
+
 hand::Person fit_bones_to_markers(const std::vector<HandFrames>& hands, const hand::HandSpec& spec,
-                                  const hand::Person& person, const std::string& recording) {
+                                  const MarkerPerson& person, const std::string& recording,
+                                  std::vector<std::string>& warnings) {
   check_marker_unit(hands, recording);
   SizeFit fit(hands, spec, person);
   if (fit.frames() < 3)
     throw input_error(recording, "fewer than three frames that show a hand",
                       "frames with two thirds of the markers of --markers, or --keep-person");
   hand::Person out = fit.run();
-  out.title = person.title + ", hand measured from " + std::filesystem::path(recording).filename().string();
+  if (!fit.shows_length())
+    warnings.push_back(
+        fmt::format("{}: the markers hardly show the length of the hand: {:.0f} mm are near those of "
+                    "the {}{}",
+                    recording, 1e3 * *out.hand_length, person.predicted.title,
+                    person.named ? "" : ", as no --person is given"));
+  out.title =
+      person.predicted.title + ", hand measured from " + std::filesystem::path(recording).filename().string();
   return out;
 }
 

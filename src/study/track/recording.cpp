@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
@@ -16,9 +17,6 @@
 namespace handsim::study {
 
 namespace {
-
-constexpr std::size_t kRecordingBytes = 512U << 20U;
-constexpr std::size_t kMostFrames = 1'000'000;
 
 std::string_view bare(std::string_view text) {
   constexpr std::string_view kBlank = " \t\r";
@@ -37,21 +35,61 @@ std::vector<std::string_view> parts_of(std::string_view line, char separator) {
   }
 }
 
-/// A text file read line by line.
-class LineReader {
+/// A recording being read, and the place in its file.
+class RecordingReader {
  public:
-  LineReader(const std::filesystem::path& path, const char* what)
-      : file_(path.string()), text_(read_input_file(path, what, kRecordingBytes)), rest_(text_) {}
+  static constexpr std::size_t kMostBytes = 512U << 20U;
+  static constexpr std::size_t kMostFrames = 1'000'000;
+  static constexpr double kShortestInterval = 1e-6;  ///< between frames [s]
+  static constexpr double kFarthest = 1000;          ///< of a point from the origin [m]
+
+  explicit RecordingReader(const std::filesystem::path& path)
+      : text_(read_input_file(path, "a recording (.csv, .json, .trc)", kMostBytes)),
+        place_{path.string(), 1, 1} {
+    out_.file = path.string();
+  }
+  [[noreturn]] void fail(std::string got, std::string need, std::string key = {}) const {
+    throw Error({Problem{place_, std::move(key), std::move(got), std::move(need)}});
+  }
+  void add_time(double time) {
+    if (!out_.times.empty() && !(time - out_.times.back() >= kShortestInterval))
+      fail(fmt::format("{:.12g} s after {:.12g} s", time, out_.times.back()),
+           fmt::format("times in s that increase, by {:g} s at least", kShortestInterval), "time");
+    if (!out_.times.empty() && !(time - out_.times.front() <= kLongestRecording))
+      fail(fmt::format("{:.6g} s after the first frame", time - out_.times.front()),
+           fmt::format("a recording of at most {:g} s", kLongestRecording), "time");
+    if (out_.times.size() == kMostFrames) fail("more frames", fmt::format("at most {}", kMostFrames));
+    out_.times.push_back(time);
+  }
+  /// The frame that add_time() has begun.
+  std::size_t frame() const { return out_.times.size() - 1; }
+  void check_place(const Vec3& point, const std::string& name) const {
+    if (!(point.cwiseAbs().maxCoeff() <= kFarthest))
+      fail(fmt::format("a point {:.3g} m away", point.cwiseAbs().maxCoeff()),
+           fmt::format("one within {:g} m of the origin: the unit may be another one", kFarthest), name);
+  }
+
+ protected:
+  std::string text_;
+  Place place_;
+  Recording out_;
+};
+
+/// A text file read line by line.
+class LineReader : public RecordingReader {
+ public:
+  explicit LineReader(const std::filesystem::path& path) : RecordingReader(path), rest_(text_) {
+    place_.line = 0;
+  }
 
   bool next(std::string_view& line) {
     if (rest_.empty()) return false;
     line = take_line(rest_);
-    ++number_;
+    ++place_.line;
     return true;
   }
-  [[noreturn]] void fail(std::string got, std::string need, std::string key = {}) const {
-    throw Error({Problem{Place{file_, number_, 1}, std::move(key), std::move(got), std::move(need)}});
-  }
+  /// True if the file ends within the line that was read last.
+  bool unfinished() const { return rest_.empty() && !text_.ends_with('\n'); }
   /// A number; nothing for an empty field or `nan`.
   std::optional<double> number(std::string_view text) const {
     if (text.empty() || lower_case(text) == "nan") return std::nullopt;
@@ -60,19 +98,23 @@ class LineReader {
       fail(fmt::format("\"{}\"", printable(text)), "a number, or nothing for a point that was not seen");
     return value;
   }
-  void add_time(Recording& out, std::string_view text) const {
-    const auto time = number(text);
-    if (!time || (!out.times.empty() && !(*time > out.times.back())))
-      fail(fmt::format("time \"{}\"", text), "increasing times in s", "time");
-    if (out.times.size() == kMostFrames) fail("more frames", fmt::format("at most {}", kMostFrames));
-    out.times.push_back(*time);
+  std::optional<Vec3> point(std::string_view x, std::string_view y, std::string_view z) const {
+    const auto a = number(x), b = number(y), c = number(z);
+    return a && b && c ? std::optional(Vec3(*a, *b, *c)) : std::nullopt;
   }
-  const std::string& file() const { return file_; }
+  void add_point(Channel& channel, const std::string& name, const Vec3& point) const {
+    check_place(point, name);
+    channel.points.add(frame(), point);
+  }
+  void begin_frame(std::string_view time) {
+    const auto value = number(time);
+    if (!value) fail("no time", "a time in s", "time");
+    add_time(*value);
+  }
+  Recording& out() { return out_; }
 
  private:
-  std::string file_, text_;
   std::string_view rest_;
-  int number_ = 0;
 };
 
 /// `right.index_pip` of `right.6`.
@@ -90,7 +132,7 @@ constexpr std::array<std::string_view, 7> kParts = {".x", ".y", ".z", ".qw", ".q
 /// Where the parts of a channel stand in a row.
 struct ChannelColumns {
   std::array<std::optional<std::size_t>, 7> at;
-  double unit = 1;
+  Vec3 unit = Vec3::Ones();  ///< of x, y and z [m]
 
   bool has(std::size_t first, std::size_t count) const {
     return std::all_of(at.begin() + static_cast<std::ptrdiff_t>(first),
@@ -116,7 +158,7 @@ std::map<std::string, ChannelColumns> read_head(const LineReader& reader,
           out[keypoint_name(std::string(name.substr(0, name.size() - kParts[p].size())))];
       if (channel.at[p]) reader.fail("a second column", "each column once", std::string(name));
       channel.at[p] = c;
-      if (p < 3) channel.unit = unit == "[mm]" ? 1e-3 : 1;
+      if (p < 3 && unit == "[mm]") channel.unit[static_cast<Eigen::Index>(p)] = 1e-3;
     }
   }
   for (const auto& [name, channel] : out)
@@ -127,147 +169,235 @@ std::map<std::string, ChannelColumns> read_head(const LineReader& reader,
 }
 
 Recording read_csv(const std::filesystem::path& path) {
-  LineReader reader(path, "a recording (.csv, .json, .trc)");
-  Recording out;
-  out.file = reader.file();
+  LineReader reader(path);
   std::string_view line;
   if (!reader.next(line)) reader.fail("an empty file", "a line of column names, then rows");
   const std::vector<std::string_view> labels = parts_of(line, ',');
   const std::map<std::string, ChannelColumns> columns = read_head(reader, labels);
-  std::vector<std::optional<double>> row(labels.size());
   while (reader.next(line)) {
     if (bare(line).empty()) continue;
     const std::vector<std::string_view> fields = parts_of(line, ',');
     if (fields.size() != labels.size())
       reader.fail(fmt::format("{} values", fields.size()),
                   fmt::format("{}, one for each column", labels.size()));
-    reader.add_time(out, fields[0]);
-    for (std::size_t i = 1; i < fields.size(); ++i) row[i] = reader.number(fields[i]);
-    for (const auto& [name, of_channel] : columns) {
-      const ChannelColumns& from = of_channel;  // clang 14 captures no structured binding
-      const auto value = [&](std::size_t part) { return from.at[part] ? row[*from.at[part]] : std::nullopt; };
-      Channel& channel = out.channels[name];
-      channel.points.emplace_back();
-      channel.orientations.emplace_back();
-      if (value(0) && value(1) && value(2))
-        channel.points.back() = from.unit * Vec3(*value(0), *value(1), *value(2));
-      if (!value(3) || !value(4) || !value(5) || !value(6)) continue;
-      const Quat q(*value(3), *value(4), *value(5), *value(6));
+    reader.begin_frame(fields[0]);
+    for (const auto& [name, from] : columns) {
+      Channel& channel = reader.out().channels[name];
+      if (from.at[0])
+        if (const auto point = reader.point(fields[*from.at[0]], fields[*from.at[1]], fields[*from.at[2]]))
+          reader.add_point(channel, name, from.unit.cwiseProduct(*point));
+      if (!from.at[3]) continue;
+      const auto w = reader.number(fields[*from.at[3]]);
+      const auto axis = reader.point(fields[*from.at[4]], fields[*from.at[5]], fields[*from.at[6]]);
+      if (!w || !axis) continue;
+      const Quat q(*w, axis->x(), axis->y(), axis->z());
       if (!(std::abs(q.norm() - 1) < 0.01))
         reader.fail(fmt::format("a quaternion of length {:.4g}", q.norm()), "one of length 1", name);
-      channel.orientations.back() = q.normalized();
+      channel.orientations.add(reader.frame(), q.normalized());
     }
   }
-  return out;
+  return std::move(reader.out());
 }
 
-// Lines of a .trc: its type; names of the head's values; those values; Frame#, Time and marker names, each
-// above three columns; the labels X1, Y1, Z1, ...; then the rows.
+/// The head of a .trc: its type; names of the head's values; those values; Frame#, Time and marker names,
+/// each above three columns; the labels X1, Y1, Z1, ...; then the rows.
+struct TrcHead {
+  std::array<std::vector<std::string_view>, 5> lines;
+
+  std::optional<std::string_view> find(std::string_view key) const {
+    const auto found = std::find(lines[1].begin(), lines[1].end(), key);
+    const auto index = static_cast<std::size_t>(found - lines[1].begin());
+    return index < lines[1].size() && index < lines[2].size() ? std::optional(lines[2][index]) : std::nullopt;
+  }
+  /// The head states a number that the file does not have: often the file was cut.
+  void check(const LineReader& reader, const char* key, std::size_t count) const {
+    const auto stated = find(key);
+    if (stated && parse_number(*stated) != static_cast<double>(count))
+      reader.fail(fmt::format("{}", count),
+                  fmt::format("{}, as the head says: is the file complete?", printable(*stated)), key);
+  }
+};
+
 Recording read_trc(const std::filesystem::path& path) {
-  LineReader reader(path, "a recording (.csv, .json, .trc)");
-  Recording out;
-  out.file = reader.file();
+  LineReader reader(path);
   std::string_view line;
-  std::array<std::vector<std::string_view>, 5> head;
-  for (auto& each : head) {
+  TrcHead head;
+  for (auto& each : head.lines) {
     if (!reader.next(line)) reader.fail("the end of the file", "the five lines of a .trc header");
     each = parts_of(line, '\t');
   }
-  const auto units = std::find(head[1].begin(), head[1].end(), "Units");
-  const auto index = static_cast<std::size_t>(units - head[1].begin());
-  if (units == head[1].end() || index >= head[2].size() || (head[2][index] != "mm" && head[2][index] != "m"))
-    reader.fail("no Units m or mm in the header", "a header with Units", "Units");
-  const double unit = head[2][index] == "mm" ? 1e-3 : 1;
+  const std::string_view units = head.find("Units").value_or("none");
+  if (units != "mm" && units != "m")
+    reader.fail(fmt::format("the unit {}", printable(units)), "Units m or mm in the header", "Units");
+  const double unit = units == "mm" ? 1e-3 : 1;
   std::vector<std::pair<std::string, std::size_t>> markers;
-  for (std::size_t c = 2; c < head[3].size(); c += 3)
-    if (!head[3][c].empty()) markers.emplace_back(std::string(head[3][c]), c);
+  const std::vector<std::string_view>& names = head.lines[3];
+  for (std::size_t c = 2; c < names.size(); c += 3) {
+    if (names[c].empty()) continue;
+    markers.emplace_back(std::string(names[c]), c);
+    if (!reader.out().channels.try_emplace(markers.back().first).second)
+      reader.fail("a second marker of this name", "each name once", markers.back().first);
+  }
   if (markers.empty()) reader.fail("no marker", "names of markers after Frame# and Time");
+  head.check(reader, "NumMarkers", markers.size());
   while (reader.next(line)) {
     if (bare(line).empty()) continue;
     std::vector<std::string_view> fields = parts_of(line, '\t');
-    if (fields.size() < 2) reader.fail("a short row", "a frame number, a time and coordinates");
-    fields.resize(std::max(fields.size(), markers.back().second + 3));
-    reader.add_time(out, fields[1]);
-    for (const auto& [name, column] : markers) {
-      Channel& channel = out.channels[name];
-      channel.orientations.emplace_back();
-      const auto x = reader.number(fields[column]), y = reader.number(fields[column + 1]),
-                 z = reader.number(fields[column + 2]);
-      channel.points.push_back(x && y && z ? std::optional(Vec3(unit * Vec3(*x, *y, *z))) : std::nullopt);
-    }
+    // Markers at the end of a row that were not seen may have no tabs.
+    const std::size_t width = markers.back().second + 3;
+    const bool within_marker = fields.size() % 3 != 2 && !fields.back().empty();
+    if (fields.size() < 2 || (fields.size() < width && (reader.unfinished() || within_marker)))
+      reader.fail(fmt::format("{} values", fields.size()),
+                  fmt::format("{}: a frame number, a time, three coordinates of each marker", width));
+    fields.resize(std::max(fields.size(), width));
+    reader.begin_frame(fields[1]);
+    for (const auto& [name, column] : markers)
+      if (const auto point = reader.point(fields[column], fields[column + 1], fields[column + 2]))
+        reader.add_point(reader.out().channels[name], name, unit * *point);
   }
-  return out;
+  head.check(reader, "NumFrames", reader.out().times.size());
+  return std::move(reader.out());
 }
+
+/// Bytes of a file for the parser; reading them moves a place along.
+struct PlacedBytes {
+  using iterator_category = std::input_iterator_tag;
+  using value_type = char;
+  using difference_type = std::ptrdiff_t;
+  using pointer = const char*;
+  using reference = const char&;
+  const char* at = nullptr;
+  Place* place = nullptr;
+
+  reference operator*() const { return *at; }
+  PlacedBytes& operator++() {
+    const bool ends = *at++ == '\n';
+    place->line += ends ? 1 : 0;
+    place->column = ends ? 1 : place->column + 1;
+    return *this;
+  }
+  bool operator==(const PlacedBytes& other) const { return at == other.at; }
+};
 
 using Document = nlohmann::json;
 
-/// Reads frames of keypoints from JSON.
-class JsonRecording {
+/// Reads frames of keypoints from JSON, of which the parser keeps one frame at a time.
+class JsonReader : public RecordingReader {
  public:
-  explicit JsonRecording(const std::filesystem::path& path) : names_(keypoint_names()) {
-    out_.file = path.string();
-    const std::string text = read_input_file(path, "a recording (.csv, .json, .trc)", kRecordingBytes);
+  explicit JsonReader(const std::filesystem::path& path) : RecordingReader(path), names_(keypoint_names()) {}
+
+  Recording read() {
+    const char* const begin = text_.data();
+    const auto keep = [this](int depth, Document::parse_event_t event, const Document& value) {
+      return keeps(depth, event, value);
+    };
     try {
-      read(Document::parse(text));
+      const Document head =
+          Document::parse(PlacedBytes{begin, &place_}, PlacedBytes{begin + text_.size(), &place_}, keep);
+      if (!any_frames_) fail("no frames", "JSON with a list of frames", "frames");
+      if (head.is_object())
+        finish(head.value("rate", 0.0), head.value("unit", "m"));
+      else
+        finish(0, "m");
     } catch (const Document::exception& error) {
-      fail("", printable(error.what(), 200), "JSON with a list of frames");
+      fail(printable(error.what(), 200), "JSON with a list of frames", any_frames_ ? key() : "");
     }
+    if (doubled_ > 0)
+      out_.warnings.push_back(fmt::format(
+          "{}: {} frames have two hands of one side, the first of them frames.{}: neither is used there",
+          out_.file, doubled_, first_doubled_));
+    return std::move(out_);
   }
-  Recording take() { return std::move(out_); }
 
  private:
-  [[noreturn]] void fail(std::string key, std::string got, std::string need) const {
-    throw Error({Problem{Place{out_.file, 1, 1}, std::move(key), std::move(got), std::move(need)}});
-  }
+  std::string key() const { return fmt::format("frames.{}", count_); }
 
-  void read(const Document& root) {
-    const Document& frames = root.is_array() ? root : root.at("frames");
-    const std::string unit = root.is_object() ? root.value("unit", "m") : "m";
-    if (unit != "m" && unit != "mm") fail("unit", unit, "m or mm");
-    unit_ = unit == "mm" ? 1e-3 : 1;
-    const double rate = root.is_object() ? root.value("rate", 0.0) : 0;
-    for (const char* side : {"right", "left"})
-      for (const std::string& name : names_) out_.channels[std::string(side) + "." + name];
-    for (std::size_t i = 0; i < frames.size(); ++i) {
-      const std::string key = fmt::format("frames.{}", i);
-      if (!frames[i].contains("time") && !(rate > 0)) fail(key, "no time", "a time in s, or a rate in Hz");
-      const double time =
-          frames[i].contains("time") ? frames[i]["time"].get<double>() : static_cast<double>(i) / rate;
-      if (!out_.times.empty() && !(time > out_.times.back()))
-        fail(key, "a time that does not increase", "one");
-      out_.times.push_back(time);
-      for (auto& [name, channel] : out_.channels) {
-        channel.points.emplace_back();
-        channel.orientations.emplace_back();
-      }
-      for (const Document& hand : frames[i].at("hands")) add_hand(key, hand);
+  /// False for a frame that has been read, and for what is no part of a recording.
+  bool keeps(int depth, Document::parse_event_t event, const Document& value) {
+    using Event = Document::parse_event_t;
+    const bool list = event == Event::array_start;
+    if (depth == 0) in_frames_ = in_frames_ || list;
+    if (depth == 1 && event == Event::key) {
+      in_frames_ = value == "frames";
+      if (in_frames_ && any_frames_) fail("a second list", "one list of frames", "frames");
+      return in_frames_ || value == "rate" || value == "unit";
     }
-    std::erase_if(out_.channels, [](const auto& each) {
-      return std::none_of(each.second.points.begin(), each.second.points.end(),
-                          [](const auto& point) { return point.has_value(); });
-    });
+    if (!in_frames_) return true;
+    if (!any_frames_) {
+      any_frames_ = list;
+      level_ = depth + 1;
+    } else if (depth == level_ &&
+               (event == Event::object_end || event == Event::array_end || event == Event::value)) {
+      add_frame(value);
+      ++count_;
+      return false;
+    }
+    return true;
   }
 
-  void add_hand(const std::string& key, const Document& hand) {
-    const std::string side = lower_case(hand.at("side").get<std::string>());
-    if (side != "right" && side != "left") fail(key, fmt::format("the side {}", side), "right or left");
-    const Document& points = hand.at("points");
-    if (points.size() != names_.size())
-      fail(key, fmt::format("{} points", points.size()), "21 points, null for those not seen");
+  void add_frame(const Document& frame) {
+    const Document& hands = frame.at("hands");
+    if (!hands.is_array())
+      fail("hands that are no list", "a list of hands, empty where none was seen", key());
+    if (frame.contains("time")) {
+      add_time(frame["time"].get<double>());
+    } else {
+      if (++untimed_ > kMostFrames) fail("more frames", fmt::format("at most {}", kMostFrames));
+      out_.times.push_back(0);
+    }
+    std::array<std::vector<const Document*>, 2> of_side;
+    for (const Document& hand : hands) {
+      const std::string side = lower_case(hand.at("side").get<std::string>());
+      if (side != "right" && side != "left")
+        fail(fmt::format("the side {}", printable(side)), "right or left", key());
+      of_side[side == "right" ? 0 : 1].push_back(&hand);
+      if (hand.at("points").size() != names_.size())
+        fail(fmt::format("{} points", hand["points"].size()), "21 points, null for those not seen", key());
+    }
+    // Nobody knows which of two right hands is the right one.
+    if ((of_side[0].size() > 1 || of_side[1].size() > 1) && doubled_++ == 0) first_doubled_ = count_;
+    if (of_side[0].size() == 1) add_hand("right.", *of_side[0][0]);
+    if (of_side[1].size() == 1) add_hand("left.", *of_side[1][0]);
+  }
+
+  void add_hand(const std::string& side, const Document& hand) {
     for (std::size_t p = 0; p < names_.size(); ++p) {
-      const Document& point = points[p];
-      if (point.is_null()) continue;
-      const auto value = [&](int index, const char* name) {
-        return unit_ *
-               (point.is_array() ? point.at(static_cast<std::size_t>(index)) : point.at(name)).get<double>();
-      };
-      out_.channels[side + "." + names_[p]].points.back() = Vec3(value(0, "x"), value(1, "y"), value(2, "z"));
+      const Document& point = hand["points"][p];
+      std::array<std::optional<double>, 3> x;
+      for (std::size_t i = 0; i < 3 && !point.is_null(); ++i)
+        if (const Document& value = point.is_array() ? point.at(i) : point.at(std::string(1, "xyz"[i]));
+            !value.is_null())
+          x[i] = value.get<double>();
+      if (x[0] && x[1] && x[2]) out_.channels[side + names_[p]].points.add(count_, {*x[0], *x[1], *x[2]});
     }
+  }
+
+  /// What the head says may stand behind the frames.
+  void finish(double rate, const std::string& unit) {
+    place_ = {place_.file, 1, 1};
+    if (unit != "m" && unit != "mm") fail(printable(unit), "m or mm", "unit");
+    for (auto& [name, channel] : out_.channels)
+      for (std::size_t i = 0; i < channel.points.values().size(); ++i) {
+        Vec3& point = channel.points.values()[i];
+        if (unit == "mm") point *= 1e-3;
+        check_place(point, fmt::format("frames.{}: {}", channel.points.frames()[i], name));
+      }
+    if (untimed_ == 0) return;
+    if (untimed_ < count_ || rate == 0)
+      fail(fmt::format("no time in {} of {} frames", untimed_, count_),
+           "a time in s in every frame, or a rate in Hz", "frames");
+    if (!(rate > 0 && rate * kShortestInterval <= 1))
+      fail(fmt::format("{:g}", rate), "a rate above 0 to 1e6 Hz", "rate");
+    for (std::size_t i = 0; i < count_; ++i) out_.times[i] = static_cast<double>(i) / rate;
+    if (out_.times.back() > kLongestRecording)
+      fail(fmt::format("{} frames at {:g} Hz", count_, rate),
+           fmt::format("at most {:g} s", kLongestRecording), "rate");
   }
 
   std::vector<std::string> names_;
-  double unit_ = 1;
-  Recording out_;
+  bool in_frames_ = false, any_frames_ = false;
+  int level_ = 0;                                                          ///< depth of a frame
+  std::size_t count_ = 0, untimed_ = 0, doubled_ = 0, first_doubled_ = 0;  ///< frames
 };
 
 }  // namespace
@@ -277,7 +407,7 @@ Recording read_recording(const std::filesystem::path& path) {
   if (ending != ".csv" && ending != ".json" && ending != ".trc")
     throw input_error(path.string(), "a file of another kind", "a recording: .csv, .json or .trc");
   Recording out = ending == ".csv"    ? read_csv(path)
-                  : ending == ".json" ? JsonRecording(path).take()
+                  : ending == ".json" ? JsonReader(path).read()
                                       : read_trc(path);
   if (out.times.empty()) throw input_error(path.string(), "no frame", "a recording with frames");
   return out;

@@ -1,26 +1,59 @@
 // Recordings of hands: positions of keypoints or markers, orientations of sensors, over time.
 #pragma once
 
+#include <algorithm>
+#include <cstdint>
 #include <filesystem>
 #include <map>
-#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "handsim/core/pose.h"
 
 namespace handsim::study {
 
-/// What was recorded under one name, at the indices of Recording::times; absent: not seen in that frame.
+inline constexpr double kLongestRecording = 1e5;  ///< as of a scene [s]
+
+/// Values of the frames that have one; the others take no memory.
+template <class T>
+class Seen {
+ public:
+  /// @param frame index in Recording::times, above the last one
+  void add(std::size_t frame, const T& value) {
+    frames_.push_back(static_cast<std::uint32_t>(frame));
+    values_.push_back(value);
+  }
+  /// Null where the frame has none.
+  const T* at(std::size_t frame) const {
+    const auto found = std::lower_bound(frames_.begin(), frames_.end(), frame);
+    return found != frames_.end() && *found == frame ? &values_[at_(found)] : nullptr;
+  }
+  T* at(std::size_t frame) { return const_cast<T*>(std::as_const(*this).at(frame)); }
+  bool empty() const { return values_.empty(); }
+  const std::vector<std::uint32_t>& frames() const { return frames_; }
+  std::vector<T>& values() { return values_; }
+  const std::vector<T>& values() const { return values_; }
+
+ private:
+  std::size_t at_(std::vector<std::uint32_t>::const_iterator it) const {
+    return static_cast<std::size_t>(it - frames_.begin());
+  }
+  std::vector<std::uint32_t> frames_;
+  std::vector<T> values_;
+};
+
+/// What was recorded under one name.
 struct Channel {
-  std::vector<std::optional<Vec3>> points;        ///< world [m]
-  std::vector<std::optional<Quat>> orientations;  ///< q_WorldSensor
+  Seen<Vec3> points;        ///< world [m]
+  Seen<Quat> orientations;  ///< q_WorldSensor
 };
 
 struct Recording {
   std::string file;
   std::vector<double> times;                ///< [s], increasing
   std::map<std::string, Channel> channels;  ///< keypoints: `right.index_pip`; markers, sensors: their names
+  std::vector<std::string> warnings;        ///< what of the file is left out, and why
 };
 
 /// Reads a recording by its file's ending:
@@ -30,7 +63,9 @@ struct Recording {
 /// - .json: `{"frames": [{"time": 0, "hands": [{"side": "right", "points": [[x, y, z], ...]}]}]}` with 21
 ///   points in the usual order, each [x, y, z], {"x":, "y":, "z":} or null; `"rate"` in Hz in place of times,
 ///   `"unit"`: m (default) or mm.
-/// - .trc: markers as OpenSim and Motion Analysis write them.
+///   Memory grows with the points that were seen, not with the frames.
+/// - .trc: markers as OpenSim and Motion Analysis write them, with the NumFrames and NumMarkers of the
+/// header.
 /// @throws Error (input) with the place of what cannot be read.
 Recording read_recording(const std::filesystem::path& path);
 

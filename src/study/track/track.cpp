@@ -5,6 +5,8 @@
 #include <ctime>
 #include <random>
 
+#include <fmt/format.h>
+
 #include "handsim/core/error.h"
 #include "handsim/study/track/marker_bones.h"
 #include "handsim/study/track/track_checks.h"
@@ -33,42 +35,43 @@ std::vector<Feature> features_for(const TrackInput& input, const hand::BuiltHand
   return out;
 }
 
-/// The frames of one hand's features.
-std::vector<std::vector<MeasuredPoint>> frames_of(const Recording& recording,
-                                                  const std::vector<Feature>& features) {
-  std::vector<std::vector<MeasuredPoint>> out(recording.times.size(),
-                                              std::vector<MeasuredPoint>(features.size()));
-  for (std::size_t i = 0; i < features.size(); ++i) {
-    const auto channel = recording.channels.find(features[i].name);
-    if (channel == recording.channels.end()) continue;
-    for (std::size_t k = 0; k < out.size(); ++k) {
-      if (features[i].kind == Feature::Kind::point)
-        out[k][i].point = channel->second.points[k];
-      else
-        out[k][i].orientation = channel->second.orientations[k];
-    }
-  }
-  return out;
-}
-
 bool seen(const MeasuredPoint& measured) { return measured.point || measured.orientation; }
 
 /// The person with the size of the hand that the points show.
-hand::Person measured_person(const TrackInput& input, const Recording& recording) {
-  if (!input.fit_bones) return input.person;
-  if (!input.markers) return fit_bones(recording, input.model, input.person);
+hand::Person measured_person(const TrackInput& input, const Recording& recording,
+                             std::vector<std::string>& warnings) {
+  if (input.fit_bones && !input.markers) return fit_bones(recording, input.model, input.person);
   std::vector<HandFrames> hands;
-  for (const model::Side side : {model::Side::right, model::Side::left}) {
-    std::vector<Feature> features = features_of(*input.markers, input.model, side);
-    auto frames = frames_of(recording, features);
-    const bool points = std::any_of(frames.begin(), frames.end(), [](const auto& frame) {
-      return std::any_of(frame.begin(), frame.end(), [](const auto& each) { return each.point.has_value(); });
-    });
-    if (points) hands.push_back({side, std::move(features), std::move(frames)});
-  }
-  // Sensors of orientation do not show sizes.
-  return hands.empty() ? input.person
-                       : fit_bones_to_markers(hands, input.model, input.person, recording.file);
+  for (const model::Side side : {model::Side::right, model::Side::left})
+    if (input.fit_bones) {
+      hands.emplace_back(recording, features_of(*input.markers, input.model, side), side);
+      if (!hands.back().any(Feature::Kind::point)) hands.pop_back();
+    }
+  if (!hands.empty())
+    return fit_bones_to_markers(hands, input.model, {input.person, input.person_named}, recording.file,
+                                warnings);
+  if (!input.person_named)
+    warnings.push_back(fmt::format(
+        "{}: {}: the hand is that of the {}, as no --person is given", recording.file,
+        input.fit_bones ? "sensors show no sizes" : "--keep-person fits no sizes", input.person.title));
+  return input.person;
+}
+
+/// @throws Error (input) for a hand that no person file may have.
+void check_person(const hand::Person& person, const std::string& recording) {
+  Diagnostics diagnostics;
+  YamlNode node = parse_yaml(person_text(person), recording + ": the fitted person.yaml");
+  hand::read_person(node, "", diagnostics);
+  diagnostics.throw_if_any();
+}
+
+/// Scenes begin at 0 and have an end: other times are counted from the first frame.
+void shift_times(TrackResult& result, const std::string& recording) {
+  if (result.times.front() >= 0 && result.times.back() <= kLongestRecording) return;
+  result.start = result.times.front();
+  for (double& time : result.times) time -= result.start;
+  result.warnings.push_back(fmt::format("{}: times begin at {:.12g} s, which is 0 in all that is written",
+                                        recording, result.start));
 }
 
 /// Tracks one hand.
@@ -82,7 +85,7 @@ class HandTracker {
         other_(
             HandTree(input.model, hand, side == model::Side::right ? model::Side::left : model::Side::right),
             features_for(input, hand, side)),
-        frames_(frames_of(recording, own_.features())) {
+        frames_(recording, own_.features(), side) {
     out_.name = side_name(side);
     out_.side = side;
     for (const TreeAxis& axis : own_.tree().axes()) out_.axes.push_back(axis.name);
@@ -90,14 +93,11 @@ class HandTracker {
     out_.frames.resize(recording.times.size());
   }
 
-  bool any() const {
-    return std::any_of(frames_.begin(), frames_.end(),
-                       [](const auto& frame) { return std::any_of(frame.begin(), frame.end(), seen); });
-  }
+  bool any() const { return frames_.any(Feature::Kind::point) || frames_.any(Feature::Kind::orientation); }
 
   /// Position of the wrist keypoint, where it is one and was seen.
   std::optional<Vec3> wrist(std::size_t k) const {
-    return input_.markers ? std::nullopt : frames_[k][0].point;
+    return input_.markers ? std::nullopt : frames_.at(k)[0].point;
   }
   /// The wrist of the last tracked frame, if it is not long ago.
   std::optional<Vec3> last_wrist(std::size_t k) const {
@@ -109,22 +109,22 @@ class HandTracker {
 
   void track(std::size_t k) {
     TrackedFrame& frame = out_.frames[k];
-    const auto count = static_cast<std::size_t>(std::count_if(frames_[k].begin(), frames_[k].end(), seen));
+    const std::vector<MeasuredPoint> measured = frames_.at(k);
+    const auto count = static_cast<std::size_t>(std::count_if(measured.begin(), measured.end(), seen));
     // A third of the points does not determine a hand.
     if (count < 3 || 3 * count < own_.features().size()) return;
-    FitResult fit = follow(k);
+    FitResult fit = follow(k, measured);
+    frame.status = status_of(measured, fit);
     frame.rms = fit.rms;
-    frame.distances = fit.distances;
-    frame.rejected = fit.rejected;
+    frame.distances = std::move(fit.distances);
     frame.pose = std::move(fit.pose);
-    frame.status = status_of(k, fit);
     if (frame.status == FrameStatus::tracked) last_ = k;
   }
 
   /// Smooths all stretches of tracked frames, and measures the distances again.
   void finish() {
-    estimate_noise();
     find_determined();
+    estimate_noise();
     for (std::size_t k = 0; k < out_.frames.size();) {
       std::size_t end = k;
       while (end < out_.frames.size() && out_.frames[end].status == FrameStatus::tracked) ++end;
@@ -136,8 +136,8 @@ class HandTracker {
 
  private:
   /// From the last two poses, or searched.
-  FitResult follow(std::size_t k) {
-    if (!last_wrist(k)) return own_.find(frames_[k], input_.outlier);
+  FitResult follow(std::size_t k, const std::vector<MeasuredPoint>& measured) {
+    if (!last_wrist(k)) return own_.find(measured, input_.outlier);
     HandPose start = out_.frames[*last_].pose;
     if (*last_ == k - 1 && k >= 2 && out_.frames[k - 2].status == FrameStatus::tracked) {
       const HandPose& before = out_.frames[k - 2].pose;
@@ -147,9 +147,9 @@ class HandTracker {
       for (std::size_t i = 0; i < start.angles.size(); ++i)
         start.angles[i] += share * (start.angles[i] - before.angles[i]);
     }
-    FitResult out = own_.fit(frames_[k], start, input_.outlier);
+    FitResult out = own_.fit(measured, start, input_.outlier);
     if (out.rms <= input_.limit && !rejects(out)) return out;
-    FitResult searched = own_.find(frames_[k], input_.outlier);
+    FitResult searched = own_.find(measured, input_.outlier);
     return searched.rms < out.rms ? searched : out;
   }
 
@@ -158,10 +158,10 @@ class HandTracker {
   }
 
   /// A hand whose mirror image fits much better has the points of the other hand.
-  FrameStatus status_of(std::size_t k, const FitResult& fit) {
+  FrameStatus status_of(const std::vector<MeasuredPoint>& measured, const FitResult& fit) {
     constexpr double kSuspicious = 0.004, kMuchBetter = 0.6;
     if (fit.rms > kSuspicious || rejects(fit)) {
-      const FitResult mirrored = other_.find(frames_[k], input_.outlier);
+      const FitResult mirrored = other_.find(measured, input_.outlier);
       if (!rejects(mirrored) && mirrored.rms < kMuchBetter * fit.rms) return FrameStatus::swapped;
       if (rejects(fit) && !rejects(mirrored)) return FrameStatus::swapped;
     }
@@ -175,10 +175,10 @@ class HandTracker {
     constexpr double kLeast = 1e-12;  // [m^2/rad^2]
     out_.determined.assign(out_.axes.size(), false);
     std::size_t looked = 0;
-    for (std::size_t k = 0; k < frames_.size() && looked < kFrames; ++k) {
+    for (std::size_t k = 0; k < out_.frames.size() && looked < kFrames; ++k) {
       const TrackedFrame& frame = out_.frames[k];
       if (frame.status != FrameStatus::tracked) continue;
-      const Linearised linear = own_.linearise(frames_[k], frame.pose, frame.rejected);
+      const Linearised linear = linearise(k, frame.pose);
       for (std::size_t i = 0; i < out_.axes.size(); ++i) {
         const auto at = static_cast<Eigen::Index>(6 + i);
         if (linear.matrix(at, at) > kLeast) out_.determined[i] = true;
@@ -189,8 +189,8 @@ class HandTracker {
 
   void estimate_noise() {
     double squares = 0, spare = 0;
-    for (std::size_t k = 0; k < frames_.size(); ++k) {
-      const TrackedFrame& frame = out_.frames[k];
+    const auto parameters = 6 + std::count(out_.determined.begin(), out_.determined.end(), true);
+    for (const TrackedFrame& frame : out_.frames) {
       if (frame.status != FrameStatus::tracked) continue;
       double residuals = 0;
       for (const auto& distance : frame.distances) {
@@ -198,7 +198,7 @@ class HandTracker {
         squares += *distance * *distance;
         residuals += 3;
       }
-      spare += residuals - static_cast<double>(own_.tree().size());
+      spare += residuals - static_cast<double>(parameters);
     }
     out_.noise = spare > 0 ? std::max(kLeastNoise, std::sqrt(squares / spare)) : kUnknownNoise;
   }
@@ -210,21 +210,33 @@ class HandTracker {
                               recording_.times.begin() + static_cast<std::ptrdiff_t>(end));
     std::vector<HandPose> poses;
     for (std::size_t k = first; k < end; ++k) poses.push_back(out_.frames[k].pose);
-    for (int step = 0; step < kSteps; ++step) {
-      std::vector<Linearised> linear;
-      for (std::size_t k = first; k < end; ++k)
-        linear.push_back(own_.linearise(frames_[k], poses[k - first], out_.frames[k].rejected));
-      smooth(times, linear, out_.noise, input_.prior, own_.tree(), poses);
-    }
+    for (int step = 0; step < kSteps; ++step)
+      smooth(
+          times, [&](std::size_t k, const HandPose& pose) { return linearise(first + k, pose); }, out_.noise,
+          input_.prior, own_.tree(), poses);
     for (std::size_t k = first; k < end; ++k) {
       out_.frames[k].pose = poses[k - first];
       measure_again(k);
     }
   }
 
+  Linearised linearise(std::size_t k, const HandPose& pose) {
+    const std::vector<MeasuredPoint> measured = frames_.at(k);
+    return own_.linearise(measured, pose, rejected(measured, out_.frames[k]));
+  }
+
+  /// By feature: seen, and left out.
+  static std::vector<bool> rejected(const std::vector<MeasuredPoint>& measured, const TrackedFrame& frame) {
+    std::vector<bool> out;
+    for (std::size_t i = 0; i < measured.size(); ++i) out.push_back(seen(measured[i]) && !frame.distances[i]);
+    return out;
+  }
+
   void measure_again(std::size_t k) {
     TrackedFrame& frame = out_.frames[k];
-    const std::vector<std::optional<double>> now = own_.distances(frames_[k], frame.pose, frame.rejected);
+    const std::vector<MeasuredPoint> measured = frames_.at(k);
+    const std::vector<std::optional<double>> now =
+        own_.distances(measured, frame.pose, rejected(measured, frame));
     double squares = 0, count = 0;
     for (const auto& distance : now)
       if (distance) squares += *distance * *distance, count += 1;
@@ -235,7 +247,7 @@ class HandTracker {
   const TrackInput& input_;
   const Recording& recording_;
   PoseFit own_, other_;
-  std::vector<std::vector<MeasuredPoint>> frames_;
+  HandFrames frames_;
   std::optional<std::size_t> last_;  ///< frame that was tracked last
   TrackedHand out_;
 };
@@ -245,8 +257,7 @@ void add_noise(Recording& recording, double noise, unsigned seed) {
   std::mt19937_64 random(seed);
   std::normal_distribution<double> normal(0, noise);
   for (auto& [name, channel] : recording.channels)
-    for (std::optional<Vec3>& point : channel.points)
-      if (point) *point += Vec3(normal(random), normal(random), normal(random));
+    for (Vec3& point : channel.points.values()) point += Vec3(normal(random), normal(random), normal(random));
 }
 
 /// True if both wrists are where the other one was: moving there without a swap would be far.
@@ -290,8 +301,11 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
   const double start = cpu_seconds();
   TrackResult out;
   out.times = recording.times;
-  out.warnings = recording_warnings(input, recording);
-  out.person = measured_person(input, recording);
+  out.warnings = recording.warnings;
+  const std::vector<std::string> doubts = recording_warnings(input, recording);
+  out.warnings.insert(out.warnings.end(), doubts.begin(), doubts.end());
+  out.person = measured_person(input, recording, out.warnings);
+  check_person(out.person, recording.file);
   const hand::BuiltHand hand = hand::build_hand(input.model, out.person);
   std::vector<HandTracker> trackers;
   trackers.reserve(2);
@@ -316,9 +330,10 @@ TrackResult run_track(const TrackInput& input, const Recording& recording,
       out.warnings.push_back(warning);
   }
   out.cpu = cpu_seconds() - start;
+  shift_times(out, recording.file);
   for (TrackedHand& tracked : out.hands) {
     find_overlaps(hand, tracked);
-    if (input.truth) compare(control::read_motion(*input.truth), out.times, tracked);
+    if (input.truth) compare(control::read_motion(*input.truth), recording.times, tracked);
   }
   return out;
 }

@@ -29,9 +29,10 @@ struct TrackInput {
   hand::HandSpec model;
   std::filesystem::path model_file;
   hand::Person person;
-  bool fit_bones = true;   ///< from keypoints or markers; sensors alone show no sizes
-  double outlier = 0.025;  ///< a point farther than this from the fit is left out [m]
-  double limit = 0.01;     ///< a frame whose RMS distance is larger is marked as poor [m]
+  bool person_named = true;  ///< false: `person` stands for an unknown one
+  bool fit_bones = true;     ///< from keypoints or markers; sensors alone show no sizes
+  double outlier = 0.025;    ///< a point farther than this from the fit is left out [m]
+  double limit = 0.01;       ///< a frame whose RMS distance is larger is marked as poor [m]
   bool smooth = true;
   MotionPrior prior;
   double noise = 0;                            ///< is added to every coordinate, for trials [m]
@@ -44,8 +45,7 @@ struct TrackedFrame {
   FrameStatus status = FrameStatus::missing;
   HandPose pose;
   double rms = 0;                                ///< [m]
-  std::vector<std::optional<double>> distances;  ///< by feature [m]
-  std::vector<bool> rejected;                    ///< by feature
+  std::vector<std::optional<double>> distances;  ///< by feature [m]; absent: not seen, or left out
 };
 
 /// Shapes of a hand that penetrate each other in its tracked poses.
@@ -78,6 +78,7 @@ struct TrackedHand {
 
 struct TrackResult {
   std::vector<double> times;  ///< [s]
+  double start = 0;           ///< time in the recording that is 0 in what is written [s]
   hand::Person person;        ///< with the measured hand, if bones were fitted
   std::vector<TrackedHand> hands;
   double cpu = 0;                     ///< CPU time of the fits [s]

@@ -76,19 +76,36 @@ void write_frames(const TrackResult& result, const std::filesystem::path& out) {
   file.commit();
 }
 
+/// `, filter: "6 Hz"`, or nothing where a hand has too few tracked frames a second for such a filter.
+std::string filter_of(const TrackResult& result) {
+  constexpr double kCutoff = 6, kLeast = 2.001 * kCutoff;  // [Hz]
+  for (const TrackedHand& hand : result.hands) {
+    double count = 0, first = 0, last = 0;
+    for (std::size_t k = 0; k < hand.frames.size(); ++k) {
+      if (!is_tracked(hand.frames[k])) continue;
+      last = result.times[k];
+      if (count++ == 0) first = last;
+    }
+    if (count > 1 && count - 1 < kLeast * (last - first)) return {};
+  }
+  return fmt::format(", filter: \"{:g} Hz\"", kCutoff);
+}
+
 /// A scene in which the tracked hands move.
 std::string scene_text(const TrackInput& input, const TrackResult& result) {
   std::string out = fmt::format(
       "# Written by handsim track from {}. Frames without a tracked hand have no angles: the motion runs on\n"
       "# between the neighbouring frames (frames.csv lists them).\ntitle: tracked hands\nhands:\n",
       input.recording.filename().string());
+  const std::string filter = filter_of(result);
   std::string programs;
   for (const TrackedHand& hand : result.hands) {
     if (hand.count(FrameStatus::tracked) == 0) continue;
     out += fmt::format(
         "  - model: \"{}\"\n    person: person.yaml\n    side: {}\n"
-        "    wrist: {{mount: driven, motion: {{table: {}_wrist.csv, filter: \"6 Hz\"}}}}\n",
-        std::filesystem::absolute(input.model_file).lexically_normal().string(), hand.name, hand.name);
+        "    wrist: {{mount: driven, motion: {{table: {}_wrist.csv{}}}}}\n",
+        std::filesystem::absolute(input.model_file).lexically_normal().string(), hand.name, hand.name,
+        filter);
     const TrackedFrame& first = *std::find_if(hand.frames.begin(), hand.frames.end(), is_tracked);
     std::string pose;
     for (std::size_t i = 0; i < hand.axes.size(); ++i) {
@@ -102,11 +119,11 @@ std::string scene_text(const TrackInput& input, const TrackResult& result) {
     programs += fmt::format("{}{}: {}.mot", programs.empty() ? "" : ", ", hand.name, hand.name);
   }
   out += fmt::format(
-      "control:\n  controller: \"{}\"\n  program: {{{}}}\n  motion: {{clamp: true, filter: \"6 Hz\"}}\n"
+      "control:\n  controller: \"{}\"\n  program: {{{}}}\n  motion: {{clamp: true{}}}\n"
       "effects: [gravity, joint_stops, passive_tissue, actuation, wrist_motion, self_contact, friction]\n"
       "solver: {{engine: ode, method: world_step, step: \"1 ms\"}}\nduration: {}\nrecord: {{every: \"10 "
       "ms\"}}\n",
-      (data_folder() / "controllers/feed_forward.yaml").string(), programs,
+      (data_folder() / "controllers/feed_forward.yaml").string(), programs, filter,
       std::max(result.times.back(), 1e-3));
   return out;
 }
@@ -192,6 +209,7 @@ std::string track_json(const TrackInput& input, const TrackResult& result) {
   Json out = {
       {"recording", input.recording.filename().string()},
       {"frames", result.times.size()},
+      {"start_s", result.start},
       {"added_noise_mm", 1e3 * input.noise},
       {"cpu_s", result.cpu},
       {"frames_of_a_hand_per_s",

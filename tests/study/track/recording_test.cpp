@@ -6,6 +6,7 @@
 
 #include "handsim/study/track/marker_set.h"
 #include "scene_files.h"
+#include "support/peak_memory.h"
 
 namespace handsim::study {
 namespace {
@@ -31,9 +32,9 @@ TEST(Recording, ReadsCsvWithUnitsNumbersOfKeypointsAndGaps) {
                                    "0,1,2,3,1,0,0,0\n0.5,,nan,3,0,0,1,0\n");
   EXPECT_EQ(read.times, (std::vector<double>{0, 0.5}));
   const Channel& tip = read.channels.at("right.index_tip");
-  EXPECT_LT((*tip.points[0] - Vec3(0.001, 0.002, 0.003)).norm(), 1e-18);
-  EXPECT_FALSE(tip.points[1]);
-  EXPECT_EQ(read.channels.at("s").orientations[1]->y(), 1);
+  EXPECT_LT((*tip.points.at(0) - Vec3(0.001, 0.002, 0.003)).norm(), 1e-18);
+  EXPECT_FALSE(tip.points.at(1));
+  EXPECT_EQ(read.channels.at("s").orientations.at(1)->y(), 1);
 }
 
 TEST(Recording, ReadsJsonOfACameraTracker) {
@@ -50,10 +51,10 @@ TEST(Recording, ReadsJsonOfACameraTracker) {
                                        "[{\"side\": \"left\", \"points\": [" +
                                        objects + "]}]}]}");
   EXPECT_EQ(read.times, (std::vector<double>{0, 0.02, 0.04}));
-  EXPECT_LT((*read.channels.at("right.little_tip").points[0] - Vec3(0.02, 0.002, 0.003)).norm(), 1e-18);
+  EXPECT_LT((*read.channels.at("right.little_tip").points.at(0) - Vec3(0.02, 0.002, 0.003)).norm(), 1e-18);
   EXPECT_FALSE(read.channels.contains("right.index_mcp"));
-  EXPECT_FALSE(read.channels.at("right.wrist").points[1]);
-  EXPECT_LT((*read.channels.at("left.thumb_cmc").points[2] - Vec3(0.001, 0.002, 0.001)).norm(), 1e-18);
+  EXPECT_FALSE(read.channels.at("right.wrist").points.at(1));
+  EXPECT_LT((*read.channels.at("left.thumb_cmc").points.at(2) - Vec3(0.001, 0.002, 0.001)).norm(), 1e-18);
 }
 
 TEST(Recording, ReadsMarkersOfATrc) {
@@ -62,9 +63,9 @@ TEST(Recording, ReadsMarkersOfATrc) {
       "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\t"
       "OrigDataStartFrame\tOrigNumFrames\n100\t100\t2\t2\tmm\t100\t1\t2\nFrame#\tTime\tA\t\t\tB\t\t\n"
       "\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n\n1\t0\t1\t2\t3\t4\t5\t6\n2\t0.01\t1\t2\t3\t\t\t\n");
-  EXPECT_LT((*read.channels.at("B").points[0] - Vec3(0.004, 0.005, 0.006)).norm(), 1e-18);
-  EXPECT_FALSE(read.channels.at("B").points[1]);
-  EXPECT_TRUE(read.channels.at("A").points[1]);
+  EXPECT_LT((*read.channels.at("B").points.at(0) - Vec3(0.004, 0.005, 0.006)).norm(), 1e-18);
+  EXPECT_FALSE(read.channels.at("B").points.at(1));
+  EXPECT_TRUE(read.channels.at("A").points.at(1));
 }
 
 TEST(Recording, RefusesWhatItCannotReadWithItsPlace) {
@@ -80,8 +81,113 @@ TEST(Recording, RefusesWhatItCannotReadWithItsPlace) {
       refusal("a.json", "{\"frames\": [{\"time\": 0, \"hands\": [{\"side\": \"right\", \"points\": []}]}]}"),
       "21 points");
   expect(refusal("a.json", "{"), "JSON");
+  expect(refusal("a.csv", "time[s],a.x[m],a.y[m],a.z[m]\n1,0,0,0\n1.0000001,0,0,0\n"), "a.csv:3:1: time");
+  expect(refusal("a.csv", "time[s],a.x[m],a.y[m],a.z[m]\n1,0,0,0\n2e5,0,0,0\n"), "at most 100000 s");
+  expect(refusal("a.csv", "time[s],a.x[m],a.y[m],a.z[m]\n1,0,1e300,0\n"),
+         "a.csv:2:1: a: got a point 1e+300 m");
   expect(refusal("a.trc", "PathFileType\n"), "five lines");
   expect(refusal("a.mot", "x"), ".csv, .json or .trc");
+}
+
+std::string trc(const std::string& frames, const std::string& markers, const std::string& rows) {
+  return "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tNumFrames\tNumMarkers\tUnits\n100\t" + frames + "\t" +
+         markers + "\tmm\nFrame#\tTime\tA\t\t\tB\t\t\n\t\tX1\tY1\tZ1\tX2\tY2\tZ2\n" + rows;
+}
+
+// Oracle: the numbers in the head of the file.
+TEST(Recording, RefusesACutTrc) {
+  const std::string row = "1\t0\t1\t2\t3\t4\t5\t6\n";
+  EXPECT_EQ(refusal("a.trc", trc("1", "2", row)), "");
+  EXPECT_EQ(refusal("a.trc", trc("1", "2", "1\t0\t1\t2\t3\n")), "");
+  const std::vector<std::pair<std::string, std::string>> cut = {
+      {trc("51", "2", row), "a.trc:6:1: NumFrames: got 1, need 51"},
+      {trc("1", "3", row), "NumMarkers: got 2, need 3"},
+      {trc("1", "2", "1\t0\t1\t2\t3\t4\t5\n"), "a.trc:6:1: got 7 values, need 8"},
+      {trc("1", "2", "1\t0\t1\t2\t3"), "a.trc:6:1: got 5 values, need 8"},
+      {trc("many", "2", row), "NumFrames: got 1, need many"}};
+  for (const auto& [text, problem] : cut)
+    EXPECT_NE(refusal("a.trc", text).find(problem), std::string::npos) << refusal("a.trc", text);
+}
+
+std::string hand(const std::string& side, const std::string& point = "[0,0,0]") {
+  std::string points = point;
+  for (int i = 1; i < 21; ++i) points += ",[0,0,0]";
+  return R"({"side": ")" + side + R"(", "points": [)" + points + "]}";
+}
+
+// Oracle: the place at which each text was spoilt.
+TEST(Recording, RefusesSpoiltJsonWithItsPlace) {
+  const auto frames = [](const std::string& head, const std::string& hands) {
+    return "{" + head +
+           R"("frames": [)"
+           "\n"
+           R"({"hands": []},)"
+           "\n"
+           R"({"hands": [)" +
+           hands + "]}]}";
+  };
+  const std::vector<std::pair<std::string, std::string>> spoilt = {
+      {frames(R"("rate": 1e308, )", ""), "a.json:1:1: rate: got 1e+308, need a rate above 0 to 1e6 Hz"},
+      {frames(R"("rate": 0, )", ""), "no time in 2 of 2 frames"},
+      {frames(R"("rate": "60", )", ""), "type must be number"},
+      {R"({"rate": 1, "frames": [], "frames": []})", "a.json:1:35: frames: got a second list"},
+      {frames(R"("unit": "inch", )", ""), "unit: got inch, need m or mm"},
+      {frames("", ""), "no time in 2 of 2 frames"},
+      {frames(R"("rate": 1, )", R"({"side": "both"})"), "a.json:3:"},
+      {frames(R"("rate": 1, )", R"({"side": "both"})"), "frames.1: got the side both, need right or left"},
+      {frames(R"("rate": 1, )", R"({"side": "left"})"),
+       "frames.1: got [json.exception.out_of_range.403] key 'points' not found"},
+      {frames(R"("rate": 1, )", R"({"points": []})"), "key 'side' not found"},
+      {frames(R"("rate": 1, )", "7"), "frames.1: got [json.exception"},
+      {frames(R"("rate": 1, )", hand("left", "[1,2]")),
+       "frames.1: got [json.exception.out_of_range.401] array index 2"},
+      {frames(R"("rate": 1, )", hand("left", "[1,[],2]")), "type must be number, but is array"},
+      {frames(R"("rate": 1, )", hand("left", "\"x\"")), "cannot use at() with string"},
+      {frames(R"("rate": 1, )", hand("left", "[1,true,2]")), "type must be number, but is boolean"},
+      {frames(R"("rate": 1, )", hand("left", "[1e4,0,0]")), "frames.1: left.wrist: got a point 1e+04 m away"},
+      {R"({"rate": 1, "frames": {}})", "no frames"},
+      {R"({"rate": 1})", "no frames"},
+      {R"({"rate": 1, "frames": [{}]})",
+       "frames.0: got [json.exception.out_of_range.403] key 'hands' not found"},
+      {R"([{"time": 0, "hands": []}, {"hands": []}])", "no time in 1 of 2 frames"},
+      {R"([{"time": 0, "hands": []}, {"time": 0, "hands": []}])", "time: got 0 s after 0 s"},
+      {"[1e999]", "JSON with"},
+      {"[", "JSON with"},
+      {"", "JSON with"}};
+  for (const auto& [text, problem] : spoilt)
+    EXPECT_NE(refusal("a.json", text).find(problem), std::string::npos) << text << "\n"
+                                                                        << refusal("a.json", text);
+}
+
+// Oracle: one of the hands was labelled wrongly, and nobody knows which.
+TEST(Recording, TwoRightHandsInAFrameAreNamedAndNotUsed) {
+  const Recording read = read_text("a.json", R"({"frames": [{"hands": [)" + hand("right") + "]}, " +
+                                                 R"({"hands": [)" + hand("right") + "," + hand("Right") +
+                                                 "," + hand("left") + R"(]}], "rate": 10})");
+  EXPECT_TRUE(read.channels.at("right.wrist").points.at(0));
+  EXPECT_FALSE(read.channels.at("right.wrist").points.at(1));
+  EXPECT_TRUE(read.channels.at("left.wrist").points.at(1));
+  ASSERT_EQ(read.warnings.size(), 1U);
+  EXPECT_NE(read.warnings[0].find("1 frames have two hands of one side, the first of them frames.1"),
+            std::string::npos);
+}
+
+// Memory of what is read and tracked stays below 20 times the file. The bound has room: a frame without a
+// hand takes 8 bytes of its 13, a point that was seen 28 of some 20.
+TEST(Recording, TakesLittleMemory) {
+  const double before = test::peak_memory();
+  const test::TemporaryFolder folder;
+  std::string text =
+      R"({"rate": 100, "unit": "mm", "frames": [)" + std::string("{\"hands\": [") + hand("left") + "]}";
+  for (int k = 0; k < 400'000; ++k)
+    text += k % 80 == 0 ? ",\n{\"hands\": [" + hand("right") + "]}" : ",{\"hands\":[]}";
+  text += "]}";
+  std::ofstream(folder.path() / "a.json") << text;
+  const auto size = static_cast<double>(text.size());
+  const Recording read = read_recording(folder.path() / "a.json");
+  EXPECT_EQ(read.times.size(), 400'001U);
+  EXPECT_EQ(read.channels.at("right.wrist").points.frames().size(), 5'000U);
+  EXPECT_LT(test::peak_memory() - before, 8 * size);
 }
 
 TEST(MarkerSet, NamesSegmentsOfTheHandModel) {

@@ -21,7 +21,7 @@ struct Slip {
   }
   void scale(double factor) {
     for (auto& [name, channel] : recording.channels)
-      for (auto& point : channel.points) *point *= factor;
+      for (Vec3& point : channel.points.values()) point *= factor;
   }
   std::string refusal() const {
     try {

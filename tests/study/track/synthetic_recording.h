@@ -53,14 +53,12 @@ struct MovingHand {
   /// Adds the hand's frames under a side's name. @param noise standard deviation of each coordinate [m].
   void record(const std::string& side, double noise, std::mt19937& random, study::Recording& out) {
     std::normal_distribution<double> normal(0, 1);
-    for (const double time : out.times) {
-      const study::HandPose now = pose(time);
+    for (std::size_t k = 0; k < out.times.size(); ++k) {
+      const study::HandPose now = pose(out.times[k]);
       tree.place(now.angles);
       for (std::size_t i = 0; i < features.size(); ++i) {
-        study::Channel& channel = out.channels[side + "." + features[i].name];
         const Vec3 error(normal(random), normal(random), normal(random));
-        channel.points.push_back(Vec3(point(now, i) + noise * error));
-        channel.orientations.emplace_back();
+        out.channels[side + "." + features[i].name].points.add(k, point(now, i) + noise * error);
       }
     }
   }
