@@ -90,8 +90,7 @@ bool InputFile::line(std::string& text) {
     const auto from = block_.begin() + static_cast<std::ptrdiff_t>(next_);
     const auto end = std::find(from, block_.end(), '\n');
     text.append(from, end);
-    if (text.size() > kLongestLine)
-      throw error("a line of more than " + bytes_text(kLongestLine), need_);
+    if (text.size() > kLongestLine) throw error("a line of more than " + bytes_text(kLongestLine), need_);
     next_ = static_cast<std::size_t>(end - block_.begin());
     if (end == block_.end()) continue;
     ++next_;

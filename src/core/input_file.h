@@ -1,5 +1,5 @@
-// Reads regular files of limited size. Refuses pipes, devices and folders without opening them. All files that
-// a user names, and those that an earlier command wrote, are opened here.
+// Reads regular files of limited size. Refuses pipes, devices and folders without opening them. All files
+// that a user names, and those that an earlier command wrote, are opened here.
 #pragma once
 
 #include <cstddef>
@@ -16,7 +16,8 @@ namespace handsim {
 class InputFile {
  public:
   /// @param need what is accepted, for messages, e.g. `a readable YAML file`. @param most_bytes largest size.
-  /// @throws Error (input) at the file's first line if it is missing, not a regular file, unreadable or larger.
+  /// @throws Error (input) at the file's first line if it is missing, not a regular file, unreadable or
+  /// larger.
   InputFile(const std::filesystem::path& path, std::string_view need, std::size_t most_bytes);
   ~InputFile();
   InputFile(const InputFile&) = delete;

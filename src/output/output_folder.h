@@ -48,8 +48,8 @@ struct FileKind {
 };
 inline constexpr std::size_t kMarkBytes = 1000;
 
-/// What may be written to the path of `--out`, `--video` and the like: a new file, or one in place of an empty
-/// file or a file of the same kind. Everything else that exists is the user's and stays.
+/// What may be written to the path of `--out`, `--video` and the like: a new file, or one in place of an
+/// empty file or a file of the same kind. Everything else that exists is the user's and stays.
 /// @param option for messages. @throws Error (input) for another file, for one of the inputs, where
 ///        file_target does, and for a folder that cannot be written.
 void check_target(const std::string& option, const std::filesystem::path& path, const FileKind& kind,

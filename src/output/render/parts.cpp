@@ -128,7 +128,11 @@ void Meshes::add_annotations(const Scene& scene, std::vector<Part>& parts) const
         add({Core::box, Vec3::Zero(), 0.3 * width, {arrow.to, q}, {}}, capsule_[1]);
       else
         for (const double angle : {M_PI / 4, -M_PI / 4})
-          add({Core::box, Vec3(0.9, 0.1, 0.02) * width, 0, {arrow.to, q * Quat(Eigen::AngleAxisd(angle, Vec3::UnitZ()))}, {}},
+          add({Core::box,
+               Vec3(0.9, 0.1, 0.02) * width,
+               0,
+               {arrow.to, q * Quat(Eigen::AngleAxisd(angle, Vec3::UnitZ()))},
+               {}},
               box_);
       continue;
     }

@@ -73,7 +73,8 @@ NumberTable read_numbers(const std::filesystem::path& path, bool finite) {
     }
     const std::size_t now = out.values.size() - fields.size();
     if (width > 0 && !(out.values[now] > out.values[now - width]))
-      throw row_error(path, line, fmt::format("the time {:g} after {:g}", out.values[now], out.values[now - width]),
+      throw row_error(path, line,
+                      fmt::format("the time {:g} after {:g}", out.values[now], out.values[now - width]),
                       "times that increase");
     width = fields.size();
   });

@@ -146,7 +146,8 @@ void check_video(const fs::path& file, double fps, const OutputFolder::Inputs& i
   if (!(fps > 0 && fps <= most))
     throw input_error("--fps", fmt::format("{:g}", fps),
                       fmt::format("above 0, at most {:g} in {}", most, is_gif(file) ? "a GIF" : "an MP4"));
-  check_target("--video", file, is_gif(file) ? FileKind{"a GIF", "GIF8"} : FileKind{"an MP4 video", "ftyp"}, inputs);
+  check_target("--video", file, is_gif(file) ? FileKind{"a GIF", "GIF8"} : FileKind{"an MP4 video", "ftyp"},
+               inputs);
   if (!has_ffmpeg()) throw no_ffmpeg();
 }
 

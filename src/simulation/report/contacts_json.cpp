@@ -24,7 +24,8 @@ std::optional<ContactRows> read_contacts(const RunFiles& run) {
   ContactRows out;
   out.first.push_back(0);
   constexpr std::size_t kColumns = 14;
-  const auto columns = output::read_rows(path, [&](std::size_t line, std::span<const std::string_view> fields) {
+  const auto columns = output::read_rows(path, [&](std::size_t line,
+                                                   std::span<const std::string_view> fields) {
     if (fields.size() != kColumns)
       throw output::row_error(path, line, fmt::format("{} columns", fields.size()), "contacts.csv of a run");
     const auto number = [&](std::size_t i) {

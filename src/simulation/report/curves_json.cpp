@@ -28,7 +28,8 @@ class Curves {
       : most_(static_cast<std::size_t>(kCurveBytes / 8 /
                                        static_cast<double>(std::max<std::size_t>(1, count)))) {}
 
-  /// @param kind `value`, `target`: drawn dashed, in the colour of the value of the same name, or the part of a
+  /// @param kind `value`, `target`: drawn dashed, in the colour of the value of the same name, or the part of
+  /// a
   ///        hand that a muscle moves.
   void add(const std::string& group, const char* unit, const std::string& name, const char* kind,
            const std::vector<double>& times, const std::vector<float>& values) {

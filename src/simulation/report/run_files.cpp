@@ -57,9 +57,10 @@ void check_orientations(const RunFiles& run, const std::filesystem::path& path) 
       double square = 0;
       for (std::size_t i = c; i < c + 4; ++i) square += std::pow(run.trajectory.at(row, i), 2);
       if (!(std::abs(square - 1) < 1e-3))
-        throw output::row_error(path, row + 2,
-                                fmt::format("{} to .qz of length {:g}", run.trajectory.columns[c], std::sqrt(square)),
-                                "a unit quaternion");
+        throw output::row_error(
+            path, row + 2,
+            fmt::format("{} to .qz of length {:g}", run.trajectory.columns[c], std::sqrt(square)),
+            "a unit quaternion");
     }
 }
 

@@ -9,7 +9,8 @@
 
 namespace handsim::simulation {
 
-/// Columns of control.sto after the time: `.target[deg]`, `.angle[deg]`, `.torque[N_m]` of each driven axis, then
+/// Columns of control.sto after the time: `.target[deg]`, `.angle[deg]`, `.torque[N_m]` of each driven axis,
+/// then
 /// `.activation`, `.tendon[N]`, `.fibre[mm]` of each muscle.
 std::vector<std::string> control_columns(const scene::Scene& scene);
 /// Head of monitor.csv. A residual that was not measured is `nan`.

@@ -54,8 +54,7 @@ Recorder::Recorder(const Simulation& simulation, const RunOptions& options)
     control_.emplace(options.out / "control.sto", output::MotionHead{scene.spec.title, columns, rows});
   if (scene.spec.record_contacts)
     contacts_.emplace(options.out / "contacts.csv").write(output::contact_head());
-  if (options.monitor)
-    monitor_.emplace(options.out / "monitor.csv").write(kMonitorHead);
+  if (options.monitor) monitor_.emplace(options.out / "monitor.csv").write(kMonitorHead);
   const scene::RecordTables& tables = scene.spec.tables;
   if (tables.bodies || tables.markers || tables.momentum || tables.reactions)
     extra_.emplace(simulation, options.out, rows, static_cast<double>(every_) * step_);
