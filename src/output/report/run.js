@@ -140,7 +140,7 @@
       phase.style.width = `${100 * (Math.min(end, mark.end) - mark.time) / (end - start || 1)}%`;
       out.push(phase);
     }
-    const events = summary.criteria.filter(c => c.time_s !== undefined && c.measured !== null).map(c => ({time: c.time_s, where: c.where, bad: c.verdict === 'failed',
+    const events = summary.criteria.filter(c => Number.isFinite(c.time_s) && c.measured !== null).map(c => ({time: c.time_s, where: c.where, bad: c.verdict === 'failed',
       name: `${c.name} ${Table.text(c.measured)} ${c.unit} at ${c.time_s.toFixed(3)} s, ${c.where}: ${c.verdict}`}));
     for (const mark of main.marks.filter(m => m.kind !== 'phase')) events.push({time: mark.time, where: mark.name, bad: true, name: mark.name});
     for (const event of events.sort((a, b) => a.bad - b.bad)) {
@@ -156,10 +156,10 @@
     const rows = summary.criteria.map(c => {
       const second = other && other.summary.criteria.find(o => o.name === c.name);
       const measured = x => x === undefined || x === null || x.measured === null ? '–' : `${Table.text(x.measured)} ${x.unit}`;
-      const at = c.time_s !== undefined && c.measured !== null
+      const at = Number.isFinite(c.time_s) && c.measured !== null
         ? element('button', {type: 'button', class: 'link', 'data-time': c.time_s, click: () => jump(c.time_s, c.where)}, `${c.time_s.toFixed(3)} s, ${c.where}`) : '';
       return element('tr', {class: c.verdict === 'failed' ? 'bad' : null}, element('th', {scope: 'row'}, c.name), element('td', {}, badge(c.verdict)), element('td', {class: 'number'}, measured(c)),
-        element('td', {class: 'number'}, c.limit === null ? '–' : `${c.limit_is === 'least' ? '≥' : '≤'} ${Table.text(c.limit)} ${c.unit}`), element('td', {}, at),
+        element('td', {class: 'number'}, c.limit == null ? '–' : `${c.limit_is === 'least' ? '≥' : '≤'} ${Table.text(c.limit)} ${c.unit}`), element('td', {}, at),
         other ? [element('td', {class: 'number'}, measured(second)), element('td', {}, second ? badge(second.verdict) : '')] : null);
     });
     const heads = ['criterion', 'verdict', 'measured', 'limit', 'where: click to go there', ...(other ? ['other run', 'its verdict'] : [])];

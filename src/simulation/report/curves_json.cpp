@@ -211,11 +211,14 @@ Json marks_json(const RunFiles& run) {
                      {"name", "climb " + entry.value("name", "") + " fails"},
                      {"time", entry["failure_time_s"]}});
   }
-  for (const Json& entry : run.summary.value("grasps", Json::array()))
-    if (entry.contains("lost_time_s"))
+  for (const Json& entry : run.summary.value("grasps", Json::array())) {
+    const Json outcome = entry.value("outcome", Json());
+    if (entry.value("lost_time_s", Json()).is_number())
       out.push_back({{"kind", "failed"},
-                     {"name", entry.value("name", "") + " " + entry.value("outcome", "")},
+                     {"name", entry.value("name", "") + " " +
+                                  (outcome.is_string() ? outcome.get<std::string>() : "lost")},
                      {"time", entry["lost_time_s"]}});
+  }
   if (run.summary.contains("fault")) {
     const Json& fault = run.summary["fault"];
     out.push_back({{"kind", "failed"},

@@ -14,7 +14,8 @@ std::string command_of(const RunFiles& run) {
   std::string out =
       fmt::format("handsim run {} --out again", output::shell_word((run.folder / "resolved.yaml").string()));
   if (run.summary.contains("continued_from_s")) out += " --from-snapshot snapshot.bin";
-  return out + " --expect-hash " + run.summary.value("state_hash", "");
+  const Json hash = run.summary.value("state_hash", Json());
+  return hash.is_string() ? out + " --expect-hash " + hash.get<std::string>() : out;
 }
 
 Json run_json(const RunFiles& run) {
