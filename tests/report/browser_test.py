@@ -282,7 +282,7 @@ class Pages(unittest.TestCase):
         self.open('muscles/report.html')
         titles = "return [...document.querySelectorAll('.plot:not([hidden]) h3')].map(e => e.textContent)"
         shown = self.script(titles)
-        for title in ('Activations, thumb', 'Tensions, index (N)', 'Tensions, wrist (N)'):
+        for title in ('Activations, thumb', 'Tensions, index (N)', 'Tensions, thumb (N)'):
             self.assertIn(title, shown)
         self.assertNotIn('Torques (N m)', shown)
         names = self.script("return [...document.querySelector('.plot').querySelectorAll('.keys button')].map(e => e.textContent)")
