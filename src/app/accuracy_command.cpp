@@ -6,6 +6,7 @@
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/app/study_repeat.h"
+#include "handsim/core/input_file.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/study/accuracy/accuracy.h"
@@ -14,17 +15,21 @@ namespace handsim::app {
 
 namespace {
 
+/// The tables of costs in a file, which may be missing.
+std::vector<scene::CostTable> costs_in(const std::filesystem::path& path) {
+  if (!has_entry(path)) return {};
+  YamlNode root = load_yaml(path);
+  Diagnostics diagnostics;
+  std::vector<scene::CostTable> tables = scene::read_costs(root, "", diagnostics);
+  diagnostics.throw_if_any();
+  return tables;
+}
+
 /// Replaces or adds the study's part of a table of costs.
 void update_costs(const std::filesystem::path& path, const study::AccuracySpec& spec,
                   const study::AccuracyResult& result) {
   scene::CostTable table = study::cost_table(spec, result);
-  std::vector<scene::CostTable> tables;
-  if (std::filesystem::exists(path)) {
-    YamlNode root = load_yaml(path);
-    Diagnostics diagnostics;
-    tables = scene::read_costs(root, "", diagnostics);
-    diagnostics.throw_if_any();
-  }
+  std::vector<scene::CostTable> tables = costs_in(path);
   std::erase_if(tables, [&](const scene::CostTable& each) { return each.kind == table.kind; });
   tables.push_back(std::move(table));
   std::sort(tables.begin(), tables.end(),
@@ -54,6 +59,8 @@ int accuracy_command(const AccuracyArguments& arguments) {
   });
   if (arguments.costs) {
     const output::AtomicFile probe(*arguments.costs);
+    // A file of another content is refused before the study.
+    costs_in(*arguments.costs);
   }
   study::AccuracyResult result;
   {

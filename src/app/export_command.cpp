@@ -106,7 +106,10 @@ int export_command(const ExportArguments& arguments) {
   const scene::Scene scene =
       arguments.scene ? scene::load_scene(*arguments.scene, arguments.overrides) : hands_of_person(arguments);
   const engine::Settings& solver = scene.spec.solver;
-  output::check_not_read(arguments.out, [&] { return scene::files_read(scene); });
+  const output::FileKind kind = format == "urdf"   ? output::FileKind{"a URDF file", "<robot"}
+                                : format == "osim" ? output::FileKind{"an OpenSim file", "<OpenSimDocument"}
+                                                   : output::FileKind{"an MJCF file", "<mujoco"};
+  output::check_target("--out", arguments.out, kind, [&] { return scene::files_read(scene); });
   const control::Plan* plan = scene.control ? &*scene.control : nullptr;
   std::optional<output::Moment> moment;
   if (arguments.time.value_or(0) > 0) moment = moment_at(scene, *arguments.time);

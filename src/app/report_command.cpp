@@ -11,7 +11,9 @@
 
 #include "handsim/app/command_line.h"
 #include "handsim/app/console.h"
+#include "handsim/core/input_file.h"
 #include "handsim/output/atomic_file.h"
+#include "handsim/output/output_folder.h"
 #include "handsim/output/report/page.h"
 #include "handsim/simulation/report/run_report.h"
 #include "handsim/study/study_page.h"
@@ -22,7 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-bool is_run(const fs::path& folder) { return fs::exists(folder / "trajectory.csv"); }
+bool is_run(const fs::path& folder) { return has_entry(folder / "trajectory.csv"); }
 
 /// The user's own folder for pages that are only looked at. Other users cannot write into it.
 fs::path pages_folder() {
@@ -77,8 +79,9 @@ bool open_in_browser(const fs::path& page) {
 }
 
 fs::path write_report(const std::vector<fs::path>& folders, const std::optional<fs::path>& out) {
+  std::error_code ignored;
   for (const fs::path& folder : folders)
-    if (!fs::is_directory(folder))
+    if (!fs::is_directory(folder, ignored))
       throw input_error("report", folder.string(), "the folder of a run or study");
   if (folders.empty() || folders.size() > 2)
     throw input_error("report", folders.empty() ? "no folder" : "more than two folders",
@@ -87,6 +90,8 @@ fs::path write_report(const std::vector<fs::path>& folders, const std::optional<
     for (const fs::path& folder : folders)
       if (!is_run(folder)) throw input_error("report", folder.string() + ", no folder of a run", "two runs");
   const fs::path page = out.value_or(folders.front() / simulation::kReportName);
+  if (ending_of(page) != ".html") throw input_error("--out", page.string(), "a name that ends in .html");
+  output::check_target(out ? "--out" : "report", page, {"a page of handsim", output::page_mark()});
   output::write_file(
       page, is_run(folders.front()) ? simulation::run_report(folders) : study::study_page(folders.front()));
   return page;

@@ -237,12 +237,6 @@ void render_video(const scene::Scene& scene, const RenderArguments& arguments) {
                        "memory, room on the disk, or a smaller pictures.size");
 }
 
-/// Reports a path that cannot be written before the simulation.
-void check_writable(const std::filesystem::path& path, const scene::Scene& scene) {
-  output::check_not_read(path, [&] { return scene::files_read(scene); });
-  const output::AtomicFile probe(path);
-}
-
 }  // namespace
 
 int render_command(const RenderArguments& arguments) {
@@ -250,15 +244,15 @@ int render_command(const RenderArguments& arguments) {
   if (arguments.out && ending_of(*arguments.out) != ".png")
     throw input_error("--out", arguments.out->string(), "a name that ends in .png");
   const auto video = video_of(arguments.drawing);
-  if (video) output::check_video(video->file, video->fps);
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
   print_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty()) print("engine auto: {}\n", scene.spec.engine_choice);
   if (arguments.time.value_or(0) > scene.spec.duration)
     throw input_error("--time", fmt::format("{:g} s", *arguments.time),
                       fmt::format("0 to the scene's duration of {:g} s", scene.spec.duration));
-  if (arguments.out) check_writable(*arguments.out, scene);
-  if (video) check_writable(video->file, scene);
+  const auto read = [&] { return scene::files_read(scene); };
+  if (arguments.out) output::check_target("--out", *arguments.out, {"a PNG picture", "\x89PNG"}, read);
+  if (video) output::check_video(video->file, video->fps, read);
   print_warnings(
       overlap_texts(scene.model, engine::initial_overlaps(scene.model, model::initial_state(scene.model))));
   if (arguments.out) render_picture(scene, arguments);

@@ -14,23 +14,6 @@ namespace handsim {
 
 namespace {
 
-/// An open file, closed at the end.
-class Descriptor {
- public:
-  explicit Descriptor(const std::filesystem::path& path)
-      // open() must not wait for the writer of a pipe, nor make a terminal the controlling one.
-      : number_(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC)) {}
-  ~Descriptor() {
-    if (number_ >= 0) ::close(number_);
-  }
-  Descriptor(const Descriptor&) = delete;
-  Descriptor& operator=(const Descriptor&) = delete;
-  int number() const { return number_; }
-
- private:
-  int number_;
-};
-
 /// Name of a kind of file that is refused; null for a regular file.
 const char* refused_kind(mode_t mode) {
   if (S_ISREG(mode)) return nullptr;
@@ -45,39 +28,91 @@ std::string bytes_text(std::size_t bytes) {
                                              : fmt::format("{} bytes", bytes);
 }
 
-std::string read_input_file(const std::filesystem::path& path, std::string_view need,
-                            std::size_t most_bytes) {
-  const auto refuse = [&](std::string got, std::string wanted) {
-    return Error(std::vector<Problem>{{Place{path.string(), 1, 1}, "", std::move(got), std::move(wanted)}});
-  };
-  const auto unreadable = [&](const char* what) {
-    return refuse(fmt::format("a file that cannot be {} ({})", what, std::strerror(errno)),
-                  std::string(need));
-  };
+InputFile::InputFile(const std::filesystem::path& path, std::string_view need, std::size_t most_bytes)
+    : path_(path), need_(need), most_(most_bytes) {
   struct stat status {};
   // Checked before opening, because opening some devices has effects.
-  if (::stat(path.c_str(), &status) != 0) throw refuse("no such file", std::string(need));
-  if (const char* what = refused_kind(status.st_mode)) throw refuse(what, std::string(need));
-  const Descriptor file(path);
-  if (file.number() < 0 || ::fstat(file.number(), &status) != 0) throw unreadable("opened");
-  if (const char* what = refused_kind(status.st_mode)) throw refuse(what, std::string(need));
-  const auto size = static_cast<std::size_t>(std::max<off_t>(status.st_size, 0));
-  const std::string most = "at most " + bytes_text(most_bytes);
-  if (size > most_bytes) throw refuse(fmt::format("a file of {} bytes", size), most);
-  // The reported size may be wrong: reading stops only one byte beyond the limit.
-  std::string text(std::min(most_bytes, std::max<std::size_t>(size, 4096)) + 1, '\0');
-  std::size_t filled = 0;
-  while (true) {
-    if (filled == text.size()) text.resize(std::min(most_bytes + 1, 2 * filled));
-    const ssize_t count = ::read(file.number(), text.data() + filled, text.size() - filled);
-    if (count < 0 && errno == EINTR) continue;
-    if (count < 0) throw unreadable("read");
-    if (count == 0) break;
-    filled += static_cast<std::size_t>(count);
-    if (filled > most_bytes) throw refuse("a file that grows beyond " + bytes_text(most_bytes), most);
+  if (::stat(path.c_str(), &status) != 0)
+    throw errno == ENOENT || errno == ENOTDIR || errno == ENAMETOOLONG ? error("no such file", need_)
+                                                                       : unreadable("opened");
+  check(status.st_mode);
+  // open() must not wait for the writer of a pipe, nor make a terminal the controlling one.
+  number_ = ::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC);
+  if (number_ < 0) throw unreadable("opened");
+  try {
+    if (::fstat(number_, &status) != 0) throw unreadable("opened");
+    check(status.st_mode);
+    size_ = static_cast<std::size_t>(std::max<off_t>(status.st_size, 0));
+    if (size_ > most_) throw error(fmt::format("a file of {} bytes", size_), "at most " + bytes_text(most_));
+  } catch (...) {
+    ::close(number_);
+    throw;
   }
+}
+
+InputFile::~InputFile() { ::close(number_); }
+
+Error InputFile::error(std::string got, std::string need) const {
+  return Error({Problem{Place{path_.string(), std::max(1, lines_), 1}, "", std::move(got), std::move(need)}});
+}
+
+Error InputFile::unreadable(const char* what) const {
+  return error(fmt::format("a file that cannot be {} ({})", what, std::strerror(errno)), need_);
+}
+
+void InputFile::check(unsigned mode) const {
+  if (const char* kind = refused_kind(mode)) throw error(kind, need_);
+}
+
+std::size_t InputFile::read(char* to, std::size_t most) {
+  ssize_t count = 0;
+  while ((count = ::read(number_, to, most)) < 0 && errno == EINTR) {
+  }
+  if (count < 0) throw unreadable("read");
+  filled_ += static_cast<std::size_t>(count);
+  // The reported size may be wrong: reading stops within a block beyond the limit.
+  if (filled_ > most_)
+    throw error("a file that grows beyond " + bytes_text(most_), "at most " + bytes_text(most_));
+  return static_cast<std::size_t>(count);
+}
+
+bool InputFile::line(std::string& text) {
+  constexpr std::size_t kBlock = 1U << 16U;
+  text.clear();
+  ++lines_;
+  while (true) {
+    if (next_ == block_.size()) {
+      block_.resize(kBlock);
+      block_.resize(read(block_.data(), kBlock));
+      next_ = 0;
+      if (block_.empty()) return cut_ = !text.empty();
+    }
+    const auto from = block_.begin() + static_cast<std::ptrdiff_t>(next_);
+    const auto end = std::find(from, block_.end(), '\n');
+    text.append(from, end);
+    if (text.size() > kLongestLine) throw error("a line of more than " + bytes_text(kLongestLine), need_);
+    next_ = static_cast<std::size_t>(end - block_.begin());
+    if (end == block_.end()) continue;
+    ++next_;
+    return true;
+  }
+}
+
+std::string read_input_file(const std::filesystem::path& path, std::string_view need,
+                            std::size_t most_bytes) {
+  InputFile file(path, need, most_bytes);
+  // With a byte beyond the limit, at which reading stops.
+  std::string text(std::min(most_bytes, std::max<std::size_t>(file.size(), 4096)) + 1, '\0');
+  std::size_t filled = 0;
+  while (const std::size_t count = file.read(text.data() + filled, text.size() - filled))
+    if ((filled += count) == text.size()) text.resize(std::min(most_bytes + 1, 2 * filled));
   text.resize(filled);
   return text;
+}
+
+bool has_entry(const std::filesystem::path& path) {
+  struct stat status {};
+  return ::lstat(path.c_str(), &status) == 0;
 }
 
 }  // namespace handsim

@@ -1,19 +1,61 @@
-// Reads a regular file of limited size into memory. Refuses pipes, devices and folders without opening them.
+// Reads regular files of limited size. Refuses pipes, devices and folders without opening them. All files
+// that a user names, and those that an earlier command wrote, are opened here.
 #pragma once
 
 #include <cstddef>
 #include <filesystem>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "handsim/core/error.h"
 
 namespace handsim {
 
-/// All bytes of a file; links are followed.
-/// @param need what is accepted, for messages, e.g. `a readable YAML file`. @param most_bytes largest size.
-/// @throws Error (input) at the file's first line if it is missing, not a regular file, unreadable or larger.
+/// An open file that is read from its start to its end; links are followed.
+class InputFile {
+ public:
+  /// @param need what is accepted, for messages, e.g. `a readable YAML file`. @param most_bytes largest size.
+  /// @throws Error (input) at the file's first line if it is missing, not a regular file, unreadable or
+  /// larger.
+  InputFile(const std::filesystem::path& path, std::string_view need, std::size_t most_bytes);
+  ~InputFile();
+  InputFile(const InputFile&) = delete;
+  InputFile& operator=(const InputFile&) = delete;
+
+  /// The file's size when it was opened; files of /proc report 0.
+  std::size_t size() const { return size_; }
+  /// The next bytes, at most `most`; returns their number, 0 at the end. @throws Error (input) as above.
+  std::size_t read(char* to, std::size_t most);
+  /// The next line, without its end; false at the file's end. Memory for one line only.
+  /// @throws Error (input) as above, and at a line longer than kLongestLine.
+  bool line(std::string& text);
+  /// True after a last line without its end, as in a file that was cut.
+  bool cut() const { return cut_; }
+
+ private:
+  Error error(std::string got, std::string need) const;
+  Error unreadable(const char* what) const;
+  void check(unsigned mode) const;
+
+  std::filesystem::path path_;
+  std::string need_;
+  std::size_t most_, size_ = 0, filled_ = 0;  ///< filled_: bytes read so far
+  int number_ = -1;                           ///< descriptor
+  std::vector<char> block_;                   ///< of line(): bytes from next_ on are unread
+  std::size_t next_ = 0;
+  int lines_ = 0;
+  bool cut_ = false;
+};
+
+/// Bytes of a line at most.
+inline constexpr std::size_t kLongestLine = 16U << 20U;
+
+/// All bytes of a file. @throws Error (input) as InputFile.
 std::string read_input_file(const std::filesystem::path& path, std::string_view need, std::size_t most_bytes);
+
+/// True if a folder has an entry of this name, of any kind: also a link without a target.
+bool has_entry(const std::filesystem::path& path);
 
 /// A size for messages: `64 MB` for whole MB (of 1024 kB), otherwise `10000000 bytes`.
 std::string bytes_text(std::size_t bytes);

@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdint>
 #include <cstring>
 #include <fstream>
 #include <set>
@@ -17,7 +18,7 @@
 
 #include <fmt/format.h>
 
-#include "handsim/core/error.h"
+#include "handsim/core/input_file.h"
 #include "handsim/output/atomic_file.h"
 
 namespace handsim::output {
@@ -158,12 +159,19 @@ void OutputFolder::clear() const {
   }
 }
 
-void check_not_read(const fs::path& path, const OutputFolder::Inputs& inputs) {
+void check_target(const std::string& option, const fs::path& path, const FileKind& kind,
+                  const OutputFolder::Inputs& inputs) {
+  const AtomicFile probe(path);
   std::error_code failure;
   if (!fs::exists(path, failure)) return;
-  for (const fs::path& input : inputs())
+  for (const fs::path& input : inputs ? inputs() : std::vector<fs::path>())
     if (fs::equivalent(path, input, failure))
-      throw input_error("--out", path.string() + ", which is also an input", "another file");
+      throw input_error(option, path.string() + ", which is also an input", "another file");
+  std::string head(kMarkBytes, '\0');
+  head.resize(InputFile(path, kind.name, SIZE_MAX).read(head.data(), head.size()));
+  if (!head.empty() && head.find(kind.mark) == std::string::npos)
+    throw input_error(option, fmt::format("{}, which exists and is not {}", path.string(), kind.name),
+                      fmt::format("the name of a new file, or of {} to replace", kind.name));
 }
 
 }  // namespace handsim::output

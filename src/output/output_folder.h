@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace handsim::output {
@@ -41,7 +42,17 @@ class OutputFolder {
   int file_ = -1;  ///< descriptor of the folder, which holds the lock; -1 after a move
 };
 
-/// @throws Error (input) if the output file `path` is one of the input files.
-void check_not_read(const std::filesystem::path& path, const OutputFolder::Inputs& inputs);
+/// A kind of file that a command writes, and what the first kMarkBytes of each such file have.
+struct FileKind {
+  std::string_view name, mark;
+};
+inline constexpr std::size_t kMarkBytes = 1000;
+
+/// What may be written to the path of `--out`, `--video` and the like: a new file, or one in place of an
+/// empty file or a file of the same kind. Everything else that exists is the user's and stays.
+/// @param option for messages. @throws Error (input) for another file, for one of the inputs, where
+///        file_target does, and for a folder that cannot be written.
+void check_target(const std::string& option, const std::filesystem::path& path, const FileKind& kind,
+                  const OutputFolder::Inputs& inputs = {});
 
 }  // namespace handsim::output

@@ -11,6 +11,7 @@
 
 #include "app/short_run.h"
 #include "handsim/output/export/export.h"
+#include "handsim/output/report/page.h"
 #include "handsim/simulation/simulation.h"
 
 namespace handsim::test {
@@ -161,6 +162,41 @@ TEST(InputFiles, AreNeverReplaced) {
   EXPECT_EQ(text_of(out / "snapshot.bin"), snapshot);
   EXPECT_EQ(text_of(xml), kBallScene);
   EXPECT_EQ(text_of(png), kBallScene);
+}
+
+// A command replaces a file of the kind that it writes, and no other.
+TEST(FilesOfTheUser, AreNotReplaced) {
+  const TemporaryFolder folder;
+  const fs::path out = folder.path() / "out";
+  ASSERT_EQ(run_program(run_into(out, {})).status, 0);
+  const std::string text = "a text of the user\n";
+  const std::vector<std::pair<const char*, Words>> all = {
+      {"x.html", {"report", out}},    {"x.png", {"render", kScene}},  {"x.xml", {"export", kScene}},
+      {"x.urdf", {"export", kScene}}, {"x.osim", {"export", kScene}}, {"LICENSE", {"export", kScene}}};
+  for (const auto& [name, words] : all) {
+    if (words[0] == "report" && !output::has_three()) continue;
+    const fs::path file = write(folder.path() / name, text);
+    Words complete = words;
+    complete.insert(complete.end(), {"--out", file.string()});
+    const Outcome refused = run_program(complete);
+    EXPECT_EQ(refused.status, 2) << name;
+    EXPECT_TRUE(contains(refused.err, file.string() + ", which exists and is not a")) << refused.err;
+    EXPECT_EQ(text_of(file), text) << name;
+    // An empty file has nothing to lose; then the command's own file is there.
+    std::ofstream(file, std::ios::trunc);
+    EXPECT_EQ(run_program(complete).status, 0) << name;
+    EXPECT_NE(text_of(file), "") << name;
+    EXPECT_EQ(run_program(complete).status, 0) << name;
+  }
+  for (const fs::path& file : {out / "summary.json", out / "trajectory.csv", folder.path() / "new.txt"}) {
+    const Outcome refused = run_program({"report", out, "--out", file});
+    EXPECT_EQ(refused.status, 2) << file;
+    EXPECT_TRUE(contains(refused.err, "need a name that ends in .html")) << refused.err;
+  }
+  fs::create_symlink("trajectory.csv", out / "report.html");
+  const std::string table = text_of(out / "trajectory.csv");
+  EXPECT_EQ(run_program({"report", out}).status, 2);
+  EXPECT_EQ(text_of(out / "trajectory.csv"), table);
 }
 
 /// Creates something that is not a regular file.

@@ -47,6 +47,47 @@ TEST(InputFile, MustNotBeAPipeADeviceOrAFolder) {
   EXPECT_NE(refusal(folder.path()).find("got a directory"), std::string::npos);
   EXPECT_NE(refusal(folder.path() / "none").find("got no such file"), std::string::npos);
   EXPECT_NE(refusal(folder.path() / std::string(5000, 'x')).find("got no such file"), std::string::npos);
+  fs::create_symlink("loop", folder.path() / "loop");
+  EXPECT_NE(refusal(folder.path() / "loop").find("got a file that cannot be opened"), std::string::npos);
+  EXPECT_TRUE(has_entry(folder.path() / "loop"));
+  EXPECT_FALSE(has_entry(folder.path() / "none"));
+}
+
+TEST(InputFile, HasTheLinesThatWereWritten) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "f";
+  const std::vector<std::string> lines = {"a", "", std::string(200'000, 'x'), "last"};
+  for (const bool cut : {false, true}) {
+    std::ofstream(path) << lines[0] << '\n'
+                        << lines[1] << '\n'
+                        << lines[2] << '\n'
+                        << lines[3] << (cut ? "" : "\n");
+    InputFile file(path, "a good file", 1U << 20U);
+    std::string text;
+    for (const std::string& line : lines) {
+      ASSERT_TRUE(file.line(text));
+      EXPECT_EQ(text, line);
+    }
+    EXPECT_EQ(file.cut(), cut);
+    EXPECT_FALSE(file.line(text));
+  }
+}
+
+// A sparse file takes no room on the disk, but its line would take all memory.
+TEST(InputFile, RefusesALineWithoutEnd) {
+  const test::TemporaryFolder folder;
+  const fs::path path = folder.path() / "f";
+  std::ofstream(path) << "a\n";
+  fs::resize_file(path, 4UL << 30U);
+  InputFile file(path, "a good file", 4UL << 30U);
+  std::string text;
+  ASSERT_TRUE(file.line(text));
+  try {
+    file.line(text);
+    ADD_FAILURE() << "read";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.what(), path.string() + ":2:1: got a line of more than 16 MB, need a good file");
+  }
 }
 
 // Files of /proc report a size of 0.

@@ -48,7 +48,7 @@ def write_pages():
     run('run', 'config/dropped_hand.yaml', '--out', folder / 'followed', '--report', '--quiet', '--set', 'duration=2 s', '--set',
         'pictures.follow=true', status=(0, 1))
     run('report', folder / 'a', folder / 'b', '--out', folder / 'both.html')
-    hostile = folder / 'hostile.yaml'
+    run('run', 'config/muscle_poses.yaml', '--out', folder / 'muscles', '--report', '--quiet', '--set', 'duration=0.3 s', status=(0, 1))
     run('run', scene, '--out', folder / 'hostile', '--report', *short, '--set', 'title=' + HOSTILE)
     run('effects', scene, '--out', folder / 'effects', '--report', '--repeats', 1, '--set', 'duration=0.02 s', '--set', 'title=' + HOSTILE)
 
@@ -277,6 +277,27 @@ class Pages(unittest.TestCase):
                 self.script("document.querySelectorAll('details').forEach(d => d.open = true)")
                 self.assertLessEqual(self.script('return document.documentElement.scrollWidth'), width, name)
         resize(self.driver, 1280, 900)
+
+    def test_muscles_have_plots_by_finger(self):
+        self.open('muscles/report.html')
+        titles = "return [...document.querySelectorAll('.plot:not([hidden]) h3')].map(e => e.textContent)"
+        shown = self.script(titles)
+        for title in ('Activations, thumb', 'Tensions, index (N)', 'Tensions, thumb (N)'):
+            self.assertIn(title, shown)
+        self.assertNotIn('Torques (N m)', shown)
+        names = self.script("return [...document.querySelector('.plot').querySelectorAll('.keys button')].map(e => e.textContent)")
+        self.assertTrue(all('flexion' in name or 'abduction' in name for name in names), names)
+        self.script("const s = document.querySelector('.plots select'); s.value = 'index'; s.dispatchEvent(new Event('change'))")
+        shown = self.script(titles)
+        self.assertIn('Tensions, index (N)', shown)
+        self.assertNotIn('Activations, thumb', shown)
+        self.assertEqual(self.problems(), [])
+
+    def test_no_area_under_the_view_is_empty(self):
+        for name in ('a/report.html', 'dropped/report.html', 'muscles/report.html'):
+            self.open(name)
+            view, stage = self.script("return ['.view', '.stage'].map(s => document.querySelector(s).getBoundingClientRect().bottom)")
+            self.assertAlmostEqual(view, stage, delta=2, msg=name)
 
     def test_every_control_has_a_name(self):
         for name in ('both.html', 'effects/report.html'):

@@ -30,7 +30,8 @@ class RunReport : public testing::Test {
     folder = fs::temp_directory_path() / ("handsim_run_report_" + std::to_string(::getpid()));
     RunOptions options;
     options.out = folder;
-    run(scene::load_scene(fs::path(HANDSIM_SOURCE_DIR) / "config/two_hands.yaml", {"duration=0.3 s"}), options);
+    run(scene::load_scene(fs::path(HANDSIM_SOURCE_DIR) / "config/two_hands.yaml", {"duration=0.3 s"}),
+        options);
   }
   static void TearDownTestSuite() { fs::remove_all(folder); }
   void SetUp() override {
@@ -81,7 +82,8 @@ TEST_F(RunReport, HasThePosesOfTheTrajectory) {
     for (std::size_t k = 0; k < 3; ++k) {
       const auto c = static_cast<std::size_t>(column - table.columns.begin()) + k;
       EXPECT_FLOAT_EQ(values[7 * i + k], static_cast<float>(table.at(0, c))) << name;
-      EXPECT_FLOAT_EQ(values[values.size() - width + 7 * i + k], static_cast<float>(table.at(last, c))) << name;
+      EXPECT_FLOAT_EQ(values[values.size() - width + 7 * i + k], static_cast<float>(table.at(last, c)))
+          << name;
     }
   }
 }
@@ -99,9 +101,7 @@ TEST_F(RunReport, HasEveryShapeOfTheSceneAndTheCommandThatRepeatsIt) {
   EXPECT_NE(run["resolved"].get<std::string>().find("duration"), std::string::npos);
 }
 
-TEST_F(RunReport, OfTwoRunsHasBoth) {
-  EXPECT_EQ(data_of(run_report({folder, folder}))["runs"].size(), 2U);
-}
+TEST_F(RunReport, OfTwoRunsHasBoth) { EXPECT_EQ(data_of(run_report({folder, folder}))["runs"].size(), 2U); }
 
 TEST_F(RunReport, IsRefusedForTablesOfAnotherScene) {
   const fs::path other = folder.string() + "_other";
@@ -110,6 +110,69 @@ TEST_F(RunReport, IsRefusedForTablesOfAnotherScene) {
   EXPECT_THROW(run_report({other}), Error);
   std::ofstream(other / "trajectory.csv") << "time[s],a\n0,1\n";
   EXPECT_THROW(run_report({other}), Error);
+  fs::remove_all(other);
+}
+
+// Oracle: control.sto, and the anatomy: the deep flexor of the index moves the index.
+TEST_F(RunReport, HasActivationsAndTensionsOfMusclesByFinger) {
+  const fs::path out = folder.string() + "_muscles";
+  RunOptions options;
+  options.out = out;
+  run(scene::load_scene(fs::path(HANDSIM_SOURCE_DIR) / "config/muscle_poses.yaml", {"duration=0.1 s"}),
+      options);
+  const json page = data_of(run_report({out}))["runs"][0];
+  const output::NumberTable table = output::read_numbers(out / "control.sto");
+  const auto last = [&](const std::string& name) {
+    const auto column = std::find(table.columns.begin(), table.columns.end(), name) - table.columns.begin();
+    return static_cast<float>(table.at(table.rows() - 1, static_cast<std::size_t>(column)));
+  };
+  int found = 0;
+  for (const json& curve : page["curves"]) {
+    const std::string group = curve["group"], name = curve["name"];
+    EXPECT_NE(group, "Torques");
+    // Axes are named flexion and abduction.
+    if (group == "Angles") {
+      EXPECT_TRUE(name.ends_with("flexion") || name.ends_with("abduction")) << name;
+    }
+    if (name != "right.FDP2") continue;
+    ++found;
+    const bool tension = group == "Tensions, index";
+    EXPECT_TRUE(tension || group == "Activations, index") << group;
+    EXPECT_EQ(curve["unit"], tension ? "N" : "");
+    EXPECT_FLOAT_EQ(floats(curve["values"]).back(), last(name + (tension ? ".tendon[N]" : ".activation")));
+  }
+  EXPECT_EQ(found, 2);
+  // The wrist is fixed in this scene.
+  EXPECT_EQ(page["zero"].dump(), R"(["Activations, wrist","Joint gaps","Tensions, wrist","Torques"])");
+  fs::remove_all(out);
+}
+
+TEST_F(RunReport, IsRefusedForTablesThatWereChanged) {
+  const fs::path other = folder.string() + "_changed", table = other / "trajectory.csv";
+  fs::copy(folder, other);
+  std::ifstream file(table);
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  const std::size_t second = text.find('\n', text.find('\n') + 1) + 1;
+  const auto said = [&](const std::string& changed) -> std::string {
+    std::ofstream(table) << changed;
+    try {
+      run_report({other});
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_EQ(said(text), "");
+  EXPECT_NE(said(text.substr(0, text.size() - 1)).find("a line without its end"), std::string::npos);
+  EXPECT_NE(said(text + text.substr(second)).find("need times that increase"), std::string::npos);
+  std::string row = text.substr(second, text.find('\n', second) - second),
+              rest = text.substr(second + row.size());
+  EXPECT_NE(
+      said(text.substr(0, second) + row.substr(0, row.rfind(',')) + ",nan" + rest).find(":3:1: got nan"),
+      std::string::npos);
+  EXPECT_NE(said(text.substr(0, second) + row.substr(0, row.rfind(',')) + ",5" + rest)
+                .find("need a unit quaternion"),
+            std::string::npos);
   fs::remove_all(other);
 }
 

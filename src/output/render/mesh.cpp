@@ -113,4 +113,17 @@ Mesh cone_mesh(float length) {
   return mesh;
 }
 
+Mesh ring_mesh(float inner) {
+  constexpr std::uint32_t kSides = 32;
+  Mesh mesh;
+  for (const Meridian& meridian : circle(kSides, 1))
+    for (const float radius : {inner, 1.0F})
+      mesh.vertices.push_back({{radius * meridian.x, radius * meridian.y, 0}, Eigen::Vector3f::UnitZ()});
+  for (std::uint32_t i = 0; i < 2 * kSides; i += 2) {
+    const std::uint32_t next = (i + 2) % (2 * kSides);
+    for (const std::uint32_t v : {i, i + 1, next + 1, i, next + 1, next}) mesh.indices.push_back(v);
+  }
+  return mesh;
+}
+
 }  // namespace handsim::output

@@ -32,5 +32,7 @@ Mesh faceted_mesh(const model::ConvexMesh& polyhedron);
 /// A cone with its base circle of radius 1 at z = 0 and its tip at z = 1, with normals for a scale of
 /// (1, 1, length); `round` must be 0.
 Mesh cone_mesh(float length);
+/// The flat ring between the circles of radius `inner` and 1 at z = 0, seen from above; `round` must be 0.
+Mesh ring_mesh(float inner);
 
 }  // namespace handsim::output

@@ -55,7 +55,8 @@ Meshes::Meshes()
     : capsule_(upload_round(capsule_mesh)),
       cylinder_(upload_round(cylinder_mesh)),
       box_(upload(box_mesh())),
-      cone_(upload(cone_mesh(static_cast<float>(kHeadLength)))) {}
+      cone_(upload(cone_mesh(static_cast<float>(kHeadLength)))),
+      ring_(upload(ring_mesh(0.75F))) {}
 
 /// One buffer for each entry of kSides.
 Meshes::RoundBuffers Meshes::upload_round(Mesh (*make)(int)) {
@@ -95,37 +96,50 @@ std::vector<Part> Meshes::parts(const Scene& scene, int height) {
   std::vector<Part> parts;
   for (const LitSolid& lit : scene.solids)
     parts.push_back({lit.solid, lit.colour, buffer_of(scene, lit, height), &lit});
-  add_annotations(*scene.list, parts);
+  add_annotations(scene, parts);
   // Two parts of the same number have no smooth edge between them; few pictures have so many.
   for (std::size_t i = 0; i < parts.size(); ++i) parts[i].id = static_cast<float>(1 + i % kIds) / kIds;
   return parts;
 }
 
-void Meshes::add_annotations(const DrawList& list, std::vector<Part>& parts) const {
-  for (const DrawPoint& point : list.points)
+void Meshes::add_annotations(const Scene& scene, std::vector<Part>& parts) const {
+  for (const DrawPoint& point : scene.list->points)
     parts.push_back({{Core::box, Vec3::Zero(), point.radius, {point.position, Quat::Identity()}, {}},
                      point.colour,
                      capsule_[1]});
-  for (const DrawArrow& arrow : list.arrows) {
+  for (const DrawArrow& arrow : scene.list->arrows) {
     const Vec3 along = arrow.to - arrow.from;
     const double length = along.norm();
     if (!(length > 0)) continue;
+    const auto add = [&](const Solid& solid, const Buffer& buffer) {
+      parts.push_back({solid, arrow.colour, buffer, nullptr, arrow.on_top});
+    };
+    // A short arrow is thinner.
+    const double head = std::min(kHeadLength * kHeadWidth * arrow.radius, 0.6 * length);
+    const double width = head / kHeadLength, radius = width / kHeadWidth, shaft = length - head;
+    const Vec3 sight = scene.camera.position - arrow.to;
+    const double sine = along.cross(sight).norm() / (length * sight.norm());
+    if (std::max(head, shaft) * sine < 1.5 * width) {
+      // The head would hide the rest: a blot. As in drawings of vectors, a ring with a dot points towards the
+      // reader, one with a cross away.
+      const Quat q = rotation_between(Vec3::UnitZ(), sight);
+      add({Core::cylinder, Vec3::Constant(width), 0, {arrow.to, q}, {}}, ring_);
+      if (along.dot(sight) > 0)
+        add({Core::box, Vec3::Zero(), 0.3 * width, {arrow.to, q}, {}}, capsule_[1]);
+      else
+        for (const double angle : {M_PI / 4, -M_PI / 4})
+          add({Core::box,
+               Vec3(0.9, 0.1, 0.02) * width,
+               0,
+               {arrow.to, q * Quat(Eigen::AngleAxisd(angle, Vec3::UnitZ()))},
+               {}},
+              box_);
+      continue;
+    }
     const Quat q = rotation_between(Vec3::UnitZ(), along);
-    const double width_of_head = kHeadWidth * arrow.radius;
-    const double head = std::min(kHeadLength * width_of_head, 0.6 * length);
-    const double shaft = length - head;
     const Vec3 neck = arrow.from + along * (shaft / length);
-    parts.push_back(
-        {{Core::cylinder, {arrow.radius, arrow.radius, shaft / 2}, 0, {(arrow.from + neck) / 2, q}, {}},
-         arrow.colour,
-         cylinder_[1],
-         nullptr,
-         arrow.on_top});
-    parts.push_back({{Core::cylinder, {width_of_head, width_of_head, head}, 0, {neck, q}, {}},
-                     arrow.colour,
-                     cone_,
-                     nullptr,
-                     arrow.on_top});
+    add({Core::cylinder, {radius, radius, shaft / 2}, 0, {(arrow.from + neck) / 2, q}, {}}, cylinder_[1]);
+    add({Core::cylinder, {width, width, head}, 0, {neck, q}, {}}, cone_);
   }
 }
 

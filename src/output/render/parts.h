@@ -48,13 +48,13 @@ class Meshes {
   using RoundBuffers = std::array<Buffer, kSides.size()>;
 
   static RoundBuffers upload_round(struct Mesh (*make)(int));
-  void add_annotations(const DrawList& list, std::vector<Part>& parts) const;
+  void add_annotations(const Scene& scene, std::vector<Part>& parts) const;
   Buffer buffer_of(const Scene& scene, const DrawShape& shape, int height);
   /// The coarsest mesh whose outline is wrong by less than a quarter of a pixel.
   static Buffer fitting(const RoundBuffers& buffers, const Scene& scene, const DrawShape& shape, int height);
 
   RoundBuffers capsule_, cylinder_;
-  Buffer box_, cone_;
+  Buffer box_, cone_, ring_;
   /// Buffers of the polyhedra drawn so far; the keys keep the polyhedra alive.
   std::map<std::shared_ptr<const model::ConvexMesh>, Buffer> hulls_;
 };

@@ -158,8 +158,9 @@ const Curves = (() => {
     canvas.addEventListener('pointerdown', event => { if (event.button === 0 && box) { canvas.setPointerCapture(event.pointerId); pick(event); } });
     canvas.addEventListener('pointermove', event => { if ((event.buttons & 1) && box) pick(event); });
     new ResizeObserver(update).observe(canvas);
+    const whole = element('section', {class: 'plot'}, element('h3', {}, unit ? `${title} (${unit})` : title), canvas, keys);
     return {
-      element: element('section', {class: 'plot'}, element('h3', {}, unit ? `${title} (${unit})` : title), canvas, keys),
+      element: whole,
       update, cursor,
       /** Shows only curves of names that pass. */
       only(test) {
@@ -172,6 +173,7 @@ const Curves = (() => {
           label.curves.forEach(curve => { curve.shown = single && names.includes(label) ? palette[names.indexOf(label)] : curve.colour; });
           label.mark.style.borderColor = label.curves[0].shown;
         }
+        whole.hidden = !names.length;
         update();
       },
     };

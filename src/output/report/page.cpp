@@ -44,6 +44,8 @@ std::string shell_word(const std::string& text) {
   return out + "'";
 }
 
+std::string_view page_mark() { return assets::page_html.substr(0, assets::page_html.find("{{")); }
+
 std::string report_page(PageKind kind, std::string_view title, std::string_view json) {
   if (kind == PageKind::run) require_three();
   std::string scripts;

@@ -21,6 +21,9 @@ void require_three();
 /// A word of a shell's command, in single quotes where it needs them.
 std::string shell_word(const std::string& text);
 
+/// What every page begins with.
+std::string_view page_mark();
+
 /// The text of the page. @param json text of an object; its strings cannot end the script that has them.
 /// @throws Error (input) for a run in a build without three.js.
 std::string report_page(PageKind kind, std::string_view title, std::string_view json);

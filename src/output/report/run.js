@@ -140,7 +140,7 @@
       phase.style.width = `${100 * (Math.min(end, mark.end) - mark.time) / (end - start || 1)}%`;
       out.push(phase);
     }
-    const events = summary.criteria.filter(c => c.time_s !== undefined && c.measured !== null).map(c => ({time: c.time_s, where: c.where, bad: c.verdict === 'failed',
+    const events = summary.criteria.filter(c => Number.isFinite(c.time_s) && c.measured !== null).map(c => ({time: c.time_s, where: c.where, bad: c.verdict === 'failed',
       name: `${c.name} ${Table.text(c.measured)} ${c.unit} at ${c.time_s.toFixed(3)} s, ${c.where}: ${c.verdict}`}));
     for (const mark of main.marks.filter(m => m.kind !== 'phase')) events.push({time: mark.time, where: mark.name, bad: true, name: mark.name});
     for (const event of events.sort((a, b) => a.bad - b.bad)) {
@@ -156,10 +156,10 @@
     const rows = summary.criteria.map(c => {
       const second = other && other.summary.criteria.find(o => o.name === c.name);
       const measured = x => x === undefined || x === null || x.measured === null ? '–' : `${Table.text(x.measured)} ${x.unit}`;
-      const at = c.time_s !== undefined && c.measured !== null
+      const at = Number.isFinite(c.time_s) && c.measured !== null
         ? element('button', {type: 'button', class: 'link', 'data-time': c.time_s, click: () => jump(c.time_s, c.where)}, `${c.time_s.toFixed(3)} s, ${c.where}`) : '';
       return element('tr', {class: c.verdict === 'failed' ? 'bad' : null}, element('th', {scope: 'row'}, c.name), element('td', {}, badge(c.verdict)), element('td', {class: 'number'}, measured(c)),
-        element('td', {class: 'number'}, c.limit === null ? '–' : `${c.limit_is === 'least' ? '≥' : '≤'} ${Table.text(c.limit)} ${c.unit}`), element('td', {}, at),
+        element('td', {class: 'number'}, c.limit == null ? '–' : `${c.limit_is === 'least' ? '≥' : '≤'} ${Table.text(c.limit)} ${c.unit}`), element('td', {}, at),
         other ? [element('td', {class: 'number'}, measured(second)), element('td', {}, second ? badge(second.verdict) : '')] : null);
     });
     const heads = ['criterion', 'verdict', 'measured', 'limit', 'where: click to go there', ...(other ? ['other run', 'its verdict'] : [])];
@@ -177,25 +177,27 @@
   }
 
   function curves() {
-    const groups = new Map();
+    const groups = new Map(), muscles = new Map(), partOf = name => muscles.get(name) || fingers.find(f => name.includes(f));
     data.runs.forEach((run, r) => {
       for (const curve of run.curves) {
         if (!groups.has(curve.group)) groups.set(curve.group, {unit: curve.unit.replace('um', 'µm'), list: [], count: {}});
         const group = groups.get(curve.group), part = fingers.find(f => curve.name.includes(f));
+        // A muscle's name does not have its finger; its kind does.
+        if (!['value', 'target'].includes(curve.kind)) muscles.set(curve.name, curve.kind);
         if (!(curve.name in group.count)) group.count[curve.name] = Object.keys(group.count).length;
         const colour = part ? partColour[part] || Curves.palette[7] : Curves.palette[group.count[curve.name] % Curves.palette.length];
         group.list.push({name: curve.name, times: floats(curve.times), values: floats(curve.values), colour,
           dash: curve.kind === 'target' ? [5, 4] : r ? [2, 2] : [], width: curve.kind === 'target' ? 1 : 1.5, faint: r > 0});
       }
     });
-    const out = element('section', {class: 'plots', 'aria-label': 'curves'});
+    const out = element('section', {class: 'plots', tabindex: '0', 'aria-label': 'curves'});
     const names = [...new Set(main.curves.map(c => c.name))];
-    const parts = fingers.filter(f => names.some(n => n.includes(f))), hands = [...new Set(names.map(n => n.split('.')[0]))].filter(h => main.scene.shapes.some(s => s.hand === h));
+    const parts = fingers.filter(f => names.some(n => partOf(n) === f)), hands = [...new Set(names.map(n => n.split('.')[0]))].filter(h => main.scene.shapes.some(s => s.hand === h));
     const finger = element('select', {'aria-label': 'curves of this finger', change: filter}, element('option', {value: ''}, 'all fingers'), parts.map(p => element('option', {}, p)));
     const hand = element('select', {'aria-label': 'curves of this hand', change: filter}, element('option', {value: ''}, 'all hands'), hands.map(p => element('option', {}, p)));
     function filter() {
-      for (const plot of plots) plot.only(name => !fingers.some(f => name.includes(f)) && !hands.some(h => name.startsWith(h + '.')) ||
-        (!finger.value || name.includes(finger.value) || !fingers.some(f => name.includes(f))) && (!hand.value || name.startsWith(hand.value + '.')));
+      for (const plot of plots) plot.only(name => (!finger.value || [finger.value, undefined].includes(partOf(name))) &&
+        (!hand.value || name.startsWith(hand.value + '.') || !hands.some(h => name.startsWith(h + '.'))));
     }
     const zoom = factor => {
       const width = Math.min(end - start, (span[1] - span[0]) * factor), from = Math.min(Math.max(start, state.time - width / 2), end - width);
@@ -242,7 +244,8 @@
   function dataText() {
     const kept = run => `${floats(run.poses.times).length} of ${run.poses.recorded} recorded rows (one every ${Table.text(1e3 * run.poses.every)} ms) are kept: a straight line between two of them passes every recorded pose within ${Table.text(1e3 * run.poses.tolerance)} mm.`;
     let text = data.runs.map((run, i) => (i ? 'Other run: ' : 'Poses: ') + kept(run)).join(' ') + ' Curves are kept within 1/500 of their range. Numbers are float32; trajectory.csv in the run\'s folder has all digits.';
-    if (main.contacts && main.contacts.stride > 1) text += ` Contacts are those of every ${main.contacts.stride}th recorded row.`;
+    if (main.contacts && main.contacts.stride > 1) text += ` Contacts are those of one in ${main.contacts.stride} recorded rows.`;
+    if (main.zero.length) text += ` All zero and not drawn: ${main.zero.join('; ').toLowerCase()}.`;
     if (!main.contacts) text += ' The run recorded no contacts (record.contacts, or run with --report).';
     return text + ' The page needs no network. Without WebGL the 3D view is missing, all else is there; printed, it has the view and curves at the present time.';
   }

@@ -118,6 +118,7 @@ const Scene = (() => {
   function arrow(from, to, radius, colour) {
     const out = new THREE.Group(), along = to.clone().sub(from), length = along.length();
     const head = Math.min(2.6 * 2.4 * radius, 0.6 * length);
+    radius = head / 2.6 / 2.4;
     const material = new THREE.MeshLambertMaterial({color: colour});
     const shaft = new THREE.Mesh(new THREE.CylinderBufferGeometry(radius, radius, length - head, 12), material);
     const tip = new THREE.Mesh(new THREE.ConeBufferGeometry(2.4 * radius, head, 16), material);
@@ -165,11 +166,11 @@ const Scene = (() => {
           along.fromArray(contact.force).multiplyScalar(scale);
           const length = along.length();
           if (!(length > 1e-5)) return;
-          const tip = Math.min(2.6 * 2.4 * 0.0012, 0.6 * length);
+          const tip = Math.min(2.6 * 2.4 * 0.0012, 0.6 * length), wide = tip / 2.6, thin = wide / 2.4;
           q.setFromUnitVectors(y, along.normalize());
-          shafts.setMatrixAt(forces, matrix.compose(at, q, size.set(0.0012, length - tip, 0.0012)));
+          shafts.setMatrixAt(forces, matrix.compose(at, q, size.set(thin, length - tip, thin)));
           at.addScaledVector(along, length - tip);
-          heads.setMatrixAt(forces++, matrix.compose(at, q, size.set(0.00288, tip, 0.00288)));
+          heads.setMatrixAt(forces++, matrix.compose(at, q, size.set(wide, tip, wide)));
         });
         points.count = list.length;
         shafts.count = heads.count = forces;

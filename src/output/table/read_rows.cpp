@@ -1,21 +1,21 @@
 #include "handsim/output/table/read_rows.h"
 
 #include <charconv>
-#include <fstream>
+#include <cmath>
 
 #include <fmt/format.h>
 
-#include "handsim/core/error.h"
+#include "handsim/core/input_file.h"
 #include "handsim/core/text.h"
 
 namespace handsim::output {
-
-namespace {
 
 Error row_error(const std::filesystem::path& path, std::size_t line, std::string got, std::string need) {
   return Error(
       {Problem{Place{path.string(), static_cast<int>(line), 1}, "", std::move(got), std::move(need)}});
 }
+
+namespace {
 
 void split(std::string_view line, char separator, std::vector<std::string_view>& fields) {
   fields.clear();
@@ -37,33 +37,46 @@ double field_number(std::string_view field, const std::filesystem::path& path, s
 std::vector<std::string> read_rows(
     const std::filesystem::path& path,
     const std::function<void(std::size_t, std::span<const std::string_view>)>& take) {
-  std::ifstream file(path);
-  if (!file) throw input_error(path.string(), "no readable file", "a table that a run wrote");
+  InputFile file(path, "a table that a run wrote", kTableMostBytes);
   const bool storage = path.extension() != ".csv";
   const char separator = storage ? '\t' : ',';
   std::string text;
   std::size_t line = 0;
   if (storage)
-    while (++line, std::getline(file, text) && text != "endheader") {
+    while (++line, file.line(text) && text != "endheader") {
     }
   ++line;
-  std::getline(file, text);
+  file.line(text);
   std::vector<std::string_view> fields;
   split(text, separator, fields);
   const std::vector<std::string> columns(fields.begin(), fields.end());
-  while (++line, std::getline(file, text)) {
+  while (++line, file.line(text)) {
     split(text, separator, fields);
     if (fields.size() != columns.size())
       throw row_error(path, line, fmt::format("{} fields", fields.size()), fmt::format("{}", columns.size()));
+    if (file.cut()) throw row_error(path, line, "a line without its end", "a whole table");
     take(line, fields);
   }
   return columns;
 }
 
-NumberTable read_numbers(const std::filesystem::path& path) {
+NumberTable read_numbers(const std::filesystem::path& path, bool finite) {
   NumberTable out;
+  std::size_t width = 0;
   out.columns = read_rows(path, [&](std::size_t line, std::span<const std::string_view> fields) {
-    for (const std::string_view field : fields) out.values.push_back(field_number(field, path, line));
+    for (const std::string_view field : fields) {
+      const double value = field_number(field, path, line);
+      // The page has float32.
+      if ((finite || &field == fields.data()) && !std::isfinite(static_cast<float>(value)))
+        throw row_error(path, line, printable(field), "a number of at most 38 digits");
+      out.values.push_back(value);
+    }
+    const std::size_t now = out.values.size() - fields.size();
+    if (width > 0 && !(out.values[now] > out.values[now - width]))
+      throw row_error(path, line,
+                      fmt::format("the time {:g} after {:g}", out.values[now], out.values[now - width]),
+                      "times that increase");
+    width = fields.size();
   });
   return out;
 }

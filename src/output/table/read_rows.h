@@ -8,6 +8,8 @@
 #include <string_view>
 #include <vector>
 
+#include "handsim/core/error.h"
+
 namespace handsim::output {
 
 /// A table of numbers, row by row.
@@ -19,15 +21,22 @@ struct NumberTable {
   double at(std::size_t row, std::size_t column) const { return values[row * columns.size() + column]; }
 };
 
-/// @throws Error (input) at the line of the first field that is no number, or of a row with another number of
-///         fields than the head has.
-NumberTable read_numbers(const std::filesystem::path& path);
+/// Bytes of a table at most.
+inline constexpr std::size_t kTableMostBytes = 4UL << 30U;
+
+/// A table whose first column is an increasing time. @param finite all numbers must be, as float32.
+/// @throws Error (input) at the line of the first field that is no such number, of a time that does not
+///         increase, or of a row with another number of fields than the head has; and as InputFile.
+NumberTable read_numbers(const std::filesystem::path& path, bool finite = true);
 
 /// Calls `take` with the fields of each row after the head; returns the names of the columns.
 /// @throws Error (input) as read_numbers, and where take throws.
 std::vector<std::string> read_rows(
     const std::filesystem::path& path,
     const std::function<void(std::size_t line, std::span<const std::string_view> fields)>& take);
+
+/// An error (input) at a line of a table.
+Error row_error(const std::filesystem::path& path, std::size_t line, std::string got, std::string need);
 
 /// A field as a number. @throws Error (input) at this line of the file.
 double field_number(std::string_view field, const std::filesystem::path& path, std::size_t line);

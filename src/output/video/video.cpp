@@ -138,7 +138,7 @@ struct VideoWriter::Encoder {
   }
 };
 
-void check_video(const fs::path& file, double fps) {
+void check_video(const fs::path& file, double fps, const OutputFolder::Inputs& inputs) {
   const std::string ending = lower_case(file.extension().string());
   if (ending != ".mp4" && ending != ".gif")
     throw input_error("--video", file.string(), "a name that ends in .mp4 or .gif");
@@ -146,7 +146,8 @@ void check_video(const fs::path& file, double fps) {
   if (!(fps > 0 && fps <= most))
     throw input_error("--fps", fmt::format("{:g}", fps),
                       fmt::format("above 0, at most {:g} in {}", most, is_gif(file) ? "a GIF" : "an MP4"));
-  { const AtomicFile probe(file); }
+  check_target("--video", file, is_gif(file) ? FileKind{"a GIF", "GIF8"} : FileKind{"an MP4 video", "ftyp"},
+               inputs);
   if (!has_ffmpeg()) throw no_ffmpeg();
 }
 

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <memory>
 
+#include "handsim/output/output_folder.h"
 #include "handsim/output/render/image.h"
 
 namespace handsim::output {
@@ -19,9 +20,9 @@ struct VideoFormat {
 };
 
 /// Finds what would fail after a run, before it. @throws Error (input) for another ending than .mp4 and .gif,
-/// for `fps` out of 0 to kMostFps (a GIF: kMostGifFps), for a file that cannot be written, and where there is
-/// no ffmpeg.
-void check_video(const std::filesystem::path& file, double fps);
+/// for `fps` out of 0 to kMostFps (a GIF: kMostGifFps), for a file that must stay (check_target) or cannot be
+/// written, and where there is no ffmpeg.
+void check_video(const std::filesystem::path& file, double fps, const OutputFolder::Inputs& inputs = {});
 
 /// The file appears under its name only when it is complete.
 class VideoWriter {

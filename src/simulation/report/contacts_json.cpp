@@ -3,42 +3,54 @@
 #include <map>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "handsim/core/index.h"
+#include "handsim/core/input_file.h"
 #include "handsim/output/report/binary.h"
+#include "handsim/output/table/csv_rows.h"
 #include "handsim/simulation/report/run_data.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/watch/hand_parts.h"
 
 namespace handsim::simulation {
 
-namespace {}  // namespace
-
 std::optional<ContactRows> read_contacts(const RunFiles& run) {
   const std::filesystem::path path = run.folder / "contacts.csv";
-  if (!std::filesystem::exists(path)) return std::nullopt;
+  if (!has_entry(path)) return std::nullopt;
   std::map<std::string, int, std::less<>> shapes;
   for (std::size_t i = 0; i < run.scene.model.shapes.size(); ++i)
     shapes[run.scene.model.shapes[i].name] = static_cast<int>(i);
   ContactRows out;
   out.first.push_back(0);
-  output::read_rows(path, [&](std::size_t line, std::span<const std::string_view> fields) {
-    if (fields.size() != 14)
-      throw input_error(path.string(), fmt::format("{} columns", fields.size()), "contacts.csv of a run");
-    const auto number = [&](std::size_t i) { return output::field_number(fields[i], path, line); };
+  constexpr std::size_t kColumns = 14;
+  const auto columns = output::read_rows(path, [&](std::size_t line,
+                                                   std::span<const std::string_view> fields) {
+    if (fields.size() != kColumns)
+      throw output::row_error(path, line, fmt::format("{} columns", fields.size()), "contacts.csv of a run");
+    const auto number = [&](std::size_t i) {
+      const double value = output::field_number(fields[i], path, line);
+      if (!std::isfinite(static_cast<float>(value)))
+        throw output::row_error(path, line, std::string(fields[i]), "a finite number");
+      return value;
+    };
     const auto vector = [&](std::size_t i) { return Vec3(number(i), number(i + 1), number(i + 2)); };
     const auto a = shapes.find(fields[1]), b = shapes.find(fields[2]);
     if (a == shapes.end() || b == shapes.end())
-      throw input_error(fmt::format("{}:{}", path.string(), line), "the name of an unknown shape",
-                        "shapes of the scene beside it");
+      throw output::row_error(path, line, "the name of an unknown shape", "shapes of the scene beside it");
     // Both tables have rows at the same times.
     const double time = number(0);
     while (out.first.size() < run.times.size() && run.times[out.first.size() - 1] < time - 1e-9)
       out.first.push_back(out.contacts.size());
+    if (std::abs(run.times[out.first.size() - 1] - time) > 1e-9 * std::max(1.0, time))
+      throw output::row_error(path, line, fmt::format("the time {:g}", time),
+                              "times of trajectory.csv that increase");
     const Vec3 normal = vector(6);
     out.contacts.push_back(
         {a->second, b->second, vector(3), normal, number(9), number(10) * normal + vector(11)});
   });
+  if (columns.size() != kColumns || output::contact_head() != fmt::format("{}\n", fmt::join(columns, ",")))
+    throw input_error(path.string(), "other columns", "contacts.csv of a run");
   out.first.resize(run.times.size() + 1, out.contacts.size());
   return out;
 }

@@ -1,11 +1,18 @@
 #include <algorithm>
 #include <cmath>
+#include <set>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "handsim/core/index.h"
+#include "handsim/core/input_file.h"
 #include "handsim/core/units.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/output/report/binary.h"
 #include "handsim/simulation/report/run_data.h"
+#include "handsim/simulation/run/columns.h"
+#include "handsim/simulation/watch/hand_parts.h"
 
 namespace handsim::simulation {
 
@@ -21,12 +28,15 @@ class Curves {
       : most_(static_cast<std::size_t>(kCurveBytes / 8 /
                                        static_cast<double>(std::max<std::size_t>(1, count)))) {}
 
-  /// @param kind `value` or `target`: drawn dashed, in the colour of the value of the same name.
-  void add(const char* group, const char* unit, const std::string& name, const char* kind,
+  /// @param kind `value`, `target`: drawn dashed, in the colour of the value of the same name, or the part of
+  /// a
+  ///        hand that a muscle moves.
+  void add(const std::string& group, const char* unit, const std::string& name, const char* kind,
            const std::vector<double>& times, const std::vector<float>& values) {
     if (values.empty()) return;
     const auto [low, high] = std::minmax_element(values.begin(), values.end());
     const double range = *high - *low;
+    (*low == 0 && *high == 0 ? zero_ : other_).insert(group);
     const output::Thinned thin = output::thinned(times, values, {std::max(range * kCurveTolerance, 1e-30)},
                                                  std::max<std::size_t>(most_, 16));
     std::vector<float> t, v;
@@ -41,14 +51,23 @@ class Curves {
                      {"times", output::base64(t)},
                      {"values", output::base64(v)}});
   }
-  Json take() { return std::move(json_); }
+  /// The curves, without groups that are zero all the time; `zero` has their names.
+  Json take(Json& zero) {
+    Json out = Json::array();
+    for (const std::string& group : other_) zero_.erase(group);
+    for (Json& curve : json_)
+      if (!zero_.contains(curve["group"])) out.push_back(std::move(curve));
+    zero = zero_;
+    return out;
+  }
 
  private:
   std::size_t most_;
+  std::set<std::string> zero_, other_;  ///< groups with a curve that is zero, and with another one
   Json json_ = Json::array();
 };
 
-std::vector<float> column(const output::NumberTable& table, std::size_t index, double factor) {
+std::vector<float> column(const output::NumberTable& table, std::size_t index, double factor = 1) {
   std::vector<float> out;
   for (std::size_t row = 0; row < table.rows(); ++row)
     out.push_back(static_cast<float>(factor * table.at(row, index)));
@@ -62,18 +81,39 @@ std::pair<std::string, std::string> parted(const std::string& name) {
   return {name.substr(0, at), name.substr(at + 1, name.size() - at - 2)};
 }
 
-/// Targets, angles and torques of driven axes.
-void add_control(const std::filesystem::path& path, Curves& curves) {
+/// The finger that a muscle moves, or `wrist`.
+const char* moved_by(const model::Muscle& muscle, const model::Model& model) {
+  int part = 0;
+  for (const model::MomentArm& arm : muscle.path.arms)
+    for (const model::Joint& joint : model.joints)
+      if (joint.first_dof <= arm.dof && arm.dof < joint.first_dof + static_cast<int>(joint.axes.size()))
+        for (const model::Shape& shape : model.shapes)
+          if (shape.body == joint.child) part = std::max(part, hand_part(shape.part));
+  return part == 0 ? "wrist" : kHandParts[at(part)];
+}
+
+/// Targets, angles and torques of driven axes; activations and tensions of muscles.
+void add_control(const std::filesystem::path& path, const scene::Scene& scene, Curves& curves) {
   const output::NumberTable table = output::read_numbers(path);
-  std::vector<double> times;
-  for (std::size_t row = 0; row < table.rows(); ++row) times.push_back(table.at(row, 0));
-  for (std::size_t c = 1; c < table.columns.size(); ++c) {
-    const auto [name, unit] = parted(table.columns[c]);
-    const std::size_t dot = name.rfind('.');
-    const std::string axis = name.substr(0, dot), what = name.substr(dot + 1);
-    const bool torque = what == "torque";
-    curves.add(torque ? "Torques" : "Angles", torque ? "N m" : "deg", axis,
-               what == "target" ? "target" : "value", times, column(table, c, 1));
+  std::vector<std::string> columns = control_columns(scene);
+  columns.insert(columns.begin(), "time");
+  if (table.columns != columns)
+    throw input_error(path.string(), "columns of another scene", "the table of the run beside it");
+  const std::vector<float> t = column(table, 0);
+  const std::vector<double> times(t.begin(), t.end());
+  std::size_t c = 1;
+  if (scene.control)
+    for (const control::DrivenAxis& axis : scene.control->axes) {
+      curves.add("Angles", "deg", axis.name, "target", times, column(table, c));
+      curves.add("Angles", "deg", axis.name, "value", times, column(table, c + 1));
+      curves.add("Torques", "N m", axis.name, "value", times, column(table, c + 2));
+      c += 3;
+    }
+  for (const model::Muscle& muscle : scene.model.muscles) {
+    const char* part = moved_by(muscle, scene.model);
+    curves.add(std::string("Activations, ") + part, "", muscle.name, part, times, column(table, c));
+    curves.add(std::string("Tensions, ") + part, "N", muscle.name, part, times, column(table, c + 1));
+    c += 3;
   }
 }
 
@@ -103,6 +143,8 @@ void add_gaps(const RunFiles& run, Curves& curves) {
     for (std::size_t j = 0; j < model.joints.size(); ++j) {
       float& largest = gaps[owner[j]][row];
       largest = std::max(largest, static_cast<float>(1e6 * model::joint_gap(model.joints[j], state)));
+      // Rounding, of an engine without gaps.
+      if (largest < 1e-6F) largest = 0;
     }
   }
   for (std::size_t i = 0; i < names.size(); ++i)
@@ -112,7 +154,9 @@ void add_gaps(const RunFiles& run, Curves& curves) {
 
 /// Columns of monitor.csv: energies and residuals. A residual is measured in some steps only.
 void add_monitor(const std::filesystem::path& path, Curves& curves) {
-  const output::NumberTable table = output::read_numbers(path);
+  const output::NumberTable table = output::read_numbers(path, false);
+  if (fmt::format("{}\n", fmt::join(table.columns, ",")) != kMonitorHead)
+    throw input_error(path.string(), "other columns", "monitor.csv of a run");
   for (std::size_t c = 1; c < table.columns.size(); ++c) {
     const auto [name, unit] = parted(table.columns[c]);
     std::vector<double> times;
@@ -132,20 +176,20 @@ void add_monitor(const std::filesystem::path& path, Curves& curves) {
 
 }  // namespace
 
-Json curves_json(const RunFiles& run, const std::vector<PartCurve>& sums) {
+Json curves_json(const RunFiles& run, const std::vector<PartCurve>& sums, Json& zero) {
   const std::filesystem::path control = run.folder / "control.sto", monitor = run.folder / "monitor.csv";
-  const std::size_t axes =
-      run.scene.control ? 3 * run.scene.control->axes.size() : at(run.scene.model.dof_count());
-  Curves curves(axes + sums.size() + 8);
-  if (std::filesystem::exists(control))
-    add_control(control, curves);
-  else
-    add_coordinates(run, curves);
+  const scene::Scene& scene = run.scene;
+  const bool driven = scene.control.has_value();
+  Curves curves((driven ? 3 * scene.control->axes.size() : at(scene.model.dof_count())) +
+                2 * scene.model.muscles.size() + sums.size() + 8);
+  const bool has_control = has_entry(control);
+  if (!has_control || !driven) add_coordinates(run, curves);
+  if (has_control) add_control(control, scene, curves);
   for (const PartCurve& sum : sums)
     curves.add("Contact forces", "N", sum.name, "value", run.times, {sum.values.begin(), sum.values.end()});
   add_gaps(run, curves);
-  if (std::filesystem::exists(monitor)) add_monitor(monitor, curves);
-  return curves.take();
+  if (has_entry(monitor)) add_monitor(monitor, curves);
+  return curves.take(zero);
 }
 
 namespace {
@@ -167,11 +211,14 @@ Json marks_json(const RunFiles& run) {
                      {"name", "climb " + entry.value("name", "") + " fails"},
                      {"time", entry["failure_time_s"]}});
   }
-  for (const Json& entry : run.summary.value("grasps", Json::array()))
-    if (entry.contains("lost_time_s"))
+  for (const Json& entry : run.summary.value("grasps", Json::array())) {
+    const Json outcome = entry.value("outcome", Json());
+    if (entry.value("lost_time_s", Json()).is_number())
       out.push_back({{"kind", "failed"},
-                     {"name", entry.value("name", "") + " " + entry.value("outcome", "")},
+                     {"name", entry.value("name", "") + " " +
+                                  (outcome.is_string() ? outcome.get<std::string>() : "lost")},
                      {"time", entry["lost_time_s"]}});
+  }
   if (run.summary.contains("fault")) {
     const Json& fault = run.summary["fault"];
     out.push_back({{"kind", "failed"},

@@ -66,7 +66,8 @@ struct PartCurve {
 /// Contact points and forces; null if the run recorded none.
 Json contacts_json(const RunFiles& run, const std::optional<ContactRows>& contacts,
                    std::vector<PartCurve>& sums);
-Json curves_json(const RunFiles& run, const std::vector<PartCurve>& sums);
+/// @param zero names of the groups of curves that are left out because all their values are 0.
+Json curves_json(const RunFiles& run, const std::vector<PartCurve>& sums, Json& zero);
 /// Phases of tasks, and events: times of figures, verdicts and faults.
 Json marks_json(const RunFiles& run);
 

@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include <fmt/format.h>
 
 #include "handsim/core/index.h"
@@ -12,11 +14,54 @@ namespace {
 
 constexpr std::size_t kLargestText = 64UL << 20U;
 
+/// What the page reads of a summary, by example; a key with `?` may be absent or null.
+constexpr const char* kSummary = R"({
+  "title": "", "verdict": "", "state_hash?": "", "missing?": [""], "warnings?": [""],
+  "criteria": [{"name": "", "verdict": "", "unit": "", "measured?": 0, "limit?": 0, "limit_is?": "", "where?": "", "time_s?": 0}],
+  "solver": {"engine": "", "method": "", "step_s": 0}, "versions": {"handsim": ""},
+  "time?": {"simulated_s": 0, "loop_wall_s": 0}, "convergence?": {"warnings?": [""]},
+  "fault?": {"time_s": 0, "where": "", "quantity": "", "detail": ""},
+  "climbs?": [{"name": "", "failure_time_s?": 0}], "grasps?": [{"name": "", "lost_time_s?": 0}]})";
+
+/// The key of the first value that is not as in the example; empty if there is none.
+std::string unlike(const Json& value, const Json& example, const std::string& key) {
+  const bool same = example.is_number() ? value.is_number() : value.type() == example.type();
+  if (!same) return key;
+  std::string out;
+  if (example.is_array())
+    for (std::size_t i = 0; i < value.size() && out.empty(); ++i)
+      out = unlike(value[i], example[0], fmt::format("{}.{}", key, i));
+  if (!example.is_object()) return out;
+  for (const auto& [name, of] : example.items()) {
+    const std::string plain = name.substr(0, name.find('?')), inner = key.empty() ? plain : key + "." + plain;
+    const bool absent = !value.contains(plain) || value[plain].is_null();
+    if (absent && plain == name) return inner;
+    if (out.empty() && !absent) out = unlike(value[plain], of, inner);
+  }
+  return out;
+}
+
 Json read_summary(const std::filesystem::path& path) {
   Json out = Json::parse(read_input_file(path, "a run's summary.json", kLargestText), nullptr, false);
-  if (!out.is_object() || !out.contains("criteria"))
-    throw input_error(path.string(), "no summary of a run", "summary.json of handsim run");
+  const std::string key = out.is_object() ? unlike(out, Json::parse(kSummary), "") : "a JSON object";
+  if (!key.empty())
+    throw input_error(path.string(), "no summary of a run: " + key + " is missing or wrong",
+                      "summary.json of handsim run");
   return out;
+}
+
+/// @throws Error (input) at the first row with an orientation that is none.
+void check_orientations(const RunFiles& run, const std::filesystem::path& path) {
+  for (std::size_t row = 0; row < run.trajectory.rows(); ++row)
+    for (std::size_t c = run.first_pose() + 3; c < run.trajectory.columns.size(); c += 7) {
+      double square = 0;
+      for (std::size_t i = c; i < c + 4; ++i) square += std::pow(run.trajectory.at(row, i), 2);
+      if (!(std::abs(square - 1) < 1e-3))
+        throw output::row_error(
+            path, row + 2,
+            fmt::format("{} to .qz of length {:g}", run.trajectory.columns[c], std::sqrt(square)),
+            "a unit quaternion");
+    }
 }
 
 }  // namespace
@@ -37,19 +82,19 @@ model::State RunFiles::state(std::size_t row) const {
 
 RunFiles read_run(const std::filesystem::path& folder) {
   const std::filesystem::path resolved = folder / "resolved.yaml";
-  if (!std::filesystem::exists(folder / "trajectory.csv"))
+  const std::filesystem::path table = folder / "trajectory.csv";
+  if (!has_entry(table))
     throw input_error(folder.string(), "a folder without trajectory.csv", "the folder of a run");
   RunFiles run{folder,
                read_input_file(resolved, "a run's resolved.yaml", kLargestText),
                scene::load_scene(resolved),
                read_summary(folder / "summary.json"),
-               output::read_numbers(folder / "trajectory.csv"),
+               output::read_numbers(table),
                {}};
   if (run.trajectory.columns != output::trajectory_columns(run.scene.model))
-    throw input_error((folder / "trajectory.csv").string(), "columns of another scene",
-                      "the table of the run beside it");
-  if (run.trajectory.rows() == 0)
-    throw input_error((folder / "trajectory.csv").string(), "no rows", "a run that has started");
+    throw input_error(table.string(), "columns of another scene", "the table of the run beside it");
+  if (run.trajectory.rows() == 0) throw input_error(table.string(), "no rows", "a run that has started");
+  check_orientations(run, table);
   for (std::size_t row = 0; row < run.trajectory.rows(); ++row)
     run.times.push_back(run.trajectory.at(row, 0));
   return run;

@@ -14,21 +14,22 @@ std::string command_of(const RunFiles& run) {
   std::string out =
       fmt::format("handsim run {} --out again", output::shell_word((run.folder / "resolved.yaml").string()));
   if (run.summary.contains("continued_from_s")) out += " --from-snapshot snapshot.bin";
-  return out + " --expect-hash " + run.summary.value("state_hash", "");
+  const Json hash = run.summary.value("state_hash", Json());
+  return hash.is_string() ? out + " --expect-hash " + hash.get<std::string>() : out;
 }
 
 Json run_json(const RunFiles& run) {
   const std::optional<ContactRows> contacts = read_contacts(run);
   std::vector<PartCurve> sums;
   Json out = {{"name", run.folder.lexically_normal().string()},
-              {"title", run.summary.value("title", "")},
+              {"title", run.summary["title"]},
               {"command", command_of(run)},
               {"resolved", run.resolved},
               {"summary", run.summary},
               {"scene", scene_json(run, contacts)},
               {"poses", poses_json(run)},
               {"contacts", contacts_json(run, contacts, sums)}};
-  out["curves"] = curves_json(run, sums);
+  out["curves"] = curves_json(run, sums, out["zero"]);
   out["marks"] = marks_json(run);
   return out;
 }
@@ -40,8 +41,7 @@ std::string run_report(const std::vector<std::filesystem::path>& folders) {
   Json data = {
       {"kind", "run"}, {"handsim", fmt::format("{} ({})", kVersion, kCommit)}, {"runs", Json::array()}};
   for (const std::filesystem::path& folder : folders) data["runs"].push_back(run_json(read_run(folder)));
-  const std::string title = data["runs"][0].value("title", "");
-  return output::report_page(output::PageKind::run, title,
+  return output::report_page(output::PageKind::run, data["runs"][0]["title"].get<std::string>(),
                              data.dump(-1, ' ', false, Json::error_handler_t::replace));
 }
 

@@ -21,6 +21,12 @@ bool all_angles(const model::Model& model) {
                       [](const model::Joint& joint) { return joint.kind == model::JointKind::slider; });
 }
 
+std::string caption(const std::string& name, double time) {
+  return fmt::format("{}, t = {:.2f} s", name, time);
+}
+
+}  // namespace
+
 std::vector<std::string> control_columns(const scene::Scene& scene) {
   std::vector<std::string> out;
   if (scene.control)
@@ -31,12 +37,6 @@ std::vector<std::string> control_columns(const scene::Scene& scene) {
     for (const char* what : {".activation[]", ".tendon[N]", ".fibre[mm]"}) out.push_back(muscle.name + what);
   return out;
 }
-
-std::string caption(const std::string& name, double time) {
-  return fmt::format("{}, t = {:.2f} s", name, time);
-}
-
-}  // namespace
 
 Recorder::Recorder(const Simulation& simulation, const RunOptions& options)
     : simulation_(simulation),
@@ -54,9 +54,7 @@ Recorder::Recorder(const Simulation& simulation, const RunOptions& options)
     control_.emplace(options.out / "control.sto", output::MotionHead{scene.spec.title, columns, rows});
   if (scene.spec.record_contacts)
     contacts_.emplace(options.out / "contacts.csv").write(output::contact_head());
-  if (options.monitor)
-    monitor_.emplace(options.out / "monitor.csv")
-        .write("time[s],kinetic[J],potential[J],sum[J],joints[m/s],joints[rad/s],contacts[m/s]\n");
+  if (options.monitor) monitor_.emplace(options.out / "monitor.csv").write(kMonitorHead);
   const scene::RecordTables& tables = scene.spec.tables;
   if (tables.bodies || tables.markers || tables.momentum || tables.reactions)
     extra_.emplace(simulation, options.out, rows, static_cast<double>(every_) * step_);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "handsim/output/table/motion_table.h"
+#include "handsim/simulation/run/columns.h"
 #include "handsim/simulation/run/extra_tables.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
@@ -52,8 +53,6 @@ class Recorder {
   double step_;
   output::AtomicFile trajectory_;
   std::optional<output::MotionTableWriter> motion_;  ///< joint angles
-  /// Target and angle [deg], torque [N m] of each driven axis; activation, tension [N] and fibre length [mm]
-  /// of each muscle.
   std::optional<output::MotionTableWriter> control_;
   std::optional<output::AtomicFile> contacts_;
   std::optional<output::AtomicFile> monitor_;

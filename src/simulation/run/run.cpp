@@ -242,7 +242,8 @@ RunResult run(const scene::Scene& scene, const RunOptions& options) { return run
 
 RunResult run(const scene::Scene& scene, const RunOptions& options, const output::OutputFolder* held) {
   if (options.plots || options.pose_pictures) check_controlled(scene, options);
-  if (options.video) output::check_video(options.video->file, options.video->fps);
+  if (options.video)
+    output::check_video(options.video->file, options.video->fps, [&] { return scene::files_read(scene); });
   Simulation simulation = simulation_of(scene, standard_watchers);
   RunResult result;
   const double step = scene.spec.solver.step;
@@ -255,10 +256,6 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
   std::optional<output::OutputFolder> own;
   if (!held) own.emplace(run_folder(scene, options));
   (held ? *held : *own).clear();
-  if (options.video) {
-    output::check_not_read(options.video->file, [&] { return scene::files_read(scene); });
-    const output::AtomicFile probe(options.video->file);
-  }
   Recorder recorder(simulation, options);
   const auto start = std::chrono::steady_clock::now();
   loop(simulation, recorder, options, step, result);

@@ -194,6 +194,39 @@ TEST(Renderer, LineThinnerThanAPixelHasNoGaps) {
   }
 }
 
+// Oracle: the signs of drawings of vectors. Towards the reader a ring with a dot, away from him one with a
+// cross; what is behind shows between them.
+TEST(Renderer, ArrowAlongTheSightIsARingWithADotOrACross) {
+  Renderer renderer(320, 240);
+  const Camera camera = straight_camera();
+  const Image without = renderer.draw({}, camera);
+  const Vec3 sight = (camera.position - camera.target).normalized();
+  constexpr double kRadius = 0.006, kRing = kHeadWidth * kRadius;
+  for (const bool towards : {true, false}) {
+    DrawList list;
+    const Vec3 end = (towards ? 1 : -1) * 0.05 * sight;
+    list.arrows.push_back({-end, end, kRadius, {0, 0, 0}, true});
+    const Image with = renderer.draw(list, camera);
+    const auto drawn = [&](double radius, double degrees) {
+      const double angle = degrees * M_PI / 180;
+      const Eigen::Vector2d at = Projection(camera, 320, 240)(
+          end +
+          radius * kRing * (std::cos(angle) * sight.cross(Vec3::UnitZ()) + std::sin(angle) * Vec3::UnitZ()));
+      return difference(with, without, static_cast<int>(at.x()), static_cast<int>(at.y())) > 40;
+    };
+    EXPECT_TRUE(drawn(0, 0)) << towards;
+    int crossed = 0;
+    for (int degrees = 0; degrees < 360; degrees += 5) {
+      EXPECT_TRUE(drawn(0.88, degrees)) << towards << degrees;
+      EXPECT_FALSE(drawn(1.15, degrees)) << towards << degrees;
+      crossed += drawn(0.55, degrees) ? 1 : 0;
+    }
+    // Each of four arms takes about 4 of 72 directions at this radius.
+    EXPECT_GE(crossed, towards ? 0 : 4);
+    EXPECT_LE(crossed, towards ? 0 : 24);
+  }
+}
+
 // The renderer numbers shapes up to 255: of two with the same number each has its own colour. The camera is
 // far, so that places in the picture do not depend on the distance.
 TEST(Renderer, ShapesBeyondItsNumbersHaveTheirColours) {
