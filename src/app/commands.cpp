@@ -69,6 +69,7 @@ std::optional<Error> option_error(const CLI::App& command) {
   for (const CLI::Option* option : command.get_options())
     for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
   for (const std::string& word : command.remaining()) {
+    if (word == "--") continue;
     if (!word.starts_with('-'))
       return input_error("arguments", "one too many, " + word,
                          "no more; put a value that contains a blank in quotes");

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 namespace handsim::control {
 
@@ -33,13 +34,28 @@ AxisGains read_gains(MapReader& reader) {
 GainRow read_row(MapReader reader) {
   GainRow row;
   row.place = reader.node().place();
-  row.joints = reader.texts(
-      "joints", 1, kMostItems,
-      "all, the name of a joint (index_mcp) or of its axis (index_mcp.flexion), or a list of them");
+  row.joints = reader.texts("joints", 1, kMostItems,
+                            "all, the name of a joint (index_mcp) or of its axis (index_mcp.flexion), a "
+                            "pattern (*_mcp), or a list of "
+                            "them");
+  for (const std::string& name : row.joints)
+    if (std::count(name.begin(), name.end(), '*') > 1)
+      reader.problem("joints", name, "at most one * in a name");
   row.gains = read_gains(reader);
   reader.maybe_text("source");
   reader.finish();
   return row;
+}
+
+/// True if the axis or its joint is as a pattern with one `*`, for any letters.
+bool fits(std::string_view pattern, const HandAxis& axis) {
+  const std::size_t star = pattern.find('*');
+  if (star == std::string_view::npos) return false;
+  const std::string_view head = pattern.substr(0, star), tail = pattern.substr(star + 1);
+  const auto as = [&](std::string_view name) {
+    return name.size() >= head.size() + tail.size() && name.starts_with(head) && name.ends_with(tail);
+  };
+  return as(axis.joint) || as(axis.name());
 }
 
 }  // namespace
@@ -80,24 +96,36 @@ ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnost
 }
 
 void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands, Diagnostics& diagnostics) {
+  std::vector<std::string> known, absent;
+  for (const HandAxes& hand : hands)
+    for (const HandAxis& axis : hand.axes) known.insert(known.end(), {axis.joint, axis.name()});
+  // A joint that has a row of its own is not what another row means.
+  for (const GainRow& row : spec.rows)
+    for (const std::string& name : row.joints) std::erase(known, name);
   for (const GainRow& row : spec.rows)
     for (const std::string& name : row.joints) {
-      if (std::any_of(hands.begin(), hands.end(), [&](const HandAxes& hand) { return hand.accepts(name); }))
-        continue;
-      std::vector<std::string> known;
-      for (const HandAxes& hand : hands)
-        for (const HandAxis& axis : hand.axes) known.insert(known.end(), {axis.joint, axis.name()});
-      diagnostics.problems.push_back({row.place, "gains.joints",
-                                      fmt::format("\"{}\", a joint that no hand of the scene has", name),
-                                      "a joint or joint.axis of a hand" + nearest_hint(name, known)});
+      const bool matched =
+          name.find('*') != std::string::npos ||
+          std::any_of(hands.begin(), hands.end(), [&](const HandAxes& hand) { return hand.accepts(name); });
+      if (matched) continue;
+      if (nearest_word(name, known))
+        diagnostics.problems.push_back({row.place, "gains.joints",
+                                        fmt::format("\"{}\", a joint that no hand of the scene has", name),
+                                        "a joint or joint.axis of a hand" + nearest_hint(name, known)});
+      else if (std::find(absent.begin(), absent.end(), name) == absent.end())
+        absent.push_back(name);
     }
+  if (!absent.empty())
+    diagnostics.warnings.push_back(
+        fmt::format("{}gains: rows of joints that no hand of the scene has are left out: {}",
+                    spec.rows.front().place.text(), fmt::join(absent, ", ")));
 }
 
 std::optional<AxisGains> gains_of(const ControllerSpec& spec, const HandAxis& axis) {
   std::optional<AxisGains> out;
   for (const GainRow& row : spec.rows) {
     if (std::none_of(row.joints.begin(), row.joints.end(),
-                     [&](const std::string& n) { return matches(axis, n); }))
+                     [&](const std::string& n) { return matches(axis, n) || fits(n, axis); }))
       continue;
     if (!out) out.emplace();
     out->overlay(row.gains);

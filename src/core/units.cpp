@@ -1,5 +1,6 @@
 #include "handsim/core/units.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -49,50 +50,61 @@ constexpr std::array kUnits = {
     Unit{"N", Dimension::force, 1},
 };
 
+/// Values in SI for messages, and the unit of each in quotes; the last one is in SI.
+struct Example {
+  double value;
+  std::string_view unit;
+};
+
 struct DimensionText {
   std::string_view name;
   std::string_view unit;
-  std::string_view example;
+  std::vector<Example> examples;
 };
 
 DimensionText describe(Dimension dimension) {
   switch (dimension) {
     case Dimension::none:
-      return {"a number", "", "0.5"};
+      return {"a number", "", {}};
     case Dimension::length:
-      return {"a length", "m", "0.02 or \"20 mm\""};
+      return {"a length", "m", {{0.02, "mm"}, {1.75, "cm"}}};
     case Dimension::angle:
-      return {"an angle", "rad", "1.57 or \"90 deg\""};
+      return {"an angle", "rad", {{90 * kDegree, "deg"}}};
     case Dimension::time:
-      return {"a time", "s", "0.001 or \"1 ms\""};
+      return {"a time", "s", {{0.001, "ms"}, {0.5, "ms"}}};
     case Dimension::mass:
-      return {"a mass", "kg", "0.4 or \"400 g\""};
+      return {"a mass", "kg", {{0.4, "g"}, {70, "kg"}}};
     case Dimension::density:
-      return {"a density", "kg/m3", "1148 or \"1.148 g/cm3\""};
+      return {"a density", "kg/m3", {{1148, "g/cm3"}}};
     case Dimension::speed:
-      return {"a speed", "m/s", "0.1 or \"100 mm/s\""};
+      return {"a speed", "m/s", {{0.1, "mm/s"}}};
     case Dimension::angular_speed:
-      return {"an angular speed", "rad/s", "6 or \"6 rad/s\""};
+      return {"an angular speed", "rad/s", {{6, "rad/s"}}};
     case Dimension::acceleration:
-      return {"an acceleration", "m/s2", "9.81 or \"9.81 m/s2\""};
+      return {"an acceleration", "m/s2", {{9.81, "m/s2"}}};
     case Dimension::torque:
-      return {"a torque", "N m", "0.5 or \"0.5 N m\""};
+      return {"a torque", "N m", {{0.5, "N m"}}};
     case Dimension::rotational_stiffness:
-      return {"a stiffness", "N m/rad", "0.04 or \"0.04 N m/rad\""};
+      return {"a stiffness", "N m/rad", {{0.04, "N m/rad"}}};
     case Dimension::rotational_damping:
-      return {"a damping", "N m s/rad", "0.001 or \"0.001 N m s/rad\""};
+      return {"a damping", "N m s/rad", {{0.001, "N m s/rad"}}};
     case Dimension::rotational_integral:
-      return {"an integral gain", "N m/(rad s)", "0.1 or \"0.1 N m/(rad s)\""};
+      return {"an integral gain", "N m/(rad s)", {{0.1, "N m/(rad s)"}}};
     case Dimension::frequency:
-      return {"a frequency", "Hz", "5 or \"5 Hz\""};
+      return {"a frequency", "Hz", {{5, "Hz"}}};
     case Dimension::stiffness:
-      return {"a stiffness", "N/m", "2000 or \"2 N/mm\""};
+      return {"a stiffness", "N/m", {{2000, "N/mm"}}};
     case Dimension::damping:
-      return {"a damping", "N s/m", "5 or \"5 N s/m\""};
+      return {"a damping", "N s/m", {{5, "N s/m"}}};
     case Dimension::force:
-      return {"a force", "N", "20 or \"20 N\""};
+      return {"a force", "N", {{20, "N"}}};
   }
   return {};
+}
+
+double factor_of(std::string_view name) {
+  return std::find_if(kUnits.begin(), kUnits.end(), [&](const Unit& unit) { return unit.name == name; })
+      ->factor;
 }
 
 std::string_view trimmed(std::string_view text) {
@@ -140,7 +152,7 @@ bool Quantity::allows(double value) const {
   return std::isfinite(value) && value <= max && (above_min ? value > min : value >= min);
 }
 
-std::string Quantity::need() const {
+std::string Quantity::need(std::string_view got) const {
   const DimensionText text = describe(dimension);
   const std::string unit = text.unit.empty() ? "" : fmt::format(" {}", text.unit);
   std::string out(text.name);
@@ -152,7 +164,13 @@ std::string Quantity::need() const {
     out += fmt::format(", at most {:g}{}", max, unit);
   else if (!unit.empty())
     out += fmt::format(" in{}", unit);
-  if (dimension != Dimension::none) out += fmt::format(", such as {}", text.example);
+  const std::optional<double> bare = parse_number(trimmed(got));
+  for (const Unit& other : kUnits)
+    if (bare && other.dimension == dimension && allows(*bare * other.factor))
+      return out + fmt::format(", such as \"{} {}\"", trimmed(got), other.name);
+  for (const auto& [value, in] : text.examples)
+    if (allows(value))
+      return out + fmt::format(", such as {:.4g} or \"{:g} {}\"", value, value / factor_of(in), in);
   return out;
 }
 

@@ -26,6 +26,40 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row[b.size()];
 }
 
+/// A word, and words of other programs that mean the same.
+constexpr std::pair<std::string_view, std::string_view> kMeanings[] = {
+    {"radius", " diameter "},
+    {"mass", " weight "},
+    {"stature", " height "},
+    {"sex", " gender "},
+    {"side", " handedness "},
+    {"edges", " size dimensions "},
+    {"color", " colour "},
+    {"shape", " type "},
+    {"position", " pos location "},
+    {"rotation", " orientation quaternion "},
+    {"static", " fixed "},
+    {"friction", " mu "},
+    {"restitution", " elasticity bounce "},
+    {"step", " dt timestep time_step "},
+    {"duration", " end_time t_end "},
+    {"range", " limits limit "},
+    {"proportional", " kp stiffness "},
+    {"derivative", " kd damping "},
+    {"integral", " ki "},
+    {"torque_limit", " max_torque "}};
+
+/// The word of `known` with the same meaning.
+std::optional<std::string> same_meaning(std::string_view word, const std::vector<std::string>& known) {
+  if (word.size() > 16) return std::nullopt;
+  const std::string other = " " + lower_case(word) + " ";
+  for (const auto& [here, others] : kMeanings)
+    if (others.find(other) != std::string_view::npos &&
+        std::find(known.begin(), known.end(), here) != known.end())
+      return std::string(here);
+  return std::nullopt;
+}
+
 }  // namespace
 
 std::string list_of(const std::vector<std::string>& words) {
@@ -34,7 +68,8 @@ std::string list_of(const std::vector<std::string>& words) {
 
 std::string nearest_hint(std::string_view got, const std::vector<std::string>& known) {
   const std::optional<std::string> near = nearest_word(got, known);
-  return near ? fmt::format(" (nearest: {})", *near) : "";
+  const bool half = near == "radius" && lower_case(got) == "diameter";
+  return near ? fmt::format(" (nearest: {}{})", *near, half ? ", half of it" : "") : "";
 }
 
 std::string need_word(std::string_view got, const std::vector<std::string>& known) {
@@ -42,6 +77,7 @@ std::string need_word(std::string_view got, const std::vector<std::string>& know
 }
 
 std::optional<std::string> nearest_word(std::string_view word, const std::vector<std::string>& known) {
+  if (auto meant = same_meaning(word, known)) return meant;
   std::optional<std::string> best;
   std::size_t best_distance = std::clamp<std::size_t>(word.size() / 3, word.size() < 4 ? 1 : 2, 3) + 1;
   for (const std::string& candidate : known) {
