@@ -2,7 +2,6 @@
 
 #include <map>
 #include <regex>
-#include <vector>
 
 #include "handsim/core/text.h"
 
@@ -16,38 +15,29 @@ namespace {
 
 using Texts = std::map<std::string, std::string, std::less<>>;
 
-std::vector<std::string_view> split(std::string_view text, std::string_view at) {
-  std::vector<std::string_view> out;
-  for (std::size_t end = text.find(at); end != std::string_view::npos; end = text.find(at)) {
-    out.push_back(text.substr(0, end));
-    text.remove_prefix(end + at.size());
-  }
-  out.push_back(text);
-  return out;
+/// Calls `use` with each place of a text that is as the pattern.
+template <class Use>
+void each_match(const std::string& text, const char* pattern, const Use& use) {
+  const std::regex as(pattern);
+  for (std::sregex_iterator at(text.begin(), text.end(), as), end; at != end; ++at) use(*at);
 }
 
-/// Markdown as plain text.
-std::string plain(std::string_view cell) {
-  static const std::regex link(R"(\[([^\]]*)\]\([^)]*\))"), mark("`|^ +| +$");
-  const std::string linked(cell);
-  return std::regex_replace(std::regex_replace(linked, link, "$1"), mark, "");
-}
-
-/// Adds the rows of the table at the start of `text`. @param blocks `scene objects`
-void add_table(std::string_view text, const std::vector<std::string_view>& blocks, Texts& out) {
-  while (text.starts_with('|')) {
-    const std::vector<std::string_view> cells = split(take_line(text), " |");
-    if (cells.size() < 3) continue;
-    // Between backticks: every second part.
-    const std::vector<std::string_view> parts = split(cells.front(), "`");
-    for (std::size_t i = 1; i < parts.size(); i += 2) {
-      // `axes[].range`, `choice: [a, b]`
-      std::string key(parts[i].substr(0, parts[i].find(':')));
-      if (const std::size_t list = key.find("[]"); list != std::string::npos) key.erase(list, 2);
-      for (const std::string_view block : blocks)
-        out.emplace(std::string(block) + (block.find(' ') == std::string_view::npos ? " " : ".") + key,
-                    plain(cells[cells.size() - 2]));
-    }
+/// Adds a table's rows, from `| `key` | ... | meaning |`. @param blocks `scene objects; scene bodies`
+void add_table(std::string_view rows, const std::string& blocks, Texts& out) {
+  const std::regex row(R"(\|([^|]*)\|(?:.*\|)? ?([^|]*?):? *\|)"), link(R"(`|\[([^\]]*)\]\([^)]*\))"),
+      list(R"(\[\])");
+  while (rows.starts_with('|')) {
+    const std::string line(take_line(rows));
+    std::smatch cells;
+    if (!std::regex_match(line, cells, row)) continue;
+    const std::string keys = std::regex_replace(cells[1].str(), list, ""),
+                      text = std::regex_replace(cells[2].str(), link, "$1");
+    // `choice: [a, b]` is of the key choice.
+    each_match(keys, "`([^`:]*)[^`]*`", [&](const std::smatch& key) {
+      each_match(blocks, R"(([\w*]+)( [\w.]+)?(; |$))", [&](const std::smatch& block) {
+        out.emplace(block[1].str() + (block[2].matched ? block[2].str() + "." : " ") + key[1].str(), text);
+      });
+    });
   }
 }
 
@@ -59,7 +49,7 @@ Texts read_pages() {
     for (std::size_t at = page.find(kMark); at != std::string_view::npos; at = page.find(kMark)) {
       page.remove_prefix(at + kMark.size());
       const std::string_view mark = take_line(page);
-      add_table(page, split(mark.substr(0, mark.find(" -->")), "; "), out);
+      add_table(page, std::string(mark.substr(0, mark.find(" -->"))), out);
     }
   return out;
 }

@@ -9,17 +9,25 @@ namespace handsim::control {
 
 namespace {
 
+struct Field {
+  const char* key;
+  std::optional<double> AxisGains::*value;
+  Quantity quantity;
+};
+const Field kFields[] = {
+    {"proportional", &AxisGains::proportional, {Dimension::rotational_stiffness, 0, 1e4}},
+    {"derivative", &AxisGains::derivative, {Dimension::rotational_damping, 0, 1e3}},
+    {"integral", &AxisGains::integral, {Dimension::rotational_integral, 0, 1e5}},
+    {"frequency", &AxisGains::frequency, {Dimension::frequency, 0.01, 1000}},
+    {"damping_ratio", &AxisGains::damping_ratio, {Dimension::none, 0, 100}},
+    {"integral_time", &AxisGains::integral_time, {Dimension::time, 1e-3, 1e6}},
+    {"torque_limit", &AxisGains::torque_limit, {Dimension::torque, 0, 1000, true}},
+    {"derivative_cutoff", &AxisGains::derivative_cutoff, {Dimension::frequency, 0.01, 1e5}},
+    {"integral_zone", &AxisGains::integral_zone, {Dimension::angle, 0, 10, true}}};
+
 AxisGains read_gains(MapReader& reader) {
   AxisGains out;
-  out.proportional = reader.maybe_number("proportional", {Dimension::rotational_stiffness, 0, 1e4});
-  out.derivative = reader.maybe_number("derivative", {Dimension::rotational_damping, 0, 1e3});
-  out.integral = reader.maybe_number("integral", {Dimension::rotational_integral, 0, 1e5});
-  out.frequency = reader.maybe_number("frequency", {Dimension::frequency, 0.01, 1000});
-  out.damping_ratio = reader.maybe_number("damping_ratio", {Dimension::none, 0, 100});
-  out.integral_time = reader.maybe_number("integral_time", {Dimension::time, 1e-3, 1e6});
-  out.torque_limit = reader.maybe_number("torque_limit", {Dimension::torque, 0, 1000, true});
-  out.derivative_cutoff = reader.maybe_number("derivative_cutoff", {Dimension::frequency, 0.01, 1e5});
-  out.integral_zone = reader.maybe_number("integral_zone", {Dimension::angle, 0, 10, true});
+  for (const Field& field : kFields) out.*field.value = reader.maybe_number(field.key, field.quantity);
   const bool given = out.proportional || out.derivative || out.integral;
   const bool designed = out.frequency || out.damping_ratio || out.integral_time;
   if (given && designed)
@@ -61,22 +69,12 @@ bool fits(std::string_view pattern, const HandAxis& axis) {
 }  // namespace
 
 void AxisGains::overlay(const AxisGains& later) {
-  const auto replace = [](std::optional<double>& value, const std::optional<double>& stated) {
-    if (stated) value = stated;
-  };
   if (later.proportional || later.derivative || later.integral)
     frequency = damping_ratio = integral_time = std::nullopt;
   if (later.frequency || later.damping_ratio || later.integral_time)
     proportional = derivative = integral = std::nullopt;
-  replace(proportional, later.proportional);
-  replace(derivative, later.derivative);
-  replace(integral, later.integral);
-  replace(frequency, later.frequency);
-  replace(damping_ratio, later.damping_ratio);
-  replace(integral_time, later.integral_time);
-  replace(torque_limit, later.torque_limit);
-  replace(derivative_cutoff, later.derivative_cutoff);
-  replace(integral_zone, later.integral_zone);
+  for (const Field& field : kFields)
+    if (later.*field.value) this->*field.value = later.*field.value;
 }
 
 ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {

@@ -50,57 +50,37 @@ constexpr std::array kUnits = {
     Unit{"N", Dimension::force, 1},
 };
 
-/// Values in SI for messages, and the unit of each in quotes; the last one is in SI.
+/// A value in SI for messages, and the unit in which it is also shown.
 struct Example {
-  double value;
-  std::string_view unit;
+  double value = 0;
+  std::string_view unit = {};
 };
 
 struct DimensionText {
   std::string_view name;
   std::string_view unit;
-  std::vector<Example> examples;
+  std::array<Example, 2> examples;
 };
 
-DimensionText describe(Dimension dimension) {
-  switch (dimension) {
-    case Dimension::none:
-      return {"a number", "", {}};
-    case Dimension::length:
-      return {"a length", "m", {{0.02, "mm"}, {1.75, "cm"}}};
-    case Dimension::angle:
-      return {"an angle", "rad", {{90 * kDegree, "deg"}}};
-    case Dimension::time:
-      return {"a time", "s", {{0.001, "ms"}, {0.5, "ms"}}};
-    case Dimension::mass:
-      return {"a mass", "kg", {{0.4, "g"}, {70, "kg"}}};
-    case Dimension::density:
-      return {"a density", "kg/m3", {{1148, "g/cm3"}}};
-    case Dimension::speed:
-      return {"a speed", "m/s", {{0.1, "mm/s"}}};
-    case Dimension::angular_speed:
-      return {"an angular speed", "rad/s", {{6, "rad/s"}}};
-    case Dimension::acceleration:
-      return {"an acceleration", "m/s2", {{9.81, "m/s2"}}};
-    case Dimension::torque:
-      return {"a torque", "N m", {{0.5, "N m"}}};
-    case Dimension::rotational_stiffness:
-      return {"a stiffness", "N m/rad", {{0.04, "N m/rad"}}};
-    case Dimension::rotational_damping:
-      return {"a damping", "N m s/rad", {{0.001, "N m s/rad"}}};
-    case Dimension::rotational_integral:
-      return {"an integral gain", "N m/(rad s)", {{0.1, "N m/(rad s)"}}};
-    case Dimension::frequency:
-      return {"a frequency", "Hz", {{5, "Hz"}}};
-    case Dimension::stiffness:
-      return {"a stiffness", "N/m", {{2000, "N/mm"}}};
-    case Dimension::damping:
-      return {"a damping", "N s/m", {{5, "N s/m"}}};
-    case Dimension::force:
-      return {"a force", "N", {{20, "N"}}};
-  }
-  return {};
-}
+/// In the order of Dimension.
+constexpr DimensionText kTexts[] = {{"a number", "", {}},
+                                    {"a length", "m", {{{0.02, "mm"}, {1.75, "cm"}}}},
+                                    {"an angle", "rad", {{{90 * kDegree, "deg"}}}},
+                                    {"a time", "s", {{{0.001, "ms"}, {0.5, "ms"}}}},
+                                    {"a mass", "kg", {{{0.4, "g"}, {70, "kg"}}}},
+                                    {"a density", "kg/m3", {{{1148, "g/cm3"}}}},
+                                    {"a speed", "m/s", {{{0.1, "mm/s"}}}},
+                                    {"an angular speed", "rad/s", {{{6, "rad/s"}}}},
+                                    {"an acceleration", "m/s2", {{{9.81, "m/s2"}}}},
+                                    {"a torque", "N m", {{{0.5, "N m"}}}},
+                                    {"a stiffness", "N m/rad", {{{0.04, "N m/rad"}}}},
+                                    {"a damping", "N m s/rad", {{{0.001, "N m s/rad"}}}},
+                                    {"an integral gain", "N m/(rad s)", {{{0.1, "N m/(rad s)"}}}},
+                                    {"a frequency", "Hz", {{{5, "Hz"}}}},
+                                    {"a stiffness", "N/m", {{{2000, "N/mm"}}}},
+                                    {"a damping", "N s/m", {{{5, "N s/m"}}}},
+                                    {"a force", "N", {{{20, "N"}}}}};
+static_assert(std::size(kTexts) == static_cast<std::size_t>(Dimension::force) + 1);
 
 double factor_of(std::string_view name) {
   return std::find_if(kUnits.begin(), kUnits.end(), [&](const Unit& unit) { return unit.name == name; })
@@ -153,7 +133,7 @@ bool Quantity::allows(double value) const {
 }
 
 std::string Quantity::need(std::string_view got) const {
-  const DimensionText text = describe(dimension);
+  const DimensionText& text = kTexts[static_cast<std::size_t>(dimension)];
   const std::string unit = text.unit.empty() ? "" : fmt::format(" {}", text.unit);
   std::string out(text.name);
   if (std::isfinite(min) && std::isfinite(max))
@@ -169,7 +149,7 @@ std::string Quantity::need(std::string_view got) const {
     if (bare && other.dimension == dimension && allows(*bare * other.factor))
       return out + fmt::format(", such as \"{} {}\"", trimmed(got), other.name);
   for (const auto& [value, in] : text.examples)
-    if (allows(value))
+    if (!in.empty() && allows(value))
       return out + fmt::format(", such as {:.4g} or \"{:g} {}\"", value, value / factor_of(in), in);
   return out;
 }

@@ -26,38 +26,27 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row[b.size()];
 }
 
-/// A word, and words of other programs that mean the same.
-constexpr std::pair<std::string_view, std::string_view> kMeanings[] = {
-    {"radius", " diameter "},
-    {"mass", " weight "},
-    {"stature", " height "},
-    {"sex", " gender "},
-    {"side", " handedness "},
-    {"edges", " size dimensions "},
-    {"color", " colour "},
-    {"shape", " type "},
-    {"position", " pos location "},
-    {"rotation", " orientation quaternion "},
-    {"static", " fixed "},
-    {"friction", " mu "},
-    {"restitution", " elasticity bounce "},
-    {"step", " dt timestep time_step "},
-    {"duration", " end_time t_end "},
-    {"range", " limits limit "},
-    {"proportional", " kp stiffness "},
-    {"derivative", " kd damping "},
-    {"integral", " ki "},
-    {"torque_limit", " max_torque "}};
+/// Words of other programs, and the words here that mean the same.
+constexpr std::string_view kMeanings =
+    " diameter=radius weight=mass height=stature gender=sex handedness=side size=edges dimensions=edges "
+    "colour=color "
+    "type=shape pos=position location=position orientation=rotation quaternion=rotation fixed=static "
+    "mu=friction "
+    "elasticity=restitution bounce=restitution dt=step timestep=step time_step=step end_time=duration "
+    "t_end=duration "
+    "limits=range limit=range kp=proportional stiffness=proportional kd=derivative damping=derivative "
+    "ki=integral "
+    "max_torque=torque_limit ";
 
 /// The word of `known` with the same meaning.
 std::optional<std::string> same_meaning(std::string_view word, const std::vector<std::string>& known) {
   if (word.size() > 16) return std::nullopt;
-  const std::string other = " " + lower_case(word) + " ";
-  for (const auto& [here, others] : kMeanings)
-    if (others.find(other) != std::string_view::npos &&
-        std::find(known.begin(), known.end(), here) != known.end())
-      return std::string(here);
-  return std::nullopt;
+  const std::string other = " " + lower_case(word) + "=";
+  const std::size_t at = kMeanings.find(other);
+  if (at == std::string_view::npos) return std::nullopt;
+  const std::string_view rest = kMeanings.substr(at + other.size());
+  const auto found = std::find(known.begin(), known.end(), rest.substr(0, rest.find(' ')));
+  return found == known.end() ? std::nullopt : std::optional(*found);
 }
 
 }  // namespace

@@ -117,9 +117,8 @@ std::optional<double> MapReader::number_at(const YamlNode& node, std::string_vie
                                            const Quantity& quantity) {
   const std::optional<std::string> split = split_number(key);
   if (const auto value = split ? std::nullopt : allowed_number(node, quantity)) return value;
-  if (!split) return read_number(node, path_of(key), quantity, *diagnostics_);
   YamlNode whole = node;
-  whole.text = *split;
+  if (split) whole.text = *split;
   return read_number(whole, path_of(key), quantity, *diagnostics_);
 }
 

@@ -50,8 +50,8 @@ void check_object(const SceneSpec& scene, const TaskSpec& task, Diagnostics& dia
           task.object + (!object ? ", which is no object of the scene"
                          : moves ? ", which does not move"
                                  : ", which moves"),
-          fmt::format("a {} object of the scene{}{}", moves ? "free" : "static", known.empty() ? "" : ": ",
-                      known.empty() ? "" : need_word(task.object, known)),
+          fmt::format("a {} object of the scene{}", moves ? "free" : "static",
+                      known.empty() ? "" : ": " + need_word(task.object, known)),
           diagnostics);
   // The object that was meant has no place of its own.
   if (!object && moves)
