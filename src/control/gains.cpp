@@ -9,12 +9,12 @@ namespace handsim::control {
 
 namespace {
 
-struct Field {
+struct GainField {
   const char* key;
   std::optional<double> AxisGains::*value;
   Quantity quantity;
 };
-const Field kFields[] = {
+const GainField kGainFields[] = {
     {"proportional", &AxisGains::proportional, {Dimension::rotational_stiffness, 0, 1e4}},
     {"derivative", &AxisGains::derivative, {Dimension::rotational_damping, 0, 1e3}},
     {"integral", &AxisGains::integral, {Dimension::rotational_integral, 0, 1e5}},
@@ -27,7 +27,8 @@ const Field kFields[] = {
 
 AxisGains read_gains(MapReader& reader) {
   AxisGains out;
-  for (const Field& field : kFields) out.*field.value = reader.maybe_number(field.key, field.quantity);
+  for (const GainField& field : kGainFields)
+    out.*field.value = reader.maybe_number(field.key, field.quantity);
   const bool given = out.proportional || out.derivative || out.integral;
   const bool designed = out.frequency || out.damping_ratio || out.integral_time;
   if (given && designed)
@@ -73,7 +74,7 @@ void AxisGains::overlay(const AxisGains& later) {
     frequency = damping_ratio = integral_time = std::nullopt;
   if (later.frequency || later.damping_ratio || later.integral_time)
     proportional = derivative = integral = std::nullopt;
-  for (const Field& field : kFields)
+  for (const GainField& field : kGainFields)
     if (later.*field.value) this->*field.value = later.*field.value;
 }
 
