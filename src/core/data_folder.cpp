@@ -41,12 +41,14 @@ std::filesystem::path data_folder() {
 std::filesystem::path find_input(const std::filesystem::path& name, std::string_view folder) {
   namespace fs = std::filesystem;
   std::error_code failure;
-  if (name.has_extension() || (fs::exists(name, failure) && !fs::is_directory(name, failure))) return name;
+  if (name.is_absolute() || name.has_extension() ||
+      (fs::exists(name, failure) && !fs::is_directory(name, failure)))
+    return name;
   std::vector<std::string> known;
   try {
     const fs::path top = data_folder() / folder;
     const fs::path shipped = top / (name.string() + ".yaml");
-    if (name.is_relative() && fs::is_regular_file(shipped, failure)) return shipped;
+    if (fs::is_regular_file(shipped, failure)) return shipped;
     for (const fs::directory_entry& each : fs::recursive_directory_iterator(top, failure))
       if (each.path().extension() == ".yaml")
         known.push_back(each.path().lexically_relative(top).replace_extension().string());

@@ -12,7 +12,7 @@ std::filesystem::path data_folder();
 
 /// The path itself, or a shipped file by its name: `two_hands` for config/two_hands.yaml.
 /// @param folder of the shipped file below data_folder()
-/// @throws Error (input) with the nearest name for a name without an extension that neither of both has
+/// @throws Error (input) with the nearest name for a relative path without an extension that neither has
 std::filesystem::path find_input(const std::filesystem::path& name, std::string_view folder = "config");
 
 }  // namespace handsim
