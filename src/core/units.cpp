@@ -59,12 +59,12 @@ struct Example {
 struct DimensionText {
   std::string_view name;
   std::string_view unit;
-  std::array<Example, 2> examples;
+  std::array<Example, 3> examples;
 };
 
 /// In the order of Dimension.
 constexpr DimensionText kTexts[] = {{"a number", "", {}},
-                                    {"a length", "m", {{{0.02, "mm"}, {1.75, "cm"}}}},
+                                    {"a length", "m", {{{0.02, "mm"}, {0.1, "mm"}, {1.75, "cm"}}}},
                                     {"an angle", "rad", {{{90 * kDegree, "deg"}}}},
                                     {"a time", "s", {{{0.001, "ms"}, {0.5, "ms"}}}},
                                     {"a mass", "kg", {{{0.4, "g"}, {70, "kg"}}}},
