@@ -96,6 +96,10 @@ int parse_and_call(int argc, const char* const* argv) {
   add_completion(line);
   try {
     app.parse(argc, argv);
+  } catch (const Error&) {
+    // What is taken for the name of an input may be the value of a misspelt option.
+    if (const std::optional<Error> unknown = option_error(*app.get_subcommands().front())) throw *unknown;
+    throw;
   } catch (const CLI::ParseError& error) {
     // CLI11 has many codes; here usage problems have exit status 2.
     if (error.get_exit_code() != 0) {
