@@ -11,6 +11,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "handsim/core/data_folder.h"
 #include "handsim/core/units.h"
 
 namespace handsim::app {
@@ -64,6 +65,15 @@ void add_time(CLI::App& command, const std::string& name, Target& target, const 
     return value && *value >= 0 ? value : std::nullopt;
   };
   add_parsed(command, name, target, parse, "a time from 0, such as 0.2 or \"200 ms\"", help);
+}
+
+/// Adds the path of an input, or the name of a shipped one.
+/// @param folder of the shipped ones, see find_input()
+template <class Target>
+CLI::Option* add_input(CLI::App& command, const std::string& name, Target& target, const std::string& help,
+                       const char* folder = "config") {
+  return command.add_option(name, target, help + ", or the name of a shipped one")
+      ->transform([folder](const std::string& text) { return find_input(text, folder).string(); });
 }
 
 void add_out(CLI::App& command, std::filesystem::path& out, const std::string& help);

@@ -69,6 +69,7 @@ std::optional<Error> option_error(const CLI::App& command) {
   for (const CLI::Option* option : command.get_options())
     for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
   for (const std::string& word : command.remaining()) {
+    if (word == "--") continue;
     if (!word.starts_with('-'))
       return input_error("arguments", "one too many, " + word,
                          "no more; put a value that contains a blank in quotes");
@@ -95,11 +96,17 @@ int parse_and_call(int argc, const char* const* argv) {
   add_completion(line);
   try {
     app.parse(argc, argv);
+  } catch (const Error&) {
+    // What is taken for the name of an input may be the value of a misspelt option.
+    if (const std::optional<Error> unknown = option_error(*app.get_subcommands().front())) throw *unknown;
+    throw;
   } catch (const CLI::ParseError& error) {
     // CLI11 has many codes; here usage problems have exit status 2.
     if (error.get_exit_code() != 0) {
       if (app.get_subcommands().empty()) throw command_error(app, argc, argv);
       if (const std::optional<Error> unknown = option_error(*app.get_subcommands().front())) throw *unknown;
+      if (error.get_name() == "ExtrasError")
+        throw input_error("arguments", "too many words", "the words that --help shows");
     }
     std::ostringstream help, problem;
     const int status = app.exit(error, help, problem) == 0 ? 0 : kBadInput;

@@ -24,7 +24,7 @@ void add_inverse(CommandLine& line) {
                "them as a check",
                "handsim inverse config/every_pose.yaml --motion out/every/trajectory.mot --out out/inverse",
                inverse_command, arguments);
-  inverse.add_option("scene", arguments->scene, "scene file")->required();
+  add_input(inverse, "scene", arguments->scene, "scene file")->required();
   inverse.add_option("--motion", arguments->motion,
                      "joint angles: .csv, .mot or .sto (default: the programs of the scene)");
   add_out(inverse, arguments->out, "folder for torques.sto, summary.json and plots");
@@ -50,7 +50,8 @@ void add_track(CommandLine& line) {
   add_out(track, arguments->out, "folder for angles, wrists, residuals, person.yaml and scene.yaml");
   track.add_option("--person", arguments->person,
                    "person file: stature, mass and sex beside the measured hand (default: the median man)");
-  track.add_option("--model", arguments->model, "hand model file (default: the anatomical hand)");
+  add_input(track, "--model", arguments->model, "hand model file (default: the anatomical hand)",
+            "handmodels");
   track.add_option("--markers", arguments->markers,
                    "marker set file, for markers and sensors (default: 21 keypoints)");
   track.add_flag("--keep-person", arguments->keep_person, "do not fit hand length, breadth and bones");

@@ -24,10 +24,12 @@ std::string option_name(const std::string& key) {
   return "--" + name;
 }
 
-/// Problems of a person without a file as problems of the options.
+/// Problems of a person without a file as problems of the options, those of files with the files' keys.
 std::vector<Problem> option_problems(std::vector<Problem> problems) {
   for (Problem& problem : problems) {
-    if (problem.place && !problem.place->file.empty()) continue;
+    for (const std::string head : {"hands.0.model.", "hands.0.person."})
+      if (problem.key.starts_with(head)) problem.key.erase(0, head.size());
+    if (!problem.place || !problem.place->file.empty()) continue;
     problem.place.reset();
     problem.key = option_name(problem.key);
   }

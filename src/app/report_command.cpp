@@ -141,7 +141,7 @@ void add_view(CommandLine& line) {
   CLI::App& command =
       line.add("view", "Simulate a scene in a temporary folder and show its report in the browser",
                "handsim view config/two_hands.yaml", view_command, arguments);
-  command.add_option("scene", arguments->scene, "scene file")->required();
+  add_input(command, "scene", arguments->scene, "scene file")->required();
   add_overrides(command, arguments->overrides);
   command.add_flag("--no-browser", arguments->no_browser, "only print where the page is");
 }

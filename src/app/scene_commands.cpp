@@ -16,7 +16,8 @@ namespace {
 
 /// The options that say whose hands.
 void add_person(CLI::App& hand, const std::shared_ptr<HandArguments>& arguments) {
-  hand.add_option("--person", arguments->person, "person file (in place of --stature, --mass, --sex)");
+  add_input(hand, "--person", arguments->person, "person file (in place of --stature, --mass, --sex)",
+            "config/persons");
   const auto measure = [&](const char* name, const char* key, const char* help) {
     return hand.add_option_function<std::string>(
         name, [arguments, key](const std::string& value) { arguments->measures[key] = value; }, help);
@@ -30,7 +31,8 @@ void add_person(CLI::App& hand, const std::shared_ptr<HandArguments>& arguments)
   measure("--hand-mass", "hand_mass", "measured [kg]");
   measure("--hand-length-percentile", "hand_length_percentile",
           "among people of this stature, mass and sex, 0.01 to 99.99");
-  hand.add_option("--model", arguments->model, "hand model file (default: the anatomical hand)");
+  add_input(hand, "--model", arguments->model, "hand model file (default: the anatomical hand)",
+            "handmodels");
 }
 
 void add_hand(CommandLine& line) {
@@ -50,7 +52,7 @@ void add_check(CommandLine& line) {
                "Validate scenes, persons, hand models, controllers, poses and motions: report every "
                "problem, run nothing",
                "handsim check config/two_hands.yaml config/persons/child.yaml", check_command, arguments);
-  check.add_option("files", arguments->files, "YAML files")->required();
+  add_input(check, "files", arguments->files, "YAML files")->required();
   check.add_flag("--engines", arguments->engines,
                  "print which engines can run each scene, and why others cannot");
 }
@@ -72,7 +74,7 @@ void add_run(CommandLine& line) {
       line.add("run", "Simulate a scene: trajectory.csv, summary.json, resolved.yaml, pictures",
                "handsim run config/two_hands.yaml --out out/two_hands --frames 8 --set solver.step=\"2 ms\"",
                run_scene_command, arguments);
-  run.add_option("scene", arguments->scene, "scene file")->required();
+  add_input(run, "scene", arguments->scene, "scene file")->required();
   add_out(run, arguments->out, "folder for the run's files");
   add_overrides(run, arguments->overrides);
   const auto from_0 = number_from(0, std::numeric_limits<int>::max(), true, "a whole number, from 0");
@@ -113,7 +115,7 @@ void add_render(CommandLine& line) {
   CLI::App& render =
       line.add("render", "One picture of a scene at a time of its motion, or a video of it",
                "handsim render config/two_hands.yaml --out hands.png --time 0.2", render_command, arguments);
-  render.add_option("scene", arguments->scene, "scene file")->required();
+  add_input(render, "scene", arguments->scene, "scene file")->required();
   CLI::Option* out = render.add_option("--out", arguments->out, "PNG file: .png")->check(check_path);
   add_overrides(render, arguments->overrides);
   add_time(render, "--time", arguments->time,
@@ -131,7 +133,7 @@ void add_export(CommandLine& line) {
       "export", "A scene's model, or a person's hands, as a file for other programs: MJCF, URDF or OpenSim",
       "handsim export --stature 1.75 --mass 72 --sex male --side right --out right.osim", export_command,
       arguments);
-  command.add_option("scene", arguments->scene, "scene file; without one the hands of a person");
+  add_input(command, "scene", arguments->scene, "scene file (without one: the hands of a person)");
   add_words(command.add_option(
                 "--format", arguments->format,
                 "mjcf (MuJoCo), urdf (ROS) or osim (OpenSim); default: by the file's ending, else mjcf"),

@@ -18,7 +18,7 @@ void add_grasp(CommandLine& line) {
                              "Run grasp and climb scenes: table of what was held, how firmly, the least "
                              "friction that holds, and the load that a hand carried on a hold",
                              "handsim grasp config --out out/grasps --side both", grasp_command, arguments);
-  grasp.add_option("scenes", arguments->scenes, "scene files, or folders of them")->required();
+  add_input(grasp, "scenes", arguments->scenes, "scene files, or folders of them")->required();
   add_out(grasp, arguments->out, "folder for the runs' files, grasps.csv and climbs.csv, and both as .json");
   add_words(grasp.add_option("--side", arguments->side, "hand that grasps (default: the scene's)"), kSides);
   grasp.add_option("--persons", arguments->persons,
@@ -37,12 +37,12 @@ void add_grasp(CommandLine& line) {
   CLI::Option* agree = grasp.add_option(
       "--agree", arguments->agree,
       "random grasps around the one scene, on ODE and the articulated engine: how often they agree");
-  agree->check(CLI::Range(1, 100000));
+  agree->check(number_from(1, 100000, true, "a whole number, 1 to 100000"));
   grasp.add_option("--seed", arguments->seed, "of the random grasps (default: 1)")->needs(agree);
   grasp
       .add_option("--quarter-steps", arguments->quarter_steps,
                   "of so many also ODE at a quarter of the step (default: where the engines differ)")
-      ->check(CLI::Range(1, 100000))
+      ->check(number_from(1, 100000, true, "a whole number, 1 to 100000"))
       ->needs(agree);
 }
 
@@ -52,7 +52,7 @@ void add_accuracy(CommandLine& line) {
       line.add("accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
                "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3",
                accuracy_command, arguments);
-  accuracy.add_option("study", arguments->study, "study file")->required();
+  add_input(accuracy, "study", arguments->study, "study file")->required();
   add_out(accuracy, arguments->out, "folder for the study's files");
   accuracy
       .add_option("--target", arguments->target,
@@ -85,7 +85,7 @@ void add_stability(CommandLine& line) {
       "stability",
       "Hard cases: every engine, method and step against an oracle, as table, CSV, JSON, plots and pictures",
       "handsim stability config/stability.yaml --out out/stability --quick", stability_command, arguments);
-  stability.add_option("study", arguments->study, "study file")->required();
+  add_input(stability, "study", arguments->study, "study file")->required();
   add_out(stability, arguments->out, "folder for the study's files");
   stability.add_option("--case", arguments->cases, "run this case alone; may be repeated")
       ->allow_extra_args(false);
@@ -109,7 +109,7 @@ void add_effects(CommandLine& line) {
       "each effect in turn",
       "handsim effects config/dropped_hand.yaml --out out/effects --set duration=\"1 s\"", effects_command,
       arguments);
-  effects.add_option("scene", arguments->scene, "scene file")->required();
+  add_input(effects, "scene", arguments->scene, "scene file")->required();
   add_out(effects, arguments->out, "folder for the study's files");
   add_overrides(effects, arguments->overrides);
   effects.add_option("--repeats", arguments->repeats, "timed rounds, for the median (default 7)")
@@ -128,7 +128,7 @@ void add_rollouts(CommandLine& line) {
                "and under mpirun on many machines: one table, what makes them held, a plot",
                "handsim rollouts config/rollouts_power_can.yaml --out out/power_can --count 100",
                rollouts_command, arguments);
-  CLI::Option* study = rollouts.add_option("study", arguments->study, "study file");
+  CLI::Option* study = add_input(rollouts, "study", arguments->study, "study file");
   CLI::Option* out =
       rollouts.add_option("--out", arguments->out, "folder for the study's files")->check(check_path);
   add_overrides(rollouts, arguments->overrides);

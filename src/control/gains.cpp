@@ -3,22 +3,32 @@
 #include <algorithm>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 namespace handsim::control {
 
 namespace {
 
+struct GainField {
+  const char* key;
+  std::optional<double> AxisGains::*value;
+  Quantity quantity;
+};
+const GainField kGainFields[] = {
+    {"proportional", &AxisGains::proportional, {Dimension::rotational_stiffness, 0, 1e4}},
+    {"derivative", &AxisGains::derivative, {Dimension::rotational_damping, 0, 1e3}},
+    {"integral", &AxisGains::integral, {Dimension::rotational_integral, 0, 1e5}},
+    {"frequency", &AxisGains::frequency, {Dimension::frequency, 0.01, 1000}},
+    {"damping_ratio", &AxisGains::damping_ratio, {Dimension::none, 0, 100}},
+    {"integral_time", &AxisGains::integral_time, {Dimension::time, 1e-3, 1e6}},
+    {"torque_limit", &AxisGains::torque_limit, {Dimension::torque, 0, 1000, true}},
+    {"derivative_cutoff", &AxisGains::derivative_cutoff, {Dimension::frequency, 0.01, 1e5}},
+    {"integral_zone", &AxisGains::integral_zone, {Dimension::angle, 0, 10, true}}};
+
 AxisGains read_gains(MapReader& reader) {
   AxisGains out;
-  out.proportional = reader.maybe_number("proportional", {Dimension::rotational_stiffness, 0, 1e4});
-  out.derivative = reader.maybe_number("derivative", {Dimension::rotational_damping, 0, 1e3});
-  out.integral = reader.maybe_number("integral", {Dimension::rotational_integral, 0, 1e5});
-  out.frequency = reader.maybe_number("frequency", {Dimension::frequency, 0.01, 1000});
-  out.damping_ratio = reader.maybe_number("damping_ratio", {Dimension::none, 0, 100});
-  out.integral_time = reader.maybe_number("integral_time", {Dimension::time, 1e-3, 1e6});
-  out.torque_limit = reader.maybe_number("torque_limit", {Dimension::torque, 0, 1000, true});
-  out.derivative_cutoff = reader.maybe_number("derivative_cutoff", {Dimension::frequency, 0.01, 1e5});
-  out.integral_zone = reader.maybe_number("integral_zone", {Dimension::angle, 0, 10, true});
+  for (const GainField& field : kGainFields)
+    out.*field.value = reader.maybe_number(field.key, field.quantity);
   const bool given = out.proportional || out.derivative || out.integral;
   const bool designed = out.frequency || out.damping_ratio || out.integral_time;
   if (given && designed)
@@ -33,34 +43,39 @@ AxisGains read_gains(MapReader& reader) {
 GainRow read_row(MapReader reader) {
   GainRow row;
   row.place = reader.node().place();
-  row.joints = reader.texts(
-      "joints", 1, kMostItems,
-      "all, the name of a joint (index_mcp) or of its axis (index_mcp.flexion), or a list of them");
+  row.joints = reader.texts("joints", 1, kMostItems,
+                            "all, the name of a joint (index_mcp) or of its axis (index_mcp.flexion), a "
+                            "pattern (*_mcp), or a list of "
+                            "them");
+  for (const std::string& name : row.joints)
+    if (std::count(name.begin(), name.end(), '*') > 1)
+      reader.problem("joints", name, "at most one * in a name");
   row.gains = read_gains(reader);
   reader.maybe_text("source");
   reader.finish();
   return row;
 }
 
+/// True if the axis or its joint is as a pattern with one `*`, for any letters.
+bool fits(std::string_view pattern, const HandAxis& axis) {
+  const std::size_t star = pattern.find('*');
+  if (star == std::string_view::npos) return false;
+  const std::string_view head = pattern.substr(0, star), tail = pattern.substr(star + 1);
+  const auto as = [&](std::string_view name) {
+    return name.size() >= head.size() + tail.size() && name.starts_with(head) && name.ends_with(tail);
+  };
+  return as(axis.joint) || as(axis.name());
+}
+
 }  // namespace
 
 void AxisGains::overlay(const AxisGains& later) {
-  const auto replace = [](std::optional<double>& value, const std::optional<double>& stated) {
-    if (stated) value = stated;
-  };
   if (later.proportional || later.derivative || later.integral)
     frequency = damping_ratio = integral_time = std::nullopt;
   if (later.frequency || later.damping_ratio || later.integral_time)
     proportional = derivative = integral = std::nullopt;
-  replace(proportional, later.proportional);
-  replace(derivative, later.derivative);
-  replace(integral, later.integral);
-  replace(frequency, later.frequency);
-  replace(damping_ratio, later.damping_ratio);
-  replace(integral_time, later.integral_time);
-  replace(torque_limit, later.torque_limit);
-  replace(derivative_cutoff, later.derivative_cutoff);
-  replace(integral_zone, later.integral_zone);
+  for (const GainField& field : kGainFields)
+    if (later.*field.value) this->*field.value = later.*field.value;
 }
 
 ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnostics& diagnostics) {
@@ -80,24 +95,36 @@ ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnost
 }
 
 void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands, Diagnostics& diagnostics) {
+  std::vector<std::string> known, absent;
+  for (const HandAxes& hand : hands)
+    for (const HandAxis& axis : hand.axes) known.insert(known.end(), {axis.joint, axis.name()});
+  // A joint that has a row of its own is not what another row means.
+  for (const GainRow& row : spec.rows)
+    for (const std::string& name : row.joints) std::erase(known, name);
   for (const GainRow& row : spec.rows)
     for (const std::string& name : row.joints) {
-      if (std::any_of(hands.begin(), hands.end(), [&](const HandAxes& hand) { return hand.accepts(name); }))
-        continue;
-      std::vector<std::string> known;
-      for (const HandAxes& hand : hands)
-        for (const HandAxis& axis : hand.axes) known.insert(known.end(), {axis.joint, axis.name()});
-      diagnostics.problems.push_back({row.place, "gains.joints",
-                                      fmt::format("\"{}\", a joint that no hand of the scene has", name),
-                                      "a joint or joint.axis of a hand" + nearest_hint(name, known)});
+      const bool matched =
+          name.find('*') != std::string::npos ||
+          std::any_of(hands.begin(), hands.end(), [&](const HandAxes& hand) { return hand.accepts(name); });
+      if (matched) continue;
+      if (nearest_word(name, known))
+        diagnostics.problems.push_back({row.place, "gains.joints",
+                                        fmt::format("\"{}\", a joint that no hand of the scene has", name),
+                                        "a joint or joint.axis of a hand" + nearest_hint(name, known)});
+      else if (std::find(absent.begin(), absent.end(), name) == absent.end())
+        absent.push_back(name);
     }
+  if (!absent.empty())
+    diagnostics.warnings.push_back(
+        fmt::format("{}gains: rows of joints that no hand of the scene has are left out: {}",
+                    spec.rows.front().place.text(), fmt::join(absent, ", ")));
 }
 
 std::optional<AxisGains> gains_of(const ControllerSpec& spec, const HandAxis& axis) {
   std::optional<AxisGains> out;
   for (const GainRow& row : spec.rows) {
     if (std::none_of(row.joints.begin(), row.joints.end(),
-                     [&](const std::string& n) { return matches(axis, n); }))
+                     [&](const std::string& n) { return matches(axis, n) || fits(n, axis); }))
       continue;
     if (!out) out.emplace();
     out->overlay(row.gains);

@@ -36,7 +36,7 @@ struct AxisGains {
 };
 
 struct GainRow {
-  std::vector<std::string> joints;  ///< `all`, joints, or joint.axis
+  std::vector<std::string> joints;  ///< `all`, joints, joint.axis, or patterns with one `*`
   AxisGains gains;
   Place place;
 };
@@ -57,7 +57,8 @@ struct ControllerSpec {
 /// Reads a controller file; every defect goes into the diagnostics.
 ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnostics& diagnostics);
 
-/// Problems: rows that name a joint that no hand has.
+/// Problems: rows of a misspelt joint. A warning: other joints that no hand has, as a file for several hands
+/// may name.
 void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands, Diagnostics& diagnostics);
 
 /// The gains of an axis from all rows that name it; nothing if none does: the axis is not driven.

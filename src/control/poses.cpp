@@ -181,6 +181,21 @@ void check_range(const std::string& pose, const HandAxis& axis, double angle, co
                                               axis.stop->low / kDegree, axis.stop->high / kDegree)});
 }
 
+/// A joint that the hand does not have is left out, with a warning; a misspelt one is a problem: it is near
+/// to one that the pose does not name.
+void report_absent(const PoseSpec& pose, const std::string& joint, const Place& place, const std::string& key,
+                   const HandAxes& hand, Diagnostics& diagnostics) {
+  std::vector<std::string> known = hand.joints();
+  std::erase_if(known, [&](const std::string& name) { return pose.joints.contains(name); });
+  if (nearest_word(joint, known))
+    return diagnostics.problems.push_back({place, key, "a joint that the hand does not have",
+                                           "a joint of its hand model" + nearest_hint(joint, known)});
+  std::vector<std::string>& told = diagnostics.warnings;
+  std::string text =
+      fmt::format("{}: poses: hand {} has no joint {}: left out", place.file, hand.hand, joint);
+  if (std::find(told.begin(), told.end(), text) == told.end()) told.push_back(std::move(text));
+}
+
 }  // namespace
 
 const std::vector<ProgramKey>* ProgramSpec::keys_for(const std::string& hand) const {
@@ -221,8 +236,7 @@ std::vector<double> pose_angles(const std::string& name, const PoseSpec& pose, c
     }
     const std::string key = fmt::format("poses.{}.{}", name, joint);
     if (count == 0 && !hand.accepts(joint))
-      diagnostics.problems.push_back({given.place, key, "a joint that the hand does not have",
-                                      "a joint of its hand model" + nearest_hint(joint, hand.joints())});
+      report_absent(pose, joint, given.place, key, hand, diagnostics);
     else if (count == 0)
       diagnostics.warnings.push_back(fmt::format("{}{}: hand {} is mounted without this joint: not driven",
                                                  given.place.text(), key, hand.hand));

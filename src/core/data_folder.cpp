@@ -2,7 +2,14 @@
 
 #include <dlfcn.h>
 
+#include <string>
+#include <vector>
+
+#include <fmt/format.h>
+
 #include "handsim/core/error.h"
+#include "handsim/core/text.h"
+#include "handsim/core/words.h"
 
 namespace handsim {
 
@@ -29,6 +36,29 @@ std::filesystem::path data_folder() {
   }
   throw input_error("files installed with handsim", "no folder " HANDSIM_INSTALLED_DATA,
                     "an installed handsim, or the paths of the files");
+}
+
+std::filesystem::path find_input(const std::filesystem::path& name, std::string_view folder) {
+  namespace fs = std::filesystem;
+  std::error_code failure;
+  if (name.is_absolute() || name.has_extension() ||
+      (fs::exists(name, failure) && !fs::is_directory(name, failure)))
+    return name;
+  std::vector<std::string> known;
+  try {
+    const fs::path top = data_folder() / folder;
+    const fs::path shipped = top / (name.string() + ".yaml");
+    if (fs::is_regular_file(shipped, failure)) return shipped;
+    for (const fs::directory_entry& each : fs::recursive_directory_iterator(top, failure))
+      if (each.path().extension() == ".yaml")
+        known.push_back(each.path().lexically_relative(top).replace_extension().string());
+  } catch (const Error&) {
+    // Nothing is installed: only paths are inputs.
+  }
+  if (fs::exists(name, failure)) return name;
+  throw input_error(
+      fmt::format("\"{}\"", printable(name.string())), "no such file, and no shipped one of this name",
+      fmt::format("a file, or the name of a shipped one{}", nearest_hint(name.string(), known)));
 }
 
 }  // namespace handsim

@@ -179,18 +179,39 @@ const SchemaSource& find_source(std::string_view kind, std::span<const SchemaSou
   return *found;
 }
 
+/// Writes what each key means before what its values are.
+void describe(Json& schema, std::string_view kind, const std::string& path, const KeyText& text_of) {
+  if (schema.contains("properties"))
+    for (auto& [key, property] : schema["properties"].items()) {
+      const std::string own = path.empty() ? key : path + "." + key;
+      describe(property, kind, own, text_of);
+      const std::string text = text_of(kind, own), values = property.value("description", std::string());
+      if (!text.empty()) property["description"] = values.empty() ? text : text + ": " + values;
+    }
+  for (const char* part : {"items", "additionalProperties"})
+    if (schema.contains(part) && schema[part].is_object()) describe(schema[part], kind, path, text_of);
+  if (schema.contains("anyOf"))
+    for (Json& each : schema["anyOf"]) describe(each, kind, path, text_of);
+}
+
 }  // namespace
 
-std::string json_schema(std::string_view kind, std::span<const SchemaSource> sources) {
+std::string json_schema(std::string_view kind, std::span<const SchemaSource> sources,
+                        const KeyText& text_of) {
   Json out = {{"$schema", "https://json-schema.org/draft/2020-12/schema"},
               {"title", "handsim: " + std::string(kind)}};
   SchemaRecorder root;
-  out.update(explore(find_source(kind, sources), root));
+  const auto described = [&](std::string_view of, SchemaRecorder& recorder) {
+    Json schema = explore(find_source(of, sources), recorder);
+    if (text_of) describe(schema, of, "", text_of);
+    return schema;
+  };
+  out.update(described(kind, root));
   std::set<std::string> waiting = root.kinds();
   while (!waiting.empty()) {
     const std::string next = waiting.extract(waiting.begin()).value();
     SchemaRecorder recorder;
-    out["$defs"][definition_name(next)] = explore(find_source(next, sources), recorder);
+    out["$defs"][definition_name(next)] = described(next, recorder);
     for (const std::string& other : recorder.kinds())
       if (!out["$defs"].contains(definition_name(other))) waiting.insert(other);
   }

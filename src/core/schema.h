@@ -19,7 +19,11 @@ struct SchemaSource {
   std::function<void(YamlNode& root, Diagnostics& diagnostics)> read;
 };
 
+/// What a key means; empty if unknown. @param path dotted, without list indices: `objects.parts.radius`
+using KeyText = std::function<std::string(std::string_view kind, std::string_view path)>;
+
 /// @param sources of this kind and of all kinds of files that it refers to.
-std::string json_schema(std::string_view kind, std::span<const SchemaSource> sources);
+std::string json_schema(std::string_view kind, std::span<const SchemaSource> sources,
+                        const KeyText& text_of = {});
 
 }  // namespace handsim

@@ -1,5 +1,6 @@
 #include "handsim/core/units.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
@@ -49,50 +50,41 @@ constexpr std::array kUnits = {
     Unit{"N", Dimension::force, 1},
 };
 
+/// A value in SI for messages, and the unit in which it is also shown.
+struct Example {
+  double value = 0;
+  std::string_view unit = {};
+};
+
 struct DimensionText {
   std::string_view name;
   std::string_view unit;
-  std::string_view example;
+  std::array<Example, 3> examples;
 };
 
-DimensionText describe(Dimension dimension) {
-  switch (dimension) {
-    case Dimension::none:
-      return {"a number", "", "0.5"};
-    case Dimension::length:
-      return {"a length", "m", "0.02 or \"20 mm\""};
-    case Dimension::angle:
-      return {"an angle", "rad", "1.57 or \"90 deg\""};
-    case Dimension::time:
-      return {"a time", "s", "0.001 or \"1 ms\""};
-    case Dimension::mass:
-      return {"a mass", "kg", "0.4 or \"400 g\""};
-    case Dimension::density:
-      return {"a density", "kg/m3", "1148 or \"1.148 g/cm3\""};
-    case Dimension::speed:
-      return {"a speed", "m/s", "0.1 or \"100 mm/s\""};
-    case Dimension::angular_speed:
-      return {"an angular speed", "rad/s", "6 or \"6 rad/s\""};
-    case Dimension::acceleration:
-      return {"an acceleration", "m/s2", "9.81 or \"9.81 m/s2\""};
-    case Dimension::torque:
-      return {"a torque", "N m", "0.5 or \"0.5 N m\""};
-    case Dimension::rotational_stiffness:
-      return {"a stiffness", "N m/rad", "0.04 or \"0.04 N m/rad\""};
-    case Dimension::rotational_damping:
-      return {"a damping", "N m s/rad", "0.001 or \"0.001 N m s/rad\""};
-    case Dimension::rotational_integral:
-      return {"an integral gain", "N m/(rad s)", "0.1 or \"0.1 N m/(rad s)\""};
-    case Dimension::frequency:
-      return {"a frequency", "Hz", "5 or \"5 Hz\""};
-    case Dimension::stiffness:
-      return {"a stiffness", "N/m", "2000 or \"2 N/mm\""};
-    case Dimension::damping:
-      return {"a damping", "N s/m", "5 or \"5 N s/m\""};
-    case Dimension::force:
-      return {"a force", "N", "20 or \"20 N\""};
-  }
-  return {};
+/// In the order of Dimension.
+constexpr DimensionText kTexts[] = {{"a number", "", {}},
+                                    {"a length", "m", {{{0.02, "mm"}, {0.1, "mm"}, {1.75, "cm"}}}},
+                                    {"an angle", "rad", {{{90 * kDegree, "deg"}}}},
+                                    {"a time", "s", {{{0.001, "ms"}, {0.5, "ms"}}}},
+                                    {"a mass", "kg", {{{0.4, "g"}, {70, "kg"}}}},
+                                    {"a density", "kg/m3", {{{1148, "g/cm3"}}}},
+                                    {"a speed", "m/s", {{{0.1, "mm/s"}}}},
+                                    {"an angular speed", "rad/s", {{{6, "rad/s"}}}},
+                                    {"an acceleration", "m/s2", {{{9.81, "m/s2"}}}},
+                                    {"a torque", "N m", {{{0.5, "N m"}}}},
+                                    {"a stiffness", "N m/rad", {{{0.04, "N m/rad"}}}},
+                                    {"a damping", "N m s/rad", {{{0.001, "N m s/rad"}}}},
+                                    {"an integral gain", "N m/(rad s)", {{{0.1, "N m/(rad s)"}}}},
+                                    {"a frequency", "Hz", {{{5, "Hz"}}}},
+                                    {"a stiffness", "N/m", {{{2000, "N/mm"}}}},
+                                    {"a damping", "N s/m", {{{5, "N s/m"}}}},
+                                    {"a force", "N", {{{20, "N"}}}}};
+static_assert(std::size(kTexts) == static_cast<std::size_t>(Dimension::force) + 1);
+
+double factor_of(std::string_view name) {
+  return std::find_if(kUnits.begin(), kUnits.end(), [&](const Unit& unit) { return unit.name == name; })
+      ->factor;
 }
 
 std::string_view trimmed(std::string_view text) {
@@ -140,8 +132,8 @@ bool Quantity::allows(double value) const {
   return std::isfinite(value) && value <= max && (above_min ? value > min : value >= min);
 }
 
-std::string Quantity::need() const {
-  const DimensionText text = describe(dimension);
+std::string Quantity::need(std::string_view got) const {
+  const DimensionText& text = kTexts[static_cast<std::size_t>(dimension)];
   const std::string unit = text.unit.empty() ? "" : fmt::format(" {}", text.unit);
   std::string out(text.name);
   if (std::isfinite(min) && std::isfinite(max))
@@ -152,7 +144,13 @@ std::string Quantity::need() const {
     out += fmt::format(", at most {:g}{}", max, unit);
   else if (!unit.empty())
     out += fmt::format(" in{}", unit);
-  if (dimension != Dimension::none) out += fmt::format(", such as {}", text.example);
+  const std::optional<double> bare = parse_number(trimmed(got));
+  for (const Unit& other : kUnits)
+    if (bare && other.dimension == dimension && allows(*bare * other.factor))
+      return out + fmt::format(", such as \"{} {}\"", trimmed(got), other.name);
+  for (const auto& [value, in] : text.examples)
+    if (!in.empty() && allows(value))
+      return out + fmt::format(", such as {:.4g} or \"{:g} {}\"", value, value / factor_of(in), in);
   return out;
 }
 

@@ -26,6 +26,29 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row[b.size()];
 }
 
+/// Words of other programs, and the words here that mean the same.
+constexpr std::string_view kMeanings =
+    " diameter=radius weight=mass height=stature gender=sex handedness=side size=edges dimensions=edges "
+    "colour=color "
+    "type=shape pos=position location=position orientation=rotation quaternion=rotation fixed=static "
+    "mu=friction "
+    "elasticity=restitution bounce=restitution dt=step timestep=step time_step=step end_time=duration "
+    "t_end=duration "
+    "limits=range limit=range kp=proportional stiffness=proportional kd=derivative damping=derivative "
+    "ki=integral "
+    "max_torque=torque_limit ";
+
+/// The word of `known` with the same meaning.
+std::optional<std::string> same_meaning(std::string_view word, const std::vector<std::string>& known) {
+  if (word.size() > 16) return std::nullopt;
+  const std::string other = " " + lower_case(word) + "=";
+  const std::size_t at = kMeanings.find(other);
+  if (at == std::string_view::npos) return std::nullopt;
+  const std::string_view rest = kMeanings.substr(at + other.size());
+  const auto found = std::find(known.begin(), known.end(), rest.substr(0, rest.find(' ')));
+  return found == known.end() ? std::nullopt : std::optional(*found);
+}
+
 }  // namespace
 
 std::string list_of(const std::vector<std::string>& words) {
@@ -34,7 +57,8 @@ std::string list_of(const std::vector<std::string>& words) {
 
 std::string nearest_hint(std::string_view got, const std::vector<std::string>& known) {
   const std::optional<std::string> near = nearest_word(got, known);
-  return near ? fmt::format(" (nearest: {})", *near) : "";
+  const bool half = near == "radius" && lower_case(got) == "diameter";
+  return near ? fmt::format(" (nearest: {}{})", *near, half ? ", half of it" : "") : "";
 }
 
 std::string need_word(std::string_view got, const std::vector<std::string>& known) {
@@ -42,6 +66,7 @@ std::string need_word(std::string_view got, const std::vector<std::string>& know
 }
 
 std::optional<std::string> nearest_word(std::string_view word, const std::vector<std::string>& known) {
+  if (auto meant = same_meaning(word, known)) return meant;
   std::optional<std::string> best;
   std::size_t best_distance = std::clamp<std::size_t>(word.size() / 3, word.size() < 4 ? 1 : 2, 3) + 1;
   for (const std::string& candidate : known) {

@@ -17,7 +17,8 @@ std::string need_word(std::string_view got, const std::vector<std::string>& know
 /// ` (nearest: b)`, or an empty text if nearest_word() finds none.
 std::string nearest_hint(std::string_view got, const std::vector<std::string>& known);
 
-/// The word of `known` nearest to `word`, if it differs by at most 1 to 3 letters (more for longer words).
+/// The word of `known` nearest to `word`: of the same meaning (mass for weight), or with at most 1 to 3 other
+/// letters (more for longer words).
 std::optional<std::string> nearest_word(std::string_view word, const std::vector<std::string>& known);
 
 }  // namespace handsim

@@ -14,8 +14,10 @@ namespace {
 
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
-/// Message with the correct form of a number that has a decimal comma; nothing if it has none.
-std::optional<std::string> without_comma(const std::string& text) {
+/// Message with the correct form of a number that has a decimal comma; nothing if there is none that is
+/// accepted.
+template <class Accepted>
+std::optional<std::string> without_comma(const std::string& text, const Accepted& accepted) {
   const std::size_t comma = text.find(',');
   if (comma == std::string::npos || comma == 0 || comma + 1 == text.size() || !is_digit(text[comma - 1]) ||
       !is_digit(text[comma + 1]))
@@ -23,8 +25,10 @@ std::optional<std::string> without_comma(const std::string& text) {
   const std::string head = text.substr(0, comma), tail = text.substr(comma + 1);
   const std::size_t digits = std::min(tail.find_first_not_of("0123456789"), tail.size());
   const bool thousands = digits == 3 && head.find_first_not_of("+-0") != std::string::npos;
+  const bool decimal(accepted(head + "." + tail)), whole(thousands && accepted(head + tail));
+  if (!decimal) return whole ? std::optional("no comma: " + head + tail) : std::nullopt;
   return fmt::format("a decimal point in place of a comma: {}.{}{}", head, tail,
-                     thousands ? fmt::format(" (or {}{})", head, tail) : "");
+                     whole ? fmt::format(" (or {}{})", head, tail) : "");
 }
 
 /// The value of a key or of a dotted path of keys, or null.
@@ -42,11 +46,21 @@ YamlNode vector_node(const Vec3& v) {
   return list;
 }
 
-/// The number at a node; nothing if it is none or out of range.
-std::optional<double> allowed_number(const YamlNode& node, const Quantity& quantity) {
-  if (node.kind != YamlNode::Kind::scalar) return std::nullopt;
-  const std::optional<double> value = parse_quantity(node.text, quantity.dimension);
+/// The number of a text; nothing if it is none or out of range.
+std::optional<double> allowed_number(const std::string& text, const Quantity& quantity) {
+  const std::optional<double> value = parse_quantity(text, quantity.dimension);
   return value && quantity.allows(*value) ? value : std::nullopt;
+}
+
+std::optional<double> allowed_number(const YamlNode& node, const Quantity& quantity) {
+  return node.kind == YamlNode::Kind::scalar ? allowed_number(node.text, quantity) : std::nullopt;
+}
+
+/// A whole number within these bounds.
+std::optional<int> allowed_integer(const std::string& text, int min, int max) {
+  const std::optional<double> value = parse_number(text);
+  const bool good = value && *value >= min && *value <= max && *value == std::floor(*value);
+  return good ? std::optional(static_cast<int>(*value)) : std::nullopt;
 }
 
 }  // namespace
@@ -54,8 +68,10 @@ std::optional<double> allowed_number(const YamlNode& node, const Quantity& quant
 std::optional<double> read_number(const YamlNode& node, const std::string& path, const Quantity& quantity,
                                   Diagnostics& diagnostics) {
   if (const std::optional<double> value = allowed_number(node, quantity)) return value;
-  const auto comma = node.kind == YamlNode::Kind::scalar ? without_comma(node.text) : std::nullopt;
-  diagnostics.problems.push_back({node.place(), path, node.described(), comma ? *comma : quantity.need()});
+  const auto comma =
+      without_comma(node.text, [&](const std::string& text) { return allowed_number(text, quantity); });
+  diagnostics.problems.push_back(
+      {node.place(), path, node.described(), comma.value_or(quantity.need(node.text))});
   return std::nullopt;
 }
 
@@ -99,8 +115,11 @@ YamlNode* MapReader::find_or_report(std::string_view key, bool required, const N
 
 std::optional<double> MapReader::number_at(const YamlNode& node, std::string_view key,
                                            const Quantity& quantity) {
-  if (const std::optional<double> value = allowed_number(node, quantity)) return value;
-  return read_number(node, path_of(key), quantity, *diagnostics_);
+  const std::optional<std::string> split = split_number(key);
+  if (const auto value = split ? std::nullopt : allowed_number(node, quantity)) return value;
+  YamlNode whole = node;
+  if (split) whole.text = *split;
+  return read_number(whole, path_of(key), quantity, *diagnostics_);
 }
 
 std::optional<double> MapReader::item(const YamlNode& list, std::string_view key, std::size_t i,
@@ -113,20 +132,18 @@ void MapReader::write_default(std::string_view key, YamlNode value) {
   if (!broken_) yaml_put(*node_, std::string(key), std::move(value));
 }
 
-/// `{stature: 1,7}` is YAML for a stature of 1 and a key 7 without a value; reported once, here.
-bool MapReader::has_decimal_comma(std::string_view key) {
+/// `{stature: 1,7}` is YAML for a stature of 1 and a key 7 without a value: `1,7`, which is reported once.
+std::optional<std::string> MapReader::split_number(std::string_view key) {
   auto at = std::find_if(node_->entries.begin(), node_->entries.end(),
                          [&](const YamlEntry& entry) { return entry.key == key; });
-  if (at == node_->entries.end() || at->value.kind != YamlNode::Kind::scalar) return false;
+  if (at == node_->entries.end() || at->value.kind != YamlNode::Kind::scalar) return std::nullopt;
   const auto next = std::next(at);
   if (next == node_->entries.end() || next->value.kind != YamlNode::Kind::null || next->line != at->line)
-    return false;
-  const std::string text = at->value.text + "," + next->key;
-  const auto need = without_comma(text);
-  if (!need) return false;
+    return std::nullopt;
+  std::string text = at->value.text + "," + next->key;
+  if (!without_comma(text, [](const std::string&) { return true; })) return std::nullopt;
   known_.push_back(next->key);
-  problem(key, text, *need);
-  return true;
+  return text;
 }
 
 double MapReader::number(std::string_view key, const Quantity& quantity, std::optional<double> fallback) {
@@ -135,7 +152,6 @@ double MapReader::number(std::string_view key, const Quantity& quantity, std::op
   const double harmless = fallback.value_or(
       std::isfinite(quantity.min) && std::isfinite(quantity.max) ? 0.5 * (quantity.min + quantity.max) : 1.0);
   const YamlNode* found = find_or_report(key, !fallback, [&] { return quantity.need(); });
-  if (found && has_decimal_comma(key)) return harmless;
   if (found) return number_at(*found, key, quantity).value_or(harmless);
   if (fallback) write_default(key, yaml_scalar(number_text(*fallback)));
   return harmless;
@@ -144,7 +160,7 @@ double MapReader::number(std::string_view key, const Quantity& quantity, std::op
 std::optional<double> MapReader::maybe_number(std::string_view key, const Quantity& quantity) {
   if (auto* recorder = diagnostics_->recorder) recorder->record(path_, key, number_form(quantity, {}, false));
   const YamlNode* found = find(key);
-  if (!found || has_decimal_comma(key)) return std::nullopt;
+  if (!found) return std::nullopt;
   return number_at(*found, key, quantity);
 }
 
@@ -155,12 +171,13 @@ int MapReader::integer(std::string_view key, int min, int max, int fallback) {
     write_default(key, yaml_scalar(std::to_string(fallback)));
     return fallback;
   }
-  if (has_decimal_comma(key)) return fallback;
-  const std::optional<double> value =
-      found->kind == YamlNode::Kind::scalar ? parse_number(found->text) : std::nullopt;
-  if (value && *value >= min && *value <= max && *value == std::floor(*value))
-    return static_cast<int>(*value);
-  problem(key, found->described(), fmt::format("a whole number, {} to {}", min, max));
+  const std::string need = fmt::format("a whole number, {} to {}", min, max);
+  const auto accepted = [&](const std::string& text) { return allowed_integer(text, min, max); };
+  const std::optional<std::string> split = split_number(key);
+  const std::string& text = split ? *split : found->text;
+  const bool scalar = found->kind == YamlNode::Kind::scalar;
+  if (const auto value = scalar && !split ? accepted(text) : std::nullopt) return *value;
+  problem(key, split ? text : found->described(), without_comma(text, accepted).value_or(need));
   return fallback;
 }
 

@@ -152,7 +152,7 @@ class MapReader {
   std::optional<double> item(const YamlNode& list, std::string_view key, std::size_t i,
                              const Quantity& quantity);
   void write_default(std::string_view key, YamlNode value);
-  bool has_decimal_comma(std::string_view key);
+  std::optional<std::string> split_number(std::string_view key);
 
   YamlNode* node_;
   std::string path_;

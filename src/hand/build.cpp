@@ -44,6 +44,7 @@ double axis_of(const SegmentSpec& row, const BuiltSegment& built) {
 std::vector<BuiltSegment> lay_out(const HandSpec& spec, const HandSize& size, const Person& person) {
   std::vector<BuiltSegment> out;
   std::vector<Problem> problems;
+  int rows = 0;  // of the file: a carrier has none
   for (const SegmentSpec& row : spec.segments) {
     const bool on_palm = row.parent == kPalm;
     const auto parent = static_cast<std::size_t>(row.parent);
@@ -51,18 +52,23 @@ std::vector<BuiltSegment> lay_out(const HandSpec& spec, const HandSize& size, co
     const Vec3 at = row.at ? position(*row.at, size) : Vec3(0, out[parent].length, 0);
     BuiltSegment& built = out.emplace_back();
     built.frame = parent_frame * Pose{at, row.rotation};
-    if (row.carrier || !row.of_palm.empty()) continue;
+    if (row.carrier) continue;
+    const std::string key = fmt::format("segments.{}.", rows++);
+    if (!row.of_palm.empty()) continue;
     const auto measured = person.bones.find(row.name);
     built.length = measured == person.bones.end() ? row.length.value(size) : measured->second;
     built.radius = row.radius.value(size);
-    if (!(axis_of(row, built) >= 1e-5 && built.radius > 0))
+    const std::size_t before = problems.size();
+    check_size(row.place, key + "radius", built.radius, problems);
+    check_size(row.place, key + "length", built.length, problems);
+    if (problems.size() == before && !(axis_of(row, built) >= 1e-5))
       problems.push_back(
-          {row.place, fmt::format("model.segments.{}.length", out.size() - 1),
+          {row.place, "model." + key + "length",
            fmt::format("a length of {:.3g} m with a radius of {:.3g} m", built.length, built.radius),
            "a fingertip longer than its radius"});
   }
   check_bones(spec, person, problems);
-  if (!problems.empty()) throw Error(problems);
+  throw_if_any(std::move(problems));
   return out;
 }
 
@@ -89,6 +95,10 @@ Piece palm_part(const PalmSpec& spec, const HandSize& size) {
     box.name = "palm";
     box.kind = ShapeKind::box;
     box.edges = {spec.breadth.value(size), spec.length.value(size), spec.thickness.value(size)};
+    std::vector<Problem> problems;
+    const char* const keys[] = {"palm.breadth", "palm.length", "palm.thickness"};
+    for (int i = 0; i < 3; ++i) check_size(spec.place, keys[i], box.edges[i], problems);
+    throw_if_any(std::move(problems));
     out.frame.p = Vec3(0, 0.5 * box.edges.y(), 0) + position(spec.offset, size);
     out.shapes.push_back(std::move(box));
   }

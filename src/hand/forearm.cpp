@@ -7,6 +7,10 @@ namespace handsim::hand {
 
 BuiltHand::Forearm forearm_of(const ForearmSpec& spec, const HandSize& size, const Person& person) {
   BuiltHand::Forearm out;
+  std::vector<Problem> problems;
+  check_size(spec.place, "forearm.length", spec.length.value(size), problems);
+  check_size(spec.place, "forearm.radius", spec.radius.value(size), problems);
+  throw_if_any(std::move(problems));
   const double length = spec.length.value(size), distal = (1 - spec.centre) * length;
   out.body.name = "forearm";
   out.body.mass = share_of(spec, person.sex) * person.mass;

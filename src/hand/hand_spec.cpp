@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/core/text.h"
 #include "handsim/core/units.h"
 #include "handsim/hand/material.h"
 
@@ -100,6 +101,7 @@ std::optional<MassRule> read_mass(MapReader reader) {
 
 PalmSpec read_palm(MapReader reader, const std::optional<MassRule>& mass) {
   PalmSpec palm;
+  palm.place = reader.node().place();
   if (reader.has("shapes")) {
     palm.shapes = read_shapes(reader, 1);
   } else {
@@ -146,7 +148,7 @@ void read_segment_joint(MapReader reader, const HandSpec& spec, SegmentSpec& seg
   reader.finish();
 }
 
-/// Any name; one that is not a finger's says with which finger it counts.
+/// Any name; one that is not a finger's may say with which finger it counts.
 void read_finger(MapReader& reader, SegmentSpec& segment) {
   segment.finger = reader.name("finger");
   for (const auto& [name, part] : kFingers)
@@ -154,11 +156,14 @@ void read_finger(MapReader& reader, SegmentSpec& segment) {
       segment.part = part;
       return;
     }
-  if (segment.finger.empty() || reader.has("counts_as"))
-    segment.part = reader.choice<Part>("counts_as", kFingers);
-  else
-    reader.problem("finger", segment.finger,
-                   "thumb, index, middle, ring or little, or one of these under `counts_as`");
+  const std::string name = lower_case(segment.finger);
+  const auto within = std::find_if(kFingers.begin(), kFingers.end(), [&](const auto& finger) {
+    return name.find(finger.first) != std::string::npos;
+  });
+  const bool like = within != kFingers.end();
+  if (!like && !name.empty() && !reader.has("counts_as"))
+    reader.warning("finger", segment.finger + " counts as the little finger: counts_as names another one");
+  segment.part = reader.choice<Part>("counts_as", kFingers, like ? within->second : Part::little);
 }
 
 /// A length and a radius with more shapes, or shapes of the palm.
@@ -256,6 +261,7 @@ void read_wrist(MapReader reader, HandSpec& spec) {
 ForearmSpec read_forearm(MapReader reader) {
   const Quantity share = {Dimension::none, 0, 0.1, true}, part = {Dimension::none, 0, 1, true};
   ForearmSpec out;
+  out.place = reader.node().place();
   out.length = read_length(reader, "length");
   out.radius = read_length(reader, "radius");
   out.male = reader.number("male", share);

@@ -69,6 +69,7 @@ struct PalmSpec {
   /// Of the hand's mass, body_mass_share rule only. Absent: what the segments leave of 1. Present: a hand
   /// model with fewer fingers has a lighter hand.
   std::optional<double> mass_share;
+  Place place;  ///< for messages
 };
 
 /// Between the world and the wrist of a hand that hangs on its wrist: a body with the mass, centre of mass
@@ -80,6 +81,7 @@ struct ForearmSpec {
   /// Radii of gyration about the axes across and along it, in shares of its length.
   double across = 0, along = 0;
   JointSpec joint;
+  Place place;  ///< for messages
 };
 
 /// A person's share of body mass, of a MassRule or a ForearmSpec.

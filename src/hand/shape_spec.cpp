@@ -14,7 +14,8 @@ namespace {
 /// Largest term of a rule: twice a hand dimension, or half a metre.
 constexpr double kMostShares = 2, kMostMetres = 0.5;
 constexpr std::size_t kMostShapes = 20;
-constexpr double kThinnest = 1e-5;
+/// Sizes of the built parts [m].
+constexpr double kThinnest = 1e-5, kLongest = 10;
 /// Capsules lie along z.
 const Vec3 kAlong = Vec3::UnitZ();
 
@@ -38,7 +39,10 @@ std::optional<LengthRule> parse_rule(std::string_view text) {
   LengthRule rule;
   double sign = 1;
   while (true) {
-    const std::size_t end = std::min(text.find(" + "), text.find(" - "));
+    std::size_t end = text.find(' ');
+    while (end != std::string_view::npos && !text.substr(end).starts_with(" + ") &&
+           !text.substr(end).starts_with(" - "))
+      end = text.find(' ', end + 1);
     if (!add_term(text.substr(0, end), sign, rule)) return std::nullopt;
     if (end == std::string_view::npos) return rule;
     sign = text[end + 1] == '+' ? 1 : -1;
@@ -89,12 +93,6 @@ ShapeSpec read_shape(MapReader reader) {
   return out;
 }
 
-void check_size(const ShapeSpec& spec, const char* quantity, double value) {
-  if (!(value > kThinnest))
-    throw Error(std::vector<Problem>{{spec.place, "model.shapes." + spec.name,
-                                      fmt::format("{} of {:.3g} m", quantity, value), "more than 0.01 mm"}});
-}
-
 }  // namespace
 
 double LengthRule::value(const HandSize& size) const {
@@ -105,13 +103,28 @@ Vec3 position(const PlaceRule& rules, const HandSize& size) {
   return {rules[0].value(size), rules[1].value(size), rules[2].value(size)};
 }
 
+void check_size(const Place& place, const std::string& key, double value, std::vector<Problem>& problems) {
+  if (!(value > kThinnest && value <= kLongest))
+    problems.push_back({place, "model." + key, fmt::format("{:.3g} m for this person", value),
+                        "above 0.01 mm, at most 10 m"});
+}
+
+void throw_if_any(std::vector<Problem> problems) {
+  if (!problems.empty()) throw Error(std::move(problems));
+}
+
 model::Shape shape_of(const ShapeSpec& spec, const HandSize& size) {
+  std::vector<Problem> problems;
+  const auto check = [&](const char* key, double value) {
+    check_size(spec.place, fmt::format("shapes.{}.{}", spec.name, key), value, problems);
+  };
   model::Shape out;
   out.name = spec.name;
   if (spec.edges) {
     out.kind = model::ShapeKind::box;
     out.edges = position(*spec.edges, size);
-    check_size(spec, "an edge", out.edges.minCoeff());
+    for (int i = 0; i < 3; ++i) check("edges", out.edges[i]);
+    throw_if_any(std::move(problems));
     out.pose = {position(spec.at, size), spec.rotation};
     return out;
   }
@@ -119,8 +132,9 @@ model::Shape shape_of(const ShapeSpec& spec, const HandSize& size) {
   out.kind = model::ShapeKind::capsule;
   out.radius = spec.radius.value(size);
   out.length = (to - from).norm();
-  check_size(spec, "a radius", out.radius);
-  check_size(spec, "an axis", out.length);
+  check("radius", out.radius);
+  check("to", out.length);
+  throw_if_any(std::move(problems));
   out.pose = {0.5 * (from + to), rotation_between(kAlong, to - from)};
   return out;
 }

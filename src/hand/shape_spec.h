@@ -35,8 +35,13 @@ struct ShapeSpec {
   Place place;  ///< of the row, for messages
 };
 
+/// Problem of a size of a built part that is not above 10 um, or above 10 m.
+/// @param place, key of its rule
+void check_size(const Place& place, const std::string& key, double value, std::vector<Problem>& problems);
+void throw_if_any(std::vector<Problem> problems);
+
 /// The shape of a person, its pose in the frame of the rule.
-/// @throws Error (input) for a radius, an edge or an axis that is not above 10 um.
+/// @throws Error (input) for a radius, an edge or an axis that is out of range.
 model::Shape shape_of(const ShapeSpec& spec, const HandSize& size);
 
 /// A required length above 0.

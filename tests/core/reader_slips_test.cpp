@@ -55,7 +55,14 @@ TEST(DecimalComma, IsReportedOnceWithTheCorrectForm) {
             "f.yaml:1:5: a: got 1,7, need a decimal point in place of a comma: 1.7\n"
             "f.yaml:1:13: b: got 1,75 m, need a decimal point in place of a comma: 1.75 m\n");
   EXPECT_EQ(problems("a: 1,000\n", read),
+            "f.yaml:1:4: a: got 1,000, need a decimal point in place of a comma: 1.000\n");
+  // Only what is accepted is suggested.
+  const auto wide = [](MapReader& reader) { reader.number("a", {Dimension::none, 0, 2000}); };
+  EXPECT_EQ(problems("a: 1,000\n", wide),
             "f.yaml:1:4: a: got 1,000, need a decimal point in place of a comma: 1.000 (or 1000)\n");
+  const auto large = [](MapReader& reader) { reader.integer("a", 10, 2000, 10); };
+  EXPECT_EQ(problems("a: 1,000\n", large), "f.yaml:1:4: a: got 1,000, need no comma: 1000\n");
+  EXPECT_EQ(problems("a: 1,5\n", large), "f.yaml:1:4: a: got 1,5, need a whole number, 10 to 2000\n");
   EXPECT_EQ(problems("{a: 1, 7: }", read),
             "f.yaml:1:5: a: got 1,7, need a decimal point in place of a comma: 1.7\n");
   // A key that has a value is a key.

@@ -39,5 +39,21 @@ TEST(Units, RangesHaveOpenAndClosedEnds) {
   EXPECT_EQ(open.need(), "a length, above 0 to 1 m, such as 0.02 or \"20 mm\"");
 }
 
+// Oracle: the reader of numbers. Ranges of every dimension, about and beyond each example.
+TEST(Units, WhatAMessageSuggestsIsAllowed) {
+  for (int dimension = 0; dimension <= static_cast<int>(Dimension::force); ++dimension)
+    for (double low = 1e-6; low < 1e6; low *= 3)
+      for (const double high : {low * 2, low * 1e3}) {
+        const Quantity range = {static_cast<Dimension>(dimension), low, high};
+        for (const char* got : {"", "175", "fast", "0.5"}) {
+          const std::string need = range.need(got);
+          const std::size_t open = need.find('"');
+          if (open == std::string::npos) continue;
+          const auto value = parse_quantity(need.substr(open + 1, need.size() - open - 2), range.dimension);
+          EXPECT_TRUE(value && range.allows(*value)) << need;
+        }
+      }
+}
+
 }  // namespace
 }  // namespace handsim

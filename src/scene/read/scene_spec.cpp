@@ -52,7 +52,9 @@ void read_content(MapReader& reader, SceneSpec& scene, Diagnostics& diagnostics)
   scene.hands = read_hands(reader, scene.tasks);
   scene.contacts = read_contacts(reader);
   scene.objects = read_objects(reader, scene.contacts.materials, scene.tasks, !scene.hands.empty());
-  if (reader.sound()) check_task_sites(scene, diagnostics);
+  const bool read = reader.sound();
+  check_task_objects(scene, diagnostics);
+  if (read) check_task_hands(scene, diagnostics);
   std::vector<std::string> taken = scene.object_names();
   taken.insert(taken.end(), {"world", "ground"});
   scene.mechanism = read_mechanism(reader, std::move(taken), scene.contacts.materials);

@@ -43,10 +43,21 @@ void check_object(const SceneSpec& scene, const TaskSpec& task, Diagnostics& dia
   const auto object = object_of(scene, task);
   const bool moves = task.kind->moves_object;
   if (object && scene.objects[*object].is_static != moves) return;
-  std::string got = task.object;
-  if (object) got += moves ? ", which does not move" : ", which moves";
-  problem(task, std::string(".") + task.kind->object, got,
-          fmt::format("the name of a {} object of the scene", moves ? "free" : "static"), diagnostics);
+  std::vector<std::string> known;
+  for (const ObjectSpec& each : scene.objects)
+    if (each.is_static != moves) known.push_back(each.name);
+  problem(task, std::string(".") + task.kind->object,
+          task.object + (!object ? ", which is no object of the scene"
+                         : moves ? ", which does not move"
+                                 : ", which moves"),
+          fmt::format("a {} object of the scene{}", moves ? "free" : "static",
+                      known.empty() ? "" : ": " + need_word(task.object, known)),
+          diagnostics);
+  // The object that was meant has no place of its own.
+  if (!object && moves)
+    std::erase_if(diagnostics.problems, [](const Problem& each) {
+      return each.key.starts_with("objects.") && each.key.ends_with(".position") && each.got == "nothing";
+    });
 }
 
 /// A hand whose mount relies on a task needs one.
@@ -78,12 +89,16 @@ std::optional<std::size_t> object_of(const SceneSpec& scene, const TaskSpec& tas
   return std::nullopt;
 }
 
-void check_task_sites(const SceneSpec& scene, Diagnostics& diagnostics) {
+void check_task_objects(const SceneSpec& scene, Diagnostics& diagnostics) {
+  const bool named = std::none_of(scene.objects.begin(), scene.objects.end(),
+                                  [](const ObjectSpec& object) { return object.name.empty(); });
+  for (const auto& task : scene.tasks)
+    if (named && !task->object.empty()) check_object(scene, *task, diagnostics);
+}
+
+void check_task_hands(const SceneSpec& scene, Diagnostics& diagnostics) {
   std::vector<const TaskSpec*> taken(scene.hands.size());
-  for (const auto& task : scene.tasks) {
-    check_hand(scene, *task, taken, diagnostics);
-    check_object(scene, *task, diagnostics);
-  }
+  for (const auto& task : scene.tasks) check_hand(scene, *task, taken, diagnostics);
   for (std::size_t i = 0; i < taken.size(); ++i)
     if (!taken[i]) check_unplaced(scene, i, diagnostics);
 }
