@@ -33,9 +33,10 @@ constexpr double kEnough = 0.03;
 constexpr int kRaises = 3;
 /// Weights in the choice of a place: distance from the named one in hand lengths, forces off those asked,
 /// friction, use() up to a most, forces that are not planned, and in a wrap a thumb beside the fingers; there
-/// use() beyond an easy one counts as such.
+/// use() beyond an easy one counts as such, and so do far more forces that are not planned.
 constexpr double kFarWeight = 2, kOffWeight = 0.4, kFrictionWeight = 0.6, kUseWeight = 0.1,
-                 kUnplannedWeight = 0.1, kMostWrong = 5, kBesideWeight = 1.5, kEasyUse = 1.2;
+                 kUnplannedWeight = 0.1, kMostWrong = 5, kBesideWeight = 1.5, kEasyUse = 1.2,
+                 kBadlyPlanned = 5, kEasyUnplanned = 0.4;
 /// First and last step on the way to a better place, in hand lengths, and turn of the thumb in a step of one
 /// hand length [rad].
 constexpr double kFirstStep = 0.06, kLastStep = 6e-3, kTurnOfStep = 2;
@@ -145,7 +146,8 @@ class Fit {
                                        [&](const auto& of) { return !out_.forces.contains(of.first); });
     const double beside = std::abs(thumb / of_thumb - fingers / of_fingers) / site_.built.size.length;
     return static_cast<double>(missing) + kBesideWeight * (beside + across / (of_thumb + of_fingers)) +
-           std::max(0.0, use() * worst_torque().first - kEasyUse);
+           std::max(0.0, use() * worst_torque().first - kEasyUse) +
+           kBadlyPlanned * std::max(0.0, unplanned() - kEasyUnplanned);
   }
 
   /// How far the grasp is from one that holds with little friction and the forces that are asked.
