@@ -70,10 +70,12 @@ void print_table(const std::vector<study::GraspRow>& rows) {
               row.smallest_friction ? fmt::format("{:.2g}", *row.smallest_friction) : "-");
     if (row.half_step)
       print_row("  at half the step", "", word(row.half_step->outcome()), "", *row.half_step, "-");
-    if (row.uncertain()) print("  note: {}; {} at half the step\n", f.told(), row.half_step->told());
+    if (row.uncertain())
+      print("  note: {}; {} at half the step: the step decides\n", f.told(), row.half_step->told());
     if (marginal)
       print("  note: {}; {} turns it\n", f.told(), *row.turning);
-    else if (f.outcome() == simulation::Outcome::moved || f.outcome() == simulation::Outcome::lost)
+    else if (!row.uncertain() &&
+             (f.outcome() == simulation::Outcome::moved || f.outcome() == simulation::Outcome::lost))
       print("  note: {}\n", f.told());
     if (!row.not_searched.empty()) print("  note: no search for the least friction: {}\n", row.not_searched);
     if (f.disagree())

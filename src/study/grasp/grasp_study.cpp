@@ -294,8 +294,9 @@ void write_tables(const GraspTables& tables, const std::filesystem::path& out) {
 bool GraspRow::uncertain() const {
   if (!half_step) return false;
   if (figures.outcome() != half_step->outcome()) return true;
-  return figures.margin_measured() && half_step->margin_measured() &&
-         std::abs(figures.margin()) < std::abs(figures.margin() - half_step->margin());
+  if (!figures.margin_measured() || !half_step->margin_measured()) return false;
+  const double whole = figures.margin(), half = half_step->margin();
+  return std::min(std::abs(whole), std::abs(half)) < std::abs(whole - half);
 }
 
 void set_friction(scene::Scene& scene, double friction) {

@@ -42,7 +42,8 @@ struct GraspRow : RunRow {
   std::optional<std::string> turning;  ///< what of the 5 % turns the verdict; empty: nothing does
   std::optional<simulation::GraspFigures> half_step;  ///< with `confirm`: the same at half the step
 
-  /// The step decides: the outcome at half of it is another one, or its margin differs by more than there is.
+  /// The step decides: the outcome at half of it is another one, or its margin differs by more than there is
+  /// at either. An error in proportion to the step is at half of it still as large as the difference.
   bool uncertain() const;
 };
 
