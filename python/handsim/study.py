@@ -147,7 +147,7 @@ def stability(study: PathText = "stability", *, cases: Sequence[str] = (), quick
 
 def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = None, *, sides: Sequence[str] = (),
            friction: Optional[float] = None, friction_search: bool = False, margin: bool = False,
-           pictures: bool = False, out: Out = None, progress: Progress = None) -> Study:
+           confirm: bool = False, pictures: bool = False, out: Out = None, progress: Progress = None) -> Study:
     """Grasp and climb scenes in one table of each: ``tables["grasps"]``, ``tables["climbs"]``.
 
     :param scenes: files, names of shipped scenes, or folders
@@ -155,11 +155,12 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
     :param friction: of every surface; None: the scenes'
     :param friction_search: the smallest friction that still holds each grasp
     :param margin: each grasp again with 5 % more and less friction and mass
+    :param confirm: each grasp again at half the step
     """
     listed = [scenes] if isinstance(scenes, (str, PathLike)) else list(scenes)
     with _folder(out) as folder:
         _core.grasps([find_file(each) for each in listed], folder, list(sides), override_list(overrides), friction,
-                     friction_search, margin, pictures, progress)
+                     friction_search, margin, confirm, pictures, progress)
         return Study("grasps", folder, "")
 
 

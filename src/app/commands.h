@@ -80,6 +80,7 @@ struct GraspArguments {
   std::optional<double> friction;
   bool friction_search = false;
   bool margin = false;
+  bool confirm = false;
   bool pictures = false;
   bool report = false;       ///< writes report.html
   std::optional<int> agree;  ///< random grasps on which engines are compared

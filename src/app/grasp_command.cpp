@@ -46,23 +46,36 @@ std::string margin_text(const simulation::GraspFigures& figures) {
 
 void print_table(const std::vector<study::GraspRow>& rows) {
   constexpr const char* kHead =
-      "{:<24} {:<6} {:<8} {:>8} {:>7} {:>8} {:>9} {:>9} {:>8} {:>9} {:>8} {:>8} {:>9} {:>9}\n";
+      "{:<24} {:<6} {:<9} {:>8} {:>7} {:>8} {:>9} {:>9} {:>8} {:>9} {:>8} {:>8} {:>9} {:>9}\n";
   print(kHead, "scene", "hand", "verdict", "criteria", "margin", "slip", "in shake", "after it", "turned",
         "contacts", "grip", "epsilon", "volume", "friction");
   print(kHead, "", "", "", "", "%", "um/s", "mm", "mm", "deg", "", "N", "", "", "least");
+  const auto print_row = [&](const std::string& name, const std::string& side, const char* verdict,
+                             const char* criteria, const simulation::GraspFigures& f,
+                             const std::string& least) {
+    const bool held = f.hold_measured(), end = f.complete;
+    print(kHead, name, side, verdict, criteria, margin_text(f), figure(held, 1e6 * f.slip),
+          figure(held, 1e3 * f.shaken_shift), figure(end, 1e3 * f.shift),
+          figure(end, kDegreesPerRadian * f.turn), figure(end, f.after.contacts), figure(end, f.after.normal),
+          figure(end, f.after.wrenches.epsilon), figure(end, f.after.wrenches.volume), least);
+  };
   for (const study::GraspRow& row : rows) {
     const simulation::GraspFigures& f = row.figures;
     const bool marginal = row.turning && !row.turning->empty();
-    const char* verdict = !row.fault.empty() ? "diverged" : marginal ? "marginal" : word(f.outcome());
-    const bool held = f.hold_measured(), end = f.complete;
-    print(kHead, row.scene, row.side, verdict, row.passed ? "held" : "FAILED", margin_text(f),
-          figure(held, 1e6 * f.slip), figure(held, 1e3 * f.shaken_shift), figure(end, 1e3 * f.shift),
-          figure(end, kDegreesPerRadian * f.turn), figure(end, f.after.contacts), figure(end, f.after.normal),
-          figure(end, f.after.wrenches.epsilon), figure(end, f.after.wrenches.volume),
-          row.smallest_friction ? fmt::format("{:.2g}", *row.smallest_friction) : "-");
+    const char* verdict = !row.fault.empty() ? "diverged"
+                          : row.uncertain()  ? "uncertain"
+                          : marginal         ? "marginal"
+                                             : word(f.outcome());
+    print_row(row.scene, row.side, verdict, row.passed ? "held" : "FAILED", f,
+              row.smallest_friction ? fmt::format("{:.2g}", *row.smallest_friction) : "-");
+    if (row.half_step)
+      print_row("  at half the step", "", word(row.half_step->outcome()), "", *row.half_step, "-");
+    if (row.uncertain())
+      print("  note: {}; {} at half the step: the step decides\n", f.told(), row.half_step->told());
     if (marginal)
       print("  note: {}; {} turns it\n", f.told(), *row.turning);
-    else if (f.outcome() == simulation::Outcome::moved || f.outcome() == simulation::Outcome::lost)
+    else if (!row.uncertain() &&
+             (f.outcome() == simulation::Outcome::moved || f.outcome() == simulation::Outcome::lost))
       print("  note: {}\n", f.told());
     if (!row.not_searched.empty()) print("  note: no search for the least friction: {}\n", row.not_searched);
     if (f.disagree())
@@ -158,6 +171,7 @@ int grasp_command(const GraspArguments& arguments) {
   }
   study.friction_search = arguments.friction_search;
   study.margin = arguments.margin;
+  study.confirm = arguments.confirm;
   study.pictures = arguments.pictures;
   study.video = video_of(arguments.drawing);
   if (study.video && study.video->file.has_parent_path())

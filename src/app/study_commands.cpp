@@ -31,6 +31,9 @@ void add_grasp(CommandLine& line) {
   grasp.add_flag(
       "--margin", arguments->margin,
       "run each grasp again with 5 % more and less friction and mass: marginal if that changes the verdict");
+  grasp.add_flag("--confirm", arguments->confirm,
+                 "run each grasp again at half the step: uncertain if that changes the verdict, or by more "
+                 "than its margin");
   add_report_flag(grasp, *arguments);
   grasp.add_flag("--pictures", arguments->pictures, "a picture at every phase");
   add_drawing(grasp, arguments->drawing, "in each run's folder: a name without one");

@@ -87,7 +87,7 @@ std::string stability(const path& study, const path& out, const std::vector<std:
 /// @return whether every criterion held
 bool grasps(const std::vector<path>& scenes, const path& out, const std::vector<std::string>& sides,
             const std::vector<std::string>& overrides, std::optional<double> friction, bool friction_search,
-            bool margin, bool pictures, const py::object& progress) {
+            bool margin, bool confirm, bool pictures, const py::object& progress) {
   return run_study(progress, [&](StudyHooks& hooks) {
     study::GraspStudy study;
     study.scenes = scenes;
@@ -97,6 +97,7 @@ bool grasps(const std::vector<path>& scenes, const path& out, const std::vector<
     study.friction = friction;
     study.friction_search = friction_search;
     study.margin = margin;
+    study.confirm = confirm;
     study.pictures = pictures;
     study.progress = hooks.told;
     const study::GraspTables tables = study::run_grasps(study);
@@ -249,8 +250,8 @@ void bind_studies(py::module_& module) {
   module.def("stability", &stability, py::arg("study"), py::arg("out"), py::arg("cases"), py::arg("quick"),
              py::arg("threads"), py::arg("pictures"), py::arg("progress"));
   module.def("grasps", &grasps, py::arg("scenes"), py::arg("out"), py::arg("sides"), py::arg("overrides"),
-             py::arg("friction"), py::arg("friction_search"), py::arg("margin"), py::arg("pictures"),
-             py::arg("progress"));
+             py::arg("friction"), py::arg("friction_search"), py::arg("margin"), py::arg("confirm"),
+             py::arg("pictures"), py::arg("progress"));
   module.def("agreement", &agreement, py::arg("scene"), py::arg("out"), py::arg("overrides"),
              py::arg("draws"), py::arg("seed"), py::arg("quarter_steps"), py::arg("threads"),
              py::arg("progress"));

@@ -63,6 +63,13 @@ bool Closing::moves(const FingerChain& chain) const {
                      [&](std::size_t i) { return std::abs(closed_[i] - start_[i]) > 1e-9; });
 }
 
+void Closing::oppose(double turn) {
+  for (const FingerChain& chain : chains_)
+    if (chain.part == model::Part::thumb)
+      for (std::vector<double>* pose : {&start_, &closed_}) (*pose)[chain.axes.front()] += turn - opposed_;
+  opposed_ = turn;
+}
+
 double Closing::angle(std::size_t axis, double share) const {
   const double angle = start_[axis] + share * (closed_[axis] - start_[axis]);
   const auto& stop = hand_.axes().axes[axis].stop;
@@ -83,7 +90,7 @@ bool Closing::touches(const FingerChain& chain, const std::vector<double>& q) {
 
 bool Closing::open_clear(const Pose& x_HO, const Vec3& from) {
   bool clear = true;
-  open_ = start_;
+  open_ = at(0);
   for (const FingerChain& chain : chains_) {
     double fastest = 0;
     for (const std::size_t i : chain.axes) fastest = std::max(fastest, std::abs(closed_[i] - start_[i]));

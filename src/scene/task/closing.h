@@ -28,6 +28,9 @@ class Closing {
   const std::vector<FingerChain>& chains() const { return chains_; }
   /// True if the finger's closed angles differ from its open ones.
   bool moves(const FingerChain& chain) const;
+  /// Turns the thumb's first axis, of all poses, by this angle from the named ones [rad]: how far it stands
+  /// opposite the fingers.
+  void oppose(double turn);
   /// Angles on the way from open (share 0) to closed (1), or on the way back beyond open (below 0), within
   /// the joints' ranges.
   std::vector<double> at(double share) const;
@@ -57,6 +60,7 @@ class Closing {
   std::vector<FingerChain> chains_;
   std::vector<double> start_, closed_;  ///< the path; `open_` lies on it
   std::vector<double> open_;
+  double opposed_ = 0;  ///< turn of the thumb
 };
 
 }  // namespace handsim::scene

@@ -1,12 +1,14 @@
 #include "handsim/scene/task/grip_fit.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 
 #include <fmt/format.h>
 
 #include "handsim/control/gains.h"
+#include "handsim/core/units.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/shape_extent.h"
 #include "handsim/scene/task/grip_balance.h"
@@ -30,11 +32,17 @@ constexpr double kUse = 1.9, kMostUse = 2.2;
 constexpr double kEnough = 0.03;
 constexpr int kRaises = 3;
 /// Weights in the choice of a place: distance from the named one in hand lengths, forces off those asked,
-/// friction, use() up to a most, forces that are not planned.
+/// friction, use() up to a most, forces that are not planned, and in a wrap a thumb beside the fingers; there
+/// use() beyond an easy one counts as such, and so do far more forces that are not planned.
 constexpr double kFarWeight = 2, kOffWeight = 0.4, kFrictionWeight = 0.6, kUseWeight = 0.1,
-                 kUnplannedWeight = 0.1, kMostWrong = 5;
-/// First and last step on the way to a better place, in hand lengths.
-constexpr double kFirstStep = 0.06, kLastStep = 6e-3;
+                 kUnplannedWeight = 0.1, kMostWrong = 5, kBesideWeight = 1.5, kEasyUse = 1.2,
+                 kBadlyPlanned = 5, kEasyUnplanned = 0.4;
+/// First and last step on the way to a better place, in hand lengths, and turn of the thumb in a step of one
+/// hand length [rad].
+constexpr double kFirstStep = 0.06, kLastStep = 6e-3, kTurnOfStep = 2;
+/// Turns of the thumb from its named pose, and places beyond the named one in hand lengths, tried first.
+constexpr std::array kTurns = {0.0, -15 * kDegree, -30 * kDegree, -45 * kDegree};
+constexpr std::array kShifts = {0.0, 0.06, 0.12};
 /// Rounds in which depths of pads and forces come to agree; most that a pad is pressed deeper in
 /// one [m].
 constexpr int kRounds = 8;
@@ -50,6 +58,12 @@ std::vector<double> angles_of(const TaskSite& site, const std::string& pose, con
   Diagnostics ignored;  // poses are checked with the program
   return control::pose_angles(pose, site.scene.control->poses->poses.at(pose), axes, ignored);
 }
+
+/// Where the object lies in the hand, and how far the thumb is turned from its named pose [rad].
+struct Place {
+  Vec3 p = Vec3::Zero();  ///< [m]
+  double turn = 0;
+};
 
 class Fit {
  public:
@@ -85,10 +99,15 @@ class Fit {
     return found == spec_.forces.end() ? 0 : strength_ * found->second;
   }
 
+  /// A thumb whose force is named is turned to where it presses so.
+  bool thumb_turns() const { return spec_.forces.contains(model::Part::thumb); }
+
   /// Closes the hand on the object at a place, and finds the forces. @returns what is wrong with it, 0:
   /// nothing
-  double grasp_at(const Vec3& p) {
+  double grasp_at(const Place& place) {
+    const Vec3& p = place.p;
     x_HO_ = {p, place_.at.q};
+    closing_.oppose(place.turn);
     depth_.assign(depth_.size(), kTouchDepth);
     if (place_.on_palm) put_on_palm(-kFar);
     opens_ = closing_.open_clear(x_HO_, place_.from);
@@ -111,8 +130,28 @@ class Fit {
     return off / (total_force() + 1e-9);
   }
 
+  /// What is wrong with a wrap, in which the thumb opposes the fingers: fingers that do not touch; the
+  /// distance across the hand, in hand lengths, of the thumb's force from the fingers'; the share of their
+  /// forces that is across the hand; and use() beyond an easy one where the joints press as hard as they can.
+  double wrong_of_wrap() {
+    double thumb = 0, fingers = 0, of_thumb = 1e-9, of_fingers = 1e-9, across = 0;
+    for (std::size_t i = 0; i < contacts_.size(); ++i) {
+      if (contacts_[i].body == hand_.palm()) continue;
+      const bool is_thumb = hand_.part(contacts_[i].body) == model::Part::thumb;
+      (is_thumb ? of_thumb : of_fingers) += normal_force(i);
+      (is_thumb ? thumb : fingers) += normal_force(i) * contacts_[i].point.x();
+      across += normal_force(i) * std::abs(contacts_[i].normal.x());
+    }
+    const auto missing = std::count_if(spec_.forces.begin(), spec_.forces.end(),
+                                       [&](const auto& of) { return !out_.forces.contains(of.first); });
+    const double beside = std::abs(thumb / of_thumb - fingers / of_fingers) / site_.built.size.length;
+    return static_cast<double>(missing) + kBesideWeight * (beside + across / (of_thumb + of_fingers)) +
+           std::max(0.0, use() * worst_torque().first - kEasyUse) +
+           kBadlyPlanned * std::max(0.0, unplanned() - kEasyUnplanned);
+  }
+
   /// How far the grasp is from one that holds with little friction and the forces that are asked.
-  double wrong() const {
+  double wrong() {
     double off = 0, asked_sum = 0, normal = 0, tangential = 0;
     for (const auto& [part, force] : spec_.forces) {
       const auto found = out_.forces.find(part);
@@ -126,32 +165,45 @@ class Fit {
     }
     return (opens_ ? 0 : 10) + kUnplannedWeight * unplanned() + 2 * balanced_.unbalanced +
            kOffWeight * off / asked_sum + kFrictionWeight * tangential / (normal + 1e-9) +
-           kUseWeight * std::min(use(), kMostWrong);
+           kUseWeight * std::min(use(), kMostWrong) + (thumb_turns() ? wrong_of_wrap() : 0);
   }
 
-  /// From the place that the task names, in steps that become smaller, to where the forces balance.
+  /// From the place that the task names, in steps that become smaller, to where the forces balance. A thumb
+  /// whose force is named turns towards where it presses so.
   void search() {
-    Vec3 best = place_.at.p;
-    double least = grasp_at(best);
     const double length = site_.built.size.length;
+    best_ = {place_.at.p, 0};
+    double least = grasp_at(best_);
+    const auto better = [&](const Place& trial) {
+      if ((trial.p - place_.at.p).norm() > spec_.search * length) return false;
+      const double now = grasp_at(trial);
+      if (now >= least) return false;
+      least = now;
+      best_ = trial;
+      return true;
+    };
+    const bool thumb = thumb_turns();
+    for (const double turn : kTurns)
+      for (const double shift : kShifts)
+        if (thumb) better({place_.at.p + shift * length * Vec3::UnitY(), turn});
     for (double step = kFirstStep; step > kLastStep; step /= 2) {
-      bool better = true;
-      while (better) {
-        better = false;
-        const Vec3 from = best;
-        for (int k = 0; k < (place_.on_palm ? 4 : 6); ++k) {
-          const Vec3 trial = from + (k % 2 == 0 ? step : -step) * length * Vec3::Unit(k / 2);
-          if ((trial - place_.at.p).norm() > spec_.search * length) continue;
-          const double now = grasp_at(trial);
-          if (now >= least) continue;
-          least = now;
-          best = trial;
-          better = true;
+      bool moved = true;
+      while (moved) {
+        moved = false;
+        const Place from = best_;
+        for (int k = 0; k < 8; ++k) {
+          const double sign = k % 2 == 0 ? step : -step;
+          Place trial = from;
+          if (k < 6)
+            trial.p += sign * length * Vec3::Unit(k / 2);
+          else
+            trial.turn += sign * kTurnOfStep;
+          if ((k / 2 == 2 && place_.on_palm) || (k >= 6 && !thumb)) continue;
+          moved = better(trial) || moved;
         }
       }
     }
-    best_ = best;
-    grasp_at(best);
+    grasp_at(best_);
   }
 
   /// @param from where it does not touch the palm, or not so deep, along z
@@ -402,7 +454,7 @@ class Fit {
   GripForces balanced_;
   bool opens_ = true;
   bool slips_ = false;           ///< where the fingers press with more
-  Vec3 best_ = Vec3::Zero();     ///< the place that was chosen
+  Place best_;                   ///< that was chosen
   std::optional<Problem> weak_;  ///< the forces are too small
   FittedGrip out_;
 };

@@ -74,8 +74,8 @@ struct GraspFigures {
   /// The object is lost, or it has moved too far for kMovedSpan. @param now time of the run [s]
   bool decided(double now) const { return lost(now) || (failed() && now - moved_time >= kMovedSpan); }
   Outcome outcome() const;
-  /// True if there is a margin: an object that was lost before the shake has none.
-  bool margin_measured() const { return complete || failed(); }
+  /// True if there is a margin: a lost object has none, wherever it lies.
+  bool margin_measured() const { return outcome() == Outcome::held || outcome() == Outcome::moved; }
   /// Smallest distance to a limit, as a share of the limit; negative beyond it.
   double margin() const;
   /// Text of the outcome, with time and contact of a loss: `held`, `LOST at 4.21 s, last by the thumb`.

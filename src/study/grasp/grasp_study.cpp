@@ -1,6 +1,7 @@
 #include "handsim/study/grasp/grasp_study.h"
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include <fmt/format.h>
@@ -48,6 +49,8 @@ std::vector<std::filesystem::path> files_of(const std::vector<std::filesystem::p
 /// One run to come.
 struct Work {
   std::string name, side;
+  std::filesystem::path file;
+  std::vector<std::string> overrides;
   scene::Scene scene;
 };
 
@@ -104,7 +107,7 @@ std::vector<Work> load(const GraspStudy& study, std::vector<RefusedGrasp>& refus
           if (!names.insert(name + "_" + side).second)
             throw input_error("scenes", file.string() + ", whose name another has",
                               "names of their own, by which the runs' folders are called");
-          Work work{name, side, scene::load_scene(file, overrides)};
+          Work work{name, side, file, overrides, scene::load_scene(file, overrides)};
           if (study.friction) set_friction(work.scene, *study.friction);
           if (const std::string why = person ? blocked(work.scene) : ""; !why.empty())
             refused.push_back({name, side, why});
@@ -121,6 +124,15 @@ std::vector<Work> load(const GraspStudy& study, std::vector<RefusedGrasp>& refus
   }
   diagnostics.throw_if_any();
   return out;
+}
+
+/// The figures of the same grasps at half the step.
+std::vector<simulation::GraspFigures> at_half_step(const GraspStudy& study, const Work& work) {
+  std::vector<std::string> overrides = work.overrides;
+  overrides.push_back(fmt::format("solver.step={}", 0.5 * work.scene.spec.solver.step));
+  scene::Scene scene = scene::load_scene(work.file, overrides);
+  if (study.friction) set_friction(scene, *study.friction);
+  return simulate(scene);
 }
 
 simulation::RunOptions options_of(const GraspStudy& study, const Work& work) {
@@ -181,7 +193,8 @@ std::string csv(const std::vector<GraspRow>& rows) {
   std::string out =
       "scene,side,object,held,outcome,margin,turning,slip[um/"
       "s],shaken_shift[mm],shift[mm],turn[deg],contacts,normal_force[N],"
-      "friction_used,force_closure,epsilon,wrench_volume,smallest_friction,criteria_held,wall[s]\n";
+      "friction_used,force_closure,epsilon,wrench_volume,smallest_friction,criteria_held,wall[s],"
+      "outcome_half_step,margin_half_step,uncertain\n";
   for (const GraspRow& row : rows) {
     const simulation::GraspFigures& f = row.figures;
     // Empty: not measured.
@@ -210,7 +223,10 @@ std::string csv(const std::vector<GraspRow>& rows) {
         cell(end, wrenches.volume),
         cell(row.smallest_friction.has_value(), row.smallest_friction.value_or(0)),
         row.passed ? "1" : "0",
-        fmt::format("{:.3g}", row.wall)};
+        fmt::format("{:.3g}", row.wall),
+        row.half_step ? quoted(row.half_step->told()) : "",
+        row.half_step ? cell(row.half_step->margin_measured(), row.half_step->margin()) : "",
+        cell(row.half_step.has_value(), row.uncertain())};
     out += fmt::format("{}\n", fmt::join(cells, ","));
   }
   return out;
@@ -247,6 +263,16 @@ std::string json(const std::vector<GraspRow>& rows, const std::vector<RefusedGra
     if (f.outcome() == simulation::Outcome::lost) entry["lost_time_s"] = f.left_time;
     if (f.moved_time > 0) entry["moved_time_s"] = f.moved_time;
     if (row.turning) entry["turning"] = *row.turning;
+    if (row.half_step) {
+      const simulation::GraspFigures& half = *row.half_step;
+      entry["uncertain"] = row.uncertain();
+      entry["half_step"] = {{"outcome", half.told()},
+                            {"margin", known(half.margin_measured(), half.margin())},
+                            {"slip_m_per_s", known(half.hold_measured(), half.slip)},
+                            {"shaken_shift_m", known(half.hold_measured(), half.shaken_shift)},
+                            {"shift_m", known(half.complete, half.shift)},
+                            {"turn_rad", known(half.complete, half.turn)}};
+    }
     if (!row.fault.empty()) entry["fault"] = row.fault;
     out.push_back(std::move(entry));
   }
@@ -264,6 +290,14 @@ void write_tables(const GraspTables& tables, const std::filesystem::path& out) {
 }
 
 }  // namespace
+
+bool GraspRow::uncertain() const {
+  if (!half_step) return false;
+  if (figures.outcome() != half_step->outcome()) return true;
+  if (!figures.margin_measured() || !half_step->margin_measured()) return false;
+  const double whole = figures.margin(), half = half_step->margin();
+  return std::min(std::abs(whole), std::abs(half)) < std::abs(whole - half);
+}
 
 void set_friction(scene::Scene& scene, double friction) {
   for (model::Material& material : scene.model.materials) {
@@ -356,7 +390,7 @@ GraspTables run_grasps(const GraspStudy& study) {
   const double share = 1.0 / static_cast<double>(all.size());
   for (std::size_t i = 0; i < all.size(); ++i) {
     const Work& work = all[i];
-    const double own = study.friction_search || study.margin ? 0.2 : 1;
+    const double own = study.friction_search || study.margin || study.confirm ? 0.2 : 1;
     const auto tell = [&](double from, double part) {
       return [&study, begin = (static_cast<double>(i) + from) * share, span = part * share](double done) {
         if (study.progress) study.progress(begin + done * span);
@@ -373,6 +407,10 @@ GraspTables run_grasps(const GraspStudy& study) {
       const bool held = std::all_of(found.begin(), found.end(), [](const auto& r) { return r.figures.held; });
       const std::string what = turning(work.scene, held, tell(own, 1 - own));
       for (GraspRow& row : found) row.turning = what;
+    }
+    if (study.confirm && !found.empty()) {
+      const auto half = at_half_step(study, work);
+      for (std::size_t k = 0; k < found.size(); ++k) found[k].half_step = half[k];
     }
     if (study.friction_search && !found.empty()) {
       const bool search = result.passed();

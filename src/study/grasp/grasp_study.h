@@ -23,6 +23,7 @@ struct GraspStudy {
   std::optional<double> friction;      ///< of every surface; absent: the scene's
   bool friction_search = false;
   bool margin = false;    ///< each grasp again with 5 % more and less friction and mass
+  bool confirm = false;   ///< each grasp again at half the step
   bool pictures = false;  ///< at every phase
   /// Of each run; the file's name without a folder, because it is written into the run's.
   std::optional<simulation::VideoSpec> video;
@@ -39,6 +40,11 @@ struct GraspRow : RunRow {
       smallest_friction;               ///< that still holds, of every surface, to a sixtieth of the scene's
   std::string not_searched;            ///< why there is none
   std::optional<std::string> turning;  ///< what of the 5 % turns the verdict; empty: nothing does
+  std::optional<simulation::GraspFigures> half_step;  ///< with `confirm`: the same at half the step
+
+  /// The step decides: the outcome at half of it is another one, or its margin differs by more than there is
+  /// at either. An error in proportion to the step is at half of it still as large as the difference.
+  bool uncertain() const;
 };
 
 /// A grasp or climb that does not fit its hand: nothing is run.

@@ -1,6 +1,8 @@
 // Planning of tasks does not change the scene; two tasks may share an object if they agree on its pose.
 #include "handsim/scene/task/tasks.h"
 
+#include <regex>
+
 #include <gtest/gtest.h>
 
 #include "scene_files.h"
@@ -119,6 +121,20 @@ TEST(Tasks, OfAHandThatHasATaskAreRefused) {
   const std::string text =
       refusal(hands("rail", {"right"}) + bar_at(0) + "climbs:\n" + climb("right", 0.2) + climb("right", 0.2));
   EXPECT_TRUE(contains(text, "climbs.1.hand: got a hand that climbs.0 moves")) << text;
+}
+
+// Oracle: a title stands over whatever a key has made of its scene: it names no quantity.
+TEST(ShippedTitles, NameNoQuantityThatAKeyCanChange) {
+  const std::regex quantity("(^|\n)title:[^\n]*[0-9] ?(mm|cm|m|g|kg|ms|s|N|Hz|deg|rad/s)\\b[^\n]*");
+  int titles = 0;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(test::source("config"))) {
+    if (entry.path().extension() != ".yaml") continue;
+    const std::string text = test::text_of(entry.path());
+    std::smatch found;
+    EXPECT_FALSE(std::regex_search(text, found, quantity)) << entry.path() << ": " << found.str();
+    titles += text.find("title:") != std::string::npos ? 1 : 0;
+  }
+  EXPECT_GT(titles, 50);
 }
 
 }  // namespace
