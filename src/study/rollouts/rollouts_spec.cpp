@@ -178,9 +178,10 @@ VariedKey read_varied(MapReader reader, const std::string& key) {
     ++ways;
     read_population(reader, out);
   }
+  // A way that is misspelt is an unknown key.
+  reader.finish();
   if (map && ways != 1 && reader.sound())
     reader.problem("", ways == 0 ? "nothing to draw from" : fmt::format("{} ways to draw", ways), kWays);
-  reader.finish();
   return out;
 }
 
