@@ -89,12 +89,12 @@ void RolloutStudy::check_paths(Diagnostics& diagnostics) const {
 /// Keeps what is overruled in all samples.
 void RolloutStudy::note_overruled(const scene::Scene& scene) {
   std::vector<scene::Overruled> found = scene::overruled(scene);
-  if (!overruled_) overruled_ = std::move(found);
-  for (auto known = overruled_->begin(); known != overruled_->end();) {
-    const auto same = std::find_if(found.begin(), found.end(),
-                                   [&](const scene::Overruled& each) { return each.path == known->path; });
-    if (found.empty() || same == found.end()) known = overruled_->erase(known);
-  }
+  if (overruled_)
+    std::erase_if(found, [&](const scene::Overruled& each) {
+      return std::none_of(overruled_->begin(), overruled_->end(),
+                          [&](const scene::Overruled& known) { return known.path == each.path; });
+    });
+  overruled_ = std::move(found);
 }
 
 /// Problems: keys whose values change nothing. Those that change less than they say are warnings.

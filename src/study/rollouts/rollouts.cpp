@@ -163,7 +163,11 @@ void check_space(const RolloutStudy& study, const RolloutOptions& options) {
                         fmt::format("at most {} (record.every of the scene)", bytes_text(kMostRecord)));
     bytes += std::min<double>(recorded, rows) * width * (records * kStateBytes + kNameBytes);
   }
-  simulation::check_free(bytes, options.out, "fewer rollouts or trajectories");
+  // What a journal to be resumed has is there.
+  std::error_code missing;
+  const auto there = fs::file_size(shard_folder(options) / kJournalName, missing);
+  simulation::check_free(missing ? bytes : std::max(0.0, bytes - static_cast<double>(there)), options.out,
+                         "fewer rollouts or trajectories");
 }
 
 }  // namespace
