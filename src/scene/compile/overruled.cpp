@@ -137,7 +137,8 @@ class Judge {
     const YamlNode* node = scene_.resolved.find(path[0]);
     if (path.size() > 2 && path[0] == "contacts") node = node->find(path[1]);
     const auto index = std::stoul(path[path[0] == "contacts" ? 2 : 1]);
-    return node->items[index].find("name")->text;
+    // Tasks add objects of their own.
+    return node && index < node->items.size() ? node->items[index].find("name")->text : "";
   }
   std::optional<Reason> surface(const Path& path, const std::string& shapes) {
     const bool friction = among(path.back(), kFrictionKeys);
@@ -285,6 +286,17 @@ class Walk {
 
 std::string Overruled::text() const {
   return wholly ? "has no effect: " + by : "acts on other contacts only: " + by;
+}
+
+std::optional<std::string> idle_because(const Scene& scene, const std::string& path) {
+  Path parts(1);
+  for (const char c : path)
+    if (c == '.')
+      parts.emplace_back();
+    else
+      parts.back() += c;
+  const auto reason = Judge(scene).of(parts);
+  return reason && reason->wholly ? std::optional(reason->by) : std::nullopt;
 }
 
 std::vector<Overruled> overruled(const Scene& scene) { return Walk(scene).result(); }

@@ -2,6 +2,7 @@
 // what they describe is not simulated.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,9 @@ struct Overruled {
 
 /// In the order of the resolved scene.
 std::vector<Overruled> overruled(const Scene& scene);
+
+/// Why a number at this path acts on nothing, e.g. `objects.0.friction`; nothing where it acts.
+std::optional<std::string> idle_because(const Scene& scene, const std::string& path);
 
 /// load_scene() of a tree in memory. What is overruled is among the scene's warnings.
 Scene load_scene(YamlNode root, const std::vector<std::string>& overrides, Diagnostics diagnostics = {});

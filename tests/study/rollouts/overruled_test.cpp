@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "handsim/environment/environment.h"
 #include "scene_files.h"
 
 namespace handsim::scene {
@@ -119,6 +120,25 @@ INSTANTIATE_TEST_SUITE_P(
             {"hands.0.model.skin.friction=0.3"},
             "contacts.rules.0"}),
     [](const auto& set) { return set.param.name; });
+
+// Oracle: the same reason as of --set.
+TEST(Environment, RefusesNumbersThatActOnNothing) {
+  const Scene scene = load_scene(source("config/grasp_power_can.yaml"));
+  environment::Setup setup;
+  setup.randomise = {{"objects.0.friction", environment::Distribution::uniform, 0.1, 1}};
+  try {
+    const environment::Environment environment(scene, setup);
+    ADD_FAILURE() << "accepted";
+  } catch (const Error& error) {
+    EXPECT_STREQ(
+        error.what(),
+        "objects.0.friction: got a number without effect (contacts.rules.0 gives hands and objects the "
+        "material pad), need one that acts in this scene");
+  }
+  environment::Environment environment(scene);
+  EXPECT_THROW(environment.set("objects.0.friction", std::vector<double>{0.5}), Error);
+  environment.set("objects.0.mass", std::vector<double>{0.5});
+}
 
 }  // namespace
 }  // namespace handsim::scene
