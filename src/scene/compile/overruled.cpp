@@ -110,7 +110,7 @@ class Judge {
     if (top == "gravity") return off(Effect::gravity);
     if (top == "ground")
       return path.back() == "height" ? off(Effect::ground_contact) : surface(path, "ground");
-    if (top == "objects" && path.size() == 3) return surface(path, named(path));
+    if (top == "objects" && path.size() == 3) return surface(path, object(path[1]));
     if (top == "contacts") return contacts(path);
     if (top == "hands" && path.size() > 2) return hand(path);
     if (top == "joints" && (path.back() == "range" || path.back() == "bounce"))
@@ -132,13 +132,10 @@ class Judge {
     if (!surfaces_) surfaces_.emplace(scene_);
     return *surfaces_;
   }
-  /// The `name` of an item of a list.
-  std::string named(const Path& path) const {
-    const YamlNode* node = scene_.resolved.find(path[0]);
-    if (path.size() > 2 && path[0] == "contacts") node = node->find(path[1]);
-    const auto index = std::stoul(path[path[0] == "contacts" ? 2 : 1]);
-    // Tasks add objects of their own.
-    return node && index < node->items.size() ? node->items[index].find("name")->text : "";
+  /// Name of the object with this index; tasks add objects of their own.
+  std::string object(const std::string& index) const {
+    const std::size_t i = std::stoul(index);
+    return i < scene_.spec.objects.size() ? scene_.spec.objects[i].name : "";
   }
   std::optional<Reason> surface(const Path& path, const std::string& shapes) {
     const bool friction = among(path.back(), kFrictionKeys);
@@ -151,7 +148,8 @@ class Judge {
     if (path[1] == "rules") return later_rule(std::stoul(path[2]));
     if (path[3] == "name" || path[3] == "title" || path[3] == "source") return std::nullopt;
     const auto without = among(path[3], kFrictionKeys) ? off(Effect::friction) : std::nullopt;
-    return without ? without : surfaces().of_material(named(path));
+    return without ? without
+                   : surfaces().of_material(scene_.spec.contacts.materials[std::stoul(path[2])].name);
   }
   std::optional<Reason> later_rule(std::size_t i) const {
     const auto& rules = *scene_.spec.contacts.rules;

@@ -25,7 +25,7 @@ objects:
   - {name: ball, shape: sphere, radius: 0.1, mass: 1, position: [0, 0, 0.2]}
   - {name: other, shape: sphere, radius: 0.1, mass: 1, position: [0, 1, 0.2]}
 ground: {}
-effects: [gravity, object_contact, ground_contact, friction]
+effects: [gravity, ground_contact, friction]
 contacts:
   materials: [{name: ice, friction: 0.01}, {name: spare}]
   rules: [{between: [objects, ground], material: ice}]
@@ -78,7 +78,8 @@ INSTANTIATE_TEST_SUITE_P(
         Set{"GroundUnderARule", kBalls, {"ground.friction=0.5"}, "contacts.rules.0"},
         Set{"OnOtherContacts",
             kBalls,
-            {"contacts.rules=[{between: [objects, ground], material: ice}, {between: [objects, objects]}]",
+            {"effects=[gravity, object_contact, ground_contact, friction]",
+             "contacts.rules=[{between: [objects, ground], material: ice}, {between: [objects, objects]}]",
              "objects.0.friction=0.5"},
             "acts on other contacts only: contacts.rules.0"},
         Set{"MaterialOfARule", kBalls, {"contacts.materials.0.friction=0.5"}, ""},
