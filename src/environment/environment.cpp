@@ -33,6 +33,8 @@ std::shared_ptr<scene::Scene> Environment::lean(const scene::Scene& scene) {
   out->spec.duration = scene.spec.duration;
   out->spec.record_every = scene.spec.record_every;
   out->spec.criteria = scene.spec.criteria;
+  out->spec.contacts = scene.spec.contacts;
+  out->spec.tasks = scene.spec.tasks;
   out->plans.hands = scene.plans.hands;
   out->plans.objects = scene.plans.objects;
   out->plans.grasps = scene.plans.grasps;

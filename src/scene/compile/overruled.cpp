@@ -132,10 +132,10 @@ class Judge {
     if (!surfaces_) surfaces_.emplace(scene_);
     return *surfaces_;
   }
-  /// Name of the object with this index; tasks add objects of their own.
+  /// Name of the object with this index.
   std::string object(const std::string& index) const {
     const std::size_t i = std::stoul(index);
-    return i < scene_.spec.objects.size() ? scene_.spec.objects[i].name : "";
+    return i < scene_.plans.objects.size() ? scene_.plans.objects[i].name : "";
   }
   std::optional<Reason> surface(const Path& path, const std::string& shapes) {
     const bool friction = among(path.back(), kFrictionKeys);
