@@ -90,6 +90,7 @@ int rollouts_command(const RolloutsArguments& arguments) {
   options.resume = arguments.resume;
   options.shard = shard_of(arguments.shard);
   const study::RolloutStudy study(rollouts_of(arguments));
+  print_warnings(study.warnings());
   const std::filesystem::path where = study::shard_folder(options);
   const output::OutputFolder folder(where, study::rollout_files(), [&] {
     std::vector<std::filesystem::path> files = study.files();

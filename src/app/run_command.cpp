@@ -158,6 +158,7 @@ scene::Scene scene_of(const RunArguments& arguments, bool& stop_lost) {
   of.overrides = arguments.overrides;
   of.seed = arguments.seed;
   const study::RolloutStudy study(rollouts_of(of));
+  print_warnings(study.warnings());
   stop_lost = study.spec().stop_lost;
   return study.scene(*arguments.rollout);
 }

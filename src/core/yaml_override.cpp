@@ -22,7 +22,9 @@ bool names_file(const YamlNode& node) {
 }
 
 YamlNode& item_for_override(YamlNode& list, const std::string& part, const std::string& path) {
-  const bool digits = part.find_first_not_of("0123456789") == std::string::npos;
+  // One spelling of each index: 0, never 00.
+  const bool digits =
+      part.find_first_not_of("0123456789") == std::string::npos && (part == "0" || part.front() != '0');
   const std::optional<double> index = digits ? parse_number(part) : std::nullopt;
   if (index && *index < static_cast<double>(list.items.size()))
     return list.items[static_cast<std::size_t>(*index)];

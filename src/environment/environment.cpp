@@ -9,6 +9,7 @@
 
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/scene/compile/overruled.h"
 
 namespace handsim::environment {
 
@@ -32,6 +33,8 @@ std::shared_ptr<scene::Scene> Environment::lean(const scene::Scene& scene) {
   out->spec.duration = scene.spec.duration;
   out->spec.record_every = scene.spec.record_every;
   out->spec.criteria = scene.spec.criteria;
+  out->spec.contacts = scene.spec.contacts;
+  out->spec.tasks = scene.spec.tasks;
   out->plans.hands = scene.plans.hands;
   out->plans.objects = scene.plans.objects;
   out->plans.grasps = scene.plans.grasps;
@@ -68,6 +71,7 @@ Environment::Environment(std::shared_ptr<scene::Scene> scene, Setup setup, bool 
   state_ = simulation_->state();
   // Wrong names and bounds are told now.
   variation_->draw(setup_.randomise, 0);
+  for (const Randomised& each : setup_.randomise) check_acts(each.name);
   reset();
 }
 
@@ -218,6 +222,14 @@ Moment Environment::moment() const { return simulation_->motion(); }
 void Environment::set(std::string_view name, std::span<const double> values) {
   if (Variation::changes_scene(name)) own_scene();
   variation_->set(name, values);
+  check_acts(name);
+}
+
+/// @throws Error (input) for a number that another key overrules.
+void Environment::check_acts(std::string_view name) const {
+  if (const auto by = scene::idle_because(*scene_, std::string(name)))
+    throw input_error(std::string(name), "a number without effect (" + *by + ")",
+                      "one that acts in this scene");
 }
 
 std::vector<double> Environment::get(std::string_view name) const { return variation_->get(name); }

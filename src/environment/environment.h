@@ -95,6 +95,7 @@ class Environment {
   Environment(std::shared_ptr<scene::Scene> scene, Setup setup, bool shared, const Environment* like);
   static std::shared_ptr<scene::Scene> lean(const scene::Scene& scene);
   void own_scene();
+  void check_acts(std::string_view name) const;
   void begin();
   void build();
   void check(const Action& action, int substeps) const;

@@ -22,7 +22,7 @@ enum class Distribution {
 /// A number to be drawn at each reset with a seed. Names, units and sizes:
 ///   gravity             [m/s^2], 3, world axes
 ///   objects.I.mass      [kg]; its inertia changes in proportion. I counts the scene's objects from 0
-///   objects.I.friction  coefficient of its surface, where no contact rule names a material for the pair
+///   objects.I.friction  coefficient of its surface; it acts where no contact rule names a material
 ///   objects.I.position  [m], 3: where its origin starts
 ///   gains               factor on all gains of the controller
 ///   torque_limits       factor on all its torque limits

@@ -8,6 +8,7 @@
 #include "handsim/python/arrays.h"
 #include "handsim/python/bindings.h"
 #include "handsim/python/signals.h"
+#include "handsim/scene/compile/overruled.h"
 
 namespace handsim::python {
 
@@ -22,9 +23,8 @@ SceneHandle load(const std::filesystem::path& path, const std::vector<std::strin
 SceneHandle parse(const std::string& text, const std::string& name,
                   const std::vector<std::string>& overrides) {
   return without_gil([&] {
-    YamlNode root = parse_yaml(text, name);
-    for (const std::string& each : overrides) apply_override(root, each);
-    return SceneHandle{std::make_shared<const scene::Scene>(scene::compile_scene(std::move(root)))};
+    return SceneHandle{
+        std::make_shared<const scene::Scene>(scene::load_scene(parse_yaml(text, name), overrides))};
   });
 }
 

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include "handsim/scene/compile/model_builder.h"
+#include "handsim/scene/compile/overruled.h"
 
 namespace handsim::scene {
 
@@ -138,9 +139,7 @@ Scene without_effect(const Scene& scene, model::Effect effect) {
   return out;
 }
 
-Scene load_scene(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
-  Diagnostics diagnostics;
-  YamlNode root = load_yaml(path, diagnostics.budget);
+Scene load_scene(YamlNode root, const std::vector<std::string>& overrides, Diagnostics diagnostics) {
   for (const std::string& assignment : overrides) {
     try {
       apply_override(root, assignment, diagnostics.budget);
@@ -149,7 +148,16 @@ Scene load_scene(const std::filesystem::path& path, const std::vector<std::strin
     }
   }
   diagnostics.throw_if_any();
-  return compile_scene(std::move(root));
+  Scene scene = compile_scene(std::move(root));
+  for (const Overruled& each : overruled(scene))
+    scene.warnings.push_back(fmt::format("--set {}: {}", each.path, each.text()));
+  return scene;
+}
+
+Scene load_scene(const std::filesystem::path& path, const std::vector<std::string>& overrides) {
+  Diagnostics diagnostics;
+  YamlNode root = load_yaml(path, diagnostics.budget);
+  return load_scene(std::move(root), overrides, std::move(diagnostics));
 }
 
 std::vector<std::filesystem::path> files_read(const Scene& scene) {

@@ -258,9 +258,10 @@ RunResult run(const scene::Scene& scene, const RunOptions& options, const output
   (held ? *held : *own).clear();
   Recorder recorder(simulation, options);
   const auto start = std::chrono::steady_clock::now();
+  const double from = simulation.state().time;
   loop(simulation, recorder, options, step, result);
   result.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  result.simulated = simulation.state().time;
+  result.simulated = simulation.state().time - from;
   result.tracking = simulation.figures<Tracking>();
   result.state_hash = simulation.state_hash();
   result.warnings = simulation.warnings();

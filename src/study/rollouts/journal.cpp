@@ -5,11 +5,12 @@
 
 #include <cerrno>
 #include <cstring>
+#include <fstream>
+#include <optional>
 
 #include <fmt/format.h>
 
 #include "handsim/core/error.h"
-#include "handsim/core/input_file.h"
 #include "handsim/output/atomic_file.h"
 
 namespace handsim::study {
@@ -19,7 +20,8 @@ namespace {
 /// To be raised with every change of what is in a journal.
 constexpr std::string_view kMark = "HANDROLL 1\n";
 constexpr std::size_t kWord = 8;
-constexpr std::size_t kMostBytes = std::size_t{64} << 30U;
+
+constexpr std::size_t kFullRecord = std::size_t{1} << 26U;
 
 /// Its length, its hash, and the bytes.
 std::string framed(const std::string& bytes) {
@@ -29,34 +31,67 @@ std::string framed(const std::string& bytes) {
   return head.take() + bytes;
 }
 
-/// The next record of a text; nothing where it is torn.
-std::optional<std::string_view> next_record(std::string_view text) {
-  if (text.size() < 2 * kWord) return std::nullopt;
-  ArchiveReader head(text, "journal");
-  const std::uint64_t size = head.word(), hash = head.word();
-  text.remove_prefix(2 * kWord);
-  if (size > text.size() || hash_bytes(text.substr(0, size)) != hash) return std::nullopt;
-  return text.substr(0, size);
-}
+/// A journal record by record: a file of any size takes no more memory than what is in its records.
+class Records {
+ public:
+  Records(const std::filesystem::path& path) : name_(path.string()), size_(regular_size(path)) {
+    file_.open(path, std::ios::binary);
+    if (read(std::min(size_, kMark.size())) != kMark) refuse("a file that is none, or of another version");
+    at_ = kMark.size();
+  }
+
+  /// Nothing at the end, and where the last one is torn.
+  std::optional<std::string> next() {
+    if (size_ - at_ < 2 * kWord) return std::nullopt;
+    const std::string bytes = read(2 * kWord);
+    ArchiveReader head(bytes, name_);
+    const std::uint64_t size = head.word(), hash = head.word();
+    // None is empty: zeros are what a crash may leave of a file's end.
+    if (size == 0 || size > std::min<std::uint64_t>(size_ - at_ - 2 * kWord, kMostRecord))
+      return std::nullopt;
+    std::string record = read(size);
+    if (hash_bytes(record) != hash) return std::nullopt;
+    at_ += 2 * kWord + size;
+    return record;
+  }
+  std::size_t at() const { return at_; }
+  /// @throws Error (input) where more is left than one torn record can be.
+  void finish() const {
+    if (size_ - at_ > kMostRecord)
+      refuse(fmt::format("{} bytes after the last whole record, which is at byte {}", size_ - at_, at_));
+  }
+  [[noreturn]] void refuse(const std::string& got) const {
+    throw input_error(name_, got, "a journal of handsim rollouts");
+  }
+
+ private:
+  std::size_t regular_size(const std::filesystem::path& path) const {
+    std::error_code failure;
+    if (!std::filesystem::is_regular_file(path, failure)) refuse("no regular file");
+    return std::filesystem::file_size(path);
+  }
+  std::string read(std::size_t size) {
+    std::string out(size, '\0');
+    if (!file_.read(out.data(), static_cast<std::streamsize>(size))) refuse("a file that cannot be read");
+    return out;
+  }
+
+  std::string name_;
+  std::size_t size_, at_ = 0;
+  std::ifstream file_;
+};
 
 }  // namespace
 
 JournalContent read_journal(const std::filesystem::path& path) {
-  const std::string all = read_input_file(path, "a journal of handsim rollouts", kMostBytes);
-  std::string_view text = all;
-  const auto refuse = [&](const char* got) {
-    throw input_error(path.string(), got, "a journal of handsim rollouts");
-  };
-  if (!text.starts_with(kMark)) refuse("a file that is none, or of another version");
-  text.remove_prefix(kMark.size());
+  Records records(path);
   JournalContent out;
-  const auto head = next_record(text);
-  if (!head) refuse("a torn file");
+  const auto head = records.next();
+  if (!head) records.refuse("a torn file");
   ArchiveReader of_head(*head, path.string());
   out.head = read_head(of_head);
   of_head.finish();
-  text.remove_prefix(2 * kWord + head->size());
-  while (const auto record = next_record(text)) {
+  while (const auto record = records.next()) {
     ArchiveReader in(*record, path.string());
     for (std::size_t n = in.size(); n > 0; --n) {
       Row& row = out.rows.emplace_back(read_row(in));
@@ -65,9 +100,9 @@ JournalContent read_journal(const std::filesystem::path& path) {
                   fmt::format("{}", out.head.columns.size()));
     }
     in.finish();
-    text.remove_prefix(2 * kWord + record->size());
   }
-  out.bytes = all.size() - text.size();
+  records.finish();
+  out.bytes = records.at();
   return out;
 }
 
@@ -89,9 +124,17 @@ Journal::~Journal() {
 }
 
 void Journal::add(const std::vector<Row>& rows) {
-  ArchiveWriter out;
-  out.list(rows, [](ArchiveWriter& to, const Row& row) { save(to, row); });
-  write(framed(out.bytes()));
+  std::string records;
+  for (auto from = rows.begin(); from != rows.end();) {
+    ArchiveWriter of_rows;
+    long count = 0;
+    // A record with a few long rollouts is as large as one with a thousand short ones.
+    for (; from != rows.end() && of_rows.bytes().size() < kFullRecord; ++from, ++count) save(of_rows, *from);
+    ArchiveWriter out;
+    out(count);
+    records += framed(out.bytes() + of_rows.bytes());
+  }
+  write(records);
 }
 
 void Journal::write(const std::string& record) {

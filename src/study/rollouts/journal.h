@@ -19,6 +19,9 @@ struct Shard {
 
 inline constexpr const char* kJournalName = "rollouts.journal";
 
+/// Largest record of a journal [bytes]: a rollout that is written whole has to fit.
+inline constexpr std::size_t kMostRecord = std::size_t{1} << 30U;
+
 struct JournalContent {
   TableHead head;
   std::vector<Row> rows;  ///< in the order of the file

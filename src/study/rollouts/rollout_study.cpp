@@ -105,11 +105,22 @@ Outcome run_to_end(Simulation& simulation, bool stop_lost, const std::atomic<boo
 }  // namespace
 
 RolloutStudy::RolloutStudy(RolloutsSpec spec) : spec_(std::move(spec)) {
-  const scene::Scene base = scene::load_scene(spec_.scene, spec_.set);
-  files_ = scene::files_read(base);
   Diagnostics diagnostics;
   root_ = load_yaml(spec_.scene, diagnostics.budget);
-  for (const std::string& assignment : spec_.set) apply_override(root_, assignment, diagnostics.budget);
+  for (const std::string& assignment : spec_.set) try {
+      apply_override(root_, assignment, diagnostics.budget);
+    } catch (const Error& error) {
+      add_at_set(error, path_of(assignment), diagnostics);
+    }
+  diagnostics.throw_if_any();
+  scene::Scene base;
+  try {
+    base = scene::compile_scene(root_);
+  } catch (const Error& error) {
+    add_at_set(error, {}, diagnostics);
+    diagnostics.throw_if_any();
+  }
+  files_ = scene::files_read(base);
   follow_files(root_, base.resolved);
   for (const VariedKey& key : spec_.vary) {
     try {
@@ -118,6 +129,8 @@ RolloutStudy::RolloutStudy(RolloutsSpec spec) : spec_(std::move(spec)) {
       diagnostics.add(error);
     }
   }
+  diagnostics.throw_if_any();
+  check_paths(diagnostics);
   diagnostics.throw_if_any();
   double size = spec_.count;
   for (const BoundKey& bound : keys_)
@@ -151,7 +164,9 @@ void RolloutStudy::check_keys() {
       for (const std::string& path : keys_[k].paths)
         overrides.push_back(path + "=" + values[k][k == key ? value : 0]);
     try {
-      take_sample(compile(overrides));
+      const scene::Scene scene = compile(overrides);
+      note_overruled(scene);
+      take_sample(scene);
     } catch (const Error& error) {
       for (const Problem& problem : error.problems()) {
         if (problem.place && problem.place->file == spec_.scene.string())
@@ -166,6 +181,7 @@ void RolloutStudy::check_keys() {
   if (check(0, 0))
     for (std::size_t k = 0; k < keys_.size(); ++k)
       for (std::size_t v = 1; v < values[k].size(); ++v) check(k, v);
+  if (problems.empty()) problems = idle_keys();
   if (!problems.empty()) throw Error(std::move(problems));
   make_head();
 }
@@ -182,6 +198,7 @@ void RolloutStudy::take_sample(const scene::Scene& scene) {
       const Column column = {name, ColumnRole::figure, text};
       if (std::find(figures_.begin(), figures_.end(), column) == figures_.end()) figures_.push_back(column);
     }
+    if (!sample_) sample_ = scene;
   } catch (const Error& error) {
     refused_ = error;
   }
@@ -190,6 +207,7 @@ void RolloutStudy::take_sample(const scene::Scene& scene) {
 void RolloutStudy::make_head() {
   // An object may start within the hand of some persons, but not of all.
   if (refused_ && figures_.empty()) throw *refused_;
+  check_record_and_stop();
   head_.title = spec_.title;
   head_.seed = std::to_string(spec_.seed);
   std::vector<Column>& columns = head_.columns;
@@ -199,15 +217,10 @@ void RolloutStudy::make_head() {
   add({{"rollout", ColumnRole::index, false}});
   for (const BoundKey& bound : keys_) add(bound.columns);
   add(kOutcome);
-  std::vector<std::string> names;
-  for (const Column& column : figures_) names.push_back(column.name);
   const auto wanted = [&](const std::string& name) {
     return spec_.figures.empty() ||
            std::find(spec_.figures.begin(), spec_.figures.end(), name) != spec_.figures.end();
   };
-  for (const std::string& name : spec_.figures)
-    if (std::find(names.begin(), names.end(), name) == names.end())
-      throw input_error("record.figures", name, need_word(name, names));
   for (const Column& column : figures_)
     if (wanted(column.name)) columns.push_back(column);
   add(kLast);

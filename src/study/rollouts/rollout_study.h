@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "handsim/scene/compile/overruled.h"
 #include "handsim/scene/compile/scene.h"
 #include "handsim/study/rollouts/rollout_draw.h"
 #include "handsim/study/rollouts/rollout_table.h"
@@ -24,6 +25,10 @@ class RolloutStudy {
   const TableHead& head() const { return head_; }
   /// Draws times the combinations of levels. Rollout i is of draw i / combinations.
   long size() const { return head_.size; }
+  /// The scene with the first of each key's values that it takes: about as large as the others.
+  const scene::Scene& sample() const { return *sample_; }
+  /// Of keys that act on less than they say.
+  const std::vector<std::string>& warnings() const { return warnings_; }
   /// Files that it reads.
   const std::vector<std::filesystem::path>& files() const { return files_; }
 
@@ -42,7 +47,12 @@ class RolloutStudy {
   };
   Choice choose(long rollout) const;
   scene::Scene compile(const std::vector<std::string>& overrides) const;
+  void add_at_set(const Error& error, const std::string& path, Diagnostics& diagnostics) const;
+  void check_paths(Diagnostics& diagnostics) const;
   void check_keys();
+  void note_overruled(const scene::Scene& scene);
+  std::vector<Problem> idle_keys();
+  void check_record_and_stop() const;
   void take_sample(const scene::Scene& scene);
   void make_head();
 
@@ -52,9 +62,12 @@ class RolloutStudy {
   long combinations_ = 1;
   TableHead head_;
   std::vector<std::filesystem::path> files_;
-  std::vector<Column> figures_;   ///< of all samples
-  std::uint64_t scene_hash_ = 0;  ///< of all samples
-  std::optional<Error> refused_;  ///< why one cannot be run
+  std::optional<scene::Scene> sample_;
+  std::vector<Column> figures_;                             ///< of all samples
+  std::uint64_t scene_hash_ = 0;                            ///< of all samples
+  std::optional<Error> refused_;                            ///< why one cannot be run
+  std::optional<std::vector<scene::Overruled>> overruled_;  ///< in all samples
+  std::vector<std::string> warnings_;
 };
 
 }  // namespace handsim::study

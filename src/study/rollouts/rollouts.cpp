@@ -10,6 +10,7 @@
 
 #include "handsim/core/input_file.h"
 #include "handsim/output/atomic_file.h"
+#include "handsim/output/table/csv_rows.h"
 #include "handsim/simulation/run/output_size.h"
 #include "handsim/study/report.h"
 
@@ -19,10 +20,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Bytes of a number in the journal, in CSV and in HDF5 together.
-constexpr double kCellBytes = 16 + 19 + 8;
-/// The same of one in a trajectory, which is not in CSV.
-constexpr double kStateBytes = 8 + 8;
+/// Bytes of a number and of a text in the journal, in CSV and in HDF5 together.
+constexpr double kNumberBytes = 16 + 20 + 8, kTextBytes = 32 + 18 + 56;
+/// The same of a number in a trajectory, which is not in CSV, and of the name of one of its columns.
+constexpr double kStateBytes = 8 + 8, kNameBytes = 40 + 64;
+/// Heads of a column, and what plot and summary say of one that is varied.
+constexpr double kColumnBytes = 1000, kPanelBytes = 50e3;
 constexpr std::size_t kMostSummary = std::size_t{1} << 26U;
 
 long shard_size(long size, const Shard& shard) { return (size - shard.k + shard.n) / shard.n; }
@@ -125,29 +128,46 @@ std::vector<Row> rows_of(const std::string& bytes) {
 
 std::string origin_text(const TableHead& head) { return fmt::format("{}", fmt::join(head.origin, "\n")); }
 
+/// Parts of the first that the second has not, as `seed 1, study 0123456789abcdef`.
+std::string parts_beyond(const TableHead& of, const TableHead& other) {
+  std::vector<std::string> out;
+  if (of.seed != other.seed) out.push_back("seed " + of.seed);
+  if (of.size != other.size) out.push_back(fmt::format("{} rollouts", of.size));
+  for (const std::string& part : of.origin)
+    if (std::find(other.origin.begin(), other.origin.end(), part) == other.origin.end()) out.push_back(part);
+  return fmt::format("{}", fmt::join(out, ", "));
+}
+
 /// @throws Error (input) where two are of different studies.
 void check_same(const TableHead& found, const TableHead& wanted, const std::string& file, const char* need) {
-  std::vector<std::string> other;
-  for (const std::string& part : found.origin)
-    if (std::find(wanted.origin.begin(), wanted.origin.end(), part) == wanted.origin.end())
-      other.push_back(part);
-  if (!other.empty() || found.size != wanted.size || found.columns != wanted.columns)
-    throw input_error(file, fmt::format("one of another study or build ({})", fmt::join(other, "; ")), need);
+  const std::string has = parts_beyond(found, wanted), wants = parts_beyond(wanted, found);
+  if (!has.empty() || !wants.empty() || found.columns != wanted.columns)
+    throw input_error(file, fmt::format("one of another study or build ({})", has),
+                      fmt::format("{} ({})", need, wants));
 }
 
 /// What this shard will write; refuses what does not fit.
 void check_space(const RolloutStudy& study, const RolloutOptions& options) {
   const double rows = static_cast<double>(shard_size(study.size(), options.shard));
-  double bytes = rows * static_cast<double>(study.head().columns.size()) * kCellBytes;
+  double bytes = 0;
+  for (const Column& column : study.head().columns)
+    bytes += rows * (column.text ? kTextBytes : kNumberBytes) + kColumnBytes +
+             (column.role == ColumnRole::drawn ? kPanelBytes : 0);
   if (const int recorded = study.spec().trajectories; recorded > 0) {
-    const scene::Scene scene = study.scene(0);
-    const auto steps = scene.spec.duration / scene.spec.solver.step;
-    const double width =
-        1 + 2.0 * scene.model.dof_count() + 7.0 * static_cast<double>(scene.model.bodies.size() - 1);
-    bytes += std::min<double>(recorded, rows) * kStateBytes * width * steps /
-             static_cast<double>(simulation::record_steps(scene.spec));
+    const scene::Scene& scene = study.sample();
+    const auto records = 1 + scene.spec.duration / scene.spec.solver.step /
+                                 static_cast<double>(simulation::record_steps(scene.spec));
+    const auto width = static_cast<double>(output::trajectory_columns(scene.model).size());
+    if (const double one = width * (8 * records + kNameBytes); one > static_cast<double>(kMostRecord))
+      throw input_error("record.trajectories", fmt::format("{:.3g} bytes of a trajectory", one),
+                        fmt::format("at most {} (record.every of the scene)", bytes_text(kMostRecord)));
+    bytes += std::min<double>(recorded, rows) * width * (records * kStateBytes + kNameBytes);
   }
-  simulation::check_free(bytes, options.out, "fewer rollouts or trajectories");
+  // What a journal to be resumed has is there.
+  std::error_code missing;
+  const auto there = fs::file_size(shard_folder(options) / kJournalName, missing);
+  simulation::check_free(missing ? bytes : std::max(0.0, bytes - static_cast<double>(there)), options.out,
+                         "fewer rollouts or trajectories");
 }
 
 }  // namespace
@@ -186,8 +206,15 @@ RolloutsResult run_rollouts(const RolloutStudy& study, const RolloutOptions& opt
   }
   out.wall = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   if (out.done < out.size || !options.shard.whole()) return out;
-  out.table = merge_shards({options.out});
-  out.plotted = write_rollouts(out.table, options.out);
+  try {
+    out.table = merge_shards({options.out});
+    out.plotted = write_rollouts(out.table, options.out);
+  } catch (const Error& error) {
+    std::vector<Problem> problems = error.problems();
+    problems.push_back({std::nullopt, file.string(), fmt::format("{} rows without their table", out.done),
+                        "--resume, which writes the table of what is computed"});
+    throw Error(std::move(problems), ErrorKind::output);
+  }
   std::error_code ignored;
   fs::remove(file, ignored);
   return out;
@@ -197,8 +224,19 @@ bool is_complete(const RolloutStudy& study, const fs::path& folder) {
   std::error_code failure;
   const fs::path file = folder / "summary.json";
   if (fs::exists(folder / kJournalName, failure) || !fs::is_regular_file(file, failure)) return false;
-  const Json found = Json::parse(read_input_file(file, "a summary", kMostSummary), nullptr, false);
-  return found.is_object() && found.contains("origin") && found["origin"] == Json(study.head().origin);
+  const Json json = Json::parse(read_input_file(file, "a summary", kMostSummary), nullptr, false);
+  TableHead found;
+  try {
+    found.origin = json.at("origin").get<std::vector<std::string>>();
+    found.size = json.at("rollouts").get<long>();
+    found.seed = json.at("seed").get<std::string>();
+  } catch (const Json::exception&) {
+    throw input_error(file.string(), "a file that is no summary of rollouts",
+                      "--resume where this study was stopped, or another folder");
+  }
+  found.columns = study.head().columns;
+  check_same(found, study.head(), file.string(), "the finished one of this study, or another folder");
+  return true;
 }
 
 void serve_rollouts(const RolloutStudy& study, Ranks& ranks, const std::atomic<bool>& stop) {

@@ -48,6 +48,7 @@ RolloutsResult run_rollouts(const RolloutStudy& study, const RolloutOptions& opt
                             const std::atomic<bool>& stop, const std::function<void()>& clear = {});
 
 /// The folder has the files of the whole of this study, by this build.
+/// @throws Error (input) where it has those of another, which would be lost.
 bool is_complete(const RolloutStudy& study, const std::filesystem::path& folder);
 
 /// Of ranks other than 0: computes chunks for rank 0.

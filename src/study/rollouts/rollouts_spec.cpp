@@ -178,9 +178,10 @@ VariedKey read_varied(MapReader reader, const std::string& key) {
     ++ways;
     read_population(reader, out);
   }
+  // A way that is misspelt is an unknown key.
+  reader.finish();
   if (map && ways != 1 && reader.sound())
     reader.problem("", ways == 0 ? "nothing to draw from" : fmt::format("{} ways to draw", ways), kWays);
-  reader.finish();
   return out;
 }
 
@@ -209,7 +210,10 @@ RolloutsSpec read_rollouts(YamlNode& root, Diagnostics& diagnostics) {
   out.count = reader.integer("count", 1, kMostDraws, 1);
   out.seed = reader.integer("seed", 0, 2'147'483'647, 1);
   MapReader vary = reader.required_map("vary", "a mapping of dotted keys of the scene to what is drawn");
-  for (const std::string& key : vary.keys()) out.vary.push_back(read_varied(vary.map(key), key));
+  for (const std::string& key : vary.keys()) {
+    if (key.empty()) vary.problem(key, "an empty key", "a dotted key of the scene");
+    out.vary.push_back(read_varied(vary.map(key), key));
+  }
   if (reader.sound() && out.vary.empty()) vary.problem("", "no key", "at least one key of the scene");
   MapReader stop = reader.map("stop");
   out.stop_lost = stop.flag("lost", false);

@@ -1,5 +1,6 @@
 #include "handsim/study/rollouts/table_file.h"
 
+#include <algorithm>
 #include <limits>
 #include <utility>
 
@@ -108,8 +109,13 @@ void write_column(hid_t in, const Table& table, std::size_t i) {
   write_numbers(in, column.name, numbers, {numbers.size()});
 }
 
-void write_all(const Table& table, const std::filesystem::path& path) {
-  const Handle file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, H5P_DEFAULT), H5Fclose);
+/// The file as it would be on the disk. HDF5 never writes to the disk itself: after a write that fails, as on
+/// a full disk, it ends the process when the file is closed.
+std::string image_of(const Table& table) {
+  constexpr std::size_t kGrowth = std::size_t{1} << 22U;
+  const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  check(H5Pset_fapl_core(access, kGrowth, false));
+  const Handle file(H5Fcreate("rollouts.h5", H5F_ACC_TRUNC, H5P_DEFAULT, access), H5Fclose);
   write_attribute(file, "title", {table.head.title});
   write_attribute(file, "seed", {table.head.seed});
   write_attribute(file, "origin", table.head.origin);
@@ -117,36 +123,35 @@ void write_all(const Table& table, const std::filesystem::path& path) {
     const Handle rollouts = group(file, "rollouts");
     for (std::size_t i = 0; i < table.head.columns.size(); ++i) write_column(rollouts, table, i);
   }
-  const Handle trajectories = group(file, "trajectories");
-  for (const Row& row : table.rows) {
-    if (!row.trajectory || row.trajectory->columns.empty()) continue;
-    const hsize_t width = row.trajectory->columns.size();
-    const std::string name = std::to_string(row.rollout);
-    write_numbers(trajectories, name, row.trajectory->values, {row.trajectory->values.size() / width, width});
-    // A head of many names is too large for an attribute: a dataset beside it.
-    write_texts(trajectories, name + ".columns", row.trajectory->columns);
+  {
+    const Handle trajectories = group(file, "trajectories");
+    for (const Row& row : table.rows) {
+      if (!row.trajectory || row.trajectory->columns.empty()) continue;
+      const hsize_t width = row.trajectory->columns.size();
+      const std::string name = std::to_string(row.rollout);
+      write_numbers(trajectories, name, row.trajectory->values,
+                    {row.trajectory->values.size() / width, width});
+      // A head of many names is too large for an attribute: a dataset beside it.
+      write_texts(trajectories, name + ".columns", row.trajectory->columns);
+    }
   }
   check(H5Fflush(file, H5F_SCOPE_GLOBAL));
+  std::string out(static_cast<std::size_t>(std::max<ssize_t>(H5Fget_file_image(file, nullptr, 0), 0)), '\0');
+  if (out.empty() || H5Fget_file_image(file, out.data(), out.size()) < 0) throw Failed();
+  return out;
 }
 
 }  // namespace
 
 void write_hdf5(const Table& table, const std::filesystem::path& path) {
   check(H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr));
-  const std::filesystem::path target = output::file_target(path);
-  const std::filesystem::path part = target.parent_path() / output::part_name();
-  std::error_code failure;
+  std::string image;
   try {
-    write_all(table, part);
-    std::filesystem::rename(part, target, failure);
-    if (!failure) return;
+    image = image_of(table);
   } catch (const Failed&) {
-    failure = std::make_error_code(std::errc::io_error);
+    throw output_error(path.string(), "a table that HDF5 refuses", "fewer rollouts, or more memory");
   }
-  std::error_code ignored;
-  std::filesystem::remove(part, ignored);
-  throw output_error(path.string(), fmt::format("a file that cannot be written ({})", failure.message()),
-                     "room on the disk, and a folder that stays there");
+  output::write_file(path, image);
 }
 
 }  // namespace handsim::study

@@ -145,6 +145,55 @@ TEST(RolloutsProgram, OneIsRunAgainWithItsFiles) {
   EXPECT_TRUE(contains(beyond.err, "--rollout: got 12, need 0 to 11")) << beyond.err;
 }
 
+// Oracle: the finished study's bytes, which another seed must not replace.
+TEST(RolloutsProgram, ResumeLeavesAnotherFinishedStudyAlone) {
+  const TemporaryFolder folder;
+  const fs::path study = write_study(folder.path()), out = folder.path() / "out";
+  ASSERT_EQ(run_program(rollouts(study, out)).status, 0);
+  const std::string before = text_of(out / "rollouts.csv");
+  const Outcome other = run_program(rollouts(study, out, {"--resume", "--seed", "77"}));
+  EXPECT_EQ(other.status, 2);
+  EXPECT_TRUE(contains(other.err, "(seed 3, study ")) << other.err;
+  EXPECT_TRUE(contains(other.err, "(seed 77, study ")) << other.err;
+  EXPECT_EQ(text_of(out / "rollouts.csv"), before);
+  EXPECT_FALSE(fs::exists(out / study::kJournalName));
+}
+
+// Oracle: 50 GB of zeros after a journal are refused; they are not read.
+TEST(RolloutsProgram, ASparseJournalIsRefused) {
+  const TemporaryFolder folder;
+  const fs::path study = write_study(folder.path()), out = folder.path() / "out",
+                 journal = out / "shard_01_of_02" / study::kJournalName;
+  ASSERT_EQ(run_program(rollouts(study, out, {"--shard", "1/2"})).status, 0);
+  const auto size = fs::file_size(journal);
+  fs::resize_file(journal, std::uintmax_t{50} << 30U);
+  const Outcome outcome = run_program(rollouts(study, out, {"--shard", "1/2", "--resume"}));
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_TRUE(contains(outcome.err, "bytes after the last whole record")) << outcome.err;
+  // What a crash may leave: no more than one record.
+  fs::resize_file(journal, size + 4096);
+  EXPECT_EQ(run_program(rollouts(study, out, {"--shard", "1/2", "--resume"})).status, 0);
+  EXPECT_EQ(fs::file_size(journal), size);
+}
+
+// Oracle: a table that cannot be written costs no row: a folder is in its place, and the exit status is that
+// of lost output.
+TEST(RolloutsProgram, ATableThatCannotBeWrittenLeavesItsRows) {
+  const TemporaryFolder folder;
+  const fs::path study = write_study(folder.path()), out = folder.path() / "out";
+  const pid_t child = start(with({HANDSIM_PROGRAM}, rollouts(study, out, with(kLonger, {"--jobs", "1"}))));
+  ASSERT_TRUE(journal_grows(out / study::kJournalName));
+  fs::create_directories(out / "rollouts.h5" / "in_the_way");
+  int status = 0;
+  waitpid(child, &status, 0);
+  EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 1) << "status " << status;
+  fs::remove_all(out / "rollouts.h5");
+  EXPECT_EQ(study::read_journal(out / study::kJournalName).rows.size(), 80U);
+  const Outcome resumed = run_program(rollouts(study, out, with(kLonger, {"--resume"})));
+  EXPECT_EQ(resumed.status, 0) << resumed.err;
+  EXPECT_TRUE(contains(resumed.out, "  0 rollouts in ")) << resumed.out;
+}
+
 #ifdef HANDSIM_MPIRUN
 
 /// Without the leak sanitizer, which reports what OpenMPI's components leave when they are unloaded.

@@ -236,6 +236,35 @@ INSTANTIATE_TEST_SUITE_P(
         BadStudy{"NoMean", "title: {normal: {sd: 1}}", "need a mean, or a number of the scene"},
         BadStudy{"NoList", "objects.0.*.mass: {uniform: [1, 2]}", "need a list of the scene before it"},
         BadStudy{"LevelOutOfRange", "objects.0.mass: {each: [1, -1]}", "vary.objects.0.mass: got -1"},
+        BadStudy{
+            "KeyAndItsComponent",
+            "objects.0.position: {uniform: [[0, 0, 1], [0, 0, 2]]}\n  objects.0.position.2: {uniform: [5, "
+            "6]}",
+            "study.yaml:4:25: vary.objects.0.position.2: got a part or the whole of what "
+            "vary.objects.0.position draws"},
+        BadStudy{"KeyOfAllAndOfOne", "objects.*.mass: {uniform: [1, 2]}\n  objects.0.mass: {uniform: [1, 2]}",
+                 "what vary.objects.*.mass draws"},
+        BadStudy{"SetAndVaried", "objects.0.mass: {uniform: [1, 2]}\nset: {objects.0.mass: 1}",
+                 "study.yaml:4:7: set.objects.0.mass: got a value that vary.objects.0.mass replaces"},
+        BadStudy{"EmptyKey", "\"\": {uniform: [1, 2]}", "study.yaml:3:7: vary: got an empty key"},
+        BadStudy{"DotsAlone", "\"..\": {uniform: [1, 2]}", "study.yaml:3:9: vary...: got \"..\""},
+        BadStudy{"NoSuchObject", "objects.7.mass: {uniform: [1, 2]}",
+                 "study.yaml:3:19: vary.objects.7.mass: got \"7\" for a list of 1"},
+        BadStudy{"TwoSpellingsOfAnIndex", "objects.00.mass: {uniform: [1, 2]}", "got \"00\" for a list of 1"},
+        BadStudy{"SetOfNoSuchObject", "objects.0.mass: {uniform: [1, 2]}\nset: {objects.7.mass: 1}",
+                 "study.yaml:4:7: set.objects.7.mass: got \"7\" for a list of 1"},
+        BadStudy{"UnknownKeyInSet", "objects.0.mass: {uniform: [1, 2]}\nset: {solver.stp: 1}",
+                 "study.yaml:4:7: set.solver.stp: got an unknown key"},
+        BadStudy{"UnknownFigure", "objects.0.mass: {uniform: [1, 2]}\nrecord: {figures: [nope]}",
+                 "study.yaml:4:20: record.figures: got nope"},
+        BadStudy{"StopWithoutGrasp", "objects.0.mass: {uniform: [1, 2]}\nstop: {lost: true}",
+                 "study.yaml:4:14: stop.lost: got true in a scene without a grasp"},
+        BadStudy{
+            "NoEffect", "solver.seed: {each: [1, 2]}",
+            "study.yaml:3:16: vary.solver.seed: got values without effect (method world_step does not use "
+            "it)"},
+        BadStudy{"SetWithoutEffect", "objects.0.mass: {uniform: [1, 2]}\nset: {objects.0.friction: 0.1}",
+                 "study.yaml:4:7: set.objects.0.friction: got a value without effect"},
         BadStudy{"NoPopulation", "objects.0.mass: {population: ansur3}", "got ansur3, need ansur2"}),
     [](const auto& bad) { return bad.param.name; });
 
