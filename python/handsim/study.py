@@ -12,11 +12,13 @@ from pathlib import Path
 from typing import Any, Iterator, Optional, Sequence, Union
 
 from . import _core
+from ._errors import real, seed_of, whole
 from ._scene import Overrides, Progress, Scene, Source, find_file, load, override_list
 from ._table import Table, rows_table
 
 PathText = Union[str, "PathLike[str]"]
 Out = Optional[PathText]
+MOST_THREADS = 1024
 
 
 class Study:
@@ -120,6 +122,7 @@ def accuracy(study: PathText = "accuracy_2017", *, out: Out = None, peers: Optio
 def effects(scene: Union[Scene, Source], overrides: Overrides = None, *, repeats: int = 7, out: Out = None,
             progress: Progress = None) -> Study:
     """CPU time and influence of each effect of a scene. :param repeats: timed rounds, for the median"""
+    whole("repeats", repeats, 1)
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
     file = find_file(scene) if isinstance(scene, (str, PathLike)) else None
     with _folder(out) as folder:
@@ -140,6 +143,7 @@ def stability(study: PathText = "stability", *, cases: Sequence[str] = (), quick
     :param quick: shorter runs of most cases
     :param threads: 0: one for each core
     """
+    whole("threads", threads, 0, MOST_THREADS)
     with _folder(out) as folder:
         text = _core.stability(find_file(study), folder, list(cases), quick, threads, pictures, progress)
         return Study("stability", folder, text)
@@ -156,6 +160,8 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
     :param friction_search: the smallest friction that still holds each grasp
     :param margin: each grasp again with 5 % more and less friction and mass
     """
+    if friction is not None:
+        real("friction", friction)
     listed = [scenes] if isinstance(scenes, (str, PathLike)) else list(scenes)
     with _folder(out) as folder:
         _core.grasps([find_file(each) for each in listed], folder, list(sides), override_list(overrides), friction,
@@ -166,6 +172,8 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
 def agreement(scene: PathText, overrides: Overrides = None, *, draws: int = 100, seed: int = 1,
               quarter_steps: int = 0, threads: int = 0, out: Out = None, progress: Progress = None) -> Study:
     """Random grasps around a scene on both engines: do they agree on what is held?"""
+    seed_of(seed), whole("draws", draws, 1), whole("quarter_steps", quarter_steps, 0)
+    whole("threads", threads, 0, MOST_THREADS)
     with _folder(out) as folder:
         _core.agreement(find_file(scene), folder, override_list(overrides), draws, seed, quarter_steps, threads,
                         progress)
@@ -181,6 +189,10 @@ def rollouts(study: PathText, overrides: Overrides = None, *, count: Optional[in
     :param seed: in place of the study's
     :param resume: goes on with a study that was stopped, from the journal in ``out``
     """
+    whole("threads", threads, 0, MOST_THREADS)
+    for name, value, least in (("count", count, 1), ("seed", seed, 0)):
+        if value is not None:
+            whole(name, value, least)
     with _folder(out) as folder:
         text = _core.rollouts(find_file(study), folder, count, seed, override_list(overrides), threads, resume,
                               progress)
@@ -210,6 +222,8 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
     :param clamp: moves angles beyond a stop to it
     :param check: simulates with the torques
     """
+    if cutoff is not None:
+        real("cutoff", cutoff)
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
     with _folder(out) as folder:
         text = _core.inverse(of._core, folder, _path(motion), _path(names), _path(loads), cutoff, clamp, check, progress)
@@ -230,6 +244,7 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
     :param noise: for trials: standard deviation of normal noise on every coordinate [m]
     :param seed: of the noise
     """
+    real("noise", noise), whole("seed", seed, 0, 2**32 - 1)
     with _folder(out) as folder:
         _core.track(Path(recording), folder, _path(person), _path(model), _path(markers), _path(truth), fit_bones, smooth,
                     noise, seed, progress)

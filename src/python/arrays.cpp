@@ -43,13 +43,26 @@ std::string described(const py::array& array) {
 }
 
 Numbers::Numbers(const py::object& object, const std::vector<py::ssize_t>& shape, const std::string& name) {
-  if (object.is_none()) return;
   const std::string need = shape_text(shape) + ", dtype float64, float32 or an integer";
   const py::array array = any_array(object, name, need);
   if (!is_real(array) || shape_of(array) != shape) throw input_error(name, described(array), need);
   const auto numbers = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(array);
   keep_ = numbers;
   span_ = {numbers.data(), static_cast<std::size_t>(numbers.size())};
+}
+
+std::vector<std::uint64_t> seeds_of(const py::object& object, std::size_t size) {
+  const auto rows = static_cast<py::ssize_t>(size);
+  const std::string need = shape_text({rows}) + ", integers of 0 or more, below 2^64";
+  const py::array array = any_array(object, "seeds", need);
+  const char kind = array.dtype().kind();
+  if ((kind != 'u' && kind != 'i') || shape_of(array) != std::vector{rows})
+    throw input_error("seeds", described(array), need);
+  const auto seeds = py::array_t<std::uint64_t, py::array::c_style | py::array::forcecast>::ensure(array);
+  for (py::ssize_t i = 0; i < rows && kind == 'i'; ++i)
+    if (static_cast<std::int64_t>(seeds.at(i)) < 0)
+      throw input_error("seeds", fmt::format("{}", static_cast<std::int64_t>(seeds.at(i))), need);
+  return {seeds.data(), seeds.data() + seeds.size()};
 }
 
 std::vector<unsigned char> mask_of(const py::object& object, std::size_t size) {
