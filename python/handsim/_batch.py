@@ -56,8 +56,10 @@ class Batch:
         :raises Error: of kind input where the scene does not run, or a name or bound is wrong
         """
         self.scene = scene if isinstance(scene, Scene) else load(scene)
-        if isinstance(observe, str):
-            raise input_error("observe", repr(observe), "a list of names")
+        observe = [observe] if isinstance(observe, str) else list(observe)
+        for name in observe:
+            if not isinstance(name, str):
+                raise input_error("observe", repr(name), "names of parts")
         names = [*observe, *(name for name in ("q", "u") if name not in observe)]
         self._core = _core.batch(self.scene._core, whole("n", n, 1, MOST), names, _drawn(randomise), seed_of(seed),
                                  whole("threads", threads, 0), flag("watch", watch))

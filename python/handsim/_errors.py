@@ -82,6 +82,12 @@ def flag(key: str, value: Any) -> bool:
     return bool(value)
 
 
+def flags(**named: Any) -> None:
+    """Each True or False."""
+    for key, value in named.items():
+        flag(key, value)
+
+
 def seed_of(value: Any) -> int:
     """A seed of 64 bits."""
     return whole("seed", value, 0, 2**64 - 1)

@@ -2,7 +2,7 @@
 from __future__ import annotations
 
 import struct
-from os import PathLike
+from os import PathLike, fspath
 from typing import Any, Sequence, Union
 
 import numpy as np
@@ -41,7 +41,7 @@ def png(picture: Picture) -> bytes:
 
 def save_png(picture: Picture, path: Union[str, "PathLike[str]"]) -> None:
     """Writes a picture as a PNG file."""
-    with open(path, "wb") as file:
+    with open(fspath(path), "wb") as file:
         file.write(png(picture))
 
 

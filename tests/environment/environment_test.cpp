@@ -392,8 +392,8 @@ TEST(Refused, DistributionsAndStartsOutOfRange) {
 // Oracle: an environment that was never elsewhere. Each position is the scene's own plus one difference: sums
 // of differences would round.
 TEST(Seeds, LeaveNothingOfEarlierOnes) {
-  const Setup setup{.randomise = {{"objects.0.position", Distribution::normal, 0.3, 0.1},
-                                  {"objects.0.mass", Distribution::uniform, 0.1, 0.5}}};
+  const environment::Setup setup{.randomise = {{"objects.0.position", Distribution::normal, 0.3, 0.1},
+                                               {"objects.0.mass", Distribution::uniform, 0.1, 0.5}}};
   const scene::Scene scene = shipped_scene("dropped_hand", kArticulated);
   Environment used(scene, setup), fresh(scene, setup);
   for (std::uint64_t seed = 0; seed < 20; ++seed) used.reset(seed);

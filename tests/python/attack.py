@@ -170,7 +170,7 @@ class World:
             (hs.study.track, {"recording": here / "none.csv", "person": here, "noise": 0.1, "seed": 1}),
             (hs.study.inverse, {"scene": self.scenes[0], "motion": here / "none.csv", "cutoff": 6.0, "clamp": True}),
             (hs.study.validate, {"measurements": here / "none.yaml"}),
-            (hs.study.read_csv, {"path": here / "none.csv"}), (hs.Table, {"columns": {"a": [1, 2]}, "title": "t"}),
+            (hs.study.read_csv, {"path": here / "none.csv"}),
             (hs.gym.Episodes, {"task": hs.gym.SceneTask(self.scenes[0], lambda batch: np.zeros(len(batch))), "n": 2, "seed": 1,
                                "threads": 1})]
         self.hand = hs.Hand(1.75, 72)
@@ -344,7 +344,7 @@ def one_case(world, number):
     arguments = dict(arguments)
     for key in chance.sample(list(arguments), min(len(arguments), chance.choice([1, 1, 1, 2]))):
         arguments[key] = mutated(chance, arguments[key])
-        if key in MANY and isinstance(arguments[key], int) and 1000 < arguments[key] < 2**31:
+        if key in MANY and isinstance(arguments[key], int) and 1000 < arguments[key] < 2**63:
             arguments[key] = 1000
     text = f"{getattr(call, '__qualname__', call)}({', '.join(f'{k}={v!r:.300}' for k, v in arguments.items())})"
     print(f"case {number}: {text!a:.1500}", flush=True)
@@ -389,22 +389,20 @@ def child(first, last):
 def attack(first, last):
     """Cases in child processes; a new one goes on behind a case that ends its process.
 
-    :returns: findings, each with its case
+    :returns: findings as they are found, each with its case
     """
-    found = []
     while first < last:
         end = min(last, first + CHUNK)
         run = subprocess.run([sys.executable, __file__, "--child", str(first), str(end)], capture_output=True, text=True)
         cases = [line for line in run.stdout.splitlines() if line.startswith("case ")]
-        found += [f"{line}\n    {next((case for case in cases if case.startswith(f'case {line.split()[1]}')), '')}"
+        yield from [f"{line}\n    {next((case for case in cases if case.startswith(f'case {line.split()[1]}')), '')}"
                   for line in run.stdout.splitlines() if line.startswith("FOUND")]
         if run.stdout.endswith("done\n"):
             first = end
             continue
         last_case = cases[-1] if cases else f"case {first}: none was begun"
-        found.append(f"ended with status {run.returncode}: {last_case}\n{run.stderr[-1500:]}")
+        yield f"ended with status {run.returncode}: {last_case}\n{run.stderr[-1500:]}"
         first = int(last_case.split()[1].rstrip(":")) + 1
-    return found
 
 
 def main():
@@ -416,9 +414,11 @@ def main():
     if arguments.child:
         return child(*arguments.child)
     first = 1_000_000 * arguments.seed
-    found = attack(first, first + arguments.count)
-    print("\n".join(found))
-    print(f"{arguments.count} cases, {len(found)} findings")
+    found = 0
+    for finding in attack(first, first + arguments.count):
+        print(finding, flush=True)
+        found += 1
+    print(f"{arguments.count} cases, {found} findings")
     return 1 if found else 0
 
 

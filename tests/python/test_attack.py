@@ -13,7 +13,7 @@ from handsim import _core
 
 # Oracle: the rules of attack.py. Other seeds and counts by hand: python3 tests/python/attack.py --count 5000 --seed 1
 def test_cases_by_chance():
-    assert attack(0, 500) == []
+    assert list(attack(0, 500)) == []
 
 
 @pytest.mark.parametrize("force", [None, "a", [1, 2], {}, np.nan, [None] * 3, np.zeros((3, 1)), [[1, 2, 3]]])
@@ -88,7 +88,7 @@ def test_a_mapping_may_have_paths_and_arrays():
                         "side": "right", "wrist": {"mount": "fixed", "position": np.array([0, 0, 0.2])}}]}
     by_text = {**scene, "hands": [{**scene["hands"][0], "model": str(scene["hands"][0]["model"]),
                                    "person": str(scene["hands"][0]["person"]),
-                                   "wrist": {"mount": "fixed", "position": [0, 0, 0.2]}}]}
+                                   "wrist": {"mount": "fixed", "position": [0.0, 0.0, 0.2]}}]}
     assert hs.load(scene).resolved == hs.load(by_text).resolved
     assert hs.load(scene, {"hands.0.person": pathlib.Path(data / "config/persons/median_man.yaml")}).bodies
     for wrong in ({**scene, "title": {1, 2}}, {**scene, ("a", 1): 2}):
