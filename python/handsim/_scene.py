@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._errors import input_error, real, whole
+from ._errors import flags, input_error, real, whole
 from ._pictures import Picture, html_picture
 from ._table import rows_table
 
@@ -204,6 +204,7 @@ class Scene:
         from ._result import Result
 
         whole("frames", frames, 0)
+        flags(poses=poses, plots=plots, report=report, stop_lost=stop_lost)
         if out is None:
             if report or video is not None:
                 raise input_error("out", "none", "a folder for the files of report and video; in memory: "

@@ -7,12 +7,12 @@ after the run that is under way.
 from __future__ import annotations
 
 from contextlib import contextmanager
-from os import PathLike
+from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Iterator, Optional, Sequence, Union
 
 from . import _core
-from ._errors import real, seed_of, whole
+from ._errors import flags, real, seed_of, whole
 from ._scene import Overrides, Progress, Scene, Source, find_file, load, override_list
 from ._table import Table, rows_table
 
@@ -77,14 +77,14 @@ def read_csv(path: PathText) -> Table:
     """A CSV file of handsim as a table: columns of numbers as arrays, in which an empty field is nan."""
     import csv
 
-    with open(path, newline="") as file:
+    with open(fspath(path), newline="") as file:
         head, *rows = csv.reader(file)
     return rows_table(head, [[_value(text) for text in row] for row in rows])
 
 
 def read_sto(path: PathText) -> Table:
     """A ``.sto`` or ``.mot`` file as a table of numbers; names are those of the file, angles in its unit."""
-    with open(path) as file:
+    with open(fspath(path)) as file:
         for line in file:
             if line.strip() == "endheader":
                 break
@@ -145,6 +145,7 @@ def stability(study: PathText = "stability", *, cases: Sequence[str] = (), quick
     """
     whole("threads", threads, 0, MOST_THREADS)
     with _folder(out) as folder:
+        flags(quick=quick, pictures=pictures)
         text = _core.stability(find_file(study), folder, list(cases), quick, threads, pictures, progress)
         return Study("stability", folder, text)
 
@@ -160,6 +161,7 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
     :param friction_search: the smallest friction that still holds each grasp
     :param margin: each grasp again with 5 % more and less friction and mass
     """
+    flags(friction_search=friction_search, margin=margin, pictures=pictures)
     if friction is not None:
         real("friction", friction)
     listed = [scenes] if isinstance(scenes, (str, PathLike)) else list(scenes)
@@ -190,6 +192,7 @@ def rollouts(study: PathText, overrides: Overrides = None, *, count: Optional[in
     :param resume: goes on with a study that was stopped, from the journal in ``out``
     """
     whole("threads", threads, 0, MOST_THREADS)
+    flags(resume=resume)
     for name, value, least in (("count", count, 1), ("seed", seed, 0)):
         if value is not None:
             whole(name, value, least)
@@ -222,6 +225,7 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
     :param clamp: moves angles beyond a stop to it
     :param check: simulates with the torques
     """
+    flags(clamp=clamp, check=check)
     if cutoff is not None:
         real("cutoff", cutoff)
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
@@ -244,6 +248,7 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
     :param noise: for trials: standard deviation of normal noise on every coordinate [m]
     :param seed: of the noise
     """
+    flags(fit_bones=fit_bones, smooth=smooth)
     real("noise", noise), whole("seed", seed, 0, 2**32 - 1)
     with _folder(out) as folder:
         _core.track(Path(recording), folder, _path(person), _path(model), _path(markers), _path(truth), fit_bones, smooth,
