@@ -28,7 +28,7 @@ def _drawn(randomise: Randomise) -> list[tuple[str, str, float, float]]:
         if not isinstance(spec, (tuple, list)) or len(spec) != 3 or not isinstance(spec[0], str):
             raise input_error(f"randomise.{name}", repr(spec), '("uniform", low, high), ("log_uniform", low, high) or '
                               '("normal", mean, deviation)')
-        out.append((str(name), spec[0], *(real(f"randomise.{name}", bound) for bound in spec[1:])))
+        out.append((str(name), spec[0], real(f"randomise.{name}", spec[1]), real(f"randomise.{name}", spec[2])))
     return out
 
 

@@ -15,9 +15,9 @@ Picture = NDArray[np.uint8]
 
 
 def check_picture(key: str, picture: Any) -> None:
-    shape, kind = getattr(picture, "shape", None), getattr(picture, "dtype", None)
-    if not isinstance(picture, np.ndarray) or picture.ndim != 3 or shape[2] != 3 or kind != np.uint8 or picture.size == 0:
-        got = type(picture).__name__ if shape is None else f"shape {shape}, dtype {kind}"
+    array = isinstance(picture, np.ndarray)
+    if not array or picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint8 or picture.size == 0:
+        got = f"shape {picture.shape}, dtype {picture.dtype}" if array else type(picture).__name__
         raise input_error(key, got, "shape (height, width, 3), dtype uint8")
 
 
