@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._core import Frame, Motion
-from ._errors import flag, input_error, real, seed_of, whole
+from ._errors import Error, flag, input_error, real, seed_of, whole
 from ._pictures import Picture
 from ._scene import Camera, Scene, Source, load
 from ._simulation import Array, Forces
@@ -126,7 +126,12 @@ class Batch:
             array = np.asarray(values)
         except (TypeError, ValueError):
             raise input_error(name, "no array", "numbers, shape (n, numbers) or (n,)") from None
-        self._core.set(name, array[:, np.newaxis] if array.ndim == 1 else array)
+        before = self.get(name)
+        try:
+            self._core.set(name, array[:, np.newaxis] if array.ndim == 1 else array)
+        except Error:
+            self._core.set(name, before)  # some environments may have taken theirs
+            raise
 
     def get(self, name: str) -> Array:
         """A number of all environments, shape (n, numbers): as last set or drawn."""

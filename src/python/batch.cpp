@@ -94,7 +94,7 @@ class BatchHandle {
     const std::vector<unsigned char> mask = mask_of(mask_of_rows, batch_.size());
     const std::vector<std::uint64_t> seeds =
         seeds_of_rows.is_none() ? next_seeds(mask) : seeds_of(seeds_of_rows, batch_.size());
-    guarded([&] {
+    calls_.one([&] {
       if (motion)
         batch_.reset(motion->motion, seeds, mask);
       else
@@ -112,7 +112,7 @@ class BatchHandle {
     const std::size_t width = calls_.one([&] { return batch_[0].get(name).size(); });
     const Numbers numbers(values, {static_cast<py::ssize_t>(batch_.size()), static_cast<py::ssize_t>(width)},
                           name);
-    guarded([&] {
+    calls_.one([&] {
       for (std::size_t i = 0; i < batch_.size(); ++i)
         batch_[i].set(name, numbers.span().subspan(i * width, width));
     });
@@ -120,7 +120,7 @@ class BatchHandle {
 
   py::array_t<double> get(const std::string& name) {
     std::vector<double> out;
-    guarded([&] {
+    calls_.one([&] {
       for (std::size_t i = 0; i < batch_.size(); ++i) {
         const std::vector<double> row = batch_[i].get(name);
         out.insert(out.end(), row.begin(), row.end());
@@ -140,14 +140,10 @@ class BatchHandle {
   const Batch& batch() const { return batch_; }
 
  private:
-  template <class Work>
-  void guarded(const Work& work) {
-    calls_.one(work);
-  }
-  /// The same, in which Ctrl-C ends the steps.
+  /// A call in which Ctrl-C ends the steps.
   template <class Work>
   void with_signals(const Work& work) {
-    guarded([&] {
+    calls_.one([&] {
       Signals signals;
       polled_ = &signals;
       caller_ = std::this_thread::get_id();

@@ -14,6 +14,7 @@
 
 #include "handsim/scene/compile/scene.h"
 #include "handsim/simulation/run/pictures.h"
+#include "handsim/simulation/watch/watcher.h"
 
 namespace handsim::python {
 
@@ -50,6 +51,9 @@ py::class_<T> bind_class(py::module_& module, const char* name) {
 /// Pictures of moments with one common camera, as arrays [height, width, 3] of bytes; without the GIL.
 py::list draw_all(const scene::Scene& scene, std::vector<simulation::Moment> moments,
                   const PictureChoice& choice);
+
+/// A tuple of each, as handsim.Verdict.
+py::list verdict_list(const std::vector<simulation::Verdict>& verdicts);
 
 void bind_errors(py::module_& module);
 void bind_scene(py::module_& module);

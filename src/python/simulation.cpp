@@ -216,12 +216,8 @@ void bind_simulation(py::module_& module) {
            [](Self& self) {
              return Frame{self.read([](const auto& of) { return simulation::moment_of(of.engine()); })};
            })
-      .def("verdicts", [](Self& self) {
-        py::list out;
-        for (const simulation::Verdict& v : self.read([](const auto& of) { return of.verdicts(); }))
-          out.append(py::make_tuple(v.name, v.unit, v.measured, v.limit, v.least, v.held(), v.time, v.where));
-        return out;
-      });
+      .def("verdicts",
+           [](Self& self) { return verdict_list(self.read([](const auto& of) { return of.verdicts(); })); });
   bound
       .def_property_readonly(
           "time", [](Self& self) { return self.read([](const auto& of) { return of.state().time; }); })
