@@ -8,22 +8,27 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._core import Frame, Motion
-from ._errors import input_error
+from ._errors import Error, flag, input_error, real, seed_of, whole
 from ._pictures import Picture
 from ._scene import Camera, Scene, Source, load
 from ._simulation import Array, Forces
 
+MOST = 1_000_000
 Mask = Optional[NDArray[np.bool_]]
 Randomise = Optional[Mapping[str, Sequence[Any]]]
 
 
 def _drawn(randomise: Randomise) -> list[tuple[str, str, float, float]]:
-    out = []
-    for name, spec in (randomise or {}).items():
+    out: list[tuple[str, str, float, float]] = []
+    if randomise is None:
+        return out
+    if not isinstance(randomise, Mapping):
+        raise input_error("randomise", type(randomise).__name__, "a mapping: name to distribution")
+    for name, spec in randomise.items():
         if not isinstance(spec, (tuple, list)) or len(spec) != 3 or not isinstance(spec[0], str):
             raise input_error(f"randomise.{name}", repr(spec), '("uniform", low, high), ("log_uniform", low, high) or '
                               '("normal", mean, deviation)')
-        out.append((name, spec[0], float(spec[1]), float(spec[2])))
+        out.append((str(name), spec[0], real(f"randomise.{name}", spec[1]), real(f"randomise.{name}", spec[2])))
     return out
 
 
@@ -39,22 +44,25 @@ class Batch:
                  randomise: Randomise = None, seed: int = 0, threads: int = 0, watch: bool = False) -> None:
         """
         :param scene: a Scene, or what `load` takes
-        :param n: number of environments, 1 or more
+        :param n: number of environments, 1 to 1,000,000
         :param observe: parts of `observation`, in its order: time, q, u, tau, wrists, fingertips, objects,
             finger_contacts, contact_pairs, failed (docs/environment.md has their numbers); failed needs ``watch``
         :param randomise: what a reset draws, by name: ``{"objects.0.mass": ("uniform", 0.1, 0.5)}``; also
             ``("log_uniform", low, high)`` and ``("normal", mean, deviation)``. Names: gravity, objects.I.mass,
             objects.I.friction, objects.I.position, gains, torque_limits, q.
-        :param seed: environment i draws in its k-th reset a function of seed, i and k alone
-        :param threads: 0: one for each core
+        :param seed: 0 or more, below 2^64; environment i draws in its k-th reset a function of seed, i and k alone
+        :param threads: at most 1024; 0: one for each core
         :param watch: measures the scene's criteria, for the observation ``failed``
         :raises Error: of kind input where the scene does not run, or a name or bound is wrong
         """
         self.scene = scene if isinstance(scene, Scene) else load(scene)
-        if n < 1:
-            raise input_error("n", n, "1 or more environments")
+        observe = [observe] if isinstance(observe, str) else list(observe)
+        for name in observe:
+            if not isinstance(name, str):
+                raise input_error("observe", repr(name), "names of parts")
         names = [*observe, *(name for name in ("q", "u") if name not in observe)]
-        self._core = _core.Batch(self.scene._core, n, names, _drawn(randomise), seed, threads, watch)
+        self._core = _core.batch(self.scene._core, whole("n", n, 1, MOST), names, _drawn(randomise), seed_of(seed),
+                                 whole("threads", threads, 0), flag("watch", watch))
         self._all: Array = self._core.observations()
         self._parts = {name: (first, columns) for name, first, columns in self._core.parts()}
         width = sum(len(self._parts[name][1]) for name in observe)
@@ -76,7 +84,7 @@ class Batch:
 
     def __getitem__(self, part: str) -> Array:
         """The columns of one observed part, e.g. ``batch["fingertips"]``, shape (n, numbers)."""
-        if part not in self._parts:
+        if not isinstance(part, str) or part not in self._parts:
             raise input_error("part", part, f"one of {', '.join(self._parts)}; others have to stand in observe")
         first, columns = self._parts[part]
         return self._all[:, first:first + len(columns)]
@@ -97,7 +105,7 @@ class Batch:
         :raises Error: of kind input for another shape or dtype, or numbers that are not finite. A motion that diverges
             does not raise: see `failed`.
         """
-        self._core.step(torques, targets, wrists, None if forces is None else dict(forces), substeps)
+        self._core.step(torques, targets, wrists, forces, whole("substeps", substeps, 1))
 
     def reset(self, mask: Mask = None, *, seed: Optional[int] = None, seeds: Optional[ArrayLike] = None,
               to: Optional[Motion] = None) -> None:
@@ -109,29 +117,40 @@ class Batch:
         :param to: a motion of this Scene (`Simulation.motion`, `motion`) in place of its start
         """
         if seed is not None:
-            self._core.seed(seed)
+            self._core.seed(seed_of(seed))
         self._core.reset(mask, seeds, to)
 
     def set(self, name: str, values: ArrayLike) -> None:
         """Sets a number (names as for ``randomise``) from the next reset on, shape (n, numbers) or (n,)."""
-        array = np.asarray(values)
-        self._core.set(name, array[:, np.newaxis] if array.ndim == 1 else array)
+        try:
+            array = np.asarray(values)
+        except (TypeError, ValueError):
+            raise input_error(name, "no array", "numbers, shape (n, numbers) or (n,)") from None
+        before = self.get(name)
+        try:
+            self._core.set(name, array[:, np.newaxis] if array.ndim == 1 else array)
+        except Error:
+            self._core.set(name, before)  # some environments may have taken theirs
+            raise
 
     def get(self, name: str) -> Array:
         """A number of all environments, shape (n, numbers): as last set or drawn."""
         return self._core.get(name)
 
+    def _index(self, environment: int) -> int:
+        return whole("environment", environment, 0, len(self) - 1)
+
     def failure(self, environment: int) -> Optional[str]:
         """Why an environment failed; None if it did not."""
-        return self._core.failure(environment)
+        return self._core.failure(self._index(environment))
 
     def motion(self, environment: int) -> Motion:
         """The motion of one environment now, for `reset`."""
-        return self._core.motion(environment)
+        return self._core.motion(self._index(environment))
 
     def frame(self, environment: int) -> Frame:
         """The state of one environment for `Scene.draw_frames`."""
-        return self._core.frame(environment)
+        return self._core.frame(self._index(environment))
 
     def draw(self, environment: int = 0, *, size: Optional[tuple[int, int]] = None, view: Optional[str] = None,
              camera: Optional[Camera] = None) -> Picture:

@@ -1,6 +1,8 @@
 """The one exception of handsim, with the places of its problems."""
 from __future__ import annotations
 
+import math
+import operator
 from typing import Any, NamedTuple, Optional, Sequence
 
 
@@ -57,3 +59,46 @@ def from_core(message: str, kind: str, problems: Sequence[Any], fault: Any) -> E
 def input_error(key: str, got: object, need: str) -> Error:
     """An input error outside any file."""
     return Error(f"{key}: got {got}, need {need}", "input", [Problem(None, None, None, key, str(got), need)])
+
+
+LARGEST = 2**31 - 1
+
+
+def whole(key: str, value: Any, least: int, most: int = LARGEST) -> int:
+    """A whole number of Python or numpy within its range. :raises Error: of kind input for anything else"""
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = least - 1
+    if not least <= number <= most:
+        raise input_error(key, repr(value), f"a whole number, {least} to {most}")
+    return number
+
+
+def flag(key: str, value: Any) -> bool:
+    """True or False. :raises Error: of kind input for anything else"""
+    if type(value).__name__ not in ("bool", "bool_"):
+        raise input_error(key, repr(value), "True or False")
+    return bool(value)
+
+
+def flags(**named: Any) -> None:
+    """Each True or False."""
+    for key, value in named.items():
+        flag(key, value)
+
+
+def seed_of(value: Any) -> int:
+    """A seed of 64 bits."""
+    return whole("seed", value, 0, 2**64 - 1)
+
+
+def real(key: str, value: Any) -> float:
+    """A finite number. :raises Error: of kind input for anything else"""
+    try:
+        number = float(value) if not isinstance(value, str) else math.nan
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise input_error(key, repr(value), "a finite number")
+    return number

@@ -7,7 +7,7 @@ from os import PathLike, fspath
 from typing import Any, Optional, Union
 
 from . import _core
-from ._errors import Error, Problem
+from ._errors import Error, Problem, flags
 from ._pictures import Picture, html_picture
 from ._scene import Camera, Scene, data_path, load
 from ._table import Table, rows_table
@@ -38,6 +38,7 @@ class Hand:
             ``hand_length_percentile`` (0 to 100)
         :raises Error: of kind input with every impossible value
         """
+        flags(muscles=muscles)
         given: dict[str, Any] = {"stature": stature, "mass": mass, **measures}
         given = {key: value for key, value in given.items() if value is not None}
         who: Any = {**given, "sex": sex}

@@ -2,26 +2,30 @@
 from __future__ import annotations
 
 import struct
-from os import PathLike
-from typing import Sequence, Union
+from os import PathLike, fspath
+from typing import Any, Sequence, Union
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
+from ._errors import input_error, whole
 
 Picture = NDArray[np.uint8]
+
+
+def check_picture(key: str, picture: Any) -> None:
+    array = isinstance(picture, np.ndarray)
+    if not array or picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint8 or picture.size == 0:
+        got = f"shape {picture.shape}, dtype {picture.dtype}" if array else type(picture).__name__
+        raise input_error(key, got, "shape (height, width, 3), dtype uint8")
 
 
 def png(picture: Picture) -> bytes:
     """The bytes of a PNG file."""
     import zlib
 
-    if picture.ndim != 3 or picture.shape[2] != 3 or picture.dtype != np.uint8:
-        from ._errors import input_error
-
-        raise input_error("picture", f"shape {picture.shape}, dtype {picture.dtype}",
-                          "shape (height, width, 3), dtype uint8")
+    check_picture("picture", picture)
     height, width, _ = picture.shape
 
     def chunk(kind: bytes, data: bytes) -> bytes:
@@ -37,7 +41,7 @@ def png(picture: Picture) -> bytes:
 
 def save_png(picture: Picture, path: Union[str, "PathLike[str]"]) -> None:
     """Writes a picture as a PNG file."""
-    with open(path, "wb") as file:
+    with open(fspath(path), "wb") as file:
         file.write(png(picture))
 
 
@@ -49,7 +53,10 @@ def contact_sheet(pictures: Sequence[Picture], captions: Sequence[str], title: s
     :param width: largest width of the page [pixels], 160 to 16384
     :raises Error: of kind input without pictures (see ``has_pictures``), or for another number of captions
     """
-    return _core.contact_sheet(list(pictures), list(captions), title, width)
+    pages = list(pictures)
+    for page in pages:
+        check_picture("pictures", page)
+    return _core.contact_sheet(pages, list(captions), title, whole("width", width, 160, 16384))
 
 
 def html_picture(picture: Picture, width: int = 0) -> str:

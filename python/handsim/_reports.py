@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Iterable, Optional, Union
 
 from . import _core
-from ._errors import input_error
-from ._pictures import Picture
+from ._errors import input_error, real
+from ._pictures import Picture, check_picture
 
 PathText = Union[str, "PathLike[str]"]
 
@@ -35,10 +35,9 @@ def save_video(pictures: Iterable[Picture], path: PathText, fps: float = 30) -> 
     """
     video = None
     for picture in pictures:
+        check_picture("pictures", picture)
         if video is None:
-            if picture.ndim != 3:
-                raise input_error("pictures", f"shape {picture.shape}", "shape (height, width, 3), dtype uint8")
-            video = _core.Video(Path(fspath(path)), picture.shape[1], picture.shape[0], fps)
+            video = _core.video(Path(fspath(path)), picture.shape[1], picture.shape[0], real("fps", fps))
         video.add(picture)
     if video is None:
         raise input_error("pictures", "none", "at least one")

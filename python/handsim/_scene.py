@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _core
-from ._errors import input_error
+from ._errors import flags, input_error, real, whole
 from ._pictures import Picture, html_picture
 from ._table import rows_table
 
@@ -41,12 +41,13 @@ def find_file(name: Union[str, "PathLike[str]"]) -> Path:
 
     :raises Error: of kind input, with the nearest name, where there is none
     """
-    path = Path(fspath(name))
-    if path.exists():
-        return path
     shipped = data_path() / "config" / f"{fspath(name)}.yaml"
-    if shipped.exists():
-        return shipped
+    for path in (Path(fspath(name)), shipped):
+        try:
+            if path.exists():
+                return path
+        except (OSError, ValueError) as error:  # a name that is too long, or has a zero byte
+            raise input_error("scene", repr(name), f"a path or a name ({error})") from None
     import difflib
 
     near = difflib.get_close_matches(fspath(name), scenes(), 1, 0.5)
@@ -56,17 +57,32 @@ def find_file(name: Union[str, "PathLike[str]"]) -> Path:
 
 def override_text(value: Any) -> str:
     """A value as the command line's ``--set key=value`` takes it. Text is passed on as it is: ``"5 ms"``, ``left``."""
-    if isinstance(value, str):
-        return value
-    if isinstance(value, PathLike):
-        return str(fspath(value))
+    return value if isinstance(value, str) else str(fspath(value)) if isinstance(value, PathLike) else json_text(value)
+
+
+def json_text(value: Any, key: str = "value") -> str:
+    """JSON of mappings, lists, numbers, texts, paths and arrays of numpy. :raises Error: of kind input for others"""
     import json
 
-    return json.dumps(value.tolist() if isinstance(value, (np.ndarray, np.generic)) else value)
+    def plain(of: Any) -> Any:
+        if isinstance(of, PathLike):
+            return str(fspath(of))
+        if isinstance(of, (np.ndarray, np.generic)):
+            return of.tolist()
+        if isinstance(of, Mapping):
+            return dict(of)
+        raise TypeError(f"{type(of).__name__} {of!r:.60}")
+
+    try:
+        return json.dumps(value, default=plain)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise input_error(key, str(error), "mappings with names, lists, numbers, texts, paths and arrays") from None
 
 
 def override_list(overrides: Overrides, engine: Optional[str] = None) -> list[str]:
     out = [] if engine is None else [f"solver.engine={engine}"]
+    if not isinstance(overrides, (Mapping, type(None))):
+        raise input_error("overrides", type(overrides).__name__, "a mapping: dotted key to value")
     return out + [f"{key}={override_text(value)}" for key, value in (overrides or {}).items()]
 
 
@@ -187,6 +203,8 @@ class Scene:
         """
         from ._result import Result
 
+        whole("frames", frames, 0)
+        flags(poses=poses, plots=plots, report=report, stop_lost=stop_lost)
         if out is None:
             if report or video is not None:
                 raise input_error("out", "none", "a folder for the files of report and video; in memory: "
@@ -194,7 +212,7 @@ class Scene:
             return Result(self, _core.run(self._core, frames, stop_lost, progress))
         folder = Path(out)
         values = _core.run_to_folder(self._core, folder, frames if _core.has_pictures and not poses else 0, poses,
-                                     plots, report, None if video is None else (Path(fspath(video)), fps, speed),
+                                     plots, report, None if video is None else (Path(fspath(video)), real("fps", fps), real("speed", speed)),
                                      stop_lost, progress)
         return Result(self, values, folder)
 
@@ -211,8 +229,8 @@ class Scene:
         :param progress: called with the share done, 0..1
         :raises Error: of kind input without pictures or without ffmpeg; of kind physics where the motion diverges
         """
-        _core.film(self._core, (Path(fspath(path)), fps, speed), self.duration if time is None else time, size, view,
-                   camera, progress)
+        _core.film(self._core, (Path(fspath(path)), real("fps", fps), real("speed", speed)),
+                   self.duration if time is None else real("time", time), size, view, camera, progress)
 
     def draw(self, time: float = 0, *, size: Optional[tuple[int, int]] = None, view: Optional[str] = None,
              camera: Optional[Camera] = None) -> Picture:
@@ -225,7 +243,7 @@ class Scene:
         :returns: shape (height, width, 3), dtype uint8
         :raises Error: of kind input in a build without pictures (`handsim.has_pictures`)
         """
-        return self.draw_frames([_core.frame_at(self._core, time)], size=size, view=view, camera=camera)[0]
+        return self.draw_frames([_core.frame_at(self._core, real("time", time))], size=size, view=view, camera=camera)[0]
 
     def draw_frames(self, frames: Sequence["_core.Frame"], *, size: Optional[tuple[int, int]] = None,
                     view: Optional[str] = None, camera: Optional[Camera] = None) -> list[Picture]:
@@ -266,7 +284,7 @@ def load(source: Source, overrides: Overrides = None, *, engine: Optional[str] =
     """Compiles a scene.
 
     :param source: path of a scene file, name of a shipped scene (`scenes()`), or a mapping with the keys of a scene
-        file, whose paths start from the working directory
+        file, whose paths (texts or `pathlib.Path`) start from the working directory
     :param overrides: values by dotted key, as ``--set`` of the command line: ``{"objects.0.mass": 0.4,
         "solver.step": "2 ms"}``. Numbers are SI; texts carry units.
     :param engine: ``ode``, ``articulated``, ``dae`` or ``auto``, in place of the scene's
@@ -274,9 +292,7 @@ def load(source: Source, overrides: Overrides = None, *, engine: Optional[str] =
     """
     changes = override_list(overrides, engine)
     if isinstance(source, Mapping):
-        import json
-
-        return Scene(_core.Scene.parse(json.dumps(source), "scene", changes))
+        return Scene(_core.Scene.parse(json_text(source, "scene"), "scene", changes))
     return Scene(_core.Scene.load(find_file(source), changes))
 
 

@@ -8,12 +8,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from ._core import Frame, Motion, Snapshot
+from ._errors import flag, input_error, whole
 from ._pictures import Picture
 from ._result import Verdict, verdicts_of
 from ._scene import Camera, Overrides, Scene, Source, load
 
 Array = NDArray[np.float64]
 Forces = Optional[Mapping[str, ArrayLike]]
+
+
+def snapshot_of(text: bytes) -> Snapshot:
+    """Of its pickle."""
+    return _core.snapshot(text)
 
 
 class Bodies(NamedTuple):
@@ -63,7 +69,7 @@ class Simulation:
         """
         self.scene = scene if isinstance(scene, Scene) else load(scene, overrides)
         forces = self.scene._core.has_contact if contact_forces is None else contact_forces
-        self._core = _core.Simulation(self.scene._core, watch, forces)
+        self._core = _core.simulation(self.scene._core, flag("watch", watch), flag("contact_forces", forces))
         self.q: Array = self._core.q
         """Coordinates [rad] or [m], shape (coordinates,), in the order of `Scene.coordinates`; read-only view."""
         self.u: Array = self._core.u
@@ -85,7 +91,7 @@ class Simulation:
         :raises Error: of kind input for another shape or dtype or numbers that are not finite: nothing has moved then;
             of kind physics where the motion diverges
         """
-        self._core.step(torques, targets, wrists, None if forces is None else dict(forces), substeps)
+        self._core.step(torques, targets, wrists, forces, whole("substeps", substeps, 1))
 
     @property
     def time(self) -> float:
@@ -114,13 +120,17 @@ class Simulation:
 
     def reset(self, to: Optional[Motion] = None, *, q: Optional[ArrayLike] = None,
               u: Optional[ArrayLike] = None) -> None:
-        """To the scene's start, to coordinates and rates of your own, or to a motion.
+        """To the scene's start, with the bits of a new simulation; to coordinates and rates of your own; or to a motion.
+        Works after a motion that diverged, too.
 
         :param to: of `motion` of this or another simulation of the same Scene; then without q and u
-        :param q: [rad] or [m], shape (coordinates,); None: the scene's
-        :param u: [rad/s] or [m/s], shape (coordinates,); None: at rest
-        :raises Error: of kind input for a motion of another scene; of kind physics after a motion that diverged
+        :param q: [rad] or [m], shape (coordinates,), angles within half a turn, and at most 0.05 rad (5 mm) beyond a stop
+            in effect: a simulation's own ``q`` can be so; None: the scene's
+        :param u: [rad/s] or [m/s], shape (coordinates,); None: at rest, beside a q; else the scene's
+        :raises Error: of kind input for a motion of another scene, and with all coordinates out of range
         """
+        if to is not None and (q is not None or u is not None):
+            raise input_error("to", "a motion beside q or u", "one of the two")
         if to is not None:
             self._core.reset_to_motion(to)
         else:
@@ -135,7 +145,7 @@ class Simulation:
         return self._core.snapshot()
 
     def restore(self, snapshot: Snapshot) -> None:
-        """Continues from a snapshot with the same bits as the run that it is of.
+        """Continues from a snapshot with the same bits as the run that it is of, also after a motion that diverged.
 
         :raises Error: of kind input with the difference for a snapshot of another scene, settings, or of a simulation
             with other ``watch`` or ``contact_forces``

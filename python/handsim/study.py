@@ -7,16 +7,18 @@ after the run that is under way.
 from __future__ import annotations
 
 from contextlib import contextmanager
-from os import PathLike
+from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Iterator, Optional, Sequence, Union
 
 from . import _core
+from ._errors import flags, real, seed_of, whole
 from ._scene import Overrides, Progress, Scene, Source, find_file, load, override_list
 from ._table import Table, rows_table
 
 PathText = Union[str, "PathLike[str]"]
 Out = Optional[PathText]
+MOST_THREADS = 1024
 
 
 class Study:
@@ -75,14 +77,14 @@ def read_csv(path: PathText) -> Table:
     """A CSV file of handsim as a table: columns of numbers as arrays, in which an empty field is nan."""
     import csv
 
-    with open(path, newline="") as file:
+    with open(fspath(path), newline="") as file:
         head, *rows = csv.reader(file)
     return rows_table(head, [[_value(text) for text in row] for row in rows])
 
 
 def read_sto(path: PathText) -> Table:
     """A ``.sto`` or ``.mot`` file as a table of numbers; names are those of the file, angles in its unit."""
-    with open(path) as file:
+    with open(fspath(path)) as file:
         for line in file:
             if line.strip() == "endheader":
                 break
@@ -120,6 +122,7 @@ def accuracy(study: PathText = "accuracy_2017", *, out: Out = None, peers: Optio
 def effects(scene: Union[Scene, Source], overrides: Overrides = None, *, repeats: int = 7, out: Out = None,
             progress: Progress = None) -> Study:
     """CPU time and influence of each effect of a scene. :param repeats: timed rounds, for the median"""
+    whole("repeats", repeats, 1)
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
     file = find_file(scene) if isinstance(scene, (str, PathLike)) else None
     with _folder(out) as folder:
@@ -140,7 +143,9 @@ def stability(study: PathText = "stability", *, cases: Sequence[str] = (), quick
     :param quick: shorter runs of most cases
     :param threads: 0: one for each core
     """
+    whole("threads", threads, 0, MOST_THREADS)
     with _folder(out) as folder:
+        flags(quick=quick, pictures=pictures)
         text = _core.stability(find_file(study), folder, list(cases), quick, threads, pictures, progress)
         return Study("stability", folder, text)
 
@@ -157,6 +162,9 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
     :param margin: each grasp again with 5 % more and less friction and mass
     :param confirm: each grasp again at half the step
     """
+    flags(friction_search=friction_search, margin=margin, pictures=pictures)
+    if friction is not None:
+        real("friction", friction)
     listed = [scenes] if isinstance(scenes, (str, PathLike)) else list(scenes)
     with _folder(out) as folder:
         _core.grasps([find_file(each) for each in listed], folder, list(sides), override_list(overrides), friction,
@@ -167,6 +175,8 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
 def agreement(scene: PathText, overrides: Overrides = None, *, draws: int = 100, seed: int = 1,
               quarter_steps: int = 0, threads: int = 0, out: Out = None, progress: Progress = None) -> Study:
     """Random grasps around a scene on both engines: do they agree on what is held?"""
+    seed_of(seed), whole("draws", draws, 1), whole("quarter_steps", quarter_steps, 0)
+    whole("threads", threads, 0, MOST_THREADS)
     with _folder(out) as folder:
         _core.agreement(find_file(scene), folder, override_list(overrides), draws, seed, quarter_steps, threads,
                         progress)
@@ -182,6 +192,11 @@ def rollouts(study: PathText, overrides: Overrides = None, *, count: Optional[in
     :param seed: in place of the study's
     :param resume: goes on with a study that was stopped, from the journal in ``out``
     """
+    whole("threads", threads, 0, MOST_THREADS)
+    flags(resume=resume)
+    for name, value, least in (("count", count, 1), ("seed", seed, 0)):
+        if value is not None:
+            whole(name, value, least)
     with _folder(out) as folder:
         text = _core.rollouts(find_file(study), folder, count, seed, override_list(overrides), threads, resume,
                               progress)
@@ -211,6 +226,9 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
     :param clamp: moves angles beyond a stop to it
     :param check: simulates with the torques
     """
+    flags(clamp=clamp, check=check)
+    if cutoff is not None:
+        real("cutoff", cutoff)
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
     with _folder(out) as folder:
         text = _core.inverse(of._core, folder, _path(motion), _path(names), _path(loads), cutoff, clamp, check, progress)
@@ -231,6 +249,8 @@ def track(recording: PathText, *, person: Optional[PathText] = None, model: Opti
     :param noise: for trials: standard deviation of normal noise on every coordinate [m]
     :param seed: of the noise
     """
+    flags(fit_bones=fit_bones, smooth=smooth)
+    real("noise", noise), whole("seed", seed, 0, 2**32 - 1)
     with _folder(out) as folder:
         _core.track(Path(recording), folder, _path(person), _path(model), _path(markers), _path(truth), fit_bones, smooth,
                     noise, seed, progress)

@@ -145,6 +145,14 @@ std::span<const double> StaticOptimisation::solve(const model::State& state,
   return out_;
 }
 
+void StaticOptimisation::save(ArchiveWriter& out) const {
+  for (const signed char bound : bound_) out(bound + 1);
+}
+
+void StaticOptimisation::restore(ArchiveReader& in) {
+  for (signed char& bound : bound_) bound = static_cast<signed char>(static_cast<int>(in.count(2)) - 1);
+}
+
 MuscleDrive::MuscleDrive(const model::Model& model, const MusclePlan& plan, std::vector<std::size_t> dofs,
                          double step)
     : plan_(plan), step_(step), torques_(at(model.dof_count())), excitations_(model.muscles.size()) {

@@ -12,6 +12,7 @@
 #include <Eigen/Dense>
 
 #include "handsim/control/motion_file.h"
+#include "handsim/core/archive.h"
 #include "handsim/model/actuation.h"
 #include "handsim/model/state.h"
 
@@ -38,6 +39,9 @@ class StaticOptimisation {
   std::span<const double> missing() const {
     return {missing_.data(), static_cast<std::size_t>(missing_.size())};
   }
+  /// The bounds that the next `solve` starts from: it has the same bits only with these.
+  void save(ArchiveWriter& out) const;
+  void restore(ArchiveReader& in);
 
  private:
   void assemble(const model::State& state, std::span<const double> torques);
@@ -65,6 +69,12 @@ class MuscleDrive {
   /// in place of motors where takes_torques(); either may be empty
   std::span<const double> excitations(const model::State& state, std::span<const double> torques,
                                       std::span<const model::Servo> servos);
+  void save(ArchiveWriter& out) const {
+    if (optimisation_) optimisation_->save(out);
+  }
+  void restore(ArchiveReader& in) {
+    if (optimisation_) optimisation_->restore(in);
+  }
 
  private:
   void from_table(double time);

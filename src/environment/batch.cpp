@@ -19,6 +19,8 @@ constexpr std::size_t kGrain = 8;
 /// Single steps are faster one by one than in lanes, because environments are loaded and stored in each call.
 constexpr int kFewestSteps = 2;
 
+constexpr int kMostThreads = 1024;
+
 /// Row `i` of an array of `rows` rows; empty where the array is.
 template <class T>
 std::span<T> row(std::span<T> all, std::size_t i, std::size_t rows) {
@@ -32,10 +34,17 @@ void require_rows(const char* what, std::size_t count, std::size_t rows) {
                       fmt::format("a row for each of {} environments", rows));
 }
 
+int checked(int threads) {
+  if (threads < 0 || threads > kMostThreads)
+    throw input_error("threads", fmt::format("{}", threads),
+                      fmt::format("0 to {}; 0: one per core", kMostThreads));
+  return threads > 0 ? threads : tbb::task_arena::automatic;
+}
+
 }  // namespace
 
 struct Batch::Impl {
-  explicit Impl(int threads) : arena(threads > 0 ? threads : tbb::task_arena::automatic) {}
+  explicit Impl(int threads) : arena(checked(threads)) {}
 
   /// Calls f(first, last) for groups of environments, on all cores. The first error in their order is thrown.
   /// A single group needs no other thread: entering the arena costs more than a step of some scenes.

@@ -26,7 +26,7 @@ struct BatchSetup {
   /// Returns true if an environment is done; called after each of its steps. It is then not stepped until its
   /// reset. Several threads call it at once, for different environments. Null: never done.
   std::function<bool(const Environment&)> done = {};
-  int threads = 0;  ///< 0: one per core
+  int threads = 0;  ///< at most 1024; 0: one per core
   /// So many environments share vector lanes at most: 8, 4 or 2, as the processor has them; 0: none. The same
   /// bits.
   int lanes = 8;
@@ -34,7 +34,7 @@ struct BatchSetup {
 
 class Batch {
  public:
-  /// @throws Error (input) for a size of 0, or as Environment.
+  /// @throws Error (input) for a size of 0 or a number of threads out of range, or as Environment.
   Batch(const scene::Scene& scene, std::size_t size, BatchSetup setup = {});
   Batch(Batch&&) noexcept;
   Batch& operator=(Batch&&) noexcept;

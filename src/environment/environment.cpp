@@ -69,7 +69,7 @@ Environment::Environment(std::shared_ptr<scene::Scene> scene, Setup setup, bool 
   if (observation_->needs_watchers() && simulation_->watchers().empty())
     throw input_error("observe", "failed in a setup without watchers", "watchers, e.g. standard_watchers");
   state_ = simulation_->state();
-  // Wrong names and bounds are told now.
+  if (!like) variation_->check(setup_.randomise, state_);
   variation_->draw(setup_.randomise, 0);
   for (const Randomised& each : setup_.randomise) check_acts(each.name);
   reset();
@@ -95,25 +95,27 @@ void Environment::build() {
   if (!shared_ || !start_) start_ = std::make_shared<const Moment>(simulation_->motion());
 }
 
-/// An engine that works, with the scene's numbers as they are now.
+/// The simulation with the scene's numbers as they are now; its resets mend a failure.
 void Environment::begin() {
   const bool changed = variation_->take_changed();
   static std::atomic<std::uint64_t> last = 0;
   if (changed) numbers_ = ++last;
-  if (failure_ || copied_) {
+  if (copied_)
     build();
-    failure_.reset();
-  } else if (changed) {
+  else if (changed)
     simulation_->refresh();
-  }
+  failure_.reset();
   steps_ = 0;
 }
 
 void Environment::reset() {
-  begin();
-  if (!variation_->moves_start()) return simulation_->reset(*start_);
+  if (!variation_->moves_start()) {
+    begin();
+    return simulation_->reset(*start_);
+  }
   model::State state = state_;
   variation_->place(state);
+  begin();
   simulation_->reset(state);
 }
 
@@ -137,7 +139,6 @@ void Environment::reset(const Start& start) {
   require_size("q", start.q.size(), dofs, "coordinates");
   require_size("u", start.u.size(), dofs, "coordinates");
   require_size("objects", start.objects.size(), objects.size(), "objects");
-  begin();
   model::State state = state_;
   for (std::size_t i = 0; i < start.objects.size(); ++i) {
     model::BodyState& body = state.bodies[at(objects[i])];
@@ -146,7 +147,8 @@ void Environment::reset(const Start& start) {
   const std::span<const double> q = start.q.empty() ? std::span<const double>(state_.q) : start.q;
   std::vector<double> u(dofs);
   std::copy(start.u.begin(), start.u.end(), u.begin());
-  model::place_joints(model, q, u, state);
+  simulation::place_start(*scene_, q, u, state);
+  begin();
   simulation_->reset(state);
 }
 

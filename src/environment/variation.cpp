@@ -27,7 +27,7 @@ constexpr std::string_view kNames =
 Variation::Variation(scene::Scene& scene) : scene_(&scene) {
   for (const scene::ObjectSpec& spec : scene.plans.objects) {
     Object object;
-    object.position = spec.pose.p;
+    object.position = object.own_position = spec.pose.p;
     for (std::size_t i = 0; i < scene.model.bodies.size(); ++i)
       if (!spec.is_static && scene.model.bodies[i].name == spec.name) {
         object.body = static_cast<int>(i);
@@ -103,9 +103,7 @@ void Variation::set_of_object(std::string_view name, std::span<const double> val
   std::string_view key;
   Object& object = objects_[object_index(name, key)];
   if (key == "position") {
-    const Vec3 position(values[0], values[1], values[2]);
-    object.shift += position - object.position;
-    object.position = position;
+    object.position = {values[0], values[1], values[2]};
     moves_start_ = true;
     return;
   }
@@ -134,6 +132,31 @@ std::vector<double> Variation::get(std::string_view name) const {
                         : scene_->model.materials[at(object.material)].friction};
 }
 
+void Variation::check(std::span<const Randomised> randomised, const model::State& start) {
+  std::vector<Problem> problems;
+  for (const Randomised& each : randomised) {
+    const bool normal = each.distribution == Distribution::normal;
+    const bool log = each.distribution == Distribution::log_uniform;
+    const bool sound = std::isfinite(each.a) && std::isfinite(each.b) &&
+                       (normal ? each.b >= 0 : each.a <= each.b && (!log || each.a > 0));
+    try {
+      if (!sound)
+        refuse("randomise." + each.name, fmt::format("{:g}, {:g}", each.a, each.b),
+               normal ? "a finite mean and a deviation of 0 or more"
+               : log  ? "finite bounds above 0, the lower one first"
+                      : "finite bounds, the lower one first");
+      for (const double value : {each.a, normal ? each.a : each.b}) {
+        set(each.name, std::vector<double>(size_of(each.name), value));
+        model::State state = start;
+        place(state);
+      }
+    } catch (const Error& error) {
+      problems.insert(problems.end(), error.problems().begin(), error.problems().end());
+    }
+  }
+  if (!problems.empty()) throw Error(std::move(problems));
+}
+
 void Variation::draw(std::span<const Randomised> randomised, std::uint64_t seed) {
   std::vector<double> values;
   for (const Randomised& each : randomised) {
@@ -147,7 +170,6 @@ void Variation::draw(std::span<const Randomised> randomised, std::uint64_t seed)
           value = each.a + each.b * draws.normal();
           break;
         case Distribution::log_uniform:
-          if (!(each.a > 0 && each.b > 0)) refuse(each.name, "a bound of 0 or less", "bounds above 0");
           value = draws.log_uniform(each.a, each.b);
           break;
       }
@@ -158,10 +180,10 @@ void Variation::draw(std::span<const Randomised> randomised, std::uint64_t seed)
 void Variation::place(model::State& state) const {
   if (!moves_start_) return;
   for (const Object& object : objects_)
-    if (object.body >= 0) state.bodies[at(object.body)].p += object.shift;
+    if (object.body >= 0) state.bodies[at(object.body)].p += object.position - object.own_position;
   std::vector<double> q = state.q;
   for (std::size_t i = 0; i < q.size(); ++i) q[i] += q_[i];
-  model::place_joints(scene_->model, q, std::vector<double>(state.u), state);
+  simulation::place_start(*scene_, q, std::vector<double>(state.u), state);
 }
 
 }  // namespace handsim::environment

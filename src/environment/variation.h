@@ -47,6 +47,10 @@ class Variation {
   void set(std::string_view name, std::span<const double> values);
   /// As the scene had it at the start, or as last set.
   std::vector<double> get(std::string_view name) const;
+  /// @param start of the scene. @throws Error (input) with all that cannot be drawn: unknown names, bounds
+  /// that
+  ///        are not finite, in the wrong order or out of range. Sets numbers: a draw has to follow.
+  void check(std::span<const Randomised> randomised, const model::State& start);
   /// Draws all of them: a function of the seed and the names alone. @throws Error (input) as `set`
   void draw(std::span<const Randomised> randomised, std::uint64_t seed);
 
@@ -64,8 +68,8 @@ class Variation {
     int material = -1;  ///< of its shapes
     double mass = 0;
     Mat3 inertia = Mat3::Zero();
-    Vec3 position = Vec3::Zero();  ///< of its origin at the start, as set
-    Vec3 shift = Vec3::Zero();     ///< from the scene's own
+    Vec3 own_position = Vec3::Zero();  ///< of its origin at the start, as the scene has it
+    Vec3 position = Vec3::Zero();      ///< as set
   };
   /// The object of a name such as objects.0.mass. @throws Error (input)
   std::size_t object_index(std::string_view name, std::string_view& key) const;

@@ -1,6 +1,7 @@
 // Arrays of numbers between numpy and the library. A wrong shape or dtype is an Error that says both.
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <string>
 #include <vector>
@@ -15,18 +16,25 @@ namespace py = pybind11;
 class Numbers {
  public:
   Numbers() = default;
-  /// @param shape that is needed. @param name for messages. None: no numbers.
+  /// @param shape that is needed. @param name for messages.
   /// @throws Error (input) for another shape or dtype.
   Numbers(const py::object& array, const std::vector<py::ssize_t>& shape, const std::string& name);
 
   std::span<const double> span() const { return span_; }
   bool empty() const { return span_.empty(); }
+  /// The same; None: no numbers.
+  static Numbers optional(const py::object& array, const std::vector<py::ssize_t>& shape,
+                          const std::string& name) {
+    return array.is_none() ? Numbers() : Numbers(array, shape, name);
+  }
 
  private:
   py::object keep_;
   std::span<const double> span_;
 };
 
+/// A number of 64 bits for each environment, of an integer dtype, 0 or more.
+std::vector<std::uint64_t> seeds_of(const py::object& seeds, std::size_t size);
 /// One flag for each environment, of dtype bool. None: empty.
 std::vector<unsigned char> mask_of(const py::object& mask, std::size_t size);
 

@@ -1,7 +1,6 @@
 #include "handsim/environment/batch.h"
 
 #include <algorithm>
-#include <mutex>
 #include <thread>
 
 #include "handsim/core/index.h"
@@ -62,31 +61,30 @@ class BatchHandle {
   void step(const py::object& torques, const py::object& targets, const py::object& wrists,
             const py::object& forces, int substeps) {
     const auto rows = static_cast<py::ssize_t>(batch_.size());
-    const auto& simulation = batch_[0].simulation();
-    const auto dofs = static_cast<py::ssize_t>(simulation.state().q.size());
-    const auto axes =
-        static_cast<py::ssize_t>(simulation.controller() ? simulation.controller()->axes().size() : 0);
-    const auto drives = static_cast<py::ssize_t>(simulation.model().drives.size());
-    const Numbers torque(torques, {rows, dofs}, "torques");
-    const Numbers target(targets, {rows, axes}, "targets");
-    const std::vector<Pose> poses = poses_of(Numbers(wrists, {rows, drives, 7}, "wrists"));
+    const auto dofs = static_cast<py::ssize_t>(scene_->model.dof_count());
+    const auto axes = static_cast<py::ssize_t>(scene_->control ? scene_->control->axes.size() : 0);
+    const auto drives = static_cast<py::ssize_t>(scene_->model.drives.size());
+    const Numbers torque = Numbers::optional(torques, {rows, dofs}, "torques");
+    const Numbers target = Numbers::optional(targets, {rows, axes}, "targets");
+    const std::vector<Pose> poses = poses_of(Numbers::optional(wrists, {rows, drives, 7}, "wrists"));
     std::vector<std::vector<engine::BodyForce>> force;
-    read_forces(forces, simulation.model(), batch_.size(), force);
+    read_forces(forces, scene_->model, batch_.size(), force);
     const environment::BatchAction action{.torques = torque.span(),
                                           .angles = target.span(),
                                           .wrists = poses,
                                           .wrist_rates = {},
                                           .forces = force};
-    guarded([&] { step_in_parts(action, substeps); });
+    with_signals([&] { step_in_parts(action, substeps); });
   }
 
   /// `count` steps in one call, for benchmarks: the loop of a C++ program.
   void repeat(const py::object& torques, int substeps, int count) {
-    const auto dofs = static_cast<py::ssize_t>(batch_[0].simulation().state().q.size());
-    const Numbers torque(torques, {static_cast<py::ssize_t>(batch_.size()), dofs}, "torques");
+    const auto dofs = static_cast<py::ssize_t>(scene_->model.dof_count());
+    const Numbers torque =
+        Numbers::optional(torques, {static_cast<py::ssize_t>(batch_.size()), dofs}, "torques");
     environment::BatchAction action;
     action.torques = torque.span();
-    guarded([&] {
+    with_signals([&] {
       for (int i = 0; i < count; ++i) batch_.step(action, substeps);
     });
   }
@@ -95,8 +93,8 @@ class BatchHandle {
   void reset(const py::object& mask_of_rows, const py::object& seeds_of_rows, const Motion* motion) {
     const std::vector<unsigned char> mask = mask_of(mask_of_rows, batch_.size());
     const std::vector<std::uint64_t> seeds =
-        seeds_of_rows.is_none() ? next_seeds(mask) : given_seeds(seeds_of_rows);
-    guarded([&] {
+        seeds_of_rows.is_none() ? next_seeds(mask) : seeds_of(seeds_of_rows, batch_.size());
+    calls_.one([&] {
       if (motion)
         batch_.reset(motion->motion, seeds, mask);
       else
@@ -111,51 +109,54 @@ class BatchHandle {
   }
 
   void set(const std::string& name, const py::object& values) {
-    const std::size_t width = batch_[0].get(name).size();
+    const std::size_t width = calls_.one([&] { return batch_[0].get(name).size(); });
     const Numbers numbers(values, {static_cast<py::ssize_t>(batch_.size()), static_cast<py::ssize_t>(width)},
                           name);
-    guarded([&] {
+    calls_.one([&] {
       for (std::size_t i = 0; i < batch_.size(); ++i)
         batch_[i].set(name, numbers.span().subspan(i * width, width));
     });
   }
 
-  py::array_t<double> get(const std::string& name) const {
+  py::array_t<double> get(const std::string& name) {
     std::vector<double> out;
-    for (std::size_t i = 0; i < batch_.size(); ++i) {
-      const std::vector<double> row = batch_[i].get(name);
-      out.insert(out.end(), row.begin(), row.end());
-    }
+    calls_.one([&] {
+      for (std::size_t i = 0; i < batch_.size(); ++i) {
+        const std::vector<double> row = batch_[i].get(name);
+        out.insert(out.end(), row.begin(), row.end());
+      }
+    });
     return array_of(out, std::max<std::size_t>(1, out.size() / batch_.size()));
   }
 
-  const environment::Environment& at_index(std::size_t i) const {
+  /// What a function finds in one environment.
+  template <class Find>
+  auto read(std::size_t i, const Find& find) {
     if (i >= batch_.size())
       throw input_error("environment", std::to_string(i), "0 to " + std::to_string(batch_.size() - 1));
-    return batch_[i];
+    return calls_.one([&] { return find(std::as_const(batch_[i])); });
   }
 
   const Batch& batch() const { return batch_; }
 
  private:
+  /// A call in which Ctrl-C ends the steps.
   template <class Work>
-  void guarded(Work&& work) {
-    without_gil([&] {
-      const std::lock_guard lock(mutex_);
+  void with_signals(const Work& work) {
+    calls_.one([&] {
+      Signals signals;
+      polled_ = &signals;
+      caller_ = std::this_thread::get_id();
+      struct End {
+        BatchHandle& of;
+        ~End() { of.polled_ = nullptr; }
+      } const end{*this};
       work();
-      return 0;
     });
   }
 
   /// The action holds for all substeps, so that parts give the same bits; wrists move over the whole call.
   void step_in_parts(const environment::BatchAction& action, int substeps) {
-    Signals signals;
-    polled_ = &signals;
-    caller_ = std::this_thread::get_id();
-    struct End {
-      BatchHandle& of;
-      ~End() { of.polled_ = nullptr; }
-    } const end{*this};
     if (!action.wrists.empty()) return batch_.step(action, substeps);
     int left = substeps;
     do {
@@ -179,24 +180,13 @@ class BatchHandle {
     return out;
   }
 
-  std::vector<std::uint64_t> given_seeds(const py::object& of) const {
-    const auto rows = static_cast<py::ssize_t>(batch_.size());
-    const auto seeds = py::array_t<std::uint64_t, py::array::c_style | py::array::forcecast>::ensure(of);
-    if (!seeds || seeds.ndim() != 1 || seeds.shape(0) != rows) {
-      PyErr_Clear();
-      throw input_error("seeds", seeds ? described(seeds) : "no array",
-                        shape_text({rows}) + ", dtype uint64");
-    }
-    return {seeds.data(), seeds.data() + seeds.size()};
-  }
-
   ScenePtr scene_;
   Batch batch_;
   std::uint64_t seed_;
   std::vector<std::uint64_t> episodes_;  ///< resets of each environment
   Signals* polled_ = nullptr;            ///< during a step
   std::thread::id caller_;
-  std::mutex mutex_;
+  Calls calls_;
 };
 
 /// Views keep the batch alive and cannot be written.
@@ -226,20 +216,25 @@ py::list parts(const BatchHandle& self) {
   return out;
 }
 
-py::object failure(const BatchHandle& self, std::size_t i) {
-  const Error* error = self.at_index(i).failure();
-  return error ? py::object(py::str(error->what())) : py::none();
+std::optional<std::string> failure(BatchHandle& self, std::size_t i) {
+  return self.read(i, [](const environment::Environment& of) {
+    return of.failure() ? std::optional<std::string>(of.failure()->what()) : std::nullopt;
+  });
 }
 
 }  // namespace
 
 void bind_batch(py::module_& module) {
   using Self = BatchHandle;
-  py::class_<Self>(module, "Batch")
-      .def(py::init<const SceneHandle&, std::size_t, std::vector<std::string>, const std::vector<Drawn>&,
-                    std::uint64_t, int, bool>(),
-           py::arg("scene"), py::arg("size"), py::arg("observe"), py::arg("randomise"), py::arg("seed"),
-           py::arg("threads"), py::arg("watch"))
+  module.def(
+      "batch",
+      [](const SceneHandle& scene, std::size_t size, std::vector<std::string> observe,
+         const std::vector<Drawn>& randomise, std::uint64_t seed, int threads, bool watch) {
+        return std::make_unique<Self>(scene, size, std::move(observe), randomise, seed, threads, watch);
+      },
+      py::arg("scene"), py::arg("size"), py::arg("observe"), py::arg("randomise"), py::arg("seed"),
+      py::arg("threads"), py::arg("watch"));
+  bind_class<Self>(module, "Batch")
       .def("step", &Self::step, py::arg("torques"), py::arg("targets"), py::arg("wrists"), py::arg("forces"),
            py::arg("substeps"))
       .def("repeat", &Self::repeat, py::arg("torques"), py::arg("substeps"), py::arg("count"))
@@ -250,12 +245,16 @@ void bind_batch(py::module_& module) {
       .def("parts", &parts)
       .def("failure", &failure, py::arg("environment"))
       .def(
-          "motion", [](const Self& self, std::size_t i) { return Motion{self.at_index(i).moment()}; },
+          "motion",
+          [](Self& self, std::size_t i) {
+            return Motion{self.read(i, [](const auto& of) { return of.moment(); })};
+          },
           py::arg("environment"))
       .def(
           "frame",
-          [](const Self& self, std::size_t i) {
-            return Frame{simulation::moment_of(self.at_index(i).simulation().engine())};
+          [](Self& self, std::size_t i) {
+            return Frame{
+                self.read(i, [](const auto& of) { return simulation::moment_of(of.simulation().engine()); })};
           },
           py::arg("environment"))
       .def("observations", [](const py::object& self) { return observations(self); })

@@ -14,6 +14,7 @@
 
 #include "handsim/scene/compile/scene.h"
 #include "handsim/simulation/run/pictures.h"
+#include "handsim/simulation/watch/watcher.h"
 
 namespace handsim::python {
 
@@ -34,9 +35,25 @@ struct PictureChoice {
   std::optional<std::tuple<std::array<double, 3>, std::array<double, 3>, double>> camera;
 };
 
+/// A class whose objects come from functions of the module alone. pybind11's own `__new__` would make one
+/// without its C++ object, and every use of it would read memory that nobody has written.
+template <class T>
+py::class_<T> bind_class(py::module_& module, const char* name) {
+  py::class_<T> out(module, name);
+  reinterpret_cast<PyTypeObject*>(out.ptr())->tp_new = [](PyTypeObject* type, PyObject*,
+                                                          PyObject*) -> PyObject* {
+    PyErr_Format(PyExc_TypeError, "%s: a function of handsim makes these", type->tp_name);
+    return nullptr;
+  };
+  return out;
+}
+
 /// Pictures of moments with one common camera, as arrays [height, width, 3] of bytes; without the GIL.
 py::list draw_all(const scene::Scene& scene, std::vector<simulation::Moment> moments,
                   const PictureChoice& choice);
+
+/// A tuple of each, as handsim.Verdict.
+py::list verdict_list(const std::vector<simulation::Verdict>& verdicts);
 
 void bind_errors(py::module_& module);
 void bind_scene(py::module_& module);

@@ -40,14 +40,20 @@ void read_forces(const py::object& forces, const model::Model& model, std::size_
   out.clear();
   if (forces.is_none()) return;
   out.resize(std::max<std::size_t>(1, size));
-  for (const auto& [key, value] : forces.cast<py::dict>()) {
+  if (!py::hasattr(forces, "items"))
+    throw input_error("forces", py::str(py::type::of(forces).attr("__name__")).cast<std::string>(),
+                      "a mapping: name of a body to its force");
+  // A list of its own: reading an array may run code that changes the mapping.
+  for (const py::handle item : py::list(forces.attr("items")())) {
+    const auto [key, value] = item.cast<std::pair<py::object, py::object>>();
     const std::string name = py::str(key).cast<std::string>();
     const int body = body_of(model, name);
     const py::array array = py::array::ensure(value);
+    if (!array) PyErr_Clear();
     const bool moment = array && array.ndim() > 0 && array.shape(array.ndim() - 1) == 6;
     std::vector<py::ssize_t> shape = {moment ? 6 : 3};
     if (size > 0) shape.insert(shape.begin(), static_cast<py::ssize_t>(size));
-    const Numbers numbers(py::reinterpret_borrow<py::object>(value), shape, "forces." + name);
+    const Numbers numbers(value, shape, "forces." + name);
     const std::size_t width = moment ? 6 : 3;
     for (std::size_t i = 0; i < out.size(); ++i) {
       const double* row = numbers.span().data() + i * width;

@@ -16,13 +16,19 @@ using Column = std::vector<double>;
 
 void append(Column& out, const Vec3& v) { out.insert(out.end(), {v.x(), v.y(), v.z()}); }
 
+/// @throws Error (input) without hands.
+const model::HandIndex& first_hand(const SceneHandle& of) {
+  if (of.scene->model.hands.empty()) throw input_error("scene", "a scene without hands", "one with a hand");
+  return of.scene->model.hands.front();
+}
+
 std::string part_name(const std::string& body) { return body.substr(body.find('.') + 1); }
 
 /// Bodies of the scene's first hand in its hand frame: palm, then segments with a joint. The palm's length is
 /// that of the box about its shapes.
 py::dict segments(const SceneHandle& of) {
   const model::Model& model = of.scene->model;
-  const model::HandIndex& hand = model.hands.front();
+  const model::HandIndex& hand = first_hand(of);
   const hand::BuiltHand& built = of.scene->hands.front();
   const Pose x_HW = (model.bodies[at(hand.palm)].zero_pose * hand.wrist_frame).inverse();
   const Vec3 box = hand::palm_box(built);
@@ -56,7 +62,7 @@ py::dict segments(const SceneHandle& of) {
 /// A row for each axis of the first hand's joints.
 py::dict joints(const SceneHandle& of) {
   const model::Model& model = of.scene->model;
-  const model::HandIndex& hand = model.hands.front();
+  const model::HandIndex& hand = first_hand(of);
   const Pose x_HW = (model.bodies[at(hand.palm)].zero_pose * hand.wrist_frame).inverse();
   std::vector<std::string> names, types;
   Column low, high, stiffness, damping, rest, centre;
@@ -89,6 +95,7 @@ py::dict joints(const SceneHandle& of) {
 
 /// Size, mass and strength of the first hand.
 py::dict dimensions(const SceneHandle& of) {
+  first_hand(of);
   const hand::BuiltHand& built = of.scene->hands.front();
   const hand::WholeHand whole = hand::whole_hand(built);
   YamlNode norms = load_yaml(data_folder() / "handmodels/grip_strength.yaml");

@@ -127,7 +127,7 @@ py::list draw_all(const scene::Scene& scene, std::vector<simulation::Moment> mom
 }
 
 void bind_pictures(py::module_& module) {
-  py::class_<Frame>(module, "Frame").def_property_readonly("time", [](const Frame& of) {
+  bind_class<Frame>(module, "Frame").def_property_readonly("time", [](const Frame& of) {
     return of.moment.state.time;
   });
   module.def("frame_at", &frame_at, py::arg("scene"), py::arg("time"));

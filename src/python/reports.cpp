@@ -48,9 +48,13 @@ class Video {
 void bind_reports(py::module_& module) {
   module.attr("has_reports") = output::has_three();
   module.def("report", &report, py::arg("folders"), py::arg("out"));
-  py::class_<Video>(module, "Video")
-      .def(py::init<const std::filesystem::path&, int, int, double>(), py::arg("file"), py::arg("width"),
-           py::arg("height"), py::arg("fps"))
+  module.def(
+      "video",
+      [](const std::filesystem::path& file, int width, int height, double fps) {
+        return std::make_unique<Video>(file, width, height, fps);
+      },
+      py::arg("file"), py::arg("width"), py::arg("height"), py::arg("fps"));
+  bind_class<Video>(module, "Video")
       .def("add", &Video::add, py::arg("picture"))
       .def("finish", &Video::finish);
 }

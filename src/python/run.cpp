@@ -91,16 +91,6 @@ Finished run_in_memory(const SceneHandle& of, int frames, bool stop_lost, const 
   return without_gil([&] { return MemoryRun(of, frames, stop_lost).run(signals); });
 }
 
-py::tuple verdict_tuple(const simulation::Verdict& v) {
-  return py::make_tuple(v.name, v.unit, v.measured, v.limit, v.least, v.held(), v.time, v.where);
-}
-
-py::list verdict_list(const std::vector<simulation::Verdict>& verdicts) {
-  py::list out;
-  for (const simulation::Verdict& verdict : verdicts) out.append(verdict_tuple(verdict));
-  return out;
-}
-
 py::object cell(const study::Cell& of) {
   if (const auto* number = std::get_if<double>(&of)) return py::float_(*number);
   if (const auto* text = std::get_if<std::string>(&of)) return py::str(*text);
@@ -162,6 +152,13 @@ py::dict run_to_folder(const SceneHandle& of, const std::filesystem::path& folde
 }
 
 }  // namespace
+
+py::list verdict_list(const std::vector<simulation::Verdict>& verdicts) {
+  py::list out;
+  for (const simulation::Verdict& v : verdicts)
+    out.append(py::make_tuple(v.name, v.unit, v.measured, v.limit, v.least, v.held(), v.time, v.where));
+  return out;
+}
 
 void bind_run(py::module_& module) {
   module.def("run", &run_scene, py::arg("scene"), py::arg("frames"), py::arg("stop_lost"),

@@ -101,7 +101,7 @@ py::dict standalone(const SceneHandle& of) {
 }  // namespace
 
 void bind_scene(py::module_& module) {
-  py::class_<SceneHandle> bound(module, "Scene");
+  auto bound = bind_class<SceneHandle>(module, "Scene");
   bound.def_static("load", &load, py::arg("path"), py::arg("overrides"))
       .def_static("parse", &parse, py::arg("text"), py::arg("name"), py::arg("overrides"))
       .def("effects", &effects)

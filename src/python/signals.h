@@ -6,8 +6,12 @@
 #include <chrono>
 #include <functional>
 #include <future>
+#include <mutex>
+#include <thread>
 
 #include <pybind11/pybind11.h>
+
+#include "handsim/core/error.h"
 
 namespace handsim::python {
 
@@ -30,6 +34,30 @@ auto without_gil(Work&& work) {
     throw py::error_already_set();
   }
 }
+
+/// Calls of one object: one thread at a time, without the GIL. A call from within another one (by a signal
+/// handler) would wait for itself: it is an Error (input).
+class Calls {
+ public:
+  template <class Work>
+  auto one(Work&& work) {
+    if (thread_ == std::this_thread::get_id())
+      throw input_error("call", "a call from within another one of the same object", "a call after it");
+    return without_gil([&] {
+      const std::lock_guard lock(mutex_);
+      thread_ = std::this_thread::get_id();
+      struct End {
+        std::atomic<std::thread::id>& thread;
+        ~End() { thread = std::thread::id(); }
+      } const end{thread_};
+      return work();
+    });
+  }
+
+ private:
+  std::mutex mutex_;
+  std::atomic<std::thread::id> thread_;  ///< that is in a call
+};
 
 /// For loops in the thread that has called from Python.
 class Signals {

@@ -1,7 +1,5 @@
 #include "handsim/simulation/simulation.h"
 
-#include <mutex>
-
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/python/arrays.h"
@@ -37,13 +35,13 @@ class SimulationHandle {
   void step(const py::object& torques, const py::object& targets, const py::object& wrists,
             const py::object& forces, long substeps) {
     const auto dofs = static_cast<py::ssize_t>(q.size());
-    const auto axes = simulation_.controller() ? simulation_.controller()->axes().size() : 0;
+    const auto axes = simulation_.scene().control ? simulation_.scene().control->axes.size() : 0;
     const auto drives = simulation_.model().drives.size();
     if (substeps < 1) throw input_error("substeps", std::to_string(substeps), "1 or more");
-    const Numbers torque(torques, {dofs}, "torques");
-    const Numbers target(targets, {static_cast<py::ssize_t>(axes)}, "targets");
+    const Numbers torque = Numbers::optional(torques, {dofs}, "torques");
+    const Numbers target = Numbers::optional(targets, {static_cast<py::ssize_t>(axes)}, "targets");
     const std::vector<Pose> poses =
-        poses_of(Numbers(wrists, {static_cast<py::ssize_t>(drives), 7}, "wrists"));
+        poses_of(Numbers::optional(wrists, {static_cast<py::ssize_t>(drives), 7}, "wrists"));
     std::vector<std::vector<engine::BodyForce>> force;
     read_forces(forces, simulation_.model(), 0, force);
     Signals signals;
@@ -71,22 +69,25 @@ class SimulationHandle {
     }
   }
 
-  /// Without the GIL, one thread at a time; the buffers have the state afterwards, whatever happens.
+  /// The buffers have the state afterwards, whatever happens.
   template <class Work>
-  void guarded(Work&& work) {
-    without_gil([&] {
-      const std::lock_guard lock(mutex_);
+  void guarded(const Work& work) {
+    calls_.one([&] {
       struct Publish {
         SimulationHandle& of;
         ~Publish() { of.publish(); }
       } const publish{*this};
       work();
-      return 0;
     });
   }
+  /// What a function finds in the simulation.
+  template <class Find>
+  auto read(const Find& find) {
+    return calls_.one([&] { return find(std::as_const(simulation_)); });
+  }
 
-  py::tuple bodies() const {
-    const auto& bodies = simulation_.state().bodies;
+  py::tuple bodies() {
+    const auto bodies = read([](const auto& of) { return of.state().bodies; });
     const auto rows = static_cast<py::ssize_t>(bodies.size());
     py::array_t<double> p({rows, py::ssize_t{3}}), q4({rows, py::ssize_t{4}}), v({rows, py::ssize_t{3}}),
         w({rows, py::ssize_t{3}});
@@ -104,8 +105,10 @@ class SimulationHandle {
     return py::make_tuple(p, q4, v, w);
   }
 
-  py::tuple contacts() const {
-    const auto contacts = simulation_.engine().contacts();
+  py::tuple contacts() {
+    const auto contacts = read([](const auto& of) {
+      return std::vector<engine::Contact>(of.engine().contacts().begin(), of.engine().contacts().end());
+    });
     const std::vector<model::Shape>& shapes = simulation_.model().shapes;
     std::vector<std::string> a, b;
     std::vector<double> position, normal, depth, force;
@@ -137,7 +140,7 @@ class SimulationHandle {
   }
 
   simulation::Simulation simulation_;
-  std::mutex mutex_;
+  Calls calls_;
 };
 
 /// A view of a buffer that keeps the simulation alive.
@@ -147,33 +150,36 @@ py::array view(const py::object& self, const std::vector<double>& of) {
   return out;
 }
 
+/// To the scene's start, or to coordinates and rates.
 void reset_to(SimulationHandle& self, const py::object& q_of, const py::object& u_of) {
-  const model::Model& model = self.simulation().model();
   const auto dofs = static_cast<py::ssize_t>(self.q.size());
-  const Numbers q_given(q_of, {dofs}, "q"), u_given(u_of, {dofs}, "u");
+  const Numbers q_given = Numbers::optional(q_of, {dofs}, "q"),
+                u_given = Numbers::optional(u_of, {dofs}, "u");
   self.guarded([&] {
-    model::State state = model::initial_state(model);
+    simulation::Simulation& simulation = self.simulation();
+    if (q_of.is_none() && u_of.is_none()) return simulation.reset();
+    model::State state = model::initial_state(simulation.model());
     const std::vector<double> q0 = state.q, u0(self.q.size());
-    model::place_joints(model, q_given.empty() ? std::span<const double>(q0) : q_given.span(),
-                        u_given.empty() ? std::span<const double>(u0) : u_given.span(), state);
-    self.simulation().reset(state);
+    simulation::place_start(simulation.scene(),
+                            q_given.empty() ? std::span<const double>(q0) : q_given.span(),
+                            u_given.empty() ? std::span<const double>(u0) : u_given.span(), state);
+    simulation.reset(state);
   });
-}
-
-simulation::RunSnapshot take_snapshot(SimulationHandle& self) {
-  simulation::RunSnapshot out;
-  self.guarded([&] { out = self.simulation().snapshot(); });
-  return out;
 }
 
 void bind_states(py::module_& module) {
   using simulation::RunSnapshot;
-  py::class_<RunSnapshot>(module, "Snapshot")
+  module.def(
+      "snapshot",
+      [](const py::bytes& text) { return simulation::parse_snapshot(std::string(text), "snapshot"); },
+      py::arg("text"));
+  bind_class<RunSnapshot>(module, "Snapshot")
       .def_property_readonly("time", [](const RunSnapshot& of) { return of.time; })
-      .def(py::pickle(
-          [](const RunSnapshot& of) { return py::bytes(simulation::snapshot_text(of)); },
-          [](const py::bytes& text) { return simulation::parse_snapshot(std::string(text), "snapshot"); }));
-  py::class_<Motion>(module, "Motion").def_property_readonly("time", [](const Motion& of) {
+      .def("__reduce__", [](const RunSnapshot& of) {
+        return py::make_tuple(py::module_::import("handsim._simulation").attr("snapshot_of"),
+                              py::make_tuple(py::bytes(simulation::snapshot_text(of))));
+      });
+  bind_class<Motion>(module, "Motion").def_property_readonly("time", [](const Motion& of) {
     return of.motion.time();
   });
 }
@@ -183,34 +189,40 @@ void bind_states(py::module_& module) {
 void bind_simulation(py::module_& module) {
   using Self = SimulationHandle;
   bind_states(module);
-  py::class_<Self> bound(module, "Simulation");
+  module.def(
+      "simulation",
+      [](const SceneHandle& scene, bool watch, bool contact_forces) {
+        return std::make_unique<Self>(scene, watch, contact_forces);
+      },
+      py::arg("scene"), py::arg("watch"), py::arg("contact_forces"));
+  auto bound = bind_class<Self>(module, "Simulation");
   bound
-      .def(py::init<const SceneHandle&, bool, bool>(), py::arg("scene"), py::arg("watch"),
-           py::arg("contact_forces"))
       .def("step", &Self::step, py::arg("torques"), py::arg("targets"), py::arg("wrists"), py::arg("forces"),
            py::arg("substeps"))
       .def("bodies", &Self::bodies)
       .def("contacts", &Self::contacts)
       .def("reset", &reset_to, py::arg("q"), py::arg("u"))
-      .def("snapshot", &take_snapshot)
+      .def("snapshot", [](Self& self) { return self.read([](const auto& of) { return of.snapshot(); }); })
       .def("restore",
            [](Self& self, const simulation::RunSnapshot& snapshot) {
              self.guarded([&] { self.simulation().restore(snapshot); });
            })
-      .def("motion", [](Self& self) { return Motion{self.simulation().motion()}; })
+      .def("motion", [](Self& self) { return Motion{self.read([](const auto& of) { return of.motion(); })}; })
       .def("reset_to_motion",
            [](Self& self, const Motion& motion) {
              self.guarded([&] { self.simulation().reset(motion.motion); });
            })
-      .def("frame", [](Self& self) { return Frame{simulation::moment_of(self.simulation().engine())}; })
-      .def("verdicts", [](Self& self) {
-        py::list out;
-        for (const simulation::Verdict& v : self.simulation().verdicts())
-          out.append(py::make_tuple(v.name, v.unit, v.measured, v.limit, v.least, v.held(), v.time, v.where));
-        return out;
-      });
-  bound.def_property_readonly("time", [](Self& self) { return self.simulation().state().time; })
-      .def_property_readonly("steps", [](Self& self) { return self.simulation().steps(); })
+      .def("frame",
+           [](Self& self) {
+             return Frame{self.read([](const auto& of) { return simulation::moment_of(of.engine()); })};
+           })
+      .def("verdicts",
+           [](Self& self) { return verdict_list(self.read([](const auto& of) { return of.verdicts(); })); });
+  bound
+      .def_property_readonly(
+          "time", [](Self& self) { return self.read([](const auto& of) { return of.state().time; }); })
+      .def_property_readonly("steps",
+                             [](Self& self) { return self.read([](const auto& of) { return of.steps(); }); })
       .def_property_readonly("q", [](const py::object& self) { return view(self, self.cast<Self&>().q); })
       .def_property_readonly("u", [](const py::object& self) { return view(self, self.cast<Self&>().u); })
       .def_property_readonly("tau",

@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <mutex>
 #include <new>
+#include <numbers>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -82,6 +84,36 @@ void check_start(const scene::Scene& scene) {
   if (!problems.empty()) throw Error(problems);
 }
 
+void place_start(const scene::Scene& scene, std::span<const double> q, std::span<const double> u,
+                 model::State& state) {
+  std::vector<Problem> problems;
+  const bool stops = scene.spec.solver.effects.has(model::Effect::joint_stops);
+  for (const model::Joint& joint : scene.model.joints) {
+    const bool slides = joint.kind == model::JointKind::slider;
+    for (std::size_t a = 0; a < at(model::dof_count(joint.kind)); ++a) {
+      const std::size_t i = at(joint.first_dof) + a;
+      const model::JointAxis* axis = a < joint.axes.size() ? &joint.axes[a] : nullptr;
+      const auto refuse = [&](const char* of, double got, std::string need) {
+        problems.push_back({std::nullopt,
+                            fmt::format("{}.{}{}", of, joint.name, axis ? "." + axis->name : ""),
+                            fmt::format("{:g}", got), std::move(need)});
+      };
+      if (!std::isfinite(u[i])) refuse("u", u[i], "a finite number");
+      model::Stop range{-std::numbers::pi, std::numbers::pi};
+      if (slides) range = {-std::numeric_limits<double>::max(), std::numeric_limits<double>::max()};
+      const bool stopped = stops && axis && axis->stop;
+      if (stopped) range = *axis->stop;
+      const double beyond = !stopped ? 0 : slides ? kSliderBeyondStop : kBeyondStop;
+      if (!(q[i] >= range.low - beyond && q[i] <= range.high + beyond))
+        refuse("q", q[i],
+               fmt::format("{:.4g} to {:.4g} {}{}", range.low, range.high, slides ? "m" : "rad",
+                           stopped ? ", within its stops" : ""));
+    }
+  }
+  if (!problems.empty()) throw Error(std::move(problems));
+  model::place_joints(scene.model, q, u, state);
+}
+
 /// Made when first asked for, by whichever thread.
 struct Simulation::LazyFingerprint {
   std::once_flag once;
@@ -99,24 +131,37 @@ Simulation::Simulation(std::shared_ptr<const scene::Scene> scene, MakeWatchers w
     find_constant_torques();
     for (const scene::ClimbPlan& plan : scene_->plans.climbs) climbs_.emplace_back(scene_->model, plan, step);
   }
-  if (scene_->muscles) {
-    std::vector<std::size_t> driven;
-    if (scene_->control)
-      for (const control::DrivenAxis& axis : scene_->control->axes) driven.push_back(axis.dof);
-    drive_ = std::make_unique<control::MuscleDrive>(model(), *scene_->muscles, std::move(driven), step);
-  }
   make_controller();
   make_watchers();
 }
 
 void Simulation::make_controller() {
-  if (scene_->control)
-    controller_ = std::make_unique<control::Controller>(scene_->model, *scene_->control,
-                                                        scene_->spec.solver.step, engine_->state());
+  const double step = scene_->spec.solver.step;
+  std::vector<std::size_t> driven;
+  if (scene_->control) {
+    controller_ =
+        std::make_unique<control::Controller>(scene_->model, *scene_->control, step, engine_->state());
+    for (const control::DrivenAxis& axis : scene_->control->axes) driven.push_back(axis.dof);
+  }
+  if (scene_->muscles)
+    drive_ = std::make_unique<control::MuscleDrive>(model(), *scene_->muscles, std::move(driven), step);
+}
+
+void Simulation::save_motion(ArchiveWriter& out) const {
+  engine_->save(out);
+  if (controller_) controller_->save(out);
+  if (drive_) drive_->save(out);
+}
+
+void Simulation::restore_motion(const model::State& state, ArchiveReader& in) {
+  engine_->restore(state, in);
+  if (controller_) controller_->restore(in);
+  if (drive_) drive_->restore(in);
 }
 
 void Simulation::make_watchers() {
   report_ = {};
+  excitations_.clear();
   watchers_ = maker_({*scene_, *engine_, controller_.get()});
   timed_ = std::any_of(watchers_.begin(), watchers_.end(),
                        [](const auto& watcher) { return watcher->wants_times(); });
@@ -201,12 +246,31 @@ void Simulation::step(const engine::StepInput& action, std::span<const double> a
   if (controller_ && angles.empty()) controller_->release_targets();
   if (!angles.empty()) controller_->set_targets(angles);
   check(action);
+  keep_failure([&] { advance(action); });
+}
+
+/// Runs what moves the engine.
+template <class Work>
+void Simulation::keep_failure(const Work& work) {
   try {
-    advance(action);
-  } catch (const std::bad_alloc&) {
-    failure_.emplace(PhysicsFault{state().time, "the run", "memory", "none is left: use fewer bodies"});
-    throw Error(*failure_);
+    try {
+      work();
+    } catch (const std::bad_alloc&) {
+      throw Error(PhysicsFault{state().time, "the run", "memory", "none is left: use fewer bodies"});
+    }
+  } catch (const Error& error) {
+    if (error.fault()) failure_.emplace(error);
+    throw;
   }
+}
+
+/// After a failure: all parts are new, at the scene's start.
+void Simulation::revive() {
+  if (!failure_) return;
+  engine_ = engine::make_engine(model(), scene_->spec.solver);
+  failure_.reset();
+  make_controller();
+  make_watchers();
 }
 
 void Simulation::advance(const engine::StepInput& action) {
@@ -226,9 +290,7 @@ void Simulation::advance(const engine::StepInput& action) {
                         ns_between(commanded, stepped), observed};
   Step made{*engine_, report, timed ? &times : nullptr};
   for (const auto& watcher : watchers_) watcher->update(made);
-  if (!made.fault) return;
-  failure_.emplace(std::move(*made.fault));
-  throw Error(*failure_);
+  if (made.fault) throw Error(std::move(*made.fault));
 }
 
 std::optional<Simulation::Parts> Simulation::parts() {
@@ -266,8 +328,7 @@ RunSnapshot Simulation::snapshot() const {
   ArchiveWriter out;
   out(steps_);
   carry(out, engine_->state());
-  engine_->save(out);
-  if (controller_) controller_->save(out);
+  save_motion(out);
   out(watchers_.size());
   for (const auto& watcher : watchers_) {
     out.word(hash_bytes(watcher->name()));
@@ -280,17 +341,19 @@ RunSnapshot Simulation::snapshot() const {
 }
 
 void Simulation::restore(const RunSnapshot& snapshot) {
-  if (failure_) throw Error(*failure_);
+  const std::vector<std::string> other = snapshot.scene == fingerprint()
+                                             ? std::vector<std::string>()
+                                             : differences(*snapshot.scene, *fingerprint());
+  if (!other.empty())
+    throw input_error("snapshot",
+                      fmt::format("one of another scene, which differs in {}", fmt::join(other, ", ")),
+                      "one of this scene");
+  revive();
   // Its own bytes, as they were written.
   if (snapshot.scene == fingerprint() && snapshot.sum == hash_bytes(snapshot.bytes)) {
     restore_parts(snapshot);
     return;
   }
-  const std::vector<std::string> other = differences(*snapshot.scene, *fingerprint());
-  if (!other.empty())
-    throw input_error("snapshot",
-                      fmt::format("one of another scene, which differs in {}", fmt::join(other, ", ")),
-                      "one of this scene");
   const RunSnapshot before = this->snapshot();
   try {
     restore_parts(snapshot);
@@ -310,8 +373,7 @@ void Simulation::restore_parts(const RunSnapshot& snapshot) {
   const double time = static_cast<double>(steps) * step;
   if (state.time != snapshot.time || std::abs(time - state.time) > 1e-6 * step)
     in.refuse(fmt::format("a state at {:g} s after {} steps", state.time, steps), "times that agree");
-  engine_->restore(state, in);
-  if (controller_) controller_->restore(in);
+  restore_motion(state, in);
   steps_ = steps;
   std::map<std::uint64_t, std::string> parts;  // by the hash of the watcher's name
   for (std::size_t n = in.size(); n > 0; --n) {
@@ -336,34 +398,34 @@ MotionSnapshot Simulation::motion() const {
   out.steps_ = steps_;
   out.state_ = engine_->state();
   ArchiveWriter bytes;
-  engine_->save(bytes);
-  if (controller_) controller_->save(bytes);
+  save_motion(bytes);
   out.bytes_ = bytes.take();
   return out;
 }
 
+void Simulation::reset() { reset(model::initial_state(model())); }
+
 void Simulation::reset(const MotionSnapshot& motion) {
-  if (failure_) throw Error(*failure_);
   if (motion.lineage_ != scene_->lineage)
     throw input_error("motion", "one of a scene that was compiled apart",
                       "one of this scene or a copy of it");
+  revive();
   ArchiveReader in(motion.bytes_, "motion");
-  engine_->restore(motion.state_, in);
-  if (controller_) controller_->restore(in);
+  restore_motion(motion.state_, in);
   steps_ = motion.steps_;
   make_watchers();
 }
 
 void Simulation::reset(const model::State& state) {
-  if (failure_) throw Error(*failure_);
-  engine_->set_state(state);
+  revive();
+  keep_failure([&] { engine_->set_state(state); });
   steps_ = std::lround(state.time / scene_->spec.solver.step);
   make_controller();
   make_watchers();
 }
 
 void Simulation::refresh() {
-  if (failure_) throw Error(*failure_);
+  revive();
   engine_->refresh();
   make_controller();
 }

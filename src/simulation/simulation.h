@@ -19,6 +19,14 @@ namespace handsim::simulation {
 /// @throws Error (input) with all objects that start inside a hand, because contact would accelerate them.
 void check_start(const scene::Scene& scene);
 
+/// Places the joints of a state at coordinates and rates of a caller, of size dof_count(): a start.
+/// @throws Error (input) with all coordinates that are not finite, angles beyond half a turn, and coordinates
+///         beyond stops in effect: these give, so that states of a run may be beyond by kBeyondStop.
+void place_start(const scene::Scene& scene, std::span<const double> q, std::span<const double> u,
+                 model::State& state);
+inline constexpr double kBeyondStop = 0.05;         ///< of an angle [rad]
+inline constexpr double kSliderBeyondStop = 0.005;  ///< [m]
+
 /// Movable. Several threads may call const methods at the same time.
 class Simulation {
  public:
@@ -42,7 +50,8 @@ class Simulation {
   ///        those of the scene's poses
   /// @throws Error (input) for an action of another size, with numbers that are not finite or out of range,
   ///         or for servos without actuation; the state is then unchanged. Error (physics) with time, body or
-  ///         joint and quantity if the state is out of bounds; every later step throws the same.
+  ///         joint and quantity if the state is out of bounds; every later step throws the same until a
+  ///         reset.
   void step(const engine::StepInput& action = {}, std::span<const double> angles = {});
 
   /// What steps the simulation where several ones step at once (environment/lanes.h).
@@ -103,21 +112,23 @@ class Simulation {
   /// The run with its watchers. Takes some microseconds, the first one of a simulation some milliseconds.
   /// @throws Error (physics) if the simulation has failed.
   RunSnapshot snapshot() const;
-  /// Continues from a snapshot of the same scene, with the same bits as an uninterrupted run. The ledger has
-  /// the sum of both wall times.
+  /// Continues from a snapshot of the same scene, with the same bits as an uninterrupted run, also after a
+  /// failure. The ledger has the sum of both wall times.
   /// @throws Error (input) with the difference if the snapshot has another scene, settings or engine, lacks
-  ///         one of the watchers, or is damaged; the simulation is then unchanged. Error (physics) if the
-  ///         simulation has failed.
+  ///         one of the watchers, or is damaged; the simulation is then unchanged, a failed one maybe at its
+  ///         start.
   void restore(const RunSnapshot& snapshot);
 
   /// The motion without the watchers, which is faster. @throws Error (physics) if the simulation has failed.
   MotionSnapshot motion() const;
+  // The resets work after a failure, too.
+  /// To the start of the scene, with the bits of a new simulation.
+  void reset();
   /// Continues from a motion, with the same bits; the watchers are new ones.
-  /// @throws Error (input) for a motion of a scene that was compiled separately. Error (physics) if the
-  ///         simulation has failed.
+  /// @throws Error (input) for a motion of a scene that was compiled separately.
   void reset(const MotionSnapshot& motion);
   /// Goes on from a state, at the step that is next to its time; controller and watchers begin anew.
-  /// @throws Error (input) as Engine::set_state. Error (physics) of a simulation that has failed.
+  /// @throws Error (input) as Engine::set_state.
   void reset(const model::State& state);
   /// Takes over masses, inertias, gravity and materials of the scene's model, and gains of its control, that
   /// its owner has changed; the controller begins anew.
@@ -126,8 +137,13 @@ class Simulation {
 
  private:
   struct LazyFingerprint;
+  template <class Work>
+  void keep_failure(const Work& work);
+  void revive();
   void advance(const engine::StepInput& action);
   void make_controller();
+  void save_motion(ArchiveWriter& out) const;
+  void restore_motion(const model::State& state, ArchiveReader& in);
   void check(const engine::StepInput& action) const;
   engine::StepInput command(const engine::StepInput& action);
   engine::StepInput excite(engine::StepInput input, const engine::StepInput& action);
@@ -146,7 +162,7 @@ class Simulation {
   engine::StepReport report_;
   bool timed_ = false;  ///< a watcher uses times
   long steps_ = 0;
-  std::optional<Error> failure_;  ///< of a watcher, or lack of memory; engines keep their own
+  std::optional<Error> failure_;  ///< of the engine, of a watcher, or lack of memory
   std::shared_ptr<LazyFingerprint> fingerprint_;
   std::vector<double> constant_;      ///< constant torques of the joints; empty if there are none
   std::vector<double> sum_;           ///< the same plus those of the controller, climbs and caller

@@ -19,7 +19,8 @@ struct RunSnapshot {
   std::uint64_t sum = 0;  ///< XXH64 of the bytes
 };
 
-/// Only the motion (engine and controller), for a fast reset of simulations of one scene or copies of it.
+/// Only the motion (engine, controller and muscle drive), for a fast reset of simulations of one scene or
+/// copies of it.
 class MotionSnapshot {
  public:
   /// Time of the state [s].
@@ -30,7 +31,7 @@ class MotionSnapshot {
   std::shared_ptr<const char> lineage_;  ///< scene::Scene::lineage
   long steps_ = 0;
   model::State state_;
-  std::string bytes_;  ///< data of the engine, then of the controller
+  std::string bytes_;  ///< data of Simulation::save_motion
 };
 
 }  // namespace handsim::simulation

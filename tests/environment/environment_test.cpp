@@ -7,6 +7,8 @@
 #include <cmath>
 #include <limits>
 
+#include "handsim/core/index.h"
+#include "handsim/environment/batch.h"
 #include "handsim/model/kinematics.h"
 #include "scene_files.h"
 
@@ -354,6 +356,50 @@ TEST(ObservedFingertips, AreASegmentsLengthBeyondTheirJoint) {
       EXPECT_NEAR(reach, length, 1e-12) << segment;
     }
   }
+}
+
+// Each problem of a setup is named; a start out of range leaves the environment as it was.
+TEST(Refused, DistributionsAndStartsOutOfRange) {
+  constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+  const scene::Scene scene = shipped_scene("grasp_power_can", kArticulated);
+  try {
+    Environment(scene, {.randomise = {{"gravity", Distribution::uniform, 1, 0},
+                                      {"gains", Distribution::normal, 1, -1},
+                                      {"objects.0.friction", Distribution::log_uniform, 0, 1},
+                                      {"objects.0.mass", Distribution::uniform, -1, 1},
+                                      {"torque_limits", Distribution::normal, kNaN, 1},
+                                      {"toes", Distribution::uniform, 0, 1},
+                                      {"q", Distribution::uniform, 0, 10}}});
+    FAIL() << "nothing was refused";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.problems().size(), 6 + at(scene.model.dof_count())) << error.what();
+    EXPECT_EQ(error.problems()[0].key, "randomise.gravity");
+  }
+  for (const int threads : {-1, 1025})
+    EXPECT_THROW(Batch(scene, 2, BatchSetup{.threads = threads}), Error) << threads;
+  Environment environment(scene);
+  environment.step({}, 3);
+  const std::uint64_t before = bits(environment);
+  const std::vector<double> q(at(scene.model.dof_count()), 10.0), nan(q.size(), kNaN);
+  EXPECT_THROW(environment.reset(Start{q, {}, {}}), Error);
+  EXPECT_THROW(environment.reset(Start{{}, nan, {}}), Error);
+  environment.set("q", q);
+  EXPECT_THROW(environment.reset(), Error);
+  EXPECT_EQ(bits(environment), before);
+  EXPECT_EQ(environment.steps(), 3);
+}
+
+// Oracle: an environment that was never elsewhere. Each position is the scene's own plus one difference: sums
+// of differences would round.
+TEST(Seeds, LeaveNothingOfEarlierOnes) {
+  const environment::Setup setup{.randomise = {{"objects.0.position", Distribution::normal, 0.3, 0.1},
+                                               {"objects.0.mass", Distribution::uniform, 0.1, 0.5}}};
+  const scene::Scene scene = shipped_scene("dropped_hand", kArticulated);
+  Environment used(scene, setup), fresh(scene, setup);
+  for (std::uint64_t seed = 0; seed < 20; ++seed) used.reset(seed);
+  used.step({}, 5);
+  for (Environment* each : {&used, &fresh}) each->reset(100);
+  EXPECT_EQ(bits(used), bits(fresh));
 }
 
 TEST(Refused, WhatIsNotThere) {

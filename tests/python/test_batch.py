@@ -96,6 +96,9 @@ def test_numbers_can_be_set_one_by_one(can):
     batch.reset()
     assert batch.get("objects.0.mass")[:, 0].tolist() == [0.2, 0.3, 0.4]
     assert batch.get("gravity").shape == (3, 3)
+    with pytest.raises(hs.Error, match="objects.0.mass: got -1 kg, need above 0 kg"):
+        batch.set("objects.0.mass", [0.5, -1, 0.5])
+    assert batch.get("objects.0.mass")[:, 0].tolist() == [0.2, 0.3, 0.4]
 
 
 # Oracle: F = m a of a free ball, each environment with a force of its own.

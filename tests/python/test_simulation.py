@@ -138,7 +138,7 @@ def test_numbers_that_are_not_finite_and_unknown_bodies_are_refused(two_hands, b
         hs.Simulation(two_hands).step(np.full(40, np.nan))
     with pytest.raises(hs.Error, match="forces: got hihg, need .*nearest: high"):
         hs.Simulation(balls).step(forces={"hihg": [0, 0, 1]})
-    with pytest.raises(hs.Error, match=r"substeps: got 0, need 1 or more"):
+    with pytest.raises(hs.Error, match=r"substeps: got 0, need a whole number, 1 to"):
         hs.Simulation(balls).step(substeps=0)
 
 

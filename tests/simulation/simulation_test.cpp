@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "handsim/model/kinematics.h"
@@ -227,6 +228,32 @@ TEST(Action, OfAnotherSizeOrNotFiniteIsRefusedAndNothingMoves) {
     ADD_FAILURE();
   } catch (const Error& error) {
     EXPECT_NE(std::string(error.what()).find("actuation"), std::string::npos) << error.what();
+  }
+}
+
+// Oracle: bit equality with a new simulation, after steps and after the fault of a watcher.
+TEST(Reset, ToTheStartHasTheBitsOfANewSimulation) {
+  for (const char* name : {"dropped_hand", "pose_tracking"}) {
+    Simulation again(shared(name)), first(shared(name));
+    steps(again, 150);
+    again.reset();
+    EXPECT_EQ(bits(again.state()), bits(first.state())) << name;
+    steps(again, 100);
+    steps(first, 100);
+    EXPECT_EQ(again.state_hash(), first.state_hash()) << name;
+  }
+  Simulation ended(shared("two_hands"), only<CountSteps>), first(shared("two_hands"));
+  const MotionSnapshot motion = ended.motion();
+  const RunSnapshot snapshot = ended.snapshot();
+  const std::vector<std::function<void()>> ways = {[&] { ended.reset(); }, [&] { ended.reset(motion); },
+                                                   [&] { ended.restore(snapshot); }};
+  for (const auto& back : ways) {
+    steps(ended, 4);
+    EXPECT_THROW(ended.step(), Error);
+    back();
+    EXPECT_EQ(bits(ended.state()), bits(first.state()));
+    EXPECT_EQ(ended.get<CountSteps>().count, 0);
+    EXPECT_EQ(ended.steps(), 0);
   }
 }
 

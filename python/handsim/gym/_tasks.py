@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from .._batch import Batch
 from .._core import Motion
-from .._errors import input_error
+from .._errors import input_error, seed_of
 from .._scene import Scene, data_path, load
 from .._simulation import Simulation
 
@@ -315,7 +315,7 @@ class Episodes:
         self.task = task_of(task)
         self.batch = Batch(self.task.scene, n, observe=self.task.observe, randomise=self.task.randomise, seed=seed,
                            threads=threads)
-        self.random = np.random.default_rng(seed)
+        self.random = np.random.default_rng(seed_of(seed))
         self.steps = np.zeros(n, int)
         """Of each environment's episode."""
         self._start = self.task.start()
@@ -324,7 +324,7 @@ class Episodes:
     def reset(self, mask: Optional[Mask] = None, *, seed: Optional[int] = None) -> Array:
         """New episodes for the environments of the mask. :returns: the observation, shape (n, numbers)"""
         if seed is not None:
-            self.random = np.random.default_rng(seed)
+            self.random = np.random.default_rng(seed_of(seed))
         chosen = np.ones(len(self.batch), bool) if mask is None else mask
         self.batch.reset(chosen, seed=seed, to=self._start)
         self.steps[chosen] = 0
@@ -334,6 +334,9 @@ class Episodes:
     def step(self, action: Array) -> tuple[Array, Array, Mask, Mask]:
         """:returns: observation (n, numbers), reward, terminated and truncated (n,). Failed environments are
         terminated, without reward."""
+        shape = (len(self.batch), self.task.actions)
+        if np.shape(action) != shape:
+            raise input_error("action", f"shape {np.shape(action)}", f"shape {shape}")
         clipped = np.clip(action, -1, 1)
         self.batch.step(**self.task.drive(self.batch, clipped, self.random), substeps=self.task.substeps)
         self.steps += 1

@@ -98,6 +98,7 @@ void ArticulatedEngine::start(const model::State& state) {
   if (muscles_) muscles_->start(next);
   if (contact_) contact_->forget();
   if (fast_spin_) fast_spin_->forget();
+  if (smooth_) smooth_->set_size(0);
   mechanism_.kernel().kinematics(mechanism_.tree());
   placed_ = true;
   collided_ = false;
