@@ -50,22 +50,18 @@ int inverse_command(const InverseArguments& arguments) {
   }
   print_warnings(result.warnings);
   folder.clear();
-  const PlotNote note = plot_note(study::write_inverse(scene, input, result, arguments.out));
+  study::StudyEnd end{scene.spec.title + "\n" + study::inverse_table(result)};
+  end.plotted = study::write_inverse(scene, input, result, arguments.out);
   if (result.fault) print_error("the check ended early: {}\n", *result.fault);
-  const int status = result.fault ? 1 : note.status;
-  if (arguments.json) {
-    print_text(study::inverse_json(scene, input, result));
-    if (note.status != 0) print_error("missing: plots{}\n", note.text);
-    return status;
-  }
-  print("{}\n{}", scene.spec.title, study::inverse_table(result));
   if (result.cutoff)
-    print("filter: Butterworth, second order, forwards and backwards, cut-off {:g} Hz\n", *result.cutoff);
+    end.text += fmt::format("filter: Butterworth, second order, forwards and backwards, cut-off {:g} Hz\n",
+                            *result.cutoff);
   if (input.forward)
-    print("a simulation with these torques alone: RMS error {:.3g} deg over all axes\n",
-          kDegreesPerRadian * result.rms_error);
-  print("files in {}{}\n", arguments.out.string(), note.text);
-  return status;
+    end.text += fmt::format("a simulation with these torques alone: RMS error {:.3g} deg over all axes\n",
+                            kDegreesPerRadian * result.rms_error);
+  end.json = study::inverse_json(scene, input, result);
+  const int status = print_study(end, arguments.out, arguments.json);
+  return result.fault ? 1 : status;
 }
 
 }  // namespace handsim::app

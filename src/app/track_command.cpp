@@ -97,15 +97,13 @@ int track_command(const TrackArguments& arguments) {
     result = study::run_track(input, [&bar](double share) { bar.show(share); });
   }
   folder.clear();
-  const PlotNote note = plot_note(study::write_track(input, result, arguments.out));
-  if (arguments.json) {
-    print_text(study::track_json(input, result));
-    if (note.status != 0) print_error("missing: plots{}\n", note.text);
-    return note.status;
-  }
-  print_track(result);
-  print("files in {}{}\n", arguments.out.string(), note.text);
-  return note.status;
+  study::StudyEnd end;
+  end.plotted = study::write_track(input, result, arguments.out);
+  if (arguments.json)
+    end.json = study::track_json(input, result);
+  else
+    print_track(result);
+  return print_study(end, arguments.out, arguments.json);
 }
 
 }  // namespace handsim::app

@@ -30,7 +30,8 @@ class RunReport : public testing::Test {
     folder = fs::temp_directory_path() / ("handsim_run_report_" + std::to_string(::getpid()));
     RunOptions options;
     options.out = folder;
-    run(scene::load_scene(fs::path(HANDSIM_SOURCE_DIR) / "config/two_hands.yaml", {"duration=0.3 s"}), options);
+    run(scene::load_scene(fs::path(HANDSIM_SOURCE_DIR) / "config/two_hands.yaml", {"duration=0.3 s"}),
+        options);
   }
   static void TearDownTestSuite() { fs::remove_all(folder); }
   void SetUp() override {
@@ -81,7 +82,8 @@ TEST_F(RunReport, HasThePosesOfTheTrajectory) {
     for (std::size_t k = 0; k < 3; ++k) {
       const auto c = static_cast<std::size_t>(column - table.columns.begin()) + k;
       EXPECT_FLOAT_EQ(values[7 * i + k], static_cast<float>(table.at(0, c))) << name;
-      EXPECT_FLOAT_EQ(values[values.size() - width + 7 * i + k], static_cast<float>(table.at(last, c))) << name;
+      EXPECT_FLOAT_EQ(values[values.size() - width + 7 * i + k], static_cast<float>(table.at(last, c)))
+          << name;
     }
   }
 }
@@ -99,9 +101,7 @@ TEST_F(RunReport, HasEveryShapeOfTheSceneAndTheCommandThatRepeatsIt) {
   EXPECT_NE(run["resolved"].get<std::string>().find("duration"), std::string::npos);
 }
 
-TEST_F(RunReport, OfTwoRunsHasBoth) {
-  EXPECT_EQ(data_of(run_report({folder, folder}))["runs"].size(), 2U);
-}
+TEST_F(RunReport, OfTwoRunsHasBoth) { EXPECT_EQ(data_of(run_report({folder, folder}))["runs"].size(), 2U); }
 
 TEST_F(RunReport, IsRefusedForTablesOfAnotherScene) {
   const fs::path other = folder.string() + "_other";
@@ -122,6 +122,18 @@ TEST(Tables, ReportTheLineOfAFieldThatIsNoNumber) {
   } catch (const Error& error) {
     EXPECT_NE(std::string(error.what()).find(":3:"), std::string::npos) << error.what();
   }
+  fs::remove(path);
+}
+
+// Oracle: RFC 4180: commas stand in quotes, quotes are doubled.
+TEST(Tables, HaveQuotedFields) {
+  const fs::path path = fs::temp_directory_path() / ("handsim_quoted_" + std::to_string(::getpid()) + ".csv");
+  std::ofstream(path) << "a,b,c\n\"x, y\",,\"say \"\"no\"\"\"\n";
+  std::vector<std::string> found;
+  output::read_rows(path, [&](std::size_t, std::span<const std::string_view> fields) {
+    found.assign(fields.begin(), fields.end());
+  });
+  EXPECT_EQ(found, (std::vector<std::string>{"x, y", "", "say \"no\""}));
   fs::remove(path);
 }
 

@@ -23,7 +23,8 @@ struct NumberTable {
 ///         fields than the head has.
 NumberTable read_numbers(const std::filesystem::path& path);
 
-/// Calls `take` with the fields of each row after the head; returns the names of the columns.
+/// Calls `take` with the fields of each row after the head; returns the names of the columns. A field of CSV
+/// in double quotes may have commas and doubled quotes.
 /// @throws Error (input) as read_numbers, and where take throws.
 std::vector<std::string> read_rows(
     const std::filesystem::path& path,
