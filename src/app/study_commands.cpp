@@ -62,13 +62,15 @@ struct Asked : Options {
 /// Runs a study with a progress bar and prints its end.
 template <class Study>
 int with_bar(const study::StudyRun& asked, const Study& study, bool json = false) {
-  study::StudyEnd end;
-  {
-    ProgressBar bar;
-    study::StudyRun run = asked;
-    run.progress = [&bar](double share) { bar.show(share); };
-    end = study(run);
-  }
+  std::optional<ProgressBar> bar(std::in_place);
+  study::StudyRun run = asked;
+  run.progress = [&bar](double share) { bar->show(share); };
+  run.tell = [&bar](const std::string& text) {
+    bar.reset();
+    print_text(text);
+  };
+  const study::StudyEnd end = study(run);
+  bar.reset();
   return print_study(end, asked.out, json);
 }
 
@@ -102,7 +104,9 @@ void add_accuracy(CommandLine& line) {
 }
 
 int validate_command(const Asked<study::ValidateOptions>& asked) {
-  return print_study(study::validate(asked, asked.run), asked.run.out);
+  study::StudyRun run = asked.run;
+  run.tell = print_text;
+  return print_study(study::validate(asked, run), run.out);
 }
 
 void add_validate(CommandLine& line) {

@@ -369,9 +369,13 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
   return result;
 }
 
-scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& result) {
-  if (!spec.kind || !result.reference)
+void check_for_costs(const AccuracySpec& spec) {
+  if (!spec.kind || spec.reference == Reference::smallest_step)
     throw input_error("--costs", "a study without a kind or without a reference", "one with both");
+}
+
+scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& result) {
+  check_for_costs(spec);
   const Series& reference = *result.reference;
   const std::vector<double> still(reference.rate.front().size(), 0.0);
   const double signal =

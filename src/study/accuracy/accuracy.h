@@ -95,8 +95,11 @@ AccuracySpec load_accuracy(const std::filesystem::path& path);
 /// @throws Error (input) for an invalid scene or override.
 AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress);
 
+/// @throws Error (input) for a study without a kind or a reference, which a cost table needs.
+void check_for_costs(const AccuracySpec& spec);
+
 /// The cost table for engine `auto`: of each engine of handsim, the Pareto-optimal rows in error and cost.
-/// @throws Error (input) if the study has no kind or no reference.
+/// @throws Error (input) as check_for_costs.
 scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& result);
 
 /// The row with the smallest cost whose whole-run error is at most `target`; null if there is none. If the

@@ -286,7 +286,10 @@ StudyEnd accuracy(const AccuracyOptions& options, const StudyRun& run) {
     if (options.costs) out.push_back(*options.costs);
     return out;
   });
-  if (options.costs) const output::AtomicFile probe(*options.costs);
+  if (options.costs) {
+    check_for_costs(spec);
+    const output::AtomicFile probe(*options.costs);
+  }
   const AccuracyResult result = run_accuracy(spec, run.progress);
   StudyEnd end{fmt::format(
       "{}\nRMS rate error [{}/s] over the whole run and up to {:g} s; the error over the whole run saturates "
@@ -295,6 +298,7 @@ StudyEnd accuracy(const AccuracyOptions& options, const StudyRun& run) {
   if (result.reference) end.text += "\n" + cheapest_table(result);
   for (const std::string& text : result.left_out) end.text += "left out: " + text + "\n";
   end.text += "\n";
+  tell(run, end);
   folder.clear();
   end.plotted = write_accuracy(spec, result, run.out);
   finish_study(run.out, accuracy_commands(options.study, spec, result), run.report);

@@ -340,8 +340,9 @@ StudyEnd stability(StabilityOptions options, const StudyRun& run) {
   });
   options.progress = run.progress;
   const StabilityResult result = run_stability(spec, options);
-  folder.clear();
   StudyEnd end{spec.title + "\n" + stability_table(result)};
+  tell(run, end);
+  folder.clear();
   end.passed = result.passed();
   end.plotted = write_stability(spec, result, run.out);
   finish_study(run.out, stability_commands(options.study, result), run.report);

@@ -199,6 +199,7 @@ StudyEnd validate(const ValidateOptions& options, const StudyRun& run) {
       run_validate(spec, options.runs ? std::optional(run.out / "runs") : std::nullopt);
   StudyEnd end{spec.title + "\n\n" + validate_table(spec, result)};
   end.passed = result.passed();
+  tell(run, end);
   if (!folder) return end;
   folder->clear();
   end.plotted = write_validate(spec, result, run.out);
