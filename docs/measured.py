@@ -310,6 +310,51 @@ def contacts():
     return table(["slabs", *(f"`{name}`, µs (contacts)" for name in methods)], rows)
 
 
+def severity(row):
+    """Figure over limit, inverse for a lower limit; infinite without a figure."""
+    value = math.inf if row["measured"] is None else float(row["measured"])
+    if row["measured"] is None or math.isnan(value):
+        return math.inf
+    if "least" in row:
+        return row["least"] / value if value > 0 else math.inf
+    return value / row["most"] if row["most"] > 0 else 0 if value <= row["most"] else math.inf
+
+
+def stability_row(rows):
+    """The worst figures of a case that must hold, and its known shortfalls."""
+    worst = {}  # by measure, way and step: of all variants
+    for row in rows:
+        key = row["measure"], row["way"], row["step_s"]
+        if key not in worst or severity(row) > severity(worst[key]):
+            worst[key] = row
+    shown_figure = lambda row: f"{float(row['measured']):.3g} {row['unit']}".rstrip()
+    held, known = [], []
+    for measure in dict.fromkeys(row["measure"] for row in rows):
+        of = [row for row in worst.values() if row["measure"] == measure]
+        if measure == "refused":
+            held.append(f"{sum(row['measured'] == 0 for row in of)} of {len(of)} rejected with a message")
+            continue
+        must = [row for row in of if row["verdict"] != "short (known)"]
+        if must:
+            most = max(must, key=severity)
+            limit = f"≥ {most['least']:.3g}" if "least" in most else f"≤ {most['most']:.3g}"
+            short = "" if most["verdict"].startswith("held") else " **falls short**"
+            held.append(f"{measure} {shown_figure(most) if most['measured'] is not None else '-'} ({limit}){short}")
+        texts = []
+        for diverged in (False, True):
+            ways = {}
+            for row in of:
+                if row["verdict"] == "short (known)" and ("fault" in row) == diverged:
+                    ways.setdefault(row["way"], []).append(row)
+            if ways:
+                head = "diverges" if diverged else "to " + shown_figure(max(sum(ways.values(), []), key=severity))
+                steps = lambda found: ", ".join(f"{1e3 * row['step_s']:g}" for row in found)
+                texts.append(f"{head}: " + ", ".join(f"{way} at {steps(found)} ms" for way, found in ways.items()))
+        if texts:
+            known.append(measure + " " + "; ".join(texts))
+    return "; ".join(held), "; ".join(known)
+
+
 def stability():
     data = study_json("stability", "run", "stability.json")
     verdicts = [row["verdict"] for case in data["cases"] for row in case["rows"]]
@@ -317,9 +362,8 @@ def stability():
     quick = ", with `--quick`" if data["quick"] else ""
     text = (f"{len(data['cases'])} cases{quick}: {len(verdicts)} figures, of which {len(verdicts) - short - failed} hold, "
             f"{short} are known shortfalls, and {failed} are other shortfalls.\n\n")
-    lines = (OUT / "stability" / "run" / "stability.md").read_text().splitlines()
-    rows = [line for line in lines if line.startswith("| ")]
-    return text + "\n".join(rows[:2] + [row for row in rows[2:] if not row.endswith("|  |")]) + "\n"
+    rows = [(case["name"], *stability_row(case["rows"])) for case in data["cases"]]
+    return text + table(["case", "worst figures", "known shortfalls"], [row for row in rows if row[2]])
 
 
 def stability_cases():

@@ -97,7 +97,7 @@ STUDIES = {
     "grasp": Study("6 min", {"both": ["grasp", "config", "--out", "{out}", "--side", "both"]}),
     "agreement": Study("45 min", {"run": ["grasp", "config/agreement/box.yaml", "--agree", "100", "--seed", "2201", "--out", "{out}"]}),
     "climb": Study("1 min", climb_runs()),
-    "contacts": Study("1.5 min", {"contacts": ["contacts", "--out", "{out}"]},
+    "contacts": Study("1.5 min", {"contacts": None},
                       {"contacts/contacts_cost.png": "contacts_cost.png"}),
     "accuracy": Study("1.5 min", {"run": ["accuracy", "config/accuracy_slider_crank.yaml", "--out", "{out}"]},
                       {"run/error_cost.png": "accuracy.png"}),
@@ -141,6 +141,8 @@ def command_of(name, label, build):
     if name == "speed":
         return [str(build / "tests" / "bench_handsim"), f"--benchmark_filter=-{'|'.join(BENCHMARKS.values())}", "--benchmark_repetitions=9",
                 "--benchmark_report_aggregates_only=true", f"--benchmark_out={OUT / 'speed' / 'bench.json'}"]
+    if name == "contacts":
+        return [str(build / "tests" / "contact_cost"), str(OUT / name / label)]
     if name == "export":
         return {"mujoco": [str(build / "tests" / "test_export"), "--gtest_filter=*ABlockSlides*:*StayInTheHand*"],
                 "opensim": [str(build / "tests" / "test_osim"), "--gtest_filter=*InOpenSim*"]}[label]

@@ -129,12 +129,6 @@ def effects(scene: Union[Scene, Source], overrides: Overrides = None, *, repeats
         return Study("effects", folder, _core.effects(of._core, file, override_list(overrides), folder, repeats, progress))
 
 
-def contacts(*, out: Out = None, progress: Progress = None) -> Study:
-    """CPU time of a step by method and number of contacts."""
-    with _folder(out) as folder:
-        return Study("contacts_cost", folder, _core.contacts(folder, progress))
-
-
 def stability(study: PathText = "stability", *, cases: Sequence[str] = (), quick: bool = False, threads: int = 0,
               pictures: bool = False, out: Out = None, progress: Progress = None) -> Study:
     """Hard cases, every engine, method and step against an oracle.
@@ -266,5 +260,5 @@ def validate(measurements: Optional[PathText] = None, *, out: Out = None) -> Stu
         return Study("validate", folder, _core.validate(_path(measurements), folder))
 
 
-__all__ = ["Study", "accuracy", "agreement", "contacts", "effects", "grasps", "inverse", "merge", "read_csv", "read_sto",
+__all__ = ["Study", "accuracy", "agreement", "effects", "grasps", "inverse", "merge", "read_csv", "read_sto",
            "rollouts", "stability", "track", "validate"]

@@ -90,36 +90,6 @@ struct GraspArguments {
 };
 int grasp_command(const GraspArguments& arguments);
 
-struct AccuracyArguments {
-  std::filesystem::path study;
-  std::filesystem::path out;
-  std::optional<double> target;                ///< whole-run error that the cheapest row must reach
-  std::optional<std::filesystem::path> peers;  ///< folder of other engines' programs; absent: the build's
-  bool no_peers = false;                       ///< omit their rows
-  bool report = false;                         ///< writes report.html
-  /// Table of costs in which the part on the study's kind of scene is replaced or added.
-  std::optional<std::filesystem::path> costs;
-};
-int accuracy_command(const AccuracyArguments& arguments);
-
-struct StabilityArguments {
-  std::filesystem::path study;
-  std::filesystem::path out;
-  std::vector<std::string> cases;  ///< names; empty: all
-  bool quick = false;
-  bool no_pictures = false;
-  bool report = false;  ///< writes report.html
-};
-int stability_command(const StabilityArguments& arguments);
-
-struct ValidateArguments {
-  std::optional<std::filesystem::path> file;  ///< of measurements; absent: the installed ones
-  std::optional<std::filesystem::path> out;   ///< absent: only the table
-  bool runs = false;                          ///< also runs the rows that are simulations
-  bool report = false;                        ///< writes report.html
-};
-int validate_command(const ValidateArguments& arguments);
-
 struct RolloutsArguments {
   std::filesystem::path study;
   std::filesystem::path out;
@@ -134,16 +104,6 @@ struct RolloutsArguments {
 };
 int rollouts_command(const RolloutsArguments& arguments);
 int merge_command(const RolloutsArguments& arguments);
-
-struct EffectsArguments {
-  std::filesystem::path scene;
-  std::filesystem::path out;
-  std::vector<std::string> overrides;
-  int repeats = 7;  ///< timed rounds
-  bool json = false;
-  bool report = false;  ///< writes report.html
-};
-int effects_command(const EffectsArguments& arguments);
 
 struct ExportArguments {
   std::optional<std::filesystem::path> scene;
@@ -169,11 +129,6 @@ struct ViewArguments {
   bool no_browser = false;
 };
 int view_command(const ViewArguments& arguments);
-
-struct ContactsArguments {
-  std::filesystem::path out;  ///< folder for the study's files
-};
-int contacts_command(const ContactsArguments& arguments);
 
 /// Extension of a file's name in lower case: `.png`; may be empty.
 std::string ending_of(const std::filesystem::path& path);

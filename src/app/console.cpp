@@ -68,4 +68,18 @@ PlotNote plot_note(bool plotted) {
   return {" (no plots: gnuplot failed; the .gp file is its script)", 1};
 }
 
+int print_study(const study::StudyEnd& end, const std::filesystem::path& out, bool json) {
+  const PlotNote note = plot_note(end.plotted);
+  if (json) {
+    print_text(end.json);
+    if (note.status != 0) print_error("missing: plots{}\n", note.text);
+    return note.status;
+  }
+  print_text(end.text);
+  for (const std::string& what : end.missing) print_error("missing: {}\n", what);
+  if (!out.empty()) print("files in {}{}\n", out.string(), note.text);
+  print_text(end.after);
+  return end.passed && end.missing.empty() ? note.status : 1;
+}
+
 }  // namespace handsim::app

@@ -2,12 +2,15 @@
 // full disk, closed terminal) neither ends a command nor throws; finish_output() reports lost output.
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include <fmt/format.h>
+
+#include "handsim/study/study_run.h"
 
 namespace handsim::app {
 
@@ -45,5 +48,9 @@ struct PlotNote {
   int status = 0;
 };
 PlotNote plot_note(bool plotted);
+
+/// Prints the end of a study, its JSON if wanted. @param out folder of its files; empty: there are none
+/// @returns the exit status
+int print_study(const study::StudyEnd& end, const std::filesystem::path& out, bool json = false);
 
 }  // namespace handsim::app

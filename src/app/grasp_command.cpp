@@ -8,11 +8,11 @@
 #include "handsim/app/drawing_options.h"
 #include "handsim/app/progress.h"
 #include "handsim/app/report_command.h"
-#include "handsim/app/study_repeat.h"
 #include "handsim/core/units.h"
 #include "handsim/output/report/page.h"
 #include "handsim/study/grasp/agreement.h"
 #include "handsim/study/grasp/grasp_study.h"
+#include "handsim/study/repeat/study_repeat.h"
 
 namespace handsim::app {
 
@@ -113,7 +113,7 @@ int agreement_command(const GraspArguments& arguments) {
     study.progress = [&bar](double share) { bar.show(share); };
     table = study::run_agreement(study);
   }
-  finish_study(arguments.out, agreement_commands(study, table), arguments.report);
+  study::finish_study(arguments.out, study::agreement_commands(study, table), arguments.report);
   constexpr const char* kHead = "{:<28} {:>13} {:>13} {:>12} {:>8} {:>15} {:>16} {:>8} {:>13}\n";
   print(kHead, "engines", "same verdict", "not marginal", "grip differs", "most", "within 10 %", "slip",
         "slip", "slip");
@@ -164,7 +164,7 @@ int grasp_command(const GraspArguments& arguments) {
     study.sides = {"right", "left"};
   else if (!arguments.side.empty())
     study.sides = {arguments.side};
-  const study::StudyCommands commands = grasp_commands(study);
+  const study::StudyCommands commands = study::grasp_commands(study);
   if (arguments.report) {
     output::require_three();
     study.overrides.emplace_back("record.contacts=true");
@@ -185,7 +185,7 @@ int grasp_command(const GraspArguments& arguments) {
     tables = study::run_grasps(study);
   }
   if (arguments.report) add_reports(tables, arguments.out);
-  finish_study(arguments.out, commands, arguments.report);
+  study::finish_study(arguments.out, commands, arguments.report);
   if (!tables.grasps.empty()) print_table(tables.grasps);
   if (!tables.climbs.empty()) print_climbs(tables.climbs);
   for (const study::RefusedGrasp& grasp : tables.refused)

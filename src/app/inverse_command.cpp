@@ -50,27 +50,23 @@ int inverse_command(const InverseArguments& arguments) {
   }
   print_warnings(result.warnings);
   folder.clear();
-  const PlotNote note = plot_note(study::write_inverse(scene, input, result, arguments.out));
+  study::StudyEnd end{scene.spec.title + "\n" + study::inverse_table(result)};
+  end.plotted = study::write_inverse(scene, input, result, arguments.out);
   if (result.fault) print_error("the check ended early: {}\n", *result.fault);
   if (result.rms_error && !result.agrees() && !result.fault)
     print_error(
         "the check misses the motion: RMS error {:.3g} deg, limit {:g} deg: contacts between bodies are "
         "no part of the torques, and without feedback differences grow\n",
         kDegreesPerRadian * *result.rms_error, kDegreesPerRadian * study::kLargestCheckError);
-  const int status = result.agrees() ? note.status : 1;
-  if (arguments.json) {
-    print_text(study::inverse_json(scene, input, result));
-    if (note.status != 0) print_error("missing: plots{}\n", note.text);
-    return status;
-  }
-  print("{}\n{}", scene.spec.title, study::inverse_table(result));
   if (result.cutoff)
-    print("filter: Butterworth, second order, forwards and backwards, cut-off {:g} Hz\n", *result.cutoff);
+    end.text += fmt::format("filter: Butterworth, second order, forwards and backwards, cut-off {:g} Hz\n",
+                            *result.cutoff);
   if (result.rms_error)
-    print("a simulation with these torques alone: RMS error {:.3g} deg over all axes\n",
-          kDegreesPerRadian * *result.rms_error);
-  print("files in {}{}\n", arguments.out.string(), note.text);
-  return status;
+    end.text += fmt::format("a simulation with these torques alone: RMS error {:.3g} deg over all axes\n",
+                            kDegreesPerRadian * *result.rms_error);
+  end.json = study::inverse_json(scene, input, result);
+  const int status = print_study(end, arguments.out, arguments.json);
+  return result.agrees() ? status : 1;
 }
 
 }  // namespace handsim::app

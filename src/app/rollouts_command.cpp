@@ -8,11 +8,10 @@
 
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
-#include "handsim/app/study_repeat.h"
-#include "handsim/core/input_file.h"
 #include "handsim/core/units.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
+#include "handsim/study/repeat/study_repeat.h"
 #include "handsim/study/rollouts/rollouts.h"
 
 namespace handsim::app {
@@ -63,14 +62,6 @@ void print_end(const study::RolloutsResult& result, const std::filesystem::path&
 
 }  // namespace
 
-std::string shard_commands(const std::vector<std::filesystem::path>& folders) {
-  constexpr std::size_t kMost = 1UL << 20U;
-  for (const std::filesystem::path& folder : folders)
-    if (std::filesystem::is_regular_file(folder / study::kStudyFile))
-      return read_input_file(folder / study::kStudyFile, "the commands of a study", kMost);
-  return {};
-}
-
 study::RolloutsSpec rollouts_of(const RolloutsArguments& arguments) {
   study::RolloutsSpec spec = study::load_rollouts(arguments.study);
   spec.set.insert(spec.set.end(), arguments.overrides.begin(), arguments.overrides.end());
@@ -113,7 +104,7 @@ int rollouts_command(const RolloutsArguments& arguments) {
     return 1;
   }
   const study::StudyCommands commands =
-      rollouts_commands(arguments.study, arguments.overrides, arguments.seed);
+      study::rollouts_commands(arguments.study, arguments.overrides, arguments.seed);
   if (!options.shard.whole()) {
     // For the table of all shards.
     study::write_commands(arguments.out, commands);
@@ -121,7 +112,7 @@ int rollouts_command(const RolloutsArguments& arguments) {
           arguments.shard, result.done, study.size(), arguments.out.string());
     return 0;
   }
-  finish_study(arguments.out, commands, arguments.report);
+  study::finish_study(arguments.out, commands, arguments.report);
   print_text(study::rollouts_screen(result.table));
   print_end(result, arguments.out);
   const PlotNote note = plot_note(result.plotted);
@@ -131,7 +122,7 @@ int rollouts_command(const RolloutsArguments& arguments) {
 
 int merge_command(const RolloutsArguments& arguments) {
   const std::filesystem::path out = arguments.out.empty() ? arguments.folders.front() : arguments.out;
-  const std::string commands = shard_commands(arguments.folders);
+  const std::string commands = study::shard_commands(arguments.folders);
   const study::Table table = study::merge_shards(arguments.folders);
   const output::OutputFolder folder(out, study::rollout_files());
   folder.clear();

@@ -9,7 +9,4 @@ namespace handsim::app {
 /// With the command line's changes. @throws Error (input) with every problem of the file.
 study::RolloutsSpec rollouts_of(const RolloutsArguments& arguments);
 
-/// Text of the study.json that the shards of a study have left; empty where there is none.
-std::string shard_commands(const std::vector<std::filesystem::path>& folders);
-
 }  // namespace handsim::app

@@ -7,6 +7,12 @@
 
 #include "handsim/app/command_line.h"
 #include "handsim/app/commands.h"
+#include "handsim/app/console.h"
+#include "handsim/app/progress.h"
+#include "handsim/study/accuracy/accuracy.h"
+#include "handsim/study/effects/effects.h"
+#include "handsim/study/stability/stability.h"
+#include "handsim/study/validate/validate.h"
 
 namespace handsim::app {
 
@@ -49,76 +55,116 @@ void add_grasp(CommandLine& line) {
       ->needs(agree);
 }
 
+/// What a study's command was told.
+template <class Options>
+struct Asked : Options {
+  study::StudyRun run;
+  bool json = false;
+};
+
+/// Runs a study with a progress bar and prints its end.
+template <class Study>
+int with_bar(const study::StudyRun& asked, const Study& study, bool json = false) {
+  std::optional<ProgressBar> bar(std::in_place);
+  study::StudyRun run = asked;
+  run.progress = [&bar](double share) { bar->show(share); };
+  run.tell = [&bar](const std::string& text) {
+    bar.reset();
+    print_text(text);
+  };
+  const study::StudyEnd end = study(run);
+  bar.reset();
+  return print_study(end, asked.out, json);
+}
+
+int accuracy_command(const Asked<study::AccuracyOptions>& asked) {
+  return with_bar(asked.run, [&](const study::StudyRun& run) { return study::accuracy(asked, run); });
+}
+
 void add_accuracy(CommandLine& line) {
-  const auto arguments = std::make_shared<AccuracyArguments>();
+  const auto asked = std::make_shared<Asked<study::AccuracyOptions>>();
+  asked->peers = HANDSIM_BUILT_PEERS;
   CLI::App& accuracy =
       line.add("accuracy", "Errors and CPU times of methods and steps, as table, CSV, JSON and plots",
                "handsim accuracy config/accuracy_slider_crank.yaml --out out/accuracy --target 1e-3",
-               accuracy_command, arguments);
-  add_input(accuracy, "study", arguments->study, "study file")->required();
-  add_out(accuracy, arguments->out, "folder for the study's files");
+               accuracy_command, asked);
+  add_input(accuracy, "study", asked->study, "study file")->required();
+  add_out(accuracy, asked->run.out, "folder for the study's files");
   accuracy
-      .add_option("--target", arguments->target,
+      .add_option("--target", asked->target,
                   "name the cheapest method and step that reaches this error; exit 1 if none does")
       ->check(number_from(std::numeric_limits<double>::min(), std::numeric_limits<double>::max(), false,
                           "an error above 0, such as 1e-3"));
   CLI::Option* peers = accuracy.add_option(
-      "--peers", arguments->peers, "folder of other engines' programs (default: where the build puts them)");
-  accuracy.add_option("--costs", arguments->costs,
+      "--peers", asked->peers, "folder of other engines' programs (default: where the build puts them)");
+  accuracy.add_option("--costs", asked->costs,
                       "table of costs for engine auto: replaces its part on this kind of scene");
-  add_report_flag(accuracy, *arguments);
-  accuracy.add_flag("--no-peers", arguments->no_peers, "omit the rows of other engines")->excludes(peers);
+  add_report_flag(accuracy, asked->run);
+  accuracy
+      .add_flag_callback(
+          "--no-peers", [asked] { asked->peers.reset(); }, "omit the rows of other engines")
+      ->excludes(peers);
+}
+
+int validate_command(const Asked<study::ValidateOptions>& asked) {
+  study::StudyRun run = asked.run;
+  run.tell = print_text;
+  return print_study(study::validate(asked, run), run.out);
 }
 
 void add_validate(CommandLine& line) {
-  const auto arguments = std::make_shared<ValidateArguments>();
+  const auto asked = std::make_shared<Asked<study::ValidateOptions>>();
   CLI::App& validate = line.add(
       "validate", "The hand against measurements: moment arms, forces, moments, masses beside their sources",
-      "handsim validate --out out/validate", validate_command, arguments);
-  validate.add_option("measurements", arguments->file, "file of measurements (default: the installed ones)");
-  CLI::Option* out = validate.add_option("--out", arguments->out, "folder for the study's files and runs/");
-  validate.add_flag("--runs", arguments->runs, "also run the rows that are simulations (minutes)")
-      ->needs(out);
-  add_report_flag(validate, *arguments)->needs(out);
+      "handsim validate --out out/validate", validate_command, asked);
+  validate.add_option("measurements", asked->file, "file of measurements (default: the installed ones)");
+  CLI::Option* out = validate.add_option("--out", asked->run.out, "folder for the study's files and runs/");
+  validate.add_flag("--runs", asked->runs, "also run the rows that are simulations (minutes)")->needs(out);
+  add_report_flag(validate, asked->run)->needs(out);
+}
+
+int stability_command(const Asked<study::StabilityOptions>& asked) {
+  return with_bar(asked.run, [&](const study::StudyRun& run) { return study::stability(asked, run); });
 }
 
 void add_stability(CommandLine& line) {
-  const auto arguments = std::make_shared<StabilityArguments>();
+  const auto asked = std::make_shared<Asked<study::StabilityOptions>>();
   CLI::App& stability = line.add(
       "stability",
       "Hard cases: every engine, method and step against an oracle, as table, CSV, JSON, plots and pictures",
-      "handsim stability config/stability.yaml --out out/stability --quick", stability_command, arguments);
-  add_input(stability, "study", arguments->study, "study file")->required();
-  add_out(stability, arguments->out, "folder for the study's files");
-  stability.add_option("--case", arguments->cases, "run this case alone; may be repeated")
+      "handsim stability config/stability.yaml --out out/stability --quick", stability_command, asked);
+  add_input(stability, "study", asked->study, "study file")->required();
+  add_out(stability, asked->run.out, "folder for the study's files");
+  stability.add_option("--case", asked->cases, "run this case alone; may be repeated")
       ->allow_extra_args(false);
-  stability.add_flag("--quick", arguments->quick, "shorter runs of most cases, at most a minute in all");
-  add_report_flag(stability, *arguments);
-  stability.add_flag("--no-pictures", arguments->no_pictures, "draw no scenes");
+  stability.add_flag("--quick", asked->quick, "shorter runs of most cases, at most a minute in all");
+  add_report_flag(stability, asked->run);
+  stability.add_flag_callback(
+      "--no-pictures", [asked] { asked->pictures = false; }, "draw no scenes");
 }
 
-void add_contacts(CommandLine& line) {
-  const auto arguments = std::make_shared<ContactsArguments>();
-  add_out(line.add("contacts", "CPU time of a step by method and number of contacts",
-                   "handsim contacts --out out/contacts", contacts_command, arguments),
-          arguments->out, "folder for the study's files");
+int effects_command(const Asked<study::EffectsOptions>& asked) {
+  const scene::Scene scene = scene::load_scene(*asked.file, asked.overrides);
+  print_warnings(scene.warnings);
+  return with_bar(
+      asked.run, [&](const study::StudyRun& run) { return study::effects(scene, asked, run); }, asked.json);
 }
 
 void add_effects(CommandLine& line) {
-  const auto arguments = std::make_shared<EffectsArguments>();
+  const auto asked = std::make_shared<Asked<study::EffectsOptions>>();
   CLI::App& effects = line.add(
       "effects",
       "CPU time and influence of each effect of a scene: table, CSV, JSON and a plot of the scene without "
       "each effect in turn",
       "handsim effects config/dropped_hand.yaml --out out/effects --set duration=\"1 s\"", effects_command,
-      arguments);
-  add_input(effects, "scene", arguments->scene, "scene file")->required();
-  add_out(effects, arguments->out, "folder for the study's files");
-  add_overrides(effects, arguments->overrides);
-  effects.add_option("--repeats", arguments->repeats, "timed rounds, for the median (default 7)")
+      asked);
+  add_input(effects, "scene", asked->file, "scene file")->required();
+  add_out(effects, asked->run.out, "folder for the study's files");
+  add_overrides(effects, asked->overrides);
+  effects.add_option("--repeats", asked->repeats, "timed rounds, for the median (default 7)")
       ->check(number_from(1, 1000, true, "a whole number of timed rounds, 1 to 1000"));
-  add_report_flag(effects, *arguments);
-  effects.add_flag("--json", arguments->json, "print effects.json in place of the table");
+  add_report_flag(effects, asked->run);
+  effects.add_flag("--json", asked->json, "print effects.json in place of the table");
 }
 
 constexpr int kMostCount = 100'000'000;
@@ -169,8 +215,7 @@ void add_rollouts(CommandLine& line) {
 }  // namespace
 
 void add_study_commands(CommandLine& line) {
-  for (const auto add :
-       {add_grasp, add_accuracy, add_effects, add_contacts, add_stability, add_validate, add_rollouts})
+  for (const auto add : {add_grasp, add_accuracy, add_effects, add_stability, add_validate, add_rollouts})
     add(line);
 }
 

@@ -100,20 +100,18 @@ int track_command(const TrackArguments& arguments) {
     result = study::run_track(input, [&bar](double share) { bar.show(share); });
   }
   folder.clear();
-  const PlotNote note = plot_note(study::write_track(input, result, arguments.out));
+  study::StudyEnd end;
+  end.plotted = study::write_track(input, result, arguments.out);
   const bool tracked = std::any_of(result.hands.begin(), result.hands.end(), [](const auto& hand) {
     return hand.count(study::FrameStatus::tracked) > 0;
   });
   if (!tracked) print_error("no frame of any hand is tracked: frames.csv says why of each\n");
-  const int status = tracked ? note.status : 1;
-  if (arguments.json) {
-    print_text(study::track_json(input, result));
-    if (note.status != 0) print_error("missing: plots{}\n", note.text);
-    return status;
-  }
-  print_track(input, result);
-  print("files in {}{}\n", arguments.out.string(), note.text);
-  return status;
+  if (arguments.json)
+    end.json = study::track_json(input, result);
+  else
+    print_track(input, result);
+  const int status = print_study(end, arguments.out, arguments.json);
+  return tracked ? status : 1;
 }
 
 }  // namespace handsim::app

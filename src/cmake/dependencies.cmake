@@ -27,7 +27,7 @@ foreach(entry "Eigen3;Eigen 3;libeigen3-dev" "yaml-cpp;yaml-cpp;libyaml-cpp-dev"
 endforeach()
 
 find_package(SUNDIALS 6 QUIET COMPONENTS ida cvode nvecserial sunmatrixdense sunlinsoldense)
-handsim_need(SUNDIALS_FOUND "SUNDIALS 6 (IDA and CVODE, the integrators of the reference solutions)" libsundials-dev)
+handsim_need(SUNDIALS_FOUND "SUNDIALS 6 (IDA, and CVODE for tests)" libsundials-dev)
 include(CheckCXXSourceCompiles)
 set(CMAKE_REQUIRED_LIBRARIES SUNDIALS::ida)
 check_cxx_source_compiles("

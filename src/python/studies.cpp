@@ -1,16 +1,13 @@
 #include "handsim/app/motion_command.h"
-#include "handsim/app/rollouts_command.h"
-#include "handsim/app/study_repeat.h"
-#include "handsim/core/data_folder.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
 #include "handsim/python/bindings.h"
 #include "handsim/python/signals.h"
 #include "handsim/study/accuracy/accuracy.h"
-#include "handsim/study/effects/contact_cost.h"
 #include "handsim/study/effects/effects.h"
 #include "handsim/study/grasp/agreement.h"
 #include "handsim/study/grasp/grasp_study.h"
+#include "handsim/study/repeat/study_repeat.h"
 #include "handsim/study/rollouts/rollouts.h"
 #include "handsim/study/stability/stability.h"
 #include "handsim/study/validate/validate.h"
@@ -27,14 +24,7 @@ using std::filesystem::path;
 std::string accuracy(const path& study, const path& out, const std::optional<path>& peers,
                      const py::object& progress) {
   return run_study(progress, [&](StudyHooks& hooks) {
-    study::AccuracySpec spec = study::load_accuracy(study);
-    spec.peers = peers;
-    const output::OutputFolder folder(out, study::accuracy_files());
-    const study::AccuracyResult result = study::run_accuracy(spec, hooks.told);
-    folder.clear();
-    study::write_accuracy(spec, result, out);
-    app::finish_study(out, app::accuracy_commands(study, spec, result), false);
-    return study::accuracy_table(result, spec.early);
+    return study::accuracy({study, {}, peers, {}}, {out, false, hooks.told}).text;
   });
 }
 
@@ -43,44 +33,18 @@ std::string effects_study(const SceneHandle& of, const std::optional<path>& file
                           const std::vector<std::string>& overrides, const path& out, int repeats,
                           const py::object& progress) {
   return run_study(progress, [&](StudyHooks& hooks) {
-    const output::OutputFolder folder(out, study::effects_files());
-    const study::EffectsResult result = study::run_effects(*of.scene, repeats, hooks.told);
-    folder.clear();
-    study::write_effects(*of.scene, result, out);
-    if (file) app::finish_study(out, app::effects_commands(*file, overrides, *of.scene, result), false);
-    return study::effects_table(result);
-  });
-}
-
-std::string contacts(const path& out, const py::object& progress) {
-  return run_study(progress, [&](StudyHooks& hooks) {
-    const output::OutputFolder folder(out, study::contact_cost_files());
-    const auto rows = study::run_contact_cost(data_folder(), hooks.told);
-    folder.clear();
-    study::write_contact_cost(rows, out);
-    app::finish_study(out, {"handsim contacts --out again"}, false);
-    return study::contact_cost_table(rows);
+    return study::effects(*of.scene, {file, overrides, repeats}, {out, false, hooks.told}).text;
   });
 }
 
 std::string stability(const path& study, const path& out, const std::vector<std::string>& cases, bool quick,
                       int threads, bool pictures, const py::object& progress) {
   return run_study(progress, [&](StudyHooks& hooks) {
-    const study::StabilitySpec spec = study::load_stability(study);
-    const output::OutputFolder folder(out, study::stability_files(spec));
-    study::StabilityOptions options;
-    options.cases = cases;
-    options.quick = quick;
-    options.threads = threads;
-    options.progress = hooks.told;
-    const study::StabilityResult result = study::run_stability(spec, options);
-    folder.clear();
-    study::write_stability(spec, result, out);
-    app::finish_study(out, app::stability_commands(study, result), false);
-    if (pictures)
-      if (const auto failure = study::draw_stability(result, out))
-        throw output_error(out.string(), "no pictures: " + *failure, "memory, and room on the disk");
-    return study::stability_table(result);
+    study::StudyEnd end =
+        study::stability({cases, quick, threads, {}, pictures, study}, {out, false, hooks.told});
+    if (!end.missing.empty())
+      throw output_error(out.string(), "no " + end.missing.front(), "memory, and room on the disk");
+    return end.text;
   });
 }
 
@@ -101,7 +65,7 @@ bool grasps(const std::vector<path>& scenes, const path& out, const std::vector<
     study.pictures = pictures;
     study.progress = hooks.told;
     const study::GraspTables tables = study::run_grasps(study);
-    app::finish_study(out, app::grasp_commands(study), false);
+    study::finish_study(out, study::grasp_commands(study), false);
     return tables.passed() && tables.missing.empty();
   });
 }
@@ -119,7 +83,7 @@ void agreement(const path& scene, const path& out, const std::vector<std::string
     study.threads = threads;
     study.progress = hooks.told;
     const study::AgreementTable table = study::run_agreement(study);
-    app::finish_study(out, app::agreement_commands(study, table), false);
+    study::finish_study(out, study::agreement_commands(study, table), false);
     return 0;
   });
 }
@@ -144,7 +108,7 @@ std::string rollouts(const path& file, const path& out, std::optional<int> count
     const study::RolloutsResult result =
         study::run_rollouts(study, options, alone, hooks.stop, [&] { folder.clear(); });
     if (result.done < result.size) return std::string();
-    app::finish_study(out, app::rollouts_commands(file, overrides, seed), false);
+    study::finish_study(out, study::rollouts_commands(file, overrides, seed), false);
     return study::rollouts_screen(result.table);
   });
 }
@@ -152,7 +116,7 @@ std::string rollouts(const path& file, const path& out, std::optional<int> count
 /// Of the shards in the folders.
 std::string merge(const std::vector<path>& folders, const path& out) {
   return without_gil([&] {
-    const std::string commands = app::shard_commands(folders);
+    const std::string commands = study::shard_commands(folders);
     const study::Table table = study::merge_shards(folders);
     const output::OutputFolder folder(out, study::rollout_files());
     folder.clear();
@@ -187,16 +151,7 @@ void track(const path& out, const app::TrackArguments& arguments, const py::obje
 }
 
 std::string validate(const std::optional<path>& file, const path& out) {
-  return without_gil([&] {
-    const path measurements = file.value_or(data_folder() / "config/validate.yaml");
-    const study::ValidateSpec spec = study::load_validate(measurements);
-    const output::OutputFolder folder(out, study::validate_files());
-    const study::ValidateResult result = study::run_validate(spec);
-    folder.clear();
-    study::write_validate(spec, result, out);
-    app::finish_study(out, app::validate_commands(measurements, false, result), false);
-    return study::validate_table(spec, result);
-  });
+  return without_gil([&] { return study::validate({file, false}, {out}).text; });
 }
 
 void bind_motion(py::module_& module) {
@@ -246,7 +201,6 @@ void bind_studies(py::module_& module) {
   module.def("accuracy", &accuracy, py::arg("study"), py::arg("out"), py::arg("peers"), py::arg("progress"));
   module.def("effects", &effects_study, py::arg("scene"), py::arg("file"), py::arg("overrides"),
              py::arg("out"), py::arg("repeats"), py::arg("progress"));
-  module.def("contacts", &contacts, py::arg("out"), py::arg("progress"));
   module.def("stability", &stability, py::arg("study"), py::arg("out"), py::arg("cases"), py::arg("quick"),
              py::arg("threads"), py::arg("pictures"), py::arg("progress"));
   module.def("grasps", &grasps, py::arg("scenes"), py::arg("out"), py::arg("sides"), py::arg("overrides"),

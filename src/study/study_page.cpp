@@ -1,7 +1,9 @@
 #include "handsim/study/study_page.h"
 
+#include <algorithm>
 #include <cmath>
-#include <fstream>
+#include <span>
+#include <string_view>
 
 #include <fmt/format.h>
 
@@ -10,6 +12,7 @@
 #include "handsim/core/version.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/report/page.h"
+#include "handsim/output/table/read_rows.h"
 #include "handsim/study/report.h"
 
 namespace handsim::study {
@@ -23,42 +26,27 @@ struct Kind {
   const char* table;
   const char* about;
 };
-constexpr Kind kStudyTables[] = {
-    {"accuracy.csv", "accuracy.json"},   {"effects.csv", "effects.json"}, {"stability.csv", "stability.json"},
-    {"rollouts.csv", "summary.json"},    {"grasps.csv", nullptr},         {"climbs.csv", nullptr},
-    {"agreement.csv", "agreement.json"}, {"contacts_cost.csv", nullptr},  {"validate.csv", "validate.json"}};
+constexpr Kind kStudyTables[] = {{"accuracy.csv", "accuracy.json"},
+                                 {"effects.csv", "effects.json"},
+                                 {"stability.csv", "stability.json"},
+                                 {"rollouts.csv", "summary.json"},
+                                 {"grasps.csv", nullptr},
+                                 {"climbs.csv", nullptr},
+                                 {"agreement.csv", "agreement.json"},
+                                 {"validate.csv", "validate.json"}};
 constexpr std::size_t kLargestStudyFile = 256UL << 20U;
 
-/// Fields of a line; one in double quotes may have commas and doubled quotes.
-std::vector<std::string> fields_of(const std::string& line) {
-  std::vector<std::string> out(1);
-  bool in_quotes = false;
-  for (std::size_t i = 0; i < line.size(); ++i) {
-    if (line[i] == '"' && in_quotes && i + 1 < line.size() && line[i + 1] == '"')
-      out.back() += line[++i];
-    else if (line[i] == '"')
-      in_quotes = !in_quotes;
-    else if (line[i] == ',' && !in_quotes)
-      out.emplace_back();
-    else
-      out.back() += line[i];
-  }
-  return out;
-}
-
 /// A number with the digits that a page shows, else the text.
-Json field_json(const std::string& field) {
+Json field_json(std::string_view field) {
   if (field.empty()) return nullptr;
-  const auto value = parse_number(field);
+  const auto value = parse_number(std::string(field));
   if (!value || !std::isfinite(*value)) return field;
   return parse_number(fmt::format("{:.7g}", *value)).value_or(*value);
 }
 
 /// The page of a row's run, relative to the study's folder; empty if there is none.
-std::string page_of(const fs::path& folder, const std::vector<std::string>& columns,
-                    const std::vector<std::string>& fields) {
-  if (columns.size() < 2 || columns[0] != "scene" || columns[1] != "side") return {};
-  for (const std::string& name : {fields[0] + "_" + fields[1], fields[0]})
+std::string page_of(const fs::path& folder, const std::string& scene, const std::string& side) {
+  for (const std::string& name : {scene + "_" + side, scene})
     if (name.find('/') == std::string::npos && fs::exists(folder / name / kPageFile))
       return name + "/" + kPageFile;
   return {};
@@ -71,26 +59,21 @@ Json read_json(const fs::path& path) {
 }
 
 Json table_json(const fs::path& folder, const std::string& name, const Json& commands) {
-  std::ifstream file(folder / name);
-  std::string line;
-  if (!std::getline(file, line))
+  Json rows = Json::array();
+  std::vector<std::string> pages;
+  const auto take = [&](std::size_t, std::span<const std::string_view> fields) {
+    Json& row = rows.emplace_back(Json::array());
+    for (const std::string_view field : fields) row.push_back(field_json(field));
+    if (fields.size() > 1) pages.push_back(page_of(folder, std::string(fields[0]), std::string(fields[1])));
+  };
+  const std::vector<std::string> columns = output::read_rows(folder / name, take);
+  if (columns.front().empty())
     throw input_error((folder / name).string(), "an empty file", "a study's table");
-  const std::vector<std::string> columns = fields_of(line);
-  Json rows = Json::array(), pages = Json::array();
-  bool any_page = false;
-  for (int number = 2; std::getline(file, line); ++number) {
-    const std::vector<std::string> fields = fields_of(line);
-    if (fields.size() != columns.size())
-      throw Error({Problem{Place{(folder / name).string(), number, 1}, "",
-                           fmt::format("{} fields", fields.size()), fmt::format("{}", columns.size())}});
-    Json row = Json::array();
-    for (const std::string& field : fields) row.push_back(field_json(field));
-    rows.push_back(std::move(row));
-    pages.push_back(page_of(folder, columns, fields));
-    any_page = any_page || !pages.back().get_ref<const std::string&>().empty();
-  }
   Json out = {{"name", name}, {"columns", columns}, {"rows", std::move(rows)}};
-  if (any_page) out["pages"] = std::move(pages);
+  const bool of_scenes = columns.size() > 1 && columns[0] == "scene" && columns[1] == "side";
+  if (of_scenes &&
+      std::any_of(pages.begin(), pages.end(), [](const std::string& page) { return !page.empty(); }))
+    out["pages"] = std::move(pages);
   if (commands.contains("rows") && commands["rows"].contains(name)) out["commands"] = commands["rows"][name];
   if (commands.contains("templates") && commands["templates"].contains(name))
     out["template"] = commands["templates"][name];
@@ -99,14 +82,25 @@ Json table_json(const fs::path& folder, const std::string& name, const Json& com
 
 }  // namespace
 
+std::string command_text(const char* word, const fs::path& file, const std::vector<std::string>& overrides) {
+  std::string out = fmt::format("handsim {} {}", word, output::shell_word(file.string()));
+  for (const std::string& set : overrides) out += " --set " + output::shell_word(set);
+  return out + " --out again";
+}
+
+std::string run_text(const fs::path& scene, std::vector<std::string> overrides, double step) {
+  overrides.push_back(fmt::format("solver.step={}", step));
+  return command_text("run", scene, overrides);
+}
+
 void write_commands(const fs::path& out, const StudyCommands& commands) {
   const Json json = {{"command", commands.study}, {"rows", commands.rows}, {"templates", commands.templates}};
   output::write_file(out / kStudyFile, json.dump(1) + "\n");
 }
 
-bool is_study(const fs::path& folder) {
-  return std::any_of(std::begin(kStudyTables), std::end(kStudyTables),
-                     [&](const Kind& kind) { return fs::exists(folder / kind.table); });
+void finish_study(const fs::path& out, const StudyCommands& commands, bool report) {
+  write_commands(out, commands);
+  if (report) output::write_file(out / kPageFile, study_page(out));
 }
 
 std::string study_page(const fs::path& folder) {

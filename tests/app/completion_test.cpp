@@ -42,7 +42,7 @@ TEST(Completion, OfEveryShellAndTheManPageNameEveryCommandAndOption) {
     const auto outcome = run_program({"completion", shell});
     EXPECT_EQ(outcome.status, 0);
     for (const std::string command : {"hand", "check", "run", "render", "accuracy", "grasp", "effects",
-                                      "export", "contacts", "stability", "completion"}) {
+                                      "export", "stability", "completion"}) {
       EXPECT_TRUE(contains(help, command));
       EXPECT_TRUE(contains(outcome.out, command)) << shell << ", " << command;
     }

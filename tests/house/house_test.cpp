@@ -93,7 +93,6 @@ TEST(House, ThirdPartyHeadersStayInTheirRooms) {
       {"xxhash", "core/archive"},
       {"libqhull", "(scene/read|simulation/watch)/"},
       {"ida/", "engine/dae/"},
-      {"cvode/", "study/accuracy/"},
       {"CLI/", "app/"},
       {"nlohmann/", "(simulation|study|app)/|core/schema"},
       {"hdf5.h", "study/rollouts/table_file"},

@@ -188,5 +188,17 @@ TEST(Tables, ReportTheLineOfAFieldThatIsNoNumber) {
   fs::remove(path);
 }
 
+// Oracle: RFC 4180: commas stand in quotes, quotes are doubled.
+TEST(Tables, HaveQuotedFields) {
+  const fs::path path = fs::temp_directory_path() / ("handsim_quoted_" + std::to_string(::getpid()) + ".csv");
+  std::ofstream(path) << "a,b,c\n\"x, y\",,\"say \"\"no\"\"\"\n";
+  std::vector<std::string> found;
+  output::read_rows(path, [&](std::size_t, std::span<const std::string_view> fields) {
+    found.assign(fields.begin(), fields.end());
+  });
+  EXPECT_EQ(found, (std::vector<std::string>{"x, y", "", "say \"no\""}));
+  fs::remove(path);
+}
+
 }  // namespace
 }  // namespace handsim::simulation

@@ -10,7 +10,7 @@
 #include "handsim/model/energy.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/model/model.h"
-#include "handsim/study/accuracy/slider_crank_reference.h"
+#include "support/slider_crank_reference.h"
 
 namespace handsim::test {
 

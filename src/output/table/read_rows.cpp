@@ -17,11 +17,23 @@ Error row_error(const std::filesystem::path& path, std::size_t line, std::string
 
 namespace {
 
-void split(std::string_view line, char separator, std::vector<std::string_view>& fields) {
+/// Quotes are taken out of the line.
+void split(std::string& line, char separator, std::vector<std::string_view>& fields) {
   fields.clear();
-  for (std::size_t at; (at = line.find(separator)) != std::string_view::npos; line.remove_prefix(at + 1))
-    fields.push_back(line.substr(0, at));
-  fields.push_back(line);
+  bool in_quotes = false;
+  char* to = line.data();
+  const char *start = to, *end = to + line.size();
+  for (const char* from = to; from != end; ++from)
+    if (*from == '"' && !(in_quotes && from + 1 != end && from[1] == '"')) {
+      in_quotes = !in_quotes;
+    } else if (*from == separator && !in_quotes) {
+      fields.emplace_back(start, to);
+      start = ++to;
+    } else {
+      from += *from == '"' ? 1 : 0;
+      *to++ = *from;
+    }
+  fields.emplace_back(start, to);
 }
 
 }  // namespace

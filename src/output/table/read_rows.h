@@ -29,7 +29,8 @@ inline constexpr std::size_t kTableMostBytes = 4UL << 30U;
 ///         increase, or of a row with another number of fields than the head has; and as InputFile.
 NumberTable read_numbers(const std::filesystem::path& path, bool finite = true);
 
-/// Calls `take` with the fields of each row after the head; returns the names of the columns.
+/// Calls `take` with the fields of each row after the head; returns the names of the columns. A field of CSV
+/// in double quotes may have commas and doubled quotes.
 /// @throws Error (input) as read_numbers, and where take throws.
 std::vector<std::string> read_rows(
     const std::filesystem::path& path,

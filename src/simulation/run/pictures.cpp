@@ -169,25 +169,37 @@ output::DrawList followed(const scene::Scene& scene, const Moment& moment, const
   return out;
 }
 
-std::vector<output::Camera> cameras(const scene::Scene& scene, std::span<const Moment> moments,
-                                    std::size_t smooth) {
-  const scene::PictureSpec& pictures = scene.spec.pictures;
-  if (pictures.camera) return std::vector(moments.size(), fixed_camera(*pictures.camera));
-  const std::optional<double> scale = force_scale(pictures, moments);
+namespace {
+
+/// Cameras of the moments, one each, and the height of the lowest point of all [m].
+std::pair<std::vector<output::Camera>, double> views(const scene::Scene& scene,
+                                                     std::span<const Moment> moments,
+                                                     std::optional<double> scale, std::size_t smooth) {
+  double lowest = std::numeric_limits<double>::infinity();
   output::Framing all = framing(scene);
   std::vector<Extents> each;
   for (const Moment& moment : moments) {
     const output::DrawList list = shown(scene, moment, scale);
+    lowest = std::min(lowest, output::bounds(list).low.z());
     all.add(list);
     output::Framing one = framing(scene);
     one.add(followed(scene, moment, list));
     each.push_back(one.extents());
   }
-  if (!follows(scene)) return std::vector(moments.size(), all.camera());
+  const auto& fixed = scene.spec.pictures.camera;
+  if (fixed || !follows(scene))
+    return {std::vector(moments.size(), fixed ? fixed_camera(*fixed) : all.camera()), lowest};
   smooth_out(each, smooth);
   std::vector<output::Camera> out;
   for (const Extents& extents : each) out.push_back(all.camera(extents));
-  return out;
+  return {std::move(out), lowest};
+}
+
+}  // namespace
+
+std::vector<output::Camera> cameras(const scene::Scene& scene, std::span<const Moment> moments,
+                                    std::size_t smooth) {
+  return views(scene, moments, force_scale(scene.spec.pictures, moments), smooth).first;
 }
 
 Stage stage_of(const scene::Scene& scene, std::span<const Moment> moments) {
@@ -211,15 +223,14 @@ void draw(const scene::Scene& scene, std::span<const Moment> moments, const Draw
           const std::function<void(std::size_t, const Picture&)>& take) {
   const scene::PictureSpec& pictures = scene.spec.pictures;
   const std::optional<double> scale = force_scale(pictures, moments);
-  const std::vector<output::Camera> from = cameras(scene, moments, drawing.smooth);
-  double lowest = std::numeric_limits<double>::infinity();
-  for (const Moment& moment : moments)
-    lowest = std::min(lowest, output::bounds(shown(scene, moment, scale)).low.z());
+  const auto found = views(scene, moments, scale, drawing.smooth);
+  const std::vector<output::Camera>& from = found.first;
+  const double floor = found.second - kFloorClearance;
   const auto maker = [&] {
     const auto renderer = std::make_shared<output::Renderer>(pictures.size[0], pictures.size[1], drawing.gl);
     return [&, renderer](std::size_t i) {
       output::DrawList list = shown(scene, moments[i], scale);
-      if (pictures.floor && !list.ground_height) list.ground_height = lowest - kFloorClearance;
+      if (pictures.floor && !list.ground_height) list.ground_height = floor;
       output::Image image = renderer->draw(list, from[i]);
       if (store) store(i, image);
       return image;

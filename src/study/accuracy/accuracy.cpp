@@ -1,6 +1,9 @@
 #include "handsim/study/accuracy/accuracy.h"
 
+#include <unistd.h>
+
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <map>
 
@@ -11,10 +14,14 @@
 #include "handsim/model/energy.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
-#include "handsim/study/accuracy/slider_crank_reference.h"
 #include "handsim/study/machine.h"
 
 namespace handsim::study {
+
+/// Exact motions of the slider, rows of x and its rate; tests/support/slider_crank_reference.h makes them.
+namespace references {
+extern const std::string_view slider_crank_iftomm_csv, slider_crank_torque_csv;
+}
 
 namespace {
 
@@ -195,14 +202,29 @@ double cost(const AccuracySpec& spec, const Job& job) {
   return (cpu_now() - start) / simulated;
 }
 
-Series slider_crank_series(const SliderCrankSpec& spec, double duration, double every) {
+Series slider_crank_series(std::string_view rows, double duration, double every) {
+  constexpr double kRowEvery = 0.01;
+  const long stride = std::lround(every / kRowEvery), count = std::lround(duration / every) + 1;
+  if (stride < 1 || std::abs(static_cast<double>(stride) * kRowEvery - every) > 1e-9)
+    throw input_error("sample_every", fmt::format("{:g} s", every),
+                      "a multiple of 10 ms, as the reference has");
   Series out;
-  const std::vector<SliderCrankState> states = SliderCrankReference(spec).series(duration, every);
-  for (const SliderCrankState& state : states) {
-    out.time.push_back(state.time);
-    out.q.push_back({state.x - states.front().x});
-    out.rate.push_back({state.vx});
+  double start = 0;
+  rows.remove_prefix(rows.find('\n') + 1);
+  for (long row = 0; !rows.empty() && std::ssize(out.time) < count; ++row) {
+    double x = 0, rate = 0;
+    const char* const comma = std::from_chars(rows.data(), rows.data() + rows.size(), x).ptr;
+    std::from_chars(comma + 1, rows.data() + rows.size(), rate);
+    rows.remove_prefix(rows.find('\n') + 1);
+    if (row == 0) start = x;
+    if (row % stride != 0) continue;
+    out.time.push_back(static_cast<double>(out.time.size()) * every);
+    out.q.push_back({x - start});
+    out.rate.push_back({rate});
   }
+  if (std::ssize(out.time) < count)
+    throw input_error("duration", fmt::format("{:g} s", duration),
+                      fmt::format("at most {:g} s, as the reference has", out.time.back()));
   return out;
 }
 
@@ -231,8 +253,8 @@ std::optional<Series> make_reference(const AccuracySpec& spec) {
   if (spec.reference == Reference::method)
     return record_motion(scene, spec.observe, spec.sample_every).series;
   return slider_crank_series(spec.reference == Reference::slider_crank_iftomm
-                                 ? SliderCrankSpec::iftomm()
-                                 : SliderCrankSpec::constant_torque(),
+                                 ? references::slider_crank_iftomm_csv
+                                 : references::slider_crank_torque_csv,
                              scene.spec.duration, spec.sample_every);
 }
 
@@ -347,9 +369,13 @@ AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(d
   return result;
 }
 
-scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& result) {
-  if (!spec.kind || !result.reference)
+void check_for_costs(const AccuracySpec& spec) {
+  if (!spec.kind || spec.reference == Reference::smallest_step)
     throw input_error("--costs", "a study without a kind or without a reference", "one with both");
+}
+
+scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& result) {
+  check_for_costs(spec);
   const Series& reference = *result.reference;
   const std::vector<double> still(reference.rate.front().size(), 0.0);
   const double signal =

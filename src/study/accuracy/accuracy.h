@@ -11,13 +11,14 @@
 #include "handsim/core/yaml.h"
 #include "handsim/scene/read/engine_choice.h"
 #include "handsim/study/accuracy/peer_program.h"
+#include "handsim/study/study_run.h"
 
 namespace handsim::study {
 
 /// The solution with which rows are compared.
 enum class Reference {
-  slider_crank_iftomm,  ///< SliderCrankSpec::iftomm, from study/accuracy/slider_crank_reference.h
-  slider_crank_torque,  ///< SliderCrankSpec::constant_torque
+  slider_crank_iftomm,  ///< exact, every 10 ms over 5 s
+  slider_crank_torque,  ///< exact, every 10 ms over 2 s
   method,               ///< the scene run with `reference_set`
   smallest_step,        ///< each method's run with its smallest step
 };
@@ -94,8 +95,11 @@ AccuracySpec load_accuracy(const std::filesystem::path& path);
 /// @throws Error (input) for an invalid scene or override.
 AccuracyResult run_accuracy(const AccuracySpec& spec, const std::function<void(double)>& progress);
 
+/// @throws Error (input) for a study without a kind or a reference, which a cost table needs.
+void check_for_costs(const AccuracySpec& spec);
+
 /// The cost table for engine `auto`: of each engine of handsim, the Pareto-optimal rows in error and cost.
-/// @throws Error (input) if the study has no kind or no reference.
+/// @throws Error (input) as check_for_costs.
 scene::CostTable cost_table(const AccuracySpec& spec, const AccuracyResult& result);
 
 /// The row with the smallest cost whose whole-run error is at most `target`; null if there is none. If the
@@ -115,6 +119,15 @@ std::string cheapest_table(const AccuracyResult& result);
 /// @returns false if gnuplot is missing or fails; the other files and the script accuracy.gp are written.
 /// @throws Error (input) if the folder cannot be written.
 bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result, const std::filesystem::path& out);
-std::vector<std::string> accuracy_files();
+
+struct AccuracyOptions {
+  std::filesystem::path study;
+  std::optional<double> target;                ///< whole-run error that the cheapest row must reach
+  std::optional<std::filesystem::path> peers;  ///< folder of other engines' programs; absent: no such rows
+  /// Table of costs in which the part on the study's kind of scene is replaced or added.
+  std::optional<std::filesystem::path> costs;
+};
+/// The whole study. @throws Error (input) as its parts
+StudyEnd accuracy(const AccuracyOptions& options, const StudyRun& run);
 
 }  // namespace handsim::study

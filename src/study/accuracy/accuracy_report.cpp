@@ -1,11 +1,16 @@
 #include "handsim/study/accuracy/accuracy.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include <fmt/format.h>
 
+#include "handsim/core/input_file.h"
+#include "handsim/output/atomic_file.h"
+#include "handsim/output/output_folder.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/study/report.h"
+#include "handsim/study/study_page.h"
 
 namespace handsim::study {
 
@@ -222,13 +227,99 @@ std::string cheapest_table(const AccuracyResult& result) {
          out;
 }
 
-std::vector<std::string> accuracy_files() {
-  return report_files("accuracy", {"error_cost", "cost_step", "error_step", "velocity"});
-}
-
 bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result,
                     const std::filesystem::path& out) {
   return write_report(out, "accuracy", report_of(spec, result));
+}
+
+namespace {
+
+StudyCommands accuracy_commands(const std::filesystem::path& file, const AccuracySpec& spec,
+                                const AccuracyResult& result) {
+  StudyCommands out{command_text("accuracy", file)};
+  for (const AccuracyRow& row : result.rows) {
+    const auto method = std::find_if(spec.methods.begin(), spec.methods.end(),
+                                     [&](const AccuracyMethod& each) { return each.name == row.method; });
+    // The programs of other engines have commands of their own.
+    const bool own = method != spec.methods.end() && !method->peer;
+    out.rows["accuracy.csv"].push_back(
+        own ? run_text(method->scene.value_or(spec.scene), method->set, row.step) : "");
+  }
+  return out;
+}
+
+/// The tables of costs in a file, which may be missing.
+std::vector<scene::CostTable> costs_in(const std::filesystem::path& path) {
+  if (!has_entry(path)) return {};
+  YamlNode root = load_yaml(path);
+  Diagnostics diagnostics;
+  std::vector<scene::CostTable> tables = scene::read_costs(root, "", diagnostics);
+  diagnostics.throw_if_any();
+  return tables;
+}
+
+/// Replaces or adds the study's part of a table of costs.
+void update_costs(const std::filesystem::path& path, const AccuracySpec& spec, const AccuracyResult& result) {
+  scene::CostTable table = cost_table(spec, result);
+  std::vector<scene::CostTable> tables = costs_in(path);
+  std::erase_if(tables, [&](const scene::CostTable& each) { return each.kind == table.kind; });
+  tables.push_back(std::move(table));
+  std::sort(tables.begin(), tables.end(),
+            [](const scene::CostTable& a, const scene::CostTable& b) { return a.kind < b.kind; });
+  output::write_file(path,
+                     "# Costs of accuracy by kind of scene: RMS error of the rates over their RMS, and CPU "
+                     "seconds per simulated second\n"
+                     "# of the scene measured. Engine auto uses this table. Each part is the result of its "
+                     "study:\n"
+                     "# handsim accuracy STUDY --out DIR --no-peers --costs accuracy_costs.yaml, with "
+                     "accuracy_two_hands.yaml,\n"
+                     "# accuracy_slider_crank.yaml, accuracy_stops.yaml and accuracy_contact.yaml.\n" +
+                         emit_yaml(scene::write_costs(tables)));
+}
+
+}  // namespace
+
+StudyEnd accuracy(const AccuracyOptions& options, const StudyRun& run) {
+  AccuracySpec spec = load_accuracy(options.study);
+  spec.peers = options.peers;
+  const std::vector<std::string> files =
+      report_files("accuracy", {"error_cost", "cost_step", "error_step", "velocity"});
+  const output::OutputFolder folder(run.out, files, [&] {
+    std::vector<std::filesystem::path> out = {options.study, spec.scene};
+    for (const AccuracyMethod& method : spec.methods)
+      if (method.scene) out.push_back(*method.scene);
+    if (options.costs) out.push_back(*options.costs);
+    return out;
+  });
+  if (options.costs) {
+    check_for_costs(spec);
+    const output::AtomicFile probe(*options.costs);
+    // A file of another content is refused before the study.
+    costs_in(*options.costs);
+  }
+  const AccuracyResult result = run_accuracy(spec, run.progress);
+  StudyEnd end{fmt::format(
+      "{}\nRMS rate error [{}/s] over the whole run and up to {:g} s; the error over the whole run saturates "
+      "once the motions are out of phase.\n\n{}",
+      spec.title, result.unit, spec.early, accuracy_table(result, spec.early))};
+  if (result.reference) end.text += "\n" + cheapest_table(result);
+  for (const std::string& text : result.left_out) end.text += "left out: " + text + "\n";
+  end.text += "\n";
+  tell(run, end);
+  folder.clear();
+  end.plotted = write_accuracy(spec, result, run.out);
+  finish_study(run.out, accuracy_commands(options.study, spec, result), run.report);
+  if (options.costs) update_costs(*options.costs, spec, result);
+  if (!options.target) return end;
+  const AccuracyRow* row = cheapest(result, *options.target);
+  end.passed = row != nullptr;
+  end.after = row ? fmt::format(
+                        "cheapest at {:g} {}/s: {} at {:g} ms, error {:.3g}, {:.3g} CPU seconds per "
+                        "simulated second\n",
+                        *options.target, result.unit, row->method, 1e3 * row->step, row->rate_error,
+                        row->cpu_per_second)
+                  : fmt::format("no row reaches an error of {:g} {}/s\n", *options.target, result.unit);
+  return end;
 }
 
 }  // namespace handsim::study

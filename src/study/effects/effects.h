@@ -10,6 +10,7 @@
 
 #include "handsim/scene/compile/scene.h"
 #include "handsim/simulation/watch/monitor.h"
+#include "handsim/study/study_run.h"
 
 namespace handsim::study {
 
@@ -59,6 +60,13 @@ std::string effects_json(const scene::Scene& scene, const EffectsResult& result)
 /// @returns false if gnuplot is missing or fails; the other files and the script effects.gp are written.
 /// @throws Error (input) if the folder cannot be written.
 bool write_effects(const scene::Scene& scene, const EffectsResult& result, const std::filesystem::path& out);
-std::vector<std::string> effects_files();
+
+struct EffectsOptions {
+  std::optional<std::filesystem::path> file;  ///< of the scene, for the commands that repeat rows
+  std::vector<std::string> overrides;         ///< which the scene has already
+  int repeats = 7;                            ///< timed rounds
+};
+/// The whole study. @throws Error as its parts
+StudyEnd effects(const scene::Scene& scene, const EffectsOptions& options, const StudyRun& run);
 
 }  // namespace handsim::study

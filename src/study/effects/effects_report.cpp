@@ -4,10 +4,13 @@
 #include <cmath>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "handsim/core/units.h"
+#include "handsim/output/output_folder.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/study/report.h"
+#include "handsim/study/study_page.h"
 
 namespace handsim::study {
 
@@ -183,12 +186,52 @@ std::string effects_json(const scene::Scene& scene, const EffectsResult& result)
   return out.dump(2) + "\n";
 }
 
-std::vector<std::string> effects_files() { return report_files("effects", {"effects"}); }
-
 bool write_effects(const scene::Scene& scene, const EffectsResult& result, const std::filesystem::path& out) {
   Report report{csv(result), effects_json(scene, result), {}, {}};
   add_plot(scene, result, report);
   return write_report(out, "effects", report);
+}
+
+namespace {
+
+StudyCommands effects_commands(const std::filesystem::path& file, const std::vector<std::string>& overrides,
+                               const scene::Scene& scene, const EffectsResult& result) {
+  StudyCommands out{command_text("effects", file, overrides)};
+  std::vector<std::string>& rows = out.rows["effects.csv"];
+  rows.push_back(command_text("run", file, overrides));
+  for (const EffectRow& row : result.rows) {
+    std::vector<std::string_view> left;
+    bool is_effect = false;
+    for (std::size_t i = 0; i < model::kEffectNames.size(); ++i) {
+      const auto effect = static_cast<model::Effect>(i);
+      const bool own = model::name(effect) == row.name;
+      is_effect = is_effect || own;
+      const bool removed = own || std::find(row.with.begin(), row.with.end(), effect) != row.with.end();
+      if (scene.spec.solver.effects.has(effect) && !removed) left.push_back(model::name(effect));
+    }
+    std::vector<std::string> sets = overrides;
+    sets.push_back(fmt::format("effects=[{}]", fmt::join(left, ", ")));
+    rows.push_back(is_effect && !row.fault ? command_text("run", file, sets) : "");
+  }
+  return out;
+}
+
+}  // namespace
+
+StudyEnd effects(const scene::Scene& scene, const EffectsOptions& options, const StudyRun& run) {
+  const output::OutputFolder folder(run.out, report_files("effects", {"effects"}),
+                                    [&] { return scene::files_read(scene); });
+  const EffectsResult result = run_effects(scene, options.repeats, run.progress);
+  folder.clear();
+  StudyEnd end{
+      fmt::format("{}\nWithout each effect in turn: CPU time of a step, and change of the motion over "
+                  "{:g} s. Median of {} rounds; +-: half their interquartile range.\n\n{}\n",
+                  scene.spec.title, scene.spec.duration, result.repeats, effects_table(result))};
+  end.json = effects_json(scene, result);
+  end.plotted = write_effects(scene, result, run.out);
+  if (options.file)
+    finish_study(run.out, effects_commands(*options.file, options.overrides, scene, result), run.report);
+  return end;
 }
 
 }  // namespace handsim::study

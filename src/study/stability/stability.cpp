@@ -251,64 +251,52 @@ void check(const std::vector<Job>& jobs) {
   if (!problems.empty()) throw Error(std::move(problems));
 }
 
-/// Runs the jobs in threads; the first input error stops all and is thrown.
-class Pool {
- public:
-  Pool(std::vector<Job>& jobs, const StabilityOptions& options) : jobs_(jobs), options_(options) {}
-
-  void run_all() {
-    const int machine = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-    run_some(false, options_.threads > 0 ? options_.threads : machine);
-    run_some(true, 1);
-  }
-
- private:
-  /// Runs the jobs of cases with this value of `alone`.
-  void run_some(bool alone, int threads) {
-    std::atomic<std::size_t> next = 0;
-    const auto work = [&] {
-      for (std::size_t i = next++; i < jobs_.size() && !stop_; i = next++)
-        if (jobs_[i].the_case->alone == alone) run_one(jobs_[i]);
-    };
-    std::vector<std::thread> others;
-    for (int i = 1; i < threads; ++i) others.emplace_back(work);
-    work();
-    for (std::thread& thread : others) thread.join();
-    if (error_) std::rethrow_exception(error_);
-  }
-  void run_one(Job& job) {
-    const double start = cpu_now();
-    std::exception_ptr error;
+/// Runs the jobs in threads, then those of cases that run alone. The first input error ends all and is
+/// thrown.
+void run_all(std::vector<Job>& jobs, const StabilityOptions& options) {
+  std::mutex mutex;
+  std::exception_ptr error;
+  std::atomic<bool> stop = false;
+  std::size_t done = 0;
+  const auto guarded = [&](const Job* job, const auto& work) {
+    std::exception_ptr thrown;
     try {
-      run(job, stop_);
+      return work();
     } catch (const Error& bad) {
-      error = std::make_exception_ptr(in_case(job, bad));
+      thrown = std::make_exception_ptr(job ? in_case(*job, bad) : bad);
     } catch (...) {
-      error = std::current_exception();
+      thrown = std::current_exception();
     }
+    if (!stop.exchange(true)) error = thrown;
+  };
+  const auto run_one = [&](Job& job) {
+    const double start = cpu_now();
+    guarded(&job, [&] { run(job, stop); });
     for (StabilityRow& row : job.rows) {
       set_verdict(row, *job.the_case);
       row.cpu = cpu_now() - start;
     }
-    const std::lock_guard lock(mutex_);
-    if (!error_) error_ = error;
-    ++done_;
-    try {
-      if (options_.progress)
-        options_.progress(static_cast<double>(done_) / static_cast<double>(jobs_.size()));
-    } catch (...) {
-      if (!error_) error_ = std::current_exception();
-    }
-    if (error_) stop_ = true;
+    const std::lock_guard lock(mutex);
+    ++done;
+    if (options.progress)
+      guarded(nullptr,
+              [&] { options.progress(static_cast<double>(done) / static_cast<double>(jobs.size())); });
+  };
+  const int machine = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  for (const bool alone : {false, true}) {
+    std::atomic<std::size_t> next = 0;
+    const auto work = [&] {
+      for (std::size_t i = next++; i < jobs.size() && !stop; i = next++)
+        if (jobs[i].the_case->alone == alone) run_one(jobs[i]);
+    };
+    std::vector<std::thread> others;
+    const int threads = alone ? 1 : options.threads > 0 ? options.threads : machine;
+    for (int i = 1; i < threads; ++i) others.emplace_back(work);
+    work();
+    for (std::thread& thread : others) thread.join();
+    if (error) std::rethrow_exception(error);
   }
-
-  std::vector<Job>& jobs_;
-  const StabilityOptions& options_;
-  std::mutex mutex_;
-  std::exception_ptr error_;
-  std::atomic<bool> stop_ = false;
-  std::size_t done_ = 0;
-};
+}
 
 /// Lists the known shortfalls that occurred, and marks rows of those that occurred in no variant.
 void check_known_shortfalls(CaseResult& result) {
@@ -377,7 +365,7 @@ StabilityResult run_stability(const StabilitySpec& spec, const StabilityOptions&
     result.cases.push_back({of, {}, {}, {}});
   }
   check(jobs);
-  Pool(jobs, options).run_all();
+  run_all(jobs, options);
   for (Job& job : jobs) {
     CaseResult& into = result.cases[job.of];
     append(into.rows, job.rows);

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "handsim/study/stability/stability_measures.h"
+#include "handsim/study/study_run.h"
 
 namespace handsim::study {
 
@@ -145,6 +146,8 @@ struct StabilityOptions {
   int threads = 0;  ///< 0: one for each processor core
   /// Called with the finished share, 0..1; may throw, which ends the study.
   std::function<void(double)> progress;
+  bool pictures = true;         ///< of the scenes
+  std::filesystem::path study;  ///< file, for stability()
 };
 
 /// @throws Error (input) with every problem of the file.
@@ -172,10 +175,7 @@ std::vector<StabilityRow> worst_rows(const CaseResult& result);
 /// The worst rows as a table for the screen.
 std::string stability_table(const StabilityResult& result);
 
-/// A Markdown table with one row for each case: the worst figures, and the known shortfalls.
-std::string stability_markdown(const StabilityResult& result);
-
-/// Writes stability.csv and stability.json (every variant), stability.md, and, if gnuplot is installed,
+/// Writes stability.csv and stability.json (every variant) and, if gnuplot is installed,
 /// stability.png and .svg (every figure over its limit) and CASE.png and .svg of cases with a plot.
 /// @returns false if gnuplot is missing or fails; the other files and the script stability.gp are written.
 /// @throws Error (input) if the folder cannot be written.
@@ -186,7 +186,7 @@ bool write_stability(const StabilitySpec& spec, const StabilityResult& result,
 /// child process. @return why it failed; nothing if it succeeded.
 std::optional<std::string> draw_stability(const StabilityResult& result, const std::filesystem::path& out);
 
-/// Names of all files of a study, including those of draw_stability.
-std::vector<std::string> stability_files(const StabilitySpec& spec);
+/// The whole study. @throws Error (input) as its parts
+StudyEnd stability(StabilityOptions options, const StudyRun& run);
 
 }  // namespace handsim::study

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
-#include <map>
 #include <set>
 
 #include <fmt/format.h>
@@ -12,11 +10,13 @@
 
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/child.h"
+#include "handsim/output/output_folder.h"
 #include "handsim/output/render/contact_sheet.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/simulation/run/pictures.h"
 #include "handsim/simulation/run/run.h"
 #include "handsim/study/report.h"
+#include "handsim/study/study_page.h"
 
 namespace handsim::study {
 
@@ -57,15 +57,6 @@ std::string shortened(std::string text, std::size_t width) {
   if (text.size() <= width) return text;
   text.resize(width - 3);
   return text + "...";
-}
-
-/// The row with the largest severity among those for which `counts` is true; null if there is none.
-template <class Counts>
-const StabilityRow* worst_of(const std::vector<StabilityRow>& rows, Counts counts) {
-  const StabilityRow* worst = nullptr;
-  for (const StabilityRow& row : rows)
-    if (counts(row) && (!worst || row.severity() > worst->severity())) worst = &row;
-  return worst;
 }
 
 std::string rows_table(const CaseResult& result) {
@@ -260,76 +251,9 @@ std::string stability_table(const StabilityResult& result) {
   return out;
 }
 
-namespace {
-
-/// `ODE world_step at 10, 5 ms, articulated at 1 ms`: ways with a known shortfall that diverged, or did not.
-std::string ways_of(const std::vector<StabilityRow>& rows, bool diverged) {
-  std::vector<std::string> out;
-  std::string way;
-  for (const StabilityRow& row : rows) {
-    if (row.verdict != StabilityVerdict::known_short || row.fault.empty() == diverged) continue;
-    if (!out.empty() && row.way == way)
-      out.back() += ", " + milliseconds(row.step);
-    else
-      out.push_back(row.way + " at " + milliseconds(row.step));
-    way = row.way;
-  }
-  return out.empty() ? "" : fmt::format("{} ms", fmt::join(out, " ms, "));
-}
-
-/// `to 0.0225 m: ODE world_step at 1 ms`; empty if there is no known shortfall.
-std::string known_short(const std::vector<StabilityRow>& rows) {
-  const StabilityRow* worst = worst_of(rows, [](const StabilityRow& row) {
-    return row.verdict == StabilityVerdict::known_short && row.fault.empty();
-  });
-  std::string out;
-  if (worst) out = fmt::format("to {}: {}", figure(worst->value, worst->unit), ways_of(rows, false));
-  if (const std::string diverged = ways_of(rows, true); !diverged.empty())
-    out += (out.empty() ? "diverges: " : "; diverges: ") + diverged;
-  return out;
-}
-
-}  // namespace
-
-std::string stability_markdown(const StabilityResult& result) {
-  std::string out = "| case | worst figures | known shortfalls |\n| --- | --- | --- |\n";
-  const auto must_hold = [](const StabilityRow& row) { return row.verdict != StabilityVerdict::known_short; };
-  for (const CaseResult& of : result.cases) {
-    std::map<std::string, std::vector<StabilityRow>> by_measure;
-    for (StabilityRow& row : worst_rows(of)) by_measure[row.measure].push_back(std::move(row));
-    std::vector<std::string> held, known;
-    for (const MeasureSpec& measure : of.of->measures) {
-      const std::vector<StabilityRow>& rows = by_measure[measure.name];
-      if (const StabilityRow* worst = worst_of(rows, must_hold))
-        held.push_back(fmt::format("{} {} ({}){}", measure.name, figure(worst->value, worst->unit),
-                                   limit(*worst), worst->within() ? "" : " **falls short**"));
-      if (const std::string text = known_short(rows); !text.empty())
-        known.push_back(measure.name + " " + text);
-    }
-    if (const std::vector<StabilityRow>& refused = by_measure["refused"]; !refused.empty())
-      held.push_back(fmt::format(
-          "{} of {} rejected with a message",
-          std::count_if(refused.begin(), refused.end(), std::mem_fn(&StabilityRow::within)), refused.size()));
-    out += fmt::format("| {} | {} | {} |\n", of.of->name, fmt::join(held, "; "), fmt::join(known, "; "));
-  }
-  return out;
-}
-
-std::vector<std::string> stability_files(const StabilitySpec& spec) {
-  std::vector<std::string> plots = {"stability"}, out = {"stability.md", "scenes.png"};
-  for (const StabilityCase& of : spec.cases) {
-    if (of.picture) out.push_back("scene_" + of.name + ".png");
-    if (of.plot) plots.push_back(of.name);
-  }
-  const std::vector<std::string> files = report_files("stability", plots);
-  out.insert(out.end(), files.begin(), files.end());
-  return out;
-}
-
 bool write_stability(const StabilitySpec& spec, const StabilityResult& result,
                      const std::filesystem::path& out) {
   output::make_folder(out);
-  output::write_file(out / "stability.md", stability_markdown(result));
   Report report{csv(result), json(spec, result), {}, {}};
   for (const CaseResult& of : result.cases) add_curves(of, report);
   add_overview(result, report);
@@ -368,6 +292,64 @@ std::optional<std::string> draw_stability(const StabilityResult& result, const s
     output::write_png(sheet.image(), out / "scenes.png");
   };
   return output::run_in_child(draw_all, {});
+}
+
+namespace {
+
+/// Names of all files of a study.
+std::vector<std::string> stability_files(const StabilitySpec& spec) {
+  std::vector<std::string> plots = {"stability"}, out = {"scenes.png"};
+  for (const StabilityCase& of : spec.cases) {
+    if (of.picture) out.push_back("scene_" + of.name + ".png");
+    if (of.plot) plots.push_back(of.name);
+  }
+  const std::vector<std::string> files = report_files("stability", plots);
+  out.insert(out.end(), files.begin(), files.end());
+  return out;
+}
+
+StudyCommands stability_commands(const std::filesystem::path& file, const StabilityResult& result) {
+  StudyCommands out{command_text("stability", file)};
+  std::vector<std::string>& rows = out.rows["stability.csv"];
+  for (const CaseResult& of : result.cases) {
+    const std::vector<Variant> all = variants(*of.of, result.quick);
+    for (const StabilityRow& row : of.rows) {
+      std::string text;
+      for (const Variant& variant : all)
+        for (const Way& way : of.of->ways) {
+          if (variant.name != row.variant || way.name != row.way || way.refused) continue;
+          std::vector<std::string> sets = of.of->set;
+          for (const auto* more : {result.quick ? &of.of->quick_set : nullptr, &way.set, &variant.set})
+            if (more) sets.insert(sets.end(), more->begin(), more->end());
+          text = run_text(variant.scene, sets, row.step);
+        }
+      rows.push_back(text);
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+StudyEnd stability(StabilityOptions options, const StudyRun& run) {
+  const StabilitySpec spec = load_stability(options.study);
+  const output::OutputFolder folder(run.out, stability_files(spec), [&] {
+    std::vector<std::filesystem::path> out = {options.study};
+    for (const StabilityCase& of : spec.cases) out.insert(out.end(), of.scenes.begin(), of.scenes.end());
+    return out;
+  });
+  options.progress = run.progress;
+  const StabilityResult result = run_stability(spec, options);
+  StudyEnd end{spec.title + "\n" + stability_table(result)};
+  tell(run, end);
+  folder.clear();
+  end.passed = result.passed();
+  end.plotted = write_stability(spec, result, run.out);
+  finish_study(run.out, stability_commands(options.study, result), run.report);
+  if (options.pictures)
+    if (const std::optional<std::string> failure = draw_stability(result, run.out))
+      end.missing.push_back("pictures: " + *failure);
+  return end;
 }
 
 }  // namespace handsim::study

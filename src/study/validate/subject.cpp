@@ -15,6 +15,14 @@ namespace {
 
 constexpr double kTurn = 1e-6;  ///< of central differences [rad]
 
+/// Adds the moments of a path's tension. @param force tension [N] at an excursion
+template <class Path, class Force>
+void pull(const Path& path, std::span<const double> q, const Force& force, std::vector<double>& out) {
+  const model::PathState state = model::path_state(path, q);
+  const double tension = force(state.excursion);
+  for (std::size_t i = 0; i < path.arms.size(); ++i) out[at(path.arms[i].dof)] += state.arm[i] * tension;
+}
+
 }  // namespace
 
 Subject::Subject(const hand::HandSpec& spec, const hand::Person& person)
@@ -59,23 +67,20 @@ std::vector<double> Subject::passive(std::span<const double> q) const {
       const std::size_t i = at(joint.first_dof) + a;
       if (const auto& tissue = joint.axes[a].tissue) out[i] -= tissue->stiffness * (q[i] - tissue->rest);
     }
-  for (const model::Muscle& muscle : model_.muscles) {
-    const model::PathState state = model::path_state(muscle.path, q);
-    const double force = model::passive_force(muscle, state.excursion);
-    for (std::size_t i = 0; i < muscle.path.arms.size(); ++i)
-      out[at(muscle.path.arms[i].dof)] += state.arm[i] * force;
-  }
+  for (const model::Muscle& muscle : model_.muscles)
+    pull(
+        muscle.path, q, [&](double excursion) { return model::passive_force(muscle, excursion); }, out);
   return out;
 }
 
 std::vector<double> Subject::bands(std::span<const double> q) const {
   std::vector<double> out(q.size());
   for (const model::Ligament& band : model_.ligaments) {
-    const model::PathState state = model::path_state(band.path, q);
-    double force = band.stiffness * (-state.excursion - band.rest);
-    if (!band.both_ways) force = std::max(0.0, force);
-    for (std::size_t i = 0; i < band.path.arms.size(); ++i)
-      out[at(band.path.arms[i].dof)] += state.arm[i] * force;
+    const auto force = [&](double excursion) {
+      const double pulls = band.stiffness * (-excursion - band.rest);
+      return band.both_ways ? pulls : std::max(0.0, pulls);
+    };
+    pull(band.path, q, force, out);
   }
   return out;
 }
@@ -84,13 +89,11 @@ std::vector<double> Subject::balance(std::vector<double> q, const std::vector<in
                                      const std::map<const model::Muscle*, double>& tensions) const {
   const auto moments = [&](std::span<const double> at_q) {
     std::vector<double> all = passive(at_q), of_bands = bands(at_q);
-    for (const auto& [muscle, force] : tensions) {
-      const model::PathState state = model::path_state(muscle->path, at_q);
-      // The tendon has this tension: the muscle's passive one is part of it.
-      const double more = force - model::passive_force(*muscle, state.excursion);
-      for (std::size_t i = 0; i < muscle->path.arms.size(); ++i)
-        all[at(muscle->path.arms[i].dof)] += state.arm[i] * more;
-    }
+    // The tendon has this tension: the muscle's passive one is part of it.
+    for (const auto& tension : tensions)
+      pull(
+          tension.first->path, at_q,
+          [&](double x) { return tension.second - model::passive_force(*tension.first, x); }, all);
     Eigen::VectorXd out(static_cast<Eigen::Index>(free.size()));
     for (std::size_t i = 0; i < free.size(); ++i)
       out[static_cast<Eigen::Index>(i)] = all[at(free[i])] + of_bands[at(free[i])];

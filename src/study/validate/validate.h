@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "handsim/hand/build.h"
+#include "handsim/study/study_run.h"
 
 namespace handsim::study {
 
@@ -92,10 +93,15 @@ void read_validate(YamlNode& root, Diagnostics& diagnostics);
 ValidateResult run_validate(const ValidateSpec& spec, const std::optional<std::filesystem::path>& runs = {});
 std::string validate_table(const ValidateSpec& spec, const ValidateResult& result);
 std::string validate_csv(const ValidateResult& result);
-/// Names of a study's files.
-std::vector<std::string> validate_files();
 /// Writes validate.csv, validate.json, and a plot of the differences over the spreads by kind. @return false
 /// if gnuplot is missing or fails @throws Error if the files cannot be written
 bool write_validate(const ValidateSpec& spec, const ValidateResult& result, const std::filesystem::path& out);
+
+struct ValidateOptions {
+  std::optional<std::filesystem::path> file;  ///< of measurements; absent: the installed ones
+  bool runs = false;                          ///< also runs the rows that are simulations
+};
+/// The whole study. @param run an empty folder: no files @throws Error (input) as its parts
+StudyEnd validate(const ValidateOptions& options, const StudyRun& run);
 
 }  // namespace handsim::study

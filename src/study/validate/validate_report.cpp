@@ -4,8 +4,12 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "handsim/core/data_folder.h"
+#include "handsim/output/output_folder.h"
+#include "handsim/output/report/page.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/study/report.h"
+#include "handsim/study/study_page.h"
 #include "handsim/study/validate/validate.h"
 
 namespace handsim::study {
@@ -158,8 +162,6 @@ std::string validate_csv(const ValidateResult& result) {
   return out;
 }
 
-std::vector<std::string> validate_files() { return report_files("validate", {"validate"}); }
-
 bool write_validate(const ValidateSpec& spec, const ValidateResult& result,
                     const std::filesystem::path& out) {
   Json json = {{"title", spec.title},
@@ -170,6 +172,39 @@ bool write_validate(const ValidateSpec& spec, const ValidateResult& result,
   Report report{validate_csv(result), json.dump(2) + "\n", {}, {}};
   add_plot(spec, result, report);
   return write_report(out, "validate", report);
+}
+
+namespace {
+
+StudyCommands validate_commands(const std::filesystem::path& file, bool runs, const ValidateResult& result) {
+  StudyCommands out{fmt::format("handsim validate {}{} --out again", output::shell_word(file.string()),
+                                runs ? " --runs" : "")};
+  for (const ValidateRow& row : result.rows)
+    if (row.measured)
+      out.rows["validate.csv"].push_back(
+          row.of->kind == Measured::simulation ? command_text("run", row.of->scene, row.of->changes) : "");
+  return out;
+}
+
+}  // namespace
+
+StudyEnd validate(const ValidateOptions& options, const StudyRun& run) {
+  const std::filesystem::path file = options.file.value_or(data_folder() / "config/validate.yaml");
+  const ValidateSpec spec = load_validate(file);
+  std::optional<output::OutputFolder> folder;
+  if (!run.out.empty())
+    folder.emplace(run.out, report_files("validate", {"validate"}),
+                   [&] { return std::vector<std::filesystem::path>{file}; });
+  const ValidateResult result =
+      run_validate(spec, options.runs ? std::optional(run.out / "runs") : std::nullopt);
+  StudyEnd end{spec.title + "\n\n" + validate_table(spec, result)};
+  end.passed = result.passed();
+  tell(run, end);
+  if (!folder) return end;
+  folder->clear();
+  end.plotted = write_validate(spec, result, run.out);
+  finish_study(run.out, validate_commands(file, options.runs, result), run.report);
+  return end;
 }
 
 }  // namespace handsim::study

@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <sstream>
 
 #include <fmt/format.h>
 
@@ -12,56 +14,45 @@ namespace handsim::study {
 
 namespace {
 
-const std::vector<std::pair<std::string_view, Measured>> kKinds = {
-    {"moment_arms", Measured::moment_arms},
-    {"excursion", Measured::excursion},
-    {"tip_force_share", Measured::tip_force_share},
-    {"tip_force", Measured::tip_force},
-    {"pinch_force", Measured::pinch_force},
-    {"joint_moment", Measured::joint_moment},
-    {"passive_moment", Measured::passive_moment},
-    {"loaded_rotation", Measured::loaded_rotation},
-    {"coupled_angle", Measured::coupled_angle},
-    {"pulley_force", Measured::pulley_force},
-    {"hand_mass", Measured::hand_mass},
-    {"centre_of_mass", Measured::centre_of_mass},
-    {"gyration", Measured::gyration},
-    {"simulation", Measured::simulation}};
-constexpr const char* kFigures = "figures such as climbs.0.load_N";
-const ::handsim::Quantity kAngle = {Dimension::angle, -M_PI, M_PI};
-
-/// What the values of a kind are, and the unit they are printed in.
-struct KindUnit {
+/// What a kind of row is: the dimension, printed unit and scale of its values, the keys that it has beside
+/// those of all kinds, and its directions.
+struct KindForm {
+  std::string_view word;
+  Measured kind;
   Dimension dimension;
   const char* unit;
   double scale;
+  std::string_view keys = {}, directions = {};
 };
+using D = Dimension;
+constexpr double kDegree = 1 / kDegreesPerRadian;
+constexpr KindForm kForms[] = {
+    {"moment_arms", Measured::moment_arms, D::length, "mm", 1e-3, "muscle axis"},
+    {"excursion", Measured::excursion, D::length, "mm", 1e-3, "muscles"},
+    {"tip_force_share", Measured::tip_force_share, D::none, "1", 1, "finger muscles",
+     "any palmar dorsal distal proximal"},
+    {"tip_force", Measured::tip_force, D::force, "N", 1, "finger friction",
+     "palmar dorsal distal proximal ulnar radial"},
+    {"pinch_force", Measured::pinch_force, D::force, "N", 1, "finger friction"},
+    {"joint_moment", Measured::joint_moment, D::torque, "N m", 1, "axis muscles", "positive negative"},
+    {"passive_moment", Measured::passive_moment, D::torque, "N m", 1, "axis"},
+    {"loaded_rotation", Measured::loaded_rotation, D::angle, "deg", kDegree, "finger muscle axis"},
+    {"coupled_angle", Measured::coupled_angle, D::angle, "deg", kDegree, "axis"},
+    {"pulley_force", Measured::pulley_force, D::force, "N", 1},
+    {"hand_mass", Measured::hand_mass, D::mass, "kg", 1},
+    {"centre_of_mass", Measured::centre_of_mass, D::none, "1", 1},
+    {"gyration", Measured::gyration, D::none, "1", 1, {}, "sagittal transverse longitudinal"},
+    {"simulation", Measured::simulation, D::none, "1", 1}};
 
-KindUnit unit_of(Measured kind) {
-  switch (kind) {
-    case Measured::moment_arms:
-    case Measured::excursion:
-      return {Dimension::length, "mm", 1e-3};
-    case Measured::tip_force:
-    case Measured::pinch_force:
-    case Measured::pulley_force:
-      return {Dimension::force, "N", 1};
-    case Measured::joint_moment:
-    case Measured::passive_moment:
-      return {Dimension::torque, "N m", 1};
-    case Measured::loaded_rotation:
-    case Measured::coupled_angle:
-      return {Dimension::angle, "deg", 1 / kDegreesPerRadian};
-    case Measured::hand_mass:
-      return {Dimension::mass, "kg", 1};
-    case Measured::tip_force_share:
-    case Measured::centre_of_mass:
-    case Measured::gyration:
-    case Measured::simulation:
-      return {Dimension::none, "1", 1};
-  }
-  return {Dimension::none, "1", 1};
+const KindForm& form_of(Measured kind) { return kForms[static_cast<std::size_t>(kind)]; }
+
+std::vector<std::string> words_of(std::string_view text) {
+  std::istringstream in{std::string(text)};
+  return {std::istream_iterator<std::string>(in), {}};
 }
+
+constexpr const char* kFigures = "figures such as climbs.0.load_N";
+const ::handsim::Quantity kAngle = {Dimension::angle, -M_PI, M_PI};
 
 Angles read_pose(MapReader& reader, std::string_view key, std::vector<std::string>& axes) {
   Angles out;
@@ -102,7 +93,9 @@ class RowReader {
   void read(MapReader reader) {
     Measurement row;
     row.name = reader.text("name");
-    row.kind = reader.choice<Measured>("kind", kKinds);
+    std::vector<std::pair<std::string_view, Measured>> kinds;
+    for (const KindForm& form : kForms) kinds.emplace_back(form.word, form.kind);
+    row.kind = reader.choice<Measured>("kind", kinds);
     const bool kind_known = reader.sound();
     if (row.kind != Measured::simulation)
       row.person = known_name(reader, "person", people_, "a person of this file");
@@ -142,82 +135,49 @@ class RowReader {
     row.unit = reader.text("unit");
   }
 
-  void read_kind(MapReader& reader, Measurement& row) {
-    const KindUnit unit = unit_of(row.kind);
-    row.unit = unit.unit;
-    row.scale = unit.scale;
-    std::vector<std::string> axes;
-    const auto axis = [&] { row.axis = known_name(reader, "axis", axes_, "an axis of the hand"); };
-    const auto muscle = [&] { row.muscle = known_name(reader, "muscle", muscles_, "a muscle of the hand"); };
-    const auto finger = [&] { row.finger = known_name(reader, "finger", fingers_, "a finger of the hand"); };
-    const auto muscles = [&] {
-      row.muscles = reader.texts("muscles", 1, 100, "muscles of the hand");
-      for (const std::string& name : row.muscles)
-        check(reader, "muscles", name, muscles_, "muscles of the hand");
-    };
-    const auto direction = [&](const std::vector<std::string>& words) {
-      row.direction = known_name(reader, "direction", words, "a direction");
-    };
-    const std::vector<std::string> tips = {"palmar", "dorsal", "distal", "proximal", "ulnar", "radial"};
-    switch (row.kind) {
-      case Measured::moment_arms:
-        muscle(), axis();
-        row.angles = read_numbers(reader, "angles", kAngle);
-        row.arms = read_numbers(reader, "arms", {Dimension::length, -0.1, 0.1});
-        if (reader.sound() && (row.angles.empty() || row.angles.size() != row.arms.size()))
-          reader.problem("arms", fmt::format("{} arms at {} angles", row.arms.size(), row.angles.size()),
-                         "one for each angle");
-        for (const double arm : row.arms) row.value += arm / static_cast<double>(row.arms.size());
-        break;
-      case Measured::excursion:
-        muscles();
-        row.from = read_pose(reader, "from", axes);
-        break;
-      case Measured::tip_force_share:
-        finger(), muscles();
-        direction({"any", "palmar", "dorsal", "distal", "proximal"});
-        break;
-      case Measured::tip_force:
-        finger(), direction(tips);
-        if (reader.has("segment"))
-          row.segment = known_name(reader, "segment", segments_of(row.finger), "a segment of the finger");
-        row.friction = reader.number("friction", {Dimension::none, 0, 10}, 0);
-        break;
-      case Measured::pinch_force:
-        finger();
-        row.friction = reader.number("friction", {Dimension::none, 0, 10}, 0);
-        break;
-      case Measured::joint_moment:
-        axis(), muscles(), direction({"positive", "negative"});
-        break;
-      case Measured::passive_moment:
-      case Measured::coupled_angle:
-        axis();
-        break;
-      case Measured::loaded_rotation:
-        finger(), muscle(), axis();
-        row.load = reader.number("load", {Dimension::none, 0, 1});
-        break;
-      case Measured::pulley_force:
-        row.tension = reader.number("tension", {Dimension::force, 0, 1e4});
-        row.angles = {reader.number("pip", kAngle)};
-        break;
-      case Measured::gyration:
-        direction({"sagittal", "transverse", "longitudinal"});
-        break;
-      case Measured::simulation:
-        read_simulation(reader, row);
-        break;
-      case Measured::hand_mass:
-      case Measured::centre_of_mass:
-        break;
+  /// The keys of the row's kind.
+  void read_keys(MapReader& reader, Measurement& row, const KindForm& form) {
+    for (const std::string& key : words_of(form.keys)) {
+      if (key == "axis") row.axis = known_name(reader, key, axes_, "an axis of the hand");
+      if (key == "muscle") row.muscle = known_name(reader, key, muscles_, "a muscle of the hand");
+      if (key == "finger") row.finger = known_name(reader, key, fingers_, "a finger of the hand");
+      if (key == "friction") row.friction = reader.number(key, {Dimension::none, 0, 10}, 0);
+      if (key != "muscles") continue;
+      row.muscles = reader.texts(key, 1, 100, "muscles of the hand");
+      for (const std::string& name : row.muscles) check(reader, key, name, muscles_, "muscles of the hand");
     }
+    if (!form.directions.empty())
+      row.direction = known_name(reader, "direction", words_of(form.directions), "a direction");
+  }
+
+  void read_kind(MapReader& reader, Measurement& row) {
+    const KindForm& form = form_of(row.kind);
+    row.unit = form.unit;
+    row.scale = form.scale;
+    std::vector<std::string> axes;
+    read_keys(reader, row, form);
+    if (row.kind == Measured::moment_arms) {
+      row.angles = read_numbers(reader, "angles", kAngle);
+      row.arms = read_numbers(reader, "arms", {Dimension::length, -0.1, 0.1});
+      if (reader.sound() && (row.angles.empty() || row.angles.size() != row.arms.size()))
+        reader.problem("arms", fmt::format("{} arms at {} angles", row.arms.size(), row.angles.size()),
+                       "one for each angle");
+      for (const double arm : row.arms) row.value += arm / static_cast<double>(row.arms.size());
+    }
+    if (row.kind == Measured::excursion) row.from = read_pose(reader, "from", axes);
+    if (row.kind == Measured::tip_force && reader.has("segment"))
+      row.segment = known_name(reader, "segment", segments_of(row.finger), "a segment of the finger");
+    if (row.kind == Measured::loaded_rotation) row.load = reader.number("load", {Dimension::none, 0, 1});
+    if (row.kind == Measured::pulley_force) {
+      row.tension = reader.number("tension", {Dimension::force, 0, 1e4});
+      row.angles = {reader.number("pip", kAngle)};
+    }
+    if (row.kind == Measured::simulation) read_simulation(reader, row);
     row.pose = read_pose(reader, "pose", axes);
     for (const std::string& each : axes) check(reader, "pose", each, axes_, "axes of the hand");
     row.hand_length = reader.maybe_number("hand_length", {Dimension::length, 0.03, 0.5});
-    const ::handsim::Quantity value = {unit.dimension, -1e4, 1e4};
-    if (row.kind != Measured::moment_arms) row.value = reader.number("measured", value);
-    row.spread = reader.number("spread", {unit.dimension, 0, 1e4, true});
+    if (row.kind != Measured::moment_arms) row.value = reader.number("measured", {form.dimension, -1e4, 1e4});
+    row.spread = reader.number("spread", {form.dimension, 0, 1e4, true});
     if (reader.sound() && !(row.spread > 0)) reader.problem("spread", "0", "more than 0");
   }
 
@@ -248,10 +208,7 @@ ValidateSpec read(YamlNode& root, Diagnostics& diagnostics) {
 
 }  // namespace
 
-std::string_view kind_name(Measured kind) {
-  return std::find_if(kKinds.begin(), kKinds.end(), [&](const auto& each) { return each.second == kind; })
-      ->first;
-}
+std::string_view kind_name(Measured kind) { return form_of(kind).word; }
 
 void read_validate(YamlNode& root, Diagnostics& diagnostics) { read(root, diagnostics); }
 

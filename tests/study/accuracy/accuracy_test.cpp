@@ -40,6 +40,13 @@ TEST(AccuracySliderCrank, WorldStepIsOfFirstOrderAtErp0_8) {
   EXPECT_LE(order, 1.2);
 }
 
+// Oracle: the reference has a row every 10 ms.
+TEST(AccuracySliderCrank, IsNotComparedBetweenTheRowsOfItsReference) {
+  AccuracySpec spec = slider_crank({method("m", {}, {1e-3})});
+  spec.sample_every = 0.004;
+  EXPECT_THROW(run_accuracy(spec, nullptr), Error);
+}
+
 TEST(AccuracySliderCrank, ProjectedEulerClosesTheLoopTo1e12) {
   const AccuracyResult result = run_accuracy(
       slider_crank({method("m", {"solver.engine=dae", "solver.method=euler_projected"}, {1e-3})}), nullptr);

@@ -1,5 +1,5 @@
 // The slider-crank's reference solution against published and independently computed series.
-#include "handsim/study/accuracy/slider_crank_reference.h"
+#include "support/slider_crank_reference.h"
 
 #include <gtest/gtest.h>
 
@@ -80,6 +80,22 @@ TEST(SliderCrankReference, AgreesWithTheIndependentSeriesToOneInABillion) {
 TEST(SliderCrankReference, AgreesWithThePublishedSliderPosition) {
   EXPECT_LT(worst_difference(SliderCrankSpec::iftomm(), read_csv(kSeries / "slider_crank_gonzalez.csv")),
             7.7e-5);
+}
+
+// Oracle: the reference itself; the accuracy study compares with these rows.
+TEST(SliderCrankReference, MakesTheRowsThatTheAccuracyStudyHas) {
+  const std::filesystem::path folder = std::filesystem::path(HANDSIM_SOURCE_DIR) / "src/study/accuracy";
+  for (const auto& [name, spec, end] :
+       {std::tuple("slider_crank_iftomm.csv", SliderCrankSpec::iftomm(), 5.0),
+        {"slider_crank_torque.csv", SliderCrankSpec::constant_torque(), 2.0}}) {
+    const auto rows = read_csv(folder / name);
+    const std::vector<SliderCrankState> states = SliderCrankReference(spec).series(end, 0.01);
+    ASSERT_EQ(rows.size(), states.size());
+    for (std::size_t i = 0; i < rows.size(); ++i) {
+      EXPECT_NEAR(rows[i][0], states[i].x, 1e-12);
+      EXPECT_NEAR(rows[i][1], states[i].vx, 1e-12);
+    }
+  }
 }
 
 /// Largest change of energy over the largest kinetic energy.

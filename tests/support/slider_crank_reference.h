@@ -1,4 +1,4 @@
-// The reference solution of the accuracy study: the spatial slider-crank of the IFToMM benchmark library,
+// The reference solution that tests and the accuracy study compare with: the spatial slider-crank of the IFToMM benchmark library,
 // reduced exactly to its one degree of freedom, the crank angle, and integrated with error control by
 // SUNDIALS CVODE. Independent of Model and engines.
 #pragma once

@@ -1,4 +1,4 @@
-#include "handsim/study/accuracy/slider_crank_reference.h"
+#include "support/slider_crank_reference.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,8 @@
-#include "handsim/study/effects/contact_cost.h"
-
+// What contacts cost with ODE's two solvers: a hand without muscle torques lies on a stack of 0 to 16 slabs,
+// so that its joints and all contacts are one system. `contact_cost FOLDER` writes contacts_cost.csv and its
+// plot.
 #include <array>
+#include <cstdio>
 
 #include <fmt/format.h>
 
@@ -12,6 +14,16 @@
 namespace handsim::study {
 
 namespace {
+
+/// Figures of one method and one number of slabs.
+struct ContactCostRow {
+  std::string method;
+  int slabs = 0;
+  double contacts = 0;      ///< contact points, mean of the timed steps
+  double ns_per_step = 0;   ///< CPU time of a step, collision detection included; median of the batches
+  double iterative = 0;     ///< share of steps that quick_step solved
+  double lcp_failures = 0;  ///< per step
+};
 
 struct MethodChoice {
   const char* name;
@@ -27,11 +39,11 @@ constexpr int kSettling = 1000;  ///< steps before the timed ones, in which the 
 constexpr int kBatches = 5;
 constexpr int kBatch = 20;  ///< steps in a batch
 
-scene::Scene stack(const std::filesystem::path& data, int slabs, const MethodChoice& method) {
+scene::Scene stack(int slabs, const MethodChoice& method) {
   std::string text = fmt::format(
       "hands: [{{model: \"{0}/handmodels/anatomical.yaml\", person: \"{0}/config/persons/median_man.yaml\", "
       "side: right, wrist: {{mount: free, position: [0, -0.09, {1}]}}}}]\n",
-      std::filesystem::absolute(data).string(), kSlab * slabs + 0.09);
+      HANDSIM_SOURCE_DIR, kSlab * slabs + 0.09);
   std::string objects;
   for (int i = 0; i < slabs; ++i)
     objects += fmt::format(
@@ -46,8 +58,8 @@ scene::Scene stack(const std::filesystem::path& data, int slabs, const MethodCho
   return scene::compile_scene(parse_yaml(text, "stack"));
 }
 
-ContactCostRow measure(const std::filesystem::path& data, int slabs, const MethodChoice& method) {
-  const scene::Scene scene = stack(data, slabs, method);
+ContactCostRow measure(int slabs, const MethodChoice& method) {
+  const scene::Scene scene = stack(slabs, method);
   const auto engine = engine::make_engine(scene.model, scene.spec.solver);
   for (int i = 0; i < kSettling; ++i) engine->step({});
   ContactCostRow row;
@@ -103,30 +115,13 @@ Report report_of(const std::vector<ContactCostRow>& rows) {
 
 }  // namespace
 
-std::vector<ContactCostRow> run_contact_cost(const std::filesystem::path& data,
-                                             const std::function<void(double)>& progress) {
+}  // namespace handsim::study
+
+int main(int argc, char** argv) {
+  using namespace handsim::study;
+  if (argc != 2) return std::puts("contact_cost FOLDER"), 2;
   std::vector<ContactCostRow> rows;
   for (const MethodChoice& method : kMethods)
-    for (const int slabs : kHeights) {
-      rows.push_back(measure(data, slabs, method));
-      progress(static_cast<double>(rows.size()) / (kMethods.size() * kHeights.size()));
-    }
-  return rows;
+    for (const int slabs : kHeights) rows.push_back(measure(slabs, method));
+  return write_report(argv[1], "contacts_cost", report_of(rows)) ? 0 : 1;
 }
-
-std::string contact_cost_table(const std::vector<ContactCostRow>& rows) {
-  std::string out = fmt::format("{:<14} {:>6} {:>9} {:>12} {:>11} {:>10}\n", "method", "slabs", "contacts",
-                                "us per step", "quick_step", "LCP fails");
-  for (const ContactCostRow& row : rows)
-    out += fmt::format("{:<14} {:>6} {:>9.1f} {:>12.1f} {:>10.0f}% {:>10.3g}\n", row.method, row.slabs,
-                       row.contacts, 1e-3 * row.ns_per_step, 100 * row.iterative, row.lcp_failures);
-  return out;
-}
-
-std::vector<std::string> contact_cost_files() { return report_files("contacts_cost", {"contacts_cost"}); }
-
-bool write_contact_cost(const std::vector<ContactCostRow>& rows, const std::filesystem::path& out) {
-  return write_report(out, "contacts_cost", report_of(rows));
-}
-
-}  // namespace handsim::study
