@@ -16,9 +16,12 @@ Error driver_error(const std::string& what) {
       "enough memory, and an off-screen OpenGL 3.3 driver (Debian package libosmesa6 or libegl1)");
 }
 
-GLuint compiled(GLenum kind, const std::vector<const char*>& parts) {
+GLuint compiled(GLenum kind, const std::vector<std::string_view>& parts) {
+  std::string text;
+  for (const std::string_view part : parts) text += part;
   const GLuint shader = glCreateShader(kind);
-  glShaderSource(shader, static_cast<GLsizei>(parts.size()), parts.data(), nullptr);
+  const char* const whole = text.c_str();
+  glShaderSource(shader, 1, &whole, nullptr);
   glCompileShader(shader);
   GLint done = 0;
   glGetShaderiv(shader, GL_COMPILE_STATUS, &done);
@@ -70,7 +73,8 @@ void require_no_error() {
                                                : fmt::format("OpenGL error 0x{:04x}", error));
 }
 
-Program::Program(const char* vertex, const std::vector<const char*>& fragment) : id_(glCreateProgram()) {
+Program::Program(std::string_view vertex, const std::vector<std::string_view>& fragment)
+    : id_(glCreateProgram()) {
   for (const GLuint shader : {compiled(GL_VERTEX_SHADER, {vertex}), compiled(GL_FRAGMENT_SHADER, fragment)}) {
     glAttachShader(id_, shader);
     glDeleteShader(shader);

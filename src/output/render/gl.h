@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string_view>
 #include <vector>
 
 #include "handsim/output/render/gl_functions.h"
@@ -16,7 +17,7 @@ void require_no_error();
 class Program {
  public:
   /// The parts of the fragment shader are concatenated. @throws Error if the driver rejects the source.
-  Program(const char* vertex, const std::vector<const char*>& fragment);
+  Program(std::string_view vertex, const std::vector<std::string_view>& fragment);
 
   void use() const;
   /// Sets a uniform of the program in use.

@@ -35,8 +35,9 @@ int checked_size(int size, const char* what) {
   return size;
 }
 
-Program shaded_program(const char* vertex, const char* forms, const char* fragment) {
-  return {vertex, {kLightFunctions, forms, shader_constants().c_str(), kOcclusionFunctions, fragment}};
+Program shaded_program(std::string_view vertex, std::string_view forms, std::string_view fragment) {
+  const std::string constants = shader_constants();
+  return {vertex, {shaders::light_glsl, forms, constants, shaders::occlusion_glsl, fragment}};
 }
 
 /// A part of the picture; x and y of its lower left corner.
@@ -83,16 +84,18 @@ struct Renderer::Impl {
   int width, height;
   std::unique_ptr<Canvas> canvas;
   /// Programs for capsules as the only occluders are faster than those for all forms.
-  Program capsule_lit = shaded_program(kRectangleVertex, "", kSolidFragment);
-  Program solid_lit = shaded_program(kRectangleVertex, kWithSolids, kSolidFragment);
-  Program capsule_shade = shaded_program(kShadeVertex, "", kShadeFragment);
-  Program solid_shade = shaded_program(kShadeVertex, kWithSolids, kShadeFragment);
-  Program ground_program{kGroundVertex, {kLightFunctions, kGroundFragment}};
-  Program background_program{kBackgroundVertex, {kLightFunctions, kBackgroundFragment}};
-  Program surface_program{kSolidVertex, {kSurfaceFragment}};
-  Program id_program{kSolidVertex, {kIdFragment}};
-  Program ground_id_program{kGroundVertex, {kIdFragment}};
-  Program resolve_program{kBackgroundVertex, {kResolveFragment}};
+  Program capsule_lit = shaded_program(shaders::rectangle_vertex_glsl, "", shaders::solid_fragment_glsl);
+  Program solid_lit =
+      shaded_program(shaders::rectangle_vertex_glsl, kWithSolids, shaders::solid_fragment_glsl);
+  Program capsule_shade = shaded_program(shaders::shade_vertex_glsl, "", shaders::shade_fragment_glsl);
+  Program solid_shade = shaded_program(shaders::shade_vertex_glsl, kWithSolids, shaders::shade_fragment_glsl);
+  Program ground_program{shaders::ground_vertex_glsl, {shaders::light_glsl, shaders::ground_fragment_glsl}};
+  Program background_program{shaders::background_vertex_glsl,
+                             {shaders::light_glsl, shaders::background_fragment_glsl}};
+  Program surface_program{shaders::solid_vertex_glsl, {shaders::surface_fragment_glsl}};
+  Program id_program{shaders::solid_vertex_glsl, {shaders::id_fragment_glsl}};
+  Program ground_id_program{shaders::ground_vertex_glsl, {shaders::id_fragment_glsl}};
+  Program resolve_program{shaders::background_vertex_glsl, {shaders::resolve_fragment_glsl}};
   // Light and shadows cost most and are computed once a pixel; edges get their samples from cheap numbers.
   Target surfaces, drawn, ids, resolved, shade;
   GLuint palette = 0;

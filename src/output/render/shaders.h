@@ -5,6 +5,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 namespace handsim::output {
 
@@ -15,34 +16,40 @@ inline constexpr double kLightSize = 0.11;
 /// Distance within which a solid hides sky, in units of its thickness.
 inline constexpr double kSkyReach = 1.7;
 
-/// GLSL text of the constants above; it comes after kLightFunctions.
+/// GLSL text of the constants above; it comes after light_glsl.
 std::string shader_constants();
 
+/// Comes after light_glsl where there are occluders that are not capsules.
+inline constexpr std::string_view kWithSolids = "#define WITH_SOLIDS\n";
+
+// The files of shaders/.
+namespace shaders {
+
 /// Start of every fragment shader: version, lights, background, conversion to sRGB.
-extern const char* const kLightFunctions;
-/// Comes after it if there are occluders that are not capsules.
-inline constexpr const char* kWithSolids = "#define WITH_SOLIDS\n";
+extern const std::string_view light_glsl;
 /// Comes next in shaders that compute shadows.
-extern const char* const kOcclusionFunctions;
+extern const std::string_view occlusion_glsl;
 
 /// Solids: vertices of a Mesh; the point and the normal of the surface at each pixel.
-extern const char* const kSolidVertex;
-extern const char* const kSurfaceFragment;
+extern const std::string_view solid_vertex_glsl;
+extern const std::string_view surface_fragment_glsl;
 /// Their light: a rectangle of the picture, shaded by `capsules` and `solids`.
-extern const char* const kRectangleVertex;
-extern const char* const kSolidFragment;
+extern const std::string_view rectangle_vertex_glsl;
+extern const std::string_view solid_fragment_glsl;
 /// The shade of one solid on the ground: red is the visible share of the key light, alpha that of the sky.
-extern const char* const kShadeVertex;
-extern const char* const kShadeFragment;
+extern const std::string_view shade_vertex_glsl;
+extern const std::string_view shade_fragment_glsl;
 /// The ground with its grid.
-extern const char* const kGroundVertex;
-extern const char* const kGroundFragment;
+extern const std::string_view ground_vertex_glsl;
+extern const std::string_view ground_fragment_glsl;
 /// The number of each solid (red, of 255), which every sample of a pixel keeps.
-extern const char* const kIdFragment;
+extern const std::string_view id_fragment_glsl;
 /// The picture: each sample has the colour that its solid has at this pixel or beside it.
-extern const char* const kResolveFragment;
+extern const std::string_view resolve_fragment_glsl;
 /// The background: a gradient behind everything.
-extern const char* const kBackgroundVertex;
-extern const char* const kBackgroundFragment;
+extern const std::string_view background_vertex_glsl;
+extern const std::string_view background_fragment_glsl;
+
+}  // namespace shaders
 
 }  // namespace handsim::output
