@@ -55,7 +55,7 @@ TEST(BadInput, UnknownNamesAreRefusedWithTheNearest) {
               {"keys.3.pose", "unknown pose", "nearest: fist"});
   expect_text(refused({"control.poses.poses.fist.indx_mcp=10"}),
               {"indx_mcp", "the hand does not have", "nearest: index_mcp"});
-  expect_text(refused({"control.controller.gains.1.joints=index_mpc"}),
+  expect_text(refused({"control.controller.gains.4.joints=index_mpc"}),
               {"index_mpc", "no hand", "nearest: index_mcp"});
   expect_text(refused({"control.controller.gians=1"}), {"gians", "unknown key", "nearest: gains"});
 }

@@ -200,7 +200,7 @@ TEST(TorqueLimit, HoldsAndIsCountedInBothForms) {
   for (const char* name : {"implicit", "explicit"}) {
     const scene::Scene scene =
         shipped_scene("every_pose", {controller(name), "duration=5 s",
-                                     "control.controller.gains.1={joints: index_mcp, torque_limit: 0.02}"});
+                                     "control.controller.gains.4={joints: index_mcp, torque_limit: 0.02}"});
     Simulation simulation(scene);
     for (long i = 0; i < simulation.step_count(); ++i) simulation.step();
     const AxisTracking index = simulation.figures<Tracking>()[4];
