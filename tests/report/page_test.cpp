@@ -1,4 +1,5 @@
-// Oracle: HTML ends a script at the next `</script`, and opens a comment at `<!--`, whatever stands around it.
+// Oracle: HTML ends a script at the next `</script`, and opens a comment at `<!--`, whatever stands around
+// it.
 #include "handsim/output/report/page.h"
 
 #include <gtest/gtest.h>
@@ -28,7 +29,8 @@ TEST(Page, StringsCannotEndItsScripts) {
 
 TEST(Page, NamesNoAddressOfTheNetwork) {
   const std::string page = report_page(PageKind::study, "a", "{}");
-  for (const char* what : {" src=", "@import", "url(", "href=\"http"}) EXPECT_EQ(count(page, what), 0U) << what;
+  for (const char* what : {" src=", "@import", "url(", "href=\"http"})
+    EXPECT_EQ(count(page, what), 0U) << what;
 }
 
 TEST(Page, OfARunHasThreeOrIsRefused) {

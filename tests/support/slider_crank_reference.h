@@ -1,6 +1,6 @@
-// The reference solution that tests and the accuracy study compare with: the spatial slider-crank of the IFToMM benchmark library,
-// reduced exactly to its one degree of freedom, the crank angle, and integrated with error control by
-// SUNDIALS CVODE. Independent of Model and engines.
+// The reference solution that tests and the accuracy study compare with: the spatial slider-crank of the
+// IFToMM benchmark library, reduced exactly to its one degree of freedom, the crank angle, and integrated
+// with error control by SUNDIALS CVODE. Independent of Model and engines.
 #pragma once
 
 #include <span>

@@ -80,7 +80,8 @@ TEST(Servo, HoldsItsTorqueLimitInAStepWithContact) {
   test::add_ground(model);
   model::Shape ball = test::shape("ball", model::ShapeKind::sphere, 0);
   ball.radius = 0.02;
-  ball.body = test::add_body(model, test::body("ball", 0.1, Vec3::Constant(1e-5), {Vec3(0, 0, 0.02), Quat::Identity()}));
+  ball.body = test::add_body(
+      model, test::body("ball", 0.1, Vec3::Constant(1e-5), {Vec3(0, 0, 0.02), Quat::Identity()}));
   model.shapes.push_back(ball);
   const auto engine = make_engine(
       model, settings({Effect::actuation, Effect::gravity, Effect::ground_contact, Effect::friction}));
