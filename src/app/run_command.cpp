@@ -56,12 +56,15 @@ void print_grip(const char* when, const simulation::Grip& grip) {
   print_parts(grip.parts);
 }
 
-/// Of an object that is lost there is nothing to say.
-std::string limit_left(const simulation::GraspFigures& grasp) {
+/// Nothing is said of how a lost object moved in the hand.
+std::string motion_text(const simulation::GraspFigures& grasp) {
   if (!grasp.margin_measured()) return "";
   const double margin = 100 * grasp.margin();
-  return margin >= 0 ? fmt::format("; {:.0f} % of the nearest limit left", margin)
-                     : fmt::format("; {:.0f} % beyond the nearest limit", -margin);
+  return fmt::format(
+      "; slip {:.3g} um/s in the hold; moved {:.2g} mm during the shake, {:.2g} mm and {:.2g} deg after it; "
+      "{:.0f} % {} the nearest limit",
+      1e6 * grasp.slip, 1e3 * grasp.shaken_shift, 1e3 * grasp.shift, kDegreesPerRadian * grasp.turn,
+      std::abs(margin), margin >= 0 ? "left of" : "beyond");
 }
 
 void print_grasps(const simulation::RunResult& result) {
@@ -71,11 +74,7 @@ void print_grasps(const simulation::RunResult& result) {
             grasp.outcome() != simulation::Outcome::cut_off ? ", the object is " + grasp.told() : "");
       continue;
     }
-    print(
-        "  grasp {}: {}; slip {:.3g} um/s in the hold; moved {:.2g} mm during the shake, {:.2g} mm and "
-        "{:.2g} deg after it{}\n",
-        grasp.name, grasp.told(), 1e6 * grasp.slip, 1e3 * grasp.shaken_shift, 1e3 * grasp.shift,
-        kDegreesPerRadian * grasp.turn, limit_left(grasp));
+    print("  grasp {}: {}{}\n", grasp.name, grasp.told(), motion_text(grasp));
     print_grip("end of the hold", grasp.hold);
     print_grip("after the shake", grasp.after);
     if (grasp.disagree())
