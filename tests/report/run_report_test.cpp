@@ -139,7 +139,7 @@ TEST_F(RunReport, HasActivationsAndTensionsOfMusclesByFinger) {
     const bool tension = group == "Tensions, index";
     EXPECT_TRUE(tension || group == "Activations, index") << group;
     EXPECT_EQ(curve["unit"], tension ? "N" : "");
-    EXPECT_FLOAT_EQ(floats(curve["values"]).back(), last(name + (tension ? ".tendon[N]" : ".activation")));
+    EXPECT_FLOAT_EQ(floats(curve["values"]).back(), last(name + (tension ? ".tendon[N]" : ".activation[]")));
   }
   EXPECT_EQ(found, 2);
   // The wrist is fixed in this scene.
