@@ -105,7 +105,7 @@ int parse_and_call(int argc, const char* const* argv) {
     if (error.get_exit_code() != 0) {
       if (app.get_subcommands().empty()) throw command_error(app, argc, argv);
       if (const std::optional<Error> unknown = option_error(*app.get_subcommands().front())) throw *unknown;
-      if (error.get_name() == "ExtrasError")
+      if (error.get_exit_code() == static_cast<int>(CLI::ExitCodes::ExtrasError))
         throw input_error("arguments", "too many words", "the words that --help shows");
     }
     std::ostringstream help, problem;

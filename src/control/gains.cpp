@@ -95,19 +95,17 @@ ControllerSpec read_controller(YamlNode& node, const std::string& path, Diagnost
 }
 
 void check_names(const ControllerSpec& spec, const std::vector<HandAxes>& hands, Diagnostics& diagnostics) {
-  std::vector<std::string> known, absent;
+  std::vector<std::string> known, named, absent;
   for (const HandAxes& hand : hands)
     for (const HandAxis& axis : hand.axes) known.insert(known.end(), {axis.joint, axis.name()});
-  // A joint that has a row of its own is not what another row means.
-  for (const GainRow& row : spec.rows)
-    for (const std::string& name : row.joints) std::erase(known, name);
+  for (const GainRow& row : spec.rows) named.insert(named.end(), row.joints.begin(), row.joints.end());
   for (const GainRow& row : spec.rows)
     for (const std::string& name : row.joints) {
       const bool matched =
           name.find('*') != std::string::npos ||
           std::any_of(hands.begin(), hands.end(), [&](const HandAxes& hand) { return hand.accepts(name); });
       if (matched) continue;
-      if (nearest_word(name, known))
+      if (is_misspelt(name, known, named))
         diagnostics.problems.push_back({row.place, "gains.joints",
                                         fmt::format("\"{}\", a joint that no hand of the scene has", name),
                                         "a joint or joint.axis of a hand" + nearest_hint(name, known)});

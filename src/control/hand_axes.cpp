@@ -2,7 +2,42 @@
 
 #include <algorithm>
 
+#include "handsim/core/words.h"
+
 namespace handsim::control {
+
+namespace {
+
+/// Adds the words between `_` and `.`.
+void add_words(std::string_view name, std::vector<std::string>& out) {
+  out.emplace_back();
+  for (const char c : name)
+    if (c == '_' || c == '.')
+      out.emplace_back();
+    else
+      out.back() += c;
+}
+
+}  // namespace
+
+bool is_misspelt(std::string_view name, const std::vector<std::string>& known,
+                 const std::vector<std::string>& named) {
+  std::vector<std::string> open = known, words, own;
+  std::erase_if(open, [&](const std::string& each) {
+    return std::find(named.begin(), named.end(), each) != named.end();
+  });
+  if (nearest_word(name, open)) return true;
+  for (const std::string& each : known) add_words(each, words);
+  add_words(name, own);
+  // Of short words only the order of letters: dip and pip are two joints.
+  return std::any_of(own.begin(), own.end(), [&](const std::string& word) {
+    if (std::find(words.begin(), words.end(), word) != words.end()) return false;
+    return (word.size() >= 4 && nearest_word(word, words)) ||
+           std::any_of(words.begin(), words.end(), [&](const std::string& each) {
+             return std::is_permutation(each.begin(), each.end(), word.begin(), word.end());
+           });
+  });
+}
 
 bool matches(const HandAxis& axis, std::string_view name) {
   return name == "all" || name == axis.joint || name == axis.name();

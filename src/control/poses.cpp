@@ -181,13 +181,13 @@ void check_range(const std::string& pose, const HandAxis& axis, double angle, co
                                               axis.stop->low / kDegree, axis.stop->high / kDegree)});
 }
 
-/// A joint that the hand does not have is left out, with a warning; a misspelt one is a problem: it is near
-/// to one that the pose does not name.
+/// A joint that the hand does not have is left out, with a warning; a misspelt one is a problem.
 void report_absent(const PoseSpec& pose, const std::string& joint, const Place& place, const std::string& key,
                    const HandAxes& hand, Diagnostics& diagnostics) {
-  std::vector<std::string> known = hand.joints();
-  std::erase_if(known, [&](const std::string& name) { return pose.joints.contains(name); });
-  if (nearest_word(joint, known))
+  const std::vector<std::string> known = hand.joints();
+  std::vector<std::string> named;
+  for (const auto& [name, given] : pose.joints) named.push_back(name);
+  if (is_misspelt(joint, known, named))
     return diagnostics.problems.push_back({place, key, "a joint that the hand does not have",
                                            "a joint of its hand model" + nearest_hint(joint, known)});
   std::vector<std::string>& told = diagnostics.warnings;

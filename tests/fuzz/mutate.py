@@ -28,7 +28,7 @@ INTERNAL = re.compile(r"zero_pose|first_dof|child_frame|parent_frame|contact_rul
                       r"nullptr|basic_string|vector::|map::at|stod|bad_alloc|out_of_range|kPalm|\(null\)|\boptional\b|handsim::")
 PLACE, PROBLEM = re.compile(r"\S+:\d+:\d+: "), re.compile(r".*\bgot .*, need .*")
 # Of the library that reads command lines.
-USAGE = re.compile(r"Run with --help|.* is required$|.* requires .*|.* excludes .*|.*: \d+ required .* missing$|.* not convert: .*")
+USAGE = re.compile(r"Run with --help|.* is required$|.* requires .*|.* excludes .*|.*: \d+ required .* missing$|.* not convert: .*|--[\w-]+: At Most 1 required .*")
 
 
 def numbers(text):
@@ -138,7 +138,7 @@ def run(handsim, words, folder):
     return code, out, err, wrong
 
 
-def judge(words, code, out, err):
+def judge(words, from_file, code, out, err):
     wrong = []
     if INTERNAL.search(err):
         wrong.append("words of the source: " + INTERNAL.search(err).group(0))
@@ -148,7 +148,6 @@ def judge(words, code, out, err):
         wrong.append("exit status 1")
     if words[0] == "hand" and code == 0 and re.search(r"\b-?(nan|inf)\b", out):
         wrong.append("not finite")
-    from_file = words[0] == "check" and len(words) == 2
     for line in err.splitlines():
         if line.startswith(("warning: ", "note: ", "handsim: out of memory")) or re.match(r"and \d+ more", line):
             continue
@@ -171,7 +170,7 @@ def options_of(handsim):
 
 
 def main(handsim, count=300, seed=1):
-    rng = random.Random(int(seed))
+    handsim, rng = str(Path(handsim).resolve()), random.Random(int(seed))
     files, commands = sources(), options_of(handsim)
     failed, statuses = [], {}
     keep = Path(tempfile.mkdtemp(prefix="mutate-"))
@@ -183,8 +182,8 @@ def main(handsim, count=300, seed=1):
         # A command line that is right would run a study: what it writes goes beside the input.
         code, out, err, wrong = run(handsim, words, folder)
         statuses[code] = statuses.get(code, 0) + 1
-        if not (by_file or code in (0, 1)) or by_file:
-            wrong += judge(words, code, out, err)
+        if by_file or code == 2:
+            wrong += judge(words, by_file and words[0] == "check", code, out, err)
         if wrong:
             failed.append((folder, words, wrong))
         else:
