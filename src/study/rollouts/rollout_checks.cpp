@@ -11,8 +11,6 @@ namespace {
 
 constexpr const char* kActs = "a key that acts in this scene";
 
-std::string path_of(const std::string& assignment) { return assignment.substr(0, assignment.find('=')); }
-
 /// The path is the other one or below it.
 bool within(const std::string& path, const std::string& other) {
   return (path + ".").starts_with(other + ".");
@@ -78,10 +76,10 @@ void RolloutStudy::check_paths(Diagnostics& diagnostics) const {
           break;
         }
       for (const std::string& assignment : spec_.set)
-        if (within(path_of(assignment), path) && (key.from != VariedKey::From::normal || key.mean))
-          add_at_set(input_error("--set " + path_of(assignment), "a value that vary." + key.key + " replaces",
+        if (within(key_of(assignment), path) && (key.from != VariedKey::From::normal || key.mean))
+          add_at_set(input_error("--set " + key_of(assignment), "a value that vary." + key.key + " replaces",
                                  "one of the two"),
-                     path_of(assignment), diagnostics);
+                     key_of(assignment), diagnostics);
     }
   }
 }

@@ -110,7 +110,7 @@ RolloutStudy::RolloutStudy(RolloutsSpec spec) : spec_(std::move(spec)) {
   for (const std::string& assignment : spec_.set) try {
       apply_override(root_, assignment, diagnostics.budget);
     } catch (const Error& error) {
-      add_at_set(error, path_of(assignment), diagnostics);
+      add_at_set(error, key_of(assignment), diagnostics);
     }
   diagnostics.throw_if_any();
   scene::Scene base;

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "handsim/core/yaml_reader.h"
@@ -52,6 +53,11 @@ struct RolloutsSpec {
   int trajectories = 0;              ///< of the first rollouts, which are written whole
   YamlNode resolved;                 ///< the file, with defaults
 };
+
+/// The key of an assignment, key=value.
+inline std::string key_of(std::string_view assignment) {
+  return std::string(assignment.substr(0, assignment.find('=')));
+}
 
 /// Reads a study; every defect goes into the diagnostics.
 RolloutsSpec read_rollouts(YamlNode& root, Diagnostics& diagnostics);
