@@ -40,7 +40,7 @@ struct Setting {
 constexpr double kDrakeTime = 8;
 
 /// Long, and with palms that move as told, which no peer is asked.
-const std::set<std::string> kTooLong = {"soak", "grasp_and_shake"};
+const std::set<std::string> kTooLong = {"soak", "grasp_and_shake", "pinch_and_shake"};
 const std::set<std::string> kOnlyOurs = {"lcp_failures", "abuse", "repeats", "memory_growth", "twin"};
 
 #ifdef HANDSIM_WITH_MUJOCO
