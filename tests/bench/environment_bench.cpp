@@ -149,12 +149,12 @@ void two_threads(benchmark::State& state) {
 }
 BENCHMARK(two_threads)->Unit(benchmark::kMillisecond)->UseRealTime();
 
-/// To the scene's start, with numbers drawn, and after a change of masses.
+/// To the scene's start, with numbers drawn: a mass, which changes the model, and gains.
 void reset(benchmark::State& state, const char* name, bool drawn) {
   environment::Setup setup;
   if (drawn)
     setup.randomise = {{"objects.0.mass", environment::Distribution::uniform, 0.1, 0.5},
-                       {"objects.0.friction", environment::Distribution::uniform, 0.3, 1}};
+                       {"gains", environment::Distribution::uniform, 0.5, 2}};
   Environment environment(test::shipped_scene(name, kArticulated), setup);
   environment.step({}, 100);
   std::uint64_t seed = 0;
