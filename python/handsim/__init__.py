@@ -19,8 +19,8 @@ from ._hand import Hand
 from ._pictures import contact_sheet, png, save_png
 from ._reports import report, save_video
 from ._result import Result, Verdict
-from ._scene import Scene, data_path, load, scenes
-from ._simulation import Bodies, Contacts, Simulation
+from ._scene import Muscle, Scene, data_path, load, scenes
+from ._simulation import Bodies, Contacts, Muscles, Simulation
 from ._table import Table
 
 if TYPE_CHECKING:
@@ -42,6 +42,6 @@ def __getattr__(name: str) -> Any:
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
-__all__ = ["Batch", "Bodies", "Contacts", "Error", "Fault", "Frame", "Hand", "Motion", "Problem", "Result", "Scene",
-           "Simulation", "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "gym", "has_pictures", "has_reports",
-           "load", "png", "report", "save_png", "save_video", "scenes", "study"]
+__all__ = ["Batch", "Bodies", "Contacts", "Error", "Fault", "Frame", "Hand", "Motion", "Muscle", "Muscles", "Problem",
+           "Result", "Scene", "Simulation", "Snapshot", "Table", "Verdict", "contact_sheet", "data_path", "gym",
+           "has_pictures", "has_reports", "load", "png", "report", "save_png", "save_video", "scenes", "study"]

@@ -46,7 +46,8 @@ class Batch:
         :param scene: a Scene, or what `load` takes
         :param n: number of environments, 1 to 1,000,000
         :param observe: parts of `observation`, in its order: time, q, u, tau, wrists, fingertips, objects,
-            finger_contacts, contact_pairs, failed (docs/environment.md has their numbers); failed needs ``watch``
+            finger_contacts, contact_pairs, excitation, activation, fibre_length, fibre_speed, tendon_length,
+            tendon_force, failed (docs/environment.md has their numbers); failed needs ``watch``
         :param randomise: what a reset draws, by name: ``{"objects.0.mass": ("uniform", 0.1, 0.5)}``; also
             ``("log_uniform", low, high)`` and ``("normal", mean, deviation)``. Names: gravity, objects.I.mass,
             objects.I.friction, objects.I.position, gains, torque_limits, q.
@@ -95,17 +96,18 @@ class Batch:
         return list(self._parts[part][1])
 
     def step(self, torques: Optional[ArrayLike] = None, *, targets: Optional[ArrayLike] = None,
-             wrists: Optional[ArrayLike] = None, forces: Forces = None, substeps: int = 1) -> None:
+             excitations: Optional[ArrayLike] = None, wrists: Optional[ArrayLike] = None, forces: Forces = None,
+             substeps: int = 1) -> None:
         """Steps all environments that have not failed, on all cores; the action holds for all substeps.
 
         Arrays as in `Simulation.step` with a row for each environment: torques (n, coordinates), targets (n, axes),
-        wrists (n, wrists, 7), forces by body name (n, 3) or (n, 6). float64 in C order is not copied. Ctrl-C ends the
+        excitations (n, muscles), wrists (n, wrists, 7), forces by body name (n, 3) or (n, 6). float64 in C order is not copied. Ctrl-C ends the
         call; the environments are then at different times until their reset.
 
         :raises Error: of kind input for another shape or dtype, or numbers that are not finite. A motion that diverges
             does not raise: see `failed`.
         """
-        self._core.step(torques, targets, wrists, forces, whole("substeps", substeps, 1))
+        self._core.step(torques, targets, excitations, wrists, forces, whole("substeps", substeps, 1))
 
     def reset(self, mask: Mask = None, *, seed: Optional[int] = None, seeds: Optional[ArrayLike] = None,
               to: Optional[Motion] = None) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 import html
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Callable, Mapping, Optional, Sequence, Union
+from typing import TYPE_CHECKING, Any, Callable, Mapping, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,6 +86,27 @@ def override_list(overrides: Overrides, engine: Optional[str] = None) -> list[st
     return out + [f"{key}={override_text(value)}" for key, value in (overrides or {}).items()]
 
 
+class Muscle(NamedTuple):
+    """A muscle of a hand, as `docs/muscles.md` describes it."""
+
+    name: str
+    """E.g. ``right.FDP2``."""
+    moves: str
+    """The finger that its tendon runs to, or ``wrist``."""
+    nerve: str
+    """That excites it; empty where the hand model does not say."""
+    extrinsic: bool
+    """Its belly lies in the forearm."""
+    force: float
+    """Largest isometric force of the fibres [N]."""
+    fibre_length: float
+    """Optimal [m]."""
+    slack_length: float
+    """Of the tendon [m]."""
+    pennation: float
+    """[rad]"""
+
+
 class Scene:
     """A compiled scene. It does not change; simulations and batches share it. Can be pickled.
 
@@ -165,6 +186,22 @@ class Scene:
     def axis_coordinates(self) -> NDArray[np.intp]:
         """Index in `coordinates` of each of `axes`."""
         return np.array(self._core.driven_coordinates(), dtype=np.intp)
+
+    @property
+    def muscles(self) -> list[Muscle]:
+        """The muscles in effect, in the order of ``excitations``."""
+        return [Muscle(*each) for each in self._core.muscles()]
+
+    @property
+    def muscle_groups(self) -> dict[str, NDArray[np.intp]]:
+        """Indices in `muscles` by hand (``right``), by what they move (``thumb``, ``index``, ..., ``wrist``), by nerve
+        (``median``, ``ulnar``, ``radial``), and ``extrinsic`` and ``intrinsic``."""
+        of: dict[str, list[int]] = {}
+        for i, each in enumerate(self.muscles):
+            words = (each.name.partition(".")[0], each.moves, each.nerve, "extrinsic" if each.extrinsic else "intrinsic")
+            for word in filter(None, words):
+                of.setdefault(word, []).append(i)
+        return {word: np.array(indices, dtype=np.intp) for word, indices in of.items()}
 
     @property
     def wrists(self) -> list[str]:

@@ -52,6 +52,23 @@ class Contacts(NamedTuple):
     """On a's body, mean over the step, normal part and friction [N], shape (n, 3)."""
 
 
+class Muscles(NamedTuple):
+    """The muscles now, in the order of `Scene.muscles`; each of shape (muscles,)."""
+
+    excitation: Array
+    """In the last step, 0 to 1."""
+    activation: Array
+    """0 to 1."""
+    fibre_length: Array
+    """[m]"""
+    fibre_speed: Array
+    """Lengthening, at the end of the last step [m/s]."""
+    tendon_length: Array
+    """[m]"""
+    tendon_force: Array
+    """At the end of the last step [N]."""
+
+
 class Simulation:
     """A scene that is stepped. One thread at a time uses it; simulations in several threads run side by side, because
     stepping releases the GIL.
@@ -78,11 +95,13 @@ class Simulation:
         """Torques of drives and tissue in the last step [N m] or [N], shape (coordinates,); read-only view."""
 
     def step(self, torques: Optional[ArrayLike] = None, *, targets: Optional[ArrayLike] = None,
-             wrists: Optional[ArrayLike] = None, forces: Forces = None, substeps: int = 1) -> None:
+             excitations: Optional[ArrayLike] = None, wrists: Optional[ArrayLike] = None, forces: Forces = None,
+             substeps: int = 1) -> None:
         """Steps the solver; the action holds for all substeps. Ctrl-C ends it between two of them.
 
         :param torques: [N m] or [N], shape (coordinates,), positive along the coordinate; added to the scene's own
         :param targets: angles [rad] that the scene's controller holds in place of its poses, shape (axes,)
+        :param excitations: of the muscles, 0 to 1, shape (muscles,), in place of those of the scene
         :param wrists: pose of the hand frame of each driven wrist at the end of the call: position [m] and quaternion
             w x y z, shape (wrists, 7); it moves there at constant velocity
         :param forces: by name of a body: force at its centre of mass [N], shape (3,), or with the moment [N m], shape
@@ -91,7 +110,7 @@ class Simulation:
         :raises Error: of kind input for another shape or dtype or numbers that are not finite: nothing has moved then;
             of kind physics where the motion diverges
         """
-        self._core.step(torques, targets, wrists, forces, whole("substeps", substeps, 1))
+        self._core.step(torques, targets, excitations, wrists, forces, whole("substeps", substeps, 1))
 
     @property
     def time(self) -> float:
@@ -109,6 +128,11 @@ class Simulation:
         return Bodies(*self._core.bodies())
 
     @property
+    def muscles(self) -> Muscles:
+        """A copy of excitations, activations, fibres and tendons; arrays of no number in a scene without muscles."""
+        return Muscles(*self._core.muscles())
+
+    @property
     def contacts(self) -> Contacts:
         """A copy of the contact points of the last step."""
         return Contacts(*self._core.contacts())
@@ -118,23 +142,37 @@ class Simulation:
         """Figures so far with the limits of the scene's criteria; empty without ``watch=True``."""
         return verdicts_of(self._core.verdicts())
 
-    def reset(self, to: Optional[Motion] = None, *, q: Optional[ArrayLike] = None,
-              u: Optional[ArrayLike] = None) -> None:
-        """To the scene's start, with the bits of a new simulation; to coordinates and rates of your own; or to a motion.
-        Works after a motion that diverged, too.
+    def reset(self, to: Optional[Motion] = None, *, q: Optional[ArrayLike] = None, u: Optional[ArrayLike] = None,
+              objects: Optional[ArrayLike] = None) -> None:
+        """To the scene's start, with the bits of a new simulation; to a start of your own; or to a motion. Works
+        after a motion that diverged, too.
 
-        :param to: of `motion` of this or another simulation of the same Scene; then without q and u
+        :param to: of `motion` of this or another simulation of the same Scene; then without the others
         :param q: [rad] or [m], shape (coordinates,), angles within half a turn, and at most 0.05 rad (5 mm) beyond a stop
             in effect: a simulation's own ``q`` can be so; None: the scene's
         :param u: [rad/s] or [m/s], shape (coordinates,); None: at rest, beside a q; else the scene's
+        :param objects: of each object that can move (`Scene.objects`): position of its centre of mass [m] and quaternion
+            w x y z, shape (objects, 7); None: the scene's
         :raises Error: of kind input for a motion of another scene, and with all coordinates out of range
         """
-        if to is not None and (q is not None or u is not None):
-            raise input_error("to", "a motion beside q or u", "one of the two")
+        if to is not None and not (q is u is objects is None):
+            raise input_error("to", "a motion beside q, u or objects", "one of the two")
         if to is not None:
             self._core.reset_to_motion(to)
         else:
-            self._core.reset(q, u)
+            self._core.reset(q, u, objects)
+
+    def set(self, name: str, values: ArrayLike) -> None:
+        """Sets a number of the scene from the next reset on, shape (numbers,): ``objects.0.mass`` [kg]; the names are those
+        of `Batch`.
+
+        :raises Error: of kind input for an unknown name, a wrong shape, or a number that has no effect in this scene
+        """
+        self._core.set(name, np.atleast_1d(values))
+
+    def get(self, name: str) -> Array:
+        """A number of the scene as last set, shape (numbers,)."""
+        return self._core.get(name)
 
     def motion(self) -> Motion:
         """The motion now (engine and controller), for `reset` in this process; takes microseconds."""

@@ -106,16 +106,25 @@ double Muscles::rate_change(const TendonLayout::Place& place, std::span<const do
   return rate - block.rate[place.lane];
 }
 
-double Muscles::fibre_length(std::size_t muscle, std::span<const double> q, double faster) const {
+/// Length and speed of the fibres at the end of the step.
+void Muscles::place_fibres(std::size_t muscle, std::span<const double> q, double faster,
+                           model::State& state) const {
   const model::Muscle& of = muscles_[muscle];
-  if (!of.tendon_strain) return model::fibre_at(of, path_state(of.path, q).excursion).length;
-  // As the kernel does before the next step, with the same bits.
   const TendonLayout::Place& place = layout_.muscles()[muscle];
   const TendonBlock& block = layout_.arrays().block[place.block];
+  double &length = state.fibre_length[muscle], &speed = state.fibre_speed[muscle];
+  if (!of.tendon_strain) {
+    const model::Fibre fibre = model::fibre_at(of, path_state(of.path, q).excursion);
+    length = fibre.length;
+    speed = fibre.cosine * (block.rate[place.lane] + faster);
+    return;
+  }
+  // As the kernel does before the next step, with the same bits.
   const ElasticRow& row = layout_.arrays().elastic[block.elastic];
   const double reach =
       std::max(block.least[place.lane], row.reach[place.lane] + row.share[place.lane] * faster);
-  return std::sqrt(block.height[place.lane] + reach * reach);
+  length = std::sqrt(block.height[place.lane] + reach * reach);
+  speed = (length - row.fibre[place.lane]) / step_;
 }
 
 void Muscles::end(std::span<const double> q, std::span<const double> u, model::State& state) const {
@@ -125,7 +134,7 @@ void Muscles::end(std::span<const double> q, std::span<const double> u, model::S
     const double faster = rate_change(place, u);
     state.activation[i] = block.activation[place.lane];
     state.tendon_force[i] = std::max(0.0, block.force[place.lane] + block.slope[place.lane] * faster);
-    state.fibre_length[i] = fibre_length(i, q, faster);
+    place_fibres(i, q, faster, state);
   }
 }
 

@@ -46,7 +46,7 @@ class Muscles {
   /// `tau = out - damping u+` is the law above, and that damping, by Model::dof_count() [N m s/rad].
   void by_coordinate(std::span<const double> u, std::span<const double> given, std::vector<double>& torques,
                      std::vector<double>& damping) const;
-  /// Writes activations, fibre lengths and tensions at the end of the step. @param u rates at its end
+  /// Writes activations, fibres and tensions at the end of the step. @param u rates at its end
   void end(std::span<const double> q, std::span<const double> u, model::State& state) const;
 
  private:
@@ -58,7 +58,7 @@ class Muscles {
   std::size_t slot(int a, int b);
   void find_parts();
   double rate_change(const TendonLayout::Place& place, std::span<const double> u) const;
-  double fibre_length(std::size_t muscle, std::span<const double> q, double faster) const;
+  void place_fibres(std::size_t muscle, std::span<const double> q, double faster, model::State& state) const;
 
   double step_;
   bool goes_on_ = false;  ///< since `start`

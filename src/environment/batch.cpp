@@ -160,6 +160,7 @@ void Batch::step(const BatchAction& action, int substeps) {
   require_rows("angles", action.angles.size(), size());
   require_rows("wrists", action.wrists.size(), size());
   require_rows("wrist_rates", action.wrist_rates.size(), size());
+  require_rows("excitations", action.excitations.size(), size());
   require_rows("forces", action.forces.size(), size());
   impl_->each_group([&](std::size_t first, std::size_t last) { step_group(first, last, action, substeps); });
 }
@@ -177,8 +178,11 @@ void Batch::step_group(std::size_t first, std::size_t last, const BatchAction& a
   std::vector<Lanes::Member> members;
   std::vector<std::size_t> stepped;
   const auto of = [&](std::size_t i) {
-    return Action{row(action.torques, i, size()), row(action.angles, i, size()),
-                  row(action.wrists, i, size()), row(action.wrist_rates, i, size()),
+    return Action{row(action.torques, i, size()),
+                  row(action.angles, i, size()),
+                  row(action.wrists, i, size()),
+                  row(action.wrist_rates, i, size()),
+                  row(action.excitations, i, size()),
                   action.forces.empty() ? std::span<const engine::BodyForce>() : action.forces[i]};
   };
   std::optional<Lanes>& lanes = impl_->lanes.local();

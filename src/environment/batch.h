@@ -18,6 +18,7 @@ struct BatchAction {
   std::span<const double> angles = {};                          ///< [size, driven axes]
   std::span<const Pose> wrists = {};                            ///< [size, driven wrists]
   std::span<const model::PoseRate> wrist_rates = {};            ///< [size, driven wrists]
+  std::span<const double> excitations = {};                     ///< [size, muscles]
   std::span<const std::vector<engine::BodyForce>> forces = {};  ///< [size]
 };
 

@@ -41,12 +41,16 @@ std::shared_ptr<scene::Scene> Environment::lean(const scene::Scene& scene) {
   out->plans.climbs = scene.plans.climbs;
   out->model = scene.model;
   out->control = scene.control;
+  out->muscles = scene.muscles;
   out->lineage = scene.lineage;
   return out;
 }
 
 Environment::Environment(const scene::Scene& scene, Setup setup)
     : Environment(lean(scene), std::move(setup), false, nullptr) {}
+
+Environment::Environment(std::shared_ptr<scene::Scene> scene, Setup setup)
+    : Environment(std::move(scene), std::move(setup), false, nullptr) {}
 
 Environment::Environment(std::shared_ptr<scene::Scene> scene, Setup setup, bool shared,
                          const Environment* like)
@@ -146,10 +150,17 @@ void Environment::reset(const Start& start) {
   }
   const std::span<const double> q = start.q.empty() ? std::span<const double>(state_.q) : start.q;
   std::vector<double> u(dofs);
-  std::copy(start.u.begin(), start.u.end(), u.begin());
+  if (start.q.empty()) u = state_.u;
+  if (!start.u.empty()) u.assign(start.u.begin(), start.u.end());
   simulation::place_start(*scene_, q, u, state);
   begin();
   simulation_->reset(state);
+}
+
+void Environment::restore(const simulation::RunSnapshot& snapshot) {
+  simulation_->restore(snapshot);
+  failure_.reset();
+  steps_ = 0;
 }
 
 void Environment::check(const Action& action, int substeps) const {
@@ -157,6 +168,7 @@ void Environment::check(const Action& action, int substeps) const {
   const auto* controller = simulation_->controller();
   require_size("torques", action.torques.size(), at(model.dof_count()), "coordinates");
   require_size("angles", action.angles.size(), controller ? controller->axes().size() : 0, "driven axes");
+  require_size("excitations", action.excitations.size(), model.muscles.size(), "muscles");
   require_size("wrists", action.wrists.size(), model.drives.size(), "driven wrists");
   require_size("wrist_rates", action.wrist_rates.size(), model.drives.size(), "driven wrists");
   if (!action.wrists.empty() && !action.wrist_rates.empty())
@@ -194,16 +206,18 @@ std::span<const Pose> Environment::wrist_targets(const Action& action, int step,
   return targets_;
 }
 
-void Environment::step(const Action& action, int substeps) {
+void Environment::step(const Action& action, int substeps, const std::function<void()>& after) {
   if (failure_) throw Error(*failure_);
   check(action, substeps);
   try {
     for (int i = 0; i < substeps; ++i) {
       simulation_->step({.torques = action.torques,
                          .forces = action.forces,
-                         .drive_targets = wrist_targets(action, i, substeps)},
+                         .drive_targets = wrist_targets(action, i, substeps),
+                         .excitations = action.excitations},
                         action.angles);
       ++steps_;
+      if (after) after();
     }
   } catch (const Error& error) {
     if (!error.problems().empty()) throw;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -33,6 +34,8 @@ struct Action {
   std::span<const Pose> wrists = {};
   /// Velocity of each driven wrist, in place of `wrists`.
   std::span<const model::PoseRate> wrist_rates = {};
+  /// Of the muscles, 0 to 1 as Model::muscles, in place of those of the scene.
+  std::span<const double> excitations = {};
   /// Forces on bodies; engines ode and articulated.
   std::span<const engine::BodyForce> forces = {};
 };
@@ -43,7 +46,7 @@ using Moment = simulation::MotionSnapshot;
 /// A start that replaces the scene's own.
 struct Start {
   std::span<const double> q = {};      ///< size dof_count(), or empty: the scene's
-  std::span<const double> u = {};      ///< the same, or empty: at rest
+  std::span<const double> u = {};      ///< the same, or empty: at rest beside a q, else the scene's
   std::span<const Pose> objects = {};  ///< X_WB of each object that can move, or empty: the scene's
 };
 
@@ -52,6 +55,9 @@ class Environment {
  public:
   /// @throws Error (input) where the scene does not run, or the setup names what there is not.
   Environment(const scene::Scene& scene, Setup setup = {});
+  /// The same with all of a scene that is the environment's own from here on: its snapshots are those of
+  /// runs.
+  Environment(std::shared_ptr<scene::Scene> scene, Setup setup);
   Environment(Environment&&) noexcept;
   Environment& operator=(Environment&&) noexcept;
   ~Environment();
@@ -64,12 +70,15 @@ class Environment {
   void reset(const Moment& moment);
   /// @throws Error (input) for another number of coordinates or objects.
   void reset(const Start& start);
+  /// Continues a run: Simulation::restore.
+  void restore(const simulation::RunSnapshot& snapshot);
 
-  /// @param substeps steps of the scene's solver.
+  /// @param substeps steps of the scene's solver. @param after is called after each; what it throws ends the
+  ///        call
   /// @throws Error (input) for an action of another size or with numbers that are not finite: nothing has
   ///         moved then. Error (physics) where the motion diverges: `failure` then says so, and every step
   ///         throws the same until the next reset.
-  void step(const Action& action = {}, int substeps = 1);
+  void step(const Action& action = {}, int substeps = 1, const std::function<void()>& after = {});
   /// Why the environment needs a reset; null where it does not.
   const Error* failure() const { return failure_ ? &*failure_ : nullptr; }
 

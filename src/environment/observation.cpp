@@ -7,6 +7,7 @@
 #include <fmt/ranges.h>
 
 #include "handsim/core/index.h"
+#include "handsim/model/muscle_curves.h"
 #include "handsim/output/table/csv_rows.h"
 #include "handsim/simulation/watch/hand_parts.h"
 
@@ -14,8 +15,22 @@ namespace handsim::environment {
 
 namespace {
 
-constexpr std::array<std::string_view, 10> kParts = {
-    "time", "q", "u", "tau", "wrists", "fingertips", "objects", "finger_contacts", "contact_pairs", "failed"};
+constexpr std::array<std::string_view, 16> kParts = {"time",
+                                                     "q",
+                                                     "u",
+                                                     "tau",
+                                                     "wrists",
+                                                     "fingertips",
+                                                     "objects",
+                                                     "finger_contacts",
+                                                     "contact_pairs",
+                                                     "excitation",
+                                                     "activation",
+                                                     "fibre_length",
+                                                     "fibre_speed",
+                                                     "tendon_length",
+                                                     "tendon_force",
+                                                     "failed"};
 constexpr std::array kPoseColumns = {".x[m]", ".y[m]", ".z[m]", ".qw", ".qx", ".qy", ".qz"};
 constexpr std::array kRateColumns = {".vx[m/s]",   ".vy[m/s]",   ".vz[m/s]",
                                      ".wx[rad/s]", ".wy[rad/s]", ".wz[rad/s]"};
@@ -119,6 +134,11 @@ void Observation::add(const std::string& name, const std::vector<std::string>& c
     add_columns(columns, body, kPoseColumns);
     add_columns(columns, body, kRateColumns);
   };
+  const auto of_muscles = [&](const std::string& what) {
+    if (model.muscles.empty())
+      throw input_error("observe", name + " in a scene without muscles", "muscles among the effects");
+    for (const model::Muscle& muscle : model.muscles) columns.push_back(muscle.name + what);
+  };
   switch (kind) {
     case Kind::time:
       columns = {"time[s]"};
@@ -147,6 +167,20 @@ void Observation::add(const std::string& name, const std::vector<std::string>& c
     case Kind::contact_pairs:
       for (const std::string& part : hand_parts_)
         for (const std::string& other : others_) add_columns(columns, part + "-" + other, kPairColumns);
+      break;
+    case Kind::excitation:
+    case Kind::activation:
+      of_muscles("." + name);
+      break;
+    case Kind::fibre_length:
+    case Kind::tendon_length:
+      of_muscles("." + name + "[m]");
+      break;
+    case Kind::fibre_speed:
+      of_muscles(".fibre_speed[m/s]");
+      break;
+    case Kind::tendon_force:
+      of_muscles(".tendon_force[N]");
       break;
     case Kind::failed:
       columns = {"failed"};
@@ -219,10 +253,38 @@ void Observation::write(const simulation::Simulation& simulation, std::span<doub
       case Kind::failed:
         to[0] = failed(simulation) ? 1 : 0;
         break;
+      default:
+        write_muscles(kinds_[i], simulation, to);
     }
   }
   if (!by_finger.empty() || !by_pair.empty())
     write_contacts(simulation.engine().contacts(), by_finger, by_pair);
+}
+
+void Observation::write_muscles(Kind kind, const simulation::Simulation& simulation,
+                                std::span<double> to) const {
+  const model::State& state = simulation.state();
+  const auto copy = [&](std::span<const double> from) { std::copy(from.begin(), from.end(), to.begin()); };
+  switch (kind) {
+    case Kind::excitation:
+      // None has been given before the first step.
+      if (simulation.excitations().empty()) std::fill(to.begin(), to.end(), 0);
+      return copy(simulation.excitations());
+    case Kind::activation:
+      return copy(state.activation);
+    case Kind::fibre_length:
+      return copy(state.fibre_length);
+    case Kind::fibre_speed:
+      return copy(state.fibre_speed);
+    case Kind::tendon_force:
+      return copy(state.tendon_force);
+    default:
+      for (std::size_t i = 0; i < to.size(); ++i) {
+        const model::Muscle& muscle = scene_.model.muscles[i];
+        const double excursion = model::path_state(muscle.path, state.q).excursion;
+        to[i] = model::tendon_length(muscle, excursion, state.fibre_length[i]);
+      }
+  }
 }
 
 void Observation::write_poses(Kind kind, const model::State& state, double* to) const {

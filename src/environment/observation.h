@@ -19,6 +19,9 @@ namespace handsim::environment {
 ///                     of mass), world axes
 ///   finger_contacts   of palm and fingers of each hand: force on it [N], world axes, and number of points
 ///   contact_pairs     of palm and fingers with each object, then with all else: normal force [N], points
+///   excitation, activation            of each muscle, 0 to 1
+///   fibre_length, fibre_speed         of each muscle [m], lengthening [m/s]
+///   tendon_length, tendon_force       of each muscle [m], [N]; speed and force at the end of the last step
 ///   failed            1 where a criterion of the scene is not held up to now, else 0; needs watchers
 std::span<const std::string_view> observation_parts();
 
@@ -45,7 +48,24 @@ class Observation {
 
  private:
   /// In the order of observation_parts().
-  enum class Kind { time, q, u, tau, wrists, fingertips, objects, finger_contacts, contact_pairs, failed };
+  enum class Kind {
+    time,
+    q,
+    u,
+    tau,
+    wrists,
+    fingertips,
+    objects,
+    finger_contacts,
+    contact_pairs,
+    excitation,
+    activation,
+    fibre_length,
+    fibre_speed,
+    tendon_length,
+    tendon_force,
+    failed
+  };
   /// End of a finger.
   struct Tip {
     int body = 0;
@@ -55,6 +75,7 @@ class Observation {
   void find_things();
   void add(const std::string& name, const std::vector<std::string>& coordinates);
   bool has(Kind kind) const;
+  void write_muscles(Kind kind, const simulation::Simulation& simulation, std::span<double> to) const;
   void write_poses(Kind kind, const model::State& state, double* to) const;
   void write_contacts(std::span<const engine::Contact> contacts, std::span<double> by_finger,
                       std::span<double> by_pair) const;

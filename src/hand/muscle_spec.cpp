@@ -34,6 +34,7 @@ class FileReader {
   void read_muscle(MapReader reader) {
     MuscleSpec muscle;
     muscle.tendon = read_tendon(reader);
+    muscle.nerve = reader.maybe_text("nerve").value_or("");
     muscle.force = reader.number("force", {Dimension::force, 0.1, 1e4});
     muscle.fibre_length = reader.number("fibre", {Dimension::length, 1e-3, 1});
     muscle.tendon_length = reader.number("tendon", {Dimension::length, 0, 1});
@@ -219,6 +220,10 @@ HandMuscles build_muscles(const MuscleFile& file, const std::vector<HandAxis>& a
   for (const MuscleSpec& spec : file.muscles) {
     model::Muscle& muscle = out.muscles.emplace_back();
     muscle.name = spec.tendon.name;
+    muscle.nerve = spec.nerve;
+    muscle.extrinsic = std::any_of(
+        spec.tendon.path.arms.begin(), spec.tendon.path.arms.end(),
+        [&](const model::MomentArm& arm) { return axes[at(arm.dof)].name.starts_with("wrist."); });
     muscle.path = scaled(spec.tendon.path, scale);
     muscle.force = spec.force * out.strength;
     muscle.fibre_length = spec.fibre_length * scale;

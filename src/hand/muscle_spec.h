@@ -22,6 +22,7 @@ struct TendonSpec {
 
 struct MuscleSpec {
   TendonSpec tendon;
+  std::string nerve;         ///< may be empty
   double force = 0;          ///< of the reference person [N]
   double fibre_length = 0;   ///< optimal, of the reference hand [m]
   double tendon_length = 0;  ///< slack, of the reference hand [m]

@@ -53,7 +53,9 @@ inline constexpr double kLeastTendonStrain = 1e-4, kMostTendonStrain = 0.5;
 
 /// A Hill-type muscle. Its fibres lie at `pennation` where they have their optimal length.
 struct Muscle {
-  std::string name;  ///< unique, e.g. `right.FDP2`
+  std::string name;        ///< unique, e.g. `right.FDP2`
+  std::string nerve;       ///< that excites it, e.g. `median`; empty: not stated
+  bool extrinsic = false;  ///< its belly lies in the forearm: it crosses the wrist
   TendonPath path;
   double force = 0;                 ///< largest isometric force of the fibres [N]
   double fibre_length = 0;          ///< optimal [m]

@@ -66,6 +66,10 @@ RestingMuscle at_rest(const Muscle& muscle, double excursion, double activation)
   return {std::sqrt(hill.height + found.reach * found.reach), found.force};
 }
 
+double tendon_length(const Muscle& muscle, double excursion, double fibre_length) {
+  return muscle.length - excursion - fibre_reach(hill_constants(muscle), fibre_length);
+}
+
 double fibre_excursion(const Muscle& muscle, double fibre_length) {
   const HillConstants<double> hill = hill_constants(muscle);
   return hill.reach - fibre_reach(hill, fibre_length);

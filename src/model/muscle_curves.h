@@ -65,6 +65,8 @@ struct RestingMuscle {
   double force = 0;         ///< tension [N]
 };
 RestingMuscle at_rest(const Muscle& muscle, double excursion, double activation);
+/// Length of the tendon beside fibres of a length [m].
+double tendon_length(const Muscle& muscle, double excursion, double fibre_length);
 /// Excursion at which a rigid tendon has fibres of this length [m].
 double fibre_excursion(const Muscle& muscle, double fibre_length);
 

@@ -35,6 +35,7 @@ struct State {
   // By muscle, size of Model::muscles.
   std::vector<double> activation;    ///< 0..1
   std::vector<double> fibre_length;  ///< at the time [m]
+  std::vector<double> fibre_speed;   ///< lengthening, at the end of the last step [m/s]
   std::vector<double> tendon_force;  ///< tension in the last step, at its end [N]
 };
 
@@ -51,7 +52,8 @@ void carry(Archive& archive, T& state) {
   }
   archive.each(state.tau);
   archive.each(state.tau_servo);
-  for (auto* values : {&state.activation, &state.fibre_length, &state.tendon_force}) archive.each(*values);
+  for (auto* values : {&state.activation, &state.fibre_length, &state.fibre_speed, &state.tendon_force})
+    archive.each(*values);
 }
 
 }  // namespace handsim::model

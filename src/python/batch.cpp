@@ -58,14 +58,16 @@ class BatchHandle {
         seed_(seed),
         episodes_(size) {}
 
-  void step(const py::object& torques, const py::object& targets, const py::object& wrists,
-            const py::object& forces, int substeps) {
+  void step(const py::object& torques, const py::object& targets, const py::object& excitations,
+            const py::object& wrists, const py::object& forces, int substeps) {
     const auto rows = static_cast<py::ssize_t>(batch_.size());
     const auto dofs = static_cast<py::ssize_t>(scene_->model.dof_count());
     const auto axes = static_cast<py::ssize_t>(scene_->control ? scene_->control->axes.size() : 0);
+    const auto muscles = static_cast<py::ssize_t>(scene_->model.muscles.size());
     const auto drives = static_cast<py::ssize_t>(scene_->model.drives.size());
     const Numbers torque = Numbers::optional(torques, {rows, dofs}, "torques");
     const Numbers target = Numbers::optional(targets, {rows, axes}, "targets");
+    const Numbers excitation = Numbers::optional(excitations, {rows, muscles}, "excitations");
     const std::vector<Pose> poses = poses_of(Numbers::optional(wrists, {rows, drives, 7}, "wrists"));
     std::vector<std::vector<engine::BodyForce>> force;
     read_forces(forces, scene_->model, batch_.size(), force);
@@ -73,6 +75,7 @@ class BatchHandle {
                                           .angles = target.span(),
                                           .wrists = poses,
                                           .wrist_rates = {},
+                                          .excitations = excitation.span(),
                                           .forces = force};
     with_signals([&] { step_in_parts(action, substeps); });
   }
@@ -235,8 +238,8 @@ void bind_batch(py::module_& module) {
       py::arg("scene"), py::arg("size"), py::arg("observe"), py::arg("randomise"), py::arg("seed"),
       py::arg("threads"), py::arg("watch"));
   bind_class<Self>(module, "Batch")
-      .def("step", &Self::step, py::arg("torques"), py::arg("targets"), py::arg("wrists"), py::arg("forces"),
-           py::arg("substeps"))
+      .def("step", &Self::step, py::arg("torques"), py::arg("targets"), py::arg("excitations"),
+           py::arg("wrists"), py::arg("forces"), py::arg("substeps"))
       .def("repeat", &Self::repeat, py::arg("torques"), py::arg("substeps"), py::arg("count"))
       .def("reset", &Self::reset, py::arg("mask"), py::arg("seeds"), py::arg("motion"))
       .def("seed", &Self::seed, py::arg("seed"))

@@ -19,20 +19,15 @@ int body_of(const model::Model& model, const std::string& name) {
 
 }  // namespace
 
-std::vector<Pose> poses_of(const Numbers& numbers) {
+std::vector<Pose> poses_of(const Numbers& numbers, const char* name) {
   std::vector<Pose> out;
   const std::span<const double> all = numbers.span();
   for (std::size_t i = 0; i + 7 <= all.size(); i += 7) {
     const Quat turn(all[i + 3], all[i + 4], all[i + 5], all[i + 6]);
-    if (!(turn.norm() > 0)) throw input_error("wrists", "a quaternion of length 0", "w x y z of a rotation");
+    if (!(turn.norm() > 0)) throw input_error(name, "a quaternion of length 0", "w x y z of a rotation");
     out.push_back({Vec3(all[i], all[i + 1], all[i + 2]), turn.normalized()});
   }
   return out;
-}
-
-Pose between(const Pose& from, const Pose& to, double share) {
-  const Vec3 turn = rotation_vector(to.q * from.q.conjugate());
-  return {from.p + share * (to.p - from.p), (rotation_quaternion(share * turn) * from.q).normalized()};
 }
 
 void read_forces(const py::object& forces, const model::Model& model, std::size_t size,

@@ -12,10 +12,7 @@ namespace handsim::python {
 
 /// Rows of seven numbers: position [m], quaternion w x y z, which is normalised.
 /// @throws Error (input) for a quaternion of zero length.
-std::vector<Pose> poses_of(const Numbers& numbers);
-
-/// The pose at a share 0..1 of the way from one to another, at constant velocity.
-Pose between(const Pose& from, const Pose& to, double share);
+std::vector<Pose> poses_of(const Numbers& numbers, const char* name = "wrists");
 
 /// Forces by name of the body or the object: each three numbers [N], or six with the moment [N m]; world
 /// axes, at the centre of mass. @param size environments, whose rows the arrays have; 0: no rows, for a

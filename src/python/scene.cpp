@@ -9,6 +9,7 @@
 #include "handsim/python/bindings.h"
 #include "handsim/python/signals.h"
 #include "handsim/scene/compile/overruled.h"
+#include "handsim/simulation/watch/hand_parts.h"
 
 namespace handsim::python {
 
@@ -90,6 +91,16 @@ py::array_t<double> masses(const SceneHandle& of) {
   return array_of(out);
 }
 
+/// The fields of Muscle in _scene.py.
+py::list muscles(const SceneHandle& of) {
+  py::list out;
+  const model::Model& model = of.scene->model;
+  for (const model::Muscle& each : model.muscles)
+    out.append(py::make_tuple(each.name, simulation::moved_by(each, model), each.nerve, each.extrinsic,
+                              each.force, each.fibre_length, each.slack_length, each.pennation));
+  return out;
+}
+
 /// The files that make the same scene anywhere, by their paths relative to resolved.yaml.
 py::dict standalone(const SceneHandle& of) {
   py::dict out;
@@ -111,6 +122,7 @@ void bind_scene(py::module_& module) {
       .def("objects", &objects)
       .def("limits", &limits)
       .def("masses", &masses)
+      .def("muscles", &muscles)
       .def("standalone", &standalone)
       .def("bodies", [](const SceneHandle& of) { return names(of.scene->model.bodies); })
       .def("hands", [](const SceneHandle& of) { return names(of.scene->model.hands); })

@@ -1,4 +1,4 @@
-#include "handsim/simulation/simulation.h"
+#include "handsim/environment/environment.h"
 
 #include "handsim/core/index.h"
 #include "handsim/model/kinematics.h"
@@ -13,60 +13,63 @@ namespace handsim::python {
 
 namespace {
 
-ScenePtr with_forces(const SceneHandle& of, bool contact_forces) {
-  if (of.scene->spec.solver.contact_forces == contact_forces) return of.scene;
+/// A scene of the simulation's own.
+std::shared_ptr<scene::Scene> with_forces(const SceneHandle& of, bool contact_forces) {
   auto out = std::make_shared<scene::Scene>(*of.scene);
   out->spec.solver.contact_forces = contact_forces;
   return out;
 }
 
-/// A simulation with buffers of its coordinates that numpy views; its address does not change.
+/// Steps between two chances for Python's signal handlers.
+constexpr long kPolledEvery = 16;
+/// Parts of an observation, in the order of Muscles in _simulation.py.
+const std::vector<std::string> kMuscleParts = {"excitation",  "activation",    "fibre_length",
+                                               "fibre_speed", "tendon_length", "tendon_force"};
+
+environment::Setup setup_of(const SceneHandle& of, bool watch) {
+  environment::Setup out;
+  out.observe = of.scene->model.muscles.empty() ? std::vector<std::string>() : kMuscleParts;
+  if (watch) out.watchers = simulation::standard_watchers;
+  return out;
+}
+
+/// An environment with buffers of its coordinates that numpy views; its address does not change.
 class SimulationHandle {
  public:
   SimulationHandle(const SceneHandle& of, bool watch, bool contact_forces)
-      : simulation_(
-            with_forces(of, contact_forces),
-            watch ? simulation::MakeWatchers(simulation::standard_watchers) : simulation::no_watchers) {
-    const std::size_t dofs = simulation_.state().q.size();
+      : environment_(with_forces(of, contact_forces), setup_of(of, watch)) {
+    const std::size_t dofs = simulation().state().q.size();
     for (std::vector<double>* each : {&q, &u, &tau}) each->resize(dofs);
     publish();
   }
 
-  void step(const py::object& torques, const py::object& targets, const py::object& wrists,
-            const py::object& forces, long substeps) {
-    const auto dofs = static_cast<py::ssize_t>(q.size());
-    const auto axes = simulation_.scene().control ? simulation_.scene().control->axes.size() : 0;
-    const auto drives = simulation_.model().drives.size();
-    if (substeps < 1) throw input_error("substeps", std::to_string(substeps), "1 or more");
-    const Numbers torque = Numbers::optional(torques, {dofs}, "torques");
-    const Numbers target = Numbers::optional(targets, {static_cast<py::ssize_t>(axes)}, "targets");
-    const std::vector<Pose> poses =
-        poses_of(Numbers::optional(wrists, {static_cast<py::ssize_t>(drives), 7}, "wrists"));
+  void step(const py::object& torques, const py::object& targets, const py::object& excitations,
+            const py::object& wrists, const py::object& forces, int substeps) {
+    const scene::Scene& scene = environment_.scene();
+    const auto optional = [](const py::object& given, std::size_t size, const char* name) {
+      return Numbers::optional(given, {static_cast<py::ssize_t>(size)}, name);
+    };
+    const Numbers torque = optional(torques, q.size(), "torques");
+    const Numbers target = optional(targets, scene.control ? scene.control->axes.size() : 0, "targets");
+    const Numbers excitation = optional(excitations, scene.model.muscles.size(), "excitations");
+    const auto drives = static_cast<py::ssize_t>(scene.model.drives.size());
+    const std::vector<Pose> poses = poses_of(Numbers::optional(wrists, {drives, 7}, "wrists"));
     std::vector<std::vector<engine::BodyForce>> force;
-    read_forces(forces, simulation_.model(), 0, force);
+    read_forces(forces, scene.model, 0, force);
+    environment::Action action{.torques = torque.span(),
+                               .angles = target.span(),
+                               .wrists = poses,
+                               .wrist_rates = {},
+                               .excitations = excitation.span(),
+                               .forces = {}};
+    if (!force.empty()) action.forces = force[0];
     Signals signals;
+    long steps = 0;
     guarded([&] {
-      const engine::StepInput input{.torques = torque.span(),
-                                    .forces = force.empty() ? std::span<const engine::BodyForce>() : force[0],
-                                    .drive_targets = {}};
-      run(input, target.span(), poses, substeps, signals);
+      environment_.step(action, substeps, [&] {
+        if (++steps % kPolledEvery == 0) signals.poll(0);
+      });
     });
-  }
-
-  void run(engine::StepInput input, std::span<const double> targets, const std::vector<Pose>& wrists,
-           long substeps, Signals& signals) {
-    std::vector<Pose> from, to(wrists.size());
-    for (std::size_t i = 0; i < wrists.size(); ++i) {
-      const model::Drive& drive = simulation_.model().drives[i];
-      from.push_back(simulation_.state().bodies[at(drive.body)].pose() * drive.frame);
-    }
-    for (long k = 1; k <= substeps; ++k) {
-      for (std::size_t i = 0; i < wrists.size(); ++i)
-        to[i] = between(from[i], wrists[i], static_cast<double>(k) / static_cast<double>(substeps));
-      input.drive_targets = to;
-      simulation_.step(input, targets);
-      if (k % 16 == 0) signals.poll(0);
-    }
   }
 
   /// The buffers have the state afterwards, whatever happens.
@@ -83,7 +86,13 @@ class SimulationHandle {
   /// What a function finds in the simulation.
   template <class Find>
   auto read(const Find& find) {
-    return calls_.one([&] { return find(std::as_const(simulation_)); });
+    return calls_.one([&] { return find(simulation()); });
+  }
+
+  /// Of kMuscleParts [6, muscles].
+  py::array_t<double> muscles() {
+    const std::span<const double> all = calls_.one([&] { return environment_.observe(); });
+    return array_of(all, environment_.scene().model.muscles.size());
   }
 
   py::tuple bodies() {
@@ -109,7 +118,7 @@ class SimulationHandle {
     const auto contacts = read([](const auto& of) {
       return std::vector<engine::Contact>(of.engine().contacts().begin(), of.engine().contacts().end());
     });
-    const std::vector<model::Shape>& shapes = simulation_.model().shapes;
+    const std::vector<model::Shape>& shapes = simulation().model().shapes;
     std::vector<std::string> a, b;
     std::vector<double> position, normal, depth, force;
     const auto add = [](std::vector<double>& out, const Vec3& v) {
@@ -127,19 +136,20 @@ class SimulationHandle {
                           array_of(force, 3));
   }
 
-  simulation::Simulation& simulation() { return simulation_; }
+  environment::Environment& environment() { return environment_; }
+  const simulation::Simulation& simulation() const { return environment_.simulation(); }
 
   std::vector<double> q, u, tau;
 
  private:
   void publish() {
-    const model::State& state = simulation_.state();
+    const model::State& state = simulation().state();
     std::copy(state.q.begin(), state.q.end(), q.begin());
     std::copy(state.u.begin(), state.u.end(), u.begin());
     std::copy(state.tau.begin(), state.tau.end(), tau.begin());
   }
 
-  simulation::Simulation simulation_;
+  environment::Environment environment_;
   Calls calls_;
 };
 
@@ -150,20 +160,17 @@ py::array view(const py::object& self, const std::vector<double>& of) {
   return out;
 }
 
-/// To the scene's start, or to coordinates and rates.
-void reset_to(SimulationHandle& self, const py::object& q_of, const py::object& u_of) {
+/// To the scene's start, or to coordinates, rates and places of objects.
+void reset_to(SimulationHandle& self, const py::object& q, const py::object& u, const py::object& objects) {
   const auto dofs = static_cast<py::ssize_t>(self.q.size());
-  const Numbers q_given = Numbers::optional(q_of, {dofs}, "q"),
-                u_given = Numbers::optional(u_of, {dofs}, "u");
+  const Numbers q_given = Numbers::optional(q, {dofs}, "q"), u_given = Numbers::optional(u, {dofs}, "u");
+  py::ssize_t movable = 0;
+  for (const scene::ObjectSpec& object : self.simulation().scene().plans.objects)
+    movable += !object.is_static;
+  const std::vector<Pose> poses = poses_of(Numbers::optional(objects, {movable, 7}, "objects"), "objects");
   self.guarded([&] {
-    simulation::Simulation& simulation = self.simulation();
-    if (q_of.is_none() && u_of.is_none()) return simulation.reset();
-    model::State state = model::initial_state(simulation.model());
-    const std::vector<double> q0 = state.q, u0(self.q.size());
-    simulation::place_start(simulation.scene(),
-                            q_given.empty() ? std::span<const double>(q0) : q_given.span(),
-                            u_given.empty() ? std::span<const double>(u0) : u_given.span(), state);
-    simulation.reset(state);
+    if (q.is_none() && u.is_none() && objects.is_none()) return self.environment().reset();
+    self.environment().reset(environment::Start{q_given.span(), u_given.span(), poses});
   });
 }
 
@@ -197,20 +204,35 @@ void bind_simulation(py::module_& module) {
       py::arg("scene"), py::arg("watch"), py::arg("contact_forces"));
   auto bound = bind_class<Self>(module, "Simulation");
   bound
-      .def("step", &Self::step, py::arg("torques"), py::arg("targets"), py::arg("wrists"), py::arg("forces"),
-           py::arg("substeps"))
+      .def("step", &Self::step, py::arg("torques"), py::arg("targets"), py::arg("excitations"),
+           py::arg("wrists"), py::arg("forces"), py::arg("substeps"))
+      .def("muscles", &Self::muscles)
+      .def(
+          "set",
+          [](Self& self, const std::string& name, const py::object& values) {
+            const auto size = self.read([&](const auto&) { return self.environment().get(name).size(); });
+            const Numbers numbers(values, {static_cast<py::ssize_t>(size)}, name);
+            self.guarded([&] { self.environment().set(name, numbers.span()); });
+          },
+          py::arg("name"), py::arg("values"))
+      .def(
+          "get",
+          [](Self& self, const std::string& name) {
+            return array_of(self.read([&](const auto&) { return self.environment().get(name); }));
+          },
+          py::arg("name"))
       .def("bodies", &Self::bodies)
       .def("contacts", &Self::contacts)
-      .def("reset", &reset_to, py::arg("q"), py::arg("u"))
+      .def("reset", &reset_to, py::arg("q"), py::arg("u"), py::arg("objects"))
       .def("snapshot", [](Self& self) { return self.read([](const auto& of) { return of.snapshot(); }); })
       .def("restore",
            [](Self& self, const simulation::RunSnapshot& snapshot) {
-             self.guarded([&] { self.simulation().restore(snapshot); });
+             self.guarded([&] { self.environment().restore(snapshot); });
            })
       .def("motion", [](Self& self) { return Motion{self.read([](const auto& of) { return of.motion(); })}; })
       .def("reset_to_motion",
            [](Self& self, const Motion& motion) {
-             self.guarded([&] { self.simulation().reset(motion.motion); });
+             self.guarded([&] { self.environment().reset(motion.motion); });
            })
       .def("frame",
            [](Self& self) {

@@ -294,7 +294,7 @@ void Simulation::advance(const engine::StepInput& action) {
 }
 
 std::optional<Simulation::Parts> Simulation::parts() {
-  if (failure_ || !watchers_.empty() || !climbs_.empty()) return std::nullopt;
+  if (failure_ || drive_ || !watchers_.empty() || !climbs_.empty()) return std::nullopt;
   return Parts{*engine_, controller_.get(), constant_};
 }
 

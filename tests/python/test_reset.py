@@ -164,7 +164,7 @@ def test_coordinates_out_of_range_are_refused(two_hands):
         simulation.reset(q=q)
     with pytest.raises(hs.Error, match=r"u\..*: got inf, need a finite number"):
         simulation.reset(u=np.full(40, np.inf))
-    with pytest.raises(hs.Error, match="to: got a motion beside q or u"):
+    with pytest.raises(hs.Error, match="to: got a motion beside q, u or objects"):
         simulation.reset(simulation.motion(), q=np.zeros(40))
     assert np.array_equal(motion_of(simulation), before)
     free = hs.load("stability/swinging_hand", engine="articulated")

@@ -81,17 +81,6 @@ std::pair<std::string, std::string> parted(const std::string& name) {
   return {name.substr(0, at), name.substr(at + 1, name.size() - at - 2)};
 }
 
-/// The finger that a muscle moves, or `wrist`.
-const char* moved_by(const model::Muscle& muscle, const model::Model& model) {
-  int part = 0;
-  for (const model::MomentArm& arm : muscle.path.arms)
-    for (const model::Joint& joint : model.joints)
-      if (joint.first_dof <= arm.dof && arm.dof < joint.first_dof + static_cast<int>(joint.axes.size()))
-        for (const model::Shape& shape : model.shapes)
-          if (shape.body == joint.child) part = std::max(part, hand_part(shape.part));
-  return part == 0 ? "wrist" : kHandParts[at(part)];
-}
-
 /// Targets, angles and torques of driven axes; activations and tensions of muscles.
 void add_control(const std::filesystem::path& path, const scene::Scene& scene, Curves& curves) {
   const output::NumberTable table = output::read_numbers(path);

@@ -12,7 +12,7 @@ namespace handsim::simulation {
 
 /// Version of files; other versions are refused. Increase it with every change of the content of a snapshot:
 /// its parts (what any class saves), their order, or their format.
-inline constexpr std::uint64_t kSnapshotVersion = 8;
+inline constexpr std::uint64_t kSnapshotVersion = 9;
 /// Largest file size that is accepted.
 inline constexpr std::size_t kSnapshotMaxBytes = 64U << 20U;
 

@@ -1,6 +1,7 @@
 // The parts of a hand for lists of forces, and the forces on one part.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <string>
 #include <vector>
@@ -16,6 +17,17 @@ inline constexpr std::array<const char*, 6> kHandParts = {"palm",   "thumb", "in
 inline int hand_part(model::Part part) {
   static_assert(static_cast<int>(model::Part::palm) == 0 && static_cast<int>(model::Part::little) == 5);
   return part <= model::Part::little ? static_cast<int>(part) : -1;
+}
+
+/// The finger that a muscle moves; `wrist` where it moves none.
+inline const char* moved_by(const model::Muscle& muscle, const model::Model& model) {
+  int part = 0;
+  for (const model::MomentArm& arm : muscle.path.arms)
+    for (const model::Joint& joint : model.joints)
+      if (joint.first_dof <= arm.dof && arm.dof < joint.first_dof + static_cast<int>(joint.axes.size()))
+        for (const model::Shape& shape : model.shapes)
+          if (shape.body == joint.child) part = std::max(part, hand_part(shape.part));
+  return part == 0 ? "wrist" : kHandParts[static_cast<std::size_t>(part)];
 }
 
 /// Contact of one part of a hand with the object or hold at one time.
