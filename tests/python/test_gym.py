@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 import handsim as hs
-from handsim.gym import Episodes, Hold, Reach, SceneTask, Turn
+from handsim.gym import Episodes, Hold, Pose, Reach, SceneTask, Turn
 
 needs_gymnasium = pytest.mark.skipif(
     __import__("importlib.util").util.find_spec("gymnasium") is None,
     reason="gymnasium is not installed (pip install gymnasium): its environments are not tested")
-TASKS = {"reach": Reach, "hold": Hold, "turn": Turn}
+TASKS = {"pose": Pose, "reach": Reach, "hold": Hold, "turn": Turn}
+DRIVES = ("targets", "torques", "muscles")
 
 
 # Oracle: the same seed and actions give the same bits, in any number of threads.
@@ -25,23 +26,53 @@ def test_episodes_are_a_function_of_the_seed(name):
         histories.append([np.hstack([np.column_stack(each.step(action)[1:]), each.batch.observation]) for action in actions])
     assert np.array_equal(*histories)
     other = Episodes(name, 4, seed=8)
-    if name == "reach":
+    if name in ("pose", "reach"):
         assert not np.array_equal(other.task.observation(other.batch), first.reset(seed=7))
 
 
-# Oracle: a policy that goes straight to the goal reaches it: every episode is terminated, with the bonus.
-def test_reach_is_solved_by_going_to_the_goal():
-    episodes = Episodes("reach", 8)
-    k = episodes.task.actions
-    observation = episodes.task.observation(episodes.batch)
+# Oracle: a policy that goes straight to the goal reaches it: every episode ends with the reward of success.
+def test_pose_is_solved_by_going_to_the_goal():
+    episodes = Episodes("pose", 8)
+    task = episodes.task
+    k = task.actions
+    observation = episodes.reset(seed=1)
     reached = np.zeros(8, bool)
-    for _ in range(episodes.task.max_steps):
-        to_goal = observation[:, -2 * k:-k]  # the targets
-        goal = observation[:, -k:] + episodes.batch.q[:, episodes.task.scene.axis_coordinates]
-        observation, reward, terminated, _ = episodes.step((goal - to_goal) / Reach.speed)
+    for _ in range(task.max_steps):
+        observation, reward, terminated, _ = episodes.step((observation[:, -k:] - observation[:, -2 * k:-k]) / Pose.speed)
         assert np.all(reward[terminated & ~reached] > 9)
         reached |= terminated
     assert reached.all()
+
+
+# Oracle: goals come from postures that the drive holds, so that the action which made one leads to it.
+@pytest.mark.parametrize("name", ("pose", "reach"))
+def test_muscles_reach_their_goals_by_the_excitations_that_made_them(name):
+    episodes = Episodes(TASKS[name](drive="muscles"), 64)
+    task, random = episodes.task, np.random.default_rng(0)
+    made = 0.4 * random.random((512, task.actions)) * (random.random((512, task.actions)) < 0.3)
+    episodes.reset(seed=3)
+    chosen = [int(np.argmin(np.abs(task._goals - goal).sum(axis=1))) for goal in task._goal]
+    action = 2 * np.cbrt(made[chosen]) - 1
+    success = np.zeros(64, bool)
+    for _ in range(task.max_steps):
+        _, reward, terminated, _ = episodes.step(action)
+        success |= terminated
+    assert success.all()
+
+
+# Oracles: the action's own scale; more excitation, more activation.
+@pytest.mark.parametrize("drive", DRIVES)
+def test_drives_do_what_they_say(drive):
+    task = Pose(drive=drive)
+    episodes = Episodes(task, 2)
+    low, high = (episodes.step(np.full((2, task.actions), sign))[0].copy() for sign in (-1.0, 1.0))
+    assert low.shape == high.shape and np.isfinite(high).all()
+    if drive == "muscles":
+        assert task.actions == 41 and np.all(high[:, 40:81] > low[:, 40:81]) and high[:, 40:81].max() <= 1
+    else:
+        assert task.actions == 20 and np.all(high[:, 20:40].sum(axis=1) > low[:, 20:40].sum(axis=1))
+    with pytest.raises(hs.Error, match="drive: got wires, need one of targets, torques, muscles"):
+        Pose(drive="wires")
 
 
 # Oracle: gravity: an opened hand drops the can within a second; one that squeezes holds it for the whole episode.
@@ -84,7 +115,7 @@ def test_any_scene_becomes_a_task(two_hands):
         observation, reward, terminated, truncated = episodes.step(np.ones((2, 40)))
     assert np.array_equal(reward, observation[:, :40].sum(axis=1))
     assert not terminated.any() and truncated.all()
-    with pytest.raises(hs.Error, match="task: got jump, need one of reach, hold, turn"):
+    with pytest.raises(hs.Error, match="task: got jump, need one of pose, reach, hold, turn"):
         Episodes("jump", 2)
 
 

@@ -135,7 +135,7 @@ def damages(run, other, chance):
                     yield name, f'{steps} is {str(value)[:20]}', key(steps, value)
             for text in ('null', '[]', '{}', '"x"', '[' * 100_000, '{"criteria": []}', '{"a":' * 100_000):
                 yield name, text[:20], content(lambda b, text=text: text.encode())
-    for name in ('control.sto', 'contacts.csv', 'monitor.csv'):
+    for name in ('control.sto', 'muscles.sto', 'contacts.csv', 'monitor.csv'):
         if not (run / name).exists():
             yield name, 'of another run', lambda path: shutil.copy(other / path.name, path) if (other / path.name).exists() else path.touch()
 

@@ -113,7 +113,7 @@ TEST_F(RunReport, IsRefusedForTablesOfAnotherScene) {
   fs::remove_all(other);
 }
 
-// Oracle: control.sto, and the anatomy: the deep flexor of the index moves the index.
+// Oracle: muscles.sto, and the anatomy: the deep flexor of the index moves the index.
 TEST_F(RunReport, HasActivationsAndTensionsOfMusclesByFinger) {
   const fs::path out = folder.string() + "_muscles";
   RunOptions options;
@@ -121,7 +121,7 @@ TEST_F(RunReport, HasActivationsAndTensionsOfMusclesByFinger) {
   run(scene::load_scene(fs::path(HANDSIM_SOURCE_DIR) / "config/muscle_poses.yaml", {"duration=0.1 s"}),
       options);
   const json page = data_of(run_report({out}))["runs"][0];
-  const output::NumberTable table = output::read_numbers(out / "control.sto");
+  const output::NumberTable table = output::read_numbers(out / "muscles.sto");
   const auto last = [&](const std::string& name) {
     const auto column = std::find(table.columns.begin(), table.columns.end(), name) - table.columns.begin();
     return static_cast<float>(table.at(table.rows() - 1, static_cast<std::size_t>(column)));

@@ -1,10 +1,11 @@
-"""Environments for learning: `make_vec` for gymnasium, three ready tasks, and `Episodes` that needs numpy only.
+"""Environments for learning: `make_vec` for gymnasium, ready tasks, and `Episodes` that needs numpy only.
 
-    env = handsim.gym.make_vec("hold", 1024)                        # reach, hold or turn
+    env = handsim.gym.make_vec("hold", 1024)                         # pose, reach, hold or turn
+    env = handsim.gym.make_vec("pose", 1024, drive="muscles")        # pose and reach: targets, torques or muscles
     env = handsim.gym.make_vec("two_hands", 1024, reward=my_reward)  # any scene, with a reward of your own
 
 gymnasium is a package of its own (pip install gymnasium). Where it is installed, importing this module also registers
-``handsim/Reach-v0``, ``handsim/Hold-v0`` and ``handsim/Turn-v0`` with it.
+the tasks with it: ``handsim/Pose-v0``, ``handsim/Reach-v0``, ``handsim/Hold-v0`` and ``handsim/Turn-v0``.
 """
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Optional, Union
 
 from .._errors import input_error
 from .._scene import Scene
-from ._tasks import TASKS, BatchFunction, Episodes, Hold, Reach, SceneTask, Task, Turn
+from ._tasks import TASKS, BatchFunction, Episodes, HandTask, Hold, Pose, Reach, SceneTask, Task, Turn
 
 if TYPE_CHECKING:
     from ._envs import HandEnv, HandVectorEnv
@@ -23,7 +24,7 @@ def make_vec(task: Union[Task, Scene, str], n: int, *, reward: Optional[BatchFun
              threads: int = 0, **options: Any) -> "HandVectorEnv":
     """A gymnasium VectorEnv of n environments in one batch.
 
-    :param task: ``reach``, ``hold``, ``turn``, a Task, or a Scene (also by name), which needs a reward
+    :param task: ``pose``, ``reach``, ``hold``, ``turn``, a Task, or a Scene (also by name), which needs a reward
     :param reward: of a scene: called with the `Batch` after each step, returns shape (n,)
     :param terminated: of a scene: the same, returns shape (n,) of dtype bool
     :param render_mode: None or ``rgb_array``
@@ -63,4 +64,5 @@ def _register() -> None:
 
 _register()
 
-__all__ = ["Episodes", "HandEnv", "HandVectorEnv", "Hold", "Reach", "SceneTask", "Task", "Turn", "make_vec"]
+__all__ = ["TASKS", "Episodes", "HandEnv", "HandTask", "HandVectorEnv", "Hold", "Pose", "Reach", "SceneTask", "Task", "Turn",
+           "make_vec"]

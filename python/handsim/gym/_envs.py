@@ -11,7 +11,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from .._pictures import Picture
-from ._tasks import Episodes, Task, task_of
+from ._tasks import TASKS, Episodes, Task, task_of
 
 Observation = NDArray[np.float32]
 
@@ -115,8 +115,8 @@ class HandEnv(gymnasium.Env):  # type: ignore[misc]  # without gymnasium's types
 
 
 def register() -> None:
-    """Makes ``gymnasium.make("handsim/Hold-v0")`` and ``gymnasium.make_vec`` of it work; Reach and Turn too."""
-    for name in ("reach", "hold", "turn"):
+    """Makes ``gymnasium.make("handsim/Hold-v0")`` and ``gymnasium.make_vec`` of it work; so for every task."""
+    for name in TASKS:
         word = f"handsim/{name.capitalize()}-v0"
         if word not in gymnasium.registry:
             gymnasium.register(word, entry_point="handsim.gym:HandEnv", kwargs={"task": name},

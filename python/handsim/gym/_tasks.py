@@ -103,72 +103,180 @@ class SceneTask(Task):
         return np.asarray(self._terminated(batch), dtype=bool)
 
 
-def _controlled_hand(title: str, rotation: dict[str, Any], **scene: Any) -> dict[str, Any]:
-    """A hand with a fixed wrist whose joints are all driven."""
-    data = data_path()
-    return {
-        "title": title,
-        "hands": [{"model": str(data / "handmodels/anatomical.yaml"),
-                   "person": str(data / "config/persons/median_man.yaml"), "side": "right",
-                   "wrist": {"mount": "fixed", "position": [0, 0, 0.2], "rotation": rotation},
-                   "tissue": {"stiffness": 0, "damping": 1}}],
-        "control": {"controller": str(data / "controllers/implicit.yaml"),
-                    "poses": str(data / "controllers/poses.yaml"), "program": "every_pose"},
-        "solver": {"engine": "articulated", "step": "2 ms"},
-        "duration": "1000 s", **scene}
+DRIVES = ("targets", "torques", "muscles")
 
 
-class Reach(Task):
-    """The hand reaches a pose that is drawn for each episode.
+class HandTask(Task):
+    """A hand with a fixed forearm that an action drives in one of three ways.
 
-    Observation: q and u of all joints, the targets, and the goal minus q; in rad and rad/s. Action: change of each
-    target, 1 is 0.15 rad a step (20 ms). Reward of a step: minus the mean distance to the goal over all joints [rad].
-    An episode is terminated once every joint is within 0.05 rad of its goal, with 10 more of reward; truncated after
-    100 steps. Goals are uniform over the middle 80 % of every range of motion.
+    ``targets``: change of the angle that each joint's servo holds, 1 is ``speed``. ``torques``: of each joint, 1 is
+    ``torque``. ``muscles``: excitation of each muscle, ((1 + action) / 2)^3, so that an action of 0 hardly excites. The
+    observation begins with q and u of all joints, and what the drive holds: the activations, or (as last numbers) the
+    targets less q.
     """
 
-    max_steps = 100
     speed = 0.15
     """Change of a target by an action of 1 [rad]."""
-    near = 0.05
-    """Distance of every joint at which the goal is reached [rad]."""
-    bonus = 10.0
+    torque = 0.3
+    """Of an action of 1 [N m]."""
 
-    def __init__(self) -> None:
-        self.scene = load(_controlled_hand(
-            "a hand reaches a pose", {"axis": [1, 0, 0], "angle": "90 deg"},
-            effects=["gravity", "joint_stops", "passive_tissue", "actuation"],
-            pictures={"size": [480, 480], "camera": {"position": [0, 0.5, 0.32], "target": [0, 0, 0.28],
-                                                     "field_of_view": "26 deg"}}))
-        self.actions = len(self.scene.axes)
-        self._coordinates = self.scene.axis_coordinates
-        self._low, self._high = self.scene.limits[self._coordinates].T
-        self._goal = self._targets = np.empty((0, self.actions))
+    def __init__(self, title: str, rotation: dict[str, Any], drive: str, **scene: Any) -> None:
+        if drive not in DRIVES:
+            raise input_error("drive", str(drive), f"one of {', '.join(DRIVES)}")
+        data = data_path()
+        motors = {"control": {"controller": str(data / "controllers/implicit.yaml"),
+                              "poses": str(data / "controllers/poses.yaml"), "program": "every_pose"}}
+        more = {"targets": ["actuation"], "torques": [], "muscles": ["muscles", "tendon_coupling"]}[drive]
+        effects = [*scene.pop("effects", ["gravity", "joint_stops", "passive_tissue"]), *more]
+        tissue = {} if drive == "muscles" else {"tissue": {"stiffness": 0, "damping": 1}}
+        self.driven = drive
+        self.scene = load({
+            "title": title,
+            "hands": [{"model": str(data / "handmodels/anatomical.yaml"),
+                       "person": str(data / "config/persons/median_man.yaml"), "side": "right",
+                       "wrist": {"mount": "fixed", "position": [0, 0, 0.2], "rotation": rotation}, **tissue}],
+            **(motors if drive == "targets" else {}), "effects": effects,
+            "solver": {"engine": "articulated", "step": "5 ms"}, "duration": "1000 s", **scene})
+        self.substeps = round(0.02 / self.scene.step)
+        self._driven = self.scene.axis_coordinates if drive == "targets" else np.arange(len(self.scene.coordinates))
+        self._low, self._high = self.scene.limits[self._driven].T
+        self.actions = len(self.scene.muscles) if drive == "muscles" else len(self.scene.coordinates)
+        self._targets = np.empty((0, self.actions))
+        self.observe = ("q", "u", *(["activation"] if drive == "muscles" else []), *self.observe[2:])
 
     def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
-        if len(self._goal) != len(batch):
-            self._goal = np.zeros((len(batch), self.actions))
+        if self._targets.shape != (len(batch), self.actions):
             self._targets = np.zeros((len(batch), self.actions))
-        share = 0.1 + 0.8 * random.random((int(mask.sum()), self.actions))
-        self._goal[mask] = self._low + share * (self._high - self._low)
-        self._targets[mask] = batch.q[mask][:, self._coordinates]
+        if self.driven == "targets":
+            self._targets[mask] = batch.q[mask][:, self._driven]
 
     def drive(self, batch: Batch, action: Array, random: np.random.Generator) -> dict[str, Any]:
+        if self.driven == "muscles":
+            return {"excitations": self._excitation(action)}
+        if self.driven == "torques":
+            return {"torques": self.torque * action}
         self._targets = np.clip(self._targets + self.speed * action, self._low, self._high)
         return {"targets": self._targets}
 
-    def _distance(self, batch: Batch) -> Array:
-        return np.asarray(self._goal - batch.q[:, self._coordinates])
+    @staticmethod
+    def _excitation(action: Array) -> Array:
+        return ((1 + action) / 2) ** 3
+
+    def _with(self, batch: Batch, *more: Array) -> Array:
+        if self.driven == "targets":
+            more = (self._targets - batch.q[:, self._driven], *more)
+        return np.hstack([batch.observation, *more])
+
+    def _held(self, parts: Sequence[str], n: int = 512) -> dict[str, Array]:
+        """Parts of the observation in n postures that the drive can hold: each after a second of one random action."""
+        batch, random = Batch(self.scene, n, observe=parts), np.random.default_rng(0)
+        if self.driven == "targets":
+            action = {"targets": self._low + (0.1 + 0.8 * random.random((n, self.actions))) * (self._high - self._low)}
+        elif self.driven == "torques":
+            action = {"torques": self.torque * 0.1 * random.uniform(-1, 1, (n, self.actions))}
+        else:
+            action = {"excitations": 0.4 * random.random((n, self.actions)) * (random.random((n, self.actions)) < 0.3)}
+        batch.step(**action, substeps=round(1 / self.scene.step))
+        return {part: batch[part][~batch.failed].copy() for part in parts}
+
+
+class _Goal(HandTask):
+    """Goals are drawn for each episode among postures that the drive can hold. An episode is a success, and ends, after
+    five steps in a row with a distance below ``near``; it is truncated after ``max_steps``."""
+
+    near: float
+    bonus = 10.0
+    """Reward of success."""
+    steady = 5
+    """Steps near the goal that make a success."""
+
+    def _prepare(self, goals: Array) -> None:
+        self._goals = goals
+        self._goal = np.empty((0, goals.shape[1]))
+        self._near = np.empty(0, int)
+
+    def begin(self, batch: Batch, mask: Mask, random: np.random.Generator) -> None:
+        super().begin(batch, mask, random)
+        if len(self._goal) != len(batch):
+            self._goal, self._near = np.zeros((len(batch), self._goals.shape[1])), np.zeros(len(batch), int)
+        self._goal[mask] = self._goals[random.integers(len(self._goals), size=int(mask.sum()))]
+        self._near[mask] = 0
+
+    def _missing(self, batch: Batch) -> Array:
+        """Goal less what there is, shape (n, numbers)."""
+        raise NotImplementedError
+
+    def distance(self, batch: Batch) -> Array:
+        """Shape (n,)."""
+        raise NotImplementedError
 
     def observation(self, batch: Batch) -> Array:
-        return np.asarray(np.hstack([batch.observation, self._targets, self._distance(batch)]))
+        return self._with(batch, self._missing(batch))
 
     def reward(self, batch: Batch, action: Array) -> Array:
-        distance = np.abs(self._distance(batch)).mean(axis=1)
-        return np.asarray(np.where(self.terminated(batch), self.bonus, 0) - distance)
+        distance = self.distance(batch)
+        self._near = np.where(distance < self.near, self._near + 1, 0)
+        effort = 0.01 * np.square(self._excitation(action) if self.driven == "muscles" else action).mean(axis=1)
+        return np.asarray(self.bonus * (self._near >= self.steady) + (distance < self.near) - distance / self.near / 5
+                          - effort)
 
     def terminated(self, batch: Batch) -> Mask:
-        return np.asarray(np.abs(self._distance(batch)).max(axis=1) < self.near)
+        return np.asarray(self._near >= self.steady)
+
+
+_PALM_SIDE = {"axis": [1, 0, 0], "angle": "90 deg"}
+_SIDE_VIEW = {"size": [480, 480], "camera": {"position": [0, 0.5, 0.32], "target": [0, 0, 0.28],
+                                             "field_of_view": "26 deg"}}
+
+
+class Pose(_Goal):
+    """The hand takes a pose: the root mean square of the distances of all joints to it falls below 0.1 rad.
+
+    Observation: q, u, what the drive holds (`HandTask`), and the goal less q. Reward of a step (20 ms): 1 within 0.1 rad,
+    minus twice the distance [rad], minus 0.01 times the mean square of the action (of the excitation); 10 on success.
+    """
+
+    max_steps = 100
+    near = 0.1
+    """[rad]"""
+
+    def __init__(self, *, drive: str = "targets") -> None:
+        super().__init__("a hand takes a pose", _PALM_SIDE, drive, pictures=_SIDE_VIEW)
+        self._prepare(self._held(["q"])["q"])
+
+    def _missing(self, batch: Batch) -> Array:
+        return np.asarray(self._goal - batch.q)
+
+    def distance(self, batch: Batch) -> Array:
+        return np.asarray(np.sqrt(np.square(self._missing(batch)).mean(axis=1)))
+
+
+class Reach(_Goal):
+    """The fingertips reach places that are drawn for each episode: their mean distance falls below 12.5 mm.
+
+    Observation: q, u, what the drive holds (`HandTask`), and the goals less the fingertips [dm], x y z of thumb to little
+    finger. Reward of a step (20 ms): 1 within 12.5 mm, minus 16 times the mean distance [m], minus 0.01 times the mean
+    square of the action (of the excitation); 10 on success.
+    """
+
+    max_steps = 100
+    near = 0.0125
+    """[m]"""
+    observe = ("q", "u", "fingertips")
+
+    def __init__(self, *, drive: str = "targets") -> None:
+        super().__init__("fingertips reach their places", _PALM_SIDE, drive, pictures=_SIDE_VIEW)
+        self._prepare(self._places(self._held(["fingertips"])["fingertips"]))
+
+    @staticmethod
+    def _places(tips: Array) -> Array:
+        return tips.reshape(len(tips), -1, 7)[:, :, :3].reshape(len(tips), -1)
+
+    def _missing(self, batch: Batch) -> Array:
+        return np.asarray(10 * (self._goal - self._places(batch["fingertips"])))
+
+    def distance(self, batch: Batch) -> Array:
+        return np.asarray(0.1 * np.linalg.norm(self._missing(batch).reshape(len(batch), -1, 3), axis=2).mean(axis=1))
 
 
 class _InHand(Task):
@@ -273,11 +381,12 @@ class Turn(_InHand):
         ball = {"name": "ball", "file": str(data_path() / "config/objects/tennis_ball.yaml"),
                 "position": [0, 0.11, 0.23]}
         # Half a turn about an axis 17.5 degrees from the forearm: the palm is up, the fingers are 35 degrees down.
-        self.scene = load(_controlled_hand(
-            "a hand turns a ball", {"axis": [0, 0.9537, -0.3007], "angle": "180 deg"}, objects=[ball],
-            effects=["gravity", "object_contact", "friction", "joint_stops", "passive_tissue", "actuation"],
+        self.scene = HandTask(
+            "a hand turns a ball", {"axis": [0, 0.9537, -0.3007], "angle": "180 deg"}, "targets", objects=[ball],
+            solver={"engine": "articulated", "step": "2 ms"},
+            effects=["gravity", "object_contact", "friction", "joint_stops", "passive_tissue"],
             pictures={"size": [480, 480], "camera": {"position": [-0.15, 0.55, 0.5], "target": [0, 0.1, 0.18],
-                                                     "field_of_view": "22 deg"}}))
+                                                     "field_of_view": "22 deg"}}).scene
         targets = np.array([self._angle(name) for name in self.scene.axes])
         simulation = Simulation(self.scene)
         simulation.step(targets=targets, substeps=round(1.0 / self.scene.step))
@@ -296,7 +405,7 @@ class Turn(_InHand):
         return np.asarray(np.linalg.norm(self._shift(batch), axis=1) > self.lost)
 
 
-TASKS: dict[str, Callable[..., Task]] = {"reach": Reach, "hold": Hold, "turn": Turn}
+TASKS: dict[str, Callable[..., Task]] = {"pose": Pose, "reach": Reach, "hold": Hold, "turn": Turn}
 
 
 def task_of(task: Union[Task, str], **options: Any) -> Task:

@@ -81,28 +81,41 @@ std::pair<std::string, std::string> parted(const std::string& name) {
   return {name.substr(0, at), name.substr(at + 1, name.size() - at - 2)};
 }
 
-/// Targets, angles and torques of driven axes; activations and tensions of muscles.
+/// A table of the run, and its times.
+struct RunTable {
+  RunTable(const std::filesystem::path& path, std::vector<std::string> columns)
+      : table(output::read_numbers(path)) {
+    columns.insert(columns.begin(), "time");
+    if (table.columns != columns)
+      throw input_error(path.string(), "columns of another scene", "the table of the run beside it");
+    const std::vector<float> t = column(table, 0);
+    times.assign(t.begin(), t.end());
+  }
+  output::NumberTable table;
+  std::vector<double> times;
+};
+
+/// Targets, angles and torques of driven axes.
 void add_control(const std::filesystem::path& path, const scene::Scene& scene, Curves& curves) {
-  const output::NumberTable table = output::read_numbers(path);
-  std::vector<std::string> columns = control_columns(scene);
-  columns.insert(columns.begin(), "time");
-  if (table.columns != columns)
-    throw input_error(path.string(), "columns of another scene", "the table of the run beside it");
-  const std::vector<float> t = column(table, 0);
-  const std::vector<double> times(t.begin(), t.end());
+  const RunTable of(path, control_columns(scene));
   std::size_t c = 1;
-  if (scene.control)
-    for (const control::DrivenAxis& axis : scene.control->axes) {
-      curves.add("Angles", "deg", axis.name, "target", times, column(table, c));
-      curves.add("Angles", "deg", axis.name, "value", times, column(table, c + 1));
-      curves.add("Torques", "N m", axis.name, "value", times, column(table, c + 2));
-      c += 3;
-    }
+  for (const control::DrivenAxis& axis : scene.control->axes) {
+    curves.add("Angles", "deg", axis.name, "target", of.times, column(of.table, c));
+    curves.add("Angles", "deg", axis.name, "value", of.times, column(of.table, c + 1));
+    curves.add("Torques", "N m", axis.name, "value", of.times, column(of.table, c + 2));
+    c += 3;
+  }
+}
+
+/// Activations and tensions.
+void add_muscles(const std::filesystem::path& path, const scene::Scene& scene, Curves& curves) {
+  const RunTable of(path, muscle_columns(scene));
+  std::size_t c = 1;
   for (const model::Muscle& muscle : scene.model.muscles) {
     const char* part = moved_by(muscle, scene.model);
-    curves.add(std::string("Activations, ") + part, "", muscle.name, part, times, column(table, c));
-    curves.add(std::string("Tensions, ") + part, "N", muscle.name, part, times, column(table, c + 1));
-    c += 3;
+    curves.add(std::string("Activations, ") + part, "", muscle.name, part, of.times, column(of.table, c + 1));
+    curves.add(std::string("Tensions, ") + part, "N", muscle.name, part, of.times, column(of.table, c + 2));
+    c += kMuscleColumns.size();
   }
 }
 
@@ -166,14 +179,16 @@ void add_monitor(const std::filesystem::path& path, Curves& curves) {
 }  // namespace
 
 Json curves_json(const RunFiles& run, const std::vector<PartCurve>& sums, Json& zero) {
-  const std::filesystem::path control = run.folder / "control.sto", monitor = run.folder / "monitor.csv";
+  const std::filesystem::path control = run.folder / "control.sto", monitor = run.folder / "monitor.csv",
+                              muscles = run.folder / "muscles.sto";
   const scene::Scene& scene = run.scene;
   const bool driven = scene.control.has_value();
   Curves curves((driven ? 3 * scene.control->axes.size() : at(scene.model.dof_count())) +
                 2 * scene.model.muscles.size() + sums.size() + 8);
   const bool has_control = has_entry(control);
   if (!has_control || !driven) add_coordinates(run, curves);
-  if (has_control) add_control(control, scene, curves);
+  if (has_control && driven) add_control(control, scene, curves);
+  if (has_entry(muscles)) add_muscles(muscles, scene, curves);
   for (const PartCurve& sum : sums)
     curves.add("Contact forces", "N", sum.name, "value", run.times, {sum.values.begin(), sum.values.end()});
   add_gaps(run, curves);

@@ -11,6 +11,7 @@
 
 #include "handsim/core/error.h"
 #include "handsim/engine/engine.h"
+#include "handsim/simulation/run/columns.h"
 #include "handsim/simulation/run/extra_tables.h"
 
 namespace handsim::simulation {
@@ -83,8 +84,11 @@ OutputSize output_size(const scene::Scene& scene, long first, long last, int fra
   const double trajectory = kNumberBytes * (1 + 2 * dofs + 7 * (bodies - 1));
   const double contacts = scene.spec.record_contacts ? kContactBytes * contacts_of(scene) : 0;
   out.rows = record_rows(first, last, record_steps(scene.spec));
-  out.largest_row = std::max(trajectory, contacts);
-  out.row = trajectory + contacts + kNumberBytes * (dofs + 3 * axes) + extra_row_bytes(scene, kNumberBytes);
+  const double muscles =
+      kNumberBytes * static_cast<double>(kMuscleColumns.size() * scene.model.muscles.size());
+  out.largest_row = std::max({trajectory, contacts, muscles});
+  out.row = trajectory + contacts + muscles + kNumberBytes * (dofs + 3 * axes) +
+            extra_row_bytes(scene, kNumberBytes);
   const auto [width, height] = scene.spec.pictures.size;
   out.pictures = kPixelBytes * frames * width * height;
   for (const scene::InputFile& input : scene.inputs) out.inputs += static_cast<double>(input.bytes->size());

@@ -33,8 +33,13 @@ std::vector<std::string> control_columns(const scene::Scene& scene) {
     for (const control::DrivenAxis& axis : scene.control->axes)
       for (const char* what : {".target[deg]", ".angle[deg]", ".torque[N_m]"})
         out.push_back(axis.name + what);
+  return out;
+}
+
+std::vector<std::string> muscle_columns(const scene::Scene& scene) {
+  std::vector<std::string> out;
   for (const model::Muscle& muscle : scene.model.muscles)
-    for (const char* what : {".activation[]", ".tendon[N]", ".fibre[mm]"}) out.push_back(muscle.name + what);
+    for (const char* what : kMuscleColumns) out.push_back(muscle.name + what);
   return out;
 }
 
@@ -52,6 +57,9 @@ Recorder::Recorder(const Simulation& simulation, const RunOptions& options)
                     output::MotionHead{scene.spec.title, output::coordinate_names(scene.model), rows});
   if (const std::vector<std::string> columns = control_columns(scene); !columns.empty())
     control_.emplace(options.out / "control.sto", output::MotionHead{scene.spec.title, columns, rows});
+  if (!scene.model.muscles.empty())
+    muscles_.emplace(options.out / "muscles.sto",
+                     output::MotionHead{scene.spec.title, muscle_columns(scene), rows});
   if (scene.spec.record_contacts)
     contacts_.emplace(options.out / "contacts.csv").write(output::contact_head());
   if (options.monitor) monitor_.emplace(options.out / "monitor.csv").write(kMonitorHead);
@@ -169,14 +177,22 @@ void Recorder::add_rows() {
     for (const engine::Contact& contact : simulation_.engine().contacts())
       contacts_->write(output::contact_row(simulation_.model(), state.time, contact));
   if (monitor_) add_monitor_row();
+  if (muscles_) add_muscle_row();
   if (!control_) return;
   std::vector<double> row;
-  if (simulation_.controller())
-    for (const control::AxisState& axis : simulation_.controller()->axes())
-      row.insert(row.end(), {kDegreesPerRadian * axis.target, kDegreesPerRadian * axis.angle, axis.torque});
-  for (std::size_t i = 0; i < state.activation.size(); ++i)
-    row.insert(row.end(), {state.activation[i], state.tendon_force[i], 1e3 * state.fibre_length[i]});
+  for (const control::AxisState& axis : simulation_.controller()->axes())
+    row.insert(row.end(), {kDegreesPerRadian * axis.target, kDegreesPerRadian * axis.angle, axis.torque});
   control_->add(state.time, row);
+}
+
+void Recorder::add_muscle_row() {
+  const model::State& state = simulation_.state();
+  const std::span<const double> excitations = simulation_.excitations();
+  std::vector<double> row;
+  for (std::size_t i = 0; i < state.activation.size(); ++i)
+    row.insert(row.end(), {excitations.empty() ? 0 : excitations[i], state.activation[i],
+                           state.tendon_force[i], 1e3 * state.fibre_length[i], 1e3 * state.fibre_speed[i]});
+  muscles_->add(state.time, row);
 }
 
 void Recorder::measure() {
@@ -227,6 +243,7 @@ void Recorder::finish() {
   if (contacts_) contacts_->commit();
   if (monitor_) monitor_->commit();
   if (control_) control_->finish();
+  if (muscles_) muscles_->finish();
   if (extra_) extra_->finish();
 }
 

@@ -48,12 +48,13 @@ class Recorder {
   void add_rows();
   void measure();
   void add_monitor_row();
+  void add_muscle_row();
 
   const Simulation& simulation_;
   double step_;
   output::AtomicFile trajectory_;
   std::optional<output::MotionTableWriter> motion_;  ///< joint angles
-  std::optional<output::MotionTableWriter> control_;
+  std::optional<output::MotionTableWriter> control_, muscles_;
   std::optional<output::AtomicFile> contacts_;
   std::optional<output::AtomicFile> monitor_;
   /// Largest residuals of joints [m/s] and [rad/s] and of contacts [m/s] since the last row; absent: not

@@ -221,9 +221,9 @@ output::OutputFolder run_folder(const scene::Scene& scene, const RunOptions& opt
     if (options.from_snapshot) out.push_back(*options.from_snapshot);
     return out;
   };
-  std::vector<std::string> names = {"trajectory.csv", "trajectory.mot", "control.sto",  "contacts.csv",
-                                    "summary.json",   "resolved.yaml",  "snapshot.bin", "contact_sheet.png",
-                                    "monitor.csv",    "report.html"};
+  std::vector<std::string> names = {"trajectory.csv",    "trajectory.mot", "control.sto",   "muscles.sto",
+                                    "contacts.csv",      "summary.json",   "resolved.yaml", "snapshot.bin",
+                                    "contact_sheet.png", "monitor.csv",    "report.html"};
   for (std::string& name : extra_table_files()) names.push_back(std::move(name));
   // At least three digits, and five for the most pictures that there may be.
   for (const char* digits : {"[0-9][0-9][0-9]", "[0-9][0-9][0-9][0-9]", "[0-9][0-9][0-9][0-9][0-9]"})

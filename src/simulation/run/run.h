@@ -1,7 +1,8 @@
 // Runs a scene and writes its files: trajectory.csv, summary.json, resolved.yaml with copies of its meshes
 // and motion files (inputs/), pictures; contacts.csv if the scene records contacts; trajectory.mot (joint
-// angles for OpenSim, if there are joints), control.sto and plots/ if the scene has control. A run removes
-// the files of earlier runs from the folder when it starts, and writes tables and summary before it draws.
+// angles for OpenSim, if there are joints), control.sto and plots/ if the scene has control, muscles.sto if
+// it has muscles. A run removes the files of earlier runs from the folder when it starts, and writes tables
+// and summary before it draws.
 #pragma once
 
 #include <cstdint>

@@ -1,0 +1,234 @@
+"""Learns a task of handsim.gym by PPO (Schulman et al. 2017, arXiv:1707.06347). Needs numpy only.
+
+    python3 python/examples/ppo.py --task pose --drive muscles --minutes 10 --out out/ppo
+    python3 python/examples/ppo.py --play out/ppo/policy.npz --out out/played
+
+Writes curve.csv (steps, minutes, success, return), curve.png (with matplotlib), and policy.npz after every tenth update.
+--play runs the policy without noise and writes played.mp4 (with ffmpeg) and the share of successes.
+"""
+import argparse
+import shutil
+import time
+from pathlib import Path
+
+import numpy as np
+
+import handsim as hs
+from handsim.gym import TASKS, Episodes
+
+
+class Net:
+    """A perceptron with two hidden layers (tanh); Adam (Kingma & Ba 2014). All arrays are float32."""
+
+    def __init__(self, sizes, last, random):
+        self.weights = []
+        for i, (a, b) in enumerate(zip(sizes, sizes[1:])):
+            scale = last if i == len(sizes) - 2 else 1.0
+            basis = np.linalg.qr(random.normal(size=(max(a, b), min(a, b))))[0]
+            self.weights += [np.float32(scale * (basis if a >= b else basis.T)), np.zeros(b, np.float32)]
+        self.moments = [(np.zeros_like(w), np.zeros_like(w)) for w in self.weights]
+        self.updates = 0
+
+    def __call__(self, x):
+        self.layers = [x]
+        for i in range(0, len(self.weights), 2):
+            x = x @ self.weights[i] + self.weights[i + 1]
+            if i < len(self.weights) - 2:
+                x = np.tanh(x)
+            self.layers.append(x)
+        return x
+
+    def gradients(self, slope):
+        """Of the last call, where `slope` is the loss's by its outputs."""
+        out = []
+        for i in range(len(self.weights) - 2, -1, -2):
+            out = [self.layers[i // 2].T @ slope, slope.sum(axis=0)] + out
+            if i > 0:
+                slope = (slope @ self.weights[i].T) * (1 - np.square(self.layers[i // 2]))
+        return out
+
+    def descend(self, gradients, rate, most=0.5):
+        norm = np.sqrt(sum(float(np.square(g).sum()) for g in gradients))
+        self.updates += 1
+        step = rate * np.sqrt(1 - 0.999**self.updates) / (1 - 0.9**self.updates)
+        for w, (m, v), g in zip(self.weights, self.moments, gradients):
+            g = g * min(1.0, most / (norm + 1e-9))
+            m += 0.1 * (g - m)
+            v += 0.001 * (g * g - v)
+            w -= np.float32(step) * m / (np.sqrt(v) + 1e-8)
+
+
+class Policy:
+    """Gaussian actions about a net's output, and a net for the value; observations are normalised."""
+
+    def __init__(self, inputs, actions, hidden=(64, 64), random=np.random.default_rng(0)):
+        self.actor = Net([inputs, *hidden, actions], 0.01, random)
+        self.critic = Net([inputs, *hidden, 1], 1.0, random)
+        self.spread = Net([1, actions], 0, random)  # the logarithm of the deviation: a row of weights
+        self.spread.weights[0][:] = -0.5
+        self.count, self.mean, self.square = 1e-4, np.zeros(inputs), np.ones(inputs)
+
+    def see(self, observation):
+        share = len(observation) / (self.count + len(observation))
+        self.mean += share * (observation.mean(axis=0) - self.mean)
+        self.square += share * (np.square(observation).mean(axis=0) - self.square)
+        self.count += len(observation)
+
+    def normal(self, observation):
+        deviation = np.sqrt(np.maximum(self.square - self.mean**2, 1e-6))
+        return np.float32(np.clip((observation - self.mean) / deviation, -5, 5))
+
+    @property
+    def log_deviation(self):
+        return np.clip(self.spread.weights[0][0], -3, 0.5)
+
+    def save(self, path, **more):
+        nets = {f"{name}{i}": w for name in ("actor", "critic", "spread") for i, w in enumerate(getattr(self, name).weights)}
+        np.savez(path, mean=self.mean, square=self.square, **nets, **more)
+
+    @classmethod
+    def load(cls, path):
+        with np.load(path) as file:
+            self = cls(file["actor0"].shape[0], file["actor5"].shape[0], (file["actor0"].shape[1], file["actor2"].shape[1]))
+            for name in ("actor", "critic", "spread"):
+                net = getattr(self, name)
+                net.weights = [file[f"{name}{i}"] for i in range(len(net.weights))]
+            self.mean, self.square = file["mean"], file["square"]
+            return self, str(file["task"]), str(file["drive"])
+
+
+def collect(episodes, policy, observation, options, random, ended):
+    """Steps of all environments; new episodes begin by themselves. Appends (success, return) of episodes to `ended`."""
+    rows = []
+    for _ in range(options.horizon):
+        policy.see(observation)
+        x = policy.normal(observation)
+        mean, value = policy.actor(x), policy.critic(x)[:, 0]
+        noise = np.float32(random.normal(size=mean.shape))
+        action = mean + np.exp(policy.log_deviation) * noise
+        after, reward, terminated, truncated = episodes.step(action)
+        collect.total += reward
+        # A truncated episode would have gone on: its last value stands for the rest.
+        rest = np.where(truncated, policy.critic(policy.normal(after))[:, 0], 0)
+        over = terminated | truncated
+        rows.append((x, action, -0.5 * np.square(noise).sum(axis=1) - policy.log_deviation.sum(), value, options.scale * reward, over, rest))
+        observation = after
+        if over.any():
+            ended += zip(terminated[over] & ~episodes.batch.failed[over], collect.total[over])
+            collect.total[over] = 0
+            observation = episodes.reset(over)
+    return [np.array(column) for column in zip(*rows)], observation
+
+
+def advantages(value, reward, over, rest, last, discount, decay):
+    """Generalised advantage estimation (Schulman et al. 2015, arXiv:1506.02438), shape as value."""
+    out, ahead = np.zeros_like(value), np.zeros_like(last)
+    for t in range(len(value) - 1, -1, -1):
+        next_value = np.where(over[t], rest[t], last if t == len(value) - 1 else value[t + 1])
+        ahead = reward[t] + discount * next_value - value[t] + discount * decay * np.where(over[t], 0, ahead)
+        out[t] = ahead
+    return out
+
+
+def improve(policy, x, action, chance, advantage, target, rate, random, epochs, rows, clip=0.2, entropy=1e-3):
+    advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+    for _ in range(epochs):
+        order = random.permutation(len(x))
+        for first in range(0, len(x), rows):
+            i = order[first:first + rows]
+            mean, spread = policy.actor(x[i]), policy.log_deviation
+            z = (action[i] - mean) / np.exp(spread)
+            ratio = np.exp(np.clip(-0.5 * np.square(z).sum(axis=1) - spread.sum() - chance[i], -20, 20))
+            acts = ~((advantage[i] > 0) & (ratio > 1 + clip) | (advantage[i] < 0) & (ratio < 1 - clip))
+            slope = np.float32(-(advantage[i] * ratio * acts) / len(i))[:, None]
+            policy.actor.descend(policy.actor.gradients(slope * z / np.exp(spread)), rate)
+            of_spread = (slope * (np.square(z) - 1)).sum(axis=0) - entropy
+            policy.spread.descend([of_spread[None], 0 * of_spread], rate)
+            value = policy.critic(x[i])[:, 0]
+            policy.critic.descend(policy.critic.gradients(np.float32((value - target[i]) / len(i))[:, None]), rate)
+
+
+def learn(options, folder):
+    random = np.random.default_rng(options.seed)
+    episodes = Episodes(TASKS[options.task](drive=options.drive), options.environments, seed=options.seed)
+    observation = episodes.reset(seed=options.seed)
+    # Episodes of different ages, so that they do not all end together.
+    episodes.steps[:] = random.integers(episodes.task.max_steps, size=options.environments)
+    policy = Policy(observation.shape[1], episodes.task.actions, random=random)
+    collect.total = np.zeros(options.environments)
+    start, rows, ended, steps = time.perf_counter(), [], [], 0
+    while (minutes := (time.perf_counter() - start) / 60) < options.minutes:
+        columns, observation = collect(episodes, policy, observation, options, random, ended)
+        x, action, chance, value, reward, over, rest = columns
+        last = policy.critic(policy.normal(observation))[:, 0]
+        gain = advantages(value, reward, over, rest, last, options.discount, 0.95)
+        flat = [np.reshape(column, (-1, *np.shape(column)[2:])) for column in (x, action, chance, gain, gain + value)]
+        improve(policy, *flat, options.rate * (1 - minutes / options.minutes), random, options.epochs, options.rows)
+        steps += chance.size
+        ended = ended[-max(400, options.environments):]
+        success, total = np.mean(ended, axis=0) if ended else (0, 0)
+        rows.append([steps, minutes, success, total])
+        if len(rows) % 10 == 0:
+            print(f"{steps / 1e6:6.2f} M steps, {minutes:5.2f} min: success {success:5.1%}, return {total:7.2f}, "
+                  f"deviation {np.exp(policy.log_deviation).mean():.2f}", flush=True)
+            policy.save(folder / "policy.npz", task=options.task, drive=options.drive)
+    policy.save(folder / "policy.npz", task=options.task, drive=options.drive)
+    np.savetxt(folder / "curve.csv", rows, "%.5g", ",", header="steps,time[min],success,return", comments="")
+    draw_curve(np.array(rows), folder / "curve.png", f"{options.task}, driven by {options.drive}")
+
+
+def draw_curve(rows, path, title):
+    try:
+        import matplotlib
+        matplotlib.use("Agg")
+        from matplotlib import pyplot
+    except ImportError:
+        return print("no curve.png: matplotlib is not installed")
+    figure, axes = pyplot.subplots(figsize=(6, 3.2), layout="constrained")
+    axes.plot(rows[:, 1], 100 * rows[:, 2])
+    axes.set(xlabel="minutes on two cores", ylabel="episodes with success [%]", ylim=(0, 100), title=title)
+    axes.grid(alpha=0.3)
+    figure.savefig(path, dpi=110)
+
+
+def play(path, folder, seed, count=256):
+    policy, task, drive = Policy.load(path)
+    episodes = Episodes(TASKS[task](drive=drive), count, seed=seed)
+    observation = episodes.reset(seed=seed)
+    success, open_, frames = np.zeros(count, bool), np.ones(count, bool), []
+    shown = min(9, count)
+    for _ in range(episodes.task.max_steps):
+        observation, _, terminated, _ = episodes.step(policy.actor(policy.normal(observation)))
+        success |= terminated & open_ & ~episodes.batch.failed
+        open_ &= ~terminated
+        frames.append([episodes.batch.frame(i) for i in range(shown)])
+    print(f"{task} by {drive}: {success.mean():.1%} of {count} new episodes end with success")
+    if hs.has_pictures and shutil.which("ffmpeg"):
+        side = 240
+        films = [episodes.task.scene.draw_frames([row[i] for row in frames], size=(side, side)) for i in range(shown)]
+        grid = [np.vstack([np.hstack([np.asarray(films[3 * j + i][t]) for i in range(3)]) for j in range(3)])
+                for t in range(len(frames))]
+        hs.save_video(grid, folder / "played.mp4", fps=50)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--task", default="pose", choices=("pose", "reach"))
+    parser.add_argument("--drive", default="muscles", choices=("targets", "torques", "muscles"))
+    parser.add_argument("--out", type=Path, default=Path("out/ppo"))
+    parser.add_argument("--play", type=Path, help="a policy.npz: plays it, learns nothing")
+    parser.add_argument("--minutes", type=float, default=10)
+    parser.add_argument("--environments", type=int, default=256)
+    parser.add_argument("--horizon", type=int, default=32, help="steps of each environment between two updates")
+    parser.add_argument("--epochs", type=int, default=3)
+    parser.add_argument("--rows", type=int, default=2048, help="samples of one gradient")
+    parser.add_argument("--rate", type=float, default=1e-3)
+    parser.add_argument("--scale", type=float, default=0.1, help="of the reward")
+    parser.add_argument("--discount", type=float, default=0.97)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    if options.play:
+        play(options.play, options.out, options.seed + 1)
+    else:
+        learn(options, options.out)
