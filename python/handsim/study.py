@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Iterator, Optional, Sequence, Union
 
 from . import _core
-from ._errors import flags, real, seed_of, whole
+from ._errors import flags, input_error, real, seed_of, whole
 from ._scene import Overrides, Progress, Scene, Source, find_file, load, override_list
 from ._table import Table, rows_table
 
@@ -209,7 +209,8 @@ def merge(folders: Union[PathText, Sequence[PathText]], *, out: Out = None) -> S
 
 def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion: Optional[PathText] = None,
             names: Optional[PathText] = None, loads: Optional[PathText] = None, cutoff: Optional[float] = 6.0,
-            clamp: bool = False, check: bool = True, out: Out = None, progress: Progress = None) -> Study:
+            clamp: bool = False, check: bool = True, muscles: bool = False, co_contraction: float = 0, out: Out = None,
+            progress: Progress = None) -> Study:
     """Inverse dynamics: the torques about every axis that make a motion: ``tables["torques"]`` over time, and
     ``tables["summary"]`` by axis.
 
@@ -219,13 +220,19 @@ def inverse(scene: Union[Scene, Source], overrides: Overrides = None, *, motion:
     :param cutoff: of the low-pass filter on the motion's angles [Hz]; None: no filter
     :param clamp: moves angles beyond a stop to it
     :param check: simulates with the torques
+    :param muscles: activations by static optimisation as well, of a scene with muscles: tables ``activations``,
+        ``excitations`` and ``reserves``, the torques that the muscles leave undone; the check is driven by these
+    :param co_contraction: least activation of every muscle, 0 to 0.9
     """
-    flags(clamp=clamp, check=check)
+    flags(clamp=clamp, check=check, muscles=muscles)
+    if not 0 <= real("co_contraction", co_contraction) <= 0.9:
+        raise input_error("co_contraction", str(co_contraction), "0 to 0.9")
     if cutoff is not None:
         real("cutoff", cutoff)
     of = scene if isinstance(scene, Scene) else load(scene, overrides)
     with _folder(out) as folder:
-        text = _core.inverse(of._core, folder, _path(motion), _path(names), _path(loads), cutoff, clamp, check, progress)
+        text = _core.inverse(of._core, folder, _path(motion), _path(names), _path(loads), cutoff, clamp, check,
+                             float(co_contraction) if muscles else None, progress)
         return Study("inverse", folder, text)
 
 

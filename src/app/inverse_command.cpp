@@ -20,6 +20,19 @@ control::MotionNames load_names(const std::filesystem::path& path) {
   return out;
 }
 
+/// The scene; --muscles puts them in effect.
+scene::Scene with_muscles(const InverseArguments& arguments) {
+  scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
+  if (!arguments.muscles || !scene.model.muscles.empty()) return scene;
+  std::string effects = "muscles, tendon_coupling";
+  for (int i = 0; i < model::kEffectCount; ++i)
+    if (const auto effect = static_cast<model::Effect>(i); scene.spec.solver.effects.has(effect))
+      effects += fmt::format(", {}", model::name(effect));
+  std::vector<std::string> overrides = arguments.overrides;
+  overrides.push_back("effects=[" + effects + "]");
+  return scene::load_scene(arguments.scene, overrides);
+}
+
 }  // namespace
 
 study::InverseInput inverse_input(const InverseArguments& arguments) {
@@ -30,11 +43,12 @@ study::InverseInput inverse_input(const InverseArguments& arguments) {
   input.options.filter = arguments.cutoff;
   input.loads = arguments.loads;
   input.forward = !arguments.no_check;
+  if (arguments.muscles) input.least_activation = arguments.co_contraction;
   return input;
 }
 
 int inverse_command(const InverseArguments& arguments) {
-  const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
+  const scene::Scene scene = with_muscles(arguments);
   print_warnings(scene.warnings);
   const study::InverseInput input = inverse_input(arguments);
   const output::OutputFolder folder(arguments.out, study::inverse_files(), [&] {

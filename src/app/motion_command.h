@@ -19,6 +19,8 @@ struct InverseArguments {
   bool clamp = false;
   std::optional<double> cutoff = 6;  ///< [Hz]
   bool no_check = false;
+  bool muscles = false;
+  double co_contraction = 0;  ///< least activation
   bool json = false;
 };
 /// @throws Error (input) for a file of names that is none.

@@ -35,6 +35,14 @@ void add_inverse(CommandLine& line) {
   inverse.add_option("--loads", arguments->loads,
                      "forces from outside: a table of loads, or the contacts.csv of a run");
   inverse.add_flag("--no-check", arguments->no_check, "do not simulate with the torques");
+  CLI::Option* muscles = inverse.add_flag(
+      "--muscles", arguments->muscles,
+      "activations of the muscles by static optimisation, and the torques that they leave undone (reserves)");
+  inverse
+      .add_option("--co-contraction", arguments->co_contraction,
+                  "least activation of every muscle (default 0)")
+      ->check(CLI::Range(0.0, 0.9))
+      ->needs(muscles);
   add_overrides(inverse, arguments->overrides);
   inverse.add_flag("--json", arguments->json, "print summary.json in place of the table");
 }

@@ -50,8 +50,8 @@ MusclePlan table_plan(const model::Model& model, MotionTable table, Diagnostics&
   return plan;
 }
 
-StaticOptimisation::StaticOptimisation(const model::Model& model, std::vector<std::size_t> dofs)
-    : model_(model), dofs_(std::move(dofs)), row_(at(model.dof_count()), kNoRow) {
+StaticOptimisation::StaticOptimisation(const model::Model& model, std::vector<std::size_t> dofs, double least)
+    : model_(model), least_(least), dofs_(std::move(dofs)), row_(at(model.dof_count()), kNoRow) {
   for (std::size_t i = 0; i < dofs_.size(); ++i) row_[dofs_[i]] = static_cast<int>(i);
   const auto rows = static_cast<Eigen::Index>(dofs_.size());
   const auto muscles = static_cast<Eigen::Index>(model.muscles.size());
@@ -64,7 +64,7 @@ StaticOptimisation::StaticOptimisation(const model::Model& model, std::vector<st
 }
 
 /// Q and c of a . Q a / 2 - c . a.
-void StaticOptimisation::assemble(const model::State& state, std::span<const double> torques) {
+void StaticOptimisation::assemble(const model::State& state, std::span<const double> torques, bool rested) {
   arms_.setZero();
   for (std::size_t i = 0; i < dofs_.size(); ++i) wanted_[static_cast<Eigen::Index>(i)] = torques[dofs_[i]];
   for (std::size_t m = 0; m < model_.muscles.size(); ++m) {
@@ -83,7 +83,7 @@ void StaticOptimisation::assemble(const model::State& state, std::span<const dou
       const int row = row_[at(muscle.path.arms[i].dof)];
       if (row == kNoRow) continue;
       arms_(row, static_cast<Eigen::Index>(m)) = path.arm[i] * active;
-      wanted_[row] -= path.arm[i] * passive;
+      if (!rested) wanted_[row] -= path.arm[i] * passive;
     }
   }
   // Rows by their largest torque, so that a fingertip counts as much as the wrist.
@@ -107,7 +107,7 @@ void StaticOptimisation::minimise() {
   for (int pass = 0; pass < kBlockPivots + 20 * static_cast<int>(n); ++pass) {
     free.clear();
     for (Eigen::Index i = 0; i < n; ++i) {
-      activation_[i] = bound_[at(static_cast<int>(i))] > 0 ? 1 : 0;
+      activation_[i] = bound_[at(static_cast<int>(i))] > 0 ? 1 : least_;
       if (bound_[at(static_cast<int>(i))] == 0) free.push_back(i);
     }
     const Eigen::VectorXd rest = c_ - Q_ * activation_;
@@ -120,10 +120,10 @@ void StaticOptimisation::minimise() {
     bool right = true;
     for (Eigen::Index i = n; i-- > 0;) {
       signed char& bound = bound_[at(static_cast<int>(i))];
-      const signed char now = bound != 0                   ? (bound * slope[i] > loose ? 0 : bound)
-                              : activation_[i] < -1e-12    ? -1
-                              : activation_[i] > 1 + 1e-12 ? 1
-                                                           : 0;
+      const signed char now = bound != 0                        ? (bound * slope[i] > loose ? 0 : bound)
+                              : activation_[i] < least_ - 1e-12 ? -1
+                              : activation_[i] > 1 + 1e-12      ? 1
+                                                                : 0;
       if (now == bound) continue;
       bound = now;
       right = false;
@@ -133,13 +133,13 @@ void StaticOptimisation::minimise() {
   }
 }
 
-std::span<const double> StaticOptimisation::solve(const model::State& state,
-                                                  std::span<const double> torques) {
-  assemble(state, torques);
+std::span<const double> StaticOptimisation::solve(const model::State& state, std::span<const double> torques,
+                                                  bool rested) {
+  assemble(state, torques, rested);
   minimise();
   for (std::size_t i = 0; i < out_.size(); ++i) {
     double& value = activation_[static_cast<Eigen::Index>(i)];
-    out_[i] = value = std::clamp(value, 0.0, 1.0);
+    out_[i] = value = std::clamp(value, least_, 1.0);
   }
   missing_ = wanted_ - arms_ * activation_;
   return out_;

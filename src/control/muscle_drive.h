@@ -31,10 +31,13 @@ MusclePlan table_plan(const model::Model& model, MotionTable table, Diagnostics&
 class StaticOptimisation {
  public:
   /// The model must outlive this. @param dofs coordinates whose torques count
-  StaticOptimisation(const model::Model& model, std::vector<std::size_t> dofs);
+  /// @param least of every activation: co-contraction
+  StaticOptimisation(const model::Model& model, std::vector<std::size_t> dofs, double least = 0);
 
   /// Activations, as Model::muscles. @param torques by Model::dof_count() [N m]
-  std::span<const double> solve(const model::State& state, std::span<const double> torques);
+  /// @param rested they are without what the muscles pull at rest
+  std::span<const double> solve(const model::State& state, std::span<const double> torques,
+                                bool rested = false);
   /// Torques that the activations of the last `solve` leave undone, by `dofs` [N m].
   std::span<const double> missing() const {
     return {missing_.data(), static_cast<std::size_t>(missing_.size())};
@@ -44,10 +47,11 @@ class StaticOptimisation {
   void restore(ArchiveReader& in);
 
  private:
-  void assemble(const model::State& state, std::span<const double> torques);
+  void assemble(const model::State& state, std::span<const double> torques, bool rested);
   void minimise();
 
   const model::Model& model_;
+  double least_;
   std::vector<std::size_t> dofs_;
   std::vector<int> row_;  ///< of each coordinate; -1: does not count
   Eigen::MatrixXd arms_;  ///< torque per activation [N m], dofs by muscles

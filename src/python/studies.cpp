@@ -160,7 +160,7 @@ void bind_motion(py::module_& module) {
       "inverse",
       [](const SceneHandle& of, const path& out, const std::optional<path>& motion,
          const std::optional<path>& names, const std::optional<path>& loads, std::optional<double> cutoff,
-         bool clamp, bool check, const py::object& progress) {
+         bool clamp, bool check, std::optional<double> least_activation, const py::object& progress) {
         InverseArguments arguments;
         arguments.motion = motion;
         arguments.names = names;
@@ -168,10 +168,13 @@ void bind_motion(py::module_& module) {
         arguments.cutoff = cutoff;
         arguments.clamp = clamp;
         arguments.no_check = !check;
+        arguments.muscles = least_activation.has_value();
+        arguments.co_contraction = least_activation.value_or(0);
         return inverse(of, out, arguments, progress);
       },
       py::arg("scene"), py::arg("out"), py::arg("motion"), py::arg("names"), py::arg("loads"),
-      py::arg("cutoff"), py::arg("clamp"), py::arg("check"), py::arg("progress"));
+      py::arg("cutoff"), py::arg("clamp"), py::arg("check"), py::arg("least_activation"),
+      py::arg("progress"));
   module.def(
       "track",
       [](const path& recording, const path& out, const std::optional<path>& person,

@@ -14,11 +14,13 @@ from .._pictures import Picture
 from ._tasks import TASKS, Episodes, Task, task_of
 
 Observation = NDArray[np.float32]
+LARGEST = 1e6
+"""Bound of the numbers of an observation: an engine stops before a speed is so large."""
 
 
 def _spaces(episodes: Episodes) -> tuple[Box, Box]:
     numbers = episodes.task.observation(episodes.batch).shape[1]
-    return (Box(-np.inf, np.inf, (numbers,), np.float32),
+    return (Box(-LARGEST, LARGEST, (numbers,), np.float32),
             Box(-1, 1, (episodes.task.actions,), np.float32))
 
 

@@ -17,6 +17,16 @@ Mask = NDArray[np.bool_]
 BatchFunction = Callable[[Batch], Any]
 
 
+def _clipped(numbers: Array, low: Any, high: Any) -> Array:
+    """As numpy's, in a third of its time for a few numbers."""
+    return np.minimum(np.maximum(numbers, low), high)
+
+
+def _mean_square(numbers: Array) -> Array:
+    """Of each row."""
+    return np.asarray(np.einsum("ij,ij->i", numbers, numbers) / numbers.shape[1])
+
+
 class Task:
     """A scene with actions, observations, a reward and ends. Subclasses replace what they need.
 
@@ -95,7 +105,7 @@ class SceneTask(Task):
         return {"torques": self._torque * action}
 
     def reward(self, batch: Batch, action: Array) -> Array:
-        return np.asarray(self._reward(batch), dtype=float)
+        return np.array(self._reward(batch), dtype=float)
 
     def terminated(self, batch: Batch) -> Mask:
         if self._terminated is None:
@@ -155,7 +165,7 @@ class HandTask(Task):
             return {"excitations": self._excitation(action)}
         if self.driven == "torques":
             return {"torques": self.torque * action}
-        self._targets = np.clip(self._targets + self.speed * action, self._low, self._high)
+        self._targets = _clipped(self._targets + self.speed * action, self._low, self._high)
         return {"targets": self._targets}
 
     @staticmethod
@@ -165,7 +175,7 @@ class HandTask(Task):
     def _with(self, batch: Batch, *more: Array) -> Array:
         if self.driven == "targets":
             more = (self._targets - batch.q[:, self._driven], *more)
-        return np.hstack([batch.observation, *more])
+        return np.concatenate((batch.observation, *more), axis=1)
 
     def _held(self, parts: Sequence[str], n: int = 512) -> dict[str, Array]:
         """Parts of the observation in n postures that the drive can hold: each after a second of one random action."""
@@ -216,7 +226,7 @@ class _Goal(HandTask):
     def reward(self, batch: Batch, action: Array) -> Array:
         distance = self.distance(batch)
         self._near = np.where(distance < self.near, self._near + 1, 0)
-        effort = 0.01 * np.square(self._excitation(action) if self.driven == "muscles" else action).mean(axis=1)
+        effort = 0.01 * _mean_square(self._excitation(action) if self.driven == "muscles" else action)
         return np.asarray(self.bonus * (self._near >= self.steady) + (distance < self.near) - distance / self.near / 5
                           - effort)
 
@@ -248,7 +258,7 @@ class Pose(_Goal):
         return np.asarray(self._goal - batch.q)
 
     def distance(self, batch: Batch) -> Array:
-        return np.asarray(np.sqrt(np.square(self._missing(batch)).mean(axis=1)))
+        return np.asarray(np.sqrt(_mean_square(self._missing(batch))))
 
 
 class Reach(_Goal):
@@ -446,10 +456,11 @@ class Episodes:
         shape = (len(self.batch), self.task.actions)
         if np.shape(action) != shape:
             raise input_error("action", f"shape {np.shape(action)}", f"shape {shape}")
-        clipped = np.clip(action, -1, 1)
+        clipped = _clipped(action, -1, 1)
         self.batch.step(**self.task.drive(self.batch, clipped, self.random), substeps=self.task.substeps)
         self.steps += 1
         failed = self.batch.failed
-        reward = np.where(failed, 0, self.task.reward(self.batch, clipped))
+        reward = self.task.reward(self.batch, clipped)
+        reward[failed] = 0
         terminated = self.task.terminated(self.batch) | failed
         return self.task.observation(self.batch), reward, terminated, (self.steps >= self.task.max_steps) & ~terminated

@@ -7,9 +7,11 @@
 #include <fmt/format.h>
 
 #include "handsim/control/motion_trajectory.h"
+#include "handsim/control/muscle_drive.h"
 #include "handsim/core/index.h"
 #include "handsim/engine/muscles.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/model/muscle_curves.h"
 #include "handsim/simulation/simulation.h"
 #include "handsim/study/inverse/loads.h"
 
@@ -40,6 +42,9 @@ control::Trajectory trajectory_of(const scene::Scene& scene, std::size_t hand, c
 
 void check_scene(const scene::Scene& scene, const InverseInput& input) {
   if (scene.model.hands.empty()) throw input_error("scene", "a scene without hands", "at least one hand");
+  if (input.least_activation && scene.model.muscles.empty())
+    throw input_error("--muscles", "a scene without muscles",
+                      "muscles among the effects, and a hand that has them");
   if (!input.motion && !scene.control)
     throw input_error("--motion", "none, with a scene without control",
                       "a motion file, or programs of the scene");
@@ -75,8 +80,12 @@ SampledMotion sample(const scene::Scene& scene, const InverseInput& input, Inver
       for (std::size_t i = 0; i < row.size(); ++i) out.angles[n][axes.axes[i].dof] = row[i];
     }
     for (const control::HandAxis& axis : axes.axes)
-      result.axes.push_back(
-          {.name = axes.hand + "." + axis.name(), .dof = axis.dof, .rms_error = {}, .largest_error = {}});
+      result.axes.push_back({.name = axes.hand + "." + axis.name(),
+                             .dof = axis.dof,
+                             .rms_error = {},
+                             .largest_error = {},
+                             .largest_reserve = {},
+                             .rms_reserve = {}});
   }
   diagnostics.throw_if_any();
   result.warnings = std::move(diagnostics.warnings);
@@ -84,13 +93,14 @@ SampledMotion sample(const scene::Scene& scene, const InverseInput& input, Inver
 }
 
 /// Torque of passive tissue at the end of a step.
-void add_tissue(const model::Model& model, std::span<const double> next, double step, InverseRow& row) {
+void add_tissue(const model::Model& model, std::span<const double> q, std::span<const double> next,
+                double step, std::vector<double>& torques) {
   for (const model::Joint& joint : model.joints)
     for (std::size_t a = 0; a < joint.axes.size(); ++a) {
       const std::size_t dof = at(joint.first_dof) + a;
       if (const auto& tissue = joint.axes[a].tissue)
-        row.passive[dof] = -tissue->stiffness * (next[dof] - tissue->rest) -
-                           tissue->damping * (next[dof] - row.q[dof]) / step;
+        torques[dof] +=
+            -tissue->stiffness * (next[dof] - tissue->rest) - tissue->damping * (next[dof] - q[dof]) / step;
     }
 }
 
@@ -146,19 +156,27 @@ class Recursion {
     return out;
   }
 
-  /// Adds what resting muscles and bands pull in the step that leads to the next row: the law of
+  /// Adds tissue, and what muscles and bands pull in the step that leads to the next row: the law of
   /// engine/muscles.h, which the engine solves. Activations and fibres go on from row to row: from the first
   /// on.
-  void add_tendons(std::size_t n, InverseRow& row) {
+  void add_passive(std::size_t n, std::span<const double> excitations, std::vector<double>& torques) {
+    if (scene_.spec.solver.effects.has(model::Effect::passive_tissue))
+      add_tissue(scene_.model, motion_.angles[n], motion_.angles[n + 1], motion_.step, torques);
     if (tendons_.empty()) return;
     const std::vector<double> u = rates(n), next = rates(n + 1);
-    tendons_.begin(row.q, u, {});
-    for (std::size_t i = 0; i < u.size(); ++i) row.passive[i] += tendons_.torques()[i];
+    tendons_.begin(motion_.angles[n], u, excitations);
+    for (std::size_t i = 0; i < u.size(); ++i) torques[i] += tendons_.torques()[i];
     for (const engine::Muscles::Slope& each : tendons_.slopes()) {
       const auto a = at(each.row), b = at(each.column);
-      row.passive[a] -= each.value * (next[b] - u[b]);
-      if (a != b) row.passive[b] -= each.value * (next[a] - u[a]);
+      torques[a] -= each.value * (next[b] - u[b]);
+      if (a != b) torques[b] -= each.value * (next[a] - u[a]);
     }
+  }
+  /// Muscles begin the motion with activations.
+  void activate(std::span<const double> activations) {
+    start_.activation.assign(activations.begin(), activations.end());
+    model::rest_muscles(scene_.model, start_);
+    tendons_.start(start_);
   }
 
   InverseRow row(std::size_t n) {
@@ -176,8 +194,7 @@ class Recursion {
     const std::span<const double> moment = dynamics_.torques(wrenches_);
     out.moment.assign(moment.begin(), moment.end());
     out.passive.assign(q.size(), 0.0);
-    if (scene_.spec.solver.effects.has(model::Effect::passive_tissue))
-      add_tissue(scene_.model, next, motion_.step, out);
+    add_passive(n, {}, out.passive);
     return out;
   }
   const std::vector<model::Wrench>& wrenches() const { return wrenches_; }
@@ -191,6 +208,45 @@ class Recursion {
   engine::Muscles tendons_;
   std::vector<model::Wrench> wrenches_;
 };
+
+/// Of an activation from step to step: the law of activation, solved for the excitation.
+double excitation_for(const model::Muscle& muscle, double activation, double next, double step) {
+  const double slowed = 0.5 + 1.5 * activation;
+  const double times =
+      next > activation ? muscle.activation_time * slowed / step : muscle.deactivation_time / (step * slowed);
+  return std::clamp(next + times * (next - activation), 0.0, 1.0);
+}
+
+void find_activations(const scene::Scene& scene, const SampledMotion& motion, double least,
+                      Recursion& recursion, InverseResult& result) {
+  model::Model rigid = scene.model;
+  for (model::Muscle& muscle : rigid.muscles) muscle.tendon_strain.reset();
+  std::vector<std::size_t> dofs;
+  for (const InverseAxis& axis : result.axes) dofs.push_back(axis.dof);
+  control::StaticOptimisation optimisation(rigid, std::move(dofs), least);
+  model::State state = recursion.start();
+  std::vector<double> torques(motion.angles[0].size()), activation;
+  for (std::size_t n = 0; n < result.rows.size(); ++n) {
+    InverseRow& row = result.rows[n];
+    state.q = row.q;
+    state.u = recursion.rates(n + 1);  // the law of a step holds at its end
+    for (std::size_t i = 0; i < torques.size(); ++i) torques[i] = row.active(i);
+    const std::span<const double> wanted = optimisation.solve(state, torques, true);
+    if (n == 0) {
+      activation.assign(wanted.begin(), wanted.end());
+      recursion.activate(activation);
+    }
+    for (std::size_t m = 0; m < activation.size(); ++m) {
+      const model::Muscle& muscle = rigid.muscles[m];
+      row.excitation.push_back(excitation_for(muscle, activation[m], wanted[m], motion.step));
+      activation[m] = model::next_activation(muscle, activation[m], row.excitation[m], motion.step);
+    }
+    row.activation = activation;
+    std::vector<double> given(torques.size(), 0.0);
+    recursion.add_passive(n, row.excitation, given);
+    for (std::size_t i = 0; i < torques.size(); ++i) row.reserve.push_back(row.moment[i] - given[i]);
+  }
+}
 
 /// The scene without its controller; torques come from the rows.
 scene::Scene undriven(const scene::Scene& scene, double end) {
@@ -215,7 +271,8 @@ void run_forward(const scene::Scene& scene, const SampledMotion& motion, const L
   for (std::size_t n = 0; n < result.rows.size(); ++n) {
     InverseRow& row = result.rows[n];
     row.forward = simulation.state().q;
-    for (std::size_t i = 0; i < torques.size(); ++i) torques[i] = row.active(i);
+    for (std::size_t i = 0; i < torques.size(); ++i)
+      torques[i] = row.reserve.empty() ? row.active(i) : row.reserve[i];
     forces.clear();
     if (pushed) {
       recursion.row(n);
@@ -226,6 +283,7 @@ void run_forward(const scene::Scene& scene, const SampledMotion& motion, const L
     }
     engine::StepInput action;
     action.torques = torques;
+    action.excitations = row.excitation;
     action.forces = forces;
     try {
       simulation.step(action);
@@ -243,12 +301,16 @@ void summarise(InverseResult& result) {
   double all = 0;
   std::size_t count = 0;
   for (InverseAxis& axis : result.axes) {
-    double torque = 0, error = 0;
+    double torque = 0, error = 0, reserve = 0;
     std::size_t checked = 0;
     for (const InverseRow& row : result.rows) {
       const double active = row.active(axis.dof);
       torque += active * active;
       axis.largest_torque = std::max(axis.largest_torque, std::abs(active));
+      if (!row.reserve.empty()) {
+        reserve += row.reserve[axis.dof] * row.reserve[axis.dof];
+        axis.largest_reserve = std::max(axis.largest_reserve.value_or(0), std::abs(row.reserve[axis.dof]));
+      }
       if (row.forward.empty()) continue;
       const double difference = row.forward[axis.dof] - row.q[axis.dof];
       error += difference * difference;
@@ -256,6 +318,7 @@ void summarise(InverseResult& result) {
       ++checked;
     }
     axis.rms_torque = std::sqrt(torque / static_cast<double>(result.rows.size()));
+    if (axis.largest_reserve) axis.rms_reserve = std::sqrt(reserve / static_cast<double>(result.rows.size()));
     if (checked > 0) axis.rms_error = std::sqrt(error / static_cast<double>(checked));
     all += error;
     count += checked;
@@ -279,8 +342,8 @@ InverseResult run_inverse(const scene::Scene& scene, const InverseInput& input,
   Recursion recursion(scene, motion, loads ? &*loads : nullptr);
   for (std::size_t n = 0; n + 1 < motion.angles.size(); ++n) {
     result.rows.push_back(recursion.row(n));
-    recursion.add_tendons(n, result.rows.back());
   }
+  if (input.least_activation) find_activations(scene, motion, *input.least_activation, recursion, result);
   if (input.forward) run_forward(scene, motion, loads ? &*loads : nullptr, recursion, result, progress);
   summarise(result);
   return result;

@@ -24,15 +24,18 @@ struct InverseInput {
   /// Forces from outside (loads.h), or the contacts.csv of a run.
   std::optional<std::filesystem::path> loads;
   bool forward = true;  ///< runs the check
+  /// Finds activations of the muscles by static optimisation, each of at least so much (co-contraction).
+  std::optional<double> least_activation;
 };
 
 /// Torques of one axis and its error in the check.
 struct InverseAxis {
-  std::string name;                                ///< `right.index_mcp.flexion`
-  std::size_t dof = 0;                             ///< in vectors of model.dof_count()
-  double largest_torque = 0;                       ///< |active| [N m]
-  double rms_torque = 0;                           ///< of active [N m]
-  std::optional<double> rms_error, largest_error;  ///< of the check; absent: not made [rad]
+  std::string name;                                    ///< `right.index_mcp.flexion`
+  std::size_t dof = 0;                                 ///< in vectors of model.dof_count()
+  double largest_torque = 0;                           ///< |active| [N m]
+  double rms_torque = 0;                               ///< of active [N m]
+  std::optional<double> rms_error, largest_error;      ///< of the check; absent: not made [rad]
+  std::optional<double> largest_reserve, rms_reserve;  ///< with activations [N m]
 };
 
 /// The motion and its torques at one step; all of size model.dof_count().
@@ -42,6 +45,8 @@ struct InverseRow {
   std::vector<double> moment;   ///< net torque that the motion needs [N m]
   std::vector<double> passive;  ///< part of passive tissue, resting muscles and bands [N m]
   std::vector<double> forward;  ///< angles of the check; empty without it [rad]
+  // With activations; by muscle, and torque that the muscles leave undone [N m].
+  std::vector<double> excitation, activation, reserve;
 
   /// What muscles or motors give: moment - passive.
   double active(std::size_t dof) const { return moment[dof] - passive[dof]; }
@@ -64,13 +69,17 @@ struct InverseResult {
 /// the difference equations of a semi-implicit step, so that the torque of step n leads from q_n to q_{n+1}.
 /// Passive tissue, resting muscles and bands act at the end of the step, as the engines solve them;
 /// excitations of the scene do not count.
+/// Activations give the torques with the least sum of squares (control::StaticOptimisation, tendons rigid);
+/// excitations are those that lead there by the law of activation, within 0 to 1. What muscles with these
+/// excitations leave undone, by the engines' own law, is the reserve. The check is driven by both.
 /// @throws Error (input) for a scene without hands, with loops or free hands, and for files that do not fit.
 InverseResult run_inverse(const scene::Scene& scene, const InverseInput& input,
                           const std::function<void(double)>& progress = {});
 
 /// Names of the files of write_inverse().
 std::vector<std::string> inverse_files();
-/// torques.sto, summary.csv, summary.json and, if gnuplot is installed, plots.
+/// torques.sto, with activations activations.sto, excitations.sto and reserves.sto, summary.csv, summary.json
+/// and, if gnuplot is installed, plots.
 /// @returns false if gnuplot is missing or fails. @throws Error (input) if the folder cannot be written.
 bool write_inverse(const scene::Scene& scene, const InverseInput& input, const InverseResult& result,
                    const std::filesystem::path& out);

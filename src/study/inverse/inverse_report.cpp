@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <functional>
 #include <map>
 
 #include <fmt/format.h>
@@ -76,27 +77,55 @@ std::string degrees(const std::optional<double>& angle, const char* format, cons
 }
 
 std::string summary_csv(const InverseResult& result) {
-  std::string out = "axis,largest_torque[N_m],rms_torque[N_m],rms_error[deg],largest_error[deg]\n";
+  std::string out =
+      "axis,largest_torque[N_m],rms_torque[N_m],rms_error[deg],largest_error[deg],largest_reserve[N_m],rms_"
+      "reserve[N_"
+      "m]\n";
+  const auto number = [](const std::optional<double>& x) { return x ? fmt::format("{}", *x) : ""; };
   for (const InverseAxis& axis : result.axes)
-    out += fmt::format("{},{},{},{},{}\n", axis.name, axis.largest_torque, axis.rms_torque,
-                       degrees(axis.rms_error, "{}", ""), degrees(axis.largest_error, "{}", ""));
+    out += fmt::format("{},{},{},{},{},{},{}\n", axis.name, axis.largest_torque, axis.rms_torque,
+                       degrees(axis.rms_error, "{}", ""), degrees(axis.largest_error, "{}", ""),
+                       number(axis.largest_reserve), number(axis.rms_reserve));
   return out;
 }
 
-void write_torques(const scene::Scene& scene, const InverseResult& result, const std::filesystem::path& out) {
-  output::MotionHead head{scene.spec.title + ": torques about the joint axes [N m]", {}, result.rows.size()};
+/// Numbers by step that are neither angles nor read as such.
+void write_rows(const std::filesystem::path& file, const std::string& title, std::vector<std::string> names,
+                const InverseResult& result,
+                const std::function<void(const InverseRow&, std::vector<double>&)>& add) {
+  output::MotionHead head{title, std::move(names), result.rows.size()};
   head.degrees = false;
-  for (const InverseAxis& axis : result.axes)
-    for (const char* part : {"_moment", "_passive", "_active"}) head.names.push_back(axis.name + part);
-  output::MotionTableWriter table(out / "torques.sto", head);
+  output::MotionTableWriter table(file, head);
   std::vector<double> values;
   for (const InverseRow& row : result.rows) {
     values.clear();
-    for (const InverseAxis& axis : result.axes)
-      values.insert(values.end(), {row.moment[axis.dof], row.passive[axis.dof], row.active(axis.dof)});
+    add(row, values);
     table.add(row.time, values);
   }
   table.finish();
+}
+
+void write_torques(const scene::Scene& scene, const InverseResult& result, const std::filesystem::path& out) {
+  std::vector<std::string> names, axes, muscles;
+  for (const InverseAxis& axis : result.axes) {
+    for (const char* part : {"_moment", "_passive", "_active"}) names.push_back(axis.name + part);
+    axes.push_back(axis.name);
+  }
+  write_rows(out / "torques.sto", scene.spec.title + ": torques about the joint axes [N m]", names, result,
+             [&](const InverseRow& row, std::vector<double>& to) {
+               for (const InverseAxis& axis : result.axes)
+                 to.insert(to.end(), {row.moment[axis.dof], row.passive[axis.dof], row.active(axis.dof)});
+             });
+  if (result.rows.empty() || result.rows[0].reserve.empty()) return;
+  for (const model::Muscle& muscle : scene.model.muscles) muscles.push_back(muscle.name);
+  for (const auto& [name, of] :
+       {std::pair("activations", &InverseRow::activation), std::pair("excitations", &InverseRow::excitation)})
+    write_rows(out / fmt::format("{}.sto", name), scene.spec.title + ": " + name, muscles, result,
+               [&](const InverseRow& row, std::vector<double>& to) { to = row.*of; });
+  write_rows(out / "reserves.sto", scene.spec.title + ": torques that the muscles leave undone [N m]", axes,
+             result, [&](const InverseRow& row, std::vector<double>& to) {
+               for (const InverseAxis& axis : result.axes) to.push_back(row.reserve[axis.dof]);
+             });
 }
 
 /// The angles whose torques these are, and those of the check, on the same steps.
@@ -142,6 +171,10 @@ std::string inverse_json(const scene::Scene& scene, const InverseInput& input, c
       entry["forward_rms_error_deg"] = kDegreesPerRadian * *axis.rms_error;
       entry["forward_largest_error_deg"] = kDegreesPerRadian * *axis.largest_error;
     }
+    if (axis.largest_reserve) {
+      entry["largest_reserve_Nm"] = *axis.largest_reserve;
+      entry["rms_reserve_Nm"] = *axis.rms_reserve;
+    }
     out["axes"].push_back(std::move(entry));
   }
   out["warnings"] = result.warnings;
@@ -149,18 +182,23 @@ std::string inverse_json(const scene::Scene& scene, const InverseInput& input, c
 }
 
 std::string inverse_table(const InverseResult& result) {
-  std::string out = fmt::format("{:<28} {:>12} {:>12} {:>14} {:>14}\n", "axis", "largest N m", "RMS N m",
-                                "check RMS deg", "largest deg");
-  for (const InverseAxis& axis : result.axes)
-    out += fmt::format("{:<28} {:>12.4g} {:>12.4g} {:>14} {:>14}\n", axis.name, axis.largest_torque,
+  const bool muscles = !result.axes.empty() && result.axes[0].largest_reserve;
+  std::string out =
+      fmt::format("{:<28} {:>12} {:>12} {:>14} {:>14}{}\n", "axis", "largest N m", "RMS N m", "check RMS deg",
+                  "largest deg", muscles ? "  reserve N m, largest and RMS" : "");
+  for (const InverseAxis& axis : result.axes) {
+    out += fmt::format("{:<28} {:>12.4g} {:>12.4g} {:>14} {:>14}", axis.name, axis.largest_torque,
                        axis.rms_torque, degrees(axis.rms_error, "{:.3g}", "not checked"),
                        degrees(axis.largest_error, "{:.3g}", "not checked"));
+    out += muscles ? fmt::format(" {:>14.4g} {:>14.4g}\n", *axis.largest_reserve, *axis.rms_reserve) : "\n";
+  }
   return out;
 }
 
 std::vector<std::string> inverse_files() {
   std::vector<std::string> out = report_files("summary", {"torques"});
-  out.insert(out.end(), {"torques.sto", "motion.mot", "forward.mot"});
+  out.insert(out.end(), {"torques.sto", "motion.mot", "forward.mot", "activations.sto", "excitations.sto",
+                         "reserves.sto"});
   return out;
 }
 
