@@ -82,10 +82,7 @@ struct GraspArguments {
   bool margin = false;
   bool confirm = false;
   bool pictures = false;
-  bool report = false;       ///< writes report.html
-  std::optional<int> agree;  ///< random grasps on which engines are compared
-  std::uint64_t seed = 1;
-  int quarter_steps = 0;
+  bool report = false;  ///< writes report.html
   DrawArguments drawing;
 };
 int grasp_command(const GraspArguments& arguments);

@@ -10,7 +10,6 @@
 #include "handsim/app/report_command.h"
 #include "handsim/core/units.h"
 #include "handsim/output/report/page.h"
-#include "handsim/study/grasp/agreement.h"
 #include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/repeat/study_repeat.h"
 
@@ -85,59 +84,6 @@ void print_table(const std::vector<study::GraspRow>& rows) {
   }
 }
 
-void print_differences(const study::AgreementTable& table) {
-  for (std::size_t i = 0; i < table.rows.size(); ++i) {
-    const study::AgreementRow& row = table.rows[i];
-    if (!row.differs()) continue;
-    print("draw {} ({:.0f} g, friction {:.2f}){}\n", i, 1e3 * row.mass, row.friction,
-          row.turning.empty() ? "" : fmt::format(": marginal, {} turns it", row.turning));
-    for (std::size_t way = 0; way < row.figures.size(); ++way)
-      print("  {:<14} {} (margin {} %)\n", study::kWays[way], row.figures[way].told(),
-            margin_text(row.figures[way]));
-  }
-}
-
-int agreement_command(const GraspArguments& arguments) {
-  if (arguments.scenes.size() != 1)
-    throw input_error("--agree", fmt::format("{} scenes", arguments.scenes.size()), "one scene");
-  study::AgreementStudy study;
-  study.scene = arguments.scenes.front();
-  study.overrides = arguments.overrides;
-  study.draws = *arguments.agree;
-  study.seed = arguments.seed;
-  study.quarter_steps = arguments.quarter_steps;
-  study.out = arguments.out;
-  study::AgreementTable table;
-  {
-    ProgressBar bar;
-    study.progress = [&bar](double share) { bar.show(share); };
-    table = study::run_agreement(study);
-  }
-  study::finish_study(arguments.out, study::agreement_commands(study, table), arguments.report);
-  constexpr const char* kHead = "{:<28} {:>13} {:>13} {:>12} {:>8} {:>15} {:>16} {:>8} {:>13}\n";
-  print(kHead, "engines", "same verdict", "not marginal", "grip differs", "most", "within 10 %", "slip",
-        "slip", "slip");
-  print(kHead, "(/4: a quarter of the step)", "", "", "median, %", "%", "", "median, um/s",
-        fmt::format("< {:g} um/s", 1e6 * study::kSlipFloor), "within 10 %");
-  const auto text = [](const study::AgreementTable::Count& of) {
-    return fmt::format("{} of {}", of.same, of.of);
-  };
-  for (const auto& [way, other] : study::agreement_pairs(table)) {
-    const study::AgreementTable::Pair pair = table.compare(way, other);
-    print(kHead, fmt::format("{}, {}", study::kWays[way], study::kWays[other]), text(pair.all),
-          text(pair.clear), fmt::format("{:.2f}", 100 * pair.grip_median),
-          fmt::format("{:.2f}", 100 * pair.grip_most), text(pair.grip_within),
-          fmt::format("{:.2g}, {:.2g}", 1e6 * pair.slip, 1e6 * pair.other_slip), pair.slip_below,
-          text(pair.slip_within));
-  }
-  print_differences(table);
-  if (!table.refused.empty())
-    print("{} further draws were refused by the grip, such as: {}\n", table.refused.size(),
-          table.refused.front());
-  print("files in {}\n", arguments.out.string());
-  return 0;
-}
-
 /// The page of each run.
 void add_reports(const study::GraspTables& tables, const std::filesystem::path& out) {
   std::set<std::filesystem::path> folders;
@@ -153,7 +99,6 @@ void add_reports(const study::GraspTables& tables, const std::filesystem::path& 
 }  // namespace
 
 int grasp_command(const GraspArguments& arguments) {
-  if (arguments.agree) return agreement_command(arguments);
   study::GraspStudy study;
   study.scenes = arguments.scenes;
   study.out = arguments.out;

@@ -43,16 +43,6 @@ void add_grasp(CommandLine& line) {
   add_report_flag(grasp, *arguments);
   grasp.add_flag("--pictures", arguments->pictures, "a picture at every phase");
   add_drawing(grasp, arguments->drawing, "in each run's folder: a name without one");
-  CLI::Option* agree = grasp.add_option(
-      "--agree", arguments->agree,
-      "random grasps around the one scene, on ODE and the articulated engine: how often they agree");
-  agree->check(number_from(1, 100000, true, "a whole number, 1 to 100000"));
-  grasp.add_option("--seed", arguments->seed, "of the random grasps (default: 1)")->needs(agree);
-  grasp
-      .add_option("--quarter-steps", arguments->quarter_steps,
-                  "of so many also ODE at a quarter of the step (default: where the engines differ)")
-      ->check(number_from(1, 100000, true, "a whole number, 1 to 100000"))
-      ->needs(agree);
 }
 
 /// What a study's command was told.

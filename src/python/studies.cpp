@@ -5,7 +5,6 @@
 #include "handsim/python/signals.h"
 #include "handsim/study/accuracy/accuracy.h"
 #include "handsim/study/effects/effects.h"
-#include "handsim/study/grasp/agreement.h"
 #include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/repeat/study_repeat.h"
 #include "handsim/study/rollouts/rollouts.h"
@@ -67,24 +66,6 @@ bool grasps(const std::vector<path>& scenes, const path& out, const std::vector<
     const study::GraspTables tables = study::run_grasps(study);
     study::finish_study(out, study::grasp_commands(study), false);
     return tables.passed() && tables.missing.empty();
-  });
-}
-
-void agreement(const path& scene, const path& out, const std::vector<std::string>& overrides, int draws,
-               std::uint64_t seed, int quarter_steps, int threads, const py::object& progress) {
-  run_study(progress, [&](StudyHooks& hooks) {
-    study::AgreementStudy study;
-    study.scene = scene;
-    study.out = out;
-    study.overrides = overrides;
-    study.draws = draws;
-    study.seed = seed;
-    study.quarter_steps = quarter_steps;
-    study.threads = threads;
-    study.progress = hooks.told;
-    const study::AgreementTable table = study::run_agreement(study);
-    study::finish_study(out, study::agreement_commands(study, table), false);
-    return 0;
   });
 }
 
@@ -206,9 +187,6 @@ void bind_studies(py::module_& module) {
   module.def("grasps", &grasps, py::arg("scenes"), py::arg("out"), py::arg("sides"), py::arg("overrides"),
              py::arg("friction"), py::arg("friction_search"), py::arg("margin"), py::arg("confirm"),
              py::arg("pictures"), py::arg("progress"));
-  module.def("agreement", &agreement, py::arg("scene"), py::arg("out"), py::arg("overrides"),
-             py::arg("draws"), py::arg("seed"), py::arg("quarter_steps"), py::arg("threads"),
-             py::arg("progress"));
   module.def("rollouts", &rollouts, py::arg("study"), py::arg("out"), py::arg("count"), py::arg("seed"),
              py::arg("overrides"), py::arg("threads"), py::arg("resume"), py::arg("progress"));
   module.def("merge", &merge, py::arg("folders"), py::arg("out"));

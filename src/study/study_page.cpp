@@ -26,14 +26,10 @@ struct Kind {
   const char* table;
   const char* about;
 };
-constexpr Kind kStudyTables[] = {{"accuracy.csv", "accuracy.json"},
-                                 {"effects.csv", "effects.json"},
-                                 {"stability.csv", "stability.json"},
-                                 {"rollouts.csv", "summary.json"},
-                                 {"grasps.csv", nullptr},
-                                 {"climbs.csv", nullptr},
-                                 {"agreement.csv", "agreement.json"},
-                                 {"validate.csv", "validate.json"}};
+constexpr Kind kStudyTables[] = {
+    {"accuracy.csv", "accuracy.json"}, {"effects.csv", "effects.json"}, {"stability.csv", "stability.json"},
+    {"rollouts.csv", "summary.json"},  {"grasps.csv", nullptr},         {"climbs.csv", nullptr},
+    {"validate.csv", "validate.json"}};
 constexpr std::size_t kLargestStudyFile = 256UL << 20U;
 
 /// A number with the digits that a page shows, else the text.

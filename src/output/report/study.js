@@ -14,7 +14,7 @@
   /** Axes that suit a study; else its first two columns of numbers. */
   const usual = {'accuracy.csv': ['cpu_seconds_per_second', /^rate_error_rms/, 'method', true, true], 'effects.csv': ['saved_per_step[ns]', /^angle_rms|^displacement/, 'effect_taken_away', false, false],
     'stability.csv': ['cpu[s]', /^measured/, 'verdict', true, true], 'grasps.csv': ['normal_force[N]', /^margin/, 'held', false, false],
-    'agreement.csv': ['ode grip[N]', /^articulated grip/, 'turning', false, false], 'validate.csv': ['measured', /^ours/, 'verdict', true, true]};
+    'validate.csv': ['measured', /^ours/, 'verdict', true, true]};
 
   function section(table) {
     const {columns, rows} = table, items = rows.map((cells, index) => ({cells, index}));

@@ -23,24 +23,6 @@ StudyCommands grasp_commands(const GraspStudy& study) {
   return out;
 }
 
-StudyCommands agreement_commands(const AgreementStudy& study, const AgreementTable& table) {
-  const std::string scene = "handsim grasp " + output::shell_word(study.scene.string());
-  const auto with = [](std::string text, const std::vector<std::string>& overrides) {
-    for (const std::string& set : overrides) text += " --set " + output::shell_word(set);
-    return text + " --out again";
-  };
-  std::string all = fmt::format("{} --agree {} --seed {}", scene, study.draws, study.seed);
-  if (study.quarter_steps > 0) all += fmt::format(" --quarter-steps {}", study.quarter_steps);
-  StudyCommands out{with(all, study.overrides)};
-  for (const AgreementRow& row : table.rows) {
-    if (!row.done()) continue;
-    std::vector<std::string> sets = drawn_overrides(study, row);
-    sets.emplace_back("solver.engine=articulated");
-    out.rows["agreement.csv"].push_back(with(fmt::format("{} --friction {}", scene, row.friction), sets));
-  }
-  return out;
-}
-
 StudyCommands rollouts_commands(const std::filesystem::path& file, const std::vector<std::string>& overrides,
                                 std::optional<int> seed) {
   StudyCommands out{command_text("rollouts", file, overrides)};

@@ -7,15 +7,12 @@
 #include <string>
 #include <vector>
 
-#include "handsim/study/grasp/agreement.h"
 #include "handsim/study/grasp/grasp_study.h"
 #include "handsim/study/study_page.h"
 
 namespace handsim::study {
 
 StudyCommands grasp_commands(const GraspStudy& study);
-/// A row's command runs its grasp on the articulated engine.
-StudyCommands agreement_commands(const AgreementStudy& study, const AgreementTable& table);
 /// @param seed in place of the study's.
 StudyCommands rollouts_commands(const std::filesystem::path& file, const std::vector<std::string>& overrides,
                                 std::optional<int> seed);
