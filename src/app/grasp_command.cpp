@@ -5,13 +5,11 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
-#include "handsim/app/drawing_options.h"
 #include "handsim/app/progress.h"
 #include "handsim/app/report_command.h"
 #include "handsim/core/units.h"
 #include "handsim/output/report/page.h"
 #include "handsim/study/grasp/grasp_study.h"
-#include "handsim/study/repeat/study_repeat.h"
 
 namespace handsim::app {
 
@@ -99,12 +97,7 @@ void add_reports(const study::GraspTables& tables, const std::filesystem::path& 
 }  // namespace
 
 int grasp_command(const GraspArguments& arguments) {
-  study::GraspStudy study;
-  study.scenes = arguments.scenes;
-  study.out = arguments.out;
-  study.overrides = arguments.overrides;
-  study.persons = arguments.persons;
-  study.friction = arguments.friction;
+  study::GraspStudy study = arguments;
   if (arguments.side == "both")
     study.sides = {"right", "left"};
   else if (!arguments.side.empty())
@@ -114,21 +107,13 @@ int grasp_command(const GraspArguments& arguments) {
     output::require_three();
     study.overrides.emplace_back("record.contacts=true");
   }
-  study.friction_search = arguments.friction_search;
-  study.margin = arguments.margin;
-  study.confirm = arguments.confirm;
-  study.pictures = arguments.pictures;
-  study.video = video_of(arguments.drawing);
   if (study.video && study.video->file.has_parent_path())
     throw input_error("--video", study.video->file.string(), "a name without a folder, such as grasp.mp4");
-  study.gl = gl_of(arguments.drawing);
   study.draw_apart = true;
-  study::GraspTables tables;
-  {
-    ProgressBar bar;
-    study.progress = [&bar](double share) { bar.show(share); };
-    tables = study::run_grasps(study);
-  }
+  const study::GraspTables tables = with_progress([&](const auto& show) {
+    study.progress = show;
+    return study::run_grasps(study);
+  });
   if (arguments.report) add_reports(tables, arguments.out);
   study::finish_study(arguments.out, commands, arguments.report);
   if (!tables.grasps.empty()) print_table(tables.grasps);

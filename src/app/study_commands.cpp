@@ -42,7 +42,7 @@ void add_grasp(CommandLine& line) {
                  "than its margin");
   add_report_flag(grasp, *arguments);
   grasp.add_flag("--pictures", arguments->pictures, "a picture at every phase");
-  add_drawing(grasp, arguments->drawing, "in each run's folder: a name without one");
+  add_drawing(grasp, arguments->video, arguments->gl, "in each run's folder: a name without one");
 }
 
 /// What a study's command was told.
@@ -178,14 +178,15 @@ void add_rollouts(CommandLine& line) {
       ->check(whole(1, kMostCount));
   rollouts.add_option("--seed", arguments->seed, "in place of the study's")
       ->check(whole(0, std::numeric_limits<int>::max()));
-  rollouts.add_option("--jobs", arguments->jobs, "threads (default: as many as the machine has)")
+  rollouts.add_option("--jobs", arguments->threads, "threads (default: as many as the machine has)")
       ->check(whole(1, 4096));
   rollouts.add_option("--chunk", arguments->chunk, "rollouts that are written down together (default 8)")
       ->check(whole(1, 100'000));
   add_report_flag(rollouts, *arguments);
   rollouts.add_flag("--resume", arguments->resume, "go on with a study that was stopped");
-  rollouts.add_option("--shard", arguments->shard,
-                      "this share of the rollouts alone, such as 3/16, for merge");
+  rollouts.add_option_function<std::string>(
+      "--shard", [arguments](const std::string& text) { arguments->shard = shard_of(text); },
+      "this share of the rollouts alone, such as 3/16, for merge");
   CLI::App* merge = rollouts.add_subcommand("merge", "Make the table of all shards");
   merge->footer("Example: handsim rollouts merge out/power_can");
   merge->add_option("folders", arguments->folders, "folders of --shard runs")->required();

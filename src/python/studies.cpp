@@ -6,7 +6,6 @@
 #include "handsim/study/accuracy/accuracy.h"
 #include "handsim/study/effects/effects.h"
 #include "handsim/study/grasp/grasp_study.h"
-#include "handsim/study/repeat/study_repeat.h"
 #include "handsim/study/rollouts/rollouts.h"
 #include "handsim/study/stability/stability.h"
 #include "handsim/study/validate/validate.h"
@@ -96,15 +95,7 @@ std::string rollouts(const path& file, const path& out, std::optional<int> count
 
 /// Of the shards in the folders.
 std::string merge(const std::vector<path>& folders, const path& out) {
-  return without_gil([&] {
-    const std::string commands = study::shard_commands(folders);
-    const study::Table table = study::merge_shards(folders);
-    const output::OutputFolder folder(out, study::rollout_files());
-    folder.clear();
-    study::write_rollouts(table, out);
-    if (!commands.empty()) output::write_file(out / study::kStudyFile, commands);
-    return study::rollouts_screen(table);
-  });
+  return without_gil([&] { return study::merge_rollouts(folders, {out, false}).text; });
 }
 
 std::string inverse(const SceneHandle& of, const path& out, const app::InverseArguments& arguments,

@@ -10,7 +10,8 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/study/machine.h"
+#include "handsim/study/report.h"
+#include "handsim/study/study_page.h"
 
 namespace handsim::study {
 
@@ -90,7 +91,8 @@ StabilityRow row_for(const Job& job, const MeasureSpec& spec) {
           .variant = job.variant,
           .unit = std::string(kind.unit),
           .limit = spec.limit,
-          .at_least = kind.at_least};
+          .at_least = kind.at_least,
+          .command = job.way->refused ? "" : command_text({"run", job.scene.string()}, job.set)};
 }
 
 void set_figure(StabilityRow& row, const std::optional<Figure>& figure) {
