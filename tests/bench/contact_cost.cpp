@@ -9,7 +9,6 @@
 #include "handsim/engine/engine.h"
 #include "handsim/scene/compile/scene.h"
 #include "handsim/study/report.h"
-#include "handsim/study/report.h"
 
 namespace handsim::study {
 
