@@ -95,7 +95,7 @@ STUDIES = {
     "poses": Study("20 s", pose_runs()),
     "tracking": Study("20 s", tracking_runs()),
     "grasp": Study("6 min", {"both": ["grasp", "config", "--out", "{out}", "--side", "both"]}),
-    "agreement": Study("45 min", {"run": ["grasp", "config/agreement/box.yaml", "--agree", "100", "--seed", "2201", "--out", "{out}"]}),
+    "agreement": Study("45 min", {"run": None}),
     "climb": Study("1 min", climb_runs()),
     "contacts": Study("1.5 min", {"contacts": None},
                       {"contacts/contacts_cost.png": "contacts_cost.png"}),
@@ -133,6 +133,12 @@ ONLY_IF_NAMED = ("peers",)
 
 # Running studies and writing pages.
 
+def python_of(build):
+    """The interpreter that the Python package was built for."""
+    found = re.search(r"^Python_EXECUTABLE:\w+=(.+)$", (build / "CMakeCache.txt").read_text(), re.M)
+    return found[1] if found else sys.executable
+
+
 def command_of(name, label, build):
     """The command of a run."""
     if name in BENCHMARKS:
@@ -141,6 +147,8 @@ def command_of(name, label, build):
     if name == "speed":
         return [str(build / "tests" / "bench_handsim"), f"--benchmark_filter=-{'|'.join(BENCHMARKS.values())}", "--benchmark_repetitions=9",
                 "--benchmark_report_aggregates_only=true", f"--benchmark_out={OUT / 'speed' / 'bench.json'}"]
+    if name == "agreement":
+        return [python_of(build), "tests/study/agreement.py", "--draws", "100", "--seed", "2201", "--out", str(OUT / name / label)]
     if name == "contacts":
         return [str(build / "tests" / "contact_cost"), str(OUT / name / label)]
     if name == "export":
@@ -172,7 +180,8 @@ def run_study(name, build, handsim):
         if label == "cases_drake" and not (PACKAGES / "pydrake").exists():
             continue
         print("+", shlex.join(command), flush=True)
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env=ENVIRONMENT)
+        paths = os.pathsep.join([str(build / "python"), ENVIRONMENT["PYTHONPATH"]])
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**ENVIRONMENT, "PYTHONPATH": paths})
         (OUT / name / f"{label}.txt").write_text(done.stdout)
         (OUT / name / f"{label}.err").write_text(done.stderr)
         sys.stderr.write(done.stderr)

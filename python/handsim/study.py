@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Iterator, Optional, Sequence, Union
 
 from . import _core
-from ._errors import flags, input_error, real, seed_of, whole
+from ._errors import flags, input_error, real, whole
 from ._scene import Overrides, Progress, Scene, Source, find_file, load, override_list
 from ._table import Table, rows_table
 
@@ -166,17 +166,6 @@ def grasps(scenes: Union[PathText, Sequence[PathText]], overrides: Overrides = N
         return Study("grasps", folder, "")
 
 
-def agreement(scene: PathText, overrides: Overrides = None, *, draws: int = 100, seed: int = 1,
-              quarter_steps: int = 0, threads: int = 0, out: Out = None, progress: Progress = None) -> Study:
-    """Random grasps around a scene on both engines: do they agree on what is held?"""
-    seed_of(seed), whole("draws", draws, 1), whole("quarter_steps", quarter_steps, 0)
-    whole("threads", threads, 0, MOST_THREADS)
-    with _folder(out) as folder:
-        _core.agreement(find_file(scene), folder, override_list(overrides), draws, seed, quarter_steps, threads,
-                        progress)
-        return Study("agreement", folder, "")
-
-
 def rollouts(study: PathText, overrides: Overrides = None, *, count: Optional[int] = None,
              seed: Optional[int] = None, threads: int = 0, resume: bool = False, out: Out = None,
              progress: Progress = None) -> Study:
@@ -267,5 +256,5 @@ def validate(measurements: Optional[PathText] = None, *, out: Out = None) -> Stu
         return Study("validate", folder, _core.validate(_path(measurements), folder))
 
 
-__all__ = ["Study", "accuracy", "agreement", "effects", "grasps", "inverse", "merge", "read_csv", "read_sto",
+__all__ = ["Study", "accuracy", "effects", "grasps", "inverse", "merge", "read_csv", "read_sto",
            "rollouts", "stability", "track", "validate"]

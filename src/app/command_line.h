@@ -13,6 +13,7 @@
 
 #include "handsim/core/data_folder.h"
 #include "handsim/core/units.h"
+#include "handsim/simulation/run/film.h"
 
 namespace handsim::app {
 
@@ -88,9 +89,14 @@ CLI::Option* add_report_flag(CLI::App& command, Arguments& arguments) {
                           "report.html: tables to sort and a plot, for a browser");
 }
 
-struct DrawArguments;
 /// Adds `--video` with its `--fps` and `--speed`, and `--gl`. @param where the video is written.
-void add_drawing(CLI::App& command, DrawArguments& drawing, const std::string& where);
+void add_drawing(CLI::App& command, std::optional<simulation::VideoSpec>& video,
+                 std::optional<output::Gl>& gl, const std::string& where);
+
+/// A script that completes commands, options and their words. @param shell bash, zsh or fish.
+std::string completion_script(const CLI::App& app, const std::string& shell);
+/// handsim(1) in the man macros of roff.
+std::string man_page(const CLI::App& app, const std::string& version);
 
 void add_scene_commands(CommandLine& line);
 void add_study_commands(CommandLine& line);

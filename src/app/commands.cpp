@@ -8,7 +8,6 @@
 #include <fmt/format.h>
 
 #include "handsim/app/command_line.h"
-#include "handsim/app/completion.h"
 #include "handsim/app/console.h"
 #include "handsim/core/error.h"
 #include "handsim/core/version.h"

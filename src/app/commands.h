@@ -3,12 +3,15 @@
 // or usage.
 #pragma once
 
-#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
 #include <vector>
+
+#include "handsim/simulation/run/run.h"
+#include "handsim/study/grasp/grasp_study.h"
+#include "handsim/study/rollouts/rollouts.h"
 
 namespace handsim::app {
 
@@ -34,31 +37,15 @@ struct SchemaArguments {
 };
 int schema_command(const SchemaArguments& arguments);
 
-/// Options of drawing that run, render and grasp have.
-struct DrawArguments {
-  std::optional<std::filesystem::path> video;
-  double fps = 30;
-  double speed = 1;
-  std::string gl;  ///< osmesa or egl; empty: the default of this build
-};
-
-struct RunArguments {
+struct RunArguments : simulation::RunOptions {
   std::filesystem::path scene;
-  std::filesystem::path out;
   std::vector<std::string> overrides;
   std::optional<int> rollout;  ///< of the study that stands in the scene's place
   std::optional<int> seed;     ///< in place of the study's
-  int frames = 0;
-  std::optional<double> snapshot_at;  ///< [s]
-  std::optional<std::filesystem::path> from_snapshot;
-  std::optional<std::uint64_t> expected_hash;
-  bool poses = false;
-  bool plots = false;
-  bool report = false;   ///< writes report.html
-  bool passing = false;  ///< the folder is removed afterwards, and is not named
+  bool report = false;         ///< writes report.html
+  bool passing = false;        ///< the folder is removed afterwards, and is not named
   bool quiet = false;
   bool json = false;
-  DrawArguments drawing;
 };
 int run_scene_command(const RunArguments& arguments);
 
@@ -67,43 +54,30 @@ struct RenderArguments {
   std::optional<std::filesystem::path> out;  ///< of the picture; absent: only the video
   std::vector<std::string> overrides;
   std::optional<double> time;  ///< [s]; absent: the start, of a video the scene's end
-  DrawArguments drawing;
+  std::optional<simulation::VideoSpec> video;
+  std::optional<output::Gl> gl;  ///< absent: the default of this build
 };
 int render_command(const RenderArguments& arguments);
 
-struct GraspArguments {
-  std::vector<std::filesystem::path> scenes;  ///< files or folders
-  std::filesystem::path out;
-  std::string side;                            ///< right, left, both; empty: the scene's
-  std::vector<std::filesystem::path> persons;  ///< files or folders
-  std::vector<std::string> overrides;
-  std::optional<double> friction;
-  bool friction_search = false;
-  bool margin = false;
-  bool confirm = false;
-  bool pictures = false;
-  bool report = false;       ///< writes report.html
-  std::optional<int> agree;  ///< random grasps on which engines are compared
-  std::uint64_t seed = 1;
-  int quarter_steps = 0;
-  DrawArguments drawing;
+struct GraspArguments : study::GraspStudy {
+  std::string side;     ///< right, left, both; empty: the scene's
+  bool report = false;  ///< writes report.html
 };
 int grasp_command(const GraspArguments& arguments);
 
-struct RolloutsArguments {
+struct RolloutsArguments : study::RolloutOptions {
   std::filesystem::path study;
-  std::filesystem::path out;
-  std::vector<std::string> overrides;  ///< of the scene
-  std::optional<int> count, seed;      ///< in place of the study's
-  int jobs = 0;
-  int chunk = 8;
-  bool resume = false;
+  std::vector<std::string> overrides;          ///< of the scene
+  std::optional<int> count, seed;              ///< in place of the study's
   bool report = false;                         ///< writes report.html
-  std::string shard;                           ///< `3/16`; empty: the whole study
   std::vector<std::filesystem::path> folders;  ///< of `merge`
 };
 int rollouts_command(const RolloutsArguments& arguments);
 int merge_command(const RolloutsArguments& arguments);
+/// The study with the command line's changes. @throws Error (input) with every problem of the file.
+study::RolloutsSpec rollouts_of(const RolloutsArguments& arguments);
+/// `3/16`. @throws Error (input) for another text.
+study::Shard shard_of(const std::string& text);
 
 struct ExportArguments {
   std::optional<std::filesystem::path> scene;
@@ -129,6 +103,10 @@ struct ViewArguments {
   bool no_browser = false;
 };
 int view_command(const ViewArguments& arguments);
+
+/// A line for each of the ten deepest pairs of shapes that overlap at the start, deepest first, and the
+/// number of others.
+std::vector<std::string> overlap_texts(const model::Model& model, std::vector<engine::Overlap> overlaps);
 
 /// Extension of a file's name in lower case: `.png`; may be empty.
 std::string ending_of(const std::filesystem::path& path);

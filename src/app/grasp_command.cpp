@@ -5,14 +5,11 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
-#include "handsim/app/drawing_options.h"
 #include "handsim/app/progress.h"
 #include "handsim/app/report_command.h"
 #include "handsim/core/units.h"
 #include "handsim/output/report/page.h"
-#include "handsim/study/grasp/agreement.h"
 #include "handsim/study/grasp/grasp_study.h"
-#include "handsim/study/repeat/study_repeat.h"
 
 namespace handsim::app {
 
@@ -85,59 +82,6 @@ void print_table(const std::vector<study::GraspRow>& rows) {
   }
 }
 
-void print_differences(const study::AgreementTable& table) {
-  for (std::size_t i = 0; i < table.rows.size(); ++i) {
-    const study::AgreementRow& row = table.rows[i];
-    if (!row.differs()) continue;
-    print("draw {} ({:.0f} g, friction {:.2f}){}\n", i, 1e3 * row.mass, row.friction,
-          row.turning.empty() ? "" : fmt::format(": marginal, {} turns it", row.turning));
-    for (std::size_t way = 0; way < row.figures.size(); ++way)
-      print("  {:<14} {} (margin {} %)\n", study::kWays[way], row.figures[way].told(),
-            margin_text(row.figures[way]));
-  }
-}
-
-int agreement_command(const GraspArguments& arguments) {
-  if (arguments.scenes.size() != 1)
-    throw input_error("--agree", fmt::format("{} scenes", arguments.scenes.size()), "one scene");
-  study::AgreementStudy study;
-  study.scene = arguments.scenes.front();
-  study.overrides = arguments.overrides;
-  study.draws = *arguments.agree;
-  study.seed = arguments.seed;
-  study.quarter_steps = arguments.quarter_steps;
-  study.out = arguments.out;
-  study::AgreementTable table;
-  {
-    ProgressBar bar;
-    study.progress = [&bar](double share) { bar.show(share); };
-    table = study::run_agreement(study);
-  }
-  study::finish_study(arguments.out, study::agreement_commands(study, table), arguments.report);
-  constexpr const char* kHead = "{:<28} {:>13} {:>13} {:>12} {:>8} {:>15} {:>16} {:>8} {:>13}\n";
-  print(kHead, "engines", "same verdict", "not marginal", "grip differs", "most", "within 10 %", "slip",
-        "slip", "slip");
-  print(kHead, "(/4: a quarter of the step)", "", "", "median, %", "%", "", "median, um/s",
-        fmt::format("< {:g} um/s", 1e6 * study::kSlipFloor), "within 10 %");
-  const auto text = [](const study::AgreementTable::Count& of) {
-    return fmt::format("{} of {}", of.same, of.of);
-  };
-  for (const auto& [way, other] : study::agreement_pairs(table)) {
-    const study::AgreementTable::Pair pair = table.compare(way, other);
-    print(kHead, fmt::format("{}, {}", study::kWays[way], study::kWays[other]), text(pair.all),
-          text(pair.clear), fmt::format("{:.2f}", 100 * pair.grip_median),
-          fmt::format("{:.2f}", 100 * pair.grip_most), text(pair.grip_within),
-          fmt::format("{:.2g}, {:.2g}", 1e6 * pair.slip, 1e6 * pair.other_slip), pair.slip_below,
-          text(pair.slip_within));
-  }
-  print_differences(table);
-  if (!table.refused.empty())
-    print("{} further draws were refused by the grip, such as: {}\n", table.refused.size(),
-          table.refused.front());
-  print("files in {}\n", arguments.out.string());
-  return 0;
-}
-
 /// The page of each run.
 void add_reports(const study::GraspTables& tables, const std::filesystem::path& out) {
   std::set<std::filesystem::path> folders;
@@ -153,13 +97,7 @@ void add_reports(const study::GraspTables& tables, const std::filesystem::path& 
 }  // namespace
 
 int grasp_command(const GraspArguments& arguments) {
-  if (arguments.agree) return agreement_command(arguments);
-  study::GraspStudy study;
-  study.scenes = arguments.scenes;
-  study.out = arguments.out;
-  study.overrides = arguments.overrides;
-  study.persons = arguments.persons;
-  study.friction = arguments.friction;
+  study::GraspStudy study = arguments;
   if (arguments.side == "both")
     study.sides = {"right", "left"};
   else if (!arguments.side.empty())
@@ -169,21 +107,13 @@ int grasp_command(const GraspArguments& arguments) {
     output::require_three();
     study.overrides.emplace_back("record.contacts=true");
   }
-  study.friction_search = arguments.friction_search;
-  study.margin = arguments.margin;
-  study.confirm = arguments.confirm;
-  study.pictures = arguments.pictures;
-  study.video = video_of(arguments.drawing);
   if (study.video && study.video->file.has_parent_path())
     throw input_error("--video", study.video->file.string(), "a name without a folder, such as grasp.mp4");
-  study.gl = gl_of(arguments.drawing);
   study.draw_apart = true;
-  study::GraspTables tables;
-  {
-    ProgressBar bar;
-    study.progress = [&bar](double share) { bar.show(share); };
-    tables = study::run_grasps(study);
-  }
+  const study::GraspTables tables = with_progress([&](const auto& show) {
+    study.progress = show;
+    return study::run_grasps(study);
+  });
   if (arguments.report) add_reports(tables, arguments.out);
   study::finish_study(arguments.out, commands, arguments.report);
   if (!tables.grasps.empty()) print_table(tables.grasps);

@@ -4,7 +4,6 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
-#include "handsim/app/overlaps.h"
 #include "handsim/app/person_hands.h"
 #include "handsim/core/units.h"
 #include "handsim/engine/contact/overlap.h"

@@ -57,11 +57,8 @@ int inverse_command(const InverseArguments& arguments) {
       if (file) read.push_back(*file);
     return read;
   });
-  study::InverseResult result;
-  {
-    ProgressBar bar;
-    result = study::run_inverse(scene, input, [&bar](double share) { bar.show(share); });
-  }
+  const study::InverseResult result =
+      with_progress([&](const auto& show) { return study::run_inverse(scene, input, show); });
   print_warnings(result.warnings);
   folder.clear();
   study::StudyEnd end{scene.spec.title + "\n" + study::inverse_table(result)};

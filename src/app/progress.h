@@ -58,4 +58,11 @@ class ProgressBar {
   std::chrono::steady_clock::time_point shown_;
 };
 
+/// Calls a function with what shows the share done, and removes the bar at its end.
+template <class Run>
+auto with_progress(const Run& run) {
+  ProgressBar bar;
+  return run([&bar](double share) { bar.show(share); });
+}
+
 }  // namespace handsim::app

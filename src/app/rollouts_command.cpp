@@ -1,4 +1,4 @@
-#include "handsim/app/rollouts_command.h"
+#include "handsim/app/commands.h"
 
 #include <atomic>
 #include <csignal>
@@ -9,9 +9,7 @@
 #include "handsim/app/console.h"
 #include "handsim/app/progress.h"
 #include "handsim/core/units.h"
-#include "handsim/output/atomic_file.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/study/repeat/study_repeat.h"
 #include "handsim/study/rollouts/rollouts.h"
 
 namespace handsim::app {
@@ -27,19 +25,6 @@ void stop_at_signals() {
   action.sa_handler = [](int) { stop_asked = true; };
   action.sa_flags = static_cast<int>(SA_RESETHAND);
   for (const int signal : {SIGINT, SIGTERM}) sigaction(signal, &action, nullptr);
-}
-
-study::Shard shard_of(const std::string& text) {
-  if (text.empty()) return {};
-  const std::size_t slash = text.find('/');
-  const auto k = parse_number(text.substr(0, slash));
-  const auto n = slash == std::string::npos ? std::nullopt : parse_number(text.substr(slash + 1));
-  const auto whole = [](const std::optional<double>& x) {
-    return x && *x == static_cast<int>(*x) && *x >= 1;
-  };
-  if (!whole(k) || !whole(n) || *k > *n || *n > 1e6)
-    throw input_error("--shard", text, "k/n with k from 1 to n, such as 3/16");
-  return {static_cast<int>(*k), static_cast<int>(*n)};
 }
 
 /// The rows are of the other ranks' making; this one's problems are those that rank 0 tells.
@@ -62,6 +47,18 @@ void print_end(const study::RolloutsResult& result, const std::filesystem::path&
 
 }  // namespace
 
+study::Shard shard_of(const std::string& text) {
+  const std::size_t slash = text.find('/');
+  const auto k = parse_number(text.substr(0, slash));
+  const auto n = slash == std::string::npos ? std::nullopt : parse_number(text.substr(slash + 1));
+  const auto whole = [](const std::optional<double>& x) {
+    return x && *x == static_cast<int>(*x) && *x >= 1;
+  };
+  if (!whole(k) || !whole(n) || *k > *n || *n > 1e6)
+    throw input_error("--shard", text, "k/n with k from 1 to n, such as 3/16");
+  return {static_cast<int>(*k), static_cast<int>(*n)};
+}
+
 study::RolloutsSpec rollouts_of(const RolloutsArguments& arguments) {
   study::RolloutsSpec spec = study::load_rollouts(arguments.study);
   spec.set.insert(spec.set.end(), arguments.overrides.begin(), arguments.overrides.end());
@@ -74,12 +71,7 @@ int rollouts_command(const RolloutsArguments& arguments) {
   study::Ranks ranks;
   stop_at_signals();
   if (ranks.rank() > 0) return work_for_rank_0(arguments, ranks);
-  study::RolloutOptions options;
-  options.out = arguments.out;
-  options.threads = arguments.jobs;
-  options.chunk = arguments.chunk;
-  options.resume = arguments.resume;
-  options.shard = shard_of(arguments.shard);
+  study::RolloutOptions options = arguments;
   const study::RolloutStudy study(rollouts_of(arguments));
   print_warnings(study.warnings());
   const std::filesystem::path where = study::shard_folder(options);
@@ -92,12 +84,10 @@ int rollouts_command(const RolloutsArguments& arguments) {
     print("complete already: files in {}\n", where.string());
     return 0;
   }
-  study::RolloutsResult result;
-  {
-    ProgressBar bar;
-    options.progress = [&bar](double share) { bar.show(share); };
-    result = study::run_rollouts(study, options, ranks, stop_asked, [&] { folder.clear(); });
-  }
+  const study::RolloutsResult result = with_progress([&](const auto& show) {
+    options.progress = show;
+    return study::run_rollouts(study, options, ranks, stop_asked, [&] { folder.clear(); });
+  });
   if (result.done < result.size) {
     print_error("stopped: {} of {} rollouts are done; the same command with --resume goes on\n", result.done,
                 result.size);
@@ -108,8 +98,8 @@ int rollouts_command(const RolloutsArguments& arguments) {
   if (!options.shard.whole()) {
     // For the table of all shards.
     study::write_commands(arguments.out, commands);
-    print("shard {}: {} rollouts of {} are done; handsim rollouts merge {} makes the table of all\n",
-          arguments.shard, result.done, study.size(), arguments.out.string());
+    print("shard {}/{}: {} rollouts of {} are done; handsim rollouts merge {} makes the table of all\n",
+          options.shard.k, options.shard.n, result.done, study.size(), arguments.out.string());
     return 0;
   }
   study::finish_study(arguments.out, commands, arguments.report);
@@ -122,17 +112,7 @@ int rollouts_command(const RolloutsArguments& arguments) {
 
 int merge_command(const RolloutsArguments& arguments) {
   const std::filesystem::path out = arguments.out.empty() ? arguments.folders.front() : arguments.out;
-  const std::string commands = study::shard_commands(arguments.folders);
-  const study::Table table = study::merge_shards(arguments.folders);
-  const output::OutputFolder folder(out, study::rollout_files());
-  folder.clear();
-  const bool plotted = study::write_rollouts(table, out);
-  if (!commands.empty()) output::write_file(out / study::kStudyFile, commands);
-  if (arguments.report) output::write_file(out / study::kPageFile, study::study_page(out));
-  print_text(study::rollouts_screen(table));
-  const PlotNote note = plot_note(plotted);
-  print("  files in {}{}\n", out.string(), note.text);
-  return note.status;
+  return print_study(study::merge_rollouts(arguments.folders, {out, arguments.report}), out);
 }
 
 }  // namespace handsim::app

@@ -5,11 +5,8 @@
 
 #include "handsim/app/commands.h"
 #include "handsim/app/console.h"
-#include "handsim/app/drawing_options.h"
-#include "handsim/app/overlaps.h"
 #include "handsim/app/progress.h"
 #include "handsim/app/report_command.h"
-#include "handsim/app/rollouts_command.h"
 #include "handsim/core/units.h"
 #include "handsim/engine/contact/overlap.h"
 #include "handsim/model/kinematics.h"
@@ -173,6 +170,21 @@ void add_report(const std::filesystem::path& out, simulation::RunResult& result)
 
 }  // namespace
 
+std::vector<std::string> overlap_texts(const model::Model& model, std::vector<engine::Overlap> overlaps) {
+  constexpr std::size_t kNamed = 10;
+  std::stable_sort(overlaps.begin(), overlaps.end(),
+                   [](const engine::Overlap& a, const engine::Overlap& b) { return a.depth > b.depth; });
+  std::vector<std::string> out;
+  for (std::size_t i = 0; i < std::min(overlaps.size(), kNamed); ++i)
+    out.push_back(fmt::format("{} and {} overlap by {:.2g} mm at the start",
+                              model.shapes[static_cast<std::size_t>(overlaps[i].shape_a)].name,
+                              model.shapes[static_cast<std::size_t>(overlaps[i].shape_b)].name,
+                              1e3 * overlaps[i].depth));
+  if (overlaps.size() > kNamed)
+    out.push_back(fmt::format("{} more pairs overlap, by less", overlaps.size() - kNamed));
+  return out;
+}
+
 int run_scene_command(const RunArguments& arguments) {
   bool stop_lost = false;
   if (arguments.report) output::require_three();
@@ -184,18 +196,9 @@ int run_scene_command(const RunArguments& arguments) {
   simulation::RunResult result;
   {
     ProgressBar bar;
-    simulation::RunOptions options;
-    options.out = arguments.out;
+    simulation::RunOptions options = arguments;
     options.stop_lost = stop_lost;
-    options.frames = arguments.frames;
-    options.pose_pictures = arguments.poses;
-    options.plots = arguments.plots;
     options.monitor = arguments.report;
-    options.snapshot_at = arguments.snapshot_at;
-    options.from_snapshot = arguments.from_snapshot;
-    options.expected_hash = arguments.expected_hash;
-    options.video = video_of(arguments.drawing);
-    options.gl = gl_of(arguments.drawing);
     options.draw_apart = true;
     if (!arguments.quiet) options.progress = [&bar](double share) { bar.show(share); };
     options.note = [](const std::string& text) { print_error("note: {}\n", text); };
@@ -225,7 +228,7 @@ namespace {
 void render_picture(const scene::Scene& scene, const RenderArguments& arguments) {
   const simulation::Moment moment = simulation::moment_at(scene, arguments.time.value_or(0));
   const auto draw = [&](const output::Progress&) {
-    output::write_png(simulation::draw(scene, moment, gl_of(arguments.drawing)), *arguments.out);
+    output::write_png(simulation::draw(scene, moment, arguments.gl), *arguments.out);
   };
   if (const auto failure = output::run_in_child(draw, {}))
     throw output_error(arguments.out->string(), "no picture: " + *failure,
@@ -233,12 +236,12 @@ void render_picture(const scene::Scene& scene, const RenderArguments& arguments)
 }
 
 void render_video(const scene::Scene& scene, const RenderArguments& arguments) {
-  const simulation::VideoSpec spec = *video_of(arguments.drawing);
+  const simulation::VideoSpec& spec = *arguments.video;
   ProgressBar bar;
   const simulation::Film film = simulation::film_until(
       scene, spec, arguments.time.value_or(scene.spec.duration), [&bar](double share) { bar.show(share); });
   const auto draw = [&](const output::Progress& progress) {
-    film.write({gl_of(arguments.drawing), output::core_count(), 0}, progress);
+    film.write({arguments.gl, output::core_count(), 0}, progress);
   };
   if (const auto failure = output::run_in_child(draw, [&bar](double share) { bar.show(share); }))
     throw output_error(spec.file.string(), "no video: " + *failure,
@@ -251,7 +254,7 @@ int render_command(const RenderArguments& arguments) {
   output::require_pictures();
   if (arguments.out && ending_of(*arguments.out) != ".png")
     throw input_error("--out", arguments.out->string(), "a name that ends in .png");
-  const auto video = video_of(arguments.drawing);
+  const auto& video = arguments.video;
   const scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
   print_warnings(scene.warnings);
   if (!scene.spec.engine_choice.empty()) print("engine auto: {}\n", scene.spec.engine_choice);

@@ -88,10 +88,10 @@ void add_run(CommandLine& line) {
   CLI::Option* frames =
       run.add_option("--frames", arguments->frames, "pictures over the run, and a contact sheet of them")
           ->check(number_from(0, 10000, true, "a whole number of pictures, 0 to 10000"));
-  run.add_flag("--poses", arguments->poses,
+  run.add_flag("--poses", arguments->pose_pictures,
                "a picture at the end of every hold of a controlled scene, in place of --frames")
       ->excludes(frames);
-  add_drawing(run, arguments->drawing, "of the run");
+  add_drawing(run, arguments->video, arguments->gl, "of the run");
   run.add_flag("--plots", arguments->plots,
                "plots of a controlled scene: angles, errors, torques (needs gnuplot)");
   run.add_flag("--report", arguments->report,
@@ -120,7 +120,7 @@ void add_render(CommandLine& line) {
   add_overrides(render, arguments->overrides);
   add_time(render, "--time", arguments->time,
            "simulated time of the picture (default 0), end of the video (default: the scene's)");
-  add_drawing(render, arguments->drawing, "in place of --out or beside it");
+  add_drawing(render, arguments->video, arguments->gl, "in place of --out or beside it");
   render.parse_complete_callback([out, &render] {
     if (out->empty() && render.get_option("--video")->empty()) throw CLI::RequiredError("--out or --video");
   });
@@ -151,19 +151,31 @@ void add_export(CommandLine& line) {
 
 }  // namespace
 
-void add_drawing(CLI::App& command, DrawArguments& drawing, const std::string& where) {
-  CLI::Option* video =
-      command
-          .add_option("--video", drawing.video, "video in real time, .mp4 or .gif (needs ffmpeg), " + where)
-          ->check(check_path);
-  command.add_option("--fps", drawing.fps, "frames in a second of the video (default 30)")
-      ->check(number_from(0.1, 240, false, "a number of frames, 0.1 to 240"))
-      ->needs(video);
-  command.add_option("--speed", drawing.speed, "simulated seconds in a second of the video (default 1)")
-      ->check(number_from(1e-4, 1e4, false, "a factor, 0.0001 to 10000; below 1 it is slow motion"))
-      ->needs(video);
-  add_words(command.add_option("--gl", drawing.gl, "OpenGL without a display (default: osmesa, if built in)"),
-            "osmesa|egl");
+void add_drawing(CLI::App& command, std::optional<simulation::VideoSpec>& video,
+                 std::optional<output::Gl>& gl, const std::string& where) {
+  CLI::Option* file = command.add_option_function<std::filesystem::path>(
+      "--video", [&](const std::filesystem::path& path) { video = simulation::VideoSpec{path}; },
+      "video in real time, .mp4 or .gif (needs ffmpeg), " + where);
+  file->check(check_path);
+  const auto add = [&](const char* name, double simulation::VideoSpec::*field, double least, double most,
+                       const char* need, const char* help) {
+    const auto set = [&video, field](double value) {
+      if (video) (*video).*field = value;
+    };
+    command.add_option_function<double>(name, set, help)
+        ->check(number_from(least, most, false, need))
+        ->needs(file);
+  };
+  add("--fps", &simulation::VideoSpec::fps, 0.1, 240, "a number of frames, 0.1 to 240",
+      "frames in a second of the video (default 30)");
+  add("--speed", &simulation::VideoSpec::speed, 1e-4, 1e4,
+      "a factor, 0.0001 to 10000; below 1 it is slow motion",
+      "simulated seconds in a second of the video (default 1)");
+  add_words(
+      command.add_option_function<std::string>(
+          "--gl", [&](const std::string& word) { gl = word == "egl" ? output::Gl::egl : output::Gl::osmesa; },
+          "OpenGL without a display (default: osmesa, if built in)"),
+      "osmesa|egl");
 }
 
 void add_scene_commands(CommandLine& line) {

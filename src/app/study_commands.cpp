@@ -42,17 +42,7 @@ void add_grasp(CommandLine& line) {
                  "than its margin");
   add_report_flag(grasp, *arguments);
   grasp.add_flag("--pictures", arguments->pictures, "a picture at every phase");
-  add_drawing(grasp, arguments->drawing, "in each run's folder: a name without one");
-  CLI::Option* agree = grasp.add_option(
-      "--agree", arguments->agree,
-      "random grasps around the one scene, on ODE and the articulated engine: how often they agree");
-  agree->check(number_from(1, 100000, true, "a whole number, 1 to 100000"));
-  grasp.add_option("--seed", arguments->seed, "of the random grasps (default: 1)")->needs(agree);
-  grasp
-      .add_option("--quarter-steps", arguments->quarter_steps,
-                  "of so many also ODE at a quarter of the step (default: where the engines differ)")
-      ->check(number_from(1, 100000, true, "a whole number, 1 to 100000"))
-      ->needs(agree);
+  add_drawing(grasp, arguments->video, arguments->gl, "in each run's folder: a name without one");
 }
 
 /// What a study's command was told.
@@ -188,14 +178,15 @@ void add_rollouts(CommandLine& line) {
       ->check(whole(1, kMostCount));
   rollouts.add_option("--seed", arguments->seed, "in place of the study's")
       ->check(whole(0, std::numeric_limits<int>::max()));
-  rollouts.add_option("--jobs", arguments->jobs, "threads (default: as many as the machine has)")
+  rollouts.add_option("--jobs", arguments->threads, "threads (default: as many as the machine has)")
       ->check(whole(1, 4096));
   rollouts.add_option("--chunk", arguments->chunk, "rollouts that are written down together (default 8)")
       ->check(whole(1, 100'000));
   add_report_flag(rollouts, *arguments);
   rollouts.add_flag("--resume", arguments->resume, "go on with a study that was stopped");
-  rollouts.add_option("--shard", arguments->shard,
-                      "this share of the rollouts alone, such as 3/16, for merge");
+  rollouts.add_option_function<std::string>(
+      "--shard", [arguments](const std::string& text) { arguments->shard = shard_of(text); },
+      "this share of the rollouts alone, such as 3/16, for merge");
   CLI::App* merge = rollouts.add_subcommand("merge", "Make the table of all shards");
   merge->footer("Example: handsim rollouts merge out/power_can");
   merge->add_option("folders", arguments->folders, "folders of --shard runs")->required();

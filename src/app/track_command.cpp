@@ -94,11 +94,8 @@ int track_command(const TrackArguments& arguments) {
       if (file) read.push_back(*file);
     return read;
   });
-  study::TrackResult result;
-  {
-    ProgressBar bar;
-    result = study::run_track(input, [&bar](double share) { bar.show(share); });
-  }
+  const study::TrackResult result =
+      with_progress([&](const auto& show) { return study::run_track(input, show); });
   folder.clear();
   study::StudyEnd end;
   end.plotted = study::write_track(input, result, arguments.out);

@@ -20,6 +20,9 @@ constexpr int kNoRow = -1;
 /// Of a muscle's isometric force, the least that it is counted with [1]: chosen.
 constexpr double kLeastShare = 0.2;
 constexpr int kBlockPivots = 20;
+/// Solutions with what muscles give at the last one's activations, which are counted as at least so much.
+constexpr int kPasses = 4;
+constexpr double kLeastActivation = 0.02;
 
 }  // namespace
 
@@ -64,7 +67,8 @@ StaticOptimisation::StaticOptimisation(const model::Model& model, std::vector<st
 }
 
 /// Q and c of a . Q a / 2 - c . a.
-void StaticOptimisation::assemble(const model::State& state, std::span<const double> torques, bool rested) {
+void StaticOptimisation::assemble(const model::State& state, std::span<const double> torques, bool rested,
+                                  bool again) {
   arms_.setZero();
   for (std::size_t i = 0; i < dofs_.size(); ++i) wanted_[static_cast<Eigen::Index>(i)] = torques[dofs_[i]];
   for (std::size_t m = 0; m < model_.muscles.size(); ++m) {
@@ -77,8 +81,11 @@ void StaticOptimisation::assemble(const model::State& state, std::span<const dou
     const double excursion =
         muscle.tendon_strain ? model::fibre_excursion(muscle, state.fibre_length[m]) : path.excursion;
     const double passive = model::passive_force(muscle, excursion);
-    const double active = std::max(model::tension(muscle, excursion, rate, 1).force - passive,
-                                   kLeastShare * model::isometric_force(muscle, excursion));
+    const double at_activation =
+        again ? std::max(activation_[static_cast<Eigen::Index>(m)], kLeastActivation) : 1;
+    const double active =
+        std::max((model::tension(muscle, excursion, rate, at_activation).force - passive) / at_activation,
+                 kLeastShare * model::isometric_force(muscle, excursion));
     for (std::size_t i = 0; i < muscle.path.arms.size(); ++i) {
       const int row = row_[at(muscle.path.arms[i].dof)];
       if (row == kNoRow) continue;
@@ -135,8 +142,10 @@ void StaticOptimisation::minimise() {
 
 std::span<const double> StaticOptimisation::solve(const model::State& state, std::span<const double> torques,
                                                   bool rested) {
-  assemble(state, torques, rested);
-  minimise();
+  for (int pass = 0; pass < (rested ? kPasses : 1); ++pass) {
+    assemble(state, torques, rested, pass > 0);
+    minimise();
+  }
   for (std::size_t i = 0; i < out_.size(); ++i) {
     double& value = activation_[static_cast<Eigen::Index>(i)];
     out_[i] = value = std::clamp(value, least_, 1.0);

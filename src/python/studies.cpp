@@ -5,9 +5,7 @@
 #include "handsim/python/signals.h"
 #include "handsim/study/accuracy/accuracy.h"
 #include "handsim/study/effects/effects.h"
-#include "handsim/study/grasp/agreement.h"
 #include "handsim/study/grasp/grasp_study.h"
-#include "handsim/study/repeat/study_repeat.h"
 #include "handsim/study/rollouts/rollouts.h"
 #include "handsim/study/stability/stability.h"
 #include "handsim/study/validate/validate.h"
@@ -70,24 +68,6 @@ bool grasps(const std::vector<path>& scenes, const path& out, const std::vector<
   });
 }
 
-void agreement(const path& scene, const path& out, const std::vector<std::string>& overrides, int draws,
-               std::uint64_t seed, int quarter_steps, int threads, const py::object& progress) {
-  run_study(progress, [&](StudyHooks& hooks) {
-    study::AgreementStudy study;
-    study.scene = scene;
-    study.out = out;
-    study.overrides = overrides;
-    study.draws = draws;
-    study.seed = seed;
-    study.quarter_steps = quarter_steps;
-    study.threads = threads;
-    study.progress = hooks.told;
-    const study::AgreementTable table = study::run_agreement(study);
-    study::finish_study(out, study::agreement_commands(study, table), false);
-    return 0;
-  });
-}
-
 std::string rollouts(const path& file, const path& out, std::optional<int> count, std::optional<int> seed,
                      const std::vector<std::string>& overrides, int threads, bool resume,
                      const py::object& progress) {
@@ -115,15 +95,7 @@ std::string rollouts(const path& file, const path& out, std::optional<int> count
 
 /// Of the shards in the folders.
 std::string merge(const std::vector<path>& folders, const path& out) {
-  return without_gil([&] {
-    const std::string commands = study::shard_commands(folders);
-    const study::Table table = study::merge_shards(folders);
-    const output::OutputFolder folder(out, study::rollout_files());
-    folder.clear();
-    study::write_rollouts(table, out);
-    if (!commands.empty()) output::write_file(out / study::kStudyFile, commands);
-    return study::rollouts_screen(table);
-  });
+  return without_gil([&] { return study::merge_rollouts(folders, {out, false}).text; });
 }
 
 std::string inverse(const SceneHandle& of, const path& out, const app::InverseArguments& arguments,
@@ -209,9 +181,6 @@ void bind_studies(py::module_& module) {
   module.def("grasps", &grasps, py::arg("scenes"), py::arg("out"), py::arg("sides"), py::arg("overrides"),
              py::arg("friction"), py::arg("friction_search"), py::arg("margin"), py::arg("confirm"),
              py::arg("pictures"), py::arg("progress"));
-  module.def("agreement", &agreement, py::arg("scene"), py::arg("out"), py::arg("overrides"),
-             py::arg("draws"), py::arg("seed"), py::arg("quarter_steps"), py::arg("threads"),
-             py::arg("progress"));
   module.def("rollouts", &rollouts, py::arg("study"), py::arg("out"), py::arg("count"), py::arg("seed"),
              py::arg("overrides"), py::arg("threads"), py::arg("resume"), py::arg("progress"));
   module.def("merge", &merge, py::arg("folders"), py::arg("out"));

@@ -1,13 +1,16 @@
 #include "handsim/study/report.h"
 
+#include <sys/utsname.h>
+#include <time.h>
+
 #include <algorithm>
+#include <fstream>
 
 #include <fmt/format.h>
 
 #include "handsim/core/version.h"
 #include "handsim/output/atomic_file.h"
 #include "handsim/output/table/gnuplot.h"
-#include "handsim/study/machine.h"
 #include "handsim/study/study_page.h"
 
 namespace handsim::study {
@@ -24,7 +27,33 @@ std::string plot_commands(const Plot& plot) {
       plot.name, plot.terminal, plot.commands);
 }
 
+std::string processor() {
+  std::ifstream file("/proc/cpuinfo");
+  std::string line;
+  while (std::getline(file, line))
+    if (line.starts_with("model name")) return line.substr(line.find(':') + 2);
+  return "unknown";
+}
+
+std::string operating_system() {
+  utsname system{};
+  uname(&system);
+  return std::string(system.sysname) + " " + system.release;
+}
+
 }  // namespace
+
+double cpu_now() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
 
 std::string quoted(std::string text) {
   std::replace(text.begin(), text.end(), '\n', ' ');

@@ -1,5 +1,5 @@
-// Functions for the reports of all studies: fields of CSV, common entries of JSON files, and the files
-// NAME.csv, NAME.json, NAME.gp and the plots that gnuplot makes from NAME.gp.
+// Functions for all studies and their reports: CPU time, the median, fields of CSV, common entries of JSON
+// files, and the files NAME.csv, NAME.json, NAME.gp and the plots that gnuplot makes from NAME.gp.
 #pragma once
 
 #include <filesystem>
@@ -11,6 +11,11 @@
 namespace handsim::study {
 
 using Json = nlohmann::ordered_json;
+
+/// CPU time of this thread [s].
+double cpu_now();
+/// The median of at least one value; of an even number, the upper middle value.
+double median(std::vector<double> values);
 
 /// Text as a field of CSV: in double quotes, on one line.
 std::string quoted(std::string text);

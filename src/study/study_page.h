@@ -22,19 +22,18 @@ struct StudyCommands {
 inline constexpr const char* kStudyFile = "study.json";
 inline constexpr const char* kPageFile = "report.html";
 
-/// `handsim WORD FILE --set ... --out again`.
-std::string command_text(const char* word, const std::filesystem::path& file,
+/// `handsim WORDS --set ... --out again`.
+std::string command_text(const std::vector<std::string>& words,
                          const std::vector<std::string>& overrides = {});
-/// The run of a scene with the step after the other overrides.
-std::string run_text(const std::filesystem::path& scene, std::vector<std::string> overrides, double step);
 
 /// Writes study.json.
 void write_commands(const std::filesystem::path& out, const StudyCommands& commands);
 /// Writes study.json, and report.html if wanted.
 void finish_study(const std::filesystem::path& out, const StudyCommands& commands, bool report);
 
-/// Text of the page. Rows of runs whose folders are beside the table have links to their pages.
-/// @throws Error (input) for a folder without a study's table, or a table that is none.
+/// Text of the page. It has the tables as they are; its script reads them, and links rows of runs whose
+/// folders are beside the table to their pages.
+/// @throws Error (input) for a folder without a study's table, or with an empty one.
 std::string study_page(const std::filesystem::path& folder);
 
 }  // namespace handsim::study

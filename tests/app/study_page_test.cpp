@@ -72,29 +72,28 @@ TEST(StudyPage, OfValidateHasACommandForEachRow) {
   EXPECT_TRUE(contains(page, about["title"]));
 }
 
-// Oracle: the study's own row: its command runs the same grasp on the articulated engine.
-TEST(StudyPage, CommandOfARowOfAgreementRepeatsIt) {
+// Oracle: the study's own row: a run of its command has the same figure, to the last bit.
+TEST(StudyPage, CommandOfARowOfStabilityRepeatsIt) {
   const test::TemporaryFolder folder;
-  const fs::path out = folder.path() / "agree";
-  ASSERT_EQ(run_program({"grasp", test::source("config/agreement/box.yaml").string(), "--agree", "1",
-                         "--seed", "1", "--set", "grasps.0.hold=0.1 s", "--set", "solver.step=4 ms", "--set",
-                         "duration=2.5 s", "--out", out.string(), "--report"})
+  const fs::path out = folder.path() / "stability";
+  ASSERT_EQ(run_program({"stability", test::source("config/stability.yaml").string(), "--case", "pendulum",
+                         "--quick", "--no-pictures", "--out", out.string(), "--report"})
                 .status,
             0);
-  const auto table = table_of(out / "agreement.csv");
+  const auto table = table_of(out / "stability.csv");
   const auto study = nlohmann::json::parse(text_of(out / "study.json"));
-  EXPECT_TRUE(contains(study["command"], "--agree 1 --seed 1"));
-  EXPECT_TRUE(contains(text_of(out / "report.html"), "agreement.csv"));
-  ASSERT_EQ(study["rows"]["agreement.csv"].size(), table.size() - 1);
-  std::vector<std::string> words = words_of(study["rows"]["agreement.csv"][0]);
+  EXPECT_TRUE(contains(study["command"], "handsim stability "));
+  EXPECT_TRUE(contains(text_of(out / "report.html"), "stability.csv"));
+  ASSERT_EQ(study["rows"]["stability.csv"].size(), table.size() - 1);
+  ASSERT_EQ(cell(table, 1, "measure"), "joint_gap");
+  std::vector<std::string> words = words_of(study["rows"]["stability.csv"][0]);
   words.back() = (folder.path() / "again").string();
-  run_program(words);
-  const auto again = table_of(folder.path() / "again/grasps.csv");
-  ASSERT_EQ(again.size(), 2U);
-  // The tables have four and six digits.
-  const double slip = std::stod(cell(table, 1, "articulated slip[um/s]"));
-  EXPECT_GT(slip, 0.1);
-  EXPECT_NEAR(std::stod(cell(again, 1, "slip[um/s]")), slip, 1e-3 * slip);
+  ASSERT_EQ(run_program(words).status, 0);
+  const auto again = nlohmann::json::parse(text_of(folder.path() / "again/summary.json"));
+  ASSERT_EQ(again["criteria"][0]["name"], "joint_gap");
+  const double gap = std::stod(cell(table, 1, "measured"));
+  EXPECT_GT(gap, 1e-6);
+  EXPECT_EQ(again["criteria"][0]["measured"], gap);
 }
 
 }  // namespace

@@ -8,7 +8,6 @@
 
 #include "handsim/engine/engine.h"
 #include "handsim/scene/compile/scene.h"
-#include "handsim/study/machine.h"
 #include "handsim/study/report.h"
 
 namespace handsim::study {

@@ -164,7 +164,6 @@ class World:
             (hs.save_video, {"pictures": [picture], "path": here / "v.gif", "fps": 20.0}),
             (hs.report, {"folder": here, "other": None, "out": here / "r.html"}),
             (hs.study.rollouts, {"study": "nowhere", "count": 2, "seed": 1, "threads": 1, "overrides": {"a": 1}}),
-            (hs.study.agreement, {"scene": "nowhere", "draws": 1, "seed": 1, "threads": 1, "quarter_steps": 1}),
             (hs.study.effects, {"scene": "nowhere", "repeats": 1}), (hs.study.stability, {"study": "nowhere", "cases": ["a"]}),
             (hs.study.grasps, {"scenes": ["nowhere"], "sides": ["left"], "friction": 0.5}),
             (hs.study.merge, {"folders": [here]}), (hs.study.accuracy, {"study": "nowhere", "peers": here}),

@@ -125,8 +125,9 @@ def test_shards_become_the_table_of_the_whole(tmp_path):
     assert merged.table.rows == 4 and list(merged.table) == list(whole.table)
     commands = json.loads((tmp_path / "merged/study.json").read_text())
     assert commands["templates"]["rollouts.csv"].endswith("--rollout {rollout}")
-    rows = data_of(hs.report(tmp_path / "merged").read_text())["tables"][0]
-    assert rows["name"] == "rollouts.csv" and len(rows["rows"]) == 4 and "template" in rows
+    data = data_of(hs.report(tmp_path / "merged").read_text())
+    assert data["tables"] == [{"name": "rollouts.csv", "csv": (tmp_path / "merged/rollouts.csv").read_text()}]
+    assert data["study"] == commands
 
 
 # Oracle: the engines' and the effects' own commands.
@@ -134,5 +135,4 @@ def test_every_study_writes_the_commands_of_its_rows(tmp_path):
     hs.study.effects("two_hands", {"duration": "0.02 s"}, repeats=1, out=tmp_path)
     commands = json.loads((tmp_path / "study.json").read_text())
     assert commands["rows"]["effects.csv"][0].startswith("handsim run ")
-    table = data_of(hs.report(tmp_path).read_text())["tables"][0]
-    assert table["commands"] == commands["rows"]["effects.csv"]
+    assert data_of(hs.report(tmp_path).read_text())["study"] == commands

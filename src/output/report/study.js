@@ -14,10 +14,20 @@
   /** Axes that suit a study; else its first two columns of numbers. */
   const usual = {'accuracy.csv': ['cpu_seconds_per_second', /^rate_error_rms/, 'method', true, true], 'effects.csv': ['saved_per_step[ns]', /^angle_rms|^displacement/, 'effect_taken_away', false, false],
     'stability.csv': ['cpu[s]', /^measured/, 'verdict', true, true], 'grasps.csv': ['normal_force[N]', /^margin/, 'held', false, false],
-    'agreement.csv': ['ode grip[N]', /^articulated grip/, 'turning', false, false], 'validate.csv': ['measured', /^ours/, 'verdict', true, true]};
+    'validate.csv': ['measured', /^ours/, 'verdict', true, true]};
+
+  /** Fields of the lines of a CSV file: nothing, numbers with the digits that the page shows, else texts. */
+  const field = text => {
+    const bare = text.startsWith('"') ? text.slice(1, -1).replaceAll('""', '"') : text;
+    return bare === '' ? null : bare.trim() && isFinite(bare) ? Number(Number(bare).toPrecision(7)) : bare;
+  };
+  const read = csv => csv.replace(/\n$/, '').split('\n').map(line => Array.from(`${line},`.matchAll(/("(?:[^"]|"")*"|[^,]*),/g), part => field(part[1])));
 
   function section(table) {
-    const {columns, rows} = table, items = rows.map((cells, index) => ({cells, index}));
+    const [columns, ...rows] = read(table.csv), items = rows.map((cells, index) => ({cells, index}));
+    const commands = (data.study.rows || {})[table.name], template = (data.study.templates || {})[table.name];
+    const pages = columns[0] === 'scene' && columns[1] === 'side' ? rows.map(([scene, side]) => [`${scene}_${side}`, scene].find(name => data.pages.includes(name))) : [];
+    const page = item => pages[item.index] && `${encodeURIComponent(pages[item.index])}/report.html`;
     const numeric = columns.filter((_, c) => rows.some(r => typeof r[c] === 'number') && rows.every(r => r[c] === null || typeof r[c] === 'number'));
     const groups = columns.filter((name, c) => !numeric.includes(name) || new Set(rows.map(r => r[c])).size <= 6);
     const [x, y, group, logX, logY] = usual[table.name] || [];
@@ -34,12 +44,12 @@
     const more = element('button', {type: 'button', click: () => { all = true; draw(); }}, 'show all rows');
 
     const command = item => {
-      if (table.commands) return table.commands[item.index] || '';
-      if (table.template) return table.template.replace(/\{([^}]*)\}/g, (_, name) => item.cells[columns.indexOf(name)]);
+      if (commands) return commands[item.index] || '';
+      if (template) return template.replace(/\{([^}]*)\}/g, (_, name) => item.cells[columns.indexOf(name)]);
       return '';
     };
     const shown = columns.map((name, c) => ({name, value: item => item.cells[c], number: numeric.includes(name)}));
-    if (table.pages) shown.push({name: 'run', value: item => table.pages[item.index], show: item => table.pages[item.index] ? element('a', {href: table.pages[item.index]}, 'open') : ''});
+    if (pages.some(Boolean)) shown.push({name: 'run', value: page, show: item => page(item) ? element('a', {href: page(item)}, 'open') : ''});
     const grid = Table.sortable(shown, pick), plot = Curves.scatter(pick);
 
     function pick(item) {
@@ -48,7 +58,7 @@
       const text = command(item);
       told.replaceChildren(...(text ? ['Repeat this row: ', element('code', {}, text), ' ',
         element('button', {type: 'button', click: () => navigator.clipboard && navigator.clipboard.writeText(text)}, 'copy')]
-        : table.pages && table.pages[item.index] ? ['Its run: ', element('a', {href: table.pages[item.index]}, table.pages[item.index])] : ['No command is known for this row.']));
+        : page(item) ? ['Its run: ', element('a', {href: page(item)}, page(item))] : ['No command is known for this row.']));
     }
     function draw() {
       const words = filter.value.toLowerCase().split(/\s+/).filter(Boolean);
@@ -79,7 +89,7 @@
   document.body.append(
     element('header', {}, element('h1', {}, data.title), element('p', {class: 'dim'}, `${data.name}; handsim ${data.handsim}`)),
     element('main', {}, sections.map(s => s.out),
-      data.command ? element('section', {}, element('h2', {}, 'Repeat it'), element('p', {}, element('code', {}, data.command))) : null,
+      data.study.command ? element('section', {}, element('h2', {}, 'Repeat it'), element('p', {}, element('code', {}, data.study.command))) : null,
       data.about ? element('details', {}, element('summary', {}, 'Figures, machine and versions'), Table.any(data.about)) : null,
       element('p', {class: 'dim'}, 'A click on a head sorts, a click on a row or a point shows the command that repeats it. Numbers have seven digits here, all digits in the tables of the folder. The page needs no network.')));
   for (const s of sections) s.draw();

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include "handsim/output/atomic_file.h"
 
@@ -73,6 +74,21 @@ std::string plot_text(std::string text) {
   for (char& c : text)
     if (c == '\'' || c == '`' || c == '"' || c == '\\' || static_cast<unsigned char>(c) < ' ') c = ' ';
   return text;
+}
+
+std::vector<Panel> hand_panels(
+    const std::vector<std::string>& names,
+    const std::function<std::string(std::size_t index, const char* colour)>& curve) {
+  constexpr const char* kColours[] = {"#1b6ca8", "#c8553d", "#3a7d44", "#8e5ea2", "#b8860b"};
+  std::vector<Panel> out;
+  for (const char* part : {"wrist", "thumb", "index", "middle", "ring", "little"}) {
+    std::vector<std::string> curves;
+    for (std::size_t i = 0; i < names.size(); ++i)
+      if (names[i].starts_with(part))
+        curves.push_back(curve(i, kColours[curves.size() % std::size(kColours)]));
+    if (!curves.empty()) out.push_back({part, fmt::format("plot {}\n", fmt::join(curves, ", "))});
+  }
+  return out;
 }
 
 }  // namespace handsim::output

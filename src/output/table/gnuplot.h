@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -22,5 +23,17 @@ inline constexpr const char* kPlotHead = "place(name) = exists('part') ? part.na
 /// Text for use between single quotes in a script: quotes, backslashes and control characters become blanks,
 /// because they could end the string and start a command.
 std::string plot_text(std::string text);
+
+/// A panel of a plot by parts of a hand.
+struct Panel {
+  const char* part;      ///< wrist, thumb, index, middle, ring or little
+  std::string commands;  ///< `plot ...` with a curve for each name
+};
+
+/// Panels of the parts with which the names begin, such as `index_mcp.flexion`.
+/// @param curve what `plot` draws of the name with this index, in a colour
+std::vector<Panel> hand_panels(
+    const std::vector<std::string>& names,
+    const std::function<std::string(std::size_t index, const char* colour)>& curve);
 
 }  // namespace handsim::output

@@ -1,6 +1,6 @@
 #include "handsim/simulation/run/plots.h"
 
-#include <map>
+#include <algorithm>
 
 #include <fmt/format.h>
 
@@ -30,44 +30,29 @@ constexpr PlotKind kKinds[] = {{"angles", "joint angles; dashed: targets", "angl
                                {"torques", "joint torques", "torque [N m]",
                                 "data skip 7 using 1:{2} with lines lw 1.2 lc rgb '{3}' title '{4}'"}};
 
-/// Axes of a hand that share a panel: a finger, or the wrist.
-std::map<std::string, std::vector<std::size_t>> panels(const control::Plan& plan, std::size_t hand) {
-  std::map<std::string, std::vector<std::size_t>> out;
+/// Panels of a hand's driven axes.
+std::vector<output::Panel> panels(const control::Plan& plan, std::size_t hand, const PlotKind& kind) {
+  std::vector<std::string> names;
+  std::vector<std::size_t> columns;  // of control.sto, of the target
   for (std::size_t i = 0; i < plan.axes.size(); ++i) {
     if (plan.axes[i].hand != hand) continue;
-    const std::string name = plan.axes[i].name.substr(plan.hands[hand].name.size() + 1);
-    out[name.substr(0, name.find_first_of("_."))].push_back(i);
+    names.push_back(plan.axes[i].name.substr(plan.hands[hand].name.size() + 1));
+    columns.push_back(2 + 3 * i);
   }
-  return out;
-}
-
-/// `mcp flexion` of `right.index_mcp.flexion`.
-std::string label(const control::DrivenAxis& axis, const std::string& hand, const std::string& panel) {
-  std::string out = axis.name.substr(hand.size() + 1);
-  if (out.starts_with(panel + "_")) out = out.substr(panel.size() + 1);
-  for (char& c : out)
-    if (c == '.' || c == '_') c = ' ';
-  return out;
-}
-
-constexpr const char* kColours[] = {"#1b6ca8", "#c8553d", "#3a7d44", "#8e5ea2", "#b8860b"};
-
-std::string curves(const control::Plan& plan, const std::vector<std::size_t>& axes, const std::string& hand,
-                   const std::string& panel, const PlotKind& kind) {
-  std::string out;
-  int colour = 0;
-  for (const std::size_t i : axes) {
-    const std::size_t target = 2 + 3 * i;
-    out += (out.empty() ? "" : ", ") + fmt::format(fmt::runtime(kind.curve), target, target + 1, target + 2,
-                                                   kColours[colour++ % 5], label(plan.axes[i], hand, panel));
-  }
-  return out;
+  return output::hand_panels(names, [&](std::size_t i, const char* colour) {
+    // `mcp flexion` of `index_mcp.flexion`.
+    const std::size_t joint = names[i].find_first_of("_.");
+    std::string label = names[i][joint] == '_' ? names[i].substr(joint + 1) : names[i];
+    std::replace_if(
+        label.begin(), label.end(), [](char c) { return c == '.' || c == '_'; }, ' ');
+    return fmt::format(fmt::runtime(kind.curve), columns[i], columns[i] + 1, columns[i] + 2, colour, label);
+  });
 }
 
 std::string script(const scene::Scene& scene, std::size_t hand, const PlotKind& kind) {
   const control::Plan& plan = *scene.control;
   const std::string& name = plan.hands[hand].name;
-  const auto groups = panels(plan, hand);
+  const std::vector<output::Panel> groups = panels(plan, hand, kind);
   std::string out = fmt::format(
       "# gnuplot {0}_{1}.gp\n{8}"
       "data = '../control.sto'\n"
@@ -80,13 +65,9 @@ std::string script(const scene::Scene& scene, std::size_t hand, const PlotKind& 
       "'{7}'\n",
       name, kind.file, 60 + 250 * groups.size(), groups.size(), name, kind.title,
       output::plot_text(scene.spec.title), kind.axis, output::kPlotHead);
-  std::size_t left = groups.size();
-  for (const char* panel : {"wrist", "thumb", "index", "middle", "ring", "little"}) {
-    const auto found = groups.find(panel);
-    if (found == groups.end()) continue;
-    if (--left == 0) out += "set xlabel 'time [s]'\n";
-    out += fmt::format("set title '{}'\nplot {}\n", panel, curves(plan, found->second, name, panel, kind));
-  }
+  for (const output::Panel& panel : groups)
+    out += fmt::format("{}set title '{}'\n{}", &panel == &groups.back() ? "set xlabel 'time [s]'\n" : "",
+                       panel.part, panel.commands);
   return out + "unset multiplot\n";
 }
 

@@ -14,7 +14,8 @@
 #include "handsim/model/energy.h"
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
-#include "handsim/study/machine.h"
+#include "handsim/study/report.h"
+#include "handsim/study/study_page.h"
 
 namespace handsim::study {
 
@@ -264,7 +265,10 @@ Job make_job(const AccuracySpec& spec, const AccuracyMethod& method, double step
   Job job;
   job.method = &method;
   job.scene = scene::load_scene(method.scene.value_or(spec.scene), set);
-  if (method.peer) check_for_peers(job.scene);
+  if (method.peer)
+    check_for_peers(job.scene);
+  else
+    job.row.command = command_text({"run", method.scene.value_or(spec.scene).string()}, set);
   job.row.method = method.name;
   job.row.step = step;
   return job;

@@ -74,6 +74,7 @@ struct AccuracyRow {
   double cpu_per_second = 0;         ///< CPU seconds for a simulated second
   std::optional<std::string> fault;  ///< why the row has no figures
   Series series;                     ///< only for steps in plot_steps
+  std::string command;               ///< repeats the run; empty: the program of another engine has its own
 
   double times_real_time() const { return 1 / cpu_per_second; }
 };

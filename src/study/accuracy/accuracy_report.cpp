@@ -234,20 +234,6 @@ bool write_accuracy(const AccuracySpec& spec, const AccuracyResult& result,
 
 namespace {
 
-StudyCommands accuracy_commands(const std::filesystem::path& file, const AccuracySpec& spec,
-                                const AccuracyResult& result) {
-  StudyCommands out{command_text("accuracy", file)};
-  for (const AccuracyRow& row : result.rows) {
-    const auto method = std::find_if(spec.methods.begin(), spec.methods.end(),
-                                     [&](const AccuracyMethod& each) { return each.name == row.method; });
-    // The programs of other engines have commands of their own.
-    const bool own = method != spec.methods.end() && !method->peer;
-    out.rows["accuracy.csv"].push_back(
-        own ? run_text(method->scene.value_or(spec.scene), method->set, row.step) : "");
-  }
-  return out;
-}
-
 /// The tables of costs in a file, which may be missing.
 std::vector<scene::CostTable> costs_in(const std::filesystem::path& path) {
   if (!has_entry(path)) return {};
@@ -308,7 +294,9 @@ StudyEnd accuracy(const AccuracyOptions& options, const StudyRun& run) {
   tell(run, end);
   folder.clear();
   end.plotted = write_accuracy(spec, result, run.out);
-  finish_study(run.out, accuracy_commands(options.study, spec, result), run.report);
+  StudyCommands commands{command_text({"accuracy", options.study.string()})};
+  for (const AccuracyRow& row : result.rows) commands.rows["accuracy.csv"].push_back(row.command);
+  finish_study(run.out, commands, run.report);
   if (options.costs) update_costs(*options.costs, spec, result);
   if (!options.target) return end;
   const AccuracyRow* row = cheapest(result, *options.target);

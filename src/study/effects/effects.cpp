@@ -4,9 +4,12 @@
 #include <cmath>
 #include <span>
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
 #include "handsim/model/kinematics.h"
 #include "handsim/simulation/simulation.h"
-#include "handsim/study/machine.h"
+#include "handsim/study/report.h"
 
 namespace handsim::study {
 
@@ -35,6 +38,9 @@ Variant without(const scene::Scene& scene, model::Effect effect) {
   out.scene = scene::without_effect(scene, effect);
   for (const model::Effect other : effects_of(scene))
     if (other != effect && !out.scene->spec.solver.effects.has(other)) out.row.with.push_back(other);
+  std::vector<std::string_view> left;
+  for (const model::Effect other : effects_of(*out.scene)) left.push_back(model::name(other));
+  out.row.set = fmt::format("effects=[{}]", fmt::join(left, ", "));
   return out;
 }
 

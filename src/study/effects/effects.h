@@ -21,6 +21,7 @@ struct EffectRow {
   std::string name;
   /// Effects that were removed with it because they need it, e.g. friction with the last contact effect.
   std::vector<model::Effect> with = {};
+  std::string set = {};    ///< override of the scene that removes them; empty for a solver setting
   double ns_per_step = 0;  ///< CPU time without the effect
   /// Median over the rounds of the time saved per step; negative if the step is slower without the effect.
   double saved_ns = 0;

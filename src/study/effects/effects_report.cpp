@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include "handsim/core/units.h"
 #include "handsim/output/output_folder.h"
@@ -194,24 +193,15 @@ bool write_effects(const scene::Scene& scene, const EffectsResult& result, const
 
 namespace {
 
-StudyCommands effects_commands(const std::filesystem::path& file, const std::vector<std::string>& overrides,
-                               const scene::Scene& scene, const EffectsResult& result) {
-  StudyCommands out{command_text("effects", file, overrides)};
+StudyCommands effects_commands(const std::string& file, std::vector<std::string> overrides,
+                               const EffectsResult& result) {
+  StudyCommands out{command_text({"effects", file}, overrides)};
   std::vector<std::string>& rows = out.rows["effects.csv"];
-  rows.push_back(command_text("run", file, overrides));
+  rows.push_back(command_text({"run", file}, overrides));
+  overrides.emplace_back();
   for (const EffectRow& row : result.rows) {
-    std::vector<std::string_view> left;
-    bool is_effect = false;
-    for (std::size_t i = 0; i < model::kEffectNames.size(); ++i) {
-      const auto effect = static_cast<model::Effect>(i);
-      const bool own = model::name(effect) == row.name;
-      is_effect = is_effect || own;
-      const bool removed = own || std::find(row.with.begin(), row.with.end(), effect) != row.with.end();
-      if (scene.spec.solver.effects.has(effect) && !removed) left.push_back(model::name(effect));
-    }
-    std::vector<std::string> sets = overrides;
-    sets.push_back(fmt::format("effects=[{}]", fmt::join(left, ", ")));
-    rows.push_back(is_effect && !row.fault ? command_text("run", file, sets) : "");
+    overrides.back() = row.set;
+    rows.push_back(row.set.empty() || row.fault ? "" : command_text({"run", file}, overrides));
   }
   return out;
 }
@@ -230,7 +220,7 @@ StudyEnd effects(const scene::Scene& scene, const EffectsOptions& options, const
   end.json = effects_json(scene, result);
   end.plotted = write_effects(scene, result, run.out);
   if (options.file)
-    finish_study(run.out, effects_commands(*options.file, options.overrides, scene, result), run.report);
+    finish_study(run.out, effects_commands(options.file->string(), options.overrides, result), run.report);
   return end;
 }
 

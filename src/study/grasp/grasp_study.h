@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "handsim/simulation/run/run.h"
-#include "handsim/study/grasp/climb_report.h"
+#include "handsim/study/study_page.h"
 
 namespace handsim::study {
 
@@ -32,6 +32,19 @@ struct GraspStudy {
   std::filesystem::path out;
   /// Told the share done, 0..1.
   std::function<void(double)> progress;
+};
+
+/// What a row says of its run.
+struct RunRow {
+  std::string scene;               ///< file name without extension
+  std::string side;                ///< of the hand
+  bool passed = false;             ///< every criterion of the run held
+  double simulated = 0, wall = 0;  ///< [s]
+  std::string fault;               ///< where the run diverged
+};
+
+struct ClimbRow : RunRow {
+  simulation::ClimbFigures figures;
 };
 
 struct GraspRow : RunRow {
@@ -62,10 +75,16 @@ struct GraspTables {
   bool passed() const;
 };
 
+/// Writes grasps.csv and .json, and where there are climbs the same of them.
+void write_grasps(const GraspTables& tables, const std::filesystem::path& out);
+
 /// Runs the study and writes OUT/SCENE_SIDE/ for each run, OUT/grasps.csv and OUT/grasps.json, and where
 /// there are climbs the same of them.
 /// @throws Error (input) for what is no scene with grasps or climbs, before anything is run.
 GraspTables run_grasps(const GraspStudy& study);
+
+/// The command that repeats the study, without its `--margin` and other further runs.
+StudyCommands grasp_commands(const GraspStudy& study);
 
 /// Gives every surface of a compiled scene one friction, in what resolved.yaml says of it as well; moments
 /// about contact normals go with it.

@@ -14,59 +14,44 @@ namespace handsim::study {
 
 namespace {
 
-constexpr const char* kGroups[] = {"wrist", "thumb", "index", "middle", "ring", "little"};
-constexpr const char* kColours[] = {"#1b6ca8", "#c8553d", "#3a7d44", "#8e5ea2", "#b8860b"};
-
-/// Columns of torques.sto: time, then three for each axis.
-std::size_t column_of(std::size_t axis) { return 2 + 3 * axis; }
-
-/// Axes of a panel: `right index`.
-using Panels = std::map<std::pair<std::string, std::size_t>, std::vector<std::size_t>>;
-
-Panels panels_of(const InverseResult& result) {
-  Panels out;
+/// Panels of each hand's active torques in torques.sto, which has three columns for each axis after the time.
+std::map<std::string, std::vector<output::Panel>> panels_of(const InverseResult& result) {
+  std::map<std::string, std::vector<std::string>> names;
+  std::map<std::string, std::vector<std::size_t>> columns;
   for (std::size_t i = 0; i < result.axes.size(); ++i) {
     const std::string& name = result.axes[i].name;
-    const std::size_t dot = name.find('.');
-    for (std::size_t g = 0; g < std::size(kGroups); ++g)
-      if (name.compare(dot + 1, std::string_view(kGroups[g]).size(), kGroups[g]) == 0)
-        out[{name.substr(0, dot), g}].push_back(i);
+    const std::string hand = name.substr(0, name.find('.'));
+    names[hand].push_back(name.substr(hand.size() + 1));
+    columns[hand].push_back(4 + 3 * i);
   }
-  return out;
-}
-
-std::string panel(const InverseResult& result, const std::vector<std::size_t>& axes) {
-  std::string out;
-  for (std::size_t k = 0; k < axes.size(); ++k)
-    out += fmt::format("{}data skip 7 using 1:{} with lines lw 1.4 lc rgb '{}' title '{}'", k > 0 ? ", " : "",
-                       column_of(axes[k]) + 2, kColours[k % std::size(kColours)],
-                       result.axes[axes[k]].name.substr(result.axes[axes[k]].name.find('.') + 1));
+  std::map<std::string, std::vector<output::Panel>> out;
+  for (const auto& [hand, axes] : names)
+    out[hand] = output::hand_panels(axes, [&](std::size_t i, const char* colour) {
+      return fmt::format("data skip 7 using 1:{} with lines lw 1.4 lc rgb '{}' title '{}'", columns[hand][i],
+                         colour, axes[i]);
+    });
   return out;
 }
 
 /// A column of panels for each hand.
 Plot torque_plot(const scene::Scene& scene, const InverseResult& result) {
-  const Panels panels = panels_of(result);
-  std::map<std::string, std::size_t> of_hand;
+  const auto hands = panels_of(result);
   std::size_t rows = 0;
-  for (const auto& [key, axes] : panels) rows = std::max(rows, ++of_hand[key.first]);
+  for (const auto& [hand, panels] : hands) rows = std::max(rows, panels.size());
   std::string commands = fmt::format(
       "  set multiplot layout {},{} columnsfirst downwards title '{}: torques of inverse dynamics'\n"
       "set autoscale xfix\nset grid lc rgb '#d0d0d0'\nset key outside right top samplen 1.5\nset lmargin 11\n"
       "set rmargin 27\nset ylabel 'torque [N m]'\n",
-      rows, of_hand.size(), output::plot_text(scene.spec.title));
-  std::string hand;
-  std::size_t left = 0;
-  for (const auto& [key, axes] : panels) {
-    // A hand with fewer panels than the other leaves places empty.
-    for (; left > 0 && key.first != hand; --left) commands += "set multiplot next\n";
-    if (left == 0) left = rows;
-    hand = key.first;
-    commands += fmt::format("set xlabel '{}'\nset title '{} {}'\nplot {}\n", --left == 0 ? "time [s]" : "",
-                            key.first, kGroups[key.second], panel(result, axes));
-  }
+      rows, hands.size(), output::plot_text(scene.spec.title));
+  for (const auto& [hand, panels] : hands)
+    for (std::size_t i = 0; i < rows; ++i)
+      // A hand with fewer panels than the other leaves places empty.
+      commands += i < panels.size()
+                      ? fmt::format("set xlabel '{}'\nset title '{} {}'\n{}", i + 1 == rows ? "time [s]" : "",
+                                    hand, panels[i].part, panels[i].commands)
+                      : "set multiplot next\n";
   return {"torques",
-          fmt::format("noenhanced size {},{} font 'DejaVu Sans,10'", of_hand.size() > 1 ? 1500 : 1000,
+          fmt::format("noenhanced size {},{} font 'DejaVu Sans,10'", hands.size() > 1 ? 1500 : 1000,
                       60 + 180 * rows),
           commands + "  unset multiplot\n"};
 }

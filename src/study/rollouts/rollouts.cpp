@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <mutex>
-#include <thread>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -92,25 +91,11 @@ std::vector<Row> compute(const RolloutStudy& study, const std::vector<long>& chu
 
 /// Chunk after chunk in each thread. The first exception ends all, and is thrown.
 void run_threads(const RolloutStudy& study, int threads, WorkQueue& queue, const std::atomic<bool>& stop) {
-  std::exception_ptr error;
-  std::mutex mutex;
   std::atomic<bool> failed = false;
-  const auto work = [&] {
-    try {
-      for (std::vector<long> chunk = queue.next(); !chunk.empty() && !stop && !failed; chunk = queue.next())
-        queue.take(compute(study, chunk, stop));
-    } catch (...) {
-      failed = true;
-      const std::lock_guard lock(mutex);
-      if (!error) error = std::current_exception();
-    }
-  };
-  if (threads <= 0) threads = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  std::vector<std::thread> others;
-  for (int i = 1; i < threads; ++i) others.emplace_back(work);
-  work();
-  for (std::thread& thread : others) thread.join();
-  if (error) std::rethrow_exception(error);
+  in_threads(threads, failed, [&] {
+    for (std::vector<long> chunk = queue.next(); !chunk.empty() && !stop && !failed; chunk = queue.next())
+      queue.take(compute(study, chunk, stop));
+  });
 }
 
 std::string rows_bytes(const std::vector<Row>& rows) {

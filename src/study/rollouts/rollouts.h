@@ -5,12 +5,15 @@
 #include <atomic>
 #include <filesystem>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "handsim/study/rollouts/journal.h"
 #include "handsim/study/rollouts/ranks.h"
 #include "handsim/study/rollouts/rollout_study.h"
+#include "handsim/study/study_page.h"
+#include "handsim/study/study_run.h"
 
 namespace handsim::study {
 
@@ -57,6 +60,14 @@ void serve_rollouts(const RolloutStudy& study, Ranks& ranks, const std::atomic<b
 /// The table of a study's shards, from the journals in these folders and in their `shard_*` folders.
 /// @throws Error (input) where they are of different studies, or rollouts are missing.
 Table merge_shards(const std::vector<std::filesystem::path>& folders);
+
+/// Merges shards and writes the files of the study, with the commands that the shards have left.
+/// @throws Error (input) as merge_shards.
+StudyEnd merge_rollouts(const std::vector<std::filesystem::path>& folders, const StudyRun& run);
+
+/// The commands that repeat the study and its rows. @param seed in place of the study's.
+StudyCommands rollouts_commands(const std::filesystem::path& file, const std::vector<std::string>& overrides,
+                                std::optional<int> seed);
 
 /// Writes rollouts.csv, rollouts.h5, summary.json and, with gnuplot, rollouts.png and .svg.
 /// @return false where gnuplot is missing or failed.

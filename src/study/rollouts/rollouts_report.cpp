@@ -6,7 +6,9 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include "handsim/core/input_file.h"
 #include "handsim/output/atomic_file.h"
+#include "handsim/output/output_folder.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/study/report.h"
 #include "handsim/study/rollouts/rollout_statistics.h"
@@ -268,6 +270,36 @@ bool write_rollouts(const Table& table, const std::filesystem::path& out) {
   const bool plotted = write_report(out, "rollouts", report);
   output::write_file(out / "summary.json", rollouts_summary(table));
   return plotted;
+}
+
+StudyEnd merge_rollouts(const std::vector<std::filesystem::path>& folders, const StudyRun& run) {
+  constexpr std::size_t kMostCommands = 1UL << 20U;
+  const auto with_commands =
+      std::find_if(folders.begin(), folders.end(), [](const std::filesystem::path& folder) {
+        return std::filesystem::is_regular_file(folder / kStudyFile);
+      });
+  // Read before the folder is cleared, which may be one of the shards'.
+  const std::string commands =
+      with_commands == folders.end()
+          ? ""
+          : read_input_file(*with_commands / kStudyFile, "the commands of a study", kMostCommands);
+  const Table table = merge_shards(folders);
+  const output::OutputFolder folder(run.out, rollout_files());
+  folder.clear();
+  StudyEnd end{rollouts_screen(table)};
+  end.plotted = write_rollouts(table, run.out);
+  if (!commands.empty()) output::write_file(run.out / kStudyFile, commands);
+  if (run.report) output::write_file(run.out / kPageFile, study_page(run.out));
+  return end;
+}
+
+StudyCommands rollouts_commands(const std::filesystem::path& file, const std::vector<std::string>& overrides,
+                                std::optional<int> seed) {
+  const std::string seeded = seed ? fmt::format(" --seed {}", *seed) : "";
+  return {
+      command_text({"rollouts", file.string()}, overrides) + seeded,
+      {},
+      {{"rollouts.csv", command_text({"run", file.string()}, overrides) + " --rollout {rollout}" + seeded}}};
 }
 
 }  // namespace handsim::study

@@ -3,14 +3,13 @@
 #include <cmath>
 
 #include "handsim/core/index.h"
-#include "handsim/study/stability/measure_tools.h"
+#include "handsim/study/stability/stability_measures.h"
 
 namespace handsim::study {
 
 namespace {
 
 using simulation::Simulation;
-using Sample = std::optional<Figure>;
 
 /// Observes the impact of a joint on its stop, and the rebound.
 class StopHit {

@@ -5,12 +5,12 @@
 #include <chrono>
 #include <cmath>
 #include <mutex>
-#include <thread>
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include "handsim/study/machine.h"
+#include "handsim/study/report.h"
+#include "handsim/study/study_page.h"
 
 namespace handsim::study {
 
@@ -90,7 +90,8 @@ StabilityRow row_for(const Job& job, const MeasureSpec& spec) {
           .variant = job.variant,
           .unit = std::string(kind.unit),
           .limit = spec.limit,
-          .at_least = kind.at_least};
+          .at_least = kind.at_least,
+          .command = job.way->refused ? "" : command_text({"run", job.scene.string()}, job.set)};
 }
 
 void set_figure(StabilityRow& row, const std::optional<Figure>& figure) {
@@ -255,46 +256,30 @@ void check(const std::vector<Job>& jobs) {
 /// thrown.
 void run_all(std::vector<Job>& jobs, const StabilityOptions& options) {
   std::mutex mutex;
-  std::exception_ptr error;
   std::atomic<bool> stop = false;
   std::size_t done = 0;
-  const auto guarded = [&](const Job* job, const auto& work) {
-    std::exception_ptr thrown;
-    try {
-      return work();
-    } catch (const Error& bad) {
-      thrown = std::make_exception_ptr(job ? in_case(*job, bad) : bad);
-    } catch (...) {
-      thrown = std::current_exception();
-    }
-    if (!stop.exchange(true)) error = thrown;
-  };
   const auto run_one = [&](Job& job) {
     const double start = cpu_now();
-    guarded(&job, [&] { run(job, stop); });
+    try {
+      run(job, stop);
+    } catch (const Error& error) {
+      throw in_case(job, error);
+    }
     for (StabilityRow& row : job.rows) {
       set_verdict(row, *job.the_case);
       row.cpu = cpu_now() - start;
     }
     const std::lock_guard lock(mutex);
     ++done;
-    if (options.progress)
-      guarded(nullptr,
-              [&] { options.progress(static_cast<double>(done) / static_cast<double>(jobs.size())); });
+    if (options.progress && !stop)
+      options.progress(static_cast<double>(done) / static_cast<double>(jobs.size()));
   };
-  const int machine = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   for (const bool alone : {false, true}) {
     std::atomic<std::size_t> next = 0;
-    const auto work = [&] {
+    in_threads(alone ? 1 : options.threads, stop, [&] {
       for (std::size_t i = next++; i < jobs.size() && !stop; i = next++)
         if (jobs[i].the_case->alone == alone) run_one(jobs[i]);
-    };
-    std::vector<std::thread> others;
-    const int threads = alone ? 1 : options.threads > 0 ? options.threads : machine;
-    for (int i = 1; i < threads; ++i) others.emplace_back(work);
-    work();
-    for (std::thread& thread : others) thread.join();
-    if (error) std::rethrow_exception(error);
+    });
   }
 }
 

@@ -110,6 +110,7 @@ struct StabilityRow {
   double cpu = 0;                    ///< CPU time of the whole run [s]
   std::string where = {};            ///< joint, body or circumstance of the figure
   std::string fault = {};            ///< message of a failed run
+  std::string command = {};          ///< repeats the run; empty: none does
   StabilityVerdict verdict = StabilityVerdict::held;
 
   bool within() const { return value && (at_least ? *value >= limit : *value <= limit); }

@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include "handsim/core/index.h"
-#include "handsim/study/stability/measure_tools.h"
+#include "handsim/study/stability/stability_measures.h"
 
 namespace handsim::study {
 
@@ -74,8 +74,7 @@ std::optional<double> Measure::present_value() const {
 std::span<const MeasureKind> measure_kinds() {
   static const std::vector<MeasureKind> all = [] {
     std::vector<MeasureKind> out;
-    for (const std::span<const MeasureKind> theme :
-         {run_measures(), motion_measures(), joint_measures(), procedures()})
+    for (const std::span<const MeasureKind> theme : {motion_measures(), joint_measures(), procedures()})
       out.insert(out.end(), theme.begin(), theme.end());
     return out;
   }();

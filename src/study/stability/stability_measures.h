@@ -43,8 +43,10 @@ struct Figure {
   double scale = 1;
 };
 
-/// The value at the present step; nothing if there is nothing to measure.
-using Sampler = std::function<std::optional<Figure>(const simulation::Simulation& now)>;
+/// Nothing if there is nothing to measure.
+using Sample = std::optional<Figure>;
+/// The value at the present step.
+using Sampler = std::function<Sample(const simulation::Simulation& now)>;
 
 /// The reduction of samples to the figure of a run.
 enum class Reduce {
@@ -101,5 +103,38 @@ class Measure {
 std::span<const MeasureKind> measure_kinds();
 /// Null if there is none of this name.
 const MeasureKind* measure_kind(std::string_view name);
+
+// Within this folder: the measured time span, the bodies and the joint that a case names, the tables of
+// measures.
+
+/// True if the present time is within the measured span.
+bool within(const MeasureSpec& spec, const simulation::Simulation& now);
+
+/// Replaces the figure if the value is larger.
+void keep_larger(std::optional<Figure>& figure, double value, const std::string& where);
+
+/// Index of a body. @throws Error (input) if the scene has none of this name.
+std::size_t body_of(const scene::Scene& scene, const std::string& name);
+/// The body that the settings name, or all that are not kinematic.
+std::vector<std::size_t> bodies_of(const scene::Scene& scene, const MeasureSpec& spec);
+
+/// A joint coordinate; values in rad or m.
+struct Coordinate {
+  const model::Joint* joint = nullptr;
+  std::size_t axis = 0;
+
+  double value(const model::State& state) const;
+  double rate(const model::State& state) const;
+};
+
+/// @param name `joint` or `joint.axis`. @throws Error (input) if the scene has none of this name.
+Coordinate coordinate_of(const scene::Scene& scene, const std::string& name);
+
+inline constexpr MeasureNeeds kNothing = {}, kBody = {.body = true}, kJoint = {.joint = true};
+
+// The measures.
+std::span<const MeasureKind> motion_measures();
+std::span<const MeasureKind> joint_measures();
+std::span<const MeasureKind> procedures();
 
 }  // namespace handsim::study

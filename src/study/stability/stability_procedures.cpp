@@ -10,7 +10,7 @@
 
 #include "handsim/model/inverse_dynamics.h"
 #include "handsim/model/kinematics.h"
-#include "handsim/study/stability/measure_tools.h"
+#include "handsim/study/stability/stability_measures.h"
 
 namespace handsim::study {
 

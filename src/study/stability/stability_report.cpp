@@ -308,27 +308,6 @@ std::vector<std::string> stability_files(const StabilitySpec& spec) {
   return out;
 }
 
-StudyCommands stability_commands(const std::filesystem::path& file, const StabilityResult& result) {
-  StudyCommands out{command_text("stability", file)};
-  std::vector<std::string>& rows = out.rows["stability.csv"];
-  for (const CaseResult& of : result.cases) {
-    const std::vector<Variant> all = variants(*of.of, result.quick);
-    for (const StabilityRow& row : of.rows) {
-      std::string text;
-      for (const Variant& variant : all)
-        for (const Way& way : of.of->ways) {
-          if (variant.name != row.variant || way.name != row.way || way.refused) continue;
-          std::vector<std::string> sets = of.of->set;
-          for (const auto* more : {result.quick ? &of.of->quick_set : nullptr, &way.set, &variant.set})
-            if (more) sets.insert(sets.end(), more->begin(), more->end());
-          text = run_text(variant.scene, sets, row.step);
-        }
-      rows.push_back(text);
-    }
-  }
-  return out;
-}
-
 }  // namespace
 
 StudyEnd stability(StabilityOptions options, const StudyRun& run) {
@@ -345,7 +324,10 @@ StudyEnd stability(StabilityOptions options, const StudyRun& run) {
   folder.clear();
   end.passed = result.passed();
   end.plotted = write_stability(spec, result, run.out);
-  finish_study(run.out, stability_commands(options.study, result), run.report);
+  StudyCommands commands{command_text({"stability", options.study.string()})};
+  for (const CaseResult& of : result.cases)
+    for (const StabilityRow& row : of.rows) commands.rows["stability.csv"].push_back(row.command);
+  finish_study(run.out, commands, run.report);
   if (options.pictures)
     if (const std::optional<std::string> failure = draw_stability(result, run.out))
       end.missing.push_back("pictures: " + *failure);

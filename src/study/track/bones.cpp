@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include "handsim/study/report.h"
 #include "handsim/study/track/hand_tree.h"
 
 namespace handsim::study {
@@ -48,12 +49,6 @@ std::vector<double> lengths_of(const Recording& recording, const std::vector<Fea
         out.push_back((a->second.points.values()[i] - *other).norm());
   }
   return out;
-}
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 /// Mean of a distance without outliers and without the part of the noise: E d^2 = L^2 + 6 s^2, var d = 2 s^2.

@@ -15,8 +15,7 @@ namespace handsim::study {
 
 namespace {
 
-constexpr const char* kPanels[] = {"thumb", "index", "middle", "ring", "little"};
-constexpr const char* kInks[] = {"#1b6ca8", "#c8553d", "#3a7d44", "#8e5ea2", "#b8860b"};
+constexpr const char* kInks[] = {"#1b6ca8", "#c8553d"};  ///< of the hands
 constexpr FrameStatus kStatuses[] = {FrameStatus::tracked, FrameStatus::missing, FrameStatus::swapped,
                                      FrameStatus::poor};
 
@@ -146,28 +145,24 @@ std::string summary_rows(const TrackResult& result) {
 
 /// Angles of one hand by finger, from its .mot.
 Plot angle_plot(const TrackedHand& hand) {
+  constexpr int kPanels = 5;
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < hand.axes.size(); ++i)
+    if (hand.determined[i] && !hand.axes[i].starts_with("wrist")) names.push_back(hand.axes[i]);
   std::string commands = fmt::format(
       "  set multiplot layout {},1 title '{} hand: tracked joint angles'\nset datafile separator '\\t'\n"
       "set autoscale xfix\nset grid lc rgb '#d0d0d0'\nset key outside right top\nset lmargin 10\n"
       "set rmargin 34\nset ylabel 'angle [deg]'\n",
-      std::size(kPanels), hand.name);
-  for (const char* panel : kPanels) {
-    std::string curves;
-    int ink = 0;
-    std::size_t column = 1;
-    for (std::size_t i = 0; i < hand.axes.size(); ++i) {
-      if (!hand.determined[i]) continue;
-      ++column;
-      if (hand.axes[i].starts_with(panel))
-        curves += fmt::format("{}'{}.mot' skip 7 using 1:{} with lines lw 1.4 lc rgb '{}' title '{}'",
-                              curves.empty() ? "" : ", ", hand.name, column, kInks[ink++ % 5], hand.axes[i]);
-    }
-    if (curves.empty()) continue;
-    if (panel == kPanels[4]) commands += "set xlabel 'time [s]'\n";
-    commands += fmt::format("set title '{}'\nplot {}\n", panel, curves);
-  }
+      kPanels, hand.name);
+  const auto panels = output::hand_panels(names, [&](std::size_t i, const char* colour) {
+    return fmt::format("'{}.mot' skip 7 using 1:{} with lines lw 1.4 lc rgb '{}' title '{}'", hand.name,
+                       i + 2, colour, names[i]);
+  });
+  for (const output::Panel& panel : panels)
+    commands += fmt::format("{}set title '{}'\n{}", &panel == &panels.back() ? "set xlabel 'time [s]'\n" : "",
+                            panel.part, panel.commands);
   return {hand.name + "_angles",
-          fmt::format("noenhanced size 1200,{} font 'DejaVu Sans,10'", 60 + 220 * std::size(kPanels)),
+          fmt::format("noenhanced size 1200,{} font 'DejaVu Sans,10'", 60 + 220 * kPanels),
           commands + "  unset multiplot\nunset xlabel\n"};
 }
 

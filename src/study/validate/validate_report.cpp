@@ -6,7 +6,6 @@
 
 #include "handsim/core/data_folder.h"
 #include "handsim/output/output_folder.h"
-#include "handsim/output/report/page.h"
 #include "handsim/output/table/gnuplot.h"
 #include "handsim/study/report.h"
 #include "handsim/study/study_page.h"
@@ -177,12 +176,14 @@ bool write_validate(const ValidateSpec& spec, const ValidateResult& result,
 namespace {
 
 StudyCommands validate_commands(const std::filesystem::path& file, bool runs, const ValidateResult& result) {
-  StudyCommands out{fmt::format("handsim validate {}{} --out again", output::shell_word(file.string()),
-                                runs ? " --runs" : "")};
+  std::vector<std::string> words = {"validate", file.string()};
+  if (runs) words.emplace_back("--runs");
+  StudyCommands out{command_text(words)};
   for (const ValidateRow& row : result.rows)
     if (row.measured)
-      out.rows["validate.csv"].push_back(
-          row.of->kind == Measured::simulation ? command_text("run", row.of->scene, row.of->changes) : "");
+      out.rows["validate.csv"].push_back(row.of->kind == Measured::simulation
+                                             ? command_text({"run", row.of->scene.string()}, row.of->changes)
+                                             : "");
   return out;
 }
 

@@ -1,5 +1,6 @@
 #include "handsim/study/grasp/grasp_study.h"
 
+#include <cmath>
 #include <fstream>
 
 #include <gtest/gtest.h>
@@ -298,6 +299,29 @@ TEST(GraspStudyOfPersons, NamesThoseWhoCannotStart) {
   EXPECT_NE(tables.refused[0].why.find("inside right.palm at the start"), std::string::npos);
   ASSERT_EQ(tables.grasps.size(), 1U);
   EXPECT_TRUE(tables.climbs.empty());
+}
+
+// Oracle: bisection: where a grasp just holds 5 % less friction turns it, where it just does not 5 % more,
+// and at half as much again nothing does.
+TEST(Turning, IsFoundOnBothSidesOfTheLeastFriction) {
+  scene::Scene scene = test::shipped_scene(
+      "grasp_sphere_35mm",
+      {"grasps.0.shake.levels=[{acceleration: 19.6 m/s2, frequency: 5 Hz}]", "grasps.0.hold=0.6 s",
+       "solver.engine=articulated", "solver.method=semi_implicit_euler"});
+  const auto held = [&](double friction) {
+    set_friction(scene, friction);
+    return simulate(scene).front().held;
+  };
+  double low = 0.05, high = 0.8;
+  ASSERT_TRUE(held(high));
+  ASSERT_FALSE(held(low));
+  while (high > 1.01 * low) (held(std::sqrt(low * high)) ? high : low) = std::sqrt(low * high);
+  set_friction(scene, high);
+  EXPECT_EQ(turning(scene, true), "5 % less friction");
+  set_friction(scene, low);
+  EXPECT_EQ(turning(scene, false), "5 % more friction");
+  set_friction(scene, 1.5 * high);
+  EXPECT_EQ(turning(scene, true), "");
 }
 
 }  // namespace
