@@ -23,10 +23,15 @@ control::MotionNames load_names(const std::filesystem::path& path) {
 /// The scene; --muscles puts them in effect.
 scene::Scene with_muscles(const InverseArguments& arguments) {
   scene::Scene scene = scene::load_scene(arguments.scene, arguments.overrides);
-  if (!arguments.muscles || !scene.model.muscles.empty()) return scene;
+  using model::Effect;
+  const auto touches = [&](Effect effect) {
+    return effect == Effect::self_contact || effect == Effect::object_contact || effect == Effect::friction;
+  };
+  if (!arguments.muscles || (!scene.model.muscles.empty() && !arguments.apart)) return scene;
   std::string effects = "muscles, tendon_coupling";
   for (int i = 0; i < model::kEffectCount; ++i)
-    if (const auto effect = static_cast<model::Effect>(i); scene.spec.solver.effects.has(effect))
+    if (const auto effect = static_cast<Effect>(i);
+        scene.spec.solver.effects.has(effect) && !(arguments.apart && touches(effect)))
       effects += fmt::format(", {}", model::name(effect));
   std::vector<std::string> overrides = arguments.overrides;
   overrides.push_back("effects=[" + effects + "]");
@@ -72,9 +77,17 @@ int inverse_command(const InverseArguments& arguments) {
   if (result.cutoff)
     end.text += fmt::format("filter: Butterworth, second order, forwards and backwards, cut-off {:g} Hz\n",
                             *result.cutoff);
+  if (result.reserve_share)
+    end.text +=
+        fmt::format("muscles leave {:.2g} % of the torques undone (RMS over all axes): reserves.sto\n",
+                    100 * *result.reserve_share);
   if (result.rms_error)
-    end.text += fmt::format("a simulation with these torques alone: RMS error {:.3g} deg over all axes\n",
-                            kDegreesPerRadian * *result.rms_error);
+    end.text += fmt::format(
+        "a simulation with these {}: RMS error {:.3g} deg over all axes\n",
+        arguments.muscles
+            ? fmt::format("excitations and reserves, from the motion anew each {:g} s", study::kCheckWindow)
+            : "torques alone",
+        kDegreesPerRadian * *result.rms_error);
   end.json = study::inverse_json(scene, input, result);
   const int status = print_study(end, arguments.out, arguments.json);
   return result.agrees() ? status : 1;

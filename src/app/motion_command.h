@@ -21,6 +21,7 @@ struct InverseArguments {
   bool no_check = false;
   bool muscles = false;
   double co_contraction = 0;  ///< least activation
+  bool apart = false;         ///< with muscles: no contact in the check, which is no part of the torques
   bool json = false;
 };
 /// @throws Error (input) for a file of names that is none.
@@ -33,7 +34,8 @@ struct TrackArguments {
   std::optional<std::filesystem::path> person, model, markers, truth;
   bool keep_person = false;
   bool no_smoothing = false;
-  double noise = 0;  ///< [m]
+  bool activations = false;  ///< and inverse dynamics with muscles, into out/activations
+  double noise = 0;          ///< [m]
   unsigned seed = 1;
   bool json = false;
 };

@@ -63,6 +63,8 @@ void add_track(CommandLine& line) {
   track.add_option("--markers", arguments->markers,
                    "marker set file, for markers and sensors (default: 21 keypoints)");
   track.add_flag("--keep-person", arguments->keep_person, "do not fit hand length, breadth and bones");
+  track.add_flag("--activations", arguments->activations,
+                 "then inverse --muscles of the tracked motion, into the folder activations");
   track.add_flag("--no-smoothing", arguments->no_smoothing, "every frame for itself");
   const auto parse_length = [](const std::string& text) {
     const auto value = parse_quantity(text, Dimension::length);

@@ -108,7 +108,12 @@ int track_command(const TrackArguments& arguments) {
   else
     print_track(input, result);
   const int status = print_study(end, arguments.out, arguments.json);
-  return tracked ? status : 1;
+  if (!tracked || !arguments.activations) return tracked ? status : 1;
+  InverseArguments inverse;
+  inverse.scene = arguments.out / "scene.yaml";
+  inverse.out = arguments.out / "activations";
+  inverse.muscles = inverse.apart = true;
+  return std::max(status, inverse_command(inverse));
 }
 
 }  // namespace handsim::app

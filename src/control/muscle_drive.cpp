@@ -114,8 +114,9 @@ void StaticOptimisation::minimise() {
   for (int pass = 0; pass < kBlockPivots + 20 * static_cast<int>(n); ++pass) {
     free.clear();
     for (Eigen::Index i = 0; i < n; ++i) {
-      activation_[i] = bound_[at(static_cast<int>(i))] > 0 ? 1 : least_;
-      if (bound_[at(static_cast<int>(i))] == 0) free.push_back(i);
+      const signed char bound = bound_[at(static_cast<int>(i))];
+      activation_[i] = bound > 0 ? 1 : bound < 0 ? least_ : 0;
+      if (bound == 0) free.push_back(i);
     }
     const Eigen::VectorXd rest = c_ - Q_ * activation_;
     if (!free.empty()) {

@@ -135,14 +135,26 @@ class Recursion {
                                                                                      : Vec3(Vec3::Zero())),
         start_(model::initial_state(scene.model)),
         tendons_(scene.model, scene.spec.solver, solved(scene)) {
-    start_.time = motion.start;
-    for (const model::Drive& drive : scene.model.drives) {
-      const Pose pose = drive.motion.at(motion.start) * drive.frame.inverse();
-      start_.bodies[at(drive.body)].p = pose.p;
-      start_.bodies[at(drive.body)].q = pose.q;
-    }
-    model::place_joints(scene.model, motion.angles[0], rates(0), start_);
+    place(0, start_);
     tendons_.start(start_);
+  }
+  /// The motion's state at the start of a step, with its muscles at rest.
+  void place(std::size_t n, model::State& state) const {
+    state.time = motion_.start + static_cast<double>(n) * motion_.step;
+    for (const model::Drive& drive : scene_.model.drives) {
+      const Pose pose = drive.motion.at(state.time) * drive.frame.inverse();
+      state.bodies[at(drive.body)].p = pose.p;
+      state.bodies[at(drive.body)].q = pose.q;
+    }
+    model::place_joints(scene_.model, motion_.angles[n], rates(n), state);
+  }
+  /// The same with the muscles as the step before left them.
+  model::State state(std::size_t n) const {
+    model::State out = start_;
+    if (n == 0) return out;
+    place(n, out);
+    tendons_.end(out.q, rates(n), out);
+    return out;
   }
   /// The motion's first state.
   const model::State& start() const { return start_; }
@@ -209,6 +221,11 @@ class Recursion {
   std::vector<model::Wrench> wrenches_;
 };
 
+/// Steps of a window of the check with muscles.
+std::size_t window(const SampledMotion& motion) {
+  return std::max<std::size_t>(1, static_cast<std::size_t>(std::lround(kCheckWindow / motion.step)));
+}
+
 /// Of an activation from step to step: the law of activation, solved for the excitation.
 double excitation_for(const model::Muscle& muscle, double activation, double next, double step) {
   const double slowed = 0.5 + 1.5 * activation;
@@ -217,8 +234,10 @@ double excitation_for(const model::Muscle& muscle, double activation, double nex
   return std::clamp(next + times * (next - activation), 0.0, 1.0);
 }
 
-void find_activations(const scene::Scene& scene, const SampledMotion& motion, double least,
-                      Recursion& recursion, InverseResult& result) {
+/// @returns the states in which windows of the check begin
+std::vector<model::State> find_activations(const scene::Scene& scene, const SampledMotion& motion,
+                                           double least, Recursion& recursion, InverseResult& result) {
+  std::vector<model::State> starts;
   model::Model rigid = scene.model;
   for (model::Muscle& muscle : rigid.muscles) muscle.tendon_strain.reset();
   std::vector<std::size_t> dofs;
@@ -236,6 +255,7 @@ void find_activations(const scene::Scene& scene, const SampledMotion& motion, do
       activation.assign(wanted.begin(), wanted.end());
       recursion.activate(activation);
     }
+    if (n % window(motion) == 0) starts.push_back(recursion.state(n));
     for (std::size_t m = 0; m < activation.size(); ++m) {
       const model::Muscle& muscle = rigid.muscles[m];
       row.excitation.push_back(excitation_for(muscle, activation[m], wanted[m], motion.step));
@@ -246,6 +266,7 @@ void find_activations(const scene::Scene& scene, const SampledMotion& motion, do
     recursion.add_passive(n, row.excitation, given);
     for (std::size_t i = 0; i < torques.size(); ++i) row.reserve.push_back(row.moment[i] - given[i]);
   }
+  return starts;
 }
 
 /// The scene without its controller; torques come from the rows.
@@ -261,7 +282,8 @@ scene::Scene undriven(const scene::Scene& scene, double end) {
 
 /// Simulates with the active torques alone, from the first state of the motion.
 void run_forward(const scene::Scene& scene, const SampledMotion& motion, const Loads* loads,
-                 Recursion& recursion, InverseResult& result, const std::function<void(double)>& progress) {
+                 Recursion& recursion, const std::vector<model::State>& starts, InverseResult& result,
+                 const std::function<void(double)>& progress) {
   simulation::Simulation simulation(undriven(scene, result.rows.back().time + motion.step),
                                     simulation::no_watchers);
   simulation.reset(recursion.start());
@@ -270,6 +292,7 @@ void run_forward(const scene::Scene& scene, const SampledMotion& motion, const L
   std::vector<double> torques(motion.angles[0].size());
   for (std::size_t n = 0; n < result.rows.size(); ++n) {
     InverseRow& row = result.rows[n];
+    if (!starts.empty() && n > 0 && n % window(motion) == 0) simulation.reset(starts[n / window(motion)]);
     row.forward = simulation.state().q;
     for (std::size_t i = 0; i < torques.size(); ++i)
       torques[i] = row.reserve.empty() ? row.active(i) : row.reserve[i];
@@ -298,7 +321,7 @@ void run_forward(const scene::Scene& scene, const SampledMotion& motion, const L
 
 /// Figures of each axis over the rows.
 void summarise(InverseResult& result) {
-  double all = 0;
+  double all = 0, torques = 0, reserves = 0;
   std::size_t count = 0;
   for (InverseAxis& axis : result.axes) {
     double torque = 0, error = 0, reserve = 0;
@@ -321,8 +344,11 @@ void summarise(InverseResult& result) {
     if (axis.largest_reserve) axis.rms_reserve = std::sqrt(reserve / static_cast<double>(result.rows.size()));
     if (checked > 0) axis.rms_error = std::sqrt(error / static_cast<double>(checked));
     all += error;
+    torques += torque;
+    reserves += reserve;
     count += checked;
   }
+  if (reserves > 0) result.reserve_share = std::sqrt(reserves / torques);
   if (count > 0) result.rms_error = std::sqrt(all / static_cast<double>(count));
 }
 
@@ -343,8 +369,11 @@ InverseResult run_inverse(const scene::Scene& scene, const InverseInput& input,
   for (std::size_t n = 0; n + 1 < motion.angles.size(); ++n) {
     result.rows.push_back(recursion.row(n));
   }
-  if (input.least_activation) find_activations(scene, motion, *input.least_activation, recursion, result);
-  if (input.forward) run_forward(scene, motion, loads ? &*loads : nullptr, recursion, result, progress);
+  std::vector<model::State> starts;
+  if (input.least_activation)
+    starts = find_activations(scene, motion, *input.least_activation, recursion, result);
+  if (input.forward)
+    run_forward(scene, motion, loads ? &*loads : nullptr, recursion, starts, result, progress);
   summarise(result);
   return result;
 }

@@ -16,6 +16,9 @@ namespace handsim::study {
 
 /// RMS error over all axes of a check that returns to the motion [rad].
 inline constexpr double kLargestCheckError = 1 * kDegree;
+/// With muscles the check begins anew from the motion after each such time [s]: fingers that muscles hold can
+/// be unstable in themselves, so that rounding grows without feedback (170 times in 60 ms in muscle_poses).
+inline constexpr double kCheckWindow = 0.1;
 
 struct InverseInput {
   /// Joint angles (.csv, .mot, .sto); absent: the programs of the scene's control.
@@ -54,9 +57,11 @@ struct InverseRow {
 
 struct InverseResult {
   std::vector<InverseAxis> axes;
-  std::vector<InverseRow> rows;      ///< one for each step
-  std::optional<double> cutoff;      ///< of the filter that was used [Hz]
-  std::optional<double> rms_error;   ///< of the check over all axes and steps; absent: not made [rad]
+  std::vector<InverseRow> rows;     ///< one for each step
+  std::optional<double> cutoff;     ///< of the filter that was used [Hz]
+  std::optional<double> rms_error;  ///< of the check over all axes and steps; absent: not made [rad]
+  /// With activations: RMS of the reserves over that of the active torques, over all axes.
+  std::optional<double> reserve_share;
   std::optional<std::string> fault;  ///< why the check ended early
   std::vector<std::string> warnings;
 

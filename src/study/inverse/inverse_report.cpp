@@ -147,6 +147,7 @@ std::string inverse_json(const scene::Scene& scene, const InverseInput& input, c
                       {"passed", result.agrees()}};
     if (result.fault) out["forward"]["fault"] = *result.fault;
   }
+  if (result.reserve_share) out["reserve_share"] = *result.reserve_share;
   add_origin(out);
   out["axes"] = Json::array();
   for (const InverseAxis& axis : result.axes) {

@@ -3,10 +3,14 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <numeric>
 
 #include "handsim/control/gravity.h"
+#include "handsim/control/muscle_drive.h"
+#include "handsim/core/index.h"
 #include "handsim/model/inverse_dynamics.h"
 #include "handsim/model/kinematics.h"
+#include "handsim/model/muscle_curves.h"
 #include "handsim/model/newton_euler.h"
 #include "scene_files.h"
 #include "smooth_motion.h"
@@ -63,6 +67,89 @@ TEST(Inverse, ForwardSimulationReturnsToTheMotionBesideMuscles) {
     // of the check.
     if (changes[0].find("articulated") != std::string::npos) {
       EXPECT_LT(*result.rms_error, 0.01 * kDegree) << changes[0];
+    }
+  }
+}
+
+// Oracles: the motion itself, to which a simulation by excitations and reserves returns; the law of
+// activation; torques, of which muscles leave little undone in a slow motion; and a least sum of squares,
+// which no small change that keeps the torques makes less.
+TEST(Inverse, ActivationsGiveTheTorquesAndReservesTheRest) {
+  const scene::Scene scene = test::shipped_scene(
+      "muscle_poses", {"solver={engine: articulated, method: semi_implicit_euler, step: 1 ms}",
+                       "duration=1 s", "criteria={}"});
+  InverseInput input;
+  for (const double least : {0.0, 0.01}) {
+    input.least_activation = least;
+    const InverseResult result = run_inverse(scene, input);
+    EXPECT_TRUE(result.agrees());
+    ASSERT_TRUE(result.rms_error);
+    EXPECT_LT(*result.rms_error, 0.01 * kDegree);
+    double torque = 0, reserve = 0;
+    for (const InverseAxis& axis : result.axes) {
+      reserve += *axis.rms_reserve * *axis.rms_reserve;
+      torque += axis.rms_torque * axis.rms_torque;
+    }
+    if (least == 0) {
+      EXPECT_LT(std::sqrt(reserve / torque), 0.1);
+    }
+    for (std::size_t n = 1; n < result.rows.size(); n += 50)
+      for (std::size_t m = 0; m < scene.model.muscles.size(); ++m) {
+        const InverseRow &before = result.rows[n - 1], &row = result.rows[n];
+        EXPECT_GE(row.excitation[m], 0);
+        EXPECT_LE(row.excitation[m], 1);
+        EXPECT_DOUBLE_EQ(row.activation[m],
+                         model::next_activation(scene.model.muscles[m], before.activation[m],
+                                                row.excitation[m], scene.spec.solver.step));
+      }
+  }
+  EXPECT_THROW(run_inverse(hands(), input), Error);
+}
+
+// Oracle: bounds and optimality (Karush, Kuhn, Tucker): activations off their bounds are a combination of the
+// rows of arms, as at the least sum of squares under given torques; the others want beyond their bound.
+TEST(StaticOptimisation, IsTheLeastSumOfSquares) {
+  const scene::Scene scene = test::shipped_scene("muscle_poses", {"duration=0.1 s"});
+  std::vector<std::size_t> dofs(at(scene.model.dof_count()));
+  std::iota(dofs.begin(), dofs.end(), 0);
+  const model::State state = model::initial_state(scene.model);
+  std::vector<double> torques(dofs.size());
+  for (std::size_t i = 0; i < dofs.size(); ++i) torques[i] = 0.01 * std::sin(1.0 + static_cast<double>(i));
+  for (const double least : {0.0, 0.02}) {
+    control::StaticOptimisation optimisation(scene.model, dofs, least);
+    const std::span<const double> found = optimisation.solve(state, torques);
+    const auto rows = static_cast<Eigen::Index>(dofs.size()),
+               muscles = static_cast<Eigen::Index>(found.size());
+    Eigen::MatrixXd arms = Eigen::MatrixXd::Zero(rows, muscles);
+    for (Eigen::Index m = 0; m < muscles; ++m) {
+      const model::Muscle& muscle = scene.model.muscles[at(static_cast<int>(m))];
+      const model::PathState path = model::path_state(muscle.path, state.q);
+      for (std::size_t i = 0; i < muscle.path.arms.size(); ++i)
+        arms(muscle.path.arms[i].dof, m) = path.arm[i] * model::isometric_force(muscle, path.excursion);
+    }
+    std::vector<Eigen::Index> free;
+    Eigen::VectorXd a(muscles);
+    for (Eigen::Index m = 0; m < muscles; ++m) {
+      a[m] = found[at(static_cast<int>(m))];
+      EXPECT_GE(a[m], least);
+      EXPECT_LE(a[m], 1);
+      if (a[m] > least && a[m] < 1) free.push_back(m);
+    }
+    ASSERT_GT(free.size(), 5U);
+    // The weight of a missing torque, over the coordinate's largest one.
+    Eigen::VectorXd weights(rows);
+    for (Eigen::Index i = 0; i < rows; ++i) {
+      const double most = arms.row(i).cwiseAbs().sum();
+      weights[i] = most > 0 ? 1e6 * optimisation.missing()[at(static_cast<int>(i))] / (most * most) : 0;
+    }
+    for (Eigen::Index m = 0; m < muscles; ++m) {
+      const double wants = arms.col(m).dot(weights);
+      if (a[m] <= least)
+        EXPECT_LT(wants, least + 1e-6) << m;
+      else if (a[m] < 1)
+        EXPECT_NEAR(wants, a[m], 1e-6) << m;
+      else
+        EXPECT_GT(wants, 1 - 1e-6) << m;
     }
   }
 }
