@@ -46,12 +46,6 @@ class Observation {
  private:
   /// In the order of observation_parts().
   enum class Kind { time, q, u, tau, wrists, fingertips, objects, finger_contacts, contact_pairs, failed };
-  /// End of a finger.
-  struct Tip {
-    int body = 0;
-    Vec3 p = Vec3::Zero();  ///< in the body [m]
-  };
-  void find_tips();
   void find_things();
   void add(const std::string& name, const std::vector<std::string>& coordinates);
   bool has(Kind kind) const;
@@ -63,8 +57,7 @@ class Observation {
   std::vector<ObservedPart> parts_;
   std::vector<Kind> kinds_;  ///< of the parts
   std::size_t size_ = 0;
-  std::vector<Tip> tips_;
-  std::vector<std::string> tip_names_;
+  std::vector<const model::Fingertip*> tips_;
   std::vector<int> objects_;             ///< bodies
   std::vector<std::string> hand_parts_;  ///< palm and fingers of each hand
   std::vector<std::string> others_;      ///< objects, then `other`
