@@ -168,24 +168,12 @@ void place_joints(const Model& model, std::span<const double> q, std::span<const
     const auto rates = u.subspan(at(joint.first_dof));
     const BodyState& parent = state.bodies[at(joint.parent)];
     BodyState& child = state.bodies[at(joint.child)];
-    const Quat q_WF = parent.q * joint.parent_frame.q;
     const Vec3 anchor = child.p + child.q * joint.child_frame.p;
     Vec3 w = Vec3::Zero(), v = Vec3::Zero();  // of M against F
-    switch (joint.kind) {
-      case JointKind::hinge:
-        w = q_WF * Vec3(rates[0] * joint.axes[0].axis);
-        break;
-      case JointKind::universal:
-        w = q_WF * Vec3(rates[0] * joint.axes[0].axis) +
-            child.q * (joint.child_frame.q * Vec3(rates[1] * joint.axes[1].axis));
-        break;
-      case JointKind::slider:
-        v = q_WF * Vec3(rates[0] * joint.axes[0].axis);
-        break;
-      case JointKind::ball:
-        w = q_WF * Vec3(rates[0], rates[1], rates[2]);
-        break;
-    }
+    for (std::size_t k = 0; k < joint.axes.size(); ++k)
+      (joint.kind == JointKind::slider ? v : w) += rates[k] * axis_in_world(joint, k, parent.q, child.q);
+    if (joint.kind == JointKind::ball)
+      w = parent.q * (joint.parent_frame.q * Vec3(rates[0], rates[1], rates[2]));
     child.w = parent.w + w;
     child.v = parent.v + parent.w.cross(anchor - parent.p) + v + child.w.cross(child.p - anchor);
   }

@@ -77,9 +77,19 @@ HandOnObject::HandOnObject(const TaskSite& site) : model_(model::make_model()) {
   state_ = model::state_at(model_, q_);
 }
 
-/// Moves the hand's bodies where angles have changed, and the object.
+/// Moves the bodies beyond joints whose angles have changed, and the object.
 void HandOnObject::move(std::span<const double> q) {
-  if (!std::equal(q.begin(), q.end(), q_.begin())) model::place_children(model_, q, state_);
+  moved_.assign(model_.bodies.size(), false);
+  for (const model::Joint& joint : model_.joints) {
+    const auto first = q.begin() + joint.first_dof, end = first + model::dof_count(joint.kind);
+    const bool moves = moved_[at(joint.parent)] || !std::equal(first, end, q_.begin() + joint.first_dof);
+    moved_[at(joint.child)] = moves;
+    if (!moves) continue;
+    const Pose pose = state_.bodies[at(joint.parent)].pose() * joint.parent_frame *
+                      model::joint_transform(joint, {first, end}) * joint.child_frame.inverse();
+    state_.bodies[at(joint.child)].p = pose.p;
+    state_.bodies[at(joint.child)].q = pose.q;
+  }
   q_.assign(q.begin(), q.end());
   model::BodyState& object = state_.bodies[at(object_)];
   const Pose x_HB = x_HO_ * body_frame_;

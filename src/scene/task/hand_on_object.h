@@ -61,8 +61,9 @@ class HandOnObject {
   Pose x_HO_;
   std::unique_ptr<engine::Collider> collider_;
   std::vector<std::unique_ptr<Watched>> watched_;
-  model::State state_;     ///< at the angles last asked for
-  std::vector<double> q_;  ///< these
+  model::State state_;       ///< at the angles last asked for
+  std::vector<double> q_;    ///< these
+  std::vector<bool> moved_;  ///< bodies, by the last change of angles
   std::vector<TouchPoint> touches_;
   std::vector<double> depths_;
 };
