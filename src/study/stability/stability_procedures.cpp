@@ -233,9 +233,9 @@ Figure round_trip(const SceneMaker& scene, const MeasureSpec&) {
     const model::State start = model::state_at(of.model, q);
     engine->set_state(start);
     engine->step({tau});
-    std::vector<double> change = engine->state().u;
-    for (double& each : change) each /= of.spec.solver.step;
-    const std::vector<double> found = model::inverse_dynamics(of.model, start, change, gravity);
+    model::NewtonEuler dynamics(of.model, gravity);
+    dynamics.place(start, engine->state());
+    const std::span<const double> found = dynamics.torques();
     double largest = 0, worst = 0;
     for (std::size_t k = 0; k < tau.size(); ++k) {
       largest = std::max(largest, std::abs(tau[k]));
